@@ -25,7 +25,7 @@ use crate::release_command;
 
 /// The expected outcome for a damaged file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Wanted {
+enum ExpectedOutcome {
     /// Success.
     Done,
     /// An error whose line contains all of these words.
@@ -35,33 +35,33 @@ enum Wanted {
 }
 
 /// Files, by name, with a fixed outcome; all others in `dirty/` must succeed.
-const WANTED: &[(&str, Wanted)] = &[
-    ("all_degenerate.off", Wanted::Either),
-    ("bad_magic.glb", Wanted::Refused(&[])),
-    ("count_too_large.stl", Wanted::Refused(&[])),
-    ("inf_vertices.ply", Wanted::Either),
-    ("index_zero.obj", Wanted::Refused(&["line"])),
-    ("nan_vertex.obj", Wanted::Either),
-    ("near_duplicate_vertices.obj", Wanted::Either),
-    ("no_faces.ply", Wanted::Refused(&[])),
-    ("only_comments.obj", Wanted::Refused(&[])),
-    ("text_not_a_mesh.obj", Wanted::Refused(&[])),
-    ("truncated.glb", Wanted::Refused(&[])),
-    ("truncated.ply", Wanted::Refused(&[])),
-    ("truncated.stl", Wanted::Refused(&[])),
-    ("unused_and_bad_index.obj", Wanted::Refused(&["line", "99"])),
-    ("wrong_extension.off", Wanted::Either),
-    ("AllIndicesOutOfRange.gltf", Wanted::Refused(&[])),
-    ("OutOfMemory.off", Wanted::Refused(&[])),
-    ("empty.off", Wanted::Refused(&[])),
-    ("invalid.off", Wanted::Refused(&[])),
-    ("malformed.obj", Wanted::Refused(&["line"])),
-    ("number_formats.obj", Wanted::Either),
+const EXPECTED_OUTCOMES: &[(&str, ExpectedOutcome)] = &[
+    ("all_degenerate.off", ExpectedOutcome::Either),
+    ("bad_magic.glb", ExpectedOutcome::Refused(&[])),
+    ("count_too_large.stl", ExpectedOutcome::Refused(&[])),
+    ("inf_vertices.ply", ExpectedOutcome::Either),
+    ("index_zero.obj", ExpectedOutcome::Refused(&["line"])),
+    ("nan_vertex.obj", ExpectedOutcome::Either),
+    ("near_duplicate_vertices.obj", ExpectedOutcome::Either),
+    ("no_faces.ply", ExpectedOutcome::Refused(&[])),
+    ("only_comments.obj", ExpectedOutcome::Refused(&[])),
+    ("text_not_a_mesh.obj", ExpectedOutcome::Refused(&[])),
+    ("truncated.glb", ExpectedOutcome::Refused(&[])),
+    ("truncated.ply", ExpectedOutcome::Refused(&[])),
+    ("truncated.stl", ExpectedOutcome::Refused(&[])),
+    ("unused_and_bad_index.obj", ExpectedOutcome::Refused(&["line", "99"])),
+    ("wrong_extension.off", ExpectedOutcome::Either),
+    ("AllIndicesOutOfRange.gltf", ExpectedOutcome::Refused(&[])),
+    ("OutOfMemory.off", ExpectedOutcome::Refused(&[])),
+    ("empty.off", ExpectedOutcome::Refused(&[])),
+    ("invalid.off", ExpectedOutcome::Refused(&[])),
+    ("malformed.obj", ExpectedOutcome::Refused(&["line"])),
+    ("number_formats.obj", ExpectedOutcome::Either),
 ];
 
 /// Extensions of supported formats, and of known but unsupported ones.
-const READ: &[&str] = &["obj", "off", "ply", "stl", "gltf", "glb"];
-const REFUSED: &[&str] = &["3mf", "fbx", "dae"];
+const SUPPORTED_EXTENSIONS: &[&str] = &["obj", "off", "ply", "stl", "gltf", "glb"];
+const REFUSED_EXTENSIONS: &[&str] = &["3mf", "fbx", "dae"];
 /// Fractions of the triangles to keep.
 const RATIOS: [f64; 3] = [0.5, 0.1, 0.01];
 /// Limits for files that are damaged on purpose.
@@ -84,7 +84,7 @@ struct Outcome {
 }
 
 /// The checks of one file.
-struct Row {
+struct CorpusRow {
     name: String,
     faces: Option<u64>,
     /// Triangles after each ratio.
@@ -97,7 +97,7 @@ struct Row {
 
 pub(crate) fn run(args: &[String]) -> Result<()> {
     let (mut folder, mut limit, mut only) = (None::<PathBuf>, 60.0, String::new());
-    let (mut is_of_methods, mut largest) = (false, methods::LARGEST);
+    let (mut is_of_methods, mut largest) = (false, methods::DEFAULT_MAX_FACES);
     let mut words = args.iter();
     while let Some(word) = words.next() {
         match word.as_str() {
@@ -126,7 +126,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     let mut failed = 0;
     for file in &files {
         let name = file.strip_prefix(&folder).unwrap_or(file).to_string_lossy().replace('\\', "/");
-        let mut row = Row {
+        let mut row = CorpusRow {
             name,
             faces: None,
             left: Vec::new(),
@@ -144,7 +144,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     Ok(())
 }
 
-impl Row {
+impl CorpusRow {
     fn print(&self) {
         let left = |k: usize| self.left.get(k).map_or("-", String::as_str);
         let verdict = match self.problems.as_slice() {
@@ -182,25 +182,27 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
     for path in entries {
         if path.is_dir() {
             collect(&path, files)?;
-        } else if READ.contains(&&*ending(&path)) || REFUSED.contains(&&*ending(&path)) {
+        } else if SUPPORTED_EXTENSIONS.contains(&&*ending(&path))
+            || REFUSED_EXTENSIONS.contains(&&*ending(&path))
+        {
             files.push(path);
         }
     }
     Ok(())
 }
 
-fn check(command: &Path, file: &Path, limits: Limits, row: &mut Row) -> Result<()> {
+fn check(command: &Path, file: &Path, limits: Limits, row: &mut CorpusRow) -> Result<()> {
     let folder = row.name.split('/').next().unwrap_or_default();
     let file_name = file.file_name().unwrap_or_default().to_string_lossy();
     let damaged = matches!(folder, "dirty" | "broken");
-    let wanted = if REFUSED.contains(&&*ending(file)) {
-        Wanted::Refused(&[])
+    let wanted = if REFUSED_EXTENSIONS.contains(&&*ending(file)) {
+        ExpectedOutcome::Refused(&[])
     } else if row.name.contains("/compressed/") {
         // An extension that needs a decoder: either decoded, or refused by name.
-        Wanted::Either
+        ExpectedOutcome::Either
     } else {
-        let listed = WANTED.iter().find(|(name, _)| damaged && *name == file_name);
-        listed.map_or(Wanted::Done, |&(_, wanted)| wanted)
+        let listed = EXPECTED_OUTCOMES.iter().find(|(name, _)| damaged && *name == file_name);
+        listed.map_or(ExpectedOutcome::Done, |&(_, wanted)| wanted)
     };
     let limits = if damaged { DAMAGED_LIMIT } else { limits };
 
@@ -210,7 +212,7 @@ fn check(command: &Path, file: &Path, limits: Limits, row: &mut Row) -> Result<(
     match (&before, info.status) {
         (Some(before), Some(0)) => row.faces = before["faces"].as_u64(),
         (None, Some(0)) => row.problem("info: no JSON"),
-        _ if wanted == Wanted::Done => row.problem(format!("info: {}", one_line(&info))),
+        _ if wanted == ExpectedOutcome::Done => row.problem(format!("info: {}", one_line(&info))),
         _ => {}
     }
 
@@ -218,7 +220,11 @@ fn check(command: &Path, file: &Path, limits: Limits, row: &mut Row) -> Result<(
     for ratio in RATIOS {
         // The format of the input, if it holds everything in one file.
         let ending = ending(file);
-        let ending = if READ.contains(&&*ending) { ending.replace("gltf", "glb") } else { "ply".into() };
+        let ending = if SUPPORTED_EXTENSIONS.contains(&&*ending) {
+            ending.replace("gltf", "glb")
+        } else {
+            "ply".into()
+        };
         let out = out_folder.path().join(format!("out {ratio}.{ending}"));
         let text = ratio.to_string();
         let args = [
@@ -234,16 +240,18 @@ fn check(command: &Path, file: &Path, limits: Limits, row: &mut Row) -> Result<(
         let what = format!("to {ratio}");
         row.note(&outcome, &what, limits);
         match (outcome.status, wanted) {
-            (Some(0), Wanted::Refused(_)) => row.problem(format!("{what}: done, but should be refused")),
+            (Some(0), ExpectedOutcome::Refused(_)) => {
+                row.problem(format!("{what}: done, but should be refused"))
+            }
             (Some(0), _) => result(command, &before, &outcome, &out, limits, &what, row)?,
-            (Some(1), Wanted::Done) => row.problem(format!("{what}: {}", one_line(&outcome))),
-            (Some(1), Wanted::Refused(words)) => {
+            (Some(1), ExpectedOutcome::Done) => row.problem(format!("{what}: {}", one_line(&outcome))),
+            (Some(1), ExpectedOutcome::Refused(words)) => {
                 for word in words.iter().filter(|w| !outcome.stderr.contains(**w)) {
                     row.problem(format!("the error does not say \"{word}\": {}", one_line(&outcome)));
                 }
                 row.remark = one_line(&outcome);
             }
-            (Some(1), Wanted::Either) => row.remark = one_line(&outcome),
+            (Some(1), ExpectedOutcome::Either) => row.remark = one_line(&outcome),
             // Other exit statuses have been noted.
             _ => {}
         }
@@ -259,7 +267,7 @@ fn check(command: &Path, file: &Path, limits: Limits, row: &mut Row) -> Result<(
     Ok(())
 }
 
-impl Row {
+impl CorpusRow {
     /// Records time and memory of a run, and its violations of general rules.
     fn note(&mut self, outcome: &Outcome, what: &str, limits: Limits) {
         self.seconds = self.seconds.max(outcome.seconds);
@@ -294,7 +302,7 @@ fn result(
     out: &Path,
     limits: Limits,
     what: &str,
-    row: &mut Row,
+    row: &mut CorpusRow,
 ) -> Result<()> {
     let Some(report) = value(outcome) else {
         row.problem(format!("{what}: no JSON"));
@@ -401,8 +409,8 @@ fn resident_peak_kb(id: u32) -> Option<u64> {
 mod tests {
     use super::*;
 
-    fn row() -> Row {
-        Row {
+    fn row() -> CorpusRow {
+        CorpusRow {
             name: String::new(),
             faces: None,
             left: Vec::new(),

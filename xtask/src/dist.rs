@@ -29,7 +29,7 @@ const SHELLS: [(&str, &str); 5] = [
 ];
 
 /// Files and folders of the repository to include at the same paths, so that links between the pages work.
-const ALONG: [&str; 11] = [
+const INCLUDED_PATHS: [&str; 11] = [
     "README.md",
     "ARCHITECTURE.md",
     "CHANGELOG.md",
@@ -44,7 +44,7 @@ const ALONG: [&str; 11] = [
 ];
 
 /// The default time of files: the earliest that zip can represent.
-const OLDEST: u64 = 315_532_800;
+const EARLIEST_ZIP_TIME: u64 = 315_532_800;
 
 /// Builds the program, packs the archive, and prints its path.
 pub(crate) fn run(args: &[String]) -> Result<()> {
@@ -122,7 +122,7 @@ fn contents(binary: &Path, program: &str, metadata: &Value, time: u64) -> Result
     let read = |path: &Path| std::fs::read(path).with_context(|| path.display().to_string());
     let entry = |name: String, bytes| Entry { name, bytes, is_program: false };
     let mut entries = vec![Entry { name: program.to_owned(), bytes: read(binary)?, is_program: true }];
-    for name in along()? {
+    for name in included_files()? {
         let bytes = read(&root().join(&name))?;
         entries.push(entry(name, bytes));
     }
@@ -130,7 +130,7 @@ fn contents(binary: &Path, program: &str, metadata: &Value, time: u64) -> Result
     let lock = std::fs::read_to_string(root().join("Cargo.lock"))?;
     entries.push(entry(sbom::NAME.to_owned(), sbom::text(metadata, &lock, "lodsmith-cli", time)?));
     for (shell, name) in SHELLS {
-        entries.push(entry(format!("completions/{name}"), said(binary, &["completions", shell])?));
+        entries.push(entry(format!("completions/{name}"), output_of(binary, &["completions", shell])?));
     }
     let mut open = vec![Vec::new()];
     let mut seen = BTreeSet::new();
@@ -140,8 +140,8 @@ fn contents(binary: &Path, program: &str, metadata: &Value, time: u64) -> Result
             ["lodsmith".to_owned()].into_iter().chain(words.iter().cloned()).collect::<Vec<_>>().join("-");
         let joined = words.join(" ");
         let page = match joined.as_str() {
-            "" => said(binary, &["man"])?,
-            words => said(binary, &["man", words])?,
+            "" => output_of(binary, &["man"])?,
+            words => output_of(binary, &["man", words])?,
         };
         for below in pages_below(&String::from_utf8_lossy(&page), &name) {
             let next: Vec<String> = words.iter().cloned().chain([below]).collect();
@@ -156,8 +156,8 @@ fn contents(binary: &Path, program: &str, metadata: &Value, time: u64) -> Result
 }
 
 /// Returns the files of the repository to include, by their paths in it.
-fn along() -> Result<Vec<String>> {
-    let mut open: Vec<String> = ALONG.map(str::to_owned).into();
+fn included_files() -> Result<Vec<String>> {
+    let mut open: Vec<String> = INCLUDED_PATHS.map(str::to_owned).into();
     let mut files = Vec::new();
     while let Some(name) = open.pop() {
         let path = root().join(&name);
@@ -181,7 +181,7 @@ fn pages_below(page: &str, name: &str) -> Vec<String> {
 }
 
 /// Returns the output of a run of the program.
-fn said(binary: &Path, words: &[&str]) -> Result<Vec<u8>> {
+fn output_of(binary: &Path, words: &[&str]) -> Result<Vec<u8>> {
     let output = Command::new(binary).args(words).output().with_context(|| binary.display().to_string())?;
     let text = words.join(" ");
     ensure!(output.status.success(), "{} {text} ended with {}", binary.display(), output.status);
@@ -215,7 +215,7 @@ fn time() -> Result<u64> {
     }
     let git = Command::new("git").args(["log", "-1", "--format=%ct"]).current_dir(root()).output();
     let told = git.ok().and_then(|out| String::from_utf8(out.stdout).ok()?.trim().parse().ok());
-    Ok(told.unwrap_or(OLDEST))
+    Ok(told.unwrap_or(EARLIEST_ZIP_TIME))
 }
 
 #[cfg(test)]
@@ -232,7 +232,7 @@ mod tests {
 
     #[test]
     fn links_between_pages_that_go_along_hold() {
-        let files = along().unwrap();
+        let files = included_files().unwrap();
         assert!(files.iter().any(|name| name == "docs/viewer.md"), "{files:?}");
         let pages = files.iter().filter(|name| name.ends_with(".md"));
         let mut links = 0;

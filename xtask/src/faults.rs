@@ -22,13 +22,13 @@ use anyhow::{Context, Result, bail, ensure};
 use tempfile::TempDir;
 
 use crate::release_command;
-use job::{Ended, Job};
+use job::{Job, RunOutcome};
 
 /// Number of runs of a kill fault; `--quick` makes a tenth of them.
-const KILLS: usize = 200;
+const KILL_RUNS: usize = 200;
 
 /// The shared setup of all faults.
-struct Ground {
+struct FaultSetup {
     program: PathBuf,
     folder: TempDir,
     jobs: Vec<Job>,
@@ -36,7 +36,7 @@ struct Ground {
     share: usize,
 }
 
-impl Ground {
+impl FaultSetup {
     fn inputs(&self) -> PathBuf {
         self.folder.path().join("in")
     }
@@ -47,7 +47,7 @@ impl Ground {
     }
 
     /// Creates an empty folder of this name; an existing one is removed first.
-    fn empty(&self, name: &str) -> Result<PathBuf> {
+    fn empty_folder(&self, name: &str) -> Result<PathBuf> {
         let folder = self.folder.path().join(name);
         if folder.exists() {
             std::fs::remove_dir_all(&folder)?;
@@ -58,7 +58,7 @@ impl Ground {
 }
 
 /// The results of one fault.
-struct Row {
+struct FaultRow {
     fault: &'static str,
     runs: usize,
     done: usize,
@@ -69,13 +69,13 @@ struct Row {
     breaches: Vec<String>,
 }
 
-impl Row {
+impl FaultRow {
     fn new(fault: &'static str) -> Self {
         Self { fault, runs: 0, done: 0, failed: 0, ended: 0, swept: 0, breaches: Vec::new() }
     }
 
     /// Counts the outcome of a run.
-    fn count(&mut self, ended: &Ended) {
+    fn count(&mut self, ended: &RunOutcome) {
         self.runs += 1;
         *match ended.status {
             Some(0) => &mut self.done,
@@ -103,12 +103,12 @@ impl Row {
 }
 
 /// The result of a fault, or the reason why it was skipped.
-enum Tried {
-    Done(Row),
+enum FaultResult {
+    Done(FaultRow),
     Skipped(&'static str, String),
 }
 
-type Fault = fn(&Ground) -> Result<Tried>;
+type Fault = fn(&FaultSetup) -> Result<FaultResult>;
 
 const FAULTS: &[(&str, Fault)] = &[
     ("full", disk::full),
@@ -118,7 +118,7 @@ const FAULTS: &[(&str, Fault)] = &[
     ("vanishing", disk::vanishing),
     ("kill", kill::at_any_moment),
     ("kill-writing", kill::while_writing),
-    ("term", kill::told_to_end),
+    ("term", kill::terminated),
     ("changed", changed::while_read),
     ("cut-input", stream::cut_input),
     ("closed-pipe", stream::closed_pipe),
@@ -153,8 +153,8 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     std::fs::create_dir(&inputs)?;
     job::write_inputs(&program, &inputs)?;
     let jobs = job::all(&program, &inputs)?;
-    let ground = Ground { program, folder, jobs, share };
-    let inputs = job::state(&ground.inputs())?;
+    let ground = FaultSetup { program, folder, jobs, share };
+    let inputs = job::folder_content(&ground.inputs())?;
 
     println!(
         "| fault | runs | done | failed with one line | ended from outside | temporary files left, then swept | breaches |"
@@ -163,14 +163,14 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     let (mut breaches, mut skipped) = (Vec::new(), Vec::new());
     for (_, fault) in FAULTS.iter().filter(|(name, _)| only.is_none_or(|only| only == *name)) {
         match fault(&ground)? {
-            Tried::Done(mut row) => {
-                if job::state(&ground.inputs())? != inputs {
+            FaultResult::Done(mut row) => {
+                if job::folder_content(&ground.inputs())? != inputs {
                     row.breach("all", ["an input is not as it was".to_owned()]);
                 }
                 row.print();
                 breaches.append(&mut row.breaches);
             }
-            Tried::Skipped(fault, why) => {
+            FaultResult::Skipped(fault, why) => {
                 println!("| {fault} | SKIPPED | | | | | |");
                 skipped.push(format!("SKIPPED {fault}: {why}"));
             }
@@ -190,9 +190,9 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
 }
 
 /// A random generator that gives the same numbers for the same seed (SplitMix64).
-pub(crate) struct Chance(pub(crate) u64);
+pub(crate) struct Random(pub(crate) u64);
 
-impl Chance {
+impl Random {
     fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -228,7 +228,7 @@ mod tests {
     #[test]
     fn chance_is_the_same_from_the_same_seed_and_spread() {
         let draw = |seed| {
-            let mut chance = Chance(seed);
+            let mut chance = Random(seed);
             (0..1000).map(|_| chance.below(10)).collect::<Vec<_>>()
         };
         assert_eq!(draw(7), draw(7));
@@ -236,7 +236,7 @@ mod tests {
         for digit in 0..10 {
             assert!((60..150).contains(&draw(7).iter().filter(|&&d| d == digit).count()));
         }
-        let mut chance = Chance(1);
+        let mut chance = Random(1);
         assert!((0..1000).map(|_| chance.part()).all(|p| (0.0..1.0).contains(&p)));
     }
 }

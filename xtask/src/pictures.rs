@@ -36,14 +36,14 @@ const COUNTS: [usize; 6] = [5000, 2500, 1500, 750, 300, 100];
 const HEAT_COUNT: usize = 750;
 /// Palette size of pictures that show one surface: a third of the full size, without visible difference. (By
 /// eye.)
-const COLOURS: usize = 256;
+const PALETTE_SIZE: usize = 256;
 
 /// Pixels of a panel.
 const PANEL: [usize; 2] = [212, 378];
 /// Pixels of a panel in pictures with many colours, whose files are larger.
 const SMALL_PANEL: [usize; 2] = [152, 268];
 /// A neutral background, lighter towards the ground.
-const WALL: Background = Background::Gradient([0.135, 0.160, 0.190], [0.270, 0.300, 0.335]);
+const BACKGROUND: Background = Background::Gradient([0.135, 0.160, 0.190], [0.270, 0.300, 0.335]);
 
 /// Renders the named pictures: all without a name, `finial`, `shadings`, `lod`, `methods`, or single methods.
 pub(crate) fn run(names: &[String]) -> Result<()> {
@@ -84,7 +84,7 @@ fn finial(whole: &TriMesh) -> Result<()> {
         let (mesh, below) = simplified(whole, Method::default(), count)?;
         panels.push(panel(&mesh, vec![below])?);
     }
-    write(&sheet(&panels, panels.len(), WALL, None), FINIAL)?;
+    write(&sheet(&panels, panels.len(), BACKGROUND, None), FINIAL)?;
     panels.iter().for_each(|p| println!("{}", p.caption.join("  ")));
     Ok(())
 }
@@ -100,10 +100,11 @@ fn levels(whole: &TriMesh) -> Result<()> {
         let error = error_of(&level.report);
         let share = 100.0 * error / level.report.error.diagonal;
         let distance = screen.distance(error);
-        let below = vec![format!("max {} %", figure(share)), format!("from {} units", figure(distance))];
+        let below =
+            vec![format!("max {} %", two_digits(share)), format!("from {} units", two_digits(distance))];
         panels.push(panel(&level.mesh, below)?);
     }
-    write(&sheet(&panels, panels.len(), WALL, None), LOD)?;
+    write(&sheet(&panels, panels.len(), BACKGROUND, None), LOD)?;
     panels.iter().for_each(|p| println!("{}", p.caption.join("  ")));
     Ok(())
 }
@@ -113,7 +114,7 @@ fn of_method(whole: &TriMesh, method: Method) -> Result<()> {
     let (mesh, below) = simplified(whole, method, METHOD_COUNT).with_context(|| method.name())?;
     let panel = panel(&mesh, vec![below])?;
     println!("{}", panel.caption.join("  "));
-    write(&sheet(&[panel], 1, WALL, None), &format!("{METHODS}/{}.png", method.name()))
+    write(&sheet(&[panel], 1, BACKGROUND, None), &format!("{METHODS}/{}.png", method.name()))
 }
 
 /// Renders one model in every shading, with a legend for the last.
@@ -139,11 +140,11 @@ fn shadings(whole: &TriMesh) -> Result<()> {
     let map = view(SMALL_PANEL).look.color_map;
     let title = "distance from the original in the units of the file".to_owned();
     let legend = Legend { map, range, title };
-    write_in_full(&sheet(&panels, panels.len(), WALL, Some(&legend)), SHADINGS)
+    write_in_full(&sheet(&panels, panels.len(), BACKGROUND, Some(&legend)), SHADINGS)
 }
 
 /// Returns the relative height of each vertex of the sample, from 0 to 1.
-fn heights(mesh: &TriMesh) -> Result<Vec<f32>> {
+fn relative_heights(mesh: &TriMesh) -> Result<Vec<f32>> {
     let positions = mesh.positions().view();
     let bounds = positions.bounds().context("the sample has vertices")?;
     let [low, high] = [bounds.min[1], bounds.max[1]];
@@ -157,7 +158,7 @@ fn colored(whole: &TriMesh) -> Result<TriMesh> {
         [r, g, b, 1.0]
     };
     let mut mesh = whole.clone();
-    mesh.set_colors(Some(heights(whole)?.into_iter().map(color).collect()))?;
+    mesh.set_colors(Some(relative_heights(whole)?.into_iter().map(color).collect()))?;
     Ok(mesh)
 }
 
@@ -166,7 +167,11 @@ fn glazed(whole: &TriMesh) -> Result<Model> {
     // A mirrored texture has no seam where the turn closes.
     let turn = |p: [f64; 3]| (p[0].atan2(p[2]) / std::f64::consts::PI) as f32;
     let places = whole.positions().view();
-    let uvs = places.iter().zip(heights(whole)?).map(|(p, height)| [turn(p) * 4.0, height * 8.0]).collect();
+    let uvs = places
+        .iter()
+        .zip(relative_heights(whole)?)
+        .map(|(p, height)| [turn(p) * 4.0, height * 8.0])
+        .collect();
     let mut mesh = whole.clone();
     mesh.set_uvs(Some(uvs))?;
     let sampler = Sampler { wrap_u: Wrap::Mirror, ..Sampler::default() };
@@ -207,7 +212,7 @@ fn simplified(whole: &TriMesh, method: Method, faces: usize) -> Result<(TriMesh,
     let done = lodsmith::simplify(whole, &options, &mut NoControl)?;
     let error = &done.report.error;
     let measured = error.measured.as_ref().context("the result was not measured")?;
-    let below = format!("max {} %", figure(100.0 * measured.hausdorff.symmetric / error.diagonal));
+    let below = format!("max {} %", two_digits(100.0 * measured.hausdorff.symmetric / error.diagonal));
     Ok((done.mesh, below))
 }
 
@@ -257,7 +262,7 @@ fn grouped(n: usize) -> String {
 }
 
 /// Formats a number with two significant digits.
-fn figure(x: f64) -> String {
+fn two_digits(x: f64) -> String {
     let places = if x >= 10.0 {
         0
     } else if x >= 1.0 {
@@ -278,7 +283,7 @@ fn opaque(picture: &Image) -> Vec<[u8; 3]> {
 
 /// Writes a picture to a path from the root, with a palette, and prints a line about it.
 fn write(picture: &Image, path: &str) -> Result<()> {
-    let (colours, index) = palette::indexed(&opaque(picture), COLOURS);
+    let (colours, index) = palette::indexed(&opaque(picture), PALETTE_SIZE);
     let mut bytes = Vec::new();
     let mut encoder = encoder(picture, &mut bytes);
     // Flat colours repeat: filtering by differences of neighbours would hide that.
@@ -327,7 +332,7 @@ mod tests {
 
     #[test]
     fn figures_have_two_digits_that_say_something() {
-        assert_eq!([0.0312, 0.312, 3.12, 31.2].map(figure), ["0.031", "0.31", "3.1", "31"]);
+        assert_eq!([0.0312, 0.312, 3.12, 31.2].map(two_digits), ["0.031", "0.31", "3.1", "31"]);
         assert_eq!([100, 16_192].map(grouped), ["100", "16,192"]);
     }
 }

@@ -11,20 +11,20 @@ use lodsmith::core::{TriMesh, shapes};
 use lodsmith::{Method, Stop};
 use lodsmith_viewer::playback::Playback;
 use lodsmith_viewer::session::Session;
-use lodsmith_viewer::settings::{Around, Backdrop, Pose, Settings};
+use lodsmith_viewer::settings::{Backdrop, EnvironmentChoice, Pose, Settings};
 use lodsmith_viewer::stage::file::LayoutFile;
-use lodsmith_viewer::stage::motion::{Curve, Stand, Tracks};
+use lodsmith_viewer::stage::motion::{CameraPlacement, Curve, Tracks};
 use lodsmith_viewer::stage::{Placement, Stage};
 
-use crate::faults::Chance;
+use crate::faults::Random;
 use crate::{release_command, root};
 
 /// Larger files only slow the fuzzing down.
-const LARGEST: u64 = 8192;
+const MAX_SEED_BYTES: u64 = 8192;
 /// Targets that make meshes out of any bytes.
 const SOUPS: [&str; 5] = ["simplify_soup", "clean_soup", "compare_soup", "progressive_soup", "write"];
 /// Number of random files for each of them.
-const BYTES: usize = 16;
+const RANDOM_FILES: usize = 16;
 
 /// Adds the seeds to `fuzz/corpus`.
 pub(crate) fn run(args: &[String]) -> Result<()> {
@@ -62,14 +62,16 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     for entry in std::fs::read_dir(root().join("testdata"))? {
         let entry = entry?;
         let name = entry.file_name();
-        if entry.metadata()?.len() <= LARGEST && Path::new(&name).extension().is_some_and(|e| e == "glb") {
+        if entry.metadata()?.len() <= MAX_SEED_BYTES
+            && Path::new(&name).extension().is_some_and(|e| e == "glb")
+        {
             std::fs::copy(entry.path(), folder("read_gltf")?.join(&name))?;
         }
     }
     sessions(&folder("read_session")?)?;
-    let mut chance = Chance(47);
+    let mut chance = Random(47);
     for target in SOUPS {
-        for number in 0..BYTES {
+        for number in 0..RANDOM_FILES {
             let length = 64 << (number % 4);
             let bytes: Vec<u8> = (0..length).map(|_| chance.below(256) as u8).collect();
             std::fs::write(folder(target)?.join(format!("chance{number:02}")), bytes)?;
@@ -91,7 +93,7 @@ fn sessions(folder: &Path) -> Result<()> {
         if method == Method::Memoryless {
             settings.stage = stage.clone();
             settings.look.backdrop = Backdrop::Color([0.1, 0.2, 0.3]);
-            settings.look.around = Around::Studio;
+            settings.look.around = EnvironmentChoice::Studio;
             settings.look.look.heat_range = Some([0.0, 0.5]);
             settings.playback = Playback { clip: None, seconds: 1.25, speed: 0.5, repeats: false };
             settings.cameras[2] = Some(pose());
@@ -109,9 +111,9 @@ fn pose() -> Pose {
 /// Returns a stage with two copies, one of which moves, as the camera does.
 fn stage() -> Stage {
     let mut tracks = Tracks { length_secs: Some(8.0), ..Tracks::default() };
-    let stand = Stand { x: 1.0, y: 2.0, z: 3.0, yaw_deg: 10.0, pitch_deg: -5.0, distance: 4.0 };
+    let stand = CameraPlacement { x: 1.0, y: 2.0, z: 3.0, yaw_deg: 10.0, pitch_deg: -5.0, distance: 4.0 };
     tracks.camera.set(1.0, stand);
-    tracks.camera.set(3.0, Stand { x: 2.0, ..stand });
+    tracks.camera.set(3.0, CameraPlacement { x: 2.0, ..stand });
     let track = tracks.copies.entry(1).or_default();
     track.curve = Curve::Step;
     for secs in [0.5, 2.0] {
@@ -180,7 +182,7 @@ mod tests {
             assert!(targets.contains(&format!("{target}.rs\"").as_str()), "{target} is no target");
             for file in std::fs::read_dir(&folder).unwrap() {
                 let file = file.unwrap();
-                assert!(file.metadata().unwrap().len() <= LARGEST, "{}", file.path().display());
+                assert!(file.metadata().unwrap().len() <= MAX_SEED_BYTES, "{}", file.path().display());
             }
         }
     }
@@ -191,8 +193,8 @@ mod tests {
         let mut opened = 0;
         for file in std::fs::read_dir(folder.path()).unwrap() {
             let path = file.unwrap().path();
-            assert!(path.metadata().unwrap().len() <= LARGEST, "{}", path.display());
-            if LayoutFile::is_one(&path) {
+            assert!(path.metadata().unwrap().len() <= MAX_SEED_BYTES, "{}", path.display());
+            if LayoutFile::is_layout(&path) {
                 assert_eq!(LayoutFile::open(&path).unwrap().0.len(), 2);
             } else {
                 opened += usize::from(Session::open(&path, &AssetScope::Folder).is_ok());

@@ -15,7 +15,7 @@ use crate::{cargo, root};
 
 /// A package, the packages of this workspace that it may use, and crates that it must never depend on, even
 /// indirectly.
-struct Room {
+struct PackageRule {
     package: &'static str,
     /// Its folder, from the root.
     folder: &'static str,
@@ -26,7 +26,7 @@ struct Room {
 /// Windowing, graphics drivers and crates on top of them.
 const GPU: &[&str] = &["wgpu", "winit", "egui", "eframe", "glow", "ash"];
 /// Files, clocks, logs, arguments, which belong to the caller; and file formats, which need files.
-const OUTSIDE: &[&str] = &[
+const CALLER_OWNED_CRATES: &[&str] = &[
     "tempfile",
     "walkdir",
     "memmap2",
@@ -48,28 +48,33 @@ const OUTSIDE: &[&str] = &[
     "getrandom",
 ];
 
-const ROOMS: &[Room] = &[
-    Room { package: "lodsmith-core", folder: "crates/core", uses: &[], never: OUTSIDE },
-    Room { package: "lodsmith", folder: "crates/simplify", uses: &["lodsmith-core"], never: OUTSIDE },
-    Room {
+const PACKAGE_RULES: &[PackageRule] = &[
+    PackageRule { package: "lodsmith-core", folder: "crates/core", uses: &[], never: CALLER_OWNED_CRATES },
+    PackageRule {
+        package: "lodsmith",
+        folder: "crates/simplify",
+        uses: &["lodsmith-core"],
+        never: CALLER_OWNED_CRATES,
+    },
+    PackageRule {
         package: "lodsmith-io",
         folder: "crates/io",
         uses: &["lodsmith-core"],
         never: &["clap", "anyhow", "tokio"],
     },
-    Room {
+    PackageRule {
         package: "lodsmith-render",
         folder: "crates/render",
         uses: &["lodsmith-core"],
         never: &["clap", "anyhow", "tokio"],
     },
-    Room {
+    PackageRule {
         package: "lodsmith-cli",
         folder: "crates/cli",
         uses: &["lodsmith-core", "lodsmith", "lodsmith-io", "lodsmith-render", "lodsmith-viewer"],
         never: &[],
     },
-    Room {
+    PackageRule {
         package: "lodsmith-viewer",
         folder: "crates/viewer",
         uses: &["lodsmith-core", "lodsmith", "lodsmith-io", "lodsmith-render"],
@@ -80,19 +85,19 @@ const ROOMS: &[Room] = &[
 
 /// Words that sources of a folder must not contain, and the reason. Strings are not distinguished from code:
 /// the words are rare.
-struct Door {
+struct ForbiddenWords {
     folders: &'static [&'static str],
     words: &'static [&'static str],
     why: &'static str,
 }
 
-const DOORS: &[Door] = &[
-    Door {
+const FORBIDDEN_WORDS: &[ForbiddenWords] = &[
+    ForbiddenWords {
         folders: &["crates/core/src", "crates/simplify/src", "crates/io/src", "crates/render/src"],
         words: &["println!", "print!", "eprintln!", "eprint!", "dbg!"],
         why: "libraries return values; the command prints",
     },
-    Door {
+    ForbiddenWords {
         folders: &["crates/core/src", "crates/simplify/src"],
         words: &[
             "std::fs",
@@ -105,7 +110,7 @@ const DOORS: &[Door] = &[
         ],
         why: "core and simplify know no file, environment, clock or thread pool: the caller has them",
     },
-    Door {
+    ForbiddenWords {
         folders: &["crates", "bench", "xtask", "fuzz"],
         words: &["#[ignore", "allow(dead_code", "todo!(", "unimplemented!("],
         why: "no test is ignored and nothing is left for later in silence",
@@ -113,7 +118,7 @@ const DOORS: &[Door] = &[
 ];
 
 /// File names without meaning.
-const VAGUE: &[&str] = &["utils", "util", "helpers", "helper", "common", "misc"];
+const VAGUE_NAMES: &[&str] = &["utils", "util", "helpers", "helper", "common", "misc"];
 /// Maximum bytes of `testdata` in total.
 const TESTDATA_MAX: u64 = 300_000;
 /// Maximum lines of a file; one that is nearly as long already holds two concepts.
@@ -126,14 +131,14 @@ const RULES: &[(&str, Rule)] = &[
     ("packages use only those below them", directions),
     ("each dependency has its reason in docs/dependencies.md", reasons),
     ("packages never see what they must not", forbidden_crates),
-    ("sources keep to their doors", doors),
+    ("sources keep to their doors", forbidden_words),
     ("crates include only their own files", foreign_files),
     ("modules are concepts", vague_names),
     ("files are not too long", long_files),
     ("testdata is small and has an origin", testdata),
     ("nothing names a machine", machine_paths),
     ("every paper named is in docs/papers.md", papers),
-    ("files do not go round in circles", circles_of_files),
+    ("files do not go round in circles", file_cycles),
 ];
 
 /// Prints every rule.
@@ -174,7 +179,7 @@ fn directions() -> Result<Vec<String>> {
     for package in &packages {
         let name = package["name"].as_str().unwrap_or_default();
         let unpublished = package["publish"].as_array().is_some_and(Vec::is_empty);
-        match ROOMS.iter().find(|r| r.package == name) {
+        match PACKAGE_RULES.iter().find(|r| r.package == name) {
             None if unpublished => {}
             None => {
                 findings.push(format!("{name} is a published package without a row in xtask/src/tidy.rs"))
@@ -226,10 +231,10 @@ fn reasoned(page: &str) -> BTreeMap<&str, BTreeSet<String>> {
 fn reasons() -> Result<Vec<String>> {
     let packages = packages()?;
     let page = std::fs::read_to_string(root().join("docs/dependencies.md"))?;
-    Ok(unreasoned(&dependencies(&packages), &reasoned(&page)))
+    Ok(dependencies_without_reason(&dependencies(&packages), &reasoned(&page)))
 }
 
-fn unreasoned(
+fn dependencies_without_reason(
     named: &BTreeMap<&str, BTreeSet<String>>,
     rows: &BTreeMap<&str, BTreeSet<String>>,
 ) -> Vec<String> {
@@ -273,7 +278,7 @@ fn forbidden_crates() -> Result<Vec<String>> {
     let ours: BTreeMap<&str, &Value> =
         packages.iter().filter_map(|p| Some((p["name"].as_str()?, p))).collect();
     let mut findings = Vec::new();
-    for room in ROOMS {
+    for room in PACKAGE_RULES {
         let Some(package) = ours.get(room.package) else { continue };
         // For our own packages the lock file includes test dependencies, so these come from the manifests.
         let mut from: BTreeMap<&str, &str> = direct(package).map(|d| (d, room.package)).collect();
@@ -352,16 +357,16 @@ fn shown(path: &Path) -> String {
 }
 
 /// Returns true if a line contains a word that is not the tail of a longer word.
-fn says(line: &str, word: &str) -> bool {
+fn contains_word(line: &str, word: &str) -> bool {
     line.match_indices(word).any(|(at, _)| {
         !word.starts_with(char::is_alphanumeric)
             || !line[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_')
     })
 }
 
-fn doors() -> Result<Vec<String>> {
+fn forbidden_words() -> Result<Vec<String>> {
     let mut findings = Vec::new();
-    for door in DOORS {
+    for door in FORBIDDEN_WORDS {
         for folder in door.folders {
             for path in sources(folder)? {
                 // The list of words above is not a use of them.
@@ -374,7 +379,7 @@ fn doors() -> Result<Vec<String>> {
                     if code.starts_with("//") {
                         continue;
                     }
-                    for word in door.words.iter().filter(|w| says(code, w)) {
+                    for word in door.words.iter().filter(|w| contains_word(code, w)) {
                         findings.push(format!("{}:{}: {word}: {}", shown(&path), number + 1, door.why));
                     }
                 }
@@ -387,7 +392,7 @@ fn doors() -> Result<Vec<String>> {
 /// Finds files that a crate includes at build time and that its package would lack.
 fn foreign_files() -> Result<Vec<String>> {
     let mut findings = Vec::new();
-    for room in ROOMS {
+    for room in PACKAGE_RULES {
         let folder = root().join(room.folder);
         for path in sources(&format!("{}/src", room.folder))? {
             let text = std::fs::read_to_string(&path)?;
@@ -415,8 +420,9 @@ fn vague_names() -> Result<Vec<String>> {
     for folder in ["crates", "bench", "xtask", "fuzz"] {
         for path in sources(folder)? {
             let relative = path.strip_prefix(root()).unwrap_or(&path);
-            let vague =
-                |part: &std::ffi::OsStr| VAGUE.contains(&part.to_string_lossy().trim_end_matches(".rs"));
+            let vague = |part: &std::ffi::OsStr| {
+                VAGUE_NAMES.contains(&part.to_string_lossy().trim_end_matches(".rs"))
+            };
             if relative.iter().any(vague) {
                 findings.push(format!("{}: name the concept", shown(&path)));
             }
@@ -486,26 +492,26 @@ fn machine_paths() -> Result<Vec<String>> {
 
 /// Known dependency cycles of files, by folder: the number of files in each, the largest first. A new one is
 /// a violation, and so is one that is gone and still listed here.
-const CIRCLES: &[(&str, &[usize])] = &[
+const KNOWN_CYCLES: &[(&str, &[usize])] = &[
     ("crates/simplify", &[13, 13, 4, 3, 2, 2, 2, 2]),
     ("crates/cli", &[16, 11]),
     ("crates/viewer", &[7, 6, 4, 3, 2, 2]),
 ];
 
-fn circles_of_files() -> Result<Vec<String>> {
+fn file_cycles() -> Result<Vec<String>> {
     let mut findings = Vec::new();
-    for Room { folder, .. } in ROOMS {
-        let all = circles::circles(&root().join(folder).join("src/lib.rs"))?;
+    for PackageRule { folder, .. } in PACKAGE_RULES {
+        let all = circles::cycles(&root().join(folder).join("src/lib.rs"))?;
         let mut sizes: Vec<usize> = all.iter().map(|circle| circle.files.len()).collect();
         sizes.sort_unstable_by(|a, b| b.cmp(a));
-        let known = CIRCLES.iter().find(|x| x.0 == *folder).map_or(&[][..], |x| x.1);
+        let known = KNOWN_CYCLES.iter().find(|x| x.0 == *folder).map_or(&[][..], |x| x.1);
         if sizes == known {
             continue;
         }
         findings.push(format!(
             "{folder}: circles of {sizes:?} files, and CIRCLES in xtask/src/tidy.rs says {known:?}"
         ));
-        for (from, to, names) in all.iter().flat_map(|circle| &circle.ties) {
+        for (from, to, names) in all.iter().flat_map(|circle| &circle.dependencies) {
             findings.push(format!("{} names {} of {}", shown(from), names.join(", "), shown(to)));
         }
     }
@@ -564,7 +570,7 @@ mod tests {
     }
     #[test]
     fn sources_keep_to_their_doors() {
-        holds(doors);
+        holds(forbidden_words);
     }
     #[test]
     fn crates_include_only_their_own_files() {
@@ -612,7 +618,7 @@ mod tests {
             ("b", users(&["io", "core"])),
             ("new", users(&["io"])),
         ]);
-        let findings = unreasoned(&named, &reasoned(page));
+        let findings = dependencies_without_reason(&named, &reasoned(page));
         assert_eq!(findings.len(), 3, "{findings:?}");
         for (finding, name) in findings.iter().zip(["b is", "new has no row", "gone has a row"]) {
             assert!(finding.starts_with(name), "{finding}");
@@ -621,8 +627,8 @@ mod tests {
 
     #[test]
     fn words_are_whole() {
-        assert!(says("println!(1)", "println!") && !says("eprintln!(1)", "println!"));
-        assert!(says("(std::fs::read)", "std::fs") && !says("mystd::fs", "std::fs"));
+        assert!(contains_word("println!(1)", "println!") && !contains_word("eprintln!(1)", "println!"));
+        assert!(contains_word("(std::fs::read)", "std::fs") && !contains_word("mystd::fs", "std::fs"));
     }
 
     #[test]

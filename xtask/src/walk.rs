@@ -13,41 +13,41 @@ use serde_json::Value;
 use crate::{cargo, shared_models, succeed};
 
 /// The ratio of triangles between a step and the one before; the first keeps [`FIRST`] of the model.
-const STEP: f64 = 0.85;
-const FIRST: f64 = 0.9;
+const STEP_RATIO: f64 = 0.85;
+const FIRST_RATIO: f64 = 0.9;
 /// Minimum number of triangles of a step.
-const FEWEST: usize = 200;
+const MIN_FACES: usize = 200;
 /// Maximum ratio of the distance of a step to that of a step with fewer triangles. (Measured: equally good
 /// paths to a target differ by less, and runs with random variation stay below it.)
-const SPIKE: f64 = 1.5;
+const MAX_SPIKE_RATIO: f64 = 1.5;
 /// A fraction of the diagonal: sixteen roundings of a coordinate in single precision.
-const FLOOR: f64 = 1e-6;
+const MIN_DISTANCE: f64 = 1e-6;
 /// Models of a folder with fewer or more triangles are skipped: fewer leave no reduction down to 200; more
 /// take minutes.
-const WALKED: std::ops::RangeInclusive<u64> = 400..=60_000;
+const FACE_RANGE: std::ops::RangeInclusive<u64> = 400..=60_000;
 const PRESETS: &[&str] = &["auto", "scan", "cad", "visual", "print"];
 /// Extensions of model files.
 const MODELS: &[&str] = &["obj", "off", "ply", "stl", "gltf", "glb"];
 
 /// One step: the remaining triangles, and the RMS distance as a fraction of the diagonal.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Walked {
+struct ReductionStep {
     faces: u64,
     rms: f64,
 }
 
 /// Returns the triangle counts to ask for, in order.
 fn targets(faces: u64) -> Vec<usize> {
-    let sizes = std::iter::successors(Some(FIRST * faces as f64), |n| Some(n * STEP));
-    sizes.map(|n| n.round() as usize).take_while(|n| *n >= FEWEST).collect()
+    let sizes = std::iter::successors(Some(FIRST_RATIO * faces as f64), |n| Some(n * STEP_RATIO));
+    sizes.map(|n| n.round() as usize).take_while(|n| *n >= MIN_FACES).collect()
 }
 
 /// Returns the indices of the steps that are spikes.
-fn spikes(steps: &[Walked]) -> Vec<usize> {
-    let of = |step: &Walked| step.rms.max(FLOOR);
+fn spikes(steps: &[ReductionStep]) -> Vec<usize> {
+    let of = |step: &ReductionStep| step.rms.max(MIN_DISTANCE);
     let is_spike = |&i: &usize| {
         let lighter = steps.iter().filter(|s| s.faces < steps[i].faces).map(of);
-        of(&steps[i]) > SPIKE * lighter.fold(f64::INFINITY, f64::min)
+        of(&steps[i]) > MAX_SPIKE_RATIO * lighter.fold(f64::INFINITY, f64::min)
     };
     (0..steps.len()).filter(is_spike).collect()
 }
@@ -78,7 +78,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
         for preset in presets.iter().copied() {
             let Some(steps) = walk(model, preset)? else { break };
             let name = model.file_name().unwrap_or_default().to_string_lossy();
-            let told = |s: &Walked| format!("{} → {:.5}", s.faces, 100.0 * s.rms);
+            let told = |s: &ReductionStep| format!("{} → {:.5}", s.faces, 100.0 * s.rms);
             let all: Vec<String> = steps.iter().map(told).collect();
             let bad = spikes(&steps);
             println!("| {name} | {preset} | {} | {} |", all.join(", "), bad.len());
@@ -88,7 +88,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     found.iter().for_each(|spike| eprintln!("spike: {spike}"));
     ensure!(
         found.is_empty(),
-        "{} steps are more than {SPIKE} times as far off as a lighter one",
+        "{} steps are more than {MAX_SPIKE_RATIO} times as far off as a lighter one",
         found.len()
     );
     Ok(())
@@ -110,7 +110,7 @@ fn list(folder: &Path, models: &mut Vec<PathBuf>) -> Result<()> {
 }
 
 /// Returns the steps of a model; `None` if it cannot be read or has too few or too many triangles.
-fn walk(model: &Path, preset: &str) -> Result<Option<Vec<Walked>>> {
+fn walk(model: &Path, preset: &str) -> Result<Option<Vec<ReductionStep>>> {
     let folder = tempfile::tempdir()?;
     let lighter = folder.path().join("lighter.ply");
     let simplified = |faces: usize| -> Option<Value> {
@@ -122,7 +122,7 @@ fn walk(model: &Path, preset: &str) -> Result<Option<Vec<Walked>>> {
     };
     let Some(input) = simplified(usize::MAX >> 8) else { return Ok(None) };
     let faces = input["input"]["faces"].as_u64().unwrap_or(0);
-    if !WALKED.contains(&faces) {
+    if !FACE_RANGE.contains(&faces) {
         return Ok(None);
     }
     let mut steps = Vec::new();
@@ -131,7 +131,10 @@ fn walk(model: &Path, preset: &str) -> Result<Option<Vec<Walked>>> {
         let error = &report["error"];
         let rms = error["measured"]["rms"]["symmetric"].as_f64().context("no measured error")?;
         let diagonal = error["diagonal"].as_f64().filter(|d| *d > 0.0).unwrap_or(1.0);
-        steps.push(Walked { faces: report["output"]["faces"].as_u64().unwrap_or(0), rms: rms / diagonal });
+        steps.push(ReductionStep {
+            faces: report["output"]["faces"].as_u64().unwrap_or(0),
+            rms: rms / diagonal,
+        });
     }
     Ok(Some(steps))
 }
@@ -145,14 +148,14 @@ mod tests {
     use super::*;
 
     /// Runs all steps on a mesh in memory.
-    fn walked(mesh: &TriMesh, preset: Preset) -> Vec<Walked> {
+    fn walked(mesh: &TriMesh, preset: Preset) -> Vec<ReductionStep> {
         let mut options = CompareOptions::default();
         options.samples = 10_000;
         let step = |faces: usize| {
             let done =
                 simplify(mesh, &SimplifyOptions::preset(preset, Stop::faces(faces)), &mut NoControl).unwrap();
             let off = compare(&mesh.surface(), &done.mesh.surface(), &options).unwrap();
-            Walked { faces: done.mesh.face_count() as u64, rms: off.rms.symmetric / off.diagonal }
+            ReductionStep { faces: done.mesh.face_count() as u64, rms: off.rms.symmetric / off.diagonal }
         };
         targets(mesh.face_count() as u64).into_iter().map(step).collect()
     }
@@ -160,7 +163,7 @@ mod tests {
     fn holds(mesh: &TriMesh, presets: &[Preset]) {
         for &preset in presets {
             let steps = walked(mesh, preset);
-            assert!(steps.len() > 5 && steps.last().is_some_and(|s| s.rms > FLOOR));
+            assert!(steps.len() > 5 && steps.last().is_some_and(|s| s.rms > MIN_DISTANCE));
             let bad: Vec<_> = spikes(&steps).into_iter().map(|i| steps[i]).collect();
             assert!(bad.is_empty(), "{preset:?}: {bad:?} among {steps:?}");
         }
@@ -168,8 +171,8 @@ mod tests {
 
     #[test]
     fn a_spike_is_farther_off_than_what_is_lighter() {
-        let steps = |all: &[(u64, f64)]| -> Vec<Walked> {
-            all.iter().map(|&(faces, rms)| Walked { faces, rms }).collect()
+        let steps = |all: &[(u64, f64)]| -> Vec<ReductionStep> {
+            all.iter().map(|&(faces, rms)| ReductionStep { faces, rms }).collect()
         };
         assert_eq!(spikes(&steps(&[(900, 1e-4), (700, 2e-4), (500, 8e-4), (300, 7e-4)])), [0usize; 0]);
         assert_eq!(spikes(&steps(&[(900, 1e-4), (700, 2e-2), (500, 3e-2), (300, 3e-4)])), [1, 2]);
@@ -183,7 +186,7 @@ mod tests {
     fn steps_lead_from_nine_tenths_to_two_hundred() {
         let all = targets(1000);
         assert_eq!((all[0], all[1], all.len()), (900, 765, 10));
-        assert!(all.last().is_some_and(|n| (FEWEST..FEWEST * 2).contains(n)));
+        assert!(all.last().is_some_and(|n| (MIN_FACES..MIN_FACES * 2).contains(n)));
     }
 
     #[test]

@@ -16,8 +16,8 @@ use meshopt::{SimplifyOptions as MeshoptOptions, VertexDataAdapter};
 
 /// Attribute weights that meshoptimizer's documentation proposes for normals and colours; those of texture
 /// coordinates follow from their scale.
-const NORMAL: f32 = 0.5;
-const COLOR: f32 = 1.0;
+const NORMAL_WEIGHT: f32 = 0.5;
+const COLOR_WEIGHT: f32 = 1.0;
 
 fn main() -> anyhow::Result<()> {
     let paths: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
@@ -90,7 +90,7 @@ fn rival(mesh: &TriMesh, target: usize) -> anyhow::Result<TriMesh> {
     let indices: &[u32] = bytemuck::cast_slice(mesh.triangles());
     let (mut values, mut weights) = (Vec::new(), Vec::new());
     if mesh.normals().is_some() {
-        weights.extend([NORMAL; 3]);
+        weights.extend([NORMAL_WEIGHT; 3]);
     }
     if let Some(uvs) = mesh.uvs() {
         let doubled = |t: &[lodsmith::core::WedgeId; 3]| {
@@ -103,7 +103,7 @@ fn rival(mesh: &TriMesh, target: usize) -> anyhow::Result<TriMesh> {
         weights.extend([1.0 / area.max(1e-8).sqrt() * 0.01; 2]);
     }
     if mesh.colors().is_some() {
-        weights.extend([COLOR; 3]);
+        weights.extend([COLOR_WEIGHT; 3]);
     }
     for w in 0..mesh.wedge_count() {
         values.extend(mesh.normals().iter().flat_map(|n| n[w]));

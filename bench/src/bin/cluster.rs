@@ -22,7 +22,7 @@ use lodsmith_bench::{Soup, process, stats};
 use lodsmith_core::measure::{CompareOptions, Prepared, compare_prepared};
 
 /// Minimum number of faces for a mesh to count in the two-thread means.
-const SHARED: usize = 60_000;
+const MIN_TWO_THREAD_FACES: usize = 60_000;
 
 struct Args {
     models: Vec<PathBuf>,
@@ -65,12 +65,12 @@ fn parse() -> Result<Args> {
 /// Processor time and wall-clock time.
 type Seconds = [f64; 2];
 
-struct Clock {
+struct CpuAndWallClock {
     cpu: f64,
     wall: Instant,
 }
 
-impl Clock {
+impl CpuAndWallClock {
     fn start() -> Self {
         Self { cpu: process::cpu_seconds(), wall: Instant::now() }
     }
@@ -82,14 +82,14 @@ impl Clock {
 fn ours(mesh: &Soup, target: usize, method: Method, two_stage: bool) -> Result<(Seconds, Soup)> {
     let mut options = SimplifyOptions::new(Stop::faces(target));
     options.method = method;
-    options.of_method.two_stage = two_stage;
-    let clock = Clock::start();
+    options.method_options.two_stage = two_stage;
+    let clock = CpuAndWallClock::start();
     let result = simplify_surface(&mesh.surface()?, &options, &mut NoControl)?;
     Ok((clock.seconds(), Soup::of_mesh(&result.mesh)))
 }
 
 fn sloppy(mesh: &Soup, target: usize) -> Result<(Seconds, Soup)> {
-    let clock = Clock::start();
+    let clock = CpuAndWallClock::start();
     let vertices = meshopt::VertexDataAdapter::new(bytemuck::cast_slice(&mesh.positions), 12, 0)?;
     let indices = meshopt::simplify_sloppy(&mesh.indices, &vertices, target * 3, f32::MAX, None);
     let seconds = clock.seconds();
@@ -160,7 +160,7 @@ fn main() -> Result<()> {
                 (0..3).for_each(|k| ratios[3 + k].push(b[k] / a[k]));
             }
             ratios[0].push(one_s / theirs_s);
-            if faces >= SHARED {
+            if faces >= MIN_TWO_THREAD_FACES {
                 ratios[1].push(one_wall / two_s);
                 ratios[2].push(theirs_wall / two_s);
             }

@@ -15,7 +15,7 @@ use lodsmith_core::TriMesh;
 use lodsmith_core::measure::{CompareOptions, Prepared, compare_prepared};
 
 /// Requested errors, in percent of the diagonal.
-const ASKED: [f64; 7] = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
+const REQUESTED_ERRORS: [f64; 7] = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
 /// Samples on each side.
 const SAMPLES: usize = 1_000_000;
 
@@ -48,9 +48,9 @@ fn report(name: &str, mesh: &TriMesh) -> Result<()> {
     let mut options = CompareOptions::default();
     options.samples = SAMPLES;
     let mut last = 0;
-    for asked in ASKED {
+    for asked in REQUESTED_ERRORS {
         let cut = lod.cut(asked / 100.0 * diagonal);
-        let said = 100.0 * cut.iter().map(|&id| lod.own(id).error).fold(0.0, f64::max) / diagonal;
+        let said = 100.0 * cut.iter().map(|&id| lod.cluster_bound(id).error).fold(0.0, f64::max) / diagonal;
         let light = lod.mesh_of(&cut);
         if light.face_count() == last || said == 0.0 {
             continue;

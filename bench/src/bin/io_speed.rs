@@ -41,7 +41,7 @@ struct Form {
 }
 
 fn main() -> Result<()> {
-    let mut race = Race { side: 1000, reps: 5, cpu: false };
+    let mut race = ReadBenchmark { side: 1000, reps: 5, cpu: false };
     let (mut threads, mut only) = (1usize, String::new());
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
@@ -89,13 +89,13 @@ fn main() -> Result<()> {
 }
 
 /// The settings of a run.
-struct Race {
+struct ReadBenchmark {
     side: usize,
     reps: usize,
     cpu: bool,
 }
 
-impl Race {
+impl ReadBenchmark {
     /// Prints the row of a file; all readers must find these numbers of vertices (with their attributes) and
     /// faces.
     fn run(

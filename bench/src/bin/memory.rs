@@ -45,10 +45,10 @@ fn parse() -> Result<Args> {
 
 fn main() -> Result<()> {
     let args = parse()?;
-    if args.second { measure(&args) } else { hand_over(&args) }
+    if args.second { measure(&args) } else { run_second_process(&args) }
 }
 
-fn hand_over(args: &Args) -> Result<()> {
+fn run_second_process(args: &Args) -> Result<()> {
     let folder = tempfile::tempdir()?;
     let copy = folder.path().join("mesh.labm");
     lab::write(&copy, &Soup::read(Path::new(&args.file))?.surface()?)?;

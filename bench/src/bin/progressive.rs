@@ -21,11 +21,11 @@ use lodsmith_core::TriMesh;
 use lodsmith_core::measure::{CompareOptions, Prepared, compare_attributes, compare_prepared};
 
 /// Fractions of the faces, in percent.
-const SHARES: [f64; 8] = [70.0, 50.0, 35.0, 20.0, 10.0, 5.0, 2.0, 1.0];
+const PERCENTAGES: [f64; 8] = [70.0, 50.0, 35.0, 20.0, 10.0, 5.0, 2.0, 1.0];
 /// Minimum number of collapses and splits in a timing.
-const ENOUGH: usize = 20_000_000;
+const MIN_STEPS: usize = 20_000_000;
 /// Number of levels that are compared in full.
-const LOOKS: usize = 200;
+const CHECKED_LEVELS: usize = 200;
 /// Differences below this, in percent of the diagonal, are rounding.
 const ROUNDING: f64 = 1e-5;
 
@@ -65,7 +65,7 @@ fn report(name: &str, mesh: &TriMesh, options: &SimplifyOptions, between: bool) 
     let mut road = Progressive::build(mesh, options, &mut NoControl)?;
     let secs = start.elapsed().as_secs_f64();
     let start = Instant::now();
-    simplify(mesh, &to(options, 1), &mut NoControl)?;
+    simplify(mesh, &with_face_stop(options, 1), &mut NoControl)?;
     let single = start.elapsed().as_secs_f64();
     let data = road.splits();
     let fits: usize = data.checkpoints.iter().map(|c| c.vertices.len()).sum();
@@ -80,7 +80,7 @@ fn report(name: &str, mesh: &TriMesh, options: &SimplifyOptions, between: bool) 
         data.places.at.len() as f64 / data.len().max(1) as f64,
     );
     ensure!(road.mesh()? == *mesh, "{name}: the full level is not the input");
-    let (down, up) = walk(&mut road);
+    let (down, up) = steps_per_second(&mut road);
     println!("{:.1} M contractions/s, {:.1} M splits/s", down / 1e6, up / 1e6);
     ensure!(road.mesh()? == *mesh, "{name}: the full level is not the input after the walk");
     println!(
@@ -94,7 +94,7 @@ fn report(name: &str, mesh: &TriMesh, options: &SimplifyOptions, between: bool) 
             continue;
         }
         road.to_faces(goal);
-        let single = simplify(mesh, &to(options, goal), &mut NoControl)?;
+        let single = simplify(mesh, &with_face_stop(options, goal), &mut NoControl)?;
         let rms = |m: &TriMesh| -> Result<f64> {
             let compared =
                 compare_prepared(&reference, &Prepared::new(&m.surface())?, &CompareOptions::default());
@@ -125,7 +125,7 @@ fn report(name: &str, mesh: &TriMesh, options: &SimplifyOptions, between: bool) 
 fn scrub(name: &str, mesh: &TriMesh, options: &SimplifyOptions) -> Result<()> {
     let mut road = Progressive::build(mesh, options, &mut NoControl)?;
     let lowest = road.level_of_faces(mesh.face_count() / 100);
-    let every = (road.top() - lowest).div_ceil(LOOKS).max(1);
+    let every = (road.top() - lowest).div_ceil(CHECKED_LEVELS).max(1);
     let mut seen = vec![sum(&road)];
     while road.level() > lowest {
         road.coarsen(1);
@@ -172,7 +172,7 @@ fn ratio(error: f64, of_single: f64) -> String {
 }
 
 /// Returns the same options with a face count as the stop.
-fn to(options: &SimplifyOptions, faces: usize) -> SimplifyOptions {
+fn with_face_stop(options: &SimplifyOptions, faces: usize) -> SimplifyOptions {
     let mut options = options.clone();
     options.stop = Stop::faces(faces);
     options
@@ -181,7 +181,7 @@ fn to(options: &SimplifyOptions, faces: usize) -> SimplifyOptions {
 /// Returns fractions of the faces: round ones, or halfway between checkpoints.
 fn shares(road: &Progressive, between: bool) -> Vec<f64> {
     if !between {
-        return SHARES.to_vec();
+        return PERCENTAGES.to_vec();
     }
     let counts = &road.splits().counts;
     let all = f64::from(counts[road.top()].faces);
@@ -191,8 +191,8 @@ fn shares(road: &Progressive, between: bool) -> Vec<f64> {
 }
 
 /// Returns collapses and splits per second, over the whole sequence.
-fn walk(road: &mut Progressive) -> (f64, f64) {
-    let rounds = ENOUGH.div_ceil(road.top().max(1)).min(200);
+fn steps_per_second(road: &mut Progressive) -> (f64, f64) {
+    let rounds = MIN_STEPS.div_ceil(road.top().max(1)).min(200);
     let (mut down, mut up) = (0.0, 0.0);
     for _ in 0..rounds {
         let start = Instant::now();

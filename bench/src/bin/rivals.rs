@@ -27,7 +27,7 @@ use lodsmith_core::measure::{CompareOptions, compare};
 use serde_json::{Value, json};
 
 /// A mesh of this many triangles or more counts as large in the published figures.
-const LARGE: usize = 250_000;
+const MIN_LARGE_FACES: usize = 250_000;
 
 struct Args {
     models: Vec<PathBuf>,
@@ -66,7 +66,7 @@ fn parse() -> Result<Args> {
             }
             "--clock" => match value()?.as_str() {
                 "wall" => {}
-                "cpu" => _ = BY_CPU.set(true),
+                "cpu" => _ = USE_CPU_TIME.set(true),
                 other => bail!("no clock {other}"),
             },
             "--reps" => reps = Some(value()?.parse()?),
@@ -115,14 +115,14 @@ fn default_reps(faces: usize) -> usize {
     match faces {
         0..20_000 => 25,
         20_000..100_000 => 11,
-        100_000..LARGE => 7,
-        LARGE..500_000 => 5,
+        100_000..MIN_LARGE_FACES => 7,
+        MIN_LARGE_FACES..500_000 => 5,
         _ => 3,
     }
 }
 
 /// The contestants, in the order of columns.
-const NAMES: [&str; 3] = ["lodsmith", "meshopt plain", "meshopt update"];
+const CONTESTANTS: [&str; 3] = ["lodsmith", "meshopt plain", "meshopt update"];
 
 /// An error bound that never stops meshoptimizer, so that the count alone does; its square is still finite.
 const ANY_ERROR: f32 = 1e10;
@@ -171,7 +171,7 @@ struct Clock {
 }
 
 /// True if times are processor times.
-static BY_CPU: OnceLock<bool> = OnceLock::new();
+static USE_CPU_TIME: OnceLock<bool> = OnceLock::new();
 
 impl Clock {
     fn start() -> Self {
@@ -179,7 +179,7 @@ impl Clock {
     }
     fn seconds(&self) -> f64 {
         let wall = self.wall.elapsed().as_secs_f64();
-        if BY_CPU.get() == Some(&true) { process::cpu_seconds() - self.cpu } else { wall }
+        if USE_CPU_TIME.get() == Some(&true) { process::cpu_seconds() - self.cpu } else { wall }
     }
 }
 
@@ -203,7 +203,7 @@ struct Case {
     /// Seconds of each repetition, in the order of [`NAMES`].
     times: [Vec<f64>; 3],
     /// Triangles of each result.
-    left: [usize; 3],
+    faces_left: [usize; 3],
     errors: Option<[Errors; 3]>,
 }
 
@@ -213,7 +213,7 @@ impl Case {
     }
     fn rivals_that_reached(&self) -> impl Iterator<Item = usize> + '_ {
         let most = (self.wanted as f64 * 1.02) as usize + 2;
-        (1..NAMES.len()).filter(move |&who| self.left[who] <= most)
+        (1..CONTESTANTS.len()).filter(move |&who| self.faces_left[who] <= most)
     }
     /// Our time over that of the faster rival; over the faster of all rivals if none reached the target.
     fn ratio(&self) -> f64 {
@@ -221,7 +221,7 @@ impl Case {
             |all: &mut dyn Iterator<Item = usize>| all.map(|who| self.least(who)).fold(f64::MAX, f64::min);
         let mut rivals = faster(&mut self.rivals_that_reached());
         if rivals == f64::MAX {
-            rivals = faster(&mut (1..NAMES.len()));
+            rivals = faster(&mut (1..CONTESTANTS.len()));
         }
         self.least(0) / rivals
     }
@@ -254,14 +254,14 @@ impl Case {
     fn json(&self) -> Value {
         let who = |k: usize| {
             json!({
-                "min_s": self.least(k), "median_s": stats::median(&self.times[k]), "faces": self.left[k],
+                "min_s": self.least(k), "median_s": stats::median(&self.times[k]), "faces": self.faces_left[k],
                 "mean": self.errors.map(|e| e[k][0]), "rms": self.errors.map(|e| e[k][1]), "max": self.errors.map(|e| e[k][2]),
             })
         };
         json!({
             "model": self.model, "faces": self.faces, "target": self.target, "wanted": self.wanted,
             "order": self.order.name(), "repetitions": self.times[0].len(), "ratio": self.ratio(),
-            NAMES[0]: who(0), NAMES[1]: who(1), NAMES[2]: who(2),
+            CONTESTANTS[0]: who(0), CONTESTANTS[1]: who(1), CONTESTANTS[2]: who(2),
         })
     }
 }
@@ -305,8 +305,8 @@ fn main() -> Result<()> {
                 let reps = args.reps.unwrap_or_else(|| default_reps(faces));
                 for rep in 0..reps {
                     // The starting contestant rotates, so that nobody always runs after the same one.
-                    for turn in 0..NAMES.len() {
-                        let who = (rep + turn) % NAMES.len();
+                    for turn in 0..CONTESTANTS.len() {
+                        let who = (rep + turn) % CONTESTANTS.len();
                         let (seconds, result) = match who {
                             0 => lodsmith_run(&ordered, wanted)
                                 .with_context(|| format!("{model} to {}", target.name()))?,
@@ -335,7 +335,7 @@ fn main() -> Result<()> {
                     wanted,
                     order,
                     times,
-                    left: results.map(|r| r.face_count()),
+                    faces_left: results.map(|r| r.face_count()),
                     errors: *known,
                 };
                 println!("{}", case.row());
@@ -365,7 +365,7 @@ fn summary(cases: &[Case]) -> Summary {
     let mut json = serde_json::Map::new();
     for (key, name, large) in [("small", "below 250,000", false), ("large", "from 250,000", true)] {
         let ratios: Vec<f64> =
-            cases.iter().filter(|c| (c.faces >= LARGE) == large).map(Case::ratio).collect();
+            cases.iter().filter(|c| (c.faces >= MIN_LARGE_FACES) == large).map(Case::ratio).collect();
         if let Some(mean) = stats::geometric_mean(ratios.iter().copied()) {
             let worst = ratios.iter().copied().fold(0.0, f64::max);
             text += &format!(
@@ -412,7 +412,7 @@ mod tests {
             wanted: 100,
             order: Order::File,
             times: times.map(|t| vec![t, t * 2.0]),
-            left,
+            faces_left: left,
             errors: Some(errors),
         }
     }

@@ -11,10 +11,10 @@ use lodsmith_io::{Format, Loaded};
 use crate::args::{How, Importance};
 
 /// Largest number of names listed in an error.
-const SHOWN: usize = 30;
+const MAX_NAMES_SHOWN: usize = 30;
 
 /// A mesh with the names that apply to it.
-struct Named<'a> {
+struct NamedMesh<'a> {
     mesh: &'a TriMesh,
     /// Names that apply to the whole mesh.
     whole: Vec<String>,
@@ -45,14 +45,14 @@ pub(crate) fn of_mesh(how: &How, loaded: &Loaded, options: &mut SimplifyOptions)
         let others = [region.object, region.material, region.smoothing].into_iter().flatten();
         others.chain(groups).map(text).collect()
     });
-    let named = Named {
+    let named = NamedMesh {
         mesh: &loaded.mesh,
         whole: Vec::new(),
         regions: regions.collect(),
         properties: &loaded.properties,
     };
-    let other = loaded.contents.attributes.iter().filter(|a| !PARTS.contains(&a.as_str()));
-    fill(how, &[named], other.cloned().collect(), options).map_err(|e| match loaded.format {
+    let other = loaded.contents.attributes.iter().filter(|a| !VECTOR_ATTRIBUTES.contains(&a.as_str()));
+    set_constraints(how, &[named], other.cloned().collect(), options).map_err(|e| match loaded.format {
         Format::Gltf | Format::Glb => {
             anyhow!("{e} (meshes and nodes have names only where the output is glTF too)")
         }
@@ -77,25 +77,25 @@ pub(crate) fn of_scene(
             let (mesh, names) = (&scene.meshes()[i], &names[i]);
             let whole = std::iter::once(mesh.name.clone()).chain(names.nodes.iter().cloned()).collect();
             let regions = names.materials.iter().map(|m| m.iter().cloned().collect()).collect();
-            Named { mesh: &mesh.mesh, whole, regions, properties: &[] }
+            NamedMesh { mesh: &mesh.mesh, whole, regions, properties: &[] }
         })
         .collect();
-    fill(how, &all, Vec::new(), options)
+    set_constraints(how, &all, Vec::new(), options)
 }
 
 /// Names of attributes in lists of a file's content that do not have a single number for each vertex.
-const PARTS: [&str; 3] = ["normals", "uvs", "colors"];
+const VECTOR_ATTRIBUTES: [&str; 3] = ["normals", "uvs", "colors"];
 /// Names of colour channels on the command line.
 const CHANNELS: [&str; 4] = ["color.r", "color.g", "color.b", "color.a"];
 
-fn fill(
+fn set_constraints(
     how: &How,
-    all: &[Named<'_>],
+    all: &[NamedMesh<'_>],
     other_names: Vec<String>,
     options: &mut SimplifyOptions,
 ) -> anyhow::Result<()> {
     let unknown = |option: &str, name: &str, mut names: Vec<String>| {
-        names.extend(all.iter().flat_map(Named::values_names).chain(other_names.iter().cloned()));
+        names.extend(all.iter().flat_map(NamedMesh::values_names).chain(other_names.iter().cloned()));
         let mut known = Vec::new();
         names.into_iter().for_each(|name| {
             if !known.contains(&name) {
@@ -104,7 +104,9 @@ fn fill(
         });
         let what = match known.len() {
             0 => "it has no names at all".to_owned(),
-            n if n > SHOWN => format!("there are {} and {} more", known[..SHOWN].join(", "), n - SHOWN),
+            n if n > MAX_NAMES_SHOWN => {
+                format!("there are {} and {} more", known[..MAX_NAMES_SHOWN].join(", "), n - MAX_NAMES_SHOWN)
+            }
             _ => format!("there are {}", known.join(", ")),
         };
         anyhow!("{option} {name}: nothing has this name; {what}")
@@ -130,7 +132,7 @@ fn fill(
         }
         let largest = values.iter().flatten().flatten().fold(1f32, |m, x| m.max(*x));
         let density = |x: f32| strength.powf(x.max(0.0) / largest);
-        let of_mesh = |(named, values): (&Named<'_>, Option<Vec<f32>>)| {
+        let of_mesh = |(named, values): (&NamedMesh<'_>, Option<Vec<f32>>)| {
             let count = named.mesh.vertex_count();
             values.map_or_else(|| vec![1.0; count], |v| v.into_iter().map(density).collect())
         };
@@ -140,7 +142,7 @@ fn fill(
     Ok(())
 }
 
-impl Named<'_> {
+impl NamedMesh<'_> {
     /// Locks the vertices that a name applies to. Returns true if the name occurs in this mesh.
     fn lock(&self, name: &str, locked: &mut [bool]) -> bool {
         let is = |other: &String| other == name;

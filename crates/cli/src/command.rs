@@ -28,7 +28,7 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
         exit::end_after(seconds)?;
     }
     if let Some(run) = cli.command.run() {
-        memory::bound(run.max_memory)?;
+        memory::set_limit(run.max_memory)?;
     }
     match cli.command {
         Command::Simplify(args) => simplify::run(&args),
@@ -63,7 +63,7 @@ fn show_warnings(out: &Output, path: &str, warnings: &[Warning], strict: bool) -
 }
 
 /// Returns the warnings that matter if a mesh is only viewed, not written.
-fn to_looker(warnings: &[Warning]) -> Vec<Warning> {
+fn viewing_warnings(warnings: &[Warning]) -> Vec<Warning> {
     warnings.iter().filter(|warning| !warning.of_scene).cloned().collect()
 }
 

@@ -170,7 +170,7 @@ thread_local! {
 }
 
 /// Reduces panics to errors of one line ([`guarded`]); with `RUST_BACKTRACE` the full report is printed.
-pub(crate) fn hush_panics() {
+pub(crate) fn shorten_panics() {
     if std::env::var_os("RUST_BACKTRACE").is_some() {
         return;
     }

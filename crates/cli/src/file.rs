@@ -147,13 +147,13 @@ pub(crate) fn read_scene(
 /// Returns the error without the name of the file, which the caller adds.
 pub(crate) fn unnamed(error: ReadError) -> anyhow::Error {
     match error {
-        ReadError::File { source, .. } => told(*source),
-        e => told(e),
+        ReadError::File { source, .. } => flattened_error(*source),
+        e => flattened_error(e),
     }
 }
 
 /// Returns an error without its chain of causes, whose messages it already contains.
-fn told(error: impl std::fmt::Display) -> anyhow::Error {
+fn flattened_error(error: impl std::fmt::Display) -> anyhow::Error {
     anyhow!("{error}")
 }
 
@@ -286,13 +286,13 @@ pub(crate) fn levels_losses(
     relink: &dyn Fn(&str) -> Option<String>,
     format: Format,
 ) -> anyhow::Result<Vec<Warning>> {
-    lodsmith_io::write_levels_to(scene, levels, format, relink, &mut io::sink()).map_err(told)
+    lodsmith_io::write_levels_to(scene, levels, format, relink, &mut io::sink()).map_err(flattened_error)
 }
 
 /// Returns a mesh as a glTF scene, as writing and reading it would give, and the data that glTF cannot hold.
 pub(crate) fn as_scene(mesh: &TriMesh, options: &WriteOptions) -> anyhow::Result<(Scene, Vec<Warning>)> {
     let mut bytes = Vec::new();
-    let warnings = lodsmith_io::write_to(mesh, Format::Glb, options, &mut bytes).map_err(told)?;
+    let warnings = lodsmith_io::write_to(mesh, Format::Glb, options, &mut bytes).map_err(flattened_error)?;
     let scene = Scene::read(&bytes, &ReadOptions::default()).map_err(unnamed)?;
     Ok((scene, warnings))
 }
@@ -349,14 +349,14 @@ fn write_with<T>(
     match sink {
         Sink::Stdout => match to_stream(&mut io::stdout().lock()) {
             Err(WriteError::Io { source, .. }) => Err(stdout_failed(&source)),
-            result => result.map_err(told),
+            result => result.map_err(flattened_error),
         },
         Sink::Path(path) => {
             let about = fs::metadata(path).ok();
             // A pipe may block its writer for ever, and Ctrl-C must end that; it cannot leave a partial file.
             let _guard =
                 if about.as_ref().is_none_or(fs::Metadata::is_file) { Some(exit::writing()?) } else { None };
-            to_path(path).map_err(told)
+            to_path(path).map_err(flattened_error)
         }
     }
 }
@@ -381,7 +381,7 @@ pub(crate) fn losses(
     if let Sink::Path(path) = sink {
         options.beside = Some(path.clone());
     }
-    lodsmith_io::write_to(mesh, format, &options, &mut io::sink()).map_err(told)
+    lodsmith_io::write_to(mesh, format, &options, &mut io::sink()).map_err(flattened_error)
 }
 
 /// Returns the losses of a scene, without writing anything.
@@ -391,7 +391,7 @@ pub(crate) fn scene_losses(
     relink: &dyn Fn(&str) -> Option<String>,
     format: Format,
 ) -> anyhow::Result<Vec<Warning>> {
-    lodsmith_io::write_scene_to(scene, replaced, format, relink, &mut io::sink()).map_err(told)
+    lodsmith_io::write_scene_to(scene, replaced, format, relink, &mut io::sink()).map_err(flattened_error)
 }
 
 #[cfg(test)]

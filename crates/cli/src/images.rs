@@ -9,13 +9,13 @@ use lodsmith_io::gltf::Scene;
 use crate::file::{Sink, Source};
 
 /// Move of a scene from one folder to another.
-pub(crate) struct Move {
+pub(crate) struct FolderMove {
     /// Relative path from the folder of the output to that of the input, as a URI that ends in a slash; empty
     /// if they are the same. `None` if there is no such path or it is unknown.
     way: Option<String>,
 }
 
-impl Move {
+impl FolderMove {
     pub(crate) fn new(input: &Source, output: &Sink) -> Self {
         let from = match input {
             Source::Path(path) => folder(path),
@@ -25,7 +25,7 @@ impl Move {
             Sink::Path(path) => folder(path),
             Sink::Stdout => None,
         };
-        let way = from.as_deref().zip(to.as_deref()).and_then(|(from, to)| way(to, from));
+        let way = from.as_deref().zip(to.as_deref()).and_then(|(from, to)| relative_uri(to, from));
         Self { way }
     }
 
@@ -42,14 +42,14 @@ impl Move {
     /// Embeds images in the scene. Returns warnings about those that stay external.
     pub(crate) fn embed(&self, scene: &mut Scene) -> Vec<Warning> {
         let mut warnings = scene.embed_files();
-        warnings.extend(self.told(scene));
+        warnings.extend(self.external_file_warnings(scene));
         warnings
     }
 
     /// Returns warnings about files that stay external: those still in the folder of the input, and those
     /// with an unknown path.
-    pub(crate) fn told(&self, scene: &Scene) -> Vec<Warning> {
-        let outside = scene.outside_files();
+    pub(crate) fn external_file_warnings(&self, scene: &Scene) -> Vec<Warning> {
+        let outside = scene.external_files();
         let Some(first) = outside.first() else { return Vec::new() };
         let others =
             if outside.len() > 1 { format!(" and {} more", outside.len() - 1) } else { String::new() };
@@ -69,7 +69,7 @@ fn folder(path: &Path) -> Option<PathBuf> {
 }
 
 /// Returns the relative path from one folder to another, as a URI that ends in a slash or is empty.
-fn way(from: &Path, to: &Path) -> Option<String> {
+fn relative_uri(from: &Path, to: &Path) -> Option<String> {
     let shared = from.components().zip(to.components()).take_while(|(a, b)| a == b).count();
     let (up, down) = (from.components().skip(shared), to.components().skip(shared));
     let mut uri = "../".repeat(up.count());
@@ -94,7 +94,7 @@ mod tests {
 
     #[test]
     fn the_way_between_folders() {
-        let way = |a: &str, b: &str| super::way(Path::new(a), Path::new(b)).unwrap();
+        let way = |a: &str, b: &str| super::relative_uri(Path::new(a), Path::new(b)).unwrap();
         assert_eq!(way("/a/b", "/a/b"), "");
         assert_eq!(way("/a/b", "/a"), "../");
         assert_eq!(way("/a/b", "/a/c d/ü"), "../c%20d/%C3%BC/");
@@ -102,11 +102,11 @@ mod tests {
 
     #[test]
     fn relative_names_are_linked_anew() {
-        let step = Move { way: Some("../in/".to_owned()) };
+        let step = FolderMove { way: Some("../in/".to_owned()) };
         assert_eq!(step.uri("x.png").as_deref(), Some("../in/x.png"));
         assert_eq!(step.uri("../x.png").as_deref(), Some("../in/../x.png"));
         assert_eq!(step.uri("/x.png"), None);
         assert_eq!(step.uri("c:x.png"), None);
-        assert_eq!(Move { way: None }.uri("x.png"), None);
+        assert_eq!(FolderMove { way: None }.uri("x.png"), None);
     }
 }

@@ -27,7 +27,7 @@ pub(crate) fn pool(threads: usize) -> anyhow::Result<ThreadPool> {
 ///
 /// # Errors
 /// If threads cannot be started.
-pub(crate) fn each<T: Sync, R: Send>(
+pub(crate) fn process_in_order<T: Sync, R: Send>(
     items: &[T],
     threads: usize,
     work: impl Fn(&T, &Turn<'_>) -> R + Sync,
@@ -37,7 +37,7 @@ pub(crate) fn each<T: Sync, R: Send>(
     let pools: Vec<ThreadPool> =
         (0..workers).map(|w| pool(share(threads, workers, w))).collect::<Result<_, _>>()?;
     let next = AtomicUsize::new(0);
-    let ended = Ended::default();
+    let ended = FinishedItems::default();
     let (send, receive) = mpsc::channel();
     std::thread::scope(|scope| {
         for pool in &pools {
@@ -69,7 +69,7 @@ pub(crate) fn each<T: Sync, R: Send>(
 /// Place of an item in the order, until its processing has ended.
 pub(crate) struct Turn<'e> {
     index: usize,
-    ended: &'e Ended,
+    ended: &'e FinishedItems,
 }
 
 impl Turn<'_> {
@@ -91,12 +91,12 @@ impl Drop for Turn<'_> {
 
 /// State of finished items, shared by the workers.
 #[derive(Default)]
-struct Ended {
+struct FinishedItems {
     state: Mutex<State>,
     changed: Condvar,
 }
 
-impl Ended {
+impl FinishedItems {
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -141,7 +141,7 @@ mod tests {
             std::thread::sleep(std::time::Duration::from_micros(100 * x));
             *x
         };
-        each(&items, 4, work, |i, x| got.push((i, x))).unwrap();
+        process_in_order(&items, 4, work, |i, x| got.push((i, x))).unwrap();
         assert_eq!(got, items.iter().copied().enumerate().collect::<Vec<_>>());
     }
 
@@ -157,7 +157,7 @@ mod tests {
                 order.lock().unwrap().push(*x);
             }
         };
-        each(&items, 4, work, |_, ()| {}).unwrap();
+        process_in_order(&items, 4, work, |_, ()| {}).unwrap();
         assert_eq!(order.into_inner().unwrap(), [11, 10, 8, 7, 5, 4, 2, 1]);
     }
 
@@ -165,7 +165,7 @@ mod tests {
     fn threads_are_shared_out_without_rest() {
         assert_eq!((0..3).map(|w| share(8, 3, w)).collect::<Vec<_>>(), [3, 3, 2]);
         let mut seen = 0;
-        each(&[()], 3, |(), _| rayon::current_num_threads(), |_, n| seen = n).unwrap();
+        process_in_order(&[()], 3, |(), _| rayon::current_num_threads(), |_, n| seen = n).unwrap();
         assert_eq!(seen, 3);
     }
 }

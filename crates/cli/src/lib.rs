@@ -31,7 +31,7 @@ use clap::Parser as _;
 /// Runs the program: parses the arguments of the process, runs the command, and returns its exit code.
 pub fn run() -> ExitCode {
     exit::catch_interrupts();
-    exit::hush_panics();
+    exit::shorten_panics();
     let cli = match args::Cli::try_parse() {
         Ok(cli) => cli,
         // Help and version arrive here too.

@@ -8,20 +8,20 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use anyhow::Context as _;
-use lodsmith::core::memory::{self, in_words};
+use lodsmith::core::memory::{self, format_bytes};
 use lodsmith_io::{Limits, machine};
 
 use crate::exit;
 
 /// Default fraction of the available memory: the rest is for the system, and for needs that counts do not
 /// cover.
-const SHARE: f64 = 0.75;
+const DEFAULT_MEMORY_SHARE: f64 = 0.75;
 /// Assumed memory of a machine if the system does not report it (anywhere but on Linux). (Guessed.)
-const UNKNOWN: u64 = 16 << 30;
+const ASSUMED_MEMORY: u64 = 16 << 30;
 /// Lowest limit: without any model the program and its threads take up to half of it.
-pub(crate) const LEAST: u64 = 32 << 20;
+pub(crate) const MIN_LIMIT: u64 = 32 << 20;
 /// Bytes of the program itself, without any model.
-const PROGRAM: u64 = 8 << 20;
+const PROGRAM_BYTES: u64 = 8 << 20;
 
 /// Limit of the process, in bytes.
 static LIMIT: AtomicU64 = AtomicU64::new(u64::MAX);
@@ -30,15 +30,15 @@ static LIMIT: AtomicU64 = AtomicU64::new(u64::MAX);
 ///
 /// # Errors
 /// If no thread can be started.
-pub(crate) fn bound(typed: Option<u64>) -> anyhow::Result<()> {
+pub(crate) fn set_limit(typed: Option<u64>) -> anyhow::Result<()> {
     let limit = typed.unwrap_or_else(default_limit);
     LIMIT.store(limit, Ordering::Relaxed);
     #[cfg(target_os = "linux")]
-    if machine::addresses().is_some() {
+    if machine::address_space_limit().is_some() {
         with_one_arena();
     }
     exit::end_quietly_on_abort();
-    if machine::taken().is_some() {
+    if machine::resident_bytes().is_some() {
         std::thread::Builder::new().spawn(move || watch(limit)).context("cannot start a thread")?;
     }
     Ok(())
@@ -64,18 +64,18 @@ fn with_one_arena() {
 }
 
 fn default_limit() -> u64 {
-    let all = machine::memory().unwrap_or(UNKNOWN);
-    ((all as f64 * SHARE) as u64).max(LEAST)
+    let all = machine::memory_limit().unwrap_or(ASSUMED_MEMORY);
+    ((all as f64 * DEFAULT_MEMORY_SHARE) as u64).max(MIN_LIMIT)
 }
 
 /// Ends the process when it holds more than the limit. In ten milliseconds some ten megabytes of memory can
 /// be filled.
 fn watch(limit: u64) {
     loop {
-        if machine::taken().is_some_and(|taken| taken > limit) {
+        if machine::resident_bytes().is_some_and(|taken| taken > limit) {
             exit::end_with(&format!(
                 "this takes more memory than the limit of {} (--max-memory; several files at once need less with --threads 1)",
-                in_words(limit)
+                format_bytes(limit)
             ));
         }
         std::thread::sleep(Duration::from_millis(10));
@@ -98,7 +98,7 @@ fn limit() -> u64 {
 /// # Errors
 /// One line that names the step, its need, the limit and the option.
 pub(crate) fn check(step: &str, need: u64) -> anyhow::Result<()> {
-    Ok(memory::check(step, need.saturating_add(PROGRAM), limit())?)
+    Ok(memory::check(step, need.saturating_add(PROGRAM_BYTES), limit())?)
 }
 
 #[cfg(test)]
@@ -108,9 +108,9 @@ mod tests {
     #[test]
     fn without_a_word_it_is_a_share_of_what_there_is() {
         let limit = default_limit();
-        assert!(limit >= LEAST);
-        if let Some(all) = machine::memory() {
-            assert!(limit <= all.max(LEAST), "{limit} of {all}");
+        assert!(limit >= MIN_LIMIT);
+        if let Some(all) = machine::memory_limit() {
+            assert!(limit <= all.max(MIN_LIMIT), "{limit} of {all}");
         }
     }
 }

@@ -8,7 +8,7 @@ use lodsmith::{Bound, Length, Measure, Method, SimplifyOptions};
 use lodsmith_io::gltf::SceneMesh;
 
 /// Number of faces above which copies are made when needed instead of kept.
-const MANY: u64 = 1_000_000;
+const MANY_FACES: u64 = 1_000_000;
 
 /// Numbers of faces and of attribute values of meshes.
 #[derive(Clone, Copy, Debug, Default)]
@@ -42,26 +42,26 @@ impl Size {
 
     /// Returns the bytes of the buffers plus `face` bytes for each face and `value` bytes for each value; the
     /// second figure of a pair applies above [`MANY`] faces.
-    fn at(self, face: [u64; 2], value: [u64; 2]) -> u64 {
-        let i = usize::from(self.faces > MANY);
+    fn bytes_at(self, face: [u64; 2], value: [u64; 2]) -> u64 {
+        let i = usize::from(self.faces > MANY_FACES);
         let own = self.faces.saturating_mul(face[i]).saturating_add(self.values.saturating_mul(value[i]));
         self.bytes.saturating_add(own)
     }
 }
 
 /// Bytes for an attribute value during edge collapse.
-const VALUE: [u64; 2] = [31, 22];
+const VALUE_BYTES: [u64; 2] = [31, 22];
 
 /// Returns the bytes for a face during a run of a method.
 fn face_of(options: &SimplifyOptions) -> [u64; 2] {
     let own = match options.method {
         Method::Memoryless | Method::LindstromTurk | Method::Melax | Method::ShortestEdge => [130, 90],
         Method::Quadric => [190, 120],
-        Method::Cluster if options.of_method.two_stage => [130, 90],
+        Method::Cluster if options.method_options.two_stage => [130, 90],
         Method::Cluster => [64, 44],
         Method::VertexRemoval | Method::Unsubdivide => [220, 220],
         Method::Planar => [400, 400],
-        Method::Remesh if options.of_method.voxel.is_some() => [560, 560],
+        Method::Remesh if options.method_options.voxel.is_some() => [560, 560],
         Method::Remesh => [300, 300],
         // Unknown methods count like the one with the largest need.
         _ => [560, 560],
@@ -79,8 +79,8 @@ fn face_of(options: &SimplifyOptions) -> [u64; 2] {
 
 /// Returns the bytes of new elements of a remesh: the cells of a voxel grid, and faces of a given edge
 /// length.
-fn made_anew(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
-    let of = &options.of_method;
+fn remesh_bytes(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
+    let of = &options.method_options;
     if options.method != Method::Remesh || (of.voxel.is_none() && of.edge_length.is_none()) {
         return 0;
     }
@@ -96,50 +96,50 @@ fn made_anew(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
 
 /// Returns the need of simplifying a mesh.
 pub(crate) fn simplify(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
-    Size::of(mesh).at(face_of(options), VALUE).saturating_add(made_anew(mesh, options))
+    Size::of(mesh).bytes_at(face_of(options), VALUE_BYTES).saturating_add(remesh_bytes(mesh, options))
 }
 
 /// Returns the need of simplifying the meshes of a scene: they are joined, and the buffers of the file stay
 /// in memory.
 pub(crate) fn simplify_scene(meshes: &[SceneMesh], buffers: u64, options: &SimplifyOptions) -> u64 {
     let size = Size::of_all(meshes.iter().map(|m| &*m.mesh));
-    size.at(face_of(options).map(|n| n + 60), VALUE).saturating_add(buffers)
+    size.bytes_at(face_of(options).map(|n| n + 60), VALUE_BYTES).saturating_add(buffers)
 }
 
 /// Returns the need of a chain of levels, all of which are kept.
 pub(crate) fn lod(size: Size, options: &SimplifyOptions) -> u64 {
-    size.at(face_of(options).map(|n| n + 140), VALUE.map(|n| n + 10))
+    size.bytes_at(face_of(options).map(|n| n + 140), VALUE_BYTES.map(|n| n + 10))
 }
 
 /// Returns the need of a chain of levels that becomes one scene.
 pub(crate) fn lod_scene(size: Size, options: &SimplifyOptions) -> u64 {
-    size.at(face_of(options).map(|n| n + 330), VALUE.map(|n| n + 10))
+    size.bytes_at(face_of(options).map(|n| n + 330), VALUE_BYTES.map(|n| n + 10))
 }
 
 /// Returns the need of cleaning a mesh, including the result.
 pub(crate) fn clean(size: Size) -> u64 {
-    size.at([115, 95], [4, 4]).saturating_add(size.bytes)
+    size.bytes_at([115, 95], [4, 4]).saturating_add(size.bytes)
 }
 
 /// Returns the need of inspecting a mesh.
 pub(crate) fn info(size: Size) -> u64 {
-    size.at([60, 54], [0, 0])
+    size.bytes_at([60, 54], [0, 0])
 }
 
 /// Returns the need of measuring one mesh against another.
 pub(crate) fn compare(reference: Size, candidate: Size, options: &CompareOptions) -> u64 {
-    let both = |face| reference.at(face, [2, 2]).saturating_add(candidate.at(face, [2, 2]));
+    let both = |face| reference.bytes_at(face, [2, 2]).saturating_add(candidate.bytes_at(face, [2, 2]));
     both([115, 112]).saturating_add((options.samples as u64).saturating_mul(50))
 }
 
 /// Returns the need of running every method on one mesh and measuring each result.
 pub(crate) fn methods(mesh: &TriMesh, hungriest: u64) -> u64 {
-    hungriest.saturating_add(Size::of(mesh).at([110, 110], [4, 4]))
+    hungriest.saturating_add(Size::of(mesh).bytes_at([110, 110], [4, 4]))
 }
 
 /// Returns the need of a recorded run and the splits made of it.
 pub(crate) fn progressive(size: Size, options: &SimplifyOptions) -> u64 {
-    size.at(face_of(options).map(|n| n + 310), [48, 48])
+    size.bytes_at(face_of(options).map(|n| n + 310), [48, 48])
 }
 
 /// Returns the need of extracting a level, including the splits.
@@ -159,7 +159,7 @@ pub(crate) fn render(size: Size, pixels: [usize; 2], count: usize, is_occluded: 
     let each = if is_occluded { 36 } else { 8 };
     let kept = if count > 1 { 8 } else { 0 };
     let pictures = all.saturating_mul(each + kept * count as u64);
-    size.at([60, 38], [0, 0]).saturating_add(pictures)
+    size.bytes_at([60, 38], [0, 0]).saturating_add(pictures)
 }
 
 #[cfg(test)]
@@ -188,10 +188,10 @@ mod tests {
         let mut options = SimplifyOptions::default();
         options.method = Method::Remesh;
         let plain = simplify(&mesh, &options);
-        options.of_method.edge_length = Some(Length::OfDiagonal(1e-4));
+        options.method_options.edge_length = Some(Length::OfDiagonal(1e-4));
         assert!(simplify(&mesh, &options) > plain + (1 << 30));
-        options.of_method.edge_length = None;
-        options.of_method.voxel = Some(Length::OfDiagonal(1e-3));
+        options.method_options.edge_length = None;
+        options.method_options.voxel = Some(Length::OfDiagonal(1e-3));
         assert!(simplify(&mesh, &options) > plain + (100 << 20));
     }
 }

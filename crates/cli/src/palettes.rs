@@ -9,14 +9,14 @@ use lodsmith_io::{BaseColor, Loaded};
 /// Largest total number of pixels of base-colour images that are decoded for a run. (Palettes are small: four
 /// of 1024 by 1024, which take some hundredths of a second. Larger images are usually photographs or
 /// paintings.)
-const PIXELS: u64 = 1 << 22;
+const MAX_PALETTE_PIXELS: u64 = 1 << 22;
 
 /// Returns the base-colour textures of some meshes of a scene.
 pub(crate) fn of_scene(scene: &Scene, taken: &[usize]) -> Option<Arc<Textures>> {
     if taken.iter().all(|&i| scene.meshes()[i].mesh.uvs().is_none()) {
         return None;
     }
-    let all = scene.base_colors(PIXELS);
+    let all = scene.base_colors(MAX_PALETTE_PIXELS);
     let of_mesh = |&i: &usize| all.get(i).into_iter().flatten().map(texture).collect();
     shared(Textures::of_parts(taken.iter().map(of_mesh).collect()))
 }
@@ -24,7 +24,7 @@ pub(crate) fn of_scene(scene: &Scene, taken: &[usize]) -> Option<Arc<Textures>> 
 /// Returns the base-colour textures of a mesh.
 pub(crate) fn of_mesh(loaded: &Loaded) -> Option<Arc<Textures>> {
     loaded.mesh.uvs()?;
-    shared(Textures::of_regions(loaded.base_colors(PIXELS).iter().map(texture).collect()))
+    shared(Textures::of_regions(loaded.base_colors(MAX_PALETTE_PIXELS).iter().map(texture).collect()))
 }
 
 /// Returns a texture that uses the mesh's own texture coordinates.

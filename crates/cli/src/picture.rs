@@ -28,7 +28,7 @@ pub(crate) fn format_of(sink: &Sink) -> anyhow::Result<PictureFormat> {
 
 /// Returns the picture format of a path by its extension; `None` if it is not that of a picture.
 pub(crate) fn of_path(path: &Path) -> Option<PictureFormat> {
-    path.extension().and_then(|e| e.to_str()).and_then(PictureFormat::of_ending)
+    path.extension().and_then(|e| e.to_str()).and_then(PictureFormat::from_extension)
 }
 
 /// Writes a picture completely or not at all.
@@ -44,7 +44,7 @@ pub(crate) fn write(picture: &Image, sink: &Sink, format: PictureFormat, force: 
 }
 
 /// Size of a picture in a sheet of methods, in pixels.
-const PANEL: [usize; 2] = [300, 300];
+const PANEL_SIZE: [usize; 2] = [300, 300];
 
 /// Margin on each side of the subject, as a fraction of the picture.
 pub(crate) const MARGIN: f64 = 0.06;
@@ -57,14 +57,14 @@ pub(crate) fn camera(subject: &Subject, [width, height]: [usize; 2]) -> Camera {
 }
 
 /// Renders a mesh for a sheet, with its edges, through the camera of the first.
-pub(crate) fn panel(
+pub(crate) fn render_panel(
     mesh: TriMesh,
     first: &mut Option<Camera>,
     caption: Vec<String>,
 ) -> anyhow::Result<Panel> {
     let subject = Subject::of_mesh(mesh)?;
-    let camera = *first.get_or_insert_with(|| camera(&subject, PANEL));
-    let mut view = View::new(camera, PANEL[0], PANEL[1]);
+    let camera = *first.get_or_insert_with(|| camera(&subject, PANEL_SIZE));
+    let mut view = View::new(camera, PANEL_SIZE[0], PANEL_SIZE[1]);
     view.background = Background::Transparent;
     view.look.wireframe = true;
     Ok(Panel { picture: render(&subject, &view)?, caption })

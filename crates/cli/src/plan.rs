@@ -18,7 +18,7 @@ pub(crate) struct Job {
 }
 
 /// The output arguments of a command line.
-pub(crate) struct Wanted<'a> {
+pub(crate) struct OutputArgs<'a> {
     pub(crate) inputs: &'a [Source],
     pub(crate) output: Option<&'a Sink>,
     pub(crate) out_dir: Option<&'a Path>,
@@ -37,7 +37,7 @@ pub(crate) struct Wanted<'a> {
 /// # Errors
 /// A usage error: results that would overwrite each other, another input or a folder; extensions that name no
 /// format; more than one use of a standard stream.
-pub(crate) fn jobs(wanted: &Wanted<'_>) -> anyhow::Result<Vec<Job>> {
+pub(crate) fn jobs(wanted: &OutputArgs<'_>) -> anyhow::Result<Vec<Job>> {
     file::at_most_one_stdin(wanted.inputs)?;
     let jobs = match (wanted.output, wanted.out_dir) {
         (Some(_), _) if wanted.inputs.len() > 1 => {
@@ -76,7 +76,7 @@ pub(crate) fn jobs(wanted: &Wanted<'_>) -> anyhow::Result<Vec<Job>> {
 }
 
 /// Returns the file name of a result by the template.
-fn name(source: &Source, wanted: &Wanted<'_>) -> anyhow::Result<String> {
+fn name(source: &Source, wanted: &OutputArgs<'_>) -> anyhow::Result<String> {
     let path = match source {
         Source::Path(path) => path.as_path(),
         Source::Stdin => Path::new("stdin"),

@@ -9,7 +9,7 @@ use lodsmith::Stage;
 use crate::output::escaped;
 
 /// Steps of the bar for each file.
-const STEPS: f64 = 1000.0;
+const BAR_STEPS: f64 = 1000.0;
 
 /// The progress bar of a command, over all its files.
 pub(crate) struct Progress {
@@ -25,7 +25,7 @@ impl Progress {
         }
         // Ten updates a second look smooth and cost nothing.
         let target = ProgressDrawTarget::stderr_with_hz(10);
-        let bar = ProgressBar::with_draw_target(Some((files as f64 * STEPS) as u64), target);
+        let bar = ProgressBar::with_draw_target(Some((files as f64 * BAR_STEPS) as u64), target);
         if let Ok(style) = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}  {elapsed}") {
             bar.set_style(style);
         }
@@ -38,7 +38,7 @@ impl Progress {
     }
 
     /// Calls a function with the bar hidden.
-    pub(crate) fn aside<T>(&self, work: impl FnOnce() -> T) -> T {
+    pub(crate) fn with_bar_hidden<T>(&self, work: impl FnOnce() -> T) -> T {
         self.bar.suspend(work)
     }
 
@@ -93,7 +93,7 @@ impl FileProgress<'_> {
     }
 
     fn to(&self, part: f64) {
-        let steps = (part * STEPS) as u64;
+        let steps = (part * BAR_STEPS) as u64;
         let before = self.done.fetch_max(steps, Ordering::Relaxed);
         if steps > before {
             self.whole.bar.inc(steps - before);

@@ -8,7 +8,7 @@ use crate::args::{BorderChoice, PlacementChoice, TopologyChoice};
 use crate::numbers::grouped;
 
 /// An option, its present value, and the value it would need.
-struct Words {
+struct OptionChange {
     option: &'static str,
     now: Value,
     to: String,
@@ -16,7 +16,7 @@ struct Words {
     is_value: bool,
 }
 
-impl Words {
+impl OptionChange {
     fn of(change: Change, options: &SimplifyOptions) -> Self {
         let policy = |option, now: String, to| Self { option, now: now.into(), to, is_value: true };
         let guard = |option, now, to: &str| Self { option, now, to: to.to_owned(), is_value: false };
@@ -84,7 +84,7 @@ fn word<C: ValueEnum + Copy, E: From<C> + PartialEq>(value: E) -> String {
 /// Returns a step of an escalation as text.
 pub(crate) fn step_text(step: &Escalation) -> String {
     let Escalation { change, before, after, .. } = *step;
-    let words = Words::of(change, &SimplifyOptions::default());
+    let words = OptionChange::of(change, &SimplifyOptions::default());
     let came = match after < before {
         true => format!("{} → {} faces", grouped(before), grouped(after)),
         false => format!("no fewer than {} faces", grouped(before)),
@@ -95,7 +95,7 @@ pub(crate) fn step_text(step: &Escalation) -> String {
 /// Returns the steps of an escalation as JSON.
 pub(crate) fn steps_json(report: &Report) -> Value {
     let of = |step: &Escalation| {
-        let words = Words::of(step.change, &SimplifyOptions::default());
+        let words = OptionChange::of(step.change, &SimplifyOptions::default());
         json!({ "option": words.option, "to": words.to, "before": step.before, "after": step.after })
     };
     report.escalated.iter().map(of).collect()
@@ -112,7 +112,7 @@ pub(crate) fn text(report: &Report, options: &SimplifyOptions, time_limit: Optio
             let of = |p: &Proposal| {
                 p.changes
                     .iter()
-                    .map(|c| Words::of(*c, options).text())
+                    .map(|c| OptionChange::of(*c, options).text())
                     .collect::<Vec<_>>()
                     .join(" together with ")
             };
@@ -126,7 +126,7 @@ pub(crate) fn text(report: &Report, options: &SimplifyOptions, time_limit: Optio
 /// Returns the proposals as JSON.
 pub(crate) fn to_json(report: &Report, options: &SimplifyOptions) -> Value {
     let change = |c: &Change| {
-        let words = Words::of(*c, options);
+        let words = OptionChange::of(*c, options);
         json!({ "option": words.option, "now": words.now, "to": words.to })
     };
     let of =

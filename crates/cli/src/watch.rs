@@ -17,12 +17,12 @@ pub(crate) fn not_interrupted<T>(result: Result<T, SimplifyError>) -> anyhow::Re
 
 /// Time by stage, in the order in which stages first began.
 #[derive(Clone)]
-pub(crate) struct Clock {
+pub(crate) struct StageClock {
     pub(crate) stages: Vec<(&'static str, f64)>,
     running: Option<(usize, Instant)>,
 }
 
-impl Clock {
+impl StageClock {
     pub(crate) fn new() -> Self {
         // Always present, in this order; the engine may add more.
         let stages = ["read", Stage::Prepare.name(), Stage::Collapse.name()];
@@ -49,16 +49,20 @@ impl Clock {
 }
 
 /// Control of a run: times its stages, moves the bar, and ends it on an interrupt or at the time limit.
-pub(crate) struct Watch<'a> {
-    clock: &'a mut Clock,
+pub(crate) struct RunControl<'a> {
+    clock: &'a mut StageClock,
     bar: &'a FileProgress<'a>,
     stage: Stage,
     deadline: Option<Instant>,
 }
 
-impl<'a> Watch<'a> {
+impl<'a> RunControl<'a> {
     /// Creates a control for the engine.
-    pub(crate) fn new(clock: &'a mut Clock, bar: &'a FileProgress<'a>, deadline: Option<Instant>) -> Self {
+    pub(crate) fn new(
+        clock: &'a mut StageClock,
+        bar: &'a FileProgress<'a>,
+        deadline: Option<Instant>,
+    ) -> Self {
         clock.enter(Stage::Prepare.name());
         Self { clock, bar, stage: Stage::Prepare, deadline }
     }
@@ -69,7 +73,7 @@ impl<'a> Watch<'a> {
     }
 }
 
-impl Control for Watch<'_> {
+impl Control for RunControl<'_> {
     fn stage(&mut self, stage: Stage) {
         self.clock.enter(stage.name());
         self.bar.stage(stage);
@@ -93,7 +97,7 @@ mod tests {
 
     #[test]
     fn stages_keep_their_order_and_add_up() {
-        let mut clock = Clock::new();
+        let mut clock = StageClock::new();
         for stage in ["read", "prepare", "simplify", "fit", "simplify", "write"] {
             clock.enter(stage);
         }

@@ -2,7 +2,7 @@
 
 mod desk;
 
-use desk::{Desk, coloured_cube, keys, ply};
+use desk::{CliSandbox, coloured_cube, keys, ply};
 
 /// Two cubes that share an edge, some faces flipped, one duplicated, one point unused; every face has
 /// vertices of its own.
@@ -32,7 +32,7 @@ fn broken() -> String {
 
 #[test]
 fn each_step_is_told_and_the_policies_differ() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("in.ply", &broken());
     let ran = desk.run("clean in.ply -o keep.ply").with_status(0);
     let lines: Vec<_> = ran.text().lines().collect();
@@ -56,7 +56,7 @@ fn each_step_is_told_and_the_policies_differ() {
 
 #[test]
 fn lengths_are_of_the_file_or_of_its_diagonal() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("in.ply", &broken());
     for weld in ["0.1", "1%"] {
         let ran = desk.run(&format!("clean in.ply --dry-run --json --weld {weld}")).with_status(0);
@@ -68,7 +68,7 @@ fn lengths_are_of_the_file_or_of_its_diagonal() {
 
 #[test]
 fn several_inputs_go_into_a_folder_and_one_that_fails_is_told() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &coloured_cube());
     desk.put("b.ply", "no mesh");
     desk.put("c.ply", &broken());
@@ -83,7 +83,7 @@ fn several_inputs_go_into_a_folder_and_one_that_fails_is_told() {
 
 #[test]
 fn colours_stay_and_strict_tells_of_what_is_lost() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("cube.ply", &coloured_cube());
     desk.run("clean cube.ply -o same.ply --strict").with_status(0);
     let report = &desk.run("compare cube.ply same.ply --json").with_status(0).objects()[0];
@@ -97,7 +97,7 @@ fn colours_stay_and_strict_tells_of_what_is_lost() {
 
 #[test]
 fn a_scene_stays_whole() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("in.ply", &broken());
     desk.run("convert in.ply in.glb").with_status(0);
     let ran = desk.run("clean in.glb -o out.glb --non-manifold cut --json").with_status(0);

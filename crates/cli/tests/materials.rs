@@ -8,7 +8,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 /// A folder with a model of a table with two materials, their library and a texture of one pixel.
-struct Desk {
+struct MaterialSandbox {
     folder: TempDir,
 }
 
@@ -17,7 +17,7 @@ type Ran = (i32, String, String);
 
 const LIBRARY: &str = "newmtl wood\nKd 1 1 1\nmap_Kd -clamp on tex\\grain.ppm\nnewmtl iron\nNs 20\n";
 
-impl Desk {
+impl MaterialSandbox {
     fn new() -> Self {
         let desk = Self { folder: TempDir::new().expect("there is room for a folder") };
         for folder in ["in/tex", "out"] {
@@ -65,7 +65,7 @@ impl Desk {
 
 #[test]
 fn convert_brings_library_and_texture_along() {
-    let desk = Desk::new();
+    let desk = MaterialSandbox::new();
     let (status, _, told) = desk.run("convert in/table.obj out/desk.obj --strict");
     assert_eq!((status, told.as_str()), (0, ""));
     assert_eq!(desk.names("out"), ["desk.mtl", "desk.obj", "grain.ppm"]);
@@ -81,7 +81,7 @@ fn convert_brings_library_and_texture_along() {
 
 #[test]
 fn textures_may_be_linked_or_left() {
-    let desk = Desk::new();
+    let desk = MaterialSandbox::new();
     assert_eq!(desk.run("convert in/table.obj out/a.obj --textures link").0, 0);
     assert_eq!(desk.names("out"), ["a.mtl", "a.obj"]);
     assert!(desk.text("out/a.mtl").contains("map_Kd -clamp on ../in/tex/grain.ppm\n"));
@@ -94,7 +94,7 @@ fn textures_may_be_linked_or_left() {
 
 #[test]
 fn formats_without_materials_say_so_once() {
-    let desk = Desk::new();
+    let desk = MaterialSandbox::new();
     let (status, _, told) = desk.run("convert in/table.obj out/a.ply --strict");
     assert_eq!(status, 3);
     assert_eq!(told, "error: in/table.obj: PLY cannot carry groups, materials: dropped\n");
@@ -105,7 +105,7 @@ fn formats_without_materials_say_so_once() {
 
 #[test]
 fn simplify_writes_a_library_too_and_a_dry_run_does_not() {
-    let desk = Desk::new();
+    let desk = MaterialSandbox::new();
     let lines = desk.text("in/table.obj").replace("g rim\nusemtl iron\n", "");
     desk.put("in/table.obj", &lines);
     let words = "simplify in/table.obj -o out/low.obj --ratio 1 --placement endpoint";
@@ -119,7 +119,7 @@ fn simplify_writes_a_library_too_and_a_dry_run_does_not() {
 
 #[test]
 fn a_protected_output_replaced_by_force_keeps_its_name_for_the_library() {
-    let desk = Desk::new();
+    let desk = MaterialSandbox::new();
     desk.put("out/a.obj", "old");
     let mut permissions = fs::metadata(desk.path("out/a.obj")).expect("it was written").permissions();
     permissions.set_readonly(true);
@@ -133,7 +133,7 @@ fn a_protected_output_replaced_by_force_keeps_its_name_for_the_library() {
 
 #[test]
 fn of_two_textures_with_one_name_the_first_input_keeps_it() {
-    let desk = Desk::new();
+    let desk = MaterialSandbox::new();
     for folder in ["slow/tex", "fast"] {
         fs::create_dir_all(desk.path(folder)).expect("there is room for a folder");
     }
@@ -167,8 +167,8 @@ fn png(width: u32, height: u32) -> Vec<u8> {
 }
 
 /// The table with an image that glTF accepts, of 200 by 100 texels; the iron has none.
-fn with_png() -> Desk {
-    let desk = Desk::new();
+fn with_png() -> MaterialSandbox {
+    let desk = MaterialSandbox::new();
     desk.put(
         "in/table.mtl",
         "newmtl wood\nmap_Kd grain.png\nPm 0\nPr 0.5\nnewmtl iron\nKd 0.5 0.25 0\nPm 1\nPr 1\n",

@@ -8,7 +8,7 @@
 use std::time::Instant;
 
 use lodsmith_core::measure::{CompareOptions, Prepared, compare_prepared};
-use lodsmith_core::sampling::Sampler;
+use lodsmith_core::sampling::SurfaceSampler;
 use lodsmith_core::spatial::{Bvh, Hint};
 use lodsmith_core::{PositionsView, Surface, VertexId};
 
@@ -64,7 +64,7 @@ fn queries(name: &str, from: &Surface<'_>, to: &Surface<'_>) {
     let tree = Bvh::new(to);
     let count = 400_000;
     let positions = from.positions();
-    let sampler = Sampler::new(from).expect("the sphere has faces");
+    let sampler = SurfaceSampler::new(from).expect("the sphere has faces");
     let points: Vec<[f64; 3]> = sampler
         .samples(0..count, count, 0)
         .map(|s| s.point(from.triangles()[s.face.index()].map(|v| positions.get(v).into())).to_array())

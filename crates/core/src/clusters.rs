@@ -14,13 +14,13 @@
 //! taken, all groups below it are, so no two clusters of a cut cover the same place and none leaves a crack.
 
 use crate::ids::{ClusterId, FaceId, GroupId};
-use crate::mesh::part::part;
+use crate::mesh::part::extract_faces;
 use crate::mesh::{MeshError, TriMesh};
 
 /// Maximum number of triangles, and of wedges, of one cluster: what an 8-bit index can address.
-pub const MOST: usize = 256;
+pub const MAX_CLUSTER_SIZE: usize = 256;
 /// Relative tolerance for rounding when testing that one sphere contains another.
-const ROUNDING: f64 = 1e-6;
+const SPHERE_TOLERANCE: f64 = 1e-6;
 
 /// Reasons why data do not form a valid cluster hierarchy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -221,7 +221,7 @@ impl ClusterLod {
         first_face.push(0);
         let mut sum = 0usize;
         for (cluster, c) in clusters.iter().enumerate() {
-            if c.face_count == 0 || c.face_count > MOST {
+            if c.face_count == 0 || c.face_count > MAX_CLUSTER_SIZE {
                 return Err(ClusterError::FaceCount { cluster, faces: c.face_count });
             }
             if !c.sphere.is_sound() {
@@ -259,7 +259,7 @@ impl ClusterLod {
                 return bad(group, "the error", "smaller than one below it");
             }
             let reach = distance(above.sphere.center, below.sphere.center) + below.sphere.radius;
-            if reach > above.sphere.radius * (1.0 + ROUNDING) {
+            if reach > above.sphere.radius * (1.0 + SPHERE_TOLERANCE) {
                 return bad(group, "the sphere", "not round those below it");
             }
             levels[group] = levels[group].max(1 + c.from.map_or(0, |f| levels[f.index()]));
@@ -277,7 +277,7 @@ impl ClusterLod {
         let lod = Self { mesh, clusters, groups, first_face, levels };
         for id in lod.ids() {
             let wedges = lod.wedge_count(id);
-            if wedges > MOST {
+            if wedges > MAX_CLUSTER_SIZE {
                 return Err(ClusterError::WedgeCount { cluster: id.index(), wedges });
             }
         }
@@ -319,7 +319,7 @@ impl ClusterLod {
     ///
     /// # Panics
     /// If there is no such cluster.
-    pub fn own(&self, id: ClusterId) -> Bound {
+    pub fn cluster_bound(&self, id: ClusterId) -> Bound {
         let c = &self.clusters[id.index()];
         c.from.map_or(Bound { sphere: c.sphere, error: 0.0 }, |g| self.groups[g.index()])
     }
@@ -328,7 +328,7 @@ impl ClusterLod {
     ///
     /// # Panics
     /// If there is no such cluster.
-    pub fn parent(&self, id: ClusterId) -> Option<Bound> {
+    pub fn parent_bound(&self, id: ClusterId) -> Option<Bound> {
         self.clusters[id.index()].into.map(|g| self.groups[g.index()])
     }
     /// The largest error of any group: a cut at this error is the coarsest.
@@ -344,9 +344,9 @@ impl ClusterLod {
             while all.len() <= level {
                 all.push(LevelCounts { least_error: f64::INFINITY, ..LevelCounts::default() });
             }
-            let (own, error) = (&mut all[level], self.own(id).error);
+            let (own, error) = (&mut all[level], self.cluster_bound(id).error);
             own.clusters += 1;
-            own.coarsest_clusters += usize::from(self.parent(id).is_none());
+            own.coarsest_clusters += usize::from(self.parent_bound(id).is_none());
             own.faces += self.clusters[id.index()].face_count;
             own.wedges += self.wedge_count(id);
             (own.least_error, own.largest_error) = (own.least_error.min(error), own.largest_error.max(error));
@@ -394,7 +394,7 @@ impl ClusterLod {
     /// If there is no such cluster.
     pub fn mesh_of(&self, clusters: &[ClusterId]) -> TriMesh {
         let faces: Vec<FaceId> = clusters.iter().flat_map(|&id| self.faces(id)).collect();
-        part(&self.mesh, &faces).mesh
+        extract_faces(&self.mesh, &faces).mesh
     }
 
     /// Returns a cluster with its own short list of wedges.

@@ -85,8 +85,8 @@ pub fn correspondence<'a>(
     if tree.is_empty() {
         return Err(MeasureError::Empty { which: "original" });
     }
-    let sides = sides(result, &tree);
-    let search = Search { original, result, tree };
+    let sides = wedge_sides(result, &tree);
+    let search = SourceSearch { original, result, tree };
     let parts = chunks::map(result.wedge_count(), |range| {
         let mut hint = Hint::default();
         let of = |w: usize| search.source(WedgeId::new(w), &sides[w], &mut hint);
@@ -124,7 +124,7 @@ impl Correspondence<'_> {
     ///
     /// # Errors
     /// [`MeshError::WrongLength`] if there are not `width` values for each wedge of the original.
-    pub fn carry(&self, values: &[f32], width: usize) -> Result<Vec<f32>, MeshError> {
+    pub fn transfer(&self, values: &[f32], width: usize) -> Result<Vec<f32>, MeshError> {
         let wanted = width * self.original.wedge_count();
         if values.len() != wanted {
             return Err(MeshError::WrongLength { name: "values to carry", got: values.len(), wanted });
@@ -147,7 +147,7 @@ impl Correspondence<'_> {
     ///
     /// # Errors
     /// [`MeshError::WrongLength`] if there is not one value for each wedge of the original.
-    pub fn carry_whole<T: Clone>(&self, values: &[T]) -> Result<Vec<Option<T>>, MeshError> {
+    pub fn transfer_discrete<T: Clone>(&self, values: &[T]) -> Result<Vec<Option<T>>, MeshError> {
         let wanted = self.original.wedge_count();
         if values.len() != wanted {
             return Err(MeshError::WrongLength { name: "values to carry", got: values.len(), wanted });
@@ -165,7 +165,7 @@ impl Correspondence<'_> {
 /// Properties that decide on which side of sheets and seams a wedge of the result lies. Lengths in the frame
 /// of the original's tree.
 #[derive(Clone, Copy, Debug, Default)]
-struct Side {
+struct WedgeSide {
     /// The sum of the normals of its faces.
     normal: DVec3,
     /// The mean of the centres of its faces, relative to its position.
@@ -177,9 +177,9 @@ struct Side {
     faces: u32,
 }
 
-fn sides(result: &TriMesh, tree: &Bvh) -> Vec<Side> {
+fn wedge_sides(result: &TriMesh, tree: &Bvh) -> Vec<WedgeSide> {
     let positions = result.positions().view();
-    let mut sides = vec![Side::default(); result.wedge_count()];
+    let mut sides = vec![WedgeSide::default(); result.wedge_count()];
     for (f, wedges) in result.triangles().iter().enumerate() {
         let corners = wedges.map(|w| tree.frame().unit_from_user(positions.get(result.vertex_of(w))));
         let normal = double_area_normal(corners);
@@ -211,23 +211,23 @@ fn sides(result: &TriMesh, tree: &Bvh) -> Vec<Side> {
 /// Penalties for a source on the wrong side, added to its squared distance, in squared reaches of the wedge.
 /// (Guessed. A fit moves vertices by less than a tenth of an edge, mostly; noisy normals must not draw a
 /// source away.)
-const OTHER_SHEET: f64 = 1.0;
-const OTHER_CHART: f64 = 1.0;
-const OTHER_SHADE: f64 = 0.01;
+const OTHER_SHEET_PENALTY: f64 = 1.0;
+const OTHER_CHART_PENALTY: f64 = 1.0;
+const OTHER_NORMAL_PENALTY: f64 = 0.01;
 /// Texture coordinates count as equal if they differ by less than this share of their change over a reach;
 /// from the whole change on they are of another chart, with a linear ramp between. (Coordinates that a run
 /// has blended are off by up to a third of a reach at the ends of seams, as measured on a model of 5,856
 /// faces at 20 %.)
-const SAME_CHART: f64 = 0.5;
+const SAME_CHART_TOLERANCE: f64 = 0.5;
 /// Cosine of 25°: normals that differ by more are of another side of a crease. (Guessed.)
-const SAME_SHADE: f64 = 0.906;
+const SAME_NORMAL_COS: f64 = 0.906;
 /// Positions whose squared distances, in squared reaches, differ by less are equally near.
-const EQUAL: f64 = 1e-12;
+const EQUAL_DISTANCE_SQ: f64 = 1e-12;
 /// Length of the step from the wedge towards its faces that decides between equally near faces, as a share of
 /// the reach.
-const STEP: f64 = 0.05;
+const INWARD_STEP: f64 = 0.05;
 
-struct Search<'a> {
+struct SourceSearch<'a> {
     original: &'a TriMesh,
     result: &'a TriMesh,
     tree: Bvh,
@@ -241,16 +241,16 @@ struct Candidate {
     misfit: f64,
 }
 
-impl Search<'_> {
-    fn source(&self, wedge: WedgeId, side: &Side, hint: &mut Hint) -> Source {
+impl SourceSearch<'_> {
+    fn source(&self, wedge: WedgeId, side: &WedgeSide, hint: &mut Hint) -> Source {
         let place = self.result.positions().view().get(self.result.vertex_of(wedge));
         let p = self.tree.frame().unit_from_user(place);
         // Also `None` if the position is not finite.
         let Some(nearest) = self.tree.closest_slot(p, f64::INFINITY, hint) else { return Source::Nowhere };
         let kept = self.corner_at(nearest.slot, place).is_some();
         // At a kept vertex all distances are 0: only the faces at that vertex are compared.
-        let equal = EQUAL * side.reach * side.reach + f64::MIN_POSITIVE;
-        let mut best = self.judge(nearest.slot, wedge, side, p);
+        let equal = EQUAL_DISTANCE_SQ * side.reach * side.reach + f64::MIN_POSITIVE;
+        let mut best = self.rate_candidate(nearest.slot, wedge, side, p);
         let bound = if kept { equal } else { best.cost + equal };
         self.tree.visit(p, bound, |slot| {
             let is_known = slot == best.slot || kept && self.corner_at(slot, place).is_none();
@@ -258,7 +258,7 @@ impl Search<'_> {
             {
                 return None;
             }
-            let candidate = self.judge(slot, wedge, side, p);
+            let candidate = self.rate_candidate(slot, wedge, side, p);
             let is_better = if (candidate.cost - best.cost).abs() <= equal {
                 let faces = [candidate, best].map(|c| self.tree.slot_face(c.slot));
                 candidate.misfit < best.misfit || candidate.misfit == best.misfit && faces[0] < faces[1]
@@ -295,7 +295,7 @@ impl Search<'_> {
         weights.map(|x| x / sum)
     }
 
-    fn judge(&self, slot: u32, wedge: WedgeId, side: &Side, p: DVec3) -> Candidate {
+    fn rate_candidate(&self, slot: u32, wedge: WedgeId, side: &WedgeSide, p: DVec3) -> Candidate {
         let corners = self.tree.slot_corners(slot);
         let nearest = triangle::nearest(p, corners);
         let face = self.tree.slot_face(slot).index();
@@ -307,7 +307,7 @@ impl Search<'_> {
         let is_back = side.normal.dot(normal) < 0.0;
         let regions = side.region.zip(self.original.regions().map(|r| r[face]));
         if is_back || regions.is_some_and(|(a, b)| a != b) {
-            cost += OTHER_SHEET * unit_sq;
+            cost += OTHER_SHEET_PENALTY * unit_sq;
         }
         if normal == DVec3::ZERO {
             // A face without area determines the side poorly.
@@ -321,22 +321,23 @@ impl Search<'_> {
             // In reaches; at least the rounding error of texture coordinates in single precision.
             let off = off[0].hypot(off[1]) / side.uv_reach.max(1e-5);
             // NaN counts as another chart.
-            let share = (off - SAME_CHART) / (1.0 - SAME_CHART);
-            cost += OTHER_CHART * unit_sq * if share.is_nan() { 1.0 } else { share.clamp(0.0, 1.0) };
+            let share = (off - SAME_CHART_TOLERANCE) / (1.0 - SAME_CHART_TOLERANCE);
+            cost += OTHER_CHART_PENALTY * unit_sq * if share.is_nan() { 1.0 } else { share.clamp(0.0, 1.0) };
         }
         if let (Some(own), Some(all)) = (self.result.normals(), self.original.normals()) {
             let (a, b) = (DVec3::from(own[w].map(f64::from)), DVec3::from(blended(all, wedges, weights())));
             let length = a.length() * b.length();
-            if length > 0.0 && a.dot(b) < SAME_SHADE * length {
-                cost += OTHER_SHADE * unit_sq;
+            if length > 0.0 && a.dot(b) < SAME_NORMAL_COS * length {
+                cost += OTHER_NORMAL_PENALTY * unit_sq;
             }
         }
         // After a step towards the wedge's own faces, faces on the same side are nearer than those across an
         // edge.
-        let step = p + side.inward * STEP;
-        let beside = triangle::nearest(step, corners).point.distance(nearest.point + side.inward * STEP);
+        let step = p + side.inward * INWARD_STEP;
+        let beside =
+            triangle::nearest(step, corners).point.distance(nearest.point + side.inward * INWARD_STEP);
         if side.reach > 0.0 {
-            misfit += beside / (STEP * side.reach);
+            misfit += beside / (INWARD_STEP * side.reach);
         }
         Candidate { slot, cost, misfit }
     }
@@ -460,16 +461,16 @@ mod tests {
         let found = correspondence(&mesh, &strange).unwrap();
         assert_eq!(found.sources()[..2], [Source::Nowhere; 2]);
         let heights: Vec<f32> = mesh.positions().view().iter().map(|p| p[0] as f32 + 1.0).collect();
-        let carried = found.carry(&heights, 1).unwrap();
+        let carried = found.transfer(&heights, 1).unwrap();
         assert!(carried[0].is_nan() && carried[1].is_nan() && (carried[2] - 1.25).abs() < 1e-6);
         let wrong = MeshError::WrongLength { name: "values to carry", got: 8, wanted: 16 };
-        assert_eq!(found.carry(&heights, 2), Err(wrong));
+        assert_eq!(found.transfer(&heights, 2), Err(wrong));
         assert_eq!(
-            found.carry_whole(&['a'; 3]).unwrap_err().to_string(),
+            found.transfer_discrete(&['a'; 3]).unwrap_err().to_string(),
             "values to carry has 3 entries for 8"
         );
         let names: Vec<usize> = (0..8).collect();
-        let whole = found.carry_whole(&names).unwrap();
+        let whole = found.transfer_discrete(&names).unwrap();
         assert!(whole[0].is_none() && whole[2].is_some());
         let broken = triangle([[f64::NAN; 3], [0.0; 3], [1.0; 3]]);
         assert_eq!(correspondence(&broken, &mesh), Err(MeasureError::Empty { which: "original" }));

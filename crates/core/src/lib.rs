@@ -26,7 +26,7 @@ pub use correspondence::{Correspondence, Source, correspondence};
 pub use ids::{ClusterId, FaceId, GroupId, HalfEdgeId, RegionId, VertexId, WedgeId};
 pub use image::Image;
 pub use mesh::{
-    Attribute, Bounds, Integer, MeshError, Morphed, Positions, PositionsView, Semantic, Surface, TriMesh,
+    Attribute, Bounds, IntegerType, MeshError, Morphed, Positions, PositionsView, Semantic, Surface, TriMesh,
 };
 pub use model::Model;
 pub use splits::Splits;

@@ -30,7 +30,7 @@ pub fn check(step: impl Into<String>, need: u64, limit: u64) -> Result<(), TooMu
 }
 
 /// Formats a number of bytes in powers of 1024: `1.5 GiB`.
-pub fn in_words(bytes: u64) -> String {
+pub fn format_bytes(bytes: u64) -> String {
     const UNITS: [&str; 5] = ["bytes", "KiB", "MiB", "GiB", "TiB"];
     let mut scaled = (bytes as f64, 0);
     while scaled.0 >= 1024.0 && scaled.1 + 1 < UNITS.len() {
@@ -72,7 +72,7 @@ mod tests {
 
     #[test]
     fn bytes_in_words() {
-        let words = [0, 1023, 1536, 100 << 20, 3 << 29, u64::MAX].map(in_words);
+        let words = [0, 1023, 1536, 100 << 20, 3 << 29, u64::MAX].map(format_bytes);
         assert_eq!(words, ["0 bytes", "1023 bytes", "1.50 KiB", "100 MiB", "1.50 GiB", "16777216 TiB"]);
     }
 

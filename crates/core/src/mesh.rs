@@ -11,7 +11,7 @@ pub mod normals;
 pub mod part;
 pub mod weld;
 
-pub use attributes::{Attribute, Integer, Morphed, Semantic};
+pub use attributes::{Attribute, IntegerType, Morphed, Semantic};
 
 /// Reasons why buffers do not form a valid mesh.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -227,7 +227,7 @@ impl TriMesh {
         check_size("corners", triangles.len().saturating_mul(3))?;
         check_triangles(bytemuck::cast_slice(&triangles), positions.len())?;
         let triangles = bytemuck::allocation::cast_vec(triangles);
-        Ok(Self::bare(positions, None, triangles))
+        Ok(Self::without_attributes(positions, None, triangles))
     }
 
     /// Makes a mesh with several wedges per vertex: `vertex_of[w]` is the vertex of wedge w.
@@ -247,10 +247,14 @@ impl TriMesh {
         if let Some(wedge) = vertex_of.iter().position(|v| v.index() >= count) {
             return Err(MeshError::WedgeOutOfRange { wedge, index: vertex_of[wedge].0, count });
         }
-        Ok(Self::bare(positions, Some(vertex_of), triangles))
+        Ok(Self::without_attributes(positions, Some(vertex_of), triangles))
     }
 
-    fn bare(positions: Positions, vertex_of: Option<Vec<VertexId>>, triangles: Vec<[WedgeId; 3]>) -> Self {
+    fn without_attributes(
+        positions: Positions,
+        vertex_of: Option<Vec<VertexId>>,
+        triangles: Vec<[WedgeId; 3]>,
+    ) -> Self {
         Self {
             triangles,
             vertex_of,
@@ -459,8 +463,9 @@ fn check_triangles(triangles: &[[u32; 3]], count: usize) -> Result<(), MeshError
     // By chunks without an early exit, so that the loop is vectorized.
     let limit = u32::try_from(count).unwrap_or(u32::MAX);
     let is_bad = |some: &[[u32; 3]]| some.as_flattened().iter().fold(false, |any, i| any | (*i >= limit));
-    const SOME: usize = 1 << 10;
-    let from = triangles.chunks(SOME).position(is_bad).map_or(triangles.len(), |k| k * SOME);
+    const CHUNK_TRIANGLES: usize = 1 << 10;
+    let from =
+        triangles.chunks(CHUNK_TRIANGLES).position(is_bad).map_or(triangles.len(), |k| k * CHUNK_TRIANGLES);
     match triangles[from..].iter().position(bad).map(|f| from + f) {
         None => Ok(()),
         Some(face) => {

@@ -137,7 +137,7 @@ impl Triangulator {
 
         // A second of work at most; polygons of ten thousand corners reach it only if constructed to.
         let mut budget = 100_000_000u64 + 100 * u64::from(n);
-        let mut patience = Patience::Strict;
+        let mut patience = EarCriterion::Strict;
         let mut tried = 0;
         while left > 3 {
             let is_ear = self.is_ear(at, patience, &mut budget);
@@ -158,7 +158,7 @@ impl Triangulator {
                 if self.grid.is_stale() {
                     self.grid.build(&self.flat, &self.blocks);
                 }
-                patience = Patience::Strict;
+                patience = EarCriterion::Strict;
                 tried = 0;
                 // Skipping the next corner gives better shapes than a fan around one.
                 at = self.after[a as usize];
@@ -168,10 +168,10 @@ impl Triangulator {
                 if tried > left {
                     tried = 0;
                     patience = match patience {
-                        Patience::Strict => Patience::Touching,
-                        Patience::Touching => Patience::Straight,
-                        Patience::Straight => Patience::Any,
-                        Patience::Any => break,
+                        EarCriterion::Strict => EarCriterion::Touching,
+                        EarCriterion::Touching => EarCriterion::Straight,
+                        EarCriterion::Straight => EarCriterion::Any,
+                        EarCriterion::Any => break,
                     };
                 }
             }
@@ -197,14 +197,14 @@ impl Triangulator {
         turn(p(self.before[at as usize]), p(at), p(self.after[at as usize]))
     }
 
-    fn is_ear(&self, at: u32, patience: Patience, budget: &mut u64) -> bool {
+    fn is_ear(&self, at: u32, patience: EarCriterion, budget: &mut u64) -> bool {
         *budget = budget.saturating_sub(1);
         let t = self.turn_at(at);
         match patience {
-            Patience::Straight => t == 0.0,
-            Patience::Any => t > 0.0,
-            Patience::Strict | Patience::Touching => {
-                t > 0.0 && !self.is_blocked(at, patience == Patience::Touching, budget)
+            EarCriterion::Straight => t == 0.0,
+            EarCriterion::Any => t > 0.0,
+            EarCriterion::Strict | EarCriterion::Touching => {
+                t > 0.0 && !self.is_blocked(at, patience == EarCriterion::Touching, budget)
             }
         }
     }
@@ -238,7 +238,7 @@ impl Triangulator {
 
 /// Criterion for ears. Relaxed each time a full round finds none.
 #[derive(Clone, Copy, PartialEq)]
-enum Patience {
+enum EarCriterion {
     /// Convex, with no corner inside or on its boundary.
     Strict,
     /// Convex, with no corner inside.

@@ -50,7 +50,7 @@ impl Sample {
 pub struct Random(u64);
 
 /// Increment of SplitMix64.
-const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
+const GOLDEN_GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
 
 impl Random {
     /// Makes a generator. Equal seeds give equal numbers.
@@ -61,7 +61,7 @@ impl Random {
     /// Returns a random number, uniform over all values.
     #[inline]
     pub fn next_u64(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(STEP);
+        self.0 = self.0.wrapping_add(GOLDEN_GAMMA);
         mix(self.0)
     }
 
@@ -74,12 +74,12 @@ impl Random {
 
 /// Faces laid out on a line, ready to be sampled.
 #[derive(Clone, Debug)]
-pub struct Sampler {
+pub struct SurfaceSampler {
     /// End of each face on the line.
     ends: Vec<f64>,
 }
 
-impl Sampler {
+impl SurfaceSampler {
     /// Lays out the faces of a surface in their order; `None` if no face has finite corners.
     ///
     /// Faces with a non-finite corner get no samples. If no face has an area, faces are weighted by their
@@ -190,7 +190,7 @@ fn fold(along: f64, in_face: f64, seed: u64, number: usize) -> [f64; 3] {
 /// Source: the mixing steps of SplitMix64 [Steele 2014], over a counter.
 #[inline]
 fn random(seed: u64, number: usize, stream: u64) -> f64 {
-    let x = mix(seed).wrapping_add((number as u64 * 3 + stream).wrapping_mul(STEP));
+    let x = mix(seed).wrapping_add((number as u64 * 3 + stream).wrapping_mul(GOLDEN_GAMMA));
     unit(mix(x))
 }
 
@@ -212,8 +212,10 @@ mod tests {
     use super::*;
     use crate::mesh::PositionsView;
 
-    fn sampler(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Option<Sampler> {
-        Sampler::new(&Surface::new(PositionsView::F64(positions), bytemuck::cast_slice(triangles)).unwrap())
+    fn sampler(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Option<SurfaceSampler> {
+        SurfaceSampler::new(
+            &Surface::new(PositionsView::F64(positions), bytemuck::cast_slice(triangles)).unwrap(),
+        )
     }
 
     const SQUARE: [[f64; 3]; 5] =

@@ -1,6 +1,8 @@
 //! Proven bounds of the largest distance: never below the true distance, and close to it.
 
-use lodsmith_core::measure::proof::{Farthest, Kept, farthest, is_seen_within, keeps_within};
+use lodsmith_core::measure::proof::{
+    DistanceBounds, WithinResult, bound_distance, prove_within, samples_within,
+};
 use lodsmith_core::measure::{CompareOptions, Prepared, compare_prepared};
 use lodsmith_core::{PositionsView, Surface, TriMesh, VertexId, shapes};
 
@@ -32,15 +34,17 @@ fn square(n: u32, z: impl Fn(f64, f64) -> f64) -> Triangles {
 }
 
 fn check(from: &Prepared, to: &Prepared, wanted: f64) {
-    let Farthest { seen, bound } = farthest(from, to, 0.0, 0.01);
+    let DistanceBounds { seen, bound } = bound_distance(from, to, 0.0, 0.01);
     assert!(seen <= wanted * (1.0 + 1e-9) + 1e-12, "{seen} is more than {wanted}");
     assert!(bound >= wanted * (1.0 - 1e-9) - 1e-12, "{bound} is less than {wanted}");
     assert!(bound <= 1.02 * wanted + 1e-10, "{bound} is far more than {wanted}");
     let more = wanted * 1.001 + 1e-9;
-    assert!(matches!(keeps_within(from, to, more), Kept::Yes(b) if b <= more && b >= wanted * (1.0 - 1e-9)));
+    assert!(
+        matches!(prove_within(from, to, more), WithinResult::Yes(b) if b <= more && b >= wanted * (1.0 - 1e-9))
+    );
     if wanted > 0.0 {
         let less = wanted * 0.999;
-        assert!(matches!(keeps_within(from, to, less), Kept::No(d) if d >= less), "{wanted}");
+        assert!(matches!(prove_within(from, to, less), WithinResult::No(d) if d >= less), "{wanted}");
     }
 }
 
@@ -75,7 +79,7 @@ fn spheres_keep_the_height_of_their_caps() {
     options.samples = 100_000;
     let measured = compare_prepared(&a, &b, &options);
     for (from, to, seen) in [(&a, &b, measured.hausdorff.forward), (&b, &a, measured.hausdorff.backward)] {
-        let got = farthest(from, to, seen, 0.01);
+        let got = bound_distance(from, to, seen, 0.01);
         assert!(got.seen >= seen && got.bound >= got.seen && got.bound <= 1.03 * seen, "{got:?} {seen}");
     }
 }
@@ -85,9 +89,9 @@ fn a_surface_lies_on_itself_however_it_is_cut() {
     let one = prepared(&square(1, |x, y| 0.3 * x - 0.7 * y));
     let many = prepared(&square(60, |x, y| 0.3 * x - 0.7 * y));
     for (from, to) in [(&one, &many), (&many, &one), (&one, &one)] {
-        let got = farthest(from, to, 0.0, 0.01);
+        let got = bound_distance(from, to, 0.0, 0.01);
         assert!(got.bound < 1e-10, "{got:?}");
-        assert!(matches!(keeps_within(from, to, 1e-9), Kept::Yes(_)));
+        assert!(matches!(prove_within(from, to, 1e-9), WithinResult::Yes(_)));
     }
 }
 
@@ -108,10 +112,10 @@ fn points_segments_and_needles_are_proven_too() {
 fn places_of_the_range_of_doubles_end() {
     let near = prepared(&square(2, |_, _| 0.0));
     let far = prepared(&[[[1e200, 0.0, 0.0], [0.0, 1e200, 0.0], [0.0, 0.0, 1e200]]]);
-    assert!(matches!(keeps_within(&far, &near, 1.0), Kept::No(_)));
-    assert_eq!(farthest(&far, &near, 0.0, 0.01).bound, f64::INFINITY);
-    assert_eq!(keeps_within(&near, &near, f64::NAN), Kept::Open);
-    assert!(matches!(keeps_within(&near, &near, 0.0), Kept::Yes(b) if b == 0.0));
+    assert!(matches!(prove_within(&far, &near, 1.0), WithinResult::No(_)));
+    assert_eq!(bound_distance(&far, &near, 0.0, 0.01).bound, f64::INFINITY);
+    assert_eq!(prove_within(&near, &near, f64::NAN), WithinResult::Undecided);
+    assert!(matches!(prove_within(&near, &near, 0.0), WithinResult::Yes(b) if b == 0.0));
 }
 
 fn random(state: &mut u64) -> f64 {
@@ -141,7 +145,7 @@ fn no_sample_of_a_soup_lies_beyond_its_bound() {
     for round in 0..40 {
         let (a, b) = (soup(1 + 3 * round, state), soup(1 + 2 * round, state));
         let (from, to) = (prepared(&a), prepared(&b));
-        let got = farthest(&from, &to, 0.0, 0.01);
+        let got = bound_distance(&from, &to, 0.0, 0.01);
         assert!(got.bound <= 1.011 * got.seen, "{got:?}");
         let mut largest = 0f64;
         for t in &a {
@@ -157,11 +161,11 @@ fn no_sample_of_a_soup_lies_beyond_its_bound() {
         assert!(largest <= got.bound * (1.0 + 1e-12) && got.seen >= 0.9 * largest, "{largest} {got:?}");
         // Slightly more: the square of a root may be less than its argument.
         let bound = got.bound * (1.0 + 1e-12);
-        assert!(matches!(keeps_within(&from, &to, bound), Kept::Yes(_)), "{got:?}");
-        assert!(matches!(keeps_within(&from, &to, 0.995 * got.seen), Kept::No(_)), "{got:?}");
+        assert!(matches!(prove_within(&from, &to, bound), WithinResult::Yes(_)), "{got:?}");
+        assert!(matches!(prove_within(&from, &to, 0.995 * got.seen), WithinResult::No(_)), "{got:?}");
         // A rejection by samples is never wrong, and holds for any shorter distance.
-        assert!(is_seen_within(&from, &to, bound));
-        let seen: Vec<bool> = (0..20).map(|k| is_seen_within(&from, &to, bound * 0.8f64.powi(k))).collect();
+        assert!(samples_within(&from, &to, bound));
+        let seen: Vec<bool> = (0..20).map(|k| samples_within(&from, &to, bound * 0.8f64.powi(k))).collect();
         assert!(seen.is_sorted_by(|a, b| a >= b) && (got.seen < 1e-9 || !seen[19]), "{seen:?}");
     }
 }
@@ -171,11 +175,11 @@ fn answers_do_not_hang_on_the_order_of_the_faces() {
     // Threads take pieces of fixed size; the tree sorts the faces.
     let state = &mut 3;
     let (mut a, b) = (soup(3000, state), soup(500, state));
-    let first = farthest(&prepared(&a), &prepared(&b), 0.0, 0.01);
+    let first = bound_distance(&prepared(&a), &prepared(&b), 0.0, 0.01);
     a.reverse();
-    let second = farthest(&prepared(&a), &prepared(&b), 0.0, 0.01);
+    let second = bound_distance(&prepared(&a), &prepared(&b), 0.0, 0.01);
     assert!(
         (first.seen / second.seen - 1.0).abs() < 0.011 && (first.bound / second.bound - 1.0).abs() < 0.011
     );
-    assert_eq!(first, farthest(&prepared(&soup(3000, &mut 3)), &prepared(&b), 0.0, 0.01));
+    assert_eq!(first, bound_distance(&prepared(&soup(3000, &mut 3)), &prepared(&b), 0.0, 0.01));
 }

@@ -11,7 +11,7 @@ use std::path::{Component, Path, PathBuf};
 
 /// Maximum total bytes of the images that one model names and that are not decoded. Guessed: half of what a
 /// GLB can hold.
-pub(crate) const MOST_IMAGE_BYTES: u64 = 2 << 30;
+pub(crate) const MAX_IMAGE_BYTES: u64 = 2 << 30;
 
 /// The folder that limits which files a model may name: its material libraries, textures, buffers and images.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -70,7 +70,7 @@ pub(crate) struct Asset {
     /// The path as the model has it; a link keeps its own name here.
     path: PathBuf,
     /// The file itself, after resolving links.
-    real: PathBuf,
+    real_path: PathBuf,
 }
 
 impl Assets {
@@ -127,7 +127,7 @@ impl Assets {
             return Err(Refusal::Outside);
         }
         match fs::metadata(&real) {
-            Ok(about) if about.is_file() => Ok(Asset { path, real }),
+            Ok(about) if about.is_file() => Ok(Asset { path, real_path: real }),
             Ok(_) => Err(Refusal::NotAFile),
             Err(_) => Err(Refusal::Absent),
         }
@@ -146,13 +146,13 @@ impl Asset {
     }
 
     /// The file itself, after resolving links.
-    pub(crate) fn real(&self) -> &Path {
-        &self.real
+    pub(crate) fn real_path(&self) -> &Path {
+        &self.real_path
     }
 
     /// Opens the file.
     pub(crate) fn open(&self) -> Result<File, String> {
-        File::open(&self.real).map_err(|e| format!("cannot be read: {e}"))
+        File::open(&self.real_path).map_err(|e| format!("cannot be read: {e}"))
     }
 
     /// Reads its bytes, up to a maximum.

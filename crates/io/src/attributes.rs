@@ -9,9 +9,9 @@ use crate::error::Warning;
 /// positions in the file.
 ///
 /// It is a note as long as no coordinate moves by more than a millionth of the mesh's diagonal, else a loss.
-pub(crate) fn rounding(mesh: &TriMesh, format: &str, from: Option<[f64; 3]>) -> Option<Warning> {
+pub(crate) fn rounding_warning(mesh: &TriMesh, format: &str, from: Option<[f64; 3]>) -> Option<Warning> {
     // Guessed: far below the error of a simplified mesh, and some 16 times the rounding of a mesh around the origin.
-    const SMALL: f64 = 1e-6;
+    const MAX_RELATIVE_MOVE: f64 = 1e-6;
     let Positions::F64(positions) = mesh.positions() else { return None };
     let origin = from.unwrap_or([0.0; 3]);
     let moved = |p: &[f64; 3]| {
@@ -26,7 +26,7 @@ pub(crate) fn rounding(mesh: &TriMesh, format: &str, from: Option<[f64; 3]>) -> 
     let measured = if from.is_some() { ", measured from the centre of the mesh" } else { "" };
     let text = format!("{format} holds single precision: positions are rounded to it{measured}");
     let diagonal = mesh.positions().view().bounds().map_or(0.0, |b| b.diagonal());
-    if most <= SMALL * diagonal {
+    if most <= MAX_RELATIVE_MOVE * diagonal {
         return Some(Warning::note(text));
     }
     Some(Warning::lost(format!("{text}, which moves some by {most:.1e}")))
@@ -83,13 +83,13 @@ mod tests {
             let corners = vec![[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, 0.0]];
             TriMesh::new(Positions::F64(corners), vec![[0, 1, 2].map(lodsmith_core::VertexId)]).unwrap()
         };
-        let lost = |x: f64, from| rounding(&at(x), "X", from).map(|w| w.data_lost);
+        let lost = |x: f64, from| rounding_warning(&at(x), "X", from).map(|w| w.data_lost);
         assert_eq!(lost(0.5, None), None);
         assert_eq!(lost(0.1, None), Some(false));
         assert_eq!(lost(1000.1, None), Some(true));
         assert_eq!(lost(1000.1, Some([1000.0, 0.0, 0.0])), Some(false));
         assert_eq!(lost(1e300, None), Some(true));
-        let text = rounding(&at(1000.1), "X", None).unwrap().text;
+        let text = rounding_warning(&at(1000.1), "X", None).unwrap().text;
         assert_eq!(text, "X holds single precision: positions are rounded to it, which moves some by 2.4e-5");
     }
 

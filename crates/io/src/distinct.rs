@@ -4,7 +4,7 @@ use std::hash::{BuildHasher, RandomState};
 
 /// A set of triples, numbered by first appearance. A hash table with open addressing; the triples are
 /// contiguous.
-pub(crate) struct Distinct {
+pub(crate) struct TripleSet {
     keys: Vec<[u32; 3]>,
     /// Number of a triple, or [`FREE`]; the length is a power of two, at least twice that of `keys`.
     slots: Vec<u32>,
@@ -15,9 +15,9 @@ pub(crate) struct Distinct {
 
 const FREE: u32 = u32::MAX;
 
-impl Distinct {
+impl TripleSet {
     /// Creates an empty set with a table for this many triples; it grows as needed.
-    pub(crate) fn with_room_for(count: usize) -> Self {
+    pub(crate) fn with_capacity(count: usize) -> Self {
         let slots = vec![FREE; (count.max(16) * 2).next_power_of_two()];
         Self { keys: Vec::with_capacity(count), slots, seed: RandomState::new().hash_one(0u8) }
     }
@@ -28,7 +28,7 @@ impl Distinct {
     /// At 2^32 - 1 different triples; callers have fewer corners than that.
     #[inline]
     pub(crate) fn id_of(&mut self, key: [u32; 3]) -> u32 {
-        let mut at = self.place(key);
+        let mut at = self.slot_of(key);
         let mask = self.slots.len() - 1;
         loop {
             match self.slots[at] {
@@ -53,7 +53,7 @@ impl Distinct {
     }
 
     #[inline]
-    fn place(&self, [a, b, c]: [u32; 3]) -> usize {
+    fn slot_of(&self, [a, b, c]: [u32; 3]) -> usize {
         // Two rounds of multiply and fold; the constants are odd and have no pattern (digits of the golden ratio and of
         // the square root of 2).
         let fold = |x: u64, k: u64| {
@@ -70,7 +70,7 @@ impl Distinct {
         self.slots = vec![FREE; self.slots.len() * 2];
         let mask = self.slots.len() - 1;
         for id in 0..self.keys.len() {
-            let mut at = self.place(self.keys[id]);
+            let mut at = self.slot_of(self.keys[id]);
             while self.slots[at] != FREE {
                 at = (at + 1) & mask;
             }
@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn numbers_follow_first_appearance_through_growth() {
-        let mut set = Distinct::with_room_for(0);
+        let mut set = TripleSet::with_capacity(0);
         let key = |i: u32| [i / 7, i % 7, i.wrapping_mul(0x1000)];
         for round in 0..2 {
             for i in 0..10_000 {

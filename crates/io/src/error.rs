@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use lodsmith_core::MeshError;
-use lodsmith_core::memory::{TooMuchMemory, in_words};
+use lodsmith_core::memory::{TooMuchMemory, format_bytes};
 
 /// The location of a problem in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -173,7 +173,7 @@ impl Warning {
     }
     /// Creates a warning that the mesh read from a scene lacks this; everything derived from the mesh lacks
     /// it too.
-    pub(crate) fn not_of_a_mesh(what: &str) -> Self {
+    pub(crate) fn lost_scene_data(what: &str) -> Self {
         let text = format!("{what} are not carried: only a scene that goes from glTF to glTF keeps them");
         Self { of_scene: true, ..Self::lost(text) }
     }

@@ -3,16 +3,16 @@
 /// Returns an excerpt of a word or a name.
 pub(crate) fn excerpt(text: &str) -> String {
     // Guessed: long enough to be found, short enough to be read.
-    const MOST: usize = 60;
+    const MAX_CHARS: usize = 60;
     let mut shown = String::new();
-    for c in text.chars().take(MOST) {
+    for c in text.chars().take(MAX_CHARS) {
         if c.is_control() {
             shown.extend(c.escape_debug());
         } else {
             shown.push(c);
         }
     }
-    if text.chars().nth(MOST).is_some() {
+    if text.chars().nth(MAX_CHARS).is_some() {
         shown.push('…');
     }
     shown

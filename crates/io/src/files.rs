@@ -69,9 +69,9 @@ fn target_of(path: &Path) -> io::Result<PathBuf> {
         return Ok(real);
     }
     // The limit of Linux.
-    const MOST_LINKS: usize = 40;
+    const MAX_LINKS: usize = 40;
     let mut target = path.to_owned();
-    for _ in 0..MOST_LINKS {
+    for _ in 0..MAX_LINKS {
         let Ok(next) = fs::read_link(&target) else { return Ok(target) };
         target = target.parent().unwrap_or(Path::new("")).join(next);
     }
@@ -108,9 +108,9 @@ pub(crate) fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
 /// Removes temporary files that no running process holds: once per folder and process, since a folder may be
 /// large.
 fn remove_stale_parts(folder: &Path) {
-    static SWEPT: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    static CLEANED_FOLDERS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
     let real = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
-    if !SWEPT.lock().unwrap_or_else(PoisonError::into_inner).insert(real) {
+    if !CLEANED_FOLDERS.lock().unwrap_or_else(PoisonError::into_inner).insert(real) {
         return;
     }
     let Ok(entries) = fs::read_dir(folder) else { return };

@@ -33,7 +33,7 @@ mod write;
 
 pub use copies::CopyPlace;
 pub use lod::SceneLevels;
-pub use moving::{MovingNode, SceneLens, SceneMotion};
+pub use moving::{MovingNode, SceneCamera, SceneMotion};
 pub use names::MeshNames;
 pub use scene::{Scene, SceneMesh};
 
@@ -44,7 +44,7 @@ use lodsmith_core::TriMesh;
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::loaded::Loaded;
-use crate::material::{Purpose, Textures, looks};
+use crate::material::{Purpose, Textures, convert_materials};
 use crate::options::ReadOptions;
 use crate::options::WriteOptions;
 
@@ -74,7 +74,7 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     let opened;
     let buffers = if unpack::is_needed(&document.json) {
         let mut all = Buffers::new(&document, options).load_all()?;
-        let unpacked = unpack::unpack(&mut document.json, &mut all, options.limits.most_bytes())?;
+        let unpacked = unpack::unpack(&mut document.json, &mut all, options.limits.max_bytes())?;
         opened = all;
         Buffers::loaded(&document.json, &opened, unpacked)
     } else {
@@ -111,7 +111,7 @@ pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io:
         .regions
         .as_deref()
         .filter(|_| options.textures != Textures::None)
-        .and_then(|regions| looks(mesh, regions, Purpose::Gltf))
+        .and_then(|regions| convert_materials(mesh, regions, Purpose::Gltf))
         .unwrap_or_default();
     write::write(mesh, looks, options.format != Some(Format::Gltf), out)
 }

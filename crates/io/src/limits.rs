@@ -29,7 +29,7 @@ impl Default for Limits {
 
 impl Limits {
     /// Returns the maximum size of anything that is held in memory as a whole.
-    pub(crate) fn most_bytes(&self) -> u64 {
+    pub(crate) fn max_bytes(&self) -> u64 {
         self.bytes.min(self.memory)
     }
 
@@ -41,7 +41,7 @@ impl Limits {
 
 /// Returns an empty vector with this capacity. The memory has been checked before, so this fails only if
 /// other processes have taken it since.
-pub(crate) fn with_room<T>(count: usize) -> Result<Vec<T>, ReadError> {
+pub(crate) fn try_with_capacity<T>(count: usize) -> Result<Vec<T>, ReadError> {
     let mut room = Vec::new();
     match room.try_reserve_exact(count) {
         Ok(()) => Ok(room),

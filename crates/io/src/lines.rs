@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use crate::error::ReadError;
 use crate::excerpt::excerpt_of_bytes;
-use crate::numbers::{Decimal, decimal, whole};
+use crate::numbers::{Decimal, parse_decimal, parse_integer};
 
 /// A cursor in a text.
 #[derive(Clone, Debug)]
@@ -30,7 +30,7 @@ impl<'a> Lines<'a> {
     }
     /// Returns all remaining bytes, beginning with the rest of this line.
     #[inline]
-    pub(crate) fn ahead(&self) -> &'a [u8] {
+    pub(crate) fn remaining(&self) -> &'a [u8] {
         &self.bytes[self.at..]
     }
     /// Returns the next byte; a line end at the end of the file.
@@ -40,12 +40,12 @@ impl<'a> Lines<'a> {
     }
     /// Skips this many bytes, none of them a line end.
     #[inline]
-    pub(crate) fn pass(&mut self, count: usize) {
+    pub(crate) fn skip_bytes(&mut self, count: usize) {
         self.at += count;
     }
     /// Returns true at the end of the file.
     #[inline]
-    pub(crate) fn is_over(&self) -> bool {
+    pub(crate) fn at_end(&self) -> bool {
         self.at >= self.bytes.len()
     }
 
@@ -67,7 +67,7 @@ impl<'a> Lines<'a> {
 
     #[cold]
     fn skip_continuation(&mut self) -> bool {
-        let length = match self.ahead() {
+        let length = match self.remaining() {
             [b'\\', b'\n', ..] => 2,
             [b'\\', b'\r', b'\n', ..] => 3,
             _ => return false,
@@ -79,7 +79,7 @@ impl<'a> Lines<'a> {
 
     /// Skips blanks; returns true if the line ends there or a comment begins.
     #[inline]
-    pub(crate) fn ends(&mut self) -> bool {
+    pub(crate) fn at_line_end(&mut self) -> bool {
         self.skip_blanks();
         matches!(self.peek(), b'\n' | b'#')
     }
@@ -90,13 +90,13 @@ impl<'a> Lines<'a> {
         if self.peek() == b'\n' {
             self.at = self.bytes.len().min(self.at + 1);
         } else {
-            self.at = memchr::memchr(b'\n', self.ahead()).map_or(self.bytes.len(), |n| self.at + n + 1);
+            self.at = memchr::memchr(b'\n', self.remaining()).map_or(self.bytes.len(), |n| self.at + n + 1);
         }
         self.line += 1;
     }
 
     /// Moves to the start of the next line that does not continue this one.
-    pub(crate) fn next_line_of_its_own(&mut self) {
+    pub(crate) fn next_logical_line(&mut self) {
         loop {
             let start = self.at;
             self.next_line();
@@ -109,14 +109,14 @@ impl<'a> Lines<'a> {
 
     /// Returns the next word, up to a blank or line end.
     pub(crate) fn word(&self) -> &'a [u8] {
-        let ahead = self.ahead();
+        let ahead = self.remaining();
         &ahead[..ahead.iter().position(|b| b" \t\r\n".contains(b)).unwrap_or(ahead.len())]
     }
 
     /// Returns the rest of this line and of its continuation lines, without blanks around it.
     pub(crate) fn rest_with_continuations(&self) -> Cow<'a, [u8]> {
         let mut end = self.clone();
-        end.next_line_of_its_own();
+        end.next_logical_line();
         let line = self.bytes[self.at..end.at].trim_ascii();
         if !line.contains(&b'\n') {
             return Cow::Borrowed(line);
@@ -135,12 +135,12 @@ impl<'a> Lines<'a> {
     /// If there is none, or other characters follow it directly.
     #[inline]
     pub(crate) fn decimal(&mut self) -> Result<Decimal, ReadError> {
-        match decimal(self.ahead()) {
+        match parse_decimal(self.remaining()) {
             Some((number, length)) if is_end_of_word(self.bytes.get(self.at + length)) => {
                 self.at += length;
                 Ok(number)
             }
-            _ => Err(self.not_a("number")),
+            _ => Err(self.expected_error("number")),
         }
     }
 
@@ -150,24 +150,24 @@ impl<'a> Lines<'a> {
     /// If there is none.
     #[inline]
     pub(crate) fn whole(&mut self) -> Result<i64, ReadError> {
-        match whole(self.ahead()) {
+        match parse_integer(self.remaining()) {
             Some((number, length)) => {
                 self.at += length;
                 Ok(number)
             }
-            None => Err(self.not_a("whole number")),
+            None => Err(self.expected_error("whole number")),
         }
     }
 
     /// Returns true if a word ends here.
     #[inline]
-    pub(crate) fn word_ends(&self) -> bool {
+    pub(crate) fn at_word_end(&self) -> bool {
         is_end_of_word(self.bytes.get(self.at))
     }
 
     /// Creates the error that the next word is not what was expected.
     #[cold]
-    pub(crate) fn not_a(&self, wanted: &str) -> ReadError {
+    pub(crate) fn expected_error(&self, wanted: &str) -> ReadError {
         if matches!(self.peek(), b'\n' | b'#') {
             return self.error(format!("the line ends where a {wanted} was expected"));
         }
@@ -230,12 +230,12 @@ mod tests {
             lines.skip_blanks();
             assert_eq!((lines.line(), lines.decimal().unwrap().value), (line, number));
         }
-        assert!(lines.ends());
+        assert!(lines.at_line_end());
         lines.next_line();
         assert_eq!((lines.line(), lines.whole().unwrap()), (4, 4));
-        assert!(lines.ends() && lines.is_over());
+        assert!(lines.at_line_end() && lines.at_end());
         lines.next_line();
-        assert!(lines.is_over());
+        assert!(lines.at_end());
     }
 
     #[test]
@@ -252,6 +252,9 @@ mod tests {
         lines.next_line();
         assert_eq!(lines.decimal().unwrap_err().to_string(), "line 2: `3.1+e2` is not a number");
         let lines = Lines::new(b"\n");
-        assert_eq!(lines.not_a("number").to_string(), "line 1: the line ends where a number was expected");
+        assert_eq!(
+            lines.expected_error("number").to_string(),
+            "line 1: the line ends where a number was expected"
+        );
     }
 }

@@ -23,9 +23,9 @@ use crate::loaded::{Contents, Loaded};
 use crate::options::ReadOptions;
 
 /// Minimum bits of a quantized coordinate. Guessed: fewer give no usable mesh.
-pub const LEAST_BITS: u8 = 6;
+pub const MIN_BITS: u8 = 6;
 /// Maximum bits of a quantized coordinate: those of single precision.
-pub const MOST_BITS: u8 = 24;
+pub const MAX_BITS: u8 = 24;
 
 /// Options for writing a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,7 +69,7 @@ pub fn read(from: impl std::io::Read, options: &ReadOptions) -> Result<Lpm, Read
 /// Reads the full mesh, or the finest one that the bytes contain.
 pub(crate) fn read_mesh(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     let mut reader = LpmReader::new(bytes, options.limits)?;
-    reader.read_on()?;
+    reader.read_rest()?;
     let mesh = reader.mesh()?;
     let lpm = reader.into_lpm()?;
     let mut attributes: Vec<String> = Vec::new();

@@ -9,23 +9,23 @@ use std::path::{Path, PathBuf};
 /// On Linux the minimum of: the memory of the machine; `memory.max` (cgroup v2) or `memory.limit_in_bytes`
 /// (v1) of the groups of the process; half of `ulimit -v`, which limits address space; a process reserves
 /// more of that than it fills.
-pub fn memory() -> Option<u64> {
+pub fn memory_limit() -> Option<u64> {
     let text = |path: &str| fs::read_to_string(path).unwrap_or_default();
     let of_groups = group_files(&text("/proc/self/cgroup"))
         .into_iter()
         .filter_map(|path| fs::read_to_string(path).ok()?.trim().parse().ok());
-    let all = [machine_bytes(&text("/proc/meminfo")), addresses().map(|n| n / 2)];
+    let all = [machine_bytes(&text("/proc/meminfo")), address_space_limit().map(|n| n / 2)];
     all.into_iter().flatten().chain(of_groups).min()
 }
 
 /// Returns the resident memory of this process in bytes; `None` if unknown.
-pub fn taken() -> Option<u64> {
+pub fn resident_bytes() -> Option<u64> {
     resident(&fs::read_to_string("/proc/self/status").ok()?)
 }
 
 /// Returns the address space limit of this process in bytes, as `ulimit -v` sets it; `None` without a limit.
-pub fn addresses() -> Option<u64> {
-    addresses_in(&fs::read_to_string("/proc/self/limits").ok()?)
+pub fn address_space_limit() -> Option<u64> {
+    parse_address_space_limit(&fs::read_to_string("/proc/self/limits").ok()?)
 }
 
 /// Returns the bytes of a `/proc` line of the form `Name:   123 kB`.
@@ -43,7 +43,7 @@ fn resident(status: &str) -> Option<u64> {
 }
 
 /// Returns the soft limit of the address space; `None` without one.
-fn addresses_in(limits: &str) -> Option<u64> {
+fn parse_address_space_limit(limits: &str) -> Option<u64> {
     let line = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
     line.split_whitespace().next()?.parse().ok()
 }
@@ -80,9 +80,9 @@ mod tests {
         assert_eq!(resident("Name:\tx\nVmRSS:\t    2048 kB\n"), Some(2 << 20));
         let limits =
             |n: &str| format!("Max cpu time  unlimited\nMax address space         {n}   {n}  bytes\n");
-        assert_eq!(addresses_in(&limits("1073741824")), Some(1 << 30));
-        assert_eq!(addresses_in(&limits("unlimited")), None);
-        assert_eq!([machine_bytes(""), resident(""), addresses_in("")], [None; 3]);
+        assert_eq!(parse_address_space_limit(&limits("1073741824")), Some(1 << 30));
+        assert_eq!(parse_address_space_limit(&limits("unlimited")), None);
+        assert_eq!([machine_bytes(""), resident(""), parse_address_space_limit("")], [None; 3]);
     }
 
     #[test]
@@ -103,7 +103,7 @@ mod tests {
     #[cfg(target_os = "linux")]
     #[test]
     fn this_machine_tells() {
-        let (all, taken) = (memory().expect("Linux tells"), taken().expect("Linux tells"));
+        let (all, taken) = (memory_limit().expect("Linux tells"), resident_bytes().expect("Linux tells"));
         assert!(taken > 0 && all > taken, "{taken} of {all}");
     }
 }

@@ -11,9 +11,9 @@ mod textures;
 
 pub(crate) use image_type::image_type;
 pub use library::Library;
-pub(crate) use library::{Image, Made, look_up};
-pub(crate) use looks::{Look, Looks, Purpose, looks};
-pub(crate) use regions::{Heading, Headings, Place, counts, drops_materials, listed};
+pub(crate) use library::{GeneratedLibrary, Image, read_libraries};
+pub(crate) use looks::{ConvertedMaterial, ConvertedMaterials, Purpose, convert_materials};
+pub(crate) use regions::{FacePosition, Heading, Headings, counts, drops_materials, join_titles};
 pub use regions::{Region, Regions};
 pub use textures::Textures;
-pub(crate) use textures::{names_of, write_beside};
+pub(crate) use textures::{names_of, write_sidecar_files};

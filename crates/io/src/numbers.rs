@@ -25,7 +25,7 @@ impl Decimal {
     /// for an `f32` always is.
     #[inline]
     pub(crate) fn needs_f64(&self) -> bool {
-        if self.mantissa < SURE && self.exponent.unsigned_abs() <= 30 {
+        if self.mantissa < MIN_F64_MANTISSA && self.exponent.unsigned_abs() <= 30 {
             return false;
         }
         self.differs_from_f32()
@@ -52,7 +52,7 @@ impl Decimal {
                 digits = digits.saturating_sub(exponent.unsigned_abs());
                 exponent = 0;
             }
-            while digits >= SURE_DIGITS && rest % 10.0 == 0.0 {
+            while digits >= MIN_F64_DIGITS && rest % 10.0 == 0.0 {
                 (digits, exponent, rest) = (digits - 1, exponent + 1, rest / 10.0);
             }
         }
@@ -63,7 +63,7 @@ impl Decimal {
             None => 10f64.powi(exponent),
         };
         let printed_alike = off <= 0.500_001 * unit;
-        (digits >= SURE_DIGITS || single.is_subnormal())
+        (digits >= MIN_F64_DIGITS || single.is_subnormal())
             && off > 1e-9 * self.value.abs()
             && !printed_alike
             && !self.is_shortest_of(single)
@@ -80,17 +80,17 @@ impl Decimal {
 
 /// Numbers of fewer digits than this need no `f64`: an `f32` distinguishes any two of them (except for some
 /// of seven digits, whose last digit is noise).
-const SURE_DIGITS: u32 = 8;
+const MIN_F64_DIGITS: u32 = 8;
 
 /// The smallest number with this many digits.
-const SURE: u64 = 10u64.pow(SURE_DIGITS - 1);
+const MIN_F64_MANTISSA: u64 = 10u64.pow(MIN_F64_DIGITS - 1);
 
 /// Reads the number at the start of `bytes` and returns it with its length; `None` if there is none.
 ///
 /// Decimal notation with optional sign, point and exponent, `nan`, `inf` and `infinity` in any case. The
 /// caller checks what follows.
 #[inline]
-pub(crate) fn decimal(bytes: &[u8]) -> Option<(Decimal, usize)> {
+pub(crate) fn parse_decimal(bytes: &[u8]) -> Option<(Decimal, usize)> {
     let mut at = 0;
     let negative = match bytes.first() {
         Some(b'-') => {
@@ -123,7 +123,7 @@ pub(crate) fn decimal(bytes: &[u8]) -> Option<(Decimal, usize)> {
         exponent = -i32::try_from(places).ok()?;
     }
     if all == 0 {
-        return special(bytes);
+        return parse_special(bytes);
     }
     if let Some(b'e' | b'E') = bytes.get(at) {
         let (power, length) = power_of_ten(&bytes[at + 1..]);
@@ -217,7 +217,7 @@ fn power_of_ten(bytes: &[u8]) -> (i32, usize) {
 }
 
 #[cold]
-fn special(bytes: &[u8]) -> Option<(Decimal, usize)> {
+fn parse_special(bytes: &[u8]) -> Option<(Decimal, usize)> {
     let start = usize::from(matches!(bytes.first(), Some(b'-' | b'+')));
     let word = &bytes[start..];
     let begins = |name: &str| word.get(..name.len()).is_some_and(|w| w.eq_ignore_ascii_case(name.as_bytes()));
@@ -238,7 +238,7 @@ const EXACT_POWERS: [f64; 23] = [
 /// Reads the integer at the start of `bytes` and returns it with its length; `None` if there is none. Numbers
 /// too large for an index saturate.
 #[inline]
-pub(crate) fn whole(bytes: &[u8]) -> Option<(i64, usize)> {
+pub(crate) fn parse_integer(bytes: &[u8]) -> Option<(i64, usize)> {
     let negative = bytes.first() == Some(&b'-');
     let start = usize::from(negative || bytes.first() == Some(&b'+'));
     let mut value = 0u64;
@@ -253,7 +253,7 @@ pub(crate) fn whole(bytes: &[u8]) -> Option<(i64, usize)> {
 /// Reads an integer without a sign and of at most seven digits; `None` for any other number, or near the end
 /// of the bytes. A faster [`whole`] for most indices.
 #[inline(always)]
-pub(crate) fn short_whole(bytes: &[u8]) -> Option<(u32, usize)> {
+pub(crate) fn parse_short_integer(bytes: &[u8]) -> Option<(u32, usize)> {
     let (value, count) = up_to_eight_digits(u64::from_le_bytes(*bytes.first_chunk::<8>()?));
     // Seven digits fit 32 bits.
     (1..8).contains(&count).then_some((value as u32, count))
@@ -286,11 +286,11 @@ impl<'a> TextOut<'a> {
     pub(crate) fn byte(&mut self, byte: u8) {
         self.buffer.push(byte);
     }
-    pub(crate) fn whole(&mut self, number: impl itoa::Integer) {
+    pub(crate) fn parse_integer(&mut self, number: impl itoa::Integer) {
         self.buffer.extend_from_slice(self.whole.format(number).as_bytes());
     }
     /// Writes the shortest decimal that reads back as the same number.
-    pub(crate) fn decimal(&mut self, number: impl zmij::Float) {
+    pub(crate) fn parse_decimal(&mut self, number: impl zmij::Float) {
         let text = self.decimal.format(number);
         self.buffer.extend_from_slice(text.strip_suffix(".0").unwrap_or(text).as_bytes());
     }
@@ -298,7 +298,7 @@ impl<'a> TextOut<'a> {
     pub(crate) fn decimals(&mut self, numbers: impl IntoIterator<Item = impl zmij::Float>) {
         for number in numbers {
             self.byte(b' ');
-            self.decimal(number);
+            self.parse_decimal(number);
         }
     }
     /// Ends a line.
@@ -322,7 +322,7 @@ mod tests {
     use super::*;
 
     fn value(text: &str) -> Option<(f64, usize)> {
-        decimal(text.as_bytes()).map(|(d, n)| (d.value, n))
+        parse_decimal(text.as_bytes()).map(|(d, n)| (d.value, n))
     }
 
     #[test]
@@ -385,7 +385,7 @@ mod tests {
 
     #[test]
     fn only_digits_that_an_f32_cannot_hold_need_f64() {
-        let needs = |text: &str| decimal(text.as_bytes()).unwrap().0.needs_f64();
+        let needs = |text: &str| parse_decimal(text.as_bytes()).unwrap().0.needs_f64();
         for text in [
             "0.1",
             "1.234567",
@@ -441,19 +441,23 @@ mod tests {
 
     #[test]
     fn whole_numbers_saturate() {
-        assert_eq!(whole(b"-12/3"), Some((-12, 3)));
-        assert_eq!(whole(b"+7 "), Some((7, 2)));
-        assert_eq!(whole(b"353535235358"), Some((353_535_235_358, 12)));
-        assert_eq!(whole(b"99999999999999999999999"), Some((i64::MAX, 23)));
-        assert_eq!(whole(b"-99999999999999999999999"), Some((-i64::MAX, 24)));
-        assert_eq!(short_whole(b"1234567 "), Some((1_234_567, 7)));
-        assert_eq!(short_whole(b"12/34 56"), Some((12, 2)));
+        assert_eq!(parse_integer(b"-12/3"), Some((-12, 3)));
+        assert_eq!(parse_integer(b"+7 "), Some((7, 2)));
+        assert_eq!(parse_integer(b"353535235358"), Some((353_535_235_358, 12)));
+        assert_eq!(parse_integer(b"99999999999999999999999"), Some((i64::MAX, 23)));
+        assert_eq!(parse_integer(b"-99999999999999999999999"), Some((-i64::MAX, 24)));
+        assert_eq!(parse_short_integer(b"1234567 "), Some((1_234_567, 7)));
+        assert_eq!(parse_short_integer(b"12/34 56"), Some((12, 2)));
         assert_eq!(
-            (short_whole(b"12345678 "), short_whole(b"-2345678"), short_whole(b"1 2")),
+            (
+                parse_short_integer(b"12345678 "),
+                parse_short_integer(b"-2345678"),
+                parse_short_integer(b"1 2")
+            ),
             (None, None, None)
         );
-        assert_eq!(whole(b"-"), None);
-        assert_eq!(whole(b"x"), None);
+        assert_eq!(parse_integer(b"-"), None);
+        assert_eq!(parse_integer(b"x"), None);
     }
 
     #[test]

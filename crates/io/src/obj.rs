@@ -19,4 +19,4 @@ pub use crate::material::{Library, Region, Regions, Textures};
 pub use read::read;
 pub(crate) use stream::read_file;
 pub use write::write;
-pub(crate) use write::write_naming;
+pub(crate) use write::write_with_libraries;

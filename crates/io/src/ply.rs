@@ -13,7 +13,7 @@ use std::io::{self, Write};
 use lodsmith_core::polygon::Triangulator;
 use lodsmith_core::{Attribute, MeshError, Positions, Semantic, TriMesh, VertexId, WedgeId};
 
-use crate::distinct::Distinct;
+use crate::distinct::TripleSet;
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::loaded::{Contents, Loaded};
@@ -170,7 +170,7 @@ fn with_corner_uvs(
     if u32::try_from(corners).is_err() {
         return Err(MeshError::TooLarge { what: "corners", count: corners }.into());
     }
-    let mut wedges = Distinct::with_room_for(positions.len());
+    let mut wedges = TripleSet::with_capacity(positions.len());
     let faces: Vec<[WedgeId; 3]> = triangles
         .iter()
         .zip(corner_uvs)

@@ -59,7 +59,7 @@ pub fn read_scene_path(path: &Path, options: &ReadOptions) -> Result<Option<Scen
         let is_file = std::fs::metadata(path).is_ok_and(|about| about.is_file());
         let mut front = Vec::new();
         if is_file {
-            File::open(path)?.take(sniff::FRONT as u64).read_to_end(&mut front)?;
+            File::open(path)?.take(sniff::SNIFFED_BYTES as u64).read_to_end(&mut front)?;
         }
         let is_packed = front.starts_with(&GZIP_MAGIC);
         let guess = if is_file && !is_packed { sniff(&front, hint_of(path)) } else { hint_of(path) };
@@ -100,7 +100,7 @@ fn scene_hinted(
     }
     check_parsing(Format::Gltf, &bytes, options.limits)?;
     let mut scene = Scene::read(if format == Some(Format::Gltf) { &text } else { &bytes }, options)?;
-    if let Some(warning) = contradiction(scene.format(), hint, options) {
+    if let Some(warning) = extension_mismatch_warning(scene.format(), hint, options) {
         scene.warn(warning);
     }
     Ok(Some(scene))
@@ -110,13 +110,13 @@ fn scene_hinted(
 /// ones.
 fn read_in_pieces(path: &Path, options: &ReadOptions) -> Result<Option<Loaded>, ReadError> {
     // Guessed: smaller files gain nothing.
-    const LARGE: u64 = 1 << 20;
+    const MIN_STREAMED_BYTES: u64 = 1 << 20;
     let Ok(about) = std::fs::metadata(path) else { return Ok(None) };
-    if !about.is_file() || !(LARGE..=options.limits.bytes).contains(&about.len()) {
+    if !about.is_file() || !(MIN_STREAMED_BYTES..=options.limits.bytes).contains(&about.len()) {
         return Ok(None);
     }
     let mut front = Vec::new();
-    File::open(path)?.take(sniff::FRONT as u64).read_to_end(&mut front)?;
+    File::open(path)?.take(sniff::SNIFFED_BYTES as u64).read_to_end(&mut front)?;
     let is_obj = match options.format {
         Some(format) => format == Format::Obj,
         None => sniff::sniff(&front, hint_of(path)) == Some(Format::Obj),
@@ -129,7 +129,7 @@ fn read_in_pieces(path: &Path, options: &ReadOptions) -> Result<Option<Loaded>, 
     if !is_obj || !is_plain {
         return Ok(None);
     }
-    options.limits.check_memory("reading OBJ", of_text(about.len()))?;
+    options.limits.check_memory("reading OBJ", text_mesh_bytes(about.len()))?;
     crate::obj::read_file(path, about.len(), options)
 }
 
@@ -158,7 +158,7 @@ fn read_hinted(bytes: &[u8], hint: Option<Format>, options: &ReadOptions) -> Res
 
 /// Returns the bytes that the mesh takes during construction from this many bytes of text; a face in 8 bytes
 /// would be the worst case. (Measured: 0.9 for OBJ without attributes, 0.45 with them.)
-fn of_text(bytes: u64) -> u64 {
+fn text_mesh_bytes(bytes: u64) -> u64 {
     bytes
 }
 
@@ -169,7 +169,7 @@ fn check_parsing(format: Format, bytes: &[u8], limits: Limits) -> Result<(), Rea
     let mesh = match format {
         // Triangles, and a table of positions with capacity for half as many. (Measured: 23 bytes per facet.)
         Format::Stl if is_binary_stl(bytes) => size / 50 * 26,
-        Format::Obj | Format::Off | Format::Stl => of_text(size),
+        Format::Obj | Format::Off | Format::Stl => text_mesh_bytes(size),
         Format::Ply | Format::Gltf | Format::Glb | Format::Lpm => 0,
     };
     limits.check_memory(format!("reading {}", format.title()), size + mesh)
@@ -181,14 +181,18 @@ fn with_hint(mut loaded: Loaded, hint: Option<Format>, options: &ReadOptions) ->
     if loaded.mesh.face_count() == 0 {
         return Err(ReadError::NoFaces { vertices: loaded.mesh.vertex_count() });
     }
-    if let Some(warning) = contradiction(loaded.format, hint, options) {
+    if let Some(warning) = extension_mismatch_warning(loaded.format, hint, options) {
         loaded.warnings.insert(0, warning);
     }
     Ok(loaded)
 }
 
 /// Returns the warning that the extension of the path names another format.
-fn contradiction(format: Format, hint: Option<Format>, options: &ReadOptions) -> Option<Warning> {
+fn extension_mismatch_warning(
+    format: Format,
+    hint: Option<Format>,
+    options: &ReadOptions,
+) -> Option<Warning> {
     let hint = hint.filter(|&hint| options.format.is_none() && hint != format)?;
     let [hint, format] = [hint, format].map(Format::title);
     Some(Warning::note(format!("the ending says {hint}, the content is {format}: read as {format}")))
@@ -229,7 +233,7 @@ pub(crate) fn bytes_of(path: &Path, limits: Limits) -> Result<Vec<u8>, ReadError
 /// # Errors
 /// [`ReadError::Limit`] and [`ReadError::Memory`] beyond the limits, [`ReadError::Io`].
 pub fn read_stream(from: &mut dyn Read, mut bytes: Vec<u8>, limits: Limits) -> Result<Vec<u8>, ReadError> {
-    from.take(limits.most_bytes().saturating_add(1)).read_to_end(&mut bytes)?;
+    from.take(limits.max_bytes().saturating_add(1)).read_to_end(&mut bytes)?;
     check_size("the file", bytes.len() as u64, limits)?;
     limits.check_memory("reading the file", bytes.len() as u64)?;
     Ok(bytes)
@@ -242,17 +246,17 @@ fn check_size(what: &'static str, size: u64, limits: Limits) -> Result<(), ReadE
 /// Maximum bytes that a gzip byte may unpack to, and that any file may unpack to. Deflate reaches a ratio of
 /// 1032 at most; meshes, text or binary, reach 3 to 20 (a flat grid of equal squares as text 60), so a ratio
 /// above 200 means nothing but repetition; up to 64 MiB that is allowed, since it does no harm.
-const PER_PACKED_BYTE: u64 = 200;
-const ALWAYS_UNPACKED: u64 = 64 << 20;
+const MAX_UNPACK_RATIO: u64 = 200;
+const MIN_UNPACK_LIMIT: u64 = 64 << 20;
 
 /// Returns the maximum unpacked size of packed bytes, by the limits and by their own number.
-pub(crate) fn most_unpacked(packed: usize, limits: Limits) -> u64 {
-    limits.most_bytes().min((packed as u64).saturating_mul(PER_PACKED_BYTE).max(ALWAYS_UNPACKED))
+pub(crate) fn max_unpacked_bytes(packed: usize, limits: Limits) -> u64 {
+    limits.max_bytes().min((packed as u64).saturating_mul(MAX_UNPACK_RATIO).max(MIN_UNPACK_LIMIT))
 }
 
 fn gunzip(bytes: &[u8], limits: Limits) -> Result<Vec<u8>, ReadError> {
     let mut unpacked = Vec::new();
-    let most = most_unpacked(bytes.len(), limits);
+    let most = max_unpacked_bytes(bytes.len(), limits);
     let result =
         flate2::read::MultiGzDecoder::new(bytes).take(most.saturating_add(1)).read_to_end(&mut unpacked);
     let size = unpacked.len() as u64;
@@ -276,7 +280,7 @@ fn gunzip(bytes: &[u8], limits: Limits) -> Result<Vec<u8>, ReadError> {
 }
 
 fn unknown(text: &[u8]) -> ReadError {
-    if let Some((name, way_out)) = sniff::foreign(text) {
+    if let Some((name, way_out)) = sniff::unsupported_format(text) {
         return ReadError::Unknown(format!("it is {name}, which is not read; {way_out}"));
     }
     let what = if text.iter().all(u8::is_ascii_whitespace) {

@@ -31,28 +31,28 @@ pub fn sniff(bytes: &[u8], hint: Option<Format>) -> Option<Format> {
 }
 
 /// Advice for a file that Blender reads.
-const BY_BLENDER: &str = "open it in Blender and export glTF";
+const BLENDER_ADVICE: &str = "open it in Blender and export glTF";
 /// Advice for a CAD file.
-const BY_CAD: &str = "open it in FreeCAD or another CAD program and export a mesh as STL, OBJ or glTF";
+const CAD_ADVICE: &str = "open it in FreeCAD or another CAD program and export a mesh as STL, OBJ or glTF";
 
 /// Returns the name of a known but unsupported format, and advice on how to convert it.
-pub(crate) fn foreign(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
+pub(crate) fn unsupported_format(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
     let front = front(bytes);
     let has = |word: &[u8]| memchr::memmem::find(front, word).is_some();
     let begins = |word: &[u8]| front.trim_ascii_start().starts_with(word);
     Some(match () {
-        () if begins(b"Kaydara FBX Binary") || begins(b"; FBX") => ("FBX", BY_BLENDER),
-        () if begins(b"<") && has(b"<COLLADA") => ("COLLADA (DAE)", BY_BLENDER),
-        () if begins(b"<") && has(b"<X3D") => ("X3D", BY_BLENDER),
+        () if begins(b"Kaydara FBX Binary") || begins(b"; FBX") => ("FBX", BLENDER_ADVICE),
+        () if begins(b"<") && has(b"<COLLADA") => ("COLLADA (DAE)", BLENDER_ADVICE),
+        () if begins(b"<") && has(b"<X3D") => ("X3D", BLENDER_ADVICE),
         () if begins(b"#VRML") => ("VRML", "open it in MeshLab and export PLY or OBJ"),
-        () if begins(b"PXR-USDC") || begins(b"#usda") => ("USD", BY_BLENDER),
-        () if begins(b"BLENDER") => ("a Blender project", BY_BLENDER),
-        () if begins(b"Ogawa") => ("Alembic", BY_BLENDER),
-        () if begins(b"ISO-10303-21") => ("STEP", BY_CAD),
+        () if begins(b"PXR-USDC") || begins(b"#usda") => ("USD", BLENDER_ADVICE),
+        () if begins(b"BLENDER") => ("a Blender project", BLENDER_ADVICE),
+        () if begins(b"Ogawa") => ("Alembic", BLENDER_ADVICE),
+        () if begins(b"ISO-10303-21") => ("STEP", CAD_ADVICE),
         () if begins(b"PK") && has(b"3D/") => {
             ("3MF", "save it as STL or PLY in a slicer, or as glTF in Blender")
         }
-        () if begins(b"PK") && has(b".usd") => ("USDZ", BY_BLENDER),
+        () if begins(b"PK") && has(b".usd") => ("USDZ", BLENDER_ADVICE),
         () if begins(b"PK") => ("a ZIP archive", "unpack it and name the model in it"),
         () => return None,
     })
@@ -86,10 +86,10 @@ pub(crate) fn looks_like_text(bytes: &[u8]) -> bool {
 }
 
 /// Number of bytes to examine. Guessed: longer than the comments at the start of a file.
-pub(crate) const FRONT: usize = 1 << 16;
+pub(crate) const SNIFFED_BYTES: usize = 1 << 16;
 
 fn front(bytes: &[u8]) -> &[u8] {
-    &bytes[..bytes.len().min(FRONT)]
+    &bytes[..bytes.len().min(SNIFFED_BYTES)]
 }
 
 fn is_ply(bytes: &[u8]) -> bool {

@@ -65,14 +65,16 @@ pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io:
 }
 
 /// Returns the number of facets in the header of a binary file.
-fn claimed(bytes: &[u8]) -> Option<u32> {
+fn facet_count_in_header(bytes: &[u8]) -> Option<u32> {
     bytes.get(80..HEADER).and_then(|b| b.first_chunk()).map(|b| u32::from_le_bytes(*b))
 }
 
 /// Returns true if a file is text. Many binary files begin with `solid` too, so a size that matches the count
 /// decides first.
 fn is_text(bytes: &[u8]) -> bool {
-    if claimed(bytes).is_some_and(|n| HEADER as u64 + FACET as u64 * u64::from(n) == bytes.len() as u64) {
+    if facet_count_in_header(bytes)
+        .is_some_and(|n| HEADER as u64 + FACET as u64 * u64::from(n) == bytes.len() as u64)
+    {
         return false;
     }
     // Text has no zero byte; a binary count and the first floats nearly always do.
@@ -85,7 +87,7 @@ fn is_text(bytes: &[u8]) -> bool {
 
 fn read_binary(bytes: &[u8]) -> Result<Soup, ReadError> {
     let present = bytes.len();
-    let Some(count) = claimed(bytes) else {
+    let Some(count) = facet_count_in_header(bytes) else {
         return Err(ReadError::file(format!(
             "{present} bytes are no STL file: a binary one has at least {HEADER}, a text begins with `solid`"
         )));
@@ -101,7 +103,7 @@ fn read_binary(bytes: &[u8]) -> Result<Soup, ReadError> {
     if count * 3 >= u32::MAX as usize {
         return Err(MeshError::TooLarge { what: "corners", count: count * 3 }.into());
     }
-    let mut soup = Soup::with_room_for(count);
+    let mut soup = Soup::with_capacity(count);
     soup.solids = 1;
     let mut attributes = 0u8;
     let records = &bytes[HEADER..expected as usize];

@@ -37,7 +37,7 @@ pub fn write_path(mesh: &TriMesh, path: &Path, options: &WriteOptions) -> Result
         && !material::drops_materials(mesh, regions)
     {
         let target = options.beside.as_deref().unwrap_or(path);
-        beside = Some(material::write_beside(regions, target, options.textures)?);
+        beside = Some(material::write_sidecar_files(regions, target, options.textures)?);
     }
     let libraries = beside.as_ref().map(|beside| &*beside.libraries);
     let written =
@@ -198,7 +198,7 @@ fn write_format(
     out: &mut dyn Write,
 ) -> io::Result<Vec<Warning>> {
     let mut warnings = match format {
-        Format::Obj => crate::obj::write_naming(mesh, options, libraries, out),
+        Format::Obj => crate::obj::write_with_libraries(mesh, options, libraries, out),
         Format::Off => crate::off::write(mesh, options, out),
         Format::Ply => crate::ply::write(mesh, options, out),
         Format::Stl => crate::stl::write(mesh, options, out),
@@ -215,12 +215,12 @@ fn write_format(
         && let Some(lost) = regions.and_then(|regions| {
             let is_carried =
                 matches!(format, Format::Gltf | Format::Glb) && !material::drops_materials(mesh, regions);
-            regions.what_is_lost(with_materials && !is_carried)
+            regions.lost_headings(with_materials && !is_carried)
         })
     {
         warnings.push(Warning::lost(format!("{} cannot carry {lost}: dropped", format.title())));
     }
-    warnings.extend(lost_integers(mesh, format));
+    warnings.extend(lost_integers_warning(mesh, format));
     if !with_materials && regions.is_some_and(material::Regions::has_materials) {
         warnings.push(Warning::note("materials dropped: --textures none"));
     }
@@ -228,7 +228,7 @@ fn write_format(
 }
 
 /// Returns the warning about named integer attributes that a format cannot carry.
-fn lost_integers(mesh: &TriMesh, format: Format) -> Option<Warning> {
+fn lost_integers_warning(mesh: &TriMesh, format: Format) -> Option<Warning> {
     let further = mesh.further_attributes().iter().filter(|a| a.semantic.is_discrete());
     let names: Vec<&str> = further.filter_map(|a| a.semantic.name()).collect();
     let is_lost = format != Format::Ply && !names.is_empty();

@@ -47,7 +47,7 @@ fn faces(mesh: &TriMesh) -> Vec<[[f32; 8]; 3]> {
 }
 
 /// Returns the JSON and the binary chunk of a GLB.
-fn taken_apart(bytes: &[u8]) -> (Value, Vec<u8>) {
+fn split_glb(bytes: &[u8]) -> (Value, Vec<u8>) {
     let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
     (serde_json::from_slice(&bytes[20..20 + length]).unwrap(), bytes[20 + length + 8..].to_vec())
 }
@@ -89,7 +89,7 @@ fn scenes_are_written_plainly() {
         let scene = Scene::read(bytes, &ReadOptions::default()).unwrap();
         let mut out = Vec::new();
         scene.write(&[], Format::Glb, &|_| None, &mut out).unwrap();
-        let (json, bin) = taken_apart(&out);
+        let (json, bin) = split_glb(&out);
         let text = json.to_string();
         assert!(!text.contains("meshopt") && !text.contains("draco"), "{name}: {text}");
         assert_eq!(json["buffers"].as_array().map(Vec::len), Some(1));
@@ -122,7 +122,7 @@ fn a_replaced_mesh_is_written_plainly() {
         let mut out = Vec::new();
         scene.write(&[Some(mesh)], Format::Glb, &|_| None, &mut out).unwrap();
         assert_eq!(faces(&read(&out)).len(), 128, "{name}");
-        let (json, _) = taken_apart(&out);
+        let (json, _) = split_glb(&out);
         let required = json["extensionsRequired"].as_array().cloned().unwrap_or_default();
         assert!(required.iter().all(|e| e == "KHR_mesh_quantization"), "{name}: {required:?}");
     }
@@ -130,7 +130,7 @@ fn a_replaced_mesh_is_written_plainly() {
 
 #[test]
 fn a_fallback_is_not_asked_for() {
-    let (mut json, bin) = taken_apart(KHR);
+    let (mut json, bin) = split_glb(KHR);
     // As if the uncompressed bytes were in a missing file; the extension may then be missing from the
     // required ones.
     json["buffers"][1]["uri"] = "nowhere.bin".into();
@@ -143,7 +143,7 @@ fn a_fallback_is_not_asked_for() {
 
 #[test]
 fn primitives_may_share_a_stream_of_draco() {
-    let (mut json, bin) = taken_apart(DRACO);
+    let (mut json, bin) = split_glb(DRACO);
     let first = json["meshes"][0]["primitives"][0].clone();
     json["meshes"][0]["primitives"] = json!([first.clone(), first]);
     let twice = glb(&json, &bin);
@@ -151,7 +151,7 @@ fn primitives_may_share_a_stream_of_draco() {
     let scene = Scene::read(&twice, &ReadOptions::default()).unwrap();
     let mut out = Vec::new();
     scene.write(&[], Format::Glb, &|_| None, &mut out).unwrap();
-    let (json, _) = taken_apart(&out);
+    let (json, _) = split_glb(&out);
     assert_eq!(json["meshes"][0]["primitives"][0], json["meshes"][0]["primitives"][1]);
     assert_eq!(json["accessors"].as_array().map(Vec::len), Some(4));
 }
@@ -163,7 +163,7 @@ fn what_is_wrong_is_named() {
         Err(e) => e.to_string(),
     };
     let meshopt = |pointer: &str, value: Value| {
-        let (mut json, bin) = taken_apart(KHR);
+        let (mut json, bin) = split_glb(KHR);
         let (parent, key) = pointer.rsplit_once('/').unwrap();
         json.pointer_mut(parent).unwrap()[key] = value;
         said(&glb(&json, &bin))
@@ -205,7 +205,7 @@ fn what_is_wrong_is_named() {
     }
 
     let draco = |change: &dyn Fn(&mut Value)| {
-        let (mut json, bin) = taken_apart(DRACO);
+        let (mut json, bin) = split_glb(DRACO);
         change(&mut json);
         said(&glb(&json, &bin))
     };
@@ -275,7 +275,7 @@ fn damaged_streams_get_an_answer() {
         (state % end.max(1) as u64) as usize
     };
     for (_, bytes, _) in FILES {
-        let (json, whole) = taken_apart(bytes);
+        let (json, whole) = split_glb(bytes);
         for _ in 0..2500 {
             let mut bin = whole.clone();
             for _ in 0..=random(3) {

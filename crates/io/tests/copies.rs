@@ -3,7 +3,7 @@
 mod scenes;
 
 use lodsmith_core::model::{Channel, Interpolation, Track};
-use lodsmith_io::gltf::{CopyPlace, MovingNode, Scene, SceneLens, SceneLevels, SceneMotion};
+use lodsmith_io::gltf::{CopyPlace, MovingNode, Scene, SceneCamera, SceneLevels, SceneMotion};
 use lodsmith_io::{Format, ReadOptions, read_bytes};
 use scenes::{everything, glb, gltf, small, split};
 use serde_json::{Value, json};
@@ -119,15 +119,16 @@ fn no_copies_are_an_empty_scene() {
 fn motion() -> SceneMotion {
     let moves = MovingNode {
         name: "moves".to_owned(),
-        over: Some(1),
+        child_root: Some(1),
         translation: [0.0, 1.0, 0.0],
         scale: 2.0,
         ..MovingNode::default()
     };
     let stand =
         MovingNode { name: "stand".to_owned(), translation: [0.0, 0.0, 9.0], ..MovingNode::default() };
-    let lens = Some(SceneLens { fov_y_rad: 0.6, near: 0.01 });
-    let camera = MovingNode { name: "camera".to_owned(), parent: Some(1), lens, ..MovingNode::default() };
+    let lens = Some(SceneCamera { fov_y_rad: 0.6, near: 0.01 });
+    let camera =
+        MovingNode { name: "camera".to_owned(), parent: Some(1), camera: lens, ..MovingNode::default() };
     let [still, far] = [[0.0, 1.0, 0.0], [8.0, 1.0, 0.0]];
     let curve = vec![[0.0; 3], still, [0.0; 3], [0.0; 3], far, [0.0; 3]];
     let half = [0.0, 0.5f32.sqrt(), 0.0, 0.5f32.sqrt()];
@@ -176,7 +177,7 @@ fn a_scene_that_nothing_moves_in_stays_as_it_is() {
     let copied = scene(small()).with_copies(&places(2)).unwrap();
     assert_eq!(written(&copied.with_motion(&SceneMotion::default()).unwrap()), written(&copied));
     // Nodes that refer to missing nodes become roots.
-    let lost = MovingNode { over: Some(9), parent: Some(4), ..MovingNode::default() };
+    let lost = MovingNode { child_root: Some(9), parent: Some(4), ..MovingNode::default() };
     let more = copied.with_motion(&SceneMotion { nodes: vec![lost], ..SceneMotion::default() }).unwrap();
     let (json, _) = split(&written(&more));
     assert_eq!(json["scenes"][0]["nodes"].as_array().unwrap().len(), 3);

@@ -3,13 +3,13 @@
 #[expect(dead_code, reason = "other tests use the rest")]
 mod scenes;
 
-use lodsmith_core::{Attribute, Integer, Semantic, TriMesh, shapes};
+use lodsmith_core::{Attribute, IntegerType, Semantic, TriMesh, shapes};
 use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, ReadOptions, WriteOptions, read_bytes, write_to};
 use scenes::{Pack, glb};
 use serde_json::{Value, json};
 
-fn discrete(mesh: &TriMesh, name: &str) -> Option<(Integer, Vec<f32>)> {
+fn discrete(mesh: &TriMesh, name: &str) -> Option<(IntegerType, Vec<f32>)> {
     mesh.further_attributes().iter().find_map(|a| match &a.semantic {
         Semantic::Discrete { name: own, of } if own == name => Some((*of, a.values.clone())),
         _ => None,
@@ -68,11 +68,11 @@ fn integers_of_gltf_that_are_not_normalised_are_discrete_and_keep_their_type() {
     ]);
     let mesh = TriMesh::clone(&scene.meshes()[0].mesh);
     let of = |name: &str| discrete(&mesh, name).map(|d| d.0);
-    assert_eq!(of("_FEATURE_ID_0"), Some(Integer::U16));
+    assert_eq!(of("_FEATURE_ID_0"), Some(IntegerType::U16));
     // Ids beyond 16 bits are floats in this format.
-    assert_eq!(of("_FEATURE_ID_1"), Some(Integer::I32));
-    assert_eq!(of("_BATCHID"), Some(Integer::U8));
-    assert_eq!(of("_SIGNED"), Some(Integer::I8));
+    assert_eq!(of("_FEATURE_ID_1"), Some(IntegerType::I32));
+    assert_eq!(of("_BATCHID"), Some(IntegerType::U8));
+    assert_eq!(of("_SIGNED"), Some(IntegerType::I8));
     assert_eq!(discrete(&mesh, "_SIGNED").unwrap().1[0], -1.0);
     // Neither fractions nor floats of a file are discrete.
     assert_eq!(["_FEATURE_ID_2", "_SHARE", "_HEIGHT"].map(of), [None; 3]);
@@ -97,7 +97,7 @@ fn a_discrete_attribute_that_a_scene_lacks_comes_along_in_its_type() {
     let scene = scene(&[]);
     let mut mesh = TriMesh::clone(&scene.meshes()[0].mesh);
     for (name, of, top) in
-        [("_A", Integer::U16, 9.0), ("_B", Integer::U32, 9.0), ("_C", Integer::U32, 70000.0)]
+        [("_A", IntegerType::U16, 9.0), ("_B", IntegerType::U32, 9.0), ("_C", IntegerType::U32, 70000.0)]
     {
         let semantic = Semantic::Discrete { name: name.to_owned(), of };
         let values = vec![1.0, 2.0, 3.0, 4.0, 5.0, top];
@@ -120,8 +120,8 @@ fn integers_of_vertices_go_through_ply_in_their_type() {
     options.properties = vec!["id".to_owned()];
     let loaded = read_bytes(format!("{HEADER}{body}").as_bytes(), &options).unwrap();
     let mesh = loaded.mesh;
-    assert_eq!(discrete(&mesh, "label"), Some((Integer::U8, vec![1.0, 255.0, 0.0])));
-    assert_eq!(discrete(&mesh, "id"), Some((Integer::I32, vec![-70000.0, 16777216.0, 3.0])));
+    assert_eq!(discrete(&mesh, "label"), Some((IntegerType::U8, vec![1.0, 255.0, 0.0])));
+    assert_eq!(discrete(&mesh, "id"), Some((IntegerType::I32, vec![-70000.0, 16777216.0, 3.0])));
     assert_eq!(loaded.properties, [("id".to_owned(), vec![-70000.0, 16777216.0, 3.0])]);
     // Single precision cannot hold the first hash.
     assert_eq!(discrete(&mesh, "hash"), None);
@@ -152,7 +152,7 @@ fn formats_without_integers_say_so() {
 #[test]
 fn values_that_a_type_does_not_hold_are_written_as_floats() {
     let mut mesh = shapes::tetrahedron();
-    let semantic = Semantic::Discrete { name: "label".to_owned(), of: Integer::U8 };
+    let semantic = Semantic::Discrete { name: "label".to_owned(), of: IntegerType::U8 };
     mesh.add_attribute(Attribute { semantic, width: 1, values: vec![0.0, 256.0, 1.0, f32::NAN] }).unwrap();
     let mut bytes = Vec::new();
     write_to(&mesh, Format::Ply, &WriteOptions::default(), &mut bytes).unwrap();

@@ -342,7 +342,7 @@ fn files_outside_are_named_and_linked_anew() {
         {"uri": "a%20b/c.png"}]);
     json["extras"] = json!({"uri": "mine.txt"});
     let scene = scene_of(&gltf(&json, &bin));
-    assert_eq!(scene.outside_files(), ["a%20b/c.png"]);
+    assert_eq!(scene.external_files(), ["a%20b/c.png"]);
     let mut out = Vec::new();
     scene.write(&[], Format::Gltf, &|uri| Some(format!("../{uri}")), &mut out).unwrap();
     let (got, _) = scenes::split(&out);
@@ -363,7 +363,7 @@ fn an_image_of_its_own_is_taken_in() {
     assert!(!scene.embed("y.jpg", PNG.to_vec()));
     assert!(!scene.embed("x.jpg", b"no image".to_vec()));
     assert!(scene.embed("x.jpg", PNG.to_vec()));
-    assert!(scene.outside_files().is_empty());
+    assert!(scene.external_files().is_empty());
     let same = Some(TriMesh::clone(&scene.meshes()[0].mesh));
     let (got, bytes, _) = written(&scene, &[same], Format::Glb);
     assert_eq!(keys(&got["images"][1]), ["name", "bufferView", "mimeType"]);

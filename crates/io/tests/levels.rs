@@ -11,7 +11,7 @@ use scenes::{everything, glb, gltf, split};
 use serde_json::{Value, json};
 
 /// Returns the mesh without its last face.
-fn one_less(mesh: &TriMesh) -> TriMesh {
+fn without_last_face(mesh: &TriMesh) -> TriMesh {
     let mut triangles = mesh.triangles().to_vec();
     triangles.pop();
     let wedges = (0..mesh.wedge_count()).map(|w| mesh.vertex_of(lodsmith_core::WedgeId::new(w)));
@@ -38,8 +38,8 @@ fn written(scene: &Scene, levels: &SceneLevels) -> Value {
 fn with_levels() -> (Scene, SceneLevels) {
     let (json, bin) = everything();
     let scene = Scene::read(&gltf(&json, &bin), &ReadOptions::default()).unwrap();
-    let first = one_less(&scene.meshes()[0].mesh);
-    let second = one_less(&first);
+    let first = without_last_face(&scene.meshes()[0].mesh);
+    let second = without_last_face(&first);
     let mut levels = SceneLevels::new(vec![Vec::new(), vec![Some(first)], vec![Some(second)]]);
     levels.coverage = vec![vec![0.5, 0.1, 0.0]];
     (scene, levels)

@@ -11,7 +11,7 @@ use tempfile::TempDir;
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x02\0\0\0\x02\x08\x02\0\0\0";
 const JPEG: &[u8] = b"\xff\xd8\xff\xc0\0\x0b\x08\0\x03\0\x02\x01\x01\x11\0";
 
-const PLACES: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
+const VERTEX_LINES: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
 const FACES: &str =
     "f 1/1 2/2 3/3\nusemtl wood\nf 1/1 3/3 4/4\nusemtl glass\nf 1/1 2/2 4/4\nusemtl wood\nf 2/2 3/3 4/4\n";
 const LIBRARY: &str = "newmtl unused\nmap_Kd unused.png\nnewmtl wood\nKa 1 1 1\nKd 0.5 0.25 0.125\nmap_Kd tex\\grain.png\n\
@@ -21,7 +21,7 @@ fn folder(faces: &str, library: &str) -> TempDir {
     let folder = TempDir::new().unwrap();
     let put = |name: &str, bytes: &[u8]| fs::write(folder.path().join(name), bytes).unwrap();
     fs::create_dir(folder.path().join("tex")).unwrap();
-    put("a.obj", format!("mtllib a.mtl\n{PLACES}{faces}").as_bytes());
+    put("a.obj", format!("mtllib a.mtl\n{VERTEX_LINES}{faces}").as_bytes());
     put("a.mtl", library.as_bytes());
     put("tex/grain.png", PNG);
     put("bumps.jpg", JPEG);

@@ -6,11 +6,12 @@ use std::time::{Duration, Instant};
 
 use lodsmith_core::splits::{SplitData, Splits};
 use lodsmith_core::{
-    Attribute, Integer, Morphed, Positions, RegionId, Semantic, Topology, TriMesh, VertexId, WedgeId, shapes,
+    Attribute, IntegerType, Morphed, Positions, RegionId, Semantic, Topology, TriMesh, VertexId, WedgeId,
+    shapes,
 };
 use lodsmith_io::lpm::{self, LpmOptions, LpmReader};
 use lodsmith_io::{Format, Limits, ReadOptions, read_bytes};
-use record::{Dice, record};
+use record::{Random, record};
 
 fn written(splits: &Splits, bits: Option<u8>) -> Vec<u8> {
     let mut options = LpmOptions::default();
@@ -72,7 +73,7 @@ fn rich(is_double: bool) -> TriMesh {
     add(Semantic::Weights(0), 4, &|_, _| 0.25);
     add(Semantic::Morph { target: 3, of: Morphed::Position }, 3, &|i, k| (i * (k + 1)) as f32 * 1e-3);
     add(Semantic::Custom("_HEAT".to_owned()), 1, &|i, _| if i == 5 { f32::NAN } else { i as f32 });
-    let id = Semantic::Discrete { name: "_FEATURE_ID_0".to_owned(), of: Integer::U16 };
+    let id = Semantic::Discrete { name: "_FEATURE_ID_0".to_owned(), of: IntegerType::U16 };
     add(id, 1, &|i, _| (300 * (i % 9)) as f32);
     mesh.set_regions(Some((0..faces).map(|f| RegionId::new(f / 50)).collect())).unwrap();
     mesh
@@ -152,7 +153,7 @@ fn a_hundred_beginnings_are_meshes() {
         for positions_bits in [None, Some(12)] {
             let bytes = written(&splits, positions_bits);
             let whole = read(&bytes);
-            let mut dice = Dice(seed);
+            let mut dice = Random(seed);
             let (mut meshes, mut levels) = (0, Vec::new());
             for _ in 0..100 {
                 let cut = dice.below(bytes.len());
@@ -277,7 +278,7 @@ fn chunks(bytes: &[u8]) -> Vec<usize> {
 }
 
 /// Corrects the checksums.
-fn mend(bytes: &mut [u8]) {
+fn fix_checksums(bytes: &mut [u8]) {
     for at in chunks(bytes) {
         let length = u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
         let Some(all) = bytes.get(at + 4..at + 8 + length) else { return };
@@ -291,7 +292,7 @@ fn mend(bytes: &mut [u8]) {
 #[test]
 fn a_flipped_bit_is_seen() {
     let bytes = written(&record(&shapes::icosphere(3), 20, 1), None);
-    let mut dice = Dice(9);
+    let mut dice = Random(9);
     for _ in 0..300 {
         let mut flipped = bytes.clone();
         let at = dice.below(bytes.len());
@@ -308,7 +309,7 @@ fn a_flipped_bit_is_seen() {
 #[test]
 fn bytes_of_strangers_do_no_harm() {
     let begin = Instant::now();
-    let mut dice = Dice(17);
+    let mut dice = Random(17);
     for mesh in [shapes::icosphere(2), rich(false), shapes::soup(30, 3)] {
         for positions_bits in [None, Some(10)] {
             let bytes = written(&record(&mesh, 10, 2), positions_bits);
@@ -327,7 +328,7 @@ fn bytes_of_strangers_do_no_harm() {
                 }
                 let is_whole = chunks(&wild).last().is_some_and(|at| at + 12 <= wild.len());
                 if is_whole && dice.below(10) > 0 {
-                    mend(&mut wild);
+                    fix_checksums(&mut wild);
                 }
                 let mut limits = Limits::default();
                 limits.bytes = 1 << 24;

@@ -4,19 +4,19 @@ use lodsmith_core::{Positions, VertexId};
 use lodsmith_io::{Loaded, ReadError, ReadOptions, gltf, ply, stl};
 use serde_json::{Value, json};
 
-fn said(result: Result<Loaded, ReadError>) -> String {
+fn error_text(result: Result<Loaded, ReadError>) -> String {
     match result {
         Ok(_) => "read without an error".to_owned(),
         Err(e) => e.to_string(),
     }
 }
 
-fn ply_said(bytes: &[u8]) -> String {
-    said(ply::read(bytes, &ReadOptions::default()))
+fn ply_error(bytes: &[u8]) -> String {
+    error_text(ply::read(bytes, &ReadOptions::default()))
 }
 
-fn stl_said(bytes: &[u8]) -> String {
-    said(stl::read(bytes, &ReadOptions::default()))
+fn stl_error(bytes: &[u8]) -> String {
+    error_text(stl::read(bytes, &ReadOptions::default()))
 }
 
 // ---- PLY
@@ -52,18 +52,18 @@ const CORNERS: [[f32; 3]; 3] = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 #[test]
 fn ply_headers_that_claim_too_much() {
     assert_eq!(
-        ply_said(&ply_text("4000000000000", "1", "0 0 0\n")),
+        ply_error(&ply_text("4000000000000", "1", "0 0 0\n")),
         "the header claims 4000000000000 records of element vertex, which end at byte 24000000000000 of the body or \
          later, but the body has 6 bytes: the file is cut off, or the header is wrong"
     );
     // Products that overflow 64 bits.
     let huge = u64::MAX.to_string();
     assert!(
-        ply_said(&ply_text(&huge, &huge, "0 0 0\n")).starts_with("the header claims 18446744073709551615")
+        ply_error(&ply_text(&huge, &huge, "0 0 0\n")).starts_with("the header claims 18446744073709551615")
     );
     let bytes = ply_binary(&CORNERS, &[&[0, 1, 2]]);
     assert_eq!(
-        ply_said(&bytes[..bytes.len() - 20]),
+        ply_error(&bytes[..bytes.len() - 20]),
         "the header claims 3 records of element vertex, which end at byte 36 of the body or later, but the body has 29 \
          bytes: the file is cut off, or the header is wrong"
     );
@@ -76,13 +76,13 @@ fn ply_faces_that_are_wrong_are_named() {
         (vec![&[0, 1, 2], &[0, 1, -1]], "face 1: uses vertex -1, but the mesh has 3"),
         (vec![&[0, 1, 2, 0], &[0, 1, i32::MAX]], "face 1: uses vertex 2147483647, but the mesh has 3"),
     ] {
-        assert_eq!(ply_said(&ply_binary(&CORNERS, &faces)), wanted);
+        assert_eq!(ply_error(&ply_binary(&CORNERS, &faces)), wanted);
     }
     let mut bytes = ply_binary(&CORNERS, &[&[0, 1, 2]]);
     let at = bytes.len() - 13;
     bytes[at] = 200;
     assert_eq!(
-        ply_said(&bytes),
+        ply_error(&bytes),
         "face 0: vertex_indices claims 200 entries, but 12 bytes are left: the file is cut off, or the number is wrong"
     );
 }
@@ -90,7 +90,7 @@ fn ply_faces_that_are_wrong_are_named() {
 #[test]
 fn ply_text_that_is_wrong_is_named_with_its_line() {
     let body = "0 0 0\n1 0 0\n0 1 0\n";
-    let with = |face: &str| ply_said(&ply_text("3", "1", &format!("{body}{face}")));
+    let with = |face: &str| ply_error(&ply_text("3", "1", &format!("{body}{face}")));
     assert_eq!(with("3 0 1 x"), "line 13: `x` is no number (vertex_indices of face 0)");
     assert_eq!(with("3 0 1 1.5"), "face 0: vertex_indices holds 1.5 where a whole number is needed");
     for (face, claims, left) in [("3 0 1", 3, 4), ("-3 0 1 2", -3, 6)] {
@@ -104,7 +104,7 @@ fn ply_text_that_is_wrong_is_named_with_its_line() {
     }
     assert_eq!(with("2 0 1"), "no faces in the file (3 vertices): nothing to work on");
     let bad = ply_text("3", "1", "0 0 0\n1 ? 0\n0 1 0\n3 0 1 2");
-    assert_eq!(ply_said(&bad), "line 11: `?` is no number (y of vertex 1)");
+    assert_eq!(ply_error(&bad), "line 11: `?` is no number (y of vertex 1)");
 }
 
 #[test]
@@ -119,12 +119,12 @@ fn ply_elements_that_lack_something() {
         ("element vertex 1\nproperty quad x\n", "line 4: `quad` is no PLY type of numbers"),
         ("element vertex 1\nelement vertex 1\n", "line 4: element vertex is declared twice"),
     ] {
-        assert_eq!(ply_said(format!("{start}{rest}").as_bytes()), wanted);
+        assert_eq!(ply_error(format!("{start}{rest}").as_bytes()), wanted);
     }
     let text =
         format!("{start}element vertex 1\n{XYZ}element face 1\nproperty int a\nend_header\n0 0 0\n1\n");
-    assert_eq!(ply_said(text.as_bytes()), "element face: lacks a list vertex_indices");
-    assert_eq!(ply_said(b""), "line 1: a PLY file begins with a line `ply`");
+    assert_eq!(ply_error(text.as_bytes()), "element face: lacks a list vertex_indices");
+    assert_eq!(ply_error(b""), "line 1: a PLY file begins with a line `ply`");
 }
 
 #[test]
@@ -166,15 +166,15 @@ fn stl_counts_that_are_too_large() {
     bytes.extend(4_000_000_000u32.to_le_bytes());
     bytes.extend([0; 100]);
     assert_eq!(
-        stl_said(&bytes),
+        stl_error(&bytes),
         "the header claims 4000000000 facets, which take 200000000084 bytes, but the file has 184: it is cut off, or \
          the header is wrong"
     );
     let short = "30 bytes are no STL file: a binary one has at least 84, a text begins with `solid`";
-    assert_eq!(stl_said(&[0; 30]), short);
+    assert_eq!(stl_error(&[0; 30]), short);
     let empty = "no faces in the file (0 vertices): nothing to work on";
-    assert_eq!(stl_said(&[0; 84]), empty);
-    assert_eq!(stl_said(b"solid empty\nendsolid empty\n"), empty);
+    assert_eq!(stl_error(&[0; 84]), empty);
+    assert_eq!(stl_error(b"solid empty\nendsolid empty\n"), empty);
 }
 
 // ---- glTF
@@ -222,7 +222,7 @@ fn triangle() -> (Value, Vec<u8>) {
 #[test]
 fn gltf_numbers_that_are_wrong_are_named() {
     let (json, bin) = triangle();
-    assert_eq!(said(read_glb(&json, &bin)), "read without an error");
+    assert_eq!(error_text(read_glb(&json, &bin)), "read without an error");
 
     let big = 1u64 << 53;
     let max = u64::MAX;
@@ -324,7 +324,7 @@ fn gltf_numbers_that_are_wrong_are_named() {
         let (mut json, bin) = triangle();
         let (parent, key) = pointer.rsplit_once('/').unwrap();
         json.pointer_mut(parent).unwrap()[key] = value.clone();
-        assert_eq!(said(read_glb(&json, &bin)), wanted, "{pointer} = {value}");
+        assert_eq!(error_text(read_glb(&json, &bin)), wanted, "{pointer} = {value}");
     }
 }
 
@@ -333,13 +333,13 @@ fn gltf_indices_that_are_floats_or_beyond_the_vertices() {
     let (mut json, mut bin) = triangle();
     json["accessors"][1] = json!({"bufferView": 0, "componentType": 5126, "count": 9, "type": "SCALAR"});
     assert_eq!(
-        said(read_glb(&json, &bin)),
+        error_text(read_glb(&json, &bin)),
         "accessors[1]: indices must be integers without sign, not floats"
     );
     let (json, _) = triangle();
     bin[38] = 3;
     assert_eq!(
-        said(read_glb(&json, &bin)),
+        error_text(read_glb(&json, &bin)),
         "accessors[1]: entry 1 is the index 3, but meshes[0].primitives[0] has 3 vertices"
     );
 }
@@ -363,9 +363,9 @@ fn gltf_sparse_accessors() {
     };
     let got = sparse(1, 1).unwrap();
     assert_eq!(*got.mesh.positions(), Positions::F32(vec![[0.0; 3], [9.0, 8.0, 7.0], [0.0, 1.0, 0.0]]));
-    assert_eq!(said(sparse(3, 1)), "accessors[0]: the sparse index 3 is beyond the 3 elements");
+    assert_eq!(error_text(sparse(3, 1)), "accessors[0]: the sparse index 3 is beyond the 3 elements");
     assert_eq!(
-        said(sparse(1, 1 << 53)),
+        error_text(sparse(1, 1 << 53)),
         "accessors[0]: 9007199254740992 elements of 2 bytes from byte 0 reach beyond bufferViews[2] of 16 bytes"
     );
 }
@@ -375,7 +375,7 @@ fn gltf_accessors_without_bytes_stay_small() {
     let (mut json, bin) = triangle();
     json["accessors"][0] = json!({"componentType": 5126, "count": 1u64 << 53, "type": "VEC3"});
     assert_eq!(
-        said(read_glb(&json, &bin)),
+        error_text(read_glb(&json, &bin)),
         "accessors[0]: claims 9007199254740992 elements, but has no bufferView"
     );
 }
@@ -414,7 +414,7 @@ fn glb_containers_that_are_wrong() {
     let (json, bin) = triangle();
     let good = glb(&json, &bin);
     let total = good.len();
-    let read = |bytes: &[u8]| said(gltf::read(bytes, &ReadOptions::default()));
+    let read = |bytes: &[u8]| error_text(gltf::read(bytes, &ReadOptions::default()));
     let with = |at: usize, value: u32| {
         let mut bytes = good.clone();
         bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
@@ -452,7 +452,7 @@ fn gltf_buffers_beside_the_file() {
         json["buffers"][0]["uri"] = uri.into();
         let mut options = ReadOptions::default();
         options.folder = folder.map(Into::into);
-        said(gltf::read(&serde_json::to_vec(&json).unwrap(), &options))
+        error_text(gltf::read(&serde_json::to_vec(&json).unwrap(), &options))
     };
     let here = Some(folder.path());
     assert_eq!(read("a%20b.bin", here), "read without an error");

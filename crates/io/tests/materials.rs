@@ -44,10 +44,10 @@ fn text_of(loaded: &Loaded) -> String {
 }
 
 /// All names of a region, and the corners of a face.
-type Headed = (Vec<Option<Vec<u8>>>, Vec<[u64; 3]>);
+type FaceWithNames = (Vec<Option<Vec<u8>>>, Vec<[u64; 3]>);
 
 /// Returns the faces with the names of their regions, in the order of writing.
-fn faces(loaded: &Loaded) -> Vec<Headed> {
+fn faces(loaded: &Loaded) -> Vec<FaceWithNames> {
     let mesh: &TriMesh = &loaded.mesh;
     let place = |w: &WedgeId| mesh.positions().view().get(mesh.vertex_of(*w)).map(f64::to_bits);
     let id = |face: usize| mesh.regions().map_or(RegionId(0), |ids| ids[face]);
@@ -66,11 +66,11 @@ const WOOD: &str = "P3 1 1 255 120 80 40";
 const CLOTH: &str = "P3 1 1 255 90 90 90";
 
 /// A test folder with a chair, its library and two textures.
-struct Workshop {
+struct MaterialFolder {
     folder: tempfile::TempDir,
 }
 
-impl Workshop {
+impl MaterialFolder {
     fn new() -> Self {
         let shop = Self { folder: tempfile::tempdir().unwrap() };
         fs::create_dir_all(shop.path("in/tex")).unwrap();
@@ -182,7 +182,7 @@ fn other_formats_say_what_they_lose() {
 
 #[test]
 fn libraries_and_textures_are_counted() {
-    let shop = Workshop::new();
+    let shop = MaterialFolder::new();
     let loaded = read(&shop.path("in/chair.obj"));
     assert_eq!((loaded.contents.materials, loaded.contents.textures), (2, 3));
     let text = format!("mtllib my lib.mtl none.mtl\n{SQUARE}usemtl x\nf 1 2 3\n");
@@ -196,7 +196,7 @@ fn libraries_and_textures_are_counted() {
 
 #[test]
 fn copies_lie_beside_the_output_and_the_rest_is_kept() {
-    let shop = Workshop::new();
+    let shop = MaterialFolder::new();
     let warnings = shop.convert("in/chair.obj", "out/my seat.obj", Textures::Copy);
     assert_eq!(warnings, ["texture gone.png is not there: its name is kept"]);
     assert_eq!(shop.names("out"), ["cloth.png", "my seat.mtl", "my seat.obj", "wood grain.png"]);
@@ -217,7 +217,7 @@ fn copies_lie_beside_the_output_and_the_rest_is_kept() {
 
 #[test]
 fn other_files_of_the_same_name_are_left_alone() {
-    let shop = Workshop::new();
+    let shop = MaterialFolder::new();
     shop.put("out/cloth.png", "silk!");
     shop.put("out/cloth_1.png", CLOTH);
     shop.put("out/wood grain.png", "oak");
@@ -234,7 +234,7 @@ fn other_files_of_the_same_name_are_left_alone() {
 
 #[test]
 fn in_its_own_folder_everything_stays_where_it_is() {
-    let shop = Workshop::new();
+    let shop = MaterialFolder::new();
     let before = shop.names("in");
     shop.convert("in/chair.obj", "in/chair.obj", Textures::Copy);
     assert_eq!(shop.names("in"), before);
@@ -247,7 +247,7 @@ fn in_its_own_folder_everything_stays_where_it_is() {
 
 #[test]
 fn links_lead_back_and_none_is_none() {
-    let shop = Workshop::new();
+    let shop = MaterialFolder::new();
     shop.convert("in/chair.obj", "out/linked.obj", Textures::Link);
     assert_eq!(shop.names("out"), ["linked.mtl", "linked.obj"]);
     let library = shop.text("out/linked.mtl");
@@ -262,7 +262,7 @@ fn links_lead_back_and_none_is_none() {
 
 #[test]
 fn names_of_what_is_missing_are_kept() {
-    let shop = Workshop::new();
+    let shop = MaterialFolder::new();
     fs::remove_file(shop.path("in/chair.mtl")).unwrap();
     let told = shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
     assert!(told.is_empty(), "{told:?}");
@@ -273,7 +273,7 @@ fn names_of_what_is_missing_are_kept() {
 
 #[test]
 fn only_files_are_copied_and_a_failure_leaves_nothing() {
-    let shop = Workshop::new();
+    let shop = MaterialFolder::new();
     fs::remove_file(shop.path("in/cloth.png")).unwrap();
     fs::create_dir(shop.path("in/cloth.png")).unwrap();
     let told = shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
@@ -291,7 +291,7 @@ fn only_files_are_copied_and_a_failure_leaves_nothing() {
 #[cfg(unix)]
 #[test]
 fn a_link_is_copied_under_its_own_name() {
-    let shop = Workshop::new();
+    let shop = MaterialFolder::new();
     fs::rename(shop.path("in/cloth.png"), shop.path("in/tex/0f3a")).unwrap();
     std::os::unix::fs::symlink("tex/0f3a", shop.path("in/cloth.png")).unwrap();
     shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
@@ -303,7 +303,7 @@ const OUTSIDE: &str =
     "lies outside of the folder of the model (--asset-root DIR or --allow-outside lets it in)";
 
 /// Returns asset scopes, and whether a file outside the folder is in each.
-fn scopes(shop: &Workshop) -> [(AssetScope, bool); 4] {
+fn scopes(shop: &MaterialFolder) -> [(AssetScope, bool); 4] {
     let all = shop.folder.path().to_owned();
     [
         (AssetScope::Folder, false),
@@ -313,7 +313,7 @@ fn scopes(shop: &Workshop) -> [(AssetScope, bool); 4] {
     ]
 }
 
-fn read_within(shop: &Workshop, scope: AssetScope) -> Loaded {
+fn read_within(shop: &MaterialFolder, scope: AssetScope) -> Loaded {
     let mut options = ReadOptions::default();
     options.assets = scope;
     read_path(&shop.path("in/chair.obj"), &options).unwrap()
@@ -321,7 +321,7 @@ fn read_within(shop: &Workshop, scope: AssetScope) -> Loaded {
 
 #[test]
 fn a_material_library_outside_the_folder_is_left_out() {
-    let shop = Workshop::new();
+    let shop = MaterialFolder::new();
     shop.put("secret.mtl", "newmtl cloth\n# a word that nobody else may read\n");
     for name in ["../secret.mtl".to_owned(), shop.path("secret.mtl").display().to_string()] {
         shop.put("in/chair.obj", &chair().replace("chair.mtl", &name));
@@ -341,7 +341,7 @@ fn a_material_library_outside_the_folder_is_left_out() {
 
 #[test]
 fn a_texture_outside_the_folder_is_not_copied() {
-    let shop = Workshop::new();
+    let shop = MaterialFolder::new();
     shop.put("secret.ppm", WOOD);
     for name in ["../secret.ppm".to_owned(), shop.path("secret.ppm").display().to_string()] {
         shop.put("in/chair.mtl", &format!("newmtl cloth\nmap_Kd {name}\n"));
@@ -369,7 +369,7 @@ fn a_texture_outside_the_folder_is_not_copied() {
 #[cfg(unix)]
 #[test]
 fn a_link_out_of_the_folder_is_not_followed() {
-    let shop = Workshop::new();
+    let shop = MaterialFolder::new();
     shop.put("secret.ppm", WOOD);
     fs::remove_file(shop.path("in/cloth.png")).unwrap();
     std::os::unix::fs::symlink("../secret.ppm", shop.path("in/cloth.png")).unwrap();
@@ -380,7 +380,7 @@ fn a_link_out_of_the_folder_is_not_followed() {
 
 #[test]
 fn a_text_is_not_copied_as_a_texture() {
-    let shop = Workshop::new();
+    let shop = MaterialFolder::new();
     shop.put("in/cloth.png", "user = me\npassword = tree\n");
     let told = shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
     assert_eq!(told[0], "texture cloth.png is no image of a known type: its name is kept");
@@ -389,7 +389,7 @@ fn a_text_is_not_copied_as_a_texture() {
 
 #[test]
 fn a_text_without_materials_is_no_material_library() {
-    let shop = Workshop::new();
+    let shop = MaterialFolder::new();
     shop.put("in/chair.mtl", "user = me\npassword = tree\n");
     let loaded = read(&shop.path("in/chair.obj"));
     let told = "material library chair.mtl has no line that begins with newmtl, so it is no material library: its \
@@ -401,7 +401,7 @@ fn a_text_without_materials_is_no_material_library() {
 
 #[test]
 fn very_many_missing_textures_are_told_in_few_words() {
-    let shop = Workshop::new();
+    let shop = MaterialFolder::new();
     let many: String = (0..20_000).map(|i| format!("map_Kd {i}.png\n")).collect();
     let many = format!("newmtl my wood\n{many}");
     shop.put("in/chair.mtl", &many);

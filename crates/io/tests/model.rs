@@ -38,7 +38,7 @@ fn read(bytes: &[u8]) -> ModelFile {
     read_model_bytes(bytes, &ReadOptions::default()).unwrap()
 }
 
-fn said(file: &ModelFile) -> Vec<&str> {
+fn warning_texts(file: &ModelFile) -> Vec<&str> {
     file.warnings.iter().map(|w| &*w.text).collect()
 }
 
@@ -83,7 +83,7 @@ fn a_scene_keeps_its_nodes_skins_and_animations() {
     assert_eq!((model.face_count(), file.contents.polygons), (8, 8));
     // Its image cannot be decoded.
     assert!(model.images.is_empty() && model.materials[1].base_color_texture.is_none());
-    assert!(said(&file)[0].starts_with("image 0 is of no type"), "{:?}", said(&file));
+    assert!(warning_texts(&file)[0].starts_with("image 0 is of no type"), "{:?}", warning_texts(&file));
     // Meshes are shared, not copied.
     let ModelSource::Scene(scene) = source else { panic!("no scene") };
     assert!(Arc::ptr_eq(&scene.meshes()[0].mesh, &model.meshes[0].mesh));
@@ -117,7 +117,7 @@ fn materials_say_what_the_file_says() {
     let file = read(&square(material, &rest, |pack| {
         pack.view(&picture(image::ImageFormat::WebP));
     }));
-    assert_eq!(said(&file), [""; 0]);
+    assert_eq!(warning_texts(&file), [""; 0]);
     let [m] = &file.model.materials[..] else { panic!("one material") };
     assert_eq!((&*m.name, m.double_sided, m.unlit), ("all", true, true));
     assert_eq!((m.base_color, m.metallic, m.roughness), ([0.1, 0.2, 0.3, 0.4], 0.5, 1.0));
@@ -171,7 +171,7 @@ fn images_beside_the_file_are_found_and_never_above_it() {
     let m = &got.model.materials[0];
     assert_eq!((m.base_color_texture.map(|t| t.image), got.model.images.len()), (Some(0), 1));
     assert!(m.emissive_texture.is_none() && m.normal_texture.is_none());
-    let said = said(&got);
+    let said = warning_texts(&got);
     assert!(
         said.len() == 2
             && said[1].starts_with("image 1 (../x.png) lies outside")
@@ -198,7 +198,7 @@ fn images_above_the_limits_are_left_out() {
     assert_eq!(file.model.images.len(), 1);
     assert!(file.model.materials[0].normal_texture.is_none());
     assert_eq!(
-        said(&file),
+        warning_texts(&file),
         ["image 1 has 2 x 2 pixels, which is above the limits: surfaces are shown without it"]
     );
 }
@@ -247,7 +247,7 @@ fn materials_of_obj_are_seen() {
         "one and the same picture in two formats"
     );
     assert_eq!(model.images[0].at(1, 0)[..3], [0, 255, 0]);
-    let said = said(&file);
+    let said = warning_texts(&file);
     assert!(said.len() == 1 && said[0].contains("cannot be decoded"), "{said:?}");
     let ModelSource::Mesh(regions) = &file.source else { panic!("no mesh") };
     assert_eq!(regions.len(), 4);
@@ -294,7 +294,7 @@ fn what_cannot_move_is_told_and_stands_still() {
     let file = read(&glb(&json, &bin));
     assert_eq!((file.model.animations[0].channels.len(), file.model.skins.len()), (1, 0));
     assert!(file.model.nodes.iter().all(|n| n.skin.is_none()));
-    let said = said(&file);
+    let said = warning_texts(&file);
     for (i, wanted) in [
         "skins[0] is left out",
         "2 values; 6 are needed",

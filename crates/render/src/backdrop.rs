@@ -15,27 +15,27 @@ use crate::subject::Subject;
 use crate::view::{RenderError, View};
 
 /// Pixels along a side of the shadow map.
-const MAP: usize = 192;
+const SHADOW_MAP_SIZE: usize = 192;
 /// Half the side of the area that the shadow map covers, in radii of the model.
-const MAP_HALF: f64 = 1.7;
+const SHADOW_MAP_RADII: f64 = 1.7;
 /// Height in radii at which a face casts about a third of the full shadow. (By eye.)
-const HEIGHT: f32 = 0.30;
+const SHADOW_HEIGHT: f32 = 0.30;
 /// Darkness of the floor at contact. (By eye.)
-const DARKEST: f32 = 0.62;
+const SHADOW_STRENGTH: f32 = 0.62;
 /// Approximate number of grid lines per radius.
-const LINES: f64 = 4.0;
+const GRID_LINES_PER_RADIUS: f64 = 4.0;
 /// Half the height of the part of the surroundings that a parallel view shows, at a distance of one.
 /// (By eye.)
-const PARALLEL: f32 = 0.31;
+const PARALLEL_SKY_HALF_HEIGHT: f32 = 0.31;
 /// Extent of the grid, in radii.
-const REACH: f64 = 6.0;
+const GRID_RADII: f64 = 6.0;
 
 pub(crate) struct Backdrop {
     /// Linear background colour of each row; `None` if transparent.
     rows: Option<Vec<Vec3>>,
     /// `rows` as bytes, for pixels without anything else.
     plain: Vec<[u8; 4]>,
-    floor: Option<Floor>,
+    floor: Option<GroundPlane>,
     sky: Option<Sky>,
 }
 
@@ -50,7 +50,7 @@ struct Sky {
     size: [f32; 2],
 }
 
-struct Floor {
+struct GroundPlane {
     projection: Projection,
     camera: Camera,
     height: f64,
@@ -84,13 +84,13 @@ impl Backdrop {
             let centre = (0.5 * min + 0.5 * max).with_y(min.y);
             let is_above = view.camera.eye.y > min.y;
             if is_above && radius > 0.0 && radius.is_finite() {
-                floor = Some(Floor {
+                floor = Some(GroundPlane {
                     projection: Projection::new(&view.camera, view.width, height)?,
                     camera: view.camera,
                     height: min.y,
                     centre,
                     radius,
-                    step: view.ground.grid.then(|| round_step(radius / LINES)),
+                    step: view.ground.grid.then(|| round_step(radius / GRID_LINES_PER_RADIUS)),
                     shadow: if view.ground.shadow { Some(shadow(subject, centre, radius)?) } else { None },
                     line,
                 });
@@ -142,7 +142,7 @@ impl Backdrop {
 
 impl Sky {
     fn new(view: &View) -> Option<Self> {
-        let (Background::Surroundings { blurred: is_blurred }, Some(environment)) =
+        let (Background::Environment { blurred: is_blurred }, Some(environment)) =
             (view.background, view.environment.clone())
         else {
             return None;
@@ -151,7 +151,7 @@ impl Sky {
         let half_height = match view.camera.lens {
             Lens::Perspective { fov_y_rad } => (0.5 * fov_y_rad).tan() as f32,
             // Parallel rays would all see the same colour.
-            Lens::Parallel { .. } => PARALLEL,
+            Lens::Parallel { .. } => PARALLEL_SKY_HALF_HEIGHT,
         };
         let axes = view.camera.axes().map(|a| a.as_vec3());
         let half = [half_height * size[0] / size[1], half_height];
@@ -169,23 +169,23 @@ impl Sky {
     }
 }
 
-impl Floor {
+impl GroundPlane {
     fn draw(&self, x: usize, y: usize, behind: &mut [f32; 4]) {
         let (x, y) = (x as f64 + 0.5, y as f64 + 0.5);
         let Some(at) = self.hit(x, y) else { return };
         let away = length(at - self.centre) / self.radius;
-        if away > REACH {
+        if away > GRID_RADII {
             return;
         }
         if let Some((projection, map)) = &self.shadow
             && let Some([u, v, _]) = projection.screen(projection.place(at))
         {
-            let dark = DARKEST * between(map, u as f32 - 0.5, v as f32 - 0.5);
+            let dark = SHADOW_STRENGTH * between(map, u as f32 - 0.5, v as f32 - 0.5);
             over([0.0, 0.0, 0.0, dark], behind);
         }
         if let Some(step) = self.step {
             let (Some(right), Some(below)) = (self.hit(x + 1.0, y), self.hit(x, y + 1.0)) else { return };
-            let fade = (1.0 - away / REACH).powi(2) as f32;
+            let fade = (1.0 - away / GRID_RADII).powi(2) as f32;
             let mut cover = 0f32;
             for k in [0, 2] {
                 let place = (at[k] - self.centre[k]) / step;
@@ -234,14 +234,14 @@ fn shadow(subject: &Subject, centre: DVec3, radius: f64) -> Result<(Projection, 
         eye: centre - DVec3::Y * radius,
         target: centre,
         up: DVec3::Z,
-        lens: Lens::Parallel { height: 2.0 * MAP_HALF * radius },
+        lens: Lens::Parallel { height: 2.0 * SHADOW_MAP_RADII * radius },
     };
-    let projection = Projection::new(&camera, MAP, MAP)?;
-    let near = nearness(subject, projection.clone(), MAP, MAP);
-    let dark = |near: &f32| if near.is_finite() { (near.min(0.0) / HEIGHT).exp() } else { 0.0 };
+    let projection = Projection::new(&camera, SHADOW_MAP_SIZE, SHADOW_MAP_SIZE)?;
+    let near = nearness(subject, projection.clone(), SHADOW_MAP_SIZE, SHADOW_MAP_SIZE);
+    let dark = |near: &f32| if near.is_finite() { (near.min(0.0) / SHADOW_HEIGHT).exp() } else { 0.0 };
     let mut map: Vec<f32> = near.iter().map(dark).collect();
     for reach in [7, 5, 3] {
-        map = blurred(&map, MAP, reach);
+        map = blurred(&map, SHADOW_MAP_SIZE, reach);
     }
     Ok((projection, map))
 }
@@ -267,8 +267,8 @@ fn blurred(map: &[f32], width: usize, reach: usize) -> Vec<f32> {
 /// Bilinear lookup in the shadow map; zero outside.
 fn between(map: &[f32], x: f32, y: f32) -> f32 {
     let at = |x: f32, y: f32| {
-        let is_in = x >= 0.0 && y >= 0.0 && x < MAP as f32 && y < MAP as f32;
-        if is_in { map[y as usize * MAP + x as usize] } else { 0.0 }
+        let is_in = x >= 0.0 && y >= 0.0 && x < SHADOW_MAP_SIZE as f32 && y < SHADOW_MAP_SIZE as f32;
+        if is_in { map[y as usize * SHADOW_MAP_SIZE + x as usize] } else { 0.0 }
     };
     let (x0, y0) = (x.floor(), y.floor());
     let upper = at(x0, y0) + (at(x0 + 1.0, y0) - at(x0, y0)) * (x - x0);

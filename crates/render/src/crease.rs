@@ -9,17 +9,22 @@ use rayon::prelude::*;
 use crate::projection::Projection;
 
 /// Distances of the points, as fractions of the height of the picture. (By eye.)
-const REACHES: [f32; 3] = [0.006, 0.014, 0.028];
+const SAMPLE_RADII: [f32; 3] = [0.006, 0.014, 0.028];
 /// Maximum darkening. (By eye.)
 const STRENGTH: f32 = 0.75;
 /// Directions of the pairs.
 const DIRECTIONS: usize = 6;
 
 /// Returns the fraction of light that each pixel gets; `near` is as from [`Projection::screen`].
-pub(crate) fn light(near: &[f32], width: usize, height: usize, projection: &Projection) -> Vec<f32> {
+pub(crate) fn ambient_occlusion(
+    near: &[f32],
+    width: usize,
+    height: usize,
+    projection: &Projection,
+) -> Vec<f32> {
     let scale = height as f32;
     let mut offsets = Vec::new();
-    for (ring, reach) in REACHES.iter().enumerate() {
+    for (ring, reach) in SAMPLE_RADII.iter().enumerate() {
         for i in 0..DIRECTIONS {
             let turn = (i as f32 + 0.33 * ring as f32) / DIRECTIONS as f32 * std::f32::consts::PI;
             let r = (reach * scale).max(1.0 + ring as f32);

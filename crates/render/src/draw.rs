@@ -10,10 +10,10 @@ use crate::linear::Encoder;
 use crate::look::Shading;
 use crate::marks::Marks;
 use crate::projection::Projection;
-use crate::raster::{BAND, Band, Kind, Kinds, NONE, SAMPLES, Screen};
+use crate::raster::{BAND_ROWS, Band, FaceKind, FaceKinds, NO_FACE, SAMPLES, Screen};
 use crate::shade::{Batch, Shader};
 use crate::subject::Subject;
-use crate::view::{RenderError, SIDE_MAX, View};
+use crate::view::{MAX_SIDE_PX, RenderError, View};
 
 /// Draws a subject.
 ///
@@ -29,7 +29,7 @@ use crate::view::{RenderError, SIDE_MAX, View};
 /// [`RenderError::Size`], [`RenderError::Camera`], [`RenderError::Values`] for a heat map of a subject without values.
 pub fn render(subject: &Subject, view: &View) -> Result<Image, RenderError> {
     let (width, height) = (view.width, view.height);
-    if !(1..=SIDE_MAX).contains(&width) || !(1..=SIDE_MAX).contains(&height) {
+    if !(1..=MAX_SIDE_PX).contains(&width) || !(1..=MAX_SIDE_PX).contains(&height) {
         return Err(RenderError::Size { width, height });
     }
     if view.look.shading == Shading::Heat
@@ -48,7 +48,7 @@ pub fn render(subject: &Subject, view: &View) -> Result<Image, RenderError> {
     let frame = Frame { view, factor, screen: &screen, shader, marks };
     let encoder = Encoder::new();
     let mut pixels = vec![[0u8; 4]; width * height];
-    let rows = BAND / factor;
+    let rows = BAND_ROWS / factor;
     if view.occlusion {
         let mut colors = vec![[0f32; 4]; width * height];
         let mut near = vec![f32::NEG_INFINITY; width * height];
@@ -60,7 +60,7 @@ pub fn render(subject: &Subject, view: &View) -> Result<Image, RenderError> {
                 frame.nearest(scratch, near);
             },
         );
-        let light = crease::light(&near, width, height, &screen.projection);
+        let light = crease::ambient_occlusion(&near, width, height, &screen.projection);
         pixels.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             for (x, pixel) in row.iter_mut().enumerate() {
                 let [r, g, b, a] = colors[y * width + x];
@@ -83,25 +83,25 @@ pub fn render(subject: &Subject, view: &View) -> Result<Image, RenderError> {
 }
 
 /// Returns the kinds of the faces of each mesh.
-fn kinds(subject: &Subject, view: &View) -> Kinds {
+fn kinds(subject: &Subject, view: &View) -> FaceKinds {
     let culls = view.look.cull_back;
-    let plain = if culls { Kind::Front } else { Kind::Solid };
+    let plain = if culls { FaceKind::Front } else { FaceKind::Solid };
     let of_material = |index: &Option<usize>| {
         let material = index.and_then(|i| subject.surfaces.materials.get(i));
         let Some(material) = material.filter(|_| view.look.shading == Shading::Textured) else {
             return plain;
         };
         match (material.alpha, culls || !material.double_sided) {
-            (AlphaMode::Opaque, true) => Kind::Front,
-            (AlphaMode::Opaque, false) => Kind::Solid,
-            (AlphaMode::Mask(_), true) => Kind::MaskedFront,
-            (AlphaMode::Mask(_), false) => Kind::Masked,
-            (AlphaMode::Blend, true) => Kind::BlendedFront,
-            (AlphaMode::Blend, false) => Kind::Blended,
+            (AlphaMode::Opaque, true) => FaceKind::Front,
+            (AlphaMode::Opaque, false) => FaceKind::Solid,
+            (AlphaMode::Mask(_), true) => FaceKind::MaskedFront,
+            (AlphaMode::Mask(_), false) => FaceKind::Masked,
+            (AlphaMode::Blend, true) => FaceKind::BlendedFront,
+            (AlphaMode::Blend, false) => FaceKind::Blended,
         }
     };
-    let of_part = |part: &crate::subject::Part| {
-        let mut all: Vec<Kind> = subject.meshes[part.mesh].materials.iter().map(of_material).collect();
+    let of_part = |part: &crate::subject::PlacedMesh| {
+        let mut all: Vec<FaceKind> = subject.meshes[part.mesh].materials.iter().map(of_material).collect();
         if all.iter().all(|k| all.first() == Some(k)) {
             all.truncate(1);
         }
@@ -140,7 +140,7 @@ impl Frame<'_> {
                 let [f0, f1, f2, f3] = cell.face.to_array();
                 let (at, x) = (first + x, x as u32 as f32 + 0.5);
                 if f0 == f1 && f0 == f2 && f0 == f3 {
-                    if f0 != NONE {
+                    if f0 != NO_FACE {
                         batch.add(&self.shader, f0, [x, y], (at, 1.0), colors);
                     }
                     continue;
@@ -151,7 +151,7 @@ impl Frame<'_> {
                     let face = faces[open.trailing_zeros() as usize];
                     let mask = (0..4).fold(0, |m, k| m | u32::from(faces[k] == face) << k);
                     open &= !mask;
-                    if face != NONE {
+                    if face != NO_FACE {
                         let [dx, dy] = CENTRES[mask as usize];
                         let share = mask.count_ones() as f32 * 0.25;
                         batch.add(&self.shader, face, [x + dx, y + dy], (at, share), colors);

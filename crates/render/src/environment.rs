@@ -11,20 +11,20 @@ use crate::file::{PictureError, decode};
 use crate::linear;
 
 /// Pixels per row of a map: enough for reflections on surfaces. (By eye.)
-pub const WIDTH: usize = 128;
+pub const MAP_WIDTH: usize = 128;
 /// Rows of a map.
-pub const HEIGHT: usize = 64;
+pub const MAP_HEIGHT: usize = 64;
 /// Number of maps, from a mirror to the roughest surface.
-pub const LEVELS: usize = 6;
+pub const MAP_COUNT: usize = 6;
 /// Number of directions averaged for one pixel of a rougher map. (By eye: with fewer, lamps leave a pattern.)
-const DIRECTIONS: u32 = 64;
+const PREFILTER_SAMPLES: u32 = 64;
 
 /// Maximum width and height of the image seen behind a model. (By eye: a window shows a fifth of a row.)
-const SKY: [usize; 2] = [2048, 1024];
+const MAX_SKY_SIZE: [usize; 2] = [2048, 1024];
 /// Size of the studio image behind a model.
-const STUDIO: [usize; 2] = [512, 256];
+const STUDIO_SIZE: [usize; 2] = [512, 256];
 /// Roughness of the map that is shown as a blurred background. (By eye.)
-const BLUR: f32 = 0.4;
+const BLUR_ROUGHNESS: f32 = 0.4;
 
 /// Light from all directions, as if from infinity. Fixed in the world, whose up is +y.
 #[derive(Clone, PartialEq)]
@@ -34,12 +34,12 @@ pub struct Environment {
     /// Diffuse light as spherical harmonics: constant, linear and quadratic terms.
     matt: [Vec3; 9],
     /// The image seen directly, not as a reflection.
-    sky: Map,
+    sky: LightMap,
 }
 
 /// An image of all directions (equirectangular), rows from straight up to straight down.
 #[derive(Clone, PartialEq)]
-struct Map {
+struct LightMap {
     size: [usize; 2],
     pixels: Vec<Vec3>,
 }
@@ -90,9 +90,12 @@ impl Environment {
                 let all = rows.flat_map(|y| columns.clone().map(move |x| y * width + x));
                 all.fold(Vec3::ZERO, |sum, at| sum + sound(pixels[at])) / count
             };
-            Map { size, pixels: (0..size[0] * size[1]).into_par_iter().map(mean).collect() }
+            LightMap { size, pixels: (0..size[0] * size[1]).into_par_iter().map(mean).collect() }
         };
-        Self::of_map(scaled([WIDTH, HEIGHT]).pixels, scaled([width.min(SKY[0]), height.min(SKY[1])]))
+        Self::of_map(
+            scaled([MAP_WIDTH, MAP_HEIGHT]).pixels,
+            scaled([width.min(MAX_SKY_SIZE[0]), height.min(MAX_SKY_SIZE[1])]),
+        )
     }
 
     /// A built-in studio: a dark room with large soft lamps above and beside, over a bright floor.
@@ -121,13 +124,13 @@ impl Environment {
             Vec3::new(1.0, 0.99, 0.97) * (wall + floor + lamps.iter().map(of_lamp).sum::<f32>())
         };
         let map = |size: [usize; 2]| (0..size[0] * size[1]).map(|i| light(direction_in(size, i))).collect();
-        Self::of_map(map([WIDTH, HEIGHT]), Map { size: STUDIO, pixels: map(STUDIO) })
+        Self::of_map(map([MAP_WIDTH, MAP_HEIGHT]), LightMap { size: STUDIO_SIZE, pixels: map(STUDIO_SIZE) })
     }
 
     /// Returns the data for a shader: rows of [`WIDTH`] pixels, the maps below each other, [`HEIGHT`] rows
     /// each, and a last row that starts with the nine coefficients of diffuse light.
     pub fn table(&self) -> Vec<[f32; 4]> {
-        let last = self.matt.into_iter().chain(std::iter::repeat(Vec3::ZERO)).take(WIDTH);
+        let last = self.matt.into_iter().chain(std::iter::repeat(Vec3::ZERO)).take(MAP_WIDTH);
         self.maps.iter().flatten().copied().chain(last).map(|v| [v.x, v.y, v.z, 1.0]).collect()
     }
 
@@ -137,12 +140,14 @@ impl Environment {
         (self.sky.size, self.sky.pixels.iter().map(|v| [v.x, v.y, v.z, 1.0]).collect())
     }
 
-    fn of_map(mirror: Vec<Vec3>, sky: Map) -> Self {
+    fn of_map(mirror: Vec<Vec3>, sky: LightMap) -> Self {
         let matt = harmonics(&mirror);
         let mut maps = vec![mirror];
-        for level in 1..LEVELS {
-            let roughness = level as f32 / (LEVELS - 1) as f32;
-            let map = (0..WIDTH * HEIGHT).into_par_iter().map(|i| spread(&maps[0], direction(i), roughness));
+        for level in 1..MAP_COUNT {
+            let roughness = level as f32 / (MAP_COUNT - 1) as f32;
+            let map = (0..MAP_WIDTH * MAP_HEIGHT)
+                .into_par_iter()
+                .map(|i| prefilter(&maps[0], direction(i), roughness));
             maps.push(map.collect());
         }
         Self { maps, matt, sky }
@@ -156,16 +161,16 @@ impl Environment {
 
     /// Returns the light that a surface of a roughness reflects from a direction.
     pub(crate) fn mirrored(&self, along: Vec3, roughness: f32) -> Vec3 {
-        let level = roughness.clamp(0.0, 1.0) * (LEVELS - 1) as f32;
-        let first = (level as usize).min(LEVELS - 2);
-        let [a, b] = [first, first + 1].map(|k| looked_up(&self.maps[k], [WIDTH, HEIGHT], along));
+        let level = roughness.clamp(0.0, 1.0) * (MAP_COUNT - 1) as f32;
+        let first = (level as usize).min(MAP_COUNT - 2);
+        let [a, b] = [first, first + 1].map(|k| looked_up(&self.maps[k], [MAP_WIDTH, MAP_HEIGHT], along));
         a.lerp(b, level - first as f32)
     }
 
     /// Returns the background in a direction.
     pub(crate) fn seen(&self, along: Vec3, is_blurred: bool) -> Vec3 {
         match is_blurred {
-            true => self.mirrored(along, BLUR),
+            true => self.mirrored(along, BLUR_ROUGHNESS),
             false => looked_up(&self.sky.pixels, self.sky.size, along),
         }
     }
@@ -173,7 +178,7 @@ impl Environment {
 
 /// The direction of the centre of a pixel of a reflection map.
 fn direction(pixel: usize) -> Vec3 {
-    direction_in([WIDTH, HEIGHT], pixel)
+    direction_in([MAP_WIDTH, MAP_HEIGHT], pixel)
 }
 
 /// The direction of the centre of a pixel.
@@ -199,13 +204,13 @@ fn looked_up(map: &[Vec3], [width, height]: [usize; 2], d: Vec3) -> Vec3 {
 
 /// Prefilters a map: the mean reflection of the facets of a rough surface, viewed along its normal.
 /// [Karis 2013], the GGX lobe.
-fn spread(map: &[Vec3], n: Vec3, roughness: f32) -> Vec3 {
+fn prefilter(map: &[Vec3], n: Vec3, roughness: f32) -> Vec3 {
     let side = n.cross(if n.y.abs() > 0.9 { Vec3::X } else { Vec3::Y }).normalize_or(Vec3::X);
     let other = n.cross(side);
     let a2 = roughness.powi(4);
     let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
-    for i in 0..DIRECTIONS {
-        let u = (i as f32 + 0.5) / DIRECTIONS as f32;
+    for i in 0..PREFILTER_SAMPLES {
+        let u = (i as f32 + 0.5) / PREFILTER_SAMPLES as f32;
         // Bit reversal (van der Corput): evenly distributed for any number of directions.
         let (sin, cos) = (i.reverse_bits() as f32 / 4_294_967_296.0 * TAU).sin_cos();
         let cos_half = ((1.0 - u) / (1.0 + (a2 - 1.0) * u)).sqrt();
@@ -214,11 +219,11 @@ fn spread(map: &[Vec3], n: Vec3, roughness: f32) -> Vec3 {
         let along = half * (2.0 * n.dot(half)) - n;
         let weight = n.dot(along);
         if weight > 0.0 {
-            sum += looked_up(map, [WIDTH, HEIGHT], along) * weight;
+            sum += looked_up(map, [MAP_WIDTH, MAP_HEIGHT], along) * weight;
             weights += weight;
         }
     }
-    if weights > 0.0 { sum / weights } else { looked_up(map, [WIDTH, HEIGHT], n) }
+    if weights > 0.0 { sum / weights } else { looked_up(map, [MAP_WIDTH, MAP_HEIGHT], n) }
 }
 
 /// Spherical harmonics up to degree two.
@@ -240,9 +245,9 @@ fn basis(Vec3 { x, y, z }: Vec3) -> [f32; 9] {
 fn harmonics(map: &[Vec3]) -> [Vec3; 9] {
     let mut sums = [Vec3::ZERO; 9];
     for (i, &light) in map.iter().enumerate() {
-        let row = (i / WIDTH) as f32;
-        let edge = |row: f32| (row / HEIGHT as f32 * PI).cos();
-        let solid = (edge(row) - edge(row + 1.0)) * TAU / WIDTH as f32;
+        let row = (i / MAP_WIDTH) as f32;
+        let edge = |row: f32| (row / MAP_HEIGHT as f32 * PI).cos();
+        let solid = (edge(row) - edge(row + 1.0)) * TAU / MAP_WIDTH as f32;
         let along = basis(direction(i));
         sums.iter_mut().zip(along).for_each(|(sum, b)| *sum += light * (b * solid));
     }
@@ -256,7 +261,7 @@ mod tests {
     use super::*;
 
     fn directions() -> impl Iterator<Item = Vec3> {
-        (0..WIDTH * HEIGHT).step_by(37).map(direction)
+        (0..MAP_WIDTH * MAP_HEIGHT).step_by(37).map(direction)
     }
 
     #[test]
@@ -286,12 +291,12 @@ mod tests {
 
     #[test]
     fn directions_are_found_where_they_were_put() {
-        let mut map = vec![Vec3::ZERO; WIDTH * HEIGHT];
-        let at = 20 * WIDTH + 77;
+        let mut map = vec![Vec3::ZERO; MAP_WIDTH * MAP_HEIGHT];
+        let at = 20 * MAP_WIDTH + 77;
         map[at] = Vec3::ONE;
-        assert!((looked_up(&map, [WIDTH, HEIGHT], direction(at)).x - 1.0).abs() < 1e-3);
+        assert!((looked_up(&map, [MAP_WIDTH, MAP_HEIGHT], direction(at)).x - 1.0).abs() < 1e-3);
         // Continuous where the map wraps around.
-        assert!(looked_up(&map, [WIDTH, HEIGHT], Vec3::new(-1.0, 0.0, -0.0)).is_finite());
+        assert!(looked_up(&map, [MAP_WIDTH, MAP_HEIGHT], Vec3::new(-1.0, 0.0, -0.0)).is_finite());
     }
 
     #[test]

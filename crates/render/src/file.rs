@@ -35,7 +35,7 @@ impl PictureFormat {
     pub const ALL: [Self; 3] = [Self::Png, Self::Jpeg, Self::WebP];
 
     /// Returns the format of a file extension, without its dot.
-    pub fn of_ending(ending: &str) -> Option<Self> {
+    pub fn from_extension(ending: &str) -> Option<Self> {
         match ending.to_ascii_lowercase().as_str() {
             "png" => Some(Self::Png),
             "jpg" | "jpeg" => Some(Self::Jpeg),
@@ -118,7 +118,7 @@ mod tests {
             decode(&encode(&Image::filled(16, 16, [200, 100, 50, 0]), PictureFormat::Jpeg).unwrap()).unwrap();
         assert!(jpeg.pixels().iter().flatten().all(|&c| c > 250), "see-through is white in a JPEG");
         for format in PictureFormat::ALL {
-            assert_eq!(PictureFormat::of_ending(format.name()), Some(format));
+            assert_eq!(PictureFormat::from_extension(format.name()), Some(format));
         }
         assert!(decode(b"no picture").is_err() && decode(&[]).is_err());
     }

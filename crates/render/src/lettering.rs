@@ -1,7 +1,7 @@
 //! A single-stroke font for captions: no font file, the same on every machine.
 
 /// Space between two letters, in heights of a capital.
-const GAP: f32 = 0.22;
+const LETTER_SPACING: f32 = 0.22;
 const ROUND: [f32; 2] = [0.0, 360.0];
 
 /// A stroke of a letter; capitals are 1 high on a baseline at 0.
@@ -30,12 +30,12 @@ impl Stroke {
 
 /// Advance width of a letter, in heights of a capital.
 pub(crate) fn advance(c: char) -> f32 {
-    if c == ' ' { 0.36 } else { glyph(c).0 + GAP }
+    if c == ' ' { 0.36 } else { glyph(c).0 + LETTER_SPACING }
 }
 
 /// Width of a text, in heights of a capital.
 pub(crate) fn length(text: &str) -> f32 {
-    (text.chars().map(advance).sum::<f32>() - GAP).max(0.0)
+    (text.chars().map(advance).sum::<f32>() - LETTER_SPACING).max(0.0)
 }
 
 use Stroke::{Arc as A, Through as T};

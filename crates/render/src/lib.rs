@@ -46,4 +46,4 @@ pub use light::{Ambient, Light, LightKind, Lighting};
 pub use look::{Background, Look, Shading};
 pub use sheet::{Legend, Panel, sheet};
 pub use subject::Subject;
-pub use view::{Ground, RenderError, SIDE_MAX, View};
+pub use view::{Ground, MAX_SIDE_PX, RenderError, View};

@@ -5,11 +5,11 @@ use std::sync::LazyLock;
 use glam::Vec3;
 
 /// Table size: half a grey level at the dark end, where the curve is steep.
-const STEPS: usize = 4096;
+const ENCODE_STEPS: usize = 4096;
 
 static TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|i| decoded(i as f32 / 255.0)));
 static TO_BYTE: LazyLock<Vec<u8>> = LazyLock::new(|| {
-    (0..STEPS).map(|i| (encoded(i as f32 / (STEPS - 1) as f32) * 255.0).round() as u8).collect()
+    (0..ENCODE_STEPS).map(|i| (encoded(i as f32 / (ENCODE_STEPS - 1) as f32) * 255.0).round() as u8).collect()
 });
 
 fn decoded(s: f32) -> f32 {
@@ -48,7 +48,7 @@ impl Encoder {
     #[inline(always)]
     pub(crate) fn byte(self, light: f32) -> u8 {
         // NaN becomes 0 here.
-        self.0[((light * (STEPS - 1) as f32 + 0.5) as usize).min(STEPS - 1)]
+        self.0[((light * (ENCODE_STEPS - 1) as f32 + 0.5) as usize).min(ENCODE_STEPS - 1)]
     }
     #[inline(always)]
     pub(crate) fn bytes(self, light: Vec3) -> [u8; 3] {

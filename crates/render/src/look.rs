@@ -100,7 +100,7 @@ pub enum Background {
     /// A gradient from the upper edge to the lower one.
     Gradient([f32; 3], [f32; 3]),
     /// The environment; the default gradient if there is none.
-    Surroundings {
+    Environment {
         /// True if it is blurred.
         blurred: bool,
     },
@@ -120,7 +120,7 @@ impl Background {
             Self::Transparent => None,
             Self::Color(color) => Some([color; 2]),
             Self::Gradient(upper, lower) => Some([upper, lower]),
-            Self::Surroundings { .. } => Self::default().edges(),
+            Self::Environment { .. } => Self::default().edges(),
         }
     }
 }

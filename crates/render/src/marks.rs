@@ -7,23 +7,23 @@ use lodsmith_core::{Topology, VertexId};
 use crate::linear;
 use crate::linear::over;
 use crate::projection::Projection;
-use crate::raster::{BAND, Band, Screen};
+use crate::raster::{BAND_ROWS, Band, Screen};
 use crate::subject::Subject;
 use crate::view::View;
 
 /// Open borders. Colours are in sRGB, chosen to be distinguishable on any surface.
-pub const BORDER: [f32; 3] = [1.0, 0.27, 0.16];
+pub const BORDER_COLOR: [f32; 3] = [1.0, 0.27, 0.16];
 /// Edges with more than two faces.
-pub const NON_MANIFOLD: [f32; 3] = [0.85, 0.10, 0.95];
+pub const NON_MANIFOLD_COLOR: [f32; 3] = [0.85, 0.10, 0.95];
 /// Faces without area.
-pub const ZERO_AREA: [f32; 3] = [1.0, 0.85, 0.10];
+pub const ZERO_AREA_COLOR: [f32; 3] = [1.0, 0.85, 0.10];
 /// Duplicate faces.
-pub const DUPLICATE: [f32; 3] = [0.10, 0.80, 0.95];
+pub const DUPLICATE_COLOR: [f32; 3] = [0.10, 0.80, 0.95];
 
 /// Line width in pixels, in addition to that of the wireframe.
 const WIDTH_PX: f32 = 2.2;
 /// Relative depth tolerance for lines on a surface. (Guessed.)
-const SLACK: f32 = 3e-3;
+const DEPTH_TOLERANCE: f32 = 3e-3;
 
 struct Line {
     ends: [[f32; 3]; 2],
@@ -42,7 +42,7 @@ impl Marks {
         let factor = if view.fine { 2.0 } else { 1.0 };
         let half = 0.5 * (WIDTH_PX + view.look.wire_width_px - 1.0).clamp(1.0, 64.0) * factor;
         let mut marks =
-            Self { lines: Vec::new(), bands: vec![Vec::new(); screen.height.div_ceil(BAND)], half };
+            Self { lines: Vec::new(), bands: vec![Vec::new(); screen.height.div_ceil(BAND_ROWS)], half };
         let look = &view.look;
         if !(look.borders || look.defects) {
             return marks;
@@ -68,7 +68,7 @@ impl Marks {
         if high < 0.0 || low >= screen.height as f32 {
             return;
         }
-        let row = |y: f32| (y.max(0.0) as usize / BAND).min(self.bands.len() - 1);
+        let row = |y: f32| (y.max(0.0) as usize / BAND_ROWS).min(self.bands.len() - 1);
         for band in row(low)..=row(high) {
             self.bands[band].push(self.lines.len() as u32);
         }
@@ -109,7 +109,8 @@ impl Marks {
                     let at = (y - band.first_row) * band.width + x;
                     let near = band.cells[at].near.to_array();
                     let is_seen = |n: &&f32| {
-                        **n == f32::NEG_INFINITY || distance <= projection.distance(**n) * (1.0 + SLACK)
+                        **n == f32::NEG_INFINITY
+                            || distance <= projection.distance(**n) * (1.0 + DEPTH_TOLERANCE)
                     };
                     let seen = near.iter().filter(is_seen).count() as f32 * 0.25;
                     let c = cover * seen;
@@ -130,12 +131,12 @@ fn marked(mesh: &lodsmith_core::TriMesh, borders: bool, defects: bool) -> Vec<([
         lines.extend(edges.map(|h| ([topology.origin(h), topology.target(h)], color)));
     };
     if borders {
-        of_kind(EdgeKind::Border, BORDER);
+        of_kind(EdgeKind::Border, BORDER_COLOR);
     }
     if !defects {
         return lines;
     }
-    of_kind(EdgeKind::NonManifold, NON_MANIFOLD);
+    of_kind(EdgeKind::NonManifold, NON_MANIFOLD_COLOR);
     let positions = surface.positions();
     let faces: Vec<[VertexId; 3]> =
         (0..topology.face_count()).map(|f| topology.triangle(lodsmith_core::FaceId(f as u32))).collect();
@@ -144,11 +145,11 @@ fn marked(mesh: &lodsmith_core::TriMesh, borders: bool, defects: bool) -> Vec<([
     let plain: Vec<[VertexId; 3]> = faces.iter().copied().filter(is_plain).collect();
     let twice = duplicates(&plain, positions.len());
     for face in twice.same_winding.iter().chain(&twice.opposite) {
-        lines.extend(round(plain[face.index()], DUPLICATE));
+        lines.extend(round(plain[face.index()], DUPLICATE_COLOR));
     }
     for t in &faces {
         if is_zero_area(t.map(|v| positions.get(v))) {
-            lines.extend(round(*t, ZERO_AREA));
+            lines.extend(round(*t, ZERO_AREA_COLOR));
         }
     }
     lines

@@ -8,9 +8,9 @@ use crate::view::RenderError;
 
 /// Near plane, as a fraction of the distance from the eye to the target. (Guessed: depths are reciprocal, so
 /// it costs no precision.)
-const NEAR: f64 = 1e-4;
+const NEAR_PLANE: f64 = 1e-4;
 /// Points beyond this many pixels are clipped: edge functions of triangles are exact enough up to there.
-const FARTHEST_PX: f64 = 16384.0;
+const GUARD_BAND_PX: f64 = 16384.0;
 
 /// A camera with a picture size. *View* coordinates are camera coordinates in units of the distance to the
 /// target: there single precision is enough, wherever in the world the model lies.
@@ -85,9 +85,10 @@ impl ToScreen {
         let near = if self.is_perspective { per_distance } else { one + vz };
         let x = vx * per_distance * self.per_unit[0] + self.middle[0];
         let y = -vy * per_distance * self.per_unit[1] + self.middle[1];
-        let farthest = f32x4::splat(FARTHEST_PX as f32);
-        let is_seen =
-            (-vz).simd_gt(f32x4::splat(NEAR as f32)) & x.abs().simd_lt(farthest) & y.abs().simd_lt(farthest);
+        let farthest = f32x4::splat(GUARD_BAND_PX as f32);
+        let is_seen = (-vz).simd_gt(f32x4::splat(NEAR_PLANE as f32))
+            & x.abs().simd_lt(farthest)
+            & y.abs().simd_lt(farthest);
         let x = is_seen.select(x, f32x4::splat(f32::NAN));
         f32x4::transpose([x, y, near, one]).map(f32x4::to_array)
     }
@@ -163,7 +164,7 @@ impl Projection {
         let near = if self.is_perspective { per_distance } else { 1.0 + view.z };
         let x = view.x * per_distance * self.per_unit[0] + 0.5 * self.size[0];
         let y = 0.5 * self.size[1] - view.y * per_distance * self.per_unit[1];
-        let is_seen = (-view.z > NEAR) & (x.abs() < FARTHEST_PX) & (y.abs() < FARTHEST_PX);
+        let is_seen = (-view.z > NEAR_PLANE) & (x.abs() < GUARD_BAND_PX) & (y.abs() < GUARD_BAND_PX);
         [if is_seen { x } else { f64::NAN }, y, near]
     }
 
@@ -226,11 +227,11 @@ impl Projection {
             return Vec::new();
         }
         let mut polygon = corners.to_vec();
-        let aside = [0, 1].map(|k| 0.9 * FARTHEST_PX / self.size[k] * 2.0 * self.half[k]);
+        let aside = [0, 1].map(|k| 0.9 * GUARD_BAND_PX / self.size[k] * 2.0 * self.half[k]);
         let inside = |plane: usize, p: DVec3| {
             let w = self.divisor(p);
             match plane {
-                0 => -p.z - 2.0 * NEAR,
+                0 => -p.z - 2.0 * NEAR_PLANE,
                 1 => aside[0] * w - p.x,
                 2 => aside[0] * w + p.x,
                 3 => aside[1] * w - p.y,

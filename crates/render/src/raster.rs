@@ -12,23 +12,23 @@ use rayon::prelude::*;
 use wide::{f32x4, i32x4};
 
 use crate::projection::{Projection, ToView};
-use crate::subject::{Drawn, Part, Subject};
+use crate::subject::{PlacedMesh, PreparedMesh, Subject};
 
-pub(crate) use band::{Band, Corner, NONE, SAMPLES, side_by_side};
-use band::{Depths, Four, Pixels, doubled_areas, pixels_between, range};
+pub(crate) use band::{Band, Corner, NO_FACE, SAMPLES, transpose_corners};
+use band::{PixelRect, TileDepths, TriangleQuad, doubled_areas, pixels_between, range};
 
 /// Rows per band: its samples fit into the L2 cache at usual widths. Even, for fine pictures.
-pub(crate) const BAND: usize = 16;
+pub(crate) const BAND_ROWS: usize = 16;
 /// Faces, or vertices, per work piece.
-const PIECE: usize = 1 << 15;
+const PIECE_LENGTH: usize = 1 << 15;
 /// Maximum distance in pixels between two computations of the same corner.
-const SAME_PX: f32 = 0.01;
+const SNAP_DISTANCE_PX: f32 = 0.01;
 /// Marks indices into the list of clipped faces.
-const CLIPPED: u32 = 1 << 31;
+const CLIPPED_BIT: u32 = 1 << 31;
 
 /// A mesh projected to the screen.
-pub(crate) struct Placed<'a> {
-    pub(crate) drawn: &'a Drawn,
+pub(crate) struct ProjectedMesh<'a> {
+    pub(crate) drawn: &'a PreparedMesh,
     pub(crate) to_view: ToView,
     pub(crate) is_mirrored: bool,
     pub(crate) first_face: u32,
@@ -37,8 +37,8 @@ pub(crate) struct Placed<'a> {
     pub(crate) corners: Vec<Corner>,
 }
 
-impl<'a> Placed<'a> {
-    fn new(subject: &'a Subject, part: &Part, projection: &Projection) -> Self {
+impl<'a> ProjectedMesh<'a> {
+    fn new(subject: &'a Subject, part: &PlacedMesh, projection: &Projection) -> Self {
         let drawn = &subject.meshes[part.mesh];
         let to_view = projection.to_view(&part.world_from_mesh);
         let mut corners = vec![[0f32; 4]; drawn.mesh.vertex_count()];
@@ -46,20 +46,20 @@ impl<'a> Placed<'a> {
             let [x, y, near] = projection.on_screen(to_view.of(p)).map(|x| x as f32);
             [x, y, near, 0.0]
         };
-        let pieces = corners.par_chunks_mut(PIECE);
+        let pieces = corners.par_chunks_mut(PIECE_LENGTH);
         match drawn.mesh.positions() {
             Positions::F32(all) => match projection.to_screen(&to_view) {
-                Some(to_screen) => pieces.zip(all.par_chunks(PIECE)).for_each(|(to, from)| {
+                Some(to_screen) => pieces.zip(all.par_chunks(PIECE_LENGTH)).for_each(|(to, from)| {
                     to.chunks_mut(4).zip(from.chunks(4)).for_each(|(to, from)| {
                         let four = std::array::from_fn(|i| from[i.min(from.len() - 1)]);
                         to.copy_from_slice(&to_screen.of_four(four)[..to.len()]);
                     });
                 }),
-                None => pieces.zip(all.par_chunks(PIECE)).for_each(|(to, from)| {
+                None => pieces.zip(all.par_chunks(PIECE_LENGTH)).for_each(|(to, from)| {
                     to.iter_mut().zip(from).for_each(|(c, p)| *c = exact(DVec3::from(p.map(f64::from))));
                 }),
             },
-            Positions::F64(all) => pieces.zip(all.par_chunks(PIECE)).for_each(|(to, from)| {
+            Positions::F64(all) => pieces.zip(all.par_chunks(PIECE_LENGTH)).for_each(|(to, from)| {
                 to.iter_mut().zip(from).for_each(|(c, p)| *c = exact(DVec3::from(*p)));
             }),
         }
@@ -90,7 +90,7 @@ impl<'a> Placed<'a> {
 
 /// Visibility class of a face.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum FaceKind {
     /// Opaque.
     Solid,
     /// Opaque, back face culled.
@@ -105,7 +105,7 @@ pub(crate) enum Kind {
     BlendedFront,
 }
 
-impl Kind {
+impl FaceKind {
     fn hides_back(self) -> bool {
         matches!(self, Self::Front | Self::MaskedFront | Self::BlendedFront)
     }
@@ -118,34 +118,34 @@ impl Kind {
 }
 
 /// Kinds of the faces of each mesh; by the region of a face if they differ.
-pub(crate) type Kinds = Vec<Vec<Kind>>;
+pub(crate) type FaceKinds = Vec<Vec<FaceKind>>;
 
 /// A piece of a clipped face.
-struct Cut {
+struct ClippedTriangle {
     face: u32,
     corners: [Corner; 3],
 }
 
 /// A back face, with the data needed for the occlusion test.
-struct Back {
+struct BackFace {
     face: u32,
     near: f32,
-    pixels: Pixels,
+    pixels: PixelRect,
 }
 
 /// Some faces of one part, binned by the bands that they touch.
-struct Piece {
+struct BinnedFaces {
     part: usize,
     bands: Vec<Vec<u32>>,
     /// Back faces, drawn after the others, which hide most of them.
-    backs: Vec<Vec<Back>>,
-    cuts: Vec<Cut>,
+    backs: Vec<Vec<BackFace>>,
+    cuts: Vec<ClippedTriangle>,
     /// Blended faces with their distance.
     blended: Vec<(f32, u32)>,
 }
 
 /// Bounds of four triangles before they are drawn; the first three are bit masks.
-struct Outline {
+struct TriangleBounds {
     /// May cover samples.
     seen: u32,
     /// Must be clipped first.
@@ -157,11 +157,11 @@ struct Outline {
     pixels: [[i32; 4]; 4],
 }
 
-impl Outline {
+impl TriangleBounds {
     #[inline(always)]
-    fn pixels(&self, which: usize) -> Pixels {
+    fn pixels(&self, which: usize) -> PixelRect {
         let [x0, x1, y0, y1] = self.pixels.each_ref().map(|all| all[which] as u16);
-        Pixels { x: [x0, x1], y: [y0, y1] }
+        PixelRect { x: [x0, x1], y: [y0, y1] }
     }
 }
 
@@ -170,9 +170,9 @@ pub(crate) struct Screen<'a> {
     pub(crate) projection: Projection,
     pub(crate) width: usize,
     pub(crate) height: usize,
-    pub(crate) placed: Vec<Placed<'a>>,
-    kinds: Kinds,
-    pieces: Vec<Piece>,
+    pub(crate) placed: Vec<ProjectedMesh<'a>>,
+    kinds: FaceKinds,
+    pieces: Vec<BinnedFaces>,
     /// Blended faces of each band, nearest first.
     blended: Vec<Vec<u32>>,
 }
@@ -183,16 +183,16 @@ impl<'a> Screen<'a> {
         projection: Projection,
         width: usize,
         height: usize,
-        kinds: Kinds,
+        kinds: FaceKinds,
     ) -> Self {
-        let placed: Vec<Placed<'_>> =
-            subject.parts.par_iter().map(|part| Placed::new(subject, part, &projection)).collect();
+        let placed: Vec<ProjectedMesh<'_>> =
+            subject.parts.par_iter().map(|part| ProjectedMesh::new(subject, part, &projection)).collect();
         let mut screen =
             Self { projection, width, height, placed, kinds, pieces: Vec::new(), blended: Vec::new() };
         let jobs: Vec<(usize, usize)> = (0..screen.placed.len())
             .flat_map(|part| {
                 let faces = screen.placed[part].drawn.mesh.face_count();
-                (0..faces).step_by(PIECE).map(move |first| (part, first))
+                (0..faces).step_by(PIECE_LENGTH).map(move |first| (part, first))
             })
             .collect();
         screen.pieces = jobs.into_par_iter().map(|(part, first)| screen.piece(part, first)).collect();
@@ -201,26 +201,26 @@ impl<'a> Screen<'a> {
     }
 
     fn band_count(&self) -> usize {
-        self.height.div_ceil(BAND)
+        self.height.div_ceil(BAND_ROWS)
     }
 
     /// Returns the kind of a face.
     #[inline(always)]
-    fn kind(&self, placed: &Placed<'_>, kinds: &[Kind], face: usize) -> Kind {
+    fn kind(&self, placed: &ProjectedMesh<'_>, kinds: &[FaceKind], face: usize) -> FaceKind {
         match kinds {
             [one] => *one,
             all => {
                 let region = placed.drawn.mesh.regions().map_or(0, |r| r[face].index());
-                all.get(region).copied().unwrap_or(Kind::Solid)
+                all.get(region).copied().unwrap_or(FaceKind::Solid)
             }
         }
     }
 
-    fn piece(&self, part: usize, first: usize) -> Piece {
+    fn piece(&self, part: usize, first: usize) -> BinnedFaces {
         let placed = &self.placed[part];
-        let end = (first + PIECE).min(placed.drawn.mesh.face_count());
+        let end = (first + PIECE_LENGTH).min(placed.drawn.mesh.face_count());
         let lists = self.band_count();
-        let mut piece = Piece {
+        let mut piece = BinnedFaces {
             part,
             bands: vec![Vec::new(); lists],
             backs: (0..lists).map(|_| Vec::new()).collect(),
@@ -237,13 +237,13 @@ impl<'a> Screen<'a> {
                 let which = open.trailing_zeros() as usize;
                 open &= open - 1;
                 if outline.cut >> which & 1 == 0 {
-                    self.list(&mut piece, face + which, None, &outline, which);
+                    self.bin_triangle(&mut piece, face + which, None, &outline, which);
                     continue;
                 }
-                for corners in self.cut(placed, face + which) {
+                for corners in self.clip_face(placed, face + which) {
                     let outline = self.outline(|_, k| corners[k]);
                     if outline.seen != 0 {
-                        self.list(&mut piece, face + which, Some(corners), &outline, 0);
+                        self.bin_triangle(&mut piece, face + which, Some(corners), &outline, 0);
                     }
                 }
             }
@@ -253,12 +253,12 @@ impl<'a> Screen<'a> {
 
     /// Adds a triangle of a face to the bands that it touches.
     #[inline(always)]
-    fn list(
+    fn bin_triangle(
         &self,
-        piece: &mut Piece,
+        piece: &mut BinnedFaces,
         face: usize,
         cut: Option<[Corner; 3]>,
-        outline: &Outline,
+        outline: &TriangleBounds,
         which: usize,
     ) {
         let placed = &self.placed[piece.part];
@@ -279,16 +279,17 @@ impl<'a> Screen<'a> {
         }
         let pixels = outline.pixels(which);
         let last = self.band_count() - 1;
-        let rows = usize::from(pixels.y[0]) / BAND..=((usize::from(pixels.y[1]) - 1) / BAND).min(last);
+        let rows =
+            usize::from(pixels.y[0]) / BAND_ROWS..=((usize::from(pixels.y[1]) - 1) / BAND_ROWS).min(last);
         if is_back && cut.is_none() {
             for band in rows {
-                piece.backs[band].push(Back { face: entry, near: outline.near[which], pixels });
+                piece.backs[band].push(BackFace { face: entry, near: outline.near[which], pixels });
             }
             return;
         }
         if let Some(corners) = cut {
-            entry = CLIPPED | piece.cuts.len() as u32;
-            piece.cuts.push(Cut { face: face as u32, corners });
+            entry = CLIPPED_BIT | piece.cuts.len() as u32;
+            piece.cuts.push(ClippedTriangle { face: face as u32, corners });
         }
         for band in rows {
             piece.bands[band].push(entry);
@@ -297,8 +298,8 @@ impl<'a> Screen<'a> {
 
     /// Computes the bounds of four triangles.
     #[inline(always)]
-    fn outline(&self, of: impl Fn(usize, usize) -> Corner) -> Outline {
-        let corners = side_by_side(of);
+    fn outline(&self, of: impl Fn(usize, usize) -> Corner) -> TriangleBounds {
+        let corners = transpose_corners(of);
         let [a, b, c] = corners;
         let doubled = doubled_areas(&corners);
         let zero = f32x4::splat(0.0);
@@ -316,7 +317,7 @@ impl<'a> Screen<'a> {
         // Checked again, as rounding may leave no pixel.
         let seen = bytemuck::cast::<_, i32x4>(seen) & x0.simd_lt(x1) & y0.simd_lt(y1);
         let [_, near] = range([a[2], b[2], c[2]]);
-        Outline {
+        TriangleBounds {
             seen: seen.to_bitmask(),
             cut: (a[0] + b[0] + c[0]).is_nan().to_bitmask(),
             clockwise: doubled.simd_gt(zero).to_bitmask(),
@@ -326,13 +327,14 @@ impl<'a> Screen<'a> {
     }
 
     /// Returns the clipped pieces of a face.
-    fn cut(&self, placed: &Placed<'_>, face: usize) -> Vec<[Corner; 3]> {
+    fn clip_face(&self, placed: &ProjectedMesh<'_>, face: usize) -> Vec<[Corner; 3]> {
         let polygon = self.projection.clipped(placed.in_view(face));
         let own = placed.on_screen(face);
         let at = |i: usize| {
             let [x, y, near] = polygon[i].map(|x| x as f32);
             // Snaps to the unclipped corners that its neighbours use, so that edges match to the last bit.
-            let is_same = |c: &&Corner| (c[0] - x).abs() < SAME_PX && (c[1] - y).abs() < SAME_PX;
+            let is_same =
+                |c: &&Corner| (c[0] - x).abs() < SNAP_DISTANCE_PX && (c[1] - y).abs() < SNAP_DISTANCE_PX;
             own.iter().find(is_same).copied().unwrap_or([x, y, near, 0.0])
         };
         (2..polygon.len()).map(|i| [at(0), at(i - 1), at(i)]).collect()
@@ -349,12 +351,15 @@ impl<'a> Screen<'a> {
         for (_, whole, part, face) in all {
             let placed = &self.placed[part];
             let corners = placed.on_screen(face as usize);
-            let pieces =
-                if Placed::is_cut(&corners) { self.cut(placed, face as usize) } else { vec![corners] };
+            let pieces = if ProjectedMesh::is_cut(&corners) {
+                self.clip_face(placed, face as usize)
+            } else {
+                vec![corners]
+            };
             let rows = |corners: &[Corner; 3]| {
                 let outline = self.outline(|_, k| corners[k]);
                 let [first, end] = outline.pixels(0).y.map(usize::from);
-                if outline.seen == 0 { 0..0 } else { first / BAND..end.div_ceil(BAND) }
+                if outline.seen == 0 { 0..0 } else { first / BAND_ROWS..end.div_ceil(BAND_ROWS) }
             };
             let mut rows: Vec<usize> = pieces.iter().flat_map(rows).collect();
             rows.sort_unstable();
@@ -366,24 +371,24 @@ impl<'a> Screen<'a> {
 
     /// Returns the part that contains a face of the whole picture.
     #[inline(always)]
-    pub(crate) fn part_of(&self, face: u32) -> &Placed<'a> {
+    pub(crate) fn part_of(&self, face: u32) -> &ProjectedMesh<'a> {
         let after = self.placed.partition_point(|p| p.first_face <= face);
         &self.placed[after - 1]
     }
 
     /// Draws all solid faces of a band. `is_there` returns true if a masked face is opaque at a point.
     pub(crate) fn draw(&self, index: usize, band: &mut Band, is_there: &dyn Fn(u32, f32, f32) -> bool) {
-        band.clear(index * BAND, self.width, (self.height - index * BAND).min(BAND));
+        band.clear(index * BAND_ROWS, self.width, (self.height - index * BAND_ROWS).min(BAND_ROWS));
         for piece in &self.pieces {
             self.draw_some(piece, &piece.bands[index], band, is_there);
         }
         if self.pieces.iter().all(|piece| piece.backs[index].is_empty()) {
             return;
         }
-        let depths = Depths::of(band);
+        let depths = TileDepths::of(band);
         let mut left = Vec::new();
         for piece in &self.pieces {
-            let is_seen = |back: &&Back| !depths.hide(back.near, &back.pixels);
+            let is_seen = |back: &&BackFace| !depths.hide(back.near, &back.pixels);
             left.clear();
             left.extend(piece.backs[index].iter().filter(is_seen).map(|back| back.face));
             self.draw_some(piece, &left, band, is_there);
@@ -392,7 +397,7 @@ impl<'a> Screen<'a> {
 
     fn draw_some(
         &self,
-        piece: &Piece,
+        piece: &BinnedFaces,
         entries: &[u32],
         band: &mut Band,
         is_there: &dyn Fn(u32, f32, f32) -> bool,
@@ -402,22 +407,22 @@ impl<'a> Screen<'a> {
         let has_masks = kinds.iter().any(|k| k.is_masked());
         for entries in entries.chunks(4) {
             let vertex = |i: usize| match entries[i.min(entries.len() - 1)] {
-                cut if cut & CLIPPED != 0 => [VertexId(0); 3],
+                cut if cut & CLIPPED_BIT != 0 => [VertexId(0); 3],
                 face => placed.vertices(face as usize),
             };
             let vertices = [vertex(0), vertex(1), vertex(2), vertex(3)];
-            let is_cut = entries.iter().any(|e| e & CLIPPED != 0);
+            let is_cut = entries.iter().any(|e| e & CLIPPED_BIT != 0);
             let four = if is_cut {
-                Four::new(|i, k| match entries[i.min(entries.len() - 1)] {
-                    cut if cut & CLIPPED != 0 => piece.cuts[(cut & !CLIPPED) as usize].corners[k],
+                TriangleQuad::new(|i, k| match entries[i.min(entries.len() - 1)] {
+                    cut if cut & CLIPPED_BIT != 0 => piece.cuts[(cut & !CLIPPED_BIT) as usize].corners[k],
                     _ => placed.corners[vertices[i][k].index()],
                 })
             } else {
-                Four::new(|i, k| placed.corners[vertices[i][k].index()])
+                TriangleQuad::new(|i, k| placed.corners[vertices[i][k].index()])
             };
             for (which, &entry) in entries.iter().enumerate() {
-                let is_cut = entry & CLIPPED != 0;
-                let face = if is_cut { piece.cuts[(entry & !CLIPPED) as usize].face } else { entry };
+                let is_cut = entry & CLIPPED_BIT != 0;
+                let face = if is_cut { piece.cuts[(entry & !CLIPPED_BIT) as usize].face } else { entry };
                 let whole = placed.first_face + face;
                 if has_masks && self.kind(placed, kinds, face as usize).is_masked() {
                     band.draw(&four, which, whole, |x, y, mask| {
@@ -450,9 +455,10 @@ impl<'a> Screen<'a> {
             let placed = self.part_of(whole);
             let face = (whole - placed.first_face) as usize;
             let corners = placed.on_screen(face);
-            let pieces = if Placed::is_cut(&corners) { self.cut(placed, face) } else { vec![corners] };
+            let pieces =
+                if ProjectedMesh::is_cut(&corners) { self.clip_face(placed, face) } else { vec![corners] };
             for corners in &pieces {
-                band.walk(&Four::new(|_, k| corners[k]), 0, |cell, x, y, mask, near| {
+                band.walk(&TriangleQuad::new(|_, k| corners[k]), 0, |cell, x, y, mask, near| {
                     let mask = (mask & near.simd_gt(band.cells[cell].near)).to_bitmask();
                     if mask != 0 {
                         seen(whole, x, y, mask);
@@ -465,10 +471,10 @@ impl<'a> Screen<'a> {
 
 /// Computes the largest nearness of each pixel of a small picture; nothing is shaded.
 pub(crate) fn nearness(subject: &Subject, projection: Projection, width: usize, height: usize) -> Vec<f32> {
-    let kinds = subject.parts.iter().map(|_| vec![Kind::Solid]).collect();
+    let kinds = subject.parts.iter().map(|_| vec![FaceKind::Solid]).collect();
     let screen = Screen::new(subject, projection, width, height, kinds);
     let mut near = vec![f32::NEG_INFINITY; width * height];
-    near.par_chunks_mut(width * BAND).enumerate().for_each_init(Band::default, |band, (index, near)| {
+    near.par_chunks_mut(width * BAND_ROWS).enumerate().for_each_init(Band::default, |band, (index, near)| {
         screen.draw(index, band, &|_, _, _| true);
         for (near, cell) in near.iter_mut().zip(&band.cells) {
             *near = cell.near.to_array().into_iter().fold(f32::NEG_INFINITY, f32::max);

@@ -14,7 +14,7 @@ use crate::light::LightKind;
 use crate::linear;
 use crate::look::Shading;
 use crate::projection::Projection;
-use crate::raster::{Corner, Placed, Screen};
+use crate::raster::{Corner, ProjectedMesh, Screen};
 use crate::subject::Subject;
 use crate::view::View;
 
@@ -24,15 +24,15 @@ pub(crate) use four::Batch;
 /// everything. (By eye.)
 const WIRE_FULL_PX: f32 = 8.0;
 /// Minimum strength of lines, for vanishing triangles.
-const WIRE_LEAST: f32 = 0.04;
+const WIRE_MIN_STRENGTH: f32 = 0.04;
 
 /// A light in view coordinates.
 struct ViewLight {
     color: Vec3,
-    place: Place,
+    place: LightPosition,
 }
 
-enum Place {
+enum LightPosition {
     Far { to_light: Vec3 },
     Near { at: Vec3, cone: Option<(Vec3, f32, f32)> },
 }
@@ -46,7 +46,7 @@ pub(crate) struct Shader<'a> {
     /// Half the picture at distance 1 and the size of one pixel there, in view units: horizontal, then
     /// vertical.
     per_pixel: [f32; 4],
-    meshes: Vec<Shaded<'a>>,
+    meshes: Vec<PartShading<'a>>,
     lights: Vec<ViewLight>,
     above: Vec3,
     below: Vec3,
@@ -62,7 +62,7 @@ pub(crate) struct Shader<'a> {
 }
 
 /// Per-part shading data.
-struct Shaded<'a> {
+struct PartShading<'a> {
     /// One normal for each wedge, or for each vertex.
     normals: Normals<'a>,
     to_view: Mat3,
@@ -77,9 +77,9 @@ enum Normals<'a> {
 }
 
 /// A point on a face.
-struct Hit<'a> {
+struct SurfacePoint<'a> {
     part: usize,
-    placed: &'a Placed<'a>,
+    placed: &'a ProjectedMesh<'a>,
     face: usize,
     wedges: [WedgeId; 3],
     at: [f32; 2],
@@ -98,7 +98,7 @@ impl<'a> Shader<'a> {
         let look = &view.look;
         let projection = &screen.projection;
         let needs_normals = !matches!(look.shading, Shading::Flat | Shading::Heat);
-        let shaded = |placed: &'a Placed<'a>| Shaded {
+        let shaded = |placed: &'a ProjectedMesh<'a>| PartShading {
             normals: match placed.drawn.mesh.normals() {
                 _ if !needs_normals => Normals::None,
                 Some(own) => Normals::OfWedges(own),
@@ -119,14 +119,14 @@ impl<'a> Shader<'a> {
         let lights = view.lighting.lights.iter().map(|light| {
             let place = match light.kind {
                 LightKind::Directional { to_light } => {
-                    Place::Far { to_light: turned(to_light, light.in_world) }
+                    LightPosition::Far { to_light: turned(to_light, light.in_world) }
                 }
-                LightKind::Point { at } => Place::Near { at: place(at, light.in_world), cone: None },
+                LightKind::Point { at } => LightPosition::Near { at: place(at, light.in_world), cone: None },
                 LightKind::Spot { at, toward, half_angle_rad } => {
                     let at_view = place(at, light.in_world);
                     let along = (place(toward, light.in_world) - at_view).normalize_or(Vec3::NEG_Z);
                     let (inner, outer) = ((0.8 * half_angle_rad).cos(), half_angle_rad.cos());
-                    Place::Near { at: at_view, cone: Some((along, inner, outer)) }
+                    LightPosition::Near { at: at_view, cone: Some((along, inner, outer)) }
                 }
             };
             ViewLight { color: Vec3::from(light.color), place }
@@ -167,7 +167,7 @@ impl<'a> Shader<'a> {
 
     /// Draws the wireframe of a face over its colour.
     #[inline(always)]
-    fn wired<'h>(&self, mut color: Vec3, alpha: f32, hit: impl FnOnce() -> Hit<'h>) -> [f32; 4] {
+    fn wired<'h>(&self, mut color: Vec3, alpha: f32, hit: impl FnOnce() -> SurfacePoint<'h>) -> [f32; 4] {
         let Some((wire, opacity, width)) = self.wire else { return [color.x, color.y, color.z, alpha] };
         let (distance, strength) = self.to_side(&hit());
         let cover = (0.5 * width + 0.5 - distance).clamp(0.0, 1.0) * opacity * strength;
@@ -183,13 +183,13 @@ impl<'a> Shader<'a> {
     }
 
     #[inline(always)]
-    fn hit(&self, whole: u32, x: f32, y: f32) -> Hit<'_> {
+    fn hit(&self, whole: u32, x: f32, y: f32) -> SurfacePoint<'_> {
         let part = self.part_of(whole);
         let placed = &self.screen.placed[part];
         let face = (whole - placed.first_face) as usize;
         let wedges = placed.drawn.mesh.triangles()[face];
         let corners = wedges.map(|w| placed.corners[placed.drawn.mesh.vertex_of(w).index()]);
-        let mut hit = Hit {
+        let mut hit = SurfacePoint {
             part,
             placed,
             face,
@@ -203,7 +203,7 @@ impl<'a> Shader<'a> {
         };
         let products = [0, 1, 2].map(|k| hit.l[k] * corners[k][2]);
         hit.near = products[0] + products[1] + products[2];
-        hit.b = if Placed::is_cut(&corners) || hit.near <= 0.0 {
+        hit.b = if ProjectedMesh::is_cut(&corners) || hit.near <= 0.0 {
             self.barycentrics(&hit, x, y)
         } else if self.projection.is_perspective {
             let per_near = 1.0 / hit.near;
@@ -211,7 +211,7 @@ impl<'a> Shader<'a> {
         } else {
             hit.l
         };
-        let is_clockwise = if Placed::is_cut(&corners) {
+        let is_clockwise = if ProjectedMesh::is_cut(&corners) {
             let [a, b, c] = placed.in_view(face);
             let along = if self.projection.is_perspective { a } else { DVec3::NEG_Z };
             (b - a).cross(c - a).dot(along) > 0.0
@@ -225,8 +225,8 @@ impl<'a> Shader<'a> {
     /// Returns barycentric coordinates on the face in space for a point of the screen, which may lie outside
     /// the face.
     #[inline(always)]
-    fn barycentrics(&self, hit: &Hit<'_>, x: f32, y: f32) -> [f32; 3] {
-        if Placed::is_cut(&hit.corners) {
+    fn barycentrics(&self, hit: &SurfacePoint<'_>, x: f32, y: f32) -> [f32; 3] {
+        if ProjectedMesh::is_cut(&hit.corners) {
             let corners = hit.placed.in_view(hit.face);
             return self.projection.barycentrics(corners, f64::from(x), f64::from(y)).map(|b| b as f32);
         }
@@ -240,10 +240,10 @@ impl<'a> Shader<'a> {
     }
 
     /// Returns the distance to the nearest side of the face in pixels, and the strength of its lines.
-    fn to_side(&self, hit: &Hit<'_>) -> (f32, f32) {
-        let strength = |height: f32| ((height - 0.7) / WIRE_FULL_PX).clamp(WIRE_LEAST, 1.0);
+    fn to_side(&self, hit: &SurfacePoint<'_>) -> (f32, f32) {
+        let strength = |height: f32| ((height - 0.7) / WIRE_FULL_PX).clamp(WIRE_MIN_STRENGTH, 1.0);
         let [x, y] = hit.at;
-        if Placed::is_cut(&hit.corners) {
+        if ProjectedMesh::is_cut(&hit.corners) {
             // From the change of the barycentric coordinates per pixel.
             let (right, below) = (self.barycentrics(hit, x + 1.0, y), self.barycentrics(hit, x, y + 1.0));
             let distance = |k: usize| {
@@ -263,8 +263,8 @@ impl<'a> Shader<'a> {
 
     /// Returns the point in view coordinates.
     #[inline(always)]
-    fn place(&self, hit: &Hit<'_>) -> Vec3 {
-        let distance = if Placed::is_cut(&hit.corners) {
+    fn place(&self, hit: &SurfacePoint<'_>) -> Vec3 {
+        let distance = if ProjectedMesh::is_cut(&hit.corners) {
             let [a, b, c] = hit.placed.in_view(hit.face).map(|p| p.z as f32);
             -(hit.b[0] * a + hit.b[1] * b + hit.b[2] * c)
         } else {
@@ -281,14 +281,14 @@ impl<'a> Shader<'a> {
 
     /// Returns the face normal, towards the eye.
     #[inline(always)]
-    fn face_normal(&self, hit: &Hit<'_>) -> Vec3 {
+    fn face_normal(&self, hit: &SurfacePoint<'_>) -> Vec3 {
         let n = self.outer_face_normal(hit);
         if hit.is_front { n } else { -n }
     }
 
     /// Returns the face normal, towards the side that is counter-clockwise.
     #[inline(always)]
-    fn outer_face_normal(&self, hit: &Hit<'_>) -> Vec3 {
+    fn outer_face_normal(&self, hit: &SurfacePoint<'_>) -> Vec3 {
         let [a, b, c] =
             hit.placed.vertices(hit.face).map(|v| hit.placed.drawn.mesh.positions().view().get(v));
         let [p, q] = [b, c].map(|e| DVec3::from(e) - DVec3::from(a));
@@ -303,7 +303,7 @@ impl<'a> Shader<'a> {
 
     /// Returns the interpolated normal as given.
     #[inline(always)]
-    fn own_normal(&self, hit: &Hit<'_>) -> Vec3 {
+    fn own_normal(&self, hit: &SurfacePoint<'_>) -> Vec3 {
         let shaded = &self.meshes[hit.part];
         let [a, b, c] = match shaded.normals {
             Normals::None => return self.outer_face_normal(hit),
@@ -319,7 +319,7 @@ impl<'a> Shader<'a> {
 
     /// Returns the interpolated normal, on the visible side of the face.
     #[inline(always)]
-    fn normal(&self, hit: &Hit<'_>) -> Vec3 {
+    fn normal(&self, hit: &SurfacePoint<'_>) -> Vec3 {
         let n = self.own_normal(hit);
         match self.meshes[hit.part].normals {
             // Normals from a file may point to either side of a face.
@@ -341,7 +341,7 @@ impl<'a> Shader<'a> {
     }
 
     /// Returns the linear vertex colour and opacity; the look's colour if the mesh has none.
-    fn vertex_color(&self, placed: &Placed<'_>, wedges: [WedgeId; 3], l: [f32; 3]) -> (Vec3, f32) {
+    fn vertex_color(&self, placed: &ProjectedMesh<'_>, wedges: [WedgeId; 3], l: [f32; 3]) -> (Vec3, f32) {
         let Some(colors) = placed.drawn.mesh.colors() else { return (self.surface, 1.0) };
         let [a, b, c] = wedges.map(|w| colors[w.index()]);
         let mixed = [0, 1, 2, 3].map(|k| l[0] * a[k] + l[1] * b[k] + l[2] * c[k]);
@@ -376,8 +376,8 @@ impl<'a> Shader<'a> {
     #[inline(always)]
     fn light_at(&self, light: &ViewLight, place: Vec3) -> (Vec3, Vec3) {
         match &light.place {
-            Place::Far { to_light } => (*to_light, light.color),
-            Place::Near { at, cone } => {
+            LightPosition::Far { to_light } => (*to_light, light.color),
+            LightPosition::Near { at, cone } => {
                 let to = *at - place;
                 let distance_sq = (to.length_squared() / (self.radius * self.radius)).max(1e-6);
                 let to_light = to.normalize_or(Vec3::Z);
@@ -407,7 +407,7 @@ impl<'a> Shader<'a> {
         upper.lerp(lower, y - y0)
     }
 
-    fn heat(&self, placed: &Placed<'_>, wedges: [WedgeId; 3], l: [f32; 3]) -> Vec3 {
+    fn heat(&self, placed: &ProjectedMesh<'_>, wedges: [WedgeId; 3], l: [f32; 3]) -> Vec3 {
         let (map, low, high) = self.heat;
         let Some(values) = &placed.drawn.values else { return self.surface };
         let [a, b, c] = wedges.map(|w| values[placed.drawn.mesh.vertex_of(w).index()]);

@@ -16,11 +16,11 @@ const LINE_PX: f32 = 10.5;
 const TITLE_STEP: usize = 27;
 const LINE_STEP: usize = 22;
 /// Margin around the sheet and between panels, in pixels.
-const GAP: usize = 12;
+const MARGIN_PX: usize = 12;
 /// Height of a legend in pixels.
-const LEGEND: usize = 52;
+const LEGEND_HEIGHT_PX: usize = 52;
 /// Half the stroke width, in heights of a capital.
-const STROKE: f32 = 0.062;
+const STROKE_HALF_WIDTH: f32 = 0.062;
 
 /// A picture with a caption.
 #[derive(Clone, Debug)]
@@ -51,20 +51,20 @@ pub fn sheet(panels: &[Panel], columns: usize, background: Background, legend: O
     let widest = panels.iter().map(|p| p.picture.width()).max().unwrap_or(0);
     let highest = panels.iter().map(|p| p.picture.height()).max().unwrap_or(0);
     let lines = panels.iter().map(|p| p.caption.len()).max().unwrap_or(0);
-    let caption = if lines == 0 { 0 } else { TITLE_STEP + (lines - 1) * LINE_STEP + GAP };
-    let below = if legend.is_some() { LEGEND } else { 0 };
-    let width = columns * widest + (columns + 1) * GAP;
-    let height = rows * (highest + caption + GAP) + GAP + below;
+    let caption = if lines == 0 { 0 } else { TITLE_STEP + (lines - 1) * LINE_STEP + MARGIN_PX };
+    let below = if legend.is_some() { LEGEND_HEIGHT_PX } else { 0 };
+    let width = columns * widest + (columns + 1) * MARGIN_PX;
+    let height = rows * (highest + caption + MARGIN_PX) + MARGIN_PX + below;
     let mut canvas = Canvas::new(width, height, background);
     for (i, panel) in panels.iter().enumerate() {
-        let left = GAP + (i % columns) * (widest + GAP);
-        let top = GAP + (i / columns) * (highest + caption + GAP);
+        let left = MARGIN_PX + (i % columns) * (widest + MARGIN_PX);
+        let top = MARGIN_PX + (i / columns) * (highest + caption + MARGIN_PX);
         let (w, h) = (panel.picture.width(), panel.picture.height());
-        canvas.lay(&panel.picture, left + (widest - w) / 2, top + (highest - h) / 2);
+        canvas.draw_picture(&panel.picture, left + (widest - w) / 2, top + (highest - h) / 2);
         canvas.caption(&panel.caption, left, top + highest, widest);
     }
     if let Some(legend) = legend {
-        canvas.legend(legend, height - LEGEND - GAP / 2);
+        canvas.legend(legend, height - LEGEND_HEIGHT_PX - MARGIN_PX / 2);
     }
     canvas.image()
 }
@@ -102,7 +102,7 @@ impl Canvas {
     }
 
     /// Draws a picture with its upper left corner at a position.
-    pub fn lay(&mut self, picture: &Image, left: usize, top: usize) {
+    pub fn draw_picture(&mut self, picture: &Image, left: usize, top: usize) {
         for y in 0..picture.height().min(self.height.saturating_sub(top)) {
             for x in 0..picture.width().min(self.width.saturating_sub(left)) {
                 let [r, g, b, a] = picture.at(x, y);
@@ -121,7 +121,7 @@ impl Canvas {
             let (size, step, ink) =
                 if i == 0 { (TITLE_PX, TITLE_STEP, self.ink) } else { (LINE_PX, LINE_STEP, self.faint) };
             base += step as f32;
-            let line = cut(line, width as f32 / size);
+            let line = truncate(line, width as f32 / size);
             self.text(&line, middle, base - 5.0, size, ink);
         }
     }
@@ -153,7 +153,7 @@ impl Canvas {
             for stroke in lettering::glyph(c).1 {
                 let points: Vec<[f32; 2]> =
                     stroke.points().into_iter().map(|p| [x + p[0] * size, base - p[1] * size]).collect();
-                self.line(&points, (size * STROKE).max(0.55), ink);
+                self.line(&points, (size * STROKE_HALF_WIDTH).max(0.55), ink);
             }
             x += lettering::advance(c) * size;
         }
@@ -197,7 +197,7 @@ impl std::fmt::Debug for Canvas {
 }
 
 /// Truncates a text to a width in heights of a capital.
-fn cut(text: &str, longest: f32) -> String {
+fn truncate(text: &str, longest: f32) -> String {
     if lettering::length(text) <= longest {
         return text.to_owned();
     }
@@ -245,10 +245,10 @@ mod tests {
 
     #[test]
     fn long_texts_are_cut() {
-        assert_eq!(cut("bunny", 100.0), "bunny");
-        let short = cut("a_very_long_name_of_a_file.obj", 6.0);
+        assert_eq!(truncate("bunny", 100.0), "bunny");
+        let short = truncate("a_very_long_name_of_a_file.obj", 6.0);
         assert!(short.ends_with("...") && lettering::length(&short) <= 6.0, "{short}");
-        assert_eq!(cut("bunny", 0.1), "");
+        assert_eq!(truncate("bunny", 0.1), "");
     }
 
     #[test]
@@ -258,9 +258,9 @@ mod tests {
             caption: vec![format!("panel {n}"); n],
         };
         let picture = sheet(&[panel(1), panel(2), panel(1)], 2, Background::Color([1.0; 3]), None);
-        assert_eq!(picture.width(), 2 * 40 + 3 * GAP);
-        assert_eq!(picture.at(GAP + 5, GAP + 5), [255, 0, 0, 255]);
-        assert_eq!(picture.at(GAP / 2, GAP / 2), [255; 4]);
+        assert_eq!(picture.width(), 2 * 40 + 3 * MARGIN_PX);
+        assert_eq!(picture.at(MARGIN_PX + 5, MARGIN_PX + 5), [255, 0, 0, 255]);
+        assert_eq!(picture.at(MARGIN_PX / 2, MARGIN_PX / 2), [255; 4]);
         let is_dark = |p: &&[u8; 4]| p[0] < 100 && p[1] < 100;
         assert!(picture.pixels().iter().filter(is_dark).count() > 50, "there is ink");
     }

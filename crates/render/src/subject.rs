@@ -12,23 +12,23 @@ use lodsmith_core::{Bounds, Model, TriMesh, WedgeId};
 use rayon::prelude::*;
 
 use crate::camera::{Camera, Lens};
-use crate::surfaces::Surfaces;
+use crate::surfaces::MaterialSet;
 use crate::view::RenderError;
 
 /// A model prepared for drawing from any side. Data that only some looks need is computed on demand.
 #[derive(Debug)]
 pub struct Subject {
     /// The meshes of the model, then deformed ones.
-    pub(crate) meshes: Vec<Drawn>,
-    pub(crate) parts: Vec<Part>,
-    pub(crate) surfaces: Surfaces,
+    pub(crate) meshes: Vec<PreparedMesh>,
+    pub(crate) parts: Vec<PlacedMesh>,
+    pub(crate) surfaces: MaterialSet,
     pub(crate) vertex_colors: VertexColors,
     bounds: OnceLock<Option<Bounds>>,
 }
 
 /// A mesh and data derived from it.
 #[derive(Debug)]
-pub(crate) struct Drawn {
+pub(crate) struct PreparedMesh {
     pub(crate) mesh: Arc<TriMesh>,
     pub(crate) materials: Vec<Option<usize>>,
     /// Index of the model's mesh that this is a deformed version of.
@@ -40,14 +40,14 @@ pub(crate) struct Drawn {
 
 /// A mesh as placed by a node.
 #[derive(Clone, Debug)]
-pub(crate) struct Part {
+pub(crate) struct PlacedMesh {
     pub(crate) mesh: usize,
     pub(crate) world_from_mesh: DMat4,
     /// Number of its first face among all faces of the picture.
     pub(crate) first_face: u32,
 }
 
-impl Drawn {
+impl PreparedMesh {
     /// Normals computed from the shape, one for each vertex.
     pub(crate) fn shape_normals(&self) -> &[[f32; 3]] {
         self.shape_normals.get_or_init(|| {
@@ -72,7 +72,7 @@ impl Subject {
     /// # Errors
     /// [`RenderError::TooManyFaces`].
     pub fn posed(model: &Model, pose: &Pose) -> Result<Self, RenderError> {
-        let drawn = |of: usize, mesh: Arc<TriMesh>, deformed_from: Option<usize>| Drawn {
+        let drawn = |of: usize, mesh: Arc<TriMesh>, deformed_from: Option<usize>| PreparedMesh {
             mesh,
             materials: model.meshes[of].materials.clone(),
             deformed_from,
@@ -80,25 +80,25 @@ impl Subject {
             values: None,
         };
         let at_rest = model.meshes.iter().enumerate();
-        let mut meshes: Vec<Drawn> = at_rest.map(|(i, m)| drawn(i, m.mesh.clone(), None)).collect();
+        let mut meshes: Vec<PreparedMesh> = at_rest.map(|(i, m)| drawn(i, m.mesh.clone(), None)).collect();
         let mut parts = Vec::new();
         let mut faces = 0usize;
         let (world_from_nodes, mut deformed) = (model.world_from_nodes(pose), Deformed::default());
         for instance in model.instances(pose) {
             let (mut mesh, mut world_from_mesh) = (instance.mesh, instance.world_from_mesh);
             if model.deform(&instance, pose, &world_from_nodes, &mut deformed) {
-                let made = put(&meshes[mesh].mesh, &mut deformed);
+                let made = deformed_mesh(&meshes[mesh].mesh, &mut deformed);
                 meshes.push(drawn(mesh, Arc::new(made), Some(mesh)));
                 (mesh, world_from_mesh) = (meshes.len() - 1, deformed.world_from_mesh);
             }
-            parts.push(Part { mesh, world_from_mesh, first_face: faces as u32 });
+            parts.push(PlacedMesh { mesh, world_from_mesh, first_face: faces as u32 });
             faces = faces.saturating_add(meshes[mesh].mesh.face_count());
             // The largest numbers mark "none" and clipped faces.
             if faces >= 1 << 31 {
                 return Err(RenderError::TooManyFaces { faces });
             }
         }
-        let surfaces = Surfaces::new(&model.materials, &model.images);
+        let surfaces = MaterialSet::new(&model.materials, &model.images);
         Ok(Self { meshes, parts, surfaces, vertex_colors: model.vertex_colors, bounds: OnceLock::new() })
     }
 
@@ -123,7 +123,7 @@ impl Subject {
             let vertices = drawn.mesh.vertex_count();
             let own = match drawn.deformed_from {
                 None => values.next().unwrap_or_default(),
-                Some(from) => carried(&before[from], &drawn.mesh),
+                Some(from) => transferred_values(&before[from], &drawn.mesh),
             };
             if own.len() != vertices {
                 return Err(RenderError::Values { mesh: i, vertices, values: own.len() });
@@ -239,7 +239,7 @@ impl Subject {
 }
 
 /// Returns a copy of a mesh with deformed positions and normals.
-fn put(mesh: &TriMesh, deformed: &mut Deformed) -> TriMesh {
+fn deformed_mesh(mesh: &TriMesh, deformed: &mut Deformed) -> TriMesh {
     let mut made = mesh.clone();
     let (places, normals) = (take(&mut deformed.positions), take(&mut deformed.normals));
     made.set_wedge_positions(places).expect("there is a place for each wedge");
@@ -248,7 +248,7 @@ fn put(mesh: &TriMesh, deformed: &mut Deformed) -> TriMesh {
 }
 
 /// Transfers the values of a mesh at rest to the vertices of its deformed version.
-fn carried(rest: &Drawn, deformed: &TriMesh) -> Vec<f32> {
+fn transferred_values(rest: &PreparedMesh, deformed: &TriMesh) -> Vec<f32> {
     let mut values = rest.values.clone().unwrap_or_default();
     // Deformation may split a vertex: all its copies get its value.
     values.resize(deformed.vertex_count(), 0.0);

@@ -7,11 +7,11 @@ use rayon::prelude::*;
 use crate::linear;
 
 /// Maximum number of anisotropic samples. (Guessed: more make hardly a visible difference.)
-const LOOKS_MAX: f32 = 4.0;
+const MAX_ANISOTROPY: f32 = 4.0;
 
 /// Interpretation of an image's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Meaning {
+pub(crate) enum TexelKind {
     /// Colours in sRGB.
     Colors,
     /// Linear values: normals, roughness.
@@ -21,12 +21,12 @@ pub(crate) enum Meaning {
 /// An image and its mipmaps, each half as large as the previous one.
 #[derive(Debug)]
 pub(crate) struct Texture {
-    levels: Vec<Level>,
-    meaning: Meaning,
+    levels: Vec<MipLevel>,
+    meaning: TexelKind,
 }
 
 #[derive(Debug)]
-struct Level {
+struct MipLevel {
     width: usize,
     height: usize,
     pixels: Vec<[u8; 4]>,
@@ -34,8 +34,9 @@ struct Level {
 
 impl Texture {
     /// Builds the mipmaps. Cost: O(pixels).
-    pub(crate) fn new(image: &Image, meaning: Meaning) -> Self {
-        let first = Level { width: image.width(), height: image.height(), pixels: image.pixels().to_vec() };
+    pub(crate) fn new(image: &Image, meaning: TexelKind) -> Self {
+        let first =
+            MipLevel { width: image.width(), height: image.height(), pixels: image.pixels().to_vec() };
         let mut levels = vec![first];
         while let Some(last) = levels.last().filter(|l| l.width.max(l.height) > 1 && !l.pixels.is_empty()) {
             levels.push(halved(last, meaning));
@@ -60,7 +61,7 @@ impl Texture {
             let y = at(1.0 - uv[1], level.height, sampler.wrap_v);
             return self.decoded(level.pixels[y * level.width + x]);
         }
-        let looks = (long / short.max(1e-6)).ceil().clamp(1.0, LOOKS_MAX).min(long.ceil().max(1.0));
+        let looks = (long / short.max(1e-6)).ceil().clamp(1.0, MAX_ANISOTROPY).min(long.ceil().max(1.0));
         let lod = (long / looks).max(1e-6).log2().clamp(0.0, (self.levels.len() - 1) as f32);
         let mut sum = [0f32; 4];
         for i in 0..looks as usize {
@@ -102,8 +103,8 @@ impl Texture {
     fn decoded(&self, p: [u8; 4]) -> [f32; 4] {
         let alpha = f32::from(p[3]) / 255.0;
         match self.meaning {
-            Meaning::Colors => [linear::of_byte(p[0]), linear::of_byte(p[1]), linear::of_byte(p[2]), alpha],
-            Meaning::Numbers => [0, 1, 2, 3].map(|k| f32::from(p[k]) / 255.0),
+            TexelKind::Colors => [linear::of_byte(p[0]), linear::of_byte(p[1]), linear::of_byte(p[2]), alpha],
+            TexelKind::Numbers => [0, 1, 2, 3].map(|k| f32::from(p[k]) / 255.0),
         }
     }
 }
@@ -127,7 +128,7 @@ fn wrapped(i: i64, n: usize, wrap: Wrap) -> usize {
 }
 
 /// Halves an image: each pixel is the mean of four, in linear light.
-fn halved(from: &Level, meaning: Meaning) -> Level {
+fn halved(from: &MipLevel, meaning: TexelKind) -> MipLevel {
     let (width, height) = ((from.width / 2).max(1), (from.height / 2).max(1));
     let encoder = linear::Encoder::new();
     let light = linear::bytes();
@@ -140,14 +141,14 @@ fn halved(from: &Level, meaning: Meaning) -> Level {
             });
             let mean = |k: usize| ((four.iter().map(|p| u32::from(p[k])).sum::<u32>() + 2) / 4) as u8;
             *pixel = [0, 1, 2, 3].map(|k| match meaning {
-                Meaning::Colors if k < 3 => {
+                TexelKind::Colors if k < 3 => {
                     encoder.byte(four.iter().map(|p| light[usize::from(p[k])]).sum::<f32>() * 0.25)
                 }
                 _ => mean(k),
             });
         }
     });
-    Level { width, height, pixels }
+    MipLevel { width, height, pixels }
 }
 
 #[cfg(test)]
@@ -162,7 +163,7 @@ mod tests {
 
     #[test]
     fn from_afar_a_checker_is_half_as_bright() {
-        let texture = Texture::new(&checker(64), Meaning::Colors);
+        let texture = Texture::new(&checker(64), TexelKind::Colors);
         for uv in [[0.1, 0.2], [0.51, 0.99], [-7.3, 12.0]] {
             let c = texture.at(uv, [0.25, 0.0], [0.0, 0.25], Sampler::default());
             assert!((c[0] - 0.5).abs() < 0.02 && c[3] == 1.0, "{c:?}");
@@ -172,7 +173,7 @@ mod tests {
     #[test]
     fn the_lower_left_corner_is_the_origin_and_edges_go_on_as_asked() {
         let red_below = Image::new(1, 2, vec![[0, 0, 0, 255], [255, 0, 0, 255]]);
-        let texture = Texture::new(&red_below, Meaning::Numbers);
+        let texture = Texture::new(&red_below, TexelKind::Numbers);
         let red = |v: f32, wrap_v| {
             let sampler = Sampler { wrap_v, nearest: true, ..Sampler::default() };
             texture.at([0.5, v], [0.01, 0.0], [0.0, 0.01], sampler)[0]

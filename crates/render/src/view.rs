@@ -10,7 +10,7 @@ use crate::light::Lighting;
 use crate::look::{Background, Look};
 
 /// Maximum number of pixels along a side.
-pub const SIDE_MAX: usize = 16384;
+pub const MAX_SIDE_PX: usize = 16384;
 
 /// View of a picture: camera, size, look and lighting.
 #[derive(Clone, Debug)]

@@ -572,7 +572,7 @@ fn surroundings_are_seen_behind_the_model() {
         Subject::of_mesh(mesh(&[[0.0; 3], [1e-6, 0.0, 0.0], [0.0, 1e-6, 0.0]], &[[0, 1, 2]])).unwrap();
     let bounds = lodsmith_core::Bounds { min: [-1.0; 3], max: [1.0; 3] };
     let mut view = View::of(&bounds, StandardView::Front, 90, 60);
-    view.background = Background::Surroundings { blurred: false };
+    view.background = Background::Environment { blurred: false };
     let usual = render(&subject, &View { background: Background::default(), ..view.clone() }).unwrap();
     assert_eq!(render(&subject, &view).unwrap(), usual, "without any, the usual gradient");
     view.environment = Some(Arc::new(around));
@@ -583,7 +583,7 @@ fn surroundings_are_seen_behind_the_model() {
         assert_eq!(seen, [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255]], "{lens:?}");
     }
     // Blurred, there is no sharp edge between the two.
-    view.background = Background::Surroundings { blurred: true };
+    view.background = Background::Environment { blurred: true };
     let soft = render(&subject, &view).unwrap().at(10, 30);
     assert!(soft[0] > 120 && soft[1] > 120, "{soft:?}");
 }

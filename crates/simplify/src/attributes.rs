@@ -15,31 +15,31 @@ use crate::collapse::attributes::{Attributes, Pulls};
 use crate::collapse::order::{Frame, NONE};
 use crate::options::AttributeWeights;
 use labels::Labels;
-use ranges::{ANY, ranges, within};
+use ranges::{UNLIMITED_RANGE, ranges, within};
 pub(crate) use recorded::RowPlaces;
 use skin::{middles, pulls, skin_sets};
 
 /// Weight of an error of 1 in a normal, or of the full range in a colour, as a fraction of the edge length of
 /// the result. (A curve that an edge cuts short by h turns the normal by 4 h over the edge's length: a
 /// quarter would weigh both alike. Guessed below that, so that shape leads.)
-const NORMAL: f64 = 0.1;
-const COLOR: f64 = 0.1;
+const NORMAL_WEIGHT: f64 = 0.1;
+const COLOR_WEIGHT: f64 = 0.1;
 /// Weight of texture coordinates: a shift of the texture along the surface counts this fraction of a distance
 /// of that length. (Guessed.)
-const UV: f64 = 0.5;
+const UV_WEIGHT: f64 = 0.5;
 
 /// Weight of a change of skin: the distance by which the middle of a wedge's joints moves counts this
 /// fraction. (Measured at half the faces: Fox in a run has FLIP .1434 with 0, .1392 with .1, .1516 with .2,
 /// .1546 with .5; CesiumMan in a walk .0648, .0413, .0345 and .0237. Its distance at rest rises by 17 % with
 /// .1 and by half with .5.)
-const SKIN: f64 = 0.1;
+const SKIN_WEIGHT: f64 = 0.1;
 
 /// Larger values are divided by a power of two while they are processed, so that no product of them overflows
 /// single precision.
-const LARGEST: f32 = 1e12;
+const MAX_ROW_VALUE: f32 = 1e12;
 /// Largest weight of a value, times the largest of its kind. (Keeps determinants within single precision;
 /// beyond it, no other attribute affects the cost anyway.)
-const MOST_COUNTED: f64 = 1e6;
+const MAX_WEIGHTED_VALUE: f64 = 1e6;
 
 /// The layout of the rows of a mesh, and the row of each wedge.
 #[derive(Clone)]
@@ -56,7 +56,7 @@ pub(crate) struct Rows {
 }
 
 /// The surface of the attributes, in the unit frame.
-pub(crate) struct Ground<'a> {
+pub(crate) struct WeightContext<'a> {
     pub(crate) faces: &'a [[VertexId; 3]],
     pub(crate) wedges: &'a [[WedgeId; 3]],
     pub(crate) points: &'a [Vec3],
@@ -68,8 +68,8 @@ pub(crate) struct Ground<'a> {
 /// Place of an attribute in a row; an attribute with the same value at all wedges has none.
 #[derive(Clone)]
 struct Column {
-    of: Of,
-    at: usize,
+    source: ColumnSource,
+    offset: usize,
     width: usize,
     constant: Option<Vec<f32>>,
     /// The largest of its values, as stored in rows.
@@ -85,7 +85,7 @@ struct Column {
 
 /// Attribute of a column.
 #[derive(Clone)]
-enum Of {
+enum ColumnSource {
     Normals,
     Uvs,
     Colors,
@@ -105,10 +105,10 @@ impl Rows {
         let mut width = 0;
         let skin_sets = skin_sets(mesh);
         let middles = middles(mesh, &skin_sets);
-        let mut add = |of: Of, n: usize| {
+        let mut add = |of: ColumnSource, n: usize| {
             let mut column = Column {
-                of,
-                at: width,
+                source: of,
+                offset: width,
                 width: n,
                 constant: None,
                 largest: 0.0,
@@ -123,21 +123,21 @@ impl Rows {
             layout.push(column);
         };
         if mesh.normals().is_some() {
-            add(Of::Normals, 3);
+            add(ColumnSource::Normals, 3);
         }
         if mesh.uvs().is_some() {
-            add(Of::Uvs, 2);
+            add(ColumnSource::Uvs, 2);
         }
         if mesh.colors().is_some() {
-            add(Of::Colors, 4);
+            add(ColumnSource::Colors, 4);
         }
         for a in mesh.further_attributes() {
             if !matches!(a.semantic, Semantic::Joints(_) | Semantic::Weights(_) | Semantic::Discrete { .. }) {
-                add(Of::Further(a.semantic.clone()), a.width);
+                add(ColumnSource::Further(a.semantic.clone()), a.width);
             }
         }
         if !skin_sets.is_empty() {
-            add(Of::Middle, 3);
+            add(ColumnSource::Middle, 3);
         }
         let pulls_of = |w: WedgeId| pulls(mesh, &skin_sets, w);
         let (labels, label_of) = Labels::new(mesh);
@@ -187,13 +187,13 @@ impl Rows {
         };
         let is_pulled_whole = !differ(&|a, b| !skin_sets.is_empty() && all_pulls[a] != all_pulls[b]);
         for c in layout.iter_mut().filter(|c| c.constant.is_none() && c.is_movement()) {
-            let of = |row: usize| &values[row * width + c.at..][..c.width];
+            let of = |row: usize| &values[row * width + c.offset..][..c.width];
             c.moves_whole = !differ(&|a, b| of(a) != of(b));
         }
         let directions =
-            layout.iter().filter(|c| c.is_direction() && c.constant.is_none()).map(|c| c.at).collect();
+            layout.iter().filter(|c| c.is_direction() && c.constant.is_none()).map(|c| c.offset).collect();
         let textures =
-            layout.iter().filter(|c| c.is_texture() && c.constant.is_none()).map(|c| c.at).collect();
+            layout.iter().filter(|c| c.is_texture() && c.constant.is_none()).map(|c| c.offset).collect();
         let mut attributes = Attributes::new(count, width, directions, textures, &values, all_pulls);
         attributes.labels = all_labels;
         Some((Self { layout, skin_sets, labels, wedge_rows, is_pulled_whole }, attributes))
@@ -209,7 +209,10 @@ impl Rows {
     }
     /// Returns the offset of normals in a row, if it has any.
     pub(crate) fn normals_at(&self) -> Option<usize> {
-        self.layout.iter().find(|c| matches!(c.of, Of::Normals) && c.constant.is_none()).map(|c| c.at)
+        self.layout
+            .iter()
+            .find(|c| matches!(c.source, ColumnSource::Normals) && c.constant.is_none())
+            .map(|c| c.offset)
     }
     /// Returns the largest value of each column, for each value of a row.
     pub(crate) fn largest(&self) -> Vec<f32> {
@@ -221,30 +224,37 @@ impl Rows {
     }
 
     /// Sets the weight of each value in the cost.
-    pub(crate) fn weigh(&self, attributes: &mut Attributes, weights: &AttributeWeights, on: &Ground<'_>) {
-        let Ground { frame, edge, .. } = *on;
+    pub(crate) fn set_weights(
+        &self,
+        attributes: &mut Attributes,
+        weights: &AttributeWeights,
+        on: &WeightContext<'_>,
+    ) {
+        let WeightContext { frame, edge, .. } = *on;
         let gradients = attributes.mean_square_gradients(on.faces, on.wedges, on.points);
         for c in self.layout.iter().filter(|c| c.constant.is_none()) {
-            let range = c.at..c.at + c.width;
+            let range = c.offset..c.offset + c.width;
             // Root mean square of the gradient of a value.
             let gradient = (gradients[range.clone()].iter().sum::<f64>() / c.width as f64).sqrt().max(1e-12);
             let divisor = f64::from(c.divisor);
-            let weight = match &c.of {
-                Of::Normals => weights.normal * NORMAL * edge,
-                Of::Colors => weights.color * COLOR * edge * divisor,
-                Of::Uvs | Of::Further(Semantic::Uv(_)) => weights.uv * UV / gradient,
-                Of::Middle => weights.skin * SKIN * frame.unit_length(1.0) * divisor,
-                Of::Further(Semantic::Color(_)) => weights.color * COLOR * edge * divisor,
-                Of::Further(Semantic::Morph { of: Morphed::Position, .. }) => {
+            let weight = match &c.source {
+                ColumnSource::Normals => weights.normal * NORMAL_WEIGHT * edge,
+                ColumnSource::Colors => weights.color * COLOR_WEIGHT * edge * divisor,
+                ColumnSource::Uvs | ColumnSource::Further(Semantic::Uv(_)) => {
+                    weights.uv * UV_WEIGHT / gradient
+                }
+                ColumnSource::Middle => weights.skin * SKIN_WEIGHT * frame.unit_length(1.0) * divisor,
+                ColumnSource::Further(Semantic::Color(_)) => weights.color * COLOR_WEIGHT * edge * divisor,
+                ColumnSource::Further(Semantic::Morph { of: Morphed::Position, .. }) => {
                     weights.morph * frame.unit_length(1.0) * divisor
                 }
-                Of::Further(Semantic::Morph { of: Morphed::Normal, .. }) => {
-                    weights.normal * NORMAL * edge * divisor
+                ColumnSource::Further(Semantic::Morph { of: Morphed::Normal, .. }) => {
+                    weights.normal * NORMAL_WEIGHT * edge * divisor
                 }
-                Of::Further(Semantic::Custom(_)) => weights.other * UV / gradient,
-                Of::Further(_) => 0.0,
+                ColumnSource::Further(Semantic::Custom(_)) => weights.other * UV_WEIGHT / gradient,
+                ColumnSource::Further(_) => 0.0,
             };
-            let weight = weight.min(MOST_COUNTED / f64::from(c.largest).max(1e-12));
+            let weight = weight.min(MAX_WEIGHTED_VALUE / f64::from(c.largest).max(1e-12));
             attributes.weights_mut()[range].fill((weight * weight) as f32);
         }
     }
@@ -262,21 +272,23 @@ impl Rows {
             let parts = || {
                 pairs.iter().map(|p| match (&c.constant, attributes) {
                     (Some(constant), _) => &constant[..],
-                    (None, Some(attributes)) => &attributes.of(p.1)[c.at..c.at + c.width],
+                    (None, Some(attributes)) => &attributes.of(p.1)[c.offset..c.offset + c.width],
                     (None, None) => &[][..],
                 })
             };
-            match &c.of {
-                Of::Normals => mesh.set_normals(Some(parts().map(unit).collect()))?,
-                Of::Uvs => mesh.set_uvs(Some(parts().map(|r| [0, 1].map(|k| c.given(k, r[k]))).collect()))?,
-                Of::Colors => {
-                    let color = |r: &[f32]| [0, 1, 2, 3].map(|k| c.given(k, r[k]));
+            match &c.source {
+                ColumnSource::Normals => mesh.set_normals(Some(parts().map(unit).collect()))?,
+                ColumnSource::Uvs => {
+                    mesh.set_uvs(Some(parts().map(|r| [0, 1].map(|k| c.to_mesh_units(k, r[k]))).collect()))?
+                }
+                ColumnSource::Colors => {
+                    let color = |r: &[f32]| [0, 1, 2, 3].map(|k| c.to_mesh_units(k, r[k]));
                     mesh.set_colors(Some(parts().map(color).collect()))?;
                 }
-                Of::Middle => {}
-                Of::Further(semantic) => {
+                ColumnSource::Middle => {}
+                ColumnSource::Further(semantic) => {
                     let each = parts().flat_map(|r| r.iter().enumerate());
-                    let mut values: Vec<f32> = each.map(|(k, x)| c.given(k, *x)).collect();
+                    let mut values: Vec<f32> = each.map(|(k, x)| c.to_mesh_units(k, *x)).collect();
                     if *semantic == Semantic::Tangent && c.width == 4 {
                         for t in values.as_chunks_mut::<4>().0 {
                             let [x, y, z] = unit(&t[..3]);
@@ -284,7 +296,7 @@ impl Rows {
                         }
                     }
                     if c.moves_whole {
-                        join(&pairs, c.width, &mut values);
+                        average_per_vertex(&pairs, c.width, &mut values);
                     }
                     mesh.add_attribute(Attribute { semantic: semantic.clone(), width: c.width, values })?;
                 }
@@ -351,7 +363,7 @@ impl Rows {
 }
 
 /// Replaces the values of all pairs of a vertex by their mean, unless they are equal.
-fn join(pairs: &[(VertexId, WedgeId)], width: usize, values: &mut [f32]) {
+fn average_per_vertex(pairs: &[(VertexId, WedgeId)], width: usize, values: &mut [f32]) {
     let mut rest = values;
     for vertex in pairs.chunk_by(|a, b| a.0 == b.0) {
         let (own, after) = rest.split_at_mut(vertex.len() * width);
@@ -471,12 +483,12 @@ impl Column {
     /// Returns the values of a mesh, wedge after wedge; empty if it has none. `middles` are those of the
     /// joints.
     fn all<'a>(&self, mesh: &'a TriMesh, middles: &'a [[f32; 3]]) -> &'a [f32] {
-        match &self.of {
-            Of::Normals => mesh.normals().map_or(&[], <[_]>::as_flattened),
-            Of::Uvs => mesh.uvs().map_or(&[], <[_]>::as_flattened),
-            Of::Colors => mesh.colors().map_or(&[], <[_]>::as_flattened),
-            Of::Middle => middles.as_flattened(),
-            Of::Further(semantic) => {
+        match &self.source {
+            ColumnSource::Normals => mesh.normals().map_or(&[], <[_]>::as_flattened),
+            ColumnSource::Uvs => mesh.uvs().map_or(&[], <[_]>::as_flattened),
+            ColumnSource::Colors => mesh.colors().map_or(&[], <[_]>::as_flattened),
+            ColumnSource::Middle => middles.as_flattened(),
+            ColumnSource::Further(semantic) => {
                 let own = mesh.further_attributes().iter().find(|a| self.is_of(a, semantic));
                 own.map_or(&[], |a| &a.values)
             }
@@ -486,19 +498,20 @@ impl Column {
         a.semantic == *semantic && a.width == self.width
     }
     fn is_texture(&self) -> bool {
-        matches!(self.of, Of::Uvs | Of::Further(Semantic::Uv(_))) && self.width == 2
+        matches!(self.source, ColumnSource::Uvs | ColumnSource::Further(Semantic::Uv(_))) && self.width == 2
     }
     fn is_direction(&self) -> bool {
-        matches!(self.of, Of::Normals | Of::Further(Semantic::Tangent)) && self.width >= 3
+        matches!(self.source, ColumnSource::Normals | ColumnSource::Further(Semantic::Tangent))
+            && self.width >= 3
     }
     /// Returns true if it displaces vertices.
     fn is_movement(&self) -> bool {
-        matches!(&self.of, Of::Further(Semantic::Morph { of: Morphed::Position, .. }))
+        matches!(&self.source, ColumnSource::Further(Semantic::Morph { of: Morphed::Position, .. }))
     }
     fn is_shading(&self) -> bool {
         let morphed = [Morphed::Normal, Morphed::Tangent];
         self.is_direction()
-            || matches!(&self.of, Of::Further(Semantic::Morph { of, .. }) if morphed.contains(of))
+            || matches!(&self.source, ColumnSource::Further(Semantic::Morph { of, .. }) if morphed.contains(of))
     }
     /// Reads the values of wedges, in this order, into rows of `width` values each.
     fn read_all(&self, all: &[f32], order: &[(VertexId, WedgeId)], width: usize, rows: &mut [f32]) {
@@ -519,7 +532,7 @@ impl Column {
     ) {
         let n = if N == 0 { self.width } else { N };
         for (&(_, w), row) in order.iter().zip(rows.chunks_exact_mut(width)) {
-            self.read_of(n, all, w, &mut row[self.at..self.at + n]);
+            self.read_of(n, all, w, &mut row[self.offset..self.offset + n]);
         }
     }
     /// Reads the values of a wedge among [all](Self::all).
@@ -533,7 +546,7 @@ impl Column {
             out.iter_mut().zip(own).for_each(|(to, x)| *to = if x.is_finite() { *x } else { 0.0 });
         }
         if self.is_direction() {
-            if out[..3].iter().any(|x| x.abs() > LARGEST) {
+            if out[..3].iter().any(|x| x.abs() > MAX_ROW_VALUE) {
                 let n = DVec3::from_slice(&[0, 1, 2].map(|k| f64::from(out[k])));
                 out[..3].copy_from_slice(&(n / n.length()).as_vec3().to_array());
             }
@@ -544,7 +557,7 @@ impl Column {
     /// Finds the ranges and the largest of the values, and the divisor that limits them.
     fn bound(&mut self, all: &[f32]) {
         self.ranges = match self.is_direction() {
-            true => vec![ANY; self.width],
+            true => vec![UNLIMITED_RANGE; self.width],
             false => ranges(all, self.width),
         };
         if self.constant.is_some() || self.is_direction() {
@@ -553,13 +566,13 @@ impl Column {
         }
         let finite = all.iter().map(|x| if x.is_finite() { x.abs() } else { 0.0 });
         self.largest = finite.fold(0.0, f32::max);
-        while self.largest > LARGEST {
+        while self.largest > MAX_ROW_VALUE {
             (self.largest, self.divisor) = (self.largest / 2.0, self.divisor * 2.0);
         }
     }
     /// Returns value `k` in the units of the mesh, clamped to its range there. All values that a run blends,
     /// fits or moves with a vertex pass through here.
-    fn given(&self, k: usize, x: f32) -> f32 {
+    fn to_mesh_units(&self, k: usize, x: f32) -> f32 {
         within(x * self.divisor, self.ranges[k])
     }
 }

@@ -10,16 +10,16 @@ use crate::collapse::order::{NONE, Ordered};
 use crate::options::SimplifyOptions;
 
 /// Range that densities are clamped to. (Their cost factors must leave room in single precision.)
-const DENSITIES: [f32; 2] = [1e-3, 1e3];
+const DENSITY_RANGE: [f32; 2] = [1e-3, 1e3];
 
 /// Locks and cost factors of vertices, by number in the ordered input.
-pub(crate) struct Care {
+pub(crate) struct Constraints {
     locked: Option<Vec<bool>>,
     locked_faces: usize,
-    prices: Option<Vec<f32>>,
+    cost_factors: Option<Vec<f32>>,
 }
 
-impl Care {
+impl Constraints {
     /// Builds locks and cost factors. `joined` returns the vertex that each vertex was merged with before the
     /// input was ordered.
     pub(crate) fn new(
@@ -37,7 +37,7 @@ impl Care {
         let prices = options.importance.as_ref().filter(|x| x.iter().any(|x| *x != 1.0)).map(|own| {
             let mut prices = vec![0f32; ordered.point_count];
             for (i, place) in places() {
-                let density = own[i].clamp(DENSITIES[0], DENSITIES[1]);
+                let density = own[i].clamp(DENSITY_RANGE[0], DENSITY_RANGE[1]);
                 let price = &mut prices[place.index()];
                 *price = price.max(density * density * density.sqrt());
             }
@@ -49,7 +49,7 @@ impl Care {
         let locked_faces = locked
             .as_ref()
             .map_or(0, |locked| ordered.faces.iter().filter(|t| t.iter().all(|v| locked[v.index()])).count());
-        Self { locked, locked_faces, prices }
+        Self { locked, locked_faces, cost_factors: prices }
     }
 
     pub(crate) fn locked(&self) -> Option<&[bool]> {
@@ -63,8 +63,8 @@ impl Care {
         self.locked_faces
     }
     /// Returns a copy of the cost factors, for a run that changes them.
-    pub(crate) fn prices(&self) -> Option<Vec<f32>> {
-        self.prices.clone()
+    pub(crate) fn cost_factors(&self) -> Option<Vec<f32>> {
+        self.cost_factors.clone()
     }
 }
 
@@ -119,9 +119,9 @@ pub(crate) fn weld_onto_locked(
 
 /// Wedges of locked vertices, by the engine's name of the wedge and, where possible, the region of the face.
 #[derive(Default)]
-pub(crate) struct Known(HashMap<(u32, Option<RegionId>), WedgeId>);
+pub(crate) struct LockedWedges(HashMap<(u32, Option<RegionId>), WedgeId>);
 
-impl Known {
+impl LockedWedges {
     pub(crate) fn add(&mut self, name: u32, region: Option<RegionId>, wedge: WedgeId) {
         self.0.entry((name, region)).or_insert(wedge);
         self.0.entry((name, None)).or_insert(wedge);
@@ -134,9 +134,9 @@ impl Known {
 /// The wedge of the input at each corner of a result that belongs to a locked vertex; empty if none is
 /// locked.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Held(Vec<[Option<WedgeId>; 3]>);
+pub(crate) struct HeldWedges(Vec<[Option<WedgeId>; 3]>);
 
-impl Held {
+impl HeldWedges {
     pub(crate) fn new(corners: impl Iterator<Item = [Option<WedgeId>; 3]>) -> Self {
         Self(corners.collect())
     }

@@ -91,7 +91,7 @@ pub struct CleanReport {
     /// Unused vertices: dropped.
     pub unused_vertices: usize,
     /// Defects that remain.
-    pub left: Left,
+    pub remaining: RemainingDefects,
     /// Number of repair steps at zero-area faces, a measure of the work done: a few per face.
     #[doc(hidden)]
     pub steps: usize,
@@ -100,7 +100,7 @@ pub struct CleanReport {
 /// Defects left by a clean-up; vertices count as different by index, not by position.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Left {
+pub struct RemainingDefects {
     /// Edges with one face.
     pub border_edges: usize,
     /// Edges with more than two faces.
@@ -116,7 +116,7 @@ pub struct Left {
 }
 
 /// A mesh being cleaned: faces may be removed or flipped, wedges and vertices are fixed.
-struct Work<'a> {
+struct CleanState<'a> {
     mesh: &'a TriMesh,
     /// Representative vertex at the position of each vertex.
     place: Weld,
@@ -124,7 +124,7 @@ struct Work<'a> {
     regions: Option<Vec<RegionId>>,
 }
 
-impl Work<'_> {
+impl CleanState<'_> {
     /// Returns the representative vertices of a face.
     fn places(&self, t: [WedgeId; 3]) -> [VertexId; 3] {
         t.map(|w| self.place.of(self.mesh.vertex_of(w)))
@@ -199,7 +199,7 @@ pub fn clean(
         true => place,
         false => Weld::from_representatives((0..source.vertex_count()).map(VertexId::new).collect()),
     };
-    let mut work = Work {
+    let mut work = CleanState {
         mesh: &source,
         place,
         faces: source.triangles().to_vec(),
@@ -217,29 +217,29 @@ pub fn clean(
         return Err(SimplifyError::NoFaces { faces: mesh.face_count() });
     }
     ask(0.4)?;
-    let turned = orient::turned(&work.surface()?);
+    let turned = orient::faces_to_flip(&work.surface()?);
     for (t, _) in work.faces.iter_mut().zip(&turned).filter(|x| *x.1) {
         t.swap(1, 2);
         report.flipped_faces += 1;
     }
     ask(0.6)?;
-    let mended = slivers::mend(&mut work);
+    let mended = slivers::repair(&mut work);
     (report.zero_area_faces, report.steps) = (mended.faces, mended.steps);
     if work.faces.is_empty() {
         return Err(SimplifyError::NoFaces { faces: mesh.face_count() });
     }
     ask(0.7)?;
-    let Work { faces, regions, place, .. } = work;
+    let CleanState { faces, regions, place, .. } = work;
     let mended = rebuilt(&source, faces, regions)?;
     let whole = match options.non_manifold {
         NonManifold::Keep => mended,
         NonManifold::Cut => {
-            let parted = pairs::parted(&mended.surface());
+            let parted = pairs::cut_non_manifold(&mended.surface());
             report.parted_vertices = parted.copy_of.len();
             if parted.copy_of.is_empty() { mended } else { with_copies(&mended, &parted)? }
         }
         NonManifold::Merge => {
-            let (sewn, edges) = pairs::sewn(&mended.surface(), &place);
+            let (sewn, edges) = pairs::sew_borders(&mended.surface(), &place);
             report.sewn_edges = edges;
             let welded = weld_mesh_by(&mended, &sewn);
             report.welded_vertices = welded.merged_vertex_count;
@@ -250,7 +250,7 @@ pub fn clean(
     let compacted = compact(&whole);
     report.unused_vertices = compacted.dropped_vertex_count;
     let mesh = compacted.mesh;
-    report.left = left(&mesh);
+    report.remaining = remaining_defects(&mesh);
     (report.faces, report.vertices) = (mesh.face_count(), mesh.vertex_count());
     Ok(Cleaned { mesh, report })
 }
@@ -266,7 +266,7 @@ fn check(options: &CleanOptions) -> Result<(), SimplifyError> {
 }
 
 /// Drops non-finite, degenerate and duplicate faces.
-fn drop_broken(work: &mut Work<'_>, report: &mut CleanReport) {
+fn drop_broken(work: &mut CleanState<'_>, report: &mut CleanReport) {
     let positions = work.mesh.positions().view();
     let mut goes = vec![false; work.faces.len()];
     for (goes, &t) in goes.iter_mut().zip(&work.faces) {
@@ -306,7 +306,7 @@ fn rebuilt(
 }
 
 /// Builds a mesh with copied vertices, whose wedges keep their attributes.
-fn with_copies(mesh: &TriMesh, parted: &pairs::Parted) -> Result<TriMesh, SimplifyError> {
+fn with_copies(mesh: &TriMesh, parted: &pairs::CutSurface) -> Result<TriMesh, SimplifyError> {
     let mut positions = mesh.positions().clone();
     match &mut positions {
         Positions::F32(p) => parted.copy_of.iter().for_each(|v| p.push(p[v.index()])),
@@ -317,11 +317,11 @@ fn with_copies(mesh: &TriMesh, parted: &pairs::Parted) -> Result<TriMesh, Simpli
     Ok(copied)
 }
 
-fn left(mesh: &TriMesh) -> Left {
+fn remaining_defects(mesh: &TriMesh) -> RemainingDefects {
     let surface = mesh.surface();
     let counts = Topology::unwelded(&surface).counts();
     let found = defects(&surface);
-    Left {
+    RemainingDefects {
         border_edges: counts.border_edge_count,
         non_manifold_edges: counts.non_manifold_edge_count,
         non_manifold_vertices: counts.non_manifold_vertex_count,

@@ -28,11 +28,11 @@ use std::sync::Arc;
 
 use lodsmith_core::{PositionsView, RegionId, Surface, TriMesh, VertexId};
 
-use crate::care::Held;
+use crate::care::HeldWedges;
 use crate::collapse::Goal;
 use crate::collapse::order::NONE;
 use crate::control::{Control, Stage, Verdict};
-use crate::deviation::{self, Deviation, Judge, ROUNDING};
+use crate::deviation::{self, Deviation, InputComparer, ROUNDING};
 use crate::input::Input;
 use crate::options::{BorderPolicy, SimplifyOptions};
 use crate::prune::Pruned;
@@ -40,37 +40,37 @@ use crate::report::{Clustered, ErrorReport, Report, StoppedBy};
 use crate::run;
 use crate::run::ladder::{Answer, search_around};
 use crate::{Simplified, SimplifyError, rebuild};
-use grid::FINEST;
-use locked::Locked;
-use model::{Model, Place};
-use search::{Clusters, Found};
+use grid::MAX_RESOLUTION;
+use locked::LockedPositions;
+use model::{ClusterInput, ClusterPosition};
+use search::{Clusters, SearchResult};
 
 /// Clusters the input until the options' stop, or at their cell size.
 pub(crate) fn run(
     input: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
-) -> Result<(Simplified, Held), SimplifyError> {
+) -> Result<(Simplified, HeldWedges), SimplifyError> {
     match input.surface.positions() {
-        PositionsView::F32(points) => Run::start(points, input, options, control)?.go(control),
-        PositionsView::F64(points) => Run::start(points, input, options, control)?.go(control),
+        PositionsView::F32(points) => ClusterRun::start(points, input, options, control)?.run_stages(control),
+        PositionsView::F64(points) => ClusterRun::start(points, input, options, control)?.run_stages(control),
     }
 }
 
 /// Ratio between successive resolutions in the search for an error. (Guessed: three percent more along an
 /// axis is six percent more vertices, about a step of the ladder of other methods.)
-const STEP: f64 = 1.03;
+const RESOLUTION_STEP: f64 = 1.03;
 /// Largest distance, in cell diagonals, assumed for the first guess of a search. (Measured: 0.4 to 0.7.)
 const FIRST_DISTANCE: f64 = 0.55;
 /// Ratio of the distance between result and input to the RMS distance to planes. (Measured on scans at 1 and
 /// 10 %: 0.7 to 0.9.)
-const ESTIMATE: f64 = 0.8;
+const ESTIMATE_PER_PLANE_RMS: f64 = 0.8;
 
-struct Run<'a, P> {
+struct ClusterRun<'a, P> {
     input: &'a Input<'a>,
     options: &'a SimplifyOptions,
-    model: Model<'a, P>,
-    locked: Locked,
+    model: ClusterInput<'a, P>,
+    locked: LockedPositions,
     goal: Goal,
     diagonal: f64,
     /// Cells along the longest edge of the box, from the cell size option.
@@ -79,18 +79,18 @@ struct Run<'a, P> {
 }
 
 /// A result and its properties.
-struct Made {
+struct ClusteredMesh {
     mesh: TriMesh,
     /// True for each locked vertex of the mesh, if any is locked.
     locked: Option<Arc<[bool]>>,
-    held: Held,
+    held: HeldWedges,
     estimate: f64,
     cell: f64,
     non_manifold_edges: usize,
     by: StoppedBy,
 }
 
-impl<'a, P: Place> Run<'a, P> {
+impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
     fn start(
         points: &'a [P],
         input: &'a Input<'a>,
@@ -101,19 +101,19 @@ impl<'a, P: Place> Run<'a, P> {
         if control.progress(0.0) == Verdict::Cancel {
             return Err(SimplifyError::Cancelled);
         }
-        let model = Model::new(points, &input.surface)?;
+        let model = ClusterInput::new(points, &input.surface)?;
         let diagonal = model.diagonal();
         let locked = match options.locked.as_ref().filter(|l| l.contains(&true)) {
             Some(own) => {
                 let mut is_locked = vec![false; points.len()];
                 (0..own.len()).for_each(|i| is_locked[input.joined(VertexId::new(i)).index()] |= own[i]);
-                Locked::new(&model, |v| is_locked[v])
+                LockedPositions::new(&model, |v| is_locked[v])
             }
-            None => Locked::default(),
+            None => LockedPositions::default(),
         };
         let longest = model.extent().max_element();
-        let coarsest = match options.of_method.cell.map(|l| l.in_units(diagonal)) {
-            Some(cell) if cell * FINEST < longest => {
+        let coarsest = match options.method_options.cell.map(|l| l.in_units(diagonal)) {
+            Some(cell) if cell * MAX_RESOLUTION < longest => {
                 let wanted = "at least 1/2000000 of the longest edge of the box round the mesh";
                 return Err(SimplifyError::BadOption { option: "cell", wanted, got: cell });
             }
@@ -135,30 +135,36 @@ impl<'a, P: Place> Run<'a, P> {
         Ok(!self.is_over)
     }
 
-    fn go(self, control: &mut dyn Control) -> Result<(Simplified, Held), SimplifyError> {
-        if self.options.of_method.two_stage { self.in_two_stages(control) } else { self.finished(control) }
+    fn run_stages(self, control: &mut dyn Control) -> Result<(Simplified, HeldWedges), SimplifyError> {
+        if self.options.method_options.two_stage {
+            self.in_two_stages(control)
+        } else {
+            self.finished(control)
+        }
     }
 
     fn longest(&self) -> f64 {
         self.model.extent().max_element()
     }
 
-    fn finished(mut self, control: &mut dyn Control) -> Result<(Simplified, Held), SimplifyError> {
+    fn finished(mut self, control: &mut dyn Control) -> Result<(Simplified, HeldWedges), SimplifyError> {
         control.stage(Stage::Collapse);
         let (made, deviation) = match self.options.stop.error.map(|e| e.in_units(self.diagonal)) {
             None => {
                 let made = self.reach_goal(control)?;
-                let judge = if deviation::is_wanted(self.options) { self.judge(control) } else { None };
-                let deviation = judge.map_or_else(Deviation::default, |judge| judge.look(&made.mesh, None));
+                let judge =
+                    if deviation::needs_measurement(self.options) { self.judge(control) } else { None };
+                let deviation =
+                    judge.map_or_else(Deviation::default, |judge| judge.measure(&made.mesh, None));
                 (made, deviation)
             }
             Some(limit) => self.within(limit, control)?,
         };
-        self.told(made, deviation)
+        self.build_report(made, deviation)
     }
 
     /// Makes the finest result that meets the goal, or the one with the given cell size.
-    fn reach_goal(&mut self, control: &mut dyn Control) -> Result<Made, SimplifyError> {
+    fn reach_goal(&mut self, control: &mut dyn Control) -> Result<ClusteredMesh, SimplifyError> {
         let has_goal = self.goal.faces.is_some() || self.goal.vertices.is_some();
         if !has_goal && self.coarsest.is_none() || self.is_met() {
             return self.untouched();
@@ -175,7 +181,7 @@ impl<'a, P: Place> Run<'a, P> {
                 Verdict::Cancel => Err(SimplifyError::Cancelled),
             })?
         };
-        let Found { clusters, is_within } = found;
+        let SearchResult { clusters, is_within } = found;
         if clusters.face_count() == 0 {
             let wanted = "so small that a face is left";
             let got = clusters.grid.cell;
@@ -201,17 +207,22 @@ impl<'a, P: Place> Run<'a, P> {
     }
 
     /// Returns the input with every distinct position as a cluster of its own.
-    fn untouched(&self) -> Result<Made, SimplifyError> {
-        let all = Locked::new(&self.model, |_| true);
+    fn untouched(&self) -> Result<ClusteredMesh, SimplifyError> {
+        let all = LockedPositions::new(&self.model, |_| true);
         let clusters = Clusters::new(&self.model, &all, 1.0);
         self.made_with(&clusters, &all, StoppedBy::Nothing)
     }
 
-    fn made(&self, clusters: &Clusters, by: StoppedBy) -> Result<Made, SimplifyError> {
+    fn made(&self, clusters: &Clusters, by: StoppedBy) -> Result<ClusteredMesh, SimplifyError> {
         self.made_with(clusters, &self.locked, by)
     }
 
-    fn made_with(&self, clusters: &Clusters, locked: &Locked, by: StoppedBy) -> Result<Made, SimplifyError> {
+    fn made_with(
+        &self,
+        clusters: &Clusters,
+        locked: &LockedPositions,
+        by: StoppedBy,
+    ) -> Result<ClusteredMesh, SimplifyError> {
         let Clusters { grid, of, cells, first_locked, faces, shares } = clusters;
         let all = cells.len();
         let borders = match self.options.border {
@@ -251,16 +262,16 @@ impl<'a, P: Place> Run<'a, P> {
             }
         }
         let mut mesh = TriMesh::new(P::positions(points), triangles)?;
-        let mut held = Held::default();
+        let mut held = HeldWedges::default();
         if let Some(input) = self.input.mesh {
-            let origin = |f: &faces::Face| self.model.origin(f.from);
+            let origin = |f: &faces::ClusterFace| self.model.origin(f.from);
             if let Some(regions) = input.regions() {
                 mesh.set_regions(Some(
                     faces.iter().flatten().map(|f| regions[origin(f)]).collect::<Vec<RegionId>>(),
                 ))?;
             }
             if !self.locked.places.is_empty() {
-                held = Held::new(faces.iter().flatten().map(|f| {
+                held = HeldWedges::new(faces.iter().flatten().map(|f| {
                     let of_face = self.model.faces[f.from as usize].map(|v| of[v.index()]);
                     f.corners.map(|c| {
                         let k = of_face.iter().position(|x| *x == c && c as usize >= *first_locked)?;
@@ -269,9 +280,9 @@ impl<'a, P: Place> Run<'a, P> {
                 }));
             }
         }
-        let estimate = ESTIMATE * placed.mean_square.sqrt();
+        let estimate = ESTIMATE_PER_PLANE_RMS * placed.mean_square.sqrt();
         let is_grid = by != StoppedBy::Nothing;
-        Ok(Made {
+        Ok(ClusteredMesh {
             mesh,
             locked: is_locked.contains(&true).then(|| is_locked.into()),
             held,
@@ -284,7 +295,7 @@ impl<'a, P: Place> Run<'a, P> {
 
     /// Returns the position of a cell's vertex; if a locked vertex is there, a point halfway to a vertex of
     /// the cell.
-    fn beside(&self, place: P, some: VertexId, locked: &Locked) -> P {
+    fn beside(&self, place: P, some: VertexId, locked: &LockedPositions) -> P {
         match some != NONE && locked.is_taken(place.wide()) {
             true => P::of((0.5 * (place.wide() + self.model.place(some))).to_array()),
             false => place,
@@ -293,7 +304,11 @@ impl<'a, P: Place> Run<'a, P> {
 
     /// Finds the coarsest result within `limit` that is no coarser than goal and cell size. Cell sizes come
     /// from one fixed sequence, whatever the limit. The distance is about proportional to the cell size.
-    fn within(&mut self, limit: f64, control: &mut dyn Control) -> Result<(Made, Deviation), SimplifyError> {
+    fn within(
+        &mut self,
+        limit: f64,
+        control: &mut dyn Control,
+    ) -> Result<(ClusteredMesh, Deviation), SimplifyError> {
         let allowed = limit + ROUNDING * self.diagonal;
         let has_goal = self.goal.faces.is_some() || self.goal.vertices.is_some();
         let Some(judge) = self.judge(control) else { return Ok((self.untouched()?, Deviation::default())) };
@@ -303,19 +318,19 @@ impl<'a, P: Place> Run<'a, P> {
             control.stage(Stage::Collapse);
             let made = self.reach_goal(control)?;
             control.stage(Stage::Measure);
-            let kept = judge.kept(&made.mesh, allowed);
+            let kept = judge.proven_within_mesh(&made.mesh, allowed);
             if kept.is_some() || self.is_over {
-                let deviation = judge.look(&made.mesh, kept);
+                let deviation = judge.measure(&made.mesh, kept);
                 return Ok((made, deviation));
             }
             coarsest = longest / made.cell;
         }
         // Levels are powers of `STEP`; the finest has the lowest number.
-        let power = |resolution: f64| -resolution.ln() / STEP.ln();
-        let levels = -(FINEST.ln() / STEP.ln()) as i64..=power(coarsest).floor() as i64;
+        let power = |resolution: f64| -resolution.ln() / RESOLUTION_STEP.ln();
+        let levels = -(MAX_RESOLUTION.ln() / RESOLUTION_STEP.ln()) as i64..=power(coarsest).floor() as i64;
         let wish = longest * 3f64.sqrt() * FIRST_DISTANCE / limit.max(f64::MIN_POSITIVE);
-        let begin = power(wish.clamp(1.0, FINEST)).floor() as i64;
-        let mut best: Option<(i64, Made, f64)> = None;
+        let begin = power(wish.clamp(1.0, MAX_RESOLUTION)).floor() as i64;
+        let mut best: Option<(i64, ClusteredMesh, f64)> = None;
         let mut asked = 0;
         search_around(levels, begin, &mut |level| {
             asked += 1;
@@ -323,12 +338,14 @@ impl<'a, P: Place> Run<'a, P> {
                 return Ok(Answer::Over);
             }
             control.stage(Stage::Collapse);
-            let resolution = STEP.powf(-level as f64).clamp(1.0, FINEST);
+            let resolution = RESOLUTION_STEP.powf(-level as f64).clamp(1.0, MAX_RESOLUTION);
             let clusters = Clusters::new(&self.model, &self.locked, resolution);
             let made = self.made(&clusters, StoppedBy::Error)?;
             drop(clusters);
             control.stage(Stage::Measure);
-            let Some(bound) = judge.kept(&made.mesh, allowed) else { return Ok(Answer::Beyond) };
+            let Some(bound) = judge.proven_within_mesh(&made.mesh, allowed) else {
+                return Ok(Answer::Beyond);
+            };
             if best.as_ref().is_none_or(|b| level > b.0) {
                 best = Some((level, made, bound));
             }
@@ -339,21 +356,25 @@ impl<'a, P: Place> Run<'a, P> {
             None => (self.untouched()?, None),
         };
         control.stage(Stage::Measure);
-        let deviation = judge.look(&made.mesh, known);
+        let deviation = judge.measure(&made.mesh, known);
         Ok((made, deviation))
     }
 
-    fn judge(&self, control: &mut dyn Control) -> Option<Judge> {
+    fn judge(&self, control: &mut dyn Control) -> Option<InputComparer> {
         control.stage(Stage::Measure);
         let sound = |t: &&[VertexId; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
         let faces = self.model.faces.iter().filter(sound).copied().collect();
         let clean = Surface::with_triangles(self.input.surface.positions(), faces).ok()?;
-        Judge::new(&clean, self.options)
+        InputComparer::new(&clean, self.options)
     }
 
-    fn told(self, mut made: Made, deviation: Deviation) -> Result<(Simplified, Held), SimplifyError> {
+    fn build_report(
+        self,
+        mut made: ClusteredMesh,
+        deviation: Deviation,
+    ) -> Result<(Simplified, HeldWedges), SimplifyError> {
         if let Some(input) = self.input.mesh.filter(|mesh| mesh.has_attributes()) {
-            made.mesh = rebuild::dressed_new(self.input, &made.mesh)?;
+            made.mesh = rebuild::transfer_to_bare_mesh(self.input, &made.mesh)?;
             made.held.restore(&mut made.mesh, input);
         }
         let stop = &self.options.stop;
@@ -416,7 +437,7 @@ impl<'a, P: Place> Run<'a, P> {
     }
 }
 
-fn clustered(made: &Made) -> Clustered {
+fn clustered(made: &ClusteredMesh) -> Clustered {
     Clustered {
         cell: made.cell,
         faces: made.mesh.face_count(),

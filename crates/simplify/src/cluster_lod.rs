@@ -23,9 +23,9 @@ mod split;
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use lodsmith_core::clusters::{Bound, Cluster, ClusterLod, MOST, Sphere};
+use lodsmith_core::clusters::{Bound, Cluster, ClusterLod, MAX_CLUSTER_SIZE, Sphere};
 use lodsmith_core::mesh::compact::compact;
-use lodsmith_core::mesh::part::{append, part};
+use lodsmith_core::mesh::part::{append, extract_faces};
 use lodsmith_core::mesh::weld::weld_mesh;
 use lodsmith_core::{FaceId, GroupId, RegionId, Semantic, TriMesh, VertexId};
 
@@ -33,12 +33,12 @@ use crate::SimplifyError;
 use crate::control::{Control, Stage, Verdict};
 use crate::options::{AttributeWeights, BorderPolicy};
 use crate::report::Cleanup;
-use deviation::Original;
-use lighter::Outcome;
+use deviation::OriginalSurface;
+use lighter::GroupOutcome;
 use split::Budget;
 
 /// Groups processed between two progress calls. (Fixed, so that an early end does not depend on the threads.)
-const BATCH: usize = 32;
+const BATCH_GROUPS: usize = 32;
 /// A round that removes less than this share of the faces is the last. (Guessed.)
 const LEAST_GAIN: f64 = 0.02;
 
@@ -79,7 +79,7 @@ impl Default for ClusterLodOptions {
 impl ClusterLodOptions {
     fn check(&self) -> Result<(), SimplifyError> {
         let range = |option, wanted, least, x: usize| match x {
-            x if (least..=MOST).contains(&x) => Ok(()),
+            x if (least..=MAX_CLUSTER_SIZE).contains(&x) => Ok(()),
             x => Err(SimplifyError::BadOption { option, wanted, got: x as f64 }),
         };
         range("triangles", "8 to 256", 8, self.triangles)?;
@@ -162,12 +162,12 @@ pub fn cluster_lod(
         input_vertices: mesh.vertex_count(),
         ..Default::default()
     };
-    let sound = sound(mesh, &mut report)?;
+    let sound = cleaned(mesh, &mut report)?;
     let budget = Budget { triangles: options.triangles, vertices: options.vertices };
     let pieces = split::split(&sound, &budget);
     let pool = arranged(&sound, &pieces);
     drop(sound);
-    let original = Original::new(&pool);
+    let original = OriginalSurface::new(&pool);
     let mut build = Build { pool, clusters: Vec::new(), groups: Vec::new() };
     let mut front = build.add_clusters(0, &pieces, None);
     for own in &mut front {
@@ -184,25 +184,25 @@ pub fn cluster_lod(
         let mut next = Vec::with_capacity(front.len());
         let before = left;
         let mut ended = false;
-        for (batch, first) in groups.chunks(BATCH).zip((0..).step_by(BATCH)) {
+        for (batch, first) in groups.chunks(BATCH_GROUPS).zip((0..).step_by(BATCH_GROUPS)) {
             if ended {
                 next.extend(batch.iter().flatten().map(|&i| std::mem::take(&mut front[i])));
                 continue;
             }
             let outcomes = crate::cluster::pieces::each(batch.len(), |k| {
                 let members: Vec<&Front> = batch[k].iter().map(|&i| &front[i]).collect();
-                lighter::lighter(&build, &members, &borders.of(first + k), options, &budget, &original)
+                lighter::simplify_group(&build, &members, &borders.of(first + k), options, &budget, &original)
             });
             for (members, outcome) in batch.iter().zip(outcomes) {
                 match outcome? {
-                    Outcome::Lighter(made) => {
+                    GroupOutcome::Lighter(made) => {
                         left -= members.iter().map(|&i| front[i].faces.len()).sum::<usize>();
                         left += made.mesh.face_count();
                         next.extend(build.add_group(members, &front, *made)?);
                     }
                     stays => {
-                        report.stuck_groups += usize::from(matches!(stays, Outcome::Stuck));
-                        report.broken_groups += usize::from(matches!(stays, Outcome::Broken));
+                        report.stuck_groups += usize::from(matches!(stays, GroupOutcome::Stuck));
+                        report.broken_groups += usize::from(matches!(stays, GroupOutcome::Broken));
                         next.extend(members.iter().map(|&i| std::mem::take(&mut front[i])));
                     }
                 }
@@ -275,7 +275,7 @@ impl Build {
         &mut self,
         members: &[usize],
         front: &[Front],
-        made: lighter::Made,
+        made: lighter::SimplifiedGroup,
     ) -> Result<Vec<Front>, SimplifyError> {
         let group = GroupId::new(self.groups.len());
         let mut spheres = Vec::new();
@@ -303,11 +303,11 @@ impl Build {
 /// Reorders the faces of a mesh by clusters.
 fn arranged(mesh: &TriMesh, pieces: &[Vec<u32>]) -> TriMesh {
     let faces: Vec<FaceId> = pieces.iter().flatten().map(|&f| FaceId(f)).collect();
-    part(mesh, &faces).mesh
+    extract_faces(mesh, &faces).mesh
 }
 
 /// Returns the mesh welded, without faces that cannot be drawn and without unsupported attributes.
-fn sound(mesh: &TriMesh, report: &mut ClusterLodReport) -> Result<TriMesh, SimplifyError> {
+fn cleaned(mesh: &TriMesh, report: &mut ClusterLodReport) -> Result<TriMesh, SimplifyError> {
     let welded = weld_mesh(mesh, None);
     let cleanup = &mut report.cleanup;
     cleanup.welded_vertices = welded.merged_vertex_count;
@@ -332,7 +332,11 @@ fn sound(mesh: &TriMesh, report: &mut ClusterLodReport) -> Result<TriMesh, Simpl
     if faces.is_empty() {
         return Err(SimplifyError::NoFaces { faces: mesh.face_count() });
     }
-    let kept = if faces.len() == mesh.face_count() { compact(&mesh).mesh } else { part(&mesh, &faces).mesh };
+    let kept = if faces.len() == mesh.face_count() {
+        compact(&mesh).mesh
+    } else {
+        extract_faces(&mesh, &faces).mesh
+    };
     report.cleanup.unused_vertices = mesh.vertex_count() - kept.vertex_count();
     Ok(without_half_skins(kept, report))
 }

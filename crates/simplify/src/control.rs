@@ -58,13 +58,13 @@ pub struct NoControl;
 impl Control for NoControl {}
 
 /// Progress of one of several runs, mapped to its share of the whole.
-pub(crate) struct Share<'a> {
+pub(crate) struct ProgressShare<'a> {
     pub(crate) control: &'a mut dyn Control,
     pub(crate) begin: f64,
     pub(crate) length: f64,
 }
 
-impl<'a> Share<'a> {
+impl<'a> ProgressShare<'a> {
     /// Returns the i-th of `count` equal shares.
     pub(crate) fn of(control: &'a mut dyn Control, i: usize, count: usize) -> Self {
         let length = 1.0 / count.max(1) as f64;
@@ -72,7 +72,7 @@ impl<'a> Share<'a> {
     }
 }
 
-impl Control for Share<'_> {
+impl Control for ProgressShare<'_> {
     fn stage(&mut self, stage: Stage) {
         self.control.stage(stage);
     }

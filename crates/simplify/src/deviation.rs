@@ -1,6 +1,6 @@
 //! Distance between a result and the input: measured by samples, and proven where a bound is guaranteed.
 
-use lodsmith_core::measure::proof::{Kept, farthest, is_seen_within, keeps_within};
+use lodsmith_core::measure::proof::{WithinResult, bound_distance, prove_within, samples_within};
 use lodsmith_core::measure::{CompareOptions, Comparison, Prepared, compare_prepared};
 use lodsmith_core::{Surface, TriMesh};
 
@@ -10,14 +10,14 @@ use crate::options::{Bound, Measure, SimplifyOptions};
 pub(crate) const ROUNDING: f64 = 1e-12;
 /// Relative tolerance of a proven bound. (Guessed: finer than anyone asks for, and still no more work than
 /// samples.)
-const TOLERANCE: f64 = 0.01;
+const BOUND_TOLERANCE: f64 = 0.01;
 /// A known bound is reported as it is if it is at most this many times the distance seen. (Guessed: a
 /// distance that was asked for is mostly used up to that, and a proof takes as long as a run.)
-const CLOSE: f64 = 1.25;
+const MAX_KNOWN_BOUND_RATIO: f64 = 1.25;
 
 /// Samples each way if a proof gives the largest distance and no measurement was asked for. (The RMS is then
 /// known to half a percent.)
-const FEW: usize = 50_000;
+const PROOF_SAMPLES: usize = 50_000;
 
 /// Distances known of a result, in user units.
 #[derive(Clone, Debug, Default)]
@@ -34,16 +34,16 @@ impl Deviation {
 }
 
 /// Returns true if more than the engine's estimate is to be reported.
-pub(crate) fn is_wanted(options: &SimplifyOptions) -> bool {
+pub(crate) fn needs_measurement(options: &SimplifyOptions) -> bool {
     options.measure == Measure::Always
-        || options.promised() != Bound::Estimate
+        || options.effective_bound() != Bound::Estimate
         || options.stop.error.is_some()
 }
 
 /// A result, prepared for comparison with the input.
-pub(crate) struct Made(Prepared);
+pub(crate) struct PreparedResult(Prepared);
 
-impl Made {
+impl PreparedResult {
     /// Returns `None` if the mesh has no face, which counts as infinitely far.
     pub(crate) fn new(mesh: &TriMesh) -> Option<Self> {
         Prepared::new(&mesh.surface()).ok().map(Self)
@@ -51,35 +51,35 @@ impl Made {
 }
 
 /// The input, prepared for comparison with results.
-pub(crate) struct Judge {
+pub(crate) struct InputComparer {
     reference: Prepared,
     promised: Bound,
     samples: usize,
     seed: u64,
 }
 
-impl Judge {
+impl InputComparer {
     /// Returns `None` if the surface has no face.
     pub(crate) fn new(surface: &Surface<'_>, options: &SimplifyOptions) -> Option<Self> {
         let reference = Prepared::new(surface).ok()?;
-        let promised = options.promised();
+        let promised = options.effective_bound();
         let is_asked = options.measure == Measure::Always || promised == Bound::Estimate;
-        let samples = if is_asked { CompareOptions::default().samples } else { FEW };
+        let samples = if is_asked { CompareOptions::default().samples } else { PROOF_SAMPLES };
         Some(Self { reference, promised, samples, seed: options.seed })
     }
 
     /// Returns true if a result stays within a distance at a few fixed points, the same for all distances.
     /// Never false where [`Self::keeps`] finds a bound.
-    pub(crate) fn seems_to_keep(&self, result: &Made, limit: f64) -> bool {
-        let forward = || is_seen_within(&self.reference, &result.0, limit);
-        is_seen_within(&result.0, &self.reference, limit) && (self.promised == Bound::OneSided || forward())
+    pub(crate) fn passes_spot_check(&self, result: &PreparedResult, limit: f64) -> bool {
+        let forward = || samples_within(&self.reference, &result.0, limit);
+        samples_within(&result.0, &self.reference, limit) && (self.promised == Bound::OneSided || forward())
     }
 
     /// Returns an upper bound on the distance if the result stays within `limit`, in the sense of the
     /// guarantee.
-    pub(crate) fn keeps(&self, result: &Made, limit: f64) -> Option<f64> {
-        let within = |from, to| match keeps_within(from, to, limit) {
-            Kept::Yes(bound) => Some(bound),
+    pub(crate) fn proven_within(&self, result: &PreparedResult, limit: f64) -> Option<f64> {
+        let within = |from, to| match prove_within(from, to, limit) {
+            WithinResult::Yes(bound) => Some(bound),
             _ => None,
         };
         match self.promised {
@@ -91,23 +91,28 @@ impl Judge {
             }
             Bound::Estimate => {
                 let seen = self.compare(&result.0).hausdorff.symmetric;
-                (seen <= limit && self.seems_to_keep(result, limit)).then_some(seen)
+                (seen <= limit && self.passes_spot_check(result, limit)).then_some(seen)
             }
         }
     }
 
     /// Returns [`Self::keeps`] of a mesh, after a check at a few points.
-    pub(crate) fn kept(&self, mesh: &TriMesh, limit: f64) -> Option<f64> {
-        let made = Made::new(mesh)?;
-        self.seems_to_keep(&made, limit).then(|| self.keeps(&made, limit)).flatten()
+    pub(crate) fn proven_within_mesh(&self, mesh: &TriMesh, limit: f64) -> Option<f64> {
+        let made = PreparedResult::new(mesh)?;
+        self.passes_spot_check(&made, limit).then(|| self.proven_within(&made, limit)).flatten()
     }
 
     /// Measures a result, and proves a bound if one is guaranteed. `known` is a bound proven before.
-    pub(crate) fn look(&self, mesh: &TriMesh, known: Option<f64>) -> Deviation {
-        Made::new(mesh).map_or_else(Deviation::default, |result| self.look_at(&result, known))
+    pub(crate) fn measure(&self, mesh: &TriMesh, known: Option<f64>) -> Deviation {
+        PreparedResult::new(mesh)
+            .map_or_else(Deviation::default, |result| self.measure_prepared(&result, known))
     }
 
-    pub(crate) fn look_at(&self, Made(result): &Made, known: Option<f64>) -> Deviation {
+    pub(crate) fn measure_prepared(
+        &self,
+        PreparedResult(result): &PreparedResult,
+        known: Option<f64>,
+    ) -> Deviation {
         let measured = self.compare(result);
         let seen = &measured.hausdorff;
         let (ways, seen_of_all) = match self.promised {
@@ -115,14 +120,16 @@ impl Judge {
             Bound::OneSided => (1, seen.backward),
             Bound::Auto | Bound::TwoSided => (2, seen.symmetric),
         };
-        let bound = known.filter(|known| *known <= CLOSE * seen_of_all).unwrap_or_else(|| {
-            let there_and_back =
-                [(result, &self.reference, seen.backward), (&self.reference, result, seen.forward)];
-            let all = there_and_back[..ways].iter();
-            let bound =
-                all.map(|(from, to, seen)| farthest(from, to, *seen, TOLERANCE).bound).fold(0.0, f64::max);
-            known.map_or(bound, |known| known.min(bound))
-        });
+        let bound =
+            known.filter(|known| *known <= MAX_KNOWN_BOUND_RATIO * seen_of_all).unwrap_or_else(|| {
+                let there_and_back =
+                    [(result, &self.reference, seen.backward), (&self.reference, result, seen.forward)];
+                let all = there_and_back[..ways].iter();
+                let bound = all
+                    .map(|(from, to, seen)| bound_distance(from, to, *seen, BOUND_TOLERANCE).bound)
+                    .fold(0.0, f64::max);
+                known.map_or(bound, |known| known.min(bound))
+            });
         Deviation { bound: Some(bound), measured: Some(measured) }
     }
 
@@ -131,8 +138,8 @@ impl Judge {
     pub(crate) fn rms(&self, mesh: &TriMesh, samples: usize) -> f64 {
         let mut options = CompareOptions::default();
         (options.samples, options.seed) = (samples, self.seed);
-        let rms = |Made(made)| compare_prepared(&self.reference, &made, &options).rms.symmetric;
-        Made::new(mesh).map_or(f64::INFINITY, rms)
+        let rms = |PreparedResult(made)| compare_prepared(&self.reference, &made, &options).rms.symmetric;
+        PreparedResult::new(mesh).map_or(f64::INFINITY, rms)
     }
 
     fn compare(&self, result: &Prepared) -> Comparison {

@@ -1,7 +1,7 @@
 //! Escalation: pairs and looser topology policies, step by step, while the target is out of reach.
 
 use crate::SimplifyError;
-use crate::care::Held;
+use crate::care::HeldWedges;
 use crate::options::{SimplifyOptions, TopologyPolicy};
 use crate::proposal::Change;
 use crate::report::{Escalation, Simplified, StoppedBy};
@@ -16,7 +16,7 @@ fn steps(options: &SimplifyOptions) -> Vec<Change> {
         TopologyPolicy::Relaxed => &[TopologyPolicy::Free],
         TopologyPolicy::Free => &[],
     };
-    Change::to_pairs(options).into_iter().chain(looser.iter().map(|t| Change::Topology(*t))).collect()
+    Change::pairs_change(options).into_iter().chain(looser.iter().map(|t| Change::Topology(*t))).collect()
 }
 
 /// Returns true if pairs have nothing to join.
@@ -26,10 +26,10 @@ fn has_one_part(mesh: &TriMesh) -> bool {
 
 /// Runs, and repeats the run with one step after the other while refusals keep the result above its target.
 /// Returns the lightest result, the first of equals; its report lists all steps.
-pub(crate) fn escalated(
+pub(crate) fn run_escalating(
     options: &SimplifyOptions,
-    mut run: impl FnMut(&SimplifyOptions) -> Result<(Simplified, Held), SimplifyError>,
-) -> Result<(Simplified, Held), SimplifyError> {
+    mut run: impl FnMut(&SimplifyOptions) -> Result<(Simplified, HeldWedges), SimplifyError>,
+) -> Result<(Simplified, HeldWedges), SimplifyError> {
     let mut best = run(options)?;
     if !options.escalate {
         return Ok(best);
@@ -44,7 +44,7 @@ pub(crate) fn escalated(
         if is_pairs && has_one_part(&best.0.mesh) {
             continue;
         }
-        let changed = change.applied(&options);
+        let changed = change.apply(&options);
         let done = run(&changed)?;
         let (before, after) = (best.0.report.faces, done.0.report.faces);
         tried.push(Escalation { change, before, after });

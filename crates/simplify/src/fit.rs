@@ -18,52 +18,52 @@ use wide::{f32x4, f32x8};
 use crate::collapse::kind::Kind;
 use crate::collapse::order::{MEMORY_FREE_UP_TO, NONE};
 use crate::collapse::store::{Corner, Store, Vertex};
-use crate::given::Given;
+use crate::given::OrderedInput;
 use crate::lanes::{Four, cross, dot, splat, sub};
 use crate::metric::Memory;
 use crate::tensor::Tensor;
 use crate::triangle;
-pub(crate) use guarded::Guards;
+pub(crate) use guarded::MoveGuards;
 pub(crate) use values::{Originals, Values};
 
 /// Largest number of samples for each final triangle. (More brings less than 1 %.)
-const SAMPLES: usize = 16;
+const MAX_SAMPLES_PER_FACE: usize = 16;
 /// Fraction of the trace added to the diagonal, to damp the moves.
 const DAMPING: f32 = 0.01;
 /// Least cosine between the normals of a sample and its triangle.
-const FACING: f32 = 0.3;
+const MIN_FACING_COS: f32 = 0.3;
 /// Largest lateral distance of a sample outside its triangle, relative to its height, both squared.
-const BESIDE: f32 = 0.01;
+const MAX_LATERAL_SQ: f32 = 0.01;
 /// Largest distance of a vertex from the original, in RMS heights of the samples.
-const TETHER: f32 = 6.0;
+const MAX_OUTLIER_RMS: f32 = 6.0;
 /// Distance from the original that is always permitted, in units of the largest distance of a sample of the
 /// vertex' faces, squared. A flat part has an RMS height near zero, and vertices on its fillets lie farther
 /// out. (Measured: docs/decisions/0006.)
-const TETHER_OF_STAR: f32 = 2.0;
+const MAX_OUTLIER_STAR_SQ: f32 = 2.0;
 /// Fraction of the squared limit that a sample must lie from a face of a vertex for the vertex to be checked
 /// as an outlier.
-const SUSPECT: f32 = 0.25;
+const OUTLIER_CHECK_SHARE: f32 = 0.25;
 /// Squared height, over the mean square predicted by the costs, above which a sample counts by its height
 /// instead of its square, at one sample for each final triangle; it grows with the square of their number.
 /// (Measured at 50 %, where there are three and some lie on the wrong triangle: means 1.5 to 3 % lower, RMS
 /// equal. With many samples the square is better: cow and bunny to 100 have 5 to 10 % less RMS by it.)
-const ROBUST: f64 = 0.017;
+const ROBUST_HEIGHT_SQ: f64 = 0.017;
 /// Squared cosine of the largest rotation of a face: 60 degrees.
 const MAX_TURN: f32 = 0.25;
 /// Fraction of the height of a face, squared, that all its corners may move without a rotation of 60 degrees:
 /// 11, 17 and 30 degrees, one after the other.
-const LEEWAY: f32 = 0.04;
+const FREE_MOVE_SHARE_SQ: f32 = 0.04;
 /// Weight of a border edge's line relative to the samples, so that borders stay on their curve.
-const BORDER: f32 = 1.0;
+const BORDER_LINE_WEIGHT: f32 = 1.0;
 /// Least determinant that is inverted: that of faces with edges of a millionth of the box, which single
 /// precision hardly distinguishes from points.
 const MIN_DET: f32 = 1e-36;
 /// Number of stars in the cache. Samples come in Morton order, so a home is nearly always among the last
 /// hundred. (64 to 1024 are equal.)
-const READY: usize = 128;
+const STAR_CACHE_SIZE: usize = 128;
 
 /// Prefetch distance for positions, in samples. (Guessed.)
-const AHEAD: usize = 8;
+const PREFETCH_DISTANCE: usize = 8;
 
 /// Up to eight triangles of a vertex' star in SIMD lanes, each starting at that vertex: unit normal,
 /// gradients of the barycentric coordinates of the two corners after it, heights over the three edges.
@@ -87,13 +87,13 @@ struct Fan {
 /// ```
 #[derive(Clone, Copy, bytemuck::Zeroable)]
 #[repr(C, align(64))]
-struct Load([f32x4; 4]);
+struct FaceNormalEquations([f32x4; 4]);
 
 /// For each corner, the indices in a [`Load`] of its product with another corner, that corner's lift, and the
 /// same for the third corner.
-const AMONG: [[usize; 4]; 4] = [[6, 7, 5, 11], [6, 3, 4, 11], [5, 3, 4, 7], [0; 4]];
+const PRODUCT_INDICES: [[usize; 4]; 4] = [[6, 7, 5, 11], [6, 3, 4, 11], [5, 3, 4, 7], [0; 4]];
 
-impl Load {
+impl FaceNormalEquations {
     #[inline(always)]
     fn numbers(&self) -> &[f32; 16] {
         bytemuck::cast_ref(&self.0)
@@ -118,7 +118,7 @@ impl Load {
     }
 
     #[inline(always)]
-    fn worst(&self) -> f32 {
+    fn max_distance_sq(&self) -> f32 {
         self.numbers()[15]
     }
 
@@ -131,8 +131,8 @@ impl Load {
     /// Returns the weighted lift that corner `k` still lacks, given the lifts of the others. (By a table: a
     /// branch on k is unpredictable.)
     #[inline(always)]
-    fn wanted(&self, k: usize) -> f32 {
-        let (n, [a, b, c, d]) = (self.numbers(), AMONG[k]);
+    fn missing_lift(&self, k: usize) -> f32 {
+        let (n, [a, b, c, d]) = (self.numbers(), PRODUCT_INDICES[k]);
         n[8 + k] - n[a] * n[b] - n[c] * n[d]
     }
 
@@ -169,7 +169,7 @@ pub(crate) struct Fitted {
 #[derive(Clone, Copy)]
 struct Nearest {
     distance_sq: f32,
-    beside: f32,
+    lateral: f32,
     height: f32,
     /// Barycentric coordinates of the two corners after `corner`.
     second: f32,
@@ -216,7 +216,7 @@ impl FourFaces {
 
 /// Triangle and position that a sample was assigned to.
 #[derive(Clone, Copy)]
-struct Placed {
+struct AssignedSample {
     face: usize,
     /// Barycentric coordinates.
     b: Vec3,
@@ -225,19 +225,19 @@ struct Placed {
 
 /// A cached star: its first eight triangles, and the others.
 #[derive(Clone)]
-struct Star {
+struct CachedStar {
     of: VertexId,
     first: Fan,
-    further: Vec<Fan>,
+    other_fans: Vec<Fan>,
 }
 
-impl Star {
-    const NONE: Self = Self { of: NONE, first: Fan::NONE, further: Vec::new() };
+impl CachedStar {
+    const NONE: Self = Self { of: NONE, first: Fan::NONE, other_fans: Vec::new() };
 
     #[inline(never)]
     fn make<Q: Memory>(&mut self, store: &Store<Q>, u: VertexId) {
         self.of = u;
-        self.further.clear();
+        self.other_fans.clear();
         let mut few = store.listed(u).chunks(8);
         match few.next() {
             Some(corners) => self.first.make(store, u, corners),
@@ -246,7 +246,7 @@ impl Star {
         for corners in few {
             let mut fan = Fan::NONE;
             fan.make(store, u, corners);
-            self.further.push(fan);
+            self.other_fans.push(fan);
         }
     }
 
@@ -255,7 +255,7 @@ impl Star {
     #[inline(always)]
     fn nearest(&self, q: Vec3A, within: f32) -> Option<Nearest> {
         let mut found = self.first.nearest(q, |d2| d2, within);
-        for fan in &self.further {
+        for fan in &self.other_fans {
             found = fan.nearest(q, |d2| d2, found.map_or(within, |found| found.distance_sq)).or(found);
         }
         found
@@ -266,9 +266,10 @@ impl Star {
     #[inline(never)]
     fn nearest_facing(&self, q: Vec3A, (normal, length): (Vec3A, f32), within: f32) -> Option<Nearest> {
         let mut found: Option<Nearest> = None;
-        for fan in std::iter::once(&self.first).chain(&self.further) {
+        for fan in std::iter::once(&self.first).chain(&self.other_fans) {
             let [x, y, z] = fan.normal;
-            let faces = (x * normal.x + y * normal.y + z * normal.z).simd_gt(f32x8::splat(FACING * length));
+            let faces =
+                (x * normal.x + y * normal.y + z * normal.z).simd_gt(f32x8::splat(MIN_FACING_COS * length));
             let judged = |d2| faces.bitselect(d2, f32x8::splat(f32::INFINITY));
             found = fan.nearest(q, judged, found.map_or(within, |found| found.distance_sq)).or(found);
         }
@@ -280,11 +281,11 @@ struct Sampler<'a, Q: Memory> {
     store: &'a Store<Q>,
     /// The vertices of the store.
     vertices: &'a [Vertex<Q>],
-    ready: Vec<Star>,
-    loads: Vec<Load>,
+    cache: Vec<CachedStar>,
+    loads: Vec<FaceNormalEquations>,
     /// Squared height above which samples count less.
-    usual: f32,
-    rr: f64,
+    robust_height_sq: f32,
+    height_sq_sum: f64,
     weight: f64,
 }
 
@@ -294,15 +295,15 @@ impl<Q: Memory> Sampler<'_, Q> {
     #[inline(always)]
     fn nearest(&mut self, u: VertexId, p: Vec3A, normal: (Vec3A, f32), within: f32) -> Option<Nearest> {
         // (The length is a power of two: no division.)
-        let slot = u.index() & (self.ready.len() - 1);
-        let star = &mut self.ready[slot];
+        let slot = u.index() & (self.cache.len() - 1);
+        let star = &mut self.cache[slot];
         if star.of != u {
             star.make(self.store, u);
         }
         let q = p - in_register(self.vertices[u.index()].p);
         let found = star.nearest(q, within)?;
         // That it faces away is rare, so it is checked afterwards.
-        if self.loads[found.corner.face()].normal().dot(normal.0) > FACING * normal.1 {
+        if self.loads[found.corner.face()].normal().dot(normal.0) > MIN_FACING_COS * normal.1 {
             return Some(found);
         }
         star.nearest_facing(q, normal, within)
@@ -310,7 +311,7 @@ impl<Q: Memory> Sampler<'_, Q> {
 
     /// Adds a sample at the position of a final vertex, which holds the vertex in place.
     #[inline(always)]
-    fn place_at_home(&mut self, weight: f32, home: VertexId) {
+    fn assign_to_home(&mut self, weight: f32, home: VertexId) {
         if let Some(corner) = self.store.listed(home).first() {
             self.loads[corner.face()].numbers_mut()[corner.k()] += weight;
             self.weight += f64::from(weight);
@@ -319,7 +320,13 @@ impl<Q: Memory> Sampler<'_, Q> {
 
     /// Adds a sample to a face with these corners if its projection lies inside the face.
     #[inline(always)]
-    fn place_on(&mut self, face: usize, corners: [VertexId; 3], p: Vec3A, weight: f32) -> Option<Placed> {
+    fn assign_to_face(
+        &mut self,
+        face: usize,
+        corners: [VertexId; 3],
+        p: Vec3A,
+        weight: f32,
+    ) -> Option<AssignedSample> {
         let [a, b, c] = corners.map(|w| in_register(self.vertices[w.index()].p));
         let (q, first, second, normal) = (p - a, b - a, c - a, self.loads[face].normal());
         let [area, v, w, height] = dots(normal, [first.cross(second), q.cross(second), first.cross(q), q]);
@@ -333,21 +340,27 @@ impl<Q: Memory> Sampler<'_, Q> {
     }
 
     #[inline(always)]
-    fn add(&mut self, face: usize, b: f32x4, height: f32, distance_sq: f32, weight: f32) -> Placed {
+    fn add(&mut self, face: usize, b: f32x4, height: f32, distance_sq: f32, weight: f32) -> AssignedSample {
         let height_sq = height * height;
-        self.rr += f64::from(weight * height_sq);
+        self.height_sq_sum += f64::from(weight * height_sq);
         self.weight += f64::from(weight);
-        let weight = weight * (self.usual / (self.usual + height_sq)).sqrt();
+        let weight = weight * (self.robust_height_sq / (self.robust_height_sq + height_sq)).sqrt();
         self.loads[face].add(b, weight, height, distance_sq);
         let [u, v, w, _] = b.to_array();
-        Placed { face, b: Vec3::new(u, v, w), weight }
+        AssignedSample { face, b: Vec3::new(u, v, w), weight }
     }
 
     /// Adds a sample to the nearest triangle that faces its way: in the star of its home or, if it lies
     /// beyond the rim of that star, in the star of the nearer corner of the triangle found. (Beside an edge
     /// inside the star, the other triangle there has been checked too.)
     #[inline(always)]
-    fn place(&mut self, p: Vec3A, normal: (Vec3A, f32), weight: f32, home: VertexId) -> Option<Placed> {
+    fn assign(
+        &mut self,
+        p: Vec3A,
+        normal: (Vec3A, f32),
+        weight: f32,
+        home: VertexId,
+    ) -> Option<AssignedSample> {
         let mut best = self.nearest(home, p, normal, f32::INFINITY)?;
         if best.second + best.third > 1.0 {
             let (second, third) = self.store.others_at(best.corner);
@@ -356,13 +369,13 @@ impl<Q: Memory> Sampler<'_, Q> {
                 best = nearer;
             }
         }
-        if best.beside * best.beside > BESIDE * best.height * best.height {
+        if best.lateral * best.lateral > MAX_LATERAL_SQ * best.height * best.height {
             return None;
         }
         let (v, w) = (max(best.second, 0.0), max(best.third, 0.0));
         let scale = 1.0 / max(v + w, 1.0);
         let (v, w) = (v * scale, w * scale);
-        let [first, second, third] = UNITS[best.corner.k()];
+        let [first, second, third] = CORNER_UNITS[best.corner.k()];
         let b = first * (1.0 - v - w) + second * v + third * w;
         Some(self.add(best.corner.face(), b, best.height, best.distance_sq, weight))
     }
@@ -370,7 +383,7 @@ impl<Q: Memory> Sampler<'_, Q> {
 
 /// For each corner, the unit vectors that move three numbers, of that corner and the two after it, to their
 /// places.
-const UNITS: [[f32x4; 3]; 4] = {
+const CORNER_UNITS: [[f32x4; 3]; 4] = {
     let [x, y, z] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
     let (x, y, z) = (f32x4::new(x), f32x4::new(y), f32x4::new(z));
     [[x, y, z], [y, z, x], [z, x, y], [f32x4::ZERO; 3]]
@@ -421,7 +434,7 @@ impl Fan {
             let i = d2.simd_eq(f32x8::splat(least)).to_bitmask().trailing_zeros() as usize & 7;
             Nearest {
                 distance_sq: least,
-                beside: beside.to_array()[i],
+                lateral: beside.to_array()[i],
                 height: h.to_array()[i],
                 second: v.to_array()[i],
                 third: w.to_array()[i],
@@ -455,33 +468,33 @@ fn max(a: f32, b: f32) -> f32 {
 /// that the solve uses as scratch space.
 pub(crate) fn fit<Q: Memory>(
     store: &mut Store<Q>,
-    given: &mut impl Given,
+    given: &mut impl OrderedInput,
     home: &[VertexId],
     away: f64,
     mut values: Option<&mut Values<'_>>,
-    guards: Option<&Guards>,
+    guards: Option<&MoveGuards>,
     tensor: fn(&mut Q) -> &mut Tensor,
 ) -> Fitted {
     if store.t.is_empty() {
         return Fitted::default();
     }
-    let Begun { loads, leeway } = begin(store);
+    let FaceData { loads, leeway } = face_data(store);
     let per_face = (given.point_count() + given.face_count()) as f64 / store.t.len() as f64;
     let (vertices, final_faces) = (&store.v[..], &store.t[..]);
     let mut sampler = Sampler {
         store,
         vertices,
-        ready: vec![Star::NONE; READY.min(store.v.len().next_power_of_two())],
+        cache: vec![CachedStar::NONE; STAR_CACHE_SIZE.min(store.v.len().next_power_of_two())],
         loads,
-        usual: (ROBUST * (per_face * away).powi(2)).clamp(1e-30, 1e30) as f32,
-        rr: 0.0,
+        robust_height_sq: (ROBUST_HEIGHT_SQ * (per_face * away).powi(2)).clamp(1e-30, 1e30) as f32,
+        height_sq_sum: 0.0,
         weight: 0.0,
     };
     // Exact quadrature of quadratic functions: 3/4 of the area at the centre, 1/12 at each corner. Each
     // vertex is sampled once for all its faces; on CAD parts, which corner of a face comes first follows from
     // the order of the file, and some vertices never do. If samples are many or memory is scarce, one corner
     // of every second face stands for six.
-    let stride = ((per_face / SAMPLES as f64) as usize).max(1);
+    let stride = ((per_face / MAX_SAMPLES_PER_FACE as f64) as usize).max(1);
     // A face that survives is found among the final ones without a search: both are in the same order, and no
     // removed face has three different homes.
     let mut survivors = 0;
@@ -504,13 +517,13 @@ pub(crate) fn fit<Q: Memory>(
         if u == NONE {
             continue;
         }
-        given.bring(i + AHEAD * stride);
-        let [a, b, c] = given.places(i, t).map(in_register);
+        given.prefetch(i + PREFETCH_DISTANCE * stride);
+        let [a, b, c] = given.positions(i, t).map(in_register);
         let normal = (b - a).cross(c - a);
         let area = normal.length();
         let centre = (a + (b + c)) * (1.0 / 3.0);
-        let placed = if survives { sampler.place_on(face, homes, centre, 9.0 * area) } else { None };
-        let placed = placed.or_else(|| sampler.place(centre, (normal, area), 9.0 * area, u));
+        let placed = if survives { sampler.assign_to_face(face, homes, centre, 9.0 * area) } else { None };
+        let placed = placed.or_else(|| sampler.assign(centre, (normal, area), 9.0 * area, u));
         if let (Some(values), Some(placed)) = (&mut values, placed) {
             values.add_centre(i, placed.face, placed.b, placed.weight);
         }
@@ -524,23 +537,23 @@ pub(crate) fn fit<Q: Memory>(
                 continue;
             }
             if in_register(vertices[homes[k].index()].p) == p {
-                sampler.place_at_home(weight, homes[k]);
+                sampler.assign_to_home(weight, homes[k]);
                 if let Some(values) = &mut values {
                     values.add_at_home((i, k), store.listed(homes[k]), weight);
                 }
             } else {
-                let placed = sampler.place(p, (normal, area), weight, homes[k]);
+                let placed = sampler.assign(p, (normal, area), weight, homes[k]);
                 if let (Some(values), Some(placed)) = (&mut values, placed) {
                     values.add_corner((i, k), placed.face, placed.b, placed.weight);
                 }
             }
         }
     }
-    let Sampler { mut loads, rr, weight, .. } = sampler;
-    let limit = TETHER * TETHER * (rr / weight.max(1e-30)) as f32;
-    let suspects = solve(store, &mut loads, leeway, SUSPECT * limit, guards, tensor);
+    let Sampler { mut loads, height_sq_sum: rr, weight, .. } = sampler;
+    let limit = MAX_OUTLIER_RMS * MAX_OUTLIER_RMS * (rr / weight.max(1e-30)) as f32;
+    let suspects = solve(store, &mut loads, leeway, OUTLIER_CHECK_SHARE * limit, guards, tensor);
     let after = rr - loads.iter().map(|l| f64::from(l.gain())).sum::<f64>();
-    tether(store, &loads, suspects, given, home, (limit, guards));
+    pull_in_outliers(store, &loads, suspects, given, home, (limit, guards));
     // The mark still holds an index of an outlier: clear it, other code uses it as a stamp.
     store.v.iter_mut().for_each(|x| x.mark = 0);
     Fitted { rms: (after.max(0.0) / weight.max(1e-30)).sqrt() }
@@ -548,12 +561,12 @@ pub(crate) fn fit<Q: Memory>(
 
 /// Returns twice the total area of the faces at each vertex of the input.
 #[inline(never)]
-fn vertex_areas(given: &mut impl Given) -> Vec<f32> {
+fn vertex_areas(given: &mut impl OrderedInput) -> Vec<f32> {
     let mut areas = vec![0.0f32; given.point_count()];
     for i in 0..given.face_count() {
         let t = given.face(i);
-        given.bring(i + AHEAD);
-        let [a, b, c] = given.places(i, t).map(in_register);
+        given.prefetch(i + PREFETCH_DISTANCE);
+        let [a, b, c] = given.positions(i, t).map(in_register);
         let area = (b - a).cross(c - a).length();
         t.iter().for_each(|w| areas[w.index()] += area);
     }
@@ -567,10 +580,10 @@ fn vertex_areas(given: &mut impl Given) -> Vec<f32> {
 #[inline(never)]
 fn solve<Q: Memory>(
     store: &mut Store<Q>,
-    loads: &mut [Load],
+    loads: &mut [FaceNormalEquations],
     leeway: Vec<f32>,
     far: f32,
-    guards: Option<&Guards>,
+    guards: Option<&MoveGuards>,
     tensor: fn(&mut Q) -> &mut Tensor,
 ) -> Vec<VertexId> {
     for u in 0..store.v.len() {
@@ -588,13 +601,13 @@ fn solve<Q: Memory>(
             let ([x, y, _, _], [_, v, w, _]) = (weighted.to_array(), n.to_array());
             squares += weighted * n;
             products += f32x4::new([x, x, y, 0.0]) * f32x4::new([v, w, w, 0.0]);
-            g += n * load.wanted(k);
+            g += n * load.missing_lift(k);
         }
         let ([xx, yy, zz, _], [xy, xz, yz, _]) = (squares.to_array(), products.to_array());
         let mut a = Tensor([xx, yy, zz, xy, xz, yz]);
         if kind.is_border() {
             for w in border_neighbours(store, id) {
-                a.add(&Tensor::line(store.p(w) - store.v[u].p, BORDER));
+                a.add(&Tensor::line(store.p(w) - store.v[u].p, BORDER_LINE_WEIGHT));
             }
         }
         let trace = a.trace();
@@ -617,15 +630,16 @@ fn solve<Q: Memory>(
         let (mut g, mut worst) = (f32x4::ZERO, 0f32);
         for corner in corners {
             let load = &loads[corner.face()];
-            g += load.row_of_normal() * load.wanted(corner.k());
-            worst = max(worst, load.worst());
+            g += load.row_of_normal() * load.missing_lift(corner.k());
+            worst = max(worst, load.max_distance_sq());
         }
         if inverse.0[0] != 0.0 {
             let delta = inverse.times(first_three(g));
             lift(corners, loads, delta);
             let step = delta.length_squared();
             let p = store.v[u].p + delta * if step > worst { (worst / step).sqrt() } else { 1.0 };
-            let is_fine = |p| min(step, worst) <= leeway || is_fine(store, loads, id, p, leeway == 0.0);
+            let is_fine =
+                |p| min(step, worst) <= leeway || keeps_orientation(store, loads, id, p, leeway == 0.0);
             let place = match guards {
                 _ if step <= 0.0 => None,
                 None => is_fine(p).then_some(p),
@@ -651,7 +665,7 @@ fn first_three(of: f32x4) -> Vec3 {
 
 /// Stores the displacement of a vertex as lifts in the faces around it.
 #[inline(always)]
-fn lift(around: &[Corner], loads: &mut [Load], delta: Vec3) {
+fn lift(around: &[Corner], loads: &mut [FaceNormalEquations], delta: Vec3) {
     let delta = Vec3A::from(delta);
     for c in around {
         let load = &mut loads[c.face()];
@@ -678,7 +692,13 @@ fn border_neighbours<Q: Memory>(store: &Store<Q>, u: VertexId) -> impl Iterator<
 
 /// Returns true if no face of `u` turns over with `u` at `p`, relative to the face as it is and, with
 /// `asks_facing`, to the input.
-fn is_fine<Q: Memory>(store: &Store<Q>, loads: &[Load], u: VertexId, p: Vec3, asks_facing: bool) -> bool {
+fn keeps_orientation<Q: Memory>(
+    store: &Store<Q>,
+    loads: &[FaceNormalEquations],
+    u: VertexId,
+    p: Vec3,
+    asks_facing: bool,
+) -> bool {
     let (from, at) = (splat(store.p(u)), splat(p));
     store.listed(u).chunks(4).all(|few| {
         let last = few.len() - 1;
@@ -705,28 +725,28 @@ fn is_fine<Q: Memory>(store: &Store<Q>, loads: &[Load], u: VertexId, p: Vec3, as
 
 /// Returns the normals of the faces at four corners.
 #[inline(always)]
-fn normals(loads: &[Load], corners: [Corner; 4]) -> Four {
+fn normals(loads: &[FaceNormalEquations], corners: [Corner; 4]) -> Four {
     let [x, y, z, _] = f32x4::transpose(corners.map(|c| loads[c.face()].0[3]));
     [x, y, z]
 }
 
 /// Data of the final triangles before sampling.
-struct Begun {
-    loads: Vec<Load>,
+struct FaceData {
+    loads: Vec<FaceNormalEquations>,
     /// For each vertex the square of a move that rotates no face too far, even if all its corners move as
     /// far; 0 unless all faces are oriented as the input was.
     leeway: Vec<f32>,
 }
 
 #[inline(never)]
-fn begin<Q: Memory>(store: &Store<Q>) -> Begun {
+fn face_data<Q: Memory>(store: &Store<Q>) -> FaceData {
     let mut leeways = vec![f32::INFINITY; store.v.len()];
-    let mut loads = bytemuck::zeroed_vec::<Load>(store.t.len());
+    let mut loads = bytemuck::zeroed_vec::<FaceNormalEquations>(store.t.len());
     for (few, loads) in store.t.chunks(4).zip(loads.chunks_mut(4)) {
         let t = [0, 1, 2, 3].map(|i: usize| few[i.min(few.len() - 1)]);
         let four = FourFaces::new([0, 1, 2].map(|k| store.four(t.map(|t| t[k]))));
         let is_sound = four.are_sound(&store.four_facings(t));
-        let leeway = four.high_sq.map(|high_sq| (is_sound & (high_sq * LEEWAY)).to_array());
+        let leeway = four.high_sq.map(|high_sq| (is_sound & (high_sq * FREE_MOVE_SHARE_SQ)).to_array());
         let [x, y, z] = four.normal;
         let normals = f32x4::transpose([x, y, z, f32x4::ZERO]);
         for (i, (t, load)) in few.iter().zip(loads).enumerate() {
@@ -737,7 +757,7 @@ fn begin<Q: Memory>(store: &Store<Q>) -> Begun {
             load.0[3] = normals[i % 4];
         }
     }
-    Begun { loads, leeway: leeways }
+    FaceData { loads, leeway: leeways }
 }
 
 /// Returns a vector in one register.
@@ -765,7 +785,7 @@ fn is_above(p: Vec3A, [a, b, c]: [Vec3A; 3], limit: f32) -> bool {
 }
 
 /// A possible outlier: a vertex that may be too far off the original.
-struct Suspect {
+struct Outlier {
     vertex: VertexId,
     /// The nearest of the points merged into it, and its squared distance.
     point: VertexId,
@@ -780,19 +800,19 @@ struct Suspect {
 /// below an outlier is far from its faces, so only the `suspects` are checked. Searching around the nearest
 /// of the points merged into a vertex is enough: an exact pass over all faces doubles the time of the fit.
 #[inline(never)]
-fn tether<Q: Memory>(
+fn pull_in_outliers<Q: Memory>(
     store: &mut Store<Q>,
-    loads: &[Load],
+    loads: &[FaceNormalEquations],
     suspects: Vec<VertexId>,
-    given: &mut impl Given,
+    given: &mut impl OrderedInput,
     home: &[VertexId],
-    (limit, guards): (f32, Option<&Guards>),
+    (limit, guards): (f32, Option<&MoveGuards>),
 ) {
     // (The mark of a vertex is free for scratch: here one more than its index among the suspects.)
     store.v.iter_mut().for_each(|x| x.mark = 0);
-    let mut suspects: Vec<Suspect> = suspects
+    let mut suspects: Vec<Outlier> = suspects
         .into_iter()
-        .map(|vertex| Suspect {
+        .map(|vertex| Outlier {
             vertex,
             point: NONE,
             distance_sq: f32::INFINITY,
@@ -803,7 +823,7 @@ fn tether<Q: Memory>(
     for (i, suspect) in suspects.iter().enumerate() {
         store.v[suspect.vertex.index()].mark = i as u32 + 1;
     }
-    given.turn();
+    given.start_random_access();
     for (i, &h) in home.iter().enumerate().take(given.point_count()) {
         if h == NONE {
             continue;
@@ -812,7 +832,7 @@ fn tether<Q: Memory>(
         if x.mark > 0 {
             let suspect = &mut suspects[x.mark as usize - 1];
             let point = VertexId(i as u32);
-            let d2 = (given.place(point) - x.p).length_squared();
+            let d2 = (given.position(point) - x.p).length_squared();
             if d2 < suspect.distance_sq {
                 (suspect.point, suspect.distance_sq) = (point, d2);
             }
@@ -841,7 +861,8 @@ fn tether<Q: Memory>(
             let x = &store.v[home[w.index()].index()];
             let suspect = &mut suspects[x.mark as usize - 1];
             if !suspect.is_near {
-                suspect.is_near = is_above(in_register(x.p), t.map(|w| in_register(given.place(w))), limit);
+                suspect.is_near =
+                    is_above(in_register(x.p), t.map(|w| in_register(given.position(w))), limit);
                 if !suspect.is_near {
                     others.push((x.mark - 1, t));
                 }
@@ -851,7 +872,7 @@ fn tether<Q: Memory>(
     for (number, t) in others {
         let suspect = &mut suspects[number as usize];
         if !suspect.is_near && suspect.found.0 > limit {
-            let [a, b, c] = t.map(|w| given.place(w));
+            let [a, b, c] = t.map(|w| given.position(w));
             let near = triangle::closest(store.p(suspect.vertex), a, b, c);
             if near.0 < suspect.found.0 {
                 suspect.found = near;
@@ -860,12 +881,12 @@ fn tether<Q: Memory>(
     }
     suspects.retain(|s| s.found.0 > limit && s.found.0.is_finite());
     find_nearest(store, given, home, &mut suspects);
-    for Suspect { vertex, found: (d, q), .. } in suspects {
-        let worst = store.listed(vertex).iter().map(|c| loads[c.face()].worst()).fold(0.0, max);
-        let limit = max(limit, TETHER_OF_STAR * worst);
+    for Outlier { vertex, found: (d, q), .. } in suspects {
+        let worst = store.listed(vertex).iter().map(|c| loads[c.face()].max_distance_sq()).fold(0.0, max);
+        let limit = max(limit, MAX_OUTLIER_STAR_SQ * worst);
         if d > limit {
             let p = q + (store.p(vertex) - q) * (limit / d).sqrt();
-            let is_fine = |p| is_fine(store, loads, vertex, p, true);
+            let is_fine = |p| keeps_orientation(store, loads, vertex, p, true);
             let place = match guards {
                 None => is_fine(p).then_some(p),
                 Some(guards) => guards.farthest(store, vertex, p, is_fine),
@@ -882,9 +903,9 @@ fn tether<Q: Memory>(
 #[inline(never)]
 fn find_nearest<Q: Memory>(
     store: &Store<Q>,
-    given: &impl Given,
+    given: &impl OrderedInput,
     home: &[VertexId],
-    suspects: &mut [Suspect],
+    suspects: &mut [Outlier],
 ) {
     if suspects.is_empty() {
         return;
@@ -904,7 +925,7 @@ fn find_nearest<Q: Memory>(
         if !homes.into_iter().any(is_near) {
             return;
         }
-        let [a, b, c] = t.map(|w| given.place(w));
+        let [a, b, c] = t.map(|w| given.position(w));
         for h in homes.into_iter().filter(|&h| is_near(h)) {
             let first = stars.partition_point(|s| s.0 < h);
             for &(_, i) in stars[first..].iter().take_while(|s| s.0 == h) {
@@ -932,16 +953,23 @@ mod tests {
         let faces = [[0, 1, 2], [0, 3, 1]].map(|t| t.map(VertexId));
         let mut store = Store::<Tensor>::new(&points, faces.to_vec(), None, None);
         store.link();
-        let Begun { loads, .. } = begin(&store);
-        let (ready, normals) = (vec![Star::NONE; 4], [Vec3A::Z, -Vec3A::Z, Vec3A::Y]);
-        let mut sampler =
-            Sampler { store: &store, vertices: &store.v, ready, loads, usual: 1.0, rr: 0.0, weight: 0.0 };
+        let FaceData { loads, .. } = face_data(&store);
+        let (ready, normals) = (vec![CachedStar::NONE; 4], [Vec3A::Z, -Vec3A::Z, Vec3A::Y]);
+        let mut sampler = Sampler {
+            store: &store,
+            vertices: &store.v,
+            cache: ready,
+            loads,
+            robust_height_sq: 1.0,
+            height_sq_sum: 0.0,
+            weight: 0.0,
+        };
         // Nearer to the lower side.
         let sample = Vec3A::new(0.6, 0.1, -0.03);
         let mut side =
-            |normal| sampler.place(sample, (normal, 1.0), 1.0, VertexId(0)).map(|placed| placed.face);
+            |normal| sampler.assign(sample, (normal, 1.0), 1.0, VertexId(0)).map(|placed| placed.face);
         assert_eq!(normals.map(&mut side), [Some(0), Some(1), None]);
-        let taken = |l: &Load| l.numbers()[8..11].iter().sum::<f32>();
+        let taken = |l: &FaceNormalEquations| l.numbers()[8..11].iter().sum::<f32>();
         assert!(sampler.loads.iter().all(|l| taken(l) != 0.0), "both sides have their sample");
     }
 }

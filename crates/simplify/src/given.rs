@@ -4,28 +4,28 @@ use glam::Vec3;
 use lodsmith_core::VertexId;
 
 /// The ordered input, for sampling.
-pub(crate) trait Given {
+pub(crate) trait OrderedInput {
     fn point_count(&self) -> usize;
     fn face_count(&self) -> usize;
     /// Returns the vertices of a face. (Called for faces in ascending order.)
     fn face(&mut self, face: usize) -> [VertexId; 3];
     /// Returns the positions of a face's vertices, in the unit frame.
-    fn places(&mut self, face: usize, t: [VertexId; 3]) -> [Vec3; 3];
+    fn positions(&mut self, face: usize, t: [VertexId; 3]) -> [Vec3; 3];
     /// Prefetches the positions of a face that is read soon.
-    fn bring(&self, face: usize);
+    fn prefetch(&self, face: usize);
     /// Switches from faces in order to random access: from here on single positions and all faces are read.
-    fn turn(&mut self);
-    fn place(&self, v: VertexId) -> Vec3;
+    fn start_random_access(&mut self);
+    fn position(&self, v: VertexId) -> Vec3;
     fn each_face(&self, look: impl FnMut([VertexId; 3]));
 }
 
 /// The ordered input, kept in memory.
-pub(crate) struct Kept<'a> {
+pub(crate) struct KeptInput<'a> {
     pub(crate) points: &'a [Vec3],
     pub(crate) faces: &'a [[VertexId; 3]],
 }
 
-impl Given for Kept<'_> {
+impl OrderedInput for KeptInput<'_> {
     fn point_count(&self) -> usize {
         self.points.len()
     }
@@ -38,15 +38,15 @@ impl Given for Kept<'_> {
         self.faces[face]
     }
     #[inline(always)]
-    fn places(&mut self, _: usize, t: [VertexId; 3]) -> [Vec3; 3] {
+    fn positions(&mut self, _: usize, t: [VertexId; 3]) -> [Vec3; 3] {
         t.map(|w| self.points[w.index()])
     }
     #[inline(always)]
-    fn bring(&self, _: usize) {}
+    fn prefetch(&self, _: usize) {}
     #[inline(always)]
-    fn turn(&mut self) {}
+    fn start_random_access(&mut self) {}
     #[inline(always)]
-    fn place(&self, v: VertexId) -> Vec3 {
+    fn position(&self, v: VertexId) -> Vec3 {
         self.points[v.index()]
     }
     #[inline(always)]

@@ -4,7 +4,7 @@ use crate::collapse::order::Frame;
 use crate::options::{BorderPolicy, Method, Placement, SimplifyOptions, TopologyPolicy};
 
 /// Weight of a border edge's line. (docs/decisions/0001; 10 as in meshoptimizer.)
-pub(crate) const BORDER: f32 = 10.0;
+pub(crate) const BORDER_WEIGHT: f32 = 10.0;
 /// Squared cosine of the largest rotation of a face in one collapse: 78 degrees. (Prototype; larger rotations
 /// fold.)
 const MAX_TURN: f32 = 0.04;
@@ -34,7 +34,7 @@ impl Rules {
         let guards = &options.guards;
         let cos = guards.max_normal_deg.map_or(0.0, |deg| deg.min(90.0).to_radians().cos() as f32);
         let max_edge = guards.max_edge.map_or(f64::INFINITY, |l| frame.unit_length(l.in_units(diagonal)));
-        let longest = options.of_method.edge_length.filter(|_| options.method == Method::ShortestEdge);
+        let longest = options.method_options.edge_length.filter(|_| options.method == Method::ShortestEdge);
         let max_cost = longest.map_or(f64::INFINITY, |l| frame.unit_length(l.in_units(diagonal)));
         Self {
             placement: options.placement,
@@ -43,7 +43,7 @@ impl Rules {
             border_weight: match (options.border, options.sharp_deg) {
                 // Line tensors are needed for the sharp edges alone.
                 (BorderPolicy::Free, Some(_)) => 0.0,
-                _ => BORDER * options.weights.border as f32,
+                _ => BORDER_WEIGHT * options.weights.border as f32,
             },
             max_turn: MAX_TURN.max(cos * cos),
             min_shape: guards.min_quality.map_or(0.0, |q| (q * q) as f32),

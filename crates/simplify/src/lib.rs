@@ -49,7 +49,7 @@ pub use options::{
     AttributeWeights, BorderPolicy, Bound, Fit, Guards, Length, Measure, Method, MethodOptions, Placement,
     Preset, SimplifyOptions, Stop, TopologyPolicy,
 };
-pub use progressive::{Changed, Progressive, ProgressiveScene};
+pub use progressive::{ChangedRanges, Progressive, ProgressiveScene};
 pub use proposal::{Change, Proposal};
 pub use prune::Pruned;
 pub use report::{Cleanup, Clustered, ErrorReport, Escalation, Refusal, Report, Simplified, StoppedBy};

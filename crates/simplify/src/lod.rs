@@ -4,7 +4,7 @@ mod geomorph;
 
 use lodsmith_core::{Positions, TriMesh};
 
-use crate::control::{Control, Share};
+use crate::control::{Control, ProgressShare};
 use crate::input::Input;
 use crate::options::{Length, SimplifyOptions, Stop};
 use crate::report::Report;
@@ -59,7 +59,7 @@ impl Levels {
                 }
                 let step =
                     |i: usize| factor.powi(i32::try_from(i).unwrap_or(i32::MAX)).max(f64::MIN_POSITIVE);
-                (1..=(*count).min(MOST)).map(|i| Stop::ratio(step(i))).collect()
+                (1..=(*count).min(MAX_LEVELS)).map(|i| Stop::ratio(step(i))).collect()
             }
             Self::Errors(errors) => {
                 let share = |l: &Length| match l {
@@ -77,7 +77,7 @@ impl Levels {
         };
         match stops.len() {
             0 => bad("levels", "at least one", 0.0),
-            n if n > MOST => bad("levels", "at most 64", n as f64),
+            n if n > MAX_LEVELS => bad("levels", "at most 64", n as f64),
             _ => Ok(stops),
         }
     }
@@ -85,7 +85,7 @@ impl Levels {
 
 /// Largest number of levels; more are taken as a mistake: with each a tenth lighter than the one before, 64
 /// lead from a billion triangles to a million.
-const MOST: usize = 64;
+const MAX_LEVELS: usize = 64;
 
 /// Options of a chain.
 #[derive(Clone, Debug, PartialEq)]
@@ -176,7 +176,7 @@ pub fn lod(
         (all.into_iter().map(|done| done.0).collect::<Vec<_>>(), mergers)
     } else {
         let one = |(i, stop): (usize, &Stop)| {
-            simplify(mesh, &options.of_level(*stop), &mut Share::of(control, i, stops.len()))
+            simplify(mesh, &options.of_level(*stop), &mut ProgressShare::of(control, i, stops.len()))
         };
         (stops.iter().enumerate().map(one).collect::<Result<_, _>>()?, Vec::new())
     };
@@ -232,7 +232,7 @@ pub fn lod_scene(
         Some(all) => all.into_iter().unzip(),
         None => {
             let one = |(i, stop): (usize, &Stop)| {
-                let control = &mut Share::of(control, i, stops.len());
+                let control = &mut ProgressShare::of(control, i, stops.len());
                 scene::simplify_scene(parts, diagonal, &options.of_level(*stop), control)
             };
             (stops.iter().enumerate().map(one).collect::<Result<_, _>>()?, Vec::new())

@@ -15,10 +15,10 @@ use crate::metric::Memory;
 /// Cosine of the largest angle at which a normal still fits a face: 60 degrees. (The faces of an octahedron
 /// are 55 degrees off the normals of the sphere that it approximates, and no smooth surface wants fewer
 /// faces.)
-const FAR: f32 = 0.5;
+const FAR_COS: f32 = 0.5;
 /// If a larger share of the faces (by area) at a wedge of the input was far off its normal, this was
 /// intended. (The majority: a single sliver at a wedge proves nothing.)
-const WANTED: f32 = 0.5;
+const INTENDED_SHARE: f32 = 0.5;
 
 /// Repairs the wedges whose normal is far off at least one of their faces, and was not in the input. Locked
 /// vertices keep theirs. Returns how many corners got another normal. Cost: O(faces of the result), and
@@ -31,11 +31,11 @@ pub(crate) fn repair<Q: Memory>(
 ) -> usize {
     let (Some(at), Some(wedges)) = (rows.normals_at(), &store.wedges) else { return 0 };
     let faces: Vec<Vec3> = store.t.iter().map(|t| doubled_area(t.map(|v| store.v[v.index()].p))).collect();
-    let mut corners: Vec<Corner> = Vec::new();
+    let mut corners: Vec<WedgeCorner> = Vec::new();
     let mut is_far = vec![false; attributes.count()];
     for (f, t) in store.t.iter().enumerate() {
         for (k, &w) in wedges[f].iter().enumerate() {
-            if off(normal_of(attributes, w, at), faces[f]) && !store.v[t[k].index()].kind.is_locked() {
+            if is_far_off(normal_of(attributes, w, at), faces[f]) && !store.v[t[k].index()].kind.is_locked() {
                 is_far[w.index()] = true;
             }
         }
@@ -43,16 +43,16 @@ pub(crate) fn repair<Q: Memory>(
     if !is_far.contains(&true) {
         return 0;
     }
-    let was_wanted = wanted(attributes, rows, input, at, &is_far);
+    let was_wanted = intended_far(attributes, rows, input, at, &is_far);
     for (f, t) in wedges.iter().enumerate() {
         for (k, &wedge) in t.iter().enumerate() {
             if is_far[wedge.index()] && !was_wanted[attributes.original(wedge).index()] {
-                corners.push(Corner { wedge, face: f, k });
+                corners.push(WedgeCorner { wedge, face: f, k });
             }
         }
     }
     corners.sort_unstable_by_key(|c| (c.wedge, c.face, c.k));
-    let mut changes: Vec<(Corner, WedgeId)> = Vec::new();
+    let mut changes: Vec<(WedgeCorner, WedgeId)> = Vec::new();
     for of_wedge in corners.chunk_by(|a, b| a.wedge == b.wedge) {
         split(attributes, at, &faces, of_wedge, &mut changes);
     }
@@ -66,7 +66,7 @@ pub(crate) fn repair<Q: Memory>(
 
 /// A corner of the result.
 #[derive(Clone, Copy)]
-struct Corner {
+struct WedgeCorner {
     wedge: WedgeId,
     face: usize,
     k: usize,
@@ -78,20 +78,21 @@ fn split(
     attributes: &mut Attributes,
     at: usize,
     faces: &[Vec3],
-    corners: &[Corner],
-    changes: &mut Vec<(Corner, WedgeId)>,
+    corners: &[WedgeCorner],
+    changes: &mut Vec<(WedgeCorner, WedgeId)>,
 ) {
     let wedge = corners[0].wedge;
     let own = normal_of(attributes, wedge, at);
-    let mut far: Vec<Corner> = corners.iter().filter(|c| off(own, faces[c.face])).copied().collect();
+    let mut far: Vec<WedgeCorner> =
+        corners.iter().filter(|c| is_far_off(own, faces[c.face])).copied().collect();
     // The largest face determines the direction of a group.
     far.sort_by(|a, b| {
         faces[b.face].length_squared().total_cmp(&faces[a.face].length_squared()).then(a.face.cmp(&b.face))
     });
-    let mut groups: Vec<(Vec3, Vec<Corner>)> = Vec::new();
+    let mut groups: Vec<(Vec3, Vec<WedgeCorner>)> = Vec::new();
     for c in &far {
         let face = faces[c.face];
-        match groups.iter_mut().find(|(sum, _)| !off(*sum, face)) {
+        match groups.iter_mut().find(|(sum, _)| !is_far_off(*sum, face)) {
             Some((sum, members)) => {
                 *sum += face;
                 members.push(*c);
@@ -110,7 +111,13 @@ fn split(
 
 /// Returns the input wedges, among the origins of the far ones, that were far off most of their faces
 /// already.
-fn wanted(attributes: &Attributes, rows: &Rows, input: &TriMesh, at: usize, is_far: &[bool]) -> Vec<bool> {
+fn intended_far(
+    attributes: &Attributes,
+    rows: &Rows,
+    input: &TriMesh,
+    at: usize,
+    is_far: &[bool],
+) -> Vec<bool> {
     let Some(normals) = input.normals() else { return vec![false; attributes.count()] };
     let mut is_asked = vec![false; attributes.count()];
     for w in (0..is_far.len()).filter(|&w| is_far[w]) {
@@ -131,18 +138,18 @@ fn wanted(attributes: &Attributes, rows: &Rows, input: &TriMesh, at: usize, is_f
         for (w, r) in t.iter().zip(of_rows) {
             let Some(sums) = areas.get_mut(r) else { continue };
             sums[0] += area;
-            if off(Vec3::from(normals[w.index()]), face) {
+            if is_far_off(Vec3::from(normals[w.index()]), face) {
                 sums[1] += area;
             }
         }
     }
-    areas.iter().map(|[all, far]| *far > WANTED * all).collect()
+    areas.iter().map(|[all, far]| *far > INTENDED_SHARE * all).collect()
 }
 
 /// True if a normal is far off the direction of a face. A zero vector never is.
-fn off(normal: Vec3, face: Vec3) -> bool {
+fn is_far_off(normal: Vec3, face: Vec3) -> bool {
     let lengths = normal.length() * face.length();
-    lengths > 0.0 && lengths.is_finite() && normal.dot(face) < FAR * lengths
+    lengths > 0.0 && lengths.is_finite() && normal.dot(face) < FAR_COS * lengths
 }
 
 fn normal_of(attributes: &Attributes, w: WedgeId, at: usize) -> Vec3 {

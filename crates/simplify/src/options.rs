@@ -111,7 +111,7 @@ pub struct MethodOptions {
 
 impl MethodOptions {
     /// Returns the names of the options that are set, each with the methods that have it.
-    pub(crate) fn set(&self) -> impl Iterator<Item = (&'static str, &'static [Method])> {
+    pub(crate) fn set_options(&self) -> impl Iterator<Item = (&'static str, &'static [Method])> {
         use Method::{
             Cluster, Memoryless, Planar, Quadric, Remesh, ShortestEdge, Unsubdivide, VertexRemoval,
         };
@@ -131,7 +131,7 @@ impl MethodOptions {
     }
 
     /// Returns true if a run of this method ends without a stop.
-    pub fn ends(&self, method: Method) -> bool {
+    pub fn ends_without_stop(&self, method: Method) -> bool {
         match method {
             Method::Planar | Method::Unsubdivide => true,
             Method::ShortestEdge => self.edge_length.is_some(),
@@ -348,7 +348,7 @@ pub struct SimplifyOptions {
     /// Method of simplification.
     pub method: Method,
     /// Options that only some methods have.
-    pub of_method: MethodOptions,
+    pub method_options: MethodOptions,
     /// Use of the final least-squares step.
     pub fit: Fit,
     /// Placement of merged vertices.
@@ -426,7 +426,7 @@ impl SimplifyOptions {
         Self { stop, ..Self::default() }
     }
     /// Returns the guarantee in effect: never [`Bound::Auto`].
-    pub fn promised(&self) -> Bound {
+    pub fn effective_bound(&self) -> Bound {
         match (self.bound, self.stop.error) {
             (Bound::Auto, Some(_)) => Bound::TwoSided,
             (Bound::Auto, None) => Bound::Estimate,

@@ -27,40 +27,44 @@ use crate::SimplifyError;
 use crate::collapse::order::NONE;
 use crate::control::Control;
 use crate::options::{BorderPolicy, Length, TopologyPolicy};
-use crate::rebuild::{Ending, Ground, Made, Task};
+use crate::rebuild::{Ending, PreparedInput, RebuiltSurface, Task};
 use chains::Chains;
 use channels::Channels;
-use merge::{Before, Count, Merge};
-use regions::{Field, Tolerance};
+use merge::{Count, MergeInput, RegionMerge};
+use regions::{RegionInput, Tolerance};
 
 /// Default flatness tolerance, as a share of the diagonal: three times the rounding of single precision.
 /// (Measured on ten models of machine parts: at a third of it rounding splits the faces of one plane, at ten
 /// times as much curved sides begin to merge.)
-const FLAT: f64 = 2e-7;
+const DEFAULT_FLATNESS: f64 = 2e-7;
 /// Far from the origin, where single precision rounds by more than that, the tolerance is this multiple of
 /// the largest displacement of a vertex by rounding. (Measured on four machine parts, rotated, 0 to 10
 /// diagonals from the origin, unchanged and subdivided three times with midpoints in single precision: at 2
 /// rounding still splits faces of one plane on two of them, from 3 on on none.)
-const ROUNDINGS: f64 = 3.0;
+const ROUNDING_FACTOR: f64 = 3.0;
 /// Default angle, as in Blender's limited dissolve.
-const ANGLE_DEG: f64 = 5.0;
+const DEFAULT_ANGLE_DEG: f64 = 5.0;
 /// Lower limit of the tolerance: the rounding of double precision, in the unit frame.
-const LEAST_FLAT: f64 = 1e-13;
+const MIN_FLATNESS: f64 = 1e-13;
 
 /// Merges coplanar regions, largest savings first, until the goal is met or none is left.
 ///
 /// The vertices of the result are vertices of the input. Distances both ways are at most about twice the
 /// tolerance. In the last region before the goal, as many inner vertices are kept as the goal allows. Cost:
 /// O(n log n).
-pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, SimplifyError> {
-    let ground = task.ground;
+pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<RebuiltSurface, SimplifyError> {
+    let ground = task.input;
     let faces = &ground.faces;
     let count = |n: Option<usize>| n.map_or(0, |n| i64::try_from(n).unwrap_or(i64::MAX));
     let goal = Count { faces: count(task.goal.faces), vertices: count(task.goal.vertices) };
     let all = Count { faces: faces.len() as i64, vertices: ground.points.len() as i64 };
     if all.meets(goal) {
         let made = used(&ground.points, faces.clone());
-        return Ok(Made { stands_for: Some((0..faces.len()).collect()), end: Ending::Goal, ..made });
+        return Ok(RebuiltSurface {
+            stands_for: Some((0..faces.len()).collect()),
+            end: Ending::Goal,
+            ..made
+        });
     }
     let positions = PositionsView::F64(bytemuck::cast_slice(&ground.points));
     let topology = Topology::unwelded(&Surface::with_triangles(positions, faces.clone())?);
@@ -68,7 +72,7 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, S
     let flat = ground.frame.user_length(tolerance.flat);
     let channels = Channels::new(task.mesh, ground, &task.options.weights, flat);
     let is_locked = |v: VertexId| ground.locked.as_ref().is_some_and(|l| l[v.index()]);
-    let field = Field {
+    let field = RegionInput {
         points: &ground.points,
         faces,
         topology: &topology,
@@ -81,7 +85,7 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, S
     let keeps_border = task.options.border == BorderPolicy::Lock;
     let is_held = |v: VertexId| is_locked(v) || keeps_border && topology.vertex(v).is_on_border();
     let (chains, places) = Chains::new(&topology, &regions, &ground.points, is_held, tolerance.flat);
-    let before = Before {
+    let before = MergeInput {
         points: &ground.points,
         faces,
         topology: &topology,
@@ -92,7 +96,7 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, S
         noise: tolerance.noise,
         may_close: task.options.topology != TopologyPolicy::Preserve,
     };
-    let merged = Merge::new(before).run(goal, all, control)?;
+    let merged = RegionMerge::new(before).run(goal, all, control)?;
     let made = used(&ground.points, merged.faces);
     let left = Count { faces: made.faces.len() as i64, vertices: made.points.len() as i64 };
     let end = match () {
@@ -100,7 +104,7 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, S
         () if merged.is_over || regions.is_over => Ending::Finish,
         () => Ending::Exhausted,
     };
-    Ok(Made {
+    Ok(RebuiltSurface {
         stands_for: Some(merged.stands_for),
         end,
         steps: merged.filled,
@@ -110,12 +114,12 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, S
 }
 
 /// Builds a result from faces over input vertices, with the vertices that they use.
-fn used(points: &[DVec3], faces: Vec<[VertexId; 3]>) -> Made {
+fn used(points: &[DVec3], faces: Vec<[VertexId; 3]>) -> RebuiltSurface {
     let mut number = vec![NONE; points.len()];
     for v in faces.iter().flatten() {
         number[v.index()] = VertexId(0);
     }
-    let mut made = Made::default();
+    let mut made = RebuiltSurface::default();
     for (v, number) in number.iter_mut().enumerate().filter(|x| *x.1 != NONE) {
         *number = VertexId::new(made.points.len());
         made.points.push(points[v]);
@@ -126,26 +130,26 @@ fn used(points: &[DVec3], faces: Vec<[VertexId; 3]>) -> Made {
 }
 
 fn tolerance(task: &Task<'_>) -> Tolerance {
-    let own = &task.options.of_method;
-    let of_size = task.ground.length(Length::OfDiagonal(FLAT));
+    let own = &task.options.method_options;
+    let of_size = task.input.length(Length::OfDiagonal(DEFAULT_FLATNESS));
     // Far from the origin, single precision rounds by more than that share of the size.
-    let noise = of_size.max(ROUNDINGS * rounding(task.ground));
+    let noise = of_size.max(ROUNDING_FACTOR * rounding(task.input));
     // An error limit is a tolerance too, and the only one if no other is given.
-    let flat = match (own.flat.map(|l| task.ground.length(l)), task.step) {
+    let flat = match (own.flat.map(|l| task.input.length(l)), task.step) {
         (Some(flat), Some(step)) => flat.min(step),
         (flat, step) => flat.or(step).unwrap_or(noise),
     };
-    let angle_deg = own.angle_deg.unwrap_or(ANGLE_DEG);
+    let angle_deg = own.angle_deg.unwrap_or(DEFAULT_ANGLE_DEG);
     let angle_deg =
         task.options.guards.max_normal_deg.map_or(angle_deg, |most| angle_deg.min(most)).min(89.0);
-    let flat = flat.max(LEAST_FLAT);
+    let flat = flat.max(MIN_FLATNESS);
     Tolerance { flat, angle_rad: angle_deg.to_radians(), noise: noise.min(flat) }
 }
 
 /// Largest displacement of a vertex by rounding to the precision of the input, in the unit frame: half a unit
 /// in the last place of the largest coordinate, along all three axes. 0 for double precision, where [`FLAT`]
 /// is far above it.
-fn rounding(ground: &Ground) -> f64 {
+fn rounding(ground: &PreparedInput) -> f64 {
     if !ground.is_single {
         return 0.0;
     }

@@ -27,10 +27,10 @@ use crate::options::{Method, SimplifyOptions};
 pub use scene::ProgressiveScene;
 
 /// Elements in a block of the change tracking.
-const BLOCK: usize = 256;
+const CHANGE_BLOCK_LEN: usize = 256;
 
 /// The methods that can be recorded: those that contract one edge or pair at a time.
-pub(crate) const PROGRESSIVE: &[Method] =
+pub(crate) const RECORDED_METHODS: &[Method] =
     &[Method::Memoryless, Method::Quadric, Method::LindstromTurk, Method::Melax, Method::ShortestEdge];
 
 /// A progressive mesh: a base mesh (level 0) and vertex splits, each of which leads to the next level, up to
@@ -57,7 +57,7 @@ pub(crate) const PROGRESSIVE: &[Method] =
 /// ```
 #[derive(Clone, Debug)]
 pub struct Progressive {
-    road: Arc<Road>,
+    sequence: Arc<SplitSequence>,
     level: usize,
     faces: Vec<[WedgeId; 3]>,
     vertex_of: Option<Vec<VertexId>>,
@@ -67,7 +67,7 @@ pub struct Progressive {
 
 /// The constant data: the splits, and the values of each of their changes on the coarser side.
 #[derive(Debug)]
-struct Road {
+struct SplitSequence {
     splits: Splits,
     corners: Vec<WedgeId>,
     owners: Vec<VertexId>,
@@ -84,7 +84,7 @@ struct Road {
 /// Ranges of the buffers that a change of level modified: ascending, disjoint, each a little larger than
 /// necessary. Removed elements are not included, new ones are.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Changed {
+pub struct ChangedRanges {
     /// Ranges of [`Progressive::faces`].
     pub faces: Vec<Range<usize>>,
     /// Ranges of [`Progressive::vertex_map`] and [`Progressive::values`].
@@ -94,20 +94,25 @@ pub struct Changed {
 }
 
 /// Blocks of modified elements.
-struct Marks(Vec<bool>);
+struct ChangedBlocks(Vec<bool>);
 
-impl Marks {
+impl ChangedBlocks {
     fn new(count: usize) -> Self {
-        Self(vec![false; count.div_ceil(BLOCK)])
+        Self(vec![false; count.div_ceil(CHANGE_BLOCK_LEN)])
     }
     #[inline(always)]
     fn add(&mut self, element: usize) {
-        self.0[element / BLOCK] = true;
+        self.0[element / CHANGE_BLOCK_LEN] = true;
     }
     /// Returns the modified ranges below `count`, including all elements from `born` on.
     fn ranges(&self, born: usize, count: usize) -> Vec<Range<usize>> {
         let mut ranges: Vec<Range<usize>> = Vec::new();
-        let blocks = self.0.iter().enumerate().filter(|b| *b.1).map(|b| b.0 * BLOCK..(b.0 + 1) * BLOCK);
+        let blocks = self
+            .0
+            .iter()
+            .enumerate()
+            .filter(|b| *b.1)
+            .map(|b| b.0 * CHANGE_BLOCK_LEN..(b.0 + 1) * CHANGE_BLOCK_LEN);
         for r in blocks.chain(std::iter::once(born..count)) {
             let (start, end) = (r.start.min(count), r.end.min(count));
             match ranges.last_mut() {
@@ -136,37 +141,38 @@ impl Progressive {
         options: &SimplifyOptions,
         control: &mut dyn Control,
     ) -> Result<Self, SimplifyError> {
-        build::build(mesh, options, control).map(|built| built.road)
+        build::build(mesh, options, control).map(|built| built.mesh)
     }
 
     /// Makes a progressive mesh from splits, at the level of the full mesh. Cost: O(n).
     pub fn new(splits: Splits) -> Self {
         let (mut faces, mut vertex_of) = (splits.faces.clone(), splits.vertex_of.clone());
         let (mut values, mut positions) = (splits.values.clone(), splits.positions.clone());
-        let (level, mut road) = (splits.len(), Road::unwalked(splits));
-        road.walk(&mut faces, &mut vertex_of, &mut values, &mut positions);
-        Self { road: Arc::new(road), level, faces, vertex_of, values, positions }
+        let (level, mut road) = (splits.len(), SplitSequence::new_unreplayed(splits));
+        road.replay(&mut faces, &mut vertex_of, &mut values, &mut positions);
+        Self { sequence: Arc::new(road), level, faces, vertex_of, values, positions }
     }
 
     /// Returns this progressive mesh with the given level as its base, at that level.
     pub fn without_below(mut self, level: usize) -> Self {
         self.to_level(level);
-        let base = (!self.road.splits.checkpoints.is_empty()).then(|| self.checkpoint());
+        let base = (!self.sequence.splits.checkpoints.is_empty()).then(|| self.checkpoint());
         let (level, faces, vertex_of) = (self.level, self.faces, self.vertex_of);
-        let splits = Arc::try_unwrap(self.road).map_or_else(|road| road.splits.clone(), |road| road.splits);
+        let splits =
+            Arc::try_unwrap(self.sequence).map_or_else(|road| road.splits.clone(), |road| road.splits);
         // Elements that are not live yet are in the buffers already, with the values of their birth.
         let mut data = splits.into_data();
         (data.faces, data.vertex_of, data.values, data.positions) =
             (faces, vertex_of, self.values, self.positions);
         data.counts.drain(..level);
         let width = data.layout.width();
-        let corners = behind(&mut data.corners, level);
+        let corners = drop_first_splits(&mut data.corners, level);
         data.corners.to.drain(..corners);
-        let owners = behind(&mut data.owners, level);
+        let owners = drop_first_splits(&mut data.owners, level);
         data.owners.to.drain(..owners);
-        let rows = behind(&mut data.rows, level);
+        let rows = drop_first_splits(&mut data.rows, level);
         data.rows.to.drain(..rows * width);
-        let places = behind(&mut data.places, level);
+        let places = drop_first_splits(&mut data.places, level);
         match &mut data.places.to {
             Positions::F32(p) => drop(p.drain(..places)),
             Positions::F64(p) => drop(p.drain(..places)),
@@ -181,15 +187,15 @@ impl Progressive {
 
     /// Returns the splits, with base mesh and checkpoints.
     pub fn splits(&self) -> &Splits {
-        &self.road.splits
+        &self.sequence.splits
     }
     /// Returns the splits, without a copy if there is no other clone.
     pub fn into_splits(self) -> Splits {
-        Arc::try_unwrap(self.road).map_or_else(|road| road.splits.clone(), |road| road.splits)
+        Arc::try_unwrap(self.sequence).map_or_else(|road| road.splits.clone(), |road| road.splits)
     }
     /// Returns the number of the finest level, which is the number of splits.
     pub fn top(&self) -> usize {
-        self.road.splits.len()
+        self.sequence.splits.len()
     }
     /// Returns the number of levels: one more than splits.
     pub fn levels(&self) -> usize {
@@ -201,7 +207,7 @@ impl Progressive {
     }
     /// Returns the numbers of elements at the present level.
     pub fn counts(&self) -> Counts {
-        self.road.splits.counts[self.level]
+        self.sequence.splits.counts[self.level]
     }
     /// Returns the number of faces at the present level.
     pub fn face_count(&self) -> usize {
@@ -209,7 +215,7 @@ impl Progressive {
     }
     /// Returns the number of vertices at the present level that a face uses.
     pub fn vertex_count(&self) -> usize {
-        self.road.vertices[self.level] as usize
+        self.sequence.vertices[self.level] as usize
     }
 
     /// Returns the live faces, three wedges each.
@@ -218,7 +224,7 @@ impl Progressive {
     }
     /// Returns the regions of the live faces; `None` if there is only one region.
     pub fn regions(&self) -> Option<&[RegionId]> {
-        self.road.splits.regions.as_ref().map(|r| &r[..self.face_count()])
+        self.sequence.splits.regions.as_ref().map(|r| &r[..self.face_count()])
     }
     /// Returns the vertex of each wedge; `None` if wedge i belongs to vertex i.
     pub fn vertex_map(&self) -> Option<&[VertexId]> {
@@ -238,16 +244,16 @@ impl Progressive {
     }
     /// Returns the layout of a row of values.
     pub fn layout(&self) -> &Layout {
-        &self.road.splits.layout
+        &self.sequence.splits.layout
     }
 
     /// Returns the finest level with at most `n` faces, or the base.
     pub fn level_of_faces(&self, n: usize) -> usize {
-        self.road.splits.counts.partition_point(|c| c.faces as usize <= n).saturating_sub(1)
+        self.sequence.splits.counts.partition_point(|c| c.faces as usize <= n).saturating_sub(1)
     }
     /// Returns the finest level with at most `n` vertices in use, there and at all coarser ones, or the base.
     pub fn level_of_vertices(&self, n: usize) -> usize {
-        self.road.most_vertices.partition_point(|&v| v as usize <= n).saturating_sub(1)
+        self.sequence.most_vertices.partition_point(|&v| v as usize <= n).saturating_sub(1)
     }
     /// Returns the coarsest level whose estimated error is at most `distance`, or the full mesh.
     pub fn level_of_error(&self, distance: f64) -> usize {
@@ -259,41 +265,41 @@ impl Progressive {
         high
     }
     /// Goes to [the level](Self::level_of_faces) of a number of faces.
-    pub fn to_faces(&mut self, n: usize) -> Changed {
+    pub fn to_faces(&mut self, n: usize) -> ChangedRanges {
         self.to_level(self.level_of_faces(n))
     }
     /// Goes to [the level](Self::level_of_vertices) of a number of vertices.
-    pub fn to_vertices(&mut self, n: usize) -> Changed {
+    pub fn to_vertices(&mut self, n: usize) -> ChangedRanges {
         self.to_level(self.level_of_vertices(n))
     }
     /// Goes to [the level](Self::level_of_error) of an estimated error.
-    pub fn to_error(&mut self, distance: f64) -> Changed {
+    pub fn to_error(&mut self, distance: f64) -> ChangedRanges {
         self.to_level(self.level_of_error(distance))
     }
     /// Goes to a level, or to the full mesh if the number is larger.
-    pub fn to_level(&mut self, level: usize) -> Changed {
+    pub fn to_level(&mut self, level: usize) -> ChangedRanges {
         let level = level.min(self.top());
         if level >= self.level { self.refine(level - self.level) } else { self.coarsen(self.level - level) }
     }
 
     /// Does this many splits, or as many as there are. Cost: O(what they change).
-    pub fn refine(&mut self, splits: usize) -> Changed {
+    pub fn refine(&mut self, splits: usize) -> ChangedRanges {
         let before = self.counts();
         let to = self.level.saturating_add(splits).min(self.top());
-        let road = Arc::clone(&self.road);
+        let road = Arc::clone(&self.sequence);
         let data = &road.splits;
         let range = self.level..to;
-        let side = Side { corners: &data.corners.to, owners: &data.owners.to, rows: &data.rows.to };
+        let side = ChangeValues { corners: &data.corners.to, owners: &data.owners.to, rows: &data.rows.to };
         self.level = to;
         self.apply(&road, range, &side, &data.places.to, false, before)
     }
 
     /// Undoes this many splits, or as many as were done. Cost: O(what they change).
-    pub fn coarsen(&mut self, splits: usize) -> Changed {
+    pub fn coarsen(&mut self, splits: usize) -> ChangedRanges {
         let to = self.level.saturating_sub(splits);
-        let road = Arc::clone(&self.road);
+        let road = Arc::clone(&self.sequence);
         let range = to..self.level;
-        let side = Side { corners: &road.corners, owners: &road.owners, rows: &road.rows };
+        let side = ChangeValues { corners: &road.corners, owners: &road.owners, rows: &road.rows };
         self.level = to;
         let now = self.counts();
         self.apply(&road, range, &side, &road.places, true, now)
@@ -303,17 +309,17 @@ impl Progressive {
     /// final value of an element, or the first one if they are undone.
     fn apply(
         &mut self,
-        road: &Road,
+        road: &SplitSequence,
         splits: Range<usize>,
-        side: &Side<'_>,
+        side: &ChangeValues<'_>,
         places: &Positions,
         back: bool,
         born: Counts,
-    ) -> Changed {
+    ) -> ChangedRanges {
         let data = &road.splits;
-        let mut faces = Marks::new(self.faces.len());
-        let mut wedges = Marks::new(self.wedge_slots());
-        let mut vertices = Marks::new(self.positions.len());
+        let mut faces = ChangedBlocks::new(self.faces.len());
+        let mut wedges = ChangedBlocks::new(self.wedge_slots());
+        let mut vertices = ChangedBlocks::new(self.positions.len());
         // The changes of one kind are contiguous, whichever split they belong to, and kinds are independent
         // of each other.
         let of = |ends: &[u32]| ends[splits.start] as usize..ends[splits.end] as usize;
@@ -351,7 +357,7 @@ impl Progressive {
             _ => unreachable!("splits with mixed precision are refused"),
         }
         let now = self.counts();
-        Changed {
+        ChangedRanges {
             faces: faces.ranges(born.faces as usize, now.faces as usize),
             wedges: wedges.ranges(born.wedges as usize, now.wedges as usize),
             vertices: vertices.ranges(born.vertices as usize, now.vertices as usize),
@@ -399,7 +405,7 @@ impl Progressive {
 }
 
 /// Drops the changes of the first `splits` splits. Returns the number of dropped entries.
-fn behind<A, T>(changes: &mut Changes<A, T>, splits: usize) -> usize {
+fn drop_first_splits<A, T>(changes: &mut Changes<A, T>, splits: usize) -> usize {
     let gone = changes.ends[splits];
     changes.ends.drain(..splits);
     changes.ends.iter_mut().for_each(|end| *end -= gone);
@@ -408,7 +414,7 @@ fn behind<A, T>(changes: &mut Changes<A, T>, splits: usize) -> usize {
 }
 
 /// The values that changes lead to, in one direction.
-struct Side<'a> {
+struct ChangeValues<'a> {
     corners: &'a [WedgeId],
     owners: &'a [VertexId],
     rows: &'a [f32],
@@ -419,8 +425,8 @@ fn each(range: Range<usize>, back: bool, mut what: impl FnMut(usize)) {
     if back { range.rev().for_each(&mut what) } else { range.for_each(&mut what) }
 }
 
-impl Road {
-    fn unwalked(splits: Splits) -> Self {
+impl SplitSequence {
+    fn new_unreplayed(splits: Splits) -> Self {
         let places = match &splits.positions {
             Positions::F32(_) => Positions::F32(Vec::new()),
             Positions::F64(_) => Positions::F64(Vec::new()),
@@ -432,7 +438,7 @@ impl Road {
 
     /// Goes from the base to the top, with buffers that are at the base, and records the value that each
     /// change replaces.
-    fn walk(
+    fn replay(
         &mut self,
         faces: &mut [[WedgeId; 3]],
         map: &mut Option<Vec<VertexId>>,
@@ -458,7 +464,7 @@ impl Road {
             _ => unreachable!("splits with mixed precision are refused"),
         }
         let wedges = map.as_ref().map_or(positions.len(), Vec::len);
-        let mut uses = Uses { of_wedge: vec![0; wedges], of_vertex: vec![0; positions.len()], live: 0 };
+        let mut uses = UseCounts { of_wedge: vec![0; wedges], of_vertex: vec![0; positions.len()], live: 0 };
         let (mut born, mut most) = (0, 0);
         for (level, c) in data.counts.iter().enumerate() {
             if let Some(split) = level.checked_sub(1) {
@@ -490,13 +496,13 @@ impl Road {
 }
 
 /// Number of corners of each wedge, and number of wedges in use of each vertex.
-struct Uses {
+struct UseCounts {
     of_wedge: Vec<u32>,
     of_vertex: Vec<u32>,
     live: u32,
 }
 
-impl Uses {
+impl UseCounts {
     #[inline(always)]
     fn add(&mut self, w: WedgeId, map: &Option<Vec<VertexId>>) {
         self.of_wedge[w.index()] += 1;

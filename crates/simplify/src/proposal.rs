@@ -3,7 +3,7 @@
 use crate::options::{BorderPolicy, Length, Method, Placement, SimplifyOptions, TopologyPolicy};
 
 /// Largest distance of pairs that are tried, as a share of the diagonal: half a percent.
-const PAIRS: f64 = 0.005;
+const PAIR_DISTANCE: f64 = 0.005;
 
 /// A change of one option.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,7 +41,7 @@ pub struct Proposal {
 impl Change {
     /// Returns the options with this change. A guard is switched off: its best limit is for the user to
     /// choose.
-    pub fn applied(self, options: &SimplifyOptions) -> SimplifyOptions {
+    pub fn apply(self, options: &SimplifyOptions) -> SimplifyOptions {
         let mut options = options.clone();
         match self {
             Self::Border(border) => options.border = border,
@@ -52,19 +52,20 @@ impl Change {
             Self::MaxValence => options.guards.max_valence = None,
             Self::MaxEdge => options.guards.max_edge = None,
             Self::Locked => options.locked = None,
-            Self::Pairs(reach) => options.of_method.pairs = Some(reach),
+            Self::Pairs(reach) => options.method_options.pairs = Some(reach),
         }
         options
     }
 
     /// Returns pairs as a change, if the method has them and they are not set already.
-    pub(crate) fn to_pairs(options: &SimplifyOptions) -> Option<Self> {
+    pub(crate) fn pairs_change(options: &SimplifyOptions) -> Option<Self> {
         let knows = matches!(options.method, Method::Memoryless | Method::Quadric);
-        (knows && options.of_method.pairs.is_none()).then_some(Self::Pairs(Length::OfDiagonal(PAIRS)))
+        (knows && options.method_options.pairs.is_none())
+            .then_some(Self::Pairs(Length::OfDiagonal(PAIR_DISTANCE)))
     }
 
     /// Returns the changes that would relax these options: one list for each option, mildest change first.
-    pub(crate) fn open_to(options: &SimplifyOptions) -> Vec<Vec<Self>> {
+    pub(crate) fn relaxations(options: &SimplifyOptions) -> Vec<Vec<Self>> {
         let guards = &options.guards;
         let mut all: Vec<Vec<Self>> = Vec::new();
         let mut guard = |is_on: bool, change| all.extend(is_on.then(|| vec![change]));

@@ -16,7 +16,7 @@ pub struct Pruned {
 }
 
 /// Faces in components that are too small.
-pub(crate) struct Small {
+pub(crate) struct SmallComponents {
     pub(crate) pruned: Pruned,
     /// By face.
     pub(crate) is_small: Vec<bool>,
@@ -26,7 +26,7 @@ pub(crate) struct Small {
 
 /// A component: its bounding box and contents.
 #[derive(Clone, Copy)]
-struct Extent {
+struct ComponentExtent {
     min: [f64; 3],
     max: [f64; 3],
     first_face: usize,
@@ -34,7 +34,7 @@ struct Extent {
     is_locked: bool,
 }
 
-impl Extent {
+impl ComponentExtent {
     fn widen(&mut self, p: [f64; 3]) {
         self.min = [0, 1, 2].map(|k| self.min[k].min(p[k]));
         self.max = [0, 1, 2].map(|k| self.max[k].max(p[k]));
@@ -54,7 +54,7 @@ impl Extent {
 /// Returns the diagonal of the bounding box of the finite vertices of all faces.
 pub(crate) fn diagonal(surface: &Surface<'_>) -> f64 {
     let positions = surface.positions();
-    let mut all = Extent {
+    let mut all = ComponentExtent {
         min: [f64::INFINITY; 3],
         max: [f64::NEG_INFINITY; 3],
         first_face: 0,
@@ -78,7 +78,7 @@ pub(crate) fn small_parts(
     size: f64,
     near: Option<f64>,
     locked: Option<&[bool]>,
-) -> Small {
+) -> SmallComponents {
     let positions = surface.positions();
     let weld = near.map_or_else(|| weld::weld(positions), |d| weld::weld_within(positions, d));
     let triangles = surface.triangles();
@@ -97,12 +97,12 @@ pub(crate) fn small_parts(
         }
     }
     let mut part_of = vec![None; positions.len()];
-    let mut parts: Vec<Extent> = Vec::new();
+    let mut parts: Vec<ComponentExtent> = Vec::new();
     let mut of_face = vec![None; triangles.len()];
     for (f, t) in triangles.iter().enumerate() {
         let Some(ends) = welded(t) else { continue };
         let part = *part_of[find(&mut root, ends[0]).index()].get_or_insert_with(|| {
-            parts.push(Extent {
+            parts.push(ComponentExtent {
                 min: [f64::INFINITY; 3],
                 max: [f64::NEG_INFINITY; 3],
                 first_face: f,
@@ -128,7 +128,7 @@ pub(crate) fn small_parts(
         largest.into_iter().for_each(|i| goes[i] = false);
     }
     let gone = || parts.iter().zip(&goes).filter(|p| *p.1).map(|p| p.0);
-    Small {
+    SmallComponents {
         pruned: Pruned { parts: gone().count(), faces: gone().map(|p| p.faces).sum(), largest_kept },
         first_faces: gone().map(|p| p.first_face).collect(),
         is_small: of_face.into_iter().map(|p| p.is_some_and(|p| goes[p])).collect(),
@@ -145,7 +145,7 @@ fn find(root: &mut [VertexId], mut i: VertexId) -> VertexId {
 
 /// Returns the triangles with those of small components made degenerate, so that later steps drop them, and
 /// the number of vertices that only they use. Faces keep their indices.
-pub(crate) fn without(surface: &Surface<'_>, is_small: &[bool]) -> (Vec<[VertexId; 3]>, usize) {
+pub(crate) fn without_small(surface: &Surface<'_>, is_small: &[bool]) -> (Vec<[VertexId; 3]>, usize) {
     let triangles = surface.triangles();
     let positions = surface.positions();
     let is_finite = |v: VertexId| positions.get(v).iter().all(|x| x.is_finite());

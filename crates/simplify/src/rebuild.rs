@@ -11,7 +11,7 @@ use lodsmith_core::spatial::Bvh;
 use lodsmith_core::{Bounds, FaceId, Positions, PositionsView, Surface, TriMesh, VertexId};
 
 use crate::attributes::Rows;
-use crate::care::Held;
+use crate::care::HeldWedges;
 use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::{End, Goal};
 use crate::control::{Control, Stage, Verdict};
@@ -19,11 +19,11 @@ use crate::input::Input;
 use crate::options::Method;
 use crate::run::{Outcome, Run};
 use crate::{SimplifyError, planar, recolor, remesh, unsubdivide, vertex_removal};
-use dress::{Clothes, Dressed, Shading};
-pub(crate) use ground::{Ending, Ground, Made, Task};
+use dress::{AttributeSource, Shading, TransferredAttributes};
+pub(crate) use ground::{Ending, PreparedInput, RebuiltSurface, Task};
 
 /// True if an error limit is enforced by the steps of the method, instead of by their number.
-pub(crate) fn goes_by_step(method: Method) -> bool {
+pub(crate) fn limits_error_by_step(method: Method) -> bool {
     matches!(method, Method::Planar | Method::Unsubdivide)
 }
 
@@ -35,7 +35,7 @@ pub(crate) fn pass(
     control: &mut dyn Control,
 ) -> Result<Outcome, SimplifyError> {
     control.stage(Stage::Prepare);
-    let ground = ground(run);
+    let ground = prepared_input(run);
     control.stage(Stage::Collapse);
     match control.progress(0.0) {
         Verdict::Continue => {}
@@ -43,7 +43,7 @@ pub(crate) fn pass(
         Verdict::Cancel => return Err(SimplifyError::Cancelled),
     }
     let step = step.map(|s| ground.frame.unit_length(s));
-    let task = Task { ground: &ground, mesh: run.input.mesh, options: run.options, goal, step };
+    let task = Task { input: &ground, mesh: run.input.mesh, options: run.options, goal, step };
     let made = match run.options.method {
         Method::VertexRemoval => vertex_removal::make(&task, control)?,
         Method::Planar => planar::make(&task, control)?,
@@ -54,13 +54,17 @@ pub(crate) fn pass(
     outcome(run, &ground, made)
 }
 
-fn ground(run: &Run<'_, '_>) -> Ground {
+fn prepared_input(run: &Run<'_, '_>) -> PreparedInput {
     let locked = run.care.locked().map(<[bool]>::to_vec);
-    Ground { locked, prices: run.care.prices(), ..ground_of(run.input, run.ordered) }
+    PreparedInput {
+        locked,
+        cost_factors: run.care.cost_factors(),
+        ..prepared_input_of(run.input, run.ordered)
+    }
 }
 
 /// Prepares the input, without per-vertex locks and importance.
-fn ground_of(input: &Input<'_>, ordered: &Ordered) -> Ground {
+fn prepared_input_of(input: &Input<'_>, ordered: &Ordered) -> PreparedInput {
     let surface = &input.surface;
     let positions = surface.positions();
     let first = ordered.first_at_each();
@@ -82,14 +86,14 @@ fn ground_of(input: &Input<'_>, ordered: &Ordered) -> Ground {
         distinct::retain(&mut origin, &keep);
         regions.iter_mut().for_each(|r| distinct::retain(r, &keep));
     }
-    Ground {
+    PreparedInput {
         frame,
         points: places.iter().map(|&p| frame.unit_from_user(p)).collect(),
         faces,
         origin,
         regions,
         locked: None,
-        prices: None,
+        cost_factors: None,
         duplicate_faces,
         diagonal: ordered.diagonal,
         is_single: matches!(positions, PositionsView::F32(_)),
@@ -98,9 +102,9 @@ fn ground_of(input: &Input<'_>, ordered: &Ordered) -> Ground {
 }
 
 /// Returns the input unchanged: the best result before the first step.
-fn untouched(ground: &Ground) -> Made {
+fn untouched(ground: &PreparedInput) -> RebuiltSurface {
     let mut number = vec![NONE; ground.points.len()];
-    let mut made = Made { end: Ending::Finish, estimate: Some(0.0), ..Made::default() };
+    let mut made = RebuiltSurface { end: Ending::Finish, estimate: Some(0.0), ..RebuiltSurface::default() };
     for &v in ground.faces.as_flattened() {
         if number[v.index()] == NONE {
             number[v.index()] = VertexId::new(made.points.len());
@@ -112,7 +116,11 @@ fn untouched(ground: &Ground) -> Made {
     made
 }
 
-fn outcome(run: &Run<'_, '_>, ground: &Ground, made: Made) -> Result<Outcome, SimplifyError> {
+fn outcome(
+    run: &Run<'_, '_>,
+    ground: &PreparedInput,
+    made: RebuiltSurface,
+) -> Result<Outcome, SimplifyError> {
     let positions = run.input.surface.positions();
     let place = |i: usize| match made.kept[i] {
         NONE => ground.frame.user_from_unit(made.points[i]),
@@ -130,7 +138,7 @@ fn outcome(run: &Run<'_, '_>, ground: &Ground, made: Made) -> Result<Outcome, Si
         Ending::Stuck => End::Stuck,
         Ending::Finish => End::Finish,
     };
-    let (mesh, held) = dressed(run.input, run.ordered, ground, &made, positions, None)?;
+    let (mesh, held) = with_transferred_attributes(run.input, run.ordered, ground, &made, positions, None)?;
     let mesh = recolor::recolored(mesh, run.input, run.options, &held, None)?;
     Ok(Outcome {
         mesh,
@@ -159,58 +167,65 @@ fn outcome(run: &Run<'_, '_>, ground: &Ground, made: Made) -> Result<Outcome, Si
 
 /// Transfers attributes anew to a result whose seams were relaxed: a face across a seam would show what lies
 /// between two pieces of the texture. The shading is kept.
-pub(crate) fn dressed_again(
+pub(crate) fn retransfer_attributes(
     run: &Run<'_, '_>,
     mesh: &TriMesh,
     shading: Shading<'_>,
 ) -> Result<TriMesh, SimplifyError> {
-    dressed_bare(run.input, run.ordered, mesh, Some(shading))
+    transfer_to_mesh(run.input, run.ordered, mesh, Some(shading))
 }
 
 /// Transfers the input's attributes to a mesh without any.
-pub(crate) fn dressed_new(input: &Input<'_>, mesh: &TriMesh) -> Result<TriMesh, SimplifyError> {
-    dressed_bare(input, &order::order(&input.surface), mesh, None)
+pub(crate) fn transfer_to_bare_mesh(input: &Input<'_>, mesh: &TriMesh) -> Result<TriMesh, SimplifyError> {
+    transfer_to_mesh(input, &order::order(&input.surface), mesh, None)
 }
 
-fn dressed_bare(
+fn transfer_to_mesh(
     input: &Input<'_>,
     ordered: &Ordered,
     mesh: &TriMesh,
     shading: Option<Shading<'_>>,
 ) -> Result<TriMesh, SimplifyError> {
-    let ground = ground_of(input, ordered);
+    let ground = prepared_input_of(input, ordered);
     let surface = mesh.surface();
     let view = surface.positions();
     let points: Vec<DVec3> = view.iter().map(|p| ground.frame.unit_from_user(p)).collect();
-    let made = Made {
+    let made = RebuiltSurface {
         kept: vec![NONE; points.len()],
         points,
         faces: surface.triangles().to_vec(),
         regions: mesh.regions().map(<[_]>::to_vec),
-        ..Made::default()
+        ..RebuiltSurface::default()
     };
-    Ok(dressed(input, ordered, &ground, &made, mesh.positions().clone(), shading)?.0)
+    Ok(with_transferred_attributes(input, ordered, &ground, &made, mesh.positions().clone(), shading)?.0)
 }
 
 /// Builds the new mesh, with attributes transferred from the input.
-fn dressed(
+fn with_transferred_attributes(
     input: &Input<'_>,
     ordered: &Ordered,
-    ground: &Ground,
-    made: &Made,
+    ground: &PreparedInput,
+    made: &RebuiltSurface,
     positions: Positions,
     shading: Option<Shading<'_>>,
-) -> Result<(TriMesh, Held), SimplifyError> {
+) -> Result<(TriMesh, HeldWedges), SimplifyError> {
     let place = |mesh: &TriMesh, w| ordered.rank[input.joined(mesh.vertex_of(w)).index()];
     let rows = |mesh: &TriMesh| Rows::new(mesh, |w| place(mesh, w));
     let Some((input, (rows, attributes))) = input.mesh.and_then(|mesh| Some((mesh, rows(mesh)?))) else {
-        return Ok((TriMesh::new(positions, made.faces.clone())?, Held::default()));
+        return Ok((TriMesh::new(positions, made.faces.clone())?, HeldWedges::default()));
     };
     let wedges: Vec<_> = ground.origin.iter().map(|f| input.triangles()[f.index()]).collect();
     let corners: Vec<_> = wedges.iter().map(|t| t.map(|w| rows.wedge_rows[w.index()])).collect();
-    let clothes =
-        Clothes { ground, rows: &rows, attributes: &attributes, corners: &corners, wedges: &wedges, shading };
-    let Dressed { corners, attributes, regions, held } = dress::dress(&clothes, made)?;
+    let clothes = AttributeSource {
+        ground,
+        rows: &rows,
+        attributes: &attributes,
+        corners: &corners,
+        wedges: &wedges,
+        shading,
+    };
+    let TransferredAttributes { corners, attributes, regions, held } =
+        dress::transfer_attributes(&clothes, made)?;
     let mut mesh = rows.mesh(Some(&attributes), positions, &made.faces, &corners)?;
     let all_one = || input.regions().and_then(|all| all.first().map(|&r| vec![r; made.faces.len()]));
     mesh.set_regions(regions.or_else(all_one))?;
@@ -219,16 +234,16 @@ fn dressed(
 }
 
 /// Maximum number of input vertices sampled for an estimate.
-const LOOKS: usize = 2000;
+const MAX_ESTIMATE_SAMPLES: usize = 2000;
 
 /// RMS distance of sampled input vertices from the result, in the unit frame.
-fn estimate(ground: &Ground, made: &Made) -> f64 {
+fn estimate(ground: &PreparedInput, made: &RebuiltSurface) -> f64 {
     let points: Vec<[f64; 3]> = made.points.iter().map(|p| p.to_array()).collect();
     let Ok(surface) = Surface::new(PositionsView::F64(&points), bytemuck::cast_slice(&made.faces)) else {
         return 0.0;
     };
     let tree = Bvh::new(&surface);
-    let stride = ground.points.len().div_ceil(LOOKS).max(1);
+    let stride = ground.points.len().div_ceil(MAX_ESTIMATE_SAMPLES).max(1);
     let hits: Vec<f64> = ground
         .points
         .iter()
@@ -278,7 +293,7 @@ mod tests {
     }
 
     /// Position and texture coordinates of each corner, by face, sorted.
-    fn told(mesh: &TriMesh) -> Vec<Vec<[String; 2]>> {
+    fn corner_texts(mesh: &TriMesh) -> Vec<Vec<[String; 2]>> {
         let view = mesh.positions().view();
         let uvs = mesh.uvs().unwrap();
         let corner =
@@ -293,13 +308,17 @@ mod tests {
     fn a_surface_that_stays_carries_the_same() {
         let mesh = square();
         let same = rebuilt(&mesh, |run, _, _, _| {
-            let ground = ground(run);
+            let ground = prepared_input(run);
             let kept = (0..ground.points.len()).map(VertexId::new).collect();
-            let made =
-                Made { points: ground.points.clone(), kept, faces: ground.faces.clone(), ..Made::default() };
+            let made = RebuiltSurface {
+                points: ground.points.clone(),
+                kept,
+                faces: ground.faces.clone(),
+                ..RebuiltSurface::default()
+            };
             outcome(run, &ground, made)
         });
-        assert_eq!(told(&same), told(&mesh));
+        assert_eq!(corner_texts(&same), corner_texts(&mesh));
         let middle = SIDE as usize + 1;
         assert_eq!(
             same.wedge_count(),
@@ -313,9 +332,9 @@ mod tests {
         // Four strips over the full height.
         let mesh = square();
         let strips = rebuilt(&mesh, |run, _, _, _| {
-            let ground = ground(run);
+            let ground = prepared_input(run);
             let cuts = [0.0, 2.0, 4.0, 6.0, 8.0];
-            let mut made = Made::default();
+            let mut made = RebuiltSurface::default();
             for x in cuts {
                 for y in [0.0, 8.0] {
                     made.points.push(ground.frame.unit_from_user([x, y, 0.0]));
@@ -343,11 +362,15 @@ mod tests {
         assert_eq!(strips.wedge_count(), 12, "two along the seam");
 
         let whole = rebuilt(&mesh, |run, _, _, _| {
-            let ground = ground(run);
+            let ground = prepared_input(run);
             let places = [[0.0, 0.0, 0.0], [8.0, 0.0, 0.0], [0.0, 8.0, 0.0]];
             let points = places.map(|p| ground.frame.unit_from_user(p)).to_vec();
             let faces = vec![[0, 1, 2].map(VertexId)];
-            outcome(run, &ground, Made { points, kept: vec![NONE; 3], faces, ..Made::default() })
+            outcome(
+                run,
+                &ground,
+                RebuiltSurface { points, kept: vec![NONE; 3], faces, ..RebuiltSurface::default() },
+            )
         });
         let uvs = whole.uvs().unwrap();
         assert!(uvs.iter().all(|uv| uv[0] < 50.0), "a face over a seam is on one side of it: {uvs:?}");

@@ -14,13 +14,13 @@ use lodsmith_core::geometry::triangle::{double_area_normal, weights_at};
 use lodsmith_core::spatial::Bvh;
 use lodsmith_core::{Attribute, FaceId, MeshError, Positions, RegionId, TriMesh, VertexId, WedgeId};
 
-use crate::care::Held;
+use crate::care::HeldWedges;
 use crate::input::Input;
 use crate::options::SimplifyOptions;
 use crate::textures::{Texture, Textures};
 
 /// Barycentric sample points of a face: the centre, near the corners, in between, near the edges.
-const PLACES: [[f32; 3]; 10] = [
+const SAMPLE_POINTS: [[f32; 3]; 10] = [
     [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0],
     [0.96, 0.02, 0.02],
     [0.02, 0.96, 0.02],
@@ -34,16 +34,16 @@ const PLACES: [[f32; 3]; 10] = [
 ];
 /// Difference in one channel, of 255, above which two colours count as different. (Guessed: neighbours in
 /// palettes differ by more, shades of one colour within a face by less.)
-const APART: i32 = 40;
+const COLOR_THRESHOLD: i32 = 40;
 /// An image is no palette if more than this share of the textured input area is in faces that show several
 /// colours. (Measured: .00 to .16 on seven assets with palettes or large patches of one colour, .47 to 1 on
 /// painted ones.)
-const PAINTED: f64 = 0.25;
+const MAX_MIXED_SHARE: f64 = 0.25;
 /// Texture coordinates are replaced if that leaves less than this fraction of the squared difference.
 /// (Guessed: coordinates consistent with their neighbours should stay unless there is a good reason.)
-const BETTER: [i64; 2] = [3, 4];
+const IMPROVEMENT_RATIO: [i64; 2] = [3, 4];
 /// Cosine beyond which a face of the input faces away from one of the result: it is another sheet.
-const AWAY: f64 = -0.2;
+const MIN_FACING_COS: f64 = -0.2;
 
 type Color = [u8; 4];
 
@@ -58,7 +58,7 @@ pub(crate) fn recolored(
     mesh: TriMesh,
     input: &Input<'_>,
     options: &SimplifyOptions,
-    held: &Held,
+    held: &HeldWedges,
     parts: Option<&OwnParts>,
 ) -> Result<TriMesh, MeshError> {
     match (&options.textures, input.mesh) {
@@ -74,7 +74,7 @@ fn repair(
     mesh: TriMesh,
     source: &TriMesh,
     textures: &Textures,
-    held: &Held,
+    held: &HeldWedges,
     parts: Option<&OwnParts>,
 ) -> Result<TriMesh, MeshError> {
     let (Some(uvs), Some(source_uvs)) = (mesh.uvs(), source.uvs()) else { return Ok(mesh) };
@@ -82,7 +82,7 @@ fn repair(
     if palettes.iter().all(Option::is_none) {
         return Ok(mesh);
     }
-    let original = Source { tree: Bvh::new(&source.surface()), mesh: source, uvs: source_uvs, parts };
+    let original = ColorSource { tree: Bvh::new(&source.surface()), mesh: source, uvs: source_uvs, parts };
     let mut changes: HashMap<(usize, usize), [f32; 2]> = HashMap::new();
     for f in 0..mesh.face_count() {
         let region = mesh.regions().map(|r| r[f]);
@@ -114,7 +114,7 @@ fn palettes<'a>(source: &TriMesh, uvs: &[[f32; 2]], textures: &'a Textures) -> V
             areas[region][1] += if several { area } else { 0.0 };
         }
     }
-    let is_palette = |[all, several]: [f64; 2]| all > 0.0 && several <= PAINTED * all;
+    let is_palette = |[all, several]: [f64; 2]| all > 0.0 && several <= MAX_MIXED_SHARE * all;
     of.into_iter().zip(areas).map(|(texture, areas)| texture.filter(|_| is_palette(areas))).collect()
 }
 
@@ -129,7 +129,8 @@ pub(crate) fn mean_colors(
     let (Some(uvs), view) = (mesh.uvs(), mesh.positions().view()) else { return vec![None; parts] };
     for (f, t) in mesh.triangles().iter().enumerate() {
         let texture = textures.of(0, mesh.regions().map(|r| r[f]));
-        let color = texture.and_then(|texture| texture.color(between(t.map(|w| uvs[w.index()]), PLACES[0])));
+        let color = texture
+            .and_then(|texture| texture.color(interpolate(t.map(|w| uvs[w.index()]), SAMPLE_POINTS[0])));
         let sum = part_of_face(f).and_then(|part| sums.get_mut(part));
         if let (Some([r, g, b, _]), Some(sum)) = (color, sum) {
             let area =
@@ -142,38 +143,38 @@ pub(crate) fn mean_colors(
 }
 
 fn shows_several(texture: &Texture, corners: [[f32; 2]; 3]) -> bool {
-    let first = texture.color(between(corners, PLACES[0]));
-    PLACES[1..].iter().any(|b| match (first, texture.color(between(corners, *b))) {
+    let first = texture.color(interpolate(corners, SAMPLE_POINTS[0]));
+    SAMPLE_POINTS[1..].iter().any(|b| match (first, texture.color(interpolate(corners, *b))) {
         (Some(a), Some(b)) => are_apart(a, b),
         _ => false,
     })
 }
 
-fn between(corners: [[f32; 2]; 3], b: [f32; 3]) -> [f32; 2] {
+fn interpolate(corners: [[f32; 2]; 3], b: [f32; 3]) -> [f32; 2] {
     let at = corners.map(Vec2::from);
     (at[0] * b[0] + at[1] * b[1] + at[2] * b[2]).to_array()
 }
 
 fn are_apart(a: Color, b: Color) -> bool {
-    (0..3).any(|i| (i32::from(a[i]) - i32::from(b[i])).abs() > APART)
+    (0..3).any(|i| (i32::from(a[i]) - i32::from(b[i])).abs() > COLOR_THRESHOLD)
 }
 
-fn squared(a: Color, b: Color) -> i64 {
+fn squared_difference(a: Color, b: Color) -> i64 {
     (0..3).map(|i| (i64::from(a[i]) - i64::from(b[i])).pow(2)).sum()
 }
 
 /// The input, for queries of its texture coordinates.
-struct Source<'a> {
+struct ColorSource<'a> {
     tree: Bvh,
     mesh: &'a TriMesh,
     uvs: &'a [[f32; 2]],
     parts: Option<&'a OwnParts>,
 }
 
-impl Source<'_> {
+impl ColorSource<'_> {
     /// Returns the texture coordinates of the input nearest to a position, on a face with similar orientation
     /// and the same region and component.
-    fn look_at(
+    fn nearest_uv(
         &self,
         place: DVec3,
         normal: DVec3,
@@ -187,7 +188,7 @@ impl Source<'_> {
         let is_ours = |f: FaceId| self.mesh.regions().map(|r| r[f.index()]) == region;
         let faces_us = |f: FaceId| {
             let own = double_area_normal(corners(f));
-            own.dot(normal) > AWAY * own.length() * normal.length()
+            own.dot(normal) > MIN_FACING_COS * own.length() * normal.length()
         };
         let is_of_part = |f: FaceId| {
             let first = self.mesh.vertex_of(self.mesh.triangles()[f.index()][0]);
@@ -196,7 +197,7 @@ impl Source<'_> {
         let hit = self.tree.closest_of(place.to_array(), |f| is_ours(f) && is_of_part(f) && faces_us(f))?;
         let weights = weights_at(DVec3::from(hit.point), corners(hit.face)).map(|x| x as f32);
         let uvs = self.mesh.triangles()[hit.face.index()].map(|w| self.uvs[w.index()]);
-        let at = between(uvs, weights);
+        let at = interpolate(uvs, weights);
         at.iter().all(|x| x.is_finite()).then_some(at)
     }
 
@@ -217,32 +218,32 @@ impl Source<'_> {
         let look = |b: [f32; 3]| {
             let [x, y, z] = b.map(f64::from);
             let place = places[0] * x + places[1] * y + places[2] * z;
-            let uv = self.look_at(place, normal, region, part)?;
+            let uv = self.nearest_uv(place, normal, region, part)?;
             Some((uv, texture.color(uv)?))
         };
         // Most faces show a single colour, and the right one.
-        let middle = look(PLACES[0])?;
-        let own = texture.color(between(corners, PLACES[0]))?;
+        let middle = look(SAMPLE_POINTS[0])?;
+        let own = texture.color(interpolate(corners, SAMPLE_POINTS[0]))?;
         if !are_apart(own, middle.1) && !shows_several(texture, corners) {
             return None;
         }
-        let mut seen = [middle; PLACES.len()];
-        for (seen, b) in seen.iter_mut().zip(PLACES).skip(1) {
+        let mut seen = [middle; SAMPLE_POINTS.len()];
+        for (seen, b) in seen.iter_mut().zip(SAMPLE_POINTS).skip(1) {
             *seen = look(b)?;
         }
         let difference = |corners: [[f32; 2]; 3]| -> Option<i64> {
             let each = |(b, (_, there)): (&[f32; 3], &([f32; 2], Color))| {
-                Some(squared(texture.color(between(corners, *b))?, *there))
+                Some(squared_difference(texture.color(interpolate(corners, *b))?, *there))
             };
-            PLACES.iter().zip(&seen).map(each).sum()
+            SAMPLE_POINTS.iter().zip(&seen).map(each).sum()
         };
         let given = difference(corners)?;
         let mut best = (given, corners);
         for (at, color) in seen {
             // For each corner the nearest sample of about this colour, or this sample alone.
             let nearest = [0, 1, 2].map(|k| {
-                let like = (0..PLACES.len()).filter(|&i| !are_apart(seen[i].1, color));
-                like.max_by(|&i, &j| PLACES[i][k].total_cmp(&PLACES[j][k]).then(j.cmp(&i)))
+                let like = (0..SAMPLE_POINTS.len()).filter(|&i| !are_apart(seen[i].1, color));
+                like.max_by(|&i, &j| SAMPLE_POINTS[i][k].total_cmp(&SAMPLE_POINTS[j][k]).then(j.cmp(&i)))
                     .map_or(at, |i| seen[i].0)
             });
             for candidate in [nearest, [at; 3]] {
@@ -251,7 +252,7 @@ impl Source<'_> {
                 }
             }
         }
-        (best.0 * BETTER[1] < given * BETTER[0]).then_some(best.1)
+        (best.0 * IMPROVEMENT_RATIO[1] < given * IMPROVEMENT_RATIO[0]).then_some(best.1)
     }
 }
 

@@ -10,7 +10,7 @@ use lodsmith_core::{MeshError, TriMesh, VertexId, WedgeId};
 use crate::SimplifyError;
 use crate::collapse::order::NONE;
 use crate::control::Control;
-use crate::rebuild::{Ground, Made, Task};
+use crate::rebuild::{PreparedInput, RebuiltSurface, Task};
 
 mod guide;
 mod half_edges;
@@ -21,29 +21,29 @@ mod settle;
 mod sizing;
 mod voxel;
 
-pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, SimplifyError> {
-    if task.options.of_method.voxel.is_some() {
+pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<RebuiltSurface, SimplifyError> {
+    if task.options.method_options.voxel.is_some() {
         return voxel::make(task, control);
     }
-    let mut made = match task.options.of_method.subdivisions {
+    let mut made = match task.options.method_options.subdivisions {
         Some(levels) => semi_regular::make(task, levels, control)?,
         None => isotropic::make(task, control)?,
     };
-    part(task.ground, &mut made);
+    separate_coincident(task.input, &mut made);
     Ok(made)
 }
 
 /// A vertex that coincides with another is moved by this share of the way to the centroid of its neighbours.
-const PARTED: f64 = 1e-3;
+const SEPARATION_SHARE: f64 = 1e-3;
 
 /// Separates coincident vertices, where sheets of the input touch: a file reader would weld them.
-fn part(ground: &Ground, made: &mut Made) {
+fn separate_coincident(ground: &PreparedInput, made: &mut RebuiltSurface) {
     let place = |p: DVec3| {
         let p = ground.frame.user_from_unit(p);
         if ground.is_single { p.map(|x| u64::from((x as f32).to_bits())) } else { p.map(f64::to_bits) }
     };
     let mut taken = HashSet::with_capacity(made.points.len());
-    let own = |made: &Made, v: usize| made.kept[v] == NONE;
+    let own = |made: &RebuiltSurface, v: usize| made.kept[v] == NONE;
     // Vertices of the input do not move.
     for v in (0..made.points.len()).filter(|&v| !own(made, v)) {
         taken.insert(place(made.points[v]));
@@ -64,7 +64,7 @@ fn part(ground: &Ground, made: &mut Made) {
     }
     for v in late {
         let (sum, count) = middles[&v];
-        made.points[v] = made.points[v].lerp(sum / count, PARTED);
+        made.points[v] = made.points[v].lerp(sum / count, SEPARATION_SHARE);
     }
 }
 

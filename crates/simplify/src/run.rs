@@ -14,13 +14,13 @@ use lodsmith_core::mesh::weld;
 use lodsmith_core::{Attribute, Positions, PositionsView, Surface, TriMesh, VertexId, WedgeId};
 
 use crate::attributes::{Rows, with_wedges};
-use crate::care::{self, Care, Held, Known};
+use crate::care::{self, Constraints, HeldWedges, LockedWedges};
 use crate::collapse::attributes::Attributes;
 use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::store::Store;
 use crate::collapse::{End, Goal, Look, Original};
 use crate::control::{Control, Stage, Verdict};
-use crate::deviation::{self, Deviation, Judge, ROUNDING};
+use crate::deviation::{self, Deviation, InputComparer, ROUNDING};
 pub(crate) use crate::input::Input;
 use crate::metric::{Judged, Memory, Memoryless, Metric, Quadric};
 use crate::options::{Length, Method, SimplifyOptions, TopologyPolicy};
@@ -87,12 +87,12 @@ pub(crate) struct Outcome {
     pub(crate) sharp_relaxed: bool,
     pub(crate) duplicate_faces: usize,
     pub(crate) proposals: Vec<Proposal>,
-    pub(crate) held: Held,
+    pub(crate) held: HeldWedges,
     pub(crate) trace: Option<Trace>,
 }
 
 /// What a run made, and what was held at its corners.
-pub(crate) type Done = (Simplified, Held);
+pub(crate) type Done = (Simplified, HeldWedges);
 /// What runs inside the steps that come first: one run, or a chain of them.
 type Inner<'a> = dyn FnMut(&Input<'_>, &SimplifyOptions) -> Result<Vec<Done>, SimplifyError> + 'a;
 
@@ -106,7 +106,7 @@ pub(crate) fn run(
     options.check()?;
     care::check(options, input.surface.positions().len())?;
     let options = &options.with_own_placement();
-    escalate::escalated(options, |options| {
+    escalate::run_escalating(options, |options| {
         let mut all = run_shaded(input, options, &mut |input, options| {
             Ok(vec![run_by_method(input, options, control)?])
         })?;
@@ -121,12 +121,12 @@ fn run_shaded(
     inner: &mut Inner<'_>,
 ) -> Result<Vec<Done>, SimplifyError> {
     if options.shape_normals
-        && let Some(mesh) = shading::shaded(input)?
+        && let Some(mesh) = shading::with_shape_normals(input)?
     {
         let lent = Input { surface: mesh.surface(), mesh: Some(&mesh), joined: None };
         let has_seams = input.mesh.is_some_and(|m| m.has_attributes() || m.regions().is_some());
         let unshaded = |(mut done, held): Done| {
-            done.mesh = shading::unshaded(done.mesh)?;
+            done.mesh = shading::without_lent_normals(done.mesh)?;
             done.report.seams_relaxed &= has_seams;
             Ok((done, held))
         };
@@ -149,7 +149,7 @@ fn run_pruned(
     let mut options = options.clone();
     (options.stop.error, options.weld) = (options.stop.error.map(units), options.weld.map(units));
     options.guards.max_edge = options.guards.max_edge.map(units);
-    options.of_method.pairs = options.of_method.pairs.map(units);
+    options.method_options.pairs = options.method_options.pairs.map(units);
     let near = options.weld.map(|d| d.in_units(diagonal));
     let small = prune::small_parts(&input.surface, size.in_units(diagonal), near, options.locked.as_deref());
     if small.pruned.parts == 0 {
@@ -157,7 +157,7 @@ fn run_pruned(
         all.iter_mut().for_each(|done| done.0.report.pruned = small.pruned);
         return Ok(all);
     }
-    let (triangles, unused) = prune::without(&input.surface, &small.is_small);
+    let (triangles, unused) = prune::without_small(&input.surface, &small.is_small);
     let surface = Surface::with_triangles(input.surface.positions(), triangles)?;
     let mut all = run_welded(&Input { surface, mesh: input.mesh, joined: None }, &options, inner)?;
     for (done, _) in &mut all {
@@ -259,10 +259,12 @@ pub(crate) fn run_with(
     let mut ordered = ordered(input, control)?;
     let goal = goal(options, input.surface.triangles().len());
     let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
-    let care = Care::new(options, &ordered, |v| input.joined(v));
+    let care = Constraints::new(options, &ordered, |v| input.joined(v));
     let run = Run { input, options, ordered: &mut ordered, goal, care: &care, pass, is_traced: false };
     let finished = match limit {
-        Some(limit) if rebuild::goes_by_step(options.method) => run.run_within_step(limit, control)?,
+        Some(limit) if rebuild::limits_error_by_step(options.method) => {
+            run.run_within_step(limit, control)?
+        }
         Some(limit) => run.run_within_error(limit, control)?,
         None => run.run_to_goal(control)?,
     };
@@ -290,7 +292,7 @@ fn told(
     input: &Input<'_>,
     options: &SimplifyOptions,
     ordered: &Ordered,
-    care: &Care,
+    care: &Constraints,
     (outcome, deviation, by_error): Finished,
 ) -> Done {
     let surface = &input.surface;
@@ -363,7 +365,7 @@ pub(crate) struct Run<'a, 'b> {
     pub(crate) options: &'a SimplifyOptions,
     pub(crate) ordered: &'a mut Ordered,
     pub(crate) goal: Goal,
-    pub(crate) care: &'a Care,
+    pub(crate) care: &'a Constraints,
     pub(crate) pass: Pass,
     /// Whether outcomes say what their vertices came from.
     pub(crate) is_traced: bool,
@@ -387,7 +389,7 @@ impl Run<'_, '_> {
         if outcome.pairs_contracted > 0 && !self.goal.is_none() && outcome.end != End::Finish {
             // Parts that grew together can no longer be removed one by one, so the target may be farther off.
             let mut options = self.options.clone();
-            options.of_method.pairs = None;
+            options.method_options.pairs = None;
             let (input, goal, care) = (self.input, self.goal, self.care);
             let (pass, is_traced) = (self.pass, self.is_traced);
             let mut other =
@@ -395,23 +397,23 @@ impl Run<'_, '_> {
             let without = other.go(goal, None, control)?;
             outcome = self.closest(vec![outcome, without], Some(0), control);
         }
-        let judge = if deviation::is_wanted(self.options) { self.judge(control) } else { None };
-        let deviation = judge.map_or_else(Deviation::default, |judge| judge.look(&outcome.mesh, None));
+        let judge = if deviation::needs_measurement(self.options) { self.judge(control) } else { None };
+        let deviation = judge.map_or_else(Deviation::default, |judge| judge.measure(&outcome.mesh, None));
         Ok((outcome, deviation, false))
     }
 
     /// The input as it is worked on, to hold results against: faces without extent or place do not count.
-    fn judge(&self, control: &mut dyn Control) -> Option<Judge> {
+    fn judge(&self, control: &mut dyn Control) -> Option<InputComparer> {
         control.stage(Stage::Measure);
         let surface = &self.input.surface;
         let cleanup = &self.ordered.cleanup;
         if cleanup.degenerate_faces + cleanup.non_finite_faces == 0 {
-            return Judge::new(surface, self.options);
+            return InputComparer::new(surface, self.options);
         }
         let sound = |t: &&[VertexId; 3]| self.ordered.is_sound(t);
         let triangles = surface.triangles().iter().filter(sound).copied().collect();
         let clean = Surface::with_triangles(surface.positions(), triangles).ok()?;
-        Judge::new(&clean, self.options)
+        InputComparer::new(&clean, self.options)
     }
 
     /// One run of the engine; `step` is the largest distance from a plane that one collapse may leave, in user units.
@@ -470,9 +472,9 @@ impl Run<'_, '_> {
     }
 
     /// What locked vertices had at the corners of the result.
-    fn held<Q: Memory>(&self, store: &Store<Q>, rows: Option<&Rows>) -> Held {
+    fn held<Q: Memory>(&self, store: &Store<Q>, rows: Option<&Rows>) -> HeldWedges {
         let (Some(locked), Some(mesh)) = (self.care.locked(), self.input.mesh) else {
-            return Held::default();
+            return HeldWedges::default();
         };
         let carried = store.wedges.as_deref();
         let rank_of = |w: WedgeId| self.place(mesh, w);
@@ -482,7 +484,7 @@ impl Run<'_, '_> {
             (None, Some(_)) => w.0,
             (_, None) => rank_of(w).0,
         };
-        let mut known = Known::default();
+        let mut known = LockedWedges::default();
         for (f, t) in mesh.triangles().iter().enumerate() {
             let region = mesh.regions().map(|r| r[f]);
             for &w in t {
@@ -492,7 +494,7 @@ impl Run<'_, '_> {
                 }
             }
         }
-        Held::new(store.t.iter().enumerate().map(|(f, t)| {
+        HeldWedges::new(store.t.iter().enumerate().map(|(f, t)| {
             let region = store.regions.as_ref().map(|r| r[f]);
             [0, 1, 2].map(|k| {
                 let x = &store.v[t[k].index()];
@@ -586,7 +588,7 @@ pub(crate) fn goal(options: &SimplifyOptions, faces: usize) -> Goal {
         (Some(a), Some(b)) => Some(a.max(b)),
         (a, b) => a.or(b),
     };
-    let ends = options.of_method.ends(options.method);
+    let ends = options.method_options.ends_without_stop(options.method);
     let nothing = by_faces.is_none() && stop.vertices.is_none() && stop.error.is_none() && !ends;
     Goal { faces: if nothing { Some(usize::MAX) } else { by_faces }, vertices: stop.vertices }
 }

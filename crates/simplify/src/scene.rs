@@ -15,7 +15,7 @@ use lodsmith_core::{
 };
 
 use crate::attributes::ranges::{has_ranges, ranges, within};
-use crate::care::{self, Held};
+use crate::care::{self, HeldWedges};
 use crate::control::Control;
 use crate::input::Input;
 use crate::options::{Length, SimplifyOptions, Stop};
@@ -82,14 +82,14 @@ impl MeshCounts {
 }
 
 /// Gap between meshes laid side by side, in sizes of the largest.
-const GAP: f64 = 0.25;
+const PART_GAP: f64 = 0.25;
 
 /// Rounding of single-precision coordinates of a scene, as a share of its diagonal, four times over.
-const ROUNDING: f64 = 2.5e-7;
+const SCENE_ROUNDING: f64 = 2.5e-7;
 /// Largest number of runs in search of a count of all instances.
-const CORRECTIONS: usize = 6;
+const MAX_COUNT_RUNS: usize = 6;
 /// The search ends at a count within the goal and above this fraction of it.
-const CLOSE: f64 = 0.97;
+const MIN_COUNT_SHARE: f64 = 0.97;
 
 /// Reduces the number of triangles of several meshes under one budget: triangles are removed where that costs
 /// least, whichever mesh they belong to.
@@ -136,7 +136,7 @@ pub fn simplify_scene(
     if options.per_mesh {
         return per_mesh::simplify_each(parts, diagonal, options, control);
     }
-    Whole::new(parts, diagonal, options)?.run_to(&options.stop, control)
+    JoinedScene::new(parts, diagonal, options)?.run_to(&options.stop, control)
 }
 
 /// A level of a scene, and for each part the positions to which the vertices of the level before it moved,
@@ -156,8 +156,8 @@ pub(crate) fn chain_of_scene(
     if options.per_mesh || !run::is_chained(options, stops) {
         return Ok(None);
     }
-    let whole = Whole::new(parts, diagonal, options)?;
-    let goals: Vec<Goal> = stops.iter().map(|stop| whole.goal(stop)).collect();
+    let whole = JoinedScene::new(parts, diagonal, options)?;
+    let goals: Vec<SceneGoal> = stops.iter().map(|stop| whole.goal(stop)).collect();
     if goals.iter().any(|goal| !whole.is_direct(goal)) {
         return Ok(None);
     }
@@ -174,21 +174,21 @@ pub(crate) fn chain_of_scene(
     let mut levels = Vec::with_capacity(all.len());
     for (k, ((done, held), goal)) in all.into_iter().zip(&goals).enumerate() {
         let view = done.mesh.positions().view();
-        let went = |(numbers, place): (&Vec<VertexId>, &Place)| {
+        let went = |(numbers, place): (&Vec<VertexId>, &PartPlacement)| {
             let to =
                 |v: &VertexId| mergers.get(k)?.get(v.index()).filter(|to| to.index() < view.len()).copied();
-            numbers.iter().map(|v| to(v).map(|to| place.back(view.get(to)))).collect()
+            numbers.iter().map(|v| to(v).map(|to| place.from_scene(view.get(to)))).collect()
         };
         let targets = before.iter().zip(&whole.layout.places).map(went).collect();
-        let (meshes, numbers) = whole.apart(&done.mesh, &held)?;
+        let (meshes, numbers) = whole.split_parts(&done.mesh, &held)?;
         before = numbers;
-        levels.push((whole.told(done.report, meshes, goal), targets));
+        levels.push((whole.build_result(done.report, meshes, goal), targets));
     }
     Ok(Some(levels))
 }
 
 /// Target of a run, counted in the scene.
-struct Goal {
+struct SceneGoal {
     by_ratio: Option<usize>,
     faces: Option<usize>,
     vertices: Option<usize>,
@@ -200,7 +200,7 @@ struct Goal {
     share: f64,
 }
 
-impl Goal {
+impl SceneGoal {
     /// Returns the target count of the run, as far as it is known before the run.
     fn wanted(&self) -> Option<f64> {
         self.count.map(|n| n as f64 * self.share)
@@ -211,25 +211,25 @@ impl Goal {
 }
 
 /// All parts of a scene as one mesh, with the options of the run.
-struct Whole<'a> {
+struct JoinedScene<'a> {
     parts: &'a [Part<'a>],
     layout: Layout,
     mesh: TriMesh,
-    table: Table,
+    table: RegionTable,
     /// Options with all lengths in units.
     options: SimplifyOptions,
     diagonal: f64,
     is_placed: bool,
     /// Largest distance, in the scene, by which rounding to single precision moves a position of the result.
-    written: f64,
+    output_rounding: f64,
 }
 
-impl<'a> Whole<'a> {
+impl<'a> JoinedScene<'a> {
     fn new(parts: &'a [Part<'a>], diagonal: f64, options: &SimplifyOptions) -> Result<Self, MeshError> {
-        let joining = options.weld.into_iter().chain(options.of_method.pairs);
+        let joining = options.weld.into_iter().chain(options.method_options.pairs);
         let layout = Layout::new(parts, joining.map(|d| d.in_units(diagonal)).fold(0.0, f64::max));
         let is_placed = parts.iter().any(|p| p.instances > 0);
-        let (mesh, table) = layout.together(parts)?;
+        let (mesh, table) = layout.join_parts(parts)?;
         let mut options = options.clone();
         options.region_classes = options.region_classes.map(|own| classes(&own, &table));
         options.textures = options.textures.map(|all| {
@@ -242,32 +242,32 @@ impl<'a> Whole<'a> {
         options.stop.error =
             options.stop.error.map(|e| Length::Units((e.in_units(diagonal) - written).max(0.0)));
         // Parts of one system often were one mesh, and differ in the last digits where they touched.
-        let rounding = ROUNDING * diagonal;
+        let rounding = SCENE_ROUNDING * diagonal;
         options.weld = match options.weld {
             Some(weld) => Some(Length::Units(weld.in_units(diagonal).max(rounding))),
             None => layout.has_neighbours.then_some(Length::Units(rounding)),
         };
         options.guards.max_edge = options.guards.max_edge.map(units);
         options.prune = options.prune.map(units);
-        options.of_method.pairs = options.of_method.pairs.map(units);
-        Ok(Self { parts, layout, mesh, table, options, diagonal, is_placed, written })
+        options.method_options.pairs = options.method_options.pairs.map(units);
+        Ok(Self { parts, layout, mesh, table, options, diagonal, is_placed, output_rounding: written })
     }
 
-    fn times(&self, part: &Part<'_>) -> usize {
+    fn instances_of(&self, part: &Part<'_>) -> usize {
         if self.is_placed { part.instances } else { 1 }
     }
 
     /// Returns a count over all instances.
     fn count(&self, of: impl Fn(&TriMesh) -> usize) -> usize {
-        self.parts.iter().map(|p| of(p.mesh).saturating_mul(self.times(p))).sum()
+        self.parts.iter().map(|p| of(p.mesh).saturating_mul(self.instances_of(p))).sum()
     }
 
     /// Returns a count over all instances of other meshes in place of the parts.
-    fn instances(&self, of: impl Fn(&TriMesh) -> usize, meshes: &[TriMesh]) -> usize {
-        meshes.iter().zip(self.parts).map(|(m, p)| of(m).saturating_mul(self.times(p))).sum()
+    fn count_of_instances(&self, of: impl Fn(&TriMesh) -> usize, meshes: &[TriMesh]) -> usize {
+        meshes.iter().zip(self.parts).map(|(m, p)| of(m).saturating_mul(self.instances_of(p))).sum()
     }
 
-    fn goal(&self, stop: &Stop) -> Goal {
+    fn goal(&self, stop: &Stop) -> SceneGoal {
         let placed = self.count(TriMesh::face_count);
         let by_ratio = stop.ratio.map(|r| ((placed as f64 * r).round() as usize).max(1));
         let faces = stop.faces.into_iter().chain(by_ratio).max();
@@ -275,19 +275,19 @@ impl<'a> Whole<'a> {
         let counted: fn(&TriMesh) -> usize =
             if faces.is_none() && vertices.is_some() { TriMesh::vertex_count } else { TriMesh::face_count };
         let share = counted(&self.mesh) as f64 / self.count(counted).max(1) as f64;
-        Goal { by_ratio, faces, vertices, stop: *stop, counted, count: faces.or(vertices), share }
+        SceneGoal { by_ratio, faces, vertices, stop: *stop, counted, count: faces.or(vertices), share }
     }
 
     /// Returns true if the count of a run follows from that of the scene. If instances differ, or meshes
     /// share vertices that each counts as its own, it is known only after the run and has to be searched for.
-    fn is_direct(&self, goal: &Goal) -> bool {
+    fn is_direct(&self, goal: &SceneGoal) -> bool {
         let shares_vertices = self.layout.has_neighbours && goal.faces.is_none();
-        let same = self.parts.windows(2).all(|p| self.times(&p[0]) == self.times(&p[1]));
+        let same = self.parts.windows(2).all(|p| self.instances_of(&p[0]) == self.instances_of(&p[1]));
         same && !shares_vertices || goal.count.is_none()
     }
 
     /// Returns the stop of a run with this target count.
-    fn own_stop(&self, goal: &Goal, wanted: Option<f64>) -> Stop {
+    fn own_stop(&self, goal: &SceneGoal, wanted: Option<f64>) -> Stop {
         let own = |n: f64| (n.floor() as usize).max(1);
         let mut stop = Stop { error: self.options.stop.error, ..Stop::default() };
         match goal.faces {
@@ -302,17 +302,17 @@ impl<'a> Whole<'a> {
 
     fn run_to(&self, stop: &Stop, control: &mut dyn Control) -> Result<SimplifiedScene, SimplifyError> {
         let goal = self.goal(stop);
-        let most = self.parts.iter().map(|p| self.times(p)).max().unwrap_or(1).max(1) as f64;
+        let most = self.parts.iter().map(|p| self.instances_of(p)).max().unwrap_or(1).max(1) as f64;
         let mut options = self.options.clone();
         let mut wanted = goal.wanted();
         let mut before: Option<(f64, f64)> = None;
         let mut best: Option<(Report, Vec<TriMesh>, usize)> = None;
-        for _ in 0..if self.is_direct(&goal) { 1 } else { CORRECTIONS } {
+        for _ in 0..if self.is_direct(&goal) { 1 } else { MAX_COUNT_RUNS } {
             options.stop = self.own_stop(&goal, wanted);
             let input = Input { surface: self.mesh.surface(), mesh: Some(&self.mesh), joined: None };
             let (Simplified { mesh, report }, held) = run::run(&input, &options, control)?;
-            let (meshes, _) = self.apart(&mesh, &held)?;
-            let got = self.instances(goal.counted, &meshes);
+            let (meshes, _) = self.split_parts(&mesh, &held)?;
+            let got = self.count_of_instances(goal.counted, &meshes);
             // The largest count within the goal is best; if none is within, the smallest.
             let is_better = best.as_ref().is_none_or(|b| match (goal.is_within(b.2), goal.is_within(got)) {
                 (true, true) => got > b.2,
@@ -323,7 +323,7 @@ impl<'a> Whole<'a> {
                 best = Some((report, meshes, got));
             }
             let (Some(count), Some(asked)) = (goal.count, wanted) else { break };
-            if !reached || (got <= count && got as f64 > CLOSE * count as f64) {
+            if !reached || (got <= count && got as f64 > MIN_COUNT_SHARE * count as f64) {
                 break;
             }
             // Elements of the scene for each one of the run: at most the instances of a mesh.
@@ -333,28 +333,32 @@ impl<'a> Whole<'a> {
                 .clamp(0.01, most);
             before = Some((asked, got as f64));
             // Aims a little below the goal, since only counts within it are accepted.
-            let aim = count as f64 * (1.0 + CLOSE) / 2.0;
+            let aim = count as f64 * (1.0 + MIN_COUNT_SHARE) / 2.0;
             wanted = Some((asked + (aim - got as f64) / slope).max(1.0));
         }
         let Some((report, meshes, _)) = best else {
             return Err(SimplifyError::NoFaces { faces: self.count(TriMesh::face_count) });
         };
-        Ok(self.told(report, meshes, &goal))
+        Ok(self.build_result(report, meshes, &goal))
     }
 
     /// Splits a result into its parts. Also returns the numbers that their vertices have in the result.
-    fn apart(&self, all: &TriMesh, held: &Held) -> Result<(Vec<TriMesh>, Vec<Vec<VertexId>>), MeshError> {
-        self.layout.apart(self.parts, all, &self.table, held)
+    fn split_parts(
+        &self,
+        all: &TriMesh,
+        held: &HeldWedges,
+    ) -> Result<(Vec<TriMesh>, Vec<Vec<VertexId>>), MeshError> {
+        self.layout.split_parts(self.parts, all, &self.table, held)
     }
 
     /// Builds the result and converts the report to terms of the scene.
-    fn told(&self, mut report: Report, meshes: Vec<TriMesh>, goal: &Goal) -> SimplifiedScene {
+    fn build_result(&self, mut report: Report, meshes: Vec<TriMesh>, goal: &SceneGoal) -> SimplifiedScene {
         report.input_faces = self.count(TriMesh::face_count);
         report.input_vertices = self.count(TriMesh::vertex_count);
-        report.faces = self.instances(TriMesh::face_count, &meshes);
-        report.vertices = self.instances(TriMesh::vertex_count, &meshes);
+        report.faces = self.count_of_instances(TriMesh::face_count, &meshes);
+        report.vertices = self.count_of_instances(TriMesh::vertex_count, &meshes);
         report.error.diagonal = self.diagonal;
-        report.error.bound = report.error.bound.map(|bound| bound + self.written);
+        report.error.bound = report.error.bound.map(|bound| bound + self.output_rounding);
         // The stop is of all instances, whatever the run made of its share.
         let stop = &goal.stop;
         let met = |n: Option<usize>, count: usize| n.is_some_and(|n| count <= n);
@@ -379,7 +383,7 @@ impl<'a> Whole<'a> {
             let locked = self.options.locked.as_deref();
             let small = prune::small_parts(&self.mesh.surface(), size.in_units(self.diagonal), near, locked);
             let regions = self.mesh.regions().unwrap_or_default();
-            let times_of = |f: usize| self.times(&self.parts[self.table[regions[f].index()].0]);
+            let times_of = |f: usize| self.instances_of(&self.parts[self.table[regions[f].index()].0]);
             report.pruned.parts = small.first_faces.iter().map(|&f| times_of(f)).sum();
             let gone = (0..small.is_small.len()).filter(|&f| small.is_small[f]);
             report.pruned.faces = gone.map(times_of).sum();
@@ -392,7 +396,7 @@ impl<'a> Whole<'a> {
 
 /// Placement of each part: scaled, then moved.
 struct Layout {
-    places: Vec<Place>,
+    places: Vec<PartPlacement>,
     /// Offset of the joint indices of each part: joints of different systems are different joints.
     first_joints: Vec<f32>,
     /// True if several parts lie in one coordinate system.
@@ -400,25 +404,25 @@ struct Layout {
 }
 
 #[derive(Clone, Copy)]
-struct Place {
+struct PartPlacement {
     scale: f64,
-    by: [f64; 3],
+    offset: [f64; 3],
 }
 
-impl Place {
-    fn there(self, p: [f64; 3]) -> [f64; 3] {
-        [0, 1, 2].map(|k| p[k] * self.scale + self.by[k])
+impl PartPlacement {
+    fn to_scene(self, p: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|k| p[k] * self.scale + self.offset[k])
     }
-    fn back(self, p: [f64; 3]) -> [f64; 3] {
-        [0, 1, 2].map(|k| (p[k] - self.by[k]) / self.scale)
+    fn from_scene(self, p: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|k| (p[k] - self.offset[k]) / self.scale)
     }
 }
 
 /// For each region of the joined mesh, its part and the region that its faces had there.
-type Table = Vec<(usize, Option<RegionId>)>;
+type RegionTable = Vec<(usize, Option<RegionId>)>;
 
 /// Returns the classes of the joined mesh's regions, from those of the parts.
-fn classes(own: &[RegionId], table: &Table) -> Arc<[RegionId]> {
+fn classes(own: &[RegionId], table: &RegionTable) -> Arc<[RegionId]> {
     let mut first: BTreeMap<(usize, Option<RegionId>), RegionId> = BTreeMap::new();
     let class = |(i, &(part, region)): (usize, &(usize, Option<RegionId>))| {
         let class = region.map(|r| own.get(r.index()).copied().unwrap_or(r));
@@ -458,7 +462,7 @@ impl Layout {
         }
         let extents = boxes.iter().flatten().flat_map(|b| [0, 1, 2].map(|k| b.max[k] - b.min[k]));
         let largest = extents.fold(0f64, f64::max);
-        let cell = if largest.is_finite() && largest > 0.0 { largest * (1.0 + GAP) } else { 1.0 };
+        let cell = if largest.is_finite() && largest > 0.0 { largest * (1.0 + PART_GAP) } else { 1.0 };
         let cell = if near.is_finite() && near > 0.0 { cell + near } else { cell };
         let side = (1..).find(|n: &usize| n * n * n >= boxes.len()).unwrap_or(1);
         let offset = |group: usize| {
@@ -467,7 +471,7 @@ impl Layout {
             // A single group keeps its position.
             [0, 1, 2].map(|k| if boxes.len() > 1 { at[k] as f64 * cell - min[k] } else { 0.0 })
         };
-        let place = |&group: &usize| Place { scale: scale_of[group], by: offset(group) };
+        let place = |&group: &usize| PartPlacement { scale: scale_of[group], offset: offset(group) };
         let has_neighbours = boxes.len() < parts.len();
         let mut joints = vec![0f32; boxes.len()];
         for (part, &group) in parts.iter().zip(&group_of) {
@@ -476,7 +480,7 @@ impl Layout {
         let first = |&group: &usize| {
             let first: f32 = joints[..group].iter().sum();
             // If single precision could not represent all joint indices, systems share their numbers.
-            if first + MOST_JOINTS < 16_777_216.0 { first } else { 0.0 }
+            if first + MAX_JOINTS < 16_777_216.0 { first } else { 0.0 }
         };
         let first_joints = group_of.iter().map(first).collect();
         Self { places: group_of.iter().map(place).collect(), first_joints, has_neighbours }
@@ -488,13 +492,13 @@ impl Layout {
     }
 
     /// Returns all parts as one mesh whose regions identify the part of each face.
-    fn together(&self, parts: &[Part<'_>]) -> Result<(TriMesh, Table), MeshError> {
+    fn join_parts(&self, parts: &[Part<'_>]) -> Result<(TriMesh, RegionTable), MeshError> {
         let (mut positions, mut vertex_of, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut regions, mut table) = (Vec::new(), Table::new());
+        let (mut regions, mut table) = (Vec::new(), RegionTable::new());
         for (i, (part, place)) in parts.iter().zip(&self.places).enumerate() {
             let mesh = part.mesh;
             let (first_vertex, first_wedge) = (positions.len() as u32, vertex_of.len() as u32);
-            positions.extend(mesh.positions().view().iter().map(|p| place.there(p)));
+            positions.extend(mesh.positions().view().iter().map(|p| place.to_scene(p)));
             let wedges = (0..mesh.wedge_count() as u32).map(WedgeId);
             vertex_of.extend(wedges.map(|w| VertexId(mesh.vertex_of(w).0 + first_vertex)));
             triangles.extend(mesh.triangles().iter().map(|t| t.map(|w| WedgeId(w.0 + first_wedge))));
@@ -544,12 +548,12 @@ impl Layout {
 
     /// Splits a result into parts, each with the kinds of attributes that it had, and returns the numbers of
     /// their vertices in the result. Locked vertices keep the bits of the input.
-    fn apart(
+    fn split_parts(
         &self,
         parts: &[Part<'_>],
         all: &TriMesh,
-        table: &Table,
-        held: &Held,
+        table: &RegionTable,
+        held: &HeldWedges,
     ) -> Result<(Vec<TriMesh>, Vec<Vec<VertexId>>), MeshError> {
         let mut faces_of: Vec<Vec<usize>> = vec![Vec::new(); parts.len()];
         let regions = all.regions().unwrap_or_default();
@@ -582,7 +586,7 @@ impl Layout {
                 }
             }
             first_wedge += part.mesh.wedge_count();
-            let places = vertices.iter().map(|&v| place.back(view.get(v))).zip(&own_vertices);
+            let places = vertices.iter().map(|&v| place.from_scene(view.get(v))).zip(&own_vertices);
             let positions = match part.mesh.positions() {
                 Positions::F32(own) => Positions::F32(
                     places.map(|(p, v)| v.map_or_else(|| p.map(|x| x as f32), |v| own[v.index()])).collect(),
@@ -655,13 +659,13 @@ fn rounding_of(part: &Part<'_>) -> f64 {
 }
 
 /// Largest number of joints that a glTF mesh can use: their indices have two bytes.
-const MOST_JOINTS: f32 = 65_536.0;
+const MAX_JOINTS: f32 = 65_536.0;
 
 /// Returns the number of joints that a mesh may use.
 fn joint_count(mesh: &TriMesh) -> f32 {
     let sets = mesh.further_attributes().iter().filter(|a| matches!(a.semantic, Semantic::Joints(_)));
     let largest = sets.flat_map(|a| &a.values).copied().filter(|x| x.is_finite()).fold(-1.0, f32::max);
-    (largest + 1.0).min(MOST_JOINTS)
+    (largest + 1.0).min(MAX_JOINTS)
 }
 
 /// Concatenates an attribute of all parts, wedge after wedge; `blank` fills parts that do not have it.

@@ -8,7 +8,7 @@ use crate::input::Input;
 
 /// Returns the mesh of an input with vertex normals computed from its faces; `None` if it has normals of its
 /// own.
-pub(crate) fn shaded(input: &Input<'_>) -> Result<Option<TriMesh>, MeshError> {
+pub(crate) fn with_shape_normals(input: &Input<'_>) -> Result<Option<TriMesh>, MeshError> {
     let mut mesh = match input.mesh {
         Some(mesh) if mesh.normals().is_some() => return Ok(None),
         Some(mesh) => mesh.clone(),
@@ -25,7 +25,7 @@ pub(crate) fn shaded(input: &Input<'_>) -> Result<Option<TriMesh>, MeshError> {
 }
 
 /// Removes the lent normals from a result.
-pub(crate) fn unshaded(mut mesh: TriMesh) -> Result<TriMesh, MeshError> {
+pub(crate) fn without_lent_normals(mut mesh: TriMesh) -> Result<TriMesh, MeshError> {
     mesh.set_normals(None)?;
     if mesh.has_attributes() || mesh.vertex_map().is_none() {
         return Ok(mesh);

@@ -5,7 +5,7 @@ use lodsmith_core::{Positions, TriMesh, VertexId, WedgeId};
 use proptest::prelude::*;
 
 use crate::SimplifyOptions;
-use crate::care::Care;
+use crate::care::Constraints;
 use crate::collapse::Engine;
 use crate::control::NoControl;
 use crate::input::Input;
@@ -51,7 +51,7 @@ pub(crate) fn with_engine<M: Metric>(
 ) {
     let input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
     let Ok(mut in_order) = ordered(&input, &mut NoControl) else { return };
-    let care = Care::new(options, &in_order, |v| v);
+    let care = Constraints::new(options, &in_order, |v| v);
     let goal = goal(options, mesh.face_count());
     let (input, pass) = (&input, pass_of(options.method));
     let mut run = Run { input, options, ordered: &mut in_order, goal, care: &care, pass, is_traced: false };

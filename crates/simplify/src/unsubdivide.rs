@@ -19,33 +19,33 @@ use crate::SimplifyError;
 use crate::collapse::order::NONE;
 use crate::control::{Control, Verdict};
 use crate::options::BorderPolicy;
-use crate::rebuild::{Ending, Ground, Made, Task};
+use crate::rebuild::{Ending, PreparedInput, RebuiltSurface, Task};
 use crate::report::Refusal;
-use cover::{Cover, Search};
+use cover::{Cover, CoverSearch};
 
 /// Minimum number of faces processed between two progress calls.
-const LOOK_EVERY: usize = 4096;
+const PROGRESS_EVERY: usize = 4096;
 
 /// Undoes levels until the goal is met, the iterations are used up, or no component fits.
-pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, SimplifyError> {
-    let ground = task.ground;
-    let mut level = Level {
+pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<RebuiltSurface, SimplifyError> {
+    let ground = task.input;
+    let mut level = SubdivisionLevel {
         faces: ground.faces.clone(),
         // Each face represents itself at first.
         stands_for: (0..ground.faces.len()).collect(),
     };
-    let mut made = Made { end: Ending::Exhausted, ..Made::default() };
+    let mut made = RebuiltSurface { end: Ending::Exhausted, ..RebuiltSurface::default() };
     for round in 0.. {
         if is_met(task, &level) {
             made.end = Ending::Goal;
             break;
         }
-        if task.options.of_method.iterations.is_some_and(|most| round == most) {
+        if task.options.method_options.iterations.is_some_and(|most| round == most) {
             break;
         }
         let undone = match level.undo(task, control)? {
-            Step::Undone(undone) => undone,
-            Step::Finish => {
+            UndoResult::Undone(undone) => undone,
+            UndoResult::Finish => {
                 made.end = Ending::Finish;
                 break;
             }
@@ -73,9 +73,9 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, S
     Ok(made)
 }
 
-fn is_met(task: &Task<'_>, level: &Level) -> bool {
+fn is_met(task: &Task<'_>, level: &SubdivisionLevel) -> bool {
     let vertices = || {
-        let mut is_used = vec![false; task.ground.points.len()];
+        let mut is_used = vec![false; task.input.points.len()];
         level.faces.iter().flatten().for_each(|v| is_used[v.index()] = true);
         is_used.into_iter().filter(|u| *u).count()
     };
@@ -84,12 +84,12 @@ fn is_met(task: &Task<'_>, level: &Level) -> bool {
 }
 
 /// Faces over the vertices of the prepared input.
-struct Level {
+struct SubdivisionLevel {
     faces: Vec<[VertexId; 3]>,
     stands_for: Vec<usize>,
 }
 
-enum Step {
+enum UndoResult {
     Undone(Undone),
     /// The caller wants the result so far.
     Finish,
@@ -98,33 +98,33 @@ enum Step {
 #[derive(Default)]
 struct Undone {
     /// The coarser level, if any component fits.
-    level: Option<Level>,
+    level: Option<SubdivisionLevel>,
     tiles: usize,
     /// Numbers of components left unchanged, by reason.
     refusals: [u64; Refusal::ALL.len()],
 }
 
-impl Level {
+impl SubdivisionLevel {
     /// Returns the next coarser level, with every fitting component undone.
-    fn undo(&self, task: &Task<'_>, control: &mut dyn Control) -> Result<Step, SimplifyError> {
-        let ground = task.ground;
+    fn undo(&self, task: &Task<'_>, control: &mut dyn Control) -> Result<UndoResult, SimplifyError> {
+        let ground = task.input;
         let points: Vec<[f64; 3]> = ground.points.iter().map(|p| p.to_array()).collect();
         let surface = Surface::with_triangles(PositionsView::F64(&points), self.faces.clone())?;
         let topology = Topology::unwelded(&surface);
-        let mut search = Search::new(&topology);
+        let mut search = CoverSearch::new(&topology);
         let mut undone = Undone::default();
-        let mut coarse = Level { faces: Vec::new(), stands_for: Vec::new() };
+        let mut coarse = SubdivisionLevel { faces: Vec::new(), stands_for: Vec::new() };
         let (mut seen, mut looked) = (0, 0);
         for part in parts(&topology) {
             seen += part.len();
-            if seen >= looked + LOOK_EVERY || looked == 0 {
+            if seen >= looked + PROGRESS_EVERY || looked == 0 {
                 looked = seen;
                 // The progress weighs each level by its faces; the first one is most of the work.
                 let left = self.faces.len() as f64 / ground.faces.len() as f64;
                 let done = 1.0 - left * (1.0 - 0.75 * seen as f64 / self.faces.len() as f64);
                 match control.progress(done.clamp(0.0, 1.0)) {
                     Verdict::Cancel => return Err(SimplifyError::Cancelled),
-                    Verdict::Finish => return Ok(Step::Finish),
+                    Verdict::Finish => return Ok(UndoResult::Finish),
                     Verdict::Continue => {}
                 }
             }
@@ -151,7 +151,7 @@ impl Level {
                 undone.level = Some(coarse);
             }
         }
-        Ok(Step::Undone(undone))
+        Ok(UndoResult::Undone(undone))
     }
 
     /// Returns the cover of a component with the smallest misfit, or the reason why there is none.
@@ -159,7 +159,7 @@ impl Level {
         &self,
         task: &Task<'_>,
         topology: &Topology,
-        search: &mut Search<'_>,
+        search: &mut CoverSearch<'_>,
         part: &[FaceId],
     ) -> Result<Cover, Refusal> {
         let mut why = Refusal::Pattern;
@@ -183,7 +183,7 @@ impl Level {
         part: &[FaceId],
         cover: &Cover,
     ) -> Result<f64, Refusal> {
-        let ground = task.ground;
+        let ground = task.input;
         let point = |v: VertexId| ground.points[v.index()];
         if let Some(locked) = &ground.locked
             && cover.odd.iter().any(|x| locked[x.0.index()])
@@ -224,7 +224,13 @@ impl Level {
     }
 
     /// Largest distance of the odd vertices of a tile from the triangle that replaces it.
-    fn step_of(&self, ground: &Ground, topology: &Topology, middle: FaceId, even: [VertexId; 3]) -> f64 {
+    fn step_of(
+        &self,
+        ground: &PreparedInput,
+        topology: &Topology,
+        middle: FaceId,
+        even: [VertexId; 3],
+    ) -> f64 {
         let corners: [DVec3; 3] = even.map(|v| ground.points[v.index()]);
         let odd = topology.triangle(middle).map(|v| ground.points[v.index()]);
         let far = odd.map(|p| triangle::nearest(p, corners).distance_sq);

@@ -27,20 +27,20 @@ use crate::SimplifyError;
 use crate::collapse::order::NONE;
 use crate::control::{Control, Verdict};
 use crate::options::{BorderPolicy, TopologyPolicy};
-use crate::rebuild::{Ending, Made, Task};
+use crate::rebuild::{Ending, RebuiltSurface, Task};
 use crate::report::Refusal;
-use hole::{Filler, Limits, Ring, Why};
-use star::{Class, MOST, Star};
-use store::{HUB, Store};
+use hole::{HoleFiller, HoleRing, Limits, RejectReasons};
+use star::{Class, MAX_STAR_FACES, OrderedStar};
+use store::{FaceStore, HUB_FACES};
 
 /// Default crease angle, in degrees. (Guessed.)
 const CREASE_DEG: f64 = 30.0;
 /// Weight of the size of a star relative to its error, so that flat areas are decimated evenly. (Guessed.)
-const EVEN: f64 = 1e-5;
+const SIZE_WEIGHT: f64 = 1e-5;
 /// Vertices between two progress calls.
-const LOOK_EVERY: usize = 1024;
+const PROGRESS_EVERY: usize = 1024;
 /// The bound of a removed vertex.
-const GONE: f32 = f32::NEG_INFINITY;
+const REMOVED_BOUND: f32 = f32::NEG_INFINITY;
 /// Share of the vertices that a sweep considers. (Guessed: fewer take more sweeps and follow the order more
 /// closely.)
 const QUANTILE: f64 = 0.2;
@@ -49,7 +49,7 @@ const OUTSIDE: u8 = u8::MAX;
 
 /// Removes vertices until the goal is met or no more can be removed. Each vertex of the result is one of the
 /// input.
-pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, SimplifyError> {
+pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<RebuiltSurface, SimplifyError> {
     let mut removal = Removal::new(task);
     let mut end = removal.run(control)?;
     let mut parts_removed = 0;
@@ -62,14 +62,14 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, S
     Ok(removal.made(end, parts_removed))
 }
 
-fn is_met(store: &Store<'_>, task: &Task<'_>) -> bool {
+fn is_met(store: &FaceStore<'_>, task: &Task<'_>) -> bool {
     task.goal.faces.is_some_and(|n| store.face_count <= n)
         || task.goal.vertices.is_some_and(|n| store.vertex_count <= n)
 }
 
 struct Removal<'a> {
     task: &'a Task<'a>,
-    store: Store<'a>,
+    store: FaceStore<'a>,
     /// Lower bound of the cost of each vertex; infinite if it can only be removed after a change at a
     /// neighbour.
     bounds: Vec<f32>,
@@ -77,9 +77,9 @@ struct Removal<'a> {
     error: Vec<f32>,
     /// Index in the current ring, or [`OUTSIDE`].
     number: Vec<u8>,
-    star: Star,
-    ring: Ring,
-    filler: Filler,
+    star: OrderedStar,
+    ring: HoleRing,
+    filler: HoleFiller,
     triangles: Vec<[usize; 3]>,
     crease_cos: f64,
     max_edge_sq: f64,
@@ -88,30 +88,30 @@ struct Removal<'a> {
 }
 
 /// Planned removal of a vertex.
-struct Plan {
+struct RemovalPlan {
     /// Distance from the vertex to the filling, in the unit frame.
     distance: f64,
     /// If this is above the limit, the hole may not be filled yet.
-    price: f32,
+    cost: f32,
     class: Class,
 }
 
 impl<'a> Removal<'a> {
     fn new(task: &'a Task<'a>) -> Self {
-        let (options, ground) = (task.options, task.ground);
+        let (options, ground) = (task.options, task.input);
         let count = ground.points.len();
         let guards = &options.guards;
         Self {
             task,
-            store: Store::new(ground),
+            store: FaceStore::new(ground),
             bounds: vec![0.0; count],
             error: vec![0.0; count],
             number: vec![OUTSIDE; count],
-            star: Star::default(),
-            ring: Ring::default(),
-            filler: Filler::new(Limits::new(guards.max_normal_deg, guards.min_quality)),
+            star: OrderedStar::default(),
+            ring: HoleRing::default(),
+            filler: HoleFiller::new(Limits::new(guards.max_normal_deg, guards.min_quality)),
             triangles: Vec::new(),
-            crease_cos: options.of_method.angle_deg.unwrap_or(CREASE_DEG).to_radians().cos(),
+            crease_cos: options.method_options.angle_deg.unwrap_or(CREASE_DEG).to_radians().cos(),
             max_edge_sq: guards.max_edge.map_or(f64::INFINITY, |l| ground.length(l).powi(2)),
             steps: 0,
             refusals: [0; Refusal::ALL.len()],
@@ -129,8 +129,8 @@ impl<'a> Removal<'a> {
         let mut prices = Vec::with_capacity(count);
         loop {
             for (i, &v) in waiting.iter().enumerate() {
-                if i % LOOK_EVERY == 0 {
-                    let (all, left) = (self.task.ground.faces.len(), self.store.face_count);
+                if i % PROGRESS_EVERY == 0 {
+                    let (all, left) = (self.task.input.faces.len(), self.store.face_count);
                     match control.progress((all - left) as f64 / all as f64) {
                         Verdict::Cancel => return Err(SimplifyError::Cancelled),
                         Verdict::Finish => return Ok(Ending::Finish),
@@ -142,8 +142,8 @@ impl<'a> Removal<'a> {
                     continue;
                 }
                 match self.plan(v, limit) {
-                    Ok(plan) if plan.price <= limit => self.remove(v, &plan),
-                    Ok(plan) => self.bounds[v.index()] = plan.price,
+                    Ok(plan) if plan.cost <= limit => self.remove(v, &plan),
+                    Ok(plan) => self.bounds[v.index()] = plan.cost,
                     Err(why) => {
                         self.refusals[why as usize] += 1;
                         self.bounds[v.index()] = f32::INFINITY;
@@ -154,7 +154,7 @@ impl<'a> Removal<'a> {
                 }
             }
             let bounds = &self.bounds;
-            waiting.retain(|v| bounds[v.index()] != GONE);
+            waiting.retain(|v| bounds[v.index()] != REMOVED_BOUND);
             prices.clear();
             prices.extend(waiting.iter().map(|v| bounds[v.index()]).filter(|b| b.is_finite()));
             if prices.is_empty() {
@@ -176,21 +176,21 @@ impl<'a> Removal<'a> {
     }
 
     /// Cost of a vertex at this distance from the filling.
-    fn price(&self, v: VertexId, distance: f64) -> f32 {
+    fn cost(&self, v: VertexId, distance: f64) -> f32 {
         let area: f64 = self.star.areas.iter().map(|n| n.length()).sum();
-        let price = f64::from(self.error[v.index()]) + distance + EVEN * area.sqrt();
-        (price * self.times(v)) as f32
+        let price = f64::from(self.error[v.index()]) + distance + SIZE_WEIGHT * area.sqrt();
+        (price * self.importance(v)) as f32
     }
 
     /// Returns the importance factor of a vertex. `prices` apply to areas times squared lengths; for a
     /// distance their cube root is taken.
-    fn times(&self, v: VertexId) -> f64 {
-        self.task.ground.prices.as_ref().map_or(1.0, |p| f64::from(p[v.index()]).cbrt())
+    fn importance(&self, v: VertexId) -> f64 {
+        self.task.input.cost_factors.as_ref().map_or(1.0, |p| f64::from(p[v.index()]).cbrt())
     }
 
     /// Fills the hole that a vertex would leave, unless its cost is already known to exceed the limit.
-    fn plan(&mut self, v: VertexId, limit: f32) -> Result<Plan, Refusal> {
-        if self.task.ground.locked.as_ref().is_some_and(|l| l[v.index()]) {
+    fn plan(&mut self, v: VertexId, limit: f32) -> Result<RemovalPlan, Refusal> {
+        if self.task.input.locked.as_ref().is_some_and(|l| l[v.index()]) {
             return Err(Refusal::Locked);
         }
         self.star.gather(&mut self.store, v)?;
@@ -199,14 +199,14 @@ impl<'a> Removal<'a> {
         if class == Class::Border && border == BorderPolicy::Lock {
             return Err(Refusal::Border);
         }
-        let price = self.price(v, self.height_over_mean_plane(v, class));
+        let price = self.cost(v, self.height_over_mean_plane(v, class));
         if price > limit {
-            return Ok(Plan { distance: 0.0, price, class });
+            return Ok(RemovalPlan { distance: 0.0, cost: price, class });
         }
-        let closing_faces = self.look_round(v);
+        let closing_faces = self.inspect_ring(v);
         let count = self.ring.points.len();
         self.triangles.clear();
-        self.filler.why = Why::default();
+        self.filler.why = RejectReasons::default();
         let along = |p: DVec3| p.normalize_or_zero();
         let sum = |range: std::ops::Range<usize>| -> DVec3 { self.star.areas[range].iter().sum() };
         let faces = self.star.faces.len();
@@ -242,8 +242,8 @@ impl<'a> Removal<'a> {
         };
         if !is_filled {
             return Err(match self.filler.why {
-                Why { turned: true, .. } => Refusal::NormalFlip,
-                Why { shape: true, .. } => Refusal::Quality,
+                RejectReasons { turned: true, .. } => Refusal::NormalFlip,
+                RejectReasons { shape: true, .. } => Refusal::Quality,
                 _ => Refusal::LinkCondition,
             });
         }
@@ -266,7 +266,7 @@ impl<'a> Removal<'a> {
         if self.task.step.is_some_and(|step| distance > step) {
             return Err(Refusal::Cost);
         }
-        Ok(Plan { distance, price: self.price(v, distance), class })
+        Ok(RemovalPlan { distance, cost: self.cost(v, distance), class })
     }
 
     /// Estimates the error of a vertex from its faces alone. [Schroeder et al. 1992]
@@ -297,7 +297,7 @@ impl<'a> Removal<'a> {
     /// hubs are not walked, and no edge is allowed between two of them. Returns the number of faces beyond
     /// that would coincide with the filling: those on the same three vertices, or at the edge of a ring of
     /// two.
-    fn look_round(&mut self, v: VertexId) -> usize {
+    fn inspect_ring(&mut self, v: VertexId) -> usize {
         let Self { star, ring, number, store, .. } = self;
         let count = star.ring.len();
         ring.points.clear();
@@ -316,7 +316,7 @@ impl<'a> Removal<'a> {
         let mut closing_faces = 0;
         let mut hubs = 0u64;
         for (i, &r) in star.ring.iter().enumerate() {
-            if store.degree(r) > HUB {
+            if store.degree(r) > HUB_FACES {
                 hubs |= 1 << i;
                 continue;
             }
@@ -382,9 +382,9 @@ impl<'a> Removal<'a> {
     }
 
     /// Carries out the last plan.
-    fn remove(&mut self, v: VertexId, plan: &Plan) {
+    fn remove(&mut self, v: VertexId, plan: &RemovalPlan) {
         for &f in &self.star.faces {
-            self.store.take(f);
+            self.store.remove(f);
         }
         for t in &self.triangles {
             // A former face on the same side of a crease.
@@ -396,27 +396,27 @@ impl<'a> Removal<'a> {
             let at = t.iter().find(inside).copied().unwrap_or(0);
             self.store.add(t.map(|i| self.star.ring[i]), self.star.faces[at]);
         }
-        self.bounds[v.index()] = GONE;
+        self.bounds[v.index()] = REMOVED_BOUND;
         self.steps += 1;
         let error = self.error[v.index()] + plan.distance as f32;
         for i in 0..self.star.ring.len() {
             let r = self.star.ring[i];
             let own = self.error[r.index()].max(error);
             self.error[r.index()] = own;
-            let least = (f64::from(own) * self.times(r)) as f32;
+            let least = (f64::from(own) * self.importance(r)) as f32;
             let bound = &mut self.bounds[r.index()];
             if *bound < f32::INFINITY {
                 *bound = bound.max(least);
-            } else if self.store.degree(r) <= MOST {
+            } else if self.store.degree(r) <= MAX_STAR_FACES {
                 *bound = least;
             }
         }
     }
 
-    fn made(self, end: Ending, parts_removed: usize) -> Made {
+    fn made(self, end: Ending, parts_removed: usize) -> RebuiltSurface {
         let Self { store, steps, refusals, .. } = self;
         let mut number = vec![NONE; store.points.len()];
-        let mut made = Made { end, steps, refusals, parts_removed, ..Made::default() };
+        let mut made = RebuiltSurface { end, steps, refusals, parts_removed, ..RebuiltSurface::default() };
         for t in store.faces().flat_map(|x| x.1) {
             number[t.index()] = VertexId(0);
         }

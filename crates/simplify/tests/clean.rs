@@ -55,7 +55,7 @@ fn nothing_happens_to_a_clean_mesh() {
         for policy in [NonManifold::Keep, NonManifold::Cut, NonManifold::Merge] {
             let got = run(&base, &with(policy));
             assert_eq!(got.mesh, base);
-            assert_eq!(got.report.left, Default::default());
+            assert_eq!(got.report.remaining, Default::default());
             assert_eq!(got.report.flipped_faces + got.report.welded_vertices + got.report.sewn_edges, 0);
         }
     }
@@ -81,7 +81,7 @@ fn every_step_is_counted() {
     assert_eq!((r.welded_vertices, r.duplicate_faces, r.degenerate_faces, r.non_finite_faces), (1, 1, 1, 1));
     assert_eq!((r.flipped_faces, r.unused_vertices), (turned, 2));
     assert_eq!((r.faces, r.vertices), (faces, count as usize));
-    assert_eq!(r.left, Default::default());
+    assert_eq!(r.remaining, Default::default());
     assert!(size_of(&got.mesh.surface()).volume > 4.0);
 }
 
@@ -115,8 +115,8 @@ fn an_open_part_follows_most_of_its_faces() {
         t.swap(1, 2);
     }
     let got = run(&mesh(&p, &f), &CleanOptions::default());
-    assert_eq!((got.report.flipped_faces, got.report.left.misoriented_edges), (10, 0));
-    assert!(got.report.left.border_edges > 0);
+    assert_eq!((got.report.flipped_faces, got.report.remaining.misoriented_edges), (10, 0));
+    assert!(got.report.remaining.border_edges > 0);
 }
 
 #[test]
@@ -125,13 +125,13 @@ fn cubes_that_touch_are_parted_and_stay_closed() {
         let both = joined(&[cube([0.0; 3]), cube(at)]);
         let kept = run(&both, &CleanOptions::default());
         assert_eq!(kept.report.welded_vertices, welded);
-        assert!(kept.report.left.non_manifold_vertices > 0);
+        assert!(kept.report.remaining.non_manifold_vertices > 0);
         let cut = run(&both, &with(NonManifold::Cut));
-        assert_eq!((cut.report.parted_vertices, cut.report.left), (parted, Default::default()));
+        assert_eq!((cut.report.parted_vertices, cut.report.remaining), (parted, Default::default()));
         assert_eq!(cut.mesh.vertex_count(), 16);
         // Their own vertices keep them apart, and there is no border to stitch.
         let merged = run(&both, &with(NonManifold::Merge));
-        assert_eq!((merged.mesh, merged.report.left), (both, Default::default()));
+        assert_eq!((merged.mesh, merged.report.remaining), (both, Default::default()));
     }
 }
 
@@ -140,7 +140,7 @@ fn a_wall_between_two_cubes_is_shared_out() {
     // Each has its own face in the middle, back to back.
     let both = joined(&[cube([0.0; 3]), cube([1.0, 0.0, 0.0])]);
     let cut = run(&both, &with(NonManifold::Cut));
-    assert_eq!(cut.report.left.opposite_faces, 2);
+    assert_eq!(cut.report.remaining.opposite_faces, 2);
     let counts = Topology::unwelded(&cut.mesh.surface()).counts();
     assert!(counts.is_closed() && counts.is_manifold() && counts.is_oriented());
     assert_eq!(counts.component_count, 2);
@@ -158,15 +158,15 @@ fn cracks_are_sewn_without_joining_what_touches() {
     }
     let got = run(&mesh(&p, &f), &with(NonManifold::Merge));
     assert_eq!((got.report.sewn_edges, got.report.welded_vertices), (36, 72 - 16));
-    assert_eq!(got.report.left, Default::default());
-    assert_eq!(run(&mesh(&p, &f), &CleanOptions::default()).report.left.non_manifold_edges, 1);
+    assert_eq!(got.report.remaining, Default::default());
+    assert_eq!(run(&mesh(&p, &f), &CleanOptions::default()).report.remaining.non_manifold_edges, 1);
 }
 
 #[test]
 fn a_one_sided_strip_is_told_and_cut() {
     let strip = shapes::mobius_strip(20);
     let kept = run(&strip, &CleanOptions::default());
-    assert!(kept.report.left.misoriented_edges > 0);
+    assert!(kept.report.remaining.misoriented_edges > 0);
     let cut = run(&strip, &with(NonManifold::Cut));
     let counts = Topology::unwelded(&cut.mesh.surface()).counts();
     assert!(counts.is_manifold() && counts.is_oriented());
@@ -179,13 +179,13 @@ fn faces_without_area_go_and_open_nothing() {
     //   0-------1
     let p = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.5, 0.5, 0.0]];
     let got = run(&mesh(&p, &[[0, 1, 4], [4, 1, 2], [0, 4, 2], [0, 2, 3]]), &CleanOptions::default());
-    assert_eq!((got.report.zero_area_faces, got.report.left.zero_area_faces), (1, 0));
-    assert_eq!((got.mesh.face_count(), got.report.left.border_edges), (4, 4));
+    assert_eq!((got.report.zero_area_faces, got.report.remaining.zero_area_faces), (1, 0));
+    assert_eq!((got.mesh.face_count(), got.report.remaining.border_edges), (4, 4));
     assert!((size_of(&got.mesh.surface()).area - 1.0).abs() < 1e-12);
     // One fin on an edge that has two faces already, and one on the border.
     let got = run(&mesh(&p, &[[0, 1, 2], [0, 2, 3], [0, 4, 2]]), &CleanOptions::default());
     assert_eq!((got.mesh.face_count(), got.mesh.vertex_count()), (2, 4));
-    assert_eq!(got.report.left.non_manifold_edges, 0);
+    assert_eq!(got.report.remaining.non_manifold_edges, 0);
 }
 
 /// Found by fuzzing: the face that three others kept in place stayed alone, and a second run found no face to keep.
@@ -198,7 +198,7 @@ fn faces_without_area_do_not_wait_for_a_second_run() {
     let positions: Vec<[f64; 3]> = [o, far, p, q, r, s].into_iter().chain(lone).collect();
     let faces = [[0, 1, 2], [2, 1, 3], [1, 4, 0], [5, 0, 1], [6, 7, 8]];
     let cleaned = run(&mesh(&positions, &faces), &CleanOptions::default());
-    assert_eq!((cleaned.report.faces, cleaned.report.left.zero_area_faces), (1, 0));
+    assert_eq!((cleaned.report.faces, cleaned.report.remaining.zero_area_faces), (1, 0));
 }
 
 #[test]
@@ -227,12 +227,12 @@ fn near_vertices_join_within_the_distance() {
         p.extend(t.map(|v| cp[v as usize].map(|x| x + 1e-6 * i as f64)));
     }
     let soup = mesh(&p, &f);
-    assert_eq!(run(&soup, &CleanOptions::default()).report.left.border_edges, 36);
+    assert_eq!(run(&soup, &CleanOptions::default()).report.remaining.border_edges, 36);
     for policy in [NonManifold::Keep, NonManifold::Merge] {
         let mut options = with(policy);
         options.weld = Some(Length::Units(1e-4));
         let got = run(&soup, &options);
-        assert_eq!((got.mesh.vertex_count(), got.report.left), (8, Default::default()));
+        assert_eq!((got.mesh.vertex_count(), got.report.remaining), (8, Default::default()));
     }
 }
 
@@ -287,7 +287,7 @@ proptest! {
             prop_assert_eq!(vertices, kept.mesh.vertex_count() + cut.report.parted_vertices);
             // A second run by index changes nothing.
             let again = run(&cut.mesh, &with(NonManifold::Merge));
-            prop_assert!(again.report.left.border_edges <= cut.report.left.border_edges);
+            prop_assert!(again.report.remaining.border_edges <= cut.report.remaining.border_edges);
         }
     }
 

@@ -84,7 +84,7 @@ fn complaints(lod: &ClusterLod, options: &ClusterLodOptions, seed: u64) -> Vec<S
         if meshlet.triangles.len() > options.triangles || meshlet.wedges.len() > options.vertices {
             all.push(format!("cluster {id} is too large"));
         }
-        if lod.parent(id).is_some_and(|p| p.error < lod.own(id).error) {
+        if lod.parent_bound(id).is_some_and(|p| p.error < lod.cluster_bound(id).error) {
             all.push(format!("the error of cluster {id} is above its parent's"));
         }
     }
@@ -213,7 +213,7 @@ fn the_finest_cut_is_the_input() {
 fn levels_go_down_to_one_cluster() {
     let mesh = shapes::blob(6, 1);
     let lod = built(&mesh, &ClusterLodOptions::default());
-    let roots: Vec<_> = lod.ids().filter(|&id| lod.parent(id).is_none()).collect();
+    let roots: Vec<_> = lod.ids().filter(|&id| lod.parent_bound(id).is_none()).collect();
     assert_eq!(roots.len(), 1);
     assert!(lod.level(roots[0]) >= 8, "{}", lod.level(roots[0]));
     let leaves = lod.ids().filter(|&id| lod.level(id) == 0).count();
@@ -314,19 +314,19 @@ fn the_same_bytes_at_any_number_of_threads() {
 
 #[test]
 fn a_caller_ends_it_early_or_altogether() {
-    struct After(usize, Verdict);
-    impl Control for After {
+    struct AnswerAfter(usize, Verdict);
+    impl Control for AnswerAfter {
         fn progress(&mut self, _: f64) -> Verdict {
             self.0 = self.0.saturating_sub(1);
             if self.0 == 0 { self.1 } else { Verdict::Continue }
         }
     }
     let mesh = shapes::icosphere(5);
-    let early = cluster_lod(&mesh, &small(), &mut After(4, Verdict::Finish)).unwrap();
+    let early = cluster_lod(&mesh, &small(), &mut AnswerAfter(4, Verdict::Finish)).unwrap();
     assert!(early.report.ended_early && early.lod.groups().len() < built(&mesh, &small()).groups().len());
     for cut in cuts(&early.lod, 2) {
         assert!(open_edges(&early.lod.mesh_of(&cut)).is_empty());
     }
-    let cancelled = cluster_lod(&mesh, &small(), &mut After(3, Verdict::Cancel));
+    let cancelled = cluster_lod(&mesh, &small(), &mut AnswerAfter(3, Verdict::Cancel));
     assert_eq!(cancelled.unwrap_err(), SimplifyError::Cancelled);
 }

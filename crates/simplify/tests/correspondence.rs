@@ -30,7 +30,7 @@ fn what_is_carried_is_what_the_run_carries() {
     mesh.set_normals(Some(normals)).unwrap();
     for (ratio, most_deg) in [(0.5, 1.5), (0.1, 4.0)] {
         let got = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(ratio)), &mut NoControl).unwrap().mesh;
-        let carried = correspondence(&mesh, &got).unwrap().carry(&flat, 3).unwrap();
+        let carried = correspondence(&mesh, &got).unwrap().transfer(&flat, 3).unwrap();
         for (own, from) in got.normals().unwrap().iter().zip(carried.as_chunks::<3>().0) {
             let dot: f32 = own.iter().zip(from).map(|(a, b)| a * b).sum();
             let length = from.iter().map(|x| x * x).sum::<f32>().sqrt();

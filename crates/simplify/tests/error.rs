@@ -2,7 +2,7 @@
 //! lighter level of the same kind is missed.
 
 use lodsmith::core::measure::Prepared;
-use lodsmith::core::measure::proof::{Kept, keeps_within};
+use lodsmith::core::measure::proof::{WithinResult, prove_within};
 use lodsmith::core::{TriMesh, shapes};
 use lodsmith::{Bound, Length, Method, NoControl, Report, Simplified, SimplifyOptions, Stop, simplify};
 
@@ -20,7 +20,7 @@ fn largest_seen(report: &Report) -> f64 {
 
 fn is_kept(from: &TriMesh, to: &TriMesh, distance: f64) -> bool {
     let [from, to] = [from, to].map(|mesh| Prepared::new(&mesh.surface()).unwrap());
-    matches!(keeps_within(&from, &to, distance), Kept::Yes(_))
+    matches!(prove_within(&from, &to, distance), WithinResult::Yes(_))
 }
 
 /// Fault A11: a mesh of 9,000 faces came back unchanged, though 8,600 faces keep the limit.

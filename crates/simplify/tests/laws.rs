@@ -7,7 +7,7 @@ use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 use lodsmith::core::arbitrary::{Coordinates, perturbed_shape, soup};
-use lodsmith::core::measure::proof::{Kept, keeps_within};
+use lodsmith::core::measure::proof::{WithinResult, prove_within};
 use lodsmith::core::measure::{CompareOptions, Prepared, compare};
 use lodsmith::core::{Positions, Topology, TriMesh, VertexId, shapes};
 use lodsmith::{
@@ -215,7 +215,7 @@ proptest! {
             // Repeats the proof from the results alone.
             let [old, new] = [&mesh, &done.mesh].map(|m| Prepared::new(&m.surface()).expect("it has faces"));
             for (from, to, way) in [(&old, &new, "there"), (&new, &old, "back")] {
-                let is_kept = matches!(keeps_within(from, to, most), Kept::Yes(_));
+                let is_kept = matches!(prove_within(from, to, most), WithinResult::Yes(_));
                 all.check(&case, is_kept, &format!("{way} some point lies beyond {most}"));
             }
         }

@@ -22,7 +22,7 @@ fn options(stop: Stop) -> SimplifyOptions {
 
 fn by_cell(cell: Length) -> SimplifyOptions {
     let mut options = options(Stop::default());
-    options.of_method.cell = Some(cell);
+    options.method_options.cell = Some(cell);
     options
 }
 
@@ -176,7 +176,7 @@ fn what_clusters_cannot_do_is_refused() {
     let mesh = shapes::icosphere(2);
     let refused = |change: &dyn Fn(&mut SimplifyOptions), two_stage: bool| {
         let mut options = options(Stop::ratio(0.5));
-        options.of_method.two_stage = two_stage;
+        options.method_options.two_stage = two_stage;
         change(&mut options);
         matches!(simplify(&mesh, &options, &mut NoControl), Err(SimplifyError::NotOfMethod { .. }))
     };
@@ -203,7 +203,7 @@ fn locked_vertices_stay_to_the_bit() {
     for two_stage in [false, true] {
         let mut options = options(Stop::faces(1200));
         options.locked = Some(locked.clone());
-        options.of_method.two_stage = two_stage;
+        options.method_options.two_stage = two_stage;
         let done = simplify(&mesh, &options, &mut NoControl).unwrap();
         let there = places(&done.mesh);
         let held: Vec<_> = view.iter().zip(locked.iter()).filter(|x| *x.1).map(|x| bits(x.0)).collect();
@@ -231,7 +231,7 @@ fn two_stages_come_nearer_than_one() {
     let mut one = options(Stop::faces(1000));
     one.measure = Measure::Always;
     let mut two = one.clone();
-    two.of_method.two_stage = true;
+    two.method_options.two_stage = true;
     let [one, two] = [one, two].map(|o| simplify(&mesh, &o, &mut NoControl).unwrap().report);
     let rms = |r: &lodsmith::Report| r.error.measured.as_ref().unwrap().rms.symmetric;
     assert!(rms(&two) < 0.8 * rms(&one), "{} {}", rms(&two), rms(&one));
@@ -252,7 +252,7 @@ fn a_second_stage_that_is_stuck_starts_from_the_input() {
     let faces = one.surface().triangles().iter().copied().chain(upper).collect();
     let mesh = TriMesh::new(Positions::F32(points), faces).unwrap();
     let mut options = options(Stop::ratio(0.02));
-    options.of_method.two_stage = true;
+    options.method_options.two_stage = true;
     let done = simplify(&mesh, &options, &mut NoControl).unwrap();
     assert!(done.report.reached, "{:?} at {} faces", done.report.stopped_by, done.report.faces);
 }
@@ -276,9 +276,9 @@ fn threads_do_not_change_the_result() {
 }
 
 /// A control that gives an answer from the n-th call on.
-struct After(usize, Verdict);
+struct AnswerAfter(usize, Verdict);
 
-impl Control for After {
+impl Control for AnswerAfter {
     fn progress(&mut self, _: f64) -> Verdict {
         self.0 = self.0.saturating_sub(1);
         if self.0 == 0 { self.1 } else { Verdict::Continue }
@@ -290,12 +290,12 @@ fn a_caller_ends_a_run() {
     let mesh = shapes::icosphere(5);
     for two_stage in [false, true] {
         let mut options = options(Stop::faces(500));
-        options.of_method.two_stage = two_stage;
+        options.method_options.two_stage = two_stage;
         for asked in [1, 2] {
-            let got = simplify(&mesh, &options, &mut After(asked, Verdict::Cancel));
+            let got = simplify(&mesh, &options, &mut AnswerAfter(asked, Verdict::Cancel));
             assert_eq!(got.err(), Some(SimplifyError::Cancelled));
         }
-        let done = simplify(&mesh, &options, &mut After(2, Verdict::Finish)).unwrap();
+        let done = simplify(&mesh, &options, &mut AnswerAfter(2, Verdict::Finish)).unwrap();
         assert_eq!((done.report.stopped_by, done.report.reached), (StoppedBy::Caller, false));
         assert!(done.mesh.face_count() > 0 && done.mesh.face_count() < mesh.face_count());
     }
@@ -357,7 +357,7 @@ fn every_shape() {
                 Stop { faces: Some(40), vertices: Some(9), ..Stop::default() },
             ] {
                 let mut options = options(stop);
-                options.of_method.two_stage = two_stage;
+                options.method_options.two_stage = two_stage;
                 all.add(&format!("{name} {stop:?} {two_stage}"), complaints(&mesh, &options));
             }
         }
@@ -381,8 +381,8 @@ proptest! {
         cell: bool,
     ) {
         let mut options = options(Stop::ratio(share));
-        options.of_method.two_stage = two_stage;
-        options.of_method.cell = cell.then_some(Length::OfDiagonal(0.5 * share));
+        options.method_options.two_stage = two_stage;
+        options.method_options.cell = cell.then_some(Length::OfDiagonal(0.5 * share));
         prop_assert_eq!(complaints(&mesh, &options), Vec::<String>::new());
     }
 }

@@ -39,7 +39,7 @@ fn done(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
 
 fn shorter_than(edge: f64) -> SimplifyOptions {
     let mut options = by(Method::ShortestEdge, Stop::default());
-    options.of_method.edge_length = Some(Length::Units(edge));
+    options.method_options.edge_length = Some(Length::Units(edge));
     options
 }
 
@@ -207,8 +207,8 @@ fn the_estimate_is_within_a_factor_of_two() {
 
 #[test]
 fn a_run_can_be_cancelled_or_finished_early() {
-    struct After(usize, Verdict);
-    impl Control for After {
+    struct AnswerAfter(usize, Verdict);
+    impl Control for AnswerAfter {
         fn progress(&mut self, _: f64) -> Verdict {
             self.0 = self.0.saturating_sub(1);
             if self.0 == 0 { self.1 } else { Verdict::Continue }
@@ -217,9 +217,9 @@ fn a_run_can_be_cancelled_or_finished_early() {
     let mesh = shapes::blob(5, 1);
     for (method, _) in METHODS {
         let options = by(method, Stop::faces(100));
-        let cancelled = simplify(&mesh, &options, &mut After(4, Verdict::Cancel));
+        let cancelled = simplify(&mesh, &options, &mut AnswerAfter(4, Verdict::Cancel));
         assert_eq!(cancelled.unwrap_err(), SimplifyError::Cancelled);
-        let finished = simplify(&mesh, &options, &mut After(4, Verdict::Finish)).unwrap();
+        let finished = simplify(&mesh, &options, &mut AnswerAfter(4, Verdict::Finish)).unwrap();
         assert_eq!(finished.report.stopped_by, StoppedBy::Caller);
         assert!((101..mesh.face_count()).contains(&finished.mesh.face_count()));
     }
@@ -254,7 +254,7 @@ fn what_a_method_has_no_use_for_is_refused() {
     options.placement = Placement::Midpoint;
     assert_eq!(refused(&options), "placement midpoint");
     options = by(Method::LindstromTurk, Stop::faces(10));
-    options.of_method.edge_length = Some(Length::Units(0.1));
+    options.method_options.edge_length = Some(Length::Units(0.1));
     assert_eq!(refused(&options), "edge-length");
 }
 

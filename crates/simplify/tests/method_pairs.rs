@@ -19,13 +19,13 @@ const METHODS: [Method; 2] = [Method::Memoryless, Method::Quadric];
 
 fn with_pairs(stop: Stop, distance: Length) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(stop);
-    options.of_method.pairs = Some(distance);
+    options.method_options.pairs = Some(distance);
     options
 }
 
 fn without_pairs(options: &SimplifyOptions) -> SimplifyOptions {
     let mut options = options.clone();
-    options.of_method.pairs = None;
+    options.method_options.pairs = None;
     options
 }
 
@@ -314,12 +314,12 @@ fn what_is_out_of_reach_is_proposed_and_tried() {
 }
 
 /// Ends a run at its `left`th progress report.
-struct Ends {
+struct AnswerAfter {
     left: usize,
     with: Verdict,
 }
 
-impl Control for Ends {
+impl Control for AnswerAfter {
     fn progress(&mut self, _: f64) -> Verdict {
         self.left = self.left.saturating_sub(1);
         if self.left == 0 { self.with } else { Verdict::Continue }
@@ -331,9 +331,9 @@ fn a_run_with_pairs_can_be_ended() {
     let mesh = shrunk(&shapes::icosphere(4), 0.9);
     let options = with_pairs(Stop::ratio(0.1), Length::OfDiagonal(0.02));
     for left in [2, 3, 5, 8] {
-        let cancelled = simplify(&mesh, &options, &mut Ends { left, with: Verdict::Cancel });
+        let cancelled = simplify(&mesh, &options, &mut AnswerAfter { left, with: Verdict::Cancel });
         assert_eq!(cancelled.map(|d| d.mesh), Err(SimplifyError::Cancelled));
-        let finished = simplify(&mesh, &options, &mut Ends { left, with: Verdict::Finish }).unwrap();
+        let finished = simplify(&mesh, &options, &mut AnswerAfter { left, with: Verdict::Finish }).unwrap();
         assert!(finished.mesh.face_count() > mesh.face_count() / 10);
         assert_eq!(finished.report.stopped_by, lodsmith::StoppedBy::Caller);
     }

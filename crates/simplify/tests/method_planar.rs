@@ -41,7 +41,7 @@ fn wrongs(mesh: &TriMesh, options: &SimplifyOptions, done: &Simplified) -> Vec<S
 }
 
 fn tried(all: &mut Complaints, name: &str, mesh: &TriMesh, options: &SimplifyOptions) -> Option<Simplified> {
-    let case = format!("{name}, {}, {:?}", told(options), options.of_method);
+    let case = format!("{name}, {}, {:?}", told(options), options.method_options);
     match run(mesh, options) {
         Ok(Ok(done)) => {
             all.add(&case, wrongs(mesh, options, &done));
@@ -79,8 +79,8 @@ fn every_shape_and_stop() {
                 for flat in [None, Some(Length::OfDiagonal(0.0)), Some(Length::OfDiagonal(0.02))] {
                     let mut options = planar(stop);
                     options.topology = topology;
-                    options.of_method.flat = flat;
-                    options.of_method.angle_deg = flat.map(|_| 25.0);
+                    options.method_options.flat = flat;
+                    options.method_options.angle_deg = flat.map(|_| 25.0);
                     tried(&mut all, name, &mesh, &options);
                 }
             }
@@ -238,7 +238,7 @@ fn an_error_bounds_the_distance() {
         let mut last = usize::MAX;
         for part in [1e-3, 1e-2] {
             let mut options = planar(Stop::error(Length::OfDiagonal(part)));
-            options.of_method.angle_deg = Some(40.0);
+            options.method_options.angle_deg = Some(40.0);
             let Some(done) = tried(&mut all, "curved", &mesh, &options) else { continue };
             let measured = done.report.error.measured.unwrap().hausdorff.symmetric;
             assert!(measured <= part * done.report.error.diagonal);
@@ -255,12 +255,13 @@ fn neither_angle_nor_distance_drifts_along_a_curve() {
     // A tube of 90 sides, four degrees each: a region may span ten degrees.
     let mesh = shapes::cylinder(90, 10);
     let mut options = planar(Stop::default());
-    (options.of_method.angle_deg, options.of_method.flat) = (Some(5.0), Some(Length::OfDiagonal(1.0)));
+    (options.method_options.angle_deg, options.method_options.flat) =
+        (Some(5.0), Some(Length::OfDiagonal(1.0)));
     let done = simplify(&mesh, &options, &mut NoControl).unwrap();
     let sides = done.mesh.face_count() / 2;
     assert!((30..=45).contains(&sides), "{sides} sides");
     // A distance limit alone has the same effect.
-    (options.of_method.angle_deg, options.of_method.flat) = (Some(89.0), Some(Length::Units(1e-3)));
+    (options.method_options.angle_deg, options.method_options.flat) = (Some(89.0), Some(Length::Units(1e-3)));
     let done = simplify(&mesh, &options, &mut NoControl).unwrap();
     let error = compare(&mesh.surface(), &done.mesh.surface(), &CompareOptions::default()).unwrap();
     assert!(error.hausdorff.symmetric <= 2e-3, "{}", error.hausdorff.symmetric);
@@ -400,9 +401,9 @@ fn what_cannot_be_done_is_an_error() {
 }
 
 /// A control that gives an answer after a number of calls, and checks that progress never decreases.
-struct After(usize, Verdict, f64);
+struct AnswerAfter(usize, Verdict, f64);
 
-impl Control for After {
+impl Control for AnswerAfter {
     fn stage(&mut self, _: lodsmith::Stage) {
         self.2 = 0.0;
     }
@@ -418,17 +419,17 @@ impl Control for After {
 fn a_caller_may_end_it_at_any_time() {
     let mesh = shapes::cube(60);
     let options = planar(Stop::default());
-    let mut asked = After(usize::MAX, Verdict::Continue, 0.0);
+    let mut asked = AnswerAfter(usize::MAX, Verdict::Continue, 0.0);
     simplify(&mesh, &options, &mut asked).unwrap();
     let questions = usize::MAX - asked.0;
     assert!(questions >= 10, "{questions}");
     for n in 1..=questions {
-        let cancelled = simplify(&mesh, &options, &mut After(n, Verdict::Cancel, 0.0));
+        let cancelled = simplify(&mesh, &options, &mut AnswerAfter(n, Verdict::Cancel, 0.0));
         assert_eq!(cancelled.unwrap_err(), SimplifyError::Cancelled);
     }
     let mut last = usize::MAX;
     for n in [2, 5, 8, questions] {
-        let done = simplify(&mesh, &options, &mut After(n, Verdict::Finish, 0.0)).unwrap();
+        let done = simplify(&mesh, &options, &mut AnswerAfter(n, Verdict::Finish, 0.0)).unwrap();
         let mut found = wrongs(&mesh, &options, &done);
         found.retain(|w| !w.starts_with("stopped by"));
         assert_eq!(found, Vec::<String>::new());
@@ -471,8 +472,8 @@ proptest! {
         options = laden_options(options, &mut random, mesh.vertex_count());
         options.importance = None;
         options.prune = None;
-        options.of_method.flat = random.pick(&[None, Some(Length::OfDiagonal(0.0)), Some(Length::OfDiagonal(0.1))]);
-        options.of_method.angle_deg = random.pick(&[None, Some(0.0), Some(40.0), Some(89.0)]);
+        options.method_options.flat = random.pick(&[None, Some(Length::OfDiagonal(0.0)), Some(Length::OfDiagonal(0.1))]);
+        options.method_options.angle_deg = random.pick(&[None, Some(0.0), Some(40.0), Some(89.0)]);
         match run(&mesh, &options) {
             Ok(Ok(done)) => {
                 let mut found = complaints(&mesh, &options, &done);

@@ -24,8 +24,8 @@ fn remesh(stop: Stop) -> SimplifyOptions {
 /// Returns all kinds of remeshing to a count.
 fn ways(stop: Stop) -> [(&'static str, SimplifyOptions); 3] {
     let (even, mut adaptive, mut levels) = (remesh(stop), remesh(stop), remesh(stop));
-    adaptive.of_method.adaptive = true;
-    levels.of_method.subdivisions = Some(1);
+    adaptive.method_options.adaptive = true;
+    levels.method_options.subdivisions = Some(1);
     [("even", even), ("adaptive", adaptive), ("semi-regular", levels)]
 }
 
@@ -132,7 +132,7 @@ fn adaptive_is_closer_at_the_same_count() {
         .into_iter()
         .take(2)
         .map(|(_, mut options)| {
-            options.of_method.iterations = Some(5);
+            options.method_options.iterations = Some(5);
             simplify(&mesh, &options, &mut NoControl).unwrap().mesh
         })
         .collect();
@@ -144,7 +144,7 @@ fn adaptive_is_closer_at_the_same_count() {
 fn an_edge_length_is_kept() {
     let mesh = shapes::icosphere(5);
     let mut options = remesh(Stop::default());
-    options.of_method.edge_length = Some(Length::Units(0.15));
+    options.method_options.edge_length = Some(Length::Units(0.15));
     let done = simplify(&mesh, &options, &mut NoControl).unwrap();
     assert_eq!(done.report.stopped_by, StoppedBy::Exhausted);
     let surface = done.mesh.surface();
@@ -158,7 +158,7 @@ fn an_edge_length_is_kept() {
         .collect();
     let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
     assert!((mean / 0.15 - 1.0).abs() < 0.1, "{mean}");
-    options.of_method.edge_length = Some(Length::Units(1e-6));
+    options.method_options.edge_length = Some(Length::Units(1e-6));
     let error = simplify(&mesh, &options, &mut NoControl).unwrap_err();
     assert!(matches!(error, SimplifyError::BadOption { option: "edge-length", .. }), "{error}");
 }
@@ -176,7 +176,7 @@ fn what_it_cannot_do_is_refused() {
 fn levels_share_their_vertices() {
     let mesh = shapes::icosphere(5);
     let mut options = remesh(Stop::faces(5000));
-    options.of_method.subdivisions = Some(3);
+    options.method_options.subdivisions = Some(3);
     let done = simplify(&mesh, &options, &mut NoControl).unwrap();
     let levels = lodsmith::remesh::levels(&done.mesh, 3);
     assert_eq!(levels.len(), 4);

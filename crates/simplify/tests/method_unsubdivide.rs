@@ -21,7 +21,7 @@ fn options(stop: Stop) -> SimplifyOptions {
 
 fn one_level() -> SimplifyOptions {
     let mut options = options(Stop::default());
-    options.of_method.iterations = Some(1);
+    options.method_options.iterations = Some(1);
     options
 }
 
@@ -99,7 +99,7 @@ fn every_shape_comes_back_from_its_subdivision() {
         assert_eq!(faces_by_place(&done.mesh), faces_by_place(&mesh), "{name}");
         let finer = subdivided(&fine);
         let mut twice = one_level();
-        twice.of_method.iterations = Some(2);
+        twice.method_options.iterations = Some(2);
         let done = undone(&finer, &twice);
         assert_eq!(faces_by_place(&done.mesh), faces_by_place(&mesh), "{name}, twice");
     }

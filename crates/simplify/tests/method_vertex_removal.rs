@@ -238,8 +238,8 @@ fn a_fan_of_many_faces_ends() {
 
 #[test]
 fn the_caller_may_end_it() {
-    struct After(usize, Verdict);
-    impl Control for After {
+    struct AnswerAfter(usize, Verdict);
+    impl Control for AnswerAfter {
         fn progress(&mut self, _: f64) -> Verdict {
             self.0 = self.0.saturating_sub(1);
             if self.0 == 0 { self.1 } else { Verdict::Continue }
@@ -248,10 +248,10 @@ fn the_caller_may_end_it() {
     let mesh = shapes::icosphere(5);
     let with = options(Stop::faces(4));
     for looks in 1..40 {
-        let cancelled = simplify(&mesh, &with, &mut After(looks, Verdict::Cancel));
+        let cancelled = simplify(&mesh, &with, &mut AnswerAfter(looks, Verdict::Cancel));
         assert_eq!(cancelled.unwrap_err(), SimplifyError::Cancelled, "{looks}");
     }
-    let done = simplify(&mesh, &with, &mut After(70, Verdict::Finish)).expect("what there is");
+    let done = simplify(&mesh, &with, &mut AnswerAfter(70, Verdict::Finish)).expect("what there is");
     assert_eq!(done.report.stopped_by, StoppedBy::Caller);
     assert!(done.report.faces < mesh.face_count());
 }

@@ -11,7 +11,7 @@ use proptest::prelude::*;
 fn options(voxel: Length) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(Stop::default());
     options.method = Method::Remesh;
-    options.of_method.voxel = Some(voxel);
+    options.method_options.voxel = Some(voxel);
     options
 }
 

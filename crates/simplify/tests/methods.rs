@@ -163,9 +163,9 @@ fn tried(
 
 fn case(name: &str, options: &SimplifyOptions) -> String {
     let method = options.method.name();
-    let own = match options.of_method == MethodOptions::default() {
+    let own = match options.method_options == MethodOptions::default() {
         true => String::new(),
-        false => format!(", {:?}", options.of_method),
+        false => format!(", {:?}", options.method_options),
     };
     format!("{name}, {method}: {}{own}", told(options))
 }
@@ -391,7 +391,7 @@ fn the_same_bytes_again_and_with_any_threads() {
 }
 
 /// A control that gives an answer from one call on, and checks that progress never decreases.
-struct Asked {
+struct CheckingControl {
     questions: usize,
     from: usize,
     verdict: Verdict,
@@ -399,13 +399,13 @@ struct Asked {
     wrongs: Vec<String>,
 }
 
-impl Asked {
+impl CheckingControl {
     fn new(from: usize, verdict: Verdict) -> Self {
         Self { questions: 0, from, verdict, last: 0.0, wrongs: Vec::new() }
     }
 }
 
-impl Control for Asked {
+impl Control for CheckingControl {
     fn stage(&mut self, _: Stage) {
         self.last = 0.0;
     }
@@ -420,7 +420,7 @@ impl Control for Asked {
 }
 
 /// Least number of progress reports of a run on [`large`]: "a few thousand steps" are 16 thousand here.
-const QUESTIONS: usize = 5;
+const MIN_PROGRESS_REPORTS: usize = 5;
 
 /// Large enough for several progress reports.
 fn large() -> TriMesh {
@@ -434,7 +434,7 @@ fn callers_are_asked_and_obeyed() {
     for promise in PROMISES.iter() {
         let options = options(promise.method, Stop::ratio(0.05));
         let case = case("a large blob", &options);
-        let mut watching = Asked::new(usize::MAX, Verdict::Continue);
+        let mut watching = CheckingControl::new(usize::MAX, Verdict::Continue);
         let Ok(whole) = simplify(&mesh, &options, &mut watching) else {
             all.add(&case, ["fails".to_owned()]);
             continue;
@@ -443,15 +443,15 @@ fn callers_are_asked_and_obeyed() {
         let asked = watching.questions;
         let text = format!("asked {asked} times for {} faces", mesh.face_count());
         // Clustering reports each pass, of a few milliseconds.
-        let least = if promise.method == Method::Cluster { 2 } else { QUESTIONS };
+        let least = if promise.method == Method::Cluster { 2 } else { MIN_PROGRESS_REPORTS };
         all.check(&case, asked >= least, &text);
         for from in [0, 1, asked / 2, asked.saturating_sub(1)] {
-            let mut control = Asked::new(from, Verdict::Cancel);
+            let mut control = CheckingControl::new(from, Verdict::Cancel);
             let done = simplify(&mesh, &options, &mut control);
             let text = format!("cancelled at question {} of {asked}, it goes on", from + 1);
             all.check(&case, matches!(done, Err(SimplifyError::Cancelled)), &text);
 
-            let mut control = Asked::new(from, Verdict::Finish);
+            let mut control = CheckingControl::new(from, Verdict::Finish);
             let case = format!("{case}, finished at question {} of {asked}", from + 1);
             let done = match simplify(&mesh, &options, &mut control) {
                 Ok(done) => done,
@@ -484,16 +484,16 @@ fn cancelling_while_an_error_is_searched_for() {
     for promise in PROMISES.iter() {
         let options = options(promise.method, Stop::error(Length::OfDiagonal(0.005)));
         let case = case("a blob", &options);
-        let mut watching = Asked::new(usize::MAX, Verdict::Continue);
+        let mut watching = CheckingControl::new(usize::MAX, Verdict::Continue);
         let whole = simplify(&mesh, &options, &mut watching);
         all.check(&case, whole.is_ok(), "fails");
         for from in [0, watching.questions / 2, watching.questions.saturating_sub(1)] {
-            let done = simplify(&mesh, &options, &mut Asked::new(from, Verdict::Cancel));
+            let done = simplify(&mesh, &options, &mut CheckingControl::new(from, Verdict::Cancel));
             let text = format!("cancelled at question {} of {}, it goes on", from + 1, watching.questions);
             all.check(&case, matches!(done, Err(SimplifyError::Cancelled)), &text);
         }
         let from = watching.questions / 2;
-        let Ok(done) = simplify(&mesh, &options, &mut Asked::new(from, Verdict::Finish)) else {
+        let Ok(done) = simplify(&mesh, &options, &mut CheckingControl::new(from, Verdict::Finish)) else {
             all.add(&case, [format!("finished at question {}, it fails", from + 1)]);
             continue;
         };
@@ -742,7 +742,7 @@ fn options_of_other_methods_are_refused_by_name() {
                 continue;
             }
             let mut options = options(promise.method, Stop::ratio(0.5));
-            options.of_method = own;
+            options.method_options = own;
             match simplify(&mesh, &options, &mut NoControl) {
                 Err(SimplifyError::NotOfMethod { option, takers: told, method }) => {
                     assert_eq!((option, told, method), (name, takers, promise.method));
@@ -764,7 +764,7 @@ fn own_options_keep_the_promises_too() {
             for (name, mesh) in shapes::all() {
                 for stop in [Stop::ratio(0.4), Stop::default()] {
                     let mut options = options(promise.method, stop);
-                    options.of_method = own;
+                    options.method_options = own;
                     let closes = own.voxel.is_some();
                     let case = case(name, &options);
                     let done = match closes {

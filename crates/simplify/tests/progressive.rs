@@ -39,7 +39,7 @@ fn walk(mesh: &TriMesh, options: &SimplifyOptions) -> Vec<String> {
         wrong.push("the full level is not the input".to_owned());
     }
     let before = counts(mesh);
-    let may_change = options.topology == TopologyPolicy::Free || options.of_method.pairs.is_some();
+    let may_change = options.topology == TopologyPolicy::Free || options.method_options.pairs.is_some();
     let mut levels = Vec::new();
     loop {
         let level = road.mesh().unwrap();
@@ -106,7 +106,7 @@ fn every_method_goes_both_ways() {
 fn pairs_and_cuts_go_both_ways() {
     let mut complaints = Complaints::default();
     let mut options = SimplifyOptions::default();
-    options.of_method.pairs = Some(Length::OfDiagonal(0.3));
+    options.method_options.pairs = Some(Length::OfDiagonal(0.3));
     for (name, mesh) in [
         ("tetrahedra", shapes::tetrahedra(8)),
         ("soup", shapes::soup(40, 3)),
@@ -331,7 +331,7 @@ fn a_level_of_a_deviation_keeps_it() {
         }
     }
     assert_eq!(faces, road.splits().counts[0].faces as usize, "any level is within ten diagonals");
-    let cancelled = road.level_of_deviation(0.1, true, &mut After(1, Verdict::Cancel));
+    let cancelled = road.level_of_deviation(0.1, true, &mut AnswerAfter(1, Verdict::Cancel));
     assert_eq!(cancelled, Err(SimplifyError::Cancelled));
 }
 
@@ -478,9 +478,9 @@ fn equal_runs_record_equal_splits() {
 }
 
 /// A control that gives an answer after a number of calls.
-struct After(usize, Verdict);
+struct AnswerAfter(usize, Verdict);
 
-impl Control for After {
+impl Control for AnswerAfter {
     fn stage(&mut self, _: Stage) {}
     fn progress(&mut self, done: f64) -> Verdict {
         assert!((0.0..=1.0).contains(&done));
@@ -494,10 +494,11 @@ fn a_caller_may_end_it() {
     let mesh = shapes::blob(4, 6);
     for n in [1, 2, 5, 9] {
         let cancelled =
-            Progressive::build(&mesh, &SimplifyOptions::default(), &mut After(n, Verdict::Cancel));
+            Progressive::build(&mesh, &SimplifyOptions::default(), &mut AnswerAfter(n, Verdict::Cancel));
         assert!(matches!(cancelled, Err(SimplifyError::Cancelled)), "{n}");
         let road =
-            Progressive::build(&mesh, &SimplifyOptions::default(), &mut After(n, Verdict::Finish)).unwrap();
+            Progressive::build(&mesh, &SimplifyOptions::default(), &mut AnswerAfter(n, Verdict::Finish))
+                .unwrap();
         assert!(is_same(&road.mesh().unwrap(), &mesh));
     }
 }

@@ -19,7 +19,7 @@ fn built(parts: &[Part<'_>], options: &SimplifyOptions) -> ProgressiveScene {
 }
 
 fn levels(scene: &ProgressiveScene) -> Vec<Vec<u64>> {
-    scene.roads().iter().map(|road| bytes(&road.mesh().unwrap())).collect()
+    scene.meshes().iter().map(|road| bytes(&road.mesh().unwrap())).collect()
 }
 
 fn nothing() -> TriMesh {
@@ -36,7 +36,7 @@ fn each_mesh_comes_back_to_the_bit() {
     let full: Vec<_> = meshes.iter().map(bytes).collect();
     assert_eq!(levels(&scene), full);
     scene.to_level(0);
-    assert!(scene.roads().iter().all(|road| road.level() == 0));
+    assert!(scene.meshes().iter().all(|road| road.level() == 0));
     scene.to_level(usize::MAX);
     assert_eq!(levels(&scene), full);
     assert_eq!(scene.error(), 0.0);
@@ -56,14 +56,14 @@ fn a_level_is_the_same_from_everywhere() {
         direct.to_level(level);
         assert_eq!(one.level(), level);
         assert_eq!(levels(&one), levels(&direct), "{level}");
-        let sum: usize = one.roads().iter().map(Progressive::level).sum();
+        let sum: usize = one.meshes().iter().map(Progressive::level).sum();
         assert_eq!(sum, level, "each split is of one mesh");
     }
     // A clone changes level independently.
-    let mut alone = one.roads()[0].clone();
+    let mut alone = one.meshes()[0].clone();
     alone.to_faces(40);
     assert!(alone.face_count() <= 40);
-    assert_eq!(one.level(), one.roads().iter().map(Progressive::level).sum::<usize>());
+    assert_eq!(one.level(), one.meshes().iter().map(Progressive::level).sum::<usize>());
 }
 
 #[test]
@@ -71,7 +71,7 @@ fn counts_are_of_all_instances_and_honoured() {
     let (ball, ring) = (shapes::blob(3, 2), shapes::torus(24, 16));
     let mut scene = built(&[part(&ball, 1, 1.0), part(&ring, 5, 0.5)], &SimplifyOptions::default());
     let placed = |scene: &ProgressiveScene, of: fn(&TriMesh) -> usize| {
-        let [a, b] = [0, 1].map(|i| of(&scene.roads()[i].mesh().unwrap()));
+        let [a, b] = [0, 1].map(|i| of(&scene.meshes()[i].mesh().unwrap()));
         a + 5 * b
     };
     assert_eq!(scene.face_count(), ball.face_count() + 5 * ring.face_count());
@@ -121,7 +121,7 @@ fn triangles_go_where_a_run_over_the_scene_leaves_them() {
         options.stop = Stop::ratio(0.4);
         let run = simplify_scene(&parts, 10.0, &options, &mut NoControl).unwrap();
         scene.to_faces(run.report.faces);
-        let own: Vec<_> = scene.roads().iter().map(Progressive::face_count).collect();
+        let own: Vec<_> = scene.meshes().iter().map(Progressive::face_count).collect();
         let wanted: Vec<_> = run.meshes.iter().map(TriMesh::face_count).collect();
         for (own, wanted) in own.iter().zip(&wanted) {
             let off = (*own as f64 - *wanted as f64).abs() / scene.face_count() as f64;
@@ -193,8 +193,8 @@ fn locks_are_those_of_each_mesh() {
     options.locked = Some(locked.into());
     let mut scene = built(&parts, &options);
     scene.to_level(0);
-    assert_eq!(scene.roads()[1].face_count(), b.face_count());
-    assert!(scene.roads()[0].face_count() * 4 < a.face_count());
+    assert_eq!(scene.meshes()[1].face_count(), b.face_count());
+    assert!(scene.meshes()[0].face_count() * 4 < a.face_count());
 }
 
 /// The buffers are those of the fitted mesh, in another numbering.

@@ -59,7 +59,7 @@ fn what_is_proposed_goes_further() {
             for proposal in &done.report.proposals {
                 followed += 1;
                 all.check(&case, !done.report.reached && proposal.gain > 0, "proposed without need");
-                let changed = proposal.changes.iter().fold(options.clone(), |o, c| c.applied(&o));
+                let changed = proposal.changes.iter().fold(options.clone(), |o, c| c.apply(&o));
                 all.check(&case, changed != options, "nothing is changed");
                 let further = run(&mesh, &changed);
                 let (before, after) = (done.report.faces, further.report.faces);

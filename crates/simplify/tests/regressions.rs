@@ -461,7 +461,7 @@ fn pairs_do_not_make_a_level_worse() {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
         options.topology = topology;
         let without = sound(&mesh, &options);
-        options.of_method.pairs = Some(Length::OfDiagonal(0.01));
+        options.method_options.pairs = Some(Length::OfDiagonal(0.01));
         let done = sound(&mesh, &options);
         assert!(done.report.reached, "{topology:?}: {} faces", done.mesh.face_count());
         let (with, without) = (rms(&mesh, &done.mesh), rms(&mesh, &without.mesh));

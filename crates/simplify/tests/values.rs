@@ -4,7 +4,7 @@ mod support;
 
 use std::collections::BTreeSet;
 
-use lodsmith::core::{Attribute, Integer, Morphed, Semantic, TriMesh, WedgeId, shapes};
+use lodsmith::core::{Attribute, IntegerType, Morphed, Semantic, TriMesh, WedgeId, shapes};
 use lodsmith::{
     Length, Method, NoControl, Part, Placement, Progressive, SimplifyOptions, Stop, simplify, simplify_scene,
 };
@@ -70,7 +70,7 @@ fn options(method: Method) -> SimplifyOptions {
     options.method = method;
     if method == Method::Remesh {
         options.stop = Stop::default();
-        options.of_method.edge_length = Some(Length::Units(0.2));
+        options.method_options.edge_length = Some(Length::Units(0.2));
     }
     options
 }
@@ -110,7 +110,7 @@ fn no_value_of_a_level_leaves_the_range_of_the_full_mesh() {
 }
 
 fn id() -> Semantic {
-    Semantic::Discrete { name: "_FEATURE_ID_0".to_owned(), of: Integer::U16 }
+    Semantic::Discrete { name: "_FEATURE_ID_0".to_owned(), of: IntegerType::U16 }
 }
 
 fn ids(mesh: &TriMesh) -> Vec<f32> {

@@ -7,7 +7,7 @@ use glam::{DMat4, DVec3};
 use lodsmith_core::model::Pose;
 use lodsmith_core::{Bounds, Model, shapes};
 use lodsmith_render::{Camera, Lighting, Look, StandardView};
-use lodsmith_viewer::gpu::{Frame, Gpu, GpuError, Placed};
+use lodsmith_viewer::gpu::{Frame, Gpu, GpuError, PlacedModel};
 
 fn main() -> Result<(), GpuError> {
     let mut gpu = Gpu::headless()?;
@@ -35,7 +35,7 @@ fn main() -> Result<(), GpuError> {
         let start = Instant::now();
         drawn.replace_mesh(0, &mesh);
         let replace = ms(start);
-        let placed = [Placed::new(&drawn, &pose)];
+        let placed = [PlacedModel::new(&drawn, &pose)];
         let (mut own, mut whole) = (f64::MAX, f64::MAX);
         for k in 0..4 {
             let start = Instant::now();
@@ -55,7 +55,10 @@ fn main() -> Result<(), GpuError> {
         .map(|k| {
             let at = DVec3::new(f64::from(k % 25) - 12.0, 0.0, -f64::from(k / 25));
             let level = &levels[(k / 25) as usize * 3 / 20];
-            Placed { world_from_model: DMat4::from_translation(3.0 * at), ..Placed::new(level, &pose) }
+            PlacedModel {
+                world_from_model: DMat4::from_translation(3.0 * at),
+                ..PlacedModel::new(level, &pose)
+            }
         })
         .collect();
     let (mut own, mut whole, mut last) = (f64::MAX, f64::MAX, None);

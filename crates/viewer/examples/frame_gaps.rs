@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use eframe::egui::{self, Event, PointerButton, Pos2, pos2};
 use lodsmith_viewer::ViewOptions;
 use lodsmith_viewer::app::App;
-use lodsmith_viewer::command::{Command, Target};
+use lodsmith_viewer::command::{Command, SimplifyTarget};
 use lodsmith_viewer::gpu::Context;
 
 /// Phases of the benchmark.
@@ -24,9 +24,9 @@ enum Phase {
 
 const PHASES: [Phase; 5] = [Phase::Open, Phase::Rest, Phase::Turn, Phase::RestAgain, Phase::Simplify];
 /// Time for which the mouse rotates the model.
-const TURN: Duration = Duration::from_secs(5);
+const TURN_TIME: Duration = Duration::from_secs(5);
 /// Number of idle frames that end a phase.
-const CALM: usize = 4;
+const IDLE_FRAMES: usize = 4;
 
 struct Watched {
     app: App,
@@ -44,8 +44,8 @@ impl Watched {
         let is_idle = document.is_idle() && self.app.triangles_left() == 0;
         match PHASES[self.phase.0] {
             Phase::Open => document.original().is_some(),
-            Phase::Turn => since > TURN,
-            _ => is_idle && since > Duration::from_millis(600) && self.calm >= CALM,
+            Phase::Turn => since > TURN_TIME,
+            _ => is_idle && since > Duration::from_millis(600) && self.calm >= IDLE_FRAMES,
         }
     }
 
@@ -61,7 +61,7 @@ impl Watched {
             None => ctx.send_viewport_cmd(egui::ViewportCommand::Close),
             Some(Phase::Simplify) => {
                 let document = self.app.document_mut();
-                document.run(Command::Target(Target::Ratio(0.1)));
+                document.run(Command::Target(SimplifyTarget::Ratio(0.1)));
                 document.seal();
             }
             Some(_) => {}

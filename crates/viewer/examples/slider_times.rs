@@ -8,9 +8,9 @@ use std::time::{Duration, Instant};
 
 use lodsmith_core::model::Pose;
 use lodsmith_render::{Camera, Lighting, Look, StandardView};
-use lodsmith_viewer::command::{Command, Target};
+use lodsmith_viewer::command::{Command, SimplifyTarget};
 use lodsmith_viewer::document::Document;
-use lodsmith_viewer::gpu::{Frame, Gpu, Placed};
+use lodsmith_viewer::gpu::{Frame, Gpu, PlacedModel};
 
 /// Number of jumps of each kind.
 const JUMPS: usize = 40;
@@ -30,7 +30,7 @@ fn main() {
         let opened = begin.elapsed().as_secs_f64();
         let is_done = document.settle(Duration::from_secs(600));
         let Some(faces) =
-            document.original().map(|o| o.content.faces).filter(|_| is_done && document.has_road())
+            document.original().map(|o| o.content.faces).filter(|_| is_done && document.has_preview())
         else {
             drop(writeln!(out, "{}: no road", path.display()));
             continue;
@@ -39,7 +39,7 @@ fn main() {
         let mut times = |count: &dyn Fn(usize) -> usize| {
             let (mut sum, mut longest) = (0.0, 0f64);
             for k in 0..JUMPS {
-                let target = Command::Target(Target::Faces(count(k).clamp(4, faces - 1)));
+                let target = Command::Target(SimplifyTarget::Faces(count(k).clamp(4, faces - 1)));
                 let start = Instant::now();
                 document.run(target);
                 let ms = start.elapsed().as_secs_f64() * 1e3;
@@ -69,6 +69,6 @@ fn flush(gpu: Option<&mut Gpu>, document: &Document) {
     let (pose, look, lighting) = (Pose::default(), Look::default(), Lighting::default());
     let mut target = gpu.target([16, 16]);
     let camera = Camera::fitting(&bounds, StandardView::Iso, 1.0);
-    gpu.draw(&mut target, &Frame::new(&[Placed::new(&model, &pose)], bounds, camera, &look, &lighting));
+    gpu.draw(&mut target, &Frame::new(&[PlacedModel::new(&model, &pose)], bounds, camera, &look, &lighting));
     target.read_back();
 }

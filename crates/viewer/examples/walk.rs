@@ -67,7 +67,7 @@ fn main() -> Result<(), String> {
         let before = own_secs(start);
         harness.step();
         frame_ms.push(1e3 * (own_secs(start) - before));
-        let facts = harness.state().stage_view().facts();
+        let facts = harness.state().stage_view().status();
         triangles.push(facts.chosen.triangles as f64);
         stage_ms.push(1e3 * facts.secs);
     }

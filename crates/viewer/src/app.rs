@@ -14,46 +14,46 @@ use lodsmith::Stop;
 use lodsmith_render::Shading;
 
 use crate::ViewOptions;
-use crate::command::{Command, Target};
-use crate::compare::{Pictures, Side};
-use crate::dialog::{Answer, Dialog, Purpose};
+use crate::command::{Command, SimplifyTarget};
+use crate::compare::{ComparisonView, Side};
+use crate::dialog::{Dialog, DialogState, Purpose};
 use crate::document::Document;
 use crate::gpu::{Gpu, GpuError};
-use crate::keys::{self, Action, by_key};
+use crate::keys::{self, Action, playback_after};
 use crate::orbit::Orbit;
-use crate::panel::target::{Unit, Whole};
-use crate::panel::{self, Dock, Facts, Panel, Say, Scope, export, look::SHADINGS, parts};
-use crate::session::{Memory, Session};
-use crate::settings::{Around, Pose, Sides, Turn};
+use crate::panel::target::{OriginalSize, Unit};
+use crate::panel::{self, Dock, Panel, PanelContext, UiRequest, WindowState, export, look::SHADINGS, parts};
+use crate::session::{Session, ViewerPrefs};
+use crate::settings::{EnvironmentChoice, Pose, Sides, Turn};
 use crate::stage::file::LayoutFile;
 use crate::theme;
 use crate::viewport::KEY_TURN_RAD;
-use empty::{empty, hovering};
+use empty::{drop_hint, start_page};
 
 /// The application window.
 pub struct App {
     document: Document,
-    pictures: Pictures,
-    facts: Facts,
-    memory: Memory,
+    pictures: ComparisonView,
+    facts: WindowState,
+    prefs: ViewerPrefs,
     /// Path of the settings file; `None` saves nothing.
     memory_path: Option<PathBuf>,
     shown: HashSet<Panel>,
-    is_bare: bool,
+    panels_hidden: bool,
     is_help: bool,
     dialog: Option<Dialog>,
-    export: Option<export::Form>,
+    export: Option<export::ExportForm>,
     use_system_dialogs: bool,
     /// File on which the cameras were last framed.
     framed: Option<PathBuf>,
     /// Cameras of a session that is being opened.
-    arriving: Option<[Pose; 2]>,
+    pending_cameras: Option<[Pose; 2]>,
     pictures_saved: (Sender<Saved>, Receiver<Saved>),
     last_frame: Option<Instant>,
     was_typing: bool,
     sample: Option<tempfile::TempDir>,
     /// Window clock at the last animation step; `None` while the animation is paused.
-    played_at: Option<f64>,
+    last_play_time: Option<f64>,
     /// True if an animated file opened the timeline; the timeline then closes with that file.
     has_own_timeline: bool,
     /// Target last seen while the pointer or a key was down, and since when it has been unchanged.
@@ -64,11 +64,11 @@ pub struct App {
 type Saved = Result<PathBuf, String>;
 
 /// Fraction of the faces that remains after M was held for one second.
-const HELD_PER_SECOND: f64 = 0.45;
+const HELD_FACTOR_PER_SECOND: f64 = 0.45;
 /// Delay after which an unchanged slider that is still held starts a run.
-const REST: Duration = Duration::from_millis(300);
+const SLIDER_REST: Duration = Duration::from_millis(300);
 /// Fraction of the faces that remains after one key press.
-const STEP: f64 = 0.9;
+const KEY_FACTOR: f64 = 0.9;
 /// The sample model: the repository's own, in the public domain.
 const SAMPLE: &[u8] = include_bytes!("../assets/finial.ply");
 
@@ -80,36 +80,36 @@ impl App {
     pub fn new(cc: &eframe::CreationContext<'_>, options: &ViewOptions) -> Result<Self, GpuError> {
         let gpu = cc.wgpu_render_state.as_ref().map(Gpu::new).transpose()?;
         theme::install(&cc.egui_ctx);
-        let memory_path = if options.remember { Memory::path() } else { None };
-        let memory = memory_path.as_deref().map(Memory::load).unwrap_or_default();
+        let memory_path = if options.remember { ViewerPrefs::path() } else { None };
+        let memory = memory_path.as_deref().map(ViewerPrefs::load).unwrap_or_default();
         let is_light = options.is_light.unwrap_or(memory.is_light);
         cc.egui_ctx.set_theme(if is_light { Theme::Light } else { Theme::Dark });
         let ctx = cc.egui_ctx.clone();
         let context = gpu.as_ref().map(|g| g.context().clone());
-        let facts = Facts {
+        let facts = WindowState {
             adapter: gpu.as_ref().map(Gpu::adapter_name).unwrap_or_default(),
             recent: memory.recent.clone(),
-            ..Facts::default()
+            ..WindowState::default()
         };
         let mut app = Self {
             document: Document::new(context, move || ctx.request_repaint()),
-            pictures: Pictures::new(gpu),
+            pictures: ComparisonView::new(gpu),
             facts,
-            memory,
+            prefs: memory,
             memory_path,
-            shown: Panel::ALL.into_iter().filter(|p| p.is_there_at_first()).collect(),
-            is_bare: false,
+            shown: Panel::ALL.into_iter().filter(|p| p.is_shown_by_default()).collect(),
+            panels_hidden: false,
             is_help: false,
             dialog: None,
             export: None,
             use_system_dialogs: options.use_system_dialogs,
             framed: None,
-            arriving: None,
+            pending_cameras: None,
             pictures_saved: channel(),
             last_frame: None,
             was_typing: false,
             sample: None,
-            played_at: None,
+            last_play_time: None,
             has_own_timeline: false,
             held: None,
         };
@@ -128,7 +128,7 @@ impl App {
     }
     /// Returns true if a panel is shown.
     pub fn is_shown(&self, panel: Panel) -> bool {
-        !self.is_bare && self.shown.contains(&panel)
+        !self.panels_hidden && self.shown.contains(&panel)
     }
     /// Number of triangles still to be drawn in pictures that are drawn in parts.
     pub fn triangles_left(&self) -> u64 {
@@ -142,7 +142,7 @@ impl App {
     /// Opens files; if one of them is a session, opens only that.
     fn open(&mut self, files: Vec<PathBuf>) {
         let is_session = |f: &&PathBuf| f.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
-        if let Some(layout) = files.iter().find(|f| is_session(f) && LayoutFile::is_one(f)).cloned() {
+        if let Some(layout) = files.iter().find(|f| is_session(f) && LayoutFile::is_layout(f)).cloned() {
             self.open_layout(&layout);
         } else if let Some(session) = files.iter().find(is_session).cloned() {
             self.open_session(&session);
@@ -154,8 +154,8 @@ impl App {
     fn open_session(&mut self, path: &Path) {
         match Session::open(path, &self.document.assets) {
             Ok(session) => {
-                self.arriving = session.cameras;
-                self.pictures.stage.arrive_from(session.stage_camera);
+                self.pending_cameras = session.cameras;
+                self.pictures.stage.set_pending_pose(session.stage_camera);
                 self.framed = None;
                 self.document.run(Command::Session(Box::new(session.settings)));
             }
@@ -189,7 +189,7 @@ impl App {
     }
 
     /// Frames a newly opened file.
-    fn arrive(&mut self, ctx: &egui::Context) {
+    fn frame_new_file(&mut self, ctx: &egui::Context) {
         let Some(path) = self.document.original().map(|o| o.content.path.clone()) else {
             self.framed = None;
             return;
@@ -198,21 +198,21 @@ impl App {
             return;
         }
         self.facts.longest_frame_secs = 0.0;
-        match self.arriving.take() {
+        match self.pending_cameras.take() {
             Some(cameras) => {
                 for (side, pose) in [Side::Original, Side::Result].into_iter().zip(cameras) {
                     self.pictures.set_orbit(side, Orbit::of(&pose.camera()), false);
                 }
             }
-            None => self.pictures.arrive_from(0),
+            None => self.pictures.look_from_next_frame(0),
         }
         let name = panel::files::name(&path);
         ctx.send_viewport_cmd(egui::ViewportCommand::Title(format!("{name} – Lodsmith")));
         let is_sample = self.sample.as_ref().is_some_and(|s| path.starts_with(s.path()));
         if !is_sample {
-            self.memory.opened(&path);
-            self.facts.recent.clone_from(&self.memory.recent);
-            self.remember();
+            self.prefs.add_recent(&path);
+            self.facts.recent.clone_from(&self.prefs.recent);
+            self.save_prefs();
         }
         let has_clips = self.document.original().is_some_and(|o| !o.content.model().animations.is_empty());
         if has_clips && self.shown.insert(Panel::Timeline) {
@@ -226,25 +226,25 @@ impl App {
 
     /// Advances the animation by the elapsed time and passes the pose to the pictures.
     fn play(&mut self, ctx: &egui::Context) {
-        self.played_at = if self.document.is_playing() {
+        self.last_play_time = if self.document.is_playing() {
             let now = ctx.input(|i| i.time);
-            self.document.go_on(self.played_at.map_or(0.0, |last| now - last));
+            self.document.advance_playback(self.last_play_time.map_or(0.0, |last| now - last));
             ctx.request_repaint();
             Some(now)
         } else {
             None
         };
-        self.pictures.stand(self.document.pose());
+        self.pictures.set_pose(self.document.pose());
     }
 
-    fn remember(&self) {
+    fn save_prefs(&self) {
         if let Some(path) = &self.memory_path {
-            self.memory.save(path);
+            self.prefs.save(path);
         }
     }
 
-    fn whole(&self) -> Option<Whole> {
-        self.document.original().map(|o| Whole {
+    fn original_size(&self) -> Option<OriginalSize> {
+        self.document.original().map(|o| OriginalSize {
             faces: o.content.faces,
             vertices: o.content.vertices,
             diagonal: o.content.bounds.diagonal(),
@@ -253,7 +253,7 @@ impl App {
 
     /// Scales the target by a factor.
     fn scale_target(&mut self, factor: f64) {
-        let Some(whole) = self.whole() else { return };
+        let Some(whole) = self.original_size() else { return };
         let shown = self.document.lighter().map_or(whole.faces, |l| l.content.faces);
         let target = whole.scaled(self.document.settings(), shown, factor);
         self.document.run(Command::Target(target));
@@ -261,7 +261,7 @@ impl App {
 
     fn start_of_dialogs(&self) -> PathBuf {
         let of_file = self.document.settings().file().and_then(Path::parent);
-        let start = of_file.or_else(|| self.memory.recent.first().and_then(|f| f.parent()));
+        let start = of_file.or_else(|| self.prefs.recent.first().and_then(|f| f.parent()));
         start.map(Path::to_owned).or_else(|| std::env::current_dir().ok()).unwrap_or_default()
     }
 
@@ -294,13 +294,13 @@ impl App {
                     form.chosen(&first);
                 }
             }
-            Purpose::Matcap | Purpose::Shader | Purpose::Around => {
+            Purpose::Matcap | Purpose::Shader | Purpose::Environment => {
                 let mut look = self.document.settings().look.clone();
                 if purpose == Purpose::Matcap {
                     look.matcap = Some(first);
                     look.look.shading = Shading::Matcap;
-                } else if purpose == Purpose::Around {
-                    look.around = Around::File(first);
+                } else if purpose == Purpose::Environment {
+                    look.around = EnvironmentChoice::File(first);
                 } else {
                     look.shader = Some(first);
                 }
@@ -330,7 +330,7 @@ impl App {
             Action::Export => {
                 if let Some(original) = self.document.original() {
                     self.export =
-                        Some(export::Form::new(&original.content.path, original.content.file.format));
+                        Some(export::ExportForm::new(&original.content.path, original.content.file.format));
                 }
                 return;
             }
@@ -352,21 +352,25 @@ impl App {
                 return self.document.benchmark();
             }
             Action::Cancel => return self.document.cancel(),
-            Action::Restore => return self.document.run(Command::Target(Target::Original)),
-            Action::Fewer => return self.scale_target(STEP),
-            Action::More => return self.scale_target(1.0 / STEP),
+            Action::Restore => return self.document.run(Command::Target(SimplifyTarget::Original)),
+            Action::Fewer => return self.scale_target(KEY_FACTOR),
+            Action::More => return self.scale_target(1.0 / KEY_FACTOR),
             Action::Play => {
                 self.document.play(!self.document.is_playing());
                 return ctx.request_repaint();
             }
-            Action::ToBegin | Action::StepTime(_) | Action::Speed(_) | Action::Repeat | Action::NextClip => {
+            Action::GoToStart
+            | Action::StepTime(_)
+            | Action::Speed(_)
+            | Action::Repeat
+            | Action::NextClip => {
                 if matches!(action, Action::StepTime(_)) {
                     self.document.play(false);
                 }
                 let (model, length) =
                     (self.document.original().map(|o| o.content.model()), self.document.timeline_secs());
                 let playback = self.document.settings().playback;
-                let then = model.and_then(|m| by_key(playback, m, length, action));
+                let then = model.and_then(|m| playback_after(playback, m, length, action));
                 return then.into_iter().for_each(|p| self.document.run(Command::Playback(p)));
             }
             Action::AutoLod => {
@@ -389,12 +393,12 @@ impl App {
             }
             Action::Frame => return self.pictures.frame(&self.document),
             Action::View(view) => return self.pictures.look_from(&self.document, view),
-            Action::Keep(slot) => {
+            Action::SaveCamera(slot) => {
                 let pose = Pose::of(&self.pictures.orbit(Side::Original).camera());
                 self.document.log.note(format!("kept as camera {}", slot + 1));
                 return self.document.run(Command::KeepCamera(slot, Some(pose)));
             }
-            Action::Recall(slot) => {
+            Action::RestoreCamera(slot) => {
                 match settings.cameras[slot] {
                     Some(pose) => self.pictures.each_orbit(|o| *o = Orbit::of(&pose.camera())),
                     None => self.document.log.note(format!("no camera was kept as {}", slot + 1)),
@@ -413,19 +417,19 @@ impl App {
                 let turn = (by * settings.turn.rotation()).normalize();
                 return self.document.run(Command::Turn(Turn(turn.to_array())));
             }
-            Action::TurnBack => return self.document.run(Command::Turn(Turn::default())),
-            Action::Panels => return self.is_bare = !self.is_bare,
+            Action::ResetRotation => return self.document.run(Command::Turn(Turn::default())),
+            Action::Panels => return self.panels_hidden = !self.panels_hidden,
             Action::Panel(panel) => {
                 self.has_own_timeline &= panel != Panel::Timeline;
-                if !self.shown.remove(&panel) || self.is_bare {
+                if !self.shown.remove(&panel) || self.panels_hidden {
                     self.shown.insert(panel);
                 }
-                return self.is_bare = false;
+                return self.panels_hidden = false;
             }
             Action::Theme => {
-                self.memory.is_light = ctx.theme() == Theme::Dark;
-                ctx.set_theme(if self.memory.is_light { Theme::Light } else { Theme::Dark });
-                return self.remember();
+                self.prefs.is_light = ctx.theme() == Theme::Dark;
+                ctx.set_theme(if self.prefs.is_light { Theme::Light } else { Theme::Dark });
+                return self.save_prefs();
             }
             Action::Screenshot => return self.screenshot(ctx),
             Action::Help => return self.is_help = !self.is_help,
@@ -440,7 +444,7 @@ impl App {
             Action::Defects => looks.defects = !looks.defects,
             Action::Cull => looks.cull_back = !looks.cull_back,
             Action::Ground => look.ground = !look.ground,
-            Action::Around => look.around = look.around.next(),
+            Action::NextEnvironment => look.around = look.around.next(),
             Action::Stage | Action::Walk | Action::Copies(_) => return,
         }
         self.document.run(Command::Look(look));
@@ -503,16 +507,16 @@ impl App {
             (!i.modifiers.any(), i.key_down(Key::M), i.key_down(Key::Space), i.stable_dt.min(0.1))
         });
         if plain && is_held {
-            self.scale_target(HELD_PER_SECOND.powf(f64::from(secs)));
+            self.scale_target(HELD_FACTOR_PER_SECOND.powf(f64::from(secs)));
             ctx.request_repaint();
         }
         self.pictures.is_flickering = plain && is_space;
     }
 
     /// Tells the document which results the panels need.
-    fn want(&mut self) {
+    fn request_results(&mut self) {
         let is_heat = self.document.settings().look.look.shading == Shading::Heat;
-        self.document.want(is_heat || self.is_shown(Panel::Error), self.is_shown(Panel::Info));
+        self.document.set_wanted_results(is_heat || self.is_shown(Panel::Error), self.is_shown(Panel::Info));
     }
 
     fn panels(&mut self, ui: &mut Ui) {
@@ -526,10 +530,10 @@ impl App {
             Panel::ALL.into_iter().filter(is_in).collect::<Vec<_>>()
         });
         let shown = self.shown.clone();
-        let mut scope = Scope { document: &self.document, facts: &self.facts, says: Vec::new() };
+        let mut scope = PanelContext { document: &self.document, facts: &self.facts, requests: Vec::new() };
         let p = theme::palette(ui);
         let bar = egui::Frame::NONE.fill(p.panel).inner_margin(egui::Margin::symmetric(12, 6));
-        if !self.is_bare {
+        if !self.panels_hidden {
             let top = egui::Panel::top("top").frame(bar).resizable(false);
             top.show(ui, |ui| panel::top::show(ui, &mut scope, &|p| shown.contains(&p)));
         }
@@ -557,9 +561,9 @@ impl App {
             }
             let frame = egui::Frame::NONE.fill(p.panel);
             let dock = if name == "left" { egui::Panel::left(name) } else { egui::Panel::right(name) };
-            dock.frame(frame).resizable(false).exact_size(theme::DOCK).show(ui, |ui| {
+            dock.frame(frame).resizable(false).exact_size(theme::DOCK_WIDTH).show(ui, |ui| {
                 egui::ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
-                    ui.spacing_mut().item_spacing.y = theme::STEP;
+                    ui.spacing_mut().item_spacing.y = theme::SPACING;
                     for &panel in &panels {
                         if parts::section(ui, panel, |ui| body(ui, panel, &mut scope)) {
                             closed.push(panel);
@@ -581,7 +585,7 @@ impl App {
                 }
             });
         }
-        let says = scope.says;
+        let says = scope.requests;
         self.facts.unit = chosen;
         if chosen != unit {
             self.change_unit(chosen);
@@ -589,44 +593,44 @@ impl App {
         for panel in closed {
             self.shown.remove(&panel);
         }
-        self.heed(ui.ctx(), says);
+        self.handle_requests(ui.ctx(), says);
     }
 
     /// Keeps the same target, in another unit.
     fn change_unit(&mut self, unit: Unit) {
-        let (Some(whole), Some(lighter)) = (self.whole(), self.document.lighter()) else { return };
+        let (Some(whole), Some(lighter)) = (self.original_size(), self.document.lighter()) else { return };
         let l = &lighter.content;
         let target = match unit {
-            Unit::Faces => Target::Faces(l.faces),
-            Unit::Vertices => Target::Vertices(l.vertices),
-            Unit::Percent => whole.target(unit, whole.place_of_faces(l.faces as f64)),
+            Unit::Faces => SimplifyTarget::Faces(l.faces),
+            Unit::Vertices => SimplifyTarget::Vertices(l.vertices),
+            Unit::Percent => whole.target(unit, whole.slider_position_of_faces(l.faces as f64)),
             Unit::Error => {
                 let d = l.measured().map_or(l.error(), |m| m.hausdorff.symmetric);
-                Target::Error((d / whole.diagonal.max(1e-300)).clamp(1e-6, 0.1))
+                SimplifyTarget::Error((d / whole.diagonal.max(1e-300)).clamp(1e-6, 0.1))
             }
         };
         self.document.run(Command::Target(target));
     }
 
-    fn heed(&mut self, ctx: &egui::Context, says: Vec<Say>) {
+    fn handle_requests(&mut self, ctx: &egui::Context, says: Vec<UiRequest>) {
         for say in says {
             match say {
-                Say::Command(command) => self.document.run(command),
-                Say::Action(action) => self.act(ctx, action),
-                Say::OpenFile(path) => self.open(vec![path]),
-                Say::OpenSample => self.open_sample(),
-                Say::ChooseMatcap => self.choose(ctx, Purpose::Matcap, None),
-                Say::ChooseAround => self.choose(ctx, Purpose::Around, None),
-                Say::ChooseShader => self.choose(ctx, Purpose::Shader, None),
-                Say::Copy(text) => ctx.copy_text(text),
-                Say::Scatter(scatter) => self.scatter(scatter),
-                Say::ScatterForm(form) => self.pictures.stage.form = Some(form),
-                Say::Keyframes(desk) => self.pictures.stage.keyframes = desk,
+                UiRequest::Command(command) => self.document.run(command),
+                UiRequest::Action(action) => self.act(ctx, action),
+                UiRequest::OpenFile(path) => self.open(vec![path]),
+                UiRequest::OpenSample => self.open_sample(),
+                UiRequest::ChooseMatcap => self.choose(ctx, Purpose::Matcap, None),
+                UiRequest::ChooseEnvironment => self.choose(ctx, Purpose::Environment, None),
+                UiRequest::ChooseShader => self.choose(ctx, Purpose::Shader, None),
+                UiRequest::Copy(text) => ctx.copy_text(text),
+                UiRequest::Scatter(scatter) => self.scatter(scatter),
+                UiRequest::ScatterForm(form) => self.pictures.stage.form = Some(form),
+                UiRequest::KeyframeSelection(desk) => self.pictures.stage.keyframes = desk,
             }
         }
     }
 
-    fn middle(&mut self, ui: &mut Ui) {
+    fn main_view(&mut self, ui: &mut Ui) {
         let mut says = Vec::new();
         let frame = egui::Frame::NONE.fill(theme::palette(ui).window);
         let detail = egui::CentralPanel::default().frame(frame).show(ui, |ui| {
@@ -634,18 +638,18 @@ impl App {
             if self.document.original().is_some() {
                 self.pictures.show(ui, &self.document, &mut says)
             } else {
-                empty(ui, &self.document, &self.facts, &mut says);
+                start_page(ui, &self.document, &self.facts, &mut says);
                 None
             }
         });
         if let Some(factor) = detail.inner {
             self.scale_target(factor);
         }
-        self.heed(ui.ctx(), says);
+        self.handle_requests(ui.ctx(), says);
     }
 
     /// Bar above the pictures: errors, and files changed on disk.
-    fn notices(&mut self, ui: &mut Ui, says: &mut Vec<Say>) {
+    fn notices(&mut self, ui: &mut Ui, says: &mut Vec<UiRequest>) {
         let p = theme::palette(ui);
         let bar = |ui: &mut Ui, color, add: &mut dyn FnMut(&mut Ui)| {
             let frame = egui::Frame::NONE.fill(p.raised).inner_margin(egui::Margin::symmetric(12, 6));
@@ -669,7 +673,7 @@ impl App {
         if let Some(path) = self.document.changed.clone() {
             bar(ui, p.warning, &mut |ui| {
                 if parts::primary(ui, "Read again").clicked() {
-                    says.push(Say::Action(Action::Reload));
+                    says.push(UiRequest::Action(Action::Reload));
                 }
                 is_seen = ui.button("Keep").clicked();
                 ui.label(format!("{} changed on the disk", panel::files::name(&path)));
@@ -681,15 +685,15 @@ impl App {
     }
 
     /// Replaces the preview level by an exact result once nothing is held, or the held slider rests.
-    fn rest(&mut self, ctx: &egui::Context) {
+    fn refine_at_rest(&mut self, ctx: &egui::Context) {
         if !ctx.input(|i| i.pointer.any_down() || i.key_down(Key::M)) {
             return self.document.seal();
         }
         let stop = self.document.settings().simplify.options.stop;
         match self.held {
-            Some((before, since)) if before == stop => match REST.checked_sub(since.elapsed()) {
+            Some((before, since)) if before == stop => match SLIDER_REST.checked_sub(since.elapsed()) {
                 Some(left) => ctx.request_repaint_after(left + Duration::from_millis(5)),
-                None => self.document.finish(),
+                None => self.document.start_exact_run(),
             },
             _ => {
                 self.held = Some((stop, Instant::now()));
@@ -705,19 +709,19 @@ impl App {
         }
         if let Some(mut dialog) = self.dialog.take() {
             match dialog.show(ctx) {
-                Answer::Open => self.dialog = Some(dialog),
-                Answer::Closed => {}
-                Answer::Chosen(files) => self.chosen(dialog.purpose, files),
+                DialogState::Open => self.dialog = Some(dialog),
+                DialogState::Closed => {}
+                DialogState::Chosen(files) => self.chosen(dialog.purpose, files),
             }
         } else if let Some(mut form) = self.export.take() {
             match form.show(ctx, &self.document) {
-                export::Answer::Open => self.export = Some(form),
-                export::Answer::Closed => {}
-                export::Answer::Write(export) => {
+                export::ExportDialogState::Open => self.export = Some(form),
+                export::ExportDialogState::Closed => {}
+                export::ExportDialogState::Write(export) => {
                     let error = self.pictures.allowed_error(&self.document);
                     self.document.export(export, error);
                 }
-                export::Answer::Choose(is_folder, start) => {
+                export::ExportDialogState::Choose(is_folder, start) => {
                     self.export = Some(form);
                     let purpose = if is_folder { Purpose::ExportFolder } else { Purpose::ExportFile };
                     self.choose(ctx, purpose, Some(start));
@@ -738,21 +742,21 @@ impl eframe::App for App {
                 Err(why) => self.fail(format!("the picture cannot be saved: {why}")),
             }
         }
-        self.arrive(&ctx);
+        self.frame_new_file(&ctx);
         self.keys(&ctx);
         self.play(&ctx);
-        self.want();
+        self.request_results();
         let have_changed = std::mem::take(&mut self.document.own_files_changed);
         self.facts.shader_error = self.pictures.follow_files(&self.document, have_changed);
         self.facts.triangles_drawn = self.pictures.triangles;
-        self.facts.stage = self.pictures.stage.facts();
+        self.facts.stage = self.pictures.stage.status();
         let lighter = self.document.lighter();
         self.facts.error_px = lighter.and_then(|l| self.pictures.pixels(&self.document, l.content.error()));
         self.panels(ui);
-        self.middle(ui);
+        self.main_view(ui);
         self.dialogs(&ctx);
-        hovering(&ctx);
-        self.rest(&ctx);
+        drop_hint(&ctx);
+        self.refine_at_rest(&ctx);
         let own = begin.elapsed().as_secs_f64();
         self.facts.frame_secs = frame.info().cpu_usage.map_or(own, |c| c as f64);
         if self.last_frame.replace(begin).is_some() {
@@ -761,7 +765,7 @@ impl eframe::App for App {
     }
 }
 
-fn body(ui: &mut Ui, panel: Panel, scope: &mut Scope<'_>) {
+fn body(ui: &mut Ui, panel: Panel, scope: &mut PanelContext<'_>) {
     match panel {
         Panel::Files => panel::files::show(ui, scope),
         Panel::Method => panel::method::show(ui, scope),

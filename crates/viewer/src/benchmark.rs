@@ -9,23 +9,23 @@ use lodsmith_core::model::Pose;
 use lodsmith_render::{Camera, Shading};
 
 use crate::content::{Lighter, Original};
-use crate::gpu::{Context, Frame, Gpu, Placed};
-use crate::job::Watch;
+use crate::gpu::{Context, Frame, Gpu, PlacedModel};
+use crate::job::JobControl;
 use crate::numbers::{grouped, percent, seconds, significant};
 use crate::settings::Settings;
 use crate::viewport;
 use crate::words::Simplification;
 
 /// Fractions of the triangles that are made; the original comes before them.
-pub const LEVELS: [f64; 5] = [0.5, 0.25, 0.1, 0.05, 0.01];
+pub const BENCHMARK_RATIOS: [f64; 5] = [0.5, 0.25, 0.1, 0.05, 0.01];
 /// Size of the picture that is drawn, in pixels.
-pub const SIZE: [u32; 2] = [1024, 768];
+pub const PICTURE_SIZE_PX: [u32; 2] = [1024, 768];
 /// Pictures of each level. The fastest counts: other load on the machine only makes them slower.
-pub const PICTURES: usize = 5;
+pub const PICTURES_PER_LEVEL: usize = 5;
 
 /// Times of a model and its levels.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Table {
+pub struct BenchmarkTable {
     /// Name of the file.
     pub file: String,
     /// Options that made the levels, as command-line words.
@@ -37,21 +37,21 @@ pub struct Table {
     /// Load time in seconds.
     pub read_secs: f64,
     /// The original, then the levels.
-    pub rows: Vec<Row>,
+    pub rows: Vec<TableRow>,
 }
 
 /// One row of the table: a level.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Row {
+pub struct TableRow {
     /// Fraction of the triangles that was asked for.
     pub share: f64,
     /// Measured values, or why there is no result.
-    pub level: Result<Level, String>,
+    pub level: Result<LevelTimes, String>,
 }
 
 /// Times and error of a level.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Level {
+pub struct LevelTimes {
     /// Number of triangles.
     pub faces: usize,
     /// Time to make it in seconds; `None` for the original.
@@ -67,10 +67,10 @@ pub struct Level {
 }
 
 /// Column headings.
-pub const HEADS: [&str; 7] =
+pub const COLUMN_HEADINGS: [&str; 7] =
     ["level", "faces", "simplify", "RMS of diagonal", "upload", "frame, ours", "frame, adapter"];
 
-impl Row {
+impl TableRow {
     /// Returns the cells of the row, formatted for display.
     pub fn cells(&self) -> [String; 7] {
         let dash = || "–".to_owned();
@@ -97,13 +97,13 @@ fn fine_seconds(secs: f64) -> String {
     if secs < 1e-3 { format!("{} ms", significant(1e3 * secs, 2)) } else { seconds(secs) }
 }
 
-impl Table {
+impl BenchmarkTable {
     /// Returns a one-line description of model, method and adapter.
     pub fn title(&self) -> String {
         let adapter = if self.adapter.is_empty() { "no adapter" } else { &self.adapter };
-        let [width, height] = SIZE;
+        let [width, height] = PICTURE_SIZE_PX;
         format!(
-            "{}, opened in {}; {}; drawn {} at {width} × {height} by {adapter}, best of {PICTURES}",
+            "{}, opened in {}; {}; drawn {} at {width} × {height} by {adapter}, best of {PICTURES_PER_LEVEL}",
             self.file,
             seconds(self.read_secs),
             self.how,
@@ -114,8 +114,8 @@ impl Table {
     /// Returns the table as Markdown below its title.
     pub fn markdown(&self) -> String {
         let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
-        let heads = HEADS.map(str::to_owned);
-        let rule = "|---".to_owned() + &"|--:".repeat(HEADS.len() - 1) + "|\n";
+        let heads = COLUMN_HEADINGS.map(str::to_owned);
+        let rule = "|---".to_owned() + &"|--:".repeat(COLUMN_HEADINGS.len() - 1) + "|\n";
         let rows: String = self.rows.iter().map(|row| line(&row.cells())).collect();
         format!("{}\n\n{}{rule}{rows}", self.title(), line(&heads))
     }
@@ -124,7 +124,7 @@ impl Table {
     pub fn tsv(&self) -> String {
         let heads = "share\tfaces\tsimplify_s\trms_of_diagonal\tupload_s\tframe_s\tadapter_s\n";
         let number = |x: Option<f64>| x.map(|x| x.to_string()).unwrap_or_default();
-        let line = |row: &Row| match &row.level {
+        let line = |row: &TableRow| match &row.level {
             Ok(l) => {
                 let times =
                     [l.simplify_secs, l.error, l.upload_secs, l.frame_secs, l.adapter_secs].map(number);
@@ -138,15 +138,15 @@ impl Table {
 
 /// A table that is being filled by a job.
 #[derive(Clone, Debug, Default)]
-pub struct Filling(Arc<Mutex<Table>>);
+pub struct SharedTable(Arc<Mutex<BenchmarkTable>>);
 
-impl Filling {
+impl SharedTable {
     /// Returns the rows so far.
-    pub fn table(&self) -> Table {
+    pub fn table(&self) -> BenchmarkTable {
         self.lock().clone()
     }
 
-    fn lock(&self) -> MutexGuard<'_, Table> {
+    fn lock(&self) -> MutexGuard<'_, BenchmarkTable> {
         // A row is pushed as a whole, so a poisoned lock holds a valid table.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -157,52 +157,52 @@ impl Filling {
         original: &Original,
         settings: &Settings,
         context: Option<Context>,
-        watch: &mut Watch,
+        watch: &mut JobControl,
     ) -> bool {
         let mut how = settings.simplify.clone();
         how.options.stop = Stop::default();
-        *self.lock() = Table {
+        *self.lock() = BenchmarkTable {
             file: original.path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-            how: described(&how),
+            how: option_summary(&how),
             adapter: context.as_ref().map(Context::adapter_name).unwrap_or_default(),
             shading: settings.look.look.shading.name(),
             read_secs: original.read_secs,
             rows: Vec::new(),
         };
-        let mut easel = context.map(|context| Easel::new(context, original, settings));
-        let mut finish = |share: f64, model: &Model, level: Level| {
+        let mut easel = context.map(|context| BenchRenderer::new(context, original, settings));
+        let mut finish = |share: f64, model: &Model, level: LevelTimes| {
             let level = easel.as_mut().map_or(level.clone(), |easel| easel.draw(model, level));
-            self.lock().rows.push(Row { share, level: Ok(level) });
+            self.lock().rows.push(TableRow { share, level: Ok(level) });
         };
-        finish(1.0, original.model(), Level { faces: original.faces, ..Level::default() });
-        for (k, share) in LEVELS.into_iter().enumerate() {
-            let at = |k: usize| k as f64 / LEVELS.len() as f64;
+        finish(1.0, original.model(), LevelTimes { faces: original.faces, ..LevelTimes::default() });
+        for (k, share) in BENCHMARK_RATIOS.into_iter().enumerate() {
+            let at = |k: usize| k as f64 / BENCHMARK_RATIOS.len() as f64;
             how.options.stop = Stop::ratio(share);
-            let mut within = Within { watch, from: at(k), to: at(k + 1) };
-            if !within.watch.go_on(at(k)) {
+            let mut within = SubProgress { watch, from: at(k), to: at(k + 1) };
+            if !within.watch.report(at(k)) {
                 return false;
             }
             match Lighter::make(original, &how, &mut within) {
                 Ok(lighter) => {
                     let diagonal = lighter.report.as_ref().map_or(0.0, |r| r.error.diagonal);
-                    let level = Level {
+                    let level = LevelTimes {
                         faces: lighter.faces,
                         simplify_secs: Some(lighter.seconds),
                         error: (diagonal > 0.0).then(|| lighter.error() / diagonal),
-                        ..Level::default()
+                        ..LevelTimes::default()
                     };
                     finish(share, &lighter.model, level);
                 }
                 Err(SimplifyError::Cancelled) => return false,
-                Err(why) => self.lock().rows.push(Row { share, level: Err(why.to_string()) }),
+                Err(why) => self.lock().rows.push(TableRow { share, level: Err(why.to_string()) }),
             }
         }
-        watch.go_on(1.0)
+        watch.report(1.0)
     }
 }
 
 /// Returns the options that differ from the defaults, as command-line words.
-fn described(how: &Simplification) -> String {
+fn option_summary(how: &Simplification) -> String {
     let words = how.words();
     let method = format!("--method {}", how.options.method.name());
     match words.join(" ") {
@@ -213,13 +213,13 @@ fn described(how: &Simplification) -> String {
 }
 
 /// Maps the progress of one level to its range of the whole job.
-struct Within<'a> {
-    watch: &'a mut Watch,
+struct SubProgress<'a> {
+    watch: &'a mut JobControl,
     from: f64,
     to: f64,
 }
 
-impl Control for Within<'_> {
+impl Control for SubProgress<'_> {
     fn stage(&mut self, stage: Stage) {
         self.watch.stage(stage);
     }
@@ -230,24 +230,24 @@ impl Control for Within<'_> {
 }
 
 /// Renderer of the benchmark: adapter, original and settings.
-struct Easel<'a> {
+struct BenchRenderer<'a> {
     gpu: Gpu,
     original: &'a Original,
     settings: &'a Settings,
 }
 
-impl<'a> Easel<'a> {
+impl<'a> BenchRenderer<'a> {
     fn new(context: Context, original: &'a Original, settings: &'a Settings) -> Self {
-        Self { gpu: Gpu::on(context).timed(), original, settings }
+        Self { gpu: Gpu::on(context).with_timestamps(), original, settings }
     }
 
     /// Uploads a model and draws it as the window does. The first picture is not timed: it sets up shared
     /// resources.
-    fn draw(&mut self, model: &Model, level: Level) -> Level {
+    fn draw(&mut self, model: &Model, level: LevelTimes) -> LevelTimes {
         let begin = Instant::now();
         let drawing = self.gpu.upload(model);
         let upload_secs = Some(begin.elapsed().as_secs_f64());
-        let mut target = self.gpu.target(SIZE);
+        let mut target = self.gpu.target(PICTURE_SIZE_PX);
         let look = &self.settings.look;
         let mut shown = look.look.clone();
         // The distances for the heat map come from another job.
@@ -257,11 +257,11 @@ impl<'a> Easel<'a> {
         let lighting = look.rig.lighting(look.brightness);
         let bounds = self.original.bounds;
         let pose = Pose::default();
-        let placed = [Placed::new(&drawing, &pose)];
-        let aspect = f64::from(SIZE[0]) / f64::from(SIZE[1]);
-        let camera = Camera::fitting(&bounds, viewport::standard(0), aspect);
+        let placed = [PlacedModel::new(&drawing, &pose)];
+        let aspect = f64::from(PICTURE_SIZE_PX[0]) / f64::from(PICTURE_SIZE_PX[1]);
+        let camera = Camera::fitting(&bounds, viewport::standard_view(0), aspect);
         let (mut ours, mut adapter): (Option<f64>, Option<f64>) = (None, None);
-        for k in 0..=PICTURES {
+        for k in 0..=PICTURES_PER_LEVEL {
             let mut camera = camera;
             camera.eye += (camera.eye - camera.target) * (1e-3 * k as f64);
             let frame = Frame {
@@ -279,13 +279,13 @@ impl<'a> Easel<'a> {
             let begin = Instant::now();
             self.gpu.draw(&mut target, &frame);
             let own = begin.elapsed().as_secs_f64();
-            let its = self.gpu.adapter_secs();
+            let its = self.gpu.gpu_secs();
             if k > 0 {
                 ours = Some(ours.map_or(own, |least| least.min(own)));
                 adapter = its.map(|its| adapter.map_or(its, |least| least.min(its)));
             }
         }
-        Level { upload_secs, frame_secs: ours, adapter_secs: adapter, ..level }
+        LevelTimes { upload_secs, frame_secs: ours, adapter_secs: adapter, ..level }
     }
 }
 
@@ -293,8 +293,8 @@ impl<'a> Easel<'a> {
 mod tests {
     use super::*;
 
-    fn table() -> Table {
-        let level = Level {
+    fn table() -> BenchmarkTable {
+        let level = LevelTimes {
             faces: 34_567,
             simplify_secs: Some(0.25),
             error: Some(0.00123),
@@ -302,17 +302,17 @@ mod tests {
             frame_secs: Some(0.00005),
             adapter_secs: None,
         };
-        let original = Level { simplify_secs: None, error: None, faces: 69_451, ..level.clone() };
-        Table {
+        let original = LevelTimes { simplify_secs: None, error: None, faces: 69_451, ..level.clone() };
+        BenchmarkTable {
             file: "bunny.obj".to_owned(),
             how: "--method memoryless".to_owned(),
             adapter: "card".to_owned(),
             shading: "smooth",
             read_secs: 0.5,
             rows: vec![
-                Row { share: 1.0, level: Ok(original) },
-                Row { share: 0.5, level: Ok(level) },
-                Row { share: 0.01, level: Err("too few".to_owned()) },
+                TableRow { share: 1.0, level: Ok(original) },
+                TableRow { share: 0.5, level: Ok(level) },
+                TableRow { share: 0.01, level: Err("too few".to_owned()) },
             ],
         }
     }
@@ -325,7 +325,7 @@ mod tests {
             text.starts_with("bunny.obj, opened in 0.50 s; --method memoryless; drawn smooth at 1024 × 768")
         );
         assert_eq!(lines.len(), 5);
-        assert!(lines.iter().all(|l| l.matches('|').count() == HEADS.len() + 1), "{text}");
+        assert!(lines.iter().all(|l| l.matches('|').count() == COLUMN_HEADINGS.len() + 1), "{text}");
         assert_eq!(lines[2], "| original | 69,451 | – | – | 4.0 ms | 0.050 ms | – |");
         assert_eq!(lines[3], "| 50.0 % | 34,567 | 0.25 s | 0.123 % | 4.0 ms | 0.050 ms | – |");
         assert!(lines[4].starts_with("| 1.0 % | – | too few |"), "{}", lines[4]);

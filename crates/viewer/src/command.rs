@@ -21,7 +21,7 @@ pub enum Command {
     /// Closes all files.
     Close,
     /// Sets the target.
-    Target(Target),
+    Target(SimplifyTarget),
     /// Sets the method and its options; keeps the target.
     Method(Box<Simplification>),
     /// Sets the appearance of surfaces.
@@ -44,7 +44,7 @@ pub enum Command {
 
 /// The target of a run, as the slider under the pictures sets it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Target {
+pub enum SimplifyTarget {
     /// The original, unsimplified.
     Original,
     /// Number of triangles.
@@ -57,7 +57,7 @@ pub enum Target {
     Error(f64),
 }
 
-impl Target {
+impl SimplifyTarget {
     /// Returns the stop of the engine.
     pub fn stop(self) -> Stop {
         match self {
@@ -85,7 +85,7 @@ impl Command {
             Self::KeepCamera(..) => "camera",
             Self::AutoLod(_) => "level by distance",
             Self::Stage(change) => change.name(),
-            Self::Playback(_) => PLAYBACK,
+            Self::Playback(_) => PLAYBACK_NAME,
             Self::Session(_) => "session",
         }
     }
@@ -102,18 +102,18 @@ impl Command {
                 // Positions of copies are in units of their model.
                 StageChange::Replace(Copies::default(), Motion::default()).apply(&mut settings.stage);
                 settings.stage.is_on = false;
-                settings.playback = settings.playback.anew();
+                settings.playback = settings.playback.reset();
             }
             Self::Show(which) => {
                 settings.shown = (*which).min(settings.files.len().saturating_sub(1));
                 settings.simplify.options.stop = Stop::default();
-                settings.playback = settings.playback.anew();
+                settings.playback = settings.playback.reset();
             }
             Self::Close => {
                 settings.files.clear();
                 settings.shown = 0;
                 settings.simplify.options.stop = Stop::default();
-                settings.playback = settings.playback.anew();
+                settings.playback = settings.playback.reset();
             }
             Self::Target(target) => settings.simplify.options.stop = target.stop(),
             Self::Method(how) => {
@@ -138,25 +138,25 @@ impl Command {
 }
 
 /// Name of playback commands in the history.
-const PLAYBACK: &str = "animation";
+const PLAYBACK_NAME: &str = "animation";
 
 /// Undo history.
 #[derive(Debug, Default)]
 pub struct History {
-    undone: Vec<Step>,
-    done: Vec<Step>,
+    undone: Vec<UndoStep>,
+    done: Vec<UndoStep>,
     /// True while further commands of the same name join the last step, as while a slider is held.
     is_open: bool,
 }
 
 #[derive(Debug)]
-struct Step {
+struct UndoStep {
     name: &'static str,
     settings: Settings,
 }
 
 /// Number of undo steps that are kept. Guessed; each holds a few hundred bytes.
-const STEPS: usize = 500;
+const MAX_UNDO_STEPS: usize = 500;
 
 impl History {
     /// Runs a command. Commands of one kind are one step until [`History::seal`].
@@ -169,8 +169,8 @@ impl History {
         self.undone.clear();
         let goes_on = self.is_open && self.done.last().is_some_and(|s| s.name == command.name());
         if !goes_on {
-            self.done.push(Step { name: command.name(), settings: before });
-            if self.done.len() > STEPS {
+            self.done.push(UndoStep { name: command.name(), settings: before });
+            if self.done.len() > MAX_UNDO_STEPS {
                 self.done.remove(0);
             }
         }
@@ -192,15 +192,15 @@ impl History {
         Self::swap(&mut self.undone, &mut self.done, settings)
     }
 
-    fn swap(from: &mut Vec<Step>, to: &mut Vec<Step>, settings: &mut Settings) -> bool {
+    fn swap(from: &mut Vec<UndoStep>, to: &mut Vec<UndoStep>, settings: &mut Settings) -> bool {
         let Some(mut step) = from.pop() else { return false };
         // Playback goes on: only playback steps change the time.
         let was = &mut step.settings;
-        if step.name != PLAYBACK && was.file() == settings.file() {
+        if step.name != PLAYBACK_NAME && was.file() == settings.file() {
             was.playback.seconds = settings.playback.seconds;
         }
         let now = std::mem::replace(settings, step.settings);
-        to.push(Step { name: step.name, settings: now });
+        to.push(UndoStep { name: step.name, settings: now });
         true
     }
 
@@ -218,10 +218,10 @@ mod tests {
     fn a_drag_is_one_step() {
         let (mut settings, mut history) = (Settings::default(), History::default());
         for n in [900, 800, 700] {
-            history.run(&Command::Target(Target::Faces(n)), &mut settings);
+            history.run(&Command::Target(SimplifyTarget::Faces(n)), &mut settings);
         }
         history.seal();
-        history.run(&Command::Target(Target::Faces(100)), &mut settings);
+        history.run(&Command::Target(SimplifyTarget::Faces(100)), &mut settings);
         assert!(history.undo(&mut settings));
         assert_eq!(settings.simplify.options.stop.faces, Some(700));
         assert!(history.undo(&mut settings));
@@ -236,7 +236,7 @@ mod tests {
         let (mut settings, mut history) = (Settings::default(), History::default());
         let at = |seconds| Playback { seconds, ..Playback::default() };
         history.run(&Command::Playback(at(1.0)), &mut settings);
-        history.run(&Command::Target(Target::Faces(900)), &mut settings);
+        history.run(&Command::Target(SimplifyTarget::Faces(900)), &mut settings);
         settings.playback.seconds = 1.5;
         assert!(history.undo(&mut settings));
         assert_eq!((settings.playback, settings.simplify.options.stop.faces), (at(1.5), None));
@@ -249,7 +249,7 @@ mod tests {
     #[test]
     fn what_changes_nothing_is_no_step() {
         let (mut settings, mut history) = (Settings::default(), History::default());
-        history.run(&Command::Target(Target::Original), &mut settings);
+        history.run(&Command::Target(SimplifyTarget::Original), &mut settings);
         history.run(&Command::KeepCamera(9, None), &mut settings);
         assert_eq!(history.names(), (None, None));
     }

@@ -11,12 +11,12 @@ use lodsmith_render::Shading;
 
 use crate::command::Command;
 use crate::content::Lighter;
-use crate::document::{Document, Drawing, Shown};
-use crate::gpu::{Drawn, Frame, Gpu, Placed, Target};
+use crate::document::{Document, Drawing, ShownModel};
+use crate::gpu::{DrawStats, Frame, Gpu, PlacedModel, RenderTarget};
 use crate::numbers::{grouped, percent, significant};
 use crate::orbit::{Orbit, moved_bounds, turn_matrix, turned_bounds};
-use crate::own_files::OwnFiles;
-use crate::panel::{Say, error};
+use crate::own_files::UserFiles;
+use crate::panel::{UiRequest, error};
 use crate::settings::{Layout, Sides};
 use crate::stage::picture::StageView;
 use crate::stand_in;
@@ -55,9 +55,9 @@ impl Side {
 }
 
 /// The pictures of both sides, with their cameras.
-pub struct Pictures {
+pub struct ComparisonView {
     gpu: Option<Gpu>,
-    targets: [Option<Target>; 2],
+    targets: [Option<RenderTarget>; 2],
     orbits: [Orbit; 2],
     /// Current pose of the model.
     pose: Pose,
@@ -74,26 +74,26 @@ pub struct Pictures {
     /// Number of triangles of the last frame still to be drawn.
     pub triangles_left: u64,
     moved: Option<Instant>,
-    own: OwnFiles,
+    user_files: UserFiles,
     /// View to frame as soon as the size of the pictures is known.
-    arriving: Option<usize>,
+    pending_view: Option<usize>,
 }
 
 /// Render scale while the camera moves, on software adapters. Measured: a quarter of the pixels take a third
 /// of the time.
-const COARSE: f32 = 0.5;
+const COARSE_SCALE: f32 = 0.5;
 /// Number of triangles up to which software adapters draw at full size.
-const FAST_TRIANGLES: usize = 50_000;
+const MAX_FULL_SIZE_TRIANGLES: usize = 50_000;
 /// Time after the last movement until the picture is drawn at full size.
-const REST: Duration = Duration::from_millis(160);
+const CAMERA_REST: Duration = Duration::from_millis(160);
 /// Length of a drag, in points, that changes the target by a factor of e.
-const DETAIL_POINTS: f32 = 120.0;
+const DETAIL_DRAG_POINTS: f32 = 120.0;
 
-impl Pictures {
+impl ComparisonView {
     /// Creates the pictures of an adapter; without one, nothing is drawn.
     pub fn new(gpu: Option<Gpu>) -> Self {
         let bounds = Bounds { min: [-0.5; 3], max: [0.5; 3] };
-        let orbit = Orbit::fitting(&bounds, viewport::standard(0), 1.0);
+        let orbit = Orbit::fitting(&bounds, viewport::standard_view(0), 1.0);
         Self {
             gpu,
             targets: [None, None],
@@ -106,8 +106,8 @@ impl Pictures {
             triangles_left: 0,
             stage: StageView::default(),
             moved: None,
-            own: OwnFiles::default(),
-            arriving: None,
+            user_files: UserFiles::default(),
+            pending_view: None,
         }
     }
 
@@ -117,7 +117,7 @@ impl Pictures {
     }
 
     /// Sets the pose of the model.
-    pub fn stand(&mut self, pose: Pose) {
+    pub fn set_pose(&mut self, pose: Pose) {
         if pose != self.pose {
             self.pose = pose;
             self.moved = Some(Instant::now());
@@ -128,11 +128,11 @@ impl Pictures {
     /// error message, if any.
     pub fn follow_files(&mut self, document: &Document, have_changed: bool) -> Option<String> {
         let has_metal = document.original().is_some_and(|o| o.content.model().has_metal());
-        self.own.follow(self.gpu.as_ref(), &document.settings().look, has_metal, have_changed);
+        self.user_files.follow(self.gpu.as_ref(), &document.settings().look, has_metal, have_changed);
         if have_changed {
-            self.targets.iter_mut().flatten().for_each(Target::forget);
+            self.targets.iter_mut().flatten().for_each(RenderTarget::forget);
         }
-        self.own.error()
+        self.user_files.error()
     }
 
     /// Returns the camera of a side.
@@ -155,9 +155,9 @@ impl Pictures {
 
     /// Draws the pictures in the remaining space and pushes requests of the mouse. Returns a factor for the
     /// target, if one was dragged.
-    pub fn show(&mut self, ui: &mut Ui, document: &Document, says: &mut Vec<Say>) -> Option<f64> {
+    pub fn show(&mut self, ui: &mut Ui, document: &Document, says: &mut Vec<UiRequest>) -> Option<f64> {
         if document.stage().is_some() {
-            self.stage.show(ui, document, self.gpu.as_mut(), &self.own, &self.pose, says);
+            self.stage.show(ui, document, self.gpu.as_mut(), &self.user_files, &self.pose, says);
             self.triangles = self.stage.triangles();
             return None;
         }
@@ -183,15 +183,15 @@ impl Pictures {
         if let Some((rect, ..)) = slots.first() {
             self.aspect = viewport::aspect(*rect);
         }
-        if let Some(view) = self.arriving.take() {
+        if let Some(view) = self.pending_view.take() {
             self.look_from(document, view);
         }
         let mut detail = None;
         let mut is_moved = false;
         let is_wiping = layout.sides == Sides::Wipe;
         for &(rect, seen, side) in &slots {
-            let response = viewport::place(ui, seen, side.picture());
-            detail = detail.or(detail_of(&response));
+            let response = viewport::picture_area(ui, seen, side.picture());
+            detail = detail.or(detail_factor(&response));
             let mut orbit = self.orbit(side);
             if orbit.interact(&response, rect) {
                 is_moved = true;
@@ -228,7 +228,7 @@ impl Pictures {
 
     /// Returns the mesh of the result side: the result, or the automatic level for this distance with its
     /// number.
-    fn result<'a>(&self, document: &'a Document) -> (Option<&'a Shown<Lighter>>, Option<usize>) {
+    fn result<'a>(&self, document: &'a Document) -> (Option<&'a ShownModel<Lighter>>, Option<usize>) {
         if document.levels().is_empty() {
             return (document.lighter(), None);
         }
@@ -259,22 +259,22 @@ impl Pictures {
         self.height_px = f64::from(size[1]);
 
         let faces = lighter.map_or(original.content.faces, |l| l.content.faces);
-        let rests_in = self.moved.and_then(|at| REST.checked_sub(at.elapsed()));
-        let is_coarse = rests_in.is_some() && gpu.is_software() && faces > FAST_TRIANGLES;
+        let rests_in = self.moved.and_then(|at| CAMERA_REST.checked_sub(at.elapsed()));
+        let is_coarse = rests_in.is_some() && gpu.is_software() && faces > MAX_FULL_SIZE_TRIANGLES;
         if let Some(rest) = rests_in {
             ui.request_repaint_after(rest + Duration::from_millis(5));
         }
         let [first, second] = &mut self.targets;
         let (target, other) = if slot == 0 { (first, None) } else { (second, first.as_ref()) };
         let target = target.get_or_insert_with(|| gpu.target(size));
-        target.resize(size, if is_coarse { COARSE } else { 1.0 });
+        target.resize(size, if is_coarse { COARSE_SCALE } else { 1.0 });
 
         let settings = document.settings();
         let turn = settings.turn.rotation();
         let mut look = settings.look.look.clone();
         if look.shading == Shading::Heat {
             match document.distances() {
-                Some(distances) => look.heat_range = Some(error::ends(&look, distances.largest)),
+                Some(distances) => look.heat_range = Some(error::color_range(&look, distances.largest)),
                 // Until the distances are known.
                 None => look.shading = Shading::Smooth,
             }
@@ -284,10 +284,10 @@ impl Pictures {
         // Also for the first frame, so that something shows at once. The preview mesh has no distances for a
         // heat map.
         let has_time = !is_coarse && target.shows_model(&drawing);
-        let is_light = !has_time && faces > stand_in::MUCH && look.shading != Shading::Heat;
-        let placed = Placed {
+        let is_light = !has_time && faces > stand_in::PREVIEW_ABOVE_FACES && look.shading != Shading::Heat;
+        let placed = PlacedModel {
             world_from_model: turn_matrix(&original.content.bounds, turn),
-            ..Placed::new(drawing.light().filter(|_| is_light).unwrap_or(&drawing), &self.pose)
+            ..PlacedModel::new(drawing.preview().filter(|_| is_light).unwrap_or(&drawing), &self.pose)
         };
         let camera_of = if slot == 0 && settings.layout.sides != Sides::Result { 0 } else { 1 };
         let frame = Frame {
@@ -298,25 +298,25 @@ impl Pictures {
             lighting: &lighting,
             background: settings.look.backdrop.background(ui.visuals().dark_mode),
             ground: settings.look.ground,
-            matcap: self.own.matcap(),
-            environment: self.own.environment(),
-            shader: self.own.shader(),
+            matcap: self.user_files.matcap(),
+            environment: self.user_files.environment(),
+            shader: self.user_files.shader(),
         };
         // Sides that show the same frame share one picture.
-        let is_same = |other: &&Target| other.shows(&frame) || other.draws(&frame);
+        let is_same = |other: &&RenderTarget| other.shows(&frame) || other.draws(&frame);
         let same = other.filter(|other| other.size() == target.size() && is_same(other));
         let mut part = None;
         if same.is_none() {
             // A picture drawn in parts never completes if the frame changes each time.
-            let is_whole = is_coarse && (is_light || faces <= stand_in::MUCH);
-            let drawn: Drawn =
+            let is_whole = is_coarse && (is_light || faces <= stand_in::PREVIEW_ABOVE_FACES);
+            let drawn: DrawStats =
                 if is_whole { gpu.draw(target, &frame) } else { gpu.draw_in_parts(target, &frame) };
             if drawn.drawn {
                 self.triangles = drawn.triangles;
             }
             if drawn.triangles_left > 0 {
                 self.triangles_left += drawn.triangles_left;
-                part = drawn.share();
+                part = drawn.completed_fraction();
                 ui.request_repaint();
             }
         }
@@ -352,25 +352,25 @@ impl Pictures {
 
     /// Frames the whole model.
     pub fn frame(&mut self, document: &Document) {
-        let Some(bounds) = self.standing_bounds(document) else { return };
+        let Some(bounds) = self.posed_bounds(document) else { return };
         let aspect = self.aspect;
         self.each_orbit(|orbit| orbit.frame(&bounds, aspect));
     }
 
     /// Does as [`Pictures::look_from`], the next time that the pictures are shown.
-    pub fn arrive_from(&mut self, view: usize) {
-        self.arriving = Some(view);
+    pub fn look_from_next_frame(&mut self, view: usize) {
+        self.pending_view = Some(view);
     }
 
     /// Frames the whole model from a standard view.
     pub fn look_from(&mut self, document: &Document, view: usize) {
-        let Some(bounds) = self.standing_bounds(document) else { return };
-        self.orbits = [Orbit::fitting(&bounds, viewport::standard(view), self.aspect); 2];
+        let Some(bounds) = self.posed_bounds(document) else { return };
+        self.orbits = [Orbit::fitting(&bounds, viewport::standard_view(view), self.aspect); 2];
     }
 
     /// Returns the bounding box of the posed and rotated model. Cost: O(vertices) of skinned and morphed
     /// meshes.
-    fn standing_bounds(&self, document: &Document) -> Option<Bounds> {
+    fn posed_bounds(&self, document: &Document) -> Option<Bounds> {
         let original = &document.original()?.content;
         let turn = turn_matrix(&original.bounds, document.settings().turn.rotation());
         let standing = original.model().bounds(&self.pose).unwrap_or(original.bounds);
@@ -379,7 +379,7 @@ impl Pictures {
 
     /// Returns the length in pixels of a segment at the centre of the model.
     pub fn pixels(&self, document: &Document, length: f64) -> Option<f64> {
-        let bounds = seen_bounds(document)?;
+        let bounds = rest_bounds(document)?;
         let middle = 0.5 * (DVec3::from(bounds.min) + DVec3::from(bounds.max));
         let camera = self.orbit(Side::Result).camera();
         Some(length / camera.length_per_pixel(camera.eye.distance(middle).max(1e-30), self.height_px))
@@ -394,20 +394,20 @@ pub(crate) fn drawing_line(ui: &Ui, rect: Rect, share: f64) {
 }
 
 /// Returns the bounding box of the rotated model in its rest pose.
-pub fn seen_bounds(document: &Document) -> Option<Bounds> {
+pub fn rest_bounds(document: &Document) -> Option<Bounds> {
     let original = document.original()?;
     Some(turned_bounds(&original.content.bounds, document.settings().turn.rotation()))
 }
 
 /// Returns the factor for the target of a drag with Alt held.
-fn detail_of(response: &Response) -> Option<f64> {
+fn detail_factor(response: &Response) -> Option<f64> {
     let is_alt = response.ctx.input(|i| i.modifiers.alt);
     let is_dragged = response.dragged_by(PointerButton::Primary) && is_alt;
-    is_dragged.then(|| f64::from(-response.drag_delta().y / DETAIL_POINTS).exp()).filter(|f| *f != 1.0)
+    is_dragged.then(|| f64::from(-response.drag_delta().y / DETAIL_DRAG_POINTS).exp()).filter(|f| *f != 1.0)
 }
 
 /// Draws the draggable divider between the two sides.
-fn wipe(ui: &Ui, all: Rect, layout: Layout, says: &mut Vec<Say>) {
+fn wipe(ui: &Ui, all: Rect, layout: Layout, says: &mut Vec<UiRequest>) {
     let x = all.left() + all.width() * layout.wipe.clamp(0.0, 1.0);
     let grab = Rect::from_min_max(pos2(x - 8.0, all.top()), pos2(x + 8.0, all.bottom()));
     let response = ui.interact(grab, ui.scope_id().with("wipe"), Sense::drag());
@@ -425,7 +425,7 @@ fn wipe(ui: &Ui, all: Rect, layout: Layout, says: &mut Vec<Say>) {
     }
     if let Some(pointer) = response.interact_pointer_pos().filter(|_| response.dragged()) {
         let wipe = ((pointer.x - all.left()) / all.width()).clamp(0.0, 1.0);
-        says.push(Say::Command(Command::Layout(Layout { wipe, ..layout })));
+        says.push(UiRequest::Command(Command::Layout(Layout { wipe, ..layout })));
     }
 }
 
@@ -435,7 +435,7 @@ fn overlay(
     document: &Document,
     seen: Rect,
     side: Side,
-    lighter: Option<&Shown<Lighter>>,
+    lighter: Option<&ShownModel<Lighter>>,
     level: Option<(usize, f64)>,
 ) {
     let Some(original) = document.original() else { return };

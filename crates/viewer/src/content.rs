@@ -54,7 +54,7 @@ impl Original {
     /// Makes one of a file that was already read.
     pub fn of_file(path: PathBuf, file: ModelFile, read_secs: f64) -> Self {
         let model = &file.model;
-        let count = |of: fn(&TriMesh) -> usize| placed(model, of);
+        let count = |of: fn(&TriMesh) -> usize| sum_over_instances(model, of);
         let prepared = model.meshes.iter().map(|_| OnceLock::new()).collect();
         let bounds = bounds_of(model);
         let (faces, vertices) = (count(TriMesh::face_count), count(TriMesh::vertex_count));
@@ -68,7 +68,7 @@ impl Original {
     }
 
     /// Returns the shading that the file intends: materials or vertex colours, if it has them.
-    pub fn usual_shading(&self) -> Shading {
+    pub fn intended_shading(&self) -> Shading {
         let model = self.model();
         if !model.materials.is_empty() {
             Shading::Textured
@@ -162,7 +162,7 @@ impl Lighter {
         let mut options = LodOptions::new(Levels::Ratios(ratios.to_vec()));
         options.simplify = how.options.clone();
         options.simplify.stop = Stop::default();
-        let all: Vec<Made> = match &original.file.source {
+        let all: Vec<SimplifiedMeshes> = match &original.file.source {
             ModelSource::Scene(scene) => {
                 let taken = placed_meshes(scene);
                 let parts = parts_of(scene, &taken);
@@ -177,7 +177,7 @@ impl Lighter {
             }
         };
         let seconds = begin.elapsed().as_secs_f64() / ratios.len().max(1) as f64;
-        let level = |(made, ratio): (Made, &f64)| {
+        let level = |(made, ratio): (SimplifiedMeshes, &f64)| {
             let mut how = how.clone();
             how.options.stop = Stop::ratio(*ratio);
             Self::of(original, &how, made, seconds)
@@ -188,7 +188,7 @@ impl Lighter {
     fn of(
         original: &Original,
         how: &Simplification,
-        (mut meshes, report, counts): Made,
+        (mut meshes, report, counts): SimplifiedMeshes,
         seconds: f64,
     ) -> Result<Self, SimplifyError> {
         for mesh in &mut meshes {
@@ -203,7 +203,7 @@ impl Lighter {
                 }
             }
         }
-        let warnings = told(&report);
+        let warnings = warnings_of(&report);
         let model = original.model().with_meshes(meshes);
         let (faces, vertices, estimate) = (report.faces, report.vertices, report.error.estimate);
         let (report, how) = (Some(report), how.clone());
@@ -234,17 +234,17 @@ impl Lighter {
 }
 
 /// Meshes of a result in the order of the model, its report, and counts of each mesh.
-type Made = (Vec<Arc<TriMesh>>, Report, Vec<MeshCounts>);
+type SimplifiedMeshes = (Vec<Arc<TriMesh>>, Report, Vec<MeshCounts>);
 
 pub(crate) fn diagonal_of(scene: &lodsmith_io::gltf::Scene) -> f64 {
     scene.bounds().map_or(0.0, |b| b.diagonal())
 }
 
-fn of_mesh(done: Simplified) -> Made {
+fn of_mesh(done: Simplified) -> SimplifiedMeshes {
     (vec![Arc::new(done.mesh)], done.report, Vec::new())
 }
 
-fn of_scene(scene: &lodsmith_io::gltf::Scene, taken: &[usize], done: SimplifiedScene) -> Made {
+fn of_scene(scene: &lodsmith_io::gltf::Scene, taken: &[usize], done: SimplifiedScene) -> SimplifiedMeshes {
     let mut all: Vec<_> = scene.meshes().iter().map(|m| m.mesh.clone()).collect();
     for (&i, mesh) in taken.iter().zip(done.meshes) {
         all[i] = Arc::new(mesh);
@@ -289,7 +289,7 @@ fn with_textures(options: &SimplifyOptions, model: &Model, meshes: &[usize]) -> 
 }
 
 /// Returns the warnings of a run.
-fn told(report: &Report) -> Vec<String> {
+fn warnings_of(report: &Report) -> Vec<String> {
     let mut told: Vec<String> = Vec::new();
     let dropped = |name: &&str| format!("{name} dropped: a skin has joints and weights, or nothing");
     told.extend(report.dropped.iter().map(dropped));
@@ -317,7 +317,7 @@ fn with_new_normals(mut mesh: TriMesh) -> TriMesh {
 }
 
 /// Returns a sum over all mesh instances.
-pub fn placed(model: &Model, of: impl Fn(&TriMesh) -> usize) -> usize {
+pub fn sum_over_instances(model: &Model, of: impl Fn(&TriMesh) -> usize) -> usize {
     let instances = model.instances(&Pose::default());
     instances.iter().fold(0, |n, i| of(&model.meshes[i.mesh].mesh).saturating_add(n))
 }
@@ -353,7 +353,7 @@ fn largest_scale(matrix: DMat4) -> f64 {
 
 /// Topology counts of a model, after vertices at equal places were joined.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Anatomy {
+pub struct TopologySummary {
     /// Number of connected components.
     pub components: usize,
     /// Number of edges with one face.
@@ -368,7 +368,7 @@ pub struct Anatomy {
     pub attributes: Vec<&'static str>,
 }
 
-impl Anatomy {
+impl TopologySummary {
     /// Counts a model; each mesh counts once. Cost: O(n).
     pub fn of(model: &Model) -> Self {
         let mut all = Self { is_closed: true, ..Self::default() };
@@ -412,9 +412,9 @@ pub struct Distances {
 }
 
 /// Number of bins of the histogram.
-const BINS: usize = 48;
+const HISTOGRAM_BINS: usize = 48;
 /// Number of vertices between two checks for cancellation. (About 20 ms.)
-const CHUNK: usize = 1 << 14;
+const CANCEL_CHECK_VERTICES: usize = 1 << 14;
 
 impl Distances {
     /// Measures; returns `None` if `go_on` returns false. `go_on` receives the progress.
@@ -456,10 +456,10 @@ impl Distances {
             squares += d * d;
             n += 1;
         }
-        let mut histogram = vec![0u32; BINS];
+        let mut histogram = vec![0u32; HISTOGRAM_BINS];
         if largest > 0.0 {
             for d in values() {
-                histogram[((d / largest * BINS as f64) as usize).min(BINS - 1)] += 1;
+                histogram[((d / largest * HISTOGRAM_BINS as f64) as usize).min(HISTOGRAM_BINS - 1)] += 1;
             }
         }
         let n = n.max(1) as f64;
@@ -482,7 +482,7 @@ fn distances(
         if !go_on(found.len() as f64 / places.len() as f64) {
             return None;
         }
-        let range = found.len()..places.len().min(found.len() + CHUNK);
+        let range = found.len()..places.len().min(found.len() + CANCEL_CHECK_VERTICES);
         let chunk = match places {
             lodsmith_core::PositionsView::F32(p) => lodsmith_core::PositionsView::F32(&p[range]),
             lodsmith_core::PositionsView::F64(p) => lodsmith_core::PositionsView::F64(&p[range]),
@@ -515,7 +515,7 @@ mod tests {
         assert_eq!(original.faces, 5120);
         let how = Simplification::of_preset(Default::default(), Stop::faces(320));
         let lighter = Lighter::make(&original, &how, &mut NoControl).unwrap();
-        assert!(placed(&lighter.model, TriMesh::face_count) <= 320);
+        assert!(sum_over_instances(&lighter.model, TriMesh::face_count) <= 320);
         let distances = Distances::measure(&original, &lighter, &mut |_| true).unwrap();
         // An evenly triangulated sphere of radius 1 with 320 faces lies up to 1.5 % too low at face centres;
         // these are less even.
@@ -532,7 +532,8 @@ mod tests {
         let original = sphere(&folder);
         let chain = Lighter::chain(&original, &Simplification::default(), &[0.5, 0.25, 0.05], &mut NoControl)
             .unwrap();
-        let counts: Vec<_> = chain.iter().map(|l| placed(&l.model, TriMesh::face_count)).collect();
+        let counts: Vec<_> =
+            chain.iter().map(|l| sum_over_instances(&l.model, TriMesh::face_count)).collect();
         assert!(counts[0] <= 2560 && counts[1] <= 1280 && counts[2] <= 256, "{counts:?}");
         assert!(chain[0].error() < chain[1].error() && chain[1].error() < chain[2].error());
     }
@@ -540,7 +541,7 @@ mod tests {
     #[test]
     fn a_sphere_is_closed_and_in_one_part() {
         let folder = tempfile::tempdir().unwrap();
-        let anatomy = Anatomy::of(sphere(&folder).model());
+        let anatomy = TopologySummary::of(sphere(&folder).model());
         assert!(anatomy.is_closed);
         assert_eq!((anatomy.components, anatomy.border_edges, anatomy.non_manifold_edges), (1, 0, 0));
     }

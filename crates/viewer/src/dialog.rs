@@ -25,7 +25,7 @@ pub(crate) enum Purpose {
     /// Open a matcap image.
     Matcap,
     /// Open an environment image.
-    Around,
+    Environment,
     /// Open a shader.
     Shader,
     /// Open a layout of the stage.
@@ -45,7 +45,7 @@ impl Purpose {
             Self::ExportFile => "Export",
             Self::ExportFolder => "Folder for all levels",
             Self::Matcap => "Picture of a lit ball",
-            Self::Around => "Picture of all directions",
+            Self::Environment => "Picture of all directions",
             Self::Shader => "Shader",
             Self::OpenLayout => "Open a layout",
             Self::SaveLayout => "Save the layout",
@@ -62,7 +62,7 @@ impl Purpose {
             Self::ExportStage => vec!["glb", "gltf"],
             Self::ExportFolder => Vec::new(),
             Self::Matcap => vec!["png", "jpg", "jpeg", "webp"],
-            Self::Around => vec!["hdr", "png", "jpg", "jpeg", "webp"],
+            Self::Environment => vec!["hdr", "png", "jpg", "jpeg", "webp"],
             Self::Shader => vec!["wgsl"],
         }
     }
@@ -76,16 +76,16 @@ impl Purpose {
 pub(crate) struct Dialog {
     /// Purpose of the dialog.
     pub(crate) purpose: Purpose,
-    kind: Kind,
+    kind: DialogBackend,
 }
 
-enum Kind {
+enum DialogBackend {
     System(Receiver<Vec<PathBuf>>),
-    Window(Chooser),
+    Window(FileChooser),
 }
 
 /// State of a dialog.
-pub(crate) enum Answer {
+pub(crate) enum DialogState {
     /// Nothing was chosen yet.
     Open,
     /// It was cancelled.
@@ -103,27 +103,27 @@ impl Dialog {
         wake: impl Fn() + Send + 'static,
     ) -> Self {
         let kind = if use_system && has_system_dialogs() {
-            Kind::System(system(purpose, start, wake))
+            DialogBackend::System(system(purpose, start, wake))
         } else {
-            Kind::Window(Chooser::new(start))
+            DialogBackend::Window(FileChooser::new(start))
         };
         Self { purpose, kind }
     }
 
     /// Shows the dialog if it is one in the window, and returns its state.
-    pub(crate) fn show(&mut self, ctx: &egui::Context) -> Answer {
+    pub(crate) fn show(&mut self, ctx: &egui::Context) -> DialogState {
         match &mut self.kind {
-            Kind::System(receiver) => match receiver.try_recv() {
-                Ok(files) if files.is_empty() => Answer::Closed,
-                Ok(files) => Answer::Chosen(files),
-                Err(std::sync::mpsc::TryRecvError::Empty) => Answer::Open,
-                Err(std::sync::mpsc::TryRecvError::Disconnected) => Answer::Closed,
+            DialogBackend::System(receiver) => match receiver.try_recv() {
+                Ok(files) if files.is_empty() => DialogState::Closed,
+                Ok(files) => DialogState::Chosen(files),
+                Err(std::sync::mpsc::TryRecvError::Empty) => DialogState::Open,
+                Err(std::sync::mpsc::TryRecvError::Disconnected) => DialogState::Closed,
             },
-            Kind::Window(chooser) => {
+            DialogBackend::Window(chooser) => {
                 let purpose = self.purpose;
                 let modal = parts::modal(ctx, "chooser").show(ctx, |ui| chooser.show(ui, purpose));
                 match modal.inner {
-                    Answer::Open if modal.should_close() => Answer::Closed,
+                    DialogState::Open if modal.should_close() => DialogState::Closed,
                     answer => answer,
                 }
             }
@@ -189,7 +189,7 @@ fn system(purpose: Purpose, start: &Path, wake: impl Fn() + Send + 'static) -> R
 }
 
 /// File dialog in the window: a path field and a list of the folder.
-struct Chooser {
+struct FileChooser {
     text: String,
     folder: PathBuf,
     entries: Vec<(PathBuf, bool)>,
@@ -198,9 +198,9 @@ struct Chooser {
 }
 
 /// Maximum number of listed entries of a folder. Guessed.
-const LISTED: usize = 2000;
+const MAX_LISTED_ENTRIES: usize = 2000;
 
-impl Chooser {
+impl FileChooser {
     fn new(start: &Path) -> Self {
         let start = std::path::absolute(start).unwrap_or_else(|_| start.to_owned());
         let folder = if start.is_dir() {
@@ -222,7 +222,7 @@ impl Chooser {
             .flatten()
             .filter_map(Result::ok)
             .filter(|e| !e.file_name().to_string_lossy().starts_with('.'))
-            .take(LISTED)
+            .take(MAX_LISTED_ENTRIES)
             .map(|e| (e.path(), e.path().is_dir()))
             .collect();
         entries
@@ -230,7 +230,7 @@ impl Chooser {
         (self.entries, self.folder) = (entries, folder);
     }
 
-    fn show(&mut self, ui: &mut Ui, purpose: Purpose) -> Answer {
+    fn show(&mut self, ui: &mut Ui, purpose: Purpose) -> DialogState {
         let screen = ui.ctx().content_rect();
         ui.set_width((screen.width() - 80.0).clamp(280.0, 620.0));
         ui.label(egui::RichText::new(purpose.title()).heading());
@@ -257,21 +257,21 @@ impl Chooser {
                 chosen = Some(PathBuf::from(self.text.trim()));
             }
             if ui.button("Cancel").clicked() {
-                return Answer::Closed;
+                return DialogState::Closed;
             }
             match chosen {
                 Some(path) if path.is_dir() && purpose != Purpose::ExportFolder => {
                     self.text = path.display().to_string();
                     self.enter(path);
-                    Answer::Open
+                    DialogState::Open
                 }
-                Some(path) if path.as_os_str().is_empty() => Answer::Open,
+                Some(path) if path.as_os_str().is_empty() => DialogState::Open,
                 Some(path) if !purpose.is_saving() && purpose != Purpose::ExportFolder && !path.exists() => {
                     self.error = Some(format!("{}: there is no such file", path.display()));
-                    Answer::Open
+                    DialogState::Open
                 }
-                Some(path) => Answer::Chosen(vec![path]),
-                None => Answer::Open,
+                Some(path) => DialogState::Chosen(vec![path]),
+                None => DialogState::Open,
             }
         })
         .inner

@@ -20,7 +20,7 @@ fn server() -> String {
 
 /// Why no window can be opened.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Lack {
+pub enum DisplayError {
     /// There is no display server, or it does not answer.
     Display {
         /// Message of the system.
@@ -46,7 +46,7 @@ pub struct Packages {
 
 impl Packages {
     /// Returns the install commands, for messages.
-    pub fn how(&self) -> String {
+    pub fn install_hint(&self) -> String {
         if self.debian.is_empty() {
             return "the packages of your system have it".to_owned();
         }
@@ -55,7 +55,7 @@ impl Packages {
     }
 }
 
-impl Lack {
+impl DisplayError {
     /// Derives the cause from an error message of the window library.
     fn of(text: &str) -> Self {
         match missing_library(text) {
@@ -70,17 +70,17 @@ impl Lack {
 ///
 /// # Errors
 /// The reason why no window can be opened: no display server, or a missing library.
-pub fn find() -> Result<String, Lack> {
+pub fn connect() -> Result<String, DisplayError> {
     // The window library panics if a keyboard library is missing.
     match catch_unwind(|| EventLoop::new().map(drop)) {
         Ok(Ok(())) => Ok(server()),
-        Ok(Err(e)) => Err(Lack::of(&e.to_string())),
-        Err(panic) => Err(Lack::of(&words(&*panic))),
+        Ok(Err(e)) => Err(DisplayError::of(&e.to_string())),
+        Err(panic) => Err(DisplayError::of(&panic_message(&*panic))),
     }
 }
 
 /// Returns the message of a panic.
-pub(crate) fn words(panic: &(dyn Any + Send)) -> String {
+pub(crate) fn panic_message(panic: &(dyn Any + Send)) -> String {
     match (panic.downcast_ref::<String>(), panic.downcast_ref::<&str>()) {
         (Some(text), _) => text.clone(),
         (None, Some(text)) => (*text).to_owned(),
@@ -140,7 +140,9 @@ mod tests {
 
     #[test]
     fn a_library_that_is_missing_is_named_with_what_brings_it() {
-        let of = |text: &str| missing_library(text).map(|(name, packages)| (name, packages.how())).unwrap();
+        let of = |text: &str| {
+            missing_library(text).map(|(name, packages)| (name, packages.install_hint())).unwrap()
+        };
         let (name, how) = of("Library libxkbcommon-x11.so could not be loaded.");
         assert_eq!(name, "libxkbcommon-x11.so");
         assert!(how.contains("apt install libxkbcommon0 libxkbcommon-x11-0"));
@@ -159,14 +161,16 @@ mod tests {
     #[test]
     fn a_library_that_is_missing_is_no_missing_display() {
         for text in ["neither WAYLAND_DISPLAY nor DISPLAY is set", "Failed to open connection to X server"] {
-            assert!(matches!(Lack::of(text), Lack::Display { .. }), "{text}");
+            assert!(matches!(DisplayError::of(text), DisplayError::Display { .. }), "{text}");
         }
         for text in [
             "os error at x.rs:9: Failed to load one of xlib's shared libraries",
             "os error at x.rs:9: The wayland library could not be loaded",
             "Library libxkbcommon.so could not be loaded.",
         ] {
-            let Lack::Library { packages, .. } = Lack::of(text) else { unreachable!("{text}") };
+            let DisplayError::Library { packages, .. } = DisplayError::of(text) else {
+                unreachable!("{text}")
+            };
             assert!(!packages.debian.is_empty() && !packages.fedora.is_empty(), "{text}");
         }
     }

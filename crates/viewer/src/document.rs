@@ -12,15 +12,15 @@ use lodsmith_core::model::Pose;
 use lodsmith_io::AssetScope;
 use lodsmith_render::Shading;
 
-use crate::benchmark::{Filling, Table};
+use crate::benchmark::{BenchmarkTable, SharedTable};
 use crate::command::{Command, History};
-use crate::content::{Anatomy, Distances, Lighter, Original};
+use crate::content::{Distances, Lighter, Original, TopologySummary};
 use crate::export::{self, Export};
 use crate::gpu::{Context, DrawModel};
-use crate::job::{Kind, Message, Progress, Watch, Worker};
+use crate::job::{JobControl, JobKind, Message, Progress, Worker};
 use crate::log::Log;
 use crate::numbers::{grouped, seconds};
-use crate::road::{self, Road};
+use crate::road::{self, SliderPreview};
 use crate::settings::Settings;
 use crate::stand_in;
 use crate::words::Simplification;
@@ -28,14 +28,14 @@ use crate::words::Simplification;
 pub use stage::StageLevel;
 
 /// A model that can be shown, with its GPU buffers.
-pub struct Shown<T> {
+pub struct ShownModel<T> {
     /// The model.
     pub content: Arc<T>,
     /// GPU buffers; `None` without an adapter.
     pub draw: Option<Drawing>,
 }
 
-impl<T> Clone for Shown<T> {
+impl<T> Clone for ShownModel<T> {
     fn clone(&self) -> Self {
         Self { content: self.content.clone(), draw: self.draw.clone() }
     }
@@ -53,19 +53,19 @@ struct Measured {
 /// Levels for automatic selection by distance, from the finest, and what they were made from.
 struct LevelSet {
     of: (usize, Simplification),
-    levels: Vec<Shown<Lighter>>,
+    levels: Vec<ShownModel<Lighter>>,
 }
 
 /// Fractions of the triangles of the automatic levels.
-const LEVELS: [f64; 9] = [0.5, 0.25, 0.125, 0.0625, 0.03, 0.015, 0.0075, 0.0035, 0.0015];
+const AUTO_LEVEL_RATIOS: [f64; 9] = [0.5, 0.25, 0.125, 0.0625, 0.03, 0.015, 0.0075, 0.0035, 0.0015];
 
 /// Levels with fewer triangles are not made.
-const LEAST_FACES: f64 = 50.0;
+const MIN_LEVEL_FACES: f64 = 50.0;
 
 /// Returns the fractions of the triangles that the levels of a model have.
 pub(crate) fn level_ratios(faces: usize) -> Vec<f64> {
-    let fewest = LEAST_FACES / faces.max(1) as f64;
-    LEVELS.into_iter().filter(|r| *r > fewest).collect()
+    let fewest = MIN_LEVEL_FACES / faces.max(1) as f64;
+    AUTO_LEVEL_RATIOS.into_iter().filter(|r| *r > fewest).collect()
 }
 
 /// The document. Only commands change its settings.
@@ -76,19 +76,19 @@ pub struct Document {
     /// A second worker for progressive meshes, so that other jobs do not wait for them.
     builder: Worker<Outcome>,
     context: Option<Context>,
-    original: Option<Shown<Original>>,
-    lighter: Option<Shown<Lighter>>,
+    original: Option<ShownModel<Original>>,
+    lighter: Option<ShownModel<Lighter>>,
     measured: Option<Measured>,
     /// Topology counts of the original and of the result.
-    anatomies: [Option<(usize, Anatomy)>; 2],
+    topologies: [Option<(usize, TopologySummary)>; 2],
     /// Options of the last job to simplify.
-    asked: Option<Simplification>,
+    requested: Option<Simplification>,
     /// The file that is being read, and why.
     opening: Option<Opening>,
     /// True if a panel shows distances.
     wants_distances: bool,
     /// True if a panel shows components and borders.
-    wants_anatomy: bool,
+    wants_topology: bool,
     /// The folder that limits which files a model or a session may name.
     pub assets: AssetScope,
     /// The last error, until a later job succeeds.
@@ -102,28 +102,28 @@ pub struct Document {
     watched: Vec<PathBuf>,
     levels: Option<LevelSet>,
     /// Options of the last job to make levels.
-    asked_levels: Option<(usize, Simplification)>,
+    requested_levels: Option<(usize, Simplification)>,
     is_playing: bool,
     /// Benchmark table, and the original it belongs to.
-    benchmark: Option<(usize, Filling)>,
+    benchmark: Option<(usize, SharedTable)>,
     /// Progressive mesh that the slider previews from.
-    road: Option<Road>,
+    preview: Option<SliderPreview>,
     /// Options of the last job to make a progressive mesh.
-    asked_road: Option<(usize, Simplification)>,
+    requested_preview: Option<(usize, Simplification)>,
     /// True while a preview level is shown and the exact run has not been started.
-    is_due: bool,
+    needs_exact_run: bool,
 }
 
 /// A file that is being read, and the action that follows.
 struct Opening {
     path: PathBuf,
-    then: Then,
+    then: OpenReason,
 }
 
 /// Shadings that are replaced by the intended shading of a newly opened file.
-const PLAIN: [Shading; 3] = [Shading::Smooth, Shading::Textured, Shading::VertexColors];
+const PLAIN_SHADINGS: [Shading; 3] = [Shading::Smooth, Shading::Textured, Shading::VertexColors];
 
-enum Then {
+enum OpenReason {
     Run(Command),
     Undone,
     Redone,
@@ -131,14 +131,14 @@ enum Then {
 }
 
 enum Outcome {
-    Opened { path: PathBuf, result: Result<Shown<Original>, String> },
-    Lighter { how: Simplification, result: Result<Shown<Lighter>, SimplifyError> },
-    Inspected { which: usize, key: usize, anatomy: Anatomy },
+    Opened { path: PathBuf, result: Result<ShownModel<Original>, String> },
+    Lighter { how: Simplification, result: Result<ShownModel<Lighter>, SimplifyError> },
+    Inspected { which: usize, key: usize, anatomy: TopologySummary },
     Measured(Measured),
-    Levels { of: (usize, Simplification), result: Result<Vec<Shown<Lighter>>, SimplifyError> },
+    Levels { of: (usize, Simplification), result: Result<Vec<ShownModel<Lighter>>, SimplifyError> },
     Exported { path: PathBuf, result: Result<export::Written, String> },
     Benchmarked { is_whole: bool },
-    Road { of: (usize, Simplification), secs: f64, result: Result<Box<Road>, SimplifyError> },
+    Preview { of: (usize, Simplification), secs: f64, result: Result<Box<SliderPreview>, SimplifyError> },
 }
 
 impl Document {
@@ -155,23 +155,23 @@ impl Document {
             original: None,
             lighter: None,
             measured: None,
-            anatomies: [None, None],
-            asked: None,
+            topologies: [None, None],
+            requested: None,
             opening: None,
             wants_distances: false,
-            wants_anatomy: false,
+            wants_topology: false,
             assets: AssetScope::Folder,
             problem: None,
             changed: None,
             own_files_changed: false,
             watched: Vec::new(),
             levels: None,
-            asked_levels: None,
+            requested_levels: None,
             is_playing: false,
             benchmark: None,
-            road: None,
-            asked_road: None,
-            is_due: false,
+            preview: None,
+            requested_preview: None,
+            needs_exact_run: false,
             log: Log::default(),
         }
     }
@@ -181,11 +181,11 @@ impl Document {
         &self.settings
     }
     /// Returns the original.
-    pub fn original(&self) -> Option<&Shown<Original>> {
+    pub fn original(&self) -> Option<&ShownModel<Original>> {
         self.original.as_ref()
     }
     /// Returns the latest result; `None` while the original is requested.
-    pub fn lighter(&self) -> Option<&Shown<Lighter>> {
+    pub fn lighter(&self) -> Option<&ShownModel<Lighter>> {
         self.lighter.as_ref()
     }
     /// Returns the distances between the latest result and the original, if they were measured.
@@ -196,27 +196,28 @@ impl Document {
         fits.then_some(&measured.distances)
     }
     /// Returns the topology counts of the original and of the result, as far as they are known.
-    pub fn anatomies(&self) -> [Option<&Anatomy>; 2] {
-        let [one, two] = &self.anatomies;
-        let fits =
-            |a: &Option<(usize, Anatomy)>, key: Option<usize>| a.as_ref().is_some_and(|a| Some(a.0) == key);
+    pub fn topologies(&self) -> [Option<&TopologySummary>; 2] {
+        let [one, two] = &self.topologies;
+        let fits = |a: &Option<(usize, TopologySummary)>, key: Option<usize>| {
+            a.as_ref().is_some_and(|a| Some(a.0) == key)
+        };
         [(one, self.original.as_ref().map(key)), (two, self.lighter.as_ref().map(key))]
             .map(|(a, key)| if fits(a, key) { a.as_ref().map(|a| &a.1) } else { None })
     }
     /// Returns the automatic levels, from the finest; none while they are off or not made yet.
-    pub fn levels(&self) -> &[Shown<Lighter>] {
+    pub fn levels(&self) -> &[ShownModel<Lighter>] {
         if self.settings.auto_lod.is_on { self.levels_made() } else { &[] }
     }
 
     /// Returns the levels of the open file for the present options; none if they are not made.
-    fn levels_made(&self) -> &[Shown<Lighter>] {
+    fn levels_made(&self) -> &[ShownModel<Lighter>] {
         let of = self.level_source();
         self.levels.as_ref().filter(|set| Some(&set.of) == of.as_ref()).map_or(&[], |set| &set.levels)
     }
 
     /// Returns the number and the coarsest level whose error is at most this, in the units of the model.
     /// Levels count from 1; 0 is the original.
-    pub fn level_for(&self, error: f64) -> (usize, Option<&Shown<Lighter>>) {
+    pub fn level_for(&self, error: f64) -> (usize, Option<&ShownModel<Lighter>>) {
         let levels = self.levels();
         let number = levels.iter().take_while(|l| l.content.error() <= error).count();
         (number, number.checked_sub(1).map(|i| &levels[i]))
@@ -249,15 +250,15 @@ impl Document {
             // No clip is selected: the first one plays.
             let clip = self.settings.playback.clip.filter(|c| *c < model.animations.len());
             self.settings.playback.clip = if moves_on_stage { clip } else { clip.or(Some(0)) };
-            self.settings.playback = self.settings.playback.ready(self.timeline_secs());
+            self.settings.playback = self.settings.playback.rewound_if_over(self.timeline_secs());
         }
         self.is_playing = goes_on && (moves_on_stage || has_clips);
     }
 
     /// Advances the animation by the elapsed time.
-    pub fn go_on(&mut self, elapsed_secs: f64) {
+    pub fn advance_playback(&mut self, elapsed_secs: f64) {
         if self.is_playing {
-            let (then, is_over) = self.settings.playback.after(self.timeline_secs(), elapsed_secs);
+            let (then, is_over) = self.settings.playback.advanced(self.timeline_secs(), elapsed_secs);
             self.settings.playback = then;
             self.is_playing = !is_over;
         }
@@ -268,28 +269,28 @@ impl Document {
         self.worker.progress()
     }
     /// Returns the progress of the progressive mesh while it is being made.
-    pub fn road_progress(&self) -> Option<Progress> {
+    pub fn preview_progress(&self) -> Option<Progress> {
         self.builder.progress()
     }
     /// Returns true if the slider can preview any level at once.
-    pub fn has_road(&self) -> bool {
-        self.road.is_some() && self.asked_road == self.level_source()
+    pub fn has_preview(&self) -> bool {
+        self.preview.is_some() && self.requested_preview == self.level_source()
     }
     /// Returns the file that is being read.
     pub fn opening(&self) -> Option<&Path> {
         self.opening.as_ref().map(|o| o.path.as_path())
     }
     /// Returns true while the result is older than the settings.
-    pub fn is_behind(&self) -> bool {
-        self.is_due || self.worker.is_busy(Kind::Simplify)
+    pub fn is_outdated(&self) -> bool {
+        self.needs_exact_run || self.worker.is_busy(JobKind::Simplify)
     }
     /// Returns true if a job of this kind waits or runs.
-    pub fn is_busy(&self, kind: Kind) -> bool {
+    pub fn is_busy(&self, kind: JobKind) -> bool {
         self.worker.is_busy(kind)
     }
     /// Returns true if no job waits or runs.
     pub fn is_idle(&self) -> bool {
-        !self.is_due && self.worker.is_idle() && self.builder.is_idle()
+        !self.needs_exact_run && self.worker.is_idle() && self.builder.is_idle()
     }
     /// Returns the names of the next undo step and the next redo step.
     pub fn history(&self) -> (Option<&'static str>, Option<&'static str>) {
@@ -297,9 +298,9 @@ impl Document {
     }
 
     /// Sets which further results are needed: distances, and topology counts.
-    pub fn want(&mut self, distances: bool, anatomy: bool) {
-        let before = (self.wants_distances, self.wants_anatomy);
-        (self.wants_distances, self.wants_anatomy) = (distances, anatomy);
+    pub fn set_wanted_results(&mut self, distances: bool, anatomy: bool) {
+        let before = (self.wants_distances, self.wants_topology);
+        (self.wants_distances, self.wants_topology) = (distances, anatomy);
         if before != (distances, anatomy) {
             self.sync();
         }
@@ -312,7 +313,7 @@ impl Document {
         command.apply(&mut after);
         let is_other = after.file() != self.settings.file();
         match after.file().filter(|_| is_other || matches!(command, Command::Open(_))) {
-            Some(path) => self.open(path.to_owned(), Then::Run(command)),
+            Some(path) => self.open(path.to_owned(), OpenReason::Run(command)),
             None => {
                 self.history.run(&command, &mut self.settings);
                 self.sync();
@@ -323,13 +324,15 @@ impl Document {
     /// Ends a drag: the next command is an undo step of its own, and an exact run replaces a preview level.
     pub fn seal(&mut self) {
         self.history.seal();
-        self.finish();
+        self.start_exact_run();
     }
 
     /// Starts the exact run for the target if a preview level is shown.
-    pub fn finish(&mut self) {
-        if let (true, Some(original), Some(how)) = (self.is_due, self.original.clone(), self.asked.clone()) {
-            self.is_due = false;
+    pub fn start_exact_run(&mut self) {
+        if let (true, Some(original), Some(how)) =
+            (self.needs_exact_run, self.original.clone(), self.requested.clone())
+        {
+            self.needs_exact_run = false;
             self.simplify(original, how);
         }
     }
@@ -337,14 +340,14 @@ impl Document {
     /// Undoes the last step.
     pub fn undo(&mut self) {
         if self.opening.is_none() && self.history.undo(&mut self.settings) {
-            self.follow(Then::Undone);
+            self.follow(OpenReason::Undone);
         }
     }
 
     /// Redoes the last undone step.
     pub fn redo(&mut self) {
         if self.opening.is_none() && self.history.redo(&mut self.settings) {
-            self.follow(Then::Redone);
+            self.follow(OpenReason::Redone);
         }
     }
 
@@ -352,7 +355,7 @@ impl Document {
     pub fn reload(&mut self) {
         self.changed = None;
         if let Some(path) = self.settings.file().map(Path::to_owned) {
-            self.open(path, Then::Reloaded);
+            self.open(path, OpenReason::Reloaded);
         }
     }
 
@@ -366,7 +369,7 @@ impl Document {
         };
         let path = export.path.clone();
         let how = self.settings.simplify.clone();
-        self.worker.submit(Kind::Export, move |watch| {
+        self.worker.submit(JobKind::Export, move |watch| {
             let is_level = lighter.as_ref().is_some_and(|l| l.report.is_none()) && export.levels.is_empty();
             let made = is_level.then(|| Lighter::make(&original, &how, watch)).transpose();
             let result = made.map_err(|e| e.to_string()).and_then(|made| {
@@ -381,16 +384,17 @@ impl Document {
     /// are measured.
     pub fn benchmark(&mut self) {
         let Some(original) = self.original.clone() else { return };
-        let (filling, settings, context) = (Filling::default(), self.settings.clone(), self.context.clone());
+        let (filling, settings, context) =
+            (SharedTable::default(), self.settings.clone(), self.context.clone());
         self.benchmark = Some((key(&original), filling.clone()));
-        self.worker.submit(Kind::Benchmark, move |watch| {
+        self.worker.submit(JobKind::Benchmark, move |watch| {
             let is_whole = filling.fill(&original.content, &settings, context, watch);
             Some(Outcome::Benchmarked { is_whole })
         });
     }
 
     /// Returns the benchmark table of the present file, as far as it is filled.
-    pub fn benchmark_table(&self) -> Option<Table> {
+    pub fn benchmark_table(&self) -> Option<BenchmarkTable> {
         let of = key(self.original.as_ref()?);
         self.benchmark.as_ref().filter(|b| b.0 == of).map(|b| b.1.table())
     }
@@ -398,15 +402,15 @@ impl Document {
     /// Cancels running jobs; the shown result stays.
     pub fn cancel(&mut self) {
         self.worker.cancel(&[
-            Kind::Load,
-            Kind::Simplify,
-            Kind::Measure,
-            Kind::Export,
-            Kind::Levels,
-            Kind::Benchmark,
+            JobKind::Load,
+            JobKind::Simplify,
+            JobKind::Measure,
+            JobKind::Export,
+            JobKind::Levels,
+            JobKind::Benchmark,
         ]);
-        if self.builder.is_busy(Kind::Road) {
-            self.builder.cancel(&[Kind::Road]);
+        if self.builder.is_busy(JobKind::Preview) {
+            self.builder.cancel(&[JobKind::Preview]);
             self.log.note("the slider runs the method for each value: its progressive mesh was stopped");
         }
         if self.opening.take().is_some() {
@@ -433,7 +437,7 @@ impl Document {
         loop {
             self.poll();
             self.sync();
-            self.finish();
+            self.start_exact_run();
             let left = end.saturating_duration_since(Instant::now());
             if self.is_idle() {
                 // Messages sent before the workers became idle.
@@ -452,7 +456,7 @@ impl Document {
         }
     }
 
-    fn follow(&mut self, then: Then) {
+    fn follow(&mut self, then: OpenReason) {
         let open = self.original.as_ref().map(|o| o.content.path.as_path());
         match self.settings.file() {
             Some(path) if Some(path) != open => self.open(path.to_owned(), then),
@@ -460,26 +464,26 @@ impl Document {
         }
     }
 
-    fn open(&mut self, path: PathBuf, then: Then) {
+    fn open(&mut self, path: PathBuf, then: OpenReason) {
         self.opening = Some(Opening { path: path.clone(), then });
         let (context, assets) = (self.context.clone(), self.assets.clone());
-        self.worker.submit(Kind::Load, move |watch| {
+        self.worker.submit(JobKind::Load, move |watch| {
             let read = Original::read(&path, assets).map_err(|e| e.to_string());
             let result = read.map(|original| {
                 let draw = context.map(|c| stand_in::upload(&c, original.model()));
-                Shown { content: Arc::new(original), draw }
+                ShownModel { content: Arc::new(original), draw }
             });
-            watch.go_on(1.0).then_some(Outcome::Opened { path, result })
+            watch.report(1.0).then_some(Outcome::Opened { path, result })
         });
     }
 
     fn take(&mut self, message: Message<Outcome>) {
         match message {
             Message::Done(outcome) => self.take_outcome(outcome),
-            Message::Broken(kind) => {
+            Message::Panicked(kind) => {
                 let text = format!("{} broke down: this is a fault of the program", kind.title());
-                if kind == Kind::Load {
-                    self.opened_not();
+                if kind == JobKind::Load {
+                    self.open_failed();
                 }
                 self.fail(text);
             }
@@ -500,33 +504,33 @@ impl Document {
                 match result {
                     Ok(original) => self.opened(original),
                     Err(why) => {
-                        self.opened_not();
+                        self.open_failed();
                         self.fail(why);
                     }
                 }
             }
             Outcome::Lighter { how, result } => match result {
-                Ok(lighter) if self.asked.as_ref() == Some(&how) => {
+                Ok(lighter) if self.requested.as_ref() == Some(&how) => {
                     self.problem = None;
                     for warning in &lighter.content.warnings {
                         self.log.warn(warning.clone());
                     }
-                    self.road.iter_mut().for_each(|road| road.learn(&lighter.content));
-                    (self.lighter, self.is_due) = (Some(lighter), false);
+                    self.preview.iter_mut().for_each(|road| road.learn_peak_ratio(&lighter.content));
+                    (self.lighter, self.needs_exact_run) = (Some(lighter), false);
                 }
                 Ok(_) | Err(SimplifyError::Cancelled) => {}
                 Err(why) => self.fail(why.to_string()),
             },
-            Outcome::Inspected { which, key, anatomy } => self.anatomies[which] = Some((key, anatomy)),
+            Outcome::Inspected { which, key, anatomy } => self.topologies[which] = Some((key, anatomy)),
             Outcome::Measured(measured) => self.measured = Some(measured),
             Outcome::Levels { of, result } => match result {
                 Ok(levels) => self.levels = Some(LevelSet { of, levels }),
-                Err(SimplifyError::Cancelled) => self.asked_levels = None,
+                Err(SimplifyError::Cancelled) => self.requested_levels = None,
                 Err(why) => self.fail(why.to_string()),
             },
             Outcome::Benchmarked { is_whole: true } => self.log.good("times of levels were measured"),
             Outcome::Benchmarked { is_whole: false } => self.log.note("measuring times was stopped"),
-            Outcome::Road { of, secs, result } => self.take_road(&of, secs, result),
+            Outcome::Preview { of, secs, result } => self.take_preview(&of, secs, result),
             Outcome::Exported { path, result } => match result {
                 Ok(written) => {
                     for warning in &written.warnings {
@@ -540,15 +544,15 @@ impl Document {
         }
     }
 
-    fn opened(&mut self, original: Shown<Original>) {
+    fn opened(&mut self, original: ShownModel<Original>) {
         let Some(Opening { then, path }) = self.opening.take() else { return };
-        if let Then::Run(command) = &then {
+        if let OpenReason::Run(command) = &then {
             self.history.seal();
             self.history.run(command, &mut self.settings);
             let shading = &mut self.settings.look.look.shading;
             // Only plain shadings follow the file; a diagnostic shading stays.
-            if matches!(command, Command::Open(_) | Command::Show(_)) && PLAIN.contains(shading) {
-                *shading = original.content.usual_shading();
+            if matches!(command, Command::Open(_) | Command::Show(_)) && PLAIN_SHADINGS.contains(shading) {
+                *shading = original.content.intended_shading();
             }
             self.history.seal();
         }
@@ -565,17 +569,17 @@ impl Document {
         self.watched.clear();
         (self.problem, self.changed) = (None, None);
         self.original = Some(original);
-        self.is_playing &= matches!(then, Then::Reloaded);
-        (self.lighter, self.measured, self.asked) = (None, None, None);
-        self.anatomies = [None, None];
-        self.leave_road();
+        self.is_playing &= matches!(then, OpenReason::Reloaded);
+        (self.lighter, self.measured, self.requested) = (None, None, None);
+        self.topologies = [None, None];
+        self.drop_preview();
     }
 
     /// Handles a failed read: what is open stays.
-    fn opened_not(&mut self) {
+    fn open_failed(&mut self) {
         match self.opening.take().map(|o| o.then) {
-            Some(Then::Undone) => _ = self.history.redo(&mut self.settings),
-            Some(Then::Redone) => _ = self.history.undo(&mut self.settings),
+            Some(OpenReason::Undone) => _ = self.history.redo(&mut self.settings),
+            Some(OpenReason::Redone) => _ = self.history.undo(&mut self.settings),
             _ => {}
         }
     }
@@ -592,27 +596,27 @@ impl Document {
         }
         self.watch();
         if self.settings.files.is_empty() {
-            (self.original, self.lighter, self.measured, self.asked) = (None, None, None, None);
+            (self.original, self.lighter, self.measured, self.requested) = (None, None, None, None);
             self.is_playing = false;
-            self.leave_road();
+            self.drop_preview();
             return;
         }
         let Some(original) = self.original.clone() else { return };
         let how = &self.settings.simplify;
-        if !how.has_end() {
-            if self.asked.take().is_some() {
-                self.worker.cancel(&[Kind::Simplify, Kind::Measure]);
-                (self.lighter, self.measured, self.is_due) = (None, None, false);
+        if !how.has_target() {
+            if self.requested.take().is_some() {
+                self.worker.cancel(&[JobKind::Simplify, JobKind::Measure]);
+                (self.lighter, self.measured, self.needs_exact_run) = (None, None, false);
             }
-        } else if self.asked.as_ref() != Some(how) {
+        } else if self.requested.as_ref() != Some(how) {
             let how = how.clone();
-            self.asked = Some(how.clone());
-            self.is_due = self.show_level(&how);
-            if !self.is_due {
+            self.requested = Some(how.clone());
+            self.needs_exact_run = self.show_preview_level(&how);
+            if !self.needs_exact_run {
                 self.simplify(original.clone(), how);
             }
         }
-        self.make_road(&original);
+        self.start_preview(&original);
         self.make_levels(&original);
         self.inspect(&original);
         self.measure(&original);
@@ -632,26 +636,26 @@ impl Document {
         self.settings.look.files().any(|own| own == path)
     }
 
-    fn simplify(&mut self, original: Shown<Original>, how: Simplification) {
+    fn simplify(&mut self, original: ShownModel<Original>, how: Simplification) {
         let context = self.context.clone();
-        self.worker.submit(Kind::Simplify, move |watch| {
+        self.worker.submit(JobKind::Simplify, move |watch| {
             let made = Lighter::make(&original.content, &how, watch);
             let result = made.map(|lighter| {
                 let draw = context.map(|c| stand_in::upload(&c, &lighter.model));
-                Shown { content: Arc::new(lighter), draw }
+                ShownModel { content: Arc::new(lighter), draw }
             });
             Some(Outcome::Lighter { how, result })
         });
     }
 
     /// Shows the preview level for a target; returns false if there is none.
-    fn show_level(&mut self, how: &Simplification) -> bool {
-        if !self.has_road() {
+    fn show_preview_level(&mut self, how: &Simplification) -> bool {
+        if !self.has_preview() {
             return false;
         }
-        match self.road.as_mut().map(|road| road.show(how)) {
+        match self.preview.as_mut().map(|road| road.show(how)) {
             Some(Ok(Some(level))) => {
-                self.worker.cancel(&[Kind::Simplify, Kind::Measure, Kind::Inspect]);
+                self.worker.cancel(&[JobKind::Simplify, JobKind::Measure, JobKind::Inspect]);
                 self.lighter = Some(level);
                 true
             }
@@ -664,34 +668,34 @@ impl Document {
     }
 
     /// Starts the job for the progressive mesh, if file or method changed.
-    fn make_road(&mut self, original: &Shown<Original>) {
+    fn start_preview(&mut self, original: &ShownModel<Original>) {
         let Some(of) = self.level_source() else { return };
-        if self.asked_road.as_ref() == Some(&of) {
+        if self.requested_preview.as_ref() == Some(&of) {
             return;
         }
-        self.leave_road();
-        self.asked_road = Some(of.clone());
+        self.drop_preview();
+        self.requested_preview = Some(of.clone());
         let faces = original.content.faces;
-        if faces > road::MOST_FACES {
-            let most = grouped(road::MOST_FACES);
+        if faces > road::MAX_FACES {
+            let most = grouped(road::MAX_FACES);
             let text = format!("{} faces are more than {most}: there is no progressive mesh", grouped(faces));
             return self.log.note(format!("the slider runs the method for each value ({text})"));
         }
         let (context, original) = (self.context.clone(), original.content.clone());
-        self.builder.submit(Kind::Road, move |watch| {
+        self.builder.submit(JobKind::Preview, move |watch| {
             let begin = Instant::now();
-            let result = Road::build(&original, &of.1, context.as_ref(), watch).map(Box::new);
-            Some(Outcome::Road { of, secs: begin.elapsed().as_secs_f64(), result })
+            let result = SliderPreview::build(&original, &of.1, context.as_ref(), watch).map(Box::new);
+            Some(Outcome::Preview { of, secs: begin.elapsed().as_secs_f64(), result })
         });
     }
 
-    fn take_road(
+    fn take_preview(
         &mut self,
         of: &(usize, Simplification),
         secs: f64,
-        result: Result<Box<Road>, SimplifyError>,
+        result: Result<Box<SliderPreview>, SimplifyError>,
     ) {
-        if self.asked_road.as_ref() != Some(of) {
+        if self.requested_preview.as_ref() != Some(of) {
             return;
         }
         match result {
@@ -701,70 +705,70 @@ impl Document {
                     grouped(road.levels()),
                     seconds(secs)
                 ));
-                self.lighter.iter().for_each(|l| road.learn(&l.content));
-                self.road = Some(*road);
+                self.lighter.iter().for_each(|l| road.learn_peak_ratio(&l.content));
+                self.preview = Some(*road);
             }
             Err(SimplifyError::Cancelled) => {}
             Err(why) => self.log.note(format!("the slider runs the method for each value ({why})")),
         }
     }
 
-    fn leave_road(&mut self) {
-        (self.road, self.asked_road, self.is_due) = (None, None, false);
-        self.builder.cancel(&[Kind::Road]);
+    fn drop_preview(&mut self) {
+        (self.preview, self.requested_preview, self.needs_exact_run) = (None, None, false);
+        self.builder.cancel(&[JobKind::Preview]);
     }
 
     /// Starts the job for the automatic levels, if they are needed.
-    fn make_levels(&mut self, original: &Shown<Original>) {
+    fn make_levels(&mut self, original: &ShownModel<Original>) {
         let is_wanted = self.settings.auto_lod.is_on || self.settings.stage.is_on;
         let Some(of) = self.level_source().filter(|_| is_wanted) else { return };
-        if self.asked_levels.as_ref() == Some(&of) {
+        if self.requested_levels.as_ref() == Some(&of) {
             return;
         }
-        self.asked_levels = Some(of.clone());
+        self.requested_levels = Some(of.clone());
         let (context, original) = (self.context.clone(), original.clone());
-        self.worker.submit(Kind::Levels, move |watch| {
+        self.worker.submit(JobKind::Levels, move |watch| {
             let ratios = level_ratios(original.content.faces);
             let made = Lighter::chain(&original.content, &of.1, &ratios, watch);
             let shown = |level: Lighter| {
                 let draw = context.as_ref().map(|c| Arc::new(Mutex::new(c.upload(&level.model))));
-                Shown { content: Arc::new(level), draw }
+                ShownModel { content: Arc::new(level), draw }
             };
             let result = made.map(|levels| levels.into_iter().map(shown).collect());
             Some(Outcome::Levels { of, result })
         });
     }
 
-    fn inspect(&mut self, original: &Shown<Original>) {
-        if !self.wants_anatomy || self.worker.is_busy(Kind::Inspect) || self.is_behind() {
+    fn inspect(&mut self, original: &ShownModel<Original>) {
+        if !self.wants_topology || self.worker.is_busy(JobKind::Inspect) || self.is_outdated() {
             return;
         }
-        let [one, two] = self.anatomies().map(|a| a.is_some());
+        let [one, two] = self.topologies().map(|a| a.is_some());
         if !one {
             let content = original.content.clone();
             let key = key(original);
-            self.worker.submit(Kind::Inspect, move |_: &mut Watch| {
-                Some(Outcome::Inspected { which: 0, key, anatomy: Anatomy::of(content.model()) })
+            self.worker.submit(JobKind::Inspect, move |_: &mut JobControl| {
+                Some(Outcome::Inspected { which: 0, key, anatomy: TopologySummary::of(content.model()) })
             });
         } else if let Some(lighter) = self.lighter.as_ref().filter(|l| !two && l.content.report.is_some()) {
             let content = lighter.content.clone();
             let key = key(lighter);
-            self.worker.submit(Kind::Inspect, move |_: &mut Watch| {
-                Some(Outcome::Inspected { which: 1, key, anatomy: Anatomy::of(&content.model) })
+            self.worker.submit(JobKind::Inspect, move |_: &mut JobControl| {
+                Some(Outcome::Inspected { which: 1, key, anatomy: TopologySummary::of(&content.model) })
             });
         }
     }
 
-    fn measure(&mut self, original: &Shown<Original>) {
+    fn measure(&mut self, original: &ShownModel<Original>) {
         let Some(lighter) = self.lighter.clone().filter(|l| l.content.report.is_some()) else { return };
         let is_due = self.wants_distances && self.distances().is_none();
-        if !is_due || self.worker.is_busy(Kind::Measure) || self.is_behind() {
+        if !is_due || self.worker.is_busy(JobKind::Measure) || self.is_outdated() {
             return;
         }
         let original = original.clone();
-        self.worker.submit(Kind::Measure, move |watch| {
+        self.worker.submit(JobKind::Measure, move |watch| {
             let (one, two) = (&original.content, &lighter.content);
-            let distances = Distances::measure(one, two, &mut |done| watch.go_on(done))?;
+            let distances = Distances::measure(one, two, &mut |done| watch.report(done))?;
             show_heat(original.draw.as_ref(), one.model(), &distances.of_original);
             show_heat(lighter.draw.as_ref(), &two.model, &distances.of_result);
             let of = (one.clone(), two.clone());
@@ -787,6 +791,6 @@ fn show_heat(drawing: Option<&Drawing>, model: &Model, values: &[Vec<f32>]) {
 }
 
 /// Returns the address of the content, as an identity while it is alive.
-fn key<T>(shown: &Shown<T>) -> usize {
+fn key<T>(shown: &ShownModel<T>) -> usize {
     Arc::as_ptr(&shown.content) as usize
 }

@@ -8,7 +8,7 @@ use lodsmith_core::TriMesh;
 use lodsmith_io::{Format, ModelSource, Textures, Warning, WriteOptions};
 
 use crate::content::{Lighter, Original, placed_meshes};
-use crate::job::Watch;
+use crate::job::JobControl;
 use crate::numbers::grouped;
 use crate::words::Simplification;
 
@@ -46,7 +46,7 @@ impl Export {
         original: &Original,
         lighter: Option<&Lighter>,
         how: &Simplification,
-        watch: &mut Watch,
+        watch: &mut JobControl,
     ) -> anyhow::Result<Written> {
         if self.levels.is_empty() {
             let warnings = self.write_one(original, lighter, &self.path)?;
@@ -118,7 +118,7 @@ impl Export {
 /// Embeds external images, so that the scene can be written to any folder.
 pub(crate) fn embed(scene: &mut lodsmith_io::gltf::Scene) -> Vec<Warning> {
     let mut warnings = scene.embed_files();
-    let left = scene.outside_files();
+    let left = scene.external_files();
     let text =
         |uri: &String| Warning::note(format!("{uri} stays a file of its own, which the scene refers to"));
     warnings.extend(left.first().map(text));

@@ -24,13 +24,13 @@ mod timer;
 mod uniforms;
 
 pub use adapter::Adapter;
-pub use context::{Context, GpuError, Split};
-pub use environment::Surroundings;
-pub use frame::{Drawn, Frame, Placed};
+pub use context::{BufferLimits, Context, GpuError};
+pub use environment::EnvironmentMap;
+pub use frame::{DrawStats, Frame, PlacedModel};
 pub use marks::Marks;
 pub use model::DrawModel;
-pub use pick::Picked;
+pub use pick::PickHit;
 pub use renderer::{Gpu, Matcap};
 pub use surface_shader::{ShaderError, SurfaceShader};
-pub use target::Target;
+pub use target::RenderTarget;
 pub use uniforms::TINTS;

@@ -12,7 +12,7 @@ use lodsmith::{Control, Stage, Verdict};
 
 /// Kind of a job. A new job replaces an older one of the same kind that waits or runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum JobKind {
     /// Read a file.
     Load,
     /// Simplify the model.
@@ -28,10 +28,10 @@ pub enum Kind {
     /// Benchmark levels.
     Benchmark,
     /// Make the progressive mesh for the slider.
-    Road,
+    Preview,
 }
 
-impl Kind {
+impl JobKind {
     /// All kinds, in order of priority.
     pub const ALL: [Self; 8] = [
         Self::Load,
@@ -40,7 +40,7 @@ impl Kind {
         Self::Levels,
         Self::Measure,
         Self::Inspect,
-        Self::Road,
+        Self::Preview,
         Self::Benchmark,
     ];
 
@@ -54,12 +54,12 @@ impl Kind {
             Self::Export => "Writing",
             Self::Levels => "Making levels",
             Self::Benchmark => "Measuring times",
-            Self::Road => "Preparing the slider",
+            Self::Preview => "Preparing the slider",
         }
     }
 
     /// Returns true if a job of this kind is obsolete once a newer one of that kind comes.
-    fn is_outdone_by(self, newer: Self) -> bool {
+    fn is_obsoleted_by(self, newer: Self) -> bool {
         match newer {
             Self::Load => self != Self::Export,
             // A moved slider does not wait for a benchmark.
@@ -70,21 +70,21 @@ impl Kind {
 }
 
 /// Handle of a running job: reports progress and checks for cancellation.
-pub struct Watch {
+pub struct JobControl {
     is_stopped: Arc<AtomicBool>,
     shared: Arc<Shared>,
-    told: Instant,
+    last_update: Instant,
     stage: &'static str,
 }
 
 /// Time between two progress updates: twelve a second look smooth.
-const TELL_EVERY: Duration = Duration::from_millis(80);
+const PROGRESS_INTERVAL: Duration = Duration::from_millis(80);
 
-impl Watch {
+impl JobControl {
     /// Reports progress from 0 to 1; returns false if the job was cancelled.
-    pub fn go_on(&mut self, done: f64) -> bool {
-        if self.told.elapsed() >= TELL_EVERY {
-            self.told = Instant::now();
+    pub fn report(&mut self, done: f64) -> bool {
+        if self.last_update.elapsed() >= PROGRESS_INTERVAL {
+            self.last_update = Instant::now();
             self.shared.done.store((done.clamp(0.0, 1.0) * 1000.0) as u32, Ordering::Relaxed);
             *lock(&self.shared.stage) = self.stage;
             (self.shared.wake)();
@@ -93,14 +93,14 @@ impl Watch {
     }
 }
 
-impl Control for Watch {
+impl Control for JobControl {
     fn stage(&mut self, stage: Stage) {
         self.stage = stage.name();
-        let _ = self.go_on(0.0);
+        let _ = self.report(0.0);
     }
 
     fn progress(&mut self, done: f64) -> Verdict {
-        if self.go_on(done) { Verdict::Continue } else { Verdict::Cancel }
+        if self.report(done) { Verdict::Continue } else { Verdict::Cancel }
     }
 }
 
@@ -108,7 +108,7 @@ impl Control for Watch {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
     /// Kind of the job.
-    pub kind: Kind,
+    pub kind: JobKind,
     /// Progress of the present stage, from 0 to 1.
     pub done: f32,
     /// Name of the stage, or empty.
@@ -123,14 +123,14 @@ struct Shared {
     wake: Box<dyn Fn() + Send + Sync>,
 }
 
-type Work<M> = Box<dyn FnOnce(&mut Watch) -> Option<M> + Send>;
+type Work<M> = Box<dyn FnOnce(&mut JobControl) -> Option<M> + Send>;
 /// Closures of waiting jobs, by job number.
 type Waiting<M> = Mutex<Vec<(u64, Work<M>)>>;
 
 struct Queue {
     /// Waiting jobs with their numbers; their closures are in [`Waiting`].
-    waiting: VecDeque<(Kind, u64)>,
-    running: Option<(Kind, Arc<AtomicBool>)>,
+    waiting: VecDeque<(JobKind, u64)>,
+    running: Option<(JobKind, Arc<AtomicBool>)>,
     watched: Vec<(PathBuf, Option<SystemTime>)>,
     is_ending: bool,
     next: u64,
@@ -149,7 +149,7 @@ pub enum Message<M> {
     /// A job finished.
     Done(M),
     /// A job panicked: a bug.
-    Broken(Kind),
+    Panicked(JobKind),
     /// A watched file changed on disk.
     Changed(PathBuf),
 }
@@ -160,7 +160,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// Time between two checks of the watched files.
-const LOOK_EVERY: Duration = Duration::from_millis(1000);
+const FILE_CHECK_INTERVAL: Duration = Duration::from_millis(1000);
 
 impl<M: Send + 'static> Worker<M> {
     /// Starts the thread. `wake` is called when there is a message or progress.
@@ -185,17 +185,17 @@ impl<M: Send + 'static> Worker<M> {
     }
 
     /// Queues a job. Obsolete jobs are removed, or cancelled if they run.
-    pub fn submit(&self, kind: Kind, work: impl FnOnce(&mut Watch) -> Option<M> + Send + 'static) {
+    pub fn submit(&self, kind: JobKind, work: impl FnOnce(&mut JobControl) -> Option<M> + Send + 'static) {
         let mut queue = lock(&self.shared.queue);
         let mut all = lock(&self.work);
         queue.waiting.retain(|(old, number)| {
-            let stays = !old.is_outdone_by(kind);
+            let stays = !old.is_obsoleted_by(kind);
             if !stays {
                 all.retain(|(n, _)| n != number);
             }
             stays
         });
-        if let Some((_, stop)) = queue.running.as_ref().filter(|r| r.0.is_outdone_by(kind)) {
+        if let Some((_, stop)) = queue.running.as_ref().filter(|r| r.0.is_obsoleted_by(kind)) {
             stop.store(true, Ordering::Relaxed);
         }
         let number = queue.next;
@@ -206,7 +206,7 @@ impl<M: Send + 'static> Worker<M> {
     }
 
     /// Cancels running and waiting jobs of these kinds.
-    pub fn cancel(&self, kinds: &[Kind]) {
+    pub fn cancel(&self, kinds: &[JobKind]) {
         let mut queue = lock(&self.shared.queue);
         let mut all = lock(&self.work);
         queue.waiting.retain(|(kind, number)| {
@@ -223,7 +223,7 @@ impl<M: Send + 'static> Worker<M> {
 
     /// Watches these files: a change sends [`Message::Changed`].
     pub fn watch(&self, files: Vec<PathBuf>) {
-        let watched = files.into_iter().map(|file| (changed_at(&file), file)).map(|(t, f)| (f, t)).collect();
+        let watched = files.into_iter().map(|file| (modified_at(&file), file)).map(|(t, f)| (f, t)).collect();
         lock(&self.shared.queue).watched = watched;
         self.shared.ready.notify_one();
     }
@@ -246,7 +246,7 @@ impl<M: Send + 'static> Worker<M> {
     }
 
     /// Returns true if a job of this kind waits or runs.
-    pub fn is_busy(&self, kind: Kind) -> bool {
+    pub fn is_busy(&self, kind: JobKind) -> bool {
         let queue = lock(&self.shared.queue);
         queue.waiting.iter().any(|w| w.0 == kind)
             || queue
@@ -286,16 +286,16 @@ fn run<M>(shared: &Arc<Shared>, work: &Waiting<M>, results: &Sender<Message<M>>)
             if queue.is_ending {
                 return;
             }
-            let first = |kind: Kind| queue.waiting.iter().position(|w| w.0 == kind);
-            if let Some(at) = Kind::ALL.into_iter().find_map(first) {
+            let first = |kind: JobKind| queue.waiting.iter().position(|w| w.0 == kind);
+            if let Some(at) = JobKind::ALL.into_iter().find_map(first) {
                 break queue.waiting.remove(at);
             }
             queue = if queue.watched.is_empty() {
                 shared.ready.wait(queue).unwrap_or_else(PoisonError::into_inner)
             } else {
-                let waited = shared.ready.wait_timeout(queue, LOOK_EVERY);
+                let waited = shared.ready.wait_timeout(queue, FILE_CHECK_INTERVAL);
                 let (queue, timeout) = waited.unwrap_or_else(PoisonError::into_inner);
-                if timeout.timed_out() { look(shared, queue, results) } else { queue }
+                if timeout.timed_out() { check_watched_files(shared, queue, results) } else { queue }
             };
         };
         let Some((kind, number)) = next else { continue };
@@ -309,11 +309,12 @@ fn run<M>(shared: &Arc<Shared>, work: &Waiting<M>, results: &Sender<Message<M>>)
         shared.done.store(0, Ordering::Relaxed);
         *lock(&shared.stage) = "";
         (shared.wake)();
-        let mut watch = Watch { is_stopped, shared: shared.clone(), told: Instant::now(), stage: "" };
+        let mut watch =
+            JobControl { is_stopped, shared: shared.clone(), last_update: Instant::now(), stage: "" };
         let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| job(&mut watch)));
         let message = match outcome {
             Ok(done) => done.map(Message::Done),
-            Err(_) => Some(Message::Broken(kind)),
+            Err(_) => Some(Message::Panicked(kind)),
         };
         lock(&shared.queue).running = None;
         if let Some(message) = message
@@ -326,7 +327,7 @@ fn run<M>(shared: &Arc<Shared>, work: &Waiting<M>, results: &Sender<Message<M>>)
 }
 
 /// Checks the watched files. The queue is unlocked meanwhile, so that a slow disk blocks nobody.
-fn look<'a, M>(
+fn check_watched_files<'a, M>(
     shared: &'a Shared,
     queue: MutexGuard<'a, Queue>,
     results: &Sender<Message<M>>,
@@ -345,7 +346,7 @@ fn look<'a, M>(
     queue
 }
 
-fn changed_at(path: &PathBuf) -> Option<SystemTime> {
+fn modified_at(path: &PathBuf) -> Option<SystemTime> {
     std::fs::metadata(path).and_then(|about| about.modified()).ok()
 }
 
@@ -353,7 +354,7 @@ fn changed_at(path: &PathBuf) -> Option<SystemTime> {
 fn changes(watched: &mut [(PathBuf, Option<SystemTime>)]) -> Vec<PathBuf> {
     let mut all = Vec::new();
     for (path, before) in watched {
-        let now = changed_at(path);
+        let now = modified_at(path);
         if now.is_some() && now != *before {
             *before = now;
             all.push(path.clone());
@@ -366,18 +367,18 @@ fn changes(watched: &mut [(PathBuf, Option<SystemTime>)]) -> Vec<PathBuf> {
 mod tests {
     use super::*;
 
-    const LONG: Duration = Duration::from_secs(20);
+    const TIMEOUT: Duration = Duration::from_secs(20);
 
     /// Runs until it is cancelled.
-    fn endless(watch: &mut Watch) -> Option<u32> {
-        while watch.go_on(0.5) {
+    fn endless(watch: &mut JobControl) -> Option<u32> {
+        while watch.report(0.5) {
             std::thread::sleep(Duration::from_millis(1));
         }
         None
     }
 
     fn done(worker: &Worker<u32>) -> Option<u32> {
-        match worker.wait(LONG) {
+        match worker.wait(TIMEOUT) {
             Some(Message::Done(n)) => Some(n),
             _ => None,
         }
@@ -386,9 +387,9 @@ mod tests {
     #[test]
     fn the_newest_of_a_kind_wins() {
         let worker = Worker::new(|| {});
-        worker.submit(Kind::Simplify, endless);
+        worker.submit(JobKind::Simplify, endless);
         for n in 1..5 {
-            worker.submit(Kind::Simplify, move |_| Some(n));
+            worker.submit(JobKind::Simplify, move |_| Some(n));
         }
         // Earlier jobs may have finished; the last one comes last.
         while done(&worker) != Some(4) {}
@@ -400,11 +401,11 @@ mod tests {
     fn writing_is_not_stopped_by_simplifying() {
         let worker = Worker::new(|| {});
         let (go, gate) = channel::<()>();
-        worker.submit(Kind::Export, move |watch| {
-            let _ = gate.recv_timeout(LONG);
-            watch.go_on(0.0).then_some(1)
+        worker.submit(JobKind::Export, move |watch| {
+            let _ = gate.recv_timeout(TIMEOUT);
+            watch.report(0.0).then_some(1)
         });
-        worker.submit(Kind::Simplify, |_| Some(2));
+        worker.submit(JobKind::Simplify, |_| Some(2));
         go.send(()).unwrap();
         // In the order in which the thread took them.
         let mut results = [done(&worker), done(&worker)];
@@ -415,9 +416,9 @@ mod tests {
     #[test]
     fn a_job_that_breaks_down_is_told_and_others_go_on() {
         let worker = Worker::<u32>::new(|| {});
-        worker.submit(Kind::Measure, |_| std::panic::resume_unwind(Box::new("on purpose")));
-        assert!(matches!(worker.wait(LONG), Some(Message::Broken(Kind::Measure))));
-        worker.submit(Kind::Measure, |_| Some(3));
+        worker.submit(JobKind::Measure, |_| std::panic::resume_unwind(Box::new("on purpose")));
+        assert!(matches!(worker.wait(TIMEOUT), Some(Message::Panicked(JobKind::Measure))));
+        worker.submit(JobKind::Measure, |_| Some(3));
         assert_eq!(done(&worker), Some(3));
     }
 
@@ -431,6 +432,6 @@ mod tests {
         let worker = Worker::<u32>::new(|| {});
         worker.watch(vec![path.clone()]);
         std::fs::write(&path, "OFF 2").unwrap();
-        assert!(matches!(worker.wait(LONG), Some(Message::Changed(p)) if p == path));
+        assert!(matches!(worker.wait(TIMEOUT), Some(Message::Changed(p)) if p == path));
     }
 }

@@ -7,7 +7,7 @@ use crate::panel::Panel;
 use crate::playback::Playback;
 
 /// Time step of a key: one frame at 24 frames per second.
-const STEP_SECS: f64 = 1.0 / 24.0;
+const FRAME_SECS: f64 = 1.0 / 24.0;
 
 /// Action of a key or button.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -57,7 +57,7 @@ pub enum Action {
     /// Toggle the ground grid.
     Ground,
     /// Switch the environment.
-    Around,
+    NextEnvironment,
     /// Toggle backface culling.
     Cull,
     /// Toggle automatic levels by distance.
@@ -65,7 +65,7 @@ pub enum Action {
     /// Play or pause the animation.
     Play,
     /// Go to the start.
-    ToBegin,
+    GoToStart,
     /// Go one frame forward or back.
     StepTime(i8),
     /// Double or halve the speed.
@@ -79,15 +79,15 @@ pub enum Action {
     /// Look from a standard view.
     View(usize),
     /// Restore a saved camera.
-    Recall(usize),
+    RestoreCamera(usize),
     /// Save the camera.
-    Keep(usize),
+    SaveCamera(usize),
     /// Orbit the camera by a step: right, up.
     Orbit(i8, i8),
     /// Rotate the model by a step: right, up.
     TurnModel(i8, i8),
     /// Reset the rotation of the model.
-    TurnBack,
+    ResetRotation,
     /// Show or hide all panels.
     Panels,
     /// Show or hide a panel.
@@ -228,7 +228,7 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::Animation, Modifiers::SHIFT, Key::PageUp, Action::Speed(-1), "Half as fast"),
     bind(Group::Animation, Modifiers::SHIFT, Key::PageDown, Action::Speed(1), "Twice as fast"),
     bind(Group::Animation, NONE, Key::P, Action::Play, "Play and pause"),
-    bind(Group::Animation, NONE, Key::Home, Action::ToBegin, "To the begin"),
+    bind(Group::Animation, NONE, Key::Home, Action::GoToStart, "To the begin"),
     bind(Group::Animation, NONE, Key::PageUp, Action::StepTime(-1), "A step back"),
     bind(Group::Animation, NONE, Key::PageDown, Action::StepTime(1), "A step further"),
     bind(Group::Animation, NONE, Key::J, Action::NextClip, "Next animation"),
@@ -249,7 +249,7 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::Look, NONE, Key::B, Action::Borders, "Open borders"),
     bind(Group::Look, NONE, Key::X, Action::Defects, "Defects"),
     bind(Group::Look, NONE, Key::G, Action::Ground, "Ground grid"),
-    bind(Group::Look, SHIFT, Key::E, Action::Around, "Surroundings: by the model, plain, studio"),
+    bind(Group::Look, SHIFT, Key::E, Action::NextEnvironment, "Surroundings: by the model, plain, studio"),
     bind(Group::Look, NONE, Key::U, Action::Cull, "Hide backs"),
     bind(Group::Look, NONE, Key::V, Action::NextSides, "Side by side, wipe, one alone"),
     bind(Group::Look, NONE, Key::L, Action::Link, "Link the cameras"),
@@ -262,19 +262,19 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::Camera, Modifiers::ALT, Key::ArrowRight, Action::TurnModel(1, 0), "Turn the model right"),
     bind(Group::Camera, Modifiers::ALT, Key::ArrowUp, Action::TurnModel(0, 1), "Turn the model up"),
     bind(Group::Camera, Modifiers::ALT, Key::ArrowDown, Action::TurnModel(0, -1), "Turn the model down"),
-    bind(Group::Camera, Modifiers::ALT, Key::Num0, Action::TurnBack, "Turn the model back"),
+    bind(Group::Camera, Modifiers::ALT, Key::Num0, Action::ResetRotation, "Turn the model back"),
     bind(Group::Camera, NONE, Key::ArrowLeft, Action::Orbit(-1, 0), "Look from further left"),
     bind(Group::Camera, NONE, Key::ArrowRight, Action::Orbit(1, 0), "Look from further right"),
     bind(Group::Camera, NONE, Key::ArrowUp, Action::Orbit(0, 1), "Look from higher"),
     bind(Group::Camera, NONE, Key::ArrowDown, Action::Orbit(0, -1), "Look from lower"),
-    bind(Group::Camera, CTRL_SHIFT, Key::Num1, Action::Keep(0), "Keep as camera 1"),
-    bind(Group::Camera, CTRL_SHIFT, Key::Num2, Action::Keep(1), "Keep as camera 2"),
-    bind(Group::Camera, CTRL_SHIFT, Key::Num3, Action::Keep(2), "Keep as camera 3"),
-    bind(Group::Camera, CTRL_SHIFT, Key::Num4, Action::Keep(3), "Keep as camera 4"),
-    bind(Group::Camera, CTRL, Key::Num1, Action::Recall(0), "Camera 1"),
-    bind(Group::Camera, CTRL, Key::Num2, Action::Recall(1), "Camera 2"),
-    bind(Group::Camera, CTRL, Key::Num3, Action::Recall(2), "Camera 3"),
-    bind(Group::Camera, CTRL, Key::Num4, Action::Recall(3), "Camera 4"),
+    bind(Group::Camera, CTRL_SHIFT, Key::Num1, Action::SaveCamera(0), "Keep as camera 1"),
+    bind(Group::Camera, CTRL_SHIFT, Key::Num2, Action::SaveCamera(1), "Keep as camera 2"),
+    bind(Group::Camera, CTRL_SHIFT, Key::Num3, Action::SaveCamera(2), "Keep as camera 3"),
+    bind(Group::Camera, CTRL_SHIFT, Key::Num4, Action::SaveCamera(3), "Keep as camera 4"),
+    bind(Group::Camera, CTRL, Key::Num1, Action::RestoreCamera(0), "Camera 1"),
+    bind(Group::Camera, CTRL, Key::Num2, Action::RestoreCamera(1), "Camera 2"),
+    bind(Group::Camera, CTRL, Key::Num3, Action::RestoreCamera(2), "Camera 3"),
+    bind(Group::Camera, CTRL, Key::Num4, Action::RestoreCamera(3), "Camera 4"),
     bind(Group::Stage, NONE, Key::Y, Action::Stage, "Show the stage, or the two sides"),
     bind(Group::Stage, NONE, Key::I, Action::Walk, "Walk through, or see all"),
     copies(SHIFT, Key::A, CopiesAction::Place, "Place copies, or choose them"),
@@ -388,10 +388,10 @@ pub fn pressed(input: &mut InputState) -> Vec<Action> {
 }
 
 /// Returns the playback after an action; `None` for actions that do not change it.
-pub fn by_key(playback: Playback, model: &Model, length: f64, action: Action) -> Option<Playback> {
+pub fn playback_after(playback: Playback, model: &Model, length: f64, action: Action) -> Option<Playback> {
     Some(match action {
-        Action::ToBegin => playback.at(length, 0.0),
-        Action::StepTime(by) => playback.at(length, playback.moment(length) + f64::from(by) * STEP_SECS),
+        Action::GoToStart => playback.at(length, 0.0),
+        Action::StepTime(by) => playback.at(length, playback.moment(length) + f64::from(by) * FRAME_SECS),
         Action::Speed(by) => playback.at_speed(playback.speed * 2f64.powi(i32::from(by))),
         Action::Repeat => Playback { repeats: !playback.repeats, ..playback },
         Action::NextClip => playback.next_clip(model),

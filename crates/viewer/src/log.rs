@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 /// Severity of an entry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Level {
+pub enum Severity {
     /// Success.
     Good,
     /// Information.
@@ -19,7 +19,7 @@ pub enum Level {
 #[derive(Clone, Debug)]
 pub struct Entry {
     /// Severity.
-    pub level: Level,
+    pub level: Severity,
     /// A sentence without a full stop.
     pub text: String,
     /// Time since the window opened.
@@ -34,7 +34,7 @@ pub struct Log {
 }
 
 /// Number of entries that are kept. Guessed.
-const KEPT: usize = 1000;
+const MAX_ENTRIES: usize = 1000;
 
 impl Default for Log {
     fn default() -> Self {
@@ -49,27 +49,27 @@ impl Log {
     }
     /// Logs a success message.
     pub fn good(&mut self, text: impl Into<String>) {
-        self.add(Level::Good, text.into());
+        self.add(Severity::Good, text.into());
     }
     /// Logs an informational message.
     pub fn note(&mut self, text: impl Into<String>) {
-        self.add(Level::Note, text.into());
+        self.add(Severity::Note, text.into());
     }
     /// Logs a warning.
     pub fn warn(&mut self, text: impl Into<String>) {
-        self.add(Level::Warning, text.into());
+        self.add(Severity::Warning, text.into());
     }
     /// Logs an error.
     pub fn bad(&mut self, text: impl Into<String>) {
-        self.add(Level::Error, text.into());
+        self.add(Severity::Error, text.into());
     }
 
-    fn add(&mut self, level: Level, text: String) {
+    fn add(&mut self, level: Severity, text: String) {
         // A dragged slider can cause the same message many times.
         if self.entries.last().is_some_and(|e| e.text == text) {
             return;
         }
-        if self.entries.len() == KEPT {
+        if self.entries.len() == MAX_ENTRIES {
             self.entries.remove(0);
         }
         self.entries.push(Entry { level, text, at: self.begin.elapsed() });

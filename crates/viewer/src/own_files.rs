@@ -6,23 +6,23 @@ use std::path::{Path, PathBuf};
 use lodsmith_core::Image;
 use lodsmith_render::Environment;
 
-use crate::gpu::{Gpu, Matcap, SurfaceShader, Surroundings};
-use crate::settings::{Appearance, Around};
+use crate::gpu::{EnvironmentMap, Gpu, Matcap, SurfaceShader};
+use crate::settings::{Appearance, EnvironmentChoice};
 
 /// Files that were read, or errors.
 #[derive(Default)]
-pub(crate) struct OwnFiles {
+pub(crate) struct UserFiles {
     matcap: Option<(PathBuf, Result<Matcap, String>)>,
     shader: Option<(PathBuf, Result<SurfaceShader, String>)>,
-    around: Option<(Around, Result<Surroundings, String>)>,
+    around: Option<(EnvironmentChoice, Result<EnvironmentMap, String>)>,
 }
 
 /// Largest matcap, in pixels along a side: more pixels show no more detail.
-const LARGEST: u32 = 4096;
+const MAX_MATCAP_SIDE_PX: u32 = 4096;
 /// Largest shader file, in bytes. Guessed.
-const LONGEST: u64 = 1 << 20;
+const MAX_SHADER_BYTES: u64 = 1 << 20;
 
-impl OwnFiles {
+impl UserFiles {
     /// Reads files that the appearance newly refers to, or all of them if they have changed.
     pub(crate) fn follow(
         &mut self,
@@ -46,7 +46,7 @@ impl OwnFiles {
         let around = look.surroundings(has_metal);
         let is_known = self.around.as_ref().is_some_and(|(of, _)| *of == around)
             && (!have_changed || around.file().is_none());
-        if around == Around::Plain {
+        if around == EnvironmentChoice::Plain {
             self.around = None;
         } else if !is_known {
             let made = match around.file() {
@@ -58,7 +58,7 @@ impl OwnFiles {
     }
 
     /// Returns the environment.
-    pub(crate) fn environment(&self) -> Option<&Surroundings> {
+    pub(crate) fn environment(&self) -> Option<&EnvironmentMap> {
         self.around.as_ref().and_then(|a| a.1.as_ref().ok())
     }
     /// Returns the matcap.
@@ -84,7 +84,7 @@ fn image_of(path: &Path) -> Result<Image, String> {
     let mut reader =
         image::ImageReader::open(path).and_then(|r| r.with_guessed_format()).map_err(|e| e.to_string())?;
     let mut limits = image::Limits::default();
-    (limits.max_image_width, limits.max_image_height) = (Some(LARGEST), Some(LARGEST));
+    (limits.max_image_width, limits.max_image_height) = (Some(MAX_MATCAP_SIDE_PX), Some(MAX_MATCAP_SIDE_PX));
     reader.limits(limits);
     let pixels = reader.decode().map_err(|e| e.to_string())?.into_rgba8();
     let (width, height) = (pixels.width() as usize, pixels.height() as usize);
@@ -98,7 +98,7 @@ fn environment_of(path: &Path) -> Result<Environment, String> {
 
 fn text_of(path: &Path) -> Result<String, String> {
     let size = std::fs::metadata(path).map_err(|e| e.to_string())?.len();
-    if size > LONGEST {
+    if size > MAX_SHADER_BYTES {
         return Err(format!("{size} bytes are too many for a shader"));
     }
     std::fs::read_to_string(path).map_err(|e| e.to_string())

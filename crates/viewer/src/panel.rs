@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use crate::command::Command;
 use crate::document::Document;
 use crate::keys::Action;
-use crate::stage::picture::KeyframeDesk;
+use crate::stage::picture::KeyframeSelection;
 use crate::stage::scatter::Scatter;
 
 /// A panel that can be shown and hidden.
@@ -91,7 +91,7 @@ impl Panel {
     }
 
     /// Returns true if it is shown by default.
-    pub fn is_there_at_first(self) -> bool {
+    pub fn is_shown_by_default(self) -> bool {
         matches!(self, Self::Method | Self::Report | Self::Info | Self::Look)
     }
 }
@@ -110,18 +110,18 @@ pub enum Dock {
 }
 
 /// Data that panels read, and their requests.
-pub struct Scope<'a> {
+pub struct PanelContext<'a> {
     /// The document.
     pub document: &'a Document,
     /// State of the window that is not part of the document.
-    pub facts: &'a Facts,
+    pub facts: &'a WindowState,
     /// Requests of the panels, in order.
-    pub says: Vec<Say>,
+    pub requests: Vec<UiRequest>,
 }
 
 /// A request of a panel.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Say {
+pub enum UiRequest {
     /// Run a command.
     Command(Command),
     /// Carry out an action.
@@ -133,7 +133,7 @@ pub enum Say {
     /// Choose a matcap.
     ChooseMatcap,
     /// Choose an environment.
-    ChooseAround,
+    ChooseEnvironment,
     /// Choose a shader.
     ChooseShader,
     /// Copy text to the clipboard.
@@ -143,23 +143,23 @@ pub enum Say {
     /// Set the form of the next scattering.
     ScatterForm(Scatter),
     /// Set the keyframe selection and drag.
-    Keyframes(KeyframeDesk),
+    KeyframeSelection(KeyframeSelection),
 }
 
-impl Scope<'_> {
+impl PanelContext<'_> {
     /// Requests a command.
     pub fn command(&mut self, command: Command) {
-        self.says.push(Say::Command(command));
+        self.requests.push(UiRequest::Command(command));
     }
     /// Requests an action.
     pub fn action(&mut self, action: Action) {
-        self.says.push(Say::Action(action));
+        self.requests.push(UiRequest::Action(action));
     }
 }
 
 /// State of the window that is not part of the document.
 #[derive(Clone, Debug, Default)]
-pub struct Facts {
+pub struct WindowState {
     /// Recent files, newest first.
     pub recent: Vec<std::path::PathBuf>,
     /// Name of the adapter.
@@ -177,5 +177,5 @@ pub struct Facts {
     /// Unit of the slider.
     pub unit: target::Unit,
     /// State of the stage view.
-    pub stage: crate::stage::picture::Facts,
+    pub stage: crate::stage::picture::StageStatus,
 }

@@ -26,12 +26,12 @@ impl Default for Playback {
 }
 
 /// Lowest and highest speed.
-pub const SPEEDS: [f64; 2] = [0.05, 16.0];
+pub const SPEED_RANGE: [f64; 2] = [0.05, 16.0];
 
 impl Playback {
     /// Returns the start of the first clip, for another file, at the same speed.
     #[must_use]
-    pub fn anew(self) -> Self {
+    pub fn reset(self) -> Self {
         Self { clip: Some(0), seconds: 0.0, ..self }
     }
 
@@ -66,13 +66,13 @@ impl Playback {
     /// Returns the same playback at another speed, clamped to [`SPEEDS`].
     #[must_use]
     pub fn at_speed(self, speed: f64) -> Self {
-        let speed = if speed.is_finite() { speed.clamp(SPEEDS[0], SPEEDS[1]) } else { 1.0 };
+        let speed = if speed.is_finite() { speed.clamp(SPEED_RANGE[0], SPEED_RANGE[1]) } else { 1.0 };
         Self { speed, ..self }
     }
 
     /// Advances by elapsed seconds on a timeline of `length`; returns also whether the end was reached.
     #[must_use]
-    pub fn after(self, length: f64, elapsed_secs: f64) -> (Self, bool) {
+    pub fn advanced(self, length: f64, elapsed_secs: f64) -> (Self, bool) {
         let further = self.moment(length) + elapsed_secs.max(0.0) * self.at_speed(self.speed).speed;
         match length > 0.0 && self.repeats {
             // The last moment is shown at the very end; only then it starts over.
@@ -84,7 +84,7 @@ impl Playback {
 
     /// Returns the playback ready to play: at the start, if it is at its end and does not loop.
     #[must_use]
-    pub fn ready(self, length: f64) -> Self {
+    pub fn rewound_if_over(self, length: f64) -> Self {
         let is_over = !self.repeats && self.moment(length) >= length;
         Self { seconds: if is_over { 0.0 } else { self.moment(length) }, ..self }
     }
@@ -147,7 +147,7 @@ mod tests {
         for (elapsed, speed, wanted) in
             [(0.0, 1.0, 0.0), (0.5, 1.0, 0.5), (0.5, 2.0, 1.0), (2.0, 1.0, 2.0), (2.5, 1.0, 0.5)]
         {
-            let (then, is_over) = begin.at_speed(speed).after(2.0, elapsed);
+            let (then, is_over) = begin.at_speed(speed).advanced(2.0, elapsed);
             assert!((x(&then) - wanted).abs() < 1e-9 && !is_over, "{elapsed} {speed}: {}", x(&then));
         }
         // On a longer timeline the clip loops, or holds its last pose.
@@ -160,14 +160,14 @@ mod tests {
     #[test]
     fn once_ends_at_the_end_and_begins_anew_when_asked_again() {
         let once = Playback { repeats: false, ..Playback::default() };
-        let (then, is_over) = once.after(2.0, 1.9);
+        let (then, is_over) = once.advanced(2.0, 1.9);
         assert!(!is_over);
-        let (then, is_over) = then.after(2.0, 0.2);
+        let (then, is_over) = then.advanced(2.0, 0.2);
         assert!(is_over && x(&then) == 2.0);
-        assert_eq!(then.ready(2.0).seconds, 0.0);
-        assert_eq!(once.at(2.0, 1.5).ready(2.0).seconds, 1.5);
+        assert_eq!(then.rewound_if_over(2.0).seconds, 0.0);
+        assert_eq!(once.at(2.0, 1.5).rewound_if_over(2.0).seconds, 1.5);
         // Without a clip it is over at once.
-        assert!(once.after(0.0, 0.1).1);
+        assert!(once.advanced(0.0, 0.1).1);
     }
 
     #[test]
@@ -176,7 +176,7 @@ mod tests {
             for speed in [f64::NAN, 0.0, -1.0, 1e300] {
                 let odd = Playback { seconds, speed, ..Playback::default() };
                 assert!((0.0..=2.0).contains(&x(&odd)), "{seconds}");
-                let (then, _) = odd.after(2.0, 0.1);
+                let (then, _) = odd.advanced(2.0, 0.1);
                 assert!((0.0..=2.0).contains(&then.seconds), "{seconds} {speed}: {then:?}");
             }
         }

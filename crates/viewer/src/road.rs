@@ -8,21 +8,21 @@ use lodsmith_core::{MeshError, Model, TriMesh};
 use lodsmith_io::ModelSource;
 
 use crate::content::{Lighter, Original, diagonal_of, parts_of, placed_meshes};
-use crate::document::{Drawing, Shown};
+use crate::document::{Drawing, ShownModel};
 use crate::gpu::Context;
 use crate::words::{Normals, Simplification};
 
 /// Largest number of triangles for a preview: with more, a jump from end to end would block the window for
 /// over 0.1 s. (Measured on horse: about 40 ms of processor time a jump and 0.6 GB at the most for a
 /// million.)
-pub const MOST_FACES: usize = 2_000_000;
+pub const MAX_FACES: usize = 2_000_000;
 
 /// Ratio of largest to RMS distance, until a run has measured it for the model. (Measured: 7 to 13 on cow,
 /// bunny, nefertiti and spot at errors of 0.5 and 2 % of the diagonal, 9 to 26 at 0.1 %.)
-const PEAK: f64 = 8.0;
+const DEFAULT_PEAK_RATIO: f64 = 8.0;
 
 /// Progressive mesh of a model, with the GPU buffers of the present level.
-pub struct Road {
+pub struct SliderPreview {
     scene: ProgressiveScene,
     /// Index of the model's mesh for each part.
     meshes: Vec<usize>,
@@ -32,10 +32,10 @@ pub struct Road {
     draw: Option<Drawing>,
     /// True if the normals of the original are shown.
     keeps_normals: bool,
-    peak: f64,
+    peak_ratio: f64,
 }
 
-impl Road {
+impl SliderPreview {
     /// Builds the progressive mesh of a model; the target does not matter.
     ///
     /// # Errors
@@ -64,12 +64,12 @@ impl Road {
         };
         let keeps_normals = how.normals == Normals::Keep;
         let mut all: Vec<Arc<TriMesh>> = original.model().meshes.iter().map(|m| m.mesh.clone()).collect();
-        for (road, &mesh) in scene.roads().iter().zip(&meshes) {
+        for (road, &mesh) in scene.meshes().iter().zip(&meshes) {
             all[mesh] = Arc::new(buffers(road, keeps_normals)?);
         }
         let model = original.model().with_meshes(all);
         let draw = context.map(|c| Arc::new(Mutex::new(c.upload(&model))));
-        Ok(Self { scene, meshes, diagonal, model, draw, keeps_normals, peak: PEAK })
+        Ok(Self { scene, meshes, diagonal, model, draw, keeps_normals, peak_ratio: DEFAULT_PEAK_RATIO })
     }
 
     /// Returns the number of levels.
@@ -78,11 +78,11 @@ impl Road {
     }
 
     /// Takes over the ratio of largest to RMS distance from a measured run.
-    pub fn learn(&mut self, run: &Lighter) {
+    pub fn learn_peak_ratio(&mut self, run: &Lighter) {
         let Some(measured) = run.measured() else { return };
         let peak = measured.hausdorff.symmetric / measured.rms.symmetric;
         if peak.is_finite() && peak >= 1.0 {
-            self.peak = peak;
+            self.peak_ratio = peak;
         }
     }
 
@@ -90,12 +90,12 @@ impl Road {
     ///
     /// # Errors
     /// [`MeshError`], if a level is not a valid mesh.
-    pub fn show(&mut self, how: &Simplification) -> Result<Option<Shown<Lighter>>, MeshError> {
+    pub fn show(&mut self, how: &Simplification) -> Result<Option<ShownModel<Lighter>>, MeshError> {
         let begin = Instant::now();
         let Some(level) = self.level_for(&how.options.stop) else { return Ok(None) };
-        let before: Vec<usize> = self.scene.roads().iter().map(|r| r.level()).collect();
+        let before: Vec<usize> = self.scene.meshes().iter().map(|r| r.level()).collect();
         let changed = self.scene.to_level(level);
-        for (i, (road, changed)) in self.scene.roads().iter().zip(&changed).enumerate() {
+        for (i, (road, changed)) in self.scene.meshes().iter().zip(&changed).enumerate() {
             if road.level() == before[i] {
                 continue;
             }
@@ -109,12 +109,12 @@ impl Road {
         let counts = [self.scene.face_count(), self.scene.vertex_count()];
         let seconds = begin.elapsed().as_secs_f64();
         let level = Lighter::of_level(self.model.clone(), counts, self.scene.error(), how, seconds);
-        Ok(Some(Shown { content: Arc::new(level), draw: self.draw.clone() }))
+        Ok(Some(ShownModel { content: Arc::new(level), draw: self.draw.clone() }))
     }
 
     fn level_for(&self, stop: &Stop) -> Option<usize> {
         let is_share = |x: f64| x > 0.0 && x.is_finite();
-        let error = stop.error.map(|e| e.in_units(self.diagonal) / self.peak);
+        let error = stop.error.map(|e| e.in_units(self.diagonal) / self.peak_ratio);
         let is_sound = stop.ratio.is_none_or(is_share) && error.is_none_or(is_share);
         let mut stop = *stop;
         stop.error = error.map(Length::Units);

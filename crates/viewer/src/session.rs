@@ -140,11 +140,11 @@ fn folder_of(path: &Path) -> PathBuf {
 }
 
 /// Largest session or layout file, in bytes: the maximum of copies and keyframes takes a quarter of it.
-const LARGEST: u64 = 256 << 20;
+const MAX_FILE_BYTES: u64 = 256 << 20;
 
 /// Reads the text of a session or a layout.
 pub(crate) fn read(path: &Path) -> io::Result<String> {
-    read_up_to(path, LARGEST)
+    read_up_to(path, MAX_FILE_BYTES)
 }
 
 fn read_up_to(path: &Path, most: u64) -> io::Result<String> {
@@ -165,7 +165,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// Settings that the viewer keeps between runs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Memory {
+pub struct ViewerPrefs {
     /// Recent files, newest first.
     pub recent: Vec<PathBuf>,
     /// True for the light theme.
@@ -173,9 +173,9 @@ pub struct Memory {
 }
 
 /// Number of recent files that are kept.
-const RECENT: usize = 12;
+const MAX_RECENT_FILES: usize = 12;
 
-impl Memory {
+impl ViewerPrefs {
     /// Returns the path of the settings file; `None` if the system defines no such folder.
     pub fn path() -> Option<PathBuf> {
         let from = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
@@ -205,11 +205,11 @@ impl Memory {
     }
 
     /// Adds a file to the recent files.
-    pub fn opened(&mut self, file: &Path) {
+    pub fn add_recent(&mut self, file: &Path) {
         let file = absolute(file);
         self.recent.retain(|f| *f != file);
         self.recent.insert(0, file);
-        self.recent.truncate(RECENT);
+        self.recent.truncate(MAX_RECENT_FILES);
     }
 }
 
@@ -280,15 +280,15 @@ mod tests {
 
     #[test]
     fn the_newest_file_comes_first_and_once() {
-        let mut memory = Memory::default();
+        let mut memory = ViewerPrefs::default();
         for name in ["a", "b", "a"] {
-            memory.opened(Path::new(name));
+            memory.add_recent(Path::new(name));
         }
         let names: Vec<_> = memory.recent.iter().map(|p| p.file_name().unwrap()).collect();
         assert_eq!(names, ["a", "b"]);
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deep/viewer.json");
         memory.save(&path);
-        assert_eq!(Memory::load(&path), memory);
+        assert_eq!(ViewerPrefs::load(&path), memory);
     }
 }

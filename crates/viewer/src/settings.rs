@@ -137,7 +137,7 @@ pub struct Appearance {
     /// Brightness factor of the lights.
     pub brightness: f32,
     /// Environment for reflections.
-    pub around: Around,
+    pub around: EnvironmentChoice,
     /// The user's own matcap image.
     pub matcap: Option<PathBuf>,
     /// The user's own shader.
@@ -152,7 +152,7 @@ impl Default for Appearance {
             ground: false,
             rig: Rig::default(),
             brightness: 1.0,
-            around: Around::default(),
+            around: EnvironmentChoice::default(),
             matcap: None,
             shader: None,
         }
@@ -161,7 +161,7 @@ impl Default for Appearance {
 
 /// Environment that materials reflect and are lit by, besides the lights.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub enum Around {
+pub enum EnvironmentChoice {
     /// Studio if the model has metal, which reflects little but its environment, or if the background shows
     /// the environment; else plain.
     #[default]
@@ -174,7 +174,7 @@ pub enum Around {
     File(PathBuf),
 }
 
-impl Around {
+impl EnvironmentChoice {
     /// Returns the next environment that is not a file: automatic, plain, studio.
     pub fn next(&self) -> Self {
         match self {
@@ -195,11 +195,11 @@ impl Around {
 
 impl Appearance {
     /// Resolves the automatic environment for a model.
-    pub fn surroundings(&self, has_metal: bool) -> Around {
+    pub fn surroundings(&self, has_metal: bool) -> EnvironmentChoice {
         let is_behind = matches!(self.backdrop, Backdrop::Surroundings | Backdrop::Blurred);
         match &self.around {
-            Around::Auto if has_metal || is_behind => Around::Studio,
-            Around::Auto => Around::Plain,
+            EnvironmentChoice::Auto if has_metal || is_behind => EnvironmentChoice::Studio,
+            EnvironmentChoice::Auto => EnvironmentChoice::Plain,
             chosen => chosen.clone(),
         }
     }
@@ -251,8 +251,8 @@ impl Backdrop {
             Self::Bright => Background::Gradient([0.97, 0.97, 0.97], [0.86, 0.86, 0.87]),
             Self::Sky => Background::Gradient([0.36, 0.56, 0.82], [0.83, 0.88, 0.92]),
             Self::Color(color) => Background::Color(color),
-            Self::Surroundings => Background::Surroundings { blurred: false },
-            Self::Blurred => Background::Surroundings { blurred: true },
+            Self::Surroundings => Background::Environment { blurred: false },
+            Self::Blurred => Background::Environment { blurred: true },
         }
     }
 }
@@ -408,11 +408,14 @@ mod tests {
     #[test]
     fn metal_and_what_is_behind_have_a_studio_unless_something_was_chosen() {
         let mut look = Appearance::default();
-        assert_eq!([false, true].map(|m| look.surroundings(m)), [Around::Plain, Around::Studio]);
+        assert_eq!(
+            [false, true].map(|m| look.surroundings(m)),
+            [EnvironmentChoice::Plain, EnvironmentChoice::Studio]
+        );
         look.backdrop = Backdrop::Blurred;
-        assert_eq!(look.surroundings(false), Around::Studio);
-        look.around = Around::Plain;
-        assert_eq!(look.surroundings(true), Around::Plain);
+        assert_eq!(look.surroundings(false), EnvironmentChoice::Studio);
+        look.around = EnvironmentChoice::Plain;
+        assert_eq!(look.surroundings(true), EnvironmentChoice::Plain);
     }
 
     #[test]

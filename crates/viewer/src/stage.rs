@@ -46,9 +46,9 @@ fn one() -> f64 {
 }
 
 /// Range of scales of a copy.
-pub const SCALES: std::ops::RangeInclusive<f64> = 0.01..=100.0;
+pub const SCALE_RANGE: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 /// Maximum number of copies on a stage. So many take up to 10 ms of a frame. (Measured while walking.)
-pub const MOST: usize = 20_000;
+pub const MAX_COPIES: usize = 20_000;
 
 impl Placement {
     /// Creates a copy of scale 1.
@@ -62,7 +62,7 @@ impl Placement {
         let is_number = [self.x, self.z, self.turn_deg, self.scale].iter().all(|v| v.is_finite());
         (is_number && self.scale > 0.0).then(|| Self {
             turn_deg: self.turn_deg.rem_euclid(360.0),
-            scale: self.scale.clamp(*SCALES.start(), *SCALES.end()),
+            scale: self.scale.clamp(*SCALE_RANGE.start(), *SCALE_RANGE.end()),
             ..self
         })
     }
@@ -83,7 +83,7 @@ impl std::ops::Deref for Copies {
 impl From<Vec<Placement>> for Copies {
     /// Keeps the valid copies, at most [`MOST`].
     fn from(all: Vec<Placement>) -> Self {
-        Self(Arc::new(all.into_iter().filter_map(Placement::checked).take(MOST).collect()))
+        Self(Arc::new(all.into_iter().filter_map(Placement::checked).take(MAX_COPIES).collect()))
     }
 }
 
@@ -110,7 +110,7 @@ pub struct Stage {
     /// Settings for scattering copies.
     pub scatter: Scatter,
     /// Display settings.
-    pub view: View,
+    pub view: StageDisplay,
     /// Keyframe animation.
     pub motion: Motion,
 }
@@ -131,7 +131,7 @@ impl Stage {
     }
 
     /// Returns the placements of all copies and of all their keyframes.
-    pub fn places(&self) -> impl Iterator<Item = &Placement> {
+    pub fn all_placements(&self) -> impl Iterator<Item = &Placement> {
         self.copies.iter().chain(self.motion.copies.values().flat_map(Track::values))
     }
 }
@@ -139,7 +139,7 @@ impl Stage {
 /// Display settings of the stage.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct View {
+pub struct StageDisplay {
     /// Maximum number of pixels that the error of a level may cover.
     pub pixels: f64,
     /// Maximum number of triangles in a frame.
@@ -152,7 +152,7 @@ pub struct View {
     pub speed: f64,
 }
 
-impl Default for View {
+impl Default for StageDisplay {
     fn default() -> Self {
         Self { pixels: 0.5, budget: 2_000_000, has_level_colors: false, eye_height: 0.6, speed: 1.0 }
     }
@@ -188,7 +188,7 @@ pub enum StageChange {
     /// Replaces all keyframes.
     Motion(Motion),
     /// Replaces the display settings.
-    View(View),
+    View(StageDisplay),
 }
 
 impl StageChange {
@@ -217,8 +217,8 @@ impl StageChange {
             Self::Scatter(scatter) => {
                 stage.scatter = *scatter;
                 let kept = if scatter.keeps { stage.copies.len() } else { 0 };
-                stage.copies = scatter.scattered(&stage.copies).into();
-                stage.motion = stage.motion.within(kept);
+                stage.copies = scatter.placements(&stage.copies).into();
+                stage.motion = stage.motion.limited_to(kept);
             }
             Self::Duplicate { numbers, aside } => stage.duplicate(numbers, *aside),
             Self::Move { copies, secs } => stage.move_copies(copies, *secs),
@@ -230,9 +230,9 @@ impl StageChange {
             }
             Self::Replace(copies, motion) => {
                 stage.copies = copies.clone();
-                stage.motion = motion.within(copies.len());
+                stage.motion = motion.limited_to(copies.len());
             }
-            Self::Motion(motion) => stage.set_motion(motion.within(stage.copies.len())),
+            Self::Motion(motion) => stage.set_motion(motion.limited_to(stage.copies.len())),
             Self::View(view) => stage.view = *view,
         }
     }
@@ -251,7 +251,7 @@ impl Stage {
         }
         self.copies = copies.into();
         if !tracks.is_empty() {
-            self.motion = self.motion.with(|m| m.copies.extend(tracks)).within(self.copies.len());
+            self.motion = self.motion.with(|m| m.copies.extend(tracks)).limited_to(self.copies.len());
         }
     }
 
@@ -288,7 +288,7 @@ impl Stage {
 
 /// Placement of the model on the ground, common to all copies.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Base {
+pub struct ModelBase {
     /// Transform from the model to a copy of scale 1 at the centre of the stage, including `turn`.
     pub stage_from_model: DMat4,
     /// Rotation of the model.
@@ -297,7 +297,7 @@ pub struct Base {
     pub size: DVec3,
 }
 
-impl Base {
+impl ModelBase {
     /// Creates the base of a model with this bounding box, rotated about its centre.
     pub fn new(bounds: &Bounds, turn: DQuat) -> Self {
         let box_ = turned_bounds(bounds, turn);
@@ -323,7 +323,7 @@ impl Base {
     }
 
     /// Returns centre and radius of the bounding sphere of a copy.
-    pub fn ball(&self, copy: &Placement) -> (DVec3, f64) {
+    pub fn bounding_sphere(&self, copy: &Placement) -> (DVec3, f64) {
         (DVec3::new(copy.x, 0.5 * self.size.y * copy.scale, copy.z), 0.5 * self.length() * copy.scale)
     }
 
@@ -349,7 +349,7 @@ impl Base {
         let mut reach = 0f64;
         let mut height = self.size.y;
         for copy in copies {
-            let (centre, radius) = self.ball(copy);
+            let (centre, radius) = self.bounding_sphere(copy);
             reach = reach.max(centre.x.abs().max(centre.z.abs()) + radius);
             height = height.max(self.size.y * copy.scale);
         }
@@ -406,7 +406,7 @@ mod tests {
         assert_eq!(at(0.0), [(-1.0, 0.0), (1.0, 0.0), (2.0, 0.0), (11.0, 0.0), (12.0, 0.0)]);
         assert_eq!(at(2.0)[1..4], [(0.0, 7.0), (2.0, 0.0), (10.0, 7.0)]);
         assert_eq!(at(9.0)[3], (19.0, 0.0));
-        assert_eq!(stage.places().count(), 5 + 6);
+        assert_eq!(stage.all_placements().count(), 5 + 6);
         // Copies are renumbered, scattering removes keyframes, and a copy without keyframes stays at its
         // first one.
         let mut less = stage.clone();
@@ -433,23 +433,23 @@ mod tests {
         let stage =
             stage_of(&[StageChange::Add(bad.to_vec()), StageChange::Add(vec![Placement::at(1.0, 1.0)])]);
         assert_eq!(*stage.copies, [Placement::at(1.0, 1.0)]);
-        let many = StageChange::Add(vec![Placement::at(0.0, 0.0); MOST + 5]);
-        assert_eq!(stage_of(&[many]).copies.len(), MOST);
+        let many = StageChange::Add(vec![Placement::at(0.0, 0.0); MAX_COPIES + 5]);
+        assert_eq!(stage_of(&[many]).copies.len(), MAX_COPIES);
         let huge = Placement { scale: 1e9, ..Placement::at(0.0, 0.0) };
-        assert_eq!(stage_of(&[StageChange::Add(vec![huge])]).copies[0].scale, *SCALES.end());
+        assert_eq!(stage_of(&[StageChange::Add(vec![huge])]).copies[0].scale, *SCALE_RANGE.end());
     }
 
     #[test]
     fn a_copy_stands_on_the_ground_whichever_way_the_model_is_turned() {
         let bounds = Bounds { min: [3.0, -2.0, 5.0], max: [5.0, 6.0, 6.0] };
         for turn in [DQuat::IDENTITY, DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2)] {
-            let base = Base::new(&bounds, turn);
+            let base = ModelBase::new(&bounds, turn);
             let copy = Placement { x: 10.0, z: -4.0, turn_deg: 30.0, scale: 3.0 };
             let corners = (0..8).map(|k| {
                 let pick = |i: usize| if k >> i & 1 == 0 { bounds.min[i] } else { bounds.max[i] };
                 base.stage_from(&copy).transform_point3(DVec3::new(pick(0), pick(1), pick(2)))
             });
-            let (centre, radius) = base.ball(&copy);
+            let (centre, radius) = base.bounding_sphere(&copy);
             let mut lowest = f64::INFINITY;
             for corner in corners {
                 lowest = lowest.min(corner.y);
@@ -463,7 +463,7 @@ mod tests {
 
     #[test]
     fn the_ground_grows_by_steps() {
-        let base = Base::new(&Bounds { min: [-1.0; 3], max: [1.0; 3] }, DQuat::IDENTITY);
+        let base = ModelBase::new(&Bounds { min: [-1.0; 3], max: [1.0; 3] }, DQuat::IDENTITY);
         let few = base.bounds(&[Placement::at(0.0, 0.0)]);
         assert_eq!(few, base.bounds(&[Placement::at(1.0, 1.0)]));
         let far = base.bounds(&[Placement::at(100.0, 0.0)]);

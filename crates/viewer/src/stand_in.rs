@@ -10,29 +10,29 @@ use crate::document::Drawing;
 use crate::gpu::Context;
 
 /// Models with more triangles have a preview mesh: a software adapter takes most of a second to draw them.
-pub const MUCH: usize = 400_000;
+pub const PREVIEW_ABOVE_FACES: usize = 400_000;
 /// Number of triangles of a preview mesh. These and a quarter of the pixels of a window take about 0.1 s.
 /// (Measured.)
-const FEW: usize = 60_000;
+const PREVIEW_FACES: usize = 60_000;
 
 /// Uploads a model, with a preview mesh if it needs one. Slow: meant for a worker thread.
 pub fn upload(context: &Context, model: &Model) -> Drawing {
     let mut drawn = context.upload(model);
     if context.is_software()
-        && let Some(light) = lighter(model)
+        && let Some(light) = preview_of(model)
     {
-        drawn.set_light(context.upload(&light));
+        drawn.set_preview(context.upload(&light));
     }
     Arc::new(Mutex::new(drawn))
 }
 
 /// Returns the preview mesh of a model; `None` if it is small, or clustering does not reduce it enough.
-pub fn lighter(model: &Model) -> Option<Model> {
+pub fn preview_of(model: &Model) -> Option<Model> {
     let all: usize = model.meshes.iter().map(|m| m.mesh.face_count()).sum();
-    if all <= MUCH {
+    if all <= PREVIEW_ABOVE_FACES {
         return None;
     }
-    let ratio = FEW as f64 / all as f64;
+    let ratio = PREVIEW_FACES as f64 / all as f64;
     let clustered = |mesh: &Arc<TriMesh>| {
         let mut options = SimplifyOptions::new(Stop::ratio(ratio));
         options.method = Method::Cluster;
@@ -53,11 +53,11 @@ mod tests {
     #[test]
     fn a_large_model_has_a_stand_in_in_its_place() {
         let model = Model::of_mesh(shapes::torus(900, 260));
-        let light = lighter(&model).unwrap();
+        let light = preview_of(&model).unwrap();
         let faces = light.meshes[0].mesh.face_count();
-        assert!((FEW / 3..=FEW).contains(&faces), "{faces}");
+        assert!((PREVIEW_FACES / 3..=PREVIEW_FACES).contains(&faces), "{faces}");
         let [one, two] = [&model, &light].map(|m| m.bounds(&Default::default()).unwrap());
         assert!((0..3).all(|k| (one.max[k] - two.max[k]).abs() < 0.02), "{one:?} {two:?}");
-        assert!(lighter(&Model::of_mesh(shapes::torus(300, 200))).is_none());
+        assert!(preview_of(&Model::of_mesh(shapes::torus(300, 200))).is_none());
     }
 }

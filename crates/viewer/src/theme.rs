@@ -6,9 +6,9 @@ use eframe::egui::{
 };
 
 /// Spacing step, in points.
-pub const STEP: f32 = 4.0;
+pub const SPACING: f32 = 4.0;
 /// Width of the docks.
-pub const DOCK: f32 = 296.0;
+pub const DOCK_WIDTH: f32 = 296.0;
 
 /// Colours of a theme.
 #[derive(Clone, Copy, Debug)]
@@ -102,14 +102,14 @@ pub fn install(ctx: &egui::Context) {
             ]
             .into();
             let spacing = &mut style.spacing;
-            spacing.item_spacing = Vec2::new(2.0 * STEP, 1.5 * STEP);
-            spacing.button_padding = Vec2::new(2.0 * STEP, STEP);
+            spacing.item_spacing = Vec2::new(2.0 * SPACING, 1.5 * SPACING);
+            spacing.button_padding = Vec2::new(2.0 * SPACING, SPACING);
             spacing.interact_size = Vec2::new(28.0, 24.0);
             spacing.window_margin = Margin::same(16);
             spacing.menu_margin = Margin::same(6);
-            spacing.indent = 4.0 * STEP;
+            spacing.indent = 4.0 * SPACING;
             spacing.combo_width = 120.0;
-            spacing.slider_rail_height = STEP;
+            spacing.slider_rail_height = SPACING;
             spacing.tooltip_width = 360.0;
             style.interaction.tooltip_delay = 0.4;
             style.interaction.selectable_labels = false;

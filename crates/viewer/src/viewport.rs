@@ -60,7 +60,7 @@ impl Orbit {
 }
 
 /// Returns the standard view with this index.
-pub fn standard(number: usize) -> StandardView {
+pub fn standard_view(number: usize) -> StandardView {
     StandardView::ALL[number.min(StandardView::ALL.len() - 1)]
 }
 
@@ -134,7 +134,7 @@ pub fn aspect(rect: Rect) -> f64 {
 }
 
 /// Makes a picture area interactive, with a name for tests and screen readers.
-pub fn place(ui: &mut egui::Ui, rect: Rect, name: &'static str) -> Response {
+pub fn picture_area(ui: &mut egui::Ui, rect: Rect, name: &'static str) -> Response {
     let response = ui.interact(rect, ui.scope_id().with(name), egui::Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, name));
     response

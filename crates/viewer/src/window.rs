@@ -88,17 +88,17 @@ pub fn run(options: &ViewOptions) -> Result<(), ViewError> {
     // The window library panics if a system library is missing.
     let opened = catch_unwind(AssertUnwindSafe(|| eframe::run_native("lodsmith", native, create)));
     match opened {
-        Ok(ended) => ended.map_err(told),
-        Err(panic) => match display::missing_library(&display::words(&*panic)) {
-            Some((library, packages)) => Err(ViewError::NoLibrary { library, how: packages.how() }),
+        Ok(ended) => ended.map_err(view_error_of),
+        Err(panic) => match display::missing_library(&display::panic_message(&*panic)) {
+            Some((library, packages)) => Err(ViewError::NoLibrary { library, how: packages.install_hint() }),
             None => resume_unwind(panic),
         },
     }
 }
 
-fn told(error: eframe::Error) -> ViewError {
+fn view_error_of(error: eframe::Error) -> ViewError {
     if let Some((library, packages)) = display::missing_library(&error.to_string()) {
-        return ViewError::NoLibrary { library, how: packages.how() };
+        return ViewError::NoLibrary { library, how: packages.install_hint() };
     }
     match error {
         eframe::Error::WinitEventLoop(e) => ViewError::NoDisplay { reason: display::reason(&e.to_string()) },

@@ -115,13 +115,13 @@ impl Simplification {
     }
 
     /// Returns true if the options have a target, so that a run changes the mesh.
-    pub fn has_end(&self) -> bool {
+    pub fn has_target(&self) -> bool {
         let stop = &self.options.stop;
         stop.faces.is_some()
             || stop.vertices.is_some()
             || stop.ratio.is_some_and(|r| r < 1.0)
             || stop.error.is_some()
-            || self.options.of_method.ends(self.options.method)
+            || self.options.method_options.ends_without_stop(self.options.method)
     }
 
     /// Returns the words of `lodsmith simplify` for all options that differ from the defaults.
@@ -161,7 +161,7 @@ impl Simplification {
         say("--prune", length(o.prune, base.prune));
         let number = |x: Option<f64>| x.map(|x| x.to_string());
         let count = |n: Option<usize>| n.map(|n| n.to_string());
-        let m = &o.of_method;
+        let m = &o.method_options;
         say("--pairs", length(m.pairs, None));
         say("--cell", length(m.cell, None));
         say("--edge-length", length(m.edge_length, None));
@@ -247,22 +247,22 @@ impl Simplification {
             }
             "--weld" => o.weld = length()?,
             "--prune" => o.prune = length()?,
-            "--pairs" => o.of_method.pairs = length()?,
-            "--cell" => o.of_method.cell = length()?,
-            "--edge-length" => o.of_method.edge_length = length()?,
-            "--angle" => o.of_method.angle_deg = Some(number()?),
-            "--flat" => o.of_method.flat = length()?,
-            "--iterations" => o.of_method.iterations = count()?,
-            "--voxel" => o.of_method.voxel = length()?,
-            "--subdivisions" => o.of_method.subdivisions = count()?,
+            "--pairs" => o.method_options.pairs = length()?,
+            "--cell" => o.method_options.cell = length()?,
+            "--edge-length" => o.method_options.edge_length = length()?,
+            "--angle" => o.method_options.angle_deg = Some(number()?),
+            "--flat" => o.method_options.flat = length()?,
+            "--iterations" => o.method_options.iterations = count()?,
+            "--voxel" => o.method_options.voxel = length()?,
+            "--subdivisions" => o.method_options.subdivisions = count()?,
             "--max-normal" => o.guards.max_normal_deg = Some(number()?),
             "--min-quality" => o.guards.min_quality = Some(number()?),
             "--max-valence" => o.guards.max_valence = count()?,
             "--max-edge" => o.guards.max_edge = length()?,
             "--normals" => self.normals = choice(NORMALS, option, value)?,
             "--seed" => o.seed = value.parse().map_err(|_| wrong())?,
-            "--two-stage" => o.of_method.two_stage = true,
-            "--adaptive" => o.of_method.adaptive = true,
+            "--two-stage" => o.method_options.two_stage = true,
+            "--adaptive" => o.method_options.adaptive = true,
             "--measure" => o.measure = Measure::Always,
             "--escalate" => o.escalate = true,
             "--per-mesh" => o.per_mesh = true,
@@ -316,7 +316,7 @@ mod tests {
         o.sharp_deg = Some(27.5);
         (o.weld, o.prune) = (Some(Length::Units(0.25)), Some(Length::OfDiagonal(0.07)));
         let length = Some(Length::OfDiagonal(0.001));
-        let m = &mut o.of_method;
+        let m = &mut o.method_options;
         (m.pairs, m.cell, m.edge_length, m.flat, m.voxel) = (length, length, length, length, length);
         (m.angle_deg, m.iterations, m.subdivisions) = (Some(12.5), Some(3), Some(4));
         (m.two_stage, m.adaptive) = (true, true);

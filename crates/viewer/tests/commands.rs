@@ -9,15 +9,15 @@ use lodsmith_core::model::Transform;
 use lodsmith_core::shapes;
 use lodsmith_io::{Format, Textures};
 use lodsmith_render::Shading;
-use lodsmith_viewer::command::{Command, Target};
-use lodsmith_viewer::content::placed;
+use lodsmith_viewer::command::{Command, SimplifyTarget};
+use lodsmith_viewer::content::sum_over_instances;
 use lodsmith_viewer::document::Document;
 use lodsmith_viewer::export::Export;
 use lodsmith_viewer::playback::Playback;
 use lodsmith_viewer::settings::{Appearance, AutoLod, Pose, Turn};
 use lodsmith_viewer::words::Simplification;
 
-const LONG: Duration = Duration::from_secs(120);
+const TIMEOUT: Duration = Duration::from_secs(120);
 
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
@@ -34,14 +34,14 @@ fn document() -> Document {
 fn opened(path: &Path) -> Document {
     let mut document = document();
     document.run(Command::Open(vec![path.to_owned()]));
-    assert!(document.settle(LONG), "opening never ends");
+    assert!(document.settle(TIMEOUT), "opening never ends");
     document
 }
 
 fn faces(document: &Document) -> usize {
-    document
-        .lighter()
-        .map_or(document.original().unwrap().content.faces, |l| placed(&l.content.model, TriMesh::face_count))
+    document.lighter().map_or(document.original().unwrap().content.faces, |l| {
+        sum_over_instances(&l.content.model, TriMesh::face_count)
+    })
 }
 
 /// Uses only what the window calls by itself: no command follows `want`.
@@ -49,11 +49,11 @@ fn faces(document: &Document) -> usize {
 fn what_is_wanted_late_is_measured_at_once() {
     let folder = folder();
     let mut document = opened(&folder.path().join("sphere.ply"));
-    document.run(Command::Target(Target::Faces(500)));
-    assert!(document.settle(LONG) && document.distances().is_none());
-    document.want(true, true);
-    let end = std::time::Instant::now() + LONG;
-    while document.distances().is_none() || document.anatomies().iter().any(Option::is_none) {
+    document.run(Command::Target(SimplifyTarget::Faces(500)));
+    assert!(document.settle(TIMEOUT) && document.distances().is_none());
+    document.set_wanted_results(true, true);
+    let end = std::time::Instant::now() + TIMEOUT;
+    while document.distances().is_none() || document.topologies().iter().any(Option::is_none) {
         assert!(std::time::Instant::now() < end, "nobody measures");
         document.poll();
         std::thread::sleep(Duration::from_millis(2));
@@ -76,14 +76,14 @@ fn a_file_with_materials_is_seen_with_them_and_a_chosen_shading_stays() {
         (Command::Show(0), Shading::Textured),
     ] {
         document.run(command);
-        assert!(document.settle(LONG));
+        assert!(document.settle(TIMEOUT));
         assert_eq!(shading(&document), wanted);
     }
     let mut look = document.settings().look.clone();
     look.look.shading = Shading::Flat;
     document.run(Command::Look(look));
     document.run(Command::Show(1));
-    assert!(document.settle(LONG));
+    assert!(document.settle(TIMEOUT));
     assert_eq!(shading(&document), Shading::Flat);
 }
 
@@ -97,7 +97,7 @@ fn a_list_of_commands_replays_a_session() {
     look.look.shading = Shading::Flat;
     let commands = vec![
         Command::Open(vec![path("sphere.ply"), path("torus.obj")]),
-        Command::Target(Target::Ratio(0.25)),
+        Command::Target(SimplifyTarget::Ratio(0.25)),
         Command::Method(Box::new(quadric)),
         Command::Look(look),
         Command::Turn(Turn([0.0, 1.0, 0.0, 0.0])),
@@ -107,7 +107,7 @@ fn a_list_of_commands_replays_a_session() {
         ),
         Command::Show(1),
         Command::Playback(Playback { clip: None, seconds: 0.5, speed: 2.0, repeats: false }),
-        Command::Target(Target::Faces(500)),
+        Command::Target(SimplifyTarget::Faces(500)),
     ];
     // Serialized commands read back unchanged.
     let text = serde_json::to_string(&commands).unwrap();
@@ -120,7 +120,7 @@ fn a_list_of_commands_replays_a_session() {
             for command in list {
                 document.run(command);
                 document.seal();
-                assert!(document.settle(LONG));
+                assert!(document.settle(TIMEOUT));
             }
             let mesh = document.lighter().unwrap().content.model.meshes[0].mesh.clone();
             (document.settings().clone(), mesh)
@@ -141,23 +141,23 @@ fn everything_is_taken_back_and_done_again() {
     let mut matcap = Appearance::default();
     matcap.look.shading = Shading::Matcap;
     for command in [
-        Command::Target(Target::Faces(1000)),
+        Command::Target(SimplifyTarget::Faces(1000)),
         Command::Look(matcap),
         Command::Turn(Turn([0.0, 0.0, 1.0, 0.0])),
         Command::Playback(Playback { speed: 0.5, ..Playback::default() }),
-        Command::Target(Target::Error(0.01)),
+        Command::Target(SimplifyTarget::Error(0.01)),
         Command::Open(vec![folder.path().join("torus.obj")]),
-        Command::Target(Target::Vertices(200)),
+        Command::Target(SimplifyTarget::Vertices(200)),
     ] {
         document.run(command);
         document.seal();
-        assert!(document.settle(LONG));
+        assert!(document.settle(TIMEOUT));
         seen.push(document.settings().clone());
     }
     let last = faces(&document);
     for before in seen.iter().rev().skip(1) {
         document.undo();
-        assert!(document.settle(LONG));
+        assert!(document.settle(TIMEOUT));
         assert_eq!(document.settings(), before);
         let open = document.original().map(|o| o.content.path.clone());
         assert_eq!(open.as_deref(), before.file(), "what is shown is what the settings say");
@@ -165,7 +165,7 @@ fn everything_is_taken_back_and_done_again() {
     assert!(document.lighter().is_none(), "back at the original");
     for after in &seen[1..] {
         document.redo();
-        assert!(document.settle(LONG));
+        assert!(document.settle(TIMEOUT));
         assert_eq!(document.settings(), after);
     }
     assert_eq!(faces(&document), last);
@@ -175,23 +175,23 @@ fn everything_is_taken_back_and_done_again() {
 fn a_file_that_cannot_be_read_changes_nothing_and_says_why() {
     let folder = folder();
     let mut document = opened(&folder.path().join("sphere.ply"));
-    document.run(Command::Target(Target::Faces(300)));
+    document.run(Command::Target(SimplifyTarget::Faces(300)));
     document.seal();
-    assert!(document.settle(LONG));
+    assert!(document.settle(TIMEOUT));
     let (settings, count) = (document.settings().clone(), faces(&document));
     let broken = folder.path().join("broken.obj");
     std::fs::write(&broken, "v 1 2\nf 1 2 nonsense\n").unwrap();
     for bad in [broken, folder.path().join("nowhere.glb"), folder.path().to_owned()] {
         document.run(Command::Open(vec![bad.clone()]));
-        assert!(document.settle(LONG));
+        assert!(document.settle(TIMEOUT));
         let problem = document.problem.take().unwrap();
         assert!(problem.contains(&bad.display().to_string()), "{problem}");
         assert_eq!(document.settings(), &settings);
         assert_eq!(faces(&document), count);
     }
     // The document still works.
-    document.run(Command::Target(Target::Faces(100)));
-    assert!(document.settle(LONG));
+    document.run(Command::Target(SimplifyTarget::Faces(100)));
+    assert!(document.settle(TIMEOUT));
     assert!(faces(&document) <= 100);
 }
 
@@ -201,11 +201,11 @@ fn going_back_to_a_file_that_is_gone_stays_where_one_is() {
     let gone = folder.path().join("sphere.ply");
     let mut document = opened(&gone);
     document.run(Command::Open(vec![folder.path().join("torus.obj")]));
-    assert!(document.settle(LONG));
+    assert!(document.settle(TIMEOUT));
     let settings = document.settings().clone();
     std::fs::remove_file(&gone).unwrap();
     document.undo();
-    assert!(document.settle(LONG));
+    assert!(document.settle(TIMEOUT));
     assert!(document.problem.is_some());
     assert_eq!(document.settings(), &settings);
     assert_eq!(document.original().unwrap().content.faces, 2 * 48 * 24);
@@ -216,14 +216,14 @@ fn the_latest_target_wins() {
     let folder = folder();
     let mut document = opened(&folder.path().join("sphere.ply"));
     for n in (100..5000).rev().step_by(37) {
-        document.run(Command::Target(Target::Faces(n)));
+        document.run(Command::Target(SimplifyTarget::Faces(n)));
     }
-    document.run(Command::Target(Target::Faces(77)));
-    assert!(document.settle(LONG));
+    document.run(Command::Target(SimplifyTarget::Faces(77)));
+    assert!(document.settle(TIMEOUT));
     assert!(faces(&document) <= 77);
     document.seal();
     document.undo();
-    assert!(document.settle(LONG));
+    assert!(document.settle(TIMEOUT));
     assert!(document.lighter().is_none(), "a drag is one step");
 }
 
@@ -231,11 +231,11 @@ fn the_latest_target_wins() {
 fn a_target_that_cannot_be_is_told_and_the_last_result_stays() {
     let folder = folder();
     let mut document = opened(&folder.path().join("sphere.ply"));
-    document.run(Command::Target(Target::Faces(300)));
-    assert!(document.settle(LONG));
+    document.run(Command::Target(SimplifyTarget::Faces(300)));
+    assert!(document.settle(TIMEOUT));
     let count = faces(&document);
-    document.run(Command::Target(Target::Ratio(-1.0)));
-    assert!(document.settle(LONG));
+    document.run(Command::Target(SimplifyTarget::Ratio(-1.0)));
+    assert!(document.settle(TIMEOUT));
     assert!(document.problem.as_deref().is_some_and(|p| p.contains("ratio")), "{:?}", document.problem);
     assert_eq!(faces(&document), count);
 }
@@ -244,19 +244,19 @@ fn a_target_that_cannot_be_is_told_and_the_last_result_stays() {
 fn distances_and_parts_are_found_when_they_are_wanted() {
     let folder = folder();
     let mut document = opened(&folder.path().join("torus.obj"));
-    document.run(Command::Target(Target::Faces(400)));
-    assert!(document.settle(LONG));
+    document.run(Command::Target(SimplifyTarget::Faces(400)));
+    assert!(document.settle(TIMEOUT));
     assert!(document.distances().is_none());
-    document.want(true, true);
-    assert!(document.settle(LONG));
+    document.set_wanted_results(true, true);
+    assert!(document.settle(TIMEOUT));
     let distances = document.distances().unwrap().clone();
     assert!(distances.largest > 0.0 && distances.largest < 0.2);
-    let [one, two] = document.anatomies().map(|a| a.cloned().unwrap());
+    let [one, two] = document.topologies().map(|a| a.cloned().unwrap());
     assert_eq!((one.components, one.is_closed), (1, true));
     assert_eq!((two.components, two.border_edges), (1, 0));
     // A new result is measured again.
-    document.run(Command::Target(Target::Faces(100)));
-    assert!(document.settle(LONG));
+    document.run(Command::Target(SimplifyTarget::Faces(100)));
+    assert!(document.settle(TIMEOUT));
     assert!(document.distances().unwrap().largest > distances.largest);
 }
 
@@ -264,15 +264,15 @@ fn distances_and_parts_are_found_when_they_are_wanted() {
 fn what_is_shown_is_what_is_written() {
     let folder = folder();
     let mut document = opened(&folder.path().join("sphere.ply"));
-    document.run(Command::Target(Target::Faces(200)));
-    assert!(document.settle(LONG));
+    document.run(Command::Target(SimplifyTarget::Faces(200)));
+    assert!(document.settle(TIMEOUT));
     let count = faces(&document);
     for format in Format::WRITTEN {
         let path = folder.path().join(format!("out.{}", format.name()));
         let textures = Textures::default();
         document
             .export(Export { path: path.clone(), format, ascii: false, textures, levels: Vec::new() }, 0.0);
-        assert!(document.settle(LONG));
+        assert!(document.settle(TIMEOUT));
         assert_eq!(document.problem, None, "{format:?}");
         let read = lodsmith_io::read_path(&path, &Default::default()).unwrap();
         assert_eq!(read.mesh.face_count(), count, "{format:?}");
@@ -288,7 +288,7 @@ fn what_is_shown_is_what_is_written() {
         },
         0.0,
     );
-    assert!(document.settle(LONG));
+    assert!(document.settle(TIMEOUT));
     let count = |i: usize| {
         let path = levels.join(format!("sphere_lod{i}.glb"));
         lodsmith_io::read_path(&path, &Default::default()).unwrap().mesh.face_count()
@@ -303,8 +303,8 @@ fn a_scene_keeps_its_nodes() {
     let folder = tempfile::tempdir().unwrap();
     let mut document = opened(&wave);
     let whole = document.original().unwrap().content.faces;
-    document.run(Command::Target(Target::Ratio(0.5)));
-    assert!(document.settle(LONG));
+    document.run(Command::Target(SimplifyTarget::Ratio(0.5)));
+    assert!(document.settle(TIMEOUT));
     let count = faces(&document);
     assert!(count <= whole / 2, "{count} of {whole}");
     let path = folder.path().join("low.glb");
@@ -313,9 +313,9 @@ fn a_scene_keeps_its_nodes() {
         Export { path: path.clone(), format: Format::Glb, ascii: false, textures, levels: Vec::new() },
         0.0,
     );
-    assert!(document.settle(LONG));
+    assert!(document.settle(TIMEOUT));
     let mut again = opened(&path);
-    assert!(again.settle(LONG));
+    assert!(again.settle(TIMEOUT));
     assert_eq!(faces(&again), count);
     let nodes = |d: &Document| d.original().unwrap().content.model().nodes.len();
     assert_eq!(nodes(&again), nodes(&document));
@@ -327,7 +327,7 @@ fn levels_go_by_the_error_that_may_be_seen() {
     let mut document = opened(&folder.path().join("sphere.ply"));
     assert!(document.levels().is_empty());
     document.run(Command::AutoLod(AutoLod { is_on: true, pixels: 1.0 }));
-    assert!(document.settle(LONG));
+    assert!(document.settle(TIMEOUT));
     let count = document.levels().len();
     assert!(count >= 4, "{count}");
     let number = |error: f64| document.level_for(error).0;
@@ -336,7 +336,7 @@ fn levels_go_by_the_error_that_may_be_seen() {
     let middle = document.levels()[1].content.error();
     assert_eq!(number(middle * 1.0001), 2);
     document.run(Command::AutoLod(AutoLod { is_on: false, pixels: 1.0 }));
-    assert!(document.settle(LONG));
+    assert!(document.settle(TIMEOUT));
     assert!(document.levels().is_empty());
 }
 
@@ -347,7 +347,7 @@ fn writing_where_nothing_can_be_written_is_told() {
     let path = folder.path().join("no/such/folder/out.glb");
     let (format, textures) = (Format::Glb, Textures::default());
     document.export(Export { path, format, ascii: false, textures, levels: Vec::new() }, 0.0);
-    assert!(document.settle(LONG));
+    assert!(document.settle(TIMEOUT));
     assert!(
         document.problem.as_deref().is_some_and(|p| p.contains("no/such/folder")),
         "{:?}",
@@ -366,11 +366,11 @@ fn a_scene_plays_before_and_after_it_became_lighter() {
     document.play(true);
     // At double speed, a quarter of a second is half the rotation to a right angle.
     document.run(Command::Playback(document.settings().playback.at_speed(2.0)));
-    document.go_on(0.25);
+    document.advance_playback(0.25);
     assert!((elbow(&document) - 45.0).abs() < 1e-3, "{}", elbow(&document));
-    document.run(Command::Target(Target::Ratio(0.25)));
-    assert!(document.settle(LONG));
-    document.go_on(0.25);
+    document.run(Command::Target(SimplifyTarget::Ratio(0.25)));
+    assert!(document.settle(TIMEOUT));
+    document.advance_playback(0.25);
     assert!((elbow(&document) - 90.0).abs() < 1e-3, "{}", elbow(&document));
     assert!(document.is_playing(), "other work does not stop it");
     // Both sides reach the same extent: the simplified one stays within 1 % of the size of the original.
@@ -385,7 +385,7 @@ fn a_scene_plays_before_and_after_it_became_lighter() {
     // The end of the bent arm is one unit to the left: moved by the joints, not at its rest position.
     assert!((whole.min[0] + 1.0).abs() < 0.01, "{whole:?}");
     document.run(Command::Open(vec![PathBuf::from("../../testdata/wave.glb")]));
-    assert!(document.settle(LONG));
+    assert!(document.settle(TIMEOUT));
     assert!(!document.is_playing() && document.pose() == Default::default());
     assert_eq!(document.settings().playback.speed, 2.0);
     document.play(true);
@@ -398,7 +398,7 @@ fn times_of_levels_fill_a_table_and_a_new_target_ends_it() {
     let mut document = opened(&folder.path().join("torus.obj"));
     assert_eq!(document.benchmark_table(), None);
     document.benchmark();
-    assert!(document.settle(LONG));
+    assert!(document.settle(TIMEOUT));
     let table = document.benchmark_table().unwrap();
     let faces: Vec<usize> = table.rows.iter().map(|r| r.level.as_ref().unwrap().faces).collect();
     let whole = document.original().unwrap().content.faces;
@@ -414,13 +414,13 @@ fn times_of_levels_fill_a_table_and_a_new_target_ends_it() {
 
     // A new target cancels the benchmark.
     document.benchmark();
-    document.run(Command::Target(Target::Faces(100)));
-    assert!(document.settle(LONG));
+    document.run(Command::Target(SimplifyTarget::Faces(100)));
+    assert!(document.settle(TIMEOUT));
     assert_eq!(faces_of(&document), Some(100));
     let again = document.benchmark_table().unwrap();
     assert!(again.rows.len() <= table.rows.len());
     document.run(Command::Open(vec![folder.path().join("sphere.ply")]));
-    assert!(document.settle(LONG));
+    assert!(document.settle(TIMEOUT));
     assert_eq!(document.benchmark_table(), None, "times of another file");
 }
 

@@ -15,7 +15,7 @@ use lodsmith_render::{
     View, render,
 };
 use lodsmith_viewer::content::{Lighter, Original};
-use lodsmith_viewer::gpu::{Frame, Gpu, Marks, Placed, Split, TINTS};
+use lodsmith_viewer::gpu::{BufferLimits, Frame, Gpu, Marks, PlacedModel, TINTS};
 use lodsmith_viewer::playback::Playback;
 use lodsmith_viewer::words::Simplification;
 
@@ -36,7 +36,7 @@ struct Scene {
     camera: Camera,
     heat: Option<Vec<f32>>,
     environment: Option<Arc<Environment>>,
-    most: f64,
+    max_difference: f64,
 }
 
 impl Scene {
@@ -54,7 +54,7 @@ impl Scene {
             camera,
             heat: None,
             environment: None,
-            most: 1.5,
+            max_difference: 1.5,
         }
     }
 
@@ -86,7 +86,7 @@ impl Scene {
         let mut target = gpu.target(SIZE);
         target.resize(SIZE, if gpu.is_software() { 2.0 } else { 1.0 });
         let pose = Pose::default();
-        let placed = [Placed::new(&drawn, &pose)];
+        let placed = [PlacedModel::new(&drawn, &pose)];
         let environment = self.environment.as_ref().map(|e| gpu.environment(e));
         let frame = Frame { environment: environment.as_ref(), ..self.frame(&placed) };
         gpu.draw(&mut target, &frame);
@@ -94,7 +94,7 @@ impl Scene {
         if target.size() == SIZE { image } else { halved(&image) }
     }
 
-    fn frame<'a>(&'a self, placed: &'a [Placed<'a>]) -> Frame<'a> {
+    fn frame<'a>(&'a self, placed: &'a [PlacedModel<'a>]) -> Frame<'a> {
         Frame {
             models: placed,
             bounds: bounds(&self.model),
@@ -198,16 +198,16 @@ fn scenes() -> Vec<Scene> {
     let mut wire = Scene::new("wireframe", shapes::icosphere(2), Shading::Smooth);
     wire.look.wireframe = true;
     wire.look.wire_width_px = 1.5;
-    wire.most = 2.5;
+    wire.max_difference = 2.5;
     all.push(wire);
     let mut marks = Scene::new("borders-and-defects", shapes::grid_with_holes(12), Shading::Flat);
-    (marks.look.borders, marks.look.defects, marks.most) = (true, true, 2.5);
+    (marks.look.borders, marks.look.defects, marks.max_difference) = (true, true, 2.5);
     all.push(marks);
     let mut book = Scene::new("non-manifold", shapes::book(4), Shading::Flat);
-    (book.look.borders, book.look.defects, book.most) = (true, true, 2.5);
+    (book.look.borders, book.look.defects, book.max_difference) = (true, true, 2.5);
     all.push(book);
     let mut ground = Scene::new("ground", shapes::cube(4), Shading::Flat);
-    (ground.ground, ground.most) = (true, 2.5);
+    (ground.ground, ground.max_difference) = (true, 2.5);
     all.push(ground);
     let mut clear = Scene::new("transparent", shapes::torus(30, 12), Shading::Smooth);
     (clear.background, clear.look.cull_back) = (Background::Transparent, true);
@@ -215,7 +215,7 @@ fn scenes() -> Vec<Scene> {
     let mut parallel = Scene::new("parallel", shapes::cylinder(24, 4), Shading::Smooth);
     parallel.camera.lens = Lens::Parallel { height: 3.0 };
     parallel.camera = parallel.camera.framing(&bounds(&parallel.model), 1.2);
-    (parallel.ground, parallel.most) = (true, 2.5);
+    (parallel.ground, parallel.max_difference) = (true, 2.5);
     all.push(parallel);
     let mut lights = Scene::new("lights", shapes::blob(4, 5), Shading::Smooth);
     let at = |x, y, z| glam::Vec3::new(x, y, z);
@@ -270,7 +270,7 @@ fn scenes() -> Vec<Scene> {
     }
     let behind = |name, blurred| Scene {
         environment: Some(colored.clone()),
-        background: Background::Surroundings { blurred },
+        background: Background::Environment { blurred },
         ..textured(name, of(0.5, 0.3))
     };
     all.push(Scene { ground: true, ..behind("surroundings-behind", false) });
@@ -293,12 +293,12 @@ fn every_pass_draws_what_the_processor_draws() {
         keep(&format!("{}-cpu", scene.name), &cpu);
         keep(&format!("{}-gpu", scene.name), &own);
         let difference = difference(&cpu, &own);
-        if difference.is_nan() || difference > scene.most {
-            wrong.push(format!("{}: {difference:.2} of at most {}", scene.name, scene.most));
+        if difference.is_nan() || difference > scene.max_difference {
+            wrong.push(format!("{}: {difference:.2} of at most {}", scene.name, scene.max_difference));
         }
         let empty = Image::filled(cpu.width(), cpu.height(), cpu.at(0, 0));
         assert!(
-            self::difference(&cpu, &empty) > 2.0 * scene.most,
+            self::difference(&cpu, &empty) > 2.0 * scene.max_difference,
             "{}: there is something to see",
             scene.name
         );
@@ -314,7 +314,7 @@ fn a_frame_is_drawn_once() {
     let pose = Pose::default();
     let mut target = gpu.target(SIZE);
     {
-        let placed = [Placed::new(&drawn, &pose)];
+        let placed = [PlacedModel::new(&drawn, &pose)];
         let first = gpu.draw(&mut target, &scene.frame(&placed));
         assert!(first.drawn && first.triangles == scene.model.face_count() as u64, "{first:?}");
         assert!(!gpu.draw(&mut target, &scene.frame(&placed)).drawn, "the same frame again");
@@ -327,7 +327,7 @@ fn a_frame_is_drawn_once() {
         assert!(!gpu.draw(&mut target, &scene.frame(&placed)).drawn, "the same size");
     }
     drawn.replace_mesh(0, &shapes::cube(3));
-    let placed = [Placed::new(&drawn, &pose)];
+    let placed = [PlacedModel::new(&drawn, &pose)];
     assert!(gpu.draw(&mut target, &scene.frame(&placed)).drawn, "another mesh");
 }
 
@@ -344,7 +344,7 @@ fn a_mesh_in_the_buffers_of_another_looks_like_a_new_one_and_nothing_is_left_beh
     for round in 0..12 {
         drawn.replace_mesh(0, &shapes::torus(20 + 3 * (round % 5), 12));
         drawn.replace_mesh(0, &scene.model.meshes[0].mesh);
-        let placed = [Placed::new(&drawn, &pose)];
+        let placed = [PlacedModel::new(&drawn, &pose)];
         gpu.draw(&mut target, &scene.frame(&placed));
         let image = target.read_back();
         let image = if target.size() == SIZE { image } else { halved(&image) };
@@ -384,7 +384,7 @@ fn a_patched_mesh_looks_like_a_new_one() {
         let picture = |gpu: &mut Gpu, drawn: &lodsmith_viewer::gpu::DrawModel| {
             let mut target = gpu.target(SIZE);
             let pose = Pose::default();
-            gpu.draw(&mut target, &scene.frame(&[Placed::new(drawn, &pose)]));
+            gpu.draw(&mut target, &scene.frame(&[PlacedModel::new(drawn, &pose)]));
             target.read_back()
         };
         let fresh = gpu.upload(&Model::of_mesh(after));
@@ -484,7 +484,7 @@ fn joints_and_morph_targets_pull_as_on_the_processor() {
         let cpu = scene.on_cpu();
         let mut target = gpu.target(SIZE);
         target.resize(SIZE, if gpu.is_software() { 2.0 } else { 1.0 });
-        gpu.draw(&mut target, &scene.frame(&[Placed::new(&drawn, &pose)]));
+        gpu.draw(&mut target, &scene.frame(&[PlacedModel::new(&drawn, &pose)]));
         let image = target.read_back();
         let image = if target.size() == SIZE { image } else { halved(&image) };
         keep(&format!("{name}-cpu"), &cpu);
@@ -516,7 +516,7 @@ fn an_animation_goes_as_on_the_processor_before_and_after_reduction() {
             let cpu = render(&Subject::posed(model, &pose).unwrap(), &view).unwrap();
             // Light positions are relative to the bounding box of the pose.
             let bounds = Subject::posed(model, &pose).unwrap().bounds().unwrap();
-            let placed = [Placed::new(&drawn, &pose)];
+            let placed = [PlacedModel::new(&drawn, &pose)];
             assert!(gpu.draw(&mut target, &Frame { bounds, ..scene.frame(&placed) }).drawn);
             let image = target.read_back();
             let image = if target.size() == SIZE { image } else { halved(&image) };
@@ -547,8 +547,10 @@ fn a_mesh_in_many_buffers_looks_as_in_one() {
     regions.set_regions(Some((0..regions.face_count()).map(third).collect())).unwrap();
     scene.model = Model::of_mesh(regions);
     let one = scene.on_gpu(&mut whole);
-    for split in [Split { triangles: 700, wedges: 1 << 20 }, Split { triangles: 900, wedges: 500 }] {
-        let mut cut = Gpu::on(whole.context().clone().with_split(split));
+    for split in
+        [BufferLimits { triangles: 700, wedges: 1 << 20 }, BufferLimits { triangles: 900, wedges: 500 }]
+    {
+        let mut cut = Gpu::on(whole.context().clone().with_buffer_limits(split));
         assert_eq!(difference(&one, &scene.on_gpu(&mut cut)), 0.0, "{split:?}");
     }
 }
@@ -560,8 +562,9 @@ fn the_place_under_a_pixel_is_found() {
     let drawn = gpu.upload(&scene.model);
     let pose = Pose::default();
     let aside = DVec3::new(40.0, 0.0, 0.0);
-    let copy = Placed { world_from_model: DMat4::from_translation(aside), ..Placed::new(&drawn, &pose) };
-    let placed = [copy, Placed::new(&drawn, &pose)];
+    let copy =
+        PlacedModel { world_from_model: DMat4::from_translation(aside), ..PlacedModel::new(&drawn, &pose) };
+    let placed = [copy, PlacedModel::new(&drawn, &pose)];
     let target = gpu.target(SIZE);
     for lens in [scene.camera.lens, Lens::Parallel { height: 4.0 }] {
         let camera = Camera { lens, ..scene.camera };
@@ -583,7 +586,7 @@ fn a_shader_of_a_file_colours_or_says_what_is_wrong_with_it() {
         .unwrap();
     let drawn = gpu.upload(&scene.model);
     let pose = Pose::default();
-    let placed = [Placed::new(&drawn, &pose)];
+    let placed = [PlacedModel::new(&drawn, &pose)];
     let mut target = gpu.target(SIZE);
     gpu.draw(&mut target, &Frame { shader: Some(&shader), ..scene.frame(&placed) });
     let image = target.read_back();
@@ -613,14 +616,14 @@ fn a_tint_is_the_colour_of_the_surface_under_any_shading() {
         let mut target = gpu.target(SIZE);
         target.resize(SIZE, if gpu.is_software() { 2.0 } else { 1.0 });
         let pose = Pose::default();
-        let placed = [Placed { tint, ..Placed::new(&drawn, &pose) }];
+        let placed = [PlacedModel { tint, ..PlacedModel::new(&drawn, &pose) }];
         gpu.draw(&mut target, &scene.frame(&placed));
         let image = target.read_back();
         let image = if target.size() == SIZE { image } else { halved(&image) };
         let difference = difference(&image, &wanted);
         assert!(difference < 1.5, "tint {tint}: {difference:.2}");
         // Without the tint, the same frame is a different picture.
-        let plain = [Placed::new(&drawn, &pose)];
+        let plain = [PlacedModel::new(&drawn, &pose)];
         assert!(gpu.draw(&mut target, &scene.frame(&plain)).drawn);
     }
 }
@@ -632,9 +635,9 @@ fn what_lies_outside_is_left_out_and_copies_come_together() {
     let drawn = gpu.upload(&scene.model);
     let pose = Pose::default();
     let at = |k: usize| DMat4::from_translation(DVec3::new(0.0, 0.0, -3.0 * k as f64));
-    let ahead = (0..250).map(|k| Placed { world_from_model: at(k), ..Placed::new(&drawn, &pose) });
+    let ahead = (0..250).map(|k| PlacedModel { world_from_model: at(k), ..PlacedModel::new(&drawn, &pose) });
     let away = DMat4::from_translation(scene.camera.eye * 3.0);
-    let behind = (0..250).map(|_| Placed { world_from_model: away, ..Placed::new(&drawn, &pose) });
+    let behind = (0..250).map(|_| PlacedModel { world_from_model: away, ..PlacedModel::new(&drawn, &pose) });
     let placed: Vec<_> = ahead.chain(behind).collect();
     let mut target = gpu.target(SIZE);
     let result = gpu.draw(&mut target, &scene.frame(&placed));
@@ -657,9 +660,9 @@ fn parts_of_a_picture_come_to_the_whole() {
     let (pose, lighting) = (Pose::default(), Lighting::default());
     let look = Look { shading: Shading::Textured, borders: true, defects: true, ..Look::default() };
     let placed: Vec<_> = (0..3)
-        .map(|k| Placed {
+        .map(|k| PlacedModel {
             world_from_model: DMat4::from_translation(DVec3::new(0.7 * f64::from(k), 0.0, 0.0)),
-            ..Placed::new(&drawn, &pose)
+            ..PlacedModel::new(&drawn, &pose)
         })
         .collect();
     let bounds = Bounds { min: [-1.5; 3], max: [3.0, 1.5, 1.5] };
@@ -674,7 +677,7 @@ fn parts_of_a_picture_come_to_the_whole() {
     loop {
         let some = gpu.draw_in_parts(&mut parts, &frame(StandardView::Iso));
         count += u32::from(some.drawn);
-        match some.share() {
+        match some.completed_fraction() {
             None => break,
             Some(share) => assert!((0.0..1.0).contains(&share)),
         }

@@ -8,14 +8,14 @@ use std::time::Duration;
 use lodsmith::{Method, NoControl, SimplifyOptions, Stop, simplify};
 use lodsmith_core::{TriMesh, shapes};
 use lodsmith_io::{Format, Textures};
-use lodsmith_viewer::command::{Command, Target};
-use lodsmith_viewer::content::placed;
+use lodsmith_viewer::command::{Command, SimplifyTarget};
+use lodsmith_viewer::content::sum_over_instances;
 use lodsmith_viewer::document::Document;
 use lodsmith_viewer::export::Export;
-use lodsmith_viewer::gpu::{Context, Frame, Gpu, Placed};
+use lodsmith_viewer::gpu::{Context, Frame, Gpu, PlacedModel};
 use lodsmith_viewer::words::Simplification;
 
-const LONG: Duration = Duration::from_secs(120);
+const TIMEOUT: Duration = Duration::from_secs(120);
 
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
@@ -28,7 +28,7 @@ fn folder() -> tempfile::TempDir {
 fn opened_with(context: Option<Context>, path: &Path) -> Document {
     let mut document = Document::new(context, || {});
     document.run(Command::Open(vec![path.to_owned()]));
-    assert!(document.settle(LONG), "opening never ends");
+    assert!(document.settle(TIMEOUT), "opening never ends");
     document
 }
 
@@ -37,7 +37,7 @@ fn opened(path: &Path) -> Document {
 }
 
 fn faces(document: &Document) -> usize {
-    placed(&document.lighter().unwrap().content.model, TriMesh::face_count)
+    sum_over_instances(&document.lighter().unwrap().content.model, TriMesh::face_count)
 }
 
 fn is_level(document: &Document) -> bool {
@@ -49,22 +49,22 @@ fn a_drag_shows_levels_at_once_and_ends_with_a_run() {
     let folder = folder();
     let mut document = opened(&folder.path().join("blob.ply"));
     let whole = document.original().unwrap().content.faces;
-    assert!(document.has_road());
+    assert!(document.has_preview());
     let down = (1..=10).map(|i| whole * (21 - 2 * i) / 21);
     let up = (1..=10).map(|i| 100 + whole * i / 12);
     for n in down.chain(up) {
-        document.run(Command::Target(Target::Faces(n)));
+        document.run(Command::Target(SimplifyTarget::Faces(n)));
         assert!(faces(&document) <= n && faces(&document) + 3 > n, "{} for {n}", faces(&document));
         let level = &document.lighter().unwrap().content;
         assert_eq!(level.faces, faces(&document));
         assert!(level.report.is_none() && level.error() > 0.0);
-        assert!(document.is_behind() && document.progress().is_none(), "a run was begun for {n}");
+        assert!(document.is_outdated() && document.progress().is_none(), "a run was begun for {n}");
         document.poll();
         assert!(document.progress().is_none(), "a run was begun for {n}");
     }
-    document.run(Command::Target(Target::Faces(700)));
+    document.run(Command::Target(SimplifyTarget::Faces(700)));
     document.seal();
-    assert!(document.settle(LONG));
+    assert!(document.settle(TIMEOUT));
     let original = document.original().unwrap().content.model().meshes[0].mesh.clone();
     let run = simplify(&original, &SimplifyOptions::new(Stop::faces(700)), &mut NoControl).unwrap();
     let shown = &document.lighter().unwrap().content;
@@ -79,28 +79,28 @@ fn every_unit_has_its_level() {
     let folder = folder();
     let mut document = opened(&folder.path().join("blob.ply"));
     let whole = document.original().unwrap().content.clone();
-    document.run(Command::Target(Target::Vertices(300)));
+    document.run(Command::Target(SimplifyTarget::Vertices(300)));
     assert!(is_level(&document));
     let level = document.lighter().unwrap().content.clone();
     assert!(level.vertices <= 300 && level.vertices > 290, "{}", level.vertices);
-    document.run(Command::Target(Target::Ratio(0.25)));
+    document.run(Command::Target(SimplifyTarget::Ratio(0.25)));
     assert!(is_level(&document));
     assert!(faces(&document) * 4 <= whole.faces && faces(&document) * 4 > whole.faces - 20);
     let mut last = 0;
     for share in [0.05, 0.02, 0.01, 0.005] {
-        document.run(Command::Target(Target::Error(share)));
+        document.run(Command::Target(SimplifyTarget::Error(share)));
         assert!(is_level(&document));
         assert!(faces(&document) > last, "less error, more faces");
         last = faces(&document);
         // The run with this error limit has a similar number of faces.
-        assert!(document.settle(LONG));
+        assert!(document.settle(TIMEOUT));
         let run = document.lighter().unwrap().content.faces as f64;
         assert!((0.3..3.0).contains(&(last as f64 / run)), "{last} for {run} at {share}");
     }
-    document.run(Command::Target(Target::Original));
+    document.run(Command::Target(SimplifyTarget::Original));
     assert!(document.lighter().is_none());
     // An invalid target is passed to the engine, which reports it.
-    document.run(Command::Target(Target::Ratio(-1.0)));
+    document.run(Command::Target(SimplifyTarget::Ratio(-1.0)));
     assert!(!is_level(&document));
 }
 
@@ -108,16 +108,16 @@ fn every_unit_has_its_level() {
 fn a_rest_makes_a_result_and_the_drag_goes_on() {
     let folder = folder();
     let mut document = opened(&folder.path().join("torus.obj"));
-    document.run(Command::Target(Target::Faces(900)));
-    document.finish();
-    assert!(document.settle(LONG));
+    document.run(Command::Target(SimplifyTarget::Faces(900)));
+    document.start_exact_run();
+    assert!(document.settle(TIMEOUT));
     assert!(!is_level(&document));
-    document.run(Command::Target(Target::Faces(400)));
+    document.run(Command::Target(SimplifyTarget::Faces(400)));
     assert!(is_level(&document) && faces(&document) <= 400);
     document.undo();
     assert!(document.lighter().is_none(), "a rest is no step");
     document.redo();
-    assert!(is_level(&document) && document.settle(LONG));
+    assert!(is_level(&document) && document.settle(TIMEOUT));
     assert!(!is_level(&document) && faces(&document) <= 400);
 }
 
@@ -128,23 +128,23 @@ fn the_road_is_that_of_the_method() {
     let mut how = Simplification::default();
     how.options.method = Method::Planar;
     document.run(Command::Method(Box::new(how.clone())));
-    assert!(document.settle(LONG));
-    assert!(!document.has_road());
+    assert!(document.settle(TIMEOUT));
+    assert!(!document.has_preview());
     let told = document.log.entries().iter().any(|l| l.text.contains("planar") && l.text.contains("slider"));
     assert!(told, "nothing says that the slider does not follow");
     how.options.method = Method::Quadric;
     document.run(Command::Method(Box::new(how.clone())));
-    assert!(!document.has_road(), "that of another method");
-    document.run(Command::Target(Target::Faces(500)));
+    assert!(!document.has_preview(), "that of another method");
+    document.run(Command::Target(SimplifyTarget::Faces(500)));
     assert!(!is_level(&document), "without a road the method runs");
-    assert!(document.settle(LONG));
-    assert!(document.has_road() && faces(&document) <= 500);
-    document.run(Command::Target(Target::Faces(300)));
+    assert!(document.settle(TIMEOUT));
+    assert!(document.has_preview() && faces(&document) <= 500);
+    document.run(Command::Target(SimplifyTarget::Faces(300)));
     assert!(is_level(&document) && faces(&document) <= 300);
     // Another file has its own progressive mesh.
     document.run(Command::Open(vec![folder.path().join("blob.ply")]));
-    assert!(document.settle(LONG) && document.has_road());
-    document.run(Command::Target(Target::Faces(1000)));
+    assert!(document.settle(TIMEOUT) && document.has_preview());
+    document.run(Command::Target(SimplifyTarget::Faces(1000)));
     assert!(faces(&document) > 990);
 }
 
@@ -152,12 +152,12 @@ fn the_road_is_that_of_the_method() {
 fn what_is_written_is_the_result_and_no_level() {
     let folder = folder();
     let mut document = opened(&folder.path().join("blob.ply"));
-    document.run(Command::Target(Target::Faces(600)));
+    document.run(Command::Target(SimplifyTarget::Faces(600)));
     assert!(is_level(&document));
     let path = folder.path().join("out.ply");
     let (format, textures) = (Format::Ply, Textures::default());
     document.export(Export { path: path.clone(), format, ascii: false, textures, levels: Vec::new() }, 0.0);
-    assert!(document.settle(LONG));
+    assert!(document.settle(TIMEOUT));
     let original = document.original().unwrap().content.model().meshes[0].mesh.clone();
     let run = simplify(&original, &SimplifyOptions::new(Stop::faces(600)), &mut NoControl).unwrap();
     let read = lodsmith_io::read_path(&path, &Default::default()).unwrap();
@@ -170,12 +170,12 @@ fn a_scene_moves_as_one() {
     let mut document = opened(&wave);
     let whole = document.original().unwrap().content.faces;
     for share in [0.8, 0.3, 0.5] {
-        document.run(Command::Target(Target::Ratio(share)));
+        document.run(Command::Target(SimplifyTarget::Ratio(share)));
         assert!(is_level(&document));
         let count = faces(&document) as f64 / whole as f64;
         assert!(count <= share && count > share - 0.1, "{count} for {share}");
     }
-    assert!(document.settle(LONG) && !is_level(&document));
+    assert!(document.settle(TIMEOUT) && !is_level(&document));
 }
 
 /// Buffers that were patched level after level show the same as new ones.
@@ -186,7 +186,7 @@ fn patched_levels_look_like_new_ones() {
     for name in ["blob.ply", "torus.obj"] {
         let mut document = opened_with(Some(gpu.context().clone()), &folder.path().join(name));
         for n in [1000, 300, 320, 900, 60, 1500] {
-            document.run(Command::Target(Target::Faces(n)));
+            document.run(Command::Target(SimplifyTarget::Faces(n)));
             assert!(is_level(&document));
             let bounds = document.original().unwrap().content.bounds;
             let shown = document.lighter().unwrap();
@@ -210,7 +210,7 @@ fn picture(
     let pose = lodsmith_core::model::Pose::default();
     let (look, lighting) = (lodsmith_render::Look::default(), lodsmith_render::Lighting::default());
     let camera = lodsmith_render::Camera::fitting(&bounds, lodsmith_render::StandardView::Iso, 1.0);
-    let models = [Placed::new(model, &pose)];
+    let models = [PlacedModel::new(model, &pose)];
     let frame = Frame {
         background: lodsmith_render::Background::Color([0.5; 3]),
         ..Frame::new(&models, bounds, camera, &look, &lighting)

@@ -16,7 +16,7 @@ mod timeline;
 
 use std::path::Path;
 
-use desk::Desk;
+use desk::AppHarness;
 use eframe::egui::Role;
 use eframe::egui::{self, Key, Modifiers};
 use egui_kittest::kittest::Queryable;
@@ -24,7 +24,7 @@ use lodsmith_render::Shading;
 use lodsmith_viewer::command::Command;
 use lodsmith_viewer::keys::{Action, BINDINGS};
 use lodsmith_viewer::panel::Panel;
-use lodsmith_viewer::settings::{Appearance, Around, Backdrop, Sides};
+use lodsmith_viewer::settings::{Appearance, Backdrop, EnvironmentChoice, Sides};
 
 const ORIGINAL: &str = "Picture of the original";
 const RESULT: &str = "Picture of the result";
@@ -32,7 +32,7 @@ const RESULT: &str = "Picture of the result";
 #[test]
 fn an_empty_window_says_what_to_do() {
     for is_light in [false, true] {
-        let Some(mut desk) = Desk::with(is_light, None::<&str>) else { return };
+        let Some(mut desk) = AppHarness::with(is_light, None::<&str>) else { return };
         desk.harness.get_by_label("Drop a model here");
         desk.picture(if is_light { "empty_light" } else { "empty_dark" });
         desk.click("Open the sample");
@@ -44,7 +44,7 @@ fn an_empty_window_says_what_to_do() {
 
 #[test]
 fn the_slider_follows_the_pointer() {
-    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
     assert_eq!(desk.faces(), None);
     let rail = desk.harness.get_by_label("Target slider").rect();
     let y = rail.top() + 13.0;
@@ -68,7 +68,7 @@ fn the_slider_follows_the_pointer() {
 #[test]
 fn a_held_slider_shows_levels_at_once() {
     for is_light in [false, true] {
-        let Some(mut desk) = Desk::with(is_light, Some("sphere.ply")) else { return };
+        let Some(mut desk) = AppHarness::with(is_light, Some("sphere.ply")) else { return };
         let rail = desk.harness.get_by_label("Target slider").rect();
         let at =
             |share: f32| egui::pos2(rail.left() + 10.0 + (rail.width() - 20.0) * share, rail.top() + 13.0);
@@ -91,7 +91,7 @@ fn a_held_slider_shows_levels_at_once() {
 
 #[test]
 fn a_count_can_be_typed_in_every_unit() {
-    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
     for (unit, text) in [("Faces", "1,000"), ("Vertices", "402"), ("Percent", "10"), ("Error", "0.5%")] {
         desk.click(unit);
         desk.write("Target", text);
@@ -111,7 +111,7 @@ fn a_count_can_be_typed_in_every_unit() {
 
 #[test]
 fn holding_m_goes_on_and_letting_go_stops() {
-    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
     desk.harness.key_down(Key::M);
     desk.harness.run_steps(30);
     desk.harness.key_up(Key::M);
@@ -127,7 +127,7 @@ fn holding_m_goes_on_and_letting_go_stops() {
 
 #[test]
 fn every_panel_has_a_key_that_shows_and_hides_it() {
-    let Some(mut desk) = Desk::open("torus.obj") else { return };
+    let Some(mut desk) = AppHarness::open("torus.obj") else { return };
     desk.press(Key::Minus);
     for panel in Panel::ALL {
         let key = Action::Panel(panel).binding().unwrap().shortcut.logical_key;
@@ -152,7 +152,7 @@ fn every_panel_has_a_key_that_shows_and_hides_it() {
 
 #[test]
 fn every_key_of_the_look_changes_it_and_the_picture() {
-    let Some(mut desk) = Desk::open("torus.obj") else { return };
+    let Some(mut desk) = AppHarness::open("torus.obj") else { return };
     desk.press(Key::Minus);
     desk.press(Key::Minus);
     for b in BINDINGS {
@@ -184,7 +184,7 @@ fn every_key_of_the_look_changes_it_and_the_picture() {
 
 #[test]
 fn sides_are_shown_in_four_ways() {
-    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
     for _ in 0..20 {
         desk.press(Key::Minus);
     }
@@ -209,12 +209,12 @@ fn sides_are_shown_in_four_ways() {
 
 #[test]
 fn surroundings_are_mirrored_and_seen_behind() {
-    let Some(mut desk) = Desk::with(false, Some(Path::new("../../testdata/arm.glb"))) else { return };
-    let around = |desk: &Desk| desk.app().document().settings().look.around.clone();
-    assert_eq!(around(&desk), Around::Auto);
+    let Some(mut desk) = AppHarness::with(false, Some(Path::new("../../testdata/arm.glb"))) else { return };
+    let around = |desk: &AppHarness| desk.app().document().settings().look.around.clone();
+    assert_eq!(around(&desk), EnvironmentChoice::Auto);
     let mut seen = vec![desk.pixels(ORIGINAL)];
-    let key = Action::Around.binding().unwrap().shortcut;
-    for wanted in [Around::Plain, Around::Studio, Around::Auto] {
+    let key = Action::NextEnvironment.binding().unwrap().shortcut;
+    for wanted in [EnvironmentChoice::Plain, EnvironmentChoice::Studio, EnvironmentChoice::Auto] {
         desk.press_with(key.modifiers, key.logical_key);
         assert_eq!(around(&desk), wanted);
         seen.push(desk.pixels(ORIGINAL));
@@ -237,8 +237,8 @@ fn surroundings_are_mirrored_and_seen_behind() {
 /// Sides share one picture only as long as both show the same.
 #[test]
 fn sides_that_differ_have_their_own_pictures() {
-    let Some(mut desk) = Desk::open("torus.obj") else { return };
-    let both = |desk: &mut Desk| [desk.pixels(ORIGINAL), desk.pixels(RESULT)];
+    let Some(mut desk) = AppHarness::open("torus.obj") else { return };
+    let both = |desk: &mut AppHarness| [desk.pixels(ORIGINAL), desk.pixels(RESULT)];
     let [one, two] = both(&mut desk);
     assert!(one == two && one.iter().any(|p| *p != one[0]));
     desk.press(Key::L);
@@ -257,7 +257,7 @@ fn sides_that_differ_have_their_own_pictures() {
 
 #[test]
 fn the_wipe_can_be_dragged() {
-    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
     desk.press(Key::V);
     let line = desk.harness.get_by_role_and_label(Role::Slider, "Wipe").rect().center();
     let line = egui::pos2(line.x, line.y + 60.0);
@@ -267,7 +267,7 @@ fn the_wipe_can_be_dragged() {
 
 #[test]
 fn the_mouse_and_the_arrows_move_both_cameras() {
-    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
     let place = desk.harness.get_by_label(ORIGINAL).rect().center();
     let before = desk.app().orbits();
     assert_eq!(before[0], before[1]);
@@ -306,7 +306,7 @@ fn the_mouse_and_the_arrows_move_both_cameras() {
 
 #[test]
 fn cameras_are_kept_and_the_model_turns() {
-    let Some(mut desk) = Desk::open("torus.obj") else { return };
+    let Some(mut desk) = AppHarness::open("torus.obj") else { return };
     let ctrl_shift = Modifiers::COMMAND | Modifiers::SHIFT;
     desk.press(Key::Num1);
     desk.press_with(ctrl_shift, Key::Num2);
@@ -325,7 +325,7 @@ fn cameras_are_kept_and_the_model_turns() {
 
 #[test]
 fn a_double_click_looks_at_that_place() {
-    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
     let place = desk.harness.get_by_label(ORIGINAL).rect().center() + egui::vec2(60.0, 10.0);
     let before = desk.app().orbits()[0].target;
     for _ in 0..2 {
@@ -341,7 +341,7 @@ fn a_double_click_looks_at_that_place() {
 #[test]
 fn the_heat_map_has_a_legend_and_a_histogram() {
     for is_light in [false, true] {
-        let Some(mut desk) = Desk::with(is_light, Some("sphere.ply")) else { return };
+        let Some(mut desk) = AppHarness::with(is_light, Some("sphere.ply")) else { return };
         for _ in 0..30 {
             desk.press(Key::Minus);
         }
@@ -363,7 +363,7 @@ fn the_heat_map_has_a_legend_and_a_histogram() {
 #[test]
 fn the_sample_stands_beside_its_result_with_wires_and_heat() {
     let sample = Path::new("../../testdata/finial.ply");
-    let Some(mut desk) = Desk::with(false, Some(sample)) else { return };
+    let Some(mut desk) = AppHarness::with(false, Some(sample)) else { return };
     desk.press(Key::W);
     for _ in 0..24 {
         desk.press(Key::Minus);
@@ -378,7 +378,7 @@ fn the_sample_stands_beside_its_result_with_wires_and_heat() {
 
 #[test]
 fn a_broken_file_is_told_and_what_is_open_stays() {
-    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
     let path = desk.path("broken.obj");
     std::fs::write(&path, "v 1 2\nf 1 2 nonsense\n").unwrap();
     desk.press_with(Modifiers::COMMAND, Key::O);
@@ -394,7 +394,7 @@ fn a_broken_file_is_told_and_what_is_open_stays() {
 
 #[test]
 fn the_export_dialog_writes_what_is_shown() {
-    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
     for _ in 0..10 {
         desk.press(Key::Minus);
     }
@@ -407,7 +407,7 @@ fn the_export_dialog_writes_what_is_shown() {
 
 #[test]
 fn a_session_is_saved_and_opened_again() {
-    let Some(mut desk) = Desk::open("torus.obj") else { return };
+    let Some(mut desk) = AppHarness::open("torus.obj") else { return };
     desk.press(Key::Minus);
     desk.press(Key::W);
     desk.press_with(Modifiers::SHIFT, Key::PageDown);
@@ -418,7 +418,7 @@ fn a_session_is_saved_and_opened_again() {
     assert!(path.is_file());
     let (settings, orbit, faces) =
         (desk.app().document().settings().clone(), desk.app().orbits()[0], desk.faces());
-    let Some(again) = Desk::within(false, vec![path], desk.folder) else { return };
+    let Some(again) = AppHarness::within(false, vec![path], desk.folder) else { return };
     assert_eq!(again.app().document().settings().simplify, settings.simplify);
     assert_eq!(again.app().document().settings().look, settings.look);
     assert_eq!(again.app().document().settings().playback, settings.playback);
@@ -431,7 +431,7 @@ fn a_session_is_saved_and_opened_again() {
 #[test]
 fn the_cheat_sheet_names_every_key_and_closes() {
     for is_light in [false, true] {
-        let Some(mut desk) = Desk::with(is_light, Some("sphere.ply")) else { return };
+        let Some(mut desk) = AppHarness::with(is_light, Some("sphere.ply")) else { return };
         desk.press(Key::H);
         desk.harness.get_by_label("Hold M");
         desk.picture(if is_light { "help_light" } else { "help_dark" });
@@ -442,7 +442,7 @@ fn the_cheat_sheet_names_every_key_and_closes() {
 
 #[test]
 fn the_theme_changes_by_its_key() {
-    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
     let dark = desk.picture("theme_dark");
     desk.press_with(Modifiers::COMMAND, Key::T);
     let light = desk.picture("theme_light");
@@ -452,7 +452,7 @@ fn the_theme_changes_by_its_key() {
 
 #[test]
 fn nothing_is_drawn_while_nothing_happens() {
-    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
     desk.press(Key::Minus);
     // A window that requests a repaint every frame never settles.
     assert!(desk.harness.try_run().is_ok());

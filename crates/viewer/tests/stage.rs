@@ -11,11 +11,11 @@ use lodsmith_viewer::document::Document;
 use lodsmith_viewer::playback::Playback;
 use lodsmith_viewer::session::Session;
 use lodsmith_viewer::settings::{Pose, Turn};
-use lodsmith_viewer::stage::motion::{Curve, Motion, Mover, Stand};
+use lodsmith_viewer::stage::motion::{CameraPlacement, Curve, Motion, Mover};
 use lodsmith_viewer::stage::scatter::Scatter;
-use lodsmith_viewer::stage::{Placement, StageChange, View};
+use lodsmith_viewer::stage::{Placement, StageChange, StageDisplay};
 
-const LONG: Duration = Duration::from_secs(120);
+const TIMEOUT: Duration = Duration::from_secs(120);
 
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
@@ -28,7 +28,7 @@ fn folder() -> tempfile::TempDir {
 fn opened(path: &Path) -> Document {
     let mut document = Document::new(None, || {});
     document.run(Command::Open(vec![path.to_owned()]));
-    assert!(document.settle(LONG), "opening never ends");
+    assert!(document.settle(TIMEOUT), "opening never ends");
     document
 }
 
@@ -45,8 +45,14 @@ fn round() -> Motion {
         {
             track.set(secs, Placement { turn_deg, scale, ..Placement::at(x, -x) });
         }
-        let stand =
-            |z: f64, yaw_deg: f64| Stand { x: 0.0, y: 2.0, z, yaw_deg, pitch_deg: -10.0, distance: z };
+        let stand = |z: f64, yaw_deg: f64| CameraPlacement {
+            x: 0.0,
+            y: 2.0,
+            z,
+            yaw_deg,
+            pitch_deg: -10.0,
+            distance: z,
+        };
         m.camera.set(0.0, stand(20.0, 0.0));
         m.camera.set(4.0, stand(8.0, 40.0));
     })
@@ -67,7 +73,7 @@ fn changes_of_the_stage_replay_and_are_taken_back() {
         StageChange::Duplicate { numbers: vec![1], aside: 2.0 },
         StageChange::Delete(vec![0]),
         StageChange::Motion(round().with(|m| m.set_curve(Mover::Camera, Curve::Step))),
-        StageChange::View(View { pixels: 2.0, has_level_colors: true, ..View::default() }),
+        StageChange::View(StageDisplay { pixels: 2.0, has_level_colors: true, ..StageDisplay::default() }),
         StageChange::Scatter(Scatter { count: 40, footprint: 1.5, ..Scatter::default() }),
     ];
     let commands: Vec<_> = changes.into_iter().map(Command::Stage).collect();
@@ -83,7 +89,7 @@ fn changes_of_the_stage_replay_and_are_taken_back() {
             document.seal();
             seen.push(document.settings().clone());
         }
-        assert!(document.settle(LONG));
+        assert!(document.settle(TIMEOUT));
         assert_eq!(document.settings().stage.copies.len(), 40);
         for before in seen.iter().rev().skip(1) {
             document.undo();
@@ -105,7 +111,7 @@ fn a_stage_has_levels_while_it_is_shown() {
     assert_eq!(document.stage_levels().len(), 1, "the original alone");
     document.run(Command::Stage(StageChange::Show(true)));
     assert!(document.awaits_levels());
-    assert!(document.settle(LONG));
+    assert!(document.settle(TIMEOUT));
     let levels: Vec<_> = document.stage_levels().iter().map(|l| l.level).collect();
     assert!(levels.len() >= 6, "{levels:?}");
     assert_eq!((levels[0].error, levels[0].faces), (0.0, 20_480));
@@ -113,7 +119,7 @@ fn a_stage_has_levels_while_it_is_shown() {
     assert!(document.levels().is_empty(), "the two sides show what was asked for");
     // A newly opened model has no copies.
     document.run(Command::Open(vec![folder.path().join("torus.obj")]));
-    assert!(document.settle(LONG));
+    assert!(document.settle(TIMEOUT));
     assert!(document.stage().is_none() && document.settings().stage.copies.is_empty());
 }
 
@@ -140,10 +146,10 @@ fn a_stage_is_exported_as_copies_that_share_levels() {
         document.run(Command::Stage(StageChange::Add(row(5))));
         // Existing levels are used; the others are made during export.
         document.run(Command::Stage(StageChange::Show(k != 1)));
-        assert!(document.settle(LONG));
+        assert!(document.settle(TIMEOUT));
         let path = folder.path().join(format!("stage{k}.glb"));
         document.export_stage(path.clone(), 0.6);
-        assert!(document.settle(LONG));
+        assert!(document.settle(TIMEOUT));
         assert_eq!(document.problem, None);
         let (shown, levels) = read_stage(&path);
         assert_eq!(shown, 5 * faces, "{}", model.display());
@@ -151,7 +157,7 @@ fn a_stage_is_exported_as_copies_that_share_levels() {
         let alone = std::fs::metadata(&path).unwrap().len();
         document.run(Command::Stage(StageChange::Add(row(100))));
         document.export_stage(path.clone(), 0.6);
-        assert!(document.settle(LONG));
+        assert!(document.settle(TIMEOUT));
         let many = std::fs::metadata(&path).unwrap().len();
         assert!(many < alone + 100 * 4000, "{many} of {alone}: copies share meshes");
     }
@@ -163,7 +169,7 @@ fn an_empty_stage_is_not_written() {
     let mut document = opened(&folder.path().join("torus.obj"));
     let path = folder.path().join("none.glb");
     document.export_stage(path.clone(), 0.6);
-    assert!(document.settle(LONG));
+    assert!(document.settle(TIMEOUT));
     assert!(document.problem.as_deref().is_some_and(|p| p.contains("no copy")), "{:?}", document.problem);
     assert!(!path.exists());
 }
@@ -176,24 +182,24 @@ fn the_moment_moves_the_copies_and_goes_round() {
     assert!(!document.is_playing(), "nothing moves yet");
     document.run(Command::Stage(StageChange::Add(row(2))));
     document.run(Command::Stage(StageChange::Motion(round())));
-    assert!(document.settle(LONG));
+    assert!(document.settle(TIMEOUT));
     assert!(document.stage().is_none() && document.timeline_secs() == 0.0);
     document.run(Command::Stage(StageChange::Show(true)));
     assert_eq!((document.timeline_secs(), document.moment()), (10.0, 0.0), "room for more keyframes");
     document.run(Command::Stage(StageChange::Motion(round().with(|m| m.length_secs = Some(4.0)))));
     document.play(true);
-    document.go_on(1.0);
-    let now = document.copies_now();
+    document.advance_playback(1.0);
+    let now = document.current_placements();
     assert_eq!(now[0], Placement::at(0.0, 0.0));
     assert!((now[1].x - 6.0).abs() < 0.8 && now[1].turn_deg > 60.0 && now[1].scale > 1.3, "{now:?}");
-    document.go_on(4.0);
-    assert!(document.is_playing() && document.copies_now() == now, "again from the begin");
+    document.advance_playback(4.0);
+    assert!(document.is_playing() && document.current_placements() == now, "again from the begin");
     document.run(Command::Playback(Playback {
         seconds: 3.5,
         repeats: false,
         ..document.settings().playback
     }));
-    document.go_on(2.0);
+    document.advance_playback(2.0);
     assert!(!document.is_playing() && document.moment() == 4.0, "once is once");
     // The session stores all of it.
     let path = folder.path().join("s.json");
@@ -221,10 +227,10 @@ fn what_moves_on_the_stage_moves_in_its_file() {
         document.run(Command::Stage(StageChange::Add(row(3))));
         document.run(Command::Stage(StageChange::Motion(round())));
         document.run(Command::Stage(StageChange::Show(true)));
-        assert!(document.settle(LONG));
+        assert!(document.settle(TIMEOUT));
         let path = folder.path().join(format!("moving{k}.glb"));
         document.export_stage(path.clone(), 0.6);
-        assert!(document.settle(LONG));
+        assert!(document.settle(TIMEOUT));
         assert_eq!(document.problem, None);
         let base = document.stage_base().unwrap();
         let stage = &document.settings().stage;

@@ -8,26 +8,26 @@ use std::time::{Duration, Instant};
 
 use lodsmith_core::shapes;
 
-const PATIENCE: Duration = Duration::from_secs(120);
+const TIMEOUT: Duration = Duration::from_secs(120);
 
 /// Kills a process when the test ends.
-struct Running(Child);
+struct ProcessGuard(Child);
 
-impl Drop for Running {
+impl Drop for ProcessGuard {
     fn drop(&mut self) {
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
-fn is_there(program: &str) -> bool {
+fn is_installed(program: &str) -> bool {
     let paths = std::env::var_os("PATH").unwrap_or_default();
     std::env::split_paths(&paths).any(|folder| folder.join(program).is_file())
 }
 
 /// Starts a virtual display; returns its process and its name.
-fn screen() -> Option<(Running, String)> {
-    let missing: Vec<_> = ["Xvfb", "xdotool"].into_iter().filter(|p| !is_there(p)).collect();
+fn screen() -> Option<(ProcessGuard, String)> {
+    let missing: Vec<_> = ["Xvfb", "xdotool"].into_iter().filter(|p| !is_installed(p)).collect();
     if !missing.is_empty() {
         let is_demanded = std::env::var_os("LODSMITH_REQUIRE_GPU").is_some_and(|v| v == "1");
         assert!(!is_demanded, "demanded, but missing: {}", missing.join(", "));
@@ -44,19 +44,19 @@ fn screen() -> Option<(Running, String)> {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    let mut running = Running(child);
+    let mut running = ProcessGuard(child);
     let mut number = String::new();
     BufReader::new(running.0.stdout.take().unwrap()).read_line(&mut number).unwrap();
     let number: u32 = number.trim().parse().expect("no virtual screen could be started");
     Some((running, format!(":{number}")))
 }
 
-struct Hand {
+struct InputSimulator {
     screen: String,
     window: String,
 }
 
-impl Hand {
+impl InputSimulator {
     fn run(&self, words: &[&str]) -> String {
         let output = Command::new("xdotool").env("DISPLAY", &self.screen).args(words).output().unwrap();
         String::from_utf8_lossy(&output.stdout).trim().to_owned()
@@ -72,7 +72,7 @@ impl Hand {
 }
 
 fn until<T>(what: &str, mut found: impl FnMut() -> Option<T>) -> T {
-    let end = Instant::now() + PATIENCE;
+    let end = Instant::now() + TIMEOUT;
     loop {
         if let Some(found) = found() {
             return found;
@@ -82,7 +82,7 @@ fn until<T>(what: &str, mut found: impl FnMut() -> Option<T>) -> T {
     }
 }
 
-fn export(hand: &Hand, path: &Path) -> usize {
+fn export(hand: &InputSimulator, path: &Path) -> usize {
     // The file does not exist yet: the loop waits until the export has written it.
     hand.key("ctrl+s");
     hand.key("Return");
@@ -110,8 +110,8 @@ fn a_window_opens_drags_holds_restores_and_exports() {
         .stdout(Stdio::null())
         .spawn()
         .unwrap();
-    let mut viewer = Running(viewer);
-    let mut hand = Hand { screen: name, window: String::new() };
+    let mut viewer = ProcessGuard(viewer);
+    let mut hand = InputSimulator { screen: name, window: String::new() };
     hand.window = until("the window", || {
         let found = hand.run(&["search", "--name", "sphere.ply"]);
         found.lines().last().filter(|l| !l.is_empty()).map(str::to_owned)

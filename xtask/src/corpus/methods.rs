@@ -13,17 +13,17 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 
-use super::{Limits, Outcome, RATIOS, READ, call, ending, one_line, value};
+use super::{Limits, Outcome, RATIOS, SUPPORTED_EXTENSIONS, call, ending, one_line, value};
 
 /// Kinds of defects that a method may add by design. Folds are reported but not checked: on noisy scans every
 /// method has some.
-const MAY_RISE: &[(&str, &[&str])] = &[
+const ALLOWED_DEFECTS: &[(&str, &[&str])] = &[
     ("cluster", &["non_manifold_edges", "border_edges", "misoriented_edges"]),
     // Borders are sampled again, with edges of the new length.
     ("remesh", &["border_edges"]),
 ];
 /// Larger models are skipped unless requested: the whole run should take minutes.
-pub(super) const LARGEST: u64 = 250_000;
+pub(super) const DEFAULT_MAX_FACES: u64 = 250_000;
 /// Samples per comparison: enough to detect a misplaced result.
 const SAMPLES: &str = "5000";
 
@@ -49,7 +49,7 @@ struct Case {
 }
 
 /// A model and its results.
-struct Row {
+struct MethodsRow {
     name: String,
     faces: Option<u64>,
     /// The results for each ratio.
@@ -62,7 +62,7 @@ impl Sweep {
     /// Runs the sweep on several models in parallel, and prints the tables.
     pub(super) fn run(&self) -> Result<()> {
         let next = AtomicUsize::new(0);
-        let rows: Mutex<BTreeMap<usize, Result<Row>>> = Mutex::default();
+        let rows: Mutex<BTreeMap<usize, Result<MethodsRow>>> = Mutex::default();
         let workers = std::thread::available_parallelism().map_or(1, usize::from);
         std::thread::scope(|scope| {
             for _ in 0..workers {
@@ -74,15 +74,15 @@ impl Sweep {
                 });
             }
         });
-        let rows: Vec<Row> =
+        let rows: Vec<MethodsRow> =
             rows.into_inner().expect("no thread panics with it").into_values().collect::<Result<_>>()?;
         print(&rows)
     }
 
-    fn row(&self, file: &Path) -> Result<Row> {
+    fn row(&self, file: &Path) -> Result<MethodsRow> {
         let name = file.strip_prefix(&self.folder).unwrap_or(file).to_string_lossy().replace('\\', "/");
-        let mut row = Row { name, faces: None, cases: Vec::new(), skipped: None };
-        if !READ.contains(&&*ending(file)) {
+        let mut row = MethodsRow { name, faces: None, cases: Vec::new(), skipped: None };
+        if !SUPPORTED_EXTENSIONS.contains(&&*ending(file)) {
             row.skipped = Some("not a format that is read".to_owned());
             return Ok(row);
         }
@@ -107,13 +107,13 @@ impl Sweep {
     fn cases(&self, file: &Path, ratio: f64) -> Result<Vec<Case>> {
         let all = self.call(file, ratio, None)?;
         if let Some(report) = value(&all).filter(|_| matches!(all.status, Some(0 | 1))) {
-            return Ok(judged(&report, ratio));
+            return Ok(evaluate_report(&report, ratio));
         }
         let mut cases = Vec::new();
         for method in METHODS {
             let one = self.call(file, ratio, Some(method))?;
             match value(&one).filter(|_| matches!(one.status, Some(0 | 1))) {
-                Some(report) => cases.extend(judged(&report, ratio)),
+                Some(report) => cases.extend(evaluate_report(&report, ratio)),
                 None => cases.push(Case {
                     method: method.to_owned(),
                     mark: '!',
@@ -167,23 +167,23 @@ fn take<'a, T>(items: &'a [T], next: &AtomicUsize) -> Option<(usize, &'a T)> {
 }
 
 /// Evaluates the report of `lodsmith methods`.
-fn judged(report: &Value, ratio: f64) -> Vec<Case> {
+fn evaluate_report(report: &Value, ratio: f64) -> Vec<Case> {
     let before = report["input"]["faces"].as_u64().unwrap_or(0);
     let rows = report["methods"].as_array().map_or(&[][..], Vec::as_slice);
     // If all methods report the same error, the mesh is the cause.
     let input = &report["input"]["defects"];
     let of_mesh = rows.first().map(|r| &r["error"]).filter(|e| rows.iter().all(|r| r["error"] == **e));
     let of_mesh = of_mesh.is_some_and(Value::is_string);
-    rows.iter().map(|row| judged_one(row, (before, input), ratio, of_mesh)).collect()
+    rows.iter().map(|row| evaluate_method(row, (before, input), ratio, of_mesh)).collect()
 }
 
 /// Returns the number of misoriented or non-manifold edges: a non-manifold edge of four faces may become one
 /// of two faces that is misoriented.
-fn twisted(defects: &Value) -> Option<u64> {
+fn twisted_edge_count(defects: &Value) -> Option<u64> {
     Some(defects["misoriented_edges"].as_u64()? + defects["non_manifold_edges"].as_u64()?)
 }
 
-fn judged_one(row: &Value, (before, input): (u64, &Value), ratio: f64, of_mesh: bool) -> Case {
+fn evaluate_method(row: &Value, (before, input): (u64, &Value), ratio: f64, of_mesh: bool) -> Case {
     let method = row["method"].as_str().unwrap_or_default().to_owned();
     let mut case = Case { method, mark: '*', seconds: 0.0, rms: None, folds: 0, problems: Vec::new() };
     let mut problem = |text: String| case.problems.push(text);
@@ -213,10 +213,11 @@ fn judged_one(row: &Value, (before, input): (u64, &Value), ratio: f64, of_mesh: 
     if row["measured"].is_null() {
         problem("its distance cannot be measured".to_owned());
     }
-    let may_rise = MAY_RISE.iter().find(|m| m.0 == case.method).map_or(&[][..], |m| m.1);
+    let may_rise = ALLOWED_DEFECTS.iter().find(|m| m.0 == case.method).map_or(&[][..], |m| m.1);
     for (name, n) in row["new_defects"].as_object().into_iter().flatten() {
         let n = n.as_u64().unwrap_or(u64::MAX);
-        let is_twist_undone = name == "misoriented_edges" && twisted(&row["defects"]) <= twisted(input);
+        let is_twist_undone =
+            name == "misoriented_edges" && twisted_edge_count(&row["defects"]) <= twisted_edge_count(input);
         if name == "folds" {
             case.folds = n;
         } else if is_twist_undone {
@@ -235,7 +236,7 @@ fn judged_one(row: &Value, (before, input): (u64, &Value), ratio: f64, of_mesh: 
     case
 }
 
-fn print(rows: &[Row]) -> Result<()> {
+fn print(rows: &[MethodsRow]) -> Result<()> {
     println!(
         "`.` reached, `*` ended above the target with a reason, `!` something is wrong; for 50, 10 and 1 %\n"
     );
@@ -278,7 +279,7 @@ fn print(rows: &[Row]) -> Result<()> {
     Ok(())
 }
 
-fn summary(rows: &[Row], method: &str) -> String {
+fn summary(rows: &[MethodsRow], method: &str) -> String {
     let all = || rows.iter().flat_map(|r| &r.cases);
     let own: Vec<&Case> = all().flatten().filter(|c| c.method == method).collect();
     let marked = |mark: char| own.iter().filter(|c| c.mark == mark).count();
@@ -328,7 +329,8 @@ mod tests {
     #[test]
     fn what_is_right_is_told_from_what_is_not() {
         let input = json!({ "misoriented_edges": 0, "non_manifold_edges": 3 });
-        let mark = |change: &dyn Fn(&mut Value)| judged_one(&row(change), (100, &input), 0.5, false).mark;
+        let mark =
+            |change: &dyn Fn(&mut Value)| evaluate_method(&row(change), (100, &input), 0.5, false).mark;
         assert_eq!(mark(&|_| {}), '.');
         assert_eq!(mark(&|r| r["new_defects"]["folds"] = 3.into()), '.');
         assert_eq!(mark(&|r| r["faces"] = 51.into()), '!');
@@ -363,7 +365,7 @@ mod tests {
     fn an_error_of_all_is_of_the_mesh() {
         let fails = |error: &str| json!({ "method": "a", "error": error });
         let report = |b: &str| json!({ "input": { "faces": 1 }, "methods": [fails("flat"), fails(b)] });
-        let wrong = |report: &Value| judged(report, 0.5).iter().filter(|c| c.mark == '!').count();
+        let wrong = |report: &Value| evaluate_report(report, 0.5).iter().filter(|c| c.mark == '!').count();
         assert_eq!(wrong(&report("flat")), 0);
         assert_eq!(wrong(&report("a fault of this program")), 2);
     }

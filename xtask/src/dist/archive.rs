@@ -53,7 +53,7 @@ pub(super) fn zip(entries: &[Entry], time: u64) -> Result<Vec<u8>> {
 
 /// Converts a time to that of zip: UTC, in steps of two seconds, from 1980 on.
 fn dos_time(time: u64) -> Result<zip::DateTime> {
-    let time = time::OffsetDateTime::from_unix_timestamp(time.max(super::OLDEST).cast_signed())?;
+    let time = time::OffsetDateTime::from_unix_timestamp(time.max(super::EARLIEST_ZIP_TIME).cast_signed())?;
     let time = time::PrimitiveDateTime::new(time.date(), time.time());
     zip::DateTime::try_from(time).with_context(|| format!("{time}: no day that a zip can say"))
 }

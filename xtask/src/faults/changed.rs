@@ -8,19 +8,19 @@ use std::time::Duration;
 
 use anyhow::Result;
 
-use super::job::{self, Ended, Job, finish, put, start, state};
-use super::{Chance, Ground, Row, Tried, copy_all};
+use super::job::{self, Job, RunOutcome, finish, folder_content, put, start};
+use super::{FaultResult, FaultRow, FaultSetup, Random, copy_all};
 
 /// Number of ways to change a file.
 const CHANGES: usize = 5;
 
 /// Truncates, overwrites in the middle, extends, replaces or removes an input while it is read.
-pub(super) fn while_read(ground: &Ground) -> Result<Tried> {
-    let mut row = Row::new("input changed at a random moment");
-    let mut chance = Chance(29);
+pub(super) fn while_read(ground: &FaultSetup) -> Result<FaultResult> {
+    let mut row = FaultRow::new("input changed at a random moment");
+    let mut chance = Random(29);
     for round in 0..ground.part_of(20) {
         for (number, job) in ground.jobs.iter().enumerate() {
-            let (inputs, out) = (ground.empty("changing")?, ground.empty("out")?);
+            let (inputs, out) = (ground.empty_folder("changing")?, ground.empty_folder("out")?);
             copy_all(&ground.inputs(), &inputs)?;
             put(&job.old, &out)?;
             let names = job.inputs();
@@ -32,7 +32,7 @@ pub(super) fn while_read(ground: &Ground) -> Result<Tried> {
             change(&inputs.join(name), (round + number) % CHANGES, &mut chance)?;
             let ended = finish(child)?;
             row.count(&ended);
-            row.breach(job.name(), judge(ground, job, &ended, &out)?);
+            row.breach(job.name(), check_run(ground, job, &ended, &out)?);
             // The same folder, with the original inputs.
             let again = job::run(&ground.program, &job.arguments(&ground.inputs(), &out))?;
             if again.status != Some(0) || job::parts(&out)? > 0 {
@@ -40,10 +40,10 @@ pub(super) fn while_read(ground: &Ground) -> Result<Tried> {
             }
         }
     }
-    Ok(Tried::Done(row))
+    Ok(FaultResult::Done(row))
 }
 
-fn change(path: &Path, way: usize, chance: &mut Chance) -> Result<()> {
+fn change(path: &Path, way: usize, chance: &mut Random) -> Result<()> {
     let bytes = fs::read(path)?;
     let at = chance.below(bytes.len());
     let open = || File::options().write(true).open(path);
@@ -71,9 +71,9 @@ fn change(path: &Path, way: usize, chance: &mut Chance) -> Result<()> {
 
 /// The content that such a run read is unknown: either it fails and leaves the outputs unchanged, or they are
 /// readable.
-fn judge(ground: &Ground, job: &Job, ended: &Ended, out: &Path) -> Result<Vec<String>> {
+fn check_run(ground: &FaultSetup, job: &Job, ended: &RunOutcome, out: &Path) -> Result<Vec<String>> {
     let mut breaches = Vec::new();
-    let after = state(out)?;
+    let after = folder_content(out)?;
     // Partially read input may cause warnings; failures are one line each.
     if ended.status != Some(0) {
         breaches.extend(ended.breaches(job.new.len()));

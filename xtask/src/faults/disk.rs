@@ -6,13 +6,13 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 
-use super::job::{State, finish, put, run, start};
-use super::{Chance, Ground, Row, Tried};
+use super::job::{FolderContent, finish, put, run, start};
+use super::{FaultResult, FaultRow, FaultSetup, Random};
 
 /// The allocation unit of a disk in memory, in bytes.
 const PAGE: usize = 4096;
 /// Enough space for any output of the runs, in bytes.
-const ROOM: usize = 64 << 20;
+const AMPLE_DISK_BYTES: usize = 64 << 20;
 
 /// A disk in memory (tmpfs), unmounted on drop.
 struct Disk {
@@ -46,54 +46,54 @@ fn mount(words: &[&str], folder: &Path) -> Result<()> {
 }
 
 /// Returns the reason why no disk in memory can be mounted, if so.
-fn no_disk(ground: &Ground) -> Result<Option<String>> {
-    let folder = ground.empty("disk")?;
+fn no_disk(ground: &FaultSetup) -> Result<Option<String>> {
+    let folder = ground.empty_folder("disk")?;
     Ok(Disk::new(folder, PAGE).err().map(|error| format!("no disk in memory (it needs root): {error}")))
 }
 
 /// Returns the space of files on a disk of pages, in bytes.
-fn size(state: &State) -> usize {
+fn size(state: &FolderContent) -> usize {
     state.values().map(|bytes| bytes.len().next_multiple_of(PAGE)).sum()
 }
 
 /// Outputs to a disk that has space for only part of them.
-pub(super) fn full(ground: &Ground) -> Result<Tried> {
+pub(super) fn full(ground: &FaultSetup) -> Result<FaultResult> {
     const FAULT: &str = "output on a disk that fills up";
     if let Some(why) = no_disk(ground)? {
-        return Ok(Tried::Skipped(FAULT, why));
+        return Ok(FaultResult::Skipped(FAULT, why));
     }
-    let mut row = Row::new(FAULT);
-    let mut chance = Chance(11);
+    let mut row = FaultRow::new(FAULT);
+    let mut chance = Random(11);
     for round in 0..ground.part_of(10) {
         for job in &ground.jobs {
-            let before = if round.is_multiple_of(2) { State::new() } else { job.old.clone() };
+            let before = if round.is_multiple_of(2) { FolderContent::new() } else { job.old.clone() };
             // At least one page: a size of 0 means no limit.
             let bytes = size(&before) + PAGE + chance.below(size(&job.new));
-            let disk = Disk::new(ground.empty("disk")?, bytes)?;
+            let disk = Disk::new(ground.empty_folder("disk")?, bytes)?;
             put(&before, &disk.folder)?;
             let ended = run(&ground.program, &job.arguments(&ground.inputs(), &disk.folder))?;
             row.count(&ended);
-            row.breach(job.name(), job.judge(&ended, &before, &disk.folder)?);
-            disk.change(&format!("size={ROOM}"))?;
-            let (breaches, swept) = job.again(ground, &disk.folder)?;
+            row.breach(job.name(), job.check(&ended, &before, &disk.folder)?);
+            disk.change(&format!("size={AMPLE_DISK_BYTES}"))?;
+            let (breaches, swept) = job.run_again(ground, &disk.folder)?;
             row.breach(job.name(), breaches);
             row.swept += swept;
         }
     }
-    Ok(Tried::Done(row))
+    Ok(FaultResult::Done(row))
 }
 
 /// Outputs to a read-only folder.
-pub(super) fn read_only(ground: &Ground) -> Result<Tried> {
+pub(super) fn read_only(ground: &FaultSetup) -> Result<FaultResult> {
     const FAULT: &str = "output into a read-only file system";
     if let Some(why) = no_disk(ground)? {
-        return Ok(Tried::Skipped(FAULT, why));
+        return Ok(FaultResult::Skipped(FAULT, why));
     }
-    let mut row = Row::new(FAULT);
+    let mut row = FaultRow::new(FAULT);
     for before_is_empty in [true, false] {
         for job in &ground.jobs {
-            let disk = Disk::new(ground.empty("disk")?, ROOM)?;
-            let before = if before_is_empty { State::new() } else { job.old.clone() };
+            let disk = Disk::new(ground.empty_folder("disk")?, AMPLE_DISK_BYTES)?;
+            let before = if before_is_empty { FolderContent::new() } else { job.old.clone() };
             put(&before, &disk.folder)?;
             disk.change("ro")?;
             let ended = run(&ground.program, &job.arguments(&ground.inputs(), &disk.folder))?;
@@ -101,19 +101,19 @@ pub(super) fn read_only(ground: &Ground) -> Result<Tried> {
             if ended.status == Some(0) {
                 row.breach(job.name(), ["ended well".to_owned()]);
             }
-            row.breach(job.name(), job.judge(&ended, &before, &disk.folder)?);
+            row.breach(job.name(), job.check(&ended, &before, &disk.folder)?);
             disk.change("rw")?;
-            row.breach(job.name(), job.again(ground, &disk.folder)?.0);
+            row.breach(job.name(), job.run_again(ground, &disk.folder)?.0);
         }
     }
-    Ok(Tried::Done(row))
+    Ok(FaultResult::Done(row))
 }
 
 /// Outputs over write-protected files.
-pub(super) fn protected(ground: &Ground) -> Result<Tried> {
-    let mut row = Row::new("output over a write-protected file");
+pub(super) fn protected(ground: &FaultSetup) -> Result<FaultResult> {
+    let mut row = FaultRow::new("output over a write-protected file");
     for job in &ground.jobs {
-        let out = ground.empty("out")?;
+        let out = ground.empty_folder("out")?;
         put(&job.old, &out)?;
         let protect = |yes: bool| -> Result<()> {
             for name in job.old.keys() {
@@ -132,18 +132,18 @@ pub(super) fn protected(ground: &Ground) -> Result<Tried> {
         if ended.status == Some(0) {
             row.breach(job.name(), ["ended well".to_owned()]);
         }
-        row.breach(job.name(), job.judge(&ended, &job.old, &out)?);
+        row.breach(job.name(), job.check(&ended, &job.old, &out)?);
         protect(false)?;
-        row.breach(job.name(), job.again(ground, &out)?.0);
+        row.breach(job.name(), job.run_again(ground, &out)?.0);
     }
-    Ok(Tried::Done(row))
+    Ok(FaultResult::Done(row))
 }
 
 /// The output folder is missing when the run begins; commands that create their folder may do so.
-pub(super) fn removed(ground: &Ground) -> Result<Tried> {
-    let mut row = Row::new("output into a folder that was removed");
+pub(super) fn removed(ground: &FaultSetup) -> Result<FaultResult> {
+    let mut row = FaultRow::new("output into a folder that was removed");
     for job in &ground.jobs {
-        let out = ground.empty("out")?;
+        let out = ground.empty_folder("out")?;
         std::fs::remove_dir(&out)?;
         let words = job.arguments(&ground.inputs(), &out);
         let ended = run(&ground.program, &words)?;
@@ -157,19 +157,19 @@ pub(super) fn removed(ground: &Ground) -> Result<Tried> {
         if makes_it != (ended.status == Some(0)) {
             row.breach(job.name(), [format!("ended with {:?}", ended.status)]);
         }
-        row.breach(job.name(), job.judge(&ended, &State::new(), &out)?);
-        row.breach(job.name(), job.again(ground, &out)?.0);
+        row.breach(job.name(), job.check(&ended, &FolderContent::new(), &out)?);
+        row.breach(job.name(), job.run_again(ground, &out)?.0);
     }
-    Ok(Tried::Done(row))
+    Ok(FaultResult::Done(row))
 }
 
 /// The output folder is removed during the run.
-pub(super) fn vanishing(ground: &Ground) -> Result<Tried> {
-    let mut row = Row::new("folder of the output removed at a random moment");
-    let mut chance = Chance(13);
+pub(super) fn vanishing(ground: &FaultSetup) -> Result<FaultResult> {
+    let mut row = FaultRow::new("folder of the output removed at a random moment");
+    let mut chance = Random(13);
     for _ in 0..ground.part_of(10) {
         for job in &ground.jobs {
-            let out = ground.empty("out")?;
+            let out = ground.empty_folder("out")?;
             put(&job.old, &out)?;
             let child =
                 start(&ground.program, &job.arguments(&ground.inputs(), &out), Stdio::null(), Stdio::null())?;
@@ -186,8 +186,8 @@ pub(super) fn vanishing(ground: &Ground) -> Result<Tried> {
                 std::fs::remove_dir_all(&out)?;
             }
             std::fs::create_dir(&out)?;
-            row.breach(job.name(), job.again(ground, &out)?.0);
+            row.breach(job.name(), job.run_again(ground, &out)?.0);
         }
     }
-    Ok(Tried::Done(row))
+    Ok(FaultResult::Done(row))
 }

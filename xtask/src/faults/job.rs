@@ -8,11 +8,11 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, ensure};
 
-use super::Ground;
+use super::FaultSetup;
 use crate::sample;
 
 /// Files of a folder by name.
-pub(super) type State = BTreeMap<String, Vec<u8>>;
+pub(super) type FolderContent = BTreeMap<String, Vec<u8>>;
 
 /// A run of the command that overwrites the outputs of an earlier run.
 pub(super) struct Job {
@@ -21,8 +21,8 @@ pub(super) struct Job {
     words: &'static str,
     now: &'static str,
     /// Outputs of the earlier run, and of the run that overwrites them.
-    pub(super) old: State,
-    pub(super) new: State,
+    pub(super) old: FolderContent,
+    pub(super) new: FolderContent,
     /// Duration of a run without a fault.
     pub(super) time: Duration,
 }
@@ -70,8 +70,13 @@ impl Job {
     /// Returns the failed checks after a run.
     ///
     /// `before` is the content of the folder before it.
-    pub(super) fn judge(&self, ended: &Ended, before: &State, out: &Path) -> Result<Vec<String>> {
-        let after = state(out)?;
+    pub(super) fn check(
+        &self,
+        ended: &RunOutcome,
+        before: &FolderContent,
+        out: &Path,
+    ) -> Result<Vec<String>> {
+        let after = folder_content(out)?;
         let mut breaches = ended.breaches(self.new.len());
         for (name, bytes) in &after {
             if is_part(name) {
@@ -96,14 +101,14 @@ impl Job {
     }
 
     /// Runs again without a fault: returns the failed checks, and the number of temporary files removed.
-    pub(super) fn again(&self, ground: &Ground, out: &Path) -> Result<(Vec<String>, usize)> {
+    pub(super) fn run_again(&self, ground: &FaultSetup, out: &Path) -> Result<(Vec<String>, usize)> {
         let parts = parts(out)?;
         let ended = run(&ground.program, &self.arguments(&ground.inputs(), out))?;
         let mut breaches = Vec::new();
         if ended.status != Some(0) {
             breaches.push(format!("the next run ended with {:?}: {}", ended.status, ended.stderr.trim()));
-        } else if state(out)? != self.new {
-            let names: Vec<String> = state(out)?.into_keys().collect();
+        } else if folder_content(out)? != self.new {
+            let names: Vec<String> = folder_content(out)?.into_keys().collect();
             breaches.push(format!("after the next run there are {}", names.join(", ")));
         }
         Ok((breaches, parts))
@@ -111,13 +116,13 @@ impl Job {
 }
 
 /// The outcome of a run of the command.
-pub(super) struct Ended {
+pub(super) struct RunOutcome {
     /// Exit status; `None` if a signal ended it.
     pub(super) status: Option<i32>,
     pub(super) stderr: String,
 }
 
-impl Ended {
+impl RunOutcome {
     /// Checks general rules: a failing run prints a message, but at most one line per output; no run panics.
     pub(super) fn breaches(&self, outputs: usize) -> Vec<String> {
         let mut breaches = Vec::new();
@@ -168,20 +173,20 @@ pub(super) fn start(program: &Path, words: &[String], stdin: Stdio, stdout: Stdi
     command.spawn().with_context(|| program.display().to_string())
 }
 
-pub(super) fn finish(child: Child) -> Result<Ended> {
+pub(super) fn finish(child: Child) -> Result<RunOutcome> {
     let output = child.wait_with_output()?;
     let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
-    Ok(Ended { status: output.status.code(), stderr })
+    Ok(RunOutcome { status: output.status.code(), stderr })
 }
 
 /// Runs the command to its end.
-pub(super) fn run(program: &Path, words: &[String]) -> Result<Ended> {
+pub(super) fn run(program: &Path, words: &[String]) -> Result<RunOutcome> {
     finish(start(program, words, Stdio::null(), Stdio::null())?)
 }
 
 /// Returns all files of a folder.
-pub(super) fn state(folder: &Path) -> Result<State> {
-    let mut state = State::new();
+pub(super) fn folder_content(folder: &Path) -> Result<FolderContent> {
+    let mut state = FolderContent::new();
     for entry in std::fs::read_dir(folder).with_context(|| folder.display().to_string())? {
         let entry = entry?;
         state.insert(entry.file_name().to_string_lossy().into_owned(), std::fs::read(entry.path())?);
@@ -189,7 +194,7 @@ pub(super) fn state(folder: &Path) -> Result<State> {
     Ok(state)
 }
 
-pub(super) fn put(state: &State, folder: &Path) -> Result<()> {
+pub(super) fn put(state: &FolderContent, folder: &Path) -> Result<()> {
     for (name, bytes) in state {
         std::fs::write(folder.join(name), bytes)?;
     }
@@ -202,7 +207,7 @@ pub(super) fn is_part(name: &str) -> bool {
 
 /// Counts the temporary files in a folder.
 pub(super) fn parts(folder: &Path) -> Result<usize> {
-    Ok(state(folder)?.keys().filter(|name| is_part(name)).count())
+    Ok(folder_content(folder)?.keys().filter(|name| is_part(name)).count())
 }
 
 /// Writes the inputs of the runs.
@@ -246,7 +251,7 @@ fn textured(tiles: u32) -> String {
 
 /// Returns an image of noise, which does not compress.
 fn picture(side: u32) -> Result<Vec<u8>> {
-    let mut chance = super::Chance(1);
+    let mut chance = super::Random(1);
     let pixels: Vec<u8> = (0..side * side).map(|_| chance.below(256) as u8).collect();
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, side, side);
@@ -268,10 +273,10 @@ pub(super) fn all(program: &Path, inputs: &Path) -> Result<Vec<Job>> {
             let ended = run(program, &arguments(words, amount, inputs, out.path()))?;
             ensure!(ended.status == Some(0), "{words}: {:?}: {}", ended.status, ended.stderr.trim());
             time = began.elapsed();
-            written.push(state(out.path())?);
+            written.push(folder_content(out.path())?);
         }
         ensure!(written[1] == written[2], "{words}: two runs write different bytes");
-        let [old, new, _]: [State; 3] = written.try_into().expect("there were three runs");
+        let [old, new, _]: [FolderContent; 3] = written.try_into().expect("there were three runs");
         ensure!(!old.is_empty() && old != new, "{words}: the runs are to write different files");
         jobs.push(Job { words, now, old, new, time });
     }
@@ -283,7 +288,7 @@ mod tests {
     use super::*;
 
     fn job() -> Job {
-        let one = |bytes: &[u8]| State::from([("a.ply".to_owned(), bytes.to_vec())]);
+        let one = |bytes: &[u8]| FolderContent::from([("a.ply".to_owned(), bytes.to_vec())]);
         let (old, new) = (one(b"old"), one(b"new"));
         Job { words: "clean IN/N.ply -o OUT/a.ply", now: "y", old, new, time: Duration::ZERO }
     }
@@ -294,7 +299,7 @@ mod tests {
             std::fs::write(out.path().join(name), bytes).unwrap();
         }
         let job = job();
-        job.judge(&Ended { status, stderr: stderr.into() }, &job.old, out.path()).unwrap()
+        job.check(&RunOutcome { status, stderr: stderr.into() }, &job.old, out.path()).unwrap()
     }
 
     #[test]

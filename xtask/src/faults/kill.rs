@@ -6,45 +6,45 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, ensure};
 
-use super::job::{Job, State, finish, is_part, put, start};
-use super::{Chance, Ground, KILLS, Row, Tried};
+use super::job::{FolderContent, Job, finish, is_part, put, start};
+use super::{FaultResult, FaultRow, FaultSetup, KILL_RUNS, Random};
 
 /// A function that ends a run, after waiting for its moment.
-type End = fn(&mut Chance, &Job, &mut Child, &Path) -> Result<()>;
+type EndRun = fn(&mut Random, &Job, &mut Child, &Path) -> Result<()>;
 
 /// SIGKILL, which cannot be caught, at a random moment from the start to slightly after the usual end.
-pub(super) fn at_any_moment(ground: &Ground) -> Result<Tried> {
-    let end: End = |chance, job, child, _| {
+pub(super) fn at_any_moment(ground: &FaultSetup) -> Result<FaultResult> {
+    let end: EndRun = |chance, job, child, _| {
         wait(job.time.as_secs_f64() * 1.1 * chance.part());
         Ok(child.kill()?)
     };
-    rounds(ground, "SIGKILL at a random moment", KILLS, 17, end)
+    rounds(ground, "SIGKILL at a random moment", KILL_RUNS, 17, end)
 }
 
 /// SIGKILL soon after a temporary file has appeared.
-pub(super) fn while_writing(ground: &Ground) -> Result<Tried> {
-    let end: End = |chance, _, child, out| {
+pub(super) fn while_writing(ground: &FaultSetup) -> Result<FaultResult> {
+    let end: EndRun = |chance, _, child, out| {
         // Small files are written within this time; the number of remaining temporary files shows whether it
         // fits.
-        const AFTER: f64 = 0.001;
+        const MAX_DELAY_SECONDS: f64 = 0.001;
         let is_writing = || {
             let mut entries = std::fs::read_dir(out).into_iter().flatten().flatten();
             entries.any(|entry| is_part(&entry.file_name().to_string_lossy()))
         };
         while !is_writing() && child.try_wait()?.is_none() {}
-        wait(AFTER * chance.part());
+        wait(MAX_DELAY_SECONDS * chance.part());
         Ok(child.kill()?)
     };
-    rounds(ground, "SIGKILL while an output is written", KILLS, 19, end)
+    rounds(ground, "SIGKILL while an output is written", KILL_RUNS, 19, end)
 }
 
 /// SIGTERM at a random moment: the run ends itself and cleans up.
-pub(super) fn told_to_end(ground: &Ground) -> Result<Tried> {
+pub(super) fn terminated(ground: &FaultSetup) -> Result<FaultResult> {
     const FAULT: &str = "SIGTERM at a random moment";
     if !cfg!(unix) {
-        return Ok(Tried::Skipped(FAULT, "there are no signals here".into()));
+        return Ok(FaultResult::Skipped(FAULT, "there are no signals here".into()));
     }
-    let end: End = |chance, job, child, _| {
+    let end: EndRun = |chance, job, child, _| {
         wait(job.time.as_secs_f64() * 1.1 * chance.part());
         if child.try_wait()?.is_none() {
             let id = child.id().to_string();
@@ -55,7 +55,7 @@ pub(super) fn told_to_end(ground: &Ground) -> Result<Tried> {
         }
         Ok(())
     };
-    rounds(ground, FAULT, KILLS, 23, end)
+    rounds(ground, FAULT, KILL_RUNS, 23, end)
 }
 
 fn wait(seconds: f64) {
@@ -66,24 +66,33 @@ fn wait(seconds: f64) {
     }
 }
 
-fn rounds(ground: &Ground, fault: &'static str, runs: usize, seed: u64, end: End) -> Result<Tried> {
-    let mut row = Row::new(fault);
-    let mut chance = Chance(seed);
+fn rounds(
+    ground: &FaultSetup,
+    fault: &'static str,
+    runs: usize,
+    seed: u64,
+    end: EndRun,
+) -> Result<FaultResult> {
+    let mut row = FaultRow::new(fault);
+    let mut chance = Random(seed);
     for (number, job) in ground.jobs.iter().cycle().take(ground.part_of(runs)).enumerate() {
         // One round of all runs into empty folders, then one over existing outputs.
-        let before =
-            if (number / ground.jobs.len()).is_multiple_of(2) { State::new() } else { job.old.clone() };
-        let out = ground.empty("out")?;
+        let before = if (number / ground.jobs.len()).is_multiple_of(2) {
+            FolderContent::new()
+        } else {
+            job.old.clone()
+        };
+        let out = ground.empty_folder("out")?;
         put(&before, &out)?;
         let words = job.arguments(&ground.inputs(), &out);
         let mut child = start(&ground.program, &words, Stdio::null(), Stdio::null())?;
         end(&mut chance, job, &mut child, &out)?;
         let ended = finish(child)?;
         row.count(&ended);
-        row.breach(job.name(), job.judge(&ended, &before, &out)?);
-        let (breaches, swept) = job.again(ground, &out)?;
+        row.breach(job.name(), job.check(&ended, &before, &out)?);
+        let (breaches, swept) = job.run_again(ground, &out)?;
         row.breach(job.name(), breaches);
         row.swept += swept;
     }
-    Ok(Tried::Done(row))
+    Ok(FaultResult::Done(row))
 }

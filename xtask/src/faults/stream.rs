@@ -7,8 +7,8 @@ use std::process::{Child, Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
 
-use super::job::{Ended, State, finish, put, start, state};
-use super::{Chance, Ground, Row, Tried};
+use super::job::{FolderContent, RunOutcome, finish, folder_content, put, start};
+use super::{FaultResult, FaultRow, FaultSetup, Random};
 
 /// Runs that write a mesh or a picture to standard output.
 const MESHES: &[&str] = &[
@@ -39,17 +39,17 @@ const TEXTS: &[&str] = &[
 ];
 
 /// Capacity of a pipe without a reader, in bytes (on Linux).
-const PIPE: usize = 1 << 16;
+const PIPE_BYTES: usize = 1 << 16;
 
-fn words(text: &str, ground: &Ground, out: &Path) -> Vec<String> {
+fn words(text: &str, ground: &FaultSetup, out: &Path) -> Vec<String> {
     let (inputs, out) = (ground.inputs().display().to_string(), out.display().to_string());
     text.split(' ').map(|word| word.replace("IN/", &format!("{inputs}/")).replace("OUT", &out)).collect()
 }
 
 /// Removes warnings and notes from the lines on standard error.
-fn errors(ended: Ended) -> Ended {
+fn errors(ended: RunOutcome) -> RunOutcome {
     let lines: Vec<&str> = ended.stderr.lines().filter(|line| !is_note(line)).collect();
-    Ended { stderr: lines.join("\n"), ..ended }
+    RunOutcome { stderr: lines.join("\n"), ..ended }
 }
 
 fn is_note(line: &str) -> bool {
@@ -57,7 +57,7 @@ fn is_note(line: &str) -> bool {
 }
 
 /// Returns the complete output of a run.
-fn whole(ground: &Ground, words: &[String]) -> Result<Vec<u8>> {
+fn whole(ground: &FaultSetup, words: &[String]) -> Result<Vec<u8>> {
     let output = Command::new(&ground.program).args(words).output()?;
     ensure!(output.status.success(), "{words:?}: {}", String::from_utf8_lossy(&output.stderr));
     Ok(output.stdout)
@@ -72,11 +72,11 @@ fn read_only(child: &mut Child, bytes: usize) -> Result<()> {
 }
 
 /// The reader of a mesh closes the pipe before its end.
-pub(super) fn closed_pipe(ground: &Ground) -> Result<Tried> {
-    let mut row = Row::new("pipe closed before all of a mesh or picture was read");
-    let mut chance = Chance(31);
+pub(super) fn closed_pipe(ground: &FaultSetup) -> Result<FaultResult> {
+    let mut row = FaultRow::new("pipe closed before all of a mesh or picture was read");
+    let mut chance = Random(31);
     for text in MESHES {
-        let words = words(text, ground, &ground.empty("out")?);
+        let words = words(text, ground, &ground.empty_folder("out")?);
         let length = whole(ground, &words)?.len();
         for round in 0..ground.part_of(20) {
             // The first time immediately.
@@ -87,21 +87,21 @@ pub(super) fn closed_pipe(ground: &Ground) -> Result<Tried> {
             let ended = finish(child)?;
             row.count(&ended);
             // The last part, up to the pipe's capacity, may be written before it closes.
-            if ended.status != Some(1) && length - read > PIPE {
+            if ended.status != Some(1) && length - read > PIPE_BYTES {
                 row.breach(text, [format!("ended with {:?} after {read} of {length} bytes", ended.status)]);
             }
             row.breach(text, ended.breaches(1));
         }
     }
-    Ok(Tried::Done(row))
+    Ok(FaultResult::Done(row))
 }
 
 /// The reader of a text closes the pipe early, which is not an error.
-pub(super) fn closed_pipe_of_text(ground: &Ground) -> Result<Tried> {
-    let mut row = Row::new("pipe closed before all of a text was read");
-    let mut chance = Chance(37);
+pub(super) fn closed_pipe_of_text(ground: &FaultSetup) -> Result<FaultResult> {
+    let mut row = FaultRow::new("pipe closed before all of a text was read");
+    let mut chance = Random(37);
     for text in TEXTS {
-        let words = words(text, ground, &ground.empty("out")?);
+        let words = words(text, ground, &ground.empty_folder("out")?);
         let length = whole(ground, &words)?.len();
         for round in 0..ground.part_of(10) {
             let read = if round == 0 { 0 } else { chance.below(length) };
@@ -115,19 +115,19 @@ pub(super) fn closed_pipe_of_text(ground: &Ground) -> Result<Tried> {
             row.breach(text, ended.breaches(1));
         }
     }
-    Ok(Tried::Done(row))
+    Ok(FaultResult::Done(row))
 }
 
 /// Standard output is a full device.
-pub(super) fn full_device(ground: &Ground) -> Result<Tried> {
+pub(super) fn full_device(ground: &FaultSetup) -> Result<FaultResult> {
     const FAULT: &str = "standard output on a full device";
     if File::options().write(true).open("/dev/full").is_err() {
-        return Ok(Tried::Skipped(FAULT, "there is no /dev/full".into()));
+        return Ok(FaultResult::Skipped(FAULT, "there is no /dev/full".into()));
     }
-    let mut row = Row::new(FAULT);
+    let mut row = FaultRow::new(FAULT);
     for text in MESHES.iter().chain(TEXTS) {
         let device = File::options().write(true).open("/dev/full")?;
-        let words = words(text, ground, &ground.empty("out")?);
+        let words = words(text, ground, &ground.empty_folder("out")?);
         let ended = errors(finish(start(&ground.program, &words, Stdio::null(), device.into())?)?);
         row.count(&ended);
         if ended.status != Some(1) {
@@ -135,19 +135,19 @@ pub(super) fn full_device(ground: &Ground) -> Result<Tried> {
         }
         row.breach(text, ended.breaches(1));
     }
-    Ok(Tried::Done(row))
+    Ok(FaultResult::Done(row))
 }
 
 /// A model on standard input is truncated.
-pub(super) fn cut_input(ground: &Ground) -> Result<Tried> {
-    let mut row = Row::new("standard input cut short");
-    let mut chance = Chance(41);
+pub(super) fn cut_input(ground: &FaultSetup) -> Result<FaultResult> {
+    let mut row = FaultRow::new("standard input cut short");
+    let mut chance = Random(41);
     for name in ["finial.ply", "arm.glb"] {
         let bytes = std::fs::read(ground.inputs().join(name))?;
         for text in ["convert - OUT/a.stl", "simplify - -o OUT/a.stl --ratio 0.5", "clean - -o OUT/a.stl"] {
             for _ in 0..ground.part_of(20) {
-                let out = ground.empty("out")?;
-                let before = State::from([("a.stl".to_owned(), b"what was there".to_vec())]);
+                let out = ground.empty_folder("out")?;
+                let before = FolderContent::from([("a.stl".to_owned(), b"what was there".to_vec())]);
                 put(&before, &out)?;
                 let mut words = words(text, ground, &out);
                 words.push("--quiet".into());
@@ -159,20 +159,20 @@ pub(super) fn cut_input(ground: &Ground) -> Result<Tried> {
                 let ended = finish(child)?;
                 row.count(&ended);
                 let mut breaches = ended.breaches(1);
-                if ended.status != Some(1) || state(&out)? != before {
+                if ended.status != Some(1) || folder_content(&out)? != before {
                     breaches.push(format!("ended with {:?}", ended.status));
                 }
                 row.breach(text, breaches);
             }
         }
     }
-    Ok(Tried::Done(row))
+    Ok(FaultResult::Done(row))
 }
 
 /// A run fails or warns while nobody reads standard error.
-pub(super) fn nobody_reads_errors(ground: &Ground) -> Result<Tried> {
-    let mut row = Row::new("nobody reads standard error");
-    let out = ground.empty("out")?;
+pub(super) fn nobody_reads_errors(ground: &FaultSetup) -> Result<FaultResult> {
+    let mut row = FaultRow::new("nobody reads standard error");
+    let out = ground.empty_folder("out")?;
     for (text, status) in [
         ("info IN/none.ply", 1),
         ("convert IN/none.ply OUT/a.stl", 1),
@@ -183,11 +183,11 @@ pub(super) fn nobody_reads_errors(ground: &Ground) -> Result<Tried> {
     ] {
         let mut child = start(&ground.program, &words(text, ground, &out), Stdio::null(), Stdio::null())?;
         drop(child.stderr.take());
-        let ended = Ended { status: child.wait()?.code(), stderr: String::new() };
+        let ended = RunOutcome { status: child.wait()?.code(), stderr: String::new() };
         row.count(&ended);
         if ended.status != Some(status) {
             row.breach(text, [format!("ended with {:?}, not {status}", ended.status)]);
         }
     }
-    Ok(Tried::Done(row))
+    Ok(FaultResult::Done(row))
 }

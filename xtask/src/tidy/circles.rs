@@ -30,16 +30,16 @@ struct Crate {
 }
 
 /// Files in a dependency cycle, sorted by path, and the dependencies between them: user, used file, items.
-pub(super) struct Circle {
+pub(super) struct Cycle {
     pub(super) files: Vec<PathBuf>,
-    pub(super) ties: Vec<(PathBuf, PathBuf, Vec<String>)>,
+    pub(super) dependencies: Vec<(PathBuf, PathBuf, Vec<String>)>,
 }
 
 /// Finds the cycles of the crate with this root file.
-pub(super) fn circles(root: &Path) -> Result<Vec<Circle>> {
+pub(super) fn cycles(root: &Path) -> Result<Vec<Cycle>> {
     let mut all = Crate::default();
     all.read(root, root.parent().context("a root file lies in a folder")?, Vec::new())?;
-    let arrows = all.arrows();
+    let arrows = all.uses();
     let plain: Vec<BTreeSet<usize>> = arrows.iter().map(|to| to.keys().copied().collect()).collect();
     let groups = strongly_connected(&plain).into_iter().filter(|group| group.len() > 1);
     let circle = |mut group: Vec<usize>| {
@@ -49,12 +49,12 @@ pub(super) fn circles(root: &Path) -> Result<Vec<Circle>> {
             let path = |file: usize| all.files[file].clone();
             inside.map(move |(&to, names)| (path(from), path(to), names.iter().cloned().collect()))
         };
-        Circle {
+        Cycle {
             files: group.iter().map(|&file| all.files[file].clone()).collect(),
-            ties: group.iter().flat_map(tie).collect(),
+            dependencies: group.iter().flat_map(tie).collect(),
         }
     };
-    let mut circles: Vec<Circle> = groups.map(circle).collect();
+    let mut circles: Vec<Cycle> = groups.map(circle).collect();
     circles.sort_by(|a, b| a.files.cmp(&b.files));
     Ok(circles)
 }
@@ -97,7 +97,7 @@ impl Crate {
     }
 
     /// Returns for each file the other files that it uses, with the items.
-    fn arrows(&self) -> Vec<BTreeMap<usize, BTreeSet<String>>> {
+    fn uses(&self) -> Vec<BTreeMap<usize, BTreeSet<String>>> {
         let mut arrows = vec![BTreeMap::<usize, BTreeSet<String>>::new(); self.files.len()];
         for (name, module) in &self.modules {
             for (to, item) in module.named.iter().filter_map(|path| self.item(name, path, 0)) {
@@ -153,21 +153,21 @@ impl Reader<'_> {
             UseTree::Group(group) => group.items.iter().for_each(|tree| self.import(tree, before)),
             UseTree::Name(name) if name.ident == "self" => {
                 let alias = before.last().cloned().unwrap_or_default();
-                self.bring(alias, before.to_vec());
+                self.add_import(alias, before.to_vec());
             }
             UseTree::Name(name) => {
                 let alias = name.ident.to_string();
-                self.bring(alias.clone(), [before, &[alias]].concat());
+                self.add_import(alias.clone(), [before, &[alias]].concat());
             }
             UseTree::Rename(name) => {
-                self.bring(name.rename.to_string(), [before, &[name.ident.to_string()]].concat());
+                self.add_import(name.rename.to_string(), [before, &[name.ident.to_string()]].concat());
             }
             // A glob import depends on that module, whatever it imports.
             UseTree::Glob(_) => self.0.named.push([before, &["*".to_owned()]].concat()),
         }
     }
 
-    fn bring(&mut self, alias: String, path: Names) {
+    fn add_import(&mut self, alias: String, path: Names) {
         self.0.named.push(path.clone());
         // (A name that refers to itself comes from another crate.)
         if path[..] != [alias.clone()] {
@@ -300,7 +300,7 @@ mod tests {
             std::fs::write(path, text).unwrap();
         }
         let shown = |file: &PathBuf| file.strip_prefix(folder.path()).unwrap().display().to_string();
-        let circles = circles(&folder.path().join("lib.rs")).unwrap();
+        let circles = cycles(&folder.path().join("lib.rs")).unwrap();
         circles.iter().map(|circle| circle.files.iter().map(shown).collect()).collect()
     }
 

@@ -8,7 +8,7 @@ use lodsmith::CleanOptions;
 use super::choice::NonManifoldChoice;
 use super::{Ending, Reading, Run, TypedLength, Writing, values};
 use crate::file::{Sink, Source};
-use crate::plan::Wanted;
+use crate::plan::OutputArgs;
 
 const AFTER: &str = "\
 Steps, in this order; each is counted in the report:
@@ -70,8 +70,8 @@ pub(crate) struct CleanArgs {
 
 impl CleanArgs {
     /// Returns where the results go.
-    pub(crate) fn wanted(&self) -> Wanted<'_> {
-        Wanted {
+    pub(crate) fn wanted(&self) -> OutputArgs<'_> {
+        OutputArgs {
             inputs: &self.inputs,
             output: self.output.as_ref(),
             out_dir: self.out_dir.as_deref(),

@@ -179,7 +179,7 @@ impl EngineArgs {
         let (how, guards) = (&self.how, &self.guards);
         let mut options = SimplifyOptions::preset(how.preset.into(), stop);
         options.method = how.method.into();
-        options.of_method = self.of_method.options();
+        options.method_options = self.of_method.options();
         options.fit = how.fit.into();
         options.placement = how.placement.into();
         options.border = how.border.map_or(options.border, Into::into);

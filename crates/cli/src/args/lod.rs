@@ -108,7 +108,7 @@ pub(crate) struct LevelArgs {
 }
 
 /// Default fraction of the previous level that a level keeps.
-const HALF: f64 = 0.5;
+const DEFAULT_FACTOR: f64 = 0.5;
 
 impl LevelArgs {
     fn levels(&self, factor: f64) -> Levels {

@@ -2,7 +2,7 @@
 
 use clap::{Args, Subcommand};
 use lodsmith::{SimplifyOptions, Stop};
-use lodsmith_io::lpm::{LEAST_BITS, LpmOptions, MOST_BITS};
+use lodsmith_io::lpm::{LpmOptions, MAX_BITS, MIN_BITS};
 use serde_json::Value;
 
 use super::engine::{EngineArgs, Target};

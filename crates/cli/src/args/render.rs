@@ -224,8 +224,8 @@ fn background(text: &str) -> Result<Background, String> {
     match text {
         "transparent" => Ok(Background::Transparent),
         "gradient" => Ok(Background::default()),
-        "surroundings" => Ok(Background::Surroundings { blurred: false }),
-        "blurred" => Ok(Background::Surroundings { blurred: true }),
+        "surroundings" => Ok(Background::Environment { blurred: false }),
+        "blurred" => Ok(Background::Environment { blurred: true }),
         _ => match text.split_once(',') {
             Some((upper, lower)) => Ok(Background::Gradient(values::color(upper)?, values::color(lower)?)),
             None => values::color(text).map(Background::Color),
@@ -283,7 +283,7 @@ mod tests {
         assert_eq!(background("#ff0000"), Ok(Background::Color([1.0, 0.0, 0.0])));
         assert_eq!(background("#000000,#ffffff"), Ok(Background::Gradient([0.0; 3], [1.0; 3])));
         assert_eq!(background("transparent"), Ok(Background::Transparent));
-        assert_eq!(background("blurred"), Ok(Background::Surroundings { blurred: true }));
+        assert_eq!(background("blurred"), Ok(Background::Environment { blurred: true }));
         for bad in ["red", "#ff00", "#gg0000", "#000000,", ""] {
             assert!(background(bad).is_err(), "{bad}");
         }

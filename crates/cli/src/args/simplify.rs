@@ -8,7 +8,7 @@ use lodsmith::{Bound, Measure, SimplifyOptions};
 use super::engine::{EngineArgs, Target};
 use super::{Ending, Reading, Run, Writing};
 use crate::file::{Sink, Source};
-use crate::plan::Wanted;
+use crate::plan::OutputArgs;
 
 const AFTER: &str = "\
 Methods:
@@ -106,8 +106,8 @@ pub(crate) enum Normals {
 
 impl SimplifyArgs {
     /// Returns where the results go.
-    pub(crate) fn wanted(&self) -> Wanted<'_> {
-        Wanted {
+    pub(crate) fn wanted(&self) -> OutputArgs<'_> {
+        OutputArgs {
             inputs: &self.inputs,
             output: self.output.as_ref(),
             out_dir: self.out_dir.as_deref(),
@@ -136,7 +136,7 @@ impl SimplifyArgs {
     /// Returns true if the run has an end: a target, or an option that ends the method.
     pub(crate) fn has_end(&self) -> bool {
         let options = self.options();
-        self.target.is_given() || options.of_method.ends(options.method)
+        self.target.is_given() || options.method_options.ends_without_stop(options.method)
     }
 }
 

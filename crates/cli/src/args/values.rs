@@ -70,12 +70,12 @@ pub(crate) fn weight(text: &str) -> Result<(AttributeName, f64), String> {
 
 /// Default density of triangles where an attribute is 1, relative to where it is 0. (Guessed: half as long
 /// edges.)
-const STRENGTH: f32 = 4.0;
+const DEFAULT_STRENGTH: f32 = 4.0;
 
 /// Parses an attribute of importance and its strength.
 pub(crate) fn importance(text: &str) -> Result<Importance, String> {
     let (name, strength) = match text.rsplit_once('=') {
-        None => (text, STRENGTH),
+        None => (text, DEFAULT_STRENGTH),
         Some((name, typed)) => {
             let wanted = "a strength from 0.001 to 1000";
             (
@@ -171,7 +171,7 @@ pub(crate) fn fov_deg(text: &str) -> Result<f64, String> {
 
 /// Parses a width and height in pixels: `1200x800`.
 pub(crate) fn size(text: &str) -> Result<[usize; 2], String> {
-    let most = lodsmith_render::SIDE_MAX;
+    let most = lodsmith_render::MAX_SIDE_PX;
     let wanted = || format!("a size is WxH in pixels, such as 1200x800, up to {most} a side");
     let (width, height) = text.split_once(['x', 'X', '×']).ok_or_else(wanted)?;
     let side = |text: &str| text.parse::<usize>().ok().filter(|n| (1..=most).contains(n)).ok_or_else(wanted);
@@ -215,7 +215,7 @@ pub(crate) fn memory(text: &str) -> Result<u64, String> {
         _ => return Err(wanted()),
     };
     let bytes = number.parse::<f64>().map_err(|_| wanted())? * 1024f64.powi(power);
-    let least = crate::memory::LEAST;
+    let least = crate::memory::MIN_LIMIT;
     if bytes < least as f64 { Err(format!("it must be at least {}M", least >> 20)) } else { Ok(bytes as u64) }
 }
 
@@ -269,7 +269,7 @@ mod tests {
     #[test]
     fn importance_has_a_strength() {
         let of = |name: &str, strength| Ok(Importance { name: name.to_owned(), strength });
-        assert_eq!(importance("quality"), of("quality", STRENGTH));
+        assert_eq!(importance("quality"), of("quality", DEFAULT_STRENGTH));
         assert_eq!(importance("color.r=9.5"), of("color.r", 9.5));
         for bad in ["", "=2", "a=", "a=b", "a=0", "a=-1", "a=nan", "a=1e9"] {
             assert!(importance(bad).is_err(), "{bad}");

@@ -9,13 +9,13 @@ use crate::exit::{self, Status};
 use crate::file::Sink;
 use crate::in_order::{self, Turn};
 use crate::output::Output;
-use crate::plan::{self, Job, Wanted};
+use crate::plan::{self, Job, OutputArgs};
 use crate::progress::Progress;
 
 /// Processes every input and shows the outcomes in the order of the inputs; `show` returns the status that
 /// each alone would end with.
 pub(super) fn run<T: Send>(
-    wanted: &Wanted<'_>,
+    wanted: &OutputArgs<'_>,
     run: &Run,
     work: impl Fn(&Job, &Progress, &Turn<'_>) -> anyhow::Result<T> + Sync,
     show: impl Fn(&Output, &str, anyhow::Result<T>, &Job) -> Status,
@@ -29,13 +29,13 @@ pub(super) fn run<T: Send>(
     let out = Output::new(run, wanted.json, is_stdout_taken);
     let progress = Progress::new(jobs.len(), run.quiet);
     let mut status = Status::Done;
-    in_order::each(
+    in_order::process_in_order(
         &jobs,
         run.threads(),
         |job, turn| exit::guarded(|| work(job, &progress, turn)),
         |i, outcome| {
             let path = jobs[i].source.to_string();
-            let own = progress.aside(|| show(&out, &path, outcome, &jobs[i]));
+            let own = progress.with_bar_hidden(|| show(&out, &path, outcome, &jobs[i]));
             status = worse(status, own);
         },
     )?;

@@ -32,7 +32,7 @@ pub(super) fn run(args: &CleanArgs) -> anyhow::Result<Status> {
 }
 
 /// Outcome of one input.
-struct Done {
+struct CleanOutcome {
     input_format: Format,
     report: CleanReport,
     /// For a scene that was written as a scene, its meshes by name.
@@ -42,26 +42,31 @@ struct Done {
 }
 
 /// Seconds of reading, cleaning and writing.
-struct Clock {
+struct CleanTimes {
     seconds: [(&'static str, f64); 3],
     since: Instant,
 }
 
-impl Clock {
+impl CleanTimes {
     fn end(&mut self, stage: usize) {
         self.seconds[stage].1 = self.since.elapsed().as_secs_f64();
         self.since = Instant::now();
     }
 }
 
-fn clean_one(job: &Job, args: &CleanArgs, progress: &Progress, turn: &Turn<'_>) -> anyhow::Result<Done> {
+fn clean_one(
+    job: &Job,
+    args: &CleanArgs,
+    progress: &Progress,
+    turn: &Turn<'_>,
+) -> anyhow::Result<CleanOutcome> {
     if exit::interrupted() {
         return Err(Interrupted.into());
     }
     let name = job.source.to_string();
     let bar = progress.file(&name);
     let names = ["read", "clean", "write"];
-    let mut clock = Clock { seconds: names.map(|s| (s, 0.0)), since: Instant::now() };
+    let mut clock = CleanTimes { seconds: names.map(|s| (s, 0.0)), since: Instant::now() };
     bar.read();
     // A scene is kept if both formats support one. Rotating or scaling it would need changes of its nodes.
     let whole = job.output.as_ref().filter(|(_, format)| {
@@ -82,7 +87,7 @@ fn clean_one(job: &Job, args: &CleanArgs, progress: &Progress, turn: &Turn<'_>) 
         (Input::Mesh(loaded), _) => clean_mesh(*loaded, job, args, &bar, &mut clock, turn)?,
     };
     bar.end();
-    Ok(Done { seconds: clock.seconds, ..done })
+    Ok(CleanOutcome { seconds: clock.seconds, ..done })
 }
 
 fn clean_mesh(
@@ -90,15 +95,15 @@ fn clean_mesh(
     job: &Job,
     args: &CleanArgs,
     bar: &FileProgress<'_>,
-    clock: &mut Clock,
+    clock: &mut CleanTimes,
     turn: &Turn<'_>,
-) -> anyhow::Result<Done> {
+) -> anyhow::Result<CleanOutcome> {
     let Loaded { mesh, regions, mut warnings, format: input_format, .. } = loaded;
     memory::check("clean", need::clean(Size::of(&mesh)))?;
-    let cleaned = lodsmith::clean(&mesh, &args.options(), &mut Watch { bar });
+    let cleaned = lodsmith::clean(&mesh, &args.options(), &mut CleanControl { bar });
     let Cleaned { mesh: mut cleaned, report } = not_interrupted(cleaned)?;
     drop(mesh);
-    warnings.extend(told(&report));
+    warnings.extend(warnings_of(&report));
     clock.end(1);
     bar.write();
     orient(&mut cleaned, &args.writing);
@@ -119,7 +124,7 @@ fn clean_mesh(
         });
     }
     clock.end(2);
-    Ok(Done { input_format, report, meshes: Vec::new(), warnings, seconds: clock.seconds })
+    Ok(CleanOutcome { input_format, report, meshes: Vec::new(), warnings, seconds: clock.seconds })
 }
 
 /// Cleans each mesh of a scene separately; the rest of the scene is not changed.
@@ -129,8 +134,8 @@ fn clean_scene(
     (sink, format): (&Sink, Format),
     args: &CleanArgs,
     bar: &FileProgress<'_>,
-    clock: &mut Clock,
-) -> anyhow::Result<Done> {
+    clock: &mut CleanTimes,
+) -> anyhow::Result<CleanOutcome> {
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
     let mut report = CleanReport::default();
     let size = Size::of_all(scene.meshes().iter().map(|m| &*m.mesh));
@@ -143,7 +148,7 @@ fn clean_scene(
             continue;
         }
         let options = in_mesh(args.options(), diagonal, m.scale);
-        match lodsmith::clean(&m.mesh, &options, &mut Watch { bar }) {
+        match lodsmith::clean(&m.mesh, &options, &mut CleanControl { bar }) {
             Err(SimplifyError::NoFaces { .. }) => {
                 let text = format!("mesh {}: no face would be left, so it stays as it is", m.name);
                 notes.push(Warning::note(text));
@@ -151,7 +156,9 @@ fn clean_scene(
             }
             cleaned => {
                 let cleaned = not_interrupted(cleaned)?;
-                notes.extend(told(&cleaned.report).map(|w| Warning::note(format!("mesh {}: {w}", m.name))));
+                notes.extend(
+                    warnings_of(&cleaned.report).map(|w| Warning::note(format!("mesh {}: {w}", m.name))),
+                );
                 add(&mut report, &cleaned.report);
                 meshes.push((m.name.clone(), cleaned.report));
                 replaced.push(Some(cleaned.mesh));
@@ -160,10 +167,14 @@ fn clean_scene(
     }
     clock.end(1);
     bar.write();
-    let images = images::Move::new(&job.source, sink);
+    let images = images::FolderMove::new(&job.source, sink);
     let mut warnings: Vec<_> = scene.warnings().to_vec();
     warnings.extend(notes);
-    warnings.extend(if format == Format::Glb { images.embed(&mut scene) } else { images.told(&scene) });
+    warnings.extend(if format == Format::Glb {
+        images.embed(&mut scene)
+    } else {
+        images.external_file_warnings(&scene)
+    });
     let relink = |uri: &str| images.uri(uri);
     warnings.extend(match args.dry_run {
         true => file::scene_losses(&scene, &replaced, &relink, format)?,
@@ -171,7 +182,7 @@ fn clean_scene(
     });
     clock.end(2);
     let input_format = scene.format();
-    Ok(Done { input_format, report, meshes, warnings, seconds: clock.seconds })
+    Ok(CleanOutcome { input_format, report, meshes, warnings, seconds: clock.seconds })
 }
 
 /// Converts options with lengths in a scene to those of a mesh that is scaled by `scale` there.
@@ -191,8 +202,8 @@ fn not_interrupted<T>(result: Result<T, SimplifyError>) -> anyhow::Result<T> {
 }
 
 /// Returns the warnings of a clean-up.
-fn told(report: &CleanReport) -> impl Iterator<Item = Warning> {
-    let left = &report.left;
+fn warnings_of(report: &CleanReport) -> impl Iterator<Item = Warning> {
+    let left = &report.remaining;
     let edges = |n: usize| counted(n, "edge", "edges");
     let faces = |n: usize| counted(n, "face", "faces");
     let all = [
@@ -238,12 +249,12 @@ fn counts(r: &CleanReport) -> ([Count; 11], [Count; 6]) {
         ("unused_vertices", r.unused_vertices),
     ];
     let left = [
-        ("border_edges", r.left.border_edges),
-        ("non_manifold_edges", r.left.non_manifold_edges),
-        ("non_manifold_vertices", r.left.non_manifold_vertices),
-        ("misoriented_edges", r.left.misoriented_edges),
-        ("opposite_faces", r.left.opposite_faces),
-        ("zero_area_faces", r.left.zero_area_faces),
+        ("border_edges", r.remaining.border_edges),
+        ("non_manifold_edges", r.remaining.non_manifold_edges),
+        ("non_manifold_vertices", r.remaining.non_manifold_vertices),
+        ("misoriented_edges", r.remaining.misoriented_edges),
+        ("opposite_faces", r.remaining.opposite_faces),
+        ("zero_area_faces", r.remaining.zero_area_faces),
     ];
     (done, left)
 }
@@ -266,16 +277,22 @@ fn add(sum: &mut CleanReport, r: &CleanReport) {
     both(&mut sum.parted_vertices, r.parted_vertices);
     both(&mut sum.sewn_edges, r.sewn_edges);
     both(&mut sum.unused_vertices, r.unused_vertices);
-    both(&mut sum.left.border_edges, r.left.border_edges);
-    both(&mut sum.left.non_manifold_edges, r.left.non_manifold_edges);
-    both(&mut sum.left.non_manifold_vertices, r.left.non_manifold_vertices);
-    both(&mut sum.left.misoriented_edges, r.left.misoriented_edges);
-    both(&mut sum.left.opposite_faces, r.left.opposite_faces);
-    both(&mut sum.left.zero_area_faces, r.left.zero_area_faces);
+    both(&mut sum.remaining.border_edges, r.remaining.border_edges);
+    both(&mut sum.remaining.non_manifold_edges, r.remaining.non_manifold_edges);
+    both(&mut sum.remaining.non_manifold_vertices, r.remaining.non_manifold_vertices);
+    both(&mut sum.remaining.misoriented_edges, r.remaining.misoriented_edges);
+    both(&mut sum.remaining.opposite_faces, r.remaining.opposite_faces);
+    both(&mut sum.remaining.zero_area_faces, r.remaining.zero_area_faces);
 }
 
 /// Prints the outcome of one input. Returns the status that it alone would end with.
-fn show(out: &Output, path: &str, outcome: anyhow::Result<Done>, job: &Job, args: &CleanArgs) -> Status {
+fn show(
+    out: &Output,
+    path: &str,
+    outcome: anyhow::Result<CleanOutcome>,
+    job: &Job,
+    args: &CleanArgs,
+) -> Status {
     let done = match outcome {
         Ok(done) => done,
         Err(e) if e.is::<Interrupted>() => return Status::Interrupted,
@@ -297,7 +314,7 @@ fn show(out: &Output, path: &str, outcome: anyhow::Result<Done>, job: &Job, args
     }
 }
 
-impl Done {
+impl CleanOutcome {
     /// Returns a summary line, and a line for each step that changed something.
     fn table(&self, path: &str) -> Vec<String> {
         let r = &self.report;
@@ -369,11 +386,11 @@ impl Done {
 }
 
 /// Control of a clean-up: moves the progress bar, and cancels after an interrupt.
-struct Watch<'a> {
+struct CleanControl<'a> {
     bar: &'a FileProgress<'a>,
 }
 
-impl Control for Watch<'_> {
+impl Control for CleanControl<'_> {
     fn stage(&mut self, stage: Stage) {
         self.bar.stage(stage);
     }

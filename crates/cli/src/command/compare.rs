@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
 use super::simplify::both_ways;
-use super::{show_warnings, to_looker};
+use super::{show_warnings, viewing_warnings};
 use crate::args::CompareArgs;
 use crate::exit::{Status, usage};
 use crate::file::{self, Sink};
@@ -87,7 +87,7 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
         };
         let seen = match args.views {
             None => None,
-            Some(count) => Some(views::look(args, count, [&reference, &candidate], sheet)?),
+            Some(count) => Some(views::compare_views(args, count, [&reference, &candidate], sheet)?),
         };
         anyhow::Ok((reference, candidate, comparison, attributes, red, seen))
     });
@@ -96,7 +96,7 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
 
     let mut warnings = Vec::new();
     for (source, loaded) in [(&args.reference, &reference), (&args.candidate, &candidate)] {
-        show_warnings(&out, &source.to_string(), &to_looker(&loaded.warnings), false);
+        show_warnings(&out, &source.to_string(), &viewing_warnings(&loaded.warnings), false);
         warnings.extend(loaded.warnings.iter().map(|warning| format!("{source}: {warning}")));
     }
     let mut object = to_json(&comparison, &attributes, &warnings);
@@ -111,7 +111,7 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
         let [mean, rms, p95] = [error.mean, error.rms, error.p95].map(|x| significant(x.symmetric, 4));
         out.line(&format!("{name:<16}mean {mean}{unit}, rms {rms}{unit}, 95 % below {p95}{unit}"));
     }
-    for line in seen.iter().flat_map(views::Seen::table) {
+    for line in seen.iter().flat_map(views::ViewComparison::table) {
         out.line(&line);
     }
     if let (Some(red), Some(path)) = (red, &args.heatmap) {
@@ -203,15 +203,15 @@ fn table(c: &Comparison, reference: &Loaded, candidate: &Loaded) -> Vec<String> 
 /// in red.
 fn distances(reference: &TriMesh, candidate: &TriMesh) -> (Vec<f64>, f64) {
     // Large enough for neighbours to share a hint, small enough for threads to share the work.
-    const BLOCK: usize = 1024;
+    const DISTANCE_BLOCK_LEN: usize = 1024;
     let tree = Bvh::new(&candidate.surface());
     let surface = reference.surface();
     let positions = surface.positions();
     let mut distances = vec![0f64; positions.len()];
-    distances.par_chunks_mut(BLOCK).enumerate().for_each(|(block, distances)| {
+    distances.par_chunks_mut(DISTANCE_BLOCK_LEN).enumerate().for_each(|(block, distances)| {
         let mut hint = Hint::default();
         for (i, distance) in distances.iter_mut().enumerate() {
-            let point = positions.get(VertexId::new(block * BLOCK + i));
+            let point = positions.get(VertexId::new(block * DISTANCE_BLOCK_LEN + i));
             *distance = tree.closest_from(point, &mut hint).map_or(0.0, |hit| hit.distance);
         }
     });

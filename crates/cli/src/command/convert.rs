@@ -46,9 +46,12 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
                 Ok((loaded.mesh.face_count(), loaded.format, loaded.warnings))
             }
             Input::Scene(mut scene) => {
-                let images = images::Move::new(&args.input, &args.output);
-                let mut warnings =
-                    if format == Format::Glb { images.embed(&mut scene) } else { images.told(&scene) };
+                let images = images::FolderMove::new(&args.input, &args.output);
+                let mut warnings = if format == Format::Glb {
+                    images.embed(&mut scene)
+                } else {
+                    images.external_file_warnings(&scene)
+                };
                 let relink = |uri: &str| images.uri(uri);
                 warnings.splice(0..0, scene.warnings().iter().cloned());
                 warnings.extend(file::write_scene(

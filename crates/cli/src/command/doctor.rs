@@ -9,7 +9,7 @@ use crate::output::Output;
 
 /// Checks the system and prints the findings.
 pub(super) fn run(args: &DoctorArgs) -> anyhow::Result<Status> {
-    let findings = Findings { threads: available_threads(), window: Window::look() };
+    let findings = Findings { threads: available_threads(), window: Window::check_system() };
     let out = Output::plain();
     if args.json {
         out.result(&findings.to_json().to_string());
@@ -30,7 +30,7 @@ struct Findings {
 /// Requirements of a window.
 struct Window {
     /// The display server, or the reason why no window can be opened.
-    display: Result<String, Missing>,
+    display: Result<String, MissingComponent>,
     adapters: Vec<Adapter>,
 }
 
@@ -46,7 +46,7 @@ struct Adapter {
 
 /// A missing component and how to install it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct Missing {
+struct MissingComponent {
     what: String,
     /// Advice for the user.
     hint: &'static str,
@@ -65,7 +65,7 @@ const SCREEN: [&[&str]; 2] = [&["xvfb", "libxkbcommon-x11-0"], &["xorg-x11-serve
 
 impl Window {
     #[cfg(feature = "view")]
-    fn look() -> Option<Self> {
+    fn check_system() -> Option<Self> {
         use lodsmith_viewer::display;
         let adapter = |a: lodsmith_viewer::gpu::Adapter| Adapter {
             name: a.name,
@@ -75,22 +75,22 @@ impl Window {
             fault: a.fault,
         };
         let adapters = lodsmith_viewer::gpu::Adapter::all().into_iter().map(adapter).collect();
-        let lack = |lack: display::Lack| match lack {
-            display::Lack::Display { reason } => Missing::display(&reason),
-            display::Lack::Library { library, packages } => {
-                Missing::library(library, [packages.debian, packages.fedora])
+        let lack = |lack: display::DisplayError| match lack {
+            display::DisplayError::Display { reason } => MissingComponent::display(&reason),
+            display::DisplayError::Library { library, packages } => {
+                MissingComponent::library(library, [packages.debian, packages.fedora])
             }
         };
-        Some(Self { display: display::find().map_err(lack), adapters })
+        Some(Self { display: display::connect().map_err(lack), adapters })
     }
     #[cfg(not(feature = "view"))]
     fn look() -> Option<Self> {
         None
     }
 
-    fn missing(&self) -> Vec<Missing> {
+    fn missing(&self) -> Vec<MissingComponent> {
         let mut missing: Vec<_> = self.display.as_ref().err().cloned().into_iter().collect();
-        let mut add = |what: &str, hint| missing.push(Missing::new(what.to_owned(), hint, DRIVERS));
+        let mut add = |what: &str, hint| missing.push(MissingComponent::new(what.to_owned(), hint, DRIVERS));
         if self.adapters.is_empty() {
             let hint = "install a driver; these also draw without a graphics card";
             add("a graphics adapter", hint);
@@ -109,7 +109,7 @@ impl Window {
 }
 
 #[cfg(any(test, feature = "view"))]
-impl Missing {
+impl MissingComponent {
     fn display(why: &str) -> Self {
         let hint = "log in to a desktop, or give the window a virtual one: `xvfb-run lodsmith view`; `lodsmith render` makes \
                     pictures without";
@@ -120,7 +120,7 @@ impl Missing {
     }
 }
 
-impl Missing {
+impl MissingComponent {
     fn new(what: String, hint: &'static str, [debian, fedora]: [&'static [&'static str]; 2]) -> Self {
         let of = |packages| if cfg!(target_os = "linux") { packages } else { &[][..] };
         Self { what, hint, debian: of(debian), fedora: of(fedora) }
@@ -148,7 +148,7 @@ impl Findings {
                 "usable": a.fault.is_none(), "fault": a.fault,
             })
         };
-        let missing = |m: Missing| json!({ "what": m.what, "hint": m.hint, "packages": { "debian": m.debian, "fedora": m.fedora } });
+        let missing = |m: MissingComponent| json!({ "what": m.what, "hint": m.hint, "packages": { "debian": m.debian, "fedora": m.fedora } });
         json!({
             "version": env!("CARGO_PKG_VERSION"),
             "platform": { "os": std::env::consts::OS, "arch": std::env::consts::ARCH },
@@ -188,7 +188,7 @@ impl Findings {
             let text = "only the processor draws: with large models the window is slow; a driver of the graphics card helps";
             lines.push(row("note", text.to_owned()));
         }
-        lines.extend(window.missing().iter().flat_map(Missing::lines));
+        lines.extend(window.missing().iter().flat_map(MissingComponent::lines));
         lines
     }
 }
@@ -208,7 +208,7 @@ mod tests {
     }
 
     fn window(display: Result<&str, &str>, adapters: Vec<Adapter>) -> Window {
-        Window { display: display.map(str::to_owned).map_err(Missing::display), adapters }
+        Window { display: display.map(str::to_owned).map_err(MissingComponent::display), adapters }
     }
 
     #[test]
@@ -222,14 +222,15 @@ mod tests {
 
     #[test]
     fn what_is_missing_comes_with_what_brings_it() {
-        let texts = |w: &Window| w.missing().iter().flat_map(Missing::lines).collect::<Vec<_>>().join("\n");
+        let texts =
+            |w: &Window| w.missing().iter().flat_map(MissingComponent::lines).collect::<Vec<_>>().join("\n");
         let bare = texts(&window(Err("neither is set"), vec![]));
         assert!(bare.contains("a display (neither is set)") && bare.contains("xvfb-run"), "{bare}");
         assert!(bare.contains("a graphics adapter:"), "{bare}");
         let old = texts(&window(Ok(":0"), vec![adapter(false, Some("old"))]));
         assert!(old.contains("that can draw") && !old.contains("a display"), "{old}");
         let packages: [&[&str]; 2] = [&["libx11-6", "libxi6"], &["libX11", "libXi"]];
-        let display = Err(Missing::library("a library of X11".to_owned(), packages));
+        let display = Err(MissingComponent::library("a library of X11".to_owned(), packages));
         let library = texts(&Window { display, adapters: vec![adapter(true, None)] });
         assert!(library.contains("missing          a library of X11: no window"), "{library}");
         assert!(!library.contains("xvfb") && !library.contains("a display"), "{library}");

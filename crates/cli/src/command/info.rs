@@ -8,7 +8,7 @@ use lodsmith::core::{Bounds, Surface, VertexId};
 use lodsmith_io::Loaded;
 use serde_json::{Value, json};
 
-use super::{show_warnings, texts, to_looker};
+use super::{show_warnings, texts, viewing_warnings};
 use crate::args::InfoArgs;
 use crate::exit::{self, Status};
 use crate::file::{self, Source};
@@ -24,20 +24,20 @@ pub(super) fn run(args: &InfoArgs) -> anyhow::Result<Status> {
     let out = Output::new(&args.run, args.json, false);
     let progress = Progress::new(args.inputs.len(), args.run.quiet);
     let mut status = Status::Done;
-    in_order::each(
+    in_order::process_in_order(
         &args.inputs,
         args.run.threads(),
-        |source, _| exit::guarded(|| look(source, args, &progress)),
+        |source, _| exit::guarded(|| inspect(source, args, &progress)),
         |i, outcome| {
             let path = args.inputs[i].to_string();
-            progress.aside(|| match outcome {
+            progress.with_bar_hidden(|| match outcome {
                 Ok(facts) => {
                     out.object(&facts.to_json(&path));
                     for line in facts.table(&path) {
                         out.line(&line);
                     }
                     out.detail(&format!("  time             {}", seconds(facts.secs)));
-                    show_warnings(&out, &path, &to_looker(&facts.loaded.warnings), false);
+                    show_warnings(&out, &path, &viewing_warnings(&facts.loaded.warnings), false);
                 }
                 Err(e) => {
                     out.failure(&path, &format!("{e:#}"));
@@ -63,7 +63,7 @@ struct Facts {
     secs: f64,
 }
 
-fn look(source: &Source, args: &InfoArgs, progress: &Progress) -> anyhow::Result<Facts> {
+fn inspect(source: &Source, args: &InfoArgs, progress: &Progress) -> anyhow::Result<Facts> {
     let name = source.to_string();
     let bar = progress.file(&name);
     bar.read();

@@ -23,7 +23,7 @@ use crate::orient::{orient, oriented};
 use crate::output::Output;
 use crate::palettes;
 use crate::progress::{FileProgress, Progress};
-use crate::watch::{Clock, Watch, not_interrupted};
+use crate::watch::{RunControl, StageClock, not_interrupted};
 use crate::{memory, need};
 use files::Plan;
 
@@ -45,14 +45,14 @@ pub(super) fn run(args: &LodArgs) -> anyhow::Result<Status> {
 }
 
 /// Result of a run.
-struct Made {
+struct LodResult {
     format: Format,
     /// Faces and vertices of level 0.
     counts: [usize; 2],
     levels: Vec<Level>,
     diagonal: f64,
     warnings: Vec<Warning>,
-    clock: Clock,
+    clock: StageClock,
 }
 
 /// Report data of a level below the original.
@@ -61,11 +61,11 @@ struct Level {
     meshes: Vec<(String, MeshCounts)>,
 }
 
-fn make(args: &LodArgs, plan: &Plan, bar: &FileProgress<'_>) -> anyhow::Result<Made> {
+fn make(args: &LodArgs, plan: &Plan, bar: &FileProgress<'_>) -> anyhow::Result<LodResult> {
     if exit::interrupted() {
         return Err(Interrupted.into());
     }
-    let mut clock = Clock::new();
+    let mut clock = StageClock::new();
     let deadline = args.run.time_limit.map(|s| Instant::now() + Duration::from_secs_f64(s));
     bar.read();
     clock.enter("read");
@@ -77,7 +77,7 @@ fn make(args: &LodArgs, plan: &Plan, bar: &FileProgress<'_>) -> anyhow::Result<M
     } else {
         Input::Mesh(Box::new(file::read_with(&args.input, &args.reading, properties)?))
     };
-    let mut watch = Watch::new(&mut clock, bar, deadline);
+    let mut watch = RunControl::new(&mut clock, bar, deadline);
     let mut made = match input {
         Input::Scene(scene) => of_scene(*scene, args, plan, &mut watch, None)?,
         Input::Mesh(loaded) if plan.makes_scenes() => of_mesh_as_scene(*loaded, args, plan, &mut watch)?,
@@ -89,7 +89,12 @@ fn make(args: &LodArgs, plan: &Plan, bar: &FileProgress<'_>) -> anyhow::Result<M
 }
 
 /// Makes the levels of a mesh, each in a file of its own.
-fn of_mesh(loaded: Loaded, args: &LodArgs, plan: &Plan, watch: &mut Watch<'_>) -> anyhow::Result<Made> {
+fn of_mesh(
+    loaded: Loaded,
+    args: &LodArgs,
+    plan: &Plan,
+    watch: &mut RunControl<'_>,
+) -> anyhow::Result<LodResult> {
     let mut options = args.options();
     care::of_mesh(&args.engine.how, &loaded, &mut options.simplify)?;
     options.simplify.textures = palettes::of_mesh(&loaded);
@@ -127,7 +132,7 @@ fn of_mesh(loaded: Loaded, args: &LodArgs, plan: &Plan, watch: &mut Watch<'_>) -
         }
     }
     warnings.extend(plan.write_meshes(&meshes, &regions, args)?);
-    Ok(Made { format: from, counts, levels: told, diagonal, warnings, clock: Clock::new() })
+    Ok(LodResult { format: from, counts, levels: told, diagonal, warnings, clock: StageClock::new() })
 }
 
 /// Makes the levels of a mesh that becomes a glTF scene: locks and importance are mapped to the vertices of
@@ -136,8 +141,8 @@ fn of_mesh_as_scene(
     loaded: Loaded,
     args: &LodArgs,
     plan: &Plan,
-    watch: &mut Watch<'_>,
-) -> anyhow::Result<Made> {
+    watch: &mut RunControl<'_>,
+) -> anyhow::Result<LodResult> {
     let mut own = args.options().simplify;
     care::of_mesh(&args.engine.how, &loaded, &mut own)?;
     let Loaded { mut mesh, regions, mut warnings, format, .. } = loaded;
@@ -146,7 +151,7 @@ fn of_mesh_as_scene(
     let (scene, lost) = file::as_scene(&mesh, &options)?;
     warnings.extend(lost);
     let of_vertices = scene.meshes().first().map(|there| files::vertices_of(there, &mesh));
-    let carried = of_vertices.map(|of| Cared {
+    let carried = of_vertices.map(|of| VertexConstraints {
         locked: own.locked.as_deref().map(|all| of.iter().map(|v| v.iter().any(|&v| all[v])).collect()),
         importance: own.importance.as_deref().map(|all| {
             of.iter().map(|v| v.iter().map(|&v| all[v]).reduce(f32::max).unwrap_or(1.0)).collect()
@@ -162,7 +167,7 @@ fn of_mesh_as_scene(
 
 /// Locks and importance of the vertices of a scene's only mesh.
 #[derive(Default)]
-struct Cared {
+struct VertexConstraints {
     locked: Option<Arc<[bool]>>,
     importance: Option<Arc<[f32]>>,
 }
@@ -172,9 +177,9 @@ fn of_scene(
     mut scene: Scene,
     args: &LodArgs,
     plan: &Plan,
-    watch: &mut Watch<'_>,
-    cared: Option<Cared>,
-) -> anyhow::Result<Made> {
+    watch: &mut RunControl<'_>,
+    cared: Option<VertexConstraints>,
+) -> anyhow::Result<LodResult> {
     if scene.has_levels() {
         anyhow::bail!("the scene has levels of detail already (MSFT_lod): start from a file without");
     }
@@ -220,9 +225,9 @@ fn of_scene(
         told.push(Level { report: level.report, meshes: names });
     }
     let mut warnings: Vec<_> = scene.warnings().to_vec();
-    let images = images::Move::new(&args.input, &plan.first_sink());
+    let images = images::FolderMove::new(&args.input, &plan.first_sink());
     let is_glb = plan.format() == Some(Format::Glb);
-    warnings.extend(if is_glb { images.embed(&mut scene) } else { images.told(&scene) });
+    warnings.extend(if is_glb { images.embed(&mut scene) } else { images.external_file_warnings(&scene) });
     let counts = {
         let is_placed = parts.iter().any(|p| p.instances > 0);
         let of = |n: fn(&TriMesh) -> usize| {
@@ -233,5 +238,5 @@ fn of_scene(
     let distances: Vec<f64> = told.iter().map(|l| told::distance(&l.report, args)).collect();
     warnings.extend(plan.write_scene(&scene, replaced, &distances, &|uri| images.uri(uri), args)?);
     let format = scene.format();
-    Ok(Made { format, counts, levels: told, diagonal, warnings, clock: Clock::new() })
+    Ok(LodResult { format, counts, levels: told, diagonal, warnings, clock: StageClock::new() })
 }

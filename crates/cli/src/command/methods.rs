@@ -21,16 +21,16 @@ use crate::in_order;
 use crate::numbers::{grouped, micros, seconds, short};
 use crate::orient::orient;
 use crate::output::{self, Output};
-use crate::plan::{self, Wanted};
+use crate::plan::{self, OutputArgs};
 use crate::progress::{FileProgress, Progress};
 use crate::validity::Validity;
-use crate::watch::{Clock, Watch, not_interrupted};
+use crate::watch::{RunControl, StageClock, not_interrupted};
 use crate::{memory, need, picture};
 
 /// Runs all methods in sequence and prints the table.
 pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
     let methods = args.methods();
-    let needs_target = |m: &&Method| !args.options(**m).of_method.ends(**m);
+    let needs_target = |m: &&Method| !args.options(**m).method_options.ends_without_stop(**m);
     if let Some(method) = methods.iter().find(needs_target).filter(|_| !args.target.is_given()) {
         let name = method.name();
         return Err(usage(format!("{name} needs a target: --faces, --vertices, --ratio or --error")));
@@ -87,30 +87,39 @@ pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
 type Jobs = Vec<(Method, Option<(Sink, Format)>)>;
 
 /// A model and the results of all methods.
-struct Tried {
+struct MethodComparison {
     format: Format,
     warnings: Vec<Warning>,
-    model: Model,
-    rows: Vec<Row>,
+    model: PreparedModel,
+    rows: Vec<MethodRow>,
     /// Pictures of the input and of each result, if a sheet is asked for.
     panels: Vec<Panel>,
 }
 
-fn try_all(path: &str, jobs: Jobs, args: &MethodsArgs, progress: &Progress) -> anyhow::Result<Tried> {
+fn try_all(
+    path: &str,
+    jobs: Jobs,
+    args: &MethodsArgs,
+    progress: &Progress,
+) -> anyhow::Result<MethodComparison> {
     let bar = progress.file(path);
     bar.read();
     let loaded = file::read(&args.input, &args.reading).with_context(|| path.to_owned())?;
     let Loaded { mesh, format, regions, warnings, .. } = loaded;
     let hungriest = jobs.iter().map(|(m, _)| need::simplify(&mesh, &args.options(*m))).max().unwrap_or(0);
     memory::check("methods", need::methods(&mesh, hungriest)).with_context(|| path.to_owned())?;
-    let model = Model::new(mesh, args);
+    let model = PreparedModel::new(mesh, args);
     bar.end();
     let mut rows = Vec::with_capacity(jobs.len());
     let mut panels = Vec::new();
     let mut camera = None;
     if args.sheet.is_some() {
         let faces = format!("{} faces", grouped(model.mesh.face_count()));
-        panels.push(picture::panel(model.mesh.clone(), &mut camera, vec!["original".to_owned(), faces])?);
+        panels.push(picture::render_panel(
+            model.mesh.clone(),
+            &mut camera,
+            vec!["original".to_owned(), faces],
+        )?);
     }
     for (method, sink) in jobs {
         if exit::interrupted() {
@@ -122,7 +131,7 @@ fn try_all(path: &str, jobs: Jobs, args: &MethodsArgs, progress: &Progress) -> a
             bar.stage(Stage::Measure);
             let mut judged = model.judged(&made);
             if args.sheet.is_some() {
-                panels.push(picture::panel(made.mesh.clone(), &mut camera, judged.caption(method))?);
+                panels.push(picture::render_panel(made.mesh.clone(), &mut camera, judged.caption(method))?);
             }
             if let Some((sink, format)) = &sink {
                 bar.write();
@@ -136,15 +145,15 @@ fn try_all(path: &str, jobs: Jobs, args: &MethodsArgs, progress: &Progress) -> a
             Err(e) => Err(format!("{e:#}").replace('\n', " ")),
             Ok(judged) => Ok(judged),
         };
-        rows.push(Row { method, sink, outcome });
+        rows.push(MethodRow { method, sink, outcome });
     }
-    Ok(Tried { format, warnings, model, rows, panels })
+    Ok(MethodComparison { format, warnings, model, rows, panels })
 }
 
 /// Returns the output for the result of a method, if any.
 fn sink(args: &MethodsArgs, method: Method) -> anyhow::Result<Option<(Sink, Format)>> {
     let template = format!("{{stem}}_{}.{{ext}}", method.name());
-    let jobs = plan::jobs(&Wanted {
+    let jobs = plan::jobs(&OutputArgs {
         inputs: std::slice::from_ref(&args.input),
         output: None,
         out_dir: args.out_dir.as_deref(),
@@ -171,7 +180,7 @@ fn write(
 }
 
 /// The input, prepared for repeated runs and measurements.
-struct Model {
+struct PreparedModel {
     mesh: TriMesh,
     /// `None` if the input has no face to measure from.
     reference: Option<Prepared>,
@@ -180,32 +189,32 @@ struct Model {
 }
 
 /// Result of a method.
-struct Made {
+struct MethodResult {
     mesh: TriMesh,
     report: Report,
-    clock: Clock,
+    clock: StageClock,
 }
 
 /// Figures of a result, without its mesh.
-struct Judged {
+struct MethodFigures {
     report: Report,
-    clock: Clock,
+    clock: StageClock,
     /// `None` if no face is left.
     measured: Option<Comparison>,
     validity: Validity,
-    carried: Carried,
+    carried: CarriedAttributes,
     warnings: Vec<Warning>,
 }
 
 /// A line of the table.
-struct Row {
+struct MethodRow {
     method: Method,
     sink: Option<(Sink, Format)>,
     /// The figures, or the reason why there are none.
-    outcome: Result<Judged, String>,
+    outcome: Result<MethodFigures, String>,
 }
 
-impl Model {
+impl PreparedModel {
     fn new(mesh: TriMesh, args: &MethodsArgs) -> Self {
         let surface = mesh.surface();
         // As the engine does: faces without area or with invalid positions do not count.
@@ -219,23 +228,28 @@ impl Model {
         Self { reference, validity, compare, mesh }
     }
 
-    fn simplified(&self, method: Method, args: &MethodsArgs, bar: &FileProgress<'_>) -> anyhow::Result<Made> {
+    fn simplified(
+        &self,
+        method: Method,
+        args: &MethodsArgs,
+        bar: &FileProgress<'_>,
+    ) -> anyhow::Result<MethodResult> {
         let options = args.options(method);
         let deadline = args.run.time_limit.map(|s| Instant::now() + Duration::from_secs_f64(s));
-        let mut clock = Clock::new();
-        let done = lodsmith::simplify(&self.mesh, &options, &mut Watch::new(&mut clock, bar, deadline));
+        let mut clock = StageClock::new();
+        let done = lodsmith::simplify(&self.mesh, &options, &mut RunControl::new(&mut clock, bar, deadline));
         clock.end();
         let Simplified { mesh, report } = not_interrupted(done)?;
-        Ok(Made { mesh, report, clock })
+        Ok(MethodResult { mesh, report, clock })
     }
 
-    fn judged(&self, made: &Made) -> Judged {
+    fn judged(&self, made: &MethodResult) -> MethodFigures {
         let candidate = Prepared::new(&made.mesh.surface()).ok();
         let pair = self.reference.as_ref().zip(candidate.as_ref());
-        Judged {
+        MethodFigures {
             measured: pair.map(|(a, b)| compare_prepared(a, b, &self.compare)),
             validity: Validity::of(&made.mesh),
-            carried: Carried::new(&self.mesh, &made.mesh),
+            carried: CarriedAttributes::new(&self.mesh, &made.mesh),
             report: made.report.clone(),
             clock: made.clock.clone(),
             warnings: Vec::new(),
@@ -245,14 +259,14 @@ impl Model {
 
 /// Attributes of the input that the result has.
 #[derive(Debug, PartialEq, Eq)]
-struct Carried {
+struct CarriedAttributes {
     kept: Vec<&'static str>,
     dropped: Vec<&'static str>,
     /// Numbers of regions of input and result, if the input has any.
     regions: Option<(usize, usize)>,
 }
 
-impl Carried {
+impl CarriedAttributes {
     fn new(input: &TriMesh, result: &TriMesh) -> Self {
         let mut carried = Self { kept: Vec::new(), dropped: Vec::new(), regions: None };
         let mut all = vec![
@@ -292,10 +306,10 @@ fn region_count(mesh: &TriMesh) -> usize {
     regions.len()
 }
 
-impl Tried {
+impl MethodComparison {
     /// Returns the table.
     fn table(&self, path: &str) -> Vec<String> {
-        let mut cells = vec![HEAD.map(str::to_owned)];
+        let mut cells = vec![COLUMN_TITLES.map(str::to_owned)];
         let mut failed = Vec::new();
         for row in &self.rows {
             match &row.outcome {
@@ -304,8 +318,8 @@ impl Tried {
             }
         }
         let width = |k: usize| cells.iter().map(|c| c[k].chars().count()).max().unwrap_or(0);
-        let widths: Vec<usize> = (0..HEAD.len()).map(width).collect();
-        let line = |row: &[String; HEAD.len()]| {
+        let widths: Vec<usize> = (0..COLUMN_TITLES.len()).map(width).collect();
+        let line = |row: &[String; COLUMN_TITLES.len()]| {
             let cell = |(k, text): (usize, &String)| match k {
                 // Numbers are right-aligned.
                 1..=6 => format!("{text:>0$}", widths[k]),
@@ -345,7 +359,7 @@ impl Tried {
 }
 
 /// Column headings of the table.
-const HEAD: [&str; 10] =
+const COLUMN_TITLES: [&str; 10] =
     ["method", "faces", "", "time", "mean %", "rms %", "max %", "ended by", "new defects", "carries"];
 
 /// Returns a JSON object of numbers by name.
@@ -354,8 +368,8 @@ fn object<N: Into<Value>>(pairs: impl IntoIterator<Item = (&'static str, N)>) ->
     Value::Object(pairs.collect())
 }
 
-impl Row {
-    fn to_json(&self, model: &Model) -> Value {
+impl MethodRow {
+    fn to_json(&self, model: &PreparedModel) -> Value {
         let name = self.method.name();
         match &self.outcome {
             Ok(judged) => judged.to_json(name, self.sink.as_ref(), model),
@@ -364,8 +378,8 @@ impl Row {
     }
 }
 
-impl Judged {
-    fn cells(&self, method: Method, model: &Model) -> [String; HEAD.len()] {
+impl MethodFigures {
+    fn cells(&self, method: Method, model: &PreparedModel) -> [String; COLUMN_TITLES.len()] {
         let r = &self.report;
         let percent = 100.0 * r.faces as f64 / model.mesh.face_count().max(1) as f64;
         let share = |x: fn(&Comparison) -> f64| match &self.measured {
@@ -411,7 +425,7 @@ impl Judged {
     }
 
     /// Returns the defects that are more than in the input, in words.
-    fn defects(&self, model: &Model) -> String {
+    fn defects(&self, model: &PreparedModel) -> String {
         let risen = self.validity.risen_from(&model.validity).filter(|r| r.1 > 0);
         let mut words: Vec<_> =
             risen.map(|(name, n)| format!("{} {}", grouped(n), name.replace('_', " "))).collect();
@@ -422,7 +436,7 @@ impl Judged {
         if words.is_empty() { "none".to_owned() } else { words.join(", ") }
     }
 
-    fn to_json(&self, method: &str, sink: Option<&(Sink, Format)>, model: &Model) -> Value {
+    fn to_json(&self, method: &str, sink: Option<&(Sink, Format)>, model: &PreparedModel) -> Value {
         let r = &self.report;
         let relative = |m: &Comparison| {
             let share = |x: f64| if m.diagonal > 0.0 { x / m.diagonal } else { 0.0 };
@@ -474,9 +488,9 @@ mod tests {
         input.set_regions(Some(regions)).unwrap();
         let mut result = plain.clone();
         result.set_uvs(Some(vec![[0.0; 2]; count])).unwrap();
-        let carried = Carried::new(&input, &result);
+        let carried = CarriedAttributes::new(&input, &result);
         assert_eq!(carried.line(), "uvs, 0 of 3 regions, not normals, not joints");
-        assert_eq!(Carried::new(&input, &input).line(), "normals, uvs, joints, 3 of 3 regions");
-        assert_eq!(Carried::new(&plain, &plain).line(), "-");
+        assert_eq!(CarriedAttributes::new(&input, &input).line(), "normals, uvs, joints, 3 of 3 regions");
+        assert_eq!(CarriedAttributes::new(&plain, &plain).line(), "-");
     }
 }

@@ -18,7 +18,7 @@ use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::orient::orient;
 use crate::output::{self, Output};
 use crate::progress::Progress;
-use crate::watch::{Clock, Watch, not_interrupted};
+use crate::watch::{RunControl, StageClock, not_interrupted};
 use crate::{care, in_order, memory, need};
 
 /// Runs the subcommand.
@@ -51,7 +51,7 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
     let begin = Instant::now();
     let built = in_order::pool(args.run.threads())?.install(|| {
         let bar = progress.file(&path);
-        let mut clock = Clock::new();
+        let mut clock = StageClock::new();
         bar.read();
         clock.enter("read");
         let loaded = file::read_with(&args.input, &args.reading, care::properties(&args.engine.how))?;
@@ -63,7 +63,7 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         if matches!(loaded.format, Format::Gltf | Format::Glb) && loaded.contents.meshes > 1 {
             warnings.push(Warning::lost("the meshes of the scene become one: nodes are not kept"));
         }
-        let mut watch = Watch::new(&mut clock, &bar, None);
+        let mut watch = RunControl::new(&mut clock, &bar, None);
         memory::check("progressive build", need::progressive(Size::of(&loaded.mesh), &options))?;
         let mut road = not_interrupted(Progressive::build(&loaded.mesh, &options, &mut watch))?;
         if let Some(limit) = limit {
@@ -87,7 +87,7 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         "method": args.options().method.name(),
         "target": args.target.to_json(),
     });
-    merge(&mut report, about(&splits, &sizes, args.bits));
+    merge(&mut report, describe(&splits, &sizes, args.bits));
     report["warnings"] = texts(&warnings).into();
     report["threads"] = args.run.threads().into();
     let seconds_of = |(name, s): &(&str, f64)| ((*name).to_owned(), Value::from(micros(*s)));
@@ -125,8 +125,9 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
         let diagonal = lpm.splits.positions.view().bounds().map_or(0.0, |b| b.diagonal());
         memory::check("progressive extract", need::extract(&lpm.splits))?;
         let mut road = Progressive::new(lpm.splits);
-        let mut clock = Clock::new();
-        let is_reached = go_to(&mut road, args, full, diagonal, &mut Watch::new(&mut clock, &bar, None))?;
+        let mut clock = StageClock::new();
+        let is_reached =
+            go_to(&mut road, args, full, diagonal, &mut RunControl::new(&mut clock, &bar, None))?;
         let measured = match args.stop().error {
             Some(_) => road.deviation(!args.no_fit)?,
             None => None,
@@ -228,7 +229,7 @@ fn info(args: &LpmInfoArgs) -> anyhow::Result<Status> {
         "path": path, "format": "lpm", "complete": lpm.is_complete,
         "announced": { "splits": lpm.announced.0, "faces": lpm.announced.1.faces },
     });
-    merge(&mut report, about(&lpm.splits, &lpm.sizes, lpm.bits));
+    merge(&mut report, describe(&lpm.splits, &lpm.sizes, lpm.bits));
     report["attributes"] = attributes.clone().into();
     report["materials"] = lpm.regions.materials().len().into();
     report["warnings"] = texts(&lpm.warnings).into();
@@ -284,7 +285,7 @@ fn bytes_text(splits: &Splits, sizes: &LpmSizes) -> String {
 }
 
 /// Returns the description of a file for reports.
-fn about(splits: &Splits, sizes: &LpmSizes, bits: Option<u8>) -> Value {
+fn describe(splits: &Splits, sizes: &LpmSizes, bits: Option<u8>) -> Value {
     let (base, full) = ends(splits);
     let checkpoint = |c: &lodsmith::core::splits::Checkpoint| {
         json!({

@@ -15,7 +15,7 @@ use lodsmith_render::{
 };
 use serde_json::{Value, json};
 
-use super::{show_warnings, simplify::parts_of, to_looker};
+use super::{show_warnings, simplify::parts_of, viewing_warnings};
 use crate::args::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Surroundings, Up};
 use crate::exit::{Status, usage};
 use crate::file::{self, Sink, Source};
@@ -25,7 +25,7 @@ use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::output::Output;
 use crate::picture::{self, MARGIN};
 use crate::progress::Progress;
-use crate::watch::{Clock, Watch, not_interrupted};
+use crate::watch::{RunControl, StageClock, not_interrupted};
 use crate::{memory, need};
 
 /// Reads, renders and writes.
@@ -60,12 +60,12 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Status> {
     let total = begin.elapsed().as_secs_f64();
 
     for (path, warnings) in &drawn.warnings {
-        show_warnings(&out, path, &to_looker(warnings), false);
+        show_warnings(&out, path, &viewing_warnings(warnings), false);
     }
     let (width, height) = (drawn.picture.width(), drawn.picture.height());
     out.object(&json!({
         "output": { "path": args.output.to_string(), "format": format.name(), "width": width, "height": height },
-        "pictures": drawn.rows.iter().map(Row::to_json).collect::<Vec<_>>(),
+        "pictures": drawn.rows.iter().map(PictureRow::to_json).collect::<Vec<_>>(),
         "heat_range": drawn.range,
         "threads": args.run.threads(),
         "seconds": micros(total),
@@ -118,7 +118,7 @@ struct Item {
 }
 
 /// Number of moments of an animation that the camera is fitted to.
-const MOMENTS: usize = 17;
+const CAMERA_MOMENTS: usize = 17;
 
 /// A moment of an animation.
 struct Moment {
@@ -158,15 +158,15 @@ impl Moment {
 }
 
 /// Result of rendering.
-struct Drawn {
+struct RenderResult {
     picture: Image,
-    rows: Vec<Row>,
+    rows: Vec<PictureRow>,
     range: Option<[f32; 2]>,
     warnings: Vec<(String, Vec<Warning>)>,
 }
 
 /// Report data of one item.
-struct Row {
+struct PictureRow {
     path: String,
     faces: usize,
     level: Option<usize>,
@@ -177,7 +177,7 @@ struct Row {
     seconds: f64,
 }
 
-impl Row {
+impl PictureRow {
     fn to_json(&self) -> Value {
         json!({
             "path": self.path,
@@ -221,8 +221,8 @@ impl<'a> Drawing<'a> {
             for &count in &args.levels {
                 let mut options = SimplifyOptions::new(Stop::faces(count));
                 options.method = Method::from(args.method);
-                let mut clock = Clock::new();
-                let mut watch = Watch::new(&mut clock, &bar, None);
+                let mut clock = StageClock::new();
+                let mut watch = RunControl::new(&mut clock, &bar, None);
                 let whole = &drawing.items[original];
                 let size = Size::of_all(whole.model.meshes.iter().map(|m| &*m.mesh));
                 memory::check("render --levels", need::lod(size, &options))?;
@@ -240,7 +240,7 @@ impl<'a> Drawing<'a> {
             }
         }
         let has_metal = || drawing.items.iter().any(|item| item.model.has_metal());
-        let is_behind = matches!(args.look.background, Background::Surroundings { .. });
+        let is_behind = matches!(args.look.background, Background::Environment { .. });
         if args.look.environment == Surroundings::Auto && (is_behind || has_metal()) {
             drawing.environment = Some(Arc::new(Environment::studio()));
         }
@@ -259,7 +259,7 @@ impl<'a> Drawing<'a> {
         let read = file::read_model(source, &self.args.reading).with_context(|| path.clone())?;
         let ModelFile { mut model, warnings, source, .. } = read;
         if self.args.place.up == Up::Z {
-            turn(&mut model);
+            rotate_z_up(&mut model);
         }
         let moment = Moment::of(&self.args.moment, &model).with_context(|| path.clone())?;
         self.warnings.push((path.clone(), warnings));
@@ -303,7 +303,7 @@ impl<'a> Drawing<'a> {
         memory::check("render", need)
     }
 
-    fn draw(self) -> anyhow::Result<Drawn> {
+    fn draw(self) -> anyhow::Result<RenderResult> {
         let args = self.args;
         let range = (args.look.shading == Some(Shading::Heat)).then(|| self.range());
         let is_sheet = self.items.len() > 1 || range.is_some();
@@ -332,7 +332,7 @@ impl<'a> Drawing<'a> {
             }
             let begin = Instant::now();
             let picture = render(&subject, &view).with_context(|| item.path.clone())?;
-            let row = Row {
+            let row = PictureRow {
                 path: item.path.clone(),
                 faces: item.model.face_count(),
                 level: item.level,
@@ -356,7 +356,7 @@ impl<'a> Drawing<'a> {
         } else {
             panels.remove(0).picture
         };
-        Ok(Drawn { picture, rows, range, warnings: self.warnings })
+        Ok(RenderResult { picture, rows, range, warnings: self.warnings })
     }
 
     fn shading(&self, item: &Item) -> Shading {
@@ -378,7 +378,7 @@ impl<'a> Drawing<'a> {
     }
 
     /// Returns two lines: the number of faces; then the file, or the distance from the original.
-    fn caption(&self, item: &Item, row: &Row) -> Vec<String> {
+    fn caption(&self, item: &Item, row: &PictureRow) -> Vec<String> {
         let faces = format!("{} {}", grouped(row.faces), if row.faces == 1 { "face" } else { "faces" });
         let name = item.path.rsplit(['/', '\\']).next().unwrap_or_default().to_owned();
         let diagonal = item.reference.map(|of| self.items[of].diagonal);
@@ -400,7 +400,7 @@ impl<'a> Drawing<'a> {
     /// clip.
     fn camera(&self, subject: &Subject, item: &Item) -> Camera {
         let [width, height] = self.args.size();
-        let clip = item.moment.as_ref().map(|m| item.model.bounds_over(m.clip, MOMENTS));
+        let clip = item.moment.as_ref().map(|m| item.model.bounds_over(m.clip, CAMERA_MOMENTS));
         let bounds = clip.unwrap_or_else(|| subject.bounds());
         let bounds = bounds.unwrap_or(Bounds { min: [0.0; 3], max: [1.0; 3] });
         let aspect = width as f64 / height as f64;
@@ -443,7 +443,7 @@ impl<'a> Drawing<'a> {
 }
 
 /// Returns the model with fewer faces; materials and placements are not changed.
-fn lighter(item: &Item, options: &SimplifyOptions, watch: &mut Watch<'_>) -> anyhow::Result<Model> {
+fn lighter(item: &Item, options: &SimplifyOptions, watch: &mut RunControl<'_>) -> anyhow::Result<Model> {
     let model = &item.model;
     let mut meshes: Vec<Arc<TriMesh>> = model.meshes.iter().map(|m| m.mesh.clone()).collect();
     let with_textures = |taken: &[usize]| {
@@ -507,7 +507,7 @@ fn distances_to(reference: &Prepared, model: &Model) -> anyhow::Result<Vec<Vec<f
 }
 
 /// Rotates a model whose z axis points up.
-fn turn(model: &mut Model) {
+fn rotate_z_up(model: &mut Model) {
     let (rotation, children) = (DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2), model.roots.clone());
     let transform = Transform::Parts { translation: DVec3::ZERO, rotation, scale: DVec3::ONE };
     model.roots = vec![model.nodes.len()];

@@ -19,7 +19,7 @@ use crate::orient::orient;
 use crate::output::{self, Output};
 use crate::plan::Job;
 use crate::progress::Progress;
-use crate::watch::{Clock, Watch, not_interrupted};
+use crate::watch::{RunControl, StageClock, not_interrupted};
 use crate::{care, images, memory, need, normals, palettes, proposals};
 
 /// Simplifies every input.
@@ -38,18 +38,18 @@ pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
 }
 
 /// Outcome of one input.
-struct Done {
+struct SimplifyOutcome {
     input_format: Format,
     report: Report,
     warnings: Vec<Warning>,
     /// For a scene that was written as a scene, its meshes by name.
     meshes: Vec<(String, MeshCounts)>,
     threads: usize,
-    clock: Clock,
+    clock: StageClock,
 }
 
 /// Report data of a result.
-struct Told {
+struct ReportData {
     report: Report,
     warnings: Vec<Warning>,
     meshes: Vec<(String, MeshCounts)>,
@@ -60,13 +60,13 @@ fn simplify_one(
     args: &SimplifyArgs,
     progress: &Progress,
     turn: &Turn<'_>,
-) -> anyhow::Result<Done> {
+) -> anyhow::Result<SimplifyOutcome> {
     if exit::interrupted() {
         return Err(Interrupted.into());
     }
     let name = job.source.to_string();
     let bar = progress.file(&name);
-    let mut clock = Clock::new();
+    let mut clock = StageClock::new();
     let deadline = args.run.time_limit.map(|s| Instant::now() + Duration::from_secs_f64(s));
 
     bar.read();
@@ -77,11 +77,18 @@ fn simplify_one(
             && args.writing.scale.is_none()
             && args.writing.up.is_none()
     });
-    let done = |mut clock: Clock, input_format, told: Told| {
+    let done = |mut clock: StageClock, input_format, told: ReportData| {
         clock.end();
         bar.end();
-        let Told { report, warnings, meshes } = told;
-        Done { input_format, report, warnings, meshes, threads: rayon::current_num_threads(), clock }
+        let ReportData { report, warnings, meshes } = told;
+        SimplifyOutcome {
+            input_format,
+            report,
+            warnings,
+            meshes,
+            threads: rayon::current_num_threads(),
+            clock,
+        }
     };
     let loaded = match whole {
         None => Box::new(file::read_with(&job.source, &args.reading, care::properties(&args.engine.how))?),
@@ -90,7 +97,7 @@ fn simplify_one(
                 Input::Mesh(loaded) => loaded,
                 Input::Scene(scene) => {
                     let from = scene.format();
-                    let mut watch = Watch::new(&mut clock, &bar, deadline);
+                    let mut watch = RunControl::new(&mut clock, &bar, deadline);
                     let told = simplify_scene(*scene, job, (sink, *format), args, &mut watch)?;
                     return Ok(done(clock, from, told));
                 }
@@ -98,7 +105,7 @@ fn simplify_one(
         }
     };
     let from = loaded.format;
-    let told = simplify_mesh(*loaded, job, args, &mut Watch::new(&mut clock, &bar, deadline), turn)?;
+    let told = simplify_mesh(*loaded, job, args, &mut RunControl::new(&mut clock, &bar, deadline), turn)?;
     Ok(done(clock, from, told))
 }
 
@@ -107,9 +114,9 @@ fn simplify_mesh(
     loaded: Loaded,
     job: &Job,
     args: &SimplifyArgs,
-    watch: &mut Watch<'_>,
+    watch: &mut RunControl<'_>,
     turn: &Turn<'_>,
-) -> anyhow::Result<Told> {
+) -> anyhow::Result<ReportData> {
     let mut options = args.options();
     care::of_mesh(&args.engine.how, &loaded, &mut options)?;
     options.textures = palettes::of_mesh(&loaded);
@@ -129,7 +136,7 @@ fn simplify_mesh(
     let done = lodsmith::simplify(&mesh, &options, watch);
     let Simplified { mesh: mut lighter, report } = not_interrupted(done)?;
     drop(mesh);
-    warnings.extend(told(&report));
+    warnings.extend(warnings_of(&report));
 
     watch.write();
     orient(&mut lighter, &args.writing);
@@ -145,7 +152,7 @@ fn simplify_mesh(
             false => file::write(&lighter, sink, *format, &options)?,
         });
     }
-    Ok(Told { report, warnings, meshes: Vec::new() })
+    Ok(ReportData { report, warnings, meshes: Vec::new() })
 }
 
 /// Simplifies all meshes of a scene under one budget; the rest of the scene is not changed.
@@ -154,8 +161,8 @@ fn simplify_scene(
     job: &Job,
     (sink, format): (&Sink, Format),
     args: &SimplifyArgs,
-    watch: &mut Watch<'_>,
-) -> anyhow::Result<Told> {
+    watch: &mut RunControl<'_>,
+) -> anyhow::Result<ReportData> {
     let meshes = scene.meshes().to_vec();
     let (taken, parts) = parts_of(&meshes);
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
@@ -175,17 +182,21 @@ fn simplify_scene(
         // A mesh without faces in the input is not changed.
         replaced[i] = (meshes[i].mesh.face_count() > 0).then_some(mesh);
     }
-    let images = images::Move::new(&job.source, sink);
+    let images = images::FolderMove::new(&job.source, sink);
     let mut warnings: Vec<_> = scene.warnings().to_vec();
-    warnings.extend(told(&report));
-    warnings.extend(if format == Format::Glb { images.embed(&mut scene) } else { images.told(&scene) });
+    warnings.extend(warnings_of(&report));
+    warnings.extend(if format == Format::Glb {
+        images.embed(&mut scene)
+    } else {
+        images.external_file_warnings(&scene)
+    });
     let relink = |uri: &str| images.uri(uri);
     warnings.extend(match args.dry_run {
         true => file::scene_losses(&scene, &replaced, &relink, format)?,
         false => file::write_scene(&scene, &replaced, &relink, sink, format, args.writing.force)?,
     });
     let meshes = taken.iter().map(|&i| meshes[i].name.clone()).zip(counts).collect();
-    Ok(Told { report, warnings, meshes })
+    Ok(ReportData { report, warnings, meshes })
 }
 
 /// Returns the meshes of a scene to simplify, as numbers and as parts.
@@ -233,7 +244,7 @@ pub(super) fn set_normals(mesh: &mut TriMesh, wanted: Normals) -> anyhow::Result
 }
 
 /// Returns the warnings of a run.
-pub(super) fn told(report: &Report) -> Vec<Warning> {
+pub(super) fn warnings_of(report: &Report) -> Vec<Warning> {
     let mut warnings: Vec<_> = dropped(report).collect();
     if report.seams_relaxed {
         warnings.push(Warning::note("seams were moved off their lines to come nearer to the target"));
@@ -256,7 +267,13 @@ fn dropped(report: &Report) -> impl Iterator<Item = Warning> {
 }
 
 /// Prints the outcome of one input. Returns the status that it alone would end with.
-fn show(out: &Output, path: &str, outcome: anyhow::Result<Done>, job: &Job, args: &SimplifyArgs) -> Status {
+fn show(
+    out: &Output,
+    path: &str,
+    outcome: anyhow::Result<SimplifyOutcome>,
+    job: &Job,
+    args: &SimplifyArgs,
+) -> Status {
     let done = match outcome {
         Ok(done) => done,
         Err(e) if e.is::<Interrupted>() => return Status::Interrupted,
@@ -304,7 +321,7 @@ pub(super) fn refusals(report: &Report) -> String {
     report.refusals.iter().map(of).collect::<Vec<_>>().join(", ")
 }
 
-impl Done {
+impl SimplifyOutcome {
     /// Returns the summary line.
     fn line(&self, path: &str) -> String {
         let r = &self.report;

@@ -10,13 +10,13 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 /// Outcome of a run.
-pub(crate) struct Ran {
+pub(crate) struct RunOutcome {
     pub(crate) status: i32,
     pub(crate) stdout: Vec<u8>,
     pub(crate) stderr: String,
 }
 
-impl Ran {
+impl RunOutcome {
     fn of(output: std::process::Output) -> Self {
         Self {
             status: output.status.code().expect("it ends by itself"),
@@ -46,11 +46,11 @@ impl Ran {
 }
 
 /// A temporary folder to run the command in.
-pub(crate) struct Desk {
+pub(crate) struct CliSandbox {
     pub(crate) folder: TempDir,
 }
 
-impl Desk {
+impl CliSandbox {
     pub(crate) fn new() -> Self {
         Self { folder: TempDir::new().expect("there is room for a folder") }
     }
@@ -60,10 +60,10 @@ impl Desk {
     pub(crate) fn put(&self, name: &str, content: &str) {
         fs::write(self.path(name), content).expect("there is room for a file");
     }
-    pub(crate) fn run(&self, words: &str) -> Ran {
+    pub(crate) fn run(&self, words: &str) -> RunOutcome {
         self.run_with(words, Vec::new())
     }
-    pub(crate) fn run_with(&self, words: &str, stdin: impl Into<Vec<u8>>) -> Ran {
+    pub(crate) fn run_with(&self, words: &str, stdin: impl Into<Vec<u8>>) -> RunOutcome {
         let command = Command::cargo_bin("lodsmith")
             .expect("the command is built")
             .args(words.split_whitespace())
@@ -71,7 +71,7 @@ impl Desk {
             .env_remove("RUST_BACKTRACE")
             .write_stdin(stdin)
             .output();
-        Ran::of(command.expect("it runs"))
+        RunOutcome::of(command.expect("it runs"))
     }
     /// Starts the command and leaves it running. Standard input stays open until it is taken and dropped.
     pub(crate) fn start(&self, words: &str) -> std::process::Child {
@@ -97,9 +97,9 @@ impl Desk {
     }
     /// Runs the command with a standard output that accepts nothing, like a full disk.
     #[cfg(target_os = "linux")]
-    pub(crate) fn run_into_full_device(&self, words: &str) -> Ran {
+    pub(crate) fn run_into_full_device(&self, words: &str) -> RunOutcome {
         let device = fs::File::options().write(true).open("/dev/full").expect("Linux has it");
-        Ran::of(self.start_into(words, device.into()).wait_with_output().expect("it ends"))
+        RunOutcome::of(self.start_into(words, device.into()).wait_with_output().expect("it ends"))
     }
     pub(crate) fn names(&self, folder: &str) -> Vec<String> {
         let entries = fs::read_dir(self.path(folder)).expect("the folder is there");

@@ -14,11 +14,11 @@ pub struct Nearest {
 /// A triangle whose height is less than this fraction of its longest edge is treated as its three edges: the
 /// rounding of the cross product could rotate its normal by more than 1e-6. (Calculated: a product of doubles
 /// is off by 1e-16 of the longest edge squared.)
-const NEEDLE: f64 = 1e-10;
+const NEEDLE_HEIGHT: f64 = 1e-10;
 
 /// Below this relative height the normal is off by more than 1e-13, too much for a lever as long as the
 /// triangle.
-const THIN: f64 = 1e-3;
+const THIN_HEIGHT: f64 = 1e-3;
 
 /// Finds the point of a triangle that lies nearest to `point`.
 ///
@@ -45,9 +45,9 @@ pub fn nearest(point: DVec3, corners: [DVec3; 3]) -> Nearest {
     let sides = [normal.dot(ab.cross(ap)), normal.dot(bc.cross(bp)), normal.dot(ca.cross(cp))];
     let is_inside = sides[0] > 0.0 && sides[1] > 0.0 && sides[2] > 0.0;
     // False also for zero area and NaN.
-    let is_solid = normal_sq > THIN * THIN * longest_sq * longest_sq;
+    let is_solid = normal_sq > THIN_HEIGHT * THIN_HEIGHT * longest_sq * longest_sq;
     if !is_solid {
-        let is_needle = normal_sq <= NEEDLE * NEEDLE * longest_sq * longest_sq;
+        let is_needle = normal_sq <= NEEDLE_HEIGHT * NEEDLE_HEIGHT * longest_sq * longest_sq;
         return nearest_thin(point, corners, if is_inside && !is_needle { normal } else { DVec3::ZERO });
     }
     if is_inside {

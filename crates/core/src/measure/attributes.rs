@@ -6,7 +6,7 @@ use crate::geometry::triangle::{self, double_area_normal, weights_at};
 use crate::ids::WedgeId;
 use crate::mesh::TriMesh;
 use crate::mesh::weld::weld;
-use crate::sampling::Sampler;
+use crate::sampling::SurfaceSampler;
 use crate::spatial::{Bvh, Hint};
 
 use super::{CompareOptions, MeasureError, TwoWay, chunks, one_way};
@@ -70,10 +70,11 @@ pub fn compare_textured(
     image_sizes: &[Option<[u32; 2]>],
     options: &CompareOptions,
 ) -> Result<AttributeErrors, MeasureError> {
-    let of = |mesh, image_sizes, which| Side::new(mesh, image_sizes).ok_or(MeasureError::Empty { which });
+    let of =
+        |mesh, image_sizes, which| MeasuredMesh::new(mesh, image_sizes).ok_or(MeasureError::Empty { which });
     let (a, b) = (of(reference, image_sizes, "reference")?, of(candidate, &[], "candidate")?);
     let samples = options.samples.max(1);
-    let hair = HAIR * a.tree.bounds().map_or(0.0, |b| b.diagonal());
+    let hair = SEAM_TOLERANCE * a.tree.bounds().map_or(0.0, |b| b.diagonal());
     let (forward, backward) =
         (a.differences(&b, samples, options.seed, hair), b.differences(&a, samples, options.seed, hair));
     let has_uvs = reference.uvs().is_some() && candidate.uvs().is_some();
@@ -105,19 +106,19 @@ impl AttributeError {
 
 /// How much farther away than the nearest point the right side of a seam may be, as a share of the diagonal.
 /// (Chosen on three textured models at 50 to 5 %: seams of good results move by less.)
-const HAIR: f64 = 2e-3;
+const SEAM_TOLERANCE: f64 = 2e-3;
 /// Texture coordinates that differ by less are of the same chart, and no other is searched for. (Guessed: ten
 /// texels of 1,024.)
-const SAME_CHART: f64 = 0.01;
+const SAME_CHART_UV: f64 = 0.01;
 /// Maximum number of faces examined in the search for another chart. (Guessed: a surface within `HAIR` has
 /// some hundred at ten million faces; only a point far from everything is as near to more.)
-const MOST_FACES: usize = 1000;
+const MAX_SEARCH_FACES: usize = 1000;
 
 /// A mesh prepared for measuring against another.
-struct Side<'a> {
+struct MeasuredMesh<'a> {
     mesh: &'a TriMesh,
     tree: Bvh,
-    sampler: Sampler,
+    sampler: SurfaceSampler,
     /// The chart of each face; empty without texture coordinates.
     charts: Vec<u32>,
     /// Width and height of the image of each region, if it has one.
@@ -126,7 +127,7 @@ struct Side<'a> {
 
 /// The nearest point of a chart, on sheets that face one way.
 #[derive(Clone, Copy)]
-struct Choice {
+struct ChartPoint {
     slot: u32,
     chart: u32,
     is_back: bool,
@@ -135,18 +136,24 @@ struct Choice {
 }
 
 /// Values at a point: normal, texture coordinates, colour, and the size of the image.
-struct Values {
+struct AttributeValues {
     normal: Option<DVec3>,
     uv: Option<[f64; 2]>,
     color: Option<[f64; 4]>,
     image_size: Option<[u32; 2]>,
 }
 
-impl<'a> Side<'a> {
+impl<'a> MeasuredMesh<'a> {
     fn new(mesh: &'a TriMesh, image_sizes: &'a [Option<[u32; 2]>]) -> Option<Self> {
         let surface = mesh.surface();
         let charts = charts(mesh);
-        Some(Self { mesh, tree: Bvh::new(&surface), sampler: Sampler::new(&surface)?, charts, image_sizes })
+        Some(Self {
+            mesh,
+            tree: Bvh::new(&surface),
+            sampler: SurfaceSampler::new(&surface)?,
+            charts,
+            image_sizes,
+        })
     }
 
     fn corners(&self, face: usize) -> [DVec3; 3] {
@@ -154,7 +161,7 @@ impl<'a> Side<'a> {
         self.mesh.triangles()[face].map(|w| DVec3::from(positions.get(self.mesh.vertex_of(w))))
     }
 
-    fn values(&self, face: usize, weights: [f64; 3]) -> Values {
+    fn values(&self, face: usize, weights: [f64; 3]) -> AttributeValues {
         let wedges = self.mesh.triangles()[face];
         fn blend<const N: usize>(all: &[[f32; N]], wedges: [WedgeId; 3], weights: [f64; 3]) -> [f64; N] {
             std::array::from_fn(|k| {
@@ -162,7 +169,7 @@ impl<'a> Side<'a> {
             })
         }
         let region = self.mesh.regions().map_or(0, |regions| regions[face].index());
-        Values {
+        AttributeValues {
             image_size: self.image_sizes.get(region).copied().flatten(),
             normal: self.mesh.normals().map(|n| DVec3::from(blend(n, wedges, weights))),
             uv: self.mesh.uvs().map(|t| blend(t, wedges, weights)),
@@ -176,28 +183,28 @@ impl<'a> Side<'a> {
         &self,
         point: DVec3,
         normal: DVec3,
-        here: &Values,
+        here: &AttributeValues,
         hair: f64,
         hint: &mut Hint,
-    ) -> Option<Values> {
+    ) -> Option<AttributeValues> {
         let p = self.tree.frame().unit_from_user(point.into());
         let nearest = self.tree.closest_slot(p, f64::INFINITY, hint)?;
         let first = self.choice(nearest.slot, p, normal, here);
         let mut chosen = first;
-        if first.is_back || first.uv_off > SAME_CHART {
+        if first.is_back || first.uv_off > SAME_CHART_UV {
             let reach = nearest.distance_sq.sqrt() + self.tree.frame().unit_length(hair);
             let mut choices = vec![first];
             let mut looked_at = 0;
             self.tree.visit(p, reach * reach, |slot| {
                 looked_at += 1;
-                if looked_at > MOST_FACES {
+                if looked_at > MAX_SEARCH_FACES {
                     return Some(0.0);
                 }
                 let choice = self.choice(slot, p, normal, here);
                 if choice.distance_sq > reach * reach {
                     return None;
                 }
-                let same = |c: &&mut Choice| (c.chart, c.is_back) == (choice.chart, choice.is_back);
+                let same = |c: &&mut ChartPoint| (c.chart, c.is_back) == (choice.chart, choice.is_back);
                 match choices.iter_mut().find(same) {
                     Some(known) if choice.distance_sq < known.distance_sq => *known = choice,
                     Some(_) => {}
@@ -218,7 +225,7 @@ impl<'a> Side<'a> {
         Some(self.values(self.tree.slot_face(chosen.slot).index(), weights))
     }
 
-    fn choice(&self, slot: u32, p: DVec3, normal: DVec3, here: &Values) -> Choice {
+    fn choice(&self, slot: u32, p: DVec3, normal: DVec3, here: &AttributeValues) -> ChartPoint {
         let corners = self.tree.slot_corners(slot);
         let nearest = triangle::nearest(p, corners);
         let face = self.tree.slot_face(slot).index();
@@ -231,12 +238,12 @@ impl<'a> Side<'a> {
             _ => 0.0,
         };
         let chart = self.charts.get(face).copied().unwrap_or(0);
-        Choice { slot, chart, is_back, distance_sq: nearest.distance_sq, uv_off }
+        ChartPoint { slot, chart, is_back, distance_sq: nearest.distance_sq, uv_off }
     }
 
     /// Returns the differences of normals, texture coordinates, colours, and texture coordinates in texels at
     /// the samples of this mesh.
-    fn differences(&self, to: &Side<'_>, samples: usize, seed: u64, hair: f64) -> [Vec<f64>; 4] {
+    fn differences(&self, to: &MeasuredMesh<'_>, samples: usize, seed: u64, hair: f64) -> [Vec<f64>; 4] {
         let parts = chunks::map(samples, |range| {
             let mut part = [const { Vec::new() }; 4];
             let mut hint = Hint::default();

@@ -4,11 +4,11 @@ use std::ops::Range;
 
 /// Queries per chunk. Long enough to amortize the first query, which has no hint; short enough to balance the
 /// load.
-const CHUNK: usize = 2048;
+const CHUNK_LENGTH: usize = 2048;
 
 /// Calls `work` for each chunk of `0..count`; returns the results in the order of the chunks.
 pub fn map<T: Send>(count: usize, work: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
-    map_by(CHUNK, count, work)
+    map_by(CHUNK_LENGTH, count, work)
 }
 
 /// Calls `work` for each chunk of `size`, which is not 0.
@@ -27,6 +27,6 @@ pub(crate) fn map_by<T: Send>(size: usize, count: usize, work: impl Fn(Range<usi
 /// Returns the mean of numbers; 0 if there are none. Summed by chunks, so that millions of small terms keep
 /// their digits.
 pub(crate) fn mean(numbers: &[f64]) -> f64 {
-    let sum: f64 = numbers.chunks(CHUNK).map(|part| part.iter().sum::<f64>()).sum();
+    let sum: f64 = numbers.chunks(CHUNK_LENGTH).map(|part| part.iter().sum::<f64>()).sum();
     if numbers.is_empty() { 0.0 } else { sum / numbers.len() as f64 }
 }

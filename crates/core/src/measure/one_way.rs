@@ -18,7 +18,7 @@ pub(super) struct OneWay {
 }
 
 #[derive(Default)]
-struct Part {
+struct ChunkDistances {
     /// In the frame of the target surface.
     distances: Vec<f64>,
     angles_deg: Vec<f64>,
@@ -31,7 +31,8 @@ impl OneWay {
         let nearest = |p: DVec3, hint: &mut Hint| target.closest_slot(into_target(p), f64::INFINITY, hint);
 
         let parts = chunks::map(samples, |range| {
-            let mut part = Part { distances: Vec::with_capacity(range.len()), ..Part::default() };
+            let mut part =
+                ChunkDistances { distances: Vec::with_capacity(range.len()), ..ChunkDistances::default() };
             let mut hint = Hint::default();
             for sample in from.sampler().samples(range, samples, seed) {
                 let corners = source.slot_corners(sample.face.0);
@@ -62,7 +63,7 @@ impl OneWay {
             angles_deg.append(&mut part.angles_deg);
         }
         let seen = distances.iter().chain(&at_vertices).copied().fold(0.0, f64::max);
-        let max = farther_near_the_farthest(from, to, &distances, seed).max(seen);
+        let max = climb_to_farthest(from, to, &distances, seed).max(seen);
         let mean = chunks::mean(&distances);
         let p99 = quantile(&mut distances, 0.99);
         // Divided by the largest first: the square of 1e-170 underflows.
@@ -77,16 +78,16 @@ impl OneWay {
 /// Number of samples from which a hill climb searches for a farther place. The largest distance of a scan
 /// rises by up to a tenth within the first few (measured on a terrain of 200,000 faces at a tenth of them);
 /// this many are some 5,000 queries (calculated).
-const CLIMBS: usize = 64;
+const CLIMB_SAMPLES: usize = 64;
 
 /// Returns the largest distance found by hill climbing from the samples with the largest distances, each
 /// within its face.
-fn farther_near_the_farthest(from: &Prepared, to: &Prepared, distances: &[f64], seed: u64) -> f64 {
+fn climb_to_farthest(from: &Prepared, to: &Prepared, distances: &[f64], seed: u64) -> f64 {
     let mut order: Vec<usize> = (0..distances.len()).collect();
     let farthest_first = |a: &usize, b: &usize| distances[*b].total_cmp(&distances[*a]).then(a.cmp(b));
-    if order.len() > CLIMBS {
-        order.select_nth_unstable_by(CLIMBS, farthest_first);
-        order.truncate(CLIMBS);
+    if order.len() > CLIMB_SAMPLES {
+        order.select_nth_unstable_by(CLIMB_SAMPLES, farthest_first);
+        order.truncate(CLIMB_SAMPLES);
     }
     let climb = |&number: &usize| {
         let Some(sample) = from.sampler().samples(number..number + 1, distances.len(), seed).next() else {

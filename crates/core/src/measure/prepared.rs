@@ -1,7 +1,7 @@
 //! A surface prepared for measuring.
 
 use crate::mesh::Surface;
-use crate::sampling::Sampler;
+use crate::sampling::SurfaceSampler;
 use crate::spatial::Bvh;
 
 use super::error::MeasureError;
@@ -14,7 +14,7 @@ use super::error::MeasureError;
 pub struct Prepared {
     tree: Bvh,
     /// Samples the slots of the tree, whose order keeps neighbours together whatever the order of the file.
-    sampler: Sampler,
+    sampler: SurfaceSampler,
     diagonal: f64,
 }
 
@@ -31,7 +31,7 @@ impl Prepared {
         let tree = Bvh::new(surface);
         let bounds = tree.bounds().ok_or(MeasureError::Empty { which })?;
         let slots = || (0..tree.face_count() as u32).map(|slot| Some(tree.slot_corners(slot)));
-        let sampler = Sampler::over(slots);
+        let sampler = SurfaceSampler::over(slots);
         Ok(Self { sampler, diagonal: bounds.diagonal(), tree })
     }
 
@@ -43,7 +43,7 @@ impl Prepared {
     pub fn diagonal(&self) -> f64 {
         self.diagonal
     }
-    pub(super) fn sampler(&self) -> &Sampler {
+    pub(super) fn sampler(&self) -> &SurfaceSampler {
         &self.sampler
     }
 }

@@ -21,7 +21,7 @@ use piece::Piece;
 
 /// Bounds of the largest distance from one surface to another, in the units of the positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Farthest {
+pub struct DistanceBounds {
     /// Lower bound: the largest distance that was found.
     pub seen: f64,
     /// Upper bound: no place is farther away.
@@ -31,7 +31,7 @@ pub struct Farthest {
 /// Result of testing whether all of a surface lies within a distance of another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub enum Kept {
+pub enum WithinResult {
     /// All of it does. Holds a proven upper bound of its distance, in the units of the positions, at most the
     /// tested one.
     Yes(f64),
@@ -39,55 +39,55 @@ pub enum Kept {
     /// positions.
     No(f64),
     /// Undecided within the work limit.
-    Open,
+    Undecided,
 }
 
 /// Pieces whose corners are nearer to their middle than this, in the unit frame, are not cut any more: it is
 /// close to the resolution of a double.
-const FINEST: f64 = 1e-14;
+const MIN_PIECE_RADIUS: f64 = 1e-14;
 /// Distances below this, in the unit frame, count as zero when searching for the largest one. (Guessed:
 /// rounding of coordinates is a hundredth of it.)
-const NOTHING: f64 = 1e-12;
+const ZERO_DISTANCE: f64 = 1e-12;
 /// Maximum number of steps of a proof for each face of both surfaces. (Measured on scans: .2 to 3.)
-const STEPS: usize = 256;
+const MAX_STEPS_PER_FACE: usize = 256;
 /// Base number of steps, whatever the number of faces.
-const FIRST_STEPS: usize = 1 << 20;
+const BASE_STEPS: usize = 1 << 20;
 /// Number of faces, or of unfinished pieces, that one task takes at a time...
-const FACES: usize = 1024;
-const PIECES: usize = 128;
+const FACES_PER_TASK: usize = 1024;
+const PIECES_PER_TASK: usize = 128;
 /// ... and the number of steps on them before the unfinished pieces are redistributed. (Guessed: a thousandth
 /// of a second.)
-const AT_ONCE: usize = 4096;
+const STEPS_PER_TASK: usize = 4096;
 /// Offset of a cut outside of the face, as a share of how far outside a point at the height of the piece
 /// could lie and still be within the distance. (Measured: .5 takes 9 % more steps, .85 31 %.)
-const OUTSIDE: f64 = 0.3;
+const CUT_OFFSET: f64 = 0.3;
 /// Cuts nearer to a corner than this share of the offset are skipped: the rest would be a sliver, and near
 /// enough.
-const SLIVER: f64 = 0.2;
+const MIN_CUT_SHARE: f64 = 0.2;
 /// Pieces larger than this many times the face below them are halved and not cut along it. (Measured: 1 to 16
 /// differ by less than 4 % in steps.)
-const LARGE: f64 = 2.0;
+const MAX_CUT_RADIUS: f64 = 2.0;
 /// Faces smaller than this share of the distance are not cut along: halves are soon near enough.
-const SMALL: f64 = 0.5;
+const MIN_CUT_FACE: f64 = 0.5;
 
 /// Proves that every point of `from` lies within a distance of `to`, or finds one that does not.
 ///
 /// The distance is in the units of the positions. Deterministic at any number of threads. The rounding error
 /// is some 1e-15 of the size of the surfaces. Cost: some steps of O(log n) for each face of either surface
 /// that is near the other; a `No` is mostly quick.
-pub fn keeps_within(from: &Prepared, to: &Prepared, distance: f64) -> Kept {
+pub fn prove_within(from: &Prepared, to: &Prepared, distance: f64) -> WithinResult {
     let frame = to.tree().frame();
     let limit = frame.unit_length(distance);
     if limit.is_nan() || limit < 0.0 {
-        return Kept::Open;
+        return WithinResult::Undecided;
     }
     let is_over = AtomicBool::new(false);
-    let all = all_within(from, to, Rule { limit, tolerance: None, is_over: &is_over });
+    let all = all_within(from, to, ProofLimits { limit, tolerance: None, is_over: &is_over });
     let (seen, bound) = (frame.user_length(all.seen), frame.user_length(all.bound));
     match () {
-        () if all.seen > limit => Kept::No(seen.max(distance)),
-        () if all.bound <= limit => Kept::Yes(bound.min(distance)),
-        () => Kept::Open,
+        () if all.seen > limit => WithinResult::No(seen.max(distance)),
+        () if all.bound <= limit => WithinResult::Yes(bound.min(distance)),
+        () => WithinResult::Undecided,
     }
 }
 
@@ -97,41 +97,41 @@ pub fn keeps_within(from: &Prepared, to: &Prepared, distance: f64) -> Kept {
 /// positions. The bound is at most `1 + tolerance` times the distance found, or some 1e-12 of the size of
 /// `to`, unless the work limit is reached: then it is the best one so far. Deterministic; costs as much as
 /// [`keeps_within`] with the distance that is found.
-pub fn farthest(from: &Prepared, to: &Prepared, seen: f64, tolerance: f64) -> Farthest {
+pub fn bound_distance(from: &Prepared, to: &Prepared, seen: f64, tolerance: f64) -> DistanceBounds {
     let frame = to.tree().frame();
     let seen = seen.max(farthest_vertex(from, to));
     let unit = frame.unit_length(seen);
     if !unit.is_finite() || unit >= 1e90 {
-        return Farthest { seen, bound: f64::INFINITY };
+        return DistanceBounds { seen, bound: f64::INFINITY };
     }
     let tolerance = tolerance.max(1e-9);
-    let limit = (unit * (1.0 + tolerance)).max(NOTHING);
+    let limit = (unit * (1.0 + tolerance)).max(ZERO_DISTANCE);
     let is_over = AtomicBool::new(false);
-    let all = all_within(from, to, Rule { limit, tolerance: Some(tolerance), is_over: &is_over });
+    let all = all_within(from, to, ProofLimits { limit, tolerance: Some(tolerance), is_over: &is_over });
     let seen = seen.max(frame.user_length(all.seen));
-    Farthest { seen, bound: frame.user_length(all.bound).max(seen) }
+    DistanceBounds { seen, bound: frame.user_length(all.bound).max(seen) }
 }
 
 /// Barycentric coordinates of the points of a face that [`is_seen_within`] tests besides its corners: its
 /// middle, the middles of its sides, and the points halfway from its middle to its corners.
-const PLACES: [[f64; 3]; 7] = {
+const FACE_SAMPLES: [[f64; 3]; 7] = {
     const HALF: f64 = 1.0 / 2.0;
     const THIRD: f64 = 1.0 / 3.0;
-    const MOST: f64 = 2.0 / 3.0;
-    const LEAST: f64 = 1.0 / 6.0;
+    const TWO_THIRDS: f64 = 2.0 / 3.0;
+    const SIXTH: f64 = 1.0 / 6.0;
     [
         [THIRD, THIRD, THIRD],
         [HALF, HALF, 0.0],
         [0.0, HALF, HALF],
         [HALF, 0.0, HALF],
-        [MOST, LEAST, LEAST],
-        [LEAST, MOST, LEAST],
-        [LEAST, LEAST, MOST],
+        [TWO_THIRDS, SIXTH, SIXTH],
+        [SIXTH, TWO_THIRDS, SIXTH],
+        [SIXTH, SIXTH, TWO_THIRDS],
     ]
 };
 /// With more faces than this no points inside faces are tested, with more than a fifth of it only the first
 /// four. (Guessed: few enough that a run to a count takes longer.)
-const MANY: usize = 50_000;
+const MAX_FACES_FOR_MIDDLES: usize = 50_000;
 
 /// True if all tested places of `from` lie within a distance of `to`: the vertices, and up to seven points of
 /// each face.
@@ -139,7 +139,7 @@ const MANY: usize = 50_000;
 /// The places do not depend on the distance, so a false result is also false for any shorter distance; and if
 /// [`keeps_within`] proves a distance, the result is true. Lengths are in the units of the positions. Cost:
 /// O(log n) per place.
-pub fn is_seen_within(from: &Prepared, to: &Prepared, distance: f64) -> bool {
+pub fn samples_within(from: &Prepared, to: &Prepared, distance: f64) -> bool {
     let (source, target) = (from.tree(), to.tree());
     let limit = target.frame().unit_length(distance);
     let limit_sq = limit * limit;
@@ -161,7 +161,7 @@ pub fn is_seen_within(from: &Prepared, to: &Prepared, distance: f64) -> bool {
         !is_found
     };
     let vertices = source.vertices();
-    chunks::map_by(FACES, vertices.len(), |range| {
+    chunks::map_by(FACES_PER_TASK, vertices.len(), |range| {
         let mut near = 0;
         for p in &vertices[range] {
             if is_beyond.load(Ordering::Relaxed) || is_far(*p, &mut near) {
@@ -170,11 +170,11 @@ pub fn is_seen_within(from: &Prepared, to: &Prepared, distance: f64) -> bool {
         }
     });
     let places = match source.face_count() {
-        n if n > MANY => &[],
-        n if n > MANY / 5 => &PLACES[..4],
-        _ => &PLACES[..],
+        n if n > MAX_FACES_FOR_MIDDLES => &[],
+        n if n > MAX_FACES_FOR_MIDDLES / 5 => &FACE_SAMPLES[..4],
+        _ => &FACE_SAMPLES[..],
     };
-    chunks::map_by(FACES, source.face_count(), |faces| {
+    chunks::map_by(FACES_PER_TASK, source.face_count(), |faces| {
         let mut near = 0;
         for slot in faces {
             let [a, b, c] = source.slot_corners(slot as u32);
@@ -205,7 +205,7 @@ fn farthest_vertex(from: &Prepared, to: &Prepared) -> f64 {
 
 /// Limits for all pieces; lengths in the unit frame of the target surface.
 #[derive(Clone, Copy)]
-struct Rule<'a> {
+struct ProofLimits<'a> {
     limit: f64,
     /// If set, a place beyond the limit raises the limit to its distance times one plus this. Else it ends
     /// the search.
@@ -215,25 +215,25 @@ struct Rule<'a> {
 
 /// Results for some pieces.
 #[derive(Default)]
-struct Found {
+struct ProofState {
     seen: f64,
     bound: f64,
     steps: usize,
     left: Vec<Piece>,
 }
 
-fn all_within(from: &Prepared, to: &Prepared, mut rule: Rule<'_>) -> Found {
+fn all_within(from: &Prepared, to: &Prepared, mut rule: ProofLimits<'_>) -> ProofState {
     let (source, target) = (from.tree(), to.tree());
     let count = source.face_count();
-    let most = FIRST_STEPS.saturating_add(STEPS.saturating_mul(count + target.face_count()));
-    let mut all = Found::default();
-    let first = chunks::map_by(FACES, count, |faces| {
-        let mut search = Search::new(target, rule);
+    let most = BASE_STEPS.saturating_add(MAX_STEPS_PER_FACE.saturating_mul(count + target.face_count()));
+    let mut all = ProofState::default();
+    let first = chunks::map_by(FACES_PER_TASK, count, |faces| {
+        let mut search = PieceSearch::new(target, rule);
         let mut hint = u32::MAX;
         for slot in faces {
             let corners = source.slot_corners(slot as u32).map(|p| source.frame().to(target.frame(), p));
             search.pieces.push(Piece::of_face(corners, hint));
-            hint = search.go(AT_ONCE * (1 + slot % FACES) / FACES + 64);
+            hint = search.run(STEPS_PER_TASK * (1 + slot % FACES_PER_TASK) / FACES_PER_TASK + 64);
         }
         search.found()
     });
@@ -244,14 +244,14 @@ fn all_within(from: &Prepared, to: &Prepared, mut rule: Rule<'_>) -> Found {
         }
         let pieces = std::mem::take(&mut all.left);
         let is_last = all.steps > most;
-        let parts = chunks::map_by(PIECES, pieces.len(), |range| {
-            let mut search = Search::new(target, rule);
+        let parts = chunks::map_by(PIECES_PER_TASK, pieces.len(), |range| {
+            let mut search = PieceSearch::new(target, rule);
             if is_last {
-                pieces[range].iter().for_each(|piece| search.settle(piece));
+                pieces[range].iter().for_each(|piece| search.bound_piece(piece));
             } else {
                 // Pieces are popped from the end: reversed, so that the first comes first.
                 search.pieces.extend(pieces[range].iter().rev().copied());
-                search.go(AT_ONCE);
+                search.run(STEPS_PER_TASK);
             }
             search.found()
         });
@@ -263,7 +263,7 @@ fn all_within(from: &Prepared, to: &Prepared, mut rule: Rule<'_>) -> Found {
     all
 }
 
-impl Found {
+impl ProofState {
     fn add(&mut self, parts: Vec<Self>) {
         for mut part in parts {
             self.seen = self.seen.max(part.seen);
@@ -275,9 +275,9 @@ impl Found {
 }
 
 /// A depth-first search; the last piece is handled first.
-struct Search<'a> {
+struct PieceSearch<'a> {
     to: &'a Bvh,
-    rule: Rule<'a>,
+    rule: ProofLimits<'a>,
     pieces: Vec<Piece>,
     seen: f64,
     bound: f64,
@@ -286,29 +286,29 @@ struct Search<'a> {
     near: u32,
 }
 
-impl<'a> Search<'a> {
-    fn new(to: &'a Bvh, rule: Rule<'a>) -> Self {
+impl<'a> PieceSearch<'a> {
+    fn new(to: &'a Bvh, rule: ProofLimits<'a>) -> Self {
         Self { to, rule, pieces: Vec::new(), seen: 0.0, bound: 0.0, steps: 0, near: u32::MAX }
     }
 
-    fn found(self) -> Found {
-        Found { seen: self.seen, bound: self.bound, steps: self.steps, left: self.pieces }
+    fn found(self) -> ProofState {
+        ProofState { seen: self.seen, bound: self.bound, steps: self.steps, left: self.pieces }
     }
 
     /// Runs until no piece is left, or `steps` steps are taken in total. Returns the face that was nearest
     /// last.
-    fn go(&mut self, steps: usize) -> u32 {
+    fn run(&mut self, steps: usize) -> u32 {
         while self.steps < steps && !self.rule.is_over.load(Ordering::Relaxed) {
             let Some(piece) = self.pieces.pop() else { break };
             self.steps += 1;
-            self.look(piece);
+            self.process_piece(piece);
         }
         self.near
     }
 
     /// Adds the bound of a piece without cutting it: the distance of its corners to one face bounds all of
     /// it.
-    fn settle(&mut self, piece: &Piece) {
+    fn bound_piece(&mut self, piece: &Piece) {
         let mut hint = Hint::at(piece.near);
         let near = self.to.closest_slot(piece.middle(), f64::INFINITY, &mut hint);
         let bound = near.map_or(f64::INFINITY, |hit| {
@@ -346,7 +346,7 @@ impl<'a> Search<'a> {
         self.near = slot;
     }
 
-    fn look(&mut self, piece: Piece) {
+    fn process_piece(&mut self, piece: Piece) {
         let tried = piece.near;
         let is_first = (tried as usize) < self.to.face_count() && !piece.is_tried;
         if is_first && self.is_near(&piece, tried) {
@@ -398,7 +398,7 @@ impl<'a> Search<'a> {
         }
         let radius = piece.radius(middle);
         let bound = height + radius;
-        if bound <= self.rule.limit || radius <= FINEST {
+        if bound <= self.rule.limit || radius <= MIN_PIECE_RADIUS {
             self.bound = self.bound.max(bound);
             self.near = slot;
             return;
@@ -412,15 +412,16 @@ impl<'a> Search<'a> {
         let normal = double_area_normal(face).normalize_or_zero();
         let longest = (0..3).map(|k| face[k].distance(face[(k + 1) % 3])).fold(0.0, f64::max);
         let limit = self.rule.limit;
-        let is_of_use = piece.cut_by != slot && longest >= SMALL * limit && radius <= LARGE * longest;
+        let is_of_use =
+            piece.cut_by != slot && longest >= MIN_CUT_FACE * limit && radius <= MAX_CUT_RADIUS * longest;
         if !is_of_use || normal == glam::DVec3::ZERO || !piece.has_room() {
             return self.halve(piece, slot);
         }
         let heights = piece.corners().iter().map(|p| (*p - face[0]).dot(normal).abs());
         let over = heights.fold(0.0, f64::max);
         let over = if over < limit { over } else { height.min(limit) };
-        let room = OUTSIDE * (limit * limit - over * over).max(0.0).sqrt();
-        let sliver = SLIVER * room + f64::EPSILON;
+        let room = CUT_OFFSET * (limit * limit - over * over).max(0.0).sqrt();
+        let sliver = MIN_CUT_SHARE * room + f64::EPSILON;
         let mut inside = piece;
         for k in 0..3 {
             let out = (face[(k + 1) % 3] - face[k]).cross(normal).normalize_or_zero();
@@ -429,7 +430,7 @@ impl<'a> Search<'a> {
             (beyond.near, beyond.is_tried, beyond.cut_by) = (slot, true, u32::MAX);
             self.pieces.push(beyond);
         }
-        if inside.is_whole(&piece) {
+        if inside.has_same_corners(&piece) {
             return self.halve(piece, slot);
         }
         (inside.near, inside.is_tried, inside.cut_by) = (slot, false, slot);

@@ -51,13 +51,13 @@ pub enum Semantic {
         /// The name.
         name: String,
         /// The type of the numbers in the file that was read and in files that are written.
-        of: Integer,
+        of: IntegerType,
     },
 }
 
 /// An integer type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Integer {
+pub enum IntegerType {
     /// 8 bits, signed.
     I8,
     /// 8 bits, unsigned.
@@ -72,7 +72,7 @@ pub enum Integer {
     U32,
 }
 
-impl Integer {
+impl IntegerType {
     /// All types.
     pub const ALL: [Self; 6] = [Self::I8, Self::U8, Self::I16, Self::U16, Self::I32, Self::U32];
 

@@ -157,7 +157,7 @@ pub fn duplicates(triangles: &[[VertexId; 3]], vertex_count: usize) -> Duplicate
 /// A surface that engines can work on, and the counts of what was dropped.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Cleaned {
+pub struct CleanSurface {
     /// The remaining faces, in their order, over vertices that represent themselves in `weld`; each starts
     /// with the same corner as in the source.
     pub triangles: Vec<[VertexId; 3]>,
@@ -173,7 +173,7 @@ pub struct Cleaned {
     pub non_finite_count: usize,
 }
 
-impl Cleaned {
+impl CleanSurface {
     /// Number of faces that were dropped.
     pub fn dropped_face_count(&self) -> usize {
         self.degenerate_count + self.duplicate_count + self.non_finite_count
@@ -186,7 +186,7 @@ impl Cleaned {
 /// Faces without area stay: dropping them would open the surface. Duplicates with opposite winding stay too:
 /// they are the two sides of a sheet. Cost: O(n); about 20 bytes per face at the peak, 14 of them in the
 /// result; 30 for a soup that shares no vertex.
-pub fn clean_surface(surface: &Surface<'_>, weld_distance: Option<f64>) -> Cleaned {
+pub fn clean_surface(surface: &Surface<'_>, weld_distance: Option<f64>) -> CleanSurface {
     let positions = surface.positions();
     let weld = match weld_distance {
         Some(distance) => weld_within(positions, distance),
@@ -224,7 +224,7 @@ pub fn clean_surface(surface: &Surface<'_>, weld_distance: Option<f64>) -> Clean
     for v in triangles.iter().flatten() {
         used[v.index()] = true;
     }
-    Cleaned {
+    CleanSurface {
         vertex_count: used.iter().filter(|u| **u).count(),
         triangles,
         weld,

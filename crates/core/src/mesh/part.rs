@@ -20,7 +20,7 @@ pub struct Part {
 /// Vertices and wedges that a mesh shares with another: the other's id for each of its own, if any.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Known {
+pub struct SharedIds {
     /// One entry for each vertex.
     pub vertices: Vec<Option<VertexId>>,
     /// One entry for each wedge.
@@ -31,7 +31,7 @@ pub struct Known {
 ///
 /// # Panics
 /// If there is no such face.
-pub fn part(whole: &TriMesh, faces: &[FaceId]) -> Part {
+pub fn extract_faces(whole: &TriMesh, faces: &[FaceId]) -> Part {
     let mut wedges: Vec<WedgeId> = faces.iter().flat_map(|f| whole.triangles[f.index()]).collect();
     sorted_once(&mut wedges);
     let mut vertices: Vec<VertexId> = wedges.iter().map(|&w| whole.vertex_of(w)).collect();
@@ -75,7 +75,7 @@ fn sorted_once<T: Ord>(items: &mut Vec<T>) {
 impl Part {
     /// Finds what a mesh made from this part still shares with the whole: vertices whose positions are equal
     /// bit for bit, and wedges there with the same attributes.
-    pub fn shared_with(&self, made: &TriMesh) -> Known {
+    pub fn shared_with(&self, made: &TriMesh) -> SharedIds {
         let place = |p: [f64; 3]| p.map(|x| (x + 0.0).to_bits());
         let places: HashMap<[u64; 3], u32> = self.mesh.positions.view().iter().map(place).zip(0..).collect();
         let local: Vec<Option<u32>> =
@@ -104,7 +104,7 @@ impl Part {
             let own = by_vertex[first..].iter().take_while(|x| x.0 == v).find(|x| same(x.1, w))?;
             Some(self.wedges[own.1.index()])
         };
-        Known { vertices, wedges: (0..made.wedge_count()).map(WedgeId::new).map(wedge).collect() }
+        SharedIds { vertices, wedges: (0..made.wedge_count()).map(WedgeId::new).map(wedge).collect() }
     }
 }
 
@@ -121,7 +121,7 @@ fn counterparts(of: &TriMesh, on: &TriMesh) -> Vec<Option<usize>> {
 ///
 /// # Errors
 /// [`MeshError::WrongLength`] if something is missing, [`MeshError::TooLarge`]; then `whole` is unchanged.
-pub fn append(whole: &mut TriMesh, more: &TriMesh, known: &Known) -> Result<(), MeshError> {
+pub fn append(whole: &mut TriMesh, more: &TriMesh, known: &SharedIds) -> Result<(), MeshError> {
     check_size("corners", (whole.triangles.len() + more.triangles.len()).saturating_mul(3))?;
     check_size("vertices", whole.vertex_count() + more.vertex_count())?;
     check_size("wedges", whole.wedge_count() + more.wedge_count())?;
@@ -206,7 +206,7 @@ mod tests {
         let uvs = (0..whole.wedge_count()).map(|w| [w as f32, 0.5]).collect();
         whole.set_uvs(Some(uvs)).unwrap();
         let faces: Vec<FaceId> = [7, 3, 60, 4].map(FaceId).to_vec();
-        let taken = part(&whole, &faces);
+        let taken = extract_faces(&whole, &faces);
         assert_eq!(taken.mesh.face_count(), 4);
         for (own, f) in taken.mesh.triangles().iter().zip(&faces) {
             assert_eq!(own.map(|w| taken.wedges[w.index()]), whole.triangles()[f.index()]);
@@ -215,13 +215,13 @@ mod tests {
         append(&mut both, &taken.mesh, &taken.shared_with(&taken.mesh)).unwrap();
         assert_eq!((both.vertex_count(), both.wedge_count()), (whole.vertex_count(), whole.wedge_count()));
         assert_eq!(both.face_count(), whole.face_count() + 4);
-        assert_eq!(part(&both, &(192..196).map(FaceId).collect::<Vec<_>>()), taken);
+        assert_eq!(extract_faces(&both, &(192..196).map(FaceId).collect::<Vec<_>>()), taken);
     }
 
     #[test]
     fn what_is_new_is_added_and_what_is_missing_is_named() {
         let whole = shapes::tetrahedron();
-        let taken = part(&whole, &[FaceId(0)]);
+        let taken = extract_faces(&whole, &[FaceId(0)]);
         let mut moved = taken.mesh.clone();
         moved.map_positions(
             |p| if p == whole.positions().view().get(taken.vertices[0]) { [9.0; 3] } else { p },

@@ -235,7 +235,7 @@ const NONE: u32 = u32::MAX;
 
 /// Number of elements that are looked up together. Guessed: enough loads in flight to hide the memory
 /// latency, few enough to stay in the L1 cache.
-const BLOCK: usize = 64;
+const PREFETCH_BLOCK: usize = 64;
 
 /// Finds the first equal element for each of `count` elements, and the number of distinct ones.
 ///
@@ -252,10 +252,10 @@ pub(crate) fn first_equal(
     let mut table = vec![NONE; slots];
     let mut first = Vec::with_capacity(count);
     let mut distinct = 0;
-    let mut start = [0usize; BLOCK];
+    let mut start = [0usize; PREFETCH_BLOCK];
     let mut block = 0;
     while block < count {
-        let size = BLOCK.min(count - block);
+        let size = PREFETCH_BLOCK.min(count - block);
         let mut touched = 0;
         for (k, slot) in start[..size].iter_mut().enumerate() {
             *slot = slot_of(hash_of(block + k));

@@ -190,9 +190,9 @@ impl<'a> Targets<'a> {
 }
 
 /// Joints and weights of each wedge, in sets of four.
-struct JointSets<'a>(Vec<(Fours<'a>, Fours<'a>)>);
+struct JointSets<'a>(Vec<(JointSlots<'a>, JointSlots<'a>)>);
 /// Four numbers for each wedge.
-type Fours<'a> = &'a [[f32; 4]];
+type JointSlots<'a> = &'a [[f32; 4]];
 
 impl<'a> JointSets<'a> {
     /// Returns `None` for a mesh without joints.

@@ -29,7 +29,7 @@ impl Model {
             morph_weights: vec![None; self.nodes.len()],
         };
         for channel in &self.animations[animation].channels {
-            let Some(moment) = Moment::of(channel, seconds) else { continue };
+            let Some(moment) = KeyframePosition::of(channel, seconds) else { continue };
             match (&channel.track, &mut pose.transforms[channel.node]) {
                 (Track::Translation(values), Transform::Parts { translation, .. }) => {
                     *translation = moment.vector(values);
@@ -49,19 +49,19 @@ impl Model {
 }
 
 /// The two keyframes around a moment, and the position between them.
-struct Moment {
+struct KeyframePosition {
     interpolation: Interpolation,
     /// Number of keyframes.
     count: usize,
     from: usize,
     to: usize,
     /// Position between the two keyframes, from 0 to 1.
-    part: f64,
+    fraction: f64,
     /// Seconds between the two keyframes.
     between: f64,
 }
 
-impl Moment {
+impl KeyframePosition {
     /// Returns `None` for a channel without keyframes.
     fn of(channel: &Channel, seconds: f64) -> Option<Self> {
         let Channel { times, interpolation, .. } = channel;
@@ -71,13 +71,13 @@ impl Moment {
         let (from, to) = (after.saturating_sub(1), after.min(last));
         let between = at(to) - at(from);
         let part = if between > 0.0 { (seconds - at(from)) / between } else { 0.0 };
-        Some(Self { interpolation: *interpolation, count: times.len(), from, to, part, between })
+        Some(Self { interpolation: *interpolation, count: times.len(), from, to, fraction: part, between })
     }
 
     /// Interpolates one component. `get` returns it by index; a cubic spline has three entries per keyframe.
     fn number(&self, get: impl Fn(usize) -> f32) -> f64 {
         let get = |place: usize| f64::from(get(place));
-        let t = self.part;
+        let t = self.fraction;
         match self.interpolation {
             Interpolation::Step => get(self.from),
             Interpolation::Linear => get(self.from) * (1.0 - t) + get(self.to) * t,
@@ -105,7 +105,7 @@ impl Moment {
         if self.interpolation == Interpolation::Linear {
             let [from, to] = [self.from, self.to].map(|i| unit(values[i].map(f64::from)));
             // `slerp` takes the shorter arc.
-            return from.slerp(to, self.part);
+            return from.slerp(to, self.fraction);
         }
         unit([0, 1, 2, 3].map(|k| self.number(|place| values[place][k])))
     }

@@ -21,14 +21,14 @@ use crate::mesh::{Bounds, Surface};
 
 /// Boxes per node. Eight fill two 128-bit registers per coordinate, which every 64-bit machine has; 4
 /// measured slower.
-const WIDTH: usize = 8;
+const NODE_WIDTH: usize = 8;
 
 /// Stack size: each level adds at most seven nodes, and 2^32 faces make eleven levels.
-const STACK: usize = 7 * 11 + 2;
+const STACK_SIZE: usize = 7 * 11 + 2;
 
 /// Rounding error of single precision: at most half a step (2^-24) in each of the six operations from a box
 /// to a squared distance; squaring doubles it. This is twice that.
-const SLACK: f32 = 1.0 + 2e-6;
+const BOUND_SLACK: f32 = 1.0 + 2e-6;
 
 /// End of a query, as the starting point of the next one.
 ///
@@ -67,14 +67,15 @@ pub(crate) struct SlotHit {
 
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-struct Node {
-    min: [[f32; WIDTH]; 3],
-    max: [[f32; WIDTH]; 3],
+struct BvhNode {
+    min: [[f32; NODE_WIDTH]; 3],
+    max: [[f32; NODE_WIDTH]; 3],
 }
 
-impl Node {
+impl BvhNode {
     // Inverted boxes: at an infinite distance from everything.
-    const EMPTY: Self = Self { min: [[f32::INFINITY; WIDTH]; 3], max: [[f32::NEG_INFINITY; WIDTH]; 3] };
+    const EMPTY: Self =
+        Self { min: [[f32::INFINITY; NODE_WIDTH]; 3], max: [[f32::NEG_INFINITY; NODE_WIDTH]; 3] };
 }
 
 /// A bounding volume hierarchy over the faces of a surface. Owns its data, so the surface may be dropped.
@@ -86,7 +87,7 @@ pub struct Bvh {
     frame: UnitFrame,
     bounds: Option<Bounds>,
     /// Level 0 first, the root last.
-    nodes: Vec<Node>,
+    nodes: Vec<BvhNode>,
     /// The first child of each node above level 0.
     first_child: Vec<u32>,
     /// Number of nodes of level 0.
@@ -110,7 +111,7 @@ impl Bvh {
         let mut items = Vec::with_capacity(triangles.len());
         for (face, t) in triangles.iter().enumerate() {
             if is_finite(t) {
-                items.push(Item { centre: [0; 3], face: face as u32 });
+                items.push(FaceEntry { centre: [0; 3], face: face as u32 });
                 for p in t.map(|v| positions.get(v)) {
                     let b = bounds.get_or_insert(Bounds { min: p, max: p });
                     for (k, x) in p.into_iter().enumerate() {
@@ -128,7 +129,7 @@ impl Bvh {
             let centre = (a.min(b).min(c) + a.max(b).max(c)) * (0.5 * (1u32 << 30) as f64);
             item.centre = centre.to_array().map(|x| x as i32);
         }
-        arrange(&mut items);
+        sort_into_slots(&mut items);
 
         let mut number = vec![u32::MAX; positions.len()];
         let mut vertices = Vec::with_capacity(positions.len().min(items.len() * 3));
@@ -159,9 +160,9 @@ impl Bvh {
     }
 
     fn build_nodes(&mut self) {
-        self.leaf_count = self.corners.len().div_ceil(WIDTH);
-        for slots in self.corners.chunks(WIDTH) {
-            let mut node = Node::EMPTY;
+        self.leaf_count = self.corners.len().div_ceil(NODE_WIDTH);
+        for slots in self.corners.chunks(NODE_WIDTH) {
+            let mut node = BvhNode::EMPTY;
             for (lane, &[a, b, c]) in slots.iter().enumerate() {
                 let [a, b, c] = [a, b, c].map(|v| self.vertices[v as usize]);
                 let (min, max) = (a.min(b).min(c).to_array(), a.max(b).max(c).to_array());
@@ -174,9 +175,9 @@ impl Bvh {
         }
         let mut level = 0..self.nodes.len();
         while level.len() > 1 {
-            for first in level.clone().step_by(WIDTH) {
-                let mut node = Node::EMPTY;
-                for child in first..(first + WIDTH).min(level.end) {
+            for first in level.clone().step_by(NODE_WIDTH) {
+                let mut node = BvhNode::EMPTY;
+                for child in first..(first + NODE_WIDTH).min(level.end) {
                     let below = &self.nodes[child];
                     for k in 0..3 {
                         node.min[k][child - first] =
@@ -286,7 +287,7 @@ impl Bvh {
 
         // Non-negative floats sort like their bits, so one integer holds distance and node and compares
         // directly.
-        let mut stack = [0u64; STACK];
+        let mut stack = [0u64; STACK_SIZE];
         stack[0] = (self.nodes.len() - 1) as u64;
         let mut waiting = 1;
         while waiting > 0 {
@@ -296,10 +297,10 @@ impl Bvh {
                 continue;
             }
             let node = entry as u32 as usize;
-            let mut near = [0u64; WIDTH];
+            let mut near = [0u64; NODE_WIDTH];
             let is_leaf = node < self.leaf_count;
             let first =
-                if is_leaf { (node * WIDTH) as u32 } else { self.first_child[node - self.leaf_count] };
+                if is_leaf { (node * NODE_WIDTH) as u32 } else { self.first_child[node - self.leaf_count] };
             let count = query.open(&self.nodes[node], first, bound, &mut near);
             sort_few(&mut near[..count]);
             if is_leaf {
@@ -368,8 +369,8 @@ impl Query {
     /// Lists the boxes nearer than the bound, with distance and node packed in one integer. Returns their
     /// number.
     #[inline]
-    fn open(&self, node: &Node, first: u32, bound: f32, near: &mut [u64; WIDTH]) -> usize {
-        let mut distance_sq = [0f32; WIDTH];
+    fn open(&self, node: &BvhNode, first: u32, bound: f32, near: &mut [u64; NODE_WIDTH]) -> usize {
+        let mut distance_sq = [0f32; NODE_WIDTH];
         for k in 0..3 {
             for (lane, sum) in distance_sq.iter_mut().enumerate() {
                 // The larger of the two, or zero between them; written so that each compiles to one
@@ -385,7 +386,7 @@ impl Query {
         for (lane, d) in distance_sq.iter().enumerate() {
             // Written always, counted only if near: avoids an unpredictable branch. `count` never exceeds
             // `lane`.
-            near[count % WIDTH] = u64::from(d.to_bits()) << 32 | u64::from(first + lane as u32);
+            near[count % NODE_WIDTH] = u64::from(d.to_bits()) << 32 | u64::from(first + lane as u32);
             count += usize::from(*d < bound);
         }
         count
@@ -399,7 +400,7 @@ fn bound_of(distance_sq: f64) -> f32 {
     // A distance of zero cannot be improved, and a bound of 0 rejects everything.
     let d = distance_sq as f32;
     // Below the normal range products have a larger relative rounding error: `f32::MIN_POSITIVE` covers it.
-    if distance_sq > 0.0 { (d * SLACK + f32::MIN_POSITIVE).min(f32::MAX) } else { 0.0 }
+    if distance_sq > 0.0 { (d * BOUND_SLACK + f32::MIN_POSITIVE).min(f32::MAX) } else { 0.0 }
 }
 
 #[inline]
@@ -429,19 +430,19 @@ fn round_up(x: f64) -> f32 {
 
 /// A face that is being assigned to a slot.
 #[derive(Clone, Copy)]
-struct Item {
+struct FaceEntry {
     centre: [i32; 3],
     face: u32,
 }
 
 /// Orders items so that each aligned run of 8, 64, 512 … is spatially compact.
-fn arrange(items: &mut [Item]) {
-    if items.len() <= WIDTH {
+fn sort_into_slots(items: &mut [FaceEntry]) {
+    if items.len() <= NODE_WIDTH {
         return;
     }
-    let mut run = WIDTH;
-    while run * WIDTH < items.len() {
-        run *= WIDTH;
+    let mut run = NODE_WIDTH;
+    while run * NODE_WIDTH < items.len() {
+        run *= NODE_WIDTH;
     }
     let left = items.len().div_ceil(run) / 2 * run;
     let (mut min, mut max) = ([i32::MAX; 3], [i32::MIN; 3]);
@@ -459,20 +460,20 @@ fn arrange(items: &mut [Item]) {
 }
 
 #[cfg(feature = "rayon")]
-fn both(left: &mut [Item], right: &mut [Item]) {
+fn both(left: &mut [FaceEntry], right: &mut [FaceEntry]) {
     // Below this, starting a task costs more than the sorting (guessed).
     if left.len() > 8192 {
-        rayon::join(|| arrange(left), || arrange(right));
+        rayon::join(|| sort_into_slots(left), || sort_into_slots(right));
     } else {
-        arrange(left);
-        arrange(right);
+        sort_into_slots(left);
+        sort_into_slots(right);
     }
 }
 
 #[cfg(not(feature = "rayon"))]
-fn both(left: &mut [Item], right: &mut [Item]) {
-    arrange(left);
-    arrange(right);
+fn both(left: &mut [FaceEntry], right: &mut [FaceEntry]) {
+    sort_into_slots(left);
+    sort_into_slots(right);
 }
 
 #[cfg(test)]

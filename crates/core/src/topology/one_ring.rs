@@ -98,14 +98,14 @@ impl Iterator for OneRing<'_> {
 
 /// A corner in a traversal around its vertex.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Step {
+pub(crate) struct FanStep {
     /// The half-edge that leaves the vertex.
     pub(crate) corner: HalfEdgeId,
     /// True if the traversal follows the winding: enters by the leaving half-edge, exits by the arriving one.
     forward: bool,
 }
 
-impl Step {
+impl FanStep {
     fn entering(self) -> HalfEdgeId {
         if self.forward { self.corner } else { self.corner.prev() }
     }
@@ -137,13 +137,13 @@ impl Step {
 pub(crate) struct Fan<'a> {
     topology: &'a Topology,
     first: HalfEdgeId,
-    at: Option<Step>,
+    at: Option<FanStep>,
 }
 
 impl Iterator for Fan<'_> {
-    type Item = Step;
+    type Item = FanStep;
 
-    fn next(&mut self) -> Option<Step> {
+    fn next(&mut self) -> Option<FanStep> {
         let step = self.at?;
         self.at = step.across(self.topology).filter(|next| next.corner != self.first);
         Some(step)
@@ -164,7 +164,7 @@ impl Topology {
     ///
     /// Starting from the first corner of the result gives the same result.
     pub(crate) fn fan_through(&self, corner: HalfEdgeId) -> Fan<'_> {
-        let own = Step { corner, forward: true };
+        let own = FanStep { corner, forward: true };
         let first = match self.end_of_fan(own.turned()) {
             None => own,
             Some(end) => {
@@ -179,7 +179,7 @@ impl Topology {
     }
 
     /// Returns the last step of a traversal of a fan; `None` if the fan is closed.
-    fn end_of_fan(&self, from: Step) -> Option<Step> {
+    fn end_of_fan(&self, from: FanStep) -> Option<FanStep> {
         let mut at = from;
         loop {
             match at.across(self) {

@@ -1,6 +1,6 @@
 //! Decoder of accessors: typed numbers in buffers.
 
-use lodsmith_core::Integer;
+use lodsmith_core::IntegerType;
 use serde_json::Value;
 
 use super::buffers::{Buffers, View};
@@ -45,13 +45,13 @@ impl Component {
     }
 
     /// Returns the matching integer type of mesh attributes; `None` for floats.
-    pub(super) const fn integer(self) -> Option<Integer> {
+    pub(super) const fn integer(self) -> Option<IntegerType> {
         Some(match self {
-            Self::I8 => Integer::I8,
-            Self::U8 => Integer::U8,
-            Self::I16 => Integer::I16,
-            Self::U16 => Integer::U16,
-            Self::U32 => Integer::U32,
+            Self::I8 => IntegerType::I8,
+            Self::U8 => IntegerType::U8,
+            Self::I16 => IntegerType::I16,
+            Self::U16 => IntegerType::U16,
+            Self::U32 => IntegerType::U32,
             Self::F32 => return None,
         })
     }
@@ -116,7 +116,7 @@ struct Sparse<'b> {
 }
 
 /// Element count and type that an accessor declares.
-pub(super) struct Shape {
+pub(super) struct AccessorShape {
     pub(super) count: usize,
     pub(super) kind: Component,
     /// Components of an element.
@@ -128,7 +128,7 @@ type Types = [(&'static str, usize)];
 const VECTORS: &Types = &[("SCALAR", 1), ("VEC2", 2), ("VEC3", 3), ("VEC4", 4)];
 const MATRICES: &Types = &[("MAT4", 16)];
 
-impl Shape {
+impl AccessorShape {
     pub(super) fn new(accessor: &Value, at: &str) -> Result<Self, ReadError> {
         Self::of_types(accessor, at, VECTORS)
     }
@@ -163,7 +163,7 @@ pub(super) struct Accessor<'b> {
 
 /// Limit on the elements of an accessor without data, which reads as zeros: larger counts are refused unless
 /// the buffers are as large. (Guessed.)
-const ZEROS: usize = 1 << 20;
+const MAX_ZEROS: usize = 1 << 20;
 
 impl<'b> Accessor<'b> {
     /// Opens `accessors[index]`, which `from` refers to.
@@ -195,13 +195,13 @@ impl<'b> Accessor<'b> {
     ) -> Result<Self, ReadError> {
         let (accessor, name) = entry(json, "accessors", index, from)?;
         let at = name.as_str();
-        let Shape { count, kind, width } = Shape::of_types(accessor, at, types)?;
+        let AccessorShape { count, kind, width } = AccessorShape::of_types(accessor, at, types)?;
         let size = kind.size() * width;
         let offset = whole(accessor, "byteOffset", at)?.unwrap_or(0);
         let elements = match whole(accessor, "bufferView", at)? {
             Some(view) => Some(slice(buffers.view(view, at)?, offset, count, size, at)?),
             None => {
-                if count > ZEROS.max(buffers.total()) {
+                if count > MAX_ZEROS.max(buffers.total()) {
                     return Err(ReadError::element(
                         at,
                         format!("claims {count} elements, but has no bufferView"),

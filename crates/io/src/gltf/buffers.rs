@@ -42,7 +42,7 @@ impl<'a> Buffers<'a> {
             json: &document.json,
             bin: document.bin,
             assets: options.files(),
-            limit: options.limits.most_bytes(),
+            limit: options.limits.max_bytes(),
             loaded: list(&document.json, "buffers").iter().map(|_| OnceCell::new()).collect(),
             unpacked: 0,
         }

@@ -19,21 +19,21 @@ pub(super) struct Document<'a> {
 /// Limits on the memory of parsed JSON: bytes per byte of text, and a total that any file may reach. Scenes
 /// of thousands of nodes and accessors need 20 bytes per byte, nodes with only a transform 32; nested empty
 /// lists, which `extras` may hold, 130.
-const PER_JSON_BYTE: u64 = 48;
-const ALWAYS_PARSED: u64 = 512 << 20;
+const MEMORY_PER_JSON_BYTE: u64 = 48;
+const ALWAYS_ALLOWED_MEMORY: u64 = 512 << 20;
 /// Shorter JSON is not checked.
 const SMALL_JSON: usize = 1 << 20;
 /// Bytes of a value within its list; of a list, with its minimum capacity of four; of an object, with its
 /// list and table of keys.
-const PER_VALUE: u64 = 80;
-const PER_LIST: u64 = 304;
-const PER_OBJECT: u64 = 440;
+const BYTES_PER_VALUE: u64 = 80;
+const BYTES_PER_LIST: u64 = 304;
+const BYTES_PER_OBJECT: u64 = 440;
 
 const JSON_CHUNK: u32 = u32::from_le_bytes(*b"JSON");
 const BIN_CHUNK: u32 = u32::from_le_bytes(*b"BIN\0");
 
 /// Supported extensions that change how the numbers of a mesh are stored, or their types.
-const UNDERSTOOD: [&str; 4] = [
+const SUPPORTED_EXTENSIONS: [&str; 4] = [
     "KHR_mesh_quantization",
     "EXT_meshopt_compression",
     "KHR_meshopt_compression",
@@ -42,7 +42,7 @@ const UNDERSTOOD: [&str; 4] = [
 
 /// Extensions that affect only appearance or behaviour, without which a mesh can be read; those that begin
 /// with `KHR_materials_` are of this kind too.
-pub(super) const HARMLESS: [&str; 9] = [
+pub(super) const IGNORABLE_EXTENSIONS: [&str; 9] = [
     "KHR_texture_transform",
     "KHR_texture_basisu",
     "EXT_texture_webp",
@@ -55,7 +55,7 @@ pub(super) const HARMLESS: [&str; 9] = [
 ];
 
 /// Extensions that place meshes or describe them by attributes: accepted if the whole scene is kept.
-const KEPT_IN_SCENES: [&str; 6] = [
+const SCENE_EXTENSIONS: [&str; 6] = [
     "EXT_instance_features",
     "EXT_mesh_features",
     "EXT_mesh_gpu_instancing",
@@ -79,9 +79,9 @@ impl<'a> Document<'a> {
             return Err(ReadError::file(format!("no glTF: {what}")));
         }
         let parsed = parsed_bytes(text);
-        if parsed > ALWAYS_PARSED && parsed / PER_JSON_BYTE > text.len() as u64 {
-            let (what, limit) = ("the JSON of the file", ALWAYS_PARSED);
-            return Err(ReadError::Ratio { what, limit, times: PER_JSON_BYTE });
+        if parsed > ALWAYS_ALLOWED_MEMORY && parsed / MEMORY_PER_JSON_BYTE > text.len() as u64 {
+            let (what, limit) = ("the JSON of the file", ALWAYS_ALLOWED_MEMORY);
+            return Err(ReadError::Ratio { what, limit, times: MEMORY_PER_JSON_BYTE });
         }
         let need = parsed.saturating_mul(copies).saturating_add(bytes.len() as u64);
         limits.check_memory("reading the JSON of glTF", need)?;
@@ -111,10 +111,10 @@ impl<'a> Document<'a> {
     pub(super) fn check_extensions(&self, is_scene: bool) -> Result<(), ReadError> {
         for name in list(&self.json, "extensionsRequired") {
             let name = name.as_str().unwrap_or("(no name)");
-            let fine = UNDERSTOOD.contains(&name)
-                || HARMLESS.contains(&name)
+            let fine = SUPPORTED_EXTENSIONS.contains(&name)
+                || IGNORABLE_EXTENSIONS.contains(&name)
                 || name.starts_with("KHR_materials_")
-                || (is_scene && KEPT_IN_SCENES.contains(&name));
+                || (is_scene && SCENE_EXTENSIONS.contains(&name));
             if !fine {
                 let name = excerpt(name);
                 return Err(ReadError::Unsupported(format!(
@@ -142,7 +142,7 @@ fn parsed_bytes(text: &[u8]) -> u64 {
         lists += count(b'[');
         objects += count(b'{');
     }
-    let parts = [(values, PER_VALUE), (lists, PER_LIST), (objects, PER_OBJECT)];
+    let parts = [(values, BYTES_PER_VALUE), (lists, BYTES_PER_LIST), (objects, BYTES_PER_OBJECT)];
     parts.iter().fold(text.len() as u64, |sum, (n, bytes)| sum.saturating_add(n.saturating_mul(*bytes)))
 }
 

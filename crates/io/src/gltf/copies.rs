@@ -39,7 +39,7 @@ pub(super) fn with_copies(source: &Value, places: &[CopyPlace]) -> Result<Value,
             roots.push(append(&mut json, "nodes", json!({ "mesh": mesh })));
         }
     }
-    let nodes = below(&json, &roots);
+    let nodes = descendants(&json, &roots);
     let of_node = |n: &usize, key: &str| number(&json["nodes"][*n][key]);
     let skins: BTreeSet<usize> = nodes.iter().filter_map(|n| of_node(n, "skin")).collect();
     let mut tops = Vec::with_capacity(places.len());
@@ -69,7 +69,7 @@ pub(super) fn with_copies(source: &Value, places: &[CopyPlace]) -> Result<Value,
 }
 
 /// Returns the nodes of the trees under `roots`, parents first.
-fn below(json: &Value, roots: &[usize]) -> Vec<usize> {
+fn descendants(json: &Value, roots: &[usize]) -> Vec<usize> {
     let mut all = Vec::new();
     let mut open: Vec<usize> = roots.iter().rev().copied().collect();
     while let Some(n) = open.pop() {

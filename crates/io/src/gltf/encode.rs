@@ -6,7 +6,7 @@ use super::accessors::Component;
 
 /// The type of an accessor's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Kind {
+pub(super) struct NumberType {
     pub(super) component: Component,
     /// True if integers are normalized.
     pub(super) normalized: bool,
@@ -14,8 +14,8 @@ pub(super) struct Kind {
 
 /// Bytes of an accessor, and its properties.
 #[derive(Debug)]
-pub(super) struct Encoded {
-    pub(super) kind: Kind,
+pub(super) struct EncodedAccessor {
+    pub(super) kind: NumberType,
     pub(super) width: usize,
     /// Bytes from one element to the next: a multiple of 4.
     pub(super) stride: usize,
@@ -24,7 +24,7 @@ pub(super) struct Encoded {
     pub(super) max: Vec<Value>,
 }
 
-impl Kind {
+impl NumberType {
     pub(super) const FLOAT: Self = Self { component: Component::F32, normalized: false };
 
     /// Returns the integer for a number, clamped to the range of the type.
@@ -52,10 +52,10 @@ impl Kind {
 /// Encodes elements of `width` numbers, in their source type if that represents them exactly, else as floats.
 ///
 /// With `is_forced` they are always rounded to their type.
-pub(super) fn encode(values: &[f32], width: usize, kind: Kind, is_forced: bool) -> Encoded {
+pub(super) fn encode(values: &[f32], width: usize, kind: NumberType, is_forced: bool) -> EncodedAccessor {
     let is_float = kind.component == Component::F32;
     let fits = !is_float && (is_forced || values.iter().all(|&x| kind.holds(x)));
-    let kind = if fits { kind } else { Kind::FLOAT };
+    let kind = if fits { kind } else { NumberType::FLOAT };
     let size = kind.component.size();
     let stride = (size * width).next_multiple_of(4);
     let mut bytes = Vec::with_capacity(values.len() / width * stride);
@@ -90,7 +90,7 @@ pub(super) fn encode(values: &[f32], width: usize, kind: Kind, is_forced: bool) 
         };
         bound.into_iter().map(number).collect()
     };
-    Encoded { kind, width, stride, bytes, min: shown(min), max: shown(max) }
+    EncodedAccessor { kind, width, stride, bytes, min: shown(min), max: shown(max) }
 }
 
 /// Normalizes the direction in the first three numbers of each element; returns the number of directions
@@ -118,7 +118,7 @@ pub(super) fn unit_directions(values: &mut [f32], width: usize, instead: [f32; 3
 /// Scales the weights of each vertex, over all sets, to the sum one. `one` is the integer that represents
 /// 1.0, if they are stored as integers: then the integers sum to it exactly. Weights that are all zero stay
 /// zero.
-pub(super) fn settle_weights(sets: &mut [Vec<f32>], one: Option<f32>) {
+pub(super) fn normalize_weights(sets: &mut [Vec<f32>], one: Option<f32>) {
     let count = sets.iter().map(|s| s.len() / 4).min().unwrap_or(0);
     for i in 0..count {
         let places: Vec<(usize, usize)> =
@@ -157,7 +157,7 @@ mod tests {
 
     #[test]
     fn integers_stay_where_they_hold_the_values() {
-        let bytes = Kind { component: Component::U8, normalized: true };
+        let bytes = NumberType { component: Component::U8, normalized: true };
         let got = encode(&[0.0, 1.0, 51.0 / 255.0], 3, bytes, false);
         assert_eq!((got.kind, got.stride, got.bytes), (bytes, 4, vec![0, 255, 51, 0]));
         assert_eq!(
@@ -165,10 +165,10 @@ mod tests {
             (vec![0.into(), 255.into(), 51.into()], vec![0.into(), 255.into(), 51.into()])
         );
         let got = encode(&[0.0, 1.0, 0.3], 3, bytes, false);
-        assert_eq!((got.kind, got.stride), (Kind::FLOAT, 12));
+        assert_eq!((got.kind, got.stride), (NumberType::FLOAT, 12));
         let got = encode(&[-0.5, 2.0, 0.3, f32::NAN], 4, bytes, true);
         assert_eq!(got.bytes, [0, 255, 77, 0]);
-        let signed = Kind { component: Component::I16, normalized: true };
+        let signed = NumberType { component: Component::I16, normalized: true };
         let got = encode(&[-1.0, 1.0], 2, signed, false);
         assert_eq!(got.bytes, [0x01, 0x80, 0xff, 0x7f]);
     }
@@ -178,7 +178,7 @@ mod tests {
         for (component, all) in
             [(Component::U8, 0..256), (Component::I16, -32767..32768), (Component::U16, 0..65536)]
         {
-            let kind = Kind { component, normalized: true };
+            let kind = NumberType { component, normalized: true };
             assert!(all.into_iter().all(|i| kind.holds(i as f32 / component.one())), "{component:?}");
         }
     }
@@ -187,9 +187,9 @@ mod tests {
     fn weights_sum_to_one() {
         let mut sets =
             vec![vec![0.3, 0.3, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0], vec![0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]];
-        settle_weights(&mut sets, None);
+        normalize_weights(&mut sets, None);
         assert!((sets.iter().flatten().map(|&x| f64::from(x)).sum::<f64>() - 1.0).abs() < 1e-7);
-        settle_weights(&mut sets, Some(255.0));
+        normalize_weights(&mut sets, Some(255.0));
         let whole: f32 = sets.iter().flatten().map(|&x| (x * 255.0).round()).sum();
         assert_eq!(whole, 255.0);
         assert_eq!(sets[0][4..], [0.0; 4]);

@@ -7,14 +7,14 @@ use super::accessors::{Accessor, Component};
 use super::buffers::Buffers;
 use super::container::{entry, list, whole};
 use super::materials::Run;
-use super::mesh::TYPES;
+use super::mesh::TYPE_NAMES;
 use super::placements::{Affine, Placement, check_placed};
 use super::primitive::Primitive;
 use crate::error::{ReadError, Warning};
 use crate::limits::Limits;
 
 /// A mesh farther from the origin than this many times its size loses half of the 24 bits of a float there.
-const FAR: f64 = 4096.0;
+const FAR_RATIO: f64 = 4096.0;
 
 /// Result of merging all placed meshes.
 pub(super) struct Gathered {
@@ -32,7 +32,7 @@ pub(super) fn gather(
     file_bytes: usize,
     limits: Limits,
 ) -> Result<Gathered, ReadError> {
-    let mut told = Told::default();
+    let mut told = MergeNotes::default();
     let meshes = plan(json, buffers, placements, &mut told)?;
     let placed = || placements.iter().filter_map(|p| Some((p, meshes.get(p.mesh)?.as_ref()?)));
 
@@ -45,7 +45,7 @@ pub(super) fn gather(
         }
     }
     check_placed(faces, vertices, file_bytes.max(buffers.total()))?;
-    let has = |f: fn(&Group) -> bool| placed().any(|(_, groups)| groups.iter().any(f));
+    let has = |f: fn(&VertexGroup) -> bool| placed().any(|(_, groups)| groups.iter().any(f));
     let each = |is: bool, bytes: u64| if is { bytes } else { 0 };
     let vertex = 12
         + each(has(|g| g.normals.is_some()), 12)
@@ -55,8 +55,11 @@ pub(super) fn gather(
     let need = vertices.saturating_mul(vertex).saturating_add(faces.saturating_mul(24));
     let held = file_bytes.max(buffers.opened_bytes()) as u64;
     limits.check_memory("reading glTF", held.saturating_add(need))?;
-    let mut out =
-        Out::new([has(|g| g.normals.is_some()), has(|g| g.uvs.is_some()), has(|g| g.colors.is_some())]);
+    let mut out = MergedMesh::new([
+        has(|g| g.normals.is_some()),
+        has(|g| g.uvs.is_some()),
+        has(|g| g.colors.is_some()),
+    ]);
     for (placement, groups) in placed() {
         for group in groups {
             out.add(json, buffers, group, &placement.world_from_mesh, &mut told)?;
@@ -74,14 +77,14 @@ pub(super) fn gather(
 
 /// Irregularities that were found, for one warning each.
 #[derive(Default)]
-struct Told {
+struct MergeNotes {
     points_or_lines: usize,
     without_positions: usize,
     ragged: usize,
     normals_made: bool,
 }
 
-impl Told {
+impl MergeNotes {
     fn warnings(&self) -> Vec<Warning> {
         let mut warnings = Vec::new();
         if self.points_or_lines > 0 {
@@ -107,7 +110,7 @@ impl Told {
 }
 
 /// Primitives of a mesh that share their vertices.
-struct Group {
+struct VertexGroup {
     /// Name of the first primitive, for messages.
     name: String,
     positions: usize,
@@ -124,17 +127,17 @@ fn plan(
     json: &Value,
     buffers: &Buffers<'_>,
     placements: &[Placement],
-    told: &mut Told,
-) -> Result<Vec<Option<Vec<Group>>>, ReadError> {
+    told: &mut MergeNotes,
+) -> Result<Vec<Option<Vec<VertexGroup>>>, ReadError> {
     let meshes = list(json, "meshes");
-    let mut plans: Vec<Option<Vec<Group>>> = meshes.iter().map(|_| None).collect();
+    let mut plans: Vec<Option<Vec<VertexGroup>>> = meshes.iter().map(|_| None).collect();
     for placement in placements {
         let plan = &mut plans[placement.mesh];
         if plan.is_some() {
             continue;
         }
         let (mesh, mesh_name) = entry(json, "meshes", placement.mesh, "a node")?;
-        let mut groups: Vec<Group> = Vec::new();
+        let mut groups: Vec<VertexGroup> = Vec::new();
         let mut known = std::collections::HashMap::new();
         for (i, primitive) in list(mesh, "primitives").iter().enumerate() {
             let name = format!("{mesh_name}.primitives[{i}]");
@@ -175,7 +178,7 @@ fn group(
     buffers: &Buffers<'_>,
     (positions, normals, uvs, colors): Key,
     name: &str,
-) -> Result<Group, ReadError> {
+) -> Result<VertexGroup, ReadError> {
     let accessor = Accessor::new(json, buffers, positions, name)?;
     let vertices = accessor.count;
     for (what, index, widths) in [
@@ -187,7 +190,7 @@ fn group(
         let Some(index) = index else { continue };
         let a = Accessor::new(json, buffers, index, name)?;
         if !widths.contains(&a.width) {
-            let (wanted, got) = (TYPES[*widths.start()], TYPES[a.width]);
+            let (wanted, got) = (TYPE_NAMES[*widths.start()], TYPE_NAMES[a.width]);
             let problem = format!("{what} of {name} is of type {got}; {wanted} is needed");
             return Err(ReadError::element(a.name, problem));
         }
@@ -205,11 +208,19 @@ fn group(
             ));
         }
     }
-    Ok(Group { name: name.to_owned(), positions, normals, uvs, colors, vertices, primitives: Vec::new() })
+    Ok(VertexGroup {
+        name: name.to_owned(),
+        positions,
+        normals,
+        uvs,
+        colors,
+        vertices,
+        primitives: Vec::new(),
+    })
 }
 
 /// The merged mesh under construction.
-struct Out {
+struct MergedMesh {
     positions: Positions,
     normals: Option<Vec<[f32; 3]>>,
     uvs: Option<Vec<[f32; 2]>>,
@@ -218,7 +229,7 @@ struct Out {
     runs: Vec<Run>,
 }
 
-impl Out {
+impl MergedMesh {
     fn new([normals, uvs, colors]: [bool; 3]) -> Self {
         Self {
             positions: Positions::F32(Vec::new()),
@@ -235,9 +246,9 @@ impl Out {
         &mut self,
         json: &Value,
         buffers: &Buffers<'_>,
-        group: &Group,
+        group: &VertexGroup,
         place: &Affine,
-        told: &mut Told,
+        told: &mut MergeNotes,
     ) -> Result<(), ReadError> {
         let floats3 = |index: usize| Accessor::new(json, buffers, index, &group.name)?.floats::<3>(false);
         let base = self.positions.len();
@@ -258,7 +269,7 @@ impl Out {
             };
             let matrix = place.normal_matrix();
             let plain = *place == Affine::IDENTITY;
-            more.iter_mut().for_each(|n| *n = turned(*n, &matrix, plain));
+            more.iter_mut().for_each(|n| *n = transform_normal(*n, &matrix, plain));
             append(normals, more);
         }
         if let Some(uvs) = &mut self.uvs {
@@ -316,7 +327,7 @@ impl Out {
         primitive: &Primitive,
         (base, count): (usize, usize),
         mirrored: bool,
-        told: &mut Told,
+        told: &mut MergeNotes,
     ) -> Result<(), ReadError> {
         let beyond = base.saturating_add(count);
         if beyond >= u32::MAX as usize {
@@ -366,11 +377,11 @@ fn loses_half(local: &[[f32; 3]], place: &Affine) -> bool {
     }
     let extent = (0..3).fold(0f64, |m, k| m.max(max[k] - min[k]));
     // A mesh of one point has no digits to lose.
-    extent > 0.0 && extent.is_finite() && far > FAR * extent
+    extent > 0.0 && extent.is_finite() && far > FAR_RATIO * extent
 }
 
 /// Transforms a normal and normalizes it; it stays unchanged if the result has no length.
-fn turned(n: [f32; 3], matrix: &[[f64; 3]; 3], plain: bool) -> [f32; 3] {
+fn transform_normal(n: [f32; 3], matrix: &[[f64; 3]; 3], plain: bool) -> [f32; 3] {
     let wide = n.map(f64::from);
     let length_sq = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>();
     if plain && (length_sq(wide) - 1.0).abs() <= 2e-3 {
@@ -416,8 +427,8 @@ mod tests {
         // Counter-clockwise seen from +z, before and after the mirror along x.
         let place = Affine([[-1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]);
         assert!(place.determinant() < 0.0);
-        assert_eq!(turned([0.0, 0.0, 1.0], &place.normal_matrix(), false), [0.0, 0.0, 1.0]);
-        assert_eq!(turned([1.0, 0.0, 0.0], &place.normal_matrix(), false), [-1.0, 0.0, 0.0]);
+        assert_eq!(transform_normal([0.0, 0.0, 1.0], &place.normal_matrix(), false), [0.0, 0.0, 1.0]);
+        assert_eq!(transform_normal([1.0, 0.0, 0.0], &place.normal_matrix(), false), [-1.0, 0.0, 0.0]);
         let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         assert_eq!(smooth_normals(&corners, 0, &[[0, 2, 1]], true)[0], [0.0, 0.0, 1.0]);
     }

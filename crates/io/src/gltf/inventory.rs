@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::container::{HARMLESS, list, number};
+use super::container::{IGNORABLE_EXTENSIONS, list, number};
 use super::lod::nodes_of_levels;
 use super::placements::Placement;
 use crate::error::Warning;
@@ -58,7 +58,7 @@ pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<War
     let mut warnings = Vec::new();
     let mut not_carried = |is: bool, what: &str| {
         if is {
-            warnings.push(Warning::not_of_a_mesh(what));
+            warnings.push(Warning::lost_scene_data(what));
         }
     };
     not_carried(contents.skins > 0, "skins");
@@ -75,7 +75,9 @@ pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<War
         .iter()
         .filter_map(Value::as_str)
         .filter(|e| {
-            !e.starts_with("KHR_materials_") && !HARMLESS.contains(e) && *e != "KHR_mesh_quantization"
+            !e.starts_with("KHR_materials_")
+                && !IGNORABLE_EXTENSIONS.contains(e)
+                && *e != "KHR_mesh_quantization"
         })
         .take(16)
         .map(excerpt)

@@ -3,8 +3,8 @@
 use serde_json::{Map, Value, json};
 
 use super::container::{list, number};
-use super::references::{Named, each_reference, has_extension};
-use super::repack::{Repacked, Span};
+use super::references::{ReferenceKind, each_reference, has_extension};
+use super::repack::{ByteSpan, Repacked};
 
 /// Puts an entry at an index of a list, or at its end; returns its index.
 pub(super) fn put(json: &mut Value, name: &str, at: Option<usize>, entry: Map<String, Value>) -> usize {
@@ -71,7 +71,7 @@ pub(super) fn renumber(json: &mut Value) {
     let moves = |ranks: &[usize]| ranks.iter().enumerate().any(|(i, r)| i != *r);
     if moves(&accessors) || moves(&views) {
         each_reference(json, &mut |named, value| {
-            let ranks = if named == Named::Accessor { &accessors } else { &views };
+            let ranks = if named == ReferenceKind::Accessor { &accessors } else { &views };
             if let Some(&rank) = number(value).and_then(|i| ranks.get(i)) {
                 *value = rank.into();
             }
@@ -82,10 +82,10 @@ pub(super) fn renumber(json: &mut Value) {
 }
 
 /// Returns the byte range of a view.
-pub(super) fn span(view: &Value) -> Option<Span> {
+pub(super) fn view_span(view: &Value) -> Option<ByteSpan> {
     let start = number(&view["byteOffset"]).unwrap_or(0);
     let end = start.saturating_add(number(&view["byteLength"])?);
-    Some(Span { buffer: number(&view["buffer"])?, bytes: start..end })
+    Some(ByteSpan { buffer: number(&view["buffer"])?, bytes: start..end })
 }
 
 /// Updates a view to the new position of its bytes.
@@ -94,7 +94,7 @@ pub(super) fn move_view(view: &mut Value, repacked: &Repacked) {
         return;
     }
     let offset = number(&view["byteOffset"]).unwrap_or(0);
-    let Some(place) = number(&view["buffer"]).and_then(|b| repacked.place(b, offset)) else { return };
+    let Some(place) = number(&view["buffer"]).and_then(|b| repacked.new_offset(b, offset)) else { return };
     view["buffer"] = 0.into();
     if place != offset {
         view["byteOffset"] = place.into();
@@ -102,7 +102,7 @@ pub(super) fn move_view(view: &mut Value, repacked: &Repacked) {
 }
 
 /// Removes those of these extensions that are no longer used from the lists of the file.
-pub(super) fn forget_extensions(json: &mut Value, names: &[&str]) {
+pub(super) fn drop_unused_extensions(json: &mut Value, names: &[&str]) {
     let gone: Vec<&str> = names.iter().copied().filter(|e| !has_extension(json, e)).collect();
     for name in ["extensionsUsed", "extensionsRequired"] {
         retain(json, name, &|_, e| e.as_str().is_some_and(|e| gone.contains(&e)));

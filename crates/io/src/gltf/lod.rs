@@ -22,11 +22,11 @@ use super::container::{list, list_mut, number};
 use super::lists::{append, take_extension};
 
 /// Name of the extension.
-pub(super) const NAME: &str = "MSFT_lod";
+pub(super) const EXTENSION: &str = "MSFT_lod";
 /// Key of its thresholds in the extras of the node.
-const COVERAGE: &str = "MSFT_screencoverage";
+const COVERAGE_KEY: &str = "MSFT_screencoverage";
 /// Properties that nodes of levels copy from the node of level 0.
-const OF_NODE: [&str; 6] = ["matrix", "translation", "rotation", "scale", "skin", "weights"];
+const COPIED_PROPERTIES: [&str; 6] = ["matrix", "translation", "rotation", "scale", "skin", "weights"];
 /// Extension of a node that instances its mesh.
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
@@ -41,15 +41,15 @@ pub struct SceneLevels {
     /// descending; empty for no thresholds.
     pub coverage: Vec<Vec<f64>>,
     /// Text before the level number in names of meshes and nodes.
-    pub mark: String,
+    pub separator: String,
     /// True if names of level 0 get a number too.
-    pub names_first: bool,
+    pub numbers_level_0: bool,
 }
 
 impl SceneLevels {
     /// Creates levels without thresholds.
     pub fn new(replaced: Vec<Vec<Option<TriMesh>>>) -> Self {
-        Self { replaced, mark: "_LOD".to_owned(), ..Self::default() }
+        Self { replaced, separator: "_LOD".to_owned(), ..Self::default() }
     }
 }
 
@@ -79,12 +79,12 @@ pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(V
                 continue;
             };
             let mut copy = source["meshes"][m].clone();
-            copy["name"] = level_name(&name, &levels.mark, i + 1).into();
+            copy["name"] = level_name(&name, &levels.separator, i + 1).into();
             numbers.push(append(&mut json, "meshes", copy));
             replaced.push(Some(mesh));
         }
-        if levels.names_first {
-            json["meshes"][m]["name"] = level_name(&name, &levels.mark, 0).into();
+        if levels.numbers_level_0 {
+            json["meshes"][m]["name"] = level_name(&name, &levels.separator, 0).into();
         }
         of_mesh.insert(m, numbers);
     }
@@ -95,26 +95,26 @@ pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(V
         let Some(numbers) = of_mesh.get(&m) else { continue };
         let name = name_of(source, "nodes", "node", n);
         let host = if needs_own.contains(&n) {
-            own_node(&mut json, n, &level_name(&name, &levels.mark, 0))
+            own_node(&mut json, n, &level_name(&name, &levels.separator, 0))
         } else {
             n
         };
         let mut ids = Vec::with_capacity(numbers.len());
         for (i, mesh) in numbers.iter().enumerate() {
-            let mut node = copy_of(&json["nodes"][host]);
+            let mut node = level_node(&json["nodes"][host]);
             node["mesh"] = (*mesh).into();
-            node["name"] = level_name(&name, &levels.mark, i + 1).into();
+            node["name"] = level_name(&name, &levels.separator, i + 1).into();
             ids.push(append(&mut json, "nodes", node));
         }
-        if levels.names_first {
-            json["nodes"][host]["name"] = level_name(&name, &levels.mark, 0).into();
+        if levels.numbers_level_0 {
+            json["nodes"][host]["name"] = level_name(&name, &levels.separator, 0).into();
         }
-        morph_along(&mut json, n, host, &ids);
+        retarget_morphs(&mut json, n, host, &ids);
         let node = &mut json["nodes"][host];
-        node["extensions"][NAME] = json!({ "ids": ids });
+        node["extensions"][EXTENSION] = json!({ "ids": ids });
         let coverage = levels.coverage.get(m).filter(|all| !all.is_empty());
         if let Some(coverage) = coverage.filter(|_| node["extras"].is_null() || node["extras"].is_object()) {
-            node["extras"][COVERAGE] = json!(coverage);
+            node["extras"][COVERAGE_KEY] = json!(coverage);
         }
     }
     if !of_mesh.is_empty() {
@@ -122,8 +122,8 @@ pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(V
             json["extensionsUsed"] = json!([]);
         }
         let used = json["extensionsUsed"].as_array_mut();
-        if let Some(used) = used.filter(|used| !used.iter().any(|e| e == NAME)) {
-            used.push(NAME.into());
+        if let Some(used) = used.filter(|used| !used.iter().any(|e| e == EXTENSION)) {
+            used.push(EXTENSION.into());
         }
     }
     Ok((json, replaced))
@@ -131,7 +131,7 @@ pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(V
 
 /// Returns the nodes that are lower levels of others.
 pub(super) fn nodes_of_levels(json: &Value) -> impl Iterator<Item = usize> + '_ {
-    list(json, "nodes").iter().flat_map(|n| list(&n["extensions"][NAME], "ids")).filter_map(number)
+    list(json, "nodes").iter().flat_map(|n| list(&n["extensions"][EXTENSION], "ids")).filter_map(number)
 }
 
 fn level_name(name: &str, mark: &str, level: usize) -> String {
@@ -201,9 +201,9 @@ fn own_node(json: &mut Value, n: usize, name: &str) -> usize {
 }
 
 /// Returns a node with the properties that levels copy from the node of level 0.
-fn copy_of(node: &Value) -> Value {
+fn level_node(node: &Value) -> Value {
     let mut copy = Map::new();
-    for key in OF_NODE {
+    for key in COPIED_PROPERTIES {
         if let Some(value) = node.get(key) {
             copy.insert(key.to_owned(), value.clone());
         }
@@ -216,7 +216,7 @@ fn copy_of(node: &Value) -> Value {
 }
 
 /// Redirects the morph weight channels of a node to `host`, and duplicates them for the nodes of all levels.
-fn morph_along(json: &mut Value, n: usize, host: usize, ids: &[usize]) {
+fn retarget_morphs(json: &mut Value, n: usize, host: usize, ids: &[usize]) {
     for animation in list_mut(json, "animations") {
         let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) else { continue };
         let mut more = Vec::new();

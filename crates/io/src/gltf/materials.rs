@@ -13,7 +13,7 @@ use super::buffers::{Buffers, data_uri, path_of};
 use super::container::{list, number};
 use crate::assets::{Assets, Refusal};
 use crate::excerpt::excerpt;
-use crate::material::{Image, Library, Made, Regions, image_type};
+use crate::material::{GeneratedLibrary, Image, Library, Regions, image_type};
 
 /// Consecutive faces with the same material.
 pub(super) struct Run {
@@ -46,15 +46,15 @@ pub(super) fn regions(
     if order.iter().all(Option::is_none) {
         return (Regions::default(), None);
     }
-    let mut scribe = Scribe::new(json, buffers, file_bytes);
+    let mut scribe = LibraryBuilder::new(json, buffers, file_bytes);
     let names: Vec<Option<String>> = order.iter().map(|m| m.map(|m| scribe.material(m, &all[m]))).collect();
-    let made = Made {
+    let made = GeneratedLibrary {
         images: scribe.images,
-        unsaid: scribe.unsaid.into_iter().collect(),
+        unsupported: scribe.left_out.into_iter().collect(),
         missing: scribe.missing,
-        tints: true,
+        tints_images: true,
     };
-    let library = Library::made(scribe.text, assets, made);
+    let library = Library::generated(scribe.text, assets, made);
     let mut ids = Vec::new();
     if order.len() > 1 {
         for run in runs {
@@ -65,18 +65,18 @@ pub(super) fn regions(
 }
 
 /// Writer of a library.
-struct Scribe<'a, 'b> {
+struct LibraryBuilder<'a, 'b> {
     json: &'a Value,
     buffers: &'a Buffers<'b>,
     text: String,
     /// Names of materials that are taken.
-    names: Names,
+    names: UsedNames,
     /// Names of files that are taken.
-    files: Names,
+    files: UsedNames,
     images: Vec<Image>,
     /// Names of images, by index; `None` for those that are left out.
     known: HashMap<usize, Option<String>>,
-    unsaid: BTreeSet<String>,
+    left_out: BTreeSet<String>,
     missing: Vec<String>,
     /// Bytes of all images so far, and their limit: several images can use the same bytes.
     taken: usize,
@@ -84,19 +84,19 @@ struct Scribe<'a, 'b> {
 }
 
 /// Maximum bytes of a path: the library repeats it for every material that uses it. (Guessed.)
-const LONGEST: usize = 512;
+const MAX_PATH_BYTES: usize = 512;
 
-impl<'a, 'b> Scribe<'a, 'b> {
+impl<'a, 'b> LibraryBuilder<'a, 'b> {
     fn new(json: &'a Value, buffers: &'a Buffers<'b>, room: usize) -> Self {
         Self {
             json,
             buffers,
             text: String::new(),
-            names: Names::default(),
-            files: Names { folds: true, ..Names::default() },
+            names: UsedNames::default(),
+            files: UsedNames { folds: true, ..UsedNames::default() },
             images: Vec::new(),
             known: HashMap::new(),
-            unsaid: BTreeSet::new(),
+            left_out: BTreeSet::new(),
             missing: Vec::new(),
             taken: 0,
             room,
@@ -184,8 +184,8 @@ impl<'a, 'b> Scribe<'a, 'b> {
 
     fn leave_out(&mut self, word: &str) {
         // A file may hold any number of extensions; a warning needs no more.
-        if self.unsaid.len() < 16 {
-            self.unsaid.insert(excerpt(word));
+        if self.left_out.len() < 16 {
+            self.left_out.insert(excerpt(word));
         }
     }
 
@@ -236,7 +236,8 @@ impl<'a, 'b> Scribe<'a, 'b> {
                     if self.buffers.assets.find(&path) == Err(Refusal::Outside) {
                         return Err(Refusal::Outside.reason().to_owned());
                     }
-                    let is_fine = |path: &&str| path.len() <= LONGEST && !path.contains(char::is_control);
+                    let is_fine =
+                        |path: &&str| path.len() <= MAX_PATH_BYTES && !path.contains(char::is_control);
                     let path = path.to_str().filter(is_fine).ok_or("has a name that no line can hold")?;
                     self.files.take(path);
                     return Ok(path.to_owned());
@@ -270,7 +271,7 @@ impl<'a, 'b> Scribe<'a, 'b> {
 
 /// Set of names that are taken.
 #[derive(Default)]
-struct Names {
+struct UsedNames {
     /// True if names that differ only in case are equal, as in some file systems.
     folds: bool,
     taken: HashSet<String>,
@@ -278,7 +279,7 @@ struct Names {
     last: HashMap<String, usize>,
 }
 
-impl Names {
+impl UsedNames {
     fn key(&self, name: &str) -> String {
         if self.folds { name.to_lowercase() } else { name.to_owned() }
     }
@@ -310,13 +311,14 @@ fn clean(name: &str) -> String {
 /// Returns a file name that is valid on every system, without its ending.
 fn file_stem(name: &str) -> String {
     // Guessed: long enough to read, short enough for every system.
-    const MOST: usize = 64;
+    const MAX_STEM_CHARS: usize = 64;
     let bare = name.rsplit(['/', '\\']).next().unwrap_or_default();
     let endings = [".png", ".jpg", ".jpeg", ".webp", ".ktx2"];
     let lower = bare.to_ascii_lowercase();
     let length = endings.iter().find(|e| lower.ends_with(**e)).map_or(bare.len(), |e| bare.len() - e.len());
     let fine = |c: char| c.is_alphanumeric() || "-_.+()".contains(c);
-    let plain: String = bare[..length].chars().take(MOST).map(|c| if fine(c) { c } else { '_' }).collect();
+    let plain: String =
+        bare[..length].chars().take(MAX_STEM_CHARS).map(|c| if fine(c) { c } else { '_' }).collect();
     plain.trim_start_matches(['.', '-']).trim_end_matches('.').to_owned()
 }
 
@@ -345,11 +347,11 @@ mod tests {
         assert_eq!(file_stem("a:b*c"), "a_b_c");
         assert_eq!(file_stem(".png"), "");
         assert_eq!(file_stem(&"ü".repeat(100)).chars().count(), 64);
-        let mut names = Names { folds: true, ..Names::default() };
+        let mut names = UsedNames { folds: true, ..UsedNames::default() };
         assert!(names.take("A.png"));
         assert_eq!(names.free("a".into(), ".png"), "a_1.png");
         assert_eq!([names.free("a".into(), ".png"), names.free("a".into(), "")], ["a_2.png", "a"]);
-        let mut names = Names::default();
+        let mut names = UsedNames::default();
         assert_eq!(["a", "A", "a"].map(|n| names.free(n.into(), "")), ["a", "A", "a_1"]);
     }
 }

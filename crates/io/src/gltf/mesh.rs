@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-use lodsmith_core::mesh::{Attribute, Integer, Semantic};
+use lodsmith_core::mesh::{Attribute, IntegerType, Semantic};
 use lodsmith_core::{MeshError, Positions, RegionId, TriMesh, VertexId, WedgeId};
 use serde_json::Value;
 
@@ -12,12 +12,12 @@ use super::buffers::Buffers;
 use super::container::{list, whole};
 use super::primitive::Primitive;
 use super::slot::Slot;
-use crate::distinct::Distinct;
+use crate::distinct::TripleSet;
 use crate::error::ReadError;
-use crate::limits::with_room;
+use crate::limits::try_with_capacity;
 
 /// Names of types by their number of components.
-pub(super) const TYPES: [&str; 5] = ["nothing", "SCALAR", "VEC2", "VEC3", "VEC4"];
+pub(super) const TYPE_NAMES: [&str; 5] = ["nothing", "SCALAR", "VEC2", "VEC3", "VEC4"];
 
 /// Limits on all meshes of one file together: many primitives may refer to the same few bytes.
 pub(super) struct Budget {
@@ -60,7 +60,7 @@ impl Allowance {
 }
 
 /// A decoded primitive, to be merged into the mesh.
-struct Part {
+struct DecodedPrimitive {
     region: RegionId,
     name: String,
     /// Triangles over the vertices of the primitive.
@@ -89,7 +89,7 @@ pub(super) fn read(
         if !Primitive::has_faces(primitive, &name)? || primitive["attributes"]["POSITION"].is_null() {
             continue;
         }
-        let (part, is_ragged) = part(json, buffers, primitive, (i, name), budget)?;
+        let (part, is_ragged) = decode_primitive(json, buffers, primitive, (i, name), budget)?;
         ragged += usize::from(is_ragged);
         parts.push(part);
     }
@@ -120,12 +120,12 @@ pub(super) fn read(
         return Err(MeshError::TooLarge { what: "vertices", count: wedges }.into());
     }
 
-    let mut out = skeleton(json, buffers, &parts, wedges)?;
+    let mut out = mesh_without_attributes(json, buffers, &parts, wedges)?;
     for (slot, width) in slots {
         if slot == Slot::Position {
             continue;
         }
-        let mut values = gathered(json, buffers, &parts, &slot, width, wedges)?;
+        let mut values = gather_attribute(json, buffers, &parts, &slot, width, wedges)?;
         if slot.is_uv() {
             // glTF counts from the upper left corner of the image.
             values.as_chunks_mut::<2>().0.iter_mut().for_each(|uv| uv[1] = 1.0 - uv[1]);
@@ -149,13 +149,13 @@ pub(super) fn read(
 }
 
 /// Reads the triangles of a primitive, the vertices that they use, and its attributes; checks all accessors.
-fn part(
+fn decode_primitive(
     json: &Value,
     buffers: &Buffers<'_>,
     primitive: &Value,
     (region, name): (usize, String),
     budget: &mut Budget,
-) -> Result<(Part, bool), ReadError> {
+) -> Result<(DecodedPrimitive, bool), ReadError> {
     let attributes = attributes(json, primitive, &name)?;
     let mut vertices = None;
     for (slot, index) in &attributes {
@@ -180,7 +180,7 @@ fn part(
     let used = used(&triangles, vertices);
     let (region, name) = (RegionId::new(region), faces.name);
     let accessor_of = attributes.iter().cloned().collect();
-    Ok((Part { region, name, triangles, used, attributes, accessor_of }, is_ragged))
+    Ok((DecodedPrimitive { region, name, triangles, used, attributes, accessor_of }, is_ragged))
 }
 
 /// Returns the attributes and morph targets of a primitive that a mesh can hold, with their accessors.
@@ -208,7 +208,7 @@ fn attributes(json: &Value, primitive: &Value, name: &str) -> Result<Vec<(Slot, 
 fn check(accessor: &Accessor<'_>, slot: &Slot, name: &str) -> Result<(), ReadError> {
     let widths = slot.widths();
     if !widths.contains(&accessor.width) {
-        let (wanted, got) = (TYPES[*widths.start()], TYPES[accessor.width]);
+        let (wanted, got) = (TYPE_NAMES[*widths.start()], TYPE_NAMES[accessor.width]);
         return Err(ReadError::element(
             accessor.name.as_str(),
             format!("an attribute of {name} is of type {got}; {wanted} is needed"),
@@ -242,10 +242,10 @@ fn used(triangles: &[[u32; 3]], vertices: usize) -> Vec<u32> {
 fn integer(
     json: &Value,
     buffers: &Buffers<'_>,
-    parts: &[Part],
+    parts: &[DecodedPrimitive],
     slot: &Slot,
     values: &[f32],
-) -> Result<Option<Integer>, ReadError> {
+) -> Result<Option<IntegerType>, ReadError> {
     if !matches!(slot, Slot::Further(Semantic::Custom(_))) {
         return Ok(None);
     }
@@ -254,23 +254,23 @@ fn integer(
         let Some(&index) = part.accessor_of.get(slot) else { continue };
         let accessor = Accessor::new(json, buffers, index, &part.name)?;
         let of = accessor.kind.integer().filter(|_| !accessor.normalized);
-        if of.is_none() && !slot.is_of_ids() {
+        if of.is_none() && !slot.holds_ids() {
             return Ok(None);
         }
         wanted.extend(of);
     }
-    Ok(wanted.into_iter().chain(Integer::ALL).find(|of| values.iter().all(|&x| of.holds(x))))
+    Ok(wanted.into_iter().chain(IntegerType::ALL).find(|of| values.iter().all(|&x| of.holds(x))))
 }
 
 /// Builds a mesh without attributes: positions, wedges, triangles and regions.
-fn skeleton(
+fn mesh_without_attributes(
     json: &Value,
     buffers: &Buffers<'_>,
-    parts: &[Part],
+    parts: &[DecodedPrimitive],
     wedges: usize,
 ) -> Result<TriMesh, ReadError> {
-    let corners = gathered(json, buffers, parts, &Slot::Position, 3, wedges)?;
-    let mut places = Distinct::with_room_for(0);
+    let corners = gather_attribute(json, buffers, parts, &Slot::Position, 3, wedges)?;
+    let mut places = TripleSet::with_capacity(0);
     // Adding zero turns -0 into +0.
     let vertex_of: Vec<VertexId> = corners
         .as_chunks::<3>()
@@ -279,7 +279,7 @@ fn skeleton(
         .map(|p| VertexId(places.id_of(p.map(|x| (x + 0.0).to_bits()))))
         .collect();
     let positions = Positions::F32(places.into_keys().into_iter().map(|k| k.map(f32::from_bits)).collect());
-    let mut triangles: Vec<[WedgeId; 3]> = with_room(parts.iter().map(|p| p.triangles.len()).sum())?;
+    let mut triangles: Vec<[WedgeId; 3]> = try_with_capacity(parts.iter().map(|p| p.triangles.len()).sum())?;
     let mut regions = Vec::with_capacity(triangles.capacity());
     let mut base = 0;
     for part in parts {
@@ -307,10 +307,10 @@ fn skeleton(
 }
 
 /// Returns an attribute of all wedges; zeros, or white for colours, where a primitive lacks it.
-fn gathered(
+fn gather_attribute(
     json: &Value,
     buffers: &Buffers<'_>,
-    parts: &[Part],
+    parts: &[DecodedPrimitive],
     slot: &Slot,
     width: usize,
     wedges: usize,
@@ -322,7 +322,7 @@ fn gathered(
         let end = at + part.used.len() * width;
         if let Some(&index) = part.accessor_of.get(slot) {
             let accessor = Accessor::new(json, buffers, index, &part.name)?;
-            accessor.pick(&part.used, slot.is_part_of_one(), width, &mut values[at..end])?;
+            accessor.pick(&part.used, slot.is_normalized(), width, &mut values[at..end])?;
         }
         at = end;
     }

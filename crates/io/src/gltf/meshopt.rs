@@ -14,7 +14,7 @@ pub(super) use filters::Filter;
 
 /// Content of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Mode {
+pub(super) enum StreamMode {
     /// Elements of any kind.
     Attributes,
     /// Indices, three for each triangle.
@@ -26,7 +26,7 @@ pub(super) enum Mode {
 /// Properties of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
-    pub(super) mode: Mode,
+    pub(super) mode: StreamMode,
     pub(super) filter: Filter,
     pub(super) count: usize,
     /// Bytes of an element.
@@ -39,16 +39,16 @@ impl Layout {
         let Self { mode, filter, count, stride } = *self;
         let needs = |what: &str| Err(format!("has a byteStride of {stride}, and {what}"));
         match mode {
-            Mode::Attributes if !stride.is_multiple_of(4) || !(4..=256).contains(&stride) => {
+            StreamMode::Attributes if !stride.is_multiple_of(4) || !(4..=256).contains(&stride) => {
                 return needs("ATTRIBUTES need a multiple of 4 up to 256");
             }
-            Mode::Triangles | Mode::Indices if stride != 2 && stride != 4 => {
+            StreamMode::Triangles | StreamMode::Indices if stride != 2 && stride != 4 => {
                 return needs("indices need 2 or 4");
             }
-            Mode::Triangles if !count.is_multiple_of(3) => {
+            StreamMode::Triangles if !count.is_multiple_of(3) => {
                 return Err(format!("has {count} indices, which make no whole triangles"));
             }
-            Mode::Triangles | Mode::Indices if filter != Filter::None => {
+            StreamMode::Triangles | StreamMode::Indices if filter != Filter::None => {
                 return Err("has a filter, which indices cannot have".to_owned());
             }
             _ => {}
@@ -72,13 +72,13 @@ pub(super) fn decode(stream: &[u8], layout: Layout) -> Result<Vec<u8>, &'static 
     assert_eq!(layout.check(), Ok(()), "callers check first");
     let Layout { mode, filter, count, stride } = layout;
     match mode {
-        Mode::Attributes => {
+        StreamMode::Attributes => {
             let mut elements = attributes::decode(stream, count, stride)?;
             filters::apply(filter, stride, &mut elements);
             Ok(elements)
         }
-        Mode::Triangles => indices::triangles(stream, count / 3).map(|all| narrow(&all, stride)),
-        Mode::Indices => indices::sequence(stream, count).map(|all| narrow(&all, stride)),
+        StreamMode::Triangles => indices::triangles(stream, count / 3).map(|all| narrow(&all, stride)),
+        StreamMode::Indices => indices::sequence(stream, count).map(|all| narrow(&all, stride)),
     }
 }
 
@@ -98,16 +98,16 @@ mod tests {
     #[test]
     fn layouts_that_are_none() {
         let layout = |mode, filter, count, stride| Layout { mode, filter, count, stride }.check();
-        assert!(layout(Mode::Attributes, Filter::None, 1, 256).is_ok());
+        assert!(layout(StreamMode::Attributes, Filter::None, 1, 256).is_ok());
         for stride in [0, 2, 6, 260] {
-            assert!(layout(Mode::Attributes, Filter::None, 1, stride).is_err());
-            assert!(layout(Mode::Indices, Filter::None, 1, stride).is_ok() == (stride == 2));
+            assert!(layout(StreamMode::Attributes, Filter::None, 1, stride).is_err());
+            assert!(layout(StreamMode::Indices, Filter::None, 1, stride).is_ok() == (stride == 2));
         }
-        assert!(layout(Mode::Triangles, Filter::None, 4, 2).is_err());
-        assert!(layout(Mode::Triangles, Filter::Octahedral, 3, 4).is_err());
-        assert!(layout(Mode::Attributes, Filter::Octahedral, 3, 12).is_err());
-        assert!(layout(Mode::Attributes, Filter::Quaternion, 3, 4).is_err());
-        assert!(layout(Mode::Attributes, Filter::Exponential, 3, 12).is_ok());
-        assert!(layout(Mode::Attributes, Filter::Color, 3, 12).is_err());
+        assert!(layout(StreamMode::Triangles, Filter::None, 4, 2).is_err());
+        assert!(layout(StreamMode::Triangles, Filter::Octahedral, 3, 4).is_err());
+        assert!(layout(StreamMode::Attributes, Filter::Octahedral, 3, 12).is_err());
+        assert!(layout(StreamMode::Attributes, Filter::Quaternion, 3, 4).is_err());
+        assert!(layout(StreamMode::Attributes, Filter::Exponential, 3, 12).is_ok());
+        assert!(layout(StreamMode::Attributes, Filter::Color, 3, 12).is_err());
     }
 }

@@ -33,7 +33,7 @@ pub struct MovingNode {
     /// Its parent, by index of an earlier node of the list; `None` for a root of the scene.
     pub parent: Option<usize>,
     /// The root of the scene that becomes its child, by index in the list of roots, from 0.
-    pub over: Option<usize>,
+    pub child_root: Option<usize>,
     /// Translation of its origin.
     pub translation: [f64; 3],
     /// Rotation: a quaternion of length one, its real part last.
@@ -41,19 +41,27 @@ pub struct MovingNode {
     /// Uniform scale factor.
     pub scale: f64,
     /// Its camera, which looks along -z.
-    pub lens: Option<SceneLens>,
+    pub camera: Option<SceneCamera>,
 }
 
 impl Default for MovingNode {
     fn default() -> Self {
         let (translation, rotation) = ([0.0; 3], [0.0, 0.0, 0.0, 1.0]);
-        Self { name: String::new(), parent: None, over: None, translation, rotation, scale: 1.0, lens: None }
+        Self {
+            name: String::new(),
+            parent: None,
+            child_root: None,
+            translation,
+            rotation,
+            scale: 1.0,
+            camera: None,
+        }
     }
 }
 
 /// A perspective camera without a far plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SceneLens {
+pub struct SceneCamera {
     /// Vertical field of view, in radians.
     pub fov_y_rad: f64,
     /// Distance of the near plane.
@@ -75,13 +83,13 @@ pub(super) fn with_motion(source: &Value, motion: &SceneMotion) -> (Value, Optio
             "rotation": node.rotation,
             "scale": ([node.scale; 3]),
         });
-        if let Some(lens) = node.lens {
+        if let Some(lens) = node.camera {
             let perspective = json!({ "yfov": lens.fov_y_rad, "znear": lens.near });
             let camera = json!({ "type": "perspective", "perspective": perspective });
             entry["camera"] = append(&mut json, "cameras", camera).into();
         }
         let number: Value = append(&mut json, "nodes", entry).into();
-        let below = node.over.filter(|n| *n < before && roots[*n].is_number());
+        let below = node.child_root.filter(|n| *n < before && roots[*n].is_number());
         if let Some(over) = below {
             json["nodes"][first + k]["children"] = json!([std::mem::take(&mut roots[over])]);
         }
@@ -125,7 +133,7 @@ fn animate(json: &mut Value, motion: &SceneMotion, first: usize) -> Option<Vec<u
         return None;
     }
     let view = list(json, "bufferViews").len();
-    let mut data = Numbers { bytes: Vec::new(), view, times: HashMap::new() };
+    let mut data = AnimationData { bytes: Vec::new(), view, times: HashMap::new() };
     let (mut samplers, mut entries) = (Vec::new(), Vec::new());
     for channel in channels {
         let input = data.times(json, &channel.times);
@@ -154,14 +162,14 @@ fn animate(json: &mut Value, motion: &SceneMotion, first: usize) -> Option<Vec<u
 }
 
 /// Data of an animation: one view that holds all accessors, one after another.
-struct Numbers {
+struct AnimationData {
     bytes: Vec<u8>,
     view: usize,
     /// Accessors of keyframe times that exist already.
     times: HashMap<Vec<u32>, usize>,
 }
 
-impl Numbers {
+impl AnimationData {
     fn times(&mut self, json: &mut Value, times: &[f32]) -> usize {
         let bits: Vec<u32> = times.iter().map(|t| t.to_bits()).collect();
         if let Some(&known) = self.times.get(&bits) {

@@ -15,7 +15,7 @@ pub struct MeshNames {
 }
 
 /// Maximum number of ancestors of a mesh that are visited. (Guessed; deeper than the trees of any tool.)
-const LEVELS: usize = 100;
+const MAX_ANCESTORS: usize = 100;
 
 impl MeshNames {
     /// Returns the names of all meshes.
@@ -44,7 +44,7 @@ impl MeshNames {
         for (i, node) in nodes.iter().enumerate() {
             let Some(names) = number(&node["mesh"]).and_then(|m| all.get_mut(m)) else { continue };
             // Nodes outside the scene may form cycles.
-            let above = std::iter::successors(Some(i), |&n| parent[n]).take(LEVELS);
+            let above = std::iter::successors(Some(i), |&n| parent[n]).take(MAX_ANCESTORS);
             names.nodes.extend(above.filter_map(|n| nodes[n]["name"].as_str()).map(str::to_owned));
         }
         for names in &mut all {

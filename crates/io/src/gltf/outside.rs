@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 /// Calls `found` for the URI of each external file.
-pub(super) fn outside_uris<'v>(json: &'v Value, found: &mut dyn FnMut(&'v String)) {
+pub(super) fn external_uris<'v>(json: &'v Value, found: &mut dyn FnMut(&'v String)) {
     let mut open = vec![(json, 0)];
     while let Some((value, depth)) = open.pop() {
         match value {

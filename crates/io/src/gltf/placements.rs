@@ -86,20 +86,20 @@ impl Affine {
 
 /// Maximum number of faces, and of vertices, that the nodes of one file may place: a small file can instance
 /// a large mesh very often. Guessed: more than any user has needed, within the memory of a workstation.
-const MOST_PLACED: u64 = 1 << 28;
+const MAX_PLACED: u64 = 1 << 28;
 
 /// Maximum number of placed faces, and of vertices, per byte of the file, or of its buffers if they are
 /// larger: a few kilobytes must not ask for gigabytes. Guessed: a mesh has some 20 bytes per triangle, so
 /// this allows a thousand copies; a million faces are always allowed.
-const MOST_PLACED_PER_BYTE: u64 = 64;
+const MAX_PLACED_PER_BYTE: u64 = 64;
 const ALWAYS_PLACED: u64 = 1 << 20;
 
 /// Returns an error if the nodes of a file of this size place too many faces or vertices. Shared by all
 /// callers that process each instance, whether they merge or draw them.
 pub(super) fn check_placed(faces: u64, vertices: u64, bytes: usize) -> Result<(), ReadError> {
-    let by_bytes = (bytes as u64).saturating_mul(MOST_PLACED_PER_BYTE).saturating_add(ALWAYS_PLACED);
-    let limit = MOST_PLACED.min(by_bytes);
-    let [many_faces, many_vertices] = if by_bytes < MOST_PLACED {
+    let by_bytes = (bytes as u64).saturating_mul(MAX_PLACED_PER_BYTE).saturating_add(ALWAYS_PLACED);
+    let limit = MAX_PLACED.min(by_bytes);
+    let [many_faces, many_vertices] = if by_bytes < MAX_PLACED {
         [
             "number of triangles placed by nodes, for a file of this size,",
             "number of vertices placed by nodes, for a file of this size,",

@@ -9,7 +9,7 @@ use crate::error::ReadError;
 
 /// Topology of a primitive with triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Mode {
+enum TriangleMode {
     Triangles,
     Strip,
     Fan,
@@ -18,7 +18,7 @@ enum Mode {
 /// A primitive with triangles, not decoded yet.
 pub(super) struct Primitive {
     pub(super) name: String,
-    mode: Mode,
+    mode: TriangleMode,
     /// Accessor of the indices; without one, vertices are used in order.
     indices: Option<usize>,
     /// Number of indices, or of vertices if there are no indices.
@@ -41,7 +41,7 @@ impl Primitive {
         name: String,
         vertices: usize,
     ) -> Result<Self, ReadError> {
-        let mode = mode(primitive, &name)?.unwrap_or(Mode::Triangles);
+        let mode = mode(primitive, &name)?.unwrap_or(TriangleMode::Triangles);
         let indices = whole(primitive, "indices", &name)?;
         let corners = match indices {
             None => vertices,
@@ -52,8 +52,8 @@ impl Primitive {
 
     pub(super) fn most_faces(&self) -> usize {
         match self.mode {
-            Mode::Triangles => self.corners / 3,
-            Mode::Strip | Mode::Fan => self.corners.saturating_sub(2),
+            TriangleMode::Triangles => self.corners / 3,
+            TriangleMode::Strip | TriangleMode::Fan => self.corners.saturating_sub(2),
         }
     }
 
@@ -84,12 +84,12 @@ impl Primitive {
             }
         };
         Ok(match self.mode {
-            Mode::Triangles => {
+            TriangleMode::Triangles => {
                 let (triangles, rest) = corners.as_chunks::<3>();
                 (triangles.to_vec(), !rest.is_empty())
             }
             // Strips flip every other triangle; degenerate ones only connect strips.
-            Mode::Strip => {
+            TriangleMode::Strip => {
                 let triangles = corners
                     .windows(3)
                     .enumerate()
@@ -97,7 +97,7 @@ impl Primitive {
                     .filter(|[a, b, c]| a != b && b != c && c != a);
                 (triangles.collect(), false)
             }
-            Mode::Fan => {
+            TriangleMode::Fan => {
                 let around = |(&hub, rim): (&u32, &[u32])| {
                     rim.windows(2).map(|w| [w[0], w[1], hub]).collect::<Vec<_>>()
                 };
@@ -108,11 +108,11 @@ impl Primitive {
 }
 
 /// Returns the topology; `None` for points and lines.
-fn mode(primitive: &Value, name: &str) -> Result<Option<Mode>, ReadError> {
+fn mode(primitive: &Value, name: &str) -> Result<Option<TriangleMode>, ReadError> {
     Ok(Some(match whole(primitive, "mode", name)?.unwrap_or(4) {
-        4 => Mode::Triangles,
-        5 => Mode::Strip,
-        6 => Mode::Fan,
+        4 => TriangleMode::Triangles,
+        5 => TriangleMode::Strip,
+        6 => TriangleMode::Fan,
         0..=3 => return Ok(None),
         other => {
             return Err(ReadError::element(name, format!("mode {other} is not known: 0 to 6 are")));

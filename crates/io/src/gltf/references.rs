@@ -4,7 +4,7 @@ use serde_json::Value;
 
 /// Kind of a referenced element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Named {
+pub(super) enum ReferenceKind {
     Accessor,
     View,
 }
@@ -13,34 +13,34 @@ pub(super) enum Named {
 ///
 /// Extensions are searched for `accessor` and `bufferView`, the keys that they use by convention, and for the
 /// keys of a few known ones; a reference under another key is missed.
-pub(super) fn each_reference(json: &mut Value, visit: &mut dyn FnMut(Named, &mut Value)) {
+pub(super) fn each_reference(json: &mut Value, visit: &mut dyn FnMut(ReferenceKind, &mut Value)) {
     for mesh in entries(json, "meshes") {
         for primitive in entries(mesh, "primitives") {
-            values(primitive.get_mut("attributes"), Named::Accessor, visit);
-            one(primitive, "indices", Named::Accessor, visit);
-            entries(primitive, "targets").for_each(|t| values(Some(t), Named::Accessor, visit));
+            values(primitive.get_mut("attributes"), ReferenceKind::Accessor, visit);
+            one(primitive, "indices", ReferenceKind::Accessor, visit);
+            entries(primitive, "targets").for_each(|t| values(Some(t), ReferenceKind::Accessor, visit));
         }
     }
     for animation in entries(json, "animations") {
         for sampler in entries(animation, "samplers") {
-            one(sampler, "input", Named::Accessor, visit);
-            one(sampler, "output", Named::Accessor, visit);
+            one(sampler, "input", ReferenceKind::Accessor, visit);
+            one(sampler, "output", ReferenceKind::Accessor, visit);
         }
     }
-    entries(json, "skins").for_each(|s| one(s, "inverseBindMatrices", Named::Accessor, visit));
+    entries(json, "skins").for_each(|s| one(s, "inverseBindMatrices", ReferenceKind::Accessor, visit));
     for accessor in entries(json, "accessors") {
         views_of(accessor, visit);
     }
-    entries(json, "images").for_each(|i| one(i, "bufferView", Named::View, visit));
+    entries(json, "images").for_each(|i| one(i, "bufferView", ReferenceKind::View, visit));
     extensions(json, false, visit);
 }
 
 /// Calls `visit` for each view that an accessor refers to.
-pub(super) fn views_of(accessor: &mut Value, visit: &mut dyn FnMut(Named, &mut Value)) {
-    one(accessor, "bufferView", Named::View, visit);
+pub(super) fn views_of(accessor: &mut Value, visit: &mut dyn FnMut(ReferenceKind, &mut Value)) {
+    one(accessor, "bufferView", ReferenceKind::View, visit);
     for part in ["indices", "values"] {
         if let Some(part) = accessor.get_mut("sparse").and_then(|s| s.get_mut(part)) {
-            one(part, "bufferView", Named::View, visit);
+            one(part, "bufferView", ReferenceKind::View, visit);
         }
     }
 }
@@ -62,38 +62,47 @@ fn entries<'v>(object: &'v mut Value, name: &str) -> impl Iterator<Item = &'v mu
     object.get_mut(name).and_then(Value::as_array_mut).into_iter().flatten()
 }
 
-fn one(object: &mut Value, name: &str, named: Named, visit: &mut dyn FnMut(Named, &mut Value)) {
+fn one(
+    object: &mut Value,
+    name: &str,
+    named: ReferenceKind,
+    visit: &mut dyn FnMut(ReferenceKind, &mut Value),
+) {
     if let Some(value) = object.get_mut(name) {
         visit(named, value);
     }
 }
 
-fn values(object: Option<&mut Value>, named: Named, visit: &mut dyn FnMut(Named, &mut Value)) {
+fn values(
+    object: Option<&mut Value>,
+    named: ReferenceKind,
+    visit: &mut dyn FnMut(ReferenceKind, &mut Value),
+) {
     let all = object.and_then(Value::as_object_mut).into_iter().flat_map(|o| o.values_mut());
     all.for_each(|v| visit(named, v));
 }
 
 /// Visits references in extensions, wherever they are. Extras may mean anything and are skipped.
-fn extensions(value: &mut Value, is_inside: bool, visit: &mut dyn FnMut(Named, &mut Value)) {
+fn extensions(value: &mut Value, is_inside: bool, visit: &mut dyn FnMut(ReferenceKind, &mut Value)) {
     match value {
         Value::Object(object) => {
             for (key, inner) in object.iter_mut() {
                 match key.as_str() {
                     "extras" => {}
-                    "accessor" if is_inside && inner.is_number() => visit(Named::Accessor, inner),
-                    "bufferView" if is_inside && inner.is_number() => visit(Named::View, inner),
+                    "accessor" if is_inside && inner.is_number() => visit(ReferenceKind::Accessor, inner),
+                    "bufferView" if is_inside && inner.is_number() => visit(ReferenceKind::View, inner),
                     "EXT_mesh_gpu_instancing" if is_inside => {
-                        values(inner.get_mut("attributes"), Named::Accessor, visit);
+                        values(inner.get_mut("attributes"), ReferenceKind::Accessor, visit);
                     }
                     "CESIUM_primitive_outline" if is_inside => {
-                        one(inner, "indices", Named::Accessor, visit);
+                        one(inner, "indices", ReferenceKind::Accessor, visit);
                     }
                     "EXT_structural_metadata" if is_inside => {
                         for table in entries(inner, "propertyTables") {
                             let all = table.get_mut("properties").and_then(Value::as_object_mut);
                             for property in all.into_iter().flat_map(|p| p.values_mut()) {
                                 for name in ["values", "arrayOffsets", "stringOffsets"] {
-                                    one(property, name, Named::View, visit);
+                                    one(property, name, ReferenceKind::View, visit);
                                 }
                             }
                         }

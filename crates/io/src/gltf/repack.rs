@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 /// A byte range of a buffer.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Span {
+pub(super) struct ByteSpan {
     pub(super) buffer: usize,
     pub(super) bytes: Range<usize>,
 }
@@ -14,12 +14,12 @@ pub(super) struct Span {
 #[derive(Debug)]
 pub(super) struct Repacked {
     pub(super) bytes: Vec<u8>,
-    buffers: Vec<Cut>,
+    buffers: Vec<BufferCuts>,
 }
 
 /// Position of one buffer in the merged one, and what was cut.
 #[derive(Debug)]
-struct Cut {
+struct BufferCuts {
     /// Its new start.
     begin: usize,
     /// Its old length.
@@ -29,13 +29,13 @@ struct Cut {
 }
 
 /// Bytes move by multiples of this, so that numbers of any type stay aligned.
-const STEP: usize = 8;
+const ALIGNMENT: usize = 8;
 
 impl Repacked {
     /// Cuts out bytes that are freed and not kept; bytes that are neither stay.
-    pub(super) fn new(buffers: &[Arc<Vec<u8>>], kept: &[Span], freed: &[Span]) -> Self {
+    pub(super) fn new(buffers: &[Arc<Vec<u8>>], kept: &[ByteSpan], freed: &[ByteSpan]) -> Self {
         let mut out = Self { bytes: Vec::new(), buffers: Vec::new() };
-        let by_buffer = |spans: &[Span]| {
+        let by_buffer = |spans: &[ByteSpan]| {
             let mut all = vec![Vec::new(); buffers.len()];
             for span in spans {
                 if let (Some(list), Some(buffer)) = (all.get_mut(span.buffer), buffers.get(span.buffer)) {
@@ -46,22 +46,23 @@ impl Repacked {
         };
         for ((buffer, kept), freed) in buffers.iter().zip(by_buffer(kept)).zip(by_buffer(freed)) {
             // A few zeros between two spans are padding.
-            let is_padding = |gap: Range<usize>| gap.len() < STEP && buffer[gap].iter().all(|b| *b == 0);
-            let mut freed = joined(freed, is_padding);
+            let is_padding = |gap: Range<usize>| gap.len() < ALIGNMENT && buffer[gap].iter().all(|b| *b == 0);
+            let mut freed = merge_spans(freed, is_padding);
             // So are those before the end of the buffer.
             if let Some(last) = freed.last_mut().filter(|last| is_padding(last.end..buffer.len())) {
                 last.end = buffer.len();
             }
-            let kept = joined(kept, |gap| gap.is_empty());
+            let kept = merge_spans(kept, |gap| gap.is_empty());
             let (mut cuts, mut gone) = (Vec::new(), 0);
-            for cut in without(&freed, &kept) {
-                let length = if cut.end == buffer.len() { cut.len() } else { cut.len() / STEP * STEP };
+            for cut in subtract_spans(&freed, &kept) {
+                let length =
+                    if cut.end == buffer.len() { cut.len() } else { cut.len() / ALIGNMENT * ALIGNMENT };
                 if length > 0 {
                     cuts.push((cut.start..cut.start + length, gone));
                     gone += length;
                 }
             }
-            out.bytes.resize(out.bytes.len().next_multiple_of(STEP), 0);
+            out.bytes.resize(out.bytes.len().next_multiple_of(ALIGNMENT), 0);
             let begin = out.bytes.len();
             let mut from = 0;
             for (cut, _) in &cuts {
@@ -69,14 +70,14 @@ impl Repacked {
                 from = cut.end;
             }
             out.bytes.extend_from_slice(&buffer[from..]);
-            out.buffers.push(Cut { begin, length: buffer.len(), cuts });
+            out.buffers.push(BufferCuts { begin, length: buffer.len(), cuts });
         }
         out
     }
 
     /// Returns the new offset of a byte of a buffer; `None` for a buffer that does not exist.
-    pub(super) fn place(&self, buffer: usize, offset: usize) -> Option<usize> {
-        let Cut { begin, length, cuts } = self.buffers.get(buffer)?;
+    pub(super) fn new_offset(&self, buffer: usize, offset: usize) -> Option<usize> {
+        let BufferCuts { begin, length, cuts } = self.buffers.get(buffer)?;
         let offset = offset.min(*length);
         let before = cuts.partition_point(|(cut, _)| cut.start < offset);
         let last = before.checked_sub(1).and_then(|at| cuts.get(at));
@@ -86,7 +87,7 @@ impl Repacked {
 }
 
 /// Returns the spans sorted; those that touch, or whose gap `may_go`, are merged.
-fn joined(mut spans: Vec<Range<usize>>, may_go: impl Fn(Range<usize>) -> bool) -> Vec<Range<usize>> {
+fn merge_spans(mut spans: Vec<Range<usize>>, may_go: impl Fn(Range<usize>) -> bool) -> Vec<Range<usize>> {
     spans.retain(|s| s.start < s.end);
     spans.sort_unstable_by_key(|s| (s.start, s.end));
     let mut out: Vec<Range<usize>> = Vec::new();
@@ -102,7 +103,7 @@ fn joined(mut spans: Vec<Range<usize>>, may_go: impl Fn(Range<usize>) -> bool) -
 }
 
 /// Returns the parts of `spans` that are not in `kept`; both are sorted and disjoint.
-fn without(spans: &[Range<usize>], kept: &[Range<usize>]) -> Vec<Range<usize>> {
+fn subtract_spans(spans: &[Range<usize>], kept: &[Range<usize>]) -> Vec<Range<usize>> {
     let mut out = Vec::new();
     let mut next = 0;
     for span in spans {
@@ -129,8 +130,8 @@ fn without(spans: &[Range<usize>], kept: &[Range<usize>]) -> Vec<Range<usize>> {
 mod tests {
     use super::*;
 
-    fn span(buffer: usize, bytes: Range<usize>) -> Span {
-        Span { buffer, bytes }
+    fn span(buffer: usize, bytes: Range<usize>) -> ByteSpan {
+        ByteSpan { buffer, bytes }
     }
 
     #[test]
@@ -141,14 +142,14 @@ mod tests {
         // 3..40 is cut to 32 bytes, 64..90 to 24.
         assert_eq!(got.bytes.len(), 100 - 32 - 24);
         for span in &kept {
-            let to = got.place(0, span.bytes.start).unwrap();
-            assert_eq!(to % STEP, span.bytes.start % STEP);
+            let to = got.new_offset(0, span.bytes.start).unwrap();
+            assert_eq!(to % ALIGNMENT, span.bytes.start % ALIGNMENT);
             let end = span.bytes.end.min(100);
             assert_eq!(got.bytes[to..to + end - span.bytes.start], buffer[span.bytes.start..end]);
         }
         assert_eq!(got.bytes[..3], [1, 2, 3]);
-        assert_eq!(got.place(1, 0), None);
-        assert!(got.place(0, usize::MAX).is_some());
+        assert_eq!(got.new_offset(1, 0), None);
+        assert!(got.new_offset(0, usize::MAX).is_some());
     }
 
     #[test]
@@ -156,7 +157,7 @@ mod tests {
         let buffers = [Arc::new(vec![1u8, 2, 3]), Arc::new(vec![4u8, 5])];
         let got = Repacked::new(&buffers, &[], &[]);
         assert_eq!(got.bytes, [1, 2, 3, 0, 0, 0, 0, 0, 4, 5]);
-        assert_eq!(got.place(1, 1), Some(9));
+        assert_eq!(got.new_offset(1, 1), Some(9));
     }
 
     #[test]

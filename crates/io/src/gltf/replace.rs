@@ -19,26 +19,27 @@ use std::sync::Arc;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use lodsmith_core::mesh::{Integer, Semantic};
+use lodsmith_core::mesh::{IntegerType, Semantic};
 use lodsmith_core::{Positions, TriMesh, VertexId, WedgeId};
 use serde_json::{Map, Value, json};
 
 use super::accessors::Component;
 use super::container::{emit, list, number};
-use super::encode::{Kind, encode, settle_weights, unit_directions};
+use super::encode::{NumberType, encode, normalize_weights, unit_directions};
 use super::lists::take_extension;
-use super::mesh::TYPES;
+use super::mesh::TYPE_NAMES;
 use super::outside::relink;
 use super::primitive::Primitive;
 use super::slot::Slot;
-use edit::{Edit, OF_VERTICES, Part, Spot, VERTICES};
+use edit::{AccessorRole, Edit, Spot, VERTEX_EXTENSION, VERTEX_TARGET};
 
-use crate::attributes::rounding;
+use crate::attributes::rounding_warning;
 use crate::error::Warning;
 use crate::format::Format;
 
 /// Extensions of a primitive that do not depend on its vertices.
-const OF_PRIMITIVES: [&str; 3] = ["KHR_materials_variants", "EXT_mesh_features", "EXT_structural_metadata"];
+const VERTEX_INDEPENDENT_EXTENSIONS: [&str; 3] =
+    ["KHR_materials_variants", "EXT_mesh_features", "EXT_structural_metadata"];
 
 pub(super) fn write(
     (source, buffers): (&Value, &[Arc<Vec<u8>>]),
@@ -116,7 +117,7 @@ impl Edit<'_> {
             };
             list.push(triangle);
         }
-        self.warnings.extend(rounding(mesh, "glTF", None));
+        self.warnings.extend(rounding_warning(mesh, "glTF", None));
 
         let held: HashSet<Slot> = primitives
             .iter()
@@ -125,7 +126,7 @@ impl Edit<'_> {
             .map(|key| Slot::of(None, key))
             .collect();
         let added: Vec<Slot> = Slot::all_of(mesh).into_iter().filter(|s| !held.contains(s)).collect();
-        let mut task = Task {
+        let mut task = Replacement {
             index,
             mesh,
             added,
@@ -141,7 +142,7 @@ impl Edit<'_> {
         }
         for (p, faces) in faces.into_iter().enumerate() {
             let Some(faces) = faces else { continue };
-            self.let_go(index, p);
+            self.release(index, p);
             if faces.is_empty() {
                 self.json["meshes"][index]["primitives"][p] = Value::Null;
                 self.emptied.push(format!("{name}.primitives[{p}]"));
@@ -162,8 +163,8 @@ impl Edit<'_> {
     }
 
     /// Releases the accessors of a primitive: references become null until a piece replaces them.
-    fn let_go(&mut self, mesh: usize, primitive: usize) {
-        let Self { json, let_go, .. } = self;
+    fn release(&mut self, mesh: usize, primitive: usize) {
+        let Self { json, released: let_go, .. } = self;
         let primitive = &mut json["meshes"][mesh]["primitives"][primitive];
         let mut empty = |value: &mut Value| {
             let_go.extend(number(value));
@@ -182,12 +183,13 @@ impl Edit<'_> {
         if let Some(mode) = primitive.get_mut("mode") {
             *mode = 4.into();
         }
-        if let Some(taken) = take_extension(primitive, OF_VERTICES) {
-            self.warnings.push(Warning::lost(format!("the {OF_VERTICES} of meshes[{mesh}] is left out")));
+        if let Some(taken) = take_extension(primitive, VERTEX_EXTENSION) {
+            self.warnings
+                .push(Warning::lost(format!("the {VERTEX_EXTENSION} of meshes[{mesh}] is left out")));
             let_go.extend(number(&taken["indices"]));
         }
         let unknown = primitive["extensions"].as_object().into_iter().flat_map(|e| e.keys());
-        for extension in unknown.filter(|e| !OF_PRIMITIVES.contains(&e.as_str())) {
+        for extension in unknown.filter(|e| !VERTEX_INDEPENDENT_EXTENSIONS.contains(&e.as_str())) {
             let text = format!(
                 "the extension {extension} of meshes[{mesh}] stays as it is, though its vertices are others"
             );
@@ -198,7 +200,7 @@ impl Edit<'_> {
     }
 
     /// Makes the pieces of a primitive.
-    fn primitive(&mut self, task: &mut Task<'_>, p: usize, source: &Value, faces: &[[WedgeId; 3]]) {
+    fn primitive(&mut self, task: &mut Replacement<'_>, p: usize, source: &Value, faces: &[[WedgeId; 3]]) {
         let mesh = task.index;
         let mut used: Vec<WedgeId> = Vec::new();
         for w in faces.as_flattened() {
@@ -211,7 +213,7 @@ impl Edit<'_> {
         used.sort_unstable();
         used.iter().enumerate().for_each(|(i, w)| task.local[w.index()] = i as u32);
 
-        let at = |part: Part| Spot { mesh, primitive: p, part };
+        let at = |part: AccessorRole| Spot { mesh, primitive: p, part };
         let no_attributes = Map::new();
         let attributes = source["attributes"].as_object().unwrap_or(&no_attributes);
         let first = self.pieces.len();
@@ -219,7 +221,7 @@ impl Edit<'_> {
         for (key, old) in attributes {
             let slot = Slot::of(None, key);
             let kind = self.kind_of(old);
-            let is_forced = slot.is_part_of_one() || matches!(slot, Slot::Further(Semantic::Joints(_)));
+            let is_forced = slot.is_normalized() || matches!(slot, Slot::Further(Semantic::Joints(_)));
             let gathered = match weights.get(key) {
                 Some(values) => Some((4, values.clone())),
                 None => task.gather(&slot, self.width_of(old), &used),
@@ -228,17 +230,17 @@ impl Edit<'_> {
                 task.lost.insert(key.clone());
                 continue;
             };
-            let kind = settled(&slot, kind, &values);
+            let kind = output_type(&slot, kind, &values);
             let encoded = encode(&values, width, kind, is_forced);
-            self.dense(at(Part::Attribute(key.clone())), number(old), encoded, Some(VERTICES));
+            self.dense(at(AccessorRole::Attribute(key.clone())), number(old), encoded, Some(VERTEX_TARGET));
         }
         for slot in task.added.clone() {
             let Some(name) = slot.name() else { continue };
             let Some((width, values)) = task.gather(&slot, None, &used) else { continue };
-            let integer = slot.integer(task.mesh).and_then(|of| fitting(of, &values));
-            let kind = settled(&slot, integer, &values);
+            let integer = slot.integer(task.mesh).and_then(|of| fitting_type(of, &values));
+            let kind = output_type(&slot, integer, &values);
             let encoded = encode(&values, width, kind, matches!(slot, Slot::Further(Semantic::Joints(_))));
-            self.dense(at(Part::Attribute(name)), None, encoded, Some(VERTICES));
+            self.dense(at(AccessorRole::Attribute(name)), None, encoded, Some(VERTEX_TARGET));
         }
         // A target can only move what the primitive has.
         let names: HashSet<String> = self.pieces[first..].iter().filter_map(|p| p.spot.attribute()).collect();
@@ -247,10 +249,10 @@ impl Edit<'_> {
             for (key, old) in target.as_object().into_iter().flatten() {
                 let slot = Slot::of(Some(t), key);
                 let width = self.width_of(old);
-                let spot = at(Part::Target(t, key.clone()));
+                let spot = at(AccessorRole::Target(t, key.clone()));
                 let gathered = task.gather(&slot, width, &used).filter(|_| names.contains(key));
                 if let Some((width, values)) = gathered {
-                    let kind = settled(&slot, self.kind_of(old), &values);
+                    let kind = output_type(&slot, self.kind_of(old), &values);
                     let encoded = encode(&values, width, kind, false);
                     self.target(spot, number(old), encoded, &values);
                 } else {
@@ -260,15 +262,15 @@ impl Edit<'_> {
             if self.pieces.len() == before {
                 // All primitives need the same number of targets, and animations rely on it: this one moves
                 // nothing.
-                let encoded = encode(&vec![0.0; 3 * used.len()], 3, Kind::FLOAT, false);
+                let encoded = encode(&vec![0.0; 3 * used.len()], 3, NumberType::FLOAT, false);
                 let old = number(&target["POSITION"]);
-                self.nowhere(at(Part::Target(t, "POSITION".to_owned())), old, encoded, used.len());
+                self.zeros(at(AccessorRole::Target(t, "POSITION".to_owned())), old, encoded, used.len());
             }
         }
         let indices: Vec<u32> = faces.as_flattened().iter().map(|w| task.local[w.index()]).collect();
         let in_order = source["indices"].is_null() && indices.iter().enumerate().all(|(i, &v)| i as u32 == v);
         if !in_order {
-            self.indices(at(Part::Indices), number(&source["indices"]), &indices, used.len());
+            self.indices(at(AccessorRole::Indices), number(&source["indices"]), &indices, used.len());
         }
         used.iter().for_each(|w| task.local[w.index()] = u32::MAX);
     }
@@ -276,7 +278,7 @@ impl Edit<'_> {
     /// Returns the weights of a primitive, all sets; empty if the mesh lacks one.
     fn weights(
         &self,
-        task: &mut Task<'_>,
+        task: &mut Replacement<'_>,
         attributes: &Map<String, Value>,
         used: &[WedgeId],
     ) -> HashMap<String, Vec<f32>> {
@@ -294,26 +296,26 @@ impl Edit<'_> {
         }
         // With two integer types, the values of the shorter are exact in the longer.
         let one = ones.into_iter().flatten().fold(None, |a: Option<f32>, b| Some(a.map_or(b, |a| a.min(b))));
-        settle_weights(&mut sets, one);
+        normalize_weights(&mut sets, one);
         keys.into_iter().zip(sets).collect()
     }
 
     /// Returns the type of an accessor's numbers.
-    fn kind_of(&self, accessor: &Value) -> Option<Kind> {
+    fn kind_of(&self, accessor: &Value) -> Option<NumberType> {
         let accessor = list(self.source, "accessors").get(number(accessor)?)?;
         let component = Component::from_code(number(&accessor["componentType"])?)?;
-        Some(Kind { component, normalized: accessor["normalized"].as_bool().unwrap_or(false) })
+        Some(NumberType { component, normalized: accessor["normalized"].as_bool().unwrap_or(false) })
     }
 
     fn width_of(&self, accessor: &Value) -> Option<usize> {
         let accessor = list(self.source, "accessors").get(number(accessor)?)?;
         let kind = accessor["type"].as_str()?;
-        TYPES.iter().position(|t| *t == kind).filter(|&n| n > 0)
+        TYPE_NAMES.iter().position(|t| *t == kind).filter(|&n| n > 0)
     }
 }
 
 /// State of the replacement of one mesh.
-struct Task<'m> {
+struct Replacement<'m> {
     index: usize,
     mesh: &'m TriMesh,
     /// Attributes that no primitive had.
@@ -328,7 +330,7 @@ struct Task<'m> {
     no_direction: usize,
 }
 
-impl Task<'_> {
+impl Replacement<'_> {
     /// Returns the number of components and the values of some wedges, in glTF conventions. The number is
     /// that of the accessor before (`width`), or that of the mesh. `None` if the mesh lacks the attribute.
     fn gather(&mut self, slot: &Slot, width: Option<usize>, used: &[WedgeId]) -> Option<(usize, Vec<f32>)> {
@@ -365,23 +367,23 @@ impl Task<'_> {
 
 /// Returns the type for integers of a mesh: their own, or, as glTF has no 32-bit integer attributes, the
 /// first that holds the values.
-fn fitting(of: Integer, values: &[f32]) -> Option<Kind> {
+fn fitting_type(of: IntegerType, values: &[f32]) -> Option<NumberType> {
     let all = [Component::U8, Component::I8, Component::U16, Component::I16];
     let is_own = |c: &Component| c.integer() == Some(of);
     let holds = |c: &Component| c.integer().is_some_and(|of| values.iter().all(|&x| of.holds(x)));
     let component = all.into_iter().find(is_own).or_else(|| all.into_iter().find(holds))?;
-    Some(Kind { component, normalized: false })
+    Some(NumberType { component, normalized: false })
 }
 
 /// Returns the type to write: that of the source, if glTF allows it for this attribute.
-fn settled(slot: &Slot, source: Option<Kind>, values: &[f32]) -> Kind {
+fn output_type(slot: &Slot, source: Option<NumberType>, values: &[f32]) -> NumberType {
     let component = source.map_or(Component::F32, |k| k.component);
     match slot {
         Slot::Further(Semantic::Joints(_)) => {
             let is_small = component == Component::U8 && values.iter().all(|&x| x <= 255.0);
-            Kind { component: if is_small { Component::U8 } else { Component::U16 }, normalized: false }
+            NumberType { component: if is_small { Component::U8 } else { Component::U16 }, normalized: false }
         }
-        _ if slot.is_part_of_one() => Kind { component, normalized: component != Component::F32 },
-        _ => source.unwrap_or(Kind::FLOAT),
+        _ if slot.is_normalized() => NumberType { component, normalized: component != Component::F32 },
+        _ => source.unwrap_or(NumberType::FLOAT),
     }
 }

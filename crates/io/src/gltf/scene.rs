@@ -16,10 +16,10 @@ use super::lod::{self, SceneLevels};
 use super::mesh::{self, Budget};
 use super::moving::{self, SceneMotion};
 use super::names::MeshNames;
-use super::outside::{is_file, outside_uris};
+use super::outside::{external_uris, is_file};
 use super::placements;
 use super::{inventory, replace, unpack};
-use crate::assets::{Assets, MOST_IMAGE_BYTES, Refusal};
+use crate::assets::{Assets, MAX_IMAGE_BYTES, Refusal};
 use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt;
 use crate::format::Format;
@@ -98,7 +98,7 @@ impl Scene {
         let format = if document.is_glb { Format::Glb } else { Format::Gltf };
         let mut buffers = Buffers::new(&document, options).load_all()?;
         let mut json = document.json;
-        let unpacked = unpack::unpack(&mut json, &mut buffers, options.limits.most_bytes())?;
+        let unpacked = unpack::unpack(&mut json, &mut buffers, options.limits.max_bytes())?;
         for buffer in list_mut(&mut json, "buffers") {
             if let Some(uri) = buffer.get_mut("uri") {
                 *uri = "".into();
@@ -314,16 +314,16 @@ impl Scene {
     /// is not an image, or not where a model may look for it; such a file stays external.
     pub fn embed_files(&mut self) -> Vec<Warning> {
         // Guessed: more warnings would not help.
-        const SHOWN: usize = 16;
-        let mut left = MOST_IMAGE_BYTES.min(self.limits.most_bytes());
+        const MAX_WARNINGS: usize = 16;
+        let mut left = MAX_IMAGE_BYTES.min(self.limits.max_bytes());
         let (mut warnings, mut more) = (Vec::new(), 0);
-        for uri in self.outside_files() {
+        for uri in self.external_files() {
             let found = path_of(&uri).and_then(|path| self.assets.find(&path).map_err(Refusal::reason));
             match found.map_err(str::to_owned).and_then(|file| file.read_image(&mut left)) {
                 Ok(bytes) => {
                     self.embed(&uri, bytes);
                 }
-                Err(why) if warnings.len() < SHOWN => {
+                Err(why) if warnings.len() < MAX_WARNINGS => {
                     warnings
                         .push(Warning::note(format!("the file {} {why}: its name is kept", excerpt(&uri))));
                 }
@@ -343,9 +343,9 @@ impl Scene {
 
     /// Returns the external files other than buffers, mostly images, by `uri` and each once. Network
     /// addresses are left out.
-    pub fn outside_files(&self) -> Vec<String> {
+    pub fn external_files(&self) -> Vec<String> {
         let (mut found, mut known) = (Vec::new(), HashSet::new());
-        outside_uris(&self.json, &mut |uri| {
+        external_uris(&self.json, &mut |uri| {
             if known.insert(uri) {
                 found.push(uri.clone());
             }

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 use lodsmith_core::TriMesh;
-use lodsmith_core::mesh::{Integer, Morphed, Semantic};
+use lodsmith_core::mesh::{IntegerType, Morphed, Semantic};
 
 /// Attribute of a mesh that an attribute of a primitive maps to. Custom attributes are [`Semantic::Custom`]
 /// here, discrete or not.
@@ -95,19 +95,19 @@ impl Slot {
     }
 
     /// Returns true if integers are always normalized to 0..1 here, whatever the file declares.
-    pub(super) fn is_part_of_one(&self) -> bool {
+    pub(super) fn is_normalized(&self) -> bool {
         self.is_color() || matches!(self, Self::Further(Semantic::Weights(_)))
     }
 
     /// Returns true if it holds integer ids, whatever their type: those of `EXT_mesh_features`, which may be
     /// floats, and the older batch ids of 3D Tiles.
-    pub(super) fn is_of_ids(&self) -> bool {
+    pub(super) fn holds_ids(&self) -> bool {
         let Self::Further(Semantic::Custom(name)) = self else { return false };
         name.starts_with("_FEATURE_ID_") || name == "_BATCHID"
     }
 
     /// Returns the integer type of a mesh's attribute; `None` if it is not discrete.
-    pub(super) fn integer(&self, mesh: &TriMesh) -> Option<Integer> {
+    pub(super) fn integer(&self, mesh: &TriMesh) -> Option<IntegerType> {
         let all = mesh.further_attributes().iter().filter(|a| Self::of_mesh(&a.semantic) == *self);
         all.filter_map(|a| if let Semantic::Discrete { of, .. } = a.semantic { Some(of) } else { None })
             .next()

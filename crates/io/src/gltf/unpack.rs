@@ -16,17 +16,17 @@ use std::sync::Arc;
 use serde_json::Value;
 
 use super::container::list;
-use super::lists::forget_extensions;
+use super::lists::drop_unused_extensions;
 use crate::error::ReadError;
 
 pub(super) use extensions::fallbacks;
 use extensions::{DRACO, MESHOPT, extension};
-use fresh::Room;
+use fresh::DecodeBudget;
 
 /// Limits on decoded bytes: per byte of the file, and a total that any file may reach. Guessed: the best
 /// streams of real meshes shrink to a tenth, and only endless zeros to less than a hundredth.
-const PER_BYTE: u64 = 256;
-const ALWAYS: u64 = 16 << 20;
+const DECODED_PER_BYTE: u64 = 256;
+const ALWAYS_DECODED: u64 = 16 << 20;
 
 /// Returns true if anything in the file is compressed.
 pub(super) fn is_needed(json: &Value) -> bool {
@@ -46,10 +46,13 @@ pub(super) fn unpack(
         return Ok(0);
     }
     let packed: u64 = buffers.iter().map(|b| b.len() as u64).sum();
-    let mut room = Room { limit: packed.saturating_mul(PER_BYTE).saturating_add(ALWAYS).min(limit), used: 0 };
+    let mut room = DecodeBudget {
+        limit: packed.saturating_mul(DECODED_PER_BYTE).saturating_add(ALWAYS_DECODED).min(limit),
+        used: 0,
+    };
     views::unpack(json, buffers, &mut room)?;
     draco::unpack(json, buffers, &mut room)?;
-    forget_extensions(json, &[MESHOPT[0], MESHOPT[1], DRACO]);
+    drop_unused_extensions(json, &[MESHOPT[0], MESHOPT[1], DRACO]);
     Ok(room.used as usize)
 }
 
@@ -75,7 +78,7 @@ mod tests {
 
     #[test]
     fn room_is_for_all_together() {
-        let mut room = Room { limit: 10, used: 0 };
+        let mut room = DecodeBudget { limit: 10, used: 0 };
         assert!(room.take(6).is_ok());
         assert!(room.take(5).is_err());
         assert!(room.take(u64::MAX).is_err());

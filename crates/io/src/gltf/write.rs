@@ -9,26 +9,26 @@ use lodsmith_core::{Bounds, Positions, TriMesh, VertexId, WedgeId};
 use serde_json::{Value, json};
 
 use super::container::emit;
-use crate::attributes::rounding;
+use crate::attributes::rounding_warning;
 use crate::error::Warning;
-use crate::material::{Look, Looks};
+use crate::material::{ConvertedMaterial, ConvertedMaterials};
 
 /// glTF codes of component types and of view targets.
 const U8: u32 = 5121;
 const U16: u32 = 5123;
 const U32: u32 = 5125;
 const F32: u32 = 5126;
-const VERTICES: u32 = 34962;
-const INDICES: u32 = 34963;
+const VERTEX_TARGET: u32 = 34962;
+const INDEX_TARGET: u32 = 34963;
 
 pub(super) fn write(
     mesh: &TriMesh,
-    mut looks: Looks,
+    mut looks: ConvertedMaterials,
     glb: bool,
     out: &mut dyn Write,
 ) -> io::Result<Vec<Warning>> {
     let mut warnings = std::mem::take(&mut looks.warnings);
-    let mut file = File::default();
+    let mut file = GltfBuilder::default();
     // Without attributes, wedges are of no use: the vertices are written as they are.
     let split = mesh.has_attributes() && mesh.vertex_map().is_some();
     let surface;
@@ -41,7 +41,7 @@ pub(super) fn write(
     let vertex = |i: usize| if split { mesh.vertex_of(WedgeId::new(i)) } else { VertexId::new(i) };
 
     let center = center(mesh);
-    warnings.extend(rounding(mesh, "glTF", center));
+    warnings.extend(rounding_warning(mesh, "glTF", center));
     let positions: Vec<[f32; 3]> = match mesh.positions() {
         Positions::F32(p) => (0..count).map(|i| p[vertex(i).index()]).collect(),
         Positions::F64(p) => {
@@ -56,7 +56,7 @@ pub(super) fn write(
         attributes["NORMAL"] = file.normals(normals, &mut warnings).into();
     }
     if let Some(uvs) = mesh.uvs() {
-        file.begin(F32, "VEC2", uvs.len(), VERTICES);
+        file.begin(F32, "VEC2", uvs.len(), VERTEX_TARGET);
         // In glTF, texture coordinates start at the upper left corner of the image.
         uvs.iter().for_each(|uv| file.floats(&[uv[0], 1.0 - uv[1]]));
         attributes["TEXCOORD_0"] = file.end().into();
@@ -86,11 +86,15 @@ pub(super) fn write(
 }
 
 /// A material, if any, and its triangles.
-type Group<'t> = (Option<usize>, Cow<'t, [[u32; 3]]>);
+type MaterialGroup<'t> = (Option<usize>, Cow<'t, [[u32; 3]]>);
 
 /// Groups the triangles by material, in the order of the file; materials in the order in which they first
 /// appear.
-fn by_look<'t>(mesh: &TriMesh, looks: &Looks, triangles: &'t [[u32; 3]]) -> Vec<Group<'t>> {
+fn by_look<'t>(
+    mesh: &TriMesh,
+    looks: &ConvertedMaterials,
+    triangles: &'t [[u32; 3]],
+) -> Vec<MaterialGroup<'t>> {
     let of_region = |region: usize| looks.of_region.get(region).copied().flatten();
     let Some(regions) = mesh.regions().filter(|_| looks.all.len() > 1 || looks.of_region.contains(&None))
     else {
@@ -103,7 +107,7 @@ fn by_look<'t>(mesh: &TriMesh, looks: &Looks, triangles: &'t [[u32; 3]]) -> Vec<
     }
     let look = |at: usize| (at < looks.all.len()).then_some(at);
     let all = groups.into_iter().enumerate().filter(|(_, g)| !g.is_empty());
-    let mut all: Vec<Group<'t>> = all.map(|(at, g)| (look(at), Cow::Owned(g))).collect();
+    let mut all: Vec<MaterialGroup<'t>> = all.map(|(at, g)| (look(at), Cow::Owned(g))).collect();
     if all.is_empty() {
         all.push((None, Cow::Borrowed(triangles)));
     }
@@ -111,7 +115,7 @@ fn by_look<'t>(mesh: &TriMesh, looks: &Looks, triangles: &'t [[u32; 3]]) -> Vec<
 }
 
 /// Converts a material to glTF.
-fn material(look: &Look) -> Value {
+fn material(look: &ConvertedMaterial) -> Value {
     let [r, g, b] = if look.color_image.is_some() && !look.is_tinted { [1.0; 3] } else { look.color };
     let mut surface = json!({ "metallicFactor": look.metalness, "roughnessFactor": look.roughness });
     if [r, g, b, look.alpha] != [1.0; 4] {
@@ -152,7 +156,7 @@ fn center(mesh: &TriMesh) -> Option<[f64; 3]> {
 
 /// Buffer, views and accessors of a file. Each accessor has a view of its own.
 #[derive(Default)]
-struct File {
+struct GltfBuilder {
     bytes: Vec<u8>,
     views: Vec<Value>,
     accessors: Vec<Value>,
@@ -160,7 +164,7 @@ struct File {
     start: usize,
 }
 
-impl File {
+impl GltfBuilder {
     /// Begins an accessor.
     fn begin(&mut self, component: u32, kind: &str, count: usize, target: u32) {
         self.start = self.bytes.len();
@@ -186,7 +190,7 @@ impl File {
     }
 
     fn positions(&mut self, positions: &[[f32; 3]]) -> usize {
-        self.begin(F32, "VEC3", positions.len(), VERTICES);
+        self.begin(F32, "VEC3", positions.len(), VERTEX_TARGET);
         let (mut min, mut max) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         for p in positions {
             self.floats(p);
@@ -204,7 +208,7 @@ impl File {
     }
 
     fn normals(&mut self, normals: &[[f32; 3]], warnings: &mut Vec<Warning>) -> usize {
-        self.begin(F32, "VEC3", normals.len(), VERTICES);
+        self.begin(F32, "VEC3", normals.len(), VERTEX_TARGET);
         let mut replaced = 0usize;
         for &n in normals {
             let length = n.iter().map(|&x| f64::from(x) * f64::from(x)).sum::<f64>().sqrt();
@@ -229,13 +233,13 @@ impl File {
         let as_byte =
             |x: f32| Some((x * 255.0).round()).filter(|b| (0.0..=255.0).contains(b) && b / 255.0 == x);
         if colors.iter().flatten().all(|&x| as_byte(x).is_some()) {
-            self.begin(U8, "VEC4", colors.len(), VERTICES);
+            self.begin(U8, "VEC4", colors.len(), VERTEX_TARGET);
             self.bytes.extend(colors.iter().flatten().map(|&x| as_byte(x).unwrap_or(0.0) as u8));
             let index = self.end();
             self.accessors[index]["normalized"] = true.into();
             return index;
         }
-        self.begin(F32, "VEC4", colors.len(), VERTICES);
+        self.begin(F32, "VEC4", colors.len(), VERTEX_TARGET);
         colors.iter().for_each(|c| self.floats(c));
         self.end()
     }
@@ -243,7 +247,7 @@ impl File {
     fn indices(&mut self, triangles: &[[u32; 3]], vertices: usize) -> usize {
         // The largest value of a type is not allowed as an index.
         let small = vertices <= usize::from(u16::MAX);
-        self.begin(if small { U16 } else { U32 }, "SCALAR", triangles.len() * 3, INDICES);
+        self.begin(if small { U16 } else { U32 }, "SCALAR", triangles.len() * 3, INDEX_TARGET);
         if small {
             triangles
                 .as_flattened()
@@ -258,7 +262,7 @@ impl File {
     fn finish(
         mut self,
         primitives: Vec<Value>,
-        looks: &Looks,
+        looks: &ConvertedMaterials,
         center: Option<[f64; 3]>,
         glb: bool,
         out: &mut dyn Write,

@@ -4,17 +4,17 @@ use lodsmith_core::splits::{Checkpoint, Counts, NO_ORIGINAL, Original};
 use lodsmith_core::{FaceId, VertexId, WedgeId};
 
 use super::head::Head;
-use super::range::{Below, Bit, Coded, Coder, Damaged, Decoder, Encoder, Number};
+use super::range::{BelowModel, BitModel, Coded, Coder, Damaged, Decoder, Encoder, NumberModel};
 use super::values::{PlaceCode, code_f32, value_f32};
-use super::walk::Walk;
+use super::walk::LevelMesh;
 
 /// Codec of a sequence of checkpoints.
 #[derive(Default)]
-pub(super) struct Checkpoints {
-    counts: [Number; 2],
-    gaps: [Number; 2],
-    moves: Vec<Number>,
-    changes: Vec<Number>,
+pub(super) struct CheckpointCodec {
+    counts: [NumberModel; 2],
+    gaps: [NumberModel; 2],
+    moves: Vec<NumberModel>,
+    changes: Vec<NumberModel>,
 }
 
 /// Coding of the numbers of a checkpoint.
@@ -28,11 +28,11 @@ enum FitCode {
 
 /// A fit is rounded to steps of at most its residual error divided by this. A uniform rounding error then has
 /// an RMS of 0.29 / 4 of that error along the normal, which raises the total by 0.3 %.
-const SHARE: f64 = 4.0;
+const STEPS_PER_ERROR: f64 = 4.0;
 /// Changes of values are rounded to steps of the largest change divided by this.
-const OF_LARGEST: f64 = 256.0;
+const STEPS_PER_LARGEST_CHANGE: f64 = 256.0;
 /// Marks numbers stored as floats.
-const EXACT: i16 = i16::MAX;
+const EXACT_MARK: i16 = i16::MAX;
 
 impl FitCode {
     fn of(head: &Head, checkpoint: &Checkpoint, exact: bool) -> Self {
@@ -51,8 +51,8 @@ impl FitCode {
                 (-1000.0..1000.0).contains(&power) && f64::from(reach) / power.exp2() < f64::from(1 << 30);
             fits.then_some(power as i16)
         };
-        let step = (checkpoint.error / SHARE).max(finest);
-        let value_step = if largest > 0.0 { f64::from(largest) / OF_LARGEST } else { 1.0 };
+        let step = (checkpoint.error / STEPS_PER_ERROR).max(finest);
+        let value_step = if largest > 0.0 { f64::from(largest) / STEPS_PER_LARGEST_CHANGE } else { 1.0 };
         let has_nan = moves.iter().chain(&checkpoint.changes).any(|x| x.is_nan());
         match (power(step, farthest), power(value_step, largest)) {
             (Some(a), Some(b)) if !exact && !has_nan => Self::Steps([a, b]),
@@ -74,19 +74,19 @@ impl FitCode {
 }
 
 /// Number of models for a number, selected by the size of the number before.
-const SIZES: usize = 12;
+const SIZE_MODELS: usize = 12;
 
 fn size_of(code: i64) -> usize {
-    ((u64::BITS - code.unsigned_abs().leading_zeros()) as usize).min(SIZES - 1)
+    ((u64::BITS - code.unsigned_abs().leading_zeros()) as usize).min(SIZE_MODELS - 1)
 }
 
-impl Checkpoints {
+impl CheckpointCodec {
     pub(super) fn write(&mut self, head: &Head, checkpoint: &Checkpoint, exact: bool) -> Vec<u8> {
         let mut bytes = checkpoint.level.to_le_bytes().to_vec();
         bytes.extend(checkpoint.error.to_le_bytes());
         let fit = FitCode::of(head, checkpoint, exact);
         let powers = match fit {
-            FitCode::Exact => [EXACT; 2],
+            FitCode::Exact => [EXACT_MARK; 2],
             FitCode::Steps(powers) => powers,
         };
         powers.iter().for_each(|p| bytes.extend(p.to_le_bytes()));
@@ -106,7 +106,7 @@ impl Checkpoints {
         let (changes, rest) = rest.split_first_chunk().ok_or(short)?;
         let (level, error) = (u32::from_le_bytes(*level), f64::from_le_bytes(*error));
         let powers = [moves, changes].map(|p| i16::from_le_bytes(*p));
-        let fit = if powers.contains(&EXACT) { FitCode::Exact } else { FitCode::Steps(powers) };
+        let fit = if powers.contains(&EXACT_MARK) { FitCode::Exact } else { FitCode::Steps(powers) };
         let mut checkpoint = Checkpoint { level, error, ..Checkpoint::default() };
         self.code(&mut Decoder::new(rest)?, head.width(), fit, &Checkpoint::default(), &mut checkpoint)?;
         Ok(checkpoint)
@@ -120,15 +120,15 @@ impl Checkpoints {
         want: &Checkpoint,
         got: &mut Checkpoint,
     ) -> Coded<()> {
-        self.moves.resize_with(3 * SIZES, Number::default);
-        self.changes.resize_with(width * SIZES, Number::default);
+        self.moves.resize_with(3 * SIZE_MODELS, NumberModel::default);
+        self.changes.resize_with(width * SIZE_MODELS, NumberModel::default);
         let (mut at, mut size) = (0, 0);
         for i in 0..c.count(&mut self.counts[0], want.vertices.len())? {
-            let v = rise(c, &mut self.gaps[0], &mut at, want.vertices.get(i).map_or(0, |v| v.0))?;
+            let v = code_ascending(c, &mut self.gaps[0], &mut at, want.vertices.get(i).map_or(0, |v| v.0))?;
             let mut by = [0.0; 3];
             for (k, by) in by.iter_mut().enumerate() {
                 let code = want.moves.get(i).map_or(0, |m| fit.code(m[k], 0));
-                let code = c.signed(&mut self.moves[k * SIZES + size], code)?;
+                let code = c.signed(&mut self.moves[k * SIZE_MODELS + size], code)?;
                 (*by, size) = (fit.value(code, 0), size_of(code));
             }
             got.vertices.push(VertexId(v));
@@ -136,11 +136,11 @@ impl Checkpoints {
         }
         (at, size) = (0, 0);
         for i in 0..c.count(&mut self.counts[1], want.wedges.len())? {
-            let w = rise(c, &mut self.gaps[1], &mut at, want.wedges.get(i).map_or(0, |w| w.0))?;
+            let w = code_ascending(c, &mut self.gaps[1], &mut at, want.wedges.get(i).map_or(0, |w| w.0))?;
             got.wedges.push(WedgeId(w));
             for k in 0..width {
                 let code = want.changes.get(i * width + k).map_or(0, |&x| fit.code(x, 1));
-                let code = c.signed(&mut self.changes[k * SIZES + size], code)?;
+                let code = c.signed(&mut self.changes[k * SIZE_MODELS + size], code)?;
                 size = size_of(code);
                 got.changes.push(fit.value(code, 1));
             }
@@ -150,7 +150,7 @@ impl Checkpoints {
 }
 
 /// Codes the next of ascending numbers.
-fn rise<C: Coder>(c: &mut C, model: &mut Number, at: &mut u32, wanted: u32) -> Coded<u32> {
+fn code_ascending<C: Coder>(c: &mut C, model: &mut NumberModel, at: &mut u32, wanted: u32) -> Coded<u32> {
     let gap = c.number(model, u64::from(wanted.wrapping_sub(*at)))?;
     let now = u64::from(*at).checked_add(gap).filter(|&now| now < u64::from(u32::MAX));
     let now = now.ok_or(Damaged("a checkpoint names what no number can"))? as u32;
@@ -159,29 +159,29 @@ fn rise<C: Coder>(c: &mut C, model: &mut Number, at: &mut u32, wanted: u32) -> C
 }
 
 /// Models of elements in the order of the original: most are near the one before.
-struct Order {
-    is_near: [Bit; 2],
-    near: [Bit; 64],
-    any: Below,
+struct OrderModels {
+    is_near: [BitModel; 2],
+    near: [BitModel; 64],
+    any: BelowModel,
 }
 
 /// Maximum number of neighbours considered.
-const NEAR: usize = 63;
+const MAX_NEIGHBOURS: usize = 63;
 
-pub(super) fn write_original(walk: &Walk, original: &Original) -> Vec<u8> {
+pub(super) fn write_original(walk: &LevelMesh, original: &Original) -> Vec<u8> {
     let mut encoder = Encoder::new();
     let coded = code_original(&mut encoder, walk, Some(original));
     assert!(coded.is_ok(), "what is written is not damaged");
     encoder.finish()
 }
 
-pub(super) fn read_original(walk: &Walk, bytes: &[u8]) -> Coded<Original> {
+pub(super) fn read_original(walk: &LevelMesh, bytes: &[u8]) -> Coded<Original> {
     code_original(&mut Decoder::new(bytes)?, walk, None)
 }
 
-fn code_original<C: Coder>(c: &mut C, walk: &Walk, want: Option<&Original>) -> Coded<Original> {
+fn code_original<C: Coder>(c: &mut C, walk: &LevelMesh, want: Option<&Original>) -> Coded<Original> {
     let Counts { faces, wedges, vertices } = walk.counts();
-    let has_vertex_map = c.bit(&mut Bit::default(), want.is_some_and(|w| w.has_vertex_map))?;
+    let has_vertex_map = c.bit(&mut BitModel::default(), want.is_some_and(|w| w.has_vertex_map))?;
     let of = |ids: &[u32], count: u32| -> Vec<u32> {
         let mut order = vec![NO_ORIGINAL; ids.iter().filter(|&&n| n != NO_ORIGINAL).count()];
         for (i, &n) in (0..count).zip(ids).filter(|x| *x.1 != NO_ORIGINAL) {
@@ -193,7 +193,7 @@ fn code_original<C: Coder>(c: &mut C, walk: &Walk, want: Option<&Original>) -> C
     let face_order = wanted(|o| bytemuck::cast_slice(&o.faces), faces);
     let face_order = code_order(c, faces, face_order, &[], |f, near| {
         for w in walk.faces[f as usize] {
-            near.extend(walk.corners_of(walk.vertex_of[w as usize]).take(NEAR / 3).map(|c| c / 3));
+            near.extend(walk.corners_of(walk.vertex_of[w as usize]).take(MAX_NEIGHBOURS / 3).map(|c| c / 3));
         }
     })?;
     // Usually vertices are numbered in the order in which faces use them.
@@ -203,17 +203,17 @@ fn code_original<C: Coder>(c: &mut C, walk: &Walk, want: Option<&Original>) -> C
     let vertex_order = wanted(|o| bytemuck::cast_slice(&o.vertices), vertices);
     let by_faces = met(&|w| walk.vertex_of[w as usize]);
     let vertex_order = code_order(c, vertices, vertex_order, &by_faces, |v, near| {
-        for corner in walk.corners_of(v).take(NEAR / 2) {
+        for corner in walk.corners_of(v).take(MAX_NEIGHBOURS / 2) {
             let face = walk.faces[corner as usize / 3];
             near.extend([1, 2].map(|k| walk.vertex_of[face[(corner as usize + k) % 3] as usize]));
         }
     })?;
     let wedge_order = wanted(|o| bytemuck::cast_slice(&o.wedges), wedges);
-    let is_same = c.bit(&mut Bit::default(), wedge_order.as_ref() == Some(&vertex_order))?;
+    let is_same = c.bit(&mut BitModel::default(), wedge_order.as_ref() == Some(&vertex_order))?;
     let wedge_order = match is_same {
         true => vertex_order.clone(),
         false => code_order(c, wedges, wedge_order, &met(&|w| w), |w, near| {
-            for corner in walk.corners_of(walk.vertex_of[w as usize]).take(NEAR / 2) {
+            for corner in walk.corners_of(walk.vertex_of[w as usize]).take(MAX_NEIGHBOURS / 2) {
                 let face = walk.faces[corner as usize / 3];
                 near.extend([0, 1, 2].map(|k| face[(corner as usize + k) % 3]));
             }
@@ -243,8 +243,12 @@ fn code_order<C: Coder>(
     met: &[u32],
     near_of: impl Fn(u32, &mut Vec<u32>),
 ) -> Coded<Vec<u32>> {
-    let mut total = Number::default();
-    let mut model = Order { is_near: Default::default(), near: [Bit::default(); 64], any: Below::default() };
+    let mut total = NumberModel::default();
+    let mut model = OrderModels {
+        is_near: Default::default(),
+        near: [BitModel::default(); 64],
+        any: BelowModel::default(),
+    };
     let length = c.count(&mut total, want.as_ref().map_or(0, Vec::len))?;
     if length > count as usize {
         return Err(Damaged("the original has more elements than the mesh"));
@@ -261,7 +265,7 @@ fn code_order<C: Coder>(
         }
         let mut places: Vec<u32> = met.peek().copied().into_iter().collect();
         for &n in &near {
-            if !is_named[n as usize] && !places.contains(&n) && places.len() < NEAR {
+            if !is_named[n as usize] && !places.contains(&n) && places.len() < MAX_NEIGHBOURS {
                 places.push(n);
             }
         }

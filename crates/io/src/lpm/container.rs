@@ -14,7 +14,7 @@ pub(super) const ORIGINAL: [u8; 4] = *b"ORIG";
 pub(super) const DONE: [u8; 4] = *b"DONE";
 
 /// Bytes of a chunk in addition to its content.
-pub(super) const AROUND: u64 = 12;
+pub(super) const CHUNK_OVERHEAD: u64 = 12;
 
 /// Writes a chunk; returns the number of bytes written.
 pub(super) fn write_chunk(out: &mut dyn Write, kind: [u8; 4], bytes: &[u8]) -> io::Result<u64> {
@@ -24,7 +24,7 @@ pub(super) fn write_chunk(out: &mut dyn Write, kind: [u8; 4], bytes: &[u8]) -> i
     out.write_all(&kind)?;
     out.write_all(bytes)?;
     out.write_all(&checksum(kind, bytes).to_le_bytes())?;
-    Ok(u64::from(length) + AROUND)
+    Ok(u64::from(length) + CHUNK_OVERHEAD)
 }
 
 fn checksum(kind: [u8; 4], bytes: &[u8]) -> u32 {
@@ -36,7 +36,7 @@ fn checksum(kind: [u8; 4], bytes: &[u8]) -> u32 {
 
 /// Result of reading the next chunk.
 #[derive(Debug)]
-pub(super) enum Next {
+pub(super) enum NextChunk {
     Chunk {
         kind: [u8; 4],
         bytes: Vec<u8>,
@@ -51,16 +51,16 @@ pub(super) enum Next {
 
 /// Reader of chunks from a stream.
 #[derive(Debug)]
-pub(super) struct Chunks<R> {
+pub(super) struct ChunkReader<R> {
     from: R,
     /// Bytes read so far.
     pub(super) at: u64,
-    most: u64,
+    max_bytes: u64,
 }
 
-impl<R: Read> Chunks<R> {
+impl<R: Read> ChunkReader<R> {
     pub(super) fn new(from: R, most: u64) -> Self {
-        Self { from, at: 0, most }
+        Self { from, at: 0, max_bytes: most }
     }
     /// Reads the first bytes; returns true if they are those of the format.
     pub(super) fn magic(&mut self) -> io::Result<bool> {
@@ -73,25 +73,25 @@ impl<R: Read> Chunks<R> {
         self.at += bytes.len() as u64;
         Ok(bytes)
     }
-    pub(super) fn next(&mut self) -> io::Result<Next> {
+    pub(super) fn next(&mut self) -> io::Result<NextChunk> {
         let front = self.take(8)?;
         let Some(([a, b, c, d], kind)) = front.split_first_chunk() else {
-            return Ok(Next::End);
+            return Ok(NextChunk::End);
         };
         let (length, Ok(kind)) = (u32::from_le_bytes([*a, *b, *c, *d]), kind.try_into()) else {
-            return Ok(Next::End);
+            return Ok(NextChunk::End);
         };
-        if self.at.saturating_add(u64::from(length)) > self.most {
-            return Ok(Next::TooLarge);
+        if self.at.saturating_add(u64::from(length)) > self.max_bytes {
+            return Ok(NextChunk::TooLarge);
         }
         let bytes = self.take(u64::from(length))?;
         let sum = self.take(4)?;
         if bytes.len() < length as usize || sum.len() < 4 {
-            return Ok(Next::End);
+            return Ok(NextChunk::End);
         }
         match sum == checksum(kind, &bytes).to_le_bytes() {
-            true => Ok(Next::Chunk { kind, bytes }),
-            false => Ok(Next::Damaged),
+            true => Ok(NextChunk::Chunk { kind, bytes }),
+            false => Ok(NextChunk::Damaged),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use lodsmith_core::mesh::Morphed;
 use lodsmith_core::splits::{Counts, Layout};
-use lodsmith_core::{Integer, Positions, Semantic};
+use lodsmith_core::{IntegerType, Positions, Semantic};
 
 use super::values::{PlaceCode, ValueCode};
 use crate::error::ReadError;
@@ -33,13 +33,13 @@ pub(super) struct Head {
 /// An attribute and its coding.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Column {
-    pub(super) kind: Kind,
+    pub(super) kind: ColumnKind,
     pub(super) width: usize,
     pub(super) code: ValueCode,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum ColumnKind {
     Normal,
     Uv,
     Color,
@@ -47,27 +47,27 @@ pub(super) enum Kind {
 }
 
 /// Returns the attributes of a layout, in the order of a row.
-pub(super) fn kinds(layout: &Layout) -> Vec<(Kind, usize)> {
+pub(super) fn column_kinds(layout: &Layout) -> Vec<(ColumnKind, usize)> {
     let first = [
-        (layout.has_normals, (Kind::Normal, 3)),
-        (layout.has_uvs, (Kind::Uv, 2)),
-        (layout.has_colors, (Kind::Color, 4)),
+        (layout.has_normals, (ColumnKind::Normal, 3)),
+        (layout.has_uvs, (ColumnKind::Uv, 2)),
+        (layout.has_colors, (ColumnKind::Color, 4)),
     ];
     let first = first.into_iter().filter(|x| x.0).map(|x| x.1);
-    first.chain(layout.further.iter().map(|(s, width)| (Kind::Further(s.clone()), *width))).collect()
+    first.chain(layout.further.iter().map(|(s, width)| (ColumnKind::Further(s.clone()), *width))).collect()
 }
 
 impl Head {
     pub(super) fn layout(&self) -> Layout {
-        let has = |kind: Kind| self.columns.iter().any(|c| c.kind == kind);
+        let has = |kind: ColumnKind| self.columns.iter().any(|c| c.kind == kind);
         let further = self.columns.iter().filter_map(|c| match &c.kind {
-            Kind::Further(semantic) => Some((semantic.clone(), c.width)),
+            ColumnKind::Further(semantic) => Some((semantic.clone(), c.width)),
             _ => None,
         });
         Layout {
-            has_normals: has(Kind::Normal),
-            has_uvs: has(Kind::Uv),
-            has_colors: has(Kind::Color),
+            has_normals: has(ColumnKind::Normal),
+            has_uvs: has(ColumnKind::Uv),
+            has_colors: has(ColumnKind::Color),
             further: further.collect(),
         }
     }
@@ -141,7 +141,7 @@ impl Head {
     }
 
     pub(super) fn from_bytes(bytes: &[u8]) -> Result<Self, ReadError> {
-        let mut bytes = Bytes(bytes);
+        let mut bytes = HeadBytes(bytes);
         let version = u16::from_le_bytes(bytes.take()?);
         if version == 0 || version > VERSION {
             return Err(ReadError::Unsupported(format!(
@@ -177,26 +177,26 @@ impl Head {
             columns,
         };
         // The layout has one of each standard attribute, before all others.
-        let wanted = kinds(&head.layout());
+        let wanted = column_kinds(&head.layout());
         match head.columns.iter().map(|c| (&c.kind, c.width)).eq(wanted.iter().map(|(k, w)| (k, *w))) {
             true => Ok(head),
-            false => Err(bad("its attributes stand in an order that cannot be")),
+            false => Err(head_error("its attributes stand in an order that cannot be")),
         }
     }
 }
 
-fn column(bytes: &mut Bytes<'_>) -> Result<Column, ReadError> {
+fn column(bytes: &mut HeadBytes<'_>) -> Result<Column, ReadError> {
     // Guessed: no attribute of a mesh has more values.
-    const WIDEST: u32 = 4096;
+    const MAX_WIDTH: u32 = 4096;
     let kind = bytes.byte()?;
     let set = u16::from_le_bytes(bytes.take()?);
     let name = u16::from_le_bytes(bytes.take()?);
     let name = String::from_utf8(bytes.slice(usize::from(name))?.to_vec())
-        .map_err(|_| bad("the name of an attribute is not UTF-8"))?;
+        .map_err(|_| head_error("the name of an attribute is not UTF-8"))?;
     let width = u32::from_le_bytes(bytes.take()?);
-    let kind = kind_of(kind, set, name).ok_or_else(|| bad("it has an attribute of no known kind"))?;
-    if width == 0 || width > WIDEST {
-        return Err(bad("an attribute has no values, or too many"));
+    let kind = kind_of(kind, set, name).ok_or_else(|| head_error("it has an attribute of no known kind"))?;
+    if width == 0 || width > MAX_WIDTH {
+        return Err(head_error("an attribute has no values, or too many"));
     }
     let width = width as usize;
     let code = match bytes.byte()? {
@@ -208,18 +208,18 @@ fn column(bytes: &mut Bytes<'_>) -> Result<Column, ReadError> {
         }
         2 if width == 3 => ValueCode::Direction { bits: bytes.direction_bits()? },
         3 if width == 4 => ValueCode::Tangent { bits: bytes.direction_bits()? },
-        _ => return Err(bad("the values of an attribute are coded in no known way")),
+        _ => return Err(head_error("the values of an attribute are coded in no known way")),
     };
     Ok(Column { kind, width, code })
 }
 
 /// Returns the code of a kind, the number of its set or morph target, and its name.
-fn kind_number(kind: &Kind) -> (u8, u16, &str) {
+fn kind_number(kind: &ColumnKind) -> (u8, u16, &str) {
     match kind {
-        Kind::Normal => (0, 0, ""),
-        Kind::Uv => (1, 0, ""),
-        Kind::Color => (2, 0, ""),
-        Kind::Further(semantic) => match semantic {
+        ColumnKind::Normal => (0, 0, ""),
+        ColumnKind::Uv => (1, 0, ""),
+        ColumnKind::Color => (2, 0, ""),
+        ColumnKind::Further(semantic) => match semantic {
             Semantic::Tangent => (3, 0, ""),
             Semantic::Uv(set) => (4, u16::from(*set), ""),
             Semantic::Color(set) => (5, u16::from(*set), ""),
@@ -234,12 +234,12 @@ fn kind_number(kind: &Kind) -> (u8, u16, &str) {
     }
 }
 
-fn kind_of(number: u8, set: u16, name: String) -> Option<Kind> {
+fn kind_of(number: u8, set: u16, name: String) -> Option<ColumnKind> {
     let small = || u8::try_from(set).ok();
-    Some(Kind::Further(match number {
-        0 => return Some(Kind::Normal),
-        1 => return Some(Kind::Uv),
-        2 => return Some(Kind::Color),
+    Some(ColumnKind::Further(match number {
+        0 => return Some(ColumnKind::Normal),
+        1 => return Some(ColumnKind::Uv),
+        2 => return Some(ColumnKind::Color),
         3 => Semantic::Tangent,
         4 => Semantic::Uv(small()?),
         5 => Semantic::Color(small()?),
@@ -249,26 +249,26 @@ fn kind_of(number: u8, set: u16, name: String) -> Option<Kind> {
         9 => Semantic::Morph { target: set, of: Morphed::Normal },
         10 => Semantic::Morph { target: set, of: Morphed::Tangent },
         11 => Semantic::Custom(name),
-        12 => Semantic::Discrete { name, of: Integer::from_number(set.into())? },
+        12 => Semantic::Discrete { name, of: IntegerType::from_number(set.into())? },
         _ => return None,
     }))
 }
 
-fn bad(what: &str) -> ReadError {
+fn head_error(what: &str) -> ReadError {
     ReadError::element("the head", what)
 }
 
 /// Bytes that are still to be read.
-struct Bytes<'a>(&'a [u8]);
+struct HeadBytes<'a>(&'a [u8]);
 
-impl<'a> Bytes<'a> {
+impl<'a> HeadBytes<'a> {
     fn slice(&mut self, count: usize) -> Result<&'a [u8], ReadError> {
-        let (front, rest) = self.0.split_at_checked(count).ok_or_else(|| bad("it is too short"))?;
+        let (front, rest) = self.0.split_at_checked(count).ok_or_else(|| head_error("it is too short"))?;
         self.0 = rest;
         Ok(front)
     }
     fn take<const N: usize>(&mut self) -> Result<[u8; N], ReadError> {
-        let (front, rest) = self.0.split_first_chunk().ok_or_else(|| bad("it is too short"))?;
+        let (front, rest) = self.0.split_first_chunk().ok_or_else(|| head_error("it is too short"))?;
         self.0 = rest;
         Ok(*front)
     }
@@ -277,15 +277,19 @@ impl<'a> Bytes<'a> {
     }
     fn float(&mut self) -> Result<f64, ReadError> {
         let x = f64::from_le_bytes(self.take()?);
-        if x.is_finite() { Ok(x) } else { Err(bad("a grid begins nowhere")) }
+        if x.is_finite() { Ok(x) } else { Err(head_error("a grid begins nowhere")) }
     }
     fn positive(&mut self) -> Result<f64, ReadError> {
         let x = self.float()?;
-        if x > 0.0 { Ok(x) } else { Err(bad("the step of a grid is not above 0")) }
+        if x > 0.0 { Ok(x) } else { Err(head_error("the step of a grid is not above 0")) }
     }
     fn direction_bits(&mut self) -> Result<u8, ReadError> {
         let bits = self.byte()?;
-        if (2..=24).contains(&bits) { Ok(bits) } else { Err(bad("a direction has no such number of bits")) }
+        if (2..=24).contains(&bits) {
+            Ok(bits)
+        } else {
+            Err(head_error("a direction has no such number of bits"))
+        }
     }
 }
 
@@ -295,19 +299,19 @@ mod tests {
 
     fn head() -> Head {
         let columns = vec![
-            Column { kind: Kind::Normal, width: 3, code: ValueCode::Direction { bits: 12 } },
+            Column { kind: ColumnKind::Normal, width: 3, code: ValueCode::Direction { bits: 12 } },
             Column {
-                kind: Kind::Further(Semantic::Tangent),
+                kind: ColumnKind::Further(Semantic::Tangent),
                 width: 4,
                 code: ValueCode::Tangent { bits: 12 },
             },
             Column {
-                kind: Kind::Further(Semantic::Uv(1)),
+                kind: ColumnKind::Further(Semantic::Uv(1)),
                 width: 2,
                 code: ValueCode::Grid { bits: 16, axes: vec![[0.0, 0.5], [-1.0, 0.25]] },
             },
             Column {
-                kind: Kind::Further(Semantic::Custom("heat ü".to_owned())),
+                kind: ColumnKind::Further(Semantic::Custom("heat ü".to_owned())),
                 width: 1,
                 code: ValueCode::Float,
             },

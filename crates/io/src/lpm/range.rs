@@ -11,61 +11,61 @@ pub(super) type Coded<T> = Result<T, Damaged>;
 
 /// Adaptive probability that a bit is 0: the mean of a fast and a slow estimate, in 65536ths.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Bit {
+pub(super) struct BitModel {
     fast: u16,
     slow: u16,
 }
 
-impl Default for Bit {
+impl Default for BitModel {
     fn default() -> Self {
         Self { fast: 1 << 15, slow: 1 << 15 }
     }
 }
 
 // Guessed: the fast estimate soon adapts to a new mesh, the slow one is accurate in the long run.
-const FAST: u32 = 5;
-const SLOW: u32 = 7;
+const FAST_SHIFT: u32 = 5;
+const SLOW_SHIFT: u32 = 7;
 
-impl Bit {
+impl BitModel {
     /// Returns the probability in 4096ths; neither 0 nor 4096.
-    fn share(self) -> u32 {
+    fn probability(self) -> u32 {
         (u32::from(self.fast) + u32::from(self.slow)) >> 5
     }
     fn learn(&mut self, bit: bool) {
         if bit {
-            self.fast -= self.fast >> FAST;
-            self.slow -= self.slow >> SLOW;
+            self.fast -= self.fast >> FAST_SHIFT;
+            self.slow -= self.slow >> SLOW_SHIFT;
         } else {
-            self.fast += (u16::MAX - self.fast) >> FAST;
-            self.slow += (u16::MAX - self.slow) >> SLOW;
+            self.fast += (u16::MAX - self.fast) >> FAST_SHIFT;
+            self.slow += (u16::MAX - self.slow) >> SLOW_SHIFT;
         }
     }
 }
 
 /// Minimum of the range between two bits.
-const LEAST: u32 = 1 << 24;
+const MIN_RANGE: u32 = 1 << 24;
 /// Maximum number of bits without a model that are coded at once.
-const AT_ONCE: u32 = 12;
+const MAX_BITS_AT_ONCE: u32 = 12;
 
 pub(super) trait Coder {
     /// Codes a bit with its model.
-    fn bit(&mut self, model: &mut Bit, bit: bool) -> Coded<bool>;
+    fn bit(&mut self, model: &mut BitModel, bit: bool) -> Coded<bool>;
     /// Codes up to [`AT_ONCE`] bits without a model.
-    fn few(&mut self, value: u32, bits: u32) -> Coded<u32>;
+    fn bits_at_once(&mut self, value: u32, bits: u32) -> Coded<u32>;
 
     /// Codes any number of bits without a model, the highest first.
-    fn plain(&mut self, value: u64, bits: u32) -> Coded<u64> {
+    fn raw_bits(&mut self, value: u64, bits: u32) -> Coded<u64> {
         let (mut left, mut got) = (bits, 0);
         while left > 0 {
-            let now = left.min(AT_ONCE);
+            let now = left.min(MAX_BITS_AT_ONCE);
             left -= now;
             let part = (value >> left) as u32 & ((1 << now) - 1);
-            got = got << now | u64::from(self.few(part, now)?);
+            got = got << now | u64::from(self.bits_at_once(part, now)?);
         }
         Ok(got)
     }
     /// Codes a number of `bits` bits, the highest first; `models` has one entry for each such number.
-    fn tree(&mut self, models: &mut [Bit], bits: u32, value: u32) -> Coded<u32> {
+    fn tree(&mut self, models: &mut [BitModel], bits: u32, value: u32) -> Coded<u32> {
         let mut node = 1;
         for i in (0..bits).rev() {
             let bit = self.bit(&mut models[node], value >> i & 1 == 1)?;
@@ -74,7 +74,7 @@ pub(super) trait Coder {
         Ok(node as u32 - (1 << bits))
     }
     /// Codes a number of any size, small ones in fewer bits.
-    fn number(&mut self, model: &mut Number, value: u64) -> Coded<u64> {
+    fn number(&mut self, model: &mut NumberModel, value: u64) -> Coded<u64> {
         let size = self.tree(&mut model.size, 7, u64::BITS - value.leading_zeros())?;
         if size < 2 {
             return Ok(u64::from(size));
@@ -86,11 +86,11 @@ pub(super) trait Coder {
         let modelled = below.min(2);
         let rest = below - modelled;
         let top = self.tree(high, modelled, (value >> rest) as u32 & ((1 << modelled) - 1))?;
-        let low = self.plain(value & ((1 << rest) - 1), rest)?;
+        let low = self.raw_bits(value & ((1 << rest) - 1), rest)?;
         Ok((1 << modelled | u64::from(top)) << rest | low)
     }
     /// Codes a signed number.
-    fn signed(&mut self, model: &mut Number, value: i64) -> Coded<i64> {
+    fn signed(&mut self, model: &mut NumberModel, value: i64) -> Coded<i64> {
         let size = self.number(model, value.unsigned_abs())?;
         if size == 0 {
             return Ok(0);
@@ -99,7 +99,7 @@ pub(super) trait Coder {
         Ok(if is_negative { (size as i64).wrapping_neg() } else { size as i64 })
     }
     /// Codes a number below a count.
-    fn below(&mut self, model: &mut Below, count: u32, value: u32) -> Coded<u32> {
+    fn below(&mut self, model: &mut BelowModel, count: u32, value: u32) -> Coded<u32> {
         if count < 2 {
             return if count == 1 { Ok(0) } else { Err(Damaged("an element is named where there is none")) };
         }
@@ -107,12 +107,12 @@ pub(super) trait Coder {
         let modelled = bits.min(8);
         let rest = bits - modelled;
         let top = self.tree(&mut model.0, modelled, value >> rest)?;
-        let low = self.plain(u64::from(value) & ((1 << rest) - 1), rest)? as u32;
+        let low = self.raw_bits(u64::from(value) & ((1 << rest) - 1), rest)? as u32;
         let got = top << rest | low;
         if got < count { Ok(got) } else { Err(Damaged("an element is named that is not there")) }
     }
     /// Codes a count of items, each of which is coded in the bytes.
-    fn count(&mut self, model: &mut Number, count: usize) -> Coded<usize> {
+    fn count(&mut self, model: &mut NumberModel, count: usize) -> Coded<usize> {
         let count = self.number(model, count as u64)?;
         if count < u64::from(u32::MAX) {
             Ok(count as usize)
@@ -124,25 +124,29 @@ pub(super) trait Coder {
 
 /// Model of numbers: their number of bits, and the two bits below the highest.
 #[derive(Clone, Debug)]
-pub(super) struct Number {
-    size: [Bit; 128],
-    high: [[Bit; 4]; 65],
-    sign: Bit,
+pub(super) struct NumberModel {
+    size: [BitModel; 128],
+    high: [[BitModel; 4]; 65],
+    sign: BitModel,
 }
 
-impl Default for Number {
+impl Default for NumberModel {
     fn default() -> Self {
-        Self { size: [Bit::default(); 128], high: [[Bit::default(); 4]; 65], sign: Bit::default() }
+        Self {
+            size: [BitModel::default(); 128],
+            high: [[BitModel::default(); 4]; 65],
+            sign: BitModel::default(),
+        }
     }
 }
 
 /// Model of numbers below a count: their highest eight bits.
 #[derive(Clone, Debug)]
-pub(super) struct Below([Bit; 256]);
+pub(super) struct BelowModel([BitModel; 256]);
 
-impl Default for Below {
+impl Default for BelowModel {
     fn default() -> Self {
-        Self([Bit::default(); 256])
+        Self([BitModel::default(); 256])
     }
 }
 
@@ -151,30 +155,30 @@ pub(super) struct Encoder {
     low: u64,
     range: u32,
     /// Number of bytes that a carry may still change: `last` and the 0xff behind it; none at the very start.
-    held: u64,
+    pending: u64,
     last: u8,
     out: Vec<u8>,
 }
 
 impl Encoder {
     pub(super) fn new() -> Self {
-        Self { low: 0, range: u32::MAX, held: 0, last: 0, out: Vec::new() }
+        Self { low: 0, range: u32::MAX, pending: 0, last: 0, out: Vec::new() }
     }
     fn shift(&mut self) {
         if self.low < 0xff00_0000 || self.low > 0xffff_ffff {
             let carry = (self.low >> 32) as u8;
-            for i in 0..self.held {
+            for i in 0..self.pending {
                 let byte = if i == 0 { self.last } else { 0xff };
                 self.out.push(byte.wrapping_add(carry));
             }
-            self.held = 0;
+            self.pending = 0;
             self.last = (self.low >> 24) as u8;
         }
-        self.held += 1;
+        self.pending += 1;
         self.low = (self.low & 0x00ff_ffff) << 8;
     }
-    fn settle(&mut self) {
-        while self.range < LEAST {
+    fn renormalize(&mut self) {
+        while self.range < MIN_RANGE {
             self.range <<= 8;
             self.shift();
         }
@@ -187,8 +191,8 @@ impl Encoder {
 }
 
 impl Coder for Encoder {
-    fn bit(&mut self, model: &mut Bit, bit: bool) -> Coded<bool> {
-        let bound = (self.range >> 12) * model.share();
+    fn bit(&mut self, model: &mut BitModel, bit: bool) -> Coded<bool> {
+        let bound = (self.range >> 12) * model.probability();
         if bit {
             self.low += u64::from(bound);
             self.range -= bound;
@@ -196,13 +200,13 @@ impl Coder for Encoder {
             self.range = bound;
         }
         model.learn(bit);
-        self.settle();
+        self.renormalize();
         Ok(bit)
     }
-    fn few(&mut self, value: u32, bits: u32) -> Coded<u32> {
+    fn bits_at_once(&mut self, value: u32, bits: u32) -> Coded<u32> {
         self.range >>= bits;
         self.low += u64::from(self.range) * u64::from(value);
-        self.settle();
+        self.renormalize();
         Ok(value)
     }
 }
@@ -227,8 +231,8 @@ impl<'a> Decoder<'a> {
         self.code = self.code << 8 | u32::from(*byte);
         Ok(())
     }
-    fn settle(&mut self) -> Coded<()> {
-        while self.range < LEAST {
+    fn renormalize(&mut self) -> Coded<()> {
+        while self.range < MIN_RANGE {
             self.range <<= 8;
             self.shift()?;
         }
@@ -241,8 +245,8 @@ impl<'a> Decoder<'a> {
 }
 
 impl Coder for Decoder<'_> {
-    fn bit(&mut self, model: &mut Bit, _: bool) -> Coded<bool> {
-        let bound = (self.range >> 12) * model.share();
+    fn bit(&mut self, model: &mut BitModel, _: bool) -> Coded<bool> {
+        let bound = (self.range >> 12) * model.probability();
         let bit = self.code >= bound;
         if bit {
             self.code -= bound;
@@ -251,14 +255,14 @@ impl Coder for Decoder<'_> {
             self.range = bound;
         }
         model.learn(bit);
-        self.settle()?;
+        self.renormalize()?;
         Ok(bit)
     }
-    fn few(&mut self, _: u32, bits: u32) -> Coded<u32> {
+    fn bits_at_once(&mut self, _: u32, bits: u32) -> Coded<u32> {
         self.range >>= bits;
         let value = (self.code / self.range).min((1 << bits) - 1);
         self.code -= value * self.range;
-        self.settle()?;
+        self.renormalize()?;
         Ok(value)
     }
 }
@@ -268,7 +272,8 @@ mod tests {
     use super::*;
 
     fn all(coder: &mut impl Coder, wanted: &[i64]) -> Coded<Vec<i64>> {
-        let (mut number, mut below, mut tree) = (Number::default(), Below::default(), [Bit::default(); 8]);
+        let (mut number, mut below, mut tree) =
+            (NumberModel::default(), BelowModel::default(), [BitModel::default(); 8]);
         let mut got = Vec::new();
         for &n in wanted {
             let n = coder.signed(&mut number, n)?;
@@ -302,7 +307,7 @@ mod tests {
         let bytes = encoder.finish();
         let cut = &bytes[..bytes.len() / 2];
         let mut decoder = Decoder::new(cut).unwrap();
-        let (mut number, mut read) = (Number::default(), 0);
+        let (mut number, mut read) = (NumberModel::default(), 0);
         while decoder.signed(&mut number, 0).is_ok() {
             read += 1;
             assert!(read < 100_000);
@@ -313,7 +318,7 @@ mod tests {
     #[test]
     fn what_is_likely_is_cheap() {
         let mut encoder = Encoder::new();
-        let mut model = Bit::default();
+        let mut model = BitModel::default();
         for i in 0..10_000 {
             encoder.bit(&mut model, i % 100 == 0).unwrap();
         }

@@ -5,39 +5,39 @@ use std::io::Read;
 use lodsmith_core::splits::{Changes, Counts, NO_ORIGINAL, Original, SplitData, Splits};
 use lodsmith_core::{Attribute, RegionId, TriMesh, VertexId, WedgeId};
 
-use super::checkpoint::{Checkpoints, read_original};
-use super::container::{self, AROUND, Chunks, Next};
+use super::checkpoint::{CheckpointCodec, read_original};
+use super::container::{self, CHUNK_OVERHEAD, ChunkReader, NextChunk};
 use super::file::{Lpm, LpmSizes};
-use super::head::{Head, Kind};
+use super::head::{ColumnKind, Head};
 use super::range::{Coded, Damaged, Decoder};
-use super::step::{Shape, Steps};
-use super::walk::{Step, Walk};
+use super::step::{SplitCodec, SplitFormat};
+use super::walk::{LevelMesh, SplitChanges};
 use crate::error::{ReadError, Warning};
 use crate::limits::Limits;
 use crate::material::Regions;
 
 /// Reads a file chunk by chunk: after each one a mesh is available.
 pub struct LpmReader<R> {
-    chunks: Chunks<R>,
+    chunks: ChunkReader<R>,
     head: Head,
     regions: Regions,
     warnings: Vec<Warning>,
     sizes: LpmSizes,
     limits: Limits,
     unpacked: u64,
-    state: State,
-    steps: Steps,
-    checkpoints: Checkpoints,
-    walk: Walk,
-    step: Step,
+    state: ReadProgress,
+    steps: SplitCodec,
+    checkpoints: CheckpointCodec,
+    walk: LevelMesh,
+    step: SplitChanges,
     data: SplitData,
 }
 
 /// Progress of reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
+enum ReadProgress {
     Open,
-    Whole,
+    Complete,
     /// The bytes end too early.
     Cut,
     /// The bytes are damaged.
@@ -54,21 +54,21 @@ impl<R: Read> LpmReader<R> {
     /// # Errors
     /// [`ReadError`] if the bytes are of another format, or end or are damaged before the end of the base.
     pub fn new(from: R, limits: Limits) -> Result<Self, ReadError> {
-        let mut chunks = Chunks::new(from, limits.most_bytes());
+        let mut chunks = ChunkReader::new(from, limits.max_bytes());
         if !chunks.magic()? {
             return Err(ReadError::byte(0, "this is no LPM file: its first bytes are others"));
         }
-        let (kind, bytes) = whole(&mut chunks, limits)?;
+        let (kind, bytes) = required_chunk(&mut chunks, limits)?;
         if kind != container::HEAD {
             return Err(ReadError::byte(8, "the head is missing"));
         }
         let head = Head::from_bytes(&bytes)?;
         // Guessed: no mesh has as many values per wedge, and a few bytes could ask for them all.
-        const WIDEST: usize = 1 << 12;
-        if head.channels() > WIDEST || head.width() > WIDEST {
+        const MAX_VALUES_PER_WEDGE: usize = 1 << 12;
+        if head.channels() > MAX_VALUES_PER_WEDGE || head.width() > MAX_VALUES_PER_WEDGE {
             return Err(ReadError::element("the head", "it has more than 4,096 values for each wedge"));
         }
-        let shape = Shape {
+        let shape = SplitFormat {
             has_vertex_map: head.has_vertex_map,
             has_regions: head.has_regions,
             channels: head.channels(),
@@ -97,17 +97,17 @@ impl<R: Read> LpmReader<R> {
             sizes: LpmSizes::default(),
             limits,
             unpacked: 0,
-            state: State::Open,
-            steps: Steps::new(shape),
-            checkpoints: Checkpoints::default(),
-            walk: Walk::default(),
-            step: Step::default(),
+            state: ReadProgress::Open,
+            steps: SplitCodec::new(shape),
+            checkpoints: CheckpointCodec::default(),
+            walk: LevelMesh::default(),
+            step: SplitChanges::default(),
             data,
         };
         reader.sizes.head = reader.chunks.at;
         loop {
-            let (kind, bytes) = whole(&mut reader.chunks, limits)?;
-            let size = bytes.len() as u64 + AROUND;
+            let (kind, bytes) = required_chunk(&mut reader.chunks, limits)?;
+            let size = bytes.len() as u64 + CHUNK_OVERHEAD;
             match kind {
                 container::BASE => {
                     reader.sizes.base = size;
@@ -119,7 +119,7 @@ impl<R: Read> LpmReader<R> {
                     let (regions, warnings) = Regions::unpack(&bytes, limits)?;
                     (reader.regions, reader.warnings) = (regions, warnings);
                 }
-                kind if is_needed(kind) => {
+                kind if is_critical(kind) => {
                     return Err(ReadError::file(
                         "the base mesh is missing: another chunk stands in its place",
                     ));
@@ -144,7 +144,7 @@ impl<R: Read> LpmReader<R> {
     }
     /// Returns true if the whole file has been read and is valid.
     pub fn is_complete(&self) -> bool {
-        self.state == State::Whole
+        self.state == ReadProgress::Complete
     }
     /// Returns the warnings so far.
     pub fn warnings(&self) -> &[Warning] {
@@ -157,28 +157,31 @@ impl<R: Read> LpmReader<R> {
     /// # Errors
     /// [`ReadError::Io`] if the stream fails; [`ReadError::Limit`] if a chunk is too large.
     pub fn next_chunk(&mut self) -> Result<bool, ReadError> {
-        if self.state != State::Open {
+        if self.state != ReadProgress::Open {
             return Ok(false);
         }
         let at = self.chunks.at;
         match self.chunks.next()? {
-            Next::Chunk { kind, bytes } => {
+            NextChunk::Chunk { kind, bytes } => {
                 if let Err(damaged) = self.chunk(kind, &bytes)? {
-                    self.stop(State::Damaged, &format!("byte {at}: {}", damaged.0));
+                    self.stop(ReadProgress::Damaged, &format!("byte {at}: {}", damaged.0));
                 }
             }
-            Next::End => {
-                self.stop(State::Cut, &format!("the file ends at byte {}, before its end", self.chunks.at));
-            }
-            Next::Damaged => {
+            NextChunk::End => {
                 self.stop(
-                    State::Damaged,
+                    ReadProgress::Cut,
+                    &format!("the file ends at byte {}, before its end", self.chunks.at),
+                );
+            }
+            NextChunk::Damaged => {
+                self.stop(
+                    ReadProgress::Damaged,
                     &format!("byte {at}: the checksum does not fit, the file is damaged"),
                 );
             }
-            Next::TooLarge => return Err(too_large(&self.chunks, self.limits)),
+            NextChunk::TooLarge => return Err(too_large(&self.chunks, self.limits)),
         }
-        Ok(self.state == State::Open)
+        Ok(self.state == ReadProgress::Open)
     }
 
     /// Reads the rest of the file. One that ends too early gives the part that was read; a damaged one is an
@@ -187,14 +190,14 @@ impl<R: Read> LpmReader<R> {
     /// # Errors
     /// As [`LpmReader::next_chunk`]; also if bytes are damaged, or if the splits are inconsistent.
     pub fn finish(mut self) -> Result<Lpm, ReadError> {
-        self.read_on()?;
+        self.read_rest()?;
         self.into_lpm()
     }
 
     /// Reads the rest of the file; damage is an error.
-    pub(super) fn read_on(&mut self) -> Result<(), ReadError> {
+    pub(super) fn read_rest(&mut self) -> Result<(), ReadError> {
         while self.next_chunk()? {}
-        match self.warnings.pop_if(|_| self.state == State::Damaged) {
+        match self.warnings.pop_if(|_| self.state == ReadProgress::Damaged) {
             Some(why) => Err(ReadError::file(why.text)),
             None => Ok(()),
         }
@@ -219,7 +222,7 @@ impl<R: Read> LpmReader<R> {
     }
 
     fn chunk(&mut self, kind: [u8; 4], bytes: &[u8]) -> Result<Coded<()>, ReadError> {
-        let size = bytes.len() as u64 + AROUND;
+        let size = bytes.len() as u64 + CHUNK_OVERHEAD;
         Ok(match kind {
             container::SPLITS => {
                 self.sizes.splits += size;
@@ -250,13 +253,13 @@ impl<R: Read> LpmReader<R> {
                 let count = bytes.try_into().map(u32::from_le_bytes);
                 let is_right = count.is_ok_and(|n| n as usize == self.level());
                 if is_right {
-                    self.state = State::Whole;
+                    self.state = ReadProgress::Complete;
                     Ok(())
                 } else {
                     Err(Damaged("not all splits are there"))
                 }
             }
-            kind if is_needed(kind) => Err(Damaged("a chunk of a kind that is not known here")),
+            kind if is_critical(kind) => Err(Damaged("a chunk of a kind that is not known here")),
             _ => {
                 self.sizes.others += size;
                 Ok(())
@@ -272,7 +275,7 @@ impl<R: Read> LpmReader<R> {
     /// Reads steps, and keeps all before the first that is invalid.
     fn read_steps(&mut self, bytes: &[u8], count: u32) -> Coded<()> {
         let mut decoder = Decoder::new(bytes)?;
-        let nothing = Step::default();
+        let nothing = SplitChanges::default();
         for _ in 0..count {
             let mut step = std::mem::take(&mut self.step);
             let coded = self.steps.code(&mut decoder, &self.walk, &nothing, &mut step);
@@ -283,7 +286,7 @@ impl<R: Read> LpmReader<R> {
         if decoder.is_at_end() { Ok(()) } else { Err(Damaged("a chunk has bytes that say nothing")) }
     }
 
-    fn keep(&mut self, step: &Step) -> Coded<()> {
+    fn keep(&mut self, step: &SplitChanges) -> Coded<()> {
         let Self { data, head, walk, .. } = self;
         let has_more_than_numbers = |n: usize| n >= u32::MAX as usize;
         let changes = [data.corners.at.len(), data.owners.at.len(), data.rows.at.len(), data.places.at.len()];
@@ -303,7 +306,7 @@ impl<R: Read> LpmReader<R> {
         if self.unpacked > self.limits.bytes.min(self.limits.memory / 2) {
             return Err(Damaged("more is unpacked than the limit allows (--max-memory)"));
         }
-        walk.take(step);
+        walk.apply(step);
         data.faces.extend(step.faces.iter().map(|f| f.map(WedgeId)));
         if let Some(regions) = &mut data.regions {
             regions.extend(step.regions.iter().map(|&r| RegionId(r)));
@@ -340,7 +343,7 @@ impl<R: Read> LpmReader<R> {
     }
 
     /// Stops reading; adds a warning with the reason and with how much was read.
-    fn stop(&mut self, state: State, why: &str) {
+    fn stop(&mut self, state: ReadProgress, why: &str) {
         self.state = state;
         let counts = self.walk.counts();
         let text = format!(
@@ -359,12 +362,12 @@ impl<R: Read> LpmReader<R> {
     /// # Errors
     /// [`ReadError::Mesh`] if the file describes an invalid mesh.
     pub fn mesh(&self) -> Result<TriMesh, ReadError> {
-        let original = self.data.original.as_ref().filter(|_| self.state == State::Whole);
+        let original = self.data.original.as_ref().filter(|_| self.state == ReadProgress::Complete);
         mesh_of(&self.head, &self.walk, original)
     }
 }
 
-fn mesh_of(head: &Head, walk: &Walk, original: Option<&Original>) -> Result<TriMesh, ReadError> {
+fn mesh_of(head: &Head, walk: &LevelMesh, original: Option<&Original>) -> Result<TriMesh, ReadError> {
     let Counts { faces, wedges, vertices } = walk.counts();
     let (vertex_order, wedge_order, face_order) = match original {
         Some(o) => (
@@ -412,10 +415,10 @@ fn mesh_of(head: &Head, walk: &Walk, original: Option<&Original>) -> Result<TriM
         let own: Vec<f32> = own.collect();
         begin += column.width;
         match &column.kind {
-            Kind::Normal => mesh.set_normals(Some(bytemuck::cast_slice(&own).to_vec()))?,
-            Kind::Uv => mesh.set_uvs(Some(bytemuck::cast_slice(&own).to_vec()))?,
-            Kind::Color => mesh.set_colors(Some(bytemuck::cast_slice(&own).to_vec()))?,
-            Kind::Further(semantic) => mesh.add_attribute(Attribute {
+            ColumnKind::Normal => mesh.set_normals(Some(bytemuck::cast_slice(&own).to_vec()))?,
+            ColumnKind::Uv => mesh.set_uvs(Some(bytemuck::cast_slice(&own).to_vec()))?,
+            ColumnKind::Color => mesh.set_colors(Some(bytemuck::cast_slice(&own).to_vec()))?,
+            ColumnKind::Further(semantic) => mesh.add_attribute(Attribute {
                 semantic: semantic.clone(),
                 width: column.width,
                 values: own,
@@ -437,24 +440,27 @@ fn order_of(numbers: &[u32]) -> Vec<u32> {
 }
 
 /// Reads the next chunk, which has to exist.
-fn whole<R: Read>(chunks: &mut Chunks<R>, limits: Limits) -> Result<([u8; 4], Vec<u8>), ReadError> {
+fn required_chunk<R: Read>(
+    chunks: &mut ChunkReader<R>,
+    limits: Limits,
+) -> Result<([u8; 4], Vec<u8>), ReadError> {
     let at = chunks.at as usize;
     match chunks.next()? {
-        Next::Chunk { kind, bytes } => Ok((kind, bytes)),
-        Next::End => {
+        NextChunk::Chunk { kind, bytes } => Ok((kind, bytes)),
+        NextChunk::End => {
             let text = format!("the file ends at byte {}, before the base mesh is there", chunks.at);
             Err(ReadError::file(text))
         }
-        Next::Damaged => Err(ReadError::byte(at, "the checksum does not fit, the file is damaged")),
-        Next::TooLarge => Err(too_large(chunks, limits)),
+        NextChunk::Damaged => Err(ReadError::byte(at, "the checksum does not fit, the file is damaged")),
+        NextChunk::TooLarge => Err(too_large(chunks, limits)),
     }
 }
 
-fn too_large<R>(chunks: &Chunks<R>, limits: Limits) -> ReadError {
-    ReadError::Limit { what: "the file", size: chunks.at, limit: limits.most_bytes() }
+fn too_large<R>(chunks: &ChunkReader<R>, limits: Limits) -> ReadError {
+    ReadError::Limit { what: "the file", size: chunks.at, limit: limits.max_bytes() }
 }
 
 /// Returns true if a chunk of unknown kind must not be skipped: its first letter is a capital.
-fn is_needed(kind: [u8; 4]) -> bool {
+fn is_critical(kind: [u8; 4]) -> bool {
     !kind[0].is_ascii_lowercase()
 }

@@ -12,20 +12,20 @@
 
 mod fields;
 
-use super::range::{Below, Bit, Coded, Coder, Damaged, Number};
+use super::range::{BelowModel, BitModel, Coded, Coder, Damaged, NumberModel};
 use super::values::PlaceCode;
-use super::walk::{Ring, Step, Walk};
+use super::walk::{LevelMesh, Ring, SplitChanges};
 
 /// Number of channels of rows with their own model; further ones share the last. Guessed: two morph targets.
-const CHANNELS: usize = 32;
+const CHANNEL_MODELS: usize = 32;
 
 /// Predicted displacement of the new vertex from the old one, as a share of the vector between the centres of
 /// both parts of the ring. On a regular mesh it is half an edge away, and the centres are 1.4 edges apart.
-const ALONG: f64 = 0.36;
+const PREDICTED_SHARE: f64 = 0.36;
 
 /// Properties that all splits share.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Shape {
+pub(super) struct SplitFormat {
     pub(super) has_vertex_map: bool,
     pub(super) has_regions: bool,
     pub(super) channels: usize,
@@ -34,85 +34,85 @@ pub(super) struct Shape {
 
 /// Models of changed elements that are coded by index.
 #[derive(Default)]
-struct Rest {
-    count: Number,
-    gap: Number,
+struct IndexModels {
+    count: NumberModel,
+    gap: NumberModel,
 }
 
 /// All adaptive models.
 struct Models {
-    born: [Number; 3],
-    has_focus: Bit,
-    focus: Below,
-    owner_moves: [Bit; 2],
-    owner_is_new: Bit,
-    owners: Rest,
-    vertex: [Bit; 8],
-    any_vertex: Below,
-    goes: Vec<Bit>,
-    goes_twice: Bit,
-    target: [[Bit; 4]; 2],
-    born_wedge: Below,
-    any_wedge: Below,
-    corners: Rest,
-    face: [[Bit; 8]; 3],
-    turn: [[Bit; 4]; 2],
-    is_plain: Bit,
-    mend: [[Bit; 4]; 3],
-    told: [[Bit; 8]; 3],
-    back: Number,
-    is_same_region: Bit,
-    region: Number,
-    near: [Vec<Number>; 2],
-    far: [Number; 6],
-    moves: [Bit; 2],
-    moved: Rest,
-    rows: Vec<[Number; 2]>,
-    row_changes: Bit,
-    changed: Rest,
+    born: [NumberModel; 3],
+    has_focus: BitModel,
+    focus: BelowModel,
+    owner_moves: [BitModel; 2],
+    owner_is_new: BitModel,
+    owners: IndexModels,
+    vertex: [BitModel; 8],
+    any_vertex: BelowModel,
+    goes: Vec<BitModel>,
+    goes_twice: BitModel,
+    target: [[BitModel; 4]; 2],
+    born_wedge: BelowModel,
+    any_wedge: BelowModel,
+    corners: IndexModels,
+    face: [[BitModel; 8]; 3],
+    turn: [[BitModel; 4]; 2],
+    is_plain: BitModel,
+    mend: [[BitModel; 4]; 3],
+    far_wedge: [[BitModel; 8]; 3],
+    back: NumberModel,
+    is_same_region: BitModel,
+    region: NumberModel,
+    near: [Vec<NumberModel>; 2],
+    far: [NumberModel; 6],
+    moves: [BitModel; 2],
+    moved: IndexModels,
+    rows: Vec<[NumberModel; 2]>,
+    row_changes: BitModel,
+    changed: IndexModels,
 }
 
 impl Default for Models {
     fn default() -> Self {
         Self {
             born: Default::default(),
-            has_focus: Bit::default(),
-            focus: Below::default(),
+            has_focus: BitModel::default(),
+            focus: BelowModel::default(),
             owner_moves: Default::default(),
-            owner_is_new: Bit::default(),
-            owners: Rest::default(),
+            owner_is_new: BitModel::default(),
+            owners: IndexModels::default(),
             vertex: Default::default(),
-            any_vertex: Below::default(),
-            goes: vec![Bit::default(); RUNS * TURNS * SIZES * 2],
-            goes_twice: Bit::default(),
+            any_vertex: BelowModel::default(),
+            goes: vec![BitModel::default(); RUN_CONTEXTS * TURN_CONTEXTS * SIZE_CONTEXTS * 2],
+            goes_twice: BitModel::default(),
             target: Default::default(),
-            born_wedge: Below::default(),
-            any_wedge: Below::default(),
-            corners: Rest::default(),
+            born_wedge: BelowModel::default(),
+            any_wedge: BelowModel::default(),
+            corners: IndexModels::default(),
             face: Default::default(),
             turn: Default::default(),
-            is_plain: Bit::default(),
+            is_plain: BitModel::default(),
             mend: Default::default(),
-            told: Default::default(),
-            back: Number::default(),
-            is_same_region: Bit::default(),
-            region: Number::default(),
-            near: [vec![Number::default(); 65], vec![Number::default(); 65]],
+            far_wedge: Default::default(),
+            back: NumberModel::default(),
+            is_same_region: BitModel::default(),
+            region: NumberModel::default(),
+            near: [vec![NumberModel::default(); 65], vec![NumberModel::default(); 65]],
             far: Default::default(),
             moves: Default::default(),
-            moved: Rest::default(),
-            rows: vec![Default::default(); CHANNELS],
-            row_changes: Bit::default(),
-            changed: Rest::default(),
+            moved: IndexModels::default(),
+            rows: vec![Default::default(); CHANNEL_MODELS],
+            row_changes: BitModel::default(),
+            changed: IndexModels::default(),
         }
     }
 }
 
 // Context of a corner: how many before it went to the same side, how often the side has changed, the size of
 // the ring, and the side of the last corner.
-const RUNS: usize = 8;
-const TURNS: usize = 4;
-const SIZES: usize = 13;
+const RUN_CONTEXTS: usize = 8;
+const TURN_CONTEXTS: usize = 4;
+const SIZE_CONTEXTS: usize = 13;
 
 /// A face that may be created at an edge of the ring.
 #[derive(Clone, Copy, Debug)]
@@ -125,8 +125,8 @@ struct Candidate {
 }
 
 /// Codec of a sequence of splits.
-pub(super) struct Steps {
-    shape: Shape,
+pub(super) struct SplitCodec {
+    shape: SplitFormat,
     models: Box<Models>,
     ring: Ring,
     /// Wedge of each corner of the ring after the split, and true if it is no longer at the old vertex.
@@ -134,12 +134,12 @@ pub(super) struct Steps {
     candidates: Vec<Candidate>,
     /// New wedges, each with the old one whose corners it took.
     parents: Vec<(u32, u32)>,
-    targets: Targets,
+    targets: RecentTargets,
 }
 
 /// Wedges that corners went to.
 #[derive(Default)]
-struct Targets {
+struct RecentTargets {
     /// The last few pairs of old and new wedge.
     last: Vec<(u32, u32)>,
     used: u32,
@@ -147,14 +147,14 @@ struct Targets {
 
 /// Counts before and after a step.
 #[derive(Clone, Copy)]
-struct Span {
+struct StepCounts {
     faces: [u32; 2],
     wedges: [u32; 2],
     vertices: [u32; 2],
 }
 
-impl Steps {
-    pub(super) fn new(shape: Shape) -> Self {
+impl SplitCodec {
+    pub(super) fn new(shape: SplitFormat) -> Self {
         Self {
             shape,
             models: Box::default(),
@@ -162,7 +162,7 @@ impl Steps {
             after: Vec::new(),
             candidates: Vec::new(),
             parents: Vec::new(),
-            targets: Targets::default(),
+            targets: RecentTargets::default(),
         }
     }
 
@@ -174,12 +174,12 @@ impl Steps {
     pub(super) fn code<C: Coder>(
         &mut self,
         c: &mut C,
-        walk: &Walk,
-        want: &Step,
-        got: &mut Step,
+        walk: &LevelMesh,
+        want: &SplitChanges,
+        got: &mut SplitChanges,
     ) -> Coded<()> {
         got.clear();
-        let span = self.births(c, walk, want)?;
+        let span = self.code_counts(c, walk, want)?;
         let focus = self.focus(c, walk, want)?;
         if focus.is_none_or(|u| !walk.ring(u, &mut self.ring)) {
             self.ring.corners.clear();
@@ -197,7 +197,12 @@ impl Steps {
         self.rows(c, walk, span, want, got)
     }
 
-    fn births<C: Coder>(&mut self, c: &mut C, walk: &Walk, want: &Step) -> Coded<Span> {
+    fn code_counts<C: Coder>(
+        &mut self,
+        c: &mut C,
+        walk: &LevelMesh,
+        want: &SplitChanges,
+    ) -> Coded<StepCounts> {
         let before = walk.counts();
         let models = &mut self.models.born;
         let faces = c.count(&mut models[0], want.faces.len())?;
@@ -212,7 +217,7 @@ impl Steps {
             let fits = after * times < u64::from(u32::MAX);
             fits.then_some([before, after as u32]).ok_or(Damaged("more elements than numbers can name"))
         };
-        Ok(Span {
+        Ok(StepCounts {
             faces: span(before.faces, faces, 3)?,
             wedges: span(before.wedges, wedges, 1)?,
             vertices: span(before.vertices, vertices, 1)?,
@@ -220,7 +225,7 @@ impl Steps {
     }
 
     /// Codes the vertex that is split.
-    fn focus<C: Coder>(&mut self, c: &mut C, walk: &Walk, want: &Step) -> Coded<Option<u32>> {
+    fn focus<C: Coder>(&mut self, c: &mut C, walk: &LevelMesh, want: &SplitChanges) -> Coded<Option<u32>> {
         let of_wedge = |w: u32| walk.vertex_of[w as usize];
         let by_corner = want.corners.first().map(|x| of_wedge(walk.corner(x.0)));
         let by_owner = || want.owners.first().map(|x| of_wedge(x.0));
@@ -232,7 +237,13 @@ impl Steps {
     }
 
     /// Codes the wedges that go to another vertex.
-    fn owners<C: Coder>(&mut self, c: &mut C, span: Span, want: &Step, got: &mut Step) -> Coded<()> {
+    fn owners<C: Coder>(
+        &mut self,
+        c: &mut C,
+        span: StepCounts,
+        want: &SplitChanges,
+        got: &mut SplitChanges,
+    ) -> Coded<()> {
         let models = &mut *self.models;
         let mut last = false;
         for &w in &self.ring.wedges {
@@ -257,7 +268,7 @@ impl Steps {
         let mut at = 0;
         for i in 0..c.count(&mut models.owners.count, rest.len())? {
             let (w, to) = rest.get(i).copied().unwrap_or_default();
-            let w = gap(c, &mut models.owners.gap, &mut at, w, span.wedges[0])?;
+            let w = code_gap(c, &mut models.owners.gap, &mut at, w, span.wedges[0])?;
             got.owners.push((w, c.below(&mut models.any_vertex, span.vertices[1], to)?));
         }
         got.owners.sort_by_key(|o| o.0);
@@ -269,9 +280,9 @@ impl Steps {
         &mut self,
         c: &mut C,
         focus: Option<u32>,
-        span: Span,
-        want: &Step,
-        got: &mut Step,
+        span: StepCounts,
+        want: &SplitChanges,
+        got: &mut SplitChanges,
     ) -> Coded<()> {
         let models = &mut *self.models;
         let mut last = span.vertices[0].wrapping_sub(1);
@@ -296,41 +307,44 @@ impl Steps {
     fn corners<C: Coder>(
         &mut self,
         c: &mut C,
-        walk: &Walk,
+        walk: &LevelMesh,
         focus: Option<u32>,
-        span: Span,
-        want: &Step,
-        got: &mut Step,
+        span: StepCounts,
+        want: &SplitChanges,
+        got: &mut SplitChanges,
     ) -> Coded<()> {
         let models = &mut *self.models;
         self.targets.last.clear();
         self.targets.used = 0;
         self.after.clear();
         self.parents.clear();
-        let owner = |got: &Step, w: u32| match w.checked_sub(span.wedges[0]) {
+        let owner = |got: &SplitChanges, w: u32| match w.checked_sub(span.wedges[0]) {
             None => find(&got.owners, w).unwrap_or(walk.vertex_of[w as usize]),
             Some(_) if !self.shape.has_vertex_map => w,
             Some(born) => got.vertex_of[born as usize],
         };
-        let size = self.ring.corners.len().min(SIZES - 1);
+        let size = self.ring.corners.len().min(SIZE_CONTEXTS - 1);
         let (mut run, mut turns, mut last) = (0, 0, false);
         for x in &self.ring.corners {
             let to = find(&want.corners, x.corner);
             let is_gone = Some(owner(got, x.wedge)) != focus;
             let model = match is_gone {
                 true => &mut models.goes_twice,
-                false => &mut models.goes[((size * TURNS + turns) * RUNS + run) * 2 + usize::from(last)],
+                false => {
+                    &mut models.goes
+                        [((size * TURN_CONTEXTS + turns) * RUN_CONTEXTS + run) * 2 + usize::from(last)]
+                }
             };
             let mut now = x.wedge;
             if c.bit(model, to.is_some())? {
-                now = self.targets.code(c, models.any(0), span, x.wedge, to.unwrap_or(0))?;
+                now = self.targets.code(c, models.target_models(0), span, x.wedge, to.unwrap_or(0))?;
                 got.corners.push((x.corner, now));
             }
             let goes = Some(owner(got, now)) != focus;
             if goes == last {
-                run = (run + 1).min(RUNS - 1);
+                run = (run + 1).min(RUN_CONTEXTS - 1);
             } else {
-                (run, turns) = (0, (turns + 1).min(TURNS - 1));
+                (run, turns) = (0, (turns + 1).min(TURN_CONTEXTS - 1));
             }
             last = goes;
             self.after.push((now, goes));
@@ -342,8 +356,8 @@ impl Steps {
         let mut at = 0;
         for i in 0..c.count(&mut models.corners.count, rest.len())? {
             let (corner, to) = rest.get(i).copied().unwrap_or_default();
-            let corner = gap(c, &mut models.corners.gap, &mut at, corner, span.faces[0] * 3)?;
-            let to = self.targets.code(c, models.any(1), span, walk.corner(corner), to)?;
+            let corner = code_gap(c, &mut models.corners.gap, &mut at, corner, span.faces[0] * 3)?;
+            let to = self.targets.code(c, models.target_models(1), span, walk.corner(corner), to)?;
             got.corners.push((corner, to));
         }
         let born = got.corners.iter().filter(|x| x.1 >= span.wedges[0]);
@@ -355,7 +369,7 @@ impl Steps {
     }
 
     /// Finds the faces that follow the pattern.
-    fn find_candidates(&mut self, span: Span, got: &Step) {
+    fn find_candidates(&mut self, span: StepCounts, got: &SplitChanges) {
         self.candidates.clear();
         let ring = &self.ring.corners;
         // The wedge opposite an open end: a new one, or the old one if that stays behind.
@@ -398,10 +412,10 @@ impl Steps {
     fn faces<C: Coder>(
         &mut self,
         c: &mut C,
-        walk: &Walk,
-        span: Span,
-        want: &Step,
-        got: &mut Step,
+        walk: &LevelMesh,
+        span: StepCounts,
+        want: &SplitChanges,
+        got: &mut SplitChanges,
     ) -> Coded<()> {
         let mut seen = 0;
         let mut region = walk.regions.last().copied().unwrap_or(0);
@@ -445,7 +459,7 @@ impl Steps {
         c: &mut C,
         candidate: &Candidate,
         i: usize,
-        span: Span,
+        span: StepCounts,
         face: [u32; 3],
     ) -> Coded<[u32; 3]> {
         let models = &mut *self.models;
@@ -466,7 +480,7 @@ impl Steps {
                 false => 3,
             });
             let way = c.tree(&mut models.mend[of_picture], 2, way as u32)?;
-            now[k] = models.told(c, way, ways, span, face[k])?;
+            now[k] = models.code_wedge(c, way, ways, span, face[k])?;
         }
         check_face(now, span)
     }
@@ -477,7 +491,7 @@ impl Steps {
         c: &mut C,
         last: Option<&[u32; 3]>,
         seen: u32,
-        span: Span,
+        span: StepCounts,
         face: [u32; 3],
     ) -> Coded<[u32; 3]> {
         let models = &mut *self.models;
@@ -495,7 +509,7 @@ impl Steps {
             let way = known.iter().position(|&w| w == face[k] && w < span.wedges[1]);
             let is_born = face[k] >= span.wedges[0] && face[k] < next;
             let way = way.unwrap_or(if is_born { 4 } else { 5 });
-            let way = c.tree(&mut models.told[k], 3, way as u32)? as usize;
+            let way = c.tree(&mut models.far_wedge[k], 3, way as u32)? as usize;
             now[k] = match (known.get(way), way) {
                 (Some(&known), _) => known,
                 (None, 4) => {
@@ -514,10 +528,17 @@ impl Steps {
 
 impl Models {
     /// Returns the models of the wedges that corners go to, in the ring or outside of it.
-    fn any(&mut self, i: usize) -> (&mut [Bit; 4], &mut Below, &mut Below) {
+    fn target_models(&mut self, i: usize) -> (&mut [BitModel; 4], &mut BelowModel, &mut BelowModel) {
         (&mut self.target[i], &mut self.born_wedge, &mut self.any_wedge)
     }
-    fn told<C: Coder>(&mut self, c: &mut C, way: u32, ways: [u32; 2], span: Span, wedge: u32) -> Coded<u32> {
+    fn code_wedge<C: Coder>(
+        &mut self,
+        c: &mut C,
+        way: u32,
+        ways: [u32; 2],
+        span: StepCounts,
+        wedge: u32,
+    ) -> Coded<u32> {
         match way {
             0 | 1 => Ok(ways[way as usize]),
             2 => {
@@ -529,14 +550,14 @@ impl Models {
     }
 }
 
-impl Targets {
+impl RecentTargets {
     /// Codes the wedge that a corner goes to: the one that an earlier corner of the same wedge went to, the
     /// next new one, any new one, or any.
     fn code<C: Coder>(
         &mut self,
         c: &mut C,
-        (ways, born_wedge, any_wedge): (&mut [Bit; 4], &mut Below, &mut Below),
-        span: Span,
+        (ways, born_wedge, any_wedge): (&mut [BitModel; 4], &mut BelowModel, &mut BelowModel),
+        span: StepCounts,
         old: u32,
         to: u32,
     ) -> Coded<u32> {
@@ -581,7 +602,7 @@ fn turn_of(candidate: &Candidate, face: [u32; 3]) -> Option<usize> {
     })
 }
 
-fn check_face(face: [u32; 3], span: Span) -> Coded<[u32; 3]> {
+fn check_face(face: [u32; 3], span: StepCounts) -> Coded<[u32; 3]> {
     match face.iter().all(|&w| w < span.wedges[1]) {
         true => Ok(face),
         false => Err(Damaged("a face names a wedge that is not there")),
@@ -593,7 +614,7 @@ fn find(list: &[(u32, u32)], at: u32) -> Option<u32> {
 }
 
 /// Codes the next of ascending numbers.
-fn gap<C: Coder>(c: &mut C, model: &mut Number, at: &mut u32, wanted: u32, end: u32) -> Coded<u32> {
+fn code_gap<C: Coder>(c: &mut C, model: &mut NumberModel, at: &mut u32, wanted: u32, end: u32) -> Coded<u32> {
     let gap = c.number(model, u64::from(wanted.wrapping_sub(*at)))?;
     match u64::from(*at).checked_add(gap).filter(|&now| now < u64::from(end)) {
         None => Err(Damaged("a change of what is not there")),

@@ -3,20 +3,20 @@
 use lodsmith_core::Positions;
 
 /// Converts a float to its rank among all floats, and back.
-pub(super) fn place_f32(bits: i32) -> i32 {
+pub(super) fn rank_f32(bits: i32) -> i32 {
     bits ^ (((bits >> 31) as u32) >> 1) as i32
 }
 
-pub(super) fn place_f64(bits: i64) -> i64 {
+pub(super) fn rank_f64(bits: i64) -> i64 {
     bits ^ (((bits >> 63) as u64) >> 1) as i64
 }
 
 pub(super) fn code_f32(x: f32) -> i32 {
-    place_f32(x.to_bits() as i32)
+    rank_f32(x.to_bits() as i32)
 }
 
 pub(super) fn value_f32(code: i32) -> f32 {
-    f32::from_bits(place_f32(code) as u32)
+    f32::from_bits(rank_f32(code) as u32)
 }
 
 /// Coding of positions.
@@ -43,15 +43,15 @@ impl PlaceCode {
                 [0, 1, 2].map(|k| ((p[k] - min[k]) / step).round() as i64)
             }
             (_, Positions::F32(p)) => p[i].map(|x| i64::from(code_f32(x))),
-            (_, Positions::F64(p)) => p[i].map(|x| place_f64(x.to_bits() as i64)),
+            (_, Positions::F64(p)) => p[i].map(|x| rank_f64(x.to_bits() as i64)),
         }
     }
     /// Returns the coordinates that predictions use: those of the mesh, or steps of the grid.
-    pub(super) fn reckoned(&self, code: [i64; 3]) -> [f64; 3] {
+    pub(super) fn coordinates(&self, code: [i64; 3]) -> [f64; 3] {
         match self {
             Self::Grid { .. } => code.map(|c| c as f64),
             Self::F32 => code.map(|c| f64::from(value_f32(c as i32))),
-            Self::F64 => code.map(|c| f64::from_bits(place_f64(c) as u64)),
+            Self::F64 => code.map(|c| f64::from_bits(rank_f64(c) as u64)),
         }
     }
     /// Returns the code nearest to predicted coordinates; `None` if they are not finite.
@@ -63,7 +63,7 @@ impl PlaceCode {
         p.iter().all(is_finite).then(|| match self {
             Self::Grid { .. } => p.map(|x| (x + 0.5).floor() as i64),
             Self::F32 => p.map(|x| i64::from(code_f32(x as f32))),
-            Self::F64 => p.map(|x| place_f64(x.to_bits() as i64)),
+            Self::F64 => p.map(|x| rank_f64(x.to_bits() as i64)),
         })
     }
     pub(super) fn push(&self, code: [i64; 3], to: &mut Positions) {
@@ -75,7 +75,7 @@ impl PlaceCode {
                 }
                 return;
             }
-            Self::F64 => self.reckoned(code),
+            Self::F64 => self.coordinates(code),
         };
         match to {
             Positions::F32(to) => to.push(p.map(|x| x as f32)),
@@ -178,7 +178,7 @@ mod tests {
         for bits in [0, 1, u32::MAX, 0x7fc0_0001, 0xff80_0000, 0x8000_0000] {
             assert_eq!(value_f32(code_f32(f32::from_bits(bits))).to_bits(), bits);
         }
-        assert_eq!(place_f64(place_f64(i64::MIN)), i64::MIN);
+        assert_eq!(rank_f64(rank_f64(i64::MIN)), i64::MIN);
     }
 
     #[test]

@@ -6,43 +6,45 @@ const NONE: u32 = u32::MAX;
 
 /// Maximum number of wedges, and of corners, of a vertex whose split is coded by its ring; others are coded
 /// by index.
-pub(super) const RING: usize = 64;
+pub(super) const MAX_RING: usize = 64;
 
 /// Members of owners, in doubly linked lists.
 #[derive(Clone, Debug, Default)]
 struct Lists {
     first: Vec<u32>,
     /// The previous and the next member.
-    beside: Vec<[u32; 2]>,
+    neighbours: Vec<[u32; 2]>,
 }
 
 impl Lists {
     fn add(&mut self, owner: u32, member: u32) {
         let second = std::mem::replace(&mut self.first[owner as usize], member);
         if second != NONE {
-            self.beside[second as usize][0] = member;
+            self.neighbours[second as usize][0] = member;
         }
-        self.beside[member as usize] = [NONE, second];
+        self.neighbours[member as usize] = [NONE, second];
     }
     fn remove(&mut self, owner: u32, member: u32) {
-        let [before, behind] = self.beside[member as usize];
+        let [before, behind] = self.neighbours[member as usize];
         match before {
             NONE => self.first[owner as usize] = behind,
-            _ => self.beside[before as usize][1] = behind,
+            _ => self.neighbours[before as usize][1] = behind,
         }
         if behind != NONE {
-            self.beside[behind as usize][0] = before;
+            self.neighbours[behind as usize][0] = before;
         }
     }
     fn of(&self, owner: u32) -> impl Iterator<Item = u32> + '_ {
         let some = |m: u32| (m != NONE).then_some(m);
-        std::iter::successors(some(self.first[owner as usize]), move |m| some(self.beside[*m as usize][1]))
+        std::iter::successors(some(self.first[owner as usize]), move |m| {
+            some(self.neighbours[*m as usize][1])
+        })
     }
 }
 
 /// The mesh at a level, elements in the order of their creation.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Walk {
+pub(super) struct LevelMesh {
     pub(super) faces: Vec<[u32; 3]>,
     pub(super) regions: Vec<u32>,
     /// The vertex of each wedge.
@@ -57,7 +59,7 @@ pub(super) struct Walk {
 /// Changes of a mesh by a split. New elements are in the order of their indices; so are changed ones, each
 /// once.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Step {
+pub(super) struct SplitChanges {
     pub(super) faces: Vec<[u32; 3]>,
     /// One for each face.
     pub(super) regions: Vec<u32>,
@@ -72,7 +74,7 @@ pub(super) struct Step {
     pub(super) moved: Vec<(u32, [i64; 3])>,
 }
 
-impl Step {
+impl SplitChanges {
     pub(super) fn clear(&mut self) {
         self.faces.clear();
         self.regions.clear();
@@ -109,7 +111,7 @@ pub(super) struct Ring {
     is_taken: Vec<bool>,
 }
 
-impl Walk {
+impl LevelMesh {
     pub(super) fn counts(&self) -> Counts {
         Counts {
             faces: self.faces.len() as u32,
@@ -135,18 +137,18 @@ impl Walk {
         fans.clear();
         wedges.clear();
         loose.clear();
-        wedges.extend(self.wedges.of(vertex).take(RING + 1));
-        if wedges.len() > RING {
+        wedges.extend(self.wedges.of(vertex).take(MAX_RING + 1));
+        if wedges.len() > MAX_RING {
             wedges.clear();
             return false;
         }
         for &w in &*wedges {
-            loose.extend(self.corners.of(w).take(RING + 1 - loose.len()).map(|corner| {
+            loose.extend(self.corners.of(w).take(MAX_RING + 1 - loose.len()).map(|corner| {
                 let (face, k) = (self.faces[corner as usize / 3], corner as usize % 3);
                 RingCorner { corner, wedge: w, next: face[(k + 1) % 3], last: face[(k + 2) % 3] }
             }));
         }
-        if loose.len() > RING {
+        if loose.len() > MAX_RING {
             wedges.clear();
             return false;
         }
@@ -177,7 +179,7 @@ impl Walk {
     }
 
     /// Applies a split, whose indices must all exist.
-    pub(super) fn take(&mut self, step: &Step) {
+    pub(super) fn apply(&mut self, step: &SplitChanges) {
         for &vertex in &step.vertex_of {
             self.vertex_of.push(vertex);
         }
@@ -185,7 +187,7 @@ impl Walk {
         self.places.extend_from_slice(&step.places);
         self.corners.first.resize(self.vertex_of.len(), NONE);
         self.wedges.first.resize(self.places.len(), NONE);
-        self.wedges.beside.resize(self.vertex_of.len(), [NONE; 2]);
+        self.wedges.neighbours.resize(self.vertex_of.len(), [NONE; 2]);
         for w in self.vertex_of.len() - step.vertex_of.len()..self.vertex_of.len() {
             self.wedges.add(self.vertex_of[w], w as u32);
         }
@@ -203,7 +205,7 @@ impl Walk {
         for face in &step.faces {
             let first = self.faces.len() as u32 * 3;
             self.faces.push(*face);
-            self.corners.beside.resize(self.faces.len() * 3, [NONE; 2]);
+            self.corners.neighbours.resize(self.faces.len() * 3, [NONE; 2]);
             for (c, &w) in (first..).zip(face) {
                 self.corners.add(w, c);
             }

@@ -8,28 +8,28 @@ use std::path::Path;
 use lodsmith_core::splits::{Changes, Counts, SplitData, Splits};
 use lodsmith_core::{Positions, Semantic};
 
-use super::checkpoint::{Checkpoints, write_original};
+use super::checkpoint::{CheckpointCodec, write_original};
 use super::container::{self, MAGIC, write_chunk};
-use super::head::{Column, Head, Kind, kinds};
+use super::head::{Column, ColumnKind, Head, column_kinds};
 use super::range::Encoder;
-use super::step::{Shape, Steps};
+use super::step::{SplitCodec, SplitFormat};
 use super::values::{PlaceCode, ValueCode};
-use super::walk::{Step, Walk};
-use super::{LEAST_BITS, LpmOptions, LpmWritten, MOST_BITS};
+use super::walk::{LevelMesh, SplitChanges};
+use super::{LpmOptions, LpmWritten, MAX_BITS, MIN_BITS};
 use crate::error::WriteError;
 use crate::material::Regions;
 use crate::write::write_file;
 
 /// Maximum number of splits in a chunk. Guessed: a few kilobytes, so that a stream refines the mesh several
 /// times a second.
-const IN_CHUNK: usize = 2048;
+const SPLITS_PER_CHUNK: usize = 2048;
 
 /// Bits of a value of texture coordinates, weights, joints and morph targets.
-const FINE: u8 = 16;
+const VALUE_BITS: u8 = 16;
 /// Bits of a component of a colour.
-const COLOR: u8 = 8;
+const COLOR_BITS: u8 = 8;
 /// A normal gets this many bits fewer than a position, within bounds: 12 for 16, which is 0.04 degrees.
-const FEWER: u8 = 4;
+const FEWER_NORMAL_BITS: u8 = 4;
 
 /// Writes a file.
 ///
@@ -59,29 +59,29 @@ pub fn write(
         sizes.materials = write_chunk(out, container::MATERIALS, &bytes)?;
         written.warnings = lost;
     }
-    let mut checkpoints = Checkpoints::default();
+    let mut checkpoints = CheckpointCodec::default();
     let mut waiting = splits.checkpoints.iter().peekable();
-    let shape = Shape {
+    let shape = SplitFormat {
         has_vertex_map: head.has_vertex_map,
         has_regions: head.has_regions,
         channels: head.channels(),
         places: head.places,
     };
-    let (mut steps, mut walk) = (Steps::new(shape), Walk::default());
-    let (mut want, mut got) = (Step::default(), Step::default());
+    let (mut steps, mut walk) = (SplitCodec::new(shape), LevelMesh::default());
+    let (mut want, mut got) = (SplitChanges::default(), SplitChanges::default());
     let mut begin = 0;
     // The base is step 0, split s is step s + 1.
     let count = splits.counts.len();
     while begin < count {
         let mut encoder = Encoder::new();
         let next_stop = waiting.peek().map_or(usize::MAX, |c| c.level as usize + 1);
-        let end = if begin == 0 { 1 } else { count.min(begin + IN_CHUNK).min(next_stop) };
+        let end = if begin == 0 { 1 } else { count.min(begin + SPLITS_PER_CHUNK).min(next_stop) };
         for s in begin..end {
-            fill(splits, &head, s, &mut want);
+            fill_step(splits, &head, s, &mut want);
             let coded = steps.code(&mut encoder, &walk, &want, &mut got);
             assert!(coded.is_ok(), "what is written is not damaged");
             debug_assert_eq!(got, want, "a split is told as it is");
-            walk.take(&got);
+            walk.apply(&got);
         }
         let bytes = encoder.finish();
         if begin == 0 {
@@ -122,7 +122,7 @@ pub fn write_path(
 }
 
 /// Fills a step with split s - 1, or with the base.
-fn fill(data: &SplitData, head: &Head, s: usize, step: &mut Step) {
+fn fill_step(data: &SplitData, head: &Head, s: usize, step: &mut SplitChanges) {
     step.clear();
     let before = if s == 0 { Counts::default() } else { data.counts[s - 1] };
     let after = data.counts[s];
@@ -184,15 +184,15 @@ fn head_of(data: &SplitData, options: &LpmOptions) -> Result<Head, String> {
         Positions::F64(_) => PlaceCode::F64,
     };
     if let Some(bits) = options.bits {
-        if !(LEAST_BITS..=MOST_BITS).contains(&bits) {
-            return Err(format!("{bits} bits for a coordinate: it has to be {LEAST_BITS} to {MOST_BITS}"));
+        if !(MIN_BITS..=MAX_BITS).contains(&bits) {
+            return Err(format!("{bits} bits for a coordinate: it has to be {MIN_BITS} to {MAX_BITS}"));
         }
         places = grid_of(data, bits)?;
     }
     let mut columns = Vec::new();
     let mut begin = 0;
     let width = data.layout.width();
-    for (kind, own) in kinds(&data.layout) {
+    for (kind, own) in column_kinds(&data.layout) {
         if own > 4096 || columns.len() >= 4096 {
             return Err("LPM holds up to 4,096 attributes of up to 4,096 values each".to_owned());
         }
@@ -243,7 +243,7 @@ fn grid_of(data: &SplitData, bits: u8) -> Result<PlaceCode, String> {
 
 /// Returns the coding that rounds an attribute; floats if its values are not of the usual kind.
 fn code_of<'a, I: Iterator<Item = &'a [f32]>>(
-    kind: &Kind,
+    kind: &ColumnKind,
     width: usize,
     rows: impl Fn() -> I,
     bits: u8,
@@ -251,23 +251,23 @@ fn code_of<'a, I: Iterator<Item = &'a [f32]>>(
     let is_direction =
         |row: &[f32]| row[..3].iter().all(|x| x.is_finite()) && row[..3].iter().any(|&x| x != 0.0);
     let is_whole = |row: &[f32]| row.iter().all(|&x| x.fract() == 0.0 && (0.0..=65535.0).contains(&x));
-    let direction_bits = bits.saturating_sub(FEWER).clamp(8, 16);
+    let direction_bits = bits.saturating_sub(FEWER_NORMAL_BITS).clamp(8, 16);
     let fixed = |bits: u8, max: f64| ValueCode::Grid {
         bits,
         axes: vec![[0.0, max / f64::from((1u32 << bits) - 1)]; width],
     };
     let within = |max: f32| rows().all(|row| row.iter().all(|x| (0.0..=max).contains(x)));
     match kind {
-        Kind::Normal if rows().all(is_direction) => ValueCode::Direction { bits: direction_bits },
-        Kind::Further(Semantic::Tangent)
+        ColumnKind::Normal if rows().all(is_direction) => ValueCode::Direction { bits: direction_bits },
+        ColumnKind::Further(Semantic::Tangent)
             if width == 4 && rows().all(|row| is_direction(row) && row[3].abs() == 1.0) =>
         {
             ValueCode::Tangent { bits: direction_bits }
         }
-        Kind::Color | Kind::Further(Semantic::Color(_)) if within(1.0) => fixed(COLOR, 1.0),
-        Kind::Further(Semantic::Weights(_)) if within(1.0) => fixed(FINE, 1.0),
-        Kind::Further(Semantic::Joints(_)) if rows().all(is_whole) => fixed(FINE, 65535.0),
-        Kind::Uv | Kind::Further(Semantic::Uv(_) | Semantic::Morph { .. }) => {
+        ColumnKind::Color | ColumnKind::Further(Semantic::Color(_)) if within(1.0) => fixed(COLOR_BITS, 1.0),
+        ColumnKind::Further(Semantic::Weights(_)) if within(1.0) => fixed(VALUE_BITS, 1.0),
+        ColumnKind::Further(Semantic::Joints(_)) if rows().all(is_whole) => fixed(VALUE_BITS, 65535.0),
+        ColumnKind::Uv | ColumnKind::Further(Semantic::Uv(_) | Semantic::Morph { .. }) => {
             let mut axes = vec![[f64::INFINITY, f64::NEG_INFINITY]; width];
             for row in rows() {
                 for (axis, &x) in axes.iter_mut().zip(row) {
@@ -279,10 +279,10 @@ fn code_of<'a, I: Iterator<Item = &'a [f32]>>(
             }
             for axis in &mut axes {
                 let size = axis[1] - axis[0];
-                let step = size / f64::from((1u32 << FINE) - 1);
+                let step = size / f64::from((1u32 << VALUE_BITS) - 1);
                 *axis = [if size >= 0.0 { axis[0] } else { 0.0 }, if step > 0.0 { step } else { 1.0 }];
             }
-            ValueCode::Grid { bits: FINE, axes }
+            ValueCode::Grid { bits: VALUE_BITS, axes }
         }
         _ => ValueCode::Float,
     }

@@ -40,12 +40,12 @@ impl Regions {
             }
         }
         let sizes = self.iter().map(|region| *of_material.get(region.material?)?).collect();
-        (sizes, told(&warnings))
+        (sizes, unknown_size_warnings(&warnings))
     }
 }
 
 /// Returns the warning about images of unknown size.
-fn told(unknown: &[(&[u8], &str)]) -> Vec<Warning> {
+fn unknown_size_warnings(unknown: &[(&[u8], &str)]) -> Vec<Warning> {
     let Some(((path, why), others)) = unknown.split_first() else { return Vec::new() };
     let more = if others.is_empty() { String::new() } else { format!(", and {} more", others.len()) };
     let path = excerpt_of_bytes(path);
@@ -54,7 +54,7 @@ fn told(unknown: &[(&[u8], &str)]) -> Vec<Warning> {
 
 fn size_in(library: &Library, path: &[u8]) -> Result<[u32; 2], &'static str> {
     match library.find_texture(path)? {
-        Texture::Inside(image) => size_of(&image.bytes),
+        Texture::Embedded(image) => size_of(&image.bytes),
         Texture::File(file) => size_of_file(&mut file.open().map_err(|_| "cannot be read")?),
     }
 }
@@ -62,16 +62,16 @@ fn size_in(library: &Library, path: &[u8]) -> Result<[u32; 2], &'static str> {
 /// Returns the size of an image from the first bytes of its file.
 fn size_of_file(file: &mut impl Read) -> Result<[u32; 2], &'static str> {
     // Most formats have the size at the start; in a JPEG a profile and a preview may come first. Guessed.
-    const FRONT: u64 = 1 << 16;
-    const MOST: u64 = 1 << 24;
+    const FIRST_READ_BYTES: u64 = 1 << 16;
+    const MAX_HEADER_BYTES: u64 = 1 << 24;
     let mut bytes = Vec::new();
     let mut read_to = |end: u64| -> Result<_, &'static str> {
         let more = end - bytes.len() as u64;
         file.take(more).read_to_end(&mut bytes).map_err(|_| "cannot be read")?;
         Ok(size_of(&bytes))
     };
-    let first = read_to(FRONT)?;
-    if first.is_ok() { first } else { read_to(MOST)? }
+    let first = read_to(FIRST_READ_BYTES)?;
+    if first.is_ok() { first } else { read_to(MAX_HEADER_BYTES)? }
 }
 
 fn size_of(bytes: &[u8]) -> Result<[u32; 2], &'static str> {

@@ -15,7 +15,7 @@ use crate::limits::Limits;
 use crate::lines::utf8_of;
 
 /// Maximum total bytes of the libraries of one file. Guessed: some hundred thousand materials.
-const MOST_BYTES: u64 = 64 << 20;
+const MAX_LIBRARY_BYTES: u64 = 64 << 20;
 
 /// A library of materials that an OBJ names.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,20 +25,20 @@ pub struct Library {
     /// The folders searched for its textures: its own, then that of the OBJ.
     assets: Assets,
     /// The data of a library that is not a file.
-    made: Option<Arc<Made>>,
+    generated: Option<Arc<GeneratedLibrary>>,
 }
 
 /// The data of a library that was generated from another format.
 #[derive(Debug, Default, PartialEq, Eq)]
-pub(crate) struct Made {
+pub(crate) struct GeneratedLibrary {
     /// Images in memory that it names; sorted by name once the library has them.
     pub(crate) images: Vec<Image>,
     /// Features that it cannot represent, as text for users.
-    pub(crate) unsaid: Vec<String>,
+    pub(crate) unsupported: Vec<String>,
     /// Images that could not be carried over, and why.
     pub(crate) missing: Vec<String>,
     /// True if colours also apply where there is an image.
-    pub(crate) tints: bool,
+    pub(crate) tints_images: bool,
 }
 
 /// An image in memory.
@@ -54,26 +54,26 @@ pub(crate) struct Image {
 /// The location of a texture of a library.
 pub(crate) enum Texture<'l> {
     File(Asset),
-    Inside(&'l Image),
+    Embedded(&'l Image),
 }
 
 impl Library {
     pub(crate) fn named(name: Arc<[u8]>) -> Self {
-        Self { name, text: None, assets: Assets::default(), made: None }
+        Self { name, text: None, assets: Assets::default(), generated: None }
     }
     /// Creates a library that is not a file; textures not among its images are searched for in the files of
     /// the model.
-    pub(crate) fn made(text: String, assets: Assets, made: Made) -> Self {
+    pub(crate) fn generated(text: String, assets: Assets, made: GeneratedLibrary) -> Self {
         Self { assets, ..Self::packed(text.as_bytes(), made) }
     }
     /// Creates a library that is not a file and has all its textures in memory.
-    pub(crate) fn packed(text: &[u8], mut made: Made) -> Self {
+    pub(crate) fn packed(text: &[u8], mut made: GeneratedLibrary) -> Self {
         made.images.sort_by(|a, b| a.name.cmp(&b.name));
         Self {
             name: Arc::default(),
             text: Some(text.into()),
             assets: Assets::default(),
-            made: Some(Arc::new(made)),
+            generated: Some(Arc::new(made)),
         }
     }
     /// Its name, as in the OBJ; empty if it is not a file.
@@ -86,21 +86,21 @@ impl Library {
     }
 
     /// Returns true if it is not a file.
-    pub(crate) fn is_made(&self) -> bool {
-        self.made.is_some()
+    pub(crate) fn is_generated(&self) -> bool {
+        self.generated.is_some()
     }
 
     /// Returns true if its colours also apply where there is an image; in files of many programs they do not.
     pub(crate) fn is_tinted(&self) -> bool {
-        self.made.as_ref().is_some_and(|made| made.tints)
+        self.generated.as_ref().is_some_and(|made| made.tints_images)
     }
 
     /// Returns the losses of its conversion from another format.
     pub(crate) fn losses(&self) -> Vec<Warning> {
-        let Some(made) = &self.made else { return Vec::new() };
-        let mut warnings = left_out(&made.missing);
-        if !made.unsaid.is_empty() {
-            let text = format!("not carried of the materials: {}", made.unsaid.join(", "));
+        let Some(made) = &self.generated else { return Vec::new() };
+        let mut warnings = left_out_warnings(&made.missing);
+        if !made.unsupported.is_empty() {
+            let text = format!("not carried of the materials: {}", made.unsupported.join(", "));
             warnings.push(Warning::lost(text));
         }
         warnings
@@ -111,21 +111,21 @@ impl Library {
     /// # Errors
     /// The reason why it was not found: the end of a sentence for users.
     pub(crate) fn find_texture(&self, path: &[u8]) -> Result<Texture<'_>, &'static str> {
-        if let Some(made) = &self.made
+        if let Some(made) = &self.generated
             && let Ok(at) = made.images.binary_search_by(|image| image.name.as_bytes().cmp(path))
         {
-            return Ok(Texture::Inside(&made.images[at]));
+            return Ok(Texture::Embedded(&made.images[at]));
         }
         find(&self.assets, path).map(Texture::File).map_err(Refusal::reason)
     }
 }
 
 /// Reads the libraries that an OBJ names, if they exist; returns warnings about the others.
-pub(crate) fn look_up(libraries: &mut [Library], assets: &Assets, limits: Limits) -> Vec<Warning> {
+pub(crate) fn read_libraries(libraries: &mut [Library], assets: &Assets, limits: Limits) -> Vec<Warning> {
     if !assets.has_folder() {
         return Vec::new();
     }
-    let mut left = limits.most_bytes().min(MOST_BYTES);
+    let mut left = limits.max_bytes().min(MAX_LIBRARY_BYTES);
     let mut read = |library: &mut Library| {
         let why = read_library(library, assets, &mut left).err()?;
         let name = excerpt_of_bytes(&library.name);
@@ -150,12 +150,12 @@ fn read_library(library: &mut Library, assets: &Assets, left: &mut u64) -> Resul
 }
 
 /// Returns warnings about textures that are left out; each text is a path and a reason.
-pub(crate) fn left_out(textures: &[String]) -> Vec<Warning> {
+pub(crate) fn left_out_warnings(textures: &[String]) -> Vec<Warning> {
     // A longer list would not help. Guessed.
-    const SHOWN: usize = 16;
-    let shown = textures.iter().take(SHOWN);
+    const MAX_WARNINGS: usize = 16;
+    let shown = textures.iter().take(MAX_WARNINGS);
     let mut warnings: Vec<_> = shown.map(|text| Warning::lost(format!("texture {text}: left out"))).collect();
-    let more = textures.len().saturating_sub(SHOWN);
+    let more = textures.len().saturating_sub(MAX_WARNINGS);
     if more > 0 {
         warnings.push(Warning::lost(format!("{more} more textures are left out")));
     }
@@ -346,7 +346,7 @@ mod tests {
         }
         let name = |path: &str| {
             let found = find(&assets, path.as_bytes())?;
-            let below = found.real().strip_prefix(folder.path().canonicalize().unwrap()).unwrap();
+            let below = found.real_path().strip_prefix(folder.path().canonicalize().unwrap()).unwrap();
             Ok(below.to_string_lossy().replace('\\', "/"))
         };
         assert_eq!(name("a b.png"), Ok("a b.png".to_owned()));

@@ -6,9 +6,11 @@ use std::path::{Path, PathBuf};
 use lodsmith_core::TriMesh;
 
 use super::image_type::image_type;
-use super::library::{Image, Library, Texture, is_number, left_out, lines_of, next_word, texture_in};
+use super::library::{
+    Image, Library, Texture, is_number, left_out_warnings, lines_of, next_word, texture_in,
+};
 use super::regions::{Region, Regions, drops_materials};
-use crate::assets::MOST_IMAGE_BYTES;
+use crate::assets::MAX_IMAGE_BYTES;
 use crate::error::Warning;
 use crate::excerpt::excerpt_of_bytes;
 
@@ -24,7 +26,7 @@ pub(crate) enum Purpose {
 
 /// The properties of a material.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Look {
+pub(crate) struct ConvertedMaterial {
     pub(crate) name: String,
     pub(crate) color: [f64; 3],
     /// True if the colour also applies where there is an image; many programs write one that does not.
@@ -45,8 +47,8 @@ pub(crate) struct Look {
 
 /// The materials of a mesh.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Looks {
-    pub(crate) all: Vec<Look>,
+pub(crate) struct ConvertedMaterials {
+    pub(crate) all: Vec<ConvertedMaterial>,
     pub(crate) images: Vec<Image>,
     /// The material of each region; one entry for a mesh without regions.
     pub(crate) of_region: Vec<Option<usize>>,
@@ -54,25 +56,29 @@ pub(crate) struct Looks {
 }
 
 /// Returns the materials of the regions of a mesh, with their images; `None` if nothing is known about them.
-pub(crate) fn looks(mesh: &TriMesh, regions: &Regions, purpose: Purpose) -> Option<Looks> {
+pub(crate) fn convert_materials(
+    mesh: &TriMesh,
+    regions: &Regions,
+    purpose: Purpose,
+) -> Option<ConvertedMaterials> {
     if !regions.has_materials() || drops_materials(mesh, regions) {
         return None;
     }
-    let mut looks = Looks::default();
+    let mut looks = ConvertedMaterials::default();
     let mut numbers: HashMap<&[u8], usize> = HashMap::new();
-    let shared = [regions.shared()];
+    let shared = [regions.common_names()];
     let of_regions: Vec<Region<'_>> =
         if mesh.regions().is_some() { regions.iter().collect() } else { shared.to_vec() };
     for region in of_regions {
         let at = region.material.map(|name| {
             *numbers.entry(name).or_insert_with(|| {
-                looks.all.push(Look::plain(name));
+                looks.all.push(ConvertedMaterial::default_for(name));
                 looks.all.len() - 1
             })
         });
         looks.of_region.push(at);
     }
-    let mut seen = Seen::new(purpose);
+    let mut seen = MtlReader::new(purpose);
     for library in regions.libraries() {
         seen.read(library, &numbers, &mut looks);
         if purpose == Purpose::Gltf {
@@ -83,9 +89,9 @@ pub(crate) fn looks(mesh: &TriMesh, regions: &Regions, purpose: Purpose) -> Opti
     Some(looks)
 }
 
-impl Look {
+impl ConvertedMaterial {
     /// Returns the defaults of a material without a description.
-    fn plain(name: &[u8]) -> Self {
+    fn default_for(name: &[u8]) -> Self {
         Self {
             name: String::from_utf8_lossy(name).into_owned(),
             color: [1.0; 3],
@@ -104,7 +110,7 @@ impl Look {
 }
 
 /// State of reading the libraries.
-struct Seen {
+struct MtlReader {
     purpose: Purpose,
     /// Images by path; `None` for those that are left out.
     images: HashMap<PathBuf, Option<usize>>,
@@ -113,31 +119,31 @@ struct Seen {
     /// Materials with a description: the first of two counts.
     described: BTreeSet<usize>,
     /// Statements that glTF has no equivalent for.
-    unsaid: BTreeSet<String>,
+    unsupported: BTreeSet<String>,
     /// The statements about Phong highlights: a way of shading, which glTF replaces by another one.
     highlights: BTreeSet<String>,
     /// Images that are left out, and why.
     missing: Vec<String>,
 }
 
-impl Seen {
+impl MtlReader {
     fn new(purpose: Purpose) -> Self {
         Self {
             purpose,
             images: HashMap::new(),
-            left: MOST_IMAGE_BYTES,
+            left: MAX_IMAGE_BYTES,
             described: BTreeSet::new(),
-            unsaid: BTreeSet::new(),
+            unsupported: BTreeSet::new(),
             highlights: BTreeSet::new(),
             missing: Vec::new(),
         }
     }
 
-    fn takes(&self, kind: Option<&str>) -> bool {
+    fn accepts_type(&self, kind: Option<&str>) -> bool {
         self.purpose == Purpose::Picture || matches!(kind, Some("image/png" | "image/jpeg"))
     }
 
-    fn read(&mut self, library: &Library, numbers: &HashMap<&[u8], usize>, looks: &mut Looks) {
+    fn read(&mut self, library: &Library, numbers: &HashMap<&[u8], usize>, looks: &mut ConvertedMaterials) {
         let mut present = None;
         // State of the current material.
         let (mut color_path, mut has_emission, mut has_highlights) = (None, false, true);
@@ -171,7 +177,7 @@ impl Seen {
                             self.leave_out(&format!("{keyword} {}", excerpt_of_bytes(option)));
                         }
                     }
-                    let image = self.image(library, &line[path.clone()], &mut looks.images);
+                    let image = self.add_image(library, &line[path.clone()], &mut looks.images);
                     let look = &mut looks.all[at];
                     match keyword.as_str() {
                         "map_kd" => {
@@ -222,18 +228,18 @@ impl Seen {
 
     fn leave_out(&mut self, statement: &str) {
         // A library may hold any number of words; a warning needs only some.
-        if self.unsaid.len() < 16 {
-            self.unsaid.insert(statement.to_owned());
+        if self.unsupported.len() < 16 {
+            self.unsupported.insert(statement.to_owned());
         }
     }
 
     /// Returns the index of an image in memory.
-    fn inside(&mut self, image: &Image, images: &mut Vec<Image>) -> Option<usize> {
+    fn add_embedded_image(&mut self, image: &Image, images: &mut Vec<Image>) -> Option<usize> {
         let key = PathBuf::from(&image.name);
         if let Some(known) = self.images.get(&key) {
             return *known;
         }
-        let number = self.takes(Some(image.kind)).then(|| {
+        let number = self.accepts_type(Some(image.kind)).then(|| {
             let stem = image.name.rsplit_once('.').map_or(&*image.name, |(stem, _)| stem);
             images.push(Image { name: stem.to_owned(), ..image.clone() });
             images.len() - 1
@@ -246,22 +252,26 @@ impl Seen {
     }
 
     /// Returns the index of an image; `None` if it is left out.
-    fn image(&mut self, library: &Library, path: &[u8], images: &mut Vec<Image>) -> Option<usize> {
+    fn add_image(&mut self, library: &Library, path: &[u8], images: &mut Vec<Image>) -> Option<usize> {
         let shown = excerpt_of_bytes(path);
         let file = match library.find_texture(path) {
             Ok(Texture::File(file)) => file,
-            Ok(Texture::Inside(image)) => return self.inside(image, images),
+            Ok(Texture::Embedded(image)) => return self.add_embedded_image(image, images),
             Err(why) => {
                 self.missing.push(format!("{shown} {why}"));
                 return None;
             }
         };
-        if let Some(known) = self.images.get(file.real()) {
+        if let Some(known) = self.images.get(file.real_path()) {
             return *known;
         }
         let read = file.read_image(&mut self.left).and_then(|bytes| {
             let kind = image_type(&bytes);
-            if self.takes(kind) { Ok((kind, bytes)) } else { Err("is neither PNG nor JPEG".to_owned()) }
+            if self.accepts_type(kind) {
+                Ok((kind, bytes))
+            } else {
+                Err("is neither PNG nor JPEG".to_owned())
+            }
         });
         let number = match read {
             Ok((kind, bytes)) => {
@@ -277,18 +287,18 @@ impl Seen {
                 None
             }
         };
-        self.images.insert(file.real().to_owned(), number);
+        self.images.insert(file.real_path().to_owned(), number);
         number
     }
 
     fn warnings(self) -> Vec<Warning> {
-        let mut warnings = left_out(&self.missing);
+        let mut warnings = left_out_warnings(&self.missing);
         if self.purpose == Purpose::Picture {
             return warnings;
         }
         let listed = |words: BTreeSet<String>| words.into_iter().collect::<Vec<_>>().join(", ");
-        if !self.unsaid.is_empty() {
-            let text = format!("glTF has no word for these of the materials: {}", listed(self.unsaid));
+        if !self.unsupported.is_empty() {
+            let text = format!("glTF has no word for these of the materials: {}", listed(self.unsupported));
             warnings.push(Warning::lost(text));
         }
         if !self.highlights.is_empty() {

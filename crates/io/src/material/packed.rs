@@ -9,12 +9,12 @@ use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
 
 use super::image_type::image_type;
-use super::library::{Image, Library, Made, Texture, left_out, lines_of, texture_in};
+use super::library::{GeneratedLibrary, Image, Library, Texture, left_out_warnings, lines_of, texture_in};
 use super::regions::{Regions, counts};
-use crate::assets::MOST_IMAGE_BYTES;
+use crate::assets::MAX_IMAGE_BYTES;
 use crate::error::{ReadError, Warning};
 use crate::limits::Limits;
-use crate::read::most_unpacked;
+use crate::read::max_unpacked_bytes;
 
 impl Regions {
     /// Returns the number of materials and of textures.
@@ -25,7 +25,7 @@ impl Regions {
     /// Serialises everything, images from their files. Returns warnings about images that were left out.
     pub(crate) fn pack(&self, with_textures: bool) -> io::Result<(Vec<u8>, Vec<Warning>)> {
         let mut packer =
-            Packer { out: Vec::new(), images: Vec::new(), names: HashSet::new(), left: MOST_IMAGE_BYTES };
+            Packer { out: Vec::new(), images: Vec::new(), names: HashSet::new(), left: MAX_IMAGE_BYTES };
         let (mut missing, mut warnings) = (Vec::new(), Vec::new());
         packer.number(self.names.len());
         self.names.iter().for_each(|name| packer.bytes(name));
@@ -53,7 +53,7 @@ impl Regions {
         if !with_textures && !missing.is_empty() {
             warnings.push(Warning::note("images dropped: --textures none"));
         } else {
-            warnings.extend(left_out(&missing));
+            warnings.extend(left_out_warnings(&missing));
         }
         let mut zlib = ZlibEncoder::new(Vec::new(), Compression::default());
         zlib.write_all(&packer.out)?;
@@ -63,7 +63,7 @@ impl Regions {
     /// Deserialises untrusted bytes.
     pub(crate) fn unpack(bytes: &[u8], limits: Limits) -> Result<(Self, Vec<Warning>), ReadError> {
         let bad = |what: &str| ReadError::element("the materials", what);
-        let most = most_unpacked(bytes.len(), limits).min(2 * MOST_IMAGE_BYTES);
+        let most = max_unpacked_bytes(bytes.len(), limits).min(2 * MAX_IMAGE_BYTES);
         let mut plain = Vec::new();
         ZlibDecoder::new(bytes)
             .take(most.saturating_add(1))
@@ -105,7 +105,7 @@ impl Regions {
                 continue;
             }
             let text = rest.bytes().ok_or_else(short)?;
-            let mut made = Made { tints: kind == 2, ..Made::default() };
+            let mut made = GeneratedLibrary { tints_images: kind == 2, ..GeneratedLibrary::default() };
             for _ in 0..rest.number().ok_or_else(short)? {
                 let name = rest.bytes().ok_or_else(short)?;
                 let bytes = rest.bytes().ok_or_else(short)?.to_vec();
@@ -184,7 +184,7 @@ impl Packer {
 
     fn image(&mut self, library: &Library, path: &[u8]) -> Result<String, String> {
         let (own, bytes) = match library.find_texture(path)? {
-            Texture::Inside(image) => {
+            Texture::Embedded(image) => {
                 let left = self.left.checked_sub(image.bytes.len() as u64);
                 self.left = left.ok_or("is too large")?;
                 (image.name.clone(), image.bytes.clone())

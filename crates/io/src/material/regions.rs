@@ -79,7 +79,7 @@ pub struct Regions {
 impl Regions {
     /// Creates one region for each of these materials, in their order; `None` for faces without one.
     pub(crate) fn of_materials(names: &[Option<String>], library: Library) -> Self {
-        let mut all = Names::default();
+        let mut all = NameTable::default();
         let number = |name: &Option<String>| name.as_ref().map_or(NONE, |n| all.number_of(n.as_bytes()));
         let entries: Vec<_> = names.iter().map(number).map(|n| [NONE, NONE, n, NONE]).collect();
         let materials = (0..all.texts.len() as u32).collect();
@@ -88,7 +88,7 @@ impl Regions {
 
     /// Creates regions with these names and without libraries, so that their materials are unknown.
     pub fn named(regions: &[Region<'_>]) -> Self {
-        let mut all = Names::default();
+        let mut all = NameTable::default();
         let mut materials = Vec::new();
         let mut entries = Vec::with_capacity(regions.len());
         let mut seen = HashSet::new();
@@ -150,7 +150,7 @@ impl Regions {
     }
 
     /// The names on which all regions agree, which a mesh without regions can keep.
-    pub(crate) fn shared(&self) -> Region<'_> {
+    pub(crate) fn common_names(&self) -> Region<'_> {
         let mut entry = self.entries.first().copied().unwrap_or([NONE; 4]);
         self.differing().for_each(|heading| entry[heading as usize] = NONE);
         self.region(entry)
@@ -158,12 +158,12 @@ impl Regions {
 
     /// Lists for users what is lost in a format without regions; `None` if nothing is. A single group is no
     /// loss, a single material is.
-    pub(crate) fn what_is_lost(&self, with_materials: bool) -> Option<String> {
+    pub(crate) fn lost_headings(&self, with_materials: bool) -> Option<String> {
         let is_lost = |heading: &Heading| match heading {
             Heading::Material => with_materials && self.has_materials(),
             other => self.differing().any(|h| h == *other),
         };
-        listed(Heading::ALL.into_iter().filter(is_lost))
+        join_titles(Heading::ALL.into_iter().filter(is_lost))
     }
 
     fn region(&self, entry: [u32; 4]) -> Region<'_> {
@@ -178,7 +178,7 @@ impl Regions {
 }
 
 /// Joins titles with commas; `None` if there are none.
-pub(crate) fn listed(headings: impl Iterator<Item = Heading>) -> Option<String> {
+pub(crate) fn join_titles(headings: impl Iterator<Item = Heading>) -> Option<String> {
     let titles: Vec<_> = headings.map(Heading::title).collect();
     (!titles.is_empty()).then(|| titles.join(", "))
 }
@@ -186,7 +186,7 @@ pub(crate) fn listed(headings: impl Iterator<Item = Heading>) -> Option<String> 
 /// The headings of a section of a file.
 #[derive(Debug, Default)]
 pub(crate) struct Headings {
-    names: Names,
+    names: NameTable,
     changes: Vec<Change>,
     materials: Materials,
     libraries: Vec<Arc<[u8]>>,
@@ -195,14 +195,14 @@ pub(crate) struct Headings {
 /// Lines between the same two faces; the last of a kind counts.
 #[derive(Debug)]
 struct Change {
-    at: Place,
+    at: FacePosition,
     /// The index of a name for each [`Heading`], [`NONE`] if there is no such line.
     names: [u32; 4],
 }
 
 /// A position between faces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Place {
+pub(crate) struct FacePosition {
     /// Number of triangles before it.
     pub(crate) triangles: usize,
     /// Number of faces with more corners before it.
@@ -217,7 +217,7 @@ struct Materials {
 }
 
 impl Materials {
-    fn meet(&mut self, name: u32) {
+    fn add(&mut self, name: u32) {
         if self.seen.insert(name) {
             self.all.push(name);
         }
@@ -226,17 +226,17 @@ impl Materials {
 
 impl Headings {
     /// Records a line of this kind.
-    pub(crate) fn meet(&mut self, heading: Heading, name: &[u8], at: Place) {
-        let name = self.names.number_of(clean(name));
+    pub(crate) fn add_heading(&mut self, heading: Heading, name: &[u8], at: FacePosition) {
+        let name = self.names.number_of(without_continuation(name));
         if heading == Heading::Material {
-            self.materials.meet(name);
+            self.materials.add(name);
         }
         self.change_at(at)[heading as usize] = name;
     }
 
     /// Records a line that names material libraries.
-    pub(crate) fn meet_libraries(&mut self, names: &[u8]) {
-        for name in library_names(clean(names)) {
+    pub(crate) fn add_libraries(&mut self, names: &[u8]) {
+        for name in library_names(without_continuation(names)) {
             // A file that names more libraries than this is not a real model. Guessed.
             if self.libraries.len() < 256 && !self.libraries.iter().any(|l| **l == *name) {
                 self.libraries.push(name.into());
@@ -245,10 +245,10 @@ impl Headings {
     }
 
     /// Appends the headings of the following section; `before` counts the faces before it.
-    pub(crate) fn append(&mut self, next: Self, before: Place) {
+    pub(crate) fn append(&mut self, next: Self, before: FacePosition) {
         let numbers: Vec<u32> = next.names.texts.iter().map(|text| self.names.number_of(text)).collect();
         for change in next.changes {
-            let at = Place {
+            let at = FacePosition {
                 triangles: before.triangles + change.at.triangles,
                 polygons: before.polygons + change.at.polygons,
             };
@@ -257,7 +257,7 @@ impl Headings {
                 *name = numbers.get(next as usize).copied().unwrap_or(*name);
             }
         }
-        next.materials.all.iter().for_each(|&name| self.materials.meet(numbers[name as usize]));
+        next.materials.all.iter().for_each(|&name| self.materials.add(numbers[name as usize]));
         for library in next.libraries {
             if self.libraries.len() < 256 && !self.libraries.contains(&library) {
                 self.libraries.push(library);
@@ -265,7 +265,7 @@ impl Headings {
         }
     }
 
-    fn change_at(&mut self, at: Place) -> &mut [u32; 4] {
+    fn change_at(&mut self, at: FacePosition) -> &mut [u32; 4] {
         if self.changes.last().is_none_or(|last| last.at != at) {
             self.changes.push(Change { at, names: [NONE; 4] });
         }
@@ -332,12 +332,12 @@ impl Headings {
 
 /// Interned names: equal texts have the same index.
 #[derive(Debug, Default)]
-struct Names {
+struct NameTable {
     texts: Vec<Arc<[u8]>>,
     numbers: HashMap<Arc<[u8]>, u32>,
 }
 
-impl Names {
+impl NameTable {
     fn number_of(&mut self, text: &[u8]) -> u32 {
         if let Some(&number) = self.numbers.get(text) {
             return number;
@@ -350,7 +350,7 @@ impl Names {
 }
 
 /// Removes trailing backslashes, which would continue the line when it is written.
-fn clean(mut name: &[u8]) -> &[u8] {
+fn without_continuation(mut name: &[u8]) -> &[u8] {
     name = name.trim_ascii();
     while let Some(shorter) = name.strip_suffix(b"\\") {
         name = shorter.trim_ascii_end();
@@ -402,8 +402,8 @@ pub(crate) fn counts(regions: &Regions) -> (usize, usize) {
 mod tests {
     use super::*;
 
-    fn at(triangles: usize, polygons: usize) -> Place {
-        Place { triangles, polygons }
+    fn at(triangles: usize, polygons: usize) -> FacePosition {
+        FacePosition { triangles, polygons }
     }
 
     fn ids(regions: Option<Vec<RegionId>>) -> Vec<u32> {
@@ -413,42 +413,42 @@ mod tests {
     #[test]
     fn faces_stand_under_the_last_line_of_each_kind() {
         let mut headings = Headings::default();
-        headings.meet(Heading::Groups, b"a", at(1, 0));
-        headings.meet(Heading::Material, b"wood", at(1, 0));
+        headings.add_heading(Heading::Groups, b"a", at(1, 0));
+        headings.add_heading(Heading::Material, b"wood", at(1, 0));
         // A face of five corners in between, then the earlier group again.
-        headings.meet(Heading::Groups, b" b c ", at(1, 1));
-        headings.meet(Heading::Groups, b"unused", at(2, 1));
-        headings.meet(Heading::Groups, b"a", at(2, 1));
+        headings.add_heading(Heading::Groups, b" b c ", at(1, 1));
+        headings.add_heading(Heading::Groups, b"unused", at(2, 1));
+        headings.add_heading(Heading::Groups, b"a", at(2, 1));
         let (regions, of_faces) = headings.resolve([5], 6);
         assert_eq!(ids(of_faces), [0, 1, 1, 1, 2, 1]);
         let names: Vec<_> = regions.iter().map(|r| (r.groups, r.material)).collect();
         let wood = Some(&b"wood"[..]);
         assert_eq!(names, [(None, None), (Some(&b"a"[..]), wood), (Some(&b"b c"[..]), wood)]);
-        assert_eq!(listed(regions.differing()).unwrap(), "groups, materials");
-        assert_eq!(regions.shared(), Region::default());
+        assert_eq!(join_titles(regions.differing()).unwrap(), "groups, materials");
+        assert_eq!(regions.common_names(), Region::default());
     }
 
     #[test]
     fn one_region_needs_no_ids_and_keeps_its_names() {
         let mut headings = Headings::default();
-        headings.meet(Heading::Object, b"chair", at(0, 0));
-        headings.meet(Heading::Smoothing, b"off", at(9, 0));
+        headings.add_heading(Heading::Object, b"chair", at(0, 0));
+        headings.add_heading(Heading::Smoothing, b"off", at(9, 0));
         let (regions, of_faces) = headings.resolve([], 9);
         assert_eq!((regions.len(), of_faces), (1, None));
-        assert_eq!(regions.shared().object, Some(&b"chair"[..]));
+        assert_eq!(regions.common_names().object, Some(&b"chair"[..]));
         let mut late = Headings::default();
-        late.meet(Heading::Object, b"none", at(9, 0));
+        late.add_heading(Heading::Object, b"none", at(9, 0));
         assert!(late.resolve([], 9).0.is_empty());
     }
 
     #[test]
     fn sections_go_on_from_those_before_them() {
         let mut first = Headings::default();
-        first.meet(Heading::Material, b"x", at(0, 0));
-        first.meet(Heading::Groups, b"a", at(2, 0));
+        first.add_heading(Heading::Material, b"x", at(0, 0));
+        first.add_heading(Heading::Groups, b"a", at(2, 0));
         let mut second = Headings::default();
-        second.meet(Heading::Material, b"y", at(0, 0));
-        second.meet(Heading::Material, b"x", at(1, 0));
+        second.add_heading(Heading::Material, b"y", at(0, 0));
+        second.add_heading(Heading::Material, b"x", at(1, 0));
         first.append(second, at(2, 0));
         let (regions, of_faces) = first.resolve([], 4);
         assert_eq!(ids(of_faces), [0, 0, 1, 2]);
@@ -461,9 +461,9 @@ mod tests {
         let mut headings = Headings::default();
         let count = 200_000;
         let long = "x".repeat(10_000);
-        headings.meet(Heading::Object, long.as_bytes(), at(0, 0));
+        headings.add_heading(Heading::Object, long.as_bytes(), at(0, 0));
         for face in 0..count {
-            headings.meet(Heading::Groups, face.to_string().as_bytes(), at(face, 0));
+            headings.add_heading(Heading::Groups, face.to_string().as_bytes(), at(face, 0));
         }
         let (regions, of_faces) = headings.resolve([], count);
         assert_eq!((regions.len(), of_faces.unwrap()[count - 1]), (count, RegionId(count as u32 - 1)));
@@ -471,13 +471,13 @@ mod tests {
 
     #[test]
     fn names_of_libraries_may_hold_blanks() {
-        let names = |line: &'static str| library_names(clean(line.as_bytes()));
+        let names = |line: &'static str| library_names(without_continuation(line.as_bytes()));
         assert_eq!(names("a.mtl b.MTL"), [&b"a.mtl"[..], b"b.MTL"]);
         assert_eq!(names("my chair.mtl"), [b"my chair.mtl"]);
         assert_eq!(names("\"my chair.mtl\""), [b"my chair.mtl"]);
         assert_eq!(names("chair \\"), [b"chair"]);
         assert_eq!(names("é.mtl.old x"), ["é.mtl.old x".as_bytes()]);
         assert!(names("  ").is_empty());
-        assert_eq!(clean(b" a \\ \\"), b"a");
+        assert_eq!(without_continuation(b" a \\ \\"), b"a");
     }
 }

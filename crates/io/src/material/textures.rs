@@ -9,7 +9,7 @@ use std::path::{Component, Path, PathBuf};
 
 use super::library::{Library, Texture, lines_of, path_of, texture_in, with_slashes};
 use super::regions::Regions;
-use crate::assets::MOST_IMAGE_BYTES;
+use crate::assets::MAX_IMAGE_BYTES;
 use crate::error::{Warning, WriteError};
 use crate::excerpt::excerpt_of_bytes;
 use crate::files::{temporary_in, write_file};
@@ -28,18 +28,18 @@ pub enum Textures {
 }
 
 /// A library with more missing textures than this was crafted to keep the system busy. Guessed.
-const MOST_MISSING: usize = 10_000;
+const MAX_MISSING_TEXTURES: usize = 10_000;
 
 /// The files written beside an OBJ.
 #[derive(Debug, Default)]
-pub(crate) struct Beside {
+pub(crate) struct SidecarFiles {
     /// The names of libraries for the OBJ.
     pub(crate) libraries: Vec<Vec<u8>>,
     pub(crate) warnings: Vec<Warning>,
     created: Vec<PathBuf>,
 }
 
-impl Beside {
+impl SidecarFiles {
     /// Removes the created files, after writing the OBJ itself has failed.
     pub(crate) fn remove(self) {
         for path in self.created {
@@ -57,8 +57,12 @@ impl Beside {
 ///
 /// # Errors
 /// If the system cannot write; the created files are removed then. Missing textures are warnings.
-pub(crate) fn write_beside(regions: &Regions, target: &Path, policy: Textures) -> Result<Beside, WriteError> {
-    let mut beside = Beside::default();
+pub(crate) fn write_sidecar_files(
+    regions: &Regions,
+    target: &Path,
+    policy: Textures,
+) -> Result<SidecarFiles, WriteError> {
+    let mut beside = SidecarFiles::default();
     let folder = match target.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
@@ -72,7 +76,7 @@ pub(crate) fn write_beside(regions: &Regions, target: &Path, policy: Textures) -
         return Ok(beside);
     }
     let written = library_text(regions, folder, policy, &mut beside)
-        .and_then(|text| put_library(&text, target, folder, &mut beside));
+        .and_then(|text| write_library(&text, target, folder, &mut beside));
     match written {
         Ok(name) => {
             beside.libraries.push(name);
@@ -89,7 +93,7 @@ pub(crate) fn write_beside(regions: &Regions, target: &Path, policy: Textures) -
 
 /// Returns the names of the libraries that are files, as in the source.
 pub(crate) fn names_of(regions: &Regions) -> Vec<Vec<u8>> {
-    regions.libraries.iter().filter(|l| !l.is_made()).map(|l| l.name().to_vec()).collect()
+    regions.libraries.iter().filter(|l| !l.is_generated()).map(|l| l.name().to_vec()).collect()
 }
 
 /// Joins all libraries in one text, with paths relative to `folder`.
@@ -97,10 +101,10 @@ fn library_text(
     regions: &Regions,
     folder: &Path,
     policy: Textures,
-    beside: &mut Beside,
+    beside: &mut SidecarFiles,
 ) -> Result<Vec<u8>, WriteError> {
-    let mut missing = Missing::default();
-    let mut left = MOST_IMAGE_BYTES;
+    let mut missing = MissingTextures::default();
+    let mut left = MAX_IMAGE_BYTES;
     let mut text = Vec::new();
     for library in &regions.libraries {
         // Several materials often share a texture.
@@ -135,16 +139,16 @@ fn path_from(
     old: &[u8],
     policy: Textures,
     left: &mut u64,
-    missing: &mut Missing,
-    beside: &mut Beside,
+    missing: &mut MissingTextures,
+    beside: &mut SidecarFiles,
 ) -> Result<Vec<u8>, WriteError> {
-    if missing.count >= MOST_MISSING {
+    if missing.count >= MAX_MISSING_TEXTURES {
         missing.add(old, "is not looked for");
         return Ok(old.to_vec());
     }
     let found = match library.find_texture(old) {
         Ok(Texture::File(found)) => found,
-        Ok(Texture::Inside(image)) => {
+        Ok(Texture::Embedded(image)) => {
             let name = copy_into(folder, OsStr::new(&image.name), &image.bytes, beside)?;
             return Ok(bytes_of(Path::new(&name)));
         }
@@ -154,7 +158,7 @@ fn path_from(
         }
     };
     let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
-    let (source, real_folder) = (found.real(), real(folder));
+    let (source, real_folder) = (found.real_path(), real(folder));
     let is_right = |path: PathBuf| !path.is_absolute() && real(&folder.join(path)) == source;
     if is_right(path_of(old)) || is_right(path_of(&with_slashes(old))) {
         return Ok(old.to_vec());
@@ -176,7 +180,12 @@ fn path_from(
 
 /// Writes an image into a folder under its own name, or a numbered one if another file has that; returns the
 /// name.
-fn copy_into(folder: &Path, own: &OsStr, bytes: &[u8], beside: &mut Beside) -> Result<OsString, WriteError> {
+fn copy_into(
+    folder: &Path,
+    own: &OsStr,
+    bytes: &[u8],
+    beside: &mut SidecarFiles,
+) -> Result<OsString, WriteError> {
     let named = |path: &Path, source: io::Error| WriteError::Io { path: path.to_owned(), source };
     let mut copy = None;
     for number in 0.. {
@@ -218,18 +227,18 @@ fn copy_into(folder: &Path, own: &OsStr, bytes: &[u8], beside: &mut Beside) -> R
 ///
 /// An older library written by Lodsmith is replaced; any other file with that name and other content is left
 /// alone.
-fn put_library(
+fn write_library(
     text: &[u8],
     target: &Path,
     folder: &Path,
-    beside: &mut Beside,
+    beside: &mut SidecarFiles,
 ) -> Result<Vec<u8>, WriteError> {
-    const OURS: &[u8] = b"# Lodsmith\n";
+    const SIGNATURE_LINE: &[u8] = b"# Lodsmith\n";
     let is_gz = target.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"));
     let plain = if is_gz { target.with_extension("") } else { target.to_owned() };
     let own = plain.with_extension("mtl");
     let own = own.file_name().unwrap_or(OsStr::new("materials.mtl"));
-    let mut whole = if text.starts_with(OURS) { Vec::new() } else { OURS.to_vec() };
+    let mut whole = if text.starts_with(SIGNATURE_LINE) { Vec::new() } else { SIGNATURE_LINE.to_vec() };
     whole.extend_from_slice(text);
     for number in 0.. {
         let name = numbered(own, number);
@@ -250,7 +259,7 @@ fn put_library(
         };
         match old {
             Some(old) if old == text || old == whole => {}
-            Some(old) if !old.starts_with(OURS) => continue,
+            Some(old) if !old.starts_with(SIGNATURE_LINE) => continue,
             Some(_) => write_file(&path, false, |out| out.write_all(&whole)).map_err(named)?,
             None => {
                 write_file(&path, false, |out| out.write_all(&whole)).map_err(named)?;
@@ -310,12 +319,12 @@ fn bytes_of(path: &Path) -> Vec<u8> {
 
 /// Textures that cannot be copied or referred to.
 #[derive(Debug, Default)]
-struct Missing {
+struct MissingTextures {
     count: usize,
     warnings: Vec<Warning>,
 }
 
-impl Missing {
+impl MissingTextures {
     fn add(&mut self, path: &[u8], why: &str) {
         self.count += 1;
         // A longer list would not help. Guessed.

@@ -17,31 +17,31 @@ use crate::excerpt::excerpt;
 use crate::limits::Limits;
 
 /// Maximum pixels along an edge. Guessed: twice the limit of graphics cards.
-const LONGEST: u32 = 1 << 15;
+const MAX_EDGE_PIXELS: u32 = 1 << 15;
 
 /// The images that materials use, numbered in the order of their first use.
 #[derive(Default)]
-pub(crate) struct Pictures {
-    asked: Vec<usize>,
+pub(crate) struct ImageQueue {
+    registered: Vec<usize>,
     number_of: HashMap<usize, usize>,
 }
 
 /// The encoded bytes of an image and its name, whose extension may give its type; or the reason why it is
 /// missing.
-pub(crate) type Encoded<'a> = Result<(Cow<'a, [u8]>, String), String>;
+pub(crate) type EncodedImage<'a> = Result<(Cow<'a, [u8]>, String), String>;
 
-impl Pictures {
+impl ImageQueue {
     /// Registers an image of the file and returns its index in the model.
-    pub(crate) fn ask_for(&mut self, image: usize) -> usize {
+    pub(crate) fn register(&mut self, image: usize) -> usize {
         *self.number_of.entry(image).or_insert_with(|| {
-            self.asked.push(image);
-            self.asked.len() - 1
+            self.registered.push(image);
+            self.registered.len() - 1
         })
     }
 
     /// Returns the index in the file of a registered image.
     pub(crate) fn in_file(&self, number: usize) -> usize {
-        self.asked[number]
+        self.registered[number]
     }
 
     /// Decodes the registered images. Textures whose images cannot be decoded are removed from the materials.
@@ -51,19 +51,19 @@ impl Pictures {
         self,
         materials: &mut [Material],
         limits: Limits,
-        encoded: impl Fn(usize) -> Encoded<'a>,
+        encoded: impl Fn(usize) -> EncodedImage<'a>,
         fits: impl Fn(usize, &Image) -> bool,
     ) -> (Vec<Arc<Image>>, Vec<Warning>) {
         // Four bytes per pixel, and as many again during decoding.
         let mut left = limits.pixels.min(limits.memory / 8);
-        let ready: Vec<_> = self.asked.iter().map(|&i| sized(encoded(i), &mut left)).collect();
+        let ready: Vec<_> = self.registered.iter().map(|&i| check_image(encoded(i), &mut left)).collect();
         let decoded: Vec<Result<Arc<Image>, String>> =
-            ready.into_par_iter().map(|ready| ready.and_then(Ready::decode).map(Arc::new)).collect();
+            ready.into_par_iter().map(|ready| ready.and_then(CheckedImage::decode).map(Arc::new)).collect();
 
         let mut images = Vec::new();
         let mut place_of: Vec<Option<usize>> = Vec::new();
         let mut missing = Vec::new();
-        for (&number, image) in self.asked.iter().zip(decoded) {
+        for (&number, image) in self.registered.iter().zip(decoded) {
             place_of.push(image.as_ref().ok().map(|_| images.len()));
             match image {
                 Ok(image) => images.push(image),
@@ -78,16 +78,16 @@ impl Pictures {
                 });
             }
         }
-        (images, listed(missing))
+        (images, summarize_warnings(missing))
     }
 }
 
 /// Returns the first few texts as warnings, and a count of the others.
-fn listed(mut texts: Vec<String>) -> Vec<Warning> {
+fn summarize_warnings(mut texts: Vec<String>) -> Vec<Warning> {
     // A longer list would not help. Guessed.
-    const SHOWN: usize = 16;
-    let more = texts.len().saturating_sub(SHOWN);
-    texts.truncate(SHOWN);
+    const MAX_WARNINGS: usize = 16;
+    let more = texts.len().saturating_sub(MAX_WARNINGS);
+    texts.truncate(MAX_WARNINGS);
     if more > 0 {
         texts.push(format!("{more} more images cannot be shown"));
     }
@@ -95,13 +95,13 @@ fn listed(mut texts: Vec<String>) -> Vec<Warning> {
 }
 
 /// An image whose size fits the limits.
-struct Ready<'a> {
+struct CheckedImage<'a> {
     bytes: Cow<'a, [u8]>,
     format: ImageFormat,
     size: (u32, u32),
 }
 
-fn sized<'a>(encoded: Encoded<'a>, left: &mut u64) -> Result<Ready<'a>, String> {
+fn check_image<'a>(encoded: EncodedImage<'a>, left: &mut u64) -> Result<CheckedImage<'a>, String> {
     let (bytes, name) = encoded?;
     // A type without a signature is recognised by the extension.
     let by_name = || ImageFormat::from_path(Path::new(&name)).ok().filter(|f| *f == ImageFormat::Tga);
@@ -109,11 +109,11 @@ fn sized<'a>(encoded: Encoded<'a>, left: &mut u64) -> Result<Ready<'a>, String> 
     let format = format.ok_or("is of no type that is decoded here (PNG, JPEG, WebP, BMP, TGA)")?;
     let (width, height) = size_of(&bytes, format).ok_or("cannot be decoded: its header is damaged")?;
     let pixels = u64::from(width) * u64::from(height);
-    if width.max(height) > LONGEST || pixels > *left {
+    if width.max(height) > MAX_EDGE_PIXELS || pixels > *left {
         return Err(format!("has {width} x {height} pixels, which is above the limits"));
     }
     *left -= pixels;
-    Ok(Ready { bytes, format, size: (width, height) })
+    Ok(CheckedImage { bytes, format, size: (width, height) })
 }
 
 /// Returns the width and height in the header.
@@ -126,7 +126,7 @@ fn size_of(bytes: &[u8], format: ImageFormat) -> Option<(u32, u32)> {
     u32::try_from(size.width).ok().zip(u32::try_from(size.height).ok())
 }
 
-impl Ready<'_> {
+impl CheckedImage<'_> {
     fn decode(self) -> Result<Image, String> {
         // (Not with a reader that has its own limits, which would compile all decoders a second time:
         // docs/decisions/0019. An image may take half a gigabyte while it is decoded.)

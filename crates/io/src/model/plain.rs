@@ -6,25 +6,28 @@ use std::sync::Arc;
 use lodsmith_core::model::{AlphaMode, Material, Sampler, TextureRef};
 use lodsmith_core::{Image, Model, TriMesh};
 
-use super::decode::Pictures;
+use super::decode::ImageQueue;
 use crate::error::Warning;
 use crate::limits::Limits;
-use crate::material::{Look, Looks, Purpose, Regions, looks};
+use crate::material::{ConvertedMaterial, ConvertedMaterials, Purpose, Regions, convert_materials};
 
 /// The index of the normal map in [`Material::textures_mut`].
-const NORMALS: usize = 2;
+const NORMAL_TEXTURE_SLOT: usize = 2;
 
 pub(super) fn model(mesh: TriMesh, regions: &Regions, limits: Limits) -> (Model, Vec<Warning>) {
-    let looks = looks(&mesh, regions, Purpose::Picture);
+    let looks = convert_materials(&mesh, regions, Purpose::Picture);
     let mut model = Model::of_mesh(Arc::new(mesh));
-    let Some(Looks { all, images, of_region, mut warnings }) = looks else { return (model, Vec::new()) };
-    let mut pictures = Pictures::default();
+    let Some(ConvertedMaterials { all, images, of_region, mut warnings }) = looks else {
+        return (model, Vec::new());
+    };
+    let mut pictures = ImageQueue::default();
     let mut materials: Vec<Material> = all.into_iter().map(|look| material(look, &mut pictures)).collect();
     let encoded = |i: usize| Ok((Cow::Borrowed(&*images[i].bytes), images[i].name.clone()));
     // `map_bump` is a height map as often as a normal map; height maps are grey.
     let is_grey = |image: &Image| image.pixels().iter().all(|[r, g, b, _]| r == g && g == b);
-    let (decoded, more) =
-        pictures.decode(&mut materials, limits, encoded, |slot, image| slot != NORMALS || !is_grey(image));
+    let (decoded, more) = pictures.decode(&mut materials, limits, encoded, |slot, image| {
+        slot != NORMAL_TEXTURE_SLOT || !is_grey(image)
+    });
     warnings.extend(more);
     model.images = decoded;
     model.materials = materials;
@@ -42,12 +45,14 @@ pub type BaseColor = (Arc<Image>, TextureRef);
 /// Returns the base colours of the regions of a mesh; see
 /// [`Loaded::base_colors`](crate::Loaded::base_colors).
 pub(super) fn base_colors(mesh: &TriMesh, regions: &Regions, limits: Limits) -> Vec<Option<BaseColor>> {
-    let Some(Looks { all, images, of_region, .. }) = looks(mesh, regions, Purpose::Picture) else {
+    let Some(ConvertedMaterials { all, images, of_region, .. }) =
+        convert_materials(mesh, regions, Purpose::Picture)
+    else {
         return Vec::new();
     };
-    let mut pictures = Pictures::default();
-    let base_color = |look: Look| {
-        let look = Look { normal_image: None, emission_image: None, ..look };
+    let mut pictures = ImageQueue::default();
+    let base_color = |look: ConvertedMaterial| {
+        let look = ConvertedMaterial { normal_image: None, emission_image: None, ..look };
         material(look, &mut pictures)
     };
     let mut materials: Vec<Material> = all.into_iter().map(base_color).collect();
@@ -60,9 +65,9 @@ pub(super) fn base_colors(mesh: &TriMesh, regions: &Regions, limits: Limits) -> 
     of_region.into_iter().map(of).collect()
 }
 
-fn material(look: Look, pictures: &mut Pictures) -> Material {
+fn material(look: ConvertedMaterial, pictures: &mut ImageQueue) -> Material {
     let mut texture = |image: Option<usize>| {
-        let image = pictures.ask_for(image?);
+        let image = pictures.register(image?);
         Some(TextureRef { image, uv_set: 0, transform: TextureRef::PLAIN, sampler: Sampler::default() })
     };
     let [r, g, b] = if look.color_image.is_some() && !look.is_tinted { [1.0; 3] } else { look.color };

@@ -16,8 +16,8 @@ use crate::excerpt::excerpt_of_bytes;
 use crate::format::Format;
 use crate::lines::{Lines, ends_line};
 use crate::loaded::{Contents, Loaded};
-use crate::material::{Heading, Headings, Place, counts, look_up};
-use crate::numbers::short_whole;
+use crate::material::{FacePosition, Heading, Headings, counts, read_libraries};
+use crate::numbers::parse_short_integer;
 use crate::options::ReadOptions;
 
 /// Reads the bytes of an OBJ file in UTF-8 or any other encoding that contains ASCII.
@@ -37,13 +37,13 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let sections_or_whole = |precise: bool| match read_sections(bytes, precise) {
         Some(section) => Ok(section),
-        None => Section::read(bytes, UNKNOWN, true, precise),
+        None => Section::read(bytes, UNKNOWN_COUNTS, true, precise),
     };
     let mut section = sections_or_whole(false)?;
     if section.wants_precision {
         section = sections_or_whole(true)?;
     }
-    if !section.is_sound() {
+    if !section.indices_in_range() {
         let named = Section::read(bytes, section.counts(), true, true).err();
         return Err(named.unwrap_or_else(|| ReadError::file("a face names what is not there")));
     }
@@ -54,16 +54,16 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
 /// negative index or for the line number of an error.
 fn read_sections(bytes: &[u8], precise: bool) -> Option<Section> {
     let pieces = sections(bytes, rayon::current_num_threads());
-    let read = |(i, piece): (usize, &&[u8])| Section::read(piece, UNKNOWN, i == 0, precise).ok();
+    let read = |(i, piece): (usize, &&[u8])| Section::read(piece, UNKNOWN_COUNTS, i == 0, precise).ok();
     Section::joined(pieces.par_iter().enumerate().map(read).collect::<Option<Vec<_>>>()?)
 }
 
 /// Guessed: parsing this much takes a few milliseconds, far more than handing it to a thread.
-pub(super) const SMALL: usize = 1 << 20;
+pub(super) const MIN_SECTION_BYTES: usize = 1 << 20;
 
 /// Cuts a file at line ends into at most `count` sections.
 fn sections(bytes: &[u8], count: usize) -> Vec<&[u8]> {
-    let count = count.clamp(1, bytes.len() / SMALL + 1);
+    let count = count.clamp(1, bytes.len() / MIN_SECTION_BYTES + 1);
     let (mut rest, mut pieces) = (bytes, Vec::with_capacity(count));
     for left in (2..=count).rev() {
         let aim = rest.len() / left;
@@ -78,10 +78,10 @@ fn sections(bytes: &[u8], count: usize) -> Vec<&[u8]> {
 }
 
 /// Limits on position, texture coordinate and normal indices while the counts are unknown.
-pub(super) const UNKNOWN: [usize; 3] = [NONE as usize; 3];
+pub(super) const UNKNOWN_COUNTS: [usize; 3] = [NONE as usize; 3];
 
 /// The three kinds of indices of a corner, in this order.
-const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
+const INDEX_KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
 /// The parsed contents of a section of the file.
 pub(super) struct Section {
@@ -106,7 +106,7 @@ pub(super) struct Section {
     /// True if the file begins with this section, so that its counts are those of the file.
     is_first: bool,
     line_count: usize,
-    notes: Notes,
+    notes: ObjNotes,
     headings: Headings,
 }
 
@@ -132,14 +132,14 @@ struct Polygon {
 
 /// Counts for warnings.
 #[derive(Default)]
-struct Notes {
+struct ObjNotes {
     objects: usize,
     colored: usize,
     small_faces: usize,
     lines_and_points: usize,
     free_forms: usize,
     /// Lines that begin with an unknown word: their number, the line of the first one, and its word.
-    strange: Option<(usize, usize, Vec<u8>)>,
+    unknown_lines: Option<(usize, usize, Vec<u8>)>,
 }
 
 impl Section {
@@ -159,7 +159,7 @@ impl Section {
             ends: [0; 3],
             is_first,
             line_count: 0,
-            notes: Notes::default(),
+            notes: ObjNotes::default(),
             headings: Headings::default(),
         }
     }
@@ -167,7 +167,7 @@ impl Section {
     /// Parses a piece; an index of `counts` or more is an error.
     fn read(bytes: &[u8], counts: [usize; 3], is_first: bool, precise: bool) -> Result<Self, ReadError> {
         let mut section = Self::new(is_first, precise);
-        section.take(bytes, counts)?;
+        section.parse_lines(bytes, counts)?;
         Ok(section)
     }
 
@@ -180,39 +180,39 @@ impl Section {
     }
 
     /// Parses more whole lines; an index of `counts` or more is an error.
-    pub(super) fn take(&mut self, bytes: &[u8], counts: [usize; 3]) -> Result<(), ReadError> {
+    pub(super) fn parse_lines(&mut self, bytes: &[u8], counts: [usize; 3]) -> Result<(), ReadError> {
         let section = self;
         let mut lines = Lines::new(bytes);
         let (mut corners, mut lengths) = (Vec::new(), [0; 3]);
-        while !lines.is_over() {
+        while !lines.at_end() {
             lines.skip_blanks();
-            match lines.ahead() {
+            match lines.remaining() {
                 [b'v', b' ' | b'\t', ..] => {
-                    lines.pass(1);
+                    lines.skip_bytes(1);
                     section.vertex(&mut lines)?;
                     lines.next_line();
                 }
                 [b'f', b' ' | b'\t', ..] => {
-                    lines.pass(1);
+                    lines.skip_bytes(1);
                     section.face(&mut lines, counts, &mut lengths, &mut corners)?;
                     lines.next_line();
                 }
                 [b'v', b'n', b' ' | b'\t', ..] => {
-                    lines.pass(2);
+                    lines.skip_bytes(2);
                     let normal = coordinates::<3>(&mut lines, 3, "a normal")?;
                     section.normals.push(normal.map(|c| c as f32));
                     lines.next_line();
                 }
                 [b'v', b't', b' ' | b'\t', ..] => {
-                    lines.pass(2);
+                    lines.skip_bytes(2);
                     let uv = coordinates::<2>(&mut lines, 1, "a texture coordinate")?;
                     section.uvs.push(uv.map(|c| c as f32));
                     lines.next_line();
                 }
                 [b'\n' | b'#', ..] | [] => lines.next_line(),
                 _ => {
-                    section.other(&lines);
-                    lines.next_line_of_its_own();
+                    section.parse_other_line(&lines);
+                    lines.next_logical_line();
                 }
             }
         }
@@ -237,14 +237,14 @@ impl Section {
         self.uvs.append(&mut next.uvs);
         self.normals.append(&mut next.normals);
         let before = self.triangles[0].len();
-        let place = Place { triangles: before, polygons: self.polygons.len() };
+        let place = FacePosition { triangles: before, polygons: self.polygons.len() };
         self.headings.append(std::mem::take(&mut next.headings), place);
         for kind in 1..3 {
             if self.triangles[0].is_empty() {
                 self.storage[kind] = next.storage[kind];
             } else if !next.triangles[0].is_empty() && self.storage[kind] != next.storage[kind] {
-                self.store(kind);
-                next.store(kind);
+                self.make_own_buffer(kind);
+                next.make_own_buffer(kind);
             }
         }
         for (all, these) in self.triangles.iter_mut().zip(&mut next.triangles) {
@@ -264,17 +264,17 @@ impl Section {
         let mut position = [0.0; 3];
         let mut needs_f64 = false;
         for (k, coordinate) in position.iter_mut().enumerate() {
-            if lines.ends() {
+            if lines.at_line_end() {
                 return Err(too_few(lines, "a position", 3, k));
             }
             let number = lines.decimal()?;
             needs_f64 = needs_f64 || number.needs_f64();
             *coordinate = number.value;
         }
-        if !lines.ends() {
+        if !lines.at_line_end() {
             let mut more = [0.0f32; 4];
             let mut count = 0;
-            while count < 4 && !lines.ends() {
+            while count < 4 && !lines.at_line_end() {
                 more[count] = lines.decimal()?.value as f32;
                 count += 1;
             }
@@ -308,7 +308,7 @@ impl Section {
     ) -> Result<(), ReadError> {
         let mut first = [[NONE; 3]; 3];
         let mut size = 0;
-        while size < 3 && !lines.ends() {
+        while size < 3 && !lines.at_line_end() {
             first[size] = self.corner(lines, counts, lengths)?;
             size += 1;
         }
@@ -316,18 +316,18 @@ impl Section {
             self.small_faces(&first);
             return Ok(());
         }
-        if !lines.ends() {
+        if !lines.at_line_end() {
             corners.clear();
             corners.extend_from_slice(&first);
-            while !lines.ends() {
+            while !lines.at_line_end() {
                 corners.push(self.corner(lines, counts, lengths)?);
             }
             self.polygons.push(Polygon { after: self.triangles[0].len(), size: corners.len() });
             self.polygon_corners.extend_from_slice(corners);
-            self.count(corners);
+            self.update_index_ends(corners);
             return Ok(());
         }
-        self.count(&first);
+        self.update_index_ends(&first);
         let [a, b, c] = first;
         let positions = [a[0], b[0], c[0]];
         for kind in 1..3 {
@@ -336,7 +336,7 @@ impl Section {
                 Storage::Own => self.triangles[kind].push(triangle),
                 Storage::Same if triangle == positions => {}
                 Storage::Absent if triangle == [NONE; 3] => {}
-                _ => self.first_of_its_own(kind, triangle, positions),
+                _ => self.store_differing_index(kind, triangle, positions),
             }
         }
         self.triangles[0].push(positions);
@@ -354,26 +354,26 @@ impl Section {
         let mut corner = [NONE; 3];
         corner[0] = self.index(lines, 0, counts, lengths)?;
         if lines.peek() == b'/' {
-            lines.pass(1);
-            if lines.peek() != b'/' && !lines.word_ends() {
+            lines.skip_bytes(1);
+            if lines.peek() != b'/' && !lines.at_word_end() {
                 corner[1] = self.index(lines, 1, counts, lengths)?;
             }
             if lines.peek() == b'/' {
-                lines.pass(1);
-                if !lines.word_ends() {
+                lines.skip_bytes(1);
+                if !lines.at_word_end() {
                     corner[2] = self.index(lines, 2, counts, lengths)?;
                 }
             }
         }
-        if !lines.word_ends() {
-            return Err(lines.not_a("corner of a face"));
+        if !lines.at_word_end() {
+            return Err(lines.expected_error("corner of a face"));
         }
         Ok(corner)
     }
 
     /// Updates the largest indices.
     #[inline(always)]
-    fn count(&mut self, corners: &[[u32; 3]]) {
+    fn update_index_ends(&mut self, corners: &[[u32; 3]]) {
         for corner in corners {
             for (end, index) in self.ends.iter_mut().zip(corner) {
                 // A missing index (`NONE`) wraps to 0.
@@ -386,21 +386,21 @@ impl Section {
     #[cold]
     fn small_faces(&mut self, corners: &[[u32; 3]]) {
         self.notes.small_faces += 1;
-        self.count(corners);
+        self.update_index_ends(corners);
     }
 
     #[cold]
-    fn first_of_its_own(&mut self, kind: usize, triangle: [u32; 3], positions: [u32; 3]) {
+    fn store_differing_index(&mut self, kind: usize, triangle: [u32; 3], positions: [u32; 3]) {
         if self.triangles[0].is_empty() && triangle == positions {
             self.storage[kind] = Storage::Same;
         } else {
-            self.store(kind);
+            self.make_own_buffer(kind);
             self.triangles[kind].push(triangle);
         }
     }
 
     /// Gives the indices of a kind their own buffer.
-    fn store(&mut self, kind: usize) {
+    fn make_own_buffer(&mut self, kind: usize) {
         match self.storage[kind] {
             Storage::Own => {}
             Storage::Absent => self.triangles[kind] = vec![[NONE; 3]; self.triangles[0].len()],
@@ -419,14 +419,14 @@ impl Section {
         counts: [usize; 3],
         lengths: &mut [usize; 3],
     ) -> Result<u32, ReadError> {
-        if let Some((number, length)) = short_whole(lines.ahead())
+        if let Some((number, length)) = parse_short_integer(lines.remaining())
             && number > 0
             && (number as usize) <= counts[kind]
         {
             if length != lengths[kind] {
-                set(&mut lengths[kind], length);
+                update_length(&mut lengths[kind], length);
             }
-            lines.pass(lengths[kind]);
+            lines.skip_bytes(lengths[kind]);
             return Ok(number - 1);
         }
         self.any_index(lines, kind, counts)
@@ -448,18 +448,18 @@ impl Section {
     }
 
     #[cold]
-    fn other(&mut self, lines: &Lines<'_>) {
+    fn parse_other_line(&mut self, lines: &Lines<'_>) {
         let word = lines.word();
         let notes = &mut self.notes;
         let heading = Heading::ALL.into_iter().find(|heading| heading.keyword().as_bytes() == word);
         if let Some(heading) = heading {
             notes.objects += usize::from(heading == Heading::Object);
-            let at = Place { triangles: self.triangles[0].len(), polygons: self.polygons.len() };
-            self.headings.meet(heading, &lines.rest_with_continuations()[word.len()..], at);
+            let at = FacePosition { triangles: self.triangles[0].len(), polygons: self.polygons.len() };
+            self.headings.add_heading(heading, &lines.rest_with_continuations()[word.len()..], at);
             return;
         }
         match word {
-            b"mtllib" => self.headings.meet_libraries(&lines.rest_with_continuations()[word.len()..]),
+            b"mtllib" => self.headings.add_libraries(&lines.rest_with_continuations()[word.len()..]),
             b"l" | b"p" => notes.lines_and_points += 1,
             b"vp" | b"cstype" | b"deg" | b"bmat" | b"step" | b"curv" | b"curv2" | b"surf" | b"parm"
             | b"trim" | b"hole" | b"scrv" | b"sp" | b"end" | b"con" => notes.free_forms += 1,
@@ -467,7 +467,7 @@ impl Section {
             | b"trace_obj" | b"ctech" | b"stech" => {}
             _ => {
                 let line = self.line_count + lines.line();
-                notes.strange.get_or_insert_with(|| (0, line, word.to_vec())).0 += 1;
+                notes.unknown_lines.get_or_insert_with(|| (0, line, word.to_vec())).0 += 1;
             }
         }
     }
@@ -477,7 +477,7 @@ impl Section {
     }
 
     /// Returns true if every index is in range.
-    pub(super) fn is_sound(&self) -> bool {
+    pub(super) fn indices_in_range(&self) -> bool {
         (0..3).all(|kind| self.ends[kind] as usize <= self.counts()[kind])
     }
 
@@ -491,7 +491,7 @@ impl Section {
             kind == 0 || self.storage[kind] != Storage::Absent || in_polygons()
         });
         for kind in (1..3).filter(|&kind| is_used[kind]) {
-            self.store(kind);
+            self.make_own_buffer(kind);
         }
         let old = std::mem::take(&mut self.triangles);
         let total = old[0].len() + self.polygon_corners.len() - 2 * self.polygons.len();
@@ -602,13 +602,13 @@ impl Section {
         };
         let mut loaded = Loaded { regions, ..Loaded::new(mesh, Format::Obj, contents, warnings) };
         let libraries = &mut loaded.regions.libraries;
-        loaded.warnings.extend(look_up(libraries, &options.files(), options.limits));
+        loaded.warnings.extend(read_libraries(libraries, &options.files(), options.limits));
         (loaded.contents.materials, loaded.contents.textures) = counts(&loaded.regions);
         Ok(loaded)
     }
 }
 
-impl Notes {
+impl ObjNotes {
     /// Adds the notes of the following section, which begins after `lines` lines.
     fn append(&mut self, next: Self, lines: usize) {
         self.objects += next.objects;
@@ -616,7 +616,7 @@ impl Notes {
         self.small_faces += next.small_faces;
         self.lines_and_points += next.lines_and_points;
         self.free_forms += next.free_forms;
-        self.strange = match (self.strange.take(), next.strange) {
+        self.unknown_lines = match (self.unknown_lines.take(), next.unknown_lines) {
             (Some((count, line, word)), Some((more, ..))) => Some((count + more, line, word)),
             (None, Some((count, line, word))) => Some((count, line + lines, word)),
             (first, None) => first,
@@ -640,7 +640,7 @@ impl Notes {
                 self.small_faces
             )));
         }
-        if let Some((count, line, word)) = &self.strange {
+        if let Some((count, line, word)) = &self.unknown_lines {
             let text = format!(
                 "{count} lines begin with a word that OBJ does not have, such as `{}` in line {line}",
                 excerpt_of_bytes(word)
@@ -654,7 +654,7 @@ impl Notes {
 /// Not inlined, so that the caller keeps a branch, which the processor predicts.
 #[cold]
 #[inline(never)]
-fn set(length: &mut usize, new: usize) {
+fn update_length(length: &mut usize, new: usize) {
     *length = new;
 }
 
@@ -671,7 +671,7 @@ fn coordinates<const N: usize>(
 ) -> Result<[f64; N], ReadError> {
     let mut numbers = [0.0; N];
     for (k, number) in numbers.iter_mut().enumerate() {
-        if lines.ends() {
+        if lines.at_line_end() {
             if k < least {
                 return Err(too_few(lines, what, least, k));
             }
@@ -690,7 +690,7 @@ fn too_few(lines: &Lines<'_>, what: &str, wanted: usize, got: usize) -> ReadErro
 
 #[cold]
 fn bad_index(lines: &Lines<'_>, number: i64, kind: usize, have: [usize; 3], counts: [usize; 3]) -> ReadError {
-    let what = KINDS[kind];
+    let what = INDEX_KINDS[kind];
     if number == 0 {
         return lines.error(format!("the face names {what} 0, but OBJ counts from 1"));
     }
@@ -698,7 +698,7 @@ fn bad_index(lines: &Lines<'_>, number: i64, kind: usize, have: [usize; 3], coun
         return lines
             .error(format!("the face names {what} {number}, but only {} stand before it", have[kind]));
     }
-    if counts[kind] == UNKNOWN[kind] {
+    if counts[kind] == UNKNOWN_COUNTS[kind] {
         return lines.error(format!("the face names {what} {number}, more than a mesh can have"));
     }
     lines.error(format!("the face names {what} {number}, but the file has {}", counts[kind]))

@@ -10,7 +10,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::read::{SMALL, Section, UNKNOWN};
+use super::read::{MIN_SECTION_BYTES, Section, UNKNOWN_COUNTS};
 use crate::error::ReadError;
 use crate::lines::ends_line;
 use crate::loaded::Loaded;
@@ -40,7 +40,7 @@ pub(crate) fn read_file(path: &Path, size: u64, options: &ReadOptions) -> Result
         other => other,
     };
     match section {
-        Some(section) if section.is_sound() => section.finish(options).map(Some),
+        Some(section) if section.indices_in_range() => section.finish(options).map(Some),
         _ => Ok(None),
     }
 }
@@ -48,7 +48,7 @@ pub(crate) fn read_file(path: &Path, size: u64, options: &ReadOptions) -> Result
 /// Cuts a file at line ends into byte ranges, one per thread; `None` if a line is too long for that.
 fn ranges(path: &Path, size: u64) -> io::Result<Option<Vec<Range<u64>>>> {
     let threads = rayon::current_num_threads() as u64;
-    let count = threads.clamp(1, size / SMALL as u64 + 1);
+    let count = threads.clamp(1, size / MIN_SECTION_BYTES as u64 + 1);
     let (mut ranges, mut start) = (Vec::new(), 0);
     let mut file = File::open(path)?;
     let mut piece = Vec::new();
@@ -85,7 +85,7 @@ fn read_range(path: &Path, range: Range<u64>, mut section: Section, is_last: boo
         }
         let end = memchr::memrchr_iter(b'\n', &buffer[..filled]).find(|&n| n > 0 && ends_line(&buffer[..n]));
         if let Some(end) = end {
-            section.take(&buffer[..=end], UNKNOWN).ok()?;
+            section.parse_lines(&buffer[..=end], UNKNOWN_COUNTS).ok()?;
             if section.wants_precision {
                 return Some(section);
             }
@@ -96,7 +96,7 @@ fn read_range(path: &Path, range: Range<u64>, mut section: Section, is_last: boo
             buffer.resize(buffer.len() * 2, 0);
         }
     }
-    section.take(&buffer[..filled], UNKNOWN).ok()?;
+    section.parse_lines(&buffer[..filled], UNKNOWN_COUNTS).ok()?;
     // Another process may be writing the file.
     let is_whole = taken == length && (!is_last || left.into_inner().read(&mut [0]).ok()? == 0);
     is_whole.then_some(section)
@@ -140,7 +140,7 @@ mod tests {
         let half = text.rfind("f 150001").unwrap();
         text.insert_str(half, "usemtl b\ns 1\n");
         text.push_str("g z\nf 1//1 2//1 3//1\n");
-        assert!(text.len() > 2 * SMALL, "{}", text.len());
+        assert!(text.len() > 2 * MIN_SECTION_BYTES, "{}", text.len());
         let whole = super::super::read(text.as_bytes(), &ReadOptions::default()).unwrap();
         assert_eq!((whole.regions.len(), whole.mesh.regions().unwrap().last()), (3, Some(&RegionId(2))));
         for threads in [1, 3] {

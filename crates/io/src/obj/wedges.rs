@@ -49,7 +49,7 @@ pub(super) fn number_wedges(
     vertex_count: usize,
 ) -> Wedges {
     // Guessed: a list of this length is still faster than the hash table.
-    const LONG: usize = 24;
+    const MAX_LIST_LENGTH: usize = 24;
     let mut first = vec![NONE; vertex_count];
     let mut wedges: Vec<Wedge> = Vec::with_capacity(vertex_count);
     let mut beyond: HashMap<[u32; 3], u32> = HashMap::new();
@@ -74,7 +74,7 @@ pub(super) fn number_wedges(
                 if next != NONE {
                     at = next;
                     steps += 1;
-                } else if steps < LONG {
+                } else if steps < MAX_LIST_LENGTH {
                     let new = add(&mut wedges, vertex, wanted);
                     wedges[at as usize].next = new;
                     at = new;

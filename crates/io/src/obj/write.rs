@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use lodsmith_core::{Positions, TriMesh, WedgeId};
 
 use crate::error::Warning;
-use crate::material::{Heading, Library, Region, Regions, Textures, drops_materials, listed, names_of};
+use crate::material::{Heading, Library, Region, Regions, Textures, drops_materials, join_titles, names_of};
 use crate::numbers::TextOut;
 use crate::options::WriteOptions;
 
@@ -25,11 +25,11 @@ use crate::options::WriteOptions;
 /// # Errors
 /// The errors of the stream.
 pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
-    write_naming(mesh, options, None, out)
+    write_with_libraries(mesh, options, None, out)
 }
 
 /// Like [`write()`], with these library names.
-pub(crate) fn write_naming(
+pub(crate) fn write_with_libraries(
     mesh: &TriMesh,
     options: &WriteOptions,
     libraries: Option<&[Vec<u8>]>,
@@ -37,12 +37,14 @@ pub(crate) fn write_naming(
 ) -> io::Result<Vec<Warning>> {
     let none = Regions::default();
     let regions = options.regions.as_deref().unwrap_or(&none);
-    let over = Over { regions, with_materials: options.textures != Textures::None };
+    let over = HeadingWriter { regions, with_materials: options.textures != Textures::None };
     let mut warnings = Vec::new();
     warnings.extend(over.warning(mesh));
     if over.with_materials && !drops_materials(mesh, regions) {
         warnings.extend(regions.libraries().iter().flat_map(Library::losses));
-        if libraries.is_none() && options.beside.is_none() && regions.libraries().iter().any(Library::is_made)
+        if libraries.is_none()
+            && options.beside.is_none()
+            && regions.libraries().iter().any(Library::is_generated)
         {
             let text = "a stream has no place beside it for materials: only their names are written";
             warnings.push(Warning::lost(text));
@@ -76,20 +78,20 @@ pub(crate) fn write_naming(
         out.byte(b'f');
         for &wedge in triangle {
             out.byte(b' ');
-            out.whole(mesh.vertex_of(wedge).0 + 1);
+            out.parse_integer(mesh.vertex_of(wedge).0 + 1);
             match (&uv_of, &normal_of) {
                 (None, None) => {}
                 (Some(uv), None) => {
                     out.byte(b'/');
-                    out.whole(uv.number(wedge.index()));
+                    out.parse_integer(uv.number(wedge.index()));
                 }
                 (uv, Some(normal)) => {
                     out.byte(b'/');
                     if let Some(uv) = uv {
-                        out.whole(uv.number(wedge.index()));
+                        out.parse_integer(uv.number(wedge.index()));
                     }
                     out.byte(b'/');
-                    out.whole(normal.number(wedge.index()));
+                    out.parse_integer(normal.number(wedge.index()));
                 }
             }
         }
@@ -97,7 +99,7 @@ pub(crate) fn write_naming(
     };
     match mesh.regions().filter(|_| !regions.is_empty()) {
         None => {
-            over.lines(&mut out, Region::default(), regions.shared())?;
+            over.lines(&mut out, Region::default(), regions.common_names())?;
             mesh.triangles().iter().try_for_each(|triangle| face(&mut out, triangle))?;
         }
         Some(ids) => {
@@ -120,12 +122,12 @@ pub(crate) fn write_naming(
 }
 
 /// The headings of the faces.
-struct Over<'a> {
+struct HeadingWriter<'a> {
     regions: &'a Regions,
     with_materials: bool,
 }
 
-impl Over<'_> {
+impl HeadingWriter<'_> {
     /// Writes the lines that change from one region to the next.
     fn lines(&self, out: &mut TextOut<'_>, from: Region<'_>, to: Region<'_>) -> io::Result<()> {
         for heading in Heading::ALL {
@@ -157,19 +159,19 @@ impl Over<'_> {
             return None;
         }
         let is_ours = |heading: &Heading| self.with_materials || *heading != Heading::Material;
-        let lost = listed(self.regions.differing().filter(is_ours))?;
+        let lost = join_titles(self.regions.differing().filter(is_ours))?;
         Some(Warning::lost(format!("{lost} dropped: the mesh does not say which faces have which")))
     }
 }
 
 /// The line number that each wedge refers to, counted from 1.
-enum Numbers {
+enum LineNumbers {
     /// The number of the wedge itself, plus one.
     Own,
     Table(Vec<u32>),
 }
 
-impl Numbers {
+impl LineNumbers {
     fn number(&self, wedge: usize) -> u32 {
         match self {
             Self::Own => wedge as u32 + 1,
@@ -185,7 +187,7 @@ fn write_once<const N: usize>(
     keyword: &str,
     vectors: &[[f32; N]],
     has_map: bool,
-) -> io::Result<Numbers> {
+) -> io::Result<LineNumbers> {
     let mut line = |vector: &[f32; N]| {
         out.text(keyword);
         out.decimals(*vector);
@@ -193,7 +195,7 @@ fn write_once<const N: usize>(
     };
     if !has_map {
         vectors.iter().try_for_each(line)?;
-        return Ok(Numbers::Own);
+        return Ok(LineNumbers::Own);
     }
     let mut seen: HashMap<[u32; N], u32> = HashMap::with_capacity(vectors.len());
     let mut table = Vec::with_capacity(vectors.len());
@@ -205,7 +207,7 @@ fn write_once<const N: usize>(
         }
         table.push(number);
     }
-    Ok(Numbers::Table(table))
+    Ok(LineNumbers::Table(table))
 }
 
 /// Returns red, green and blue of each vertex; white for a vertex without a wedge.

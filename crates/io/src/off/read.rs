@@ -9,7 +9,7 @@ use crate::excerpt::excerpt_of_bytes;
 use crate::format::Format;
 use crate::lines::Lines;
 use crate::loaded::{Contents, Loaded};
-use crate::numbers::short_whole;
+use crate::numbers::parse_short_integer;
 use crate::options::ReadOptions;
 use crate::sniff::off_prefix;
 
@@ -28,7 +28,7 @@ pub fn read(bytes: &[u8], _options: &ReadOptions) -> Result<Loaded, ReadError> {
     let mut lines = Lines::new(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes));
     let kind = header(&mut lines)?;
     let [vertex_count, face_count] = counts(&mut lines, &kind)?;
-    let mut notes = Notes::default();
+    let mut notes = OffNotes::default();
     let vertices = vertices(&mut lines, &kind, vertex_count, &mut notes)?;
     let triangles = faces(&mut lines, &vertices.positions, face_count, &mut notes)?;
     finish(vertices, triangles, face_count, notes)
@@ -36,14 +36,14 @@ pub fn read(bytes: &[u8], _options: &ReadOptions) -> Result<Loaded, ReadError> {
 
 /// The attributes of vertices.
 #[derive(Default)]
-struct Kind {
+struct VertexLayout {
     has_uvs: bool,
     has_colors: bool,
     has_normals: bool,
     has_weights: bool,
 }
 
-impl Kind {
+impl VertexLayout {
     /// Returns the minimum count of numbers per vertex.
     fn numbers(&self) -> usize {
         3 + usize::from(self.has_weights)
@@ -54,7 +54,7 @@ impl Kind {
 }
 
 #[derive(Default)]
-struct Notes {
+struct OffNotes {
     /// Number of vertices followed by extra words on their line.
     long_vertices: usize,
     /// Number of faces followed by extra words on their line, which are colours.
@@ -65,8 +65,8 @@ struct Notes {
 /// Moves to the next word, across blank lines and comments; returns false at the end of the file.
 #[inline]
 fn go_to_word(lines: &mut Lines<'_>) -> bool {
-    while lines.ends() {
-        if lines.is_over() {
+    while lines.at_line_end() {
+        if lines.at_end() {
             return false;
         }
         lines.next_line();
@@ -74,7 +74,7 @@ fn go_to_word(lines: &mut Lines<'_>) -> bool {
     true
 }
 
-fn header(lines: &mut Lines<'_>) -> Result<Kind, ReadError> {
+fn header(lines: &mut Lines<'_>) -> Result<VertexLayout, ReadError> {
     if !go_to_word(lines) {
         return Err(ReadError::file("no OFF header: the file holds nothing"));
     }
@@ -83,12 +83,12 @@ fn header(lines: &mut Lines<'_>) -> Result<Kind, ReadError> {
     let word = word.split(|&b| b == b'#').next().unwrap_or_default();
     let Some(prefix) = off_prefix(word) else {
         if word.iter().all(u8::is_ascii_digit) {
-            return Ok(Kind::default());
+            return Ok(VertexLayout::default());
         }
         return Err(lines.error(format!("`{}` is no OFF header", excerpt_of_bytes(word))));
     };
-    lines.pass(word.len());
-    if !lines.ends() && lines.word().eq_ignore_ascii_case(b"BINARY") {
+    lines.skip_bytes(word.len());
+    if !lines.at_line_end() && lines.word().eq_ignore_ascii_case(b"BINARY") {
         return Err(ReadError::Unsupported("binary OFF is not read; save it as text".to_owned()));
     }
     if prefix.contains(&b'n') {
@@ -100,7 +100,7 @@ fn header(lines: &mut Lines<'_>) -> Result<Kind, ReadError> {
             )));
         }
     }
-    Ok(Kind {
+    Ok(VertexLayout {
         has_uvs: prefix.starts_with(b"ST"),
         has_colors: prefix.contains(&b'C'),
         has_normals: prefix.contains(&b'N'),
@@ -109,15 +109,15 @@ fn header(lines: &mut Lines<'_>) -> Result<Kind, ReadError> {
 }
 
 /// Reads the counts of vertices and faces, and checks them against the size of the file.
-fn counts(lines: &mut Lines<'_>, kind: &Kind) -> Result<[usize; 2], ReadError> {
+fn counts(lines: &mut Lines<'_>, kind: &VertexLayout) -> Result<[usize; 2], ReadError> {
     let mut counts = [0usize; 2];
     for (count, what) in counts.iter_mut().zip(["vertices", "faces"]) {
         if !go_to_word(lines) {
             return Err(lines.error(format!("the file ends before its number of {what}")));
         }
         let number = lines.whole()?;
-        if !lines.word_ends() {
-            return Err(lines.not_a("whole number"));
+        if !lines.at_word_end() {
+            return Err(lines.expected_error("whole number"));
         }
         *count = usize::try_from(number)
             .map_err(|_| lines.error(format!("the header says {number} {what}, which cannot be")))?;
@@ -125,7 +125,7 @@ fn counts(lines: &mut Lines<'_>, kind: &Kind) -> Result<[usize; 2], ReadError> {
     // A number takes a digit and a blank; a face has at least its corner count.
     for (count, what, bytes) in [(counts[0], "vertices", 2 * kind.numbers()), (counts[1], "faces", 2)] {
         // The last line may have no end.
-        let room = (lines.ahead().len() + 1) / bytes;
+        let room = (lines.remaining().len() + 1) / bytes;
         if count > room {
             return Err(lines
                 .error(format!("the header says {count} {what}, but the file has room for {room} at most")));
@@ -136,7 +136,7 @@ fn counts(lines: &mut Lines<'_>, kind: &Kind) -> Result<[usize; 2], ReadError> {
 }
 
 #[derive(Default)]
-struct Vertices {
+struct OffVertices {
     positions: Vec<[f64; 3]>,
     needs_f64: bool,
     normals: Vec<[f32; 3]>,
@@ -146,11 +146,11 @@ struct Vertices {
 
 fn vertices(
     lines: &mut Lines<'_>,
-    kind: &Kind,
+    kind: &VertexLayout,
     count: usize,
-    notes: &mut Notes,
-) -> Result<Vertices, ReadError> {
-    let mut vertices = Vertices::default();
+    notes: &mut OffNotes,
+) -> Result<OffVertices, ReadError> {
+    let mut vertices = OffVertices::default();
     for vertex in 0..count {
         let missing = |lines: &Lines<'_>| {
             lines.error(format!("the file ends at vertex {vertex} of the {count} that its header says"))
@@ -195,7 +195,7 @@ fn vertices(
             let uv = [next(lines)? as f32, next(lines)? as f32];
             vertices.uvs.push(uv);
         }
-        notes.long_vertices += usize::from(!lines.ends());
+        notes.long_vertices += usize::from(!lines.at_line_end());
         lines.next_line();
     }
     Ok(vertices)
@@ -205,8 +205,8 @@ fn vertices(
 fn numbers_ahead(lines: &Lines<'_>) -> usize {
     let mut ahead = lines.clone();
     let mut count = 0;
-    while count < 4 && !ahead.ends() {
-        ahead.pass(ahead.word().len());
+    while count < 4 && !ahead.at_line_end() {
+        ahead.skip_bytes(ahead.word().len());
         count += 1;
     }
     count
@@ -216,7 +216,7 @@ fn faces(
     lines: &mut Lines<'_>,
     positions: &[[f64; 3]],
     count: usize,
-    notes: &mut Notes,
+    notes: &mut OffNotes,
 ) -> Result<Vec<[u32; 3]>, ReadError> {
     let mut triangles = Vec::new();
     let mut triangulator = Triangulator::default();
@@ -229,22 +229,22 @@ fn faces(
             return Err(missing(lines));
         }
         let size = lines.whole()?;
-        if !lines.word_ends() || size < 0 {
+        if !lines.at_word_end() || size < 0 {
             return Err(lines.error("a face begins with the number of its corners"));
         }
         corners.clear();
         for _ in 0..size {
             lines.skip_blanks();
-            let index = match short_whole(lines.ahead()) {
+            let index = match parse_short_integer(lines.remaining()) {
                 Some((number, length)) => {
-                    lines.pass(length);
+                    lines.skip_bytes(length);
                     i64::from(number)
                 }
                 None if go_to_word(lines) => lines.whole()?,
                 None => return Err(missing(lines)),
             };
-            if !lines.word_ends() {
-                return Err(lines.not_a("whole number"));
+            if !lines.at_word_end() {
+                return Err(lines.expected_error("whole number"));
             }
             if index as u64 >= positions.len() as u64 {
                 let have = positions.len();
@@ -264,17 +264,17 @@ fn faces(
                 triangles.extend(cut.iter().map(|t: &[u32; 3]| t.map(|k| corners[k as usize])));
             }
         }
-        notes.colored_faces += usize::from(!lines.ends());
+        notes.colored_faces += usize::from(!lines.at_line_end());
         lines.next_line();
     }
     Ok(triangles)
 }
 
 fn finish(
-    mut vertices: Vertices,
+    mut vertices: OffVertices,
     triangles: Vec<[u32; 3]>,
     face_count: usize,
-    notes: Notes,
+    notes: OffNotes,
 ) -> Result<Loaded, ReadError> {
     let mut warnings = Vec::new();
     if notes.long_vertices > 0 {

@@ -37,11 +37,11 @@ pub fn write(mesh: &TriMesh, _options: &WriteOptions, out: &mut dyn Write) -> io
         }
     }
     out.text("OFF\n");
-    out.whole(count);
+    out.parse_integer(count);
     out.byte(b' ');
-    out.whole(mesh.face_count());
+    out.parse_integer(mesh.face_count());
     out.text(" 0\n");
-    let counts_to_255 = mesh.colors().is_some_and(counts_to_255);
+    let counts_to_255 = mesh.colors().is_some_and(fits_byte_colors);
     for i in 0..count {
         let vertex = if is_split { mesh.vertex_of(WedgeId::new(i)).index() } else { i };
         match mesh.positions() {
@@ -67,7 +67,7 @@ pub fn write(mesh: &TriMesh, _options: &WriteOptions, out: &mut dyn Write) -> io
         out.byte(b'3');
         for &wedge in triangle {
             out.byte(b' ');
-            out.whole(if is_split { wedge.0 } else { mesh.vertex_of(wedge).0 });
+            out.parse_integer(if is_split { wedge.0 } else { mesh.vertex_of(wedge).0 });
         }
         out.end_line()?;
     }
@@ -80,13 +80,13 @@ fn words<const N: usize>(out: &mut TextOut<'_>, numbers: [impl zmij::Float; N]) 
         if k > 0 {
             out.byte(b' ');
         }
-        out.decimal(number);
+        out.parse_decimal(number);
     }
 }
 
 /// Returns true if all colours are integer multiples of 1/255, and at least one is above 1/255: readers
 /// detect the range 0..255 by a value above 1.
-fn counts_to_255(colors: &[[f32; 4]]) -> bool {
+fn fits_byte_colors(colors: &[[f32; 4]]) -> bool {
     let is_whole = |c: f32| (0.0..=1.0).contains(&c) && (c * 255.0).round() / 255.0 == c;
     colors.iter().flatten().all(|&c| is_whole(c)) && colors.iter().flatten().any(|&c| c * 255.0 > 1.5)
 }

@@ -1,21 +1,21 @@
 //! Parser of the PLY body: records of the elements that the header declares.
 
-use lodsmith_core::{Integer, Positions};
+use lodsmith_core::{IntegerType, Positions};
 
-use super::header::{Element, Encoding, Header, Kind, Scalar};
+use super::header::{Element, Encoding, Header, PropertyType, Scalar};
 use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt;
-use crate::limits::with_room;
+use crate::limits::try_with_capacity;
 
 /// The contents of the body.
 pub(super) struct Body {
-    pub(super) vertices: Vertices,
+    pub(super) vertices: VertexBuffers,
     pub(super) faces: Faces,
     pub(super) warnings: Vec<Warning>,
 }
 
 /// Buffers with one entry per vertex.
-pub(super) struct Vertices {
+pub(super) struct VertexBuffers {
     pub(super) positions: Positions,
     pub(super) normals: Option<Vec<[f32; 3]>>,
     pub(super) colors: Option<Vec<[f32; 4]>>,
@@ -31,7 +31,7 @@ pub(super) struct Vertices {
 /// An integer property of the vertices.
 pub(super) struct Discrete {
     pub(super) name: String,
-    pub(super) of: Integer,
+    pub(super) of: IntegerType,
     pub(super) values: Vec<f32>,
     /// True if all values are exact: single precision does not hold all 32-bit integers.
     is_exact: bool,
@@ -62,7 +62,11 @@ impl Body {
         }
     }
 
-    fn read_from<S: Source>(header: &Header, mut source: S, wanted: &[String]) -> Result<Self, ReadError> {
+    fn read_from<S: NumberSource>(
+        header: &Header,
+        mut source: S,
+        wanted: &[String],
+    ) -> Result<Self, ReadError> {
         let vertex_count = header
             .element("vertex")
             .ok_or_else(|| ReadError::file("the header declares no element vertex"))?
@@ -135,7 +139,7 @@ fn polygons(faces: Faces) -> Corners {
 
 /// The destination of a vertex property.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Target {
+enum PropertyTarget {
     Position(usize),
     Normal(usize),
     Color(usize),
@@ -146,27 +150,28 @@ enum Target {
 }
 
 /// Names of a group of properties, and the destination of the k-th of them.
-type Group = (&'static [&'static str], fn(usize) -> Target);
+type PropertyGroup = (&'static [&'static str], fn(usize) -> PropertyTarget);
 
 /// Names of the known vertex properties: only complete groups, and only the first group of a kind, are used.
-const GROUPS: [Group; 8] = [
-    (&["x", "y", "z"], Target::Position),
-    (&["nx", "ny", "nz"], Target::Normal),
-    (&["red", "green", "blue"], Target::Color),
-    (&["diffuse_red", "diffuse_green", "diffuse_blue"], Target::Color),
-    (&["r", "g", "b"], Target::Color),
-    (&["s", "t"], Target::Uv),
-    (&["u", "v"], Target::Uv),
-    (&["texture_u", "texture_v"], Target::Uv),
+const PROPERTY_GROUPS: [PropertyGroup; 8] = [
+    (&["x", "y", "z"], PropertyTarget::Position),
+    (&["nx", "ny", "nz"], PropertyTarget::Normal),
+    (&["red", "green", "blue"], PropertyTarget::Color),
+    (&["diffuse_red", "diffuse_green", "diffuse_blue"], PropertyTarget::Color),
+    (&["r", "g", "b"], PropertyTarget::Color),
+    (&["s", "t"], PropertyTarget::Uv),
+    (&["u", "v"], PropertyTarget::Uv),
+    (&["texture_u", "texture_v"], PropertyTarget::Uv),
 ];
 
 /// Returns the destination of each vertex property, the discrete attributes of the mesh, and the requested
 /// properties.
-fn targets(element: &Element, wanted: &[String]) -> (Vec<Target>, Vec<Discrete>, Vec<String>) {
-    let one =
-        |name: &str| element.properties.iter().position(|p| p.name == name && matches!(p.kind, Kind::One(_)));
-    let mut targets = vec![Target::Nothing; element.properties.len()];
-    for (names, target) in GROUPS {
+fn targets(element: &Element, wanted: &[String]) -> (Vec<PropertyTarget>, Vec<Discrete>, Vec<String>) {
+    let one = |name: &str| {
+        element.properties.iter().position(|p| p.name == name && matches!(p.kind, PropertyType::One(_)))
+    };
+    let mut targets = vec![PropertyTarget::Nothing; element.properties.len()];
+    for (names, target) in PROPERTY_GROUPS {
         let found: Vec<usize> = names.iter().filter_map(|n| one(n)).collect();
         if found.len() == names.len() && !targets.contains(&target(0)) {
             for (k, at) in found.into_iter().enumerate() {
@@ -174,12 +179,14 @@ fn targets(element: &Element, wanted: &[String]) -> (Vec<Target>, Vec<Discrete>,
             }
         }
     }
-    if let (true, Some(alpha)) = (targets.contains(&Target::Color(0)), one("alpha").or_else(|| one("a"))) {
-        targets[alpha] = Target::Color(3);
+    if let (true, Some(alpha)) =
+        (targets.contains(&PropertyTarget::Color(0)), one("alpha").or_else(|| one("a")))
+    {
+        targets[alpha] = PropertyTarget::Color(3);
     }
     let (mut discrete, mut aside): (Vec<Discrete>, Vec<String>) = (Vec::new(), Vec::new());
     for (property, target) in element.properties.iter().zip(&mut targets) {
-        let (Kind::One(kind), Target::Nothing) = (property.kind, *target) else { continue };
+        let (PropertyType::One(kind), PropertyTarget::Nothing) = (property.kind, *target) else { continue };
         let name = &property.name;
         let (mut carried, mut beside) = (None, None);
         if let Some(of) = kind.integer().filter(|_| discrete.iter().all(|d| d.name != *name)) {
@@ -191,14 +198,14 @@ fn targets(element: &Element, wanted: &[String]) -> (Vec<Target>, Vec<Discrete>,
             aside.push(name.clone());
         }
         if carried.is_some() || beside.is_some() {
-            *target = Target::Named(carried, beside);
+            *target = PropertyTarget::Named(carried, beside);
         }
     }
     (targets, discrete, aside)
 }
 
 /// The value that maps to 1 in a colour of this type; integers wider than 16 bits hold bytes in practice.
-fn color_scale(kind: Scalar) -> f32 {
+fn color_divisor(kind: Scalar) -> f32 {
     match kind {
         Scalar::F32 | Scalar::F64 => 1.0,
         Scalar::U16 => 65535.0,
@@ -206,35 +213,37 @@ fn color_scale(kind: Scalar) -> f32 {
     }
 }
 
-fn read_vertices<S: Source>(
+fn read_vertices<S: NumberSource>(
     element: &Element,
     wanted: &[String],
     source: &mut S,
     warnings: &mut Vec<Warning>,
-) -> Result<Vertices, ReadError> {
+) -> Result<VertexBuffers, ReadError> {
     let (targets, mut discrete, aside) = targets(element, wanted);
-    if !targets.contains(&Target::Position(0)) {
+    if !targets.contains(&PropertyTarget::Position(0)) {
         return Err(ReadError::element("element vertex", "lacks one of the properties x, y, z"));
     }
     let mut unknown: Vec<String> = element
         .properties
         .iter()
         .zip(&targets)
-        .filter(|(_, t)| matches!(t, Target::Nothing | Target::Named(None, _)))
+        .filter(|(_, t)| matches!(t, PropertyTarget::Nothing | PropertyTarget::Named(None, _)))
         .map(|(p, _)| p.name.clone())
         .collect();
 
     let count = element.count;
-    let has = |t: Target| targets.contains(&t);
+    let has = |t: PropertyTarget| targets.contains(&t);
     let wide = element.properties.iter().zip(&targets).any(|(p, t)| {
-        matches!(t, Target::Position(_))
-            && matches!(p.kind, Kind::One(Scalar::F64 | Scalar::I32 | Scalar::U32))
+        matches!(t, PropertyTarget::Position(_))
+            && matches!(p.kind, PropertyType::One(Scalar::F64 | Scalar::I32 | Scalar::U32))
     });
-    let mut normals = has(Target::Normal(0)).then(|| with_room(count)).transpose()?;
-    let mut colors = has(Target::Color(0)).then(|| with_room(count)).transpose()?;
-    let mut uvs = has(Target::Uv(0)).then(|| with_room(count)).transpose()?;
-    let mut wanted: Vec<_> =
-        aside.into_iter().map(|name| Ok((name, with_room(count)?))).collect::<Result<_, ReadError>>()?;
+    let mut normals = has(PropertyTarget::Normal(0)).then(|| try_with_capacity(count)).transpose()?;
+    let mut colors = has(PropertyTarget::Color(0)).then(|| try_with_capacity(count)).transpose()?;
+    let mut uvs = has(PropertyTarget::Uv(0)).then(|| try_with_capacity(count)).transpose()?;
+    let mut wanted: Vec<_> = aside
+        .into_iter()
+        .map(|name| Ok((name, try_with_capacity(count)?)))
+        .collect::<Result<_, ReadError>>()?;
     let attributes =
         normals.is_some() || colors.is_some() || uvs.is_some() || !discrete.is_empty() || !wanted.is_empty();
     discrete.iter_mut().for_each(|d| d.values.reserve_exact(count));
@@ -242,9 +251,9 @@ fn read_vertices<S: Source>(
     let ready = if wide { None } else { source.f32_positions(element, &targets) };
     let from_block = ready.is_some();
     let mut narrow = ready.unwrap_or_default();
-    let mut double: Vec<[f64; 3]> = with_room(if wide { count } else { 0 })?;
+    let mut double: Vec<[f64; 3]> = try_with_capacity(if wide { count } else { 0 })?;
     if !from_block && !wide {
-        narrow = with_room(count)?;
+        narrow = try_with_capacity(count)?;
     }
     if from_block && !attributes {
         skip(element, source)?;
@@ -253,18 +262,18 @@ fn read_vertices<S: Source>(
             let (mut p, mut n, mut c, mut uv) = ([0f64; 3], [0f32; 3], [1f32; 4], [0f32; 2]);
             for (property, target) in element.properties.iter().zip(&targets) {
                 let read = match property.kind {
-                    Kind::One(kind) => source.number(kind).map(|x| match *target {
-                        Target::Position(k) => p[k] = x,
-                        Target::Normal(k) => n[k] = x as f32,
-                        Target::Color(k) => c[k] = x as f32 / color_scale(kind),
-                        Target::Uv(k) => uv[k] = x as f32,
-                        Target::Named(carried, beside) => {
+                    PropertyType::One(kind) => source.number(kind).map(|x| match *target {
+                        PropertyTarget::Position(k) => p[k] = x,
+                        PropertyTarget::Normal(k) => n[k] = x as f32,
+                        PropertyTarget::Color(k) => c[k] = x as f32 / color_divisor(kind),
+                        PropertyTarget::Uv(k) => uv[k] = x as f32,
+                        PropertyTarget::Named(carried, beside) => {
                             carried.iter().for_each(|&k| discrete[k].push(x));
                             beside.iter().for_each(|&k| wanted[k].1.push(x as f32));
                         }
-                        Target::Nothing => {}
+                        PropertyTarget::Nothing => {}
                     }),
-                    Kind::List { count, item } => source.skip_list(count, item),
+                    PropertyType::List { count, item } => source.skip_list(count, item),
                 };
                 read.map_err(|f| source.error(f, "vertex", record, &property.name))?;
             }
@@ -273,7 +282,7 @@ fn read_vertices<S: Source>(
             } else if !from_block {
                 narrow.push(p.map(|x| x as f32));
             }
-            normals.iter_mut().for_each(|v| v.push(unit(n)));
+            normals.iter_mut().for_each(|v| v.push(normalized(n)));
             colors.iter_mut().for_each(|v| v.push(c));
             uvs.iter_mut().for_each(|v| v.push(uv));
         }
@@ -288,7 +297,7 @@ fn read_vertices<S: Source>(
             some_names(&unknown)
         )));
     }
-    Ok(Vertices { positions, normals, colors, uvs, discrete, unknown, wanted })
+    Ok(VertexBuffers { positions, normals, colors, uvs, discrete, unknown, wanted })
 }
 
 impl Discrete {
@@ -300,7 +309,7 @@ impl Discrete {
 }
 
 /// Normalises a normal; it stays unchanged if it is unit length already (to a thousandth) or has no length.
-fn unit(n: [f32; 3]) -> [f32; 3] {
+fn normalized(n: [f32; 3]) -> [f32; 3] {
     let length_sq: f64 = n.iter().map(|&x| f64::from(x) * f64::from(x)).sum();
     if (length_sq - 1.0).abs() <= 2e-3 || length_sq <= 0.0 || !length_sq.is_finite() {
         return n;
@@ -320,10 +329,11 @@ fn some_names(names: &[String]) -> String {
 // ---- faces
 
 fn is_index_list(p: &super::header::Property) -> bool {
-    matches!(p.kind, Kind::List { .. }) && matches!(p.name.as_str(), "vertex_indices" | "vertex_index")
+    matches!(p.kind, PropertyType::List { .. })
+        && matches!(p.name.as_str(), "vertex_indices" | "vertex_index")
 }
 
-fn read_faces<S: Source>(
+fn read_faces<S: NumberSource>(
     element: &Element,
     vertex_count: usize,
     source: &mut S,
@@ -335,8 +345,10 @@ fn read_faces<S: Source>(
     let Some(at) = element.properties.iter().position(is_index_list) else {
         return Err(ReadError::element("element face", "lacks a list vertex_indices"));
     };
-    let texcoord =
-        element.properties.iter().position(|p| p.name == "texcoord" && matches!(p.kind, Kind::List { .. }));
+    let texcoord = element
+        .properties
+        .iter()
+        .position(|p| p.name == "texcoord" && matches!(p.kind, PropertyType::List { .. }));
     warn_of_face_properties(element, at, texcoord, warnings);
 
     if let Some(triangles) = source.triangles(element, at) {
@@ -349,22 +361,24 @@ fn read_faces<S: Source>(
     }
 
     let mut corners = Corners { uvs: texcoord.map(|_| Vec::new()), ..Corners::default() };
-    corners.ends = with_room(element.count)?;
-    corners.indices = with_room(element.count * 3)?;
+    corners.ends = try_with_capacity(element.count)?;
+    corners.indices = try_with_capacity(element.count * 3)?;
     for face in 0..element.count {
         let start = corners.indices.len();
         let mut uv_numbers = 0;
         for (k, property) in element.properties.iter().enumerate() {
             let read = match property.kind {
-                Kind::List { count, item } if k == at => source.list_length(count, item).and_then(|n| {
-                    (0..n).try_for_each(|_| {
-                        let i = source.integer(item)?;
-                        let index = usize::try_from(i).ok().filter(|&i| i < vertex_count);
-                        corners.indices.push(index.ok_or(Fault::Index(i, vertex_count))? as u32);
-                        Ok(())
+                PropertyType::List { count, item } if k == at => {
+                    source.list_length(count, item).and_then(|n| {
+                        (0..n).try_for_each(|_| {
+                            let i = source.integer(item)?;
+                            let index = usize::try_from(i).ok().filter(|&i| i < vertex_count);
+                            corners.indices.push(index.ok_or(Fault::Index(i, vertex_count))? as u32);
+                            Ok(())
+                        })
                     })
-                }),
-                Kind::List { count, item } if Some(k) == texcoord => {
+                }
+                PropertyType::List { count, item } if Some(k) == texcoord => {
                     let uvs = corners.uvs.get_or_insert_default();
                     source.list_length(count, item).and_then(|n| {
                         uv_numbers = n;
@@ -378,8 +392,8 @@ fn read_faces<S: Source>(
                         Ok(())
                     })
                 }
-                Kind::List { count, item } => source.skip_list(count, item),
-                Kind::One(kind) => source.skip_one(kind),
+                PropertyType::List { count, item } => source.skip_list(count, item),
+                PropertyType::One(kind) => source.skip_one(kind),
             };
             read.map_err(|f| source.error(f, "face", face, &property.name))?;
         }
@@ -399,7 +413,7 @@ fn read_faces<S: Source>(
     Ok(Faces::Polygons(corners))
 }
 
-fn skip_bytes_of_triangles<S: Source>(element: &Element, source: &mut S) {
+fn skip_bytes_of_triangles<S: NumberSource>(element: &Element, source: &mut S) {
     let size = triangle_record(element).map_or(0, |(size, _)| size);
     source.advance(size * element.count);
 }
@@ -410,12 +424,12 @@ fn triangle_record(element: &Element) -> Option<(usize, usize)> {
     let (mut size, mut place) = (0, None);
     for p in &element.properties {
         match p.kind {
-            Kind::One(s) => size += s.size(),
-            Kind::List { count: Scalar::U8, item: Scalar::I32 | Scalar::U32 } if place.is_none() => {
+            PropertyType::One(s) => size += s.size(),
+            PropertyType::List { count: Scalar::U8, item: Scalar::I32 | Scalar::U32 } if place.is_none() => {
                 place = Some(size);
                 size += 13;
             }
-            Kind::List { .. } => return None,
+            PropertyType::List { .. } => return None,
         }
     }
     place.map(|place| (size, place))
@@ -446,7 +460,7 @@ fn warn_of_face_properties(
     }
 }
 
-fn read_strips<S: Source>(
+fn read_strips<S: NumberSource>(
     element: &Element,
     vertex_count: usize,
     source: &mut S,
@@ -458,31 +472,33 @@ fn read_strips<S: Source>(
     for strip in 0..element.count {
         for (k, property) in element.properties.iter().enumerate() {
             let read = match property.kind {
-                Kind::List { count, item } if k == at => source.list_length(count, item).and_then(|n| {
-                    let mut last: [Option<u32>; 2] = [None; 2];
-                    let mut turned = false;
-                    for _ in 0..n {
-                        let i = source.integer(item)?;
-                        if i == -1 {
-                            last = [None; 2];
-                            turned = false;
-                            continue;
-                        }
-                        let index = usize::try_from(i).ok().filter(|&i| i < vertex_count);
-                        let c = index.ok_or(Fault::Index(i, vertex_count))? as u32;
-                        if let [Some(a), Some(b)] = last {
-                            // Strips are joined by degenerate triangles, which are skipped.
-                            if a != b && b != c && c != a {
-                                triangles.push(if turned { [b, a, c] } else { [a, b, c] });
+                PropertyType::List { count, item } if k == at => {
+                    source.list_length(count, item).and_then(|n| {
+                        let mut last: [Option<u32>; 2] = [None; 2];
+                        let mut turned = false;
+                        for _ in 0..n {
+                            let i = source.integer(item)?;
+                            if i == -1 {
+                                last = [None; 2];
+                                turned = false;
+                                continue;
                             }
-                            turned = !turned;
+                            let index = usize::try_from(i).ok().filter(|&i| i < vertex_count);
+                            let c = index.ok_or(Fault::Index(i, vertex_count))? as u32;
+                            if let [Some(a), Some(b)] = last {
+                                // Strips are joined by degenerate triangles, which are skipped.
+                                if a != b && b != c && c != a {
+                                    triangles.push(if turned { [b, a, c] } else { [a, b, c] });
+                                }
+                                turned = !turned;
+                            }
+                            last = [last[1], Some(c)];
                         }
-                        last = [last[1], Some(c)];
-                    }
-                    Ok(())
-                }),
-                Kind::List { count, item } => source.skip_list(count, item),
-                Kind::One(kind) => source.skip_one(kind),
+                        Ok(())
+                    })
+                }
+                PropertyType::List { count, item } => source.skip_list(count, item),
+                PropertyType::One(kind) => source.skip_one(kind),
             };
             read.map_err(|f| source.error(f, "strip", strip, &property.name))?;
         }
@@ -490,13 +506,13 @@ fn read_strips<S: Source>(
     Ok(triangles)
 }
 
-fn skip<S: Source>(element: &Element, source: &mut S) -> Result<(), ReadError> {
+fn skip<S: NumberSource>(element: &Element, source: &mut S) -> Result<(), ReadError> {
     if element.properties.is_empty() {
         return Ok(());
     }
     if let (true, Some(size)) = (S::BINARY, element.fixed_size()) {
         // The header check covers the size only if no list comes before.
-        let fits = size.checked_mul(element.count).filter(|&n| n <= source.left());
+        let fits = size.checked_mul(element.count).filter(|&n| n <= source.remaining());
         let bytes = fits.ok_or_else(|| source.error(Fault::End, &element.name, 0, "its records"))?;
         source.advance(bytes);
         return Ok(());
@@ -504,8 +520,8 @@ fn skip<S: Source>(element: &Element, source: &mut S) -> Result<(), ReadError> {
     for record in 0..element.count {
         for property in &element.properties {
             let read = match property.kind {
-                Kind::List { count, item } => source.skip_list(count, item),
-                Kind::One(kind) => source.skip_one(kind),
+                PropertyType::List { count, item } => source.skip_list(count, item),
+                PropertyType::One(kind) => source.skip_one(kind),
             };
             read.map_err(|f| source.error(f, &element.name, record, &property.name))?;
         }
@@ -531,17 +547,17 @@ enum Fault {
 }
 
 /// A stream of numbers in the body.
-trait Source {
+trait NumberSource {
     const BINARY: bool;
 
     fn number(&mut self, kind: Scalar) -> Result<f64, Fault>;
     fn integer(&mut self, kind: Scalar) -> Result<i64, Fault>;
-    fn left(&self) -> usize;
+    fn remaining(&self) -> usize;
     fn advance(&mut self, bytes: usize);
     fn bytes(&self) -> (&[u8], usize);
 
     /// Returns all positions at once, if the record layout allows it; does not advance.
-    fn f32_positions(&self, element: &Element, targets: &[Target]) -> Option<Vec<[f32; 3]>>;
+    fn f32_positions(&self, element: &Element, targets: &[PropertyTarget]) -> Option<Vec<[f32; 3]>>;
     /// Returns all faces at once, if each is a triangle; does not advance.
     fn triangles(&self, element: &Element, at: usize) -> Option<Vec<[u32; 3]>>;
 
@@ -549,8 +565,8 @@ trait Source {
     fn list_length(&mut self, count: Scalar, item: Scalar) -> Result<usize, Fault> {
         let n = self.integer(count)?;
         let least = if Self::BINARY { item.size() } else { 2 };
-        let room = (self.left() + 1) / least;
-        usize::try_from(n).ok().filter(|&n| n <= room).ok_or(Fault::Length(n, self.left()))
+        let room = (self.remaining() + 1) / least;
+        usize::try_from(n).ok().filter(|&n| n <= room).ok_or(Fault::Length(n, self.remaining()))
     }
     fn skip_one(&mut self, kind: Scalar) -> Result<(), Fault> {
         self.number(kind).map(|_| ())
@@ -631,7 +647,7 @@ impl<const BIG: bool> Binary<'_, BIG> {
     }
 }
 
-impl<const BIG: bool> Source for Binary<'_, BIG> {
+impl<const BIG: bool> NumberSource for Binary<'_, BIG> {
     const BINARY: bool = true;
 
     #[inline]
@@ -656,7 +672,7 @@ impl<const BIG: bool> Source for Binary<'_, BIG> {
         })
     }
 
-    fn left(&self) -> usize {
+    fn remaining(&self) -> usize {
         self.bytes.len() - self.at
     }
     fn advance(&mut self, bytes: usize) {
@@ -667,7 +683,7 @@ impl<const BIG: bool> Source for Binary<'_, BIG> {
     }
 
     fn skip_one(&mut self, kind: Scalar) -> Result<(), Fault> {
-        if self.left() < kind.size() {
+        if self.remaining() < kind.size() {
             return Err(Fault::End);
         }
         self.at += kind.size();
@@ -675,24 +691,25 @@ impl<const BIG: bool> Source for Binary<'_, BIG> {
     }
     fn skip_list(&mut self, count: Scalar, item: Scalar) -> Result<(), Fault> {
         let bytes = self.list_length(count, item)? * item.size();
-        if self.left() < bytes {
+        if self.remaining() < bytes {
             return Err(Fault::End);
         }
         self.at += bytes;
         Ok(())
     }
 
-    fn f32_positions(&self, element: &Element, targets: &[Target]) -> Option<Vec<[f32; 3]>> {
+    fn f32_positions(&self, element: &Element, targets: &[PropertyTarget]) -> Option<Vec<[f32; 3]>> {
         let size = element.fixed_size()?;
-        let first = targets.iter().position(|t| *t == Target::Position(0))?;
-        let in_a_row = (0..3).all(|k| targets.get(first + k) == Some(&Target::Position(k)));
-        let narrow = element.properties[first..].iter().take(3).all(|p| p.kind == Kind::One(Scalar::F32));
+        let first = targets.iter().position(|t| *t == PropertyTarget::Position(0))?;
+        let in_a_row = (0..3).all(|k| targets.get(first + k) == Some(&PropertyTarget::Position(k)));
+        let narrow =
+            element.properties[first..].iter().take(3).all(|p| p.kind == PropertyType::One(Scalar::F32));
         if !in_a_row || !narrow {
             return None;
         }
         let at = element.properties[..first].iter().fold(0, |sum, p| match p.kind {
-            Kind::One(s) => sum + s.size(),
-            Kind::List { .. } => sum,
+            PropertyType::One(s) => sum + s.size(),
+            PropertyType::List { .. } => sum,
         });
         let block = self.block(element.count, size)?;
         let position = |r: &[u8]| {
@@ -705,7 +722,7 @@ impl<const BIG: bool> Source for Binary<'_, BIG> {
     fn triangles(&self, element: &Element, at: usize) -> Option<Vec<[u32; 3]>> {
         let (size, place) = triangle_record(element)?;
         debug_assert!(
-            matches!(element.properties[at].kind, Kind::List { .. }),
+            matches!(element.properties[at].kind, PropertyType::List { .. }),
             "the only list holds the indices"
         );
         let block = self.block(element.count, size)?;
@@ -741,7 +758,7 @@ impl<'a> Text<'a> {
     }
 }
 
-impl Source for Text<'_> {
+impl NumberSource for Text<'_> {
     const BINARY: bool = false;
 
     fn number(&mut self, _: Scalar) -> Result<f64, Fault> {
@@ -760,7 +777,7 @@ impl Source for Text<'_> {
         whole(x)
     }
 
-    fn left(&self) -> usize {
+    fn remaining(&self) -> usize {
         self.bytes.len() - self.at
     }
     fn advance(&mut self, bytes: usize) {
@@ -769,7 +786,7 @@ impl Source for Text<'_> {
     fn bytes(&self) -> (&[u8], usize) {
         (self.bytes, self.at)
     }
-    fn f32_positions(&self, _: &Element, _: &[Target]) -> Option<Vec<[f32; 3]>> {
+    fn f32_positions(&self, _: &Element, _: &[PropertyTarget]) -> Option<Vec<[f32; 3]>> {
         None
     }
     fn triangles(&self, _: &Element, _: usize) -> Option<Vec<[u32; 3]>> {
@@ -815,8 +832,8 @@ mod tests {
 
     #[test]
     fn a_normal_gets_length_one_unless_it_has_it() {
-        assert_eq!(unit([0.0, 3.0, 4.0]), [0.0, 0.6, 0.8]);
-        assert_eq!(unit([0.6, 0.8, 1e-4]), [0.6, 0.8, 1e-4]);
-        assert_eq!(unit([0.0; 3]), [0.0; 3]);
+        assert_eq!(normalized([0.0, 3.0, 4.0]), [0.0, 0.6, 0.8]);
+        assert_eq!(normalized([0.6, 0.8, 1e-4]), [0.6, 0.8, 1e-4]);
+        assert_eq!(normalized([0.0; 3]), [0.0; 3]);
     }
 }

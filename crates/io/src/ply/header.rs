@@ -1,6 +1,6 @@
 //! The PLY header: elements and their properties.
 
-use lodsmith_core::Integer;
+use lodsmith_core::IntegerType;
 
 use crate::error::ReadError;
 use crate::excerpt::excerpt;
@@ -42,14 +42,14 @@ impl Scalar {
     }
 
     /// Returns the corresponding integer type of mesh attributes.
-    pub(super) const fn integer(self) -> Option<Integer> {
+    pub(super) const fn integer(self) -> Option<IntegerType> {
         Some(match self {
-            Self::I8 => Integer::I8,
-            Self::U8 => Integer::U8,
-            Self::I16 => Integer::I16,
-            Self::U16 => Integer::U16,
-            Self::I32 => Integer::I32,
-            Self::U32 => Integer::U32,
+            Self::I8 => IntegerType::I8,
+            Self::U8 => IntegerType::U8,
+            Self::I16 => IntegerType::I16,
+            Self::U16 => IntegerType::U16,
+            Self::I32 => IntegerType::I32,
+            Self::U32 => IntegerType::U32,
             Self::F32 | Self::F64 => return None,
         })
     }
@@ -67,7 +67,7 @@ impl Scalar {
 
 /// The type of a property.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum PropertyType {
     One(Scalar),
     List { count: Scalar, item: Scalar },
 }
@@ -75,7 +75,7 @@ pub(super) enum Kind {
 #[derive(Clone, Debug)]
 pub(super) struct Property {
     pub(super) name: String,
-    pub(super) kind: Kind,
+    pub(super) kind: PropertyType,
 }
 
 #[derive(Clone, Debug)]
@@ -91,7 +91,7 @@ impl Element {
     fn least_size(&self, encoding: Encoding) -> u64 {
         let size = |p: &Property| match (encoding, p.kind) {
             (Encoding::Ascii, _) => 2,
-            (_, Kind::One(s) | Kind::List { count: s, .. }) => s.size() as u64,
+            (_, PropertyType::One(s) | PropertyType::List { count: s, .. }) => s.size() as u64,
         };
         self.properties.iter().map(size).sum()
     }
@@ -101,8 +101,8 @@ impl Element {
         self.properties
             .iter()
             .map(|p| match p.kind {
-                Kind::One(s) => Some(s.size()),
-                Kind::List { .. } => None,
+                PropertyType::One(s) => Some(s.size()),
+                PropertyType::List { .. } => None,
             })
             .sum()
     }
@@ -126,7 +126,7 @@ impl Header {
 
     /// Parses the header of a file.
     pub(super) fn parse(bytes: &[u8]) -> Result<Self, ReadError> {
-        let mut lines = Lines::new(bytes);
+        let mut lines = HeaderLines::new(bytes);
         if lines.next().is_none_or(|(_, l)| l.trim() != "ply") {
             return Err(ReadError::line(1, "a PLY file begins with a line `ply`"));
         }
@@ -149,12 +149,14 @@ impl Header {
                     elements.push(Element { name: excerpt(name), count, properties: Vec::new() });
                 }
                 ["property", "list", count, item, name] => {
-                    let kind =
-                        Kind::List { count: scalar_named(number, count)?, item: scalar_named(number, item)? };
+                    let kind = PropertyType::List {
+                        count: scalar_named(number, count)?,
+                        item: scalar_named(number, item)?,
+                    };
                     add_property(number, &mut elements, name, kind)?;
                 }
                 ["property", kind, name] => {
-                    let kind = Kind::One(scalar_named(number, kind)?);
+                    let kind = PropertyType::One(scalar_named(number, kind)?);
                     add_property(number, &mut elements, name, kind)?;
                 }
                 ["end_header"] => {
@@ -193,13 +195,13 @@ impl Header {
     /// Estimates from the counts the bytes of memory that the mesh takes while it is built.
     pub(super) fn mesh_bytes(&self) -> u64 {
         let vertex = |p: &Property| match p.kind {
-            Kind::One(Scalar::F64 | Scalar::I32 | Scalar::U32) if is_named(p, &["x", "y", "z"]) => 8,
+            PropertyType::One(Scalar::F64 | Scalar::I32 | Scalar::U32) if is_named(p, &["x", "y", "z"]) => 8,
             _ if is_named(p, &["s", "t", "u", "v", "texture_u", "texture_v", "alpha"]) => 4,
             _ if is_named(p, &["x", "y", "z", "nx", "ny", "nz", "red", "green"]) => 4,
             // Includes the space for alpha.
             _ if is_named(p, &["blue"]) => 8,
-            Kind::One(_) => 4,
-            Kind::List { .. } => 0,
+            PropertyType::One(_) => 4,
+            PropertyType::List { .. } => 0,
         };
         // Little-endian triangles are copied directly; others go through a list of corners.
         let face = if self.encoding == Encoding::Little { 12 } else { 32 };
@@ -216,7 +218,12 @@ fn is_named(property: &Property, names: &[&str]) -> bool {
     names.contains(&property.name.as_str())
 }
 
-fn add_property(number: usize, elements: &mut [Element], name: &str, kind: Kind) -> Result<(), ReadError> {
+fn add_property(
+    number: usize,
+    elements: &mut [Element],
+    name: &str,
+    kind: PropertyType,
+) -> Result<(), ReadError> {
     let Some(element) = elements.last_mut() else {
         return Err(ReadError::line(number, format!("property {} belongs to no element", excerpt(name))));
     };
@@ -243,14 +250,14 @@ fn scalar_named(number: usize, name: &str) -> Result<Scalar, ReadError> {
 
 /// An iterator over header lines: their number from 1, and their text. The first line decides the line
 /// ending.
-struct Lines<'a> {
+struct HeaderLines<'a> {
     bytes: &'a [u8],
     at: usize,
     number: usize,
     end: u8,
 }
 
-impl<'a> Lines<'a> {
+impl<'a> HeaderLines<'a> {
     fn new(bytes: &'a [u8]) -> Self {
         let end = match bytes.iter().position(|&b| b == b'\n' || b == b'\r') {
             Some(i) if bytes[i] == b'\r' && bytes.get(i + 1) != Some(&b'\n') => b'\r',
@@ -262,16 +269,16 @@ impl<'a> Lines<'a> {
     fn next(&mut self) -> Option<(usize, std::borrow::Cow<'a, str>)> {
         // Guessed: no header line is longer; without this, a binary file whose header has no end would be
         // scanned as one line.
-        const LONGEST: usize = 1 << 16;
+        const MAX_LINE_BYTES: usize = 1 << 16;
         let rest = &self.bytes[self.at..];
-        let rest = &rest[..rest.len().min(LONGEST)];
+        let rest = &rest[..rest.len().min(MAX_LINE_BYTES)];
         let length = match rest.iter().position(|&b| b == self.end) {
             Some(i) => {
                 self.at += i + 1;
                 i
             }
             // The last line of a file may lack its end.
-            None if !rest.is_empty() && rest.len() < LONGEST => {
+            None if !rest.is_empty() && rest.len() < MAX_LINE_BYTES => {
                 self.at += rest.len();
                 rest.len()
             }

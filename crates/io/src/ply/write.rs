@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use lodsmith_core::{Attribute, Integer, Positions, Semantic, TriMesh, VertexId, WedgeId};
+use lodsmith_core::{Attribute, IntegerType, Positions, Semantic, TriMesh, VertexId, WedgeId};
 
 use crate::error::Warning;
 
@@ -34,7 +34,7 @@ pub(super) fn write(mesh: &TriMesh, ascii: bool, out: &mut dyn Write) -> io::Res
         bytes: are_bytes(c),
         alpha: c.iter().any(|c| c[3] != 1.0),
     });
-    let named: Vec<(&Attribute, Option<Integer>)> = mesh
+    let named: Vec<(&Attribute, Option<IntegerType>)> = mesh
         .further_attributes()
         .iter()
         .filter(|a| a.semantic.name().is_some())
@@ -88,27 +88,27 @@ struct Colors<'a> {
 }
 
 /// Returns the integer type to write an attribute as: its own, if that holds all its values.
-fn integers_of(a: &Attribute) -> Option<Integer> {
+fn integers_of(a: &Attribute) -> Option<IntegerType> {
     let Semantic::Discrete { of, .. } = a.semantic else { return None };
     a.values.iter().all(|&x| of.holds(x)).then_some(of)
 }
 
 /// Returns the PLY name of an integer type.
-fn type_name(of: Integer) -> &'static str {
+fn type_name(of: IntegerType) -> &'static str {
     match of {
-        Integer::I8 => "char",
-        Integer::U8 => "uchar",
-        Integer::I16 => "short",
-        Integer::U16 => "ushort",
-        Integer::I32 => "int",
-        Integer::U32 => "uint",
+        IntegerType::I8 => "char",
+        IntegerType::U8 => "uchar",
+        IntegerType::I16 => "short",
+        IntegerType::U16 => "ushort",
+        IntegerType::I32 => "int",
+        IntegerType::U32 => "uint",
     }
 }
 
 /// Returns the properties of named attributes, with their numeric types: the name in lower case, without the
 /// leading underscore of glTF, plus the axis or index for several values. Characters not allowed in PLY
 /// become underscores, and duplicates get underscores appended.
-fn names_of(named: &[(&Attribute, Option<Integer>)]) -> Vec<(String, &'static str)> {
+fn names_of(named: &[(&Attribute, Option<IntegerType>)]) -> Vec<(String, &'static str)> {
     let mut names: Vec<(String, &'static str)> = Vec::new();
     for (a, integer) in named {
         let own = a.semantic.name().unwrap_or_default();
@@ -120,7 +120,7 @@ fn names_of(named: &[(&Attribute, Option<Integer>)]) -> Vec<(String, &'static st
                 (2..=4, Some(axis)) => format!("{name}_{axis}"),
                 _ => format!("{name}_{k}"),
             };
-            while names.iter().any(|n| n.0 == full) || KNOWN.contains(&full.as_str()) {
+            while names.iter().any(|n| n.0 == full) || RESERVED_NAMES.contains(&full.as_str()) {
                 full.push('_');
             }
             names.push((full, integer.map_or("float", type_name)));
@@ -130,7 +130,8 @@ fn names_of(named: &[(&Attribute, Option<Integer>)]) -> Vec<(String, &'static st
 }
 
 /// Names of the other properties.
-const KNOWN: [&str; 13] = ["", "x", "y", "z", "nx", "ny", "nz", "s", "t", "red", "green", "blue", "alpha"];
+const RESERVED_NAMES: [&str; 13] =
+    ["", "x", "y", "z", "nx", "ny", "nz", "s", "t", "red", "green", "blue", "alpha"];
 
 fn are_bytes(colors: &[[f32; 4]]) -> bool {
     colors.iter().flatten().all(|&x| {
@@ -204,15 +205,15 @@ impl Sink<'_> {
     }
     /// Writes a value that fits the type.
     #[inline]
-    fn integer(&mut self, of: Integer, x: f32) {
+    fn integer(&mut self, of: IntegerType, x: f32) {
         let x = x as i64;
         match of {
-            Integer::I8 => self.put((x as i8).to_le_bytes(), |to| word(to, format_args!("{x}"))),
-            Integer::U8 => self.put((x as u8).to_le_bytes(), |to| word(to, format_args!("{x}"))),
-            Integer::I16 => self.put((x as i16).to_le_bytes(), |to| word(to, format_args!("{x}"))),
-            Integer::U16 => self.put((x as u16).to_le_bytes(), |to| word(to, format_args!("{x}"))),
-            Integer::I32 => self.put((x as i32).to_le_bytes(), |to| word(to, format_args!("{x}"))),
-            Integer::U32 => self.put((x as u32).to_le_bytes(), |to| word(to, format_args!("{x}"))),
+            IntegerType::I8 => self.put((x as i8).to_le_bytes(), |to| word(to, format_args!("{x}"))),
+            IntegerType::U8 => self.put((x as u8).to_le_bytes(), |to| word(to, format_args!("{x}"))),
+            IntegerType::I16 => self.put((x as i16).to_le_bytes(), |to| word(to, format_args!("{x}"))),
+            IntegerType::U16 => self.put((x as u16).to_le_bytes(), |to| word(to, format_args!("{x}"))),
+            IntegerType::I32 => self.put((x as i32).to_le_bytes(), |to| word(to, format_args!("{x}"))),
+            IntegerType::U32 => self.put((x as u32).to_le_bytes(), |to| word(to, format_args!("{x}"))),
         }
     }
     #[inline]

@@ -1,11 +1,11 @@
 //! The triangle soup of an STL file during reading.
 
-use crate::distinct::Distinct;
+use crate::distinct::TripleSet;
 use crate::error::Warning;
 
 /// The common result of both encodings.
 pub(super) struct Soup {
-    pub(super) corners: Distinct,
+    pub(super) corners: TripleSet,
     pub(super) triangles: Vec<[u32; 3]>,
     pub(super) solids: usize,
     pub(super) warnings: Vec<Warning>,
@@ -13,9 +13,9 @@ pub(super) struct Soup {
 
 impl Soup {
     /// Creates an empty soup with capacity for facets whose bytes are known to exist.
-    pub(super) fn with_room_for(facets: usize) -> Self {
+    pub(super) fn with_capacity(facets: usize) -> Self {
         // A closed surface has half as many vertices as faces.
-        let corners = Distinct::with_room_for(facets / 2 + 2);
+        let corners = TripleSet::with_capacity(facets / 2 + 2);
         Self { corners, triangles: Vec::with_capacity(facets), solids: 0, warnings: Vec::new() }
     }
 

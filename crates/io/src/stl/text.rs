@@ -6,7 +6,7 @@ use crate::excerpt::excerpt_of_bytes;
 
 /// Reads all solids of a text. Keywords may be in any case, normals may be missing.
 pub(super) fn read(bytes: &[u8]) -> Result<Soup, ReadError> {
-    let mut soup = Soup::with_room_for(0);
+    let mut soup = Soup::with_capacity(0);
     let mut words = Words { bytes, at: if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 } };
     let mut facet: Vec<u32> = Vec::new();
     // State: inside a solid, inside a loop.

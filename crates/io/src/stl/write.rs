@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use lodsmith_core::TriMesh;
 
-use crate::attributes::rounding;
+use crate::attributes::rounding_warning;
 use crate::error::Warning;
 
 /// Approximate size in bytes of the chunks written to the stream.
@@ -62,7 +62,7 @@ fn warnings(mesh: &TriMesh) -> Vec<Warning> {
     }
     let mut warnings: Vec<Warning> =
         names.iter().map(|name| Warning::lost(format!("STL cannot carry {name}: dropped"))).collect();
-    warnings.extend(rounding(mesh, "STL", None));
+    warnings.extend(rounding_warning(mesh, "STL", None));
     warnings
 }
 

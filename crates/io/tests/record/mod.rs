@@ -5,9 +5,9 @@ use lodsmith_core::splits::{Changes, Checkpoint, Counts, Layout, NO_ORIGINAL, Or
 use lodsmith_core::{FaceId, Positions, RegionId, TriMesh, VertexId, WedgeId};
 
 /// A random generator that gives the same numbers on every machine.
-pub(crate) struct Dice(pub(crate) u64);
+pub(crate) struct Random(pub(crate) u64);
 
-impl Dice {
+impl Random {
     pub(crate) fn below(&mut self, n: usize) -> usize {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         ((self.0 >> 33) as usize) % n.max(1)
@@ -43,7 +43,7 @@ impl State {
     }
 
     /// Collapses `gone` into `kept`: its wedges move there, or merge with existing ones.
-    fn contract(&mut self, kept: usize, gone: usize, has_map: bool, dice: &mut Dice) {
+    fn contract(&mut self, kept: usize, gone: usize, has_map: bool, dice: &mut Random) {
         let single = matches!(self.places[kept], Some(p) if p.iter().all(|x| (*x as f32) as f64 == *x));
         let (Some(p), Some(q)) = (self.places[kept], self.places[gone].take()) else { return };
         let middle = [0, 1, 2].map(|k| (p[k] + q[k]) / 2.0);
@@ -77,7 +77,7 @@ impl State {
 
 /// Collapses until `left` faces remain, several pairs in the first step, with two checkpoints.
 pub(crate) fn record(mesh: &TriMesh, left: usize, seed: u64) -> Splits {
-    let dice = &mut Dice(seed);
+    let dice = &mut Random(seed);
     let has_map = mesh.vertex_map().is_some();
     let mut states = vec![State::of(mesh)];
     loop {
@@ -123,7 +123,7 @@ fn births(
     (numbers, order)
 }
 
-fn splits_of(states: &[State], mesh: &TriMesh, dice: &mut Dice) -> Splits {
+fn splits_of(states: &[State], mesh: &TriMesh, dice: &mut Random) -> Splits {
     let has_map = mesh.vertex_map().is_some();
     let full = &states[states.len() - 1];
     let (face_at, face_order) = births(states, full.faces.len(), |s, f| s.faces[f].is_some());
@@ -220,7 +220,7 @@ fn splits_of(states: &[State], mesh: &TriMesh, dice: &mut Dice) -> Splits {
         let vertices: Vec<_> = (0..counts.vertices).filter(|_| dice.below(4) > 0).map(VertexId).collect();
         let wedges: Vec<_> =
             (0..counts.wedges).filter(|_| width > 0 && dice.below(4) > 0).map(WedgeId).collect();
-        let small = |dice: &mut Dice| (dice.below(2001) as f32 - 1000.0) / 100_000.0;
+        let small = |dice: &mut Random| (dice.below(2001) as f32 - 1000.0) / 100_000.0;
         data.checkpoints.push(Checkpoint {
             level: level as u32,
             error,

@@ -24,7 +24,7 @@ const FEATURE_WIDTH: f32 = 0.082;
 /// Contrast sensitivity as Gaussians, with weight and width of each: achromatic, red-green, blue-yellow.
 const SENSITIVITY: [&[[f32; 2]]; 3] = [&[[1.0, 0.0047]], &[[1.0, 0.0053]], &[[34.1, 0.04], [13.5, 0.025]]];
 /// The largest width; determines the radius of all blurs.
-const WIDEST: f32 = 0.04;
+const MAX_GAUSSIAN_WIDTH: f32 = 0.04;
 
 /// Computes the FLIP value of each pixel, from 0 to 1, row after row; `pixels_per_degree` is usually
 /// [`PIXELS_PER_DEGREE`].
@@ -45,7 +45,7 @@ pub fn flip(reference: &Image, candidate: &Image, pixels_per_degree: f32) -> Res
 pub(super) fn of_lights(reference: &Rgb, candidate: &Rgb, pixels_per_degree: f32) -> Plane {
     let opponents = [reference, candidate].map(opponent);
     let [a, b] = [&opponents[0], &opponents[1]].map(|o| perceived(o, pixels_per_degree));
-    let [fa, fb] = [&opponents[0], &opponents[1]].map(|o| Features::of(&o[0], pixels_per_degree));
+    let [fa, fb] = [&opponents[0], &opponents[1]].map(|o| FeatureMaps::of(&o[0], pixels_per_degree));
     let largest = largest_difference();
     let value = |i: usize| {
         let color = color_difference(a[i], b[i], largest);
@@ -73,7 +73,7 @@ fn times(m: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
 }
 
 /// Returns XYZ relative to white.
-fn whites_share(rgb: [f32; 3]) -> [f32; 3] {
+fn relative_to_white(rgb: [f32; 3]) -> [f32; 3] {
     let white = times(&XYZ_FROM_RGB, [1.0; 3]);
     let xyz = times(&XYZ_FROM_RGB, rgb);
     [0, 1, 2].map(|k| xyz[k] / white[k])
@@ -83,7 +83,7 @@ fn whites_share(rgb: [f32; 3]) -> [f32; 3] {
 fn opponent(rgb: &Rgb) -> [Plane; 3] {
     let all: Vec<[f32; 3]> = (0..rgb[0].values.len())
         .map(|i| {
-            let [x, y, z] = whites_share([0, 1, 2].map(|k| rgb[k].values[i]));
+            let [x, y, z] = relative_to_white([0, 1, 2].map(|k| rgb[k].values[i]));
             [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
         })
         .collect();
@@ -100,7 +100,7 @@ fn rgb_of_opponent([y, cx, cz]: [f32; 3]) -> [f32; 3] {
 /// Perceived colours: blurred, and in CIELAB with less chroma where it is dark (Hunt effect).
 fn perceived(opponent: &[Plane; 3], pixels_per_degree: f32) -> Vec<[f32; 3]> {
     use std::f32::consts::PI;
-    let radius = (3.0 * (WIDEST / (2.0 * PI * PI)).sqrt() * pixels_per_degree).ceil() as i32;
+    let radius = (3.0 * (MAX_GAUSSIAN_WIDTH / (2.0 * PI * PI)).sqrt() * pixels_per_degree).ceil() as i32;
     let blurred: Vec<Plane> = opponent
         .iter()
         .zip(SENSITIVITY)
@@ -134,7 +134,7 @@ fn perceived(opponent: &[Plane; 3], pixels_per_degree: f32) -> Vec<[f32; 3]> {
 fn lab(rgb: [f32; 3]) -> [f32; 3] {
     const DELTA: f32 = 6.0 / 29.0;
     let root = |t: f32| if t > DELTA.powi(3) { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 };
-    let [x, y, z] = whites_share(rgb).map(root);
+    let [x, y, z] = relative_to_white(rgb).map(root);
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }
 
@@ -164,12 +164,12 @@ fn color_difference(a: [f32; 3], b: [f32; 3], largest: f32) -> f32 {
 }
 
 /// Edge and point response of each pixel.
-struct Features {
+struct FeatureMaps {
     edges: Vec<f32>,
     points: Vec<f32>,
 }
 
-impl Features {
+impl FeatureMaps {
     fn of(achromatic: &Plane, pixels_per_degree: f32) -> Self {
         let level = achromatic.map(|y| (y + 16.0) / 116.0);
         let deviation = 0.5 * FEATURE_WIDTH * pixels_per_degree;

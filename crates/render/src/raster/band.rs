@@ -6,9 +6,9 @@ use wide::{f32x4, i32x4, u32x4};
 pub(crate) const SAMPLES: [[f32; 2]; 4] =
     [[-0.125, -0.375], [0.375, -0.125], [-0.375, 0.125], [0.125, 0.375]];
 /// Marks a sample without a face.
-pub(crate) const NONE: u32 = u32::MAX;
+pub(crate) const NO_FACE: u32 = u32::MAX;
 /// Side of a tile of [`Depths`] in pixels.
-const TILE: usize = 8;
+const TILE_SIZE: usize = 8;
 
 /// A corner on the screen: position in pixels, nearness, unused.
 pub(crate) type Corner = [f32; 4];
@@ -32,7 +32,7 @@ pub(crate) struct Band {
 }
 
 /// Smallest nearness of any sample in each tile: a coarse depth buffer for occlusion tests.
-pub(crate) struct Depths {
+pub(crate) struct TileDepths {
     first_row: usize,
     columns: usize,
     least: Vec<f32>,
@@ -40,13 +40,13 @@ pub(crate) struct Depths {
 
 /// A rectangle of pixels, ends excluded.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Pixels {
+pub(crate) struct PixelRect {
     pub(crate) x: [u16; 2],
     pub(crate) y: [u16; 2],
 }
 
 /// Four triangles in SIMD lanes, set up for drawing.
-pub(crate) struct Four {
+pub(crate) struct TriangleQuad {
     /// Edge functions opposite the corners: factors of x and y, their origin, and the smallest value inside.
     sides: [[f32x4; 5]; 3],
     /// Nearness of the first corner, its gradient in x and y, and the corner's position, in pixels.
@@ -59,7 +59,7 @@ pub(crate) struct Four {
 /// Transposes the corners of four triangles into SIMD lanes: x, y and nearness of the first, second and third
 /// corner. `of` is called with triangle and corner.
 #[inline(always)]
-pub(crate) fn side_by_side(of: impl Fn(usize, usize) -> Corner) -> [[f32x4; 3]; 3] {
+pub(crate) fn transpose_corners(of: impl Fn(usize, usize) -> Corner) -> [[f32x4; 3]; 3] {
     // Written out: otherwise arrays this large are copied by function calls.
     let corner = |k: usize| {
         let all = [of(0, k).into(), of(1, k).into(), of(2, k).into(), of(3, k).into()];
@@ -92,10 +92,10 @@ pub(super) fn range([a, b, c]: [f32x4; 3]) -> [f32x4; 2] {
     [a.fast_min(b).fast_min(c), a.fast_max(b).fast_max(c)]
 }
 
-impl Four {
+impl TriangleQuad {
     #[inline(always)]
     pub(super) fn new(of: impl Fn(usize, usize) -> Corner) -> Self {
-        let corners = side_by_side(of);
+        let corners = transpose_corners(of);
         let doubled = doubled_areas(&corners);
         let [a, b, c] = corners;
         let turned = doubled.simd_lt(f32x4::splat(0.0));
@@ -134,14 +134,14 @@ impl Four {
 impl Band {
     pub(super) fn clear(&mut self, first_row: usize, width: usize, rows: usize) {
         (self.first_row, self.width, self.rows) = (first_row, width, rows);
-        let empty = Cell { near: f32x4::splat(f32::NEG_INFINITY), face: u32x4::splat(NONE) };
+        let empty = Cell { near: f32x4::splat(f32::NEG_INFINITY), face: u32x4::splat(NO_FACE) };
         self.cells.clear();
         self.cells.resize(width * rows, empty);
     }
 
     /// Draws one of four triangles.
     #[inline(always)]
-    pub(super) fn draw_solid(&mut self, four: &Four, which: usize, face: u32) {
+    pub(super) fn draw_solid(&mut self, four: &TriangleQuad, which: usize, face: u32) {
         let mut cells = std::mem::take(&mut self.cells);
         let face = u32x4::splat(face);
         self.walk(four, which, |at, _, _, mask, near| {
@@ -158,7 +158,7 @@ impl Band {
     #[inline(never)]
     pub(super) fn draw(
         &mut self,
-        four: &Four,
+        four: &TriangleQuad,
         which: usize,
         face: u32,
         keeps: impl Fn(f32, f32, u32) -> u32,
@@ -181,7 +181,7 @@ impl Band {
     #[inline(always)]
     pub(super) fn walk(
         &self,
-        four: &Four,
+        four: &TriangleQuad,
         which: usize,
         mut seen: impl FnMut(usize, usize, usize, f32x4, f32x4),
     ) {
@@ -220,15 +220,15 @@ impl Band {
     }
 }
 
-impl Depths {
+impl TileDepths {
     pub(super) fn of(band: &Band) -> Self {
         let mut depths =
-            Self { first_row: band.first_row, columns: band.width.div_ceil(TILE), least: Vec::new() };
+            Self { first_row: band.first_row, columns: band.width.div_ceil(TILE_SIZE), least: Vec::new() };
         let mut columns = vec![f32x4::splat(f32::INFINITY); depths.columns];
-        for rows in band.cells.chunks(TILE * band.width) {
+        for rows in band.cells.chunks(TILE_SIZE * band.width) {
             columns.fill(f32x4::splat(f32::INFINITY));
             for row in rows.chunks(band.width) {
-                for (least, tile) in columns.iter_mut().zip(row.chunks(TILE)) {
+                for (least, tile) in columns.iter_mut().zip(row.chunks(TILE_SIZE)) {
                     *least = tile.iter().fold(*least, |least, cell| least.fast_min(cell.near));
                 }
             }
@@ -240,11 +240,11 @@ impl Depths {
 
     /// True if nothing of this nearness or farther away can be seen in a rectangle of pixels.
     #[inline(always)]
-    pub(super) fn hide(&self, near: f32, pixels: &Pixels) -> bool {
+    pub(super) fn hide(&self, near: f32, pixels: &PixelRect) -> bool {
         let [x0, x1] = pixels.x.map(usize::from);
         let [y0, y1] = pixels.y.map(|y| usize::from(y).saturating_sub(self.first_row));
-        let columns = x0 / TILE..x1.div_ceil(TILE);
-        let rows = y0 / TILE..y1.div_ceil(TILE).min(self.least.len() / self.columns);
+        let columns = x0 / TILE_SIZE..x1.div_ceil(TILE_SIZE);
+        let rows = y0 / TILE_SIZE..y1.div_ceil(TILE_SIZE).min(self.least.len() / self.columns);
         rows.into_iter().all(|row| {
             let row = &self.least[row * self.columns..][..self.columns];
             row[columns.clone()].iter().all(|&least| near <= least)

@@ -4,17 +4,17 @@ use glam::{Mat3, Vec3};
 use lodsmith_core::{Positions, WedgeId};
 use wide::f32x4;
 
-use super::{Hit, Normals, Place, Shader};
+use super::{LightPosition, Normals, Shader, SurfacePoint};
 use crate::look::Shading;
-use crate::raster::{Placed, side_by_side};
+use crate::raster::{ProjectedMesh, transpose_corners};
 
 /// Specular strength of a plain surface, and exponent of the highlight as a power of two. (By eye.)
-const GLEAM: f32 = 0.10;
-const GLEAM_SQUARINGS: u32 = 3;
+const SPECULAR_STRENGTH: f32 = 0.10;
+const SPECULAR_SQUARINGS: u32 = 3;
 
 /// A point to be shaded.
 #[derive(Clone, Copy)]
-struct Wanted {
+struct ShadeRequest {
     face: u32,
     at: [f32; 2],
     /// The pixel, and the weight of this point in it.
@@ -25,7 +25,7 @@ struct Wanted {
 /// Points collected until there are four.
 #[derive(Default)]
 pub(crate) struct Batch {
-    waiting: Vec<Wanted>,
+    waiting: Vec<ShadeRequest>,
 }
 
 impl Batch {
@@ -39,7 +39,7 @@ impl Batch {
         (pixel, share): (usize, f32),
         colors: &mut [[f32; 4]],
     ) {
-        self.waiting.push(Wanted { face, at, pixel: pixel as u32, share });
+        self.waiting.push(ShadeRequest { face, at, pixel: pixel as u32, share });
         if let Some(four) = self.waiting.first_chunk() {
             shader.four(four, 4, colors);
             self.waiting.clear();
@@ -59,9 +59,9 @@ impl Batch {
 
 /// Four vectors.
 #[derive(Clone, Copy)]
-struct Vectors([f32x4; 3]);
+struct Vec3Lanes([f32x4; 3]);
 
-impl Vectors {
+impl Vec3Lanes {
     fn splat(v: Vec3) -> Self {
         Self(v.to_array().map(f32x4::splat))
     }
@@ -107,18 +107,18 @@ impl Vectors {
 }
 
 /// Four points on faces of one part.
-struct Places {
+struct PointLanes {
     wedges: [[WedgeId; 3]; 4],
     /// Barycentric coordinates on the face in space.
     b: [f32x4; 3],
     /// Position in view coordinates.
-    at: Vectors,
-    normal: Vectors,
+    at: Vec3Lanes,
+    normal: Vec3Lanes,
 }
 
 impl Shader<'_> {
     #[inline(always)]
-    fn four(&self, wanted: &[Wanted; 4], count: usize, colors: &mut [[f32; 4]]) {
+    fn four(&self, wanted: &[ShadeRequest; 4], count: usize, colors: &mut [[f32; 4]]) {
         let mut done = [[0f32; 4]; 4];
         if self.shading == Shading::Textured {
             for (done, w) in done.iter_mut().zip(&wanted[..count]) {
@@ -143,11 +143,11 @@ impl Shader<'_> {
 
     /// Shades without materials.
     #[inline(always)]
-    fn plain(&self, part: usize, wanted: &[Wanted; 4]) -> [[f32; 4]; 4] {
+    fn plain(&self, part: usize, wanted: &[ShadeRequest; 4]) -> [[f32; 4]; 4] {
         let placed = &self.screen.placed[part];
         let places = self.places(part, wanted);
         let each = |of: &dyn Fn(usize, [f32; 3]) -> Vec3| {
-            Vectors::of(std::array::from_fn(|i| of(i, places.b.map(|b| b.as_array()[i]))))
+            Vec3Lanes::of(std::array::from_fn(|i| of(i, places.b.map(|b| b.as_array()[i]))))
         };
         let colors = match self.shading {
             Shading::VertexColors => {
@@ -161,7 +161,7 @@ impl Shader<'_> {
             Shading::Matcap => each(&|i, _| self.matcap(places.normal.one(i))),
             Shading::Heat => each(&|i, b| self.heat(placed, places.wedges[i], b)),
             Shading::Smooth | Shading::Flat | Shading::Textured => {
-                self.lit(Vectors::splat(self.surface), places.normal, places.at)
+                self.lit(Vec3Lanes::splat(self.surface), places.normal, places.at)
             }
         };
         let done = f32x4::transpose([colors.0[0], colors.0[1], colors.0[2], f32x4::splat(1.0)]);
@@ -176,13 +176,13 @@ impl Shader<'_> {
     }
 
     #[inline(always)]
-    fn places(&self, part: usize, wanted: &[Wanted; 4]) -> Places {
+    fn places(&self, part: usize, wanted: &[ShadeRequest; 4]) -> PointLanes {
         let placed = &self.screen.placed[part];
         let shaded = &self.meshes[part];
         let mesh = &placed.drawn.mesh;
         let wedges = wanted.each_ref().map(|w| mesh.triangles()[(w.face - placed.first_face) as usize]);
         let vertices = wedges.map(|of_face| of_face.map(|w| mesh.vertex_of(w).index()));
-        let corners = side_by_side(|i, k| placed.corners[vertices[i][k]]);
+        let corners = transpose_corners(|i, k| placed.corners[vertices[i][k]]);
         let [a, b, c] = corners;
         let [x, y] = [0, 1].map(|k| f32x4::from(wanted.each_ref().map(|w| w.at[k])));
         let one = f32x4::splat(1.0);
@@ -198,18 +198,18 @@ impl Shader<'_> {
         let (sx, sy) = (x * per_x - half_x, f32x4::splat(half_y) - y * per_y);
         let (b, at) = if self.projection.is_perspective {
             let distance = one / near;
-            (products.map(|p| p * distance), Vectors([sx * distance, sy * distance, -distance]))
+            (products.map(|p| p * distance), Vec3Lanes([sx * distance, sy * distance, -distance]))
         } else {
-            (l, Vectors([sx, sy, near - 1.0]))
+            (l, Vec3Lanes([sx, sy, near - 1.0]))
         };
         let is_front = doubled.simd_gt(f32x4::splat(0.0));
         let is_front = if shaded.is_mirrored { is_front } else { !is_front };
-        let mut places = Places { wedges, b, at, normal: Vectors::splat(Vec3::Z) };
+        let mut places = PointLanes { wedges, b, at, normal: Vec3Lanes::splat(Vec3::Z) };
         let needs_normal = self.shading != Shading::Heat;
         let mut is_odd = !(near.simd_gt(f32x4::splat(0.0)) & (near * 0.0).simd_eq(f32x4::splat(0.0)));
         if needs_normal {
             let of_shape = |all: &[[f32; 3]], of: &[[usize; 3]; 4]| {
-                let corner = |k: usize| Vectors::of(of.map(|v| Vec3::from(all[v[k]]))).times(b[k]);
+                let corner = |k: usize| Vec3Lanes::of(of.map(|v| Vec3::from(all[v[k]]))).times(b[k]);
                 corner(0).plus(corner(1)).plus(corner(2)).turned(&shaded.to_view)
             };
             let (normal, other) = match shaded.normals {
@@ -240,7 +240,7 @@ impl Shader<'_> {
 
     /// Shades one point on a clipped face, or on one without a valid normal.
     #[cold]
-    fn one_by_one(&self, hit: &Hit<'_>, i: usize, places: &mut Places) {
+    fn one_by_one(&self, hit: &SurfacePoint<'_>, i: usize, places: &mut PointLanes) {
         for k in 0..3 {
             places.b[k].as_mut_array()[i] = hit.b[k];
         }
@@ -257,12 +257,12 @@ impl Shader<'_> {
 
     /// Shades a plain surface under the lights.
     #[inline(always)]
-    fn lit(&self, albedo: Vectors, n: Vectors, at: Vectors) -> Vectors {
+    fn lit(&self, albedo: Vec3Lanes, n: Vec3Lanes, at: Vec3Lanes) -> Vec3Lanes {
         let (zero, one) = (f32x4::splat(0.0), f32x4::splat(1.0));
         let to_eye = if self.projection.is_perspective {
             at.times(-one / at.dot(at.0).sqrt())
         } else {
-            Vectors::splat(Vec3::Z)
+            Vec3Lanes::splat(Vec3::Z)
         };
         let twice = n.dot(to_eye.0) * 2.0;
         let mirrored = n.times(twice).plus(to_eye.times(-one));
@@ -271,47 +271,49 @@ impl Shader<'_> {
         let mut gleam = [zero; 3];
         for light in &self.lights {
             let (to_light, color) = match light.place {
-                Place::Far { to_light } => (Vectors::splat(to_light), Vectors::splat(light.color)),
-                Place::Near { .. } => {
+                LightPosition::Far { to_light } => {
+                    (Vec3Lanes::splat(to_light), Vec3Lanes::splat(light.color))
+                }
+                LightPosition::Near { .. } => {
                     let all: [(Vec3, Vec3); 4] = std::array::from_fn(|i| self.light_at(light, at.one(i)));
-                    (Vectors::of(all.map(|l| l.0)), Vectors::of(all.map(|l| l.1)))
+                    (Vec3Lanes::of(all.map(|l| l.0)), Vec3Lanes::of(all.map(|l| l.1)))
                 }
             };
             let along = n.dot(to_light.0);
             let is_lit = along.simd_gt(zero);
             let along = is_lit & along;
             let mut g = is_lit & mirrored.dot(to_light.0).fast_max(zero);
-            (0..GLEAM_SQUARINGS).for_each(|_| g = g * g);
+            (0..SPECULAR_SQUARINGS).for_each(|_| g = g * g);
             for k in 0..3 {
                 diffuse[k] += color.0[k] * along;
                 gleam[k] += color.0[k] * g;
             }
         }
-        Vectors([0, 1, 2].map(|k| albedo.0[k] * diffuse[k] + gleam[k] * GLEAM))
+        Vec3Lanes([0, 1, 2].map(|k| albedo.0[k] * diffuse[k] + gleam[k] * SPECULAR_STRENGTH))
     }
 
     /// Shades a plain surface at one point.
-    pub(super) fn lit_one(&self, albedo: Vec3, n: Vec3, hit: &Hit<'_>) -> Vec3 {
-        self.lit(Vectors::splat(albedo), Vectors::splat(n), Vectors::splat(self.place(hit))).one(0)
+    pub(super) fn lit_one(&self, albedo: Vec3, n: Vec3, hit: &SurfacePoint<'_>) -> Vec3 {
+        self.lit(Vec3Lanes::splat(albedo), Vec3Lanes::splat(n), Vec3Lanes::splat(self.place(hit))).one(0)
     }
 }
 
 /// Returns face normals towards the counter-clockwise side, in mesh coordinates; not normalized, but never
 /// long.
 #[inline(always)]
-fn outer_normals(placed: &Placed<'_>, vertices: [[usize; 3]; 4]) -> Vectors {
+fn outer_normals(placed: &ProjectedMesh<'_>, vertices: [[usize; 3]; 4]) -> Vec3Lanes {
     let (p, q) = match placed.drawn.mesh.positions() {
         Positions::F32(all) => {
             // Halved first: a difference may overflow.
             let corner =
-                |k: usize| Vectors::of(vertices.map(|v| Vec3::from(all[v[k]]))).times(f32x4::splat(0.5));
+                |k: usize| Vec3Lanes::of(vertices.map(|v| Vec3::from(all[v[k]]))).times(f32x4::splat(0.5));
             let [a, b, c] = [corner(0), corner(1), corner(2)];
             let from = a.times(f32x4::splat(-1.0));
             (b.plus(from), c.plus(from))
         }
         Positions::F64(all) => {
             let along = |k: usize| {
-                Vectors::of(vertices.map(|v| {
+                Vec3Lanes::of(vertices.map(|v| {
                     let [a, b, c] = [0, 1, 2].map(|k| glam::DVec3::from(all[v[k]]));
                     let largest = (b - a).abs().max((c - a).abs()).max_element();
                     (([b, c][k] - a) / largest).as_vec3()
@@ -320,7 +322,7 @@ fn outer_normals(placed: &Placed<'_>, vertices: [[usize; 3]; 4]) -> Vectors {
             (along(0), along(1))
         }
     };
-    let size = |v: Vectors| v.0[0].abs().fast_max(v.0[1].abs()).fast_max(v.0[2].abs());
+    let size = |v: Vec3Lanes| v.0[0].abs().fast_max(v.0[1].abs()).fast_max(v.0[2].abs());
     let per_size = f32x4::splat(1.0) / size(p).fast_max(size(q));
     p.times(per_size).cross(q.times(per_size))
 }

@@ -4,17 +4,17 @@ use glam::{DVec3, Vec2, Vec3};
 use lodsmith_core::model::{AlphaMode, Material, TextureRef};
 use lodsmith_core::{Semantic, WedgeId};
 
-use super::{Hit, Shader};
-use crate::texture::Meaning;
+use super::{Shader, SurfacePoint};
+use crate::texture::TexelKind;
 
 /// Reflectance of a dielectric surface at normal incidence. (As in glTF 2.0.)
-const PLAIN_REFLECTANCE: f32 = 0.04;
+const DIELECTRIC_REFLECTANCE: f32 = 0.04;
 /// Minimum roughness: a perfect mirror would show lights as points, which no sample hits.
-const ROUGHNESS_LEAST: f32 = 0.08;
+const MIN_ROUGHNESS: f32 = 0.08;
 
 /// Texture coordinates at a point, and those of the neighbouring pixels to the right and below.
 #[derive(Clone, Copy)]
-struct Spot {
+struct TexturePoint {
     uv: [f32; 2],
     across: [f32; 2],
     down: [f32; 2],
@@ -22,7 +22,7 @@ struct Spot {
 
 impl Shader<'_> {
     /// Returns the material of a face; `None` for a plain one.
-    fn material(&self, hit: &Hit<'_>) -> Option<&Material> {
+    fn material(&self, hit: &SurfacePoint<'_>) -> Option<&Material> {
         let mesh = &hit.placed.drawn.mesh;
         let region = mesh.regions().map_or(0, |r| r[hit.face].index());
         let index = (*hit.placed.drawn.materials.get(region)?)?;
@@ -39,7 +39,7 @@ impl Shader<'_> {
         }
     }
 
-    pub(super) fn textured(&self, hit: &Hit<'_>) -> (Vec3, f32) {
+    pub(super) fn textured(&self, hit: &SurfacePoint<'_>) -> (Vec3, f32) {
         let Some(material) = self.material(hit) else {
             let (base, _) = self.base_color(hit, None);
             return (self.lit_one(base, self.normal(hit), hit), 1.0);
@@ -59,7 +59,7 @@ impl Shader<'_> {
     }
 
     /// Returns linear colour and opacity before lighting.
-    fn base_color(&self, hit: &Hit<'_>, material: Option<&Material>) -> (Vec3, f32) {
+    fn base_color(&self, hit: &SurfacePoint<'_>, material: Option<&Material>) -> (Vec3, f32) {
         let (color, alpha) = self.vertex_color(hit.placed, hit.wedges, hit.b);
         let Some(material) = material else { return (color, alpha) };
         let has_colors = hit.placed.drawn.mesh.colors().is_some();
@@ -72,7 +72,7 @@ impl Shader<'_> {
     /// Returns the reflected light of all lights. A light of intensity one makes white paper white.
     fn reflected(
         &self,
-        hit: &Hit<'_>,
+        hit: &SurfacePoint<'_>,
         base: Vec3,
         n: Vec3,
         roughness: f32,
@@ -81,9 +81,9 @@ impl Shader<'_> {
     ) -> Vec3 {
         let place = self.place(hit);
         let to_eye = self.to_eye(place);
-        let straight = Vec3::splat(PLAIN_REFLECTANCE).lerp(base, metallic);
+        let straight = Vec3::splat(DIELECTRIC_REFLECTANCE).lerp(base, metallic);
         let matt = base * (1.0 - metallic);
-        let roughness = roughness.clamp(ROUGHNESS_LEAST, 1.0);
+        let roughness = roughness.clamp(MIN_ROUGHNESS, 1.0);
         let a2 = roughness.powi(4);
         let n_eye = n.dot(to_eye).max(1e-3);
         let mut light = Vec3::ZERO;
@@ -108,7 +108,7 @@ impl Shader<'_> {
         if let Some(environment) = &self.environment {
             let [n, mirrored] = [n, mirrored].map(|v| self.projection.direction_to_world(v));
             // Dielectric and metallic parts mixed: each reflects all incoming light if it is white.
-            let plain = Vec3::splat(PLAIN_REFLECTANCE);
+            let plain = Vec3::splat(DIELECTRIC_REFLECTANCE);
             let plain = plain + rim_over(plain);
             let thrown = plain.lerp(base + rim_over(base), metallic);
             let around = environment.mirrored(mirrored, roughness) * thrown;
@@ -119,7 +119,7 @@ impl Shader<'_> {
         light + (self.ambient(n) * matt + around * (straight + rim_over(straight))) * open
     }
 
-    fn mapped_normal(&self, hit: &Hit<'_>, material: &Material) -> Vec3 {
+    fn mapped_normal(&self, hit: &SurfacePoint<'_>, material: &Material) -> Vec3 {
         let n = self.normal(hit);
         let Some([x, y, z, _]) = self.numbers(hit, &material.normal_texture) else { return n };
         let Some((t, b)) = self.tangents(hit, n, &material.normal_texture) else { return n };
@@ -129,7 +129,7 @@ impl Shader<'_> {
     }
 
     /// Returns the tangent and bitangent, perpendicular to the normal.
-    fn tangents(&self, hit: &Hit<'_>, n: Vec3, image: &Option<TextureRef>) -> Option<(Vec3, Vec3)> {
+    fn tangents(&self, hit: &SurfacePoint<'_>, n: Vec3, image: &Option<TextureRef>) -> Option<(Vec3, Vec3)> {
         let mesh = &hit.placed.drawn.mesh;
         let set = image.as_ref().map_or(0, |i| i.uv_set);
         let own = mesh.further_attributes().iter().find(|a| a.semantic == Semantic::Tangent && a.width == 4);
@@ -161,23 +161,28 @@ impl Shader<'_> {
     }
 
     /// Returns linear colour and opacity of a texture; white if there is none.
-    fn colors(&self, hit: &Hit<'_>, image: &Option<TextureRef>) -> (Vec3, f32) {
-        let [r, g, b, a] = self.looked_up(hit, image, Meaning::Colors).unwrap_or([1.0; 4]);
+    fn colors(&self, hit: &SurfacePoint<'_>, image: &Option<TextureRef>) -> (Vec3, f32) {
+        let [r, g, b, a] = self.looked_up(hit, image, TexelKind::Colors).unwrap_or([1.0; 4]);
         (Vec3::new(r, g, b), a)
     }
 
-    fn numbers(&self, hit: &Hit<'_>, image: &Option<TextureRef>) -> Option<[f32; 4]> {
-        self.looked_up(hit, image, Meaning::Numbers)
+    fn numbers(&self, hit: &SurfacePoint<'_>, image: &Option<TextureRef>) -> Option<[f32; 4]> {
+        self.looked_up(hit, image, TexelKind::Numbers)
     }
 
-    fn looked_up(&self, hit: &Hit<'_>, image: &Option<TextureRef>, meaning: Meaning) -> Option<[f32; 4]> {
+    fn looked_up(
+        &self,
+        hit: &SurfacePoint<'_>,
+        image: &Option<TextureRef>,
+        meaning: TexelKind,
+    ) -> Option<[f32; 4]> {
         let image = image.as_ref()?;
         let texture = self.subject.surfaces.texture(image, meaning)?;
         let spot = self.spot(hit, image)?;
         Some(texture.at(spot.uv, spot.across, spot.down, image.sampler))
     }
 
-    fn spot(&self, hit: &Hit<'_>, image: &TextureRef) -> Option<Spot> {
+    fn spot(&self, hit: &SurfacePoint<'_>, image: &TextureRef) -> Option<TexturePoint> {
         let all = hit.wedges.map(|w| uv_of(hit, w, image.uv_set));
         let [a, b, c] = [all[0]?, all[1]?, all[2]?];
         let at = |l: [f32; 3]| image.look_up([0, 1].map(|k| l[0] * a[k] + l[1] * b[k] + l[2] * c[k]));
@@ -189,12 +194,12 @@ impl Shader<'_> {
         };
         let across = to(self.barycentrics(hit, x + 1.0, y));
         let down = to(self.barycentrics(hit, x, y + 1.0));
-        Some(Spot { uv, across, down })
+        Some(TexturePoint { uv, across, down })
     }
 }
 
 /// Returns the texture coordinates of a wedge in a set.
-fn uv_of(hit: &Hit<'_>, wedge: WedgeId, set: u8) -> Option<[f32; 2]> {
+fn uv_of(hit: &SurfacePoint<'_>, wedge: WedgeId, set: u8) -> Option<[f32; 2]> {
     let mesh = &hit.placed.drawn.mesh;
     if set == 0 {
         return mesh.uvs().map(|all| all[wedge.index()]);

@@ -19,12 +19,12 @@ pub(crate) fn ranges(values: &[f32], width: usize) -> Vec<[f32; 2]> {
         }
     }
     // Without wedges there is no range to keep.
-    all.iter_mut().filter(|r| r[0] > r[1]).for_each(|r| *r = ANY);
+    all.iter_mut().filter(|r| r[0] > r[1]).for_each(|r| *r = UNLIMITED_RANGE);
     all
 }
 
 /// The range of a value that is not limited.
-pub(crate) const ANY: [f32; 2] = [-f32::MAX, f32::MAX];
+pub(crate) const UNLIMITED_RANGE: [f32; 2] = [-f32::MAX, f32::MAX];
 
 /// Clamps a value to a range.
 #[inline(always)]
@@ -40,7 +40,7 @@ mod tests {
     fn each_value_has_a_range_of_its_own() {
         let values = [0.5, -3.0, 0.25, f32::NAN, 1.0, -1.0];
         assert_eq!(ranges(&values, 2), [[0.25, 1.0], [-3.0, 0.0]]);
-        assert_eq!(ranges(&[], 1), [ANY]);
+        assert_eq!(ranges(&[], 1), [UNLIMITED_RANGE]);
         assert_eq!([-1.0, 0.3, 7.0].map(|x| within(x, [0.25, 1.0])), [0.25, 0.3, 1.0]);
     }
 }

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use lodsmith_core::splits::Layout;
 use lodsmith_core::{Semantic, WedgeId};
 
-use super::{Column, Of, Rows, unit};
+use super::{Column, ColumnSource, Rows, unit};
 use crate::collapse::attributes::Attributes;
 
 /// Changes of values below this fraction of the largest one are rounding.
@@ -25,7 +25,7 @@ pub(crate) struct RowPlaces {
 
 impl Rows {
     /// Returns the offsets of the columns, and of joints and weights of each set, in rows of a mesh.
-    pub(crate) fn places(&self, layout: &Layout) -> RowPlaces {
+    pub(crate) fn offsets(&self, layout: &Layout) -> RowPlaces {
         let uvs = 3 * usize::from(layout.has_normals);
         let colors = uvs + 2 * usize::from(layout.has_uvs);
         let mut at = colors + 4 * usize::from(layout.has_colors);
@@ -35,12 +35,12 @@ impl Rows {
             at += width;
         }
         let find = |s: &Semantic, n: usize| further.iter().find(|f| f.0 == s && f.1 == n).map(|f| f.2);
-        let place = |c: &Column| match &c.of {
-            Of::Normals => layout.has_normals.then_some(0),
-            Of::Uvs => Some(uvs),
-            Of::Colors => Some(colors),
-            Of::Middle => None,
-            Of::Further(semantic) => find(semantic, c.width),
+        let place = |c: &Column| match &c.source {
+            ColumnSource::Normals => layout.has_normals.then_some(0),
+            ColumnSource::Uvs => Some(uvs),
+            ColumnSource::Colors => Some(colors),
+            ColumnSource::Middle => None,
+            ColumnSource::Further(semantic) => find(semantic, c.width),
         };
         let varying = |c: &Column| if c.constant.is_some() { None } else { place(c) };
         let skins = self
@@ -71,12 +71,12 @@ impl Rows {
 
     fn write_values(&self, values: &[f32], places: &RowPlaces, row: &mut [f32]) {
         for (c, at) in self.placed(places) {
-            let (from, to) = (&values[c.at..c.at + c.width], &mut row[at..at + c.width]);
-            match &c.of {
-                Of::Normals => to.copy_from_slice(&unit(from)),
-                _ => to.iter_mut().enumerate().for_each(|(k, to)| *to = c.given(k, from[k])),
+            let (from, to) = (&values[c.offset..c.offset + c.width], &mut row[at..at + c.width]);
+            match &c.source {
+                ColumnSource::Normals => to.copy_from_slice(&unit(from)),
+                _ => to.iter_mut().enumerate().for_each(|(k, to)| *to = c.to_mesh_units(k, from[k])),
             }
-            if matches!(&c.of, Of::Further(Semantic::Tangent)) && c.width == 4 {
+            if matches!(&c.source, ColumnSource::Further(Semantic::Tangent)) && c.width == 4 {
                 to[..3].copy_from_slice(&unit(&from[..3]));
                 to[3] = if from[3] < 0.0 { -1.0 } else { 1.0 };
             }
@@ -108,7 +108,7 @@ impl Rows {
     }
 
     /// Averages, over the rows of one vertex, the attributes that displace it as a whole.
-    pub(crate) fn hold_together(&self, places: &RowPlaces, rows: &mut [Vec<f32>]) {
+    pub(crate) fn average_movement(&self, places: &RowPlaces, rows: &mut [Vec<f32>]) {
         let is_alike = |rows: &[Vec<f32>], of: &dyn Fn(&[f32]) -> Vec<f32>| {
             rows.windows(2).all(|r| of(&r[0]) == of(&r[1]))
         };
@@ -142,7 +142,7 @@ impl Rows {
     pub(crate) fn read(&self, attributes: &mut Attributes, w: WedgeId, places: &RowPlaces, row: &[f32]) {
         let values = attributes.values_mut(w);
         for (c, at) in self.placed(places) {
-            let own = values[c.at..c.at + c.width].iter_mut();
+            let own = values[c.offset..c.offset + c.width].iter_mut();
             own.zip(&row[at..]).for_each(|(to, from)| {
                 *to = if from.is_finite() { from / c.divisor } else { 0.0 };
             });
@@ -150,10 +150,10 @@ impl Rows {
     }
 
     /// Sets the weight of values that are in no row of a mesh to 0.
-    pub(crate) fn forget_lent(&self, weights: &mut [f32], places: &RowPlaces) {
+    pub(crate) fn clear_lent_weights(&self, weights: &mut [f32], places: &RowPlaces) {
         let columns = self.layout.iter().zip(&places.columns);
         for (c, _) in columns.filter(|c| c.0.constant.is_none() && c.1.is_none()) {
-            weights[c.at..c.at + c.width].fill(0.0);
+            weights[c.offset..c.offset + c.width].fill(0.0);
         }
     }
 

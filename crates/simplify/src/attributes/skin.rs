@@ -8,7 +8,7 @@ use lodsmith_core::{Semantic, TriMesh, WedgeId};
 use crate::collapse::attributes::Pulls;
 
 /// Joint weights are clamped to this, so that any number of them can be summed.
-const LARGEST_PULL: f32 = 1e30;
+const MAX_JOINT_WEIGHT: f32 = 1e30;
 
 /// Returns the weighted mean of the joint positions of each wedge. The position of a joint is the weighted
 /// mean of its vertices. Empty without a skin.
@@ -61,7 +61,7 @@ pub(super) fn pulls(mesh: &TriMesh, sets: &[u8], w: WedgeId) -> Pulls {
             continue;
         };
         let weighted = joints.of(w).iter().zip(weights.of(w)).filter(|x| *x.1 > 0.0 && x.1.is_finite());
-        for (&joint, weight) in weighted.map(|x| (x.0, x.1.min(LARGEST_PULL))) {
+        for (&joint, weight) in weighted.map(|x| (x.0, x.1.min(MAX_JOINT_WEIGHT))) {
             match pulls.iter_mut().find(|p| p.0 == joint as u32) {
                 Some(p) => p.1 += weight,
                 None => pulls.push((joint as u32, weight)),

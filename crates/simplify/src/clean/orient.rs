@@ -5,10 +5,10 @@ use lodsmith_core::{Bounds, FaceId, HalfEdgeId, Surface};
 
 /// A closed component whose volume is below this share of its area, to the power of 3/2, has no meaningful
 /// inside: rounding of single precision on flat components. A sphere has 0.094.
-const FLAT: f64 = 1e-7;
+const MIN_VOLUME_SHARE: f64 = 1e-7;
 
 /// Faces connected across edges with two faces.
-struct Patch {
+struct OrientedPatch {
     faces: Vec<FaceId>,
     is_closed: bool,
     /// Signed volume, and the area, in the present orientation.
@@ -18,12 +18,12 @@ struct Patch {
 }
 
 /// Returns for each face whether it has to be flipped.
-pub(crate) fn turned(surface: &Surface<'_>) -> Vec<bool> {
+pub(crate) fn faces_to_flip(surface: &Surface<'_>) -> Vec<bool> {
     let topology = Topology::unwelded(surface);
     let count = surface.triangles().len();
     let mut turned = vec![false; count];
     let mut patch_of = vec![usize::MAX; count];
-    let mut patches: Vec<Patch> = Vec::new();
+    let mut patches: Vec<OrientedPatch> = Vec::new();
     let none = vec![false; count];
     for first in (0..count).map(FaceId::new) {
         if patch_of[first.index()] != usize::MAX {
@@ -66,7 +66,7 @@ pub(crate) fn turned(surface: &Surface<'_>) -> Vec<bool> {
         patches.push(measured(surface, faces, &turned));
     }
     find_closed(&topology, &turned, &patch_of, &mut patches);
-    let looks_inward = |p: &Patch| p.is_closed && p.volume < -FLAT * p.area.powf(1.5);
+    let looks_inward = |p: &OrientedPatch| p.is_closed && p.volume < -MIN_VOLUME_SHARE * p.area.powf(1.5);
     let doubtful: Vec<usize> = (0..patches.len()).filter(|&i| looks_inward(&patches[i])).collect();
     for (&i, is_inside) in doubtful.iter().zip(inside_others(surface, &patches, &patch_of, &doubtful)) {
         // A patch inside another may be a cavity.
@@ -77,7 +77,7 @@ pub(crate) fn turned(surface: &Surface<'_>) -> Vec<bool> {
     turned
 }
 
-fn measured(surface: &Surface<'_>, faces: Vec<FaceId>, turned: &[bool]) -> Patch {
+fn measured(surface: &Surface<'_>, faces: Vec<FaceId>, turned: &[bool]) -> OrientedPatch {
     let positions = surface.positions();
     let corners = |f: FaceId| surface.triangles()[f.index()].map(|v| positions.get(v));
     let mut bounds = Bounds { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3] };
@@ -97,11 +97,11 @@ fn measured(surface: &Surface<'_>, faces: Vec<FaceId>, turned: &[bool]) -> Patch
         volume += sign * a.dot(normal) / 6.0;
         area += normal.length() / 2.0;
     }
-    Patch { faces, is_closed: true, volume, area, bounds }
+    OrientedPatch { faces, is_closed: true, volume, area, bounds }
 }
 
 /// Marks patches as open unless each of their edges is used equally often in both directions.
-fn find_closed(topology: &Topology, turned: &[bool], patch_of: &[usize], patches: &mut [Patch]) {
+fn find_closed(topology: &Topology, turned: &[bool], patch_of: &[usize], patches: &mut [OrientedPatch]) {
     let mut sums: Vec<(usize, i32)> = Vec::new();
     for first in topology.edges() {
         sums.clear();
@@ -122,7 +122,12 @@ fn find_closed(topology: &Topology, turned: &[bool], patch_of: &[usize], patches
 /// Returns for some patches whether each lies inside an odd number of other closed ones.
 ///
 /// A ray upwards from a point of each patch is tested against the faces in its cell of a grid in x and y.
-fn inside_others(surface: &Surface<'_>, patches: &[Patch], patch_of: &[usize], asked: &[usize]) -> Vec<bool> {
+fn inside_others(
+    surface: &Surface<'_>,
+    patches: &[OrientedPatch],
+    patch_of: &[usize],
+    asked: &[usize],
+) -> Vec<bool> {
     let holds = |outer: &Bounds, inner: &Bounds| {
         (0..3).all(|k| outer.min[k] <= inner.min[k] && outer.max[k] >= inner.max[k])
     };
@@ -134,7 +139,8 @@ fn inside_others(surface: &Surface<'_>, patches: &[Patch], patch_of: &[usize], a
         all.min = [0, 1, 2].map(|k| all.min[k].min(p.min[k]));
         all.max = [0, 1, 2].map(|k| all.max[k].max(p.max[k]));
     }
-    let meets = |p: &Patch| (0..3).all(|k| p.bounds.min[k] <= all.max[k] && p.bounds.max[k] >= all.min[k]);
+    let meets =
+        |p: &OrientedPatch| (0..3).all(|k| p.bounds.min[k] <= all.max[k] && p.bounds.max[k] >= all.min[k]);
     let positions = surface.positions();
     let corners = |f: FaceId| surface.triangles()[f.index()].map(|v| positions.get(v));
     let faces: Vec<FaceId> =

@@ -11,14 +11,14 @@ use lodsmith_core::{FaceId, HalfEdgeId, Surface, VertexId};
 const NO_PAIR: u32 = u32::MAX;
 
 /// A cut surface: faces over vertices, some of them new.
-pub(super) struct Parted {
+pub(super) struct CutSurface {
     pub(super) faces: Vec<[VertexId; 3]>,
     /// For each new vertex, in order of index, the one whose position it copies.
     pub(super) copy_of: Vec<VertexId>,
 }
 
 /// Cuts a surface so that it becomes manifold and oriented, with borders.
-pub(super) fn parted(surface: &Surface<'_>) -> Parted {
+pub(super) fn cut_non_manifold(surface: &Surface<'_>) -> CutSurface {
     let topology = Topology::unwelded(surface);
     let mut pair = vec![NO_PAIR; topology.face_count() * 3];
     let mut ring = Vec::new();
@@ -33,7 +33,7 @@ pub(super) fn parted(surface: &Surface<'_>) -> Parted {
     // All rounds but the last separate pairs, and none creates any.
     let mut round = 0;
     loop {
-        let parted = by_fans(surface, &topology, &pair);
+        let parted = assign_vertices(surface, &topology, &pair);
         // An edge whose two pairs share both ends still has four faces.
         let triangles = parted.faces.clone();
         let places: Vec<[f64; 3]> = vec![[0.0; 3]; surface.positions().len() + parted.copy_of.len()];
@@ -83,7 +83,7 @@ fn unpair(pair: &mut [u32], h: HalfEdgeId) -> bool {
 
 /// Sews coincident borders, two half-edges per edge. Returns the vertices to merge and the number of sewn
 /// edges.
-pub(super) fn sewn(surface: &Surface<'_>, place: &Weld) -> (Weld, usize) {
+pub(super) fn sew_borders(surface: &Surface<'_>, place: &Weld) -> (Weld, usize) {
     let triangles = surface.triangles().iter().map(|t| t.map(|v| place.of(v))).collect();
     let mut root: Vec<VertexId> = (0..surface.positions().len()).map(VertexId::new).collect();
     let Ok(joined) = Surface::with_triangles(surface.positions(), triangles) else {
@@ -154,7 +154,7 @@ fn match_ring(
 }
 
 /// Assigns vertices to connected corners: the first fan keeps the vertex, further ones get new ones.
-fn by_fans(surface: &Surface<'_>, topology: &Topology, pair: &[u32]) -> Parted {
+fn assign_vertices(surface: &Surface<'_>, topology: &Topology, pair: &[u32]) -> CutSurface {
     let mut root: Vec<VertexId> = (0..pair.len()).map(VertexId::new).collect();
     for h in (0..pair.len()).map(HalfEdgeId::new) {
         if pair[h.index()] != NO_PAIR {
@@ -185,7 +185,7 @@ fn by_fans(surface: &Surface<'_>, topology: &Topology, pair: &[u32]) -> Parted {
         })
     });
     let faces = faces.collect();
-    Parted { faces, copy_of }
+    CutSurface { faces, copy_of }
 }
 
 fn find(root: &mut [VertexId], mut i: VertexId) -> VertexId {

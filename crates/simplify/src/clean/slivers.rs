@@ -12,11 +12,11 @@ use std::collections::HashMap;
 use lodsmith_core::mesh::defects::is_zero_area;
 use lodsmith_core::{VertexId, WedgeId};
 
-use super::Work;
+use super::CleanState;
 
 /// Maximum number of flips that one zero-area face may start, so that the steps are linear in the faces.
 /// (Guessed; few need three.)
-const TURNS: u8 = 8;
+const MAX_FLIPS: u8 = 8;
 
 /// Maximum number of times that faces which had to stay are visited again, so that the steps are linear in the faces.
 /// (Guessed; few models need a second visit.)
@@ -35,7 +35,7 @@ struct FacesAt {
 
 /// Result of the repair, and its cost.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Mended {
+pub(super) struct SliverRepair {
     /// Faces that were removed or got an area.
     pub(super) faces: usize,
     /// Number of faces visited, repeats included.
@@ -49,11 +49,11 @@ pub(super) struct Mended {
 /// two edges, the sliver is removed. It stays if the longest edge has more than two faces, is a seam or a
 /// border of regions, if the flipped edge already exists, and if two of its corners almost coincide; it is
 /// visited again once others have gone. Cost: O(n), whatever the number of faces at an edge.
-pub(super) fn mend(work: &mut Work<'_>) -> Mended {
+pub(super) fn repair(work: &mut CleanState<'_>) -> SliverRepair {
     let mut waiting: Vec<usize> =
         (0..work.faces.len()).rev().filter(|&f| is_sliver(work, work.faces[f])).collect();
     if waiting.is_empty() {
-        return Mended::default();
+        return SliverRepair::default();
     }
     let (before, mut steps) = (waiting.len(), 0);
     let mut is_near = vec![false; work.mesh.vertex_count()];
@@ -73,7 +73,7 @@ pub(super) fn mend(work: &mut Work<'_>) -> Mended {
         let changes_before = changes;
         while let Some(f) = waiting.pop() {
             steps += 1;
-            if gone[f] || turns[f] == TURNS || !is_sliver(work, work.faces[f]) {
+            if gone[f] || turns[f] == MAX_FLIPS || !is_sliver(work, work.faces[f]) {
                 continue;
             }
             let [a, b, c] = [0, 1, 2].map(|k| length_sq(work, edge(work, f, k)));
@@ -93,7 +93,7 @@ pub(super) fn mend(work: &mut Work<'_>) -> Mended {
                 changes += 1;
             } else if count == 2 {
                 let g = joined ^ f;
-                if turn(work, &mut edges, f, longest, g) {
+                if flip(work, &mut edges, f, longest, g) {
                     // (Counted for the face that started it, so that every flip counts.)
                     turns[f] += 1;
                     changes += 1;
@@ -102,7 +102,7 @@ pub(super) fn mend(work: &mut Work<'_>) -> Mended {
             }
         }
         // What had to stay may go once its neighbours are gone.
-        slivers.retain(|&f| !gone[f] && turns[f] < TURNS && is_sliver(work, work.faces[f]));
+        slivers.retain(|&f| !gone[f] && turns[f] < MAX_FLIPS && is_sliver(work, work.faces[f]));
         if slivers.is_empty() || changes == changes_before {
             break;
         }
@@ -110,33 +110,33 @@ pub(super) fn mend(work: &mut Work<'_>) -> Mended {
     }
     work.drop_faces(|f| gone[f]);
     let after = (0..work.faces.len()).filter(|&f| is_sliver(work, work.faces[f])).count();
-    Mended { faces: before.saturating_sub(after), steps }
+    SliverRepair { faces: before.saturating_sub(after), steps }
 }
 
-fn length_sq(work: &Work<'_>, (a, b): (VertexId, VertexId)) -> f64 {
+fn length_sq(work: &CleanState<'_>, (a, b): (VertexId, VertexId)) -> f64 {
     let [a, b] = [a, b].map(|v| work.mesh.positions().view().get(v));
     (0..3).map(|i| (b[i] - a[i]).powi(2)).sum()
 }
 
-fn is_sliver(work: &Work<'_>, face: [WedgeId; 3]) -> bool {
+fn is_sliver(work: &CleanState<'_>, face: [WedgeId; 3]) -> bool {
     is_zero_area(work.places(face).map(|v| work.mesh.positions().view().get(v)))
 }
 
 /// The edge that leaves corner `k` of a face.
-fn edge(work: &Work<'_>, f: usize, k: usize) -> (VertexId, VertexId) {
+fn edge(work: &CleanState<'_>, f: usize, k: usize) -> (VertexId, VertexId) {
     let t = work.places(work.faces[f]);
     let (a, b) = (t[k], t[(k + 1) % 3]);
     (a.min(b), a.max(b))
 }
 
-fn add(work: &Work<'_>, edges: &mut Edges, f: usize) {
+fn add(work: &CleanState<'_>, edges: &mut Edges, f: usize) {
     for k in 0..3 {
         let at = edges.entry(edge(work, f, k)).or_default();
         *at = FacesAt { count: at.count + 1, joined: at.joined ^ f };
     }
 }
 
-fn remove(work: &Work<'_>, edges: &mut Edges, f: usize) {
+fn remove(work: &CleanState<'_>, edges: &mut Edges, f: usize) {
     for k in 0..3 {
         let at = edges.entry(edge(work, f, k)).or_default();
         *at = FacesAt { count: at.count - 1, joined: at.joined ^ f };
@@ -152,7 +152,7 @@ fn remove(work: &Work<'_>, edges: &mut Edges, f: usize) {
 ///     \ g /            \ | /
 ///       d                d
 /// ```
-fn turn(work: &mut Work<'_>, edges: &mut Edges, f: usize, k: usize, g: usize) -> bool {
+fn flip(work: &mut CleanState<'_>, edges: &mut Edges, f: usize, k: usize, g: usize) -> bool {
     let [fa, fb, fc] = [0, 1, 2].map(|i| work.faces[f][(k + i) % 3]);
     let same_region = work.regions.as_ref().is_none_or(|r| r[f] == r[g]);
     // The same wedges, in the opposite direction.

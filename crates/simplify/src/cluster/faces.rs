@@ -8,13 +8,13 @@ use super::pieces;
 
 /// Three clusters, the lowest first, and the first face of the model that connects them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Face {
+pub(super) struct ClusterFace {
     pub(super) corners: [u32; 3],
     pub(super) from: u32,
 }
 
 /// Buckets of faces with the same lowest cluster are sorted above this size, and compared in pairs up to it.
-const MANY: usize = 24;
+const SORT_ABOVE: usize = 24;
 
 /// Division of the clusters into contiguous shares; no result depends on it. Records which faces have a
 /// corner in each share.
@@ -30,7 +30,7 @@ pub(super) struct Shares {
 
 /// Shares per thread, so that late threads still find work, and the maximum number of shares. (Guessed: to
 /// find a share's faces, all marks are scanned once more.)
-const SHARES: usize = 2;
+const SHARES_PER_THREAD: usize = 2;
 const MOST_SHARES: usize = 32;
 /// Shares start at multiples of this number of clusters.
 pub(super) const BLOCK: usize = 1 << 6;
@@ -40,7 +40,7 @@ impl Shares {
         let blocks = clusters.div_ceil(BLOCK).max(1);
         let count = match pieces::threads(faces) {
             1 => 1,
-            threads => (SHARES * threads).min(MOST_SHARES).min(blocks),
+            threads => (SHARES_PER_THREAD * threads).min(MOST_SHARES).min(blocks),
         };
         let bits = count.next_power_of_two().trailing_zeros();
         let words = if count > 1 { faces.div_ceil(64 >> bits) } else { 0 };
@@ -101,20 +101,20 @@ impl Shares {
 /// Returns the faces between different clusters, sorted by their lowest cluster and then by their order in
 /// the model, one list per share. Of several between the same three clusters the first of each orientation is
 /// kept. Cost: O(F).
-pub(super) fn between(
+pub(super) fn faces_between(
     faces: &[[VertexId; 3]],
     cluster_of: &[u32],
     clusters: usize,
-) -> (Vec<Vec<Face>>, Shares) {
+) -> (Vec<Vec<ClusterFace>>, Shares) {
     let mut shares = Shares::new(clusters, faces.len());
     let len = pieces::len(faces.len());
     let lists = match shares.count {
-        1 => pieces::map(faces.len(), |range| left(faces, range, cluster_of, &shares, &mut [])),
+        1 => pieces::map(faces.len(), |range| kept_faces(faces, range, cluster_of, &shares, &mut [])),
         _ => {
             let mut touched = std::mem::take(&mut shares.touched);
             let lists = pieces::shared(&mut touched, len / (64 >> shares.bits), |k, touched| {
                 let range = k * len..((k + 1) * len).min(faces.len());
-                left(faces, range, cluster_of, &shares, touched)
+                kept_faces(faces, range, cluster_of, &shares, touched)
             });
             shares.touched = touched;
             lists
@@ -130,31 +130,31 @@ pub(super) fn between(
 
 /// Faces sorted by the share of their lowest cluster, otherwise in order; and the start of each share, with
 /// the end of the last.
-struct Left {
-    faces: Vec<Face>,
+struct SharedFaces {
+    faces: Vec<ClusterFace>,
     at: Vec<usize>,
 }
 
 /// Number of faces filtered before the kept ones are built.
-const SOME: usize = 1 << 11;
+const FILTER_FACES: usize = 1 << 11;
 
 /// Filters the kept faces of a range, and records the shares that each face touches.
-fn left(
+fn kept_faces(
     faces: &[[VertexId; 3]],
     range: Range<usize>,
     cluster_of: &[u32],
     shares: &Shares,
     touched: &mut [u64],
-) -> Left {
+) -> SharedFaces {
     let clusters = |t: &[VertexId; 3]| t.map(|v| cluster_of[v.index()]);
     let is_left = |[a, b, c]: [u32; 3]| usize::from((a != b) & (b != c) & (c != a));
     // Appended without the unpredictable branch on whether a face is kept.
-    let mut left = [0u32; SOME];
+    let mut left = [0u32; FILTER_FACES];
     let mut kept = Vec::new();
     let (each, width) = (64 >> shares.bits, 1u32 << shares.bits);
-    let mut words = touched.chunks_mut(SOME / each);
-    for first in range.clone().step_by(SOME) {
-        let some = first..(first + SOME).min(range.end);
+    let mut words = touched.chunks_mut(FILTER_FACES / each);
+    for first in range.clone().step_by(FILTER_FACES) {
+        let some = first..(first + FILTER_FACES).min(range.end);
         let mut found = 0;
         if let Some(words) = words.next() {
             for ((word, some), first) in
@@ -163,7 +163,7 @@ fn left(
                 let mut all = 0;
                 for (from, t) in (first..).zip(some) {
                     let [a, b, c] = clusters(t);
-                    left[found % SOME] = from;
+                    left[found % FILTER_FACES] = from;
                     found += is_left([a, b, c]);
                     let touches = 1u64 << shares.of(a) | 1 << shares.of(b) | 1 << shares.of(c);
                     all = all >> width | touches << (64 - width);
@@ -172,7 +172,7 @@ fn left(
             }
         } else {
             for (from, t) in (first as u32..).zip(&faces[some]) {
-                left[found % SOME] = from;
+                left[found % FILTER_FACES] = from;
                 found += is_left(clusters(t));
             }
         }
@@ -183,16 +183,16 @@ fn left(
                 least if least == b => [b, c, a],
                 _ => [c, a, b],
             };
-            Face { corners, from }
+            ClusterFace { corners, from }
         }));
     }
     by_share(kept, shares)
 }
 
 /// Sorts faces by share.
-fn by_share(faces: Vec<Face>, shares: &Shares) -> Left {
+fn by_share(faces: Vec<ClusterFace>, shares: &Shares) -> SharedFaces {
     if shares.count == 1 {
-        return Left { at: vec![0, faces.len()], faces };
+        return SharedFaces { at: vec![0, faces.len()], faces };
     }
     let mut at = vec![0; shares.count + 1];
     faces.iter().for_each(|f| at[shares.of(f.corners[0]) + 1] += 1);
@@ -204,22 +204,22 @@ fn by_share(faces: Vec<Face>, shares: &Shares) -> Left {
         sorted[*slot] = face;
         *slot += 1;
     }
-    Left { faces: sorted, at }
+    SharedFaces { faces: sorted, at }
 }
 
 /// Removes duplicates among faces whose lowest clusters are `first` and the `count` - 1 after it.
-fn distinct<'a, I: Iterator<Item = &'a Face>>(
+fn distinct<'a, I: Iterator<Item = &'a ClusterFace>>(
     faces: impl Fn() -> I,
     first: usize,
     count: usize,
-) -> Vec<Face> {
+) -> Vec<ClusterFace> {
     let mut at = vec![0u32; count + 1];
-    let bucket = |f: &Face| f.corners[0] as usize - first;
+    let bucket = |f: &ClusterFace| f.corners[0] as usize - first;
     faces().for_each(|f| at[bucket(f) + 1] += 1);
     for i in 0..count {
         at[i + 1] += at[i];
     }
-    let mut sorted = vec![Face { corners: [0; 3], from: 0 }; at[count] as usize];
+    let mut sorted = vec![ClusterFace { corners: [0; 3], from: 0 }; at[count] as usize];
     for f in faces() {
         let slot = &mut at[bucket(f)];
         sorted[*slot as usize] = *f;
@@ -229,14 +229,17 @@ fn distinct<'a, I: Iterator<Item = &'a Face>>(
     let (mut start, mut len) = (0, 0);
     for &end in &at[..count] {
         let end = end as usize;
-        if end - start > MANY {
+        if end - start > SORT_ABOVE {
             sorted[start..end].sort_unstable();
         }
         let kept = len;
         for i in start..end {
             let f = sorted[i];
-            let before =
-                if end - start > MANY { &sorted[len.max(kept + 1) - 1..len] } else { &sorted[kept..len] };
+            let before = if end - start > SORT_ABOVE {
+                &sorted[len.max(kept + 1) - 1..len]
+            } else {
+                &sorted[kept..len]
+            };
             if before.iter().all(|g| g.corners != f.corners) {
                 sorted[len] = f;
                 len += 1;
@@ -249,7 +252,7 @@ fn distinct<'a, I: Iterator<Item = &'a Face>>(
 }
 
 /// Counts the edges with more than two of these faces, which are sorted by their lowest clusters. Cost: O(F).
-pub(super) fn non_manifold_edges(parts: &[Vec<Face>], clusters: usize) -> usize {
+pub(super) fn non_manifold_edges(parts: &[Vec<ClusterFace>], clusters: usize) -> usize {
     // Two of the three edges of a face are at its lowest cluster and are counted there; the third is queued
     // at the lower of its ends, which comes later: a linked list per cluster, of the higher end and the
     // previous entry.

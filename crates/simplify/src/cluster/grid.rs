@@ -2,21 +2,21 @@
 
 use glam::{DVec3, Mat4, Vec4};
 
-use super::model::{Framed, LANES, MARKERS, Model, Place};
+use super::model::{ClusterInput, ClusterPosition, Framed, LANES, MAX_MARK_SHARES};
 use super::pieces;
 
 /// Maximum number of cells along the longest edge of the box: a key has 21 bits for each coordinate.
-pub(super) const FINEST: f64 = 2_000_000.0;
+pub(super) const MAX_RESOLUTION: f64 = 2_000_000.0;
 /// Maximum rounding error of a single-precision position, in longest edges of the box. (Three roundings by
 /// 2^-26 and 2^-25.)
-const ROUNDED: f64 = 1.0 / (1u64 << 23) as f64;
+const MAX_ROUNDING: f64 = 1.0 / (1u64 << 23) as f64;
 /// Adding this to a float of moderate size rounds it to an integer, which is then in its low bits.
-const WHOLE: f32 = (3u32 << 22) as f32;
-const LOW: u32 = (1 << 22) - 1;
+const ROUNDING_MAGIC: f32 = (3u32 << 22) as f32;
+const LOW_BITS: u32 = (1 << 22) - 1;
 
 /// Grid of cubes, centred on the box.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Grid {
+pub(super) struct ClusterGrid {
     /// Centre of the box, and half the grid in cells: kept apart, so that nothing is rounded to the precision
     /// of large coordinates.
     middle: DVec3,
@@ -33,8 +33,8 @@ pub(super) struct Grid {
 /// Returns the cell of a coordinate: the integer nearest to it minus a half. A coordinate on a boundary may
 /// get either cell.
 #[inline(always)]
-fn whole(place: f32) -> u32 {
-    (place - 0.5 + WHOLE).to_bits() & LOW
+fn cell_index(place: f32) -> u32 {
+    (place - 0.5 + ROUNDING_MAGIC).to_bits() & LOW_BITS
 }
 
 /// Splits vertices into groups of eight, the last one padded.
@@ -49,15 +49,15 @@ fn eights(frame: &[Framed]) -> impl Iterator<Item = [Framed; LANES]> {
     whole.iter().copied().chain(last)
 }
 
-impl Grid {
+impl ClusterGrid {
     /// Builds a grid with `resolution` cells along the longest edge of the box. It exceeds the box equally on
     /// both sides.
-    pub(super) fn new<P: Place>(model: &Model<'_, P>, resolution: f64) -> Self {
+    pub(super) fn new<P: ClusterPosition>(model: &ClusterInput<'_, P>, resolution: f64) -> Self {
         let scale = resolution as f32;
         let resolution = f64::from(scale);
         let extent = model.extent();
         let longest = extent.max_element();
-        let rounding = ROUNDED * resolution;
+        let rounding = MAX_ROUNDING * resolution;
         // Margin for rounding, so that no position lies outside.
         let count = (extent / longest * resolution + 2.0 * rounding).as_uvec3() + 1;
         let half = 0.5 * count.as_dvec3();
@@ -97,32 +97,32 @@ impl Grid {
             let x = if x > 0.5 { x } else { 0.5 };
             if x < last { x } else { last }
         };
-        [0, 1, 2].map(|k| places[k].map(|x| whole(inside(x, last[k]))))
+        [0, 1, 2].map(|k| places[k].map(|x| cell_index(inside(x, last[k]))))
     }
     /// Returns the cell of a vertex that has a face.
-    pub(super) fn cell_of<P: Place>(&self, model: &Model<'_, P>, v: usize) -> [u32; 3] {
+    pub(super) fn cell_of<P: ClusterPosition>(&self, model: &ClusterInput<'_, P>, v: usize) -> [u32; 3] {
         self.cells_at(&[model.frame[v]; LANES]).map(|axis| axis[0])
     }
     /// Returns the cell of a position, as integral floats.
     #[inline(always)]
     pub(super) fn cell_in(place: Vec4) -> Vec4 {
-        let whole = Vec4::splat(WHOLE);
+        let whole = Vec4::splat(ROUNDING_MAGIC);
         (place - 0.5 + whole) - whole
     }
     /// Returns a position relative to its cell.
     #[inline(always)]
-    pub(super) fn inside(place: Vec4) -> Vec4 {
+    pub(super) fn offset_in_cell(place: Vec4) -> Vec4 {
         place - Self::cell_in(place)
     }
     /// Converts a position in cells to user units.
-    pub(super) fn user(&self, p: DVec3) -> [f64; 3] {
+    pub(super) fn to_user(&self, p: DVec3) -> [f64; 3] {
         ((p - self.half) * self.cell + self.middle).to_array()
     }
     /// Computes hash keys that differ between the cells of nearby vertices.
-    pub(super) fn keys<P: Place>(&self, model: &Model<'_, P>, keys: &mut [u32]) {
+    pub(super) fn keys<P: ClusterPosition>(&self, model: &ClusterInput<'_, P>, keys: &mut [u32]) {
         pieces::fill(keys, |start, piece| {
             for (keys, frame) in piece.chunks_mut(LANES).zip(eights(&model.frame[start..])) {
-                let [x, y, z] = self.places_of(&frame).map(|axis| axis.map(whole));
+                let [x, y, z] = self.places_of(&frame).map(|axis| axis.map(cell_index));
                 let mut all = [0; LANES];
                 for k in 0..LANES {
                     all[k] = x[k].wrapping_add(y[k] << 11).wrapping_add(z[k] << 22);
@@ -138,7 +138,7 @@ impl Grid {
 
     /// Returns for each vertex the index of its cell among the occupied ones, and the coordinates of those
     /// cells.
-    pub(super) fn cells<P: Place>(&self, model: &Model<'_, P>) -> (Vec<u32>, Vec<[u32; 3]>) {
+    pub(super) fn cells<P: ClusterPosition>(&self, model: &ClusterInput<'_, P>) -> (Vec<u32>, Vec<[u32; 3]>) {
         let blocks = self.blocks();
         let all = blocks.iter().try_fold(1usize, |n, &b| n.checked_mul(b));
         match all.filter(|&n| n <= (2 * model.points.len()).clamp(1 << 12, 1 << 25)) {
@@ -148,10 +148,14 @@ impl Grid {
     }
 
     /// Numbers the cells with a bit set: one bit per cell, one word per block.
-    fn cells_by_bits<P: Place>(&self, model: &Model<'_, P>, words: usize) -> (Vec<u32>, Vec<[u32; 3]>) {
+    fn cells_by_bits<P: ClusterPosition>(
+        &self,
+        model: &ClusterInput<'_, P>,
+        words: usize,
+    ) -> (Vec<u32>, Vec<[u32; 3]>) {
         let [wide, high, _] = self.blocks().map(|n| n as u32);
         let mut of = vec![0u32; model.points.len()];
-        let share = of.len().div_ceil(pieces::threads(of.len()).min(MARKERS)).next_multiple_of(LANES);
+        let share = of.len().div_ceil(pieces::threads(of.len()).min(MAX_MARK_SHARES)).next_multiple_of(LANES);
         let mut marked = pieces::shared(&mut of, share, |k, piece| {
             let mut bits = vec![0u64; words];
             for (slots, frame) in piece.chunks_mut(LANES).zip(eights(&model.frame[k * share..])) {
@@ -217,7 +221,7 @@ impl Grid {
     }
 
     /// Numbers the cells by sorted keys: for grids much finer than the vertex density.
-    fn cells_by_keys<P: Place>(&self, model: &Model<'_, P>) -> (Vec<u32>, Vec<[u32; 3]>) {
+    fn cells_by_keys<P: ClusterPosition>(&self, model: &ClusterInput<'_, P>) -> (Vec<u32>, Vec<[u32; 3]>) {
         let mut keys = vec![(0u64, 0u32); model.points.len()];
         pieces::fill(&mut keys, |start, piece| {
             let frame = eights(&model.frame[start..]);

@@ -5,15 +5,15 @@ use std::collections::HashMap;
 use glam::DVec3;
 use lodsmith_core::VertexId;
 
-use super::model::{Model, Place};
+use super::model::{ClusterInput, ClusterPosition};
 
 /// The distinct positions of locked vertices, and the vertices there.
 #[derive(Default)]
-pub(super) struct Locked {
+pub(super) struct LockedPositions {
     /// One vertex at each position.
     pub(super) places: Vec<VertexId>,
     /// Vertices at locked positions, each with the index of its position.
-    standing: Vec<(u32, u32)>,
+    vertices: Vec<(u32, u32)>,
     /// Number of faces with all vertices at such positions.
     pub(super) faces: usize,
     /// Index of each position.
@@ -25,8 +25,11 @@ fn key(p: DVec3) -> [u64; 3] {
     p.to_array().map(|x| (x + 0.0).to_bits())
 }
 
-impl Locked {
-    pub(super) fn new<P: Place>(model: &Model<'_, P>, locked: impl Fn(usize) -> bool) -> Self {
+impl LockedPositions {
+    pub(super) fn new<P: ClusterPosition>(
+        model: &ClusterInput<'_, P>,
+        locked: impl Fn(usize) -> bool,
+    ) -> Self {
         let mut places = Vec::new();
         let mut number: HashMap<[u64; 3], u32> = HashMap::new();
         let key = |v: usize| key(model.points[v].wide());
@@ -42,7 +45,7 @@ impl Locked {
         let mut is_locked = vec![false; model.points.len()];
         standing.iter().for_each(|x| is_locked[x.0 as usize] = true);
         let faces = model.faces.iter().filter(|t| t.iter().all(|v| is_locked[v.index()])).count();
-        Self { places, standing, faces, number }
+        Self { places, vertices: standing, faces, number }
     }
 
     /// True if a locked vertex is at this position.
@@ -51,8 +54,8 @@ impl Locked {
     }
 
     /// Assigns the vertices at locked positions to clusters from `first` on.
-    pub(super) fn set_apart(&self, cluster_of: &mut [u32], first: usize) {
-        for &(v, place) in &self.standing {
+    pub(super) fn assign_clusters(&self, cluster_of: &mut [u32], first: usize) {
+        for &(v, place) in &self.vertices {
             cluster_of[v as usize] = first as u32 + place;
         }
     }

@@ -11,7 +11,7 @@ use crate::SimplifyError;
 use crate::report::Cleanup;
 
 /// A position in single or double precision.
-pub(super) trait Place: Copy + Send + Sync {
+pub(super) trait ClusterPosition: Copy + Send + Sync {
     /// Converts to double precision.
     fn wide(self) -> DVec3;
     /// Rounds to this precision.
@@ -20,7 +20,7 @@ pub(super) trait Place: Copy + Send + Sync {
     fn positions(all: Vec<Self>) -> Positions;
 }
 
-impl Place for [f32; 3] {
+impl ClusterPosition for [f32; 3] {
     #[inline(always)]
     fn wide(self) -> DVec3 {
         DVec3::new(f64::from(self[0]), f64::from(self[1]), f64::from(self[2]))
@@ -33,7 +33,7 @@ impl Place for [f32; 3] {
     }
 }
 
-impl Place for [f64; 3] {
+impl ClusterPosition for [f64; 3] {
     #[inline(always)]
     fn wide(self) -> DVec3 {
         self.into()
@@ -57,7 +57,7 @@ pub(super) const LANES: usize = 8;
 pub(super) type Framed = [f32; 4];
 
 /// The input of the method.
-pub(super) struct Model<'a, P> {
+pub(super) struct ClusterInput<'a, P> {
     pub(super) points: &'a [P],
     /// All corners of these are finite.
     pub(super) faces: Cow<'a, [[VertexId; 3]]>,
@@ -82,37 +82,38 @@ fn mark(mark: &mut u32, next: VertexId, before: VertexId) {
 }
 
 /// Maximum number of parallel shares with marks of their own.
-pub(super) const MARKERS: usize = 4;
+pub(super) const MAX_MARK_SHARES: usize = 4;
 
 /// Bounding box of positions, and the sum of their products with 0: zero if all are finite.
-type Looked = (DVec3, DVec3, DVec3);
-const NOTHING: Looked = (DVec3::INFINITY, DVec3::NEG_INFINITY, DVec3::ZERO);
+type BoundsScan = (DVec3, DVec3, DVec3);
+const EMPTY_SCAN: BoundsScan = (DVec3::INFINITY, DVec3::NEG_INFINITY, DVec3::ZERO);
 
-fn look((min, max, sum): Looked, p: DVec3) -> Looked {
+fn scan_position((min, max, sum): BoundsScan, p: DVec3) -> BoundsScan {
     (min.min(p), max.max(p), sum + p * 0.0)
 }
 
-fn together(a: Looked, b: Looked) -> Looked {
+fn merge_scans(a: BoundsScan, b: BoundsScan) -> BoundsScan {
     (a.0.min(b.0), a.1.max(b.1), a.2 + b.2)
 }
 
 /// Marks of all vertices by a share of the faces.
-struct Share {
+struct MarkShare {
     marks: Vec<u32>,
     /// Faces that do not name three distinct vertices.
     degenerate: usize,
-    looked: Looked,
+    looked: BoundsScan,
 }
 
 /// Marks all vertices, one share of the faces at a time, and scans a share of the positions in each.
-fn shares<P: Place>(faces: &[[VertexId; 3]], points: &[P]) -> Vec<Share> {
-    let count = pieces::threads(faces.len()).min(MARKERS);
+fn shares<P: ClusterPosition>(faces: &[[VertexId; 3]], points: &[P]) -> Vec<MarkShare> {
+    let count = pieces::threads(faces.len()).min(MAX_MARK_SHARES);
     pieces::each(count, |k| {
         let part = |n: usize| {
             let len = n.div_ceil(count);
             (k * len).min(n)..((k + 1) * len).min(n)
         };
-        let looked = points[part(points.len())].iter().fold(NOTHING, |all, p| look(all, p.wide()));
+        let looked =
+            points[part(points.len())].iter().fold(EMPTY_SCAN, |all, p| scan_position(all, p.wide()));
         let mut marks = vec![0; points.len()];
         let mut degenerate = 0;
         for &[a, b, c] in &faces[part(faces.len())] {
@@ -121,11 +122,11 @@ fn shares<P: Place>(faces: &[[VertexId; 3]], points: &[P]) -> Vec<Share> {
             mark(&mut marks[c.index()], a, b);
             degenerate += usize::from(a == b || b == c || c == a);
         }
-        Share { marks, degenerate, looked }
+        MarkShare { marks, degenerate, looked }
     })
 }
 
-impl<'a, P: Place> Model<'a, P> {
+impl<'a, P: ClusterPosition> ClusterInput<'a, P> {
     /// Builds the model, without faces that have non-finite corners. Cost: O(V + F).
     ///
     /// # Errors
@@ -135,7 +136,7 @@ impl<'a, P: Place> Model<'a, P> {
         let mut cleanup = Cleanup::default();
         let is_finite = |v: VertexId| points[v.index()].wide().is_finite();
         let mut marked = shares(all, points);
-        let looked = marked.iter().fold(NOTHING, |all, s| together(all, s.looked));
+        let looked = marked.iter().fold(EMPTY_SCAN, |all, s| merge_scans(all, s.looked));
         let mut faces = Cow::Borrowed(all);
         let mut origin = None;
         if looked.2 != DVec3::ZERO {
@@ -168,10 +169,10 @@ impl<'a, P: Place> Model<'a, P> {
             // The box covers only vertices with faces.
             false => pieces::map(points.len(), |range| {
                 let used = points[range.clone()].iter().zip(&marks[range]).filter(|x| *x.1 > 0);
-                used.fold(NOTHING, |all, (p, _)| look(all, p.wide()))
+                used.fold(EMPTY_SCAN, |all, (p, _)| scan_position(all, p.wide()))
             })
             .into_iter()
-            .fold(NOTHING, together),
+            .fold(EMPTY_SCAN, merge_scans),
         };
         let has_open = counts.iter().any(|c| c.1 > 0);
         let mut model = Self { points, faces, origin, frame: Vec::new(), marks, has_open, min, max, cleanup };

@@ -8,15 +8,15 @@ use rayon::prelude::*;
 
 /// Minimum number of elements per chunk: scheduling one takes as long as some thousand elements. Chunk
 /// lengths are multiples of it, so that a chunk starts at a full word of a bit set.
-const LEAST: usize = 1 << 11;
+const MIN_CHUNK_LEN: usize = 1 << 11;
 /// Maximum number of elements per chunk: its results are still in the cache when they are read again.
-const MOST: usize = 1 << 14;
+const MAX_CHUNK_LEN: usize = 1 << 14;
 /// Chunks per thread, so that late threads still find work.
-const EACH: usize = 4;
+const CHUNKS_PER_THREAD: usize = 4;
 /// Up to this number of elements one thread is as fast. (Guessed, between `cow` with 5,804 faces, which two
 /// threads slowed down, and `bunny` with 69,451, which they do not: a step of a small mesh takes less time
 /// than waking a thread.)
-const ALONE: usize = 1 << 13;
+const MAX_SEQUENTIAL_LEN: usize = 1 << 13;
 
 /// Returns the number of threads for `count` elements; no result depends on it.
 pub(super) fn threads(count: usize) -> usize {
@@ -24,14 +24,16 @@ pub(super) fn threads(count: usize) -> usize {
     let all = rayon::current_num_threads();
     #[cfg(not(feature = "rayon"))]
     let all = 1;
-    if count > ALONE { all } else { 1 }
+    if count > MAX_SEQUENTIAL_LEN { all } else { 1 }
 }
 
 /// Returns the chunk length for `count` elements; no result depends on it.
 pub(super) fn len(count: usize) -> usize {
     match threads(count) {
-        1 => MOST,
-        threads => count.div_ceil(EACH * threads).next_multiple_of(LEAST).min(MOST),
+        1 => MAX_CHUNK_LEN,
+        threads => {
+            count.div_ceil(CHUNKS_PER_THREAD * threads).next_multiple_of(MIN_CHUNK_LEN).min(MAX_CHUNK_LEN)
+        }
     }
 }
 
@@ -46,7 +48,7 @@ pub(super) fn map<T: Send>(count: usize, work: impl Fn(Range<usize>) -> T + Sync
 pub(super) fn list<T: Send>(count: usize, make: impl Fn(usize) -> T + Sync) -> Vec<T> {
     #[cfg(feature = "rayon")]
     if threads(count) > 1 {
-        return (0..count).into_par_iter().with_min_len(LEAST).map(&make).collect();
+        return (0..count).into_par_iter().with_min_len(MIN_CHUNK_LEN).map(&make).collect();
     }
     (0..count).map(make).collect()
 }

@@ -6,8 +6,8 @@ use lodsmith_core::VertexId;
 use wide::f32x4;
 
 use super::faces::{BLOCK, Shares};
-use super::grid::Grid;
-use super::model::{Model, Place};
+use super::grid::ClusterGrid;
+use super::model::{ClusterInput, ClusterPosition};
 use super::pieces;
 use super::search::Clusters;
 
@@ -22,7 +22,7 @@ fn masked(four: Vec4, mask: [u32; 4]) -> Vec4 {
 /// cache line, in SIMD groups of four. [Lindstrom 2000]
 #[derive(Clone, Copy, Default)]
 #[repr(align(64))]
-struct Sum {
+struct CellSums {
     /// Squared distance to the planes, weighted by doubled areas: x'Ax - 2b'x + c. Here xx, yy, zz of A, and
     /// the weight.
     squares: Vec4,
@@ -36,30 +36,30 @@ struct Sum {
 /// Summed directions and moments of the edges of faces. Edges shared by two faces cancel, so only open
 /// borders remain, and only open vertices have any. [Lindstrom-Silva 2001]
 #[derive(Clone, Copy, Default)]
-struct Rim {
+struct BorderSums {
     direction: Vec3A,
     moment: Vec3A,
 }
 
 /// Number of faces whose corners are fetched together, so that the memory accesses overlap.
-const AHEAD: usize = 32;
+const BATCH_FACES: usize = 32;
 /// Weight of borders relative to planes. (Measured: on terrain and on open scans 1 to 10 are alike.)
-const BORDER: f64 = 3.0;
+const BORDER_WEIGHT: f64 = 3.0;
 /// Directions in which the planes contribute less than this share of their sum stay at the mean. ([Lindstrom
 /// 2000] cuts singular values off at this share; a gradual cutoff is as good, as measured, and needs no
 /// eigenvectors.)
-const LEAST: f32 = 1e-3;
+const SINGULAR_CUTOFF: f32 = 1e-3;
 /// Doubled areas below this are ignored: their products would leave the range of single precision.
-const NOTHING: f32 = 1e-30;
+const MIN_DOUBLED_AREA: f32 = 1e-30;
 /// Minimum distance of vertices from the sides of their cells, in cells: two at one corner would coincide.
-const APART: f32 = 1e-3;
+const CELL_MARGIN: f32 = 1e-3;
 
 /// Index of clusters without a face.
 pub(super) const UNUSED: u32 = u32::MAX;
 
 /// Positions of the vertices of clusters with a face, in user units, and the mean squared distance to the
 /// planes.
-pub(super) struct Placed<P> {
+pub(super) struct PlacedVertices<P> {
     /// One list per share.
     pub(super) points: Vec<Vec<P>>,
     /// Index of each cluster among those of its share that have a face, or [`UNUSED`].
@@ -69,7 +69,7 @@ pub(super) struct Placed<P> {
     pub(super) mean_square: f64,
 }
 
-impl<P> Placed<P> {
+impl<P> PlacedVertices<P> {
     /// Returns the index of a cluster among all that have a face, if it has one.
     #[inline(always)]
     pub(super) fn number(&self, shares: &Shares, cluster: u32) -> Option<u32> {
@@ -80,14 +80,18 @@ impl<P> Placed<P> {
 
 /// Places a vertex in each cluster; `borders` scales the default border weight. No vertex leaves its cell.
 /// Cost: O(V + F).
-pub(super) fn place<P: Place>(model: &Model<'_, P>, clusters: &Clusters, borders: f64) -> Placed<P> {
+pub(super) fn place<P: ClusterPosition>(
+    model: &ClusterInput<'_, P>,
+    clusters: &Clusters,
+    borders: f64,
+) -> PlacedVertices<P> {
     let all = clusters.cells.len();
     let mut number = vec![UNUSED; all];
     let ranges = (0..clusters.shares.count).map(|k| clusters.shares.range(k, all).len());
     let parts =
         pieces::over(pieces::cut(&mut number, ranges), |k, number| match model.has_open && borders > 0.0 {
-            true => part::<P, true>(model, clusters, borders, k, number),
-            false => part::<P, false>(model, clusters, borders, k, number),
+            true => place_share::<P, true>(model, clusters, borders, k, number),
+            false => place_share::<P, false>(model, clusters, borders, k, number),
         });
     let (mut points, mut starts, mut sum) = (Vec::new(), Vec::new(), 0);
     let (mut cost, mut weight) = (0.0, 0.0);
@@ -100,11 +104,11 @@ pub(super) fn place<P: Place>(model: &Model<'_, P>, clusters: &Clusters, borders
         }
     }
     let mean_square = if weight > 0.0 { cost / weight * clusters.grid.cell.powi(2) } else { 0.0 };
-    Placed { points, number, starts, mean_square }
+    PlacedVertices { points, number, starts, mean_square }
 }
 
 /// Result of a contiguous range of clusters.
-struct Part<P> {
+struct PlacedShare<P> {
     points: Vec<P>,
     /// Cost and weight of each block, summed in cell order.
     costs: Vec<(f64, f64)>,
@@ -112,19 +116,19 @@ struct Part<P> {
 
 /// Places the vertices of a share of the clusters, and numbers those with a face. Faces are added in their
 /// order, so every sum has a fixed order.
-fn part<P: Place, const RIMS: bool>(
-    model: &Model<'_, P>,
+fn place_share<P: ClusterPosition, const RIMS: bool>(
+    model: &ClusterInput<'_, P>,
     clusters: &Clusters,
     borders: f64,
     share: usize,
     number: &mut [u32],
-) -> Part<P> {
+) -> PlacedShare<P> {
     let Clusters { grid, cells, shares, .. } = clusters;
     let range = shares.range(share, cells.len());
     let first = range.start as u32;
     let cells = &cells[range];
-    let mut sums = vec![Sum::default(); cells.len().next_multiple_of(4)];
-    let mut rims = vec![Rim::default(); if RIMS { sums.len() } else { 0 }];
+    let mut sums = vec![CellSums::default(); cells.len().next_multiple_of(4)];
+    let mut rims = vec![BorderSums::default(); if RIMS { sums.len() } else { 0 }];
     let mut is_used = vec![false; sums.len()];
     let mut batch = Batch::default();
     let mut add_batch = |batch: &mut Batch, count: usize| {
@@ -138,30 +142,30 @@ fn part<P: Place, const RIMS: bool>(
         }
     };
     if shares.count == 1 {
-        for some in model.faces.chunks(AHEAD) {
+        for some in model.faces.chunks(BATCH_FACES) {
             batch.faces[..some.len()].copy_from_slice(some);
             add_batch(&mut batch, some.len());
         }
     } else {
-        shares.touching::<AHEAD>(share, |some| {
+        shares.touching::<BATCH_FACES>(share, |some| {
             batch.faces.iter_mut().zip(some).for_each(|(slot, f)| *slot = model.faces[*f as usize]);
             add_batch(&mut batch, some.len());
         });
     }
     let used = is_used.iter().filter(|used| **used).count();
-    let mut part = Part { points: Vec::with_capacity(used), costs: Vec::new() };
+    let mut part = PlacedShare { points: Vec::with_capacity(used), costs: Vec::new() };
     for (block, cells) in cells.chunks(BLOCK).enumerate() {
         let (mut cost, mut weight) = (0.0, 0.0);
         for (four, cells) in cells.chunks(4).enumerate() {
             let i = block * BLOCK + 4 * four;
-            let sums: &[Sum; 4] = sums[i..i + 4].try_into().expect("padded to fours");
+            let sums: &[CellSums; 4] = sums[i..i + 4].try_into().expect("padded to fours");
             let border = if RIMS { Forms::of(&rims[i..i + 4], borders) } else { Forms::default() };
             let (places, costs) = solve(sums, &border, grid.rounding);
             for (j, cell) in cells.iter().enumerate() {
                 if is_used[i + j] {
                     let at = UVec3::from(*cell).as_dvec3() + places[j].as_dvec3();
                     number[i + j] = part.points.len() as u32;
-                    part.points.push(P::of(grid.user(at)));
+                    part.points.push(P::of(grid.to_user(at)));
                 }
                 (cost, weight) = (cost + f64::from(costs[j]), weight + f64::from(sums[j].squares.w));
             }
@@ -173,41 +177,41 @@ fn part<P: Place, const RIMS: bool>(
 
 /// A batch of faces, processed one step at a time: memory accesses and square roots then overlap.
 struct Batch {
-    faces: [[VertexId; 3]; AHEAD],
+    faces: [[VertexId; 3]; BATCH_FACES],
     /// Clusters of the corners, and their positions in cells from the origin.
-    clusters: [[u32; 3]; AHEAD],
-    places: [[Vec4; 3]; AHEAD],
+    clusters: [[u32; 3]; BATCH_FACES],
+    places: [[Vec4; 3]; BATCH_FACES],
     /// One bit for each corner at an open vertex.
-    open: [u32; AHEAD],
-    normals: [Vec4; AHEAD],
+    open: [u32; BATCH_FACES],
+    normals: [Vec4; BATCH_FACES],
     /// Doubled areas, and their inverses, which scale normals to unit length.
-    doubled: [f32; AHEAD],
-    inverse: [f32; AHEAD],
+    doubled: [f32; BATCH_FACES],
+    inverse: [f32; BATCH_FACES],
 }
 
 impl Default for Batch {
     fn default() -> Self {
         Self {
-            faces: [[VertexId(0); 3]; AHEAD],
-            clusters: [[0; 3]; AHEAD],
-            places: [[Vec4::ZERO; 3]; AHEAD],
-            open: [0; AHEAD],
-            normals: [Vec4::ZERO; AHEAD],
-            doubled: [0.0; AHEAD],
-            inverse: [0.0; AHEAD],
+            faces: [[VertexId(0); 3]; BATCH_FACES],
+            clusters: [[0; 3]; BATCH_FACES],
+            places: [[Vec4::ZERO; 3]; BATCH_FACES],
+            open: [0; BATCH_FACES],
+            normals: [Vec4::ZERO; BATCH_FACES],
+            doubled: [0.0; BATCH_FACES],
+            inverse: [0.0; BATCH_FACES],
         }
     }
 }
 
 impl Batch {
     #[inline(always)]
-    fn fetch<P: Place>(&mut self, model: &Model<'_, P>, clusters: &Clusters) {
+    fn fetch<P: ClusterPosition>(&mut self, model: &ClusterInput<'_, P>, clusters: &Clusters) {
         for (i, t) in self.faces.iter().enumerate() {
             self.clusters[i] = t.map(|v| clusters.of[v.index()]);
             self.places[i] = t.map(|v| model.frame[v.index()].into());
         }
         let (scale, half) = clusters.grid.places();
-        for i in 0..AHEAD {
+        for i in 0..BATCH_FACES {
             let [a, b, c] = self.places[i].map(|p| p.is_negative_bitmask() >> 3);
             self.open[i] = a | b << 1 | c << 2;
             let [a, b, c] = self.places[i].map(|p| p * scale + half);
@@ -242,7 +246,7 @@ impl Batch {
 /// as used.
 #[inline(always)]
 fn add(
-    (sums, is_used): (&mut [Sum], &mut [bool]),
+    (sums, is_used): (&mut [CellSums], &mut [bool]),
     first: u32,
     clusters: &[u32; 3],
     &[a, b, c]: &[Vec4; 3],
@@ -251,7 +255,7 @@ fn add(
     let slot = |k: usize| clusters[k].wrapping_sub(first) as usize;
     if clusters[0] == clusters[1] && clusters[1] == clusters[2] {
         if let Some(sum) = sums.get_mut(slot(0)) {
-            let at = Grid::inside(a);
+            let at = ClusterGrid::offset_in_cell(a);
             sum.add(planes, 3.0, at, 3.0 * at + ((b - a) + (c - a)));
         }
         return;
@@ -260,7 +264,7 @@ fn add(
     // One corner at a time even if two share a cell: that would be an unpredictable branch.
     for (k, place) in [a, b, c].into_iter().enumerate() {
         if let (Some(sum), Some(is_used)) = (sums.get_mut(slot(k)), is_used.get_mut(slot(k))) {
-            let at = Grid::inside(place);
+            let at = ClusterGrid::offset_in_cell(place);
             sum.add(planes, 1.0, at, at);
             *is_used |= is_left;
         }
@@ -269,12 +273,12 @@ fn add(
 
 /// Adds the border edges of a face to the rims of its cells: at each open corner the edge to the next corner
 /// and the edge from the one before.
-fn add_rims(rims: &mut [Rim], first: u32, (clusters, open): (&[u32; 3], u32), places: &[Vec4; 3]) {
+fn add_rims(rims: &mut [BorderSums], first: u32, (clusters, open): (&[u32; 3], u32), places: &[Vec4; 3]) {
     let [a, b, c] = places.map(Vec3A::from_vec4);
     let edges = [(b - a, c - a), (c - b, a - b), (a - c, b - c)];
     for (k, (next, after)) in edges.into_iter().enumerate().filter(|x| open >> x.0 & 1 != 0) {
         if let Some(rim) = rims.get_mut(clusters[k].wrapping_sub(first) as usize) {
-            let at = Vec3A::from_vec4(Grid::inside(places[k]));
+            let at = Vec3A::from_vec4(ClusterGrid::offset_in_cell(places[k]));
             rim.direction += next - after;
             rim.moment += at.cross(next - after);
         }
@@ -290,7 +294,7 @@ struct Planes {
     doubled: Vec4,
 }
 
-impl Sum {
+impl CellSums {
     /// Adds a plane through a position, `corners` times. (Never writes a single lane: a load of four after
     /// that would stall.)
     #[inline(always)]
@@ -320,12 +324,12 @@ struct Forms {
 
 impl Forms {
     /// Returns the quadratic forms of the borders.
-    fn of(rims: &[Rim], borders: f64) -> Self {
+    fn of(rims: &[BorderSums], borders: f64) -> Self {
         let mut forms = Self::default();
         for (k, rim) in rims.iter().enumerate() {
             let length = rim.direction.length();
-            if length > NOTHING {
-                let share = (BORDER * borders) as f32 / length;
+            if length > MIN_DOUBLED_AREA {
+                let share = (BORDER_WEIGHT * borders) as f32 / length;
                 let d = Vec3::from(rim.direction);
                 let square = length * length;
                 let rest = d.cross(rim.moment.into()) * share;
@@ -344,19 +348,19 @@ impl Forms {
 
 /// Transposes rows of four cells to one lane per cell.
 #[inline(always)]
-fn lanes(sums: &[Sum; 4], row: impl Fn(&Sum) -> Vec4) -> [Vec4; 4] {
+fn lanes(sums: &[CellSums; 4], row: impl Fn(&CellSums) -> Vec4) -> [Vec4; 4] {
     let [a, b, c, d] = [0, 1, 2, 3].map(|k| row(&sums[k]));
     let turned = Mat4::from_cols(a, b, c, d).transpose();
     [turned.x_axis, turned.y_axis, turned.z_axis, turned.w_axis]
 }
 
 /// Returns the optimal positions in four cells, and the cost of each.
-fn solve(sums: &[Sum; 4], border: &Forms, rounding: f32) -> ([Vec3; 4], [f32; 4]) {
+fn solve(sums: &[CellSums; 4], border: &Forms, rounding: f32) -> ([Vec3; 4], [f32; 4]) {
     let [xx, yy, zz, weight] = lanes(sums, |s| s.squares);
     let [xz, xy, yz, c] = lanes(sums, |s| s.products);
     let b = lanes(sums, |s| s.b);
     let corners = lanes(sums, |s| s.corners);
-    let says = weight.cmpgt(Vec4::splat(NOTHING));
+    let says = weight.cmpgt(Vec4::splat(MIN_DOUBLED_AREA));
     let one = Vec4::ONE;
     let each = one / Vec4::select(says, weight, one);
     let mean = [0, 1, 2].map(|k| (corners[k] * each).clamp(Vec4::ZERO, one));
@@ -369,7 +373,7 @@ fn solve(sums: &[Sum; 4], border: &Forms, rounding: f32) -> ([Vec3; 4], [f32; 4]
     let r = [0, 1, 2].map(|k| b[k] + border.b[k] - at_mean[k]);
     // LDLᵀ factorisation: the damping keeps the pivots away from zero.
     let [xx_, yy_, zz_, xz_, xy_, yz_] = all;
-    let damping = (xx_ + yy_ + zz_) * LEAST;
+    let damping = (xx_ + yy_ + zz_) * SINGULAR_CUTOFF;
     let first = one / (xx_ + damping);
     let (l, m) = (xy_ * first, xz_ * first);
     let second = one / (yy_ + damping - l * xy_);
@@ -380,7 +384,7 @@ fn solve(sums: &[Sum; 4], border: &Forms, rounding: f32) -> ([Vec3; 4], [f32; 4]
     let z = y2 * third;
     let y = y1 * second - n * z;
     let x = r[0] * first - l * y - m * z;
-    let low = Vec4::splat(rounding.clamp(APART, 0.5));
+    let low = Vec4::splat(rounding.clamp(CELL_MARGIN, 0.5));
     let step = [x, y, z];
     let places = [0, 1, 2].map(|k| {
         // Rejects steps that are NaN or too large.

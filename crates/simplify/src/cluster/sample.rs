@@ -3,21 +3,21 @@
 use glam::Vec4;
 use lodsmith_core::VertexId;
 
-use super::grid::Grid;
-use super::model::{Model, Place};
+use super::grid::ClusterGrid;
+use super::model::{ClusterInput, ClusterPosition};
 use super::pieces;
 
 /// Faces sampled in the first tries: one in `ONE_OF`, within bounds.
-const ONE_OF: usize = 10;
-const LEAST: usize = 8192;
-const MOST: usize = 100_000;
+const SAMPLE_STRIDE: usize = 10;
+const MIN_SAMPLES: usize = 8192;
+const MAX_SAMPLES: usize = 100_000;
 /// Number of faces sampled for the area.
-const AREAS: usize = 512;
+const AREA_SAMPLES: usize = 512;
 /// Relative tolerance below which one more step along the slope is enough; for samples the standard error
 /// counts if it is larger. At most `TRIES` tries are made.
-const NEAR: f64 = 0.03;
-const SOME_NEAR: f64 = 0.06;
-const TRIES: usize = 3;
+const COUNT_TOLERANCE: f64 = 0.03;
+const SAMPLED_TOLERANCE: f64 = 0.06;
+const MAX_TRIES: usize = 3;
 
 /// An estimated resolution for a count.
 #[derive(Clone, Copy)]
@@ -29,18 +29,18 @@ pub(super) struct Guess {
 
 /// Counter of faces with corners in three cells.
 pub(super) struct Counter<'m, 'a, P> {
-    model: &'m Model<'a, P>,
+    model: &'m ClusterInput<'a, P>,
     keys: Vec<u32>,
 }
 
-impl<'m, 'a, P: Place> Counter<'m, 'a, P> {
-    pub(super) fn new(model: &'m Model<'a, P>) -> Self {
+impl<'m, 'a, P: ClusterPosition> Counter<'m, 'a, P> {
+    pub(super) fn new(model: &'m ClusterInput<'a, P>) -> Self {
         Self { model, keys: vec![0; model.frame.len()] }
     }
 
     /// Counts them in a grid with `resolution` cells along the longest edge of the box.
-    fn all(&mut self, resolution: f64) -> f64 {
-        Grid::new(self.model, resolution).keys(self.model, &mut self.keys);
+    fn count_all(&mut self, resolution: f64) -> f64 {
+        ClusterGrid::new(self.model, resolution).keys(self.model, &mut self.keys);
         let (faces, keys) = (&self.model.faces, &self.keys);
         let is_left = |t: &[VertexId; 3]| {
             let [a, b, c] = t.map(|v| keys[v.index()]);
@@ -51,12 +51,12 @@ impl<'m, 'a, P: Place> Counter<'m, 'a, P> {
     }
 
     /// Estimates this count from one of `stride` faces.
-    fn some(&self, resolution: f64, stride: usize) -> f64 {
+    fn count_sampled(&self, resolution: f64, stride: usize) -> f64 {
         let (faces, frame) = (&self.model.faces, &self.model.frame);
-        let grid = Grid::new(self.model, resolution);
+        let grid = ClusterGrid::new(self.model, resolution);
         let (scale, half) = grid.places();
         let is_left = |t: &[VertexId; 3]| {
-            let [a, b, c] = t.map(|v| Grid::cell_in(Vec4::from(frame[v.index()]) * scale + half));
+            let [a, b, c] = t.map(|v| ClusterGrid::cell_in(Vec4::from(frame[v.index()]) * scale + half));
             !(a.cmpeq(b).all() | b.cmpeq(c).all() | c.cmpeq(a).all())
         };
         let looks = faces.len() / stride;
@@ -67,9 +67,9 @@ impl<'m, 'a, P: Place> Counter<'m, 'a, P> {
     }
 
     /// Estimates the resolution that leaves `faces` faces, from the area of a sample.
-    fn first(&self, faces: f64) -> f64 {
+    fn resolution_by_area(&self, faces: f64) -> f64 {
         let model = self.model;
-        let stride = (model.faces.len() / AREAS).max(1);
+        let stride = (model.faces.len() / AREA_SAMPLES).max(1);
         let looks = model.faces.len() / stride;
         let longest = model.extent().max_element();
         let doubled = |k: usize| {
@@ -85,8 +85,8 @@ impl<'m, 'a, P: Place> Counter<'m, 'a, P> {
     /// Searches for the grid that leaves about `wanted` faces, from `coarsest` to `finest`.
     pub(super) fn guess(&mut self, wanted: f64, [coarsest, finest]: [f64; 2]) -> Guess {
         let all = self.model.faces.len();
-        let stride = all / (all / ONE_OF).clamp(LEAST, MOST).min(all);
-        let first = self.first(wanted);
+        let stride = all / (all / SAMPLE_STRIDE).clamp(MIN_SAMPLES, MAX_SAMPLES).min(all);
+        let first = self.resolution_by_area(wanted);
         let resolution = if first.is_finite() { first.clamp(coarsest, finest) } else { coarsest };
         let mut guess = Guess { resolution, slope: 2.0 };
         if stride > 1 {
@@ -98,14 +98,14 @@ impl<'m, 'a, P: Place> Counter<'m, 'a, P> {
 
     fn approach(&mut self, guess: &mut Guess, wanted: f64, bounds: [f64; 2], stride: usize) {
         let near = match stride {
-            1 => NEAR,
-            _ => SOME_NEAR.max(1.5 * (stride as f64 / wanted).sqrt()),
+            1 => COUNT_TOLERANCE,
+            _ => SAMPLED_TOLERANCE.max(1.5 * (stride as f64 / wanted).sqrt()),
         };
         let [mut low, mut high] = bounds;
         let mut before: Option<(f64, f64)> = None;
-        for _ in 0..TRIES {
+        for _ in 0..MAX_TRIES {
             let here = guess.resolution;
-            let got = if stride == 1 { self.all(here) } else { self.some(here, stride) };
+            let got = if stride == 1 { self.count_all(here) } else { self.count_sampled(here, stride) };
             if got <= wanted {
                 low = here;
             } else {

@@ -3,9 +3,9 @@
 
 use lodsmith_core::WedgeId;
 
-use super::model::Place;
-use super::{Made, Run, clustered};
-use crate::care::Held;
+use super::model::ClusterPosition;
+use super::{ClusterRun, ClusteredMesh, clustered};
+use crate::care::HeldWedges;
 use crate::collapse::Goal;
 use crate::control::{Control, Stage};
 use crate::deviation::{self, Deviation};
@@ -16,34 +16,34 @@ use crate::run;
 use crate::{Simplified, SimplifyError};
 
 /// Size of the first stage's result, as a multiple of the goal. (Measured in docs/methods/cluster.md.)
-const FACTOR: usize = 8;
+const FIRST_STAGE_FACTOR: usize = 8;
 /// Largest share of the input that the first stage may leave; above it the stage saves too little.
-const MOST: f64 = 0.35;
+const MAX_FIRST_STAGE_SHARE: f64 = 0.35;
 /// Without room for this multiple of the goal, the clustering is skipped.
 const LEAST_FACTOR: f64 = 3.0;
 /// Cell size as a share of the error limit, if only the error ends the run. (Measured: the distance is about
 /// half a cell diagonal at most, so three quarters and more are left to the collapses.)
 const CELL_OF_ERROR: f64 = 0.25;
 /// Maximum number of second stages in the search for an error.
-const RUNS: usize = 4;
+const MAX_SECOND_STAGES: usize = 4;
 
-impl<P: Place> Run<'_, P> {
+impl<P: ClusterPosition> ClusterRun<'_, P> {
     /// Runs both stages. The second sees only the clustered mesh; distances are measured from the input.
     pub(super) fn in_two_stages(
         mut self,
         control: &mut dyn Control,
-    ) -> Result<(Simplified, Held), SimplifyError> {
+    ) -> Result<(Simplified, HeldWedges), SimplifyError> {
         let goal = self.goal;
         let memoryless = SimplifyOptions {
             method: Method::Memoryless,
-            of_method: MethodOptions::default(),
+            method_options: MethodOptions::default(),
             weld: None,
             prune: None,
             ..self.options.clone()
         };
         let vertices = self.model.points.len() - self.model.cleanup.unused_vertices;
         let (faces, factor) = (self.model.sound_faces(), |goal: usize, all: usize| {
-            (MOST * all as f64 / goal.max(1) as f64).min(FACTOR as f64)
+            (MAX_FIRST_STAGE_SHARE * all as f64 / goal.max(1) as f64).min(FIRST_STAGE_FACTOR as f64)
         });
         let by_faces = goal.faces.map(|n| factor(n, faces));
         // The first stop met ends the run, so the one that leaves more faces counts.
@@ -59,11 +59,11 @@ impl<P: Place> Run<'_, P> {
             // Applies only without a count: an error is no reason to leave more than the goal needs.
             let by_error = self.longest() / (CELL_OF_ERROR * limit.max(f64::MIN_POSITIVE));
             if self.goal.faces.is_none() && self.goal.vertices.is_none() {
-                self.coarsest = Some(self.coarsest.unwrap_or(1.0).max(by_error).min(super::FINEST));
+                self.coarsest = Some(self.coarsest.unwrap_or(1.0).max(by_error).min(super::MAX_RESOLUTION));
             }
         }
         if !is_worth_it || self.is_met() {
-            return at_once(self.input, &memoryless, control);
+            return without_first_stage(self.input, &memoryless, control);
         }
         let first = self.reach_goal(control)?;
         let clusters = clustered(&first);
@@ -80,7 +80,7 @@ impl<P: Place> Run<'_, P> {
         if limit.is_none() {
             options.bound = Bound::Estimate;
         }
-        let judge = if deviation::is_wanted(self.options) { self.judge(control) } else { None };
+        let judge = if deviation::needs_measurement(self.options) { self.judge(control) } else { None };
         let mut share = limit;
         for stage in 1.. {
             options.stop.error = share.map(Length::Units);
@@ -89,12 +89,12 @@ impl<P: Place> Run<'_, P> {
                 control.stage(Stage::Measure);
             }
             let deviation =
-                judge.as_ref().map_or_else(Deviation::default, |judge| judge.look(&done.mesh, None));
+                judge.as_ref().map_or_else(Deviation::default, |judge| judge.measure(&done.mesh, None));
             let got = deviation.largest().unwrap_or(0.0);
             let is_over = done.report.stopped_by == StoppedBy::Caller;
             if let (Some(limit), Some(own)) = (limit, &mut share)
                 && got > limit
-                && stage < RUNS
+                && stage < MAX_SECOND_STAGES
                 && !is_over
             {
                 *own *= (0.95 * limit / got).clamp(0.2, 0.95);
@@ -102,14 +102,14 @@ impl<P: Place> Run<'_, P> {
             }
             if done.report.stopped_by == StoppedBy::Refusals && !done.report.reached && !is_over {
                 // Merged sheets can block collapses: then the full detail is needed after all.
-                let alone = at_once(self.input, &memoryless, control)?;
+                let alone = without_first_stage(self.input, &memoryless, control)?;
                 if alone.0.report.faces < done.report.faces {
                     return Ok(alone);
                 }
             }
-            let held = through(&first, &held, done.mesh.face_count());
+            let held = map_held_wedges(&first, &held, done.mesh.face_count());
             let second = done.report;
-            let made = Made {
+            let made = ClusteredMesh {
                 estimate: first.estimate.hypot(second.error.estimate),
                 mesh: done.mesh,
                 held,
@@ -122,7 +122,7 @@ impl<P: Place> Run<'_, P> {
                 StoppedBy::Error => StoppedBy::Exhausted,
                 by => by,
             };
-            let (mut done_, held) = self.told(Made { by, ..made }, deviation)?;
+            let (mut done_, held) = self.build_report(ClusteredMesh { by, ..made }, deviation)?;
             let report = &mut done_.report;
             report.clustered = Some(clusters);
             (report.refusals, report.collapses) = (second.refusals, second.collapses);
@@ -139,11 +139,11 @@ impl<P: Place> Run<'_, P> {
 }
 
 /// Runs the second stage without the first.
-fn at_once(
+fn without_first_stage(
     input: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
-) -> Result<(Simplified, Held), SimplifyError> {
+) -> Result<(Simplified, HeldWedges), SimplifyError> {
     let (mut done, held) = run::run_by_method(input, options, control)?;
     let Report { input_faces: faces, input_vertices: vertices, .. } = done.report;
     done.report.clustered = Some(Clustered { faces, vertices, ..Clustered::default() });
@@ -151,12 +151,12 @@ fn at_once(
 }
 
 /// Maps the held wedges of the second stage back to the input, through the first.
-fn through(first: &Made, second: &Held, faces: usize) -> Held {
+fn map_held_wedges(first: &ClusteredMesh, second: &HeldWedges, faces: usize) -> HeldWedges {
     let mut source: Vec<Option<WedgeId>> = vec![None; first.mesh.wedge_count()];
     for (f, t) in first.mesh.triangles().iter().enumerate() {
         for (k, w) in t.iter().enumerate() {
             source[w.index()] = first.held.at(f, k).or(source[w.index()]);
         }
     }
-    Held::new((0..faces).map(|f| [0, 1, 2].map(|k| second.at(f, k).and_then(|w| source[w.index()]))))
+    HeldWedges::new((0..faces).map(|f| [0, 1, 2].map(|k| second.at(f, k).and_then(|w| source[w.index()]))))
 }

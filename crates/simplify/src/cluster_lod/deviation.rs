@@ -6,29 +6,29 @@ use lodsmith_core::{FaceId, TriMesh, VertexId};
 
 /// Maximum number of samples of the original that a cluster keeps: half of them the farthest ones. (All
 /// vertices and face centres for two rounds. With 64, measured distances were up to twice the reported ones.)
-const SAMPLES: usize = 1024;
+const MAX_SAMPLES: usize = 1024;
 /// Assumed excess of the distance inside a face: over its corners, as a share of the longest side (`SLOPE`);
 /// over its corners and edge midpoints, as a share of their range (`BUMP`). (Measured: with .2 and no second
 /// check nothing more is found on four models, in four times the time.)
-const SLOPE: f64 = 0.15;
-const BUMP: f64 = 1.0;
+const SIDE_SHARE: f64 = 0.15;
+const RANGE_SHARE: f64 = 1.0;
 /// Maximum depth of the subdivision of a face into four.
-const DEPTH: usize = 4;
+const MAX_DEPTH: usize = 4;
 /// Safety factor for the distance between samples. (Measured: see docs/cluster-lod.md.)
 const MARGIN: f64 = 1.08;
 
 /// The original surface.
-pub(super) struct Original {
+pub(super) struct OriginalSurface {
     tree: Bvh,
 }
 
 /// Distance of a simplified group, and the samples of the original for each of its clusters.
-pub(super) struct Deviation {
+pub(super) struct GroupDeviation {
     pub(super) error: f64,
     pub(super) samples: Vec<Vec<[f64; 3]>>,
 }
 
-impl Original {
+impl OriginalSurface {
     pub(super) fn new(mesh: &TriMesh) -> Self {
         Self { tree: Bvh::new(&mesh.surface()) }
     }
@@ -45,13 +45,18 @@ impl Original {
             let [a, b, c] = mesh.triangles()[f.index()].map(|w| place(mesh.vertex_of(w)));
             all.push([0, 1, 2].map(|k| a[k] / 3.0 + b[k] / 3.0 + c[k] / 3.0));
         }
-        let every = all.len().div_ceil(SAMPLES).max(1);
+        let every = all.len().div_ceil(MAX_SAMPLES).max(1);
         all.into_iter().step_by(every).collect()
     }
 
     /// Measures a mesh that replaces the surface at `samples`; `pieces` are its clusters, in the order of its
     /// faces.
-    pub(super) fn deviation(&self, mesh: &TriMesh, pieces: &[Vec<u32>], samples: &[[f64; 3]]) -> Deviation {
+    pub(super) fn deviation(
+        &self,
+        mesh: &TriMesh,
+        pieces: &[Vec<u32>],
+        samples: &[[f64; 3]],
+    ) -> GroupDeviation {
         let surface = mesh.surface();
         let positions = surface.positions();
         let mut error = 0f64;
@@ -73,9 +78,9 @@ impl Original {
         error = of_vertex.iter().fold(error, |most, &d| most.max(d));
         for t in surface.triangles() {
             let corners = t.map(|v| (positions.get(v), of_vertex[v.index()]));
-            look_closer(corners, DEPTH, &mut error, &mut distance);
+            refine(corners, MAX_DEPTH, &mut error, &mut distance);
         }
-        Deviation { error: error * MARGIN, samples: kept.into_iter().map(thinned).collect() }
+        GroupDeviation { error: error * MARGIN, samples: kept.into_iter().map(thinned).collect() }
     }
 }
 
@@ -85,7 +90,7 @@ fn side(p: [f64; 3], q: [f64; 3]) -> f64 {
 
 /// Measures at the edge midpoints of a triangle, whose corners are given with their distances, and subdivides
 /// it into four as long as some distance may exceed `error`.
-fn look_closer(
+fn refine(
     corners: [([f64; 3], f64); 3],
     depth: usize,
     error: &mut f64,
@@ -94,7 +99,7 @@ fn look_closer(
     let [a, b, c] = corners;
     let longest = side(a.0, b.0).max(side(b.0, c.0)).max(side(c.0, a.0));
     let highest = a.1.max(b.1).max(c.1);
-    if depth == 0 || highest + SLOPE * longest <= *error {
+    if depth == 0 || highest + SIDE_SHARE * longest <= *error {
         return;
     }
     let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| {
@@ -105,21 +110,21 @@ fn look_closer(
     });
     let all = [a, b, c, ab, bc, ca].map(|p| p.1);
     let (least, most) = all.iter().fold((f64::INFINITY, 0f64), |(x, y), &d| (x.min(d), y.max(d)));
-    if most + BUMP * (most - least) <= *error {
+    if most + RANGE_SHARE * (most - least) <= *error {
         return;
     }
     for part in [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]] {
-        look_closer(part, depth - 1, error, distance);
+        refine(part, depth - 1, error, distance);
     }
 }
 
 /// Thins samples out: half of those kept are the farthest, the others an even selection of the rest.
 fn thinned(mut samples: Vec<(f64, [f64; 3])>) -> Vec<[f64; 3]> {
-    if samples.len() > SAMPLES {
+    if samples.len() > MAX_SAMPLES {
         // The sort is stable: equal distances keep their order.
         samples.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let rest = samples.split_off(SAMPLES / 2);
-        let every = rest.len().div_ceil(SAMPLES - SAMPLES / 2);
+        let rest = samples.split_off(MAX_SAMPLES / 2);
+        let every = rest.len().div_ceil(MAX_SAMPLES - MAX_SAMPLES / 2);
         samples.extend(rest.into_iter().step_by(every));
     }
     samples.into_iter().map(|s| s.1).collect()
@@ -134,7 +139,7 @@ mod tests {
         let all: Vec<(f64, [f64; 3])> =
             (0..5000).map(|i| (f64::from(i % 2500), [f64::from(i), 0.0, 0.0])).collect();
         let kept = thinned(all);
-        assert!(kept.len() <= SAMPLES);
+        assert!(kept.len() <= MAX_SAMPLES);
         assert_eq!(&kept[..2], &[[2499.0, 0.0, 0.0], [4999.0, 0.0, 0.0]]);
         assert!(kept.iter().any(|p| p[0] % 2500.0 < 50.0));
     }

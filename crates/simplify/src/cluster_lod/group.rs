@@ -9,34 +9,34 @@ use super::{Build, Front};
 const OLD_BORDER: u32 = 2;
 
 /// An edge as a vertex pair, lower index first.
-pub(super) type Edge = [VertexId; 2];
+pub(super) type VertexPair = [VertexId; 2];
 
 /// An edge of a cluster that may be shared with other clusters.
-struct Open {
-    edge: Edge,
+struct OpenEdge {
+    edge: VertexPair,
     member: u32,
 }
 
 /// Returns the open edges of each cluster: those not between exactly two of its faces with consistent
 /// orientation.
-fn open_edges(build: &Build, front: &[Front]) -> Vec<Open> {
+fn open_edges(build: &Build, front: &[Front]) -> Vec<OpenEdge> {
     let per_cluster = crate::cluster::pieces::each(front.len(), |member| {
-        let mut edges: Vec<(Edge, i32)> = Vec::new();
+        let mut edges: Vec<(VertexPair, i32)> = Vec::new();
         for &f in &front[member].faces {
             edges.extend(directed(build.vertices(f)));
         }
         edges.sort_unstable();
         let runs = edges.chunk_by(|a, b| a.0 == b.0);
         let open = runs.filter(|run| run.len() != 2 || run.iter().map(|e| e.1).sum::<i32>() != 0);
-        open.map(|run| Open { edge: run[0].0, member: member as u32 }).collect::<Vec<_>>()
+        open.map(|run| OpenEdge { edge: run[0].0, member: member as u32 }).collect::<Vec<_>>()
     });
-    let mut all: Vec<Open> = per_cluster.into_iter().flatten().collect();
+    let mut all: Vec<OpenEdge> = per_cluster.into_iter().flatten().collect();
     all.sort_unstable_by_key(|r| (r.edge, r.member));
     all
 }
 
 /// Returns the edges of a face, with 1 or -1 for their direction.
-pub(super) fn directed(t: [VertexId; 3]) -> [(Edge, i32); 3] {
+pub(super) fn directed(t: [VertexId; 3]) -> [(VertexPair, i32); 3] {
     [0, 1, 2].map(|k| {
         let (a, b) = (t[k], t[(k + 1) % 3]);
         if a < b { ([a, b], 1) } else { ([b, a], -1) }
@@ -150,14 +150,14 @@ pub(super) struct Borders {
     /// True for vertices of the pool that several groups use.
     shared: Vec<bool>,
     /// Edges shared by several groups, each with the index of the group.
-    edges: Vec<(u32, Edge)>,
+    edges: Vec<(u32, VertexPair)>,
 }
 
 /// Border of one group.
 pub(super) struct Border<'a> {
     shared: &'a [bool],
     /// Edges shared with other groups, sorted.
-    edges: &'a [(u32, Edge)],
+    edges: &'a [(u32, VertexPair)],
 }
 
 impl Borders {
@@ -176,10 +176,10 @@ impl Border<'_> {
     pub(super) fn is_any(&self) -> bool {
         !self.edges.is_empty()
     }
-    pub(super) fn has(&self, edge: &Edge) -> bool {
+    pub(super) fn has(&self, edge: &VertexPair) -> bool {
         self.edges.binary_search_by(|e| e.1.cmp(edge)).is_ok()
     }
-    pub(super) fn edges(&self) -> impl Iterator<Item = Edge> {
+    pub(super) fn edges(&self) -> impl Iterator<Item = VertexPair> {
         self.edges.iter().map(|e| e.1)
     }
 }
@@ -203,7 +203,7 @@ pub(super) fn borders(build: &Build, front: &[Front], groups: &[Vec<usize>]) -> 
     let mut edges = Vec::new();
     let open = open_edges(build, front);
     for run in open.chunk_by(|a, b| a.edge == b.edge) {
-        let group = |r: &Open| group_of[r.member as usize];
+        let group = |r: &OpenEdge| group_of[r.member as usize];
         if run.iter().any(|r| group(r) != group(&run[0])) {
             edges.extend(run.iter().map(|r| (group(r), r.edge)));
         }

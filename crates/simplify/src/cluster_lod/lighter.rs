@@ -3,11 +3,11 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use lodsmith_core::mesh::part::{Known, Part, part};
+use lodsmith_core::mesh::part::{Part, SharedIds, extract_faces};
 use lodsmith_core::{FaceId, TriMesh, VertexId};
 
-use super::deviation::Original;
-use super::group::{Border, Edge, directed};
+use super::deviation::OriginalSurface;
+use super::group::{Border, VertexPair, directed};
 use super::split::{Budget, split};
 use super::{Build, ClusterLodOptions, Front, arranged};
 use crate::control::NoControl;
@@ -15,14 +15,14 @@ use crate::options::{SimplifyOptions, Stop};
 use crate::{Simplified, SimplifyError, simplify};
 
 /// Target fraction of the faces of a group.
-const WANTED: f64 = 0.5;
+const TARGET_FRACTION: f64 = 0.5;
 /// Maximum target fraction, if that fills clusters better.
-const MOST_WANTED: f64 = 0.6;
+const MAX_TARGET_FRACTION: f64 = 0.6;
 
 /// Result of simplifying a group.
-pub(super) enum Outcome {
+pub(super) enum GroupOutcome {
     /// It was simplified.
-    Lighter(Box<Made>),
+    Lighter(Box<SimplifiedGroup>),
     /// Too few faces could be removed.
     Stuck,
     /// Its border was not preserved.
@@ -30,11 +30,11 @@ pub(super) enum Outcome {
 }
 
 /// A simplified group.
-pub(super) struct Made {
+pub(super) struct SimplifiedGroup {
     /// Its faces, cluster by cluster.
     pub(super) mesh: TriMesh,
     /// Its vertices and wedges that are in the pool already.
-    pub(super) known: Known,
+    pub(super) known: SharedIds,
     pub(super) pieces: Vec<Vec<u32>>,
     pub(super) error: f64,
     /// Samples of the original, for each cluster.
@@ -42,23 +42,23 @@ pub(super) struct Made {
 }
 
 /// Simplifies a group and keeps its border.
-pub(super) fn lighter(
+pub(super) fn simplify_group(
     build: &Build,
     members: &[&Front],
     border: &Border<'_>,
     options: &ClusterLodOptions,
     budget: &Budget,
-    original: &Original,
-) -> Result<Outcome, SimplifyError> {
+    original: &OriginalSurface,
+) -> Result<GroupOutcome, SimplifyError> {
     if members.len() < 2 {
-        return Ok(Outcome::Stuck);
+        return Ok(GroupOutcome::Stuck);
     }
     let faces: Vec<FaceId> = members.iter().flat_map(|m| &m.faces).copied().collect();
-    let group = part(&build.pool, &faces);
+    let group = extract_faces(&build.pool, &faces);
     let locked: Vec<bool> = group.vertices.iter().map(|&v| border.is_shared(v)).collect();
     let full = budget.faces(group.wedges.len(), faces.len());
-    let wanted = full * ((faces.len() as f64 * WANTED / full as f64).round() as usize).max(1);
-    let wanted = wanted.min((faces.len() as f64 * MOST_WANTED) as usize).max(1);
+    let wanted = full * ((faces.len() as f64 * TARGET_FRACTION / full as f64).round() as usize).max(1);
+    let wanted = wanted.min((faces.len() as f64 * MAX_TARGET_FRACTION) as usize).max(1);
     let mut inner = SimplifyOptions {
         locked: Some(Arc::from(locked)),
         weights: options.weights,
@@ -83,20 +83,20 @@ pub(super) fn lighter(
         done = to(most)?.filter(|d| !d.report.seams_relaxed);
     }
     let Some(lighter) = done.map(|d| d.mesh).filter(|m| (1..=most).contains(&m.face_count())) else {
-        return Ok(Outcome::Stuck);
+        return Ok(GroupOutcome::Stuck);
     };
     let pieces = split(&lighter, budget);
     if pieces.len() >= members.len() {
-        return Ok(Outcome::Stuck);
+        return Ok(GroupOutcome::Stuck);
     }
     let mesh = arranged(&lighter, &pieces);
     let known = group.shared_with(&mesh);
     if !keeps_border(&group, &mesh, &known, border) {
-        return Ok(Outcome::Broken);
+        return Ok(GroupOutcome::Broken);
     }
     let samples: Vec<[f64; 3]> = members.iter().flat_map(|m| &m.samples).copied().collect();
     let deviation = original.deviation(&mesh, &pieces, &samples);
-    Ok(Outcome::Lighter(Box::new(Made {
+    Ok(GroupOutcome::Lighter(Box::new(SimplifiedGroup {
         mesh,
         known,
         pieces,
@@ -106,8 +106,8 @@ pub(super) fn lighter(
 }
 
 /// Returns the edges with more faces in one direction than in the other, and the difference.
-fn open_edges(faces: impl Iterator<Item = [VertexId; 3]>) -> HashMap<Edge, i32> {
-    let mut net: HashMap<Edge, i32> = HashMap::new();
+fn open_edges(faces: impl Iterator<Item = [VertexId; 3]>) -> HashMap<VertexPair, i32> {
+    let mut net: HashMap<VertexPair, i32> = HashMap::new();
     for (edge, way) in faces.flat_map(directed) {
         *net.entry(edge).or_insert(0) += way;
     }
@@ -117,7 +117,7 @@ fn open_edges(faces: impl Iterator<Item = [VertexId; 3]>) -> HashMap<Edge, i32> 
 
 /// True if the edges shared with other groups keep their faces per direction, and if a group that was closed
 /// apart from them still is.
-fn keeps_border(group: &Part, made: &TriMesh, known: &Known, border: &Border<'_>) -> bool {
+fn keeps_border(group: &Part, made: &TriMesh, known: &SharedIds, border: &Border<'_>) -> bool {
     let before = open_edges(
         group.mesh.triangles().iter().map(|t| t.map(|w| group.vertices[group.mesh.vertex_of(w).index()])),
     );

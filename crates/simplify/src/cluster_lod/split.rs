@@ -14,10 +14,10 @@ use crate::cluster::pieces::each;
 
 /// Maximum number of clusters in a piece cut by planes: the geodesic search costs more, and gains little on
 /// larger ones.
-const PIECE: usize = 8;
+const PIECE_CLUSTERS: usize = 8;
 /// Number of vertices of a compact patch of n triangles beyond n / 2, over the root of n: half of its border.
 /// (A hexagon has 1.2; ragged ones more; guessed.)
-const BORDER: f64 = 2.0;
+const BORDER_FACTOR: f64 = 2.0;
 
 /// Capacity of a cluster.
 #[derive(Clone, Copy, Debug)]
@@ -31,8 +31,8 @@ impl Budget {
     pub(super) fn faces(&self, wedges: usize, faces: usize) -> usize {
         let count = faces.max(1) as f64;
         // Without the border of the set itself.
-        let each = ((wedges as f64 - BORDER * count.sqrt()) / count).max(0.5);
-        let fits = |n: &usize| each * *n as f64 + BORDER * (*n as f64).sqrt() <= self.vertices as f64;
+        let each = ((wedges as f64 - BORDER_FACTOR * count.sqrt()) / count).max(0.5);
+        let fits = |n: &usize| each * *n as f64 + BORDER_FACTOR * (*n as f64).sqrt() <= self.vertices as f64;
         // If every corner has its own wedge, no border is shared.
         let alone = self.vertices / 3;
         (1..=self.triangles).rev().find(fits).unwrap_or(1).max(alone.min(self.triangles)).max(1)
@@ -45,7 +45,7 @@ pub(super) fn split(mesh: &TriMesh, budget: &Budget) -> Vec<Vec<u32>> {
     let centres = centres(mesh);
     let mut all: Vec<u32> = (0..mesh.face_count() as u32).collect();
     let mut pieces = Vec::new();
-    by_planes(&mut all, &centres, PIECE * budget.triangles, budget.triangles, &mut pieces);
+    split_by_planes(&mut all, &centres, PIECE_CLUSTERS * budget.triangles, budget.triangles, &mut pieces);
     let clusters = each(pieces.len(), |i| Piece::new(mesh, &centres, pieces[i]).clusters(budget));
     clusters.into_iter().flatten().collect()
 }
@@ -74,7 +74,7 @@ fn longest_axis(faces: impl Iterator<Item = u32>, centres: &[[f32; 3]]) -> usize
     (0..3).rev().max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap_or(0)
 }
 
-fn by_planes<'a>(
+fn split_by_planes<'a>(
     faces: &'a mut [u32],
     centres: &[[f32; 3]],
     most: usize,
@@ -90,8 +90,8 @@ fn by_planes<'a>(
     let key = |f: u32| centres[f as usize][axis];
     faces.select_nth_unstable_by(at, |&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
     let (left, right) = faces.split_at_mut(at);
-    by_planes(left, centres, most, each, out);
-    by_planes(right, centres, most, each, out);
+    split_by_planes(left, centres, most, each, out);
+    split_by_planes(right, centres, most, each, out);
 }
 
 /// Returns how many of `count` items go left, so that `parts` parts of equal size result.
@@ -111,7 +111,7 @@ struct Piece<'a> {
     /// Current set of each face.
     set_of: Vec<u32>,
     sets: u32,
-    way: Vec<f32>,
+    path_length: Vec<f32>,
     heap: BinaryHeap<Reverse<(u32, u32)>>,
 }
 
@@ -147,7 +147,7 @@ impl<'a> Piece<'a> {
             starts,
             set_of: vec![0; count],
             sets: 0,
-            way: vec![0.0; count],
+            path_length: vec![0.0; count],
             heap: BinaryHeap::new(),
         }
     }
@@ -197,7 +197,7 @@ impl<'a> Piece<'a> {
             } else if room == 0 {
                 right.append(&mut part);
             } else {
-                self.by_way(&mut part, room);
+                self.order_by_path_length(&mut part, room);
                 left.extend_from_slice(&part[..room]);
                 right.extend_from_slice(&part[room..]);
             }
@@ -250,7 +250,7 @@ impl<'a> Piece<'a> {
 
     /// Moves the `at` faces of a component to the front that are nearest to one of its ends, relative to the
     /// other.
-    fn by_way(&mut self, part: &mut [u32], at: usize) {
+    fn order_by_path_length(&mut self, part: &mut [u32], at: usize) {
         let farthest = |way: &[f32], part: &[u32]| {
             let far = part
                 .iter()
@@ -259,13 +259,13 @@ impl<'a> Piece<'a> {
             far.expect("a part has faces")
         };
         self.walk(part, part[0]);
-        let one = farthest(&self.way, part);
+        let one = farthest(&self.path_length, part);
         self.walk(part, one);
-        let other = farthest(&self.way, part);
-        let from_one: Vec<f32> = part.iter().map(|&i| self.way[i as usize]).collect();
+        let other = farthest(&self.path_length, part);
+        let from_one: Vec<f32> = part.iter().map(|&i| self.path_length[i as usize]).collect();
         self.walk(part, other);
         let mut keyed: Vec<(f32, u32)> =
-            part.iter().zip(from_one).map(|(&i, d)| (d - self.way[i as usize], i)).collect();
+            part.iter().zip(from_one).map(|(&i, d)| (d - self.path_length[i as usize], i)).collect();
         keyed.select_nth_unstable_by(at, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         part.iter_mut().zip(keyed).for_each(|(slot, x)| *slot = x.1);
     }
@@ -274,13 +274,13 @@ impl<'a> Piece<'a> {
     fn walk(&mut self, part: &[u32], from: u32) {
         self.mark(part);
         for &i in part {
-            self.way[i as usize] = f32::INFINITY;
+            self.path_length[i as usize] = f32::INFINITY;
         }
-        self.way[from as usize] = 0.0;
+        self.path_length[from as usize] = 0.0;
         self.heap.push(Reverse((0, from)));
         while let Some(Reverse((bits, i))) = self.heap.pop() {
             let way = f32::from_bits(bits);
-            if way > self.way[i as usize] {
+            if way > self.path_length[i as usize] {
                 continue;
             }
             let p = self.centre(i);
@@ -292,8 +292,8 @@ impl<'a> Piece<'a> {
                 }
                 let q = self.centre(j);
                 let step = (0..3).map(|k| (p[k] - q[k]) * (p[k] - q[k])).sum::<f32>().sqrt();
-                if way + step < self.way[j as usize] {
-                    self.way[j as usize] = way + step;
+                if way + step < self.path_length[j as usize] {
+                    self.path_length[j as usize] = way + step;
                     // Non-negative floats sort like their bits.
                     self.heap.push(Reverse(((way + step).to_bits(), j)));
                 }

@@ -7,7 +7,7 @@ use super::evaluate::{Found, OwnedEdges};
 use super::seams::Edge;
 use super::store::{Ring, Spoke};
 use super::{LiveMesh, Scratch, Tally};
-use crate::guard::BORDER;
+use crate::guard::BORDER_WEIGHT;
 use crate::metric::{Around, At, Judge, Line, Metric, Place, Wall};
 use crate::options::Placement;
 use crate::report::Refusal;
@@ -117,7 +117,7 @@ impl<M: Metric> LiveMesh<M> {
             return;
         }
         let mut line = |edge: &Edge, seams: bool, side: At| {
-            let weight = f64::from(self.weight_of(edge, seams) / BORDER);
+            let weight = f64::from(self.weight_of(edge, seams) / BORDER_WEIGHT);
             if weight > 0.0 {
                 around.lines.push(Line { at: side, to: at(edge.to), weight, sense: edge.sense() });
             }

@@ -18,7 +18,7 @@ use super::kind::distinct;
 use super::star::Star;
 use super::store::{Corner, Ring};
 use super::{Engine, LiveMesh, Scratch, Tally};
-use crate::fit::Guards;
+use crate::fit::MoveGuards;
 use crate::metric::{Form, Metric};
 use crate::options::{Placement, SimplifyOptions, TopologyPolicy};
 use crate::report::Refusal;
@@ -243,7 +243,7 @@ impl<M: Metric> LiveMesh<M> {
             .copied()
             .filter(|x| self.store.v[x.index()].kind.is_free())
             .collect();
-        let guards = Guards::new(&self.constraints.rules, &self.store);
+        let guards = MoveGuards::new(&self.constraints.rules, &self.store);
         let mut ring = Ring::default();
         for x in touching {
             self.store.ring(x, &mut ring);

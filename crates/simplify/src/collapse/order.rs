@@ -10,7 +10,7 @@ use lodsmith_core::{PositionsView, Surface, TriMesh, VertexId, WedgeId};
 use prefetch_index::prefetch_index;
 use wide::{f32x4, u32x4};
 
-use crate::given::Given;
+use crate::given::OrderedInput;
 use crate::report::Cleanup;
 
 /// No vertex.
@@ -207,7 +207,7 @@ impl Again<'_> {
     }
 }
 
-impl Given for Again<'_> {
+impl OrderedInput for Again<'_> {
     fn point_count(&self) -> usize {
         self.ordered.point_count
     }
@@ -223,14 +223,14 @@ impl Given for Again<'_> {
         self.here[face - self.from]
     }
     #[inline]
-    fn places(&mut self, face: usize, _: [VertexId; 3]) -> [Vec3; 3] {
+    fn positions(&mut self, face: usize, _: [VertexId; 3]) -> [Vec3; 3] {
         if face.wrapping_sub(self.from) >= self.there.len() {
             self.look_up(face);
         }
         self.there[face - self.from].map(|v| self.place_there(v))
     }
     #[inline]
-    fn bring(&self, face: usize) {
+    fn prefetch(&self, face: usize) {
         if let Some(t) = self.there.get(face.wrapping_sub(self.from)) {
             for v in t {
                 match self.surface.positions() {
@@ -240,11 +240,11 @@ impl Given for Again<'_> {
             }
         }
     }
-    fn turn(&mut self) {
+    fn start_random_access(&mut self) {
         (self.faces, self.there, self.here) = (Vec::new(), Vec::new(), Vec::new());
         self.first = self.ordered.first_at_each();
     }
-    fn place(&self, v: VertexId) -> Vec3 {
+    fn position(&self, v: VertexId) -> Vec3 {
         self.place_there(self.first[v.index()])
     }
     fn each_face(&self, look: impl FnMut([VertexId; 3])) {
@@ -588,12 +588,12 @@ mod tests {
         let mut again = o.again(&s);
         assert_eq!((again.point_count(), again.face_count()), (o.points.len(), 300));
         for (i, t) in o.faces.iter().enumerate() {
-            again.bring(i + 8);
+            again.prefetch(i + 8);
             assert_eq!(again.face(i), *t);
-            assert_eq!(again.places(i, *t), t.map(|v| o.points[v.index()]));
+            assert_eq!(again.positions(i, *t), t.map(|v| o.points[v.index()]));
         }
-        again.turn();
-        assert!((0..).map(VertexId).zip(&o.points).all(|(v, p)| again.place(v) == *p));
+        again.start_random_access();
+        assert!((0..).map(VertexId).zip(&o.points).all(|(v, p)| again.position(v) == *p));
         let (mut all, mut wanted) = (Vec::new(), o.faces.clone());
         again.each_face(|t| all.push(t));
         all.sort();

@@ -313,7 +313,7 @@ impl Record {
             let row = |w: &WedgeId| self.copy.rows[w.index() * width..][..width].to_vec();
             let before: Vec<Vec<f32>> = wedges.iter().map(row).collect();
             let mut after = before.clone();
-            rows.hold_together(places, &mut after);
+            rows.average_movement(places, &mut after);
             for ((w, before), after) in wedges.into_iter().zip(before).zip(after).filter(|r| r.0.1 != r.1) {
                 if w.index() < there && !self.log.rows[first_row..].contains(&w) {
                     self.log.rows.push(w);

@@ -26,9 +26,9 @@ impl<M: Metric> Engine<M> {
         reach: impl Fn(Length) -> f32,
     ) -> Vec<Proposal> {
         let part_count = self.mesh.part_count();
-        let mut open = Change::open_to(options);
+        let mut open = Change::relaxations(options);
         // What is one part already has nothing to grow together with.
-        open.extend(Change::to_pairs(options).filter(|_| part_count > 1).map(|change| vec![change]));
+        open.extend(Change::pairs_change(options).filter(|_| part_count > 1).map(|change| vec![change]));
         if open.is_empty() {
             return Vec::new();
         }
@@ -37,7 +37,7 @@ impl<M: Metric> Engine<M> {
         // Some look possible as it is, until their wedges are handed over.
         let base = self.possible();
         best(&open, &mut |changes| {
-            let changed = changes.iter().fold(options.clone(), |o, c| c.applied(&o));
+            let changed = changes.iter().fold(options.clone(), |o, c| c.apply(&o));
             self.mesh.constraints.rules = rules(&changed);
             self.mesh.constraints.cuts_necks = may_cut(&changed);
             if changed.locked.is_none() {
@@ -50,7 +50,7 @@ impl<M: Metric> Engine<M> {
             let parts_go =
                 options.topology == TopologyPolicy::Preserve && changed.topology != TopologyPolicy::Preserve;
             let parts = if parts_go { part_count - 1 } else { 0 };
-            let pairs = match (options.of_method.pairs, changed.of_method.pairs) {
+            let pairs = match (options.method_options.pairs, changed.method_options.pairs) {
                 (None, Some(distance)) => self.possible_pairs(reach(distance)),
                 _ => 0,
             };

@@ -13,25 +13,25 @@ use crate::metric::Memory;
 
 /// Fractions of a move that are tried, the longest first: most moves that a guard refuses break it only near
 /// their end. (Guessed.)
-const SHARES: [f32; 3] = [1.0, 0.5, 0.25];
+const MOVE_SHARES: [f32; 3] = [1.0, 0.5, 0.25];
 
 /// The guards that a move can break. The valence is not among them: no move changes it.
-pub(crate) struct Guards {
+pub(crate) struct MoveGuards {
     /// Square of the least quality of a face.
     min_shape: f32,
     max_edge_sq: f32,
-    turn: Option<Turn>,
+    turn: Option<RotationLimit>,
 }
 
 /// Limit on the rotation of faces since the guards were made.
-struct Turn {
+struct RotationLimit {
     /// Squared cosine of the largest angle.
-    most: f32,
+    min_cos_sq: f32,
     /// Normals of the faces, of twice the area in length.
     normals: Vec<Vec3>,
 }
 
-impl Guards {
+impl MoveGuards {
     /// Returns the guards of a run; `None` if its options set none, so that nothing has to be checked.
     /// Rotations are relative to the faces as they are now.
     pub(crate) fn new<Q: Memory>(rules: &Rules, store: &Store<Q>) -> Option<Self> {
@@ -42,9 +42,10 @@ impl Guards {
             let [a, b, c] = t.map(|v| store.p(v));
             (b - a).cross(c - a)
         };
-        let turn = rules
-            .guards_turns()
-            .then(|| Turn { most: rules.max_turn, normals: store.t.iter().map(normal).collect() });
+        let turn = rules.guards_turns().then(|| RotationLimit {
+            min_cos_sq: rules.max_turn,
+            normals: store.t.iter().map(normal).collect(),
+        });
         Some(Self { min_shape: rules.min_shape, max_edge_sq: rules.max_edge_sq, turn })
     }
 
@@ -80,11 +81,11 @@ impl Guards {
     ) -> Option<Vec3> {
         let from = store.p(u);
         let place = |share: f32| if share == 1.0 { last } else { from + (last - from) * share };
-        SHARES.into_iter().map(place).find(|&p| p != from && is_fine(p) && self.allow(store, u, p))
+        MOVE_SHARES.into_iter().map(place).find(|&p| p != from && is_fine(p) && self.allow(store, u, p))
     }
 }
 
-impl Turn {
+impl RotationLimit {
     fn allows(&self, face: usize, [from, place]: [Vec3; 2], a: Vec3, b: Vec3) -> bool {
         let before = self.normals[face];
         // Signed square of the cosine, times the square of the length before.
@@ -93,7 +94,7 @@ impl Turn {
             let along = before.dot(normal);
             along * along.abs() / normal.length_squared().max(f32::MIN_POSITIVE)
         };
-        let least = self.most * before.length_squared();
+        let least = self.min_cos_sq * before.length_squared();
         let after = facing(place);
         after >= least || after >= facing(from)
     }
@@ -120,14 +121,14 @@ mod tests {
         store
     }
 
-    fn allows(guards: &Guards, store: &Store<Tensor>, place: [f32; 3]) -> bool {
+    fn allows(guards: &MoveGuards, store: &Store<Tensor>, place: [f32; 3]) -> bool {
         guards.allow(store, VertexId(0), place.into())
     }
 
     #[test]
     fn an_edge_may_only_grow_up_to_the_limit() {
         let mut store = square();
-        let guards = Guards { min_shape: 0.0, max_edge_sq: 1.5f32.powi(2), turn: None };
+        let guards = MoveGuards { min_shape: 0.0, max_edge_sq: 1.5f32.powi(2), turn: None };
         assert!(allows(&guards, &store, [0.05, 0.0, 0.0]));
         assert!(!allows(&guards, &store, [0.5, 0.0, 0.0]));
         // Too long already: it may get shorter, but not longer.
@@ -141,7 +142,7 @@ mod tests {
     #[test]
     fn a_face_may_only_get_worse_down_to_the_limit() {
         let mut store = square();
-        let guards = Guards { min_shape: 0.5f32.powi(2), max_edge_sq: f32::INFINITY, turn: None };
+        let guards = MoveGuards { min_shape: 0.5f32.powi(2), max_edge_sq: f32::INFINITY, turn: None };
         assert!(allows(&guards, &store, [0.1, 0.0, 0.0]));
         assert!(!allows(&guards, &store, [0.9, 0.0, 0.0]));
         store.v[0].p = Vec3::new(0.9, 0.0, 0.0);
@@ -153,8 +154,8 @@ mod tests {
     fn a_face_may_only_turn_up_to_the_limit() {
         let mut store = square();
         let normals = vec![Vec3::Z * 2.0; 4];
-        let turn = Some(Turn { most: 30f32.to_radians().cos().powi(2), normals });
-        let guards = Guards { min_shape: 0.0, max_edge_sq: f32::INFINITY, turn };
+        let turn = Some(RotationLimit { min_cos_sq: 30f32.to_radians().cos().powi(2), normals });
+        let guards = MoveGuards { min_shape: 0.0, max_edge_sq: f32::INFINITY, turn };
         assert!(allows(&guards, &store, [0.0, 0.0, 0.5]));
         assert!(!allows(&guards, &store, [0.0, 0.0, 0.7]));
         store.v[0].p = Vec3::new(0.0, 0.0, 0.7);

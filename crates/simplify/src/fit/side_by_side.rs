@@ -5,21 +5,21 @@ use lodsmith_core::VertexId;
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-use super::{Fan, FourFaces, Nearest, Star, Store};
+use super::{CachedStar, Fan, FourFaces, Nearest, Store};
 use crate::lanes::four;
 use crate::tensor::Tensor;
 use crate::trial::{bits, tame_vector, vector};
 use crate::triangle::closest;
 
 /// [`FourFaces`] of one triangle.
-struct Face {
+struct ScalarFace {
     normal: Vec3,
     second: Vec3,
     third: Vec3,
     high_sq: [f32; 3],
 }
 
-impl Face {
+impl ScalarFace {
     fn new([a, b, c]: [Vec3; 3]) -> Self {
         let edges = [c - b, a - c, b - a];
         let normal = edges[2].cross(c - a);
@@ -62,12 +62,12 @@ proptest! {
         // Few random directions agree with the normal of a face.
         let facings = [0, 1, 2, 3].map(|i| match i % 2 {
             0 => facings[i],
-            _ => Face::new(corners[i]).normal + facings[i] * 0.5,
+            _ => ScalarFace::new(corners[i]).normal + facings[i] * 0.5,
         });
         let all = FourFaces::new([0, 1, 2].map(|k| four(corners.map(|c| c[k]))));
         let sound = all.are_sound(&four(facings)).to_bitmask();
         for i in 0..4 {
-            let face = Face::new(corners[i]);
+            let face = ScalarFace::new(corners[i]);
             let lane = |v: &crate::lanes::Four| v.map(|x| x.to_array()[i]);
             prop_assert_eq!(bits(lane(&all.normal)), bits(face.normal.to_array()));
             prop_assert_eq!(bits(lane(&all.second)), bits(face.second.to_array()));
@@ -89,14 +89,14 @@ proptest! {
         let faces: Vec<_> = (0..n).map(|i| [0, 1 + i, 1 + (i + 1) % n].map(VertexId)).collect();
         let mut store = Store::<Tensor>::new(&points, faces.clone(), None, None);
         store.link();
-        let mut star = Star::NONE;
+        let mut star = CachedStar::NONE;
         star.make(&store, VertexId(0));
-        prop_assert_eq!(star.further.len(), (faces.len() - 1) / 8);
+        prop_assert_eq!(star.other_fans.len(), (faces.len() - 1) / 8);
         for q in places {
-            let each = faces.iter().map(|t| Face::new(t.map(|w| store.p(w))).distance(q));
+            let each = faces.iter().map(|t| ScalarFace::new(t.map(|w| store.p(w))).distance(q));
             let first = each.enumerate().min_by(|a, b| a.1[0].total_cmp(&b.1[0])).filter(|x| x.1[0] < within);
             let found = star.nearest(Vec3A::from(q), within).map(|f| {
-                let Nearest { distance_sq, beside, height, second, third, corner } = f;
+                let Nearest { distance_sq, lateral, height, second, third, corner } = f;
                 (corner.face(), [distance_sq, beside, height, second, third])
             });
             prop_assert_eq!(found.map(|f| (f.0, bits(f.1))), first.map(|f| (f.0, bits(f.1))));
@@ -110,7 +110,7 @@ proptest! {
         q in tame_vector(),
     ) {
         let [a, b, c] = corners;
-        let face = Face::new(corners);
+        let face = ScalarFace::new(corners);
         // (Gradients of slivers are mostly rounding error.)
         prop_assume!(face.high_sq.iter().all(|h| *h > 1e-3));
         let store = {

@@ -14,7 +14,7 @@ use crate::tensor::Tensor;
 
 /// Fraction of its own weight that holds a wedge to its present value. (Guessed.)
 const DAMPING: f32 = 0.02;
-const BELIEVED: f64 = 1.5;
+const TRUSTED_RESIDUAL_RMS: f64 = 1.5;
 /// Gauss-Seidel sweeps. (As many as for the positions.)
 const SWEEPS: usize = 2;
 
@@ -95,7 +95,8 @@ fn by_wedge(wedges: &[[WedgeId; 3]], count: usize) -> (Vec<u32>, Vec<u32>) {
 
 /// For each corner of a triangle the two others, and the index of their product with it in a tensor of
 /// barycentric coordinates: xy, xz, yz are at 3, 4, 5.
-const OTHERS: [[(usize, usize); 2]; 4] = [[(1, 3), (2, 4)], [(0, 3), (2, 5)], [(0, 4), (1, 5)], [(0, 0); 2]];
+const OTHER_CORNERS: [[(usize, usize); 2]; 4] =
+    [[(1, 3), (2, 4)], [(0, 3), (2, 5)], [(0, 4), (1, 5)], [(0, 0); 2]];
 
 /// Sums over the samples of the values, for each final triangle.
 pub(crate) struct Values<'a> {
@@ -109,15 +110,15 @@ pub(crate) struct Values<'a> {
     bb: Vec<Tensor>,
     /// Weight that holds each corner to its present value: without trusted samples nearby nothing else acts
     /// on it.
-    held: Vec<Vec3>,
+    damping: Vec<Vec3>,
     /// Sums of weight · b · (value of the sample − value of the triangle there), for each corner.
     wanted: Vec<f32x4>,
     /// The largest residual of a sample, as far as it is trusted: no corner changes by more.
-    worst: Vec<f32x4>,
+    max_residual: Vec<f32x4>,
     /// Scratch: the residual of a sample.
-    off: Vec<f32x4>,
+    residual: Vec<f32x4>,
     /// Weighted square of a residual that is still trusted.
-    usual: f32,
+    trusted_sq: f32,
 }
 
 impl<'a> Values<'a> {
@@ -132,13 +133,25 @@ impl<'a> Values<'a> {
         let lanes = attributes.lanes();
         let (bb, wanted) =
             (vec![Tensor::default(); wedges.len()], vec![f32x4::ZERO; 3 * lanes * wedges.len()]);
-        let usual = (BELIEVED * away).powi(2).clamp(1e-30, 1e30) as f32;
+        let usual = (TRUSTED_RESIDUAL_RMS * away).powi(2).clamp(1e-30, 1e30) as f32;
         let off = vec![f32x4::ZERO; lanes];
         let held = vec![Vec3::ZERO; wedges.len()];
         let worst = vec![f32x4::ZERO; lanes * wedges.len()];
         let chart = |t: &[WedgeId; 3]| originals.charts[attributes.original(t[0]).index()];
         let charts = wedges.iter().map(chart).collect();
-        Self { originals, attributes, wedges, charts, lanes, bb, held, wanted, worst, off, usual }
+        Self {
+            originals,
+            attributes,
+            wedges,
+            charts,
+            lanes,
+            bb,
+            damping: held,
+            wanted,
+            max_residual: worst,
+            residual: off,
+            trusted_sq: usual,
+        }
     }
 
     /// Adds the centre of a face of the ordered input.
@@ -193,7 +206,7 @@ impl<'a> Values<'a> {
         );
         // (Small buffers stay in registers.)
         let mut few = [f32x4::ZERO; 2];
-        let off = if N == 0 { &mut self.off[..lanes] } else { &mut few[..N] };
+        let off = if N == 0 { &mut self.residual[..lanes] } else { &mut few[..N] };
         let mut far = f32x4::ZERO;
         for (i, off) in off.iter_mut().enumerate() {
             let mut sum = f32x4::ZERO;
@@ -210,11 +223,11 @@ impl<'a> Values<'a> {
             *off = own;
         }
         // A large residual means that the face is near in space only.
-        let trust = self.usual / (self.usual + far.reduce_add());
-        self.held[face] += b.max(Vec3::ZERO) * (weight * DAMPING);
+        let trust = self.trusted_sq / (self.trusted_sq + far.reduce_add());
+        self.damping[face] += b.max(Vec3::ZERO) * (weight * DAMPING);
         let weight = weight * trust * trust;
         self.bb[face].add(&Tensor::outer(b, weight));
-        let worst = &mut self.worst[face * lanes..][..lanes];
+        let worst = &mut self.max_residual[face * lanes..][..lanes];
         let wanted = &mut self.wanted[face * 3 * lanes..][..3 * lanes];
         for (i, off) in off.iter().enumerate() {
             worst[i] = worst[i].fast_max(off.abs() * trust);
@@ -256,8 +269,8 @@ impl<'a> Values<'a> {
                     for &corner in corners {
                         let (f, k) = (corner as usize >> 2, corner as usize & 3);
                         own += self.bb[f].0[k];
-                        held += self.held[f][k];
-                        let worst = &self.worst[f * lanes..][..lanes];
+                        held += self.damping[f][k];
+                        let worst = &self.max_residual[f * lanes..][..lanes];
                         for i in 0..lanes {
                             most[i] = most[i].fast_max(worst[i]);
                         }
@@ -274,7 +287,7 @@ impl<'a> Values<'a> {
                 for &corner in corners {
                     let (f, k) = (corner as usize >> 2, corner as usize & 3);
                     let wanted = &self.wanted[(3 * f + k) * lanes..][..lanes];
-                    let [(one, at_one), (other, at_other)] = OTHERS[k];
+                    let [(one, at_one), (other, at_other)] = OTHER_CORNERS[k];
                     let (wedges, bb) = (&self.wedges[f], &self.bb[f].0);
                     let (by_one, by_other) = (bb[at_one], bb[at_other]);
                     let one = &shifts[wedges[one].index() * lanes..][..lanes];

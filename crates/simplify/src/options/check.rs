@@ -43,7 +43,7 @@ impl SimplifyOptions {
             return bad("weight", "0 or more", x);
         }
         options.check_method()?;
-        let own = &options.of_method;
+        let own = &options.method_options;
         for (option, given) in [
             ("pairs", own.pairs),
             ("cell", own.cell),

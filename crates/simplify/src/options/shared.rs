@@ -10,18 +10,19 @@ use Method::{
 };
 
 /// Collapse methods whose merged vertex may be placed anywhere.
-const MOVING: &[Method] = &[Memoryless, Quadric, LindstromTurk, ShortestEdge];
+const PLACING_METHODS: &[Method] = &[Memoryless, Quadric, LindstromTurk, ShortestEdge];
 /// Methods whose result vertices can be, or are, vertices of the input.
-const KEEPING: &[Method] =
+const SUBSET_METHODS: &[Method] =
     &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar, Unsubdivide];
 /// Methods that remove vertices one at a time, and can refuse to.
-const CHOOSING: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval];
+const GUARDED_METHODS: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval];
 /// Edge-collapse methods.
-const COLLAPSING: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge];
+const COLLAPSE_METHODS: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge];
 /// [`CHOOSING`], and the method whose regions turn by a limited angle.
-const TURNING: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar];
+const NORMAL_GUARDED_METHODS: &[Method] =
+    &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar];
 /// Methods that detect borders.
-const BORDERED: &[Method] =
+const BORDER_METHODS: &[Method] =
     &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar, Unsubdivide, Remesh];
 
 impl SimplifyOptions {
@@ -29,8 +30,8 @@ impl SimplifyOptions {
     pub(super) fn check_method(&self) -> Result<(), SimplifyError> {
         let method = self.method;
         let not = |option, takers| Err(SimplifyError::NotOfMethod { option, takers, method });
-        let own = &self.of_method;
-        for (option, takers) in own.set() {
+        let own = &self.method_options;
+        for (option, takers) in own.set_options() {
             if !takers.contains(&method) {
                 return not(option, takers);
             }
@@ -63,8 +64,8 @@ impl SimplifyOptions {
         let clusters = method == Cluster;
         let keeps_topology = self.topology == TopologyPolicy::Preserve;
         for (option, is_unknown, takers) in [
-            ("topology preserve", keeps_topology && clusters, BORDERED),
-            ("importance", clusters && self.importance.is_some(), CHOOSING),
+            ("topology preserve", keeps_topology && clusters, BORDER_METHODS),
+            ("importance", clusters && self.importance.is_some(), GUARDED_METHODS),
         ] {
             if is_unknown {
                 return not(option, takers);
@@ -83,16 +84,16 @@ impl SimplifyOptions {
         let guards = &self.guards;
         let Guards { max_normal_deg, min_quality, max_valence, max_edge } = guards;
         [
-            ("placement midpoint", self.placement == Placement::Midpoint, MOVING),
-            ("placement endpoint", self.placement == Placement::Endpoint, KEEPING),
-            ("fit on", self.fit == Fit::On, MOVING),
-            ("border slide", self.border == BorderPolicy::Slide, BORDERED),
-            ("border lock", self.border == BorderPolicy::Lock, BORDERED),
-            ("max-normal", max_normal_deg.is_some(), TURNING),
-            ("importance", self.importance.is_some(), CHOOSING),
-            ("sharp", self.sharp_deg.is_some(), COLLAPSING),
-            ("min-quality or max-valence", min_quality.is_some() || max_valence.is_some(), CHOOSING),
-            ("max-edge", max_edge.is_some(), CHOOSING),
+            ("placement midpoint", self.placement == Placement::Midpoint, PLACING_METHODS),
+            ("placement endpoint", self.placement == Placement::Endpoint, SUBSET_METHODS),
+            ("fit on", self.fit == Fit::On, PLACING_METHODS),
+            ("border slide", self.border == BorderPolicy::Slide, BORDER_METHODS),
+            ("border lock", self.border == BorderPolicy::Lock, BORDER_METHODS),
+            ("max-normal", max_normal_deg.is_some(), NORMAL_GUARDED_METHODS),
+            ("importance", self.importance.is_some(), GUARDED_METHODS),
+            ("sharp", self.sharp_deg.is_some(), COLLAPSE_METHODS),
+            ("min-quality or max-valence", min_quality.is_some() || max_valence.is_some(), GUARDED_METHODS),
+            ("max-edge", max_edge.is_some(), GUARDED_METHODS),
         ]
     }
 

@@ -8,7 +8,7 @@ use super::regions::Regions;
 
 /// Splitting depth beyond which chains are split in the middle instead of at their farthest vertex: no chain
 /// takes quadratic time. (Chains that are split about evenly have fewer vertices than 2 to this power.)
-const DEEPEST: u32 = 40;
+const MAX_SPLIT_DEPTH: u32 = 40;
 
 /// All border chains.
 pub(super) struct Chains {
@@ -20,12 +20,12 @@ pub(super) struct Chains {
     /// True for closed chains without a corner.
     is_free: Vec<bool>,
     side_start: Vec<usize>,
-    sides: Vec<Side>,
+    sides: Vec<ChainSide>,
 }
 
 /// A region along a chain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Side {
+pub(super) struct ChainSide {
     pub(super) region: u32,
     /// True if its faces are wound in the direction of the chain.
     pub(super) is_forward: bool,
@@ -33,7 +33,7 @@ pub(super) struct Side {
 
 /// Classification of a vertex by the borders through it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Place {
+pub(super) enum BorderRole {
     /// No border edge.
     #[default]
     Inside,
@@ -60,16 +60,16 @@ impl Chains {
         points: &[DVec3],
         is_held: impl Fn(VertexId) -> bool,
         flat: f64,
-    ) -> (Self, Vec<Place>) {
-        let mut places = vec![Place::default(); points.len()];
+    ) -> (Self, Vec<BorderRole>) {
+        let mut places = vec![BorderRole::default(); points.len()];
         let edges = || topology.edges().filter(|&h| is_border(topology, regions, h));
         for h in edges() {
             for v in [topology.origin(h), topology.target(h)] {
                 let place = &mut places[v.index()];
                 *place = match *place {
-                    Place::Inside => Place::One(h),
-                    Place::One(g) => Place::Along([g, h]),
-                    Place::Along(_) | Place::Corner => Place::Corner,
+                    BorderRole::Inside => BorderRole::One(h),
+                    BorderRole::One(g) => BorderRole::Along([g, h]),
+                    BorderRole::Along(_) | BorderRole::Corner => BorderRole::Corner,
                 };
             }
         }
@@ -77,9 +77,9 @@ impl Chains {
         for (v, place) in places.iter_mut().enumerate() {
             let v = VertexId::new(v);
             let stays = match *place {
-                Place::Inside => false,
-                Place::One(_) | Place::Corner => true,
-                Place::Along([g, h]) => {
+                BorderRole::Inside => false,
+                BorderRole::One(_) | BorderRole::Corner => true,
+                BorderRole::Along([g, h]) => {
                     let [a, b] = &mut buffers;
                     sides(topology, regions, g, topology.target(g) == v, a);
                     sides(topology, regions, h, topology.origin(h) == v, b);
@@ -87,7 +87,7 @@ impl Chains {
                 }
             };
             if stays {
-                *place = Place::Corner;
+                *place = BorderRole::Corner;
             }
         }
         let mut all = Self {
@@ -100,7 +100,7 @@ impl Chains {
             sides: Vec::new(),
         };
         let mut is_walked = vec![false; 3 * topology.face_count()];
-        let is_corner = |v: VertexId| places[v.index()] == Place::Corner;
+        let is_corner = |v: VertexId| places[v.index()] == BorderRole::Corner;
         for from_corners in [true, false] {
             for h in edges() {
                 let (a, b) = (topology.origin(h), topology.target(h));
@@ -119,7 +119,7 @@ impl Chains {
         &mut self,
         topology: &Topology,
         regions: &Regions,
-        places: &[Place],
+        places: &[BorderRole],
         from: VertexId,
         first: HalfEdgeId,
         is_walked: &mut [bool],
@@ -131,12 +131,12 @@ impl Chains {
             at = if topology.origin(h) == at { topology.target(h) } else { topology.origin(h) };
             self.vertices.push(at);
             match places[at.index()] {
-                Place::Along([a, b]) if at != from => h = if a == h { b } else { a },
+                BorderRole::Along([a, b]) if at != from => h = if a == h { b } else { a },
                 _ => break,
             }
         }
         self.start.push(self.vertices.len());
-        self.is_free.push(places[from.index()] != Place::Corner);
+        self.is_free.push(places[from.index()] != BorderRole::Corner);
         let mut buffer = Vec::new();
         sides(topology, regions, first, topology.origin(first) == from, &mut buffer);
         self.sides.extend(buffer);
@@ -185,7 +185,7 @@ impl Chains {
         self.start.len() - 1
     }
     /// Returns the regions along a chain, sorted; a region on both sides occurs twice.
-    pub(super) fn sides(&self, chain: usize) -> &[Side] {
+    pub(super) fn sides(&self, chain: usize) -> &[ChainSide] {
         &self.sides[self.side_start[chain]..self.side_start[chain + 1]]
     }
     /// Number of vertices that can be dropped.
@@ -203,9 +203,9 @@ impl Chains {
 }
 
 /// Collects the regions along an edge, sorted, seen in its direction or against it.
-fn sides(topology: &Topology, regions: &Regions, h: HalfEdgeId, along: bool, out: &mut Vec<Side>) {
+fn sides(topology: &Topology, regions: &Regions, h: HalfEdgeId, along: bool, out: &mut Vec<ChainSide>) {
     out.clear();
-    out.extend(topology.edge(h).map(|g| Side {
+    out.extend(topology.edge(h).map(|g| ChainSide {
         region: regions.of_face[g.face().index()],
         is_forward: (topology.origin(g) == topology.origin(h)) == along,
     }));
@@ -224,7 +224,7 @@ fn split(chain: &[DVec3], first: usize, last: usize, flat: f64, needed: &mut [bo
             }
         }
         if let Some(i) = at {
-            let i = if depth < DEEPEST { i } else { a + (b - a) / 2 };
+            let i = if depth < MAX_SPLIT_DEPTH { i } else { a + (b - a) / 2 };
             needed[i] = true;
             open.extend([(a, i, depth + 1), (i, b, depth + 1)]);
         }

@@ -3,27 +3,27 @@
 use lodsmith_core::{Morphed, Semantic, TriMesh, WedgeId};
 
 use crate::options::AttributeWeights;
-use crate::rebuild::Ground;
+use crate::rebuild::PreparedInput;
 
 /// Tolerances between a value and the linear function of its region: half a texel of a 4096 texture; one step
 /// of an 8-bit colour; about half a degree; and as a share of the largest value, for skin weights and custom
 /// attributes.
-const UV: f32 = 1e-4;
-const COLOR: f32 = 0.004;
-const NORMAL: f32 = 0.01;
-const OTHER: f32 = 1e-3;
+const UV_TOLERANCE: f32 = 1e-4;
+const COLOR_TOLERANCE: f32 = 0.004;
+const NORMAL_TOLERANCE: f32 = 0.01;
+const OTHER_TOLERANCE: f32 = 1e-3;
 /// Rounding of single precision, as a share of the largest value.
 const ROUNDING: f32 = 5e-7;
 
 /// All scalar attribute channels that are not constant.
 #[derive(Default)]
 pub(super) struct Channels<'a> {
-    scalars: Vec<Scalar<'a>>,
+    scalars: Vec<Channel<'a>>,
     /// Wedges of each face.
     wedges: Vec<[WedgeId; 3]>,
 }
 
-struct Scalar<'a> {
+struct Channel<'a> {
     values: &'a [f32],
     width: usize,
     at: usize,
@@ -35,7 +35,7 @@ impl<'a> Channels<'a> {
     /// units.
     pub(super) fn new(
         mesh: Option<&'a TriMesh>,
-        ground: &Ground,
+        ground: &PreparedInput,
         weights: &AttributeWeights,
         flat: f64,
     ) -> Self {
@@ -49,28 +49,28 @@ impl<'a> Channels<'a> {
                 }
                 let largest = of().fold(0f32, |m, x| m.max(x.abs()));
                 let tolerance = f64::from(tolerance).max(f64::from(share) * f64::from(largest));
-                all.scalars.push(Scalar { values, width, at, tolerance });
+                all.scalars.push(Channel { values, width, at, tolerance });
             }
         };
         if let Some(x) = mesh.uvs() {
-            add(bytemuck::cast_slice(x), 2, weights.uv, UV, ROUNDING);
+            add(bytemuck::cast_slice(x), 2, weights.uv, UV_TOLERANCE, ROUNDING);
         }
         if let Some(x) = mesh.colors() {
-            add(bytemuck::cast_slice(x), 4, weights.color, COLOR, ROUNDING);
+            add(bytemuck::cast_slice(x), 4, weights.color, COLOR_TOLERANCE, ROUNDING);
         }
         if let Some(x) = mesh.normals() {
-            add(bytemuck::cast_slice(x), 3, weights.normal, NORMAL, ROUNDING);
+            add(bytemuck::cast_slice(x), 3, weights.normal, NORMAL_TOLERANCE, ROUNDING);
         }
         for a in mesh.further_attributes() {
             let (weight, tolerance, share) = match a.semantic {
-                Semantic::Uv(_) => (weights.uv, UV, ROUNDING),
-                Semantic::Color(_) => (weights.color, COLOR, ROUNDING),
+                Semantic::Uv(_) => (weights.uv, UV_TOLERANCE, ROUNDING),
+                Semantic::Color(_) => (weights.color, COLOR_TOLERANCE, ROUNDING),
                 // Tangents are directions, like normals; numbers that identify something must be constant.
-                Semantic::Tangent => (weights.normal, NORMAL, ROUNDING),
+                Semantic::Tangent => (weights.normal, NORMAL_TOLERANCE, ROUNDING),
                 Semantic::Joints(_) | Semantic::Discrete { .. } => (weights.other, 0.0, 0.0),
                 Semantic::Morph { of: Morphed::Position, .. } => (weights.morph, flat as f32, ROUNDING),
-                Semantic::Morph { .. } => (weights.morph, NORMAL, ROUNDING),
-                Semantic::Weights(_) | Semantic::Custom(_) => (weights.other, 0.0, OTHER),
+                Semantic::Morph { .. } => (weights.morph, NORMAL_TOLERANCE, ROUNDING),
+                Semantic::Weights(_) | Semantic::Custom(_) => (weights.other, 0.0, OTHER_TOLERANCE),
             };
             add(&a.values, a.width, weight, tolerance, share);
         }

@@ -8,9 +8,9 @@ use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation
 use super::regions::height;
 
 /// Triangles lower than this, in the unit frame, have no area beyond rounding.
-const NO_HEIGHT: f64 = 1e-15;
+const MIN_HEIGHT: f64 = 1e-15;
 /// Triangles steeper than this against the plane of their region would be spikes; a cosine. (Guessed.)
-const STEEPEST: f64 = 0.5;
+const MIN_NORMAL_COS: f64 = 0.5;
 
 /// Outline of a region and the requirements on its triangulation.
 pub(super) struct Outline<'a> {
@@ -28,12 +28,12 @@ pub(super) struct Outline<'a> {
 }
 
 /// A vertex projected onto the plane.
-struct Corner {
+struct PlanarVertex {
     at: Point2<f64>,
     vertex: usize,
 }
 
-impl HasPosition for Corner {
+impl HasPosition for PlanarVertex {
     type Scalar = f64;
     fn position(&self) -> Point2<f64> {
         self.at
@@ -42,13 +42,13 @@ impl HasPosition for Corner {
 
 /// Scratch buffers of the triangulation.
 #[derive(Default)]
-pub(super) struct Filler {
+pub(super) struct RegionFiller {
     /// Index plus one of each vertex within the outline; zero for others.
     local: Vec<u32>,
     vertices: Vec<VertexId>,
 }
 
-impl Filler {
+impl RegionFiller {
     /// Triangulates an outline, or returns `None` if it is not simple in its plane: edges cross or run
     /// through a corner, or the inside is not as required. Deterministic. Cost: about O(n log n).
     pub(super) fn fill(&mut self, outline: &Outline<'_>) -> Option<Vec<[VertexId; 3]>> {
@@ -72,17 +72,17 @@ impl Filler {
         // Smaller values are rounding, and too small for exact predicates.
         let clear = |x: f64| if x.abs() < 1e-40 { 0.0 } else { x };
         let at = |p: DVec3| DVec2::new(clear(u.dot(p)), clear(v.dot(p)));
-        let corners: Vec<Corner> = self
+        let corners: Vec<PlanarVertex> = self
             .vertices
             .iter()
             .enumerate()
             .map(|(i, &v)| {
                 let p = at(outline.points[v.index()]);
-                Corner { at: Point2::new(p.x, p.y), vertex: i }
+                PlanarVertex { at: Point2::new(p.x, p.y), vertex: i }
             })
             .collect();
         let count = corners.len();
-        let mut cdt = ConstrainedDelaunayTriangulation::<Corner>::bulk_load(corners).ok()?;
+        let mut cdt = ConstrainedDelaunayTriangulation::<PlanarVertex>::bulk_load(corners).ok()?;
         if cdt.num_vertices() != count {
             return None;
         }
@@ -144,7 +144,7 @@ fn is_sound(outline: &Outline<'_>, faces: &[[VertexId; 3]]) -> bool {
         let along = area.dot(outline.normal);
         sum += along;
         let height = height([a, b, c]);
-        height > NO_HEIGHT && (along >= STEEPEST * area.length() || height <= 2.0 * outline.noise)
+        height > MIN_HEIGHT && (along >= MIN_NORMAL_COS * area.length() || height <= 2.0 * outline.noise)
     });
     // Both sums are equal apart from rounding.
     stands && faces.len() == outline.face_count && (sum - around).abs() <= 1e-6 * sum
@@ -177,7 +177,7 @@ mod tests {
             face_count: count,
             noise: 1e-9,
         };
-        Filler::default().fill(&outline)
+        RegionFiller::default().fill(&outline)
     }
 
     const SQUARES: [[f64; 2]; 8] =

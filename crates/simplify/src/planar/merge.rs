@@ -6,8 +6,8 @@ use glam::DVec3;
 use lodsmith_core::topology::EdgeKind;
 use lodsmith_core::{HalfEdgeId, PositionsView, Surface, Topology, VertexId};
 
-use super::chains::{Chains, Place};
-use super::fill::{Filler, Outline};
+use super::chains::{BorderRole, Chains};
+use super::fill::{Outline, RegionFiller};
 use super::regions::{NONE, Regions};
 use crate::SimplifyError;
 use crate::control::{Control, Verdict};
@@ -15,7 +15,7 @@ use crate::report::Refusal;
 
 /// Maximum number of repair rounds; after them all faces are kept as they were. (A round repairs everything
 /// that it finds; three are the most that was seen on dirty models.)
-const ROUNDS: usize = 40;
+const MAX_ROUNDS: usize = 40;
 /// Faces of regions between two progress calls.
 const ASK_EVERY: usize = 4096;
 
@@ -38,13 +38,13 @@ impl Count {
 }
 
 /// Input of the merge.
-pub(super) struct Before<'a> {
+pub(super) struct MergeInput<'a> {
     pub(super) points: &'a [DVec3],
     pub(super) faces: &'a [[VertexId; 3]],
     pub(super) topology: &'a Topology,
     pub(super) regions: &'a Regions,
     pub(super) chains: &'a Chains,
-    pub(super) places: &'a [Place],
+    pub(super) places: &'a [BorderRole],
     pub(super) is_locked: &'a dyn Fn(VertexId) -> bool,
     pub(super) noise: f64,
     /// True if two borders may become one edge, where a slit of zero width closes.
@@ -53,7 +53,7 @@ pub(super) struct Before<'a> {
 
 /// Permitted change of a region.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Level {
+enum RefillLevel {
     /// Re-triangulate with the simplified outline.
     Free,
     /// Re-triangulate with the original outline.
@@ -64,7 +64,7 @@ enum Level {
 
 /// Inner vertices of a region.
 #[derive(Clone, Copy, Default)]
-struct Inside {
+struct InnerVertices {
     /// Closed fans.
     fans: i64,
     /// Vertices with no other fan, so that they can be removed.
@@ -74,7 +74,7 @@ struct Inside {
 }
 
 #[derive(Clone, Default, PartialEq, Eq)]
-struct Plan {
+struct MergePlan {
     is_chosen: Vec<bool>,
     /// Chains whose needless vertices are dropped.
     is_cut: Vec<bool>,
@@ -92,23 +92,23 @@ pub(super) struct Merged {
     pub(super) is_over: bool,
 }
 
-pub(super) struct Merge<'a> {
-    before: Before<'a>,
+pub(super) struct RegionMerge<'a> {
+    before: MergeInput<'a>,
     /// Start of each region's entries, and the chains along each region with their direction.
     entry_start: Vec<usize>,
     entries: Vec<(u32, bool)>,
-    inside: Vec<Inside>,
+    inside: Vec<InnerVertices>,
     /// The region that surrounds each vertex with all of its faces.
     owner: Vec<u32>,
-    level: Vec<Level>,
+    level: Vec<RefillLevel>,
     /// Regions with savings, largest first.
     order: Vec<usize>,
     fills: Vec<Option<Vec<[VertexId; 3]>>>,
     refusals: [u64; Refusal::ALL.len()],
 }
 
-impl<'a> Merge<'a> {
-    pub(super) fn new(before: Before<'a>) -> Self {
+impl<'a> RegionMerge<'a> {
+    pub(super) fn new(before: MergeInput<'a>) -> Self {
         let (regions, chains) = (before.regions, before.chains);
         let count = regions.count();
         let sides = || (0..chains.count()).flat_map(|c| chains.sides(c).iter().map(move |s| (c, s)));
@@ -127,9 +127,9 @@ impl<'a> Merge<'a> {
             *slot += 1;
         }
         let mut merge = Self {
-            inside: vec![Inside::default(); count],
+            inside: vec![InnerVertices::default(); count],
             owner: vec![NONE; before.points.len()],
-            level: vec![Level::Free; count],
+            level: vec![RefillLevel::Free; count],
             order: Vec::new(),
             fills: vec![None; count],
             refusals: [0; Refusal::ALL.len()],
@@ -140,11 +140,11 @@ impl<'a> Merge<'a> {
         merge.look_inside();
         for r in 0..count {
             if regions.faces(r).len() < 2 || regions.normals[r] == DVec3::ZERO {
-                merge.level[r] = Level::Whole;
+                merge.level[r] = RefillLevel::Whole;
             }
         }
         let savings: Vec<i64> = (0..count).map(|r| merge.savings(r)).collect();
-        merge.order = (0..count).filter(|&r| merge.level[r] == Level::Free && savings[r] > 0).collect();
+        merge.order = (0..count).filter(|&r| merge.level[r] == RefillLevel::Free && savings[r] > 0).collect();
         merge.order.sort_by_key(|&r| (-savings[r], r));
         merge
     }
@@ -162,7 +162,7 @@ impl<'a> Merge<'a> {
             let Some(&first) = view.corners().first() else { continue };
             let fans = view.fan_count();
             let is_locked = (self.before.is_locked)(VertexId::new(v));
-            if *place == Place::Inside && fans == 1 {
+            if *place == BorderRole::Inside && fans == 1 {
                 let r = region(first);
                 let inside = &mut self.inside[r as usize];
                 inside.fans += 1;
@@ -176,7 +176,7 @@ impl<'a> Merge<'a> {
                         self.inside[r].fans += 1;
                         if is_locked {
                             // The vertex is locked, and other parts of the surface share it.
-                            self.level[r] = Level::Whole;
+                            self.level[r] = RefillLevel::Whole;
                         }
                     }
                 }
@@ -196,9 +196,9 @@ impl<'a> Merge<'a> {
     }
 
     /// Chooses regions until the goal is met.
-    fn plan(&self, goal: Count, all: Count) -> Plan {
+    fn plan(&self, goal: Count, all: Count) -> MergePlan {
         let chains = self.before.chains;
-        let mut plan = Plan {
+        let mut plan = MergePlan {
             is_chosen: vec![false; self.level.len()],
             is_cut: vec![false; chains.count()],
             spared: None,
@@ -209,14 +209,14 @@ impl<'a> Merge<'a> {
             if left.meets(goal) {
                 break;
             }
-            if self.level[r] == Level::Whole {
+            if self.level[r] == RefillLevel::Whole {
                 continue;
             }
             plan.is_chosen[r] = true;
             let inside = &self.inside[r];
             left.faces -= 2 * (inside.fans - inside.locked);
             left.vertices -= inside.vertices - inside.locked;
-            if self.level[r] == Level::Free {
+            if self.level[r] == RefillLevel::Free {
                 for &(c, _) in self.entries(r) {
                     let c = c as usize;
                     waiting[c] -= 1;
@@ -242,12 +242,12 @@ impl<'a> Merge<'a> {
         all: Count,
         control: &mut dyn Control,
     ) -> Result<Merged, SimplifyError> {
-        let mut filler = Filler::default();
-        let mut last = Plan::default();
+        let mut filler = RegionFiller::default();
+        let mut last = MergePlan::default();
         let (mut is_over, mut told) = (false, 0.5);
         for round in 0.. {
-            if round == ROUNDS {
-                self.level.fill(Level::Whole);
+            if round == MAX_ROUNDS {
+                self.level.fill(RefillLevel::Whole);
             }
             let plan = self.plan(goal, all);
             let mut is_sound = true;
@@ -273,7 +273,7 @@ impl<'a> Merge<'a> {
                     if is_over {
                         // Filled regions are kept unless they depend on unfilled ones.
                         for &r in &self.order[i..] {
-                            self.level[r] = Level::Whole;
+                            self.level[r] = RefillLevel::Whole;
                         }
                         is_sound = false;
                         break;
@@ -290,7 +290,7 @@ impl<'a> Merge<'a> {
                 continue;
             }
             let (faces, stands_for, region) = self.faces();
-            if round == ROUNDS || self.mend(&faces, &region, &last) {
+            if round == MAX_ROUNDS || self.mend(&faces, &region, &last) {
                 let filled = self.fills.iter().flatten().count() as u64;
                 return Ok(Merged { faces, stands_for, filled, refusals: self.refusals, is_over });
             }
@@ -299,10 +299,10 @@ impl<'a> Merge<'a> {
     }
 
     /// True if the present fill of a region does not match the plan.
-    fn is_stale(&self, r: usize, last: &Plan, plan: &Plan) -> bool {
+    fn is_stale(&self, r: usize, last: &MergePlan, plan: &MergePlan) -> bool {
         let was_chosen = last.is_chosen.get(r).copied().unwrap_or(false);
-        let spared = |p: &Plan| p.spared.filter(|s| s.0 == r).map_or(0, |s| s.1);
-        let cut = |p: &Plan, c: u32| p.is_cut.get(c as usize).copied().unwrap_or(false);
+        let spared = |p: &MergePlan| p.spared.filter(|s| s.0 == r).map_or(0, |s| s.1);
+        let cut = |p: &MergePlan, c: u32| p.is_cut.get(c as usize).copied().unwrap_or(false);
         was_chosen != plan.is_chosen[r]
             || self.fills[r].is_none() && plan.is_chosen[r]
             || spared(last) != spared(plan)
@@ -310,7 +310,7 @@ impl<'a> Merge<'a> {
     }
 
     /// Re-triangulates a region; returns false on failure. A region that would not lose faces is kept.
-    fn fill(&mut self, r: usize, plan: &Plan, filler: &mut Filler) -> bool {
+    fn fill(&mut self, r: usize, plan: &MergePlan, filler: &mut RegionFiller) -> bool {
         let before = &self.before;
         let inside = &self.inside[r];
         let spared = plan.spared.filter(|s| s.0 == r).map_or(0, |s| s.1);
@@ -364,14 +364,14 @@ impl<'a> Merge<'a> {
     }
 
     /// Moves a region to a stricter level.
-    fn refuse(&mut self, r: usize, why: Refusal, plan: &Plan) {
+    fn refuse(&mut self, r: usize, why: Refusal, plan: &MergePlan) {
         let has_cuts = self.entries(r).iter().any(|e| plan.is_cut[e.0 as usize]);
         self.fills[r] = None;
         self.level[r] = match self.level[r] {
-            Level::Free if has_cuts => Level::Outline,
-            _ => Level::Whole,
+            RefillLevel::Free if has_cuts => RefillLevel::Outline,
+            _ => RefillLevel::Whole,
         };
-        if self.level[r] == Level::Whole {
+        if self.level[r] == RefillLevel::Whole {
             self.refusals[Refusal::ALL.iter().position(|x| *x == why).expect("all are in the list")] += 1;
         }
     }
@@ -402,7 +402,7 @@ impl<'a> Merge<'a> {
     }
 
     /// Reverts regions whose new edges or faces conflict with existing ones; returns true if there are none.
-    fn mend(&mut self, faces: &[[VertexId; 3]], region: &[u32], plan: &Plan) -> bool {
+    fn mend(&mut self, faces: &[[VertexId; 3]], region: &[u32], plan: &MergePlan) -> bool {
         if self.fills.iter().all(Option::is_none) {
             return true;
         }
@@ -468,7 +468,7 @@ impl<'a> Merge<'a> {
 
     /// Returns the new edges of simplified chains that do not have two opposite faces, with the number of
     /// faces at each.
-    fn cut_edges(&self, plan: &Plan) -> HashMap<[VertexId; 2], usize> {
+    fn cut_edges(&self, plan: &MergePlan) -> HashMap<[VertexId; 2], usize> {
         let chains = self.before.chains;
         let mut edges = HashMap::new();
         for c in (0..chains.count()).filter(|&c| plan.is_cut[c] && chains.needless(c) > 0) {

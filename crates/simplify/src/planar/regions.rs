@@ -25,7 +25,7 @@ pub(super) struct Tolerance {
 }
 
 /// Input of the region growing.
-pub(super) struct Field<'a> {
+pub(super) struct RegionInput<'a> {
     pub(super) points: &'a [DVec3],
     pub(super) faces: &'a [[VertexId; 3]],
     pub(super) topology: &'a Topology,
@@ -64,7 +64,7 @@ impl Regions {
 /// At any time all faces of a region lie within the tolerance of its plane, and their attributes within their
 /// tolerance of linear functions on it. Plane and functions are refitted whenever the region has doubled, and
 /// only if they fit all of it. Cost: O(n log n) to sort the seeds, O(n) for the rest.
-pub(super) fn grow(field: &Field<'_>, control: &mut dyn Control) -> Result<Regions, SimplifyError> {
+pub(super) fn grow(field: &RegionInput<'_>, control: &mut dyn Control) -> Result<Regions, SimplifyError> {
     let count = field.faces.len();
     let mut seeds: Vec<(u32, u32)> = (0..count)
         .map(|f| {
@@ -102,7 +102,7 @@ pub(super) fn grow(field: &Field<'_>, control: &mut dyn Control) -> Result<Regio
                         {
                             let other = twin.face().index();
                             if regions.of_face[other] == NONE && field.may_join(face, other) {
-                                if plane.takes(field, other) {
+                                if plane.try_add(field, other) {
                                     regions.of_face[other] = id;
                                     regions.faces.push(other as u32);
                                 } else {
@@ -122,11 +122,11 @@ pub(super) fn grow(field: &Field<'_>, control: &mut dyn Control) -> Result<Regio
                 }
                 if size > taken_anew {
                     taken_anew = size;
-                    if plane.take_anew(field, &regions.faces[first..]) {
+                    if plane.refit(field, &regions.faces[first..]) {
                         // Faces rejected by the previous plane may fit this one.
                         rejected.retain(|&other| {
                             let f = other as usize;
-                            let joins = regions.of_face[f] == NONE && plane.takes(field, f);
+                            let joins = regions.of_face[f] == NONE && plane.try_add(field, f);
                             if joins {
                                 regions.of_face[f] = id;
                                 regions.faces.push(other);
@@ -156,7 +156,7 @@ pub(super) fn grow(field: &Field<'_>, control: &mut dyn Control) -> Result<Regio
     Ok(regions)
 }
 
-impl Field<'_> {
+impl RegionInput<'_> {
     fn corners(&self, face: usize) -> [DVec3; 3] {
         self.faces[face].map(|v| self.points[v.index()])
     }
@@ -205,7 +205,7 @@ impl Plane {
     }
 
     /// Initialises with the plane of one face; false if it has none.
-    fn begin(&mut self, field: &Field<'_>, seed: usize) -> bool {
+    fn begin(&mut self, field: &RegionInput<'_>, seed: usize) -> bool {
         self.from = field.corners(seed)[0];
         self.normal = field.double_area(seed).normalize_or_zero();
         if self.normal == DVec3::ZERO {
@@ -222,7 +222,7 @@ impl Plane {
 
     /// Refits the plane and the functions to all faces; keeps the old ones and returns false if some face
     /// exceeds the tolerance.
-    fn take_anew(&mut self, field: &Field<'_>, faces: &[u32]) -> bool {
+    fn refit(&mut self, field: &RegionInput<'_>, faces: &[u32]) -> bool {
         let sum: DVec3 = faces.iter().map(|&f| field.double_area(f as usize)).sum();
         let normal = snapped(sum.normalize_or_zero());
         if normal == DVec3::ZERO {
@@ -237,7 +237,7 @@ impl Plane {
         if !self.functions.is_empty() {
             let Some(functions) = self.functions_of(field, normal, faces) else { return false };
             let before = std::mem::replace(&mut self.functions, functions);
-            if !faces.iter().all(|&f| self.goes_on(field, f as usize)) {
+            if !faces.iter().all(|&f| self.fits_functions(field, f as usize)) {
                 self.functions = before;
                 return false;
             }
@@ -246,7 +246,7 @@ impl Plane {
         true
     }
 
-    fn heights(&self, field: &Field<'_>, normal: DVec3, faces: &[u32]) -> (f64, f64) {
+    fn heights(&self, field: &RegionInput<'_>, normal: DVec3, faces: &[u32]) -> (f64, f64) {
         let corners = faces.iter().flat_map(|&f| field.corners(f as usize));
         corners.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| {
             let h = normal.dot(p - self.from);
@@ -255,13 +255,13 @@ impl Plane {
     }
 
     /// Adds a face if it is within the tolerance.
-    fn takes(&mut self, field: &Field<'_>, face: usize) -> bool {
+    fn try_add(&mut self, field: &RegionInput<'_>, face: usize) -> bool {
         let heights = field.corners(face).map(|p| self.normal.dot(p - self.from));
         let low = heights.into_iter().fold(self.low, f64::min);
         let high = heights.into_iter().fold(self.high, f64::max);
         let joins = high - low <= 2.0 * field.tolerance.flat
             && is_along(field, self.normal, face)
-            && self.goes_on(field, face);
+            && self.fits_functions(field, face);
         if joins {
             (self.low, self.high) = (low, high);
         }
@@ -269,7 +269,7 @@ impl Plane {
     }
 
     /// True if the attributes of a face match the functions.
-    fn goes_on(&self, field: &Field<'_>, face: usize) -> bool {
+    fn fits_functions(&self, field: &RegionInput<'_>, face: usize) -> bool {
         let corners = field.corners(face);
         self.functions.iter().enumerate().all(|(i, f)| {
             (0..3).all(|k| {
@@ -280,7 +280,7 @@ impl Plane {
     }
 
     /// Fits linear functions to the corners of faces, by least squares weighted by area.
-    fn functions_of(&self, field: &Field<'_>, normal: DVec3, faces: &[u32]) -> Option<Vec<Linear>> {
+    fn functions_of(&self, field: &RegionInput<'_>, normal: DVec3, faces: &[u32]) -> Option<Vec<Linear>> {
         let (u, v) = normal.any_orthonormal_pair();
         let at = |p: DVec3| DVec2::new(u.dot(p - self.from), v.dot(p - self.from));
         let channels = field.channels;
@@ -327,7 +327,7 @@ impl Plane {
 }
 
 /// True if a face is parallel to a plane, as far as its normal is reliable.
-fn is_along(field: &Field<'_>, normal: DVec3, face: usize) -> bool {
+fn is_along(field: &RegionInput<'_>, normal: DVec3, face: usize) -> bool {
     let tolerance = &field.tolerance;
     let area = field.double_area(face);
     let (along, across) = (area.dot(normal), area.cross(normal).length());
@@ -362,7 +362,7 @@ mod tests {
         let topology = Topology::unwelded(&places.unwrap());
         let channels = Channels::default();
         let tolerance = Tolerance { flat, angle_rad: angle_deg.to_radians(), noise: 1e-9 };
-        let field = Field {
+        let field = RegionInput {
             points: &points,
             faces,
             topology: &topology,

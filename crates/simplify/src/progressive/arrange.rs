@@ -18,7 +18,7 @@ pub(super) struct Arranged {
 }
 
 /// Marks an element without a number.
-const UNBORN: u32 = u32::MAX;
+const NO_NUMBER: u32 = u32::MAX;
 
 /// Returns the layout of the values of a mesh.
 pub(super) fn layout(mesh: &TriMesh) -> Layout {
@@ -43,7 +43,7 @@ pub(super) fn rows(mesh: &TriMesh) -> Vec<f32> {
 }
 
 /// Returns a progressive mesh of one level: the mesh unchanged.
-pub(super) fn still(mesh: &TriMesh) -> SplitData {
+pub(super) fn single_level(mesh: &TriMesh) -> SplitData {
     let counts = [mesh.face_count(), mesh.wedge_count(), mesh.vertex_count()].map(|n| n as u32);
     fn none<A, T>(to: T) -> Changes<A, T> {
         Changes { ends: vec![0], at: Vec::new(), to }
@@ -101,7 +101,7 @@ struct Builder<'a> {
 /// Puts changes in an order in which each level is a good mesh, and elements in the order in which they
 /// become live. `copy` is the mesh at the end of the record; `by_place` are the faces of the input in an
 /// order that is local in space.
-pub(super) fn arrange(input: &TriMesh, copy: Copy, log: &Log, by_place: &[FaceId]) -> Arranged {
+pub(super) fn build_splits(input: &TriMesh, copy: Copy, log: &Log, by_place: &[FaceId]) -> Arranged {
     let steps = &log.steps;
     let mut order: Vec<usize> = (0..steps.len()).collect();
     order.sort_by(|&i, &j| steps[i].key.total_cmp(&steps[j].key).then(i.cmp(&j)));
@@ -165,9 +165,9 @@ impl<'a> Builder<'a> {
             original: None,
         };
         Self {
-            number_of_wedge: vec![UNBORN; copy.vertex_of.len()],
-            number_of_vertex: vec![UNBORN; copy.positions.len()],
-            number_of_face: vec![UNBORN; copy.faces.len()],
+            number_of_wedge: vec![NO_NUMBER; copy.vertex_of.len()],
+            number_of_vertex: vec![NO_NUMBER; copy.positions.len()],
+            number_of_face: vec![NO_NUMBER; copy.faces.len()],
             wedges: Vec::with_capacity(copy.vertex_of.len()),
             vertices: Vec::with_capacity(copy.positions.len()),
             faces: Vec::with_capacity(copy.faces.len()),
@@ -180,7 +180,7 @@ impl<'a> Builder<'a> {
     /// Returns the number of a vertex, which becomes live now if it is not yet.
     fn vertex(&mut self, name: VertexId) -> VertexId {
         let number = &mut self.number_of_vertex[name.index()];
-        if *number == UNBORN {
+        if *number == NO_NUMBER {
             *number = self.vertices.len() as u32;
             self.vertices.push(name);
             match (&mut self.data.positions, &self.copy.positions) {
@@ -194,7 +194,7 @@ impl<'a> Builder<'a> {
 
     /// Returns the number of a wedge, which becomes live now if it is not yet.
     fn wedge(&mut self, name: WedgeId) -> WedgeId {
-        if self.number_of_wedge[name.index()] == UNBORN {
+        if self.number_of_wedge[name.index()] == NO_NUMBER {
             self.number_of_wedge[name.index()] = self.wedges.len() as u32;
             self.wedges.push(name);
             let width = self.copy.width;

@@ -5,11 +5,11 @@ use lodsmith_core::mesh::weld;
 use lodsmith_core::{FaceId, Splits, Surface, TriMesh, VertexId, WedgeId};
 
 use super::checkpoints::{Recorded, Weights};
-use super::values::Dresser;
-use super::{PROGRESSIVE, Progressive, arrange};
+use super::values::ValueFitter;
+use super::{Progressive, RECORDED_METHODS, arrange};
 use crate::SimplifyError;
 use crate::attributes::Rows;
-use crate::care::{self, Care};
+use crate::care::{self, Constraints};
 use crate::collapse::attributes::Attributes;
 use crate::collapse::cut::may_cut;
 use crate::collapse::order::{self, NONE, Ordered};
@@ -26,11 +26,11 @@ use crate::run::{self, Run, Source, Started};
 use crate::shading;
 
 /// A recorded run of one method.
-type Walk = fn(&mut Run<'_, '_>, &TriMesh, &mut dyn Control) -> Result<Built, SimplifyError>;
+type RecordedRun = fn(&mut Run<'_, '_>, &TriMesh, &mut dyn Control) -> Result<RecordedMesh, SimplifyError>;
 
 /// A progressive mesh, and the cost of each of its splits.
-pub(super) struct Built {
-    pub(super) road: Progressive,
+pub(super) struct RecordedMesh {
+    pub(super) mesh: Progressive,
     pub(super) costs: Costs,
 }
 
@@ -59,21 +59,27 @@ pub(super) fn build(
     mesh: &TriMesh,
     options: &SimplifyOptions,
     control: &mut dyn Control,
-) -> Result<Built, SimplifyError> {
+) -> Result<RecordedMesh, SimplifyError> {
     options.check()?;
     care::check(options, mesh.vertex_count())?;
-    let (walk, pass): (Walk, _) = match (options.method, run::collapses(options.method)) {
-        (Method::Quadric, Some(pass)) => (|run, mesh, control| walk(Quadric, run, mesh, control), pass),
+    let (walk, pass): (RecordedRun, _) = match (options.method, run::collapses(options.method)) {
+        (Method::Quadric, Some(pass)) => (|run, mesh, control| record_run(Quadric, run, mesh, control), pass),
         (Method::LindstromTurk, Some(pass)) => {
-            (|run, mesh, control| walk(Judged::Volume, run, mesh, control), pass)
+            (|run, mesh, control| record_run(Judged::Volume, run, mesh, control), pass)
         }
-        (Method::Melax, Some(pass)) => (|run, mesh, control| walk(Judged::Turn, run, mesh, control), pass),
+        (Method::Melax, Some(pass)) => {
+            (|run, mesh, control| record_run(Judged::Turn, run, mesh, control), pass)
+        }
         (Method::ShortestEdge, Some(pass)) => {
-            (|run, mesh, control| walk(Judged::Length, run, mesh, control), pass)
+            (|run, mesh, control| record_run(Judged::Length, run, mesh, control), pass)
         }
-        (_, Some(pass)) => (|run, mesh, control| walk(Memoryless, run, mesh, control), pass),
+        (_, Some(pass)) => (|run, mesh, control| record_run(Memoryless, run, mesh, control), pass),
         (method, None) => {
-            return Err(SimplifyError::NotOfMethod { option: "progressive", takers: PROGRESSIVE, method });
+            return Err(SimplifyError::NotOfMethod {
+                option: "progressive",
+                takers: RECORDED_METHODS,
+                method,
+            });
         }
     };
     if options.escalate {
@@ -85,7 +91,9 @@ pub(super) fn build(
         return Err(SimplifyError::Cancelled);
     }
     let lent = match options.shape_normals {
-        true => shading::shaded(&Input { surface: mesh.surface(), mesh: Some(mesh), joined: None })?,
+        true => {
+            shading::with_shape_normals(&Input { surface: mesh.surface(), mesh: Some(mesh), joined: None })?
+        }
         false => None,
     };
     let input = prepared(lent.as_ref().unwrap_or(mesh), &mut options)?;
@@ -98,12 +106,12 @@ pub(super) fn build(
     }
     let stop = &options.stop;
     let counts = stop.faces.is_some() || stop.vertices.is_some() || stop.ratio.is_some();
-    let goal = match counts || options.of_method.ends(options.method) {
+    let goal = match counts || options.method_options.ends_without_stop(options.method) {
         true => run::goal(&options, mesh.face_count()),
         false => Goal { faces: Some(1), vertices: None },
     };
     let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
-    let care = Care::new(&options, &ordered, |v| input.joined(v));
+    let care = Constraints::new(&options, &ordered, |v| input.joined(v));
     let mut run = Run {
         input: &input,
         options: &options,
@@ -114,7 +122,7 @@ pub(super) fn build(
         is_traced: false,
     };
     let built = walk(&mut run, mesh, control)?;
-    let Built { mut road, mut costs } = built;
+    let RecordedMesh { mesh: mut road, mut costs } = built;
     if let Some(limit) = limit {
         let level = road.level_of_error(limit);
         road = road.without_below(level);
@@ -122,7 +130,7 @@ pub(super) fn build(
         costs.late = costs.late.saturating_sub(level);
     }
     road.to_level(road.top());
-    Ok(Built { road, costs })
+    Ok(RecordedMesh { mesh: road, costs })
 }
 
 /// Returns the input without small parts and with near vertices merged, as the options ask for.
@@ -134,12 +142,12 @@ fn prepared<'a>(mesh: &'a TriMesh, options: &mut SimplifyOptions) -> Result<Inpu
         let units = |length: Length| Length::Units(length.in_units(diagonal));
         (options.stop.error, options.weld) = (options.stop.error.map(units), options.weld.map(units));
         options.guards.max_edge = options.guards.max_edge.map(units);
-        options.of_method.pairs = options.of_method.pairs.map(units);
+        options.method_options.pairs = options.method_options.pairs.map(units);
         let near = options.weld.map(|d| d.in_units(diagonal));
         let locked = options.locked.as_deref();
         let small = prune::small_parts(&input.surface, size.in_units(diagonal), near, locked);
         if small.pruned.parts > 0 {
-            let (triangles, _) = prune::without(&input.surface, &small.is_small);
+            let (triangles, _) = prune::without_small(&input.surface, &small.is_small);
             input.surface = Surface::with_triangles(positions, triangles)?;
         }
     }
@@ -155,12 +163,12 @@ fn prepared<'a>(mesh: &'a TriMesh, options: &mut SimplifyOptions) -> Result<Inpu
 }
 
 /// Runs to the end and builds the progressive mesh from the record. `mesh` is the input without lent normals.
-fn walk<M: Metric>(
+fn record_run<M: Metric>(
     metric: M,
     run: &mut Run<'_, '_>,
     mesh: &TriMesh,
     control: &mut dyn Control,
-) -> Result<Built, SimplifyError> {
+) -> Result<RecordedMesh, SimplifyError> {
     // Attribute weights are needed for the levels that are fitted; during the run those of its end are used.
     let mut goals = fitted_goals(run.input.surface.triangles().len());
     goals.push(run.goal);
@@ -197,12 +205,12 @@ fn walk<M: Metric>(
     drop(engine);
     let fits = run.wants_fit(metric.decides());
     let dimension = metric.dimension();
-    let taken = Taken { by_place, facings, in_order, area, weights, fits, values, counted, dimension };
-    road(run, mesh, *record, taken, control)
+    let taken = EngineData { by_place, facings, in_order, area, weights, fits, values, counted, dimension };
+    build_progressive(run, mesh, *record, taken, control)
 }
 
 /// Data taken from the engine before it is dropped.
-struct Taken {
+struct EngineData {
     by_place: Vec<FaceId>,
     facings: Vec<Facing>,
     /// Number of changes before the run got stuck for the first time.
@@ -224,17 +232,17 @@ fn fitted_goals(faces: usize) -> Vec<Goal> {
 }
 
 /// Builds the progressive mesh of a record, with its checkpoints.
-fn road(
+fn build_progressive(
     run: &mut Run<'_, '_>,
     mesh: &TriMesh,
     record: Record,
-    taken: Taken,
+    taken: EngineData,
     control: &mut dyn Control,
-) -> Result<Built, SimplifyError> {
-    let Taken { by_place, facings, in_order, area, weights, fits, values, counted, dimension } = taken;
+) -> Result<RecordedMesh, SimplifyError> {
+    let EngineData { by_place, facings, in_order, area, weights, fits, values, counted, dimension } = taken;
     let Record { copy, log, names, rows, .. } = record;
     let named = copy.vertex_of.len();
-    let arranged = arrange::arrange(mesh, copy, &log, &by_place);
+    let arranged = arrange::build_splits(mesh, copy, &log, &by_place);
     let costs = Costs {
         of_split: arranged.order.iter().rev().map(|&change| log.steps[change].key).collect(),
         late: arranged.order.iter().filter(|&&change| change >= in_order).count(),
@@ -250,7 +258,7 @@ fn road(
             of_name[name.index()] = WedgeId::new(number);
         }
         let numbers = arranged.wedges.iter().map(|name| of_name[name.index()]).collect();
-        Dresser { rows, places, originals, attributes, weights: counted, numbers }
+        ValueFitter { rows, places, originals, attributes, weights: counted, numbers }
     });
     let recorded = Recorded {
         order: &arranged.order,
@@ -258,7 +266,7 @@ fn road(
         vertices: &arranged.vertices,
         log: &log,
         origins: &names.vertices,
-        by_place: &by_place,
+        morton_faces: &by_place,
         facings: &facings,
         weights,
         fits,
@@ -268,7 +276,7 @@ fn road(
     let mut data = road.into_splits().into_data();
     data.checkpoints = checkpoints;
     let road = Progressive::new(Splits::new(data).expect("checkpoints of levels that are there"));
-    Ok(Built { road, costs })
+    Ok(RecordedMesh { mesh: road, costs })
 }
 
 /// Starts a record with the input as the engine has it.
@@ -289,7 +297,7 @@ fn record<Q: Memory>(
         positions: mesh.positions().clone(),
     };
     let rows = rows.map(|rows| {
-        let places = rows.places(&layout);
+        let places = rows.offsets(&layout);
         (rows, places)
     });
     Record::new(names, copy, run.ordered.frame, rows, home)

@@ -4,7 +4,7 @@ use glam::Vec3;
 use lodsmith_core::splits::Checkpoint;
 use lodsmith_core::{FaceId, VertexId, WedgeId};
 
-use super::values::Dresser;
+use super::values::ValueFitter;
 use super::{Progressive, arrange};
 use crate::SimplifyError;
 use crate::collapse::kind::Kind;
@@ -12,24 +12,24 @@ use crate::collapse::order::NONE;
 use crate::collapse::record::Log;
 use crate::collapse::store::{Facing, Ring, Store};
 use crate::control::{Control, Verdict};
-use crate::fit::{self, Guards};
-use crate::given::Kept;
+use crate::fit::{self, MoveGuards};
+use crate::given::KeptInput;
 use crate::guard::Rules;
 use crate::run::Run;
 use crate::tensor::Tensor;
 
 /// Faces of a checkpoint, as a fraction of those of the next finer one. (docs/decisions/0018)
-const FACTOR: f64 = 0.8;
+const CHECKPOINT_FACTOR: f64 = 0.8;
 /// The fraction below [`FEW`] faces, where a level costs little and each split counts much.
-const FINE_FACTOR: f64 = 0.9;
-const FEW: f64 = 1000.0;
+const FINE_CHECKPOINT_FACTOR: f64 = 0.9;
+const FINE_BELOW_FACES: f64 = 1000.0;
 /// Least number of splits between checkpoints: each checkpoint takes some twenty bytes of a file, and levels
 /// of a few dozen faces vary strongly from split to split.
-const LEAST_APART: usize = 4;
+const MIN_SPLITS_BETWEEN: usize = 4;
 /// A level of at most this many faces is fitted twice in a row. (Measured: the second fit improves the RMS by
 /// 1 to 3 %, a third by nothing. A recorded level is a few per cent farther away there than the result of a
 /// run with that goal.)
-const TWICE_UP_TO: usize = 20_000;
+const FIT_TWICE_UP_TO_FACES: usize = 20_000;
 
 /// Factors from the costs of contractions to squared distances in the unit frame.
 #[derive(Clone, Copy)]
@@ -50,7 +50,7 @@ pub(super) struct Recorded<'a> {
     /// The name of each vertex of the ordered input, and of those made by cuts later.
     pub(super) origins: &'a [VertexId],
     /// Faces of the input in the order of the engine.
-    pub(super) by_place: &'a [FaceId],
+    pub(super) morton_faces: &'a [FaceId],
     /// Orientation of the input at the vertices of the ordered input.
     pub(super) facings: &'a [Facing],
     pub(super) weights: Weights,
@@ -64,7 +64,7 @@ impl Recorded<'_> {
         &self,
         run: &Run<'_, '_>,
         road: &mut Progressive,
-        mut dresser: Option<&mut Dresser>,
+        mut dresser: Option<&mut ValueFitter>,
         control: &mut dyn Control,
     ) -> Result<Vec<Checkpoint>, SimplifyError> {
         let top = road.top();
@@ -111,9 +111,9 @@ impl Recorded<'_> {
         let mut levels = Vec::new();
         let (mut level, mut wanted) = (begin, f64::from(counts[begin].faces));
         while level > 0 {
-            wanted *= if wanted < FEW { FINE_FACTOR } else { FACTOR };
+            wanted *= if wanted < FINE_BELOW_FACES { FINE_CHECKPOINT_FACTOR } else { CHECKPOINT_FACTOR };
             let next = road.level_of_faces(wanted as usize);
-            if next + LEAST_APART <= level || next == 0 {
+            if next + MIN_SPLITS_BETWEEN <= level || next == 0 {
                 levels.push(next);
                 level = next;
             }
@@ -126,7 +126,7 @@ impl Recorded<'_> {
         &self,
         run: &Run<'_, '_>,
         road: &Progressive,
-        mut dresser: Option<&mut Dresser>,
+        mut dresser: Option<&mut ValueFitter>,
         into: &[VertexId],
         away: f64,
         checkpoint: &mut Checkpoint,
@@ -152,7 +152,7 @@ impl Recorded<'_> {
             }
         }
         let mut place_of_face = vec![u32::MAX; self.faces.len()];
-        for (i, f) in self.by_place.iter().enumerate() {
+        for (i, f) in self.morton_faces.iter().enumerate() {
             place_of_face[f.index()] = i as u32;
         }
         let mut order: Vec<usize> = (0..road.face_count()).collect();
@@ -173,16 +173,16 @@ impl Recorded<'_> {
             x.facing = self.facings.get(origin.index()).copied().unwrap_or_default();
         }
         let before: Vec<Vec3> = store.v.iter().map(|x| x.p).collect();
-        let mut given = Kept { points: &run.ordered.points, faces: &run.ordered.faces };
+        let mut given = KeptInput { points: &run.ordered.points, faces: &run.ordered.faces };
         let home = store.homes();
         let mut values = dresser.as_deref_mut().map(|dresser| {
             let places = store.t.iter().map(|t| t.map(|v| before[v.index()]));
             dresser.begin(road, order.iter().copied().zip(places), away)
         });
-        let guards = Guards::new(&Rules::new(run.options, frame, run.ordered.diagonal), &store);
+        let guards = MoveGuards::new(&Rules::new(run.options, frame, run.ordered.diagonal), &store);
         let guards = guards.as_ref();
         let mut rms = fit::fit(&mut store, &mut given, &home, away, values.as_mut(), guards, |q| q).rms;
-        if road.face_count() <= TWICE_UP_TO {
+        if road.face_count() <= FIT_TWICE_UP_TO_FACES {
             rms = fit::fit(&mut store, &mut given, &home, away, None, guards, |q| q).rms;
         }
         if let Some(values) = values {
@@ -193,7 +193,7 @@ impl Recorded<'_> {
             });
         }
         if let Some(dresser) = dresser {
-            dresser.note(road, checkpoint);
+            dresser.store_changes(road, checkpoint);
         }
         let mut moves: Vec<(VertexId, [f32; 3])> = Vec::new();
         for (i, &v) in live.iter().enumerate() {

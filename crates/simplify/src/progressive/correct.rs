@@ -9,18 +9,18 @@ use lodsmith_core::splits::{Checkpoint, Counts, Layout};
 use lodsmith_core::{Positions, Semantic, VertexId, WedgeId};
 
 use super::Progressive;
-use crate::attributes::ranges::{self, ANY, has_ranges, within};
+use crate::attributes::ranges::{self, UNLIMITED_RANGE, has_ranges, within};
 
 /// If the errors of two checkpoints differ by more than this factor, only the finer one counts: exactly flat
 /// parts end somewhere, and the fit of coarser levels must not affect finer ones. (Guessed; on smooth
 /// surfaces the factor is 1.2.)
-const JUMP: f64 = 4.0;
+const MAX_ERROR_RATIO: f64 = 4.0;
 
 impl Progressive {
     /// Returns the last checkpoint at or below a level, and the first one above; only the former if it is at
     /// the level.
     fn checkpoints(&self, level: usize) -> (Option<&Checkpoint>, Option<&Checkpoint>) {
-        let all = &self.road.splits.checkpoints;
+        let all = &self.sequence.splits.checkpoints;
         let above = all.partition_point(|c| (c.level as usize) < level);
         let next = all.get(above);
         match next {
@@ -32,7 +32,7 @@ impl Progressive {
     /// Returns the position of a level between two others, from 0 to 1, by the logarithm of the number of
     /// faces.
     fn share(&self, from: u32, level: usize, to: u32) -> f64 {
-        let count = |l: usize| f64::from(self.road.splits.counts[l].faces.max(1)).ln();
+        let count = |l: usize| f64::from(self.sequence.splits.counts[l].faces.max(1)).ln();
         let [a, x, b] = [from as usize, level, to as usize].map(count);
         if b > a { (x - a) / (b - a) } else { 0.0 }
     }
@@ -61,9 +61,9 @@ impl Progressive {
             (Some(a), Some(b)) => self.share(a.level, self.level, b.level) as f32,
             _ => 0.0,
         };
-        let data = &self.road.splits;
+        let data = &self.sequence.splits;
         let is_start = |c: &Checkpoint| data.checkpoints.last().is_some_and(|last| last.level == c.level);
-        let jumps = |a: &Checkpoint, b: &Checkpoint| !is_start(b) && a.error > JUMP * b.error;
+        let jumps = |a: &Checkpoint, b: &Checkpoint| !is_start(b) && a.error > MAX_ERROR_RATIO * b.error;
         let sides = match (below, above) {
             (Some(a), Some(b)) if jumps(a, b) => [None, above],
             sides => sides.into(),
@@ -106,9 +106,9 @@ impl Progressive {
         let width = self.layout().width().max(1);
         for (row, by) in values.chunks_exact_mut(width).zip(changes.chunks_exact(width)) {
             if by.iter().any(|x| *x != 0.0) {
-                let ranges = &self.road.ranges;
+                let ranges = &self.sequence.ranges;
                 row.iter_mut().zip(by).zip(ranges).for_each(|((x, by), range)| *x = within(*x + by, *range));
-                self.straighten(row);
+                self.normalize_directions(row);
             }
         }
     }
@@ -147,7 +147,7 @@ impl Progressive {
             let Some(c) = side else { return Vec::new() };
             let (low, high) = (self.level.min(c.level as usize), self.level.max(c.level as usize));
             let mut held = vec![true; count];
-            let there = (born(&self.road.splits.counts[low]) as usize).min(count);
+            let there = (born(&self.sequence.splits.counts[low]) as usize).min(count);
             held[there..].fill(false);
             for &element in &changed[ends[low] as usize..ends[high] as usize] {
                 if let Some(held) = held.get_mut(index(element)) {
@@ -159,7 +159,7 @@ impl Progressive {
     }
 
     /// Normalises the directions in a row.
-    fn straighten(&self, row: &mut [f32]) {
+    fn normalize_directions(&self, row: &mut [f32]) {
         let layout = self.layout();
         let mut unit = |at: usize| {
             let n = Vec3::from_slice(&row[at..at + 3]);
@@ -185,12 +185,12 @@ impl Progressive {
 pub(super) fn ranges(layout: &Layout, rows: &[f32]) -> Vec<[f32; 2]> {
     let mut all = ranges::ranges(rows, layout.width());
     if layout.has_normals {
-        all[..3].fill(ANY);
+        all[..3].fill(UNLIMITED_RANGE);
     }
     let mut end = all.len();
     for (semantic, width) in layout.further.iter().rev() {
         if !has_ranges(semantic) {
-            all[end - width..end].fill(ANY);
+            all[end - width..end].fill(UNLIMITED_RANGE);
         }
         end -= width;
     }

@@ -9,13 +9,13 @@ use crate::SimplifyError;
 use crate::control::{Control, Stage, Verdict};
 
 /// Ratio of the faces of successive levels that are measured. (Guessed: the count is within 5 % of the best.)
-const STEP: f64 = 1.05;
+const LEVEL_RATIO: f64 = 1.05;
 /// Largest number of vertices of the full mesh in a first check of a level: most levels that are too far away
 /// fail it. (Guessed.)
-const FIRST_LOOK: usize = 4000;
+const SPOT_CHECK_VERTICES: usize = 4000;
 /// A level whose estimated RMS distance exceeds this multiple of the limit is not measured: the estimate is
 /// at most 1.1 times the RMS distance (docs/progressive.md), and the largest distance is no less than that.
-const HOPELESS: f64 = 4.0;
+const MAX_ESTIMATE_RATIO: f64 = 4.0;
 /// Distances below this share of the diagonal are rounding.
 const ROUNDING: f64 = 1e-12;
 
@@ -37,7 +37,7 @@ impl Progressive {
         control: &mut dyn Control,
     ) -> Result<usize, SimplifyError> {
         control.stage(Stage::Measure);
-        let Some(judge) = Judge::new(self)? else { return Ok(self.top()) };
+        let Some(judge) = LevelComparer::new(self)? else { return Ok(self.top()) };
         let limit = distance + ROUNDING * judge.reference.diagonal();
         let mut road = self.clone();
         let levels = self.levels_to_measure();
@@ -45,7 +45,7 @@ impl Progressive {
             if control.progress(i as f64 / levels.len() as f64) == Verdict::Cancel {
                 return Err(SimplifyError::Cancelled);
             }
-            if self.error_at(level) > HOPELESS * limit {
+            if self.error_at(level) > MAX_ESTIMATE_RATIO * limit {
                 continue;
             }
             road.to_level(level);
@@ -62,7 +62,7 @@ impl Progressive {
     /// # Errors
     /// Those of [`Progressive::mesh`].
     pub fn deviation(&self, is_fitted: bool) -> Result<Option<Comparison>, SimplifyError> {
-        let Some(judge) = Judge::new(self)? else { return Ok(None) };
+        let Some(judge) = LevelComparer::new(self)? else { return Ok(None) };
         let mesh = if is_fitted { self.fitted_mesh() } else { self.mesh() }?;
         Ok(judge.compare(&mesh.surface()))
     }
@@ -73,7 +73,7 @@ impl Progressive {
         let counts = &self.splits().counts;
         let (mut levels, mut level) = (vec![0], 0);
         while level < self.top() {
-            let wanted = f64::from(counts[level].faces) * STEP;
+            let wanted = f64::from(counts[level].faces) * LEVEL_RATIO;
             level = self.level_of_faces(wanted as usize).max(level + 1);
             levels.push(level);
         }
@@ -82,12 +82,12 @@ impl Progressive {
 }
 
 /// The full mesh, prepared for comparison, and some of its vertices.
-struct Judge {
+struct LevelComparer {
     reference: Prepared,
     places: Vec<[f64; 3]>,
 }
 
-impl Judge {
+impl LevelComparer {
     /// Returns `None` if the full mesh has no face to measure from.
     fn new(road: &Progressive) -> Result<Option<Self>, SimplifyError> {
         let mut full = road.clone();
@@ -97,7 +97,7 @@ impl Judge {
         let Ok(reference) = Prepared::new(&surface) else { return Ok(None) };
         let positions = surface.positions();
         // Sampled by faces: a vertex without faces is not part of the surface.
-        let stride = surface.triangles().len().div_ceil(FIRST_LOOK).max(1);
+        let stride = surface.triangles().len().div_ceil(SPOT_CHECK_VERTICES).max(1);
         let places = surface.triangles().iter().step_by(stride).map(|t| positions.get(t[0]));
         let places = places.filter(|p| p.iter().all(|x| x.is_finite())).collect();
         Ok(Some(Self { reference, places }))

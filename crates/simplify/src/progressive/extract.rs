@@ -6,12 +6,12 @@ use lodsmith_core::{Attribute, FaceId, MeshError, Positions, PositionsView, TriM
 use super::Progressive;
 
 /// Elements in the order of a result, and the index of each in it.
-struct Order {
+struct ElementNumbering {
     chosen: Vec<usize>,
     place: Vec<u32>,
 }
 
-impl Order {
+impl ElementNumbering {
     /// Orders the elements of `is_in` by their numbers in the original; those without a number come last.
     fn new(is_in: &[bool], number: Option<&[u32]>) -> Self {
         let mut chosen: Vec<usize> = (0..is_in.len()).filter(|&i| is_in[i]).collect();
@@ -30,7 +30,7 @@ impl Progressive {
     /// Returns the mesh of the present level with these positions and values.
     pub(super) fn extract(&self, positions: &Positions, values: &[f32]) -> Result<TriMesh, MeshError> {
         let counts = self.counts();
-        let original = self.road.splits.original.as_ref();
+        let original = self.sequence.splits.original.as_ref();
         let is_full = self.level == self.top();
         let mut wedge_in = vec![false; counts.wedges as usize];
         let mut vertex_in = vec![false; counts.vertices as usize];
@@ -45,8 +45,8 @@ impl Progressive {
             wedge_in.iter_mut().zip(&original.wedges).for_each(|(x, w)| *x |= w.0 != NO_ORIGINAL);
             vertex_in.iter_mut().zip(&original.vertices).for_each(|(x, v)| *x |= v.0 != NO_ORIGINAL);
         }
-        let wedges = Order::new(&wedge_in, original.map(|o| bytemuck::cast_slice(&o.wedges)));
-        let vertices = Order::new(&vertex_in, original.map(|o| bytemuck::cast_slice(&o.vertices)));
+        let wedges = ElementNumbering::new(&wedge_in, original.map(|o| bytemuck::cast_slice(&o.wedges)));
+        let vertices = ElementNumbering::new(&vertex_in, original.map(|o| bytemuck::cast_slice(&o.vertices)));
         let mut faces: Vec<usize> = (0..self.face_count()).collect();
         if let Some(original) = original {
             faces.sort_by_key(|&f| original.faces[f]);
@@ -66,8 +66,8 @@ impl Progressive {
         } else {
             TriMesh::with_wedges(positions, map, triangles)?
         };
-        self.dress(&mut mesh, values, wedges.chosen.iter().copied())?;
-        let regions = self.road.splits.regions.as_ref();
+        self.set_attributes(&mut mesh, values, wedges.chosen.iter().copied())?;
+        let regions = self.sequence.splits.regions.as_ref();
         mesh.set_regions(regions.map(|r| faces.iter().map(|&f| r[FaceId::new(f).index()]).collect()))?;
         Ok(mesh)
     }
@@ -89,13 +89,13 @@ impl Progressive {
             None => TriMesh::new(positions, bytemuck::allocation::cast_vec(self.faces().to_vec()))?,
             Some(map) => TriMesh::with_wedges(positions, map.to_vec(), self.faces().to_vec())?,
         };
-        self.dress(&mut mesh, &values, 0..self.counts().wedges as usize)?;
+        self.set_attributes(&mut mesh, &values, 0..self.counts().wedges as usize)?;
         mesh.set_regions(self.regions().map(<[_]>::to_vec))?;
         Ok(mesh)
     }
 
     /// Sets the attributes of a mesh with these wedges.
-    fn dress(
+    fn set_attributes(
         &self,
         mesh: &mut TriMesh,
         values: &[f32],

@@ -5,11 +5,11 @@ use std::sync::Arc;
 use lodsmith_core::Splits;
 use lodsmith_core::topology::size_of;
 
-use super::build::{self, Built};
-use super::{Changed, Progressive, arrange};
+use super::build::{self, RecordedMesh};
+use super::{ChangedRanges, Progressive, arrange};
 use crate::SimplifyError;
 use crate::care;
-use crate::control::{Control, Share};
+use crate::control::{Control, ProgressShare};
 use crate::options::{Length, SimplifyOptions, Stop};
 use crate::scene::Part;
 
@@ -35,14 +35,14 @@ use crate::scene::Part;
 /// ```
 #[derive(Clone, Debug)]
 pub struct ProgressiveScene {
-    roads: Vec<Progressive>,
-    order: Arc<Order>,
+    meshes: Vec<Progressive>,
+    order: Arc<SceneOrder>,
     level: usize,
 }
 
 /// The mesh that each split of the scene belongs to.
 #[derive(Debug)]
-struct Order {
+struct SceneOrder {
     splits: usize,
     /// For each mesh, its splits as numbers in the scene, ascending.
     of_mesh: Vec<Vec<u32>>,
@@ -77,16 +77,17 @@ impl ProgressiveScene {
         let (mut roads, mut all) = (Vec::with_capacity(parts.len()), Vec::new());
         let mut is_any = false;
         for (number, part) in parts.iter().enumerate() {
-            let mut own = Share { control, begin: share(begun), length: share(part.mesh.face_count()) };
+            let mut own =
+                ProgressShare { control, begin: share(begun), length: share(part.mesh.face_count()) };
             begun += part.mesh.face_count();
             let vertices = first..first + part.mesh.vertex_count();
             first = vertices.end;
             let scale = scale_of(part);
             let options = of_part(options, vertices, diagonal, scale);
             match build::build(part.mesh, &options, &mut own) {
-                Ok(Built { road, costs }) => {
+                Ok(RecordedMesh { mesh: road, costs }) => {
                     let factor = costs.factor(scale);
-                    let step = |(i, cost): (usize, &f32)| Step {
+                    let step = |(i, cost): (usize, &f32)| SceneSplit {
                         is_late: i < costs.late,
                         cost: f64::from(*cost) * factor,
                         mesh: number,
@@ -96,7 +97,7 @@ impl ProgressiveScene {
                     is_any = true;
                 }
                 Err(SimplifyError::NoFaces { .. }) => {
-                    let data = arrange::still(part.mesh);
+                    let data = arrange::single_level(part.mesh);
                     roads.push(Progressive::new(Splits::new(data).expect("a mesh as it is")));
                 }
                 Err(other) => return Err(other),
@@ -115,26 +116,27 @@ impl ProgressiveScene {
         }
         let is_placed = parts.iter().any(|p| p.instances > 0);
         let times: Vec<usize> = parts.iter().map(|p| if is_placed { p.instances } else { 1 }).collect();
-        let order = Order { splits: all.len(), of_mesh, shares: shares(parts, &times), times };
-        let scene = Self { roads, level: order.splits, order: Arc::new(order) };
-        Ok(scene.ended(&options.stop, diagonal))
+        let order = SceneOrder { splits: all.len(), of_mesh, shares: shares(parts, &times), times };
+        let scene = Self { meshes: roads, level: order.splits, order: Arc::new(order) };
+        Ok(scene.with_base_at(&options.stop, diagonal))
     }
 
     /// Returns the scene with the level at which the first stop is met as its base.
-    fn ended(mut self, stop: &Stop, diagonal: f64) -> Self {
+    fn with_base_at(mut self, stop: &Stop, diagonal: f64) -> Self {
         let is_stopped = *stop != Stop::default();
         let base = if is_stopped { self.level_of(stop, diagonal) } else { 0 };
         if base == 0 {
             return self;
         }
         let levels = self.order.levels(base);
-        self.roads = self.roads.into_iter().zip(&levels).map(|(r, &level)| r.without_below(level)).collect();
-        let Order { splits, of_mesh, times, shares } = &*self.order;
+        self.meshes =
+            self.meshes.into_iter().zip(&levels).map(|(r, &level)| r.without_below(level)).collect();
+        let SceneOrder { splits, of_mesh, times, shares } = &*self.order;
         let above =
             |(all, level): (&Vec<u32>, &usize)| all[*level..].iter().map(|s| s - base as u32).collect();
         let of_mesh = of_mesh.iter().zip(&levels).map(above).collect();
         let splits = splits - base;
-        self.order = Arc::new(Order { splits, of_mesh, times: times.clone(), shares: shares.clone() });
+        self.order = Arc::new(SceneOrder { splits, of_mesh, times: times.clone(), shares: shares.clone() });
         self.level = 0;
         self.to_level(splits);
         self
@@ -142,12 +144,12 @@ impl ProgressiveScene {
 
     /// Returns the progressive meshes, in the order of the parts, at their levels. Clones of them can change
     /// level independently.
-    pub fn roads(&self) -> &[Progressive] {
-        &self.roads
+    pub fn meshes(&self) -> &[Progressive] {
+        &self.meshes
     }
     /// Returns the progressive meshes, to be used separately.
-    pub fn into_roads(self) -> Vec<Progressive> {
-        self.roads
+    pub fn into_meshes(self) -> Vec<Progressive> {
+        self.meshes
     }
     /// Returns the number of the finest level, which is the number of splits.
     pub fn top(&self) -> usize {
@@ -163,7 +165,7 @@ impl ProgressiveScene {
     }
     /// Returns the number of vertices of all instances at the present level that a face uses.
     pub fn vertex_count(&self) -> usize {
-        self.count(self.level, |road, level| road.road.vertices[level])
+        self.count(self.level, |road, level| road.sequence.vertices[level])
     }
     /// Returns the estimated distance (RMS over all instances) of the present level, with its fit, from the
     /// full scene.
@@ -184,50 +186,50 @@ impl ProgressiveScene {
     /// Returns the finest level with at most `n` faces in all instances, or the base.
     pub fn level_of_faces(&self, n: usize) -> usize {
         let is_within = |l| self.count(l, |road, level| road.splits().counts[level].faces) <= n;
-        first(self.top() + 1, |l| !is_within(l)).saturating_sub(1)
+        first_where(self.top() + 1, |l| !is_within(l)).saturating_sub(1)
     }
     /// Returns a fine level with at most `n` vertices in use in all instances, there and at all coarser ones,
     /// or the base.
     pub fn level_of_vertices(&self, n: usize) -> usize {
-        let is_within = |l| self.count(l, |road, level| road.road.most_vertices[level]) <= n;
-        first(self.top() + 1, |l| !is_within(l)).saturating_sub(1)
+        let is_within = |l| self.count(l, |road, level| road.sequence.most_vertices[level]) <= n;
+        first_where(self.top() + 1, |l| !is_within(l)).saturating_sub(1)
     }
     /// Returns the coarsest level whose estimated error is at most `distance`, or the full scene.
     pub fn level_of_error(&self, distance: f64) -> usize {
-        first(self.top(), |l| self.error_at(l) <= distance)
+        first_where(self.top(), |l| self.error_at(l) <= distance)
     }
     /// Goes to [the level](Self::level_of_faces) of a number of faces.
-    pub fn to_faces(&mut self, n: usize) -> Vec<Changed> {
+    pub fn to_faces(&mut self, n: usize) -> Vec<ChangedRanges> {
         self.to_level(self.level_of_faces(n))
     }
     /// Goes to [the level](Self::level_of_vertices) of a number of vertices.
-    pub fn to_vertices(&mut self, n: usize) -> Vec<Changed> {
+    pub fn to_vertices(&mut self, n: usize) -> Vec<ChangedRanges> {
         self.to_level(self.level_of_vertices(n))
     }
     /// Goes to [the level](Self::level_of_error) of an estimated error.
-    pub fn to_error(&mut self, distance: f64) -> Vec<Changed> {
+    pub fn to_error(&mut self, distance: f64) -> Vec<ChangedRanges> {
         self.to_level(self.level_of_error(distance))
     }
     /// Goes to a level, or to the full scene if the number is larger. Returns the changes of each mesh.
-    pub fn to_level(&mut self, level: usize) -> Vec<Changed> {
+    pub fn to_level(&mut self, level: usize) -> Vec<ChangedRanges> {
         self.level = level.min(self.top());
         let levels = self.order.levels(self.level);
-        self.roads.iter_mut().zip(levels).map(|(road, level)| road.to_level(level)).collect()
+        self.meshes.iter_mut().zip(levels).map(|(road, level)| road.to_level(level)).collect()
     }
 
     /// Returns a sum over all instances.
     fn count(&self, level: usize, of: impl Fn(&Progressive, usize) -> u32) -> usize {
-        let all = self.roads.iter().zip(self.order.levels(level)).zip(&self.order.times);
+        let all = self.meshes.iter().zip(self.order.levels(level)).zip(&self.order.times);
         all.map(|((road, level), times)| (of(road, level) as usize).saturating_mul(*times)).sum()
     }
 
     fn error_at(&self, level: usize) -> f64 {
-        let all = self.roads.iter().zip(self.order.levels(level)).zip(&self.order.shares);
+        let all = self.meshes.iter().zip(self.order.levels(level)).zip(&self.order.shares);
         all.map(|((road, level), share)| share * road.error_at(level).powi(2)).sum::<f64>().sqrt()
     }
 }
 
-impl Order {
+impl SceneOrder {
     /// Returns the level of each mesh at a level of the scene.
     fn levels(&self, level: usize) -> Vec<usize> {
         self.of_mesh.iter().map(|all| all.partition_point(|&split| (split as usize) < level)).collect()
@@ -235,14 +237,14 @@ impl Order {
 }
 
 /// A split in the order of the scene.
-struct Step {
+struct SceneSplit {
     is_late: bool,
     cost: f64,
     mesh: usize,
 }
 
 /// Returns the first number below `end` from which on a predicate holds, or `end`.
-fn first(end: usize, holds: impl Fn(usize) -> bool) -> usize {
+fn first_where(end: usize, holds: impl Fn(usize) -> bool) -> usize {
     let (mut low, mut high) = (0, end);
     while low < high {
         let middle = low + (high - low) / 2;
@@ -271,8 +273,8 @@ fn of_part(
     own.weld = options.weld.map(units);
     own.prune = options.prune.map(units);
     own.guards.max_edge = options.guards.max_edge.map(units);
-    own.of_method.pairs = options.of_method.pairs.map(units);
-    own.of_method.edge_length = options.of_method.edge_length.map(units);
+    own.method_options.pairs = options.method_options.pairs.map(units);
+    own.method_options.edge_length = options.method_options.edge_length.map(units);
     own
 }
 

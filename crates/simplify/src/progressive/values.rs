@@ -10,7 +10,7 @@ use crate::collapse::attributes::Attributes;
 use crate::fit::{Originals, Values};
 
 /// Inputs of the fit of values.
-pub(super) struct Dresser {
+pub(super) struct ValueFitter {
     pub(super) rows: Rows,
     pub(super) places: RowPlaces,
     pub(super) originals: Originals,
@@ -22,7 +22,7 @@ pub(super) struct Dresser {
     pub(super) numbers: Vec<WedgeId>,
 }
 
-impl Dresser {
+impl ValueFitter {
     /// Takes over the values of the present level and prepares the samples of its fit. `faces` are those of
     /// the store, with their positions.
     pub(super) fn begin(
@@ -42,7 +42,7 @@ impl Dresser {
         if let Some((_, weights)) = known {
             self.attributes.weights_mut().copy_from_slice(weights);
         }
-        self.rows.forget_lent(self.attributes.weights_mut(), &self.places);
+        self.rows.clear_lent_weights(self.attributes.weights_mut(), &self.places);
         let wedges = |f: usize| road.faces()[f].map(|w| self.numbers[w.index()]);
         let faces: Vec<_> = faces.map(|(f, points)| (points, wedges(f))).collect();
         self.attributes.account_for(&faces);
@@ -51,7 +51,7 @@ impl Dresser {
     }
 
     /// Stores the changes made by the fit.
-    pub(super) fn note(&self, road: &Progressive, checkpoint: &mut Checkpoint) {
+    pub(super) fn store_changes(&self, road: &Progressive, checkpoint: &mut Checkpoint) {
         let width = road.layout().width();
         let mut wedges: Vec<WedgeId> = road.faces().as_flattened().to_vec();
         wedges.sort_unstable();

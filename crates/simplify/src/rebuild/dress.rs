@@ -11,30 +11,30 @@ use lodsmith_core::geometry::triangle::{double_area_normal, nearest, weights_at}
 use lodsmith_core::spatial::Bvh;
 use lodsmith_core::{FaceId, PositionsView, RegionId, Surface, VertexId, WedgeId};
 
-use super::{Ground, Made};
+use super::{PreparedInput, RebuiltSurface};
 use crate::SimplifyError;
 use crate::attributes::Rows;
-use crate::care::Held;
+use crate::care::HeldWedges;
 use crate::collapse::attributes::{Attributes, Pulls};
 use crate::collapse::order::NONE;
 
 /// No neighbour: at a border, a seam or a non-manifold edge.
-const ALONE: u32 = u32::MAX;
+const NO_NEIGHBOUR: u32 = u32::MAX;
 /// Cosine of the angle beyond which a face of the original faces away from a new one.
-const AWAY: f64 = -0.2;
+const MIN_FACING_COS: f64 = -0.2;
 /// Upper limit of the rounding of a distance, in a frame of size 1.
-const SLACK: f64 = 1e-9;
+const DISTANCE_SLACK: f64 = 1e-9;
 /// Share by which a corner is moved towards the centre of its face to choose among equally near faces.
-const INWARDS: f64 = 0.1;
+const INWARD_SHARE: f64 = 0.1;
 /// Rows at one vertex whose values differ by less than this share of the largest of their kind are merged.
-const ALIKE: f32 = 1e-5;
+const ROW_TOLERANCE: f32 = 1e-5;
 /// Maximum number of corners searched at a locked vertex, so that the work at fans stays proportional.
 /// Guessed: all but centres of fans have fewer.
 const MOST_CORNERS: usize = 64;
 
 /// Attribute values at the corners of the original surface.
-pub(super) struct Clothes<'a> {
-    pub(super) ground: &'a Ground,
+pub(super) struct AttributeSource<'a> {
+    pub(super) ground: &'a PreparedInput,
     pub(super) rows: &'a Rows,
     pub(super) attributes: &'a Attributes,
     /// The value row of each corner of the prepared input.
@@ -49,17 +49,20 @@ pub(super) struct Clothes<'a> {
 pub(crate) type Shading<'a> = (&'a Attributes, &'a [[WedgeId; 3]]);
 
 /// Attributes of the new surface.
-pub(super) struct Dressed {
+pub(super) struct TransferredAttributes {
     pub(super) corners: Vec<[WedgeId; 3]>,
     pub(super) attributes: Attributes,
     pub(super) regions: Option<Vec<RegionId>>,
-    pub(super) held: Held,
+    pub(super) held: HeldWedges,
 }
 
 /// Transfers attributes to the faces of `made`. Cost: O(n log n) for n faces of the prepared input; a new
 /// face visits the original ones under it.
-pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, SimplifyError> {
-    let Clothes { ground, rows, attributes, .. } = *clothes;
+pub(super) fn transfer_attributes(
+    clothes: &AttributeSource<'_>,
+    made: &RebuiltSurface,
+) -> Result<TransferredAttributes, SimplifyError> {
+    let AttributeSource { ground, rows, attributes, .. } = *clothes;
     let points: Vec<[f64; 3]> = ground.points.iter().map(|p| p.to_array()).collect();
     let surface = Surface::new(PositionsView::F64(&points), bytemuck::cast_slice(&ground.faces))?;
     let tree = Bvh::new(&surface);
@@ -83,10 +86,10 @@ pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, Simpl
         };
         neighbours(&ground.faces, ground.points.len(), joined)
     };
-    let mut patches =
-        [false, true].map(|shading| has[usize::from(shading)].then(|| Patch::new(links(shading), ground)));
+    let mut patches = [false, true]
+        .map(|shading| has[usize::from(shading)].then(|| SourcePatch::new(links(shading), ground)));
 
-    let locked_corners = Locked::new(ground);
+    let locked_corners = LockedCorners::new(ground);
     let largest = rows.largest();
     let mut values: Vec<f32> = Vec::new();
     let mut pulls: Vec<Pulls> = Vec::new();
@@ -105,7 +108,7 @@ pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, Simpl
         let normal = double_area_normal(places);
         let under = match &made.stands_for {
             Some(known) => known[i],
-            None => under(&tree, ground, centre, normal, settled(i)),
+            None => face_under(&tree, ground, centre, normal, settled(i)),
         };
         if let (Some(regions), Some(own)) = (&mut regions, settled(i).or_else(|| region(under))) {
             regions.push(own);
@@ -120,7 +123,8 @@ pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, Simpl
             let mut own_label = None;
             let mut wedge = None;
             let kept = made.kept[v.index()];
-            let own_corner = locked_corners.corner(ground, kept, places[k].lerp(centre, INWARDS), &patches);
+            let own_corner =
+                locked_corners.corner(ground, kept, places[k].lerp(centre, INWARD_SHARE), &patches);
             for (patch, shading) in patches.iter().zip([false, true]) {
                 let Some(patch) = patch else { continue };
                 let at = own_corner.unwrap_or_else(|| patch.nearest(ground, places[k], centre, kept));
@@ -156,8 +160,9 @@ pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, Simpl
             let mut known = first[v.index()];
             while known != NO_ROW {
                 let r = known as usize;
-                let is_alike = |k: usize| (values[r * width + k] - row[k]).abs() <= ALIKE * largest[k];
-                let is_pulled_alike = || pulls.is_empty() || alike(&pulls[r], &own_pulls);
+                let is_alike =
+                    |k: usize| (values[r * width + k] - row[k]).abs() <= ROW_TOLERANCE * largest[k];
+                let is_pulled_alike = || pulls.is_empty() || are_pulls_alike(&pulls[r], &own_pulls);
                 if (0..width).all(is_alike) && is_pulled_alike() && labels.get(r).copied() == own_label {
                     break;
                 }
@@ -185,18 +190,24 @@ pub(super) fn dress(clothes: &Clothes<'_>, made: &Made) -> Result<Dressed, Simpl
         pulls,
     );
     attributes.labels = labels;
-    Ok(Dressed { corners, attributes, regions, held: Held::new(held.into_iter()) })
+    Ok(TransferredAttributes { corners, attributes, regions, held: HeldWedges::new(held.into_iter()) })
 }
 
 const NO_ROW: u32 = u32::MAX;
 
 /// Returns the original face nearest to the centre of a new face, in its region if that is determined, that
 /// does not face away; if all do, the nearest of the region; if there is none, the nearest of all.
-fn under(tree: &Bvh, ground: &Ground, centre: DVec3, normal: DVec3, settled: Option<RegionId>) -> usize {
+fn face_under(
+    tree: &Bvh,
+    ground: &PreparedInput,
+    centre: DVec3,
+    normal: DVec3,
+    settled: Option<RegionId>,
+) -> usize {
     let is_ours = |f: FaceId| settled.is_none() || ground.regions.as_ref().map(|r| r[f.index()]) == settled;
     let faces_us = |f: FaceId| {
         let own = double_area_normal(ground.faces[f.index()].map(|v| ground.points[v.index()]));
-        own.dot(normal) > AWAY * own.length() * normal.length()
+        own.dot(normal) > MIN_FACING_COS * own.length() * normal.length()
     };
     let place = centre.to_array();
     let hit = tree.closest_of(place, |f| is_ours(f) && faces_us(f));
@@ -232,7 +243,7 @@ fn neighbours(
             *slot += 1;
         }
     }
-    let mut beyond = vec![[ALONE; 3]; faces.len()];
+    let mut beyond = vec![[NO_NEIGHBOUR; 3]; faces.len()];
     for i in 0..vertices {
         let own = &mut edges[at[i] as usize..at[i + 1] as usize];
         own.sort_unstable();
@@ -254,7 +265,7 @@ fn neighbours(
 }
 
 /// Original faces around a new one, up to the next seam.
-struct Patch {
+struct SourcePatch {
     links: Vec<[u32; 3]>,
     /// Bounding box of each original face.
     boxes: Vec<[DVec3; 2]>,
@@ -265,13 +276,13 @@ struct Patch {
 
 /// The nearest point of a patch.
 #[derive(Clone, Copy)]
-struct Place {
+struct SurfacePoint {
     face: usize,
     weights: [f64; 3],
 }
 
-impl Patch {
-    fn new(links: Vec<[u32; 3]>, ground: &Ground) -> Self {
+impl SourcePatch {
+    fn new(links: Vec<[u32; 3]>, ground: &PreparedInput) -> Self {
         let bounds = |t: &[VertexId; 3]| {
             let [a, b, c] = t.map(|v| ground.points[v.index()]);
             [a.min(b).min(c), a.max(b).max(c)]
@@ -289,11 +300,11 @@ impl Patch {
 
     /// Collects the faces around `from` within the radius from the centre, or more if the surface is farther
     /// away.
-    fn grow(&mut self, ground: &Ground, from: usize, centre: DVec3, radius: f64) {
+    fn grow(&mut self, ground: &PreparedInput, from: usize, centre: DVec3, radius: f64) {
         let distance_sq =
             |f: usize| nearest(centre, ground.faces[f].map(|v| ground.points[v.index()])).distance_sq;
         let reach = radius + distance_sq(from).sqrt();
-        let most = (reach + SLACK) * (reach + SLACK);
+        let most = (reach + DISTANCE_SLACK) * (reach + DISTANCE_SLACK);
         self.turn += 1;
         self.faces.clear();
         self.faces.push(from as u32);
@@ -301,7 +312,7 @@ impl Patch {
         let mut looked = 0;
         while looked < self.faces.len() {
             for g in self.links[self.faces[looked] as usize] {
-                if g != ALONE && self.seen[g as usize] != self.turn {
+                if g != NO_NEIGHBOUR && self.seen[g as usize] != self.turn {
                     self.seen[g as usize] = self.turn;
                     if self.at_least_sq(g as usize, centre) <= most
                         && distance_sq(g as usize) <= reach * reach
@@ -316,9 +327,9 @@ impl Patch {
 
     /// Returns the nearest point to a corner; if several faces share it, on the one towards the centre. A
     /// kept vertex is matched to itself, if the patch contains it.
-    fn nearest(&self, ground: &Ground, place: DVec3, centre: DVec3, kept: VertexId) -> Place {
+    fn nearest(&self, ground: &PreparedInput, place: DVec3, centre: DVec3, kept: VertexId) -> SurfacePoint {
         let corners = |f: u32| ground.faces[f as usize].map(|v| ground.points[v.index()]);
-        let inwards = place.lerp(centre, INWARDS);
+        let inwards = place.lerp(centre, INWARD_SHARE);
         let mut best = (f64::INFINITY, f64::INFINITY, u32::MAX, None);
         let mut most = f64::INFINITY;
         for &f in &self.faces {
@@ -337,7 +348,7 @@ impl Patch {
             let is_nearer = distance_sq.sqrt() + 1e-12 < best.0.sqrt();
             if is_nearer || (aside, f) < (best.1, best.2) {
                 best = (distance_sq.min(best.0), aside, f, own);
-                most = (best.0.sqrt() + SLACK).powi(2);
+                most = (best.0.sqrt() + DISTANCE_SLACK).powi(2);
             }
         }
         let face = best.2 as usize;
@@ -348,16 +359,16 @@ impl Patch {
                 weights_at(nearest(place, own).point, own)
             }
         };
-        Place { face, weights }
+        SurfacePoint { face, weights }
     }
 }
 
 /// The corners of the prepared input at each locked vertex, as face and corner: the result may only have
 /// attributes of these, even if a new face lies on the far side of a seam from all of them.
-struct Locked(HashMap<VertexId, Vec<(u32, usize)>>);
+struct LockedCorners(HashMap<VertexId, Vec<(u32, usize)>>);
 
-impl Locked {
-    fn new(ground: &Ground) -> Self {
+impl LockedCorners {
+    fn new(ground: &PreparedInput) -> Self {
         let mut at: HashMap<VertexId, Vec<(u32, usize)>> = HashMap::new();
         if let Some(locked) = &ground.locked {
             for (f, t) in ground.faces.iter().enumerate() {
@@ -373,11 +384,11 @@ impl Locked {
     /// nearest.
     fn corner(
         &self,
-        ground: &Ground,
+        ground: &PreparedInput,
         kept: VertexId,
         inwards: DVec3,
-        patches: &[Option<Patch>; 2],
-    ) -> Option<Place> {
+        patches: &[Option<SourcePatch>; 2],
+    ) -> Option<SurfacePoint> {
         let rank = |f: u32| {
             let strange = patches.iter().flatten().filter(|p| p.seen[f as usize] != p.turn).count();
             let away =
@@ -387,7 +398,7 @@ impl Locked {
         let of = self.0.get(&kept)?.iter().take(MOST_CORNERS).map(|&(f, c)| (rank(f), f, c));
         let (_, f, c) =
             of.min_by(|(a, f, _), (b, g, _)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(f.cmp(g)))?;
-        Some(Place { face: f as usize, weights: [0, 1, 2].map(|k| f64::from(u8::from(k == c))) })
+        Some(SurfacePoint { face: f as usize, weights: [0, 1, 2].map(|k| f64::from(u8::from(k == c))) })
     }
 }
 
@@ -413,9 +424,10 @@ fn blend(of: &[&Pulls; 3], weights: &[f64; 3]) -> Pulls {
 }
 
 /// True if two sets of joint weights are equal apart from rounding.
-fn alike(a: &Pulls, b: &Pulls) -> bool {
+fn are_pulls_alike(a: &Pulls, b: &Pulls) -> bool {
     let pull = |of: &Pulls, joint: u32| of.iter().find(|x| x.0 == joint).map_or(0.0, |x| x.1);
-    let one_way =
-        |a: &Pulls, b: &Pulls| a.iter().all(|x| (x.1 - pull(b, x.0)).abs() <= ALIKE * x.1.abs().max(1.0));
+    let one_way = |a: &Pulls, b: &Pulls| {
+        a.iter().all(|x| (x.1 - pull(b, x.0)).abs() <= ROW_TOLERANCE * x.1.abs().max(1.0))
+    };
     one_way(a, b) && one_way(b, a)
 }

@@ -10,7 +10,7 @@ use crate::report::Refusal;
 
 /// The prepared input: coincident vertices are merged, degenerate and duplicate faces dropped. In double
 /// precision, in a frame from -1 to 1; vertices along a Morton curve, faces by their lowest vertex.
-pub(crate) struct Ground {
+pub(crate) struct PreparedInput {
     pub(crate) frame: UnitFrame,
     pub(crate) points: Vec<DVec3>,
     pub(crate) faces: Vec<[VertexId; 3]>,
@@ -21,7 +21,7 @@ pub(crate) struct Ground {
     /// True for each locked vertex, if any is locked.
     pub(crate) locked: Option<Vec<bool>>,
     /// Cost factor at each vertex, if importance varies.
-    pub(crate) prices: Option<Vec<f32>>,
+    pub(crate) cost_factors: Option<Vec<f32>>,
     /// Number of duplicate faces dropped.
     pub(crate) duplicate_faces: usize,
     /// Diagonal of the bounding box, in user units.
@@ -32,7 +32,7 @@ pub(crate) struct Ground {
     pub(super) first: Vec<VertexId>,
 }
 
-impl Ground {
+impl PreparedInput {
     /// Converts a length of the options to the unit frame.
     pub(crate) fn length(&self, length: Length) -> f64 {
         self.frame.unit_length(length.in_units(self.diagonal))
@@ -41,7 +41,7 @@ impl Ground {
 
 /// Parameters of a method.
 pub(crate) struct Task<'a> {
-    pub(crate) ground: &'a Ground,
+    pub(crate) input: &'a PreparedInput,
     /// The mesh that `ground` was made from, if attributes are kept: `origin` indexes its faces.
     pub(crate) mesh: Option<&'a TriMesh>,
     pub(crate) options: &'a SimplifyOptions,
@@ -53,7 +53,7 @@ pub(crate) struct Task<'a> {
 
 /// Result of a method.
 #[derive(Default)]
-pub(crate) struct Made {
+pub(crate) struct RebuiltSurface {
     /// Positions in the unit frame; each is used by a face.
     pub(crate) points: Vec<DVec3>,
     /// The input vertex that each point still equals bit by bit, or [`NONE`].

@@ -7,12 +7,12 @@ use glam::DVec3;
 use lodsmith_core::spatial::{Bvh, Hint};
 use lodsmith_core::{HalfEdgeId, Positions, PositionsView, Surface, TriMesh, VertexId};
 
-use super::half_edges::{HalfEdges, Line, OPEN, picked};
+use super::half_edges::{HalfEdges, LineKind, OPEN, gather};
 use crate::collapse::order::NONE;
 use crate::control::{Control, Stage, Verdict};
 use crate::input::Input;
 use crate::options::{BorderPolicy, Fit, Length, SimplifyOptions, Stop, TopologyPolicy};
-use crate::rebuild::{Ground, Task};
+use crate::rebuild::{PreparedInput, Task};
 use crate::run::run;
 use crate::{Simplified, SimplifyError, StoppedBy};
 
@@ -24,14 +24,14 @@ const CORNER_DEG: f64 = 45.0;
 /// Distance of the second corner test, in target edge lengths. (A guess.)
 const CORNER_REACH: f64 = 0.7;
 /// Creases shorter than this, in target edge lengths, are ignored. (A guess.)
-const SHORT: f64 = 2.0;
+const MIN_CREASE_LENGTH: f64 = 2.0;
 /// An edge of the simplified mesh is a crease if it lies within this share of its length from a crease of the
 /// input. (A guess.)
 const NEAR_CREASE: f64 = 0.15;
 
 /// The original surface, with the trees that project vertices back onto it.
-pub(super) struct Land<'a> {
-    pub(super) ground: &'a Ground,
+pub(super) struct ReferenceSurface<'a> {
+    pub(super) ground: &'a PreparedInput,
     pub(super) tree: Bvh,
     /// Trees over the segments of each kind of line, in the order of [`Line::CURVES`].
     curves: [Option<Bvh>; 3],
@@ -40,7 +40,7 @@ pub(super) struct Land<'a> {
 }
 
 /// The input simplified by the collapse engine.
-pub(super) struct Lighter {
+pub(super) struct SimplifiedInput {
     pub(super) mesh: HalfEdges,
     pub(super) parts_removed: usize,
     pub(super) necks_cut: usize,
@@ -48,20 +48,20 @@ pub(super) struct Lighter {
     pub(super) is_finished: bool,
 }
 
-impl<'a> Land<'a> {
+impl<'a> ReferenceSurface<'a> {
     /// Builds the reference surface of a task, and its mesh with all lines marked.
     pub(super) fn new(task: &Task<'a>) -> (Self, HalfEdges) {
-        let ground = task.ground;
+        let ground = task.input;
         let mut mesh = HalfEdges::new(
             &ground.points,
             &ground.faces,
             ground.regions.as_deref(),
             ground.locked.as_deref(),
         );
-        let crease_cos = task.options.of_method.angle_deg.unwrap_or(CREASE_DEG).to_radians().cos();
+        let crease_cos = task.options.method_options.angle_deg.unwrap_or(CREASE_DEG).to_radians().cos();
         let bent: Vec<HalfEdgeId> = bends(&mesh, crease_cos).collect();
-        bent.into_iter().for_each(|h| mesh.set_line(h, Line::Crease));
-        let curves = Line::CURVES.map(|line| {
+        bent.into_iter().for_each(|h| mesh.set_line(h, LineKind::Crease));
+        let curves = LineKind::CURVES.map(|line| {
             let segments: Vec<[VertexId; 3]> = mesh
                 .half_edges()
                 .filter(|&h| mesh.is_first(h) && mesh.line[h.index()] == line)
@@ -74,8 +74,8 @@ impl<'a> Land<'a> {
     }
 
     /// Returns the tree over the lines of a kind.
-    pub(super) fn curve(&self, line: Line) -> Option<&Bvh> {
-        let k = Line::CURVES.iter().position(|l| *l == line)?;
+    pub(super) fn curve(&self, line: LineKind) -> Option<&Bvh> {
+        let k = LineKind::CURVES.iter().position(|l| *l == line)?;
         self.curves[k].as_ref()
     }
 
@@ -86,13 +86,13 @@ impl<'a> Land<'a> {
     }
 
     /// Returns the mesh to start from: the input simplified to `wanted` faces, with its lines marked.
-    pub(super) fn lighter(
+    pub(super) fn simplified(
         &self,
         task: &Task<'_>,
         wanted: usize,
         topology: TopologyPolicy,
         control: &mut dyn Control,
-    ) -> Result<Lighter, SimplifyError> {
+    ) -> Result<SimplifiedInput, SimplifyError> {
         let ground = self.ground;
         let mut mesh = TriMesh::new(
             Positions::F64(ground.points.iter().map(|p| p.to_array()).collect()),
@@ -102,7 +102,7 @@ impl<'a> Land<'a> {
         let mut options = engine_options(task.options, wanted);
         options.topology = topology;
         options.locked = ground.locked.clone().map(Into::into);
-        let lighter = made_lighter(&mesh, &options, control)?;
+        let lighter = run_engine(&mesh, &options, control)?;
         let points: Vec<DVec3> = lighter.mesh.positions().view().iter().map(DVec3::from).collect();
         let places: HashMap<[u64; 3], VertexId> =
             ground.points.iter().zip(0..).map(|(p, v)| (bits(*p), VertexId(v))).collect();
@@ -115,10 +115,10 @@ impl<'a> Land<'a> {
         let surface = lighter.mesh.surface();
         let mut mesh =
             HalfEdges::new(&points, surface.triangles(), lighter.mesh.regions(), locked.as_deref());
-        mesh.kept = picked(&kept, &mesh.kept);
+        mesh.kept = gather(&kept, &mesh.kept);
         self.find_creases(&mut mesh);
         let report = lighter.report;
-        Ok(Lighter {
+        Ok(SimplifiedInput {
             mesh,
             parts_removed: report.parts_removed,
             necks_cut: report.necks_cut,
@@ -128,15 +128,20 @@ impl<'a> Land<'a> {
     }
 
     /// Finds the edges of a mesh near the original that lie along its creases and seams.
-    pub(super) fn lines_of(&self, points: &[DVec3], faces: &[[VertexId; 3]]) -> HashMap<[VertexId; 2], Line> {
+    pub(super) fn lines_of(
+        &self,
+        points: &[DVec3],
+        faces: &[[VertexId; 3]],
+    ) -> HashMap<[VertexId; 2], LineKind> {
         let mut mesh = HalfEdges::new(points, faces, None, None);
         self.find_creases(&mut mesh);
-        if let Some(seams) = self.curve(Line::Seam) {
+        if let Some(seams) = self.curve(LineKind::Seam) {
             let found: Vec<HalfEdgeId> =
                 mesh.half_edges().filter(|&h| mesh.is_first(h) && is_along(&mesh, h, seams)).collect();
-            found.into_iter().for_each(|h| mesh.set_line(h, mesh.line[h.index()].max(Line::Seam)));
+            found.into_iter().for_each(|h| mesh.set_line(h, mesh.line[h.index()].max(LineKind::Seam)));
         }
-        let marked = mesh.half_edges().filter(|h| matches!(mesh.line[h.index()], Line::Crease | Line::Seam));
+        let marked =
+            mesh.half_edges().filter(|h| matches!(mesh.line[h.index()], LineKind::Crease | LineKind::Seam));
         let name = |v: VertexId| mesh.kept[v.index()];
         marked
             .map(|h| {
@@ -148,11 +153,11 @@ impl<'a> Land<'a> {
 
     /// Marks the bent edges that lie along a crease of the original.
     fn find_creases(&self, mesh: &mut HalfEdges) {
-        let Some(creases) = self.curve(Line::Crease) else { return };
+        let Some(creases) = self.curve(LineKind::Crease) else { return };
         // Simplification rounds creases off.
         let loose = (0.7 * self.crease_cos.acos()).cos();
         let found: Vec<HalfEdgeId> = bends(mesh, loose).filter(|&h| is_along(mesh, h, creases)).collect();
-        found.into_iter().for_each(|h| mesh.set_line(h, Line::Crease));
+        found.into_iter().for_each(|h| mesh.set_line(h, LineKind::Crease));
     }
 }
 
@@ -167,7 +172,7 @@ fn is_along(mesh: &HalfEdges, h: HalfEdgeId, curves: &Bvh) -> bool {
 /// Returns the edges of the smooth surface whose dihedral bend exceeds an angle.
 fn bends(mesh: &HalfEdges, cos: f64) -> impl Iterator<Item = HalfEdgeId> {
     mesh.half_edges().filter(move |&h| {
-        if !mesh.is_first(h) || mesh.twin(h) == OPEN || mesh.line[h.index()] != Line::None {
+        if !mesh.is_first(h) || mesh.twin(h) == OPEN || mesh.line[h.index()] != LineKind::None {
             return false;
         }
         let (n, m) = (mesh.normal(h.face().index()), mesh.normal(mesh.twin(h).face().index()));
@@ -193,19 +198,19 @@ pub(super) fn engine_options(of: &SimplifyOptions, faces: usize) -> SimplifyOpti
 }
 
 /// Runs the engine once, controlled by the caller of the remesh.
-pub(super) fn made_lighter(
+pub(super) fn run_engine(
     mesh: &TriMesh,
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<Simplified, SimplifyError> {
     let input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
-    Ok(run(&input, options, &mut Within(control))?.0)
+    Ok(run(&input, options, &mut NestedControl(control))?.0)
 }
 
 /// Control of a nested run: forwards requests to stop, reports no stages.
-struct Within<'a>(&'a mut dyn Control);
+struct NestedControl<'a>(&'a mut dyn Control);
 
-impl Control for Within<'_> {
+impl Control for NestedControl<'_> {
     fn stage(&mut self, _: Stage) {}
     fn progress(&mut self, _: f64) -> Verdict {
         self.0.progress(0.0)
@@ -214,20 +219,20 @@ impl Control for Within<'_> {
 
 /// Fixes the lines for an edge length: unmarks creases that are too short, pins corners. Returns the kind of
 /// line on which each vertex lies.
-pub(super) fn settle_lines(mesh: &mut HalfEdges, length: f64, border: BorderPolicy) -> Vec<Line> {
+pub(super) fn settle_lines(mesh: &mut HalfEdges, length: f64, border: BorderPolicy) -> Vec<LineKind> {
     drop_short_creases(mesh, length);
     if border == BorderPolicy::Lock {
         let open: Vec<HalfEdgeId> =
-            mesh.half_edges().filter(|h| mesh.line[h.index()] == Line::Border).collect();
+            mesh.half_edges().filter(|h| mesh.line[h.index()] == LineKind::Border).collect();
         for h in open {
-            mesh.set_line(h, Line::Fixed);
+            mesh.set_line(h, LineKind::Fixed);
             for v in [mesh.from(h), mesh.to(h)] {
                 mesh.pinned[v.index()] = true;
             }
         }
     }
     let mut lines = Vec::new();
-    let mut on = vec![Line::None; mesh.points.len()];
+    let mut on = vec![LineKind::None; mesh.points.len()];
     let mut corners = Vec::new();
     for v in (0..mesh.points.len()).map(VertexId::new) {
         mesh.lines_at(v, &mut lines);
@@ -257,13 +262,13 @@ fn turns(mesh: &HalfEdges, v: VertexId, next: [VertexId; 2], length: f64) -> boo
 }
 
 /// Maximum number of edges that `along` follows from one vertex.
-const MOST_STEPS: usize = 64;
+const MAX_LINE_STEPS: usize = 64;
 
 /// Returns the point at distance `reach` along a line.
 fn along(mesh: &HalfEdges, mut last: VertexId, mut v: VertexId, reach: f64) -> DVec3 {
     let mut lines = Vec::new();
     let mut gone = 0.0;
-    for _ in 0..MOST_STEPS {
+    for _ in 0..MAX_LINE_STEPS {
         let (a, b) = (mesh.at(last), mesh.at(v));
         let step = a.distance(b);
         if gone + step >= reach {
@@ -283,7 +288,7 @@ fn along(mesh: &HalfEdges, mut last: VertexId, mut v: VertexId, reach: f64) -> D
 /// Unmarks connected creases whose total length is below [`SHORT`].
 fn drop_short_creases(mesh: &mut HalfEdges, length: f64) {
     let creases: Vec<HalfEdgeId> =
-        mesh.half_edges().filter(|&h| mesh.is_first(h) && mesh.line[h.index()] == Line::Crease).collect();
+        mesh.half_edges().filter(|&h| mesh.is_first(h) && mesh.line[h.index()] == LineKind::Crease).collect();
     let mut part: Vec<u32> = (0..mesh.points.len() as u32).collect();
     fn find(part: &mut [u32], mut v: u32) -> u32 {
         while part[v as usize] != v {
@@ -301,13 +306,13 @@ fn drop_short_creases(mesh: &mut HalfEdges, length: f64) {
         total[find(&mut part, mesh.from(h).0) as usize] += mesh.length_sq(h).sqrt();
     }
     for h in creases {
-        if total[find(&mut part, mesh.from(h).0) as usize] < SHORT * length {
-            mesh.set_line(h, Line::None);
+        if total[find(&mut part, mesh.from(h).0) as usize] < MIN_CREASE_LENGTH * length {
+            mesh.set_line(h, LineKind::None);
         }
     }
 }
 
 /// Returns the edge length that a task asks for, in the unit frame.
 pub(super) fn asked_length(task: &Task<'_>) -> Option<f64> {
-    task.options.of_method.edge_length.map(|l: Length| task.ground.length(l))
+    task.options.method_options.edge_length.map(|l: Length| task.input.length(l))
 }

@@ -24,7 +24,7 @@ pub(super) const OPEN: HalfEdgeId = HalfEdgeId(u32::MAX);
 
 /// The kind of line that an edge belongs to, most restrictive last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Line {
+pub(super) enum LineKind {
     /// None: an edge of the smooth surface.
     #[default]
     None,
@@ -38,7 +38,7 @@ pub(super) enum Line {
     Fixed,
 }
 
-impl Line {
+impl LineKind {
     pub(super) const CURVES: [Self; 3] = [Self::Crease, Self::Seam, Self::Border];
 }
 
@@ -48,7 +48,7 @@ pub(super) struct HalfEdges {
     /// The vertex that each half-edge leaves, or [`NONE`] if the face was removed.
     pub(super) from: Vec<VertexId>,
     pub(super) twin: Vec<HalfEdgeId>,
-    pub(super) line: Vec<Line>,
+    pub(super) line: Vec<LineKind>,
     pub(super) out: Vec<HalfEdgeId>,
     /// The region of each face, if there are several.
     pub(super) regions: Option<Vec<RegionId>>,
@@ -71,7 +71,8 @@ impl HalfEdges {
         regions: Option<&[RegionId]>,
         locked: Option<&[bool]>,
     ) -> Self {
-        let mut keys: Vec<([VertexId; 3], usize)> = faces.iter().map(|t| turned(*t)).zip(0..).collect();
+        let mut keys: Vec<([VertexId; 3], usize)> =
+            faces.iter().map(|t| rotated_to_lowest(*t)).zip(0..).collect();
         keys.sort_unstable();
         keys.dedup_by_key(|x| x.0);
         let mut taken: Vec<usize> = keys.into_iter().map(|x| x.1).collect();
@@ -83,7 +84,7 @@ impl HalfEdges {
             ..Self::default()
         };
         let count = mesh.from.len();
-        (mesh.twin, mesh.line) = (vec![OPEN; count], vec![Line::None; count]);
+        (mesh.twin, mesh.line) = (vec![OPEN; count], vec![LineKind::None; count]);
         mesh.link(points.len());
         mesh.cut(points, locked);
         mesh
@@ -113,15 +114,15 @@ impl HalfEdges {
             here.sort_unstable();
             for edge in here.chunk_by(|a, b| a.0 == b.0) {
                 match *edge {
-                    [(_, h)] => self.line[h.index()] = Line::Border,
+                    [(_, h)] => self.line[h.index()] = LineKind::Border,
                     [(_, h), (_, t)] if self.from(h) != self.from(t) => {
                         (self.twin[h.index()], self.twin[t.index()]) = (t, h);
                         let between = |r: &Vec<RegionId>| r[h.face().index()] != r[t.face().index()];
                         if self.regions.as_ref().is_some_and(between) {
-                            self.set_line(h, Line::Seam);
+                            self.set_line(h, LineKind::Seam);
                         }
                     }
-                    _ => edge.iter().for_each(|x| self.line[x.1.index()] = Line::Fixed),
+                    _ => edge.iter().for_each(|x| self.line[x.1.index()] = LineKind::Fixed),
                 }
             }
         }
@@ -159,7 +160,7 @@ impl HalfEdges {
             *pinned |= *copy_of != NONE;
         }
         for h in self.half_edges() {
-            if self.line[h.index()] == Line::Fixed {
+            if self.line[h.index()] == LineKind::Fixed {
                 let (u, v) = (self.from(h), self.to(h));
                 (self.pinned[u.index()], self.pinned[v.index()]) = (true, true);
             }
@@ -167,7 +168,7 @@ impl HalfEdges {
         let is_locked = |m: &Self, v: VertexId| locked.is_some_and(|l| l[m.kept[v.index()].index()]);
         for h in self.half_edges() {
             if is_locked(self, self.from(h)) && is_locked(self, self.to(h)) {
-                self.set_line(h, Line::Fixed);
+                self.set_line(h, LineKind::Fixed);
             }
         }
         self.vertex_count = self.points.len();
@@ -210,7 +211,7 @@ impl HalfEdges {
     pub(super) fn length_sq(&self, h: HalfEdgeId) -> f64 {
         self.at(self.from(h)).distance_squared(self.at(self.to(h)))
     }
-    pub(super) fn set_line(&mut self, h: HalfEdgeId, line: Line) {
+    pub(super) fn set_line(&mut self, h: HalfEdgeId, line: LineKind) {
         self.line[h.index()] = line;
         if self.twin(h) != OPEN {
             let t = self.twin(h);
@@ -257,7 +258,7 @@ impl HalfEdges {
         lines.clear();
         let mut last = OPEN;
         for h in self.around(v) {
-            if self.line[h.index()] != Line::None {
+            if self.line[h.index()] != LineKind::None {
                 lines.push((h, self.to(h)));
             }
             last = h;
@@ -278,10 +279,10 @@ impl HalfEdges {
         }
         g
     }
-    fn leave(&mut self, v: VertexId, h: HalfEdgeId) {
+    fn set_out(&mut self, v: VertexId, h: HalfEdgeId) {
         self.out[v.index()] = self.first_around(h);
     }
-    fn pair(&mut self, h: HalfEdgeId, t: HalfEdgeId, line: Line) {
+    fn pair(&mut self, h: HalfEdgeId, t: HalfEdgeId, line: LineKind) {
         for (a, b) in [(h, t), (t, h)] {
             if a != OPEN {
                 (self.twin[a.index()], self.line[a.index()]) = (b, line);
@@ -292,7 +293,7 @@ impl HalfEdges {
         let h = HalfEdgeId::new(self.from.len());
         self.from.extend(corners);
         self.twin.extend([OPEN; 3]);
-        self.line.extend([Line::None; 3]);
+        self.line.extend([LineKind::None; 3]);
         if let Some(r) = &mut self.regions {
             r.push(r[beside.face().index()]);
         }
@@ -317,7 +318,7 @@ impl HalfEdges {
         let g = self.add_face([m, v, a], h);
         self.from[n.index()] = m;
         self.pair(g.next(), beyond, beyond_line);
-        self.pair(n, g.prev(), Line::None);
+        self.pair(n, g.prev(), LineKind::None);
         if t == OPEN {
             self.pair(h, OPEN, line);
             self.pair(g, OPEN, line);
@@ -327,15 +328,15 @@ impl HalfEdges {
             let k = self.add_face([m, u, b], t);
             self.from[n.index()] = m;
             self.pair(k.next(), beyond, beyond_line);
-            self.pair(n, k.prev(), Line::None);
+            self.pair(n, k.prev(), LineKind::None);
             self.pair(h, k, line);
             self.pair(g, t, line);
-            self.leave(b, k.prev());
+            self.set_out(b, k.prev());
         }
-        self.leave(m, g);
-        self.leave(u, h);
-        self.leave(v, g.next());
-        self.leave(a, g.prev());
+        self.set_out(m, g);
+        self.set_out(u, h);
+        self.set_out(v, g.next());
+        self.set_out(a, g.prev());
         m
     }
 
@@ -360,7 +361,8 @@ impl HalfEdges {
                 return false;
             }
             // Two lines would merge.
-            if self.line[x.next().index()] != Line::None && self.line[x.prev().index()] != Line::None {
+            if self.line[x.next().index()] != LineKind::None && self.line[x.prev().index()] != LineKind::None
+            {
                 return false;
             }
         }
@@ -430,7 +432,7 @@ impl HalfEdges {
             let live = if self.twin(n) != OPEN { self.twin(n) } else { self.twin(p) };
             for w in [self.from(live), self.to(live)] {
                 let out = self.out[w.index()];
-                self.leave(w, out);
+                self.set_out(w, out);
             }
         }
         self.out[u.index()] = OPEN;
@@ -451,7 +453,7 @@ impl HalfEdges {
             self.pair(x, beyond, line);
         }
         for (w, x) in [(u, p), (v, tp), (a, n), (b, tn)] {
-            self.leave(w, x);
+            self.set_out(w, x);
         }
     }
 
@@ -498,11 +500,11 @@ impl HalfEdges {
         if let Some(r) = &mut self.regions {
             r.truncate(faces);
         }
-        self.points = picked(&self.points, &old);
+        self.points = gather(&self.points, &old);
         self.out = old.iter().map(|v| new_half_edge(self.out[v.index()])).collect();
-        self.kept = picked(&self.kept, &old);
-        self.pinned = picked(&self.pinned, &old);
-        self.copy_of = picked(&self.copy_of, &old);
+        self.kept = gather(&self.kept, &old);
+        self.pinned = gather(&self.pinned, &old);
+        self.copy_of = gather(&self.copy_of, &old);
         old
     }
 
@@ -521,7 +523,7 @@ impl HalfEdges {
                 assert_eq!((self.from(t), self.to(t)), (self.to(h), self.from(h)), "{h} and {t}");
                 assert_eq!(self.line[t.index()], self.line[h.index()]);
             } else {
-                assert!(self.line[h.index()] >= Line::Border);
+                assert!(self.line[h.index()] >= LineKind::Border);
             }
             assert!(self.around(self.from(h)).any(|g| g == h), "{h} is not around its vertex");
         }
@@ -535,12 +537,12 @@ impl HalfEdges {
 }
 
 /// Gathers the values of some vertices.
-pub(super) fn picked<T: Copy>(all: &[T], of: &[VertexId]) -> Vec<T> {
+pub(super) fn gather<T: Copy>(all: &[T], of: &[VertexId]) -> Vec<T> {
     of.iter().map(|v| all[v.index()]).collect()
 }
 
 /// Rotates a face so that its lowest vertex comes first.
-fn turned([a, b, c]: [VertexId; 3]) -> [VertexId; 3] {
+fn rotated_to_lowest([a, b, c]: [VertexId; 3]) -> [VertexId; 3] {
     match a.min(b).min(c) {
         least if least == a => [a, b, c],
         least if least == b => [b, c, a],
@@ -591,7 +593,7 @@ mod tests {
                         let middle = 0.5 * (m.at(m.from(h)) + m.at(m.to(h)));
                         m.split(h, middle);
                     }
-                    1 if m.twin(h) != OPEN && m.line[h.index()] == Line::None => {
+                    1 if m.twin(h) != OPEN && m.line[h.index()] == LineKind::None => {
                         let (a, b) = (m.from(h.prev()), m.from(m.twin(h).prev()));
                         m.ring(a, &mut ring);
                         let is_low = |v: VertexId| m.around(v).count() <= 3;

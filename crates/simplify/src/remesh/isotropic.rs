@@ -15,66 +15,66 @@
 use glam::DVec3;
 use lodsmith_core::{HalfEdgeId, Positions, TriMesh, VertexId};
 
-use super::guide::{self, Land, Lighter};
-use super::half_edges::{HalfEdges, Line, OPEN, picked};
+use super::guide::{self, ReferenceSurface, SimplifiedInput};
+use super::half_edges::{HalfEdges, LineKind, OPEN, gather};
 use super::relax::{self, Hints, keeps_facing};
 use super::settle;
-use super::sizing::Field;
+use super::sizing::SizingField;
 use crate::SimplifyError;
 use crate::collapse::Goal;
 use crate::collapse::order::NONE;
 use crate::control::{Control, Verdict};
 use crate::options::{Fit, TopologyPolicy};
-use crate::rebuild::{Ending, Ground, Made, Task};
+use crate::rebuild::{Ending, PreparedInput, RebuiltSurface, Task};
 use crate::report::Refusal;
 
 /// Edges longer than this, in target lengths, are split. [Botsch-Kobbelt 2004]
-const LONG: f64 = 4.0 / 3.0;
+const SPLIT_LENGTH: f64 = 4.0 / 3.0;
 /// Edges shorter than this, in target lengths, are collapsed. [Botsch-Kobbelt 2004]
-const SHORT: f64 = 4.0 / 5.0;
+const COLLAPSE_LENGTH: f64 = 4.0 / 5.0;
 /// Default number of rounds, if the triangles are even by then. (Measured on bunny and horse at 10 %: mean
 /// quality .951 and .949 after two, .962 after five, .969 after ten, where distances are 2 to 4 % larger.)
 const ROUNDS: usize = 5;
 /// Mean quality above which a run may end after `ROUNDS` rounds, if the last one gained less than
 /// `LEAST_GAIN`. (Scans have .95 by then. A machine part of long thin triangles, cad_58011 at 50 %, has .32,
 /// and .88 after sixteen.)
-const EVEN: f64 = 0.9;
+const EVEN_QUALITY: f64 = 0.9;
 /// See [`EVEN`]; below that quality a run ends when the last `ROUNDS` rounds together gained less. (Scans
 /// gain .002 to .004 in the fifth round, that machine part .007 in one after the sixteenth.)
 const LEAST_GAIN: f64 = 0.005;
 /// Maximum number of rounds if none is given. (A guess: twice what the worst part needed.)
-const MOST_ROUNDS: usize = 40;
+const MAX_ROUNDS: usize = 40;
 /// Share of the progress that the rounds account for.
 const SHARE_OF_ROUNDS: f64 = 0.9;
 /// Faces of the starting mesh per wanted face. (A guess.)
-const START: usize = 3;
+const START_FACTOR: usize = 3;
 /// Least cosine between the normals of a face before and after a collapse. (A guess.)
 const COLLAPSE_TURN: f64 = 0.5;
 /// A collapse goes to one end instead of the midpoint if that costs less than this share. (A guess.)
-const ENDS: f64 = 0.5;
+const END_COST_SHARE: f64 = 0.5;
 /// An edge is flipped only if the cosine between its new face normals exceeds this, or is no less than
 /// before. (A guess.)
 const FLIP_COS: f64 = 0.8;
 /// Least share of the target count that needs no further splits.
-const CLOSE: f64 = 0.99;
+const MIN_COUNT_SHARE: f64 = 0.99;
 /// Target length, relative to the edge of the equilateral triangles that would give the wanted count. (A
 /// guess: the count corrects it.)
 const EDGE_OF_MEAN: f64 = 1.05;
 /// Maximum number of split passes per round: each pass halves long edges.
-const SPLITS: usize = 6;
+const MAX_SPLIT_PASSES: usize = 6;
 /// Elements between two progress calls.
 const ASK_EVERY: usize = 4096;
 
-pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, SimplifyError> {
-    let ground = task.ground;
+pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<RebuiltSurface, SimplifyError> {
+    let ground = task.input;
     let asked = guide::asked_length(task);
     if asked.is_none() && is_met(&task.goal, ground.faces.len(), ground.points.len()) {
         return Ok(unchanged(ground, Ending::Goal));
     }
-    let (land, mesh) = Land::new(task);
+    let (land, mesh) = ReferenceSurface::new(task);
     let mut remesher = Remesher::new(task, &land, mesh, asked, control)?;
     let end = remesher.run(task, control)?;
-    let Remesher { mesh, steps, refusals, gone, .. } = remesher;
+    let Remesher { mesh, steps, refusals, parts_and_necks: gone, .. } = remesher;
     let mut made = made(&mesh);
     (made.end, made.steps, made.refusals) = (end, steps, refusals);
     (made.parts_removed, made.necks_cut) = gone;
@@ -96,16 +96,16 @@ pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, S
     if made.faces.len() > ground.faces.len() {
         // Triangle soup for which a remesh would have more faces than the input.
         let wanted = task.goal.faces.or(task.goal.vertices.map(|n| 2 * n)).unwrap_or(1);
-        let lighter = land.lighter(task, wanted, task.options.topology, control)?;
+        let lighter = land.simplified(task, wanted, task.options.topology, control)?;
         let end = if lighter.is_finished { Ending::Finish } else { Ending::Stuck };
-        let Lighter { mesh, parts_removed, necks_cut, steps, .. } = lighter;
-        made = Made { end, parts_removed, necks_cut, steps, ..self::made(&mesh) };
+        let SimplifiedInput { mesh, parts_removed, necks_cut, steps, .. } = lighter;
+        made = RebuiltSurface { end, parts_removed, necks_cut, steps, ..self::made(&mesh) };
     }
     Ok(made)
 }
 
 fn too_fine(task: &Task<'_>) -> SimplifyError {
-    let got = guide::asked_length(task).map_or(0.0, |l| task.ground.frame.user_length(l));
+    let got = guide::asked_length(task).map_or(0.0, |l| task.input.frame.user_length(l));
     SimplifyError::BadOption {
         option: "edge-length",
         wanted: "so long that the result has no more faces than the input",
@@ -118,7 +118,7 @@ fn is_settled(qualities: &[f64]) -> bool {
     let gain = |rounds: usize| qualities[qualities.len() - 1] - qualities[qualities.len() - 1 - rounds];
     match qualities.len() {
         n if n < ROUNDS => false,
-        n if qualities[n - 1] >= EVEN => gain(1) < LEAST_GAIN,
+        n if qualities[n - 1] >= EVEN_QUALITY => gain(1) < LEAST_GAIN,
         n => n > ROUNDS && gain(ROUNDS) < LEAST_GAIN,
     }
 }
@@ -137,14 +137,14 @@ fn is_met(goal: &Goal, faces: usize, vertices: usize) -> bool {
 }
 
 /// Returns the input unchanged, without duplicate faces.
-fn unchanged(ground: &Ground, end: Ending) -> Made {
+fn unchanged(ground: &PreparedInput, end: Ending) -> RebuiltSurface {
     let mesh = HalfEdges::new(&ground.points, &ground.faces, None, None);
-    Made { end, estimate: Some(0.0), ..made(&mesh) }
+    RebuiltSurface { end, estimate: Some(0.0), ..made(&mesh) }
 }
 
 /// Converts a compact mesh, with the copies of each vertex merged.
-pub(super) fn made(mesh: &HalfEdges) -> Made {
-    let mut made = Made::default();
+pub(super) fn made(mesh: &HalfEdges) -> RebuiltSurface {
+    let mut made = RebuiltSurface::default();
     let mut number = vec![NONE; mesh.points.len()];
     let mut of_copies = std::collections::HashMap::new();
     for (v, n) in number.iter_mut().enumerate() {
@@ -165,7 +165,7 @@ pub(super) fn made(mesh: &HalfEdges) -> Made {
 /// Lets the engine finish where lines, corners and components prevent further remeshing.
 fn finish_by_engine(
     task: &Task<'_>,
-    made: &mut Made,
+    made: &mut RebuiltSurface,
     control: &mut dyn Control,
 ) -> Result<(), SimplifyError> {
     let points = made.points.iter().map(|p| p.to_array()).collect();
@@ -173,10 +173,10 @@ fn finish_by_engine(
     let mut options = guide::engine_options(task.options, 0);
     options.stop.faces = task.goal.faces;
     options.stop.vertices = task.goal.vertices;
-    options.locked = task.ground.locked.as_ref().map(|locked| {
+    options.locked = task.input.locked.as_ref().map(|locked| {
         made.kept.iter().map(|v| *v != NONE && locked[v.index()]).collect::<Vec<bool>>().into()
     });
-    let lighter = guide::made_lighter(&mesh, &options, control)?;
+    let lighter = guide::run_engine(&mesh, &options, control)?;
     let places: std::collections::HashMap<[u64; 3], VertexId> =
         made.points.iter().zip(&made.kept).map(|(p, v)| (p.to_array().map(f64::to_bits), *v)).collect();
     let positions = lighter.mesh.positions().view();
@@ -200,7 +200,7 @@ fn finish_by_engine(
 
 /// Criterion of a pass of collapses.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Pass {
+enum CollapsePass {
     /// Edges shorter than the target length.
     ByLength,
     /// Shortest edges first, of any length, until the goal is met.
@@ -208,23 +208,23 @@ enum Pass {
 }
 
 pub(super) struct Remesher<'a> {
-    land: &'a Land<'a>,
+    land: &'a ReferenceSurface<'a>,
     pub(super) mesh: HalfEdges,
     /// The kind of line on which each vertex lies.
-    pub(super) on: Vec<Line>,
+    pub(super) line_of: Vec<LineKind>,
     pub(super) hints: Vec<Hints>,
     /// Relative target lengths, if they vary; multiplied by `length`.
     sizes: Option<Vec<f64>>,
-    field: Option<Field>,
+    field: Option<SizingField>,
     /// The target length; with `sizes`, their factor.
     length: f64,
     /// Upper limit of `length`.
-    most: Option<f64>,
+    max_length: Option<f64>,
     goal: Goal,
     /// Number of faces beyond which no edge is split: needles have long edges and no area.
     most_faces: usize,
     /// Components removed and necks cut before the first round.
-    gone: (usize, usize),
+    parts_and_necks: (usize, usize),
     pub(super) steps: u64,
     pub(super) refusals: [u64; Refusal::ALL.len()],
     rings: [Vec<VertexId>; 2],
@@ -235,12 +235,12 @@ pub(super) struct Remesher<'a> {
 impl<'a> Remesher<'a> {
     fn new(
         task: &Task<'a>,
-        land: &'a Land<'a>,
+        land: &'a ReferenceSurface<'a>,
         mesh: HalfEdges,
         asked: Option<f64>,
         control: &mut dyn Control,
     ) -> Result<Self, SimplifyError> {
-        let ground = task.ground;
+        let ground = task.input;
         let area: f64 = 0.5 * (0..mesh.from.len() / 3).map(|f| mesh.normal(f).length()).sum::<f64>();
         let by_area = |faces: f64| (area / (0.433 * faces.max(1.0))).sqrt();
         let per_face = mesh.vertex_count as f64 / mesh.face_count.max(1) as f64;
@@ -261,7 +261,7 @@ impl<'a> Remesher<'a> {
             return Err(too_fine(task));
         }
         let even = by_area(wanted);
-        let start = START.saturating_mul(wanted as usize).max(64);
+        let start = START_FACTOR.saturating_mul(wanted as usize).max(64);
         let mut gone = (0, 0);
         let mut mesh = match mesh.face_count > start + start / 4 {
             true => {
@@ -269,28 +269,28 @@ impl<'a> Remesher<'a> {
                     TopologyPolicy::Free => TopologyPolicy::Free,
                     _ => TopologyPolicy::Preserve,
                 };
-                let lighter = land.lighter(task, start, topology, control)?;
+                let lighter = land.simplified(task, start, topology, control)?;
                 gone = (lighter.parts_removed, lighter.necks_cut);
                 lighter.mesh
             }
             false => mesh,
         };
         let on = guide::settle_lines(&mut mesh, even, task.options.border);
-        let field = task.options.of_method.adaptive.then(|| Field::new(&mesh, even));
+        let field = task.options.method_options.adaptive.then(|| SizingField::new(&mesh, even));
         let length = asked.unwrap_or(f64::INFINITY).min(even * EDGE_OF_MEAN);
         let sizes = field.as_ref().map(|f| f.sizes.clone());
         Ok(Self {
             land,
             hints: vec![Hints::default(); mesh.points.len()],
-            on,
+            line_of: on,
             length: if sizes.is_some() { length / even } else { length },
-            most: asked.map(|l| if sizes.is_some() { l / even } else { l }),
+            max_length: asked.map(|l| if sizes.is_some() { l / even } else { l }),
             sizes,
             field,
             most_faces: 2 * mesh.face_count.max(2 * wanted as usize),
             mesh,
             goal: task.goal,
-            gone,
+            parts_and_necks: gone,
             steps: 0,
             refusals: [0; Refusal::ALL.len()],
             rings: Default::default(),
@@ -300,13 +300,13 @@ impl<'a> Remesher<'a> {
     }
 
     fn run(&mut self, task: &Task<'_>, control: &mut dyn Control) -> Result<Ending, SimplifyError> {
-        let asked = task.options.of_method.iterations;
+        let asked = task.options.method_options.iterations;
         let by_count = self.goal.faces.is_some() || self.goal.vertices.is_some();
-        let (rounds, mut qualities) = (asked.unwrap_or(MOST_ROUNDS), Vec::new());
+        let (rounds, mut qualities) = (asked.unwrap_or(MAX_ROUNDS), Vec::new());
         for round in 0..rounds {
             let done = SHARE_OF_ROUNDS * part_done(round, asked);
             self.split(control, done);
-            self.collapse(Pass::ByLength, control, done);
+            self.collapse(CollapsePass::ByLength, control, done);
             self.flip(control, done);
             self.relax(control, done);
             self.compact();
@@ -318,16 +318,16 @@ impl<'a> Remesher<'a> {
                 break;
             }
             if by_count {
-                let most = self.most.unwrap_or(f64::INFINITY);
+                let most = self.max_length.unwrap_or(f64::INFINITY);
                 self.length = (self.length * self.excess().sqrt().clamp(0.5, 2.0)).min(most);
             }
         }
-        let ends_by_length = self.most.is_some_and(|most| self.length >= most);
+        let ends_by_length = self.max_length.is_some_and(|most| self.length >= most);
         if by_count && !ends_by_length && self.verdict == Verdict::Continue {
             for _ in 0..4 {
                 if self.excess() > 1.0 {
-                    self.collapse(Pass::ToGoal, control, 0.9);
-                } else if self.excess() < CLOSE {
+                    self.collapse(CollapsePass::ToGoal, control, 0.9);
+                } else if self.excess() < MIN_COUNT_SHARE {
                     self.split_longest();
                 } else {
                     break;
@@ -340,7 +340,7 @@ impl<'a> Remesher<'a> {
             self.compact();
         }
         if task.options.fit != Fit::Off && self.verdict == Verdict::Continue {
-            settle::settle(&mut self.mesh, &self.on, self.land);
+            settle::fit_vertices(&mut self.mesh, &self.line_of, self.land);
         }
         match self.verdict {
             Verdict::Cancel => Err(SimplifyError::Cancelled),
@@ -394,7 +394,7 @@ impl<'a> Remesher<'a> {
         let line = self.mesh.line[h.index()];
         let middle = 0.5 * (self.mesh.at(u) + self.mesh.at(v));
         self.mesh.split(h, middle);
-        self.on.push(line);
+        self.line_of.push(line);
         self.hints.push(self.hints[u.index()]);
         if let Some(s) = &mut self.sizes {
             s.push(0.5 * (s[u.index()] + s[v.index()]));
@@ -403,10 +403,10 @@ impl<'a> Remesher<'a> {
     }
 
     fn split(&mut self, control: &mut dyn Control, done: f64) {
-        for _ in 0..SPLITS {
+        for _ in 0..MAX_SPLIT_PASSES {
             // Longest first, and new edges only in the next pass: among collinear needles, the midpoint of a
             // short edge may start an edge as long as the one that was split.
-            let mut long = self.by_length(|x| x > LONG * LONG);
+            let mut long = self.by_length(|x| x > SPLIT_LENGTH * SPLIT_LENGTH);
             long.reverse();
             if long.is_empty() {
                 return;
@@ -415,7 +415,7 @@ impl<'a> Remesher<'a> {
                 if self.mesh.face_count > self.most_faces {
                     return;
                 }
-                if self.relative_sq(h) > LONG * LONG {
+                if self.relative_sq(h) > SPLIT_LENGTH * SPLIT_LENGTH {
                     self.split_edge(h);
                 }
                 if self.ask(control, done) {
@@ -430,7 +430,7 @@ impl<'a> Remesher<'a> {
         let mut all: Vec<(f64, HalfEdgeId)> = self
             .mesh
             .half_edges()
-            .filter(|&h| self.mesh.is_first(h) && self.mesh.line[h.index()] != Line::Fixed)
+            .filter(|&h| self.mesh.is_first(h) && self.mesh.line[h.index()] != LineKind::Fixed)
             .map(|h| (self.relative_sq(h), h))
             .filter(|x| wanted(x.0))
             .collect();
@@ -451,17 +451,17 @@ impl<'a> Remesher<'a> {
         }
     }
 
-    fn collapse(&mut self, pass: Pass, control: &mut dyn Control, done: f64) {
+    fn collapse(&mut self, pass: CollapsePass, control: &mut dyn Control, done: f64) {
         let short = match pass {
-            Pass::ByLength => SHORT * SHORT,
-            Pass::ToGoal => f64::INFINITY,
+            CollapsePass::ByLength => COLLAPSE_LENGTH * COLLAPSE_LENGTH,
+            CollapsePass::ToGoal => f64::INFINITY,
         };
         for (_, h) in self.by_length(|x| x < short) {
-            if pass == Pass::ToGoal && self.excess() <= 1.0 {
+            if pass == CollapsePass::ToGoal && self.excess() <= 1.0 {
                 return;
             }
             // Earlier collapses may have changed this edge.
-            if self.mesh.is_first(h) && (pass == Pass::ToGoal || self.relative_sq(h) < short) {
+            if self.mesh.is_first(h) && (pass == CollapsePass::ToGoal || self.relative_sq(h) < short) {
                 self.try_collapse(h, pass);
             }
             if self.ask(control, done) {
@@ -476,13 +476,13 @@ impl<'a> Remesher<'a> {
     }
 
     /// True if a vertex may be merged along an edge.
-    fn may_go(&self, v: VertexId, line: Line) -> bool {
-        !self.mesh.pinned[v.index()] && (self.on[v.index()] == Line::None || line != Line::None)
+    fn may_go(&self, v: VertexId, line: LineKind) -> bool {
+        !self.mesh.pinned[v.index()] && (self.line_of[v.index()] == LineKind::None || line != LineKind::None)
     }
 
-    fn try_collapse(&mut self, h: HalfEdgeId, pass: Pass) {
+    fn try_collapse(&mut self, h: HalfEdgeId, pass: CollapsePass) {
         let line = self.mesh.line[h.index()];
-        if line == Line::Fixed {
+        if line == LineKind::Fixed {
             return;
         }
         let t = self.mesh.twin(h);
@@ -502,16 +502,16 @@ impl<'a> Remesher<'a> {
         if !self.mesh.may_collapse(h, &mut self.rings) {
             return self.refuse(Refusal::LinkCondition);
         }
-        let both = a_goes && b_goes && self.on[a.index()] == self.on[b.index()];
+        let both = a_goes && b_goes && self.line_of[a.index()] == self.line_of[b.index()];
         let other = if stays == u { v } else { u };
         let to = match both {
             true => self.meeting_place(a, b),
             // A vertex on no line moves to the line.
             false => self.mesh.at(stays),
         };
-        if pass == Pass::ByLength {
+        if pass == CollapsePass::ByLength {
             let too_long = |w: &VertexId| {
-                let size = self.wanted_sq(*w, stays) * (LONG * LONG);
+                let size = self.wanted_sq(*w, stays) * (SPLIT_LENGTH * SPLIT_LENGTH);
                 to.distance_squared(self.mesh.at(*w)) > size
             };
             if self.rings.iter().flatten().any(too_long) {
@@ -537,7 +537,7 @@ impl<'a> Remesher<'a> {
         self.mesh.points[x] = to;
         self.mesh.kept[x] = if both { NONE } else { self.mesh.kept[from] };
         self.mesh.pinned[x] = self.mesh.pinned[from];
-        self.on[x] = self.on[from];
+        self.line_of[x] = self.line_of[from];
         self.hints[x] = self.hints[from];
         if let Some(s) = &mut self.sizes {
             s[x] = if both { 0.5 * (s[x] + s[other.index()]) } else { s[from] };
@@ -557,7 +557,7 @@ impl<'a> Remesher<'a> {
         let places = [0.5 * (p + q), p, q];
         let costs = places.map(off);
         let best = if costs[1] <= costs[2] { 1 } else { 2 };
-        places[if costs[best] < ENDS * costs[0] { best } else { 0 }]
+        places[if costs[best] < END_COST_SHARE * costs[0] { best } else { 0 }]
     }
 
     /// The ideal valence of a vertex.
@@ -575,7 +575,9 @@ impl<'a> Remesher<'a> {
             if self.ask(control, done) {
                 return;
             }
-            if !self.mesh.is_first(h) || self.mesh.twin(h) == OPEN || self.mesh.line[h.index()] != Line::None
+            if !self.mesh.is_first(h)
+                || self.mesh.twin(h) == OPEN
+                || self.mesh.line[h.index()] != LineKind::None
             {
                 continue;
             }
@@ -642,7 +644,8 @@ impl<'a> Remesher<'a> {
                 continue;
             }
             let hints = &mut self.hints[v.index()];
-            let moved = relax::relax(&mut self.mesh, v, &self.on, self.sizes.as_deref(), self.land, hints);
+            let moved =
+                relax::relax(&mut self.mesh, v, &self.line_of, self.sizes.as_deref(), self.land, hints);
             if moved && let (Some(field), Some(sizes)) = (&self.field, &mut self.sizes) {
                 let at = self.mesh.at(v);
                 let value = relax::value_at(
@@ -663,10 +666,10 @@ impl<'a> Remesher<'a> {
 
     pub(super) fn compact(&mut self) {
         let old = self.mesh.compact();
-        self.on = picked(&self.on, &old);
-        self.hints = picked(&self.hints, &old);
+        self.line_of = gather(&self.line_of, &old);
+        self.hints = gather(&self.hints, &old);
         if let Some(s) = &mut self.sizes {
-            *s = picked(s, &old);
+            *s = gather(s, &old);
         }
     }
 }

@@ -5,18 +5,18 @@ use glam::DVec3;
 use lodsmith_core::VertexId;
 use lodsmith_core::spatial::{Bvh, Hint};
 
-use super::guide::Land;
-use super::half_edges::{HalfEdges, Line};
+use super::guide::ReferenceSurface;
+use super::half_edges::{HalfEdges, LineKind};
 use crate::collapse::order::NONE;
 
 /// Least cosine between the normals of a face before and after a vertex moves. (A guess.)
-const TURN: f64 = 0.3;
+const MIN_TURN_COS: f64 = 0.3;
 /// A face may become as flat as this: doubled area over the square of its longest edge. (A guess: an eighth
 /// of that of an equilateral triangle.)
-const FLAT: f64 = 0.1;
+const MIN_SHAPE: f64 = 0.1;
 
 /// Limit of the RMS distance between a relaxed vertex and its former face planes, in edge lengths. (A guess.)
-const RIDGE: f64 = 0.06;
+const MAX_PLANE_DISTANCE: f64 = 0.06;
 
 /// The last results of the closest-point queries of a vertex, from which the next ones start.
 #[derive(Clone, Copy, Default)]
@@ -31,7 +31,7 @@ pub(super) fn may_move(mesh: &HalfEdges, v: VertexId, to: DVec3) -> bool {
     let at = mesh.at(v);
     mesh.around(v).all(|h| {
         let (a, b) = (mesh.at(mesh.to(h)), mesh.at(mesh.from(h.prev())));
-        keeps_facing([at, a, b], [to, a, b], TURN)
+        keeps_facing([at, a, b], [to, a, b], MIN_TURN_COS)
     })
 }
 
@@ -47,14 +47,14 @@ pub(super) fn keeps_facing(old: [DVec3; 3], new: [DVec3; 3], turn: f64) -> bool 
     let was = a / longest_sq(old).max(f64::MIN_POSITIVE);
     // A face without area had no orientation.
     let faces = n.dot(m) >= turn * a * b || was < 1e-9;
-    faces && b > 0.0 && (shape >= FLAT || shape >= was)
+    faces && b > 0.0 && (shape >= MIN_SHAPE || shape >= was)
 }
 
 /// Projects a target position onto the original; `None` if the surface there faces away from `facing`.
-pub(super) fn landed(
-    land: &Land<'_>,
+pub(super) fn project(
+    land: &ReferenceSurface<'_>,
     to: DVec3,
-    line: Line,
+    line: LineKind,
     facing: DVec3,
     hints: &mut Hints,
 ) -> Option<DVec3> {
@@ -67,10 +67,10 @@ pub(super) fn landed(
 
 /// Returns the evenly spaced position of a vertex among its neighbours, in its tangent plane or on its line,
 /// and the surface normal there.
-pub(super) fn even_place(
+pub(super) fn relaxed_position(
     mesh: &HalfEdges,
     v: VertexId,
-    on: &[Line],
+    on: &[LineKind],
     sizes: Option<&[f64]>,
 ) -> Option<(DVec3, DVec3)> {
     let at = mesh.at(v);
@@ -86,7 +86,7 @@ pub(super) fn even_place(
         weight += 3.0 * w;
     }
     let facing = facing.normalize_or_zero();
-    if on[v.index()] != Line::None {
+    if on[v.index()] != LineKind::None {
         let mut lines = Vec::with_capacity(4);
         mesh.lines_at(v, &mut lines);
         let [(_, a), (_, b)] = lines[..] else { return None };
@@ -106,16 +106,16 @@ pub(super) fn even_place(
 pub(super) fn relax(
     mesh: &mut HalfEdges,
     v: VertexId,
-    on: &[Line],
+    on: &[LineKind],
     sizes: Option<&[f64]>,
-    land: &Land<'_>,
+    land: &ReferenceSurface<'_>,
     hints: &mut Hints,
 ) -> bool {
-    let Some((wish, facing)) = even_place(mesh, v, on, sizes) else { return false };
+    let Some((wish, facing)) = relaxed_position(mesh, v, on, sizes) else { return false };
     let at = mesh.at(v);
     for share in [1.0, 0.4] {
-        let Some(to) = landed(land, at.lerp(wish, share), on[v.index()], facing, hints) else { continue };
-        let leaves = on[v.index()] == Line::None && leaves_ridge(mesh, v, to);
+        let Some(to) = project(land, at.lerp(wish, share), on[v.index()], facing, hints) else { continue };
+        let leaves = on[v.index()] == LineKind::None && leaves_ridge(mesh, v, to);
         if !leaves && may_move(mesh, v, to) {
             mesh.points[v.index()] = to;
             mesh.kept[v.index()] = NONE;
@@ -139,7 +139,7 @@ fn leaves_ridge(mesh: &HalfEdges, v: VertexId, to: DVec3) -> bool {
         }
     }
     // Six equilateral triangles of edge l have 5.2 l², doubled.
-    off > RIDGE * RIDGE * area * area / 5.2
+    off > MAX_PLANE_DISTANCE * MAX_PLANE_DISTANCE * area * area / 5.2
 }
 
 /// Interpolates a field at a point: `values` at the vertices of the faces in the tree.

@@ -17,45 +17,49 @@ use std::collections::HashMap;
 use glam::DVec3;
 use lodsmith_core::{HalfEdgeId, VertexId};
 
-use super::guide::{self, Land};
-use super::half_edges::{HalfEdges, Line};
+use super::guide::{self, ReferenceSurface};
+use super::half_edges::{HalfEdges, LineKind};
 use super::isotropic;
 use super::relax::{self, Hints};
-use super::settle::settle;
+use super::settle::fit_vertices;
 use crate::SimplifyError;
 use crate::collapse::order::NONE;
 use crate::control::{Control, Verdict};
 use crate::options::Fit;
-use crate::rebuild::{Ending, Made, Task};
+use crate::rebuild::{Ending, RebuiltSurface, Task};
 
 /// Relaxation rounds of the new vertices of each level. (A guess.)
 const ROUNDS: usize = 3;
 /// Relaxation rounds of all vertices of the last level. (A guess.)
 const LAST_ROUNDS: usize = 5;
 
-type Edge = [VertexId; 2];
-type Lines = HashMap<Edge, Line>;
+type EdgeKey = [VertexId; 2];
+type Lines = HashMap<EdgeKey, LineKind>;
 
-pub(super) fn make(task: &Task<'_>, levels: usize, control: &mut dyn Control) -> Result<Made, SimplifyError> {
-    let ground = task.ground;
+pub(super) fn make(
+    task: &Task<'_>,
+    levels: usize,
+    control: &mut dyn Control,
+) -> Result<RebuiltSurface, SimplifyError> {
+    let ground = task.input;
     let share = |n: usize| n.checked_shr(2 * levels as u32).unwrap_or(0).max(1);
     // A closed surface has about twice as many faces as vertices.
     let by_vertices = task.goal.vertices.map(|n| share(2 * n));
     let wanted = task.goal.faces.map(share).into_iter().chain(by_vertices).max();
     let wanted = wanted.unwrap_or(usize::MAX).min(share(ground.faces.len()));
-    let (land, _) = Land::new(task);
-    let base = land.lighter(task, wanted, task.options.topology, control)?;
+    let (land, _) = ReferenceSurface::new(task);
+    let base = land.simplified(task, wanted, task.options.topology, control)?;
     let mut made = isotropic::made(&base.mesh);
     (made.parts_removed, made.necks_cut) = (base.parts_removed, base.necks_cut);
     (made.steps, made.end) = (base.steps, Ending::Goal);
     let finest = made.faces.len().saturating_mul(1usize.checked_shl(2 * levels as u32).unwrap_or(usize::MAX));
     if base.is_finished {
-        return Ok(Made { end: Ending::Finish, ..made });
+        return Ok(RebuiltSurface { end: Ending::Finish, ..made });
     }
     if made.faces.len() > wanted || finest > ground.faces.len() {
         return match task.step {
             // The search for an error tries other counts.
-            Some(_) => Ok(Made { end: Ending::Stuck, ..made }),
+            Some(_) => Ok(RebuiltSurface { end: Ending::Stuck, ..made }),
             None => Err(SimplifyError::BadOption {
                 option: "subdivisions",
                 wanted: "fewer: no base of this shape is light enough for so many and this count",
@@ -69,10 +73,10 @@ pub(super) fn make(task: &Task<'_>, levels: usize, control: &mut dyn Control) ->
         made.faces = subdivided(&mut made.points, &made.faces, &mut lines);
         made.kept.resize(made.points.len(), NONE);
         made.steps += (made.points.len() - fresh) as u64;
-        lay(task, &land, &mut made, &lines, fresh, level == levels);
+        project_level(task, &land, &mut made, &lines, fresh, level == levels);
         match control.progress(level as f64 / levels as f64) {
             Verdict::Cancel => return Err(SimplifyError::Cancelled),
-            Verdict::Finish => return Ok(Made { end: Ending::Finish, ..made }),
+            Verdict::Finish => return Ok(RebuiltSurface { end: Ending::Finish, ..made }),
             Verdict::Continue => {}
         }
     }
@@ -83,13 +87,13 @@ pub(super) fn make(task: &Task<'_>, levels: usize, control: &mut dyn Control) ->
     Ok(made)
 }
 
-fn edge(a: VertexId, b: VertexId) -> Edge {
+fn edge(a: VertexId, b: VertexId) -> EdgeKey {
     [a.min(b), a.max(b)]
 }
 
 /// Replaces each face by four, with new vertices at the edge midpoints.
 fn subdivided(points: &mut Vec<DVec3>, faces: &[[VertexId; 3]], lines: &mut Lines) -> Vec<[VertexId; 3]> {
-    let mut middles: HashMap<Edge, VertexId> = HashMap::with_capacity(faces.len() * 3 / 2);
+    let mut middles: HashMap<EdgeKey, VertexId> = HashMap::with_capacity(faces.len() * 3 / 2);
     let mut finer_lines = Lines::new();
     let mut finer = Vec::with_capacity(4 * faces.len());
     for &t in faces {
@@ -113,11 +117,18 @@ fn subdivided(points: &mut Vec<DVec3>, faces: &[[VertexId; 3]], lines: &mut Line
 
 /// Projects the vertices from `fresh` on onto the original and spaces them evenly; on the last level all are
 /// relaxed.
-fn lay(task: &Task<'_>, land: &Land<'_>, made: &mut Made, lines: &Lines, fresh: usize, is_last: bool) {
+fn project_level(
+    task: &Task<'_>,
+    land: &ReferenceSurface<'_>,
+    made: &mut RebuiltSurface,
+    lines: &Lines,
+    fresh: usize,
+    is_last: bool,
+) {
     let mut mesh = HalfEdges::new(&made.points, &made.faces, None, None);
-    let marked: Vec<(HalfEdgeId, Line)> = mesh
+    let marked: Vec<(HalfEdgeId, LineKind)> = mesh
         .half_edges()
-        .filter(|&h| mesh.is_first(h) && mesh.line[h.index()] == Line::None)
+        .filter(|&h| mesh.is_first(h) && mesh.line[h.index()] == LineKind::None)
         .filter_map(|h| {
             let name = |v: VertexId| mesh.kept[v.index()];
             lines.get(&edge(name(mesh.from(h)), name(mesh.to(h)))).map(|line| (h, *line))
@@ -126,7 +137,7 @@ fn lay(task: &Task<'_>, land: &Land<'_>, made: &mut Made, lines: &Lines, fresh: 
     marked.into_iter().for_each(|(h, line)| mesh.set_line(h, line));
     let on = guide::settle_lines(&mut mesh, 0.0, task.options.border);
     let names = mesh.kept.clone();
-    let locked = task.ground.locked.as_deref();
+    let locked = task.input.locked.as_deref();
     for (pinned, name) in mesh.pinned.iter_mut().zip(&names) {
         let kept = made.kept[name.index()];
         *pinned |= locked.is_some_and(|l| kept != NONE && l[kept.index()]);
@@ -136,7 +147,7 @@ fn lay(task: &Task<'_>, land: &Land<'_>, made: &mut Made, lines: &Lines, fresh: 
     let is_fresh = |v: VertexId| names[v.index()].index() >= fresh;
     for v in all().filter(|&v| is_fresh(v) && !mesh.pinned[v.index()]).collect::<Vec<_>>() {
         let facing: DVec3 = mesh.around(v).map(|h| mesh.normal(h.face().index())).sum();
-        let to = relax::landed(land, mesh.at(v), on[v.index()], facing, &mut hints[v.index()]);
+        let to = relax::project(land, mesh.at(v), on[v.index()], facing, &mut hints[v.index()]);
         if let Some(to) = to.filter(|to| relax::may_move(&mesh, v, *to)) {
             mesh.points[v.index()] = to;
         }
@@ -145,7 +156,7 @@ fn lay(task: &Task<'_>, land: &Land<'_>, made: &mut Made, lines: &Lines, fresh: 
     for round in 0..rounds {
         if round < 2 {
             // Pulls the surface towards parts that no vertex is nearest to yet, such as the tip of an ear.
-            settle(&mut mesh, &on, land);
+            fit_vertices(&mut mesh, &on, land);
         }
         for v in all() {
             if !mesh.pinned[v.index()] && (is_fresh(v) || round >= ROUNDS) {
@@ -154,7 +165,7 @@ fn lay(task: &Task<'_>, land: &Land<'_>, made: &mut Made, lines: &Lines, fresh: 
         }
     }
     if is_last && task.options.fit != Fit::Off {
-        settle(&mut mesh, &on, land);
+        fit_vertices(&mut mesh, &on, land);
     }
     for (v, name) in names.iter().enumerate() {
         let name = name.index();

@@ -6,29 +6,29 @@ use lodsmith_core::VertexId;
 use lodsmith_core::geometry::triangle::weights_at;
 use lodsmith_core::spatial::Hint;
 
-use super::guide::{Land, tree};
-use super::half_edges::{HalfEdges, Line};
+use super::guide::{ReferenceSurface, tree};
+use super::half_edges::{HalfEdges, LineKind};
 use super::relax::may_move;
 use crate::collapse::order::NONE;
 
 /// Maximum number of samples per face, approximately. (As in the fit of the engine.)
-const SAMPLES: usize = 16;
+const SAMPLES_PER_FACE: usize = 16;
 /// Damping, as a share of the trace, so that vertices with few samples hardly move. (A guess.)
 const DAMPING: f64 = 0.05;
 /// Gauss-Seidel sweeps. (A guess.)
 const SWEEPS: usize = 4;
 /// Least cosine between the normals of a sample and of its face. (As in the fit of the engine.)
-const FACING: f64 = 0.3;
+const MIN_FACING_COS: f64 = 0.3;
 
 /// Normal equations of a face, summed over its samples: b are barycentric coordinates, r heights.
 #[derive(Clone, Copy, Default)]
-struct Load {
+struct HeightEquations {
     bb: [[f64; 3]; 3],
     rb: [f64; 3],
 }
 
 /// Fits the vertices of a compact mesh that lie on no line.
-pub(super) fn settle(mesh: &mut HalfEdges, on: &[Line], land: &Land<'_>) {
+pub(super) fn fit_vertices(mesh: &mut HalfEdges, on: &[LineKind], land: &ReferenceSurface<'_>) {
     let faces: Vec<[VertexId; 3]> = (0..mesh.from.len() / 3).map(|f| mesh.corners(f)).collect();
     if faces.is_empty() {
         return;
@@ -41,7 +41,7 @@ pub(super) fn settle(mesh: &mut HalfEdges, on: &[Line], land: &Land<'_>) {
     }
     ways.iter_mut().for_each(|w| *w = w.normalize_or_zero());
     let free: Vec<VertexId> = (0..mesh.points.len())
-        .filter(|&v| !mesh.pinned[v] && on[v] == Line::None)
+        .filter(|&v| !mesh.pinned[v] && on[v] == LineKind::None)
         .map(VertexId::new)
         .collect();
     let mut lifts = vec![0f64; mesh.points.len()];
@@ -78,11 +78,16 @@ pub(super) fn settle(mesh: &mut HalfEdges, on: &[Line], land: &Land<'_>) {
     }
 }
 
-fn sampled(mesh: &HalfEdges, faces: &[[VertexId; 3]], normals: &[DVec3], land: &Land<'_>) -> Vec<Load> {
+fn sampled(
+    mesh: &HalfEdges,
+    faces: &[[VertexId; 3]],
+    normals: &[DVec3],
+    land: &ReferenceSurface<'_>,
+) -> Vec<HeightEquations> {
     let tree = tree(&mesh.points, faces);
-    let mut loads = vec![Load::default(); faces.len()];
+    let mut loads = vec![HeightEquations::default(); faces.len()];
     let ground = land.ground;
-    let stride = (ground.faces.len() / (SAMPLES / 4 * faces.len())).max(1);
+    let stride = (ground.faces.len() / (SAMPLES_PER_FACE / 4 * faces.len())).max(1);
     let mut hint = Hint::default();
     for t in ground.faces.iter().step_by(stride) {
         let [a, b, c] = t.map(|v| ground.points[v.index()]);
@@ -96,7 +101,7 @@ fn sampled(mesh: &HalfEdges, faces: &[[VertexId; 3]], normals: &[DVec3], land: &
         for (p, share) in [(centre, 9.0), (a, 1.0), (b, 1.0), (c, 1.0)] {
             let Some(hit) = tree.closest_from(p.to_array(), &mut hint) else { continue };
             let f = hit.face.index();
-            if normals[f].dot(normal) < FACING * area {
+            if normals[f].dot(normal) < MIN_FACING_COS * area {
                 continue;
             }
             let at = DVec3::from(hit.point);

@@ -5,27 +5,27 @@ use lodsmith_core::VertexId;
 use lodsmith_core::spatial::Bvh;
 
 use super::guide::tree;
-use super::half_edges::{HalfEdges, Line, OPEN};
+use super::half_edges::{HalfEdges, LineKind, OPEN};
 
 /// Rounds of neighbour averaging before the curvature is computed: cancels the noise of single edges. (A
 /// guess.)
 const SMOOTHINGS: usize = 2;
 /// Limits of the target length, relative to that of an even mesh. (A guess.)
-const SPREAD: [f64; 2] = [0.2, 4.0];
+const LENGTH_RANGE: [f64; 2] = [0.2, 4.0];
 /// Growth of the target length per unit of distance. (A guess.)
 const GRADATION: f64 = 0.5;
 /// Iterations that reconcile limits and gradation with the face count. (A guess.)
 const ROUNDS: usize = 4;
 
 /// Target edge lengths over a surface.
-pub(super) struct Field {
+pub(super) struct SizingField {
     pub(super) tree: Bvh,
     pub(super) points: Vec<DVec3>,
     pub(super) faces: Vec<[VertexId; 3]>,
     pub(super) sizes: Vec<f64>,
 }
 
-impl Field {
+impl SizingField {
     /// Computes the lengths for a mesh that would have edges of `even` everywhere: the same number of faces,
     /// distributed by curvature.
     pub(super) fn new(mesh: &HalfEdges, even: f64) -> Self {
@@ -39,9 +39,9 @@ impl Field {
         let mut scale = 1.0;
         for _ in 0..ROUNDS {
             for (size, wish) in sizes.iter_mut().zip(&wish) {
-                *size = (wish * scale).clamp(SPREAD[0] * even, SPREAD[1] * even);
+                *size = (wish * scale).clamp(LENGTH_RANGE[0] * even, LENGTH_RANGE[1] * even);
             }
-            level(mesh, &mut sizes);
+            limit_gradation(mesh, &mut sizes);
             // The number of faces of the even mesh.
             let needs: f64 = areas.iter().zip(&sizes).map(|(a, s)| a / (s * s)).sum();
             scale *= (needs * even * even / whole.max(f64::MIN_POSITIVE)).sqrt();
@@ -65,7 +65,7 @@ fn curvatures(mesh: &HalfEdges) -> Vec<f64> {
     let mut bends = vec![DMat3::ZERO; mesh.points.len()];
     for h in mesh.half_edges().filter(|&h| mesh.is_first(h)) {
         let t = mesh.twin(h);
-        if t == OPEN || mesh.line[h.index()] == Line::Crease {
+        if t == OPEN || mesh.line[h.index()] == LineKind::Crease {
             continue;
         }
         let (n, m) = (mesh.normal(h.face().index()), mesh.normal(t.face().index()));
@@ -100,10 +100,10 @@ fn curvatures(mesh: &HalfEdges) -> Vec<f64> {
 }
 
 /// Maximum number of sweeps that limit each length by those of its neighbours.
-const MOST_SWEEPS: usize = 20;
+const MAX_SWEEPS: usize = 20;
 
-fn level(mesh: &HalfEdges, sizes: &mut [f64]) {
-    for sweep in 0..MOST_SWEEPS {
+fn limit_gradation(mesh: &HalfEdges, sizes: &mut [f64]) {
+    for sweep in 0..MAX_SWEEPS {
         let mut changed = false;
         let count = mesh.from.len();
         for i in 0..count {

@@ -23,67 +23,67 @@ use lodsmith_core::spatial::bvh::Hint;
 use lodsmith_core::topology::Topology;
 use lodsmith_core::{FaceId, Positions, PositionsView, Surface, TriMesh, VertexId};
 
-use self::extract::{At, CORNERS, SIDES, missing, plus, quads};
-use self::winding::Winding;
+use self::extract::{CORNERS, GridCoord, SIDES, disambiguating_corners, plus, quads};
+use self::winding::WindingTree;
 use crate::SimplifyError;
 use crate::clean::orient;
 use crate::collapse::order::NONE;
 use crate::control::{Control, Verdict};
 use crate::options::{Method, SimplifyOptions, Stop, TopologyPolicy};
-use crate::rebuild::{Ending, Made, Task};
+use crate::rebuild::{Ending, RebuiltSurface, Task};
 use crate::report::StoppedBy;
 use crate::run;
 
 /// Maximum number of cells that the surface may pass through: about 400 bytes each at the peak.
-const MOST_CELLS: f64 = 8e6;
+const MAX_CELLS: f64 = 8e6;
 /// Maximum number of grid points of the flood fill: two bits each.
-const MOST_POINTS: f64 = 4e9;
+const MAX_POINTS: f64 = 4e9;
 /// Maximum number of faces sampled to classify a component as solid.
-const LOOKS: usize = 4000;
+const MAX_SOLID_SAMPLES: usize = 4000;
 /// A component is solid if the winding number in front of this share of its area is near an integer.
-const SOLID: f64 = 0.9;
+const MIN_SOLID_SHARE: f64 = 0.9;
 /// Tolerance of that. In the middle of a flat sheet it is off by a half, at a hole as wide as it is far by
 /// about 0.15.
-const NEAR_WHOLE: f64 = 0.25;
+const INTEGER_TOLERANCE: f64 = 0.25;
 /// Sheets are thickened by this many voxels to each side: above a half, so that the flood fill cannot step
 /// through; holes up to one and a half voxels wide are closed.
-const THICK: f64 = 0.75;
+const SHEET_THICKNESS: f64 = 0.75;
 /// Vertices keep this distance, in voxels, from the sides of their cells, so that no two coincide.
-const MARGIN: f64 = 0.02;
+const CELL_MARGIN: f64 = 0.02;
 /// Weight of the mean position relative to each plane. Guessed.
-const PULL: f64 = 0.05;
+const MEAN_WEIGHT: f64 = 0.05;
 
 /// The voxel grid, in the unit frame.
-struct Grid {
+struct VoxelGrid {
     origin: DVec3,
     h: f64,
-    size: At,
+    size: GridCoord,
 }
 
-impl Grid {
-    fn point(&self, at: At) -> DVec3 {
+impl VoxelGrid {
+    fn point(&self, at: GridCoord) -> DVec3 {
         self.origin + self.h * DVec3::new(f64::from(at[0]), f64::from(at[1]), f64::from(at[2]))
     }
-    fn cell(&self, p: DVec3) -> At {
+    fn cell(&self, p: DVec3) -> GridCoord {
         ((p - self.origin) / self.h).floor().to_array().map(|x| x as i32)
     }
 }
 
-type Face = [DVec3; 3];
+type FaceCorners = [DVec3; 3];
 
-pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, SimplifyError> {
-    let ground = task.ground;
-    let h = task.options.of_method.voxel.map_or(0.0, |d| ground.length(d));
+pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<RebuiltSurface, SimplifyError> {
+    let ground = task.input;
+    let h = task.options.method_options.voxel.map_or(0.0, |d| ground.length(d));
     let mut ask = |done: f64| match control.progress(done) {
         Verdict::Cancel => Err(SimplifyError::Cancelled),
         Verdict::Continue | Verdict::Finish => Ok(()),
     };
     let places: Vec<[f64; 3]> = ground.points.iter().map(|p| p.to_array()).collect();
     let mut faces = ground.faces.clone();
-    let turned = orient::turned(&Surface::new(PositionsView::F64(&places), &faces)?);
+    let turned = orient::faces_to_flip(&Surface::new(PositionsView::F64(&places), &faces)?);
     faces.iter_mut().zip(turned).filter(|x| x.1).for_each(|x| x.0.swap(1, 2));
     let surface = Surface::new(PositionsView::F64(&places), &faces)?;
-    let corners: Vec<Face> = faces.iter().map(|t| t.map(|v| ground.points[v.index()])).collect();
+    let corners: Vec<FaceCorners> = faces.iter().map(|t| t.map(|v| ground.points[v.index()])).collect();
     let area: f64 = corners.iter().map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0).sum();
     let too_fine = |limit: &'static str| SimplifyError::BadOption {
         option: "voxel",
@@ -95,7 +95,7 @@ pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, S
     // A surface passes through 1.5 cells per h² of its area (measured: 1 to 1.7), a thickened one through
     // twice as many.
     let perimeter: f64 = 2.0 / h;
-    if area / (h * h) > MOST_CELLS || perimeter * perimeter * perimeter > 1e18 {
+    if area / (h * h) > MAX_CELLS || perimeter * perimeter * perimeter > 1e18 {
         return Err(too_fine(CELLS));
     }
     let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -105,34 +105,34 @@ pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, S
     // The offset keeps grid points off axis-aligned faces: a point on a face is neither inside nor outside.
     let origin = min - DVec3::splat(3.37 * h);
     let size = ((max - origin) / h + 4.0).ceil().to_array().map(|x| x as i32);
-    let grid = Grid { origin, h, size };
+    let grid = VoxelGrid { origin, h, size };
     ask(0.05)?;
 
     let is_solid = solid_faces(&surface, &corners, h);
-    let pick = |solid: bool| -> Vec<Face> {
+    let pick = |solid: bool| -> Vec<FaceCorners> {
         corners.iter().zip(&is_solid).filter(|x| *x.1 == solid).map(|x| *x.0).collect()
     };
     let (solid, sheets) = (pick(true), pick(false));
-    let mut seeds: Vec<At> = Vec::new();
-    touched(&grid, &solid, 0.9 * h, |cell, _| seeds.push(cell));
+    let mut seeds: Vec<GridCoord> = Vec::new();
+    for_cells_near(&grid, &solid, 0.9 * h, |cell, _| seeds.push(cell));
     let flood = if sheets.is_empty() {
         Flood::none()
     } else {
-        if grid.size.iter().map(|&n| f64::from(n)).product::<f64>() > MOST_POINTS {
+        if grid.size.iter().map(|&n| f64::from(n)).product::<f64>() > MAX_POINTS {
             return Err(too_fine(POINTS));
         }
-        touched(&grid, &sheets, (THICK + 0.9) * h, |cell, _| seeds.push(cell));
+        for_cells_near(&grid, &sheets, (SHEET_THICKNESS + 0.9) * h, |cell, _| seeds.push(cell));
         Flood::new(&grid, &sheets, &mut ask)?
     };
     seeds.sort_unstable();
     seeds.dedup();
     ask(0.2)?;
-    let tree = Winding::new(solid);
-    let is_inside = |at: At| flood.holds(at) || tree.at(grid.point(at)) > 0.5;
-    let (cells, signs) = followed(seeds, is_inside, || too_fine(CELLS), &mut ask)?;
+    let tree = WindingTree::new(solid);
+    let is_inside = |at: GridCoord| flood.holds(at) || tree.at(grid.point(at)) > 0.5;
+    let (cells, signs) = follow_boundary(seeds, is_inside, || too_fine(CELLS), &mut ask)?;
     ask(0.6)?;
 
-    let points = placed(&grid, &cells, &signs, &Bvh::new(&surface), &corners);
+    let points = place_vertices(&grid, &cells, &signs, &Bvh::new(&surface), &corners);
     let quads = quads(&cells, &signs);
     let mut split = Vec::with_capacity(quads.len() * 2);
     for [a, b, c, d] in quads {
@@ -144,11 +144,11 @@ pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Made, S
         }
     }
     ask(0.65)?;
-    lighter(task, points, split, control)
+    collapse_to_goal(task, points, split, control)
 }
 
 /// Returns for each face whether its component bounds a solid.
-fn solid_faces(surface: &Surface<'_>, corners: &[Face], h: f64) -> Vec<bool> {
+fn solid_faces(surface: &Surface<'_>, corners: &[FaceCorners], h: f64) -> Vec<bool> {
     let parts = Topology::unwelded(surface).components();
     let mut is_solid = vec![false; corners.len()];
     let mut of_part: Vec<Vec<usize>> = vec![Vec::new(); parts.count()];
@@ -158,8 +158,9 @@ fn solid_faces(surface: &Surface<'_>, corners: &[Face], h: f64) -> Vec<bool> {
         }
     }
     for faces in of_part {
-        let tree = Winding::new(faces.iter().map(|&f| corners[f]).collect());
-        let asked: Vec<usize> = faces.iter().copied().step_by(faces.len().div_ceil(LOOKS).max(1)).collect();
+        let tree = WindingTree::new(faces.iter().map(|&f| corners[f]).collect());
+        let asked: Vec<usize> =
+            faces.iter().copied().step_by(faces.len().div_ceil(MAX_SOLID_SAMPLES).max(1)).collect();
         let sums = chunks::map(asked.len(), |range| {
             let (mut good, mut all) = (0.0, 0.0);
             for &f in &asked[range] {
@@ -169,14 +170,14 @@ fn solid_faces(surface: &Surface<'_>, corners: &[Face], h: f64) -> Vec<bool> {
                 let (middle, off) = ((a + b + c) / 3.0, normal.normalize_or_zero() * (1e-3 * h));
                 let (front, back) = (tree.at(middle + off), tree.at(middle - off));
                 all += area;
-                let is_whole = (front - front.round()).abs() <= NEAR_WHOLE && front.round() >= 0.0;
+                let is_whole = (front - front.round()).abs() <= INTEGER_TOLERANCE && front.round() >= 0.0;
                 // Two sheets back to back have no inside between them.
                 good += if is_whole && back - front > 0.5 { area } else { 0.0 };
             }
             (good, all)
         });
         let (good, all) = sums.iter().fold((0.0, 0.0), |x, y| (x.0 + y.0, x.1 + y.1));
-        if good >= SOLID * all && all > 0.0 {
+        if good >= MIN_SOLID_SHARE * all && all > 0.0 {
             faces.iter().for_each(|&f| is_solid[f] = true);
         }
     }
@@ -184,9 +185,14 @@ fn solid_faces(surface: &Surface<'_>, corners: &[Face], h: f64) -> Vec<bool> {
 }
 
 /// Calls `call` for each cell whose centre lies within a distance of a face; a cell may come several times.
-fn touched(grid: &Grid, faces: &[Face], within: f64, mut call: impl FnMut(At, DVec3)) {
+fn for_cells_near(
+    grid: &VoxelGrid,
+    faces: &[FaceCorners],
+    within: f64,
+    mut call: impl FnMut(GridCoord, DVec3),
+) {
     let half = DVec3::splat(0.5 * grid.h);
-    let mut stack: Vec<Face> = Vec::new();
+    let mut stack: Vec<FaceCorners> = Vec::new();
     for &face in faces {
         stack.push(face);
         while let Some(t) = stack.pop() {
@@ -234,8 +240,8 @@ impl Flood {
     }
 
     fn new(
-        grid: &Grid,
-        sheets: &[Face],
+        grid: &VoxelGrid,
+        sheets: &[FaceCorners],
         ask: &mut dyn FnMut(f64) -> Result<(), SimplifyError>,
     ) -> Result<Self, SimplifyError> {
         let size = grid.size.map(|n| n as usize);
@@ -243,8 +249,8 @@ impl Flood {
         let mut this = Self { size, is_out: vec![0; words] };
         let mut wall = vec![0u64; words];
         // The points are the cell centres of a grid shifted by half a voxel.
-        let moved = Grid { origin: grid.origin - DVec3::splat(0.5 * grid.h), ..*grid };
-        touched(&moved, sheets, THICK * grid.h, |at, _| {
+        let moved = VoxelGrid { origin: grid.origin - DVec3::splat(0.5 * grid.h), ..*grid };
+        for_cells_near(&moved, sheets, SHEET_THICKNESS * grid.h, |at, _| {
             if let Some(i) = this.index(at) {
                 wall[i / 64] |= 1 << (i % 64);
             }
@@ -270,35 +276,35 @@ impl Flood {
         Ok(this)
     }
 
-    fn index(&self, at: At) -> Option<usize> {
+    fn index(&self, at: GridCoord) -> Option<usize> {
         let is_there = (0..3).all(|k| at[k] >= 0 && (at[k] as usize) < self.size[k]);
         is_there.then(|| (at[2] as usize * self.size[1] + at[1] as usize) * self.size[0] + at[0] as usize)
     }
 
-    fn holds(&self, at: At) -> bool {
+    fn holds(&self, at: GridCoord) -> bool {
         self.index(at).is_some_and(|i| self.is_out[i / 64] >> (i % 64) & 1 == 0)
     }
 }
 
-type Followed = (Vec<At>, HashMap<At, bool>);
+type CellsAndSigns = (Vec<GridCoord>, HashMap<GridCoord, bool>);
 
 /// Collects the cells that the boundary of the inside passes through, in order, and the signs of their
 /// corners.
-fn followed(
-    seeds: Vec<At>,
-    is_inside: impl Fn(At) -> bool + Sync,
+fn follow_boundary(
+    seeds: Vec<GridCoord>,
+    is_inside: impl Fn(GridCoord) -> bool + Sync,
     too_fine: impl Fn() -> SimplifyError,
     ask: &mut dyn FnMut(f64) -> Result<(), SimplifyError>,
-) -> Result<Followed, SimplifyError> {
-    let mut signs: HashMap<At, bool> = HashMap::new();
-    let mut seen: HashSet<At> = HashSet::new();
+) -> Result<CellsAndSigns, SimplifyError> {
+    let mut signs: HashMap<GridCoord, bool> = HashMap::new();
+    let mut seen: HashSet<GridCoord> = HashSet::new();
     let mut front = seeds;
-    let mut mixed: Vec<At> = Vec::new();
+    let mut mixed: Vec<GridCoord> = Vec::new();
     while !front.is_empty() {
         ask(0.3)?;
         front.sort_unstable();
         front.dedup();
-        let mut corners: Vec<At> = front.iter().flat_map(|&c| CORNERS.map(|o| plus(c, o))).collect();
+        let mut corners: Vec<GridCoord> = front.iter().flat_map(|&c| CORNERS.map(|o| plus(c, o))).collect();
         corners.retain(|c| !signs.contains_key(c));
         corners.sort_unstable();
         corners.dedup();
@@ -313,7 +319,7 @@ fn followed(
             at += 1;
             seen.insert(cell);
             let mask = (0..8).fold(0u8, |m, k| m | u8::from(signs[&plus(cell, CORNERS[k])]) << k);
-            let more = missing(mask);
+            let more = disambiguating_corners(mask);
             for k in (0..8).filter(|k| more >> k & 1 == 1) {
                 let point = plus(cell, CORNERS[k]);
                 signs.insert(point, true);
@@ -335,7 +341,7 @@ fn followed(
                     next.push(beyond);
                 }
             }
-            if mixed.len() as f64 > 4.0 * MOST_CELLS {
+            if mixed.len() as f64 > 4.0 * MAX_CELLS {
                 return Err(too_fine());
             }
         }
@@ -353,11 +359,17 @@ fn followed(
 
 /// Places one vertex per cell: near the planes of the faces nearest to the crossed edges, clamped to the
 /// cell.
-fn placed(grid: &Grid, cells: &[At], signs: &HashMap<At, bool>, tree: &Bvh, corners: &[Face]) -> Vec<DVec3> {
+fn place_vertices(
+    grid: &VoxelGrid,
+    cells: &[GridCoord],
+    signs: &HashMap<GridCoord, bool>,
+    tree: &Bvh,
+    corners: &[FaceCorners],
+) -> Vec<DVec3> {
     let reach = 2.0 * grid.h;
     let all = chunks::map(cells.len(), |range| {
         let mut hint = Hint::default();
-        let mut place = |cell: At| {
+        let mut place = |cell: GridCoord| {
             let middle = grid.point(cell) + DVec3::splat(0.5 * grid.h);
             let (mut a, mut b, mut mean, mut count) = (DMat3::ZERO, DVec3::ZERO, DVec3::ZERO, 0.0);
             for k in 0..8 {
@@ -381,9 +393,9 @@ fn placed(grid: &Grid, cells: &[At], signs: &HashMap<At, bool>, tree: &Bvh, corn
                 }
             }
             mean /= f64::max(count, 1.0);
-            let pull = PULL * f64::max(count, 1.0);
+            let pull = MEAN_WEIGHT * f64::max(count, 1.0);
             let x = (a + DMat3::from_diagonal(DVec3::splat(pull))).inverse() * (b + pull * mean);
-            let half = (0.5 - MARGIN) * grid.h;
+            let half = (0.5 - CELL_MARGIN) * grid.h;
             let x = if x.is_finite() { x } else { mean };
             middle + x.clamp(DVec3::splat(-half), DVec3::splat(half))
         };
@@ -394,28 +406,28 @@ fn placed(grid: &Grid, cells: &[At], signs: &HashMap<At, bool>, tree: &Bvh, corn
 
 /// Returns the surface, collapsed to the goal if needed: never more faces than the input, if a closed surface
 /// with so few exists.
-fn lighter(
+fn collapse_to_goal(
     task: &Task<'_>,
     points: Vec<DVec3>,
     faces: Vec<[VertexId; 3]>,
     control: &mut dyn Control,
-) -> Result<Made, SimplifyError> {
-    let made = |points: Vec<DVec3>, faces, steps, end| Made {
+) -> Result<RebuiltSurface, SimplifyError> {
+    let made = |points: Vec<DVec3>, faces, steps, end| RebuiltSurface {
         kept: vec![NONE; points.len()],
         points,
         faces,
         steps,
         end,
-        ..Made::default()
+        ..RebuiltSurface::default()
     };
     if faces.is_empty() {
         return Err(SimplifyError::BadOption {
             option: "voxel",
             wanted: "shorter: all of the input fits between the points of the grid",
-            got: task.options.of_method.voxel.map_or(0.0, |d| d.in_units(task.ground.diagonal)),
+            got: task.options.method_options.voxel.map_or(0.0, |d| d.in_units(task.input.diagonal)),
         });
     }
-    let most = task.ground.origin.len();
+    let most = task.input.origin.len();
     let by_faces = task.goal.faces;
     let is_over = |goal: Option<usize>, count: usize| goal.is_none_or(|n| count > n);
     let has_goal = by_faces.is_some() || task.goal.vertices.is_some();
@@ -450,5 +462,5 @@ fn lighter(
     let points = done.mesh.positions().view().iter().map(DVec3::from).collect();
     let faces = bytemuck::cast_slice(done.mesh.triangles()).to_vec();
     let parts_removed = done.report.parts_removed;
-    Ok(Made { parts_removed, ..made(points, faces, done.report.collapses, end) })
+    Ok(RebuiltSurface { parts_removed, ..made(points, faces, done.report.collapses, end) })
 }

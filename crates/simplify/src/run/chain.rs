@@ -18,11 +18,11 @@ use lodsmith_core::VertexId;
 use super::trunk::Trunk;
 use super::{Done, Input, Leave, Outcome, Run, goal, ordered, pass_of, run_shaded, told};
 use crate::SimplifyError;
-use crate::care::{self, Care};
+use crate::care::{self, Constraints};
 use crate::collapse::cut::may_cut;
 use crate::collapse::order::NONE;
 use crate::collapse::{End, Goal, Pause};
-use crate::control::{Control, Share, Stage};
+use crate::control::{Control, ProgressShare, Stage};
 use crate::deviation::{self, Deviation};
 use crate::metric::{Judged, Memoryless, Metric, Quadric};
 use crate::options::{Method, SimplifyOptions, Stop, TopologyPolicy};
@@ -83,16 +83,16 @@ fn chain_by_method(
         stops.iter().map(|stop| SimplifyOptions { stop: *stop, ..options.clone() }).collect();
     let faces = input.surface.triangles().len();
     let goals: Vec<Goal> = of_levels.iter().map(|own| goal(own, faces)).collect();
-    let care = Care::new(options, &in_order, |v| input.joined(v));
+    let care = Constraints::new(options, &in_order, |v| input.joined(v));
     let first = goals.first().copied().unwrap_or_default();
     let pass = pass_of(options.method);
     let mut run = Run { input, options, ordered: &mut in_order, goal: first, care: &care, pass, is_traced };
     let passes = passes_of(options.method).expect("only methods of sweeps come here");
     let outcomes = passes(&mut run, &goals, control)?;
     let mergers = if is_traced { run.mergers(&outcomes) } else { Mergers::new() };
-    let judge = if deviation::is_wanted(options) { run.judge(control) } else { None };
+    let judge = if deviation::needs_measurement(options) { run.judge(control) } else { None };
     let look = |outcome: &Outcome| {
-        judge.as_ref().map_or_else(Deviation::default, |judge| judge.look(&outcome.mesh, None))
+        judge.as_ref().map_or_else(Deviation::default, |judge| judge.measure(&outcome.mesh, None))
     };
     let looked: Vec<Deviation> = outcomes.iter().map(|(outcome, _)| look(outcome)).collect();
     let finished = outcomes.into_iter().zip(looked).zip(&of_levels);
@@ -115,7 +115,7 @@ impl Run<'_, '_> {
         let mut number = 0;
         let mut outcomes: Vec<(Outcome, usize)> = Vec::with_capacity(goals.len());
         for i in 0..goals.len() {
-            let control = &mut Share::of(control, i, goals.len());
+            let control = &mut ProgressShare::of(control, i, goals.len());
             let mut outcome = self.level(metric, &mut trunk, (i, goals), leave, control)?;
             let may_change = self.options.topology == TopologyPolicy::Relaxed;
             let is_short = outcome.parts_removed > 0 || outcome.end == End::Stuck || outcome.has_rivals();

@@ -175,7 +175,7 @@ mod tests {
     use lodsmith_core::{Positions, TriMesh, VertexId, shapes};
 
     use super::*;
-    use crate::care::Care;
+    use crate::care::Constraints;
     use crate::control::NoControl;
     use crate::input::Input;
     use crate::metric::Memoryless;
@@ -187,7 +187,7 @@ mod tests {
         let input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
         let options = SimplifyOptions::new(Stop::faces(faces));
         let mut in_order = ordered(&input, &mut NoControl).unwrap();
-        let care = Care::new(&options, &in_order, |v| v);
+        let care = Constraints::new(&options, &in_order, |v| v);
         let goal = goal(&options, mesh.face_count());
         let (input, options, pass) = (&input, &options, pass_of(options.method));
         act(&mut Run { input, options, ordered: &mut in_order, goal, care: &care, pass, is_traced: false });

@@ -7,7 +7,7 @@ use lodsmith_core::{RegionId, VertexId, WedgeId};
 
 use super::Run;
 use crate::SimplifyError;
-use crate::attributes::{Ground, Rows};
+use crate::attributes::{Rows, WeightContext};
 use crate::collapse::attributes::Attributes;
 use crate::collapse::creases::sharp_edges;
 use crate::collapse::order;
@@ -82,8 +82,8 @@ impl Run<'_, '_> {
                 recolor::mean_colors(mesh, textures, part_of_face, parts)
             });
         }
-        engine.mesh.set_prices(self.care.prices());
-        if let Some(distance) = self.options.of_method.pairs {
+        engine.mesh.set_prices(self.care.cost_factors());
+        if let Some(distance) = self.options.method_options.pairs {
             engine.mesh.watch_pairs(pairs_reach(distance, self.ordered.frame, self.ordered.diagonal));
         }
         Ok(Started { engine, rows, originals, duplicate_faces, is_kept, weights })
@@ -210,8 +210,8 @@ impl Run<'_, '_> {
         goal: &Goal,
     ) {
         let edge = result_edge(faces, points, goal);
-        let on = Ground { faces, wedges, points, frame: self.ordered.frame, edge };
-        rows.weigh(attributes, &self.options.weights, &on);
+        let on = WeightContext { faces, wedges, points, frame: self.ordered.frame, edge };
+        rows.set_weights(attributes, &self.options.weights, &on);
     }
 }
 

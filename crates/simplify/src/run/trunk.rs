@@ -17,8 +17,8 @@ use crate::collapse::parts;
 use crate::collapse::store::{Store, Vertex};
 use crate::collapse::{End, Engine, Goal, Original as _, Sweeps};
 use crate::control::{Control, Stage, Verdict};
-use crate::fit::{self, Guards};
-use crate::given::Kept;
+use crate::fit::{self, MoveGuards};
+use crate::given::KeptInput;
 use crate::guard::Rules;
 use crate::metric::Metric;
 use crate::normals;
@@ -150,7 +150,7 @@ impl Run<'_, '_> {
         if let (true, Some(attributes), Some(wedges)) =
             (engine.mesh.has_relaxed_seams(), &engine.mesh.values.attributes, &engine.mesh.store.wedges)
         {
-            mesh = rebuild::dressed_again(self, &mesh, (attributes, wedges))?;
+            mesh = rebuild::retransfer_attributes(self, &mesh, (attributes, wedges))?;
         }
         let held = self.held(&engine.mesh.store, rows);
         let own_parts = self.own_parts(engine, root);
@@ -228,7 +228,7 @@ impl Run<'_, '_> {
             None => Vec::new(),
         };
         let (ordered, surface) = (&*self.ordered, &self.input.surface);
-        let guards = Guards::new(&Rules::new(self.options, ordered.frame, ordered.diagonal), store);
+        let guards = MoveGuards::new(&Rules::new(self.options, ordered.frame, ordered.diagonal), store);
         let guards = guards.as_ref();
         let (given, mut fitted) = (surface.triangles().len(), None);
         if !root.is_kept && given > MEMORY_FREE_UP_TO && MANY * store.t.len() >= given {
@@ -237,7 +237,7 @@ impl Run<'_, '_> {
             fitted = Some(fit::fit(store, given, home, away, values.as_mut(), guards, M::tensor).rms);
         } else {
             self.source(root).with(&mut |points, faces| {
-                let mut kept = Kept { points, faces };
+                let mut kept = KeptInput { points, faces };
                 fitted = Some(fit::fit(store, &mut kept, home, away, values.as_mut(), guards, M::tensor).rms);
             });
         }

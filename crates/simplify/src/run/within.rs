@@ -5,7 +5,7 @@ use super::{Finished, Outcome, Run};
 use crate::SimplifyError;
 use crate::collapse::{End, Goal};
 use crate::control::{Control, Stage};
-use crate::deviation::{Deviation, Judge, Made, ROUNDING};
+use crate::deviation::{Deviation, InputComparer, PreparedResult, ROUNDING};
 
 /// Each step of a method that goes by steps is so much of the one before...
 const STEP: f64 = 0.8;
@@ -43,7 +43,7 @@ impl Run<'_, '_> {
             let (faces, vertices) = (outcome.mesh.face_count(), outcome.mesh.vertex_count());
             is_over = outcome.end == End::Finish;
             control.stage(Stage::Measure);
-            if !Made::new(&outcome.mesh).is_some_and(|made| judge.seems_to_keep(&made, limit)) {
+            if !PreparedResult::new(&outcome.mesh).is_some_and(|made| judge.passes_spot_check(&made, limit)) {
                 return Ok(if is_over { Answer::Over } else { Answer::Beyond });
             }
             if seemingly.len() == HELD {
@@ -67,13 +67,13 @@ impl Run<'_, '_> {
             };
             is_over |= outcome.end == End::Finish;
             control.stage(Stage::Measure);
-            if let Some(made) = Made::new(&outcome.mesh)
-                && let Some(bound) = judge.keeps(&made, limit)
+            if let Some(made) = PreparedResult::new(&outcome.mesh)
+                && let Some(bound) = judge.proven_within(&made, limit)
             {
                 if is_over {
                     outcome.end = End::Finish;
                 }
-                return Ok((outcome, judge.look_at(&made, Some(bound)), true));
+                return Ok((outcome, judge.measure_prepared(&made, Some(bound)), true));
             }
             if is_over {
                 break;
@@ -86,12 +86,12 @@ impl Run<'_, '_> {
     /// The input as it is: not even one collapse keeps the limit.
     fn untouched(
         &mut self,
-        judge: Option<&Judge>,
+        judge: Option<&InputComparer>,
         control: &mut dyn Control,
     ) -> Result<Finished, SimplifyError> {
         let nothing = Goal { faces: Some(usize::MAX), vertices: None };
         let outcome = self.go(nothing, None, control)?;
-        let deviation = judge.map_or_else(Deviation::default, |judge| judge.look(&outcome.mesh, None));
+        let deviation = judge.map_or_else(Deviation::default, |judge| judge.measure(&outcome.mesh, None));
         Ok((outcome, deviation, true))
     }
 
@@ -114,9 +114,9 @@ impl Run<'_, '_> {
             let step = if is_last { 0.0 } else { diagonal * STEP.powf(power) };
             let outcome = self.go(self.goal, Some(step), control)?;
             control.stage(Stage::Measure);
-            let kept = judge.as_ref().and_then(|judge| judge.kept(&outcome.mesh, allowed));
+            let kept = judge.as_ref().and_then(|judge| judge.proven_within_mesh(&outcome.mesh, allowed));
             if kept.is_some() || is_last || outcome.end == End::Finish {
-                let look = |judge: &Judge| judge.look(&outcome.mesh, kept);
+                let look = |judge: &InputComparer| judge.measure(&outcome.mesh, kept);
                 let deviation = judge.as_ref().map_or_else(Deviation::default, look);
                 return Ok((outcome, deviation, kept.is_some()));
             }

@@ -9,15 +9,15 @@ use lodsmith_core::topology::size_of;
 use super::{MeshCounts, Part, SimplifiedScene, simplify_scene};
 use crate::SimplifyError;
 use crate::care;
-use crate::control::{Control, Share};
+use crate::control::{Control, ProgressShare};
 use crate::options::SimplifyOptions;
 use crate::report::{Escalation, Refusal, Report, StoppedBy};
 
 /// A run and its weight in the sum of all.
-struct Run {
+struct WeightedReport {
     report: Report,
     /// Number of instances of its mesh.
-    times: usize,
+    instances: usize,
     /// Area of the mesh in the scene, all instances together.
     area: f64,
 }
@@ -41,7 +41,7 @@ pub(super) fn simplify_each(
     for (i, part) in parts.iter().enumerate() {
         let alone = Part { instances: 1, system: None, ..*part };
         let share = |n: usize| n as f64 / all.max(1) as f64;
-        let mut own = Share { control, begin: share(begun), length: share(part.mesh.face_count()) };
+        let mut own = ProgressShare { control, begin: share(begun), length: share(part.mesh.face_count()) };
         begun += part.mesh.face_count();
         // Lists over vertices are concatenated, part after part.
         let own_vertices = first..first + part.mesh.vertex_count();
@@ -54,7 +54,7 @@ pub(super) fn simplify_each(
                 let times = if is_placed { part.instances } else { 1 };
                 let area = size_of(&part.mesh.surface()).area * part.scale * part.scale * times as f64;
                 let reached = report.reached;
-                runs.push(Run { report, times, area });
+                runs.push(WeightedReport { report, instances: times, area });
                 (meshes.swap_remove(0), reached)
             }
             Err(SimplifyError::NoFaces { .. }) => (part.mesh.clone(), true),
@@ -77,9 +77,9 @@ pub(super) fn simplify_each(
 
 /// Combines the reports of all runs: sums, means over the area, and the reason of the first run that missed
 /// its target.
-fn sum(runs: Vec<Run>, diagonal: f64) -> Option<Report> {
+fn sum(runs: Vec<WeightedReport>, diagonal: f64) -> Option<Report> {
     let total: f64 = runs.iter().map(|r| r.area).sum();
-    let weight = |r: &Run| if total > 0.0 { r.area / total } else { 1.0 / runs.len() as f64 };
+    let weight = |r: &WeightedReport| if total > 0.0 { r.area / total } else { 1.0 / runs.len() as f64 };
     let squares = runs.iter().map(|r| weight(r) * r.report.error.estimate.powi(2)).sum::<f64>();
     let measured: Option<Vec<(f64, &Comparison)>> =
         runs.iter().map(|r| Some((weight(r), r.report.error.measured.as_ref()?))).collect();
@@ -91,7 +91,8 @@ fn sum(runs: Vec<Run>, diagonal: f64) -> Option<Report> {
     report.error.bound = runs.iter().map(|r| r.report.error.bound).reduce(|a, b| Some(a?.max(b?))).flatten();
     report.error.diagonal = diagonal;
     let refused = |why: Refusal| {
-        let of = |r: &Run| r.report.refusals.iter().filter(|x| x.0 == why).map(|x| x.1).sum::<u64>();
+        let of =
+            |r: &WeightedReport| r.report.refusals.iter().filter(|x| x.0 == why).map(|x| x.1).sum::<u64>();
         runs.iter().map(of).sum::<u64>()
     };
     report.refusals = Refusal::ALL.into_iter().map(|r| (r, refused(r))).filter(|r| r.1 > 0).collect();
@@ -109,7 +110,7 @@ fn sum(runs: Vec<Run>, diagonal: f64) -> Option<Report> {
     report.dropped.clear();
     report.escalated.clear();
     for run in &runs {
-        let (r, times) = (&run.report, run.times);
+        let (r, times) = (&run.report, run.instances);
         report.collapses += r.collapses;
         report.parts_removed += r.parts_removed;
         report.necks_cut += r.necks_cut;

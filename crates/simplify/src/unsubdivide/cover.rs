@@ -28,7 +28,7 @@ enum Role {
 }
 
 /// Search for covers; holds reusable tables.
-pub(super) struct Search<'a> {
+pub(super) struct CoverSearch<'a> {
     topology: &'a Topology,
     /// Roles by face and parity by vertex, each with the try that set them.
     roles: Vec<(u32, Role)>,
@@ -47,7 +47,7 @@ pub(super) struct Cover {
     pub(super) odd: Vec<(VertexId, [VertexId; 2])>,
 }
 
-impl<'a> Search<'a> {
+impl<'a> CoverSearch<'a> {
     pub(super) fn new(topology: &'a Topology) -> Self {
         let (faces, vertices) = (topology.face_count(), topology.vertex_count());
         Self {

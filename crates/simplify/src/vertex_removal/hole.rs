@@ -4,14 +4,14 @@ use glam::DVec3;
 
 /// Loops up to this length are triangulated optimally; longer ones have ears cut off first. Twelve vertices
 /// have 220 triangles and 16,796 triangulations.
-const BEST_UP_TO: usize = 12;
+const MAX_OPTIMAL_LOOP: usize = 12;
 /// Weight of the shape of a triangle, relative to the bend of its edges. (Guessed.)
-const SHAPE: f64 = 0.1;
+const SHAPE_WEIGHT: f64 = 0.1;
 /// A triangle whose normal deviates further than this (the cosine) from the replaced faces counts as flipped.
 /// (Guessed.)
-const TURN: f64 = 0.1;
+const MIN_TURN_COS: f64 = 0.1;
 /// Triangles whose height is less than this share of their longest edge are rejected as degenerate.
-const FLAT: f64 = 1e-9;
+const MIN_RELATIVE_HEIGHT: f64 = 1e-9;
 
 /// Requirements on the triangles of a hole.
 #[derive(Clone, Copy, Debug)]
@@ -24,14 +24,14 @@ pub(super) struct Limits {
 
 impl Limits {
     pub(super) fn new(max_normal_deg: Option<f64>, min_quality: Option<f64>) -> Self {
-        let turn_cos = max_normal_deg.map_or(TURN, |deg| deg.to_radians().cos().max(TURN));
+        let turn_cos = max_normal_deg.map_or(MIN_TURN_COS, |deg| deg.to_radians().cos().max(MIN_TURN_COS));
         Self { turn_cos, quality: min_quality.unwrap_or(0.0) }
     }
 }
 
 /// Reasons why triangles were rejected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Why {
+pub(super) struct RejectReasons {
     pub(super) edges: bool,
     pub(super) turned: bool,
     pub(super) shape: bool,
@@ -39,7 +39,7 @@ pub(super) struct Why {
 
 /// The ring round a removed vertex, addressed by index.
 #[derive(Default)]
-pub(super) struct Ring {
+pub(super) struct HoleRing {
     pub(super) points: Vec<DVec3>,
     /// Normal of the face beyond the edge to the next vertex, if there is one to consider.
     pub(super) beyond: Vec<Option<DVec3>>,
@@ -47,7 +47,7 @@ pub(super) struct Ring {
     pub(super) barred: Vec<u64>,
 }
 
-impl Ring {
+impl HoleRing {
     pub(super) fn is_barred(&self, a: usize, b: usize) -> bool {
         self.barred[a] >> b & 1 == 1
     }
@@ -64,19 +64,19 @@ struct Best {
 const NONE: Best = Best { cost: f64::INFINITY, apex: 0, normal: DVec3::ZERO };
 
 /// Triangulates loops; holds reusable tables.
-pub(super) struct Filler {
+pub(super) struct HoleFiller {
     limits: Limits,
     table: Vec<Best>,
     work: Vec<(usize, Option<DVec3>)>,
     todo: Vec<(usize, usize)>,
     /// Reasons for rejections since the last reset.
-    pub(super) why: Why,
+    pub(super) why: RejectReasons,
 }
 
-impl Filler {
+impl HoleFiller {
     pub(super) fn new(limits: Limits) -> Self {
-        let table = vec![NONE; BEST_UP_TO * BEST_UP_TO];
-        Self { limits, table, work: Vec::new(), todo: Vec::new(), why: Why::default() }
+        let table = vec![NONE; MAX_OPTIMAL_LOOP * MAX_OPTIMAL_LOOP];
+        Self { limits, table, work: Vec::new(), todo: Vec::new(), why: RejectReasons::default() }
     }
 
     /// Triangulates a loop of the ring, with normals about along `side`, a unit normal; adds triangles of
@@ -87,7 +87,7 @@ impl Filler {
     /// [Klincsek 1980]; the weights are ours.
     pub(super) fn fill(
         &mut self,
-        ring: &Ring,
+        ring: &HoleRing,
         around: impl Iterator<Item = usize>,
         side: DVec3,
         out: &mut Vec<[usize; 3]>,
@@ -102,7 +102,7 @@ impl Filler {
                 self.work[j].1 = None;
             }
         }
-        while self.work.len() > BEST_UP_TO {
+        while self.work.len() > MAX_OPTIMAL_LOOP {
             if !self.cut_ear(ring, side, out) {
                 return false;
             }
@@ -111,13 +111,13 @@ impl Filler {
     }
 
     /// Returns the cost and normal of a triangle, without the bends of its edges.
-    fn triangle(&mut self, ring: &Ring, t: [usize; 3], side: DVec3) -> Option<(f64, DVec3)> {
+    fn triangle(&mut self, ring: &HoleRing, t: [usize; 3], side: DVec3) -> Option<(f64, DVec3)> {
         let [a, b, c] = t.map(|i| ring.points[i]);
         let (ab, bc, ca) = (b - a, c - b, a - c);
         let across = ab.cross(bc);
         let double_area = across.length();
         let [x, y, z] = [ab, bc, ca].map(|e| e.length_squared());
-        if double_area <= FLAT * x.max(y).max(z) {
+        if double_area <= MIN_RELATIVE_HEIGHT * x.max(y).max(z) {
             self.why.shape = true;
             return None;
         }
@@ -132,15 +132,15 @@ impl Filler {
             self.why.shape = true;
             return None;
         }
-        Some((SHAPE * (1.0 - quality) * sum.sqrt(), normal))
+        Some((SHAPE_WEIGHT * (1.0 - quality) * sum.sqrt(), normal))
     }
 
-    fn fill_best(&mut self, ring: &Ring, side: DVec3, out: &mut Vec<[usize; 3]>) -> bool {
+    fn fill_best(&mut self, ring: &HoleRing, side: DVec3, out: &mut Vec<[usize; 3]>) -> bool {
         let n = self.work.len();
         if n < 3 {
             return true;
         }
-        let at = |i: usize, k: usize| i * BEST_UP_TO + k;
+        let at = |i: usize, k: usize| i * MAX_OPTIMAL_LOOP + k;
         for gap in 2..n {
             for i in 0..n - gap {
                 let k = i + gap;
@@ -198,7 +198,7 @@ impl Filler {
     }
 
     /// Cuts off the cheapest ear.
-    fn cut_ear(&mut self, ring: &Ring, side: DVec3, out: &mut Vec<[usize; 3]>) -> bool {
+    fn cut_ear(&mut self, ring: &HoleRing, side: DVec3, out: &mut Vec<[usize; 3]>) -> bool {
         let n = self.work.len();
         let mut best: Option<(f64, usize, DVec3)> = None;
         for j in 0..n {

@@ -3,12 +3,12 @@
 use lodsmith_core::VertexId;
 
 use super::is_met;
-use super::store::Store;
+use super::store::FaceStore;
 use crate::rebuild::Task;
 
 /// Removes components, smallest bounding box first, until the goal is met: never the largest, and none with a
 /// locked vertex. Returns how many were removed. Cost: O(n log n).
-pub(super) fn remove_cheapest(store: &mut Store<'_>, task: &Task<'_>) -> usize {
+pub(super) fn remove_cheapest(store: &mut FaceStore<'_>, task: &Task<'_>) -> usize {
     let mut root: Vec<VertexId> = (0..store.points.len()).map(VertexId::new).collect();
     let find = |root: &mut Vec<VertexId>, mut v: VertexId| {
         while root[v.index()] != v {
@@ -25,7 +25,7 @@ pub(super) fn remove_cheapest(store: &mut Store<'_>, task: &Task<'_>) -> usize {
     }
     let mut faces: Vec<_> = store.faces().map(|(f, t)| (find(&mut root, t[0]), f)).collect();
     faces.sort_unstable();
-    let locked = task.ground.locked.as_deref();
+    let locked = task.input.locked.as_deref();
     let mut parts: Vec<_> = faces
         .chunk_by(|a, b| a.0 == b.0)
         .map(|part| {
@@ -44,7 +44,7 @@ pub(super) fn remove_cheapest(store: &mut Store<'_>, task: &Task<'_>) -> usize {
         if is_met(store, task) {
             break;
         }
-        part.iter().for_each(|x| store.take(x.1));
+        part.iter().for_each(|x| store.remove(x.1));
         removed += 1;
     }
     removed

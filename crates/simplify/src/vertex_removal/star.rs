@@ -3,12 +3,12 @@
 use glam::DVec3;
 use lodsmith_core::{FaceId, VertexId};
 
-use super::store::Store;
+use super::store::FaceStore;
 use crate::report::Refusal;
 
 /// Vertices with more faces are kept until they have fewer: the tables of a star have 64 bits, and a hub of
 /// thousands of faces is not visited each time one of them changes.
-pub(super) const MOST: usize = 63;
+pub(super) const MAX_STAR_FACES: usize = 63;
 
 /// Class of a vertex. [Schroeder et al. 1992] Complex vertices, where the surface is no disc, are rejected
 /// beforehand.
@@ -25,7 +25,7 @@ pub(super) enum Class {
 
 /// Face `i` lies between `ring[i]` and the next one; on a border the ring has one more vertex than faces.
 #[derive(Default)]
-pub(super) struct Star {
+pub(super) struct OrderedStar {
     pub(super) ring: Vec<VertexId>,
     pub(super) faces: Vec<FaceId>,
     /// Normal of each face, with twice its area as length.
@@ -34,11 +34,11 @@ pub(super) struct Star {
     next: Vec<(VertexId, VertexId, FaceId)>,
 }
 
-impl Star {
+impl OrderedStar {
     /// Collects the star of a vertex.
-    pub(super) fn gather(&mut self, store: &mut Store<'_>, v: VertexId) -> Result<(), Refusal> {
+    pub(super) fn gather(&mut self, store: &mut FaceStore<'_>, v: VertexId) -> Result<(), Refusal> {
         self.next.clear();
-        if store.degree(v) > MOST {
+        if store.degree(v) > MAX_STAR_FACES {
             return Err(Refusal::Valence);
         }
         store.tidy(v);
@@ -77,7 +77,7 @@ impl Star {
 
     /// Classifies the vertex. Creases are edges whose normals differ by more than an angle with this cosine;
     /// borders of regions are creases that must be kept.
-    pub(super) fn class(&self, store: &Store<'_>, crease_cos: f64) -> Result<Class, Refusal> {
+    pub(super) fn class(&self, store: &FaceStore<'_>, crease_cos: f64) -> Result<Class, Refusal> {
         let count = self.faces.len();
         let inner = usize::from(!self.is_closed)..count;
         let before = |i: usize| (i + count - 1) % count;

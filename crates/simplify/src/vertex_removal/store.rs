@@ -4,37 +4,37 @@ use glam::DVec3;
 use lodsmith_core::{FaceId, RegionId, VertexId};
 
 use crate::collapse::order::NONE;
-use crate::rebuild::Ground;
+use crate::rebuild::PreparedInput;
 
 /// Spare slots for new faces in the list of each vertex. (Guessed; a full list is moved.)
-const SPARE: u32 = 4;
+const SPARE_SLOTS: u32 = 4;
 
 /// A removed face.
-const GONE: [VertexId; 3] = [NONE; 3];
+const REMOVED_FACE: [VertexId; 3] = [NONE; 3];
 
 /// Lists longer than this keep removed faces until they are walked: searching for each would take long.
-pub(super) const HUB: usize = 256;
+pub(super) const HUB_FACES: usize = 256;
 
 /// An incident face of a vertex, and the other two vertices of that face.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Corner {
+pub(super) struct IncidentFace {
     pub(super) next: VertexId,
     pub(super) last: VertexId,
     pub(super) face: FaceId,
 }
 
-const NO_CORNER: Corner = Corner { next: NONE, last: NONE, face: FaceId(0) };
+const NO_CORNER: IncidentFace = IncidentFace { next: NONE, last: NONE, face: FaceId(0) };
 
 /// The incident faces of each vertex are contiguous, since they are walked most. Face indices are never
 /// reused.
-pub(super) struct Store<'a> {
+pub(super) struct FaceStore<'a> {
     pub(super) points: &'a [DVec3],
     faces: Vec<[VertexId; 3]>,
     /// The input face that each face replaces, if there are regions.
     stands_for: Option<Vec<u32>>,
     regions: Option<&'a [RegionId]>,
     lists: Vec<List>,
-    corners: Vec<Corner>,
+    corners: Vec<IncidentFace>,
     pub(super) face_count: usize,
     pub(super) vertex_count: usize,
 }
@@ -48,8 +48,8 @@ struct List {
     live: u32,
 }
 
-impl<'a> Store<'a> {
-    pub(super) fn new(ground: &'a Ground) -> Self {
+impl<'a> FaceStore<'a> {
+    pub(super) fn new(ground: &'a PreparedInput) -> Self {
         let faces = ground.faces.clone();
         let mut lists = vec![List::default(); ground.points.len()];
         for v in faces.iter().flatten() {
@@ -57,14 +57,14 @@ impl<'a> Store<'a> {
         }
         let mut start = 0;
         for list in &mut lists {
-            (list.start, list.room) = (start, list.live + SPARE);
+            (list.start, list.room) = (start, list.live + SPARE_SLOTS);
             start += list.room;
         }
         let mut corners = vec![NO_CORNER; start as usize];
         for (f, &[a, b, c]) in faces.iter().enumerate() {
             for (v, next, last) in [(a, b, c), (b, c, a), (c, a, b)] {
                 let list = &mut lists[v.index()];
-                corners[(list.start + list.len) as usize] = Corner { next, last, face: FaceId::new(f) };
+                corners[(list.start + list.len) as usize] = IncidentFace { next, last, face: FaceId::new(f) };
                 list.len += 1;
             }
         }
@@ -89,7 +89,7 @@ impl<'a> Store<'a> {
     }
     /// The remaining faces.
     pub(super) fn faces(&self) -> impl Iterator<Item = (FaceId, [VertexId; 3])> {
-        self.faces.iter().enumerate().filter(|x| *x.1 != GONE).map(|(f, t)| (FaceId::new(f), *t))
+        self.faces.iter().enumerate().filter(|x| *x.1 != REMOVED_FACE).map(|(f, t)| (FaceId::new(f), *t))
     }
     /// Number of faces at a vertex.
     pub(super) fn degree(&self, v: VertexId) -> usize {
@@ -105,7 +105,7 @@ impl<'a> Store<'a> {
 
     /// Returns the incident faces of a vertex whose list is tidy.
     #[inline]
-    pub(super) fn corners_at(&self, v: VertexId) -> &[Corner] {
+    pub(super) fn corners_at(&self, v: VertexId) -> &[IncidentFace] {
         let list = &self.lists[v.index()];
         &self.corners[list.start as usize..(list.start + list.len) as usize]
     }
@@ -120,7 +120,7 @@ impl<'a> Store<'a> {
         let at = &mut self.corners[list.start as usize..(list.start + list.len) as usize];
         let mut kept = 0;
         for i in 0..at.len() {
-            if self.faces[at[i].face.index()] != GONE {
+            if self.faces[at[i].face.index()] != REMOVED_FACE {
                 at[kept] = at[i];
                 kept += 1;
             }
@@ -128,13 +128,13 @@ impl<'a> Store<'a> {
         list.len = kept as u32;
     }
 
-    pub(super) fn take(&mut self, f: FaceId) {
-        let t = std::mem::replace(&mut self.faces[f.index()], GONE);
+    pub(super) fn remove(&mut self, f: FaceId) {
+        let t = std::mem::replace(&mut self.faces[f.index()], REMOVED_FACE);
         for v in t {
             let list = &mut self.lists[v.index()];
             list.live -= 1;
             self.vertex_count -= usize::from(list.live == 0);
-            if list.len as usize <= HUB {
+            if list.len as usize <= HUB_FACES {
                 let at = &mut self.corners[list.start as usize..(list.start + list.len) as usize];
                 let i = at.iter().position(|c| c.face == f).expect("a face stands at its vertices");
                 at[i] = at[at.len() - 1];
@@ -158,7 +158,7 @@ impl<'a> Store<'a> {
             }
             let list = &mut self.lists[v.index()];
             self.vertex_count += usize::from(list.live == 0);
-            self.corners[(list.start + list.len) as usize] = Corner { next, last, face: f };
+            self.corners[(list.start + list.len) as usize] = IncidentFace { next, last, face: f };
             list.len += 1;
             list.live += 1;
         }
@@ -173,7 +173,7 @@ impl<'a> Store<'a> {
             return;
         }
         let from = list.start as usize;
-        (list.start, list.room) = (self.corners.len() as u32, 2 * list.len + SPARE);
+        (list.start, list.room) = (self.corners.len() as u32, 2 * list.len + SPARE_SLOTS);
         self.corners.extend_from_within(from..from + list.len as usize);
         self.corners.resize((list.start + list.room) as usize, NO_CORNER);
     }

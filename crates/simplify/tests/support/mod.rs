@@ -31,14 +31,14 @@ impl Complaints {
     }
     /// # Panics
     /// If there are complaints.
-    pub(crate) fn settle(self) {
+    pub(crate) fn report_all(self) {
         let shown = self.0.iter().take(25).map(|c| format!("\n  {c}")).collect::<String>();
         assert!(self.0.is_empty(), "{} complaints:{shown}", self.0.len());
     }
 }
 
 /// Returns the options in one line, without those at their defaults.
-pub(crate) fn told(options: &SimplifyOptions) -> String {
+pub(crate) fn options_text(options: &SimplifyOptions) -> String {
     let d = SimplifyOptions::default();
     let mut words = Vec::new();
     let s = &options.stop;
@@ -153,7 +153,7 @@ pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simpl
     let counts = stop.faces.is_some() || stop.vertices.is_some() || stop.ratio.is_some();
     let stopped_by = report.stopped_by;
     // The cell size of clustering is a stop too.
-    let own = &options.of_method;
+    let own = &options.method_options;
     let by_cell = stopped_by == StoppedBy::Exhausted && own.cell.is_some();
     if stop.error.is_none() && counts && !by_cell {
         check(

@@ -4,11 +4,11 @@ use eframe::egui::{self, Ui};
 
 use crate::document::Document;
 use crate::keys::Action;
-use crate::panel::{self, Facts, Say};
+use crate::panel::{self, UiRequest, WindowState};
 use crate::theme;
 
 /// Draws the start page: how to open a file, and recent files.
-pub(super) fn empty(ui: &mut Ui, document: &Document, facts: &Facts, says: &mut Vec<Say>) {
+pub(super) fn start_page(ui: &mut Ui, document: &Document, facts: &WindowState, says: &mut Vec<UiRequest>) {
     let p = theme::palette(ui);
     let room = ui.available_rect_before_wrap();
     let size = egui::vec2(420.0, 320.0).min(room.size());
@@ -32,10 +32,10 @@ pub(super) fn empty(ui: &mut Ui, document: &Document, facts: &Facts, says: &mut 
                 let big = egui::vec2(150.0, 34.0);
                 let text = egui::RichText::new("Open…").color(p.on_accent).strong();
                 if ui.add(egui::Button::new(text).fill(p.accent).min_size(big)).clicked() {
-                    says.push(Say::Action(Action::Open));
+                    says.push(UiRequest::Action(Action::Open));
                 }
                 if ui.add(egui::Button::new("Open the sample").min_size(big)).clicked() {
-                    says.push(Say::OpenSample);
+                    says.push(UiRequest::OpenSample);
                 }
             });
             ui.add_space(16.0);
@@ -48,7 +48,7 @@ pub(super) fn empty(ui: &mut Ui, document: &Document, facts: &Facts, says: &mut 
                 for file in facts.recent.iter().take(5) {
                     let link = egui::Button::new(panel::files::name(file)).frame(false);
                     if ui.add(link).on_hover_text(file.display().to_string()).clicked() {
-                        says.push(Say::OpenFile(file.clone()));
+                        says.push(UiRequest::OpenFile(file.clone()));
                     }
                 }
             }
@@ -57,7 +57,7 @@ pub(super) fn empty(ui: &mut Ui, document: &Document, facts: &Facts, says: &mut 
 }
 
 /// Draws a hint while a file is dragged over the window.
-pub(super) fn hovering(ctx: &egui::Context) {
+pub(super) fn drop_hint(ctx: &egui::Context) {
     if ctx.input(|i| i.raw.hovered_files.is_empty()) {
         return;
     }

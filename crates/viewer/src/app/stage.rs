@@ -11,7 +11,7 @@ use crate::command::Command;
 use crate::dialog::Purpose;
 use crate::keys::{Action, CopiesAction};
 use crate::orbit::Orbit;
-use crate::panel::{Panel, Say};
+use crate::panel::{Panel, UiRequest};
 use crate::settings::Pose;
 use crate::stage::file::LayoutFile;
 use crate::stage::picture::StageView;
@@ -50,7 +50,7 @@ impl App {
         let pictures = &mut self.pictures;
         match action {
             Action::Walk => {
-                let is_walking = pictures.stage.facts().is_walking;
+                let is_walking = pictures.stage.status().is_walking;
                 pictures.stage.set_walking(&self.document, !is_walking);
             }
             Action::Frame => pictures.stage.frame(&self.document),
@@ -59,18 +59,18 @@ impl App {
                 let [right, up] = [right, up].map(|n| f64::from(n) * KEY_TURN_RAD);
                 pictures.stage.change_orbit(|o| o.turn(right, up));
             }
-            Action::Keep(slot) => {
+            Action::SaveCamera(slot) => {
                 let pose = Pose::of(&pictures.stage.orbit().camera());
                 self.document.log.note(format!("kept as camera {}", slot + 1));
                 self.document.run(Command::KeepCamera(slot, Some(pose)));
             }
-            Action::Recall(slot) => match self.document.settings().cameras[slot] {
+            Action::RestoreCamera(slot) => match self.document.settings().cameras[slot] {
                 Some(pose) => pictures.stage.change_orbit(|o| *o = Orbit::of(&pose.camera())),
                 None => self.document.log.note(format!("no camera was kept as {}", slot + 1)),
             },
             Action::Copies(CopiesAction::Colors) => {
                 let has_level_colors = !view.has_level_colors;
-                self.change_stage(StageChange::View(crate::stage::View { has_level_colors, ..view }));
+                self.change_stage(StageChange::View(crate::stage::StageDisplay { has_level_colors, ..view }));
             }
             Action::Copies(action) => self.act_on_copies(ctx, action),
             _ => return false,
@@ -95,7 +95,7 @@ impl App {
         let selected = view.selected(&self.document);
         match action {
             CopiesAction::Place => {
-                let is_placing = !view.facts().is_placing;
+                let is_placing = !view.status().is_placing;
                 view.set_placing(is_placing);
             }
             CopiesAction::Scatter => {
@@ -125,14 +125,16 @@ impl App {
                     ..*c
                 });
             }
-            CopiesAction::SaveLayout => self.choose(ctx, Purpose::SaveLayout, self.beside("stage.json")),
+            CopiesAction::SaveLayout => {
+                self.choose(ctx, Purpose::SaveLayout, self.sibling_path("stage.json"))
+            }
             CopiesAction::OpenLayout => self.choose(ctx, Purpose::OpenLayout, None),
-            _ => self.choose(ctx, Purpose::ExportStage, self.beside("stage.glb")),
+            _ => self.choose(ctx, Purpose::ExportStage, self.sibling_path("stage.glb")),
         }
     }
 
     fn change_selected(&mut self, of: impl Fn(&Placement) -> Placement) {
-        if let Some(Say::Command(command)) = self.pictures.stage.changed(&self.document, of) {
+        if let Some(UiRequest::Command(command)) = self.pictures.stage.change_selected(&self.document, of) {
             self.document.run(command);
         }
     }
@@ -152,7 +154,7 @@ impl App {
         if came < scatter.count {
             self.document
                 .log
-                .warn(format!("a stage holds {} copies: {came} were placed", crate::stage::MOST));
+                .warn(format!("a stage holds {} copies: {came} were placed", crate::stage::MAX_COPIES));
         }
         if overlaps > 0 {
             let text = "pairs of copies overlap: the square is too small for so many";
@@ -161,7 +163,7 @@ impl App {
         self.pictures.stage.frame(&self.document);
     }
 
-    fn beside(&self, ending: &str) -> Option<PathBuf> {
+    fn sibling_path(&self, ending: &str) -> Option<PathBuf> {
         let file = self.document.settings().file()?;
         let stem = file.file_stem()?.to_string_lossy();
         Some(file.with_file_name(format!("{stem}_{ending}")))

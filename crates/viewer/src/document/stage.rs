@@ -7,15 +7,15 @@ use lodsmith_core::Model;
 
 use super::{Document, Drawing, Outcome};
 use crate::content::Lighter;
-use crate::job::Kind;
-use crate::stage::export::{StageExport, Told};
-use crate::stage::levels::Level;
-use crate::stage::{Base, Copies, Stage};
+use crate::job::JobKind;
+use crate::stage::export::{StageExport, ViewingConditions};
+use crate::stage::levels::LodLevel;
+use crate::stage::{Copies, ModelBase, Stage};
 
 /// A level that copies can be drawn in.
 pub struct StageLevel<'a> {
     /// Error and face count.
-    pub level: Level,
+    pub level: LodLevel,
     /// The model.
     pub model: &'a Model,
     /// GPU buffers; `None` without an adapter.
@@ -41,26 +41,26 @@ impl Document {
     }
 
     /// Returns the placements of the copies at the current time.
-    pub fn copies_now(&self) -> Copies {
+    pub fn current_placements(&self) -> Copies {
         self.settings.stage.copies_at(self.moment())
     }
 
     /// Returns the base of the model: how it is placed on a ground.
-    pub fn stage_base(&self) -> Option<Base> {
+    pub fn stage_base(&self) -> Option<ModelBase> {
         let original = self.original.as_ref()?;
-        Some(Base::new(&original.content.bounds, self.settings.turn.rotation()))
+        Some(ModelBase::new(&original.content.bounds, self.settings.turn.rotation()))
     }
 
     /// Returns the original and its levels, from the finest.
     pub fn stage_levels(&self) -> Vec<StageLevel<'_>> {
         let Some(original) = &self.original else { return Vec::new() };
         let first = StageLevel {
-            level: Level { error: 0.0, faces: original.content.faces as u64 },
+            level: LodLevel { error: 0.0, faces: original.content.faces as u64 },
             model: original.content.model(),
             draw: original.draw.as_ref(),
         };
         let lighter = self.levels_made().iter().map(|l| StageLevel {
-            level: Level { error: l.content.error(), faces: l.content.faces as u64 },
+            level: LodLevel { error: l.content.error(), faces: l.content.faces as u64 },
             model: &l.content.model,
             draw: l.draw.as_ref(),
         });
@@ -69,7 +69,7 @@ impl Document {
 
     /// Returns true while the levels of the stage are being made.
     pub fn awaits_levels(&self) -> bool {
-        self.levels_made().is_empty() && self.worker.is_busy(Kind::Levels)
+        self.levels_made().is_empty() && self.worker.is_busy(JobKind::Levels)
     }
 
     /// Exports the stage as one file: copies that share the model and its levels. `fov_y_rad` is the vertical
@@ -88,9 +88,9 @@ impl Document {
             copies: stage.copies.clone(),
             motion: stage.motion.clone(),
             base,
-            told: Told { pixels: stage.view.pixels, fov_y_rad },
+            viewing: ViewingConditions { pixels: stage.view.pixels, fov_y_rad },
         };
-        self.worker.submit(Kind::Export, move |watch| {
+        self.worker.submit(JobKind::Export, move |watch| {
             let result = export.write(&original, &levels, &how, watch).map_err(|e| format!("{e:#}"));
             Some(Outcome::Exported { path, result })
         });

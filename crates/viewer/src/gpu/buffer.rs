@@ -14,7 +14,7 @@ pub(super) struct Storage {
 }
 
 /// Minimum size: an empty buffer cannot be bound.
-const SMALLEST: u64 = 256;
+const MIN_SIZE: u64 = 256;
 
 impl Storage {
     /// Creates a buffer for exactly these bytes.
@@ -33,7 +33,7 @@ impl Storage {
     pub(super) fn replace(&mut self, context: &Context, bytes: &[u8]) -> bool {
         let wanted = bytes.len() as u64;
         // A far too large buffer is freed.
-        let fits = wanted <= self.buffer.size() && self.buffer.size() / 8 <= wanted.max(SMALLEST);
+        let fits = wanted <= self.buffer.size() && self.buffer.size() / 8 <= wanted.max(MIN_SIZE);
         if !fits {
             self.buffer = make(context, &self.label, wanted + wanted / 8);
         }
@@ -62,7 +62,7 @@ impl Storage {
 fn make(context: &Context, label: &str, size: u64) -> wgpu::Buffer {
     context.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
-        size: size.max(SMALLEST).next_multiple_of(4),
+        size: size.max(MIN_SIZE).next_multiple_of(4),
         usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
         mapped_at_creation: false,
     })

@@ -45,7 +45,7 @@ pub enum GpuError {
 
 /// Maximum content of one buffer; larger meshes are split.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Split {
+pub struct BufferLimits {
     /// Maximum number of triangles in one buffer.
     pub triangles: usize,
     /// Maximum number of wedges in one buffer.
@@ -54,7 +54,7 @@ pub struct Split {
 
 /// Maximum number of triangles in one buffer even if the adapter allows more: their indices take 60 MB, so
 /// that updates stay small.
-const CHUNK_TRIANGLES: usize = 5_000_000;
+const MAX_CHUNK_TRIANGLES: usize = 5_000_000;
 /// Storage buffers of the vertex stage: instances, palette, and per mesh indices, corners, rows, heat and
 /// morphs.
 pub(super) const STORAGE_BUFFERS: u32 = 7;
@@ -65,7 +65,7 @@ pub struct Context {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     pub(super) layouts: Arc<Layouts>,
-    pub(super) split: Split,
+    pub(super) buffer_limits: BufferLimits,
     /// True if a texture can have both an sRGB and a linear view.
     pub(super) has_views: bool,
     info: Arc<wgpu::AdapterInfo>,
@@ -114,12 +114,14 @@ impl Context {
         }
         let bytes = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
         // A wedge takes 16 bytes for position and normal and, with every attribute, about 64 for its row.
-        let split =
-            Split { triangles: CHUNK_TRIANGLES.min((bytes / 12) as usize), wedges: (bytes / 64) as usize };
+        let split = BufferLimits {
+            triangles: MAX_CHUNK_TRIANGLES.min((bytes / 12) as usize),
+            wedges: (bytes / 64) as usize,
+        };
         let layouts = Arc::new(Layouts::new(&device));
         let flags = adapter.get_downlevel_capabilities().flags;
         let has_views = flags.contains(wgpu::DownlevelFlags::VIEW_FORMATS);
-        Ok(Self { device, queue, layouts, split, has_views, info: Arc::new(info), instance })
+        Ok(Self { device, queue, layouts, buffer_limits: split, has_views, info: Arc::new(info), instance })
     }
 
     /// Returns the setup for a window: its device gets all limits of the adapter, not only those of a
@@ -131,8 +133,8 @@ impl Context {
     }
 
     /// Sets smaller buffers than the adapter requires; meshes are split to fit them.
-    pub fn with_split(self, split: Split) -> Self {
-        Self { split, ..self }
+    pub fn with_buffer_limits(self, split: BufferLimits) -> Self {
+        Self { buffer_limits: split, ..self }
     }
 
     /// Returns true for a software renderer, whose cost depends on every pixel.

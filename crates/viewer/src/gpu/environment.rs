@@ -5,21 +5,21 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use egui_wgpu::wgpu;
 use egui_wgpu::wgpu::util::DeviceExt;
 use lodsmith_render::Environment;
-use lodsmith_render::environment::{HEIGHT, LEVELS, WIDTH};
+use lodsmith_render::environment::{MAP_COUNT, MAP_HEIGHT, MAP_WIDTH};
 
 use super::context::Context;
 
 /// An environment map, prefiltered for lighting.
-pub struct Surroundings {
+pub struct EnvironmentMap {
     id: u64,
     pub(super) view: wgpu::TextureView,
     /// The background behind the models.
     pub(super) sky: wgpu::TextureView,
 }
 
-static NEXT: AtomicU64 = AtomicU64::new(1);
+static NEXT_ID: AtomicU64 = AtomicU64::new(1);
 
-impl Surroundings {
+impl EnvironmentMap {
     pub(super) fn new(context: &Context, environment: &Environment) -> Self {
         let texture = |[width, height]: [usize; 2], table: &[[f32; 4]]| {
             let descriptor = wgpu::TextureDescriptor {
@@ -42,8 +42,8 @@ impl Surroundings {
         };
         let (size, sky) = environment.sky();
         Self {
-            id: NEXT.fetch_add(1, Ordering::Relaxed),
-            view: texture([WIDTH, HEIGHT * LEVELS + 1], &environment.table()),
+            id: NEXT_ID.fetch_add(1, Ordering::Relaxed),
+            view: texture([MAP_WIDTH, MAP_HEIGHT * MAP_COUNT + 1], &environment.table()),
             sky: texture(size, &sky),
         }
     }

@@ -7,17 +7,17 @@ use lodsmith_core::Bounds;
 use lodsmith_core::model::Pose;
 use lodsmith_render::{Background, Camera, Lighting, Look};
 
-use super::environment::Surroundings;
+use super::environment::EnvironmentMap;
 use super::model::DrawModel;
 use super::renderer::Matcap;
 use super::surface_shader::SurfaceShader;
-use super::uniforms::{TINTS, View, ball};
+use super::uniforms::{TINTS, ViewTransform, bounding_sphere};
 
 /// Complete description of a picture.
 #[derive(Clone, Copy)]
 pub struct Frame<'a> {
     /// Models to draw.
-    pub models: &'a [Placed<'a>],
+    pub models: &'a [PlacedModel<'a>],
     /// Bounds in world coordinates that lights and the ground scale with: use the same for pictures to be
     /// compared.
     pub bounds: Bounds,
@@ -34,7 +34,7 @@ pub struct Frame<'a> {
     /// Image for [`Shading::Matcap`](lodsmith_render::Shading::Matcap); `None` uses a clay matcap.
     pub matcap: Option<&'a Matcap>,
     /// Environment map for reflections; `None` uses plain ambient light from above and below.
-    pub environment: Option<&'a Surroundings>,
+    pub environment: Option<&'a EnvironmentMap>,
     /// User's shader that replaces the shading of `look`.
     pub shader: Option<&'a SurfaceShader>,
 }
@@ -42,7 +42,7 @@ pub struct Frame<'a> {
 impl<'a> Frame<'a> {
     /// Creates a frame with the default background and without ground, environment, matcap or custom shader.
     pub fn new(
-        models: &'a [Placed<'a>],
+        models: &'a [PlacedModel<'a>],
         bounds: Bounds,
         camera: Camera,
         look: &'a Look,
@@ -65,7 +65,7 @@ impl<'a> Frame<'a> {
 
 /// A placed model.
 #[derive(Clone, Copy)]
-pub struct Placed<'a> {
+pub struct PlacedModel<'a> {
     /// The model.
     pub model: &'a DrawModel,
     /// Its pose.
@@ -79,7 +79,7 @@ pub struct Placed<'a> {
     pub tint: u8,
 }
 
-impl<'a> Placed<'a> {
+impl<'a> PlacedModel<'a> {
     /// Creates a placement at the position given by the file.
     pub fn new(model: &'a DrawModel, pose: &'a Pose) -> Self {
         Self { model, pose, world_from_model: DMat4::IDENTITY, selected: false, tint: 0 }
@@ -89,7 +89,7 @@ impl<'a> Placed<'a> {
 /// Statistics of drawing a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Drawn {
+pub struct DrawStats {
     /// True if anything was drawn; false if the target already showed this same frame.
     pub drawn: bool,
     /// Triangles drawn, counting every instance, including those of earlier parts.
@@ -103,19 +103,19 @@ pub struct Drawn {
     /// Lights beyond the maximum number.
     pub lights_left_out: u32,
     /// CPU time until submission, which may then block.
-    pub own: Duration,
+    pub cpu_time: Duration,
 }
 
-impl Drawn {
+impl DrawStats {
     /// Returns the completed fraction of a picture drawn in parts; `None` for a complete one.
-    pub fn share(&self) -> Option<f64> {
+    pub fn completed_fraction(&self) -> Option<f64> {
         let all = self.triangles + self.triangles_left;
         (self.triangles_left > 0).then(|| self.triangles as f64 / all as f64)
     }
 }
 
 /// Owned copy of the frame that a target shows, for comparison.
-pub(super) struct Shown {
+pub(super) struct FrameSnapshot {
     size: [u32; 2],
     models: Vec<(u64, u64, Pose, DMat4, bool, u8)>,
     bounds: Bounds,
@@ -129,9 +129,9 @@ pub(super) struct Shown {
     shader: Option<u64>,
 }
 
-impl Shown {
+impl FrameSnapshot {
     pub(super) fn new(frame: &Frame<'_>, size: [u32; 2]) -> Self {
-        let model = |p: &Placed<'_>| {
+        let model = |p: &PlacedModel<'_>| {
             let (id, revision) = p.model.version();
             (id, revision, p.pose.clone(), p.world_from_model, p.selected, p.tint)
         };
@@ -145,7 +145,7 @@ impl Shown {
             background: frame.background,
             ground: frame.ground,
             matcap: frame.matcap.map(Matcap::id),
-            environment: frame.environment.map(Surroundings::id),
+            environment: frame.environment.map(EnvironmentMap::id),
             shader: frame.shader.map(SurfaceShader::id),
         }
     }
@@ -156,7 +156,7 @@ impl Shown {
 
     pub(super) fn is(&self, frame: &Frame<'_>, size: [u32; 2]) -> bool {
         let same = |(id, revision, pose, matrix, selected, tint): &(u64, u64, Pose, DMat4, bool, u8),
-                    p: &Placed<'_>| {
+                    p: &PlacedModel<'_>| {
             (*id, *revision) == p.model.version()
                 && pose == p.pose
                 && *matrix == p.world_from_model
@@ -171,7 +171,7 @@ impl Shown {
             && self.background == frame.background
             && self.ground == frame.ground
             && self.matcap == frame.matcap.map(Matcap::id)
-            && self.environment == frame.environment.map(Surroundings::id)
+            && self.environment == frame.environment.map(EnvironmentMap::id)
             && self.shader == frame.shader.map(SurfaceShader::id)
             && self.models.len() == frame.models.len()
             && self.models.iter().zip(frame.models).all(|(was, is)| same(was, is))
@@ -198,7 +198,7 @@ const OWN_NORMALS: u32 = 0x40_0000;
 const TINT_SHIFT: u32 = 24;
 /// Maximum number of active morph targets of an instance; their count is stored in the lower half of the
 /// flags.
-const MORPHS_MAX: usize = 0xffff;
+const MAX_ACTIVE_MORPHS: usize = 0xffff;
 
 /// Instances of one mesh, drawn together.
 pub(super) struct Batch<'a> {
@@ -209,7 +209,7 @@ pub(super) struct Batch<'a> {
 }
 
 /// Visible content of a frame.
-pub(super) struct Gathered<'a> {
+pub(super) struct DrawList<'a> {
     pub(super) batches: Vec<Batch<'a>>,
     pub(super) instances: Vec<GpuInstance>,
     pub(super) palette: Vec<[f32; 4]>,
@@ -219,7 +219,7 @@ pub(super) struct Gathered<'a> {
 /// Collects the visible mesh instances of a frame, with their matrices, joints and morph weights.
 ///
 /// Cost: O(n log n) for n mesh instances, plus their joints.
-pub(super) fn gather<'a>(frame: &Frame<'a>, view: &View) -> Gathered<'a> {
+pub(super) fn build_draw_list<'a>(frame: &Frame<'a>, view: &ViewTransform) -> DrawList<'a> {
     let mut found: Vec<((u64, usize), &'a DrawModel, GpuInstance)> = Vec::new();
     let mut palette = Vec::new();
     let mut culled = 0;
@@ -232,7 +232,7 @@ pub(super) fn gather<'a>(frame: &Frame<'a>, view: &View) -> Gathered<'a> {
             let weights = model.morph_weights(placed.pose, instance);
             let morphs =
                 weights.iter().enumerate().take(mesh.morph_targets as usize).filter(|(_, w)| **w != 0.0);
-            let morphs: Vec<(usize, f32)> = morphs.map(|(k, w)| (k, *w)).take(MORPHS_MAX).collect();
+            let morphs: Vec<(usize, f32)> = morphs.map(|(k, w)| (k, *w)).take(MAX_ACTIVE_MORPHS).collect();
             let skin = model.skin(instance);
             let matrix = view_from_model * instance.world_from_mesh * mesh.user_from_unit;
             let mirrored = matrix.determinant() < 0.0;
@@ -286,12 +286,12 @@ pub(super) fn gather<'a>(frame: &Frame<'a>, view: &View) -> Gathered<'a> {
         }
     }
     let instances = found.into_iter().map(|(_, _, gpu)| gpu).collect();
-    Gathered { batches, instances, palette, culled }
+    DrawList { batches, instances, palette, culled }
 }
 
 /// Returns the number of triangles of all instances, visible or not.
-pub(super) fn triangles(frame: &Frame<'_>) -> u64 {
-    let of = |p: &Placed<'_>| -> u64 {
+pub(super) fn triangle_count(frame: &Frame<'_>) -> u64 {
+    let of = |p: &PlacedModel<'_>| -> u64 {
         p.model.instances(p.pose).iter().map(|i| p.model.face_count(i.mesh) as u64).sum()
     };
     frame.models.iter().map(of).sum()
@@ -300,19 +300,19 @@ pub(super) fn triangles(frame: &Frame<'_>) -> u64 {
 /// Returns the value range of the heat colours: that of the look, or from 0 to the maximum of all models.
 pub(super) fn heat_range(frame: &Frame<'_>) -> [f32; 2] {
     frame.look.heat_range.unwrap_or_else(|| {
-        let of = |p: &Placed<'_>| p.model.meshes.iter().filter_map(|m| m.heat_max).fold(0.0, f32::max);
+        let of = |p: &PlacedModel<'_>| p.model.meshes.iter().filter_map(|m| m.heat_max).fold(0.0, f32::max);
         [0.0, frame.models.iter().map(of).fold(0.0, f32::max)]
     })
 }
 
 /// Returns an upper bound for the distance from the eye to everything in the frame.
-pub(super) fn reach(frame: &Frame<'_>) -> f64 {
+pub(super) fn max_distance(frame: &Frame<'_>) -> f64 {
     let mut reach = frame.camera.distance();
     let mut hold = |centre: DVec3, radius: f64| {
         let distance = frame.camera.eye.distance(centre) + radius;
         reach = if distance.is_finite() { reach.max(distance) } else { reach };
     };
-    let (centre, radius) = ball(&frame.bounds);
+    let (centre, radius) = bounding_sphere(&frame.bounds);
     hold(centre, radius);
     for placed in frame.models {
         for instance in placed.model.instances(placed.pose).iter() {

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::buffer::Storage;
 use super::context::Context;
 use super::marks::Marks;
-use super::pack::{self, Row};
+use super::pack::{self, AttributeLayout};
 use super::texture::Surfaces;
 
 /// A model on the GPU: its meshes, their placement and their materials.
@@ -30,7 +30,7 @@ pub struct DrawModel {
     at_rest: Vec<Instance>,
     pub(super) surfaces: Surfaces,
     pub(super) has_linear_colors: bool,
-    light: Option<Box<Self>>,
+    preview: Option<Box<Self>>,
 }
 
 /// A mesh on the GPU.
@@ -51,7 +51,7 @@ pub(super) struct DrawMesh {
     /// Per page, the marked edges whose ends it contains.
     marks: Vec<MarkedEdges>,
     frame: UnitFrame,
-    row: Row,
+    row: AttributeLayout,
     face_count: usize,
     wedge_count: usize,
 }
@@ -61,7 +61,7 @@ pub(super) struct Chunk {
     page: usize,
     indices: Storage,
     pub(super) bind: wgpu::BindGroup,
-    pub(super) parts: Vec<Part>,
+    pub(super) parts: Vec<MaterialRange>,
 }
 
 /// Edges that are drawn as lines.
@@ -74,7 +74,7 @@ struct MarkedEdges {
 }
 
 /// Triangles of one material.
-pub(super) struct Part {
+pub(super) struct MaterialRange {
     pub(super) material: Option<usize>,
     /// Range of corners in the index buffer of the chunk.
     pub(super) corners: Range<u32>,
@@ -130,7 +130,7 @@ impl Context {
             at_rest,
             surfaces,
             has_linear_colors: false,
-            light: None,
+            preview: None,
         }
     }
 }
@@ -146,12 +146,12 @@ impl DrawModel {
         (self.id, self.revision)
     }
     /// Returns a lighter model that may be drawn instead while drawing has to be fast.
-    pub fn light(&self) -> Option<&Self> {
-        self.light.as_deref()
+    pub fn preview(&self) -> Option<&Self> {
+        self.preview.as_deref()
     }
     /// Sets the model that [`DrawModel::light`] returns.
-    pub fn set_light(&mut self, light: Self) {
-        self.light = Some(Box::new(light));
+    pub fn set_preview(&mut self, light: Self) {
+        self.preview = Some(Box::new(light));
     }
     /// Returns the number of triangles of a mesh.
     ///
@@ -271,12 +271,12 @@ impl DrawMesh {
         old: Option<(Vec<Page>, Vec<Chunk>)>,
     ) -> Self {
         let frame = pack::frame_of(mesh);
-        let row = Row::of(mesh);
+        let row = AttributeLayout::of(mesh);
         let (faces, regions) = pack::by_region(mesh);
         let (old_pages, old_chunks) = old.unwrap_or_default();
         let (mut old_pages, mut old_chunks) = (old_pages.into_iter(), old_chunks.into_iter());
         let (mut pages, mut chunks, mut radius) = (Vec::new(), Vec::new(), 0f32);
-        for cut in cuts(&faces, mesh.wedge_count(), context) {
+        for cut in split_faces(&faces, mesh.wedge_count(), context) {
             if let Some(wedges) = cut.wedges {
                 let wedges = (!wedges.is_empty() || pages.is_empty()).then_some(wedges);
                 let (page, r) = Page::fill(context, mesh, &frame, &row, normals, wedges, old_pages.next());
@@ -318,9 +318,10 @@ impl DrawMesh {
         faces: &[Range<usize>],
         wedges: &[Range<usize>],
     ) -> bool {
-        let split = context.split;
+        let split = context.buffer_limits;
         let fits = mesh.face_count() <= split.triangles && mesh.wedge_count() <= split.wedges;
-        let is_plain = mesh.regions().is_none() && self.morph_targets == 0 && self.row == Row::of(mesh);
+        let is_plain =
+            mesh.regions().is_none() && self.morph_targets == 0 && self.row == AttributeLayout::of(mesh);
         let has_own_normals = mesh.normals().is_some();
         let ([page], [chunk]) = (self.pages.as_mut_slice(), self.chunks.as_mut_slice()) else { return false };
         let is_whole = page.wedges.is_none() && chunk.parts.len() <= 1;
@@ -343,13 +344,13 @@ impl DrawMesh {
             moved |= page.rows.write(context, at, bytemuck::cast_slice(&rows));
         }
         let material = self.materials.first().copied().flatten();
-        chunk.parts = vec![Part { material, corners: 0..3 * mesh.face_count() as u32 }];
+        chunk.parts = vec![MaterialRange { material, corners: 0..3 * mesh.face_count() as u32 }];
         self.face_count = mesh.face_count();
         self.wedge_count = mesh.wedge_count();
         self.heat_max = None;
         self.marks.clear();
         if moved {
-            self.bind_again(context, 0);
+            self.rebuild_bind_groups(context, 0);
         }
         true
     }
@@ -370,7 +371,7 @@ impl DrawMesh {
                 }
             };
             if moved {
-                self.bind_again(context, k);
+                self.rebuild_bind_groups(context, k);
             }
         }
         self.heat_max = Some(values.iter().copied().filter(|x| x.is_finite()).fold(0.0, f32::max));
@@ -382,14 +383,14 @@ impl DrawMesh {
             let edges: Vec<[u32; 3]> = match &page.wedges {
                 None => marks.edges.clone(),
                 Some(wedges) => {
-                    let mut local = vec![pack::NONE; self.wedge_count];
+                    let mut local = vec![pack::NO_OFFSET; self.wedge_count];
                     wedges.iter().enumerate().for_each(|(k, w)| local[w.index()] = k as u32);
                     let here = |e: &[u32; 3]| [local[e[0] as usize], local[e[1] as usize], e[2]];
                     marks
                         .edges
                         .iter()
                         .map(here)
-                        .filter(|e| e[0] != pack::NONE && e[1] != pack::NONE)
+                        .filter(|e| e[0] != pack::NO_OFFSET && e[1] != pack::NO_OFFSET)
                         .collect()
                 }
             };
@@ -413,7 +414,7 @@ impl DrawMesh {
     }
 
     /// Rebuilds the bind groups that use buffers of a page, after some of them were reallocated.
-    fn bind_again(&mut self, context: &Context, page: usize) {
+    fn rebuild_bind_groups(&mut self, context: &Context, page: usize) {
         for chunk in self.chunks.iter_mut().filter(|c| c.page == page) {
             chunk.bind = bind(context, &self.pages[page], &chunk.indices);
         }
@@ -429,7 +430,7 @@ impl Page {
         context: &Context,
         mesh: &TriMesh,
         frame: &UnitFrame,
-        row: &Row,
+        row: &AttributeLayout,
         normals: &[[f32; 3]],
         wedges: Option<Vec<WedgeId>>,
         old: Option<Self>,
@@ -489,7 +490,7 @@ impl Chunk {
         page: usize,
         of: &Page,
         indices: &[[u32; 3]],
-        parts: Vec<Part>,
+        parts: Vec<MaterialRange>,
         old: Option<Self>,
     ) -> Self {
         let bytes = bytemuck::cast_slice(indices);
@@ -506,7 +507,7 @@ impl Chunk {
 }
 
 /// Returns an empty mesh bind group for passes that read no mesh.
-pub(super) fn no_mesh(context: &Context) -> wgpu::BindGroup {
+pub(super) fn empty_mesh_bind_group(context: &Context) -> wgpu::BindGroup {
     let storage = Storage::new(context, "nothing", &[]);
     let info = context.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("nothing"),
@@ -546,7 +547,7 @@ fn bind(context: &Context, page: &Page, indices: &Storage) -> wgpu::BindGroup {
 }
 
 /// Faces of one chunk.
-struct Cut {
+struct ChunkFaces {
     faces: Range<usize>,
     indices: Vec<[u32; 3]>,
     /// The wedges of the chunk, if the mesh has more of them than fit into one buffer.
@@ -554,19 +555,19 @@ struct Cut {
 }
 
 /// Splits a list of faces so that each piece fits into its buffers.
-fn cuts(faces: &[[WedgeId; 3]], wedge_count: usize, context: &Context) -> Vec<Cut> {
-    let split = context.split;
+fn split_faces(faces: &[[WedgeId; 3]], wedge_count: usize, context: &Context) -> Vec<ChunkFaces> {
+    let split = context.buffer_limits;
     let most = split.triangles.max(1);
     if wedge_count <= split.wedges {
         let plain = |start: usize| {
             let end = (start + most).min(faces.len());
             let indices = bytemuck::cast_slice(&faces[start..end]).to_vec();
-            Cut { faces: start..end, indices, wedges: None }
+            ChunkFaces { faces: start..end, indices, wedges: None }
         };
         return (0..faces.len().max(1)).step_by(most).map(plain).collect();
     }
     let mut cuts = Vec::new();
-    let mut local = vec![pack::NONE; wedge_count];
+    let mut local = vec![pack::NO_OFFSET; wedge_count];
     let mut start = 0;
     while start < faces.len() {
         let (mut indices, mut wedges): (Vec<[u32; 3]>, Vec<WedgeId>) = (Vec::new(), Vec::new());
@@ -576,7 +577,7 @@ fn cuts(faces: &[[WedgeId; 3]], wedge_count: usize, context: &Context) -> Vec<Cu
             }
             indices.push(face.map(|w| {
                 let local = &mut local[w.index()];
-                if *local == pack::NONE {
+                if *local == pack::NO_OFFSET {
                     *local = wedges.len() as u32;
                     wedges.push(w);
                 }
@@ -584,10 +585,10 @@ fn cuts(faces: &[[WedgeId; 3]], wedge_count: usize, context: &Context) -> Vec<Cu
             }));
         }
         for w in &wedges {
-            local[w.index()] = pack::NONE;
+            local[w.index()] = pack::NO_OFFSET;
         }
         let end = start + indices.len();
-        cuts.push(Cut { faces: start..end, indices, wedges: Some(wedges) });
+        cuts.push(ChunkFaces { faces: start..end, indices, wedges: Some(wedges) });
         start = end;
     }
     cuts
@@ -598,12 +599,12 @@ fn parts_within(
     regions: &[(lodsmith_core::RegionId, Range<usize>)],
     faces: &Range<usize>,
     materials: &[Option<usize>],
-) -> Vec<Part> {
+) -> Vec<MaterialRange> {
     let clip = |(region, range): &(lodsmith_core::RegionId, Range<usize>)| {
         let (start, end) = (range.start.max(faces.start), range.end.min(faces.end));
         let corner = |face: usize| 3 * (face - faces.start) as u32;
         let material = materials.get(region.index()).copied().flatten();
-        (start < end).then(|| Part { material, corners: corner(start)..corner(end) })
+        (start < end).then(|| MaterialRange { material, corners: corner(start)..corner(end) })
     };
     regions.iter().filter_map(clip).collect()
 }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 /// Layout of a wedge's attribute row: offsets in words, `NONE` for attributes that the mesh does not have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Row {
+pub(super) struct AttributeLayout {
     pub(super) stride: u32,
     pub(super) uv: [u32; 2],
     pub(super) color: u32,
@@ -22,34 +22,35 @@ pub(super) struct Row {
     pub(super) joint_sets: u32,
 }
 
-pub(super) const NONE: u32 = u32::MAX;
+pub(super) const NO_OFFSET: u32 = u32::MAX;
 /// Words taken by four joints and their weights.
-const JOINT_SET: u32 = 6;
+const JOINT_SET_WORDS: u32 = 6;
 
-impl Row {
+impl AttributeLayout {
     pub(super) fn of(mesh: &TriMesh) -> Self {
         let mut stride = 0;
         let mut take = |there: bool, words: u32| {
             let at = stride;
             stride += if there { words } else { 0 };
-            if there { at } else { NONE }
+            if there { at } else { NO_OFFSET }
         };
-        let uv = [take(mesh.uvs().is_some(), 2), take(further(mesh, &Semantic::Uv(1)).is_some(), 2)];
+        let uv =
+            [take(mesh.uvs().is_some(), 2), take(further_attribute(mesh, &Semantic::Uv(1)).is_some(), 2)];
         let color = take(mesh.colors().is_some(), 1);
-        let tangent = take(further(mesh, &Semantic::Tangent).is_some(), 2);
+        let tangent = take(further_attribute(mesh, &Semantic::Tangent).is_some(), 2);
         let joint_sets = (0..=u8::MAX).take_while(|&set| joint_set(mesh, set).is_some()).count() as u32;
-        let joints = take(joint_sets > 0, JOINT_SET * joint_sets);
+        let joints = take(joint_sets > 0, JOINT_SET_WORDS * joint_sets);
         Self { stride, uv, color, tangent, joints, joint_sets }
     }
 }
 
-fn further<'a>(mesh: &'a TriMesh, semantic: &Semantic) -> Option<&'a Attribute> {
+fn further_attribute<'a>(mesh: &'a TriMesh, semantic: &Semantic) -> Option<&'a Attribute> {
     mesh.further_attributes().iter().find(|a| a.semantic == *semantic)
 }
 
 fn joint_set(mesh: &TriMesh, set: u8) -> Option<[&Attribute; 2]> {
-    let joints = further(mesh, &Semantic::Joints(set)).filter(|a| a.width == 4)?;
-    let weights = further(mesh, &Semantic::Weights(set)).filter(|a| a.width == 4)?;
+    let joints = further_attribute(mesh, &Semantic::Joints(set)).filter(|a| a.width == 4)?;
+    let weights = further_attribute(mesh, &Semantic::Weights(set)).filter(|a| a.width == 4)?;
     Some([joints, weights])
 }
 
@@ -82,7 +83,7 @@ pub(super) fn normals(mesh: &TriMesh) -> Cow<'_, [[f32; 3]]> {
 }
 
 /// Minimum number of faces or wedges per parallel task.
-const SHARE: usize = 1 << 14;
+const MIN_ITEMS_PER_TASK: usize = 1 << 14;
 
 /// Returns the same normals as [`normals`] for a mesh whose vertices are already welded, in single precision
 /// and in parallel: for geometry that is shown only briefly.
@@ -95,26 +96,32 @@ pub(super) fn quick_normals(mesh: &TriMesh) -> Cow<'_, [[f32; 3]]> {
         positions.bounds().map_or(DVec3::ZERO, |b| DVec3::from(b.min) * 0.5 + DVec3::from(b.max) * 0.5);
     let places: Vec<Vec3> = (0..positions.len())
         .into_par_iter()
-        .with_min_len(SHARE)
+        .with_min_len(MIN_ITEMS_PER_TASK)
         .map(|v| (DVec3::from(positions.get(VertexId::new(v))) - middle).as_vec3())
         .collect();
     let turns = |t: &[WedgeId; 3]| {
         let [a, b, c] = t.map(|w| places[mesh.vertex_of(w).index()]);
         let sides = [b - a, c - b, a - c].map(Vec3::normalize_or_zero);
         let normal = sides[0].cross(sides[1]).normalize_or_zero();
-        [0, 1, 2].map(|k| normal * angle(-sides[k].dot(sides[(k + 2) % 3])))
+        [0, 1, 2].map(|k| normal * acos_approx(-sides[k].dot(sides[(k + 2) % 3])))
     };
-    let of_corners: Vec<[Vec3; 3]> = mesh.triangles().par_iter().with_min_len(SHARE).map(turns).collect();
+    let of_corners: Vec<[Vec3; 3]> =
+        mesh.triangles().par_iter().with_min_len(MIN_ITEMS_PER_TASK).map(turns).collect();
     let mut sums = vec![Vec3::ZERO; places.len()];
     for (&w, turn) in mesh.triangles().iter().flatten().zip(of_corners.iter().flatten()) {
         sums[mesh.vertex_of(w).index()] += *turn;
     }
     let unit = |w: usize| sums[mesh.vertex_of(WedgeId::new(w)).index()].normalize_or(Vec3::Z).to_array();
-    (0..mesh.wedge_count()).into_par_iter().with_min_len(SHARE).map(unit).collect::<Vec<_>>().into()
+    (0..mesh.wedge_count())
+        .into_par_iter()
+        .with_min_len(MIN_ITEMS_PER_TASK)
+        .map(unit)
+        .collect::<Vec<_>>()
+        .into()
 }
 
 /// Arc cosine, to within 7e-5. Source: [Abramowitz-Stegun 1964], 4.4.45.
-fn angle(cosine: f32) -> f32 {
+fn acos_approx(cosine: f32) -> f32 {
     let x = cosine.abs().min(1.0);
     let angle = (1.0 - x).sqrt() * (1.570_728_8 + x * (-0.212_114_4 + x * (0.074_261_0 - 0.018_729_3 * x)));
     if cosine < 0.0 { std::f32::consts::PI - angle } else { angle }
@@ -129,7 +136,7 @@ pub(super) fn corners(
 ) -> Vec<Corner> {
     let positions = mesh.positions().view();
     wedges
-        .with_min_len(SHARE)
+        .with_min_len(MIN_ITEMS_PER_TASK)
         .map(|w| {
             let position = frame.unit_from_user(positions.get(mesh.vertex_of(w))).as_vec3().to_array();
             Corner { position, normal: octahedral(Vec3::from(normals[w.index()])) }
@@ -138,13 +145,17 @@ pub(super) fn corners(
 }
 
 /// Returns the attribute rows of the given wedges.
-pub(super) fn rows(mesh: &TriMesh, row: &Row, wedges: impl ExactSizeIterator<Item = WedgeId>) -> Vec<u32> {
+pub(super) fn rows(
+    mesh: &TriMesh,
+    row: &AttributeLayout,
+    wedges: impl ExactSizeIterator<Item = WedgeId>,
+) -> Vec<u32> {
     let mut words = Vec::with_capacity(wedges.len() * row.stride as usize);
     if row.stride == 0 {
         return words;
     }
-    let uv1 = further(mesh, &Semantic::Uv(1));
-    let tangent = further(mesh, &Semantic::Tangent);
+    let uv1 = further_attribute(mesh, &Semantic::Uv(1));
+    let tangent = further_attribute(mesh, &Semantic::Tangent);
     let sets: Vec<_> = (0..row.joint_sets as u8).filter_map(|set| joint_set(mesh, set)).collect();
     for w in wedges {
         if let Some(uvs) = mesh.uvs() {
@@ -199,7 +210,7 @@ pub(super) fn morphs(
     for target in 0..morph_target_count(mesh) {
         let of = |of| {
             let semantic = Semantic::Morph { target: target as u16, of };
-            further(mesh, &semantic).filter(|a| a.width == 3)
+            further_attribute(mesh, &semantic).filter(|a| a.width == 3)
         };
         let [place, normal] = [of(Morphed::Position), of(Morphed::Normal)];
         for w in wedges.clone() {

@@ -8,11 +8,11 @@ use std::time::{Duration, Instant};
 use egui_wgpu::wgpu;
 
 use super::context::Context;
-use super::frame::Gathered;
+use super::frame::DrawList;
 
 /// One draw call.
 pub(super) struct Call<'a> {
-    pub(super) kind: Kind,
+    pub(super) kind: DrawKind,
     pub(super) mesh: &'a wgpu::BindGroup,
     pub(super) material: &'a wgpu::BindGroup,
     pub(super) corners: Range<u32>,
@@ -21,7 +21,7 @@ pub(super) struct Call<'a> {
 
 /// Pipeline of a draw call; kinds are drawn in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum DrawKind {
     /// Opaque triangles.
     Solid,
     /// Transparent triangles.
@@ -40,7 +40,7 @@ impl Call<'_> {
     }
 
     /// Returns the calls that draw a range of its triangles, in order: one instance after the other.
-    fn cut(&self, range: Range<u64>) -> Vec<Self> {
+    fn in_range(&self, range: Range<u64>) -> Vec<Self> {
         let each = self.triangles_each().max(1);
         let part = |triangles: Range<u64>, copies: Range<u64>| {
             let corner = |t: u64| self.corners.start + 3 * t as u32;
@@ -70,19 +70,19 @@ impl Call<'_> {
 
 /// Returns all draw calls of a frame.
 pub(super) fn calls<'a>(
-    gathered: &Gathered<'a>,
+    gathered: &DrawList<'a>,
     is_textured: bool,
     has_marks: bool,
     plain: &'a wgpu::BindGroup,
 ) -> Vec<Call<'a>> {
     let mut calls = Vec::new();
-    for kind in [Kind::Solid, Kind::Blended] {
+    for kind in [DrawKind::Solid, DrawKind::Blended] {
         for batch in &gathered.batches {
             let surfaces = &batch.model.surfaces;
             for chunk in &batch.model.meshes[batch.mesh].chunks {
                 for part in &chunk.parts {
                     let surface = part.material.filter(|_| is_textured).and_then(|m| surfaces.get(m));
-                    if surface.is_some_and(|s| s.is_blended) == (kind == Kind::Blended) {
+                    if surface.is_some_and(|s| s.is_blended) == (kind == DrawKind::Blended) {
                         calls.push(Call {
                             kind,
                             mesh: &chunk.bind,
@@ -98,21 +98,21 @@ pub(super) fn calls<'a>(
     for batch in gathered.batches.iter().filter(|_| has_marks) {
         for (mesh, corners) in batch.model.meshes[batch.mesh].marks() {
             let (material, instances) = (plain, batch.instances.clone());
-            calls.push(Call { kind: Kind::Marks, mesh, material, corners: 0..corners, instances });
+            calls.push(Call { kind: DrawKind::Marks, mesh, material, corners: 0..corners, instances });
         }
     }
     calls
 }
 
 /// Returns the calls that draw a range of the triangles of these calls.
-pub(super) fn some<'a>(calls: Vec<Call<'a>>, range: Range<u64>) -> Vec<Call<'a>> {
+pub(super) fn calls_in_range<'a>(calls: Vec<Call<'a>>, range: Range<u64>) -> Vec<Call<'a>> {
     let mut begin = 0;
     let mut taken = Vec::new();
     for call in calls {
         let end = begin + call.triangles();
         let within = range.start.max(begin)..range.end.min(end);
         if within.start < within.end {
-            taken.extend(call.cut(within.start - begin..within.end - begin));
+            taken.extend(call.in_range(within.start - begin..within.end - begin));
         }
         begin = end;
     }
@@ -120,45 +120,46 @@ pub(super) fn some<'a>(calls: Vec<Call<'a>>, range: Range<u64>) -> Vec<Call<'a>>
 }
 
 /// Size of the next part, adapted to the time that earlier parts took.
-pub(super) struct Pace {
+pub(super) struct PartPacer {
     /// Triangles in a part.
-    pub(super) most: u64,
+    pub(super) part_triangles: u64,
     sent: Option<(Instant, u64)>,
     done: Arc<Mutex<Option<Instant>>>,
 }
 
 /// Frames with at most this many triangles are drawn in one piece.
-pub(super) const FEW: u64 = 100_000;
+pub(super) const MAX_TRIANGLES_AT_ONCE: u64 = 100_000;
 /// Triangles in the first part, and the limits for all others.
-const FIRST: u64 = 40_000;
-const MOST: [u64; 2] = [5_000, 4_000_000];
+const FIRST_PART_TRIANGLES: u64 = 40_000;
+const PART_TRIANGLE_LIMITS: [u64; 2] = [5_000, 4_000_000];
 /// Target time of a part. A window that is drawn by the same CPU then responds ten times a second. (Guessed.)
-const GOAL: Duration = Duration::from_millis(60);
+const TARGET_PART_TIME: Duration = Duration::from_millis(60);
 /// Polling interval for the end of a part, and the maximum number of polls.
-const ASK: Duration = Duration::from_millis(4);
-const ASKS: usize = 5_000;
+const POLL_INTERVAL: Duration = Duration::from_millis(4);
+const MAX_POLLS: usize = 5_000;
 
-impl Default for Pace {
+impl Default for PartPacer {
     fn default() -> Self {
-        Self { most: FIRST, sent: None, done: Arc::default() }
+        Self { part_triangles: FIRST_PART_TRIANGLES, sent: None, done: Arc::default() }
     }
 }
 
-impl Pace {
+impl PartPacer {
     /// Returns true if the previous part is done, without waiting. Adapts the part size to the time it took.
-    pub(super) fn is_free(&mut self) -> bool {
+    pub(super) fn is_ready(&mut self) -> bool {
         let Some((begin, triangles)) = self.sent else { return true };
         let done = self.done.lock().unwrap_or_else(PoisonError::into_inner).take();
         let Some(end) = done else { return false };
         self.sent = None;
         let took = end.saturating_duration_since(begin).as_secs_f64().max(1e-4);
-        let factor = (GOAL.as_secs_f64() / took).clamp(0.25, 2.0);
-        self.most = ((triangles as f64 * factor) as u64).clamp(MOST[0], MOST[1]);
+        let factor = (TARGET_PART_TIME.as_secs_f64() / took).clamp(0.25, 2.0);
+        self.part_triangles =
+            ((triangles as f64 * factor) as u64).clamp(PART_TRIANGLE_LIMITS[0], PART_TRIANGLE_LIMITS[1]);
         true
     }
 
     /// Records that this many triangles were submitted to the adapter.
-    pub(super) fn sent(&mut self, context: &Context, triangles: u64) {
+    pub(super) fn record_submission(&mut self, context: &Context, triangles: u64) {
         // Each part has its own completion slot, so that a late completion is not attributed to another part.
         self.done = Arc::default();
         let done = Arc::clone(&self.done);
@@ -170,8 +171,8 @@ impl Pace {
         // The window polls once per frame, too rarely to measure the duration.
         let context = context.clone();
         std::thread::spawn(move || {
-            for _ in 0..ASKS {
-                std::thread::sleep(ASK);
+            for _ in 0..MAX_POLLS {
+                std::thread::sleep(POLL_INTERVAL);
                 // A lost device runs the callback as well.
                 let _ = context.device.poll(wgpu::PollType::Poll);
                 if Arc::strong_count(&is_done) == 1 || is_done.lock().is_ok_and(|done| done.is_some()) {

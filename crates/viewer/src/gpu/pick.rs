@@ -3,15 +3,15 @@
 use egui_wgpu::wgpu;
 use glam::{DVec3, Mat4, Vec3};
 
-use super::frame::{Frame, gather, reach};
-use super::pipeline::{PICKED, Pass};
+use super::frame::{Frame, build_draw_list, max_distance};
+use super::pipeline::{PICK_FORMAT, Pass};
 use super::renderer::Gpu;
-use super::target::{DEPTH, Part, Target, depth_attachment, read_texture, texture};
-use super::uniforms::View;
+use super::target::{DEPTH_FORMAT, FramePart, RenderTarget, depth_attachment, read_texture, texture};
+use super::uniforms::ViewTransform;
 
 /// Model and point found under a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Picked {
+pub struct PickHit {
     /// Index in [`Frame::models`].
     pub model: usize,
     /// Point on the surface, in world coordinates.
@@ -24,19 +24,19 @@ impl Gpu {
     ///
     /// Draws a picture of one pixel and waits for it: meant for clicks and the first turn of the mouse wheel,
     /// not for every frame.
-    pub fn pick(&mut self, target: &Target, frame: &Frame<'_>, at: [f32; 2]) -> Option<Picked> {
+    pub fn pick(&mut self, target: &RenderTarget, frame: &Frame<'_>, at: [f32; 2]) -> Option<PickHit> {
         let size = target.size();
         let aspect = f64::from(size[0]) / f64::from(size[1]);
-        let whole = View::new(&frame.camera, aspect, reach(frame));
+        let whole = ViewTransform::new(&frame.camera, aspect, max_distance(frame));
         let [x, y] = [0, 1].map(|k| at[k] * size[k] as f32);
         let view = whole.of_pixel([x, y], size);
-        let gathered = gather(frame, &whole);
+        let gathered = build_draw_list(frame, &whole);
         self.write_frame(frame, &view, [1, 1], 1.0, &gathered);
         self.prepare(Pass::Pick);
         let context = self.context().clone();
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
-        let picked = texture(&context, [1, 1], 1, PICKED, usage);
-        let depth = texture(&context, [1, 1], 1, DEPTH, wgpu::TextureUsages::RENDER_ATTACHMENT);
+        let picked = texture(&context, [1, 1], 1, PICK_FORMAT, usage);
+        let depth = texture(&context, [1, 1], 1, DEPTH_FORMAT, wgpu::TextureUsages::RENDER_ATTACHMENT);
         let plane = |t: &wgpu::Texture| t.create_view(&wgpu::TextureViewDescriptor::default());
         let (picked_view, depth_view) = (plane(&picked), plane(&depth));
         let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -54,7 +54,7 @@ impl Gpu {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("pick"),
                 color_attachments: &[Some(color)],
-                depth_stencil_attachment: Some(depth_attachment(&depth_view, Part::WHOLE)),
+                depth_stencil_attachment: Some(depth_attachment(&depth_view, FramePart::WHOLE)),
                 ..wgpu::RenderPassDescriptor::default()
             });
             self.draw_plain(&mut pass, Pass::Pick, &gathered);
@@ -70,6 +70,6 @@ impl Gpu {
             .inverse()
             .project_point3(clip.as_dvec3());
         let position = view.view_from_world.inverse().transform_point3(place);
-        position.is_finite().then_some(Picked { model, position })
+        position.is_finite().then_some(PickHit { model, position })
     }
 }

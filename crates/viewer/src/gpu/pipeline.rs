@@ -6,7 +6,7 @@ use egui_wgpu::wgpu;
 use lodsmith_render::Shading;
 
 use super::context::Context;
-use super::target::{DEPTH, drawn_as};
+use super::target::{DEPTH_FORMAT, draw_format};
 
 /// Content drawn by a pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -28,7 +28,7 @@ pub(super) enum Pass {
 }
 
 /// Shading number of a user's shader.
-pub(super) const CUSTOM: u32 = 7;
+pub(super) const CUSTOM_SHADING: u32 = 7;
 
 /// All pipelines of a device, for a fixed sample count.
 pub(super) struct Pipelines {
@@ -51,16 +51,16 @@ const GROUND: &str = include_str!("../shaders/ground.wgsl");
 const MARKS: &str = include_str!("../shaders/marks.wgsl");
 const PICK: &str = include_str!("../shaders/pick.wgsl");
 /// Placeholder for the user's shader.
-const NO_SHADER: &str = "fn surface(at: Surface) -> vec4<f32> { return vec4(at.base, 1.0); }";
+const PLACEHOLDER_SHADER: &str = "fn surface(at: Surface) -> vec4<f32> { return vec4(at.base, 1.0); }";
 /// Format of a pick: number of the model hit, and the bits of its depth.
-pub(super) const PICKED: wgpu::TextureFormat = wgpu::TextureFormat::Rg32Uint;
+pub(super) const PICK_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rg32Uint;
 
 impl Pipelines {
     pub(super) fn new(context: &Context) -> Self {
         let module = |label: &str, texts: &[&str]| module(context, label, texts);
         Self {
             layout: layout(context),
-            surface: module("surface", &[GLOBALS, ENVIRONMENT, VERTEX, SURFACE, NO_SHADER]),
+            surface: module("surface", &[GLOBALS, ENVIRONMENT, VERTEX, SURFACE, PLACEHOLDER_SHADER]),
             background: module("background", &[GLOBALS, ENVIRONMENT, BACKGROUND]),
             ground: module("ground", &[GLOBALS, GROUND]),
             marks: module("marks", &[GLOBALS, VERTEX, MARKS]),
@@ -84,8 +84,9 @@ impl Pipelines {
         context: &Context,
         module: &wgpu::ShaderModule,
     ) -> [wgpu::RenderPipeline; 2] {
-        [false, true]
-            .map(|is_blended| self.make(context, Pass::Surface { shading: CUSTOM, is_blended }, module))
+        [false, true].map(|is_blended| {
+            self.make(context, Pass::Surface { shading: CUSTOM_SHADING, is_blended }, module)
+        })
     }
 
     /// Returns a prepared pipeline.
@@ -117,9 +118,9 @@ impl Pipelines {
             Pass::Pick => (true, wgpu::CompareFunction::Greater),
         };
         let (format, blend, count) = if pass == Pass::Pick {
-            (PICKED, None, 1)
+            (PICK_FORMAT, None, 1)
         } else {
-            (drawn_as(context), Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING), self.samples)
+            (draw_format(context), Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING), self.samples)
         };
         context.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some(&label),
@@ -132,7 +133,7 @@ impl Pipelines {
             },
             primitive: wgpu::PrimitiveState::default(),
             depth_stencil: Some(wgpu::DepthStencilState {
-                format: DEPTH,
+                format: DEPTH_FORMAT,
                 depth_write_enabled: Some(writes_depth),
                 depth_compare: Some(compare),
                 stencil: wgpu::StencilState::default(),

@@ -10,16 +10,18 @@ use lodsmith_core::{Image, Model};
 
 use super::buffer::Storage;
 use super::context::{Context, GpuError};
-use super::environment::Surroundings;
-use super::frame::{Drawn, Frame, Gathered, Shown, gather, heat_range, reach, triangles};
+use super::environment::EnvironmentMap;
+use super::frame::{
+    DrawList, DrawStats, Frame, FrameSnapshot, build_draw_list, heat_range, max_distance, triangle_count,
+};
 use super::model::DrawModel;
-use super::parts::{self, Call, Kind, Pace};
+use super::parts::{self, Call, DrawKind, PartPacer};
 use super::pipeline::{Pass, Pipelines, shading_number};
-use super::target::{Part, Target};
+use super::target::{FramePart, RenderTarget};
 use super::timer::Timer;
 use lodsmith_render::{Background, Shading};
 
-use super::uniforms::{Globals, LIGHTS_MAX, Seen, View};
+use super::uniforms::{Globals, GlobalsInput, MAX_LIGHTS, ViewTransform};
 
 /// A matcap: a picture of a lit sphere, sampled by the normal.
 pub struct Matcap {
@@ -54,7 +56,7 @@ pub struct Gpu {
     bound_environment: u64,
     sampler: wgpu::Sampler,
     timer: Option<Timer>,
-    pace: Pace,
+    pace: PartPacer,
 }
 
 impl Gpu {
@@ -80,13 +82,13 @@ impl Gpu {
     }
 
     /// Enables timestamps for every frame, if the adapter supports them.
-    pub fn timed(self) -> Self {
+    pub fn with_timestamps(self) -> Self {
         Self { timer: Timer::new(&self.context), ..self }
     }
 
     /// Returns the GPU time in seconds of the last frame, after waiting for it. `None` without [`Gpu::timed`]
     /// or without timestamp support.
-    pub fn adapter_secs(&self) -> Option<f64> {
+    pub fn gpu_secs(&self) -> Option<f64> {
         self.timer.as_ref()?.seconds(&self.context)
     }
 
@@ -115,7 +117,7 @@ impl Gpu {
         let frame_bind = bind_frame(&context, &globals, &instances, &palette, &white, &sampler, [&white; 2]);
         let nothing = context.upload(&Model::default());
         let plain_material = nothing.surfaces.plain().clone();
-        let no_mesh = super::model::no_mesh(&context);
+        let no_mesh = super::model::empty_mesh_bind_group(&context);
         let pipelines = Pipelines::new(&context);
         Self {
             context,
@@ -132,13 +134,13 @@ impl Gpu {
             bound_environment: 0,
             sampler,
             timer: None,
-            pace: Pace::default(),
+            pace: PartPacer::default(),
         }
     }
 
     /// Uploads an environment map.
-    pub fn environment(&self, environment: &lodsmith_render::Environment) -> Surroundings {
-        Surroundings::new(&self.context, environment)
+    pub fn environment(&self, environment: &lodsmith_render::Environment) -> EnvironmentMap {
+        EnvironmentMap::new(&self.context, environment)
     }
 
     /// Returns the device, for uploads from any thread.
@@ -163,47 +165,48 @@ impl Gpu {
         Matcap { id: NEXT_MATCAP.fetch_add(1, Ordering::Relaxed), view }
     }
     /// Creates a target of this size in pixels.
-    pub fn target(&self, size: [u32; 2]) -> Target {
-        Target::new(self.context.clone(), self.renderer.as_ref(), size)
+    pub fn target(&self, size: [u32; 2]) -> RenderTarget {
+        RenderTarget::new(self.context.clone(), self.renderer.as_ref(), size)
     }
 
     /// Draws a frame unless the target already shows it. Does not wait for the picture.
     ///
     /// Cost on the calling thread: O(placed models), independent of their size.
-    pub fn draw(&mut self, target: &mut Target, frame: &Frame<'_>) -> Drawn {
+    pub fn draw(&mut self, target: &mut RenderTarget, frame: &Frame<'_>) -> DrawStats {
         if target.shows(frame) {
-            return Drawn::default();
+            return DrawStats::default();
         }
-        target.make_room();
+        target.prepare_textures();
         let drawn = self.draw_range(target, frame, Some(0..u64::MAX));
-        target.shown = Some(Shown::new(frame, target.size()));
+        target.shown = Some(FrameSnapshot::new(frame, target.size()));
         drawn
     }
 
     /// Draws a frame like [`Gpu::draw`], but on a software renderer a large frame is drawn one part per call:
     /// the previous picture stays until the new one is complete. Call again while [`Drawn::triangles_left`]
     /// is not zero. Each part is sized to take a few hundredths of a second.
-    pub fn draw_in_parts(&mut self, target: &mut Target, frame: &Frame<'_>) -> Drawn {
-        if !self.is_software() || target.shows(frame) || triangles(frame) <= parts::FEW {
+    pub fn draw_in_parts(&mut self, target: &mut RenderTarget, frame: &Frame<'_>) -> DrawStats {
+        if !self.is_software() || target.shows(frame) || triangle_count(frame) <= parts::MAX_TRIANGLES_AT_ONCE
+        {
             return self.draw(target, frame);
         }
-        let is_free = self.pace.is_free();
-        let most = self.pace.most;
-        self.draw_parts_of(target, frame, is_free.then_some(most))
+        let is_free = self.pace.is_ready();
+        let most = self.pace.part_triangles;
+        self.draw_next_part(target, frame, is_free.then_some(most))
     }
 
     /// Draws up to `most` more triangles; `None` draws nothing and only counts those left.
-    pub(super) fn draw_parts_of(
+    pub(super) fn draw_next_part(
         &mut self,
-        target: &mut Target,
+        target: &mut RenderTarget,
         frame: &Frame<'_>,
         most: Option<u64>,
-    ) -> Drawn {
-        let from = target.go_on(frame);
+    ) -> DrawStats {
+        let from = target.resume_parts(frame);
         let mut drawn = self.draw_range(target, frame, most.map(|most| from..from + most));
         if drawn.drawn {
-            self.pace.sent(&self.context, drawn.triangles.saturating_sub(from).max(1));
-            target.went_on(from + most.unwrap_or(0), drawn.triangles_left == 0);
+            self.pace.record_submission(&self.context, drawn.triangles.saturating_sub(from).max(1));
+            target.finish_part(from + most.unwrap_or(0), drawn.triangles_left == 0);
         } else {
             (drawn.triangles, drawn.triangles_left) = (from, drawn.triangles_left.saturating_sub(from));
         }
@@ -213,31 +216,31 @@ impl Gpu {
     /// Draws a range of the triangles of a frame; `None` draws nothing.
     fn draw_range(
         &mut self,
-        target: &Target,
+        target: &RenderTarget,
         frame: &Frame<'_>,
         range: Option<std::ops::Range<u64>>,
-    ) -> Drawn {
+    ) -> DrawStats {
         let begin = Instant::now();
         let size = target.size();
         let aspect = f64::from(size[0]) / f64::from(size[1]);
-        let view = View::new(&frame.camera, aspect, reach(frame));
-        let gathered = gather(frame, &view);
+        let view = ViewTransform::new(&frame.camera, aspect, max_distance(frame));
+        let gathered = build_draw_list(frame, &view);
         let is_textured = frame.look.shading == Shading::Textured && frame.shader.is_none();
         let has_marks = frame.look.borders || frame.look.defects;
         let plain = self.plain_material.clone();
         let calls = parts::calls(&gathered, is_textured, has_marks, &plain);
         let total: u64 = calls.iter().map(Call::triangles).sum();
-        let mut drawn = Drawn {
+        let mut drawn = DrawStats {
             culled: gathered.culled,
-            lights_left_out: frame.lighting.lights.len().saturating_sub(LIGHTS_MAX) as u32,
+            lights_left_out: frame.lighting.lights.len().saturating_sub(MAX_LIGHTS) as u32,
             triangles_left: total,
-            ..Drawn::default()
+            ..DrawStats::default()
         };
         let Some(range) = range else { return drawn };
         (drawn.drawn, drawn.triangles_left) = (true, total.saturating_sub(range.end));
         drawn.triangles = range.start;
-        let part = Part { is_first: range.start == 0, is_last: drawn.triangles_left == 0 };
-        let calls = if part == Part::WHOLE { calls } else { parts::some(calls, range) };
+        let part = FramePart { is_first: range.start == 0, is_last: drawn.triangles_left == 0 };
+        let calls = if part == FramePart::WHOLE { calls } else { parts::calls_in_range(calls, range) };
         self.write_frame(frame, &view, size, target.scale(), &gathered);
         let shading = shading_number(frame.look.shading);
         let [solid, blended] = [false, true].map(|is_blended| Pass::Surface { shading, is_blended });
@@ -274,16 +277,16 @@ impl Gpu {
             for call in &calls {
                 if last.replace(call.kind) != Some(call.kind) {
                     pass.set_pipeline(match call.kind {
-                        Kind::Solid => surfaces[0],
-                        Kind::Blended => surfaces[1],
-                        Kind::Marks => self.pipelines.get(Pass::Marks),
+                        DrawKind::Solid => surfaces[0],
+                        DrawKind::Blended => surfaces[1],
+                        DrawKind::Marks => self.pipelines.get(Pass::Marks),
                     });
                 }
                 pass.set_bind_group(1, call.mesh, &[]);
                 pass.set_bind_group(2, call.material, &[]);
                 pass.draw(call.corners.clone(), call.instances.clone());
                 drawn.calls += 1;
-                if call.kind != Kind::Marks {
+                if call.kind != DrawKind::Marks {
                     drawn.triangles += call.triangles();
                 }
             }
@@ -292,13 +295,13 @@ impl Gpu {
             timer.resolve(&mut encoder);
         }
         let commands = encoder.finish();
-        drawn.own = begin.elapsed();
+        drawn.cpu_time = begin.elapsed();
         self.context.queue.submit([commands]);
         drawn
     }
 
     /// Draws all triangles with one pipeline, ignoring materials.
-    pub(super) fn draw_plain(&self, pass: &mut wgpu::RenderPass<'_>, with: Pass, gathered: &Gathered<'_>) {
+    pub(super) fn draw_plain(&self, pass: &mut wgpu::RenderPass<'_>, with: Pass, gathered: &DrawList<'_>) {
         pass.set_pipeline(self.pipelines.get(with));
         pass.set_bind_group(0, &self.frame_bind, &[]);
         pass.set_bind_group(2, &self.plain_material, &[]);
@@ -322,12 +325,12 @@ impl Gpu {
     pub(super) fn write_frame(
         &mut self,
         frame: &Frame<'_>,
-        view: &View,
+        view: &ViewTransform,
         size: [u32; 2],
         scale: f32,
-        gathered: &Gathered<'_>,
+        gathered: &DrawList<'_>,
     ) {
-        let globals = Globals::new(&Seen {
+        let globals = Globals::new(&GlobalsInput {
             view,
             size,
             bounds: &frame.bounds,
@@ -345,7 +348,7 @@ impl Gpu {
             self.palette.replace(&self.context, bytemuck::cast_slice(&gathered.palette)),
         ];
         let matcap = frame.matcap.map_or(0, Matcap::id);
-        let environment = frame.environment.map_or(0, Surroundings::id);
+        let environment = frame.environment.map_or(0, EnvironmentMap::id);
         if moved.contains(&true) || matcap != self.bound_matcap || environment != self.bound_environment {
             self.bound_matcap = matcap;
             self.bound_environment = environment;

@@ -50,7 +50,7 @@ impl Gpu {
         if let Some(error) = first {
             let line =
                 error.location.map(|l| l.line_number).and_then(|l| l.checked_sub(before)).filter(|l| *l > 0);
-            return Err(ShaderError { line, message: without_place(&error.message) });
+            return Err(ShaderError { line, message: without_source_excerpt(&error.message) });
         }
         if let Some(error) = failed {
             return Err(ShaderError { line: None, message: error.to_string() });
@@ -66,7 +66,7 @@ impl Gpu {
 
 /// Strips the source excerpt from an error message: its line numbers include the built-in code before the
 /// file.
-fn without_place(message: &str) -> String {
+fn without_source_excerpt(message: &str) -> String {
     let first = message.lines().map(str::trim).find(|line| !line.is_empty()).unwrap_or("it cannot be read");
     first.split_once("error: ").map_or(first, |(_, what)| what).to_owned()
 }

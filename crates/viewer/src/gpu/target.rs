@@ -7,45 +7,45 @@ use egui_wgpu::wgpu;
 use lodsmith_core::Image;
 
 use super::context::Context;
-use super::frame::{Frame, Shown};
+use super::frame::{Frame, FrameSnapshot};
 use super::model::DrawModel;
 use super::uniforms::{linear_from_srgb, srgb_from_linear};
 
 /// Format that the window samples: raw sRGB values, premultiplied by alpha.
-const STORED: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+const STORED_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 /// Returns the format for drawing: passes write linear colours, which are stored as sRGB. If an adapter does
 /// not support two view formats for a texture, the shaders encode sRGB themselves.
-pub(super) fn drawn_as(context: &Context) -> wgpu::TextureFormat {
-    if context.has_views { wgpu::TextureFormat::Rgba8UnormSrgb } else { STORED }
+pub(super) fn draw_format(context: &Context) -> wgpu::TextureFormat {
+    if context.has_views { wgpu::TextureFormat::Rgba8UnormSrgb } else { STORED_FORMAT }
 }
 /// Depth format. Depth is the inverse of the distance: 0 is infinitely far.
-pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
 type Renderer = Arc<egui::mutex::RwLock<egui_wgpu::Renderer>>;
 
 /// A picture that a viewport displays, or that is read back. It remembers which frame it shows.
-pub struct Target {
+pub struct RenderTarget {
     context: Context,
     size: [u32; 2],
     scale: f32,
-    planes: Planes,
-    pub(super) shown: Option<Shown>,
+    planes: TargetTextures,
+    pub(super) shown: Option<FrameSnapshot>,
     /// Picture being drawn in parts while the previous one is shown.
-    back: Option<Back>,
+    back: Option<PartialFrame>,
     /// Texture id under which the window samples the picture.
     registered: Option<(Renderer, egui::TextureId)>,
 }
 
 /// A picture that is still incomplete.
-struct Back {
-    planes: Planes,
-    of: Shown,
+struct PartialFrame {
+    planes: TargetTextures,
+    of: FrameSnapshot,
     /// Number of triangles already drawn.
     done: u64,
 }
 
 /// Textures of a target, all of one size.
-struct Planes {
+struct TargetTextures {
     size: [u32; 2],
     color: wgpu::Texture,
     /// View for the window.
@@ -56,10 +56,10 @@ struct Planes {
     depth: wgpu::TextureView,
 }
 
-impl Target {
+impl RenderTarget {
     pub(super) fn new(context: Context, renderer: Option<&Renderer>, size: [u32; 2]) -> Self {
         let size = clamped(&context, size);
-        let planes = Planes::new(&context, size);
+        let planes = TargetTextures::new(&context, size);
         let registered = renderer.map(|renderer| {
             let filter = wgpu::FilterMode::Linear;
             let id = renderer.write().register_native_texture(&context.device, &planes.color_view, filter);
@@ -78,14 +78,14 @@ impl Target {
     }
 
     /// Prepares the textures for a picture that is drawn in one piece.
-    pub(super) fn make_room(&mut self) {
+    pub(super) fn prepare_textures(&mut self) {
         self.back = None;
         if self.planes.size != self.size {
-            self.show(Planes::new(&self.context, self.size));
+            self.show(TargetTextures::new(&self.context, self.size));
         }
     }
 
-    fn show(&mut self, planes: Planes) {
+    fn show(&mut self, planes: TargetTextures) {
         self.planes = planes;
         if let Some((renderer, id)) = &self.registered {
             renderer.write().update_egui_texture_from_wgpu_texture(
@@ -98,19 +98,19 @@ impl Target {
     }
 
     /// Resumes a picture in parts, or starts it. Returns the number of triangles already drawn.
-    pub(super) fn go_on(&mut self, frame: &Frame<'_>) -> u64 {
+    pub(super) fn resume_parts(&mut self, frame: &Frame<'_>) -> u64 {
         let size = self.size;
         if let Some(back) = self.back.as_ref().filter(|back| back.of.is(frame, size)) {
             return back.done;
         }
         let kept = self.back.take().map(|back| back.planes).filter(|planes| planes.size == size);
-        let planes = kept.unwrap_or_else(|| Planes::new(&self.context, size));
-        self.back = Some(Back { planes, of: Shown::new(frame, size), done: 0 });
+        let planes = kept.unwrap_or_else(|| TargetTextures::new(&self.context, size));
+        self.back = Some(PartialFrame { planes, of: FrameSnapshot::new(frame, size), done: 0 });
         0
     }
 
     /// Records the number of triangles drawn so far, and shows the picture once it is complete.
-    pub(super) fn went_on(&mut self, done: u64, is_whole: bool) {
+    pub(super) fn finish_part(&mut self, done: u64, is_whole: bool) {
         if let Some(back) = self.back.as_mut().filter(|_| !is_whole) {
             back.done = done;
         } else if let Some(back) = self.back.take() {
@@ -143,7 +143,7 @@ impl Target {
     /// Returns true if it shows this model or its lighter stand-in, in any view.
     pub fn shows_model(&self, model: &DrawModel) -> bool {
         let is = |id: u64| self.shown.as_ref().is_some_and(|shown| shown.has(id));
-        is(model.version().0) || model.light().is_some_and(|light| is(light.version().0))
+        is(model.version().0) || model.preview().is_some_and(|light| is(light.version().0))
     }
     /// Forgets what it shows, so that the next frame is drawn in any case.
     pub fn forget(&mut self) {
@@ -170,7 +170,7 @@ impl Target {
     /// Returns the colour and depth attachments, cleared for the first part and loaded for later ones.
     pub(super) fn attachments(
         &self,
-        part: Part,
+        part: FramePart,
     ) -> (wgpu::RenderPassColorAttachment<'_>, wgpu::RenderPassDepthStencilAttachment<'_>) {
         let planes = self.back.as_ref().map_or(&self.planes, |back| &back.planes);
         let (view, resolve_target) = match &planes.samples {
@@ -187,16 +187,16 @@ impl Target {
 
 /// Position of a part among the parts of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Part {
+pub(super) struct FramePart {
     pub(super) is_first: bool,
     pub(super) is_last: bool,
 }
 
-impl Part {
+impl FramePart {
     pub(super) const WHOLE: Self = Self { is_first: true, is_last: true };
 }
 
-impl Drop for Target {
+impl Drop for RenderTarget {
     fn drop(&mut self) {
         if let Some((renderer, id)) = &self.registered {
             renderer.write().free_texture(id);
@@ -204,13 +204,13 @@ impl Drop for Target {
     }
 }
 
-impl Planes {
+impl TargetTextures {
     fn new(context: &Context, size: [u32; 2]) -> Self {
         let samples = context.sample_count();
         let attachment = wgpu::TextureUsages::RENDER_ATTACHMENT;
         let usage = attachment | wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_SRC;
-        let color = texture(context, size, 1, STORED, usage);
-        let drawn_as = drawn_as(context);
+        let color = texture(context, size, 1, STORED_FORMAT, usage);
+        let drawn_as = draw_format(context);
         let view = |t: &wgpu::Texture| t.create_view(&wgpu::TextureViewDescriptor::default());
         let as_light = wgpu::TextureViewDescriptor { format: Some(drawn_as), ..Default::default() };
         Self {
@@ -218,7 +218,7 @@ impl Planes {
             light_view: color.create_view(&as_light),
             color_view: view(&color),
             samples: (samples > 1).then(|| view(&texture(context, size, samples, drawn_as, attachment))),
-            depth: view(&texture(context, size, samples, DEPTH, attachment)),
+            depth: view(&texture(context, size, samples, DEPTH_FORMAT, attachment)),
             color,
         }
     }
@@ -228,7 +228,7 @@ impl Planes {
 /// follows.
 pub(super) fn depth_attachment(
     view: &wgpu::TextureView,
-    part: Part,
+    part: FramePart,
 ) -> wgpu::RenderPassDepthStencilAttachment<'_> {
     let load = if part.is_first { wgpu::LoadOp::Clear(0.0) } else { wgpu::LoadOp::Load };
     let store = if part.is_last { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
@@ -251,7 +251,7 @@ pub(super) fn texture(
         dimension: wgpu::TextureDimension::D2,
         format,
         usage,
-        view_formats: if format == STORED && context.has_views {
+        view_formats: if format == STORED_FORMAT && context.has_views {
             &[wgpu::TextureFormat::Rgba8UnormSrgb]
         } else {
             &[]

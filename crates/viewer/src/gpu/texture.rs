@@ -174,7 +174,7 @@ pub(super) fn texture(context: &Context, image: &Image, is_color: bool) -> wgpu:
     let most = context.device.limits().max_texture_dimension_2d as usize;
     let mut levels = vec![(image.width(), image.height(), image.pixels().to_vec())];
     while let Some((w, h, pixels)) = levels.last().filter(|(w, h, _)| w.max(h) > &1) {
-        levels.push(halved(*w, *h, pixels, is_color));
+        levels.push(next_mip_level(*w, *h, pixels, is_color));
     }
     levels.retain(|(w, h, pixels)| *w.max(h) <= most && !pixels.is_empty());
     if levels.is_empty() {
@@ -212,7 +212,7 @@ pub(super) fn texture(context: &Context, image: &Image, is_color: bool) -> wgpu:
 }
 
 /// Returns the next mip level: each pixel is the mean of four, taken in linear light for colours.
-fn halved(w: usize, h: usize, pixels: &[[u8; 4]], is_color: bool) -> (usize, usize, Vec<[u8; 4]>) {
+fn next_mip_level(w: usize, h: usize, pixels: &[[u8; 4]], is_color: bool) -> (usize, usize, Vec<[u8; 4]>) {
     let light: Vec<f32> = (0..=255u8).map(|b| linear_from_srgb(f32::from(b) / 255.0)).collect();
     let (width, height) = ((w / 2).max(1), (h / 2).max(1));
     let mut half = vec![[0u8; 4]; width * height];

@@ -9,7 +9,7 @@ use super::context::Context;
 
 /// Timestamps at the start and end of a render pass.
 pub(super) struct Timer {
-    moments: wgpu::QuerySet,
+    timestamps: wgpu::QuerySet,
     resolved: wgpu::Buffer,
     read: wgpu::Buffer,
 }
@@ -17,7 +17,7 @@ pub(super) struct Timer {
 /// Bytes of two timestamps.
 const BYTES: u64 = 16;
 /// Maximum wait for a device that may be lost.
-const PATIENCE: Duration = Duration::from_secs(60);
+const MAP_TIMEOUT: Duration = Duration::from_secs(60);
 
 impl Timer {
     /// Creates a timer; `None` if the adapter has no timestamps.
@@ -31,7 +31,7 @@ impl Timer {
             context.device.create_buffer(&descriptor)
         };
         Some(Self {
-            moments: context.device.create_query_set(&wgpu::QuerySetDescriptor {
+            timestamps: context.device.create_query_set(&wgpu::QuerySetDescriptor {
                 label: Some("moments"),
                 ty: wgpu::QueryType::Timestamp,
                 count: 2,
@@ -44,7 +44,7 @@ impl Timer {
     /// Returns the timestamp writes for a pass.
     pub(super) fn writes(&self) -> wgpu::RenderPassTimestampWrites<'_> {
         wgpu::RenderPassTimestampWrites {
-            query_set: &self.moments,
+            query_set: &self.timestamps,
             beginning_of_pass_write_index: Some(0),
             end_of_pass_write_index: Some(1),
         }
@@ -52,7 +52,7 @@ impl Timer {
 
     /// Copies the timestamps into a mappable buffer; call after the pass.
     pub(super) fn resolve(&self, encoder: &mut wgpu::CommandEncoder) {
-        encoder.resolve_query_set(&self.moments, 0..2, &self.resolved, 0);
+        encoder.resolve_query_set(&self.timestamps, 0..2, &self.resolved, 0);
         encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.read, 0, BYTES);
     }
 
@@ -66,7 +66,7 @@ impl Timer {
             context.device.poll(wgpu::PollType::Poll).ok()?;
             match receiver.try_recv() {
                 Ok(Ok(())) => break,
-                Err(TryRecvError::Empty) if begin.elapsed() < PATIENCE => {
+                Err(TryRecvError::Empty) if begin.elapsed() < MAP_TIMEOUT => {
                     std::thread::sleep(Duration::from_millis(1));
                 }
                 _ => return None,

@@ -5,16 +5,16 @@ use lodsmith_core::Bounds;
 use lodsmith_render::{Background, Camera, Lens, LightKind, Lighting, Look};
 
 /// Maximum number of lights in the shaders.
-pub(super) const LIGHTS_MAX: usize = 8;
+pub(super) const MAX_LIGHTS: usize = 8;
 /// Maximum number of colour map stops in the shaders.
-const STOPS_MAX: usize = 16;
+const MAX_COLOR_STOPS: usize = 16;
 /// Near plane distance, as a fraction of the distance from the eye to the target. Depth is stored as its
 /// inverse in floating point, whose relative precision is uniform, so this may be small.
-const NEAR: f64 = 1e-4;
+const NEAR_DISTANCE: f64 = 1e-4;
 
 /// View transform of the GPU: camera coordinates divided by the distance from the camera to its target.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct View {
+pub(super) struct ViewTransform {
     pub(super) view_from_world: DMat4,
     pub(super) clip_from_view: Mat4,
     /// Half-width and half-height of the picture: at distance 1 in a perspective view, at any distance in a
@@ -24,7 +24,7 @@ pub(super) struct View {
     unit: f64,
 }
 
-impl View {
+impl ViewTransform {
     /// Returns the view of a camera; `reach` is the largest distance from the eye that a parallel view must
     /// cover.
     pub(super) fn new(camera: &Camera, aspect: f64, reach: f64) -> Self {
@@ -40,7 +40,7 @@ impl View {
                     [x, 0.0, 0.0, 0.0],
                     [0.0, y, 0.0, 0.0],
                     [0.0, 0.0, 0.0, -1.0],
-                    [0.0, 0.0, NEAR, 0.0],
+                    [0.0, 0.0, NEAR_DISTANCE, 0.0],
                 ]);
                 (half, m, true)
             }
@@ -149,13 +149,13 @@ pub(super) struct Globals {
     /// In the order of [`super::marks::COLORS`].
     mark_colors: [[f32; 4]; 4],
     tints: [[f32; 4]; TINTS.len()],
-    stops: [[f32; 4]; STOPS_MAX],
-    lights: [GpuLight; LIGHTS_MAX],
+    stops: [[f32; 4]; MAX_COLOR_STOPS],
+    lights: [GpuLight; MAX_LIGHTS],
 }
 
 /// Input of [`Globals::new`].
-pub(super) struct Seen<'a> {
-    pub(super) view: &'a View,
+pub(super) struct GlobalsInput<'a> {
+    pub(super) view: &'a ViewTransform,
     pub(super) size: [u32; 2],
     pub(super) bounds: &'a Bounds,
     pub(super) look: &'a Look,
@@ -169,15 +169,15 @@ pub(super) struct Seen<'a> {
 }
 
 impl Globals {
-    pub(super) fn new(seen: &Seen<'_>) -> Self {
-        let Seen { view, bounds, look, lighting, .. } = *seen;
+    pub(super) fn new(seen: &GlobalsInput<'_>) -> Self {
+        let GlobalsInput { view, bounds, look, lighting, .. } = *seen;
         let axes = [DVec3::X, DVec3::Y, DVec3::Z]
             .map(|axis| view.view_from_world.transform_vector3(axis).normalize_or_zero());
-        let (centre, radius) = ball(bounds);
+        let (centre, radius) = bounding_sphere(bounds);
         let centre = view.view_from_world.transform_point3(centre);
         let radius = view.length(radius);
-        let lights = &lighting.lights[..lighting.lights.len().min(LIGHTS_MAX)];
-        let mut gpu_lights = [GpuLight { place: [0.0; 4], toward: [0.0; 4], color: [0.0; 4] }; LIGHTS_MAX];
+        let lights = &lighting.lights[..lighting.lights.len().min(MAX_LIGHTS)];
+        let mut gpu_lights = [GpuLight { place: [0.0; 4], toward: [0.0; 4], color: [0.0; 4] }; MAX_LIGHTS];
         for (gpu, light) in gpu_lights.iter_mut().zip(lights) {
             let turned = |v: Vec3| {
                 let v = v.as_dvec3();
@@ -187,32 +187,30 @@ impl Globals {
             let [r, g, b] = light.color;
             *gpu = match light.kind {
                 LightKind::Directional { to_light } => GpuLight {
-                    place: four(turned(to_light).normalize_or_zero(), 0.0),
+                    place: vec4_of(turned(to_light).normalize_or_zero(), 0.0),
                     toward: [0.0; 4],
                     color: [r, g, b, 0.0],
                 },
                 LightKind::Point { at } => {
-                    GpuLight { place: four(place(at), 1.0), toward: [0.0; 4], color: [r, g, b, 0.0] }
+                    GpuLight { place: vec4_of(place(at), 1.0), toward: [0.0; 4], color: [r, g, b, 0.0] }
                 }
                 LightKind::Spot { at, toward, half_angle_rad } => GpuLight {
-                    place: four(place(at), 2.0),
-                    toward: four(turned(toward - at).normalize_or_zero(), f64::from(half_angle_rad.cos())),
+                    place: vec4_of(place(at), 2.0),
+                    toward: vec4_of(turned(toward - at).normalize_or_zero(), f64::from(half_angle_rad.cos())),
                     // The outer fifth of the cone fades out.
                     color: [r, g, b, (0.8 * half_angle_rad).cos()],
                 },
             };
         }
         let map = look.color_map.stops();
-        let mut stops = [[0.0; 4]; STOPS_MAX];
+        let mut stops = [[0.0; 4]; MAX_COLOR_STOPS];
         for (gpu, [r, g, b]) in stops.iter_mut().zip(map) {
             *gpu = [*r, *g, *b, 1.0];
         }
         let [least, most] = seen.heat_range;
         let range = if most > least { (most - least).recip() } else { 0.0 };
         let behind = match seen.background {
-            Background::Surroundings { blurred } if seen.has_environment => {
-                1.0 + f32::from(u8::from(blurred))
-            }
+            Background::Environment { blurred } if seen.has_environment => 1.0 + f32::from(u8::from(blurred)),
             _ => 0.0,
         };
         let background = seen.background.edges().map_or([[0.0; 4]; 2], |edges| edges.map(opaque));
@@ -225,7 +223,7 @@ impl Globals {
         let below = view.view_from_world.transform_point3(below);
         Self {
             clip_from_view: view.clip_from_view.to_cols_array_2d(),
-            view_from_world_axes: axes.map(|a| four(a, 0.0)),
+            view_from_world_axes: axes.map(|a| vec4_of(a, 0.0)),
             picture: [w, h, f32::from(u8::from(view.perspective)), lights.len() as f32],
             ambient_above: opaque(lighting.ambient.above),
             ambient_below: opaque(lighting.ambient.below),
@@ -239,7 +237,7 @@ impl Globals {
             ],
             heat: [least, range, map.len() as f32, f32::from(u8::from(seen.has_matcap))],
             background,
-            ground: four(below, view.length(grid_step(ball(bounds).1))),
+            ground: vec4_of(below, view.length(grid_step(bounding_sphere(bounds).1))),
             marks: {
                 let [a, b, c] =
                     [look.borders, look.defects, seen.has_environment].map(|x| f32::from(u8::from(x)));
@@ -276,13 +274,13 @@ fn grid_step(radius: f64) -> f64 {
 }
 
 /// Returns the centre of a box and half its diagonal (1 if that is zero).
-pub(super) fn ball(bounds: &Bounds) -> (DVec3, f64) {
+pub(super) fn bounding_sphere(bounds: &Bounds) -> (DVec3, f64) {
     let [min, max] = [bounds.min, bounds.max].map(DVec3::from);
     let half = 0.5 * bounds.diagonal();
     (0.5 * min + 0.5 * max, if half > 0.0 { half } else { 1.0 })
 }
 
-fn four(v: DVec3, w: f64) -> [f32; 4] {
+fn vec4_of(v: DVec3, w: f64) -> [f32; 4] {
     [v.x as f32, v.y as f32, v.z as f32, w as f32]
 }
 

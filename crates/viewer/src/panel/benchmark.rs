@@ -2,16 +2,16 @@
 
 use eframe::egui::{self, Align, Layout, RichText, Ui, Vec2};
 
-use super::{Say, Scope, parts};
-use crate::benchmark::{HEADS, LEVELS, Table};
-use crate::job::Kind;
+use super::{PanelContext, UiRequest, parts};
+use crate::benchmark::{BENCHMARK_RATIOS, BenchmarkTable, COLUMN_HEADINGS};
+use crate::job::JobKind;
 use crate::keys::Action;
 use crate::theme::{number, weak};
 
 /// Draws the panel.
-pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
+pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let document = scope.document;
-    let is_running = document.is_busy(Kind::Benchmark);
+    let is_running = document.is_busy(JobKind::Benchmark);
     let table = document.benchmark_table();
     ui.horizontal(|ui| {
         if is_running {
@@ -22,7 +22,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
         } else {
             let tip = format!(
                 "Makes {} levels with the present method and draws each ({})",
-                LEVELS.len(),
+                BENCHMARK_RATIOS.len(),
                 Action::Benchmark.key()
             );
             let button = egui::Button::new("Measure times");
@@ -36,10 +36,10 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
             ("Copy as TSV", "Numbers alone, for spreadsheets", table.tsv()),
         ] {
             if ui.button(name).on_hover_text(tip).clicked() {
-                scope.says.push(Say::Copy(text));
+                scope.requests.push(UiRequest::Copy(text));
             }
         }
-        let missing = (LEVELS.len() + 1).saturating_sub(table.rows.len());
+        let missing = (BENCHMARK_RATIOS.len() + 1).saturating_sub(table.rows.len());
         if missing > 0 {
             let text = if is_running { "to come" } else { "were not measured" };
             ui.label(weak(ui, format!("{missing} {text}")));
@@ -50,15 +50,15 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
             ui.add(egui::Label::new(weak(ui, table.title()).small()).wrap().selectable(true));
             grid(ui, &table);
         }
-        None if document.original().is_none() => parts::nothing(ui, "open a file to measure times"),
-        None if is_running => parts::nothing(ui, "the first row comes soon"),
-        None => parts::nothing(ui, "nothing was measured yet"),
+        None if document.original().is_none() => parts::empty_note(ui, "open a file to measure times"),
+        None if is_running => parts::empty_note(ui, "the first row comes soon"),
+        None => parts::empty_note(ui, "nothing was measured yet"),
     }
 }
 
-fn grid(ui: &mut Ui, table: &Table) {
+fn grid(ui: &mut Ui, table: &BenchmarkTable) {
     ui.spacing_mut().interact_size.y = 18.0;
-    let width = ui.available_width() / HEADS.len() as f32;
+    let width = ui.available_width() / COLUMN_HEADINGS.len() as f32;
     let cell = |ui: &mut Ui, column: usize, text: RichText| {
         let align = if column == 0 {
             Layout::left_to_right(Align::Center)
@@ -78,7 +78,7 @@ fn grid(ui: &mut Ui, table: &Table) {
         });
     };
     ui.spacing_mut().item_spacing.y = 2.0;
-    let heads = HEADS.map(|head| weak(ui, head).small());
+    let heads = COLUMN_HEADINGS.map(|head| weak(ui, head).small());
     line(ui, heads.into());
     for row in &table.rows {
         line(ui, row.cells().map(number).into());

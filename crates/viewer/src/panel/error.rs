@@ -3,7 +3,7 @@
 use eframe::egui::{self, Color32, Rect, Sense, Ui, Vec2, pos2};
 use lodsmith_render::{ColorMap, Look, Shading};
 
-use super::{Scope, parts};
+use super::{PanelContext, parts};
 use crate::command::Command;
 use crate::content::Distances;
 use crate::keys::Action;
@@ -11,7 +11,7 @@ use crate::numbers::{seconds, significant};
 use crate::theme::{palette, weak};
 
 /// Draws the panel.
-pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
+pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let document = scope.document;
     let settings = document.settings();
     let mut is_heat = settings.look.look.shading == Shading::Heat;
@@ -27,11 +27,11 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
         scope.command(Command::Look(look));
     }
     let Some(original) = document.original() else {
-        parts::nothing(ui, "open a file first");
+        parts::empty_note(ui, "open a file first");
         return;
     };
     if document.lighter().is_none() {
-        parts::nothing(ui, "there is no result yet: drag the slider below");
+        parts::empty_note(ui, "there is no result yet: drag the slider below");
         return;
     }
     let Some(distances) = document.distances() else {
@@ -45,9 +45,9 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
         let share = if diagonal > 0.0 { 100.0 * d / diagonal } else { 0.0 };
         [significant(d, 3), format!("{} %", significant(share, 3))]
     };
-    parts::columns(ui, "Of vertices", &["units".into(), "diagonal".into()], true);
+    parts::table_row(ui, "Of vertices", &["units".into(), "diagonal".into()], true);
     for (name, d) in [("Largest", distances.largest), ("RMS", distances.rms), ("Mean", distances.mean)] {
-        parts::columns(ui, name, &both(d), false);
+        parts::table_row(ui, name, &both(d), false);
     }
     parts::heading(ui, "Histogram");
     histogram(ui, distances, &settings.look.look);
@@ -68,7 +68,7 @@ fn histogram(ui: &mut Ui, distances: &Distances, look: &Look) {
     let count = distances.histogram.len().max(1) as f32;
     let height = |n: u32| (f64::from(n) + 1.0).ln() as f32;
     let highest = distances.histogram.iter().copied().map(height).fold(1e-6, f32::max);
-    let [low, high] = ends(look, distances.largest);
+    let [low, high] = color_range(look, distances.largest);
     for (i, &n) in distances.histogram.iter().enumerate() {
         let at = (i as f32 + 0.5) / count * distances.largest as f32;
         let color = of_map(look.color_map, (at - low) / (high - low).max(1e-30));
@@ -94,11 +94,11 @@ fn histogram(ui: &mut Ui, distances: &Distances, look: &Look) {
 }
 
 /// Draws the field for the upper end of the colour range.
-fn range(ui: &mut Ui, scope: &mut Scope<'_>, distances: &Distances) {
+fn range(ui: &mut Ui, scope: &mut PanelContext<'_>, distances: &Distances) {
     let mut look = scope.document.settings().look.clone();
     let largest = distances.largest as f32;
     parts::field(ui, "Colours end at", "The value of the last colour; the largest by itself", |ui| {
-        let mut high = ends(&look.look, distances.largest)[1];
+        let mut high = color_range(&look.look, distances.largest)[1];
         let drag = egui::DragValue::new(&mut high).range(largest * 1e-4..=largest * 10.0);
         if ui.add(drag.speed(largest * 0.005).custom_formatter(|x, _| significant(x, 3))).changed() {
             look.look.heat_range = Some([0.0, high]);
@@ -114,7 +114,7 @@ fn range(ui: &mut Ui, scope: &mut Scope<'_>, distances: &Distances) {
 }
 
 /// Returns the range of the colour map.
-pub fn ends(look: &Look, largest: f64) -> [f32; 2] {
+pub fn color_range(look: &Look, largest: f64) -> [f32; 2] {
     look.heat_range.unwrap_or([0.0, largest as f32])
 }
 
@@ -147,7 +147,7 @@ pub fn legend(ui: &Ui, picture: Rect, look: &Look, distances: Option<&Distances>
             Rect::from_min_max(pos2(x, bar.top()), pos2(x + bar.width() / steps as f32 + 0.5, bar.bottom()));
         painter.rect_filled(part, 0.0, of_map(look.color_map, (i as f32 + 0.5) / steps as f32));
     }
-    let [low, high] = ends(look, distances.largest);
+    let [low, high] = color_range(look, distances.largest);
     let share = |x: f32| if diagonal > 0.0 { 100.0 * f64::from(x) / diagonal } else { 0.0 };
     let below = bar.bottom() + 4.0;
     let text = |at, align, text: String| painter.text(at, align, text, font.clone(), p.text);

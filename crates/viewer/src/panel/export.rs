@@ -13,7 +13,7 @@ use crate::theme::{palette, weak};
 
 /// Contents of the export dialog.
 #[derive(Clone, Debug)]
-pub struct Form {
+pub struct ExportForm {
     path: String,
     folder: String,
     format: Format,
@@ -24,7 +24,7 @@ pub struct Form {
 }
 
 /// State of the export dialog.
-pub enum Answer {
+pub enum ExportDialogState {
     /// Still open.
     Open,
     /// Cancelled.
@@ -47,7 +47,7 @@ const FORMATS: [(Format, &str); 6] = [
 const TEXTURES: [(Textures, &str); 3] =
     [(Textures::Copy, "copy"), (Textures::Link, "link"), (Textures::None, "none")];
 
-impl Form {
+impl ExportForm {
     /// Fills in the defaults: the format of the file, in its folder.
     pub fn new(original: &Path, format: Format) -> Self {
         let stem = original.file_stem().map_or("model".into(), |s| s.to_string_lossy());
@@ -95,15 +95,15 @@ impl Form {
     }
 
     /// Shows the dialog and returns its state.
-    pub fn show(&mut self, ctx: &egui::Context, document: &Document) -> Answer {
+    pub fn show(&mut self, ctx: &egui::Context, document: &Document) -> ExportDialogState {
         let modal = parts::modal(ctx, "export").show(ctx, |ui| self.form(ui, document));
         match modal.inner {
-            Answer::Open if modal.should_close() => Answer::Closed,
+            ExportDialogState::Open if modal.should_close() => ExportDialogState::Closed,
             answer => answer,
         }
     }
 
-    fn form(&mut self, ui: &mut Ui, document: &Document) -> Answer {
+    fn form(&mut self, ui: &mut Ui, document: &Document) -> ExportDialogState {
         ui.set_width((ui.ctx().content_rect().width() - 80.0).clamp(280.0, 520.0));
         ui.label(RichText::new("Export").heading());
         ui.add_space(4.0);
@@ -136,7 +136,7 @@ impl Form {
             let tip = "Materials and textures: copied beside the output, linked from there, or dropped";
             parts::choose(ui, "Textures", tip, &TEXTURES, &mut self.textures);
         }
-        let mut answer = Answer::Open;
+        let mut answer = ExportDialogState::Open;
         if self.is_all_levels {
             let tip = "Parts of the triangles, in percent; a file for each";
             parts::field(ui, "Levels, %", tip, |ui| {
@@ -157,7 +157,7 @@ impl Form {
             let response = ui.add(edit);
             response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::TextInput, true, "Export path"));
             if ui.button("Browse…").clicked() {
-                answer = Answer::Choose(self.is_all_levels, PathBuf::from(&*text));
+                answer = ExportDialogState::Choose(self.is_all_levels, PathBuf::from(&*text));
             }
             if response.changed() && !self.is_all_levels {
                 self.follow_ending();
@@ -175,11 +175,16 @@ impl Form {
             if write.clicked() || enter {
                 let levels = if self.is_all_levels { self.ratios().unwrap_or_default() } else { Vec::new() };
                 let (format, textures) = (self.format, self.textures);
-                answer =
-                    Answer::Write(Export { path: target, format, ascii: self.is_ascii, textures, levels });
+                answer = ExportDialogState::Write(Export {
+                    path: target,
+                    format,
+                    ascii: self.is_ascii,
+                    textures,
+                    levels,
+                });
             }
             if ui.button("Cancel").clicked() {
-                answer = Answer::Closed;
+                answer = ExportDialogState::Closed;
             }
         });
         answer

@@ -2,13 +2,13 @@
 
 use eframe::egui::{self, Ui};
 
-use super::{Say, Scope, parts};
+use super::{PanelContext, UiRequest, parts};
 use crate::command::Command;
 use crate::keys::Action;
 use crate::theme::weak;
 
 /// Draws the panel.
-pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
+pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     ui.horizontal(|ui| {
         let open = ui.button("Open…").on_hover_text(format!("Choose files ({})", Action::Open.key()));
         if open.clicked() {
@@ -27,7 +27,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     let settings = scope.document.settings();
     parts::heading(ui, "Open");
     if settings.files.is_empty() {
-        parts::nothing(ui, "no file yet");
+        parts::empty_note(ui, "no file yet");
     }
     for (i, file) in settings.files.clone().into_iter().enumerate() {
         let name = name(&file);
@@ -45,7 +45,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     for file in recent {
         let link = egui::Button::new(name(&file)).frame(false);
         if ui.add(link).on_hover_text(file.display().to_string()).clicked() {
-            scope.says.push(Say::OpenFile(file));
+            scope.requests.push(UiRequest::OpenFile(file));
         }
     }
     if let Some(path) = &scope.document.changed {

@@ -66,7 +66,7 @@ fn block(ui: &mut Ui, group: Group, title: &str) {
 /// Returns true if the line of another binding covers this one.
 fn is_repeated(action: Action) -> bool {
     match action {
-        Action::Keep(n) | Action::Recall(n) => n > 0,
+        Action::SaveCamera(n) | Action::RestoreCamera(n) => n > 0,
         Action::Orbit(x, y) | Action::TurnModel(x, y) => (x, y) != (-1, 0),
         Action::Copies(CopiesAction::Turn(n)) => n < 0,
         Action::Copies(CopiesAction::Scale(n)) => n > 0,
@@ -77,8 +77,8 @@ fn is_repeated(action: Action) -> bool {
 /// Merges several related bindings into one line.
 fn merged(action: Action, keys: String, name: &str) -> (String, String) {
     match action {
-        Action::Keep(_) => (format!("{keys} … 4"), "Keep the camera".to_owned()),
-        Action::Recall(_) => (format!("{keys} … 4"), "Back to a kept camera".to_owned()),
+        Action::SaveCamera(_) => (format!("{keys} … 4"), "Keep the camera".to_owned()),
+        Action::RestoreCamera(_) => (format!("{keys} … 4"), "Back to a kept camera".to_owned()),
         Action::Orbit(..) => ("Arrows".to_owned(), "Turn round the model".to_owned()),
         Action::TurnModel(..) => ("Alt+arrows".to_owned(), "Turn the model itself".to_owned()),
         Action::Copies(CopiesAction::Turn(_)) => {

@@ -3,10 +3,10 @@
 use eframe::egui::{self, Ui};
 use lodsmith_render::{ColorMap, Shading};
 
-use super::{Say, Scope, files, parts};
+use super::{PanelContext, UiRequest, files, parts};
 use crate::command::Command;
 use crate::keys::Action;
-use crate::settings::{Appearance, Around, Backdrop, Rig};
+use crate::settings::{Appearance, Backdrop, EnvironmentChoice, Rig};
 
 /// Shadings with their names, in the order of their keys.
 pub const SHADINGS: [(Shading, &str); 7] = [
@@ -20,11 +20,11 @@ pub const SHADINGS: [(Shading, &str); 7] = [
 ];
 
 /// Colour maps with their names.
-const MAPS: [(ColorMap, &str); 3] =
+const COLOR_MAPS: [(ColorMap, &str); 3] =
     [(ColorMap::Turbo, "Turbo"), (ColorMap::Viridis, "Viridis"), (ColorMap::Diverging, "Diverging")];
 
 /// Draws the panel.
-pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
+pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let before = scope.document.settings().look.clone();
     let mut all = before.clone();
     let look = &mut all.look;
@@ -77,8 +77,10 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     if parts::choose(ui, "Background", "", &Backdrop::ALL, &mut backdrop) {
         all.backdrop = backdrop;
         // A plain environment has no image to show as background.
-        if matches!(backdrop, Backdrop::Surroundings | Backdrop::Blurred) && all.around == Around::Plain {
-            all.around = Around::Auto;
+        if matches!(backdrop, Backdrop::Surroundings | Backdrop::Blurred)
+            && all.around == EnvironmentChoice::Plain
+        {
+            all.around = EnvironmentChoice::Auto;
         }
     }
     if let Backdrop::Color(color) = &mut all.backdrop {
@@ -88,66 +90,69 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
     }
     parts::switch(ui, "Ground grid", Some(Action::Ground), "A grid below the model", &mut all.ground);
     parts::choose(ui, "Light", "", &Rig::ALL, &mut all.rig);
-    around(ui, scope, &mut all.around);
+    environment_choice(ui, scope, &mut all.around);
     let mut brightness = f64::from(all.brightness);
     parts::slider(ui, "Brightness", "", &mut brightness, 0.2..=3.0);
     all.brightness = brightness as f32;
     if all.look.shading == Shading::Heat {
         parts::heading(ui, "Heat map");
-        parts::choose(ui, "Colours", "", &MAPS, &mut all.look.color_map);
+        parts::choose(ui, "Colours", "", &COLOR_MAPS, &mut all.look.color_map);
     }
-    own(ui, scope, &mut all);
+    user_files(ui, scope, &mut all);
     if all != before {
         scope.command(Command::Look(all));
     }
 }
 
 /// Draws the choice of the environment.
-fn around(ui: &mut Ui, scope: &mut Scope<'_>, around: &mut Around) {
+fn environment_choice(ui: &mut Ui, scope: &mut PanelContext<'_>, around: &mut EnvironmentChoice) {
     let tip = "What materials mirror and are lit by beside the lights: a picture of all directions (HDR, PNG, JPEG), \
         twice as wide as high, is read again when it changes";
-    let tip = &format!("{tip}. By the model: a studio where it has metal ({} changes)", Action::Around.key());
+    let tip = &format!(
+        "{tip}. By the model: a studio where it has metal ({} changes)",
+        Action::NextEnvironment.key()
+    );
     let names = [(0, "By the model"), (1, "Plain"), (2, "Studio"), (3, "A picture")];
     let before = match around {
-        Around::Auto => 0,
-        Around::Plain => 1,
-        Around::Studio => 2,
-        Around::File(_) => 3,
+        EnvironmentChoice::Auto => 0,
+        EnvironmentChoice::Plain => 1,
+        EnvironmentChoice::Studio => 2,
+        EnvironmentChoice::File(_) => 3,
     };
     let mut chosen = before;
     parts::choose(ui, "Surroundings", tip, &names, &mut chosen);
     match chosen {
         _ if chosen == before => {}
-        0 => *around = Around::Auto,
-        1 => *around = Around::Plain,
-        2 => *around = Around::Studio,
-        _ => scope.says.push(Say::ChooseAround),
+        0 => *around = EnvironmentChoice::Auto,
+        1 => *around = EnvironmentChoice::Plain,
+        2 => *around = EnvironmentChoice::Studio,
+        _ => scope.requests.push(UiRequest::ChooseEnvironment),
     }
     if let Some(path) = around.file() {
         parts::field(ui, "", tip, |ui| {
             if ui.add(egui::Button::new(files::name(path)).truncate()).clicked() {
-                scope.says.push(Say::ChooseAround);
+                scope.requests.push(UiRequest::ChooseEnvironment);
             }
         });
     }
 }
 
 /// Draws the choice of the user's own files: matcap and shader.
-fn own(ui: &mut Ui, scope: &mut Scope<'_>, all: &mut Appearance) {
+fn user_files(ui: &mut Ui, scope: &mut PanelContext<'_>, all: &mut Appearance) {
     parts::heading(ui, "Of your own");
     let tip = "A picture of a lit ball (PNG, JPEG): read again when it changes";
-    parts::field(ui, "Matcap", tip, |ui| file(ui, &mut all.matcap, Say::ChooseMatcap, scope));
+    parts::field(ui, "Matcap", tip, |ui| file(ui, &mut all.matcap, UiRequest::ChooseMatcap, scope));
     let tip = "A WGSL file with `fn surface(at: Surface) -> vec4<f32>`, a linear colour: read again when it changes";
-    parts::field(ui, "Shader", tip, |ui| file(ui, &mut all.shader, Say::ChooseShader, scope));
+    parts::field(ui, "Shader", tip, |ui| file(ui, &mut all.shader, UiRequest::ChooseShader, scope));
     if let Some(error) = &scope.facts.shader_error {
-        parts::told(ui, crate::log::Level::Error, error);
+        parts::log_line(ui, crate::log::Severity::Error, error);
     }
 }
 
-fn file(ui: &mut Ui, path: &mut Option<std::path::PathBuf>, choose: Say, scope: &mut Scope<'_>) {
+fn file(ui: &mut Ui, path: &mut Option<std::path::PathBuf>, choose: UiRequest, scope: &mut PanelContext<'_>) {
     let text = path.as_deref().map_or("built in".to_owned(), files::name);
     if ui.button(text).clicked() {
-        scope.says.push(choose);
+        scope.requests.push(choose);
     }
     if path.is_some() && ui.button("×").on_hover_text("The built-in one").clicked() {
         *path = None;

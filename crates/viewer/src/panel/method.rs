@@ -3,7 +3,7 @@
 use eframe::egui::{CollapsingHeader, Ui};
 use lodsmith::{Measure, Method, MethodOptions};
 
-use super::{Scope, parts};
+use super::{PanelContext, parts};
 use crate::command::Command;
 use crate::words::{BORDERS, FITS, NORMALS, PLACEMENTS, PRESETS, Simplification, TOPOLOGIES};
 
@@ -25,7 +25,7 @@ const METHODS: [(Method, &str); 10] = [
 ];
 
 /// Draws the panel.
-pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
+pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let before = &scope.document.settings().simplify;
     let mut how = before.clone();
     edit(ui, &mut how);
@@ -45,10 +45,10 @@ fn edit(ui: &mut Ui, how: &mut Simplification) {
     let said = |method: Method| METHODS.iter().find(|m| m.0 == method).map_or("", |m| m.1);
     if parts::choose(ui, "Method", said(o.method), &names, &mut o.method) {
         // Options of the previous method are an error for another one.
-        o.of_method = MethodOptions::default();
+        o.method_options = MethodOptions::default();
     }
     ui.label(crate::theme::weak(ui, said(o.method)).small());
-    of_method(ui, o.method, &mut o.of_method);
+    of_method(ui, o.method, &mut o.method_options);
     parts::choose(
         ui,
         "Placement",

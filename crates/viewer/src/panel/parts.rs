@@ -5,11 +5,11 @@ use lodsmith::Length;
 
 use super::Panel;
 use crate::keys::Action;
-use crate::theme::{self, STEP, number, palette, weak};
+use crate::theme::{self, SPACING, number, palette, weak};
 use crate::words::{length_of, length_text};
 
 /// Width of the label before a field.
-const LABEL: f32 = 104.0;
+const LABEL_WIDTH: f32 = 104.0;
 
 /// Draws a section of a dock: heading with key and close button, and body. Returns true if it was closed.
 pub fn section(ui: &mut Ui, panel: Panel, body: impl FnOnce(&mut Ui)) -> bool {
@@ -41,12 +41,12 @@ pub fn section(ui: &mut Ui, panel: Panel, body: impl FnOnce(&mut Ui)) -> bool {
 
 /// Draws a heading within a section.
 pub fn heading(ui: &mut Ui, text: &str) {
-    ui.add_space(STEP);
+    ui.add_space(SPACING);
     ui.label(weak(ui, text.to_uppercase()).small());
 }
 
 /// Draws a name and a right-aligned value.
-pub fn fact(ui: &mut Ui, name: &str, value: impl Into<String>) -> Response {
+pub fn value_row(ui: &mut Ui, name: &str, value: impl Into<String>) -> Response {
     ui.horizontal(|ui| {
         ui.label(weak(ui, name));
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| ui.label(number(value))).inner
@@ -55,11 +55,11 @@ pub fn fact(ui: &mut Ui, name: &str, value: impl Into<String>) -> Response {
 }
 
 /// Draws a row of a table: a name and right-aligned columns; `head` marks the row of column headings.
-pub fn columns(ui: &mut Ui, name: &str, values: &[String], head: bool) {
+pub fn table_row(ui: &mut Ui, name: &str, values: &[String], head: bool) {
     ui.horizontal(|ui| {
         ui.label(weak(ui, name));
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-            ui.spacing_mut().item_spacing.x = STEP;
+            ui.spacing_mut().item_spacing.x = SPACING;
             for value in values.iter().rev() {
                 let text = if head { weak(ui, value.clone()).small() } else { number(value.clone()) };
                 let size = Vec2::new(84.0, 18.0);
@@ -75,7 +75,7 @@ pub fn columns(ui: &mut Ui, name: &str, values: &[String], head: bool) {
 /// Draws a label and a field after it.
 pub fn field<R>(ui: &mut Ui, name: &str, tip: &str, add: impl FnOnce(&mut Ui) -> R) -> R {
     ui.horizontal(|ui| {
-        let size = Vec2::new(LABEL, ui.spacing().interact_size.y);
+        let size = Vec2::new(LABEL_WIDTH, ui.spacing().interact_size.y);
         ui.allocate_ui_with_layout(size, Layout::left_to_right(Align::Center), |ui| {
             ui.set_min_size(size);
             let label = ui.add(egui::Label::new(weak(ui, name)).sense(Sense::hover()));
@@ -186,11 +186,11 @@ pub fn optional_length(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<Le
         "{tip}\n\nA number in the units of the file, or percent of the diagonal such as 0.1%. Empty: off."
     );
     field(ui, name, &tip, |ui| {
-        if let Some(typed) = typed(ui, name, &now, "off", ui.available_width(), |t| {
+        if let Some(typed) = text_field(ui, name, &now, "off", ui.available_width(), |t| {
             t.trim().is_empty() || length_of(t).is_some()
         }) {
             let new =
-                length_of(&typed).filter(|l| !matches!(l, Length::Units(0.0) | Length::OfDiagonal(0.0)));
+                length_of(&text_field).filter(|l| !matches!(l, Length::Units(0.0) | Length::OfDiagonal(0.0)));
             changed = new != *value;
             *value = new;
         }
@@ -199,7 +199,7 @@ pub fn optional_length(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<Le
 }
 
 /// Draws a text field that returns its text when it loses focus or Enter is pressed; invalid text is red.
-pub fn typed(
+pub fn text_field(
     ui: &mut Ui,
     name: &str,
     now: &str,
@@ -213,7 +213,7 @@ pub fn typed(
     let good = is_good(&text);
     let mut edit = egui::TextEdit::singleline(&mut text)
         .id(id)
-        .desired_width(width - 2.0 * STEP)
+        .desired_width(width - 2.0 * SPACING)
         .hint_text(hint)
         .font(egui::TextStyle::Monospace);
     if !good {
@@ -259,19 +259,19 @@ pub fn primary(ui: &mut Ui, text: &str) -> Response {
 }
 
 /// Draws a log message in the colour of its level.
-pub fn told(ui: &mut Ui, level: crate::log::Level, text: &str) {
-    use crate::log::Level;
+pub fn log_line(ui: &mut Ui, level: crate::log::Severity, text: &str) {
+    use crate::log::Severity;
     let p = palette(ui);
     let color = match level {
-        Level::Good => p.good,
-        Level::Note => p.weak,
-        Level::Warning => p.warning,
-        Level::Error => p.error,
+        Severity::Good => p.good,
+        Severity::Note => p.weak,
+        Severity::Warning => p.warning,
+        Severity::Error => p.error,
     };
     ui.horizontal_top(|ui| {
         let (dot, _) = ui.allocate_exact_size(Vec2::new(8.0, 16.0), Sense::hover());
         ui.painter().circle_filled(dot.center(), 3.5, color);
-        let color = if matches!(level, Level::Note | Level::Good) { p.text } else { color };
+        let color = if matches!(level, Severity::Note | Severity::Good) { p.text } else { color };
         ui.add(egui::Label::new(RichText::new(text).color(color)).wrap().selectable(true));
     });
 }
@@ -287,6 +287,6 @@ pub fn color(ui: &mut Ui, color: &mut [f32; 3]) -> bool {
 }
 
 /// Draws the text of an empty panel.
-pub fn nothing(ui: &mut Ui, text: &str) {
+pub fn empty_note(ui: &mut Ui, text: &str) {
     ui.label(theme::weak(ui, text).italics());
 }

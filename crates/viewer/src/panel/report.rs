@@ -3,60 +3,60 @@
 use eframe::egui::Ui;
 use lodsmith::{Change, Proposal, Report};
 
-use super::{Say, Scope, parts};
+use super::{PanelContext, UiRequest, parts};
 use crate::command::Command;
 use crate::content::Lighter;
 use crate::keys::Action;
-use crate::log::Level;
+use crate::log::Severity;
 use crate::numbers::{grouped, percent, seconds, significant};
 use crate::words::{BORDERS, PLACEMENTS, Simplification, TOPOLOGIES, length_text, quoted, word};
 
 /// Draws the panel.
-pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
+pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let Some(shown) = scope.document.lighter() else {
-        parts::nothing(ui, "nothing was simplified yet: drag the slider below");
+        parts::empty_note(ui, "nothing was simplified yet: drag the slider below");
         return;
     };
     let lighter = shown.content.clone();
     let Some(r) = &lighter.report else { return level(ui, scope, &lighter) };
     let stopped = r.stopped_by.name().replace('_', " ");
     match r.reached {
-        true => parts::told(ui, Level::Good, &format!("target reached, stopped by {stopped}")),
-        false => parts::told(ui, Level::Warning, &format!("target not reached, stopped by {stopped}")),
+        true => parts::log_line(ui, Severity::Good, &format!("target reached, stopped by {stopped}")),
+        false => parts::log_line(ui, Severity::Warning, &format!("target not reached, stopped by {stopped}")),
     }
-    parts::fact(ui, "Faces", format!("{} → {}", grouped(r.input_faces), grouped(r.faces)));
-    parts::fact(ui, "Vertices", format!("{} → {}", grouped(r.input_vertices), grouped(r.vertices)));
-    parts::fact(ui, "Left", percent(r.faces as f64 / r.input_faces.max(1) as f64));
+    parts::value_row(ui, "Faces", format!("{} → {}", grouped(r.input_faces), grouped(r.faces)));
+    parts::value_row(ui, "Vertices", format!("{} → {}", grouped(r.input_vertices), grouped(r.vertices)));
+    parts::value_row(ui, "Left", percent(r.faces as f64 / r.input_faces.max(1) as f64));
     let share = |d: f64| match r.error.diagonal {
         diagonal if diagonal > 0.0 => format!("{} %", significant(100.0 * d / diagonal, 3)),
         _ => "-".to_owned(),
     };
     match &r.error.measured {
-        None => _ = parts::fact(ui, "RMS error, estimated", share(r.error.estimate)),
+        None => _ = parts::value_row(ui, "RMS error, estimated", share(r.error.estimate)),
         Some(m) => {
-            parts::fact(ui, "RMS error, measured", share(m.rms.symmetric));
-            parts::fact(ui, "Largest, measured", share(m.hausdorff.symmetric));
+            parts::value_row(ui, "RMS error, measured", share(m.rms.symmetric));
+            parts::value_row(ui, "Largest, measured", share(m.hausdorff.symmetric));
         }
     }
     if let Some(bound) = r.error.bound {
-        parts::fact(ui, "Largest, proven", share(bound));
+        parts::value_row(ui, "Largest, proven", share(bound));
     }
-    parts::fact(ui, "Time", seconds(lighter.seconds));
+    parts::value_row(ui, "Time", seconds(lighter.seconds));
     more(ui, r);
     for warning in &lighter.warnings {
-        parts::told(ui, Level::Warning, warning);
+        parts::log_line(ui, Severity::Warning, warning);
     }
     if lighter.counts.len() > 1 {
         parts::heading(ui, "Meshes");
         for (mesh, m) in lighter.model.meshes.iter().zip(&lighter.counts) {
-            parts::fact(ui, &mesh.name, format!("{} → {}", grouped(m.input_faces), grouped(m.faces)));
+            parts::value_row(ui, &mesh.name, format!("{} → {}", grouped(m.input_faces), grouped(m.faces)));
         }
     }
     if !r.refusals.is_empty() {
         parts::heading(ui, "Refused");
         for (refusal, count) in &r.refusals {
             let name = refusal.name().replace('_', " ");
-            parts::fact(ui, &name, grouped(usize::try_from(*count).unwrap_or(usize::MAX)));
+            parts::value_row(ui, &name, grouped(usize::try_from(*count).unwrap_or(usize::MAX)));
         }
     }
     if !r.proposals.is_empty() {
@@ -69,25 +69,31 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
 }
 
 /// Draws the figures of a preview level, for which there was no run.
-fn level(ui: &mut Ui, scope: &mut Scope<'_>, lighter: &Lighter) {
+fn level(ui: &mut Ui, scope: &mut PanelContext<'_>, lighter: &Lighter) {
     let Some(original) = scope.document.original().map(|o| o.content.clone()) else { return };
     let what = "a level of the progressive mesh";
-    match scope.document.is_behind() {
-        true => parts::told(ui, Level::Note, &format!("{what}; the exact run follows")),
-        false => parts::told(ui, Level::Warning, &format!("{what}; the exact run did not come to its end")),
+    match scope.document.is_outdated() {
+        true => parts::log_line(ui, Severity::Note, &format!("{what}; the exact run follows")),
+        false => {
+            parts::log_line(ui, Severity::Warning, &format!("{what}; the exact run did not come to its end"))
+        }
     }
-    parts::fact(ui, "Faces", format!("{} → {}", grouped(original.faces), grouped(lighter.faces)));
-    parts::fact(ui, "Vertices", format!("{} → {}", grouped(original.vertices), grouped(lighter.vertices)));
-    parts::fact(ui, "Left", percent(lighter.faces as f64 / original.faces.max(1) as f64));
+    parts::value_row(ui, "Faces", format!("{} → {}", grouped(original.faces), grouped(lighter.faces)));
+    parts::value_row(
+        ui,
+        "Vertices",
+        format!("{} → {}", grouped(original.vertices), grouped(lighter.vertices)),
+    );
+    parts::value_row(ui, "Left", percent(lighter.faces as f64 / original.faces.max(1) as f64));
     let diagonal = original.bounds.diagonal();
     let share = if diagonal > 0.0 { 100.0 * lighter.error() / diagonal } else { 0.0 };
-    parts::fact(ui, "RMS error, estimated", format!("{} %", significant(share, 3)));
-    parts::fact(ui, "Time", seconds(lighter.seconds));
+    parts::value_row(ui, "RMS error, estimated", format!("{} %", significant(share, 3)));
+    parts::value_row(ui, "Time", seconds(lighter.seconds));
     command(ui, scope);
 }
 
 /// Draws the equivalent command line, to be copied.
-fn command(ui: &mut Ui, scope: &mut Scope<'_>) {
+fn command(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     parts::heading(ui, "Command line");
     let line = command_line(scope.document.settings());
     ui.horizontal_wrapped(|ui| {
@@ -95,7 +101,7 @@ fn command(ui: &mut Ui, scope: &mut Scope<'_>) {
     });
     let tip = format!("Into the clipboard ({})", Action::CopyCommand.key());
     if ui.button("Copy").on_hover_text(tip).clicked() {
-        scope.says.push(Say::Copy(line));
+        scope.requests.push(UiRequest::Copy(line));
     }
 }
 
@@ -112,12 +118,12 @@ fn more(ui: &mut Ui, r: &Report) {
         ("Non-finite faces dropped", c.non_finite_faces),
     ];
     for (name, count) in all.into_iter().filter(|x| x.1 > 0) {
-        parts::fact(ui, name, grouped(count));
+        parts::value_row(ui, name, grouped(count));
     }
 }
 
 /// Draws a proposal for a run that did not reach its target, with a button if it can be applied.
-fn propose(ui: &mut Ui, scope: &mut Scope<'_>, proposal: &Proposal) {
+fn propose(ui: &mut Ui, scope: &mut PanelContext<'_>, proposal: &Proposal) {
     let words: Vec<_> = proposal.changes.iter().map(change_text).collect();
     let mut how = scope.document.settings().simplify.clone();
     let can_do = proposal.changes.iter().all(|change| apply(*change, &mut how));
@@ -149,7 +155,7 @@ fn apply(change: Change, how: &mut Simplification) -> bool {
         Change::Border(to) => options.border = to,
         Change::Topology(to) => options.topology = to,
         Change::Placement(to) => options.placement = to,
-        Change::Pairs(distance) => options.of_method.pairs = Some(distance),
+        Change::Pairs(distance) => options.method_options.pairs = Some(distance),
         Change::MaxNormal => options.guards.max_normal_deg = None,
         Change::MinQuality => options.guards.min_quality = None,
         Change::MaxValence => options.guards.max_valence = None,
@@ -170,7 +176,7 @@ pub fn command_line(settings: &crate::settings::Settings) -> String {
     let ending = if is_written { ending } else { "glb".into() };
     words.extend(["-o".to_owned(), format!("{stem}_low.{ending}")]);
     words.extend(settings.simplify.words());
-    if !settings.simplify.has_end() && settings.simplify.options.stop.ratio.is_none() {
+    if !settings.simplify.has_target() && settings.simplify.options.stop.ratio.is_none() {
         words.extend(["--ratio".to_owned(), "1".to_owned()]);
     }
     words.iter().map(|w| quoted(w)).collect::<Vec<_>>().join(" ")

@@ -2,19 +2,19 @@
 
 use eframe::egui::{self, Sense, Ui, Vec2};
 
-use super::{Say, Scope, parts};
+use super::{PanelContext, UiRequest, parts};
 use crate::command::Command;
 use crate::keys::{Action, CopiesAction};
 use crate::numbers::{grouped, seconds, significant};
-use crate::stage::picture::color_of;
+use crate::stage::picture::level_color;
 use crate::stage::scatter::Scatter;
-use crate::stage::{MOST, Placement, SCALES, StageChange, View};
+use crate::stage::{MAX_COPIES, Placement, SCALE_RANGE, StageChange, StageDisplay};
 use crate::theme::{palette, weak};
 
 /// Draws the panel.
-pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
+pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     if scope.document.original().is_none() {
-        return parts::nothing(ui, "open a file to place copies of it");
+        return parts::empty_note(ui, "open a file to place copies of it");
     }
     let Some(stage) = scope.document.stage() else {
         ui.label(weak(ui, "Copies of the model on a ground, each in the level for its distance."));
@@ -24,7 +24,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
         }
         return;
     };
-    let (copies, view) = (scope.document.copies_now(), stage.view);
+    let (copies, view) = (scope.document.current_placements(), stage.view);
     let scatter = scope.facts.stage.form.unwrap_or(stage.scatter);
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
@@ -58,13 +58,13 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
 }
 
 /// Draws a button of an action, with its key in the tooltip.
-fn button(ui: &mut Ui, scope: &mut Scope<'_>, action: Action, text: &str, tip: &str, is_chosen: bool) {
+fn button(ui: &mut Ui, scope: &mut PanelContext<'_>, action: Action, text: &str, tip: &str, is_chosen: bool) {
     if parts::segment(ui, text, is_chosen, &format!("{tip} ({})", action.key())) {
         scope.action(action);
     }
 }
 
-fn scatter_fields(ui: &mut Ui, scope: &mut Scope<'_>, before: Scatter) {
+fn scatter_fields(ui: &mut Ui, scope: &mut PanelContext<'_>, before: Scatter) {
     parts::heading(ui, "Scatter");
     let mut s = before;
     let number = |ui: &mut Ui, name: &str, add: egui::DragValue<'_>| {
@@ -72,7 +72,7 @@ fn scatter_fields(ui: &mut Ui, scope: &mut Scope<'_>, before: Scatter) {
         let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
     };
     parts::field(ui, "Copies", "How many", |ui| {
-        number(ui, "Copies to scatter", egui::DragValue::new(&mut s.count).range(1..=MOST).speed(2));
+        number(ui, "Copies to scatter", egui::DragValue::new(&mut s.count).range(1..=MAX_COPIES).speed(2));
     });
     parts::field(ui, "Seed", "Another number scatters in another way", |ui| {
         number(ui, "Seed", egui::DragValue::new(&mut s.seed).speed(0.1));
@@ -106,17 +106,17 @@ fn scatter_fields(ui: &mut Ui, scope: &mut Scope<'_>, before: Scatter) {
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         if parts::primary(ui, "Scatter").on_hover_text("The same numbers place the same copies").clicked() {
-            scope.says.push(Say::Scatter(s));
+            scope.requests.push(UiRequest::Scatter(s));
         }
         let again = Action::Copies(CopiesAction::Scatter);
         button(ui, scope, again, "In another way", "With the next seed", false);
     });
     if s != before {
-        scope.says.push(Say::ScatterForm(s));
+        scope.requests.push(UiRequest::ScatterForm(s));
     }
 }
 
-fn chosen(ui: &mut Ui, scope: &mut Scope<'_>, copies: &[Placement]) {
+fn chosen(ui: &mut Ui, scope: &mut PanelContext<'_>, copies: &[Placement]) {
     let selected = scope.facts.stage.selected.clone();
     parts::heading(ui, "Chosen copies");
     ui.horizontal(|ui| {
@@ -158,7 +158,7 @@ fn chosen(ui: &mut Ui, scope: &mut Scope<'_>, copies: &[Placement]) {
     });
     let tip = format!("Of the model ({})", keys(CopiesAction::Scale(-1), CopiesAction::Scale(1)));
     parts::field(ui, "Scale", &tip, |ui| {
-        let drag = egui::DragValue::new(&mut one.scale).range(SCALES).speed(0.01).max_decimals(3);
+        let drag = egui::DragValue::new(&mut one.scale).range(SCALE_RANGE).speed(0.01).max_decimals(3);
         let response = ui.add(drag);
         let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Scale of the copy"));
     });
@@ -176,11 +176,11 @@ fn chosen(ui: &mut Ui, scope: &mut Scope<'_>, copies: &[Placement]) {
     }
 }
 
-fn scope_length(scope: &Scope<'_>) -> f64 {
+fn scope_length(scope: &PanelContext<'_>) -> f64 {
     scope.document.stage_base().map_or(1.0, |b| b.length())
 }
 
-fn levels(ui: &mut Ui, scope: &mut Scope<'_>, before: View) {
+fn levels(ui: &mut Ui, scope: &mut PanelContext<'_>, before: StageDisplay) {
     parts::heading(ui, "Levels");
     let mut view = before;
     let tip = "Pixels that the RMS error of a level may cover on the screen: it is switched there";
@@ -201,9 +201,9 @@ fn levels(ui: &mut Ui, scope: &mut Scope<'_>, before: View) {
     parts::switch(ui, "A colour for each", colors, "Which level stands where", &mut view.has_level_colors);
     let facts = &scope.facts.stage;
     if scope.document.awaits_levels() {
-        parts::nothing(ui, "levels are being made…");
+        parts::empty_note(ui, "levels are being made…");
     } else if !facts.levels.is_empty() {
-        parts::columns(ui, "Level, faces", &["from".into(), "copies".into()], true);
+        parts::table_row(ui, "Level, faces", &["from".into(), "copies".into()], true);
         let spacing = std::mem::take(&mut ui.spacing_mut().item_spacing.y);
         for (k, level) in facts.levels.iter().enumerate() {
             ui.horizontal(|ui| {
@@ -211,23 +211,23 @@ fn levels(ui: &mut Ui, scope: &mut Scope<'_>, before: View) {
                 if view.has_level_colors {
                     let dot = egui::Rect::from_center_size(dot.center(), Vec2::splat(8.0));
                     let line = egui::Stroke::new(1.0, palette(ui).weak);
-                    ui.painter().rect(dot, 2.0, color_of(k), line, egui::StrokeKind::Inside);
+                    ui.painter().rect(dot, 2.0, level_color(k), line, egui::StrokeKind::Inside);
                 }
                 let name = grouped(usize::try_from(level.faces).unwrap_or(usize::MAX));
                 let from = if k == 0 { "0".to_owned() } else { significant(level.distance, 3) };
-                parts::columns(ui, &format!("{k}  {name}"), &[from, grouped(level.copies)], false);
+                parts::table_row(ui, &format!("{k}  {name}"), &[from, grouped(level.copies)], false);
             });
         }
         ui.spacing_mut().item_spacing.y = spacing;
         let triangles = grouped(usize::try_from(facts.chosen.triangles).unwrap_or(usize::MAX));
-        parts::fact(ui, "Triangles in sight", triangles);
+        parts::value_row(ui, "Triangles in sight", triangles);
         let allowed = format!("{} px", significant(facts.chosen.pixels, 2));
-        parts::fact(ui, "Switching error", allowed)
+        parts::value_row(ui, "Switching error", allowed)
             .on_hover_text("What the budget allows, and with room in it what is asked for above");
         if facts.chosen.left_out > 0 {
-            parts::fact(ui, "Left out, over the budget", grouped(facts.chosen.left_out));
+            parts::value_row(ui, "Left out, over the budget", grouped(facts.chosen.left_out));
         }
-        parts::fact(ui, "Our part of it", seconds(facts.secs)).on_hover_text(format!(
+        parts::value_row(ui, "Our part of it", seconds(facts.secs)).on_hover_text(format!(
             "to choose levels and have them drawn; longest: {}",
             seconds(facts.longest_secs)
         ));

@@ -2,8 +2,8 @@
 
 use eframe::egui::{self, Rect, Sense, Ui, Vec2, pos2};
 
-use super::{Scope, parts};
-use crate::command::{Command, Target};
+use super::{PanelContext, parts};
+use crate::command::{Command, SimplifyTarget};
 use crate::keys::Action;
 use crate::numbers::{count_of, grouped, percent, significant};
 use crate::settings::Settings;
@@ -47,7 +47,7 @@ impl Unit {
 
 /// Size of the original.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Whole {
+pub struct OriginalSize {
     /// Number of triangles.
     pub faces: usize,
     /// Number of vertices.
@@ -57,107 +57,113 @@ pub struct Whole {
 }
 
 /// Smallest number of triangles of the slider: a tetrahedron.
-const LEAST: f64 = 4.0;
+const MIN_FACES: f64 = 4.0;
 /// Smallest and largest error of the slider, as fractions of the diagonal.
-const ERRORS: [f64; 2] = [1e-5, 0.1];
+const ERROR_RANGE: [f64; 2] = [1e-5, 0.1];
 
-impl Whole {
+impl OriginalSize {
     /// Returns the target at a position of the slider, from 0 (fewest faces) to 1 (all).
-    pub fn target(&self, unit: Unit, at: f64) -> Target {
+    pub fn target(&self, unit: Unit, at: f64) -> SimplifyTarget {
         if at >= 1.0 {
-            return Target::Original;
+            return SimplifyTarget::Original;
         }
         let at = at.max(0.0);
         let between = |all: usize| {
-            let all = (all as f64).max(LEAST);
-            LEAST * (all / LEAST).powf(at)
+            let all = (all as f64).max(MIN_FACES);
+            MIN_FACES * (all / MIN_FACES).powf(at)
         };
         match unit {
-            Unit::Faces => Target::Faces(between(self.faces).round() as usize),
-            Unit::Vertices => Target::Vertices(between(self.vertices).round() as usize),
+            Unit::Faces => SimplifyTarget::Faces(between(self.faces).round() as usize),
+            Unit::Vertices => SimplifyTarget::Vertices(between(self.vertices).round() as usize),
             Unit::Percent => {
                 // More than three digits are hard to read.
-                let ratio = between(self.faces) / (self.faces as f64).max(LEAST);
-                Target::Ratio(rounded(ratio).clamp(1e-9, 1.0))
+                let ratio = between(self.faces) / (self.faces as f64).max(MIN_FACES);
+                SimplifyTarget::Ratio(rounded(ratio).clamp(1e-9, 1.0))
             }
-            Unit::Error => Target::Error(rounded(ERRORS[1] * (ERRORS[0] / ERRORS[1]).powf(at))),
+            Unit::Error => {
+                SimplifyTarget::Error(rounded(ERROR_RANGE[1] * (ERROR_RANGE[0] / ERROR_RANGE[1]).powf(at)))
+            }
         }
     }
 
     /// Returns the position of a number of triangles.
-    pub fn place_of_faces(&self, faces: f64) -> f64 {
-        place(faces, self.faces as f64)
+    pub fn slider_position_of_faces(&self, faces: f64) -> f64 {
+        slider_position(faces, self.faces as f64)
     }
 
     /// Returns the position of the target in the settings.
-    pub fn place(&self, settings: &Settings) -> f64 {
+    pub fn slider_position(&self, settings: &Settings) -> f64 {
         let stop = &settings.simplify.options.stop;
         if let Some(n) = stop.faces {
-            place(n as f64, self.faces as f64)
+            slider_position(n as f64, self.faces as f64)
         } else if let Some(n) = stop.vertices {
-            place(n as f64, self.vertices as f64)
+            slider_position(n as f64, self.vertices as f64)
         } else if let Some(r) = stop.ratio {
-            place(r * self.faces as f64, self.faces as f64)
+            slider_position(r * self.faces as f64, self.faces as f64)
         } else if let Some(error) = stop.error {
             let share = error.in_units(self.diagonal) / self.diagonal.max(1e-300);
-            ((share / ERRORS[1]).ln() / (ERRORS[0] / ERRORS[1]).ln()).clamp(0.0, 1.0)
+            ((share / ERROR_RANGE[1]).ln() / (ERROR_RANGE[0] / ERROR_RANGE[1]).ln()).clamp(0.0, 1.0)
         } else {
             1.0
         }
     }
 
     /// Returns the target times a factor.
-    pub fn scaled(&self, settings: &Settings, shown: usize, factor: f64) -> Target {
+    pub fn scaled(&self, settings: &Settings, shown: usize, factor: f64) -> SimplifyTarget {
         let stop = &settings.simplify.options.stop;
         if let Some(error) = stop.error {
             let share = error.in_units(self.diagonal) / self.diagonal.max(1e-300);
-            return Target::Error((share / factor).clamp(1e-9, 1.0));
+            return SimplifyTarget::Error((share / factor).clamp(1e-9, 1.0));
         }
         let times = |n: f64, all: usize| {
-            let wanted = (n * factor).max(LEAST);
+            let wanted = (n * factor).max(MIN_FACES);
             // A change by less than one would be rounded away.
-            let wanted = if factor < 1.0 { wanted.min(n - 1.0).max(LEAST) } else { wanted.max(n + 1.0) };
+            let wanted = if factor < 1.0 { wanted.min(n - 1.0).max(MIN_FACES) } else { wanted.max(n + 1.0) };
             (wanted < all as f64).then(|| wanted.round() as usize)
         };
         if let Some(n) = stop.vertices {
-            return times(n as f64, self.vertices).map_or(Target::Original, Target::Vertices);
+            return times(n as f64, self.vertices).map_or(SimplifyTarget::Original, SimplifyTarget::Vertices);
         }
         if let Some(r) = stop.ratio {
             let ratio = r * factor;
-            return if ratio < 1.0 { Target::Ratio(ratio.max(1e-9)) } else { Target::Original };
+            return if ratio < 1.0 {
+                SimplifyTarget::Ratio(ratio.max(1e-9))
+            } else {
+                SimplifyTarget::Original
+            };
         }
         let from = stop.faces.map_or(shown as f64, |n| n as f64);
-        times(from, self.faces).map_or(Target::Original, Target::Faces)
+        times(from, self.faces).map_or(SimplifyTarget::Original, SimplifyTarget::Faces)
     }
 
     /// Parses a typed target.
-    pub fn typed(&self, unit: Unit, text: &str) -> Option<Target> {
+    pub fn typed(&self, unit: Unit, text: &str) -> Option<SimplifyTarget> {
         let number =
             || text.trim().trim_end_matches('%').trim().parse::<f64>().ok().filter(|x| x.is_finite());
         match unit {
             Unit::Faces => count_of(text).filter(|&n| n > 0).map(|n| match n < self.faces {
-                true => Target::Faces(n),
-                false => Target::Original,
+                true => SimplifyTarget::Faces(n),
+                false => SimplifyTarget::Original,
             }),
             Unit::Vertices => count_of(text).filter(|&n| n > 0).map(|n| match n < self.vertices {
-                true => Target::Vertices(n),
-                false => Target::Original,
+                true => SimplifyTarget::Vertices(n),
+                false => SimplifyTarget::Original,
             }),
             Unit::Percent => number().filter(|&p| p > 0.0).map(|p| match p < 100.0 {
-                true => Target::Ratio(p / 100.0),
-                false => Target::Original,
+                true => SimplifyTarget::Ratio(p / 100.0),
+                false => SimplifyTarget::Original,
             }),
-            Unit::Error => number().filter(|&p| p > 0.0).map(|p| Target::Error(p / 100.0)),
+            Unit::Error => number().filter(|&p| p > 0.0).map(|p| SimplifyTarget::Error(p / 100.0)),
         }
     }
 }
 
-fn place(n: f64, all: f64) -> f64 {
-    let all = all.max(LEAST);
-    if all <= LEAST {
+fn slider_position(n: f64, all: f64) -> f64 {
+    let all = all.max(MIN_FACES);
+    if all <= MIN_FACES {
         return 1.0;
     }
-    ((n.max(LEAST) / LEAST).ln() / (all / LEAST).ln()).clamp(0.0, 1.0)
+    ((n.max(MIN_FACES) / MIN_FACES).ln() / (all / MIN_FACES).ln()).clamp(0.0, 1.0)
 }
 
 /// Rounds to three significant digits.
@@ -166,7 +172,7 @@ fn rounded(x: f64) -> f64 {
 }
 
 /// Formats the target of the settings.
-pub fn text_of(settings: &Settings, whole: &Whole, unit: Unit) -> String {
+pub fn text_of(settings: &Settings, whole: &OriginalSize, unit: Unit) -> String {
     let stop = &settings.simplify.options.stop;
     match unit {
         Unit::Faces => grouped(stop.faces.unwrap_or(whole.faces)),
@@ -180,10 +186,10 @@ pub fn text_of(settings: &Settings, whole: &Whole, unit: Unit) -> String {
 }
 
 /// Draws the bar under the pictures. Returns the chosen unit.
-pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) -> Unit {
+pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) -> Unit {
     let document = scope.document;
     let mut unit = scope.facts.unit;
-    let whole = document.original().map(|o| Whole {
+    let whole = document.original().map(|o| OriginalSize {
         faces: o.content.faces,
         vertices: o.content.vertices,
         diagonal: o.content.bounds.diagonal(),
@@ -199,7 +205,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) -> Unit {
         if let Some(whole) = &whole {
             let now = text_of(document.settings(), whole, unit);
             let is_good = |t: &str| whole.typed(unit, t).is_some();
-            if let Some(text) = parts::typed(ui, "Target", &now, "", 120.0, is_good)
+            if let Some(text) = parts::text_field(ui, "Target", &now, "", 120.0, is_good)
                 && let Some(target) = whole.typed(unit, &text)
             {
                 scope.command(Command::Target(target));
@@ -213,7 +219,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) -> Unit {
 }
 
 /// Draws the toggle for automatic levels by distance, with the allowed error in pixels.
-fn by_distance(ui: &mut Ui, scope: &mut Scope<'_>) {
+fn by_distance(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let before = scope.document.settings().auto_lod;
     let mut auto = before;
     ui.add_space(8.0);
@@ -231,10 +237,10 @@ fn by_distance(ui: &mut Ui, scope: &mut Scope<'_>) {
 }
 
 /// Draws the progress of the current job, or the face count of the result.
-fn status(ui: &mut Ui, scope: &mut Scope<'_>) {
+fn status(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let document = scope.document;
     let restore = format!("Back to the original ({})", Action::Restore.key());
-    let can_restore = document.settings().simplify.has_end();
+    let can_restore = document.settings().simplify.has_target();
     if ui.add_enabled(can_restore, egui::Button::new("Restore")).on_hover_text(restore).clicked() {
         scope.action(Action::Restore);
     }
@@ -258,7 +264,7 @@ fn status(ui: &mut Ui, scope: &mut Scope<'_>) {
     } else if let Some(original) = document.original() {
         ui.label(weak(ui, format!("{} faces: the original", grouped(original.content.faces))));
     }
-    if let Some(road) = document.road_progress() {
+    if let Some(road) = document.preview_progress() {
         ui.add_space(8.0);
         let text = format!("Preparing the slider: {}", percent(f64::from(road.done)));
         let tip = "A progressive mesh is being made: from then on the result follows at once while you drag";
@@ -267,7 +273,7 @@ fn status(ui: &mut Ui, scope: &mut Scope<'_>) {
 }
 
 /// Tick marks of the slider, in percent of the faces.
-const MARKS: [(f64, &str); 9] = [
+const PERCENT_TICKS: [(f64, &str); 9] = [
     (1.0, "100 %"),
     (0.5, "50"),
     (0.25, "25"),
@@ -279,13 +285,13 @@ const MARKS: [(f64, &str); 9] = [
     (0.00001, "0.001"),
 ];
 
-fn slider(ui: &mut Ui, scope: &mut Scope<'_>, whole: Option<&Whole>, unit: Unit) {
+fn slider(ui: &mut Ui, scope: &mut PanelContext<'_>, whole: Option<&OriginalSize>, unit: Unit) {
     let size = Vec2::new(ui.available_width(), 40.0);
     let (rect, mut response) = ui.allocate_exact_size(size, Sense::click_and_drag());
     let rail =
         Rect::from_min_max(rect.min + Vec2::new(10.0, 10.0), pos2(rect.right() - 10.0, rect.top() + 16.0));
     let settings = scope.document.settings();
-    let at = whole.map_or(1.0, |w| w.place(settings));
+    let at = whole.map_or(1.0, |w| w.slider_position(settings));
     let p = palette(ui);
     let enabled = ui.is_enabled();
     let painter = ui.painter();
@@ -299,15 +305,18 @@ fn slider(ui: &mut Ui, scope: &mut Scope<'_>, whole: Option<&Whole>, unit: Unit)
         let marks: Vec<(f64, String)> = match unit {
             Unit::Error => [10.0, 1.0, 0.1, 0.01, 0.001]
                 .map(|p: f64| {
-                    (((p / 100.0 / ERRORS[1]).ln() / (ERRORS[0] / ERRORS[1]).ln()), format!("{p} %"))
+                    (
+                        ((p / 100.0 / ERROR_RANGE[1]).ln() / (ERROR_RANGE[0] / ERROR_RANGE[1]).ln()),
+                        format!("{p} %"),
+                    )
                 })
                 .into_iter()
                 .rev()
                 .collect(),
-            _ => MARKS
+            _ => PERCENT_TICKS
                 .iter()
-                .filter(|m| m.0 * whole.faces as f64 >= LEAST)
-                .map(|m| (whole.place_of_faces(m.0 * whole.faces as f64), m.1.to_owned()))
+                .filter(|m| m.0 * whole.faces as f64 >= MIN_FACES)
+                .map(|m| (whole.slider_position_of_faces(m.0 * whole.faces as f64), m.1.to_owned()))
                 .collect(),
         };
         for (place, text) in marks {
@@ -322,7 +331,7 @@ fn slider(ui: &mut Ui, scope: &mut Scope<'_>, whole: Option<&Whole>, unit: Unit)
         }
         // Mark of the result, if it differs from the target.
         if let Some(lighter) = scope.document.lighter() {
-            let x = x_of(whole.place_of_faces(lighter.content.faces as f64));
+            let x = x_of(whole.slider_position_of_faces(lighter.content.faces as f64));
             if unit == Unit::Error || (x - x_of(at)).abs() > 3.0 {
                 let mark = [
                     pos2(x, rail.top() - 1.0),
@@ -363,7 +372,7 @@ fn slider(ui: &mut Ui, scope: &mut Scope<'_>, whole: Option<&Whole>, unit: Unit)
 mod tests {
     use super::*;
 
-    const WHOLE: Whole = Whole { faces: 100_000, vertices: 50_000, diagonal: 2.0 };
+    const WHOLE: OriginalSize = OriginalSize { faces: 100_000, vertices: 50_000, diagonal: 2.0 };
 
     #[test]
     fn a_place_is_that_of_its_target() {
@@ -371,7 +380,7 @@ mod tests {
             for at in [0.0, 0.3, 0.7, 0.95, 1.0] {
                 let mut settings = Settings::default();
                 Command::Target(WHOLE.target(unit, at)).apply(&mut settings);
-                let got = WHOLE.place(&settings);
+                let got = WHOLE.slider_position(&settings);
                 assert!((got - at).abs() < 0.02, "{unit:?} {at}: {got}");
             }
         }
@@ -379,10 +388,10 @@ mod tests {
 
     #[test]
     fn what_is_typed_is_meant() {
-        assert_eq!(WHOLE.typed(Unit::Faces, "6,945"), Some(Target::Faces(6945)));
-        assert_eq!(WHOLE.typed(Unit::Faces, "1M"), Some(Target::Original));
-        assert_eq!(WHOLE.typed(Unit::Percent, "10 %"), Some(Target::Ratio(0.1)));
-        assert_eq!(WHOLE.typed(Unit::Error, "0.5"), Some(Target::Error(0.005)));
+        assert_eq!(WHOLE.typed(Unit::Faces, "6,945"), Some(SimplifyTarget::Faces(6945)));
+        assert_eq!(WHOLE.typed(Unit::Faces, "1M"), Some(SimplifyTarget::Original));
+        assert_eq!(WHOLE.typed(Unit::Percent, "10 %"), Some(SimplifyTarget::Ratio(0.1)));
+        assert_eq!(WHOLE.typed(Unit::Error, "0.5"), Some(SimplifyTarget::Error(0.005)));
         for (unit, _) in Unit::ALL {
             for bad in ["", "x", "0", "-3", "nan"] {
                 assert_eq!(WHOLE.typed(unit, bad), None, "{unit:?} {bad}");
@@ -401,7 +410,7 @@ mod tests {
         for _ in 0..2000 {
             let next = WHOLE.scaled(&settings, 4, 1.03);
             Command::Target(next).apply(&mut settings);
-            if next == Target::Original {
+            if next == SimplifyTarget::Original {
                 return;
             }
         }

@@ -5,29 +5,29 @@ mod keyframes;
 use eframe::egui::{self, Rangef, Rect, Response, Sense, Stroke, Ui, Vec2, pos2};
 use lodsmith_core::Model;
 
-use super::{Scope, parts};
+use super::{PanelContext, parts};
 use crate::command::Command;
 use crate::document::Document;
 use crate::keys::Action;
-use crate::playback::{Playback, SPEEDS, clip_names, keyframes as of_clip};
+use crate::playback::{Playback, SPEED_RANGE, clip_names, keyframes as of_clip};
 use crate::stage::motion::Mover;
 use crate::theme::palette;
 
 /// Width of the names before the lanes.
-const NAMES: f32 = 128.0;
-const RULER: f32 = 26.0;
-const LANE: f32 = 20.0;
+const NAME_WIDTH: f32 = 128.0;
+const RULER_HEIGHT: f32 = 26.0;
+const LANE_HEIGHT: f32 = 20.0;
 /// Space for half a knob beyond both ends.
 const MARGIN: f32 = 8.0;
 /// Smallest distance between two ticks of the ruler, in points.
-const MARK_POINTS: f64 = 64.0;
+const MIN_TICK_DISTANCE: f64 = 64.0;
 
 /// Number of visible lanes; further ones are scrolled to.
-const LANES: usize = 6;
+const MAX_VISIBLE_LANES: usize = 6;
 
 /// An animated object: a lane under the ruler.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Track {
+pub struct TimelineTrack {
     /// Name of the object.
     pub name: String,
     /// Times of its keyframes in seconds, ascending.
@@ -37,13 +37,17 @@ pub struct Track {
 }
 
 /// Returns all lanes from top to bottom.
-fn tracks(document: &Document, model: &Model, playback: &Playback) -> Vec<Track> {
+fn tracks(document: &Document, model: &Model, playback: &Playback) -> Vec<TimelineTrack> {
     let clip = playback.clip.filter(|c| *c < model.animations.len());
     let from_file =
-        |c| Track { name: clip_names(model).swap_remove(c), keys: of_clip(model, c), mover: None };
-    let mut all: Vec<Track> = clip.map(from_file).into_iter().collect();
+        |c| TimelineTrack { name: clip_names(model).swap_remove(c), keys: of_clip(model, c), mover: None };
+    let mut all: Vec<TimelineTrack> = clip.map(from_file).into_iter().collect();
     if let Some(stage) = document.stage() {
-        let of = |name: String, mover| Track { name, keys: stage.motion.moments(mover), mover: Some(mover) };
+        let of = |name: String, mover| TimelineTrack {
+            name,
+            keys: stage.motion.moments(mover),
+            mover: Some(mover),
+        };
         all.push(of("Camera".to_owned(), Mover::Camera));
         all.extend(stage.motion.copies.keys().map(|n| of(format!("Copy {}", n + 1), Mover::Copy(*n))));
     }
@@ -52,45 +56,45 @@ fn tracks(document: &Document, model: &Model, playback: &Playback) -> Vec<Track>
 
 /// Mapping between time and horizontal position, for the ruler and all lanes.
 #[derive(Clone, Copy, Debug)]
-pub struct Scale {
+pub struct TimeScale {
     /// Horizontal range on the screen.
-    pub reach: Rangef,
+    pub x_range: Rangef,
     /// Length in seconds.
     pub length: f64,
 }
 
-impl Scale {
+impl TimeScale {
     /// Returns the position of a time.
     pub fn x_of(&self, seconds: f64) -> f32 {
         let share = if self.length > 0.0 { (seconds / self.length).clamp(0.0, 1.0) } else { 0.0 };
-        self.reach.min + self.reach.span() * share as f32
+        self.x_range.min + self.x_range.span() * share as f32
     }
 
     /// Returns the time at a position, clamped to the ruler.
     pub fn seconds_at(&self, x: f32) -> f64 {
-        let share = f64::from((x - self.reach.min) / self.reach.span().max(1.0)).clamp(0.0, 1.0);
+        let share = f64::from((x - self.x_range.min) / self.x_range.span().max(1.0)).clamp(0.0, 1.0);
         share * self.length
     }
 
     /// Returns the seconds between two ticks: 1, 2 or 5 times a power of ten.
     fn step(&self) -> f64 {
-        let least = MARK_POINTS * self.length / f64::from(self.reach.span().max(1.0));
+        let least = MIN_TICK_DISTANCE * self.length / f64::from(self.x_range.span().max(1.0));
         let power = 10f64.powf(least.max(1e-6).log10().floor());
         [1.0, 2.0, 5.0].map(|n| n * power).into_iter().find(|s| *s >= least).unwrap_or(10.0 * power)
     }
 }
 
 /// Draws the panel.
-pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
+pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let document = scope.document;
     let Some(original) = document.original() else {
-        parts::nothing(ui, "open a file to see what moves in it");
+        parts::empty_note(ui, "open a file to see what moves in it");
         return;
     };
     let model = original.content.model();
     if model.animations.is_empty() && document.stage().is_none() {
         let text = "nothing moves in this file: animations come with glTF and GLB; copies on the stage take keyframes";
-        parts::nothing(ui, text);
+        parts::empty_note(ui, text);
         return;
     }
     let before = document.settings().playback;
@@ -104,7 +108,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>) {
 }
 
 /// Draws the playback controls: play, step, clip, looping, speed, time.
-fn transport(ui: &mut Ui, scope: &mut Scope<'_>, model: &Model, playback: &mut Playback) {
+fn transport(ui: &mut Ui, scope: &mut PanelContext<'_>, model: &Model, playback: &mut Playback) {
     let tip = |action: Action, text: &str| format!("{text} ({})", action.key());
     let is_playing = scope.document.is_playing();
     let (name, text) =
@@ -114,7 +118,7 @@ fn transport(ui: &mut Ui, scope: &mut Scope<'_>, model: &Model, playback: &mut P
         scope.action(Action::Play);
     }
     for (action, name, text) in [
-        (Action::ToBegin, "|<", "To the begin"),
+        (Action::GoToStart, "|<", "To the begin"),
         (Action::StepTime(-1), "<", "A step back"),
         (Action::StepTime(1), ">", "A step further"),
     ] {
@@ -134,7 +138,8 @@ fn transport(ui: &mut Ui, scope: &mut Scope<'_>, model: &Model, playback: &mut P
     }
     ui.add_space(8.0);
     let mut speed = playback.speed;
-    let drag = egui::DragValue::new(&mut speed).range(SPEEDS[0]..=SPEEDS[1]).speed(0.01).max_decimals(2);
+    let drag =
+        egui::DragValue::new(&mut speed).range(SPEED_RANGE[0]..=SPEED_RANGE[1]).speed(0.01).max_decimals(2);
     let keys = format!("{} and {}", Action::Speed(-1).key(), Action::Speed(1).key());
     let response =
         ui.add(drag.suffix(" ×")).on_hover_text(format!("Times as fast ({keys} halve and double)"));
@@ -147,7 +152,7 @@ fn transport(ui: &mut Ui, scope: &mut Scope<'_>, model: &Model, playback: &mut P
         keyframes::length(ui, scope, length);
         let is_good = |t: &str| seconds_of(t).is_some();
         let now = format!("{:.2}", playback.moment(length));
-        if let Some(text) = parts::typed(ui, "Moment", &now, "", 72.0, is_good)
+        if let Some(text) = parts::text_field(ui, "Moment", &now, "", 72.0, is_good)
             && let Some(seconds) = seconds_of(&text)
         {
             *playback = playback.at(length, seconds);
@@ -182,22 +187,24 @@ fn seconds_of(text: &str) -> Option<f64> {
 }
 
 /// Draws the ruler, a lane for each track, and the time line across all of them.
-fn lanes(ui: &mut Ui, scope: &mut Scope<'_>, model: &Model, playback: &mut Playback) {
+fn lanes(ui: &mut Ui, scope: &mut PanelContext<'_>, model: &Model, playback: &mut Playback) {
     let tracks = tracks(scope.document, model, playback);
     let length = scope.document.timeline_secs();
-    let (ruler, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), RULER), Sense::hover());
-    let reach = Rangef::new(ruler.left() + NAMES + MARGIN, ruler.right() - MARGIN);
-    let scale = Scale { reach, length };
+    let (ruler, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), RULER_HEIGHT), Sense::hover());
+    let reach = Rangef::new(ruler.left() + NAME_WIDTH + MARGIN, ruler.right() - MARGIN);
+    let scale = TimeScale { x_range: reach, length };
     let (moment, p) = (playback.moment(length), palette(ui));
-    let ruler = Rect::from_min_max(pos2(ruler.left() + NAMES, ruler.top()), ruler.max);
+    let ruler = Rect::from_min_max(pos2(ruler.left() + NAME_WIDTH, ruler.top()), ruler.max);
     let response = scrub(ui, ruler, &scale, moment);
     marks(ui, ruler, &scale);
     ui.spacing_mut().item_spacing.y = 0.0;
-    let shown = tracks.len().clamp(1, LANES) as f32;
-    let area = egui::ScrollArea::vertical().max_height(LANE * shown).min_scrolled_height(LANE * shown);
-    let seen = area.auto_shrink([false, true]).show_rows(ui, LANE, tracks.len().max(1), |ui, rows| {
+    let shown = tracks.len().clamp(1, MAX_VISIBLE_LANES) as f32;
+    let area =
+        egui::ScrollArea::vertical().max_height(LANE_HEIGHT * shown).min_scrolled_height(LANE_HEIGHT * shown);
+    let seen = area.auto_shrink([false, true]).show_rows(ui, LANE_HEIGHT, tracks.len().max(1), |ui, rows| {
         for track in rows.map(|row| tracks.get(row)) {
-            let (rect, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), LANE), Sense::hover());
+            let (rect, _) =
+                ui.allocate_exact_size(Vec2::new(ui.available_width(), LANE_HEIGHT), Sense::hover());
             if let Some(track) = track {
                 lane(ui, rect, &scale, track);
                 keyframes::lane(ui, scope, rect, &scale, track, playback);
@@ -223,7 +230,7 @@ fn lanes(ui: &mut Ui, scope: &mut Scope<'_>, model: &Model, playback: &mut Playb
 }
 
 /// Makes the ruler draggable.
-fn scrub(ui: &Ui, ruler: Rect, scale: &Scale, moment: f64) -> Response {
+fn scrub(ui: &Ui, ruler: Rect, scale: &TimeScale, moment: f64) -> Response {
     let is_enabled = scale.length > 0.0;
     let sense = if is_enabled { Sense::click_and_drag() } else { Sense::hover() };
     let response = ui.interact(ruler, ui.scope_id().with("ruler"), sense);
@@ -231,11 +238,11 @@ fn scrub(ui: &Ui, ruler: Rect, scale: &Scale, moment: f64) -> Response {
     response.on_hover_cursor(if is_enabled { egui::CursorIcon::ResizeHorizontal } else { Default::default() })
 }
 
-fn marks(ui: &Ui, ruler: Rect, scale: &Scale) {
+fn marks(ui: &Ui, ruler: Rect, scale: &TimeScale) {
     let p = palette(ui);
     let painter = ui.painter_at(ruler);
     let font = egui::TextStyle::Small.resolve(ui.style());
-    painter.hline(scale.reach, ruler.bottom() - 0.5, Stroke::new(1.0, p.line));
+    painter.hline(scale.x_range, ruler.bottom() - 0.5, Stroke::new(1.0, p.line));
     if scale.length <= 0.0 {
         painter.text(ruler.left_center(), egui::Align2::LEFT_CENTER, "nothing moves", font, p.weak);
         return;
@@ -254,15 +261,15 @@ fn marks(ui: &Ui, ruler: Rect, scale: &Scale) {
 }
 
 /// Draws the name of a track, and a mark for each keyframe of a clip.
-fn lane(ui: &Ui, rect: Rect, scale: &Scale, track: &Track) {
+fn lane(ui: &Ui, rect: Rect, scale: &TimeScale, track: &TimelineTrack) {
     let p = palette(ui);
     let painter = ui.painter_at(rect);
     let font = egui::TextStyle::Body.resolve(ui.style());
     let mut job = egui::text::LayoutJob::simple_singleline(track.name.clone(), font, p.text);
-    job.wrap = egui::text::TextWrapping::truncate_at_width(NAMES - 8.0);
+    job.wrap = egui::text::TextWrapping::truncate_at_width(NAME_WIDTH - 8.0);
     let galley = painter.layout_job(job);
     painter.galley(pos2(rect.left(), rect.center().y - galley.size().y / 2.0), galley, p.text);
-    let bed = Rect::from_x_y_ranges(scale.reach, rect.top() + 4.0..=rect.bottom() - 4.0);
+    let bed = Rect::from_x_y_ranges(scale.x_range, rect.top() + 4.0..=rect.bottom() - 4.0);
     painter.rect_filled(bed.expand2(Vec2::new(MARGIN, 0.0)), 3.0, p.sunken);
     if track.mover.is_some() {
         return;
@@ -285,12 +292,12 @@ mod tests {
 
     #[test]
     fn a_moment_is_where_its_place_is() {
-        let scale = Scale { reach: Rangef::new(100.0, 500.0), length: 2.0 };
+        let scale = TimeScale { x_range: Rangef::new(100.0, 500.0), length: 2.0 };
         for seconds in [0.0, 0.3, 1.0, 2.0] {
             assert!((scale.seconds_at(scale.x_of(seconds)) - seconds).abs() < 1e-6);
         }
         assert_eq!([scale.seconds_at(0.0), scale.seconds_at(900.0)], [0.0, 2.0]);
-        let nothing = Scale { length: 0.0, ..scale };
+        let nothing = TimeScale { length: 0.0, ..scale };
         assert_eq!((nothing.x_of(1.0), nothing.seconds_at(300.0)), (100.0, 0.0));
     }
 
@@ -299,7 +306,7 @@ mod tests {
         for (length, points, wanted) in
             [(2.0, 400.0, 0.5), (2.0, 1300.0, 0.1), (70.0, 640.0, 10.0), (0.04, 128.0, 0.02)]
         {
-            let scale = Scale { reach: Rangef::new(0.0, points), length };
+            let scale = TimeScale { x_range: Rangef::new(0.0, points), length };
             assert!((scale.step() - wanted).abs() < 1e-9, "{length} {points}: {}", scale.step());
         }
     }

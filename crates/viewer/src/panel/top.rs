@@ -2,14 +2,14 @@
 
 use eframe::egui::{self, RichText, Ui};
 
-use super::{Panel, Scope, look::SHADINGS, parts};
+use super::{Panel, PanelContext, look::SHADINGS, parts};
 use crate::command::Command;
 use crate::keys::{Action, CopiesAction};
 use crate::settings::{Layout, Sides};
 use crate::theme::{palette, weak};
 
 /// Draws the bar. `is_shown` returns whether a panel is shown.
-pub fn show(ui: &mut Ui, scope: &mut Scope<'_>, is_shown: &dyn Fn(Panel) -> bool) {
+pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>, is_shown: &dyn Fn(Panel) -> bool) {
     ui.horizontal_centered(|ui| {
         ui.label(RichText::new("Lodsmith").strong().size(15.0).color(palette(ui).accent));
         ui.add_space(8.0);
@@ -36,7 +36,7 @@ pub fn show(ui: &mut Ui, scope: &mut Scope<'_>, is_shown: &dyn Fn(Panel) -> bool
     });
 }
 
-fn menus(ui: &mut Ui, scope: &mut Scope<'_>, is_shown: &dyn Fn(Panel) -> bool) {
+fn menus(ui: &mut Ui, scope: &mut PanelContext<'_>, is_shown: &dyn Fn(Panel) -> bool) {
     let has_file = scope.document.original().is_some();
     let (undo, redo) = scope.document.history();
     ui.menu_button("File", |ui| {
@@ -63,7 +63,7 @@ fn menus(ui: &mut Ui, scope: &mut Scope<'_>, is_shown: &dyn Fn(Panel) -> bool) {
             scope,
             Action::Restore,
             "Restore the original",
-            scope.document.settings().simplify.has_end(),
+            scope.document.settings().simplify.has_target(),
         );
     });
     ui.menu_button("View", |ui| {
@@ -73,14 +73,14 @@ fn menus(ui: &mut Ui, scope: &mut Scope<'_>, is_shown: &dyn Fn(Panel) -> bool) {
         ui.separator();
         for n in 0..4 {
             let is_kept = scope.document.settings().cameras[n].is_some();
-            item(ui, scope, Action::Recall(n), &format!("Camera {}", n + 1), is_kept);
+            item(ui, scope, Action::RestoreCamera(n), &format!("Camera {}", n + 1), is_kept);
         }
         ui.separator();
         for n in 0..4 {
-            item(ui, scope, Action::Keep(n), &format!("Keep as camera {}", n + 1), has_file);
+            item(ui, scope, Action::SaveCamera(n), &format!("Keep as camera {}", n + 1), has_file);
         }
         ui.separator();
-        item(ui, scope, Action::TurnBack, "Turn the model back", has_file);
+        item(ui, scope, Action::ResetRotation, "Turn the model back", has_file);
     });
     stage_menu(ui, scope, has_file);
     ui.menu_button("Panels", |ui| {
@@ -97,7 +97,7 @@ fn menus(ui: &mut Ui, scope: &mut Scope<'_>, is_shown: &dyn Fn(Panel) -> bool) {
     });
 }
 
-fn stage_menu(ui: &mut Ui, scope: &mut Scope<'_>, has_file: bool) {
+fn stage_menu(ui: &mut Ui, scope: &mut PanelContext<'_>, has_file: bool) {
     let is_on = scope.document.stage().is_some();
     let has_copies = is_on && !scope.document.settings().stage.copies.is_empty();
     let has_chosen = is_on && !scope.facts.stage.selected.is_empty();
@@ -121,7 +121,7 @@ fn stage_menu(ui: &mut Ui, scope: &mut Scope<'_>, has_file: bool) {
     });
 }
 
-fn item(ui: &mut Ui, scope: &mut Scope<'_>, action: Action, text: &str, is_enabled: bool) {
+fn item(ui: &mut Ui, scope: &mut PanelContext<'_>, action: Action, text: &str, is_enabled: bool) {
     let button = egui::Button::new(text).shortcut_text(action.key()).min_size(egui::vec2(220.0, 24.0));
     if ui.add_enabled(is_enabled, button).clicked() {
         scope.action(action);
@@ -129,7 +129,7 @@ fn item(ui: &mut Ui, scope: &mut Scope<'_>, action: Action, text: &str, is_enabl
     }
 }
 
-fn sides(ui: &mut Ui, scope: &mut Scope<'_>) {
+fn sides(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let layout = scope.document.settings().layout;
     ui.spacing_mut().item_spacing.x = 4.0;
     let key = Action::NextSides.key();
@@ -144,7 +144,7 @@ fn sides(ui: &mut Ui, scope: &mut Scope<'_>) {
     }
 }
 
-fn shading(ui: &mut Ui, scope: &mut Scope<'_>) {
+fn shading(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let settings = scope.document.settings();
     let mut look = settings.look.clone();
     let shown = SHADINGS.iter().find(|s| s.0 == look.look.shading).map_or("", |s| s.1);

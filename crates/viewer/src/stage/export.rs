@@ -7,15 +7,15 @@ use anyhow::{Context as _, bail};
 use glam::{DQuat, DVec3};
 use lodsmith::Screen;
 use lodsmith_core::TriMesh;
-use lodsmith_io::gltf::{CopyPlace, MovingNode, Scene, SceneLens, SceneLevels, SceneMotion};
+use lodsmith_io::gltf::{CopyPlace, MovingNode, Scene, SceneCamera, SceneLevels, SceneMotion};
 use lodsmith_io::{Format, ModelSource, ReadOptions, WriteOptions};
 
-use super::motion::{Channels, Keyed, Motion};
-use super::{Base, Copies, Placement};
+use super::motion::{ChannelNodes, KeyframeValue, Motion};
+use super::{Copies, ModelBase, Placement};
 use crate::content::{Lighter, Original, placed_meshes};
 use crate::document::level_ratios;
 use crate::export::{Written, embed};
-use crate::job::Watch;
+use crate::job::JobControl;
 use crate::numbers::grouped;
 use crate::words::Simplification;
 
@@ -29,14 +29,14 @@ pub struct StageExport {
     /// Motion of the copies and the camera.
     pub motion: Motion,
     /// Orientation and size of the model.
-    pub base: Base,
+    pub base: ModelBase,
     /// Viewing conditions for the switching of levels.
-    pub told: Told,
+    pub viewing: ViewingConditions,
 }
 
 /// Viewing conditions for which levels switch; they determine the screen coverage written for each level.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Told {
+pub struct ViewingConditions {
     /// Pixels that an error may cover in a picture 1080 pixels high.
     pub pixels: f64,
     /// Vertical field of view of the picture.
@@ -44,11 +44,11 @@ pub struct Told {
 }
 
 /// A copy at the origin, neither rotated nor scaled.
-const STILL: Placement = Placement { x: 0.0, z: 0.0, turn_deg: 0.0, scale: 1.0 };
+const IDENTITY_PLACEMENT: Placement = Placement { x: 0.0, z: 0.0, turn_deg: 0.0, scale: 1.0 };
 /// Near plane of the exported camera, as a fraction of the model's size. (Guessed.)
-const NEAR: f64 = 0.001;
+const CAMERA_NEAR_FACTOR: f64 = 0.001;
 /// Maximum number of nodes in a file: more would be hundreds of megabytes of text.
-const MOST_NODES: usize = 1_000_000;
+const MAX_NODES: usize = 1_000_000;
 
 impl StageExport {
     /// Writes the file. `levels` are the levels of the original, if already built.
@@ -60,7 +60,7 @@ impl StageExport {
         original: &Original,
         levels: &[Arc<Lighter>],
         how: &Simplification,
-        watch: &mut Watch,
+        watch: &mut JobControl,
     ) -> anyhow::Result<Written> {
         if self.copies.is_empty() {
             bail!("{}: there is no copy on the stage", self.path.display());
@@ -90,8 +90,8 @@ impl StageExport {
             made = Lighter::chain(original, how, &ratios, watch)?.into_iter().map(Arc::new).collect();
         }
         let nodes = (original.model().nodes.len() + 1) * (made.len() + 1) * self.copies.len();
-        if nodes > MOST_NODES {
-            let (all, most) = (grouped(nodes), grouped(MOST_NODES));
+        if nodes > MAX_NODES {
+            let (all, most) = (grouped(nodes), grouped(MAX_NODES));
             bail!(
                 "the stage would have {all} nodes, more than {most}: place fewer copies, or join the parts of the model"
             );
@@ -101,10 +101,12 @@ impl StageExport {
         let levels = self.levels(&scene, &made);
         let moves = |k: &usize| self.motion.copies.contains_key(k);
         // A moving copy is placed at the origin of a node that moves.
-        let of = |(k, c): (usize, &Placement)| place(&self.base, k, if moves(&k) { &STILL } else { c });
+        let of = |(k, c): (usize, &Placement)| {
+            copy_place(&self.base, k, if moves(&k) { &IDENTITY_PLACEMENT } else { c })
+        };
         let places: Vec<_> = self.copies.iter().enumerate().map(of).collect();
         let staged = scene.with_copies(&places).context("the model cannot be copied")?;
-        let staged = staged.with_motion(&self.moving()).context("the copies cannot be moved")?;
+        let staged = staged.with_motion(&self.motion_nodes()).context("the copies cannot be moved")?;
         let mut options = WriteOptions::default();
         let is_text = self.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gltf"));
         options.format = Some(if is_text { Format::Gltf } else { Format::Glb });
@@ -121,23 +123,23 @@ impl StageExport {
     }
 
     /// Returns nodes for everything with keyframes, and the animation that moves them.
-    fn moving(&self) -> SceneMotion {
+    fn motion_nodes(&self) -> SceneMotion {
         let mut motion = SceneMotion { name: "stage".to_owned(), ..SceneMotion::default() };
         for (n, track) in &self.motion.copies {
             let Some(first) = track.values().next() else { continue };
             let node = motion.nodes.len();
             motion.nodes.push(MovingNode {
                 name: format!("copy_{}_moves", n + 1),
-                over: Some(*n),
+                child_root: Some(*n),
                 translation: [first.x, 0.0, first.z],
                 rotation: DQuat::from_rotation_y(first.turn_deg.to_radians()).to_array(),
                 scale: first.scale,
                 ..MovingNode::default()
             });
-            motion.channels.extend(Channels { node, tilted: None, is_scaled: true }.of(track));
+            motion.channels.extend(ChannelNodes { node, tilted: None, is_scaled: true }.channels_of(track));
         }
         if let Some(first) = self.motion.camera.values().next() {
-            let [yaw, pitch] = first.parts().turns_deg.map(f64::to_radians);
+            let [yaw, pitch] = first.components().turns_deg.map(f64::to_radians);
             let node = motion.nodes.len();
             motion.nodes.push(MovingNode {
                 name: "camera_moves".to_owned(),
@@ -149,11 +151,14 @@ impl StageExport {
                 name: "camera".to_owned(),
                 parent: Some(node),
                 rotation: DQuat::from_rotation_x(pitch).to_array(),
-                lens: Some(SceneLens { fov_y_rad: self.told.fov_y_rad, near: NEAR * self.base.length() }),
+                camera: Some(SceneCamera {
+                    fov_y_rad: self.viewing.fov_y_rad,
+                    near: CAMERA_NEAR_FACTOR * self.base.length(),
+                }),
                 ..MovingNode::default()
             });
-            let channels = Channels { node, tilted: Some(node + 1), is_scaled: false };
-            motion.channels.extend(channels.of(&self.motion.camera));
+            let channels = ChannelNodes { node, tilted: Some(node + 1), is_scaled: false };
+            motion.channels.extend(channels.channels_of(&self.motion.camera));
         }
         motion
     }
@@ -182,7 +187,7 @@ impl StageExport {
         let count = scene.meshes().len();
         let lighter = made.iter().map(|level| (0..count).map(|i| mesh(level, i)).collect());
         let mut levels = SceneLevels::new(std::iter::once(vec![None; count]).chain(lighter).collect());
-        let Told { pixels, fov_y_rad } = self.told;
+        let ViewingConditions { pixels, fov_y_rad } = self.viewing;
         let screen =
             Screen::new(fov_y_rad.to_degrees(), Screen::default().height_px, pixels).unwrap_or_default();
         let coverage = |i: usize| {
@@ -203,7 +208,7 @@ impl StageExport {
 }
 
 /// Returns the transform of the model's scene that places it like this copy.
-fn place(base: &Base, number: usize, copy: &Placement) -> CopyPlace {
+fn copy_place(base: &ModelBase, number: usize, copy: &Placement) -> CopyPlace {
     let turn = DQuat::from_rotation_y(copy.turn_deg.to_radians());
     let own = base.stage_from_model.transform_point3(DVec3::ZERO);
     let at = DVec3::new(copy.x, 0.0, copy.z) + turn * (own * copy.scale);
@@ -225,9 +230,9 @@ mod tests {
     #[test]
     fn a_copy_is_written_where_it_stands() {
         let bounds = Bounds { min: [1.0, 2.0, 3.0], max: [4.0, 4.0, 5.0] };
-        let base = Base::new(&bounds, DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 1.0, -0.7));
+        let base = ModelBase::new(&bounds, DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 1.0, -0.7));
         let copy = Placement { turn_deg: 130.0, scale: 2.5, ..Placement::at(-3.0, 8.0) };
-        let CopyPlace { translation, rotation, scale, .. } = place(&base, 0, &copy);
+        let CopyPlace { translation, rotation, scale, .. } = copy_place(&base, 0, &copy);
         let written = DMat4::from_scale_rotation_translation(
             DVec3::splat(scale),
             DQuat::from_array(rotation),

@@ -28,9 +28,9 @@ pub struct LayoutFile {
 }
 
 /// Version written.
-const VERSION: u32 = 1;
+const FORMAT_VERSION: u32 = 1;
 /// File type identifier of layout files.
-pub const PROGRAM: &str = "lodsmith stage";
+pub const FILE_TYPE: &str = "lodsmith stage";
 
 /// Error when reading or writing a layout.
 #[derive(Debug, thiserror::Error)]
@@ -59,13 +59,13 @@ impl LayoutFile {
     pub fn new(model: &Path, stage: &Stage) -> Self {
         let model = model.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
         let (copies, motion) = (stage.copies.to_vec(), stage.motion.clone());
-        Self { program: PROGRAM.to_owned(), version: VERSION, model, copies, motion }
+        Self { program: FILE_TYPE.to_owned(), version: FORMAT_VERSION, model, copies, motion }
     }
 
     /// Returns true if a file identifies itself as a layout.
-    pub fn is_one(path: &Path) -> bool {
+    pub fn is_layout(path: &Path) -> bool {
         let text = session::read(path).unwrap_or_default();
-        serde_json::from_str::<serde_json::Value>(&text).is_ok_and(|json| json["program"] == PROGRAM)
+        serde_json::from_str::<serde_json::Value>(&text).is_ok_and(|json| json["program"] == FILE_TYPE)
     }
 
     /// Saves the layout: writes a temporary file first and renames it.
@@ -87,19 +87,21 @@ impl LayoutFile {
         let text = session::read(path).map_err(|source| LayoutError::Io { path: path.to_owned(), source })?;
         let malformed = |reason: String| LayoutError::Malformed { path: path.to_owned(), reason };
         let file: Self = serde_json::from_str(&text).map_err(|e| malformed(e.to_string()))?;
-        if file.program != PROGRAM {
+        if file.program != FILE_TYPE {
             return Err(malformed("it does not say that it is one".to_owned()));
         }
-        if file.version > VERSION {
-            let reason =
-                format!("a newer lodsmith saved it (version {}, {VERSION} is known here)", file.version);
+        if file.version > FORMAT_VERSION {
+            let reason = format!(
+                "a newer lodsmith saved it (version {}, {FORMAT_VERSION} is known here)",
+                file.version
+            );
             return Err(malformed(reason));
         }
         let all = file.copies.len();
         // Keyframes refer to copies by number: drop those of invalid copies and renumber the others.
         let gone: Vec<usize> = (0..all).filter(|n| file.copies[*n].checked().is_none()).collect();
         let copies = Copies::from(file.copies);
-        let motion = file.motion.without_copies(&gone).within(copies.len());
+        let motion = file.motion.without_copies(&gone).limited_to(copies.len());
         let lost = all - copies.len();
         Ok((copies, motion, lost))
     }
@@ -120,7 +122,7 @@ mod tests {
         });
         let stage = Stage { copies: copies.to_vec().into(), motion: motion.clone(), ..Stage::default() };
         LayoutFile::new(Path::new("some/folder/tree.glb"), &stage).save(&path).unwrap();
-        assert!(LayoutFile::is_one(&path));
+        assert!(LayoutFile::is_layout(&path));
         assert!(std::fs::read_to_string(&path).unwrap().contains("\"tree.glb\""));
         let (back, moves, lost) = LayoutFile::open(&path).unwrap();
         assert_eq!((&*back, moves, lost), (copies.as_slice(), motion, 0));
@@ -153,6 +155,6 @@ mod tests {
         assert_eq!(motion.copies[&0].at(0.0), Some(Placement::at(5.0, 6.0)));
         std::fs::remove_file(&path).unwrap();
         assert!(matches!(LayoutFile::open(&path), Err(LayoutError::Io { .. })));
-        assert!(!LayoutFile::is_one(&path));
+        assert!(!LayoutFile::is_layout(&path));
     }
 }

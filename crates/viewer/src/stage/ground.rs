@@ -6,7 +6,7 @@ use lodsmith_core::model::Pose;
 use lodsmith_core::{Bounds, Model};
 use lodsmith_render::{Camera, Lens};
 
-use super::{Base, Placement};
+use super::{ModelBase, Placement};
 use crate::viewport::{pick, ray};
 
 /// Returns the point where the ray through a screen position meets the ground; `None` above the horizon.
@@ -52,7 +52,7 @@ pub fn circle(camera: &Camera, rect: Rect, centre: DVec3, radius: f64) -> Vec<Po
 /// Cost: O(n log n) for n copies, plus the triangles of those whose boxes are hit in front of the result.
 pub fn copy_under<'a>(
     copies: &[Placement],
-    base: &Base,
+    base: &ModelBase,
     pose: &Pose,
     camera: &Camera,
     rect: Rect,
@@ -66,7 +66,7 @@ pub fn copy_under<'a>(
         .iter()
         .enumerate()
         .filter_map(|(number, copy)| {
-            let copy_from_stage = Base::stage_from_copy(copy).inverse();
+            let copy_from_stage = ModelBase::stage_from_copy(copy).inverse();
             let eye = copy_from_stage.transform_point3(camera.eye);
             enters(&own_box, eye, copy_from_stage.transform_vector3(along)).map(|t| (t, number))
         })
@@ -143,7 +143,7 @@ mod tests {
     fn the_first_copy_under_the_pointer_is_met() {
         let (camera, rect) = seen();
         let model = Model::of_mesh(shapes::icosphere(3));
-        let base = Base::new(&Bounds { min: [-1.0; 3], max: [1.0; 3] }, DQuat::IDENTITY);
+        let base = ModelBase::new(&Bounds { min: [-1.0; 3], max: [1.0; 3] }, DQuat::IDENTITY);
         let behind = -(camera.eye - camera.target).normalize_or_zero() * 2.5;
         let copies = [
             Placement::at(behind.x, behind.z),

@@ -4,11 +4,11 @@
 use glam::DVec3;
 use lodsmith_render::{Camera, Lens};
 
-use super::{Base, Placement, View};
+use super::{ModelBase, Placement, StageDisplay};
 
 /// A level of the model. Levels are ordered from the finest; the first is the original, with error 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Level {
+pub struct LodLevel {
     /// RMS distance from the original, in units of the model.
     pub error: f64,
     /// Number of triangles.
@@ -17,7 +17,7 @@ pub struct Level {
 
 /// Viewpoint for the level selection.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Eye {
+pub struct Viewpoint {
     /// The camera.
     pub camera: Camera,
     /// Aspect ratio of the picture, width / height.
@@ -28,7 +28,7 @@ pub struct Eye {
 
 /// A visible copy and its level.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct InSight {
+pub struct VisibleCopy {
     /// Number of the copy.
     pub copy: usize,
     /// Index of its level.
@@ -39,9 +39,9 @@ pub struct InSight {
 
 /// Copies and levels selected for a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Chosen {
+pub struct LevelSelection {
     /// The visible copies, nearest first.
-    pub in_sight: Vec<InSight>,
+    pub visible: Vec<VisibleCopy>,
     /// Total number of their triangles.
     pub triangles: u64,
     /// Pixels that an error may cover, after adjustment to the budget.
@@ -50,16 +50,16 @@ pub struct Chosen {
     pub left_out: usize,
 }
 
-impl Chosen {
+impl LevelSelection {
     /// Returns the number of pixels that the largest error in the picture covers.
     pub fn largest_px(&self) -> f64 {
-        self.in_sight.iter().map(|s| s.pixels).fold(0.0, f64::max)
+        self.visible.iter().map(|s| s.pixels).fold(0.0, f64::max)
     }
 
     /// Returns the number of copies shown in each level.
     pub fn counts(&self, levels: usize) -> Vec<usize> {
         let mut counts = vec![0; levels];
-        for seen in &self.in_sight {
+        for seen in &self.visible {
             counts[seen.level] += 1;
         }
         counts
@@ -69,7 +69,7 @@ impl Chosen {
 /// Selects levels with hysteresis, so that a copy near the switching distance does not alternate between two
 /// levels.
 #[derive(Clone, Debug, Default)]
-pub struct Chooser {
+pub struct LevelSelector {
     /// Previous level of each copy.
     last: Vec<Option<u8>>,
     /// Number of factors [`STEP`] by which the budget currently enlarges the allowed error.
@@ -77,35 +77,35 @@ pub struct Chooser {
 }
 
 /// A coarser level is selected once its error is below this fraction of the allowed one. (Guessed.)
-const MARGIN: f64 = 0.8;
+const COARSEN_MARGIN: f64 = 0.8;
 /// Factor by which the allowed error grows until the budget is kept. It shrinks again when the result would
 /// use at most the fraction `SLACK` of the budget.
-const STEP: f64 = 1.189_207;
-const SLACK: f64 = 0.85;
+const BUDGET_STEP: f64 = 1.189_207;
+const BUDGET_SLACK: f64 = 0.85;
 /// Maximum number of steps, a factor of 10^12: by then every copy has the coarsest level.
-const MOST_STEPS: i32 = 160;
+const MAX_BUDGET_STEPS: i32 = 160;
 
-impl Chooser {
+impl LevelSelector {
     /// Selects the levels of all visible copies. `levels` must not be empty.
     ///
     /// Cost: O(copies · levels · budget steps); there are few budget steps from frame to frame.
     pub fn choose(
         &mut self,
         copies: &[Placement],
-        base: &Base,
-        levels: &[Level],
-        eye: &Eye,
-        view: &View,
-    ) -> Chosen {
+        base: &ModelBase,
+        levels: &[LodLevel],
+        eye: &Viewpoint,
+        view: &StageDisplay,
+    ) -> LevelSelection {
         self.last.resize(copies.len(), None);
         for last in self.last.iter_mut().filter(|l| l.is_some_and(|l| usize::from(l) >= levels.len())) {
             *last = None;
         }
-        let cone = Cone::new(eye);
+        let cone = ViewCone::new(eye);
         // Per visible copy: distance, number, pixels covered by an error of 1.
         let mut seen: Vec<(f64, usize, f64)> = Vec::new();
         for (number, copy) in copies.iter().enumerate() {
-            let (centre, radius) = base.ball(copy);
+            let (centre, radius) = base.bounding_sphere(copy);
             if cone.sees(centre, radius) {
                 let distance = (centre.distance(eye.camera.eye) - radius).max(1e-3 * radius);
                 let px =
@@ -116,30 +116,30 @@ impl Chooser {
             }
         }
         seen.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let allowed = |steps: i32| view.pixels.max(1e-6) * STEP.powi(steps);
+        let allowed = |steps: i32| view.pixels.max(1e-6) * BUDGET_STEP.powi(steps);
         let total = |steps: i32, chooser: &Self| -> u64 {
             let of = |s: &(f64, usize, f64)| levels[chooser.level(s.1, s.2, levels, allowed(steps))].faces;
             seen.iter().map(of).sum()
         };
-        while self.steps < MOST_STEPS && total(self.steps, self) > view.budget {
+        while self.steps < MAX_BUDGET_STEPS && total(self.steps, self) > view.budget {
             self.steps += 1;
         }
-        while self.steps > 0 && total(self.steps - 1, self) as f64 <= SLACK * view.budget as f64 {
+        while self.steps > 0 && total(self.steps - 1, self) as f64 <= BUDGET_SLACK * view.budget as f64 {
             self.steps -= 1;
         }
         let pixels = allowed(self.steps);
-        let mut chosen = Chosen { pixels, ..Chosen::default() };
+        let mut chosen = LevelSelection { pixels, ..LevelSelection::default() };
         for &(_, copy, px) in &seen {
             let level = self.level(copy, px, levels, pixels);
             self.last[copy] = u8::try_from(level).ok();
             let faces = levels[level].faces;
             // At least one copy is always drawn, so that the picture is not empty.
-            if chosen.triangles.saturating_add(faces) > view.budget && !chosen.in_sight.is_empty() {
+            if chosen.triangles.saturating_add(faces) > view.budget && !chosen.visible.is_empty() {
                 chosen.left_out += 1;
                 continue;
             }
             chosen.triangles += faces;
-            chosen.in_sight.push(InSight { copy, level, pixels: levels[level].error * px });
+            chosen.visible.push(VisibleCopy { copy, level, pixels: levels[level].error * px });
         }
         chosen
     }
@@ -149,29 +149,29 @@ impl Chooser {
         *self = Self::default();
     }
 
-    fn level(&self, copy: usize, px: f64, levels: &[Level], allowed: f64) -> usize {
+    fn level(&self, copy: usize, px: f64, levels: &[LodLevel], allowed: f64) -> usize {
         let lightest = |allowed: f64| levels.iter().rposition(|l| l.error * px <= allowed).unwrap_or(0);
         match self.last[copy].map(usize::from) {
-            Some(last) if levels[last].error * px <= allowed => last.max(lightest(MARGIN * allowed)),
+            Some(last) if levels[last].error * px <= allowed => last.max(lightest(COARSEN_MARGIN * allowed)),
             _ => lightest(allowed),
         }
     }
 }
 
 /// Returns the distance from which a level may be shown, in units of the model, for a copy of scale 1.
-pub fn distance_of(level: &Level, eye: &Eye, pixels: f64) -> f64 {
+pub fn switch_distance(level: &LodLevel, eye: &Viewpoint, pixels: f64) -> f64 {
     level.error / eye.camera.length_per_pixel(1.0, eye.height_px).max(f64::MIN_POSITIVE) / pixels.max(1e-6)
 }
 
 /// View cone of a camera, for culling.
-struct Cone {
+struct ViewCone {
     eye: DVec3,
     axes: [DVec3; 3],
     half: [f64; 2],
 }
 
-impl Cone {
-    fn new(eye: &Eye) -> Self {
+impl ViewCone {
+    fn new(eye: &Viewpoint) -> Self {
         let half_height = match eye.camera.lens {
             Lens::Perspective { fov_y_rad } => (0.5 * fov_y_rad).tan(),
             Lens::Parallel { height } => 0.5 * height / eye.camera.distance().max(1e-30),
@@ -196,41 +196,41 @@ mod tests {
     use super::super::scatter::Scatter;
     use super::*;
 
-    const LEVELS: [Level; 4] = [
-        Level { error: 0.0, faces: 70_000 },
-        Level { error: 0.001, faces: 7_000 },
-        Level { error: 0.01, faces: 700 },
-        Level { error: 0.1, faces: 70 },
+    const LEVELS: [LodLevel; 4] = [
+        LodLevel { error: 0.0, faces: 70_000 },
+        LodLevel { error: 0.001, faces: 7_000 },
+        LodLevel { error: 0.01, faces: 700 },
+        LodLevel { error: 0.1, faces: 70 },
     ];
 
-    fn base() -> Base {
-        Base::new(&Bounds { min: [-0.5; 3], max: [0.5; 3] }, DQuat::IDENTITY)
+    fn base() -> ModelBase {
+        ModelBase::new(&Bounds { min: [-0.5; 3], max: [0.5; 3] }, DQuat::IDENTITY)
     }
 
     /// A viewpoint near the ground, looking along -z.
-    fn eye(z: f64) -> Eye {
+    fn eye(z: f64) -> Viewpoint {
         let eye = DVec3::new(0.0, 0.5, z);
         let lens = Lens::Perspective { fov_y_rad: 0.6 };
         let camera = Camera { eye, target: eye + DVec3::NEG_Z, up: DVec3::Y, lens };
-        Eye { camera, aspect: 1.5, height_px: 900.0 }
+        Viewpoint { camera, aspect: 1.5, height_px: 900.0 }
     }
 
-    fn view(budget: u64) -> View {
-        View { budget, pixels: 1.0, ..View::default() }
+    fn view(budget: u64) -> StageDisplay {
+        StageDisplay { budget, pixels: 1.0, ..StageDisplay::default() }
     }
 
     #[test]
     fn farther_copies_are_lighter_and_no_error_shows() {
         let copies: Vec<_> = (0..60).map(|k| Placement::at(0.0, -2.0 * f64::from(k))).collect();
-        let chosen = Chooser::default().choose(&copies, &base(), &LEVELS, &eye(1.5), &view(u64::MAX));
-        assert_eq!(chosen.in_sight.len(), 60);
-        assert!(chosen.in_sight.windows(2).all(|w| w[0].level <= w[1].level && w[0].copy < w[1].copy));
+        let chosen = LevelSelector::default().choose(&copies, &base(), &LEVELS, &eye(1.5), &view(u64::MAX));
+        assert_eq!(chosen.visible.len(), 60);
+        assert!(chosen.visible.windows(2).all(|w| w[0].level <= w[1].level && w[0].copy < w[1].copy));
         assert!(chosen.largest_px() <= 1.0);
         let counts = chosen.counts(4);
         assert!(counts[0] > 0 && counts[1] > 0 && counts[2] > 0, "{counts:?}");
         // The first copy in level 1 is just beyond the switching distance of that level.
-        let first_of = |level: usize| chosen.in_sight.iter().find(|s| s.level == level).unwrap().copy as f64;
-        let far = distance_of(&LEVELS[1], &eye(1.5), 1.0);
+        let first_of = |level: usize| chosen.visible.iter().find(|s| s.level == level).unwrap().copy as f64;
+        let far = switch_distance(&LEVELS[1], &eye(1.5), 1.0);
         let place = 1.5 + 2.0 * first_of(1) - 0.5 * base().length();
         assert!(place >= far && place < far + 2.0, "{place} {far}");
     }
@@ -238,18 +238,18 @@ mod tests {
     #[test]
     fn what_is_behind_is_not_drawn() {
         let copies = [Placement::at(0.0, 20.0), Placement::at(50.0, -5.0), Placement::at(0.0, -5.0)];
-        let chosen = Chooser::default().choose(&copies, &base(), &LEVELS, &eye(3.0), &view(u64::MAX));
-        assert_eq!(chosen.in_sight.iter().map(|s| s.copy).collect::<Vec<_>>(), [2]);
+        let chosen = LevelSelector::default().choose(&copies, &base(), &LEVELS, &eye(3.0), &view(u64::MAX));
+        assert_eq!(chosen.visible.iter().map(|s| s.copy).collect::<Vec<_>>(), [2]);
     }
 
     #[test]
     fn a_level_stays_where_one_stands_at_its_border() {
         let copies = [Placement::at(0.0, 0.0)];
-        let border = distance_of(&LEVELS[2], &eye(0.0), 1.0) + 0.5 * base().length();
-        let level = |chooser: &mut Chooser, z: f64| {
-            chooser.choose(&copies, &base(), &LEVELS, &eye(z), &view(u64::MAX)).in_sight[0].level
+        let border = switch_distance(&LEVELS[2], &eye(0.0), 1.0) + 0.5 * base().length();
+        let level = |chooser: &mut LevelSelector, z: f64| {
+            chooser.choose(&copies, &base(), &LEVELS, &eye(z), &view(u64::MAX)).visible[0].level
         };
-        let mut chooser = Chooser::default();
+        let mut chooser = LevelSelector::default();
         assert_eq!(level(&mut chooser, border * 0.9), 1);
         // Moving back, the coarser level is selected with a delay; moving forward, it is dropped at once,
         // since its error would be visible.
@@ -262,8 +262,8 @@ mod tests {
     #[test]
     fn the_budget_is_kept_wherever_one_stands() {
         let scatter = Scatter { count: 500, footprint: base().footprint(), ..Scatter::default() };
-        let copies = scatter.scattered(&[]);
-        let mut chooser = Chooser::default();
+        let copies = scatter.placements(&[]);
+        let mut chooser = LevelSelector::default();
         for budget in [2_000_000, 100_000, 40_000] {
             for k in 0..60 {
                 let z = 40.0 - 1.5 * f64::from(k);
@@ -272,7 +272,7 @@ mod tests {
                 assert_eq!(chosen.left_out, 0, "{budget} at {z}");
                 assert_eq!(
                     chosen.triangles,
-                    chosen.in_sight.iter().map(|s| LEVELS[s.level].faces).sum::<u64>()
+                    chosen.visible.iter().map(|s| LEVELS[s.level].faces).sum::<u64>()
                 );
             }
         }
@@ -281,11 +281,12 @@ mod tests {
     #[test]
     fn a_budget_that_cannot_be_kept_leaves_the_farthest_out() {
         let copies: Vec<_> = (0..50).map(|k| Placement::at(0.0, -2.0 * f64::from(k))).collect();
-        let chosen = Chooser::default().choose(&copies, &base(), &LEVELS[..1], &eye(3.0), &view(150_000));
-        assert_eq!((chosen.in_sight.len(), chosen.left_out), (2, 48));
-        assert_eq!(chosen.in_sight[1].copy, 1);
+        let chosen =
+            LevelSelector::default().choose(&copies, &base(), &LEVELS[..1], &eye(3.0), &view(150_000));
+        assert_eq!((chosen.visible.len(), chosen.left_out), (2, 48));
+        assert_eq!(chosen.visible[1].copy, 1);
         // At least one copy is always drawn.
-        let chosen = Chooser::default().choose(&copies, &base(), &LEVELS[..1], &eye(3.0), &view(1));
-        assert_eq!((chosen.in_sight.len(), chosen.left_out), (1, 49));
+        let chosen = LevelSelector::default().choose(&copies, &base(), &LEVELS[..1], &eye(3.0), &view(1));
+        assert_eq!((chosen.visible.len(), chosen.left_out), (1, 49));
     }
 }

@@ -13,25 +13,25 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-pub use channels::Channels;
-pub use track::{Curve, Keyframe, MOST_SECS, Track, moment};
+pub use channels::ChannelNodes;
+pub use track::{Curve, Keyframe, MAX_SECS, Track, rounded_secs};
 
 use super::Placement;
 use crate::orbit::Orbit;
 
 /// Value of a keyframe.
-pub trait Keyed: Copy + PartialEq {
+pub trait KeyframeValue: Copy + PartialEq {
     /// Returns its components for interpolation.
-    fn parts(&self) -> Parts;
+    fn components(&self) -> KeyframeComponents;
     /// Creates a value from interpolated components.
-    fn of(parts: &Parts) -> Self;
+    fn from_components(parts: &KeyframeComponents) -> Self;
     /// Returns the value with all numbers brought into their valid ranges; `None` if it is invalid.
     fn checked(self) -> Option<Self>;
 }
 
 /// Components that are interpolated: a position, two angles and a positive size.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Parts {
+pub struct KeyframeComponents {
     /// Position on the stage.
     pub place: DVec3,
     /// Rotation about the vertical axis, and pitch.
@@ -40,13 +40,13 @@ pub struct Parts {
     pub size: f64,
 }
 
-impl Keyed for Placement {
-    fn parts(&self) -> Parts {
+impl KeyframeValue for Placement {
+    fn components(&self) -> KeyframeComponents {
         let place = DVec3::new(self.x, 0.0, self.z);
-        Parts { place, turns_deg: [self.turn_deg, 0.0], size: self.scale }
+        KeyframeComponents { place, turns_deg: [self.turn_deg, 0.0], size: self.scale }
     }
-    fn of(parts: &Parts) -> Self {
-        let Parts { place, turns_deg: [turn_deg, _], size } = *parts;
+    fn from_components(parts: &KeyframeComponents) -> Self {
+        let KeyframeComponents { place, turns_deg: [turn_deg, _], size } = *parts;
         Self { x: place.x, z: place.z, turn_deg: turn_deg.rem_euclid(360.0), scale: size }
     }
     fn checked(self) -> Option<Self> {
@@ -56,7 +56,7 @@ impl Keyed for Placement {
 
 /// Position and direction of the stage camera.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Stand {
+pub struct CameraPlacement {
     /// X coordinate of the eye.
     pub x: f64,
     /// Height of the eye.
@@ -78,7 +78,7 @@ fn far() -> f64 {
     1.0
 }
 
-impl Stand {
+impl CameraPlacement {
     /// Returns the position and direction of a camera.
     pub fn of_orbit(orbit: &Orbit) -> Self {
         let eye = orbit.camera().eye;
@@ -93,7 +93,7 @@ impl Stand {
     }
 
     /// Applies this position and direction to a camera.
-    pub fn put(&self, orbit: &mut Orbit) {
+    pub fn apply_to(&self, orbit: &mut Orbit) {
         (orbit.yaw_rad, orbit.pitch_rad) = (self.yaw_deg.to_radians(), -self.pitch_deg.to_radians());
         orbit.distance = self.distance;
         orbit.target = DVec3::ZERO;
@@ -101,17 +101,18 @@ impl Stand {
     }
 }
 
-impl Keyed for Stand {
-    fn parts(&self) -> Parts {
+impl KeyframeValue for CameraPlacement {
+    fn components(&self) -> KeyframeComponents {
         let place = DVec3::new(self.x, self.y, self.z);
-        Parts { place, turns_deg: [self.yaw_deg, self.pitch_deg], size: self.distance }
+        KeyframeComponents { place, turns_deg: [self.yaw_deg, self.pitch_deg], size: self.distance }
     }
-    fn of(parts: &Parts) -> Self {
-        let Parts { place: DVec3 { x, y, z }, turns_deg: [yaw_deg, pitch_deg], size: distance } = *parts;
+    fn from_components(parts: &KeyframeComponents) -> Self {
+        let KeyframeComponents { place: DVec3 { x, y, z }, turns_deg: [yaw_deg, pitch_deg], size: distance } =
+            *parts;
         Self { x, y, z, yaw_deg: yaw_deg.rem_euclid(360.0), pitch_deg, distance }
     }
     fn checked(self) -> Option<Self> {
-        let Parts { place, turns_deg: [yaw, pitch], size } = self.parts();
+        let KeyframeComponents { place, turns_deg: [yaw, pitch], size } = self.components();
         let is_number = place.is_finite() && yaw.is_finite() && pitch.is_finite() && size.is_finite();
         (is_number && size > 0.0).then(|| Self {
             yaw_deg: yaw.rem_euclid(360.0),
@@ -131,7 +132,7 @@ pub enum Mover {
 }
 
 /// Identifies a keyframe by its object and time in seconds.
-pub type Name = (Mover, f64);
+pub type KeyframeId = (Mover, f64);
 
 /// All animation of a stage.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -141,7 +142,7 @@ pub struct Tracks {
     /// True if the camera moves freely, ignoring its keyframes.
     pub has_free_camera: bool,
     /// Keyframes of the camera.
-    pub camera: Track<Stand>,
+    pub camera: Track<CameraPlacement>,
     /// Keyframes of copies by their numbers; no track is empty.
     pub copies: BTreeMap<usize, Track<Placement>>,
 }
@@ -151,9 +152,9 @@ pub struct Tracks {
 pub struct Motion(Arc<Tracks>);
 
 /// Maximum number of keyframes read from a file; so many are read quickly. (Guessed.)
-const MOST_KEYS: usize = 200_000;
+const MAX_KEYFRAMES: usize = 200_000;
 /// Default length in seconds of a stage without animation.
-const USUAL_SECS: f64 = 10.0;
+const DEFAULT_LENGTH_SECS: f64 = 10.0;
 
 impl std::ops::Deref for Motion {
     type Target = Tracks;
@@ -199,7 +200,7 @@ impl Motion {
 
     /// Returns the motion without tracks of copies with this number or above.
     #[must_use]
-    pub fn within(&self, count: usize) -> Self {
+    pub fn limited_to(&self, count: usize) -> Self {
         if self.copies.keys().all(|n| *n < count) {
             return self.clone();
         }
@@ -221,8 +222,8 @@ impl Tracks {
 
     /// Returns the length in seconds, given the length `clip_secs` of the model's animation.
     pub fn length(&self, clip_secs: f64) -> f64 {
-        let usual = if clip_secs > 0.0 { clip_secs } else { USUAL_SECS };
-        let asked = self.length_secs.filter(|s| s.is_finite()).map(|s| s.clamp(0.1, MOST_SECS));
+        let usual = if clip_secs > 0.0 { clip_secs } else { DEFAULT_LENGTH_SECS };
+        let asked = self.length_secs.filter(|s| s.is_finite()).map(|s| s.clamp(0.1, MAX_SECS));
         asked.unwrap_or(usual).max(self.last_secs())
     }
 
@@ -251,7 +252,7 @@ impl Tracks {
     }
 
     /// Removes these keyframes.
-    pub fn remove(&mut self, names: &[Name]) {
+    pub fn remove(&mut self, names: &[KeyframeId]) {
         for &(mover, secs) in names {
             match mover {
                 Mover::Camera => self.camera.remove(secs),
@@ -264,18 +265,18 @@ impl Tracks {
     /// Shifts these keyframes in time and returns their new names. Their distances are kept, and none is
     /// shifted before the start. With `keeps`, the old ones are kept as well. Keyframes at the new times are
     /// replaced.
-    pub fn shift(&mut self, names: &[Name], by_secs: f64, keeps: bool) -> Vec<Name> {
+    pub fn shift(&mut self, names: &[KeyframeId], by_secs: f64, keeps: bool) -> Vec<KeyframeId> {
         let first = names.iter().map(|n| n.1).fold(f64::INFINITY, f64::min);
         let last = names.iter().map(|n| n.1).fold(0.0, f64::max);
         if !first.is_finite() {
             return Vec::new();
         }
-        let by = by_secs.clamp(-first, (MOST_SECS - last).max(0.0));
-        fn taken<T: Keyed>(track: Option<&Track<T>>, secs: f64) -> Option<T> {
+        let by = by_secs.clamp(-first, (MAX_SECS - last).max(0.0));
+        fn taken<T: KeyframeValue>(track: Option<&Track<T>>, secs: f64) -> Option<T> {
             track.and_then(|t| t.keyframe(secs))
         }
         enum Held {
-            Stand(Stand),
+            Stand(CameraPlacement),
             Placement(usize, Placement),
         }
         let held: Vec<(f64, Held)> = names
@@ -285,7 +286,7 @@ impl Tracks {
                     Mover::Camera => Held::Stand(taken(Some(&self.camera), secs)?),
                     Mover::Copy(n) => Held::Placement(n, taken(self.copies.get(&n), secs)?),
                 };
-                Some((moment(secs + by), held))
+                Some((rounded_secs(secs + by), held))
             })
             .collect();
         let curves: Vec<(usize, Curve)> = self.copies.iter().map(|(n, t)| (*n, t.curve)).collect();
@@ -314,7 +315,7 @@ impl Tracks {
 
     /// Returns the time of the next or previous keyframe of any object.
     pub fn next_moment(&self, secs: f64, is_forward: bool) -> Option<f64> {
-        let secs = moment(secs);
+        let secs = rounded_secs(secs);
         let all = self.camera.moments().chain(self.copies.values().flat_map(Track::moments));
         if is_forward {
             all.filter(|m| *m > secs).min_by(f64::total_cmp)
@@ -327,15 +328,15 @@ impl Tracks {
 /// Representation of [`Motion`] in files.
 #[derive(Default, Serialize, Deserialize)]
 #[serde(default)]
-struct InFile {
+struct MotionRecord {
     #[serde(skip_serializing_if = "Option::is_none")]
     length_secs: Option<f64>,
     #[serde(skip_serializing_if = "is_off")]
     has_free_camera: bool,
     #[serde(skip_serializing_if = "Track::is_empty")]
-    camera: Track<Stand>,
+    camera: Track<CameraPlacement>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    copies: Vec<OfCopy>,
+    copies: Vec<CopyTrackRecord>,
 }
 
 fn is_off(value: &bool) -> bool {
@@ -343,7 +344,7 @@ fn is_off(value: &bool) -> bool {
 }
 
 #[derive(Serialize, Deserialize)]
-struct OfCopy {
+struct CopyTrackRecord {
     /// Number of the copy, from 0.
     copy: usize,
     #[serde(flatten)]
@@ -352,9 +353,10 @@ struct OfCopy {
 
 impl Serialize for Motion {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let copies = self.copies.iter().map(|(n, t)| OfCopy { copy: *n, track: t.clone() }).collect();
+        let copies =
+            self.copies.iter().map(|(n, t)| CopyTrackRecord { copy: *n, track: t.clone() }).collect();
         let Tracks { length_secs, has_free_camera, camera, .. } = &**self;
-        InFile {
+        MotionRecord {
             length_secs: *length_secs,
             has_free_camera: *has_free_camera,
             camera: camera.clone(),
@@ -366,16 +368,16 @@ impl Serialize for Motion {
 
 impl<'de> Deserialize<'de> for Motion {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let file = InFile::deserialize(deserializer)?;
-        let mut left = MOST_KEYS.saturating_sub(file.camera.len());
+        let file = MotionRecord::deserialize(deserializer)?;
+        let mut left = MAX_KEYFRAMES.saturating_sub(file.camera.len());
         let mut copies = BTreeMap::new();
-        for OfCopy { copy, track } in file.copies {
+        for CopyTrackRecord { copy, track } in file.copies {
             if let Some(less) = left.checked_sub(track.len()) {
                 left = less;
                 copies.insert(copy, track);
             }
         }
-        let InFile { length_secs, has_free_camera, camera, .. } = file;
+        let MotionRecord { length_secs, has_free_camera, camera, .. } = file;
         let length_secs = length_secs.filter(|s| s.is_finite() && *s > 0.0);
         Ok(Tracks { length_secs, has_free_camera, camera, copies }.into())
     }
@@ -390,9 +392,10 @@ mod tests {
 
     fn moving() -> Motion {
         let mut tracks = Tracks { length_secs: Some(8.0), ..Tracks::default() };
-        tracks
-            .camera
-            .set(1.0, Stand { x: 1.0, y: 2.0, z: 3.0, yaw_deg: 10.0, pitch_deg: -5.0, distance: 4.0 });
+        tracks.camera.set(
+            1.0,
+            CameraPlacement { x: 1.0, y: 2.0, z: 3.0, yaw_deg: 10.0, pitch_deg: -5.0, distance: 4.0 },
+        );
         for n in [1, 3] {
             let mut track = Track::default();
             track.curve = Curve::Step;
@@ -409,7 +412,7 @@ mod tests {
         for view in StandardView::ALL {
             let orbit = Orbit::fitting(&bounds, view, 1.5);
             let mut back = Orbit::fitting(&bounds, StandardView::Front, 1.0);
-            Stand::of_orbit(&orbit).put(&mut back);
+            CameraPlacement::of_orbit(&orbit).apply_to(&mut back);
             assert!(back.camera().eye.distance(orbit.camera().eye) < 1e-9, "{view:?}");
             assert!(back.target.distance(orbit.target) < 1e-9, "{view:?}");
         }
@@ -435,8 +438,8 @@ mod tests {
         let left = moving().without_copies(&[0, 1]);
         assert_eq!(left.copies.keys().copied().collect::<Vec<_>>(), [1]);
         assert_eq!(left.copies[&1], moving().copies[&3]);
-        assert_eq!(moving().within(2).copies.len(), 1);
-        assert_eq!(moving().within(9), moving());
+        assert_eq!(moving().limited_to(2).copies.len(), 1);
+        assert_eq!(moving().limited_to(9), moving());
     }
 
     /// Each track used to be searched among all removed copies: a layout of 15 megabytes took half a minute.
@@ -473,7 +476,7 @@ mod tests {
     #[test]
     fn a_stage_is_as_long_as_what_moves_on_it() {
         let empty = Tracks::default();
-        assert_eq!((empty.length(0.0), empty.length(2.5)), (USUAL_SECS, 2.5));
+        assert_eq!((empty.length(0.0), empty.length(2.5)), (DEFAULT_LENGTH_SECS, 2.5));
         let tracks = Tracks { length_secs: Some(1.0), ..Tracks::clone(&moving()) };
         assert_eq!(tracks.length(30.0), 2.0, "the last keyframe is within");
         assert_eq!(moving().length(0.0), 8.0);

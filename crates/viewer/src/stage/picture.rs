@@ -12,19 +12,19 @@ use glam::DVec3;
 use lodsmith_core::model::Pose as ModelPose;
 use lodsmith_render::Shading;
 
-use super::levels::{Chooser, Chosen, Eye, distance_of};
-use super::motion::{Motion, Name, Stand, Track};
+use super::levels::{LevelSelection, LevelSelector, Viewpoint, switch_distance};
+use super::motion::{CameraPlacement, KeyframeId, Motion, Track};
 use super::scatter::Scatter;
-use super::{Base, Copies, Placement, StageChange, ground, walk};
+use super::{Copies, ModelBase, Placement, StageChange, ground, walk};
 use crate::command::Command;
 use crate::compare::drawing_line;
 use crate::document::{Document, StageLevel};
-use crate::gpu::{Frame, Gpu, Placed, TINTS, Target};
+use crate::gpu::{Frame, Gpu, PlacedModel, RenderTarget, TINTS};
 use crate::keys::Action;
 use crate::numbers::{grouped, significant};
 use crate::orbit::Orbit;
-use crate::own_files::OwnFiles;
-use crate::panel::Say;
+use crate::own_files::UserFiles;
+use crate::panel::UiRequest;
 use crate::settings::Pose;
 use crate::theme::{Palette, palette};
 use crate::viewport;
@@ -35,15 +35,15 @@ pub struct StageView {
     is_walking: bool,
     is_placing: bool,
     selected: BTreeSet<usize>,
-    chooser: Chooser,
-    facts: Facts,
-    target: Option<Target>,
-    drag: Option<Drag>,
-    moved: Option<Instant>,
+    chooser: LevelSelector,
+    status: StageStatus,
+    target: Option<RenderTarget>,
+    drag: Option<CopyDrag>,
+    last_moved: Option<Instant>,
     /// File for which the camera was last set up.
-    seen: Option<PathBuf>,
+    framed_file: Option<PathBuf>,
     /// Camera of a restored session, until it is applied.
-    arriving: Option<Pose>,
+    pending_pose: Option<Pose>,
     aspect: f64,
     /// Scatter settings of the panel, until they are applied.
     pub form: Option<Scatter>,
@@ -51,16 +51,16 @@ pub struct StageView {
     /// Time shown last.
     moment: f64,
     /// Time and keyframes from which the camera was last set.
-    flown: Option<(f64, Track<Stand>)>,
+    applied_keyframes: Option<(f64, Track<CameraPlacement>)>,
     /// Selected and dragged keyframes.
-    pub keyframes: KeyframeDesk,
+    pub keyframes: KeyframeSelection,
 }
 
 /// Keyframes that are selected in the timeline, and those being dragged.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct KeyframeDesk {
+pub struct KeyframeSelection {
     /// Selected keyframes.
-    pub chosen: Vec<Name>,
+    pub chosen: Vec<KeyframeId>,
     /// Drag in progress.
     pub drag: Option<KeyframeDrag>,
 }
@@ -71,7 +71,7 @@ pub struct KeyframeDrag {
     /// Motion before the drag.
     pub before: Motion,
     /// Dragged keyframes.
-    pub names: Vec<Name>,
+    pub names: Vec<KeyframeId>,
     /// Time under the pointer at the start of the drag.
     pub from_secs: f64,
     /// True if the original keyframes are kept.
@@ -80,7 +80,7 @@ pub struct KeyframeDrag {
 
 /// State of the stage for panels.
 #[derive(Clone, Debug, Default)]
-pub struct Facts {
+pub struct StageStatus {
     /// Numbers of the selected copies.
     pub selected: Vec<usize>,
     /// True if a click places a copy.
@@ -88,9 +88,9 @@ pub struct Facts {
     /// True if the camera is in walk mode.
     pub is_walking: bool,
     /// The levels, from the finest.
-    pub levels: Vec<LevelFacts>,
+    pub levels: Vec<LevelStatus>,
     /// Copies and levels of the last frame.
-    pub chosen: Chosen,
+    pub chosen: LevelSelection,
     /// CPU time to select the levels and submit the drawing.
     pub secs: f64,
     /// Maximum of this time since the stage was opened.
@@ -98,12 +98,12 @@ pub struct Facts {
     /// Scatter settings of the panel that are not applied yet.
     pub form: Option<Scatter>,
     /// Selected and dragged keyframes.
-    pub keyframes: KeyframeDesk,
+    pub keyframes: KeyframeSelection,
 }
 
 /// State of a level for panels.
 #[derive(Clone, Debug, PartialEq)]
-pub struct LevelFacts {
+pub struct LevelStatus {
     /// Number of triangles.
     pub faces: u64,
     /// Distance from which a copy of scale 1 is shown in this level, in units of the model.
@@ -113,18 +113,18 @@ pub struct LevelFacts {
 }
 
 /// Scene of a frame and its screen rectangle.
-struct Shown<'a> {
+struct StageScene<'a> {
     document: &'a Document,
     /// Copies as placed at the current time.
     copies: Copies,
-    base: Base,
+    base: ModelBase,
     levels: Vec<StageLevel<'a>>,
     pose: &'a ModelPose,
     rect: Rect,
 }
 
 /// Copies being dragged.
-struct Drag {
+struct CopyDrag {
     from: DVec3,
     copies: Vec<(usize, Placement)>,
 }
@@ -137,55 +137,55 @@ const LOOK_PER_POINT: f64 = 0.004;
 /// Camera rotation by keys, in radians per second.
 const LOOK_PER_SECOND: f64 = 1.6;
 /// Speed factor when walking with Shift.
-const HURRY: f64 = 4.0;
+const RUN_FACTOR: f64 = 4.0;
 /// Picture scale while the camera moves on a software renderer (a quarter of the pixels), used only above
 /// `FAST_TRIANGLES` triangles.
-const COARSE: f32 = 0.5;
+const COARSE_SCALE: f32 = 0.5;
 const FAST_TRIANGLES: u64 = 50_000;
 /// Triangle budget meanwhile: a software renderer takes about a fifth of a second for so many.
-const HURRIED: u64 = 100_000;
-const REST: Duration = Duration::from_millis(160);
+const MOVING_BUDGET: u64 = 100_000;
+const CAMERA_REST: Duration = Duration::from_millis(160);
 
 impl Default for StageView {
     fn default() -> Self {
         let bounds = lodsmith_core::Bounds { min: [-1.0, 0.0, -1.0], max: [1.0; 3] };
         Self {
-            orbit: Orbit::fitting(&bounds, viewport::standard(0), 1.0),
+            orbit: Orbit::fitting(&bounds, viewport::standard_view(0), 1.0),
             is_walking: false,
             is_placing: false,
             selected: BTreeSet::new(),
-            chooser: Chooser::default(),
-            facts: Facts::default(),
+            chooser: LevelSelector::default(),
+            status: StageStatus::default(),
             target: None,
             drag: None,
-            moved: None,
-            seen: None,
-            arriving: None,
+            last_moved: None,
+            framed_file: None,
+            pending_pose: None,
             aspect: 1.0,
             form: None,
             eye_height: 0.0,
             moment: 0.0,
-            flown: None,
-            keyframes: KeyframeDesk::default(),
+            applied_keyframes: None,
+            keyframes: KeyframeSelection::default(),
         }
     }
 }
 
 impl StageView {
     /// Returns the state for panels.
-    pub fn facts(&self) -> Facts {
+    pub fn status(&self) -> StageStatus {
         let (is_placing, is_walking) = (self.is_placing, self.is_walking);
         let selected = self.selected.iter().copied().collect();
         let keyframes = self.keyframes.clone();
-        Facts { selected, is_placing, is_walking, form: self.form, keyframes, ..self.facts.clone() }
+        StageStatus { selected, is_placing, is_walking, form: self.form, keyframes, ..self.status.clone() }
     }
     /// Returns the number of triangles of the last frame.
     pub fn triangles(&self) -> u64 {
-        self.facts.chosen.triangles
+        self.status.chosen.triangles
     }
     /// Returns the camera; `None` before the stage was shown.
     pub fn pose(&self) -> Option<Pose> {
-        self.seen.is_some().then(|| Pose::of(&self.orbit.camera()))
+        self.framed_file.is_some().then(|| Pose::of(&self.orbit.camera()))
     }
     /// Returns the camera orbit.
     pub fn orbit(&self) -> Orbit {
@@ -194,12 +194,12 @@ impl StageView {
     /// Changes the camera orbit.
     pub fn change_orbit(&mut self, change: impl FnOnce(&mut Orbit)) {
         change(&mut self.orbit);
-        self.moved = Some(Instant::now());
+        self.last_moved = Some(Instant::now());
     }
     /// Sets the camera to use once the file is loaded.
-    pub fn arrive_from(&mut self, pose: Option<Pose>) {
-        self.arriving = pose;
-        self.seen = None;
+    pub fn set_pending_pose(&mut self, pose: Option<Pose>) {
+        self.pending_pose = pose;
+        self.framed_file = None;
     }
     /// Sets whether a click places a copy or selects one.
     pub fn set_placing(&mut self, is_placing: bool) {
@@ -209,17 +209,17 @@ impl StageView {
     /// Selects exactly these copies.
     pub fn select(&mut self, numbers: impl IntoIterator<Item = usize>) {
         self.selected = numbers.into_iter().collect();
-        self.keyframes = KeyframeDesk::default();
+        self.keyframes = KeyframeSelection::default();
     }
     /// Returns the selected copies as placed at the current time, with their numbers.
     pub fn selected(&self, document: &Document) -> Vec<(usize, Placement)> {
-        let copies = document.copies_now();
+        let copies = document.current_placements();
         self.selected.iter().filter_map(|&n| Some((n, *copies.get(n)?))).collect()
     }
 
     /// Frames all copies or, without copies, an area of ground three model diagonals wide.
     pub fn frame(&mut self, document: &Document) {
-        let Some(bounds) = seen_bounds(document) else { return };
+        let Some(bounds) = copies_bounds(document) else { return };
         self.is_walking = false;
         self.change_orbit(|_| {});
         self.orbit.frame(&bounds, self.aspect);
@@ -227,10 +227,10 @@ impl StageView {
 
     /// Switches to a standard view.
     pub fn look_from(&mut self, document: &Document, view: usize) {
-        let Some(bounds) = seen_bounds(document) else { return };
+        let Some(bounds) = copies_bounds(document) else { return };
         self.is_walking = false;
         self.change_orbit(|_| {});
-        self.orbit = Orbit::fitting(&bounds, viewport::standard(view), self.aspect);
+        self.orbit = Orbit::fitting(&bounds, viewport::standard_view(view), self.aspect);
     }
 
     /// Starts or ends walk mode; ending it frames all copies.
@@ -239,10 +239,10 @@ impl StageView {
         self.is_walking = is_walking;
         if is_walking {
             self.is_placing = false;
-            let bounds = seen_bounds(document).map_or(1.0, |b| b.max[0].max(b.max[2]));
-            let height = stage.view.eye_height * height_of(&base);
+            let bounds = copies_bounds(document).map_or(1.0, |b| b.max[0].max(b.max[2]));
+            let height = stage.view.eye_height * eye_reference_height(&base);
             self.eye_height = height;
-            self.change_orbit(|o| walk::stand(o, height, bounds + base.length(), base.length()));
+            self.change_orbit(|o| walk::start_walking(o, height, bounds + base.length(), base.length()));
         } else {
             self.frame(document);
         }
@@ -286,7 +286,7 @@ impl StageView {
         }
         let axis = |plus: bool, minus: bool| f64::from(i8::from(plus) - i8::from(minus));
         let [w, a, s, d, q, e, up, down, left, right] = held;
-        let length = stage.view.speed * base.length() * secs * if hurries { HURRY } else { 1.0 };
+        let length = stage.view.speed * base.length() * secs * if hurries { RUN_FACTOR } else { 1.0 };
         let by = DVec3::new(axis(d, a), axis(e, q), axis(w || up, s || down)) * length;
         let turn = axis(right, left) * LOOK_PER_SECOND * secs;
         self.change_orbit(|o| {
@@ -302,9 +302,9 @@ impl StageView {
         ui: &mut Ui,
         document: &Document,
         gpu: Option<&mut Gpu>,
-        own: &OwnFiles,
+        own: &UserFiles,
         pose: &ModelPose,
-        says: &mut Vec<Say>,
+        says: &mut Vec<UiRequest>,
     ) {
         let rect = ui.available_rect_before_wrap();
         ui.allocate_rect(rect, Sense::hover());
@@ -314,115 +314,117 @@ impl StageView {
             return;
         };
         self.aspect = viewport::aspect(rect);
-        self.arrive(document, &original.content.path);
-        let copies = document.copies_now();
+        self.frame_new_file(document, &original.content.path);
+        let copies = document.current_placements();
         self.selected.retain(|n| *n < copies.len());
-        self.follow(document);
-        let response = viewport::place(ui, rect, "Picture of the stage");
-        let height = stage.view.eye_height * height_of(&base);
+        self.follow_camera_keyframes(document);
+        let response = viewport::picture_area(ui, rect, "Picture of the stage");
+        let height = stage.view.eye_height * eye_reference_height(&base);
         if self.is_walking && self.eye_height != height {
             self.eye_height = height;
             self.change_orbit(|o| walk::set_height(o, height));
         }
-        let shown = Shown { document, copies, base, levels: document.stage_levels(), pose, rect };
-        self.mouse(&response, &shown, says);
+        let shown = StageScene { document, copies, base, levels: document.stage_levels(), pose, rect };
+        self.handle_mouse(&response, &shown, says);
 
         let begin = Instant::now();
         let height_px = f64::from(rect.height() * ui.pixels_per_point());
-        let eye = Eye { camera: self.orbit.camera(), aspect: self.aspect, height_px };
+        let eye = Viewpoint { camera: self.orbit.camera(), aspect: self.aspect, height_px };
         let numbers: Vec<_> = shown.levels.iter().map(|l| l.level).collect();
-        let is_moving = self.moved.is_some_and(|at| at.elapsed() < REST);
+        let is_moving = self.last_moved.is_some_and(|at| at.elapsed() < CAMERA_REST);
         let is_hurried = is_moving && gpu.as_ref().is_some_and(|gpu| gpu.is_software());
-        let budget = if is_hurried { stage.view.budget.min(HURRIED) } else { stage.view.budget };
-        let view = super::View { budget, ..stage.view };
+        let budget = if is_hurried { stage.view.budget.min(MOVING_BUDGET) } else { stage.view.budget };
+        let view = super::StageDisplay { budget, ..stage.view };
         let chosen = self.chooser.choose(&shown.copies, &base, &numbers, &eye, &view);
         let counts = chosen.counts(numbers.len());
-        let of_level = |(level, copies): (&super::levels::Level, usize)| LevelFacts {
+        let of_level = |(level, copies): (&super::levels::LodLevel, usize)| LevelStatus {
             faces: level.faces,
-            distance: distance_of(level, &eye, chosen.pixels),
+            distance: switch_distance(level, &eye, chosen.pixels),
             copies,
         };
-        self.facts.levels = numbers.iter().zip(counts).map(of_level).collect();
-        self.facts.chosen = chosen;
+        self.status.levels = numbers.iter().zip(counts).map(of_level).collect();
+        self.status.chosen = chosen;
         let painter = ui.painter_at(rect);
         painter.rect_filled(rect, 0.0, palette(ui).window);
         let mut spent = begin.elapsed();
         if let Some(gpu) = gpu {
             spent += self.draw(ui, gpu, own, &shown);
         }
-        self.facts.secs = spent.as_secs_f64();
-        self.facts.longest_secs = self.facts.longest_secs.max(self.facts.secs);
-        self.rings(ui, &response, &shown);
-        self.words(ui, rect, document);
+        self.status.secs = spent.as_secs_f64();
+        self.status.longest_secs = self.status.longest_secs.max(self.status.secs);
+        self.draw_rings(ui, &response, &shown);
+        self.draw_captions(ui, rect, document);
     }
 
-    fn arrive(&mut self, document: &Document, path: &PathBuf) {
-        if self.seen.as_ref() == Some(path) {
+    fn frame_new_file(&mut self, document: &Document, path: &PathBuf) {
+        if self.framed_file.as_ref() == Some(path) {
             return;
         }
-        self.seen = Some(path.clone());
+        self.framed_file = Some(path.clone());
         self.selected.clear();
         self.chooser.forget();
-        self.facts = Facts::default();
+        self.status = StageStatus::default();
         self.is_placing = document.settings().stage.copies.is_empty();
         self.is_walking = false;
         self.look_from(document, 0);
-        self.keyframes = KeyframeDesk::default();
-        self.flown = None;
-        if let Some(pose) = self.arriving.take() {
+        self.keyframes = KeyframeSelection::default();
+        self.applied_keyframes = None;
+        if let Some(pose) = self.pending_pose.take() {
             self.orbit = Orbit::of(&pose.camera());
             // The camera of a session stays until the time or the camera keyframes change.
-            self.flown = Some((document.moment(), document.settings().stage.motion.camera.clone()));
+            self.applied_keyframes =
+                Some((document.moment(), document.settings().stage.motion.camera.clone()));
         }
     }
 
     /// Sets the camera from its keyframes whenever the time or the keyframes change.
-    fn follow(&mut self, document: &Document) {
+    fn follow_camera_keyframes(&mut self, document: &Document) {
         let (motion, moment) = (&document.settings().stage.motion, document.moment());
         if moment != self.moment {
             self.moment = moment;
-            self.moved = Some(Instant::now());
+            self.last_moved = Some(Instant::now());
         }
         let Some(stand) = motion.camera.at(moment).filter(|_| !motion.has_free_camera) else {
-            self.flown = None;
+            self.applied_keyframes = None;
             return;
         };
-        let is_there = self.flown.as_ref().is_some_and(|(m, track)| *m == moment && *track == motion.camera);
+        let is_there =
+            self.applied_keyframes.as_ref().is_some_and(|(m, track)| *m == moment && *track == motion.camera);
         if !is_there {
-            self.change_orbit(|orbit| stand.put(orbit));
-            self.flown = Some((moment, motion.camera.clone()));
+            self.change_orbit(|orbit| stand.apply_to(orbit));
+            self.applied_keyframes = Some((moment, motion.camera.clone()));
         }
     }
 
     /// Draws the stage and returns the CPU time used.
-    fn draw(&mut self, ui: &Ui, gpu: &mut Gpu, own: &OwnFiles, shown: &Shown<'_>) -> Duration {
+    fn draw(&mut self, ui: &Ui, gpu: &mut Gpu, own: &UserFiles, shown: &StageScene<'_>) -> Duration {
         let begin = Instant::now();
-        let Shown { document, copies, base, levels, pose, rect } = shown;
+        let StageScene { document, copies, base, levels, pose, rect } = shown;
         let settings = document.settings();
         let stage = &settings.stage;
         let scale = ui.pixels_per_point();
         let size = [rect.width(), rect.height()].map(|x| (x * scale).round().max(1.0) as u32);
-        let rests_in = self.moved.and_then(|at| REST.checked_sub(at.elapsed()));
-        let is_many = self.facts.chosen.triangles > FAST_TRIANGLES;
+        let rests_in = self.last_moved.and_then(|at| CAMERA_REST.checked_sub(at.elapsed()));
+        let is_many = self.status.chosen.triangles > FAST_TRIANGLES;
         let is_coarse = rests_in.is_some() && gpu.is_software() && is_many;
         if let Some(rest) = rests_in {
             ui.request_repaint_after(rest + Duration::from_millis(5));
         }
         let target = self.target.get_or_insert_with(|| gpu.target(size));
-        target.resize(size, if is_coarse { COARSE } else { 1.0 });
+        target.resize(size, if is_coarse { COARSE_SCALE } else { 1.0 });
         let locked: Vec<_> =
             levels.iter().map(|l| l.draw.map(|d| d.lock().unwrap_or_else(PoisonError::into_inner))).collect();
-        let placed: Vec<Placed<'_>> = self
-            .facts
+        let placed: Vec<PlacedModel<'_>> = self
+            .status
             .chosen
-            .in_sight
+            .visible
             .iter()
             .filter_map(|seen| {
-                Some(Placed {
+                Some(PlacedModel {
                     world_from_model: base.stage_from(&copies[seen.copy]),
                     selected: self.selected.contains(&seen.copy),
-                    tint: if stage.view.has_level_colors { tint_of(seen.level) } else { 0 },
-                    ..Placed::new(locked[seen.level].as_deref()?, pose)
+                    tint: if stage.view.has_level_colors { level_tint(seen.level) } else { 0 },
+                    ..PlacedModel::new(locked[seen.level].as_deref()?, pose)
                 })
             })
             .collect();
@@ -434,7 +436,7 @@ impl StageView {
         }
         let frame = Frame {
             models: &placed,
-            bounds: base.bounds(stage.places()),
+            bounds: base.bounds(stage.all_placements()),
             camera: self.orbit.camera(),
             look: &look,
             lighting: &lighting,
@@ -451,25 +453,25 @@ impl StageView {
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
             ui.painter_at(*rect).image(id, *rect, whole, Color32::WHITE);
         }
-        if let Some(share) = drawn.share() {
+        if let Some(share) = drawn.completed_fraction() {
             drawing_line(ui, *rect, share);
             ui.request_repaint();
         }
-        ready + drawn.own
+        ready + drawn.cpu_time
     }
 
     /// Returns the copy under a screen position, of those drawn.
-    fn under(&self, shown: &Shown<'_>, at: Pos2) -> Option<usize> {
-        let Shown { copies, base, levels, pose, rect, .. } = shown;
+    fn copy_at(&self, shown: &StageScene<'_>, at: Pos2) -> Option<usize> {
+        let StageScene { copies, base, levels, pose, rect, .. } = shown;
         let model_of = |copy: usize| {
-            let seen = self.facts.chosen.in_sight.iter().find(|s| s.copy == copy)?;
+            let seen = self.status.chosen.visible.iter().find(|s| s.copy == copy)?;
             Some(levels.get(seen.level)?.model)
         };
         ground::copy_under(copies, base, pose, &self.orbit.camera(), *rect, at, model_of)
     }
 
-    fn mouse(&mut self, response: &Response, shown: &Shown<'_>, says: &mut Vec<Say>) {
-        let Shown { document, copies, base, rect, .. } = shown;
+    fn handle_mouse(&mut self, response: &Response, shown: &StageScene<'_>, says: &mut Vec<UiRequest>) {
+        let StageScene { document, copies, base, rect, .. } = shown;
         let (rect, secs) = (*rect, document.moment());
         let (modifiers, pressed_at) = response.ctx.input(|i| (i.modifiers, i.pointer.press_origin()));
         let dragged = response.dragged_by(PointerButton::Primary);
@@ -481,24 +483,24 @@ impl StageView {
             }
             return;
         }
-        let change = |change: StageChange| Say::Command(Command::Stage(change));
+        let change = |change: StageChange| UiRequest::Command(Command::Stage(change));
         let is_plain = !modifiers.alt && !modifiers.shift && !self.is_placing;
         if response.drag_started_by(PointerButton::Primary)
             && is_plain
             && let Some(at) = pressed_at
-            && let Some(copy) = self.under(shown, at)
+            && let Some(copy) = self.copy_at(shown, at)
         {
             if !self.selected.contains(&copy) {
                 self.select([copy]);
             }
             // Drag in a plane at half the copy's height, so that it stays under the pointer.
-            let height = base.ball(&copies[copy]).0.y;
+            let height = base.bounding_sphere(&copies[copy]).0.y;
             if let Some(from) = ground::on_plane(&self.orbit.camera(), rect, at, height) {
                 // Pause the animation while copies are dragged.
                 if document.is_playing() {
-                    says.push(Say::Action(Action::Play));
+                    says.push(UiRequest::Action(Action::Play));
                 }
-                self.drag = Some(Drag { from, copies: self.selected(document) });
+                self.drag = Some(CopyDrag { from, copies: self.selected(document) });
             }
         }
         if !response.dragged() {
@@ -514,13 +516,13 @@ impl StageView {
         } else if dragged && modifiers.alt && !self.selected.is_empty() {
             let (turn, factor) =
                 (f64::from(by.x) * TURN_DEG_PER_POINT, (f64::from(-by.y) / SCALE_POINTS).exp());
-            says.extend(self.changed(document, |c| Placement {
+            says.extend(self.change_selected(document, |c| Placement {
                 turn_deg: c.turn_deg + turn,
                 scale: c.scale * factor,
                 ..*c
             }));
         } else if self.orbit.interact(response, rect) {
-            self.moved = Some(Instant::now());
+            self.last_moved = Some(Instant::now());
         }
         if response.clicked()
             && let Some(at) = response.interact_pointer_pos()
@@ -531,7 +533,7 @@ impl StageView {
                     self.select([copies.len()]);
                 }
             } else {
-                match self.under(shown, at) {
+                match self.copy_at(shown, at) {
                     Some(copy) if modifiers.shift => {
                         if !self.selected.remove(&copy) {
                             self.selected.insert(copy);
@@ -546,8 +548,8 @@ impl StageView {
             && !self.is_placing
             && let Some(at) = response.interact_pointer_pos()
         {
-            let under = self.under(shown, at);
-            let copy = under.map(|n| base.ball(&copies[n]).0);
+            let under = self.copy_at(shown, at);
+            let copy = under.map(|n| base.bounding_sphere(&copies[n]).0);
             if let Some(place) = copy.or_else(|| ground::on_ground(&self.orbit.camera(), rect, at)) {
                 self.change_orbit(|o| o.target = place);
             }
@@ -555,15 +557,19 @@ impl StageView {
     }
 
     /// Returns the request that changes all selected copies.
-    pub fn changed(&self, document: &Document, of: impl Fn(&Placement) -> Placement) -> Option<Say> {
+    pub fn change_selected(
+        &self,
+        document: &Document,
+        of: impl Fn(&Placement) -> Placement,
+    ) -> Option<UiRequest> {
         let copies: Vec<_> = self.selected(document).iter().map(|(n, c)| (*n, of(c))).collect();
         let secs = document.moment();
-        (!copies.is_empty()).then_some(Say::Command(Command::Stage(StageChange::Move { copies, secs })))
+        (!copies.is_empty()).then_some(UiRequest::Command(Command::Stage(StageChange::Move { copies, secs })))
     }
 
     /// Draws circles on the ground around selected copies, and where a click would place a copy.
-    fn rings(&self, ui: &Ui, response: &Response, shown: &Shown<'_>) {
-        let Shown { copies, base, rect, .. } = shown;
+    fn draw_rings(&self, ui: &Ui, response: &Response, shown: &StageScene<'_>) {
+        let StageScene { copies, base, rect, .. } = shown;
         let rect = *rect;
         let camera = self.orbit.camera();
         let p = palette(ui);
@@ -574,7 +580,7 @@ impl StageView {
                 painter.add(egui::Shape::closed_line(line, Stroke::new(2.0, color)));
             }
         };
-        for copy in self.selected.iter().take(RINGS).filter_map(|n| copies.get(*n)) {
+        for copy in self.selected.iter().take(MAX_RINGS).filter_map(|n| copies.get(*n)) {
             ring(DVec3::new(copy.x, 0.0, copy.z), copy.scale, p.accent);
         }
         let hovered = response.hover_pos().filter(|_| self.is_placing && !response.dragged());
@@ -584,20 +590,20 @@ impl StageView {
     }
 
     /// Draws the status text, hints, and the legend of level colours.
-    fn words(&self, ui: &Ui, rect: Rect, document: &Document) {
+    fn draw_captions(&self, ui: &Ui, rect: Rect, document: &Document) {
         let stage = &document.settings().stage;
         let p = palette(ui);
         let painter = ui.painter_at(rect);
-        let chosen = &self.facts.chosen;
+        let chosen = &self.status.chosen;
         let mut text = match stage.copies.len() {
             1 => "1 copy".to_owned(),
             n => format!("{} copies", grouped(n)),
         };
-        if !chosen.in_sight.is_empty() {
+        if !chosen.visible.is_empty() {
             let triangles = usize::try_from(chosen.triangles).unwrap_or(usize::MAX);
             text += &format!(
                 "  ·  {} in sight  ·  {} triangles",
-                grouped(chosen.in_sight.len()),
+                grouped(chosen.visible.len()),
                 grouped(triangles)
             );
             text += &format!("  ·  error up to {} px", significant(chosen.largest_px(), 2));
@@ -605,7 +611,7 @@ impl StageView {
         if chosen.left_out > 0 {
             text += &format!("  ·  {} left out", grouped(chosen.left_out));
         }
-        chip(&painter, p, rect.min + Vec2::splat(10.0), "Stage", &text);
+        draw_chip(&painter, p, rect.min + Vec2::splat(10.0), "Stage", &text);
         let hint = if document.awaits_levels() {
             "Levels are being made: until then only some copies are drawn"
         } else if self.is_walking {
@@ -628,13 +634,13 @@ impl StageView {
             painter.galley(place.min + Vec2::new(12.0, 6.0), galley, p.text);
         }
         if stage.view.has_level_colors {
-            self.legend(&painter, p, rect);
+            self.draw_legend(&painter, p, rect);
         }
     }
 
-    fn legend(&self, painter: &egui::Painter, p: &Palette, rect: Rect) {
+    fn draw_legend(&self, painter: &egui::Painter, p: &Palette, rect: Rect) {
         const LINE: f32 = 18.0;
-        let rows = self.facts.levels.len() as f32;
+        let rows = self.status.levels.len() as f32;
         let size = Vec2::new(196.0, rows * LINE + 16.0);
         if rect.height() < size.y + 80.0 || rect.width() < size.x + 24.0 {
             return;
@@ -642,11 +648,11 @@ impl StageView {
         let place = Rect::from_min_size(pos2(rect.right() - size.x - 10.0, rect.top() + 10.0), size);
         painter.rect_filled(place, 5.0, p.panel.gamma_multiply(0.92));
         let font = egui::FontId::monospace(11.5);
-        for (k, level) in self.facts.levels.iter().enumerate() {
+        for (k, level) in self.status.levels.iter().enumerate() {
             let y = place.top() + 8.0 + LINE * (k as f32 + 0.5);
             let dot = Rect::from_center_size(pos2(place.left() + 16.0, y), Vec2::splat(10.0));
             let line = Stroke::new(1.0, p.weak);
-            painter.rect(dot, 2.0, color_of(k), line, egui::StrokeKind::Inside);
+            painter.rect(dot, 2.0, level_color(k), line, egui::StrokeKind::Inside);
             let color = if level.copies > 0 { p.text } else { p.weak };
             let faces = grouped(usize::try_from(level.faces).unwrap_or(usize::MAX));
             let text =
@@ -658,31 +664,31 @@ impl StageView {
 }
 
 /// Maximum number of rings; more would only hide the ground.
-const RINGS: usize = 200;
+const MAX_RINGS: usize = 200;
 
 /// Returns the number of a level's colour in [`TINTS`], counted from 1.
-fn tint_of(level: usize) -> u8 {
+fn level_tint(level: usize) -> u8 {
     level.min(TINTS.len() - 1) as u8 + 1
 }
 
 /// Returns the colour of a level.
-pub fn color_of(level: usize) -> Color32 {
+pub fn level_color(level: usize) -> Color32 {
     let [r, g, b] = TINTS[level.min(TINTS.len() - 1)].map(|c| (c * 255.0).round() as u8);
     Color32::from_rgb(r, g, b)
 }
 
 /// Returns the reference height for the eye: the model's height, at least a tenth of its diagonal.
-pub fn height_of(base: &Base) -> f64 {
+pub fn eye_reference_height(base: &ModelBase) -> f64 {
     base.size.y.max(0.1 * base.length())
 }
 
 /// Returns a bounding box of all copies; without copies, one three model diagonals wide.
-fn seen_bounds(document: &Document) -> Option<lodsmith_core::Bounds> {
+fn copies_bounds(document: &Document) -> Option<lodsmith_core::Bounds> {
     let base = document.stage_base()?;
-    let copies = document.copies_now();
+    let copies = document.current_placements();
     let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for copy in copies.iter() {
-        let (centre, radius) = base.ball(copy);
+        let (centre, radius) = base.bounding_sphere(copy);
         min = min.min(centre - radius);
         max = max.max(centre + radius);
     }
@@ -696,7 +702,7 @@ fn seen_bounds(document: &Document) -> Option<lodsmith_core::Bounds> {
     Some(lodsmith_core::Bounds { min: min.to_array(), max: max.to_array() })
 }
 
-fn chip(painter: &egui::Painter, p: &Palette, at: Pos2, title: &str, text: &str) {
+fn draw_chip(painter: &egui::Painter, p: &Palette, at: Pos2, title: &str, text: &str) {
     let title = painter.layout_no_wrap(title.to_owned(), egui::FontId::proportional(13.0), p.text);
     let text = painter.layout_no_wrap(text.to_owned(), egui::FontId::monospace(12.0), p.weak);
     let place = Rect::from_min_size(at, Vec2::new(title.size().x + text.size().x + 34.0, 26.0));

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use lodsmith_core::sampling::Random;
 use serde::{Deserialize, Serialize};
 
-use super::{MOST, Placement};
+use super::{MAX_COPIES, Placement};
 
 /// Settings for scattering copies. Apart from copies that are kept, the result depends on nothing else.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -46,9 +46,9 @@ impl Default for Scatter {
 
 /// Fraction of the square covered by circles when its size is computed from their number. Random placement
 /// finds room up to 0.54.
-const COVER: f64 = 0.3;
+const TARGET_COVERAGE: f64 = 0.3;
 /// Maximum number of random positions tried for one circle.
-const THROWS: usize = 200;
+const MAX_TRIES: usize = 200;
 
 impl Scatter {
     /// Returns the side of the square.
@@ -56,8 +56,8 @@ impl Scatter {
         if self.side > 0.0 && self.side.is_finite() {
             return self.side;
         }
-        let radius = self.radius(self.greatest());
-        radius * (std::f64::consts::PI * self.count.max(1) as f64 / COVER).sqrt()
+        let radius = self.radius(self.max_scale());
+        radius * (std::f64::consts::PI * self.count.max(1) as f64 / TARGET_COVERAGE).sqrt()
     }
 
     /// Returns the copies after scattering, given the existing ones.
@@ -66,14 +66,14 @@ impl Scatter {
     /// tries, all are placed in the cells of a square grid, provided that no copies are kept and the cells
     /// are large enough. Otherwise a circle goes where the distance to the others is largest.
     /// Cost: O(count · tries).
-    pub fn scattered(&self, standing: &[Placement]) -> Vec<Placement> {
+    pub fn placements(&self, standing: &[Placement]) -> Vec<Placement> {
         let kept: &[Placement] = if self.keeps { standing } else { &[] };
-        let count = self.count.min(MOST.saturating_sub(kept.len()));
+        let count = self.count.min(MAX_COPIES.saturating_sub(kept.len()));
         let mut chance = Random::new(self.seed);
-        let (mut copies, has_room) = self.thrown(count, kept, &mut chance);
+        let (mut copies, has_room) = self.random_placements(count, kept, &mut chance);
         if !has_room
             && kept.is_empty()
-            && let Some(in_cells) = self.in_cells(count, &mut Random::new(self.seed))
+            && let Some(in_cells) = self.grid_placements(count, &mut Random::new(self.seed))
         {
             copies = in_cells;
         }
@@ -82,7 +82,7 @@ impl Scatter {
 
     /// Returns the number of overlapping pairs of copies.
     pub fn overlaps(&self, copies: &[Placement]) -> usize {
-        let mut near = Near::new(self.radius_without_gap(greatest_of(copies)));
+        let mut near = CircleGrid::new(self.radius_without_gap(max_scale_of(copies)));
         let mut count = 0;
         for copy in copies {
             let radius = self.radius_without_gap(copy.scale);
@@ -93,16 +93,21 @@ impl Scatter {
         count
     }
 
-    fn thrown(&self, count: usize, kept: &[Placement], chance: &mut Random) -> (Vec<Placement>, bool) {
+    fn random_placements(
+        &self,
+        count: usize,
+        kept: &[Placement],
+        chance: &mut Random,
+    ) -> (Vec<Placement>, bool) {
         let side = self.side();
-        let mut near = Near::new(self.radius(self.greatest().max(greatest_of(kept))));
+        let mut near = CircleGrid::new(self.radius(self.max_scale().max(max_scale_of(kept))));
         for copy in kept {
             near.add(copy.x, copy.z, self.radius(copy.scale));
         }
         // If the total area of the circles exceeds the square, skip the search for free positions.
         let least = self.radius(self.scales()[0]);
         let throws =
-            if count as f64 * least * least * std::f64::consts::PI > side * side { 0 } else { THROWS };
+            if count as f64 * least * least * std::f64::consts::PI > side * side { 0 } else { MAX_TRIES };
         let mut has_room = throws > 0;
         let mut copies = Vec::with_capacity(count);
         for _ in 0..count {
@@ -131,13 +136,13 @@ impl Scatter {
 
     /// Places one copy in each cell of a grid, at a random position inside the cell; empty cells are chosen
     /// at random.
-    fn in_cells(&self, count: usize, chance: &mut Random) -> Option<Vec<Placement>> {
+    fn grid_placements(&self, count: usize, chance: &mut Random) -> Option<Vec<Placement>> {
         let side = self.side();
         let across = (count as f64).sqrt().ceil().max(1.0) as usize;
         let cell = side / across as f64;
         // Grid circles stay inside the square; only randomly placed ones may reach over its edge, by up to
         // their radius.
-        if cell < 2.0 * self.radius(self.greatest()) {
+        if cell < 2.0 * self.radius(self.max_scale()) {
             return None;
         }
         let mut cells: Vec<usize> = (0..across * across).collect();
@@ -164,7 +169,7 @@ impl Scatter {
         let [a, b] = self.scale.map(|s| if s.is_finite() { s.clamp(0.01, 100.0) } else { 1.0 });
         [a.min(b), a.max(b)]
     }
-    fn greatest(&self) -> f64 {
+    fn max_scale(&self) -> f64 {
         self.scales()[1]
     }
     fn radius_without_gap(&self, scale: f64) -> f64 {
@@ -176,17 +181,17 @@ impl Scatter {
     }
 }
 
-fn greatest_of(copies: &[Placement]) -> f64 {
+fn max_scale_of(copies: &[Placement]) -> f64 {
     copies.iter().map(|c| c.scale).fold(1e-9, f64::max)
 }
 
 /// Circles in a uniform grid, for neighbour queries.
-struct Near {
+struct CircleGrid {
     cell: f64,
     circles: HashMap<[i64; 2], Vec<[f64; 3]>>,
 }
 
-impl Near {
+impl CircleGrid {
     /// Creates an empty grid; `radius` is the maximum radius of the circles.
     fn new(radius: f64) -> Self {
         Self { cell: 2.0 * radius, circles: HashMap::new() }
@@ -218,9 +223,9 @@ mod tests {
     #[test]
     fn the_same_numbers_scatter_in_the_same_way() {
         let scatter = Scatter { count: 300, ..Scatter::default() };
-        let one = scatter.scattered(&[]);
-        assert_eq!(one, scatter.scattered(&[]));
-        assert_ne!(one, Scatter { seed: 2, ..scatter }.scattered(&[]));
+        let one = scatter.placements(&[]);
+        assert_eq!(one, scatter.placements(&[]));
+        assert_ne!(one, Scatter { seed: 2, ..scatter }.placements(&[]));
         assert_eq!(one.len(), 300);
         assert!(one.iter().all(|c| c.scale >= 0.8 && c.scale <= 1.2 && c.turn_deg < 360.0));
     }
@@ -229,7 +234,7 @@ mod tests {
     fn nothing_overlaps_where_there_is_room() {
         for (count, seed) in [(1, 1), (10, 2), (500, 3), (5000, 4)] {
             let scatter = Scatter { count, seed, footprint: 0.37, ..Scatter::default() };
-            let copies = scatter.scattered(&[]);
+            let copies = scatter.placements(&[]);
             assert_eq!(scatter.overlaps(&copies), 0, "{count}");
             let half = 0.5 * scatter.side();
             assert!(copies.iter().all(|c| c.x.abs() <= half && c.z.abs() <= half));
@@ -240,11 +245,11 @@ mod tests {
     fn a_square_that_is_nearly_full_is_filled_without_overlap() {
         // 100 circles of radius 1 in a square of side 20.5: random placement would not find room.
         let scatter = Scatter { count: 100, gap: 0.0, side: 20.5, scale: [1.0; 2], ..Scatter::default() };
-        assert!(!scatter.thrown(100, &[], &mut Random::new(1)).1);
-        assert_eq!(scatter.overlaps(&scatter.scattered(&[])), 0);
+        assert!(!scatter.random_placements(100, &[], &mut Random::new(1)).1);
+        assert_eq!(scatter.overlaps(&scatter.placements(&[])), 0);
         // Without enough room, all copies are still placed.
         let tight = Scatter { side: 10.0, ..scatter };
-        let copies = tight.scattered(&[]);
+        let copies = tight.placements(&[]);
         assert_eq!(copies.len(), 100);
         assert!(tight.overlaps(&copies) > 0);
     }
@@ -253,7 +258,7 @@ mod tests {
     fn those_that_stand_stay_and_are_not_touched() {
         let standing = [Placement::at(0.0, 0.0), Placement { scale: 4.0, ..Placement::at(8.0, 1.0) }];
         let scatter = Scatter { count: 50, keeps: true, ..Scatter::default() };
-        let copies = scatter.scattered(&standing);
+        let copies = scatter.placements(&standing);
         assert_eq!(copies.len(), 52);
         assert_eq!(copies[..2], standing);
         assert_eq!(scatter.overlaps(&copies), 0);
@@ -268,8 +273,8 @@ mod tests {
             scale: [f64::NAN, -3.0],
             ..Scatter::default()
         };
-        assert!(strange.scattered(&[]).iter().all(|c| c.checked().is_some()));
+        assert!(strange.placements(&[]).iter().all(|c| c.checked().is_some()));
         let many = Scatter { count: usize::MAX, ..Scatter::default() };
-        assert_eq!(many.scattered(&[Placement::at(0.0, 0.0); 3]).len(), MOST);
+        assert_eq!(many.placements(&[Placement::at(0.0, 0.0); 3]).len(), MAX_COPIES);
     }
 }

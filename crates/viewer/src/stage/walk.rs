@@ -20,7 +20,7 @@ pub fn step(orbit: &mut Orbit, by: DVec3) {
 
 /// Puts the eye at a height over the ground, at its present position or, if farther than `within` from the
 /// centre, moved in to that distance; `reach` is the distance to the orbit centre.
-pub fn stand(orbit: &mut Orbit, height: f64, within: f64, reach: f64) {
+pub fn start_walking(orbit: &mut Orbit, height: f64, within: f64, reach: f64) {
     let mut eye = orbit.camera().eye;
     let away = eye.x.hypot(eye.z);
     if away > within {
@@ -53,7 +53,7 @@ mod tests {
     fn walker() -> Orbit {
         let bounds = Bounds { min: [-10.0, 0.0, -10.0], max: [10.0, 2.0, 10.0] };
         let mut orbit = Orbit::fitting(&bounds, StandardView::Front, 1.5);
-        stand(&mut orbit, 1.7, 12.0, 2.0);
+        start_walking(&mut orbit, 1.7, 12.0, 2.0);
         orbit
     }
 

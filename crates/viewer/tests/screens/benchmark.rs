@@ -4,13 +4,13 @@ use std::path::Path;
 
 use eframe::egui::{Key, Modifiers, OutputCommand, Role};
 use egui_kittest::kittest::Queryable;
-use lodsmith_viewer::benchmark::HEADS;
+use lodsmith_viewer::benchmark::COLUMN_HEADINGS;
 use lodsmith_viewer::panel::Panel;
 
-use super::desk::Desk;
+use super::desk::AppHarness;
 
 /// Returns the text that a button copies to the clipboard.
-fn copied(desk: &mut Desk, button: &str) -> String {
+fn copied(desk: &mut AppHarness, button: &str) -> String {
     desk.harness.get_by_role_and_label(Role::Button, button).click();
     for _ in 0..4 {
         desk.harness.step();
@@ -25,7 +25,7 @@ fn copied(desk: &mut Desk, button: &str) -> String {
 #[test]
 fn times_of_every_level_are_measured_and_copied() {
     for is_light in [false, true] {
-        let Some(mut desk) = Desk::with(is_light, Some(Path::new("../../testdata/finial.ply"))) else {
+        let Some(mut desk) = AppHarness::with(is_light, Some(Path::new("../../testdata/finial.ply"))) else {
             return;
         };
         assert!(!desk.app().is_shown(Panel::Benchmark));
@@ -45,13 +45,13 @@ fn times_of_every_level_are_measured_and_copied() {
         let tsv = copied(&mut desk, "Copy as TSV");
         assert_eq!(tsv, table.tsv());
         assert_eq!(tsv.lines().count(), 7);
-        assert!(HEADS.iter().all(|head| table.markdown().contains(head)));
+        assert!(COLUMN_HEADINGS.iter().all(|head| table.markdown().contains(head)));
     }
 }
 
 #[test]
 fn measuring_stops_when_it_is_told_to() {
-    let Some(mut desk) = Desk::open("sphere.ply") else { return };
+    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
     desk.harness.key_press_modifiers(Modifiers::COMMAND, Key::B);
     desk.harness.run_steps(2);
     assert!(desk.app().is_shown(Panel::Benchmark), "who asks wants to see");

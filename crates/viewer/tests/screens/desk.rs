@@ -14,15 +14,15 @@ use lodsmith_viewer::keys::Action;
 
 use crate::adapter::context;
 
-const LONG: Duration = Duration::from_secs(120);
+const TIMEOUT: Duration = Duration::from_secs(120);
 
 /// A headless window, and a folder with two models.
-pub(super) struct Desk {
+pub(super) struct AppHarness {
     pub(super) harness: Harness<'static, App>,
     pub(super) folder: tempfile::TempDir,
 }
 
-impl Desk {
+impl AppHarness {
     /// Opens a file of the folder by name, or another file by path.
     pub(super) fn with(is_light: bool, name: Option<impl AsRef<Path>>) -> Option<Self> {
         let folder = tempfile::tempdir().unwrap();
@@ -59,7 +59,7 @@ impl Desk {
 
     /// Runs until all jobs are done and their results are shown.
     pub(super) fn settle(&mut self) {
-        let end = Instant::now() + LONG;
+        let end = Instant::now() + TIMEOUT;
         loop {
             self.harness.run_steps(2);
             let document = self.harness.state_mut().document_mut();

@@ -10,10 +10,10 @@ use lodsmith_viewer::stage::file::LayoutFile;
 use lodsmith_viewer::stage::motion::{Curve, Motion, Mover};
 use lodsmith_viewer::stage::{Placement, StageChange};
 
-use super::desk::Desk;
+use super::desk::AppHarness;
 use super::stage::{PICTURE, row, run, staged};
 
-fn motion(desk: &Desk) -> Motion {
+fn motion(desk: &AppHarness) -> Motion {
     desk.app().document().settings().stage.motion.clone()
 }
 
@@ -21,18 +21,18 @@ fn copies(action: CopiesAction) -> Action {
     Action::Copies(action)
 }
 
-fn go_to(desk: &mut Desk, seconds: f64) {
+fn go_to(desk: &mut AppHarness, seconds: f64) {
     let playback = Playback { seconds, ..desk.app().document().settings().playback };
     desk.harness.state_mut().document_mut().run(Command::Playback(playback));
     desk.harness.state_mut().document_mut().seal();
     desk.settle();
 }
 
-fn moments(desk: &Desk, mover: Mover) -> Vec<f64> {
+fn moments(desk: &AppHarness, mover: Mover) -> Vec<f64> {
     motion(desk).moments(mover)
 }
 
-fn lane(desk: &Desk, name: &str) -> Rect {
+fn lane(desk: &AppHarness, name: &str) -> Rect {
     desk.harness.get_by_label(&format!("Keyframes of {name}")).rect()
 }
 
@@ -42,7 +42,7 @@ fn at(lane: Rect, secs: f32) -> Pos2 {
 }
 
 /// Four copies that rotate and then shrink, while the camera orbits them.
-fn moving(is_light: bool) -> Option<Desk> {
+fn moving(is_light: bool) -> Option<AppHarness> {
     let mut desk = staged(is_light, row(4))?;
     desk.act(Action::Panel(Panel::Timeline));
     desk.act(copies(CopiesAction::CameraKeyframe));
@@ -71,13 +71,13 @@ fn keys_set_keyframes_and_the_moment_moves_what_has_them() {
         assert_eq!(moments(&desk, Mover::Camera), [0.0]);
         desk.act(copies(CopiesAction::All));
         desk.act(copies(CopiesAction::Keyframe));
-        let begin = desk.app().document().copies_now();
+        let begin = desk.app().document().current_placements();
         go_to(&mut desk, 4.0);
         // A change of a copy with keyframes sets a keyframe; its other keyframes stay.
         desk.act(copies(CopiesAction::Turn(1)));
         assert_eq!(moments(&desk, Mover::Copy(2)), [0.0, 4.0]);
-        assert!(desk.app().document().copies_now().iter().all(|c| c.turn_deg == 15.0));
-        let eye = |desk: &Desk| desk.app().stage_view().orbit().camera().eye;
+        assert!(desk.app().document().current_placements().iter().all(|c| c.turn_deg == 15.0));
+        let eye = |desk: &AppHarness| desk.app().stage_view().orbit().camera().eye;
         desk.press(Key::ArrowRight);
         desk.press(Key::ArrowRight);
         let there = eye(&desk);
@@ -85,10 +85,10 @@ fn keys_set_keyframes_and_the_moment_moves_what_has_them() {
         assert!(eye(&desk).distance(there) < 1e-9, "a keyframe moves nothing by itself");
         go_to(&mut desk, 2.0);
         assert!(eye(&desk).distance(there) > 0.1, "the camera is on its way");
-        assert!(desk.app().document().copies_now().iter().all(|c| (c.turn_deg - 7.5).abs() < 1e-6));
+        assert!(desk.app().document().current_placements().iter().all(|c| (c.turn_deg - 7.5).abs() < 1e-6));
         desk.picture(&format!("keyframes_{theme}"));
         go_to(&mut desk, 0.0);
-        assert_eq!(desk.app().document().copies_now(), begin);
+        assert_eq!(desk.app().document().current_placements(), begin);
         // Undo until there are no keyframes, and redo.
         let all = motion(&desk);
         for _ in 0..20 {
@@ -107,7 +107,7 @@ fn playing_moves_copies_and_camera_and_a_pause_is_a_pause() {
     let Some(mut desk) = moving(false) else { return };
     go_to(&mut desk, 0.0);
     let before = desk.pixels(PICTURE);
-    let sights = |desk: &Desk| desk.app().stage_view().facts().chosen.in_sight;
+    let sights = |desk: &AppHarness| desk.app().stage_view().status().chosen.visible;
     let (seen, eye) = (sights(&desk), desk.app().stage_view().orbit().camera().eye);
     desk.harness.key_press(Key::P);
     desk.harness.run_steps(60);
@@ -143,7 +143,7 @@ fn keyframes_are_dragged_copied_and_taken_away() {
     let second = lane(&desk, "copy 2");
     // A click selects a keyframe and goes to its time.
     desk.point(at(second, 4.0));
-    let chosen = |desk: &Desk| desk.app().stage_view().facts().keyframes.chosen;
+    let chosen = |desk: &AppHarness| desk.app().stage_view().status().keyframes.chosen;
     assert_eq!(chosen(&desk), [(Mover::Copy(1), 4.0)]);
     assert_eq!(desk.app().document().moment(), 4.0);
     desk.drag(at(second, 4.0), at(second, 5.0));
@@ -169,7 +169,10 @@ fn keyframes_are_dragged_copied_and_taken_away() {
     assert_eq!(moments(&desk, Mover::Copy(0)).len(), 4);
     assert_eq!(chosen(&desk), [(Mover::Copy(0), 6.0), (Mover::Copy(1), 6.0)]);
     desk.press(Key::Delete);
-    assert_eq!((moments(&desk, Mover::Copy(0)).len(), desk.app().document().copies_now().len()), (3, 4));
+    assert_eq!(
+        (moments(&desk, Mover::Copy(0)).len(), desk.app().document().current_placements().len()),
+        (3, 4)
+    );
     // Stepped instead of smooth interpolation.
     desk.point(at(second, 8.0));
     desk.click("Steps");
@@ -182,7 +185,7 @@ fn keyframes_are_dragged_copied_and_taken_away() {
     desk.point(at(second, 9.5));
     assert!(chosen(&desk).is_empty());
     desk.press(Key::Delete);
-    assert!(desk.app().document().copies_now().is_empty() && motion(&desk).copies.is_empty());
+    assert!(desk.app().document().current_placements().is_empty() && motion(&desk).copies.is_empty());
 }
 
 #[test]
@@ -214,7 +217,8 @@ fn moving_what_plays_stops_it_and_sets_a_keyframe() {
     assert!(!desk.app().document().is_playing());
     let all = moments(&desk, Mover::Copy(0));
     assert!(all.len() == 2 && all[1] > 0.5, "{all:?}");
-    let (one, two) = (motion(&desk).copies[&0].at(0.0).unwrap(), desk.app().document().copies_now()[0]);
+    let (one, two) =
+        (motion(&desk).copies[&0].at(0.0).unwrap(), desk.app().document().current_placements()[0]);
     assert!(two.x > one.x + 0.2, "{one:?} {two:?}");
 }
 

@@ -10,9 +10,9 @@ use lodsmith_viewer::panel::Panel;
 use lodsmith_viewer::stage::file::LayoutFile;
 use lodsmith_viewer::stage::motion::Motion;
 use lodsmith_viewer::stage::scatter::Scatter;
-use lodsmith_viewer::stage::{Placement, StageChange, View};
+use lodsmith_viewer::stage::{Placement, StageChange, StageDisplay};
 
-use super::desk::Desk;
+use super::desk::AppHarness;
 
 pub(super) const PICTURE: &str = "Picture of the stage";
 
@@ -21,34 +21,34 @@ pub(super) fn row(count: usize) -> Vec<Placement> {
 }
 
 /// Opens a window whose stage holds these copies.
-pub(super) fn staged(is_light: bool, copies: Vec<Placement>) -> Option<Desk> {
-    let mut desk = Desk::with(is_light, Some("sphere.ply"))?;
+pub(super) fn staged(is_light: bool, copies: Vec<Placement>) -> Option<AppHarness> {
+    let mut desk = AppHarness::with(is_light, Some("sphere.ply"))?;
     run(&mut desk, StageChange::Replace(copies.into(), Motion::default()));
     desk.press(Key::Y);
     Some(desk)
 }
 
-pub(super) fn run(desk: &mut Desk, change: StageChange) {
+pub(super) fn run(desk: &mut AppHarness, change: StageChange) {
     desk.harness.state_mut().document_mut().run(Command::Stage(change));
     desk.harness.state_mut().document_mut().seal();
     desk.settle();
 }
 
-fn copies(desk: &Desk) -> Vec<Placement> {
+fn copies(desk: &AppHarness) -> Vec<Placement> {
     desk.app().document().settings().stage.copies.to_vec()
 }
 
-fn selected(desk: &Desk) -> Vec<usize> {
-    desk.app().stage_view().facts().selected
+fn selected(desk: &AppHarness) -> Vec<usize> {
+    desk.app().stage_view().status().selected
 }
 
-fn middle(desk: &Desk) -> Pos2 {
+fn middle(desk: &AppHarness) -> Pos2 {
     desk.harness.get_by_label(PICTURE).rect().center()
 }
 
 #[test]
 fn without_a_file_the_stage_says_what_to_do() {
-    let Some(mut desk) = Desk::with(false, None::<&str>) else { return };
+    let Some(mut desk) = AppHarness::with(false, None::<&str>) else { return };
     desk.press(Key::Y);
     assert!(desk.app().document().stage().is_none());
     desk.act(Action::Panel(Panel::Stage));
@@ -58,9 +58,9 @@ fn without_a_file_the_stage_says_what_to_do() {
 
 #[test]
 fn clicks_place_choose_and_move_copies() {
-    let Some(mut desk) = Desk::with(false, Some("sphere.ply")) else { return };
+    let Some(mut desk) = AppHarness::with(false, Some("sphere.ply")) else { return };
     desk.press(Key::Y);
-    assert!(desk.app().is_shown(Panel::Stage) && desk.app().stage_view().facts().is_placing);
+    assert!(desk.app().is_shown(Panel::Stage) && desk.app().stage_view().status().is_placing);
     desk.picture("stage_empty_dark");
     let middle = middle(&desk);
     desk.point(middle);
@@ -71,7 +71,7 @@ fn clicks_place_choose_and_move_copies() {
     assert!(placed[1].x > placed[0].x + 0.5, "{placed:?}");
     // A click beside all copies clears the selection, one on a copy selects it, and with Shift adds it.
     desk.act(Action::Copies(CopiesAction::Place));
-    assert!(!desk.app().stage_view().facts().is_placing);
+    assert!(!desk.app().stage_view().status().is_placing);
     desk.point(middle + egui::vec2(-300.0, 200.0));
     assert!(selected(&desk).is_empty());
     let first = middle - egui::vec2(0.0, 30.0);
@@ -137,11 +137,11 @@ fn the_panel_scatters_and_moves_and_shows_the_levels() {
     assert_eq!(copies(&desk).len(), 12);
     desk.click("All");
     assert_eq!(selected(&desk).len(), 12);
-    let levels = desk.app().stage_view().facts().levels;
+    let levels = desk.app().stage_view().status().levels;
     assert!(levels.len() >= 6 && levels.windows(2).all(|w| w[0].distance < w[1].distance), "{levels:?}");
     assert_eq!(
         levels.iter().map(|l| l.copies).sum::<usize>(),
-        desk.app().stage_view().facts().chosen.in_sight.len()
+        desk.app().stage_view().status().chosen.visible.len()
     );
     desk.picture("stage_panel_dark");
     desk.click("Delete");
@@ -152,16 +152,17 @@ fn the_panel_scatters_and_moves_and_shows_the_levels() {
 fn one_walks_by_keys_and_levels_switch_by_distance() {
     let copies = (0..30).map(|k| Placement::at(0.0, -4.0 * f64::from(k))).collect();
     let Some(mut desk) = staged(false, copies) else { return };
-    run(&mut desk, StageChange::View(View { has_level_colors: true, ..View::default() }));
+    run(&mut desk, StageChange::View(StageDisplay { has_level_colors: true, ..StageDisplay::default() }));
     desk.press(Key::Num1);
     desk.press(Key::I);
-    assert!(desk.app().stage_view().facts().is_walking);
-    let eye = |desk: &Desk| desk.app().stage_view().orbit().camera().eye;
+    assert!(desk.app().stage_view().status().is_walking);
+    let eye = |desk: &AppHarness| desk.app().stage_view().orbit().camera().eye;
     // The sphere is 2 units high.
     assert!((eye(&desk).y - 1.2).abs() < 1e-9, "{}", eye(&desk));
     let (start, look) = (eye(&desk), desk.app().document().settings().look.clone());
-    let counts =
-        |desk: &Desk| desk.app().stage_view().facts().levels.iter().map(|l| l.copies).collect::<Vec<_>>();
+    let counts = |desk: &AppHarness| {
+        desk.app().stage_view().status().levels.iter().map(|l| l.copies).collect::<Vec<_>>()
+    };
     let (before, picture) = (counts(&desk), desk.picture("stage_walk_start"));
     desk.harness.key_down(Key::W);
     desk.harness.run_steps(40);
@@ -177,7 +178,7 @@ fn one_walks_by_keys_and_levels_switch_by_distance() {
     desk.drag(middle, middle + egui::vec2(100.0, 0.0));
     assert!(eye(&desk).distance(stood) < 1e-9 && desk.app().stage_view().orbit().yaw_rad != yaw);
     desk.press(Key::Escape);
-    assert!(!desk.app().stage_view().facts().is_walking);
+    assert!(!desk.app().stage_view().status().is_walking);
     desk.press(Key::W);
     assert!(desk.app().document().settings().look.look.wireframe);
 }
@@ -185,12 +186,12 @@ fn one_walks_by_keys_and_levels_switch_by_distance() {
 #[test]
 fn the_sample_stands_on_a_stage_in_the_colours_of_its_levels() {
     let sample: PathBuf = [env!("CARGO_MANIFEST_DIR"), "../../testdata/finial.ply"].iter().collect();
-    let Some(mut desk) = Desk::with(false, Some(sample)) else { return };
+    let Some(mut desk) = AppHarness::with(false, Some(sample)) else { return };
     desk.press(Key::Y);
     desk.act(Action::Copies(CopiesAction::Scatter));
     desk.act(Action::Copies(CopiesAction::Colors));
     desk.press(Key::I);
-    let facts = desk.app().stage_view().facts();
+    let facts = desk.app().stage_view().status();
     let used = facts.levels.iter().filter(|l| l.copies > 0).count();
     assert!(used >= 4, "{:?}", facts.levels);
     assert!(facts.chosen.triangles < 100 * facts.levels[0].faces / 10);
@@ -225,7 +226,7 @@ fn a_layout_and_a_session_come_back() {
     desk.press_with(Modifiers::COMMAND | Modifiers::SHIFT, Key::S);
     desk.press(Key::Enter);
     let session = desk.folder.path().join("sphere.lodsmith.json");
-    let Some(again) = Desk::within(false, vec![session], desk.folder) else { return };
+    let Some(again) = AppHarness::within(false, vec![session], desk.folder) else { return };
     assert_eq!(copies(&again), placed);
     assert!(again.app().document().stage().is_some());
     let back = again.app().stage_view().orbit();

@@ -8,18 +8,18 @@ use lodsmith_viewer::command::Command;
 use lodsmith_viewer::panel::Panel;
 use lodsmith_viewer::playback::Playback;
 
-use super::desk::Desk;
+use super::desk::AppHarness;
 use super::{ORIGINAL, RESULT};
 
 const ARM: &str = "../../testdata/arm.glb";
 
-fn playback(desk: &Desk) -> Playback {
+fn playback(desk: &AppHarness) -> Playback {
     desk.app().document().settings().playback
 }
 
 /// Opens the arm and reduces it to about a quarter of its faces.
-fn arm(is_light: bool) -> Option<Desk> {
-    let mut desk = Desk::with(is_light, Some(Path::new(ARM)))?;
+fn arm(is_light: bool) -> Option<AppHarness> {
+    let mut desk = AppHarness::with(is_light, Some(Path::new(ARM)))?;
     for _ in 0..13 {
         desk.press(Key::Minus);
     }
@@ -29,7 +29,7 @@ fn arm(is_light: bool) -> Option<Desk> {
 
 #[test]
 fn the_timeline_comes_with_a_file_that_moves_and_goes_with_it() {
-    let Some(mut desk) = Desk::with(false, Some(Path::new(ARM))) else { return };
+    let Some(mut desk) = AppHarness::with(false, Some(Path::new(ARM))) else { return };
     assert!(desk.app().is_shown(Panel::Timeline));
     assert!(!desk.app().document().is_playing());
     let torus = desk.path("torus.obj");
@@ -135,7 +135,7 @@ fn a_moment_is_dragged_typed_and_stepped_to_and_taken_back() {
 
 #[test]
 fn a_double_click_finds_the_place_where_it_has_moved() {
-    let Some(mut desk) = Desk::with(false, Some(Path::new(ARM))) else { return };
+    let Some(mut desk) = AppHarness::with(false, Some(Path::new(ARM))) else { return };
     desk.harness
         .state_mut()
         .document_mut()

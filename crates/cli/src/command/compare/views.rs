@@ -17,7 +17,7 @@ use crate::numbers::{micros, significant};
 use crate::{memory, need, picture};
 
 /// Result of the comparison.
-pub(super) struct Seen {
+pub(super) struct ViewComparison {
     views: Vec<ImageError>,
     size: [usize; 2],
     shading: Shading,
@@ -32,12 +32,12 @@ pub(super) fn sheet_format(args: &CompareArgs) -> anyhow::Result<Option<PictureF
 }
 
 /// Renders both from `count` sides and compares the pictures.
-pub(super) fn look(
+pub(super) fn compare_views(
     args: &CompareArgs,
     count: usize,
     loaded: [&Loaded; 2],
     format: Option<PictureFormat>,
-) -> anyhow::Result<Seen> {
+) -> anyhow::Result<ViewComparison> {
     let models = [
         model(&args.reference, loaded[0], &args.reading)?,
         model(&args.candidate, loaded[1], &args.reading)?,
@@ -49,7 +49,7 @@ pub(super) fn look(
     let subjects = [Subject::new(&models[0])?, Subject::new(&models[1])?];
     let bounds = subjects[0].bounds().ok_or_else(|| usage(format!("{}: nothing to see", args.reference)))?;
     let [width, height] = args.size;
-    let mut seen = Seen { views: Vec::new(), size: args.size, shading, draw_seconds: [0.0; 2] };
+    let mut seen = ViewComparison { views: Vec::new(), size: args.size, shading, draw_seconds: [0.0; 2] };
     let mut panels = Vec::new();
     for camera in cameras(&bounds, count, width as f64 / height as f64) {
         let mut view = View::new(camera, width, height);
@@ -107,7 +107,7 @@ fn shading_of(reference: &Model) -> Shading {
     }
 }
 
-impl Seen {
+impl ViewComparison {
     fn mean_and_worst(&self) -> Option<[ImageError; 2]> {
         Some([ImageError::mean(&self.views)?, ImageError::worst(&self.views)?])
     }

@@ -12,12 +12,12 @@ use lodsmith_io::{Format, Regions, Warning};
 use crate::args::{LodArgs, Naming};
 use crate::exit::usage;
 use crate::file::{self, Sink};
-use crate::plan::{self, Wanted};
+use crate::plan::{self, OutputArgs};
 
 /// Attribute with the position of a vertex in the next level.
-const GEOMORPH: &str = "_GEOMORPH";
+const GEOMORPH_ATTRIBUTE: &str = "_GEOMORPH";
 /// The list of levels in a folder.
-const LIST: &str = "lods.json";
+const LIST_FILE: &str = "lods.json";
 
 /// Output of levels, determined before any work.
 pub(super) enum Plan {
@@ -44,7 +44,7 @@ impl Plan {
         }
         // The rest of the template is checked like that of any output folder; a level is a number.
         let first = template.replace("{level}", "0");
-        let jobs = plan::jobs(&Wanted {
+        let jobs = plan::jobs(&OutputArgs {
             inputs: std::slice::from_ref(&args.input),
             output: args.output.as_ref(),
             out_dir: args.out_dir.as_deref(),
@@ -166,8 +166,8 @@ impl Plan {
             Self::Nowhere => {}
             Self::One(sink, format) => {
                 let mut levels = SceneLevels::new(replaced);
-                levels.mark = args.naming.mark().to_owned();
-                levels.names_first = args.naming != Naming::Plain;
+                levels.separator = args.naming.mark().to_owned();
+                levels.numbers_level_0 = args.naming != Naming::Plain;
                 levels.coverage = coverage(scene, distances, args);
                 warnings = match args.dry_run {
                     true => file::levels_losses(scene, &levels, relink, *format)?,
@@ -204,7 +204,7 @@ impl Plan {
         if args.dry_run {
             return Ok(());
         }
-        file::write_bytes(format!("{list:#}\n").as_bytes(), &folder.join(LIST), args.writing.force)
+        file::write_bytes(format!("{list:#}\n").as_bytes(), &folder.join(LIST_FILE), args.writing.force)
     }
 }
 
@@ -243,7 +243,7 @@ pub(super) fn carry(
 ) -> anyhow::Result<()> {
     let wedges = (0..mesh.wedge_count()).map(|w| mesh.vertex_of(lodsmith::core::WedgeId::new(w)));
     let values = wedges.flat_map(|v| place(geomorph.view().get(v)).map(|x| x as f32)).collect();
-    let semantic = Semantic::Custom(GEOMORPH.to_owned());
+    let semantic = Semantic::Custom(GEOMORPH_ATTRIBUTE.to_owned());
     mesh.add_attribute(Attribute { semantic, width: 3, values })?;
     Ok(())
 }

@@ -5,9 +5,9 @@ use lodsmith::{Report, SimplifyOptions};
 use serde_json::{Map, Value, json};
 
 use super::files::Plan;
-use super::{Level, Made};
+use super::{Level, LodResult};
 use crate::args::LodArgs;
-use crate::command::simplify::{measured_json, mesh_json, not_reached, told};
+use crate::command::simplify::{measured_json, mesh_json, not_reached, warnings_of};
 use crate::command::{show_warnings, texts};
 use crate::exit::{Interrupted, Status};
 use crate::numbers::{counted, grouped, micros, seconds, short};
@@ -27,7 +27,7 @@ fn scale(args: &LodArgs) -> f64 {
 pub(super) fn show(
     out: &Output,
     path: &str,
-    made: anyhow::Result<Made>,
+    made: anyhow::Result<LodResult>,
     plan: &Plan,
     args: &LodArgs,
 ) -> Status {
@@ -54,7 +54,7 @@ pub(super) fn show(
     let options = args.options().simplify;
     for (k, level) in made.levels.iter().enumerate() {
         let name = format!("{path}: level {}", k + 1);
-        is_fault |= show_warnings(out, &name, &told(&level.report), args.ending.strict);
+        is_fault |= show_warnings(out, &name, &warnings_of(&level.report), args.ending.strict);
         if !level.report.reached {
             let text = format!("{name}: {}", not_reached(&level.report, &options, args.run.time_limit));
             if args.ending.strict {
@@ -69,7 +69,7 @@ pub(super) fn show(
 }
 
 /// Returns a line for the whole and one for each level.
-fn lines(made: &Made, path: &str, args: &LodArgs) -> Vec<String> {
+fn lines(made: &LodResult, path: &str, args: &LodArgs) -> Vec<String> {
     let mut lines = vec![format!(
         "{path}: {}, {}, {}",
         counted(made.counts[0], "face", "faces"),
@@ -103,7 +103,7 @@ fn error_json(report: &Report) -> Value {
 }
 
 /// Returns the report as JSON.
-fn to_json(made: &Made, path: &str, plan: &Plan, args: &LodArgs) -> Value {
+fn to_json(made: &LodResult, path: &str, plan: &Plan, args: &LodArgs) -> Value {
     let screen = args.screen();
     let refusals = |r: &Report| -> Map<String, Value> {
         r.refusals.iter().map(|(why, n)| (why.name().to_owned(), (*n).into())).collect()
@@ -118,7 +118,7 @@ fn to_json(made: &Made, path: &str, plan: &Plan, args: &LodArgs) -> Value {
             "error": error_json(r),
             "distance": distance(r, args),
             "refusals": refusals(r),
-            "warnings": texts(&told(r)),
+            "warnings": texts(&warnings_of(r)),
             "collapses": r.collapses, "parts_removed": r.parts_removed, "necks_cut": r.necks_cut,
             "seams_relaxed": r.seams_relaxed,
             "sharp_relaxed": r.sharp_relaxed,
@@ -154,7 +154,7 @@ fn to_json(made: &Made, path: &str, plan: &Plan, args: &LodArgs) -> Value {
 }
 
 /// Returns the content of `lods.json`.
-fn list(made: &Made, path: &str, plan: &Plan, args: &LodArgs) -> Value {
+fn list(made: &LodResult, path: &str, plan: &Plan, args: &LodArgs) -> Value {
     let screen = args.screen();
     let first = json!({
         "level": 0, "file": plan.file(0), "faces": made.counts[0], "vertices": made.counts[1],

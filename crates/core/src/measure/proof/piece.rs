@@ -3,14 +3,14 @@
 use glam::DVec3;
 
 /// Maximum number of corners of a piece. A cut adds one, and a face has three cuts.
-const MOST: usize = 10;
+const MAX_CORNERS: usize = 10;
 /// Pieces with more corners than this are split without adding any.
-const FULL: usize = MOST - 3;
+const MAX_CORNERS_BEFORE_CUT: usize = MAX_CORNERS - 3;
 
 /// A flat convex polygon.
 #[derive(Clone, Copy)]
 pub(super) struct Piece {
-    corners: [DVec3; MOST],
+    corners: [DVec3; MAX_CORNERS],
     count: usize,
     /// A near face, as the first guess.
     pub(super) near: u32,
@@ -26,7 +26,7 @@ impl Piece {
     }
 
     fn of(corners: &[DVec3], near: u32) -> Self {
-        let mut own = [DVec3::ZERO; MOST];
+        let mut own = [DVec3::ZERO; MAX_CORNERS];
         own[..corners.len()].copy_from_slice(corners);
         Self { corners: own, count: corners.len(), near, is_tried: false, cut_by: u32::MAX }
     }
@@ -46,24 +46,24 @@ impl Piece {
 
     /// True if there is room for the corners that three cuts add.
     pub(super) fn has_room(&self) -> bool {
-        self.count <= FULL
+        self.count <= MAX_CORNERS_BEFORE_CUT
     }
 
     /// True if it has the same corners as another piece.
-    pub(super) fn is_whole(&self, other: &Self) -> bool {
+    pub(super) fn has_same_corners(&self, other: &Self) -> bool {
         self.corners() == other.corners()
     }
 
     /// Splits the piece at a plane, returning the part against `out` first; `None` if one of them extends
     /// less than `sliver` from the plane.
     pub(super) fn cut(&self, at: DVec3, out: DVec3, sliver: f64) -> Option<(Self, Self)> {
-        let mut side = [0.0; MOST];
+        let mut side = [0.0; MAX_CORNERS];
         let (mut least, mut most) = (0.0f64, 0.0f64);
         for (side, p) in side.iter_mut().zip(self.corners()) {
             *side = (*p - at).dot(out);
             (least, most) = (least.min(*side), most.max(*side));
         }
-        if most <= sliver || least >= -sliver || self.count == MOST {
+        if most <= sliver || least >= -sliver || self.count == MAX_CORNERS {
             return None;
         }
         let mut parts = [Self::of(&[], self.near), Self::of(&[], self.near)];
@@ -147,7 +147,7 @@ mod tests {
             let sum: f64 = pieces.iter().map(area).sum();
             assert!(pieces.len() == 3000 || (sum - whole).abs() < 1e-12, "{k}: {sum} of {whole}");
         }
-        assert!(pieces.iter().all(|p| p.count >= 3 && p.count <= MOST));
+        assert!(pieces.iter().all(|p| p.count >= 3 && p.count <= MAX_CORNERS));
     }
 
     #[test]

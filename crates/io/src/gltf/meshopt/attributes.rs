@@ -7,7 +7,7 @@
 //! group  = 16 differences of 0, 1, 2, 4 or 8 bits; one with all bits set is a byte behind them
 //! ```
 
-use super::input::{ENDS, Input, zigzag};
+use super::input::{ENDS_TOO_EARLY, Input, zigzag};
 
 /// Elements of a group.
 const GROUP: usize = 16;
@@ -27,7 +27,7 @@ enum Channel {
 
 /// Decodes `count` elements of `stride` bytes, a multiple of four up to 256.
 pub(super) fn decode(stream: &[u8], count: usize, stride: usize) -> Result<Vec<u8>, &'static str> {
-    let (&header, rest) = stream.split_first().ok_or(ENDS)?;
+    let (&header, rest) = stream.split_first().ok_or(ENDS_TOO_EARLY)?;
     let channels = stride / 4;
     let (modes_length, least_tail) = match header {
         0xa0 => (0, 32),
@@ -35,7 +35,7 @@ pub(super) fn decode(stream: &[u8], count: usize, stride: usize) -> Result<Vec<u
         _ => return Err("is damaged: its compressed bytes begin with no known version"),
     };
     let tail = stride + modes_length;
-    let body_length = rest.len().checked_sub(tail.max(least_tail)).ok_or(ENDS)?;
+    let body_length = rest.len().checked_sub(tail.max(least_tail)).ok_or(ENDS_TOO_EARLY)?;
     let mut input = Input { bytes: &rest[..body_length] };
     let (first, modes) = rest[rest.len() - tail..].split_at(stride);
     let mut before = first.to_vec();
@@ -142,7 +142,7 @@ fn short(input: &mut Input<'_>, bits: u32, group: &mut [u8; GROUP]) -> Result<()
 
 #[cfg(test)]
 mod tests {
-    use super::super::input::GOES_ON;
+    use super::super::input::BYTES_LEFT_OVER;
     use super::*;
 
     #[test]
@@ -199,9 +199,9 @@ mod tests {
     fn too_short_and_too_long() {
         let whole = two(0, 0xff, &[0; 8]);
         assert!(decode(&whole, 2, 4).is_ok());
-        assert_eq!(decode(&whole, 1, 4), Err(GOES_ON));
-        assert_eq!(decode(&whole, 3, 4), Err(ENDS));
-        assert_eq!(decode(&whole, usize::MAX, 4), Err(ENDS));
+        assert_eq!(decode(&whole, 1, 4), Err(BYTES_LEFT_OVER));
+        assert_eq!(decode(&whole, 3, 4), Err(ENDS_TOO_EARLY));
+        assert_eq!(decode(&whole, usize::MAX, 4), Err(ENDS_TOO_EARLY));
         for end in 0..whole.len() {
             assert!(decode(&whole[..end], 2, 4).is_err(), "{end}");
         }

@@ -1,37 +1,37 @@
 //! Decoders of index streams: triangles with local coherence, and plain sequences.
 
-use super::input::{ENDS, Input, zigzag};
+use super::input::{ENDS_TOO_EARLY, Input, zigzag};
 
 /// Number of entries of a history.
-const MEMORY: usize = 16;
+const HISTORY_LENGTH: usize = 16;
 
-const UNKNOWN: &str = "is damaged: a triangle refers to more than came before it";
+const BAD_REFERENCE: &str = "is damaged: a triangle refers to more than came before it";
 
 /// History of the last sixteen entries.
 struct Latest<T> {
-    entries: [Option<T>; MEMORY],
+    entries: [Option<T>; HISTORY_LENGTH],
     next: usize,
 }
 
 impl<T: Copy> Latest<T> {
     const fn new() -> Self {
-        Self { entries: [None; MEMORY], next: 0 }
+        Self { entries: [None; HISTORY_LENGTH], next: 0 }
     }
 
     fn push(&mut self, entry: T) {
         self.entries[self.next] = Some(entry);
-        self.next = (self.next + 1) % MEMORY;
+        self.next = (self.next + 1) % HISTORY_LENGTH;
     }
 
     /// Returns the entry `back` steps before the latest.
     fn get(&self, back: u8) -> Result<T, &'static str> {
-        let at = (self.next + 2 * MEMORY - 1 - usize::from(back)) % MEMORY;
-        self.entries[at].ok_or(UNKNOWN)
+        let at = (self.next + 2 * HISTORY_LENGTH - 1 - usize::from(back)) % HISTORY_LENGTH;
+        self.entries[at].ok_or(BAD_REFERENCE)
     }
 }
 
 /// State of the decoder between triangles.
-struct State<'b> {
+struct TriangleDecoder<'b> {
     data: Input<'b>,
     edges: Latest<[u32; 2]>,
     vertices: Latest<u32>,
@@ -41,7 +41,7 @@ struct State<'b> {
     last: u32,
 }
 
-impl State<'_> {
+impl TriangleDecoder<'_> {
     fn fresh(&mut self) -> u32 {
         self.next = self.next.wrapping_add(1);
         self.next.wrapping_sub(1)
@@ -99,12 +99,12 @@ impl State<'_> {
 
 /// Decodes the indices of `count` triangles.
 pub(super) fn triangles(stream: &[u8], count: usize) -> Result<Vec<u32>, &'static str> {
-    let (codes, rest) = after_header(stream, 0xe1)?.split_at_checked(count).ok_or(ENDS)?;
-    let (data, table) = rest.split_last_chunk::<16>().ok_or(ENDS)?;
+    let (codes, rest) = after_header(stream, 0xe1)?.split_at_checked(count).ok_or(ENDS_TOO_EARLY)?;
+    let (data, table) = rest.split_last_chunk::<16>().ok_or(ENDS_TOO_EARLY)?;
     if table[14..] != [0, 0] || table.iter().any(|t| t >> 4 == 15 || t & 15 == 15) {
         return Err("is damaged: the table at the end of its compressed bytes is none");
     }
-    let mut state = State {
+    let mut state = TriangleDecoder {
         data: Input { bytes: data },
         edges: Latest::new(),
         vertices: Latest::new(),
@@ -133,9 +133,9 @@ pub(super) fn triangles(stream: &[u8], count: usize) -> Result<Vec<u32>, &'stati
 /// Decodes `count` indices of any kind.
 pub(super) fn sequence(stream: &[u8], count: usize) -> Result<Vec<u32>, &'static str> {
     // Trailing zeros let a decoder read past the end.
-    let (body, _) = after_header(stream, 0xd1)?.split_last_chunk::<4>().ok_or(ENDS)?;
+    let (body, _) = after_header(stream, 0xd1)?.split_last_chunk::<4>().ok_or(ENDS_TOO_EARLY)?;
     if count > body.len() {
-        return Err(ENDS);
+        return Err(ENDS_TOO_EARLY);
     }
     let mut input = Input { bytes: body };
     let mut last = [0u32; 2];
@@ -154,13 +154,13 @@ fn after_header(stream: &[u8], header: u8) -> Result<&[u8], &'static str> {
     match stream.split_first() {
         Some((first, rest)) if *first == header => Ok(rest),
         Some(_) => Err("is damaged: its compressed bytes begin with no known version"),
-        None => Err(ENDS),
+        None => Err(ENDS_TOO_EARLY),
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::input::GOES_ON;
+    use super::super::input::BYTES_LEFT_OVER;
     use super::*;
 
     fn stream(codes: &[u8], data: &[u8]) -> Vec<u8> {
@@ -201,7 +201,7 @@ mod tests {
     #[test]
     fn what_was_not_there_before() {
         for codes in [&[0x00][..], &[0xf1], &[0xf0, 0x30], &[0xf0, 0x04]] {
-            assert_eq!(triangles(&stream(codes, &[]), codes.len()), Err(UNKNOWN), "{codes:x?}");
+            assert_eq!(triangles(&stream(codes, &[]), codes.len()), Err(BAD_REFERENCE), "{codes:x?}");
         }
     }
 
@@ -209,10 +209,10 @@ mod tests {
     fn too_short_and_too_long() {
         let whole = stream(&[0xf0, 0x0f], &[4]);
         assert_eq!(triangles(&whole, 2).unwrap(), [0, 1, 2, 0, 2, 2]);
-        assert_eq!(triangles(&whole, usize::MAX), Err(ENDS));
+        assert_eq!(triangles(&whole, usize::MAX), Err(ENDS_TOO_EARLY));
         assert!(triangles(&whole, 1).is_err());
         assert!((0..whole.len()).all(|end| triangles(&whole[..end], 2).is_err()));
-        assert_eq!(triangles(&stream(&[0xf0], &[7]), 1), Err(GOES_ON));
+        assert_eq!(triangles(&stream(&[0xf0], &[7]), 1), Err(BYTES_LEFT_OVER));
         let mut odd = whole;
         *odd.last_mut().unwrap() = 1;
         assert!(triangles(&odd, 2).unwrap_err().contains("table"));
@@ -223,8 +223,8 @@ mod tests {
         // 1000 above the second base, 3 and -2 above the first.
         let bytes = [0xd1, 0xa1, 0x1f, 0x0c, 0x06, 0, 0, 0, 0];
         assert_eq!(sequence(&bytes, 3).unwrap(), [1000, 3, 1]);
-        assert_eq!(sequence(&bytes, 2), Err(GOES_ON));
-        assert_eq!(sequence(&bytes, 4), Err(ENDS));
+        assert_eq!(sequence(&bytes, 2), Err(BYTES_LEFT_OVER));
+        assert_eq!(sequence(&bytes, 4), Err(ENDS_TOO_EARLY));
         assert!((0..bytes.len()).all(|end| sequence(&bytes[..end], 3).is_err()));
     }
 }

@@ -1,7 +1,7 @@
 //! Sequential reader of the bytes of a stream.
 
-pub(super) const ENDS: &str = "is cut off: its compressed bytes end too early";
-pub(super) const GOES_ON: &str = "is damaged: compressed bytes are left over";
+pub(super) const ENDS_TOO_EARLY: &str = "is cut off: its compressed bytes end too early";
+pub(super) const BYTES_LEFT_OVER: &str = "is damaged: compressed bytes are left over";
 
 /// Bytes of a stream that are still to be read.
 pub(super) struct Input<'b> {
@@ -10,13 +10,13 @@ pub(super) struct Input<'b> {
 
 impl<'b> Input<'b> {
     pub(super) fn take(&mut self, count: usize) -> Result<&'b [u8], &'static str> {
-        let (taken, rest) = self.bytes.split_at_checked(count).ok_or(ENDS)?;
+        let (taken, rest) = self.bytes.split_at_checked(count).ok_or(ENDS_TOO_EARLY)?;
         self.bytes = rest;
         Ok(taken)
     }
 
     pub(super) fn byte(&mut self) -> Result<u8, &'static str> {
-        let (&first, rest) = self.bytes.split_first().ok_or(ENDS)?;
+        let (&first, rest) = self.bytes.split_first().ok_or(ENDS_TOO_EARLY)?;
         self.bytes = rest;
         Ok(first)
     }
@@ -35,7 +35,7 @@ impl<'b> Input<'b> {
     }
 
     pub(super) fn end(self) -> Result<(), &'static str> {
-        if self.bytes.is_empty() { Ok(()) } else { Err(GOES_ON) }
+        if self.bytes.is_empty() { Ok(()) } else { Err(BYTES_LEFT_OVER) }
     }
 }
 
@@ -58,7 +58,7 @@ mod tests {
             read(&[0xff, 0xff, 0xff, 0xff, 0xff]),
             Err("is damaged: an index has more than five bytes")
         );
-        assert_eq!(read(&[0x80]), Err(ENDS));
+        assert_eq!(read(&[0x80]), Err(ENDS_TOO_EARLY));
     }
 
     #[test]

@@ -14,10 +14,10 @@ use crate::gltf::buffers::{Buffers, data_uri, path_of};
 use crate::gltf::container::{list, number};
 use crate::limits::Limits;
 use crate::material::image_type;
-use crate::model::Pictures;
+use crate::model::ImageQueue;
 
 pub(super) fn read(scene: &Scene, buffers: &Buffers<'_>) -> (Vec<Material>, Vec<Arc<Image>>, Vec<Warning>) {
-    let mut pictures = Pictures::default();
+    let mut pictures = ImageQueue::default();
     let all = list(&scene.json, "materials").iter();
     let mut materials: Vec<Material> = all.map(|m| material(&scene.json, m, &mut pictures)).collect();
     let encoded = |index| {
@@ -37,11 +37,11 @@ pub(super) fn base_colors(
     buffers: &Buffers<'_>,
     limits: Limits,
 ) -> (Vec<Option<TextureRef>>, Vec<Arc<Image>>) {
-    let (mut all, mut wanted) = (Pictures::default(), Pictures::default());
+    let (mut all, mut wanted) = (ImageQueue::default(), ImageQueue::default());
     let base_color = |m: &Value| {
         let of_all = material(&scene.json, m, &mut all).base_color_texture;
         let base_color_texture =
-            of_all.map(|t| TextureRef { image: wanted.ask_for(all.in_file(t.image)), ..t });
+            of_all.map(|t| TextureRef { image: wanted.register(all.in_file(t.image)), ..t });
         Material { base_color_texture, ..Material::default() }
     };
     let mut materials: Vec<Material> = list(&scene.json, "materials").iter().map(base_color).collect();
@@ -50,7 +50,7 @@ pub(super) fn base_colors(
     (materials.into_iter().map(|m| m.base_color_texture).collect(), images)
 }
 
-fn material(json: &Value, material: &Value, pictures: &mut Pictures) -> Material {
+fn material(json: &Value, material: &Value, pictures: &mut ImageQueue) -> Material {
     let extensions = &material["extensions"];
     let older = &extensions["KHR_materials_pbrSpecularGlossiness"];
     let usual = &material["pbrMetallicRoughness"];
@@ -95,7 +95,7 @@ fn material(json: &Value, material: &Value, pictures: &mut Pictures) -> Material
     }
 }
 
-fn texture(json: &Value, slot: &Value, pictures: &mut Pictures) -> Option<TextureRef> {
+fn texture(json: &Value, slot: &Value, pictures: &mut ImageQueue) -> Option<TextureRef> {
     let texture = list(json, "textures").get(number(&slot["index"])?)?;
     let others = texture["extensions"].as_object().into_iter().flat_map(|e| e.values());
     // All programs read the plain image; few read one in an extension.
@@ -116,7 +116,7 @@ fn texture(json: &Value, slot: &Value, pictures: &mut Pictures) -> Option<Textur
         wrap_v: wrap("wrapT"),
         nearest: number(&sampler["magFilter"]) == Some(9728),
     };
-    Some(TextureRef { image: pictures.ask_for(image), uv_set, transform: transform(moved), sampler })
+    Some(TextureRef { image: pictures.register(image), uv_set, transform: transform(moved), sampler })
 }
 
 /// Converts a KHR_texture_transform, with the origin at the upper left corner, to the origin at the lower
@@ -159,7 +159,7 @@ fn bytes_of<'b>(scene: &Scene, buffers: &'b Buffers<'_>, index: usize) -> Result
     }
     let shown = excerpt(uri);
     let file = scene.assets.find(&path).map_err(|refusal| format!("({shown}) {}", refusal.reason()))?;
-    file.read(scene.limits.most_bytes()).map(Cow::Owned).map_err(|why| format!("({shown}) {why}"))
+    file.read(scene.limits.max_bytes()).map(Cow::Owned).map_err(|why| format!("({shown}) {why}"))
 }
 
 #[cfg(test)]

@@ -115,13 +115,13 @@ pub(super) fn animations(
         animations.push(Animation { name, channels });
     }
     // Guessed: more warnings would not help.
-    const SHOWN: usize = 16;
-    for text in order.iter().take(SHOWN) {
+    const MAX_WARNINGS: usize = 16;
+    for text in order.iter().take(MAX_WARNINGS) {
         let count = still[text];
         warnings.push(Warning::note(format!("{count} channels of animations stand still: {text}")));
     }
-    if order.len() > SHOWN {
-        let more: usize = order[SHOWN..].iter().map(|text| still[text]).sum();
+    if order.len() > MAX_WARNINGS {
+        let more: usize = order[MAX_WARNINGS..].iter().map(|text| still[text]).sum();
         warnings.push(Warning::note(format!("{more} more channels of animations stand still")));
     }
     animations

@@ -6,22 +6,22 @@ use std::ops::Range;
 use serde_json::Value;
 
 use super::super::accessors::Component;
-use super::super::encode::Kind;
+use super::super::encode::NumberType;
 use crate::error::Warning;
 
 /// Targets of views.
-pub(super) const VERTICES: u32 = 34962;
-pub(super) const INDICES: u32 = 34963;
+pub(super) const VERTEX_TARGET: u32 = 34962;
+pub(super) const INDEX_TARGET: u32 = 34963;
 
 /// Extension of a primitive that depends on its vertices, and is removed with them.
-pub(super) const OF_VERTICES: &str = "CESIUM_primitive_outline";
+pub(super) const VERTEX_EXTENSION: &str = "CESIUM_primitive_outline";
 
 /// A new accessor.
 pub(super) struct Piece {
     pub(super) spot: Spot,
     /// The accessor that it replaces.
     pub(super) old: Option<usize>,
-    pub(super) kind: Kind,
+    pub(super) kind: NumberType,
     pub(super) width: usize,
     pub(super) count: usize,
     pub(super) min: Vec<Value>,
@@ -33,20 +33,20 @@ pub(super) struct Piece {
 pub(super) struct Spot {
     pub(super) mesh: usize,
     pub(super) primitive: usize,
-    pub(super) part: Part,
+    pub(super) part: AccessorRole,
 }
 
 impl Spot {
     /// Returns the name of the attribute; `None` for indices and targets.
     pub(super) fn attribute(&self) -> Option<String> {
         match &self.part {
-            Part::Attribute(name) => Some(name.clone()),
-            Part::Indices | Part::Target(..) => None,
+            AccessorRole::Attribute(name) => Some(name.clone()),
+            AccessorRole::Indices | AccessorRole::Target(..) => None,
         }
     }
 }
 
-pub(super) enum Part {
+pub(super) enum AccessorRole {
     Indices,
     Attribute(String),
     Target(usize, String),
@@ -55,16 +55,16 @@ pub(super) enum Part {
 /// Storage of the numbers of an accessor.
 pub(super) enum Data {
     /// All are zero.
-    Nowhere,
+    Zeros,
     /// Those of this earlier piece, which replaces the same accessor.
     Shared(usize),
-    Dense(Stretch),
+    Dense(NewView),
     /// Non-zero elements: their number, the type of their indices, and the bytes of indices and values.
-    Sparse(usize, Component, [Stretch; 2]),
+    Sparse(usize, Component, [NewView; 2]),
 }
 
 /// A range of the new bytes: a view.
-pub(super) struct Stretch {
+pub(super) struct NewView {
     pub(super) bytes: Range<usize>,
     pub(super) stride: Option<usize>,
     pub(super) target: Option<u32>,
@@ -80,7 +80,7 @@ pub(super) struct Edit<'s> {
     /// Bytes of the pieces.
     pub(super) fresh: Vec<u8>,
     /// Accessors that replaced primitives referred to.
-    pub(super) let_go: BTreeSet<usize>,
+    pub(super) released: BTreeSet<usize>,
     /// Names of primitives that have no face any more.
     pub(super) emptied: Vec<String>,
     pub(super) warnings: Vec<Warning>,
@@ -94,7 +94,7 @@ impl<'s> Edit<'s> {
             pieces: Vec::new(),
             known: HashMap::new(),
             fresh: Vec::new(),
-            let_go: BTreeSet::new(),
+            released: BTreeSet::new(),
             emptied: Vec::new(),
             warnings: Vec::new(),
         }

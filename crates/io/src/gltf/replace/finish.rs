@@ -6,15 +6,15 @@ use std::sync::Arc;
 use serde_json::{Value, json};
 
 use super::super::container::{list, list_mut, number};
-use super::super::lists::{drop_nulls, forget_extensions, move_view, put, renumber, span};
-use super::super::mesh::TYPES;
-use super::super::references::{Named, each_reference, views_of};
+use super::super::lists::{drop_nulls, drop_unused_extensions, move_view, put, renumber, view_span};
+use super::super::mesh::TYPE_NAMES;
+use super::super::references::{ReferenceKind, each_reference, views_of};
 use super::super::repack::Repacked;
-use super::edit::{Data, Edit, OF_VERTICES, Part, Piece, Spot, Stretch};
+use super::edit::{AccessorRole, Data, Edit, NewView, Piece, Spot, VERTEX_EXTENSION};
 use crate::error::Warning;
 
 /// Indices of accessors and views that are free.
-struct Free {
+struct FreeIndices {
     accessors: BTreeSet<usize>,
     views: BTreeSet<usize>,
 }
@@ -22,18 +22,20 @@ struct Free {
 impl Edit<'_> {
     /// Places the pieces in the file; returns the JSON, its bytes and the warnings.
     pub(super) fn finish(mut self, buffers: &[Arc<Vec<u8>>]) -> (Value, Vec<u8>, Vec<Warning>) {
-        let is_changed = !self.let_go.is_empty();
+        let is_changed = !self.released.is_empty();
         self.free();
         let is_free = |json: &Value, name: &str| -> BTreeSet<usize> {
             list(json, name).iter().enumerate().filter(|(_, v)| v.is_null()).map(|(i, _)| i).collect()
         };
-        let mut free =
-            Free { accessors: is_free(&self.json, "accessors"), views: is_free(&self.json, "bufferViews") };
+        let mut free = FreeIndices {
+            accessors: is_free(&self.json, "accessors"),
+            views: is_free(&self.json, "bufferViews"),
+        };
         let spans_of = |is_kept: bool| {
             let views = list(self.source, "bufferViews").iter().enumerate();
             views
                 .filter(|(i, _)| free.views.contains(i) != is_kept)
-                .filter_map(|(_, v)| span(v))
+                .filter_map(|(_, v)| view_span(v))
                 .collect::<Vec<_>>()
         };
         let mut repacked = Repacked::new(buffers, &spans_of(true), &spans_of(false));
@@ -58,7 +60,7 @@ impl Edit<'_> {
         for (piece, accessor) in pieces.iter().zip(&accessors) {
             let before = accessor.map_or(&Value::Null, |a| &self.source["accessors"][a]);
             let named = match &piece.data {
-                Data::Nowhere | Data::Shared(_) => Vec::new(),
+                Data::Zeros | Data::Shared(_) => Vec::new(),
                 Data::Dense(_) => vec![&before["bufferView"]],
                 Data::Sparse(..) => {
                     ["indices", "values"].map(|k| &before["sparse"][k]["bufferView"]).to_vec()
@@ -76,14 +78,14 @@ impl Edit<'_> {
             let Spot { mesh, primitive, part } = piece.spot;
             let primitive = &mut self.json["meshes"][mesh]["primitives"][primitive];
             match part {
-                Part::Indices => primitive["indices"] = at.into(),
-                Part::Attribute(key) => primitive["attributes"][key] = at.into(),
-                Part::Target(target, key) => primitive["targets"][target][key] = at.into(),
+                AccessorRole::Indices => primitive["indices"] = at.into(),
+                AccessorRole::Attribute(key) => primitive["attributes"][key] = at.into(),
+                AccessorRole::Target(target, key) => primitive["targets"][target][key] = at.into(),
             }
         }
         self.tidy();
         if is_changed {
-            forget_extensions(&mut self.json, &[OF_VERTICES]);
+            drop_unused_extensions(&mut self.json, &[VERTEX_EXTENSION]);
         }
         renumber(&mut self.json);
         (self.json, bytes, self.warnings)
@@ -94,17 +96,17 @@ impl Edit<'_> {
         let mut still = [HashSet::new(), HashSet::new()];
         let mut views = BTreeSet::new();
         each_reference(&mut self.json, &mut |named, value| {
-            if let (Named::Accessor, Some(i)) = (named, number(value)) {
+            if let (ReferenceKind::Accessor, Some(i)) = (named, number(value)) {
                 still[0].insert(i);
             }
         });
-        for &i in self.let_go.iter().filter(|i| !still[0].contains(*i)) {
+        for &i in self.released.iter().filter(|i| !still[0].contains(*i)) {
             let Some(accessor) = list_mut(&mut self.json, "accessors").get_mut(i) else { continue };
             let mut taken = accessor.take();
             views_of(&mut taken, &mut |_, value| views.extend(number(value)));
         }
         each_reference(&mut self.json, &mut |named, value| {
-            if let (Named::View, Some(i)) = (named, number(value)) {
+            if let (ReferenceKind::View, Some(i)) = (named, number(value)) {
                 still[1].insert(i);
             }
         });
@@ -122,7 +124,7 @@ impl Edit<'_> {
         accessor: Option<usize>,
         views: &[Option<usize>],
         base: usize,
-        free: &mut Free,
+        free: &mut FreeIndices,
     ) -> usize {
         let source = accessor.and_then(|a| self.source["accessors"][a].as_object());
         let mut object = source.cloned().unwrap_or_default();
@@ -134,7 +136,7 @@ impl Edit<'_> {
             }
         });
         let mut stretches = match &piece.data {
-            Data::Nowhere | Data::Shared(_) => Vec::new(),
+            Data::Zeros | Data::Shared(_) => Vec::new(),
             Data::Dense(one) => vec![one],
             Data::Sparse(_, _, two) => two.iter().collect(),
         };
@@ -161,10 +163,10 @@ impl Edit<'_> {
             object.insert("normalized".to_owned(), true.into());
         }
         object.insert("count".to_owned(), piece.count.into());
-        object.insert("type".to_owned(), TYPES[piece.width].into());
+        object.insert("type".to_owned(), TYPE_NAMES[piece.width].into());
         let is_position = match &piece.spot.part {
-            Part::Attribute(key) | Part::Target(_, key) => key == "POSITION",
-            Part::Indices => false,
+            AccessorRole::Attribute(key) | AccessorRole::Target(_, key) => key == "POSITION",
+            AccessorRole::Indices => false,
         };
         if had_bounds || is_position {
             object.insert("min".to_owned(), piece.min.clone().into());
@@ -174,7 +176,13 @@ impl Edit<'_> {
         put(&mut self.json, "accessors", accessor.or_else(|| free.accessors.pop_first()), object)
     }
 
-    fn place_view(&mut self, stretch: &Stretch, old: Option<usize>, base: usize, free: &mut Free) -> usize {
+    fn place_view(
+        &mut self,
+        stretch: &NewView,
+        old: Option<usize>,
+        base: usize,
+        free: &mut FreeIndices,
+    ) -> usize {
         let source = old.and_then(|v| self.source["bufferViews"][v].as_object());
         let mut view = Value::Object(source.cloned().unwrap_or_default());
         view["buffer"] = 0.into();

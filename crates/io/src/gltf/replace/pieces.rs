@@ -7,8 +7,8 @@ use serde_json::Value;
 
 use super::super::accessors::Component;
 use super::super::container::list;
-use super::super::encode::{Encoded, Kind};
-use super::edit::{Data, Edit, INDICES, Piece, Spot, Stretch, VERTICES};
+use super::super::encode::{EncodedAccessor, NumberType};
+use super::edit::{Data, Edit, INDEX_TARGET, NewView, Piece, Spot, VERTEX_TARGET};
 
 impl Edit<'_> {
     /// Appends bytes, aligned to 4.
@@ -19,20 +19,32 @@ impl Edit<'_> {
         start..self.fresh.len()
     }
 
-    pub(super) fn dense(&mut self, spot: Spot, old: Option<usize>, encoded: Encoded, target: Option<u32>) {
+    pub(super) fn dense(
+        &mut self,
+        spot: Spot,
+        old: Option<usize>,
+        encoded: EncodedAccessor,
+        target: Option<u32>,
+    ) {
         let tight = encoded.kind.component.size() * encoded.width;
         let bytes = self.append(&encoded.bytes);
         let stride = (encoded.stride != tight).then_some(encoded.stride);
         let count = bytes.len() / encoded.stride;
-        self.piece(spot, old, encoded, count, Data::Dense(Stretch { bytes, stride, target }));
+        self.piece(spot, old, encoded, count, Data::Dense(NewView { bytes, stride, target }));
     }
 
-    pub(super) fn nowhere(&mut self, spot: Spot, old: Option<usize>, encoded: Encoded, count: usize) {
-        self.piece(spot, old, encoded, count, Data::Nowhere);
+    pub(super) fn zeros(&mut self, spot: Spot, old: Option<usize>, encoded: EncodedAccessor, count: usize) {
+        self.piece(spot, old, encoded, count, Data::Zeros);
     }
 
     /// Adds the data of a morph target: sparse if it was sparse and still few elements are not zero.
-    pub(super) fn target(&mut self, spot: Spot, old: Option<usize>, encoded: Encoded, values: &[f32]) {
+    pub(super) fn target(
+        &mut self,
+        spot: Spot,
+        old: Option<usize>,
+        encoded: EncodedAccessor,
+        values: &[f32],
+    ) {
         let width = encoded.width;
         let count = values.len() / width;
         let before = old.and_then(|i| list(self.source, "accessors").get(i)).unwrap_or(&Value::Null);
@@ -42,10 +54,10 @@ impl Edit<'_> {
             (0..count).filter(|i| values[i * width..][..width].iter().any(|x| *x != 0.0)).collect();
         // Guessed: beyond a third, the indices cost as much as they save.
         if !was_sparse || !is_tight || moved.len() * 3 > count {
-            return self.dense(spot, old, encoded, Some(VERTICES));
+            return self.dense(spot, old, encoded, Some(VERTEX_TARGET));
         }
         if moved.is_empty() {
-            return self.nowhere(spot, old, encoded, count);
+            return self.zeros(spot, old, encoded, count);
         }
         let is_small = count <= usize::from(u16::MAX);
         let mut indices = Vec::new();
@@ -61,7 +73,7 @@ impl Edit<'_> {
             moved.iter().flat_map(|i| encoded.bytes[i * stride..][..stride].iter().copied()).collect();
         let views = [indices, numbers].map(|bytes| {
             let bytes = self.append(&bytes);
-            Stretch { bytes, stride: None, target: None }
+            NewView { bytes, stride: None, target: None }
         });
         let component = if is_small { Component::U16 } else { Component::U32 };
         self.piece(spot, old, encoded, count, Data::Sparse(moved.len(), component, views));
@@ -81,14 +93,14 @@ impl Edit<'_> {
         }
         let bound = |x: Option<&u32>| vec![x.copied().unwrap_or(0).into()];
         let (min, max) = (bound(indices.iter().min()), bound(indices.iter().max()));
-        let kind = Kind { component, normalized: false };
+        let kind = NumberType { component, normalized: false };
         let bytes = self.append(&bytes);
-        let data = Data::Dense(Stretch { bytes, stride: None, target: Some(INDICES) });
+        let data = Data::Dense(NewView { bytes, stride: None, target: Some(INDEX_TARGET) });
         self.push(Piece { spot, old, kind, width: 1, count: indices.len(), min, max, data });
     }
 
-    fn piece(&mut self, spot: Spot, old: Option<usize>, encoded: Encoded, count: usize, data: Data) {
-        let Encoded { kind, width, min, max, .. } = encoded;
+    fn piece(&mut self, spot: Spot, old: Option<usize>, encoded: EncodedAccessor, count: usize, data: Data) {
+        let EncodedAccessor { kind, width, min, max, .. } = encoded;
         self.push(Piece { spot, old, kind, width, count, min, max, data });
     }
 

@@ -12,9 +12,9 @@ use crate::error::Warning;
 /// Joins the first names, and counts the others.
 fn first_few(names: &[String]) -> String {
     // Guessed: enough to know which part of a scene it is.
-    const SHOWN: usize = 3;
-    let shown = names[..names.len().min(SHOWN)].join(", ");
-    match names.len().saturating_sub(SHOWN) {
+    const MAX_NAMES: usize = 3;
+    let shown = names[..names.len().min(MAX_NAMES)].join(", ");
+    match names.len().saturating_sub(MAX_NAMES) {
         0 => shown,
         more => format!("{shown} and {more} more"),
     }

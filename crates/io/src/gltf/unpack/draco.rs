@@ -6,23 +6,23 @@ use std::sync::Arc;
 use draco_core::{DecodeLimits, DecoderBuffer, Mesh, MeshDecoder};
 use serde_json::{Map, Value, json};
 
-use super::super::accessors::{Component, Shape};
+use super::super::accessors::{AccessorShape, Component};
 use super::super::buffers::Buffers;
 use super::super::container::{entry, list, list_mut, number, whole};
-use super::super::encode::{Encoded, Kind, encode, settle_weights};
-use super::super::lists::{append, put, renumber, span, take_extension};
-use super::super::mesh::TYPES;
-use super::super::references::{Named, each_reference, views_of};
+use super::super::encode::{EncodedAccessor, NumberType, encode, normalize_weights};
+use super::super::lists::{append, put, renumber, take_extension, view_span};
+use super::super::mesh::TYPE_NAMES;
+use super::super::references::{ReferenceKind, each_reference, views_of};
 use super::extensions::DRACO;
-use super::fresh::{Fresh, Room};
+use super::fresh::{DecodeBudget, DecodedBytes};
 use crate::error::ReadError;
 
 /// Targets of views.
-const VERTICES: u32 = 34962;
-const INDICES: u32 = 34963;
+const VERTEX_TARGET: u32 = 34962;
+const INDEX_TARGET: u32 = 34963;
 
 /// A compressed primitive.
-struct Job {
+struct DracoPrimitive {
     mesh: usize,
     primitive: usize,
     /// For messages.
@@ -34,19 +34,19 @@ struct Job {
 }
 
 /// A part of the stream of a view: the indices, or the attribute with this id.
-type Part = (usize, Option<u32>);
+type StreamPart = (usize, Option<u32>);
 
 /// Decodes all compressed primitives.
 pub(super) fn unpack(
     json: &mut Value,
     buffers: &mut Vec<Arc<Vec<u8>>>,
-    room: &mut Room,
+    room: &mut DecodeBudget,
 ) -> Result<(), ReadError> {
     let mut jobs = Vec::new();
     for (m, mesh) in list(json, "meshes").iter().enumerate() {
         for (p, primitive) in list(mesh, "primitives").iter().enumerate() {
             if !primitive["extensions"][DRACO].is_null() {
-                jobs.push(Job::new(primitive, (m, p))?);
+                jobs.push(DracoPrimitive::new(primitive, (m, p))?);
             }
         }
     }
@@ -56,7 +56,7 @@ pub(super) fn unpack(
     // Primitives that share a stream become neighbours.
     jobs.sort_by_key(|job| job.view);
 
-    let mut out = Out::new(json, &jobs);
+    let mut out = DracoOutput::new(json, &jobs);
     let mut latest: Option<(usize, Mesh)> = None;
     for job in &jobs {
         let mesh = match latest.take() {
@@ -70,7 +70,7 @@ pub(super) fn unpack(
     Ok(())
 }
 
-impl Job {
+impl DracoPrimitive {
     fn new(primitive: &Value, (mesh, at): (usize, usize)) -> Result<Self, ReadError> {
         let name = format!("meshes[{mesh}].primitives[{at}]");
         let extension = &primitive["extensions"][DRACO];
@@ -95,7 +95,12 @@ impl Job {
 }
 
 /// Decodes the mesh of a stream, within the limit on decoded bytes.
-fn decode(json: &Value, buffers: &[Arc<Vec<u8>>], job: &Job, room: &Room) -> Result<Mesh, ReadError> {
+fn decode(
+    json: &Value,
+    buffers: &[Arc<Vec<u8>>],
+    job: &DracoPrimitive,
+    room: &DecodeBudget,
+) -> Result<Mesh, ReadError> {
     let opened = Buffers::loaded(json, buffers, 0);
     let view = opened.view(job.view, &job.name)?;
     let limits = DecodeLimits::default()
@@ -111,10 +116,10 @@ fn decode(json: &Value, buffers: &[Arc<Vec<u8>>], job: &Job, room: &Room) -> Res
 }
 
 /// State of the conversion to uncompressed geometry.
-struct Out {
-    fresh: Fresh,
+struct DracoOutput {
+    fresh: DecodedBytes,
     /// New accessor of each part and source accessor.
-    known: HashMap<(Part, usize), usize>,
+    known: HashMap<(StreamPart, usize), usize>,
     /// Accessors that parts have taken over, and those that something else refers to.
     taken: HashSet<usize>,
     plain: HashSet<usize>,
@@ -122,8 +127,8 @@ struct Out {
     loose: BTreeSet<usize>,
 }
 
-impl Out {
-    fn new(json: &Value, jobs: &[Job]) -> Self {
+impl DracoOutput {
+    fn new(json: &Value, jobs: &[DracoPrimitive]) -> Self {
         let mut others = json.clone();
         for job in jobs {
             let primitive = &mut others["meshes"][job.mesh]["primitives"][job.primitive];
@@ -134,16 +139,22 @@ impl Out {
         }
         let mut plain = HashSet::new();
         each_reference(&mut others, &mut |named, value| {
-            if named == Named::Accessor {
+            if named == ReferenceKind::Accessor {
                 plain.extend(number(value));
             }
         });
         let loose = jobs.iter().map(|job| job.view).collect();
-        Self { fresh: Fresh::default(), known: HashMap::new(), taken: HashSet::new(), plain, loose }
+        Self { fresh: DecodedBytes::default(), known: HashMap::new(), taken: HashSet::new(), plain, loose }
     }
 
     /// Creates the accessors of a primitive from its stream.
-    fn add(&mut self, json: &mut Value, job: &Job, mesh: &Mesh, room: &mut Room) -> Result<(), ReadError> {
+    fn add(
+        &mut self,
+        json: &mut Value,
+        job: &DracoPrimitive,
+        mesh: &Mesh,
+        room: &mut DecodeBudget,
+    ) -> Result<(), ReadError> {
         let vertices = mesh.num_points();
         let mut weights = weights(json, job, mesh);
         for (key, accessor, id) in &job.attributes {
@@ -152,7 +163,7 @@ impl Out {
                 Some(at) => *at,
                 None => {
                     let (source, name) = entry(json, "accessors", *accessor, &job.name)?;
-                    let shape = Shape::new(source, &name)?;
+                    let shape = AccessorShape::new(source, &name)?;
                     // A stream splits vertices at seams, so there may be more than the accessor claims.
                     if shape.count > vertices {
                         let problem = format!(
@@ -168,19 +179,20 @@ impl Out {
                     };
                     let width = usize::from(attribute.num_components());
                     if width != shape.width {
-                        let type_name = TYPES[shape.width];
+                        let type_name = TYPE_NAMES[shape.width];
                         let problem =
                             format!("is of type {type_name}, but the Draco stream has {width} numbers");
                         return Err(ReadError::element(name, problem));
                     }
                     room.take((vertices as u64).saturating_mul(width as u64 * 4))?;
-                    let kind = Kind { component: shape.kind, normalized: false };
+                    let kind = NumberType { component: shape.kind, normalized: false };
                     let settled = weights.remove(key);
                     let values = settled.unwrap_or_else(|| attribute.read_f32s(vertices, width));
                     let encoded = encode(&values, width, kind, true);
                     let tight = shape.kind.size() * width;
                     let stride = (encoded.stride != tight).then_some(encoded.stride);
-                    let view = json!({ "buffer": 0, "byteLength": encoded.bytes.len(), "target": VERTICES });
+                    let view =
+                        json!({ "buffer": 0, "byteLength": encoded.bytes.len(), "target": VERTEX_TARGET });
                     self.accessor(json, (part, *accessor), view, stride, encoded, vertices)
                 }
             };
@@ -200,9 +212,9 @@ impl Out {
     fn indices(
         &mut self,
         json: &mut Value,
-        job: &Job,
+        job: &DracoPrimitive,
         mesh: &Mesh,
-        room: &mut Room,
+        room: &mut DecodeBudget,
     ) -> Result<usize, ReadError> {
         let part = (job.view, None);
         let accessor = match job.indices {
@@ -216,7 +228,7 @@ impl Out {
             return Ok(*at);
         }
         let (source, name) = entry(json, "accessors", accessor, &job.name)?;
-        let shape = Shape::new(source, &name)?;
+        let shape = AccessorShape::new(source, &name)?;
         room.take((mesh.num_faces() as u64).saturating_mul(12))?;
         let corners: Vec<u32> = mesh.faces().iter().flatten().map(|point| point.0).collect();
         let most = corners.iter().max().copied().unwrap_or(0);
@@ -230,9 +242,9 @@ impl Out {
         let bytes: Vec<u8> = corners.iter().flat_map(|i| i.to_le_bytes().into_iter().take(size)).collect();
         let bound = |x: Option<&u32>| vec![x.copied().unwrap_or(0).into()];
         let (min, max) = (bound(corners.iter().min()), bound(corners.iter().max()));
-        let kind = Kind { component, normalized: false };
-        let encoded = Encoded { kind, width: 1, stride: size, bytes, min, max };
-        let view = json!({ "buffer": 0, "byteLength": encoded.bytes.len(), "target": INDICES });
+        let kind = NumberType { component, normalized: false };
+        let encoded = EncodedAccessor { kind, width: 1, stride: size, bytes, min, max };
+        let view = json!({ "buffer": 0, "byteLength": encoded.bytes.len(), "target": INDEX_TARGET });
         Ok(self.accessor(json, (part, accessor), view, None, encoded, corners.len()))
     }
 
@@ -241,10 +253,10 @@ impl Out {
     fn accessor(
         &mut self,
         json: &mut Value,
-        (part, accessor): (Part, usize),
+        (part, accessor): (StreamPart, usize),
         mut view: Value,
         stride: Option<usize>,
-        encoded: Encoded,
+        encoded: EncodedAccessor,
         count: usize,
     ) -> usize {
         if let Some(stride) = stride {
@@ -268,13 +280,13 @@ impl Out {
     fn finish(mut self, json: &mut Value, buffers: &mut Vec<Arc<Vec<u8>>>) {
         let mut named = BTreeSet::new();
         each_reference(json, &mut |kind, value| {
-            if kind == Named::View {
+            if kind == ReferenceKind::View {
                 named.extend(number(value));
             }
         });
         for &i in self.loose.difference(&named) {
             if let Some(view) = list_mut(json, "bufferViews").get_mut(i) {
-                self.fresh.freed.extend(span(view));
+                self.fresh.freed.extend(view_span(view));
                 *view = Value::Null;
             }
         }
@@ -284,7 +296,7 @@ impl Out {
 }
 
 /// Returns the float weights of a primitive, scaled to the sum one again: the stream has rounded them.
-fn weights(json: &Value, job: &Job, mesh: &Mesh) -> HashMap<String, Vec<f32>> {
+fn weights(json: &Value, job: &DracoPrimitive, mesh: &Mesh) -> HashMap<String, Vec<f32>> {
     let (mut keys, mut sets) = (Vec::new(), Vec::new());
     for (key, accessor, id) in &job.attributes {
         let is_float = json["accessors"][*accessor]["componentType"] == Component::F32.code();
@@ -294,13 +306,13 @@ fn weights(json: &Value, job: &Job, mesh: &Mesh) -> HashMap<String, Vec<f32>> {
             sets.push(attribute.read_f32s(mesh.num_points(), 4));
         }
     }
-    settle_weights(&mut sets, None);
+    normalize_weights(&mut sets, None);
     keys.into_iter().zip(sets).collect()
 }
 
 /// Updates the properties of an accessor for its new bytes.
-fn fill(object: &mut Map<String, Value>, view: usize, encoded: Encoded, count: usize) {
-    let Encoded { kind, min, max, .. } = encoded;
+fn fill(object: &mut Map<String, Value>, view: usize, encoded: EncodedAccessor, count: usize) {
+    let EncodedAccessor { kind, min, max, .. } = encoded;
     ["byteOffset", "sparse"].iter().for_each(|key| drop(object.shift_remove(*key)));
     object.insert("bufferView".to_owned(), view.into());
     object.insert("componentType".to_owned(), kind.component.code().into());

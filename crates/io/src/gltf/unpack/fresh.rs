@@ -7,18 +7,18 @@ use std::sync::Arc;
 use serde_json::{Value, json};
 
 use super::super::container::{list, list_mut};
-use super::super::lists::{move_view, span, take_extension};
-use super::super::repack::{Repacked, Span};
+use super::super::lists::{move_view, take_extension, view_span};
+use super::super::repack::{ByteSpan, Repacked};
 use super::extensions::MESHOPT;
 use crate::error::ReadError;
 
 /// Limit on decoded bytes, and how much of it is used.
-pub(super) struct Room {
+pub(super) struct DecodeBudget {
     pub(super) limit: u64,
     pub(super) used: u64,
 }
 
-impl Room {
+impl DecodeBudget {
     pub(super) fn left(&self) -> u64 {
         self.limit - self.used
     }
@@ -36,15 +36,15 @@ impl Room {
 
 /// Decoded bytes, not yet placed in a buffer.
 #[derive(Default)]
-pub(super) struct Fresh {
+pub(super) struct DecodedBytes {
     pub(super) bytes: Vec<u8>,
     /// Views, each with its range of these bytes.
     pub(super) placed: Vec<(usize, Range<usize>)>,
     /// Byte ranges of the streams.
-    pub(super) freed: Vec<Span>,
+    pub(super) freed: Vec<ByteSpan>,
 }
 
-impl Fresh {
+impl DecodedBytes {
     /// Appends the bytes of a view, aligned for numbers of any type.
     pub(super) fn push(&mut self, view: usize, bytes: &[u8]) {
         let start = self.bytes.len().next_multiple_of(8);
@@ -57,7 +57,7 @@ impl Fresh {
     pub(super) fn finish(self, json: &mut Value, buffers: &mut Vec<Arc<Vec<u8>>>) {
         let new: HashSet<usize> = self.placed.iter().map(|(view, _)| *view).collect();
         let views = || list(json, "bufferViews").iter().enumerate().filter(|(i, _)| !new.contains(i));
-        let kept: Vec<Span> = views().filter_map(|(_, view)| span(view)).collect();
+        let kept: Vec<ByteSpan> = views().filter_map(|(_, view)| view_span(view)).collect();
         let mut repacked = Repacked::new(buffers, &kept, &self.freed);
         let mut bytes = std::mem::take(&mut repacked.bytes);
         let base = bytes.len().next_multiple_of(8);

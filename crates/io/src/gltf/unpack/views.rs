@@ -9,10 +9,10 @@ use super::super::accessors::Accessor;
 use super::super::buffers::Buffers;
 use super::super::container::{list, list_mut, number, whole};
 use super::super::lists::take_extension;
-use super::super::meshopt::{Filter, Layout, Mode, decode};
-use super::super::repack::Span;
+use super::super::meshopt::{Filter, Layout, StreamMode, decode};
+use super::super::repack::ByteSpan;
 use super::extensions::{MESHOPT, extension};
-use super::fresh::{Fresh, Room};
+use super::fresh::{DecodeBudget, DecodedBytes};
 use crate::error::ReadError;
 use crate::excerpt::excerpt;
 
@@ -20,13 +20,13 @@ use crate::excerpt::excerpt;
 pub(super) fn unpack(
     json: &mut Value,
     buffers: &mut Vec<Arc<Vec<u8>>>,
-    room: &mut Room,
+    room: &mut DecodeBudget,
 ) -> Result<(), ReadError> {
     let is_used = |name: &str| list(json, name).iter().any(|e| extension(e).is_some());
     if !is_used("bufferViews") && !is_used("buffers") {
         return Ok(());
     }
-    let mut fresh = Fresh::default();
+    let mut fresh = DecodedBytes::default();
     let mut rounded = HashSet::new();
     for (i, view) in list(json, "bufferViews").iter().enumerate() {
         let Some((name, extension)) = extension(view) else { continue };
@@ -41,7 +41,7 @@ pub(super) fn unpack(
             ReadError::element(at.as_str(), problem)
         })?;
         room.take(size as u64)?;
-        let Span { buffer, bytes } = &source;
+        let ByteSpan { buffer, bytes } = &source;
         let Some(whole_buffer) = buffers.get(*buffer) else {
             let problem = format!("names buffers[{buffer}], but the file has {}", buffers.len());
             return Err(ReadError::element(at, problem));
@@ -67,7 +67,7 @@ pub(super) fn unpack(
 }
 
 /// Returns the layout of a stream, and its byte range.
-fn layout(extension: &Value, at: &str) -> Result<(Layout, Span), ReadError> {
+fn layout(extension: &Value, at: &str) -> Result<(Layout, ByteSpan), ReadError> {
     let needed = |name: &str| {
         whole(extension, name, at)?.ok_or_else(|| ReadError::element(at, format!("{name} is missing")))
     };
@@ -82,9 +82,9 @@ fn layout(extension: &Value, at: &str) -> Result<(Layout, Span), ReadError> {
         ReadError::Unsupported(format!("{at}: the {name} {} is not known here", excerpt(word)))
     };
     let mode = match word("mode")? {
-        Some("ATTRIBUTES") => Mode::Attributes,
-        Some("TRIANGLES") => Mode::Triangles,
-        Some("INDICES") => Mode::Indices,
+        Some("ATTRIBUTES") => StreamMode::Attributes,
+        Some("TRIANGLES") => StreamMode::Triangles,
+        Some("INDICES") => StreamMode::Indices,
         Some(other) => return Err(unknown("mode", other)),
         None => return Err(ReadError::element(at, "mode is missing")),
     };
@@ -98,7 +98,7 @@ fn layout(extension: &Value, at: &str) -> Result<(Layout, Span), ReadError> {
     };
     let start = whole(extension, "byteOffset", at)?.unwrap_or(0);
     let end = start.saturating_add(needed("byteLength")?);
-    let source = Span { buffer: needed("buffer")?, bytes: start..end };
+    let source = ByteSpan { buffer: needed("buffer")?, bytes: start..end };
     Ok((Layout { mode, filter, count: needed("count")?, stride: needed("byteStride")? }, source))
 }
 

@@ -1,15 +1,15 @@
 //! Coding of the positions and the attribute rows of a split.
 
-use super::{ALONG, CHANNELS, Models, Span, Steps, find, gap};
+use super::{CHANNEL_MODELS, Models, PREDICTED_SHARE, SplitCodec, StepCounts, code_gap, find};
 use crate::lpm::range::{Coded, Coder};
-use crate::lpm::walk::{Step, Walk};
+use crate::lpm::walk::{LevelMesh, SplitChanges};
 
 /// Model of positions without a prediction.
-const UNFORESEEN: usize = 64;
+const NO_PREDICTION: usize = 64;
 
 /// Models for a position: those of a ring, by its scale along each axis, or those without a ring.
 #[derive(Clone, Copy)]
-enum Group {
+enum PlaceModels {
     Near(usize, [usize; 3]),
     Far(usize),
 }
@@ -18,15 +18,15 @@ impl Models {
     fn place<C: Coder>(
         &mut self,
         c: &mut C,
-        group: Group,
+        group: PlaceModels,
         foreseen: [i64; 3],
         wanted: [i64; 3],
     ) -> Coded<[i64; 3]> {
         let mut now = [0; 3];
         for k in 0..3 {
             let model = match group {
-                Group::Near(i, scale) => &mut self.near[i][scale[k]],
-                Group::Far(i) => &mut self.far[i * 3 + k],
+                PlaceModels::Near(i, scale) => &mut self.near[i][scale[k]],
+                PlaceModels::Far(i) => &mut self.far[i * 3 + k],
             };
             now[k] = foreseen[k].wrapping_add(c.signed(model, wanted[k].wrapping_sub(foreseen[k]))?);
         }
@@ -43,38 +43,38 @@ impl Models {
     ) -> Coded<()> {
         for (k, &f) in foreseen.iter().enumerate() {
             let by = wanted.map_or(0, |w| w[k].wrapping_sub(f));
-            let by = c.signed(&mut self.rows[k.min(CHANNELS - 1)][way], i64::from(by))?;
+            let by = c.signed(&mut self.rows[k.min(CHANNEL_MODELS - 1)][way], i64::from(by))?;
             out.push(f.wrapping_add(by as i32));
         }
         Ok(())
     }
 }
 
-impl Steps {
+impl SplitCodec {
     pub(super) fn places<C: Coder>(
         &mut self,
         c: &mut C,
-        walk: &Walk,
+        walk: &LevelMesh,
         focus: Option<u32>,
-        span: Span,
-        want: &Step,
-        got: &mut Step,
+        span: StepCounts,
+        want: &SplitChanges,
+        got: &mut SplitChanges,
     ) -> Coded<()> {
         let code = self.shape.places;
         let (foreseen, scale) = match focus {
-            Some(u) => self.foresee(walk, u),
-            None => ([0; 3], [UNFORESEEN; 3]),
+            Some(u) => self.predict(walk, u),
+            None => ([0; 3], [NO_PREDICTION; 3]),
         };
         let parents = self.vertex_parents(walk, span, got);
         let born = span.vertices[1] - span.vertices[0];
         for i in 0..born {
             let wanted = want.places.get(i as usize).copied().unwrap_or_default();
             let now = if i == 0 && focus.is_some() {
-                self.models.place(c, Group::Near(0, scale), foreseen, wanted)?
+                self.models.place(c, PlaceModels::Near(0, scale), foreseen, wanted)?
             } else {
                 let parent = find(&parents, i).map(|v| walk.places[v as usize]);
                 let last = || got.places.last().or(walk.places.last()).copied();
-                self.models.place(c, Group::Far(0), parent.or_else(last).unwrap_or_default(), wanted)?
+                self.models.place(c, PlaceModels::Far(0), parent.or_else(last).unwrap_or_default(), wanted)?
             };
             got.places.push(now);
             if !self.shape.has_vertex_map {
@@ -88,11 +88,11 @@ impl Steps {
             if c.bit(&mut self.models.moves[usize::from(born > 0)], to.is_some())? {
                 // The old position is about midway between the two.
                 let mirrored = got.places.first().and_then(|&v| {
-                    let (p, v) = (code.reckoned(old), code.reckoned(v));
+                    let (p, v) = (code.coordinates(old), code.coordinates(v));
                     code.nearest([0, 1, 2].map(|k| 2.0 * p[k] - v[k]))
                 });
                 let (foreseen, to) = (mirrored.unwrap_or(old), to.unwrap_or_default());
-                let now = self.models.place(c, Group::Near(1, scale), foreseen, to)?;
+                let now = self.models.place(c, PlaceModels::Near(1, scale), foreseen, to)?;
                 got.moved.push((u, now));
             }
         }
@@ -100,8 +100,8 @@ impl Steps {
         let mut at = 0;
         for i in 0..c.count(&mut self.models.moved.count, rest.len())? {
             let (v, to) = rest.get(i).copied().unwrap_or_default();
-            let v = gap(c, &mut self.models.moved.gap, &mut at, v, span.vertices[0])?;
-            got.moved.push((v, self.models.place(c, Group::Far(1), walk.places[v as usize], to)?));
+            let v = code_gap(c, &mut self.models.moved.gap, &mut at, v, span.vertices[0])?;
+            got.moved.push((v, self.models.place(c, PlaceModels::Far(1), walk.places[v as usize], to)?));
         }
         got.moved.sort_by_key(|m| m.0);
         Ok(())
@@ -109,19 +109,19 @@ impl Steps {
 
     /// Predicts the position of the new vertex of a split; also returns the approximate size of the ring
     /// along each axis.
-    fn foresee(&self, walk: &Walk, u: u32) -> ([i64; 3], [usize; 3]) {
+    fn predict(&self, walk: &LevelMesh, u: u32) -> ([i64; 3], [usize; 3]) {
         let code = self.shape.places;
         let old = walk.places[u as usize];
         let ring = &self.ring.corners;
         if ring.is_empty() {
-            return (old, [UNFORESEEN; 3]);
+            return (old, [NO_PREDICTION; 3]);
         }
         let (mut sums, mut counts, mut sizes) = ([[0f64; 3]; 2], [0u32; 2], [0u64; 3]);
         for (x, (_, goes)) in ring.iter().zip(&self.after) {
             let side = usize::from(*goes);
             for w in [x.next, x.last] {
                 let place = walk.places[walk.vertex_of[w as usize] as usize];
-                let p = code.reckoned(place);
+                let p = code.coordinates(place);
                 for k in 0..3 {
                     sums[side][k] += p[k];
                     sizes[k] = sizes[k].saturating_add(place[k].wrapping_sub(old[k]).unsigned_abs());
@@ -131,18 +131,18 @@ impl Steps {
         }
         let mean = |k: usize| sizes[k] / (2 * ring.len() as u64);
         let scale = [0, 1, 2].map(|k| (u64::BITS - mean(k).leading_zeros()) as usize);
-        let p = code.reckoned(old);
+        let p = code.coordinates(old);
         let centre = |side: usize| match counts[side] {
             0 => p,
             n => sums[side].map(|x| x / f64::from(n)),
         };
         let (stays, goes) = (centre(0), centre(1));
-        let foreseen = code.nearest([0, 1, 2].map(|k| p[k] + ALONG * (goes[k] - stays[k])));
+        let foreseen = code.nearest([0, 1, 2].map(|k| p[k] + PREDICTED_SHARE * (goes[k] - stays[k])));
         (foreseen.unwrap_or(old), scale)
     }
 
     /// Returns the new vertices, each with the old vertex of the wedge whose corners it took.
-    fn vertex_parents(&self, walk: &Walk, span: Span, got: &Step) -> Vec<(u32, u32)> {
+    fn vertex_parents(&self, walk: &LevelMesh, span: StepCounts, got: &SplitChanges) -> Vec<(u32, u32)> {
         let parent = |&(born, old): &(u32, u32)| {
             let vertex = match self.shape.has_vertex_map {
                 true => got.vertex_of[born as usize],
@@ -159,10 +159,10 @@ impl Steps {
     pub(super) fn rows<C: Coder>(
         &mut self,
         c: &mut C,
-        walk: &Walk,
-        span: Span,
-        want: &Step,
-        got: &mut Step,
+        walk: &LevelMesh,
+        span: StepCounts,
+        want: &SplitChanges,
+        got: &mut SplitChanges,
     ) -> Coded<()> {
         let channels = self.shape.channels;
         if channels == 0 {
@@ -212,8 +212,13 @@ impl Steps {
         let rest: Vec<u32> = rest.copied().collect();
         let mut at = 0;
         for i in 0..c.count(&mut models.changed.count, rest.len())? {
-            let w =
-                gap(c, &mut models.changed.gap, &mut at, rest.get(i).copied().unwrap_or(0), span.wedges[0])?;
+            let w = code_gap(
+                c,
+                &mut models.changed.gap,
+                &mut at,
+                rest.get(i).copied().unwrap_or(0),
+                span.wedges[0],
+            )?;
             got.changed.push(w);
             models.row(c, 1, old_row(w), change(w), &mut got.changed_rows)?;
         }

@@ -10,14 +10,14 @@ use std::collections::HashMap;
 use lodsmith_core::VertexId;
 
 /// Integer coordinates of a grid point or cell; a cell is named by its lowest corner.
-pub(super) type At = [i32; 3];
+pub(super) type GridCoord = [i32; 3];
 
 /// Offsets of the corners of a cell; bit k of the index is the step along axis k.
-pub(super) const CORNERS: [At; 8] =
+pub(super) const CORNERS: [GridCoord; 8] =
     [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1], [1, 1, 1]];
 
 /// The faces of a cell: corners in cyclic order, and the offset of the cell beyond.
-pub(super) const SIDES: [([usize; 4], At); 6] = [
+pub(super) const SIDES: [([usize; 4], GridCoord); 6] = [
     ([0, 2, 6, 4], [-1, 0, 0]),
     ([1, 3, 7, 5], [1, 0, 0]),
     ([0, 1, 5, 4], [0, -1, 0]),
@@ -26,12 +26,12 @@ pub(super) const SIDES: [([usize; 4], At); 6] = [
     ([4, 5, 7, 6], [0, 0, 1]),
 ];
 
-pub(super) fn plus(a: At, b: At) -> At {
+pub(super) fn plus(a: GridCoord, b: GridCoord) -> GridCoord {
     [0, 1, 2].map(|k| a[k] + b[k])
 }
 
 /// Returns the corners of a cell, as bits, that must be added to make it unambiguous; 0 if it is.
-pub(super) fn missing(mask: u8) -> u8 {
+pub(super) fn disambiguating_corners(mask: u8) -> u8 {
     let mut mask = mask;
     let before = mask;
     loop {
@@ -57,8 +57,8 @@ pub(super) fn missing(mask: u8) -> u8 {
 /// Returns the quads between points whose signs differ, indexing the sorted cells as vertices.
 ///
 /// `cells` are all cells that the surface passes through, sorted.
-pub(super) fn quads(cells: &[At], is_inside: &HashMap<At, bool>) -> Vec<[VertexId; 4]> {
-    let number = |c: At| VertexId::new(cells.partition_point(|x| *x < c));
+pub(super) fn quads(cells: &[GridCoord], is_inside: &HashMap<GridCoord, bool>) -> Vec<[VertexId; 4]> {
+    let number = |c: GridCoord| VertexId::new(cells.partition_point(|x| *x < c));
     let mut quads = Vec::new();
     for &cell in cells {
         for axis in 0..3 {
@@ -93,12 +93,20 @@ mod tests {
 
     #[test]
     fn cells_without_ambiguity_are_left_alone() {
-        assert_eq!((missing(0), missing(0xFF), missing(1), missing(0b1111)), (0, 0, 0, 0));
+        assert_eq!(
+            (
+                disambiguating_corners(0),
+                disambiguating_corners(0xFF),
+                disambiguating_corners(1),
+                disambiguating_corners(0b1111)
+            ),
+            (0, 0, 0, 0)
+        );
         // Opposite corners of a face, and of the cell.
-        assert_ne!(missing(0b1001), 0);
-        assert_ne!(missing(1 | 1 << 7), 0);
+        assert_ne!(disambiguating_corners(0b1001), 0);
+        assert_ne!(disambiguating_corners(1 | 1 << 7), 0);
         for mask in 0..=u8::MAX {
-            assert_eq!(missing(mask | missing(mask)), 0, "{mask:b}");
+            assert_eq!(disambiguating_corners(mask | disambiguating_corners(mask)), 0, "{mask:b}");
         }
     }
 
@@ -119,13 +127,13 @@ mod tests {
                 }
             }
         }
-        let mask = |signs: &HashMap<At, bool>, c: At| {
+        let mask = |signs: &HashMap<GridCoord, bool>, c: GridCoord| {
             (0..8).fold(0u8, |m, k| m | u8::from(signs[&plus(c, CORNERS[k])]) << k)
         };
         loop {
             let before = signs.clone();
             for &c in &all {
-                let more = missing(mask(&signs, c));
+                let more = disambiguating_corners(mask(&signs, c));
                 for k in (0..8).filter(|k| more >> k & 1 == 1) {
                     signs.insert(plus(c, CORNERS[k]), true);
                 }
@@ -134,7 +142,8 @@ mod tests {
                 break;
             }
         }
-        let mut cells: Vec<At> = all.into_iter().filter(|&c| !matches!(mask(&signs, c), 0 | 0xFF)).collect();
+        let mut cells: Vec<GridCoord> =
+            all.into_iter().filter(|&c| !matches!(mask(&signs, c), 0 | 0xFF)).collect();
         cells.sort_unstable();
         quads(&cells, &signs).into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect()
     }

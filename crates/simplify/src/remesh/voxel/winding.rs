@@ -3,9 +3,9 @@
 use glam::DVec3;
 
 /// Faces in a leaf. Guessed.
-const LEAF: usize = 8;
+const LEAF_FACES: usize = 8;
 /// A node is approximated by its dipole beyond this many of its radii. [Barill et al. 2018] take 2.
-const FAR: f64 = 2.0;
+const DIPOLE_RADII: f64 = 2.0;
 
 struct Node {
     /// Area-weighted centroid, and the sum of area times normal.
@@ -19,12 +19,12 @@ struct Node {
 }
 
 /// Bounding hierarchy for generalised winding numbers. [Barill et al. 2018]
-pub(super) struct Winding {
+pub(super) struct WindingTree {
     nodes: Vec<Node>,
     faces: Vec<[DVec3; 3]>,
 }
 
-impl Winding {
+impl WindingTree {
     /// Cost: O(n log n).
     pub(super) fn new(mut faces: Vec<[DVec3; 3]>) -> Self {
         let mut nodes = Vec::new();
@@ -35,7 +35,7 @@ impl Winding {
             while next < nodes.len() {
                 let (from, to) = nodes[next].range;
                 let (from, to) = (from as usize, to as usize);
-                if to - from > LEAF {
+                if to - from > LEAF_FACES {
                     let own = &mut faces[from..to];
                     let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
                     for t in own.iter() {
@@ -88,7 +88,7 @@ impl Winding {
             let node = &self.nodes[stack[waiting] as usize];
             let d = node.centre - p;
             let distance_sq = d.length_squared();
-            if distance_sq > (FAR * node.radius) * (FAR * node.radius) {
+            if distance_sq > (DIPOLE_RADII * node.radius) * (DIPOLE_RADII * node.radius) {
                 sum += node.dipole.dot(d) / (distance_sq * distance_sq.sqrt());
             } else if node.is_leaf {
                 let (from, to) = node.range;
@@ -135,13 +135,13 @@ mod tests {
         let mesh = shapes::icosphere(4);
         let view = mesh.positions().view();
         let faces = mesh.triangles().iter().map(|t| t.map(|w| view.get(mesh.vertex_of(w)).into())).collect();
-        let tree = Winding::new(faces);
+        let tree = WindingTree::new(faces);
         for (r, wanted) in [(0.0, 1.0), (0.5, 1.0), (0.98, 1.0), (1.02, 0.0), (1.5, 0.0), (9.0, 0.0)] {
             for d in [DVec3::X, DVec3::new(0.6, -0.48, 0.64), DVec3::NEG_Z] {
                 // Nodes approximated by a dipole are off by a few percent; only the 0.5 threshold matters.
                 assert!((tree.at(d * r) - wanted).abs() < 0.05, "{r} {}", tree.at(d * r));
             }
         }
-        assert_eq!(Winding::new(Vec::new()).at(DVec3::ZERO), 0.0);
+        assert_eq!(WindingTree::new(Vec::new()).at(DVec3::ZERO), 0.0);
     }
 }

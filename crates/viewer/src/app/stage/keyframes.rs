@@ -7,8 +7,8 @@ use crate::command::Command;
 use crate::keys::CopiesAction;
 use crate::panel::Panel;
 use crate::stage::StageChange;
-use crate::stage::motion::{Curve, Motion, Mover, Name, Stand, Tracks, moment};
-use crate::stage::picture::KeyframeDesk;
+use crate::stage::motion::{CameraPlacement, Curve, KeyframeId, Motion, Mover, Tracks, rounded_secs};
+use crate::stage::picture::KeyframeSelection;
 
 impl App {
     /// Carries out an action if it is one of keyframes; returns true if so.
@@ -23,16 +23,17 @@ impl App {
                     self.document.log.note("choose copies first: the keyframe is theirs");
                     return true;
                 }
-                let names: Vec<Name> = selected.iter().map(|s| (Mover::Copy(s.0), moment(secs))).collect();
+                let names: Vec<KeyframeId> =
+                    selected.iter().map(|s| (Mover::Copy(s.0), rounded_secs(secs))).collect();
                 let with = motion.with(|m| {
                     selected.iter().for_each(|(n, p)| m.copies.entry(*n).or_default().set(secs, *p));
                 });
                 self.set_keyframes(with, names);
             }
             CopiesAction::CameraKeyframe => {
-                let stand = Stand::of_orbit(&self.pictures.stage.orbit());
+                let stand = CameraPlacement::of_orbit(&self.pictures.stage.orbit());
                 let with = motion.with(|m| m.camera.set(secs, stand));
-                self.set_keyframes(with, vec![(Mover::Camera, moment(secs))]);
+                self.set_keyframes(with, vec![(Mover::Camera, rounded_secs(secs))]);
             }
             CopiesAction::ToKeyframe(by) => {
                 if let Some(to) = motion.next_moment(secs, by > 0) {
@@ -43,7 +44,7 @@ impl App {
                 }
             }
             CopiesAction::Curve => {
-                let movers = self.meant(&motion, &chosen);
+                let movers = self.affected_movers(&motion, &chosen);
                 let is_smooth = movers.iter().all(|m| motion.curve(*m) == Curve::Smooth);
                 let curve = if is_smooth { Curve::Step } else { Curve::Smooth };
                 let change = |m: &mut Tracks| movers.iter().for_each(|mover| m.set_curve(*mover, curve));
@@ -68,16 +69,16 @@ impl App {
         true
     }
 
-    fn set_keyframes(&mut self, motion: Motion, chosen: Vec<Name>) {
+    fn set_keyframes(&mut self, motion: Motion, chosen: Vec<KeyframeId>) {
         self.shown.insert(Panel::Timeline);
         self.has_own_timeline = false;
         self.change_stage(StageChange::Motion(motion));
-        self.pictures.stage.keyframes = KeyframeDesk { chosen, drag: None };
+        self.pictures.stage.keyframes = KeyframeSelection { chosen, drag: None };
     }
 
     /// Returns what a change of the curve applies to: the tracks of the chosen keyframes, else of the chosen
     /// copies, else all tracks.
-    fn meant(&self, motion: &Motion, chosen: &[Name]) -> Vec<Mover> {
+    fn affected_movers(&self, motion: &Motion, chosen: &[KeyframeId]) -> Vec<Mover> {
         let mut movers: Vec<Mover> = chosen.iter().map(|n| n.0).collect();
         movers.dedup();
         if movers.is_empty() {

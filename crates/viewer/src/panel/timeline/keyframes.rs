@@ -2,38 +2,39 @@
 
 use eframe::egui::{self, CursorIcon, Modifiers, Rect, Response, Sense, Shape, Stroke, Ui, Vec2, pos2};
 
-use super::{MARGIN, NAMES, Scale, Scope, Track, parts};
+use super::{MARGIN, NAME_WIDTH, PanelContext, TimeScale, TimelineTrack, parts};
 use crate::command::Command;
 use crate::keys::{Action, CopiesAction};
-use crate::panel::Say;
+use crate::panel::UiRequest;
 use crate::playback::Playback;
 use crate::stage::StageChange;
-use crate::stage::motion::{Curve, MOST_SECS, Motion, Mover, Name, moment};
-use crate::stage::picture::{KeyframeDesk, KeyframeDrag};
+use crate::stage::motion::{Curve, KeyframeId, MAX_SECS, Motion, Mover, rounded_secs};
+use crate::stage::picture::{KeyframeDrag, KeyframeSelection};
 use crate::theme::{palette, weak};
 
 /// Half the size of a keyframe mark, and the distance within which the pointer hits it.
-const MARK: f32 = 5.5;
-const NEAR: f32 = 7.0;
+const MARK_RADIUS: f32 = 5.5;
+const HIT_DISTANCE: f32 = 7.0;
 /// Snapping of dragged keyframes: hundredths of a second.
-const GRID: f64 = 100.0;
+const SNAPS_PER_SEC: f64 = 100.0;
 
 /// Draws the row of keyframe actions; nothing without a stage.
-pub(super) fn row(ui: &mut Ui, scope: &mut Scope<'_>) {
+pub(super) fn row(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let Some(stage) = scope.document.stage() else { return };
     let motion = stage.motion.clone();
     let facts = &scope.facts.stage;
     let (selected, chosen) = (!facts.selected.is_empty(), facts.keyframes.chosen.clone());
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
-        let button = |ui: &mut Ui, scope: &mut Scope<'_>, action, text: &str, tip: &str, is_enabled| {
-            let action = Action::Copies(action);
-            let response = ui.add_enabled(is_enabled, egui::Button::new(text));
-            let tip = format!("{tip} ({})", action.key());
-            if response.on_hover_text(&tip).on_disabled_hover_text(tip).clicked() {
-                scope.action(action);
-            }
-        };
+        let button =
+            |ui: &mut Ui, scope: &mut PanelContext<'_>, action, text: &str, tip: &str, is_enabled| {
+                let action = Action::Copies(action);
+                let response = ui.add_enabled(is_enabled, egui::Button::new(text));
+                let tip = format!("{tip} ({})", action.key());
+                if response.on_hover_text(&tip).on_disabled_hover_text(tip).clicked() {
+                    scope.action(action);
+                }
+            };
         ui.label(weak(ui, "Keyframe of"));
         let tip = "The chosen copies are here at this moment";
         button(ui, scope, CopiesAction::Keyframe, "the copies", tip, selected);
@@ -78,14 +79,14 @@ pub(super) fn row(ui: &mut Ui, scope: &mut Scope<'_>) {
 }
 
 /// Draws the length of the timeline; it can be edited if there is a stage.
-pub(super) fn length(ui: &mut Ui, scope: &mut Scope<'_>, length: f64) {
+pub(super) fn length(ui: &mut Ui, scope: &mut PanelContext<'_>, length: f64) {
     let Some(stage) = scope.document.stage() else {
         ui.label(weak(ui, format!("of {length:.2} s")));
         return;
     };
     let mut secs = length;
     let least = stage.motion.last_secs().max(0.1);
-    let drag = egui::DragValue::new(&mut secs).range(least..=MOST_SECS).speed(0.05).suffix(" s");
+    let drag = egui::DragValue::new(&mut secs).range(least..=MAX_SECS).speed(0.05).suffix(" s");
     let response = ui.add(drag.fixed_decimals(2)).on_hover_text("How long all of it is");
     let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Length of the stage"));
     ui.label(weak(ui, "of"));
@@ -98,16 +99,16 @@ pub(super) fn length(ui: &mut Ui, scope: &mut Scope<'_>, length: f64) {
 /// Draws the keyframes of a lane and handles the mouse over them.
 pub(super) fn lane(
     ui: &Ui,
-    scope: &mut Scope<'_>,
+    scope: &mut PanelContext<'_>,
     rect: Rect,
-    scale: &Scale,
-    track: &Track,
+    scale: &TimeScale,
+    track: &TimelineTrack,
     playback: &mut Playback,
 ) {
     let (Some(mover), Some(stage)) = (track.mover, scope.document.stage()) else { return };
-    let bed = Rect::from_min_max(pos2(rect.left() + NAMES, rect.top()), rect.max);
+    let bed = Rect::from_min_max(pos2(rect.left() + NAME_WIDTH, rect.top()), rect.max);
     let bed = bed.intersect(Rect::from_x_y_ranges(
-        scale.reach.min - MARGIN..=scale.reach.max + MARGIN,
+        scale.x_range.min - MARGIN..=scale.x_range.max + MARGIN,
         rect.y_range(),
     ));
     let response = ui.interact(bed, ui.scope_id().with(("lane", mover)), Sense::click_and_drag());
@@ -115,10 +116,10 @@ pub(super) fn lane(
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Group, true, &name));
     let mut desk = scope.facts.stage.keyframes.clone();
     let before = desk.clone();
-    if let Some(new) = mouse(&response, scope, scale, &stage.motion, mover, &track.keys, &mut desk) {
+    if let Some(new) = handle_mouse(&response, scope, scale, &stage.motion, mover, &track.keys, &mut desk) {
         match new {
-            Asked::Motion(motion) => scope.command(Command::Stage(StageChange::Motion(motion))),
-            Asked::Moment(secs) => {
+            LaneChange::Motion(motion) => scope.command(Command::Stage(StageChange::Motion(motion))),
+            LaneChange::Moment(secs) => {
                 if scope.document.is_playing() {
                     scope.action(Action::Play);
                 }
@@ -127,31 +128,31 @@ pub(super) fn lane(
         }
     }
     if desk != before {
-        scope.says.push(Say::Keyframes(desk));
+        scope.requests.push(UiRequest::KeyframeSelection(desk));
     }
     paint(ui, scope, rect, scale, &response, (mover, &track.keys));
 }
 
-enum Asked {
+enum LaneChange {
     Motion(Motion),
     Moment(f64),
 }
 
 /// Handles the mouse: updates selection and drag, and returns a further change, if any.
-fn mouse(
+fn handle_mouse(
     response: &Response,
-    scope: &Scope<'_>,
-    scale: &Scale,
+    scope: &PanelContext<'_>,
+    scale: &TimeScale,
     motion: &Motion,
     mover: Mover,
     keys: &[f64],
-    desk: &mut KeyframeDesk,
-) -> Option<Asked> {
+    desk: &mut KeyframeSelection,
+) -> Option<LaneChange> {
     let (modifiers, pressed): (Modifiers, _) =
         response.ctx.input(|i| (i.modifiers, i.pointer.press_origin()));
     if response.drag_started()
         && let Some(at) = pressed
-        && let Some(secs) = near(scale, keys, at.x)
+        && let Some(secs) = keyframe_at(scale, keys, at.x)
     {
         let name = (mover, secs);
         if !desk.chosen.contains(&name) {
@@ -174,12 +175,12 @@ fn mouse(
         let last = drag.names.iter().map(|n| n.1).fold(0.0, f64::max);
         let by = (scale.seconds_at(pointer.x) - drag.from_secs).min((scale.length - last).max(0.0));
         // The first keyframe snaps; the others keep their distances to it.
-        let to = ((first + by) * GRID).round() / GRID;
-        let by = if by.abs() < 0.5 / GRID { 0.0 } else { to - first };
+        let to = ((first + by) * SNAPS_PER_SEC).round() / SNAPS_PER_SEC;
+        let by = if by.abs() < 0.5 / SNAPS_PER_SEC { 0.0 } else { to - first };
         let mut new = Vec::new();
         let with = drag.before.with(|m| new = m.shift(&drag.names, by, drag.keeps));
         desk.chosen = new;
-        return (with != *motion).then_some(Asked::Motion(with));
+        return (with != *motion).then_some(LaneChange::Motion(with));
     }
     if response.drag_stopped() {
         desk.drag = None;
@@ -187,15 +188,15 @@ fn mouse(
     if !response.clicked() {
         return None;
     }
-    let secs = response.interact_pointer_pos().and_then(|at| near(scale, keys, at.x));
+    let secs = response.interact_pointer_pos().and_then(|at| keyframe_at(scale, keys, at.x));
     let Some(secs) = secs else {
         desk.chosen.clear();
         return None;
     };
-    let name: Name = (mover, secs);
+    let name: KeyframeId = (mover, secs);
     if !modifiers.shift {
         desk.chosen = vec![name];
-        return (moment(scope.document.moment()) != secs).then_some(Asked::Moment(secs));
+        return (rounded_secs(scope.document.moment()) != secs).then_some(LaneChange::Moment(secs));
     }
     match desk.chosen.iter().position(|n| *n == name) {
         Some(at) => _ = desk.chosen.remove(at),
@@ -205,22 +206,22 @@ fn mouse(
 }
 
 /// Returns the keyframe under the pointer.
-fn near(scale: &Scale, keys: &[f64], x: f32) -> Option<f64> {
+fn keyframe_at(scale: &TimeScale, keys: &[f64], x: f32) -> Option<f64> {
     let away = |secs: &f64| (scale.x_of(*secs) - x).abs();
-    keys.iter().copied().filter(|s| away(s) <= NEAR).min_by(|a, b| away(a).total_cmp(&away(b)))
+    keys.iter().copied().filter(|s| away(s) <= HIT_DISTANCE).min_by(|a, b| away(a).total_cmp(&away(b)))
 }
 
 fn paint(
     ui: &Ui,
-    scope: &Scope<'_>,
+    scope: &PanelContext<'_>,
     rect: Rect,
-    scale: &Scale,
+    scale: &TimeScale,
     response: &Response,
     (mover, keys): (Mover, &[f64]),
 ) {
     let p = palette(ui);
     let painter = ui.painter_at(rect);
-    let hovered = response.hover_pos().and_then(|at| near(scale, keys, at.x));
+    let hovered = response.hover_pos().and_then(|at| keyframe_at(scale, keys, at.x));
     if hovered.is_some() {
         ui.ctx().set_cursor_icon(CursorIcon::ResizeHorizontal);
     }
@@ -234,7 +235,7 @@ fn paint(
     if is_empty {
         let hint = "Choose copies, or put the camera somewhere, then set a keyframe";
         let font = egui::TextStyle::Small.resolve(ui.style());
-        painter.text(pos2(scale.reach.min + 4.0, y), egui::Align2::LEFT_CENTER, hint, font, p.weak);
+        painter.text(pos2(scale.x_range.min + 4.0, y), egui::Align2::LEFT_CENTER, hint, font, p.weak);
     }
     let desk = &scope.facts.stage.keyframes;
     for &secs in keys {
@@ -242,8 +243,8 @@ fn paint(
         let is_chosen = desk.chosen.contains(&(mover, secs));
         let fill = if is_chosen { p.accent } else { p.panel };
         let line = if is_chosen || hovered == Some(secs) { p.text } else { p.weak };
-        let points =
-            [(0.0, -MARK), (MARK, 0.0), (0.0, MARK), (-MARK, 0.0)].map(|(x, y)| at + Vec2::new(x, y));
+        let points = [(0.0, -MARK_RADIUS), (MARK_RADIUS, 0.0), (0.0, MARK_RADIUS), (-MARK_RADIUS, 0.0)]
+            .map(|(x, y)| at + Vec2::new(x, y));
         painter.add(Shape::convex_polygon(points.to_vec(), fill, Stroke::new(1.5, line)));
     }
     if let Some(secs) = hovered.filter(|_| !response.dragged()) {

@@ -2,11 +2,11 @@
 
 use lodsmith_core::model::{self, Channel, Interpolation};
 
-use super::{Curve, Keyed, Parts, Track};
+use super::{Curve, KeyframeComponents, KeyframeValue, Track};
 
 /// Nodes that a track animates: one that moves and turns, and optionally a child node that is pitched.
 #[derive(Clone, Copy, Debug)]
-pub struct Channels {
+pub struct ChannelNodes {
     /// Node that is translated and rotated.
     pub node: usize,
     /// Node that is pitched.
@@ -17,22 +17,22 @@ pub struct Channels {
 
 /// Maximum angle between two rotation keyframes: with it the quaternion curve is within 0.001 degrees of the
 /// intended rotation. (Measured by the test below.)
-const MOST_TURN_DEG: f64 = 10.0;
+const MAX_TURN_DEG: f64 = 10.0;
 
 /// Keyframe times and values of a channel, with tangents for cubic interpolation.
-struct Values<const N: usize> {
+struct ChannelValues<const N: usize> {
     times: Vec<f32>,
     /// In-tangent, value and out-tangent per keyframe; for steps only the value.
     all: Vec<[f32; N]>,
 }
 
-impl Channels {
+impl ChannelNodes {
     /// Returns the channels of a track. Components that are equal in all keyframes have no channel.
-    pub fn of<T: Keyed>(&self, track: &Track<T>) -> Vec<Channel> {
+    pub fn channels_of<T: KeyframeValue>(&self, track: &Track<T>) -> Vec<Channel> {
         let mut channels = Vec::new();
-        let values: Vec<Parts> = track.values().map(Keyed::parts).collect();
+        let values: Vec<KeyframeComponents> = track.values().map(KeyframeValue::components).collect();
         let Some(first) = values.first() else { return channels };
-        let differs = |same: &dyn Fn(&Parts) -> bool| !values.iter().all(same);
+        let differs = |same: &dyn Fn(&KeyframeComponents) -> bool| !values.iter().all(same);
         let (curve, to_f32) = (track.curve, |v: [f64; 3]| v.map(|x| x as f32));
         if differs(&|p| p.place == first.place) {
             let values =
@@ -47,16 +47,17 @@ impl Channels {
             let Some(node) = node.filter(|_| differs(&|p| p.turns_deg[k] == first.turns_deg[k])) else {
                 continue;
             };
-            let parts = |way: &Parts| (way.turns_deg[k].abs() / MOST_TURN_DEG).ceil().max(1.0) as usize;
+            let parts =
+                |way: &KeyframeComponents| (way.turns_deg[k].abs() / MAX_TURN_DEG).ceil().max(1.0) as usize;
             // Rotation about y, or about x, from sine and cosine of half the angle.
             let quaternion = |[sin, cos]: [f64; 2]| {
                 let mut q = [0.0, 0.0, 0.0, cos as f32];
                 q[1 - k] = sin as f32;
                 q
             };
-            let half = |p: &Parts| 0.5 * p.turns_deg[k].to_radians();
-            let value = |p: &Parts| quaternion(half(p).sin_cos().into());
-            let slope = |p: &Parts, s: &Parts| {
+            let half = |p: &KeyframeComponents| 0.5 * p.turns_deg[k].to_radians();
+            let value = |p: &KeyframeComponents| quaternion(half(p).sin_cos().into());
+            let slope = |p: &KeyframeComponents, s: &KeyframeComponents| {
                 let ((sin, cos), speed) = (half(p).sin_cos(), half(s));
                 quaternion([speed * cos, -speed * sin])
             };
@@ -67,21 +68,21 @@ impl Channels {
 }
 
 /// Samples a track at its keyframes and, if a segment is divided into several parts, between them.
-fn sampled<T: Keyed, const N: usize>(
+fn sampled<T: KeyframeValue, const N: usize>(
     track: &Track<T>,
-    parts_of: impl Fn(&Parts) -> usize,
-    value: impl Fn(&Parts) -> [f32; N],
-    slope: impl Fn(&Parts, &Parts) -> [f32; N],
-) -> Values<N> {
-    let mut out = Values { times: Vec::new(), all: Vec::new() };
+    parts_of: impl Fn(&KeyframeComponents) -> usize,
+    value: impl Fn(&KeyframeComponents) -> [f32; N],
+    slope: impl Fn(&KeyframeComponents, &KeyframeComponents) -> [f32; N],
+) -> ChannelValues<N> {
+    let mut out = ChannelValues { times: Vec::new(), all: Vec::new() };
     if track.curve == Curve::Step || track.len() < 2 {
         out.times = track.moments().map(|t| t as f32).collect();
-        out.all = track.values().map(|v| value(&v.parts())).collect();
+        out.all = track.values().map(|v| value(&v.components())).collect();
         return out;
     }
     // Angles accumulate over all segments, so that no quaternion flips its sign.
-    let mut angles = track.values().next().map_or([0.0; 2], |v| v.parts().turns_deg);
-    let mut push = |secs: f64, mut at: Parts, by: [f64; 2], speed: Parts| {
+    let mut angles = track.values().next().map_or([0.0; 2], |v| v.components().turns_deg);
+    let mut push = |secs: f64, mut at: KeyframeComponents, by: [f64; 2], speed: KeyframeComponents| {
         at.turns_deg = by;
         out.times.push(secs as f32);
         out.all.extend([slope(&at, &speed), value(&at), slope(&at, &speed)]);
@@ -89,7 +90,7 @@ fn sampled<T: Keyed, const N: usize>(
     for i in 0..track.len() - 1 {
         let segment = track.segment(i);
         let begin = segment.at(0.0).0.turns_deg;
-        let parts = parts_of(&segment.way);
+        let parts = parts_of(&segment.difference);
         let is_last = i + 2 == track.len();
         for part in 0..parts + usize::from(is_last) {
             let t = part as f64 / parts as f64;
@@ -97,7 +98,7 @@ fn sampled<T: Keyed, const N: usize>(
             let by = [0, 1].map(|k| angles[k] + at.turns_deg[k] - begin[k]);
             push(segment.begin + t * segment.length, at, by, speed);
         }
-        angles = [0, 1].map(|k| angles[k] + segment.way.turns_deg[k]);
+        angles = [0, 1].map(|k| angles[k] + segment.difference.turns_deg[k]);
     }
     out
 }
@@ -105,7 +106,7 @@ fn sampled<T: Keyed, const N: usize>(
 fn channel<const N: usize>(
     node: usize,
     curve: Curve,
-    values: Values<N>,
+    values: ChannelValues<N>,
     track: impl FnOnce(Vec<[f32; N]>) -> model::Track,
 ) -> Channel {
     let is_cubic = curve == Curve::Smooth && values.all.len() > values.times.len();
@@ -120,7 +121,7 @@ mod tests {
     use lodsmith_core::model::{Animation, Node, Transform};
 
     use super::super::super::Placement;
-    use super::super::Stand;
+    use super::super::CameraPlacement;
     use super::*;
 
     fn played(channels: Vec<Channel>) -> Model {
@@ -148,7 +149,7 @@ mod tests {
             ] {
                 track.set(secs, Placement { x, z: 2.0 * x, turn_deg, scale });
             }
-            let model = played(Channels { node: 1, tilted: None, is_scaled: true }.of(&track));
+            let model = played(ChannelNodes { node: 1, tilted: None, is_scaled: true }.channels_of(&track));
             for k in 0..=220 {
                 // Not exactly at the keyframes, where rounding would decide on which side of a step a time
                 // falls.
@@ -167,7 +168,7 @@ mod tests {
     #[test]
     fn a_camera_is_turned_by_one_node_and_tilted_by_another() {
         let mut track = Track::default();
-        let stand = |yaw_deg: f64, pitch_deg: f64| Stand {
+        let stand = |yaw_deg: f64, pitch_deg: f64| CameraPlacement {
             x: 1.0,
             y: yaw_deg,
             z: 0.0,
@@ -177,7 +178,7 @@ mod tests {
         };
         track.set(0.0, stand(350.0, -80.0));
         track.set(2.0, stand(60.0, 40.0));
-        let channels = Channels { node: 0, tilted: Some(1), is_scaled: false }.of(&track);
+        let channels = ChannelNodes { node: 0, tilted: Some(1), is_scaled: false }.channels_of(&track);
         assert_eq!(channels.len(), 3);
         let model = played(channels);
         for k in 0..=40 {
@@ -194,11 +195,11 @@ mod tests {
     #[test]
     fn what_does_not_move_has_no_channel() {
         let mut track = Track::default();
-        let of = Channels { node: 0, tilted: None, is_scaled: true };
-        assert!(of.of(&track).is_empty());
+        let of = ChannelNodes { node: 0, tilted: None, is_scaled: true };
+        assert!(of.channels_of(&track).is_empty());
         track.set(1.0, Placement::at(1.0, 0.0));
-        assert!(of.of(&track).is_empty());
+        assert!(of.channels_of(&track).is_empty());
         track.set(2.0, Placement::at(2.0, 0.0));
-        assert_eq!(of.of(&track).len(), 1);
+        assert_eq!(of.channels_of(&track).len(), 1);
     }
 }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::{Keyed, Parts};
+use super::{KeyframeComponents, KeyframeValue};
 
 /// A value at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,12 +41,12 @@ impl<T> Default for Track<T> {
 }
 
 /// Maximum time of a keyframe: one hour.
-pub const MOST_SECS: f64 = 3600.0;
+pub const MAX_SECS: f64 = 3600.0;
 
 /// Returns the time rounded to milliseconds and clamped to the valid range.
-pub fn moment(seconds: f64) -> f64 {
+pub fn rounded_secs(seconds: f64) -> f64 {
     let seconds = if seconds.is_finite() { seconds } else { 0.0 };
-    (1000.0 * seconds.clamp(0.0, MOST_SECS)).round() / 1000.0
+    (1000.0 * seconds.clamp(0.0, MAX_SECS)).round() / 1000.0
 }
 
 impl<T> Track<T> {
@@ -67,24 +67,24 @@ impl<T> Track<T> {
         self.keys.last().map_or(0.0, |k| k.seconds)
     }
 
-    fn place(&self, secs: f64) -> Result<usize, usize> {
-        self.keys.binary_search_by(|k| k.seconds.total_cmp(&moment(secs)))
+    fn index_of(&self, secs: f64) -> Result<usize, usize> {
+        self.keys.binary_search_by(|k| k.seconds.total_cmp(&rounded_secs(secs)))
     }
 
     /// Removes the keyframe at a time, if there is one.
     pub fn remove(&mut self, secs: f64) {
-        if let Ok(i) = self.place(secs) {
+        if let Ok(i) = self.index_of(secs) {
             self.keys.remove(i);
         }
     }
 }
 
-impl<T: Keyed> Track<T> {
+impl<T: KeyframeValue> Track<T> {
     /// Sets a keyframe, replacing one at the same time. Invalid values are ignored.
     pub fn set(&mut self, secs: f64, value: T) {
         let Some(value) = value.checked() else { return };
-        let key = Keyframe { seconds: moment(secs), value };
-        match self.place(secs) {
+        let key = Keyframe { seconds: rounded_secs(secs), value };
+        match self.index_of(secs) {
             Ok(i) => self.keys[i] = key,
             Err(i) => self.keys.insert(i, key),
         }
@@ -104,7 +104,7 @@ impl<T: Keyed> Track<T> {
     }
     /// Returns the value of the keyframe at a time, if there is one.
     pub fn keyframe(&self, secs: f64) -> Option<T> {
-        self.place(secs).ok().map(|i| self.keys[i].value)
+        self.index_of(secs).ok().map(|i| self.keys[i].value)
     }
     /// Returns the interpolated value at a time; `None` without keyframes. Cost: O(log n).
     pub fn at(&self, secs: f64) -> Option<T> {
@@ -120,31 +120,31 @@ impl<T: Keyed> Track<T> {
             return Some(self.keys[i].value);
         }
         let segment = self.segment(i);
-        T::of(&segment.at((secs - segment.begin) / segment.length).0).checked()
+        T::from_components(&segment.at((secs - segment.begin) / segment.length).0).checked()
     }
 
     /// Returns the curve from keyframe `i` to the next.
     pub(super) fn segment(&self, i: usize) -> Segment {
         let [from, to] = [i, i + 1].map(|i| &self.keys[i]);
-        let way = difference(&from.value.parts(), &to.value.parts());
+        let way = difference(&from.value.components(), &to.value.components());
         Segment {
             begin: from.seconds,
             length: to.seconds - from.seconds,
-            from: from.value.parts(),
-            way,
-            slopes: [self.slope(i), self.slope(i + 1)],
+            from: from.value.components(),
+            difference: way,
+            slopes: [self.derivative(i), self.derivative(i + 1)],
         }
     }
 
     /// Returns the derivative per second at a keyframe; zero at the first and the last one.
-    fn slope(&self, i: usize) -> Parts {
+    fn derivative(&self, i: usize) -> KeyframeComponents {
         if i == 0 || i + 1 >= self.keys.len() {
-            return Parts::default();
+            return KeyframeComponents::default();
         }
         let [before, here, after] = [i - 1, i, i + 1].map(|i| &self.keys[i]);
         let (h0, h1) = (here.seconds - before.seconds, after.seconds - here.seconds);
-        let d0 = difference(&before.value.parts(), &here.value.parts());
-        let d1 = difference(&here.value.parts(), &after.value.parts());
+        let d0 = difference(&before.value.components(), &here.value.components());
+        let d1 = difference(&here.value.components(), &after.value.components());
         // Slope of the parabola through the three keyframes.
         let mean = |d0: f64, d1: f64| (h1 * (d0 / h0) + h0 * (d1 / h1)) / (h0 + h1);
         // Within these bounds the curve does not overshoot its ends [Fritsch-Carlson 1980].
@@ -158,7 +158,7 @@ impl<T: Keyed> Track<T> {
         } else {
             DVec3::from([0, 1, 2].map(|k| mean(d0.place[k], d1.place[k])))
         };
-        Parts {
+        KeyframeComponents {
             place,
             turns_deg: [0, 1].map(|k| bounded(d0.turns_deg[k], d1.turns_deg[k])),
             size: bounded(d0.size, d1.size),
@@ -167,12 +167,16 @@ impl<T: Keyed> Track<T> {
 }
 
 /// Returns the difference between two values; angles take the shorter way.
-fn difference(from: &Parts, to: &Parts) -> Parts {
+fn difference(from: &KeyframeComponents, to: &KeyframeComponents) -> KeyframeComponents {
     let shorter = |k: usize| {
         let turn = (to.turns_deg[k] - from.turns_deg[k]).rem_euclid(360.0);
         if turn > 180.0 { turn - 360.0 } else { turn }
     };
-    Parts { place: to.place - from.place, turns_deg: [0, 1].map(shorter), size: to.size - from.size }
+    KeyframeComponents {
+        place: to.place - from.place,
+        turns_deg: [0, 1].map(shorter),
+        size: to.size - from.size,
+    }
 }
 
 /// Cubic curve between two keyframes.
@@ -181,16 +185,16 @@ pub(super) struct Segment {
     pub begin: f64,
     /// Duration in seconds.
     pub length: f64,
-    from: Parts,
+    from: KeyframeComponents,
     /// Difference from start to end; angles take the shorter way.
-    pub way: Parts,
-    slopes: [Parts; 2],
+    pub difference: KeyframeComponents,
+    slopes: [KeyframeComponents; 2],
 }
 
 impl Segment {
     /// Returns the value at a parameter from 0 to 1 and the derivative per second. Angles continue from the
     /// start of the segment without wrapping.
-    pub(super) fn at(&self, t: f64) -> (Parts, Parts) {
+    pub(super) fn at(&self, t: f64) -> (KeyframeComponents, KeyframeComponents) {
         let h = self.length;
         let (t2, t3) = (t * t, t * t * t);
         // Hermite basis relative to the start value, hence without the first polynomial.
@@ -202,21 +206,28 @@ impl Segment {
             (value, speed)
         };
         let [a, b] = &self.slopes;
-        let place = [0, 1, 2].map(|k| number(self.way.place[k], [a.place[k], b.place[k]]));
-        let turns = [0, 1].map(|k| number(self.way.turns_deg[k], [a.turns_deg[k], b.turns_deg[k]]));
-        let size = number(self.way.size, [a.size, b.size]);
-        let value = Parts {
+        let place = [0, 1, 2].map(|k| number(self.difference.place[k], [a.place[k], b.place[k]]));
+        let turns = [0, 1].map(|k| number(self.difference.turns_deg[k], [a.turns_deg[k], b.turns_deg[k]]));
+        let size = number(self.difference.size, [a.size, b.size]);
+        let value = KeyframeComponents {
             place: self.from.place + DVec3::from(place.map(|p| p.0)),
             turns_deg: [0, 1].map(|k| self.from.turns_deg[k] + turns[k].0),
             size: self.from.size + size.0,
         };
-        (value, Parts { place: place.map(|p| p.1).into(), turns_deg: turns.map(|t| t.1), size: size.1 })
+        (
+            value,
+            KeyframeComponents {
+                place: place.map(|p| p.1).into(),
+                turns_deg: turns.map(|t| t.1),
+                size: size.1,
+            },
+        )
     }
 }
 
 /// Representation of [`Track`] in files.
 #[derive(Serialize, Deserialize)]
-struct InFile<T> {
+struct TrackRecord<T> {
     #[serde(default)]
     curve: Curve,
     #[serde(default = "Vec::new")]
@@ -225,16 +236,16 @@ struct InFile<T> {
 
 impl<T: Serialize + Clone> Serialize for Track<T> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        InFile { curve: self.curve, keys: self.keys.clone() }.serialize(serializer)
+        TrackRecord { curve: self.curve, keys: self.keys.clone() }.serialize(serializer)
     }
 }
 
-impl<'de, T: Keyed + Deserialize<'de>> Deserialize<'de> for Track<T> {
+impl<'de, T: KeyframeValue + Deserialize<'de>> Deserialize<'de> for Track<T> {
     /// Sorts keyframes by time and drops invalid ones; of several at the same time the last one is kept.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let InFile { curve, keys } = InFile::<T>::deserialize(deserializer)?;
+        let TrackRecord { curve, keys } = TrackRecord::<T>::deserialize(deserializer)?;
         let checked =
-            |k: Keyframe<T>| Some(Keyframe { seconds: moment(k.seconds), value: k.value.checked()? });
+            |k: Keyframe<T>| Some(Keyframe { seconds: rounded_secs(k.seconds), value: k.value.checked()? });
         let mut keys: Vec<_> = keys.into_iter().filter_map(checked).collect();
         // The stable sort keeps keyframes with equal times in file order.
         keys.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
@@ -322,6 +333,6 @@ mod tests {
         assert_eq!(track.moments().collect::<Vec<_>>(), [0.0, 1.0]);
         track.remove(1.0);
         assert_eq!(track.len(), 1);
-        assert_eq!([moment(-1.0), moment(1e9), moment(0.12345)], [0.0, MOST_SECS, 0.123]);
+        assert_eq!([rounded_secs(-1.0), rounded_secs(1e9), rounded_secs(0.12345)], [0.0, MAX_SECS, 0.123]);
     }
 }
