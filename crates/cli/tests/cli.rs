@@ -5,14 +5,14 @@ mod desk;
 use std::fs;
 use std::path::Path;
 
-use desk::{Desk, coloured_cube, hills, keys, ply};
+use desk::{CliSandbox, coloured_cube, hills, keys, ply};
 use serde_json::Value;
 
 // ---------------------------------------------------------------- simplify
 
 #[test]
 fn simplify_writes_a_lighter_mesh_and_says_so_in_one_line() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(20));
     let ran = desk.run("simplify hills.ply -o low.ply --ratio 0.25").with_status(0);
     let faces = desk.faces("low.ply");
@@ -27,7 +27,7 @@ fn simplify_writes_a_lighter_mesh_and_says_so_in_one_line() {
 
 #[test]
 fn the_report_has_the_promised_keys_in_their_order() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(20));
     let report = &desk.run("simplify hills.ply -o low.ply --faces 100 --json").with_status(0).objects()[0];
     let promised = [
@@ -65,7 +65,7 @@ fn the_report_has_the_promised_keys_in_their_order() {
 
 #[test]
 fn a_measured_result_tells_the_largest_distance() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(12));
     let ran = desk.run("simplify hills.ply -o low.ply --ratio 0.5 --measure").with_status(0);
     assert!(ran.text().contains(" %, max "), "{}", ran.text());
@@ -85,7 +85,7 @@ fn a_measured_result_tells_the_largest_distance() {
 
 #[test]
 fn an_error_limit_is_kept_and_measured() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(20));
     let report = &desk.run("simplify hills.ply -o low.ply --error 0.5% --json").with_status(0).objects()[0];
     assert_eq!(report["target"].to_string(), r#"{"error":"0.5%"}"#);
@@ -96,7 +96,7 @@ fn an_error_limit_is_kept_and_measured() {
 
 #[test]
 fn targets_are_checked_at_the_command_line() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(3));
     for target in [
         "",
@@ -126,7 +126,7 @@ fn targets_are_checked_at_the_command_line() {
 
 #[test]
 fn several_targets_may_stand_together() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(10));
     let words = "simplify hills.ply -o low.ply --ratio 0.5 --faces 10 --json";
     let report = &desk.run(words).with_status(0).objects()[0];
@@ -136,7 +136,7 @@ fn several_targets_may_stand_together() {
 
 #[test]
 fn every_option_reaches_the_engine() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(10));
     let words = "simplify hills.ply -o low.obj --ratio 0.5 --fit off --placement endpoint --border lock \
                  --topology preserve --max-normal 60 --min-quality 0.01 --max-valence 12 --max-edge 50% --weld 0.001 \
@@ -149,7 +149,7 @@ fn every_option_reaches_the_engine() {
 
 #[test]
 fn threads_do_not_change_the_result() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(30));
     desk.run("simplify hills.ply -o one.ply --ratio 0.1 --threads 1").with_status(0);
     desk.run("simplify hills.ply -o three.ply --ratio 0.1 --threads 3").with_status(0);
@@ -159,7 +159,7 @@ fn threads_do_not_change_the_result() {
 
 #[test]
 fn dropped_attributes_are_warnings_and_strict_makes_them_faults() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("cube.ply", &coloured_cube());
     let ran = desk.run("simplify cube.ply -o low.stl --ratio 1").with_status(0);
     assert!(
@@ -179,7 +179,7 @@ fn dropped_attributes_are_warnings_and_strict_makes_them_faults() {
 
 #[test]
 fn attributes_come_along() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("cube.ply", &coloured_cube());
     let ran = desk.run("simplify cube.ply -o low.ply --faces 8 --strict --weight color=2").with_status(0);
     assert_eq!(ran.stderr, "");
@@ -191,7 +191,7 @@ fn attributes_come_along() {
 
 #[test]
 fn a_failing_file_does_not_stop_the_others() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(5));
     desk.put("bad.ply", "ply\nformat ascii 1.0\nelement vertex many\nend_header\n");
     desk.put("b.ply", &hills(6));
@@ -210,7 +210,7 @@ fn a_failing_file_does_not_stop_the_others() {
 
 #[test]
 fn many_files_come_out_in_their_order() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     let names: Vec<String> = (0..9).map(|i| format!("m{i}.ply")).collect();
     for (i, name) in names.iter().enumerate() {
         desk.put(name, &hills(20 - 2 * i));
@@ -223,7 +223,7 @@ fn many_files_come_out_in_their_order() {
 
 #[test]
 fn results_are_named_by_the_template() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(3));
     desk.put("b.ply", &hills(3));
     desk.run("simplify a.ply b.ply -O out/deep --to stl --name {stem}-half.{ext} --ratio 0.5").with_status(0);
@@ -238,7 +238,7 @@ fn results_are_named_by_the_template() {
 
 #[test]
 fn standard_streams_carry_meshes() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     let ran = desk.run_with("simplify - -o - --to stl --ratio 0.5", hills(10)).with_status(0);
     let faces = (ran.stdout.len() - 84) / 50;
     assert!((99..=100).contains(&faces), "{faces}");
@@ -252,7 +252,7 @@ fn standard_streams_carry_meshes() {
 
 #[test]
 fn an_existing_file_survives_a_failure_and_a_folder_is_refused() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(3));
     desk.put("bad.ply", "ply\nbad");
     desk.put("out.ply", "precious");
@@ -272,7 +272,7 @@ fn an_existing_file_survives_a_failure_and_a_folder_is_refused() {
 
 #[test]
 fn a_file_can_be_its_own_output_by_force() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(10));
     desk.run("simplify a.ply -o a.ply --faces 50 --force").with_status(0);
     assert!(desk.faces("a.ply") <= 50);
@@ -280,7 +280,7 @@ fn a_file_can_be_its_own_output_by_force() {
 
 #[test]
 fn a_write_protected_file_needs_force() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(3));
     desk.put("out.ply", "precious");
     let protect = |yes| {
@@ -298,7 +298,7 @@ fn a_write_protected_file_needs_force() {
 
 #[test]
 fn a_dry_run_writes_nothing_and_knows_the_losses() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("cube.ply", &coloured_cube());
     let words = "simplify cube.ply -O low --to stl --ratio 1 --dry-run --json";
     let report = &desk.run(words).with_status(0).objects()[0];
@@ -309,7 +309,7 @@ fn a_dry_run_writes_nothing_and_knows_the_losses() {
 
 #[test]
 fn quiet_is_quiet_and_verbose_tells_more() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(5));
     let ran = desk.run("simplify a.ply -o b.ply --ratio 0.5 --quiet").with_status(0);
     assert_eq!((ran.stdout.len(), ran.stderr.as_str()), (0, ""));
@@ -321,7 +321,7 @@ fn quiet_is_quiet_and_verbose_tells_more() {
 
 #[test]
 fn the_output_is_scaled_and_turned() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("cube.ply", &coloured_cube());
     desk.run("convert cube.ply big.ply --scale 10 --up y").with_status(0);
     let bounds = &desk.info("big.ply")["bounds"];
@@ -337,7 +337,7 @@ fn the_output_is_scaled_and_turned() {
 
 #[test]
 fn info_has_the_promised_keys_in_their_order() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("cube.ply", &coloured_cube());
     let info = desk.info("cube.ply");
     assert_eq!(
@@ -391,7 +391,7 @@ fn info_has_the_promised_keys_in_their_order() {
 
 #[test]
 fn info_names_defects() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     // Three faces at one edge, one of them duplicated, one without area, and an unused vertex.
     let vertices = "0 0 0\n1 0 0\n0 1 0\n0 -1 0\n0 0 1\n9 9 9\n";
     let faces = "3 0 1 2\n3 1 0 3\n3 0 1 4\n3 0 1 4\n3 0 0 1\n";
@@ -409,7 +409,7 @@ fn info_names_defects() {
 
 #[test]
 fn info_goes_on_after_a_failure() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(2));
     let ran = desk.run("info --json missing.ply a.ply").with_status(1);
     assert_eq!(keys(&ran.objects()[0]), ["path", "error"]);
@@ -419,7 +419,7 @@ fn info_goes_on_after_a_failure() {
 
 #[test]
 fn compare_has_the_promised_keys_and_knows_equals() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(8));
     desk.run("convert a.ply b.ply --scale 1.5").with_status(0);
     let same =
@@ -456,7 +456,7 @@ fn compare_has_the_promised_keys_and_knows_equals() {
 
 #[test]
 fn a_heat_map_is_the_reference_in_colours() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(8));
     desk.put("b.ply", &hills(3));
     desk.run("compare a.ply b.ply --heatmap heat.ply").with_status(0);
@@ -468,7 +468,7 @@ fn a_heat_map_is_the_reference_in_colours() {
 
 #[test]
 fn convert_keeps_what_fits_and_warns_of_the_rest() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("cube.ply", &coloured_cube());
     let ran = desk.run("convert cube.ply cube.obj").with_status(0);
     assert_eq!(ran.stderr, "");
@@ -502,7 +502,7 @@ const SCENE: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[
 
 #[test]
 fn convert_keeps_a_whole_scene() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     for folder in ["in", "out"] {
         fs::create_dir(desk.path(folder)).expect("there is room for a folder");
     }
@@ -556,7 +556,7 @@ fn convert_keeps_a_whole_scene() {
 
 #[test]
 fn simplify_keeps_a_whole_scene() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.gltf", SCENE);
     let source: Value = serde_json::from_str(SCENE).expect("it is JSON");
     let ran = desk.run("simplify a.gltf -o b.gltf --faces 1 --strict --json").with_status(0);
@@ -588,7 +588,7 @@ fn simplify_keeps_a_whole_scene() {
 
 #[test]
 fn package_makers_get_their_pages() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         assert!(desk.run(&format!("completions {shell}")).with_status(0).text().contains("lodsmith"));
     }
@@ -600,7 +600,7 @@ fn package_makers_get_their_pages() {
 
 #[test]
 fn what_is_no_command_is_not_known() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     for command in ["bake", "simplfy", "levels"] {
         let ran = desk.run(command).with_status(2);
         assert!(ran.stderr.contains("unrecognized subcommand"), "{command}: {}", ran.stderr);
@@ -610,7 +610,7 @@ fn what_is_no_command_is_not_known() {
 #[test]
 #[cfg(unix)]
 fn a_closed_pipe_is_no_fault() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(40));
     for words in ["info --json a.ply a.ply", "completions zsh", "simplify --help"] {
         let output = desk.run_without_reader(words);
@@ -622,7 +622,7 @@ fn a_closed_pipe_is_no_fault() {
 #[test]
 #[cfg(target_os = "linux")]
 fn a_full_disk_is_told_once() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(4));
     let ran = desk.run("convert a.ply /dev/full --to stl").with_status(1).with_one_error();
     assert_eq!(ran.stderr.matches("No space left").count(), 1, "{}", ran.stderr);
@@ -635,7 +635,7 @@ fn an_interrupt_ends_it_without_half_files() {
     use std::os::unix::process::ExitStatusExt as _;
     use std::process::Command;
     for (signal, status) in [("-INT", 130), ("-TERM", 143)] {
-        let desk = Desk::new();
+        let desk = CliSandbox::new();
         desk.put("a.ply", &hills(20));
         // It waits for a mesh on a pipe that stays open, so that the interrupt cannot come too late.
         let mut child = desk.start("simplify a.ply - -O low --to ply --ratio 0.5 --threads 1 --json");
@@ -656,7 +656,7 @@ fn an_interrupt_ends_it_without_half_files() {
 /// They wait for a mesh on a pipe that stays open.
 #[test]
 fn a_time_limit_ends_every_command() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(4));
     for line in ["info -", "convert - b.ply", "clean - -o b.ply", "compare - a.ply", "render - -o b.png"] {
         let mut child = desk.start(&format!("{line} --time-limit 0.2"));
@@ -672,7 +672,7 @@ fn a_time_limit_ends_every_command() {
 
 #[test]
 fn nothing_is_drawn_on_a_pipe() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(40));
     let ran = desk.run("simplify a.ply -o b.ply --ratio 0.1").with_status(0);
     assert!(!ran.stderr.contains('\x1b') && !ran.text().contains('\x1b'));

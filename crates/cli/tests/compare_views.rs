@@ -2,18 +2,18 @@
 
 mod desk;
 
-use desk::{Desk, coloured_cube, hills};
+use desk::{CliSandbox, coloured_cube, hills};
 use lodsmith_render::decode;
 use serde_json::Value;
 
-fn image(desk: &Desk, words: &str) -> Value {
+fn image(desk: &CliSandbox, words: &str) -> Value {
     let ran = desk.run(&format!("compare --json {words}")).with_status(0);
     ran.objects().remove(0)["image"].clone()
 }
 
 #[test]
 fn a_lighter_mesh_looks_different_and_the_same_one_does_not() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(30));
     for (ratio, name) in [("0.5", "half.ply"), ("0.02", "little.ply")] {
         desk.run(&format!("simplify hills.ply -o {name} --ratio {ratio} -q")).with_status(0);
@@ -44,7 +44,7 @@ fn a_lighter_mesh_looks_different_and_the_same_one_does_not() {
 
 #[test]
 fn pairs_of_pictures_are_written() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("cube.ply", &coloured_cube());
     let seen = image(&desk, "cube.ply cube.ply --views 3 --size 40x40 --views-sheet pairs.png");
     assert_eq!(seen["shading"], "vertex-colors");
@@ -55,7 +55,7 @@ fn pairs_of_pictures_are_written() {
 
 #[test]
 fn what_cannot_be_is_refused() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("cube.ply", &coloured_cube());
     for words in [
         "--views 0",

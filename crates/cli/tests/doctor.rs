@@ -2,11 +2,11 @@
 
 mod desk;
 
-use desk::{Desk, keys};
+use desk::{CliSandbox, keys};
 
 #[test]
 fn the_object_has_the_promised_keys_and_names_what_is_missing() {
-    let ran = Desk::new().run("doctor --json");
+    let ran = CliSandbox::new().run("doctor --json");
     let object = &ran.objects()[0];
     assert_eq!(keys(object), ["version", "platform", "threads", "viewer", "missing"]);
     assert_eq!(object["version"], env!("CARGO_PKG_VERSION"));
@@ -29,7 +29,7 @@ fn the_object_has_the_promised_keys_and_names_what_is_missing() {
 
 #[test]
 fn the_table_says_whether_there_is_a_window() {
-    let ran = Desk::new().run("doctor");
+    let ran = CliSandbox::new().run("doctor");
     assert!(ran.text().starts_with(concat!("lodsmith ", env!("CARGO_PKG_VERSION"), "\n")), "{}", ran.text());
     let says = if cfg!(feature = "view") { "built in" } else { "--features view" };
     assert!(ran.text().contains(says), "{}", ran.text());

@@ -4,17 +4,17 @@ mod desk;
 
 use std::fs;
 
-use desk::{Desk, hills, keys};
+use desk::{CliSandbox, hills, keys};
 use serde_json::Value;
 
-fn list(desk: &Desk, folder: &str) -> Value {
+fn list(desk: &CliSandbox, folder: &str) -> Value {
     let text = fs::read_to_string(desk.path(folder).join("lods.json")).expect("the list is there");
     serde_json::from_str(&text).expect("it is JSON")
 }
 
 #[test]
 fn each_level_has_a_file_and_a_line_in_the_list() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(20));
     let ran = desk.run("lod hills.ply -O out --levels 0.5,0.2").with_status(0);
     assert_eq!(ran.text().lines().count(), 3, "{}", ran.text());
@@ -40,7 +40,7 @@ fn each_level_has_a_file_and_a_line_in_the_list() {
 
 #[test]
 fn errors_of_the_list_are_those_that_compare_finds() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(16));
     desk.run("lod hills.ply -O out --faces 100 --fov 90 --height 1000 --pixels 2").with_status(0);
     let level = &list(&desk, "out")["levels"][1];
@@ -57,7 +57,7 @@ fn errors_of_the_list_are_those_that_compare_finds() {
 
 #[test]
 fn lengths_of_the_list_are_those_of_the_files() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(16));
     desk.run("lod hills.ply -O one --faces 100").with_status(0);
     let told = &desk.run("lod hills.ply -O ten --faces 100 --scale 10 --json").with_status(0).objects()[0];
@@ -73,7 +73,7 @@ fn lengths_of_the_list_are_those_of_the_files() {
 
 #[test]
 fn one_file_holds_all_levels() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(20));
     desk.run("lod hills.ply -o all.glb --count 3 --factor 0.5").with_status(0);
     assert_eq!(desk.faces("all.glb"), 800, "levels are not counted twice");
@@ -89,7 +89,7 @@ fn one_file_holds_all_levels() {
 
 #[test]
 fn names_follow_the_style_or_the_template() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(8));
     desk.run("lod a.ply -O u --levels 0.5 --naming unity --to glb").with_status(0);
     assert_eq!(desk.names("u"), ["a_LOD0.glb", "a_LOD1.glb", "lods.json"]);
@@ -102,7 +102,7 @@ fn names_follow_the_style_or_the_template() {
 
 #[test]
 fn geomorph_data_go_into_glb_and_ply() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(12));
     desk.run("lod a.ply -O p --levels 0.5,0.2 --geomorph --ascii").with_status(0);
     let text = |name: &str| fs::read_to_string(desk.path(name)).expect("it is there");
@@ -118,7 +118,7 @@ fn geomorph_data_go_into_glb_and_ply() {
 
 #[test]
 fn the_report_tells_each_level() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(12));
     let ran = desk.run("lod a.ply --dry-run --faces 100,20 --json").with_status(0);
     let report = &ran.objects()[0];
@@ -140,7 +140,7 @@ fn the_report_tells_each_level() {
 
 #[test]
 fn a_level_out_of_reach_is_said() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(8));
     let words = "lod a.ply --dry-run --faces 100,4 --border lock";
     let ran = desk.run(words).with_status(0);
@@ -150,7 +150,7 @@ fn a_level_out_of_reach_is_said() {
 
 #[test]
 fn the_command_line_is_checked() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(4));
     for words in [
         "lod a.ply -O out",
@@ -170,7 +170,7 @@ fn the_command_line_is_checked() {
 
 #[test]
 fn what_is_locked_stays_in_every_level_of_a_file() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     let obj = |material: &str, x: f64| {
         let mut text = format!("usemtl {material}\n");
         let first = if x > 0.0 { 82 } else { 1 };

@@ -7,10 +7,10 @@ mod desk;
 use std::fs;
 use std::process::{Command, Output};
 
-use desk::{Desk, hills};
+use desk::{CliSandbox, hills};
 
 /// Runs the command with an address space of twice `mib` MiB, of which it may use half.
-fn run_within(desk: &Desk, mib: u64, words: &str) -> Output {
+fn run_within(desk: &CliSandbox, mib: u64, words: &str) -> Output {
     let script = format!("ulimit -v {}; exec \"$@\" --max-memory {mib}M", 2 * mib * 1024);
     Command::new("sh")
         .args(["-c", &script, "sh"])
@@ -38,7 +38,7 @@ fn is_done(output: &Output, what: &str) -> bool {
 }
 
 /// Writes models of about `faces` faces in several formats.
-fn models(desk: &Desk, faces: usize) {
+fn models(desk: &CliSandbox, faces: usize) {
     desk.put("a.ply", &hills(((faces / 2) as f64).sqrt() as usize));
     for name in ["a.obj", "a.stl", "a.glb", "a.off"] {
         desk.run(&format!("convert a.ply {name}")).with_status(0);
@@ -72,7 +72,7 @@ const COMMANDS: [&str; 22] = [
 ];
 
 /// Runs every command within each limit. Returns the number of runs that completed, and of all.
-fn run_all(desk: &Desk, commands: &[&str], limits: &[u64]) -> (usize, usize) {
+fn run_all(desk: &CliSandbox, commands: &[&str], limits: &[u64]) -> (usize, usize) {
     let mut done = 0;
     for &mib in limits {
         for words in commands {
@@ -84,7 +84,7 @@ fn run_all(desk: &Desk, commands: &[&str], limits: &[u64]) -> (usize, usize) {
 
 #[test]
 fn no_run_under_a_limit_is_aborted() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     // All 110 runs by hand: LODSMITH_ALL_RUNS=1 cargo test -p lodsmith-cli --test memory
     let is_all = std::env::var_os("LODSMITH_ALL_RUNS").is_some();
     models(&desk, if is_all { 200_000 } else { 10_000 });
@@ -99,7 +99,7 @@ fn no_run_under_a_limit_is_aborted() {
 
 #[test]
 fn a_step_that_takes_too_much_says_so() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(200));
     for (words, step) in [
         ("simplify a.ply -o out.ply --ratio 0.5 --method planar", "simplify"),
@@ -126,7 +126,7 @@ fn a_step_that_takes_too_much_says_so() {
 
 #[test]
 fn a_process_that_takes_more_than_was_computed_is_ended() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     // A closed surface has half as many vertices as faces; here no two faces share a vertex.
     let facets = 400_000u32;
     let mut stl = vec![0; 80];

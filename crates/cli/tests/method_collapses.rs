@@ -2,11 +2,11 @@
 
 mod desk;
 
-use desk::{Desk, hills};
+use desk::{CliSandbox, hills};
 
 #[test]
 fn each_method_reaches_its_count_and_names_itself() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(20));
     for method in ["lindstrom-turk", "melax", "shortest-edge"] {
         let words = format!("simplify hills.ply -o low.ply --faces 100 --method {method} --json");
@@ -18,7 +18,7 @@ fn each_method_reaches_its_count_and_names_itself() {
 
 #[test]
 fn a_length_is_a_target_of_its_own() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(20));
     let run = |target: &str| {
         let words = format!("simplify hills.ply -o low.ply --method shortest-edge {target} --json");
@@ -36,7 +36,7 @@ fn a_length_is_a_target_of_its_own() {
 
 #[test]
 fn options_that_a_method_has_no_use_for_are_named() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(6));
     for (words, option) in [
         ("--method melax --placement midpoint", "placement midpoint"),

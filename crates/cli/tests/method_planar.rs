@@ -4,7 +4,7 @@ mod desk;
 
 use std::fmt::Write as _;
 
-use desk::Desk;
+use desk::CliSandbox;
 
 /// A ridge: two flat sides of n by n squares each, at an angle, or one sheet if `height` is zero.
 fn ridge(n: usize, height: f64) -> String {
@@ -27,7 +27,7 @@ fn ridge(n: usize, height: f64) -> String {
 
 #[test]
 fn flat_sides_become_what_their_outline_needs() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("ridge.obj", &ridge(8, 0.5));
     let report = &desk.run("simplify ridge.obj -o low.obj --method planar --measure --json").objects()[0];
     assert_eq!(desk.faces("low.obj"), 4);
@@ -43,7 +43,7 @@ fn flat_sides_become_what_their_outline_needs() {
 
 #[test]
 fn angle_and_distance_are_both_asked() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("ridge.obj", &ridge(8, 0.03));
     let faces = |words: &str| {
         desk.run(&format!("simplify ridge.obj -o low.obj --method planar {words}")).with_status(0);
@@ -59,7 +59,7 @@ fn angle_and_distance_are_both_asked() {
 
 #[test]
 fn what_it_cannot_do_is_refused() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("ridge.obj", &ridge(2, 0.5));
     // Known fault, for all methods: the status is 1 (file at fault) instead of 2 (command line at fault).
     for words in ["--max-valence 9", "--placement midpoint", "--fit on", "--cell 1"] {

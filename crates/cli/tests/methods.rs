@@ -2,7 +2,7 @@
 
 mod desk;
 
-use desk::{Desk, coloured_cube, hills, keys, ply};
+use desk::{CliSandbox, coloured_cube, hills, keys, ply};
 use serde_json::Value;
 
 /// Methods that these tests run, as arguments; without any, all run. Few samples: the figures are not tested.
@@ -14,7 +14,7 @@ fn rows(report: &Value) -> &Vec<Value> {
 
 #[test]
 fn a_table_has_a_line_for_each_method() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(20));
     let ran = desk.run(&format!("methods hills.ply --faces 200 {METHODS}")).with_status(0);
     let lines: Vec<&str> = ran.text().lines().collect();
@@ -34,7 +34,7 @@ fn a_table_has_a_line_for_each_method() {
 
 #[test]
 fn the_report_is_one_object_with_a_list() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(20));
     let ran = desk.run(&format!("methods hills.ply --ratio 0.25 --json {METHODS}")).with_status(0);
     let report = ran.objects().remove(0);
@@ -64,7 +64,7 @@ fn the_report_is_one_object_with_a_list() {
 
 #[test]
 fn figures_are_those_of_simplify_and_compare() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(16));
     let words = format!("methods hills.ply -O out --vertices 60 --seed 4 --json {METHODS}");
     let report = desk.run(&words).with_status(0).objects().remove(0);
@@ -91,7 +91,7 @@ fn figures_are_those_of_simplify_and_compare() {
 
 #[test]
 fn what_is_carried_is_told() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("cube.ply", &coloured_cube());
     let words = "methods cube.ply --faces 8 --samples 3000 --json --method quadric";
     let report = desk.run(words).with_status(0).objects().remove(0);
@@ -103,7 +103,7 @@ fn what_is_carried_is_told() {
 
 #[test]
 fn methods_are_run_once_each_in_their_order() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(6));
     let words = "methods hills.ply --faces 30 --samples 9 --method quadric --method memoryless --method quadric --json";
     let report = desk.run(words).with_status(0).objects().remove(0);
@@ -113,7 +113,7 @@ fn methods_are_run_once_each_in_their_order() {
 
 #[test]
 fn all_methods_are_there_unless_some_are_named() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(6));
     let report = desk.run("methods hills.ply --faces 30 --samples 3000 --json").objects().remove(0);
     let names: Vec<_> = rows(&report).iter().map(|r| r["method"].as_str().expect("a word")).collect();
@@ -122,7 +122,7 @@ fn all_methods_are_there_unless_some_are_named() {
 
 #[test]
 fn a_method_that_fails_is_a_row() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     // One face, which has no area.
     desk.put("flat.ply", &ply("", 3, 1, "0 0 0\n1 0 0\n2 0 0\n", "3 0 1 2\n"));
     let ran = desk.run(&format!("methods flat.ply --faces 1 --json {METHODS}")).with_status(1);
@@ -138,7 +138,7 @@ fn a_method_that_fails_is_a_row() {
 
 #[test]
 fn what_is_not_reached_says_why() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("cube.ply", &coloured_cube());
     let ran = desk.run("methods cube.ply --faces 1 --method quadric").with_status(0);
     assert!(ran.text().contains("refusals, not reached"), "{}", ran.text());
@@ -149,7 +149,7 @@ fn what_is_not_reached_says_why() {
 
 #[test]
 fn threads_change_nothing_but_times() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(12));
     let report = |threads: usize| {
         let words = format!("methods hills.ply --error 1% --threads {threads} --json {METHODS}");
@@ -167,7 +167,7 @@ fn threads_change_nothing_but_times() {
 
 #[test]
 fn faults_of_the_command_line() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(3));
     desk.put("file", "");
     for words in [
@@ -189,7 +189,7 @@ fn faults_of_the_command_line() {
 
 #[test]
 fn quiet_is_quiet_and_streams_are_read() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     let ran = desk.run_with(&format!("methods - --faces 50 -q {METHODS}"), hills(8)).with_status(0);
     assert!(ran.stdout.is_empty() && ran.stderr.is_empty(), "{}", ran.stderr);
     let words = format!("methods - --faces 50 --to obj -O out {METHODS}");

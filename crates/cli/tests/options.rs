@@ -5,12 +5,12 @@ mod desk;
 use std::fmt::Write as _;
 use std::fs;
 
-use desk::{Desk, coloured_cube, hills, keys, ply};
+use desk::{CliSandbox, coloured_cube, hills, keys, ply};
 use serde_json::Value;
 
 #[test]
 fn a_target_out_of_reach_says_what_stopped_it() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(6));
     // All vertices are on the border, so none may change.
     desk.put("square.ply", &hills(1));
@@ -31,7 +31,7 @@ fn a_target_out_of_reach_says_what_stopped_it() {
 
 #[test]
 fn a_target_out_of_reach_says_what_would_help() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(10));
     let words = "simplify hills.ply -o low.ply --faces 2";
     let ran = desk.run(&format!("{words} --border lock")).with_status(0);
@@ -69,7 +69,7 @@ fn ring(around: usize, across: usize) -> String {
 
 #[test]
 fn an_escalation_says_what_it_did() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("ring.ply", &ring(32, 12));
     let words = "simplify ring.ply -o low.ply --faces 4 --topology preserve --escalate";
     let ran = desk.run(&format!("{words} --strict -v")).with_status(0);
@@ -87,7 +87,7 @@ fn an_escalation_says_what_it_did() {
 
 #[test]
 fn small_parts_are_pruned_and_counted() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     // Tetrahedra of sizes 1, 2 and 4, apart.
     let (mut vertices, mut faces) = (String::new(), String::new());
     for (i, size) in [1, 2, 4].into_iter().enumerate() {
@@ -112,7 +112,7 @@ fn small_parts_are_pruned_and_counted() {
 
 #[test]
 fn a_preset_changes_the_result_and_what_is_typed_goes_before_it() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(20));
     let of = |words: &str| {
         desk.run(&format!("simplify hills.ply -o low.ply --ratio 0.2 {words}")).with_status(0);
@@ -147,7 +147,7 @@ fn hills_in_groups(n: usize) -> String {
 
 #[test]
 fn what_is_locked_by_name_stays() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.obj", &hills_in_groups(20));
     for name in ["left", "grass", "side"] {
         let words = format!("simplify hills.obj -o low.obj --ratio 0.6 --lock {name} --json");
@@ -191,7 +191,7 @@ fn marked_hills(n: usize) -> String {
 
 #[test]
 fn attributes_of_vertices_lock_and_weigh() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &marked_hills(20));
     let ran = desk.run("simplify hills.ply -o low.ply --faces 1 --lock lock --json").with_status(0);
     let report = &ran.objects()[0];
@@ -216,7 +216,7 @@ fn attributes_of_vertices_lock_and_weigh() {
 
 #[test]
 fn a_part_of_a_scene_is_locked_by_its_names() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(10));
     desk.run("convert hills.ply hills.gltf").with_status(0);
     let text = fs::read_to_string(desk.path("hills.gltf")).expect("it was written");
@@ -247,7 +247,7 @@ fn a_part_of_a_scene_is_locked_by_its_names() {
 
 #[test]
 fn clusters_tell_their_cells() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(60));
     let words = "simplify hills.ply -o low.ply --method cluster";
     let report = &desk.run(&format!("{words} --faces 700 --json")).with_status(0).objects()[0];

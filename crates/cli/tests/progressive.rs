@@ -4,11 +4,11 @@ mod desk;
 
 use std::fs;
 
-use desk::{Desk, hills};
+use desk::{CliSandbox, hills};
 
 /// A folder with the hills, as PLY and as LPM.
-fn with_hills() -> (Desk, Vec<u8>) {
-    let desk = Desk::new();
+fn with_hills() -> (CliSandbox, Vec<u8>) {
+    let desk = CliSandbox::new();
     desk.put("text.ply", &hills(24));
     desk.run("convert text.ply hills.ply").with_status(0);
     desk.run("progressive build hills.ply -o hills.lpm").with_status(0);
@@ -47,7 +47,7 @@ fn levels_meet_their_targets() {
     assert!(ran.objects()[0]["output"]["vertices"].as_u64().expect("a count") <= 100);
     let near = desk.run("progressive extract hills.lpm -o e.ply --json --error 0.1%").with_status(0);
     let far = desk.run("progressive extract hills.lpm -o e.ply --json --error 1%").with_status(0);
-    let faces = |ran: &desk::Ran| ran.objects()[0]["output"]["faces"].as_u64().expect("a count");
+    let faces = |ran: &desk::RunOutcome| ran.objects()[0]["output"]["faces"].as_u64().expect("a count");
     assert!(faces(&far) < faces(&near) && faces(&near) < full);
     let measured =
         far.objects()[0]["error"]["measured"]["hausdorff"]["symmetric"].as_f64().expect("a length");
@@ -129,7 +129,7 @@ fn bits_make_it_small_and_near() {
 
 #[test]
 fn materials_and_images_go_along() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("m.mtl", "newmtl red\nKd 1 0 0\nmap_Kd tex/a.png\nnewmtl blue\nmap_Kd gone.png\n");
     fs::create_dir(desk.path("tex")).expect("there is room");
     fs::write(desk.path("tex/a.png"), b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x02\0\0\0\x02\x08\x02\0\0\0")

@@ -2,11 +2,11 @@
 
 mod desk;
 
-use desk::{Desk, coloured_cube, hills, keys};
+use desk::{CliSandbox, coloured_cube, hills, keys};
 use lodsmith::core::Image;
 use lodsmith_render::decode;
 
-fn picture(desk: &Desk, name: &str) -> Image {
+fn picture(desk: &CliSandbox, name: &str) -> Image {
     decode(&std::fs::read(desk.path(name)).expect("it was written")).expect("it is a picture")
 }
 
@@ -16,7 +16,7 @@ fn colours(picture: &Image) -> usize {
 
 #[test]
 fn a_file_becomes_a_picture() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(20));
     let ran = desk.run("render hills.ply -o out.png --size 320x200").with_status(0);
     assert!(ran.text().starts_with("out.png: 320 × 200 pixels, 800 faces, "), "{}", ran.text());
@@ -29,7 +29,7 @@ fn a_file_becomes_a_picture() {
 
 #[test]
 fn the_same_bytes_with_any_number_of_threads_and_options_change_them() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("cube.ply", &coloured_cube());
     let draw = |options: &str| {
         desk.run(&format!("render cube.ply -o out.png --size 160x120 -q {options}")).with_status(0);
@@ -62,7 +62,7 @@ fn the_same_bytes_with_any_number_of_threads_and_options_change_them() {
 
 #[test]
 fn a_background_may_be_none() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("cube.ply", &coloured_cube());
     desk.run("render cube.ply -o out.webp --size 100x100 --background transparent").with_status(0);
     let seen = picture(&desk, "out.webp");
@@ -73,7 +73,7 @@ fn a_background_may_be_none() {
 
 #[test]
 fn levels_stand_on_one_sheet() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("hills.ply", &hills(20));
     let ran = desk
         .run("render hills.ply -o sheet.png --levels 400,200,50 --size 100x90 --wireframe --json")
@@ -96,7 +96,7 @@ fn levels_stand_on_one_sheet() {
 
 #[test]
 fn surroundings_are_seen_in_materials() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     std::fs::write(desk.path("squares.glb"), two_squares(2)).expect("a file");
     let draw = |options: &str| {
         desk.run(&format!("render squares.glb -o out.png --size 60x40 -q {options}")).with_status(0);
@@ -168,7 +168,7 @@ fn two_squares(n: u32) -> Vec<u8> {
 
 #[test]
 fn levels_of_a_scene_keep_its_materials_and_places() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     std::fs::write(desk.path("squares.glb"), two_squares(8)).expect("a file");
     let ran = desk
         .run("render squares.glb -o sheet.png --levels 40 --size 120x90 --view front --columns 1 --no-captions --json")
@@ -201,7 +201,7 @@ fn levels_of_a_scene_keep_its_materials_and_places() {
 
 #[test]
 fn heat_needs_something_to_measure_from() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("full.ply", &hills(20));
     // Its vertices lie between those of the other: 20 is no multiple of 6.
     desk.put("low.ply", &hills(6));
@@ -220,7 +220,7 @@ fn heat_needs_something_to_measure_from() {
 
 #[test]
 fn what_cannot_be_is_said() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("cube.ply", &coloured_cube());
     desk.put("no.png", "no picture");
     desk.put("broken.ply", "ply\nnothing");
@@ -247,7 +247,7 @@ fn what_cannot_be_is_said() {
 
 #[test]
 fn methods_and_compare_draw_too() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("full.ply", &hills(20));
     // Its vertices lie between those of the other: 20 is no multiple of 6.
     desk.put("low.ply", &hills(6));
@@ -264,7 +264,7 @@ fn methods_and_compare_draw_too() {
 
 #[test]
 fn a_moment_of_an_animation_is_drawn_and_what_is_none_is_told() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     let arm = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/arm.glb");
     std::fs::copy(arm, desk.path("arm.glb")).expect("it is there");
     desk.put("hills.ply", &hills(4));

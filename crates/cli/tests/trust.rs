@@ -5,7 +5,7 @@ mod desk;
 
 use std::fs;
 
-use desk::{Desk, hills};
+use desk::{CliSandbox, hills};
 
 const OUTSIDE: &str =
     "lies outside of the folder of the model (--asset-root DIR or --allow-outside lets it in)";
@@ -14,8 +14,8 @@ const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n";
 
 /// A model in a folder `in` that refers to an image outside of this folder, in each way that a path can be
 /// written.
-fn with_a_secret() -> (Desk, [String; 2]) {
-    let desk = Desk::new();
+fn with_a_secret() -> (CliSandbox, [String; 2]) {
+    let desk = CliSandbox::new();
     for folder in ["in", "out"] {
         fs::create_dir(desk.path(folder)).expect("there is room for a folder");
     }
@@ -73,7 +73,7 @@ fn gltf(buffer: &str, image: &str) -> String {
 
 #[test]
 fn a_scene_takes_in_only_images_of_its_folder() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     fs::create_dir(desk.path("in")).expect("there is room for a folder");
     let corners: Vec<u8> =
         [0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].into_iter().flat_map(f32::to_le_bytes).collect();
@@ -117,7 +117,7 @@ fn is_unsafe(c: char) -> bool {
 
 #[test]
 fn names_of_a_file_write_nothing_to_the_terminal() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     let evil = "x\u{1b}[2J\u{1b}]0;t\u{7}\u{9b}31m\u{202e}\u{7f}y";
     let (file, obj) =
         (format!("{evil}.obj"), format!("o {evil}\ng {evil}\nmtllib {evil}.mtl\n{TRIANGLE}usemtl {evil}\n"));
@@ -153,7 +153,7 @@ fn names_of_a_file_write_nothing_to_the_terminal() {
 
 #[test]
 fn an_input_is_written_over_by_force_alone() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     let mesh = hills(6);
     let put = || {
         desk.put("a.ply", &mesh);
@@ -193,7 +193,7 @@ fn an_input_is_written_over_by_force_alone() {
 #[test]
 fn a_link_that_leads_nowhere_gets_its_target() {
     use std::os::unix::fs::symlink;
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(3));
     fs::create_dir(desk.path("far")).expect("there is room for a folder");
     symlink("far/b.ply", desk.path("b.ply")).expect("links are known");
@@ -211,7 +211,7 @@ fn a_link_that_leads_nowhere_gets_its_target() {
 #[cfg(unix)]
 #[test]
 fn a_mesh_to_a_closed_pipe_is_a_failure() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(40));
     for words in [
         "convert a.ply - --to obj --quiet",
@@ -229,7 +229,7 @@ fn a_mesh_to_a_closed_pipe_is_a_failure() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_device_is_a_failure_told_once() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(40));
     for words in [
         "convert a.ply - --to obj --quiet",
@@ -248,7 +248,7 @@ fn a_full_device_is_a_failure_told_once() {
 
 #[test]
 fn a_damaged_progressive_mesh_is_a_failure() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(12));
     desk.run("progressive build a.ply -o a.lpm").with_status(0);
     let bytes = fs::read(desk.path("a.lpm")).expect("it was written");
@@ -271,7 +271,7 @@ fn a_damaged_progressive_mesh_is_a_failure() {
 
 #[test]
 fn what_a_killed_run_left_is_swept() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(3));
     desk.put(".lodsmith-Xa81bc.part", "half a mesh");
     desk.run("convert a.ply b.ply").with_status(0);

@@ -4,12 +4,12 @@ mod desk;
 
 use std::fs;
 
-use desk::{Desk, hills};
+use desk::{CliSandbox, hills};
 
 /// Fault C1: `--ratio 50%` was refused as no number.
 #[test]
 fn fractions_may_be_typed_in_percent() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(8));
     desk.run("simplify a.ply -o by_number.ply --ratio 0.5").with_status(0);
     desk.run("simplify a.ply -o by_percent.ply --ratio 50%").with_status(0);
@@ -26,7 +26,7 @@ fn fractions_may_be_typed_in_percent() {
 /// nothing named `-O`.
 #[test]
 fn a_folder_as_output_names_the_option_for_folders() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     desk.put("a.ply", &hills(4));
     fs::create_dir(desk.path("folder")).unwrap();
     for command in ["simplify a.ply -o folder --ratio 0.5", "clean a.ply -o folder"] {
@@ -44,7 +44,7 @@ fn a_folder_as_output_names_the_option_for_folders() {
 /// Fault C3: for formats that other programs write the error was "its first bytes are of none of them".
 #[test]
 fn formats_that_are_not_read_are_named_with_a_way_out() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     let files = [
         ("a.fbx", "Kaydara FBX Binary  \0\u{1a}\0", "FBX", "Blender"),
         ("a.dae", "<?xml version=\"1.0\"?>\n<COLLADA version=\"1.4.1\">", "COLLADA", "Blender"),
@@ -64,7 +64,7 @@ fn formats_that_are_not_read_are_named_with_a_way_out() {
 /// Fault C6: labels of `info` were not separated from their numbers.
 #[test]
 fn labels_of_info_stand_apart_from_their_numbers() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     // Two triangles that share a corner but no edge.
     desk.put("bow.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv -1 0 0\nv 0 -1 0\nf 1 2 3\nf 1 4 5\n");
     let ran = desk.run("info bow.obj").with_status(0);
@@ -75,7 +75,7 @@ fn labels_of_info_stand_apart_from_their_numbers() {
 /// two rows of the same name.
 #[test]
 fn rows_of_compare_have_names_of_their_own() {
-    let desk = Desk::new();
+    let desk = CliSandbox::new();
     let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 1\nf 1/1/1 2/2/1 3/3/1\n";
     desk.put("a.obj", text);
     let ran = desk.run("compare a.obj a.obj").with_status(0);

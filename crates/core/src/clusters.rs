@@ -27,7 +27,7 @@ const SPHERE_TOLERANCE: f64 = 1e-6;
 #[non_exhaustive]
 pub enum ClusterError {
     /// A cluster has no faces, or too many.
-    #[error("cluster {cluster} has {faces} faces; it may have 1 to {MOST}")]
+    #[error("cluster {cluster} has {faces} faces; it may have 1 to {MAX_CLUSTER_SIZE}")]
     FaceCount {
         /// The cluster.
         cluster: usize,
@@ -35,7 +35,7 @@ pub enum ClusterError {
         faces: usize,
     },
     /// A cluster uses too many wedges.
-    #[error("cluster {cluster} has {wedges} vertices; it may have up to {MOST}")]
+    #[error("cluster {cluster} has {wedges} vertices; it may have up to {MAX_CLUSTER_SIZE}")]
     WedgeCount {
         /// The cluster.
         cluster: usize,

@@ -9,8 +9,8 @@ use crate::mesh::{Positions, TriMesh};
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{step} would take about {} of memory, above the limit of {} (--max-memory)",
-    in_words(*need),
-    in_words(*limit)
+    format_bytes(*need),
+    format_bytes(*limit)
 )]
 pub struct TooMuchMemory {
     /// The step: `reading an OBJ file`.

@@ -64,7 +64,7 @@ pub enum ReadError {
     #[error(transparent)]
     Memory(#[from] TooMuchMemory),
     /// The data would unpack to far more bytes than any mesh does: it was crafted to fill the memory.
-    #[error("{what} would become more than {}, above {times} times its size: no mesh is packed so well", in_words(*limit))]
+    #[error("{what} would become more than {}, above {times} times its size: no mesh is packed so well", format_bytes(*limit))]
     Ratio {
         /// The packed object.
         what: &'static str,

@@ -79,7 +79,7 @@ impl View {
 #[non_exhaustive]
 pub enum RenderError {
     /// The picture has no pixels, or too many.
-    #[error("a picture of {width} x {height} pixels: 1 to {SIDE_MAX} a side can be drawn")]
+    #[error("a picture of {width} x {height} pixels: 1 to {MAX_SIDE_PX} a side can be drawn")]
     Size {
         /// Number of pixels in a row.
         width: usize,

@@ -140,7 +140,7 @@ fn what_is_locked_stays_to_the_bit() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 #[test]

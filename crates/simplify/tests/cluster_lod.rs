@@ -159,7 +159,7 @@ fn no_cut_of_any_shape_has_a_crack() {
             found.add(&format!("{name} in clusters of {}", options.triangles), got);
         }
     }
-    found.settle();
+    found.report_all();
 }
 
 proptest! {
@@ -236,7 +236,7 @@ fn a_cut_is_no_farther_off_than_it_says() {
             found.check(name, got <= error, &format!("{got} at a cut for {error}"));
         }
     }
-    found.settle();
+    found.report_all();
 }
 
 #[test]

@@ -11,7 +11,7 @@ use lodsmith::{
     BorderPolicy, Fit, Guards, Length, Measure, Method, NoControl, Placement, Refusal, Simplified,
     SimplifyError, SimplifyOptions, Stop, StoppedBy, TopologyPolicy, simplify, simplify_surface,
 };
-use support::{Complaints, bits, bytes, complaints, places, run, told, topology_complaints};
+use support::{Complaints, bits, bytes, complaints, options_text, places, run, topology_complaints};
 
 const METHODS: [Method; 2] = [Method::Memoryless, Method::Quadric];
 const PLACEMENTS: [Placement; 3] = [Placement::Optimal, Placement::Endpoint, Placement::Midpoint];
@@ -67,7 +67,7 @@ const TWICE_UP_TO: usize = 1000;
 
 /// Runs, twice for small meshes, and checks all promises except those of single options.
 fn tried(all: &mut Complaints, name: &str, mesh: &TriMesh, options: &SimplifyOptions) -> Option<Simplified> {
-    let case = format!("{name}, {}", told(options));
+    let case = format!("{name}, {}", options_text(options));
     let done = match run(mesh, options) {
         Ok(Ok(done)) => done,
         Ok(Err(error)) => {
@@ -103,7 +103,7 @@ fn each_policy(method: Method, placement: Placement) {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 #[test]
@@ -145,7 +145,7 @@ fn every_stop() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 #[test]
@@ -159,7 +159,7 @@ fn every_guard() {
                     (options.method, options.placement, options.guards) = (method, placement, guards);
                     options.fit = Fit::Off;
                     let Some(done) = tried(&mut all, name, &mesh, &options) else { continue };
-                    let case = format!("{name}, {}", told(&options));
+                    let case = format!("{name}, {}", options_text(&options));
                     if let Some(most) = guards.max_valence.filter(|&n| highest_valence(&mesh) <= n) {
                         let got = highest_valence(&done.mesh);
                         all.check(&case, got <= most, &format!("{got} edges at a vertex"));
@@ -177,7 +177,7 @@ fn every_guard() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 fn corners(mesh: &TriMesh) -> impl Iterator<Item = [[f64; 3]; 3]> {
@@ -253,14 +253,14 @@ fn locked_borders_are_not_touched() {
                         let here = places(&done.mesh);
                         let gone =
                             border(&mesh).iter().flatten().filter(|p| !here.contains(&bits(**p))).count();
-                        let case = format!("{name}, {}", told(&options));
+                        let case = format!("{name}, {}", options_text(&options));
                         all.check(&case, gone == 0, &format!("{gone} ends of border edges are gone"));
                     }
                 }
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 #[test]
@@ -279,14 +279,14 @@ fn sliding_borders_stay_on_themselves() {
                         before.iter().map(|&e| distance_to_edge(*p, e)).fold(f64::INFINITY, f64::min)
                     };
                     let worst = border(&done.mesh).iter().flatten().map(off).fold(0.0, f64::max);
-                    let case = format!("{name}, {}", told(&options));
+                    let case = format!("{name}, {}", options_text(&options));
                     let limit = 1e-5 * done.report.error.diagonal;
                     all.check(&case, worst < limit, &format!("a border vertex {worst} off the border"));
                 }
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 /// A mesh with attributes on its wedges: a seam where x changes sign.
@@ -345,7 +345,7 @@ fn endpoints_keep_input_vertices_with_their_attributes() {
                     (options.method, options.placement) = (method, Placement::Endpoint);
                     (options.border, options.fit) = (border, Fit::On);
                     let Some(done) = tried(&mut all, &name, mesh, &options) else { continue };
-                    let case = format!("{name}, {}", told(&options));
+                    let case = format!("{name}, {}", options_text(&options));
                     let strange = wedges(&done.mesh).difference(&before).count();
                     all.check(&case, strange == 0, &format!("{strange} wedges are not of the input"));
                     let kept = done.mesh.has_attributes() == mesh.has_attributes();
@@ -354,7 +354,7 @@ fn endpoints_keep_input_vertices_with_their_attributes() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 #[test]
@@ -446,7 +446,7 @@ fn the_measured_error_stays_within_the_stop() {
         let mut options = SimplifyOptions::new(Stop::error(limit));
         options.method = METHODS[i % 2];
         options.seed = 3;
-        let case = format!("{name}, {}", told(&options));
+        let case = format!("{name}, {}", options_text(&options));
         match run(&mesh, &options) {
             Ok(Ok(done)) => {
                 all.add(&case, complaints(&mesh, &options, &done));
@@ -463,7 +463,7 @@ fn the_measured_error_stays_within_the_stop() {
             other => all.add(&case, [format!("{:?}", other.map(|r| r.map(|d| d.report)))]),
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 #[test]
@@ -513,7 +513,7 @@ fn clean_shapes_meet_easy_targets() {
                         let mut options = SimplifyOptions::new(Stop::ratio(share));
                         (options.method, options.placement, options.topology) = (method, placement, topology);
                         let Some(done) = tried(&mut all, name, &mesh, &options) else { continue };
-                        let case = format!("{name}, {}", told(&options));
+                        let case = format!("{name}, {}", options_text(&options));
                         all.check(&case, done.report.reached, &format!("{:?}", done.report.refusals));
                         // A collapse removes two faces inside the surface, so the last step may remove one
                         // too many.
@@ -525,7 +525,7 @@ fn clean_shapes_meet_easy_targets() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 #[test]

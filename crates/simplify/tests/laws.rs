@@ -16,7 +16,7 @@ use lodsmith::{
 };
 use proptest::prelude::*;
 use support::laden::{laden, locked_complaints};
-use support::{Complaints, Random, bits, bytes, complaints, run, told};
+use support::{Complaints, Random, bits, bytes, complaints, options_text, run};
 
 /// Perturbed and damaged shapes, and soups of numbers from 1e-30 to 1e30, some of them NaN or infinite; half
 /// of all with attributes.
@@ -39,7 +39,7 @@ fn options(method: Method, stop: Stop) -> SimplifyOptions {
 }
 
 fn case(options: &SimplifyOptions) -> String {
-    format!("{}: {}", options.method.name(), told(options))
+    format!("{}: {}", options.method.name(), options_text(options))
 }
 
 fn has_faces(mesh: &TriMesh) -> bool {
@@ -186,7 +186,7 @@ proptest! {
                 all.add(&case(&options), found);
             }
         }
-        all.settle();
+        all.report_all();
     }
 }
 
@@ -219,7 +219,7 @@ proptest! {
                 all.check(&case, is_kept, &format!("{way} some point lies beyond {most}"));
             }
         }
-        all.settle();
+        all.report_all();
     }
 
     #[test]
@@ -250,7 +250,7 @@ proptest! {
                 before = count;
             }
         }
-        all.settle();
+        all.report_all();
     }
 
     #[test]
@@ -289,7 +289,7 @@ proptest! {
             all.check(&case, is_back, "the way back does not lead to the input");
         }
         prop_assert!(roads >= 5, "{roads} methods made a progressive mesh");
-        all.settle();
+        all.report_all();
     }
 }
 
@@ -373,5 +373,5 @@ fn place_size_and_order_change_little_for_any_method() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }

@@ -362,7 +362,7 @@ fn every_shape() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 proptest! {

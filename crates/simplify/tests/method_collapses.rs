@@ -14,7 +14,7 @@ use lodsmith::{
 use proptest::prelude::*;
 use support::charts::{place, two_charts, wedges};
 use support::laden::{attribute_complaints, laden, laden_options, locked_complaints};
-use support::{Complaints, Random, bytes, complaints, places, run, told, topology_complaints};
+use support::{Complaints, Random, bytes, complaints, options_text, places, run, topology_complaints};
 
 /// Each method with the placements that it has.
 const METHODS: [(Method, &[Placement]); 3] = [
@@ -66,7 +66,7 @@ fn subset_is_kept(mesh: &TriMesh, got: &Simplified) -> bool {
 fn every_policy_and_stop_on_every_shape() {
     let mut all = Complaints::default();
     let mut tried = |name: &str, mesh: &TriMesh, options: &SimplifyOptions| {
-        let case = format!("{name}, {}", told(options));
+        let case = format!("{name}, {}", options_text(options));
         match run(mesh, options) {
             Ok(Ok(got)) => {
                 all.add(&case, complaints(mesh, options, &got));
@@ -108,7 +108,7 @@ fn every_policy_and_stop_on_every_shape() {
             tried(name, &mesh, &by(method, Stop::error(Length::OfDiagonal(0.02))));
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 fn any_mesh() -> impl Strategy<Value = TriMesh> {
@@ -170,7 +170,7 @@ proptest! {
             Ok(Err(error)) => vec![format!("fails: {error}")],
             Err(panic) => vec![panic],
         };
-        prop_assert!(found.is_empty(), "{}: {found:?}", told(&options));
+        prop_assert!(found.is_empty(), "{}: {found:?}", options_text(&options));
     }
 
     #[test]
@@ -186,7 +186,7 @@ proptest! {
             Ok(Err(error)) => vec![format!("fails: {error}")],
             Err(panic) => vec![panic],
         };
-        prop_assert!(found.is_empty(), "{}: {found:?}", told(&options));
+        prop_assert!(found.is_empty(), "{}: {found:?}", options_text(&options));
     }
 }
 

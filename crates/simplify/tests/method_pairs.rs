@@ -11,7 +11,7 @@ use lodsmith::{
     SimplifyOptions, Stop, TopologyPolicy, Verdict, simplify,
 };
 use proptest::prelude::*;
-use support::{Complaints, counts, told};
+use support::{Complaints, counts, options_text};
 
 const POLICIES: [TopologyPolicy; 3] =
     [TopologyPolicy::Preserve, TopologyPolicy::Relaxed, TopologyPolicy::Free];
@@ -88,7 +88,7 @@ fn a_crack_is_closed_whatever_the_topology_policy() {
             assert_eq!((counts(&alone.mesh).component_count, alone.report.pairs_contracted), (2, 0));
             let done = run(&mesh, &options);
             let after = counts(&done.mesh);
-            let case = told(&options);
+            let case = options_text(&options);
             assert!(done.report.reached && done.report.pairs_contracted > 0, "{case}");
             assert_eq!((after.component_count, after.border_loop_count), (1, 1), "{case}");
             assert!(after.is_manifold(), "{case}: {after:?}");
@@ -106,9 +106,13 @@ fn separate_triangles_become_one_surface() {
             (options.method, options.topology) = (method, topology);
             let done = run(&mesh, &options);
             let after = counts(&done.mesh);
-            assert!(done.report.reached, "{}", told(&options));
-            assert!(after.is_manifold() && after.component_count == 1, "{}: {after:?}", told(&options));
-            assert!(after.is_closed() && after.euler() == 2, "{}: {after:?}", told(&options));
+            assert!(done.report.reached, "{}", options_text(&options));
+            assert!(
+                after.is_manifold() && after.component_count == 1,
+                "{}: {after:?}",
+                options_text(&options)
+            );
+            assert!(after.is_closed() && after.euler() == 2, "{}: {after:?}", options_text(&options));
         }
     }
 }
@@ -121,7 +125,7 @@ fn two_bodies_grow_together_by_their_faces() {
         for topology in POLICIES {
             let mut options = with_pairs(Stop::faces(8), Length::OfDiagonal(0.01));
             (options.method, options.topology) = (method, topology);
-            let (done, case) = (run(&mesh, &options), told(&options));
+            let (done, case) = (run(&mesh, &options), options_text(&options));
             let after = counts(&done.mesh);
             assert!(done.report.reached && after.is_closed() && after.is_manifold(), "{case}: {after:?}");
             assert_eq!((after.component_count, done.report.pairs_contracted), (1, 3), "{case}");
@@ -146,7 +150,7 @@ fn the_two_sides_of_a_wall_stay_apart() {
         let mut options = with_pairs(Stop::ratio(0.2), Length::OfDiagonal(0.02));
         options.topology = topology;
         let done = run(&plate, &options);
-        assert_eq!(done.report.pairs_contracted, 0, "{}", told(&options));
+        assert_eq!(done.report.pairs_contracted, 0, "{}", options_text(&options));
         assert_eq!(done.mesh, run(&plate, &without_pairs(&options)).mesh);
     }
 }
@@ -199,7 +203,7 @@ fn every_shape_keeps_what_its_policy_promises() {
                         let mut options = with_pairs(stop, Length::OfDiagonal(near));
                         (options.method, options.topology) = (method, topology);
                         (options.border, options.placement) = (border, placement);
-                        let case = format!("{name}, {}, pairs {near}", told(&options));
+                        let case = format!("{name}, {}, pairs {near}", options_text(&options));
                         match support::run(&mesh, &options) {
                             Ok(Ok(done)) => {
                                 contracted += done.report.pairs_contracted;
@@ -215,7 +219,7 @@ fn every_shape_keeps_what_its_policy_promises() {
         }
     }
     assert!(contracted > 1000, "{contracted}");
-    all.settle();
+    all.report_all();
 }
 
 proptest! {
@@ -232,7 +236,7 @@ proptest! {
         (options.topology, options.method) = (POLICIES[which % 3], METHODS[which / 3]);
         if let Ok(done) = support::run(&mesh, &options).map_err(TestCaseError::fail)? {
             let found = complaints(&mesh, &options, &done);
-            prop_assert!(found.is_empty(), "{}: {found:?}", told(&options));
+            prop_assert!(found.is_empty(), "{}: {found:?}", options_text(&options));
             prop_assert_eq!(support::bytes(&run(&mesh, &options).mesh), support::bytes(&done.mesh));
         }
     }
@@ -249,7 +253,7 @@ proptest! {
         (options.topology, options.method) = (POLICIES[which % 3], METHODS[which / 3]);
         if let Ok(done) = support::run(&mesh, &options).map_err(TestCaseError::fail)? {
             let found = complaints(&mesh, &options, &done);
-            prop_assert!(found.is_empty(), "{}: {found:?}", told(&options));
+            prop_assert!(found.is_empty(), "{}: {found:?}", options_text(&options));
         }
     }
 }

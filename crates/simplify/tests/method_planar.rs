@@ -15,7 +15,9 @@ use lodsmith::{
 };
 use proptest::prelude::*;
 use support::laden::{laden, laden_options, locked_complaints};
-use support::{Complaints, Random, bytes, complaints, counts, places, run, told, topology_complaints};
+use support::{
+    Complaints, Random, bytes, complaints, counts, options_text, places, run, topology_complaints,
+};
 
 const TOPOLOGIES: [TopologyPolicy; 3] =
     [TopologyPolicy::Relaxed, TopologyPolicy::Preserve, TopologyPolicy::Free];
@@ -41,7 +43,7 @@ fn wrongs(mesh: &TriMesh, options: &SimplifyOptions, done: &Simplified) -> Vec<S
 }
 
 fn tried(all: &mut Complaints, name: &str, mesh: &TriMesh, options: &SimplifyOptions) -> Option<Simplified> {
-    let case = format!("{name}, {}, {:?}", told(options), options.method_options);
+    let case = format!("{name}, {}, {:?}", options_text(options), options.method_options);
     match run(mesh, options) {
         Ok(Ok(done)) => {
             all.add(&case, wrongs(mesh, options, &done));
@@ -86,7 +88,7 @@ fn every_shape_and_stop() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 #[test]
@@ -219,7 +221,7 @@ fn a_count_is_met_closely() {
             assert!(done.mesh.vertex_count() <= vertices && done.mesh.vertex_count() + 160 >= vertices);
         }
     }
-    all.settle();
+    all.report_all();
     let done = simplify(&shapes::grid(40), &planar(Stop::faces(300)), &mut NoControl).unwrap();
     assert!((299..=300).contains(&done.mesh.face_count()), "{}", done.mesh.face_count());
 }
@@ -247,7 +249,7 @@ fn an_error_bounds_the_distance() {
         }
         assert!(last < mesh.face_count() / 2, "{last} of {}", mesh.face_count());
     }
-    all.settle();
+    all.report_all();
 }
 
 #[test]
@@ -282,7 +284,7 @@ fn locked_vertices_and_faces_stay() {
             }
         }
     }
-    all.settle();
+    all.report_all();
     // A vertex in the middle with four triangles.
     let mesh = shapes::grid(6);
     let middle = mesh.positions().view().iter().position(|p| p[0] == 0.5 && p[1] == 0.5).unwrap();
@@ -484,12 +486,12 @@ proptest! {
                     let welded = true;
                     found.extend(locked_complaints(&mesh, locked, (welded, false), &done.mesh));
                 }
-                prop_assert!(found.is_empty(), "{}: {found:?}", told(&options));
+                prop_assert!(found.is_empty(), "{}: {found:?}", options_text(&options));
                 let again = run(&mesh, &options);
                 prop_assert!(matches!(again, Ok(Ok(a)) if bytes(&a.mesh) == bytes(&done.mesh)));
             }
             Ok(Err(SimplifyError::NoFaces { .. })) => {}
-            other => prop_assert!(false, "{}: {other:?}", told(&options)),
+            other => prop_assert!(false, "{}: {other:?}", options_text(&options)),
         }
     }
 }

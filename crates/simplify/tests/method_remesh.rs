@@ -77,7 +77,7 @@ fn any_shape_to_any_count() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 #[test]

@@ -12,7 +12,7 @@ use lodsmith::{
     SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
 };
 use proptest::prelude::*;
-use support::{Complaints, bits, bytes, complaints, places, run, told, topology_complaints};
+use support::{Complaints, bits, bytes, complaints, options_text, places, run, topology_complaints};
 
 fn options(stop: Stop) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(stop);
@@ -24,12 +24,12 @@ fn removed(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
     let done = simplify(mesh, options, &mut NoControl).expect("shapes can be simplified");
     let mut wrong = complaints(mesh, options, &done);
     wrong.extend(topology_complaints(mesh, options, &done));
-    assert!(wrong.is_empty(), "{}: {wrong:?}", told(options));
+    assert!(wrong.is_empty(), "{}: {wrong:?}", options_text(options));
     done
 }
 
 fn tried(all: &mut Complaints, name: &str, mesh: &TriMesh, options: &SimplifyOptions) {
-    let case = format!("{name}, {}", told(options));
+    let case = format!("{name}, {}", options_text(options));
     let done = match run(mesh, options) {
         Ok(Ok(done)) => done,
         other => return all.check(&case, false, &format!("{other:?}")),
@@ -61,7 +61,7 @@ fn every_shape_at_every_policy() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 #[test]
@@ -81,7 +81,7 @@ fn every_guard() {
             tried(&mut all, name, &mesh, &options);
         }
     }
-    all.settle();
+    all.report_all();
     let sphere = shapes::icosphere(4);
     let mut with = options(Stop::faces(4));
     with.guards.max_valence = Some(7);

@@ -14,7 +14,7 @@ use lodsmith::{
     SimplifyError, SimplifyOptions, Stage, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
 };
 use proptest::prelude::*;
-use support::{Complaints, Random, bits, bytes, complaints, counts, laden, places, run, told};
+use support::{Complaints, Random, bits, bytes, complaints, counts, laden, options_text, places, run};
 
 /// Defects of a mesh that are counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -167,7 +167,7 @@ fn case(name: &str, options: &SimplifyOptions) -> String {
         true => String::new(),
         false => format!(", {:?}", options.method_options),
     };
-    format!("{name}, {method}: {}{own}", told(options))
+    format!("{name}, {method}: {}{own}", options_text(options))
 }
 
 /// Returns the counts that rose and should not have.
@@ -262,7 +262,7 @@ fn every_shape_to_every_count() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 /// Shapes with randomly moved vertices, and soups.
@@ -290,7 +290,7 @@ proptest! {
             options.topology = TOPOLOGIES[topology];
             tried(&mut all, "any mesh", &mesh, promise, &options);
         }
-        all.settle();
+        all.report_all();
     }
 }
 
@@ -308,7 +308,7 @@ fn every_shape_within_an_error() {
             all.check(&case(name, &options), done.report.reached, &text);
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 #[test]
@@ -330,7 +330,7 @@ fn an_error_of_nothing_and_a_count_together() {
             all.check(&case(name, &options), !is_count_first || faces <= 60, &text);
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 #[test]
@@ -358,7 +358,7 @@ fn clean_shapes_come_to_the_target_without_folds() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 fn in_threads<T: Send>(n: usize, work: impl FnOnce() -> T + Send) -> T {
@@ -387,7 +387,7 @@ fn the_same_bytes_again_and_with_any_threads() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 /// A control that gives an answer from one call on, and checks that progress never decreases.
@@ -474,7 +474,7 @@ fn callers_are_asked_and_obeyed() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 #[test]
@@ -503,7 +503,7 @@ fn cancelling_while_an_error_is_searched_for() {
         let text = format!("finished at question {}: {measured:?} beyond {limit}", from + 1);
         all.check(&case, is_within, &text);
     }
-    all.settle();
+    all.report_all();
 }
 
 /// Returns the name under which the report lists a dropped attribute.
@@ -540,7 +540,7 @@ fn attributes_come_along_or_are_named() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 fn attribute_complaints(mesh: &TriMesh, promise: &Promise, done: &Simplified) -> Vec<String> {
@@ -648,7 +648,7 @@ fn size_and_place_change_nothing() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 #[test]
@@ -679,7 +679,7 @@ fn nothing_to_simplify_is_an_error() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 /// Broken faces among sound ones are left out, and the rest is simplified.
@@ -707,7 +707,7 @@ fn broken_faces_among_sound_ones_go() {
             all.check(&case, closed, "a closed surface was opened");
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 /// Options of single methods with a valid value, and the methods that have them.
@@ -789,7 +789,7 @@ fn own_options_keep_the_promises_too() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 /// Returns the ends of border edges, by position.
@@ -852,5 +852,5 @@ fn shared_options_are_honoured_or_refused() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }

@@ -85,7 +85,7 @@ fn every_shape_goes_both_ways() {
     for (name, mesh) in shapes::all() {
         complaints.add(name, walk(&mesh, &SimplifyOptions::default()));
     }
-    complaints.settle();
+    complaints.report_all();
 }
 
 #[test]
@@ -99,7 +99,7 @@ fn every_method_goes_both_ways() {
             }
         }
     }
-    complaints.settle();
+    complaints.report_all();
 }
 
 #[test]
@@ -128,7 +128,7 @@ fn pairs_and_cuts_go_both_ways() {
         complaints.check("torus", road.splits().counts[0].faces < 14, "no neck was cut");
         complaints.add("torus", walk(&torus, &options));
     }
-    complaints.settle();
+    complaints.report_all();
 }
 
 /// Meshes with attributes, seams, regions, locks, unused and duplicate elements, in both precisions.
@@ -164,7 +164,7 @@ fn laden_meshes_go_both_ways() {
             Err(why) => complaints.add(&case, [why.to_string()]),
         }
     }
-    complaints.settle();
+    complaints.report_all();
 }
 
 /// Defects of the input are restored: duplicate and degenerate faces, unused vertices, NaN.

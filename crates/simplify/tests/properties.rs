@@ -11,7 +11,7 @@ use lodsmith::{
 };
 use proptest::prelude::*;
 use support::laden::{attribute_complaints, laden, laden_options, locked_complaints};
-use support::{Random, bytes, complaints, run, told};
+use support::{Random, bytes, complaints, options_text, run};
 
 /// Random faces; in two of three cases with attributes.
 fn any_mesh() -> impl Strategy<Value = TriMesh> {
@@ -95,7 +95,7 @@ proptest! {
     fn any_mesh_gives_a_sound_result(mesh in any_mesh(), seed in any::<u64>()) {
         let options = any_options(seed, &mesh);
         let found = wrongs(&mesh, &options);
-        prop_assert!(found.is_empty(), "{}: {found:?}", told(&options));
+        prop_assert!(found.is_empty(), "{}: {found:?}", options_text(&options));
     }
 }
 
@@ -109,7 +109,7 @@ proptest! {
     ) {
         let options = SimplifyOptions::new(Stop::error(Length::OfDiagonal(limit)));
         let found = wrongs(&mesh, &options);
-        prop_assert!(found.is_empty(), "{}: {found:?}", told(&options));
+        prop_assert!(found.is_empty(), "{}: {found:?}", options_text(&options));
     }
 }
 
@@ -179,9 +179,9 @@ fn thousands_of_nasty_soups() {
             options = any_options(seed ^ 0xABCD_EF01_2345, &mesh);
         }
         let found = wrongs(&mesh, &options);
-        all.add(&format!("seed {seed}, {} faces, {}", mesh.face_count(), told(&options)), found);
+        all.add(&format!("seed {seed}, {} faces, {}", mesh.face_count(), options_text(&options)), found);
     }
-    all.settle();
+    all.report_all();
 }
 
 /// The topology policies keep their promises for soups as well.
@@ -200,11 +200,11 @@ fn soups_keep_what_the_topology_policy_promises() {
             if lodsmith::core::mesh::weld::weld(done.mesh.positions().view()).merged_count() > 0 {
                 continue;
             }
-            let case = format!("seed {seed}, {} faces, {}", mesh.face_count(), told(&options));
+            let case = format!("seed {seed}, {} faces, {}", mesh.face_count(), options_text(&options));
             all.add(&case, support::topology_complaints(&mesh, &options, &done));
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 /// Shapes without exact ties, so that the order of collapses does not depend on rounding.

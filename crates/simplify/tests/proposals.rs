@@ -7,7 +7,7 @@ use lodsmith::{
     BorderPolicy, Change, Guards, Length, Method, NoControl, Placement, Simplified, SimplifyOptions, Stop,
     TopologyPolicy, simplify,
 };
-use support::{Complaints, told};
+use support::{Complaints, options_text};
 
 fn run(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
     simplify(mesh, options, &mut NoControl).unwrap()
@@ -55,7 +55,7 @@ fn what_is_proposed_goes_further() {
     for (name, mesh) in shapes::all() {
         for options in strict() {
             let done = run(&mesh, &options);
-            let case = format!("{name}, {}", told(&options));
+            let case = format!("{name}, {}", options_text(&options));
             for proposal in &done.report.proposals {
                 followed += 1;
                 all.check(&case, !done.report.reached && proposal.gain > 0, "proposed without need");
@@ -75,7 +75,7 @@ fn what_is_proposed_goes_further() {
     }
     assert!(followed > 100, "{followed} proposals were followed");
     assert!(50 * in_vain < followed, "{in_vain} of {followed} proposals led nowhere");
-    all.settle();
+    all.report_all();
 }
 
 #[test]

@@ -20,7 +20,7 @@ fn sound(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
     let done = simplify(mesh, options, &mut NoControl).unwrap();
     let mut found = complaints(mesh, options, &done);
     found.extend(topology_complaints(mesh, options, &done));
-    assert!(found.is_empty(), "{}: {found:?}", support::told(options));
+    assert!(found.is_empty(), "{}: {found:?}", support::options_text(options));
     done
 }
 
@@ -563,5 +563,5 @@ fn a_locked_vertex_keeps_its_values_where_every_edge_is_a_seam() {
             all.add(&format!("{}, seed {seed}", method.name()), found);
         }
     }
-    all.settle();
+    all.report_all();
 }

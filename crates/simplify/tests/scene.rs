@@ -10,7 +10,7 @@ use lodsmith::{
     Length, NoControl, Part, Placement, SimplifyError, SimplifyOptions, Stop, TopologyPolicy, simplify_scene,
 };
 use support::laden::{laden, laden_options};
-use support::{Complaints, Random, bytes, scene_complaints, told};
+use support::{Complaints, Random, bytes, options_text, scene_complaints};
 
 fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
     Part { mesh, instances, scale, system: None }
@@ -172,7 +172,7 @@ fn any_scene_gives_sound_results() {
         options.topology =
             random.pick(&[TopologyPolicy::Relaxed, TopologyPolicy::Preserve, TopologyPolicy::Free]);
         let run = || simplify_scene(&parts, 4.0, &options, &mut NoControl);
-        let case = format!("seed {seed}, {}, {places:?}", told(&options));
+        let case = format!("seed {seed}, {}, {places:?}", options_text(&options));
         match (run(), run()) {
             (Ok(done), Ok(again)) => {
                 all.add(&case, scene_complaints(&parts, &options, 4.0, &done));
@@ -183,5 +183,5 @@ fn any_scene_gives_sound_results() {
             (failed, _) => all.add(&case, failed.err().map(|e| format!("fails: {e}"))),
         }
     }
-    all.settle();
+    all.report_all();
 }

@@ -89,7 +89,7 @@ fn features_leave_any_shape_sound() {
             }
         }
     }
-    all.settle();
+    all.report_all();
 }
 
 /// Where every edge is a feature, features are given up for the target, and the report says so.

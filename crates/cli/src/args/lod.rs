@@ -51,7 +51,7 @@ pub(crate) struct LodArgs {
     #[command(flatten)]
     pub(crate) levels: LevelArgs,
     /// With --count, the fraction of the triangles of the previous level that each level keeps
-    #[arg(long, value_name = "F", value_parser = values::below_one, default_value_t = HALF, requires = "count",
+    #[arg(long, value_name = "F", value_parser = values::below_one, default_value_t = DEFAULT_FACTOR, requires = "count",
           conflicts_with_all = ["levels", "faces", "errors"],
           help_heading = "Levels (one of these)")]
     factor: f64,

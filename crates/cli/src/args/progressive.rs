@@ -49,7 +49,7 @@ pub(crate) struct LpmBuildArgs {
     pub(crate) output: Sink,
     /// Quantize coordinates to this many bits [default: exact]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8)
-          .range(i64::from(LEAST_BITS)..=i64::from(MOST_BITS)), help_heading = "Writing")]
+          .range(i64::from(MIN_BITS)..=i64::from(MAX_BITS)), help_heading = "Writing")]
     pub(crate) bits: Option<u8>,
     #[command(flatten, next_help_heading = "Base (the first one met stops; without any, as far as it goes)")]
     pub(crate) target: Target,

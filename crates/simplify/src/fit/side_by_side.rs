@@ -97,7 +97,7 @@ proptest! {
             let first = each.enumerate().min_by(|a, b| a.1[0].total_cmp(&b.1[0])).filter(|x| x.1[0] < within);
             let found = star.nearest(Vec3A::from(q), within).map(|f| {
                 let Nearest { distance_sq, lateral, height, second, third, corner } = f;
-                (corner.face(), [distance_sq, beside, height, second, third])
+                (corner.face(), [distance_sq, lateral, height, second, third])
             });
             prop_assert_eq!(found.map(|f| (f.0, bits(f.1))), first.map(|f| (f.0, bits(f.1))));
         }

@@ -190,7 +190,7 @@ pub fn optional_length(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<Le
             t.trim().is_empty() || length_of(t).is_some()
         }) {
             let new =
-                length_of(&text_field).filter(|l| !matches!(l, Length::Units(0.0) | Length::OfDiagonal(0.0)));
+                length_of(&typed).filter(|l| !matches!(l, Length::Units(0.0) | Length::OfDiagonal(0.0)));
             changed = new != *value;
             *value = new;
         }
