@@ -157,7 +157,7 @@ fn laden_meshes_go_both_ways() {
         if random.below(3) == 0 {
             options.locked = Some((0..mesh.vertex_count()).map(|_| random.below(5) == 0).collect());
         }
-        let case = format!("{round}: {name}, {}", support::told(&options));
+        let case = format!("{round}: {name}, {}", support::options_text(&options));
         match Progressive::build(&mesh, &options, &mut NoControl) {
             Ok(_) => complaints.add(&case, walk(&mesh, &options)),
             Err(SimplifyError::NoFaces { .. }) => {}
