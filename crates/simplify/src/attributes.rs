@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use glam::{DVec3, Vec3};
 use lodsmith_core::{Attribute, Morphed, Positions, Semantic, TriMesh, VertexId, WedgeId};
 
-use crate::collapse::attributes::{Attributes, Pulls};
+use crate::collapse::attributes::{Attributes, JointWeights};
 use crate::collapse::order::{Frame, NONE};
 use crate::options::AttributeWeights;
 use labels::Labels;
@@ -149,7 +149,7 @@ impl Rows {
             c.read_all(c.all(mesh, &middles), &order, width, &mut given);
         }
         let mut values: Vec<f32> = Vec::with_capacity(given.len());
-        let mut all_pulls: Vec<Pulls> = Vec::new();
+        let mut all_pulls: Vec<JointWeights> = Vec::new();
         let mut all_labels: Vec<u32> = Vec::new();
         let mut wedge_rows = vec![WedgeId(0); mesh.wedge_count()];
         let (mut count, mut first) = (0usize, 0usize);
@@ -352,7 +352,7 @@ impl Rows {
                     let share = |weight: f32| if sum > 0.0 { weight / sum } else { 0.0 };
                     pulls.iter().for_each(|p| *sums.entry(p.0).or_default() += share(p.1));
                 }
-                let mut joined: Pulls = sums.into_iter().filter(|p| p.1 > 0.0).collect();
+                let mut joined: JointWeights = sums.into_iter().filter(|p| p.1 > 0.0).collect();
                 joined.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
                 all[at..at + vertex.len()].fill(Cow::Owned(joined));
             }

@@ -59,19 +59,19 @@ use wide::f32x4;
 
 use crate::guard::Rules;
 use crate::lanes::{self, cross, dot, sub};
-use crate::metric::{Around, Judge, Metric};
+use crate::metric::{CostSource, EdgeNeighbourhood, Metric};
 use crate::options::Placement;
 use crate::report::Refusal;
 use crate::tensor::Tensor;
 use attributes::{Attributes, Member};
 use bound::UNKNOWN;
 use check::Checks;
-use commit::{Attempt, Candidate, Outcome};
-use crowds::Crowds;
+use commit::{Attempt, Candidate, CollapseOutcome};
+use crowds::HubBudget;
 use details::Details;
 use evaluate::{Found, OwnedEdges};
 use kind::Kind;
-use late::{Late, LateScratch};
+use late::{LateScratch, SampledError};
 use marks::Marks;
 use merge::Merge;
 use pairs::Pairs;
@@ -84,9 +84,9 @@ pub(crate) use wedges::Wedges;
 use wings::Wings;
 
 /// Vertices from which it pays to ask the memory for those ahead: fewer fit into the caches. (Measured.)
-const BRINGS_FROM: usize = 32_768;
+const PREFETCH_MIN_VERTICES: usize = 32_768;
 /// How many times four faces ahead their vertices are asked for, where all are walked. (Guessed.)
-const FOURS_AHEAD: usize = 4;
+const PREFETCH_FOURS_AHEAD: usize = 4;
 
 /// When the engine stops: at this many faces or vertices, whichever is met first; `None` is never.
 #[derive(Clone, Copy, Debug, Default)]
@@ -104,7 +104,7 @@ impl Goal {
 
 /// Why the engine stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum End {
+pub(crate) enum StopReason {
     /// The goal is met.
     Goal,
     /// Nothing is left that may go.
@@ -118,12 +118,12 @@ pub(crate) enum End {
 }
 
 /// Who looks at positions and faces.
-pub(crate) type Look<'a> = dyn FnMut(&[Vec3], &[[VertexId; 3]]) + 'a;
+pub(crate) type InputVisitor<'a> = dyn FnMut(&[Vec3], &[[VertexId; 3]]) + 'a;
 
 /// What the late phase and the fit look back on: the ordered input, kept or made again.
-pub(crate) trait Original {
+pub(crate) trait OriginalSurface {
     /// Calls back with the positions in the unit frame and the faces.
-    fn with(&self, look: &mut Look<'_>);
+    fn with(&self, look: &mut InputVisitor<'_>);
 }
 
 /// The engine: a mesh, what was done to it, and buffers. Nothing is shared, so two engines can run side by side.
@@ -143,10 +143,10 @@ pub(crate) struct Engine<M: Metric> {
 pub(crate) struct LiveMesh<M: Metric> {
     pub(crate) store: Store<M::Memory>,
     pub(crate) cost: Cost<M>,
-    pub(crate) constraints: Constraints,
-    pub(crate) values: Values,
+    pub(crate) constraints: CollapseRules,
+    pub(crate) values: WedgeValues,
     /// Samples of the input at the vertices, in the last phase of a run to few faces.
-    late: Option<Late>,
+    sampled: Option<SampledError>,
     pub(crate) topology: Topology,
 }
 
@@ -167,7 +167,7 @@ pub(crate) struct Cost<M: Metric> {
 
 /// What a collapse must not do, and what it counts where.
 #[derive(Clone)]
-pub(crate) struct Constraints {
+pub(crate) struct CollapseRules {
     rules: Rules,
     /// Which feature lines have given way.
     looseness: Looseness,
@@ -183,7 +183,7 @@ pub(crate) struct Constraints {
 
 /// Values that stand on the wedges.
 #[derive(Clone)]
-pub(crate) struct Values {
+pub(crate) struct WedgeValues {
     /// Values that collapses blend.
     pub(crate) attributes: Option<Attributes>,
     /// Values that collapses onto endpoints match instead of blending.
@@ -215,13 +215,13 @@ pub(crate) struct Tally {
     /// Sum of the costs of parts that went, in the same measure.
     lost: f64,
     /// The highest threshold of a sweep that collapsed anything.
-    paid: f32,
+    highest_threshold: f32,
     /// True if a sweep collapsed anything after sweeps were no longer at ease.
     is_strained: bool,
     /// Faces that the first sweep begins with.
     first_faces: usize,
     /// What is left of the budget of work at vertices of many faces.
-    crowds: Crowds,
+    hub_budget: HubBudget,
 }
 
 impl Tally {
@@ -241,7 +241,7 @@ struct Scratch {
     wings: Wings,
     /// Spokes of the removed end that stay.
     spokes: Ring,
-    around: Around,
+    neighbourhood: EdgeNeighbourhood,
     other_ring: Ring,
     merge: Merge,
     /// Feature edges around the edge that goes: the far end, whether it hangs on the kept end, and the weight of the line.
@@ -265,7 +265,7 @@ impl<M: Metric> Engine<M> {
         let mesh = LiveMesh {
             store,
             cost: Cost { metric, area: 0.0, total_area: 0.0, mean_face: 1.0, lines: Vec::new() },
-            constraints: Constraints {
+            constraints: CollapseRules {
                 rules,
                 looseness: Looseness::None,
                 prices: None,
@@ -273,8 +273,8 @@ impl<M: Metric> Engine<M> {
                 cuts_necks: false,
                 keeps_parts: false,
             },
-            values: Values { attributes, wedge_data },
-            late: None,
+            values: WedgeValues { attributes, wedge_data },
+            sampled: None,
             topology: Topology::default(),
         };
         let (record, tally, scratch) = (None, Tally::default(), Scratch::default());
@@ -282,21 +282,21 @@ impl<M: Metric> Engine<M> {
         if cfg!(debug_assertions) && engine.mesh.store.t.len() < check::CHECKED_BELOW {
             engine.checks = Some(Checks::default());
         }
-        let ends = engine.mesh.weigh();
+        let ends = engine.mesh.init_quadrics();
         let (mut special, duplicates) = engine.mesh.classify(ends);
         if duplicates > 0 {
             engine.mesh.store.compact();
-            engine.mesh.store.unweigh();
+            engine.mesh.store.reset_quadrics();
             for x in &mut engine.mesh.store.v {
                 x.kind = Kind::default().locked(x.kind.is_locked());
             }
-            let ends = engine.mesh.weigh();
+            let ends = engine.mesh.init_quadrics();
             (special, _) = engine.mesh.classify(ends);
         }
-        engine.tally.crowds = Crowds::of(engine.mesh.store.live_faces);
+        engine.tally.hub_budget = HubBudget::of(engine.mesh.store.live_faces);
         engine.mesh.leave_out_unused(&special);
         engine.mesh.weigh_attributes();
-        engine.mesh.weigh_lines(special);
+        engine.mesh.init_lines(special);
         engine.tally.first_faces = engine.mesh.store.live_faces;
         (engine, duplicates)
     }
@@ -357,22 +357,22 @@ impl<M: Metric> LiveMesh<M> {
 
     /// Facings of all vertices, tensors of the planes around them, and their corner lists, where none of them was weighed
     /// yet. Says where the lists end.
-    fn weigh(&mut self) -> Ends {
-        if matches!(self.cost.metric.decides(), Judge::FormThenStars) {
+    fn init_quadrics(&mut self) -> Ends {
+        if matches!(self.cost.metric.cost_source(), CostSource::FormThenStars) {
             self.cost.mean_face = self.mean_face();
         }
         let mut normals = Normals::zero(self.store.v.len());
         let Store { v, t, .. } = &mut self.store;
         let (v, sums) = (&mut v[..], normals.of_each());
         let mut total_area = 0.0;
-        let brings = v.len() >= BRINGS_FROM;
+        let brings = v.len() >= PREFETCH_MIN_VERTICES;
         let (fours, rest) = t.as_chunks::<4>();
         let last = rest.last().map(|last| ([0, 1, 2, 3].map(|i| *rest.get(i).unwrap_or(last)), rest.len()));
         for (i, (faces, count)) in fours.iter().map(|four| (*four, 4)).chain(last).enumerate() {
-            if let (true, Some(ahead)) = (brings, fours.get(i + FOURS_AHEAD)) {
+            if let (true, Some(ahead)) = (brings, fours.get(i + PREFETCH_FOURS_AHEAD)) {
                 ahead.as_flattened().iter().for_each(|w| prefetch_index(&*v, w.index()));
             }
-            let lengths = weigh_faces(&self.cost.metric, self.cost.mean_face, (faces, count), v, sums);
+            let lengths = add_face_quadrics(&self.cost.metric, self.cost.mean_face, (faces, count), v, sums);
             lengths[..count].iter().for_each(|&length| total_area += f64::from(length));
         }
         self.cost.total_area = total_area;
@@ -390,7 +390,7 @@ impl<M: Metric> LiveMesh<M> {
     }
 
     /// Lines of all feature edges, whose ends are among these.
-    fn weigh_lines(&mut self, among: impl IntoIterator<Item = VertexId>) {
+    fn init_lines(&mut self, among: impl IntoIterator<Item = VertexId>) {
         if !self.has_lines() {
             return;
         }
@@ -543,12 +543,12 @@ impl<M: Metric> Engine<M> {
                 UNKNOWN => tau,
                 bound => bound,
             };
-            if !self.tally.crowds.admit(ru.len() + self.mesh.store.listed(candidate.removed).len()) {
+            if !self.tally.hub_budget.admit(ru.len() + self.mesh.store.listed(candidate.removed).len()) {
                 self.tally.refuse(Refusal::Valence);
                 if !probe {
                     least = least.min(4.0 * tau + 1e-20);
                 }
-                if Crowds::is_crowd(ru.len()) {
+                if HubBudget::is_hub(ru.len()) {
                     // So have all others.
                     break;
                 }
@@ -562,14 +562,14 @@ impl<M: Metric> Engine<M> {
                 is_probe: probe,
                 rings: [&*ru, &*rv],
             }) {
-                Outcome::Done => {
+                CollapseOutcome::Done => {
                     least = found.within.iter().fold(least.min(inherited), |l, f| l.min(f.cost));
                     break;
                 }
-                Outcome::Later(cost) => least = least.min(cost),
-                Outcome::Refused(why) => {
+                CollapseOutcome::Later(cost) => least = least.min(cost),
+                CollapseOutcome::Refused(why) => {
                     self.tally.refuse(why);
-                    if let Some(other) = self.mesh.at_an_end(u, &candidate, why, tau, ru, members) {
+                    if let Some(other) = self.mesh.candidate_at_end(u, &candidate, why, tau, ru, members) {
                         found.within.push(other);
                     } else if !probe {
                         // Asked again when the sweeps have come this far; things change around here.
@@ -585,7 +585,7 @@ impl<M: Metric> Engine<M> {
 impl<M: Metric> LiveMesh<M> {
     /// Where faces would turn or vanish at the best place, one of the ends may do, the kept one first, if it does
     /// not cost too much.
-    fn at_an_end(
+    fn candidate_at_end(
         &self,
         u: VertexId,
         refused: &Candidate,
@@ -597,8 +597,8 @@ impl<M: Metric> LiveMesh<M> {
         let v = refused.removed;
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let turned = matches!(why, Refusal::NormalFlip | Refusal::Quality);
-        let is_open =
-            self.constraints.rules.placement == Placement::Optimal && !self.cost.metric.decides().is_metric();
+        let is_open = self.constraints.rules.placement == Placement::Optimal
+            && !self.cost.metric.cost_source().is_metric();
         if !(turned && is_open && x.kind.is_free() && z.kind.is_free()) {
             return None;
         }
@@ -668,7 +668,7 @@ impl<M: Metric> Engine<M> {
 /// Adds the planes of the first `count` of four faces to the tensors and the normals of their corners, and counts these.
 /// Returns twice the areas.
 #[inline(always)]
-fn weigh_faces<M: Metric>(
+fn add_face_quadrics<M: Metric>(
     metric: &M,
     mean_face: f32,
     (faces, count): ([[VertexId; 3]; 4], usize),

@@ -20,7 +20,7 @@ use crate::collapse::order::{MEMORY_FREE_UP_TO, NONE};
 use crate::collapse::store::{Corner, Store, Vertex};
 use crate::given::OrderedInput;
 use crate::lanes::{Four, cross, dot, splat, sub};
-use crate::metric::Memory;
+use crate::metric::VertexMemory;
 use crate::tensor::Tensor;
 use crate::triangle;
 pub(crate) use guarded::MoveGuards;
@@ -235,7 +235,7 @@ impl CachedStar {
     const NONE: Self = Self { of: NONE, first: Fan::NONE, other_fans: Vec::new() };
 
     #[inline(never)]
-    fn make<Q: Memory>(&mut self, store: &Store<Q>, u: VertexId) {
+    fn make<Q: VertexMemory>(&mut self, store: &Store<Q>, u: VertexId) {
         self.of = u;
         self.other_fans.clear();
         let mut few = store.listed(u).chunks(8);
@@ -277,7 +277,7 @@ impl CachedStar {
     }
 }
 
-struct Sampler<'a, Q: Memory> {
+struct Sampler<'a, Q: VertexMemory> {
     store: &'a Store<Q>,
     /// The vertices of the store.
     vertices: &'a [Vertex<Q>],
@@ -289,7 +289,7 @@ struct Sampler<'a, Q: Memory> {
     weight: f64,
 }
 
-impl<Q: Memory> Sampler<'_, Q> {
+impl<Q: VertexMemory> Sampler<'_, Q> {
     /// Returns the nearest triangle of the star of `u` that faces a sample's way, if it is nearer than
     /// `within`, squared. The normal of the sample comes with its length.
     #[inline(always)]
@@ -398,7 +398,7 @@ impl Fan {
 
     /// Fills it with the triangles at one to eight corners of `u`.
     #[inline(always)]
-    fn make<Q: Memory>(&mut self, store: &Store<Q>, u: VertexId, corners: &[Corner]) {
+    fn make<Q: VertexMemory>(&mut self, store: &Store<Q>, u: VertexId, corners: &[Corner]) {
         let at = splat(store.p(u));
         // Unused lanes repeat the last triangle: of equal distances the first is taken.
         let corner: [Corner; 8] = std::array::from_fn(|i| corners[i.min(corners.len() - 1)]);
@@ -466,7 +466,7 @@ fn max(a: f32, b: f32) -> f32 {
 /// vertex of the original has its `home`, or [`NONE`]. Samples are passed to `values`, if given; moves
 /// respect the `guards`, if given. The quadrics of the vertices are lost: `tensor` selects the part of them
 /// that the solve uses as scratch space.
-pub(crate) fn fit<Q: Memory>(
+pub(crate) fn fit<Q: VertexMemory>(
     store: &mut Store<Q>,
     given: &mut impl OrderedInput,
     home: &[VertexId],
@@ -578,7 +578,7 @@ fn vertex_areas(given: &mut impl OrderedInput) -> Vec<f32> {
 /// no more than the largest distance seen, and only if no triangle rotates far and no guard is broken.
 /// Returns the moved vertices that have a sample farther away than the root of `far`.
 #[inline(never)]
-fn solve<Q: Memory>(
+fn solve<Q: VertexMemory>(
     store: &mut Store<Q>,
     loads: &mut [FaceNormalEquations],
     leeway: Vec<f32>,
@@ -678,7 +678,7 @@ fn may_move(kind: Kind) -> bool {
 }
 
 /// Returns the vertices at the other ends of the border edges of `u`.
-fn border_neighbours<Q: Memory>(store: &Store<Q>, u: VertexId) -> impl Iterator<Item = VertexId> + '_ {
+fn border_neighbours<Q: VertexMemory>(store: &Store<Q>, u: VertexId) -> impl Iterator<Item = VertexId> + '_ {
     let others = move |c: &Corner| {
         let t = store.t[c.face()];
         [t[(c.k() + 1) % 3], t[(c.k() + 2) % 3]]
@@ -692,7 +692,7 @@ fn border_neighbours<Q: Memory>(store: &Store<Q>, u: VertexId) -> impl Iterator<
 
 /// Returns true if no face of `u` turns over with `u` at `p`, relative to the face as it is and, with
 /// `asks_facing`, to the input.
-fn keeps_orientation<Q: Memory>(
+fn keeps_orientation<Q: VertexMemory>(
     store: &Store<Q>,
     loads: &[FaceNormalEquations],
     u: VertexId,
@@ -739,7 +739,7 @@ struct FaceData {
 }
 
 #[inline(never)]
-fn face_data<Q: Memory>(store: &Store<Q>) -> FaceData {
+fn face_data<Q: VertexMemory>(store: &Store<Q>) -> FaceData {
     let mut leeways = vec![f32::INFINITY; store.v.len()];
     let mut loads = bytemuck::zeroed_vec::<FaceNormalEquations>(store.t.len());
     for (few, loads) in store.t.chunks(4).zip(loads.chunks_mut(4)) {
@@ -800,7 +800,7 @@ struct Outlier {
 /// below an outlier is far from its faces, so only the `suspects` are checked. Searching around the nearest
 /// of the points merged into a vertex is enough: an exact pass over all faces doubles the time of the fit.
 #[inline(never)]
-fn pull_in_outliers<Q: Memory>(
+fn pull_in_outliers<Q: VertexMemory>(
     store: &mut Store<Q>,
     loads: &[FaceNormalEquations],
     suspects: Vec<VertexId>,
@@ -901,7 +901,7 @@ fn pull_in_outliers<Q: Memory>(
 /// Finds the nearest point for suspects that seem far: over all faces with a corner merged into their star.
 /// If faces are long or large, the suspect may lie over one that does not touch the nearest point.
 #[inline(never)]
-fn find_nearest<Q: Memory>(
+fn find_nearest<Q: VertexMemory>(
     store: &Store<Q>,
     given: &impl OrderedInput,
     home: &[VertexId],

@@ -29,7 +29,7 @@ pub(crate) struct Form {
 
 /// Who says what an edge costs and where its vertex goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Judge {
+pub(crate) enum CostSource {
     /// The form, and the engine at the commit: the exact cost of the star, its largest distance, attributes.
     Engine,
     /// The form alone.
@@ -42,7 +42,7 @@ pub(crate) enum Judge {
     Ends,
 }
 
-impl Judge {
+impl CostSource {
     /// Whether [`Metric::judge`] has the last word. Then what it says is the cost, and nothing is added to it.
     pub(crate) const fn is_metric(self) -> bool {
         matches!(self, Self::FormThenStars | Self::Stars | Self::Ends)
@@ -50,8 +50,8 @@ impl Judge {
 }
 
 /// What a vertex carries for the cost.
-pub(crate) trait Memory: Copy + Default {}
-impl<T: Copy + Default> Memory for T {}
+pub(crate) trait VertexMemory: Copy + Default {}
+impl<T: Copy + Default> VertexMemory for T {}
 
 /// What costs are made of: a power of a length, times a power of the doubled area of a face of the input on average.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,7 +71,7 @@ impl Dimension {
 /// How the loss of a collapse is judged. The engine is built once for each type that says it.
 pub(crate) trait Metric: Copy {
     /// What a vertex carries, relative to its own position.
-    type Memory: Memory;
+    type Memory: VertexMemory;
 
     /// The tensor within.
     fn tensor_of(memory: &Self::Memory) -> &Tensor;
@@ -81,7 +81,7 @@ pub(crate) trait Metric: Copy {
     /// Whether the tensor is that of the present star: then the vertices around swap old planes for new ones.
     fn is_memoryless(&self) -> bool;
     /// Who decides.
-    fn decides(&self) -> Judge;
+    fn cost_source(&self) -> CostSource;
     /// The form of an edge: `d` leads from the kept to the removed end.
     fn form(&self, kept: &Self::Memory, removed: &Self::Memory, d: Vec3) -> Form;
     /// What the merged vertex carries at the kept position + `y`, where it is not made from its star.
@@ -108,7 +108,7 @@ pub(crate) trait Metric: Copy {
     }
     /// Cost of a collapse and the step from the kept end to the merged vertex; `None` if it may not be. Only asked where
     /// [`Self::decides`] says so.
-    fn judge(&self, around: &Around, mean: f32) -> Option<(f32, Vec3)> {
+    fn judge(&self, around: &EdgeNeighbourhood, mean: f32) -> Option<(f32, Vec3)> {
         let _ = (around, mean);
         None
     }
@@ -145,7 +145,7 @@ pub(crate) struct PartSize {
 
 /// Where the merged vertex may go.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) enum Place {
+pub(crate) enum AllowedPlace {
     #[default]
     Anywhere,
     Middle,
@@ -156,7 +156,7 @@ pub(crate) enum Place {
 
 /// The end of an edge that something hangs on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum At {
+pub(crate) enum EdgePart {
     Kept,
     Removed,
     /// On the edge itself; seen from the kept end.
@@ -165,16 +165,16 @@ pub(crate) enum At {
 
 /// A triangle at an edge: its corners after the end that it hangs on, in order.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Wall {
-    pub(crate) at: At,
+pub(crate) struct StarTriangle {
+    pub(crate) at: EdgePart,
     pub(crate) a: DVec3,
     pub(crate) b: DVec3,
 }
 
 /// A feature edge (border, non-manifold curve, seam) from an end of an edge.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Line {
-    pub(crate) at: At,
+pub(crate) struct FeatureLine {
+    pub(crate) at: EdgePart,
     /// Its other end.
     pub(crate) to: DVec3,
     /// What it counts; a border 1, unless the options say otherwise.
@@ -187,23 +187,23 @@ pub(crate) struct Line {
 /// An edge and what hangs on it. The kept end is the origin. A metric that judges by ends alone is given no walls, and of
 /// the lines only the edge itself.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Around {
+pub(crate) struct EdgeNeighbourhood {
     /// The removed end.
     pub(crate) d: DVec3,
-    pub(crate) place: Place,
-    pub(crate) walls: Vec<Wall>,
-    pub(crate) lines: Vec<Line>,
+    pub(crate) place: AllowedPlace,
+    pub(crate) triangles: Vec<StarTriangle>,
+    pub(crate) lines: Vec<FeatureLine>,
     /// Whether the kept and the removed end lie on feature edges.
     pub(crate) on_lines: [bool; 2],
 }
 
-impl Around {
+impl EdgeNeighbourhood {
     /// Where an end lies.
-    pub(crate) fn end(&self, at: At) -> DVec3 {
-        if at == At::Removed { self.d } else { DVec3::ZERO }
+    pub(crate) fn end(&self, at: EdgePart) -> DVec3 {
+        if at == EdgePart::Removed { self.d } else { DVec3::ZERO }
     }
     /// Whether the edge itself is a feature edge.
     pub(crate) fn is_line(&self) -> bool {
-        self.lines.iter().any(|l| l.at == At::Both)
+        self.lines.iter().any(|l| l.at == EdgePart::Both)
     }
 }

@@ -10,7 +10,7 @@ use lodsmith_core::{TriMesh, WedgeId};
 use crate::attributes::Rows;
 use crate::collapse::attributes::Attributes;
 use crate::collapse::store::Store;
-use crate::metric::Memory;
+use crate::metric::VertexMemory;
 
 /// Cosine of the largest angle at which a normal still fits a face: 60 degrees. (The faces of an octahedron
 /// are 55 degrees off the normals of the sphere that it approximates, and no smooth surface wants fewer
@@ -23,7 +23,7 @@ const INTENDED_SHARE: f32 = 0.5;
 /// Repairs the wedges whose normal is far off at least one of their faces, and was not in the input. Locked
 /// vertices keep theirs. Returns how many corners got another normal. Cost: O(faces of the result), and
 /// O(faces of the input) if there is something to repair.
-pub(crate) fn repair<Q: Memory>(
+pub(crate) fn repair<Q: VertexMemory>(
     store: &mut Store<Q>,
     attributes: &mut Attributes,
     rows: &Rows,

@@ -13,11 +13,11 @@ use lodsmith_core::{Bounds, FaceId, Positions, PositionsView, Surface, TriMesh, 
 use crate::attributes::Rows;
 use crate::care::HeldWedges;
 use crate::collapse::order::{self, NONE, Ordered};
-use crate::collapse::{End, Goal};
+use crate::collapse::{Goal, StopReason};
 use crate::control::{Control, Stage, Verdict};
 use crate::input::Input;
 use crate::options::Method;
-use crate::run::{Outcome, Run};
+use crate::run::{Run, RunOutcome};
 use crate::{SimplifyError, planar, recolor, remesh, unsubdivide, vertex_removal};
 use dress::{AttributeSource, Shading, TransferredAttributes};
 pub(crate) use ground::{Ending, PreparedInput, RebuiltSurface, Task};
@@ -33,7 +33,7 @@ pub(crate) fn pass(
     goal: Goal,
     step: Option<f64>,
     control: &mut dyn Control,
-) -> Result<Outcome, SimplifyError> {
+) -> Result<RunOutcome, SimplifyError> {
     control.stage(Stage::Prepare);
     let ground = prepared_input(run);
     control.stage(Stage::Collapse);
@@ -120,7 +120,7 @@ fn outcome(
     run: &Run<'_, '_>,
     ground: &PreparedInput,
     made: RebuiltSurface,
-) -> Result<Outcome, SimplifyError> {
+) -> Result<RunOutcome, SimplifyError> {
     let positions = run.input.surface.positions();
     let place = |i: usize| match made.kept[i] {
         NONE => ground.frame.user_from_unit(made.points[i]),
@@ -133,14 +133,14 @@ fn outcome(
     };
     let estimate = made.estimate.unwrap_or_else(|| estimate(ground, &made));
     let end = match made.end {
-        Ending::Goal => End::Goal,
-        Ending::Exhausted => End::Exhausted,
-        Ending::Stuck => End::Stuck,
-        Ending::Finish => End::Finish,
+        Ending::Goal => StopReason::Goal,
+        Ending::Exhausted => StopReason::Exhausted,
+        Ending::Stuck => StopReason::Stuck,
+        Ending::Finish => StopReason::Finish,
     };
     let (mesh, held) = with_transferred_attributes(run.input, run.ordered, ground, &made, positions, None)?;
     let mesh = recolor::recolored(mesh, run.input, run.options, &held, None)?;
-    Ok(Outcome {
+    Ok(RunOutcome {
         mesh,
         end,
         estimate: ground.frame.user_length(estimate),

@@ -18,11 +18,11 @@ use crate::care::{self, Constraints, HeldWedges, LockedWedges};
 use crate::collapse::attributes::Attributes;
 use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::store::Store;
-use crate::collapse::{End, Goal, Look, Original};
+use crate::collapse::{Goal, InputVisitor, OriginalSurface, StopReason};
 use crate::control::{Control, Stage, Verdict};
 use crate::deviation::{self, Deviation, InputComparer, ROUNDING};
 pub(crate) use crate::input::Input;
-use crate::metric::{Judged, Memory, Memoryless, Metric, Quadric};
+use crate::metric::{Judged, Memoryless, Metric, Quadric, VertexMemory};
 use crate::options::{Length, Method, SimplifyOptions, TopologyPolicy};
 use crate::proposal::Proposal;
 use crate::prune::Pruned;
@@ -40,8 +40,8 @@ pub(crate) struct Source<'a> {
     pub(crate) is_kept: bool,
 }
 
-impl Original for Source<'_> {
-    fn with(&self, look: &mut Look<'_>) {
+impl OriginalSurface for Source<'_> {
+    fn with(&self, look: &mut InputVisitor<'_>) {
         if self.is_kept {
             look(&self.ordered.points, &self.ordered.faces);
         } else {
@@ -52,7 +52,7 @@ impl Original for Source<'_> {
 
 /// What a pass may take away in the order of costs.
 #[derive(Clone, Copy)]
-struct Leave {
+struct TopologyChanges {
     /// Whole parts.
     parts: bool,
     /// Handles and thin places, by cuts.
@@ -62,9 +62,9 @@ struct Leave {
 }
 
 /// What one pass of the engine made.
-pub(crate) struct Outcome {
+pub(crate) struct RunOutcome {
     pub(crate) mesh: TriMesh,
-    pub(crate) end: End,
+    pub(crate) end: StopReason,
     pub(crate) estimate: f64,
     pub(crate) fitted: bool,
     pub(crate) refusals: [u64; Refusal::ALL.len()],
@@ -197,7 +197,7 @@ fn run_welded(
 
 /// One run to a goal. The largest distance that a step may leave, in user units, is given where the error is searched for.
 pub(crate) type Pass =
-    fn(&mut Run<'_, '_>, Goal, Option<f64>, &mut dyn Control) -> Result<Outcome, SimplifyError>;
+    fn(&mut Run<'_, '_>, Goal, Option<f64>, &mut dyn Control) -> Result<RunOutcome, SimplifyError>;
 
 /// How a method on sweeps does it.
 pub(crate) fn collapses(method: Method) -> Option<Pass> {
@@ -228,7 +228,7 @@ pub(crate) fn run_by_method(
 
 /// One of the runs to several counts that a search makes.
 type PassOfSearch =
-    Box<dyn FnMut(&mut Run<'_, '_>, Goal, &mut dyn Control) -> Result<Outcome, SimplifyError>>;
+    Box<dyn FnMut(&mut Run<'_, '_>, Goal, &mut dyn Control) -> Result<RunOutcome, SimplifyError>>;
 
 /// The runs of a search. Those of methods on sweeps go on from one another.
 fn passes_of_search(method: Method) -> PassOfSearch {
@@ -268,7 +268,7 @@ pub(crate) fn run_with(
         Some(limit) => run.run_within_error(limit, control)?,
         None => run.run_to_goal(control)?,
     };
-    Ok(told(input, options, &ordered, &care, finished))
+    Ok(build_report(input, options, &ordered, &care, finished))
 }
 
 /// The input in order, if it has a face with an area.
@@ -288,7 +288,7 @@ pub(crate) fn ordered(input: &Input<'_>, control: &mut dyn Control) -> Result<Or
 }
 
 /// A result, and what there is to say of it.
-fn told(
+fn build_report(
     input: &Input<'_>,
     options: &SimplifyOptions,
     ordered: &Ordered,
@@ -305,13 +305,13 @@ fn told(
     let (faces, vertices) = (outcome.mesh.face_count(), outcome.mesh.vertex_count());
     let stop = &options.stop;
     let stopped_by = match outcome.end {
-        End::Finish => StoppedBy::Caller,
+        StopReason::Finish => StoppedBy::Caller,
         _ if met(stop.faces, faces) => StoppedBy::Faces,
         _ if met(stop.vertices, vertices) => StoppedBy::Vertices,
         _ if met(stop.ratio.map(|r| share(r, input_faces)), faces) => StoppedBy::Ratio,
         _ if by_error => StoppedBy::Error,
-        End::Exhausted => StoppedBy::Exhausted,
-        _ if goal.is_none() && limit.is_none() && outcome.end != End::Stuck => StoppedBy::Nothing,
+        StopReason::Exhausted => StoppedBy::Exhausted,
+        _ if goal.is_none() && limit.is_none() && outcome.end != StopReason::Stuck => StoppedBy::Nothing,
         _ => StoppedBy::Refusals,
     };
     // A limit of the error alone is met by any result that keeps it.
@@ -371,7 +371,7 @@ pub(crate) struct Run<'a, 'b> {
     pub(crate) is_traced: bool,
 }
 
-type Finished = (Outcome, Deviation, bool);
+type Finished = (RunOutcome, Deviation, bool);
 
 impl Run<'_, '_> {
     fn go(
@@ -379,14 +379,14 @@ impl Run<'_, '_> {
         goal: Goal,
         step: Option<f64>,
         control: &mut dyn Control,
-    ) -> Result<Outcome, SimplifyError> {
+    ) -> Result<RunOutcome, SimplifyError> {
         (self.pass)(self, goal, step, control)
     }
 
     /// One pass to the goal, measured if asked.
     fn run_to_goal(mut self, control: &mut dyn Control) -> Result<Finished, SimplifyError> {
         let mut outcome = self.go(self.goal, None, control)?;
-        if outcome.pairs_contracted > 0 && !self.goal.is_none() && outcome.end != End::Finish {
+        if outcome.pairs_contracted > 0 && !self.goal.is_none() && outcome.end != StopReason::Finish {
             // Parts that grew together can no longer be removed one by one, so the target may be farther off.
             let mut options = self.options.clone();
             options.method_options.pairs = None;
@@ -423,7 +423,7 @@ impl Run<'_, '_> {
         goal: Goal,
         step: Option<f64>,
         control: &mut dyn Control,
-    ) -> Result<Outcome, SimplifyError> {
+    ) -> Result<RunOutcome, SimplifyError> {
         self.pass_of_several(metric, goal, step, &mut Copies::none(), control)
     }
 
@@ -435,19 +435,19 @@ impl Run<'_, '_> {
         step: Option<f64>,
         copies: &mut Copies<M>,
         control: &mut dyn Control,
-    ) -> Result<Outcome, SimplifyError> {
+    ) -> Result<RunOutcome, SimplifyError> {
         if self.options.topology == TopologyPolicy::Relaxed && !goal.is_none() {
             return self.relaxed(metric, goal, step, copies, control);
         }
         // Where the topology is free, parts and necks go in their turn from the start.
         let is_free = self.options.topology == TopologyPolicy::Free;
-        let leave = Leave { parts: is_free, cuts: is_free, seams: false };
+        let leave = TopologyChanges { parts: is_free, cuts: is_free, seams: false };
         let outcome = self.straight(metric, goal, step, leave, control)?;
         let competes = outcome.seams_relaxed || outcome.spares_seams;
-        if !competes || goal.is_none() || step.is_some() || outcome.end == End::Finish {
+        if !competes || goal.is_none() || step.is_some() || outcome.end == StopReason::Finish {
             return Ok(outcome);
         }
-        let other = self.straight(metric, goal, step, Leave { seams: true, ..leave }, control)?;
+        let other = self.straight(metric, goal, step, TopologyChanges { seams: true, ..leave }, control)?;
         Ok(self.closest(vec![outcome, other], None, control))
     }
 
@@ -457,12 +457,12 @@ impl Run<'_, '_> {
         metric: M,
         goal: Goal,
         step: Option<f64>,
-        leave: Leave,
+        leave: TopologyChanges,
         control: &mut dyn Control,
-    ) -> Result<Outcome, SimplifyError> {
+    ) -> Result<RunOutcome, SimplifyError> {
         let mut trunk = self.begin(metric, step, leave, (&[], 0), control)?;
         let end = self.sweep(&mut trunk, &goal, control)?;
-        let proposes = end == End::Stuck && step.is_none();
+        let proposes = end == StopReason::Stuck && step.is_none();
         self.finish(&mut trunk.engine, &trunk.root, end, proposes, control)
     }
 
@@ -472,7 +472,7 @@ impl Run<'_, '_> {
     }
 
     /// What locked vertices had at the corners of the result.
-    fn held<Q: Memory>(&self, store: &Store<Q>, rows: Option<&Rows>) -> HeldWedges {
+    fn held<Q: VertexMemory>(&self, store: &Store<Q>, rows: Option<&Rows>) -> HeldWedges {
         let (Some(locked), Some(mesh)) = (self.care.locked(), self.input.mesh) else {
             return HeldWedges::default();
         };
@@ -505,7 +505,7 @@ impl Run<'_, '_> {
     }
 
     /// The mesh of a compact store. Vertices that kept their place have the bits of the input.
-    fn result<Q: Memory>(
+    fn result<Q: VertexMemory>(
         &self,
         store: &Store<Q>,
         attributes: Option<&Attributes>,

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use lodsmith_core::{Semantic, TriMesh, WedgeId};
 
-use crate::collapse::attributes::Pulls;
+use crate::collapse::attributes::JointWeights;
 
 /// Joint weights are clamped to this, so that any number of them can be summed.
 const MAX_JOINT_WEIGHT: f32 = 1e30;
@@ -53,8 +53,8 @@ pub(super) fn skin_sets(mesh: &TriMesh) -> Vec<u8> {
 }
 
 /// Returns the joints of a wedge with their weights, the strongest first.
-pub(super) fn pulls(mesh: &TriMesh, sets: &[u8], w: WedgeId) -> Pulls {
-    let mut pulls = Pulls::new();
+pub(super) fn pulls(mesh: &TriMesh, sets: &[u8], w: WedgeId) -> JointWeights {
+    let mut pulls = JointWeights::new();
     for &set in sets {
         let of = |semantic: Semantic| mesh.further_attributes().iter().find(|a| a.semantic == semantic);
         let (Some(joints), Some(weights)) = (of(Semantic::Joints(set)), of(Semantic::Weights(set))) else {

@@ -57,8 +57,8 @@ impl<M: Metric> LiveMesh<M> {
     fn weigh_again(&mut self) {
         let facings: Vec<_> = self.store.v.iter().map(|x| x.facing).collect();
         let of_input = (self.cost.total_area, self.cost.mean_face);
-        self.store.unweigh();
-        self.weigh();
+        self.store.reset_quadrics();
+        self.init_quadrics();
         (self.cost.total_area, self.cost.mean_face) = of_input;
         for (x, facing) in self.store.v.iter_mut().zip(facings) {
             x.facing = facing;
@@ -72,6 +72,6 @@ impl<M: Metric> LiveMesh<M> {
                 }
             }
         }
-        self.weigh_lines((0..self.store.v.len()).map(VertexId::new));
+        self.init_lines((0..self.store.v.len()).map(VertexId::new));
     }
 }

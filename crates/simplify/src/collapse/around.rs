@@ -8,33 +8,35 @@ use super::seams::Edge;
 use super::store::{Ring, Spoke};
 use super::{LiveMesh, Scratch, Tally};
 use crate::guard::BORDER_WEIGHT;
-use crate::metric::{Around, At, Judge, Line, Metric, Place, Wall};
+use crate::metric::{
+    AllowedPlace, CostSource, EdgeNeighbourhood, EdgePart, FeatureLine, Metric, StarTriangle,
+};
 use crate::options::Placement;
 use crate::report::Refusal;
 
 impl<M: Metric> LiveMesh<M> {
     /// Where kinds and options let the merged vertex of u-v go; `None` if neither end may move.
-    pub(super) fn place(&self, u: VertexId, v: VertexId) -> Option<Place> {
+    pub(super) fn allowed_place(&self, u: VertexId, v: VertexId) -> Option<AllowedPlace> {
         let [x, z] = [u, v].map(|w| self.store.v[w.index()].kind);
         Some(match (x, z) {
             (k, l) if k.is_free() && l.is_free() => match self.constraints.rules.placement {
-                Placement::Optimal => Place::Anywhere,
-                Placement::Endpoint => Place::Ends,
-                Placement::Midpoint => Place::Middle,
+                Placement::Optimal => AllowedPlace::Anywhere,
+                Placement::Endpoint => AllowedPlace::Ends,
+                Placement::Midpoint => AllowedPlace::Middle,
             },
             (k, l) if k.is_fixed() && l.is_fixed() => return None,
-            (k, _) if k.is_fixed() => Place::Kept,
-            (_, l) if l.is_fixed() => Place::Removed,
+            (k, _) if k.is_fixed() => AllowedPlace::Kept,
+            (_, l) if l.is_fixed() => AllowedPlace::Removed,
             // Both ends are points of the curve; what lies between is a chord of it.
-            (k, l) if k.is_rail() && l.is_rail() => Place::Ends,
-            (k, _) if k.is_rail() => Place::Kept,
-            _ => Place::Removed,
+            (k, l) if k.is_rail() && l.is_rail() => AllowedPlace::Ends,
+            (k, _) if k.is_rail() => AllowedPlace::Kept,
+            _ => AllowedPlace::Removed,
         })
     }
 
     /// Adds what the metric says of the edges from `u` to `owned`, each by itself. Says how many may not go.
     #[inline(never)]
-    pub(super) fn judge_owned(
+    pub(super) fn evaluate_owned_by_metric(
         &self,
         &OwnedEdges { u, owned, ring: ru, most, .. }: &OwnedEdges<'_>,
         found: &mut Found,
@@ -44,17 +46,17 @@ impl<M: Metric> LiveMesh<M> {
         let mut rv = std::mem::take(&mut scratch.other_ring);
         let mut stuck = 0;
         for &v in owned {
-            if !matches!(self.cost.metric.decides(), Judge::Ends)
-                && !tally.crowds.admit(ru.len() + self.store.listed(v).len())
+            if !matches!(self.cost.metric.cost_source(), CostSource::Ends)
+                && !tally.hub_budget.admit(ru.len() + self.store.listed(v).len())
             {
                 tally.refuse(Refusal::Valence);
                 continue;
             }
-            match self.cost.metric.decides() {
-                Judge::Ends => rv.clear(),
+            match self.cost.metric.cost_source() {
+                CostSource::Ends => rv.clear(),
                 _ => self.store.ring(v, &mut rv),
             }
-            match self.judged(u, v, ru, &rv, scratch, tally) {
+            match self.candidate_by_metric(u, v, ru, &rv, scratch, tally) {
                 Some(c) if c.cost <= self.constraints.rules.max_cost => found.add(c, most),
                 Some(_) => {}
                 // What is beyond the limit anyway is not refused.
@@ -72,7 +74,7 @@ impl<M: Metric> LiveMesh<M> {
 
     /// What the metric says of the edge u-v; `None` if it may not go.
     #[inline(never)]
-    pub(super) fn judged(
+    pub(super) fn candidate_by_metric(
         &self,
         u: VertexId,
         v: VertexId,
@@ -81,50 +83,50 @@ impl<M: Metric> LiveMesh<M> {
         scratch: &mut Scratch,
         tally: &mut Tally,
     ) -> Option<Candidate> {
-        let place = self.place(u, v)?;
+        let place = self.allowed_place(u, v)?;
         tally.faces_visited += (ru.len() + rv.len()) as u64;
-        let Scratch { around, edges, .. } = scratch;
-        self.look_around([u, v], place, [ru, rv], around, edges);
+        let Scratch { neighbourhood: around, edges, .. } = scratch;
+        self.collect_neighbourhood([u, v], place, [ru, rv], around, edges);
         let judged = self.cost.metric.judge(around, self.cost.mean_face);
         // (A cost without bound, on input of extreme sizes, would look like one that is not known.)
         judged.map(|(cost, step)| Candidate { cost: cost.clamp(0.0, f32::MAX), removed: v, step, sure: 0.0 })
     }
 
-    fn look_around(
+    fn collect_neighbourhood(
         &self,
         [u, v]: [VertexId; 2],
-        place: Place,
+        place: AllowedPlace,
         [ru, rv]: [&Ring; 2],
-        around: &mut Around,
+        around: &mut EdgeNeighbourhood,
         edges: &mut Vec<Edge>,
     ) {
         let origin = self.store.p(u).as_dvec3();
         let at = |w: VertexId| self.store.p(w).as_dvec3() - origin;
         around.d = at(v);
         around.place = place;
-        around.walls.clear();
+        around.triangles.clear();
         around.lines.clear();
-        let stars = !matches!(self.cost.metric.decides(), Judge::Ends);
+        let stars = !matches!(self.cost.metric.cost_source(), CostSource::Ends);
         if stars {
-            let wall = |r: &Spoke, side: At| Wall { at: side, a: at(r.a), b: at(r.b) };
-            let of_u = |r: &Spoke| wall(r, if r.has(v) { At::Both } else { At::Kept });
-            around.walls.extend(ru.iter().map(of_u));
-            around.walls.extend(rv.iter().filter(|r| !r.has(u)).map(|r| wall(r, At::Removed)));
+            let wall = |r: &Spoke, side: EdgePart| StarTriangle { at: side, a: at(r.a), b: at(r.b) };
+            let of_u = |r: &Spoke| wall(r, if r.has(v) { EdgePart::Both } else { EdgePart::Kept });
+            around.triangles.extend(ru.iter().map(of_u));
+            around.triangles.extend(rv.iter().filter(|r| !r.has(u)).map(|r| wall(r, EdgePart::Removed)));
         }
         let [x, z] = [u, v].map(|w| self.store.v[w.index()].kind);
         around.on_lines = [x.has_lines(), z.has_lines()].map(|on| on && self.has_lines());
         if around.on_lines == [false; 2] {
             return;
         }
-        let mut line = |edge: &Edge, seams: bool, side: At| {
+        let mut line = |edge: &Edge, seams: bool, side: EdgePart| {
             let weight = f64::from(self.weight_of(edge, seams) / BORDER_WEIGHT);
             if weight > 0.0 {
-                around.lines.push(Line { at: side, to: at(edge.to), weight, sense: edge.sense() });
+                around.lines.push(FeatureLine { at: side, to: at(edge.to), weight, sense: edge.sense() });
             }
         };
         if !stars {
             if let Some(edge) = self.store.edge(ru, v) {
-                line(&edge, x.is_seam() && z.is_seam(), At::Both);
+                line(&edge, x.is_seam() && z.is_seam(), EdgePart::Both);
             }
             return;
         }
@@ -132,13 +134,13 @@ impl<M: Metric> LiveMesh<M> {
         if around.on_lines[0] {
             self.store.edges(ru, x, edges);
             for edge in edges.iter() {
-                line(edge, x.is_seam(), if edge.to == v { At::Both } else { At::Kept });
+                line(edge, x.is_seam(), if edge.to == v { EdgePart::Both } else { EdgePart::Kept });
             }
         }
         if around.on_lines[1] {
             self.store.edges(rv, z, edges);
             for edge in edges.iter().filter(|e| e.to != u) {
-                line(edge, z.is_seam(), At::Removed);
+                line(edge, z.is_seam(), EdgePart::Removed);
             }
         }
     }

@@ -24,9 +24,9 @@ use sum::add_outer;
 /// No wedge.
 pub(super) const NO_WEDGE: WedgeId = WedgeId(u32::MAX);
 /// Wedges of a vertex that an evaluation looks at, so that a vertex of very many charts cannot stall a run.
-const MOST_ALONE: usize = 24;
+const MAX_WEDGES_EVALUATED: usize = 24;
 /// Joints kept at a wedge while the mesh is worked on. (More than any format has.)
-const MOST_PULLS: usize = 16;
+const MAX_JOINTS: usize = 16;
 
 /// Live attributes of a run.
 #[derive(Clone, Debug)]
@@ -40,7 +40,7 @@ pub(crate) struct Attributes {
     /// Texture coordinates among the values: where each pair begins.
     pub(crate) textures: Vec<usize>,
     /// Joints that pull a wedge, with their weights; empty where there is no skin.
-    pub(crate) pulls: Vec<Pulls>,
+    pub(crate) pulls: Vec<JointWeights>,
     /// The label of each wedge: which values of discrete attributes it has; empty where all have the same.
     pub(crate) labels: Vec<u32>,
     pub(super) heads: Vec<Head>,
@@ -55,19 +55,19 @@ pub(crate) struct Attributes {
 
 /// What some wedges were, to be put back.
 #[derive(Clone, Debug)]
-pub(super) struct Kept {
+pub(super) struct SavedWedges {
     wedges: Vec<WedgeId>,
     heads: Vec<Head>,
     alone: Vec<Tensor>,
     rows: Vec<f32x4>,
-    pulls: Vec<Pulls>,
+    pulls: Vec<JointWeights>,
     labels: Vec<u32>,
     /// Wedges of all kinds, and those of them that were copied from others.
     count: [usize; 2],
 }
 
 /// Joints and weights, the strongest first.
-pub(crate) type Pulls = Vec<(u32, f32)>;
+pub(crate) type JointWeights = Vec<(u32, f32)>;
 
 /// What is known of a wedge beside its row.
 #[derive(Clone, Copy, Debug)]
@@ -116,7 +116,7 @@ impl Attributes {
         directions: Vec<usize>,
         textures: Vec<usize>,
         values: &[f32],
-        pulls: Vec<Pulls>,
+        pulls: Vec<JointWeights>,
     ) -> Self {
         let lanes = width.div_ceil(4);
         let mut rows = vec![f32x4::ZERO; count * 4 * lanes];
@@ -259,12 +259,12 @@ impl Attributes {
         copy
     }
     /// What these wedges are; each may be named several times.
-    pub(super) fn kept(&self, wedges: impl Iterator<Item = WedgeId>) -> Kept {
+    pub(super) fn kept(&self, wedges: impl Iterator<Item = WedgeId>) -> SavedWedges {
         let mut is_new = vec![true; self.count()];
         let wedges: Vec<WedgeId> =
             wedges.filter(|w| std::mem::replace(&mut is_new[w.index()], false)).collect();
         let of = || wedges.iter().map(|w| w.index());
-        Kept {
+        SavedWedges {
             heads: of().map(|w| self.heads[w]).collect(),
             alone: of().map(|w| self.alone[w]).collect(),
             rows: wedges.iter().flat_map(|&w| self.row(w)).copied().collect(),
@@ -275,7 +275,7 @@ impl Attributes {
         }
     }
     /// Makes wedges again what they were; those that were copied since are gone.
-    pub(super) fn put_back(&mut self, kept: &Kept) {
+    pub(super) fn put_back(&mut self, kept: &SavedWedges) {
         let (n, [count, copied]) = (4 * self.lanes, kept.count);
         self.heads.truncate(count);
         self.alone.truncate(count);
@@ -460,7 +460,7 @@ impl Attributes {
     /// Renews what is known of wedges by themselves, from one on along its chain.
     #[inline(always)]
     pub(super) fn know(&mut self, mut w: WedgeId) {
-        for _ in 0..MOST_ALONE {
+        for _ in 0..MAX_WEDGES_EVALUATED {
             let Some(&Head { known, next, .. }) = self.heads.get(w.index()) else { return };
             if !known {
                 self.alone[w.index()] = self.spread(w);
@@ -483,7 +483,7 @@ impl Attributes {
             false => self.spread(w),
         };
         let (mut sum, mut next) = (known(first), self.heads[first.index()].next);
-        for _ in 1..MOST_ALONE {
+        for _ in 1..MAX_WEDGES_EVALUATED {
             let Some(head) = self.heads.get(next.index()) else { break };
             sum.add(&known(next));
             next = head.next;
@@ -652,8 +652,8 @@ impl Attributes {
         nearest.map_or(0, |m| self.labels[m.wedge.index()])
     }
 
-    pub(super) fn blended_pulls(&self, members: &[Member], group: usize, t: f32) -> Pulls {
-        let mut sum: Pulls = Vec::new();
+    pub(super) fn blended_pulls(&self, members: &[Member], group: usize, t: f32) -> JointWeights {
+        let mut sum: JointWeights = Vec::new();
         let count = |at_v| of_group(members, group).filter(|m| m.at_v == at_v).count();
         let counts = [count(false), count(true)];
         for m in of_group(members, group) {
@@ -671,7 +671,7 @@ impl Attributes {
             }
         }
         sum.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        sum.truncate(MOST_PULLS);
+        sum.truncate(MAX_JOINTS);
         sum
     }
 }

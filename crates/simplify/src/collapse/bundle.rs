@@ -13,7 +13,7 @@ use lodsmith_core::VertexId;
 
 use super::kind::faces_at;
 use super::store::{Ring, Store};
-use crate::metric::Memory;
+use crate::metric::VertexMemory;
 
 /// Two vertices that become one: `v` goes into `u`, both move to `at`.
 #[derive(Clone, Copy, Debug)]
@@ -56,13 +56,13 @@ pub(super) enum Effect {
 
 /// Numbers of edges that are not as they should be.
 #[derive(Clone, Copy, Default)]
-struct Wrongs {
+struct TopologyFaults {
     open: usize,
     many: usize,
     twisted: usize,
 }
 
-impl Wrongs {
+impl TopologyFaults {
     fn add(&mut self, there: usize, back: usize) {
         self.open += usize::from(there + back == 1);
         self.many += usize::from(there + back > 2);
@@ -100,7 +100,7 @@ impl Bundle {
     }
 
     /// Finds the faces that these pairs change, and which of them go.
-    pub(super) fn set<Q: Memory>(&mut self, store: &mut Store<Q>, pairs: &[[VertexId; 2]]) {
+    pub(super) fn set<Q: VertexMemory>(&mut self, store: &mut Store<Q>, pairs: &[[VertexId; 2]]) {
         self.joints.clear();
         self.joints.extend(pairs.iter().map(|&[u, v]| Joint { u, v, at: Vec3::ZERO }));
         let (mut ring, mut faces) = (std::mem::take(&mut self.ring), std::mem::take(&mut self.faces));
@@ -139,10 +139,10 @@ impl Bundle {
     }
 
     /// What the contraction does to the topology.
-    pub(super) fn effect<Q: Memory>(&mut self, store: &mut Store<Q>) -> Effect {
+    pub(super) fn effect<Q: VertexMemory>(&mut self, store: &mut Store<Q>) -> Effect {
         let directed = |a: VertexId, b: VertexId| (a.min(b), a.max(b), a < b);
         let sides = |[a, b, c]: [VertexId; 3]| [directed(a, b), directed(b, c), directed(c, a)];
-        let (mut before, mut after) = (Wrongs::default(), Wrongs::default());
+        let (mut before, mut after) = (TopologyFaults::default(), TopologyFaults::default());
         let mut edges = std::mem::take(&mut self.edges);
         edges.clear();
         let at_end = |e: &(VertexId, VertexId, bool)| self.is_end(e.0) || self.is_end(e.1);
@@ -177,7 +177,7 @@ impl Bundle {
     }
 
     /// Whether a locked vertex loses all its faces, or a face whose corners are all locked goes.
-    pub(super) fn loses_locked<Q: Memory>(&mut self, store: &mut Store<Q>) -> bool {
+    pub(super) fn loses_locked<Q: VertexMemory>(&mut self, store: &mut Store<Q>) -> bool {
         let mut ring = std::mem::take(&mut self.ring);
         let is_lost = self.faces.iter().filter(|c| c.is_gone).any(|c| {
             let is_locked = c.before.map(|w| store.v[w.index()].kind.is_locked());
@@ -196,7 +196,7 @@ impl Bundle {
         is_lost
     }
 
-    fn effect_on_vertices<Q: Memory>(&self, store: &mut Store<Q>, ring: &mut Ring) -> Effect {
+    fn effect_on_vertices<Q: VertexMemory>(&self, store: &mut Store<Q>, ring: &mut Ring) -> Effect {
         let mut fan = Vec::new();
         let mut is_manifold = true;
         for joint in &self.joints {
@@ -261,7 +261,7 @@ fn is_one_fan(fan: &[[VertexId; 2]]) -> bool {
     count == fan.len()
 }
 
-impl<Q: Memory> Store<Q> {
+impl<Q: VertexMemory> Store<Q> {
     /// Whether an edge joins two vertices.
     pub(super) fn is_edge(&mut self, u: VertexId, v: VertexId, ring: &mut Ring) -> bool {
         self.ring(u, ring);

@@ -14,7 +14,7 @@ use wide::f32x4;
 
 use super::order::NONE;
 use super::store::Ring;
-use super::{Engine, LiveMesh, Original};
+use super::{Engine, LiveMesh, OriginalSurface};
 use crate::metric::Metric;
 
 /// Debug builds check meshes of fewer faces than this after each sweep: nearly all of those in the tests. (On larger ones
@@ -50,7 +50,7 @@ impl<M: Metric> Engine<M> {
     ///
     /// # Panics
     /// If an invariant does not hold: our own mistake.
-    pub(super) fn check_if_asked(&mut self, original: &dyn Original) {
+    pub(super) fn check_if_asked(&mut self, original: &dyn OriginalSurface) {
         // (A constant outside of tests and debug builds: nothing of it is left there.)
         if !cfg!(any(test, debug_assertions)) {
             return;
@@ -115,7 +115,7 @@ impl<M: Metric> Engine<M> {
         if let Some(parts) = &self.mesh.topology.parts {
             self.check_parts(parts)?;
         }
-        if let Some(late) = &self.mesh.late {
+        if let Some(late) = &self.mesh.sampled {
             late.check(self.mesh.store.living().map(|u| self.mesh.store.v[u.index()].origin))?;
         }
         if let Some(pairs) = &self.mesh.topology.pairs {
@@ -190,7 +190,7 @@ mod tests {
     use lodsmith_core::shapes;
 
     use super::*;
-    use crate::collapse::End;
+    use crate::collapse::StopReason;
     use crate::control::NoControl;
     use crate::metric::Memoryless;
     use crate::options::{SimplifyOptions, Stop};
@@ -270,7 +270,7 @@ mod tests {
             assert!(engine.checks.is_none());
             engine.checks = Some(Checks::default());
             let source = Source { surface: &run.input.surface, ordered: run.ordered, is_kept: true };
-            assert_eq!(engine.sweep(&run.goal, &source, &mut NoControl), End::Goal);
+            assert_eq!(engine.sweep(&run.goal, &source, &mut NoControl), StopReason::Goal);
             assert!(engine.checks.as_ref().is_some_and(|c| c.largest > 0.0));
         });
     }

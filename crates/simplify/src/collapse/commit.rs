@@ -5,44 +5,44 @@ use lodsmith_core::VertexId;
 
 use super::cut::Neck;
 use super::kind::distinct;
-use super::late::Charge;
+use super::late::SampledCost;
 use super::order::NONE;
 use super::store::{Ring, Vertex};
 use super::wedges::HandedOver;
-use super::wings::{End, StarStats, Wing, Wings};
+use super::wings::{EdgeEnd, StarStats, Wing, Wings};
 use super::{Engine, LiveMesh, Scratch, Tally};
-use crate::metric::{Form, Judge, Metric, TIE};
+use crate::metric::{CostSource, Form, Metric, TIE};
 use crate::options::BorderPolicy;
 use crate::report::Refusal;
 use crate::triangle;
 
 /// Weight of the largest squared distance, times the mean area of a triangle: protects small features. (Measured on 12 cases:
 /// 0.1, 0.2 and 0.3 have equal means within a percent; from 0.2 on the largest distances are a third lower.)
-const PEAK: f32 = 0.2;
+const PEAK_WEIGHT: f32 = 0.2;
 /// Most that the largest squared distance from a plane counts, a share of the star's own area: on meshes with faces of all
 /// sizes the mean triangle is far larger than those of a fillet. Bare places have no such limit: tips often end in tiny faces.
 /// (Measured: docs/decisions/0001.)
 pub(super) const PEAK_OF_STAR: f32 = 0.3;
 /// Cosine between two faces at an edge below which they lie back to back.
-pub(super) const FOLD: f32 = -0.8;
+pub(super) const FOLD_COS: f32 = -0.8;
 
 /// If no neighbour lies farther behind a vertex than this share of its displacement, along the displacement, the collapse
 /// shortens a tip or leaves a rim. Distances to planes do not see that, so the distance of the old position to the new star
 /// counts as well.
-const BEHIND: f32 = -0.5;
+const TIP_MAX_BEHIND: f32 = -0.5;
 /// Weight of that squared distance against one to a plane. (Measured on horse, horse400k, horse1.5m,
 /// nefertiti, brain_mri, bunny: the largest distances fall by up to ten, the means stay within a percent.)
-const BARE: f32 = 4.0;
+const TIP_WEIGHT: f32 = 4.0;
 
 /// Result of trying a collapse.
-pub(crate) enum Outcome {
+pub(crate) enum CollapseOutcome {
     Done,
     /// It costs this much, which is more than allowed now.
     Later(f32),
     Refused(Refusal),
 }
 
-impl From<Refusal> for Outcome {
+impl From<Refusal> for CollapseOutcome {
     fn from(why: Refusal) -> Self {
         Self::Refused(why)
     }
@@ -103,7 +103,7 @@ pub(super) struct Priced {
     /// Change of the area of a small detail.
     detail: Option<(usize, f32)>,
     handed_over: HandedOver,
-    charge: Option<Charge>,
+    charge: Option<SampledCost>,
 }
 
 /// Position of the merged vertex: exactly that of the removed end if the step leads there.
@@ -116,7 +116,7 @@ impl<M: Metric> Engine<M> {
     /// Merges the candidate's end into the kept one if topology, guards and exact cost allow it. A probe changes nothing
     /// and returns the cost.
     #[inline(never)]
-    pub(crate) fn collapse(&mut self, attempt: &Attempt<'_>) -> Outcome {
+    pub(crate) fn collapse(&mut self, attempt: &Attempt<'_>) -> CollapseOutcome {
         let Self { mesh, scratch, tally, .. } = self;
         let checked = match mesh.check(attempt, scratch, tally) {
             Ok(checked) => checked,
@@ -138,7 +138,7 @@ impl<M: Metric> Engine<M> {
             }
             Some(neck) => self.note_cut(u, v, neck, [ru, rv], cost),
         }
-        Outcome::Done
+        CollapseOutcome::Done
     }
 }
 
@@ -150,7 +150,7 @@ impl<M: Metric> LiveMesh<M> {
         attempt: &Attempt<'_>,
         scratch: &mut Scratch,
         tally: &mut Tally,
-    ) -> Result<Checked, Outcome> {
+    ) -> Result<Checked, CollapseOutcome> {
         let &Attempt { kept: u, candidate, tau, is_probe, rings: [ru, rv] } = attempt;
         let (v, mut y) = (candidate.removed, candidate.step);
         tally.faces_visited += (ru.len() + rv.len()) as u64;
@@ -175,12 +175,13 @@ impl<M: Metric> LiveMesh<M> {
         self.check_locked(u, v, ru)?;
         let d = z.p - x.p;
         let mut judged = candidate.cost;
-        if matches!(self.cost.metric.decides(), Judge::FormThenStars) {
-            let Some(Candidate { cost, step, .. }) = self.judged(u, v, ru, rv, scratch, tally) else {
+        if matches!(self.cost.metric.cost_source(), CostSource::FormThenStars) {
+            let Some(Candidate { cost, step, .. }) = self.candidate_by_metric(u, v, ru, rv, scratch, tally)
+            else {
                 return Err(Refusal::Locked.into());
             };
             if cost > tau {
-                return Err(Outcome::Later(cost * weight));
+                return Err(CollapseOutcome::Later(cost * weight));
             }
             (judged, y) = (cost, if step == d { d } else { step });
         }
@@ -192,19 +193,19 @@ impl<M: Metric> LiveMesh<M> {
         let mut is_bare = [false; 2];
         scratch.wings.clear();
         scratch.spokes.take_without(u, rv);
-        let kept = End { from: x.p, step: y, other: Some(v) };
-        let removed = End { from: z.p, step: off, other: None };
+        let kept = EdgeEnd { from: x.p, step: y, other: Some(v) };
+        let removed = EdgeEnd { from: z.p, step: off, other: None };
         for (k, (spokes, end)) in [(ru, kept), (&scratch.spokes, removed)].into_iter().enumerate() {
             let (wings, turn) = (&mut scratch.wings, self.constraints.rules.max_turn);
             let behind = self.store.look_at_wings(spokes, &end, at, turn, wings, &mut stats)?;
-            is_bare[k] = behind > BEHIND * end.step.length_squared();
+            is_bare[k] = behind > TIP_MAX_BEHIND * end.step.length_squared();
         }
         let (cost, area, peak) = stats.sum();
         let facing = || x.facing.direction() + z.facing.direction();
         if stats.turns_far && self.folds(&scratch.wings, facing()) {
             return Err(Refusal::NormalFlip.into());
         }
-        let is_exact = matches!(self.cost.metric.decides(), Judge::Engine);
+        let is_exact = matches!(self.cost.metric.cost_source(), CostSource::Engine);
         // The form and the triangles may cost too much already, before lines and attributes are looked at. (Where lines
         // change with what lies beside them, the form does not know all of it.)
         let is_on_lines = x.kind.has_lines() || z.kind.has_lines();
@@ -216,7 +217,7 @@ impl<M: Metric> LiveMesh<M> {
         {
             let known = if is_sure { candidate.sure + self.peak_weight() * peak } else { candidate.cost };
             if known > tau {
-                return Err(Outcome::Later(known * weight));
+                return Err(CollapseOutcome::Later(known * weight));
             }
         }
         if self.constraints.rules.has_extra_guards() {
@@ -235,13 +236,13 @@ impl<M: Metric> LiveMesh<M> {
         checked: &Checked,
         scratch: &mut Scratch,
         tally: &mut Tally,
-    ) -> Result<Priced, Outcome> {
+    ) -> Result<Priced, CollapseOutcome> {
         let &Attempt { kept: u, candidate, is_probe, rings: [ru, rv], .. } = attempt;
         let &Checked { steps: [y, off], at, is_bare, weight, tau, is_sure, .. } = checked;
         let [mut cost, area, mut peak] = checked.planes;
         let v = candidate.removed;
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
-        let is_exact = matches!(self.cost.metric.decides(), Judge::Engine);
+        let is_exact = matches!(self.cost.metric.cost_source(), CostSource::Engine);
         // Feature edges of the star, by the end that stays; the edge u-v, if it is one, is listed with v.
         scratch.rim.clear();
         if (x.kind.has_lines() || z.kind.has_lines()) && self.has_lines() {
@@ -278,7 +279,7 @@ impl<M: Metric> LiveMesh<M> {
             // A tip that draws back along its own planes leaves none of them, but its place.
             for (from, step, is_bare) in [(x.p, y, is_bare[0]), (z.p, off, is_bare[1])] {
                 if is_bare && peak_weight * step.length_squared() > 0.5 * cost {
-                    let distance = BARE * self.distance_to_star(&scratch.wings, from, at);
+                    let distance = TIP_WEIGHT * self.distance_to_star(&scratch.wings, from, at);
                     peak = peak.max(distance);
                     weighted = weighted.max(peak_weight * distance);
                 }
@@ -291,11 +292,11 @@ impl<M: Metric> LiveMesh<M> {
         if peak > self.constraints.rules.max_step_sq {
             return Err(Refusal::Cost.into());
         }
-        if !self.cost.metric.decides().is_metric() {
+        if !self.cost.metric.cost_source().is_metric() {
             spent = cost;
         }
         if cost > tau && !is_probe {
-            return Err(Outcome::Later(cost * weight));
+            return Err(CollapseOutcome::Later(cost * weight));
         }
         let detail = self.change_of_detail(u, v, at, [ru, rv]);
         if detail.is_some_and(|change| !self.keeps_detail(change)) {
@@ -306,14 +307,14 @@ impl<M: Metric> LiveMesh<M> {
             handed_over = self.wedges_to_hand_over(u, v, y, off, ru, rv)?;
         }
         let mut charge = None;
-        if let Some(late) = &self.late {
+        if let Some(late) = &self.sampled {
             let most = if is_probe { f32::INFINITY } else { tau };
-            let found = self.charge(late, [x.origin, z.origin], at, [cost, most], scratch, tally);
+            let found = self.sampled_cost(late, [x.origin, z.origin], at, [cost, most], scratch, tally);
             cost = found.cost;
             charge = Some(found);
         }
         if cost > tau || is_probe {
-            return Err(Outcome::Later(cost * weight));
+            return Err(CollapseOutcome::Later(cost * weight));
         }
         Ok(Priced { cost, spent, detail, handed_over, charge })
     }
@@ -340,7 +341,7 @@ impl<M: Metric> LiveMesh<M> {
         if let Some(change) = priced.detail {
             self.change_detail(change);
         }
-        if !matches!(self.cost.metric.decides(), Judge::Engine) || checked.is_sure {
+        if !matches!(self.cost.metric.cost_source(), CostSource::Engine) || checked.is_sure {
             self.prepare_merge(u, v, y, ru, &mut scratch.merge);
         }
         tally.spent += f64::from(priced.spent);
@@ -462,10 +463,10 @@ impl<M: Metric> LiveMesh<M> {
     /// Weight of a largest squared distance. In the late phase true distances are charged instead.
     #[inline(always)]
     pub(crate) fn peak_weight(&self) -> f32 {
-        if self.late.is_some() || self.cost.metric.decides().is_metric() {
+        if self.sampled.is_some() || self.cost.metric.cost_source().is_metric() {
             0.0
         } else {
-            PEAK * self.cost.area
+            PEAK_WEIGHT * self.cost.area
         }
     }
 
@@ -507,7 +508,7 @@ impl<M: Metric> LiveMesh<M> {
             }
             for other in kept().skip(i + 1) {
                 if (other.a == w.b || other.b == w.a || other.a == w.a || other.b == w.b)
-                    && n.dot(unit(other.after)) < FOLD
+                    && n.dot(unit(other.after)) < FOLD_COS
                 {
                     return true;
                 }
@@ -520,7 +521,7 @@ impl<M: Metric> LiveMesh<M> {
                     continue;
                 }
                 let [p, q, r] = t.map(|o| self.store.p(o));
-                if n.dot(unit((q - p).cross(r - p))) < FOLD {
+                if n.dot(unit((q - p).cross(r - p))) < FOLD_COS {
                     return true;
                 }
             }

@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 use lodsmith_core::VertexId;
 
 use super::store::{Corner, Spoke, Store};
-use crate::metric::Memory;
+use crate::metric::VertexMemory;
 
 /// Twice the area over the squared longest edge under which a face has no normal to speak of: single precision may have
 /// turned it. (A guess: a height of ten thousandths of a percent of the length.)
@@ -53,7 +53,7 @@ fn normal(points: &[Vec3], t: &[VertexId; 3]) -> Option<DVec3> {
     (n.length() > NO_NORMAL * longest).then(|| n.normalize_or_zero())
 }
 
-impl<Q: Memory> Store<Q> {
+impl<Q: VertexMemory> Store<Q> {
     /// Whether the edge from corner k of a face to the next one (`next`) or to the one before is sharp, as the face has it.
     #[inline(always)]
     pub(super) fn is_sharp(&self, corner: Corner, next: bool) -> bool {

@@ -5,40 +5,40 @@
 //! spent, and the edges around it go on. No other vertex notices.
 
 /// Faces round the two ends of an edge from which it counts. (Guessed: far above those of any edge that is not at a hub.)
-const CROWD: usize = 1024;
+const HUB_FACES: usize = 1024;
 /// Faces that may be looked at in a whole run, for each face of the input; at least `LEAST_WORK`. (Guessed: a second or two for a million faces.)
 const WORK_PER_FACE: u64 = 128;
-const LEAST_WORK: u64 = 1 << 22;
+const MIN_WORK: u64 = 1 << 22;
 /// A sweep may spend one part in so many of what is left.
-const SHARE_OF_SWEEP: u64 = 8;
+const SWEEP_DIVISOR: u64 = 8;
 
 /// What may still be looked at round such vertices, in faces.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Crowds {
+pub(super) struct HubBudget {
     left: u64,
     left_in_sweep: u64,
 }
 
-impl Crowds {
+impl HubBudget {
     /// The budget of an input of so many faces.
     pub(super) fn of(faces: usize) -> Self {
-        let left = (faces as u64 * WORK_PER_FACE).max(LEAST_WORK);
-        Self { left, left_in_sweep: left / SHARE_OF_SWEEP }
+        let left = (faces as u64 * WORK_PER_FACE).max(MIN_WORK);
+        Self { left, left_in_sweep: left / SWEEP_DIVISOR }
     }
 
     /// Whether so many faces are many.
-    pub(super) fn is_crowd(faces: usize) -> bool {
-        faces > CROWD
+    pub(super) fn is_hub(faces: usize) -> bool {
+        faces > HUB_FACES
     }
 
     pub(super) fn begin_sweep(&mut self) {
-        self.left_in_sweep = self.left / SHARE_OF_SWEEP;
+        self.left_in_sweep = self.left / SWEEP_DIVISOR;
     }
 
     /// Whether an edge with so many faces round its ends may be looked at; takes them off the budget.
     #[inline(always)]
     pub(super) fn admit(&mut self, faces: usize) -> bool {
-        if !Self::is_crowd(faces) {
+        if !Self::is_hub(faces) {
             return true;
         }
         let (faces, is_admitted) = (faces as u64, faces as u64 <= self.left_in_sweep);
@@ -57,13 +57,13 @@ mod tests {
     #[test]
     fn work_at_crowds_is_in_proportion_to_the_input() {
         let n = 1 << 20;
-        let mut crowds = Crowds::of(n);
+        let mut crowds = HubBudget::of(n);
         let mut admitted = 0;
         for _ in 0..4000 {
             crowds.begin_sweep();
             admitted += (0..2000).filter(|_| crowds.admit(n)).count() as u64;
         }
         assert!((16..=WORK_PER_FACE).contains(&admitted), "{admitted} looks at all faces");
-        assert!(crowds.admit(CROWD), "small ones are free");
+        assert!(crowds.admit(HUB_FACES), "small ones are free");
     }
 }

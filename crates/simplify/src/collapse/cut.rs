@@ -25,7 +25,7 @@ use crate::report::Refusal;
 
 /// How far vertices that touch are moved aside, of the way to the middle of their star: enough for single precision to tell
 /// them apart, and nothing to see. (Guessed.)
-const ASIDE: f32 = 1.0 / 512.0;
+const SEPARATION_SHARE: f32 = 1.0 / 512.0;
 
 /// Whether a run with these options may cut, at the latest when nothing else is left. (Vertices that cannot move leave the
 /// sides of a cut in touch, which only free topology allows.)
@@ -39,21 +39,21 @@ pub(crate) fn may_cut(options: &SimplifyOptions) -> bool {
 
 /// Share of the collapses that the link condition has to refuse, from which a run that cuts necks is tried as well. (Measured: at
 /// most .02 on scans at 50, 10 and 1 %; .6 and 1.4 on parts with many small holes at 10 %, where cuts bring a quarter and more.)
-const REFUSED: f64 = 0.5;
+const MIN_REFUSED_SHARE: f64 = 0.5;
 /// Faces round a vertex above which no neck is looked for at it: that takes their square for each neighbour in common.
 /// (Guessed: in ordinary meshes hardly any vertex has a third of it.)
-const MOST_FACES: usize = 96;
+const MAX_NECK_FACES: usize = 96;
 /// Faces of the input for each of its parts, from which this is asked: small parts have no handles, but their last faces are
 /// refused by the link condition, too. (Guessed.)
-const FACES_OF_A_PART: usize = 100;
+const MIN_FACES_PER_PART: usize = 100;
 
 impl<M: Metric> Engine<M> {
     /// Whether necks stand in the way of many collapses, in a run that could not cut them.
     pub(crate) fn has_necks_in_the_way(&self) -> bool {
         let refused = self.tally.refusals[Refusal::LinkCondition as usize];
         !self.mesh.constraints.cuts_necks
-            && refused as f64 > REFUSED * self.tally.collapses as f64
-            && self.tally.first_faces >= FACES_OF_A_PART * self.mesh.part_count()
+            && refused as f64 > MIN_REFUSED_SHARE * self.tally.collapses as f64
+            && self.tally.first_faces >= MIN_FACES_PER_PART * self.mesh.part_count()
     }
 }
 
@@ -132,7 +132,7 @@ impl<M: Metric> LiveMesh<M> {
         rv: &Ring,
         tally: &mut Tally,
     ) -> Option<Neck> {
-        let has_few = |ring: &Ring| ring.len() <= MOST_FACES;
+        let has_few = |ring: &Ring| ring.len() <= MAX_NECK_FACES;
         if !self.constraints.cuts_necks || !has_few(ru) || !has_few(rv) {
             return None;
         }
@@ -213,8 +213,8 @@ impl<M: Metric> LiveMesh<M> {
         for i in 0..2 {
             let mut merged = sides(&neck.of_u, i);
             merged.extend(sides(&neck.of_v, i));
-            self.store.hang([u, v][i], &merged);
-            self.store.hang([w, other_w][i], &neck.of_w[i]);
+            self.store.set_corners([u, v][i], &merged);
+            self.store.set_corners([w, other_w][i], &neck.of_w[i]);
         }
         self.share_samples([u, v]);
         self.share_samples([w, other_w]);
@@ -232,7 +232,7 @@ impl<M: Metric> LiveMesh<M> {
 
     /// Moves vertices that stand at one place apart, each a little into its own star, as far as the guards let it. The store
     /// is compact.
-    pub(crate) fn part_touching(&mut self) {
+    pub(crate) fn separate_touching(&mut self) {
         let place = |x: VertexId| self.store.p(x).to_array().map(|x| (x + 0.0).to_bits());
         let mut order: Vec<VertexId> = (0..self.store.v.len() as u32).map(VertexId).collect();
         order.sort_unstable_by_key(|&x| (place(x), x));
@@ -249,7 +249,7 @@ impl<M: Metric> LiveMesh<M> {
             self.store.ring(x, &mut ring);
             let p = self.store.p(x);
             let around: Vec3 = ring.iter().map(|r| self.store.p(r.a) + self.store.p(r.b) - 2.0 * p).sum();
-            let aside = p + around * (ASIDE / (2 * ring.len()).max(1) as f32);
+            let aside = p + around * (SEPARATION_SHARE / (2 * ring.len()).max(1) as f32);
             let place = match &guards {
                 None => Some(aside),
                 Some(guards) => guards.farthest(&self.store, x, aside, |_| true),
@@ -276,7 +276,7 @@ impl<M: Metric> Engine<M> {
 impl<M: Metric> LiveMesh<M> {
     /// Deals the samples of the first of two vertices at one place to both.
     fn share_samples(&mut self, ends: [VertexId; 2]) {
-        let Some(mut late) = self.late.take() else { return };
+        let Some(mut late) = self.sampled.take() else { return };
         let mut ring = Ring::default();
         let stars = ends.map(|end| {
             self.store.ring(end, &mut ring);
@@ -285,6 +285,6 @@ impl<M: Metric> LiveMesh<M> {
             star
         });
         late.share(ends.map(|end| self.store.v[end.index()].origin), &stars);
-        self.late = Some(late);
+        self.sampled = Some(late);
     }
 }

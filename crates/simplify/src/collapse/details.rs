@@ -43,13 +43,13 @@ pub(crate) struct Details {
 
 /// What a part is like before anything is collapsed.
 #[derive(Clone, Copy)]
-struct Extent {
+struct PartExtent {
     area: f32,
     min: Vec3,
     max: Vec3,
 }
 
-impl Extent {
+impl PartExtent {
     const EMPTY: Self = Self { area: 0.0, min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
     /// Whether it lies in the box of a larger one.
@@ -70,7 +70,7 @@ impl<M: Metric> LiveMesh<M> {
         if parts < 2 {
             return;
         }
-        let mut extents = vec![Extent::EMPTY; parts];
+        let mut extents = vec![PartExtent::EMPTY; parts];
         for t in self.store.t.iter().filter(|t| t[0] != NONE) {
             let [a, b, c] = t.map(|w| self.store.p(w));
             let part = &mut extents[labels[t[0].index()] as usize];

@@ -10,11 +10,11 @@ use super::store::Ring;
 use super::{LiveMesh, Scratch, Tally};
 use crate::lanes::{self, Four, dot, splat, sub};
 use crate::metric::TIE;
-use crate::metric::{Form, Judge, Metric};
+use crate::metric::{CostSource, Form, Metric};
 use crate::options::Placement;
 
 /// Pull of the best position towards the middle of the edge, a share of the trace. (docs/decisions/0003)
-const CENTRE: f32 = 1e-5;
+const MIDPOINT_PULL: f32 = 1e-5;
 /// Largest squared distance over the mean one, as assumed until it is computed. (docs/decisions/0001)
 const PEAK_GUESS: f32 = 4.0;
 /// Share of trace³ under which the system is not solved. (Guessed.)
@@ -22,14 +22,14 @@ const MIN_DET: f32 = 1e-9;
 
 /// Farthest from the middle of the edge that the best position may lie, a share of length², squared. (Measured: 0.5 to
 /// 4 have equal means; 1 has the lowest maxima at 100 faces.)
-const FARTHEST: f32 = 1.0;
+const MAX_OFF_MIDPOINT_SQ: f32 = 1.0;
 /// Share of trace · length² under which a difference of squares in single precision is noise. Such a cost counts as
 /// nothing, so that the exact one is asked for at the commit: it alone tells flat from nearly flat.
-const NOISE: f32 = 1e-8;
+const CANCELLATION_NOISE: f32 = 1e-8;
 
 /// Share of trace · length² from which a difference of squares is known to about a thousandth: then what attributes lose need
 /// not be asked of the triangles once more.
-const SURE: f32 = 1e-5;
+const MIN_SIGNIFICANT: f32 = 1e-5;
 
 /// What was found of the edges of a vertex.
 #[derive(Debug, Default)]
@@ -101,8 +101,8 @@ impl<M: Metric> LiveMesh<M> {
         tally: &mut Tally,
     ) -> u64 {
         let &OwnedEdges { u, owned, ring: ru, most, are_lone } = edges;
-        if matches!(self.cost.metric.decides(), Judge::Stars | Judge::Ends) {
-            return self.judge_owned(edges, found, scratch, tally);
+        if matches!(self.cost.metric.cost_source(), CostSource::Stars | CostSource::Ends) {
+            return self.evaluate_owned_by_metric(edges, found, scratch, tally);
         }
         let mut stuck = 0;
         let is_plain = |w: VertexId| self.store.v[w.index()].kind.is_free();
@@ -175,7 +175,7 @@ impl<M: Metric> LiveMesh<M> {
         }
         // (What large values of attributes leave behind when they go may be less than nothing.)
         let trace = (a[0] + a[1] + a[2]).fast_max(f32x4::ZERO);
-        let r = trace * CENTRE;
+        let r = trace * MIDPOINT_PULL;
         let (m0, m1, m2) = (a[0] + r, a[1] + r, a[2] + r);
         let adjugate = [
             m1 * m2 - a[5] * a[5],
@@ -191,16 +191,17 @@ impl<M: Metric> LiveMesh<M> {
         let y = times(&adjugate, &wish).map(|w| w / det);
         let from_mid = sub(&y, &d.map(|k| k * 0.5));
         let (from_mid_sq, d_sq) = (dot(&from_mid, &from_mid), dot(&d, &d));
-        let solved = det.simd_gt(trace * trace * trace * MIN_DET) & from_mid_sq.simd_lt(d_sq * FARTHEST);
+        let solved =
+            det.simd_gt(trace * trace * trace * MIN_DET) & from_mid_sq.simd_lt(d_sq * MAX_OFF_MIDPOINT_SQ);
         let peak = f32x4::splat(PEAK_GUESS * self.peak_weight()) / trace.fast_max(f32x4::splat(1e-37));
         let peak = f32x4::ONE + peak.fast_min(f32x4::splat(PEAK_GUESS * PEAK_OF_STAR));
         let q = c - dot(&h, &y) * 2.0 + dot(&times(&a, &y), &y);
         let size = trace * d_sq;
         let sure = match self.values.attributes {
-            Some(_) => q.simd_gt(size * SURE) & q,
+            Some(_) => q.simd_gt(size * MIN_SIGNIFICANT) & q,
             None => f32x4::ZERO,
         };
-        let q = q.simd_gt(size * NOISE) & q;
+        let q = q.simd_gt(size * CANCELLATION_NOISE) & q;
         // |y|² + |y - d|², by the middle.
         let spread = from_mid_sq + from_mid_sq + d_sq * 0.5;
         let tie = trace * (0.5 * TIE) * spread;
@@ -220,7 +221,7 @@ impl<M: Metric> LiveMesh<M> {
             return q.max(0.0) + tie;
         }
         let peak = 1.0 + PEAK_GUESS * (self.peak_weight() / trace.max(1e-37)).min(PEAK_OF_STAR);
-        let q = if q > NOISE * trace * d.length_squared() { q } else { 0.0 };
+        let q = if q > CANCELLATION_NOISE * trace * d.length_squared() { q } else { 0.0 };
         q * peak + tie
     }
 
@@ -297,11 +298,11 @@ impl<M: Metric> LiveMesh<M> {
 pub(super) fn best_place(form: &Form, d: Vec3) -> Option<Vec3> {
     let Form { a, h, .. } = form;
     let (trace, mid) = (a.trace(), d * 0.5);
-    let r = CENTRE * trace;
+    let r = MIDPOINT_PULL * trace;
     let (adjugate, det) = a.damped(r).adjugate();
     if det > MIN_DET * trace * trace * trace {
         let y = adjugate.times(*h + mid * r) * (1.0 / det);
-        if (y - mid).length_squared() < FARTHEST * d.length_squared() {
+        if (y - mid).length_squared() < MAX_OFF_MIDPOINT_SQ * d.length_squared() {
             return Some(y);
         }
     }

@@ -15,47 +15,47 @@ use super::{LiveMesh, Scratch, Tally};
 use crate::metric::Metric;
 
 /// Live triangles under which the phase begins ...
-const BEGIN: usize = 2000;
+const START_FACES: usize = 2000;
 /// ... or under this share of the input where attributes count, at targets ... (Measured against 2,000: on ten models at 50
 /// to 10 % RMS 0.2 % lower, normals 3 %, textures 4 %; at 5 to 1 % 5 %, 7 % and 6 %.)
-const SHARE: f64 = 0.15;
+const START_SHARE: f64 = 0.15;
 /// ... below this,
-const SMALL: usize = 600;
+const EXTREME_FACES: usize = 600;
 /// ... or below the input by this factor.
-const REDUCTION: usize = 20;
+const EXTREME_REDUCTION: usize = 20;
 /// Sweeps are finer then. (Measured: 0.1 to 0.3 are equal within noise, 0.2 takes a sixth less time than 0.1.)
 pub(crate) const QUANTILE: f64 = 0.2;
 /// Samples of a vertex, at most, on average, when the phase begins.
-const SAMPLES: usize = 32;
+const SAMPLES_PER_VERTEX: usize = 32;
 /// A vertex with more keeps every second one, and the farthest.
-const MOST: usize = 96;
+const MAX_SAMPLES: usize = 96;
 /// Faces round a merged vertex up to which its samples are measured. (Guessed: no vertex of a model but the hub of a fan or a
 /// book has more.)
-const MEASURED_STAR: usize = 512;
+const MAX_MEASURED_STAR: usize = 512;
 /// Price of a loss. (6 would make it count like area · height², whose integral is a sixth; 3 to 6 are equal.)
-const CHARGE: f32 = 4.0;
+const LOSS_WEIGHT: f32 = 4.0;
 
 /// Whether a target is extreme for a mesh of so many faces.
 pub(crate) fn is_extreme(target: usize, faces: usize) -> bool {
-    target < SMALL || target.saturating_mul(REDUCTION) < faces
+    target < EXTREME_FACES || target.saturating_mul(EXTREME_REDUCTION) < faces
 }
 
 /// Live triangles under which the phase begins in a run that is recorded, which leads to extreme targets and to others. Where
 /// a tenth of the input is no extreme target, the phase begins below that, lest it costs that level what it gains the ones
 /// below. (Measured: fandisk at 10 % has 1.07 times the RMS of a single run from 2,000 on, 1.02 from 1,600.)
 pub(crate) fn begin_of_record(faces: usize) -> usize {
-    if is_extreme(faces / 10, faces) { BEGIN } else { BEGIN.min(faces / 8) }
+    if is_extreme(faces / 10, faces) { START_FACES } else { START_FACES.min(faces / 8) }
 }
 
 /// The same in a run to one target.
 pub(crate) fn begin(faces: usize, with_attributes: bool) -> usize {
-    if with_attributes { BEGIN.min((faces as f64 * SHARE) as usize) } else { BEGIN }
+    if with_attributes { START_FACES.min((faces as f64 * START_SHARE) as usize) } else { START_FACES }
 }
 
 /// Price of the farthest sample's squared distance, times the mean area of a triangle. (Measured with the samples: at this,
 /// the largest distances of cow, bunny and brain588k at 100 faces and of horse and fandisk at 1 % are all below the best
 /// rival's; at 0.4 to 0.7 means stay within noise.)
-const FARTHEST: f32 = 0.7;
+const FARTHEST_WEIGHT: f32 = 0.7;
 
 #[derive(Clone, Copy, Debug)]
 struct Sample {
@@ -66,7 +66,7 @@ struct Sample {
 
 /// What one live vertex has swallowed.
 #[derive(Clone, Debug, Default)]
-struct Bag {
+struct SampleSet {
     samples: Vec<Sample>,
     /// Sum of weight · squared distance to the star, as last measured.
     loss: f32,
@@ -74,9 +74,9 @@ struct Bag {
 
 /// The bags, by number in the ordered input of their vertex.
 #[derive(Clone)]
-pub(crate) struct Late {
-    bag_of: Vec<u32>,
-    bags: Vec<Bag>,
+pub(crate) struct SampledError {
+    set_of: Vec<u32>,
+    sets: Vec<SampleSet>,
 }
 
 /// Buffers of a charge.
@@ -89,7 +89,7 @@ pub(super) struct LateScratch {
 }
 
 /// Cost of a merger with what its samples lose.
-pub(super) struct Charge {
+pub(super) struct SampledCost {
     pub(super) cost: f32,
     /// Loss of all samples of the merged vertex.
     loss: f32,
@@ -119,12 +119,12 @@ fn measure(samples: &[Sample], star: &Star, most: f32) -> (f32, usize, f32) {
     (loss, far, worst)
 }
 
-impl Late {
+impl SampledError {
     /// Deals the samples of the first of two vertices at one place to both, each to the nearer star.
     pub(super) fn share(&mut self, origins: [VertexId; 2], stars: &[Star; 2]) {
-        let first = self.bag_of[origins[0].index()] as usize;
-        let mut bags = [Bag::default(), Bag::default()];
-        for s in std::mem::take(&mut self.bags[first].samples) {
+        let first = self.set_of[origins[0].index()] as usize;
+        let mut bags = [SampleSet::default(), SampleSet::default()];
+        for s in std::mem::take(&mut self.sets[first].samples) {
             let [a, b] = [0, 1].map(|i| measure(&[s], &stars[i], f32::INFINITY).0);
             bags[usize::from(b < a)].samples.push(s);
         }
@@ -132,26 +132,26 @@ impl Late {
             bag.loss = measure(&bag.samples, star, f32::INFINITY).0;
         }
         let [own, other] = bags;
-        self.bags[first] = own;
-        let length = self.bag_of.len().max(origins[1].index() + 1);
-        self.bag_of.resize(length, u32::MAX);
-        self.bag_of[origins[1].index()] = self.bags.len() as u32;
-        self.bags.push(other);
+        self.sets[first] = own;
+        let length = self.set_of.len().max(origins[1].index() + 1);
+        self.set_of.resize(length, u32::MAX);
+        self.set_of[origins[1].index()] = self.sets.len() as u32;
+        self.sets.push(other);
     }
 }
 
-impl Late {
+impl SampledError {
     /// Says what is wrong with the bags of living vertices, by number in the ordered input: each has one of its own.
     pub(super) fn check(&self, living: impl Iterator<Item = VertexId>) -> Result<(), String> {
-        let mut owners = vec![u32::MAX; self.bags.len()];
+        let mut owners = vec![u32::MAX; self.sets.len()];
         for origin in living {
-            let bag = self.bag_of.get(origin.index()).map_or(usize::MAX, |bag| *bag as usize);
+            let bag = self.set_of.get(origin.index()).map_or(usize::MAX, |bag| *bag as usize);
             let Some(owner) = owners.get_mut(bag) else {
-                return Err(format!("number {origin} has bag {bag} of {}", self.bags.len()));
+                return Err(format!("number {origin} has bag {bag} of {}", self.sets.len()));
             };
             let other = std::mem::replace(owner, origin.0);
             need(other == u32::MAX, || format!("numbers {other} and {origin} have one bag"))?;
-            let loss = self.bags[bag].loss;
+            let loss = self.sets[bag].loss;
             need(loss >= 0.0, || format!("the bag of number {origin} has lost {loss}"))?;
         }
         Ok(())
@@ -163,8 +163,8 @@ impl<M: Metric> LiveMesh<M> {
     pub(crate) fn begin_late(&mut self, points: &[Vec3], faces: &[[VertexId; 3]]) {
         self.store.compact();
         let home = self.store.homes();
-        let mut bags = vec![Bag::default(); self.store.v.len()];
-        let stride = ((points.len() + faces.len()) / (SAMPLES * self.store.v.len()).max(1)).max(1);
+        let mut bags = vec![SampleSet::default(); self.store.v.len()];
+        let stride = ((points.len() + faces.len()) / (SAMPLES_PER_VERTEX * self.store.v.len()).max(1)).max(1);
         let mut sum = 0.0;
         for t in faces.iter().step_by(stride) {
             let [a, b, c] = t.map(|w| points[w.index()]);
@@ -192,24 +192,24 @@ impl<M: Metric> LiveMesh<M> {
         for (i, x) in self.store.v.iter().enumerate() {
             bag_of[x.origin.index()] = i as u32;
         }
-        self.late = Some(Late { bag_of, bags });
+        self.sampled = Some(SampledError { set_of: bag_of, sets: bags });
     }
 
     /// Adds to a cost what the merger of two vertices (by number in the ordered input) at `at`, with the triangles of the
     /// star in the scratch, loses beyond what is lost already. The samples are measured until the cost passes `most`.
-    pub(super) fn charge(
+    pub(super) fn sampled_cost(
         &self,
-        late: &Late,
+        late: &SampledError,
         origins: [VertexId; 2],
         at: Vec3,
         [cost, most]: [f32; 2],
         scratch: &mut Scratch,
         tally: &mut Tally,
-    ) -> Charge {
-        let [u, v] = origins.map(|x| &late.bags[late.bag_of[x.index()] as usize]);
+    ) -> SampledCost {
+        let [u, v] = origins.map(|x| &late.sets[late.set_of[x.index()] as usize]);
         let (wings, LateScratch { merged, star }) = (&scratch.wings, &mut scratch.late);
         // (A table of samples times faces: too much round a hub of a thousand, where nothing is charged.)
-        let is_measured = 4 * wings.fours().len() <= MEASURED_STAR;
+        let is_measured = 4 * wings.fours().len() <= MAX_MEASURED_STAR;
         if is_measured {
             let rim = |w: Wing| [w.a, w.b].map(|o| (o, self.store.v[o.index()].p));
             star.set(at, wings.iter().filter(|w| !w.both).map(rim));
@@ -222,23 +222,23 @@ impl<M: Metric> LiveMesh<M> {
         }
         let before = u.loss + v.loss;
         let (loss, farthest, worst) = match is_measured {
-            true => measure(merged, star, before + (most - cost) / CHARGE),
+            true => measure(merged, star, before + (most - cost) / LOSS_WEIGHT),
             false => (before, 0, 0.0),
         };
-        let cost = cost + CHARGE * (loss - before).max(0.0) + FARTHEST * self.cost.area * worst;
-        Charge { cost, loss, farthest }
+        let cost = cost + LOSS_WEIGHT * (loss - before).max(0.0) + FARTHEST_WEIGHT * self.cost.area * worst;
+        SampledCost { cost, loss, farthest }
     }
 
     /// Gives the merged vertex the samples of both, which were just charged.
     pub(super) fn hand_over_samples(
         &mut self,
         [kept, removed]: [VertexId; 2],
-        charge: &Charge,
+        charge: &SampledCost,
         LateScratch { merged, .. }: &mut LateScratch,
     ) {
-        let Some(late) = &mut self.late else { return };
-        let [u, v] = [kept, removed].map(|x| late.bag_of[x.index()] as usize);
-        if merged.len() > MOST {
+        let Some(late) = &mut self.sampled else { return };
+        let [u, v] = [kept, removed].map(|x| late.set_of[x.index()] as usize);
+        if merged.len() > MAX_SAMPLES {
             let weigh = |samples: &[Sample]| samples.iter().map(|s| s.weight).sum::<f32>();
             let (whole, farthest) = (weigh(merged), merged[charge.farthest]);
             let mut i = 0;
@@ -250,12 +250,12 @@ impl<M: Metric> LiveMesh<M> {
             let scale = whole / weigh(merged);
             merged.iter_mut().for_each(|s| s.weight *= scale);
         }
-        late.bags[v].samples = Vec::new();
-        let bag = &mut late.bags[u];
+        late.sets[v].samples = Vec::new();
+        let bag = &mut late.sets[u];
         bag.samples.clear();
         bag.samples.extend_from_slice(merged);
         bag.loss = charge.loss;
         // Either number may be the merged vertex' later.
-        late.bag_of[removed.index()] = u as u32;
+        late.set_of[removed.index()] = u as u32;
     }
 }

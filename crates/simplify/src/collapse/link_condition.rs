@@ -13,10 +13,10 @@ use super::kind::faces_at;
 use super::marks::Marks;
 use super::order::NONE;
 use super::store::{Ring, Store};
-use crate::metric::Memory;
+use crate::metric::VertexMemory;
 use crate::report::Refusal;
 
-impl<Q: Memory> Store<Q> {
+impl<Q: VertexMemory> Store<Q> {
     /// Asks the link condition for the edge u-v with the rings of both; says how many triangles hang on it.
     #[inline(always)]
     pub(super) fn link_condition(

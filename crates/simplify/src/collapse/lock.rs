@@ -4,10 +4,10 @@ use lodsmith_core::VertexId;
 
 use super::LiveMesh;
 use super::store::{Spoke, Store};
-use crate::metric::{Memory, Metric};
+use crate::metric::{Metric, VertexMemory};
 use crate::report::Refusal;
 
-impl<Q: Memory> Store<Q> {
+impl<Q: VertexMemory> Store<Q> {
     /// Locks vertices, by number in the ordered input; before anything was merged.
     pub(crate) fn lock(&mut self, locked: &[bool]) {
         for (x, &locked) in self.v.iter_mut().zip(locked) {

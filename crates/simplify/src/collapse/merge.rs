@@ -12,7 +12,7 @@ use super::attributes::{Attributes, FourSlopes, Head, Member, NO_WEDGE, Slopes, 
 use super::store::{self, Ring, Spoke, Store};
 use super::wings::Wings;
 use crate::lanes::{self, dot, splat};
-use crate::metric::{Form, Judge, Metric};
+use crate::metric::{CostSource, Form, Metric};
 use crate::tensor::Tensor;
 
 /// The wedges of the edge that is looked at, their best values, and the sums that the merged ones will have.
@@ -124,7 +124,7 @@ impl<M: Metric> LiveMesh<M> {
         self.values
             .attributes
             .as_ref()
-            .filter(|a| a.lanes() > 0 && matches!(self.cost.metric.decides(), Judge::Engine))
+            .filter(|a| a.lanes() > 0 && matches!(self.cost.metric.cost_source(), CostSource::Engine))
     }
 
     /// Whether each of these has one wedge only.

@@ -66,7 +66,7 @@ pub(super) fn near_pairs(sites: &[Site], reach: f32, mut go_on: impl FnMut() -> 
             return None;
         }
         let mut search =
-            Search { sites, of: i, reach_sq: reach * reach, found: [(0.0, 0); MOST], count: 0, looks: 0 };
+            NearSearch { sites, of: i, reach_sq: reach * reach, found: [(0.0, 0); MOST], count: 0, looks: 0 };
         tree.visit(0, sites.len(), &mut search);
         for &(distance_sq, j) in &search.found[..search.count] {
             pairs.push(Near { ends: [i.min(j), i.max(j)], distance_sq });
@@ -84,7 +84,7 @@ struct Tree {
     axes: Vec<u8>,
 }
 
-struct Search<'a> {
+struct NearSearch<'a> {
     sites: &'a [Site],
     of: u32,
     /// Beyond this nothing is wanted any more.
@@ -94,7 +94,7 @@ struct Search<'a> {
     looks: usize,
 }
 
-impl Search<'_> {
+impl NearSearch<'_> {
     #[inline(always)]
     fn look(&mut self, &(p, j): &(Vec3, u32)) {
         self.looks += 1;
@@ -142,7 +142,7 @@ impl Tree {
     }
 
     /// Looks at a range, the half with the place first.
-    fn visit(&self, from: usize, to: usize, search: &mut Search<'_>) {
+    fn visit(&self, from: usize, to: usize, search: &mut NearSearch<'_>) {
         if search.looks >= LOOKS {
             return;
         }

@@ -142,10 +142,10 @@ impl Ordered {
         first
     }
     /// All of it looked up in the surface that was ordered, bit by bit the same, for four bytes a face.
-    pub(crate) fn again<'a>(&'a self, surface: &'a Surface<'a>) -> Again<'a> {
+    pub(crate) fn again<'a>(&'a self, surface: &'a Surface<'a>) -> RemadeInput<'a> {
         let faces = self.of_faces(surface, |i| i as u32);
         let (there, here, first) = (Vec::new(), Vec::new(), Vec::new());
-        Again { ordered: self, surface, faces, from: 0, there, here, first }
+        RemadeInput { ordered: self, surface, faces, from: 0, there, here, first }
     }
     /// The points again from the surface that was ordered.
     pub(crate) fn points_again(&self, surface: &Surface<'_>) -> Vec<Vec3> {
@@ -174,7 +174,7 @@ impl Ordered {
 }
 
 /// The ordered input, looked up in the surface that was ordered.
-pub(crate) struct Again<'a> {
+pub(crate) struct RemadeInput<'a> {
     ordered: &'a Ordered,
     surface: &'a Surface<'a>,
     /// The number of each face in the surface, in order.
@@ -190,7 +190,7 @@ pub(crate) struct Again<'a> {
 /// Faces looked up at a time. (Guessed: 24 bytes each, so that they stay in the nearest cache.)
 const BLOCK: usize = 256;
 
-impl Again<'_> {
+impl RemadeInput<'_> {
     #[cold]
     #[inline(never)]
     fn look_up(&mut self, face: usize) {
@@ -207,7 +207,7 @@ impl Again<'_> {
     }
 }
 
-impl OrderedInput for Again<'_> {
+impl OrderedInput for RemadeInput<'_> {
     fn point_count(&self) -> usize {
         self.ordered.point_count
     }

@@ -10,19 +10,19 @@ use lodsmith_core::VertexId;
 use super::bound::UNKNOWN;
 use super::bundle::{Bundle, Changed, Effect, Joint};
 use super::check::need;
-use super::commit::{FOLD, Outcome, PEAK_OF_STAR, merged_position};
+use super::commit::{CollapseOutcome, FOLD_COS, PEAK_OF_STAR, merged_position};
 use super::evaluate::best_place;
 use super::kind::{Kind, distinct, faces_at};
-use super::late::Charge;
+use super::late::SampledCost;
 use super::near::{Site, near_pairs};
 use super::order::NONE;
 use super::store::{Facing, Ring, Store, Vertex};
-use super::sweeps::ASK_EVERY;
-use super::wings::{NO_AREA, SUSPECT_TURN};
+use super::sweeps::VISITS_PER_PROGRESS_REPORT;
+use super::wings::{FOLD_CHECK_COS_SQ, MIN_SHAPE_SQ};
 use super::{Engine, Goal, LiveMesh, Scratch, Tally};
 use crate::control::Verdict;
 use crate::metric::TIE;
-use crate::metric::{Form, Memory, Metric};
+use crate::metric::{Form, Metric, VertexMemory};
 use crate::options::{BorderPolicy, Placement, TopologyPolicy};
 use crate::report::Refusal;
 use crate::tensor::Tensor;
@@ -30,7 +30,7 @@ use crate::tensor::Tensor;
 /// What the square of a gap counts, times the mean area of a triangle: two flat sheets side by side would cost nothing
 /// else. (Guessed, so that a gap costs about as much as an edge of its length where the surface is slightly curved; flat
 /// places are merged before.)
-const GAP: f32 = 1e-4;
+const GAP_WEIGHT: f32 = 1e-4;
 /// Pairs are looked for again when so many percent of the vertices of the last time are left.
 const RENEW_PERCENT: usize = 70;
 /// With fewer vertices than this they are looked for after every sweep that changed anything: the last ones matter.
@@ -40,7 +40,7 @@ const MOST_FACES: usize = 200;
 /// Steps of the search for pairs and looks at the faces round one after which no more are contracted: so many for each vertex
 /// of the input, ... (A level of 1,194 parts took 300,000 looks and 400 searches until nothing was left to contract, half a
 /// minute in all; what it contracted after the first tenth of that made nothing better.)
-const LOOKS: usize = 8;
+const LOOKS_PER_VERTEX: usize = 8;
 /// ... and so many more, since on small meshes pairs are looked for after every sweep.
 const FREE_LOOKS: usize = 100_000;
 /// Ways that are tried to join two vertices together with those beside them, the nearest first.
@@ -63,12 +63,12 @@ pub(crate) struct Pairs {
     found_at: Option<(u32, usize, u64)>,
     /// How often the faces round a pair may still be looked at.
     looks_left: usize,
-    work: Work,
+    work: PairScratch,
 }
 
 /// What a look at a pair works with; made once.
 #[derive(Clone, Default)]
-struct Work {
+struct PairScratch {
     bundle: Bundle,
     ru: Ring,
     rv: Ring,
@@ -78,11 +78,11 @@ struct Work {
 
 impl Pairs {
     pub(crate) fn new(reach: f32, vertices: usize) -> Self {
-        let looks_left = LOOKS.saturating_mul(vertices).saturating_add(FREE_LOOKS);
-        Self { reach, list: Vec::new(), found_at: None, looks_left, work: Work::default() }
+        let looks_left = LOOKS_PER_VERTEX.saturating_mul(vertices).saturating_add(FREE_LOOKS);
+        Self { reach, list: Vec::new(), found_at: None, looks_left, work: PairScratch::default() }
     }
     /// Says what is wrong with the pairs that were found, as long as vertices are numbered as they were then.
-    pub(super) fn check<Q: Memory>(&self, store: &Store<Q>) -> Result<(), String> {
+    pub(super) fn check<Q: VertexMemory>(&self, store: &Store<Q>) -> Result<(), String> {
         if self.found_at.is_none_or(|at| at.0 != store.generation) {
             return Ok(());
         }
@@ -131,14 +131,14 @@ impl<M: Metric> Engine<M> {
             if verdict != Verdict::Continue || self.mesh.needed(goal) == Some(0) || pairs.looks_left == 0 {
                 break;
             }
-            if i % ASK_EVERY == ASK_EVERY - 1 {
+            if i % VISITS_PER_PROGRESS_REPORT == VISITS_PER_PROGRESS_REPORT - 1 {
                 verdict = ask(self);
             }
             if pair.bound <= tau || probe {
                 pair.bound = match self.contract(pair.ends, tau, probe, &mut pairs) {
-                    Outcome::Done => f32::INFINITY,
-                    Outcome::Later(cost) => cost,
-                    Outcome::Refused(why) => {
+                    CollapseOutcome::Done => f32::INFINITY,
+                    CollapseOutcome::Later(cost) => cost,
+                    CollapseOutcome::Refused(why) => {
                         self.tally.refuse(why);
                         // Asked again when the sweeps have come this far; things change around here.
                         if probe { f32::INFINITY } else { 4.0 * tau + 1e-20 }
@@ -212,7 +212,7 @@ impl<M: Metric> Engine<M> {
         let list = std::mem::take(&mut pairs.list);
         let mut is_possible = |pair: &&Pair| {
             let outcome = self.contract(pair.ends, f32::MAX, true, &mut pairs);
-            matches!(outcome, Outcome::Later(cost) if cost.is_finite())
+            matches!(outcome, CollapseOutcome::Later(cost) if cost.is_finite())
         };
         list.iter().filter(&mut is_possible).count()
     }
@@ -224,7 +224,7 @@ impl<M: Metric> Engine<M> {
         let (mut verdict, mut asked) = (Verdict::Continue, 0usize);
         let found = near_pairs(&sites, pairs.reach, || {
             asked += 1;
-            if asked.is_multiple_of(ASK_EVERY) {
+            if asked.is_multiple_of(VISITS_PER_PROGRESS_REPORT) {
                 verdict = ask(self);
             }
             verdict == Verdict::Continue
@@ -323,22 +323,28 @@ impl<M: Metric> LiveMesh<M> {
 impl<M: Metric> Engine<M> {
     /// Contracts a pair, with those beside it where that is better, if topology, guards and cost allow it. With `probe`
     /// nothing is changed and the cost is said.
-    fn contract(&mut self, [u, v]: [VertexId; 2], tau: f32, probe: bool, pairs: &mut Pairs) -> Outcome {
+    fn contract(
+        &mut self,
+        [u, v]: [VertexId; 2],
+        tau: f32,
+        probe: bool,
+        pairs: &mut Pairs,
+    ) -> CollapseOutcome {
         let (reach, work) = (pairs.reach, &mut pairs.work);
         let is_gone = |w: VertexId| self.mesh.store.v[w.index()].kind.is_gone();
         if is_gone(u)
             || is_gone(v)
             || (self.mesh.store.p(v) - self.mesh.store.p(u)).length_squared() >= reach * reach
         {
-            return Outcome::Later(f32::INFINITY);
+            return CollapseOutcome::Later(f32::INFINITY);
         }
         // Those beside it cost more on top, so this is the least; most pairs are too dear at any time.
         let least = match self.mesh.place_pair(u, v, &mut work.ring) {
             Ok((_, cost)) => (cost + self.mesh.gap(u, v)) * self.mesh.price_of(u, v),
-            Err(why) => return Outcome::Refused(why),
+            Err(why) => return CollapseOutcome::Refused(why),
         };
         if least > tau && !probe {
-            return Outcome::Later(least);
+            return CollapseOutcome::Later(least);
         }
         pairs.looks_left = pairs.looks_left.saturating_sub(1);
         self.mesh.store.ring(u, &mut work.ru);
@@ -347,7 +353,7 @@ impl<M: Metric> Engine<M> {
         if work.ru.len() + work.rv.len() > MOST_FACES
             || work.ru.iter().chain(&work.rv).any(|r| is_large(r.a) || is_large(r.b))
         {
-            return Outcome::Refused(Refusal::Valence);
+            return CollapseOutcome::Refused(Refusal::Valence);
         }
         work.bundle.set(&mut self.mesh.store, &[[u, v]]);
         let alone = work.bundle.effect(&mut self.mesh.store);
@@ -363,7 +369,7 @@ impl<M: Metric> Engine<M> {
                     continue;
                 }
                 match self.try_bundle(tau, probe, work) {
-                    Outcome::Refused(other) => why = other,
+                    CollapseOutcome::Refused(other) => why = other,
                     done => return done,
                 }
             }
@@ -378,7 +384,7 @@ impl<M: Metric> Engine<M> {
             TopologyPolicy::Free => true,
         };
         if !may {
-            return Outcome::Refused(why);
+            return CollapseOutcome::Refused(why);
         }
         work.bundle.set(&mut self.mesh.store, &[[u, v]]);
         self.try_bundle(tau, probe, work)
@@ -387,8 +393,8 @@ impl<M: Metric> Engine<M> {
 
 impl<M: Metric> LiveMesh<M> {
     /// The pairs beside one that may join the surfaces along an edge or by two faces: nearest first.
-    fn find_ways(&mut self, u: VertexId, v: VertexId, reach: f32, work: &mut Work) {
-        let Work { ru, rv, ring, ways, .. } = work;
+    fn find_ways(&mut self, u: VertexId, v: VertexId, reach: f32, work: &mut PairScratch) {
+        let PairScratch { ru, rv, ring, ways, .. } = work;
         ways.clear();
         let apart =
             |mesh: &Self, x: VertexId, y: VertexId| (mesh.store.p(x) - mesh.store.p(y)).length_squared();
@@ -434,13 +440,13 @@ impl<M: Metric> LiveMesh<M> {
 
 impl<M: Metric> Engine<M> {
     /// Places the pairs of a bundle, asks the guards, and contracts them if they cost at most `tau`.
-    fn try_bundle(&mut self, tau: f32, probe: bool, work: &mut Work) -> Outcome {
+    fn try_bundle(&mut self, tau: f32, probe: bool, work: &mut PairScratch) -> CollapseOutcome {
         let bundle = &mut work.bundle;
         if bundle.faces.iter().filter(|c| c.is_gone).count() >= self.mesh.store.live_faces {
-            return Outcome::Refused(Refusal::Component);
+            return CollapseOutcome::Refused(Refusal::Component);
         }
         if bundle.loses_locked(&mut self.mesh.store) {
-            return Outcome::Refused(Refusal::Locked);
+            return CollapseOutcome::Refused(Refusal::Locked);
         }
         let (mut price, mut remembered, mut gaps) = (0f32, 0f32, 0f32);
         for i in 0..bundle.joints.len() {
@@ -450,14 +456,14 @@ impl<M: Metric> Engine<M> {
                     bundle.joints[i].at = at;
                     remembered += cost;
                 }
-                Err(why) => return Outcome::Refused(why),
+                Err(why) => return CollapseOutcome::Refused(why),
             }
             price = price.max(self.mesh.price_of(joint.u, joint.v));
             gaps += self.mesh.gap(joint.u, joint.v);
         }
         let loss = match self.mesh.loss(bundle, &mut work.ring) {
             Ok(loss) => loss,
-            Err(why) => return Outcome::Refused(why),
+            Err(why) => return CollapseOutcome::Refused(why),
         };
         let plain = if self.mesh.cost.metric.is_memoryless() { loss } else { remembered } + gaps;
         let mut cost = plain;
@@ -476,20 +482,20 @@ impl<M: Metric> Engine<M> {
             cost = charge.map_or(cost, |charge| charge.cost);
         }
         if cost > tau || probe {
-            return Outcome::Later(cost * price);
+            return CollapseOutcome::Later(cost * price);
         }
         self.tally.spent += f64::from(plain);
-        self.join(bundle, &mut work.ring);
+        self.apply_bundle(bundle, &mut work.ring);
         let moved: Vec<VertexId> = bundle.joints.iter().map(|j| j.u).collect();
         self.note(bundle.faces.iter().map(|c| c.face), &moved, cost * price);
-        Outcome::Done
+        CollapseOutcome::Done
     }
 }
 
 impl<M: Metric> LiveMesh<M> {
     /// What the way between two vertices costs.
     fn gap(&self, u: VertexId, v: VertexId) -> f32 {
-        GAP * self.cost.area * (self.store.p(v) - self.store.p(u)).length_squared()
+        GAP_WEIGHT * self.cost.area * (self.store.p(v) - self.store.p(u)).length_squared()
     }
 
     fn price_of(&self, u: VertexId, v: VertexId) -> f32 {
@@ -596,16 +602,16 @@ impl<M: Metric> LiveMesh<M> {
             let (old_shape, new_shape) = (shape(before_sq, p), shape(after_sq, q));
             let turns = !((dot > 0.0) & (dot * dot > self.constraints.rules.max_turn * before_sq * after_sq));
             // A face without area has no normal that could turn.
-            if turns && (old_shape > NO_AREA || after_sq == 0.0) {
+            if turns && (old_shape > MIN_SHAPE_SQ || after_sq == 0.0) {
                 return Err(Refusal::NormalFlip);
             }
-            if new_shape < NO_AREA && old_shape > new_shape {
+            if new_shape < MIN_SHAPE_SQ && old_shape > new_shape {
                 return Err(Refusal::Quality);
             }
             if new_shape < self.constraints.rules.min_shape && new_shape < old_shape {
                 return Err(Refusal::Quality);
             }
-            turned |= dot * dot < SUSPECT_TURN * before_sq * after_sq;
+            turned |= dot * dot < FOLD_CHECK_COS_SQ * before_sq * after_sq;
             for k in 0..3 {
                 let sides = [p, q].map(|p| (p[(k + 1) % 3] - p[k]).length_squared());
                 if sides[1] > self.constraints.rules.max_edge_sq && sides[1] > sides[0] {
@@ -619,7 +625,7 @@ impl<M: Metric> LiveMesh<M> {
         if peak > self.constraints.rules.max_step_sq {
             return Err(Refusal::Cost);
         }
-        self.ask_valence(bundle)?;
+        self.check_valence(bundle)?;
         if self.bundle_folds(bundle, turned, ring) { Err(Refusal::NormalFlip) } else { Ok(cost) }
     }
 
@@ -627,7 +633,7 @@ impl<M: Metric> LiveMesh<M> {
         c.after.map(|w| bundle.place_of(w).unwrap_or_else(|| self.store.p(w)))
     }
 
-    fn ask_valence(&self, bundle: &Bundle) -> Result<(), Refusal> {
+    fn check_valence(&self, bundle: &Bundle) -> Result<(), Refusal> {
         if self.constraints.rules.max_valence == usize::MAX {
             return Ok(());
         }
@@ -652,8 +658,8 @@ impl<M: Metric> LiveMesh<M> {
         ring: &mut Ring,
         scratch: &mut Scratch,
         tally: &mut Tally,
-    ) -> Option<Charge> {
-        let late = self.late.as_ref()?;
+    ) -> Option<SampledCost> {
+        let late = self.sampled.as_ref()?;
         let ends = [joint.u, joint.v];
         scratch.wings.clear();
         for end in ends {
@@ -661,7 +667,7 @@ impl<M: Metric> LiveMesh<M> {
             scratch.wings.add_rim(ring, |r| r.has(joint.u) || r.has(joint.v));
         }
         let origins = ends.map(|w| self.store.v[w.index()].origin);
-        Some(self.charge(late, origins, joint.at, [cost, most], scratch, tally))
+        Some(self.sampled_cost(late, origins, joint.at, [cost, most], scratch, tally))
     }
 
     /// Whether faces come to lie back to back at an edge that was not there before, or, where one `turned` far, at any.
@@ -678,7 +684,7 @@ impl<M: Metric> LiveMesh<M> {
         sides.sort_unstable_by_key(|s| (s.0, s.2));
         for same in sides.chunk_by(|a, b| a.0 == b.0) {
             if let [(edge, n, face), (_, m, other)] = same
-                && n.dot(*m) < FOLD
+                && n.dot(*m) < FOLD_COS
             {
                 let shares = |face: usize, other: usize| {
                     let (t, o) = (self.store.t[face], self.store.t[other]);
@@ -698,7 +704,7 @@ impl<M: Metric> LiveMesh<M> {
                 .filter(|r| r.has(*b) && r.corner.face() != *face && !bundle.is_gone(r.corner.face()))
             {
                 let [p, q, r] = self.store.t[r.corner.face()].map(|w| self.store.p(w));
-                if n.dot((q - p).cross(r - p).normalize_or_zero()) < FOLD {
+                if n.dot((q - p).cross(r - p).normalize_or_zero()) < FOLD_COS {
                     return true;
                 }
             }
@@ -709,7 +715,7 @@ impl<M: Metric> LiveMesh<M> {
 
 impl<M: Metric> Engine<M> {
     /// Does what was asked: all pairs of the bundle become one each.
-    fn join(&mut self, bundle: &Bundle, ring: &mut Ring) {
+    fn apply_bundle(&mut self, bundle: &Bundle, ring: &mut Ring) {
         let mut touched: Vec<VertexId> = bundle.faces.iter().flat_map(|c| c.before).collect();
         touched.sort_unstable();
         touched.dedup();
@@ -760,7 +766,7 @@ impl<M: Metric> Engine<M> {
                 corners.push(r.corner);
             }
         }
-        self.mesh.store.hang(u, &corners);
+        self.mesh.store.set_corners(u, &corners);
         // Whose place was kept gives its number: the result then has that vertex of the input.
         let [own, other] = [&x, &z].map(|end| end.p == at && !end.kind.is_moved());
         let kept_v = other && !own;

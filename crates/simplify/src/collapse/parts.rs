@@ -18,23 +18,23 @@ use crate::options::{BorderPolicy, TopologyPolicy};
 /// would bring their far ends to the rest. (Half the size squared, times twice the area, is an eighth of what a collapse
 /// pays for a rod that is held at one end. Measured against 1: brain_mri at 1 % has 0.155 % RMS instead of 0.183, at
 /// 8,000 faces 0.119 instead of 0.138, heptoroid at 50 faces 7.3 instead of 13.9.)
-const IN_TURN: f32 = 8.0;
+const FREE_PART_WEIGHT: f32 = 8.0;
 
 /// Share of the faces above which cheap parts stand in the way of a run that leaves them alone. (The RMS distance falls about
 /// as the count rises, so with fewer faces to gain the rest would not come closer by much.)
-const IN_THE_WAY: f64 = 0.2;
+const MIN_BLOCKING_SHARE: f64 = 0.2;
 /// With fewer faces left, what parts would have cost is asked of every run: the answer takes next to no time there, and the few
 /// sweeps of such a run do not tell whether it is at ease. (Guessed.)
-const ALWAYS_ASKED: usize = 10_000;
+const ALWAYS_CHECKED_BELOW_FACES: usize = 10_000;
 /// Removing a part may leave the result below its target by this share, ...
-const BELOW: f64 = 0.1;
+const MAX_OVERSHOOT: f64 = 0.1;
 /// ... or by this one where nothing else meets the target. (Guessed: with less than half the faces asked for, a result above
 /// the target is nearer to it.)
-const BELOW_AT_LAST: f64 = 0.5;
+const MAX_LAST_OVERSHOOT: f64 = 0.5;
 
 /// A connected part of the mesh.
 #[derive(Clone, Copy)]
-struct Part {
+struct Component {
     faces: usize,
     area: f32,
     /// What its absence counts times; without end if a vertex is locked, or a border.
@@ -43,7 +43,7 @@ struct Part {
     max: Vec3,
 }
 
-impl Part {
+impl Component {
     const EMPTY: Self = Self {
         faces: 0,
         area: 0.0,
@@ -59,7 +59,7 @@ impl Part {
     }
 
     /// The same times its importance; without end if it must stay.
-    fn worth(&self) -> f32 {
+    fn weighted_cost(&self) -> f32 {
         if self.price < f32::INFINITY { self.price * self.cost() } else { f32::INFINITY }
     }
 
@@ -74,7 +74,7 @@ impl Part {
 pub(crate) struct Parts {
     /// By number in the ordered input.
     part_of: Vec<u32>,
-    of_input: Vec<Part>,
+    of_input: Vec<Component>,
     cost: Vec<f32>,
     worth: Vec<f32>,
     /// Necks that were cut, and pairs that were contracted, before the parts were looked for.
@@ -82,7 +82,7 @@ pub(crate) struct Parts {
 }
 
 /// The cheapest first, without the last.
-fn all_but_the_dearest(mut order: Vec<usize>, cost: &[f32]) -> Vec<usize> {
+fn all_but_most_expensive(mut order: Vec<usize>, cost: &[f32]) -> Vec<usize> {
     order.sort_by(|&i, &j| cost[i].total_cmp(&cost[j]).then(i.cmp(&j)));
     order.pop();
     order
@@ -98,13 +98,13 @@ impl<M: Metric> Engine<M> {
         }
         self.mesh.store.compact();
         let (part_of, parts) = self.mesh.find_parts();
-        let worth: Vec<f32> = parts.iter().map(Part::worth).collect();
-        let mut order = all_but_the_dearest((0..parts.len()).collect(), &worth);
+        let worth: Vec<f32> = parts.iter().map(Component::weighted_cost).collect();
+        let mut order = all_but_most_expensive((0..parts.len()).collect(), &worth);
         order.retain(|&i| parts[i].price < f32::INFINITY);
         let faces: Vec<usize> = parts.iter().map(|p| p.faces).collect();
-        let cost: Vec<f32> = parts.iter().map(Part::cost).collect();
+        let cost: Vec<f32> = parts.iter().map(Component::cost).collect();
         if let Some(record) = &mut self.record {
-            record.bar();
+            record.raise_floor();
         }
         self.drop_parts(goal, &order, true, &faces, &cost, &part_of);
         self.mesh.needed(goal) == Some(0)
@@ -114,23 +114,26 @@ impl<M: Metric> Engine<M> {
     /// remove than some collapses were. `cuts` is whether necks could be cut as well. Cost: O(n), but only for a run that
     /// was not at ease or is small.
     pub(crate) fn has_parts_in_the_way(&self, cuts: bool) -> bool {
-        let is_asked = self.tally.is_strained || self.mesh.store.live_faces < ALWAYS_ASKED;
+        let is_asked = self.tally.is_strained || self.mesh.store.live_faces < ALWAYS_CHECKED_BELOW_FACES;
         if !is_asked || self.mesh.topology.parts.is_some() {
             return false;
         }
         let parts = self.mesh.find_parts().1;
-        let weight = if cuts { IN_TURN } else { 1.0 };
-        let rates: Vec<f32> = parts.iter().map(|p| self.mesh.rate(p, weight * p.worth(), p.faces)).collect();
+        let weight = if cuts { FREE_PART_WEIGHT } else { 1.0 };
+        let rates: Vec<f32> =
+            parts.iter().map(|p| self.mesh.rate(p, weight * p.weighted_cost(), p.faces)).collect();
         let all = (0..parts.len()).filter(|&i| parts[i].faces > 0).collect();
-        let cheap = all_but_the_dearest(all, &rates).into_iter().filter(|&i| rates[i] <= self.tally.paid);
+        let cheap = all_but_most_expensive(all, &rates)
+            .into_iter()
+            .filter(|&i| rates[i] <= self.tally.highest_threshold);
         let faces: usize = cheap.map(|i| parts[i].faces).sum();
-        faces as f64 > IN_THE_WAY * self.mesh.store.live_faces as f64
+        faces as f64 > MIN_BLOCKING_SHARE * self.mesh.store.live_faces as f64
     }
 }
 
 impl<M: Metric> LiveMesh<M> {
     /// What two faces cost of a part that is worth so much and has so many faces left.
-    fn rate(&self, part: &Part, worth: f32, faces: usize) -> f32 {
+    fn rate(&self, part: &Component, worth: f32, faces: usize) -> f32 {
         self.cost.metric.part_rate(2.0 * worth / faces as f32, &part.size(faces), self.cost.mean_face)
     }
 }
@@ -162,10 +165,10 @@ impl<M: Metric> Engine<M> {
         self.watch(part_of, parts);
     }
 
-    fn watch(&mut self, part_of: Vec<u32>, parts: Vec<Part>) {
-        let weight = if self.mesh.constraints.cuts_necks { IN_TURN } else { 1.0 };
+    fn watch(&mut self, part_of: Vec<u32>, parts: Vec<Component>) {
+        let weight = if self.mesh.constraints.cuts_necks { FREE_PART_WEIGHT } else { 1.0 };
         let cost = parts.iter().map(|p| p.cost() * weight).collect();
-        let worth = parts.iter().map(|p| p.worth() * weight).collect();
+        let worth = parts.iter().map(|p| p.weighted_cost() * weight).collect();
         self.mesh.topology.parts =
             Some(Parts { part_of, of_input: parts, cost, worth, changes: self.changes_of_parts() });
     }
@@ -184,7 +187,7 @@ impl<M: Metric> Engine<M> {
         }
         let rate = |i: usize| self.mesh.rate(&parts.of_input[i], parts.worth[i], faces[i]);
         let rates: Vec<f32> = (0..faces.len()).map(rate).collect();
-        let mut order = all_but_the_dearest((0..faces.len()).filter(|&i| faces[i] > 0).collect(), &rates);
+        let mut order = all_but_most_expensive((0..faces.len()).filter(|&i| faces[i] > 0).collect(), &rates);
         order.retain(|&i| rates[i] <= tau);
         if !order.is_empty() {
             let part_of: Vec<u32> =
@@ -238,7 +241,7 @@ impl<M: Metric> Engine<M> {
             let (faces_left, vertices_left) = (self.mesh.store.live_faces, self.mesh.store.live_vertices);
             let left = |i: usize| (faces_left - faces[i], vertices_left - vertices[i]);
             let i = match order.get(at) {
-                Some(&i) if !is_far_below(goal, left(i), BELOW) => i,
+                Some(&i) if !is_far_below(goal, left(i), MAX_OVERSHOOT) => i,
                 Some(&i) => {
                     too_large.push(i);
                     at += 1;
@@ -247,7 +250,7 @@ impl<M: Metric> Engine<M> {
                 // The one that leaves most.
                 None if at_last => {
                     let fitting = too_large.iter().copied();
-                    let fitting = fitting.filter(|&i| !is_far_below(goal, left(i), BELOW_AT_LAST));
+                    let fitting = fitting.filter(|&i| !is_far_below(goal, left(i), MAX_LAST_OVERSHOOT));
                     let Some(i) = fitting.min_by_key(|&i| (faces[i], i)) else { break };
                     too_large.clear();
                     i
@@ -291,7 +294,7 @@ impl<M: Metric> LiveMesh<M> {
     }
 
     /// The part of each vertex of a compact store, and the parts in the order of their first vertex.
-    fn find_parts(&self) -> (Vec<u32>, Vec<Part>) {
+    fn find_parts(&self) -> (Vec<u32>, Vec<Component>) {
         let label = self.label_parts();
         let mut parts = measured(&label, |w| self.store.p(w), &self.store.t);
         for (x, &l) in self.store.v.iter().zip(&label) {
@@ -303,7 +306,7 @@ impl<M: Metric> LiveMesh<M> {
     }
 
     /// Where borders are locked, parts with a border must stay. Cost: O(n log n), there alone.
-    fn keep_locked_borders(&self, part_of: &[u32], faces: &[[VertexId; 3]], parts: &mut [Part]) {
+    fn keep_locked_borders(&self, part_of: &[u32], faces: &[[VertexId; 3]], parts: &mut [Component]) {
         if self.constraints.rules.border != BorderPolicy::Lock {
             return;
         }
@@ -335,8 +338,8 @@ fn is_far_below(goal: &Goal, (faces, vertices): (usize, usize), share: f64) -> b
 }
 
 /// Parts, but for their prices; `label` says which one each of the points is of.
-fn measured(label: &[u32], at: impl Fn(VertexId) -> Vec3, faces: &[[VertexId; 3]]) -> Vec<Part> {
-    let mut parts = vec![Part::EMPTY; label.iter().copied().max().map_or(0, |m| m as usize + 1)];
+fn measured(label: &[u32], at: impl Fn(VertexId) -> Vec3, faces: &[[VertexId; 3]]) -> Vec<Component> {
+    let mut parts = vec![Component::EMPTY; label.iter().copied().max().map_or(0, |m| m as usize + 1)];
     for (i, &l) in label.iter().enumerate() {
         let (p, part) = (at(VertexId(i as u32)), &mut parts[l as usize]);
         (part.min, part.max) = (part.min.min(p), part.max.max(p));

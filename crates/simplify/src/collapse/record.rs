@@ -13,7 +13,7 @@ use super::attributes::Attributes;
 use super::order::{Frame, NONE};
 use super::store::Store;
 use crate::attributes::{RowPlaces, Rows};
-use crate::metric::{Memory, Metric};
+use crate::metric::{Metric, VertexMemory};
 
 /// Share of the bounds that one sweep takes while a record is kept: the road is to be good at every step, not only at its
 /// end. (Measured: at 0.7 levels have up to 1.6 times the RMS of single runs, at 0.25 up to 1.06, at 0.05 up to 1.04; exactly
@@ -40,12 +40,12 @@ pub(crate) struct Log {
     /// Vertices of the ordered input that went into others.
     pub(crate) merged: Vec<(VertexId, VertexId)>,
     /// One entry for each change.
-    pub(crate) steps: Vec<Step>,
+    pub(crate) steps: Vec<LoggedChange>,
 }
 
 /// A change.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Step {
+pub(crate) struct LoggedChange {
     /// Its own cost, or the largest of those that it builds on: in this order changes may be done.
     pub(crate) key: f32,
     /// What the engine has paid by then, and what parts were worth that went.
@@ -57,7 +57,7 @@ pub(crate) struct Step {
 
 /// How the engine's numbers are called in the input.
 #[derive(Clone)]
-pub(crate) struct Names {
+pub(crate) struct InputNames {
     /// The vertex of each place.
     pub(crate) vertices: Vec<VertexId>,
     /// The wedge of each wedge of the engine; where it has none, of each place.
@@ -70,7 +70,7 @@ pub(crate) struct Names {
 
 /// The mesh in the names of the input; what is made on the way has numbers beyond.
 #[derive(Clone)]
-pub(crate) struct Copy {
+pub(crate) struct MeshCopy {
     pub(crate) faces: Vec<[WedgeId; 3]>,
     pub(crate) vertex_of: Vec<VertexId>,
     pub(crate) width: usize,
@@ -80,8 +80,8 @@ pub(crate) struct Copy {
 
 #[derive(Clone)]
 pub(crate) struct Record {
-    pub(crate) names: Names,
-    pub(crate) copy: Copy,
+    pub(crate) names: InputNames,
+    pub(crate) copy: MeshCopy,
     pub(crate) log: Log,
     /// Positions of the input.
     input: Positions,
@@ -105,8 +105,8 @@ pub(crate) struct Record {
 impl Record {
     /// A record of a mesh that is still as the input has it.
     pub(crate) fn new(
-        names: Names,
-        copy: Copy,
+        names: InputNames,
+        copy: MeshCopy,
         frame: Frame,
         rows: Option<(Rows, RowPlaces)>,
         home: Vec<VertexId>,
@@ -132,7 +132,7 @@ impl Record {
     }
 
     /// Lets all that follows build on all that was.
-    pub(crate) fn bar(&mut self) {
+    pub(crate) fn raise_floor(&mut self) {
         self.floor = self.highest;
     }
 
@@ -203,7 +203,7 @@ impl Record {
 
     /// Notes what is different now at these faces of the store, which is not compacted since; `moved` are the vertices
     /// whose places or values may have changed.
-    fn note<Q: Memory>(
+    fn note<Q: VertexMemory>(
         &mut self,
         store: &Store<Q>,
         attributes: Option<&Attributes>,
@@ -294,7 +294,7 @@ impl Record {
 
     /// Gives the wedges of each vertex that a change moved alike values of what moves it as a whole. The rows that the change
     /// wrote down begin with `first_row`, the wedges that it made with `there`.
-    fn hold_together<Q: Memory>(
+    fn hold_together<Q: VertexMemory>(
         &mut self,
         store: &Store<Q>,
         (faces, moved): (&[usize], &[VertexId]),
@@ -356,7 +356,7 @@ impl Record {
             .map(|n| n as u32);
         let [spent_before, lost_before] = std::mem::replace(&mut self.before, [spent, lost]);
         let (spent, lost) = ((spent - spent_before) as f32, (lost - lost_before) as f32);
-        log.steps.push(Step { key, spent, lost, ends });
+        log.steps.push(LoggedChange { key, spent, lost, ends });
     }
 }
 
@@ -410,7 +410,7 @@ impl<M: Metric> Engine<M> {
         self.mesh.constraints.keeps_parts = false;
         self.watch_parts();
         if let Some(record) = &mut self.record {
-            record.bar();
+            record.raise_floor();
         }
     }
 }

@@ -8,7 +8,7 @@ use super::LiveMesh;
 use super::attributes::NO_WEDGE;
 use super::kind::{Kind, SHORT_RING, faces_at};
 use super::store::{Ring, Spoke, Store};
-use crate::metric::{Memory, Metric};
+use crate::metric::{Metric, VertexMemory};
 use crate::report::Refusal;
 
 /// Weight of the line of a seam edge against the planes of faces: a seam that leaves its line shows what lies beyond the
@@ -84,7 +84,7 @@ impl Side {
     }
 }
 
-impl<Q: Memory> Store<Q> {
+impl<Q: VertexMemory> Store<Q> {
     /// The class of a region: between classes borders are exact.
     fn class(&self, region: RegionId) -> RegionId {
         self.classes.get(region.index()).copied().unwrap_or(region)

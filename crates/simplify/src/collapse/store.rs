@@ -15,7 +15,7 @@ use super::kind::Kind;
 use super::marks::Marks;
 use super::order::{MEMORY_FREE_UP_TO, NONE};
 use crate::lanes::{Four, dot};
-use crate::metric::Memory;
+use crate::metric::VertexMemory;
 
 /// A corner of a triangle: four times its index, and 0, 1 or 2.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -133,7 +133,7 @@ impl<'a> IntoIterator for &'a Ring {
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Vertex<Q> {
-    place: Place,
+    place: PackedPosition,
     /// What the metric keeps.
     pub(crate) q: Q,
     /// Its number in the ordered input.
@@ -150,7 +150,7 @@ pub(crate) struct Vertex<Q> {
 /// Where a vertex stands, and what stands there beside it: read together by one instruction.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(16))]
-pub(crate) struct Place {
+pub(crate) struct PackedPosition {
     /// Position in the unit frame.
     pub(crate) p: Vec3,
     /// Scratch of the fit: numbers of outliers.
@@ -158,16 +158,16 @@ pub(crate) struct Place {
 }
 
 impl<Q> std::ops::Deref for Vertex<Q> {
-    type Target = Place;
+    type Target = PackedPosition;
     #[inline(always)]
-    fn deref(&self) -> &Place {
+    fn deref(&self) -> &PackedPosition {
         &self.place
     }
 }
 
 impl<Q> std::ops::DerefMut for Vertex<Q> {
     #[inline(always)]
-    fn deref_mut(&mut self) -> &mut Place {
+    fn deref_mut(&mut self) -> &mut PackedPosition {
         &mut self.place
     }
 }
@@ -244,7 +244,7 @@ impl Normals {
 }
 
 #[derive(Clone)]
-pub(crate) struct Store<Q: Memory> {
+pub(crate) struct Store<Q: VertexMemory> {
     pub(crate) v: Vec<Vertex<Q>>,
     /// The smallest cost, as last seen, of the edges that a vertex owns: those to later vertices.
     pub(crate) bound: Vec<f32>,
@@ -277,19 +277,19 @@ pub(crate) struct Store<Q: Memory> {
 /// A store is compacted when fewer than this share of its triangles live. (Measured: 50 to 75 % are equal.)
 const COMPACT_PERCENT: usize = 60;
 /// It pays only when at least this share of the triangles is still to go. (It costs about as much as a tenth of them.)
-const WORTH_PERCENT: usize = 25;
+const MIN_REMAINING_PERCENT: usize = 25;
 /// Room for lists that outgrow theirs, a share of all corners; when it is used up the store is compacted.
 const SLACK_PERCENT: usize = 30;
 /// Vertices whose memory is not worth the time that giving it back takes.
-const WORTH_SHRINKING: usize = 1 << 16;
+const SHRINK_MIN_VERTICES: usize = 1 << 16;
 
 /// The two corners after each, by table: a branch on it could not be foretold.
 const NEXT: [usize; 4] = [1, 2, 0, 0];
 const PREV: [usize; 4] = [2, 0, 1, 0];
 /// How many visits ahead a vertex, its list, its triangles and the vertices around it are asked for. (Guessed.)
-const AHEAD: [usize; 4] = [12, 9, 6, 3];
+const PREFETCH_VISITS_AHEAD: [usize; 4] = [12, 9, 6, 3];
 
-impl<Q: Memory> Store<Q> {
+impl<Q: VertexMemory> Store<Q> {
     /// A store whose corner lists are still to be filled.
     pub(crate) fn new(
         points: &[Vec3],
@@ -298,7 +298,7 @@ impl<Q: Memory> Store<Q> {
         regions: Option<Vec<RegionId>>,
     ) -> Self {
         let vertex = |(i, &p): (usize, &Vec3)| Vertex {
-            place: Place { p, mark: 0 },
+            place: PackedPosition { p, mark: 0 },
             q: Q::default(),
             origin: VertexId(i as u32),
             head: 0,
@@ -408,7 +408,7 @@ impl<Q: Memory> Store<Q> {
     }
 
     /// Forgets what vertices weigh and how many corners they have.
-    pub(super) fn unweigh(&mut self) {
+    pub(super) fn reset_quadrics(&mut self) {
         for x in &mut self.v {
             (x.q, x.count) = (Q::default(), 0);
         }
@@ -417,7 +417,7 @@ impl<Q: Memory> Store<Q> {
     /// Whether so much is dead that compaction pays, with `needed` collapses still to be done.
     pub(crate) fn wants_compaction(&self, needed: Option<usize>) -> bool {
         self.live_faces * 100 < self.faces_at_compaction * COMPACT_PERCENT
-            && needed.is_none_or(|n| 2 * n * 100 > self.live_faces * WORTH_PERCENT)
+            && needed.is_none_or(|n| 2 * n * 100 > self.live_faces * MIN_REMAINING_PERCENT)
     }
 
     /// Drops what is dead and renumbers; the order stays.
@@ -475,7 +475,7 @@ impl<Q: Memory> Store<Q> {
     /// come last, because they are copied for it.
     pub(crate) fn finish(&mut self) {
         self.compact();
-        if self.v.capacity() < WORTH_SHRINKING {
+        if self.v.capacity() < SHRINK_MIN_VERTICES {
             return;
         }
         self.bound = Vec::new();
@@ -527,22 +527,22 @@ impl<Q: Memory> Store<Q> {
     /// Asks the memory for what the visits after the one `at` this place will read: each step needs what the one before
     /// brought, a few visits earlier.
     #[inline(always)]
-    pub(crate) fn bring(&self, visits: &[VertexId], at: usize) {
+    pub(crate) fn prefetch(&self, visits: &[VertexId], at: usize) {
         // Of the first visits all is asked for at once.
         let first = |ahead: usize| if at == 0 { 1 } else { ahead };
         let visit = |k: usize| visits.get(at + k).copied();
-        for u in (first(AHEAD[0])..=AHEAD[0]).filter_map(visit) {
+        for u in (first(PREFETCH_VISITS_AHEAD[0])..=PREFETCH_VISITS_AHEAD[0]).filter_map(visit) {
             prefetch_index(&self.v, u.index());
         }
-        for u in (first(AHEAD[1])..=AHEAD[1]).filter_map(visit) {
+        for u in (first(PREFETCH_VISITS_AHEAD[1])..=PREFETCH_VISITS_AHEAD[1]).filter_map(visit) {
             prefetch_index(&self.corners, self.v[u.index()].head as usize);
         }
-        for u in (first(AHEAD[2])..=AHEAD[2]).filter_map(visit) {
+        for u in (first(PREFETCH_VISITS_AHEAD[2])..=PREFETCH_VISITS_AHEAD[2]).filter_map(visit) {
             for corner in self.listed(u) {
                 prefetch_index(&self.t, corner.face());
             }
         }
-        for u in (first(AHEAD[3])..=AHEAD[3]).filter_map(visit) {
+        for u in (first(PREFETCH_VISITS_AHEAD[3])..=PREFETCH_VISITS_AHEAD[3]).filter_map(visit) {
             for corner in self.listed(u) {
                 prefetch_index(&self.v, self.t[corner.face()][NEXT[corner.k()]].index());
             }
@@ -605,7 +605,7 @@ impl<Q: Memory> Store<Q> {
     }
 
     /// Lets `u` have these corners and no others.
-    pub(crate) fn hang(&mut self, u: VertexId, corners: &[Corner]) {
+    pub(crate) fn set_corners(&mut self, u: VertexId, corners: &[Corner]) {
         for corner in corners {
             self.t[corner.face()][corner.k()] = u;
         }
@@ -694,7 +694,7 @@ impl<Q: Memory> Store<Q> {
 /// The positions of four vertices side by side.
 #[inline(always)]
 pub(crate) fn four<Q>(all: &[Vertex<Q>], vertices: [VertexId; 4]) -> Four {
-    let row = |w: VertexId| *bytemuck::cast_ref::<Place, f32x4>(&all[w.index()].place);
+    let row = |w: VertexId| *bytemuck::cast_ref::<PackedPosition, f32x4>(&all[w.index()].place);
     let [x, y, z, _] = f32x4::transpose(vertices.map(row));
     [x, y, z]
 }

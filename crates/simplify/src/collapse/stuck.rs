@@ -5,7 +5,7 @@ use lodsmith_core::VertexId;
 use super::attributes::Member;
 use super::cut::may_cut;
 use super::kind::Kind;
-use super::{Attempt, Candidate, Engine, LiveMesh, Outcome, VisitScratch};
+use super::{Attempt, Candidate, CollapseOutcome, Engine, LiveMesh, VisitScratch};
 use crate::guard::Rules;
 use crate::metric::Metric;
 use crate::options::{Length, SimplifyOptions, TopologyPolicy};
@@ -14,7 +14,7 @@ use crate::proposal::{Change, Proposal};
 /// What sets less free than the best change by this factor is left out: another rule refuses nearly all, and by another
 /// path may refuse more. (Measured on all test shapes under twenty sets of options: at 3 each change that is left goes
 /// further when a run is made with it.)
-const LEAST_SHARE: usize = 3;
+const MIN_GAIN_DIVISOR: usize = 3;
 
 impl<M: Metric> Engine<M> {
     /// Changes of the options that would let this run go on, the one that sets most edges free first. Nothing is changed.
@@ -89,9 +89,9 @@ impl<M: Metric> Engine<M> {
         while let Some(candidate) = next {
             let (tau, rings) = (f32::MAX, [ru, &*rv]);
             match self.collapse(&Attempt { kept: u, candidate: &candidate, tau, is_probe: true, rings }) {
-                Outcome::Done | Outcome::Later(_) => return true,
-                Outcome::Refused(why) => {
-                    next = self.mesh.at_an_end(u, &candidate, why, f32::MAX, ru, members)
+                CollapseOutcome::Done | CollapseOutcome::Later(_) => return true,
+                CollapseOutcome::Refused(why) => {
+                    next = self.mesh.candidate_at_end(u, &candidate, why, f32::MAX, ru, members)
                 }
             }
         }
@@ -123,10 +123,10 @@ fn best(open: &[Vec<Change>], gain: &mut dyn FnMut(&[Change]) -> usize) -> Vec<P
     let most = |proposals: &[Proposal]| proposals.iter().map(|p| p.gain).max().unwrap_or(0);
     let mut all: Vec<Change> = open.iter().filter_map(|choices| choices.last().copied()).collect();
     let gain_of_all = gain(&all);
-    if gain_of_all > LEAST_SHARE * most(&proposals) {
+    if gain_of_all > MIN_GAIN_DIVISOR * most(&proposals) {
         for i in (0..all.len()).rev() {
             let less: Vec<Change> = all.iter().copied().filter(|c| *c != all[i]).collect();
-            if gain(&less) * LEAST_SHARE >= gain_of_all {
+            if gain(&less) * MIN_GAIN_DIVISOR >= gain_of_all {
                 all = less;
             }
         }
@@ -134,6 +134,6 @@ fn best(open: &[Vec<Change>], gain: &mut dyn FnMut(&[Change]) -> usize) -> Vec<P
     }
     proposals.sort_by_key(|p| std::cmp::Reverse(p.gain));
     let most = most(&proposals);
-    proposals.retain(|p| p.gain * LEAST_SHARE >= most);
+    proposals.retain(|p| p.gain * MIN_GAIN_DIVISOR >= most);
     proposals
 }

@@ -6,8 +6,10 @@ use lodsmith_core::VertexId;
 use wide::f32x8;
 
 use super::bound::Histogram;
-use super::commit::{Attempt, Outcome};
-use super::{BRINGS_FROM, End, Engine, Goal, LiveMesh, Original, VisitScratch, late, record};
+use super::commit::{Attempt, CollapseOutcome};
+use super::{
+    Engine, Goal, LiveMesh, OriginalSurface, PREFETCH_MIN_VERTICES, StopReason, VisitScratch, late, record,
+};
 use crate::control::{Control, Verdict};
 use crate::metric::Metric;
 
@@ -16,22 +18,22 @@ pub(super) const QUANTILE: f64 = 0.7;
 /// Share of what is left that the last sweeps take, at most.
 pub(super) const LAST_SHARE: f64 = 0.85;
 /// How much more than was foreseen a sweep may take, where it must not meet a goal. (Guessed.)
-const AHEAD: f64 = 1.2;
+const LAST_STRETCH_MARGIN: f64 = 1.2;
 /// The same for copies of which no more is asked than that the goal has had no say yet.
-const JUST_AHEAD: f64 = 1.01;
+const TIGHT_LAST_STRETCH_MARGIN: f64 = 1.01;
 /// Sweeps in vain before everything that is possible at all is looked for.
-const PATIENCE: usize = 4;
+const MAX_IDLE_SWEEPS: usize = 4;
 /// No run needs nearly as many sweeps; a guard against our own mistakes.
-const MOST_SWEEPS: usize = 4000;
+const MAX_SWEEPS: usize = 4000;
 /// Vertices looked at for the first threshold, at most. (Some hundred hold a quantile within two percent.)
-const FIRST_LOOK: usize = 512;
+const MAX_FIRST_SAMPLES: usize = 512;
 /// The same where attributes count, and a look takes longer. (A twentieth of the time of a run less; RMS within a percent.)
-const FIRST_LOOK_AT_WEDGES: usize = 128;
+const MAX_FIRST_SAMPLES_WITH_WEDGES: usize = 128;
 /// Of a mesh of more, one in so many is enough, but no fewer than `FEWEST_LOOKS`: it is only the first of many thresholds.
-const LOOK_SHARE: usize = 24;
-const FEWEST_LOOKS: usize = 128;
+const VERTICES_PER_FIRST_SAMPLE: usize = 24;
+const MIN_FIRST_SAMPLES: usize = 128;
 /// Vertices between two questions to the caller.
-pub(super) const ASK_EVERY: usize = 4096;
+pub(super) const VISITS_PER_PROGRESS_REPORT: usize = 4096;
 
 /// Bounds of vertices, and how many vertices were looked at for them.
 type Bounds = (Histogram, usize);
@@ -54,7 +56,7 @@ pub(crate) struct Sweeps {
     lift: f32,
     /// Collapses by the last probe.
     at_probe: u64,
-    pub(super) ease: Ease,
+    pub(super) productivity: Productivity,
 }
 
 /// What comes next in a run of sweeps.
@@ -83,13 +85,13 @@ enum After {
 
 /// Measure of how much sweeps get done, against where nothing stands in the way.
 #[derive(Clone)]
-pub(super) struct Ease {
+pub(super) struct Productivity {
     /// Collapses when the threshold was found.
     pub(super) at_threshold: u64,
     /// Number of vertices whose edges the sweep was to look at.
     pub(super) wanted: f64,
     /// True as long as each sweep did enough.
-    pub(super) is_at_ease: bool,
+    pub(super) is_high: bool,
 }
 
 impl Sweeps {
@@ -116,17 +118,17 @@ enum Swept {
     /// The lists were full: the rest of the sweep follows with the same threshold.
     Compacted,
     /// The run ends.
-    Ended(End),
+    Ended(StopReason),
 }
 
 /// A run pauses (`None`) or ends.
-type Stop = Option<End>;
+type Halt = Option<StopReason>;
 
 /// Who asks for sweeps, and for how many.
-struct Errand<'a> {
+struct SweepRequest<'a> {
     goal: &'a Goal,
     pause: Pause,
-    original: &'a dyn Original,
+    original: &'a dyn OriginalSurface,
     /// True if the goal has a late phase.
     is_extreme: bool,
 }
@@ -167,10 +169,15 @@ impl<M: Metric> Engine<M> {
 
     /// Sweeps until the goal is met, nothing can go any more, or the caller ends it. The store is finished afterwards.
     /// May be called again with a lower goal, after [`Engine::reopen`].
-    pub(crate) fn sweep(&mut self, goal: &Goal, original: &dyn Original, control: &mut dyn Control) -> End {
+    pub(crate) fn sweep(
+        &mut self,
+        goal: &Goal,
+        original: &dyn OriginalSurface,
+        control: &mut dyn Control,
+    ) -> StopReason {
         let mut sweeps = self.begin_sweeps(goal);
-        let end = self.go_on(&mut sweeps, goal, Pause::Never, original, control).unwrap_or(End::Stuck);
-        if end != End::Cancel {
+        let end = self.go_on(&mut sweeps, goal, Pause::Never, original, control).unwrap_or(StopReason::Stuck);
+        if end != StopReason::Cancel {
             self.mesh.store.finish();
         }
         end
@@ -192,16 +199,21 @@ impl<M: Metric> Engine<M> {
             idle: 0,
             lift: 1.0,
             at_probe: u64::MAX,
-            ease: Ease { at_threshold: 0, wanted: 0.0, is_at_ease: true },
+            productivity: Productivity { at_threshold: 0, wanted: 0.0, is_high: true },
         }
     }
 
     /// The bounds of some vertices spread over the mesh, for the first threshold: the exact cost of the edge that looks
     /// cheapest, because an evaluation cannot tell flat from nearly flat. Of a small mesh, all.
     fn first_bounds(&mut self, scratch: &mut VisitScratch) -> Vec<f32> {
-        let most = if self.mesh.counts_attributes() { FIRST_LOOK_AT_WEDGES } else { FIRST_LOOK };
+        let most =
+            if self.mesh.counts_attributes() { MAX_FIRST_SAMPLES_WITH_WEDGES } else { MAX_FIRST_SAMPLES };
         let count = self.mesh.store.v.len();
-        let looks = if count <= most { most } else { (count / LOOK_SHARE).clamp(FEWEST_LOOKS, most) };
+        let looks = if count <= most {
+            most
+        } else {
+            (count / VERTICES_PER_FIRST_SAMPLE).clamp(MIN_FIRST_SAMPLES, most)
+        };
         let step = count.div_ceil(looks).max(1);
         let mut bounds = Vec::with_capacity(looks);
         for u in (0..count).step_by(step).map(|i| VertexId(i as u32)) {
@@ -209,14 +221,14 @@ impl<M: Metric> Engine<M> {
             let VisitScratch { ru, rv, found, .. } = &mut *scratch;
             let best = found.take_cheapest();
             bounds.push(best.map_or(f32::INFINITY, |best| {
-                if !self.tally.crowds.admit(ru.len() + self.mesh.store.listed(best.removed).len()) {
+                if !self.tally.hub_budget.admit(ru.len() + self.mesh.store.listed(best.removed).len()) {
                     return best.cost;
                 }
                 self.mesh.store.ring(best.removed, rv);
                 let (tau, rings) = (f32::MAX, [&*ru, &*rv]);
                 match self.collapse(&Attempt { kept: u, candidate: &best, tau, is_probe: true, rings }) {
-                    Outcome::Later(cost) => cost,
-                    Outcome::Done | Outcome::Refused(_) => f32::INFINITY,
+                    CollapseOutcome::Later(cost) => cost,
+                    CollapseOutcome::Done | CollapseOutcome::Refused(_) => f32::INFINITY,
                 }
             }));
         }
@@ -230,9 +242,9 @@ impl<M: Metric> Engine<M> {
         sweeps: &mut Sweeps,
         goal: &Goal,
         pause: Pause,
-        original: &dyn Original,
+        original: &dyn OriginalSurface,
         control: &mut dyn Control,
-    ) -> Option<End> {
+    ) -> Option<StopReason> {
         let end = self.sweep_on(sweeps, goal, pause, original, control);
         self.check_if_asked(original);
         end
@@ -244,13 +256,13 @@ impl<M: Metric> Engine<M> {
         sweeps: &mut Sweeps,
         goal: &Goal,
         pause: Pause,
-        original: &dyn Original,
+        original: &dyn OriginalSurface,
         control: &mut dyn Control,
-    ) -> Option<End> {
-        let errand = Errand { goal, pause, original, is_extreme: self.is_extreme(goal) };
+    ) -> Option<StopReason> {
+        let errand = SweepRequest { goal, pause, original, is_extreme: self.is_extreme(goal) };
         self.mesh.find_details(goal);
         let (mut scratch, mut visits) = (VisitScratch::default(), Vec::new());
-        for _ in 0..MOST_SWEEPS {
+        for _ in 0..MAX_SWEEPS {
             self.check_if_asked(original);
             if let ControlFlow::Break(stop) = self.set_threshold(sweeps, &errand) {
                 return stop;
@@ -268,11 +280,11 @@ impl<M: Metric> Engine<M> {
                 }
             }
         }
-        Some(End::Stuck)
+        Some(StopReason::Stuck)
     }
 
     /// Finds the threshold of the next sweep, if one is to be found, unless the run pauses here.
-    fn set_threshold(&mut self, sweeps: &mut Sweeps, errand: &Errand<'_>) -> ControlFlow<Stop> {
+    fn set_threshold(&mut self, sweeps: &mut Sweeps, errand: &SweepRequest<'_>) -> ControlFlow<Halt> {
         let goal = errand.goal;
         // Where sweeps go on to another goal, it is this one that says what comes after a sweep.
         if sweeps.has_swept && sweeps.awaits_threshold() {
@@ -289,13 +301,15 @@ impl<M: Metric> Engine<M> {
             return ControlFlow::Continue(());
         };
         let (looked_at, after) = (*looked_at, *after);
-        self.watch_ease(&mut sweeps.ease, sweeps.has_swept);
+        self.update_ease(&mut sweeps.productivity, sweeps.has_swept);
         let is_last_stretch = |ahead| self.is_last_stretch(histogram, looked_at, goal, ahead);
         let pauses = match errand.pause {
             Pause::Never => false,
-            Pause::BeforeGoal => is_last_stretch(AHEAD),
-            Pause::BeforeNeed => self.is_time_to_fork(sweeps, goal, is_last_stretch(AHEAD)),
-            Pause::BeforeEither => is_last_stretch(JUST_AHEAD) || self.is_time_to_fork(sweeps, goal, false),
+            Pause::BeforeGoal => is_last_stretch(LAST_STRETCH_MARGIN),
+            Pause::BeforeNeed => self.should_snapshot(sweeps, goal, is_last_stretch(LAST_STRETCH_MARGIN)),
+            Pause::BeforeEither => {
+                is_last_stretch(TIGHT_LAST_STRETCH_MARGIN) || self.should_snapshot(sweeps, goal, false)
+            }
         };
         if pauses {
             return ControlFlow::Break(None);
@@ -311,7 +325,8 @@ impl<M: Metric> Engine<M> {
         // Bounds are stale, some by far: a sweep in vain is no reason to go back to lower ones.
         sweeps.tau = if sweeps.idle > 0 { next.max(sweeps.highest * 1.25) } else { next };
         sweeps.highest = sweeps.highest.max(sweeps.tau);
-        (sweeps.ease.at_threshold, sweeps.ease.wanted) = (self.tally.collapses, self.wanted(goal));
+        (sweeps.productivity.at_threshold, sweeps.productivity.wanted) =
+            (self.tally.collapses, self.wanted(goal));
         sweeps.phase = Phase::Sweep(after);
         ControlFlow::Continue(())
     }
@@ -333,26 +348,26 @@ impl<M: Metric> Engine<M> {
             let mut ask = |engine: &Self| control.progress(done(engine));
             match self.contract_pairs(goal, tau, is_probe, &mut ask) {
                 Verdict::Continue => {}
-                Verdict::Finish => return Swept::Ended(End::Finish),
-                Verdict::Cancel => return Swept::Ended(End::Cancel),
+                Verdict::Finish => return Swept::Ended(StopReason::Finish),
+                Verdict::Cancel => return Swept::Ended(StopReason::Cancel),
             }
         }
         let goal_faces = goal.faces.unwrap_or(0);
         let goal_vertices = goal.vertices.unwrap_or(0);
         let count = self.mesh.store.v.len();
-        let brings = count >= BRINGS_FROM;
-        self.tally.crowds.begin_sweep();
-        'vertices: for start in (0..count).step_by(ASK_EVERY) {
+        let brings = count >= PREFETCH_MIN_VERTICES;
+        self.tally.hub_budget.begin_sweep();
+        'vertices: for start in (0..count).step_by(VISITS_PER_PROGRESS_REPORT) {
             match control.progress(done(self)) {
                 Verdict::Continue => {}
-                Verdict::Finish => return Swept::Ended(End::Finish),
-                Verdict::Cancel => return Swept::Ended(End::Cancel),
+                Verdict::Finish => return Swept::Ended(StopReason::Finish),
+                Verdict::Cancel => return Swept::Ended(StopReason::Cancel),
             }
-            let bounds = &self.mesh.store.bound[start..count.min(start + ASK_EVERY)];
+            let bounds = &self.mesh.store.bound[start..count.min(start + VISITS_PER_PROGRESS_REPORT)];
             list_visits(bounds, start, tau, is_probe, visits);
             for (at, &u) in visits.iter().enumerate() {
                 if brings {
-                    self.mesh.store.bring(visits, at);
+                    self.mesh.store.prefetch(visits, at);
                 }
                 let store = &self.mesh.store;
                 if store.live_faces <= goal_faces || store.live_vertices <= goal_vertices {
@@ -369,31 +384,36 @@ impl<M: Metric> Engine<M> {
             }
         }
         if self.mesh.needed(goal) == Some(0) {
-            return Swept::Ended(End::Goal);
+            return Swept::Ended(StopReason::Goal);
         }
         Swept::Through { refused, collapses }
     }
 
     /// Decides what follows a sweep or probe. `refused` is the number of refusals before it.
-    fn after_sweep(&mut self, sweeps: &mut Sweeps, errand: &Errand<'_>, refused: u64) -> ControlFlow<Stop> {
+    fn after_sweep(
+        &mut self,
+        sweeps: &mut Sweeps,
+        errand: &SweepRequest<'_>,
+        refused: u64,
+    ) -> ControlFlow<Halt> {
         let (goal, is_probe) = (errand.goal, matches!(sweeps.phase, Phase::Probe));
         if sweeps.idle == 0 {
-            self.tally.paid = self.tally.paid.max(sweeps.tau);
-            self.tally.is_strained |= !sweeps.ease.is_at_ease;
+            self.tally.highest_threshold = self.tally.highest_threshold.max(sweeps.tau);
+            self.tally.is_strained |= !sweeps.productivity.is_high;
         }
         if self.mesh.topology.parts.is_some() && !is_probe {
             self.drop_cheap_parts(goal, sweeps.tau);
             if self.mesh.needed(goal) == Some(0) {
-                return ControlFlow::Break(Some(End::Goal));
+                return ControlFlow::Break(Some(StopReason::Goal));
             }
         }
         if self.mesh.store.wants_compaction(self.mesh.needed(goal)) {
             self.mesh.store.compact();
         }
         if self.is_late(errand.is_extreme) {
-            if sweeps.idle < PATIENCE
+            if sweeps.idle < MAX_IDLE_SWEEPS
                 && matches!(errand.pause, Pause::BeforeNeed | Pause::BeforeEither)
-                && self.may_fork_late()
+                && self.may_snapshot_late()
             {
                 let next = self.mesh.bounds();
                 if next.0.known() > 0 {
@@ -408,7 +428,7 @@ impl<M: Metric> Engine<M> {
         if histogram.known() == 0 {
             return self.when_nothing_is_possible(sweeps, goal, refused);
         }
-        sweeps.phase = match sweeps.idle >= PATIENCE && !is_probe {
+        sweeps.phase = match sweeps.idle >= MAX_IDLE_SWEEPS && !is_probe {
             // Nothing could go: find out what is possible at all, and at what cost.
             true => Phase::Probe,
             false => {
@@ -424,7 +444,7 @@ impl<M: Metric> Engine<M> {
         sweeps: &mut Sweeps,
         goal: &Goal,
         refused: u64,
-    ) -> ControlFlow<Stop> {
+    ) -> ControlFlow<Halt> {
         let was = std::mem::replace(&mut sweeps.phase, Phase::Probe);
         let constraints = &mut self.mesh.constraints;
         let has_limit = constraints.rules.max_cost.is_finite();
@@ -435,7 +455,11 @@ impl<M: Metric> Engine<M> {
             // Nothing but what is refused stays below the limit.
             Phase::Probe if has_limit => {
                 let is_done = self.tally.refused() == refused;
-                return ControlFlow::Break(Some(if is_done { End::Exhausted } else { End::Stuck }));
+                return ControlFlow::Break(Some(if is_done {
+                    StopReason::Exhausted
+                } else {
+                    StopReason::Stuck
+                }));
             }
             _ => {}
         }
@@ -450,14 +474,14 @@ impl<M: Metric> Engine<M> {
             constraints.looseness = looser;
             return ControlFlow::Continue(());
         }
-        ControlFlow::Break(Some(if self.remove_parts(goal) { End::Goal } else { End::Stuck }))
+        ControlFlow::Break(Some(if self.remove_parts(goal) { StopReason::Goal } else { StopReason::Stuck }))
     }
 
     /// The threshold of the next sweep from the bounds, which may be those of some vertices only.
     fn threshold(&self, histogram: &Histogram, looked_at: usize, goal: &Goal) -> f32 {
         let quantile = match () {
             () if self.record.is_some() => record::QUANTILE,
-            () if self.mesh.late.is_some() && !self.mesh.counts_attributes() => late::QUANTILE,
+            () if self.mesh.sampled.is_some() && !self.mesh.counts_attributes() => late::QUANTILE,
             () => QUANTILE,
         };
         let mut want = histogram.known() as f64 * quantile;
@@ -492,7 +516,7 @@ impl<M: Metric> Engine<M> {
 
     /// Whether a goal has a late phase.
     pub(super) fn is_extreme(&self, goal: &Goal) -> bool {
-        !self.mesh.cost.metric.decides().is_metric()
+        !self.mesh.cost.metric.cost_source().is_metric()
             && goal.faces.is_some_and(|n| late::is_extreme(n, self.tally.first_faces))
     }
 
@@ -502,7 +526,7 @@ impl<M: Metric> Engine<M> {
             Some(_) => late::begin_of_record(self.tally.first_faces),
             None => late::begin(self.tally.first_faces, self.mesh.counts_attributes()),
         };
-        extreme && self.mesh.late.is_none() && self.mesh.store.live_faces < begin
+        extreme && self.mesh.sampled.is_none() && self.mesh.store.live_faces < begin
     }
 }
 

@@ -5,7 +5,7 @@ use lodsmith_core::{VertexId, WedgeId};
 
 use super::LiveMesh;
 use super::store::{Corner, Ring, Spoke, Store};
-use crate::metric::{Memory, Metric};
+use crate::metric::{Metric, VertexMemory};
 use crate::report::Refusal;
 
 /// Attributes of the input's wedges, as far as matching needs them.
@@ -30,7 +30,7 @@ impl Wedges {
     }
 }
 
-impl<Q: Memory> Store<Q> {
+impl<Q: VertexMemory> Store<Q> {
     fn wedge(&self, face: usize, w: VertexId) -> Option<WedgeId> {
         let k = self.t[face].iter().position(|&x| x == w)?;
         Some(self.wedges.as_ref()?[face][k])

@@ -7,15 +7,15 @@ use wide::{f32x4, i32x4, u32x4};
 
 use super::store::{Corner, Ring, Spoke, Store};
 use crate::lanes::{self, Four, cross, dot, sub};
-use crate::metric::Memory;
+use crate::metric::VertexMemory;
 use crate::report::Refusal;
 use crate::tensor::Tensor;
 
 /// Square of the shape under which a new triangle counts as having no area, unless it was as bad before: just above what
 /// single precision can tell. (Measured: at 1e-7 fans of slivers block each other, and brain588k to 100 is four times worse.)
-pub(super) const NO_AREA: f32 = 1e-11;
+pub(super) const MIN_SHAPE_SQ: f32 = 1e-11;
 /// Squared cosine of a turn above which folds with the faces beyond are looked for: 45 degrees.
-pub(super) const SUSPECT_TURN: f32 = 0.5;
+pub(super) const FOLD_CHECK_COS_SQ: f32 = 0.5;
 
 /// A triangle of the star of a collapsing edge, before and after.
 #[derive(Clone, Copy, Debug)]
@@ -122,7 +122,7 @@ impl FourWings {
 
 /// An end of a collapsing edge.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct End {
+pub(super) struct EdgeEnd {
     pub(super) from: Vec3,
     /// Where the merged vertex goes, from here.
     pub(super) step: Vec3,
@@ -159,14 +159,14 @@ impl StarStats {
     }
 }
 
-impl<Q: Memory> Store<Q> {
+impl<Q: VertexMemory> Store<Q> {
     /// Looks at the triangles of one end as they are when it has gone to `at`: adds them to the wings and to the stats.
     /// Says how far the farthest neighbour lies ahead of the end, along its step.
     #[inline(always)]
     pub(super) fn look_at_wings(
         &self,
         spokes: &Ring,
-        end: &End,
+        end: &EdgeEnd,
         at: Vec3,
         max_turn: f32,
         wings: &mut Wings,
@@ -203,14 +203,14 @@ impl<Q: Memory> Store<Q> {
             let keeps_side = along.simd_gt(f32x4::ZERO) & along_sq.simd_gt(both_sq * max_turn);
             let around = dot(&e, &e) + dot(&s, &s) + dot(&o, &o);
             let new_shape = after_sq * 12.0 / (around * around).fast_max(f32x4::splat(1e-37));
-            let far = along_sq.simd_lt(both_sq * SUSPECT_TURN);
-            let is_thin = new_shape.simd_lt(f32x4::splat(NO_AREA));
+            let far = along_sq.simd_lt(both_sq * FOLD_CHECK_COS_SQ);
+            let is_thin = new_shape.simd_lt(f32x4::splat(MIN_SHAPE_SQ));
             let stays = !both.to_bitmask();
             stats.turns_far |= far.to_bitmask() & stays != 0;
             let wrong = (!keeps_side.to_bitmask() | is_thin.to_bitmask()) & stays & 0xf;
             if wrong != 0 {
                 let turned = !keeps_side.to_bitmask();
-                self.ask_wrong(four, wrong, turned, end.from, [length_sq, after_sq, new_shape])?;
+                self.check_turn_and_shape(four, wrong, turned, end.from, [length_sq, after_sq, new_shape])?;
             }
             // What repeats adds nothing.
             let counts: f32x4 = cast(i32x4::new([0, 1, 2, 3]).simd_lt(i32x4::splat(left as i32)));
@@ -227,7 +227,7 @@ impl<Q: Memory> Store<Q> {
     /// What is wrong with triangles that turn (`turned`) or get too thin, if it is the collapse that makes them so.
     #[cold]
     #[inline(never)]
-    fn ask_wrong(
+    fn check_turn_and_shape(
         &self,
         spokes: &[Spoke; 4],
         wrong: u32,
@@ -241,11 +241,11 @@ impl<Q: Memory> Store<Q> {
             let (pa, pb) = (self.p(spokes[i].a), self.p(spokes[i].b));
             let e_sq = (pb - pa).length_squared();
             // A face without area has no normal that could turn.
-            if turned & (1 << i) != 0 && (length_sq[i] > NO_AREA * e_sq * e_sq || after_sq[i] == 0.0) {
+            if turned & (1 << i) != 0 && (length_sq[i] > MIN_SHAPE_SQ * e_sq * e_sq || after_sq[i] == 0.0) {
                 return Err(Refusal::NormalFlip);
             }
             let before = e_sq + (from - pa).length_squared() + (from - pb).length_squared();
-            if new_shape[i] < NO_AREA && 12.0 * length_sq[i] > new_shape[i] * before * before {
+            if new_shape[i] < MIN_SHAPE_SQ && 12.0 * length_sq[i] > new_shape[i] * before * before {
                 return Err(Refusal::Quality);
             }
         }
@@ -286,20 +286,20 @@ mod tests {
         let shape = after_sq * 12.0 / (around * around).max(1e-37);
         let keeps_side = along > 0.0 && along * along > both_sq * max_turn;
         let before = e.length_squared() + back.length_squared() + (from - b).length_squared();
-        let had_area = length_sq > NO_AREA * e.length_squared() * e.length_squared();
+        let had_area = length_sq > MIN_SHAPE_SQ * e.length_squared() * e.length_squared();
         let refused = if both {
             None
         } else if !keeps_side && (had_area || after_sq == 0.0) {
             Some(Refusal::NormalFlip)
         } else {
-            (shape < NO_AREA && 12.0 * length_sq > shape * before * before).then_some(Refusal::Quality)
+            (shape < MIN_SHAPE_SQ && 12.0 * length_sq > shape * before * before).then_some(Refusal::Quality)
         };
         Told {
             weight: if both { length + length } else { length },
             height: normal.dot(step) / length.max(1e-30),
             normal,
             after: if both { Vec3::ZERO } else { after },
-            turns_far: !both && along * along < both_sq * SUSPECT_TURN,
+            turns_far: !both && along * along < both_sq * FOLD_CHECK_COS_SQ,
             refused,
             behind: -back.dot(step),
         }
@@ -333,7 +333,7 @@ mod tests {
         ) {
             let (store, ring) = fan(centre, &rim, is_closed);
             let other = other.filter(|&w| (w as usize) <= rim.len()).map(VertexId);
-            let (end, at) = (End { from: centre, step, other }, centre + step);
+            let (end, at) = (EdgeEnd { from: centre, step, other }, centre + step);
             let (mut wings, mut stats) = (Wings::default(), StarStats::default());
             let found = store.look_at_wings(&ring, &end, at, max_turn, &mut wings, &mut stats);
 

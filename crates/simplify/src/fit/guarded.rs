@@ -9,7 +9,7 @@ use lodsmith_core::VertexId;
 
 use crate::collapse::store::Store;
 use crate::guard::Rules;
-use crate::metric::Memory;
+use crate::metric::VertexMemory;
 
 /// Fractions of a move that are tried, the longest first: most moves that a guard refuses break it only near
 /// their end. (Guessed.)
@@ -34,7 +34,7 @@ struct RotationLimit {
 impl MoveGuards {
     /// Returns the guards of a run; `None` if its options set none, so that nothing has to be checked.
     /// Rotations are relative to the faces as they are now.
-    pub(crate) fn new<Q: Memory>(rules: &Rules, store: &Store<Q>) -> Option<Self> {
+    pub(crate) fn new<Q: VertexMemory>(rules: &Rules, store: &Store<Q>) -> Option<Self> {
         if !rules.guards_moves() {
             return None;
         }
@@ -51,7 +51,7 @@ impl MoveGuards {
 
     /// Returns true if a vertex may move to a position: each face and edge there keeps the guards, or is no
     /// worse than now.
-    pub(crate) fn allow<Q: Memory>(&self, store: &Store<Q>, u: VertexId, place: Vec3) -> bool {
+    pub(crate) fn allow<Q: VertexMemory>(&self, store: &Store<Q>, u: VertexId, place: Vec3) -> bool {
         let from = store.p(u);
         store.listed(u).iter().all(|&corner| {
             let (a, b) = store.others_at(corner);
@@ -72,7 +72,7 @@ impl MoveGuards {
 
     /// Returns the farthest of some positions on the way to `last` that the guards permit and `is_fine`
     /// accepts.
-    pub(crate) fn farthest<Q: Memory>(
+    pub(crate) fn farthest<Q: VertexMemory>(
         &self,
         store: &Store<Q>,
         u: VertexId,

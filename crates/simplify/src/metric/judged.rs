@@ -4,7 +4,8 @@ use glam::Vec3;
 use wide::f32x4;
 
 use super::{
-    Around, Dimension, Form, Judge, Memoryless, Metric, PartSize, edge_length, lindstrom_turk, melax,
+    CostSource, Dimension, EdgeNeighbourhood, Form, Memoryless, Metric, PartSize, edge_length,
+    lindstrom_turk, melax,
 };
 use crate::tensor::Tensor;
 
@@ -34,11 +35,11 @@ impl Metric for Judged {
         *self == Self::Volume
     }
     #[inline(always)]
-    fn decides(&self) -> Judge {
+    fn cost_source(&self) -> CostSource {
         match self {
-            Self::Volume => Judge::FormThenStars,
-            Self::Turn => Judge::Stars,
-            Self::Length => Judge::Ends,
+            Self::Volume => CostSource::FormThenStars,
+            Self::Turn => CostSource::Stars,
+            Self::Length => CostSource::Ends,
         }
     }
     #[inline(always)]
@@ -65,7 +66,7 @@ impl Metric for Judged {
         lindstrom_turk::line(edge, weight, mean)
     }
     #[inline(never)]
-    fn judge(&self, around: &Around, mean: f32) -> Option<(f32, Vec3)> {
+    fn judge(&self, around: &EdgeNeighbourhood, mean: f32) -> Option<(f32, Vec3)> {
         match self {
             Self::Volume => Some(lindstrom_turk::judge(around, mean)),
             Self::Turn => melax::judge(around),

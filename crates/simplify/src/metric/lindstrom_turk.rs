@@ -11,7 +11,7 @@
 use glam::{DMat3, DVec3, Vec3};
 
 use super::TIE;
-use super::{Around, At, Place};
+use super::{AllowedPlace, EdgeNeighbourhood, EdgePart};
 use crate::tensor::Tensor;
 
 /// Sine of the angle, one degree, that a plane keeps from the others. [Lindstrom-Turk 1998]
@@ -31,15 +31,15 @@ pub(super) fn line(edge: Vec3, weight: f32, mean: f32) -> Tensor {
 }
 
 /// Cost and step.
-pub(super) fn judge(around: &Around, mean: f32) -> (f32, Vec3) {
+pub(super) fn judge(around: &EdgeNeighbourhood, mean: f32) -> (f32, Vec3) {
     let loss = Loss::new(around);
     let step = match around.place {
-        Place::Anywhere => loss.best_place(around),
-        Place::Middle => around.d * 0.5,
-        Place::Kept => DVec3::ZERO,
-        Place::Removed => around.d,
-        Place::Ends if loss.at(around.d) < loss.at(DVec3::ZERO) => around.d,
-        Place::Ends => DVec3::ZERO,
+        AllowedPlace::Anywhere => loss.best_place(around),
+        AllowedPlace::Middle => around.d * 0.5,
+        AllowedPlace::Kept => DVec3::ZERO,
+        AllowedPlace::Removed => around.d,
+        AllowedPlace::Ends if loss.at(around.d) < loss.at(DVec3::ZERO) => around.d,
+        AllowedPlace::Ends => DVec3::ZERO,
     };
     let off = step - around.d;
     let tie = f64::from(TIE) * 0.5 * loss.trace() * (step.length_squared() + off.length_squared());
@@ -56,18 +56,18 @@ struct Loss {
 }
 
 impl Loss {
-    fn new(around: &Around) -> Self {
+    fn new(around: &EdgeNeighbourhood) -> Self {
         let d = around.d;
         // (xx, yy, zz) and (xy, xz, yz), by component: no column twice.
         let (mut squares, mut products) = (DVec3::ZERO, DVec3::ZERO);
         let (mut h, mut c) = (DVec3::ZERO, 0.0);
         let (mut sum, mut level) = (DVec3::ZERO, 0.0);
-        for wall in &around.walls {
+        for wall in &around.triangles {
             let n = (wall.b - wall.a).cross(around.end(wall.at) - wall.a);
             squares += n * n;
             products += DVec3::new(n.x * n.y, n.x * n.z, n.y * n.z);
             sum += n;
-            if wall.at == At::Removed {
+            if wall.at == EdgePart::Removed {
                 let k = n.dot(d);
                 h += n * k;
                 c += k * k;
@@ -82,7 +82,7 @@ impl Loss {
             let mixed = DVec3::new(e.x * e.y, e.x * e.z, e.y * e.z) * -weight;
             squares += add;
             products += mixed;
-            if line.at == At::Removed {
+            if line.at == EdgePart::Removed {
                 let to_line = matrix(add, mixed) * d;
                 h += to_line;
                 c += d.dot(to_line);
@@ -99,7 +99,7 @@ impl Loss {
         (y.dot(self.a * y) - 2.0 * self.h.dot(y) + self.c).max(0.0)
     }
 
-    fn best_place(&self, around: &Around) -> DVec3 {
+    fn best_place(&self, around: &EdgeNeighbourhood) -> DVec3 {
         let mut pins = Pins::default();
         pins.pin(self.volume.0, self.volume.1, NO_VOLUME * self.trace().sqrt());
         if !around.lines.is_empty() {
@@ -121,7 +121,7 @@ impl Loss {
 
 /// The area vector that the border bounds changes by e × (y − p) for each of its edges e at p, by half. What is across
 /// the sum of e can be kept; what is along it is the same for all y.
-fn pin_border(pins: &mut Pins, around: &Around) {
+fn pin_border(pins: &mut Pins, around: &EdgeNeighbourhood) {
     let (mut along, mut moment, mut size_sq) = (DVec3::ZERO, DVec3::ZERO, 0.0);
     for line in around.lines.iter().filter(|l| l.sense != 0.0) {
         let from = around.end(line.at);
@@ -146,8 +146,8 @@ fn pin_border(pins: &mut Pins, around: &Around) {
 }
 
 /// The sum of the squared distances to the rim of the star, each face counting its two edges, is least here.
-fn middle_of_rim(around: &Around) -> DVec3 {
-    let rim = around.walls.iter().filter(|w| w.at != At::Both);
+fn middle_of_rim(around: &EdgeNeighbourhood) -> DVec3 {
+    let rim = around.triangles.iter().filter(|w| w.at != EdgePart::Both);
     let (sum, count) = rim.fold((DVec3::ZERO, 0.0), |(sum, n), w| (sum + w.a + w.b, n + 2.0));
     if count > 0.0 { sum / count } else { around.d * 0.5 }
 }

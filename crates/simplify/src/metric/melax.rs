@@ -7,7 +7,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::{Around, At, Place, Wall};
+use super::{AllowedPlace, EdgeNeighbourhood, EdgePart, StarTriangle};
 
 /// What length alone counts against curvature: decides among flat places only. (Normals in single precision are not
 /// better.)
@@ -16,44 +16,44 @@ const TIE: f64 = 1e-7;
 const MOST_SIDES: usize = 4;
 
 /// The cost of the cheaper of the two ends, or of the one that may go, and the step to the other.
-pub(super) fn judge(around: &Around) -> Option<(f32, Vec3)> {
+pub(super) fn judge(around: &EdgeNeighbourhood) -> Option<(f32, Vec3)> {
     let length = around.d.length();
     let [kept, removed] = turns(around).map(|turn| turn.map(|t| (length * (t + TIE)) as f32));
     let onto_kept = removed.map(|cost| (cost, Vec3::ZERO));
     let onto_removed = kept.map(|cost| (cost, around.d.as_vec3()));
     match (around.place, onto_kept, onto_removed) {
-        (Place::Kept, onto, _) | (Place::Removed, _, onto) => onto,
+        (AllowedPlace::Kept, onto, _) | (AllowedPlace::Removed, _, onto) => onto,
         (_, Some(a), Some(b)) if b.0 < a.0 => Some(b),
         (_, a, b) => a.or(b),
     }
 }
 
 /// How far the stars of the two ends turn away from the edge, from 0 to 1; `None` for one that may not be given up.
-fn turns(around: &Around) -> [Option<f64>; 2] {
-    let normal = |w: &Wall| (w.b - w.a).cross(around.end(w.at) - w.a).normalize_or_zero();
+fn turns(around: &EdgeNeighbourhood) -> [Option<f64>; 2] {
+    let normal = |w: &StarTriangle| (w.b - w.a).cross(around.end(w.at) - w.a).normalize_or_zero();
     // Two, but for borders and non-manifold edges.
     let (mut sides, mut count) = ([DVec3::ZERO; MOST_SIDES], 0);
-    for w in around.walls.iter().filter(|w| w.at == At::Both).take(MOST_SIDES) {
+    for w in around.triangles.iter().filter(|w| w.at == EdgePart::Both).take(MOST_SIDES) {
         sides[count] = normal(w);
         count += 1;
     }
     // Cosines: the least of a star, of the greatest with a side.
     let mut least = [1f64; 2];
-    for w in around.walls.iter().filter(|w| w.at != At::Both) {
+    for w in around.triangles.iter().filter(|w| w.at != EdgePart::Both) {
         let n = normal(w);
         let nearest = sides[..count].iter().fold(-1.0, |most, s| f64::max(most, n.dot(*s)));
-        let of_end = &mut least[usize::from(w.at == At::Removed)];
+        let of_end = &mut least[usize::from(w.at == EdgePart::Removed)];
         *of_end = of_end.min(nearest);
     }
-    [At::Kept, At::Removed].map(|end| {
-        let i = usize::from(end == At::Removed);
+    [EdgePart::Kept, EdgePart::Removed].map(|end| {
+        let i = usize::from(end == EdgePart::Removed);
         let turn = 0.5 - 0.5 * least[i];
         if around.on_lines[i] { Some(turn.max(turn_of_line(around, end)?)) } else { Some(turn) }
     })
 }
 
 /// How far the feature edges at an end turn away from the edge; `None` where that is none of them.
-fn turn_of_line(around: &Around, end: At) -> Option<f64> {
+fn turn_of_line(around: &EdgeNeighbourhood, end: EdgePart) -> Option<f64> {
     if !around.is_line() {
         return None;
     }
@@ -69,24 +69,24 @@ fn turn_of_line(around: &Around, end: At) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metric::Line;
+    use crate::metric::FeatureLine;
 
     /// A flat strip along x with its ends at (0, 0, 0) and (1, 0, 0); `tip` is where the face beyond the kept end goes.
-    fn strip(tip: DVec3) -> Around {
+    fn strip(tip: DVec3) -> EdgeNeighbourhood {
         let d = DVec3::X;
-        let wall = |at, a, b| Wall { at, a, b };
-        Around {
+        let wall = |at, a, b| StarTriangle { at, a, b };
+        EdgeNeighbourhood {
             d,
-            place: Place::Ends,
-            walls: vec![
-                wall(At::Both, d, DVec3::Y),
-                wall(At::Both, -DVec3::Y, d),
-                wall(At::Kept, DVec3::Y, tip),
-                wall(At::Kept, tip, -DVec3::Y),
-                wall(At::Removed, DVec3::new(2.0, 0.0, 0.0), DVec3::Y),
-                wall(At::Removed, -DVec3::Y, DVec3::new(2.0, 0.0, 0.0)),
+            place: AllowedPlace::Ends,
+            triangles: vec![
+                wall(EdgePart::Both, d, DVec3::Y),
+                wall(EdgePart::Both, -DVec3::Y, d),
+                wall(EdgePart::Kept, DVec3::Y, tip),
+                wall(EdgePart::Kept, tip, -DVec3::Y),
+                wall(EdgePart::Removed, DVec3::new(2.0, 0.0, 0.0), DVec3::Y),
+                wall(EdgePart::Removed, -DVec3::Y, DVec3::new(2.0, 0.0, 0.0)),
             ],
-            ..Around::default()
+            ..EdgeNeighbourhood::default()
         }
     }
 
@@ -101,7 +101,8 @@ mod tests {
         assert_eq!(step, Vec3::ZERO);
         assert!(cost <= 2.0 * TIE as f32, "{cost}");
         let (cost, step) =
-            judge(&Around { place: Place::Removed, ..strip(DVec3::new(-1.0, 0.0, 1.0)) }).unwrap();
+            judge(&EdgeNeighbourhood { place: AllowedPlace::Removed, ..strip(DVec3::new(-1.0, 0.0, 1.0)) })
+                .unwrap();
         // Their normals are (1, 0, 1) / √2, half a right angle off z.
         assert_eq!(step, Vec3::X);
         assert!((f64::from(cost) - (0.5 - 0.5 / 2f64.sqrt())).abs() < 1e-6, "{cost}");
@@ -111,12 +112,13 @@ mod tests {
     fn borders_are_left_along_themselves_only_and_at_the_cost_of_their_turn() {
         let mut around = strip(-DVec3::X);
         around.on_lines = [true, false];
-        around.lines = vec![Line { at: At::Kept, to: DVec3::new(0.0, 1.0, 0.0), weight: 1.0, sense: 1.0 }];
-        assert_eq!(judge(&Around { place: Place::Removed, ..around.clone() }), None);
+        around.lines =
+            vec![FeatureLine { at: EdgePart::Kept, to: DVec3::new(0.0, 1.0, 0.0), weight: 1.0, sense: 1.0 }];
+        assert_eq!(judge(&EdgeNeighbourhood { place: AllowedPlace::Removed, ..around.clone() }), None);
         // The edge itself on the border, which turns by a right angle at the kept end.
-        around.lines.push(Line { at: At::Both, to: around.d, weight: 1.0, sense: -1.0 });
+        around.lines.push(FeatureLine { at: EdgePart::Both, to: around.d, weight: 1.0, sense: -1.0 });
         around.on_lines = [true, true];
-        let (cost, step) = judge(&Around { place: Place::Removed, ..around }).unwrap();
+        let (cost, step) = judge(&EdgeNeighbourhood { place: AllowedPlace::Removed, ..around }).unwrap();
         assert_eq!(step, Vec3::X);
         assert!((cost - 0.5).abs() < 1e-6, "{cost}");
     }

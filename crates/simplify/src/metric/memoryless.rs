@@ -7,7 +7,7 @@
 
 use glam::Vec3;
 
-use super::{Form, Judge, Metric};
+use super::{CostSource, Form, Metric};
 use crate::tensor::Tensor;
 
 #[derive(Clone, Copy)]
@@ -29,8 +29,8 @@ impl Metric for Memoryless {
         true
     }
     #[inline(always)]
-    fn decides(&self) -> Judge {
-        Judge::Engine
+    fn cost_source(&self) -> CostSource {
+        CostSource::Engine
     }
     #[inline(always)]
     fn form(&self, kept: &Tensor, removed: &Tensor, d: Vec3) -> Form {

@@ -3,7 +3,7 @@
 use lodsmith_core::splits::{Changes, Counts, Layout, NO_ORIGINAL, Original, SplitData};
 use lodsmith_core::{FaceId, Positions, RegionId, TriMesh, VertexId, WedgeId};
 
-use crate::collapse::record::{Copy, Log, Step};
+use crate::collapse::record::{Log, LoggedChange, MeshCopy};
 
 /// Splits, and the names of their elements in the record.
 pub(super) struct Arranged {
@@ -75,7 +75,7 @@ pub(super) fn single_level(mesh: &TriMesh) -> SplitData {
 }
 
 /// Returns the range of a change's entries in a list of the log.
-fn entries(steps: &[Step], change: usize, list: usize) -> std::ops::Range<usize> {
+fn entries(steps: &[LoggedChange], change: usize, list: usize) -> std::ops::Range<usize> {
     let before = change.checked_sub(1).map_or(0, |i| steps[i].ends[list]);
     before as usize..steps[change].ends[list] as usize
 }
@@ -87,7 +87,7 @@ pub(super) fn merged(log: &Log, change: usize) -> &[(VertexId, VertexId)] {
 
 /// The splits being built, and the mesh at the present level in the names of the record.
 struct Builder<'a> {
-    copy: Copy,
+    copy: MeshCopy,
     input: &'a TriMesh,
     number_of_wedge: Vec<u32>,
     number_of_vertex: Vec<u32>,
@@ -101,7 +101,7 @@ struct Builder<'a> {
 /// Puts changes in an order in which each level is a good mesh, and elements in the order in which they
 /// become live. `copy` is the mesh at the end of the record; `by_place` are the faces of the input in an
 /// order that is local in space.
-pub(super) fn build_splits(input: &TriMesh, copy: Copy, log: &Log, by_place: &[FaceId]) -> Arranged {
+pub(super) fn build_splits(input: &TriMesh, copy: MeshCopy, log: &Log, by_place: &[FaceId]) -> Arranged {
     let steps = &log.steps;
     let mut order: Vec<usize> = (0..steps.len()).collect();
     order.sort_by(|&i, &j| steps[i].key.total_cmp(&steps[j].key).then(i.cmp(&j)));
@@ -143,7 +143,7 @@ pub(super) fn build_splits(input: &TriMesh, copy: Copy, log: &Log, by_place: &[F
 }
 
 impl<'a> Builder<'a> {
-    fn new(input: &'a TriMesh, copy: Copy) -> Self {
+    fn new(input: &'a TriMesh, copy: MeshCopy) -> Self {
         let empty = |p: &Positions| match p {
             Positions::F32(_) => Positions::F32(Vec::new()),
             Positions::F64(_) => Positions::F64(Vec::new()),

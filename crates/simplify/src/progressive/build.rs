@@ -13,13 +13,13 @@ use crate::care::{self, Constraints};
 use crate::collapse::attributes::Attributes;
 use crate::collapse::cut::may_cut;
 use crate::collapse::order::{self, NONE, Ordered};
-use crate::collapse::record::{Copy, Names, Record};
+use crate::collapse::record::{InputNames, MeshCopy, Record};
 use crate::collapse::store::{Facing, Store};
-use crate::collapse::{End, Goal};
+use crate::collapse::{Goal, StopReason};
 use crate::control::{Control, Stage, Verdict};
 use crate::fit::Originals;
 use crate::input::Input;
-use crate::metric::{Dimension, Judged, Memory, Memoryless, Metric, Quadric};
+use crate::metric::{Dimension, Judged, Memoryless, Metric, Quadric, VertexMemory};
 use crate::options::{Length, Method, Placement, SimplifyOptions, TopologyPolicy};
 use crate::prune;
 use crate::run::{self, Run, Source, Started};
@@ -189,13 +189,13 @@ fn record_run<M: Metric>(
     let source = Source { surface: &run.input.surface, ordered: run.ordered, is_kept };
     let mut end = engine.sweep(&run.goal, &source, control);
     let in_order = engine.record.as_ref().map_or(0, |record| record.log.steps.len());
-    if end == End::Stuck && topology == TopologyPolicy::Relaxed {
+    if end == StopReason::Stuck && topology == TopologyPolicy::Relaxed {
         // As far as possible without changing the topology; from here on parts are removed and handles cut.
         control.stage(Stage::Collapse);
         engine.resume(may_cut(run.options));
         end = engine.sweep(&run.goal, &source, control);
     }
-    let Some(record) = engine.record.take().filter(|_| end != End::Cancel) else {
+    let Some(record) = engine.record.take().filter(|_| end != StopReason::Cancel) else {
         return Err(SimplifyError::Cancelled);
     };
     let area = engine.mesh.area_of_input();
@@ -203,7 +203,7 @@ fn record_run<M: Metric>(
     let counted = goals.iter().filter_map(|g| g.faces).zip(weights_of_attributes).collect();
     let values = originals.zip(engine.mesh.values.attributes.take());
     drop(engine);
-    let fits = run.wants_fit(metric.decides());
+    let fits = run.wants_fit(metric.cost_source());
     let dimension = metric.dimension();
     let taken = EngineData { by_place, facings, in_order, area, weights, fits, values, counted, dimension };
     build_progressive(run, mesh, *record, taken, control)
@@ -280,7 +280,7 @@ fn build_progressive(
 }
 
 /// Starts a record with the input as the engine has it.
-fn record<Q: Memory>(
+fn record<Q: VertexMemory>(
     run: &Run<'_, '_>,
     mesh: &TriMesh,
     store: &Store<Q>,
@@ -289,7 +289,7 @@ fn record<Q: Memory>(
 ) -> Record {
     let (names, home) = names(run, store, attributes, rows.as_ref());
     let layout = arrange::layout(mesh);
-    let copy = Copy {
+    let copy = MeshCopy {
         faces: mesh.triangles().to_vec(),
         vertex_of: (0..mesh.wedge_count()).map(|w| mesh.vertex_of(WedgeId::new(w))).collect(),
         width: layout.width(),
@@ -305,12 +305,12 @@ fn record<Q: Memory>(
 
 /// Returns the names in the input of the engine's elements and, if wedges keep their own numbers, the vertex
 /// of each wedge.
-fn names<Q: Memory>(
+fn names<Q: VertexMemory>(
     run: &Run<'_, '_>,
     store: &Store<Q>,
     attributes: Option<&Attributes>,
     rows: Option<&Rows>,
-) -> (Names, Vec<VertexId>) {
+) -> (InputNames, Vec<VertexId>) {
     let ordered: &Ordered = run.ordered;
     let vertices = ordered.first_at_each();
     let faces = ordered.of_faces(&run.input.surface, FaceId::new);
@@ -318,7 +318,7 @@ fn names<Q: Memory>(
     let keeps_wedges = has_wedges && run.options.placement == Placement::Endpoint;
     let (mut wedges, mut home) = (Vec::new(), Vec::new());
     let Some(mesh) = run.input.mesh else {
-        return (Names { vertices, wedges, faces, has_wedges, keeps_wedges }, home);
+        return (InputNames { vertices, wedges, faces, has_wedges, keeps_wedges }, home);
     };
     let place = |w: WedgeId| run.place(mesh, w);
     if keeps_wedges {
@@ -337,5 +337,5 @@ fn names<Q: Memory>(
             }
         }
     }
-    (Names { vertices, wedges, faces, has_wedges, keeps_wedges }, home)
+    (InputNames { vertices, wedges, faces, has_wedges, keeps_wedges }, home)
 }

@@ -15,7 +15,7 @@ use super::{PreparedInput, RebuiltSurface};
 use crate::SimplifyError;
 use crate::attributes::Rows;
 use crate::care::HeldWedges;
-use crate::collapse::attributes::{Attributes, Pulls};
+use crate::collapse::attributes::{Attributes, JointWeights};
 use crate::collapse::order::NONE;
 
 /// No neighbour: at a border, a seam or a non-manifold edge.
@@ -92,7 +92,7 @@ pub(super) fn transfer_attributes(
     let locked_corners = LockedCorners::new(ground);
     let largest = rows.largest();
     let mut values: Vec<f32> = Vec::new();
-    let mut pulls: Vec<Pulls> = Vec::new();
+    let mut pulls: Vec<JointWeights> = Vec::new();
     let mut labels: Vec<u32> = Vec::new();
     // Rows of each new vertex so far, as a linked list.
     let mut first = vec![NO_ROW; made.points.len()];
@@ -119,7 +119,7 @@ pub(super) fn transfer_attributes(
         let mut own_held = [None; 3];
         for (k, &v) in t.iter().enumerate() {
             let mut exact = true;
-            let mut own_pulls = Pulls::new();
+            let mut own_pulls = JointWeights::new();
             let mut own_label = None;
             let mut wedge = None;
             let kept = made.kept[v.index()];
@@ -408,8 +408,8 @@ fn nearest_corner(weights: &[f64; 3]) -> usize {
 }
 
 /// Blends joint weights, strongest first.
-fn blend(of: &[&Pulls; 3], weights: &[f64; 3]) -> Pulls {
-    let mut all: Pulls = Vec::new();
+fn blend(of: &[&JointWeights; 3], weights: &[f64; 3]) -> JointWeights {
+    let mut all: JointWeights = Vec::new();
     for (pulls, weight) in of.iter().zip(weights).filter(|x| *x.1 > 0.0) {
         for &(joint, pull) in *pulls {
             let pull = pull * *weight as f32;
@@ -424,9 +424,9 @@ fn blend(of: &[&Pulls; 3], weights: &[f64; 3]) -> Pulls {
 }
 
 /// True if two sets of joint weights are equal apart from rounding.
-fn are_pulls_alike(a: &Pulls, b: &Pulls) -> bool {
-    let pull = |of: &Pulls, joint: u32| of.iter().find(|x| x.0 == joint).map_or(0.0, |x| x.1);
-    let one_way = |a: &Pulls, b: &Pulls| {
+fn are_pulls_alike(a: &JointWeights, b: &JointWeights) -> bool {
+    let pull = |of: &JointWeights, joint: u32| of.iter().find(|x| x.0 == joint).map_or(0.0, |x| x.1);
+    let one_way = |a: &JointWeights, b: &JointWeights| {
         a.iter().all(|x| (x.1 - pull(b, x.0)).abs() <= ROW_TOLERANCE * x.1.abs().max(1.0))
     };
     one_way(a, b) && one_way(b, a)

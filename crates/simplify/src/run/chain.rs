@@ -16,12 +16,14 @@
 use lodsmith_core::VertexId;
 
 use super::trunk::Trunk;
-use super::{Done, Input, Leave, Outcome, Run, goal, ordered, pass_of, run_shaded, told};
+use super::{
+    Done, Input, Run, RunOutcome, TopologyChanges, build_report, goal, ordered, pass_of, run_shaded,
+};
 use crate::SimplifyError;
 use crate::care::{self, Constraints};
 use crate::collapse::cut::may_cut;
 use crate::collapse::order::NONE;
-use crate::collapse::{End, Goal, Pause};
+use crate::collapse::{Goal, Pause, StopReason};
 use crate::control::{Control, ProgressShare, Stage};
 use crate::deviation::{self, Deviation};
 use crate::metric::{Judged, Memoryless, Metric, Quadric};
@@ -32,7 +34,8 @@ use crate::options::{Method, SimplifyOptions, Stop, TopologyPolicy};
 pub(crate) type Mergers = Vec<Vec<VertexId>>;
 
 /// The outcomes of all levels, in one run.
-type Passes = fn(&mut Run<'_, '_>, &[Goal], &mut dyn Control) -> Result<Vec<(Outcome, usize)>, SimplifyError>;
+type Passes =
+    fn(&mut Run<'_, '_>, &[Goal], &mut dyn Control) -> Result<Vec<(RunOutcome, usize)>, SimplifyError>;
 
 fn passes_of(method: Method) -> Option<Passes> {
     Some(match method {
@@ -91,13 +94,14 @@ fn chain_by_method(
     let outcomes = passes(&mut run, &goals, control)?;
     let mergers = if is_traced { run.mergers(&outcomes) } else { Mergers::new() };
     let judge = if deviation::needs_measurement(options) { run.judge(control) } else { None };
-    let look = |outcome: &Outcome| {
+    let look = |outcome: &RunOutcome| {
         judge.as_ref().map_or_else(Deviation::default, |judge| judge.measure(&outcome.mesh, None))
     };
     let looked: Vec<Deviation> = outcomes.iter().map(|(outcome, _)| look(outcome)).collect();
     let finished = outcomes.into_iter().zip(looked).zip(&of_levels);
-    let all = finished
-        .map(|((outcome, deviation), own)| told(input, own, &in_order, &care, (outcome.0, deviation, false)));
+    let all = finished.map(|((outcome, deviation), own)| {
+        build_report(input, own, &in_order, &care, (outcome.0, deviation, false))
+    });
     Ok((all.collect(), mergers))
 }
 
@@ -108,23 +112,24 @@ impl Run<'_, '_> {
         metric: M,
         goals: &[Goal],
         control: &mut dyn Control,
-    ) -> Result<Vec<(Outcome, usize)>, SimplifyError> {
+    ) -> Result<Vec<(RunOutcome, usize)>, SimplifyError> {
         let is_free = self.options.topology == TopologyPolicy::Free;
-        let mut leave = Leave { parts: is_free, cuts: is_free, seams: false };
+        let mut leave = TopologyChanges { parts: is_free, cuts: is_free, seams: false };
         let mut trunk: Option<Trunk<M>> = None;
         let mut number = 0;
-        let mut outcomes: Vec<(Outcome, usize)> = Vec::with_capacity(goals.len());
+        let mut outcomes: Vec<(RunOutcome, usize)> = Vec::with_capacity(goals.len());
         for i in 0..goals.len() {
             let control = &mut ProgressShare::of(control, i, goals.len());
             let mut outcome = self.level(metric, &mut trunk, (i, goals), leave, control)?;
             let may_change = self.options.topology == TopologyPolicy::Relaxed;
-            let is_short = outcome.parts_removed > 0 || outcome.end == End::Stuck || outcome.has_rivals();
-            if may_change && !leave.parts && is_short && outcome.end != End::Finish {
+            let is_short =
+                outcome.parts_removed > 0 || outcome.end == StopReason::Stuck || outcome.has_rivals();
+            if may_change && !leave.parts && is_short && outcome.end != StopReason::Finish {
                 // Parts and handles stand in the way: a trunk in which they go in their turn.
                 let (mut second, mut own) =
-                    (None, Leave { parts: true, cuts: may_cut(self.options), ..leave });
+                    (None, TopologyChanges { parts: true, cuts: may_cut(self.options), ..leave });
                 let mut other = self.level(metric, &mut second, (i, goals), own, control)?;
-                if other.touches && other.end != End::Finish {
+                if other.touches && other.end != StopReason::Finish {
                     (second, own.cuts) = (None, false);
                     other = self.level(metric, &mut second, (i, goals), own, control)?;
                 }
@@ -134,12 +139,12 @@ impl Run<'_, '_> {
                 } else {
                     outcome.proposals = other.proposals;
                 }
-            } else if may_change && leave.cuts && outcome.touches && outcome.end != End::Finish {
+            } else if may_change && leave.cuts && outcome.touches && outcome.end != StopReason::Finish {
                 (trunk, leave.cuts) = (None, false);
                 outcome = self.level(metric, &mut trunk, (i, goals), leave, control)?;
                 number += 1;
             }
-            let is_last = outcome.end == End::Finish;
+            let is_last = outcome.end == StopReason::Finish;
             outcomes.push((outcome, number));
             if is_last {
                 break;
@@ -154,9 +159,9 @@ impl Run<'_, '_> {
         metric: M,
         trunk: &mut Option<Trunk<M>>,
         (i, goals): (usize, &[Goal]),
-        leave: Leave,
+        leave: TopologyChanges,
         control: &mut dyn Control,
-    ) -> Result<Outcome, SimplifyError> {
+    ) -> Result<RunOutcome, SimplifyError> {
         let goal = &goals[i];
         let mut grown = match trunk.take() {
             Some(mut trunk) => {
@@ -189,10 +194,10 @@ impl Run<'_, '_> {
                     Some(end) => end,
                     None => {
                         let own = &mut sweeps.clone();
-                        branch.go_on(own, goal, Pause::Never, &source, control).unwrap_or(End::Stuck)
+                        branch.go_on(own, goal, Pause::Never, &source, control).unwrap_or(StopReason::Stuck)
                     }
                 };
-                if end == End::Cancel {
+                if end == StopReason::Cancel {
                     return Err(SimplifyError::Cancelled);
                 }
                 branch.mesh.store.finish();
@@ -200,13 +205,14 @@ impl Run<'_, '_> {
             }
         };
         let is_last = leave.parts || goal.is_none() || self.options.topology == TopologyPolicy::Preserve;
-        let outcome = self.finish(&mut engine, &grown.root, end, end == End::Stuck && is_last, control)?;
+        let outcome =
+            self.finish(&mut engine, &grown.root, end, end == StopReason::Stuck && is_last, control)?;
         *trunk = Some(grown);
         Ok(outcome)
     }
 
     /// What the vertices of each level became in the next one.
-    fn mergers(&self, outcomes: &[(Outcome, usize)]) -> Mergers {
+    fn mergers(&self, outcomes: &[(RunOutcome, usize)]) -> Mergers {
         let home = |homes: &[VertexId], number: VertexId| homes.get(number.index()).copied().unwrap_or(NONE);
         let count = self.input.surface.positions().len();
         let mut mergers = Mergers::new();
@@ -217,7 +223,7 @@ impl Run<'_, '_> {
                     .map(|v| self.ordered.rank[self.input.joined(VertexId::new(v)).index()])
                     .map(|number| home(&trace.homes, number))
                     .collect(),
-                Some((Outcome { trace: Some(before), .. }, own)) => {
+                Some((RunOutcome { trace: Some(before), .. }, own)) => {
                     // Vertices that were cut apart have numbers of their own, which another trunk does not know.
                     let numbers = if own == trunk { &before.origins } else { &before.places };
                     numbers.iter().map(|&number| home(&trace.homes, number)).collect()

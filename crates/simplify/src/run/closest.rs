@@ -4,22 +4,22 @@
 //! contracting pairs. None of these is always the best, and their costs are not of one kind, so the results are measured.
 //! This is the only place that decides between results of one run.
 
-use super::{Outcome, Run};
-use crate::collapse::End;
+use super::{Run, RunOutcome};
+use crate::collapse::StopReason;
 use crate::control::Control;
 
 /// Samples each way. (The RMS of a result is then known to a few percent; ways differ by more, or either will do.)
-const SAMPLES: usize = 20_000;
+const JUDGE_SAMPLES: usize = 20_000;
 /// A result that keeps what it was asked to keep is taken unless another one is closer by this factor: parts are not to go for
 /// a small gain. (Guessed.)
-const FAVOUR: f64 = 1.25;
+const WHOLE_RESULT_FACTOR: f64 = 1.25;
 /// The same of a result whose run was at ease: the step that a walk of targets may take (`cargo xtask walk`).
 const FAVOUR_AT_EASE: f64 = 1.5;
 /// Where the target is out of reach, a heavier result is taken if the lightest one is farther off by this factor. (Guessed:
 /// for a few faces less that is more than any run at ease pays.)
-const DESTROYED: f64 = 3.0;
+const DESTROYED_FACTOR: f64 = 3.0;
 
-impl Outcome {
+impl RunOutcome {
     /// Whether another way to the target may be closer to the input: seams gave way, or stayed at a price, or cheap parts or
     /// necks stayed.
     pub(super) fn has_rivals(&self) -> bool {
@@ -36,13 +36,13 @@ impl Run<'_, '_> {
     /// The best of at least one outcome, see [`Run::closer`]; where none meets the target, with what would help.
     pub(super) fn closest(
         &self,
-        mut ways: Vec<Outcome>,
+        mut ways: Vec<RunOutcome>,
         asked: Option<usize>,
         control: &mut dyn Control,
-    ) -> Outcome {
+    ) -> RunOutcome {
         let best = self.closer(&ways.iter().collect::<Vec<_>>(), asked, control);
         let mut chosen = ways.swap_remove(best);
-        if chosen.end == End::Stuck && chosen.proposals.is_empty() {
+        if chosen.end == StopReason::Stuck && chosen.proposals.is_empty() {
             let others = ways.into_iter().map(|way| way.proposals);
             chosen.proposals = others.max_by_key(Vec::len).unwrap_or_default();
         }
@@ -53,8 +53,13 @@ impl Run<'_, '_> {
     /// that meet it, the one with the least RMS distance to the input, both ways; of several that do not, the lightest. The
     /// first of equals. Favoured is the one that was `asked` for by an option, else what keeps all. Cost: a tree of the
     /// input, and of each outcome that is measured.
-    pub(super) fn closer(&self, ways: &[&Outcome], asked: Option<usize>, control: &mut dyn Control) -> usize {
-        let meets = |i: &usize| ways[*i].end == End::Goal;
+    pub(super) fn closer(
+        &self,
+        ways: &[&RunOutcome],
+        asked: Option<usize>,
+        control: &mut dyn Control,
+    ) -> usize {
+        let meets = |i: &usize| ways[*i].end == StopReason::Goal;
         let met: Vec<usize> = (0..ways.len()).filter(meets).collect();
         if met.len() <= 1 {
             let lightest = || (0..ways.len()).min_by_key(|&i| ways[i].mesh.face_count());
@@ -64,11 +69,11 @@ impl Run<'_, '_> {
         let error = |i: usize| {
             let is_favoured = asked.map_or_else(|| ways[i].keeps_all(), |asked| i == asked);
             let favour = match is_favoured {
-                true if ways[i].is_strained || asked.is_some() => FAVOUR,
+                true if ways[i].is_strained || asked.is_some() => WHOLE_RESULT_FACTOR,
                 true => FAVOUR_AT_EASE,
                 false => 1.0,
             };
-            judge.rms(&ways[i].mesh, SAMPLES) / favour
+            judge.rms(&ways[i].mesh, JUDGE_SAMPLES) / favour
         };
         let errors = met.iter().map(|&i| (i, error(i)));
         errors.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(met[0], |best| best.0)
@@ -77,16 +82,16 @@ impl Run<'_, '_> {
     /// Of the lightest result of a run whose target is out of reach, and one that is a little heavier, the one to give back.
     pub(super) fn less_destroyed(
         &self,
-        lightest: Outcome,
-        heavier: Outcome,
+        lightest: RunOutcome,
+        heavier: RunOutcome,
         control: &mut dyn Control,
-    ) -> Outcome {
-        let Some(judge) = self.judge(control).filter(|_| heavier.end == End::Goal) else {
+    ) -> RunOutcome {
+        let Some(judge) = self.judge(control).filter(|_| heavier.end == StopReason::Goal) else {
             return lightest;
         };
-        let [far, near] = [&lightest, &heavier].map(|way| judge.rms(&way.mesh, SAMPLES));
-        if far > DESTROYED * near {
-            Outcome { end: End::Stuck, proposals: lightest.proposals, ..heavier }
+        let [far, near] = [&lightest, &heavier].map(|way| judge.rms(&way.mesh, JUDGE_SAMPLES));
+        if far > DESTROYED_FACTOR * near {
+            RunOutcome { end: StopReason::Stuck, proposals: lightest.proposals, ..heavier }
         } else {
             lightest
         }

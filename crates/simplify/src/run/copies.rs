@@ -11,13 +11,13 @@
 
 use std::rc::Rc;
 
-use super::start::COPY_UP_TO;
+use super::start::INPUT_COPY_MAX_FACES;
 use super::trunk::{Root, Trunk};
 use crate::collapse::{Engine, Goal, Sweeps};
 use crate::metric::Metric;
 
 /// Copies at one time: the start, and two on the way.
-const MOST: usize = 3;
+const MAX_COPIES: usize = 3;
 
 struct EngineCopy<M: Metric> {
     engine: Engine<M>,
@@ -62,12 +62,12 @@ impl<M: Metric> Copies<M> {
     pub(super) fn keep(&mut self, trunk: &Trunk<M>, sweeps: &Sweeps, faces: usize) {
         // Runs to few faces look back at the input from a certain count on, and may be copied before.
         if !self.is_wanted
-            || trunk.engine.mesh.store.live_faces > COPY_UP_TO
+            || trunk.engine.mesh.store.live_faces > INPUT_COPY_MAX_FACES
             || trunk.engine.is_near_late_phase()
         {
             return;
         }
-        if self.all.len() == MOST {
+        if self.all.len() == MAX_COPIES {
             self.all.remove(1);
         }
         self.root = Some(Rc::clone(&trunk.root));

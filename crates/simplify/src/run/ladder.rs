@@ -17,7 +17,7 @@ use std::ops::RangeInclusive;
 use crate::SimplifyError;
 
 /// Each level has one face for so many of the one before. (Measured: errors of neighbours differ by 8 % in the mean.)
-const STEP: f64 = 1.05;
+const LEVEL_FACTOR: f64 = 1.05;
 /// The first step is this part of that, and each twice the one before: where a run has hardly begun, each collapse may be one
 /// too many. (Guessed.)
 const FIRST: f64 = 1.0 / 8.0;
@@ -55,12 +55,12 @@ impl Ladder {
     pub(super) fn new(all: usize, floor: usize) -> Self {
         let mut counts = vec![all];
         let mut exact = all as f64;
-        let mut step = 1.0 + (STEP - 1.0) * FIRST;
+        let mut step = 1.0 + (LEVEL_FACTOR - 1.0) * FIRST;
         while let Some(&last) = counts.last()
             && last > floor
         {
             exact /= step;
-            step = (1.0 + 2.0 * (step - 1.0)).min(STEP);
+            step = (1.0 + 2.0 * (step - 1.0)).min(LEVEL_FACTOR);
             let next = (exact.round() as usize).min(last - 1).max(floor);
             exact = exact.min(next as f64 + 0.5);
             counts.push(next);
@@ -167,8 +167,9 @@ mod tests {
         for (all, floor) in [(1, 1), (12, 1), (12, 12), (9000, 4), (1_000_000, 777), (100, 99)] {
             let counts = Ladder::new(all, floor).counts;
             assert!(counts[0] == all && counts.last() == Some(&floor), "{counts:?}");
-            let is_step =
-                |c: &[usize]| c[1] < c[0] && (c[0] - c[1] == 1 || c[0] as f64 <= c[1] as f64 * STEP + 1.5);
+            let is_step = |c: &[usize]| {
+                c[1] < c[0] && (c[0] - c[1] == 1 || c[0] as f64 <= c[1] as f64 * LEVEL_FACTOR + 1.5)
+            };
             assert!(counts.windows(2).all(is_step), "{counts:?}");
             // The floor has no say in what comes before it.
             let whole = Ladder::new(all, 1).counts;

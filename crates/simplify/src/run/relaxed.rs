@@ -10,18 +10,18 @@
 
 use super::copies::Copies;
 use super::trunk::Trunk;
-use super::{Leave, Outcome, Run};
+use super::{Run, RunOutcome, TopologyChanges};
 use crate::SimplifyError;
 use crate::collapse::cut::may_cut;
-use crate::collapse::fork::Fork;
-use crate::collapse::{End, Goal, Pause, Sweeps};
+use crate::collapse::fork::Snapshot;
+use crate::collapse::{Goal, Pause, StopReason, Sweeps};
 use crate::control::{Control, Stage};
 use crate::metric::Metric;
 
 /// How many times the faces of the lightest result another one may have where the target is out of reach. (A level of 1,194
 /// parts that ends at 6,249 faces is 2.0 % off there, and .2 % at 15 % more.)
-const NEARLY: f64 = 1.15;
-const ALL_STAY: Leave = Leave { parts: false, cuts: false, seams: false };
+const NEARLY_REACHED_FACTOR: f64 = 1.15;
+const ALL_STAY: TopologyChanges = TopologyChanges { parts: false, cuts: false, seams: false };
 
 impl Run<'_, '_> {
     pub(super) fn relaxed<M: Metric>(
@@ -31,10 +31,10 @@ impl Run<'_, '_> {
         step: Option<f64>,
         copies: &mut Copies<M>,
         control: &mut dyn Control,
-    ) -> Result<Outcome, SimplifyError> {
+    ) -> Result<RunOutcome, SimplifyError> {
         let lightest = self.by_all_ways(metric, goal, step, copies, control)?;
-        let near = (lightest.mesh.face_count() as f64 * NEARLY) as usize;
-        let is_short = lightest.end == End::Stuck && step.is_none() && !lightest.keeps_all();
+        let near = (lightest.mesh.face_count() as f64 * NEARLY_REACHED_FACTOR) as usize;
+        let is_short = lightest.end == StopReason::Stuck && step.is_none() && !lightest.keeps_all();
         if !is_short || near <= lightest.mesh.face_count() + 1 {
             return Ok(lightest);
         }
@@ -52,7 +52,7 @@ impl Run<'_, '_> {
         step: Option<f64>,
         copies: &mut Copies<M>,
         control: &mut dyn Control,
-    ) -> Result<Outcome, SimplifyError> {
+    ) -> Result<RunOutcome, SimplifyError> {
         let (mut trunk, mut sweeps) = match copies.before(&goal) {
             Some(kept) => {
                 control.stage(Stage::Collapse);
@@ -70,7 +70,7 @@ impl Run<'_, '_> {
         let mut end = None;
         if copies.is_wanted() {
             end = self.go_on(&mut trunk, &mut sweeps, &goal, Pause::BeforeEither, control)?;
-            if end.is_none() && !trunk.engine.is_time_to_fork(&sweeps, &goal, false) {
+            if end.is_none() && !trunk.engine.should_snapshot(&sweeps, &goal, false) {
                 copies.keep(&trunk, &sweeps, goal.faces.unwrap_or(0));
             }
         }
@@ -79,22 +79,22 @@ impl Run<'_, '_> {
         }
         if end.is_none() {
             if !trunk.engine.is_past_parts(cuts) {
-                fork = Some(trunk.engine.fork(&sweeps));
+                fork = Some(trunk.engine.snapshot(&sweeps));
             }
             end = self.go_on(&mut trunk, &mut sweeps, &goal, Pause::Never, control)?;
         }
         trunk.engine.mesh.store.finish();
-        let end = end.unwrap_or(End::Stuck);
+        let end = end.unwrap_or(StopReason::Stuck);
         let mut ways = Vec::new();
         let seams_stand_in_way = trunk.engine.mesh.has_relaxed_seams() || trunk.engine.has_seams_in_the_way();
         let mut parts = true;
-        if trunk.engine.tally.parts_removed == 0 || end == End::Finish {
-            parts = end == End::Stuck || trunk.engine.mesh.part_count() > 1;
+        if trunk.engine.tally.parts_removed == 0 || end == StopReason::Finish {
+            parts = end == StopReason::Stuck || trunk.engine.mesh.part_count() > 1;
             let outcome = self.finish(&mut trunk.engine, &trunk.root, end, false, control)?;
             parts |= outcome.spares_necks;
-            let competes = end == End::Goal && outcome.has_rivals();
+            let competes = end == StopReason::Goal && outcome.has_rivals();
             // A search for an error has its own end.
-            if end != End::Stuck && !competes || step.is_some() {
+            if end != StopReason::Stuck && !competes || step.is_some() {
                 return Ok(outcome);
             }
             ways.push(outcome);
@@ -102,19 +102,19 @@ impl Run<'_, '_> {
         // Parts and handles stand in the way: let them go in their turn. Without a copy the room is needed.
         let mut from = fork.map(|fork| (fork, trunk));
         if parts {
-            let leave = Leave { parts, cuts, seams: false };
+            let leave = TopologyChanges { parts, cuts, seams: false };
             let mut second = self.in_turn(metric, &goal, step, leave, &mut from, control)?;
-            if second.touches && second.end != End::Finish {
+            if second.touches && second.end != StopReason::Finish {
                 cuts = false;
-                let leave = Leave { cuts, ..leave };
+                let leave = TopologyChanges { cuts, ..leave };
                 second = self.in_turn(metric, &goal, step, leave, &mut from, control)?;
             }
             ways.push(second);
         }
-        let is_over = ways.last().is_some_and(|last| last.end == End::Finish);
+        let is_over = ways.last().is_some_and(|last| last.end == StopReason::Finish);
         let competes = seams_stand_in_way || ways.iter().any(|way| way.seams_relaxed || way.spares_seams);
         if competes && step.is_none() && !is_over {
-            let leave = Leave { parts, cuts: cuts && parts, seams: true };
+            let leave = TopologyChanges { parts, cuts: cuts && parts, seams: true };
             let third = self.in_turn(metric, &goal, step, leave, &mut from, control)?;
             // Where sides of a cut touch, there is another way.
             ways.extend(Some(third).filter(|third| !third.touches || ways.is_empty()));
@@ -128,18 +128,18 @@ impl Run<'_, '_> {
         metric: M,
         goal: &Goal,
         step: Option<f64>,
-        leave: Leave,
-        from: &mut Option<(Fork<M>, Trunk<M>)>,
+        leave: TopologyChanges,
+        from: &mut Option<(Snapshot<M>, Trunk<M>)>,
         control: &mut dyn Control,
-    ) -> Result<Outcome, SimplifyError> {
+    ) -> Result<RunOutcome, SimplifyError> {
         let mut own;
         let (trunk, mut sweeps) = match from {
             Some((fork, trunk)) => {
                 control.stage(Stage::Collapse);
-                let (engine, mut sweeps) = fork.again(&mut trunk.engine);
+                let (engine, mut sweeps) = fork.restored(&mut trunk.engine);
                 trunk.engine = engine;
                 if leave.parts {
-                    trunk.engine.let_go(&mut sweeps, leave.cuts, &self.source(&trunk.root));
+                    trunk.engine.allow_topology_changes(&mut sweeps, leave.cuts, &self.source(&trunk.root));
                 }
                 if leave.seams {
                     trunk.engine.mesh.loosen_seams();
@@ -152,9 +152,9 @@ impl Run<'_, '_> {
                 (&mut own, sweeps)
             }
         };
-        let end = self.go_on(trunk, &mut sweeps, goal, Pause::Never, control)?.unwrap_or(End::Stuck);
+        let end = self.go_on(trunk, &mut sweeps, goal, Pause::Never, control)?.unwrap_or(StopReason::Stuck);
         trunk.engine.mesh.store.finish();
-        self.finish(&mut trunk.engine, &trunk.root, end, end == End::Stuck && step.is_none(), control)
+        self.finish(&mut trunk.engine, &trunk.root, end, end == StopReason::Stuck && step.is_none(), control)
     }
 
     fn go_on<M: Metric>(
@@ -164,9 +164,9 @@ impl Run<'_, '_> {
         goal: &Goal,
         pause: Pause,
         control: &mut dyn Control,
-    ) -> Result<Option<End>, SimplifyError> {
+    ) -> Result<Option<StopReason>, SimplifyError> {
         let end = trunk.engine.go_on(sweeps, goal, pause, &self.source(&trunk.root), control);
-        if end == Some(End::Cancel) { Err(SimplifyError::Cancelled) } else { Ok(end) }
+        if end == Some(StopReason::Cancel) { Err(SimplifyError::Cancelled) } else { Ok(end) }
     }
 }
 
@@ -209,7 +209,7 @@ mod tests {
     }
 
     /// A trunk where it pauses before parts and handles are needed, if it does.
-    fn paused(run: &mut Run<'_, '_>, goal: &Goal) -> (Trunk<Memoryless>, Sweeps, Option<End>) {
+    fn paused(run: &mut Run<'_, '_>, goal: &Goal) -> (Trunk<Memoryless>, Sweeps, Option<StopReason>) {
         let mut trunk = run.begin(Memoryless, None, ALL_STAY, (&[], 0), &mut NoControl).unwrap();
         let mut sweeps = trunk.engine.begin_sweeps(goal);
         let end = run.go_on(&mut trunk, &mut sweeps, goal, Pause::BeforeNeed, &mut NoControl).unwrap();
@@ -223,18 +223,18 @@ mod tests {
             let goal = run.goal;
             let (mut trunk, mut sweeps, end) = paused(run, &goal);
             assert_eq!(end, None);
-            let fork = trunk.engine.fork(&sweeps);
+            let fork = trunk.engine.snapshot(&sweeps);
             let mut results = Vec::new();
             for others in 0..3 {
                 for _ in 0..others {
                     // One that copies wedges in between.
-                    let (mut other, mut its) = fork.again(&mut trunk.engine);
-                    other.let_go(&mut its, true, &run.source(&trunk.root));
+                    let (mut other, mut its) = fork.restored(&mut trunk.engine);
+                    other.allow_topology_changes(&mut its, true, &run.source(&trunk.root));
                     trunk.engine = other;
                     run.go_on(&mut trunk, &mut its, &goal, Pause::Never, &mut NoControl).unwrap();
                     assert!(trunk.engine.tally.necks_cut > 0);
                 }
-                (trunk.engine, sweeps) = fork.again(&mut trunk.engine);
+                (trunk.engine, sweeps) = fork.restored(&mut trunk.engine);
                 let end = run.go_on(&mut trunk, &mut sweeps, &goal, Pause::Never, &mut NoControl).unwrap();
                 trunk.engine.mesh.store.finish();
                 let done =
@@ -257,7 +257,7 @@ mod tests {
                 let mut trunk = run.begin(Memoryless, None, ALL_STAY, (&[], 0), &mut NoControl).unwrap();
                 let end = run.sweep(&mut trunk, &goal, &mut NoControl).unwrap();
                 let plain = run.finish(&mut trunk.engine, &trunk.root, end, false, &mut NoControl).unwrap();
-                assert_eq!((end, plain.parts_removed), (End::Goal, 0));
+                assert_eq!((end, plain.parts_removed), (StopReason::Goal, 0));
                 assert!(done.mesh == plain.mesh);
             });
         }
@@ -275,7 +275,7 @@ mod tests {
                     Some(share) => {
                         assert!(end.is_none() && live * share <= 5120 && live > 3 * faces, "{live}")
                     }
-                    None => assert_eq!(end, Some(End::Goal)),
+                    None => assert_eq!(end, Some(StopReason::Goal)),
                 }
             });
         }
@@ -289,7 +289,7 @@ mod tests {
             let last = store.v.len() - 1;
             store.v[0].p = store.v[last].p;
             let before: Vec<_> = store.v.iter().map(|x| x.p).collect();
-            trunk.engine.mesh.part_touching();
+            trunk.engine.mesh.separate_touching();
             let after: Vec<_> = trunk.engine.mesh.store.v.iter().map(|x| x.p).collect();
             assert!(after[0].distance(after[last]) > 1e-5, "{} {}", after[0], after[last]);
             assert!(after[0].distance(before[0]) < 0.01 && after[last].distance(before[last]) < 0.01);

@@ -15,13 +15,13 @@ use crate::collapse::store::Store;
 use crate::collapse::{Engine, Goal, Wedges};
 use crate::fit;
 use crate::guard::Rules;
-use crate::metric::{Judge, Memory, Metric};
+use crate::metric::{CostSource, Metric, VertexMemory};
 use crate::options::{Fit, Length, Placement};
 use crate::recolor;
 
 /// Inputs with no more faces than this keep a copy of themselves in order for the fit; larger ones are put in order
 /// again when it comes to it, which takes some percent more time and 18 bytes a face less.
-pub(super) const COPY_UP_TO: usize = 1_000_000;
+pub(super) const INPUT_COPY_MAX_FACES: usize = 1_000_000;
 
 /// An engine before its first sweep, and what a run needs beside it.
 pub(crate) struct Started<M: Metric> {
@@ -43,7 +43,7 @@ struct Corners {
 }
 
 /// What an engine is made of, and what a run needs beside it.
-struct Basis<Q: Memory> {
+struct Basis<Q: VertexMemory> {
     rules: Rules,
     store: Store<Q>,
     endpoints: Option<Wedges>,
@@ -66,7 +66,7 @@ impl Run<'_, '_> {
         (goals, level): (&[Goal], usize),
     ) -> Result<Started<M>, SimplifyError> {
         let Basis { rules, store, endpoints, rows, attributes, originals, is_kept, weights } =
-            self.basis(metric.decides(), step, recorded, (goals, level));
+            self.basis(metric.cost_source(), step, recorded, (goals, level));
         let (mut engine, duplicate_faces) = Engine::new(metric, store, rules, endpoints, attributes);
         // (Runs to an error hold details by themselves; recorded ones have no goal yet.)
         if let (Some(textures), Some(mesh)) = (&self.options.textures, self.input.mesh)
@@ -90,9 +90,9 @@ impl Run<'_, '_> {
     }
 
     /// What an engine begins with, whatever its metric is but for who `judge`s.
-    fn basis<Q: Memory>(
+    fn basis<Q: VertexMemory>(
         &mut self,
-        judge: Judge,
+        judge: CostSource,
         step: Option<f64>,
         recorded: bool,
         (goals, level): (&[Goal], usize),
@@ -112,7 +112,7 @@ impl Run<'_, '_> {
         }
         // The search for an error runs several times from the same start, and a chain looks back at each level.
         let again = step.is_some() || !goals.is_empty() || recorded;
-        let is_kept = self.ordered.faces.len() <= COPY_UP_TO || again;
+        let is_kept = self.ordered.faces.len() <= INPUT_COPY_MAX_FACES || again;
         let (points, faces) = if is_kept {
             (Cow::Borrowed(&self.ordered.points[..]), self.ordered.faces.clone())
         } else {
@@ -121,7 +121,7 @@ impl Run<'_, '_> {
         let regions = self.regions();
         let Corners { wedges, endpoints, mut rows } = self.corners(&faces, &points);
         let mut weights = Vec::new();
-        if !matches!(judge, Judge::Engine) {
+        if !matches!(judge, CostSource::Engine) {
             if let Some((_, Some(attributes))) = &mut rows {
                 attributes.weights_mut().fill(0.0);
             }
@@ -168,11 +168,11 @@ impl Run<'_, '_> {
     }
 
     /// Whether there is a fit at the end.
-    pub(crate) fn wants_fit(&self, judge: Judge) -> bool {
+    pub(crate) fn wants_fit(&self, judge: CostSource) -> bool {
         match self.options.fit {
             Fit::Off => false,
             Fit::On => self.options.placement != Placement::Endpoint,
-            Fit::Auto => matches!(judge, Judge::Engine) && self.options.placement == Placement::Optimal,
+            Fit::Auto => matches!(judge, CostSource::Engine) && self.options.placement == Placement::Optimal,
         }
     }
 

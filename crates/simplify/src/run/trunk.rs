@@ -7,7 +7,7 @@ use lodsmith_core::VertexId;
 use lodsmith_core::mesh::weld;
 
 use super::start::pairs_reach;
-use super::{Leave, Outcome, Run, Source, Started};
+use super::{Run, RunOutcome, Source, Started, TopologyChanges};
 use crate::SimplifyError;
 use crate::attributes::Rows;
 use crate::collapse::attributes::Attributes;
@@ -15,7 +15,7 @@ use crate::collapse::cut::may_cut;
 use crate::collapse::order::MEMORY_FREE_UP_TO;
 use crate::collapse::parts;
 use crate::collapse::store::{Store, Vertex};
-use crate::collapse::{End, Engine, Goal, Original as _, Sweeps};
+use crate::collapse::{Engine, Goal, OriginalSurface as _, StopReason, Sweeps};
 use crate::control::{Control, Stage, Verdict};
 use crate::fit::{self, MoveGuards};
 use crate::given::KeptInput;
@@ -27,7 +27,7 @@ use crate::rebuild;
 use crate::recolor::{self, OwnParts};
 
 /// Where one face in so many stays, the fit needs more memory than the sweeps.
-const MANY: usize = 3;
+const SHRINK_DIVISOR: usize = 3;
 
 /// An engine, and what every result of it needs.
 pub(super) struct Trunk<M: Metric> {
@@ -65,7 +65,7 @@ impl Run<'_, '_> {
         &mut self,
         metric: M,
         step: Option<f64>,
-        leave: Leave,
+        leave: TopologyChanges,
         (goals, level): (&[Goal], usize),
         control: &mut dyn Control,
     ) -> Result<Trunk<M>, SimplifyError> {
@@ -91,9 +91,9 @@ impl Run<'_, '_> {
         trunk: &mut Trunk<M>,
         goal: &Goal,
         control: &mut dyn Control,
-    ) -> Result<End, SimplifyError> {
+    ) -> Result<StopReason, SimplifyError> {
         let end = trunk.engine.sweep(goal, &self.source(&trunk.root), control);
-        if end == End::Cancel { Err(SimplifyError::Cancelled) } else { Ok(end) }
+        if end == StopReason::Cancel { Err(SimplifyError::Cancelled) } else { Ok(end) }
     }
 
     pub(super) fn source(&self, root: &Root) -> Source<'_> {
@@ -105,10 +105,10 @@ impl Run<'_, '_> {
         &self,
         engine: &mut Engine<M>,
         root: &Root,
-        end: End,
+        end: StopReason,
         proposes: bool,
         control: &mut dyn Control,
-    ) -> Result<Outcome, SimplifyError> {
+    ) -> Result<RunOutcome, SimplifyError> {
         let frame = self.ordered.frame;
         let proposals = match proposes {
             true => engine.proposals(
@@ -123,7 +123,7 @@ impl Run<'_, '_> {
         let spares_parts = may_relax && engine.has_parts_in_the_way(may_cut);
         let spares_necks = may_relax && may_cut && engine.has_necks_in_the_way();
         let mut fitted = None;
-        let wants_fit = self.wants_fit(engine.mesh.cost.metric.decides()) && engine.tally.collapses > 0;
+        let wants_fit = self.wants_fit(engine.mesh.cost.metric.cost_source()) && engine.tally.collapses > 0;
         if wants_fit {
             control.stage(Stage::Fit);
             if control.progress(0.0) == Verdict::Cancel {
@@ -137,7 +137,7 @@ impl Run<'_, '_> {
                 self.fit::<M>(&mut engine.mesh.store, &mut engine.mesh.values.attributes, root, &home, away);
         }
         if engine.tally.necks_cut > 0 && self.options.topology == TopologyPolicy::Relaxed {
-            engine.mesh.part_touching();
+            engine.mesh.separate_touching();
         }
         let rows = root.rows.as_ref();
         if !self.options.keeps_blended_normals
@@ -163,7 +163,7 @@ impl Run<'_, '_> {
             places: engine.mesh.store.v.iter().map(|x| engine.mesh.store.place_of(x.origin)).collect(),
             homes: engine.mesh.store.homes(),
         });
-        Ok(Outcome {
+        Ok(RunOutcome {
             estimate: frame.user_length(engine.estimate(fitted)),
             end,
             fitted: wants_fit,
@@ -231,7 +231,7 @@ impl Run<'_, '_> {
         let guards = MoveGuards::new(&Rules::new(self.options, ordered.frame, ordered.diagonal), store);
         let guards = guards.as_ref();
         let (given, mut fitted) = (surface.triangles().len(), None);
-        if !root.is_kept && given > MEMORY_FREE_UP_TO && MANY * store.t.len() >= given {
+        if !root.is_kept && given > MEMORY_FREE_UP_TO && SHRINK_DIVISOR * store.t.len() >= given {
             // Looked up place by place: 14 bytes a face less, but in a file without any order a sixth more time.
             let given = &mut ordered.again(surface);
             fitted = Some(fit::fit(store, given, home, away, values.as_mut(), guards, M::tensor).rms);

@@ -1,20 +1,20 @@
 //! Runs that end by an error.
 
 use super::ladder::{Answer, Ladder};
-use super::{Finished, Outcome, Run};
+use super::{Finished, Run, RunOutcome};
 use crate::SimplifyError;
-use crate::collapse::{End, Goal};
+use crate::collapse::{Goal, StopReason};
 use crate::control::{Control, Stage};
 use crate::deviation::{Deviation, InputComparer, PreparedResult, ROUNDING};
 
 /// Each step of a method that goes by steps is so much of the one before...
-const STEP: f64 = 0.8;
+const TOLERANCE_FACTOR: f64 = 0.8;
 /// ... and the first so many steps long that is no longer than the limit; then comes none at all. (Guessed: a thirtieth of
 /// it.)
-const STEPS: usize = 16;
+const MAX_TOLERANCES: usize = 16;
 
 /// Of so many levels that seem to keep the limit the results are held until one is proven to.
-const HELD: usize = 3;
+const MAX_HELD_RESULTS: usize = 3;
 
 impl Run<'_, '_> {
     /// The lightest level of the ladder that keeps to `limit`.
@@ -36,17 +36,17 @@ impl Run<'_, '_> {
             pass(run, goal, control)
         };
         // The lightest that seems to keep the limit: most levels are told by some places of theirs.
-        let mut seemingly: Vec<(usize, Outcome)> = Vec::new();
+        let mut seemingly: Vec<(usize, RunOutcome)> = Vec::new();
         let mut is_over = false;
         let mut level = ladder.search(&mut |level| {
             let outcome = run_to(&mut self, level, control)?;
             let (faces, vertices) = (outcome.mesh.face_count(), outcome.mesh.vertex_count());
-            is_over = outcome.end == End::Finish;
+            is_over = outcome.end == StopReason::Finish;
             control.stage(Stage::Measure);
             if !PreparedResult::new(&outcome.mesh).is_some_and(|made| judge.passes_spot_check(&made, limit)) {
                 return Ok(if is_over { Answer::Over } else { Answer::Beyond });
             }
-            if seemingly.len() == HELD {
+            if seemingly.len() == MAX_HELD_RESULTS {
                 seemingly.remove(0);
             }
             seemingly.push((level, outcome));
@@ -65,13 +65,13 @@ impl Run<'_, '_> {
                 Some((_, outcome)) => outcome,
                 None => run_to(&mut self, level, control)?,
             };
-            is_over |= outcome.end == End::Finish;
+            is_over |= outcome.end == StopReason::Finish;
             control.stage(Stage::Measure);
             if let Some(made) = PreparedResult::new(&outcome.mesh)
                 && let Some(bound) = judge.proven_within(&made, limit)
             {
                 if is_over {
-                    outcome.end = End::Finish;
+                    outcome.end = StopReason::Finish;
                 }
                 return Ok((outcome, judge.measure_prepared(&made, Some(bound)), true));
             }
@@ -107,15 +107,15 @@ impl Run<'_, '_> {
         let judge = self.judge(control);
         let diagonal = self.ordered.diagonal;
         let allowed = limit + ROUNDING * diagonal;
-        let first = (limit / diagonal).ln() / STEP.ln();
+        let first = (limit / diagonal).ln() / TOLERANCE_FACTOR.ln();
         let mut power = if first.is_finite() { (first - 1e-9).ceil() } else { f64::INFINITY };
         for run in 1.. {
-            let is_last = run == STEPS;
-            let step = if is_last { 0.0 } else { diagonal * STEP.powf(power) };
+            let is_last = run == MAX_TOLERANCES;
+            let step = if is_last { 0.0 } else { diagonal * TOLERANCE_FACTOR.powf(power) };
             let outcome = self.go(self.goal, Some(step), control)?;
             control.stage(Stage::Measure);
             let kept = judge.as_ref().and_then(|judge| judge.proven_within_mesh(&outcome.mesh, allowed));
-            if kept.is_some() || is_last || outcome.end == End::Finish {
+            if kept.is_some() || is_last || outcome.end == StopReason::Finish {
                 let look = |judge: &InputComparer| judge.measure(&outcome.mesh, kept);
                 let deviation = judge.as_ref().map_or_else(Deviation::default, look);
                 return Ok((outcome, deviation, kept.is_some()));

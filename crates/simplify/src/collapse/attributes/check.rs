@@ -7,7 +7,7 @@ use super::{Attributes, NO_WEDGE, Slopes};
 use crate::collapse::check::{Checks, need};
 use crate::collapse::order::NONE;
 use crate::collapse::store::Store;
-use crate::metric::Memory;
+use crate::metric::VertexMemory;
 
 /// How far what was added up over many collapses may be from a sum made afresh, a share of the sizes of all that is summed.
 /// (Measured on the shapes and soups of the tests: areas up to 4e-6.)
@@ -22,7 +22,7 @@ impl Attributes {
     /// Says which invariant of the wedges does not hold, if any. The store is sound.
     ///
     /// Cost: O(n).
-    pub(in crate::collapse) fn check<Q: Memory>(
+    pub(in crate::collapse) fn check<Q: VertexMemory>(
         &self,
         store: &Store<Q>,
         checks: &mut Checks,
@@ -74,7 +74,7 @@ impl Attributes {
     }
 
     /// The vertex in whose chain each wedge is, or [`NONE`].
-    fn owners<Q: Memory>(&self, store: &Store<Q>) -> Result<Vec<VertexId>, String> {
+    fn owners<Q: VertexMemory>(&self, store: &Store<Q>) -> Result<Vec<VertexId>, String> {
         let mut owners = vec![NONE; self.count()];
         for u in store.living() {
             let Some(&first) = store.first_wedge.get(u.index()) else {
@@ -95,7 +95,7 @@ impl Attributes {
     }
 
     /// Areas and sums are those of the present triangles; what is known of wedges by themselves holds.
-    fn check_sums<Q: Memory>(
+    fn check_sums<Q: VertexMemory>(
         &self,
         store: &Store<Q>,
         wedges: &[[WedgeId; 3]],

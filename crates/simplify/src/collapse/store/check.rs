@@ -4,9 +4,9 @@ use lodsmith_core::VertexId;
 
 use super::{NONE, Store};
 use crate::collapse::check::need;
-use crate::metric::Memory;
+use crate::metric::VertexMemory;
 
-impl<Q: Memory> Store<Q> {
+impl<Q: VertexMemory> Store<Q> {
     /// Says which invariant does not hold, if any.
     ///
     /// The store must be one that sweeps work on: its corner lists are filled, and it is not finished. Lists may hold dead
