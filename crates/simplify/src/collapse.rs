@@ -121,7 +121,7 @@ pub(crate) enum StopReason {
 pub(crate) type InputVisitor<'a> = dyn FnMut(&[Vec3], &[[VertexId; 3]]) + 'a;
 
 /// What the late phase and the fit look back on: the ordered input, kept or made again.
-pub(crate) trait OriginalSurface {
+pub(crate) trait InputSurface {
     /// Calls back with the positions in the unit frame and the faces.
     fn with(&self, look: &mut InputVisitor<'_>);
 }

@@ -18,7 +18,7 @@ use crate::care::{self, Constraints, HeldWedges, LockedWedges};
 use crate::collapse::attributes::Attributes;
 use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::store::Store;
-use crate::collapse::{Goal, InputVisitor, OriginalSurface, StopReason};
+use crate::collapse::{Goal, InputSurface, InputVisitor, StopReason};
 use crate::control::{Control, Stage, Verdict};
 use crate::deviation::{self, Deviation, InputComparer, ROUNDING};
 pub(crate) use crate::input::Input;
@@ -40,7 +40,7 @@ pub(crate) struct Source<'a> {
     pub(crate) is_kept: bool,
 }
 
-impl OriginalSurface for Source<'_> {
+impl InputSurface for Source<'_> {
     fn with(&self, look: &mut InputVisitor<'_>) {
         if self.is_kept {
             look(&self.ordered.points, &self.ordered.faces);

@@ -227,7 +227,7 @@ fn attributes(item: &Item) -> Option<&[Attribute]> {
 }
 
 /// Returns true if an item exists in tests only.
-fn is_test(attributes: &[Attribute]) -> bool {
+pub(super) fn is_test(attributes: &[Attribute]) -> bool {
     let is_cfg_test = |a: &Attribute| {
         a.path().is_ident("cfg") && a.parse_args::<syn::Path>().is_ok_and(|path| path.is_ident("test"))
     };

@@ -14,7 +14,7 @@ use wide::f32x4;
 
 use super::order::NONE;
 use super::store::Ring;
-use super::{Engine, LiveMesh, OriginalSurface};
+use super::{Engine, InputSurface, LiveMesh};
 use crate::metric::Metric;
 
 /// Debug builds check meshes of fewer faces than this after each sweep: nearly all of those in the tests. (On larger ones
@@ -50,7 +50,7 @@ impl<M: Metric> Engine<M> {
     ///
     /// # Panics
     /// If an invariant does not hold: our own mistake.
-    pub(super) fn check_if_asked(&mut self, original: &dyn OriginalSurface) {
+    pub(super) fn check_if_asked(&mut self, original: &dyn InputSurface) {
         // (A constant outside of tests and debug builds: nothing of it is left there.)
         if !cfg!(any(test, debug_assertions)) {
             return;

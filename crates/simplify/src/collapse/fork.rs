@@ -12,7 +12,7 @@
 use super::attributes::SavedWedges;
 use super::bound::UNKNOWN;
 use super::sweeps::{LAST_SHARE, Productivity, QUANTILE};
-use super::{Engine, Goal, OriginalSurface, Sweeps, late};
+use super::{Engine, Goal, InputSurface, Sweeps, late};
 use crate::metric::Metric;
 
 /// Collapses of a sweep, a share of those that it was to bring nearer, under which a run is not at ease. (Measured: .27 to .34
@@ -78,7 +78,7 @@ impl<M: Metric> Engine<M> {
         &mut self,
         sweeps: &mut Sweeps,
         cuts: bool,
-        original: &dyn OriginalSurface,
+        original: &dyn InputSurface,
     ) {
         self.mesh.store.compact();
         self.mesh.constraints.cuts_necks = cuts;

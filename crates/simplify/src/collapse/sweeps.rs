@@ -8,7 +8,7 @@ use wide::f32x8;
 use super::bound::Histogram;
 use super::commit::{Attempt, CollapseOutcome};
 use super::{
-    Engine, Goal, LiveMesh, OriginalSurface, PREFETCH_MIN_VERTICES, StopReason, VisitScratch, late, record,
+    Engine, Goal, InputSurface, LiveMesh, PREFETCH_MIN_VERTICES, StopReason, VisitScratch, late, record,
 };
 use crate::control::{Control, Verdict};
 use crate::metric::Metric;
@@ -128,7 +128,7 @@ type Halt = Option<StopReason>;
 struct SweepRequest<'a> {
     goal: &'a Goal,
     pause: Pause,
-    original: &'a dyn OriginalSurface,
+    original: &'a dyn InputSurface,
     /// True if the goal has a late phase.
     is_extreme: bool,
 }
@@ -172,7 +172,7 @@ impl<M: Metric> Engine<M> {
     pub(crate) fn sweep(
         &mut self,
         goal: &Goal,
-        original: &dyn OriginalSurface,
+        original: &dyn InputSurface,
         control: &mut dyn Control,
     ) -> StopReason {
         let mut sweeps = self.begin_sweeps(goal);
@@ -242,7 +242,7 @@ impl<M: Metric> Engine<M> {
         sweeps: &mut Sweeps,
         goal: &Goal,
         pause: Pause,
-        original: &dyn OriginalSurface,
+        original: &dyn InputSurface,
         control: &mut dyn Control,
     ) -> Option<StopReason> {
         let end = self.sweep_on(sweeps, goal, pause, original, control);
@@ -256,7 +256,7 @@ impl<M: Metric> Engine<M> {
         sweeps: &mut Sweeps,
         goal: &Goal,
         pause: Pause,
-        original: &dyn OriginalSurface,
+        original: &dyn InputSurface,
         control: &mut dyn Control,
     ) -> Option<StopReason> {
         let errand = SweepRequest { goal, pause, original, is_extreme: self.is_extreme(goal) };

@@ -15,7 +15,7 @@ use crate::collapse::cut::may_cut;
 use crate::collapse::order::MEMORY_FREE_UP_TO;
 use crate::collapse::parts;
 use crate::collapse::store::{Store, Vertex};
-use crate::collapse::{Engine, Goal, OriginalSurface as _, StopReason, Sweeps};
+use crate::collapse::{Engine, Goal, InputSurface as _, StopReason, Sweeps};
 use crate::control::{Control, Stage, Verdict};
 use crate::fit::{self, MoveGuards};
 use crate::given::KeptInput;
