@@ -177,7 +177,7 @@ pub(crate) fn chain_of_scene(
         let went = |(numbers, place): (&Vec<VertexId>, &PartPlacement)| {
             let to =
                 |v: &VertexId| mergers.get(k)?.get(v.index()).filter(|to| to.index() < view.len()).copied();
-            numbers.iter().map(|v| to(v).map(|to| place.from_scene(view.get(to)))).collect()
+            numbers.iter().map(|v| to(v).map(|to| place.to_part(view.get(to)))).collect()
         };
         let targets = before.iter().zip(&whole.layout.places).map(went).collect();
         let (meshes, numbers) = whole.split_parts(&done.mesh, &held)?;
@@ -413,7 +413,7 @@ impl PartPlacement {
     fn to_scene(self, p: [f64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|k| p[k] * self.scale + self.offset[k])
     }
-    fn from_scene(self, p: [f64; 3]) -> [f64; 3] {
+    fn to_part(self, p: [f64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|k| (p[k] - self.offset[k]) / self.scale)
     }
 }
@@ -586,7 +586,7 @@ impl Layout {
                 }
             }
             first_wedge += part.mesh.wedge_count();
-            let places = vertices.iter().map(|&v| place.from_scene(view.get(v))).zip(&own_vertices);
+            let places = vertices.iter().map(|&v| place.to_part(view.get(v))).zip(&own_vertices);
             let positions = match part.mesh.positions() {
                 Positions::F32(own) => Positions::F32(
                     places.map(|(p, v)| v.map_or_else(|| p.map(|x| x as f32), |v| own[v.index()])).collect(),

@@ -115,7 +115,7 @@ impl ClusterGrid {
         place - Self::cell_in(place)
     }
     /// Converts a position in cells to user units.
-    pub(super) fn to_user(&self, p: DVec3) -> [f64; 3] {
+    pub(super) fn to_user(self, p: DVec3) -> [f64; 3] {
         ((p - self.half) * self.cell + self.middle).to_array()
     }
     /// Computes hash keys that differ between the cells of nearby vertices.
