@@ -7,7 +7,7 @@
 //! * clean manifold input: no more non-manifold or border edges, degenerate or duplicate faces than in the
 //!   input;
 //! * `dirty/` and `broken/`: success, or exit status 1 with one line of error, each in under a second and 200
-//!   MB; [`WANTED`] lists the expected outcome if there is only one;
+//!   MB; [`EXPECTED_OUTCOMES`] lists the expected outcome if there is only one;
 //! * unsupported formats: refused.
 //!
 //! With `--methods`, runs every method instead, see [`methods`].

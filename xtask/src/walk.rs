@@ -1,9 +1,9 @@
 //! Checks that errors grow steadily: each model is simplified ever further, from 90 % of its triangles to
 //! 200, in steps of 0.85.
 //!
-//! A step is a *spike* if its RMS distance is more than [`SPIKE`] times that of any step with fewer
+//! A step is a *spike* if its RMS distance is more than [`MAX_SPIKE_RATIO`] times that of any step with fewer
 //! triangles: then asking for fewer triangles gives a closer mesh, so the run took a bad path to its target.
-//! Distances below [`FLOOR`] of the diagonal count as [`FLOOR`]. Growth as such is not a violation.
+//! Distances below [`MIN_DISTANCE`] of the diagonal count as [`MIN_DISTANCE`]. Growth as such is not a violation.
 
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use crate::{cargo, shared_models, succeed};
 
-/// The ratio of triangles between a step and the one before; the first keeps [`FIRST`] of the model.
+/// The ratio of triangles between a step and the one before; the first keeps [`FIRST_RATIO`] of the model.
 const STEP_RATIO: f64 = 0.85;
 const FIRST_RATIO: f64 = 0.9;
 /// Minimum number of triangles of a step.

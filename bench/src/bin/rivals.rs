@@ -200,7 +200,7 @@ struct Case {
     target: String,
     wanted: usize,
     order: Order,
-    /// Seconds of each repetition, in the order of [`NAMES`].
+    /// Seconds of each repetition, in the order of [`CONTESTANTS`].
     times: [Vec<f64>; 3],
     /// Triangles of each result.
     faces_left: [usize; 3],

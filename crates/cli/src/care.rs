@@ -195,7 +195,7 @@ impl NamedMesh<'_> {
         values
     }
 
-    /// Returns the names that [`Named::values`] finds.
+    /// Returns the names that [`NamedMesh::values`] finds.
     fn values_names(&self) -> Vec<String> {
         let channels = if self.mesh.colors().is_some() { &CHANNELS[..] } else { &[] };
         let further =

@@ -41,7 +41,7 @@ impl Size {
     }
 
     /// Returns the bytes of the buffers plus `face` bytes for each face and `value` bytes for each value; the
-    /// second figure of a pair applies above [`MANY`] faces.
+    /// second figure of a pair applies above [`MANY_FACES`] faces.
     fn bytes_at(self, face: [u64; 2], value: [u64; 2]) -> u64 {
         let i = usize::from(self.faces > MANY_FACES);
         let own = self.faces.saturating_mul(face[i]).saturating_add(self.values.saturating_mul(value[i]));

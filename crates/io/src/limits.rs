@@ -15,7 +15,7 @@ pub struct Limits {
     pub pixels: u64,
     /// Maximum memory for reading, in bytes: the file, its unpacked data and the result, together. The need
     /// of a step is estimated from sizes and counts before it begins, and is right within a third for
-    /// ordinary files. [`machine::memory`](crate::machine::memory) returns the memory of the machine.
+    /// ordinary files. [`machine::memory_limit`](crate::machine::memory_limit) returns the memory of the machine.
     pub memory: u64,
 }
 

@@ -31,7 +31,7 @@ pub const MAX_BITS: u8 = 24;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct LpmOptions {
-    /// Bits of a coordinate, [`LEAST_BITS`] to [`MOST_BITS`]; `None` keeps every bit of every level.
+    /// Bits of a coordinate, [`MIN_BITS`] to [`MAX_BITS`]; `None` keeps every bit of every level.
     pub bits: Option<u8>,
     /// True if fits of checkpoints keep every bit too. A file is then two to three times as large, but no
     /// level closer.

@@ -57,7 +57,7 @@ fn double_precision_comes_back_where_the_format_has_it() {
                 assert_eq!(got, mesh, "{name} {kind:?}");
                 continue;
             }
-            // The others round, with a warning; see `attributes::rounding`.
+            // The others round, with a warning; see `attributes::rounding_warning`.
             assert_eq!(got.face_count(), mesh.face_count(), "{name} {kind:?}");
             let diagonal = mesh.positions().view().bounds().unwrap().diagonal();
             for (a, b) in corners(&got).as_flattened().iter().zip(corners(&mesh).as_flattened()) {

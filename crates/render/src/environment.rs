@@ -127,7 +127,7 @@ impl Environment {
         Self::of_map(map([MAP_WIDTH, MAP_HEIGHT]), LightMap { size: STUDIO_SIZE, pixels: map(STUDIO_SIZE) })
     }
 
-    /// Returns the data for a shader: rows of [`WIDTH`] pixels, the maps below each other, [`HEIGHT`] rows
+    /// Returns the data for a shader: rows of [`MAP_WIDTH`] pixels, the maps below each other, [`MAP_HEIGHT`] rows
     /// each, and a last row that starts with the nine coefficients of diffuse light.
     pub fn table(&self) -> Vec<[f32; 4]> {
         let last = self.matt.into_iter().chain(std::iter::repeat(Vec3::ZERO)).take(MAP_WIDTH);

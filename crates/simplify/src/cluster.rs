@@ -325,7 +325,7 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
             }
             coarsest = longest / made.cell;
         }
-        // Levels are powers of `STEP`; the finest has the lowest number.
+        // Levels are powers of `RESOLUTION_STEP`; the finest has the lowest number.
         let power = |resolution: f64| -resolution.ln() / RESOLUTION_STEP.ln();
         let levels = -(MAX_RESOLUTION.ln() / RESOLUTION_STEP.ln()) as i64..=power(coarsest).floor() as i64;
         let wish = longest * 3f64.sqrt() * FIRST_DISTANCE / limit.max(f64::MIN_POSITIVE);

@@ -89,7 +89,7 @@ struct Fan {
 #[repr(C, align(64))]
 struct FaceNormalEquations([f32x4; 4]);
 
-/// For each corner, the indices in a [`Load`] of its product with another corner, that corner's lift, and the
+/// For each corner, the indices in a [`FaceNormalEquations`] of its product with another corner, that corner's lift, and the
 /// same for the third corner.
 const PRODUCT_INDICES: [[usize; 4]; 4] = [[6, 7, 5, 11], [6, 3, 4, 11], [5, 3, 4, 7], [0; 4]];
 

@@ -107,7 +107,7 @@ pub(crate) trait Metric: Copy {
         Tensor::line(edge, weight)
     }
     /// Cost of a collapse and the step from the kept end to the merged vertex; `None` if it may not be. Only asked where
-    /// [`Self::decides`] says so.
+    /// [`Self::cost_source`] says so.
     fn judge(&self, around: &EdgeNeighbourhood, mean: f32) -> Option<(f32, Vec3)> {
         let _ = (around, mean);
         None

@@ -357,7 +357,7 @@ impl ComparisonView {
         self.each_orbit(|orbit| orbit.frame(&bounds, aspect));
     }
 
-    /// Does as [`Pictures::look_from`], the next time that the pictures are shown.
+    /// Does as [`ComparisonView::look_from`], the next time that the pictures are shown.
     pub fn look_from_next_frame(&mut self, view: usize) {
         self.pending_view = Some(view);
     }

@@ -1,7 +1,7 @@
 //! GPU renderer: draws models into pictures. No graphics driver type is visible outside this module.
 //!
 //! [`Context`] is the device, cheap to clone and usable from any thread: a worker thread uploads with it
-//! while the window keeps running. [`Gpu`] holds the pipelines and draws a [`Frame`] into a [`Target`],
+//! while the window keeps running. [`Gpu`] holds the pipelines and draws a [`Frame`] into a [`RenderTarget`],
 //! unless the target already shows the same frame.
 
 mod adapter;

@@ -63,7 +63,7 @@ impl Playback {
         Self { seconds, ..self }
     }
 
-    /// Returns the same playback at another speed, clamped to [`SPEEDS`].
+    /// Returns the same playback at another speed, clamped to [`SPEED_RANGE`].
     #[must_use]
     pub fn at_speed(self, speed: f64) -> Self {
         let speed = if speed.is_finite() { speed.clamp(SPEED_RANGE[0], SPEED_RANGE[1]) } else { 1.0 };

@@ -81,7 +81,7 @@ impl std::ops::Deref for Copies {
 }
 
 impl From<Vec<Placement>> for Copies {
-    /// Keeps the valid copies, at most [`MOST`].
+    /// Keeps the valid copies, at most [`MAX_COPIES`].
     fn from(all: Vec<Placement>) -> Self {
         Self(Arc::new(all.into_iter().filter_map(Placement::checked).take(MAX_COPIES).collect()))
     }

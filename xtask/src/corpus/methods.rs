@@ -2,7 +2,7 @@
 //!
 //! Checks of each result: no crash and no hang, at most the requested triangles if the report says `reached`
 //! and a reason if not, never more than before, a measurable distance, and no more defects of a kind than in
-//! the input, except those that the method by design may add ([`MAY_RISE`]).
+//! the input, except those that the method by design may add ([`ALLOWED_DEFECTS`]).
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;

@@ -110,7 +110,7 @@ const SEAM_TOLERANCE: f64 = 2e-3;
 /// Texture coordinates that differ by less are of the same chart, and no other is searched for. (Guessed: ten
 /// texels of 1,024.)
 const SAME_CHART_UV: f64 = 0.01;
-/// Maximum number of faces examined in the search for another chart. (Guessed: a surface within `HAIR` has
+/// Maximum number of faces examined in the search for another chart. (Guessed: a surface within `SEAM_TOLERANCE` has
 /// some hundred at ten million faces; only a point far from everything is as near to more.)
 const MAX_SEARCH_FACES: usize = 1000;
 
@@ -396,9 +396,9 @@ mod tests {
             let got = compare_attributes(&two_charts(1.0), &two_charts(middle), &options).unwrap();
             got.uvs.unwrap().mean.symmetric
         };
-        // The diagonal is 2.24, so `HAIR` is 0.0045.
+        // The diagonal is 2.24, so `SEAM_TOLERANCE` is 0.0045.
         assert!(mean(1.004) < 1e-4, "{}", mean(1.004));
-        // Of the samples in the strip of 0.1 all but those within `HAIR` of the seam see the other chart.
+        // Of the samples in the strip of 0.1 all but those within `SEAM_TOLERANCE` of the seam see the other chart.
         let wanted = 10.0 * (0.1 - 0.0045) / 2.0;
         assert!((mean(1.1) - wanted).abs() < 0.05 * wanted, "{}", mean(1.1));
     }

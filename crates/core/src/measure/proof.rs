@@ -96,7 +96,7 @@ pub fn prove_within(from: &Prepared, to: &Prepared, distance: f64) -> WithinResu
 /// `seen` is a distance that some point is known to have, 0 if unknown; lengths are in the units of the
 /// positions. The bound is at most `1 + tolerance` times the distance found, or some 1e-12 of the size of
 /// `to`, unless the work limit is reached: then it is the best one so far. Deterministic; costs as much as
-/// [`keeps_within`] with the distance that is found.
+/// [`prove_within`] with the distance that is found.
 pub fn bound_distance(from: &Prepared, to: &Prepared, seen: f64, tolerance: f64) -> DistanceBounds {
     let frame = to.tree().frame();
     let seen = seen.max(farthest_vertex(from, to));
@@ -112,7 +112,7 @@ pub fn bound_distance(from: &Prepared, to: &Prepared, seen: f64, tolerance: f64)
     DistanceBounds { seen, bound: frame.user_length(all.bound).max(seen) }
 }
 
-/// Barycentric coordinates of the points of a face that [`is_seen_within`] tests besides its corners: its
+/// Barycentric coordinates of the points of a face that [`samples_within`] tests besides its corners: its
 /// middle, the middles of its sides, and the points halfway from its middle to its corners.
 const FACE_SAMPLES: [[f64; 3]; 7] = {
     const HALF: f64 = 1.0 / 2.0;
@@ -137,7 +137,7 @@ const MAX_FACES_FOR_MIDDLES: usize = 50_000;
 /// each face.
 ///
 /// The places do not depend on the distance, so a false result is also false for any shorter distance; and if
-/// [`keeps_within`] proves a distance, the result is true. Lengths are in the units of the positions. Cost:
+/// [`prove_within`] proves a distance, the result is true. Lengths are in the units of the positions. Cost:
 /// O(log n) per place.
 pub fn samples_within(from: &Prepared, to: &Prepared, distance: f64) -> bool {
     let (source, target) = (from.tree(), to.tree());

@@ -208,7 +208,7 @@ impl Scene {
     /// Primitives without faces are removed, and so are meshes without primitives. All buffers of a file are
     /// merged into one; their bytes keep their order, and unused ones are left out.
     ///
-    /// `relink` is called for every URI of [`Scene::outside_files`], and may return another.
+    /// `relink` is called for every URI of [`Scene::external_files`], and may return another.
     ///
     /// # Errors
     /// I/O errors of the stream; [`io::ErrorKind::InvalidInput`] for another format, for a region that is not

@@ -50,7 +50,7 @@ const MAX_BITS_AT_ONCE: u32 = 12;
 pub(super) trait Coder {
     /// Codes a bit with its model.
     fn bit(&mut self, model: &mut BitModel, bit: bool) -> Coded<bool>;
-    /// Codes up to [`AT_ONCE`] bits without a model.
+    /// Codes up to [`MAX_BITS_AT_ONCE`] bits without a model.
     fn bits_at_once(&mut self, value: u32, bits: u32) -> Coded<u32>;
 
     /// Codes any number of bits without a model, the highest first.

@@ -7,7 +7,7 @@ pub(crate) const SAMPLES: [[f32; 2]; 4] =
     [[-0.125, -0.375], [0.375, -0.125], [-0.375, 0.125], [0.125, 0.375]];
 /// Marks a sample without a face.
 pub(crate) const NO_FACE: u32 = u32::MAX;
-/// Side of a tile of [`Depths`] in pixels.
+/// Side of a tile of [`TileDepths`] in pixels.
 const TILE_SIZE: usize = 8;
 
 /// A corner on the screen: position in pixels, nearness, unused.

@@ -51,7 +51,7 @@ pub(super) const LANES: usize = 8;
 
 /// Coordinates of a vertex, relative to the centre of the box and in units of its longest edge, and 0: four
 /// make one load. (Single precision: the rounding is a small share of the smallest cell, and
-/// [`Grid`](super::grid::Grid) allows for it.) The zero is negative if the faces of the vertex leave a gap:
+/// [`ClusterGrid`](super::grid::Grid) allows for it.) The zero is negative if the faces of the vertex leave a gap:
 /// no sum or product is affected by that. (A vertex counts as closed if the indices of its neighbours happen
 /// to cancel out; those of one fan cannot.)
 pub(super) type Framed = [f32; 4];

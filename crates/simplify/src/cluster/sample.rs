@@ -7,14 +7,14 @@ use super::grid::ClusterGrid;
 use super::model::{ClusterInput, ClusterPosition};
 use super::pieces;
 
-/// Faces sampled in the first tries: one in `ONE_OF`, within bounds.
+/// Faces sampled in the first tries: one in `SAMPLE_STRIDE`, within bounds.
 const SAMPLE_STRIDE: usize = 10;
 const MIN_SAMPLES: usize = 8192;
 const MAX_SAMPLES: usize = 100_000;
 /// Number of faces sampled for the area.
 const AREA_SAMPLES: usize = 512;
 /// Relative tolerance below which one more step along the slope is enough; for samples the standard error
-/// counts if it is larger. At most `TRIES` tries are made.
+/// counts if it is larger. At most `MAX_TRIES` tries are made.
 const COUNT_TOLERANCE: f64 = 0.03;
 const SAMPLED_TOLERANCE: f64 = 0.06;
 const MAX_TRIES: usize = 3;

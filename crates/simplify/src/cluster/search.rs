@@ -51,7 +51,7 @@ impl Clusters {
 
 /// Maximum number of passes over the whole mesh in a search.
 const MAX_PASSES: usize = 12;
-/// Accepted shortfall below the goal, as a share of it, in the first `PATIENCE` passes.
+/// Accepted shortfall below the goal, as a share of it, in the first `FIRST_PASSES` passes.
 const FIRST_SHORTFALL: f64 = 0.06;
 const FIRST_PASSES: usize = 4;
 /// Accepted shortfall after that; for small goals, where one cell changes the count a lot, it is larger.

@@ -7,8 +7,8 @@ use lodsmith_core::{FaceId, TriMesh, VertexId};
 /// Maximum number of samples of the original that a cluster keeps: half of them the farthest ones. (All
 /// vertices and face centres for two rounds. With 64, measured distances were up to twice the reported ones.)
 const MAX_SAMPLES: usize = 1024;
-/// Assumed excess of the distance inside a face: over its corners, as a share of the longest side (`SLOPE`);
-/// over its corners and edge midpoints, as a share of their range (`BUMP`). (Measured: with .2 and no second
+/// Assumed excess of the distance inside a face: over its corners, as a share of the longest side (`SIDE_SHARE`);
+/// over its corners and edge midpoints, as a share of their range (`RANGE_SHARE`). (Measured: with .2 and no second
 /// check nothing more is found on four models, in four times the time.)
 const SIDE_SHARE: f64 = 0.15;
 const RANGE_SHARE: f64 = 1.0;

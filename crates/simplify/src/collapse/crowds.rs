@@ -6,7 +6,7 @@
 
 /// Faces round the two ends of an edge from which it counts. (Guessed: far above those of any edge that is not at a hub.)
 const HUB_FACES: usize = 1024;
-/// Faces that may be looked at in a whole run, for each face of the input; at least `LEAST_WORK`. (Guessed: a second or two for a million faces.)
+/// Faces that may be looked at in a whole run, for each face of the input; at least `MIN_WORK`. (Guessed: a second or two for a million faces.)
 const WORK_PER_FACE: u64 = 128;
 const MIN_WORK: u64 = 1 << 22;
 /// A sweep may spend one part in so many of what is left.

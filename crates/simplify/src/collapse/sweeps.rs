@@ -29,7 +29,7 @@ const MAX_SWEEPS: usize = 4000;
 const MAX_FIRST_SAMPLES: usize = 512;
 /// The same where attributes count, and a look takes longer. (A twentieth of the time of a run less; RMS within a percent.)
 const MAX_FIRST_SAMPLES_WITH_WEDGES: usize = 128;
-/// Of a mesh of more, one in so many is enough, but no fewer than `FEWEST_LOOKS`: it is only the first of many thresholds.
+/// Of a mesh of more, one in so many is enough, but no fewer than `MIN_FIRST_SAMPLES`: it is only the first of many thresholds.
 const VERTICES_PER_FIRST_SAMPLE: usize = 24;
 const MIN_FIRST_SAMPLES: usize = 128;
 /// Vertices between two questions to the caller.

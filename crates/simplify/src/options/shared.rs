@@ -18,7 +18,7 @@ const SUBSET_METHODS: &[Method] =
 const GUARDED_METHODS: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval];
 /// Edge-collapse methods.
 const COLLAPSE_METHODS: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge];
-/// [`CHOOSING`], and the method whose regions turn by a limited angle.
+/// [`GUARDED_METHODS`], and the method whose regions turn by a limited angle.
 const NORMAL_GUARDED_METHODS: &[Method] =
     &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar];
 /// Methods that detect borders.

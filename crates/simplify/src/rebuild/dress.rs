@@ -215,7 +215,7 @@ fn face_under(
     hit.map_or(0, |h| h.face.index())
 }
 
-/// Returns for each edge of each face (from corner k to the next) the face beyond it, or [`ALONE`].
+/// Returns for each edge of each face (from corner k to the next) the face beyond it, or [`NO_NEIGHBOUR`].
 fn neighbours(
     faces: &[[VertexId; 3]],
     vertices: usize,

@@ -285,7 +285,7 @@ fn along(mesh: &HalfEdges, mut last: VertexId, mut v: VertexId, reach: f64) -> D
     mesh.at(v)
 }
 
-/// Unmarks connected creases whose total length is below [`SHORT`].
+/// Unmarks connected creases whose total length is below [`MIN_CREASE_LENGTH`].
 fn drop_short_creases(mesh: &mut HalfEdges, length: f64) {
     let creases: Vec<HalfEdgeId> =
         mesh.half_edges().filter(|&h| mesh.is_first(h) && mesh.line[h.index()] == LineKind::Crease).collect();

@@ -39,7 +39,7 @@ const ROUNDS: usize = 5;
 /// `LEAST_GAIN`. (Scans have .95 by then. A machine part of long thin triangles, cad_58011 at 50 %, has .32,
 /// and .88 after sixteen.)
 const EVEN_QUALITY: f64 = 0.9;
-/// See [`EVEN`]; below that quality a run ends when the last `ROUNDS` rounds together gained less. (Scans
+/// See [`EVEN_QUALITY`]; below that quality a run ends when the last `ROUNDS` rounds together gained less. (Scans
 /// gain .002 to .004 in the fifth round, that machine part .007 in one after the sixteenth.)
 const LEAST_GAIN: f64 = 0.005;
 /// Maximum number of rounds if none is given. (A guess: twice what the worst part needed.)

@@ -25,7 +25,7 @@ pub struct Frame<'a> {
     pub camera: Camera,
     /// Appearance of surfaces.
     pub look: &'a Look,
-    /// Lighting; lights beyond the eighth are left out, and counted in [`Drawn::lights_left_out`].
+    /// Lighting; lights beyond the eighth are left out, and counted in [`DrawStats::lights_left_out`].
     pub lighting: &'a Lighting,
     /// Background.
     pub background: Background,
@@ -204,7 +204,7 @@ const MAX_ACTIVE_MORPHS: usize = 0xffff;
 pub(super) struct Batch<'a> {
     pub(super) model: &'a DrawModel,
     pub(super) mesh: usize,
-    /// Range in [`Gathered::instances`].
+    /// Range in [`DrawList::instances`].
     pub(super) instances: std::ops::Range<u32>,
 }
 

@@ -149,7 +149,7 @@ impl DrawModel {
     pub fn preview(&self) -> Option<&Self> {
         self.preview.as_deref()
     }
-    /// Sets the model that [`DrawModel::light`] returns.
+    /// Sets the model that [`DrawModel::preview`] returns.
     pub fn set_preview(&mut self, light: Self) {
         self.preview = Some(Box::new(light));
     }

@@ -86,7 +86,7 @@ impl Gpu {
         Self { timer: Timer::new(&self.context), ..self }
     }
 
-    /// Returns the GPU time in seconds of the last frame, after waiting for it. `None` without [`Gpu::timed`]
+    /// Returns the GPU time in seconds of the last frame, after waiting for it. `None` without [`Gpu::with_timestamps`]
     /// or without timestamp support.
     pub fn gpu_secs(&self) -> Option<f64> {
         self.timer.as_ref()?.seconds(&self.context)
@@ -183,7 +183,7 @@ impl Gpu {
     }
 
     /// Draws a frame like [`Gpu::draw`], but on a software renderer a large frame is drawn one part per call:
-    /// the previous picture stays until the new one is complete. Call again while [`Drawn::triangles_left`]
+    /// the previous picture stays until the new one is complete. Call again while [`DrawStats::triangles_left`]
     /// is not zero. Each part is sized to take a few hundredths of a second.
     pub fn draw_in_parts(&mut self, target: &mut RenderTarget, frame: &Frame<'_>) -> DrawStats {
         if !self.is_software() || target.shows(frame) || triangle_count(frame) <= parts::MAX_TRIANGLES_AT_ONCE

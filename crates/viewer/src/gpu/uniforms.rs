@@ -93,7 +93,7 @@ impl ViewTransform {
     }
 }
 
-/// Tint colours to tell models apart, in sRGB. See [`Placed::tint`](super::Placed::tint).
+/// Tint colours to tell models apart, in sRGB. See [`PlacedModel::tint`](super::PlacedModel::tint).
 pub const TINTS: [[f32; 3]; 12] = {
     const fn rgb(hex: u32) -> [f32; 3] {
         [(hex >> 16) as f32 / 255.0, (hex >> 8 & 0xff) as f32 / 255.0, (hex & 0xff) as f32 / 255.0]

@@ -13,7 +13,7 @@ use crate::session;
 /// copy's base is on it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LayoutFile {
-    /// File type, always [`PROGRAM`].
+    /// File type, always [`FILE_TYPE`].
     pub program: String,
     /// Format version, increased when older programs cannot read the file.
     pub version: u32,

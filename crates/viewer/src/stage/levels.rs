@@ -72,14 +72,14 @@ impl LevelSelection {
 pub struct LevelSelector {
     /// Previous level of each copy.
     last: Vec<Option<u8>>,
-    /// Number of factors [`STEP`] by which the budget currently enlarges the allowed error.
+    /// Number of factors [`BUDGET_STEP`] by which the budget currently enlarges the allowed error.
     steps: i32,
 }
 
 /// A coarser level is selected once its error is below this fraction of the allowed one. (Guessed.)
 const COARSEN_MARGIN: f64 = 0.8;
 /// Factor by which the allowed error grows until the budget is kept. It shrinks again when the result would
-/// use at most the fraction `SLACK` of the budget.
+/// use at most the fraction `BUDGET_SLACK` of the budget.
 const BUDGET_STEP: f64 = 1.189_207;
 const BUDGET_SLACK: f64 = 0.85;
 /// Maximum number of steps, a factor of 10^12: by then every copy has the coarsest level.
