@@ -21,7 +21,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
         assert!(t[0] != t[1] && t[1] != t[2] && t[2] != t[0], "a face names a vertex twice");
     }
     if options.non_manifold == NonManifold::Cut {
-        assert_eq!((report.left.non_manifold_edges, report.left.non_manifold_vertices), (0, 0));
+        assert_eq!((report.remaining.non_manifold_edges, report.remaining.non_manifold_vertices), (0, 0));
     }
     // A component can fall below the size limit only when faces between components are removed, and welding
     // moves others together.
@@ -31,7 +31,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
                 assert_eq!((again.non_finite_faces, again.degenerate_faces, again.duplicate_faces), (0, 0, 0));
             }
             // Faces without area that had to stay may go when others have.
-            Err(why) => assert!(report.left.zero_area_faces > 0, "it has faces: {why}"),
+            Err(why) => assert!(report.remaining.zero_area_faces > 0, "it has faces: {why}"),
         }
     }
 });

@@ -10,12 +10,12 @@ use lodsmith::{Method, NoControl, simplify};
 use lodsmith_core::{Bounds, shapes};
 use lodsmith_io::AssetScope;
 use lodsmith_viewer::orbit::Orbit;
-use lodsmith_viewer::session::{Memory, Session};
+use lodsmith_viewer::session::{ViewerPrefs, Session};
 use lodsmith_viewer::settings::{Pose, Turn};
 use lodsmith_viewer::stage::file::LayoutFile;
-use lodsmith_viewer::stage::levels::{Chooser, Eye, Level};
+use lodsmith_viewer::stage::levels::{LevelSelector, Viewpoint, LodLevel};
 use lodsmith_viewer::stage::scatter::Scatter;
-use lodsmith_viewer::stage::{Base, MOST, SCALES, Stage};
+use lodsmith_viewer::stage::{ModelBase, MAX_COPIES, SCALE_RANGE, Stage};
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let folder = tempfile::tempdir().expect("there is room for a folder");
@@ -23,10 +23,10 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let again = folder.path().join("out.json");
     fs::write(&path, bytes).expect("there is room for a file");
 
-    Memory::load(&path).opened(&path);
+    ViewerPrefs::load(&path).add_recent(&path);
 
     let layout = LayoutFile::open(&path);
-    assert!(layout.is_err() || LayoutFile::is_one(&path));
+    assert!(layout.is_err() || LayoutFile::is_layout(&path));
     if let Ok((copies, motion, _)) = layout {
         assert!(motion.copies.keys().all(|n| *n < copies.len()), "keyframes of a copy that is none");
         let stage = Stage { copies, motion, ..Stage::default() };
@@ -51,8 +51,8 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     }
     let scatter = Scatter { count: settings.stage.scatter.count.min(50), ..settings.stage.scatter };
     let few = &settings.stage.copies[..settings.stage.copies.len().min(50)];
-    assert!(scatter.scattered(few).len() <= 100);
-    let (then, _) = settings.playback.after(2.0, 0.1);
+    assert!(scatter.placements(few).len() <= 100);
+    let (then, _) = settings.playback.advanced(2.0, 0.1);
     assert!((0.0..=2.0).contains(&then.seconds), "{then:?}");
     let options = &settings.simplify.options;
     // (The face count of a new mesh depends on its edge length only.)
@@ -82,11 +82,11 @@ fn straight(path: &Path) -> PathBuf {
 
 /// Does what the window does with a stage: placement of everything, camera, level of each copy.
 fn look_at(stage: &Stage, turn: Turn, pose: Option<&Pose>) {
-    assert!(stage.copies.len() <= MOST, "more copies than a stage holds");
-    let base = Base::new(&Bounds { min: [-1.0; 3], max: [1.0; 3] }, turn.rotation());
-    let levels = [(0.0, 2000), (0.01, 300), (0.1, 12)].map(|(error, faces)| Level { error, faces });
+    assert!(stage.copies.len() <= MAX_COPIES, "more copies than a stage holds");
+    let base = ModelBase::new(&Bounds { min: [-1.0; 3], max: [1.0; 3] }, turn.rotation());
+    let levels = [(0.0, 2000), (0.01, 300), (0.1, 12)].map(|(error, faces)| LodLevel { error, faces });
     let length = stage.motion.length(0.0);
-    let mut chooser = Chooser::default();
+    let mut chooser = LevelSelector::default();
     let mut orbit =
         Orbit::of(&Pose { eye: [3.0; 3], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 }.camera());
     if let Some(pose) = pose {
@@ -95,14 +95,14 @@ fn look_at(stage: &Stage, turn: Turn, pose: Option<&Pose>) {
     for part in [0.0, 0.3, 0.77, 1.0] {
         let copies = stage.copies_at(part * length);
         for copy in copies.iter() {
-            assert!(copy.x.is_finite() && copy.z.is_finite() && SCALES.contains(&copy.scale), "{copy:?}");
+            assert!(copy.x.is_finite() && copy.z.is_finite() && SCALE_RANGE.contains(&copy.scale), "{copy:?}");
         }
         if let Some(stand) = stage.motion.camera.at(part * length) {
-            stand.put(&mut orbit);
+            stand.apply_to(&mut orbit);
         }
-        let eye = Eye { camera: orbit.camera(), aspect: 1.5, height_px: 600.0 };
+        let eye = Viewpoint { camera: orbit.camera(), aspect: 1.5, height_px: 600.0 };
         let chosen = chooser.choose(&copies, &base, &levels, &eye, &stage.view);
-        assert!(chosen.in_sight.len() + chosen.left_out <= copies.len());
+        assert!(chosen.visible.len() + chosen.left_out <= copies.len());
     }
-    base.bounds(stage.places());
+    base.bounds(stage.all_placements());
 }

@@ -108,31 +108,31 @@ pub fn options(bytes: &mut Bytes<'_>, mesh: &TriMesh) -> SimplifyOptions {
     let of_method = bytes.next();
     match options.method {
         Method::Memoryless | Method::Quadric if of_method & 1 != 0 => {
-            options.of_method.pairs = Some(Length::OfDiagonal(0.1 * bytes.part()));
+            options.method_options.pairs = Some(Length::OfDiagonal(0.1 * bytes.part()));
         }
         Method::Cluster => {
-            options.of_method.cell = if of_method & 1 != 0 { length(bytes) } else { None };
-            options.of_method.two_stage = of_method & 2 != 0;
+            options.method_options.cell = if of_method & 1 != 0 { length(bytes) } else { None };
+            options.method_options.two_stage = of_method & 2 != 0;
         }
-        Method::ShortestEdge if of_method & 1 != 0 => options.of_method.edge_length = length(bytes),
+        Method::ShortestEdge if of_method & 1 != 0 => options.method_options.edge_length = length(bytes),
         Method::VertexRemoval if of_method & 1 != 0 => {
-            options.of_method.angle_deg = Some(90.0 * bytes.part());
+            options.method_options.angle_deg = Some(90.0 * bytes.part());
         }
         Method::Planar => {
-            options.of_method.angle_deg = (of_method & 1 != 0).then(|| 90.0 * bytes.part());
-            options.of_method.flat = (of_method & 2 != 0).then(|| Length::OfDiagonal(0.1 * bytes.part()));
+            options.method_options.angle_deg = (of_method & 1 != 0).then(|| 90.0 * bytes.part());
+            options.method_options.flat = (of_method & 2 != 0).then(|| Length::OfDiagonal(0.1 * bytes.part()));
         }
         Method::Unsubdivide if of_method & 1 != 0 => {
-            options.of_method.iterations = Some(usize::from(of_method % 4) + 1);
+            options.method_options.iterations = Some(usize::from(of_method % 4) + 1);
         }
         // At least a twentieth of the diagonal: the face count of the new mesh depends on its edge length.
         Method::Remesh => {
             let longer = |bytes: &mut Bytes<'_>| Some(Length::OfDiagonal(0.05 + bytes.part()));
-            options.of_method.edge_length = if of_method & 1 != 0 { longer(bytes) } else { None };
-            options.of_method.voxel = if of_method & 2 != 0 { longer(bytes) } else { None };
-            options.of_method.iterations = (of_method & 4 != 0).then_some(2);
-            options.of_method.adaptive = of_method & 8 != 0;
-            options.of_method.subdivisions = (of_method & 16 != 0).then_some(1);
+            options.method_options.edge_length = if of_method & 1 != 0 { longer(bytes) } else { None };
+            options.method_options.voxel = if of_method & 2 != 0 { longer(bytes) } else { None };
+            options.method_options.iterations = (of_method & 4 != 0).then_some(2);
+            options.method_options.adaptive = of_method & 8 != 0;
+            options.method_options.subdivisions = (of_method & 16 != 0).then_some(1);
         }
         _ => {}
     }
