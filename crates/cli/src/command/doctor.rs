@@ -84,7 +84,7 @@ impl Window {
         Some(Self { display: display::connect().map_err(lack), adapters })
     }
     #[cfg(not(feature = "view"))]
-    fn look() -> Option<Self> {
+    fn check_system() -> Option<Self> {
         None
     }
 
