@@ -2,7 +2,7 @@
 //! sources, files in the tree. Each is a test here, so `cargo test` checks them all; `cargo xtask tidy`
 //! prints them all at once.
 
-mod circles;
+mod cycles;
 mod type_names;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -503,7 +503,7 @@ const KNOWN_CYCLES: &[(&str, &[usize])] = &[
 fn file_cycles() -> Result<Vec<String>> {
     let mut findings = Vec::new();
     for PackageRule { folder, .. } in PACKAGE_RULES {
-        let all = circles::cycles(&root().join(folder).join("src/lib.rs"))?;
+        let all = cycles::cycles(&root().join(folder).join("src/lib.rs"))?;
         let mut sizes: Vec<usize> = all.iter().map(|circle| circle.files.len()).collect();
         sizes.sort_unstable_by(|a, b| b.cmp(a));
         let known = KNOWN_CYCLES.iter().find(|x| x.0 == *folder).map_or(&[][..], |x| x.1);

@@ -4,14 +4,14 @@
 //! printing, [`exit`] defines statuses and interrupts. Simplification and file formats are in the libraries.
 
 mod args;
-mod care;
 mod command;
+mod constraints;
 mod exit;
 mod file;
 mod images;
 mod in_order;
 mod memory;
-mod need;
+mod memory_need;
 mod normals;
 mod numbers;
 mod orient;
@@ -21,8 +21,8 @@ mod picture;
 mod plan;
 mod progress;
 mod proposals;
+mod run_control;
 mod validity;
-mod watch;
 
 use std::process::ExitCode;
 

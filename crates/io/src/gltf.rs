@@ -10,6 +10,7 @@ mod buffers;
 mod container;
 mod copies;
 mod encode;
+mod external_files;
 mod geometry;
 mod inventory;
 mod lists;
@@ -18,9 +19,8 @@ mod materials;
 mod mesh;
 mod meshopt;
 mod model;
-mod moving;
+mod motion;
 mod names;
-mod outside;
 mod placements;
 mod primitive;
 mod references;
@@ -33,7 +33,7 @@ mod write;
 
 pub use copies::CopyPlace;
 pub use lod::SceneLevels;
-pub use moving::{MovingNode, SceneCamera, SceneMotion};
+pub use motion::{MovingNode, SceneCamera, SceneMotion};
 pub use names::MeshNames;
 pub use scene::{Scene, SceneMesh};
 

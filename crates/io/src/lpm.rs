@@ -5,11 +5,11 @@ mod checkpoint;
 mod container;
 mod file;
 mod head;
+mod level_mesh;
 mod range;
 mod read;
 mod step;
 mod values;
-mod walk;
 mod write;
 
 pub(crate) use container::MAGIC;

@@ -4,7 +4,7 @@
 mod image_sizes;
 mod image_type;
 mod library;
-mod looks;
+mod mtl_conversion;
 mod packed;
 mod regions;
 mod textures;
@@ -12,7 +12,7 @@ mod textures;
 pub(crate) use image_type::image_type;
 pub use library::Library;
 pub(crate) use library::{GeneratedLibrary, Image, read_libraries};
-pub(crate) use looks::{ConvertedMaterial, ConvertedMaterials, Purpose, convert_materials};
+pub(crate) use mtl_conversion::{ConvertedMaterial, ConvertedMaterials, Purpose, convert_materials};
 pub(crate) use regions::{FacePosition, Heading, Headings, counts, drops_materials, join_titles};
 pub use regions::{Region, Regions};
 pub use textures::Textures;

@@ -5,10 +5,10 @@ use lodsmith_core::model::AlphaMode;
 use rayon::prelude::*;
 
 use crate::backdrop::Backdrop;
-use crate::crease;
 use crate::linear::Encoder;
 use crate::look::Shading;
 use crate::marks::Marks;
+use crate::occlusion;
 use crate::projection::Projection;
 use crate::raster::{BAND_ROWS, Band, FaceKind, FaceKinds, NO_FACE, SAMPLES, Screen};
 use crate::shade::{Batch, Shader};
@@ -60,7 +60,7 @@ pub fn render(subject: &Subject, view: &View) -> Result<Image, RenderError> {
                 frame.nearest(scratch, near);
             },
         );
-        let light = crease::ambient_occlusion(&near, width, height, &screen.projection);
+        let light = occlusion::ambient_occlusion(&near, width, height, &screen.projection);
         pixels.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             for (x, pixel) in row.iter_mut().enumerate() {
                 let [r, g, b, a] = colors[y * width + x];

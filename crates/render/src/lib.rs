@@ -16,16 +16,16 @@
 mod backdrop;
 pub mod camera;
 pub mod colormap;
-mod crease;
 mod draw;
 pub mod environment;
 pub mod file;
+mod font;
 pub mod image_error;
-mod lettering;
 pub mod light;
 mod linear;
 pub mod look;
 pub mod marks;
+mod occlusion;
 mod projection;
 mod raster;
 mod shade;

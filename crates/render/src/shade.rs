@@ -1,7 +1,7 @@
 //! Shading of a face at a point of the screen.
 
-mod four;
 mod material;
+mod simd;
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ use crate::raster::{Corner, ProjectedMesh, Screen};
 use crate::subject::Subject;
 use crate::view::View;
 
-pub(crate) use four::Batch;
+pub(crate) use simd::Batch;
 
 /// Height of a triangle in pixels from which its lines have full strength; on smaller ones they would cover
 /// everything. (By eye.)

@@ -4,7 +4,7 @@ use glam::Vec3;
 use lodsmith_core::Image;
 
 use crate::colormap::ColorMap;
-use crate::lettering;
+use crate::font;
 use crate::linear::over;
 use crate::linear::{self, Encoder};
 use crate::look::Background;
@@ -148,14 +148,14 @@ impl Canvas {
 
     /// Draws text centred at `middle` on the baseline `base`, with the cap height `size`; linear ink.
     fn text(&mut self, text: &str, middle: f32, base: f32, size: f32, ink: Vec3) {
-        let mut x = middle - size * lettering::length(text) / 2.0;
+        let mut x = middle - size * font::length(text) / 2.0;
         for c in text.chars() {
-            for stroke in lettering::glyph(c).1 {
+            for stroke in font::glyph(c).1 {
                 let points: Vec<[f32; 2]> =
                     stroke.points().into_iter().map(|p| [x + p[0] * size, base - p[1] * size]).collect();
                 self.line(&points, (size * STROKE_HALF_WIDTH).max(0.55), ink);
             }
-            x += lettering::advance(c) * size;
+            x += font::advance(c) * size;
         }
     }
 
@@ -198,13 +198,13 @@ impl std::fmt::Debug for Canvas {
 
 /// Truncates a text to a width in heights of a capital.
 fn truncate(text: &str, longest: f32) -> String {
-    if lettering::length(text) <= longest {
+    if font::length(text) <= longest {
         return text.to_owned();
     }
     let mut kept: String = text.to_owned();
     while kept.pop().is_some() {
         let short = format!("{}...", kept.trim_end());
-        if lettering::length(&short) <= longest {
+        if font::length(&short) <= longest {
             return short;
         }
     }
@@ -247,7 +247,7 @@ mod tests {
     fn long_texts_are_cut() {
         assert_eq!(truncate("bunny", 100.0), "bunny");
         let short = truncate("a_very_long_name_of_a_file.obj", 6.0);
-        assert!(short.ends_with("...") && lettering::length(&short) <= 6.0, "{short}");
+        assert!(short.ends_with("...") && font::length(&short) <= 6.0, "{short}");
         assert_eq!(truncate("bunny", 0.1), "");
     }
 

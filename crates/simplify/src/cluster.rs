@@ -14,11 +14,11 @@
 //! or self-intersect: topology is not preserved. Of the faces between the same three cells one is kept per
 //! orientation, so that a plate whose sides coincide stays visible from both.
 
+pub(crate) mod chunks;
 mod faces;
 mod grid;
 mod locked;
 mod model;
-pub(crate) mod pieces;
 mod place;
 mod sample;
 mod search;
@@ -28,9 +28,9 @@ use std::sync::Arc;
 
 use lodsmith_core::{PositionsView, RegionId, Surface, TriMesh, VertexId};
 
-use crate::care::HeldWedges;
 use crate::collapse::Goal;
 use crate::collapse::order::NONE;
+use crate::constraints::HeldWedges;
 use crate::control::{Control, Stage, Verdict};
 use crate::deviation::{self, Deviation, InputComparer, ROUNDING};
 use crate::input::Input;
@@ -229,7 +229,7 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
             BorderPolicy::Free => 0.0,
             _ => self.options.weights.border,
         };
-        let (placed, non_manifold_edges) = pieces::both(
+        let (placed, non_manifold_edges) = chunks::both(
             self.model.faces.len(),
             || place::place(&self.model, clusters, borders),
             || faces::non_manifold_edges(faces, all),
@@ -237,9 +237,9 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
         let number = |c: u32| placed.number(shares, c);
         let mut points = vec![P::of([0.0; 3]); placed.points.iter().map(Vec::len).sum()];
         let mut triangles = vec![[VertexId(0); 3]; clusters.face_count()];
-        let points_of = pieces::cut(&mut points, placed.points.iter().map(Vec::len));
-        let triangles_of = pieces::cut(&mut triangles, faces.iter().map(Vec::len));
-        pieces::over(points_of.into_iter().zip(triangles_of).collect(), |k, (points, triangles)| {
+        let points_of = chunks::cut(&mut points, placed.points.iter().map(Vec::len));
+        let triangles_of = chunks::cut(&mut triangles, faces.iter().map(Vec::len));
+        chunks::over(points_of.into_iter().zip(triangles_of).collect(), |k, (points, triangles)| {
             points.copy_from_slice(&placed.points[k]);
             for (t, f) in triangles.iter_mut().zip(&faces[k]) {
                 *t = f.corners.map(|c| VertexId(number(c).expect("it has this face")));

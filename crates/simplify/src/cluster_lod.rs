@@ -17,7 +17,7 @@
 
 mod deviation;
 mod group;
-mod lighter;
+mod group_simplify;
 mod split;
 
 use std::collections::HashSet;
@@ -34,7 +34,7 @@ use crate::control::{Control, Stage, Verdict};
 use crate::options::{AttributeWeights, BorderPolicy};
 use crate::report::Cleanup;
 use deviation::OriginalSurface;
-use lighter::GroupOutcome;
+use group_simplify::GroupOutcome;
 use split::Budget;
 
 /// Groups processed between two progress calls. (Fixed, so that an early end does not depend on the threads.)
@@ -189,9 +189,16 @@ pub fn cluster_lod(
                 next.extend(batch.iter().flatten().map(|&i| std::mem::take(&mut front[i])));
                 continue;
             }
-            let outcomes = crate::cluster::pieces::each(batch.len(), |k| {
+            let outcomes = crate::cluster::chunks::each(batch.len(), |k| {
                 let members: Vec<&Front> = batch[k].iter().map(|&i| &front[i]).collect();
-                lighter::simplify_group(&build, &members, &borders.of(first + k), options, &budget, &original)
+                group_simplify::simplify_group(
+                    &build,
+                    &members,
+                    &borders.of(first + k),
+                    options,
+                    &budget,
+                    &original,
+                )
             });
             for (members, outcome) in batch.iter().zip(outcomes) {
                 match outcome? {
@@ -275,7 +282,7 @@ impl Build {
         &mut self,
         members: &[usize],
         front: &[Front],
-        made: lighter::SimplifiedGroup,
+        made: group_simplify::SimplifiedGroup,
     ) -> Result<Vec<Front>, SimplifyError> {
         let group = GroupId::new(self.groups.len());
         let mut spheres = Vec::new();

@@ -1,7 +1,7 @@
 //! Escalation: pairs and looser topology policies, step by step, while the target is out of reach.
 
 use crate::SimplifyError;
-use crate::care::HeldWedges;
+use crate::constraints::HeldWedges;
 use crate::options::{SimplifyOptions, TopologyPolicy};
 use crate::proposal::Change;
 use crate::report::{Escalation, Simplified, StoppedBy};

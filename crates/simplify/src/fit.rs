@@ -6,9 +6,9 @@
 //! triangle stand for its samples. Then a few Gauss-Seidel sweeps of 3×3 systems are done.
 //! (docs/decisions/0006)
 
-mod guarded;
+mod move_guards;
 #[cfg(test)]
-mod side_by_side;
+mod simd_tests;
 mod values;
 
 use glam::{Vec3, Vec3A, Vec4};
@@ -18,12 +18,12 @@ use wide::{f32x4, f32x8};
 use crate::collapse::kind::Kind;
 use crate::collapse::order::{MEMORY_FREE_UP_TO, NONE};
 use crate::collapse::store::{Corner, Store, Vertex};
-use crate::given::OrderedInput;
 use crate::lanes::{Four, cross, dot, splat, sub};
 use crate::metric::VertexMemory;
+use crate::ordered_input::OrderedInput;
 use crate::tensor::Tensor;
 use crate::triangle;
-pub(crate) use guarded::MoveGuards;
+pub(crate) use move_guards::MoveGuards;
 pub(crate) use values::{Originals, Values};
 
 /// Largest number of samples for each final triangle. (More brings less than 1 %.)

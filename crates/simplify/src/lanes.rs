@@ -80,7 +80,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::trial::{bits, four_vectors, vector};
+    use crate::test_support::{bits, four_vectors, vector};
 
     /// Returns one lane.
     fn lane(v: &Four, i: usize) -> Vec3 {

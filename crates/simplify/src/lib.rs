@@ -1,17 +1,16 @@
 //! Simplification of triangle meshes: the closest mesh for the count, at the speed of the fastest tool.
 
 mod attributes;
-mod care;
 pub mod clean;
 mod cluster;
 pub mod cluster_lod;
 mod collapse;
+mod constraints;
 pub mod control;
 mod deviation;
 mod error;
 mod escalate;
 mod fit;
-mod given;
 mod guard;
 mod input;
 mod lanes;
@@ -19,6 +18,7 @@ pub mod lod;
 mod metric;
 mod normals;
 pub mod options;
+mod ordered_input;
 mod planar;
 mod progressive;
 pub mod proposal;
@@ -31,9 +31,9 @@ mod run;
 pub mod scene;
 mod shading;
 mod tensor;
-mod textures;
 #[cfg(test)]
-mod trial;
+mod test_support;
+mod textures;
 mod triangle;
 mod unsubdivide;
 mod vertex_removal;

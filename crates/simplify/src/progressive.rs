@@ -8,9 +8,9 @@
 mod arrange;
 mod build;
 mod checkpoints;
-mod correct;
 mod deviation;
 mod extract;
+mod fit_levels;
 mod scene;
 mod values;
 
@@ -452,7 +452,7 @@ impl SplitSequence {
             self.rows.extend_from_slice(row);
             row.copy_from_slice(&data.rows.to[i * width..][..width]);
         }
-        self.ranges = correct::ranges(&data.layout, values);
+        self.ranges = fit_levels::ranges(&data.layout, values);
         let places = &data.places;
         match (&mut *positions, &mut self.places, &places.to) {
             (Positions::F32(p), Positions::F32(from), Positions::F32(to)) => {

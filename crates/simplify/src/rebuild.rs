@@ -2,8 +2,8 @@
 //! of the result.
 
 mod distinct;
-mod dress;
-mod ground;
+mod task;
+mod transfer;
 
 use glam::DVec3;
 use lodsmith_core::geometry::frame::UnitFrame;
@@ -11,16 +11,16 @@ use lodsmith_core::spatial::Bvh;
 use lodsmith_core::{Bounds, FaceId, Positions, PositionsView, Surface, TriMesh, VertexId};
 
 use crate::attributes::Rows;
-use crate::care::HeldWedges;
 use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::{Goal, StopReason};
+use crate::constraints::HeldWedges;
 use crate::control::{Control, Stage, Verdict};
 use crate::input::Input;
 use crate::options::Method;
 use crate::run::{Run, RunOutcome};
 use crate::{SimplifyError, planar, recolor, remesh, unsubdivide, vertex_removal};
-use dress::{AttributeSource, Shading, TransferredAttributes};
-pub(crate) use ground::{Ending, PreparedInput, RebuiltSurface, Task};
+pub(crate) use task::{Ending, PreparedInput, RebuiltSurface, Task};
+use transfer::{AttributeSource, Shading, TransferredAttributes};
 
 /// True if an error limit is enforced by the steps of the method, instead of by their number.
 pub(crate) fn limits_error_by_step(method: Method) -> bool {
@@ -225,7 +225,7 @@ fn with_transferred_attributes(
         shading,
     };
     let TransferredAttributes { corners, attributes, regions, held } =
-        dress::transfer_attributes(&clothes, made)?;
+        transfer::transfer_attributes(&clothes, made)?;
     let mut mesh = rows.mesh(Some(&attributes), positions, &made.faces, &corners)?;
     let all_one = || input.regions().and_then(|all| all.first().map(|&r| vec![r; made.faces.len()]));
     mesh.set_regions(regions.or_else(all_one))?;

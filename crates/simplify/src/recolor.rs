@@ -14,7 +14,7 @@ use lodsmith_core::geometry::triangle::{double_area_normal, weights_at};
 use lodsmith_core::spatial::Bvh;
 use lodsmith_core::{Attribute, FaceId, MeshError, Positions, RegionId, TriMesh, VertexId, WedgeId};
 
-use crate::care::HeldWedges;
+use crate::constraints::HeldWedges;
 use crate::input::Input;
 use crate::options::SimplifyOptions;
 use crate::textures::{Texture, Textures};

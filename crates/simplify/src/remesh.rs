@@ -12,12 +12,12 @@ use crate::collapse::order::NONE;
 use crate::control::Control;
 use crate::rebuild::{PreparedInput, RebuiltSurface, Task};
 
-mod guide;
 mod half_edges;
 mod isotropic;
+mod least_squares;
+mod reference;
 mod relax;
 mod semi_regular;
-mod settle;
 mod sizing;
 mod voxel;
 

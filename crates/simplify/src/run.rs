@@ -14,11 +14,11 @@ use lodsmith_core::mesh::weld;
 use lodsmith_core::{Attribute, Positions, PositionsView, Surface, TriMesh, VertexId, WedgeId};
 
 use crate::attributes::{Rows, with_wedges};
-use crate::care::{self, Constraints, HeldWedges, LockedWedges};
 use crate::collapse::attributes::Attributes;
 use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::store::Store;
 use crate::collapse::{Goal, InputSurface, InputVisitor, StopReason};
+use crate::constraints::{self, Constraints, HeldWedges, LockedWedges};
 use crate::control::{Control, Stage, Verdict};
 use crate::deviation::{self, Deviation, InputComparer, ROUNDING};
 pub(crate) use crate::input::Input;
@@ -104,7 +104,7 @@ pub(crate) fn run(
     control: &mut dyn Control,
 ) -> Result<Done, SimplifyError> {
     options.check()?;
-    care::check(options, input.surface.positions().len())?;
+    constraints::check(options, input.surface.positions().len())?;
     let options = &options.with_own_placement();
     escalate::run_escalating(options, |options| {
         let mut all = run_shaded(input, options, &mut |input, options| {
@@ -181,7 +181,7 @@ fn run_welded(
     let positions = input.surface.positions();
     let diagonal = positions.bounds().map_or(0.0, |b| b.diagonal());
     let weld = weld::weld_within(positions, distance.in_units(diagonal));
-    let (joined, merged) = care::weld_onto_locked(&weld, positions, options);
+    let (joined, merged) = constraints::weld_onto_locked(&weld, positions, options);
     let triangles = input.surface.triangles().iter().map(|t| t.map(|v| joined[v.index()])).collect();
     let surface = Surface::with_triangles(positions, triangles)?;
     let welded = Input { surface, mesh: input.mesh, joined: Some(joined) };

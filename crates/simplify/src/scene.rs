@@ -15,7 +15,7 @@ use lodsmith_core::{
 };
 
 use crate::attributes::ranges::{has_ranges, ranges, within};
-use crate::care::{self, HeldWedges};
+use crate::constraints::{self, HeldWedges};
 use crate::control::Control;
 use crate::input::Input;
 use crate::options::{Length, SimplifyOptions, Stop};
@@ -632,7 +632,7 @@ impl Layout {
             }
             resum_weights(&mut mesh, all, &wedges);
             if own_wedges.iter().any(Option::is_some) {
-                care::restore(&mut mesh, part.mesh, &own_wedges);
+                constraints::restore(&mut mesh, part.mesh, &own_wedges);
             }
             meshes.push(mesh);
             // Parts that touch share vertices, and each counts its own.

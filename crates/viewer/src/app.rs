@@ -22,7 +22,9 @@ use crate::gpu::{Gpu, GpuError};
 use crate::keys::{self, Action, playback_after};
 use crate::orbit::Orbit;
 use crate::panel::target::{OriginalSize, Unit};
-use crate::panel::{self, Dock, Panel, PanelContext, UiRequest, WindowState, export, look::SHADINGS, parts};
+use crate::panel::{
+    self, Dock, Panel, PanelContext, UiRequest, WindowState, export, look::SHADINGS, widgets,
+};
 use crate::session::{Session, ViewerPrefs};
 use crate::settings::{EnvironmentChoice, Pose, Sides, Turn};
 use crate::stage::file::LayoutFile;
@@ -549,7 +551,7 @@ impl App {
             let dock = egui::Panel::bottom("log").frame(egui::Frame::NONE.fill(p.panel)).resizable(true);
             dock.default_size(160.0).size_range(80.0..=400.0).show(ui, |ui| {
                 for &panel in &bottom {
-                    if parts::section(ui, panel, |ui| body(ui, panel, &mut scope)) {
+                    if widgets::section(ui, panel, |ui| body(ui, panel, &mut scope)) {
                         closed.push(panel);
                     }
                 }
@@ -565,7 +567,7 @@ impl App {
                 egui::ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
                     ui.spacing_mut().item_spacing.y = theme::SPACING;
                     for &panel in &panels {
-                        if parts::section(ui, panel, |ui| body(ui, panel, &mut scope)) {
+                        if widgets::section(ui, panel, |ui| body(ui, panel, &mut scope)) {
                             closed.push(panel);
                         }
                     }
@@ -580,7 +582,7 @@ impl App {
         for &panel in &middle {
             let dock = egui::Panel::bottom(panel.title()).frame(egui::Frame::NONE.fill(p.panel));
             dock.resizable(false).show(ui, |ui| {
-                if parts::section(ui, panel, |ui| body(ui, panel, &mut scope)) {
+                if widgets::section(ui, panel, |ui| body(ui, panel, &mut scope)) {
                     closed.push(panel);
                 }
             });
@@ -672,7 +674,7 @@ impl App {
         let mut is_seen = false;
         if let Some(path) = self.document.changed.clone() {
             bar(ui, p.warning, &mut |ui| {
-                if parts::primary(ui, "Read again").clicked() {
+                if widgets::primary(ui, "Read again").clicked() {
                     says.push(UiRequest::Action(Action::Reload));
                 }
                 is_seen = ui.button("Keep").clicked();

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use lodsmith::Stop;
 use serde::{Deserialize, Serialize};
 
+use crate::option_words::Simplification;
 use crate::playback::Playback;
 use crate::settings::{Appearance, AutoLod, Layout, Pose, Settings, Turn};
 use crate::stage::motion::Motion;
 use crate::stage::{Copies, StageChange};
-use crate::words::Simplification;
 
 /// One change of a document.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

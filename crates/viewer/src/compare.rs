@@ -15,12 +15,12 @@ use crate::document::{Document, Drawing, ShownModel};
 use crate::gpu::{DrawStats, Frame, Gpu, PlacedModel, RenderTarget};
 use crate::numbers::{grouped, percent, significant};
 use crate::orbit::{Orbit, moved_bounds, turn_matrix, turned_bounds};
-use crate::own_files::UserFiles;
 use crate::panel::{UiRequest, error};
+use crate::preview_mesh;
 use crate::settings::{Layout, Sides};
 use crate::stage::picture::StageView;
-use crate::stand_in;
 use crate::theme::palette;
+use crate::user_files::UserFiles;
 use crate::viewport;
 
 /// One of the two sides.
@@ -284,7 +284,8 @@ impl ComparisonView {
         // Also for the first frame, so that something shows at once. The preview mesh has no distances for a
         // heat map.
         let has_time = !is_coarse && target.shows_model(&drawing);
-        let is_light = !has_time && faces > stand_in::PREVIEW_ABOVE_FACES && look.shading != Shading::Heat;
+        let is_light =
+            !has_time && faces > preview_mesh::PREVIEW_ABOVE_FACES && look.shading != Shading::Heat;
         let placed = PlacedModel {
             world_from_model: turn_matrix(&original.content.bounds, turn),
             ..PlacedModel::new(drawing.preview().filter(|_| is_light).unwrap_or(&drawing), &self.pose)
@@ -308,7 +309,7 @@ impl ComparisonView {
         let mut part = None;
         if same.is_none() {
             // A picture drawn in parts never completes if the frame changes each time.
-            let is_whole = is_coarse && (is_light || faces <= stand_in::PREVIEW_ABOVE_FACES);
+            let is_whole = is_coarse && (is_light || faces <= preview_mesh::PREVIEW_ABOVE_FACES);
             let drawn: DrawStats =
                 if is_whole { gpu.draw(target, &frame) } else { gpu.draw_in_parts(target, &frame) };
             if drawn.drawn {

@@ -16,7 +16,7 @@ use lodsmith_core::{Bounds, Model, Topology, TriMesh};
 use lodsmith_io::{AssetScope, ModelFile, ModelSource, ReadError, ReadOptions};
 use lodsmith_render::Shading;
 
-use crate::words::{Normals, Simplification};
+use crate::option_words::{Normals, Simplification};
 
 /// A file that was read, with its counts.
 #[derive(Debug)]

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, channel};
 use eframe::egui::{self, Ui};
 use lodsmith_io::Format;
 
-use crate::panel::parts;
+use crate::panel::widgets;
 use crate::theme::{palette, weak};
 
 /// Purpose of a file dialog.
@@ -121,7 +121,7 @@ impl Dialog {
             },
             DialogBackend::Window(chooser) => {
                 let purpose = self.purpose;
-                let modal = parts::modal(ctx, "chooser").show(ctx, |ui| chooser.show(ui, purpose));
+                let modal = widgets::modal(ctx, "chooser").show(ctx, |ui| chooser.show(ui, purpose));
                 match modal.inner {
                     DialogState::Open if modal.should_close() => DialogState::Closed,
                     answer => answer,
@@ -253,7 +253,7 @@ impl FileChooser {
         ui.horizontal(|ui| {
             let word = if purpose.is_saving() { "Save" } else { "Open" };
             let word = if purpose == Purpose::ExportFolder { "Use this folder" } else { word };
-            if parts::primary(ui, word).clicked() || is_entered {
+            if widgets::primary(ui, word).clicked() || is_entered {
                 chosen = Some(PathBuf::from(self.text.trim()));
             }
             if ui.button("Cancel").clicked() {

@@ -20,10 +20,10 @@ use crate::gpu::{Context, DrawModel};
 use crate::job::{JobControl, JobKind, Message, Progress, Worker};
 use crate::log::Log;
 use crate::numbers::{grouped, seconds};
-use crate::road::{self, SliderPreview};
+use crate::option_words::Simplification;
+use crate::preview_mesh;
 use crate::settings::Settings;
-use crate::stand_in;
-use crate::words::Simplification;
+use crate::slider_preview::{self, SliderPreview};
 
 pub use stage::StageLevel;
 
@@ -470,7 +470,7 @@ impl Document {
         self.worker.submit(JobKind::Load, move |watch| {
             let read = Original::read(&path, assets).map_err(|e| e.to_string());
             let result = read.map(|original| {
-                let draw = context.map(|c| stand_in::upload(&c, original.model()));
+                let draw = context.map(|c| preview_mesh::upload(&c, original.model()));
                 ShownModel { content: Arc::new(original), draw }
             });
             watch.report(1.0).then_some(Outcome::Opened { path, result })
@@ -515,7 +515,9 @@ impl Document {
                     for warning in &lighter.content.warnings {
                         self.log.warn(warning.clone());
                     }
-                    self.preview.iter_mut().for_each(|road| road.learn_peak_ratio(&lighter.content));
+                    self.preview
+                        .iter_mut()
+                        .for_each(|road| slider_preview.learn_peak_ratio(&lighter.content));
                     (self.lighter, self.needs_exact_run) = (Some(lighter), false);
                 }
                 Ok(_) | Err(SimplifyError::Cancelled) => {}
@@ -641,7 +643,7 @@ impl Document {
         self.worker.submit(JobKind::Simplify, move |watch| {
             let made = Lighter::make(&original.content, &how, watch);
             let result = made.map(|lighter| {
-                let draw = context.map(|c| stand_in::upload(&c, &lighter.model));
+                let draw = context.map(|c| preview_mesh::upload(&c, &lighter.model));
                 ShownModel { content: Arc::new(lighter), draw }
             });
             Some(Outcome::Lighter { how, result })
@@ -653,7 +655,7 @@ impl Document {
         if !self.has_preview() {
             return false;
         }
-        match self.preview.as_mut().map(|road| road.show(how)) {
+        match self.preview.as_mut().map(|road| slider_preview.show(how)) {
             Some(Ok(Some(level))) => {
                 self.worker.cancel(&[JobKind::Simplify, JobKind::Measure, JobKind::Inspect]);
                 self.lighter = Some(level);
@@ -676,8 +678,8 @@ impl Document {
         self.drop_preview();
         self.requested_preview = Some(of.clone());
         let faces = original.content.faces;
-        if faces > road::MAX_FACES {
-            let most = grouped(road::MAX_FACES);
+        if faces > slider_preview::MAX_FACES {
+            let most = grouped(slider_preview::MAX_FACES);
             let text = format!("{} faces are more than {most}: there is no progressive mesh", grouped(faces));
             return self.log.note(format!("the slider runs the method for each value ({text})"));
         }
@@ -705,8 +707,8 @@ impl Document {
                     grouped(road.levels()),
                     seconds(secs)
                 ));
-                self.lighter.iter().for_each(|l| road.learn_peak_ratio(&l.content));
-                self.preview = Some(*road);
+                self.lighter.iter().for_each(|l| slider_preview.learn_peak_ratio(&l.content));
+                self.preview = Some(*slider_preview);
             }
             Err(SimplifyError::Cancelled) => {}
             Err(why) => self.log.note(format!("the slider runs the method for each value ({why})")),

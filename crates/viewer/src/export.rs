@@ -10,7 +10,7 @@ use lodsmith_io::{Format, ModelSource, Textures, Warning, WriteOptions};
 use crate::content::{Lighter, Original, placed_meshes};
 use crate::job::JobControl;
 use crate::numbers::grouped;
-use crate::words::Simplification;
+use crate::option_words::Simplification;
 
 /// Options of an export.
 #[derive(Clone, Debug)]

@@ -7,13 +7,13 @@
 mod adapter;
 mod buffer;
 mod context;
+mod draw_calls;
 mod environment;
 mod frame;
 mod layout;
 mod marks;
 mod model;
 mod pack;
-mod parts;
 mod pick;
 mod pipeline;
 mod renderer;

@@ -32,26 +32,26 @@ pub mod keys;
 pub mod log;
 #[cfg(feature = "window")]
 pub mod numbers;
+pub mod option_words;
 pub mod orbit;
-#[cfg(feature = "window")]
-mod own_files;
 #[cfg(feature = "window")]
 pub mod panel;
 pub mod playback;
 #[cfg(feature = "window")]
-pub mod road;
+pub mod preview_mesh;
 pub mod session;
 pub mod settings;
+#[cfg(feature = "window")]
+pub mod slider_preview;
 pub mod stage;
 #[cfg(feature = "window")]
-pub mod stand_in;
-#[cfg(feature = "window")]
 pub mod theme;
+#[cfg(feature = "window")]
+mod user_files;
 #[cfg(feature = "window")]
 pub mod viewport;
 #[cfg(feature = "window")]
 mod window;
-pub mod words;
 
 #[cfg(feature = "window")]
 pub use window::{ViewError, ViewOptions, run};

@@ -9,12 +9,12 @@ pub mod info;
 pub mod log;
 pub mod look;
 pub mod method;
-pub mod parts;
 pub mod report;
 pub mod stage;
 pub mod target;
 pub mod timeline;
 pub mod top;
+pub mod widgets;
 
 use serde::{Deserialize, Serialize};
 

@@ -8,9 +8,9 @@ use lodsmith_render::{
 };
 use serde::{Deserialize, Serialize};
 
+use crate::option_words::Simplification;
 use crate::playback::Playback;
 use crate::stage::Stage;
-use crate::words::Simplification;
 
 /// All settings of a document.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

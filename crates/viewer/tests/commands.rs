@@ -13,9 +13,9 @@ use lodsmith_viewer::command::{Command, SimplifyTarget};
 use lodsmith_viewer::content::sum_over_instances;
 use lodsmith_viewer::document::Document;
 use lodsmith_viewer::export::Export;
+use lodsmith_viewer::option_words::Simplification;
 use lodsmith_viewer::playback::Playback;
 use lodsmith_viewer::settings::{Appearance, AutoLod, Pose, Turn};
-use lodsmith_viewer::words::Simplification;
 
 const TIMEOUT: Duration = Duration::from_secs(120);
 

@@ -13,7 +13,7 @@ use lodsmith_viewer::content::sum_over_instances;
 use lodsmith_viewer::document::Document;
 use lodsmith_viewer::export::Export;
 use lodsmith_viewer::gpu::{Context, Frame, Gpu, PlacedModel};
-use lodsmith_viewer::words::Simplification;
+use lodsmith_viewer::option_words::Simplification;
 
 const TIMEOUT: Duration = Duration::from_secs(120);
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use syn::Item;
 
-use super::circles::is_test;
+use super::cycles::is_test;
 
 /// Returns each name of a struct, enum, union, trait or type alias that several modules of these files define, with the
 /// files. Tests do not count, nor types within functions, nor associated types.

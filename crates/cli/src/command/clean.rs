@@ -13,13 +13,13 @@ use crate::exit::{self, Interrupted, Status};
 use crate::file::{self, Input, Sink};
 use crate::images;
 use crate::in_order::Turn;
-use crate::need::Size;
+use crate::memory_need::Size;
 use crate::numbers::{counted, grouped, micros, seconds};
 use crate::orient::orient;
 use crate::output::Output;
 use crate::plan::Job;
 use crate::progress::{FileProgress, Progress};
-use crate::{memory, need};
+use crate::{memory, memory_need};
 
 /// Cleans every input.
 pub(super) fn run(args: &CleanArgs) -> anyhow::Result<Status> {
@@ -99,7 +99,7 @@ fn clean_mesh(
     turn: &Turn<'_>,
 ) -> anyhow::Result<CleanOutcome> {
     let Loaded { mesh, regions, mut warnings, format: input_format, .. } = loaded;
-    memory::check("clean", need::clean(Size::of(&mesh)))?;
+    memory::check("clean", memory_need::clean(Size::of(&mesh)))?;
     let cleaned = lodsmith::clean(&mesh, &args.options(), &mut CleanControl { bar });
     let Cleaned { mesh: mut cleaned, report } = not_interrupted(cleaned)?;
     drop(mesh);
@@ -139,7 +139,7 @@ fn clean_scene(
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
     let mut report = CleanReport::default();
     let size = Size::of_all(scene.meshes().iter().map(|m| &*m.mesh));
-    memory::check("clean", need::clean(size).saturating_add(scene.buffer_bytes()))?;
+    memory::check("clean", memory_need::clean(size).saturating_add(scene.buffer_bytes()))?;
     let (mut meshes, mut replaced) = (Vec::new(), Vec::new());
     let mut notes = Vec::new();
     for m in scene.meshes() {

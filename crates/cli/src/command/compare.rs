@@ -21,11 +21,11 @@ use crate::args::CompareArgs;
 use crate::exit::{Status, usage};
 use crate::file::{self, Sink};
 use crate::in_order;
-use crate::need::Size;
+use crate::memory_need::Size;
 use crate::numbers::{grouped, seconds, significant};
 use crate::output::Output;
 use crate::progress::Progress;
-use crate::{memory, need, picture};
+use crate::{memory, memory_need, picture};
 
 /// Measures, and writes the heat map if asked for.
 pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
@@ -55,7 +55,7 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
         options.samples = args.samples;
         options.seed = args.seed;
         let sizes = [&reference, &candidate].map(|loaded| Size::of(&loaded.mesh));
-        memory::check("compare", need::compare(sizes[0], sizes[1], &options))?;
+        memory::check("compare", memory_need::compare(sizes[0], sizes[1], &options))?;
         let comparison = compare(&reference.mesh.surface(), &candidate.mesh.surface(), &options)?;
         let (image_sizes, unknown) = match (reference.mesh.uvs(), candidate.mesh.uvs()) {
             (Some(_), Some(_)) => reference.regions.image_sizes(),

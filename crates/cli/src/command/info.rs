@@ -16,7 +16,7 @@ use crate::in_order;
 use crate::numbers::{grouped, seconds, significant};
 use crate::output::Output;
 use crate::progress::Progress;
-use crate::{memory, need};
+use crate::{memory, memory_need};
 
 /// Inspects every input.
 pub(super) fn run(args: &InfoArgs) -> anyhow::Result<Status> {
@@ -69,7 +69,7 @@ fn inspect(source: &Source, args: &InfoArgs, progress: &Progress) -> anyhow::Res
     bar.read();
     let begin = Instant::now();
     let loaded = file::read(source, &args.reading)?;
-    memory::check("info", need::info(need::Size::of(&loaded.mesh)))?;
+    memory::check("info", memory_need::info(memory_need::Size::of(&loaded.mesh)))?;
     bar.stage(lodsmith::Stage::Measure);
     let surface = loaded.mesh.surface();
     let positions = surface.positions();

@@ -1,7 +1,7 @@
 //! `lodsmith lod`: reads, makes a chain of levels, writes them, and reports the result.
 
 mod files;
-mod told;
+mod report;
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -13,18 +13,18 @@ use lodsmith_io::{Format, Loaded, Warning};
 
 use super::simplify::{parts_of, set_normals};
 use crate::args::LodArgs;
-use crate::care;
+use crate::constraints;
 use crate::exit::{self, Interrupted, Status};
 use crate::file::{self, Input};
 use crate::images;
 use crate::in_order;
-use crate::need::Size;
+use crate::memory_need::Size;
 use crate::orient::{orient, oriented};
 use crate::output::Output;
 use crate::palettes;
 use crate::progress::{FileProgress, Progress};
-use crate::watch::{RunControl, StageClock, not_interrupted};
-use crate::{memory, need};
+use crate::run_control::{RunControl, StageClock, not_interrupted};
+use crate::{memory, memory_need};
 use files::Plan;
 
 /// Makes the levels of one input.
@@ -40,7 +40,7 @@ pub(super) fn run(args: &LodArgs) -> anyhow::Result<Status> {
         made
     });
     progress.finish();
-    let status = told::show(&out, &path, made, &plan, args);
+    let status = report::show(&out, &path, made, &plan, args);
     out.finish(status)
 }
 
@@ -69,7 +69,7 @@ fn make(args: &LodArgs, plan: &Plan, bar: &FileProgress<'_>) -> anyhow::Result<L
     let deadline = args.run.time_limit.map(|s| Instant::now() + Duration::from_secs_f64(s));
     bar.read();
     clock.enter("read");
-    let properties = care::properties(&args.engine.how);
+    let properties = constraints::properties(&args.engine.how);
     // Rotating or scaling a scene would need changes of its nodes.
     let is_plain = args.writing.scale.is_none() && args.writing.up.is_none();
     let input = if plan.makes_scenes() && is_plain {
@@ -96,7 +96,7 @@ fn of_mesh(
     watch: &mut RunControl<'_>,
 ) -> anyhow::Result<LodResult> {
     let mut options = args.options();
-    care::of_mesh(&args.engine.how, &loaded, &mut options.simplify)?;
+    constraints::of_mesh(&args.engine.how, &loaded, &mut options.simplify)?;
     options.simplify.textures = palettes::of_mesh(&loaded);
     let Loaded { mut mesh, regions, contents, mut warnings, format: from, .. } = loaded;
     let is_kept =
@@ -109,7 +109,7 @@ fn of_mesh(
         let text = "--per-mesh: the meshes become one on this way, and share the target";
         warnings.push(Warning::note(text));
     }
-    memory::check("lod", need::lod(Size::of(&mesh), &options.simplify))?;
+    memory::check("lod", memory_need::lod(Size::of(&mesh), &options.simplify))?;
     let chain = not_interrupted(lodsmith::lod(&mesh, &options, watch))?;
     watch.write();
     let counts = [mesh.face_count(), mesh.vertex_count()];
@@ -144,7 +144,7 @@ fn of_mesh_as_scene(
     watch: &mut RunControl<'_>,
 ) -> anyhow::Result<LodResult> {
     let mut own = args.options().simplify;
-    care::of_mesh(&args.engine.how, &loaded, &mut own)?;
+    constraints::of_mesh(&args.engine.how, &loaded, &mut own)?;
     let Loaded { mut mesh, regions, mut warnings, format, .. } = loaded;
     orient(&mut mesh, &args.writing);
     let options = file::options(&args.writing, Format::Glb, regions);
@@ -191,11 +191,14 @@ fn of_scene(
         Some(cared) => {
             (options.simplify.locked, options.simplify.importance) = (cared.locked, cared.importance);
         }
-        None => care::of_scene(&args.engine.how, &scene, &taken, &mut options.simplify)?,
+        None => constraints::of_scene(&args.engine.how, &scene, &taken, &mut options.simplify)?,
     }
     options.simplify.textures = palettes::of_scene(&scene, &taken);
     let size = Size::of_all(meshes.iter().map(|m| &*m.mesh));
-    memory::check("lod", need::lod_scene(size, &options.simplify).saturating_add(scene.buffer_bytes()))?;
+    memory::check(
+        "lod",
+        memory_need::lod_scene(size, &options.simplify).saturating_add(scene.buffer_bytes()),
+    )?;
     let chain = not_interrupted(lodsmith::lod_scene(&parts, diagonal, &options, watch))?;
     watch.write();
     let mut replaced = vec![vec![None; meshes.len()]];
@@ -235,7 +238,7 @@ fn of_scene(
         };
         [of(TriMesh::face_count), of(TriMesh::vertex_count)]
     };
-    let distances: Vec<f64> = told.iter().map(|l| told::distance(&l.report, args)).collect();
+    let distances: Vec<f64> = told.iter().map(|l| report::distance(&l.report, args)).collect();
     warnings.extend(plan.write_scene(&scene, replaced, &distances, &|uri| images.uri(uri), args)?);
     let format = scene.format();
     Ok(LodResult { format, counts, levels: told, diagonal, warnings, clock: StageClock::new() })

@@ -23,9 +23,9 @@ use crate::orient::orient;
 use crate::output::{self, Output};
 use crate::plan::{self, OutputArgs};
 use crate::progress::{FileProgress, Progress};
+use crate::run_control::{RunControl, StageClock, not_interrupted};
 use crate::validity::Validity;
-use crate::watch::{RunControl, StageClock, not_interrupted};
-use crate::{memory, need, picture};
+use crate::{memory, memory_need, picture};
 
 /// Runs all methods in sequence and prints the table.
 pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
@@ -106,8 +106,9 @@ fn try_all(
     bar.read();
     let loaded = file::read(&args.input, &args.reading).with_context(|| path.to_owned())?;
     let Loaded { mesh, format, regions, warnings, .. } = loaded;
-    let hungriest = jobs.iter().map(|(m, _)| need::simplify(&mesh, &args.options(*m))).max().unwrap_or(0);
-    memory::check("methods", need::methods(&mesh, hungriest)).with_context(|| path.to_owned())?;
+    let hungriest =
+        jobs.iter().map(|(m, _)| memory_need::simplify(&mesh, &args.options(*m))).max().unwrap_or(0);
+    memory::check("methods", memory_need::methods(&mesh, hungriest)).with_context(|| path.to_owned())?;
     let model = PreparedModel::new(mesh, args);
     bar.end();
     let mut rows = Vec::with_capacity(jobs.len());

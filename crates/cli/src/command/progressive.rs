@@ -13,13 +13,13 @@ use super::{show_warnings, texts};
 use crate::args::{self, ExtractArgs, LpmBuildArgs, LpmInfoArgs};
 use crate::exit::{Status, usage};
 use crate::file::{self, Sink};
-use crate::need::Size;
+use crate::memory_need::Size;
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::orient::orient;
 use crate::output::{self, Output};
 use crate::progress::Progress;
-use crate::watch::{RunControl, StageClock, not_interrupted};
-use crate::{care, in_order, memory, need};
+use crate::run_control::{RunControl, StageClock, not_interrupted};
+use crate::{constraints, in_order, memory, memory_need};
 
 /// Runs the subcommand.
 pub(super) fn run(action: &args::Progressive) -> anyhow::Result<Status> {
@@ -54,17 +54,17 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         let mut clock = StageClock::new();
         bar.read();
         clock.enter("read");
-        let loaded = file::read_with(&args.input, &args.reading, care::properties(&args.engine.how))?;
+        let loaded = file::read_with(&args.input, &args.reading, constraints::properties(&args.engine.how))?;
         let mut options = args.options();
         // Measured afterwards, like the levels of `extract`.
         let limit = options.stop.error.take();
-        care::of_mesh(&args.engine.how, &loaded, &mut options)?;
+        constraints::of_mesh(&args.engine.how, &loaded, &mut options)?;
         let mut warnings = loaded.warnings;
         if matches!(loaded.format, Format::Gltf | Format::Glb) && loaded.contents.meshes > 1 {
             warnings.push(Warning::lost("the meshes of the scene become one: nodes are not kept"));
         }
         let mut watch = RunControl::new(&mut clock, &bar, None);
-        memory::check("progressive build", need::progressive(Size::of(&loaded.mesh), &options))?;
+        memory::check("progressive build", memory_need::progressive(Size::of(&loaded.mesh), &options))?;
         let mut road = not_interrupted(Progressive::build(&loaded.mesh, &options, &mut watch))?;
         if let Some(limit) = limit {
             let diagonal = road.positions().bounds().map_or(0.0, |b| b.diagonal());
@@ -123,7 +123,7 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
         let lpm = file::read_lpm(&args.input)?;
         let full = lpm.announced.1.faces as usize;
         let diagonal = lpm.splits.positions.view().bounds().map_or(0.0, |b| b.diagonal());
-        memory::check("progressive extract", need::extract(&lpm.splits))?;
+        memory::check("progressive extract", memory_need::extract(&lpm.splits))?;
         let mut road = Progressive::new(lpm.splits);
         let mut clock = StageClock::new();
         let is_reached =

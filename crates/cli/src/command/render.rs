@@ -20,13 +20,13 @@ use crate::args::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Surroundings, Up}
 use crate::exit::{Status, usage};
 use crate::file::{self, Sink, Source};
 use crate::in_order;
-use crate::need::Size;
+use crate::memory_need::Size;
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::output::Output;
 use crate::picture::{self, MARGIN};
 use crate::progress::Progress;
-use crate::watch::{RunControl, StageClock, not_interrupted};
-use crate::{memory, need};
+use crate::run_control::{RunControl, StageClock, not_interrupted};
+use crate::{memory, memory_need};
 
 /// Reads, renders and writes.
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Status> {
@@ -225,7 +225,7 @@ impl<'a> Drawing<'a> {
                 let mut watch = RunControl::new(&mut clock, &bar, None);
                 let whole = &drawing.items[original];
                 let size = Size::of_all(whole.model.meshes.iter().map(|m| &*m.mesh));
-                memory::check("render --levels", need::lod(size, &options))?;
+                memory::check("render --levels", memory_need::lod(size, &options))?;
                 let model = lighter(whole, &options, &mut watch).with_context(|| input.to_string())?;
                 drawing.items.push(Item {
                     path: input.to_string(),
@@ -296,9 +296,9 @@ impl<'a> Drawing<'a> {
         let meshes = self.items.iter().flat_map(|item| &item.model.meshes).map(|m| &*m.mesh);
         let occlusion = self.args.look.occlusion;
         let size = Size::of_all(meshes);
-        let mut need = need::render(size, self.args.size(), self.items.len(), occlusion);
+        let mut need = memory_need::render(size, self.args.size(), self.items.len(), occlusion);
         if Self::is_measured(self.args) {
-            need = need.saturating_add(need::distances(size));
+            need = need.saturating_add(memory_need::distances(size));
         }
         memory::check("render", need)
     }

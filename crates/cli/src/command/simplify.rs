@@ -19,8 +19,8 @@ use crate::orient::orient;
 use crate::output::{self, Output};
 use crate::plan::Job;
 use crate::progress::Progress;
-use crate::watch::{RunControl, StageClock, not_interrupted};
-use crate::{care, images, memory, need, normals, palettes, proposals};
+use crate::run_control::{RunControl, StageClock, not_interrupted};
+use crate::{constraints, images, memory, memory_need, normals, palettes, proposals};
 
 /// Simplifies every input.
 pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
@@ -91,9 +91,11 @@ fn simplify_one(
         }
     };
     let loaded = match whole {
-        None => Box::new(file::read_with(&job.source, &args.reading, care::properties(&args.engine.how))?),
+        None => {
+            Box::new(file::read_with(&job.source, &args.reading, constraints::properties(&args.engine.how))?)
+        }
         Some((sink, format)) => {
-            match file::read_scene(&job.source, &args.reading, care::properties(&args.engine.how))? {
+            match file::read_scene(&job.source, &args.reading, constraints::properties(&args.engine.how))? {
                 Input::Mesh(loaded) => loaded,
                 Input::Scene(scene) => {
                     let from = scene.format();
@@ -118,7 +120,7 @@ fn simplify_mesh(
     turn: &Turn<'_>,
 ) -> anyhow::Result<ReportData> {
     let mut options = args.options();
-    care::of_mesh(&args.engine.how, &loaded, &mut options)?;
+    constraints::of_mesh(&args.engine.how, &loaded, &mut options)?;
     options.textures = palettes::of_mesh(&loaded);
     let Loaded { mut mesh, regions, contents, mut warnings, format: from, .. } = loaded;
     let carries = |to: Format| matches!(to, Format::Obj | Format::Gltf | Format::Glb);
@@ -132,7 +134,7 @@ fn simplify_mesh(
         let text = "--per-mesh: the meshes become one on this way, and share the target";
         warnings.push(Warning::note(text));
     }
-    memory::check("simplify", need::simplify(&mesh, &options))?;
+    memory::check("simplify", memory_need::simplify(&mesh, &options))?;
     let done = lodsmith::simplify(&mesh, &options, watch);
     let Simplified { mesh: mut lighter, report } = not_interrupted(done)?;
     drop(mesh);
@@ -167,9 +169,9 @@ fn simplify_scene(
     let (taken, parts) = parts_of(&meshes);
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
     let mut options = args.options();
-    care::of_scene(&args.engine.how, &scene, &taken, &mut options)?;
+    constraints::of_scene(&args.engine.how, &scene, &taken, &mut options)?;
     options.textures = palettes::of_scene(&scene, &taken);
-    memory::check("simplify", need::simplify_scene(&meshes, scene.buffer_bytes(), &options))?;
+    memory::check("simplify", memory_need::simplify_scene(&meshes, scene.buffer_bytes(), &options))?;
     let done = lodsmith::simplify_scene(&parts, diagonal, &options, watch);
     let SimplifiedScene { meshes: mut lighter, report, counts } = not_interrupted(done)?;
 

@@ -30,7 +30,7 @@ pub(super) fn run(args: &ViewArgs) -> anyhow::Result<Status> {
 mod tests {
     use clap::Parser as _;
     use lodsmith::{Length, Method, Preset, Stop};
-    use lodsmith_viewer::words::{PRESETS, Simplification};
+    use lodsmith_viewer::option_words::{PRESETS, Simplification};
 
     use crate::args::{Cli, Command};
 

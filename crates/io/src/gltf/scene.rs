@@ -11,12 +11,12 @@ use super::accessors::Accessor;
 use super::buffers::{Buffers, path_of};
 use super::container::{Document, list, list_mut, number, whole};
 use super::copies::{self, CopyPlace};
+use super::external_files::{external_uris, is_file};
 use super::lists::append;
 use super::lod::{self, SceneLevels};
 use super::mesh::{self, Budget};
-use super::moving::{self, SceneMotion};
+use super::motion::{self, SceneMotion};
 use super::names::MeshNames;
-use super::outside::{external_uris, is_file};
 use super::placements;
 use super::{inventory, replace, unpack};
 use crate::assets::{Assets, MAX_IMAGE_BYTES, Refusal};
@@ -261,7 +261,7 @@ impl Scene {
         if motion.nodes.is_empty() {
             return Ok(self.clone());
         }
-        let (json, numbers) = moving::with_motion(&self.json, motion);
+        let (json, numbers) = motion::with_motion(&self.json, motion);
         let mut scene = self.clone();
         scene.buffers.extend(numbers.map(Arc::new));
         scene.with_nodes(json)

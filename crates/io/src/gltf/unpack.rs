@@ -6,9 +6,9 @@
 //! take the extensions off elements and lists
 //! ```
 
+mod decoded;
 mod draco;
 mod extensions;
-mod fresh;
 mod views;
 
 use std::sync::Arc;
@@ -19,9 +19,9 @@ use super::container::list;
 use super::lists::drop_unused_extensions;
 use crate::error::ReadError;
 
+use decoded::DecodeBudget;
 pub(super) use extensions::fallbacks;
 use extensions::{DRACO, MESHOPT, extension};
-use fresh::DecodeBudget;
 
 /// Limits on decoded bytes: per byte of the file, and a total that any file may reach. Guessed: the best
 /// streams of real meshes shrink to a tenth, and only endless zeros to less than a hundredth.

@@ -4,9 +4,9 @@ use lodsmith_core::splits::{Checkpoint, Counts, NO_ORIGINAL, Original};
 use lodsmith_core::{FaceId, VertexId, WedgeId};
 
 use super::head::Head;
+use super::level_mesh::LevelMesh;
 use super::range::{BelowModel, BitModel, Coded, Coder, Damaged, Decoder, Encoder, NumberModel};
 use super::values::{PlaceCode, code_f32, value_f32};
-use super::walk::LevelMesh;
 
 /// Codec of a sequence of checkpoints.
 #[derive(Default)]

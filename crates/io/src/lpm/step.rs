@@ -12,9 +12,9 @@
 
 mod fields;
 
+use super::level_mesh::{LevelMesh, Ring, SplitChanges};
 use super::range::{BelowModel, BitModel, Coded, Coder, Damaged, NumberModel};
 use super::values::PlaceCode;
-use super::walk::{LevelMesh, Ring, SplitChanges};
 
 /// Number of channels of rows with their own model; further ones share the last. Guessed: two morph targets.
 const CHANNEL_MODELS: usize = 32;

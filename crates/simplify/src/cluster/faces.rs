@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use lodsmith_core::VertexId;
 
-use super::pieces;
+use super::chunks;
 
 /// Three clusters, the lowest first, and the first face of the model that connects them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -38,7 +38,7 @@ pub(super) const BLOCK: usize = 1 << 6;
 impl Shares {
     fn new(clusters: usize, faces: usize) -> Self {
         let blocks = clusters.div_ceil(BLOCK).max(1);
-        let count = match pieces::threads(faces) {
+        let count = match chunks::threads(faces) {
             1 => 1,
             threads => (SHARES_PER_THREAD * threads).min(MOST_SHARES).min(blocks),
         };
@@ -107,12 +107,12 @@ pub(super) fn faces_between(
     clusters: usize,
 ) -> (Vec<Vec<ClusterFace>>, Shares) {
     let mut shares = Shares::new(clusters, faces.len());
-    let len = pieces::len(faces.len());
+    let len = chunks::len(faces.len());
     let lists = match shares.count {
-        1 => pieces::map(faces.len(), |range| kept_faces(faces, range, cluster_of, &shares, &mut [])),
+        1 => chunks::map(faces.len(), |range| kept_faces(faces, range, cluster_of, &shares, &mut [])),
         _ => {
             let mut touched = std::mem::take(&mut shares.touched);
-            let lists = pieces::shared(&mut touched, len / (64 >> shares.bits), |k, touched| {
+            let lists = chunks::shared(&mut touched, len / (64 >> shares.bits), |k, touched| {
                 let range = k * len..((k + 1) * len).min(faces.len());
                 kept_faces(faces, range, cluster_of, &shares, touched)
             });
@@ -120,7 +120,7 @@ pub(super) fn faces_between(
             lists
         }
     };
-    let kept = pieces::each(shares.count, |k| {
+    let kept = chunks::each(shares.count, |k| {
         let of_share = || lists.iter().flat_map(|list| &list.faces[list.at[k]..list.at[k + 1]]);
         let range = shares.range(k, clusters);
         distinct(of_share, range.start, range.len())

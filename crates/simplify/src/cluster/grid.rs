@@ -2,8 +2,8 @@
 
 use glam::{DVec3, Mat4, Vec4};
 
+use super::chunks;
 use super::model::{ClusterInput, ClusterPosition, Framed, LANES, MAX_MARK_SHARES};
-use super::pieces;
 
 /// Maximum number of cells along the longest edge of the box: a key has 21 bits for each coordinate.
 pub(super) const MAX_RESOLUTION: f64 = 2_000_000.0;
@@ -120,7 +120,7 @@ impl ClusterGrid {
     }
     /// Computes hash keys that differ between the cells of nearby vertices.
     pub(super) fn keys<P: ClusterPosition>(&self, model: &ClusterInput<'_, P>, keys: &mut [u32]) {
-        pieces::fill(keys, |start, piece| {
+        chunks::fill(keys, |start, piece| {
             for (keys, frame) in piece.chunks_mut(LANES).zip(eights(&model.frame[start..])) {
                 let [x, y, z] = self.places_of(&frame).map(|axis| axis.map(cell_index));
                 let mut all = [0; LANES];
@@ -155,8 +155,8 @@ impl ClusterGrid {
     ) -> (Vec<u32>, Vec<[u32; 3]>) {
         let [wide, high, _] = self.blocks().map(|n| n as u32);
         let mut of = vec![0u32; model.points.len()];
-        let share = of.len().div_ceil(pieces::threads(of.len()).min(MAX_MARK_SHARES)).next_multiple_of(LANES);
-        let mut marked = pieces::shared(&mut of, share, |k, piece| {
+        let share = of.len().div_ceil(chunks::threads(of.len()).min(MAX_MARK_SHARES)).next_multiple_of(LANES);
+        let mut marked = chunks::shared(&mut of, share, |k, piece| {
             let mut bits = vec![0u64; words];
             for (slots, frame) in piece.chunks_mut(LANES).zip(eights(&model.frame[k * share..])) {
                 let [x, y, z] = self.cells_at(&frame);
@@ -173,8 +173,8 @@ impl ClusterGrid {
             bits
         });
         let mut bits = marked.swap_remove(0);
-        let len = pieces::len(words);
-        let counts = pieces::shared(&mut bits, len, |k, bits| {
+        let len = chunks::len(words);
+        let counts = chunks::shared(&mut bits, len, |k, bits| {
             for more in &marked {
                 bits.iter_mut().zip(&more[k * len..]).for_each(|(word, more)| *word |= more);
             }
@@ -190,9 +190,9 @@ impl ClusterGrid {
             .collect();
         let mut ranked = vec![(0u64, 0u32); words];
         let mut cells = vec![[0u32; 3]; all];
-        let parts = pieces::cut(&mut cells, counts.iter().map(|n| *n as usize));
+        let parts = chunks::cut(&mut cells, counts.iter().map(|n| *n as usize));
         let parts = parts.into_iter().zip(ranked.chunks_mut(len)).zip(starts).collect();
-        pieces::over(parts, |k, ((cells, ranked), start): ((&mut [[u32; 3]], &mut [_]), u32)| {
+        chunks::over(parts, |k, ((cells, ranked), start): ((&mut [[u32; 3]], &mut [_]), u32)| {
             let mut before = start;
             let mut cells = cells.iter_mut();
             for (i, (ranked, &word)) in (k * len..).zip(ranked.iter_mut().zip(&bits[k * len..])) {
@@ -210,7 +210,7 @@ impl ClusterGrid {
                 }
             }
         });
-        pieces::fill(&mut of, |_, piece| {
+        chunks::fill(&mut of, |_, piece| {
             for slot in piece {
                 let (word, before): (u64, u32) = ranked[(*slot >> 6) as usize];
                 let below = (1u64 << (*slot & 63)) - 1;
@@ -223,7 +223,7 @@ impl ClusterGrid {
     /// Numbers the cells by sorted keys: for grids much finer than the vertex density.
     fn cells_by_keys<P: ClusterPosition>(&self, model: &ClusterInput<'_, P>) -> (Vec<u32>, Vec<[u32; 3]>) {
         let mut keys = vec![(0u64, 0u32); model.points.len()];
-        pieces::fill(&mut keys, |start, piece| {
+        chunks::fill(&mut keys, |start, piece| {
             let frame = eights(&model.frame[start..]);
             for (j, (slots, frame)) in piece.chunks_mut(LANES).zip(frame).enumerate() {
                 let cells = self.cells_at(&frame);
@@ -233,7 +233,7 @@ impl ClusterGrid {
                 }
             }
         });
-        pieces::sort(&mut keys);
+        chunks::sort(&mut keys);
         let mut of = vec![0u32; keys.len()];
         let mut cells = Vec::new();
         for (i, &(key, v)) in keys.iter().enumerate() {

@@ -6,7 +6,7 @@ use glam::DVec3;
 use lodsmith_core::mesh::defects::is_zero_area;
 use lodsmith_core::{Bounds, Positions, Surface, VertexId};
 
-use super::pieces;
+use super::chunks;
 use crate::SimplifyError;
 use crate::report::Cleanup;
 
@@ -106,8 +106,8 @@ struct MarkShare {
 
 /// Marks all vertices, one share of the faces at a time, and scans a share of the positions in each.
 fn shares<P: ClusterPosition>(faces: &[[VertexId; 3]], points: &[P]) -> Vec<MarkShare> {
-    let count = pieces::threads(faces.len()).min(MAX_MARK_SHARES);
-    pieces::each(count, |k| {
+    let count = chunks::threads(faces.len()).min(MAX_MARK_SHARES);
+    chunks::each(count, |k| {
         let part = |n: usize| {
             let len = n.div_ceil(count);
             (k * len).min(n)..((k + 1) * len).min(n)
@@ -152,8 +152,8 @@ impl<'a, P: ClusterPosition> ClusterInput<'a, P> {
             return Err(SimplifyError::NoFaces { faces: all.len() });
         }
         let mut marks = marked.swap_remove(0).marks;
-        let len = pieces::len(marks.len());
-        let counts = pieces::shared(&mut marks, len, |k, marks| {
+        let len = chunks::len(marks.len());
+        let counts = chunks::shared(&mut marks, len, |k, marks| {
             for share in &marked {
                 for (a, b) in marks.iter_mut().zip(&share.marks[k * len..]) {
                     *a = (*a & !1).wrapping_add(b & !1) | (*a | b) & 1;
@@ -167,7 +167,7 @@ impl<'a, P: ClusterPosition> ClusterInput<'a, P> {
         let (min, max, _) = match used == points.len() {
             true => looked,
             // The box covers only vertices with faces.
-            false => pieces::map(points.len(), |range| {
+            false => chunks::map(points.len(), |range| {
                 let used = points[range.clone()].iter().zip(&marks[range]).filter(|x| *x.1 > 0);
                 used.fold(EMPTY_SCAN, |all, (p, _)| scan_position(all, p.wide()))
             })
@@ -185,7 +185,7 @@ impl<'a, P: ClusterPosition> ClusterInput<'a, P> {
         // (Lengths below the smallest normal number have no finite inverse.)
         let scale = longest.max(f64::MIN_POSITIVE).recip();
         let (points, marks) = (self.points, &self.marks[..self.points.len()]);
-        pieces::list(points.len(), |v| {
+        chunks::list(points.len(), |v| {
             let p = ((points[v].wide() - middle) * scale).as_vec3();
             [p.x, p.y, p.z, f32::from_bits(u32::from(marks[v] > 1) << 31)]
         })

@@ -5,10 +5,10 @@ use glam::{BVec4A, Mat4, UVec3, Vec3, Vec3A, Vec4, Vec4Swizzles};
 use lodsmith_core::VertexId;
 use wide::f32x4;
 
+use super::chunks;
 use super::faces::{BLOCK, Shares};
 use super::grid::ClusterGrid;
 use super::model::{ClusterInput, ClusterPosition};
-use super::pieces;
 use super::search::Clusters;
 
 /// Bitwise AND of four floats and a mask: one instruction, where a blend takes three.
@@ -89,7 +89,7 @@ pub(super) fn place<P: ClusterPosition>(
     let mut number = vec![UNUSED; all];
     let ranges = (0..clusters.shares.count).map(|k| clusters.shares.range(k, all).len());
     let parts =
-        pieces::over(pieces::cut(&mut number, ranges), |k, number| match model.has_open && borders > 0.0 {
+        chunks::over(chunks::cut(&mut number, ranges), |k, number| match model.has_open && borders > 0.0 {
             true => place_share::<P, true>(model, clusters, borders, k, number),
             false => place_share::<P, false>(model, clusters, borders, k, number),
         });

@@ -3,9 +3,9 @@
 use glam::Vec4;
 use lodsmith_core::VertexId;
 
+use super::chunks;
 use super::grid::ClusterGrid;
 use super::model::{ClusterInput, ClusterPosition};
-use super::pieces;
 
 /// Faces sampled in the first tries: one in `SAMPLE_STRIDE`, within bounds.
 const SAMPLE_STRIDE: usize = 10;
@@ -46,7 +46,7 @@ impl<'m, 'a, P: ClusterPosition> Counter<'m, 'a, P> {
             let [a, b, c] = t.map(|v| keys[v.index()]);
             (a != b) & (b != c) & (c != a)
         };
-        let left = pieces::map(faces.len(), |range| faces[range].iter().filter(|t| is_left(t)).count());
+        let left = chunks::map(faces.len(), |range| faces[range].iter().filter(|t| is_left(t)).count());
         left.iter().sum::<usize>() as f64
     }
 
@@ -60,7 +60,7 @@ impl<'m, 'a, P: ClusterPosition> Counter<'m, 'a, P> {
             !(a.cmpeq(b).all() | b.cmpeq(c).all() | c.cmpeq(a).all())
         };
         let looks = faces.len() / stride;
-        let left = pieces::map(looks, |range| {
+        let left = chunks::map(looks, |range| {
             range.filter(|&k| is_left(&faces[k * stride + spread(k, stride)])).count()
         });
         left.iter().sum::<usize>() as f64 * faces.len() as f64 / looks as f64

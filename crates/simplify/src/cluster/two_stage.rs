@@ -5,8 +5,8 @@ use lodsmith_core::WedgeId;
 
 use super::model::ClusterPosition;
 use super::{ClusterRun, ClusteredMesh, clustered};
-use crate::care::HeldWedges;
 use crate::collapse::Goal;
+use crate::constraints::HeldWedges;
 use crate::control::{Control, Stage};
 use crate::deviation::{self, Deviation};
 use crate::input::Input;

@@ -196,7 +196,7 @@ mod tests {
     use crate::options::{SimplifyOptions, Stop};
     use crate::run::Source;
     use crate::tensor::Tensor;
-    use crate::trial::{in_two_charts, with_engine};
+    use crate::test_support::{in_two_charts, with_engine};
 
     #[test]
     fn each_broken_invariant_is_told() {

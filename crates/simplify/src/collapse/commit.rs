@@ -5,8 +5,8 @@ use lodsmith_core::VertexId;
 
 use super::cut::Neck;
 use super::kind::distinct;
-use super::late::SampledCost;
 use super::order::NONE;
+use super::sampled_error::SampledCost;
 use super::store::{Ring, Vertex};
 use super::wedges::HandedOver;
 use super::wings::{EdgeEnd, StarStats, Wing, Wings};

@@ -329,7 +329,7 @@ mod tests {
     use crate::collapse::Engine;
     use crate::metric::Memoryless;
     use crate::options::{SimplifyOptions, Stop};
-    use crate::trial::{in_two_charts, with_engine};
+    use crate::test_support::{in_two_charts, with_engine};
 
     /// What four edges side by side cost, against each alone. Says how many were compared, and what is wrong.
     fn compared(mesh: &TriMesh) -> (usize, Vec<String>) {

@@ -10,7 +10,7 @@ use lodsmith_core::{PositionsView, Surface, TriMesh, VertexId, WedgeId};
 use prefetch_index::prefetch_index;
 use wide::{f32x4, u32x4};
 
-use crate::given::OrderedInput;
+use crate::ordered_input::OrderedInput;
 use crate::report::Cleanup;
 
 /// No vertex.

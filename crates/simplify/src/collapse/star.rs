@@ -115,7 +115,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::trial::tame_vector;
+    use crate::test_support::tame_vector;
     use crate::triangle;
 
     /// A corner of a small grid: triangles on them often have no area.

@@ -745,7 +745,7 @@ mod tests {
     use super::*;
     use crate::collapse::kind::is_closed_fan;
     use crate::tensor::Tensor;
-    use crate::trial::four_vectors;
+    use crate::test_support::four_vectors;
 
     #[test]
     fn a_vertex_is_one_cache_line() {

@@ -8,7 +8,8 @@ use wide::f32x8;
 use super::bound::Histogram;
 use super::commit::{Attempt, CollapseOutcome};
 use super::{
-    Engine, Goal, InputSurface, LiveMesh, PREFETCH_MIN_VERTICES, StopReason, VisitScratch, late, record,
+    Engine, Goal, InputSurface, LiveMesh, PREFETCH_MIN_VERTICES, StopReason, VisitScratch, record,
+    sampled_error,
 };
 use crate::control::{Control, Verdict};
 use crate::metric::Metric;
@@ -481,7 +482,7 @@ impl<M: Metric> Engine<M> {
     fn threshold(&self, histogram: &Histogram, looked_at: usize, goal: &Goal) -> f32 {
         let quantile = match () {
             () if self.record.is_some() => record::QUANTILE,
-            () if self.mesh.sampled.is_some() && !self.mesh.counts_attributes() => late::QUANTILE,
+            () if self.mesh.sampled.is_some() && !self.mesh.counts_attributes() => sampled_error::QUANTILE,
             () => QUANTILE,
         };
         let mut want = histogram.known() as f64 * quantile;
@@ -517,14 +518,14 @@ impl<M: Metric> Engine<M> {
     /// Whether a goal has a late phase.
     pub(super) fn is_extreme(&self, goal: &Goal) -> bool {
         !self.mesh.cost.metric.cost_source().is_metric()
-            && goal.faces.is_some_and(|n| late::is_extreme(n, self.tally.first_faces))
+            && goal.faces.is_some_and(|n| sampled_error::is_extreme(n, self.tally.first_faces))
     }
 
     /// Whether the late phase is to begin.
     fn is_late(&self, extreme: bool) -> bool {
         let begin = match self.record {
-            Some(_) => late::begin_of_record(self.tally.first_faces),
-            None => late::begin(self.tally.first_faces, self.mesh.counts_attributes()),
+            Some(_) => sampled_error::begin_of_record(self.tally.first_faces),
+            None => sampled_error::begin(self.tally.first_faces, self.mesh.counts_attributes()),
         };
         extreme && self.mesh.sampled.is_none() && self.mesh.store.live_faces < begin
     }

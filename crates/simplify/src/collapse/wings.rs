@@ -261,7 +261,7 @@ mod tests {
 
     use super::*;
     use crate::metric::{Memoryless, Metric};
-    use crate::trial::{bits, tame_vector, vector};
+    use crate::test_support::{bits, tame_vector, vector};
 
     /// What one triangle says.
     struct Told {

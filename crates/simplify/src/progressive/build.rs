@@ -9,13 +9,13 @@ use super::values::ValueFitter;
 use super::{Progressive, RECORDED_METHODS, arrange};
 use crate::SimplifyError;
 use crate::attributes::Rows;
-use crate::care::{self, Constraints};
 use crate::collapse::attributes::Attributes;
 use crate::collapse::cut::may_cut;
 use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::record::{InputNames, MeshCopy, Record};
 use crate::collapse::store::{Facing, Store};
 use crate::collapse::{Goal, StopReason};
+use crate::constraints::{self, Constraints};
 use crate::control::{Control, Stage, Verdict};
 use crate::fit::Originals;
 use crate::input::Input;
@@ -61,7 +61,7 @@ pub(super) fn build(
     control: &mut dyn Control,
 ) -> Result<RecordedMesh, SimplifyError> {
     options.check()?;
-    care::check(options, mesh.vertex_count())?;
+    constraints::check(options, mesh.vertex_count())?;
     let (walk, pass): (RecordedRun, _) = match (options.method, run::collapses(options.method)) {
         (Method::Quadric, Some(pass)) => (|run, mesh, control| record_run(Quadric, run, mesh, control), pass),
         (Method::LindstromTurk, Some(pass)) => {
@@ -154,7 +154,7 @@ fn prepared<'a>(mesh: &'a TriMesh, options: &mut SimplifyOptions) -> Result<Inpu
     if let Some(distance) = options.weld {
         let diagonal = positions.bounds().map_or(0.0, |b| b.diagonal());
         let near = weld::weld_within(positions, distance.in_units(diagonal));
-        let (joined, _) = care::weld_onto_locked(&near, positions, options);
+        let (joined, _) = constraints::weld_onto_locked(&near, positions, options);
         let triangles = input.surface.triangles().iter().map(|t| t.map(|v| joined[v.index()])).collect();
         input.surface = Surface::with_triangles(positions, triangles)?;
         input.joined = Some(joined);

@@ -13,8 +13,8 @@ use crate::collapse::record::Log;
 use crate::collapse::store::{Facing, Ring, Store};
 use crate::control::{Control, Verdict};
 use crate::fit::{self, MoveGuards};
-use crate::given::KeptInput;
 use crate::guard::Rules;
+use crate::ordered_input::KeptInput;
 use crate::run::Run;
 use crate::tensor::Tensor;
 

@@ -8,7 +8,7 @@ use lodsmith_core::topology::size_of;
 use super::build::{self, RecordedMesh};
 use super::{ChangedRanges, Progressive, arrange};
 use crate::SimplifyError;
-use crate::care;
+use crate::constraints;
 use crate::control::{Control, ProgressShare};
 use crate::options::{Length, SimplifyOptions, Stop};
 use crate::scene::Part;
@@ -70,7 +70,7 @@ impl ProgressiveScene {
             return Err(SimplifyError::NotTogether { first: "progressive", second: "per-mesh" });
         }
         options.check()?;
-        care::check(options, parts.iter().map(|p| p.mesh.vertex_count()).sum())?;
+        constraints::check(options, parts.iter().map(|p| p.mesh.vertex_count()).sum())?;
         let faces = parts.iter().map(|p| p.mesh.face_count()).sum::<usize>();
         let share = |n: usize| n as f64 / faces.max(1) as f64;
         let (mut begun, mut first) = (0, 0);

@@ -15,10 +15,10 @@
 use glam::DVec3;
 use lodsmith_core::{HalfEdgeId, Positions, TriMesh, VertexId};
 
-use super::guide::{self, ReferenceSurface, SimplifiedInput};
 use super::half_edges::{HalfEdges, LineKind, OPEN, gather};
+use super::least_squares;
+use super::reference::{self, ReferenceSurface, SimplifiedInput};
 use super::relax::{self, Hints, keeps_facing};
-use super::settle;
 use super::sizing::SizingField;
 use crate::SimplifyError;
 use crate::collapse::Goal;
@@ -67,7 +67,7 @@ const ASK_EVERY: usize = 4096;
 
 pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<RebuiltSurface, SimplifyError> {
     let ground = task.input;
-    let asked = guide::asked_length(task);
+    let asked = reference::asked_length(task);
     if asked.is_none() && is_met(&task.goal, ground.faces.len(), ground.points.len()) {
         return Ok(unchanged(ground, Ending::Goal));
     }
@@ -105,7 +105,7 @@ pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Rebuilt
 }
 
 fn too_fine(task: &Task<'_>) -> SimplifyError {
-    let got = guide::asked_length(task).map_or(0.0, |l| task.input.frame.user_length(l));
+    let got = reference::asked_length(task).map_or(0.0, |l| task.input.frame.user_length(l));
     SimplifyError::BadOption {
         option: "edge-length",
         wanted: "so long that the result has no more faces than the input",
@@ -170,13 +170,13 @@ fn finish_by_engine(
 ) -> Result<(), SimplifyError> {
     let points = made.points.iter().map(|p| p.to_array()).collect();
     let mesh = TriMesh::new(Positions::F64(points), made.faces.clone())?;
-    let mut options = guide::engine_options(task.options, 0);
+    let mut options = reference::engine_options(task.options, 0);
     options.stop.faces = task.goal.faces;
     options.stop.vertices = task.goal.vertices;
     options.locked = task.input.locked.as_ref().map(|locked| {
         made.kept.iter().map(|v| *v != NONE && locked[v.index()]).collect::<Vec<bool>>().into()
     });
-    let lighter = guide::run_engine(&mesh, &options, control)?;
+    let lighter = reference::run_engine(&mesh, &options, control)?;
     let places: std::collections::HashMap<[u64; 3], VertexId> =
         made.points.iter().zip(&made.kept).map(|(p, v)| (p.to_array().map(f64::to_bits), *v)).collect();
     let positions = lighter.mesh.positions().view();
@@ -275,7 +275,7 @@ impl<'a> Remesher<'a> {
             }
             false => mesh,
         };
-        let on = guide::settle_lines(&mut mesh, even, task.options.border);
+        let on = reference::settle_lines(&mut mesh, even, task.options.border);
         let field = task.options.method_options.adaptive.then(|| SizingField::new(&mesh, even));
         let length = asked.unwrap_or(f64::INFINITY).min(even * EDGE_OF_MEAN);
         let sizes = field.as_ref().map(|f| f.sizes.clone());
@@ -340,7 +340,7 @@ impl<'a> Remesher<'a> {
             self.compact();
         }
         if task.options.fit != Fit::Off && self.verdict == Verdict::Continue {
-            settle::fit_vertices(&mut self.mesh, &self.line_of, self.land);
+            least_squares::fit_vertices(&mut self.mesh, &self.line_of, self.land);
         }
         match self.verdict {
             Verdict::Cancel => Err(SimplifyError::Cancelled),

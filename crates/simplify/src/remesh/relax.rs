@@ -5,8 +5,8 @@ use glam::DVec3;
 use lodsmith_core::VertexId;
 use lodsmith_core::spatial::{Bvh, Hint};
 
-use super::guide::ReferenceSurface;
 use super::half_edges::{HalfEdges, LineKind};
+use super::reference::ReferenceSurface;
 use crate::collapse::order::NONE;
 
 /// Least cosine between the normals of a face before and after a vertex moves. (A guess.)

@@ -17,11 +17,11 @@ use std::collections::HashMap;
 use glam::DVec3;
 use lodsmith_core::{HalfEdgeId, VertexId};
 
-use super::guide::{self, ReferenceSurface};
 use super::half_edges::{HalfEdges, LineKind};
 use super::isotropic;
+use super::least_squares::fit_vertices;
+use super::reference::{self, ReferenceSurface};
 use super::relax::{self, Hints};
-use super::settle::fit_vertices;
 use crate::SimplifyError;
 use crate::collapse::order::NONE;
 use crate::control::{Control, Verdict};
@@ -135,7 +135,7 @@ fn project_level(
         })
         .collect();
     marked.into_iter().for_each(|(h, line)| mesh.set_line(h, line));
-    let on = guide::settle_lines(&mut mesh, 0.0, task.options.border);
+    let on = reference::settle_lines(&mut mesh, 0.0, task.options.border);
     let names = mesh.kept.clone();
     let locked = task.input.locked.as_deref();
     for (pinned, name) in mesh.pinned.iter_mut().zip(&names) {

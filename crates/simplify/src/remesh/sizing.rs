@@ -4,8 +4,8 @@ use glam::{DMat3, DVec3};
 use lodsmith_core::VertexId;
 use lodsmith_core::spatial::Bvh;
 
-use super::guide::tree;
 use super::half_edges::{HalfEdges, LineKind, OPEN};
+use super::reference::tree;
 
 /// Rounds of neighbour averaging before the curvature is computed: cancels the noise of single edges. (A
 /// guess.)

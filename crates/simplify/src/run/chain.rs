@@ -20,10 +20,10 @@ use super::{
     Done, Input, Run, RunOutcome, TopologyChanges, build_report, goal, ordered, pass_of, run_shaded,
 };
 use crate::SimplifyError;
-use crate::care::{self, Constraints};
 use crate::collapse::cut::may_cut;
 use crate::collapse::order::NONE;
 use crate::collapse::{Goal, Pause, StopReason};
+use crate::constraints::{self, Constraints};
 use crate::control::{Control, ProgressShare, Stage};
 use crate::deviation::{self, Deviation};
 use crate::metric::{Judged, Memoryless, Metric, Quadric};
@@ -64,7 +64,7 @@ pub(crate) fn run_chain(
     for stop in stops {
         SimplifyOptions { stop: *stop, ..options.clone() }.check()?;
     }
-    care::check(options, input.surface.positions().len())?;
+    constraints::check(options, input.surface.positions().len())?;
     let mut mergers = Mergers::new();
     let all = run_shaded(input, &options.with_own_placement(), &mut |input, options| {
         let (all, own) = chain_by_method(input, options, stops, is_traced, control)?;

@@ -13,7 +13,7 @@ use super::trunk::Trunk;
 use super::{Run, RunOutcome, TopologyChanges};
 use crate::SimplifyError;
 use crate::collapse::cut::may_cut;
-use crate::collapse::fork::Snapshot;
+use crate::collapse::snapshot::Snapshot;
 use crate::collapse::{Goal, Pause, StopReason, Sweeps};
 use crate::control::{Control, Stage};
 use crate::metric::Metric;
@@ -175,7 +175,7 @@ mod tests {
     use lodsmith_core::{Positions, TriMesh, VertexId, shapes};
 
     use super::*;
-    use crate::care::Constraints;
+    use crate::constraints::Constraints;
     use crate::control::NoControl;
     use crate::input::Input;
     use crate::metric::Memoryless;

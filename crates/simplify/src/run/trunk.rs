@@ -18,11 +18,11 @@ use crate::collapse::store::{Store, Vertex};
 use crate::collapse::{Engine, Goal, InputSurface as _, StopReason, Sweeps};
 use crate::control::{Control, Stage, Verdict};
 use crate::fit::{self, MoveGuards};
-use crate::given::KeptInput;
 use crate::guard::Rules;
 use crate::metric::Metric;
 use crate::normals;
 use crate::options::TopologyPolicy;
+use crate::ordered_input::KeptInput;
 use crate::rebuild;
 use crate::recolor::{self, OwnParts};
 

@@ -8,7 +8,7 @@ use lodsmith_core::topology::size_of;
 
 use super::{MeshCounts, Part, SimplifiedScene, simplify_scene};
 use crate::SimplifyError;
-use crate::care;
+use crate::constraints;
 use crate::control::{Control, ProgressShare};
 use crate::options::SimplifyOptions;
 use crate::report::{Escalation, Refusal, Report, StoppedBy};
@@ -35,7 +35,7 @@ pub(super) fn simplify_each(
     let all: usize = parts.iter().map(|p| p.mesh.face_count()).sum();
     let (mut meshes, mut counts, mut runs) = (Vec::new(), Vec::new(), Vec::new());
     let (mut begun, mut first) = (0usize, 0usize);
-    care::check(&options, parts.iter().map(|p| p.mesh.vertex_count()).sum())?;
+    constraints::check(&options, parts.iter().map(|p| p.mesh.vertex_count()).sum())?;
     let (locked, importance) = (options.locked.take(), options.importance.take());
     let textures = options.textures.take();
     for (i, part) in parts.iter().enumerate() {

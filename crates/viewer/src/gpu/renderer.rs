@@ -10,12 +10,12 @@ use lodsmith_core::{Image, Model};
 
 use super::buffer::Storage;
 use super::context::{Context, GpuError};
+use super::draw_calls::{self, Call, DrawKind, PartPacer};
 use super::environment::EnvironmentMap;
 use super::frame::{
     DrawList, DrawStats, Frame, FrameSnapshot, build_draw_list, heat_range, max_distance, triangle_count,
 };
 use super::model::DrawModel;
-use super::parts::{self, Call, DrawKind, PartPacer};
 use super::pipeline::{Pass, Pipelines, shading_number};
 use super::target::{FramePart, RenderTarget};
 use super::timer::Timer;
@@ -186,7 +186,9 @@ impl Gpu {
     /// the previous picture stays until the new one is complete. Call again while [`DrawStats::triangles_left`]
     /// is not zero. Each part is sized to take a few hundredths of a second.
     pub fn draw_in_parts(&mut self, target: &mut RenderTarget, frame: &Frame<'_>) -> DrawStats {
-        if !self.is_software() || target.shows(frame) || triangle_count(frame) <= parts::MAX_TRIANGLES_AT_ONCE
+        if !self.is_software()
+            || target.shows(frame)
+            || triangle_count(frame) <= draw_calls::MAX_TRIANGLES_AT_ONCE
         {
             return self.draw(target, frame);
         }
@@ -228,7 +230,7 @@ impl Gpu {
         let is_textured = frame.look.shading == Shading::Textured && frame.shader.is_none();
         let has_marks = frame.look.borders || frame.look.defects;
         let plain = self.plain_material.clone();
-        let calls = parts::calls(&gathered, is_textured, has_marks, &plain);
+        let calls = draw_calls::calls(&gathered, is_textured, has_marks, &plain);
         let total: u64 = calls.iter().map(Call::triangles).sum();
         let mut drawn = DrawStats {
             culled: gathered.culled,
@@ -240,7 +242,7 @@ impl Gpu {
         (drawn.drawn, drawn.triangles_left) = (true, total.saturating_sub(range.end));
         drawn.triangles = range.start;
         let part = FramePart { is_first: range.start == 0, is_last: drawn.triangles_left == 0 };
-        let calls = if part == FramePart::WHOLE { calls } else { parts::calls_in_range(calls, range) };
+        let calls = if part == FramePart::WHOLE { calls } else { draw_calls::calls_in_range(calls, range) };
         self.write_frame(frame, &view, size, target.scale(), &gathered);
         let shading = shading_number(frame.look.shading);
         let [solid, blended] = [false, true].map(|is_blended| Pass::Surface { shading, is_blended });

@@ -2,7 +2,7 @@
 
 use eframe::egui::{self, Align, Layout, RichText, Ui, Vec2};
 
-use super::{PanelContext, UiRequest, parts};
+use super::{PanelContext, UiRequest, widgets};
 use crate::benchmark::{BENCHMARK_RATIOS, BenchmarkTable, COLUMN_HEADINGS};
 use crate::job::JobKind;
 use crate::keys::Action;
@@ -50,9 +50,9 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
             ui.add(egui::Label::new(weak(ui, table.title()).small()).wrap().selectable(true));
             grid(ui, &table);
         }
-        None if document.original().is_none() => parts::empty_note(ui, "open a file to measure times"),
-        None if is_running => parts::empty_note(ui, "the first row comes soon"),
-        None => parts::empty_note(ui, "nothing was measured yet"),
+        None if document.original().is_none() => widgets::empty_note(ui, "open a file to measure times"),
+        None if is_running => widgets::empty_note(ui, "the first row comes soon"),
+        None => widgets::empty_note(ui, "nothing was measured yet"),
     }
 }
 

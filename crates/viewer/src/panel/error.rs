@@ -3,7 +3,7 @@
 use eframe::egui::{self, Color32, Rect, Sense, Ui, Vec2, pos2};
 use lodsmith_render::{ColorMap, Look, Shading};
 
-use super::{PanelContext, parts};
+use super::{PanelContext, widgets};
 use crate::command::Command;
 use crate::content::Distances;
 use crate::keys::Action;
@@ -15,7 +15,7 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let document = scope.document;
     let settings = document.settings();
     let mut is_heat = settings.look.look.shading == Shading::Heat;
-    if parts::switch(
+    if widgets::switch(
         ui,
         "Heat map",
         Some(Action::Shade(6)),
@@ -27,11 +27,11 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         scope.command(Command::Look(look));
     }
     let Some(original) = document.original() else {
-        parts::empty_note(ui, "open a file first");
+        widgets::empty_note(ui, "open a file first");
         return;
     };
     if document.lighter().is_none() {
-        parts::empty_note(ui, "there is no result yet: drag the slider below");
+        widgets::empty_note(ui, "there is no result yet: drag the slider below");
         return;
     }
     let Some(distances) = document.distances() else {
@@ -45,11 +45,11 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         let share = if diagonal > 0.0 { 100.0 * d / diagonal } else { 0.0 };
         [significant(d, 3), format!("{} %", significant(share, 3))]
     };
-    parts::table_row(ui, "Of vertices", &["units".into(), "diagonal".into()], true);
+    widgets::table_row(ui, "Of vertices", &["units".into(), "diagonal".into()], true);
     for (name, d) in [("Largest", distances.largest), ("RMS", distances.rms), ("Mean", distances.mean)] {
-        parts::table_row(ui, name, &both(d), false);
+        widgets::table_row(ui, name, &both(d), false);
     }
-    parts::heading(ui, "Histogram");
+    widgets::heading(ui, "Histogram");
     histogram(ui, distances, &settings.look.look);
     range(ui, scope, distances);
     ui.label(
@@ -97,7 +97,7 @@ fn histogram(ui: &mut Ui, distances: &Distances, look: &Look) {
 fn range(ui: &mut Ui, scope: &mut PanelContext<'_>, distances: &Distances) {
     let mut look = scope.document.settings().look.clone();
     let largest = distances.largest as f32;
-    parts::field(ui, "Colours end at", "The value of the last colour; the largest by itself", |ui| {
+    widgets::field(ui, "Colours end at", "The value of the last colour; the largest by itself", |ui| {
         let mut high = color_range(&look.look, distances.largest)[1];
         let drag = egui::DragValue::new(&mut high).range(largest * 1e-4..=largest * 10.0);
         if ui.add(drag.speed(largest * 0.005).custom_formatter(|x, _| significant(x, 3))).changed() {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use eframe::egui::{self, RichText, Ui};
 use lodsmith_io::{Format, Textures};
 
-use super::parts;
+use super::widgets;
 use crate::document::Document;
 use crate::export::Export;
 use crate::numbers::grouped;
@@ -90,13 +90,13 @@ impl ExportForm {
         let parts = self.levels.split([',', ';', ' ']).filter(|p| !p.trim().is_empty());
         let ratio =
             |p: &str| p.trim().trim_end_matches('%').parse::<f64>().ok().filter(|x| *x > 0.0 && *x <= 100.0);
-        let all: Option<Vec<f64>> = parts.map(|p| ratio(p).map(|x| x / 100.0)).collect();
+        let all: Option<Vec<f64>> = widgets.map(|p| ratio(p).map(|x| x / 100.0)).collect();
         all.filter(|all| !all.is_empty())
     }
 
     /// Shows the dialog and returns its state.
     pub fn show(&mut self, ctx: &egui::Context, document: &Document) -> ExportDialogState {
-        let modal = parts::modal(ctx, "export").show(ctx, |ui| self.form(ui, document));
+        let modal = widgets::modal(ctx, "export").show(ctx, |ui| self.form(ui, document));
         match modal.inner {
             ExportDialogState::Open if modal.should_close() => ExportDialogState::Closed,
             answer => answer,
@@ -115,31 +115,31 @@ impl ExportForm {
         ui.horizontal(|ui| {
             ui.spacing_mut().item_spacing.x = 4.0;
             let shown = format!("What is shown ({} faces)", grouped(faces));
-            if parts::segment(ui, &shown, !self.is_all_levels, "One file") {
+            if widgets::segment(ui, &shown, !self.is_all_levels, "One file") {
                 self.is_all_levels = false;
             }
-            if parts::segment(ui, "All levels", self.is_all_levels, "A file for each, in a folder") {
+            if widgets::segment(ui, "All levels", self.is_all_levels, "A file for each, in a folder") {
                 self.is_all_levels = true;
             }
         });
         ui.add_space(4.0);
         let before = self.format;
-        parts::choose(ui, "Format", "", &FORMATS, &mut self.format);
+        widgets::choose(ui, "Format", "", &FORMATS, &mut self.format);
         if self.format != before {
             let path = Path::new(&self.path).with_extension(self.format.name());
             self.path = path.display().to_string();
         }
         if matches!(self.format, Format::Ply | Format::Stl) {
-            parts::switch(ui, "As text", None, "Larger, and readable", &mut self.is_ascii);
+            widgets::switch(ui, "As text", None, "Larger, and readable", &mut self.is_ascii);
         }
         if self.format == Format::Obj {
             let tip = "Materials and textures: copied beside the output, linked from there, or dropped";
-            parts::choose(ui, "Textures", tip, &TEXTURES, &mut self.textures);
+            widgets::choose(ui, "Textures", tip, &TEXTURES, &mut self.textures);
         }
         let mut answer = ExportDialogState::Open;
         if self.is_all_levels {
             let tip = "Parts of the triangles, in percent; a file for each";
-            parts::field(ui, "Levels, %", tip, |ui| {
+            widgets::field(ui, "Levels, %", tip, |ui| {
                 let is_good = self.ratios().is_some();
                 let mut edit =
                     egui::TextEdit::singleline(&mut self.levels).desired_width(ui.available_width() - 8.0);
@@ -150,7 +150,7 @@ impl ExportForm {
             });
         }
         let name = if self.is_all_levels { "Folder" } else { "File" };
-        parts::field(ui, name, "", |ui| {
+        widgets::field(ui, name, "", |ui| {
             let text = if self.is_all_levels { &mut self.folder } else { &mut self.path };
             let width = ui.available_width() - 96.0;
             let edit = egui::TextEdit::singleline(text).desired_width(width).font(egui::TextStyle::Monospace);
@@ -170,7 +170,7 @@ impl ExportForm {
         ui.add_space(8.0);
         ui.horizontal(|ui| {
             let is_good = !target.as_os_str().is_empty() && (!self.is_all_levels || self.ratios().is_some());
-            let write = ui.add_enabled_ui(is_good, |ui| parts::primary(ui, "Write")).inner;
+            let write = ui.add_enabled_ui(is_good, |ui| widgets::primary(ui, "Write")).inner;
             let enter = ui.input(|i| i.key_pressed(egui::Key::Enter)) && is_good;
             if write.clicked() || enter {
                 let levels = if self.is_all_levels { self.ratios().unwrap_or_default() } else { Vec::new() };

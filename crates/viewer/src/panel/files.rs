@@ -2,7 +2,7 @@
 
 use eframe::egui::{self, Ui};
 
-use super::{PanelContext, UiRequest, parts};
+use super::{PanelContext, UiRequest, widgets};
 use crate::command::Command;
 use crate::keys::Action;
 use crate::theme::weak;
@@ -25,9 +25,9 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         }
     });
     let settings = scope.document.settings();
-    parts::heading(ui, "Open");
+    widgets::heading(ui, "Open");
     if settings.files.is_empty() {
-        parts::empty_note(ui, "no file yet");
+        widgets::empty_note(ui, "no file yet");
     }
     for (i, file) in settings.files.clone().into_iter().enumerate() {
         let name = name(&file);
@@ -40,7 +40,7 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let recent: Vec<_> =
         scope.facts.recent.iter().filter(|f| !settings.files.contains(f)).take(8).cloned().collect();
     if !recent.is_empty() {
-        parts::heading(ui, "Recent");
+        widgets::heading(ui, "Recent");
     }
     for file in recent {
         let link = egui::Button::new(name(&file)).frame(false);

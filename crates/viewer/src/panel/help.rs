@@ -7,7 +7,7 @@ use crate::theme::{number, palette, weak};
 
 /// Shows the sheet; returns true if it is to be closed.
 pub fn show(ctx: &egui::Context) -> bool {
-    let modal = super::parts::modal(ctx, "help").show(ctx, |ui| {
+    let modal = super::widgets::modal(ctx, "help").show(ctx, |ui| {
         let screen = ctx.content_rect();
         ui.set_width((screen.width() - 80.0).clamp(320.0, 900.0));
         ui.horizontal(|ui| {

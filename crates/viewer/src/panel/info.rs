@@ -2,22 +2,22 @@
 
 use eframe::egui::Ui;
 
-use super::{PanelContext, parts};
+use super::{PanelContext, widgets};
 use crate::numbers::{grouped, percent, seconds, significant};
 
 /// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let document = scope.document;
     let Some(original) = document.original() else {
-        parts::empty_note(ui, "open a file to see what is in it");
+        widgets::empty_note(ui, "open a file to see what is in it");
         return;
     };
     let o = &original.content;
     let lighter = document.lighter().map(|l| &l.content);
-    parts::table_row(ui, "", &["original".into(), "result".into()], true);
+    widgets::table_row(ui, "", &["original".into(), "result".into()], true);
     let pair = |ui: &mut Ui, name: &str, one: Option<String>, two: Option<String>| {
         let dash = || "–".to_owned();
-        parts::table_row(ui, name, &[one.unwrap_or_else(dash), two.unwrap_or_else(dash)], false);
+        widgets::table_row(ui, name, &[one.unwrap_or_else(dash), two.unwrap_or_else(dash)], false);
     };
     pair(ui, "Faces", Some(grouped(o.faces)), lighter.map(|l| grouped(l.faces)));
     pair(ui, "Vertices", Some(grouped(o.vertices)), lighter.map(|l| grouped(l.vertices)));
@@ -43,16 +43,16 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     if let Some(l) = lighter {
         let diagonal = o.bounds.diagonal();
         let share = if diagonal > 0.0 { 100.0 * l.error() / diagonal } else { 0.0 };
-        parts::value_row(ui, "RMS error of the diagonal", format!("{} %", significant(share, 3)));
+        widgets::value_row(ui, "RMS error of the diagonal", format!("{} %", significant(share, 3)));
     }
     if let Some(px) = scope.facts.error_px {
-        parts::value_row(ui, "RMS error on the screen", format!("{} px", significant(px, 2)));
+        widgets::value_row(ui, "RMS error on the screen", format!("{} px", significant(px, 2)));
     }
 
-    parts::heading(ui, "File");
-    parts::value_row(ui, "Format", o.file.format.title());
+    widgets::heading(ui, "File");
+    widgets::value_row(ui, "Format", o.file.format.title());
     let size = [0, 1, 2].map(|k| significant(o.bounds.max[k] - o.bounds.min[k], 3));
-    parts::value_row(ui, "Size", size.join(" × "));
+    widgets::value_row(ui, "Size", size.join(" × "));
     let c = &o.file.contents;
     let counts = [
         ("Meshes", c.meshes),
@@ -63,32 +63,32 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         ("Morph targets", c.morph_targets),
     ];
     for (name, count) in counts.into_iter().filter(|x| x.1 > usize::from(x.0 == "Meshes")) {
-        parts::value_row(ui, name, grouped(count));
+        widgets::value_row(ui, name, grouped(count));
     }
     if let Some(anatomy) = one.filter(|a| !a.attributes.is_empty()) {
-        parts::value_row(ui, "On vertices", anatomy.attributes.join(", "));
+        widgets::value_row(ui, "On vertices", anatomy.attributes.join(", "));
     }
 
     if let Some(stage) = document.stage() {
         let shown = &scope.facts.stage;
-        parts::heading(ui, "Stage");
-        parts::value_row(ui, "Copies", grouped(stage.copies.len()));
-        parts::value_row(ui, "In sight", grouped(shown.chosen.visible.len()));
-        parts::value_row(ui, "Our part of a frame", seconds(shown.secs))
+        widgets::heading(ui, "Stage");
+        widgets::value_row(ui, "Copies", grouped(stage.copies.len()));
+        widgets::value_row(ui, "In sight", grouped(shown.chosen.visible.len()));
+        widgets::value_row(ui, "Our part of a frame", seconds(shown.secs))
             .on_hover_text(format!("longest: {}", seconds(shown.longest_secs)));
     }
 
-    parts::heading(ui, "Times");
-    parts::value_row(ui, "Opening", seconds(o.read_secs));
+    widgets::heading(ui, "Times");
+    widgets::value_row(ui, "Opening", seconds(o.read_secs));
     if let Some(l) = lighter {
-        parts::value_row(ui, "Simplifying", seconds(l.seconds));
+        widgets::value_row(ui, "Simplifying", seconds(l.seconds));
     }
     if let Some(d) = document.distances() {
-        parts::value_row(ui, "Measuring", seconds(d.seconds));
+        widgets::value_row(ui, "Measuring", seconds(d.seconds));
     }
-    parts::value_row(ui, "Frame, our part", seconds(scope.facts.frame_secs))
+    widgets::value_row(ui, "Frame, our part", seconds(scope.facts.frame_secs))
         .on_hover_text(format!("longest: {}", seconds(scope.facts.longest_frame_secs)));
-    parts::value_row(
+    widgets::value_row(
         ui,
         "Triangles drawn",
         grouped(usize::try_from(scope.facts.triangles_drawn).unwrap_or(usize::MAX)),

@@ -2,14 +2,14 @@
 
 use eframe::egui::{self, Ui};
 
-use super::{PanelContext, parts};
+use super::{PanelContext, widgets};
 use crate::theme::{number, weak};
 
 /// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let entries = scope.document.log.entries();
     if entries.is_empty() {
-        parts::empty_note(ui, "nothing was said yet");
+        widgets::empty_note(ui, "nothing was said yet");
     }
     egui::ScrollArea::vertical().stick_to_bottom(true).auto_shrink([false, false]).show(ui, |ui| {
         for entry in entries {
@@ -19,7 +19,7 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
                     number(weak(ui, format!("{:02}:{:02}", secs / 60, secs % 60)).text())
                         .color(crate::theme::palette(ui).weak),
                 );
-                parts::log_line(ui, entry.level, &entry.text);
+                widgets::log_line(ui, entry.level, &entry.text);
             });
         }
     });

@@ -3,7 +3,7 @@
 use eframe::egui::{self, Ui};
 use lodsmith_render::{ColorMap, Shading};
 
-use super::{PanelContext, UiRequest, files, parts};
+use super::{PanelContext, UiRequest, files, widgets};
 use crate::command::Command;
 use crate::keys::Action;
 use crate::settings::{Appearance, Backdrop, EnvironmentChoice, Rig};
@@ -28,11 +28,11 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let before = scope.document.settings().look.clone();
     let mut all = before.clone();
     let look = &mut all.look;
-    parts::choose(ui, "Shading", "What colours the surface", &SHADINGS, &mut look.shading);
-    parts::field(ui, "Surface", "Its colour where the shading has none of its own", |ui| {
-        parts::color(ui, &mut look.surface);
+    widgets::choose(ui, "Shading", "What colours the surface", &SHADINGS, &mut look.shading);
+    widgets::field(ui, "Surface", "Its colour where the shading has none of its own", |ui| {
+        widgets::color(ui, &mut look.surface);
     });
-    parts::switch(
+    widgets::switch(
         ui,
         "Wireframe",
         Some(Action::Wireframe),
@@ -40,10 +40,10 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         &mut look.wireframe,
     );
     ui.add_enabled_ui(look.wireframe, |ui| {
-        parts::field(ui, "Wire", "Colour and width of the lines", |ui| {
+        widgets::field(ui, "Wire", "Colour and width of the lines", |ui| {
             let [r, g, b, opacity] = look.wire;
             let mut rgb = [r, g, b];
-            if parts::color(ui, &mut rgb) {
+            if widgets::color(ui, &mut rgb) {
                 look.wire = [rgb[0], rgb[1], rgb[2], opacity];
             }
             let opaque =
@@ -53,15 +53,15 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
             ui.add(width.suffix(" px").fixed_decimals(1));
         });
     });
-    parts::switch(ui, "Open borders", Some(Action::Borders), "Edges with one face", &mut look.borders);
-    parts::switch(
+    widgets::switch(ui, "Open borders", Some(Action::Borders), "Edges with one face", &mut look.borders);
+    widgets::switch(
         ui,
         "Defects",
         Some(Action::Defects),
         "Non-manifold edges, faces without area, faces that stand twice",
         &mut look.defects,
     );
-    parts::switch(
+    widgets::switch(
         ui,
         "Hide backs",
         Some(Action::Cull),
@@ -69,12 +69,12 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         &mut look.cull_back,
     );
 
-    parts::heading(ui, "Behind and light");
+    widgets::heading(ui, "Behind and light");
     let mut backdrop = match all.backdrop {
         Backdrop::Color(_) => Backdrop::Color([1.0; 3]),
         other => other,
     };
-    if parts::choose(ui, "Background", "", &Backdrop::ALL, &mut backdrop) {
+    if widgets::choose(ui, "Background", "", &Backdrop::ALL, &mut backdrop) {
         all.backdrop = backdrop;
         // A plain environment has no image to show as background.
         if matches!(backdrop, Backdrop::Surroundings | Backdrop::Blurred)
@@ -84,19 +84,19 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         }
     }
     if let Backdrop::Color(color) = &mut all.backdrop {
-        parts::field(ui, "Colour", "", |ui| {
-            parts::color(ui, color);
+        widgets::field(ui, "Colour", "", |ui| {
+            widgets::color(ui, color);
         });
     }
-    parts::switch(ui, "Ground grid", Some(Action::Ground), "A grid below the model", &mut all.ground);
-    parts::choose(ui, "Light", "", &Rig::ALL, &mut all.rig);
+    widgets::switch(ui, "Ground grid", Some(Action::Ground), "A grid below the model", &mut all.ground);
+    widgets::choose(ui, "Light", "", &Rig::ALL, &mut all.rig);
     environment_choice(ui, scope, &mut all.around);
     let mut brightness = f64::from(all.brightness);
-    parts::slider(ui, "Brightness", "", &mut brightness, 0.2..=3.0);
+    widgets::slider(ui, "Brightness", "", &mut brightness, 0.2..=3.0);
     all.brightness = brightness as f32;
     if all.look.shading == Shading::Heat {
-        parts::heading(ui, "Heat map");
-        parts::choose(ui, "Colours", "", &COLOR_MAPS, &mut all.look.color_map);
+        widgets::heading(ui, "Heat map");
+        widgets::choose(ui, "Colours", "", &COLOR_MAPS, &mut all.look.color_map);
     }
     user_files(ui, scope, &mut all);
     if all != before {
@@ -120,7 +120,7 @@ fn environment_choice(ui: &mut Ui, scope: &mut PanelContext<'_>, around: &mut En
         EnvironmentChoice::File(_) => 3,
     };
     let mut chosen = before;
-    parts::choose(ui, "Surroundings", tip, &names, &mut chosen);
+    widgets::choose(ui, "Surroundings", tip, &names, &mut chosen);
     match chosen {
         _ if chosen == before => {}
         0 => *around = EnvironmentChoice::Auto,
@@ -129,7 +129,7 @@ fn environment_choice(ui: &mut Ui, scope: &mut PanelContext<'_>, around: &mut En
         _ => scope.requests.push(UiRequest::ChooseEnvironment),
     }
     if let Some(path) = around.file() {
-        parts::field(ui, "", tip, |ui| {
+        widgets::field(ui, "", tip, |ui| {
             if ui.add(egui::Button::new(files::name(path)).truncate()).clicked() {
                 scope.requests.push(UiRequest::ChooseEnvironment);
             }
@@ -139,13 +139,13 @@ fn environment_choice(ui: &mut Ui, scope: &mut PanelContext<'_>, around: &mut En
 
 /// Draws the choice of the user's own files: matcap and shader.
 fn user_files(ui: &mut Ui, scope: &mut PanelContext<'_>, all: &mut Appearance) {
-    parts::heading(ui, "Of your own");
+    widgets::heading(ui, "Of your own");
     let tip = "A picture of a lit ball (PNG, JPEG): read again when it changes";
-    parts::field(ui, "Matcap", tip, |ui| file(ui, &mut all.matcap, UiRequest::ChooseMatcap, scope));
+    widgets::field(ui, "Matcap", tip, |ui| file(ui, &mut all.matcap, UiRequest::ChooseMatcap, scope));
     let tip = "A WGSL file with `fn surface(at: Surface) -> vec4<f32>`, a linear colour: read again when it changes";
-    parts::field(ui, "Shader", tip, |ui| file(ui, &mut all.shader, UiRequest::ChooseShader, scope));
+    widgets::field(ui, "Shader", tip, |ui| file(ui, &mut all.shader, UiRequest::ChooseShader, scope));
     if let Some(error) = &scope.facts.shader_error {
-        parts::log_line(ui, crate::log::Severity::Error, error);
+        widgets::log_line(ui, crate::log::Severity::Error, error);
     }
 }
 

@@ -3,9 +3,9 @@
 use eframe::egui::{CollapsingHeader, Ui};
 use lodsmith::{Measure, Method, MethodOptions};
 
-use super::{PanelContext, parts};
+use super::{PanelContext, widgets};
 use crate::command::Command;
-use crate::words::{BORDERS, FITS, NORMALS, PLACEMENTS, PRESETS, Simplification, TOPOLOGIES};
+use crate::option_words::{BORDERS, FITS, NORMALS, PLACEMENTS, PRESETS, Simplification, TOPOLOGIES};
 
 /// Methods with their descriptions.
 const METHODS: [(Method, &str); 10] = [
@@ -37,27 +37,27 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
 fn edit(ui: &mut Ui, how: &mut Simplification) {
     let mut preset = how.preset;
     let tip = "Options for a purpose; all can be changed afterwards";
-    if parts::choose(ui, "Preset", tip, PRESETS, &mut preset) {
+    if widgets::choose(ui, "Preset", tip, PRESETS, &mut preset) {
         *how = Simplification::of_preset(preset, how.options.stop);
     }
     let o = &mut how.options;
     let names: Vec<_> = Method::ALL.iter().map(|m| (*m, m.name())).collect();
     let said = |method: Method| METHODS.iter().find(|m| m.0 == method).map_or("", |m| m.1);
-    if parts::choose(ui, "Method", said(o.method), &names, &mut o.method) {
+    if widgets::choose(ui, "Method", said(o.method), &names, &mut o.method) {
         // Options of the previous method are an error for another one.
         o.method_options = MethodOptions::default();
     }
     ui.label(crate::theme::weak(ui, said(o.method)).small());
     of_method(ui, o.method, &mut o.method_options);
-    parts::choose(
+    widgets::choose(
         ui,
         "Placement",
         "Where a merged vertex goes; endpoint keeps a subset of the vertices",
         PLACEMENTS,
         &mut o.placement,
     );
-    parts::choose(ui, "Fit", "Last least-squares step towards the original", FITS, &mut o.fit);
-    parts::choose(
+    widgets::choose(ui, "Fit", "Last least-squares step towards the original", FITS, &mut o.fit);
+    widgets::choose(
         ui,
         "Borders",
         "Open borders: held in place, moved along themselves, untouched, no care",
@@ -65,10 +65,10 @@ fn edit(ui: &mut Ui, how: &mut Simplification) {
         &mut o.border,
     );
     let tip = "Edges sharper than this angle, in degrees, are features: their vertices keep to their line";
-    parts::optional(ui, "Sharp edges", tip, &mut o.sharp_deg, 30.0, 1.0..=179.0);
+    widgets::optional(ui, "Sharp edges", tip, &mut o.sharp_deg, 30.0, 1.0..=179.0);
     let tip = "relaxed: no new defects; preserve: nothing changes; free: handles are cut and parts go where that is cheapest";
-    parts::choose(ui, "Topology", tip, TOPOLOGIES, &mut o.topology);
-    parts::choose(
+    widgets::choose(ui, "Topology", tip, TOPOLOGIES, &mut o.topology);
+    widgets::choose(
         ui,
         "Normals",
         "Normals of the result: the input's, new ones, or none",
@@ -88,12 +88,18 @@ fn edit(ui: &mut Ui, how: &mut Simplification) {
             ("Borders", &mut w.border),
         ];
         for (name, weight) in all {
-            parts::slider(ui, name, "Times what it counts by itself; 0 gives it no say", weight, 0.0..=10.0);
+            widgets::slider(
+                ui,
+                name,
+                "Times what it counts by itself; 0 gives it no say",
+                weight,
+                0.0..=10.0,
+            );
         }
     });
     CollapsingHeader::new("Guards").show(ui, |ui| {
         let g = &mut o.guards;
-        parts::optional(
+        widgets::optional(
             ui,
             "Turn of a face",
             "Largest turn of a face in one step, in degrees",
@@ -101,7 +107,7 @@ fn edit(ui: &mut Ui, how: &mut Simplification) {
             30.0,
             1.0..=180.0,
         );
-        parts::optional(
+        widgets::optional(
             ui,
             "Quality",
             "Least shape of a new face: 1 is equilateral",
@@ -109,27 +115,27 @@ fn edit(ui: &mut Ui, how: &mut Simplification) {
             0.1,
             0.0..=1.0,
         );
-        parts::optional_count(ui, "Valence", "Most edges at a vertex", &mut g.max_valence, 12, 3);
-        parts::optional_length(ui, "Edge length", "Longest new edge", &mut g.max_edge);
+        widgets::optional_count(ui, "Valence", "Most edges at a vertex", &mut g.max_valence, 12, 3);
+        widgets::optional_length(ui, "Edge length", "Longest new edge", &mut g.max_edge);
     });
     CollapsingHeader::new("More").show(ui, |ui| {
-        parts::optional_length(
+        widgets::optional_length(
             ui,
             "Weld",
             "Join vertices closer than this first; equal ones always are",
             &mut o.weld,
         );
-        parts::optional_length(ui, "Prune", "Connected parts smaller than this go first", &mut o.prune);
+        widgets::optional_length(ui, "Prune", "Connected parts smaller than this go first", &mut o.prune);
         let mut is_measured = o.measure == Measure::Always;
         let tip = "Measure the result against the input, both ways; takes a while";
-        if parts::switch(ui, "Measure the result", None, tip, &mut is_measured) {
+        if widgets::switch(ui, "Measure the result", None, tip, &mut is_measured) {
             o.measure = if is_measured { Measure::Always } else { Measure::Auto };
         }
         let tip = "Where the target is out of reach, try looser topology in turn";
-        parts::switch(ui, "Escalate", None, tip, &mut o.escalate);
+        widgets::switch(ui, "Escalate", None, tip, &mut o.escalate);
         let tip = "In a scene: the target is for each mesh by itself";
-        parts::switch(ui, "Target for each mesh", None, tip, &mut o.per_mesh);
-        parts::field(ui, "Seed", "Equal seeds give equal results", |ui| {
+        widgets::switch(ui, "Target for each mesh", None, tip, &mut o.per_mesh);
+        widgets::field(ui, "Seed", "Equal seeds give equal results", |ui| {
             ui.add(eframe::egui::DragValue::new(&mut o.seed));
         });
     });
@@ -138,40 +144,40 @@ fn edit(ui: &mut Ui, how: &mut Simplification) {
 /// Draws the options that only this method has.
 fn of_method(ui: &mut Ui, method: Method, m: &mut MethodOptions) {
     let angle = |ui: &mut Ui, m: &mut MethodOptions, tip: &str, first: f64| {
-        parts::optional(ui, "Angle", tip, &mut m.angle_deg, first, 0.0..=89.0);
+        widgets::optional(ui, "Angle", tip, &mut m.angle_deg, first, 0.0..=89.0);
     };
     match method {
         Method::Memoryless | Method::Quadric => {
             let tip = "Contract vertices closer than this too where no edge joins them, so that parts grow together";
-            parts::optional_length(ui, "Pairs", tip, &mut m.pairs);
+            widgets::optional_length(ui, "Pairs", tip, &mut m.pairs);
         }
         Method::Cluster => {
-            parts::optional_length(ui, "Cell", "Edge of a cell", &mut m.cell);
+            widgets::optional_length(ui, "Cell", "Edge of a cell", &mut m.cell);
             let tip = "Clusters only to a multiple of the target, and on with memoryless";
-            parts::switch(ui, "Two stages", None, tip, &mut m.two_stage);
+            widgets::switch(ui, "Two stages", None, tip, &mut m.two_stage);
         }
         Method::ShortestEdge => {
-            parts::optional_length(ui, "Edge length", "Edges up to this length go", &mut m.edge_length);
+            widgets::optional_length(ui, "Edge length", "Edges up to this length go", &mut m.edge_length);
         }
         Method::VertexRemoval => angle(ui, m, "Edges bent by more are creases, in degrees", 30.0),
         Method::Planar => {
             angle(ui, m, "Largest angle between a face and the plane of its region, in degrees", 5.0);
-            parts::optional_length(ui, "Flat", "Largest distance from the plane of a region", &mut m.flat);
+            widgets::optional_length(ui, "Flat", "Largest distance from the plane of a region", &mut m.flat);
         }
         Method::Unsubdivide => {
-            parts::optional_count(ui, "Levels", "Levels to undo, at most", &mut m.iterations, 1, 1);
+            widgets::optional_count(ui, "Levels", "Levels to undo, at most", &mut m.iterations, 1, 1);
         }
         Method::Remesh => {
-            parts::optional_length(ui, "Edge length", "Length of the new edges", &mut m.edge_length);
-            parts::optional_length(
+            widgets::optional_length(ui, "Edge length", "Length of the new edges", &mut m.edge_length);
+            widgets::optional_length(
                 ui,
                 "Voxel",
                 "A closed surface round the input, whatever state it is in",
                 &mut m.voxel,
             );
             angle(ui, m, "Edges bent by more are creases, in degrees", 30.0);
-            parts::optional_count(ui, "Rounds", "Rounds of remeshing", &mut m.iterations, 5, 1);
-            parts::optional_count(
+            widgets::optional_count(ui, "Rounds", "Rounds of remeshing", &mut m.iterations, 5, 1);
+            widgets::optional_count(
                 ui,
                 "Subdivisions",
                 "A base mesh, subdivided so many times",
@@ -179,7 +185,7 @@ fn of_method(ui: &mut Ui, method: Method, m: &mut MethodOptions) {
                 3,
                 1,
             );
-            parts::switch(ui, "Adaptive", None, "Short edges where the surface is curved", &mut m.adaptive);
+            widgets::switch(ui, "Adaptive", None, "Short edges where the surface is curved", &mut m.adaptive);
         }
         _ => {}
     }

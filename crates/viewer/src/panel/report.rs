@@ -3,64 +3,66 @@
 use eframe::egui::Ui;
 use lodsmith::{Change, Proposal, Report};
 
-use super::{PanelContext, UiRequest, parts};
+use super::{PanelContext, UiRequest, widgets};
 use crate::command::Command;
 use crate::content::Lighter;
 use crate::keys::Action;
 use crate::log::Severity;
 use crate::numbers::{grouped, percent, seconds, significant};
-use crate::words::{BORDERS, PLACEMENTS, Simplification, TOPOLOGIES, length_text, quoted, word};
+use crate::option_words::{BORDERS, PLACEMENTS, Simplification, TOPOLOGIES, length_text, quoted, word};
 
 /// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let Some(shown) = scope.document.lighter() else {
-        parts::empty_note(ui, "nothing was simplified yet: drag the slider below");
+        widgets::empty_note(ui, "nothing was simplified yet: drag the slider below");
         return;
     };
     let lighter = shown.content.clone();
     let Some(r) = &lighter.report else { return level(ui, scope, &lighter) };
     let stopped = r.stopped_by.name().replace('_', " ");
     match r.reached {
-        true => parts::log_line(ui, Severity::Good, &format!("target reached, stopped by {stopped}")),
-        false => parts::log_line(ui, Severity::Warning, &format!("target not reached, stopped by {stopped}")),
+        true => widgets::log_line(ui, Severity::Good, &format!("target reached, stopped by {stopped}")),
+        false => {
+            widgets::log_line(ui, Severity::Warning, &format!("target not reached, stopped by {stopped}"))
+        }
     }
-    parts::value_row(ui, "Faces", format!("{} → {}", grouped(r.input_faces), grouped(r.faces)));
-    parts::value_row(ui, "Vertices", format!("{} → {}", grouped(r.input_vertices), grouped(r.vertices)));
-    parts::value_row(ui, "Left", percent(r.faces as f64 / r.input_faces.max(1) as f64));
+    widgets::value_row(ui, "Faces", format!("{} → {}", grouped(r.input_faces), grouped(r.faces)));
+    widgets::value_row(ui, "Vertices", format!("{} → {}", grouped(r.input_vertices), grouped(r.vertices)));
+    widgets::value_row(ui, "Left", percent(r.faces as f64 / r.input_faces.max(1) as f64));
     let share = |d: f64| match r.error.diagonal {
         diagonal if diagonal > 0.0 => format!("{} %", significant(100.0 * d / diagonal, 3)),
         _ => "-".to_owned(),
     };
     match &r.error.measured {
-        None => _ = parts::value_row(ui, "RMS error, estimated", share(r.error.estimate)),
+        None => _ = widgets::value_row(ui, "RMS error, estimated", share(r.error.estimate)),
         Some(m) => {
-            parts::value_row(ui, "RMS error, measured", share(m.rms.symmetric));
-            parts::value_row(ui, "Largest, measured", share(m.hausdorff.symmetric));
+            widgets::value_row(ui, "RMS error, measured", share(m.rms.symmetric));
+            widgets::value_row(ui, "Largest, measured", share(m.hausdorff.symmetric));
         }
     }
     if let Some(bound) = r.error.bound {
-        parts::value_row(ui, "Largest, proven", share(bound));
+        widgets::value_row(ui, "Largest, proven", share(bound));
     }
-    parts::value_row(ui, "Time", seconds(lighter.seconds));
+    widgets::value_row(ui, "Time", seconds(lighter.seconds));
     more(ui, r);
     for warning in &lighter.warnings {
-        parts::log_line(ui, Severity::Warning, warning);
+        widgets::log_line(ui, Severity::Warning, warning);
     }
     if lighter.counts.len() > 1 {
-        parts::heading(ui, "Meshes");
+        widgets::heading(ui, "Meshes");
         for (mesh, m) in lighter.model.meshes.iter().zip(&lighter.counts) {
-            parts::value_row(ui, &mesh.name, format!("{} → {}", grouped(m.input_faces), grouped(m.faces)));
+            widgets::value_row(ui, &mesh.name, format!("{} → {}", grouped(m.input_faces), grouped(m.faces)));
         }
     }
     if !r.refusals.is_empty() {
-        parts::heading(ui, "Refused");
+        widgets::heading(ui, "Refused");
         for (refusal, count) in &r.refusals {
             let name = refusal.name().replace('_', " ");
-            parts::value_row(ui, &name, grouped(usize::try_from(*count).unwrap_or(usize::MAX)));
+            widgets::value_row(ui, &name, grouped(usize::try_from(*count).unwrap_or(usize::MAX)));
         }
     }
     if !r.proposals.is_empty() {
-        parts::heading(ui, "What would go further");
+        widgets::heading(ui, "What would go further");
         for proposal in &r.proposals {
             propose(ui, scope, proposal);
         }
@@ -73,28 +75,30 @@ fn level(ui: &mut Ui, scope: &mut PanelContext<'_>, lighter: &Lighter) {
     let Some(original) = scope.document.original().map(|o| o.content.clone()) else { return };
     let what = "a level of the progressive mesh";
     match scope.document.is_outdated() {
-        true => parts::log_line(ui, Severity::Note, &format!("{what}; the exact run follows")),
-        false => {
-            parts::log_line(ui, Severity::Warning, &format!("{what}; the exact run did not come to its end"))
-        }
+        true => widgets::log_line(ui, Severity::Note, &format!("{what}; the exact run follows")),
+        false => widgets::log_line(
+            ui,
+            Severity::Warning,
+            &format!("{what}; the exact run did not come to its end"),
+        ),
     }
-    parts::value_row(ui, "Faces", format!("{} → {}", grouped(original.faces), grouped(lighter.faces)));
-    parts::value_row(
+    widgets::value_row(ui, "Faces", format!("{} → {}", grouped(original.faces), grouped(lighter.faces)));
+    widgets::value_row(
         ui,
         "Vertices",
         format!("{} → {}", grouped(original.vertices), grouped(lighter.vertices)),
     );
-    parts::value_row(ui, "Left", percent(lighter.faces as f64 / original.faces.max(1) as f64));
+    widgets::value_row(ui, "Left", percent(lighter.faces as f64 / original.faces.max(1) as f64));
     let diagonal = original.bounds.diagonal();
     let share = if diagonal > 0.0 { 100.0 * lighter.error() / diagonal } else { 0.0 };
-    parts::value_row(ui, "RMS error, estimated", format!("{} %", significant(share, 3)));
-    parts::value_row(ui, "Time", seconds(lighter.seconds));
+    widgets::value_row(ui, "RMS error, estimated", format!("{} %", significant(share, 3)));
+    widgets::value_row(ui, "Time", seconds(lighter.seconds));
     command(ui, scope);
 }
 
 /// Draws the equivalent command line, to be copied.
 fn command(ui: &mut Ui, scope: &mut PanelContext<'_>) {
-    parts::heading(ui, "Command line");
+    widgets::heading(ui, "Command line");
     let line = command_line(scope.document.settings());
     ui.horizontal_wrapped(|ui| {
         ui.add(eframe::egui::Label::new(crate::theme::number(&line)).wrap().selectable(true));
@@ -118,7 +122,7 @@ fn more(ui: &mut Ui, r: &Report) {
         ("Non-finite faces dropped", c.non_finite_faces),
     ];
     for (name, count) in all.into_iter().filter(|x| x.1 > 0) {
-        parts::value_row(ui, name, grouped(count));
+        widgets::value_row(ui, name, grouped(count));
     }
 }
 

@@ -2,7 +2,7 @@
 
 use eframe::egui::{self, Sense, Ui, Vec2};
 
-use super::{PanelContext, UiRequest, parts};
+use super::{PanelContext, UiRequest, widgets};
 use crate::command::Command;
 use crate::keys::{Action, CopiesAction};
 use crate::numbers::{grouped, seconds, significant};
@@ -14,12 +14,12 @@ use crate::theme::{palette, weak};
 /// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     if scope.document.original().is_none() {
-        return parts::empty_note(ui, "open a file to place copies of it");
+        return widgets::empty_note(ui, "open a file to place copies of it");
     }
     let Some(stage) = scope.document.stage() else {
         ui.label(weak(ui, "Copies of the model on a ground, each in the level for its distance."));
         let tip = format!("({})", Action::Stage.key());
-        if parts::primary(ui, "Show the stage").on_hover_text(tip).clicked() {
+        if widgets::primary(ui, "Show the stage").on_hover_text(tip).clicked() {
             scope.action(Action::Stage);
         }
         return;
@@ -59,25 +59,25 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
 
 /// Draws a button of an action, with its key in the tooltip.
 fn button(ui: &mut Ui, scope: &mut PanelContext<'_>, action: Action, text: &str, tip: &str, is_chosen: bool) {
-    if parts::segment(ui, text, is_chosen, &format!("{tip} ({})", action.key())) {
+    if widgets::segment(ui, text, is_chosen, &format!("{tip} ({})", action.key())) {
         scope.action(action);
     }
 }
 
 fn scatter_fields(ui: &mut Ui, scope: &mut PanelContext<'_>, before: Scatter) {
-    parts::heading(ui, "Scatter");
+    widgets::heading(ui, "Scatter");
     let mut s = before;
     let number = |ui: &mut Ui, name: &str, add: egui::DragValue<'_>| {
         let response = ui.add(add);
         let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
     };
-    parts::field(ui, "Copies", "How many", |ui| {
+    widgets::field(ui, "Copies", "How many", |ui| {
         number(ui, "Copies to scatter", egui::DragValue::new(&mut s.count).range(1..=MAX_COPIES).speed(2));
     });
-    parts::field(ui, "Seed", "Another number scatters in another way", |ui| {
+    widgets::field(ui, "Seed", "Another number scatters in another way", |ui| {
         number(ui, "Seed", egui::DragValue::new(&mut s.seed).speed(0.1));
     });
-    parts::field(ui, "Room between", "In percent of the width of the model", |ui| {
+    widgets::field(ui, "Room between", "In percent of the width of the model", |ui| {
         let mut percent = 50.0 * s.gap;
         number(
             ui,
@@ -86,7 +86,7 @@ fn scatter_fields(ui: &mut Ui, scope: &mut PanelContext<'_>, before: Scatter) {
         );
         s.gap = percent / 50.0;
     });
-    parts::field(
+    widgets::field(
         ui,
         "Square",
         "Side of the square, in units of the model; 0 takes one with room for all",
@@ -95,17 +95,17 @@ fn scatter_fields(ui: &mut Ui, scope: &mut PanelContext<'_>, before: Scatter) {
             number(ui, "Side of the square", side.speed(0.05 * s.footprint));
         },
     );
-    parts::field(ui, "Scale", "Least and greatest", |ui| {
+    widgets::field(ui, "Scale", "Least and greatest", |ui| {
         for (k, name) in ["Least scale", "Greatest scale"].into_iter().enumerate() {
             let scale = egui::DragValue::new(&mut s.scale[k]).range(0.1..=10.0).speed(0.01).max_decimals(2);
             number(ui, name, scale);
         }
     });
-    parts::switch(ui, "Turned by chance", None, "Else all stand as the model does", &mut s.is_turned);
-    parts::switch(ui, "Keep those that stand", None, "Else they go", &mut s.keeps);
+    widgets::switch(ui, "Turned by chance", None, "Else all stand as the model does", &mut s.is_turned);
+    widgets::switch(ui, "Keep those that stand", None, "Else they go", &mut s.keeps);
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
-        if parts::primary(ui, "Scatter").on_hover_text("The same numbers place the same copies").clicked() {
+        if widgets::primary(ui, "Scatter").on_hover_text("The same numbers place the same copies").clicked() {
             scope.requests.push(UiRequest::Scatter(s));
         }
         let again = Action::Copies(CopiesAction::Scatter);
@@ -118,7 +118,7 @@ fn scatter_fields(ui: &mut Ui, scope: &mut PanelContext<'_>, before: Scatter) {
 
 fn chosen(ui: &mut Ui, scope: &mut PanelContext<'_>, copies: &[Placement]) {
     let selected = scope.facts.stage.selected.clone();
-    parts::heading(ui, "Chosen copies");
+    widgets::heading(ui, "Chosen copies");
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         let text = format!("{} of {}", grouped(selected.len()), grouped(copies.len()));
@@ -143,7 +143,7 @@ fn chosen(ui: &mut Ui, scope: &mut PanelContext<'_>, copies: &[Placement]) {
     let Some(first) = selected.first().and_then(|n| copies.get(*n)) else { return };
     let mut one = *first;
     let name = if selected.len() > 1 { "Place of the first" } else { "Place" };
-    parts::field(ui, name, "On the ground, in units of the model", |ui| {
+    widgets::field(ui, name, "On the ground, in units of the model", |ui| {
         for (value, name) in [(&mut one.x, "x of the copy"), (&mut one.z, "z of the copy")] {
             let response =
                 ui.add(egui::DragValue::new(value).speed(0.02 * scope_length(scope)).max_decimals(3));
@@ -152,12 +152,12 @@ fn chosen(ui: &mut Ui, scope: &mut PanelContext<'_>, copies: &[Placement]) {
     });
     let keys = |a: CopiesAction, b: CopiesAction| [a, b].map(|a| Action::Copies(a).key()).join(" ");
     let tip = format!("Round the upright axis ({})", keys(CopiesAction::Turn(1), CopiesAction::Turn(-1)));
-    parts::field(ui, "Turn", &tip, |ui| {
+    widgets::field(ui, "Turn", &tip, |ui| {
         let response = ui.add(egui::DragValue::new(&mut one.turn_deg).speed(1.0).suffix("°").max_decimals(1));
         let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Turn of the copy"));
     });
     let tip = format!("Of the model ({})", keys(CopiesAction::Scale(-1), CopiesAction::Scale(1)));
-    parts::field(ui, "Scale", &tip, |ui| {
+    widgets::field(ui, "Scale", &tip, |ui| {
         let drag = egui::DragValue::new(&mut one.scale).range(SCALE_RANGE).speed(0.01).max_decimals(3);
         let response = ui.add(drag);
         let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Scale of the copy"));
@@ -181,16 +181,16 @@ fn scope_length(scope: &PanelContext<'_>) -> f64 {
 }
 
 fn levels(ui: &mut Ui, scope: &mut PanelContext<'_>, before: StageDisplay) {
-    parts::heading(ui, "Levels");
+    widgets::heading(ui, "Levels");
     let mut view = before;
     let tip = "Pixels that the RMS error of a level may cover on the screen: it is switched there";
-    parts::field(ui, "Error", tip, |ui| {
+    widgets::field(ui, "Error", tip, |ui| {
         let drag = egui::DragValue::new(&mut view.pixels).range(0.05..=50.0).speed(0.02).suffix(" px");
         let response = ui.add(drag.max_decimals(2));
         let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Error of the stage"));
     });
     let tip = "Triangles that a frame may have: where they are more, larger errors are allowed";
-    parts::field(ui, "Budget", tip, |ui| {
+    widgets::field(ui, "Budget", tip, |ui| {
         let mut millions = view.budget as f64 / 1e6;
         let drag = egui::DragValue::new(&mut millions).range(0.01..=100.0).speed(0.02).suffix(" M");
         if ui.add(drag.max_decimals(2)).changed() {
@@ -198,12 +198,12 @@ fn levels(ui: &mut Ui, scope: &mut PanelContext<'_>, before: StageDisplay) {
         }
     });
     let colors = Some(Action::Copies(CopiesAction::Colors));
-    parts::switch(ui, "A colour for each", colors, "Which level stands where", &mut view.has_level_colors);
+    widgets::switch(ui, "A colour for each", colors, "Which level stands where", &mut view.has_level_colors);
     let facts = &scope.facts.stage;
     if scope.document.awaits_levels() {
-        parts::empty_note(ui, "levels are being made…");
+        widgets::empty_note(ui, "levels are being made…");
     } else if !facts.levels.is_empty() {
-        parts::table_row(ui, "Level, faces", &["from".into(), "copies".into()], true);
+        widgets::table_row(ui, "Level, faces", &["from".into(), "copies".into()], true);
         let spacing = std::mem::take(&mut ui.spacing_mut().item_spacing.y);
         for (k, level) in facts.levels.iter().enumerate() {
             ui.horizontal(|ui| {
@@ -215,29 +215,29 @@ fn levels(ui: &mut Ui, scope: &mut PanelContext<'_>, before: StageDisplay) {
                 }
                 let name = grouped(usize::try_from(level.faces).unwrap_or(usize::MAX));
                 let from = if k == 0 { "0".to_owned() } else { significant(level.distance, 3) };
-                parts::table_row(ui, &format!("{k}  {name}"), &[from, grouped(level.copies)], false);
+                widgets::table_row(ui, &format!("{k}  {name}"), &[from, grouped(level.copies)], false);
             });
         }
         ui.spacing_mut().item_spacing.y = spacing;
         let triangles = grouped(usize::try_from(facts.chosen.triangles).unwrap_or(usize::MAX));
-        parts::value_row(ui, "Triangles in sight", triangles);
+        widgets::value_row(ui, "Triangles in sight", triangles);
         let allowed = format!("{} px", significant(facts.chosen.pixels, 2));
-        parts::value_row(ui, "Switching error", allowed)
+        widgets::value_row(ui, "Switching error", allowed)
             .on_hover_text("What the budget allows, and with room in it what is asked for above");
         if facts.chosen.left_out > 0 {
-            parts::value_row(ui, "Left out, over the budget", grouped(facts.chosen.left_out));
+            widgets::value_row(ui, "Left out, over the budget", grouped(facts.chosen.left_out));
         }
-        parts::value_row(ui, "Our part of it", seconds(facts.secs)).on_hover_text(format!(
+        widgets::value_row(ui, "Our part of it", seconds(facts.secs)).on_hover_text(format!(
             "to choose levels and have them drawn; longest: {}",
             seconds(facts.longest_secs)
         ));
     }
-    parts::heading(ui, "On foot");
-    parts::field(ui, "Eye height", "In heights of the model", |ui| {
+    widgets::heading(ui, "On foot");
+    widgets::field(ui, "Eye height", "In heights of the model", |ui| {
         let drag = egui::DragValue::new(&mut view.eye_height).range(0.01..=20.0).speed(0.01).suffix(" ×");
         ui.add(drag.max_decimals(2));
     });
-    parts::field(ui, "Speed", "In sizes of the model a second; with Shift four times as fast", |ui| {
+    widgets::field(ui, "Speed", "In sizes of the model a second; with Shift four times as fast", |ui| {
         let drag = egui::DragValue::new(&mut view.speed).range(0.05..=50.0).speed(0.01).suffix(" ×");
         ui.add(drag.max_decimals(2));
     });

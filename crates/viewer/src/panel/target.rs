@@ -2,7 +2,7 @@
 
 use eframe::egui::{self, Rect, Sense, Ui, Vec2, pos2};
 
-use super::{PanelContext, parts};
+use super::{PanelContext, widgets};
 use crate::command::{Command, SimplifyTarget};
 use crate::keys::Action;
 use crate::numbers::{count_of, grouped, percent, significant};
@@ -197,7 +197,7 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) -> Unit {
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         for (each, name) in Unit::ALL {
-            if parts::segment(ui, name, unit == each, "What the slider counts in") {
+            if widgets::segment(ui, name, unit == each, "What the slider counts in") {
                 unit = each;
             }
         }
@@ -205,7 +205,7 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) -> Unit {
         if let Some(whole) = &whole {
             let now = text_of(document.settings(), whole, unit);
             let is_good = |t: &str| whole.typed(unit, t).is_some();
-            if let Some(text) = parts::text_field(ui, "Target", &now, "", 120.0, is_good)
+            if let Some(text) = widgets::text_field(ui, "Target", &now, "", 120.0, is_good)
                 && let Some(target) = whole.typed(unit, &text)
             {
                 scope.command(Command::Target(target));
@@ -224,7 +224,7 @@ fn by_distance(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let mut auto = before;
     ui.add_space(8.0);
     let tip = format!("The level goes by the distance of the camera ({})", Action::AutoLod.key());
-    if parts::segment(ui, "By distance", auto.is_on, &tip) {
+    if widgets::segment(ui, "By distance", auto.is_on, &tip) {
         auto.is_on = !auto.is_on;
     }
     if auto.is_on {

@@ -5,7 +5,7 @@ mod keyframes;
 use eframe::egui::{self, Rangef, Rect, Response, Sense, Stroke, Ui, Vec2, pos2};
 use lodsmith_core::Model;
 
-use super::{PanelContext, parts};
+use super::{PanelContext, widgets};
 use crate::command::Command;
 use crate::document::Document;
 use crate::keys::Action;
@@ -88,13 +88,13 @@ impl TimeScale {
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let document = scope.document;
     let Some(original) = document.original() else {
-        parts::empty_note(ui, "open a file to see what moves in it");
+        widgets::empty_note(ui, "open a file to see what moves in it");
         return;
     };
     let model = original.content.model();
     if model.animations.is_empty() && document.stage().is_none() {
         let text = "nothing moves in this file: animations come with glTF and GLB; copies on the stage take keyframes";
-        parts::empty_note(ui, text);
+        widgets::empty_note(ui, text);
         return;
     }
     let before = document.settings().playback;
@@ -133,7 +133,7 @@ fn transport(ui: &mut Ui, scope: &mut PanelContext<'_>, model: &Model, playback:
         clips(ui, model, playback);
     }
     let text = "Begin anew at the end, or stop there";
-    if parts::segment(ui, "Repeat", playback.repeats, &tip(Action::Repeat, text)) {
+    if widgets::segment(ui, "Repeat", playback.repeats, &tip(Action::Repeat, text)) {
         playback.repeats = !playback.repeats;
     }
     ui.add_space(8.0);
@@ -152,7 +152,7 @@ fn transport(ui: &mut Ui, scope: &mut PanelContext<'_>, model: &Model, playback:
         keyframes::length(ui, scope, length);
         let is_good = |t: &str| seconds_of(t).is_some();
         let now = format!("{:.2}", playback.moment(length));
-        if let Some(text) = parts::text_field(ui, "Moment", &now, "", 72.0, is_good)
+        if let Some(text) = widgets::text_field(ui, "Moment", &now, "", 72.0, is_good)
             && let Some(seconds) = seconds_of(&text)
         {
             *playback = playback.at(length, seconds);

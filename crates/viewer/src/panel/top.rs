@@ -2,7 +2,7 @@
 
 use eframe::egui::{self, RichText, Ui};
 
-use super::{Panel, PanelContext, look::SHADINGS, parts};
+use super::{Panel, PanelContext, look::SHADINGS, widgets};
 use crate::command::Command;
 use crate::keys::{Action, CopiesAction};
 use crate::settings::{Layout, Sides};
@@ -134,12 +134,13 @@ fn sides(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     ui.spacing_mut().item_spacing.x = 4.0;
     let key = Action::NextSides.key();
     for (sides, name) in Sides::ALL {
-        if parts::segment(ui, name, layout.sides == sides, &format!("{name} ({key} goes through all four)")) {
+        if widgets::segment(ui, name, layout.sides == sides, &format!("{name} ({key} goes through all four)"))
+        {
             scope.command(Command::Layout(Layout { sides, ..layout }));
         }
     }
     let tip = format!("One camera for both sides ({})", Action::Link.key());
-    if parts::segment(ui, "Linked", layout.linked, &tip) {
+    if widgets::segment(ui, "Linked", layout.linked, &tip) {
         scope.action(Action::Link);
     }
 }
@@ -157,7 +158,7 @@ fn shading(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     });
     response.response.on_hover_text("What colours the surface");
     let tip = format!("Lines along all edges ({})", Action::Wireframe.key());
-    if parts::segment(ui, "Wire", look.look.wireframe, &tip) {
+    if widgets::segment(ui, "Wire", look.look.wireframe, &tip) {
         look.look.wireframe = !look.look.wireframe;
     }
     if look != settings.look {

@@ -17,7 +17,7 @@ use crate::document::level_ratios;
 use crate::export::{Written, embed};
 use crate::job::JobControl;
 use crate::numbers::grouped;
-use crate::words::Simplification;
+use crate::option_words::Simplification;
 
 /// A stage and its output file.
 #[derive(Clone, Debug)]

@@ -23,10 +23,10 @@ use crate::gpu::{Frame, Gpu, PlacedModel, RenderTarget, TINTS};
 use crate::keys::Action;
 use crate::numbers::{grouped, significant};
 use crate::orbit::Orbit;
-use crate::own_files::UserFiles;
 use crate::panel::UiRequest;
 use crate::settings::Pose;
 use crate::theme::{Palette, palette};
+use crate::user_files::UserFiles;
 use crate::viewport;
 
 /// View state of the stage, which is not part of the document.

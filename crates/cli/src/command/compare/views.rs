@@ -12,9 +12,9 @@ use serde_json::{Value, json};
 use crate::args::{CompareArgs, Reading};
 use crate::exit::usage;
 use crate::file::{Sink, Source};
-use crate::need::Size;
+use crate::memory_need::Size;
 use crate::numbers::{micros, significant};
-use crate::{memory, need, picture};
+use crate::{memory, memory_need, picture};
 
 /// Result of the comparison.
 pub(super) struct ViewComparison {
@@ -44,7 +44,7 @@ pub(super) fn compare_views(
     ];
     let meshes = models.iter().flat_map(|model| &model.meshes).map(|m| &*m.mesh);
     let pictures = if format.is_some() { 2 * count } else { 2 };
-    memory::check("compare --views", need::render(Size::of_all(meshes), args.size, pictures, false))?;
+    memory::check("compare --views", memory_need::render(Size::of_all(meshes), args.size, pictures, false))?;
     let shading = shading_of(&models[0]);
     let subjects = [Subject::new(&models[0])?, Subject::new(&models[1])?];
     let bounds = subjects[0].bounds().ok_or_else(|| usage(format!("{}: nothing to see", args.reference)))?;

@@ -13,8 +13,8 @@ use super::super::encode::{EncodedAccessor, NumberType, encode, normalize_weight
 use super::super::lists::{append, put, renumber, take_extension, view_span};
 use super::super::mesh::TYPE_NAMES;
 use super::super::references::{ReferenceKind, each_reference, views_of};
+use super::decoded::{DecodeBudget, DecodedBytes};
 use super::extensions::DRACO;
-use super::fresh::{DecodeBudget, DecodedBytes};
 use crate::error::ReadError;
 
 /// Targets of views.

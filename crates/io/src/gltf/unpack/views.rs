@@ -11,8 +11,8 @@ use super::super::container::{list, list_mut, number, whole};
 use super::super::lists::take_extension;
 use super::super::meshopt::{Filter, Layout, StreamMode, decode};
 use super::super::repack::ByteSpan;
+use super::decoded::{DecodeBudget, DecodedBytes};
 use super::extensions::{MESHOPT, extension};
-use super::fresh::{DecodeBudget, DecodedBytes};
 use crate::error::ReadError;
 use crate::excerpt::excerpt;
 

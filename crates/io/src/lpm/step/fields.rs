@@ -1,8 +1,8 @@
 //! Coding of the positions and the attribute rows of a split.
 
 use super::{CHANNEL_MODELS, Models, PREDICTED_SHARE, SplitCodec, StepCounts, code_gap, find};
+use crate::lpm::level_mesh::{LevelMesh, SplitChanges};
 use crate::lpm::range::{Coded, Coder};
-use crate::lpm::walk::{LevelMesh, SplitChanges};
 
 /// Model of positions without a prediction.
 const NO_PREDICTION: usize = 64;

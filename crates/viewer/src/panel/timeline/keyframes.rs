@@ -2,7 +2,7 @@
 
 use eframe::egui::{self, CursorIcon, Modifiers, Rect, Response, Sense, Shape, Stroke, Ui, Vec2, pos2};
 
-use super::{MARGIN, NAME_WIDTH, PanelContext, TimeScale, TimelineTrack, parts};
+use super::{MARGIN, NAME_WIDTH, PanelContext, TimeScale, TimelineTrack, widgets};
 use crate::command::Command;
 use crate::keys::{Action, CopiesAction};
 use crate::panel::UiRequest;
@@ -60,7 +60,7 @@ pub(super) fn row(ui: &mut Ui, scope: &mut PanelContext<'_>) {
                 "Along a curve through all keyframes".to_owned()
             };
             ui.add_enabled_ui(is_any, |ui| {
-                if parts::segment(ui, text, is_on, &tip) {
+                if widgets::segment(ui, text, is_on, &tip) {
                     let with = motion.with(|m| chosen.iter().for_each(|c| m.set_curve(c.0, curve)));
                     scope.command(Command::Stage(StageChange::Motion(with)));
                 }
@@ -71,7 +71,7 @@ pub(super) fn row(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         let tip = format!("Look from where the keyframes of the camera have it ({})", action.key());
         let has_camera = !motion.camera.is_empty();
         ui.add_enabled_ui(has_camera, |ui| {
-            if parts::segment(ui, "Through the camera", has_camera && !motion.has_free_camera, &tip) {
+            if widgets::segment(ui, "Through the camera", has_camera && !motion.has_free_camera, &tip) {
                 scope.action(action);
             }
         });

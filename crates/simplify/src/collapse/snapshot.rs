@@ -12,7 +12,7 @@
 use super::attributes::SavedWedges;
 use super::bound::UNKNOWN;
 use super::sweeps::{LAST_SHARE, Productivity, QUANTILE};
-use super::{Engine, Goal, InputSurface, Sweeps, late};
+use super::{Engine, Goal, InputSurface, Sweeps, sampled_error};
 use crate::metric::Metric;
 
 /// Collapses of a sweep, a share of those that it was to bring nearer, under which a run is not at ease. (Measured: .27 to .34
@@ -110,7 +110,8 @@ impl<M: Metric> Engine<M> {
 
     /// Whether so few faces live that a late phase, if one comes, is near.
     pub(crate) fn is_near_late_phase(&self) -> bool {
-        self.mesh.store.live_faces <= 2 * late::begin(self.tally.first_faces, self.mesh.counts_attributes())
+        self.mesh.store.live_faces
+            <= 2 * sampled_error::begin(self.tally.first_faces, self.mesh.counts_attributes())
     }
 
     /// Of how many vertices a sweep is to look at the edges, if nothing stands in the way.

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use super::{CachedStar, Fan, FourFaces, Nearest, Store};
 use crate::lanes::four;
 use crate::tensor::Tensor;
-use crate::trial::{bits, tame_vector, vector};
+use crate::test_support::{bits, tame_vector, vector};
 use crate::triangle::closest;
 
 /// [`FourFaces`] of one triangle.

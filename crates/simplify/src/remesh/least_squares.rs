@@ -6,8 +6,8 @@ use lodsmith_core::VertexId;
 use lodsmith_core::geometry::triangle::weights_at;
 use lodsmith_core::spatial::Hint;
 
-use super::guide::{ReferenceSurface, tree};
 use super::half_edges::{HalfEdges, LineKind};
+use super::reference::{ReferenceSurface, tree};
 use super::relax::may_move;
 use crate::collapse::order::NONE;
 

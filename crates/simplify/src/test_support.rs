@@ -5,8 +5,8 @@ use lodsmith_core::{Positions, TriMesh, VertexId, WedgeId};
 use proptest::prelude::*;
 
 use crate::SimplifyOptions;
-use crate::care::Constraints;
 use crate::collapse::Engine;
+use crate::constraints::Constraints;
 use crate::control::NoControl;
 use crate::input::Input;
 use crate::metric::Metric;

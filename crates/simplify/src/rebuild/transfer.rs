@@ -14,9 +14,9 @@ use lodsmith_core::{FaceId, PositionsView, RegionId, Surface, VertexId, WedgeId}
 use super::{PreparedInput, RebuiltSurface};
 use crate::SimplifyError;
 use crate::attributes::Rows;
-use crate::care::HeldWedges;
 use crate::collapse::attributes::{Attributes, JointWeights};
 use crate::collapse::order::NONE;
+use crate::constraints::HeldWedges;
 
 /// No neighbour: at a border, a seam or a non-manifold edge.
 const NO_NEIGHBOUR: u32 = u32::MAX;

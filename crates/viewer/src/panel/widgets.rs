@@ -5,8 +5,8 @@ use lodsmith::Length;
 
 use super::Panel;
 use crate::keys::Action;
+use crate::option_words::{length_of, length_text};
 use crate::theme::{self, SPACING, number, palette, weak};
-use crate::words::{length_of, length_text};
 
 /// Width of the label before a field.
 const LABEL_WIDTH: f32 = 104.0;
