@@ -515,9 +515,7 @@ impl Document {
                     for warning in &lighter.content.warnings {
                         self.log.warn(warning.clone());
                     }
-                    self.preview
-                        .iter_mut()
-                        .for_each(|road| slider_preview.learn_peak_ratio(&lighter.content));
+                    self.preview.iter_mut().for_each(|preview| preview.learn_peak_ratio(&lighter.content));
                     (self.lighter, self.needs_exact_run) = (Some(lighter), false);
                 }
                 Ok(_) | Err(SimplifyError::Cancelled) => {}
@@ -655,7 +653,7 @@ impl Document {
         if !self.has_preview() {
             return false;
         }
-        match self.preview.as_mut().map(|road| slider_preview.show(how)) {
+        match self.preview.as_mut().map(|preview| preview.show(how)) {
             Some(Ok(Some(level))) => {
                 self.worker.cancel(&[JobKind::Simplify, JobKind::Measure, JobKind::Inspect]);
                 self.lighter = Some(level);
@@ -707,8 +705,8 @@ impl Document {
                     grouped(road.levels()),
                     seconds(secs)
                 ));
-                self.lighter.iter().for_each(|l| slider_preview.learn_peak_ratio(&l.content));
-                self.preview = Some(*slider_preview);
+                self.lighter.iter().for_each(|l| road.learn_peak_ratio(&l.content));
+                self.preview = Some(*road);
             }
             Err(SimplifyError::Cancelled) => {}
             Err(why) => self.log.note(format!("the slider runs the method for each value ({why})")),

@@ -90,7 +90,7 @@ impl ExportForm {
         let parts = self.levels.split([',', ';', ' ']).filter(|p| !p.trim().is_empty());
         let ratio =
             |p: &str| p.trim().trim_end_matches('%').parse::<f64>().ok().filter(|x| *x > 0.0 && *x <= 100.0);
-        let all: Option<Vec<f64>> = widgets.map(|p| ratio(p).map(|x| x / 100.0)).collect();
+        let all: Option<Vec<f64>> = parts.map(|p| ratio(p).map(|x| x / 100.0)).collect();
         all.filter(|all| !all.is_empty())
     }
 
