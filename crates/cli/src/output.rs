@@ -74,9 +74,9 @@ impl Output {
         }
     }
 
-    /// Prints a warning. With JSON it is part of the result.
+    /// Prints a warning to standard error. With JSON it is part of the result as well.
     pub(crate) fn warning(&self, text: &str) {
-        if !self.json && !self.quiet {
+        if !self.quiet {
             eprint_line(&format!("{} {}", paint("warning:", "1;33"), escaped(&one_line(text))));
         }
     }

@@ -86,3 +86,52 @@ fn rows_of_compare_have_names_of_their_own() {
     assert_eq!(single.len(), names.len(), "{names:?}");
     assert!(names.contains(&"face normals") && names.contains(&"vertex normals"), "{names:?}");
 }
+
+/// Fault C10: with `--json` no warning reached standard error, against `docs/report.md`.
+#[test]
+fn warnings_reach_standard_error_with_json_too() {
+    let desk = CliSandbox::new();
+    desk.put("a.ply", &desk::coloured_cube());
+    let plain = desk.run("convert a.ply a.stl").with_status(0);
+    assert!(plain.stderr.contains("warning:"), "{}", plain.stderr);
+    let with_json = desk.run("simplify a.ply -o b.stl --ratio 0.5 --json").with_status(0);
+    let [object] = &with_json.objects()[..] else { panic!("{:?}", with_json.stdout) };
+    let told = object["warnings"].as_array().unwrap();
+    assert!(!told.is_empty());
+    for text in told {
+        assert!(with_json.stderr.contains(text.as_str().unwrap()), "{text} of {}", with_json.stderr);
+    }
+    let quiet = desk.run("simplify a.ply -o c.stl --ratio 0.5 --json --quiet").with_status(0);
+    assert_eq!(quiet.stderr, "");
+}
+
+/// Fault C11: levels of a mesh without a name were called `node_0_lod1`, against `docs/lod.md`.
+#[test]
+fn levels_of_a_mesh_without_a_name_are_called_after_its_file() {
+    let desk = CliSandbox::new();
+    desk.put("rock.ply", &hills(8));
+    desk.run("lod rock.ply -o out.glb --levels 0.5,0.25").with_status(0);
+    let bytes = fs::read(desk.path("out.glb")).unwrap();
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+    for kind in ["nodes", "meshes"] {
+        let names: Vec<&str> =
+            json[kind].as_array().unwrap().iter().filter_map(|x| x["name"].as_str()).collect();
+        assert_eq!(names, ["rock", "rock_lod1", "rock_lod2"], "{kind}");
+    }
+}
+
+/// Fault C15: images that few readers of material libraries know went into one without a word.
+#[test]
+fn images_that_material_libraries_rarely_name_are_warned_of() {
+    let desk = CliSandbox::new();
+    desk.put("a.obj", "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n");
+    desk.put("a.mtl", "newmtl m\nmap_Kd a.webp\n");
+    desk.put("a.webp", "RIFF\x04\0\0\0WEBP");
+    let ran = desk.run("convert a.obj b.obj").with_status(0);
+    assert!(ran.stderr.contains("WebP") && ran.stderr.contains("PNG"), "{}", ran.stderr);
+    desk.put("a.mtl", "newmtl m\nmap_Kd a.png\n");
+    fs::write(desk.path("a.png"), b"\x89PNG\r\n\x1a\n").unwrap();
+    let ran = desk.run("convert a.obj c.obj").with_status(0);
+    assert!(!ran.stderr.contains("PNG"), "{}", ran.stderr);
+}

@@ -44,6 +44,8 @@ pub struct SceneLevels {
     pub separator: String,
     /// True if names of level 0 get a number too.
     pub numbers_level_0: bool,
+    /// Name of the only mesh and the only node of the scene, if these have none.
+    pub default_name: Option<String>,
 }
 
 impl SceneLevels {
@@ -59,6 +61,7 @@ pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(V
         let problem = "the scene has levels of detail already (MSFT_lod): start from a file without";
         return Err(io::Error::new(io::ErrorKind::InvalidInput, problem));
     }
+    let source = &with_default_name(source, levels.default_name.as_deref());
     let mut json = source.clone();
     let mesh_count = list(source, "meshes").len();
     let mut replaced: Vec<Option<TriMesh>> = levels.replaced.first().cloned().unwrap_or_default();
@@ -127,6 +130,19 @@ pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(V
         }
     }
     Ok((json, replaced))
+}
+
+/// Names the only mesh and the only node of a file, if they have no names.
+fn with_default_name(source: &Value, name: Option<&str>) -> Value {
+    let mut json = source.clone();
+    for kind in ["meshes", "nodes"] {
+        if let (Some(name), Some([only])) = (name, json[kind].as_array_mut().map(Vec::as_mut_slice))
+            && only["name"].is_null()
+        {
+            only["name"] = name.into();
+        }
+    }
+    json
 }
 
 /// Returns the nodes that are lower levels of others.

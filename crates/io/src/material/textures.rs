@@ -1,7 +1,7 @@
 //! Writing of the material library of an OBJ, with its textures copied beside it or referred to where they
 //! are.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
@@ -104,6 +104,7 @@ fn library_text(
     beside: &mut SidecarFiles,
 ) -> Result<Vec<u8>, WriteError> {
     let mut missing = MissingTextures::default();
+    let mut unusual = BTreeSet::new();
     let mut left = MAX_IMAGE_BYTES;
     let mut text = Vec::new();
     for library in &regions.libraries {
@@ -120,6 +121,7 @@ fn library_text(
             let old = &line[range.clone()];
             if !paths.contains_key(old) {
                 let new = path_from(folder, library, old, policy, &mut left, &mut missing, beside)?;
+                unusual.extend(unusual_image_type(&new));
                 paths.insert(old, new);
             }
             text.extend_from_slice(&line[..range.start]);
@@ -128,7 +130,26 @@ fn library_text(
         }
     }
     beside.warnings.extend(missing.warnings());
+    if !unusual.is_empty() {
+        let kinds = unusual.into_iter().collect::<Vec<_>>().join(" and ");
+        let problem = format!(
+            "the material library names {kinds} images, which few programs read there: convert them to PNG"
+        );
+        beside.warnings.push(Warning::note(problem));
+    }
     Ok(text)
+}
+
+/// Returns the image type that the extension of a texture's path means, if readers of material libraries rarely know it.
+fn unusual_image_type(path: &[u8]) -> Option<&'static str> {
+    let extension = path.rsplit(|b| *b == b'.').next()?.to_ascii_lowercase();
+    match &extension[..] {
+        b"ktx2" => Some("KTX2"),
+        b"webp" => Some("WebP"),
+        b"basis" => Some("Basis"),
+        b"avif" => Some("AVIF"),
+        _ => None,
+    }
 }
 
 /// Returns the path from `folder` to the texture `old` of a library; copies the texture to the folder if

@@ -11,7 +11,7 @@ use lodsmith_io::{Format, Regions, Warning};
 
 use crate::args::{LodArgs, Naming};
 use crate::exit::usage;
-use crate::file::{self, Sink};
+use crate::file::{self, Sink, Source};
 use crate::plan::{self, OutputArgs};
 
 /// Attribute with the position of a vertex in the next level.
@@ -169,6 +169,7 @@ impl Plan {
                 levels.separator = args.naming.mark().to_owned();
                 levels.numbers_level_0 = args.naming != Naming::Plain;
                 levels.coverage = coverage(scene, distances, args);
+                levels.default_name = name_of_input(&args.input, sink);
                 warnings = match args.dry_run {
                     true => file::levels_losses(scene, &levels, relink, *format)?,
                     false => file::write_levels(scene, &levels, relink, sink, *format, args.writing.force)?,
@@ -259,4 +260,15 @@ pub(super) fn vertices_of(there: &SceneMesh, mesh: &TriMesh) -> Vec<Vec<usize>> 
     }
     let own = there.mesh.positions().view();
     own.iter().map(|p| at.get(&key(p, [0.0; 3])).cloned().unwrap_or_default()).collect()
+}
+
+/// Returns the name of the input without its extension, or that of the output for standard input.
+fn name_of_input(input: &Source, sink: &Sink) -> Option<String> {
+    let path = match (input, sink) {
+        (Source::Path(path), _) | (Source::Stdin, Sink::Path(path)) => path,
+        (Source::Stdin, Sink::Stdout) => return None,
+    };
+    let is_packed = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"));
+    let path = if is_packed { path.with_extension("") } else { path.clone() };
+    path.file_stem().map(|stem| stem.to_string_lossy().into_owned())
 }
