@@ -2,6 +2,7 @@
 
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use lodsmith::Stage;
@@ -10,6 +11,9 @@ use crate::output::escaped;
 
 /// Steps of the bar for each file.
 const BAR_STEPS: f64 = 1000.0;
+
+/// Time between two updates of the elapsed time.
+const TICK: Duration = Duration::from_millis(500);
 
 /// The progress bar of a command, over all its files.
 pub(crate) struct Progress {
@@ -29,12 +33,13 @@ impl Progress {
         if let Ok(style) = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}  {elapsed}") {
             bar.set_style(style);
         }
+        bar.enable_steady_tick(TICK);
         Self { bar, files }
     }
 
     /// Returns the progress of one file.
     pub(crate) fn file<'a>(&'a self, name: &'a str) -> FileProgress<'a> {
-        FileProgress { whole: self, name, done: AtomicU64::new(0) }
+        FileProgress { whole: self, name, done: AtomicU64::new(0), runs: AtomicU64::new(0) }
     }
 
     /// Calls a function with the bar hidden.
@@ -53,6 +58,8 @@ pub(crate) struct FileProgress<'a> {
     whole: &'a Progress,
     name: &'a str,
     done: AtomicU64,
+    /// Runs of the engine: a search for an error makes many.
+    runs: AtomicU64,
 }
 
 /// Begin and end of each stage in the progress of a file. Guessed from runs on scans.
@@ -70,7 +77,13 @@ impl FileProgress<'_> {
     }
     /// Announces the start of a stage of the engine.
     pub(crate) fn stage(&self, stage: Stage) {
-        self.enter(stage.name(), span(stage));
+        if stage == Stage::Collapse {
+            self.runs.fetch_add(1, Ordering::Relaxed);
+        }
+        match self.runs.load(Ordering::Relaxed) {
+            0 | 1 => self.enter(stage.name(), span(stage)),
+            run => self.enter(&format!("{}, run {run}", stage.name()), span(stage)),
+        }
     }
     /// Reports the progress of a stage of the engine, from 0 to 1.
     pub(crate) fn within(&self, stage: Stage, done: f64) {
@@ -113,6 +126,24 @@ fn span(stage: Stage) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Fault C9: a search for an error made many runs without a sign of it.
+    #[test]
+    fn repeated_runs_are_counted() {
+        let whole = Progress { bar: ProgressBar::hidden(), files: 1 };
+        let file = whole.file("a.obj");
+        for (stage, message) in [
+            (Stage::Prepare, "prepare"),
+            (Stage::Collapse, "simplify"),
+            (Stage::Measure, "measure"),
+            (Stage::Collapse, "simplify, run 2"),
+            (Stage::Measure, "measure, run 2"),
+            (Stage::Collapse, "simplify, run 3"),
+        ] {
+            file.stage(stage);
+            assert_eq!(whole.bar.message(), message);
+        }
+    }
 
     #[test]
     fn a_file_never_goes_back_and_ends_full() {

@@ -1,7 +1,7 @@
 //! Text and JSON of proposals: changes of the options that would let a stuck run continue.
 
 use clap::ValueEnum;
-use lodsmith::{Change, Escalation, Length, Proposal, Report, SimplifyOptions, StoppedBy};
+use lodsmith::{BorderPolicy, Change, Escalation, Length, Proposal, Report, SimplifyOptions, StoppedBy};
 use serde_json::{Value, json};
 
 use crate::args::{BorderChoice, PlacementChoice, TopologyChoice};
@@ -106,7 +106,12 @@ pub(crate) fn text(report: &Report, options: &SimplifyOptions, time_limit: Optio
     match (report.stopped_by, time_limit) {
         (StoppedBy::Caller, Some(s)) => Some(format!("a higher --time-limit (now {s}) would go further")),
         (StoppedBy::Refusals, _) if report.proposals.is_empty() => {
-            Some("no option would go further".to_owned())
+            // (Under it costs differ, so a new run takes another way.)
+            let other_way = match options.border {
+                BorderPolicy::Free => "",
+                _ => "; a run with --border free may still end lower",
+            };
+            Some(format!("no option frees what is left{other_way}"))
         }
         (StoppedBy::Refusals, _) => {
             let of = |p: &Proposal| {

@@ -135,3 +135,21 @@ fn images_that_material_libraries_rarely_name_are_warned_of() {
     let ran = desk.run("convert a.obj c.obj").with_status(0);
     assert!(!ran.stderr.contains("PNG"), "{}", ran.stderr);
 }
+
+/// Fault C12: "no option would go further" was said of a run that `--border free` takes further.
+#[test]
+fn where_nothing_is_proposed_another_way_is_named() {
+    let desk = CliSandbox::new();
+    // A sheet that lies on itself, front and back.
+    let mut text = String::from("OFF\n9 16 0\n");
+    (0..9).for_each(|i| text += &format!("{} {} 0\n", i % 3, i / 3));
+    for i in [0, 1, 3, 4] {
+        let [a, b, c, d] = [i, i + 1, i + 4, i + 3];
+        text += &format!("3 {a} {b} {c}\n3 {a} {c} {d}\n3 {a} {c} {b}\n3 {a} {d} {c}\n");
+    }
+    desk.put("sheet.off", &text);
+    let keep = desk.run("simplify sheet.off -o keep.off --faces 1").with_status(0);
+    assert!(keep.stderr.contains("--border free may still end lower"), "{}", keep.stderr);
+    let free = desk.run("simplify sheet.off -o free.off --faces 1 --border free").with_status(0);
+    assert!(!free.stderr.contains("--border free"), "{}", free.stderr);
+}
