@@ -153,3 +153,20 @@ fn where_nothing_is_proposed_another_way_is_named() {
     let free = desk.run("simplify sheet.off -o free.off --faces 1 --border free").with_status(0);
     assert!(!free.stderr.contains("--border free"), "{}", free.stderr);
 }
+
+/// Fault C4: on the way from GLB to OBJ names of nodes and meshes went without a word.
+#[test]
+fn names_that_go_are_warned_of() {
+    let desk = CliSandbox::new();
+    let scene = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1]}],
+        "nodes": [{"name": "left wheel", "mesh": 0}, {"name": "right wheel", "mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]}"#;
+    desk.put("cart.gltf", scene);
+    let ran = desk.run("convert cart.gltf cart.obj").with_status(0);
+    assert!(ran.stderr.contains("names of nodes and meshes"), "{}", ran.stderr);
+    let ran = desk.run("convert cart.gltf cart.glb").with_status(0);
+    assert_eq!(ran.stderr, "");
+}

@@ -61,6 +61,9 @@ pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<War
             warnings.push(Warning::lost_scene_data(what));
         }
     };
+    // (The name of a single mesh is that of the file, more or less.)
+    let is_named = ["nodes", "meshes"].iter().flat_map(|kind| list(json, kind)).any(|x| !x["name"].is_null());
+    not_carried(contents.meshes > 1 && is_named, "names of nodes and meshes");
     not_carried(contents.skins > 0, "skins");
     not_carried(contents.animations > 0, "animations");
     not_carried(contents.morph_targets > 0, "morph targets");
