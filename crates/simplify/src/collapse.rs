@@ -2,23 +2,24 @@
 //!
 //! ```text
 //! order the input along a Morton curve                     (order)
-//! give each vertex its tensor and its kind                 (kind, metric)
+//! give each vertex its quadric and its kind                (kind, metric)
 //! loop                                                     (sweeps, this file)
 //!     tau = a quantile of the bounds                       (bound)
 //!     contract pairs that cost at most tau, where wanted   (pairs, near, bundle)
 //!     for each vertex u with bound[u] <= tau, in order
 //!         evaluate the edges that u owns
 //!         the cheapest: link condition, guards, exact cost (link_condition, commit)
-//!         done if it costs at most tau; bound[u] = what is left
+//!         collapse it if it costs at most tau; bound[u] = least cost that remains
 //!     compact when much is dead                            (store)
-//!     at extreme targets charge true distances             (late)
-//!     when nothing can go any more, whole parts may        (parts)
-//! where the topology may change, necks are cut instead of pinched, and parts go in the order of costs (cut, parts)
+//!     at extreme targets add sampled costs                 (sampled_error)
+//!     when no edge can be collapsed, remove whole parts    (parts)
+//! where the topology may change, necks are cut instead of pinched, and parts are removed in order of cost (cut, parts)
 //! ```
 //!
-//! There is no queue, and nothing is re-evaluated for a collapse: an edge belongs to its lower end, `bound[u]` is the
-//! least cost last seen at u, and a stale bound only delays or hastens a collapse by a sweep. Exact order buys nothing:
-//! the expected quality is that of a global queue [Wu-Kobbelt 2002], at a fraction of its time.
+//! There is no queue, and a collapse re-evaluates nothing: an edge belongs to its lower end, `bound[u]` is
+//! the least cost last seen at u, and a stale bound only delays or hastens a collapse by a sweep. Exact
+//! order gains nothing: the expected quality is that of a global queue [Wu-Kobbelt 2002], at a fraction of
+//! its time.
 
 pub(crate) mod attributes;
 mod bound;
@@ -83,12 +84,12 @@ pub(crate) use sweeps::{Pause, Sweeps};
 pub(crate) use wedges::Wedges;
 use wings::Wings;
 
-/// Vertices from which it pays to ask the memory for those ahead: fewer fit into the caches. (Measured.)
+/// Number of vertices from which prefetching pays: smaller meshes fit into the caches. (Measured.)
 const PREFETCH_MIN_VERTICES: usize = 32_768;
-/// How many times four faces ahead their vertices are asked for, where all are walked. (Guessed.)
+/// Prefetch distance in loops over all faces, in groups of four faces. (Guessed.)
 const PREFETCH_FOURS_AHEAD: usize = 4;
 
-/// When the engine stops: at this many faces or vertices, whichever is met first; `None` is never.
+/// Stop condition of the engine: this many faces or vertices, whichever is met first; `None` is no limit.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Goal {
     pub(crate) faces: Option<usize>,
@@ -96,37 +97,38 @@ pub(crate) struct Goal {
 }
 
 impl Goal {
-    /// Whether no number ends the run.
+    /// True if no number ends the run.
     pub(crate) fn is_none(&self) -> bool {
         self.faces.is_none() && self.vertices.is_none()
     }
 }
 
-/// Why the engine stopped.
+/// Reason for which the engine stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum StopReason {
-    /// The goal is met.
+    /// The goal is reached.
     Goal,
-    /// Nothing is left that may go.
+    /// No collapse that is left is allowed.
     Stuck,
-    /// The method has done all that it does: of sweeps, where costs have a limit.
+    /// No edge below the cost limit of the method is left.
     Exhausted,
-    /// The caller wants the best so far.
+    /// The caller wants the best result so far.
     Finish,
-    /// The caller wants nothing.
+    /// The caller wants no result.
     Cancel,
 }
 
-/// Who looks at positions and faces.
+/// Callback that receives positions and faces.
 pub(crate) type InputVisitor<'a> = dyn FnMut(&[Vec3], &[[VertexId; 3]]) + 'a;
 
-/// What the late phase and the fit look back on: the ordered input, kept or made again.
+/// The ordered input, kept in memory or computed again, as the sampled error and the fit need it.
 pub(crate) trait InputSurface {
-    /// Calls back with the positions in the unit frame and the faces.
+    /// Calls `look` with the positions in the unit frame and the faces.
     fn with(&self, look: &mut InputVisitor<'_>);
 }
 
-/// The engine: a mesh, what was done to it, and buffers. Nothing is shared, so two engines can run side by side.
+/// The engine: a mesh, the record of its changes, and buffers. Engines share nothing, so two can run side
+/// by side.
 #[derive(Clone)]
 pub(crate) struct Engine<M: Metric> {
     pub(crate) mesh: LiveMesh<M>,
@@ -138,7 +140,8 @@ pub(crate) struct Engine<M: Metric> {
     pub(crate) checks: Option<Checks>,
 }
 
-/// The mesh that is being collapsed, with all that collapses are judged by. What only looks at it takes `&self`.
+/// The mesh that is being collapsed, with all data that collapses are evaluated with. Read-only steps take
+/// `&self`.
 #[derive(Clone)]
 pub(crate) struct LiveMesh<M: Metric> {
     pub(crate) store: Store<M::Memory>,
@@ -150,7 +153,7 @@ pub(crate) struct LiveMesh<M: Metric> {
     pub(crate) topology: Topology,
 }
 
-/// The metric, and what costs are measured by.
+/// The metric, and the reference sizes of costs.
 #[derive(Clone)]
 pub(crate) struct Cost<M: Metric> {
     pub(crate) metric: M,
@@ -158,44 +161,44 @@ pub(crate) struct Cost<M: Metric> {
     area: f32,
     /// Twice the area of the input.
     total_area: f64,
-    /// Mean of twice the area of a face of the input, for metrics that measure by it.
+    /// Mean of twice the area of a face of the input, for metrics that are relative to it.
     mean_face: f32,
-    /// The part of each vertex' memory that is of lines, by number in the ordered input: with pairs and a metric with
-    /// memory; else empty.
+    /// The part of each vertex' memory that comes from lines, by number in the ordered input: with pairs
+    /// and a metric with memory; else empty.
     lines: Vec<M::Memory>,
 }
 
-/// What a collapse must not do, and what it counts where.
+/// Constraints on collapses and weights of costs.
 #[derive(Clone)]
 pub(crate) struct CollapseRules {
     rules: Rules,
-    /// Which feature lines have given way.
+    /// The feature lines that may be given up by now.
     looseness: Looseness,
-    /// Factors of the cost at vertices, by number in the ordered input; `None` if all are 1.
+    /// Factors of the cost at vertices (importance), by number in the ordered input; `None` if all are 1.
     prices: Option<Vec<f32>>,
     /// Small parts that keep their area because they stand out.
     details: Option<Box<Details>>,
     /// True if a collapse that would pinch the surface may cut it there instead.
     pub(crate) cuts_necks: bool,
-    /// True if whole parts stay even when nothing else can go.
+    /// True if whole parts stay even when no other collapse is possible.
     pub(crate) keeps_parts: bool,
 }
 
-/// Values that stand on the wedges.
+/// Values of the wedges.
 #[derive(Clone)]
 pub(crate) struct WedgeValues {
-    /// Values that collapses blend.
+    /// Values that are interpolated when vertices are merged.
     pub(crate) attributes: Option<Attributes>,
-    /// Values that collapses onto endpoints match instead of blending.
+    /// Values that are matched instead of interpolated, for collapses onto endpoints.
     wedge_data: Option<Wedges>,
 }
 
-/// Parts and pairs: what changes the topology besides edge collapses.
+/// Parts and pairs: topology changes other than edge collapses.
 #[derive(Clone, Default)]
 pub(crate) struct Topology {
-    /// The parts, where they go in the order of costs.
+    /// The parts, if they are removed in order of cost.
     parts: Option<Parts>,
-    /// Pairs of vertices that share no edge and are merged too.
+    /// Pairs of vertices without a common edge that may be merged too.
     pub(crate) pairs: Option<Pairs>,
 }
 
@@ -205,27 +208,27 @@ pub(crate) struct Tally {
     /// Collapses that were refused, by reason.
     pub(crate) refusals: [u64; Refusal::ALL.len()],
     pub(crate) collapses: u64,
-    /// Faces of rings that were looked at, each as often as it was.
+    /// Faces of all rings that were visited, counted at each visit.
     pub(crate) faces_visited: u64,
     pub(crate) parts_removed: usize,
     pub(crate) necks_cut: usize,
     pub(crate) pairs_contracted: usize,
-    /// Sum of the costs paid: twice an area times a squared distance.
+    /// Sum of the costs of all collapses: twice an area times a squared distance.
     spent: f64,
-    /// Sum of the costs of parts that went, in the same measure.
+    /// Sum of the costs of removed parts, in the same unit.
     lost: f64,
     /// The highest threshold of a sweep that collapsed anything.
     highest_threshold: f32,
-    /// True if a sweep collapsed anything after sweeps were no longer at ease.
+    /// True if a sweep collapsed anything after sweeps became unproductive.
     is_strained: bool,
-    /// Faces that the first sweep begins with.
+    /// Number of faces before the first sweep.
     first_faces: usize,
-    /// What is left of the budget of work at vertices of many faces.
+    /// Remaining work budget at hubs.
     hub_budget: HubBudget,
 }
 
 impl Tally {
-    /// Refusals of all reasons.
+    /// Number of refusals of all reasons.
     fn refused(&self) -> u64 {
         self.refusals.iter().sum()
     }
@@ -235,26 +238,26 @@ impl Tally {
     }
 }
 
-/// Buffers of one look at an edge, used again and again.
+/// Scratch buffers for one edge.
 #[derive(Clone, Default)]
 struct Scratch {
     wings: Wings,
-    /// Spokes of the removed end that stay.
+    /// Spokes of the removed end that remain.
     spokes: Ring,
     neighbourhood: EdgeNeighbourhood,
     other_ring: Ring,
     merge: Merge,
-    /// Feature edges around the edge that goes: the far end, whether it hangs on the kept end, and the weight of the line.
+    /// Feature edges around the collapsed edge: far end, true if at the kept end, and weight of the line.
     rim: Vec<(VertexId, bool, f32)>,
-    /// Edges of the star that is looked at.
+    /// Edges of the star that is evaluated.
     edges: Vec<Edge>,
     late: LateScratch,
     marks: Marks,
 }
 
 impl<M: Metric> Engine<M> {
-    /// Takes a store and fills its tensors and kinds. Says how many faces stood twice with the same winding; they are
-    /// gone afterwards.
+    /// Takes a store and fills its quadrics and kinds. Returns the number of duplicate faces with the same
+    /// winding; they are removed.
     pub(crate) fn new(
         metric: M,
         store: Store<M::Memory>,
@@ -303,16 +306,16 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// Kinds of all vertices, where none but locks is known, right after the corner lists were filled up to these ends;
-    /// drops faces that stand twice. Says which vertices may be more than one inside a closed fan, and how many faces are
-    /// gone.
+    /// Computes the kinds of all vertices, right after the corner lists were filled up to these ends and
+    /// while nothing but locks is known; removes duplicate faces. Returns the vertices that may not be
+    /// regular, and the number of faces removed.
     fn classify(&mut self, ends: Ends) -> (Vec<VertexId>, usize) {
         self.chain_wedges();
         let (mut ring, mut edges, mut duplicates) = (Ring::default(), Vec::new(), Vec::new());
         let (mut special, mut by_ends) = (Vec::new(), Vec::new());
         let has_seams = self.has_seams();
         for (is_closed, u) in self.store.closed_fans(ends).into_iter().zip((0..).map(VertexId)) {
-            // (Most of the vertices of most meshes, without a ring. All that is listed lives still.)
+            // (Most vertices of most meshes, without building a ring. All listed faces are still live.)
             if is_closed
                 && (!has_seams || self.is_inside_one_chart(u, self.store.others(u).map(|others| others.0)))
             {
@@ -343,7 +346,7 @@ impl<M: Metric> LiveMesh<M> {
         (special, duplicates.len())
     }
 
-    /// Vertices that no face has, which are among these, do not count.
+    /// Excludes those of these vertices that no face uses.
     fn leave_out_unused(&mut self, among: &[VertexId]) {
         for &u in among {
             if self.store.listed(u).is_empty() {
@@ -355,8 +358,8 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// Facings of all vertices, tensors of the planes around them, and their corner lists, where none of them was weighed
-    /// yet. Says where the lists end.
+    /// Initializes the facings of all vertices, the tensors of the planes around them, and their corner
+    /// lists. No vertex may have been initialized before. Returns the ends of the lists.
     fn init_quadrics(&mut self) -> Ends {
         if matches!(self.cost.metric.cost_source(), CostSource::FormThenStars) {
             self.cost.mean_face = self.mean_face();
@@ -379,7 +382,7 @@ impl<M: Metric> LiveMesh<M> {
         self.store.link_counted(normals)
     }
 
-    /// Twice the area of a face, on average; above 0.
+    /// Returns the mean of twice the area of a face; above 0.
     fn mean_face(&self) -> f32 {
         let doubled = |t: &[VertexId; 3]| {
             let [a, b, c] = t.map(|w| self.store.p(w));
@@ -389,7 +392,7 @@ impl<M: Metric> LiveMesh<M> {
         (sum / self.store.t.len().max(1) as f64).max(1e-30) as f32
     }
 
-    /// Lines of all feature edges, whose ends are among these.
+    /// Adds the line tensors of all feature edges, whose ends are among these.
     fn init_lines(&mut self, among: impl IntoIterator<Item = VertexId>) {
         if !self.has_lines() {
             return;
@@ -409,7 +412,7 @@ impl<M: Metric> LiveMesh<M> {
         *M::tensor(&mut self.store.v[u.index()].q) = sum;
     }
 
-    /// Adds the lines of a star to a tensor.
+    /// Adds the line tensors of a star to a tensor.
     fn add_lines_to(&self, sum: &mut Tensor, u: VertexId, ring: &Ring, edges: &mut Vec<Edge>) {
         let kind = self.store.v[u.index()].kind;
         let seams = kind.is_seam();
@@ -426,7 +429,7 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// A kind with what the wedges and regions of the star add to it.
+    /// Returns a kind with the seams that wedges and regions of the star add to it.
     fn with_seams(&self, kind: Kind, u: VertexId, ring: &Ring, edges: &mut Vec<Edge>) -> Kind {
         if !self.has_seams() || self.is_far_from_seams(ring, u) {
             return kind;
@@ -435,7 +438,7 @@ impl<M: Metric> LiveMesh<M> {
         kind.on_seam(edges.iter().any(Edge::is_seam))
     }
 
-    /// The kind of a vertex afresh from its star.
+    /// Recomputes the kind of a vertex from its star.
     fn kind_now(&self, u: VertexId, ring: &Ring) -> Kind {
         let old = self.store.v[u.index()].kind;
         self.with_seams(
@@ -446,7 +449,7 @@ impl<M: Metric> LiveMesh<M> {
         )
     }
 
-    /// Kind and, where the metric is memoryless, tensor of a vertex afresh from its star.
+    /// Recomputes the kind and, if the metric is memoryless, the tensor of a vertex from its star.
     fn refresh(&mut self, u: VertexId, ring: &mut Ring) {
         self.store.ring(u, ring);
         self.store.v[u.index()].kind = self.kind_now(u, ring);
@@ -457,7 +460,7 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// What the star of a vertex says where the metric is memoryless: planes, attributes and lines.
+    /// Computes the tensor of a star for a memoryless metric: planes, attributes and lines.
     fn tensor_now(&self, u: VertexId, ring: &Ring) -> Tensor {
         let mut sum = self.planes_now(u, ring);
         if self.has_lines() {
@@ -466,7 +469,7 @@ impl<M: Metric> LiveMesh<M> {
         sum
     }
 
-    /// The same without lines.
+    /// Computes the tensor of a star for a memoryless metric, without lines.
     fn planes_now(&self, u: VertexId, ring: &Ring) -> Tensor {
         let (p, mut sum) = (self.store.p(u), Tensor::default());
         for r in ring.iter() {
@@ -478,19 +481,19 @@ impl<M: Metric> LiveMesh<M> {
         sum
     }
 
-    /// Whether there may be seams or sharp edges.
+    /// True if there may be seams or sharp edges.
     fn has_seams(&self) -> bool {
         self.values.attributes.is_some() || self.store.regions.is_some() || self.store.creases.is_some()
     }
 
-    /// Whether any attribute counts in the cost.
+    /// True if any attribute counts in the cost.
     fn counts_attributes(&self) -> bool {
         self.values.attributes.as_ref().is_some_and(Attributes::counts)
     }
 }
 
 impl<M: Metric> Engine<M> {
-    /// Evaluates all edges that `u` owns; leaves its ring.
+    /// Evaluates all edges that `u` owns, whatever they cost; leaves its ring in the scratch.
     #[inline(never)]
     fn evaluate_at_any_cost(&mut self, u: VertexId, scratch: &mut VisitScratch) {
         let VisitScratch { ru, owned, found, members, .. } = scratch;
@@ -503,15 +506,17 @@ impl<M: Metric> Engine<M> {
         mesh.evaluate_owned(&edges, members, found, scratch, tally);
     }
 
-    /// Evaluates the edges that u owns, collapses the cheapest that costs at most tau and can, renews `bound[u]`.
+    /// Evaluates the edges that u owns, collapses the cheapest possible one that costs at most tau, and
+    /// updates `bound[u]`.
     fn visit(&mut self, u: VertexId, tau: f32, probe: bool, scratch: &mut VisitScratch) {
         let VisitScratch { ru, rv, owned, found, members } = scratch;
         self.mesh.store.ring(u, ru);
         found.clear();
         self.tally.faces_visited += ru.len() as u64;
         let owned = if self.mesh.store.v[u.index()].kind.is_regular() {
-            // Inside closed fans every neighbour comes first in one of the triangles: no need to look at the second.
-            // (Written all, kept some: a branch on the order could not be foretold.)
+            // Inside closed fans every neighbour comes first in one of the triangles, so the second need
+            // not be visited. (Branchless: each is written, some are kept; a branch on the order would be
+            // unpredictable.)
             if owned.len() < ru.len() {
                 owned.resize(ru.len(), u);
             }
@@ -538,7 +543,8 @@ impl<M: Metric> Engine<M> {
         };
         self.tally.refusals[why as usize] += stuck;
         while let Some(candidate) = found.take_cheapest() {
-            // A vertex that was not looked at yet owns edges of unknown cost; they are looked at in the next sweep.
+            // A vertex that was not visited yet owns edges of unknown cost; they are evaluated in the next
+            // sweep.
             let inherited = match self.mesh.store.bound[candidate.removed.index()] {
                 UNKNOWN => tau,
                 bound => bound,
@@ -549,7 +555,7 @@ impl<M: Metric> Engine<M> {
                     least = least.min(4.0 * tau + 1e-20);
                 }
                 if HubBudget::is_hub(ru.len()) {
-                    // So have all others.
+                    // All other edges of a hub exceed the budget too.
                     break;
                 }
                 continue;
@@ -572,7 +578,7 @@ impl<M: Metric> Engine<M> {
                     if let Some(other) = self.mesh.candidate_at_end(u, &candidate, why, tau, ru, members) {
                         found.within.push(other);
                     } else if !probe {
-                        // Asked again when the sweeps have come this far; things change around here.
+                        // Retried at a higher threshold: the neighbourhood may change until then.
                         least = least.min(4.0 * tau + 1e-20);
                     }
                 }
@@ -583,8 +589,8 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// Where faces would turn or vanish at the best place, one of the ends may do, the kept one first, if it does
-    /// not cost too much.
+    /// Returns a collapse onto one of the ends, the kept one first, if faces would turn or vanish at the
+    /// best position and the end costs at most tau.
     fn candidate_at_end(
         &self,
         u: VertexId,
@@ -613,12 +619,13 @@ impl<M: Metric> LiveMesh<M> {
         (other.cost <= tau).then_some(other)
     }
 
-    /// Twice the area of the present input, in the unit frame; above 0.
+    /// Returns twice the area of the current input, in the unit frame; above 0.
     pub(crate) fn area_of_input(&self) -> f64 {
         self.cost.total_area.max(f64::MIN_POSITIVE)
     }
 
-    /// Lets seams give way at once, at what their lines and attributes cost, instead of when nothing else is left.
+    /// Lets seams move at once, at the cost of their lines and attributes, instead of when nothing else is
+    /// left.
     pub(crate) fn loosen_seams(&mut self) {
         if self.values.attributes.is_some() {
             self.constraints.looseness = Looseness::Seams;
@@ -627,12 +634,12 @@ impl<M: Metric> LiveMesh<M> {
 }
 
 impl<M: Metric> Engine<M> {
-    /// Whether a sweep collapsed anything after sweeps were no longer at ease.
+    /// True if a sweep collapsed anything after sweeps became unproductive.
     pub(crate) fn is_strained(&self) -> bool {
         self.tally.is_strained
     }
 
-    /// Whether a run that kept seams on their lines paid for it, and seams refused collapses.
+    /// True if a run that kept seams on their lines became expensive, and seams refused collapses.
     pub(crate) fn has_seams_in_the_way(&self) -> bool {
         self.tally.is_strained
             && !self.mesh.has_relaxed_seams()
@@ -641,32 +648,32 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// Whether seams had to give way.
+    /// True if seams had to give way.
     pub(crate) fn has_relaxed_seams(&self) -> bool {
         matches!(self.constraints.looseness, Looseness::Seams | Looseness::Regions)
     }
 
-    /// Whether sharp edges had to give way that the options make features of.
+    /// True if sharp edges that the options make features had to give way.
     pub(crate) fn has_relaxed_creases(&self) -> bool {
         self.store.creases.is_some() && self.constraints.looseness != Looseness::None
     }
 }
 
 impl<M: Metric> Engine<M> {
-    /// The RMS distance of the result, in the unit frame: from that of the fit, or from the costs paid. A collapse that
-    /// lifts the tip of a star by h over triangles of area A adds A h² / 6 to the integral of the squared distance, and
-    /// costs 2 A h².
+    /// Estimates the RMS distance of the result, in the unit frame: from that of the fit, or from the costs
+    /// of all collapses. A collapse that lifts the tip of a star by h over triangles of area A adds A h² /
+    /// 6 to the integral of the squared distance, and costs 2 A h².
     pub(crate) fn estimate(&self, fitted: Option<f64>) -> f64 {
         let area = self.mesh.cost.total_area.max(f64::MIN_POSITIVE);
         let kept =
             fitted.map_or(self.mesh.cost.metric.kept_loss() * self.tally.spent / 6.0 / area, |rms| rms * rms);
-        // Not all of a part is as far from the rest as it is large: a quarter, in squares. (Guessed.)
+        // A part is not everywhere as far from the rest as it is large: a quarter, in squares. (Guessed.)
         (kept + 0.25 * self.tally.lost / area).sqrt()
     }
 }
 
-/// Adds the planes of the first `count` of four faces to the tensors and the normals of their corners, and counts these.
-/// Returns twice the areas.
+/// Adds the planes of the first `count` of four faces to the tensors and the normals of their corners, and
+/// counts the corners. Returns twice the areas.
 #[inline(always)]
 fn add_face_quadrics<M: Metric>(
     metric: &M,
@@ -696,7 +703,7 @@ fn add_face_quadrics<M: Metric>(
     lengths.to_array()
 }
 
-/// What a visit works with; made once.
+/// Scratch buffers of a visit, allocated once.
 #[derive(Default)]
 struct VisitScratch {
     ru: Ring,

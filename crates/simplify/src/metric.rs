@@ -1,4 +1,4 @@
-//! Cost and placement together: one quadratic form answers both, or a metric that looks at the stars of both ends.
+//! Metrics: cost and placement of a collapse, from one quadratic form or from the stars of both ends.
 
 mod edge_length;
 mod judged;
@@ -16,10 +16,11 @@ pub(crate) use quadric::Quadric;
 
 use crate::tensor::Tensor;
 
-/// Cost of length, a share of area · length²: decides among flat collapses only. (docs/decisions/0003)
+/// Cost of edge length, a share of area · length²: breaks ties among flat collapses only.
+/// (docs/decisions/0003)
 pub(crate) const TIE: f32 = 1e-11;
 
-/// The quadratic form of an edge, about its kept end: y·A·y − 2 h·y + c at the kept position + y.
+/// The quadratic form of an edge, relative to its kept end: y·A·y − 2 h·y + c at the kept position + y.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Form {
     pub(crate) a: Tensor,
@@ -27,14 +28,14 @@ pub(crate) struct Form {
     pub(crate) c: f32,
 }
 
-/// Who says what an edge costs and where its vertex goes.
+/// Source of the cost of an edge and of the placement of its vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum CostSource {
-    /// The form, and the engine at the commit: the exact cost of the star, its largest distance, attributes.
+    /// The form, and the engine at the commit: exact cost of the star, largest distance, attributes.
     Engine,
     /// The form alone.
     Form,
-    /// The form says which edges are worth a look; [`Metric::judge`] has the last word.
+    /// The form selects the edges to evaluate; [`Metric::judge`] decides.
     FormThenStars,
     /// [`Metric::judge`], from the stars.
     Stars,
@@ -43,17 +44,17 @@ pub(crate) enum CostSource {
 }
 
 impl CostSource {
-    /// Whether [`Metric::judge`] has the last word. Then what it says is the cost, and nothing is added to it.
+    /// True if [`Metric::judge`] decides. Then its result is the cost, and nothing is added to it.
     pub(crate) const fn is_metric(self) -> bool {
         matches!(self, Self::FormThenStars | Self::Stars | Self::Ends)
     }
 }
 
-/// What a vertex carries for the cost.
+/// Data that a vertex carries for the cost.
 pub(crate) trait VertexMemory: Copy + Default {}
 impl<T: Copy + Default> VertexMemory for T {}
 
-/// What costs are made of: a power of a length, times a power of the doubled area of a face of the input on average.
+/// Dimension of a cost: a power of a length, times a power of the mean doubled area of a face of the input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Dimension {
     pub(crate) length: i32,
@@ -61,89 +62,93 @@ pub(crate) struct Dimension {
 }
 
 impl Dimension {
-    /// What a cost of one comes to among several meshes, for one whose unit frame is `size` units of theirs wide and whose
-    /// faces have twice the area `mean` in it on average.
+    /// Returns the factor that converts costs of one of several meshes to a common scale: the unit frame of
+    /// the mesh is `size` common units wide, and its faces have twice the area `mean` in it on average.
     pub(crate) fn of(self, size: f64, mean: f64) -> f64 {
         size.powi(self.length) * mean.powi(self.face)
     }
 }
 
-/// How the loss of a collapse is judged. The engine is built once for each type that says it.
+/// Cost metric of collapses. The engine is compiled once for each type that implements it.
 pub(crate) trait Metric: Copy {
-    /// What a vertex carries, relative to its own position.
+    /// Data that a vertex carries, relative to its own position.
     type Memory: VertexMemory;
 
-    /// The tensor within.
+    /// Returns the tensor of the memory.
     fn tensor_of(memory: &Self::Memory) -> &Tensor;
-    /// The tensor within, to be changed.
+    /// Returns the tensor of the memory for writing.
     fn tensor(memory: &mut Self::Memory) -> &mut Tensor;
 
-    /// Whether the tensor is that of the present star: then the vertices around swap old planes for new ones.
+    /// True if the tensor is that of the current star: then a collapse replaces old planes by new ones at
+    /// the vertices around it.
     fn is_memoryless(&self) -> bool;
-    /// Who decides.
+    /// Returns the source of cost and placement.
     fn cost_source(&self) -> CostSource;
-    /// The form of an edge: `d` leads from the kept to the removed end.
+    /// Returns the form of an edge: `d` leads from the kept to the removed end.
     fn form(&self, kept: &Self::Memory, removed: &Self::Memory, d: Vec3) -> Form;
-    /// What the merged vertex carries at the kept position + `y`, where it is not made from its star.
+    /// Returns the memory of the merged vertex at the kept position + `y`, if it is not computed from its
+    /// star.
     fn merged(&self, form: &Form, y: Vec3) -> Self::Memory;
 
-    /// What n nᵀ of a triangle counts in the tensor, with its normal n of `length` twice its area; `mean` is that length
-    /// on average over the input.
+    /// Returns the weight of n nᵀ of a triangle in the tensor, for its normal n of `length` twice its area;
+    /// `mean` is the mean of that length over the input.
     #[inline(always)]
     fn plane_weight(&self, length: f32, mean: f32) -> f32 {
         let _ = mean;
         1.0 / length.max(1e-30)
     }
-    /// The same, four side by side.
+    /// Returns [`Self::plane_weight`] of four triangles side by side.
     #[inline(always)]
     fn plane_weights(&self, lengths: f32x4, mean: f32) -> f32x4 {
         let _ = mean;
         f32x4::ONE / lengths.fast_max(f32x4::splat(1e-30))
     }
-    /// The tensor of a feature edge.
+    /// Returns the tensor of a feature edge.
     #[inline(always)]
     fn line(&self, edge: Vec3, weight: f32, mean: f32) -> Tensor {
         let _ = mean;
         Tensor::line(edge, weight)
     }
-    /// Cost of a collapse and the step from the kept end to the merged vertex; `None` if it may not be. Only asked where
-    /// [`Self::cost_source`] says so.
+    /// Returns the cost of a collapse and the displacement from the kept end to the merged vertex; `None`
+    /// if it is not allowed. Only called if [`Self::cost_source`] says so.
     fn judge(&self, around: &EdgeNeighbourhood, mean: f32) -> Option<(f32, Vec3)> {
         let _ = (around, mean);
         None
     }
-    /// Costs go with this power of what they would be for [`Memoryless`], as a place of the same shape gets more
-    /// triangles: prices are taken to it.
+    /// Returns the exponent that relates costs to those of [`Memoryless`] as the density of triangles
+    /// changes at a place of the same shape: weights are raised to it.
     fn price_power(&self) -> f32 {
         1.0
     }
-    /// The squared RMS distance of a result over what the distances to planes, as they were at each collapse, amount to.
-    /// (Measured on fandisk, bunny, nefertiti and horse at 50, 10 and 1 %, where [`Memoryless`] has it from its fit.)
+    /// Returns the squared RMS distance of a result divided by the sum of squared distances to planes at
+    /// each collapse. (Measured on fandisk, bunny, nefertiti and horse at 50, 10 and 1 %, where
+    /// [`Memoryless`] has it from its fit.)
     fn kept_loss(&self) -> f64 {
         1.0
     }
-    /// Of costs: an area times a squared distance, unless said otherwise.
+    /// Returns the dimension of costs: an area times a squared distance by default.
     fn dimension(&self) -> Dimension {
         Dimension { length: 4, face: 0 }
     }
-    /// What two faces of a part cost that goes as a whole; `rate` is what that is for [`Memoryless`].
+    /// Returns the cost per two faces of a part that is removed as a whole; `rate` is that for
+    /// [`Memoryless`].
     fn part_rate(&self, rate: f32, part: &PartSize, mean: f32) -> f32 {
         let _ = (part, mean);
         rate
     }
 }
 
-/// A part that may go as a whole.
+/// Size of a part that may be removed as a whole.
 pub(crate) struct PartSize {
-    /// What its absence counts times.
+    /// Weight of its absence.
     pub(crate) price: f32,
-    /// Twice the area of a face, on average.
+    /// Twice the mean area of a face.
     pub(crate) face: f32,
-    /// Square of the diagonal of its box.
+    /// Square of the diagonal of its bounding box.
     pub(crate) size_sq: f32,
 }
 
-/// Where the merged vertex may go.
+/// Allowed positions of the merged vertex.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum AllowedPlace {
     #[default]
@@ -154,16 +159,16 @@ pub(crate) enum AllowedPlace {
     Removed,
 }
 
-/// The end of an edge that something hangs on.
+/// The end of an edge that a triangle or line belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum EdgePart {
     Kept,
     Removed,
-    /// On the edge itself; seen from the kept end.
+    /// The edge itself; relative to the kept end.
     Both,
 }
 
-/// A triangle at an edge: its corners after the end that it hangs on, in order.
+/// A triangle at an edge: its other two corners, in order, after the end that it belongs to.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StarTriangle {
     pub(crate) at: EdgePart,
@@ -171,21 +176,21 @@ pub(crate) struct StarTriangle {
     pub(crate) b: DVec3,
 }
 
-/// A feature edge (border, non-manifold curve, seam) from an end of an edge.
+/// A feature edge (border, non-manifold curve, seam) that starts at an end of an edge.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FeatureLine {
     pub(crate) at: EdgePart,
     /// Its other end.
     pub(crate) to: DVec3,
-    /// What it counts; a border 1, unless the options say otherwise.
+    /// Its weight; 1 for a border, unless the options set another.
     pub(crate) weight: f64,
-    /// 1 where its only face has it in the direction from the end, -1 where the other way round, 0 where it has not one
-    /// face.
+    /// 1 if its only face runs along it in the direction from the end, -1 if in the other direction, 0 if
+    /// it has not exactly one face.
     pub(crate) sense: f64,
 }
 
-/// An edge and what hangs on it. The kept end is the origin. A metric that judges by ends alone is given no walls, and of
-/// the lines only the edge itself.
+/// An edge with the triangles and feature edges around it. The kept end is the origin. For a metric that
+/// uses only the ends there are no triangles, and the only line is the edge itself.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct EdgeNeighbourhood {
     /// The removed end.
@@ -193,16 +198,16 @@ pub(crate) struct EdgeNeighbourhood {
     pub(crate) place: AllowedPlace,
     pub(crate) triangles: Vec<StarTriangle>,
     pub(crate) lines: Vec<FeatureLine>,
-    /// Whether the kept and the removed end lie on feature edges.
+    /// True for the kept and the removed end if it lies on feature edges.
     pub(crate) on_lines: [bool; 2],
 }
 
 impl EdgeNeighbourhood {
-    /// Where an end lies.
+    /// Returns the position of an end.
     pub(crate) fn end(&self, at: EdgePart) -> DVec3 {
         if at == EdgePart::Removed { self.d } else { DVec3::ZERO }
     }
-    /// Whether the edge itself is a feature edge.
+    /// True if the edge itself is a feature edge.
     pub(crate) fn is_line(&self) -> bool {
         self.lines.iter().any(|l| l.at == EdgePart::Both)
     }

@@ -1,4 +1,4 @@
-//! One run from a surface to a lighter one: order, collapse, fit, measure, and the report.
+//! One run from a surface to a simplified one: order, collapse, fit, measure, and the report.
 
 mod chain;
 mod closest;
@@ -33,7 +33,7 @@ use copies::Copies;
 pub(crate) use start::Started;
 use trunk::Trace;
 
-/// The ordered input, kept or made again.
+/// The ordered input, kept in memory or computed again.
 pub(crate) struct Source<'a> {
     pub(crate) surface: &'a Surface<'a>,
     pub(crate) ordered: &'a Ordered,
@@ -50,18 +50,18 @@ impl InputSurface for Source<'_> {
     }
 }
 
-/// What a pass may take away in the order of costs.
+/// Topology changes that a pass may make in order of cost.
 #[derive(Clone, Copy)]
 struct TopologyChanges {
-    /// Whole parts.
+    /// Removal of whole parts.
     parts: bool,
-    /// Handles and thin places, by cuts.
+    /// Cuts of handles and thin places.
     cuts: bool,
-    /// Seams off their lines.
+    /// Movement of seams off their lines.
     seams: bool,
 }
 
-/// What one pass of the engine made.
+/// Result of one pass of the engine.
 pub(crate) struct RunOutcome {
     pub(crate) mesh: TriMesh,
     pub(crate) end: StopReason,
@@ -73,16 +73,16 @@ pub(crate) struct RunOutcome {
     pub(crate) parts_removed: usize,
     pub(crate) necks_cut: usize,
     pub(crate) pairs_contracted: usize,
-    /// Whether vertices that were cut apart stand at one place.
+    /// True if vertices that were separated by a cut are at the same position.
     pub(crate) touches: bool,
     pub(crate) seams_relaxed: bool,
-    /// Whether collapses went on after sweeps were no longer at ease.
+    /// True if collapses continued after sweeps became unproductive.
     pub(crate) is_strained: bool,
-    /// Whether seams stayed on their lines at a price.
+    /// True if seams stayed on their lines at a cost.
     pub(crate) spares_seams: bool,
-    /// Whether parts stayed that would have been cheaper to remove than what was done instead.
+    /// True if parts were kept that would have been cheaper to remove than the collapses done instead.
     pub(crate) spares_parts: bool,
-    /// Whether necks stayed that stood in the way of many collapses.
+    /// True if necks were kept that blocked many collapses.
     pub(crate) spares_necks: bool,
     pub(crate) sharp_relaxed: bool,
     pub(crate) duplicate_faces: usize,
@@ -91,13 +91,13 @@ pub(crate) struct RunOutcome {
     pub(crate) trace: Option<Trace>,
 }
 
-/// What a run made, and what was held at its corners.
+/// Result of a run, and the locked wedges at its corners.
 pub(crate) type Done = (Simplified, HeldWedges);
-/// What runs inside the steps that come first: one run, or a chain of them.
+/// Inner part of a run, after the preparing steps: one run, or a chain of them.
 type Inner<'a> = dyn FnMut(&Input<'_>, &SimplifyOptions) -> Result<Vec<Done>, SimplifyError> + 'a;
 
-/// Runs with the options' method, after welding and pruning; once more with looser ones if that is wanted and needed. Says
-/// what was held at the corners of the result.
+/// Runs with the options' method, after welding and pruning; again with looser options if requested and
+/// needed. Returns the locked wedges at the corners of the result too.
 pub(crate) fn run(
     input: &Input<'_>,
     options: &SimplifyOptions,
@@ -114,7 +114,7 @@ pub(crate) fn run(
     })
 }
 
-/// Lends the mesh the normals of its shape, where they are to count, and runs.
+/// Adds normals computed from the shape, if they are to count, and runs.
 fn run_shaded(
     input: &Input<'_>,
     options: &SimplifyOptions,
@@ -136,7 +136,7 @@ fn run_shaded(
     run_pruned(input, options, inner)
 }
 
-/// Leaves small parts out, and runs on what is left.
+/// Removes small parts, and runs on the rest.
 fn run_pruned(
     input: &Input<'_>,
     options: &SimplifyOptions,
@@ -144,7 +144,7 @@ fn run_pruned(
 ) -> Result<Vec<Done>, SimplifyError> {
     let Some(size) = options.prune else { return run_welded(input, options, inner) };
     let diagonal = prune::diagonal(&input.surface);
-    // Shares are of the whole input, small parts and all.
+    // Shares refer to the whole input, including small parts.
     let units = |length: Length| Length::Units(length.in_units(diagonal));
     let mut options = options.clone();
     (options.stop.error, options.weld) = (options.stop.error.map(units), options.weld.map(units));
@@ -171,7 +171,7 @@ fn run_pruned(
     Ok(all)
 }
 
-/// Joins near vertices if asked, and runs.
+/// Joins close vertices if requested, and runs.
 fn run_welded(
     input: &Input<'_>,
     options: &SimplifyOptions,
@@ -187,7 +187,7 @@ fn run_welded(
     let welded = Input { surface, mesh: input.mesh, joined: Some(joined) };
     let mut all = inner(&welded, options)?;
     for (done, _) in &mut all {
-        // The joined vertices have no face any more; they are counted as joined, not as unused.
+        // The joined vertices have no faces any more; they are counted as joined, not as unused.
         let cleanup = &mut done.report.cleanup;
         cleanup.welded_vertices += merged;
         cleanup.unused_vertices = cleanup.unused_vertices.saturating_sub(merged);
@@ -195,11 +195,12 @@ fn run_welded(
     Ok(all)
 }
 
-/// One run to a goal. The largest distance that a step may leave, in user units, is given where the error is searched for.
+/// Function that runs to a goal. The second argument is the largest distance that a step may leave, in user
+/// units, if the error is searched for.
 pub(crate) type Pass =
     fn(&mut Run<'_, '_>, Goal, Option<f64>, &mut dyn Control) -> Result<RunOutcome, SimplifyError>;
 
-/// How a method on sweeps does it.
+/// Returns the pass of a method that works by sweeps.
 pub(crate) fn collapses(method: Method) -> Option<Pass> {
     match method {
         Method::Memoryless => Some(|run, goal, step, control| run.one_pass(Memoryless, goal, step, control)),
@@ -226,11 +227,11 @@ pub(crate) fn run_by_method(
     run_with(pass_of(options.method), input, options, control)
 }
 
-/// One of the runs to several counts that a search makes.
+/// Function that makes one of the runs of a search to several counts.
 type PassOfSearch =
     Box<dyn FnMut(&mut Run<'_, '_>, Goal, &mut dyn Control) -> Result<RunOutcome, SimplifyError>>;
 
-/// The runs of a search. Those of methods on sweeps go on from one another.
+/// Returns the runs of a search. Those of methods that work by sweeps resume from one another.
 fn passes_of_search(method: Method) -> PassOfSearch {
     fn by<M: Metric + 'static>(metric: M) -> PassOfSearch {
         let mut copies = Copies::of_search();
@@ -271,7 +272,7 @@ pub(crate) fn run_with(
     Ok(build_report(input, options, &ordered, &care, finished))
 }
 
-/// The input in order, if it has a face with an area.
+/// Orders the input; an error if it has no face with an area.
 pub(crate) fn ordered(input: &Input<'_>, control: &mut dyn Control) -> Result<Ordered, SimplifyError> {
     control.stage(Stage::Prepare);
     if control.progress(0.0) == Verdict::Cancel {
@@ -287,7 +288,7 @@ pub(crate) fn ordered(input: &Input<'_>, control: &mut dyn Control) -> Result<Or
     Ok(ordered)
 }
 
-/// A result, and what there is to say of it.
+/// Builds the result and its report.
 fn build_report(
     input: &Input<'_>,
     options: &SimplifyOptions,
@@ -314,7 +315,7 @@ fn build_report(
         _ if goal.is_none() && limit.is_none() && outcome.end != StopReason::Stuck => StoppedBy::Nothing,
         _ => StoppedBy::Refusals,
     };
-    // A limit of the error alone is met by any result that keeps it.
+    // An error limit alone is reached by any result within it.
     let rounding = ROUNDING * ordered.diagonal;
     let within = |l: f64| deviation.largest().is_some_and(|d| d <= l + rounding);
     let reached = match stopped_by {
@@ -332,7 +333,7 @@ fn build_report(
         vertices,
         reached,
         stopped_by,
-        // Costs along borders are not of an area: on needles their share of it knows no end.
+        // Costs along borders are not areas: on needles they can exceed the area without limit.
         error: ErrorReport {
             estimate: outcome.estimate.min(ordered.diagonal),
             measured: deviation.measured,
@@ -367,7 +368,7 @@ pub(crate) struct Run<'a, 'b> {
     pub(crate) goal: Goal,
     pub(crate) care: &'a Constraints,
     pub(crate) pass: Pass,
-    /// Whether outcomes say what their vertices came from.
+    /// True if outcomes include the origin of their vertices.
     pub(crate) is_traced: bool,
 }
 
@@ -383,11 +384,12 @@ impl Run<'_, '_> {
         (self.pass)(self, goal, step, control)
     }
 
-    /// One pass to the goal, measured if asked.
+    /// Runs one pass to the goal, and measures it if requested.
     fn run_to_goal(mut self, control: &mut dyn Control) -> Result<Finished, SimplifyError> {
         let mut outcome = self.go(self.goal, None, control)?;
         if outcome.pairs_contracted > 0 && !self.goal.is_none() && outcome.end != StopReason::Finish {
-            // Parts that grew together can no longer be removed one by one, so the target may be farther off.
+            // Parts that were joined can no longer be removed one by one, so the target may be harder to
+            // reach.
             let mut options = self.options.clone();
             options.method_options.pairs = None;
             let (input, goal, care) = (self.input, self.goal, self.care);
@@ -402,7 +404,7 @@ impl Run<'_, '_> {
         Ok((outcome, deviation, false))
     }
 
-    /// The input as it is worked on, to hold results against: faces without extent or place do not count.
+    /// Returns a comparer with the input, to measure results: degenerate and non-finite faces do not count.
     fn judge(&self, control: &mut dyn Control) -> Option<InputComparer> {
         control.stage(Stage::Measure);
         let surface = &self.input.surface;
@@ -416,7 +418,8 @@ impl Run<'_, '_> {
         InputComparer::new(&clean, self.options)
     }
 
-    /// One run of the engine; `step` is the largest distance from a plane that one collapse may leave, in user units.
+    /// Runs one pass of the engine; `step` is the largest distance from a plane that one collapse may
+    /// leave, in user units.
     fn one_pass<M: Metric>(
         &mut self,
         metric: M,
@@ -427,7 +430,7 @@ impl Run<'_, '_> {
         self.pass_of_several(metric, goal, step, &mut Copies::none(), control)
     }
 
-    /// The same, one of several that keep what they share.
+    /// Runs one pass of several that share snapshots.
     fn pass_of_several<M: Metric>(
         &mut self,
         metric: M,
@@ -439,7 +442,7 @@ impl Run<'_, '_> {
         if self.options.topology == TopologyPolicy::Relaxed && !goal.is_none() {
             return self.relaxed(metric, goal, step, copies, control);
         }
-        // Where the topology is free, parts and necks go in their turn from the start.
+        // With free topology, parts and necks are removed in order of cost from the start.
         let is_free = self.options.topology == TopologyPolicy::Free;
         let leave = TopologyChanges { parts: is_free, cuts: is_free, seams: false };
         let outcome = self.straight(metric, goal, step, leave, control)?;
@@ -451,7 +454,7 @@ impl Run<'_, '_> {
         Ok(self.closest(vec![outcome, other], None, control))
     }
 
-    /// Sweeps from the start to a goal.
+    /// Sweeps from the start to a goal, without snapshots.
     fn straight<M: Metric>(
         &mut self,
         metric: M,
@@ -466,19 +469,20 @@ impl Run<'_, '_> {
         self.finish(&mut trunk.engine, &trunk.root, end, proposes, control)
     }
 
-    /// Number of a wedge's vertex in the ordered input.
+    /// Returns the number of a wedge's vertex in the ordered input.
     pub(crate) fn place(&self, mesh: &TriMesh, w: WedgeId) -> VertexId {
         self.ordered.rank[self.input.joined(mesh.vertex_of(w)).index()]
     }
 
-    /// What locked vertices had at the corners of the result.
+    /// Returns the input wedges of locked vertices at the corners of the result.
     fn held<Q: VertexMemory>(&self, store: &Store<Q>, rows: Option<&Rows>) -> HeldWedges {
         let (Some(locked), Some(mesh)) = (self.care.locked(), self.input.mesh) else {
             return HeldWedges::default();
         };
         let carried = store.wedges.as_deref();
         let rank_of = |w: WedgeId| self.place(mesh, w);
-        // What the engine calls a wedge, at a corner of the input: a row of values, or the wedge or vertex itself.
+        // Name of a wedge in the engine, at a corner of the input: a row of values, or the wedge or vertex
+        // itself.
         let name = |w: WedgeId| match (rows, carried) {
             (Some(rows), Some(_)) => rows.wedge_rows[w.index()].0,
             (None, Some(_)) => w.0,
@@ -504,7 +508,7 @@ impl Run<'_, '_> {
         }))
     }
 
-    /// The mesh of a compact store. Vertices that kept their place have the bits of the input.
+    /// Builds the mesh of a compact store. Vertices that kept their position have the bits of the input.
     fn result<Q: VertexMemory>(
         &self,
         store: &Store<Q>,
@@ -546,7 +550,7 @@ impl Run<'_, '_> {
     }
 }
 
-/// The result's wedges, numbered in the order of the faces, with their attributes from the input.
+/// Builds the result with its wedges numbered in the order of the faces, and attributes from the input.
 pub(crate) fn with_attributes(
     mesh: &TriMesh,
     positions: Positions,
@@ -564,7 +568,8 @@ pub(crate) fn with_attributes(
     Ok(result)
 }
 
-/// What the input has and the result has not: joints without weights of the same set, or weights without joints.
+/// Returns the names of attributes missing in the result: joints without weights of the same set, or
+/// weights without joints.
 pub(crate) fn names_of_dropped(input: &TriMesh, result: &TriMesh) -> Vec<&'static str> {
     let is_there = |a: &&Attribute| {
         result.further_attributes().iter().any(|b| (&b.semantic, b.width) == (&a.semantic, a.width))
@@ -575,7 +580,7 @@ pub(crate) fn names_of_dropped(input: &TriMesh, result: &TriMesh) -> Vec<&'stati
     names
 }
 
-/// The number of faces that a ratio stands for: at least one.
+/// Returns the number of faces for a ratio: at least one.
 pub(crate) fn share(ratio: f64, faces: usize) -> usize {
     ((faces as f64 * ratio).round() as usize).max(1)
 }
@@ -583,7 +588,7 @@ pub(crate) fn share(ratio: f64, faces: usize) -> usize {
 pub(crate) fn goal(options: &SimplifyOptions, faces: usize) -> Goal {
     let stop = &options.stop;
     let by_ratio = stop.ratio.map(|r| share(r, faces));
-    // The first one met stops, so the larger count counts.
+    // The first stop reached ends the run, so the larger count is the goal.
     let by_faces = match (stop.faces, by_ratio) {
         (Some(a), Some(b)) => Some(a.max(b)),
         (a, b) => a.or(b),

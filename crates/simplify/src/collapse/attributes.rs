@@ -1,11 +1,13 @@
-//! Attributes of wedges: what a collapse does to them, as a form in the place of the merged vertex.
+//! Attributes of wedges: their cost in a collapse, as a quadratic form in the position of the merged
+//! vertex.
 //!
-//! Over a triangle a value is linear. What a collapse does to it is the integral of (g·x + s − s')² over the present
-//! star, with the gradient g taken from the present triangles: memoryless, as the positions are, in the form of
-//! [Hoppe 1999]. Of each wedge only its area and its sum of area · g are kept; the sum of area · g gᵀ joins the star
-//! tensor of its vertex. The best value of the merged wedge is a quotient, and what is left is a form in the position.
+//! Over a triangle a value is linear. The attribute cost of a collapse is the integral of (g·x + s − s')²
+//! over the current star, with the gradient g taken from the current triangles: memoryless, like the
+//! positions, in the form of [Hoppe 1999]. For each wedge only its area and its sum of area · g are stored;
+//! the sum of area · g gᵀ is added to the star tensor of its vertex. The best value of the merged wedge is
+//! a quotient, and the remaining cost is a form in the position.
 //!
-//! Values lie four side by side, for vector instructions.
+//! Values are stored four side by side, for SIMD.
 
 mod check;
 mod slopes;
@@ -21,39 +23,41 @@ pub(super) use slopes::{FourSlopes, Slopes, SlopesRow};
 pub(super) use sum::Sum;
 use sum::add_outer;
 
-/// No wedge.
+/// Marks the absence of a wedge.
 pub(super) const NO_WEDGE: WedgeId = WedgeId(u32::MAX);
-/// Wedges of a vertex that an evaluation looks at, so that a vertex of very many charts cannot stall a run.
+/// Maximum number of wedges of a vertex that an evaluation visits, so that a vertex of very many charts
+/// cannot stall a run.
 const MAX_WEDGES_EVALUATED: usize = 24;
-/// Joints kept at a wedge while the mesh is worked on. (More than any format has.)
+/// Maximum number of joints per wedge during a run. (More than any format has.)
 const MAX_JOINTS: usize = 16;
 
 /// Live attributes of a run.
 #[derive(Clone, Debug)]
 pub(crate) struct Attributes {
-    /// Vectors of four that hold the values of a wedge; lanes without a value are zero.
+    /// Vectors of four lanes that hold the values of a wedge; lanes without a value are zero.
     lanes: usize,
-    /// What the square of each value's error counts in the cost, per area, in the unit frame.
+    /// Weight of the squared error of each value in the cost, per area, in the unit frame.
     weights: Vec<f32x4>,
-    /// Unit vectors among the values: where each begins.
+    /// Offsets of the unit vectors among the values.
     pub(crate) directions: Vec<usize>,
-    /// Texture coordinates among the values: where each pair begins.
+    /// Offsets of the pairs of texture coordinates among the values.
     pub(crate) textures: Vec<usize>,
-    /// Joints that pull a wedge, with their weights; empty where there is no skin.
+    /// Joints of each wedge, with their weights; empty without a skin.
     pub(crate) pulls: Vec<JointWeights>,
-    /// The label of each wedge: which values of discrete attributes it has; empty where all have the same.
+    /// Label of each wedge: identifies its values of discrete attributes; empty if all wedges have the
+    /// same.
     pub(crate) labels: Vec<u32>,
     pub(super) heads: Vec<Head>,
-    /// What the best value of each wedge takes off the tensor of its vertex, where it is known.
+    /// Cached result of [`Self::spread`] for each wedge, if its head says so.
     alone: Vec<Tensor>,
-    /// Which wedges the last ones were copied from.
+    /// Source wedges of the copied ones, which are the last.
     copied: Vec<WedgeId>,
-    /// For each wedge its values, then what they gain along x, y and z, as doubled area times gradient, summed over the
-    /// present triangles: four times `lanes` vectors.
+    /// For each wedge its values, then their gradient sums along x, y and z: doubled area times gradient,
+    /// summed over the current triangles; four times `lanes` vectors.
     rows: Vec<f32x4>,
 }
 
-/// What some wedges were, to be put back.
+/// State of some wedges, to be restored.
 #[derive(Clone, Debug)]
 pub(super) struct SavedWedges {
     wedges: Vec<WedgeId>,
@@ -62,25 +66,25 @@ pub(super) struct SavedWedges {
     rows: Vec<f32x4>,
     pulls: Vec<JointWeights>,
     labels: Vec<u32>,
-    /// Wedges of all kinds, and those of them that were copied from others.
+    /// Number of all wedges, and of those that were copied from others.
     count: [usize; 2],
 }
 
 /// Joints and weights, the strongest first.
 pub(crate) type JointWeights = Vec<(u32, f32)>;
 
-/// What is known of a wedge beside its row.
+/// Data of a wedge apart from its row.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Head {
-    /// Doubled area of its present triangles,
+    /// Doubled area of its current triangles.
     pub(super) area: f32,
-    /// and their number.
+    /// Number of its current triangles.
     pub(super) faces: u32,
     /// The next wedge of its vertex, or [`NO_WEDGE`].
     pub(super) next: WedgeId,
-    /// Whether hard seams bound its faces: where they begin, as seen from its vertex, and where they end.
+    /// True if its first or last face, in the order round its vertex, is bounded by a hard seam.
     pub(super) hard: [bool; 2],
-    /// Whether what is known of it by itself still holds.
+    /// True if the cached tensor in `alone` is valid.
     pub(super) known: bool,
 }
 
@@ -90,8 +94,8 @@ impl Default for Head {
     }
 }
 
-/// A wedge at one of the ends of an edge; those of one group become one. One of a group gives it its index, and its values
-/// if it is at a locked end.
+/// A wedge at one of the ends of an edge. The wedges of a group are merged; one of them, the group's
+/// representative, keeps its index, and its values if it is at a locked end.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Member {
     pub(super) wedge: WedgeId,
@@ -99,7 +103,7 @@ pub(crate) struct Member {
     pub(super) group: usize,
 }
 
-/// The member of each group that gives its index, with that.
+/// Returns the representative of each group, with its index.
 pub(super) fn firsts(members: &[Member]) -> impl Iterator<Item = (usize, &Member)> {
     members.iter().enumerate().filter(|(i, m)| m.group == *i)
 }
@@ -109,7 +113,8 @@ fn of_group(members: &[Member], group: usize) -> impl Iterator<Item = &Member> {
 }
 
 impl Attributes {
-    /// Attributes of as many wedges as `values` holds rows of `width` values, none of which counts in the cost yet.
+    /// Creates the attributes of `count` wedges from rows of `width` values, none of which counts in the
+    /// cost yet.
     pub(crate) fn new(
         count: usize,
         width: usize,
@@ -139,51 +144,53 @@ impl Attributes {
             rows,
         }
     }
-    /// Whether no wedge carries anything.
+    /// True if the wedges carry no data.
     pub(crate) fn is_empty(&self) -> bool {
         self.lanes == 0 && self.pulls.is_empty() && self.labels.is_empty()
     }
-    /// Whether any value counts in the cost.
+    /// True if any value counts in the cost.
     pub(super) fn counts(&self) -> bool {
         self.weights.iter().any(|w| w.to_array() != [0.0; 4])
     }
-    /// The values of a wedge; zeros follow them.
+    /// Returns the values of a wedge, padded with zeros.
     pub(crate) fn of(&self, w: WedgeId) -> &[f32] {
         bytemuck::cast_slice(self.values(w))
     }
-    /// The values of a wedge, to be written; zeros follow them.
+    /// Returns the values of a wedge for writing, padded with zeros.
     pub(crate) fn values_mut(&mut self, w: WedgeId) -> &mut [f32] {
         let at = w.index() * 4 * self.lanes;
         bytemuck::cast_slice_mut(&mut self.rows[at..at + self.lanes])
     }
-    /// What the square of each value's error counts; beyond the width of a row they do not matter.
+    /// Returns the weights of squared errors of the values for writing; those beyond the width of a row do
+    /// not matter.
     pub(crate) fn weights_mut(&mut self) -> &mut [f32] {
         bytemuck::cast_slice_mut(&mut self.weights)
     }
-    /// Vectors of four in the values of a wedge.
+    /// Returns the number of vectors of four in the values of a wedge.
     #[inline(always)]
     pub(crate) fn lanes(&self) -> usize {
         self.lanes
     }
-    /// The same where that is known to be `N`, or any number if that is 0: for loops that are unrolled.
+    /// Returns `N`, or [`Self::lanes`] if that is 0: a constant lets loops be unrolled.
     #[inline(always)]
     pub(super) fn lanes_of<const N: usize>(&self) -> usize {
         if N == 0 { self.lanes } else { N }
     }
-    /// What the squares of the errors of four values count.
+    /// Returns the weights of the squared errors of four values.
     #[inline(always)]
     pub(crate) fn weight(&self, lane: usize) -> f32x4 {
         self.weights[lane]
     }
-    /// Wedges, with those that are gone.
+    /// Returns the number of wedges, including removed ones.
     pub(crate) fn count(&self) -> usize {
         self.heads.len()
     }
-    /// The values of all wedges.
+    /// Returns the values of all wedges.
     pub(crate) fn all_values(&self) -> Vec<f32x4> {
         (0..self.count() as u32).flat_map(|w| self.values(WedgeId(w))).copied().collect()
     }
-    /// Changes the values of a wedge, and lets them follow its vertex along their gradients; directions stay unit vectors.
+    /// Changes the values of a wedge, and extrapolates them along their gradients as its vertex moves;
+    /// directions stay unit vectors.
     pub(crate) fn shift(&mut self, w: WedgeId, by: &[f32x4], moved: Vec3) {
         let (n, at) = (self.lanes, w.index() * 4 * self.lanes);
         let moved = moved / self.heads[w.index()].area.max(1e-30);
@@ -197,7 +204,7 @@ impl Attributes {
     fn row(&self, w: WedgeId) -> &[f32x4] {
         self.row_of(self.lanes, w)
     }
-    /// The same where the lanes are known.
+    /// Returns the row of a wedge for a known number of lanes.
     #[inline(always)]
     fn row_of(&self, lanes: usize, w: WedgeId) -> &[f32x4] {
         &self.rows[w.index() * 4 * lanes..][..4 * lanes]
@@ -206,12 +213,12 @@ impl Attributes {
     pub(crate) fn values(&self, w: WedgeId) -> &[f32x4] {
         self.values_of(self.lanes, w)
     }
-    /// The same where the lanes are known.
+    /// Returns the values of a wedge for a known number of lanes.
     #[inline(always)]
     pub(crate) fn values_of(&self, lanes: usize, w: WedgeId) -> &[f32x4] {
         &self.rows[w.index() * 4 * lanes..][..lanes]
     }
-    /// The row of a wedge: values, and what they gain along x, y and z.
+    /// Returns the row of a wedge: values, and gradient sums along x, y and z.
     #[inline(always)]
     fn parts(&self, w: WedgeId) -> [&[f32x4]; 4] {
         let (values, rest) = self.row(w).split_at(self.lanes);
@@ -219,28 +226,28 @@ impl Attributes {
         let (y, z) = rest.split_at(self.lanes);
         [values, x, y, z]
     }
-    /// The only wedge of its vertex, or not.
+    /// True if a wedge is the only one of its vertex.
     #[inline(always)]
     pub(super) fn is_alone(&self, w: WedgeId) -> bool {
         self.heads.get(w.index()).is_some_and(|h| h.next == NO_WEDGE)
     }
-    /// How far two wedges lie apart in the texture, squared.
+    /// Returns the squared distance of two wedges in the texture.
     pub(super) fn jump(&self, a: WedgeId, b: WedgeId) -> f32 {
         let (a, b) = (self.of(a), self.of(b));
         let apart = |&i: &usize| (a[i] - b[i]).powi(2) + (a[i + 1] - b[i + 1]).powi(2);
         self.textures.iter().map(apart).fold(0.0, f32::max)
     }
-    /// The longest side of a face in the texture, squared.
+    /// Returns the squared length of the longest side of a face in the texture.
     pub(super) fn reach(&self, [a, b, c]: [WedgeId; 3]) -> f32 {
         self.jump(a, b).max(self.jump(b, c)).max(self.jump(c, a))
     }
-    /// A wedge and those that follow it at its vertex.
+    /// Iterates over a wedge and those that follow it at its vertex.
     pub(super) fn chain(&self, first: WedgeId) -> impl Iterator<Item = WedgeId> + '_ {
         let known = move |w: WedgeId| (w != NO_WEDGE).then_some(w);
         std::iter::successors(known(first), move |w| known(self.heads[w.index()].next))
     }
 
-    /// A wedge with the values of another, without triangles so far.
+    /// Adds a copy of a wedge with the same values, without triangles yet.
     pub(crate) fn copy_of(&mut self, w: WedgeId) -> WedgeId {
         let (copy, n) = (WedgeId(self.heads.len() as u32), 4 * self.lanes);
         let original = self.original(w);
@@ -258,7 +265,7 @@ impl Attributes {
         self.copied.push(original);
         copy
     }
-    /// What these wedges are; each may be named several times.
+    /// Saves the state of these wedges; each may be listed several times.
     pub(super) fn kept(&self, wedges: impl Iterator<Item = WedgeId>) -> SavedWedges {
         let mut is_new = vec![true; self.count()];
         let wedges: Vec<WedgeId> =
@@ -274,7 +281,7 @@ impl Attributes {
             wedges,
         }
     }
-    /// Makes wedges again what they were; those that were copied since are gone.
+    /// Restores saved wedges and removes those copied since.
     pub(super) fn put_back(&mut self, kept: &SavedWedges) {
         let (n, [count, copied]) = (4 * self.lanes, kept.count);
         self.heads.truncate(count);
@@ -295,7 +302,7 @@ impl Attributes {
             }
         }
     }
-    /// Whether two wedges carry the same, to the bit.
+    /// True if two wedges have the same data, to the bit.
     pub(super) fn is_same(&self, a: WedgeId, b: WedgeId) -> bool {
         let bits = |w: WedgeId| self.of(w).iter().map(|x| x.to_bits());
         let pulls = |w: WedgeId| self.pulls.get(w.index());
@@ -303,7 +310,7 @@ impl Attributes {
         bits(a).eq(bits(b)) && pulls(a) == pulls(b) && label(a) == label(b)
     }
 
-    /// Takes away what the triangles of a wedge say; `next` follows it at its vertex.
+    /// Clears the sums of a wedge; `next` follows it at its vertex.
     pub(super) fn clear_sums(&mut self, w: WedgeId, next: WedgeId) {
         let (n, at) = (self.lanes, w.index() * 4 * self.lanes);
         self.rows[at + n..at + 4 * n].fill(f32x4::ZERO);
@@ -311,20 +318,21 @@ impl Attributes {
         *head = Head { next, hard: head.hard, ..Head::default() };
     }
 
-    /// The wedge of the input that one is, or that it was copied from.
+    /// Returns the wedge of the input that a wedge is, or was copied from.
     pub(crate) fn original(&self, w: WedgeId) -> WedgeId {
         let given = self.heads.len() - self.copied.len();
         w.index().checked_sub(given).map_or(w, |i| self.copied[i])
     }
 
-    /// Mean square over the surface of the gradient of each value. Of many triangles every so manieth is looked at.
+    /// Returns the mean square over the surface of the gradient of each value. Of many triangles every n-th
+    /// is sampled.
     pub(crate) fn mean_square_gradients(
         &self,
         faces: &[[VertexId; 3]],
         wedges: &[[WedgeId; 3]],
         points: &[Vec3],
     ) -> Vec<f64> {
-        /// Triangles that are enough for a mean. (Guessed.)
+        /// Minimum number of sampled triangles of large meshes. (Guessed.)
         const ENOUGH: usize = 8192;
         let mut sums = vec![[0f64; 4]; self.lanes];
         let mut area = 0f64;
@@ -352,7 +360,8 @@ impl Attributes {
         sums.as_flattened().iter().map(|x| x / area.max(f64::MIN_POSITIVE)).collect()
     }
 
-    /// What the values of three corners add to the tensors of these corners; the first is the one that `s` is seen from.
+    /// Returns the contribution of a triangle to the tensor of each of its corners, from their values; the
+    /// first is the one that `s` is relative to.
     #[inline(always)]
     pub(super) fn tensor(&self, lanes: usize, s: &Slopes, [o, a, b]: [&[f32x4]; 3]) -> Tensor {
         let (mut aa, mut ab, mut bb) = (f32x4::ZERO, f32x4::ZERO, f32x4::ZERO);
@@ -365,7 +374,8 @@ impl Attributes {
         s.tensor(aa.reduce_add(), ab.reduce_add(), bb.reduce_add())
     }
 
-    /// Adds a triangle to the sums of its three wedges, whose faces are counted already. Says what it adds to the tensors of its vertices.
+    /// Adds a triangle to the sums of its three wedges, whose faces are counted already. Returns its
+    /// contribution to the tensors of its vertices.
     pub(super) fn account(&mut self, s: &Slopes, wedges: [WedgeId; 3]) -> Tensor {
         match self.lanes {
             1 => self.account_of::<1>(s, wedges),
@@ -396,7 +406,7 @@ impl Attributes {
         tensor
     }
 
-    /// The sums of the wedges of these triangles afresh.
+    /// Recomputes the sums of the wedges of these triangles.
     pub(crate) fn account_for(&mut self, triangles: &[([Vec3; 3], [WedgeId; 3])]) {
         for w in triangles.iter().flat_map(|t| t.1) {
             self.clear_sums(w, NO_WEDGE);
@@ -406,7 +416,7 @@ impl Attributes {
         }
     }
 
-    /// Adds a triangle to the sums and the count of the wedge at the corner that `s` is seen from.
+    /// Adds a triangle to the sums and the count of the wedge at the corner that `s` is relative to.
     pub(super) fn account_first(&mut self, s: &Slopes, wedges: [WedgeId; 3]) {
         let n = self.lanes;
         let [at_o, at_a, at_b] = wedges.map(|w| w.index() * 4 * n);
@@ -421,8 +431,9 @@ impl Attributes {
         (head.area, head.faces, head.known) = (head.area + s.area, head.faces + 1, false);
     }
 
-    /// Squared errors, weighted, of a triangle whose values are to be `best` where its others two corners' barycentric
-    /// coordinates are `at`, in four shares. Of so many `lanes`, for loops that are unrolled.
+    /// Returns the weighted squared errors of a triangle, in four lanes, at the point where the barycentric
+    /// coordinates of its two other corners are `at` and the values are to be `best`. `lanes` is a
+    /// parameter so that loops are unrolled.
     #[inline(always)]
     pub(super) fn error(
         &self,
@@ -442,13 +453,13 @@ impl Attributes {
         sum
     }
 
-    /// What a merger changes, apart: in slices, which stay in registers.
+    /// Borrows the tables that a merger changes, as slices, which stay in registers.
     #[inline(always)]
     pub(super) fn tables(&mut self) -> Tables<'_> {
         Tables { weights: &self.weights, heads: &mut self.heads, rows: &mut self.rows }
     }
 
-    /// Gives a wedge new values and sums.
+    /// Sets the values, sums and head of a wedge.
     pub(super) fn set(&mut self, w: WedgeId, values: &[f32x4], sums: &[f32x4], head: Head) {
         let n = self.lanes;
         let row = &mut self.rows[w.index() * 4 * n..][..4 * n];
@@ -457,7 +468,7 @@ impl Attributes {
         self.heads[w.index()] = head;
     }
 
-    /// Renews what is known of wedges by themselves, from one on along its chain.
+    /// Updates the cached tensors of wedges, from one on along its chain.
     #[inline(always)]
     pub(super) fn know(&mut self, mut w: WedgeId) {
         for _ in 0..MAX_WEDGES_EVALUATED {
@@ -470,12 +481,12 @@ impl Attributes {
         }
     }
 
-    /// Forgets what is known of wedges by themselves: they count differently now.
+    /// Invalidates all cached tensors of wedges: their weights have changed.
     pub(super) fn forget(&mut self) {
         self.heads.iter_mut().for_each(|h| h.known = false);
     }
 
-    /// What the best values of the wedges of a vertex, each by itself, take off its tensor.
+    /// Returns the reduction of a vertex' tensor by the best values of its wedges, each taken alone.
     #[inline(always)]
     pub(super) fn saved(&self, first: WedgeId) -> Tensor {
         let known = |w: WedgeId| match self.heads[w.index()].known {
@@ -491,7 +502,8 @@ impl Attributes {
         sum
     }
 
-    /// The weighted squares of the mean gradients of a wedge, times its area: what its best value at another place takes off.
+    /// Returns the weighted squares of the mean gradients of a wedge, times its area: the reduction of the
+    /// cost by its best value at another position.
     fn spread(&self, w: WedgeId) -> Tensor {
         let per_area = 1.0 / self.heads[w.index()].area.max(1e-30);
         let [_, x, y, z] = self.parts(w);
@@ -503,7 +515,7 @@ impl Attributes {
         Tensor(sum.map(f32x4::reduce_add))
     }
 
-    /// Adds what it costs to make one of each group; `d` leads from the kept to the removed end.
+    /// Adds the cost of merging each group into one wedge; `d` leads from the kept to the removed end.
     pub(super) fn add_to(&self, members: &[Member], d: Vec3, sum: &mut Sum) {
         for (group, first) in firsts(members) {
             let mut others = members.iter().enumerate().filter(|(i, m)| m.group == group && *i != group);
@@ -517,13 +529,14 @@ impl Attributes {
         }
     }
 
-    /// Several wedges of either end that become one: the spread of their best values round the mean of these.
+    /// Adds the cost of a group with several wedges of either end: the spread of their best values about
+    /// their mean.
     fn add_group_to(&self, members: &[Member], group: usize, d: Vec3, sum: &mut Sum) {
         let base = self.values(members[group].wedge);
         let area = |m: &Member| self.heads[m.wedge.index()].area.max(1e-30);
         let all: f32 = of_group(members, group).map(area).sum();
         for (i, &weight) in self.weights.iter().enumerate() {
-            // The best value of one: what it is at the kept end, and its slope.
+            // The best value of one wedge: the value at the kept end, and its slope.
             let line = |m: &Member| {
                 let ([values, x, y, z], per_area) = (self.parts(m.wedge), 1.0 / area(m));
                 let slope = [x[i], y[i], z[i]].map(|s| s * per_area);
@@ -544,8 +557,8 @@ impl Attributes {
         }
     }
 
-    /// The same for one wedge at each end, as on all edges that touch no seam. Of so many `lanes`, for loops that are
-    /// unrolled.
+    /// Adds the cost of a group with one wedge at each end, as on all edges that touch no seam. `lanes` is
+    /// a parameter so that loops are unrolled.
     #[inline(always)]
     pub(super) fn add_pair_to(&self, lanes: usize, [u, v]: [WedgeId; 2], d: Vec3, sum: &mut Sum) {
         let [area_u, area_v] = [u, v].map(|w| self.heads[w.index()].area.max(1e-30));
@@ -560,8 +573,9 @@ impl Attributes {
         }
     }
 
-    /// Adds to the forms of up to four edges side by side what the wedges at their ends say, where there is one at each:
-    /// `own` at the common end, `others` at the far ones. Of so many `lanes`, for loops that are unrolled.
+    /// Adds the attribute cost to the forms of up to four edges side by side, with one wedge at each end:
+    /// `own` at the common end, `others` at the far ones. `lanes` is a parameter so that loops are
+    /// unrolled.
     #[inline(always)]
     pub(super) fn add_four_to(
         &self,
@@ -605,7 +619,8 @@ impl Attributes {
         }
     }
 
-    /// The best values of each group, where its first member stands, if the vertex goes to the kept end + `y`.
+    /// Computes the best values of each group, at the offset of its representative, if the vertex moves to
+    /// the kept end + `y`.
     #[inline(always)]
     pub(super) fn best<const N: usize>(&self, members: &[Member], d: Vec3, y: Vec3, out: &mut [f32x4]) {
         let lanes = self.lanes_of::<N>();
@@ -620,7 +635,7 @@ impl Attributes {
                 let row = self.row_of(lanes, m.wedge);
                 area += own;
                 for (i, sum) in out.iter_mut().enumerate() {
-                    // From the first wedge's values, so that what is constant stays so.
+                    // Relative to the first wedge's values, so that constant values stay exact.
                     *sum += (row[i] - base[i]) * own;
                     *sum += dot(&[row[lanes + i], row[2 * lanes + i], row[3 * lanes + i]], at);
                 }
@@ -630,13 +645,13 @@ impl Attributes {
         }
     }
 
-    /// Makes unit vectors of the directions among some values.
+    /// Normalizes the directions among some values.
     pub(super) fn normalize(&self, values: &mut [f32x4]) {
         normalize(&self.directions, values);
     }
 
-    /// The label of the wedge that a group becomes, `t` of the way from the kept end to the other: that of a wedge at the
-    /// nearer end, of several there of the one with the largest area.
+    /// Returns the label of the merged wedge of a group, `t` of the way from the kept end to the other:
+    /// that of a wedge at the nearer end, and among several there of the one with the largest area.
     pub(super) fn nearest_label(&self, members: &[Member], group: usize, t: f32) -> u32 {
         let area = |m: &Member| self.heads[m.wedge.index()].area;
         let mut nearest: Option<&Member> = None;
@@ -657,7 +672,7 @@ impl Attributes {
         let count = |at_v| of_group(members, group).filter(|m| m.at_v == at_v).count();
         let counts = [count(false), count(true)];
         for m in of_group(members, group) {
-            // A group with wedges of one end only takes all from it.
+            // A group with wedges of only one end takes all from it.
             let share = match (counts, m.at_v) {
                 ([_, 0], _) | ([0, _], _) => 1.0,
                 (_, true) => t,
@@ -676,7 +691,7 @@ impl Attributes {
     }
 }
 
-/// What is known of all wedges, to be changed.
+/// Mutable view of the data of all wedges.
 pub(super) struct Tables<'a> {
     weights: &'a [f32x4],
     pub(super) heads: &'a mut [Head],
@@ -684,7 +699,7 @@ pub(super) struct Tables<'a> {
 }
 
 impl Tables<'_> {
-    /// Takes a wedge out of the chain that begins with `first`.
+    /// Removes a wedge from the chain that begins with `first`.
     pub(super) fn unlink(&mut self, first: &mut WedgeId, wedge: WedgeId) {
         let next = self.heads[wedge.index()].next;
         if *first == wedge {
@@ -701,10 +716,11 @@ impl Tables<'_> {
         }
     }
 
-    /// Takes what a triangle says of its first corner, `old` there, away from the sums of the two others, and says it to
-    /// them anew where the corner has moved (`new` slopes and values) instead of gone. What it adds to the merged wedge's
-    /// own sums goes to `own`, and to the tensor of its vertex to `added`. Says what changes in the tensors of the others,
-    /// in four shares. Of so many `lanes`, for loops that are unrolled.
+    /// Subtracts the contribution of a triangle, with wedge `o` at its first corner and slopes `old`, from
+    /// the sums of its two other wedges. If the triangle stays, adds it again with the `new` slopes and
+    /// values of the moved corner. Its contribution to the merged wedge's own sums is added to `own`, that
+    /// to the tensor of its vertex to `added`. Returns the change of the tensors of the two other vertices,
+    /// in four lanes. `lanes` is a parameter so that loops are unrolled.
     #[inline(always)]
     pub(super) fn replace(
         &mut self,

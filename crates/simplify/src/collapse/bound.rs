@@ -1,10 +1,11 @@
-//! The threshold of the next sweep: a quantile of the bounds, by a histogram.
+//! Threshold of the next sweep: a quantile of the bounds, from a histogram.
 
-/// The bound of a vertex that was not looked at yet: below every threshold.
+/// Bound of a vertex that was not visited yet: below every threshold.
 pub(super) const UNKNOWN: f32 = 0.0;
-/// Bounds that are counted one by one: a table of them all takes longer to make and to walk. (Measured.)
+/// Number of bounds up to which they are kept as a list: a table takes longer to build and to walk.
+/// (Measured.)
 const FEW: usize = 2048;
-/// Bins that are summed at once.
+/// Number of bins that are summed at once.
 const GROUP: usize = 32;
 const INFINITE: u16 = bin(f32::INFINITY);
 
@@ -26,7 +27,7 @@ const fn bin(x: f32) -> u16 {
     (x.to_bits() >> 19) as u16 & 4095
 }
 
-/// An empty table, made where it stays.
+/// Returns an empty table, allocated on the heap.
 fn no_counts() -> Box<[u32; 4096]> {
     vec![0; 4096].into_boxed_slice().try_into().expect("as many as asked for")
 }
@@ -38,7 +39,8 @@ impl Histogram {
             let list: Vec<u16> = bounds.iter().map(|&x| bin(x)).filter(|&k| k != INFINITE).collect();
             return Self { known: list.len(), bins: Bins::List(list) };
         }
-        // Neighbours often fall into one bin: two tables by turns, so that one count need not wait for the last.
+        // Neighbours often fall into one bin: two tables in turn, so that a count does not depend on the
+        // one just before.
         let (mut bins, mut others) = (no_counts(), no_counts());
         let (pairs, rest) = bounds.as_chunks::<2>();
         for &[x, y] in pairs {
@@ -52,7 +54,7 @@ impl Histogram {
         let infinite = std::mem::take(&mut bins[usize::from(INFINITE)]);
         Self { known: bounds.len() - infinite as usize, bins: Bins::Table(bins) }
     }
-    /// Counts more bounds, where they are finite.
+    /// Counts more bounds, if they are finite.
     pub(crate) fn add(&mut self, bounds: impl Iterator<Item = f32>) {
         for bound in bounds.filter(|x| x.is_finite()) {
             match &mut self.bins {
@@ -62,11 +64,11 @@ impl Histogram {
             self.known += 1;
         }
     }
-    /// How many bounds are finite.
+    /// Returns the number of finite bounds.
     pub(crate) fn known(&self) -> usize {
         self.known
     }
-    /// A threshold that at least `want` of the bounds stay below.
+    /// Returns a threshold that at least `want` of the bounds are below.
     pub(crate) fn threshold(&self, want: usize) -> f32 {
         let above = match &self.bins {
             Bins::Table(bins) => {

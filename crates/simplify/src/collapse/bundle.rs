@@ -1,12 +1,14 @@
-//! What becomes of a mesh when several pairs of vertices are contracted at once.
+//! Topological effect of contracting several pairs of vertices at once.
 //!
 //! ```text
-//!     --x----u--      --x----u--        --*----*--      One pair of two borders would leave them hanging together in a
-//!                       |  ⇒   |   or     (both)        point. Two pairs join them along an edge, and three pairs join
-//!     --y----v--      --y----v--        --*----*--      two faces, which lie back to back then and go.
+//!     --x----u--      --x----u--        --*----*--      One pair from two borders would connect them
+//!                       |  ⇒   |   or     (both)        only in a point. Two pairs join them along an
+//!     --y----v--      --y----v--        --*----*--      edge, and three pairs join two faces, which
+//!                                                       then lie back to back and are removed.
 //! ```
 //!
-//! The change is looked at as a whole, by the faces that it touches and their edges, before anything is done.
+//! The change is evaluated as a whole, from the faces that it touches and their edges, before it is
+//! applied.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
@@ -15,7 +17,7 @@ use super::kind::faces_at;
 use super::store::{Ring, Store};
 use crate::metric::VertexMemory;
 
-/// Two vertices that become one: `v` goes into `u`, both move to `at`.
+/// Two vertices that are merged: `v` into `u`, both move to `at`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Joint {
     pub(super) u: VertexId,
@@ -29,11 +31,11 @@ pub(super) struct Changed {
     pub(super) face: usize,
     pub(super) before: [VertexId; 3],
     pub(super) after: [VertexId; 3],
-    /// It collapses, or another lies on it.
+    /// True if it becomes degenerate or a duplicate.
     pub(super) is_gone: bool,
 }
 
-/// Pairs, and the faces that their contraction changes.
+/// Pairs, and the faces changed by their contraction.
 #[derive(Clone, Default)]
 pub(super) struct Bundle {
     pub(super) joints: Vec<Joint>,
@@ -42,19 +44,19 @@ pub(super) struct Bundle {
     edges: Vec<(VertexId, VertexId, bool)>,
 }
 
-/// What a contraction does to the topology.
+/// Effect of a contraction on the topology.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Effect {
-    /// All vertices that it touches are inside or on the border of one fan each.
+    /// All vertices that it touches are inside or on the border of a single fan.
     Manifold,
-    /// Fans hang together in a vertex. No count of edges rises.
+    /// Fans are connected only in a vertex. No count of edges rises.
     Singular,
     /// More border edges, more edges of three or more faces, more edges whose faces are wound differently, or a vertex
     /// without faces.
     Worse,
 }
 
-/// Numbers of edges that are not as they should be.
+/// Counts of topologically faulty edges.
 #[derive(Clone, Copy, Default)]
 struct TopologyFaults {
     open: usize,
@@ -68,7 +70,7 @@ impl TopologyFaults {
         self.many += usize::from(there + back > 2);
         self.twisted += usize::from(there + back == 2 && there != 1);
     }
-    /// Adds directed edges, which are sorted on the way.
+    /// Adds directed edges and sorts them.
     fn add_all(&mut self, edges: &mut [(VertexId, VertexId, bool)]) {
         edges.sort_unstable();
         for same in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
@@ -84,11 +86,11 @@ impl TopologyFaults {
 }
 
 impl Bundle {
-    /// The name of a vertex after the contraction.
+    /// Returns the vertex that a vertex is after the contraction.
     pub(super) fn now(&self, w: VertexId) -> VertexId {
         self.joints.iter().find(|j| j.v == w).map_or(w, |j| j.u)
     }
-    /// Where an end goes; nothing for other vertices.
+    /// Returns the new position of an end; `None` for other vertices.
     pub(super) fn place_of(&self, w: VertexId) -> Option<Vec3> {
         self.joints.iter().find(|j| j.u == w || j.v == w).map(|j| j.at)
     }
@@ -99,7 +101,7 @@ impl Bundle {
         self.faces.binary_search_by_key(&face, |c| c.face).is_ok_and(|i| self.faces[i].is_gone)
     }
 
-    /// Finds the faces that these pairs change, and which of them go.
+    /// Finds the faces changed by these pairs, and which of them are removed.
     pub(super) fn set<Q: VertexMemory>(&mut self, store: &mut Store<Q>, pairs: &[[VertexId; 2]]) {
         self.joints.clear();
         self.joints.extend(pairs.iter().map(|&[u, v]| Joint { u, v, at: Vec3::ZERO }));
@@ -116,7 +118,7 @@ impl Bundle {
         }
         faces.sort_unstable_by_key(|c| c.face);
         faces.dedup_by_key(|c| c.face);
-        // Of faces at one place those that face each other go, and of the rest all but one.
+        // Coincident faces of opposite winding cancel out, and of the rest one remains.
         let mut places: Vec<([VertexId; 3], bool, usize)> = Vec::with_capacity(faces.len());
         places.extend(faces.iter().enumerate().filter(|(_, c)| !c.is_gone).map(|(i, c)| {
             let mut sorted = c.after;
@@ -138,7 +140,7 @@ impl Bundle {
         (self.ring, self.faces) = (ring, faces);
     }
 
-    /// What the contraction does to the topology.
+    /// Returns the effect of the contraction on the topology.
     pub(super) fn effect<Q: VertexMemory>(&mut self, store: &mut Store<Q>) -> Effect {
         let directed = |a: VertexId, b: VertexId| (a.min(b), a.max(b), a < b);
         let sides = |[a, b, c]: [VertexId; 3]| [directed(a, b), directed(b, c), directed(c, a)];
@@ -151,7 +153,7 @@ impl Bundle {
         edges.clear();
         edges.extend(self.faces.iter().filter(|c| !c.is_gone).flat_map(|c| sides(c.after)).filter(at_end));
         after.add_all(&mut edges);
-        // Edges opposite to the ends lose the faces that go.
+        // Edges opposite to the ends lose the removed faces.
         edges.clear();
         let gone = self.faces.iter().filter(|c| c.is_gone);
         edges.extend(gone.flat_map(|c| sides(c.before)).filter(|e| !at_end(e)));
@@ -176,7 +178,7 @@ impl Bundle {
         effect
     }
 
-    /// Whether a locked vertex loses all its faces, or a face whose corners are all locked goes.
+    /// True if a locked vertex loses all its faces, or a face whose corners are all locked is removed.
     pub(super) fn loses_locked<Q: VertexMemory>(&mut self, store: &mut Store<Q>) -> bool {
         let mut ring = std::mem::take(&mut self.ring);
         let is_lost = self.faces.iter().filter(|c| c.is_gone).any(|c| {
@@ -211,7 +213,7 @@ impl Bundle {
             }
             is_manifold &= is_one_fan(&fan);
         }
-        // The stars of others change where two of their edges become one, or faces go.
+        // The stars of other vertices change if two of their edges are merged, or faces are removed.
         let mut others: Vec<VertexId> = Vec::new();
         for w in self.faces.iter().flat_map(|c| c.before).filter(|w| !self.is_end(*w)) {
             if !others.contains(&w) {
@@ -242,7 +244,8 @@ impl Bundle {
     }
 }
 
-/// Whether triangles round a vertex, each by its two other corners in order, are one fan, open or closed, wound one way.
+/// True if triangles round a vertex, each given by its two other corners in order, form one fan, open or
+/// closed, of consistent winding.
 fn is_one_fan(fan: &[[VertexId; 2]]) -> bool {
     let begins = |w: VertexId| fan.iter().filter(|f| f[0] == w).count();
     let ends = |w: VertexId| fan.iter().filter(|f| f[1] == w).count();
@@ -262,7 +265,7 @@ fn is_one_fan(fan: &[[VertexId; 2]]) -> bool {
 }
 
 impl<Q: VertexMemory> Store<Q> {
-    /// Whether an edge joins two vertices.
+    /// True if an edge joins two vertices.
     pub(super) fn is_edge(&mut self, u: VertexId, v: VertexId, ring: &mut Ring) -> bool {
         self.ring(u, ring);
         faces_at(ring, v) > 0
@@ -292,9 +295,9 @@ mod tests {
         let faces = [[0, 1, 2], [3, 4, 5]];
         assert_eq!(effect(6, &faces, &[[1, 3]]), (Effect::Singular, 0));
         assert_eq!(effect(6, &faces, &[[1, 3], [2, 5]]), (Effect::Manifold, 0));
-        // Along two edges that go the same way.
+        // Along two edges of the same direction.
         assert_eq!(effect(6, &faces, &[[1, 4], [2, 5]]), (Effect::Worse, 0));
-        // On each other: one of them is enough. Back to back nothing would be left.
+        // Duplicates: one of them is enough. Back to back nothing would be left.
         assert_eq!(effect(6, &faces, &[[0, 3], [1, 4], [2, 5]]), (Effect::Manifold, 1));
         assert_eq!(effect(6, &faces, &[[0, 3], [1, 5], [2, 4]]), (Effect::Worse, 2));
     }
@@ -323,7 +326,8 @@ mod tests {
 
     #[test]
     fn locked_vertices_and_faces_are_not_lost() {
-        // Two triangles that meet in 4 come to lie back to back, and both go; 5 holds on to one of the pairs.
+        // Two triangles that meet in 4 end up back to back, and both are removed; 5 is connected to one of
+        // the pairs.
         let faces = [[0, 1, 4], [3, 2, 4], [0, 5, 1]].map(|t| t.map(VertexId));
         let loses = |locked: &[u32]| {
             let mut store = Store::<Tensor>::new(&[Vec3::ZERO; 6], faces.to_vec(), None, None);

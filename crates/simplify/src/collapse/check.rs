@@ -1,12 +1,13 @@
-//! A net under the engine: every invariant of what it works on, walked, so that a broken one is found in the sweep that
-//! broke it.
+//! Debug checks: verify every invariant of the engine's data after each sweep, so that a fault is found in
+//! the sweep that caused it.
 //!
-//! What may go stale on purpose, because nobody looks at it or it costs more than it brings:
-//! - a list of corners holds dead ones until the next walk through it;
-//! - a vertex stays irregular, or on a seam, when what made it so is gone: only a change on a non-manifold curve, a cut and
-//!   a pair look at kinds afresh. The other way round is a fault, because regular stars skip questions;
-//! - lines of seams keep the weight that they had when the tensor was made, though wedges become one and hard seams soft;
-//! - the tensor of a metric with memory holds what is gone, so there is nothing to compare it with.
+//! Data that may be stale on purpose, because nothing reads it or an update costs more than it gains:
+//! - a vertex stays irregular, or on a seam, when the reason is gone: only a change on a non-manifold
+//!   curve, a cut and a pair contraction recompute kinds. The reverse is a fault, because regular stars
+//!   skip tests;
+//! - lines of seams keep the weight that they had when the tensor was computed, though wedges are merged
+//!   and hard seams become soft;
+//! - the tensor of a metric with memory includes what was removed, so there is nothing to compare it with.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
@@ -17,41 +18,42 @@ use super::store::Ring;
 use super::{Engine, InputSurface, LiveMesh};
 use crate::metric::Metric;
 
-/// Debug builds check meshes of fewer faces than this after each sweep: nearly all of those in the tests. (On larger ones
-/// the checks would take longer than the rest of a test.)
+/// Debug builds check meshes of fewer faces than this after each sweep: nearly all of those in the tests.
+/// (On larger ones the checks would take longer than the rest of a test.)
 pub(super) const CHECKED_BELOW: usize = 5000;
-/// How far a tensor that collapses changed bit by bit may be from one made afresh, a share of its trace. (Measured on
-/// the shapes and soups of the tests: up to 4e-6; gradients on thin faces add to that.)
+/// Tolerance between a tensor that collapses updated incrementally and one recomputed, a share of its
+/// trace. (Measured on the shapes and soups of the tests: up to 4e-6; gradients on thin faces add to that.)
 const DRIFT: f32 = 1e-3;
-/// The same as a share of the largest tensor or squared edge seen in the run: what was large and went leaves the rounding of
-/// single precision behind, 6e-8 of it for each change.
+/// Tolerance as a share of the largest tensor or squared edge so far: large values that are subtracted
+/// again leave rounding errors of single precision behind, 6e-8 of the value for each change.
 const ROUNDING: f32 = 1e-5;
-/// Doubled area of a face that is thin, a share of its longest edge squared. Its normal is rounding, from every corner another.
+/// Doubled area of a thin face, a share of its longest edge squared. Its normal is rounding noise and
+/// differs by corner.
 const THIN: f32 = 1e-3;
 
-/// What checks of one run remember.
+/// State of the checks of one run.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Checks {
     /// The largest trace of a tensor, and square of an edge, so far.
     largest: f32,
     /// The largest values of wedges so far.
     pub(super) values: Vec<f32x4>,
-    /// Whether any face was thin.
+    /// True if any face was thin.
     pub(super) has_thin: bool,
 }
 
-/// `Err` with a sentence, unless it holds.
+/// Returns `Err` with a sentence unless the condition holds.
 pub(super) fn need(holds: bool, why: impl FnOnce() -> String) -> Result<(), String> {
     if holds { Ok(()) } else { Err(why()) }
 }
 
 impl<M: Metric> Engine<M> {
-    /// Checks everything, where that is asked for: after each sweep, and after what happens between two of them.
+    /// Checks everything if checks are enabled: after each sweep, and after the steps between two sweeps.
     ///
     /// # Panics
-    /// If an invariant does not hold: our own mistake.
+    /// If an invariant does not hold, which is a bug.
     pub(super) fn check_if_asked(&mut self, original: &dyn InputSurface) {
-        // (A constant outside of tests and debug builds: nothing of it is left there.)
+        // (A constant outside of tests and debug builds, so the check is compiled out there.)
         if !cfg!(any(test, debug_assertions)) {
             return;
         }
@@ -65,7 +67,8 @@ impl<M: Metric> Engine<M> {
         assert!(why.is_none(), "the engine broke an invariant: {}", why.unwrap_or_default());
     }
 
-    /// Says which invariant does not hold, if any, of an engine that is ready for a sweep.
+    /// Returns an error that names the first broken invariant, if any, of an engine that is ready for a
+    /// sweep.
     ///
     /// Cost: O(n log n).
     pub(crate) fn check(&self, checks: &mut Checks) -> Result<(), String> {
@@ -88,7 +91,7 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// Notes how large things are by now.
+    /// Records the largest sizes so far.
     fn remember(&self, checks: &mut Checks) {
         let traces = self.store.living().map(|u| M::tensor_of(&self.store.v[u.index()].q).trace());
         checks.largest = traces.fold(checks.largest, f32::max);
@@ -103,7 +106,7 @@ impl<M: Metric> LiveMesh<M> {
 }
 
 impl<M: Metric> Engine<M> {
-    /// What is kept beside the store fits it.
+    /// Checks that the data beside the store fits it.
     fn check_companions(&self) -> Result<(), String> {
         let numbers = self.mesh.store.merged_into.len();
         if let Some(prices) = &self.mesh.constraints.prices {
@@ -126,7 +129,7 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// The kind is that of the present star, but for what may stay of an earlier one.
+    /// Checks that a kind is that of the current star, apart from marks that may be stale.
     fn check_kind(&self, u: VertexId, ring: &Ring) -> Result<(), String> {
         let (told, now) = (self.store.v[u.index()].kind, self.kind_now(u, ring));
         need(told == now || told == now.with_stale(told), || {
@@ -134,16 +137,16 @@ impl<M: Metric> LiveMesh<M> {
         })
     }
 
-    /// The tensor of a metric without memory is that of the present star.
+    /// Checks that the tensor of a memoryless metric is that of the current star.
     fn check_tensor(&self, u: VertexId, ring: &Ring, checks: &Checks) -> Result<(), String> {
         let (told, now) = (M::tensor_of(&self.store.v[u.index()].q), self.tensor_now(u, ring));
         let within = DRIFT * now.trace() + ROUNDING * checks.largest;
-        // What attributes say of thin faces is mostly rounding.
+        // Attribute tensors of thin faces are mostly rounding noise.
         if !within.is_finite() || checks.has_thin && self.counts_attributes() {
             return Ok(());
         }
         if self.store.v[u.index()].kind.is_seam() {
-            // Lines that are not known add to the planes, and take nothing away.
+            // Lines of unknown weight add to the planes, and subtract nothing.
             let planes = self.planes_now(u, ring);
             let least = told.less(&planes).0[..3].iter().fold(f32::INFINITY, |least, x| least.min(*x));
             return need(least >= -within, || {
@@ -156,8 +159,8 @@ impl<M: Metric> LiveMesh<M> {
 }
 
 impl<M: Metric> Engine<M> {
-    /// A vertex that did not move stands where that of the input does whose number it has; and as long as no part is gone,
-    /// each vertex of the input that a face has became one that lives.
+    /// Checks that a vertex that did not move is at the position of the input vertex of its number; and, as
+    /// long as no part was removed, that each input vertex used by a face was merged into one that lives.
     fn check_against(&self, points: &[Vec3], faces: &[[VertexId; 3]]) -> Result<(), String> {
         for u in self.mesh.store.living() {
             let x = &self.mesh.store.v[u.index()];
@@ -201,7 +204,7 @@ mod tests {
     #[test]
     fn each_broken_invariant_is_told() {
         type Breaks = fn(&mut Engine<Memoryless>, VertexId);
-        // Of a vertex on the seam and of one off it.
+        // For a vertex on the seam and for one off it.
         let cases: [(bool, Breaks, &str); 9] = [
             (
                 true,
@@ -240,7 +243,7 @@ mod tests {
         });
     }
 
-    /// What is known of the first wedge of a vertex.
+    /// Returns the head of the first wedge of a vertex.
     fn first_head(engine: &mut Engine<Memoryless>, u: VertexId) -> &mut crate::collapse::attributes::Head {
         let first = engine.mesh.store.first_wedge[u.index()];
         &mut engine.mesh.values.attributes.as_mut().expect("there are some").heads[first.index()]

@@ -1,4 +1,5 @@
-//! One collapse in three steps: `check` asks topology and guards, `price` finds the exact cost, `apply` makes the change.
+//! One collapse in three steps: `check` tests topology and guards, `price` computes the exact cost, `apply`
+//! makes the change.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
@@ -19,9 +20,9 @@ use crate::triangle;
 /// Weight of the largest squared distance, times the mean area of a triangle: protects small features. (Measured on 12 cases:
 /// 0.1, 0.2 and 0.3 have equal means within a percent; from 0.2 on the largest distances are a third lower.)
 const PEAK_WEIGHT: f32 = 0.2;
-/// Most that the largest squared distance from a plane counts, a share of the star's own area: on meshes with faces of all
-/// sizes the mean triangle is far larger than those of a fillet. Bare places have no such limit: tips often end in tiny faces.
-/// (Measured: docs/decisions/0001.)
+/// Limit of that weight, a share of the star's own area: on meshes with faces of all sizes the mean
+/// triangle is far larger than those of a fillet. Uncovered positions have no such limit: tips often end in
+/// tiny faces. (Measured: docs/decisions/0001.)
 pub(super) const PEAK_OF_STAR: f32 = 0.3;
 /// Cosine between two faces at an edge below which they lie back to back.
 pub(super) const FOLD_COS: f32 = -0.8;
@@ -54,19 +55,19 @@ pub(crate) struct Candidate {
     pub(crate) cost: f32,
     pub(crate) removed: VertexId,
     pub(crate) step: Vec3,
-    /// The quadratic form at the new place, if it is not cancelled below a relative 1e-5; else 0. (Four are computed side
-    /// by side, with 0 as the lane that says nothing.)
+    /// The quadratic form at the new position, if it is not cancelled below a relative 1e-5; else 0. (Four
+    /// are computed side by side, and 0 marks the lanes without a value.)
     pub(crate) sure: f32,
 }
 
-/// An edge to be collapsed, and how far the run goes now.
+/// An edge to be collapsed, and the current limits.
 #[derive(Clone, Copy)]
 pub(crate) struct Attempt<'a> {
     pub(crate) kept: VertexId,
     pub(crate) candidate: &'a Candidate,
     /// Highest cost that is allowed now.
     pub(crate) tau: f32,
-    /// True if only the cost is wanted: nothing is changed.
+    /// True if only the cost is computed and nothing is changed.
     pub(crate) is_probe: bool,
     /// Rings of the kept and the removed end.
     pub(crate) rings: [&'a Ring; 2],
@@ -82,20 +83,20 @@ pub(super) struct Checked {
     shared: usize,
     /// The neck that is cut, where the collapse would pinch the surface.
     neck: Option<Neck>,
-    /// True for an end that leaves its old place bare.
+    /// True for an end that leaves its old position uncovered.
     is_bare: [bool; 2],
     /// Sum of the squared distances to the planes of the star, twice its area, and the largest squared distance.
     planes: [f32; 3],
-    /// Cost by the metric, where that has the last word.
+    /// Cost by the metric, if the metric decides.
     judged: f32,
     /// Weight of the costs at these vertices, and the highest cost allowed now without it.
     weight: f32,
     tau: f32,
-    /// True if the form at the new place stands for the planes and values of the star.
+    /// True if the form at the new position replaces the exact cost of the planes and values of the star.
     is_sure: bool,
 }
 
-/// A collapse that may be done now.
+/// A collapse of known cost that may be applied now.
 pub(super) struct Priced {
     cost: f32,
     /// Cost that adds up to the error of the result.
@@ -206,8 +207,8 @@ impl<M: Metric> LiveMesh<M> {
             return Err(Refusal::NormalFlip.into());
         }
         let is_exact = matches!(self.cost.metric.cost_source(), CostSource::Engine);
-        // The form and the triangles may cost too much already, before lines and attributes are looked at. (Where lines
-        // change with what lies beside them, the form does not know all of it.)
+        // The form and the triangles may cost too much already, before lines and attributes are evaluated.
+        // (On feature lines the form does not include all changes.)
         let is_on_lines = x.kind.has_lines() || z.kind.has_lines();
         let is_sure = is_exact && !is_on_lines && candidate.sure > 0.0;
         if is_exact
@@ -227,8 +228,8 @@ impl<M: Metric> LiveMesh<M> {
         Ok(Checked { steps: [y, off], at, shared, neck, is_bare, planes, judged, weight, tau, is_sure })
     }
 
-    /// The exact cost of a collapse that was checked, if it is no more than allowed; the scratch then holds the lines and
-    /// merged values that go with it.
+    /// Returns the exact cost of a checked collapse if it is within the limit; the scratch then holds the
+    /// lines and merged values that belong to it.
     #[inline(always)]
     fn price(
         &self,
@@ -243,7 +244,7 @@ impl<M: Metric> LiveMesh<M> {
         let v = candidate.removed;
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let is_exact = matches!(self.cost.metric.cost_source(), CostSource::Engine);
-        // Feature edges of the star, by the end that stays; the edge u-v, if it is one, is listed with v.
+        // Feature edges of the star, by end; the edge u-v, if it is one, is listed with v.
         scratch.rim.clear();
         if (x.kind.has_lines() || z.kind.has_lines()) && self.has_lines() {
             for (ring, other, at_u, end, step) in [(ru, v, true, x, y), (rv, u, false, z, off)] {
@@ -265,7 +266,7 @@ impl<M: Metric> LiveMesh<M> {
                 }
             }
         }
-        // What costs too much already need not be known to the last digit.
+        // A cost known to be too high is not computed to the last digit.
         if is_sure {
             cost = cost.max(candidate.sure);
         } else if is_exact && self.values.attributes.is_some() && (cost <= tau || is_probe) {
@@ -276,7 +277,7 @@ impl<M: Metric> LiveMesh<M> {
         if is_exact {
             let peak_weight = self.peak_weight();
             let mut weighted = peak_weight.min(PEAK_OF_STAR * area) * peak;
-            // A tip that draws back along its own planes leaves none of them, but its place.
+            // A tip that shrinks along its own planes stays on all of them, but leaves its old position.
             for (from, step, is_bare) in [(x.p, y, is_bare[0]), (z.p, off, is_bare[1])] {
                 if is_bare && peak_weight * step.length_squared() > 0.5 * cost {
                     let distance = TIP_WEIGHT * self.distance_to_star(&scratch.wings, from, at);
@@ -319,8 +320,8 @@ impl<M: Metric> LiveMesh<M> {
         Ok(Priced { cost, spent, detail, handed_over, charge })
     }
 
-    /// Does the collapse that was checked and priced. Returns the numbers in the ordered input that the merged vertex has,
-    /// and that went into it.
+    /// Applies a collapse that was checked and priced. Returns the numbers in the ordered input of the
+    /// merged vertex, and of the vertex merged into it.
     #[inline(always)]
     fn apply(
         &mut self,
@@ -354,7 +355,7 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// Does a collapse that cuts no neck. Returns as [`Self::apply`] does.
+    /// Applies a collapse without a cut. Returns the same as [`Self::apply`].
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "those of a collapse, apart")]
     fn change(
@@ -373,7 +374,7 @@ impl<M: Metric> LiveMesh<M> {
         let kind = x.kind.union(z.kind);
         let own = self.merge_wedges(u, v, y, at, ru, &scratch.wings, &mut scratch.merge);
         let q = if self.cost.metric.is_memoryless() {
-            // The vertices around swap old planes for new ones; u starts afresh.
+            // The vertices around replace old planes by new ones; u starts from zero.
             let mut q = self.swap_planes(&scratch.wings);
             M::tensor(&mut q).add(&own);
             for &(w, at_u, line) in scratch.rim.iter().filter(|r| r.0 != v) {
@@ -402,7 +403,7 @@ impl<M: Metric> LiveMesh<M> {
             t[if goes { 0 } else { spoke.corner.k() }] = if goes { NONE } else { u };
             self.store.live_faces -= usize::from(goes);
             if goes {
-                // (The lists of the two ends are made anew below.)
+                // (The lists of the two ends are rebuilt below.)
                 self.store.unlist(if spoke.a == u { spoke.b } else { spoke.a }, face);
             }
         }
@@ -410,7 +411,7 @@ impl<M: Metric> LiveMesh<M> {
         let slots = self.store.relist(u, v, count);
         let mut n = 0;
         for r in ru {
-            // (Written all, kept those that stay: which they are could not be foretold.)
+            // (Branchless: each is written, those that stay are kept; a branch would be unpredictable.)
             if let Some(slot) = slots.get_mut(n) {
                 *slot = r.corner;
             }
@@ -419,7 +420,8 @@ impl<M: Metric> LiveMesh<M> {
         for (slot, r) in slots[n.min(count)..].iter_mut().zip(&scratch.spokes) {
             *slot = r.corner;
         }
-        // Whose place was kept gives its number: the result then has that vertex of the input.
+        // The end whose position was kept gives its number: the result then contains that vertex of the
+        // input.
         let is_place_of = |end: &Vertex<M::Memory>| end.p == at && !end.kind.is_moved();
         let kept_v = is_place_of(&z) && !is_place_of(&x);
         let (origin, merged) = if kept_v { (z.origin, x.origin) } else { (x.origin, z.origin) };
@@ -442,7 +444,8 @@ impl<M: Metric> LiveMesh<M> {
         [origin, merged]
     }
 
-    /// Lets the vertices around the collapse swap old planes for new ones; returns the new ones of the merged vertex.
+    /// Replaces old planes by new ones at the vertices around the collapse; returns the planes of the
+    /// merged vertex.
     #[inline(always)]
     pub(super) fn swap_planes(&mut self, wings: &Wings) -> M::Memory {
         let (metric, mean, mut q) = (self.cost.metric, self.cost.mean_face, M::Memory::default());
@@ -460,7 +463,8 @@ impl<M: Metric> LiveMesh<M> {
         q
     }
 
-    /// Weight of a largest squared distance. In the late phase true distances are charged instead.
+    /// Returns the weight of the largest squared distance; 0 in the late phase, where the sampled cost
+    /// replaces it.
     #[inline(always)]
     pub(crate) fn peak_weight(&self) -> f32 {
         if self.sampled.is_some() || self.cost.metric.cost_source().is_metric() {
@@ -470,20 +474,21 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// Squared distance from `q` to the star that the wings become.
+    /// Returns the squared distance from `q` to the star that the wings become.
     #[inline(never)]
     fn distance_to_star(&self, wings: &Wings, q: Vec3, at: Vec3) -> f32 {
         let to = |w: Wing| triangle::closest(q, at, self.store.p(w.a), self.store.p(w.b)).0;
         wings.iter().filter(|w| !w.both).map(to).fold(f32::INFINITY, f32::min)
     }
 
-    /// Whether any edges carry lines: borders and curves, unless they are free, or sharp edges.
+    /// True if any edges carry lines: borders and non-manifold curves, unless they are free, or sharp
+    /// edges.
     pub(crate) fn has_lines(&self) -> bool {
         self.constraints.rules.border != BorderPolicy::Free || self.store.creases.is_some()
     }
 
-    /// Kinds and tensors of `u` and of the vertices around it, afresh: after a change on a non-manifold curve, where
-    /// counts of faces at edges add up.
+    /// Recomputes kinds and tensors of `u` and of the vertices around it: after a change on a non-manifold
+    /// curve, where counts of faces at edges add up.
     #[inline(never)]
     fn refresh_around(&mut self, u: VertexId) {
         let mut ring = Ring::default();
@@ -494,8 +499,8 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// Whether a new triangle of the star would turn its back to where the input faced (`facing` at the ends), or lie back
-    /// to back with another, within the star or beyond its rim.
+    /// True if a new triangle of the star would face away from the orientation of the input (`facing` at
+    /// the ends), or lie back to back with another, within the star or beyond its rim.
     #[inline(never)]
     fn folds(&self, wings: &Wings, facing: Vec3) -> bool {
         let unit = |n: Vec3| n / n.length().max(1e-30);
@@ -529,7 +534,7 @@ impl<M: Metric> LiveMesh<M> {
         false
     }
 
-    /// The guards that options turn on.
+    /// Checks the optional guards.
     #[inline(never)]
     fn check_guards(
         &self,

@@ -1,7 +1,7 @@
-//! Sharp edges of the input as feature lines: which edges they are, as bits of the faces on both sides.
+//! Sharp edges of the input as feature lines, stored as bits of the faces on both sides.
 //!
-//! A bit stays with its face, so it follows collapses by itself: of two edges that become one, each of the two faces that
-//! are left brings the bit of its own edge, and either of them makes the new edge a feature.
+//! A bit stays with its face, so collapses need no update: when two edges become one, each of the two
+//! remaining faces brings the bit of its own edge, and either of them makes the new edge a feature.
 
 use std::cmp::Ordering;
 
@@ -11,13 +11,13 @@ use lodsmith_core::VertexId;
 use super::store::{Corner, Spoke, Store};
 use crate::metric::VertexMemory;
 
-/// Twice the area over the squared longest edge under which a face has no normal to speak of: single precision may have
-/// turned it. (A guess: a height of ten thousandths of a percent of the length.)
+/// Twice the area over the squared longest edge below which a face has no reliable normal: rounding to
+/// single precision may have turned it. (Guessed: a height of ten thousandths of a percent of the length.)
 const NO_NORMAL: f64 = 1e-6;
 
-/// Bits of the edges of each face whose two faces meet at more than an angle, in degrees; bit k is the edge from corner k
-/// to the next one. `None` where there is no such edge. Edges of other than two faces have none: they are features anyway.
-/// Cost: O(n log n).
+/// Returns for each face the bits of its edges whose two faces meet at more than an angle, in degrees; bit
+/// k is the edge from corner k to the next one. `None` if there are none. Edges of other than two faces
+/// have no bits: they are features anyway. Cost: O(n log n).
 pub(crate) fn sharp_edges(points: &[Vec3], faces: &[[VertexId; 3]], deg: f64) -> Option<Vec<u8>> {
     let mut edges: Vec<([VertexId; 2], Corner)> = Vec::with_capacity(3 * faces.len());
     for (f, t) in faces.iter().enumerate() {
@@ -36,7 +36,7 @@ pub(crate) fn sharp_edges(points: &[Vec3], faces: &[[VertexId; 3]], deg: f64) ->
     for sides in edges.chunk_by(|a, b| a.0 == b.0) {
         let &[(_, one), (_, other)] = sides else { continue };
         let [Some(n), Some(m)] = [one, other].map(|c| normal(points, &faces[c.face()])) else { continue };
-        // Faces that are wound differently run along their edge the same way.
+        // Faces of opposite winding have their common edge in the same direction.
         let is_turned = faces[one.face()][one.k()] == faces[other.face()][other.k()];
         if n.dot(if is_turned { -m } else { m }) < cos {
             [one, other].iter().for_each(|c| bits[c.face()] |= 1 << c.k());
@@ -54,7 +54,8 @@ fn normal(points: &[Vec3], t: &[VertexId; 3]) -> Option<DVec3> {
 }
 
 impl<Q: VertexMemory> Store<Q> {
-    /// Whether the edge from corner k of a face to the next one (`next`) or to the one before is sharp, as the face has it.
+    /// True if the edge from corner k of a face to the next one (`next`) or to the one before is marked
+    /// sharp in that face.
     #[inline(always)]
     pub(super) fn is_sharp(&self, corner: Corner, next: bool) -> bool {
         const EDGE: [[u8; 3]; 2] = [[4, 1, 2], [1, 2, 4]];
@@ -62,7 +63,7 @@ impl<Q: VertexMemory> Store<Q> {
         self.creases.as_ref().is_some_and(bit)
     }
 
-    /// Whether any edge from the centre of a star is sharp.
+    /// True if any edge from the centre of a star is sharp.
     pub(super) fn meets_creases(&self, ring: &[Spoke]) -> bool {
         self.creases.is_some()
             && ring.iter().any(|r| self.is_sharp(r.corner, true) || self.is_sharp(r.corner, false))

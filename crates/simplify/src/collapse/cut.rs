@@ -1,14 +1,14 @@
-//! Cutting a surface at its necks, where the topology may change.
+//! Cuts of a surface at its necks, if the topology may change.
 //!
 //! ```text
-//!      side 1   u          Three edges u-v, v-w, w-u go round a tube, and no face lies between them. To collapse u-v would
-//!        .-----/|\-----.   pinch the tube. Here it is cut along the three and closed on both sides with a triangle; the
-//!       (     w-+-      )  collapse then takes both triangles away. What is left are two ends that touch: u, w on one
-//!        '-----\|/-----'   side and two new vertices at the same places on the other. Each edge keeps two faces.
-//!               v   side 2
+//!      side 1   u          Three edges u-v, v-w, w-u go round a tube, and no face is between them. A
+//!        .-----/|\-----.   collapse of u-v would pinch the tube. Instead it is cut along the three edges and
+//!       (     w-+-      )  closed on both sides with a triangle; the collapse then removes both triangles.
+//!        '-----\|/-----'   This leaves two ends that touch: u, w on one side and two new vertices at the same
+//!               v   side 2 positions on the other. Each edge keeps two faces.
 //! ```
 //!
-//! A handle goes in that way, or a part falls in two, which then may go one by one.
+//! This removes a handle, or splits a part in two, which may then be removed one by one.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
@@ -23,12 +23,12 @@ use crate::metric::{Form, Metric};
 use crate::options::{Placement, SimplifyOptions, TopologyPolicy};
 use crate::report::Refusal;
 
-/// How far vertices that touch are moved aside, of the way to the middle of their star: enough for single precision to tell
-/// them apart, and nothing to see. (Guessed.)
+/// Displacement of vertices that touch, a share of the way to the middle of their star: enough for single
+/// precision to separate them, and invisible. (Guessed.)
 const SEPARATION_SHARE: f32 = 1.0 / 512.0;
 
-/// Whether a run with these options may cut, at the latest when nothing else is left. (Vertices that cannot move leave the
-/// sides of a cut in touch, which only free topology allows.)
+/// True if a run with these options may cut, at the latest when nothing else is left. (Vertices that cannot
+/// move would leave the sides of a cut in contact, which only free topology allows.)
 pub(crate) fn may_cut(options: &SimplifyOptions) -> bool {
     match options.topology {
         TopologyPolicy::Preserve => false,
@@ -37,18 +37,19 @@ pub(crate) fn may_cut(options: &SimplifyOptions) -> bool {
     }
 }
 
-/// Share of the collapses that the link condition has to refuse, from which a run that cuts necks is tried as well. (Measured: at
-/// most .02 on scans at 50, 10 and 1 %; .6 and 1.4 on parts with many small holes at 10 %, where cuts bring a quarter and more.)
+/// Collapses refused by the link condition, as a share of all collapses, from which a run that cuts necks
+/// is tried too. (Measured: at most .02 on scans at 50, 10 and 1 %; .6 and 1.4 on parts with many small
+/// holes at 10 %, where cuts gain a quarter and more.)
 const MIN_REFUSED_SHARE: f64 = 0.5;
-/// Faces round a vertex above which no neck is looked for at it: that takes their square for each neighbour in common.
-/// (Guessed: in ordinary meshes hardly any vertex has a third of it.)
+/// Number of faces round a vertex above which no neck is searched for at it: the search is quadratic in it
+/// for each common neighbour. (Guessed: in ordinary meshes hardly any vertex has a third of it.)
 const MAX_NECK_FACES: usize = 96;
-/// Faces of the input for each of its parts, from which this is asked: small parts have no handles, but their last faces are
-/// refused by the link condition, too. (Guessed.)
+/// Faces of the input per part from which necks are considered: small parts have no handles, but the link
+/// condition refuses their last collapses, too. (Guessed.)
 const MIN_FACES_PER_PART: usize = 100;
 
 impl<M: Metric> Engine<M> {
-    /// Whether necks stand in the way of many collapses, in a run that could not cut them.
+    /// True if necks block many collapses in a run that could not cut them.
     pub(crate) fn has_necks_in_the_way(&self) -> bool {
         let refused = self.tally.refusals[Refusal::LinkCondition as usize];
         !self.mesh.constraints.cuts_necks
@@ -57,7 +58,8 @@ impl<M: Metric> Engine<M> {
     }
 }
 
-/// The faces on the two sides of a neck, by the vertex that they hang on, without those on the edge that goes.
+/// The faces on the two sides of a neck, by the vertex that they belong to, without those on the collapsed
+/// edge.
 pub(crate) struct Neck {
     w: VertexId,
     of_u: [Vec<Corner>; 2],
@@ -66,7 +68,8 @@ pub(crate) struct Neck {
 }
 
 impl Neck {
-    /// `None` where a vertex has faces outside of the one fan, as where the surface touches itself: they would stay behind.
+    /// Returns `None` if a vertex has faces outside of its single fan, as where the surface touches itself:
+    /// they would be left behind.
     fn new(w: VertexId, u: VertexId, v: VertexId, [ru, rv, rw]: [&Ring; 3]) -> Option<Self> {
         let neck = Self {
             w,
@@ -77,12 +80,12 @@ impl Neck {
         let is_all = |sides: &[Vec<Corner>; 2], ring: &Ring, shared: usize| {
             sides[0].len() + sides[1].len() + shared == ring.len()
         };
-        // The two faces on the edge that goes are of neither side.
+        // The two faces on the collapsed edge belong to neither side.
         (is_all(&neck.of_u, ru, 2) && is_all(&neck.of_v, rv, 2) && is_all(&neck.of_w, rw, 0)).then_some(neck)
     }
 
-    /// Whether both sides are sound after the cut: enough faces, none twice, and no other neighbour that the ends still
-    /// share on one side.
+    /// True if both sides are sound after the cut: enough faces, no duplicates, and no other common
+    /// neighbour of the ends on one side.
     fn is_sound(&self, common: &[VertexId], ru: &Ring, rv: &Ring) -> bool {
         let is_at = |corners: &[Corner], ring: &Ring, w: VertexId| {
             ring.iter().any(|r| r.has(w) && corners.contains(&r.corner))
@@ -104,7 +107,7 @@ impl Neck {
     }
 }
 
-/// The corners of a closed fan from the neighbour `from` on to `to`, without faces that have `not`.
+/// Returns the corners of a closed fan from the neighbour `from` to `to`, without faces that have `not`.
 fn arc(ring: &Ring, from: VertexId, to: VertexId, not: VertexId) -> Option<Vec<Corner>> {
     let (mut at, mut corners) = (from, Vec::new());
     for _ in 0..ring.len() {
@@ -121,8 +124,8 @@ fn arc(ring: &Ring, from: VertexId, to: VertexId, not: VertexId) -> Option<Vec<C
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// The neck that refuses the collapse of u-v, if the surface may be cut there: closed fans all round, and at least
-    /// three faces left at each end of each side.
+    /// Returns the neck that blocks the collapse of u-v, if the surface may be cut there: all fans closed,
+    /// and at least three faces left at each end of each side.
     #[inline(never)]
     pub(crate) fn neck(
         &self,
@@ -165,8 +168,8 @@ impl<M: Metric> LiveMesh<M> {
         None
     }
 
-    /// Collapses u-v and cuts the surface at the neck; the merged vertices go to the kept end + `y`. Wings
-    /// are at hand. On the second side `v` lives on.
+    /// Collapses u-v and cuts the surface at the neck; the merged vertices move to the kept end + `y`. The
+    /// wings are in the scratch. On the second side `v` stays alive.
     #[expect(clippy::too_many_arguments, reason = "those of a collapse, apart")]
     pub(super) fn cut(
         &mut self,
@@ -189,7 +192,7 @@ impl<M: Metric> LiveMesh<M> {
             let q = self.cost.metric.merged(&form, y);
             (self.store.v[u.index()].q, self.store.v[v.index()].q) = (q, q);
         }
-        // Who stands at whose place, to the bit.
+        // Which end keeps its position, to the bit.
         let is_place_of_u = at == x.p && !x.kind.is_moved();
         let is_place_of_v = !is_place_of_u && at == z.p && !z.kind.is_moved();
         if is_place_of_u {
@@ -230,8 +233,8 @@ impl<M: Metric> LiveMesh<M> {
         tally.necks_cut += 1;
     }
 
-    /// Moves vertices that stand at one place apart, each a little into its own star, as far as the guards let it. The store
-    /// is compact.
+    /// Separates vertices at the same position: moves each a little into its own star, as far as the guards
+    /// allow. The store is compact.
     pub(crate) fn separate_touching(&mut self) {
         let place = |x: VertexId| self.store.p(x).to_array().map(|x| (x + 0.0).to_bits());
         let mut order: Vec<VertexId> = (0..self.store.v.len() as u32).map(VertexId).collect();
@@ -263,7 +266,7 @@ impl<M: Metric> LiveMesh<M> {
 }
 
 impl<M: Metric> Engine<M> {
-    /// Notes a cut that was just made.
+    /// Records a cut that was just made.
     #[inline(never)]
     pub(super) fn note_cut(&mut self, u: VertexId, v: VertexId, neck: &Neck, rings: [&Ring; 2], cost: f32) {
         let other_w = VertexId::new(self.mesh.store.v.len() - 1);
@@ -274,7 +277,7 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// Deals the samples of the first of two vertices at one place to both.
+    /// Distributes the samples of the first of two vertices at one position to both.
     fn share_samples(&mut self, ends: [VertexId; 2]) {
         let Some(mut late) = self.sampled.take() else { return };
         let mut ring = Ring::default();

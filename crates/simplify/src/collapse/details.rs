@@ -1,7 +1,8 @@
 //! Details: small parts on larger ones of another colour, such as eyes, buckles and buttons.
 //!
-//! By distance alone they melt to one triangle, because a small part is never far from where it was. One that is half as large as
-//! a face of the result is seen there, and keeps most of its area. What is smaller than that melts as before.
+//! By distance alone they shrink to one triangle, because a small part is never far from its original
+//! position. A part at least half as large as a face of the result is visible there, and keeps most of its
+//! area. Smaller ones still shrink.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
@@ -11,37 +12,38 @@ use super::store::Ring;
 use super::{Goal, LiveMesh};
 use crate::metric::Metric;
 
-/// A detail is at least this share of a face of the result, on average, ...
+/// Minimum area of a detail, relative to a mean face of the result.
 const SMALLEST: f32 = 0.5;
-/// ... and at most so many of them: larger parts do not melt.
+/// Maximum area of a detail, relative to a mean face of the result: larger parts do not shrink away.
 const LARGEST: f32 = 16.0;
-/// Details have no more of the whole area than this together. Otherwise they are the model.
+/// Maximum share of the total area that all details have together. Otherwise they are the model.
 const MOST: f32 = 0.1;
 /// Share of its area that a detail keeps. (A disc of eight corners has .9, one of six .83, a triangle .41.)
 const KEPT: f32 = 0.8;
-/// How far a detail may stand out of the box of the part that it lies on, as a share of its own box.
+/// Tolerance by which a detail may extend beyond the bounding box of the part that it lies on, as a share
+/// of its own box.
 const SLACK: f32 = 0.1;
-/// The part that a detail lies on is so many times as large, ...
+/// Minimum ratio of the area of the part that a detail lies on to that of the detail.
 const LARGER: f32 = 4.0;
-/// ... and one of so many largest ones, so that the search takes linear time.
+/// Number of largest parts that details may lie on, so that the search takes linear time.
 const LOOKED_AT: usize = 64;
-/// Difference in a channel, of 255, from which a detail has another colour than what it lies on.
+/// Difference in a channel, of 255, above which a detail has another colour than the part that it lies on.
 const CONTRAST: f32 = 40.0;
 
-/// The parts of the input, and which of them are details on the way to a goal. Areas are counted twice.
+/// The parts of the input, and which of them are details for a goal. Areas are doubled.
 #[derive(Clone)]
 pub(crate) struct Details {
-    /// By number in the ordered input; without one, a number that no part has.
+    /// Part by number in the ordered input; `u32::MAX` for none.
     part_of: Vec<u32>,
     area: Vec<f32>,
-    /// What is left of it.
+    /// Current area.
     left: Vec<f32>,
-    /// Whether it lies on a larger part of another colour.
+    /// True if it lies on a larger part of another colour.
     stands_out: Vec<bool>,
     is_detail: Vec<bool>,
 }
 
-/// What a part is like before anything is collapsed.
+/// Size of a part before anything is collapsed.
 #[derive(Clone, Copy)]
 struct PartExtent {
     area: f32,
@@ -52,7 +54,7 @@ struct PartExtent {
 impl PartExtent {
     const EMPTY: Self = Self { area: 0.0, min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
-    /// Whether it lies in the box of a larger one.
+    /// True if it lies in the box of a larger one.
     fn lies_on(&self, other: &Self) -> bool {
         let slack = SLACK * (self.max - self.min);
         let is_inside =
@@ -62,8 +64,9 @@ impl PartExtent {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// Lets details keep their area from here on. `colors` says the mean colour of each part, where it has one, by the part of
-    /// each number in the ordered input and how many parts there are. Before the first sweep. Cost: O(n).
+    /// Finds the parts that may be details, before the first sweep. `colors` returns the mean colour of
+    /// each part, if it has one, from the part of each number in the ordered input and the number of parts.
+    /// Cost: O(n).
     pub(crate) fn watch_details(&mut self, colors: impl FnOnce(&[u32], usize) -> Vec<Option<Vec3>>) {
         let labels = self.label_parts();
         let parts = labels.iter().copied().max().map_or(0, |m| m as usize + 1);
@@ -101,7 +104,7 @@ impl<M: Metric> LiveMesh<M> {
             Some(Box::new(Details { part_of, left: area.clone(), area, stands_out, is_detail }));
     }
 
-    /// Finds out which parts are details for a goal.
+    /// Selects the parts that are details for a goal.
     pub(super) fn find_details(&mut self, goal: &Goal) {
         let Some(details) = &mut self.constraints.details else { return };
         let faces = goal.faces.or(goal.vertices.map(|n| 2 * n)).unwrap_or(usize::MAX);
@@ -116,7 +119,8 @@ impl<M: Metric> LiveMesh<M> {
         details.is_detail = found.iter().map(|&area| are_few && area > 0.0).collect();
     }
 
-    /// Which detail a collapse of `v` into `u` at a place changes, if it does, and by how much area.
+    /// Returns the detail that a collapse of `v` into `u` at a position changes, if any, and the change of
+    /// its area.
     pub(super) fn change_of_detail(
         &self,
         u: VertexId,
@@ -140,13 +144,13 @@ impl<M: Metric> LiveMesh<M> {
         Some((part, stay.map(|r| area(at, [r.a, r.b])).sum::<f32>() - before.sum::<f32>()))
     }
 
-    /// Whether a detail keeps enough of its area with this change.
+    /// True if a detail keeps enough of its area with this change.
     pub(super) fn keeps_detail(&self, (part, change): (usize, f32)) -> bool {
         let keeps = |d: &Details| change >= 0.0 || d.left[part] + change >= KEPT * d.area[part];
         self.constraints.details.as_deref().is_none_or(keeps)
     }
 
-    /// Notes a change that was made.
+    /// Applies a change to the area of a detail.
     pub(super) fn change_detail(&mut self, (part, change): (usize, f32)) {
         if let Some(details) = &mut self.constraints.details {
             details.left[part] += change;

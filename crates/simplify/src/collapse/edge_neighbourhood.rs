@@ -1,4 +1,4 @@
-//! What a metric sees that judges an edge from the stars of its ends.
+//! Neighbourhood of an edge, for metrics that compute its cost from the stars of its ends.
 
 use lodsmith_core::VertexId;
 
@@ -15,7 +15,8 @@ use crate::options::Placement;
 use crate::report::Refusal;
 
 impl<M: Metric> LiveMesh<M> {
-    /// Where kinds and options let the merged vertex of u-v go; `None` if neither end may move.
+    /// Returns the positions that kinds and options allow for the merged vertex of u-v; `None` if neither
+    /// end may move.
     pub(super) fn allowed_place(&self, u: VertexId, v: VertexId) -> Option<AllowedPlace> {
         let [x, z] = [u, v].map(|w| self.store.v[w.index()].kind);
         Some(match (x, z) {
@@ -27,14 +28,15 @@ impl<M: Metric> LiveMesh<M> {
             (k, l) if k.is_fixed() && l.is_fixed() => return None,
             (k, _) if k.is_fixed() => AllowedPlace::Kept,
             (_, l) if l.is_fixed() => AllowedPlace::Removed,
-            // Both ends are points of the curve; what lies between is a chord of it.
+            // Both ends are points of the curve; a point between them would be on its chord.
             (k, l) if k.is_rail() && l.is_rail() => AllowedPlace::Ends,
             (k, _) if k.is_rail() => AllowedPlace::Kept,
             _ => AllowedPlace::Removed,
         })
     }
 
-    /// Adds what the metric says of the edges from `u` to `owned`, each by itself. Says how many may not go.
+    /// Evaluates the edges from `u` to `owned` one by one with the metric. Returns the number of edges that
+    /// must not be collapsed.
     #[inline(never)]
     pub(super) fn evaluate_owned_by_metric(
         &self,
@@ -59,7 +61,7 @@ impl<M: Metric> LiveMesh<M> {
             match self.candidate_by_metric(u, v, ru, &rv, scratch, tally) {
                 Some(c) if c.cost <= self.constraints.rules.max_cost => found.add(c, most),
                 Some(_) => {}
-                // What is beyond the limit anyway is not refused.
+                // An edge beyond the cost limit does not count as refused.
                 None => stuck += u64::from(self.is_within_limit(u, v)),
             }
         }
@@ -67,12 +69,12 @@ impl<M: Metric> LiveMesh<M> {
         stuck
     }
 
-    /// Whether the squared length of an edge is no more than costs may be, where they have a limit.
+    /// True if the squared length of an edge is within the cost limit.
     fn is_within_limit(&self, u: VertexId, v: VertexId) -> bool {
         (self.store.p(v) - self.store.p(u)).length_squared() <= self.constraints.rules.max_cost
     }
 
-    /// What the metric says of the edge u-v; `None` if it may not go.
+    /// Returns the candidate of the edge u-v by the metric; `None` if it must not be collapsed.
     #[inline(never)]
     pub(super) fn candidate_by_metric(
         &self,
@@ -88,7 +90,7 @@ impl<M: Metric> LiveMesh<M> {
         let Scratch { neighbourhood: around, edges, .. } = scratch;
         self.collect_neighbourhood([u, v], place, [ru, rv], around, edges);
         let judged = self.cost.metric.judge(around, self.cost.mean_face);
-        // (A cost without bound, on input of extreme sizes, would look like one that is not known.)
+        // (An infinite cost, on input of extreme sizes, would look like an unknown one.)
         judged.map(|(cost, step)| Candidate { cost: cost.clamp(0.0, f32::MAX), removed: v, step, sure: 0.0 })
     }
 
@@ -130,7 +132,7 @@ impl<M: Metric> LiveMesh<M> {
             }
             return;
         }
-        // (All edges at once: one by one they would take quadratic time.)
+        // (All edges at once: one by one takes quadratic time.)
         if around.on_lines[0] {
             self.store.edges(ru, x, edges);
             for edge in edges.iter() {

@@ -1,4 +1,4 @@
-//! What the edges of a vertex would cost, and where the merged vertex would go.
+//! Evaluation of the edges of a vertex: cost, and position of the merged vertex.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
@@ -17,26 +17,27 @@ use crate::options::Placement;
 const MIDPOINT_PULL: f32 = 1e-5;
 /// Largest squared distance over the mean one, as assumed until it is computed. (docs/decisions/0001)
 const PEAK_GUESS: f32 = 4.0;
-/// Share of trace³ under which the system is not solved. (Guessed.)
+/// Share of trace³ below which the system is not solved. (Guessed.)
 const MIN_DET: f32 = 1e-9;
 
-/// Farthest from the middle of the edge that the best position may lie, a share of length², squared. (Measured: 0.5 to
-/// 4 have equal means; 1 has the lowest maxima at 100 faces.)
+/// Maximum distance of the best position from the middle of the edge, a share of length², squared.
+/// (Measured: 0.5 to 4 have equal means; 1 has the lowest maxima at 100 faces.)
 const MAX_OFF_MIDPOINT_SQ: f32 = 1.0;
-/// Share of trace · length² under which a difference of squares in single precision is noise. Such a cost counts as
-/// nothing, so that the exact one is asked for at the commit: it alone tells flat from nearly flat.
+/// Share of trace · length² below which a difference of squares in single precision is noise. Such a cost
+/// is taken as 0, so that the exact one is computed at the commit: it alone separates flat from nearly
+/// flat.
 const CANCELLATION_NOISE: f32 = 1e-8;
 
-/// Share of trace · length² from which a difference of squares is known to about a thousandth: then what attributes lose need
-/// not be asked of the triangles once more.
+/// Share of trace · length² above which a difference of squares is accurate to about a thousandth: then the
+/// attribute cost need not be recomputed from the triangles.
 const MIN_SIGNIFICANT: f32 = 1e-5;
 
-/// What was found of the edges of a vertex.
+/// Results of evaluating the edges of a vertex.
 #[derive(Debug, Default)]
 pub(crate) struct Found {
-    /// Those that cost no more than was asked for, in the order of the ring.
+    /// Candidates within the cost limit, in the order of the ring.
     pub(crate) within: Vec<Candidate>,
-    /// The least costs beyond.
+    /// Least costs above the limit, by lane.
     beyond: f32x4,
 }
 
@@ -54,12 +55,12 @@ impl Found {
         }
     }
 
-    /// The least cost of the others.
+    /// Returns the least cost above the limit.
     pub(crate) fn beyond(&self) -> f32 {
         self.beyond.to_array().into_iter().fold(f32::INFINITY, f32::min)
     }
 
-    /// Takes the cheapest, the first of equals.
+    /// Removes and returns the cheapest candidate, the first of equals.
     pub(crate) fn take_cheapest(&mut self) -> Option<Candidate> {
         let cost = |i: usize| self.within[i].cost;
         let cheapest = (0..self.within.len()).min_by(|&i, &j| cost(i).total_cmp(&cost(j)))?;
@@ -72,9 +73,9 @@ pub(super) struct OwnedEdges<'a> {
     pub(super) u: VertexId,
     pub(super) owned: &'a [VertexId],
     pub(super) ring: &'a Ring,
-    /// Edges of higher cost are not listed one by one.
+    /// Cost limit: edges above it are not listed one by one.
     pub(super) most: f32,
-    /// True if each end has one wedge alone ([`LiveMesh::know_wedges`]).
+    /// True if each end has a single wedge ([`LiveMesh::know_wedges`]).
     pub(super) are_lone: bool,
 }
 
@@ -82,15 +83,15 @@ pub(super) struct OwnedEdges<'a> {
 struct Evaluated {
     cost: f32x4,
     step: Four,
-    /// The forms there, where they are known to a few digits and attributes count; else 0.
+    /// The forms there, if accurate to a few digits and attributes count; else 0.
     sure: f32x4,
-    /// All bits of a lane, where the system could be solved.
+    /// Mask of the lanes whose system could be solved.
     solved: f32x4,
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// Evaluates the edges from `u` to `owned` and adds them to what is found, those that cost up to `most` one by one. Says
-    /// how many have two ends that may not move.
+    /// Evaluates the edges from `u` to `owned` and adds them to `found`; those that cost up to `most` are
+    /// listed one by one. Returns the number of edges with two ends that may not move.
     #[inline(always)]
     pub(super) fn evaluate_owned(
         &self,
@@ -144,8 +145,8 @@ impl<M: Metric> LiveMesh<M> {
         stuck
     }
 
-    /// Up to four edges of free ends side by side, for vector instructions. The same as [`Self::evaluate_edge`] does one
-    /// by one.
+    /// Evaluates up to four edges of free ends side by side with SIMD, with the results of
+    /// [`Self::evaluate_edge`].
     #[inline(always)]
     fn evaluate_four(
         &self,
@@ -173,7 +174,7 @@ impl<M: Metric> LiveMesh<M> {
         if self.values.attributes.is_some() {
             self.add_attributes_to_four((u, ends, are_lone), &d, (&mut a, &mut h, &mut c), ru, members);
         }
-        // (What large values of attributes leave behind when they go may be less than nothing.)
+        // (Rounding errors left by large attribute values that were subtracted again may be negative.)
         let trace = (a[0] + a[1] + a[2]).fast_max(f32x4::ZERO);
         let r = trace * MIDPOINT_PULL;
         let (m0, m1, m2) = (a[0] + r, a[1] + r, a[2] + r);
@@ -202,14 +203,14 @@ impl<M: Metric> LiveMesh<M> {
             None => f32x4::ZERO,
         };
         let q = q.simd_gt(size * CANCELLATION_NOISE) & q;
-        // |y|² + |y - d|², by the middle.
+        // y|² + |y - d|², from the middle.
         let spread = from_mid_sq + from_mid_sq + d_sq * 0.5;
         let tie = trace * (0.5 * TIE) * spread;
         let cost = q * peak + tie;
         Evaluated { cost, step: y, sure, solved }
     }
 
-    /// The cost of a form at `y`, in edge `d`.
+    /// Returns the cost of a form at `y`, for edge vector `d`.
     #[inline(always)]
     pub(super) fn cost_of(&self, form: &Form, d: Vec3, y: Vec3) -> f32 {
         let Form { a, h, c } = form;
@@ -225,7 +226,7 @@ impl<M: Metric> LiveMesh<M> {
         q * peak + tie
     }
 
-    /// The cost of merging `v` into `u` at the place of `u` + `step`.
+    /// Returns the cost of merging `v` into `u` at the position of `u` + `step`.
     pub(crate) fn cost_at(
         &self,
         u: VertexId,
@@ -238,7 +239,7 @@ impl<M: Metric> LiveMesh<M> {
         self.cost_of(&form, d, step)
     }
 
-    /// The form of an edge, attributes included, and the way to its other end.
+    /// Returns the form of an edge, including attributes, and the vector to its other end.
     #[inline(always)]
     fn form(&self, u: VertexId, v: VertexId, ru: &Ring, members: &mut Vec<Member>) -> (Form, Vec3) {
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
@@ -254,8 +255,8 @@ impl<M: Metric> LiveMesh<M> {
         (form, d)
     }
 
-    /// Cost of the collapse of u and v, and the best place of the merged vertex relative to u; `None` if neither end
-    /// may move.
+    /// Returns the cost of the collapse of u and v and the best position of the merged vertex relative to
+    /// u; `None` if neither end may move.
     #[inline(never)]
     fn evaluate_edge(
         &self,
@@ -274,7 +275,7 @@ impl<M: Metric> LiveMesh<M> {
                 (k, l) if k.is_fixed() && l.is_fixed() => None,
                 (k, _) if k.is_fixed() => at(Vec3::ZERO),
                 (_, l) if l.is_fixed() => at(d),
-                // Both ends are points of the curve; what lies between is a chord of it.
+                // Both ends are points of the curve; a point between them would be on its chord.
                 (k, l) if k.is_rail() && l.is_rail() => ends(),
                 (k, _) if k.is_rail() => at(Vec3::ZERO),
                 _ => at(d),
@@ -293,7 +294,8 @@ impl<M: Metric> LiveMesh<M> {
     }
 }
 
-/// The place of least cost by a form in edge `d`, unless it is not known or far from the middle.
+/// Returns the position of least cost by a form for edge vector `d`, unless the system is singular or it is
+/// far from the middle.
 #[inline(always)]
 pub(super) fn best_place(form: &Form, d: Vec3) -> Option<Vec3> {
     let Form { a, h, .. } = form;
@@ -331,7 +333,8 @@ mod tests {
     use crate::options::{SimplifyOptions, Stop};
     use crate::test_support::{in_two_charts, with_engine};
 
-    /// What four edges side by side cost, against each alone. Says how many were compared, and what is wrong.
+    /// Compares the costs of four edges side by side with those of each alone. Returns the number of
+    /// comparisons, and the mismatches.
     fn compared(mesh: &TriMesh) -> (usize, Vec<String>) {
         let (mut count, mut wrong) = (0, Vec::new());
         let options = SimplifyOptions::new(Stop::ratio(0.5));
@@ -358,8 +361,9 @@ mod tests {
                         continue;
                     };
                     count += 1;
-                    // Differences of squares in single precision: to a share of what is subtracted, as often as the farthest
-                    // place is away. The place itself is as good as what it costs, by the form of one edge.
+                    // Differences of squares in single precision: tolerance relative to the subtracted
+                    // values, scaled by the distance of the farthest position. The position itself is as
+                    // good as its cost, by the form of one edge.
                     let (form, d) = engine.mesh.form(u, w, &ring, &mut members);
                     let peak = 1.0 + PEAK_GUESS * engine.mesh.peak_weight() / form.a.trace().max(1e-37);
                     let within = 1e-4 * of_one.cost + 1e-5 * form.a.trace() * d.length_squared() * peak;

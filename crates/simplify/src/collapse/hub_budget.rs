@@ -1,18 +1,20 @@
-//! How much work vertices of very many faces may take.
+//! Budget for work at vertices of very many faces.
 //!
-//! A collapse looks at all faces round both ends and takes two of them away. Round a hub of n faces that is quadratic work
-//! in n, so it has a budget in proportion to the faces of the input: whoever has edges at such a vertex waits when it is
-//! spent, and the edges around it go on. No other vertex notices.
+//! A collapse visits all faces round both ends and removes two of them. Round a hub of n faces the work is
+//! quadratic in n, so it has a budget in proportion to the faces of the input: edges at a hub wait when it
+//! is spent, and those around it continue. No other vertex is affected.
 
-/// Faces round the two ends of an edge from which it counts. (Guessed: far above those of any edge that is not at a hub.)
+/// Faces round the two ends of an edge above which it uses the budget. (Guessed: far above those of any
+/// edge that is not at a hub.)
 const HUB_FACES: usize = 1024;
-/// Faces that may be looked at in a whole run, for each face of the input; at least `MIN_WORK`. (Guessed: a second or two for a million faces.)
+/// Faces that may be visited in a whole run, for each face of the input; at least `MIN_WORK`. (Guessed: a
+/// second or two for a million faces.)
 const WORK_PER_FACE: u64 = 128;
 const MIN_WORK: u64 = 1 << 22;
-/// A sweep may spend one part in so many of what is left.
+/// A sweep may spend the remaining budget divided by this.
 const SWEEP_DIVISOR: u64 = 8;
 
-/// What may still be looked at round such vertices, in faces.
+/// Remaining number of faces that may be visited at hubs.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct HubBudget {
     left: u64,
@@ -20,13 +22,13 @@ pub(super) struct HubBudget {
 }
 
 impl HubBudget {
-    /// The budget of an input of so many faces.
+    /// Returns the budget of an input of `faces` faces.
     pub(super) fn of(faces: usize) -> Self {
         let left = (faces as u64 * WORK_PER_FACE).max(MIN_WORK);
         Self { left, left_in_sweep: left / SWEEP_DIVISOR }
     }
 
-    /// Whether so many faces are many.
+    /// True if a vertex or edge with this number of faces is a hub.
     pub(super) fn is_hub(faces: usize) -> bool {
         faces > HUB_FACES
     }
@@ -35,7 +37,7 @@ impl HubBudget {
         self.left_in_sweep = self.left / SWEEP_DIVISOR;
     }
 
-    /// Whether an edge with so many faces round its ends may be looked at; takes them off the budget.
+    /// True if an edge with `faces` faces round its ends may be visited; subtracts them from the budget.
     #[inline(always)]
     pub(super) fn admit(&mut self, faces: usize) -> bool {
         if !Self::is_hub(faces) {

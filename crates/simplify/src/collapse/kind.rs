@@ -1,4 +1,5 @@
-//! What a vertex is by its edges: inside, on a border, on a non-manifold curve; and what that allows.
+//! Classification of vertices by their edges (inside, on a border, on a non-manifold curve), and the
+//! freedom to move that follows.
 
 use std::collections::HashMap;
 
@@ -8,18 +9,19 @@ use wide::u32x8;
 use super::store::Spoke;
 use crate::options::BorderPolicy;
 
-/// Faces of a ring up to which a neighbour is searched for by walking the ring. In larger rings neighbours are sorted or
-/// looked up, so that a vertex of n faces costs O(n log n), not O(n²). (Guessed; the answers are the same.)
+/// Number of faces of a ring up to which a neighbour is found by walking the ring. In larger rings
+/// neighbours are sorted or hashed, so that a vertex of n faces costs O(n log n), not O(n²). (Guessed; the
+/// results are the same.)
 pub(super) const SHORT_RING: usize = 64;
 
-/// Bits; none set is a vertex inside a closed, oriented fan.
+/// Kind of a vertex as flags; without flags the vertex is inside a closed, oriented fan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Kind(u32);
 
 impl Kind {
-    /// Some neighbour is not once first and once second in the triangles round the vertex.
+    /// Some neighbour is not exactly once first and once second in the triangles round the vertex.
     const IRREGULAR: u32 = 1;
-    /// Two border edges, all else regular.
+    /// On two border edges, otherwise regular.
     const BORDER: u32 = 2;
     /// On an edge of three or more faces, or where borders meet.
     const COMPLEX: u32 = 4;
@@ -33,10 +35,10 @@ impl Kind {
     const GONE: u32 = 64;
     /// On an edge whose sides differ in wedges or regions.
     const SEAM: u32 = 128;
-    /// The caller wants it as it is.
+    /// Locked by the caller.
     const LOCKED: u32 = 256;
 
-    /// The kind of a vertex with this star.
+    /// Returns the kind of a vertex with this star.
     pub(crate) fn of(ring: &[Spoke], border: BorderPolicy) -> Self {
         if is_closed_fan(ring.iter().map(|r| (r.a, r.b))) {
             return Self::default();
@@ -64,19 +66,19 @@ impl Kind {
                     BorderPolicy::Keep | BorderPolicy::Free => 0,
                 };
             }
-            // Their lines hold them.
+            // The line tensors keep them in place.
             (0, 2) => bits |= Self::COMPLEX,
             _ => bits |= Self::COMPLEX | Self::FIXED,
         }
         Self(bits)
     }
 
-    /// Every neighbour comes first in just one triangle.
+    /// True if every neighbour comes first in just one triangle.
     #[inline(always)]
     pub(crate) fn is_regular(self) -> bool {
         self.0 & Self::IRREGULAR == 0
     }
-    /// Has an edge with a number of faces other than two.
+    /// True if it has an edge with a number of faces other than two.
     #[inline(always)]
     pub(crate) fn is_feature(self) -> bool {
         self.0 & (Self::BORDER | Self::COMPLEX) != 0
@@ -85,7 +87,7 @@ impl Kind {
     pub(crate) fn is_seam(self) -> bool {
         self.0 & Self::SEAM != 0
     }
-    /// Has an edge that carries a line: a feature or a seam.
+    /// True if it has an edge that carries a line: a feature or a seam.
     #[inline(always)]
     pub(crate) fn has_lines(self) -> bool {
         self.0 & (Self::BORDER | Self::COMPLEX | Self::SEAM) != 0
@@ -110,7 +112,7 @@ impl Kind {
     pub(crate) fn is_locked(self) -> bool {
         self.0 & Self::LOCKED != 0
     }
-    /// Whether it may move anywhere.
+    /// True if it may move anywhere.
     #[inline(always)]
     pub(crate) fn is_free(self) -> bool {
         self.0 & (Self::FIXED | Self::RAIL | Self::LOCKED) == 0
@@ -139,7 +141,7 @@ impl Kind {
     pub(crate) fn locked(self, locked: bool) -> Self {
         Self(if locked { self.0 | Self::LOCKED } else { self.0 & !Self::LOCKED })
     }
-    /// The same with the marks of another that may stay when what they stood for is gone: irregular and on a seam.
+    /// Returns the kind with those flags of another that may be stale: irregular and on a seam.
     pub(crate) fn with_stale(self, other: Self) -> Self {
         Self(self.0 | other.0 & (Self::IRREGULAR | Self::SEAM))
     }
@@ -149,11 +151,12 @@ impl Kind {
     }
 }
 
-/// Whether every neighbour comes first in just one triangle and second in just one, of these first and second ones.
+/// True if each neighbour that comes first in a triangle does so just once, and is second in just one
+/// other.
 #[inline(always)]
 pub(crate) fn is_closed_fan(ring: impl ExactSizeIterator<Item = (VertexId, VertexId)> + Clone) -> bool {
-    // Side by side for vector instructions; most vertices have about six neighbours. Lane i that is not used holds a
-    // number that no vertex has, as first and as second.
+    // Side by side for SIMD; most vertices have about six neighbours. Unused lanes hold a number that no
+    // vertex has, as first and as second.
     const LANES: usize = 8;
     let n = ring.len();
     if n > SHORT_RING {
@@ -173,8 +176,8 @@ pub(crate) fn is_closed_fan(ring: impl ExactSizeIterator<Item = (VertexId, Verte
     for (i, r) in ring.enumerate() {
         (a[i % LANES], b[i % LANES]) = (r.0.0, r.1.0);
     }
-    // How often each first one is second, and each second one first: where both are once, the firsts differ, too. (Without
-    // a branch for each: masks are minus one where they match.)
+    // How often each first one is second, and each second one first: if both are once, the firsts differ,
+    // too. (Branchless: masks are minus one where they match.)
     let (first, second) = (u32x8::from(a), u32x8::from(b));
     let times = |of: u32x8, among: [u32; LANES]| {
         among.into_iter().fold(u32x8::ZERO, |sum, w| sum - of.simd_eq(u32x8::splat(w)))
@@ -184,9 +187,9 @@ pub(crate) fn is_closed_fan(ring: impl ExactSizeIterator<Item = (VertexId, Verte
     n > 0 && once.to_bitmask() & used == used
 }
 
-/// The neighbours in a ring, each once, in the order in which its faces have them.
+/// Returns the distinct neighbours in a ring, in the order of their first face.
 pub(crate) fn distinct(ring: &[Spoke]) -> impl Iterator<Item = VertexId> + '_ {
-    // In a long ring, the face that has each neighbour first.
+    // For a long ring, the index of the first face of each neighbour.
     let mut first_of = HashMap::new();
     if ring.len() > SHORT_RING {
         for (i, w) in ring.iter().enumerate().flat_map(|(i, r)| [(i, r.a), (i, r.b)]) {
@@ -204,7 +207,7 @@ pub(crate) fn distinct(ring: &[Spoke]) -> impl Iterator<Item = VertexId> + '_ {
         .map(|x| x.1)
 }
 
-/// How many triangles of the ring have `w`: the faces of the edge to it.
+/// Returns the number of triangles of the ring that contain `w`: the faces of the edge to it.
 #[inline(always)]
 pub(crate) fn faces_at(ring: &[Spoke], w: VertexId) -> usize {
     ring.iter().filter(|r| r.has(w)).count()

@@ -1,10 +1,11 @@
-//! Whether an edge can go without pinching the surface. [Dey 1999]
+//! Link condition: whether an edge can be collapsed without pinching the surface. [Dey 1999]
 //!
-//! In a complex of triangles the edge u-v may be contracted when Lk(u) ∩ Lk(v) = Lk(uv): the ends share no neighbour but
-//! the apexes of their common triangles, and no edge is opposite to both ends. Edges with a number of faces other than
-//! two (borders, non-manifold curves) count as joined to one more vertex, so two feature vertices may only be merged
-//! along a feature edge. In one point it is laxer: where both edges to an apex are features, the paper keeps the face
-//! between the two lines; here they may become one, unless that leaves no face at all, or a border where none was.
+//! In a complex of triangles the edge u-v may be contracted when Lk(u) ∩ Lk(v) = Lk(uv): the ends share no
+//! neighbour but the apexes of their common triangles, and no edge is opposite to both ends. Edges with a
+//! number of faces other than two (borders, non-manifold curves) count as joined to one more vertex, so two
+//! feature vertices may only be merged along a feature edge. This test is less strict in one case: if both
+//! edges to an apex are features, the paper keeps the face between the two lines; here they may be merged,
+//! unless that leaves no face at all, or creates a border.
 
 use lodsmith_core::VertexId;
 use wide::u32x4;
@@ -17,7 +18,8 @@ use crate::metric::VertexMemory;
 use crate::report::Refusal;
 
 impl<Q: VertexMemory> Store<Q> {
-    /// Asks the link condition for the edge u-v with the rings of both; says how many triangles hang on it.
+    /// Tests the link condition for the edge u-v with the rings of both; returns the number of triangles on
+    /// the edge.
     #[inline(always)]
     pub(super) fn link_condition(
         &self,
@@ -47,14 +49,14 @@ impl<Q: VertexMemory> Store<Q> {
             common = [common[0] | around_v[0].simd_eq(w), common[1] | around_v[1].simd_eq(w)];
             apex = if r.b == v { r.a } else { apex };
         }
-        // A bit for each of the neighbours of v that is one of u as well.
+        // One bit for each neighbour of v that is also one of u.
         let common = (common[0].to_bitmask() | common[1].to_bitmask() << 4) & ((1 << rv.len()) - 1);
         let other = common & common.wrapping_sub(1);
         if apex == NONE || other == 0 || other & (other - 1) != 0 {
             return Err(Refusal::LinkCondition);
         }
         let [one, other] = [common, other].map(|bits| &rv[bits.trailing_zeros() as usize]);
-        // Two triangles back to back have the same apex: then one of the two neighbours is none.
+        // Two triangles back to back have the same apex: then only one of the two neighbours is an apex.
         if (if one.a == apex { one } else { other }).b == u {
             return Err(Refusal::LinkCondition);
         }
@@ -73,7 +75,7 @@ impl<Q: VertexMemory> Store<Q> {
         rv: &Ring,
         marks: &mut Marks,
     ) -> Result<usize, Refusal> {
-        /// Marks of a neighbour of u, of one of both that was counted, and of an apex.
+        /// Marks of a neighbour of u, of a common neighbour that was counted, and of an apex.
         const OF_U: u32 = 0;
         const COUNTED: u32 = 1;
         const APEX: u32 = 2;
@@ -104,8 +106,8 @@ impl<Q: VertexMemory> Store<Q> {
         if ku.is_feature() && kv.is_feature() && shared == 2 {
             return Err(Refusal::LinkCondition);
         }
-        // The two edges to an apex become one: with no face it would hang on nothing, and it may be a border only where
-        // one of the two was.
+        // The two edges to an apex become one: it must have a face, and may be a border only if one of the
+        // two was.
         for w in ru.iter().filter(|r| r.has(v)).map(|r| if r.a == v { r.b } else { r.a }) {
             let both = ru.iter().filter(|r| r.has(v) && r.has(w)).count();
             let (at_u, at_v) = (faces_at(ru, w), faces_at(rv, w));
@@ -149,7 +151,7 @@ fn link_condition_marked(
     if pinched { Err(Refusal::LinkCondition) } else { Ok(shared) }
 }
 
-/// Whether an edge is opposite to both ends: its two triangles would become one twice.
+/// True if an edge is opposite to both ends: its two triangles would become duplicates.
 fn is_opposite_to_both(u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> bool {
     let off_u = || ru.iter().filter(|r| !r.has(v));
     rv.iter().filter(|r| !r.has(u)).any(|z| off_u().any(|x| x.has(z.a) && x.has(z.b)))
@@ -170,11 +172,11 @@ mod tests {
     use crate::options::BorderPolicy;
     use crate::tensor::Tensor;
 
-    /// A store of these faces, without those that have a corner twice or stand there already, with its kinds.
+    /// Creates a store of these faces, without degenerate and duplicate ones, with its kinds.
     fn store(faces: impl IntoIterator<Item = [u32; 3]>) -> Store<Tensor> {
         let (mut seen, mut sound) = (BTreeSet::new(), Vec::new());
         for [a, b, c] in faces {
-            // From the least corner on, so that the same winding looks the same.
+            // Starts at the lowest corner, so that equal winding gives equal arrays.
             let t = [[a, b, c], [b, c, a], [c, a, b]].into_iter().min().unwrap_or_default();
             if a != b && b != c && c != a && seen.insert(t) {
                 sound.push([a, b, c].map(VertexId));
@@ -204,7 +206,8 @@ mod tests {
     /// The vertex that all feature edges are joined to.
     const OMEGA: u32 = u32::MAX;
 
-    /// The complex of a mesh and, with [`OMEGA`], the cone over its edges that have not two faces: by the letter of the paper.
+    /// The complex of a mesh and, with [`OMEGA`], the cone over its edges that do not have two faces:
+    /// exactly as in the paper.
     struct Complex {
         all: BTreeSet<Simplex>,
         features: BTreeSet<Simplex>,
@@ -215,7 +218,7 @@ mod tests {
             let mut faces_at: BTreeMap<Simplex, usize> = BTreeMap::new();
             let mut all = BTreeSet::new();
             let mut add = |simplex: Simplex| {
-                // With all that it has.
+                // Adds the simplex with all its faces.
                 let vertices: Vec<u32> = simplex.into_iter().collect();
                 for bits in 1u32..1 << vertices.len() {
                     all.insert(
@@ -237,13 +240,14 @@ mod tests {
             Self { all, features }
         }
 
-        /// What makes a simplex of the complex together with this one, and shares nothing with it.
+        /// Returns the link of a simplex: simplices disjoint from it that form a simplex of the complex
+        /// together with it.
         fn link(&self, of: &Simplex) -> BTreeSet<Simplex> {
             let beside = |s: &&Simplex| s.is_superset(of) && s.len() > of.len();
             self.all.iter().filter(beside).map(|s| s - of).collect()
         }
 
-        /// Lk(u) ∩ Lk(v) without Lk(uv).
+        /// Returns Lk(u) ∩ Lk(v) without Lk(uv).
         fn too_much(&self, u: VertexId, v: VertexId) -> Vec<Simplex> {
             let (of_u, of_v) = (self.link(&[u.0].into()), self.link(&[v.0].into()));
             let of_edge = self.link(&[u.0, v.0].into());
@@ -260,8 +264,8 @@ mod tests {
         })
     }
 
-    /// Compares the ways that are for closed fans with the one for any, and with the paper. Returns how many edges both may
-    /// and may not go.
+    /// Compares the specialized tests for closed fans with the general one, and with the paper. Returns the
+    /// numbers of edges that may and may not be collapsed.
     fn closed_fans_agree(faces: impl IntoIterator<Item = [u32; 3]>) -> Result<[usize; 2], String> {
         let store = store(faces);
         let (complex, mut counts) = (Complex::new(&store), [0; 2]);
@@ -270,7 +274,7 @@ mod tests {
                 continue;
             }
             let [ru, rv] = rings(&store, [u, v]);
-            // Of two faces back to back, which the paper counts as one, nothing would be left.
+            // For two faces back to back, which the paper counts as one, nothing would be left.
             let apexes: Vec<VertexId> =
                 ru.iter().filter(|r| r.has(v)).map(|r| if r.a == v { r.b } else { r.a }).collect();
             let is_sound = complex.too_much(u, v).is_empty() && apexes[0] != apexes[1];
@@ -298,7 +302,7 @@ mod tests {
         faces.iter().map(|t| t.map(|w| w.0)).collect()
     }
 
-    /// Turns the edge between two faces, if it has two of opposite winding: fans stay closed, and necks come about.
+    /// Flips the edge between two faces of consistent winding: fans stay closed, and necks are created.
     fn flip(faces: &mut [[u32; 3]], edge: usize) {
         let (f, k) = (edge / 3 % faces.len(), edge % 3);
         let [a, b, c] = [0, 1, 2].map(|i| faces[f][(k + i) % 3]);
@@ -314,14 +318,15 @@ mod tests {
         // A wheel of many spokes over another: rings of more than eight.
         let wheels = (0..20u32).flat_map(|i| [[20, i, (i + 1) % 20], [21, (i + 1) % 20, i]]);
         assert_eq!(closed_fans_agree(wheels), Ok([60, 0]));
-        // A torus of three by three, no edge of which may go, and a tetrahedron, of which the paper lets none go.
+        // A torus of three by three, no edge of which may be collapsed, and a tetrahedron, likewise by the
+        // paper.
         assert_eq!(closed_fans_agree(raw(shapes::torus(3, 3).triangles())), Ok([0, 27]));
         assert_eq!(closed_fans_agree(raw(shapes::tetrahedron().triangles())), Ok([0, 6]));
     }
 
     #[test]
     fn faces_back_to_back_have_one_apex_and_no_other_common_neighbour_is_one() {
-        // 0-1 has the faces 0 1 2 and 0 2 1, and both ends know 3. Each star is two closed fans.
+        // 0-1 has the faces 0 1 2 and 0 2 1, and both ends are adjacent to 3. Each star is two closed fans.
         let [back_to_back, of_0] = [[[0, 1, 2], [0, 2, 1]], [[0, 3, 4], [0, 4, 3]]];
         let small = [back_to_back, of_0].concat().into_iter().chain([[1, 5, 6], [1, 6, 3], [1, 3, 5]]);
         let many = (0..9u32).map(|i| [1, 10 + i, 10 + (i + 1) % 9]).chain([[1, 3, 7], [1, 7, 3]]);
@@ -369,8 +374,8 @@ mod tests {
                 prop_assert_eq!(told, other_way, "{}-{}, either way", u, v);
                 let found = complex.too_much(u, v);
                 let is_feature = |a: VertexId, b: u32| complex.features.contains(&[a.0, b].into());
-                // Where both edges to a common neighbour are features, the paper keeps the face between them. Here it may go,
-                // unless it leaves a border where none was, or nothing.
+                // If both edges to a common neighbour are features, the paper keeps the face between them.
+                // Here it may be removed, unless that creates a border, or leaves nothing.
                 let merges_lines = |s: &Simplex| {
                     let line = s.iter().find(|w| **w != OMEGA).filter(|_| s.len() == 2 && s.contains(&OMEGA));
                     line.is_some_and(|&w| is_feature(u, w) && is_feature(v, w) && faces_at(&ru, v) > 0)
@@ -380,7 +385,7 @@ mod tests {
                     prop_assert_eq!(told, Err(Refusal::LinkCondition), "{}-{} share {:?}", u, v, others);
                     continue;
                 }
-                // What is left of an edge to an apex.
+                // The remaining faces of an edge to an apex.
                 let mut is_hollow = false;
                 for w in ru.iter().filter(|r| r.has(v)).map(|r| if r.a == v { r.b } else { r.a }) {
                     let gone = ru.iter().filter(|r| r.has(v) && r.has(w)).count();
@@ -388,7 +393,8 @@ mod tests {
                     let left = at_u + at_v - 2 * gone;
                     is_hollow |= left == 0 || left == 1 && at_u != 1 && at_v != 1;
                 }
-                // Without such lines, an edge to an apex is hollow only under two faces on the same three vertices.
+                // Without such lines, an edge to an apex is hollow only with two faces on the same three
+                // vertices.
                 let is_doubled = || {
                     let same = |s: &&crate::collapse::store::Spoke| ru.iter().filter(|r| r.has(s.a) && r.has(s.b)).count();
                     ru.iter().filter(|r| r.has(v)).any(|r| same(&r) > 1)

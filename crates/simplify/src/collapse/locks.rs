@@ -1,4 +1,4 @@
-//! What is asked for of single vertices: locked ones stay as they are, important ones are dearer.
+//! Constraints on single vertices: locked ones stay unchanged, important ones cost more.
 
 use lodsmith_core::VertexId;
 
@@ -8,7 +8,7 @@ use crate::metric::{Metric, VertexMemory};
 use crate::report::Refusal;
 
 impl<Q: VertexMemory> Store<Q> {
-    /// Locks vertices, by number in the ordered input; before anything was merged.
+    /// Locks vertices, by number in the ordered input, before any collapse.
     pub(crate) fn lock(&mut self, locked: &[bool]) {
         for (x, &locked) in self.v.iter_mut().zip(locked) {
             x.kind = x.kind.locked(locked);
@@ -17,7 +17,7 @@ impl<Q: VertexMemory> Store<Q> {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// Prices of vertices, by number in the ordered input, as they are for the method that is without memory.
+    /// Sets the weights of vertices, by number in the ordered input, as given for the memoryless metric.
     pub(crate) fn set_prices(&mut self, prices: Option<Vec<f32>>) {
         self.constraints.prices = prices;
         if self.cost.metric.price_power() != 1.0 {
@@ -29,7 +29,7 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// What the cost of merging two vertices, by number in the ordered input, counts times.
+    /// Returns the factor of the cost of merging two vertices, given by number in the ordered input.
     #[inline(always)]
     pub(crate) fn price_weight(&self, kept: VertexId, removed: VertexId) -> f32 {
         match &self.constraints.prices {
@@ -38,7 +38,7 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// The merged vertex is as important as the more important end.
+    /// Gives the merged vertex the weight of the more important end.
     #[inline(always)]
     pub(crate) fn merge_prices(&mut self, origin: VertexId, merged: VertexId) {
         if let Some(prices) = &mut self.constraints.prices {
@@ -46,7 +46,7 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// A vertex cut off from another is as important.
+    /// Gives a vertex created by a cut the weight of its original.
     pub(crate) fn copy_price(&mut self, of: VertexId) {
         if let Some(prices) = &mut self.constraints.prices {
             prices.push(prices[of.index()]);
@@ -58,13 +58,13 @@ impl<M: Metric> LiveMesh<M> {
         self.store.v[u.index()].kind.is_locked() || self.store.v[v.index()].kind.is_locked()
     }
 
-    /// Whether an end that is locked keeps its place and each of its wedges.
+    /// Checks that a locked end keeps its position and each of its wedges.
     #[inline(always)]
     pub(crate) fn check_locked(&self, u: VertexId, v: VertexId, ru: &[Spoke]) -> Result<(), Refusal> {
         if !self.is_either_locked(u, v) {
             return Ok(());
         }
-        // Two places that single precision does not tell apart: which one stays could not be said.
+        // If both positions are equal in single precision, it is undefined which one stays.
         if self.store.p(u) == self.store.p(v) || !self.keeps_wedges(u, v, ru) {
             return Err(Refusal::Locked);
         }

@@ -1,14 +1,14 @@
-//! Marks of vertices, for walks that must know whether they met a vertex before.
+//! Marks of vertices, for walks that test whether a vertex was visited before.
 //!
-//! The marks stand beside the mesh, so that a walk needs no change of it: a hash table with room for the vertices of one
-//! star, which takes no more time to clear than to number the next walk.
+//! The marks are stored beside the mesh, so that a walk does not modify it: a hash table with room for the
+//! vertices of one star. To clear it, only the number of the walk is incremented.
 
 use lodsmith_core::VertexId;
 
-/// A set of small numbers by vertex, used again and again.
+/// Reusable map from vertices to small numbers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Marks {
-    /// Twice as many as there are vertices, or more; a power of two.
+    /// At least twice as many as there are vertices; a power of two.
     slots: Vec<Slot>,
     /// Number of the walk. Slots of earlier ones are free.
     walk: u32,
@@ -22,7 +22,7 @@ struct Slot {
 }
 
 impl Marks {
-    /// Forgets all marks and makes room for those of `count` vertices.
+    /// Clears all marks and makes room for those of `count` vertices.
     #[inline(always)]
     pub(super) fn clear(&mut self, count: usize) {
         self.walk = self.walk.wrapping_add(1);
@@ -40,11 +40,11 @@ impl Marks {
         self.walk = 1;
     }
 
-    /// The slot of a vertex, or the free one that it would get.
+    /// Returns the slot of a vertex, or the free one that it would get.
     #[inline(always)]
     fn slot(&self, vertex: VertexId) -> usize {
         let mask = self.slots.len() - 1;
-        // (Neighbours in the mesh have numbers near each other, in one or two runs.)
+        // (Neighbours in the mesh have close numbers, in one or two runs.)
         let mut at = vertex.index() & mask;
         while self.slots[at].walk == self.walk && self.slots[at].vertex != vertex {
             at = (at + 1) & mask;
@@ -52,7 +52,7 @@ impl Marks {
         at
     }
 
-    /// The mark of a vertex, if it has one.
+    /// Returns the mark of a vertex, if it has one.
     #[inline(always)]
     pub(super) fn get(&self, vertex: VertexId) -> Option<u32> {
         let slot = &self.slots[self.slot(vertex)];
@@ -77,7 +77,7 @@ mod tests {
     #[test]
     fn marks_last_for_one_walk() {
         let mut marks = Marks::default();
-        // Vertices that want one slot.
+        // Vertices that hash to the same slot.
         let vertices = [3u32, 67, 131, 195, 4].map(VertexId);
         for walk in 0..200u32 {
             marks.clear(5 + walk as usize);

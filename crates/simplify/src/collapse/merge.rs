@@ -1,7 +1,7 @@
-//! Wedges through collapses: which become one, what that costs, and the change itself.
+//! Merging of wedges in collapses: which wedges are merged, the cost of that, and the change itself.
 //!
-//! Which wedges become one is said by the triangles on the edge: the two wedges that such a triangle has at the ends go
-//! together. A wedge that no such triangle has stays by itself, on its own side of the seam.
+//! The triangles on the edge determine which wedges are merged: the two wedges that such a triangle has at
+//! the ends. A wedge in no such triangle stays separate, on its own side of the seam.
 
 use glam::Vec3;
 use lodsmith_core::{VertexId, WedgeId};
@@ -15,18 +15,18 @@ use crate::lanes::{self, dot, splat};
 use crate::metric::{CostSource, Form, Metric};
 use crate::tensor::Tensor;
 
-/// The wedges of the edge that is looked at, their best values, and the sums that the merged ones will have.
+/// The wedges of the evaluated edge, their best values, and the future sums of the merged ones.
 #[derive(Clone, Default)]
 pub(super) struct Merge {
     members: Vec<Member>,
     best: Vec<f32x4>,
     own: Vec<f32x4>,
     heads: Vec<Head>,
-    /// Of the wings as they are, where the cost of the merger was asked for.
+    /// Slopes of the current wings, if the cost of the merger was computed.
     slopes: Vec<FourSlopes>,
 }
 
-/// Calls a function of so many lanes, which the compiler knows where there are one or two; 0 is any number.
+/// Calls a function that is generic over the number of lanes, constant for one or two; 0 is any number.
 macro_rules! of_lanes {
     ($lanes:expr, $n:ident => $call:expr) => {
         match $lanes {
@@ -47,7 +47,7 @@ macro_rules! of_lanes {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// Makes the chains of wedges of all vertices.
+    /// Builds the chains of wedges of all vertices.
     pub(super) fn chain_wedges(&mut self) {
         let (Some(attributes), Some(wedges)) = (&mut self.values.attributes, &self.store.wedges) else {
             return;
@@ -63,20 +63,20 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// Whether no edge of a star can be a seam, as most stars show at a glance.
+    /// True if no edge of a star can be a seam, by a quick test that covers most stars.
     pub(super) fn is_far_from_seams(&self, ring: &[Spoke], u: VertexId) -> bool {
         self.is_among_lone(u, ring.iter().flat_map(|r| [r.a, r.b]))
             && !self.store.meets_regions(ring)
             && !self.store.meets_creases(ring)
     }
 
-    /// The same where there are no regions and no sharp edges at all.
+    /// True if no edge of a star can be a seam, for a mesh without regions and sharp edges.
     #[inline(always)]
     pub(super) fn is_inside_one_chart(&self, u: VertexId, around: impl Iterator<Item = VertexId>) -> bool {
         self.store.regions.is_none() && self.store.creases.is_none() && self.is_among_lone(u, around)
     }
 
-    /// Whether a vertex and its neighbours have one wedge each.
+    /// True if a vertex and its neighbours have one wedge each.
     #[inline(always)]
     fn is_among_lone(&self, u: VertexId, mut around: impl Iterator<Item = VertexId>) -> bool {
         let Some(attributes) = &self.values.attributes else { return false };
@@ -84,7 +84,7 @@ impl<M: Metric> LiveMesh<M> {
         is_alone(u) && around.all(is_alone)
     }
 
-    /// Sums of all wedges, and what attributes add to the tensors.
+    /// Computes the sums of all wedges, and adds the attribute tensors to those of the vertices.
     pub(super) fn weigh_attributes(&mut self) {
         let (Some(attributes), Some(wedges)) = (&mut self.values.attributes, &self.store.wedges) else {
             return;
@@ -104,7 +104,7 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// What attributes add to the tensor of a vertex.
+    /// Returns the attribute tensor of a vertex.
     pub(super) fn attribute_tensor(&self, u: VertexId, ring: &[Spoke]) -> Tensor {
         let mut tensor = Tensor::default();
         let (Some(attributes), Some(wedges)) = (&self.values.attributes, &self.store.wedges) else {
@@ -118,7 +118,7 @@ impl<M: Metric> LiveMesh<M> {
         tensor
     }
 
-    /// Attributes that have a say in the forms of edges.
+    /// Returns the attributes if they count in the forms of edges.
     #[inline(always)]
     fn weighed(&self) -> Option<&Attributes> {
         self.values
@@ -127,7 +127,7 @@ impl<M: Metric> LiveMesh<M> {
             .filter(|a| a.lanes() > 0 && matches!(self.cost.metric.cost_source(), CostSource::Engine))
     }
 
-    /// Whether each of these has one wedge only.
+    /// True if each of these has only one wedge.
     #[inline(always)]
     pub(super) fn are_lone(&self, u: VertexId, others: &[VertexId]) -> bool {
         let Some(attributes) = &self.values.attributes else { return true };
@@ -135,8 +135,8 @@ impl<M: Metric> LiveMesh<M> {
         is_alone(u) && others.iter().all(|&w| is_alone(w))
     }
 
-    /// Makes known what the wedges of a vertex, and of some of its neighbours, say by themselves, where that is asked for.
-    /// Says whether each of them has one wedge only.
+    /// Updates the cached tensors of the wedges of a vertex, and of some of its neighbours, if they are
+    /// needed. Returns true if each of them has only one wedge.
     #[inline(always)]
     pub(super) fn know_wedges(&mut self, u: VertexId, others: &[VertexId]) -> bool {
         let are_lone = self.values.attributes.is_none() || self.are_lone(u, others);
@@ -150,7 +150,7 @@ impl<M: Metric> LiveMesh<M> {
         false
     }
 
-    /// The tensor of a vertex without what the best values of its wedges, each by itself, take off.
+    /// Returns the tensor of a vertex, reduced by the best values of its wedges, each taken alone.
     #[inline(always)]
     pub(super) fn tensor_alone(&self, u: VertexId) -> Tensor {
         let tensor = *M::tensor_of(&self.store.v[u.index()].q);
@@ -160,7 +160,7 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// Adds to the form of an edge, of whose kept end the ring is given, what it costs that wedges become one.
+    /// Adds the cost of merging wedges to the form of an edge; `ru` is the ring of its kept end.
     pub(super) fn add_attributes(
         &self,
         u: VertexId,
@@ -208,7 +208,7 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// Adds the attributes' part to the forms of up to four edges from one vertex, side by side.
+    /// Adds the attribute cost to the forms of up to four edges from one vertex, side by side.
     #[inline(always)]
     pub(super) fn add_attributes_to_four(
         &self,
@@ -251,8 +251,8 @@ impl<M: Metric> LiveMesh<M> {
         Sum::add_four_to(&sums, form);
     }
 
-    /// The wedges at both ends of an edge, in groups that become one; those on the edge come first, the others if
-    /// wanted.
+    /// Collects the wedges at both ends of an edge, in groups that are merged; those on the edge come
+    /// first, the others if requested.
     fn gather(
         &self,
         attributes: &Attributes,
@@ -296,8 +296,8 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// Whether each wedge of an end that is locked stays by itself through the merger of `u` and `v`, with no new one
-    /// beside it.
+    /// True if each wedge of a locked end stays the only one of its end in its group when `u` and `v` are
+    /// merged.
     pub(super) fn keeps_wedges(&self, u: VertexId, v: VertexId, ru: &[Spoke]) -> bool {
         let Some(attributes) = &self.values.attributes else { return true };
         let mut members = Vec::new();
@@ -307,7 +307,7 @@ impl<M: Metric> LiveMesh<M> {
         members.iter().all(|m| of_locked(m.group) == 1)
     }
 
-    /// Finds which wedges of `u` and `v` become one, and their best values at `u` + `y`.
+    /// Finds the wedges of `u` and `v` that are merged, and their best values at `u` + `y`.
     pub(super) fn prepare_merge(&self, u: VertexId, v: VertexId, y: Vec3, ru: &[Spoke], merge: &mut Merge) {
         merge.slopes.clear();
         if let Some(attributes) = &self.values.attributes {
@@ -328,8 +328,8 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// What the attributes lose by the merger that was prepared, from the triangles of the wings, `at_u` of which are the
-    /// kept end's: squares of small numbers, not small differences of squares.
+    /// Returns the attribute cost of the prepared merger, from the triangles of the wings, of which the
+    /// first `at_u` belong to the kept end: squares of small numbers, not small differences of squares.
     pub(super) fn attribute_cost(
         &self,
         u: VertexId,
@@ -390,7 +390,7 @@ impl<M: Metric> LiveMesh<M> {
         cost.reduce_add()
     }
 
-    /// Lets the corners of `v` have the wedges of `u` where those are the same in all, before the two become one.
+    /// Replaces wedges at the corners of `v` by identical ones of `u`, before the two vertices are merged.
     #[inline(never)]
     pub(super) fn share_wedges(&mut self, u: VertexId, v: VertexId, ring: &mut Ring) {
         self.store.ring(v, ring);
@@ -408,7 +408,7 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// The chain of the wedges of a vertex, and their sums, afresh from its star.
+    /// Rebuilds the chain of the wedges of a vertex, and their sums, from its star.
     #[inline(never)]
     pub(super) fn chain_wedges_of(&mut self, u: VertexId, ring: &[Spoke]) {
         let (Some(attributes), Some(wedges)) = (&mut self.values.attributes, &self.store.wedges) else {
@@ -429,7 +429,8 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// Gives a vertex whose triangles share one wedge a wedge of its own, with the same values.
+    /// Gives a vertex whose triangles have one wedge, shared with another vertex, its own wedge with the
+    /// same values.
     pub(super) fn split_wedge(&mut self, u: VertexId, ring: &mut Ring) {
         self.store.ring(u, ring);
         let (Some(attributes), Some(wedges)) = (&mut self.values.attributes, &mut self.store.wedges) else {
@@ -445,8 +446,8 @@ impl<M: Metric> LiveMesh<M> {
         self.store.first_wedge[u.index()] = own;
     }
 
-    /// Merges the wedges as prepared, before the triangles change; the merged vertex goes to the kept end + `y`, the
-    /// place `at`. Says what the new triangles add to its tensor.
+    /// Merges the wedges as prepared, before the triangles change; the merged vertex moves to the kept end
+    /// + `y`, the position `at`. Returns the attribute tensor of the new triangles.
     #[expect(clippy::too_many_arguments, reason = "those of a collapse, and buffers")]
     pub(super) fn merge_wedges(
         &mut self,
@@ -575,7 +576,7 @@ impl<M: Metric> LiveMesh<M> {
     }
 }
 
-/// The group of all members, where each end has one wedge.
+/// Returns the group of all members, if each end has one wedge.
 #[inline(always)]
 fn only_group(members: &[Member]) -> Option<usize> {
     match members {
@@ -584,14 +585,16 @@ fn only_group(members: &[Member]) -> Option<usize> {
     }
 }
 
-/// The wedges of a triangle, that of corner `k` first. (By a table: a branch on k could not be foretold.)
+/// Returns the wedges of a triangle, starting with that of corner `k`. (By a table: a branch on k would be
+/// unpredictable.)
 #[inline(always)]
 fn from_corner(wedges: [WedgeId; 3], k: usize) -> [WedgeId; 3] {
     const ORDER: [[usize; 3]; 4] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 1, 2]];
     ORDER[k & 3].map(|i| wedges[i])
 }
 
-/// The wedges that a triangle has at its corner `k` and at the one after it, or else the one before.
+/// Returns the wedges of a triangle at its corner `k` and at the next one if `next`, else at the previous
+/// one.
 #[inline(always)]
 fn ends_of(wedges: [WedgeId; 3], k: usize, next: bool) -> [WedgeId; 2] {
     let [own, after, before] = from_corner(wedges, k);
@@ -603,7 +606,7 @@ fn group_of(members: &[Member], wedge: WedgeId, at_v: bool) -> Option<usize> {
     members.iter().find(|m| m.wedge == wedge && m.at_v == at_v).map(|m| m.group)
 }
 
-/// The index of a wedge among the members, which it joins as a group of its own if need be.
+/// Returns the index of a wedge among the members; adds it as a new group if it is not there.
 fn add(members: &mut Vec<Member>, wedge: WedgeId, at_v: bool) -> usize {
     let known = members.iter().position(|m| m.wedge == wedge && m.at_v == at_v);
     known.unwrap_or_else(|| {

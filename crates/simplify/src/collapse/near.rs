@@ -1,27 +1,29 @@
-//! Vertices near each other that may be worth joining, found by a tree over their places.
+//! Search for close vertices that may be worth joining, with a tree over their positions.
 
 use glam::Vec3;
 
-/// Partners that one vertex finds, at most: the nearest.
+/// Maximum number of partners per vertex: the nearest.
 const MOST: usize = 4;
-/// Vertices that are looked at for one, at most. (Guessed; a sheet has that many within eleven edges. Past it the distance
-/// asked for is far too large for the mesh as it is, and what is found are the nearest.)
+/// Maximum number of vertices visited per search. (Guessed; a sheet has that many within eleven edges.
+/// Beyond it the distance is far too large for the mesh, and the nearest are found.)
 const LOOKS: usize = 400;
 /// Vertices in a leaf of the tree.
 const LEAF: usize = 8;
-/// Cosine between a direction and a normal from which on the surface is open there: 73 degrees. (Guessed; the corners of six
-/// triangles that shrank away from their common vertex see each other at 60.)
+/// Minimum cosine between a direction and a normal at which the surface is open in that direction: 73
+/// degrees. (Guessed; the corners of six triangles that shrank away from their common vertex face each
+/// other at 60.)
 const OPEN: f32 = 0.3;
 
-/// A vertex, and where its surface is open.
+/// A vertex, and the directions in which its surface is open.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Site {
     pub(super) p: Vec3,
     /// The connected part that it belongs to.
     pub(super) part: u32,
-    /// Unit normal, or nothing.
+    /// Unit normal, or zero.
     pub(super) normal: Vec3,
-    /// On a border the unit vector that leads away from the surface, in its plane; nothing where it leads everywhere.
+    /// On a border the unit vector that points away from the surface, in its plane; zero if the surface is
+    /// open in all directions.
     pub(super) out: Option<Vec3>,
 }
 
@@ -35,9 +37,9 @@ impl Site {
     fn turns_its_back_on(&self, way: Vec3, length: f32) -> bool {
         self.out.is_none() && self.normal.dot(way) < -OPEN * length
     }
-    /// Whether joining the two makes sense. Within a part they have to see each other across the open: next to each other
-    /// on one sheet, or on the two sides of a thin wall, they do not. Vertices of two parts only must not stand back to
-    /// back.
+    /// True if joining the two makes sense. Within a part they have to face each other across open space:
+    /// neighbours on one sheet, or on the two sides of a thin wall, do not. Vertices of two parts must only
+    /// not be back to back.
     #[inline(always)]
     fn suits(&self, other: &Self, length: f32) -> bool {
         let way = other.p - self.p;
@@ -56,8 +58,9 @@ pub(super) struct Near {
     pub(super) distance_sq: f32,
 }
 
-/// Pairs of sites that suit each other within `reach`, the nearest first: for each site its [`MOST`] nearest, found among
-/// the [`LOOKS`] that it comes by first. `go_on` is asked for every site; `None` if it says no. Cost: O(n log n).
+/// Returns pairs of compatible sites within `reach`, the nearest first: for each site its [`MOST`] nearest,
+/// found among the first [`LOOKS`] visited. `go_on` is called for every site; returns `None` if it returns
+/// false. Cost: O(n log n).
 pub(super) fn near_pairs(sites: &[Site], reach: f32, mut go_on: impl FnMut() -> bool) -> Option<Vec<Near>> {
     let tree = Tree::new(sites);
     let mut pairs = Vec::new();
@@ -77,17 +80,17 @@ pub(super) fn near_pairs(sites: &[Site], reach: f32, mut go_on: impl FnMut() -> 
     Some(pairs)
 }
 
-/// Places halved again and again across their longest extent; the middle one of a range parts it.
+/// K-d tree: positions split recursively at the median along their longest extent.
 struct Tree {
     points: Vec<(Vec3, u32)>,
-    /// The axis that a range is parted across, at its middle.
+    /// Split axis of a range, stored at its middle.
     axes: Vec<u8>,
 }
 
 struct NearSearch<'a> {
     sites: &'a [Site],
     of: u32,
-    /// Beyond this nothing is wanted any more.
+    /// Search radius, squared; it shrinks to the farthest partner kept.
     reach_sq: f32,
     found: [(f32, u32); MOST],
     count: usize,
@@ -141,7 +144,7 @@ impl Tree {
         self.part(middle + 1, to);
     }
 
-    /// Looks at a range, the half with the place first.
+    /// Visits a range, starting with the half that contains the position.
     fn visit(&self, from: usize, to: usize, search: &mut NearSearch<'_>) {
         if search.looks >= LOOKS {
             return;
@@ -215,7 +218,8 @@ mod tests {
 
     #[test]
     fn a_place_with_everything_ends() {
-        // All at one place, all of one part without a normal: nothing suits, and no one looks at all the others.
+        // All at one position, in one part and without a normal: nothing is compatible, and no search
+        // visits all the others.
         let sites = vec![Site::default(); 200_000];
         assert_eq!(near_pairs(&sites, 1.0, || true).unwrap(), []);
         assert_eq!(near_pairs(&sites, 1.0, || false), None);

@@ -1,7 +1,8 @@
-//! The input in order: welded, cleaned, in a unit frame, vertices along a Morton curve, triangles by their first vertex.
+//! The ordered input: welded, cleaned, in a unit frame, vertices along a Morton curve, triangles by first
+//! vertex.
 //!
-//! Everything after this is local in memory, whatever order the file had. Equal positions have equal codes, so the weld
-//! costs nothing beyond the sort.
+//! All later steps are local in memory, whatever order the file had. Equal positions have equal codes, so
+//! the weld costs nothing beyond the sort.
 
 use bytemuck::Zeroable;
 use bytemuck::allocation::zeroed_vec;
@@ -13,21 +14,22 @@ use wide::{f32x4, u32x4};
 use crate::ordered_input::OrderedInput;
 use crate::report::Cleanup;
 
-/// No vertex.
+/// Marks the absence of a vertex.
 pub(crate) const NONE: VertexId = VertexId(u32::MAX);
-/// Codes are sorted by three digits of so many bits.
+/// Codes are sorted by three digits of this many bits.
 const DIGIT_BITS: u32 = 10;
 const DIGITS: usize = 1 << DIGIT_BITS;
-/// Vertices from which the least digit is sorted by like the others. Of fewer, hardly any agree in the other two.
+/// Vertices from which the lowest digit is sorted too. With fewer, hardly any agree in the other two
+/// digits.
 const SORTED_THRICE: usize = 1 << 14;
-/// Faces up to which time counts, and of more their memory.
+/// Faces up to which time is saved at the cost of memory; above it the reverse.
 pub(crate) const MEMORY_FREE_UP_TO: usize = 4_000_000;
-/// Vertices in one cell from which equal positions are brought side by side instead of compared in pairs.
+/// Vertices in one cell above which equal positions are found by sorting instead of comparing pairs.
 const MANY: usize = 16;
 
-/// From the user's units to a box of size 1 around the origin, and back.
+/// Transform from the user's units to a box of size 1 around the origin, and back.
 ///
-/// Differences are taken in double precision, so a part at map coordinates loses nothing but the map.
+/// Differences are taken in double precision, so a part at map coordinates keeps all its detail.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frame {
     centre: [f64; 3],
@@ -35,11 +37,11 @@ pub(crate) struct Frame {
 }
 
 impl Frame {
-    /// A length of the unit frame in the user's units.
+    /// Converts a length from the unit frame to the user's units.
     pub(crate) fn user_length(self, x: f64) -> f64 {
         x * self.size
     }
-    /// A length of the user in the unit frame.
+    /// Converts a length from the user's units to the unit frame.
     pub(crate) fn unit_length(self, x: f64) -> f64 {
         x / self.size
     }
@@ -49,7 +51,7 @@ impl Frame {
         let c = &self.centre;
         Vec3::new(((p[0] - c[0]) * k) as f32, ((p[1] - c[1]) * k) as f32, ((p[2] - c[2]) * k) as f32)
     }
-    /// [`Frame::unit`] of four, coordinate by coordinate.
+    /// Applies [`Frame::unit`] to four points, as a flat list of coordinates.
     #[inline(always)]
     fn four_units<T: Copy>(&self, points: &[[T; 3]; 4]) -> [f32; 12]
     where
@@ -66,20 +68,20 @@ impl Frame {
 /// The ordered input.
 pub(crate) struct Ordered {
     pub(crate) frame: Frame,
-    /// For each vertex of the input its number here; [`NONE`] where no face needs it.
+    /// New number of each vertex of the input; [`NONE`] if no face uses it.
     pub(crate) rank: Vec<VertexId>,
     pub(crate) point_count: usize,
-    /// Positions in the unit frame, by the new numbers; may be taken.
+    /// Positions in the unit frame, by new number; may be taken.
     pub(crate) points: Vec<Vec3>,
-    /// Faces in the new numbers, by their least one; may be taken.
+    /// Faces in new numbers, sorted by their lowest one; may be taken.
     pub(crate) faces: Vec<[VertexId; 3]>,
     pub(crate) cleanup: Cleanup,
-    /// Diagonal of the bounding box of what is used, in user units.
+    /// Diagonal of the bounding box of the used vertices, in user units.
     pub(crate) diagonal: f64,
 }
 
-/// Orders a surface. Faces with a corner that is no number, or two corners at one place, are left out and counted.
-/// (Faces that stand twice are found later, where the stars are walked anyway.) Cost: O(V + F).
+/// Orders a surface. Faces with a non-finite corner, or two corners at one position, are removed and
+/// counted. (Duplicate faces are found later, when the stars are walked.) Cost: O(V + F).
 pub(crate) fn order(surface: &Surface<'_>) -> Ordered {
     let (positions, triangles) = (surface.positions(), surface.triangles());
     let mut cleanup = Cleanup::default();
@@ -127,11 +129,11 @@ pub(crate) fn order(surface: &Surface<'_>) -> Ordered {
 }
 
 impl Ordered {
-    /// Whether a face of the input is worked on: three different places.
+    /// True if a face of the input is used: its three positions are distinct.
     pub(crate) fn is_sound(&self, t: &[VertexId; 3]) -> bool {
         ranked(&self.rank, t).is_ok()
     }
-    /// The first vertex of the surface at each place.
+    /// Returns the first vertex of the surface at each position.
     pub(crate) fn first_at_each(&self) -> Vec<VertexId> {
         let mut first = vec![NONE; self.point_count];
         for (i, r) in self.rank.iter().enumerate().rev() {
@@ -141,13 +143,14 @@ impl Ordered {
         }
         first
     }
-    /// All of it looked up in the surface that was ordered, bit by bit the same, for four bytes a face.
+    /// Returns the ordered input computed again from the original surface, bit for bit the same, for four
+    /// bytes a face.
     pub(crate) fn again<'a>(&'a self, surface: &'a Surface<'a>) -> RemadeInput<'a> {
         let faces = self.of_faces(surface, |i| i as u32);
         let (there, here, first) = (Vec::new(), Vec::new(), Vec::new());
         RemadeInput { ordered: self, surface, faces, from: 0, there, here, first }
     }
-    /// The points again from the surface that was ordered.
+    /// Computes the points again from the original surface.
     pub(crate) fn points_again(&self, surface: &Surface<'_>) -> Vec<Vec3> {
         let mut points = vec![Vec3::ZERO; self.point_count];
         for (i, r) in self.rank.iter().enumerate() {
@@ -157,37 +160,38 @@ impl Ordered {
         }
         points
     }
-    /// The faces again from the surface that was ordered.
+    /// Computes the faces again from the original surface.
     pub(crate) fn faces_again(&self, surface: &Surface<'_>) -> Vec<[VertexId; 3]> {
         let face = |_, t: &[VertexId; 3]| t.map(|v| self.rank[v.index()]);
         by_least(surface.triangles(), &self.rank, self.point_count, face, |_| {})
     }
-    /// Something of each face, by its index in the surface that was ordered, in the order of the faces.
+    /// Returns an item for each face, from its index in the original surface, in the order of the faces.
     pub(crate) fn of_faces<T: Zeroable>(&self, surface: &Surface<'_>, item: impl Fn(usize) -> T) -> Vec<T> {
         by_least(surface.triangles(), &self.rank, self.point_count, |i, _| item(i), |_| {})
     }
-    /// The wedges of the faces, in the order of the faces, from the mesh that was ordered.
+    /// Returns the wedges of the faces, in the order of the faces, from the original mesh.
     pub(crate) fn wedges(&self, surface: &Surface<'_>, mesh: &TriMesh) -> Vec<[WedgeId; 3]> {
         let wedges = mesh.triangles();
         self.of_faces(surface, |i| wedges[i])
     }
 }
 
-/// The ordered input, looked up in the surface that was ordered.
+/// The ordered input, computed from the original surface on access.
 pub(crate) struct RemadeInput<'a> {
     ordered: &'a Ordered,
     surface: &'a Surface<'a>,
-    /// The number of each face in the surface, in order.
+    /// Index of each face in the surface, in order.
     faces: Vec<u32>,
-    /// Faces looked up at a time, so that the waits for memory overlap: the first one, their vertices there and here.
+    /// Current block of faces, looked up together so that cache misses overlap: index of the first one, and
+    /// their vertices in the surface and in the ordered input.
     from: usize,
     there: Vec<[VertexId; 3]>,
     here: Vec<[VertexId; 3]>,
-    /// The first vertex of the surface at each place, when faces are no longer looked up by number.
+    /// The first vertex of the surface at each position, after random access by vertex has started.
     first: Vec<VertexId>,
 }
 
-/// Faces looked up at a time. (Guessed: 24 bytes each, so that they stay in the nearest cache.)
+/// Number of faces per block. (Guessed: 24 bytes each, so that they stay in the nearest cache.)
 const BLOCK: usize = 256;
 
 impl RemadeInput<'_> {
@@ -216,7 +220,7 @@ impl OrderedInput for RemadeInput<'_> {
     }
     #[inline]
     fn face(&mut self, face: usize) -> [VertexId; 3] {
-        // (A face before the block is far beyond it, by the wrap.)
+        // (For a face before the block, wrapping makes the difference large.)
         if face.wrapping_sub(self.from) >= self.here.len() {
             self.look_up(face);
         }
@@ -253,7 +257,7 @@ impl OrderedInput for RemadeInput<'_> {
     }
 }
 
-/// The box around the points that are needed; those that are no numbers are not.
+/// Returns the bounding box of the needed points; clears `needed` for non-finite ones.
 fn single_box(points: &[[f32; 3]], needed: &mut [bool]) -> [[f32; 3]; 2] {
     let (mut min, mut max) = (f32x4::splat(f32::INFINITY), f32x4::splat(f32::NEG_INFINITY));
     for (&[x, y, z], needed) in points.iter().zip(needed).filter(|x| *x.1) {
@@ -270,7 +274,7 @@ fn single_box(points: &[[f32; 3]], needed: &mut [bool]) -> [[f32; 3]; 2] {
     })
 }
 
-/// The same in double precision.
+/// Returns the bounding box of the needed points in double precision; clears `needed` for non-finite ones.
 fn double_box(points: &[[f64; 3]], needed: &mut [bool]) -> ([f64; 3], [f64; 3]) {
     let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for (p, needed) in points.iter().zip(needed).filter(|x| *x.1) {
@@ -284,7 +288,7 @@ fn double_box(points: &[[f64; 3]], needed: &mut [bool]) -> ([f64; 3], [f64; 3]) 
     (min, max)
 }
 
-/// Why a face is left out.
+/// Reason to leave out a face.
 enum Unfit {
     NonFinite,
     Degenerate,
@@ -294,7 +298,7 @@ enum Unfit {
 fn ranked(rank: &[VertexId], t: &[VertexId; 3]) -> Result<[VertexId; 3], Unfit> {
     let r = t.map(|v| rank[v.index()]);
     let is_twice = r[0] == r[1] || r[1] == r[2] || r[2] == r[0];
-    // (If one is none, all their bits together are, and that is asked faster.)
+    // (If one is none, so is the union of all bits, which is faster to test.)
     if !is_twice && r[0].0 | r[1].0 | r[2].0 != NONE.0 {
         return Ok(r);
     }
@@ -305,8 +309,8 @@ fn ranked(rank: &[VertexId], t: &[VertexId; 3]) -> Result<[VertexId; 3], Unfit> 
     }
 }
 
-/// Something of each sound face (from its index and its vertices), in the order of the faces' least ones. Says why each
-/// of the others is left out.
+/// Returns an item for each sound face, from its index and its vertices, in the order of the faces' lowest
+/// vertices. Calls `left_out` with the reason for each of the others.
 #[inline(never)]
 fn by_least<T: Zeroable>(
     triangles: &[[VertexId; 3]],
@@ -317,7 +321,7 @@ fn by_least<T: Zeroable>(
 ) -> Vec<T> {
     let mut at = vec![0u32; points];
     let least = |t| ranked(rank, t).map(|r| r[0].min(r[1]).min(r[2]));
-    // To find them again takes as long as the rest, but less memory.
+    // Computing them again takes as long as the rest, but saves memory.
     let is_kept = triangles.len() <= MEMORY_FREE_UP_TO;
     let mut kept = Vec::with_capacity(if is_kept { triangles.len() } else { 0 });
     for t in triangles {
@@ -347,7 +351,7 @@ fn by_least<T: Zeroable>(
     out
 }
 
-/// Makes counts into where the first of each stands, where they stand one after the other. Returns the count of all.
+/// Replaces counts by offsets (exclusive prefix sum). Returns the sum.
 fn as_begins(counts: &mut [u32]) -> u32 {
     let mut sum = 0;
     for count in counts {
@@ -356,7 +360,7 @@ fn as_begins(counts: &mut [u32]) -> u32 {
     sum
 }
 
-/// The points that are needed, by number, as numbers to be sorted: the place on the curve, and after it the number.
+/// Returns sort keys of the needed points: the Morton code in the upper half, the number in the lower.
 #[inline(never)]
 fn keys<T: Copy>(points: &[[T; 3]], needed: &[bool], count: usize, frame: &Frame) -> Vec<u64>
 where
@@ -386,10 +390,11 @@ where
     keys
 }
 
-/// Keys by their upper halves, but for some of the lowest bits of these: says how many.
+/// Sorts keys by their codes, except for some of the lowest bits of these; returns the number of unsorted
+/// bits.
 #[inline(never)]
 fn sorted(mut keys: Vec<u64>) -> (Vec<u64>, u32) {
-    // Counted in one go.
+    // All digits are counted in one pass.
     let mut counts = [[0u32; DIGITS]; 3];
     let digit = |key: u64, pass: usize| (key >> (32 + DIGIT_BITS * pass as u32)) as usize % DIGITS;
     let first = if keys.len() < SORTED_THRICE { 1 } else { 0 };
@@ -412,11 +417,11 @@ fn sorted(mut keys: Vec<u64>) -> (Vec<u64>, u32) {
     (keys, DIGIT_BITS * first as u32)
 }
 
-/// The numbers of the vertices, and the points by these.
+/// New numbers of the vertices, and the points by new number.
 struct Numbers {
     rank: Vec<VertexId>,
     points: Vec<Vec3>,
-    /// Vertices that stand where another does.
+    /// Number of vertices merged with another at the same position.
     welded: usize,
 }
 
@@ -437,8 +442,8 @@ fn vertex(key: u64) -> VertexId {
     VertexId(key as u32)
 }
 
-/// Numbers vertices in the order of their keys, of whose codes so many of the lowest bits are unsorted; those at one place
-/// have the same.
+/// Numbers vertices in the order of their keys, whose codes have `unsorted` unsorted lowest bits; vertices
+/// at one position get the same number.
 #[inline(never)]
 fn numbers<T: Copy + PartialOrd>(
     mut keys: Vec<u64>,
@@ -498,8 +503,8 @@ where
     }
 }
 
-/// Places on a Morton curve of 1024³ cells of four points in the unit frame: ten bits of each coordinate, at every third
-/// place. (The coordinates side by side, as they come.)
+/// Returns the codes of four points in the unit frame on a Morton curve of 1024³ cells: ten bits of each
+/// coordinate, interleaved. (Processes the coordinates in the order in which they are stored.)
 #[inline(always)]
 fn morton(points: &[f32; 12]) -> [u32; 4] {
     let spread = |k: usize| {
@@ -540,7 +545,8 @@ mod tests {
 
     #[test]
     fn points_stand_along_the_curve() {
-        // Sorted by two digits and by three; pairs of points share a cell, and those of a corner the first two digits.
+        // Sorted by two digits and by three; both points of a pair share a cell, and points near a corner
+        // the first two digits.
         for count in [600, SORTED_THRICE as u32 + 10] {
             let random = |i: u32, k: u32| (i / 2 * 3 + k).wrapping_mul(0x9e37_79b9).rotate_left(13);
             let unit = |x: u32| (x >> 8) as f32 / (1 << 24) as f32 * if x & 1 == 0 { 1.0 } else { 0.004 };
@@ -562,7 +568,7 @@ mod tests {
 
     #[test]
     fn equal_positions_become_one_vertex() {
-        // Two triangles side by side, as a soup: 6 corners, 4 places. Minus zero is zero.
+        // Two triangles side by side, as a soup: 6 corners, 4 positions. Minus zero equals zero.
         let p = [
             [0.0, 0.0, 0.0],
             [1.0, 0.0, 0.0],
@@ -578,7 +584,7 @@ mod tests {
 
     #[test]
     fn what_is_looked_up_again_is_the_same() {
-        // A strip of more faces than are looked up at a time, as a soup, with a face that is left out.
+        // A strip of more faces than a block has, as a soup, with a face that is left out.
         let corner = |i: u32| [(i / 2) as f32 * 0.1, (i % 2) as f32, 0.0];
         let p: Vec<[f32; 3]> = (0..300).rev().flat_map(|i| [i, i + 1, i + 2].map(corner)).collect();
         let mut faces: Vec<[u32; 3]> = (0..300).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();

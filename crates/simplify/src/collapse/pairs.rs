@@ -1,8 +1,9 @@
-//! Pairs of vertices that share no edge, contracted as edges are. [Garland-Heckbert 1997]
+//! Pair contraction: merges close vertices that share no edge. [Garland-Heckbert 1997]
 //!
-//! Against the paper: pairs are found anew as positions move, but not where they are neighbours along the surface anyway or
-//! stand back to back (near); a pair pays for the gap that it closes; and unless the topology is free, pairs come together
-//! with those beside them where one alone would leave surfaces hanging together in a point (bundle).
+//! Unlike in the paper, pairs are searched for again as positions change, but not between neighbours along
+//! the surface or vertices that are back to back (near); a pair costs extra for the gap that it closes; and
+//! unless the topology is free, pairs are contracted together with adjacent ones if one alone would connect
+//! surfaces only in a point (bundle).
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
@@ -27,46 +28,47 @@ use crate::options::{BorderPolicy, Placement, TopologyPolicy};
 use crate::report::Refusal;
 use crate::tensor::Tensor;
 
-/// What the square of a gap counts, times the mean area of a triangle: two flat sheets side by side would cost nothing
-/// else. (Guessed, so that a gap costs about as much as an edge of its length where the surface is slightly curved; flat
-/// places are merged before.)
+/// Weight of the squared gap, times the mean area of a triangle: two flat sheets side by side would have no
+/// other cost. (Guessed, so that a gap costs about as much as an edge of its length where the surface is
+/// slightly curved; flat places are merged before.)
 const GAP_WEIGHT: f32 = 1e-4;
-/// Pairs are looked for again when so many percent of the vertices of the last time are left.
+/// Pairs are searched for again when this percentage of the vertices at the last search is left.
 const RENEW_PERCENT: usize = 70;
-/// With fewer vertices than this they are looked for after every sweep that changed anything: the last ones matter.
+/// Below this number of vertices they are searched for after every sweep that changed anything: the last
+/// ones matter.
 const RENEW_BELOW: usize = 2000;
-/// A vertex of more faces is not looked at, nor its neighbours.
+/// Vertices with more faces are skipped, and so are their neighbours.
 const MOST_FACES: usize = 200;
-/// Steps of the search for pairs and looks at the faces round one after which no more are contracted: so many for each vertex
-/// of the input, ... (A level of 1,194 parts took 300,000 looks and 400 searches until nothing was left to contract, half a
-/// minute in all; what it contracted after the first tenth of that made nothing better.)
+/// Budget of the search for pairs and of visits to the faces round them, per vertex of the input; no more
+/// are contracted after it. (A level of 1,194 parts took 300,000 visits and 400 searches until nothing was
+/// left to contract, half a minute in all; contractions after the first tenth of that improved nothing.)
 const LOOKS_PER_VERTEX: usize = 8;
-/// ... and so many more, since on small meshes pairs are looked for after every sweep.
+/// Budget on top of that, since on small meshes pairs are searched for after every sweep.
 const FREE_LOOKS: usize = 100_000;
-/// Ways that are tried to join two vertices together with those beside them, the nearest first.
+/// Maximum number of bundles that are tried for a pair and adjacent ones, the nearest first.
 const MOST_WAYS: usize = 3;
 
-/// Two vertices, the one that stays first, and what their contraction costs, as last seen.
+/// Two vertices, the kept one first, and the last known cost of their contraction.
 #[derive(Clone, Copy)]
 struct Pair {
     ends: [VertexId; 2],
     bound: f32,
 }
 
-/// Pairs that may be contracted.
+/// Candidate pairs for contraction.
 #[derive(Clone)]
 pub(crate) struct Pairs {
-    /// The distance within which they are looked for.
+    /// Search distance.
     reach: f32,
     list: Vec<Pair>,
-    /// When they were found: the numbering of the store, its live vertices, and the collapses done by then.
+    /// State at the last search: numbering of the store, live vertices, and collapses.
     found_at: Option<(u32, usize, u64)>,
-    /// How often the faces round a pair may still be looked at.
+    /// Remaining budget of visits to the faces round a pair.
     looks_left: usize,
     work: PairScratch,
 }
 
-/// What a look at a pair works with; made once.
+/// Scratch buffers for one pair, allocated once.
 #[derive(Clone, Default)]
 struct PairScratch {
     bundle: Bundle,
@@ -81,7 +83,8 @@ impl Pairs {
         let looks_left = LOOKS_PER_VERTEX.saturating_mul(vertices).saturating_add(FREE_LOOKS);
         Self { reach, list: Vec::new(), found_at: None, looks_left, work: PairScratch::default() }
     }
-    /// Says what is wrong with the pairs that were found, as long as vertices are numbered as they were then.
+    /// Returns an error if the current pairs are inconsistent; skipped if vertices were renumbered since
+    /// the search.
     pub(super) fn check<Q: VertexMemory>(&self, store: &Store<Q>) -> Result<(), String> {
         if self.found_at.is_none_or(|at| at.0 != store.generation) {
             return Ok(());
@@ -98,15 +101,15 @@ impl Pairs {
     }
 }
 
-/// The nearest ways, in order.
+/// Keeps the nearest bundles, in order.
 fn keep_nearest(ways: &mut Vec<(f32, Vec<[VertexId; 2]>)>) {
     ways.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
     ways.truncate(MOST_WAYS);
 }
 
 impl<M: Metric> Engine<M> {
-    /// Contracts the pairs that cost at most `tau`, the nearest first, until the goal is met; with `probe` only finds out
-    /// what they cost. `ask` is asked now and then whether to go on.
+    /// Contracts the pairs that cost at most `tau`, the nearest first, until the goal is reached; with
+    /// `probe` only computes their costs. `ask` is called now and then and decides whether to continue.
     pub(super) fn contract_pairs(
         &mut self,
         goal: &Goal,
@@ -140,14 +143,14 @@ impl<M: Metric> Engine<M> {
                     CollapseOutcome::Later(cost) => cost,
                     CollapseOutcome::Refused(why) => {
                         self.tally.refuse(why);
-                        // Asked again when the sweeps have come this far; things change around here.
+                        // Retried at a higher threshold: the neighbourhood may change until then.
                         if probe { f32::INFINITY } else { 4.0 * tau + 1e-20 }
                     }
                 };
             }
         }
         pairs.list = list;
-        // (Without them the sweeps go on by edges alone.)
+        // (Without pairs the sweeps continue with edges alone.)
         if pairs.looks_left > 0 {
             self.mesh.topology.pairs = Some(pairs);
         }
@@ -156,7 +159,7 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// Lets pairs nearer than `reach` be contracted; before anything was merged.
+    /// Enables contraction of pairs nearer than `reach`; before any collapse.
     pub(crate) fn watch_pairs(&mut self, reach: f32) {
         self.topology.pairs = Some(Pairs::new(reach, self.store.live_vertices));
         if self.cost.metric.is_memoryless() || !self.has_lines() {
@@ -175,7 +178,8 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// Merges what lines say at two vertices, by number in the ordered input, `d` apart; the first goes by `y`.
+    /// Merges the line quadrics of two vertices, by number in the ordered input, `d` apart; the first moves
+    /// by `y`.
     pub(super) fn merge_lines(&mut self, origins: [VertexId; 2], d: Vec3, y: Vec3) {
         let merged = self.cost.metric.merged(&self.form_of_lines(origins, d), y);
         for origin in origins {
@@ -185,7 +189,7 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// Takes away what a vertex remembers of lines if its borders have closed.
+    /// Removes the line quadrics of a vertex if its borders have closed.
     fn forget_lines(&mut self, w: VertexId) {
         let x = self.store.v[w.index()];
         let Some(lines) = self.cost.lines.get_mut(x.origin.index()).filter(|_| !x.kind.is_feature()) else {
@@ -205,7 +209,7 @@ impl<M: Metric> LiveMesh<M> {
 }
 
 impl<M: Metric> Engine<M> {
-    /// How many pairs within `reach` could be contracted at some cost. Nothing is changed.
+    /// Returns the number of pairs within `reach` that could be contracted at some cost. Changes nothing.
     pub(super) fn possible_pairs(&mut self, reach: f32) -> usize {
         let mut pairs = Pairs::new(reach, self.mesh.store.live_vertices);
         self.find_pairs(&mut pairs, &mut |_: &Self| Verdict::Continue);
@@ -217,7 +221,7 @@ impl<M: Metric> Engine<M> {
         list.iter().filter(&mut is_possible).count()
     }
 
-    /// Looks for pairs afresh.
+    /// Searches for pairs again.
     fn find_pairs(&mut self, pairs: &mut Pairs, ask: &mut impl FnMut(&Self) -> Verdict) -> Verdict {
         let (alive, sites) = self.mesh.sites();
         pairs.looks_left = pairs.looks_left.saturating_sub(alive.len());
@@ -246,7 +250,7 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// The live vertices, and how each stands.
+    /// Returns the live vertices with their sites.
     fn sites(&self) -> (Vec<VertexId>, Vec<Site>) {
         let store = &self.store;
         let part_of = self.label_parts();
@@ -268,8 +272,8 @@ impl<M: Metric> LiveMesh<M> {
         (alive, sites)
     }
 
-    /// The direction away from the surface in its plane, where a vertex is on a border; none in particular where its
-    /// borders lead several ways.
+    /// Returns the direction away from the surface in its plane for a vertex on a border; zero if its
+    /// borders point in several directions.
     fn way_out(&self, u: VertexId) -> Option<Vec3> {
         let store = &self.store;
         if !store.v[u.index()].kind.is_feature() {
@@ -292,8 +296,8 @@ impl<M: Metric> LiveMesh<M> {
             .then(|| if out.length() > 0.25 * length { out.normalize_or_zero() } else { Vec3::ZERO })
     }
 
-    /// Adds border edges shorter than `reach` that another way along borders leads round in two: closing a slit, they
-    /// come together with a third, which no collapse of an edge may do.
+    /// Adds border edges shorter than `reach` whose ends are also connected by another path of two border
+    /// edges: to close such a slit three vertices are merged, which no edge collapse may do.
     fn find_slits(&mut self, alive: &[VertexId], reach: f32, all: &mut Vec<(f32, [VertexId; 2])>) {
         let (mut ru, mut rv) = (Ring::default(), Ring::default());
         for &u in alive {
@@ -321,8 +325,8 @@ impl<M: Metric> LiveMesh<M> {
 }
 
 impl<M: Metric> Engine<M> {
-    /// Contracts a pair, with those beside it where that is better, if topology, guards and cost allow it. With `probe`
-    /// nothing is changed and the cost is said.
+    /// Contracts a pair, together with adjacent ones if that is better, if topology, guards and cost allow
+    /// it. With `probe` changes nothing and returns the cost.
     fn contract(
         &mut self,
         [u, v]: [VertexId; 2],
@@ -338,7 +342,8 @@ impl<M: Metric> Engine<M> {
         {
             return CollapseOutcome::Later(f32::INFINITY);
         }
-        // Those beside it cost more on top, so this is the least; most pairs are too dear at any time.
+        // Adjacent pairs only add to the cost, so this is a lower bound; most pairs are too expensive at
+        // any time.
         let least = match self.mesh.place_pair(u, v, &mut work.ring) {
             Ok((_, cost)) => (cost + self.mesh.gap(u, v)) * self.mesh.price_of(u, v),
             Err(why) => return CollapseOutcome::Refused(why),
@@ -376,7 +381,7 @@ impl<M: Metric> Engine<M> {
         }
         let may = match self.mesh.constraints.rules.topology {
             TopologyPolicy::Preserve => false,
-            // A point where borders meet would be held there, and keep others from going.
+            // A point where borders meet would be fixed, and block other collapses.
             TopologyPolicy::Relaxed => {
                 let is_open = |w: VertexId| self.mesh.store.v[w.index()].kind.is_feature();
                 alone == Effect::Singular && !is_open(u) && !is_open(v)
@@ -392,7 +397,8 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// The pairs beside one that may join the surfaces along an edge or by two faces: nearest first.
+    /// Finds bundles with adjacent pairs that may join the surfaces along an edge or by two faces: nearest
+    /// first.
     fn find_ways(&mut self, u: VertexId, v: VertexId, reach: f32, work: &mut PairScratch) {
         let PairScratch { ru, rv, ring, ways, .. } = work;
         ways.clear();
@@ -413,7 +419,7 @@ impl<M: Metric> LiveMesh<M> {
         }
         for r in ru.iter() {
             for s in rv.iter() {
-                // Two faces that face each other run round in opposite ways.
+                // Two faces that face each other have opposite winding.
                 let others = [[r.a, s.b], [r.b, s.a]];
                 if others.as_flattened().iter().any(|w| is_end(*w)) || r.a == s.a || r.b == s.b {
                     continue;
@@ -439,7 +445,7 @@ impl<M: Metric> LiveMesh<M> {
 }
 
 impl<M: Metric> Engine<M> {
-    /// Places the pairs of a bundle, asks the guards, and contracts them if they cost at most `tau`.
+    /// Places the pairs of a bundle, checks the guards, and contracts them if they cost at most `tau`.
     fn try_bundle(&mut self, tau: f32, probe: bool, work: &mut PairScratch) -> CollapseOutcome {
         let bundle = &mut work.bundle;
         if bundle.faces.iter().filter(|c| c.is_gone).count() >= self.mesh.store.live_faces {
@@ -493,7 +499,7 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// What the way between two vertices costs.
+    /// Returns the cost of the gap between two vertices.
     fn gap(&self, u: VertexId, v: VertexId) -> f32 {
         GAP_WEIGHT * self.cost.area * (self.store.p(v) - self.store.p(u)).length_squared()
     }
@@ -502,14 +508,14 @@ impl<M: Metric> LiveMesh<M> {
         self.price_weight(self.store.v[u.index()].origin, self.store.v[v.index()].origin)
     }
 
-    /// Where two vertices meet, and what the metric remembers of that.
+    /// Returns the merged position of two vertices, and its cost by the metric.
     fn place_pair(&mut self, u: VertexId, v: VertexId, ring: &mut Ring) -> Result<(Vec3, f32), Refusal> {
         let (x, z) = (self.store.v[u.index()], self.store.v[v.index()]);
         let d = z.p - x.p;
         if x.kind.is_locked() && z.kind.is_locked() || self.is_either_locked(u, v) && d == Vec3::ZERO {
             return Err(Refusal::Locked);
         }
-        // Of the planes alone: the line of a border that closes is no loss.
+        // From the planes alone: closing a border loses nothing of its line.
         let form = if self.cost.metric.is_memoryless() {
             let (own, other) = (self.planes(u, ring), self.planes(v, ring));
             let mut a = own;
@@ -539,7 +545,7 @@ impl<M: Metric> LiveMesh<M> {
         Ok((merged_position(x.p, z.p, y), cost(y)))
     }
 
-    /// What a metric with memory holds of planes at two vertices.
+    /// Returns the form of two vertices without lines, for a metric with memory.
     fn form_of_planes(&self, x: &Vertex<M::Memory>, z: &Vertex<M::Memory>) -> Form {
         let d = z.p - x.p;
         let (form, lines) =
@@ -547,7 +553,7 @@ impl<M: Metric> LiveMesh<M> {
         Form { a: form.a.less(&lines.a), h: form.h - lines.h, c: form.c - lines.c }
     }
 
-    /// The planes of a star.
+    /// Returns the plane tensor of a star.
     fn planes(&mut self, u: VertexId, ring: &mut Ring) -> Tensor {
         self.store.ring(u, ring);
         let p = self.store.p(u);
@@ -562,7 +568,7 @@ impl<M: Metric> LiveMesh<M> {
         sum
     }
 
-    /// What a bundle loses of the planes around it.
+    /// Returns the cost of a bundle by the planes around it.
     fn loss(&mut self, bundle: &Bundle, ring: &mut Ring) -> Result<f32, Refusal> {
         let (mut cost, mut area, mut peak, mut turned) = (0f32, 0f32, 0f32, false);
         for joint in &bundle.joints {
@@ -601,7 +607,7 @@ impl<M: Metric> LiveMesh<M> {
             let shape = |area_sq: f32, p: [Vec3; 3]| 12.0 * area_sq / (around(p) * around(p)).max(1e-37);
             let (old_shape, new_shape) = (shape(before_sq, p), shape(after_sq, q));
             let turns = !((dot > 0.0) & (dot * dot > self.constraints.rules.max_turn * before_sq * after_sq));
-            // A face without area has no normal that could turn.
+            // A face of no area has no normal to turn.
             if turns && (old_shape > MIN_SHAPE_SQ || after_sq == 0.0) {
                 return Err(Refusal::NormalFlip);
             }
@@ -650,7 +656,7 @@ impl<M: Metric> LiveMesh<M> {
         Ok(())
     }
 
-    /// In the late phase: the cost of contracting a pair with what its samples lose.
+    /// Returns the cost of contracting a pair plus the sampled cost, in the late phase.
     fn charge_pair(
         &self,
         joint: &Joint,
@@ -670,7 +676,7 @@ impl<M: Metric> LiveMesh<M> {
         Some(self.sampled_cost(late, origins, joint.at, [cost, most], scratch, tally))
     }
 
-    /// Whether faces come to lie back to back at an edge that was not there before, or, where one `turned` far, at any.
+    /// True if faces end up back to back at a new edge or, if a face `turned` far, at any edge.
     fn bundle_folds(&mut self, bundle: &Bundle, turned: bool, ring: &mut Ring) -> bool {
         let mut sides: Vec<([VertexId; 2], Vec3, usize)> = Vec::new();
         for c in bundle.faces.iter().filter(|c| !c.is_gone) {
@@ -714,7 +720,7 @@ impl<M: Metric> LiveMesh<M> {
 }
 
 impl<M: Metric> Engine<M> {
-    /// Does what was asked: all pairs of the bundle become one each.
+    /// Applies the contraction: both vertices of each pair of the bundle become one.
     fn apply_bundle(&mut self, bundle: &Bundle, ring: &mut Ring) {
         let mut touched: Vec<VertexId> = bundle.faces.iter().flat_map(|c| c.before).collect();
         touched.sort_unstable();
@@ -753,7 +759,7 @@ impl<M: Metric> Engine<M> {
         self.tally.pairs_contracted += bundle.joints.len();
     }
 
-    /// Gives all corners of `v` to `u`, at the place `at`.
+    /// Moves all corners of `v` to `u`, at the position `at`.
     fn merge_ends(&mut self, u: VertexId, v: VertexId, at: Vec3, ring: &mut Ring) {
         let (x, z) = (self.mesh.store.v[u.index()], self.mesh.store.v[v.index()]);
         self.mesh.share_wedges(u, v, ring);
@@ -761,13 +767,14 @@ impl<M: Metric> Engine<M> {
         let mut corners: Vec<_> = ring.iter().map(|r| r.corner).collect();
         self.mesh.store.ring(v, ring);
         for r in ring.iter() {
-            // A face that has both goes with the bundle.
+            // A face that contains both is removed with the bundle.
             if !r.has(u) {
                 corners.push(r.corner);
             }
         }
         self.mesh.store.set_corners(u, &corners);
-        // Whose place was kept gives its number: the result then has that vertex of the input.
+        // The end whose position was kept gives its number: the result then contains that vertex of the
+        // input.
         let [own, other] = [&x, &z].map(|end| end.p == at && !end.kind.is_moved());
         let kept_v = other && !own;
         let (origin, merged) = if kept_v { (z.origin, x.origin) } else { (x.origin, z.origin) };
@@ -786,7 +793,7 @@ impl<M: Metric> Engine<M> {
         let facing = x.facing.direction() + z.facing.direction();
         let agree = x.facing.direction().dot(z.facing.direction()) > 0.0;
         (kept.p, kept.origin, kept.kind) = (at, origin, x.kind.union(z.kind).moved(!(own || other)));
-        // Surfaces that face each other have no direction in common.
+        // Surfaces that face each other have no common direction.
         kept.facing = if agree { Facing::of(facing) } else { Facing::default() };
         let removed = &mut self.mesh.store.v[v.index()];
         removed.kind = removed.kind.gone();

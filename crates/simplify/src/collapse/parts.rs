@@ -1,8 +1,9 @@
-//! Whole parts: what goes when the target cannot be met otherwise.
+//! Removal of whole parts, if the target cannot be reached otherwise.
 //!
-//! A run that ends stuck above its target, with more than one part left, goes back to where it was still at ease
-//! ([`super::fork`]), and on with the parts in the order of costs: a speck then goes when it is cheaper than the collapses
-//! of the moment, instead of after all the dear ones.
+//! A run that ends stuck above its target with more than one part left resumes from a snapshot of a state
+//! in which sweeps were still productive ([`super::snapshot`]), and continues with the parts in order of
+//! cost: a speck is then removed when it is cheaper than the current collapses, instead of after all the
+//! expensive ones.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
@@ -14,22 +15,23 @@ use super::{Engine, Goal, LiveMesh};
 use crate::metric::{Metric, PartSize};
 use crate::options::{BorderPolicy, TopologyPolicy};
 
-/// How much dearer parts are where the topology may change and they go with everything else: as dear as the collapses that
-/// would bring their far ends to the rest. (Half the size squared, times twice the area, is an eighth of what a collapse
-/// pays for a rod that is held at one end. Measured against 1: brain_mri at 1 % has 0.155 % RMS instead of 0.183, at
-/// 8,000 faces 0.119 instead of 0.138, heptoroid at 50 faces 7.3 instead of 13.9.)
+/// Factor of the cost of parts if the topology may change and they are removed in order of cost: as
+/// expensive as the collapses that would pull their far ends to the rest. (Half the size squared, times
+/// twice the area, is an eighth of the cost of a collapse for a rod that is attached at one end. Measured
+/// against 1: brain_mri at 1 % has 0.155 % RMS instead of 0.183, at 8,000 faces 0.119 instead of 0.138,
+/// heptoroid at 50 faces 7.3 instead of 13.9.)
 const FREE_PART_WEIGHT: f32 = 8.0;
 
-/// Share of the faces above which cheap parts stand in the way of a run that leaves them alone. (The RMS distance falls about
-/// as the count rises, so with fewer faces to gain the rest would not come closer by much.)
+/// Share of the faces above which cheap parts block a run that keeps them. (The RMS distance falls about as
+/// the count rises, so with fewer faces to gain the rest would not improve much.)
 const MIN_BLOCKING_SHARE: f64 = 0.2;
-/// With fewer faces left, what parts would have cost is asked of every run: the answer takes next to no time there, and the few
-/// sweeps of such a run do not tell whether it is at ease. (Guessed.)
+/// Below this number of remaining faces the cost of parts is checked in every run: the check takes next to
+/// no time there, and the few sweeps of such a run do not show whether it is productive. (Guessed.)
 const ALWAYS_CHECKED_BELOW_FACES: usize = 10_000;
-/// Removing a part may leave the result below its target by this share, ...
+/// Maximum share of the target by which removing a part may undershoot it.
 const MAX_OVERSHOOT: f64 = 0.1;
-/// ... or by this one where nothing else meets the target. (Guessed: with less than half the faces asked for, a result above
-/// the target is nearer to it.)
+/// Maximum undershoot if nothing else reaches the target. (Guessed: with less than half the requested faces,
+/// a result above the target is nearer to it.)
 const MAX_LAST_OVERSHOOT: f64 = 0.5;
 
 /// A connected part of the mesh.
@@ -37,7 +39,7 @@ const MAX_LAST_OVERSHOOT: f64 = 0.5;
 struct Component {
     faces: usize,
     area: f32,
-    /// What its absence counts times; without end if a vertex is locked, or a border.
+    /// Weight of its absence; infinite if a vertex or a border is locked.
     price: f32,
     min: Vec3,
     max: Vec3,
@@ -52,13 +54,13 @@ impl Component {
         max: Vec3::splat(f32::NEG_INFINITY),
     };
 
-    /// What its absence costs, in the measure of a collapse: its area (`area` holds it twice) times the square of half
-    /// its size, as if the rest were that far away.
+    /// Returns the cost of its absence, in the unit of a collapse: its area (`area` is doubled) times the
+    /// square of half its size, as if the rest were that far away.
     fn cost(&self) -> f32 {
         self.area * 0.25 * (self.max - self.min).length_squared()
     }
 
-    /// The same times its importance; without end if it must stay.
+    /// Returns the cost times the importance; infinite if the part must stay.
     fn weighted_cost(&self) -> f32 {
         if self.price < f32::INFINITY { self.price * self.cost() } else { f32::INFINITY }
     }
@@ -69,19 +71,19 @@ impl Component {
     }
 }
 
-/// The parts of the input, for a run in which they may go in the order of costs.
+/// The parts of the input, for a run in which they may be removed in order of cost.
 #[derive(Clone)]
 pub(crate) struct Parts {
-    /// By number in the ordered input.
+    /// Part by number in the ordered input.
     part_of: Vec<u32>,
     of_input: Vec<Component>,
     cost: Vec<f32>,
     worth: Vec<f32>,
-    /// Necks that were cut, and pairs that were contracted, before the parts were looked for.
+    /// Number of cut necks and of contracted pairs when the parts were found.
     changes: [usize; 2],
 }
 
-/// The cheapest first, without the last.
+/// Sorts by cost, the cheapest first, and drops the last.
 fn all_but_most_expensive(mut order: Vec<usize>, cost: &[f32]) -> Vec<usize> {
     order.sort_by(|&i, &j| cost[i].total_cmp(&cost[j]).then(i.cmp(&j)));
     order.pop();
@@ -89,7 +91,8 @@ fn all_but_most_expensive(mut order: Vec<usize>, cost: &[f32]) -> Vec<usize> {
 }
 
 impl<M: Metric> Engine<M> {
-    /// Removes whole parts, the cheapest first, until the goal is met or one part is left. Says whether it is met.
+    /// Removes whole parts, the cheapest first, until the goal is reached or one part is left. Returns true
+    /// if it is reached.
     pub(crate) fn remove_parts(&mut self, goal: &Goal) -> bool {
         let stay = self.mesh.constraints.keeps_parts
             || self.mesh.constraints.rules.topology == TopologyPolicy::Preserve;
@@ -110,9 +113,9 @@ impl<M: Metric> Engine<M> {
         self.mesh.needed(goal) == Some(0)
     }
 
-    /// Whether a run that left all parts in place paid for it: parts that hold many of the faces would have been cheaper to
-    /// remove than some collapses were. `cuts` is whether necks could be cut as well. Cost: O(n), but only for a run that
-    /// was not at ease or is small.
+    /// True if a run that kept all parts became expensive for it: parts with many of the faces would have
+    /// been cheaper to remove than some collapses were. `cuts` is true if necks could be cut as well. Cost:
+    /// O(n), but only for a run that became unproductive or is small.
     pub(crate) fn has_parts_in_the_way(&self, cuts: bool) -> bool {
         let is_asked = self.tally.is_strained || self.mesh.store.live_faces < ALWAYS_CHECKED_BELOW_FACES;
         if !is_asked || self.mesh.topology.parts.is_some() {
@@ -132,14 +135,14 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// What two faces cost of a part that is worth so much and has so many faces left.
+    /// Returns the cost per two faces of a part of the weighted cost `worth` and with `faces` faces left.
     fn rate(&self, part: &Component, worth: f32, faces: usize) -> f32 {
         self.cost.metric.part_rate(2.0 * worth / faces as f32, &part.size(faces), self.cost.mean_face)
     }
 }
 
 impl<M: Metric> Engine<M> {
-    /// Lets parts go in the order of costs from here on. The store is compact.
+    /// Enables the removal of parts in order of cost. The store is compact.
     pub(crate) fn watch_parts(&mut self) {
         let (label, parts) = self.mesh.find_parts();
         let mut part_of = vec![0; self.mesh.store.merged_into.len()];
@@ -149,8 +152,8 @@ impl<M: Metric> Engine<M> {
         self.watch(part_of, parts);
     }
 
-    /// The same for an engine under way, whose parts count as much as in the input: these positions and faces. Unless they
-    /// were cut or grew together since.
+    /// Enables the removal of parts in a running engine, with their size in the input, given by these
+    /// positions and faces. Uses the current parts if necks were cut or pairs contracted since.
     pub(super) fn watch_parts_of(&mut self, points: &[Vec3], faces: &[[VertexId; 3]]) {
         if self.changes_of_parts() != [0, 0] {
             return self.watch_parts();
@@ -173,10 +176,10 @@ impl<M: Metric> Engine<M> {
             Some(Parts { part_of, of_input: parts, cost, worth, changes: self.changes_of_parts() });
     }
 
-    /// Drops the parts of which a face is not dearer than `tau` for a collapse, which takes two.
+    /// Removes the parts whose cost per two faces, as of a collapse, is at most `tau`.
     pub(crate) fn drop_cheap_parts(&mut self, goal: &Goal, tau: f32) {
         if self.mesh.topology.parts.as_ref().is_some_and(|p| p.changes != self.changes_of_parts()) {
-            // What was cut off is a part of its own now, and what grew together no longer.
+            // Cuts have created new parts, and pair contractions have joined some.
             self.mesh.store.compact();
             self.watch_parts();
         }
@@ -197,8 +200,9 @@ impl<M: Metric> Engine<M> {
         self.mesh.topology.parts = Some(parts);
     }
 
-    /// Says what is wrong with the parts that are watched: each number has one, which there is, and faces lie in one each.
-    /// (Not where cuts and pairs have changed them since: then they are looked for anew before they are asked for.)
+    /// Returns an error if the watched parts are inconsistent: each number has an existing part, and each
+    /// face is in one part. (Skipped after cuts and pair contractions: then parts are found again before
+    /// their next use.)
     pub(super) fn check_parts(&self, parts: &Parts) -> Result<(), String> {
         let (of, count) = (&parts.part_of, parts.cost.len());
         if parts.changes != self.changes_of_parts() {
@@ -219,8 +223,9 @@ impl<M: Metric> Engine<M> {
         [self.tally.necks_cut, self.tally.pairs_contracted]
     }
 
-    /// Drops these parts, in this order, until the goal is met, but for those that would leave the result far below it;
-    /// `part_of` is by vertex of the store. Where nothing else is left to do (`at_last`), one of these may go in the end.
+    /// Removes these parts, in this order, until the goal is reached, except those that would leave the
+    /// result far below it; `part_of` is by vertex of the store. With `at_last`, if nothing else is left,
+    /// one of these may be removed in the end.
     fn drop_parts(
         &mut self,
         goal: &Goal,
@@ -247,7 +252,7 @@ impl<M: Metric> Engine<M> {
                     at += 1;
                     continue;
                 }
-                // The one that leaves most.
+                // The one that leaves most faces.
                 None if at_last => {
                     let fitting = too_large.iter().copied();
                     let fitting = fitting.filter(|&i| !is_far_below(goal, left(i), MAX_LAST_OVERSHOOT));
@@ -277,7 +282,7 @@ impl<M: Metric> Engine<M> {
         self.mesh.store.compact();
     }
 
-    /// The living faces of each part.
+    /// Returns the live faces of each part.
     fn faces_of_parts(&self, part_of: &[u32], parts: usize) -> Vec<Vec<usize>> {
         let mut faces = vec![Vec::new(); parts];
         for (f, t) in self.mesh.store.t.iter().enumerate().filter(|t| t.1[0] != NONE) {
@@ -288,12 +293,13 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// How many parts there are in a compact store.
+    /// Returns the number of parts in a compact store.
     pub(crate) fn part_count(&self) -> usize {
         self.label_parts().into_iter().max().map_or(0, |m| m as usize + 1)
     }
 
-    /// The part of each vertex of a compact store, and the parts in the order of their first vertex.
+    /// Returns the part of each vertex of a compact store, and the parts in the order of their first
+    /// vertex.
     fn find_parts(&self) -> (Vec<u32>, Vec<Component>) {
         let label = self.label_parts();
         let mut parts = measured(&label, |w| self.store.p(w), &self.store.t);
@@ -305,7 +311,7 @@ impl<M: Metric> LiveMesh<M> {
         (label, parts)
     }
 
-    /// Where borders are locked, parts with a border must stay. Cost: O(n log n), there alone.
+    /// Marks parts with a border as locked if borders are locked. Cost: O(n log n) in that case, else O(1).
     fn keep_locked_borders(&self, part_of: &[u32], faces: &[[VertexId; 3]], parts: &mut [Component]) {
         if self.constraints.rules.border != BorderPolicy::Lock {
             return;
@@ -319,25 +325,25 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// What the absence of a vertex counts times.
+    /// Returns the weight of the absence of a vertex.
     fn absence_price(&self, x: &Vertex<M::Memory>) -> f32 {
         if x.kind.is_locked() { f32::INFINITY } else { self.price_weight(x.origin, x.origin) }
     }
 
-    /// The number of the part of each vertex, parts counted in the order of their first vertex.
+    /// Returns the part of each vertex; parts are numbered in the order of their first vertex.
     pub(super) fn label_parts(&self) -> Vec<u32> {
         labels(self.store.v.len(), &self.store.t)
     }
 }
 
-/// Whether so many faces and vertices are below the goal by more than a share of it.
+/// True if these counts of faces and vertices are below the goal by more than a share of it.
 fn is_far_below(goal: &Goal, (faces, vertices): (usize, usize), share: f64) -> bool {
     let is_below =
         |goal: Option<usize>, left: usize| goal.is_some_and(|n| (left as f64) < (1.0 - share) * n as f64);
     is_below(goal.faces, faces) || is_below(goal.vertices, vertices)
 }
 
-/// Parts, but for their prices; `label` says which one each of the points is of.
+/// Computes parts without their weights; `label` is the part of each point.
 fn measured(label: &[u32], at: impl Fn(VertexId) -> Vec3, faces: &[[VertexId; 3]]) -> Vec<Component> {
     let mut parts = vec![Component::EMPTY; label.iter().copied().max().map_or(0, |m| m as usize + 1)];
     for (i, &l) in label.iter().enumerate() {
@@ -353,8 +359,8 @@ fn measured(label: &[u32], at: impl Fn(VertexId) -> Vec3, faces: &[[VertexId; 3]
     parts
 }
 
-/// The number of the part of each of so many vertices, parts counted in the order of their first vertex. Dead faces do not
-/// count.
+/// Returns the part of each of `count` vertices; parts are numbered in the order of their first vertex.
+/// Dead faces do not count.
 pub(crate) fn labels(count: usize, faces: &[[VertexId; 3]]) -> Vec<u32> {
     let mut root: Vec<VertexId> = (0..count as u32).map(VertexId).collect();
     fn find(root: &mut [VertexId], mut i: VertexId) -> VertexId {

@@ -1,8 +1,9 @@
-//! What a progressive mesh is made from: each change of the mesh, as it was before.
+//! Recording for progressive meshes: the state before each change of the mesh.
 //!
-//! The record keeps a copy of the mesh in the names of the input. After a change it looks at the faces that were touched,
-//! notes what differs from the copy, as the copy has it, and brings the copy up to date. So it need not know what a
-//! change was, and any change can be taken back: collapses, cuts, pairs, whole parts, and what was mended at the start.
+//! The record keeps a copy of the mesh in the numbering of the input. After a change it compares the
+//! touched faces with the copy, logs the old values where they differ, and updates the copy. So it need not
+//! know the kind of a change, and any change can be undone: collapses, cuts, pairs, removed parts, and
+//! repairs at the start.
 
 use std::collections::BTreeMap;
 
@@ -15,60 +16,60 @@ use super::store::Store;
 use crate::attributes::{RowPlaces, Rows};
 use crate::metric::{Metric, VertexMemory};
 
-/// Share of the bounds that one sweep takes while a record is kept: the road is to be good at every step, not only at its
-/// end. (Measured: at 0.7 levels have up to 1.6 times the RMS of single runs, at 0.25 up to 1.06, at 0.05 up to 1.04; exactly
-/// flat parts want it at 0.05. docs/decisions/0018)
+/// Share of the bounds that one sweep takes in a recorded run: every level is to be good, not only the
+/// last. (Measured: at 0.7 levels have up to 1.6 times the RMS of single runs, at 0.25 up to 1.06, at 0.05
+/// up to 1.04; exactly flat parts need 0.05. docs/decisions/0018)
 pub(super) const QUANTILE: f64 = 0.05;
 
-/// Lists of changes, each with where those of a change end.
+/// Log of all changes, as lists of entries; each change stores the ends of its ranges.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Log {
-    /// Faces that went, with their corners.
+    /// Removed faces, with their corners.
     pub(crate) dead: Vec<(FaceId, [WedgeId; 3])>,
-    /// Corners (three times the face, and 0, 1 or 2) and the wedges that they had.
+    /// Corners (three times the face, plus 0, 1 or 2) and their old wedges.
     pub(crate) corners: Vec<(u32, WedgeId)>,
-    /// Wedges and the vertices that they had.
+    /// Wedges and their old vertices.
     pub(crate) owners: Vec<(WedgeId, VertexId)>,
-    /// Wedges whose rows changed,
+    /// Wedges whose rows changed.
     pub(crate) rows: Vec<WedgeId>,
-    /// and what stood there.
+    /// Old values of these rows.
     pub(crate) values: Vec<f32>,
-    /// Vertices that moved,
+    /// Vertices that moved.
     pub(crate) places: Vec<VertexId>,
-    /// and from where.
+    /// Old positions of these vertices.
     pub(crate) positions: Vec<[f64; 3]>,
-    /// Vertices of the ordered input that went into others.
+    /// Merged vertices of the ordered input, with the vertices that they were merged into.
     pub(crate) merged: Vec<(VertexId, VertexId)>,
     /// One entry for each change.
     pub(crate) steps: Vec<LoggedChange>,
 }
 
-/// A change.
+/// One logged change.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LoggedChange {
-    /// Its own cost, or the largest of those that it builds on: in this order changes may be done.
+    /// Its own cost, or the largest of those that it depends on: changes may be applied in this order.
     pub(crate) key: f32,
-    /// What the engine has paid by then, and what parts were worth that went.
+    /// Increase of the accumulated cost of collapses, and of removed parts.
     pub(crate) spent: f32,
     pub(crate) lost: f32,
-    /// Where its entries end: dead faces, corners, owners, rows, places, mergers.
+    /// Ends of its ranges: dead faces, corners, owners, rows, places, mergers.
     pub(crate) ends: [u32; 6],
 }
 
-/// How the engine's numbers are called in the input.
+/// Numbers of the input for those of the engine.
 #[derive(Clone)]
 pub(crate) struct InputNames {
-    /// The vertex of each place.
+    /// Vertex of the input at each position.
     pub(crate) vertices: Vec<VertexId>,
-    /// The wedge of each wedge of the engine; where it has none, of each place.
+    /// Wedge of the input for each wedge of the engine, or for each position if the engine has no wedges.
     pub(crate) wedges: Vec<WedgeId>,
     pub(crate) faces: Vec<FaceId>,
-    /// Whether the engine has wedges, and whether those are the input's own.
+    /// True if the engine has wedges, and if those are the input's own.
     pub(crate) has_wedges: bool,
     pub(crate) keeps_wedges: bool,
 }
 
-/// The mesh in the names of the input; what is made on the way has numbers beyond.
+/// The mesh in the numbering of the input; elements created during the run have numbers beyond.
 #[derive(Clone)]
 pub(crate) struct MeshCopy {
     pub(crate) faces: Vec<[WedgeId; 3]>,
@@ -87,15 +88,15 @@ pub(crate) struct Record {
     input: Positions,
     frame: Frame,
     pub(crate) rows: Option<(Rows, RowPlaces)>,
-    /// Whether anything moves vertices as a whole.
+    /// True if there is data that moves vertices as a whole.
     moves_whole: bool,
-    /// Where a wedge of the input stands, if it is named without its vertex.
+    /// Vertex of each wedge of the input, if wedges have the numbers of the input.
     home: Vec<VertexId>,
-    /// Wedges of the input at other vertices than their own.
+    /// Wedges of the input that are used at other vertices than their own.
     aliases: BTreeMap<(VertexId, WedgeId), WedgeId>,
     /// The largest key of a change that touched a vertex.
     keys: Vec<f32>,
-    /// No key is less from here on.
+    /// Lower limit of all further keys.
     floor: f32,
     highest: f32,
     before: [f64; 2],
@@ -103,7 +104,7 @@ pub(crate) struct Record {
 }
 
 impl Record {
-    /// A record of a mesh that is still as the input has it.
+    /// Creates a record of a mesh that is still identical to the input.
     pub(crate) fn new(
         names: InputNames,
         copy: MeshCopy,
@@ -131,7 +132,7 @@ impl Record {
         }
     }
 
-    /// Lets all that follows build on all that was.
+    /// Makes all later changes depend on all earlier ones.
     pub(crate) fn raise_floor(&mut self) {
         self.floor = self.highest;
     }
@@ -140,7 +141,7 @@ impl Record {
         self.log.merged.push((gone, into));
     }
 
-    /// The name of a vertex, by its number in the ordered input.
+    /// Returns the input number of a vertex, by its number in the ordered input.
     pub(crate) fn vertex(&mut self, origin: VertexId) -> VertexId {
         while self.names.vertices.len() <= origin.index() {
             let new = VertexId::new(self.copy.positions.len());
@@ -169,7 +170,7 @@ impl Record {
         new
     }
 
-    /// The name of a wedge of a vertex of the ordered input.
+    /// Returns the input number of a wedge of a vertex of the ordered input.
     fn wedge(
         &mut self,
         origin: VertexId,
@@ -201,8 +202,8 @@ impl Record {
         self.names.wedges[w.index()]
     }
 
-    /// Notes what is different now at these faces of the store, which is not compacted since; `moved` are the vertices
-    /// whose places or values may have changed.
+    /// Logs the differences at these faces of the store, which was not compacted since; `moved` are the
+    /// vertices whose positions or values may have changed.
     fn note<Q: VertexMemory>(
         &mut self,
         store: &Store<Q>,
@@ -292,8 +293,9 @@ impl Record {
         self.end(key, spent, lost);
     }
 
-    /// Gives the wedges of each vertex that a change moved alike values of what moves it as a whole. The rows that the change
-    /// wrote down begin with `first_row`, the wedges that it made with `there`.
+    /// Sets equal values, for data that moves a vertex as a whole, in the wedges of each vertex that a
+    /// change moved. The rows logged by the change start at `first_row`, the wedges created by it at
+    /// `there`.
     fn hold_together<Q: VertexMemory>(
         &mut self,
         store: &Store<Q>,
@@ -341,7 +343,7 @@ impl Record {
         }
     }
 
-    /// Gives the wedge of a name what the engine has for it.
+    /// Copies the engine's values of a wedge to the row of its input number.
     fn write(&mut self, attributes: Option<&Attributes>, name: WedgeId, w: WedgeId) {
         let width = self.copy.width;
         if let (Some((rows, places)), Some(attributes)) = (&self.rows, attributes) {
@@ -361,7 +363,7 @@ impl Record {
 }
 
 impl<M: Metric> Engine<M> {
-    /// Notes how the mesh that the engine begins with differs from the input, as the first change of all.
+    /// Logs the differences between the initial mesh of the engine and the input, as the first change.
     pub(crate) fn note_start(&mut self, mut record: Box<Record>) {
         let mut is_alive = vec![false; record.copy.faces.len()];
         for &n in self.mesh.store.names.iter().flatten() {
@@ -381,7 +383,7 @@ impl<M: Metric> Engine<M> {
         self.record = Some(record);
     }
 
-    /// Notes a change of these faces, if there is a record.
+    /// Logs a change of these faces, if there is a record.
     #[inline(always)]
     pub(super) fn note(&mut self, faces: impl Iterator<Item = usize>, moved: &[VertexId], cost: f32) {
         if self.record.is_some() {
@@ -402,7 +404,7 @@ impl<M: Metric> Engine<M> {
         self.record = Some(record);
     }
 
-    /// Makes a stuck engine ready for more sweeps, in which whole parts may go.
+    /// Prepares a stuck engine for more sweeps, in which whole parts may be removed.
     pub(crate) fn resume(&mut self, cuts_necks: bool) {
         self.mesh.store.bound = vec![super::bound::UNKNOWN; self.mesh.store.v.len()];
         self.mesh.store.link();

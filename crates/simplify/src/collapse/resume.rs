@@ -1,4 +1,4 @@
-//! Going on from where sweeps ended or forked, to a lower goal.
+//! Resuming an engine to a lower goal, after its sweeps ended or from a snapshot.
 
 use lodsmith_core::VertexId;
 
@@ -7,23 +7,23 @@ use super::{Engine, Goal, LiveMesh, Sweeps};
 use crate::metric::Metric;
 
 impl<M: Metric> Engine<M> {
-    /// A copy that goes on just as this one would.
+    /// Returns a copy that continues exactly like this one.
     pub(crate) fn branch(&self) -> Self {
         let mut copy = self.clone();
         copy.mesh.store.make_room_of(&self.mesh.store);
         copy
     }
 
-    /// Makes a finished engine ready for more sweeps, with attributes that count `weights` from here on.
+    /// Prepares a finished engine for more sweeps, with new attribute weights.
     pub(crate) fn reopen(&mut self, weights: Option<&[f32]>) {
         self.mesh.store.reopen();
         self.mesh.count(weights);
     }
 
-    /// Lets sweeps that forked go on to a lower goal, with attributes that count `weights` from here on.
+    /// Continues interrupted sweeps to a lower goal, with new attribute weights.
     pub(crate) fn go_on_to(&mut self, sweeps: &mut Sweeps, goal: &Goal, weights: Option<&[f32]>) {
         if self.mesh.values.attributes.is_some() && weights.is_some() {
-            // Tensors are made of what lives.
+            // Tensors are computed from live elements only.
             self.mesh.store.compact();
             if self.mesh.count(weights) && sweeps.awaits_threshold() {
                 if sweeps.has_swept {
@@ -38,7 +38,7 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// Lets attributes of a compact store count differently; whether that changed anything.
+    /// Sets the attribute weights of a compact store; returns true if they changed.
     fn count(&mut self, weights: Option<&[f32]>) -> bool {
         let Some((attributes, weights)) = self.values.attributes.as_mut().zip(weights) else { return false };
         let own = attributes.weights_mut();
@@ -53,7 +53,7 @@ impl<M: Metric> LiveMesh<M> {
         is_other
     }
 
-    /// Tensors of all vertices from the present surface; what is known of the input's stays.
+    /// Recomputes the tensors of all vertices from the current surface; data of the input is kept.
     fn weigh_again(&mut self) {
         let facings: Vec<_> = self.store.v.iter().map(|x| x.facing).collect();
         let of_input = (self.cost.total_area, self.cost.mean_face);

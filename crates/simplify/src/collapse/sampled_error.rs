@@ -1,8 +1,10 @@
-//! The last phase at extreme targets: a collapse is charged with what it really loses.
+//! Sampled error: the last phase at extreme targets, in which the cost of a collapse includes its true
+//! error.
 //!
-//! A cost without memory forgets how far a tip has come already, so a limb can be eaten up cheaply, step by step. When
-//! few triangles are left, every vertex carries samples of the original surface that it has swallowed, and a collapse
-//! pays for the growth of their distances to the surface. (docs/decisions/0007)
+//! A cost without memory forgets how far a tip has already moved, so a limb can shrink away cheaply, step
+//! by step. When few triangles are left, every vertex carries samples of the original surface that was
+//! merged into it, and the cost of a collapse includes the growth of their distances to the surface.
+//! (docs/decisions/0007)
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
@@ -14,57 +16,60 @@ use super::wings::Wing;
 use super::{LiveMesh, Scratch, Tally};
 use crate::metric::Metric;
 
-/// Live triangles under which the phase begins ...
+/// Live triangles below which the phase begins.
 const START_FACES: usize = 2000;
-/// ... or under this share of the input where attributes count, at targets ... (Measured against 2,000: on ten models at 50
-/// to 10 % RMS 0.2 % lower, normals 3 %, textures 4 %; at 5 to 1 % 5 %, 7 % and 6 %.)
+/// Share of the input below which the phase begins if attributes count. (Measured against 2,000: on ten
+/// models at 50 to 10 % RMS 0.2 % lower, normals 3 %, textures 4 %; at 5 to 1 % 5 %, 7 % and 6 %.)
 const START_SHARE: f64 = 0.15;
-/// ... below this,
+/// Targets below this number of faces are extreme.
 const EXTREME_FACES: usize = 600;
-/// ... or below the input by this factor.
+/// Targets smaller than the input by this factor are extreme.
 const EXTREME_REDUCTION: usize = 20;
-/// Sweeps are finer then. (Measured: 0.1 to 0.3 are equal within noise, 0.2 takes a sixth less time than 0.1.)
+/// Share of the bounds per sweep in this phase. (Measured: 0.1 to 0.3 are equal within noise, 0.2 takes a
+/// sixth less time than 0.1.)
 pub(crate) const QUANTILE: f64 = 0.2;
-/// Samples of a vertex, at most, on average, when the phase begins.
+/// Maximum mean number of samples per vertex when the phase begins.
 const SAMPLES_PER_VERTEX: usize = 32;
-/// A vertex with more keeps every second one, and the farthest.
+/// Number of samples above which a vertex keeps every second one, and the farthest.
 const MAX_SAMPLES: usize = 96;
-/// Faces round a merged vertex up to which its samples are measured. (Guessed: no vertex of a model but the hub of a fan or a
-/// book has more.)
+/// Maximum number of faces round a merged vertex for which samples are measured. (Guessed: no vertex of a
+/// model has more, except hubs of fans or books.)
 const MAX_MEASURED_STAR: usize = 512;
-/// Price of a loss. (6 would make it count like area · height², whose integral is a sixth; 3 to 6 are equal.)
+/// Weight of the loss. (6 would make it count like area · height², whose integral is a sixth; 3 to 6 are
+/// equal.)
 const LOSS_WEIGHT: f32 = 4.0;
 
-/// Whether a target is extreme for a mesh of so many faces.
+/// True if a target is extreme for a mesh of `faces` faces.
 pub(crate) fn is_extreme(target: usize, faces: usize) -> bool {
     target < EXTREME_FACES || target.saturating_mul(EXTREME_REDUCTION) < faces
 }
 
-/// Live triangles under which the phase begins in a run that is recorded, which leads to extreme targets and to others. Where
-/// a tenth of the input is no extreme target, the phase begins below that, lest it costs that level what it gains the ones
-/// below. (Measured: fandisk at 10 % has 1.07 times the RMS of a single run from 2,000 on, 1.02 from 1,600.)
+/// Returns the number of live triangles below which the phase begins in a recorded run, which has extreme
+/// and other levels. If a tenth of the input is no extreme target, the phase begins below that: otherwise
+/// that level would lose what lower ones gain. (Measured: fandisk at 10 % has 1.07 times the RMS of a
+/// single run from 2,000 on, 1.02 from 1,600.)
 pub(crate) fn begin_of_record(faces: usize) -> usize {
     if is_extreme(faces / 10, faces) { START_FACES } else { START_FACES.min(faces / 8) }
 }
 
-/// The same in a run to one target.
+/// Returns the number of live triangles below which the phase begins in a run to one target.
 pub(crate) fn begin(faces: usize, with_attributes: bool) -> usize {
     if with_attributes { START_FACES.min((faces as f64 * START_SHARE) as usize) } else { START_FACES }
 }
 
-/// Price of the farthest sample's squared distance, times the mean area of a triangle. (Measured with the samples: at this,
-/// the largest distances of cow, bunny and brain588k at 100 faces and of horse and fandisk at 1 % are all below the best
-/// rival's; at 0.4 to 0.7 means stay within noise.)
+/// Weight of the farthest sample's squared distance, times the mean area of a triangle. (Measured with the
+/// samples: at this value, the largest distances of cow, bunny and brain588k at 100 faces and of horse and
+/// fandisk at 1 % are all below the best rival's; at 0.4 to 0.7 means stay within noise.)
 const FARTHEST_WEIGHT: f32 = 0.7;
 
 #[derive(Clone, Copy, Debug)]
 struct Sample {
     p: Vec3,
-    /// An area.
+    /// Area that it represents.
     weight: f32,
 }
 
-/// What one live vertex has swallowed.
+/// Samples that one live vertex carries.
 #[derive(Clone, Debug, Default)]
 struct SampleSet {
     samples: Vec<Sample>,
@@ -72,14 +77,14 @@ struct SampleSet {
     loss: f32,
 }
 
-/// The bags, by number in the ordered input of their vertex.
+/// The sample sets, by number in the ordered input of their vertex.
 #[derive(Clone)]
 pub(crate) struct SampledError {
     set_of: Vec<u32>,
     sets: Vec<SampleSet>,
 }
 
-/// Buffers of a charge.
+/// Scratch buffers of a sampled cost.
 #[derive(Clone, Default)]
 pub(super) struct LateScratch {
     /// Samples of both ends.
@@ -88,7 +93,7 @@ pub(super) struct LateScratch {
     star: Star,
 }
 
-/// Cost of a merger with what its samples lose.
+/// Cost of a merger including the growth of the sampled error.
 pub(super) struct SampledCost {
     pub(super) cost: f32,
     /// Loss of all samples of the merged vertex.
@@ -97,11 +102,12 @@ pub(super) struct SampledCost {
     farthest: usize,
 }
 
-/// What samples lose against a star, which one is farthest, and its squared distance. Stops once the loss passes `most`.
+/// Returns the loss of samples against a star, the index of the farthest one, and its squared distance.
+/// Stops once the loss exceeds `most`.
 fn measure(samples: &[Sample], star: &Star, most: f32) -> (f32, usize, f32) {
     let (mut loss, mut worst, mut far) = (0f32, 0f32, 0);
     for (i, four) in samples.chunks(4).enumerate() {
-        // A lane that is not used repeats the last sample, and weighs nothing.
+        // An unused lane repeats the last sample with weight 0.
         let lane = |k: usize| four[k.min(four.len() - 1)].p;
         let axis = |j: usize| f32x4::new([lane(0)[j], lane(1)[j], lane(2)[j], lane(3)[j]]);
         let weight = |k: usize| four.get(k).map_or(0.0, |s| s.weight);
@@ -120,7 +126,8 @@ fn measure(samples: &[Sample], star: &Star, most: f32) -> (f32, usize, f32) {
 }
 
 impl SampledError {
-    /// Deals the samples of the first of two vertices at one place to both, each to the nearer star.
+    /// Distributes the samples of the first of two vertices at one position to both, each to the nearer
+    /// star.
     pub(super) fn share(&mut self, origins: [VertexId; 2], stars: &[Star; 2]) {
         let first = self.set_of[origins[0].index()] as usize;
         let mut bags = [SampleSet::default(), SampleSet::default()];
@@ -141,7 +148,8 @@ impl SampledError {
 }
 
 impl SampledError {
-    /// Says what is wrong with the bags of living vertices, by number in the ordered input: each has one of its own.
+    /// Returns an error unless each live vertex, given by number in the ordered input, has a sample set of
+    /// its own.
     pub(super) fn check(&self, living: impl Iterator<Item = VertexId>) -> Result<(), String> {
         let mut owners = vec![u32::MAX; self.sets.len()];
         for origin in living {
@@ -159,7 +167,8 @@ impl SampledError {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// Gives every vertex its samples: centres of the original faces (3/4 of the weight) and vertices.
+    /// Starts the phase: gives every vertex its samples, which are centres of the original faces (3/4 of
+    /// the weight) and vertices.
     pub(crate) fn begin_late(&mut self, points: &[Vec3], faces: &[[VertexId; 3]]) {
         self.store.compact();
         let home = self.store.homes();
@@ -195,8 +204,9 @@ impl<M: Metric> LiveMesh<M> {
         self.sampled = Some(SampledError { set_of: bag_of, sets: bags });
     }
 
-    /// Adds to a cost what the merger of two vertices (by number in the ordered input) at `at`, with the triangles of the
-    /// star in the scratch, loses beyond what is lost already. The samples are measured until the cost passes `most`.
+    /// Adds to a cost the growth of the sampled error when two vertices (by number in the ordered input)
+    /// are merged at `at`, with the triangles of the star in the scratch. Samples are measured until the
+    /// cost exceeds `most`.
     pub(super) fn sampled_cost(
         &self,
         late: &SampledError,
@@ -208,7 +218,8 @@ impl<M: Metric> LiveMesh<M> {
     ) -> SampledCost {
         let [u, v] = origins.map(|x| &late.sets[late.set_of[x.index()] as usize]);
         let (wings, LateScratch { merged, star }) = (&scratch.wings, &mut scratch.late);
-        // (A table of samples times faces: too much round a hub of a thousand, where nothing is charged.)
+        // (Samples times faces: too expensive round a hub of a thousand faces, where no sampled cost is
+        // added.)
         let is_measured = 4 * wings.fours().len() <= MAX_MEASURED_STAR;
         if is_measured {
             let rim = |w: Wing| [w.a, w.b].map(|o| (o, self.store.v[o.index()].p));
@@ -229,7 +240,7 @@ impl<M: Metric> LiveMesh<M> {
         SampledCost { cost, loss, farthest }
     }
 
-    /// Gives the merged vertex the samples of both, which were just charged.
+    /// Gives the merged vertex the samples of both, for which the cost was just computed.
     pub(super) fn hand_over_samples(
         &mut self,
         [kept, removed]: [VertexId; 2],
@@ -255,7 +266,7 @@ impl<M: Metric> LiveMesh<M> {
         bag.samples.clear();
         bag.samples.extend_from_slice(merged);
         bag.loss = charge.loss;
-        // Either number may be the merged vertex' later.
+        // Either number may be that of the merged vertex later.
         late.set_of[removed.index()] = u as u32;
     }
 }

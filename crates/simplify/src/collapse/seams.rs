@@ -1,4 +1,5 @@
-//! Seams: edges whose two sides differ in wedges or regions. What they weigh, and what they refuse.
+//! Seams: edges whose two sides differ in wedges or regions. Their line weights, and the collapses that
+//! they refuse.
 
 use std::collections::HashMap;
 
@@ -11,30 +12,31 @@ use super::store::{Ring, Spoke, Store};
 use crate::metric::{Metric, VertexMemory};
 use crate::report::Refusal;
 
-/// Weight of the line of a seam edge against the planes of faces: a seam that leaves its line shows what lies beyond the
-/// chart. (Guessed, a fifth of a border's.)
+/// Weight of the line of a seam edge against the planes of faces: a seam that leaves its line shows texture
+/// from beyond the chart. (Guessed, a fifth of a border's.)
 pub(crate) const SEAM: f32 = 2.0;
-/// The same for a soft seam: a crease of normals, or textures that go on much as they were on the other side.
+/// Weight of the line of a soft seam: a crease of normals, or nearly continuous texture coordinates.
 const SOFT: f32 = 0.5;
-/// The same for a sharp edge that the options make a feature. (As of a border. Measured at that weight alone: the crest of a
-/// curved ridge is .3 to .7 times as far away; docs/methods/memoryless.md has machine parts.)
+/// Weight of the line of a sharp edge that the options make a feature. (As of a border. Measured at that
+/// weight alone: the crest of a curved ridge is .3 to .7 times as far away; docs/methods/memoryless.md has
+/// machine parts.)
 const CREASE: f32 = 10.0;
 
-/// Which lines no longer refuse, because nothing else was left to do.
+/// Degree to which lines no longer refuse collapses, because nothing else was left to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Looseness {
-    /// All hold.
+    /// All lines refuse.
     None,
-    /// Sharp edges give way.
+    /// Sharp edges no longer refuse.
     Creases,
-    /// Seams give way.
+    /// Seams no longer refuse.
     Seams,
-    /// The borders of regions too: a material may lose its last face.
+    /// Borders of regions no longer refuse either: a material may lose its last face.
     Regions,
 }
 
 impl Looseness {
-    /// The next step that sets anything free, if there is one.
+    /// Returns the next step that changes anything, if there is one.
     pub(crate) fn looser(self, has_creases: bool, has_attributes: bool) -> Option<Self> {
         match self {
             Self::None if has_creases => Some(Self::Creases),
@@ -45,17 +47,17 @@ impl Looseness {
     }
 }
 
-/// One side of an edge: its face, and the wedges that it has at the ends.
+/// One side of an edge: its face, and the wedges of the face at both ends.
 #[derive(Clone, Copy)]
 struct Side {
     face: u32,
     here: WedgeId,
     there: WedgeId,
-    /// [`NO_REGION`] where there are none.
+    /// [`NO_REGION`] if the mesh has no regions.
     region: RegionId,
-    /// Whether the face ends at the edge, as seen from here.
+    /// True if the face lies before the edge in the order round this end.
     ends: bool,
-    /// Whether the face has the edge as a sharp one.
+    /// True if the face marks the edge as sharp.
     is_sharp: bool,
 }
 
@@ -65,32 +67,32 @@ const NO_REGION: RegionId = RegionId(u32::MAX);
 #[derive(Clone, Copy)]
 pub(super) struct Edge {
     pub(super) to: VertexId,
-    /// Where the faces of the star have it first.
+    /// Index of its first occurrence in the faces of the star.
     rank: u32,
     faces: u32,
     side: Side,
-    /// The first one that differs from it in wedges or regions.
+    /// The first other side that differs from it in wedges or regions.
     other: Option<Side>,
 }
 
 impl Side {
-    /// Whether there is more at the edge than what any inner edge has: other wedges or regions beyond, or a feature.
+    /// True if the edge is more than an ordinary inner one: wedges or regions differ, or it is a feature.
     fn differs(&self, other: &Self) -> bool {
         self.is_other(other) || self.is_sharp || other.is_sharp
     }
-    /// Whether wedges or regions are others.
+    /// True if wedges or regions differ.
     fn is_other(&self, other: &Self) -> bool {
         (self.here, self.there, self.region) != (other.here, other.there, other.region)
     }
 }
 
 impl<Q: VertexMemory> Store<Q> {
-    /// The class of a region: between classes borders are exact.
+    /// Returns the class of a region: borders between classes are preserved exactly.
     fn class(&self, region: RegionId) -> RegionId {
         self.classes.get(region.index()).copied().unwrap_or(region)
     }
 
-    /// Whether classes of regions differ on the two sides of the edge from the centre of a star to `w`.
+    /// True if the classes of the regions on the sides of the edge from the centre of a star to `w` differ.
     fn is_region_edge(&self, ring: &[Spoke], w: VertexId) -> bool {
         let Some(regions) = &self.regions else { return false };
         let mut sides = ring.iter().filter(|r| r.has(w)).map(|r| self.class(regions[r.corner.face()]));
@@ -98,12 +100,12 @@ impl<Q: VertexMemory> Store<Q> {
         sides.any(|side| Some(side) != first)
     }
 
-    /// Whether faces of several regions meet in a star.
+    /// True if the faces of a star belong to several regions.
     pub(crate) fn meets_regions(&self, ring: &[Spoke]) -> bool {
         self.meets(ring, |region| region)
     }
 
-    /// Whether faces of several classes of regions meet in a star.
+    /// True if the faces of a star belong to several classes of regions.
     fn meets_classes(&self, ring: &[Spoke]) -> bool {
         self.meets(ring, |region| self.class(region))
     }
@@ -114,7 +116,7 @@ impl<Q: VertexMemory> Store<Q> {
         ring.iter().any(|r| of(r) != of(&ring[0]))
     }
 
-    /// One side of the edge to the second or (`ends`) third corner of a face in a star.
+    /// Returns the side of the edge to the second or (`ends`) third corner of a face in a star.
     #[inline(always)]
     fn side(&self, r: &Spoke, ends: bool) -> Side {
         const NEXT: [[usize; 3]; 2] = [[1, 2, 0], [2, 0, 1]];
@@ -127,8 +129,9 @@ impl<Q: VertexMemory> Store<Q> {
         Side { face: face as u32, here, there, region, ends, is_sharp: self.is_sharp(r.corner, !ends) }
     }
 
-    /// The edges of a star that are more than inner ones, in the order in which its faces have them: those of not just two
-    /// faces, and those whose sides differ. Where the star is a closed fan, that is known from its kind.
+    /// Lists the edges of a star other than ordinary inner ones, in the order in which its faces have them:
+    /// those of not exactly two faces, and those whose sides differ. A regular kind means that the star is
+    /// a closed fan.
     pub(super) fn edges(&self, ring: &[Spoke], kind: Kind, out: &mut Vec<Edge>) {
         out.clear();
         if !kind.is_regular() {
@@ -139,7 +142,7 @@ impl<Q: VertexMemory> Store<Q> {
             second_of.extend(ring.iter().enumerate().map(|(k, s)| (s.b, k)));
         }
         for (i, r) in ring.iter().enumerate() {
-            // Every neighbour is second in one face, too.
+            // Every neighbour is also second in one face.
             let position = || ring.iter().position(|s| s.b == r.a);
             let Some(k) = second_of.get(&r.a).copied().or_else(position) else { continue };
             let (own, beyond) = (self.side(r, false), self.side(&ring[k], true));
@@ -153,7 +156,7 @@ impl<Q: VertexMemory> Store<Q> {
         }
     }
 
-    /// The same where nothing is known of it.
+    /// Lists the edges of a star that need not be a closed fan.
     #[inline(never)]
     fn edges_of_any(&self, ring: &[Spoke], out: &mut Vec<Edge>) {
         let is_long = ring.len() > SHORT_RING;
@@ -185,7 +188,7 @@ impl<Q: VertexMemory> Store<Q> {
         out.retain(|e| e.faces != 2 || e.is_seam());
     }
 
-    /// The edge from the centre of a star to `w`.
+    /// Returns the edge from the centre of a star to `w`.
     pub(super) fn edge(&self, ring: &[Spoke], w: VertexId) -> Option<Edge> {
         let mut sides = ring.iter().filter(|r| r.has(w)).map(|r| self.side(r, r.a != w));
         let side = sides.next()?;
@@ -199,11 +202,12 @@ impl<Q: VertexMemory> Store<Q> {
 }
 
 impl Edge {
-    /// Whether wedges or regions differ on its sides, or it is sharp.
+    /// True if wedges or regions differ on its sides, or it is sharp.
     pub(super) fn is_seam(&self) -> bool {
         self.other.is_some()
     }
-    /// Of an edge of one face, 1 if it leaves the centre of the star as the face goes, else -1; 0 of any other.
+    /// For an edge of one face, returns 1 if the face runs along it away from the centre of the star, else
+    /// -1; 0 for other edges.
     pub(super) fn sense(&self) -> f64 {
         match (self.faces, self.side.ends) {
             (1, false) => 1.0,
@@ -211,19 +215,19 @@ impl Edge {
             _ => 0.0,
         }
     }
-    /// Whether it is one of the sharp edges that the options make features of.
+    /// True if it is one of the sharp edges that the options make features.
     fn is_sharp(&self) -> bool {
         self.side.is_sharp || self.other.is_some_and(|other| other.is_sharp)
     }
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// Weight of the line along the edge from the centre of a star to `w`; 0 for an edge inside.
+    /// Returns the weight of the line along the edge from the centre of a star to `w`; 0 for an inner edge.
     pub(crate) fn line_weight(&self, ring: &[Spoke], w: VertexId, seams: bool) -> f32 {
         self.store.edge(ring, w).map_or(0.0, |edge| self.weight_of(&edge, seams))
     }
 
-    /// The same of an edge of a star.
+    /// Returns the weight of the line along an edge of a star.
     #[inline(always)]
     pub(super) fn weight_of(&self, edge: &Edge, seams: bool) -> f32 {
         if edge.faces != 2 {
@@ -239,13 +243,13 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// Whether an edge holds as a line once sharp edges give way.
+    /// True if an edge still refuses collapses when sharp edges no longer do.
     fn is_hard_edge(&self, edge: &Edge) -> bool {
         let is_hard = |other: &Side| edge.side.is_other(other) && self.is_hard(&edge.side, other);
         edge.faces != 2 || edge.other.as_ref().is_some_and(is_hard)
     }
 
-    /// Whether a seam parts regions, or has been hard from the start.
+    /// True if a seam separates regions, or was hard in the input.
     fn is_hard(&self, s: &Side, t: &Side) -> bool {
         if s.region != t.region && self.store.class(s.region) != self.store.class(t.region) {
             return true;
@@ -256,9 +260,9 @@ impl<M: Metric> LiveMesh<M> {
         (here(s) || here(t)) && (there(s) || there(t))
     }
 
-    /// Marks the wedges of hard seams round a vertex: where texture coordinates jump farther than the faces on both sides
-    /// reach, what lies beyond is another piece of the texture. A smaller jump is one between faces with the same
-    /// piece each, as in palettes.
+    /// Marks the wedges of hard seams round a vertex: if texture coordinates jump farther than the extent
+    /// of the faces on both sides, the other side is another piece of the texture. Smaller jumps occur
+    /// between faces that each have the same piece, as in palettes.
     pub(super) fn mark_hard_seams(&mut self, u: VertexId, edges: &[Edge]) {
         let (Some(attributes), Some(wedges)) = (&mut self.values.attributes, &self.store.wedges) else {
             return;
@@ -266,7 +270,7 @@ impl<M: Metric> LiveMesh<M> {
         if attributes.textures.is_empty() {
             return;
         }
-        // An edge of two faces looks the same from both ends.
+        // An edge of two faces gives the same result from both ends.
         for edge in edges.iter().filter(|e| e.faces != 2 || e.to > u) {
             let (s, Some(t)) = (edge.side, edge.other) else { continue };
             let jump = attributes.jump(s.here, t.here).max(attributes.jump(s.there, t.there));
@@ -282,9 +286,10 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// Whether seams and regions allow the collapse: two vertices on the borders of regions merge along one only, and no
-    /// face goes that has lines on all sides. (Two vertices on other seams may merge across: their lines say at what
-    /// cost. Refusing that too cost CesiumMan its limbs at 10 %, for nothing else was left.)
+    /// Checks that seams and regions allow the collapse: two vertices on borders of regions merge only
+    /// along one, and no face is removed that has lines on all sides. (Two vertices on other seams may
+    /// merge across: the line tensors set the cost. Refusing that too cost CesiumMan its limbs at 10 %,
+    /// because nothing else was left.)
     pub(crate) fn check_seams(&self, u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> Result<(), Refusal> {
         let (ku, kv) = (self.store.v[u.index()].kind, self.store.v[v.index()].kind);
         if self.constraints.looseness == Looseness::Regions

@@ -4,13 +4,13 @@ use glam::Vec3;
 use lodsmith_core::VertexId;
 use wide::f32x4;
 
-/// The triangles around a place, made ready. A point is nearest to the inside of one of them, to an edge of the rim, or to
-/// a spoke, which two triangles share.
+/// The triangles around a position, preprocessed. The nearest point is inside one of them, on an edge of
+/// the rim, or on a spoke, which two triangles share.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Star {
     centre: Vec3,
     triangles: Vec<Triangle>,
-    /// The rim's vertices, as seen from the centre; each once where they are few.
+    /// The rim's vertices, relative to the centre; each once if they are few.
     spokes: Vec<(VertexId, Segment)>,
 }
 
@@ -25,7 +25,7 @@ struct Triangle {
     rim: Segment,
 }
 
-/// From a point along a vector.
+/// A segment from a point along a vector.
 #[derive(Clone, Copy, Debug)]
 struct Segment {
     along: Vec3,
@@ -38,7 +38,7 @@ impl Segment {
         Self { along, per_length: along * (1.0 / along.length_squared().max(1e-37)) }
     }
 
-    /// Squared distances of points, as seen from the beginning.
+    /// Returns the squared distances of points, relative to the start of the segment.
     #[inline(always)]
     fn distance_sq(&self, q: &[f32x4; 3]) -> f32x4 {
         let t = dot(q, self.per_length).fast_max(f32x4::ZERO).fast_min(f32x4::ONE);
@@ -47,12 +47,12 @@ impl Segment {
     }
 }
 
-/// Spokes that are searched for one that is there already. One that is listed twice costs time and changes no distance; to
-/// search all of them would take quadratic time round a vertex of many faces. (Guessed.)
+/// Number of last spokes that are searched for duplicates. A duplicate costs time but changes no distance;
+/// searching all spokes would take quadratic time round a vertex of many faces. (Guessed.)
 const SEARCHED_SPOKES: usize = 64;
 
 impl Star {
-    /// The star of `centre` with these rim edges, each as the two vertices and their places.
+    /// Builds the star of `centre` from rim edges, each given by its two vertices and their positions.
     pub(super) fn set(&mut self, centre: Vec3, rim: impl Iterator<Item = [(VertexId, Vec3); 2]>) {
         self.centre = centre;
         self.triangles.clear();
@@ -79,12 +79,12 @@ impl Star {
         }
     }
 
-    /// How many triangles it has.
+    /// Returns the number of triangles.
     pub(super) fn len(&self) -> usize {
         self.triangles.len()
     }
 
-    /// Squared distances of four points; infinite where there is no triangle.
+    /// Returns the squared distances of four points; infinite if there is no triangle.
     #[inline(always)]
     pub(super) fn distance_sq(&self, points: [f32x4; 3]) -> f32x4 {
         let q = [0, 1, 2].map(|k| points[k] - f32x4::splat(self.centre[k]));
@@ -118,7 +118,7 @@ mod tests {
     use crate::test_support::tame_vector;
     use crate::triangle;
 
-    /// A corner of a small grid: triangles on them often have no area.
+    /// A point of a small grid: triangles between such points often have no area.
     fn on_grid() -> impl Strategy<Value = Vec3> {
         [-2i8..=2, -2i8..=2, -2i8..=2].prop_map(|p| Vec3::from(p.map(f32::from)))
     }
@@ -143,7 +143,7 @@ mod tests {
                     nearest(q.as_dvec3(), [centre, p[0], p[1]].map(Vec3::as_dvec3)).distance_sq as f32
                 };
                 let wanted = rim.windows(2).map(to).fold(f32::INFINITY, f32::min);
-                // (Single precision knows the place, up to six units off, to 4e-7.)
+                // (Single precision resolves positions up to six units away to 4e-7.)
                 prop_assert!((wanted - found).abs() <= 2e-5 * wanted.max(0.01), "{q}: {wanted} {found}");
             }
         }

@@ -37,7 +37,7 @@ impl Corner {
     }
 }
 
-/// A corner seen from its vertex: the other two vertices of the triangle, in order.
+/// A corner relative to its vertex: the other two vertices of the triangle, in order.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Spoke {
     pub(crate) corner: Corner,
@@ -52,8 +52,8 @@ impl Spoke {
     }
 }
 
-/// The live corners of a vertex, in room that only grows: it is filled for one vertex after the other. Behind the last one
-/// it stands again until there are four times as many.
+/// The live corners of a vertex, in a grow-only scratch buffer that is filled for one vertex after another.
+/// It is padded to a multiple of four with copies of the last entry.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Ring {
     room: Vec<Spoke>,
@@ -65,7 +65,7 @@ impl Ring {
         self.count = 0;
     }
 
-    /// Room for so many, and three.
+    /// Returns room for `count` entries and three of padding.
     #[inline(always)]
     fn room(&mut self, count: usize) -> &mut [Spoke] {
         if self.room.len() < count + 3 {
@@ -74,7 +74,7 @@ impl Ring {
         &mut self.room[..count + 3]
     }
 
-    /// Ends after so many, of which the last one is repeated.
+    /// Sets the count and pads with copies of the last entry.
     #[inline(always)]
     fn end(&mut self, count: usize) {
         self.count = count;
@@ -85,7 +85,7 @@ impl Ring {
         }
     }
 
-    /// Four by four; what is beyond the last one repeats it.
+    /// Returns the entries four by four, padded with copies of the last one.
     #[inline(always)]
     pub(super) fn fours(&self) -> &[[Spoke; 4]] {
         let (fours, _) = self.room.as_chunks();
@@ -104,7 +104,7 @@ impl Ring {
         let slots = self.room(ring.count);
         let mut n = 0;
         for &spoke in ring {
-            // (Written all, kept some: which of them lead to u could not be foretold.)
+            // (Branchless: each is written, some are kept; a branch on `has(u)` would be unpredictable.)
             slots[n] = spoke;
             n += usize::from(!spoke.has(u));
         }
@@ -129,12 +129,12 @@ impl<'a> IntoIterator for &'a Ring {
     }
 }
 
-/// One cache line, where the memory is a tensor.
+/// A vertex; one cache line if the memory is a tensor.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Vertex<Q> {
     place: PackedPosition,
-    /// What the metric keeps.
+    /// Data of the metric.
     pub(crate) q: Q,
     /// Its number in the ordered input.
     pub(crate) origin: VertexId,
@@ -143,11 +143,11 @@ pub(crate) struct Vertex<Q> {
     count: u32,
     room: u32,
     pub(crate) kind: Kind,
-    /// The normal of the input's surface at the vertex that gave the number.
+    /// Normal of the input's surface at the vertex that gave the number.
     pub(crate) facing: Facing,
 }
 
-/// Where a vertex stands, and what stands there beside it: read together by one instruction.
+/// Position of a vertex and a mark, loaded together by one instruction.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(16))]
 pub(crate) struct PackedPosition {
@@ -173,13 +173,13 @@ impl<Q> std::ops::DerefMut for Vertex<Q> {
 }
 
 impl<Q> Vertex<Q> {
-    /// Notes another corner, of a list that is still to be made.
+    /// Counts another corner, before the lists are built.
     #[inline(always)]
     pub(super) fn count_corner(&mut self) {
         self.count += 1;
     }
 
-    /// Where its list begins, and how long it is. Returns that.
+    /// Sets the start and length of its list. Returns the length.
     #[inline(always)]
     fn list(&mut self, head: u32, count: u32) -> u32 {
         (self.head, self.count, self.room) = (head, count, count);
@@ -187,18 +187,18 @@ impl<Q> Vertex<Q> {
     }
 }
 
-/// A direction in four bytes: three signed bytes are enough to tell front from back.
+/// A direction in four bytes: three signed bytes are enough to distinguish front from back.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Facing([i8; 4]);
 
 impl Facing {
-    /// The direction of a vector of any length; none of the zero vector.
+    /// Returns the direction of a vector of any length; zero for the zero vector.
     #[inline(always)]
     pub(crate) fn of(n: Vec3) -> Self {
         let n = n * (127.0 / n.length().max(1e-30));
         Self([n.x as i8, n.y as i8, n.z as i8, 0])
     }
-    /// The same of four, one after the other.
+    /// Returns the directions of four vectors.
     #[inline(always)]
     fn of_four(normals: &[f32x4; 4]) -> [Self; 4] {
         let [x, y, z, _] = f32x4::transpose(*normals);
@@ -206,7 +206,7 @@ impl Facing {
             f32x4::splat(127.0) / dot(&[x, y, z], &[x, y, z]).sqrt().fast_max(f32x4::splat(1e-30));
         let bytes = [x, y, z].map(|x| {
             let x = x * per_length;
-            // What is no number is nothing; what is too large stays where it may.
+            // NaN becomes zero; what is too large is clamped.
             let x = (x & x.simd_eq(x)).fast_max(f32x4::splat(-128.0)).fast_min(f32x4::splat(127.0));
             bytemuck::cast::<_, u32x4>(x.fast_trunc_int()) & u32x4::splat(255)
         });
@@ -223,18 +223,18 @@ impl Facing {
     }
 }
 
-/// Where corner lists end that stand one after the other.
+/// Ends of consecutive corner lists.
 pub(super) struct Ends(Vec<u32>);
 
 /// Sums of normals, by vertex.
 pub(super) struct Normals(Vec<f32x4>);
 
 impl Normals {
-    /// Zero for so many vertices.
+    /// Returns zero sums for `count` vertices.
     pub(super) fn zero(count: usize) -> Self {
         Self(zeroed_vec(count.next_multiple_of(4)))
     }
-    /// To be added to.
+    /// Returns the sums for writing.
     pub(super) fn of_each(&mut self) -> &mut [f32x4] {
         &mut self.0
     }
@@ -246,51 +246,56 @@ impl Normals {
 #[derive(Clone)]
 pub(crate) struct Store<Q: VertexMemory> {
     pub(crate) v: Vec<Vertex<Q>>,
-    /// The smallest cost, as last seen, of the edges that a vertex owns: those to later vertices.
+    /// Least cost, when last evaluated, of the edges that a vertex owns: those to later vertices.
     pub(crate) bound: Vec<f32>,
-    /// Three vertices for each triangle; the first is [`NONE`] when it is gone.
+    /// Three vertices for each triangle; the first is [`NONE`] if it was removed.
     pub(crate) t: Vec<[VertexId; 3]>,
-    /// The wedge of each corner, where the run carries attributes.
+    /// Wedge of each corner, if the run has attributes.
     pub(crate) wedges: Option<Vec<[WedgeId; 3]>>,
-    /// The first wedge of each vertex, from which the others are found, where the cost counts attributes; else empty.
+    /// First wedge of each vertex's chain, if the cost counts attributes; else empty.
     pub(crate) first_wedge: Vec<WedgeId>,
-    /// The region of each face, where there are several.
+    /// Region of each face, if there are several.
     pub(crate) regions: Option<Vec<RegionId>>,
-    /// Sharp edges of each face, where the options make features of them ([`sharp_edges`](super::creases::sharp_edges)).
+    /// Sharp edges of each face, if the options make them features
+    /// ([`sharp_edges`](super::creases::sharp_edges)).
     pub(crate) creases: Option<Vec<u8>>,
-    /// What each face is called in a record, where one is kept.
+    /// Number of each face in the record, if there is one.
     pub(crate) names: Option<Vec<u32>>,
-    /// The class of each region; one beyond the list is a class of its own.
+    /// Class of each region; a region beyond the list is its own class.
     pub(crate) classes: Vec<RegionId>,
     corners: Vec<Corner>,
     pub(crate) live_faces: usize,
     pub(crate) live_vertices: usize,
-    /// For each vertex of the ordered input the one that it was merged into, or itself.
+    /// For each vertex of the ordered input, the one that it was merged into, or itself.
     pub(crate) merged_into: Vec<VertexId>,
-    /// At which vertex' place of the ordered input others stand that were cut off from it.
+    /// For vertices created by cuts, the vertex of the ordered input whose position they have.
     places: BTreeMap<VertexId, VertexId>,
-    /// How often vertices were numbered anew.
+    /// Number of times that vertices were renumbered.
     pub(super) generation: u32,
     faces_at_compaction: usize,
 }
 
-/// A store is compacted when fewer than this share of its triangles live. (Measured: 50 to 75 % are equal.)
+/// A store is compacted when fewer than this percentage of its triangles are live. (Measured: 50 to 75 %
+/// are equal.)
 const COMPACT_PERCENT: usize = 60;
-/// It pays only when at least this share of the triangles is still to go. (It costs about as much as a tenth of them.)
+/// It pays only if at least this percentage of the triangles is still to be removed. (It costs about as
+/// much as removing a tenth of them.)
 const MIN_REMAINING_PERCENT: usize = 25;
-/// Room for lists that outgrow theirs, a share of all corners; when it is used up the store is compacted.
+/// Spare room for lists that outgrow theirs, as a percentage of all corners; when it is used up the store
+/// is compacted.
 const SLACK_PERCENT: usize = 30;
-/// Vertices whose memory is not worth the time that giving it back takes.
+/// Number of vertices below which releasing memory is not worth the time.
 const SHRINK_MIN_VERTICES: usize = 1 << 16;
 
-/// The two corners after each, by table: a branch on it could not be foretold.
+/// The two corners after each, as tables: a branch on it would be unpredictable.
 const NEXT: [usize; 4] = [1, 2, 0, 0];
 const PREV: [usize; 4] = [2, 0, 1, 0];
-/// How many visits ahead a vertex, its list, its triangles and the vertices around it are asked for. (Guessed.)
+/// Prefetch distances, in visits: for a vertex, its list, its triangles and the vertices around it.
+/// (Guessed.)
 const PREFETCH_VISITS_AHEAD: [usize; 4] = [12, 9, 6, 3];
 
 impl<Q: VertexMemory> Store<Q> {
-    /// A store whose corner lists are still to be filled.
+    /// Creates a store whose corner lists are still to be filled.
     pub(crate) fn new(
         points: &[Vec3],
         faces: Vec<[VertexId; 3]>,
@@ -328,9 +333,9 @@ impl<Q: VertexMemory> Store<Q> {
         }
     }
 
-    /// Fills the corner lists afresh.
+    /// Rebuilds the corner lists.
     pub(crate) fn link(&mut self) {
-        // Counted aside: a table of numbers is an eighth of the vertices.
+        // Counted in a separate table, which is an eighth of the size of the vertices.
         let mut at = vec![0u32; self.v.len()];
         for w in self.t.as_flattened() {
             at[w.index()] += 1;
@@ -342,8 +347,9 @@ impl<Q: VertexMemory> Store<Q> {
         self.fill(at);
     }
 
-    /// The same where the corners of each vertex are counted already; lets the vertices face along their normals. (At
-    /// once: each walk through the vertices of a large mesh takes its time.)
+    /// Rebuilds the corner lists when the corners of each vertex are counted already; sets the facings of
+    /// the vertices from their normals. (In one pass: each walk through the vertices of a large mesh is
+    /// slow.)
     pub(super) fn link_counted(&mut self, normals: Normals) -> Ends {
         let mut at = Vec::with_capacity(self.v.len());
         let mut head = 0;
@@ -354,12 +360,12 @@ impl<Q: VertexMemory> Store<Q> {
                 head += x.list(head, x.count);
             }
         }
-        // Before the lists, so that both need not have room at once.
+        // Freed before the lists are allocated, so that both need not be in memory at once.
         drop(normals);
         self.fill(at)
     }
 
-    /// Fills corner lists that begin at these places. Says where they end.
+    /// Fills corner lists that begin at these offsets. Returns their ends.
     fn fill(&mut self, mut at: Vec<u32>) -> Ends {
         let corners = room_for(&mut self.corners, 3 * self.t.len());
         for (i, t) in self.t.iter().enumerate() {
@@ -372,11 +378,11 @@ impl<Q: VertexMemory> Store<Q> {
         Ends(at)
     }
 
-    /// Which vertices are inside of closed fans ([`is_closed_fan`](super::kind::is_closed_fan)), right after the lists were
-    /// filled, up to these ends, and no edge was looked at.
+    /// Returns true for each vertex inside a closed fan ([`is_closed_fan`](super::kind::is_closed_fan)).
+    /// Requires lists just filled, up to these ends, and no bounds yet.
     pub(super) fn closed_fans(&mut self, ends: Ends) -> Vec<bool> {
-        // For each vertex the last one that it came first around, and was not second yet; by numbers from 1 on. (In the room
-        // of the bounds, of which none is known.)
+        // For each vertex, the last centre (numbered from 1) at which it was first in a triangle and not
+        // yet matched as second. (Reuses the memory of the bounds, all of which are still unknown.)
         let mut first_of: Vec<u32> = cast_vec(std::mem::take(&mut self.bound));
         first_of.fill(0);
         let mut seconds = Vec::new();
@@ -394,7 +400,8 @@ impl<Q: VertexMemory> Store<Q> {
                 first_of[t[NEXT[k]].index()] = mark;
                 seconds[i] = t[PREV[k]];
             }
-            // As many seconds as firsts, each among the firsts and taken once: then these differ, too.
+            // There are as many seconds as firsts, and each second is matched to a first once: so all of
+            // them differ.
             let mut unlike = u32::from(list.is_empty());
             for second in &*seconds {
                 unlike |= std::mem::take(&mut first_of[second.index()]) ^ mark;
@@ -407,30 +414,30 @@ impl<Q: VertexMemory> Store<Q> {
         closed
     }
 
-    /// Forgets what vertices weigh and how many corners they have.
+    /// Resets the quadrics and corner counts of all vertices.
     pub(super) fn reset_quadrics(&mut self) {
         for x in &mut self.v {
             (x.q, x.count) = (Q::default(), 0);
         }
     }
 
-    /// Whether so much is dead that compaction pays, with `needed` collapses still to be done.
+    /// True if so much is dead that compaction pays, with `needed` collapses left to do.
     pub(crate) fn wants_compaction(&self, needed: Option<usize>) -> bool {
         self.live_faces * 100 < self.faces_at_compaction * COMPACT_PERCENT
             && needed.is_none_or(|n| 2 * n * 100 > self.live_faces * MIN_REMAINING_PERCENT)
     }
 
-    /// Drops what is dead and renumbers; the order stays.
+    /// Removes dead elements and renumbers; the order is preserved.
     pub(crate) fn compact(&mut self) {
         retain_living(&mut self.wedges, &self.t);
         retain_living(&mut self.regions, &self.t);
         retain_living(&mut self.creases, &self.t);
         retain_living(&mut self.names, &self.t);
         if self.t.len() > MEMORY_FREE_UP_TO {
-            // Beside the lists of all that lived. (Room that is asked for anew is less, but has to be found first.)
+            // Freed while the lists below exist. (A new allocation is smaller, but takes time.)
             self.corners = Vec::new();
         }
-        // Of each vertex how many corners it has; then where its list goes on, and its number from now on.
+        // For each vertex the number of its corners; then the position in its list, and its new number.
         let mut lists = vec![[0u32; 2]; self.v.len()];
         self.t.retain(|t| {
             let lives = t[0] != NONE;
@@ -471,8 +478,8 @@ impl<Q: VertexMemory> Store<Q> {
         self.generation += 1;
     }
 
-    /// Compacts for the last time and gives memory back: what comes after (the fit) needs room of its own. The vertices
-    /// come last, because they are copied for it.
+    /// Compacts for the last time and releases memory, because the fit needs memory of its own. The
+    /// vertices come last, because they are copied for it.
     pub(crate) fn finish(&mut self) {
         self.compact();
         if self.v.capacity() < SHRINK_MIN_VERTICES {
@@ -484,18 +491,19 @@ impl<Q: VertexMemory> Store<Q> {
         self.v.shrink_to_fit();
     }
 
-    /// Gives a copy as much room for lists as its original has: when it is used up, the copy is compacted.
+    /// Gives a copy as much spare room for lists as its original has: compaction then happens at the same
+    /// time.
     pub(crate) fn make_room_of(&mut self, original: &Self) {
         self.corners.reserve_exact(original.corners.capacity() - original.corners.len());
     }
 
-    /// Lets sweeps go on after [`Store::finish`]: every vertex is looked at again.
+    /// Enables more sweeps after [`Store::finish`]: every vertex is visited again.
     pub(crate) fn reopen(&mut self) {
         self.bound = vec![super::bound::UNKNOWN; self.v.len()];
         self.link();
     }
 
-    /// Whether the arena of corner lists has no room left for a star of a usual size.
+    /// True if the arena of corner lists has no room left for a star of the usual size.
     pub(crate) fn is_full(&self) -> bool {
         self.corners.capacity() - self.corners.len() < 64
     }
@@ -511,24 +519,24 @@ impl<Q: VertexMemory> Store<Q> {
         four(&self.v, vertices)
     }
 
-    /// Where the input faced at the corners of four faces, summed for each, side by side.
+    /// Returns the facings of the input at the corners of four faces, summed for each face, side by side.
     #[inline(always)]
     pub(crate) fn four_facings(&self, t: [[VertexId; 3]; 4]) -> Four {
         let corner =
             |k: usize| i32x4::new(t.map(|t| i32::from_le_bytes(self.v[t[k].index()].facing.bytes())));
         let corners = [corner(0), corner(1), corner(2)];
-        // (A byte of each, with its sign.)
+        // (Sign-extends one byte of each.)
         [24, 16, 8].map(|up: u32| {
             let [a, b, c] = corners.map(|x| (x << up) >> 24u32);
             f32x4::from_i32x4(a + b + c)
         })
     }
 
-    /// Asks the memory for what the visits after the one `at` this place will read: each step needs what the one before
-    /// brought, a few visits earlier.
+    /// Prefetches the data of the visits after `at`: each stage uses what the previous stage loaded a few
+    /// visits earlier.
     #[inline(always)]
     pub(crate) fn prefetch(&self, visits: &[VertexId], at: usize) {
-        // Of the first visits all is asked for at once.
+        // At the first visit, the whole distance is prefetched at once.
         let first = |ahead: usize| if at == 0 { 1 } else { ahead };
         let visit = |k: usize| visits.get(at + k).copied();
         for u in (first(PREFETCH_VISITS_AHEAD[0])..=PREFETCH_VISITS_AHEAD[0]).filter_map(visit) {
@@ -562,14 +570,14 @@ impl<Q: VertexMemory> Store<Q> {
         out.end(list.len());
     }
 
-    /// The corners of `u`, all of live triangles.
+    /// Returns the corners of `u`, all of live triangles.
     #[inline(always)]
     pub(crate) fn listed(&self, u: VertexId) -> &[Corner] {
         let x = &self.v[u.index()];
         &self.corners[x.head as usize..(x.head + x.count) as usize]
     }
 
-    /// The other two vertices of each listed triangle of `u`, in order.
+    /// Returns the other two vertices of each listed triangle of `u`, in order.
     #[inline(always)]
     pub(crate) fn others(
         &self,
@@ -578,14 +586,14 @@ impl<Q: VertexMemory> Store<Q> {
         self.listed(u).iter().map(|&corner| self.others_at(corner))
     }
 
-    /// The two vertices after the one at a corner, in order.
+    /// Returns the two vertices after the one at a corner, in order.
     #[inline(always)]
     pub(crate) fn others_at(&self, corner: Corner) -> (VertexId, VertexId) {
         let (t, k) = (&self.t[corner.face()], corner.k());
         (t[NEXT[k]], t[PREV[k]])
     }
 
-    /// Gives `u` a list of `count` corners, in the room of `u` or `v` if it suffices; it is still to be filled.
+    /// Gives `u` a list of `count` corners, in the room of `u` or `v` if it suffices; the caller fills it.
     #[inline(always)]
     pub(crate) fn relist(&mut self, u: VertexId, v: VertexId, count: usize) -> &mut [Corner] {
         let (x, z) = (&self.v[u.index()], &self.v[v.index()]);
@@ -604,7 +612,7 @@ impl<Q: VertexMemory> Store<Q> {
         &mut self.corners[head as usize..head as usize + count]
     }
 
-    /// Lets `u` have these corners and no others.
+    /// Assigns exactly these corners to `u`.
     pub(crate) fn set_corners(&mut self, u: VertexId, corners: &[Corner]) {
         for corner in corners {
             self.t[corner.face()][corner.k()] = u;
@@ -612,7 +620,7 @@ impl<Q: VertexMemory> Store<Q> {
         self.relist(u, u, corners.len()).copy_from_slice(corners);
     }
 
-    /// A vertex at the place of another, without triangles so far.
+    /// Adds a vertex at the position of another, without triangles yet.
     pub(crate) fn twin_of(&mut self, u: VertexId) -> VertexId {
         let x = self.v[u.index()];
         let (twin, origin) = (VertexId(self.v.len() as u32), VertexId(self.merged_into.len() as u32));
@@ -625,13 +633,14 @@ impl<Q: VertexMemory> Store<Q> {
         twin
     }
 
-    /// Notes that a vertex stands at the place of another of the input.
+    /// Records that a vertex is at the position of another one of the input.
     pub(crate) fn stands_for(&mut self, origin: VertexId, other: VertexId) {
         let place = self.place_of(other);
         self.places.insert(origin, place);
     }
 
-    /// The vertex of the ordered input at whose place the one of this number stands, unless it was moved.
+    /// Returns the vertex of the ordered input whose position the one of this number has, unless it was
+    /// moved.
     pub(crate) fn place_of(&self, origin: VertexId) -> VertexId {
         self.places.get(&origin).copied().unwrap_or(origin)
     }
@@ -667,12 +676,13 @@ impl<Q: VertexMemory> Store<Q> {
         }
     }
 
-    /// The final vertex of every vertex of the ordered input, or [`NONE`] where its part is gone; only after a compaction.
+    /// Returns the final vertex of every vertex of the ordered input, or [`NONE`] if its part was removed;
+    /// only after a compaction.
     pub(crate) fn homes(&self) -> Vec<VertexId> {
         self.homes_from(self.merged_into.clone())
     }
 
-    /// The same, in the memory of the record of mergers, which is lost.
+    /// Returns the same as [`Self::homes`], but reuses the memory of `merged_into`, which is lost.
     pub(crate) fn take_homes(&mut self) -> Vec<VertexId> {
         let merged_into = std::mem::take(&mut self.merged_into);
         self.homes_from(merged_into)
@@ -691,7 +701,7 @@ impl<Q: VertexMemory> Store<Q> {
     }
 }
 
-/// The positions of four vertices side by side.
+/// Returns the positions of four vertices side by side.
 #[inline(always)]
 pub(crate) fn four<Q>(all: &[Vertex<Q>], vertices: [VertexId; 4]) -> Four {
     let row = |w: VertexId| *bytemuck::cast_ref::<PackedPosition, f32x4>(&all[w.index()].place);
@@ -699,11 +709,11 @@ pub(crate) fn four<Q>(all: &[Vertex<Q>], vertices: [VertexId; 4]) -> Four {
     [x, y, z]
 }
 
-/// Room for so many corners, to be filled, and for lists that will outgrow theirs.
+/// Returns room for `count` corners to be filled, and reserves spare room for lists that outgrow theirs.
 fn room_for(corners: &mut Vec<Corner>, count: usize) -> &mut [Corner] {
     let want = count + count * SLACK_PERCENT / 100 + 64;
     if corners.capacity() < want {
-        // (The old room goes first, so that both need not be at once.)
+        // (The old buffer is freed first, so that both need not be in memory at once.)
         *corners = Vec::new();
         corners.reserve_exact(want);
     }
@@ -711,7 +721,7 @@ fn room_for(corners: &mut Vec<Corner>, count: usize) -> &mut [Corner] {
     corners
 }
 
-/// Drops what belongs to dead triangles.
+/// Removes the items of dead triangles.
 fn retain_living<T>(of_faces: &mut Option<Vec<T>>, t: &[[VertexId; 3]]) {
     if let Some(of_faces) = of_faces {
         let mut i = 0;
@@ -722,9 +732,11 @@ fn retain_living<T>(of_faces: &mut Option<Vec<T>>, t: &[[VertexId; 3]]) {
     }
 }
 
-/// The root of each element, where `into[i]` is the element that i was merged into (a root: itself).
+/// Returns the root of each element, where `into[i]` is the element that i was merged into (a root:
+/// itself).
 fn roots(mut into: Vec<VertexId>) -> Vec<VertexId> {
-    // Each time round all ways are half as long, at most. (How long each is could not be foretold.)
+    // Each round at least halves all path lengths. (A loop over each path would be an unpredictable
+    // branch.)
     loop {
         let mut changed = 0;
         for i in 0..into.len() {
@@ -757,7 +769,7 @@ mod tests {
         let far = f32::MAX;
         let normals = [
             [[1.0, -2.0, 3.0], [0.0, 0.0, 0.0], [-1e-3, 1e-3, 0.0], [0.0, 0.0, -1.0]],
-            // Lengths that are no numbers, or zero where the coordinates are not.
+            // Lengths that are not finite, or zero though the coordinates are not.
             [[1e-23, -1e-23, 0.0], [far, far, -far], [f32::NAN, 1.0, -1.0], [f32::INFINITY, 0.0, 0.0]],
         ];
         for four in normals {

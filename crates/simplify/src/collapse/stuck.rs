@@ -1,4 +1,5 @@
-//! What a run that is stuck would need: every edge that is left is tried again, with one rule after the other loosened.
+//! Proposals for a run that is stuck: tries every remaining edge again, with one rule after another
+//! relaxed.
 
 use lodsmith_core::VertexId;
 
@@ -11,14 +12,15 @@ use crate::metric::Metric;
 use crate::options::{Length, SimplifyOptions, TopologyPolicy};
 use crate::proposal::{Change, Proposal};
 
-/// What sets less free than the best change by this factor is left out: another rule refuses nearly all, and by another
-/// path may refuse more. (Measured on all test shapes under twenty sets of options: at 3 each change that is left goes
-/// further when a run is made with it.)
+/// Changes that gain less than the best one by this factor are left out: another rule refuses nearly all
+/// edges, and on another path may refuse more. (Measured on all test shapes under twenty sets of options:
+/// at 3 each remaining change gets further when a run is made with it.)
 const MIN_GAIN_DIVISOR: usize = 3;
 
 impl<M: Metric> Engine<M> {
-    /// Changes of the options that would let this run go on, the one that sets most edges free first. Nothing is changed.
-    /// The store is finished. Cost: as a sweep over all that is left, for each option that could be another.
+    /// Returns changes of the options with which this run could continue, the one that frees most edges
+    /// first. Changes nothing. The store is finished. Cost: one sweep over all that is left, for each
+    /// option that could be changed.
     pub(crate) fn proposals(
         &mut self,
         options: &SimplifyOptions,
@@ -27,14 +29,14 @@ impl<M: Metric> Engine<M> {
     ) -> Vec<Proposal> {
         let part_count = self.mesh.part_count();
         let mut open = Change::relaxations(options);
-        // What is one part already has nothing to grow together with.
+        // A single part has no other part to be joined to.
         open.extend(Change::pairs_change(options).filter(|_| part_count > 1).map(|change| vec![change]));
         if open.is_empty() {
             return Vec::new();
         }
         let kinds: Vec<Kind> = self.mesh.store.v.iter().map(|x| x.kind).collect();
         let (own, cuts_necks) = (self.mesh.constraints.rules, self.mesh.constraints.cuts_necks);
-        // Some look possible as it is, until their wedges are handed over.
+        // Some look possible even now, because wedges are checked only at a real collapse.
         let base = self.possible();
         best(&open, &mut |changes| {
             let changed = changes.iter().fold(options.clone(), |o, c| c.apply(&o));
@@ -63,7 +65,7 @@ impl<M: Metric> Engine<M> {
         })
     }
 
-    /// Edges that could be collapsed at some cost.
+    /// Returns the number of edges that could be collapsed at some cost.
     fn possible(&mut self) -> usize {
         let (mut scratch, mut count) = (VisitScratch::default(), 0);
         for u in (0..self.mesh.store.v.len() as u32).map(VertexId) {
@@ -100,7 +102,7 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// Kinds of all vertices under other rules.
+    /// Recomputes the kinds of all vertices under other rules.
     fn classify_again(&mut self) {
         let mut ring = super::Ring::default();
         for u in (0..self.store.v.len() as u32).map(VertexId) {
@@ -110,8 +112,8 @@ impl<M: Metric> LiveMesh<M> {
     }
 }
 
-/// Of the changes that are open, the best of each kind, and of several at once where one alone does little. `gain` says
-/// what some of them set free.
+/// Returns the best change of each kind, and a combination of several if one alone gains little. `gain`
+/// returns the number of edges that a set of changes frees.
 fn best(open: &[Vec<Change>], gain: &mut dyn FnMut(&[Change]) -> usize) -> Vec<Proposal> {
     let mut proposals = Vec::new();
     for choices in open {
@@ -119,7 +121,8 @@ fn best(open: &[Vec<Change>], gain: &mut dyn FnMut(&[Change]) -> usize) -> Vec<P
         proposals
             .extend(tried.filter(|t| t.1 > 0).map(|(c, gain)| Proposal { changes: vec![c], gain }).next());
     }
-    // Where several refuse the same edges each alone does little: what of all, less those that do not matter?
+    // If several rules refuse the same edges, each alone gains little: combine all, then drop those that do
+    // not matter.
     let most = |proposals: &[Proposal]| proposals.iter().map(|p| p.gain).max().unwrap_or(0);
     let mut all: Vec<Change> = open.iter().filter_map(|choices| choices.last().copied()).collect();
     let gain_of_all = gain(&all);

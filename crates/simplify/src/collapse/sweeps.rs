@@ -1,4 +1,4 @@
-//! Sweeps: how thresholds rise until the goal is met, and where that pauses.
+//! Sweeps: thresholds rise until the goal is reached; a run can pause between sweeps.
 
 use std::ops::ControlFlow;
 
@@ -16,34 +16,37 @@ use crate::metric::Metric;
 
 /// Share of the bounds that one sweep takes. (.4 and .7 give equal errors, .7 fewer sweeps: docs/decisions/0002.)
 pub(super) const QUANTILE: f64 = 0.7;
-/// Share of what is left that the last sweeps take, at most.
+/// Maximum share of the remaining collapses that one of the last sweeps takes.
 pub(super) const LAST_SHARE: f64 = 0.85;
-/// How much more than was foreseen a sweep may take, where it must not meet a goal. (Guessed.)
+/// Margin over the expected size of a sweep that must not reach a goal. (Guessed.)
 const LAST_STRETCH_MARGIN: f64 = 1.2;
-/// The same for copies of which no more is asked than that the goal has had no say yet.
+/// That margin for snapshots that only need the goal to have had no influence yet.
 const TIGHT_LAST_STRETCH_MARGIN: f64 = 1.01;
-/// Sweeps in vain before everything that is possible at all is looked for.
+/// Number of sweeps without a collapse before a probe looks for any possible collapse.
 const MAX_IDLE_SWEEPS: usize = 4;
-/// No run needs nearly as many sweeps; a guard against our own mistakes.
+/// Upper limit of sweeps, far above what any run needs; guards against bugs.
 const MAX_SWEEPS: usize = 4000;
-/// Vertices looked at for the first threshold, at most. (Some hundred hold a quantile within two percent.)
+/// Maximum number of vertices sampled for the first threshold. (Some hundred hold a quantile within two
+/// percent.)
 const MAX_FIRST_SAMPLES: usize = 512;
-/// The same where attributes count, and a look takes longer. (A twentieth of the time of a run less; RMS within a percent.)
+/// Maximum sample count if attributes count, which makes evaluation slower. (A twentieth of the time of a run
+/// less; RMS within a percent.)
 const MAX_FIRST_SAMPLES_WITH_WEDGES: usize = 128;
-/// Of a mesh of more, one in so many is enough, but no fewer than `MIN_FIRST_SAMPLES`: it is only the first of many thresholds.
+/// In larger meshes one vertex in this many is sampled, but no fewer than `MIN_FIRST_SAMPLES`: it is only
+/// the first of many thresholds.
 const VERTICES_PER_FIRST_SAMPLE: usize = 24;
 const MIN_FIRST_SAMPLES: usize = 128;
-/// Vertices between two questions to the caller.
+/// Number of vertices between two progress reports.
 pub(super) const VISITS_PER_PROGRESS_REPORT: usize = 4096;
 
-/// Bounds of vertices, and how many vertices were looked at for them.
+/// Bounds of vertices, and the number of vertices that they were computed from.
 type Bounds = (Histogram, usize);
 
 /// State of a run of sweeps.
 #[derive(Clone)]
 pub(crate) struct Sweeps {
     phase: Phase,
-    /// Collapses that were needed at the start, and faces then: for the progress.
+    /// Collapses needed at the start, and faces then: for the progress.
     pub(super) begun_with: usize,
     start_faces: usize,
     /// True from the end of the first sweep on.
@@ -53,45 +56,46 @@ pub(crate) struct Sweeps {
     highest: f32,
     /// Sweeps in a row without a collapse.
     idle: usize,
-    /// Factor of the threshold after a probe, because an evaluation may cost more than what the probe found.
+    /// Factor of the threshold after a probe, because an evaluation may cost more than the result of the
+    /// probe.
     lift: f32,
     /// Collapses by the last probe.
     at_probe: u64,
     pub(super) productivity: Productivity,
 }
 
-/// What comes next in a run of sweeps.
+/// Phase of a run of sweeps.
 ///
 /// ```text
 /// Threshold -> Sweep -> Threshold -> Sweep -> ...      as long as bounds are known and sweeps collapse anything
-///                 \-> Probe -> Threshold -> ...        nothing went: find out what is possible, at any cost
-///                        \-> Probe -> ...              nothing is possible: something gives way, or the run ends
+///                 \-> Probe -> Threshold -> ...        no collapse: find out what is possible, at any cost
+///                        \-> Probe -> ...              nothing is possible: relax a constraint, or end the run
 /// ```
 #[derive(Clone)]
 enum Phase {
-    /// A threshold is to be found from these bounds.
+    /// The threshold is to be computed from these bounds.
     Threshold(Bounds, After),
     /// All edges up to the threshold are tried.
     Sweep(After),
-    /// All edges are tried at any cost, and none is collapsed.
+    /// All edges are evaluated at any cost, and none is collapsed.
     Probe,
 }
 
-/// The sweep before.
+/// Kind of the previous sweep.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum After {
     Sweep,
     Probe,
 }
 
-/// Measure of how much sweeps get done, against where nothing stands in the way.
+/// Productivity of sweeps, compared with runs without obstacles.
 #[derive(Clone)]
 pub(super) struct Productivity {
-    /// Collapses when the threshold was found.
+    /// Collapses when the threshold was computed.
     pub(super) at_threshold: u64,
-    /// Number of vertices whose edges the sweep was to look at.
+    /// Number of vertices whose edges the sweep should evaluate.
     pub(super) wanted: f64,
-    /// True as long as each sweep did enough.
+    /// True as long as each sweep did enough collapses.
     pub(super) is_high: bool,
 }
 
@@ -101,7 +105,7 @@ impl Sweeps {
         matches!(self.phase, Phase::Threshold(..))
     }
 
-    /// Has the next threshold found from other bounds.
+    /// Makes the next threshold be computed from other bounds.
     pub(super) fn set_bounds(&mut self, bounds: Bounds) {
         let after = match self.phase {
             Phase::Threshold(_, after) => after,
@@ -112,9 +116,9 @@ impl Sweeps {
     }
 }
 
-/// How one sweep went.
+/// Result of one sweep.
 enum Swept {
-    /// All vertices were visited. Refusals and collapses before it.
+    /// All vertices were visited. Numbers of refusals and collapses before it.
     Through { refused: u64, collapses: u64 },
     /// The lists were full: the rest of the sweep follows with the same threshold.
     Compacted,
@@ -125,7 +129,7 @@ enum Swept {
 /// A run pauses (`None`) or ends.
 type Halt = Option<StopReason>;
 
-/// Who asks for sweeps, and for how many.
+/// Parameters of a request for sweeps.
 struct SweepRequest<'a> {
     goal: &'a Goal,
     pause: Pause,
@@ -134,20 +138,21 @@ struct SweepRequest<'a> {
     is_extreme: bool,
 }
 
-/// Where sweeps pause.
+/// Condition at which sweeps pause.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Pause {
     Never,
-    /// Before the goal has a say in how much a sweep takes: up to there all runs of the same input are the same.
+    /// Before the goal influences the size of a sweep: up to there all runs of the same input are
+    /// identical.
     BeforeGoal,
-    /// Where a copy is to be made, from which parts and necks may go if they have to.
+    /// When a snapshot should be taken, from which parts and necks may be removed if necessary.
     BeforeNeed,
-    /// Before whichever of the two comes first.
+    /// At the first of the two.
     BeforeEither,
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// Collapses still to be done for the goal; `None` if there is no end to it.
+    /// Returns the number of collapses left for the goal; `None` without a goal.
     pub(super) fn needed(&self, goal: &Goal) -> Option<usize> {
         let faces = goal.faces.map(|n| self.store.live_faces.saturating_sub(n).div_ceil(2));
         let vertices = goal.vertices.map(|n| self.store.live_vertices.saturating_sub(n));
@@ -159,7 +164,8 @@ impl<M: Metric> LiveMesh<M> {
 }
 
 impl<M: Metric> Engine<M> {
-    /// How much of a run is done, from 0 to 1: of the collapses that it began with, or without a goal of the faces.
+    /// Returns the progress of a run, from 0 to 1: of the collapses needed at its start, or of the faces if
+    /// there is no goal.
     fn done(&self, goal: &Goal, begun_with: usize, start_faces: usize) -> f64 {
         let done = match self.mesh.needed(goal) {
             Some(n) => 1.0 - n as f64 / begun_with as f64,
@@ -168,8 +174,8 @@ impl<M: Metric> Engine<M> {
         done.clamp(0.0, 1.0)
     }
 
-    /// Sweeps until the goal is met, nothing can go any more, or the caller ends it. The store is finished afterwards.
-    /// May be called again with a lower goal, after [`Engine::reopen`].
+    /// Sweeps until the goal is reached, no collapse is possible, or the caller ends it. The store is
+    /// finished afterwards. May be called again with a lower goal, after [`Engine::reopen`].
     pub(crate) fn sweep(
         &mut self,
         goal: &Goal,
@@ -184,7 +190,7 @@ impl<M: Metric> Engine<M> {
         end
     }
 
-    /// Looks around before the first sweep.
+    /// Prepares a run of sweeps and samples bounds for the first threshold.
     pub(crate) fn begin_sweeps(&mut self, goal: &Goal) -> Sweeps {
         let mut scratch = VisitScratch::default();
         self.mesh.cost.area = (self.mesh.cost.total_area / self.mesh.store.live_faces.max(1) as f64) as f32;
@@ -204,8 +210,9 @@ impl<M: Metric> Engine<M> {
         }
     }
 
-    /// The bounds of some vertices spread over the mesh, for the first threshold: the exact cost of the edge that looks
-    /// cheapest, because an evaluation cannot tell flat from nearly flat. Of a small mesh, all.
+    /// Returns the bounds of some vertices spread over the mesh, for the first threshold: the exact cost of
+    /// the edge that looks cheapest, because an evaluation cannot separate flat from nearly flat. In a
+    /// small mesh, all vertices.
     fn first_bounds(&mut self, scratch: &mut VisitScratch) -> Vec<f32> {
         let most =
             if self.mesh.counts_attributes() { MAX_FIRST_SAMPLES_WITH_WEDGES } else { MAX_FIRST_SAMPLES };
@@ -236,8 +243,9 @@ impl<M: Metric> Engine<M> {
         bounds
     }
 
-    /// Sweeps on towards a goal, and says why it ended. Where it pauses, it says nothing: it can be gone on with as if it had
-    /// not, and a copy of it to other goals or by other rules.
+    /// Continues the sweeps towards a goal, and returns the reason of the end. Returns `None` at a pause:
+    /// then it can be continued as if it had not paused, and so can a copy of it, to other goals or by
+    /// other rules.
     pub(crate) fn go_on(
         &mut self,
         sweeps: &mut Sweeps,
@@ -284,10 +292,10 @@ impl<M: Metric> Engine<M> {
         Some(StopReason::Stuck)
     }
 
-    /// Finds the threshold of the next sweep, if one is to be found, unless the run pauses here.
+    /// Computes the threshold of the next sweep, if none is set, unless the run pauses here.
     fn set_threshold(&mut self, sweeps: &mut Sweeps, errand: &SweepRequest<'_>) -> ControlFlow<Halt> {
         let goal = errand.goal;
-        // Where sweeps go on to another goal, it is this one that says what comes after a sweep.
+        // When sweeps continue to another goal, that goal decides what follows a sweep.
         if sweeps.has_swept && sweeps.awaits_threshold() {
             if self.mesh.store.wants_compaction(self.mesh.needed(goal)) {
                 self.mesh.store.compact();
@@ -317,13 +325,14 @@ impl<M: Metric> Engine<M> {
         }
         let mut next = self.threshold(histogram, looked_at, goal);
         if after == After::Probe {
-            // What a probe finds is exact; an evaluation may see more, and needs a higher threshold to be tried.
+            // The result of a probe is exact; an evaluation may give a higher cost, and needs a higher
+            // threshold to be tried.
             sweeps.lift = if self.tally.collapses == sweeps.at_probe { sweeps.lift * 16.0 } else { 1.0 };
             sweeps.at_probe = self.tally.collapses;
             next = (next * sweeps.lift).min(f32::MAX);
             (sweeps.highest, sweeps.idle) = (next, 0);
         }
-        // Bounds are stale, some by far: a sweep in vain is no reason to go back to lower ones.
+        // Bounds are stale, some by far: a sweep without collapses is no reason to lower the threshold.
         sweeps.tau = if sweeps.idle > 0 { next.max(sweeps.highest * 1.25) } else { next };
         sweeps.highest = sweeps.highest.max(sweeps.tau);
         (sweeps.productivity.at_threshold, sweeps.productivity.wanted) =
@@ -332,7 +341,7 @@ impl<M: Metric> Engine<M> {
         ControlFlow::Continue(())
     }
 
-    /// One sweep or probe over all vertices, or what is left of one.
+    /// Runs one sweep or probe over all vertices, or the rest of one.
     fn sweep_once(
         &mut self,
         sweeps: &Sweeps,
@@ -418,7 +427,7 @@ impl<M: Metric> Engine<M> {
             {
                 let next = self.mesh.bounds();
                 if next.0.known() > 0 {
-                    // It begins when they go on.
+                    // The late phase begins when the sweeps are continued.
                     sweeps.phase = Phase::Threshold(next, if is_probe { After::Probe } else { After::Sweep });
                     return ControlFlow::Break(None);
                 }
@@ -430,7 +439,7 @@ impl<M: Metric> Engine<M> {
             return self.when_nothing_is_possible(sweeps, goal, refused);
         }
         sweeps.phase = match sweeps.idle >= MAX_IDLE_SWEEPS && !is_probe {
-            // Nothing could go: find out what is possible at all, and at what cost.
+            // No collapse was done: find out what is possible at all, and at what cost.
             true => Phase::Probe,
             false => {
                 Phase::Threshold((histogram, looked_at), if is_probe { After::Probe } else { After::Sweep })
@@ -439,7 +448,7 @@ impl<M: Metric> Engine<M> {
         ControlFlow::Continue(())
     }
 
-    /// Lets something give way after a sweep that left no edge possible, and probes again; or ends the run.
+    /// Relaxes a constraint after a sweep that left no edge possible, and probes again; or ends the run.
     fn when_nothing_is_possible(
         &mut self,
         sweeps: &mut Sweeps,
@@ -451,9 +460,9 @@ impl<M: Metric> Engine<M> {
         let has_limit = constraints.rules.max_cost.is_finite();
         match was {
             Phase::Sweep(After::Sweep) => return ControlFlow::Continue(()),
-            // Collapses since the last probe may have made room for edges that it saw refused.
+            // Collapses since the last probe may have made edges possible that it refused.
             Phase::Sweep(After::Probe) if has_limit => return ControlFlow::Continue(()),
-            // Nothing but what is refused stays below the limit.
+            // Only refused edges remain below the limit.
             Phase::Probe if has_limit => {
                 let is_done = self.tally.refused() == refused;
                 return ControlFlow::Break(Some(if is_done {
@@ -465,20 +474,21 @@ impl<M: Metric> Engine<M> {
             _ => {}
         }
         if constraints.details.take().is_some() {
-            // The target comes first.
+            // The target has priority over details.
             return ControlFlow::Continue(());
         }
         let has_creases = self.mesh.store.creases.is_some();
         let looser = constraints.looseness.looser(has_creases, self.mesh.values.attributes.is_some());
         if let Some(looser) = looser {
-            // Better a seam out of place than a whole part gone.
+            // A displaced seam is better than a removed part.
             constraints.looseness = looser;
             return ControlFlow::Continue(());
         }
         ControlFlow::Break(Some(if self.remove_parts(goal) { StopReason::Goal } else { StopReason::Stuck }))
     }
 
-    /// The threshold of the next sweep from the bounds, which may be those of some vertices only.
+    /// Computes the threshold of the next sweep from the bounds, which may be those of a sample of
+    /// vertices.
     fn threshold(&self, histogram: &Histogram, looked_at: usize, goal: &Goal) -> f32 {
         let quantile = match () {
             () if self.record.is_some() => record::QUANTILE,
@@ -487,7 +497,7 @@ impl<M: Metric> Engine<M> {
         };
         let mut want = histogram.known() as f64 * quantile;
         if let Some(needed) = self.mesh.needed(goal) {
-            // The last sweeps take only most of what is left, so that the cheapest go.
+            // The last sweeps take only most of the remaining collapses, so that the cheapest are done.
             let share = looked_at as f64 / self.mesh.store.v.len().max(1) as f64;
             want = want.min(needed as f64 * LAST_SHARE * share);
         }
@@ -496,7 +506,7 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// The bounds of all vertices, and of pairs.
+    /// Returns the bounds of all vertices, and of pairs.
     pub(super) fn bounds(&self) -> (Histogram, usize) {
         let mut histogram = Histogram::of(&self.store.bound);
         if let Some(pairs) = &self.topology.pairs {
@@ -507,7 +517,7 @@ impl<M: Metric> LiveMesh<M> {
 }
 
 impl<M: Metric> Engine<M> {
-    /// Whether the next sweep would be cut short for the goal, or might meet it.
+    /// True if the next sweep would be limited by the goal, or might reach it.
     fn is_last_stretch(&self, histogram: &Histogram, looked_at: usize, goal: &Goal, ahead: f64) -> bool {
         let share = looked_at as f64 / self.mesh.store.v.len().max(1) as f64;
         self.mesh
@@ -515,13 +525,13 @@ impl<M: Metric> Engine<M> {
             .is_some_and(|n| n as f64 * LAST_SHARE * share < ahead * QUANTILE * histogram.known() as f64)
     }
 
-    /// Whether a goal has a late phase.
+    /// True if a goal has a late phase.
     pub(super) fn is_extreme(&self, goal: &Goal) -> bool {
         !self.mesh.cost.metric.cost_source().is_metric()
             && goal.faces.is_some_and(|n| sampled_error::is_extreme(n, self.tally.first_faces))
     }
 
-    /// Whether the late phase is to begin.
+    /// True if the late phase should begin.
     fn is_late(&self, extreme: bool) -> bool {
         let begin = match self.record {
             Some(_) => sampled_error::begin_of_record(self.tally.first_faces),
@@ -531,7 +541,7 @@ impl<M: Metric> Engine<M> {
     }
 }
 
-/// Lists the vertices from `start` on that a sweep looks at, of those whose bounds these are.
+/// Lists the vertices that a sweep visits; `bounds` are those of the vertices from `start` on.
 fn list_visits(bounds: &[f32], start: usize, tau: f32, all: bool, visits: &mut Vec<VertexId>) {
     visits.clear();
     let id = |i: usize| VertexId((start + i) as u32);

@@ -1,4 +1,4 @@
-//! Wedges through collapses onto endpoints: attributes are kept, seams are not torn.
+//! Wedges in collapses onto endpoints: attributes are kept, seams stay closed.
 
 use glam::Vec3;
 use lodsmith_core::{VertexId, WedgeId};
@@ -8,7 +8,7 @@ use super::store::{Corner, Ring, Spoke, Store};
 use crate::metric::{Metric, VertexMemory};
 use crate::report::Refusal;
 
-/// Attributes of the input's wedges, as far as matching needs them.
+/// Attributes of the input's wedges that matching needs.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Wedges {
     pub(crate) uvs: Option<Vec<[f32; 2]>>,
@@ -19,7 +19,8 @@ impl Wedges {
     fn same_uv(&self, a: WedgeId, b: WedgeId) -> bool {
         self.uvs.as_ref().is_none_or(|uv| uv[a.index()] == uv[b.index()])
     }
-    /// The one among `choices` on the same side of every UV seam as `like`, with the closest normal to `of`.
+    /// Returns the one among `choices` on the same side of every UV seam as `like`, with the closest normal
+    /// to `of`.
     fn best(&self, choices: &[WedgeId], like: WedgeId, of: WedgeId) -> Option<WedgeId> {
         let turn = |w: WedgeId| match &self.normals {
             None => 0.0,
@@ -37,12 +38,13 @@ impl<Q: VertexMemory> Store<Q> {
     }
 }
 
-/// Corners of the end whose place is given up, and the wedges that they get.
+/// Corners of the removed position, and their new wedges.
 pub(crate) type HandedOver = Vec<(Corner, WedgeId)>;
 
 impl<M: Metric> LiveMesh<M> {
-    /// Which corners of the end whose place is given up get which wedges of the other end. Pairs are found where a triangle
-    /// has both; a wedge without a pair would be torn off its side of a seam, and refuses.
+    /// Returns the corners of the end whose position is removed, with the wedges of the other end that
+    /// replace theirs. Wedges are paired where a triangle contains both; a wedge without a partner would be
+    /// separated from its side of a seam, so the collapse is refused.
     #[inline(always)]
     pub(crate) fn wedges_to_hand_over(
         &self,
@@ -71,7 +73,7 @@ impl<M: Metric> LiveMesh<M> {
         ru: &Ring,
         rv: &Ring,
     ) -> Result<HandedOver, Refusal> {
-        // Which end keeps its place.
+        // The end that keeps its position.
         let (kept, gone, kept_ring, gone_ring) =
             if step == Vec3::ZERO || off != Vec3::ZERO { (u, v, ru, rv) } else { (v, u, rv, ru) };
         let at = |r: &Spoke, w: VertexId| self.store.wedge(r.corner.face(), w);
@@ -97,7 +99,7 @@ impl<M: Metric> LiveMesh<M> {
         Ok(changes)
     }
 
-    /// Does what was found.
+    /// Applies the changes.
     #[inline(always)]
     pub(crate) fn hand_over_wedges(&mut self, changes: &HandedOver) {
         if let Some(wedges) = &mut self.store.wedges {

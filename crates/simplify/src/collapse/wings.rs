@@ -11,10 +11,11 @@ use crate::metric::VertexMemory;
 use crate::report::Refusal;
 use crate::tensor::Tensor;
 
-/// Square of the shape under which a new triangle counts as having no area, unless it was as bad before: just above what
-/// single precision can tell. (Measured: at 1e-7 fans of slivers block each other, and brain588k to 100 is four times worse.)
+/// Square of the shape below which a new triangle counts as having no area, unless it was as bad before:
+/// just above the resolution of single precision. (Measured: at 1e-7 fans of slivers block each other, and
+/// brain588k to 100 is four times worse.)
 pub(super) const MIN_SHAPE_SQ: f32 = 1e-11;
-/// Squared cosine of a turn above which folds with the faces beyond are looked for: 45 degrees.
+/// Squared cosine of a turn beyond which folds with the adjacent faces are checked: 45 degrees.
 pub(super) const FOLD_CHECK_COS_SQ: f32 = 0.5;
 
 /// A triangle of the star of a collapsing edge, before and after.
@@ -23,21 +24,21 @@ pub(crate) struct Wing {
     pub(crate) corner: Corner,
     pub(crate) a: VertexId,
     pub(crate) b: VertexId,
-    /// Normal after, of double length; zero if it goes.
+    /// Normal after, of double length; zero if it is removed.
     pub(crate) after: Vec3,
-    /// It has both ends, and goes.
+    /// True if it contains both ends, and is removed.
     pub(crate) both: bool,
 }
 
 /// The triangles of the star of a collapsing edge, in the order of the rings of its ends.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Wings {
-    /// The first `used` of them; written where they stay.
+    /// Groups of four; the first `used` are valid. Written in place.
     fours: Vec<FourWings>,
     used: usize,
 }
 
-/// Up to four of them side by side, at one end. Lanes that are not used repeat the last one.
+/// Up to four wings side by side, at one end. Unused lanes repeat the last one.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct FourWings {
     pub(super) spokes: [Spoke; 4],
@@ -45,7 +46,7 @@ pub(super) struct FourWings {
     pub(super) normal: Four,
     pub(super) length: f32x4,
     pub(super) after: Four,
-    /// A bit for each that does not go.
+    /// Bit mask of those that are not removed.
     pub(super) stays: u32,
 }
 
@@ -54,7 +55,7 @@ impl Wings {
         self.used = 0;
     }
 
-    /// The next one, to be written.
+    /// Returns the next group for writing.
     #[inline(always)]
     fn slot(&mut self) -> &mut FourWings {
         if self.used == self.fours.len() {
@@ -70,7 +71,7 @@ impl Wings {
         self.fours.resize(2 * self.used + 8, FourWings::default());
     }
 
-    /// Adds triangles that share no more than their rim with what they become.
+    /// Adds triangles of which only the rim is used.
     pub(crate) fn add_rim(&mut self, ring: &Ring, goes: impl Fn(&Spoke) -> bool) {
         for few in ring.chunks(4) {
             let spokes = [0, 1, 2, 3].map(|i: usize| few[i.min(few.len() - 1)]);
@@ -80,19 +81,19 @@ impl Wings {
         }
     }
 
-    /// One after the other.
+    /// Iterates over the wings.
     pub(crate) fn iter(&self) -> impl Iterator<Item = Wing> + '_ {
         self.fours[..self.used].iter().flat_map(|four| (0..four.count).map(|i| four.wing(i)))
     }
 
-    /// Four by four; those of the kept end first.
+    /// Returns the groups of four; those of the kept end first.
     #[inline(always)]
     pub(super) fn fours(&self) -> &[FourWings] {
         &self.fours[..self.used]
     }
 
-    /// Of each, what the tensors around it lose and gain when the collapse is done, and what the merged vertex gains.
-    /// `weigh` says what n nᵀ counts, by the lengths of normals.
+    /// For each wing, calls `swap` with the change of the tensors at its rim after the collapse, and the
+    /// tensor that the merged vertex gains. `weigh` returns the weight of n nᵀ from the lengths of normals.
     #[inline(always)]
     pub(super) fn swaps(
         &self,
@@ -101,7 +102,7 @@ impl Wings {
     ) {
         for four in &self.fours[..self.used] {
             let old = lanes::outer(&four.normal, -weigh(four.length));
-            // (Of those that go, nothing.)
+            // (Zero for removed ones.)
             let new = lanes::outer(&four.after, weigh(dot(&four.after, &four.after).sqrt()));
             let change = lanes::tensors(std::array::from_fn(|k| old[k] + new[k]));
             let new = lanes::tensors(new);
@@ -124,22 +125,22 @@ impl FourWings {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EdgeEnd {
     pub(super) from: Vec3,
-    /// Where the merged vertex goes, from here.
+    /// Displacement to the merged vertex.
     pub(super) step: Vec3,
-    /// The other end, where triangles with both count here: twice.
+    /// The other end, if triangles that contain both are counted here: twice.
     pub(super) other: Option<VertexId>,
 }
 
-/// What the triangles say of a collapse, each lane of its own.
+/// Statistics of the triangles of a collapse, by lane.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StarStats {
-    /// Twice the areas times the squared heights over the old planes, summed.
+    /// Sum of twice the areas times the squared heights over the old planes.
     cost: f32x4,
-    /// Twice the areas, summed.
+    /// Sum of twice the areas.
     area: f32x4,
     /// The largest squared height.
     peak: f32x4,
-    /// Whether a triangle turns so far that folds must be looked for.
+    /// True if a triangle turns so far that folds must be checked.
     pub(super) turns_far: bool,
 }
 
@@ -151,7 +152,7 @@ impl Default for StarStats {
 }
 
 impl StarStats {
-    /// Cost, area and largest squared height of all.
+    /// Returns the cost, the area and the largest squared height.
     #[inline(always)]
     pub(super) fn sum(&self) -> (f32, f32, f32) {
         let peak = self.peak.to_array().into_iter().fold(0.0, f32::max);
@@ -160,8 +161,8 @@ impl StarStats {
 }
 
 impl<Q: VertexMemory> Store<Q> {
-    /// Looks at the triangles of one end as they are when it has gone to `at`: adds them to the wings and to the stats.
-    /// Says how far the farthest neighbour lies ahead of the end, along its step.
+    /// Evaluates the triangles of one end for its new position `at`: adds them to the wings and to the
+    /// stats. Returns how far the farthest neighbour is ahead of the end, along its displacement.
     #[inline(always)]
     pub(super) fn look_at_wings(
         &self,
@@ -212,7 +213,7 @@ impl<Q: VertexMemory> Store<Q> {
                 let turned = !keeps_side.to_bitmask();
                 self.check_turn_and_shape(four, wrong, turned, end.from, [length_sq, after_sq, new_shape])?;
             }
-            // What repeats adds nothing.
+            // Lanes that repeat the last one add nothing.
             let counts: f32x4 = cast(i32x4::new([0, 1, 2, 3]).simd_lt(i32x4::splat(left as i32)));
             stats.cost += loss & counts;
             stats.area += weight & counts;
@@ -224,7 +225,7 @@ impl<Q: VertexMemory> Store<Q> {
         Ok(behind.to_array().into_iter().fold(f32::INFINITY, f32::min))
     }
 
-    /// What is wrong with triangles that turn (`turned`) or get too thin, if it is the collapse that makes them so.
+    /// Refuses triangles that turn (`turned`) or become too thin, if the collapse makes them so.
     #[cold]
     #[inline(never)]
     fn check_turn_and_shape(
@@ -240,7 +241,7 @@ impl<Q: VertexMemory> Store<Q> {
         for i in (0..4).filter(|i| wrong & (1 << i) != 0) {
             let (pa, pb) = (self.p(spokes[i].a), self.p(spokes[i].b));
             let e_sq = (pb - pa).length_squared();
-            // A face without area has no normal that could turn.
+            // A face of no area has no normal to turn.
             if turned & (1 << i) != 0 && (length_sq[i] > MIN_SHAPE_SQ * e_sq * e_sq || after_sq[i] == 0.0) {
                 return Err(Refusal::NormalFlip);
             }
@@ -263,7 +264,7 @@ mod tests {
     use crate::metric::{Memoryless, Metric};
     use crate::test_support::{bits, tame_vector, vector};
 
-    /// What one triangle says.
+    /// Results for one triangle.
     struct Told {
         weight: f32,
         height: f32,
@@ -274,7 +275,7 @@ mod tests {
         behind: f32,
     }
 
-    /// The same as [`Store::look_at_wings`] of one triangle at `from`, which goes to `at`.
+    /// Evaluates one triangle at `from`, which moves to `at`, as [`Store::look_at_wings`] does.
     fn told([from, step, at]: [Vec3; 3], [a, b]: [Vec3; 2], both: bool, max_turn: f32) -> Told {
         let (e, back) = (b - a, from - a);
         let normal = e.cross(back);
@@ -305,7 +306,7 @@ mod tests {
         }
     }
 
-    /// A fan of vertex 0 with this rim, from 1 on, closed where that is wanted.
+    /// Returns a fan of vertex 0 with this rim, numbered from 1, closed if `is_closed`.
     fn fan(centre: Vec3, rim: &[Vec3], is_closed: bool) -> (Store<Tensor>, Ring) {
         let points: Vec<Vec3> = std::iter::once(centre).chain(rim.iter().copied()).collect();
         let n = rim.len() as u32;
@@ -324,7 +325,7 @@ mod tests {
         #[test]
         fn four_triangles_say_what_each_says(
             centre in tame_vector(),
-            // Tame ones, of which few refuse, and any.
+            // Tame ones, of which few are refused, and any.
             rim in prop_oneof![vec(tame_vector(), 3..14), vec(vector(), 3..14)],
             step in prop_oneof![3 => tame_vector().prop_map(|x| x * 0.1), 1 => vector()],
             is_closed in any::<bool>(),
@@ -352,7 +353,7 @@ mod tests {
             prop_assert_eq!(found.map(f32::to_bits), Ok(behind.to_bits()));
             let (cost, area, peak) = stats.sum();
             let losses = || each.iter().map(|t| t.weight * t.height * t.height);
-            // Sums are of the same numbers in another order.
+            // The same summands in another order.
             let is_near = |a: f32, b: f32| a == b || (a - b).abs() <= 1e-5 * b;
             prop_assert!(is_near(cost, losses().sum()), "{cost} {}", losses().sum::<f32>());
             prop_assert!(is_near(area, each.iter().map(|t| t.weight).sum()));
@@ -368,7 +369,7 @@ mod tests {
                 prop_assert_eq!(wing.both, other.is_some_and(|w| spoke.has(w)));
             }
 
-            // What the tensors around swap.
+            // Tensor changes at the rim.
             let mut swapped = Vec::new();
             let weigh = |lengths| Memoryless.plane_weights(lengths, 1.0);
             wings.swaps(weigh, |rim, change, new| swapped.push((rim, *change, *new)));

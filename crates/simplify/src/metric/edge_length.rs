@@ -1,10 +1,11 @@
-//! The shortest edge first.
+//! Edge length metric: the shortest edge first.
 
 use glam::{DVec3, Vec3};
 
 use super::{AllowedPlace, EdgeNeighbourhood};
 
-/// The squared length. A vertex off the feature edges goes onto one that lies on them, not halfway.
+/// Returns the squared length and the displacement. A vertex off the feature edges moves onto one that lies
+/// on them, not halfway.
 pub(super) fn judge(around: &EdgeNeighbourhood) -> (f32, Vec3) {
     let d = around.d;
     let onto_line = match around.on_lines {

@@ -1,4 +1,5 @@
-//! The metrics that judge an edge by what hangs on it. One type, so that the engine is built once for them all.
+//! Metrics that evaluate an edge from its neighbourhood. One type, so that the engine is compiled once for
+//! all of them.
 
 use glam::Vec3;
 use wide::f32x4;
@@ -76,9 +77,10 @@ impl Metric for Judged {
 
     fn price_power(&self) -> f32 {
         match self {
-            // An area more than those of the memoryless tensors.
+            // One area more than the memoryless tensors have.
             Self::Volume => 1.4,
-            // On a smooth surface the cost falls with the density of triangles to 1.5, on a rough one to 0.5.
+            // On a smooth surface the cost falls as the density of triangles to the power 1.5, on a rough
+            // one 0.5.
             Self::Turn => 0.4,
             // Squared lengths fall as the density of triangles rises.
             Self::Length => 0.4,
@@ -86,10 +88,10 @@ impl Metric for Judged {
     }
     fn kept_loss(&self) -> f64 {
         match self {
-            // (0.32 to 0.49: places between the faces that go halve their distances.)
+            // (0.32 to 0.49: positions between the removed faces halve the distances.)
             Self::Volume => 0.42,
             Self::Turn => 1.0,
-            // (0.7 to 3.4, more at fewer faces.)
+            // (0.7 to 3.4, larger at fewer faces.)
             Self::Length => 1.6,
         }
     }
@@ -104,9 +106,9 @@ impl Metric for Judged {
     fn part_rate(&self, rate: f32, part: &PartSize, mean: f32) -> f32 {
         match self {
             Self::Volume => rate * part.face / mean,
-            // As if an edge as long as the part itself went, between faces at right angles.
+            // Like the collapse of an edge as long as the part itself, between faces at right angles.
             Self::Turn => 0.5 * part.price * part.size_sq.sqrt(),
-            // As edges as long as the part itself.
+            // Like edges as long as the part itself.
             Self::Length => part.price * part.size_sq,
         }
     }

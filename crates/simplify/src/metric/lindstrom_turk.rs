@@ -1,12 +1,14 @@
-//! Volume and borders kept, by the present surface alone. [Lindstrom-Turk 1998] [Lindstrom-Turk 1999]
+//! Lindstrom-Turk metric: preserves volume and borders, from the current surface alone. [Lindstrom-Turk
+//! 1998] [Lindstrom-Turk 1999]
 //!
-//! The place of the merged vertex is pinned by three linear equations, taken in this order as long as each lies farther
-//! than a degree from those before it: the volume stays; the area that a border bounds stays; the sum of the squares of
-//! the volumes that faces sweep, and of the areas that border edges sweep, is least; the new edges are short. The cost is
-//! half that sum. It has the dimension of a volume squared, and is kept here divided by the mean area of the input.
+//! The position of the merged vertex is fixed by three linear equations, taken in this order as long as
+//! each plane is more than a degree away from those before it: the volume is preserved; the area bounded by
+//! a border is preserved; the sum of the squared volumes swept by faces and the squared areas swept by
+//! border edges is least; the new edges are short. The cost is half that sum. It has the dimension of a
+//! squared volume, and is divided by the mean area of the input here.
 //!
-//! The engine first asks tensors of n nᵀ weighted by area, which bound the cost about from below, and comes here with
-//! what looks cheap enough.
+//! The engine first evaluates tensors of n nᵀ weighted by area, which are roughly a lower bound of the
+//! cost, and calls this module for edges that look cheap enough.
 
 use glam::{DMat3, DVec3, Vec3};
 
@@ -14,23 +16,23 @@ use super::TIE;
 use super::{AllowedPlace, EdgeNeighbourhood, EdgePart};
 use crate::tensor::Tensor;
 
-/// Sine of the angle, one degree, that a plane keeps from the others. [Lindstrom-Turk 1998]
+/// Sine of the least angle between the planes, one degree. [Lindstrom-Turk 1998]
 const COMPATIBLE: f64 = 0.017_452_406_437_283_51;
-/// Share of the trace under which a gradient is rounding: positions are of single precision.
+/// Share of the trace below which a gradient is rounding noise: positions have single precision.
 const NOISE: f64 = 1e-10;
-/// Share of the length of all normals under which their sum is rounding.
+/// Share of the length of all normals below which their sum is rounding noise.
 const NO_VOLUME: f64 = 1e-6;
-/// What squared areas at borders count against squared volumes, times the squared length of the edge: volumes are a sixth
-/// of n·y, areas half of e × y, and the weights of both are a half.
+/// Weight of squared areas at borders against squared volumes, times the squared length of the edge:
+/// volumes are a sixth of n·y, areas half of e × y, and the weights of both are a half.
 const BORDER: f64 = 9.0;
 
-/// The tensor of a feature edge, as if the edge that goes were as long as this one.
+/// Returns the tensor of a feature edge, as if the collapsed edge were as long as this one.
 #[inline(always)]
 pub(super) fn line(edge: Vec3, weight: f32, mean: f32) -> Tensor {
     Tensor::line(edge, weight * BORDER as f32 * 0.1 * edge.length_squared() / mean)
 }
 
-/// Cost and step.
+/// Returns cost and displacement.
 pub(super) fn judge(around: &EdgeNeighbourhood, mean: f32) -> (f32, Vec3) {
     let loss = Loss::new(around);
     let step = match around.place {
@@ -46,19 +48,19 @@ pub(super) fn judge(around: &EdgeNeighbourhood, mean: f32) -> (f32, Vec3) {
     (((loss.at(step) + tie) / f64::from(mean)) as f32, step.as_vec3())
 }
 
-/// The sum of squares y·A·y − 2 h·y + c, 36 times that of volumes, and what else pins the place.
+/// The sum of squares y·A·y − 2 h·y + c, 36 times that of volumes, and the volume constraint.
 struct Loss {
     a: DMat3,
     h: DVec3,
     c: f64,
-    /// Where volume · y equals this number, the volume stays.
+    /// The volume is preserved where volume · y equals this number.
     volume: (DVec3, f64),
 }
 
 impl Loss {
     fn new(around: &EdgeNeighbourhood) -> Self {
         let d = around.d;
-        // (xx, yy, zz) and (xy, xz, yz), by component: no column twice.
+        // (xx, yy, zz) and (xy, xz, yz), by component: no column is computed twice.
         let (mut squares, mut products) = (DVec3::ZERO, DVec3::ZERO);
         let (mut h, mut c) = (DVec3::ZERO, 0.0);
         let (mut sum, mut level) = (DVec3::ZERO, 0.0);
@@ -119,8 +121,9 @@ impl Loss {
     }
 }
 
-/// The area vector that the border bounds changes by e × (y − p) for each of its edges e at p, by half. What is across
-/// the sum of e can be kept; what is along it is the same for all y.
+/// Pins the position to preserve the area vector bounded by the border. It changes by half of e × (y − p)
+/// for each of the border edges e at p. The components across the sum of e can be preserved; the one along
+/// it is the same for all y.
 fn pin_border(pins: &mut Pins, around: &EdgeNeighbourhood) {
     let (mut along, mut moment, mut size_sq) = (DVec3::ZERO, DVec3::ZERO, 0.0);
     for line in around.lines.iter().filter(|l| l.sense != 0.0) {
@@ -136,7 +139,7 @@ fn pin_border(pins: &mut Pins, around: &EdgeNeighbourhood) {
     }
     let nearest = moment.cross(along) / length_sq;
     let out = moment - along * (moment.dot(along) / length_sq);
-    // Across the border within its plane; of a straight one, any way across.
+    // Across the border within its plane; for a straight one, any direction across.
     let across = out.cross(along);
     let least = 1e-6 * size_sq * along.length();
     let first = if across.length() > least { across } else { along.any_orthogonal_vector() };
@@ -145,7 +148,8 @@ fn pin_border(pins: &mut Pins, around: &EdgeNeighbourhood) {
     pins.pin(second, second.dot(nearest), 0.0);
 }
 
-/// The sum of the squared distances to the rim of the star, each face counting its two edges, is least here.
+/// Returns the point with the least sum of squared distances to the rim of the star, where each face counts
+/// its two edges.
 fn middle_of_rim(around: &EdgeNeighbourhood) -> DVec3 {
     let rim = around.triangles.iter().filter(|w| w.at != EdgePart::Both);
     let (sum, count) = rim.fold((DVec3::ZERO, 0.0), |(sum, n), w| (sum + w.a + w.b, n + 2.0));
@@ -157,7 +161,7 @@ fn matrix(squares: DVec3, products: DVec3) -> DMat3 {
     DMat3::from_cols(DVec3::new(s.x, p.x, p.y), DVec3::new(p.x, s.y, p.z), DVec3::new(p.y, p.z, s.z))
 }
 
-/// Planes that a place lies on, made orthogonal.
+/// Planes that fix a position, orthogonalized.
 #[derive(Default)]
 struct Pins {
     axes: [DVec3; 3],
@@ -166,8 +170,8 @@ struct Pins {
 }
 
 impl Pins {
-    /// Adds the plane n·y = level, unless it is full, n is no longer than `least`, or the plane comes within a degree of
-    /// what is pinned.
+    /// Adds the plane n·y = level, unless there are three already, n is no longer than `least`, or the
+    /// plane is within a degree of the span of the others.
     fn pin(&mut self, n: DVec3, level: f64, least: f64) {
         let length = n.length();
         if self.count == 3 || length <= least || length == 0.0 {
@@ -186,7 +190,7 @@ impl Pins {
         }
     }
 
-    /// Directions that are free.
+    /// Returns the directions that are still free.
     fn rest(&self) -> [Option<DVec3>; 3] {
         match self.count {
             0 => [Some(DVec3::X), Some(DVec3::Y), Some(DVec3::Z)],

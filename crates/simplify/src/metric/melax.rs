@@ -1,21 +1,22 @@
-//! Length times curvature, onto vertices of the input. [Melax 1998]
+//! Melax metric: length times curvature, with placement at vertices of the input. [Melax 1998]
 //!
-//! Giving up u for v costs |uv| · max over the faces f of u, min over the faces g on uv, of (1 − f·g) / 2: how far the
-//! faces of u turn away from those that it would be merged along. Against the article: a vertex on a border (or another
-//! feature edge) goes along it only, and the turn of the border there counts like one of faces; the article knows closed
-//! surfaces only.
+//! The collapse of u onto v costs |uv| · max over the faces f of u, min over the faces g on uv, of (1 −
+//! f·g) / 2: the largest turn of the faces of u away from those on the edge. Unlike in the article, a
+//! vertex on a border (or another feature edge) moves along it only, and the turn of the border there
+//! counts like one of faces; the article covers closed surfaces only.
 
 use glam::{DVec3, Vec3};
 
 use super::{AllowedPlace, EdgeNeighbourhood, EdgePart, StarTriangle};
 
-/// What length alone counts against curvature: decides among flat places only. (Normals in single precision are not
-/// better.)
+/// Weight of length alone against curvature: breaks ties among flat places only. (Normals in single
+/// precision are not more precise.)
 const TIE: f64 = 1e-7;
-/// Faces on an edge that are looked at.
+/// Maximum number of faces on an edge that are used.
 const MOST_SIDES: usize = 4;
 
-/// The cost of the cheaper of the two ends, or of the one that may go, and the step to the other.
+/// Returns the cost of removing the cheaper of the two ends, or the only removable one, and the
+/// displacement to the other.
 pub(super) fn judge(around: &EdgeNeighbourhood) -> Option<(f32, Vec3)> {
     let length = around.d.length();
     let [kept, removed] = turns(around).map(|turn| turn.map(|t| (length * (t + TIE)) as f32));
@@ -28,7 +29,8 @@ pub(super) fn judge(around: &EdgeNeighbourhood) -> Option<(f32, Vec3)> {
     }
 }
 
-/// How far the stars of the two ends turn away from the edge, from 0 to 1; `None` for one that may not be given up.
+/// Returns the turn of the stars of both ends away from the edge, from 0 to 1; `None` for an end that must
+/// not be removed.
 fn turns(around: &EdgeNeighbourhood) -> [Option<f64>; 2] {
     let normal = |w: &StarTriangle| (w.b - w.a).cross(around.end(w.at) - w.a).normalize_or_zero();
     // Two, but for borders and non-manifold edges.
@@ -37,7 +39,7 @@ fn turns(around: &EdgeNeighbourhood) -> [Option<f64>; 2] {
         sides[count] = normal(w);
         count += 1;
     }
-    // Cosines: the least of a star, of the greatest with a side.
+    // For each star, the least cosine of a face with its best matching side.
     let mut least = [1f64; 2];
     for w in around.triangles.iter().filter(|w| w.at != EdgePart::Both) {
         let n = normal(w);
@@ -52,7 +54,8 @@ fn turns(around: &EdgeNeighbourhood) -> [Option<f64>; 2] {
     })
 }
 
-/// How far the feature edges at an end turn away from the edge; `None` where that is none of them.
+/// Returns the turn of the feature edges at an end away from the edge; `None` if the edge is not a feature
+/// edge.
 fn turn_of_line(around: &EdgeNeighbourhood, end: EdgePart) -> Option<f64> {
     if !around.is_line() {
         return None;
@@ -71,7 +74,8 @@ mod tests {
     use super::*;
     use crate::metric::FeatureLine;
 
-    /// A flat strip along x with its ends at (0, 0, 0) and (1, 0, 0); `tip` is where the face beyond the kept end goes.
+    /// A flat strip along x with its ends at (0, 0, 0) and (1, 0, 0); `tip` is the far corner beyond the
+    /// kept end.
     fn strip(tip: DVec3) -> EdgeNeighbourhood {
         let d = DVec3::X;
         let wall = |at, a, b| StarTriangle { at, a, b };
@@ -92,7 +96,7 @@ mod tests {
 
     #[test]
     fn the_end_whose_faces_do_not_turn_is_given_up() {
-        //      Y           The kept end has faces that stand up; the removed one lies flat.
+        //      Y           The kept end has steep faces; the removed one lies flat.
         //    / | \
         // tip--0---d--2
         //    \ | /
@@ -115,7 +119,7 @@ mod tests {
         around.lines =
             vec![FeatureLine { at: EdgePart::Kept, to: DVec3::new(0.0, 1.0, 0.0), weight: 1.0, sense: 1.0 }];
         assert_eq!(judge(&EdgeNeighbourhood { place: AllowedPlace::Removed, ..around.clone() }), None);
-        // The edge itself on the border, which turns by a right angle at the kept end.
+        // The edge itself is on the border, which turns by a right angle at the kept end.
         around.lines.push(FeatureLine { at: EdgePart::Both, to: around.d, weight: 1.0, sense: -1.0 });
         around.on_lines = [true, true];
         let (cost, step) = judge(&EdgeNeighbourhood { place: AllowedPlace::Removed, ..around }).unwrap();

@@ -1,7 +1,7 @@
 //! Accumulated plane quadrics, weighted by area. [Garland-Heckbert 1997]
 //!
-//! Against the paper: each quadric is kept relative to its own vertex, so single precision is enough at any distance
-//! from the origin, and planes are weighted by the area of their triangles.
+//! Unlike in the paper, each quadric is relative to its own vertex, so single precision is enough at any
+//! distance from the origin, and planes are weighted by the area of their triangles.
 
 use glam::Vec3;
 
@@ -11,7 +11,7 @@ use crate::tensor::Tensor;
 #[derive(Clone, Copy)]
 pub(crate) struct Quadric;
 
-/// y·A·y + 2 g·y + e at the vertex + y.
+/// The form y·A·y + 2 g·y + e at the vertex + y.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct PlaneQuadric {
     a: Tensor,

@@ -1,17 +1,18 @@
-//! Several levels of one input in one run.
+//! Several levels of one input in a single run.
 //!
 //! ```text
-//! trunk      o-----+--------+-------+           sweeps, whose size no goal has a say in
+//! trunk      o-----+--------+-------+           sweeps that no goal influences
 //!                   \        \       \
 //! branches           o        o       o         the last sweeps to a goal, then a fit
 //! ```
 //!
-//! A branch is what a single run does from there on, so a level is as near as one of its own. Where each vertex has to be
-//! known in the next level, there is one line of sweeps, from level to level, and only the fit is on a copy: then the next
-//! level is made of the one before by collapses alone.
+//! A branch does exactly what a single run does from there on, so a level has the same quality as a single
+//! run. If each vertex must be tracked to the next level, there is a single sequence of sweeps from level
+//! to level, and only the fit is done on a copy: then each level follows from the previous one by collapses
+//! alone.
 //!
-//! Where parts or handles stand in the way of a level, a second trunk begins in which they go in their turn, as in a
-//! single run; the levels below go on from that.
+//! If parts or handles block a level, a second trunk begins in which they are removed in order of cost, as
+//! in a single run; the lower levels continue from that.
 
 use lodsmith_core::VertexId;
 
@@ -29,11 +30,11 @@ use crate::deviation::{self, Deviation};
 use crate::metric::{Judged, Memoryless, Metric, Quadric};
 use crate::options::{Method, SimplifyOptions, Stop, TopologyPolicy};
 
-/// For each level, the input first, the vertex of the next one that each of its vertices became;
-/// [`NONE`](crate::collapse::order::NONE) where it went with its part.
+/// For each level, starting with the input, the vertex of the next one that each of its vertices was merged
+/// into; [`NONE`](crate::collapse::order::NONE) if its part was removed.
 pub(crate) type Mergers = Vec<Vec<VertexId>>;
 
-/// The outcomes of all levels, in one run.
+/// Function that makes the outcomes of all levels in one run.
 type Passes =
     fn(&mut Run<'_, '_>, &[Goal], &mut dyn Control) -> Result<Vec<(RunOutcome, usize)>, SimplifyError>;
 
@@ -48,12 +49,13 @@ fn passes_of(method: Method) -> Option<Passes> {
     })
 }
 
-/// Whether one run makes all levels.
+/// True if one run makes all levels.
 pub(crate) fn is_chained(options: &SimplifyOptions, stops: &[Stop]) -> bool {
     passes_of(options.method).is_some() && !options.escalate && stops.iter().all(|s| s.error.is_none())
 }
 
-/// Runs to one stop after the other, each a count below the one before. With `is_traced`, says what vertices became.
+/// Runs to one stop after another, each a count below the previous one. With `is_traced`, returns the
+/// mergers.
 pub(crate) fn run_chain(
     input: &Input<'_>,
     options: &SimplifyOptions,
@@ -106,7 +108,7 @@ fn chain_by_method(
 }
 
 impl Run<'_, '_> {
-    /// The outcome of each goal, and the number of the trunk that it grew on.
+    /// Returns the outcome of each goal, and the number of its trunk.
     fn chain<M: Metric>(
         &mut self,
         metric: M,
@@ -125,7 +127,8 @@ impl Run<'_, '_> {
             let is_short =
                 outcome.parts_removed > 0 || outcome.end == StopReason::Stuck || outcome.has_rivals();
             if may_change && !leave.parts && is_short && outcome.end != StopReason::Finish {
-                // Parts and handles stand in the way: a trunk in which they go in their turn.
+                // Parts and handles block collapses: start a trunk in which they are removed in order of
+                // cost.
                 let (mut second, mut own) =
                     (None, TopologyChanges { parts: true, cuts: may_cut(self.options), ..leave });
                 let mut other = self.level(metric, &mut second, (i, goals), own, control)?;
@@ -153,7 +156,7 @@ impl Run<'_, '_> {
         Ok(outcomes)
     }
 
-    /// Sweeps a trunk to a level, from its begin if there is none yet, and makes a result of it.
+    /// Sweeps a trunk to a level, from its start if there is none yet, and builds the result.
     fn level<M: Metric>(
         &mut self,
         metric: M,
@@ -211,7 +214,7 @@ impl Run<'_, '_> {
         Ok(outcome)
     }
 
-    /// What the vertices of each level became in the next one.
+    /// Returns the vertices of the next level that the vertices of each level were merged into.
     fn mergers(&self, outcomes: &[(RunOutcome, usize)]) -> Mergers {
         let home = |homes: &[VertexId], number: VertexId| homes.get(number.index()).copied().unwrap_or(NONE);
         let count = self.input.surface.positions().len();
@@ -224,7 +227,8 @@ impl Run<'_, '_> {
                     .map(|number| home(&trace.homes, number))
                     .collect(),
                 Some((RunOutcome { trace: Some(before), .. }, own)) => {
-                    // Vertices that were cut apart have numbers of their own, which another trunk does not know.
+                    // Vertices created by cuts have numbers of their own, which another trunk does not
+                    // know.
                     let numbers = if own == trunk { &before.origins } else { &before.places };
                     numbers.iter().map(|&number| home(&trace.homes, number)).collect()
                 }

@@ -1,39 +1,42 @@
-//! The choice among several ways to one target, by measured error.
+//! Choice among several ways to one target, by measured error.
 //!
-//! A target that is out of reach as it is may be met by moving seams off their lines, by removing parts, by cutting necks or by
-//! contracting pairs. None of these is always the best, and their costs are not of one kind, so the results are measured.
-//! This is the only place that decides between results of one run.
+//! A target that is out of reach may be reached by moving seams off their lines, removing parts, cutting
+//! necks or contracting pairs. None of these is always the best, and their costs are not comparable, so the
+//! results are measured. This is the only place that decides between results of one run.
 
 use super::{Run, RunOutcome};
 use crate::collapse::StopReason;
 use crate::control::Control;
 
-/// Samples each way. (The RMS of a result is then known to a few percent; ways differ by more, or either will do.)
+/// Samples in each direction. (The RMS of a result is then known to a few percent; if candidates differ by
+/// less, either is fine.)
 const JUDGE_SAMPLES: usize = 20_000;
-/// A result that keeps what it was asked to keep is taken unless another one is closer by this factor: parts are not to go for
-/// a small gain. (Guessed.)
+/// A result without topology changes and moved seams is preferred unless another one is closer by this
+/// factor: parts should not be removed for a small gain. (Guessed.)
 const WHOLE_RESULT_FACTOR: f64 = 1.25;
-/// The same of a result whose run was at ease: the step that a walk of targets may take (`cargo xtask walk`).
+/// That factor for a result whose run was productive: the largest step allowed in a walk over targets
+/// (`cargo xtask walk`).
 const FAVOUR_AT_EASE: f64 = 1.5;
-/// Where the target is out of reach, a heavier result is taken if the lightest one is farther off by this factor. (Guessed:
-/// for a few faces less that is more than any run at ease pays.)
+/// If the target is out of reach, a heavier result is returned if the lightest one is less close by this
+/// factor. (Guessed: more than any productive run loses for a few faces less.)
 const DESTROYED_FACTOR: f64 = 3.0;
 
 impl RunOutcome {
-    /// Whether another way to the target may be closer to the input: seams gave way, or stayed at a price, or cheap parts or
-    /// necks stayed.
+    /// True if another way to the target may be closer to the input: seams gave way, or stayed at a cost,
+    /// or cheap parts or necks were kept.
     pub(super) fn has_rivals(&self) -> bool {
         self.seams_relaxed || self.spares_seams || self.spares_parts || self.spares_necks
     }
 
-    /// Whether everything stayed that stays if it can.
+    /// True if no seams gave way, and no parts or necks were removed.
     pub(super) fn keeps_all(&self) -> bool {
         !self.seams_relaxed && self.parts_removed == 0 && self.necks_cut == 0
     }
 }
 
 impl Run<'_, '_> {
-    /// The best of at least one outcome, see [`Run::closer`]; where none meets the target, with what would help.
+    /// Returns the best of at least one outcome, see [`Run::closer`]; if none reaches the target, with
+    /// proposals.
     pub(super) fn closest(
         &self,
         mut ways: Vec<RunOutcome>,
@@ -49,10 +52,11 @@ impl Run<'_, '_> {
         chosen
     }
 
-    /// The index of the best of at least one outcome. One that meets the target comes before one that does not. Of several
-    /// that meet it, the one with the least RMS distance to the input, both ways; of several that do not, the lightest. The
-    /// first of equals. Favoured is the one that was `asked` for by an option, else what keeps all. Cost: a tree of the
-    /// input, and of each outcome that is measured.
+    /// Returns the index of the best of at least one outcome. One that reaches the target is preferred to
+    /// one that does not. Among several that reach it, the one with the least two-way RMS distance to the
+    /// input; among several that do not, the lightest. The first of equals. The outcome `asked` for by an
+    /// option is favoured, else those that keep everything. Cost: a tree of the input, and of each outcome
+    /// that is measured.
     pub(super) fn closer(
         &self,
         ways: &[&RunOutcome],
@@ -79,7 +83,8 @@ impl Run<'_, '_> {
         errors.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(met[0], |best| best.0)
     }
 
-    /// Of the lightest result of a run whose target is out of reach, and one that is a little heavier, the one to give back.
+    /// Chooses between the lightest result of a run whose target is out of reach, and a slightly heavier
+    /// one.
     pub(super) fn less_destroyed(
         &self,
         lightest: RunOutcome,

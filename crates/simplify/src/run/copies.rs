@@ -1,13 +1,13 @@
-//! Copies of an engine under way, for a search that runs to several counts from one start.
+//! Copies of running engines, for a search that runs to several counts from one start.
 //!
 //! ```text
-//! start o--------+-----------+- - x      a run to some count; copies are kept before the count has a say in its sweeps
+//! start o--------+-----------+- - x      a run to some count; copies are made before it influences the sweeps
 //!                 \           \
-//!                  o- - x      o- - x    runs to lighter counts go on from the last copy that is heavy enough
+//!                  o- - x      o- - x    runs to lower counts resume from the last copy that is heavy enough
 //! ```
 //!
-//! A run that goes on from a copy ends with the same mesh as one from the start, so what a level is does not depend on the
-//! levels that were looked at before.
+//! A run that resumes from a copy ends with the same mesh as one from the start, so a level does not depend
+//! on the levels tried before.
 
 use std::rc::Rc;
 
@@ -16,17 +16,17 @@ use super::trunk::{Root, Trunk};
 use crate::collapse::{Engine, Goal, Sweeps};
 use crate::metric::Metric;
 
-/// Copies at one time: the start, and two on the way.
+/// Maximum number of copies: the start, and two on the way.
 const MAX_COPIES: usize = 3;
 
 struct EngineCopy<M: Metric> {
     engine: Engine<M>,
     sweeps: Sweeps,
-    /// The faces of the goal that sweeps were under way to.
+    /// Number of faces of the goal that the sweeps ran to.
     faces: usize,
 }
 
-/// What a search keeps from one run to the next; nothing, where there is but one run.
+/// State that a search keeps from one run to the next; empty for a single run.
 pub(super) struct Copies<M: Metric> {
     is_wanted: bool,
     /// The heaviest first.
@@ -47,7 +47,7 @@ impl<M: Metric> Copies<M> {
         self.is_wanted
     }
 
-    /// The lightest copy from which a run can go on to a goal. Lighter ones are dropped.
+    /// Returns the lightest copy from which a run can resume to a goal. Drops lighter ones.
     pub(super) fn before(&mut self, goal: &Goal) -> Option<(Trunk<M>, Sweeps)> {
         let faces = goal.faces.unwrap_or(0);
         self.all.retain(|kept| kept.faces >= faces);
@@ -58,9 +58,10 @@ impl<M: Metric> Copies<M> {
         Some((Trunk { engine, root: Rc::clone(root), sweeps: None }, sweeps))
     }
 
-    /// Keeps a copy of an engine on its way to a goal of so many faces; a copy of the start is of use for all goals.
+    /// Keeps a copy of an engine on its way to a goal of `faces` faces; a copy of the start can be used for
+    /// all goals.
     pub(super) fn keep(&mut self, trunk: &Trunk<M>, sweeps: &Sweeps, faces: usize) {
-        // Runs to few faces look back at the input from a certain count on, and may be copied before.
+        // Runs to few faces need the input again from a certain count on, and may be copied before.
         if !self.is_wanted
             || trunk.engine.mesh.store.live_faces > INPUT_COPY_MAX_FACES
             || trunk.engine.is_near_late_phase()

@@ -1,57 +1,61 @@
-//! The counts that a search for an error may end at, and the search.
+//! Search for an error limit, and the face counts at which it may end.
 //!
 //! ```text
-//! faces   12,000 … 2,300 … 440 … 85 …       marks, one after the other until one is beyond the distance
-//!                |---.---|                  then halves, between the last that keeps it and the first that does not
-//!                    |. . .|                then a few lighter ones, for errors do not rise steadily
+//! faces   12,000 … 2,300 … 440 … 85 …       marks, one after another until one exceeds the distance
+//!                |---.---|                  then bisection between the last within it and the first beyond
+//!                    |. . .|                then a few lighter ones, because errors are not monotonic
 //! ```
 //!
-//! Neither counts nor marks nor halves depend on the distance, only the way taken: what keeps a distance keeps a larger one
-//! too, so the first place where two distances part sends the larger one to the lighter side. A larger distance therefore
-//! never ends at a heavier level, however unsteadily errors rise. Nor after the looks at lighter levels: they go to fixed
-//! ones, as far on from where each distance stands, so the larger one, if it stands behind a place that the shorter one came
-//! to, looks at that place too.
+//! Counts, marks and midpoints do not depend on the distance, only the path does: a level within a distance
+//! is within a larger one too, so at the first level where two distances differ the larger one continues on
+//! the lighter side. A larger distance therefore never ends at a heavier level, even if errors are not
+//! monotonic. This also holds for the tests of lighter levels at the end: they use fixed levels, at the
+//! same offset from the current one, so the search for a larger distance, if it is behind a level that the
+//! shorter one reached, tests that level too.
 
 use std::ops::RangeInclusive;
 
 use crate::SimplifyError;
 
-/// Each level has one face for so many of the one before. (Measured: errors of neighbours differ by 8 % in the mean.)
+/// Ratio of the face counts of neighbouring levels. (Measured: errors of neighbours differ by 8 % in the
+/// mean.)
 const LEVEL_FACTOR: f64 = 1.05;
-/// The first step is this part of that, and each twice the one before: where a run has hardly begun, each collapse may be one
-/// too many. (Guessed.)
+/// The first step is this share of that, and each doubles the one before: near the start, each collapse may
+/// be one too many. (Guessed.)
 const FIRST: f64 = 1.0 / 8.0;
-/// Levels from one mark to the next: a sixth of the faces.
+/// Number of levels between marks: a sixth of the faces.
 const MARK: usize = 37;
-/// So many levels on from the last that kept the distance, a quarter of the faces, one in `EVERY` is looked at too...
+/// Number of levels beyond the last one within the distance that are tested too, a quarter of the faces.
 const ON: usize = 6;
-/// ... until none of them keeps it. (Measured on seven models at 18 distances beside the lightest of 40 levels, each .89 of the
-/// one before: .959 of its faces in the mean and 1.28 at most in 8.6 runs; without .980 and 1.63 in 6.6.)
+/// Of these one in this many is tested, until none is within the distance. (Measured on seven models at 18
+/// distances, compared with the lightest of 40 levels, each .89 of the one before: .959 of its faces in the
+/// mean and 1.28 at most in 8.6 runs; without these tests .980 and 1.63 in 6.6.)
 const EVERY: usize = 2;
 
-/// Levels that a search from a begin goes at once. (Guessed: twelve percent of the cells of a grid, along an axis.)
+/// Maximum number of levels per step of a search from a start level. (Guessed: twelve percent of the cells
+/// of a grid, along an axis.)
 const STRIDE: i64 = 4;
 
-/// What there is to say of a level.
+/// Result of testing a level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Answer {
-    /// It keeps to the distance.
+    /// It is within the distance.
     Kept,
-    /// It keeps to the distance, and none is lighter.
+    /// It is within the distance, and no level is lighter.
     Last,
-    /// It lies beyond.
+    /// It exceeds the distance.
     Beyond,
-    /// The search is to end.
+    /// The search must end.
     Over,
 }
 
-/// Falling counts, the first that of the input.
+/// Decreasing counts, the first that of the input.
 pub(crate) struct Ladder {
     counts: Vec<usize>,
 }
 
 impl Ladder {
-    /// From `all` faces down to `floor`, which is from 1 to `all`.
+    /// Creates the levels from `all` faces down to `floor`, which is from 1 to `all`.
     pub(super) fn new(all: usize, floor: usize) -> Self {
         let mut counts = vec![all];
         let mut exact = all as f64;
@@ -72,8 +76,8 @@ impl Ladder {
         self.counts[level]
     }
 
-    /// Asks about levels until it is clear which one to take; 0, the input, where none keeps the distance. Never asks about
-    /// that one, or twice about another.
+    /// Tests levels with `ask` until the best one is found; returns 0, the input, if none is within the
+    /// distance. Never tests that one, and no other twice.
     pub(crate) fn search(
         &self,
         ask: &mut dyn FnMut(usize) -> Result<Answer, SimplifyError>,
@@ -120,11 +124,13 @@ impl Ladder {
     }
 }
 
-/// The same search over other levels, lighter as they rise, where about the right one is known: at most `STRIDE` levels are
-/// gone at once, to the lighter side as long as the distance is kept, else to the heavier one until it is; then halves.
+/// Searches other levels, which are lighter as they rise, from an approximate start level: in steps of at
+/// most `STRIDE` levels, to the lighter side as long as the distance is kept, else to the heavier one until
+/// it is; then by bisection.
 ///
-/// A larger distance must not begin at a heavier level: then it does not end at one, for what a shorter one came past it
-/// comes past too. `None` where no level keeps the distance.
+/// The start level must not become heavier for a larger distance: then the result does not either, because
+/// any level that passes for a shorter distance passes for a larger one. Returns `None` if no level is
+/// within the distance.
 pub(crate) fn search_around(
     levels: RangeInclusive<i64>,
     begin: i64,
@@ -134,7 +140,7 @@ pub(crate) fn search_around(
     if first > last {
         return Ok(None);
     }
-    // On whole strides, and at the ends.
+    // At multiples of the stride, and at the ends.
     let whole = |level: i64| (level.div_euclid(STRIDE) * STRIDE).clamp(first, last);
     let mut level = whole(begin);
     let mut kept = None;
@@ -171,7 +177,7 @@ mod tests {
                 c[1] < c[0] && (c[0] - c[1] == 1 || c[0] as f64 <= c[1] as f64 * LEVEL_FACTOR + 1.5)
             };
             assert!(counts.windows(2).all(is_step), "{counts:?}");
-            // The floor has no say in what comes before it.
+            // The floor does not influence the counts before it.
             let whole = Ladder::new(all, 1).counts;
             assert_eq!(counts[..counts.len() - 1], whole[..counts.len() - 1]);
         }

@@ -1,12 +1,13 @@
-//! A run in which parts and handles stay if the target can be met with them, and else go in their turn.
+//! A run that keeps parts and handles if it reaches the target with them, and else removes them in order of
+//! cost.
 //!
-//! The first pass leaves all in place. Where they begin to stand in its way a copy is made, and if it cannot meet the target
-//! the second pass begins there, with parts and necks in the order of costs. What went before went at lower costs, so the
-//! order is nearly kept.
+//! The first pass keeps everything. When parts or handles begin to block it a snapshot is taken, and if it
+//! cannot reach the target the second pass begins there, with parts and necks in order of cost. What was
+//! collapsed before had lower costs, so the order is nearly preserved.
 //!
-//! A first pass that meets the target at a price (seams off their lines, or collapses dearer than many parts) is one way of
-//! several: the second pass is another, and so is a third in which seams give way in the order of costs as well. The result
-//! is the one that is measured to be closest.
+//! A first pass that reaches the target at a cost (seams off their lines, or collapses more expensive than
+//! many parts) is one of several candidates: the second pass is another, and a third lets seams give way in
+//! order of cost too. The result is the one that measures closest.
 
 use super::copies::Copies;
 use super::trunk::Trunk;
@@ -18,8 +19,8 @@ use crate::collapse::{Goal, Pause, StopReason, Sweeps};
 use crate::control::{Control, Stage};
 use crate::metric::Metric;
 
-/// How many times the faces of the lightest result another one may have where the target is out of reach. (A level of 1,194
-/// parts that ends at 6,249 faces is 2.0 % off there, and .2 % at 15 % more.)
+/// Faces of an alternative result, relative to the lightest one, if the target is out of reach. (A level of
+/// 1,194 parts that ends at 6,249 faces is 2.0 % off there, and .2 % at 15 % more.)
 const NEARLY_REACHED_FACTOR: f64 = 1.15;
 const ALL_STAY: TopologyChanges = TopologyChanges { parts: false, cuts: false, seams: false };
 
@@ -38,13 +39,13 @@ impl Run<'_, '_> {
         if !is_short || near <= lightest.mesh.face_count() + 1 {
             return Ok(lightest);
         }
-        // The target is out of reach: what the last faces cost may be out of all proportion.
+        // The target is out of reach: the last collapses may cost far too much.
         let nearly = Goal { faces: Some(near), vertices: None };
         let other = self.by_all_ways(metric, nearly, step, copies, control)?;
         Ok(self.less_destroyed(lightest, other, control))
     }
 
-    /// The best of the ways to a goal that compete.
+    /// Returns the best of the competing ways to a goal.
     fn by_all_ways<M: Metric>(
         &mut self,
         metric: M,
@@ -93,13 +94,14 @@ impl Run<'_, '_> {
             let outcome = self.finish(&mut trunk.engine, &trunk.root, end, false, control)?;
             parts |= outcome.spares_necks;
             let competes = end == StopReason::Goal && outcome.has_rivals();
-            // A search for an error has its own end.
+            // A search for an error decides by itself when to end.
             if end != StopReason::Stuck && !competes || step.is_some() {
                 return Ok(outcome);
             }
             ways.push(outcome);
         }
-        // Parts and handles stand in the way: let them go in their turn. Without a copy the room is needed.
+        // Parts and handles block collapses: remove them in order of cost. Without a snapshot the memory is
+        // needed.
         let mut from = fork.map(|fork| (fork, trunk));
         if parts {
             let leave = TopologyChanges { parts, cuts, seams: false };
@@ -116,13 +118,14 @@ impl Run<'_, '_> {
         if competes && step.is_none() && !is_over {
             let leave = TopologyChanges { parts, cuts: cuts && parts, seams: true };
             let third = self.in_turn(metric, &goal, step, leave, &mut from, control)?;
-            // Where sides of a cut touch, there is another way.
+            // If sides of a cut touch, another candidate is used.
             ways.extend(Some(third).filter(|third| !third.touches || ways.is_empty()));
         }
         Ok(self.closest(ways, None, control))
     }
 
-    /// A pass in which whatever may `leave` goes in the order of costs: from the copy, or from the start.
+    /// Runs a pass with the topology changes of `leave` in order of cost: from the snapshot, or from the
+    /// start.
     fn in_turn<M: Metric>(
         &mut self,
         metric: M,
@@ -182,7 +185,7 @@ mod tests {
     use crate::options::{SimplifyOptions, Stop};
     use crate::run::{goal, ordered, pass_of};
 
-    /// Calls back with a run on a mesh to so many faces.
+    /// Calls `act` with a run on a mesh to a number of faces.
     fn with_run(mesh: &TriMesh, faces: usize, act: &mut dyn FnMut(&mut Run<'_, '_>)) {
         let input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
         let options = SimplifyOptions::new(Stop::faces(faces));
@@ -208,7 +211,7 @@ mod tests {
         mesh
     }
 
-    /// A trunk where it pauses before parts and handles are needed, if it does.
+    /// Returns a trunk paused before parts and handles must be removed, if it pauses.
     fn paused(run: &mut Run<'_, '_>, goal: &Goal) -> (Trunk<Memoryless>, Sweeps, Option<StopReason>) {
         let mut trunk = run.begin(Memoryless, None, ALL_STAY, (&[], 0), &mut NoControl).unwrap();
         let mut sweeps = trunk.engine.begin_sweeps(goal);
@@ -227,7 +230,7 @@ mod tests {
             let mut results = Vec::new();
             for others in 0..3 {
                 for _ in 0..others {
-                    // One that copies wedges in between.
+                    // A run that copies wedges in between.
                     let (mut other, mut its) = fork.restored(&mut trunk.engine);
                     other.allow_topology_changes(&mut its, true, &run.source(&trunk.root));
                     trunk.engine = other;

@@ -1,4 +1,4 @@
-//! What a run of the engine begins with.
+//! Construction of the engine for a run.
 
 use std::borrow::Cow;
 
@@ -19,30 +19,30 @@ use crate::metric::{CostSource, Metric, VertexMemory};
 use crate::options::{Fit, Length, Placement};
 use crate::recolor;
 
-/// Inputs with no more faces than this keep a copy of themselves in order for the fit; larger ones are put in order
-/// again when it comes to it, which takes some percent more time and 18 bytes a face less.
+/// Inputs with no more faces than this keep an ordered copy of themselves for the fit; larger ones are
+/// ordered again for it, which takes some percent more time and 18 bytes a face less.
 pub(super) const INPUT_COPY_MAX_FACES: usize = 1_000_000;
 
-/// An engine before its first sweep, and what a run needs beside it.
+/// An engine before its first sweep, and other data that a run needs.
 pub(crate) struct Started<M: Metric> {
     pub(crate) engine: Engine<M>,
     pub(crate) rows: Option<Rows>,
     pub(crate) originals: Option<fit::Originals>,
     pub(super) duplicate_faces: usize,
-    /// Whether the ordered input still has its points and faces.
+    /// True if the ordered input still has its points and faces.
     pub(crate) is_kept: bool,
-    /// What attributes count for each goal of a chain.
+    /// Attribute weights for each goal of a chain.
     pub(crate) weights: Vec<Vec<f32>>,
 }
 
-/// What stands at the corners of the ordered faces.
+/// Wedges and attributes at the corners of the ordered faces.
 struct Corners {
     wedges: Option<Vec<[WedgeId; 3]>>,
     endpoints: Option<Wedges>,
     rows: Option<(Rows, Option<Attributes>)>,
 }
 
-/// What an engine is made of, and what a run needs beside it.
+/// Parts of which an engine is made, and other data that a run needs.
 struct Basis<Q: VertexMemory> {
     rules: Rules,
     store: Store<Q>,
@@ -55,9 +55,9 @@ struct Basis<Q: VertexMemory> {
 }
 
 impl Run<'_, '_> {
-    /// An engine before its first sweep; `recorded` ones know the faces by their numbers in the ordered input. `step` is
-    /// the largest distance from a plane that one collapse may leave, in user units; `goals` are those of a chain, if it
-    /// is one, and `level` is the first that is swept to.
+    /// Creates an engine before its first sweep; `recorded` ones number the faces as in the ordered input.
+    /// `step` is the largest distance from a plane that one collapse may leave, in user units; `goals` are
+    /// those of a chain, if it is one, and `level` is the first that is swept to.
     pub(crate) fn start<M: Metric>(
         &mut self,
         metric: M,
@@ -68,7 +68,7 @@ impl Run<'_, '_> {
         let Basis { rules, store, endpoints, rows, attributes, originals, is_kept, weights } =
             self.basis(metric.cost_source(), step, recorded, (goals, level));
         let (mut engine, duplicate_faces) = Engine::new(metric, store, rules, endpoints, attributes);
-        // (Runs to an error hold details by themselves; recorded ones have no goal yet.)
+        // (Runs to an error limit preserve details anyway; recorded ones have no goal yet.)
         if let (Some(textures), Some(mesh)) = (&self.options.textures, self.input.mesh)
             && !recorded
             && step.is_none()
@@ -89,7 +89,7 @@ impl Run<'_, '_> {
         Ok(Started { engine, rows, originals, duplicate_faces, is_kept, weights })
     }
 
-    /// What an engine begins with, whatever its metric is but for who `judge`s.
+    /// Creates the parts of an engine that do not depend on the metric, except for its cost source.
     fn basis<Q: VertexMemory>(
         &mut self,
         judge: CostSource,
@@ -106,11 +106,12 @@ impl Run<'_, '_> {
             rules.max_step_sq = unit * unit;
         }
         if self.ordered.points.is_empty() {
-            // Taken by a pass before.
+            // Taken by an earlier pass.
             self.ordered.points = self.ordered.points_again(surface);
             self.ordered.faces = self.ordered.faces_again(surface);
         }
-        // The search for an error runs several times from the same start, and a chain looks back at each level.
+        // The search for an error runs several times from the same start, and a chain needs the input at
+        // each level.
         let again = step.is_some() || !goals.is_empty() || recorded;
         let is_kept = self.ordered.faces.len() <= INPUT_COPY_MAX_FACES || again;
         let (points, faces) = if is_kept {
@@ -158,7 +159,7 @@ impl Run<'_, '_> {
         Basis { rules, store, endpoints, rows, attributes, originals, is_kept, weights }
     }
 
-    /// The regions of the ordered faces, where there are several.
+    /// Returns the regions of the ordered faces, if there are several.
     fn regions(&self) -> Option<Vec<RegionId>> {
         let regions = self.input.mesh?.regions()?;
         regions
@@ -167,7 +168,7 @@ impl Run<'_, '_> {
             .then(|| self.ordered.of_faces(&self.input.surface, |i| regions[i]))
     }
 
-    /// Whether there is a fit at the end.
+    /// True if the run ends with a fit.
     pub(crate) fn wants_fit(&self, judge: CostSource) -> bool {
         match self.options.fit {
             Fit::Off => false,
@@ -176,7 +177,7 @@ impl Run<'_, '_> {
         }
     }
 
-    /// The wedges of the ordered faces, where there are attributes or regions.
+    /// Returns the wedges of the ordered faces, if there are attributes or regions.
     fn corners(&self, faces: &[[VertexId; 3]], points: &[Vec3]) -> Corners {
         let none = Corners { wedges: None, endpoints: None, rows: None };
         let Some(mesh) = self.input.mesh.filter(|m| m.has_attributes() || m.regions().is_some()) else {
@@ -194,14 +195,14 @@ impl Run<'_, '_> {
             *w = rows.wedge_rows[w.index()];
         }
         if attributes.is_empty() && mesh.regions().is_none() {
-            // All the same everywhere: nothing to take along.
+            // The values are the same everywhere: the run need not carry them.
             return Corners { wedges: None, endpoints: None, rows: Some((rows, None)) };
         }
         self.weigh(&rows, &mut attributes, (faces, &wedges, points), &self.goal);
         Corners { wedges: Some(wedges), endpoints: None, rows: Some((rows, Some(attributes))) }
     }
 
-    /// Sets what attributes count on the way to a goal.
+    /// Sets the attribute weights for a goal.
     fn weigh(
         &self,
         rows: &Rows,
@@ -215,7 +216,7 @@ impl Run<'_, '_> {
     }
 }
 
-/// About how long the edges of a result will be, in the unit frame: those of equilateral triangles.
+/// Estimates the edge length of a result, in the unit frame: that of equilateral triangles.
 fn result_edge(faces: &[[VertexId; 3]], points: &[Vec3], goal: &Goal) -> f64 {
     let doubled = |t: &[VertexId; 3]| {
         let [a, b, c] = t.map(|v| points[v.index()]);
@@ -227,7 +228,8 @@ fn result_edge(faces: &[[VertexId; 3]], points: &[Vec3], goal: &Goal) -> f64 {
     (area / (0.433 * count as f64)).sqrt()
 }
 
-/// How near vertices have to be that are contracted as pairs, in the unit frame. (A box has a diagonal below 2 there.)
+/// Returns the maximum distance of vertices that are contracted as pairs, in the unit frame. (A box has a
+/// diagonal below 2 there.)
 pub(super) fn pairs_reach(distance: Length, frame: order::Frame, diagonal: f64) -> f32 {
     frame.unit_length(distance.in_units(diagonal)).min(2.0) as f32
 }

@@ -1,4 +1,4 @@
-//! The engine under way: begun once, swept to one goal or to several, and a result made of it wherever it stands.
+//! A running engine: started once, swept to one goal or to several; a result can be built at each of them.
 
 use std::rc::Rc;
 
@@ -26,41 +26,40 @@ use crate::ordered_input::KeptInput;
 use crate::rebuild;
 use crate::recolor::{self, OwnParts};
 
-/// Where one face in so many stays, the fit needs more memory than the sweeps.
+/// If at least the input divided by this remains, the fit needs more memory than the sweeps.
 const SHRINK_DIVISOR: usize = 3;
 
-/// An engine, and what every result of it needs.
+/// An engine, and the data that each result of it needs.
 pub(super) struct Trunk<M: Metric> {
     pub(super) engine: Engine<M>,
     pub(super) root: Rc<Root>,
-    /// Where its sweeps stand, in a chain that forks.
+    /// State of its sweeps, in a chain with branches.
     pub(super) sweeps: Option<Sweeps>,
 }
 
-/// What stays as it was at the begin.
+/// Data that stays unchanged from the start.
 pub(super) struct Root {
     rows: Option<Rows>,
     originals: Option<fit::Originals>,
     duplicate_faces: usize,
     is_kept: bool,
-    /// What attributes count for each goal of a chain.
+    /// Attribute weights for each goal of a chain.
     pub(super) weights: Vec<Vec<f32>>,
 }
 
-/// Which vertices of the ordered input became which of a result.
+/// Mapping between the vertices of the ordered input and those of a result.
 pub(crate) struct Trace {
-    /// For each vertex of the result its number in the engine.
+    /// Number in the engine of each vertex of the result.
     pub(super) origins: Vec<VertexId>,
-    /// For each of them the vertex of the ordered input at whose place it began.
+    /// For each of them the vertex of the ordered input whose position it had at the start.
     pub(super) places: Vec<VertexId>,
-    /// For each number of the engine the vertex of the result, or [`NONE`](crate::collapse::order::NONE).
+    /// Vertex of the result for each number of the engine, or [`NONE`](crate::collapse::order::NONE).
     pub(super) homes: Vec<VertexId>,
 }
 
 impl Run<'_, '_> {
-    /// Makes the engine ready. `step` is the largest distance from a plane that one collapse may leave, in user units;
-    /// `goals` are those of a chain,
-    /// if it is one, and `level` is the first that is swept to.
+    /// Prepares the engine. `step` is the largest distance from a plane that one collapse may leave, in
+    /// user units; `goals` are those of a chain, if it is one, and `level` is the first that is swept to.
     pub(super) fn begin<M: Metric>(
         &mut self,
         metric: M,
@@ -100,7 +99,8 @@ impl Run<'_, '_> {
         Source { surface: &self.input.surface, ordered: self.ordered, is_kept: root.is_kept }
     }
 
-    /// Makes the result of a finished engine, which is of no use for more sweeps afterwards: asks for proposals if wanted, and fits.
+    /// Builds the result of a finished engine, which cannot be swept further afterwards: computes proposals
+    /// if requested, and fits.
     pub(super) fn finish<M: Metric>(
         &self,
         engine: &mut Engine<M>,
@@ -130,7 +130,7 @@ impl Run<'_, '_> {
                 return Err(SimplifyError::Cancelled);
             }
             let away = engine.estimate(None);
-            // What comes after the fit asks who went where only to tell it, or where necks are parted again.
+            // Later steps need the final vertices only for the trace, or to separate touching vertices.
             let is_last = !self.is_traced && engine.tally.necks_cut == 0;
             let home = if is_last { engine.mesh.store.take_homes() } else { engine.mesh.store.homes() };
             fitted =
@@ -188,8 +188,8 @@ impl Run<'_, '_> {
         })
     }
 
-    /// Which part of the input each vertex of it and of the result belongs to, where colours are looked at and parts did
-    /// not grow together. Cost: O(n).
+    /// Returns the part of the input that each vertex of it and of the result belongs to, if colours are
+    /// needed and no pairs were contracted. Cost: O(n).
     fn own_parts<M: Metric>(&self, engine: &Engine<M>, root: &Root) -> Option<OwnParts> {
         let mesh = self
             .input
@@ -207,8 +207,9 @@ impl Run<'_, '_> {
         Some(OwnParts { of_input, of_result })
     }
 
-    /// The fit, of values too where the run carries them. Returns the RMS distance that is left, in the unit frame. `away`
-    /// is what the costs say of it: too much by about 1.8, as measured on eight models at 50 to 1 %.
+    /// Runs the fit, including values if the run carries them. Returns the remaining RMS distance, in the
+    /// unit frame. `away` is its estimate from the costs: too large by about 1.8, as measured on eight
+    /// models at 50 to 1 %.
     fn fit<M: Metric>(
         &self,
         store: &mut Store<M::Memory>,
@@ -232,7 +233,8 @@ impl Run<'_, '_> {
         let guards = guards.as_ref();
         let (given, mut fitted) = (surface.triangles().len(), None);
         if !root.is_kept && given > MEMORY_FREE_UP_TO && SHRINK_DIVISOR * store.t.len() >= given {
-            // Looked up place by place: 14 bytes a face less, but in a file without any order a sixth more time.
+            // Positions are looked up one by one: 14 bytes a face less, but in an unordered file a sixth
+            // more time.
             let given = &mut ordered.again(surface);
             fitted = Some(fit::fit(store, given, home, away, values.as_mut(), guards, M::tensor).rms);
         } else {

@@ -1,4 +1,4 @@
-//! Runs that end by an error.
+//! Runs that end by an error limit.
 
 use super::ladder::{Answer, Ladder};
 use super::{Finished, Run, RunOutcome};
@@ -7,26 +7,26 @@ use crate::collapse::{Goal, StopReason};
 use crate::control::{Control, Stage};
 use crate::deviation::{Deviation, InputComparer, PreparedResult, ROUNDING};
 
-/// Each step of a method that goes by steps is so much of the one before...
+/// Ratio of successive steps of a method that is controlled by a step.
 const TOLERANCE_FACTOR: f64 = 0.8;
-/// ... and the first so many steps long that is no longer than the limit; then comes none at all. (Guessed: a thirtieth of
-/// it.)
+/// Number of steps tried, from the largest that is within the limit; the last one is zero. (Guessed: a
+/// thirtieth of the limit.)
 const MAX_TOLERANCES: usize = 16;
 
-/// Of so many levels that seem to keep the limit the results are held until one is proven to.
+/// Maximum number of results kept that seem to be within the limit, until one is proven to be.
 const MAX_HELD_RESULTS: usize = 3;
 
 impl Run<'_, '_> {
-    /// The lightest level of the ladder that keeps to `limit`.
+    /// Returns the lightest level of the ladder within `limit`.
     ///
-    /// A level is what a run to its count makes, whatever the limit.
+    /// A level is the result of a run to its count, whatever the limit.
     pub(super) fn run_within_error(
         mut self,
         limit: f64,
         control: &mut dyn Control,
     ) -> Result<Finished, SimplifyError> {
         let Some(judge) = self.judge(control) else { return self.untouched(None, control) };
-        // What rounding of double precision alone amounts to.
+        // Rounding of double precision alone can amount to this.
         let limit = limit + ROUNDING * self.ordered.diagonal;
         let all = self.ordered.faces.len();
         let ladder = Ladder::new(all, self.goal.faces.unwrap_or(1).clamp(1, all));
@@ -35,7 +35,7 @@ impl Run<'_, '_> {
             let goal = Goal { faces: Some(ladder.count(level)), vertices: run.goal.vertices };
             pass(run, goal, control)
         };
-        // The lightest that seems to keep the limit: most levels are told by some places of theirs.
+        // The lightest level that seems to be within the limit: a spot check rules out most levels.
         let mut seemingly: Vec<(usize, RunOutcome)> = Vec::new();
         let mut is_over = false;
         let mut level = ladder.search(&mut |level| {
@@ -50,7 +50,7 @@ impl Run<'_, '_> {
                 seemingly.remove(0);
             }
             seemingly.push((level, outcome));
-            // Where a run ends above its count, or by another one, fewer faces are not to be had by asking for fewer.
+            // If a run ends above its count, or by another stop, a lower count does not give fewer faces.
             let is_last = faces > ladder.count(level) || self.goal.vertices.is_some_and(|v| vertices <= v);
             Ok(match () {
                 () if is_over => Answer::Over,
@@ -59,7 +59,7 @@ impl Run<'_, '_> {
             })
         })?;
         level = seemingly.last().map_or(level, |last| last.0);
-        // From there up, the first that is proven to.
+        // From there upwards, the first that is proven to be within the limit.
         while level > 0 {
             let mut outcome = match seemingly.pop_if(|last| last.0 == level) {
                 Some((_, outcome)) => outcome,
@@ -83,7 +83,7 @@ impl Run<'_, '_> {
         self.untouched(Some(&judge), control)
     }
 
-    /// The input as it is: not even one collapse keeps the limit.
+    /// Returns the unchanged input: not even one collapse stays within the limit.
     fn untouched(
         &mut self,
         judge: Option<&InputComparer>,
@@ -95,10 +95,11 @@ impl Run<'_, '_> {
         Ok((outcome, deviation, true))
     }
 
-    /// The result of the largest step that keeps to `limit`: for methods that a step ends, and no count.
+    /// Returns the result of the largest step within `limit`: for methods controlled by a step, not a
+    /// count.
     ///
-    /// Steps are shares of the diagonal that do not depend on the limit: from the largest that is no longer than it down, the
-    /// first that keeps it.
+    /// Steps are shares of the diagonal that do not depend on the limit: tried from the largest that does
+    /// not exceed it downwards, until one result is within it.
     pub(super) fn run_within_step(
         mut self,
         limit: f64,

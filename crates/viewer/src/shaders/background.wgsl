@@ -1,6 +1,7 @@
-// One triangle over the whole picture, from the colour of the upper edge to that of the lower one, or what is all around.
+// One triangle that covers the image: a vertical gradient, or the environment.
 
-// As in `lodsmith_render`: how rough a mirror is that shows it out of focus, and half the height that a parallel view shows.
+// Same values as in `lodsmith_render`: roughness of the blurred environment, and half the height of a
+// parallel view.
 const BLUR = 0.4;
 const PARALLEL = 0.31;
 

@@ -1,4 +1,5 @@
-// Maps of what is around, one below the other by falling gloss, and the factors of matt surfaces: as in `lodsmith_render`.
+// Environment maps, stacked vertically by falling gloss, then the coefficients of diffuse light: as in
+// `lodsmith_render`.
 @group(0) @binding(5) var environment: texture_2d<f32>;
 const ENVIRONMENT_SIZE = vec2(128, 64);
 const ENVIRONMENT_LEVELS = 6;
@@ -47,7 +48,7 @@ fn environment_mirrored(along: vec3<f32>, roughness: f32) -> vec3<f32> {
     return mix(environment_map(first, at), environment_map(first + 1, at), level - f32(first));
 }
 
-// The same as it is seen, not mirrored.
+// The environment as seen directly, not reflected.
 @group(0) @binding(6) var sky: texture_2d<f32>;
 
 fn sky_pixel(x: i32, y: i32) -> vec3<f32> {

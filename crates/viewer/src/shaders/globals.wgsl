@@ -1,4 +1,4 @@
-// The frame. The same order as `Globals` in uniforms.rs.
+// Uniforms of the frame. Same order as `Globals` in uniforms.rs.
 
 struct Light {
     place: vec4<f32>,
@@ -36,10 +36,10 @@ fn linear_from_srgb(c: vec3<f32>) -> vec3<f32> {
     return select(pow((c + 0.055) / 1.055, vec3(2.4)), c / 12.92, c <= vec3(0.04045));
 }
 
-// 1 where the picture does not take linear colours: then they are blended as they are stored.
+// 1 if the render target does not take linear colours: then blending is done on encoded colours.
 override ENCODE: u32 = 0u;
 
-// A linear colour with its opacity as the picture takes it: multiplied in.
+// Converts a linear colour with opacity to the format of the render target, premultiplied.
 fn encoded(color: vec4<f32>) -> vec4<f32> {
     let rgb = clamp(color.rgb, vec3(0.0), vec3(1.0));
     return vec4(select(rgb, srgb_from_linear(rgb), ENCODE != 0u) * color.a, color.a);

@@ -1,4 +1,5 @@
-// A grid on the floor: as in `lodsmith_render`, seen from above only. Drawn over the whole picture before the model.
+// A grid on the floor: as in `lodsmith_render`, visible from above only. Drawn over the whole image before
+// the model.
 
 @vertex
 fn vs(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4<f32> {
@@ -7,7 +8,8 @@ fn vs(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4<f32> {
 
 const REACH: f32 = 6.0;
 
-// From a place of the picture to the floor, from the middle of the grid, along the world's x and z; and whether it is hit.
+// Projects a pixel to the floor. Returns the hit relative to the centre of the grid, along the world's x
+// and z, and 1 if there is one.
 fn on_floor(at: vec2<f32>) -> vec3<f32> {
     let axes = globals.view_from_world_axes;
     let up = axes[1].xyz;
@@ -28,7 +30,7 @@ fn fs(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
     let below = on_floor(at.xy + vec2(0.0, 1.0));
     let radius = sqrt(globals.widths.w);
     let away = length(here.xy) / radius;
-    // The eye must stand above the floor.
+    // The camera must be above the floor.
     let above = dot(-globals.ground.xyz, globals.view_from_world_axes[1].xyz) > 0.0;
     if !above || here.z * right.z * below.z < 0.5 || away > REACH {
         return vec4(0.0);
@@ -40,7 +42,7 @@ fn fs(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
         let place = here[k] / step;
         let pixel = (abs(right[k] - here[k]) + abs(below[k] - here[k])) / step;
         let nearest = abs(place - round(place)) / max(pixel, 1e-9);
-        // Far away there are more lines than pixels.
+        // Far away lines are denser than pixels.
         cover = max(cover, clamp(1.0 - nearest, 0.0, 1.0) * clamp(1.0 - 2.0 * pixel, 0.0, 1.0));
     }
     let behind = linear_from_srgb(globals.background[1].rgb);

@@ -1,5 +1,5 @@
-// Lines of constant width along marked edges: two triangles each, whose ends pull their wedges from the indices of the
-// marks. The third number of an edge is its kind.
+// Lines of constant width along marked edges: two triangles each, whose ends read their wedges from the
+// indices of the marks. The third number of an edge is its kind.
 
 struct Line {
     @builtin(position) clip: vec4<f32>,
@@ -24,10 +24,10 @@ fn line(@builtin(vertex_index) corner: u32, @builtin(instance_index) which: u32)
     let half = 0.5 * globals.widths.y + 0.5;
     let out_px = vec2(-along.y, along.x) * side * half + along * select(-0.5, 0.5, at_b);
     var clip = select(a, b, at_b);
-    // Lines that come from behind the eye are left out.
+    // Lines with an end behind the camera are not drawn.
     let kind_is_shown = (kind == 0u && globals.marks.x > 0.5) || (kind != 0u && globals.marks.y > 0.5);
     let shown = a.w > 0.0 && b.w > 0.0 && kind_is_shown;
-    // A little nearer than the surface that it lies on: depth is the inverse of distance, or falls with it.
+    // Slightly nearer than the surface below: depth is the inverse of distance, or decreases with it.
     let nearer = select(clip.z + 3e-3 * clip.w * globals.clip_from_view[2][2], clip.z * 1.003, globals.picture.z > 0.5);
     clip = vec4(clip.xy + 2.0 * out_px / size * clip.w, nearer, clip.w);
     var out: Line;

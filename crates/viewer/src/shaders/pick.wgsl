@@ -1,4 +1,4 @@
-// What lies under a pixel: its number, from 1, and the bits of its depth.
+// Picking: writes the number of the face at a pixel, from 1, and the bits of its depth.
 
 @fragment
 fn fs(in: Varying) -> @location(0) vec2<u32> {

@@ -1,4 +1,4 @@
-// What colours a surface.
+// Surface shading.
 
 override SHADING: u32 = 0u;
 
@@ -19,7 +19,7 @@ fn to_world(v: vec3<f32>) -> vec3<f32> {
     return vec3(dot(axes[0].xyz, v), dot(axes[1].xyz, v), dot(axes[2].xyz, v));
 }
 
-// From a surface to the eye.
+// Returns the direction from a surface to the camera.
 fn to_eye(view: vec3<f32>) -> vec3<f32> {
     return select(vec3(0.0, 0.0, 1.0), normalize(-view), globals.picture.z > 0.5);
 }
@@ -29,7 +29,7 @@ fn ambient(n: vec3<f32>) -> vec3<f32> {
     return mix(globals.ambient_below.rgb, globals.ambient_above.rgb, 0.5 + 0.5 * up);
 }
 
-// The direction to a light, and how much of it arrives.
+// The direction to a light, and the colour of its light at the surface.
 struct Arriving {
     to_light: vec3<f32>,
     color: vec3<f32>,
@@ -51,7 +51,7 @@ fn arriving(k: u32, view: vec3<f32>) -> Arriving {
     return Arriving(to_light, light.color.rgb * strength);
 }
 
-// What a plain surface shows under the lights: as in `lodsmith_render`.
+// Returns the shading of a plain surface under the lights: as in `lodsmith_render`.
 fn lit(albedo: vec3<f32>, n: vec3<f32>, view: vec3<f32>) -> vec3<f32> {
     let eye = to_eye(view);
     var light = ambient(n);
@@ -68,7 +68,7 @@ fn lit(albedo: vec3<f32>, n: vec3<f32>, view: vec3<f32>) -> vec3<f32> {
     return albedo * light + 0.10 * gleam;
 }
 
-// What is reflected of all lights by a material with metal and roughness: as in `lodsmith_render`.
+// Returns the light reflected by a metallic-roughness material from all lights: as in `lodsmith_render`.
 fn reflected(base: vec3<f32>, n: vec3<f32>, view: vec3<f32>, rough: f32, metallic: f32, open: f32) -> vec3<f32> {
     let eye = to_eye(view);
     let straight = mix(vec3(0.04), base, metallic);
@@ -106,7 +106,7 @@ fn reflected(base: vec3<f32>, n: vec3<f32>, view: vec3<f32>, rough: f32, metalli
     return light + (ambient(n) * matt + around * (straight + rim)) * open;
 }
 
-// A ball of clay in a window's light: as in `lodsmith_render`.
+// Clay shading, lit as by a window: as in `lodsmith_render`.
 fn clay(n: vec3<f32>) -> vec3<f32> {
     let key = max(dot(n, vec3(-0.42, 0.62, 0.66)), 0.0);
     let fill = max(dot(n, vec3(0.80, -0.15, 0.58)), 0.0);
@@ -117,7 +117,7 @@ fn clay(n: vec3<f32>) -> vec3<f32> {
 }
 
 fn heat_color(value: f32) -> vec3<f32> {
-    // Not a number is grey.
+    // NaN is grey.
     if value != value {
         return vec3(0.5);
     }
@@ -127,14 +127,15 @@ fn heat_color(value: f32) -> vec3<f32> {
     return mix(globals.stops[i].rgb, globals.stops[i + 1u].rgb, t - f32(i));
 }
 
-// Length of a step of one pixel in barycentric coordinates, for each.
+// Returns the change of each barycentric coordinate per pixel.
 fn bary_per_pixel(bary: vec3<f32>) -> vec3<f32> {
     let x = dpdx(bary);
     let y = dpdy(bary);
     return sqrt(x * x + y * y);
 }
 
-// How much of a pixel the wires cover. Where triangles vanish, lines fade: they would cover all.
+// Returns the share of a pixel that wires cover. Lines of tiny triangles fade, or they would cover
+// everything.
 fn wire_coverage(bary: vec3<f32>, per_pixel: vec3<f32>) -> f32 {
     let heights = 1.0 / max(per_pixel, vec3(1e-20));
     let d = bary * heights;
@@ -146,11 +147,11 @@ fn wire_coverage(bary: vec3<f32>, per_pixel: vec3<f32>) -> f32 {
 
 struct Material {
     base_color: vec4<f32>,
-    // Light of its own; how much of the normal map counts.
+    // Emission; scale of the normal map.
     emissive: vec4<f32>,
-    // Metal, roughness, cutoff of opacity, and what opacity does: 0 nothing, 1 cut, 2 blend.
+    // Metalness, roughness, alpha cutoff, and alpha mode: 0 opaque, 1 mask, 2 blend.
     numbers: vec4<f32>,
-    // Bits: which textures there are, then which look at the second set of coordinates; unlit; both sides are seen.
+    // Bits: textures present, then those that use the second set of coordinates; unlit; double-sided.
     flags: vec4<u32>,
     // Two rows for each texture.
     transforms: array<vec4<f32>, 10>,
@@ -176,7 +177,7 @@ fn uv_of(k: u32, uv: vec4<f32>) -> vec2<f32> {
     let second = (material.flags.x >> (8u + k)) & 1u;
     let chosen = vec3(select(uv.xy, uv.zw, second != 0u), 1.0);
     let at = vec2(dot(material.transforms[2u * k].xyz, chosen), dot(material.transforms[2u * k + 1u].xyz, chosen));
-    // The first row of an image is its upper one.
+    // The first row of an image is its top.
     return vec2(at.x, 1.0 - at.y);
 }
 
@@ -192,8 +193,8 @@ fn vertex_color(in: Varying) -> vec4<f32> {
     return vec4(select(linear_from_srgb(in.color.rgb), in.color.rgb, linear), in.color.a);
 }
 
-// Normals of a map, in the frame of the texture coordinates: by tangents where the mesh has them, else by how the
-// coordinates change over the picture.
+// Applies the normal map in tangent space: from the tangents of the mesh, else from the screen-space
+// derivatives of the texture coordinates.
 fn mapped_normal(in: Varying, n: vec3<f32>, outer: vec3<f32>, uv: vec2<f32>, texel: vec3<f32>) -> vec3<f32> {
     let x = dpdx(in.view);
     let y = dpdy(in.view);
@@ -210,7 +211,7 @@ fn mapped_normal(in: Varying, n: vec3<f32>, outer: vec3<f32>, uv: vec2<f32>, tex
         t = t * inverseSqrt(max(dot(t, t), 1e-20));
         b = cross(outer, t) * sign(in.tangent.w);
     } else {
-        // v runs down the image here.
+        // v increases down the image here.
         let side = sign(u.x * v.y - u.y * v.x);
         t = (x * v.y - y * u.y) * side;
         b = -(y * u.x - x * v.x) * side;
@@ -223,15 +224,15 @@ fn mapped_normal(in: Varying, n: vec3<f32>, outer: vec3<f32>, uv: vec2<f32>, tex
     return select(n, normalize(mapped), dot(mapped, mapped) > 1e-12);
 }
 
-// What the `surface` of a file is told. Places and directions are in the coordinates of the camera (x right, y up, z
-// towards the eye), colours are linear.
+// Input of the `surface` function of a custom shader file. Positions and directions are in camera
+// coordinates (x right, y up, z towards the camera), colours are linear.
 struct Surface {
     place: vec3<f32>,
-    // Towards the eye's side, unit length.
+    // Faces the camera, unit length.
     normal: vec3<f32>,
     face_normal: vec3<f32>,
     uv: vec2<f32>,
-    // The colour of the look, and that of the vertices.
+    // Colour of the shading mode, and of the vertices.
     base: vec3<f32>,
     color: vec4<f32>,
     heat: f32,
@@ -262,7 +263,7 @@ fn fs(in: Varying, @builtin(front_facing) faces_front: bool) -> @location(0) vec
     } else if SHADING == NORMALS {
         rgb = linear_from_srgb(0.5 + 0.5 * to_world(own));
     } else if SHADING == MATCAP {
-        // The rim of the ball is left out: pictures of balls are seldom cut to the pixel.
+        // The rim of the ball is skipped: images of matcaps are seldom cropped to the pixel.
         let image = textureSample(matcap, matcap_sampler, vec2(0.5 + 0.49 * n.x, 0.5 - 0.49 * n.y)).rgb;
         rgb = select(clay(n), image, globals.heat.w > 0.5);
     } else if SHADING == HEAT {

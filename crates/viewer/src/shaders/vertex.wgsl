@@ -1,17 +1,18 @@
-// From the corner of a triangle to the picture. Corners pull their values from storage buffers, so that each knows which
-// of the three it is, and a patch of a buffer is seen at once.
+// Vertex stage. Corners pull their values from storage buffers (vertex pulling), so that each knows which
+// of the three it is, and a change of part of a buffer is visible at once.
 
 struct Instance {
-    // Rows of the matrix from the unit frame of the mesh to the view.
+    // Rows of the matrix from the unit frame of the mesh to camera space.
     rows: array<vec4<f32>, 3>,
-    // Rows of the matrix of its normals.
+    // Rows of the normal matrix.
     normal_rows: array<vec4<f32>, 3>,
-    // Number for picking; first joint in the palette, first morph target there, how many; flags in the upper half.
+    // Number for picking; first joint in the palette; first morph target there; number of morph targets,
+    // with flags in the upper half.
     ids: vec4<u32>,
 }
 
 struct MeshInfo {
-    // Words in a row of values, and where in it they stand: 0xffffffff where there are none.
+    // Words in a row of values, and their offsets in it; 0xffffffff for absent ones.
     stride: u32,
     uv0: u32,
     uv1: u32,
@@ -83,7 +84,8 @@ fn by_rows(r: array<vec4<f32>, 3>, v: vec4<f32>) -> vec3<f32> {
     return vec3(dot(r[0], v), dot(r[1], v), dot(r[2], v));
 }
 
-// Where a wedge stands in the view: morphed, then pulled by its joints or moved as a whole.
+// Returns the position of a wedge in camera space: morphed, then skinned by its joints or transformed as a
+// whole.
 fn placed(wedge: u32, instance: Instance, direction: vec3<f32>) -> Placed {
     let corner = corners[wedge];
     var place = bitcast<vec3<f32>>(corner.xyz);
@@ -112,7 +114,7 @@ fn placed(wedge: u32, instance: Instance, direction: vec3<f32>) -> Placed {
                 }
             }
         }
-        // Rows of the inverse transposed, but for a factor: cross products of the rows.
+        // Rows of the inverse transpose, up to a factor: cross products of the rows.
         normal_matrix[0] = vec4(cross(matrix[1].xyz, matrix[2].xyz), 0.0);
         normal_matrix[1] = vec4(cross(matrix[2].xyz, matrix[0].xyz), 0.0);
         normal_matrix[2] = vec4(cross(matrix[0].xyz, matrix[1].xyz), 0.0);

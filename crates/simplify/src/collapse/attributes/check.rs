@@ -1,4 +1,4 @@
-//! Every invariant of the wedges that a run carries, walked. Nothing here panics, if the store was found sound before.
+//! Check of every invariant of the wedges in a run. Nothing here panics if the store is sound.
 
 use lodsmith_core::{VertexId, WedgeId};
 use wide::f32x4;
@@ -9,17 +9,18 @@ use crate::collapse::order::NONE;
 use crate::collapse::store::Store;
 use crate::metric::VertexMemory;
 
-/// How far what was added up over many collapses may be from a sum made afresh, a share of the sizes of all that is summed.
-/// (Measured on the shapes and soups of the tests: areas up to 4e-6.)
+/// Tolerance between a sum updated over many collapses and one recomputed, a share of the sizes of all
+/// summands. (Measured on the shapes and soups of the tests: areas up to 4e-6.)
 const DRIFT: f32 = 1e-3;
-/// The same as a share of the largest value there ever was, and of the unit frame: what was large and went leaves the rounding
-/// of single precision behind, 6e-8 of it for each change.
+/// Tolerance as a share of the largest value so far, and of the unit frame: large values that are
+/// subtracted again leave rounding errors of single precision behind, 6e-8 of the value for each change.
 const ROUNDING: f32 = 4e-6;
-/// The same where faces were thin: gradients along them are up to a thousand times as far off.
+/// [`ROUNDING`] once there were thin faces: gradients along them are up to a thousand times less precise.
 const ROUNDING_IF_THIN: f32 = 4e-3;
 
 impl Attributes {
-    /// Says which invariant of the wedges does not hold, if any. The store is sound.
+    /// Returns an error that names the first broken invariant of the wedges, if any. The store must be
+    /// sound.
     ///
     /// Cost: O(n).
     pub(in crate::collapse) fn check<Q: VertexMemory>(
@@ -73,7 +74,7 @@ impl Attributes {
         Ok(())
     }
 
-    /// The vertex in whose chain each wedge is, or [`NONE`].
+    /// Returns the vertex in whose chain each wedge is, or [`NONE`].
     fn owners<Q: VertexMemory>(&self, store: &Store<Q>) -> Result<Vec<VertexId>, String> {
         let mut owners = vec![NONE; self.count()];
         for u in store.living() {
@@ -94,7 +95,8 @@ impl Attributes {
         Ok(owners)
     }
 
-    /// Areas and sums are those of the present triangles; what is known of wedges by themselves holds.
+    /// Checks that areas and sums are those of the current triangles, and that cached tensors of wedges are
+    /// up to date.
     fn check_sums<Q: VertexMemory>(
         &self,
         store: &Store<Q>,
@@ -131,7 +133,7 @@ impl Attributes {
                 let within = sizes[w * n + i] * DRIFT + largest * rounding;
                 for k in 0..3 {
                     let (told, sum) = (self.row(id)[(k + 1) * n + i], sums[(w * 3 + k) * n + i]);
-                    // (Values that are not numbers, or nearly too large for one, say nothing.)
+                    // (Values that are not finite, or nearly overflow, cannot be checked.)
                     let is_within =
                         (told - sum).abs().simd_le(within) | !within.simd_lt(f32x4::splat(f32::MAX));
                     need(is_within.all(), || {

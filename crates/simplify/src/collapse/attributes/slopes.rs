@@ -1,4 +1,4 @@
-//! Triangles as seen from one of their corners: how fast a value changes along them.
+//! Gradients of values over triangles, relative to one corner.
 
 use glam::Vec3;
 use wide::f32x4;
@@ -6,11 +6,11 @@ use wide::f32x4;
 use crate::lanes::{self, Four, cross, sub};
 use crate::tensor::Tensor;
 
-/// Doubled area under which a triangle's gradients are not believed, a share of its longest edge squared.
+/// Doubled area below which a triangle's gradients are unreliable, a share of its longest edge squared.
 const FLAT: f32 = 1e-3;
 
-/// A triangle as seen from one of its corners: doubled area, and the gradients of the barycentric coordinates of the two
-/// others.
+/// A triangle relative to one of its corners: doubled area, and the gradients of the barycentric
+/// coordinates of the two other corners.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::collapse) struct Slopes {
     pub(in crate::collapse) area: f32,
@@ -25,7 +25,7 @@ impl Slopes {
         Self::with_normal([o, a, b], normal, normal.length())
     }
 
-    /// The same where the normal of double length, and its length, are at hand.
+    /// Computes the slopes from the known normal of double length and its length.
     #[inline(always)]
     pub(in crate::collapse) fn with_normal([o, a, b]: [Vec3; 3], normal: Vec3, area: f32) -> Self {
         let (to_a, to_b) = (a - o, b - o);
@@ -34,8 +34,8 @@ impl Slopes {
         Self { area, a: to_b.cross(n), b: n.cross(to_a) }
     }
 
-    /// What the squared gradients of values add to a tensor, from the weighted sums of the squares and products of their
-    /// differences towards the two corners.
+    /// Returns the tensor of the squared gradients of values, from the weighted sums of the squares and
+    /// products of their differences to the two corners.
     #[inline(always)]
     pub(super) fn tensor(&self, aa: f32, ab: f32, bb: f32) -> Tensor {
         let (p, q) = (self.a * aa + self.b * ab, self.a * ab + self.b * bb);
@@ -61,7 +61,8 @@ pub(in crate::collapse) struct FourSlopes {
 }
 
 impl FourSlopes {
-    /// As seen from `o`, with the normals of double length, and their lengths: [`Slopes::with_normal`] four side by side.
+    /// Computes the slopes relative to `o` from the normals of double length and their lengths:
+    /// [`Slopes::with_normal`] four side by side.
     #[inline(always)]
     pub(in crate::collapse) fn new([o, a, b]: [&Four; 3], normal: &Four, area: f32x4) -> Self {
         let (to_a, to_b, edge) = (sub(a, o), sub(b, o), sub(b, a));
@@ -74,14 +75,14 @@ impl FourSlopes {
         Self { area, a: cross(&to_b, &n), b: cross(&n, &to_a) }
     }
 
-    /// As seen from the first corners.
+    /// Computes the slopes relative to the first corners.
     #[inline(always)]
     pub(in crate::collapse) fn of([o, a, b]: [&Four; 3]) -> Self {
         let normal = cross(&sub(a, o), &sub(b, o));
         Self::new([o, a, b], &normal, lanes::dot(&normal, &normal).sqrt())
     }
 
-    /// One of them.
+    /// Returns the slopes of one triangle.
     #[inline(always)]
     pub(in crate::collapse) fn one(&self, i: usize) -> Slopes {
         let of = |x: &f32x4| x.to_array()[i & 3];
@@ -89,7 +90,7 @@ impl FourSlopes {
         Slopes { area: of(&self.area), a: vector(&self.a), b: vector(&self.b) }
     }
 
-    /// One after the other.
+    /// Returns the slopes of each triangle as rows.
     #[inline(always)]
     pub(in crate::collapse) fn rows(&self) -> [SlopesRow; 4] {
         let per_area = f32x4::ONE / self.area.fast_max(f32x4::splat(1e-30));
@@ -102,7 +103,7 @@ impl FourSlopes {
     }
 }
 
-/// [`Slopes`] in two rows: behind a the area stands, behind b one over it.
+/// [`Slopes`] in two rows: the last lane of `a` is the area, that of `b` its reciprocal.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::collapse) struct SlopesRow {
     a: f32x4,
@@ -118,7 +119,8 @@ impl SlopesRow {
     pub(super) fn per_area(&self) -> f32 {
         self.b.to_array()[3]
     }
-    /// What a value gains along x, y and z, times the area, that differs by so much times the area at the two corners.
+    /// Returns the gradient of a value times the area, from its differences at the two corners times the
+    /// area.
     #[inline(always)]
     pub(super) fn gain(&self, a: f32x4, b: f32x4) -> [f32x4; 3] {
         let ([ax, ay, az, _], [bx, by, bz, _]) = (self.a.to_array(), self.b.to_array());

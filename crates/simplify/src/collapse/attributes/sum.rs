@@ -1,4 +1,4 @@
-//! Sums of forms, four values side by side.
+//! Sums of quadratic forms, four values side by side.
 
 use glam::Vec3;
 use wide::f32x4;
@@ -7,7 +7,7 @@ use crate::lanes;
 use crate::metric::Form;
 use crate::tensor::Tensor;
 
-/// A form in four shares, one for each lane.
+/// A quadratic form in four partial sums, one for each lane.
 pub(in crate::collapse) struct Sum {
     a: [f32x4; 6],
     h: [f32x4; 3],
@@ -29,13 +29,13 @@ impl Sum {
         self.c += gap * gap * weight;
     }
 
-    /// Adds it to a form.
+    /// Adds the sum to a form.
     pub(in crate::collapse) fn add_to(&self, form: &mut Form) {
         form.a.add(&Tensor(self.a.map(f32x4::reduce_add)));
         form.h += Vec3::from(self.h.map(f32x4::reduce_add));
         form.c += self.c.reduce_add();
     }
-    /// Adds four to four forms side by side.
+    /// Adds four sums to four forms side by side.
     #[inline(always)]
     pub(in crate::collapse) fn add_four_to(
         four: &[Self; 4],

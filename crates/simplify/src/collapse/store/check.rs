@@ -1,4 +1,4 @@
-//! Every invariant of the store, walked. Nothing here panics: a broken store is told in one sentence.
+//! Check of every invariant of the store. Nothing here panics: a fault is described in one sentence.
 
 use lodsmith_core::VertexId;
 
@@ -7,10 +7,10 @@ use crate::collapse::check::need;
 use crate::metric::VertexMemory;
 
 impl<Q: VertexMemory> Store<Q> {
-    /// Says which invariant does not hold, if any.
+    /// Returns an error that names the first broken invariant, if any.
     ///
-    /// The store must be one that sweeps work on: its corner lists are filled, and it is not finished. Lists may hold dead
-    /// corners until the next walk ([`Store::ring`]), and vertices that are gone stay until the next compaction.
+    /// The store must be ready for sweeps: its corner lists are filled, and it is not finished. Removed
+    /// vertices stay until the next compaction.
     ///
     /// Cost: O(n log n).
     pub(crate) fn check(&self) -> Result<(), String> {
@@ -23,7 +23,7 @@ impl<Q: VertexMemory> Store<Q> {
         self.check_mergers()
     }
 
-    /// The vertices that are not gone.
+    /// Iterates over the live vertices.
     pub(in crate::collapse) fn living(&self) -> impl Iterator<Item = VertexId> + '_ {
         (0..self.v.len()).map(VertexId::new).filter(|u| !self.v[u.index()].kind.is_gone())
     }
@@ -45,7 +45,8 @@ impl<Q: VertexMemory> Store<Q> {
         need(first == 0 || first == vertices, || format!("{vertices} vertices have {first} first wedges"))
     }
 
-    /// Live faces have three different living corners. Returns how many of them each vertex has.
+    /// Checks that live faces have three different live corners. Returns the number of faces of each
+    /// vertex.
     fn check_faces(&self) -> Result<Vec<u32>, String> {
         let mut faces_at = vec![0u32; self.v.len()];
         let mut live = 0;
@@ -68,7 +69,8 @@ impl<Q: VertexMemory> Store<Q> {
         Ok(faces_at)
     }
 
-    /// Living vertices have faces, and places and bounds that are numbers; those that are gone are never looked at.
+    /// Checks that live vertices have faces, finite positions and valid bounds, and that removed ones are
+    /// never visited.
     fn check_vertices(&self, faces_at: &[u32]) -> Result<(), String> {
         let mut live = 0;
         for (i, (x, &bound)) in self.v.iter().zip(&self.bound).enumerate() {
@@ -85,7 +87,8 @@ impl<Q: VertexMemory> Store<Q> {
         need(live == told, || format!("{live} vertices live, the count says {told}"))
     }
 
-    /// The list of each vertex has the corners of its live faces, each once, and nothing else.
+    /// Checks that the list of each vertex contains the corners of its live faces, each once, and nothing
+    /// else.
     fn check_lists(&self, faces_at: &[u32]) -> Result<(), String> {
         let mut listed = vec![0u8; self.t.len()];
         let end = self.corners.len();
@@ -118,7 +121,7 @@ impl<Q: VertexMemory> Store<Q> {
         Ok(())
     }
 
-    /// No two lists share room.
+    /// Checks that no two lists overlap.
     fn check_rooms(&self) -> Result<(), String> {
         let room = |u: VertexId| (self.v[u.index()].head, self.v[u.index()].room, u);
         let mut rooms: Vec<(u32, u32, VertexId)> = self.living().map(room).collect();
@@ -132,7 +135,8 @@ impl<Q: VertexMemory> Store<Q> {
         Ok(())
     }
 
-    /// Each living vertex has a number of the ordered input, or a later one, for itself: one that was merged into no other.
+    /// Checks that each live vertex has a number of the ordered input, or a later one, of its own, and that
+    /// this was not merged into another.
     fn check_origins(&self) -> Result<(), String> {
         let count = self.merged_into.len();
         let mut of = vec![NONE; count];
@@ -156,10 +160,10 @@ impl<Q: VertexMemory> Store<Q> {
         Ok(())
     }
 
-    /// Mergers lead to an end.
+    /// Checks that chains of mergers end.
     fn check_mergers(&self) -> Result<(), String> {
         let count = self.merged_into.len();
-        // For each number the walk that came by last.
+        // For each number, the last walk that visited it.
         let mut seen = vec![u32::MAX; count];
         for first in 0..count {
             let mut at = first;
@@ -194,7 +198,7 @@ mod tests {
         let faces = faces.map(|t| t.map(VertexId)).to_vec();
         let mut store = Store::new(&[Vec3::ZERO; 9], faces, None, None);
         store.link();
-        // 8 goes into 7, with their face.
+        // 8 is merged into 7, with their face.
         store.remove_face(6);
         store.merged_into[8] = VertexId(7);
         store.v[8].kind = store.v[8].kind.gone();
