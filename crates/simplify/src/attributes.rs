@@ -338,7 +338,7 @@ impl Rows {
         attributes: &'a Attributes,
         pairs: &[(VertexId, WedgeId)],
     ) -> Vec<Cow<'a, [(u32, f32)]>> {
-        let own = |p: &(VertexId, WedgeId)| &attributes.pulls[p.1.index()];
+        let own = |p: &(VertexId, WedgeId)| &attributes.joint_weights[p.1.index()];
         let mut all: Vec<Cow<'a, [(u32, f32)]>> = pairs.iter().map(|p| Cow::Borrowed(&own(p)[..])).collect();
         if !self.is_pulled_whole {
             return all;

@@ -38,7 +38,7 @@ use crate::options::{BorderPolicy, SimplifyOptions};
 use crate::prune::Pruned;
 use crate::report::{Clustered, ErrorReport, Report, StoppedBy};
 use crate::run;
-use crate::run::ladder::{Answer, search_around};
+use crate::run::ladder::{LevelTest, search_around};
 use crate::{Simplified, SimplifyError, rebuild};
 use grid::MAX_RESOLUTION;
 use locked::LockedPositions;
@@ -335,7 +335,7 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
         search_around(levels, begin, &mut |level| {
             asked += 1;
             if !self.ask(1.0 - 1.0 / f64::from(asked), control)? {
-                return Ok(Answer::Over);
+                return Ok(LevelTest::Over);
             }
             control.stage(Stage::Collapse);
             let resolution = RESOLUTION_STEP.powf(-level as f64).clamp(1.0, MAX_RESOLUTION);
@@ -344,12 +344,12 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
             drop(clusters);
             control.stage(Stage::Measure);
             let Some(bound) = judge.proven_within_mesh(&made.mesh, allowed) else {
-                return Ok(Answer::Beyond);
+                return Ok(LevelTest::Beyond);
             };
             if best.as_ref().is_none_or(|b| level > b.0) {
                 best = Some((level, made, bound));
             }
-            Ok(Answer::Kept)
+            Ok(LevelTest::Kept)
         })?;
         let (made, known) = match best {
             Some((_, made, bound)) => (made, Some(bound)),

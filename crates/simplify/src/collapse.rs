@@ -77,7 +77,7 @@ use merge::Merge;
 use pairs::Pairs;
 use parts::Parts;
 use record::Record;
-use sampled_error::{LateScratch, SampledError};
+use sampled_error::{SampleScratch, SampledError};
 use seams::{Edge, Looseness};
 use store::{Ends, Normals, Ring, Store, Vertex};
 pub(crate) use sweeps::{Pause, Sweeps};
@@ -124,7 +124,7 @@ pub(crate) type InputVisitor<'a> = dyn FnMut(&[Vec3], &[[VertexId; 3]]) + 'a;
 /// The ordered input, kept in memory or computed again, as the sampled error and the fit need it.
 pub(crate) trait InputSurface {
     /// Calls `look` with the positions in the unit frame and the faces.
-    fn with(&self, look: &mut InputVisitor<'_>);
+    fn visit(&self, look: &mut InputVisitor<'_>);
 }
 
 /// The engine: a mesh, the record of its changes, and buffers. Engines share nothing, so two can run side
@@ -175,7 +175,7 @@ pub(crate) struct CollapseRules {
     /// The feature lines that may be given up by now.
     looseness: Looseness,
     /// Factors of the cost at vertices (importance), by number in the ordered input; `None` if all are 1.
-    prices: Option<Vec<f32>>,
+    cost_factors: Option<Vec<f32>>,
     /// Small parts that keep their area because they stand out.
     details: Option<Box<Details>>,
     /// True if a collapse that would pinch the surface may cut it there instead.
@@ -214,13 +214,13 @@ pub(crate) struct Tally {
     pub(crate) necks_cut: usize,
     pub(crate) pairs_contracted: usize,
     /// Sum of the costs of all collapses: twice an area times a squared distance.
-    spent: f64,
+    collapse_cost: f64,
     /// Sum of the costs of removed parts, in the same unit.
-    lost: f64,
+    removed_part_cost: f64,
     /// The highest threshold of a sweep that collapsed anything.
     highest_threshold: f32,
     /// True if a sweep collapsed anything after sweeps became unproductive.
-    is_strained: bool,
+    is_unproductive: bool,
     /// Number of faces before the first sweep.
     first_faces: usize,
     /// Remaining work budget at hubs.
@@ -251,7 +251,7 @@ struct Scratch {
     rim: Vec<(VertexId, bool, f32)>,
     /// Edges of the star that is evaluated.
     edges: Vec<Edge>,
-    late: LateScratch,
+    samples: SampleScratch,
     marks: Marks,
 }
 
@@ -271,7 +271,7 @@ impl<M: Metric> Engine<M> {
             constraints: CollapseRules {
                 rules,
                 looseness: Looseness::None,
-                prices: None,
+                cost_factors: None,
                 details: None,
                 cuts_necks: false,
                 keeps_parts: false,
@@ -297,8 +297,8 @@ impl<M: Metric> Engine<M> {
             (special, _) = engine.mesh.classify(ends);
         }
         engine.tally.hub_budget = HubBudget::of(engine.mesh.store.live_faces);
-        engine.mesh.leave_out_unused(&special);
-        engine.mesh.weigh_attributes();
+        engine.mesh.exclude_unused(&special);
+        engine.mesh.init_attribute_sums();
         engine.mesh.init_lines(special);
         engine.tally.first_faces = engine.mesh.store.live_faces;
         (engine, duplicates)
@@ -347,7 +347,7 @@ impl<M: Metric> LiveMesh<M> {
     }
 
     /// Excludes those of these vertices that no face uses.
-    fn leave_out_unused(&mut self, among: &[VertexId]) {
+    fn exclude_unused(&mut self, among: &[VertexId]) {
         for &u in among {
             if self.store.listed(u).is_empty() {
                 let x = &mut self.store.v[u.index()];
@@ -439,7 +439,7 @@ impl<M: Metric> LiveMesh<M> {
     }
 
     /// Recomputes the kind of a vertex from its star.
-    fn kind_now(&self, u: VertexId, ring: &Ring) -> Kind {
+    fn current_kind(&self, u: VertexId, ring: &Ring) -> Kind {
         let old = self.store.v[u.index()].kind;
         self.with_seams(
             Kind::of(ring, self.constraints.rules.border).moved(old.is_moved()).locked(old.is_locked()),
@@ -452,17 +452,17 @@ impl<M: Metric> LiveMesh<M> {
     /// Recomputes the kind and, if the metric is memoryless, the tensor of a vertex from its star.
     fn refresh(&mut self, u: VertexId, ring: &mut Ring) {
         self.store.ring(u, ring);
-        self.store.v[u.index()].kind = self.kind_now(u, ring);
+        self.store.v[u.index()].kind = self.current_kind(u, ring);
         if self.cost.metric.is_memoryless() {
             let mut q = M::Memory::default();
-            *M::tensor(&mut q) = self.tensor_now(u, ring);
+            *M::tensor(&mut q) = self.current_tensor(u, ring);
             self.store.v[u.index()].q = q;
         }
     }
 
     /// Computes the tensor of a star for a memoryless metric: planes, attributes and lines.
-    fn tensor_now(&self, u: VertexId, ring: &Ring) -> Tensor {
-        let mut sum = self.planes_now(u, ring);
+    fn current_tensor(&self, u: VertexId, ring: &Ring) -> Tensor {
+        let mut sum = self.current_planes(u, ring);
         if self.has_lines() {
             self.add_lines_to(&mut sum, u, ring, &mut Vec::new());
         }
@@ -470,7 +470,7 @@ impl<M: Metric> LiveMesh<M> {
     }
 
     /// Computes the tensor of a star for a memoryless metric, without lines.
-    fn planes_now(&self, u: VertexId, ring: &Ring) -> Tensor {
+    fn current_planes(&self, u: VertexId, ring: &Ring) -> Tensor {
         let (p, mut sum) = (self.store.p(u), Tensor::default());
         for r in ring.iter() {
             let normal = (self.store.p(r.a) - p).cross(self.store.p(r.b) - p);
@@ -501,8 +501,8 @@ impl<M: Metric> Engine<M> {
         let Self { mesh, scratch, tally, .. } = self;
         mesh.store.list_owned(u, ru, owned, &mut scratch.marks);
         found.clear();
-        let are_lone = mesh.know_wedges(u, owned);
-        let edges = OwnedEdges { u, owned, ring: ru, most: f32::INFINITY, are_lone };
+        let are_lone = mesh.cache_wedge_reductions(u, owned);
+        let edges = OwnedEdges { u, owned, ring: ru, most: f32::INFINITY, have_single_wedges: are_lone };
         mesh.evaluate_owned(&edges, members, found, scratch, tally);
     }
 
@@ -531,8 +531,8 @@ impl<M: Metric> Engine<M> {
             &owned[..]
         };
         let Self { mesh, scratch, tally, .. } = self;
-        let are_lone = mesh.know_wedges(u, owned);
-        let edges = OwnedEdges { u, owned, ring: ru, most: tau, are_lone };
+        let are_lone = mesh.cache_wedge_reductions(u, owned);
+        let edges = OwnedEdges { u, owned, ring: ru, most: tau, have_single_wedges: are_lone };
         let stuck = mesh.evaluate_owned(&edges, members, found, scratch, tally);
         let mut least = found.beyond();
         let kind = self.mesh.store.v[u.index()].kind;
@@ -604,7 +604,7 @@ impl<M: Metric> LiveMesh<M> {
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let turned = matches!(why, Refusal::NormalFlip | Refusal::Quality);
         let is_open = self.constraints.rules.placement == Placement::Optimal
-            && !self.cost.metric.cost_source().is_metric();
+            && !self.cost.metric.cost_source().is_decided_by_metric();
         if !(turned && is_open && x.kind.is_free() && z.kind.is_free()) {
             return None;
         }
@@ -615,7 +615,7 @@ impl<M: Metric> LiveMesh<M> {
             _ => Vec3::ZERO,
         };
         let cost = self.cost_at(u, v, step, ru, members);
-        let other = Candidate { step, cost, removed: v, sure: 0.0 };
+        let other = Candidate { step, cost, removed: v, form_cost: 0.0 };
         (other.cost <= tau).then_some(other)
     }
 
@@ -635,13 +635,13 @@ impl<M: Metric> LiveMesh<M> {
 
 impl<M: Metric> Engine<M> {
     /// True if a sweep collapsed anything after sweeps became unproductive.
-    pub(crate) fn is_strained(&self) -> bool {
-        self.tally.is_strained
+    pub(crate) fn is_unproductive(&self) -> bool {
+        self.tally.is_unproductive
     }
 
     /// True if a run that kept seams on their lines became expensive, and seams refused collapses.
-    pub(crate) fn has_seams_in_the_way(&self) -> bool {
-        self.tally.is_strained
+    pub(crate) fn has_blocking_seams(&self) -> bool {
+        self.tally.is_unproductive
             && !self.mesh.has_relaxed_seams()
             && self.tally.refusals[Refusal::Seam as usize] > 0
     }
@@ -665,10 +665,12 @@ impl<M: Metric> Engine<M> {
     /// 6 to the integral of the squared distance, and costs 2 A h².
     pub(crate) fn estimate(&self, fitted: Option<f64>) -> f64 {
         let area = self.mesh.cost.total_area.max(f64::MIN_POSITIVE);
-        let kept =
-            fitted.map_or(self.mesh.cost.metric.kept_loss() * self.tally.spent / 6.0 / area, |rms| rms * rms);
+        let kept = fitted.map_or(
+            self.mesh.cost.metric.squared_rms_factor() * self.tally.collapse_cost / 6.0 / area,
+            |rms| rms * rms,
+        );
         // A part is not everywhere as far from the rest as it is large: a quarter, in squares. (Guessed.)
-        (kept + 0.25 * self.tally.lost / area).sqrt()
+        (kept + 0.25 * self.tally.removed_part_cost / area).sqrt()
     }
 }
 

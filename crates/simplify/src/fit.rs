@@ -16,7 +16,7 @@ use lodsmith_core::VertexId;
 use wide::{f32x4, f32x8};
 
 use crate::collapse::kind::Kind;
-use crate::collapse::order::{MEMORY_FREE_UP_TO, NONE};
+use crate::collapse::order::{NONE, TIME_OVER_MEMORY_MAX_FACES};
 use crate::collapse::store::{Corner, Store, Vertex};
 use crate::lanes::{Four, cross, dot, splat, sub};
 use crate::metric::VertexMemory;
@@ -499,7 +499,7 @@ pub(crate) fn fit<Q: VertexMemory>(
     // removed face has three different homes.
     let mut survivors = 0;
     let (mut faces_to_skip, mut sampled_faces) = (0, 0);
-    let samples_all_vertices = stride == 1 && given.face_count() <= MEMORY_FREE_UP_TO;
+    let samples_all_vertices = stride == 1 && given.face_count() <= TIME_OVER_MEMORY_MAX_FACES;
     let mut vertex_areas = if samples_all_vertices { vertex_areas(given) } else { Vec::new() };
     for i in 0..given.face_count() {
         let t = given.face(i);

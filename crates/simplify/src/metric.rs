@@ -10,7 +10,7 @@ mod quadric;
 use glam::{DVec3, Vec3};
 use wide::f32x4;
 
-pub(crate) use judged::Judged;
+pub(crate) use judged::NeighbourhoodMetric;
 pub(crate) use memoryless::Memoryless;
 pub(crate) use quadric::Quadric;
 
@@ -45,7 +45,7 @@ pub(crate) enum CostSource {
 
 impl CostSource {
     /// True if [`Metric::judge`] decides. Then its result is the cost, and nothing is added to it.
-    pub(crate) const fn is_metric(self) -> bool {
+    pub(crate) const fn is_decided_by_metric(self) -> bool {
         matches!(self, Self::FormThenStars | Self::Stars | Self::Ends)
     }
 }
@@ -111,19 +111,19 @@ pub(crate) trait Metric: Copy {
     }
     /// Returns the cost of a collapse and the displacement from the kept end to the merged vertex; `None`
     /// if it is not allowed. Only called if [`Self::cost_source`] says so.
-    fn judge(&self, around: &EdgeNeighbourhood, mean: f32) -> Option<(f32, Vec3)> {
+    fn evaluate(&self, around: &EdgeNeighbourhood, mean: f32) -> Option<(f32, Vec3)> {
         let _ = (around, mean);
         None
     }
     /// Returns the exponent that relates costs to those of [`Memoryless`] as the density of triangles
     /// changes at a place of the same shape: weights are raised to it.
-    fn price_power(&self) -> f32 {
+    fn cost_factor_exponent(&self) -> f32 {
         1.0
     }
     /// Returns the squared RMS distance of a result divided by the sum of squared distances to planes at
     /// each collapse. (Measured on fandisk, bunny, nefertiti and horse at 50, 10 and 1 %, where
     /// [`Memoryless`] has it from its fit.)
-    fn kept_loss(&self) -> f64 {
+    fn squared_rms_factor(&self) -> f64 {
         1.0
     }
     /// Returns the dimension of costs: an area times a squared distance by default.
@@ -132,7 +132,7 @@ pub(crate) trait Metric: Copy {
     }
     /// Returns the cost per two faces of a part that is removed as a whole; `rate` is that for
     /// [`Memoryless`].
-    fn part_rate(&self, rate: f32, part: &PartSize, mean: f32) -> f32 {
+    fn part_cost_per_face_pair(&self, rate: f32, part: &PartSize, mean: f32) -> f32 {
         let _ = (part, mean);
         rate
     }
@@ -141,7 +141,7 @@ pub(crate) trait Metric: Copy {
 /// Size of a part that may be removed as a whole.
 pub(crate) struct PartSize {
     /// Weight of its absence.
-    pub(crate) price: f32,
+    pub(crate) cost_factor: f32,
     /// Twice the mean area of a face.
     pub(crate) face: f32,
     /// Square of the diagonal of its bounding box.

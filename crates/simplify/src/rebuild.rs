@@ -55,10 +55,10 @@ pub(crate) fn pass(
 }
 
 fn prepared_input(run: &Run<'_, '_>) -> PreparedInput {
-    let locked = run.care.locked().map(<[bool]>::to_vec);
+    let locked = run.constraints.locked().map(<[bool]>::to_vec);
     PreparedInput {
         locked,
-        cost_factors: run.care.cost_factors(),
+        cost_factors: run.constraints.cost_factors(),
         ..prepared_input_of(run.input, run.ordered)
     }
 }
@@ -67,13 +67,13 @@ fn prepared_input(run: &Run<'_, '_>) -> PreparedInput {
 fn prepared_input_of(input: &Input<'_>, ordered: &Ordered) -> PreparedInput {
     let surface = &input.surface;
     let positions = surface.positions();
-    let first = ordered.first_at_each();
+    let first = ordered.first_vertices();
     let places: Vec<[f64; 3]> = first.iter().map(|&v| positions.get(v)).collect();
     let bounds = PositionsView::F64(&places).bounds().unwrap_or(Bounds { min: [0.0; 3], max: [0.0; 3] });
     let frame = UnitFrame::of(&bounds);
     let mut faces = match ordered.faces.is_empty() {
         // Already consumed by an earlier pass.
-        true => ordered.faces_again(surface),
+        true => ordered.remake_faces(surface),
         false => ordered.faces.clone(),
     };
     let mut origin = ordered.of_faces(surface, FaceId::new);
@@ -151,12 +151,12 @@ fn outcome(
         parts_removed: made.parts_removed,
         necks_cut: made.necks_cut,
         pairs_contracted: 0,
-        touches: false,
+        has_touching_vertices: false,
         seams_relaxed: false,
-        spares_seams: false,
-        is_strained: false,
-        spares_parts: false,
-        spares_necks: false,
+        kept_costly_seams: false,
+        is_unproductive: false,
+        kept_blocking_parts: false,
+        kept_blocking_necks: false,
         sharp_relaxed: false,
         duplicate_faces: ground.duplicate_faces,
         proposals: Vec::new(),

@@ -22,7 +22,7 @@ use crate::constraints::{self, Constraints, HeldWedges, LockedWedges};
 use crate::control::{Control, Stage, Verdict};
 use crate::deviation::{self, Deviation, InputComparer, ROUNDING};
 pub(crate) use crate::input::Input;
-use crate::metric::{Judged, Memoryless, Metric, Quadric, VertexMemory};
+use crate::metric::{Memoryless, Metric, NeighbourhoodMetric, Quadric, VertexMemory};
 use crate::options::{Length, Method, SimplifyOptions, TopologyPolicy};
 use crate::proposal::Proposal;
 use crate::prune::Pruned;
@@ -41,11 +41,11 @@ pub(crate) struct Source<'a> {
 }
 
 impl InputSurface for Source<'_> {
-    fn with(&self, look: &mut InputVisitor<'_>) {
+    fn visit(&self, look: &mut InputVisitor<'_>) {
         if self.is_kept {
             look(&self.ordered.points, &self.ordered.faces);
         } else {
-            look(&self.ordered.points_again(self.surface), &self.ordered.faces_again(self.surface));
+            look(&self.ordered.remake_points(self.surface), &self.ordered.remake_faces(self.surface));
         }
     }
 }
@@ -74,16 +74,16 @@ pub(crate) struct RunOutcome {
     pub(crate) necks_cut: usize,
     pub(crate) pairs_contracted: usize,
     /// True if vertices that were separated by a cut are at the same position.
-    pub(crate) touches: bool,
+    pub(crate) has_touching_vertices: bool,
     pub(crate) seams_relaxed: bool,
     /// True if collapses continued after sweeps became unproductive.
-    pub(crate) is_strained: bool,
+    pub(crate) is_unproductive: bool,
     /// True if seams stayed on their lines at a cost.
-    pub(crate) spares_seams: bool,
+    pub(crate) kept_costly_seams: bool,
     /// True if parts were kept that would have been cheaper to remove than the collapses done instead.
-    pub(crate) spares_parts: bool,
+    pub(crate) kept_blocking_parts: bool,
     /// True if necks were kept that blocked many collapses.
-    pub(crate) spares_necks: bool,
+    pub(crate) kept_blocking_necks: bool,
     pub(crate) sharp_relaxed: bool,
     pub(crate) duplicate_faces: usize,
     pub(crate) proposals: Vec<Proposal>,
@@ -206,11 +206,13 @@ pub(crate) fn collapses(method: Method) -> Option<Pass> {
         Method::Memoryless => Some(|run, goal, step, control| run.one_pass(Memoryless, goal, step, control)),
         Method::Quadric => Some(|run, goal, step, control| run.one_pass(Quadric, goal, step, control)),
         Method::LindstromTurk => {
-            Some(|run, goal, step, control| run.one_pass(Judged::Volume, goal, step, control))
+            Some(|run, goal, step, control| run.one_pass(NeighbourhoodMetric::Volume, goal, step, control))
         }
-        Method::Melax => Some(|run, goal, step, control| run.one_pass(Judged::Turn, goal, step, control)),
+        Method::Melax => {
+            Some(|run, goal, step, control| run.one_pass(NeighbourhoodMetric::Turn, goal, step, control))
+        }
         Method::ShortestEdge => {
-            Some(|run, goal, step, control| run.one_pass(Judged::Length, goal, step, control))
+            Some(|run, goal, step, control| run.one_pass(NeighbourhoodMetric::Length, goal, step, control))
         }
         _ => None,
     }
@@ -235,15 +237,15 @@ type PassOfSearch =
 fn passes_of_search(method: Method) -> PassOfSearch {
     fn by<M: Metric + 'static>(metric: M) -> PassOfSearch {
         let mut copies = Copies::of_search();
-        Box::new(move |run, goal, control| run.pass_of_several(metric, goal, None, &mut copies, control))
+        Box::new(move |run, goal, control| run.pass_with_copies(metric, goal, None, &mut copies, control))
     }
     match method {
         Method::Memoryless => by(Memoryless),
         Method::Quadric => by(Quadric),
-        Method::LindstromTurk => by(Judged::Volume),
-        Method::Melax => by(Judged::Turn),
-        Method::ShortestEdge => by(Judged::Length),
-        _ => Box::new(|run, goal, control| run.go(goal, None, control)),
+        Method::LindstromTurk => by(NeighbourhoodMetric::Volume),
+        Method::Melax => by(NeighbourhoodMetric::Turn),
+        Method::ShortestEdge => by(NeighbourhoodMetric::Length),
+        _ => Box::new(|run, goal, control| run.run_pass(goal, None, control)),
     }
 }
 
@@ -261,7 +263,7 @@ pub(crate) fn run_with(
     let goal = goal(options, input.surface.triangles().len());
     let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
     let care = Constraints::new(options, &ordered, |v| input.joined(v));
-    let run = Run { input, options, ordered: &mut ordered, goal, care: &care, pass, is_traced: false };
+    let run = Run { input, options, ordered: &mut ordered, goal, constraints: &care, pass, is_traced: false };
     let finished = match limit {
         Some(limit) if rebuild::limits_error_by_step(options.method) => {
             run.run_within_step(limit, control)?
@@ -366,7 +368,7 @@ pub(crate) struct Run<'a, 'b> {
     pub(crate) options: &'a SimplifyOptions,
     pub(crate) ordered: &'a mut Ordered,
     pub(crate) goal: Goal,
-    pub(crate) care: &'a Constraints,
+    pub(crate) constraints: &'a Constraints,
     pub(crate) pass: Pass,
     /// True if outcomes include the origin of their vertices.
     pub(crate) is_traced: bool,
@@ -375,7 +377,7 @@ pub(crate) struct Run<'a, 'b> {
 type Finished = (RunOutcome, Deviation, bool);
 
 impl Run<'_, '_> {
-    fn go(
+    fn run_pass(
         &mut self,
         goal: Goal,
         step: Option<f64>,
@@ -386,26 +388,34 @@ impl Run<'_, '_> {
 
     /// Runs one pass to the goal, and measures it if requested.
     fn run_to_goal(mut self, control: &mut dyn Control) -> Result<Finished, SimplifyError> {
-        let mut outcome = self.go(self.goal, None, control)?;
+        let mut outcome = self.run_pass(self.goal, None, control)?;
         if outcome.pairs_contracted > 0 && !self.goal.is_none() && outcome.end != StopReason::Finish {
             // Parts that were joined can no longer be removed one by one, so the target may be harder to
             // reach.
             let mut options = self.options.clone();
             options.method_options.pairs = None;
-            let (input, goal, care) = (self.input, self.goal, self.care);
+            let (input, goal, care) = (self.input, self.goal, self.constraints);
             let (pass, is_traced) = (self.pass, self.is_traced);
-            let mut other =
-                Run { input, options: &options, ordered: &mut *self.ordered, goal, care, pass, is_traced };
-            let without = other.go(goal, None, control)?;
+            let mut other = Run {
+                input,
+                options: &options,
+                ordered: &mut *self.ordered,
+                goal,
+                constraints: care,
+                pass,
+                is_traced,
+            };
+            let without = other.run_pass(goal, None, control)?;
             outcome = self.closest(vec![outcome, without], Some(0), control);
         }
-        let judge = if deviation::needs_measurement(self.options) { self.judge(control) } else { None };
+        let judge =
+            if deviation::needs_measurement(self.options) { self.input_comparer(control) } else { None };
         let deviation = judge.map_or_else(Deviation::default, |judge| judge.measure(&outcome.mesh, None));
         Ok((outcome, deviation, false))
     }
 
     /// Returns a comparer with the input, to measure results: degenerate and non-finite faces do not count.
-    fn judge(&self, control: &mut dyn Control) -> Option<InputComparer> {
+    fn input_comparer(&self, control: &mut dyn Control) -> Option<InputComparer> {
         control.stage(Stage::Measure);
         let surface = &self.input.surface;
         let cleanup = &self.ordered.cleanup;
@@ -427,11 +437,11 @@ impl Run<'_, '_> {
         step: Option<f64>,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
-        self.pass_of_several(metric, goal, step, &mut Copies::none(), control)
+        self.pass_with_copies(metric, goal, step, &mut Copies::none(), control)
     }
 
     /// Runs one pass of several that share snapshots.
-    fn pass_of_several<M: Metric>(
+    fn pass_with_copies<M: Metric>(
         &mut self,
         metric: M,
         goal: Goal,
@@ -445,17 +455,18 @@ impl Run<'_, '_> {
         // With free topology, parts and necks are removed in order of cost from the start.
         let is_free = self.options.topology == TopologyPolicy::Free;
         let leave = TopologyChanges { parts: is_free, cuts: is_free, seams: false };
-        let outcome = self.straight(metric, goal, step, leave, control)?;
-        let competes = outcome.seams_relaxed || outcome.spares_seams;
+        let outcome = self.run_from_start(metric, goal, step, leave, control)?;
+        let competes = outcome.seams_relaxed || outcome.kept_costly_seams;
         if !competes || goal.is_none() || step.is_some() || outcome.end == StopReason::Finish {
             return Ok(outcome);
         }
-        let other = self.straight(metric, goal, step, TopologyChanges { seams: true, ..leave }, control)?;
+        let other =
+            self.run_from_start(metric, goal, step, TopologyChanges { seams: true, ..leave }, control)?;
         Ok(self.closest(vec![outcome, other], None, control))
     }
 
     /// Sweeps from the start to a goal, without snapshots.
-    fn straight<M: Metric>(
+    fn run_from_start<M: Metric>(
         &mut self,
         metric: M,
         goal: Goal,
@@ -476,7 +487,7 @@ impl Run<'_, '_> {
 
     /// Returns the input wedges of locked vertices at the corners of the result.
     fn held<Q: VertexMemory>(&self, store: &Store<Q>, rows: Option<&Rows>) -> HeldWedges {
-        let (Some(locked), Some(mesh)) = (self.care.locked(), self.input.mesh) else {
+        let (Some(locked), Some(mesh)) = (self.constraints.locked(), self.input.mesh) else {
             return HeldWedges::default();
         };
         let carried = store.wedges.as_deref();
@@ -516,7 +527,7 @@ impl Run<'_, '_> {
         rows: Option<&Rows>,
     ) -> Result<TriMesh, SimplifyError> {
         let input_positions = self.input.surface.positions();
-        let first = self.ordered.first_at_each();
+        let first = self.ordered.first_vertices();
         let frame = self.ordered.frame;
         let place = |i: usize| {
             let x = &store.v[i];

@@ -54,7 +54,8 @@ pub(crate) fn with_engine<M: Metric>(
     let care = Constraints::new(options, &in_order, |v| v);
     let goal = goal(options, mesh.face_count());
     let (input, pass) = (&input, pass_of(options.method));
-    let mut run = Run { input, options, ordered: &mut in_order, goal, care: &care, pass, is_traced: false };
+    let mut run =
+        Run { input, options, ordered: &mut in_order, goal, constraints: &care, pass, is_traced: false };
     let mut started = run.start(metric, None, false, (&[], 0)).expect("the options are sound");
     act(&mut started.engine, &run);
 }

@@ -59,7 +59,7 @@ impl Rows {
     /// are left as they are.
     pub(crate) fn write(&self, attributes: &Attributes, w: WedgeId, places: &RowPlaces, row: &mut [f32]) {
         self.write_values(attributes.of(w), places, row);
-        if let Some(pulls) = attributes.pulls.get(w.index()) {
+        if let Some(pulls) = attributes.joint_weights.get(w.index()) {
             self.write_pulls(pulls, places, row);
         }
         if let Some(&label) = attributes.labels.get(w.index()) {

@@ -43,13 +43,13 @@ pub(crate) struct Attributes {
     /// Offsets of the pairs of texture coordinates among the values.
     pub(crate) textures: Vec<usize>,
     /// Joints of each wedge, with their weights; empty without a skin.
-    pub(crate) pulls: Vec<JointWeights>,
+    pub(crate) joint_weights: Vec<JointWeights>,
     /// Label of each wedge: identifies its values of discrete attributes; empty if all wedges have the
     /// same.
     pub(crate) labels: Vec<u32>,
     pub(super) heads: Vec<Head>,
     /// Cached result of [`Self::spread`] for each wedge, if its head says so.
-    alone: Vec<Tensor>,
+    reductions: Vec<Tensor>,
     /// Source wedges of the copied ones, which are the last.
     copied: Vec<WedgeId>,
     /// For each wedge its values, then their gradient sums along x, y and z: doubled area times gradient,
@@ -62,9 +62,9 @@ pub(crate) struct Attributes {
 pub(super) struct SavedWedges {
     wedges: Vec<WedgeId>,
     heads: Vec<Head>,
-    alone: Vec<Tensor>,
+    reductions: Vec<Tensor>,
     rows: Vec<f32x4>,
-    pulls: Vec<JointWeights>,
+    joint_weights: Vec<JointWeights>,
     labels: Vec<u32>,
     /// Number of all wedges, and of those that were copied from others.
     count: [usize; 2],
@@ -85,12 +85,12 @@ pub(super) struct Head {
     /// True if its first or last face, in the order round its vertex, is bounded by a hard seam.
     pub(super) hard: [bool; 2],
     /// True if the cached tensor in `alone` is valid.
-    pub(super) known: bool,
+    pub(super) has_reduction: bool,
 }
 
 impl Default for Head {
     fn default() -> Self {
-        Self { area: 0.0, faces: 0, next: NO_WEDGE, hard: [false; 2], known: false }
+        Self { area: 0.0, faces: 0, next: NO_WEDGE, hard: [false; 2], has_reduction: false }
     }
 }
 
@@ -104,7 +104,7 @@ pub(crate) struct Member {
 }
 
 /// Returns the representative of each group, with its index.
-pub(super) fn firsts(members: &[Member]) -> impl Iterator<Item = (usize, &Member)> {
+pub(super) fn representatives(members: &[Member]) -> impl Iterator<Item = (usize, &Member)> {
     members.iter().enumerate().filter(|(i, m)| m.group == *i)
 }
 
@@ -136,17 +136,17 @@ impl Attributes {
             weights: vec![f32x4::ZERO; lanes],
             directions,
             textures,
-            pulls,
+            joint_weights: pulls,
             labels: Vec::new(),
             heads,
-            alone: vec![Tensor::default(); count],
+            reductions: vec![Tensor::default(); count],
             copied: Vec::new(),
             rows,
         }
     }
     /// True if the wedges carry no data.
     pub(crate) fn is_empty(&self) -> bool {
-        self.lanes == 0 && self.pulls.is_empty() && self.labels.is_empty()
+        self.lanes == 0 && self.joint_weights.is_empty() && self.labels.is_empty()
     }
     /// True if any value counts in the cost.
     pub(super) fn counts(&self) -> bool {
@@ -228,18 +228,18 @@ impl Attributes {
     }
     /// True if a wedge is the only one of its vertex.
     #[inline(always)]
-    pub(super) fn is_alone(&self, w: WedgeId) -> bool {
+    pub(super) fn is_only_wedge(&self, w: WedgeId) -> bool {
         self.heads.get(w.index()).is_some_and(|h| h.next == NO_WEDGE)
     }
     /// Returns the squared distance of two wedges in the texture.
-    pub(super) fn jump(&self, a: WedgeId, b: WedgeId) -> f32 {
+    pub(super) fn uv_distance_sq(&self, a: WedgeId, b: WedgeId) -> f32 {
         let (a, b) = (self.of(a), self.of(b));
         let apart = |&i: &usize| (a[i] - b[i]).powi(2) + (a[i + 1] - b[i + 1]).powi(2);
         self.textures.iter().map(apart).fold(0.0, f32::max)
     }
     /// Returns the squared length of the longest side of a face in the texture.
-    pub(super) fn reach(&self, [a, b, c]: [WedgeId; 3]) -> f32 {
-        self.jump(a, b).max(self.jump(b, c)).max(self.jump(c, a))
+    pub(super) fn uv_extent_sq(&self, [a, b, c]: [WedgeId; 3]) -> f32 {
+        self.uv_distance_sq(a, b).max(self.uv_distance_sq(b, c)).max(self.uv_distance_sq(c, a))
     }
     /// Iterates over a wedge and those that follow it at its vertex.
     pub(super) fn chain(&self, first: WedgeId) -> impl Iterator<Item = WedgeId> + '_ {
@@ -254,48 +254,48 @@ impl Attributes {
         self.rows.extend_from_within(w.index() * n..(w.index() + 1) * n);
         let at = copy.index() * n;
         self.rows[at + self.lanes..].fill(f32x4::ZERO);
-        if !self.pulls.is_empty() {
-            self.pulls.push(self.pulls[w.index()].clone());
+        if !self.joint_weights.is_empty() {
+            self.joint_weights.push(self.joint_weights[w.index()].clone());
         }
         if let Some(&label) = self.labels.get(w.index()) {
             self.labels.push(label);
         }
         self.heads.push(Head { hard: self.heads[w.index()].hard, ..Head::default() });
-        self.alone.push(Tensor::default());
+        self.reductions.push(Tensor::default());
         self.copied.push(original);
         copy
     }
     /// Saves the state of these wedges; each may be listed several times.
-    pub(super) fn kept(&self, wedges: impl Iterator<Item = WedgeId>) -> SavedWedges {
+    pub(super) fn save_wedges(&self, wedges: impl Iterator<Item = WedgeId>) -> SavedWedges {
         let mut is_new = vec![true; self.count()];
         let wedges: Vec<WedgeId> =
             wedges.filter(|w| std::mem::replace(&mut is_new[w.index()], false)).collect();
         let of = || wedges.iter().map(|w| w.index());
         SavedWedges {
             heads: of().map(|w| self.heads[w]).collect(),
-            alone: of().map(|w| self.alone[w]).collect(),
+            reductions: of().map(|w| self.reductions[w]).collect(),
             rows: wedges.iter().flat_map(|&w| self.row(w)).copied().collect(),
-            pulls: of().filter_map(|w| self.pulls.get(w)).cloned().collect(),
+            joint_weights: of().filter_map(|w| self.joint_weights.get(w)).cloned().collect(),
             labels: of().filter_map(|w| self.labels.get(w)).copied().collect(),
             count: [self.count(), self.copied.len()],
             wedges,
         }
     }
     /// Restores saved wedges and removes those copied since.
-    pub(super) fn put_back(&mut self, kept: &SavedWedges) {
+    pub(super) fn restore_wedges(&mut self, kept: &SavedWedges) {
         let (n, [count, copied]) = (4 * self.lanes, kept.count);
         self.heads.truncate(count);
-        self.alone.truncate(count);
+        self.reductions.truncate(count);
         self.rows.truncate(count * n);
-        self.pulls.truncate(count);
+        self.joint_weights.truncate(count);
         self.labels.truncate(count);
         self.copied.truncate(copied);
         for (i, w) in kept.wedges.iter().map(|w| w.index()).enumerate() {
             self.heads[w] = kept.heads[i];
-            self.alone[w] = kept.alone[i];
+            self.reductions[w] = kept.reductions[i];
             self.rows[w * n..][..n].copy_from_slice(&kept.rows[i * n..][..n]);
-            if let Some(pulls) = kept.pulls.get(i) {
-                self.pulls[w].clone_from(pulls);
+            if let Some(pulls) = kept.joint_weights.get(i) {
+                self.joint_weights[w].clone_from(pulls);
             }
             if let Some(&label) = kept.labels.get(i) {
                 self.labels[w] = label;
@@ -305,7 +305,7 @@ impl Attributes {
     /// True if two wedges have the same data, to the bit.
     pub(super) fn is_same(&self, a: WedgeId, b: WedgeId) -> bool {
         let bits = |w: WedgeId| self.of(w).iter().map(|x| x.to_bits());
-        let pulls = |w: WedgeId| self.pulls.get(w.index());
+        let pulls = |w: WedgeId| self.joint_weights.get(w.index());
         let label = |w: WedgeId| self.labels.get(w.index());
         bits(a).eq(bits(b)) && pulls(a) == pulls(b) && label(a) == label(b)
     }
@@ -333,10 +333,10 @@ impl Attributes {
         points: &[Vec3],
     ) -> Vec<f64> {
         /// Minimum number of sampled triangles of large meshes. (Guessed.)
-        const ENOUGH: usize = 8192;
+        const MIN_GRADIENT_SAMPLES: usize = 8192;
         let mut sums = vec![[0f64; 4]; self.lanes];
         let mut area = 0f64;
-        let step = (faces.len() / ENOUGH).max(1);
+        let step = (faces.len() / MIN_GRADIENT_SAMPLES).max(1);
         let looks: Vec<usize> = (0..faces.len()).step_by(step).collect();
         for few in looks.chunks(4) {
             let four = [0, 1, 2, 3].map(|i: usize| faces[few[i.min(few.len() - 1)]]);
@@ -376,16 +376,16 @@ impl Attributes {
 
     /// Adds a triangle to the sums of its three wedges, whose faces are counted already. Returns its
     /// contribution to the tensors of its vertices.
-    pub(super) fn account(&mut self, s: &Slopes, wedges: [WedgeId; 3]) -> Tensor {
+    pub(super) fn add_triangle(&mut self, s: &Slopes, wedges: [WedgeId; 3]) -> Tensor {
         match self.lanes {
-            1 => self.account_of::<1>(s, wedges),
-            2 => self.account_of::<2>(s, wedges),
-            _ => self.account_of::<0>(s, wedges),
+            1 => self.add_triangle_lanes::<1>(s, wedges),
+            2 => self.add_triangle_lanes::<2>(s, wedges),
+            _ => self.add_triangle_lanes::<0>(s, wedges),
         }
     }
 
     #[inline(always)]
-    fn account_of<const N: usize>(&mut self, s: &Slopes, wedges: [WedgeId; 3]) -> Tensor {
+    fn add_triangle_lanes<const N: usize>(&mut self, s: &Slopes, wedges: [WedgeId; 3]) -> Tensor {
         let n = self.lanes_of::<N>();
         let [o, a, b] = wedges;
         let tensor = self.tensor(n, s, [self.row_of(n, o), self.row_of(n, a), self.row_of(n, b)]);
@@ -401,23 +401,23 @@ impl Attributes {
         }
         for w in wedges {
             let head = &mut self.heads[w.index()];
-            (head.area, head.known) = (head.area + s.area, false);
+            (head.area, head.has_reduction) = (head.area + s.area, false);
         }
         tensor
     }
 
     /// Recomputes the sums of the wedges of these triangles.
-    pub(crate) fn account_for(&mut self, triangles: &[([Vec3; 3], [WedgeId; 3])]) {
+    pub(crate) fn recompute_sums(&mut self, triangles: &[([Vec3; 3], [WedgeId; 3])]) {
         for w in triangles.iter().flat_map(|t| t.1) {
             self.clear_sums(w, NO_WEDGE);
         }
         for (points, wedges) in triangles {
-            self.account(&Slopes::new(*points), *wedges);
+            self.add_triangle(&Slopes::new(*points), *wedges);
         }
     }
 
     /// Adds a triangle to the sums and the count of the wedge at the corner that `s` is relative to.
-    pub(super) fn account_first(&mut self, s: &Slopes, wedges: [WedgeId; 3]) {
+    pub(super) fn add_triangle_to_first(&mut self, s: &Slopes, wedges: [WedgeId; 3]) {
         let n = self.lanes;
         let [at_o, at_a, at_b] = wedges.map(|w| w.index() * 4 * n);
         for i in 0..n {
@@ -428,7 +428,7 @@ impl Attributes {
             }
         }
         let head = &mut self.heads[wedges[0].index()];
-        (head.area, head.faces, head.known) = (head.area + s.area, head.faces + 1, false);
+        (head.area, head.faces, head.has_reduction) = (head.area + s.area, head.faces + 1, false);
     }
 
     /// Returns the weighted squared errors of a triangle, in four lanes, at the point where the barycentric
@@ -470,28 +470,28 @@ impl Attributes {
 
     /// Updates the cached tensors of wedges, from one on along its chain.
     #[inline(always)]
-    pub(super) fn know(&mut self, mut w: WedgeId) {
+    pub(super) fn cache_reductions(&mut self, mut w: WedgeId) {
         for _ in 0..MAX_WEDGES_EVALUATED {
-            let Some(&Head { known, next, .. }) = self.heads.get(w.index()) else { return };
+            let Some(&Head { has_reduction: known, next, .. }) = self.heads.get(w.index()) else { return };
             if !known {
-                self.alone[w.index()] = self.spread(w);
-                self.heads[w.index()].known = true;
+                self.reductions[w.index()] = self.reduction(w);
+                self.heads[w.index()].has_reduction = true;
             }
             w = next;
         }
     }
 
     /// Invalidates all cached tensors of wedges: their weights have changed.
-    pub(super) fn forget(&mut self) {
-        self.heads.iter_mut().for_each(|h| h.known = false);
+    pub(super) fn invalidate_reductions(&mut self) {
+        self.heads.iter_mut().for_each(|h| h.has_reduction = false);
     }
 
     /// Returns the reduction of a vertex' tensor by the best values of its wedges, each taken alone.
     #[inline(always)]
-    pub(super) fn saved(&self, first: WedgeId) -> Tensor {
-        let known = |w: WedgeId| match self.heads[w.index()].known {
-            true => self.alone[w.index()],
-            false => self.spread(w),
+    pub(super) fn reduction_of_vertex(&self, first: WedgeId) -> Tensor {
+        let known = |w: WedgeId| match self.heads[w.index()].has_reduction {
+            true => self.reductions[w.index()],
+            false => self.reduction(w),
         };
         let (mut sum, mut next) = (known(first), self.heads[first.index()].next);
         for _ in 1..MAX_WEDGES_EVALUATED {
@@ -504,7 +504,7 @@ impl Attributes {
 
     /// Returns the weighted squares of the mean gradients of a wedge, times its area: the reduction of the
     /// cost by its best value at another position.
-    fn spread(&self, w: WedgeId) -> Tensor {
+    fn reduction(&self, w: WedgeId) -> Tensor {
         let per_area = 1.0 / self.heads[w.index()].area.max(1e-30);
         let [_, x, y, z] = self.parts(w);
         let mut sum = [f32x4::ZERO; 6];
@@ -517,7 +517,7 @@ impl Attributes {
 
     /// Adds the cost of merging each group into one wedge; `d` leads from the kept to the removed end.
     pub(super) fn add_to(&self, members: &[Member], d: Vec3, sum: &mut Sum) {
-        for (group, first) in firsts(members) {
+        for (group, first) in representatives(members) {
             let mut others = members.iter().enumerate().filter(|(i, m)| m.group == group && *i != group);
             match (others.next(), others.next()) {
                 (None, _) => {}
@@ -624,7 +624,7 @@ impl Attributes {
     #[inline(always)]
     pub(super) fn best<const N: usize>(&self, members: &[Member], d: Vec3, y: Vec3, out: &mut [f32x4]) {
         let lanes = self.lanes_of::<N>();
-        for (group, first) in firsts(members) {
+        for (group, first) in representatives(members) {
             let out = &mut out[group * lanes..][..lanes];
             out.fill(f32x4::ZERO);
             let base = self.row_of(lanes, first.wedge);
@@ -667,7 +667,7 @@ impl Attributes {
         nearest.map_or(0, |m| self.labels[m.wedge.index()])
     }
 
-    pub(super) fn blended_pulls(&self, members: &[Member], group: usize, t: f32) -> JointWeights {
+    pub(super) fn blended_joint_weights(&self, members: &[Member], group: usize, t: f32) -> JointWeights {
         let mut sum: JointWeights = Vec::new();
         let count = |at_v| of_group(members, group).filter(|m| m.at_v == at_v).count();
         let counts = [count(false), count(true)];
@@ -678,7 +678,7 @@ impl Attributes {
                 (_, true) => t,
                 (_, false) => 1.0 - t,
             } / counts[usize::from(m.at_v)] as f32;
-            for &(joint, weight) in &self.pulls[m.wedge.index()] {
+            for &(joint, weight) in &self.joint_weights[m.wedge.index()] {
                 match sum.iter_mut().find(|p| p.0 == joint) {
                     Some(p) => p.1 += weight * share,
                     None => sum.push((joint, weight * share)),
@@ -765,7 +765,7 @@ impl Tables<'_> {
         let area = new.map_or(0.0, |x| x.0.area()) - old.area();
         for w in [a, b] {
             let head = &mut self.heads[w.index()];
-            (head.area, head.known) = (head.area + area, false);
+            (head.area, head.has_reduction) = (head.area + area, false);
             head.faces -= u32::from(new.is_none());
         }
         sums

@@ -4,10 +4,10 @@
 pub(super) const UNKNOWN: f32 = 0.0;
 /// Number of bounds up to which they are kept as a list: a table takes longer to build and to walk.
 /// (Measured.)
-const FEW: usize = 2048;
+const LIST_MAX_BOUNDS: usize = 2048;
 /// Number of bins that are summed at once.
-const GROUP: usize = 32;
-const INFINITE: u16 = bin(f32::INFINITY);
+const BINS_PER_GROUP: usize = 32;
+const INFINITE_BIN: u16 = bin(f32::INFINITY);
 
 /// A histogram of non-negative floats by exponent and four bits of mantissa.
 #[derive(Clone)]
@@ -35,8 +35,8 @@ fn no_counts() -> Box<[u32; 4096]> {
 impl Histogram {
     /// Counts the finite bounds.
     pub(crate) fn of(bounds: &[f32]) -> Self {
-        if bounds.len() <= FEW {
-            let list: Vec<u16> = bounds.iter().map(|&x| bin(x)).filter(|&k| k != INFINITE).collect();
+        if bounds.len() <= LIST_MAX_BOUNDS {
+            let list: Vec<u16> = bounds.iter().map(|&x| bin(x)).filter(|&k| k != INFINITE_BIN).collect();
             return Self { known: list.len(), bins: Bins::List(list) };
         }
         // Neighbours often fall into one bin: two tables in turn, so that a count does not depend on the
@@ -51,7 +51,7 @@ impl Histogram {
         for (n, other) in bins.iter_mut().zip(others.iter()) {
             *n += other;
         }
-        let infinite = std::mem::take(&mut bins[usize::from(INFINITE)]);
+        let infinite = std::mem::take(&mut bins[usize::from(INFINITE_BIN)]);
         Self { known: bounds.len() - infinite as usize, bins: Bins::Table(bins) }
     }
     /// Counts more bounds, if they are finite.
@@ -74,12 +74,12 @@ impl Histogram {
             Bins::Table(bins) => {
                 let (mut sum, mut k) = (0, 0);
                 // (Most bins lie below all bounds.)
-                while let Some(few) = bins.get(k..k + GROUP) {
+                while let Some(few) = bins.get(k..k + BINS_PER_GROUP) {
                     let all = sum + few.iter().sum::<u32>() as usize;
                     if all >= want {
                         break;
                     }
-                    (sum, k) = (all, k + GROUP);
+                    (sum, k) = (all, k + BINS_PER_GROUP);
                 }
                 while sum < want && k < bins.len() {
                     sum += bins[k] as usize;
@@ -115,7 +115,7 @@ mod tests {
     #[test]
     fn few_and_many_bounds_have_one_threshold() {
         let few: Vec<f32> =
-            (0..FEW).map(|i| if i % 7 == 0 { f32::INFINITY } else { (i * i) as f32 }).collect();
+            (0..LIST_MAX_BOUNDS).map(|i| if i % 7 == 0 { f32::INFINITY } else { (i * i) as f32 }).collect();
         let list = Histogram::of(&few);
         // The same bounds, and infinite ones that do not count.
         let many: Vec<f32> = few.iter().copied().chain([f32::INFINITY; 2]).collect();

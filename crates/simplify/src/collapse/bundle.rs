@@ -87,7 +87,7 @@ impl TopologyFaults {
 
 impl Bundle {
     /// Returns the vertex that a vertex is after the contraction.
-    pub(super) fn now(&self, w: VertexId) -> VertexId {
+    pub(super) fn vertex_after(&self, w: VertexId) -> VertexId {
         self.joints.iter().find(|j| j.v == w).map_or(w, |j| j.u)
     }
     /// Returns the new position of an end; `None` for other vertices.
@@ -102,7 +102,7 @@ impl Bundle {
     }
 
     /// Finds the faces changed by these pairs, and which of them are removed.
-    pub(super) fn set<Q: VertexMemory>(&mut self, store: &mut Store<Q>, pairs: &[[VertexId; 2]]) {
+    pub(super) fn set_pairs<Q: VertexMemory>(&mut self, store: &mut Store<Q>, pairs: &[[VertexId; 2]]) {
         self.joints.clear();
         self.joints.extend(pairs.iter().map(|&[u, v]| Joint { u, v, at: Vec3::ZERO }));
         let (mut ring, mut faces) = (std::mem::take(&mut self.ring), std::mem::take(&mut self.faces));
@@ -111,7 +111,7 @@ impl Bundle {
             store.ring(end, &mut ring);
             faces.extend(ring.iter().map(|r| {
                 let before = store.t[r.corner.face()];
-                let after = before.map(|w| self.now(w));
+                let after = before.map(|w| self.vertex_after(w));
                 let [a, b, c] = after;
                 Changed { face: r.corner.face(), before, after, is_gone: a == b || b == c || c == a }
             }));
@@ -186,7 +186,7 @@ impl Bundle {
             let mut locked = c.before.into_iter().zip(is_locked).filter(|x| x.1);
             is_locked == [true; 3]
                 || locked.any(|(w, _)| {
-                    let w = self.now(w);
+                    let w = self.vertex_after(w);
                     if self.is_end(w) {
                         return !self.faces.iter().any(|c| !c.is_gone && c.after.contains(&w));
                     }
@@ -237,7 +237,7 @@ impl Bundle {
             }
             fan.clear();
             let stays = ring.iter().filter(|r| !self.is_gone(r.corner.face()));
-            fan.extend(stays.map(|r| [self.now(r.a), self.now(r.b)]));
+            fan.extend(stays.map(|r| [self.vertex_after(r.a), self.vertex_after(r.b)]));
             is_manifold &= fan.is_empty() || is_one_fan(&fan);
         }
         if is_manifold { Effect::Manifold } else { Effect::Singular }
@@ -283,7 +283,7 @@ mod tests {
         store.link();
         let pairs: Vec<_> = pairs.iter().map(|p| p.map(VertexId)).collect();
         let mut bundle = Bundle::default();
-        bundle.set(&mut store, &pairs);
+        bundle.set_pairs(&mut store, &pairs);
         (bundle.effect(&mut store), bundle.faces.iter().filter(|c| c.is_gone).count())
     }
 
@@ -336,7 +336,7 @@ mod tests {
                 store.v[v as usize].kind = store.v[v as usize].kind.locked(true);
             }
             let mut bundle = Bundle::default();
-            bundle.set(&mut store, &[[0, 2], [1, 3]].map(|p| p.map(VertexId)));
+            bundle.set_pairs(&mut store, &[[0, 2], [1, 3]].map(|p| p.map(VertexId)));
             bundle.loses_locked(&mut store)
         };
         assert!(!loses(&[]) && !loses(&[5]) && !loses(&[0, 1]));

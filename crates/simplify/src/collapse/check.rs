@@ -23,13 +23,13 @@ use crate::metric::Metric;
 pub(super) const CHECKED_BELOW: usize = 5000;
 /// Tolerance between a tensor that collapses updated incrementally and one recomputed, a share of its
 /// trace. (Measured on the shapes and soups of the tests: up to 4e-6; gradients on thin faces add to that.)
-const DRIFT: f32 = 1e-3;
+const DRIFT_TOLERANCE: f32 = 1e-3;
 /// Tolerance as a share of the largest tensor or squared edge so far: large values that are subtracted
 /// again leave rounding errors of single precision behind, 6e-8 of the value for each change.
-const ROUNDING: f32 = 1e-5;
+const ROUNDING_TOLERANCE: f32 = 1e-5;
 /// Doubled area of a thin face, a share of its longest edge squared. Its normal is rounding noise and
 /// differs by corner.
-const THIN: f32 = 1e-3;
+const THIN_AREA_SHARE: f32 = 1e-3;
 
 /// State of the checks of one run.
 #[derive(Clone, Debug, Default)]
@@ -52,7 +52,7 @@ impl<M: Metric> Engine<M> {
     ///
     /// # Panics
     /// If an invariant does not hold, which is a bug.
-    pub(super) fn check_if_asked(&mut self, original: &dyn InputSurface) {
+    pub(super) fn check_if_enabled(&mut self, original: &dyn InputSurface) {
         // (A constant outside of tests and debug builds, so the check is compiled out there.)
         if !cfg!(any(test, debug_assertions)) {
             return;
@@ -60,7 +60,7 @@ impl<M: Metric> Engine<M> {
         let Some(mut checks) = self.checks.take() else { return };
         let mut found = self.check(&mut checks);
         if found.is_ok() {
-            original.with(&mut |points, faces| found = self.check_against(points, faces));
+            original.visit(&mut |points, faces| found = self.check_against(points, faces));
         }
         self.checks = Some(checks);
         let why = found.err();
@@ -74,7 +74,7 @@ impl<M: Metric> Engine<M> {
     pub(crate) fn check(&self, checks: &mut Checks) -> Result<(), String> {
         self.mesh.store.check()?;
         self.check_companions()?;
-        self.mesh.remember(checks);
+        self.mesh.record_sizes(checks);
         if let Some(attributes) = &self.mesh.values.attributes {
             attributes.check(&self.mesh.store, checks)?;
         }
@@ -92,7 +92,7 @@ impl<M: Metric> Engine<M> {
 
 impl<M: Metric> LiveMesh<M> {
     /// Records the largest sizes so far.
-    fn remember(&self, checks: &mut Checks) {
+    fn record_sizes(&self, checks: &mut Checks) {
         let traces = self.store.living().map(|u| M::tensor_of(&self.store.v[u.index()].q).trace());
         checks.largest = traces.fold(checks.largest, f32::max);
         for t in self.store.t.iter().filter(|t| t[0] != NONE) {
@@ -100,7 +100,7 @@ impl<M: Metric> LiveMesh<M> {
             let edges = [b - a, c - b, a - c].map(Vec3::length_squared);
             let longest = edges.into_iter().fold(0.0, f32::max);
             checks.largest = checks.largest.max(longest);
-            checks.has_thin |= (b - a).cross(c - a).length() < THIN * longest;
+            checks.has_thin |= (b - a).cross(c - a).length() < THIN_AREA_SHARE * longest;
         }
     }
 }
@@ -109,10 +109,10 @@ impl<M: Metric> Engine<M> {
     /// Checks that the data beside the store fits it.
     fn check_companions(&self) -> Result<(), String> {
         let numbers = self.mesh.store.merged_into.len();
-        if let Some(prices) = &self.mesh.constraints.prices {
+        if let Some(prices) = &self.mesh.constraints.cost_factors {
             need(prices.len() == numbers, || format!("{numbers} numbers have {} prices", prices.len()))?;
         }
-        for (name, cost) in [("spent", self.tally.spent), ("lost", self.tally.lost)] {
+        for (name, cost) in [("spent", self.tally.collapse_cost), ("lost", self.tally.removed_part_cost)] {
             need(cost >= 0.0, || format!("the costs {name} are {cost}"))?;
         }
         if let Some(parts) = &self.mesh.topology.parts {
@@ -131,7 +131,7 @@ impl<M: Metric> Engine<M> {
 impl<M: Metric> LiveMesh<M> {
     /// Checks that a kind is that of the current star, apart from marks that may be stale.
     fn check_kind(&self, u: VertexId, ring: &Ring) -> Result<(), String> {
-        let (told, now) = (self.store.v[u.index()].kind, self.kind_now(u, ring));
+        let (told, now) = (self.store.v[u.index()].kind, self.current_kind(u, ring));
         need(told == now || told == now.with_stale(told), || {
             format!("vertex {u} is of {told:?} and by its star of {now:?}")
         })
@@ -139,15 +139,15 @@ impl<M: Metric> LiveMesh<M> {
 
     /// Checks that the tensor of a memoryless metric is that of the current star.
     fn check_tensor(&self, u: VertexId, ring: &Ring, checks: &Checks) -> Result<(), String> {
-        let (told, now) = (M::tensor_of(&self.store.v[u.index()].q), self.tensor_now(u, ring));
-        let within = DRIFT * now.trace() + ROUNDING * checks.largest;
+        let (told, now) = (M::tensor_of(&self.store.v[u.index()].q), self.current_tensor(u, ring));
+        let within = DRIFT_TOLERANCE * now.trace() + ROUNDING_TOLERANCE * checks.largest;
         // Attribute tensors of thin faces are mostly rounding noise.
         if !within.is_finite() || checks.has_thin && self.counts_attributes() {
             return Ok(());
         }
         if self.store.v[u.index()].kind.is_seam() {
             // Lines of unknown weight add to the planes, and subtract nothing.
-            let planes = self.planes_now(u, ring);
+            let planes = self.current_planes(u, ring);
             let least = told.less(&planes).0[..3].iter().fold(f32::INFINITY, |least, x| least.min(*x));
             return need(least >= -within, || {
                 format!("vertex {u} on a seam has {told:?}, less than its planes {planes:?}")
@@ -217,8 +217,8 @@ mod tests {
                 "its star Tensor",
             ),
             (true, |e, u| e.mesh.store.v[u.index()].q = Tensor::default(), "less than its planes"),
-            (false, |e, u| e.mesh.constraints.prices = Some(vec![1.0; u.index()]), "numbers have"),
-            (false, |e, _| e.tally.spent = -1.0, "the costs spent are -1"),
+            (false, |e, u| e.mesh.constraints.cost_factors = Some(vec![1.0; u.index()]), "numbers have"),
+            (false, |e, _| e.tally.collapse_cost = -1.0, "the costs spent are -1"),
             (
                 false,
                 |e, u| e.mesh.store.first_wedge[u.index()] = e.mesh.store.first_wedge[0],
@@ -256,7 +256,7 @@ mod tests {
             let source = Source { surface: &run.input.surface, ordered: run.ordered, is_kept: true };
             let mut told = Ok(());
             let points: Vec<Vec3> = engine.mesh.store.v.iter().map(|x| x.p).collect();
-            source.with(&mut |points, faces| told = engine.check_against(points, faces));
+            source.visit(&mut |points, faces| told = engine.check_against(points, faces));
             assert_eq!(told, Ok(()));
             engine.mesh.store.v[3].p.x += 1e-6;
             let faces = engine.mesh.store.t.clone();

@@ -57,7 +57,7 @@ pub(crate) struct Candidate {
     pub(crate) step: Vec3,
     /// The quadratic form at the new position, if it is not cancelled below a relative 1e-5; else 0. (Four
     /// are computed side by side, and 0 marks the lanes without a value.)
-    pub(crate) sure: f32,
+    pub(crate) form_cost: f32,
 }
 
 /// An edge to be collapsed, and the current limits.
@@ -88,12 +88,12 @@ pub(super) struct Checked {
     /// Sum of the squared distances to the planes of the star, twice its area, and the largest squared distance.
     planes: [f32; 3],
     /// Cost by the metric, if the metric decides.
-    judged: f32,
+    metric_cost: f32,
     /// Weight of the costs at these vertices, and the highest cost allowed now without it.
     weight: f32,
     tau: f32,
     /// True if the form at the new position replaces the exact cost of the planes and values of the star.
-    is_sure: bool,
+    uses_form_cost: bool,
 }
 
 /// A collapse of known cost that may be applied now.
@@ -104,7 +104,7 @@ pub(super) struct Priced {
     /// Change of the area of a small detail.
     detail: Option<(usize, f32)>,
     handed_over: HandedOver,
-    charge: Option<SampledCost>,
+    sampled: Option<SampledCost>,
 }
 
 /// Position of the merged vertex: exactly that of the removed end if the step leads there.
@@ -123,7 +123,7 @@ impl<M: Metric> Engine<M> {
             Ok(checked) => checked,
             Err(outcome) => return outcome,
         };
-        let priced = match mesh.price(attempt, &checked, scratch, tally) {
+        let priced = match mesh.exact_cost(attempt, &checked, scratch, tally) {
             Ok(priced) => priced,
             Err(outcome) => return outcome,
         };
@@ -135,9 +135,9 @@ impl<M: Metric> Engine<M> {
                 if let Some(record) = &mut self.record {
                     record.merge(from, into);
                 }
-                self.note(ru.iter().chain(rv).map(|r| r.corner.face()), &[u], cost);
+                self.log_change(ru.iter().chain(rv).map(|r| r.corner.face()), &[u], cost);
             }
-            Some(neck) => self.note_cut(u, v, neck, [ru, rv], cost),
+            Some(neck) => self.log_cut(u, v, neck, [ru, rv], cost),
         }
         CollapseOutcome::Done
     }
@@ -156,7 +156,7 @@ impl<M: Metric> LiveMesh<M> {
         let (v, mut y) = (candidate.removed, candidate.step);
         tally.faces_visited += (ru.len() + rv.len()) as u64;
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
-        let weight = self.price_weight(x.origin, z.origin);
+        let weight = self.cost_factor(x.origin, z.origin);
         let tau = tau / weight;
         let mut neck = None;
         let shared = match self.store.link_condition(u, v, ru, rv, &mut scratch.marks) {
@@ -198,7 +198,7 @@ impl<M: Metric> LiveMesh<M> {
         let removed = EdgeEnd { from: z.p, step: off, other: None };
         for (k, (spokes, end)) in [(ru, kept), (&scratch.spokes, removed)].into_iter().enumerate() {
             let (wings, turn) = (&mut scratch.wings, self.constraints.rules.max_turn);
-            let behind = self.store.look_at_wings(spokes, &end, at, turn, wings, &mut stats)?;
+            let behind = self.store.evaluate_wings(spokes, &end, at, turn, wings, &mut stats)?;
             is_bare[k] = behind > TIP_MAX_BEHIND * end.step.length_squared();
         }
         let (cost, area, peak) = stats.sum();
@@ -210,13 +210,14 @@ impl<M: Metric> LiveMesh<M> {
         // The form and the triangles may cost too much already, before lines and attributes are evaluated.
         // (On feature lines the form does not include all changes.)
         let is_on_lines = x.kind.has_lines() || z.kind.has_lines();
-        let is_sure = is_exact && !is_on_lines && candidate.sure > 0.0;
+        let is_sure = is_exact && !is_on_lines && candidate.form_cost > 0.0;
         if is_exact
             && self.values.attributes.is_some()
             && !is_probe
             && peak <= self.constraints.rules.max_step_sq
         {
-            let known = if is_sure { candidate.sure + self.peak_weight() * peak } else { candidate.cost };
+            let known =
+                if is_sure { candidate.form_cost + self.peak_weight() * peak } else { candidate.cost };
             if known > tau {
                 return Err(CollapseOutcome::Later(known * weight));
             }
@@ -225,13 +226,24 @@ impl<M: Metric> LiveMesh<M> {
             self.check_guards(&scratch.wings, at, [x.p, z.p], shared, [ru, rv])?;
         }
         let planes = [cost, area, peak];
-        Ok(Checked { steps: [y, off], at, shared, neck, is_bare, planes, judged, weight, tau, is_sure })
+        Ok(Checked {
+            steps: [y, off],
+            at,
+            shared,
+            neck,
+            is_bare,
+            planes,
+            metric_cost: judged,
+            weight,
+            tau,
+            uses_form_cost: is_sure,
+        })
     }
 
     /// Returns the exact cost of a checked collapse if it is within the limit; the scratch then holds the
     /// lines and merged values that belong to it.
     #[inline(always)]
-    fn price(
+    fn exact_cost(
         &self,
         attempt: &Attempt<'_>,
         checked: &Checked,
@@ -239,7 +251,7 @@ impl<M: Metric> LiveMesh<M> {
         tally: &mut Tally,
     ) -> Result<Priced, CollapseOutcome> {
         let &Attempt { kept: u, candidate, is_probe, rings: [ru, rv], .. } = attempt;
-        let &Checked { steps: [y, off], at, is_bare, weight, tau, is_sure, .. } = checked;
+        let &Checked { steps: [y, off], at, is_bare, weight, tau, uses_form_cost: is_sure, .. } = checked;
         let [mut cost, area, mut peak] = checked.planes;
         let v = candidate.removed;
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
@@ -268,7 +280,7 @@ impl<M: Metric> LiveMesh<M> {
         }
         // A cost known to be too high is not computed to the last digit.
         if is_sure {
-            cost = cost.max(candidate.sure);
+            cost = cost.max(candidate.form_cost);
         } else if is_exact && self.values.attributes.is_some() && (cost <= tau || is_probe) {
             self.prepare_merge(u, v, y, ru, &mut scratch.merge);
             cost += self.attribute_cost(u, v, y, ru.len(), &scratch.wings, &mut scratch.merge);
@@ -288,12 +300,12 @@ impl<M: Metric> LiveMesh<M> {
             cost += weighted;
             cost += 0.5 * TIE * area * (y.length_squared() + off.length_squared());
         } else {
-            cost = checked.judged;
+            cost = checked.metric_cost;
         }
         if peak > self.constraints.rules.max_step_sq {
             return Err(Refusal::Cost.into());
         }
-        if !self.cost.metric.cost_source().is_metric() {
+        if !self.cost.metric.cost_source().is_decided_by_metric() {
             spent = cost;
         }
         if cost > tau && !is_probe {
@@ -317,7 +329,7 @@ impl<M: Metric> LiveMesh<M> {
         if cost > tau || is_probe {
             return Err(CollapseOutcome::Later(cost * weight));
         }
-        Ok(Priced { cost, spent, detail, handed_over, charge })
+        Ok(Priced { cost, spent, detail, handed_over, sampled: charge })
     }
 
     /// Applies a collapse that was checked and priced. Returns the numbers in the ordered input of the
@@ -335,17 +347,17 @@ impl<M: Metric> LiveMesh<M> {
         let (v, y) = (candidate.removed, checked.steps[0]);
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let origins = [x.origin, z.origin];
-        if let Some(charge) = &priced.charge {
-            self.hand_over_samples(origins, charge, &mut scratch.late);
+        if let Some(charge) = &priced.sampled {
+            self.hand_over_samples(origins, charge, &mut scratch.samples);
         }
         self.hand_over_wedges(&priced.handed_over);
         if let Some(change) = priced.detail {
             self.change_detail(change);
         }
-        if !matches!(self.cost.metric.cost_source(), CostSource::Engine) || checked.is_sure {
+        if !matches!(self.cost.metric.cost_source(), CostSource::Engine) || checked.uses_form_cost {
             self.prepare_merge(u, v, y, ru, &mut scratch.merge);
         }
-        tally.spent += f64::from(priced.spent);
+        tally.collapse_cost += f64::from(priced.spent);
         match &checked.neck {
             None => self.change(u, v, y, checked.shared, [ru, rv], scratch, tally),
             Some(neck) => {
@@ -426,7 +438,7 @@ impl<M: Metric> LiveMesh<M> {
         let kept_v = is_place_of(&z) && !is_place_of(&x);
         let (origin, merged) = if kept_v { (z.origin, x.origin) } else { (x.origin, z.origin) };
         self.store.merged_into[merged.index()] = origin;
-        self.merge_prices(origin, merged);
+        self.merge_cost_factors(origin, merged);
         let unmoved = kept_v || (y == Vec3::ZERO && !x.kind.is_moved());
         let kept = &mut self.store.v[u.index()];
         if kept_v {
@@ -467,7 +479,7 @@ impl<M: Metric> LiveMesh<M> {
     /// replaces it.
     #[inline(always)]
     pub(crate) fn peak_weight(&self) -> f32 {
-        if self.sampled.is_some() || self.cost.metric.cost_source().is_metric() {
+        if self.sampled.is_some() || self.cost.metric.cost_source().is_decided_by_metric() {
             0.0
         } else {
             PEAK_WEIGHT * self.cost.area

@@ -13,7 +13,7 @@ use crate::metric::VertexMemory;
 
 /// Twice the area over the squared longest edge below which a face has no reliable normal: rounding to
 /// single precision may have turned it. (Guessed: a height of ten thousandths of a percent of the length.)
-const NO_NORMAL: f64 = 1e-6;
+const MIN_NORMAL_SHAPE: f64 = 1e-6;
 
 /// Returns for each face the bits of its edges whose two faces meet at more than an angle, in degrees; bit
 /// k is the edge from corner k to the next one. `None` if there are none. Edges of other than two faces
@@ -50,7 +50,7 @@ fn normal(points: &[Vec3], t: &[VertexId; 3]) -> Option<DVec3> {
     let [a, b, c] = t.map(|v| points[v.index()].as_dvec3());
     let n = (b - a).cross(c - a);
     let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
-    (n.length() > NO_NORMAL * longest).then(|| n.normalize_or_zero())
+    (n.length() > MIN_NORMAL_SHAPE * longest).then(|| n.normalize_or_zero())
 }
 
 impl<Q: VertexMemory> Store<Q> {

@@ -50,7 +50,7 @@ const MIN_FACES_PER_PART: usize = 100;
 
 impl<M: Metric> Engine<M> {
     /// True if necks block many collapses in a run that could not cut them.
-    pub(crate) fn has_necks_in_the_way(&self) -> bool {
+    pub(crate) fn has_blocking_necks(&self) -> bool {
         let refused = self.tally.refusals[Refusal::LinkCondition as usize];
         !self.mesh.constraints.cuts_necks
             && refused as f64 > MIN_REFUSED_SHARE * self.tally.collapses as f64
@@ -196,9 +196,9 @@ impl<M: Metric> LiveMesh<M> {
         let is_place_of_u = at == x.p && !x.kind.is_moved();
         let is_place_of_v = !is_place_of_u && at == z.p && !z.kind.is_moved();
         if is_place_of_u {
-            self.store.stands_for(z.origin, x.origin);
+            self.store.set_place(z.origin, x.origin);
         } else if is_place_of_v {
-            self.store.stands_for(x.origin, z.origin);
+            self.store.set_place(x.origin, z.origin);
         }
         let is_moved = !(is_place_of_u || is_place_of_v);
         for end in [u, v] {
@@ -208,10 +208,10 @@ impl<M: Metric> LiveMesh<M> {
         for spoke in rv.iter().filter(|r| r.has(u)) {
             self.store.remove_face(spoke.corner.face());
         }
-        let other_w = self.store.twin_of(w);
-        self.copy_price(self.store.v[w.index()].origin);
-        self.merge_prices(x.origin, z.origin);
-        self.merge_prices(z.origin, x.origin);
+        let other_w = self.store.duplicate_vertex(w);
+        self.copy_cost_factor(self.store.v[w.index()].origin);
+        self.merge_cost_factors(x.origin, z.origin);
+        self.merge_cost_factors(z.origin, x.origin);
         let sides = |all: &[Vec<Corner>; 2], i: usize| all[i].clone();
         for i in 0..2 {
             let mut merged = sides(&neck.of_u, i);
@@ -219,8 +219,8 @@ impl<M: Metric> LiveMesh<M> {
             self.store.set_corners([u, v][i], &merged);
             self.store.set_corners([w, other_w][i], &neck.of_w[i]);
         }
-        self.share_samples([u, v]);
-        self.share_samples([w, other_w]);
+        self.split_samples([u, v]);
+        self.split_samples([w, other_w]);
         let mut ring = Ring::default();
         for end in [u, v, w, other_w] {
             self.split_wedge(end, &mut ring);
@@ -268,17 +268,17 @@ impl<M: Metric> LiveMesh<M> {
 impl<M: Metric> Engine<M> {
     /// Records a cut that was just made.
     #[inline(never)]
-    pub(super) fn note_cut(&mut self, u: VertexId, v: VertexId, neck: &Neck, rings: [&Ring; 2], cost: f32) {
+    pub(super) fn log_cut(&mut self, u: VertexId, v: VertexId, neck: &Neck, rings: [&Ring; 2], cost: f32) {
         let other_w = VertexId::new(self.mesh.store.v.len() - 1);
         let beside = neck.of_w.iter().flatten().map(|c| c.face());
         let faces = rings.into_iter().flatten().map(|r| r.corner.face()).chain(beside);
-        self.note(faces, &[u, v, neck.w, other_w], cost);
+        self.log_change(faces, &[u, v, neck.w, other_w], cost);
     }
 }
 
 impl<M: Metric> LiveMesh<M> {
     /// Distributes the samples of the first of two vertices at one position to both.
-    fn share_samples(&mut self, ends: [VertexId; 2]) {
+    fn split_samples(&mut self, ends: [VertexId; 2]) {
         let Some(mut late) = self.sampled.take() else { return };
         let mut ring = Ring::default();
         let stars = ends.map(|end| {
@@ -287,7 +287,7 @@ impl<M: Metric> LiveMesh<M> {
             star.set(self.store.p(end), ring.iter().map(|r| [r.a, r.b].map(|w| (w, self.store.p(w)))));
             star
         });
-        late.share(ends.map(|end| self.store.v[end.index()].origin), &stars);
+        late.split(ends.map(|end| self.store.v[end.index()].origin), &stars);
         self.sampled = Some(late);
     }
 }

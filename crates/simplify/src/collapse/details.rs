@@ -13,22 +13,22 @@ use super::{Goal, LiveMesh};
 use crate::metric::Metric;
 
 /// Minimum area of a detail, relative to a mean face of the result.
-const SMALLEST: f32 = 0.5;
+const MIN_DETAIL_FACES: f32 = 0.5;
 /// Maximum area of a detail, relative to a mean face of the result: larger parts do not shrink away.
-const LARGEST: f32 = 16.0;
+const MAX_DETAIL_FACES: f32 = 16.0;
 /// Maximum share of the total area that all details have together. Otherwise they are the model.
-const MOST: f32 = 0.1;
+const MAX_DETAIL_AREA_SHARE: f32 = 0.1;
 /// Share of its area that a detail keeps. (A disc of eight corners has .9, one of six .83, a triangle .41.)
-const KEPT: f32 = 0.8;
+const MIN_KEPT_AREA_SHARE: f32 = 0.8;
 /// Tolerance by which a detail may extend beyond the bounding box of the part that it lies on, as a share
 /// of its own box.
-const SLACK: f32 = 0.1;
+const BOX_TOLERANCE: f32 = 0.1;
 /// Minimum ratio of the area of the part that a detail lies on to that of the detail.
-const LARGER: f32 = 4.0;
+const MIN_CARRIER_AREA_RATIO: f32 = 4.0;
 /// Number of largest parts that details may lie on, so that the search takes linear time.
-const LOOKED_AT: usize = 64;
+const MAX_CARRIERS: usize = 64;
 /// Difference in a channel, of 255, above which a detail has another colour than the part that it lies on.
-const CONTRAST: f32 = 40.0;
+const MIN_COLOR_CONTRAST: f32 = 40.0;
 
 /// The parts of the input, and which of them are details for a goal. Areas are doubled.
 #[derive(Clone)]
@@ -56,10 +56,10 @@ impl PartExtent {
 
     /// True if it lies in the box of a larger one.
     fn lies_on(&self, other: &Self) -> bool {
-        let slack = SLACK * (self.max - self.min);
+        let slack = BOX_TOLERANCE * (self.max - self.min);
         let is_inside =
             (self.min + slack).cmpge(other.min).all() && (self.max - slack).cmple(other.max).all();
-        is_inside && LARGER * self.area < other.area
+        is_inside && MIN_CARRIER_AREA_RATIO * self.area < other.area
     }
 }
 
@@ -67,7 +67,7 @@ impl<M: Metric> LiveMesh<M> {
     /// Finds the parts that may be details, before the first sweep. `colors` returns the mean colour of
     /// each part, if it has one, from the part of each number in the ordered input and the number of parts.
     /// Cost: O(n).
-    pub(crate) fn watch_details(&mut self, colors: impl FnOnce(&[u32], usize) -> Vec<Option<Vec3>>) {
+    pub(crate) fn init_details(&mut self, colors: impl FnOnce(&[u32], usize) -> Vec<Option<Vec3>>) {
         let labels = self.label_parts();
         let parts = labels.iter().copied().max().map_or(0, |m| m as usize + 1);
         if parts < 2 {
@@ -87,9 +87,9 @@ impl<M: Metric> LiveMesh<M> {
         let colors = colors(&part_of, parts);
         let mut largest: Vec<usize> = (0..parts).collect();
         largest.sort_by(|&i, &j| extents[j].area.total_cmp(&extents[i].area).then(i.cmp(&j)));
-        largest.truncate(LOOKED_AT);
+        largest.truncate(MAX_CARRIERS);
         let are_apart = |i: usize, j: usize| match (colors[i], colors[j]) {
-            (Some(a), Some(b)) => (a - b).abs().max_element() > CONTRAST,
+            (Some(a), Some(b)) => (a - b).abs().max_element() > MIN_COLOR_CONTRAST,
             _ => false,
         };
         let stands_out =
@@ -112,10 +112,14 @@ impl<M: Metric> LiveMesh<M> {
         let face = total / faces as f32;
         let areas = || details.area.iter().zip(&details.stands_out);
         let is_detail = |(area, stands_out): (&f32, &bool)| {
-            if *stands_out && (SMALLEST * face..LARGEST * face).contains(area) { *area } else { 0.0 }
+            if *stands_out && (MIN_DETAIL_FACES * face..MAX_DETAIL_FACES * face).contains(area) {
+                *area
+            } else {
+                0.0
+            }
         };
         let found: Vec<f32> = areas().map(is_detail).collect();
-        let are_few = found.iter().sum::<f32>() <= MOST * total;
+        let are_few = found.iter().sum::<f32>() <= MAX_DETAIL_AREA_SHARE * total;
         details.is_detail = found.iter().map(|&area| are_few && area > 0.0).collect();
     }
 
@@ -146,7 +150,8 @@ impl<M: Metric> LiveMesh<M> {
 
     /// True if a detail keeps enough of its area with this change.
     pub(super) fn keeps_detail(&self, (part, change): (usize, f32)) -> bool {
-        let keeps = |d: &Details| change >= 0.0 || d.left[part] + change >= KEPT * d.area[part];
+        let keeps =
+            |d: &Details| change >= 0.0 || d.left[part] + change >= MIN_KEPT_AREA_SHARE * d.area[part];
         self.constraints.details.as_deref().is_none_or(keeps)
     }
 

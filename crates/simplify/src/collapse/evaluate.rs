@@ -76,7 +76,7 @@ pub(super) struct OwnedEdges<'a> {
     /// Cost limit: edges above it are not listed one by one.
     pub(super) most: f32,
     /// True if each end has a single wedge ([`LiveMesh::know_wedges`]).
-    pub(super) are_lone: bool,
+    pub(super) have_single_wedges: bool,
 }
 
 /// Up to four edges side by side.
@@ -84,7 +84,7 @@ struct Evaluated {
     cost: f32x4,
     step: Four,
     /// The forms there, if accurate to a few digits and attributes count; else 0.
-    sure: f32x4,
+    form_cost: f32x4,
     /// Mask of the lanes whose system could be solved.
     solved: f32x4,
 }
@@ -101,7 +101,7 @@ impl<M: Metric> LiveMesh<M> {
         scratch: &mut Scratch,
         tally: &mut Tally,
     ) -> u64 {
-        let &OwnedEdges { u, owned, ring: ru, most, are_lone } = edges;
+        let &OwnedEdges { u, owned, ring: ru, most, have_single_wedges: are_lone } = edges;
         if matches!(self.cost.metric.cost_source(), CostSource::Stars | CostSource::Ends) {
             return self.evaluate_owned_by_metric(edges, found, scratch, tally);
         }
@@ -115,8 +115,8 @@ impl<M: Metric> LiveMesh<M> {
                 && (four.len() > 1 || self.values.attributes.is_some())
                 && four.iter().all(|&w| is_plain(w))
             {
-                let Evaluated { cost, step, sure, solved } =
-                    self.evaluate_four(u, four, are_lone || self.are_lone(u, four), ru, members);
+                let Evaluated { cost, step, form_cost: sure, solved } =
+                    self.evaluate_four(u, four, are_lone || self.have_single_wedges(u, four), ru, members);
                 let within = solved & cost.simd_le(f32x4::splat(most));
                 let dear = (solved ^ within).bitselect(cost, f32x4::splat(f32::INFINITY));
                 found.beyond = dear.fast_min(found.beyond);
@@ -128,7 +128,7 @@ impl<M: Metric> LiveMesh<M> {
                     if solved & (1 << i) != 0 {
                         let step = Vec3::from(step.map(|x| x.to_array()[i]));
                         let (cost, sure) = (cost.to_array()[i], sure.to_array()[i]);
-                        found.within.push(Candidate { cost, removed: four[i], step, sure });
+                        found.within.push(Candidate { cost, removed: four[i], step, form_cost: sure });
                     } else if let Some(candidate) = self.evaluate_edge(u, four[i], ru, members) {
                         found.add(candidate, most);
                     }
@@ -163,8 +163,8 @@ impl<M: Metric> LiveMesh<M> {
             lanes::side_by_side(four.map(|w| M::tensor_of(&self.store.v[w.index()].q))),
         );
         if !are_lone {
-            s = self.tensor_alone(u);
-            t = lanes::side_by_side(four.map(|w| self.tensor_alone(w)).each_ref());
+            s = self.reduced_tensor(u);
+            t = lanes::side_by_side(four.map(|w| self.reduced_tensor(w)).each_ref());
         }
         let s = s.0.map(f32x4::splat);
         let d = sub(&self.store.four(four), &splat(x.p));
@@ -207,7 +207,7 @@ impl<M: Metric> LiveMesh<M> {
         let spread = from_mid_sq + from_mid_sq + d_sq * 0.5;
         let tie = trace * (0.5 * TIE) * spread;
         let cost = q * peak + tie;
-        Evaluated { cost, step: y, sure, solved }
+        Evaluated { cost, step: y, form_cost: sure, solved }
     }
 
     /// Returns the cost of a form at `y`, for edge vector `d`.
@@ -248,8 +248,8 @@ impl<M: Metric> LiveMesh<M> {
             return (self.cost.metric.form(&x.q, &z.q, d), d);
         }
         let (mut own, mut other) = (x.q, z.q);
-        *M::tensor(&mut own) = self.tensor_alone(u);
-        *M::tensor(&mut other) = self.tensor_alone(v);
+        *M::tensor(&mut own) = self.reduced_tensor(u);
+        *M::tensor(&mut other) = self.reduced_tensor(v);
         let mut form = self.cost.metric.form(&own, &other, d);
         self.add_attributes(u, v, d, ru, members, &mut form);
         (form, d)
@@ -268,7 +268,7 @@ impl<M: Metric> LiveMesh<M> {
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let (form, d) = self.form(u, v, ru, members);
         let cost = |y: Vec3| self.cost_of(&form, d, y);
-        let at = |y: Vec3| Some(Candidate { cost: cost(y), removed: v, step: y, sure: 0.0 });
+        let at = |y: Vec3| Some(Candidate { cost: cost(y), removed: v, step: y, form_cost: 0.0 });
         let ends = || if cost(Vec3::ZERO) <= cost(d) { at(Vec3::ZERO) } else { at(d) };
         if !(x.kind.is_free() && z.kind.is_free()) {
             return match (x.kind, z.kind) {
@@ -346,8 +346,14 @@ mod tests {
                 mesh.store.list_owned(u, &ring, &mut owned, &mut scratch.marks);
                 let mut found = Found::default();
                 found.clear();
-                let are_lone = mesh.know_wedges(u, &owned);
-                let edges = OwnedEdges { u, owned: &owned, ring: &ring, most: f32::INFINITY, are_lone };
+                let are_lone = mesh.cache_wedge_reductions(u, &owned);
+                let edges = OwnedEdges {
+                    u,
+                    owned: &owned,
+                    ring: &ring,
+                    most: f32::INFINITY,
+                    have_single_wedges: are_lone,
+                };
                 let stuck = mesh.evaluate_owned(&edges, &mut members, &mut found, scratch, tally);
                 let alone: Vec<Option<Candidate>> =
                     owned.iter().map(|&w| engine.mesh.evaluate_edge(u, w, &ring, &mut members)).collect();
@@ -377,9 +383,12 @@ mod tests {
                             ));
                         }
                     }
-                    let is_part = of_four.sure <= of_four.cost * 1.001;
+                    let is_part = of_four.form_cost <= of_four.cost * 1.001;
                     if !is_part {
-                        wrong.push(format!("{u}-{w} is sure to cost {} of {}", of_four.sure, of_four.cost));
+                        wrong.push(format!(
+                            "{u}-{w} is sure to cost {} of {}",
+                            of_four.form_cost, of_four.cost
+                        ));
                     }
                 }
             }

@@ -18,21 +18,21 @@ impl<Q: VertexMemory> Store<Q> {
 
 impl<M: Metric> LiveMesh<M> {
     /// Sets the weights of vertices, by number in the ordered input, as given for the memoryless metric.
-    pub(crate) fn set_prices(&mut self, prices: Option<Vec<f32>>) {
-        self.constraints.prices = prices;
-        if self.cost.metric.price_power() != 1.0 {
+    pub(crate) fn set_cost_factors(&mut self, prices: Option<Vec<f32>>) {
+        self.constraints.cost_factors = prices;
+        if self.cost.metric.cost_factor_exponent() != 1.0 {
             self.constraints
-                .prices
+                .cost_factors
                 .iter_mut()
                 .flatten()
-                .for_each(|p| *p = p.powf(self.cost.metric.price_power()));
+                .for_each(|p| *p = p.powf(self.cost.metric.cost_factor_exponent()));
         }
     }
 
     /// Returns the factor of the cost of merging two vertices, given by number in the ordered input.
     #[inline(always)]
-    pub(crate) fn price_weight(&self, kept: VertexId, removed: VertexId) -> f32 {
-        match &self.constraints.prices {
+    pub(crate) fn cost_factor(&self, kept: VertexId, removed: VertexId) -> f32 {
+        match &self.constraints.cost_factors {
             None => 1.0,
             Some(prices) => prices[kept.index()].max(prices[removed.index()]),
         }
@@ -40,15 +40,15 @@ impl<M: Metric> LiveMesh<M> {
 
     /// Gives the merged vertex the weight of the more important end.
     #[inline(always)]
-    pub(crate) fn merge_prices(&mut self, origin: VertexId, merged: VertexId) {
-        if let Some(prices) = &mut self.constraints.prices {
+    pub(crate) fn merge_cost_factors(&mut self, origin: VertexId, merged: VertexId) {
+        if let Some(prices) = &mut self.constraints.cost_factors {
             prices[origin.index()] = prices[origin.index()].max(prices[merged.index()]);
         }
     }
 
     /// Gives a vertex created by a cut the weight of its original.
-    pub(crate) fn copy_price(&mut self, of: VertexId) {
-        if let Some(prices) = &mut self.constraints.prices {
+    pub(crate) fn copy_cost_factor(&mut self, of: VertexId) {
+        if let Some(prices) = &mut self.constraints.cost_factors {
             prices.push(prices[of.index()]);
         }
     }

@@ -8,7 +8,7 @@ use lodsmith_core::{VertexId, WedgeId};
 use wide::f32x4;
 
 use super::LiveMesh;
-use super::attributes::{Attributes, FourSlopes, Head, Member, NO_WEDGE, Slopes, Sum, firsts};
+use super::attributes::{Attributes, FourSlopes, Head, Member, NO_WEDGE, Slopes, Sum, representatives};
 use super::store::{self, Ring, Spoke, Store};
 use super::wings::Wings;
 use crate::lanes::{self, dot, splat};
@@ -65,7 +65,7 @@ impl<M: Metric> LiveMesh<M> {
 
     /// True if no edge of a star can be a seam, by a quick test that covers most stars.
     pub(super) fn is_far_from_seams(&self, ring: &[Spoke], u: VertexId) -> bool {
-        self.is_among_lone(u, ring.iter().flat_map(|r| [r.a, r.b]))
+        self.is_among_single_wedges(u, ring.iter().flat_map(|r| [r.a, r.b]))
             && !self.store.meets_regions(ring)
             && !self.store.meets_creases(ring)
     }
@@ -73,19 +73,19 @@ impl<M: Metric> LiveMesh<M> {
     /// True if no edge of a star can be a seam, for a mesh without regions and sharp edges.
     #[inline(always)]
     pub(super) fn is_inside_one_chart(&self, u: VertexId, around: impl Iterator<Item = VertexId>) -> bool {
-        self.store.regions.is_none() && self.store.creases.is_none() && self.is_among_lone(u, around)
+        self.store.regions.is_none() && self.store.creases.is_none() && self.is_among_single_wedges(u, around)
     }
 
     /// True if a vertex and its neighbours have one wedge each.
     #[inline(always)]
-    fn is_among_lone(&self, u: VertexId, mut around: impl Iterator<Item = VertexId>) -> bool {
+    fn is_among_single_wedges(&self, u: VertexId, mut around: impl Iterator<Item = VertexId>) -> bool {
         let Some(attributes) = &self.values.attributes else { return false };
-        let is_alone = |w: VertexId| attributes.is_alone(self.store.first_wedge[w.index()]);
+        let is_alone = |w: VertexId| attributes.is_only_wedge(self.store.first_wedge[w.index()]);
         is_alone(u) && around.all(is_alone)
     }
 
     /// Computes the sums of all wedges, and adds the attribute tensors to those of the vertices.
-    pub(super) fn weigh_attributes(&mut self) {
+    pub(super) fn init_attribute_sums(&mut self) {
         let (Some(attributes), Some(wedges)) = (&mut self.values.attributes, &self.store.wedges) else {
             return;
         };
@@ -96,7 +96,7 @@ impl<M: Metric> LiveMesh<M> {
             };
             let slopes = FourSlopes::of([&corner(0), &corner(1), &corner(2)]);
             for (i, (t, w)) in t.iter().zip(w).enumerate() {
-                let sum = attributes.account(&slopes.one(i), *w);
+                let sum = attributes.add_triangle(&slopes.one(i), *w);
                 for v in t {
                     M::tensor(&mut self.store.v[v.index()].q).add(&sum);
                 }
@@ -120,7 +120,7 @@ impl<M: Metric> LiveMesh<M> {
 
     /// Returns the attributes if they count in the forms of edges.
     #[inline(always)]
-    fn weighed(&self) -> Option<&Attributes> {
+    fn counted_attributes(&self) -> Option<&Attributes> {
         self.values
             .attributes
             .as_ref()
@@ -129,33 +129,35 @@ impl<M: Metric> LiveMesh<M> {
 
     /// True if each of these has only one wedge.
     #[inline(always)]
-    pub(super) fn are_lone(&self, u: VertexId, others: &[VertexId]) -> bool {
+    pub(super) fn have_single_wedges(&self, u: VertexId, others: &[VertexId]) -> bool {
         let Some(attributes) = &self.values.attributes else { return true };
-        let is_alone = |w: VertexId| attributes.is_alone(self.store.first_wedge[w.index()]);
+        let is_alone = |w: VertexId| attributes.is_only_wedge(self.store.first_wedge[w.index()]);
         is_alone(u) && others.iter().all(|&w| is_alone(w))
     }
 
     /// Updates the cached tensors of the wedges of a vertex, and of some of its neighbours, if they are
     /// needed. Returns true if each of them has only one wedge.
     #[inline(always)]
-    pub(super) fn know_wedges(&mut self, u: VertexId, others: &[VertexId]) -> bool {
-        let are_lone = self.values.attributes.is_none() || self.are_lone(u, others);
-        if are_lone || self.weighed().is_none() {
+    pub(super) fn cache_wedge_reductions(&mut self, u: VertexId, others: &[VertexId]) -> bool {
+        let are_lone = self.values.attributes.is_none() || self.have_single_wedges(u, others);
+        if are_lone || self.counted_attributes().is_none() {
             return are_lone;
         }
         if let Some(attributes) = &mut self.values.attributes {
-            attributes.know(self.store.first_wedge[u.index()]);
-            others.iter().for_each(|w| attributes.know(self.store.first_wedge[w.index()]));
+            attributes.cache_reductions(self.store.first_wedge[u.index()]);
+            others.iter().for_each(|w| attributes.cache_reductions(self.store.first_wedge[w.index()]));
         }
         false
     }
 
     /// Returns the tensor of a vertex, reduced by the best values of its wedges, each taken alone.
     #[inline(always)]
-    pub(super) fn tensor_alone(&self, u: VertexId) -> Tensor {
+    pub(super) fn reduced_tensor(&self, u: VertexId) -> Tensor {
         let tensor = *M::tensor_of(&self.store.v[u.index()].q);
-        match (self.weighed(), self.store.first_wedge.get(u.index())) {
-            (Some(attributes), Some(&first)) if first != NO_WEDGE => tensor.less(&attributes.saved(first)),
+        match (self.counted_attributes(), self.store.first_wedge.get(u.index())) {
+            (Some(attributes), Some(&first)) if first != NO_WEDGE => {
+                tensor.less(&attributes.reduction_of_vertex(first))
+            }
             _ => tensor,
         }
     }
@@ -170,7 +172,7 @@ impl<M: Metric> LiveMesh<M> {
         members: &mut Vec<Member>,
         form: &mut Form,
     ) {
-        if let Some(attributes) = self.weighed() {
+        if let Some(attributes) = self.counted_attributes() {
             let lanes = attributes.lanes();
             let mut sum = Sum::ZERO;
             of_lanes!(lanes, N => self.add_wedges::<N>(attributes, [u, v], d, ru, members, &mut sum));
@@ -218,7 +220,7 @@ impl<M: Metric> LiveMesh<M> {
         ru: &[Spoke],
         members: &mut Vec<Member>,
     ) {
-        if let Some(attributes) = self.weighed() {
+        if let Some(attributes) = self.counted_attributes() {
             let lanes = attributes.lanes();
             of_lanes!(lanes, N => self.add_to_four::<N>(attributes, edges, d, form, ru, members));
         }
@@ -265,7 +267,7 @@ impl<M: Metric> LiveMesh<M> {
         members.clear();
         let Some(wedges) = &self.store.wedges else { return };
         let (first_u, first_v) = (self.store.first_wedge[u.index()], self.store.first_wedge[v.index()]);
-        if attributes.is_alone(first_u) && attributes.is_alone(first_v) {
+        if attributes.is_only_wedge(first_u) && attributes.is_only_wedge(first_v) {
             let group = usize::from(self.store.v[v.index()].kind.is_locked());
             members.push(Member { wedge: first_u, at_v: false, group });
             members.push(Member { wedge: first_v, at_v: true, group });
@@ -319,7 +321,7 @@ impl<M: Metric> LiveMesh<M> {
                 merge.best.resize(room, f32x4::ZERO);
             }
             if self.is_either_locked(u, v) {
-                for (group, first) in firsts(members) {
+                for (group, first) in representatives(members) {
                     merge.best[group * lanes..][..lanes].copy_from_slice(attributes.values(first.wedge));
                 }
             } else {
@@ -425,7 +427,7 @@ impl<M: Metric> LiveMesh<M> {
         self.store.first_wedge[u.index()] = first;
         for r in ring {
             let s = Slopes::new([u, r.a, r.b].map(|w| self.store.v[w.index()].p));
-            attributes.account_first(&s, from_corner(wedges[r.corner.face()], r.corner.k()));
+            attributes.add_triangle_to_first(&s, from_corner(wedges[r.corner.face()], r.corner.k()));
         }
     }
 
@@ -441,7 +443,7 @@ impl<M: Metric> LiveMesh<M> {
         for r in ring.iter() {
             wedges[r.corner.face()][r.corner.k()] = own;
             let s = Slopes::new([u, r.a, r.b].map(|w| self.store.v[w.index()].p));
-            attributes.account_first(&s, from_corner(wedges[r.corner.face()], r.corner.k()));
+            attributes.add_triangle_to_first(&s, from_corner(wedges[r.corner.face()], r.corner.k()));
         }
         self.store.first_wedge[u.index()] = own;
     }
@@ -493,7 +495,7 @@ impl<M: Metric> LiveMesh<M> {
                 *hard |= own;
             }
         }
-        for (group, _) in firsts(members) {
+        for (group, _) in representatives(members) {
             own[group * 3 * lanes..][..3 * lanes].fill(f32x4::ZERO);
             if !is_locked {
                 attributes.normalize(&mut best[group * lanes..][..lanes]);
@@ -559,9 +561,10 @@ impl<M: Metric> LiveMesh<M> {
         }
         let t = (y.dot(z - x) / (z - x).length_squared().max(1e-37)).clamp(0.0, 1.0);
         let mut first = NO_WEDGE;
-        for (group, m) in firsts(members).filter(|(group, _)| heads[*group].faces > 0) {
-            if !attributes.pulls.is_empty() && !is_locked {
-                attributes.pulls[m.wedge.index()] = attributes.blended_pulls(members, group, t);
+        for (group, m) in representatives(members).filter(|(group, _)| heads[*group].faces > 0) {
+            if !attributes.joint_weights.is_empty() && !is_locked {
+                attributes.joint_weights[m.wedge.index()] =
+                    attributes.blended_joint_weights(members, group, t);
             }
             if !attributes.labels.is_empty() && !is_locked {
                 attributes.labels[m.wedge.index()] = attributes.nearest_label(members, group, t);

@@ -3,16 +3,16 @@
 use glam::Vec3;
 
 /// Maximum number of partners per vertex: the nearest.
-const MOST: usize = 4;
+const MAX_PARTNERS: usize = 4;
 /// Maximum number of vertices visited per search. (Guessed; a sheet has that many within eleven edges.
 /// Beyond it the distance is far too large for the mesh, and the nearest are found.)
-const LOOKS: usize = 400;
+const MAX_VISITS: usize = 400;
 /// Vertices in a leaf of the tree.
-const LEAF: usize = 8;
+const LEAF_SIZE: usize = 8;
 /// Minimum cosine between a direction and a normal at which the surface is open in that direction: 73
 /// degrees. (Guessed; the corners of six triangles that shrank away from their common vertex face each
 /// other at 60.)
-const OPEN: f32 = 0.3;
+const MIN_OPEN_COS: f32 = 0.3;
 
 /// A vertex, and the directions in which its surface is open.
 #[derive(Clone, Copy, Debug, Default)]
@@ -30,30 +30,30 @@ pub(super) struct Site {
 impl Site {
     fn is_open_to(&self, way: Vec3, length: f32) -> bool {
         match self.out {
-            Some(out) => out == Vec3::ZERO || out.dot(way) > OPEN * length,
-            None => self.normal.dot(way) > OPEN * length,
+            Some(out) => out == Vec3::ZERO || out.dot(way) > MIN_OPEN_COS * length,
+            None => self.normal.dot(way) > MIN_OPEN_COS * length,
         }
     }
-    fn turns_its_back_on(&self, way: Vec3, length: f32) -> bool {
-        self.out.is_none() && self.normal.dot(way) < -OPEN * length
+    fn faces_away_from(&self, way: Vec3, length: f32) -> bool {
+        self.out.is_none() && self.normal.dot(way) < -MIN_OPEN_COS * length
     }
     /// True if joining the two makes sense. Within a part they have to face each other across open space:
     /// neighbours on one sheet, or on the two sides of a thin wall, do not. Vertices of two parts must only
     /// not be back to back.
     #[inline(always)]
-    fn suits(&self, other: &Self, length: f32) -> bool {
+    fn is_compatible(&self, other: &Self, length: f32) -> bool {
         let way = other.p - self.p;
         if self.part == other.part {
             self.is_open_to(way, length) && other.is_open_to(-way, length)
         } else {
-            !(self.turns_its_back_on(way, length) && other.turns_its_back_on(-way, length))
+            !(self.faces_away_from(way, length) && other.faces_away_from(-way, length))
         }
     }
 }
 
 /// Two sites by index, the lower one first, and their squared distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Near {
+pub(super) struct NearPair {
     pub(super) ends: [u32; 2],
     pub(super) distance_sq: f32,
 }
@@ -61,18 +61,28 @@ pub(super) struct Near {
 /// Returns pairs of compatible sites within `reach`, the nearest first: for each site its [`MOST`] nearest,
 /// found among the first [`LOOKS`] visited. `go_on` is called for every site; returns `None` if it returns
 /// false. Cost: O(n log n).
-pub(super) fn near_pairs(sites: &[Site], reach: f32, mut go_on: impl FnMut() -> bool) -> Option<Vec<Near>> {
+pub(super) fn near_pairs(
+    sites: &[Site],
+    reach: f32,
+    mut go_on: impl FnMut() -> bool,
+) -> Option<Vec<NearPair>> {
     let tree = Tree::new(sites);
     let mut pairs = Vec::new();
     for i in 0..sites.len() as u32 {
         if !go_on() {
             return None;
         }
-        let mut search =
-            NearSearch { sites, of: i, reach_sq: reach * reach, found: [(0.0, 0); MOST], count: 0, looks: 0 };
+        let mut search = NearSearch {
+            sites,
+            of: i,
+            reach_sq: reach * reach,
+            found: [(0.0, 0); MAX_PARTNERS],
+            count: 0,
+            visits: 0,
+        };
         tree.visit(0, sites.len(), &mut search);
         for &(distance_sq, j) in &search.found[..search.count] {
-            pairs.push(Near { ends: [i.min(j), i.max(j)], distance_sq });
+            pairs.push(NearPair { ends: [i.min(j), i.max(j)], distance_sq });
         }
     }
     pairs.sort_unstable_by(|a, b| a.distance_sq.total_cmp(&b.distance_sq).then(a.ends.cmp(&b.ends)));
@@ -92,27 +102,27 @@ struct NearSearch<'a> {
     of: u32,
     /// Search radius, squared; it shrinks to the farthest partner kept.
     reach_sq: f32,
-    found: [(f32, u32); MOST],
+    found: [(f32, u32); MAX_PARTNERS],
     count: usize,
-    looks: usize,
+    visits: usize,
 }
 
 impl NearSearch<'_> {
     #[inline(always)]
-    fn look(&mut self, &(p, j): &(Vec3, u32)) {
-        self.looks += 1;
+    fn visit_site(&mut self, &(p, j): &(Vec3, u32)) {
+        self.visits += 1;
         let own = &self.sites[self.of as usize];
         let distance_sq = (p - own.p).length_squared();
         if distance_sq < self.reach_sq
             && j != self.of
-            && own.suits(&self.sites[j as usize], distance_sq.sqrt())
+            && own.is_compatible(&self.sites[j as usize], distance_sq.sqrt())
         {
             let at = self.found[..self.count].partition_point(|f| (f.0, f.1) < (distance_sq, j));
-            self.count = (self.count + 1).min(MOST);
+            self.count = (self.count + 1).min(MAX_PARTNERS);
             self.found[at..self.count].rotate_right(1);
             self.found[at] = (distance_sq, j);
-            if self.count == MOST {
-                self.reach_sq = self.found[MOST - 1].0;
+            if self.count == MAX_PARTNERS {
+                self.reach_sq = self.found[MAX_PARTNERS - 1].0;
             }
         }
     }
@@ -127,7 +137,7 @@ impl Tree {
     }
 
     fn part(&mut self, from: usize, to: usize) {
-        if to - from <= LEAF {
+        if to - from <= LEAF_SIZE {
             return;
         }
         let range = &mut self.points[from..to];
@@ -146,11 +156,11 @@ impl Tree {
 
     /// Visits a range, starting with the half that contains the position.
     fn visit(&self, from: usize, to: usize, search: &mut NearSearch<'_>) {
-        if search.looks >= LOOKS {
+        if search.visits >= MAX_VISITS {
             return;
         }
-        if to - from <= LEAF {
-            self.points[from..to].iter().for_each(|x| search.look(x));
+        if to - from <= LEAF_SIZE {
+            self.points[from..to].iter().for_each(|x| search.visit_site(x));
             return;
         }
         let middle = (from + to) / 2;
@@ -160,7 +170,7 @@ impl Tree {
         let own = usize::from(beyond > 0.0);
         self.visit(halves[own].0, halves[own].1, search);
         if beyond * beyond <= search.reach_sq {
-            search.look(&self.points[middle]);
+            search.visit_site(&self.points[middle]);
             self.visit(halves[1 - own].0, halves[1 - own].1, search);
         }
     }
@@ -207,7 +217,7 @@ mod tests {
     fn of_very_many_the_nearest_are_found() {
         let sites = random_sites(5000, 5000);
         let found = near_pairs(&sites, 10.0, || true).unwrap();
-        assert!(found.len() <= MOST * sites.len());
+        assert!(found.len() <= MAX_PARTNERS * sites.len());
         for i in 0..5000u32 {
             let own = sites[i as usize].p;
             let near = |j: &u32| own.distance_squared(sites[*j as usize].p);
@@ -228,7 +238,9 @@ mod tests {
     #[test]
     fn walls_and_sheets_are_let_be() {
         let at = |x: f32, y: f32, part, normal| Site { p: Vec3::new(x, y, 0.0), part, normal, out: None };
-        let suits = |a: Site, b: Site| a.suits(&b, a.p.distance(b.p)) && b.suits(&a, a.p.distance(b.p));
+        let suits = |a: Site, b: Site| {
+            a.is_compatible(&b, a.p.distance(b.p)) && b.is_compatible(&a, a.p.distance(b.p))
+        };
         // Two sides of a gap, and of a wall.
         assert!(suits(at(0.0, 0.0, 0, Vec3::Y), at(0.0, 0.1, 0, -Vec3::Y)));
         assert!(!suits(at(0.0, 0.0, 0, -Vec3::Y), at(0.0, 0.1, 0, Vec3::Y)));

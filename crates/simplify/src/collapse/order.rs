@@ -21,11 +21,11 @@ const DIGIT_BITS: u32 = 10;
 const DIGITS: usize = 1 << DIGIT_BITS;
 /// Vertices from which the lowest digit is sorted too. With fewer, hardly any agree in the other two
 /// digits.
-const SORTED_THRICE: usize = 1 << 14;
+const THREE_DIGIT_MIN_VERTICES: usize = 1 << 14;
 /// Faces up to which time is saved at the cost of memory; above it the reverse.
-pub(crate) const MEMORY_FREE_UP_TO: usize = 4_000_000;
+pub(crate) const TIME_OVER_MEMORY_MAX_FACES: usize = 4_000_000;
 /// Vertices in one cell above which equal positions are found by sorting instead of comparing pairs.
-const MANY: usize = 16;
+const CELL_SORT_MIN_VERTICES: usize = 16;
 
 /// Transform from the user's units to a box of size 1 around the origin, and back.
 ///
@@ -124,7 +124,8 @@ pub(crate) fn order(surface: &Surface<'_>) -> Ordered {
         Unfit::NonFinite => cleanup.non_finite_faces += 1,
         Unfit::Degenerate => cleanup.degenerate_faces += 1,
     };
-    let faces = by_least(triangles, &rank, points.len(), |_, t| t.map(|v| rank[v.index()]), left_out);
+    let faces =
+        items_by_lowest_vertex(triangles, &rank, points.len(), |_, t| t.map(|v| rank[v.index()]), left_out);
     Ordered { frame, rank, point_count: points.len(), points, faces, cleanup, diagonal }
 }
 
@@ -134,7 +135,7 @@ impl Ordered {
         ranked(&self.rank, t).is_ok()
     }
     /// Returns the first vertex of the surface at each position.
-    pub(crate) fn first_at_each(&self) -> Vec<VertexId> {
+    pub(crate) fn first_vertices(&self) -> Vec<VertexId> {
         let mut first = vec![NONE; self.point_count];
         for (i, r) in self.rank.iter().enumerate().rev() {
             if *r != NONE {
@@ -145,13 +146,13 @@ impl Ordered {
     }
     /// Returns the ordered input computed again from the original surface, bit for bit the same, for four
     /// bytes a face.
-    pub(crate) fn again<'a>(&'a self, surface: &'a Surface<'a>) -> RemadeInput<'a> {
+    pub(crate) fn remade<'a>(&'a self, surface: &'a Surface<'a>) -> RemadeInput<'a> {
         let faces = self.of_faces(surface, |i| i as u32);
         let (there, here, first) = (Vec::new(), Vec::new(), Vec::new());
         RemadeInput { ordered: self, surface, faces, from: 0, there, here, first }
     }
     /// Computes the points again from the original surface.
-    pub(crate) fn points_again(&self, surface: &Surface<'_>) -> Vec<Vec3> {
+    pub(crate) fn remake_points(&self, surface: &Surface<'_>) -> Vec<Vec3> {
         let mut points = vec![Vec3::ZERO; self.point_count];
         for (i, r) in self.rank.iter().enumerate() {
             if *r != NONE {
@@ -161,13 +162,13 @@ impl Ordered {
         points
     }
     /// Computes the faces again from the original surface.
-    pub(crate) fn faces_again(&self, surface: &Surface<'_>) -> Vec<[VertexId; 3]> {
+    pub(crate) fn remake_faces(&self, surface: &Surface<'_>) -> Vec<[VertexId; 3]> {
         let face = |_, t: &[VertexId; 3]| t.map(|v| self.rank[v.index()]);
-        by_least(surface.triangles(), &self.rank, self.point_count, face, |_| {})
+        items_by_lowest_vertex(surface.triangles(), &self.rank, self.point_count, face, |_| {})
     }
     /// Returns an item for each face, from its index in the original surface, in the order of the faces.
     pub(crate) fn of_faces<T: Zeroable>(&self, surface: &Surface<'_>, item: impl Fn(usize) -> T) -> Vec<T> {
-        by_least(surface.triangles(), &self.rank, self.point_count, |i, _| item(i), |_| {})
+        items_by_lowest_vertex(surface.triangles(), &self.rank, self.point_count, |i, _| item(i), |_| {})
     }
     /// Returns the wedges of the faces, in the order of the faces, from the original mesh.
     pub(crate) fn wedges(&self, surface: &Surface<'_>, mesh: &TriMesh) -> Vec<[WedgeId; 3]> {
@@ -192,14 +193,14 @@ pub(crate) struct RemadeInput<'a> {
 }
 
 /// Number of faces per block. (Guessed: 24 bytes each, so that they stay in the nearest cache.)
-const BLOCK: usize = 256;
+const FACES_PER_BLOCK: usize = 256;
 
 impl RemadeInput<'_> {
     #[cold]
     #[inline(never)]
     fn look_up(&mut self, face: usize) {
-        self.from = face - face % BLOCK;
-        let block = &self.faces[self.from..self.faces.len().min(self.from + BLOCK)];
+        self.from = face - face % FACES_PER_BLOCK;
+        let block = &self.faces[self.from..self.faces.len().min(self.from + FACES_PER_BLOCK)];
         self.there.clear();
         self.there.extend(block.iter().map(|&i| self.surface.triangles()[i as usize]));
         self.here.clear();
@@ -246,7 +247,7 @@ impl OrderedInput for RemadeInput<'_> {
     }
     fn start_random_access(&mut self) {
         (self.faces, self.there, self.here) = (Vec::new(), Vec::new(), Vec::new());
-        self.first = self.ordered.first_at_each();
+        self.first = self.ordered.first_vertices();
     }
     fn position(&self, v: VertexId) -> Vec3 {
         self.place_there(self.first[v.index()])
@@ -312,7 +313,7 @@ fn ranked(rank: &[VertexId], t: &[VertexId; 3]) -> Result<[VertexId; 3], Unfit> 
 /// Returns an item for each sound face, from its index and its vertices, in the order of the faces' lowest
 /// vertices. Calls `left_out` with the reason for each of the others.
 #[inline(never)]
-fn by_least<T: Zeroable>(
+fn items_by_lowest_vertex<T: Zeroable>(
     triangles: &[[VertexId; 3]],
     rank: &[VertexId],
     points: usize,
@@ -322,7 +323,7 @@ fn by_least<T: Zeroable>(
     let mut at = vec![0u32; points];
     let least = |t| ranked(rank, t).map(|r| r[0].min(r[1]).min(r[2]));
     // Computing them again takes as long as the rest, but saves memory.
-    let is_kept = triangles.len() <= MEMORY_FREE_UP_TO;
+    let is_kept = triangles.len() <= TIME_OVER_MEMORY_MAX_FACES;
     let mut kept = Vec::with_capacity(if is_kept { triangles.len() } else { 0 });
     for t in triangles {
         let least = match least(t) {
@@ -339,7 +340,7 @@ fn by_least<T: Zeroable>(
             kept.push(least);
         }
     }
-    let mut out: Vec<T> = zeroed_vec(as_begins(&mut at) as usize);
+    let mut out: Vec<T> = zeroed_vec(to_offsets(&mut at) as usize);
     for (i, t) in triangles.iter().enumerate() {
         let least = if is_kept { kept[i] } else { least(t).unwrap_or(NONE) };
         if least != NONE {
@@ -352,7 +353,7 @@ fn by_least<T: Zeroable>(
 }
 
 /// Replaces counts by offsets (exclusive prefix sum). Returns the sum.
-fn as_begins(counts: &mut [u32]) -> u32 {
+fn to_offsets(counts: &mut [u32]) -> u32 {
     let mut sum = 0;
     for count in counts {
         sum += std::mem::replace(count, sum);
@@ -397,7 +398,7 @@ fn sorted(mut keys: Vec<u64>) -> (Vec<u64>, u32) {
     // All digits are counted in one pass.
     let mut counts = [[0u32; DIGITS]; 3];
     let digit = |key: u64, pass: usize| (key >> (32 + DIGIT_BITS * pass as u32)) as usize % DIGITS;
-    let first = if keys.len() < SORTED_THRICE { 1 } else { 0 };
+    let first = if keys.len() < THREE_DIGIT_MIN_VERTICES { 1 } else { 0 };
     for &key in &keys {
         for pass in first..3 {
             counts[pass][digit(key, pass)] += 1;
@@ -406,7 +407,7 @@ fn sorted(mut keys: Vec<u64>) -> (Vec<u64>, u32) {
     let mut spare = vec![0; keys.len()];
     for pass in first..3 {
         let at = &mut counts[pass];
-        as_begins(at);
+        to_offsets(at);
         for &key in &keys {
             let slot = &mut at[digit(key, pass)];
             spare[*slot as usize] = key;
@@ -483,7 +484,7 @@ fn add_cell<T: Copy + PartialOrd>(run: &mut [u64], places: &[[T; 3]], frame: &Fr
 where
     f64: From<T>,
 {
-    let is_many = run.len() > MANY;
+    let is_many = run.len() > CELL_SORT_MIN_VERTICES;
     if is_many {
         run.sort_unstable_by(|a, b| {
             let (p, q) = (places[vertex(*a).index()], places[vertex(*b).index()]);
@@ -547,7 +548,7 @@ mod tests {
     fn points_stand_along_the_curve() {
         // Sorted by two digits and by three; both points of a pair share a cell, and points near a corner
         // the first two digits.
-        for count in [600, SORTED_THRICE as u32 + 10] {
+        for count in [600, THREE_DIGIT_MIN_VERTICES as u32 + 10] {
             let random = |i: u32, k: u32| (i / 2 * 3 + k).wrapping_mul(0x9e37_79b9).rotate_left(13);
             let unit = |x: u32| (x >> 8) as f32 / (1 << 24) as f32 * if x & 1 == 0 { 1.0 } else { 0.004 };
             let p: Vec<[f32; 3]> =
@@ -591,7 +592,7 @@ mod tests {
         faces.insert(7, [0, 1, 1]);
         let s = Surface::new(PositionsView::F32(&p), bytemuck::cast_slice(&faces)).unwrap();
         let o = order(&s);
-        let mut again = o.again(&s);
+        let mut again = o.remade(&s);
         assert_eq!((again.point_count(), again.face_count()), (o.points.len(), 300));
         for (i, t) in o.faces.iter().enumerate() {
             again.prefetch(i + 8);

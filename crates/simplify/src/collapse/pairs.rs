@@ -38,15 +38,15 @@ const RENEW_PERCENT: usize = 70;
 /// ones matter.
 const RENEW_BELOW: usize = 2000;
 /// Vertices with more faces are skipped, and so are their neighbours.
-const MOST_FACES: usize = 200;
+const MAX_PAIR_FACES: usize = 200;
 /// Budget of the search for pairs and of visits to the faces round them, per vertex of the input; no more
 /// are contracted after it. (A level of 1,194 parts took 300,000 visits and 400 searches until nothing was
 /// left to contract, half a minute in all; contractions after the first tenth of that improved nothing.)
-const LOOKS_PER_VERTEX: usize = 8;
+const VISITS_PER_VERTEX: usize = 8;
 /// Budget on top of that, since on small meshes pairs are searched for after every sweep.
-const FREE_LOOKS: usize = 100_000;
+const FREE_VISITS: usize = 100_000;
 /// Maximum number of bundles that are tried for a pair and adjacent ones, the nearest first.
-const MOST_WAYS: usize = 3;
+const MAX_BUNDLES: usize = 3;
 
 /// Two vertices, the kept one first, and the last known cost of their contraction.
 #[derive(Clone, Copy)]
@@ -64,7 +64,7 @@ pub(crate) struct Pairs {
     /// State at the last search: numbering of the store, live vertices, and collapses.
     found_at: Option<(u32, usize, u64)>,
     /// Remaining budget of visits to the faces round a pair.
-    looks_left: usize,
+    visits_left: usize,
     work: PairScratch,
 }
 
@@ -75,13 +75,19 @@ struct PairScratch {
     ru: Ring,
     rv: Ring,
     ring: Ring,
-    ways: Vec<(f32, Vec<[VertexId; 2]>)>,
+    bundles: Vec<(f32, Vec<[VertexId; 2]>)>,
 }
 
 impl Pairs {
     pub(crate) fn new(reach: f32, vertices: usize) -> Self {
-        let looks_left = LOOKS_PER_VERTEX.saturating_mul(vertices).saturating_add(FREE_LOOKS);
-        Self { reach, list: Vec::new(), found_at: None, looks_left, work: PairScratch::default() }
+        let looks_left = VISITS_PER_VERTEX.saturating_mul(vertices).saturating_add(FREE_VISITS);
+        Self {
+            reach,
+            list: Vec::new(),
+            found_at: None,
+            visits_left: looks_left,
+            work: PairScratch::default(),
+        }
     }
     /// Returns an error if the current pairs are inconsistent; skipped if vertices were renumbered since
     /// the search.
@@ -104,7 +110,7 @@ impl Pairs {
 /// Keeps the nearest bundles, in order.
 fn keep_nearest(ways: &mut Vec<(f32, Vec<[VertexId; 2]>)>) {
     ways.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
-    ways.truncate(MOST_WAYS);
+    ways.truncate(MAX_BUNDLES);
 }
 
 impl<M: Metric> Engine<M> {
@@ -131,7 +137,7 @@ impl<M: Metric> Engine<M> {
         let mut list = std::mem::take(&mut pairs.list);
         let tau = if probe { f32::MAX } else { tau };
         for (i, pair) in list.iter_mut().enumerate() {
-            if verdict != Verdict::Continue || self.mesh.needed(goal) == Some(0) || pairs.looks_left == 0 {
+            if verdict != Verdict::Continue || self.mesh.needed(goal) == Some(0) || pairs.visits_left == 0 {
                 break;
             }
             if i % VISITS_PER_PROGRESS_REPORT == VISITS_PER_PROGRESS_REPORT - 1 {
@@ -151,7 +157,7 @@ impl<M: Metric> Engine<M> {
         }
         pairs.list = list;
         // (Without pairs the sweeps continue with edges alone.)
-        if pairs.looks_left > 0 {
+        if pairs.visits_left > 0 {
             self.mesh.topology.pairs = Some(pairs);
         }
         verdict
@@ -160,7 +166,7 @@ impl<M: Metric> Engine<M> {
 
 impl<M: Metric> LiveMesh<M> {
     /// Enables contraction of pairs nearer than `reach`; before any collapse.
-    pub(crate) fn watch_pairs(&mut self, reach: f32) {
+    pub(crate) fn enable_pairs(&mut self, reach: f32) {
         self.topology.pairs = Some(Pairs::new(reach, self.store.live_vertices));
         if self.cost.metric.is_memoryless() || !self.has_lines() {
             return;
@@ -190,7 +196,7 @@ impl<M: Metric> LiveMesh<M> {
     }
 
     /// Removes the line quadrics of a vertex if its borders have closed.
-    fn forget_lines(&mut self, w: VertexId) {
+    fn remove_lines(&mut self, w: VertexId) {
         let x = self.store.v[w.index()];
         let Some(lines) = self.cost.lines.get_mut(x.origin.index()).filter(|_| !x.kind.is_feature()) else {
             return;
@@ -224,7 +230,7 @@ impl<M: Metric> Engine<M> {
     /// Searches for pairs again.
     fn find_pairs(&mut self, pairs: &mut Pairs, ask: &mut impl FnMut(&Self) -> Verdict) -> Verdict {
         let (alive, sites) = self.mesh.sites();
-        pairs.looks_left = pairs.looks_left.saturating_sub(alive.len());
+        pairs.visits_left = pairs.visits_left.saturating_sub(alive.len());
         let (mut verdict, mut asked) = (Verdict::Continue, 0usize);
         let found = near_pairs(&sites, pairs.reach, || {
             asked += 1;
@@ -266,7 +272,7 @@ impl<M: Metric> LiveMesh<M> {
             p: store.p(u),
             part: part_of[u.index()],
             normal: normals[u.index()].normalize_or_zero(),
-            out: self.way_out(u),
+            out: self.outward_direction(u),
         });
         let sites = sites.collect();
         (alive, sites)
@@ -274,7 +280,7 @@ impl<M: Metric> LiveMesh<M> {
 
     /// Returns the direction away from the surface in its plane for a vertex on a border; zero if its
     /// borders point in several directions.
-    fn way_out(&self, u: VertexId) -> Option<Vec3> {
+    fn outward_direction(&self, u: VertexId) -> Option<Vec3> {
         let store = &self.store;
         if !store.v[u.index()].kind.is_feature() {
             return None;
@@ -305,12 +311,12 @@ impl<M: Metric> LiveMesh<M> {
                 continue;
             }
             self.store.ring(u, &mut ru);
-            if ru.len() > MOST_FACES {
+            if ru.len() > MAX_PAIR_FACES {
                 continue;
             }
             for v in distinct(&ru).filter(|&v| v > u && faces_at(&ru, v) == 1) {
                 let distance_sq = (self.store.p(v) - self.store.p(u)).length_squared();
-                if distance_sq >= reach * reach || self.store.listed(v).len() > MOST_FACES {
+                if distance_sq >= reach * reach || self.store.listed(v).len() > MAX_PAIR_FACES {
                     continue;
                 }
                 self.store.ring(v, &mut rv);
@@ -345,31 +351,31 @@ impl<M: Metric> Engine<M> {
         // Adjacent pairs only add to the cost, so this is a lower bound; most pairs are too expensive at
         // any time.
         let least = match self.mesh.place_pair(u, v, &mut work.ring) {
-            Ok((_, cost)) => (cost + self.mesh.gap(u, v)) * self.mesh.price_of(u, v),
+            Ok((_, cost)) => (cost + self.mesh.gap_cost(u, v)) * self.mesh.pair_cost_factor(u, v),
             Err(why) => return CollapseOutcome::Refused(why),
         };
         if least > tau && !probe {
             return CollapseOutcome::Later(least);
         }
-        pairs.looks_left = pairs.looks_left.saturating_sub(1);
+        pairs.visits_left = pairs.visits_left.saturating_sub(1);
         self.mesh.store.ring(u, &mut work.ru);
         self.mesh.store.ring(v, &mut work.rv);
-        let is_large = |w: VertexId| self.mesh.store.listed(w).len() > MOST_FACES;
-        if work.ru.len() + work.rv.len() > MOST_FACES
+        let is_large = |w: VertexId| self.mesh.store.listed(w).len() > MAX_PAIR_FACES;
+        if work.ru.len() + work.rv.len() > MAX_PAIR_FACES
             || work.ru.iter().chain(&work.rv).any(|r| is_large(r.a) || is_large(r.b))
         {
             return CollapseOutcome::Refused(Refusal::Valence);
         }
-        work.bundle.set(&mut self.mesh.store, &[[u, v]]);
+        work.bundle.set_pairs(&mut self.mesh.store, &[[u, v]]);
         let alone = work.bundle.effect(&mut self.mesh.store);
         if alone == Effect::Manifold {
             return self.try_bundle(tau, probe, work);
         }
         let mut why = Refusal::LinkCondition;
         if faces_at(&work.ru, v) == 0 {
-            self.mesh.find_ways(u, v, reach, work);
-            for i in 0..work.ways.len() {
-                work.bundle.set(&mut self.mesh.store, &work.ways[i].1);
+            self.mesh.find_bundles(u, v, reach, work);
+            for i in 0..work.bundles.len() {
+                work.bundle.set_pairs(&mut self.mesh.store, &work.bundles[i].1);
                 if work.bundle.effect(&mut self.mesh.store) != Effect::Manifold {
                     continue;
                 }
@@ -391,7 +397,7 @@ impl<M: Metric> Engine<M> {
         if !may {
             return CollapseOutcome::Refused(why);
         }
-        work.bundle.set(&mut self.mesh.store, &[[u, v]]);
+        work.bundle.set_pairs(&mut self.mesh.store, &[[u, v]]);
         self.try_bundle(tau, probe, work)
     }
 }
@@ -399,8 +405,8 @@ impl<M: Metric> Engine<M> {
 impl<M: Metric> LiveMesh<M> {
     /// Finds bundles with adjacent pairs that may join the surfaces along an edge or by two faces: nearest
     /// first.
-    fn find_ways(&mut self, u: VertexId, v: VertexId, reach: f32, work: &mut PairScratch) {
-        let PairScratch { ru, rv, ring, ways, .. } = work;
+    fn find_bundles(&mut self, u: VertexId, v: VertexId, reach: f32, work: &mut PairScratch) {
+        let PairScratch { ru, rv, ring, bundles: ways, .. } = work;
         ways.clear();
         let apart =
             |mesh: &Self, x: VertexId, y: VertexId| (mesh.store.p(x) - mesh.store.p(y)).length_squared();
@@ -464,10 +470,10 @@ impl<M: Metric> Engine<M> {
                 }
                 Err(why) => return CollapseOutcome::Refused(why),
             }
-            price = price.max(self.mesh.price_of(joint.u, joint.v));
-            gaps += self.mesh.gap(joint.u, joint.v);
+            price = price.max(self.mesh.pair_cost_factor(joint.u, joint.v));
+            gaps += self.mesh.gap_cost(joint.u, joint.v);
         }
-        let loss = match self.mesh.loss(bundle, &mut work.ring) {
+        let loss = match self.mesh.plane_cost(bundle, &mut work.ring) {
             Ok(loss) => loss,
             Err(why) => return CollapseOutcome::Refused(why),
         };
@@ -478,7 +484,7 @@ impl<M: Metric> Engine<M> {
             if cost > tau && !probe {
                 break;
             }
-            let charge = self.mesh.charge_pair(
+            let charge = self.mesh.sampled_pair_cost(
                 joint,
                 [cost, f32::INFINITY],
                 &mut work.ring,
@@ -490,22 +496,22 @@ impl<M: Metric> Engine<M> {
         if cost > tau || probe {
             return CollapseOutcome::Later(cost * price);
         }
-        self.tally.spent += f64::from(plain);
+        self.tally.collapse_cost += f64::from(plain);
         self.apply_bundle(bundle, &mut work.ring);
         let moved: Vec<VertexId> = bundle.joints.iter().map(|j| j.u).collect();
-        self.note(bundle.faces.iter().map(|c| c.face), &moved, cost * price);
+        self.log_change(bundle.faces.iter().map(|c| c.face), &moved, cost * price);
         CollapseOutcome::Done
     }
 }
 
 impl<M: Metric> LiveMesh<M> {
     /// Returns the cost of the gap between two vertices.
-    fn gap(&self, u: VertexId, v: VertexId) -> f32 {
+    fn gap_cost(&self, u: VertexId, v: VertexId) -> f32 {
         GAP_WEIGHT * self.cost.area * (self.store.p(v) - self.store.p(u)).length_squared()
     }
 
-    fn price_of(&self, u: VertexId, v: VertexId) -> f32 {
-        self.price_weight(self.store.v[u.index()].origin, self.store.v[v.index()].origin)
+    fn pair_cost_factor(&self, u: VertexId, v: VertexId) -> f32 {
+        self.cost_factor(self.store.v[u.index()].origin, self.store.v[v.index()].origin)
     }
 
     /// Returns the merged position of two vertices, and its cost by the metric.
@@ -569,7 +575,7 @@ impl<M: Metric> LiveMesh<M> {
     }
 
     /// Returns the cost of a bundle by the planes around it.
-    fn loss(&mut self, bundle: &Bundle, ring: &mut Ring) -> Result<f32, Refusal> {
+    fn plane_cost(&mut self, bundle: &Bundle, ring: &mut Ring) -> Result<f32, Refusal> {
         let (mut cost, mut area, mut peak, mut turned) = (0f32, 0f32, 0f32, false);
         for joint in &bundle.joints {
             for w in [joint.u, joint.v] {
@@ -657,7 +663,7 @@ impl<M: Metric> LiveMesh<M> {
     }
 
     /// Returns the cost of contracting a pair plus the sampled cost, in the late phase.
-    fn charge_pair(
+    fn sampled_pair_cost(
         &self,
         joint: &Joint,
         [cost, most]: [f32; 2],
@@ -727,18 +733,18 @@ impl<M: Metric> Engine<M> {
         touched.dedup();
         for &joint in &bundle.joints {
             let Self { mesh, scratch, tally, .. } = self;
-            if let Some(charge) = mesh.charge_pair(&joint, [0.0, f32::MAX], ring, scratch, tally)
+            if let Some(charge) = mesh.sampled_pair_cost(&joint, [0.0, f32::MAX], ring, scratch, tally)
                 && charge.cost <= f32::MAX
             {
                 let origins = [joint.u, joint.v].map(|w| mesh.store.v[w.index()].origin);
-                mesh.hand_over_samples(origins, &charge, &mut scratch.late);
+                mesh.hand_over_samples(origins, &charge, &mut scratch.samples);
             }
             self.merge_ends(joint.u, joint.v, joint.at, ring);
         }
         for c in bundle.faces.iter().filter(|c| c.is_gone) {
             self.mesh.store.remove_face(c.face);
         }
-        touched.retain(|&w| bundle.now(w) == w);
+        touched.retain(|&w| bundle.vertex_after(w) == w);
         for &w in &touched {
             self.mesh.store.ring(w, ring);
             if ring.is_empty() {
@@ -754,7 +760,7 @@ impl<M: Metric> Engine<M> {
         touched.retain(|w| !self.mesh.store.v[w.index()].kind.is_gone());
         for &w in &touched {
             self.mesh.refresh(w, ring);
-            self.mesh.forget_lines(w);
+            self.mesh.remove_lines(w);
         }
         self.tally.pairs_contracted += bundle.joints.len();
     }
@@ -782,7 +788,7 @@ impl<M: Metric> Engine<M> {
         if let Some(record) = &mut self.record {
             record.merge(merged, origin);
         }
-        self.mesh.merge_prices(origin, merged);
+        self.mesh.merge_cost_factors(origin, merged);
         if !self.mesh.cost.metric.is_memoryless() {
             let (d, y) = (z.p - x.p, at - x.p);
             self.mesh.store.v[u.index()].q =

@@ -40,7 +40,7 @@ struct Component {
     faces: usize,
     area: f32,
     /// Weight of its absence; infinite if a vertex or a border is locked.
-    price: f32,
+    cost_factor: f32,
     min: Vec3,
     max: Vec3,
 }
@@ -49,7 +49,7 @@ impl Component {
     const EMPTY: Self = Self {
         faces: 0,
         area: 0.0,
-        price: 0.0,
+        cost_factor: 0.0,
         min: Vec3::splat(f32::INFINITY),
         max: Vec3::splat(f32::NEG_INFINITY),
     };
@@ -62,12 +62,12 @@ impl Component {
 
     /// Returns the cost times the importance; infinite if the part must stay.
     fn weighted_cost(&self) -> f32 {
-        if self.price < f32::INFINITY { self.price * self.cost() } else { f32::INFINITY }
+        if self.cost_factor < f32::INFINITY { self.cost_factor * self.cost() } else { f32::INFINITY }
     }
 
     fn size(&self, faces: usize) -> PartSize {
         let size_sq = (self.max - self.min).length_squared();
-        PartSize { price: self.price, face: self.area / faces as f32, size_sq }
+        PartSize { cost_factor: self.cost_factor, face: self.area / faces as f32, size_sq }
     }
 }
 
@@ -78,7 +78,7 @@ pub(crate) struct Parts {
     part_of: Vec<u32>,
     of_input: Vec<Component>,
     cost: Vec<f32>,
-    worth: Vec<f32>,
+    weighted_cost: Vec<f32>,
     /// Number of cut necks and of contracted pairs when the parts were found.
     changes: [usize; 2],
 }
@@ -103,7 +103,7 @@ impl<M: Metric> Engine<M> {
         let (part_of, parts) = self.mesh.find_parts();
         let worth: Vec<f32> = parts.iter().map(Component::weighted_cost).collect();
         let mut order = all_but_most_expensive((0..parts.len()).collect(), &worth);
-        order.retain(|&i| parts[i].price < f32::INFINITY);
+        order.retain(|&i| parts[i].cost_factor < f32::INFINITY);
         let faces: Vec<usize> = parts.iter().map(|p| p.faces).collect();
         let cost: Vec<f32> = parts.iter().map(Component::cost).collect();
         if let Some(record) = &mut self.record {
@@ -116,15 +116,17 @@ impl<M: Metric> Engine<M> {
     /// True if a run that kept all parts became expensive for it: parts with many of the faces would have
     /// been cheaper to remove than some collapses were. `cuts` is true if necks could be cut as well. Cost:
     /// O(n), but only for a run that became unproductive or is small.
-    pub(crate) fn has_parts_in_the_way(&self, cuts: bool) -> bool {
-        let is_asked = self.tally.is_strained || self.mesh.store.live_faces < ALWAYS_CHECKED_BELOW_FACES;
+    pub(crate) fn has_blocking_parts(&self, cuts: bool) -> bool {
+        let is_asked = self.tally.is_unproductive || self.mesh.store.live_faces < ALWAYS_CHECKED_BELOW_FACES;
         if !is_asked || self.mesh.topology.parts.is_some() {
             return false;
         }
         let parts = self.mesh.find_parts().1;
         let weight = if cuts { FREE_PART_WEIGHT } else { 1.0 };
-        let rates: Vec<f32> =
-            parts.iter().map(|p| self.mesh.rate(p, weight * p.weighted_cost(), p.faces)).collect();
+        let rates: Vec<f32> = parts
+            .iter()
+            .map(|p| self.mesh.cost_per_face_pair(p, weight * p.weighted_cost(), p.faces))
+            .collect();
         let all = (0..parts.len()).filter(|&i| parts[i].faces > 0).collect();
         let cheap = all_but_most_expensive(all, &rates)
             .into_iter()
@@ -136,44 +138,53 @@ impl<M: Metric> Engine<M> {
 
 impl<M: Metric> LiveMesh<M> {
     /// Returns the cost per two faces of a part of the weighted cost `worth` and with `faces` faces left.
-    fn rate(&self, part: &Component, worth: f32, faces: usize) -> f32 {
-        self.cost.metric.part_rate(2.0 * worth / faces as f32, &part.size(faces), self.cost.mean_face)
+    fn cost_per_face_pair(&self, part: &Component, worth: f32, faces: usize) -> f32 {
+        self.cost.metric.part_cost_per_face_pair(
+            2.0 * worth / faces as f32,
+            &part.size(faces),
+            self.cost.mean_face,
+        )
     }
 }
 
 impl<M: Metric> Engine<M> {
     /// Enables the removal of parts in order of cost. The store is compact.
-    pub(crate) fn watch_parts(&mut self) {
+    pub(crate) fn enable_part_removal(&mut self) {
         let (label, parts) = self.mesh.find_parts();
         let mut part_of = vec![0; self.mesh.store.merged_into.len()];
         for (x, &l) in self.mesh.store.v.iter().zip(&label) {
             part_of[x.origin.index()] = l;
         }
-        self.watch(part_of, parts);
+        self.set_parts(part_of, parts);
     }
 
     /// Enables the removal of parts in a running engine, with their size in the input, given by these
     /// positions and faces. Uses the current parts if necks were cut or pairs contracted since.
-    pub(super) fn watch_parts_of(&mut self, points: &[Vec3], faces: &[[VertexId; 3]]) {
+    pub(super) fn enable_part_removal_as_in(&mut self, points: &[Vec3], faces: &[[VertexId; 3]]) {
         if self.changes_of_parts() != [0, 0] {
-            return self.watch_parts();
+            return self.enable_part_removal();
         }
         let part_of = labels(points.len(), faces);
-        let mut parts = measured(&part_of, |w| points[w.index()], faces);
+        let mut parts = measure_parts(&part_of, |w| points[w.index()], faces);
         for x in &self.mesh.store.v {
             let part = &mut parts[part_of[x.origin.index()] as usize];
-            part.price = part.price.max(self.mesh.absence_price(x));
+            part.cost_factor = part.cost_factor.max(self.mesh.absence_cost_factor(x));
         }
         self.mesh.keep_locked_borders(&part_of, faces, &mut parts);
-        self.watch(part_of, parts);
+        self.set_parts(part_of, parts);
     }
 
-    fn watch(&mut self, part_of: Vec<u32>, parts: Vec<Component>) {
+    fn set_parts(&mut self, part_of: Vec<u32>, parts: Vec<Component>) {
         let weight = if self.mesh.constraints.cuts_necks { FREE_PART_WEIGHT } else { 1.0 };
         let cost = parts.iter().map(|p| p.cost() * weight).collect();
         let worth = parts.iter().map(|p| p.weighted_cost() * weight).collect();
-        self.mesh.topology.parts =
-            Some(Parts { part_of, of_input: parts, cost, worth, changes: self.changes_of_parts() });
+        self.mesh.topology.parts = Some(Parts {
+            part_of,
+            of_input: parts,
+            cost,
+            weighted_cost: worth,
+            changes: self.changes_of_parts(),
+        });
     }
 
     /// Removes the parts whose cost per two faces, as of a collapse, is at most `tau`.
@@ -181,14 +192,15 @@ impl<M: Metric> Engine<M> {
         if self.mesh.topology.parts.as_ref().is_some_and(|p| p.changes != self.changes_of_parts()) {
             // Cuts have created new parts, and pair contractions have joined some.
             self.mesh.store.compact();
-            self.watch_parts();
+            self.enable_part_removal();
         }
         let Some(parts) = self.mesh.topology.parts.take() else { return };
         let mut faces = vec![0usize; parts.cost.len()];
         for t in self.mesh.store.t.iter().filter(|t| t[0] != NONE) {
             faces[parts.part_of[self.mesh.store.v[t[0].index()].origin.index()] as usize] += 1;
         }
-        let rate = |i: usize| self.mesh.rate(&parts.of_input[i], parts.worth[i], faces[i]);
+        let rate =
+            |i: usize| self.mesh.cost_per_face_pair(&parts.of_input[i], parts.weighted_cost[i], faces[i]);
         let rates: Vec<f32> = (0..faces.len()).map(rate).collect();
         let mut order = all_but_most_expensive((0..faces.len()).filter(|&i| faces[i] > 0).collect(), &rates);
         order.retain(|&i| rates[i] <= tau);
@@ -264,14 +276,14 @@ impl<M: Metric> Engine<M> {
             };
             at += 1;
             gone[i] = true;
-            self.tally.lost += f64::from(cost[i]);
+            self.tally.removed_part_cost += f64::from(cost[i]);
             self.mesh.store.live_faces -= faces[i];
             self.mesh.store.live_vertices -= vertices[i];
             self.tally.parts_removed += 1;
             if let Some(faces_of) = &faces_of {
                 faces_of[i].iter().for_each(|&f| self.mesh.store.t[f][0] = NONE);
                 let face = 2.0 * cost[i] / faces[i].max(1) as f32;
-                self.note(faces_of[i].iter().copied(), &[], face);
+                self.log_change(faces_of[i].iter().copied(), &[], face);
             }
         }
         for t in self.mesh.store.t.iter_mut().filter(|t| t[0] != NONE) {
@@ -302,10 +314,10 @@ impl<M: Metric> LiveMesh<M> {
     /// vertex.
     fn find_parts(&self) -> (Vec<u32>, Vec<Component>) {
         let label = self.label_parts();
-        let mut parts = measured(&label, |w| self.store.p(w), &self.store.t);
+        let mut parts = measure_parts(&label, |w| self.store.p(w), &self.store.t);
         for (x, &l) in self.store.v.iter().zip(&label) {
             let part = &mut parts[l as usize];
-            part.price = part.price.max(self.absence_price(x));
+            part.cost_factor = part.cost_factor.max(self.absence_cost_factor(x));
         }
         self.keep_locked_borders(&label, &self.store.t, &mut parts);
         (label, parts)
@@ -321,13 +333,13 @@ impl<M: Metric> LiveMesh<M> {
         let mut edges: Vec<[VertexId; 2]> = sides.map(|[a, b]| [a.min(b), a.max(b)]).collect();
         edges.sort_unstable();
         for edge in edges.chunk_by(|e, f| e == f).filter(|same| same.len() == 1) {
-            parts[part_of[edge[0][0].index()] as usize].price = f32::INFINITY;
+            parts[part_of[edge[0][0].index()] as usize].cost_factor = f32::INFINITY;
         }
     }
 
     /// Returns the weight of the absence of a vertex.
-    fn absence_price(&self, x: &Vertex<M::Memory>) -> f32 {
-        if x.kind.is_locked() { f32::INFINITY } else { self.price_weight(x.origin, x.origin) }
+    fn absence_cost_factor(&self, x: &Vertex<M::Memory>) -> f32 {
+        if x.kind.is_locked() { f32::INFINITY } else { self.cost_factor(x.origin, x.origin) }
     }
 
     /// Returns the part of each vertex; parts are numbered in the order of their first vertex.
@@ -344,7 +356,7 @@ fn is_far_below(goal: &Goal, (faces, vertices): (usize, usize), share: f64) -> b
 }
 
 /// Computes parts without their weights; `label` is the part of each point.
-fn measured(label: &[u32], at: impl Fn(VertexId) -> Vec3, faces: &[[VertexId; 3]]) -> Vec<Component> {
+fn measure_parts(label: &[u32], at: impl Fn(VertexId) -> Vec3, faces: &[[VertexId; 3]]) -> Vec<Component> {
     let mut parts = vec![Component::EMPTY; label.iter().copied().max().map_or(0, |m| m as usize + 1)];
     for (i, &l) in label.iter().enumerate() {
         let (p, part) = (at(VertexId(i as u32)), &mut parts[l as usize]);

@@ -19,7 +19,7 @@ use crate::metric::{Metric, VertexMemory};
 /// Share of the bounds that one sweep takes in a recorded run: every level is to be good, not only the
 /// last. (Measured: at 0.7 levels have up to 1.6 times the RMS of single runs, at 0.25 up to 1.06, at 0.05
 /// up to 1.04; exactly flat parts need 0.05. docs/decisions/0018)
-pub(super) const QUANTILE: f64 = 0.05;
+pub(super) const RECORD_QUANTILE: f64 = 0.05;
 
 /// Log of all changes, as lists of entries; each change stores the ends of its ranges.
 #[derive(Clone, Debug, Default)]
@@ -204,7 +204,7 @@ impl Record {
 
     /// Logs the differences at these faces of the store, which was not compacted since; `moved` are the
     /// vertices whose positions or values may have changed.
-    fn note<Q: VertexMemory>(
+    fn log_change<Q: VertexMemory>(
         &mut self,
         store: &Store<Q>,
         attributes: Option<&Attributes>,
@@ -243,12 +243,12 @@ impl Record {
                     self.copy.vertex_of[now.index()] = vertex;
                 }
                 if let (Some(w), true) = (own, now.index() < there.0 && moved.contains(&slot)) {
-                    self.note_row(attributes, now, w);
+                    self.log_row(attributes, now, w);
                 }
             }
         }
         if self.moves_whole {
-            self.hold_together(store, (faces, moved), (first_row, there.0));
+            self.average_movement(store, (faces, moved), (first_row, there.0));
         }
         for &slot in moved {
             let x = &store.v[slot.index()];
@@ -296,7 +296,7 @@ impl Record {
     /// Sets equal values, for data that moves a vertex as a whole, in the wedges of each vertex that a
     /// change moved. The rows logged by the change start at `first_row`, the wedges created by it at
     /// `there`.
-    fn hold_together<Q: VertexMemory>(
+    fn average_movement<Q: VertexMemory>(
         &mut self,
         store: &Store<Q>,
         (faces, moved): (&[usize], &[VertexId]),
@@ -326,7 +326,7 @@ impl Record {
         }
     }
 
-    fn note_row(&mut self, attributes: Option<&Attributes>, name: WedgeId, w: WedgeId) {
+    fn log_row(&mut self, attributes: Option<&Attributes>, name: WedgeId, w: WedgeId) {
         if self.seen.contains(&name) {
             return;
         }
@@ -364,7 +364,7 @@ impl Record {
 
 impl<M: Metric> Engine<M> {
     /// Logs the differences between the initial mesh of the engine and the input, as the first change.
-    pub(crate) fn note_start(&mut self, mut record: Box<Record>) {
+    pub(crate) fn log_start(&mut self, mut record: Box<Record>) {
         let mut is_alive = vec![false; record.copy.faces.len()];
         for &n in self.mesh.store.names.iter().flatten() {
             is_alive[record.names.faces[n as usize].index()] = true;
@@ -373,7 +373,7 @@ impl<M: Metric> Engine<M> {
             record.log.dead.push((FaceId::new(f), *t));
         }
         let all: Vec<usize> = (0..self.mesh.store.t.len()).collect();
-        record.note(
+        record.log_change(
             &self.mesh.store,
             self.mesh.values.attributes.as_ref(),
             (&all, &[]),
@@ -385,22 +385,22 @@ impl<M: Metric> Engine<M> {
 
     /// Logs a change of these faces, if there is a record.
     #[inline(always)]
-    pub(super) fn note(&mut self, faces: impl Iterator<Item = usize>, moved: &[VertexId], cost: f32) {
+    pub(super) fn log_change(&mut self, faces: impl Iterator<Item = usize>, moved: &[VertexId], cost: f32) {
         if self.record.is_some() {
             let mut faces: Vec<usize> = faces.collect();
             faces.sort_unstable();
             faces.dedup();
-            self.note_faces(&faces, moved, cost);
+            self.log_faces(&faces, moved, cost);
         }
     }
 
     #[inline(never)]
-    fn note_faces(&mut self, faces: &[usize], moved: &[VertexId], cost: f32) {
+    fn log_faces(&mut self, faces: &[usize], moved: &[VertexId], cost: f32) {
         let Some(mut record) = self.record.take() else { return };
         let moved: Vec<VertexId> =
             moved.iter().copied().filter(|w| !self.mesh.store.v[w.index()].kind.is_locked()).collect();
-        let paid = (cost, self.tally.spent, self.tally.lost);
-        record.note(&self.mesh.store, self.mesh.values.attributes.as_ref(), (faces, &moved), paid);
+        let paid = (cost, self.tally.collapse_cost, self.tally.removed_part_cost);
+        record.log_change(&self.mesh.store, self.mesh.values.attributes.as_ref(), (faces, &moved), paid);
         self.record = Some(record);
     }
 
@@ -410,7 +410,7 @@ impl<M: Metric> Engine<M> {
         self.mesh.store.link();
         self.mesh.constraints.cuts_necks = cuts_necks;
         self.mesh.constraints.keeps_parts = false;
-        self.watch_parts();
+        self.enable_part_removal();
         if let Some(record) = &mut self.record {
             record.raise_floor();
         }

@@ -17,15 +17,15 @@ impl<M: Metric> Engine<M> {
     /// Prepares a finished engine for more sweeps, with new attribute weights.
     pub(crate) fn reopen(&mut self, weights: Option<&[f32]>) {
         self.mesh.store.reopen();
-        self.mesh.count(weights);
+        self.mesh.set_attribute_weights(weights);
     }
 
     /// Continues interrupted sweeps to a lower goal, with new attribute weights.
-    pub(crate) fn go_on_to(&mut self, sweeps: &mut Sweeps, goal: &Goal, weights: Option<&[f32]>) {
+    pub(crate) fn lower_goal(&mut self, sweeps: &mut Sweeps, goal: &Goal, weights: Option<&[f32]>) {
         if self.mesh.values.attributes.is_some() && weights.is_some() {
             // Tensors are computed from live elements only.
             self.mesh.store.compact();
-            if self.mesh.count(weights) && sweeps.awaits_threshold() {
+            if self.mesh.set_attribute_weights(weights) && sweeps.awaits_threshold() {
                 if sweeps.has_swept {
                     sweeps.set_bounds(self.mesh.bounds());
                 } else {
@@ -33,28 +33,28 @@ impl<M: Metric> Engine<M> {
                 }
             }
         }
-        sweeps.begun_with = self.mesh.needed(goal).unwrap_or(self.mesh.store.live_faces / 2).max(1);
+        sweeps.needed_at_start = self.mesh.needed(goal).unwrap_or(self.mesh.store.live_faces / 2).max(1);
     }
 }
 
 impl<M: Metric> LiveMesh<M> {
     /// Sets the attribute weights of a compact store; returns true if they changed.
-    fn count(&mut self, weights: Option<&[f32]>) -> bool {
+    fn set_attribute_weights(&mut self, weights: Option<&[f32]>) -> bool {
         let Some((attributes, weights)) = self.values.attributes.as_mut().zip(weights) else { return false };
         let own = attributes.weights_mut();
         let is_other = *own != *weights;
         own.copy_from_slice(weights);
         if is_other {
-            attributes.forget();
+            attributes.invalidate_reductions();
         }
         if is_other && self.cost.metric.is_memoryless() {
-            self.weigh_again();
+            self.recompute_quadrics();
         }
         is_other
     }
 
     /// Recomputes the tensors of all vertices from the current surface; data of the input is kept.
-    fn weigh_again(&mut self) {
+    fn recompute_quadrics(&mut self) {
         let facings: Vec<_> = self.store.v.iter().map(|x| x.facing).collect();
         let of_input = (self.cost.total_area, self.cost.mean_face);
         self.store.reset_quadrics();

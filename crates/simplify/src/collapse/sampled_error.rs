@@ -27,7 +27,7 @@ const EXTREME_FACES: usize = 600;
 const EXTREME_REDUCTION: usize = 20;
 /// Share of the bounds per sweep in this phase. (Measured: 0.1 to 0.3 are equal within noise, 0.2 takes a
 /// sixth less time than 0.1.)
-pub(crate) const QUANTILE: f64 = 0.2;
+pub(crate) const LATE_QUANTILE: f64 = 0.2;
 /// Maximum mean number of samples per vertex when the phase begins.
 const SAMPLES_PER_VERTEX: usize = 32;
 /// Number of samples above which a vertex keeps every second one, and the farthest.
@@ -48,12 +48,12 @@ pub(crate) fn is_extreme(target: usize, faces: usize) -> bool {
 /// and other levels. If a tenth of the input is no extreme target, the phase begins below that: otherwise
 /// that level would lose what lower ones gain. (Measured: fandisk at 10 % has 1.07 times the RMS of a
 /// single run from 2,000 on, 1.02 from 1,600.)
-pub(crate) fn begin_of_record(faces: usize) -> usize {
+pub(crate) fn start_faces_of_record(faces: usize) -> usize {
     if is_extreme(faces / 10, faces) { START_FACES } else { START_FACES.min(faces / 8) }
 }
 
 /// Returns the number of live triangles below which the phase begins in a run to one target.
-pub(crate) fn begin(faces: usize, with_attributes: bool) -> usize {
+pub(crate) fn start_faces(faces: usize, with_attributes: bool) -> usize {
     if with_attributes { START_FACES.min((faces as f64 * START_SHARE) as usize) } else { START_FACES }
 }
 
@@ -86,7 +86,7 @@ pub(crate) struct SampledError {
 
 /// Scratch buffers of a sampled cost.
 #[derive(Clone, Default)]
-pub(super) struct LateScratch {
+pub(super) struct SampleScratch {
     /// Samples of both ends.
     merged: Vec<Sample>,
     /// Star of the merged vertex.
@@ -128,7 +128,7 @@ fn measure(samples: &[Sample], star: &Star, most: f32) -> (f32, usize, f32) {
 impl SampledError {
     /// Distributes the samples of the first of two vertices at one position to both, each to the nearer
     /// star.
-    pub(super) fn share(&mut self, origins: [VertexId; 2], stars: &[Star; 2]) {
+    pub(super) fn split(&mut self, origins: [VertexId; 2], stars: &[Star; 2]) {
         let first = self.set_of[origins[0].index()] as usize;
         let mut bags = [SampleSet::default(), SampleSet::default()];
         for s in std::mem::take(&mut self.sets[first].samples) {
@@ -169,7 +169,7 @@ impl SampledError {
 impl<M: Metric> LiveMesh<M> {
     /// Starts the phase: gives every vertex its samples, which are centres of the original faces (3/4 of
     /// the weight) and vertices.
-    pub(crate) fn begin_late(&mut self, points: &[Vec3], faces: &[[VertexId; 3]]) {
+    pub(crate) fn start_sampling(&mut self, points: &[Vec3], faces: &[[VertexId; 3]]) {
         self.store.compact();
         let home = self.store.homes();
         let mut bags = vec![SampleSet::default(); self.store.v.len()];
@@ -217,7 +217,7 @@ impl<M: Metric> LiveMesh<M> {
         tally: &mut Tally,
     ) -> SampledCost {
         let [u, v] = origins.map(|x| &late.sets[late.set_of[x.index()] as usize]);
-        let (wings, LateScratch { merged, star }) = (&scratch.wings, &mut scratch.late);
+        let (wings, SampleScratch { merged, star }) = (&scratch.wings, &mut scratch.samples);
         // (Samples times faces: too expensive round a hub of a thousand faces, where no sampled cost is
         // added.)
         let is_measured = 4 * wings.fours().len() <= MAX_MEASURED_STAR;
@@ -245,7 +245,7 @@ impl<M: Metric> LiveMesh<M> {
         &mut self,
         [kept, removed]: [VertexId; 2],
         charge: &SampledCost,
-        LateScratch { merged, .. }: &mut LateScratch,
+        SampleScratch { merged, .. }: &mut SampleScratch,
     ) {
         let Some(late) = &mut self.sampled else { return };
         let [u, v] = [kept, removed].map(|x| late.set_of[x.index()] as usize);

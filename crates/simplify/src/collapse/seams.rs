@@ -14,13 +14,13 @@ use crate::report::Refusal;
 
 /// Weight of the line of a seam edge against the planes of faces: a seam that leaves its line shows texture
 /// from beyond the chart. (Guessed, a fifth of a border's.)
-pub(crate) const SEAM: f32 = 2.0;
+pub(crate) const SEAM_WEIGHT: f32 = 2.0;
 /// Weight of the line of a soft seam: a crease of normals, or nearly continuous texture coordinates.
-const SOFT: f32 = 0.5;
+const SOFT_SEAM_WEIGHT: f32 = 0.5;
 /// Weight of the line of a sharp edge that the options make a feature. (As of a border. Measured at that
 /// weight alone: the crest of a curved ridge is .3 to .7 times as far away; docs/methods/memoryless.md has
 /// machine parts.)
-const CREASE: f32 = 10.0;
+const CREASE_WEIGHT: f32 = 10.0;
 
 /// Degree to which lines no longer refuse collapses, because nothing else was left to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -234,11 +234,11 @@ impl<M: Metric> LiveMesh<M> {
             return self.constraints.rules.border_weight;
         }
         if seams && edge.is_sharp() {
-            return CREASE;
+            return CREASE_WEIGHT;
         }
         match edge.other.filter(|_| seams) {
-            Some(other) if self.is_hard(&edge.side, &other) => SEAM,
-            Some(_) => SOFT,
+            Some(other) if self.is_hard(&edge.side, &other) => SEAM_WEIGHT,
+            Some(_) => SOFT_SEAM_WEIGHT,
             None => 0.0,
         }
     }
@@ -273,8 +273,9 @@ impl<M: Metric> LiveMesh<M> {
         // An edge of two faces gives the same result from both ends.
         for edge in edges.iter().filter(|e| e.faces != 2 || e.to > u) {
             let (s, Some(t)) = (edge.side, edge.other) else { continue };
-            let jump = attributes.jump(s.here, t.here).max(attributes.jump(s.there, t.there));
-            let reaches = |s: Side| attributes.reach(wedges[s.face as usize]) >= jump;
+            let jump =
+                attributes.uv_distance_sq(s.here, t.here).max(attributes.uv_distance_sq(s.there, t.there));
+            let reaches = |s: Side| attributes.uv_extent_sq(wedges[s.face as usize]) >= jump;
             if jump > 0.0 && !reaches(s) && !reaches(t) {
                 for s in [s, t] {
                     attributes.heads[s.here.index()].hard[usize::from(s.ends)] = true;
@@ -299,7 +300,7 @@ impl<M: Metric> LiveMesh<M> {
             return Ok(());
         }
         let is_line = |ring: &Ring, w| match self.constraints.looseness {
-            Looseness::None => self.line_weight(ring, w, true) > SOFT,
+            Looseness::None => self.line_weight(ring, w, true) > SOFT_SEAM_WEIGHT,
             Looseness::Creases => self.store.edge(ring, w).is_some_and(|edge| self.is_hard_edge(&edge)),
             _ => faces_at(ring, w) != 2 || self.store.is_region_edge(ring, w),
         };

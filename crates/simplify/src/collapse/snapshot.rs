@@ -46,7 +46,7 @@ impl<M: Metric> Snapshot<M> {
         engine.mesh.values.wedge_data = spent.mesh.values.wedge_data.take();
         engine.mesh.values.attributes = spent.mesh.values.attributes.take();
         if let Some((attributes, kept)) = engine.mesh.values.attributes.as_mut().zip(self.kept.as_ref()) {
-            attributes.put_back(kept);
+            attributes.restore_wedges(kept);
         }
         (engine, self.sweeps.clone())
     }
@@ -67,15 +67,15 @@ impl<M: Metric> Engine<M> {
         let kept = self.mesh.values.attributes.as_ref().map(|attributes| {
             let (faces, wedges) = (self.mesh.store.t.iter(), self.mesh.store.wedges.iter().flatten());
             let living = faces.zip(wedges).filter(|(t, _)| t[0] != super::order::NONE);
-            attributes.kept(living.flat_map(|(_, w)| *w))
+            attributes.save_wedges(living.flat_map(|(_, w)| *w))
         });
         Snapshot { engine, sweeps: sweeps.clone(), kept }
     }
 
     /// True if a snapshot would already contain damage that was more expensive than removing parts or
     /// relaxing seams.
-    pub(crate) fn is_past_parts(&self, cuts: bool) -> bool {
-        self.mesh.has_relaxed_seams() || self.has_parts_in_the_way(cuts)
+    pub(crate) fn is_past_blocking(&self, cuts: bool) -> bool {
+        self.mesh.has_relaxed_seams() || self.has_blocking_parts(cuts)
     }
 
     /// Enables the removal of parts in order of cost, and cuts of necks if `cuts`. Refused collapses are
@@ -88,7 +88,7 @@ impl<M: Metric> Engine<M> {
     ) {
         self.mesh.store.compact();
         self.mesh.constraints.cuts_necks = cuts;
-        original.with(&mut |points, faces| self.watch_parts_of(points, faces));
+        original.visit(&mut |points, faces| self.enable_part_removal_as_in(points, faces));
         sweeps.set_bounds(self.mesh.bounds());
         if cuts {
             self.mesh.store.bound.fill(UNKNOWN);
@@ -96,7 +96,7 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Updates whether the last sweeps did as many collapses as without obstacles.
-    pub(super) fn update_ease(&self, ease: &mut Productivity, has_swept: bool) {
+    pub(super) fn update_productivity(&self, ease: &mut Productivity, has_swept: bool) {
         if has_swept && ease.wanted * MIN_SWEEP_DIVISOR >= self.mesh.store.live_vertices as f64 {
             let done = (self.tally.collapses - ease.at_threshold) as f64;
             ease.is_high &= done >= MIN_PRODUCTIVE_SHARE * ease.wanted;
@@ -118,7 +118,7 @@ impl<M: Metric> Engine<M> {
     /// True if so few faces are live that the late phase, if there is one, is near.
     pub(crate) fn is_near_late_phase(&self) -> bool {
         self.mesh.store.live_faces
-            <= 2 * sampled_error::begin(self.tally.first_faces, self.mesh.counts_attributes())
+            <= 2 * sampled_error::start_faces(self.tally.first_faces, self.mesh.counts_attributes())
     }
 
     /// Returns the number of vertices whose edges a sweep should evaluate, without obstacles.

@@ -13,7 +13,7 @@ use wide::{f32x4, i32x4, u32x4};
 
 use super::kind::Kind;
 use super::marks::Marks;
-use super::order::{MEMORY_FREE_UP_TO, NONE};
+use super::order::{NONE, TIME_OVER_MEMORY_MAX_FACES};
 use crate::lanes::{Four, dot};
 use crate::metric::VertexMemory;
 
@@ -367,7 +367,7 @@ impl<Q: VertexMemory> Store<Q> {
 
     /// Fills corner lists that begin at these offsets. Returns their ends.
     fn fill(&mut self, mut at: Vec<u32>) -> Ends {
-        let corners = room_for(&mut self.corners, 3 * self.t.len());
+        let corners = reserve_corners(&mut self.corners, 3 * self.t.len());
         for (i, t) in self.t.iter().enumerate() {
             for k in 0..3 {
                 let slot = &mut at[t[k].index()];
@@ -433,7 +433,7 @@ impl<Q: VertexMemory> Store<Q> {
         retain_living(&mut self.regions, &self.t);
         retain_living(&mut self.creases, &self.t);
         retain_living(&mut self.names, &self.t);
-        if self.t.len() > MEMORY_FREE_UP_TO {
+        if self.t.len() > TIME_OVER_MEMORY_MAX_FACES {
             // Freed while the lists below exist. (A new allocation is smaller, but takes time.)
             self.corners = Vec::new();
         }
@@ -464,7 +464,7 @@ impl<Q: VertexMemory> Store<Q> {
         self.v.truncate(n);
         self.bound.truncate(n);
         self.first_wedge.truncate(n);
-        let corners = room_for(&mut self.corners, 3 * self.t.len());
+        let corners = reserve_corners(&mut self.corners, 3 * self.t.len());
         for (i, t) in self.t.iter_mut().enumerate() {
             for k in 0..3 {
                 let [slot, name] = &mut lists[t[k].index()];
@@ -621,20 +621,20 @@ impl<Q: VertexMemory> Store<Q> {
     }
 
     /// Adds a vertex at the position of another, without triangles yet.
-    pub(crate) fn twin_of(&mut self, u: VertexId) -> VertexId {
+    pub(crate) fn duplicate_vertex(&mut self, u: VertexId) -> VertexId {
         let x = self.v[u.index()];
         let (twin, origin) = (VertexId(self.v.len() as u32), VertexId(self.merged_into.len() as u32));
         self.v.push(Vertex { origin, head: 0, count: 0, room: 0, ..x });
         self.bound.push(super::bound::UNKNOWN);
         self.first_wedge.extend(self.first_wedge.get(u.index()).copied());
         self.merged_into.push(origin);
-        self.stands_for(origin, x.origin);
+        self.set_place(origin, x.origin);
         self.live_vertices += 1;
         twin
     }
 
     /// Records that a vertex is at the position of another one of the input.
-    pub(crate) fn stands_for(&mut self, origin: VertexId, other: VertexId) {
+    pub(crate) fn set_place(&mut self, origin: VertexId, other: VertexId) {
         let place = self.place_of(other);
         self.places.insert(origin, place);
     }
@@ -710,7 +710,7 @@ pub(crate) fn four<Q>(all: &[Vertex<Q>], vertices: [VertexId; 4]) -> Four {
 }
 
 /// Returns room for `count` corners to be filled, and reserves spare room for lists that outgrow theirs.
-fn room_for(corners: &mut Vec<Corner>, count: usize) -> &mut [Corner] {
+fn reserve_corners(corners: &mut Vec<Corner>, count: usize) -> &mut [Corner] {
     let want = count + count * SLACK_PERCENT / 100 + 64;
     if corners.capacity() < want {
         // (The old buffer is freed first, so that both need not be in memory at once.)

@@ -107,7 +107,7 @@ impl<M: Metric> LiveMesh<M> {
         let mut ring = super::Ring::default();
         for u in (0..self.store.v.len() as u32).map(VertexId) {
             self.store.ring(u, &mut ring);
-            self.store.v[u.index()].kind = self.kind_now(u, &ring);
+            self.store.v[u.index()].kind = self.current_kind(u, &ring);
         }
     }
 }

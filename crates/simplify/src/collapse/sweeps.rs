@@ -19,9 +19,9 @@ pub(super) const QUANTILE: f64 = 0.7;
 /// Maximum share of the remaining collapses that one of the last sweeps takes.
 pub(super) const LAST_SHARE: f64 = 0.85;
 /// Margin over the expected size of a sweep that must not reach a goal. (Guessed.)
-const LAST_STRETCH_MARGIN: f64 = 1.2;
+const GOAL_MARGIN: f64 = 1.2;
 /// That margin for snapshots that only need the goal to have had no influence yet.
-const TIGHT_LAST_STRETCH_MARGIN: f64 = 1.01;
+const TIGHT_GOAL_MARGIN: f64 = 1.01;
 /// Number of sweeps without a collapse before a probe looks for any possible collapse.
 const MAX_IDLE_SWEEPS: usize = 4;
 /// Upper limit of sweeps, far above what any run needs; guards against bugs.
@@ -47,7 +47,7 @@ type Bounds = (Histogram, usize);
 pub(crate) struct Sweeps {
     phase: Phase,
     /// Collapses needed at the start, and faces then: for the progress.
-    pub(super) begun_with: usize,
+    pub(super) needed_at_start: usize,
     start_faces: usize,
     /// True from the end of the first sweep on.
     pub(super) has_swept: bool,
@@ -117,7 +117,7 @@ impl Sweeps {
 }
 
 /// Result of one sweep.
-enum Swept {
+enum SweepResult {
     /// All vertices were visited. Numbers of refusals and collapses before it.
     Through { refused: u64, collapses: u64 },
     /// The lists were full: the rest of the sweep follows with the same threshold.
@@ -146,7 +146,7 @@ pub(crate) enum Pause {
     /// identical.
     BeforeGoal,
     /// When a snapshot should be taken, from which parts and necks may be removed if necessary.
-    BeforeNeed,
+    BeforeTopologyChanges,
     /// At the first of the two.
     BeforeEither,
 }
@@ -183,7 +183,9 @@ impl<M: Metric> Engine<M> {
         control: &mut dyn Control,
     ) -> StopReason {
         let mut sweeps = self.begin_sweeps(goal);
-        let end = self.go_on(&mut sweeps, goal, Pause::Never, original, control).unwrap_or(StopReason::Stuck);
+        let end = self
+            .resume_sweeps(&mut sweeps, goal, Pause::Never, original, control)
+            .unwrap_or(StopReason::Stuck);
         if end != StopReason::Cancel {
             self.mesh.store.finish();
         }
@@ -198,7 +200,7 @@ impl<M: Metric> Engine<M> {
         let begun_with = self.mesh.needed(goal).unwrap_or(self.mesh.store.live_faces / 2).max(1);
         Sweeps {
             phase: Phase::Threshold((Histogram::of(&first), first.len()), After::Sweep),
-            begun_with,
+            needed_at_start: begun_with,
             start_faces: self.mesh.store.live_faces,
             has_swept: false,
             tau: 0.0,
@@ -246,7 +248,7 @@ impl<M: Metric> Engine<M> {
     /// Continues the sweeps towards a goal, and returns the reason of the end. Returns `None` at a pause:
     /// then it can be continued as if it had not paused, and so can a copy of it, to other goals or by
     /// other rules.
-    pub(crate) fn go_on(
+    pub(crate) fn resume_sweeps(
         &mut self,
         sweeps: &mut Sweeps,
         goal: &Goal,
@@ -254,13 +256,13 @@ impl<M: Metric> Engine<M> {
         original: &dyn InputSurface,
         control: &mut dyn Control,
     ) -> Option<StopReason> {
-        let end = self.sweep_on(sweeps, goal, pause, original, control);
-        self.check_if_asked(original);
+        let end = self.resume_unchecked(sweeps, goal, pause, original, control);
+        self.check_if_enabled(original);
         end
     }
 
     /// The body of [`Self::go_on`], without the check of the store at the end.
-    fn sweep_on(
+    fn resume_unchecked(
         &mut self,
         sweeps: &mut Sweeps,
         goal: &Goal,
@@ -272,14 +274,14 @@ impl<M: Metric> Engine<M> {
         self.mesh.find_details(goal);
         let (mut scratch, mut visits) = (VisitScratch::default(), Vec::new());
         for _ in 0..MAX_SWEEPS {
-            self.check_if_asked(original);
+            self.check_if_enabled(original);
             if let ControlFlow::Break(stop) = self.set_threshold(sweeps, &errand) {
                 return stop;
             }
             match self.sweep_once(sweeps, goal, control, &mut scratch, &mut visits) {
-                Swept::Compacted => {}
-                Swept::Ended(end) => return Some(end),
-                Swept::Through { refused, collapses } => {
+                SweepResult::Compacted => {}
+                SweepResult::Ended(end) => return Some(end),
+                SweepResult::Through { refused, collapses } => {
                     sweeps.has_swept = true;
                     sweeps.idle = if self.tally.collapses == collapses { sweeps.idle + 1 } else { 0 };
                     let next = self.after_sweep(sweeps, &errand, refused);
@@ -302,7 +304,7 @@ impl<M: Metric> Engine<M> {
                 sweeps.set_bounds(self.mesh.bounds());
             }
             if self.is_late(errand.is_extreme) {
-                errand.original.with(&mut |points, faces| self.mesh.begin_late(points, faces));
+                errand.original.visit(&mut |points, faces| self.mesh.start_sampling(points, faces));
                 sweeps.set_bounds(self.mesh.bounds());
             }
         }
@@ -310,14 +312,14 @@ impl<M: Metric> Engine<M> {
             return ControlFlow::Continue(());
         };
         let (looked_at, after) = (*looked_at, *after);
-        self.update_ease(&mut sweeps.productivity, sweeps.has_swept);
-        let is_last_stretch = |ahead| self.is_last_stretch(histogram, looked_at, goal, ahead);
+        self.update_productivity(&mut sweeps.productivity, sweeps.has_swept);
+        let is_last_stretch = |ahead| self.is_limited_by_goal(histogram, looked_at, goal, ahead);
         let pauses = match errand.pause {
             Pause::Never => false,
-            Pause::BeforeGoal => is_last_stretch(LAST_STRETCH_MARGIN),
-            Pause::BeforeNeed => self.should_snapshot(sweeps, goal, is_last_stretch(LAST_STRETCH_MARGIN)),
+            Pause::BeforeGoal => is_last_stretch(GOAL_MARGIN),
+            Pause::BeforeTopologyChanges => self.should_snapshot(sweeps, goal, is_last_stretch(GOAL_MARGIN)),
             Pause::BeforeEither => {
-                is_last_stretch(TIGHT_LAST_STRETCH_MARGIN) || self.should_snapshot(sweeps, goal, false)
+                is_last_stretch(TIGHT_GOAL_MARGIN) || self.should_snapshot(sweeps, goal, false)
             }
         };
         if pauses {
@@ -349,17 +351,17 @@ impl<M: Metric> Engine<M> {
         control: &mut dyn Control,
         scratch: &mut VisitScratch,
         visits: &mut Vec<VertexId>,
-    ) -> Swept {
+    ) -> SweepResult {
         let (tau, is_probe) = (sweeps.tau, matches!(sweeps.phase, Phase::Probe));
         self.mesh.cost.area = (self.mesh.cost.total_area / self.mesh.store.live_faces.max(1) as f64) as f32;
         let (collapses, refused) = (self.tally.collapses, self.tally.refused());
-        let done = |engine: &Self| engine.done(goal, sweeps.begun_with, sweeps.start_faces);
+        let done = |engine: &Self| engine.done(goal, sweeps.needed_at_start, sweeps.start_faces);
         if self.mesh.topology.pairs.is_some() {
             let mut ask = |engine: &Self| control.progress(done(engine));
             match self.contract_pairs(goal, tau, is_probe, &mut ask) {
                 Verdict::Continue => {}
-                Verdict::Finish => return Swept::Ended(StopReason::Finish),
-                Verdict::Cancel => return Swept::Ended(StopReason::Cancel),
+                Verdict::Finish => return SweepResult::Ended(StopReason::Finish),
+                Verdict::Cancel => return SweepResult::Ended(StopReason::Cancel),
             }
         }
         let goal_faces = goal.faces.unwrap_or(0);
@@ -370,8 +372,8 @@ impl<M: Metric> Engine<M> {
         'vertices: for start in (0..count).step_by(VISITS_PER_PROGRESS_REPORT) {
             match control.progress(done(self)) {
                 Verdict::Continue => {}
-                Verdict::Finish => return Swept::Ended(StopReason::Finish),
-                Verdict::Cancel => return Swept::Ended(StopReason::Cancel),
+                Verdict::Finish => return SweepResult::Ended(StopReason::Finish),
+                Verdict::Cancel => return SweepResult::Ended(StopReason::Cancel),
             }
             let bounds = &self.mesh.store.bound[start..count.min(start + VISITS_PER_PROGRESS_REPORT)];
             list_visits(bounds, start, tau, is_probe, visits);
@@ -389,14 +391,14 @@ impl<M: Metric> Engine<M> {
                 self.visit(u, if is_probe { f32::MAX } else { tau }, is_probe, scratch);
                 if self.mesh.store.is_full() {
                     self.mesh.store.compact();
-                    return Swept::Compacted;
+                    return SweepResult::Compacted;
                 }
             }
         }
         if self.mesh.needed(goal) == Some(0) {
-            return Swept::Ended(StopReason::Goal);
+            return SweepResult::Ended(StopReason::Goal);
         }
-        Swept::Through { refused, collapses }
+        SweepResult::Through { refused, collapses }
     }
 
     /// Decides what follows a sweep or probe. `refused` is the number of refusals before it.
@@ -409,7 +411,7 @@ impl<M: Metric> Engine<M> {
         let (goal, is_probe) = (errand.goal, matches!(sweeps.phase, Phase::Probe));
         if sweeps.idle == 0 {
             self.tally.highest_threshold = self.tally.highest_threshold.max(sweeps.tau);
-            self.tally.is_strained |= !sweeps.productivity.is_high;
+            self.tally.is_unproductive |= !sweeps.productivity.is_high;
         }
         if self.mesh.topology.parts.is_some() && !is_probe {
             self.drop_cheap_parts(goal, sweeps.tau);
@@ -422,7 +424,7 @@ impl<M: Metric> Engine<M> {
         }
         if self.is_late(errand.is_extreme) {
             if sweeps.idle < MAX_IDLE_SWEEPS
-                && matches!(errand.pause, Pause::BeforeNeed | Pause::BeforeEither)
+                && matches!(errand.pause, Pause::BeforeTopologyChanges | Pause::BeforeEither)
                 && self.may_snapshot_late()
             {
                 let next = self.mesh.bounds();
@@ -432,11 +434,11 @@ impl<M: Metric> Engine<M> {
                     return ControlFlow::Break(None);
                 }
             }
-            errand.original.with(&mut |points, faces| self.mesh.begin_late(points, faces));
+            errand.original.visit(&mut |points, faces| self.mesh.start_sampling(points, faces));
         }
         let (histogram, looked_at) = self.mesh.bounds();
         if histogram.known() == 0 {
-            return self.when_nothing_is_possible(sweeps, goal, refused);
+            return self.relax_or_stop(sweeps, goal, refused);
         }
         sweeps.phase = match sweeps.idle >= MAX_IDLE_SWEEPS && !is_probe {
             // No collapse was done: find out what is possible at all, and at what cost.
@@ -449,12 +451,7 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Relaxes a constraint after a sweep that left no edge possible, and probes again; or ends the run.
-    fn when_nothing_is_possible(
-        &mut self,
-        sweeps: &mut Sweeps,
-        goal: &Goal,
-        refused: u64,
-    ) -> ControlFlow<Halt> {
+    fn relax_or_stop(&mut self, sweeps: &mut Sweeps, goal: &Goal, refused: u64) -> ControlFlow<Halt> {
         let was = std::mem::replace(&mut sweeps.phase, Phase::Probe);
         let constraints = &mut self.mesh.constraints;
         let has_limit = constraints.rules.max_cost.is_finite();
@@ -491,8 +488,10 @@ impl<M: Metric> Engine<M> {
     /// vertices.
     fn threshold(&self, histogram: &Histogram, looked_at: usize, goal: &Goal) -> f32 {
         let quantile = match () {
-            () if self.record.is_some() => record::QUANTILE,
-            () if self.mesh.sampled.is_some() && !self.mesh.counts_attributes() => sampled_error::QUANTILE,
+            () if self.record.is_some() => record::RECORD_QUANTILE,
+            () if self.mesh.sampled.is_some() && !self.mesh.counts_attributes() => {
+                sampled_error::LATE_QUANTILE
+            }
             () => QUANTILE,
         };
         let mut want = histogram.known() as f64 * quantile;
@@ -518,7 +517,7 @@ impl<M: Metric> LiveMesh<M> {
 
 impl<M: Metric> Engine<M> {
     /// True if the next sweep would be limited by the goal, or might reach it.
-    fn is_last_stretch(&self, histogram: &Histogram, looked_at: usize, goal: &Goal, ahead: f64) -> bool {
+    fn is_limited_by_goal(&self, histogram: &Histogram, looked_at: usize, goal: &Goal, ahead: f64) -> bool {
         let share = looked_at as f64 / self.mesh.store.v.len().max(1) as f64;
         self.mesh
             .needed(goal)
@@ -527,15 +526,15 @@ impl<M: Metric> Engine<M> {
 
     /// True if a goal has a late phase.
     pub(super) fn is_extreme(&self, goal: &Goal) -> bool {
-        !self.mesh.cost.metric.cost_source().is_metric()
+        !self.mesh.cost.metric.cost_source().is_decided_by_metric()
             && goal.faces.is_some_and(|n| sampled_error::is_extreme(n, self.tally.first_faces))
     }
 
     /// True if the late phase should begin.
     fn is_late(&self, extreme: bool) -> bool {
         let begin = match self.record {
-            Some(_) => sampled_error::begin_of_record(self.tally.first_faces),
-            None => sampled_error::begin(self.tally.first_faces, self.mesh.counts_attributes()),
+            Some(_) => sampled_error::start_faces_of_record(self.tally.first_faces),
+            None => sampled_error::start_faces(self.tally.first_faces, self.mesh.counts_attributes()),
         };
         extreme && self.mesh.sampled.is_none() && self.mesh.store.live_faces < begin
     }

@@ -164,7 +164,7 @@ impl<Q: VertexMemory> Store<Q> {
     /// Evaluates the triangles of one end for its new position `at`: adds them to the wings and to the
     /// stats. Returns how far the farthest neighbour is ahead of the end, along its displacement.
     #[inline(always)]
-    pub(super) fn look_at_wings(
+    pub(super) fn evaluate_wings(
         &self,
         spokes: &Ring,
         end: &EdgeEnd,
@@ -265,7 +265,7 @@ mod tests {
     use crate::test_support::{bits, tame_vector, vector};
 
     /// Results for one triangle.
-    struct Told {
+    struct ExpectedWing {
         weight: f32,
         height: f32,
         normal: Vec3,
@@ -276,7 +276,12 @@ mod tests {
     }
 
     /// Evaluates one triangle at `from`, which moves to `at`, as [`Store::look_at_wings`] does.
-    fn told([from, step, at]: [Vec3; 3], [a, b]: [Vec3; 2], both: bool, max_turn: f32) -> Told {
+    fn expected_wing(
+        [from, step, at]: [Vec3; 3],
+        [a, b]: [Vec3; 2],
+        both: bool,
+        max_turn: f32,
+    ) -> ExpectedWing {
         let (e, back) = (b - a, from - a);
         let normal = e.cross(back);
         let length = normal.length();
@@ -295,7 +300,7 @@ mod tests {
         } else {
             (shape < MIN_SHAPE_SQ && 12.0 * length_sq > shape * before * before).then_some(Refusal::Quality)
         };
-        Told {
+        ExpectedWing {
             weight: if both { length + length } else { length },
             height: normal.dot(step) / length.max(1e-30),
             normal,
@@ -336,13 +341,13 @@ mod tests {
             let other = other.filter(|&w| (w as usize) <= rim.len()).map(VertexId);
             let (end, at) = (EdgeEnd { from: centre, step, other }, centre + step);
             let (mut wings, mut stats) = (Wings::default(), StarStats::default());
-            let found = store.look_at_wings(&ring, &end, at, max_turn, &mut wings, &mut stats);
+            let found = store.evaluate_wings(&ring, &end, at, max_turn, &mut wings, &mut stats);
 
-            let each: Vec<Told> = ring
+            let each: Vec<ExpectedWing> = ring
                 .iter()
                 .map(|r| {
                     let both = other.is_some_and(|w| r.has(w));
-                    told([centre, step, at], [store.p(r.a), store.p(r.b)], both, max_turn)
+                    expected_wing([centre, step, at], [store.p(r.a), store.p(r.b)], both, max_turn)
                 })
                 .collect();
             if let Some(first) = each.iter().find_map(|t| t.refused) {

@@ -6,7 +6,7 @@ use super::{AllowedPlace, EdgeNeighbourhood};
 
 /// Returns the squared length and the displacement. A vertex off the feature edges moves onto one that lies
 /// on them, not halfway.
-pub(super) fn judge(around: &EdgeNeighbourhood) -> (f32, Vec3) {
+pub(super) fn evaluate(around: &EdgeNeighbourhood) -> (f32, Vec3) {
     let d = around.d;
     let onto_line = match around.on_lines {
         [true, false] => Some(DVec3::ZERO),

@@ -11,7 +11,7 @@ use super::{
 use crate::tensor::Tensor;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Judged {
+pub(crate) enum NeighbourhoodMetric {
     /// [Lindstrom-Turk 1998]
     Volume,
     /// [Melax 1998]
@@ -20,7 +20,7 @@ pub(crate) enum Judged {
     Length,
 }
 
-impl Metric for Judged {
+impl Metric for NeighbourhoodMetric {
     type Memory = Tensor;
 
     #[inline(always)]
@@ -67,15 +67,15 @@ impl Metric for Judged {
         lindstrom_turk::line(edge, weight, mean)
     }
     #[inline(never)]
-    fn judge(&self, around: &EdgeNeighbourhood, mean: f32) -> Option<(f32, Vec3)> {
+    fn evaluate(&self, around: &EdgeNeighbourhood, mean: f32) -> Option<(f32, Vec3)> {
         match self {
-            Self::Volume => Some(lindstrom_turk::judge(around, mean)),
-            Self::Turn => melax::judge(around),
-            Self::Length => Some(edge_length::judge(around)),
+            Self::Volume => Some(lindstrom_turk::evaluate(around, mean)),
+            Self::Turn => melax::evaluate(around),
+            Self::Length => Some(edge_length::evaluate(around)),
         }
     }
 
-    fn price_power(&self) -> f32 {
+    fn cost_factor_exponent(&self) -> f32 {
         match self {
             // One area more than the memoryless tensors have.
             Self::Volume => 1.4,
@@ -86,7 +86,7 @@ impl Metric for Judged {
             Self::Length => 0.4,
         }
     }
-    fn kept_loss(&self) -> f64 {
+    fn squared_rms_factor(&self) -> f64 {
         match self {
             // (0.32 to 0.49: positions between the removed faces halve the distances.)
             Self::Volume => 0.42,
@@ -103,13 +103,13 @@ impl Metric for Judged {
             Self::Length => Dimension { length: 2, face: 0 },
         }
     }
-    fn part_rate(&self, rate: f32, part: &PartSize, mean: f32) -> f32 {
+    fn part_cost_per_face_pair(&self, rate: f32, part: &PartSize, mean: f32) -> f32 {
         match self {
             Self::Volume => rate * part.face / mean,
             // Like the collapse of an edge as long as the part itself, between faces at right angles.
-            Self::Turn => 0.5 * part.price * part.size_sq.sqrt(),
+            Self::Turn => 0.5 * part.cost_factor * part.size_sq.sqrt(),
             // Like edges as long as the part itself.
-            Self::Length => part.price * part.size_sq,
+            Self::Length => part.cost_factor * part.size_sq,
         }
     }
 }

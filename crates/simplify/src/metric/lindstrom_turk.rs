@@ -17,23 +17,23 @@ use super::{AllowedPlace, EdgeNeighbourhood, EdgePart};
 use crate::tensor::Tensor;
 
 /// Sine of the least angle between the planes, one degree. [Lindstrom-Turk 1998]
-const COMPATIBLE: f64 = 0.017_452_406_437_283_51;
+const MIN_ANGLE_SINE: f64 = 0.017_452_406_437_283_51;
 /// Share of the trace below which a gradient is rounding noise: positions have single precision.
-const NOISE: f64 = 1e-10;
+const GRADIENT_NOISE_SHARE: f64 = 1e-10;
 /// Share of the length of all normals below which their sum is rounding noise.
-const NO_VOLUME: f64 = 1e-6;
+const MIN_NORMAL_SUM_SHARE: f64 = 1e-6;
 /// Weight of squared areas at borders against squared volumes, times the squared length of the edge:
 /// volumes are a sixth of n·y, areas half of e × y, and the weights of both are a half.
-const BORDER: f64 = 9.0;
+const BORDER_AREA_WEIGHT: f64 = 9.0;
 
 /// Returns the tensor of a feature edge, as if the collapsed edge were as long as this one.
 #[inline(always)]
 pub(super) fn line(edge: Vec3, weight: f32, mean: f32) -> Tensor {
-    Tensor::line(edge, weight * BORDER as f32 * 0.1 * edge.length_squared() / mean)
+    Tensor::line(edge, weight * BORDER_AREA_WEIGHT as f32 * 0.1 * edge.length_squared() / mean)
 }
 
 /// Returns cost and displacement.
-pub(super) fn judge(around: &EdgeNeighbourhood, mean: f32) -> (f32, Vec3) {
+pub(super) fn evaluate(around: &EdgeNeighbourhood, mean: f32) -> (f32, Vec3) {
     let loss = Loss::new(around);
     let step = match around.place {
         AllowedPlace::Anywhere => loss.best_place(around),
@@ -79,7 +79,7 @@ impl Loss {
         for line in &around.lines {
             let from = around.end(line.at);
             let e = line.to - from;
-            let weight = BORDER * line.weight * d.length_squared();
+            let weight = BORDER_AREA_WEIGHT * line.weight * d.length_squared();
             let add = (DVec3::splat(e.length_squared()) - e * e) * weight;
             let mixed = DVec3::new(e.x * e.y, e.x * e.z, e.y * e.z) * -weight;
             squares += add;
@@ -103,11 +103,11 @@ impl Loss {
 
     fn best_place(&self, around: &EdgeNeighbourhood) -> DVec3 {
         let mut pins = Pins::default();
-        pins.pin(self.volume.0, self.volume.1, NO_VOLUME * self.trace().sqrt());
+        pins.pin(self.volume.0, self.volume.1, MIN_NORMAL_SUM_SHARE * self.trace().sqrt());
         if !around.lines.is_empty() {
             pin_border(&mut pins, around);
         }
-        let least = NOISE * self.trace();
+        let least = GRADIENT_NOISE_SHARE * self.trace();
         for q in pins.rest().into_iter().flatten() {
             pins.pin(self.a * q, q.dot(self.h), least);
         }
@@ -184,7 +184,7 @@ impl Pins {
             level -= self.at[k] * along;
         }
         let left = rest.length();
-        if left > COMPATIBLE {
+        if left > MIN_ANGLE_SINE {
             (self.axes[self.count], self.at[self.count]) = (rest / left, level / left);
             self.count += 1;
         }

@@ -11,15 +11,15 @@ use super::{AllowedPlace, EdgeNeighbourhood, EdgePart, StarTriangle};
 
 /// Weight of length alone against curvature: breaks ties among flat places only. (Normals in single
 /// precision are not more precise.)
-const TIE: f64 = 1e-7;
+const LENGTH_TIE: f64 = 1e-7;
 /// Maximum number of faces on an edge that are used.
-const MOST_SIDES: usize = 4;
+const MAX_SIDES: usize = 4;
 
 /// Returns the cost of removing the cheaper of the two ends, or the only removable one, and the
 /// displacement to the other.
-pub(super) fn judge(around: &EdgeNeighbourhood) -> Option<(f32, Vec3)> {
+pub(super) fn evaluate(around: &EdgeNeighbourhood) -> Option<(f32, Vec3)> {
     let length = around.d.length();
-    let [kept, removed] = turns(around).map(|turn| turn.map(|t| (length * (t + TIE)) as f32));
+    let [kept, removed] = turns(around).map(|turn| turn.map(|t| (length * (t + LENGTH_TIE)) as f32));
     let onto_kept = removed.map(|cost| (cost, Vec3::ZERO));
     let onto_removed = kept.map(|cost| (cost, around.d.as_vec3()));
     match (around.place, onto_kept, onto_removed) {
@@ -34,8 +34,8 @@ pub(super) fn judge(around: &EdgeNeighbourhood) -> Option<(f32, Vec3)> {
 fn turns(around: &EdgeNeighbourhood) -> [Option<f64>; 2] {
     let normal = |w: &StarTriangle| (w.b - w.a).cross(around.end(w.at) - w.a).normalize_or_zero();
     // Two, but for borders and non-manifold edges.
-    let (mut sides, mut count) = ([DVec3::ZERO; MOST_SIDES], 0);
-    for w in around.triangles.iter().filter(|w| w.at == EdgePart::Both).take(MOST_SIDES) {
+    let (mut sides, mut count) = ([DVec3::ZERO; MAX_SIDES], 0);
+    for w in around.triangles.iter().filter(|w| w.at == EdgePart::Both).take(MAX_SIDES) {
         sides[count] = normal(w);
         count += 1;
     }
@@ -101,12 +101,14 @@ mod tests {
         // tip--0---d--2
         //    \ | /
         //     -Y
-        let (cost, step) = judge(&strip(DVec3::new(-1.0, 0.0, 1.0))).unwrap();
+        let (cost, step) = evaluate(&strip(DVec3::new(-1.0, 0.0, 1.0))).unwrap();
         assert_eq!(step, Vec3::ZERO);
-        assert!(cost <= 2.0 * TIE as f32, "{cost}");
-        let (cost, step) =
-            judge(&EdgeNeighbourhood { place: AllowedPlace::Removed, ..strip(DVec3::new(-1.0, 0.0, 1.0)) })
-                .unwrap();
+        assert!(cost <= 2.0 * LENGTH_TIE as f32, "{cost}");
+        let (cost, step) = evaluate(&EdgeNeighbourhood {
+            place: AllowedPlace::Removed,
+            ..strip(DVec3::new(-1.0, 0.0, 1.0))
+        })
+        .unwrap();
         // Their normals are (1, 0, 1) / √2, half a right angle off z.
         assert_eq!(step, Vec3::X);
         assert!((f64::from(cost) - (0.5 - 0.5 / 2f64.sqrt())).abs() < 1e-6, "{cost}");
@@ -118,11 +120,11 @@ mod tests {
         around.on_lines = [true, false];
         around.lines =
             vec![FeatureLine { at: EdgePart::Kept, to: DVec3::new(0.0, 1.0, 0.0), weight: 1.0, sense: 1.0 }];
-        assert_eq!(judge(&EdgeNeighbourhood { place: AllowedPlace::Removed, ..around.clone() }), None);
+        assert_eq!(evaluate(&EdgeNeighbourhood { place: AllowedPlace::Removed, ..around.clone() }), None);
         // The edge itself is on the border, which turns by a right angle at the kept end.
         around.lines.push(FeatureLine { at: EdgePart::Both, to: around.d, weight: 1.0, sense: -1.0 });
         around.on_lines = [true, true];
-        let (cost, step) = judge(&EdgeNeighbourhood { place: AllowedPlace::Removed, ..around }).unwrap();
+        let (cost, step) = evaluate(&EdgeNeighbourhood { place: AllowedPlace::Removed, ..around }).unwrap();
         assert_eq!(step, Vec3::X);
         assert!((cost - 0.5).abs() < 1e-6, "{cost}");
     }

@@ -19,7 +19,7 @@ use crate::constraints::{self, Constraints};
 use crate::control::{Control, Stage, Verdict};
 use crate::fit::Originals;
 use crate::input::Input;
-use crate::metric::{Dimension, Judged, Memoryless, Metric, Quadric, VertexMemory};
+use crate::metric::{Dimension, Memoryless, Metric, NeighbourhoodMetric, Quadric, VertexMemory};
 use crate::options::{Length, Method, Placement, SimplifyOptions, TopologyPolicy};
 use crate::prune;
 use crate::run::{self, Run, Source, Started};
@@ -65,13 +65,13 @@ pub(super) fn build(
     let (walk, pass): (RecordedRun, _) = match (options.method, run::collapses(options.method)) {
         (Method::Quadric, Some(pass)) => (|run, mesh, control| record_run(Quadric, run, mesh, control), pass),
         (Method::LindstromTurk, Some(pass)) => {
-            (|run, mesh, control| record_run(Judged::Volume, run, mesh, control), pass)
+            (|run, mesh, control| record_run(NeighbourhoodMetric::Volume, run, mesh, control), pass)
         }
         (Method::Melax, Some(pass)) => {
-            (|run, mesh, control| record_run(Judged::Turn, run, mesh, control), pass)
+            (|run, mesh, control| record_run(NeighbourhoodMetric::Turn, run, mesh, control), pass)
         }
         (Method::ShortestEdge, Some(pass)) => {
-            (|run, mesh, control| record_run(Judged::Length, run, mesh, control), pass)
+            (|run, mesh, control| record_run(NeighbourhoodMetric::Length, run, mesh, control), pass)
         }
         (_, Some(pass)) => (|run, mesh, control| record_run(Memoryless, run, mesh, control), pass),
         (method, None) => {
@@ -117,7 +117,7 @@ pub(super) fn build(
         options: &options,
         ordered: &mut ordered,
         goal,
-        care: &care,
+        constraints: &care,
         pass,
         is_traced: false,
     };
@@ -176,7 +176,7 @@ fn record_run<M: Metric>(
         run.start(metric, None, true, (&goals, goals.len() - 1))?;
     let record = record(run, mesh, &engine.mesh.store, engine.mesh.values.attributes.as_ref(), rows);
     let by_place = record.names.faces.clone();
-    engine.note_start(Box::new(record));
+    engine.log_start(Box::new(record));
     let facings: Vec<Facing> = engine.mesh.store.v.iter().map(|x| x.facing).collect();
 
     control.stage(Stage::Collapse);
@@ -184,7 +184,7 @@ fn record_run<M: Metric>(
     engine.mesh.constraints.keeps_parts = topology != TopologyPolicy::Free;
     if topology == TopologyPolicy::Free {
         engine.mesh.constraints.cuts_necks = true;
-        engine.watch_parts();
+        engine.enable_part_removal();
     }
     let source = Source { surface: &run.input.surface, ordered: run.ordered, is_kept };
     let mut end = engine.sweep(&run.goal, &source, control);
@@ -199,7 +199,7 @@ fn record_run<M: Metric>(
         return Err(SimplifyError::Cancelled);
     };
     let area = engine.mesh.area_of_input();
-    let weights = Weights { kept: metric.kept_loss() / 6.0 / area, lost: 0.25 / area };
+    let weights = Weights { kept: metric.squared_rms_factor() / 6.0 / area, lost: 0.25 / area };
     let counted = goals.iter().filter_map(|g| g.faces).zip(weights_of_attributes).collect();
     let values = originals.zip(engine.mesh.values.attributes.take());
     drop(engine);
@@ -312,7 +312,7 @@ fn names<Q: VertexMemory>(
     rows: Option<&Rows>,
 ) -> (InputNames, Vec<VertexId>) {
     let ordered: &Ordered = run.ordered;
-    let vertices = ordered.first_at_each();
+    let vertices = ordered.first_vertices();
     let faces = ordered.of_faces(&run.input.surface, FaceId::new);
     let has_wedges = store.wedges.is_some();
     let keeps_wedges = has_wedges && run.options.placement == Placement::Endpoint;

@@ -166,7 +166,7 @@ impl Recorded<'_> {
         for (i, &origin) in origins.iter().enumerate() {
             store.ring(VertexId::new(i), &mut ring);
             let given = run.ordered.points.get(origin.index());
-            let is_locked = run.care.locked().is_some_and(|l| l.get(origin.index()) == Some(&true));
+            let is_locked = run.constraints.locked().is_some_and(|l| l.get(origin.index()) == Some(&true));
             let x = &mut store.v[i];
             x.origin = origin;
             x.kind = Kind::of(&ring, run.options.border).locked(is_locked).moved(given != Some(&x.p));

@@ -45,7 +45,7 @@ impl ValueFitter {
         self.rows.clear_lent_weights(self.attributes.weights_mut(), &self.places);
         let wedges = |f: usize| road.faces()[f].map(|w| self.numbers[w.index()]);
         let faces: Vec<_> = faces.map(|(f, points)| (points, wedges(f))).collect();
-        self.attributes.account_for(&faces);
+        self.attributes.recompute_sums(&faces);
         let wedges = faces.into_iter().map(|f| f.1).collect();
         Values::new(&self.originals, &mut self.attributes, wedges, away)
     }

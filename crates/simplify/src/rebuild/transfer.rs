@@ -70,14 +70,14 @@ pub(super) fn transfer_attributes(
     let is_shading: Vec<bool> = rows.shading();
     let same = |a: WedgeId, b: WedgeId, shading: bool| {
         let (x, y) = (attributes.of(a), attributes.of(b));
-        let pulls = |w: WedgeId| (attributes.pulls.get(w.index()), attributes.labels.get(w.index()));
+        let pulls = |w: WedgeId| (attributes.joint_weights.get(w.index()), attributes.labels.get(w.index()));
         let is_pulled = shading || pulls(a) == pulls(b);
         a == b
             || is_pulled && (0..width).all(|k| is_shading[k] != shading || x[k].to_bits() == y[k].to_bits())
     };
     let region = |f: usize| ground.regions.as_ref().map(|r| r[f]);
     let has_others =
-        is_shading.contains(&false) || !attributes.pulls.is_empty() || !attributes.labels.is_empty();
+        is_shading.contains(&false) || !attributes.joint_weights.is_empty() || !attributes.labels.is_empty();
     let has = [has_others, clothes.shading.is_none() && is_shading.contains(&true)];
     let links = |shading: bool| {
         let joined = |[f, g]: [usize; 2], corners: [[usize; 2]; 2]| {
@@ -140,8 +140,8 @@ pub(super) fn transfer_attributes(
                         }
                     };
                 }
-                if !shading && !attributes.pulls.is_empty() {
-                    own_pulls = blend(&rows_there.map(|r| &attributes.pulls[r.index()]), &at.weights);
+                if !shading && !attributes.joint_weights.is_empty() {
+                    own_pulls = blend(&rows_there.map(|r| &attributes.joint_weights[r.index()]), &at.weights);
                 }
                 if !shading && !attributes.labels.is_empty() {
                     own_label = Some(attributes.labels[rows_there[nearest_corner(&at.weights)].index()]);
@@ -172,7 +172,7 @@ pub(super) fn transfer_attributes(
                 known = next.len() as u32;
                 next.push(std::mem::replace(&mut first[v.index()], known));
                 values.extend_from_slice(&row);
-                if !attributes.pulls.is_empty() {
+                if !attributes.joint_weights.is_empty() {
                     pulls.push(own_pulls);
                 }
                 labels.extend(own_label);

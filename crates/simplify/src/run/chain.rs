@@ -27,7 +27,7 @@ use crate::collapse::{Goal, Pause, StopReason};
 use crate::constraints::{self, Constraints};
 use crate::control::{Control, ProgressShare, Stage};
 use crate::deviation::{self, Deviation};
-use crate::metric::{Judged, Memoryless, Metric, Quadric};
+use crate::metric::{Memoryless, Metric, NeighbourhoodMetric, Quadric};
 use crate::options::{Method, SimplifyOptions, Stop, TopologyPolicy};
 
 /// For each level, starting with the input, the vertex of the next one that each of its vertices was merged
@@ -42,9 +42,9 @@ fn passes_of(method: Method) -> Option<Passes> {
     Some(match method {
         Method::Memoryless => |run, goals, control| run.chain(Memoryless, goals, control),
         Method::Quadric => |run, goals, control| run.chain(Quadric, goals, control),
-        Method::LindstromTurk => |run, goals, control| run.chain(Judged::Volume, goals, control),
-        Method::Melax => |run, goals, control| run.chain(Judged::Turn, goals, control),
-        Method::ShortestEdge => |run, goals, control| run.chain(Judged::Length, goals, control),
+        Method::LindstromTurk => |run, goals, control| run.chain(NeighbourhoodMetric::Volume, goals, control),
+        Method::Melax => |run, goals, control| run.chain(NeighbourhoodMetric::Turn, goals, control),
+        Method::ShortestEdge => |run, goals, control| run.chain(NeighbourhoodMetric::Length, goals, control),
         _ => return None,
     })
 }
@@ -91,11 +91,12 @@ fn chain_by_method(
     let care = Constraints::new(options, &in_order, |v| input.joined(v));
     let first = goals.first().copied().unwrap_or_default();
     let pass = pass_of(options.method);
-    let mut run = Run { input, options, ordered: &mut in_order, goal: first, care: &care, pass, is_traced };
+    let mut run =
+        Run { input, options, ordered: &mut in_order, goal: first, constraints: &care, pass, is_traced };
     let passes = passes_of(options.method).expect("only methods of sweeps come here");
     let outcomes = passes(&mut run, &goals, control)?;
     let mergers = if is_traced { run.mergers(&outcomes) } else { Mergers::new() };
-    let judge = if deviation::needs_measurement(options) { run.judge(control) } else { None };
+    let judge = if deviation::needs_measurement(options) { run.input_comparer(control) } else { None };
     let look = |outcome: &RunOutcome| {
         judge.as_ref().map_or_else(Deviation::default, |judge| judge.measure(&outcome.mesh, None))
     };
@@ -132,17 +133,21 @@ impl Run<'_, '_> {
                 let (mut second, mut own) =
                     (None, TopologyChanges { parts: true, cuts: may_cut(self.options), ..leave });
                 let mut other = self.level(metric, &mut second, (i, goals), own, control)?;
-                if other.touches && other.end != StopReason::Finish {
+                if other.has_touching_vertices && other.end != StopReason::Finish {
                     (second, own.cuts) = (None, false);
                     other = self.level(metric, &mut second, (i, goals), own, control)?;
                 }
-                if outcome.parts_removed > 0 || self.closer(&[&outcome, &other], None, control) == 1 {
+                if outcome.parts_removed > 0 || self.closest_index(&[&outcome, &other], None, control) == 1 {
                     (trunk, leave, outcome) = (second, own, other);
                     number += 1;
                 } else {
                     outcome.proposals = other.proposals;
                 }
-            } else if may_change && leave.cuts && outcome.touches && outcome.end != StopReason::Finish {
+            } else if may_change
+                && leave.cuts
+                && outcome.has_touching_vertices
+                && outcome.end != StopReason::Finish
+            {
                 (trunk, leave.cuts) = (None, false);
                 outcome = self.level(metric, &mut trunk, (i, goals), leave, control)?;
                 number += 1;
@@ -171,7 +176,7 @@ impl Run<'_, '_> {
                 control.stage(Stage::Collapse);
                 let weights = trunk.root.weights.get(i).map(Vec::as_slice);
                 match &mut trunk.sweeps {
-                    Some(sweeps) => trunk.engine.go_on_to(sweeps, goal, weights),
+                    Some(sweeps) => trunk.engine.lower_goal(sweeps, goal, weights),
                     None => trunk.engine.reopen(weights),
                 }
                 trunk
@@ -191,13 +196,15 @@ impl Run<'_, '_> {
             }
             Some(sweeps) => {
                 let source = self.source(&grown.root);
-                let ended = grown.engine.go_on(sweeps, goal, Pause::BeforeGoal, &source, control);
+                let ended = grown.engine.resume_sweeps(sweeps, goal, Pause::BeforeGoal, &source, control);
                 let mut branch = grown.engine.branch();
                 let end = match ended {
                     Some(end) => end,
                     None => {
                         let own = &mut sweeps.clone();
-                        branch.go_on(own, goal, Pause::Never, &source, control).unwrap_or(StopReason::Stuck)
+                        branch
+                            .resume_sweeps(own, goal, Pause::Never, &source, control)
+                            .unwrap_or(StopReason::Stuck)
                     }
                 };
                 if end == StopReason::Cancel {

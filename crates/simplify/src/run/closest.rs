@@ -10,22 +10,22 @@ use crate::control::Control;
 
 /// Samples in each direction. (The RMS of a result is then known to a few percent; if candidates differ by
 /// less, either is fine.)
-const JUDGE_SAMPLES: usize = 20_000;
+const COMPARISON_SAMPLES: usize = 20_000;
 /// A result without topology changes and moved seams is preferred unless another one is closer by this
 /// factor: parts should not be removed for a small gain. (Guessed.)
 const WHOLE_RESULT_FACTOR: f64 = 1.25;
 /// That factor for a result whose run was productive: the largest step allowed in a walk over targets
 /// (`cargo xtask walk`).
-const FAVOUR_AT_EASE: f64 = 1.5;
+const PRODUCTIVE_RESULT_FACTOR: f64 = 1.5;
 /// If the target is out of reach, a heavier result is returned if the lightest one is less close by this
 /// factor. (Guessed: more than any productive run loses for a few faces less.)
-const DESTROYED_FACTOR: f64 = 3.0;
+const UNREACHABLE_FACTOR: f64 = 3.0;
 
 impl RunOutcome {
     /// True if another way to the target may be closer to the input: seams gave way, or stayed at a cost,
     /// or cheap parts or necks were kept.
     pub(super) fn has_rivals(&self) -> bool {
-        self.seams_relaxed || self.spares_seams || self.spares_parts || self.spares_necks
+        self.seams_relaxed || self.kept_costly_seams || self.kept_blocking_parts || self.kept_blocking_necks
     }
 
     /// True if no seams gave way, and no parts or necks were removed.
@@ -43,7 +43,7 @@ impl Run<'_, '_> {
         asked: Option<usize>,
         control: &mut dyn Control,
     ) -> RunOutcome {
-        let best = self.closer(&ways.iter().collect::<Vec<_>>(), asked, control);
+        let best = self.closest_index(&ways.iter().collect::<Vec<_>>(), asked, control);
         let mut chosen = ways.swap_remove(best);
         if chosen.end == StopReason::Stuck && chosen.proposals.is_empty() {
             let others = ways.into_iter().map(|way| way.proposals);
@@ -57,7 +57,7 @@ impl Run<'_, '_> {
     /// input; among several that do not, the lightest. The first of equals. The outcome `asked` for by an
     /// option is favoured, else those that keep everything. Cost: a tree of the input, and of each outcome
     /// that is measured.
-    pub(super) fn closer(
+    pub(super) fn closest_index(
         &self,
         ways: &[&RunOutcome],
         asked: Option<usize>,
@@ -69,15 +69,15 @@ impl Run<'_, '_> {
             let lightest = || (0..ways.len()).min_by_key(|&i| ways[i].mesh.face_count());
             return met.first().copied().or_else(lightest).unwrap_or(0);
         }
-        let Some(judge) = self.judge(control) else { return met[0] };
+        let Some(judge) = self.input_comparer(control) else { return met[0] };
         let error = |i: usize| {
             let is_favoured = asked.map_or_else(|| ways[i].keeps_all(), |asked| i == asked);
             let favour = match is_favoured {
-                true if ways[i].is_strained || asked.is_some() => WHOLE_RESULT_FACTOR,
-                true => FAVOUR_AT_EASE,
+                true if ways[i].is_unproductive || asked.is_some() => WHOLE_RESULT_FACTOR,
+                true => PRODUCTIVE_RESULT_FACTOR,
                 false => 1.0,
             };
-            judge.rms(&ways[i].mesh, JUDGE_SAMPLES) / favour
+            judge.rms(&ways[i].mesh, COMPARISON_SAMPLES) / favour
         };
         let errors = met.iter().map(|&i| (i, error(i)));
         errors.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(met[0], |best| best.0)
@@ -85,17 +85,17 @@ impl Run<'_, '_> {
 
     /// Chooses between the lightest result of a run whose target is out of reach, and a slightly heavier
     /// one.
-    pub(super) fn less_destroyed(
+    pub(super) fn choose_when_unreachable(
         &self,
         lightest: RunOutcome,
         heavier: RunOutcome,
         control: &mut dyn Control,
     ) -> RunOutcome {
-        let Some(judge) = self.judge(control).filter(|_| heavier.end == StopReason::Goal) else {
+        let Some(judge) = self.input_comparer(control).filter(|_| heavier.end == StopReason::Goal) else {
             return lightest;
         };
-        let [far, near] = [&lightest, &heavier].map(|way| judge.rms(&way.mesh, JUDGE_SAMPLES));
-        if far > DESTROYED_FACTOR * near {
+        let [far, near] = [&lightest, &heavier].map(|way| judge.rms(&way.mesh, COMPARISON_SAMPLES));
+        if far > UNREACHABLE_FACTOR * near {
             RunOutcome { end: StopReason::Stuck, proposals: lightest.proposals, ..heavier }
         } else {
             lightest

@@ -54,7 +54,7 @@ impl<M: Metric> Copies<M> {
         let (kept, root) = self.all.last().zip(self.root.as_ref())?;
         let mut engine = kept.engine.branch();
         let mut sweeps = kept.sweeps.clone();
-        engine.go_on_to(&mut sweeps, goal, None);
+        engine.lower_goal(&mut sweeps, goal, None);
         Some((Trunk { engine, root: Rc::clone(root), sweeps: None }, sweeps))
     }
 

@@ -22,23 +22,23 @@ use crate::SimplifyError;
 const LEVEL_FACTOR: f64 = 1.05;
 /// The first step is this share of that, and each doubles the one before: near the start, each collapse may
 /// be one too many. (Guessed.)
-const FIRST: f64 = 1.0 / 8.0;
+const FIRST_STEP_SHARE: f64 = 1.0 / 8.0;
 /// Number of levels between marks: a sixth of the faces.
-const MARK: usize = 37;
+const LEVELS_PER_MARK: usize = 37;
 /// Number of levels beyond the last one within the distance that are tested too, a quarter of the faces.
-const ON: usize = 6;
+const EXTRA_LEVELS: usize = 6;
 /// Of these one in this many is tested, until none is within the distance. (Measured on seven models at 18
 /// distances, compared with the lightest of 40 levels, each .89 of the one before: .959 of its faces in the
 /// mean and 1.28 at most in 8.6 runs; without these tests .980 and 1.63 in 6.6.)
-const EVERY: usize = 2;
+const EXTRA_LEVEL_STEP: usize = 2;
 
 /// Maximum number of levels per step of a search from a start level. (Guessed: twelve percent of the cells
 /// of a grid, along an axis.)
-const STRIDE: i64 = 4;
+const SEARCH_STRIDE: i64 = 4;
 
 /// Result of testing a level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Answer {
+pub(crate) enum LevelTest {
     /// It is within the distance.
     Kept,
     /// It is within the distance, and no level is lighter.
@@ -50,16 +50,16 @@ pub(crate) enum Answer {
 }
 
 /// Decreasing counts, the first that of the input.
-pub(crate) struct Ladder {
+pub(crate) struct LevelCounts {
     counts: Vec<usize>,
 }
 
-impl Ladder {
+impl LevelCounts {
     /// Creates the levels from `all` faces down to `floor`, which is from 1 to `all`.
     pub(super) fn new(all: usize, floor: usize) -> Self {
         let mut counts = vec![all];
         let mut exact = all as f64;
-        let mut step = 1.0 + (LEVEL_FACTOR - 1.0) * FIRST;
+        let mut step = 1.0 + (LEVEL_FACTOR - 1.0) * FIRST_STEP_SHARE;
         while let Some(&last) = counts.last()
             && last > floor
         {
@@ -80,11 +80,11 @@ impl Ladder {
     /// distance. Never tests that one, and no other twice.
     pub(crate) fn search(
         &self,
-        ask: &mut dyn FnMut(usize) -> Result<Answer, SimplifyError>,
+        ask: &mut dyn FnMut(usize) -> Result<LevelTest, SimplifyError>,
     ) -> Result<usize, SimplifyError> {
         let mut known = vec![None; self.counts.len()];
-        known[0] = Some(Answer::Kept);
-        let mut ask = |level: usize| -> Result<Answer, SimplifyError> {
+        known[0] = Some(LevelTest::Kept);
+        let mut ask = |level: usize| -> Result<LevelTest, SimplifyError> {
             if let Some(answer) = known[level] {
                 return Ok(answer);
             }
@@ -93,32 +93,32 @@ impl Ladder {
             Ok(answer)
         };
         let (mut kept, mut beyond) = (0, self.counts.len());
-        let mut mark = MARK;
+        let mut mark = LEVELS_PER_MARK;
         while beyond - kept > 1 {
             let is_marked = mark < beyond;
             let level = if is_marked { mark } else { usize::midpoint(kept, beyond) };
             match ask(level)? {
-                Answer::Over => return Ok(kept),
-                Answer::Last => return Ok(level),
-                Answer::Kept => kept = level,
-                Answer::Beyond => beyond = level,
+                LevelTest::Over => return Ok(kept),
+                LevelTest::Last => return Ok(level),
+                LevelTest::Kept => kept = level,
+                LevelTest::Beyond => beyond = level,
             }
-            mark += MARK;
+            mark += LEVELS_PER_MARK;
         }
-        let mut next = (kept + ON) / EVERY * EVERY;
+        let mut next = (kept + EXTRA_LEVELS) / EXTRA_LEVEL_STEP * EXTRA_LEVEL_STEP;
         while next > kept {
             if next < self.counts.len() {
                 match ask(next)? {
-                    Answer::Over => break,
-                    Answer::Last => return Ok(next),
-                    Answer::Kept => {
+                    LevelTest::Over => break,
+                    LevelTest::Last => return Ok(next),
+                    LevelTest::Kept => {
                         kept = next;
-                        next += ON + EVERY;
+                        next += EXTRA_LEVELS + EXTRA_LEVEL_STEP;
                     }
-                    Answer::Beyond => {}
+                    LevelTest::Beyond => {}
                 }
             }
-            next -= EVERY;
+            next -= EXTRA_LEVEL_STEP;
         }
         Ok(kept)
     }
@@ -134,28 +134,28 @@ impl Ladder {
 pub(crate) fn search_around(
     levels: RangeInclusive<i64>,
     begin: i64,
-    ask: &mut dyn FnMut(i64) -> Result<Answer, SimplifyError>,
+    ask: &mut dyn FnMut(i64) -> Result<LevelTest, SimplifyError>,
 ) -> Result<Option<i64>, SimplifyError> {
     let (first, last) = levels.into_inner();
     if first > last {
         return Ok(None);
     }
     // At multiples of the stride, and at the ends.
-    let whole = |level: i64| (level.div_euclid(STRIDE) * STRIDE).clamp(first, last);
+    let whole = |level: i64| (level.div_euclid(SEARCH_STRIDE) * SEARCH_STRIDE).clamp(first, last);
     let mut level = whole(begin);
     let mut kept = None;
     let mut beyond = None;
     loop {
         match ask(level)? {
-            Answer::Over => return Ok(kept),
-            Answer::Last => return Ok(Some(level)),
-            Answer::Kept => kept = Some(level),
-            Answer::Beyond => beyond = Some(level),
+            LevelTest::Over => return Ok(kept),
+            LevelTest::Last => return Ok(Some(level)),
+            LevelTest::Kept => kept = Some(level),
+            LevelTest::Beyond => beyond = Some(level),
         }
         level = match (kept, beyond) {
             (Some(kept), None) if kept == last => return Ok(Some(kept)),
             (None, Some(beyond)) if beyond == first => return Ok(None),
-            (Some(kept), None) => whole(kept + STRIDE).max(kept + 1),
+            (Some(kept), None) => whole(kept + SEARCH_STRIDE).max(kept + 1),
             (None, Some(beyond)) => whole(beyond - 1),
             (Some(kept), Some(beyond)) if beyond - kept <= 1 => return Ok(Some(kept)),
             (Some(kept), Some(beyond)) => i64::midpoint(kept, beyond),
@@ -171,21 +171,21 @@ mod tests {
     #[test]
     fn counts_fall_to_the_floor() {
         for (all, floor) in [(1, 1), (12, 1), (12, 12), (9000, 4), (1_000_000, 777), (100, 99)] {
-            let counts = Ladder::new(all, floor).counts;
+            let counts = LevelCounts::new(all, floor).counts;
             assert!(counts[0] == all && counts.last() == Some(&floor), "{counts:?}");
             let is_step = |c: &[usize]| {
                 c[1] < c[0] && (c[0] - c[1] == 1 || c[0] as f64 <= c[1] as f64 * LEVEL_FACTOR + 1.5)
             };
             assert!(counts.windows(2).all(is_step), "{counts:?}");
             // The floor does not influence the counts before it.
-            let whole = Ladder::new(all, 1).counts;
+            let whole = LevelCounts::new(all, 1).counts;
             assert_eq!(counts[..counts.len() - 1], whole[..counts.len() - 1]);
         }
     }
 
     #[test]
     fn a_larger_distance_never_ends_at_a_heavier_level() {
-        let ladder = Ladder::new(20_000, 3);
+        let ladder = LevelCounts::new(20_000, 3);
         let mut state = 5u64;
         for round in 0..50 {
             // Errors that rise, and jump by up to a factor of 16.
@@ -202,7 +202,7 @@ mod tests {
                 let got = ladder
                     .search(&mut |level| {
                         asked.push(level);
-                        Ok(if error(level, state) <= limit { Answer::Kept } else { Answer::Beyond })
+                        Ok(if error(level, state) <= limit { LevelTest::Kept } else { LevelTest::Beyond })
                     })
                     .unwrap();
                 assert!(got >= before, "{got} {before}");
@@ -228,7 +228,7 @@ mod tests {
                 let limit = 1.1f64.powi(k);
                 let got = search_around(first..=last, i64::from(k) + 5, &mut |level| {
                     assert!((first..=last).contains(&level));
-                    Ok(if error(level) <= limit { Answer::Kept } else { Answer::Beyond })
+                    Ok(if error(level) <= limit { LevelTest::Kept } else { LevelTest::Beyond })
                 });
                 let got = got.unwrap();
                 assert!(got >= before, "{got:?} {before:?}");
@@ -237,8 +237,8 @@ mod tests {
             }
         }
         let nothing = RangeInclusive::new(1, 0);
-        assert_eq!(search_around(nothing, 0, &mut |_| Ok(Answer::Kept)), Ok(None));
-        assert_eq!(search_around(0..=9, 99, &mut |_| Ok(Answer::Kept)), Ok(Some(9)));
-        assert_eq!(search_around(0..=9, 99, &mut |_| Ok(Answer::Beyond)), Ok(None));
+        assert_eq!(search_around(nothing, 0, &mut |_| Ok(LevelTest::Kept)), Ok(None));
+        assert_eq!(search_around(0..=9, 99, &mut |_| Ok(LevelTest::Kept)), Ok(Some(9)));
+        assert_eq!(search_around(0..=9, 99, &mut |_| Ok(LevelTest::Beyond)), Ok(None));
     }
 }

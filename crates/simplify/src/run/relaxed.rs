@@ -22,7 +22,7 @@ use crate::metric::Metric;
 /// Faces of an alternative result, relative to the lightest one, if the target is out of reach. (A level of
 /// 1,194 parts that ends at 6,249 faces is 2.0 % off there, and .2 % at 15 % more.)
 const NEARLY_REACHED_FACTOR: f64 = 1.15;
-const ALL_STAY: TopologyChanges = TopologyChanges { parts: false, cuts: false, seams: false };
+const NO_CHANGES: TopologyChanges = TopologyChanges { parts: false, cuts: false, seams: false };
 
 impl Run<'_, '_> {
     pub(super) fn relaxed<M: Metric>(
@@ -33,7 +33,7 @@ impl Run<'_, '_> {
         copies: &mut Copies<M>,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
-        let lightest = self.by_all_ways(metric, goal, step, copies, control)?;
+        let lightest = self.best_way(metric, goal, step, copies, control)?;
         let near = (lightest.mesh.face_count() as f64 * NEARLY_REACHED_FACTOR) as usize;
         let is_short = lightest.end == StopReason::Stuck && step.is_none() && !lightest.keeps_all();
         if !is_short || near <= lightest.mesh.face_count() + 1 {
@@ -41,12 +41,12 @@ impl Run<'_, '_> {
         }
         // The target is out of reach: the last collapses may cost far too much.
         let nearly = Goal { faces: Some(near), vertices: None };
-        let other = self.by_all_ways(metric, nearly, step, copies, control)?;
-        Ok(self.less_destroyed(lightest, other, control))
+        let other = self.best_way(metric, nearly, step, copies, control)?;
+        Ok(self.choose_when_unreachable(lightest, other, control))
     }
 
     /// Returns the best of the competing ways to a goal.
-    fn by_all_ways<M: Metric>(
+    fn best_way<M: Metric>(
         &mut self,
         metric: M,
         goal: Goal,
@@ -60,7 +60,7 @@ impl Run<'_, '_> {
                 kept
             }
             None => {
-                let mut trunk = self.begin(metric, step, ALL_STAY, (&[], 0), control)?;
+                let mut trunk = self.begin(metric, step, NO_CHANGES, (&[], 0), control)?;
                 let sweeps = trunk.engine.begin_sweeps(&goal);
                 copies.keep(&trunk, &sweeps, usize::MAX);
                 (trunk, sweeps)
@@ -70,29 +70,29 @@ impl Run<'_, '_> {
         let mut cuts = may_cut(self.options);
         let mut end = None;
         if copies.is_wanted() {
-            end = self.go_on(&mut trunk, &mut sweeps, &goal, Pause::BeforeEither, control)?;
+            end = self.resume_trunk(&mut trunk, &mut sweeps, &goal, Pause::BeforeEither, control)?;
             if end.is_none() && !trunk.engine.should_snapshot(&sweeps, &goal, false) {
                 copies.keep(&trunk, &sweeps, goal.faces.unwrap_or(0));
             }
         }
         if end.is_none() {
-            end = self.go_on(&mut trunk, &mut sweeps, &goal, Pause::BeforeNeed, control)?;
+            end = self.resume_trunk(&mut trunk, &mut sweeps, &goal, Pause::BeforeTopologyChanges, control)?;
         }
         if end.is_none() {
-            if !trunk.engine.is_past_parts(cuts) {
+            if !trunk.engine.is_past_blocking(cuts) {
                 fork = Some(trunk.engine.snapshot(&sweeps));
             }
-            end = self.go_on(&mut trunk, &mut sweeps, &goal, Pause::Never, control)?;
+            end = self.resume_trunk(&mut trunk, &mut sweeps, &goal, Pause::Never, control)?;
         }
         trunk.engine.mesh.store.finish();
         let end = end.unwrap_or(StopReason::Stuck);
         let mut ways = Vec::new();
-        let seams_stand_in_way = trunk.engine.mesh.has_relaxed_seams() || trunk.engine.has_seams_in_the_way();
+        let seams_stand_in_way = trunk.engine.mesh.has_relaxed_seams() || trunk.engine.has_blocking_seams();
         let mut parts = true;
         if trunk.engine.tally.parts_removed == 0 || end == StopReason::Finish {
             parts = end == StopReason::Stuck || trunk.engine.mesh.part_count() > 1;
             let outcome = self.finish(&mut trunk.engine, &trunk.root, end, false, control)?;
-            parts |= outcome.spares_necks;
+            parts |= outcome.kept_blocking_necks;
             let competes = end == StopReason::Goal && outcome.has_rivals();
             // A search for an error decides by itself when to end.
             if end != StopReason::Stuck && !competes || step.is_some() {
@@ -105,28 +105,29 @@ impl Run<'_, '_> {
         let mut from = fork.map(|fork| (fork, trunk));
         if parts {
             let leave = TopologyChanges { parts, cuts, seams: false };
-            let mut second = self.in_turn(metric, &goal, step, leave, &mut from, control)?;
-            if second.touches && second.end != StopReason::Finish {
+            let mut second = self.run_with_changes(metric, &goal, step, leave, &mut from, control)?;
+            if second.has_touching_vertices && second.end != StopReason::Finish {
                 cuts = false;
                 let leave = TopologyChanges { cuts, ..leave };
-                second = self.in_turn(metric, &goal, step, leave, &mut from, control)?;
+                second = self.run_with_changes(metric, &goal, step, leave, &mut from, control)?;
             }
             ways.push(second);
         }
         let is_over = ways.last().is_some_and(|last| last.end == StopReason::Finish);
-        let competes = seams_stand_in_way || ways.iter().any(|way| way.seams_relaxed || way.spares_seams);
+        let competes =
+            seams_stand_in_way || ways.iter().any(|way| way.seams_relaxed || way.kept_costly_seams);
         if competes && step.is_none() && !is_over {
             let leave = TopologyChanges { parts, cuts: cuts && parts, seams: true };
-            let third = self.in_turn(metric, &goal, step, leave, &mut from, control)?;
+            let third = self.run_with_changes(metric, &goal, step, leave, &mut from, control)?;
             // If sides of a cut touch, another candidate is used.
-            ways.extend(Some(third).filter(|third| !third.touches || ways.is_empty()));
+            ways.extend(Some(third).filter(|third| !third.has_touching_vertices || ways.is_empty()));
         }
         Ok(self.closest(ways, None, control))
     }
 
     /// Runs a pass with the topology changes of `leave` in order of cost: from the snapshot, or from the
     /// start.
-    fn in_turn<M: Metric>(
+    fn run_with_changes<M: Metric>(
         &mut self,
         metric: M,
         goal: &Goal,
@@ -155,12 +156,13 @@ impl Run<'_, '_> {
                 (&mut own, sweeps)
             }
         };
-        let end = self.go_on(trunk, &mut sweeps, goal, Pause::Never, control)?.unwrap_or(StopReason::Stuck);
+        let end =
+            self.resume_trunk(trunk, &mut sweeps, goal, Pause::Never, control)?.unwrap_or(StopReason::Stuck);
         trunk.engine.mesh.store.finish();
         self.finish(&mut trunk.engine, &trunk.root, end, end == StopReason::Stuck && step.is_none(), control)
     }
 
-    fn go_on<M: Metric>(
+    fn resume_trunk<M: Metric>(
         &self,
         trunk: &mut Trunk<M>,
         sweeps: &mut Sweeps,
@@ -168,7 +170,7 @@ impl Run<'_, '_> {
         pause: Pause,
         control: &mut dyn Control,
     ) -> Result<Option<StopReason>, SimplifyError> {
-        let end = trunk.engine.go_on(sweeps, goal, pause, &self.source(&trunk.root), control);
+        let end = trunk.engine.resume_sweeps(sweeps, goal, pause, &self.source(&trunk.root), control);
         if end == Some(StopReason::Cancel) { Err(SimplifyError::Cancelled) } else { Ok(end) }
     }
 }
@@ -193,7 +195,15 @@ mod tests {
         let care = Constraints::new(&options, &in_order, |v| v);
         let goal = goal(&options, mesh.face_count());
         let (input, options, pass) = (&input, &options, pass_of(options.method));
-        act(&mut Run { input, options, ordered: &mut in_order, goal, care: &care, pass, is_traced: false });
+        act(&mut Run {
+            input,
+            options,
+            ordered: &mut in_order,
+            goal,
+            constraints: &care,
+            pass,
+            is_traced: false,
+        });
     }
 
     /// Four tori side by side, with colours.
@@ -213,9 +223,11 @@ mod tests {
 
     /// Returns a trunk paused before parts and handles must be removed, if it pauses.
     fn paused(run: &mut Run<'_, '_>, goal: &Goal) -> (Trunk<Memoryless>, Sweeps, Option<StopReason>) {
-        let mut trunk = run.begin(Memoryless, None, ALL_STAY, (&[], 0), &mut NoControl).unwrap();
+        let mut trunk = run.begin(Memoryless, None, NO_CHANGES, (&[], 0), &mut NoControl).unwrap();
         let mut sweeps = trunk.engine.begin_sweeps(goal);
-        let end = run.go_on(&mut trunk, &mut sweeps, goal, Pause::BeforeNeed, &mut NoControl).unwrap();
+        let end = run
+            .resume_trunk(&mut trunk, &mut sweeps, goal, Pause::BeforeTopologyChanges, &mut NoControl)
+            .unwrap();
         (trunk, sweeps, end)
     }
 
@@ -234,11 +246,12 @@ mod tests {
                     let (mut other, mut its) = fork.restored(&mut trunk.engine);
                     other.allow_topology_changes(&mut its, true, &run.source(&trunk.root));
                     trunk.engine = other;
-                    run.go_on(&mut trunk, &mut its, &goal, Pause::Never, &mut NoControl).unwrap();
+                    run.resume_trunk(&mut trunk, &mut its, &goal, Pause::Never, &mut NoControl).unwrap();
                     assert!(trunk.engine.tally.necks_cut > 0);
                 }
                 (trunk.engine, sweeps) = fork.restored(&mut trunk.engine);
-                let end = run.go_on(&mut trunk, &mut sweeps, &goal, Pause::Never, &mut NoControl).unwrap();
+                let end =
+                    run.resume_trunk(&mut trunk, &mut sweeps, &goal, Pause::Never, &mut NoControl).unwrap();
                 trunk.engine.mesh.store.finish();
                 let done =
                     run.finish(&mut trunk.engine, &trunk.root, end.unwrap(), false, &mut NoControl).unwrap();
@@ -257,7 +270,7 @@ mod tests {
                 let goal = run.goal;
                 let none = &mut Copies::none();
                 let done = run.relaxed(Memoryless, goal, None, none, &mut NoControl).unwrap();
-                let mut trunk = run.begin(Memoryless, None, ALL_STAY, (&[], 0), &mut NoControl).unwrap();
+                let mut trunk = run.begin(Memoryless, None, NO_CHANGES, (&[], 0), &mut NoControl).unwrap();
                 let end = run.sweep(&mut trunk, &goal, &mut NoControl).unwrap();
                 let plain = run.finish(&mut trunk.engine, &trunk.root, end, false, &mut NoControl).unwrap();
                 assert_eq!((end, plain.parts_removed), (StopReason::Goal, 0));
@@ -287,7 +300,7 @@ mod tests {
     #[test]
     fn vertices_that_touch_are_moved_apart_and_others_are_not() {
         with_run(&shapes::torus(12, 8), 4, &mut |run| {
-            let mut trunk = run.begin(Memoryless, None, ALL_STAY, (&[], 0), &mut NoControl).unwrap();
+            let mut trunk = run.begin(Memoryless, None, NO_CHANGES, (&[], 0), &mut NoControl).unwrap();
             let store = &mut trunk.engine.mesh.store;
             let last = store.v.len() - 1;
             store.v[0].p = store.v[last].p;

@@ -74,7 +74,7 @@ impl Run<'_, '_> {
             && step.is_none()
             && self.options.stop.error.is_none()
         {
-            engine.mesh.watch_details(|part_of, parts| {
+            engine.mesh.init_details(|part_of, parts| {
                 let part_of_face = |f: usize| {
                     let number = self.place(mesh, mesh.triangles()[f][0]);
                     part_of.get(number.index()).map(|&part| part as usize)
@@ -82,9 +82,9 @@ impl Run<'_, '_> {
                 recolor::mean_colors(mesh, textures, part_of_face, parts)
             });
         }
-        engine.mesh.set_prices(self.care.cost_factors());
+        engine.mesh.set_cost_factors(self.constraints.cost_factors());
         if let Some(distance) = self.options.method_options.pairs {
-            engine.mesh.watch_pairs(pairs_reach(distance, self.ordered.frame, self.ordered.diagonal));
+            engine.mesh.enable_pairs(pairs_reach(distance, self.ordered.frame, self.ordered.diagonal));
         }
         Ok(Started { engine, rows, originals, duplicate_faces, is_kept, weights })
     }
@@ -107,8 +107,8 @@ impl Run<'_, '_> {
         }
         if self.ordered.points.is_empty() {
             // Taken by an earlier pass.
-            self.ordered.points = self.ordered.points_again(surface);
-            self.ordered.faces = self.ordered.faces_again(surface);
+            self.ordered.points = self.ordered.remake_points(surface);
+            self.ordered.faces = self.ordered.remake_faces(surface);
         }
         // The search for an error runs several times from the same start, and a chain needs the input at
         // each level.
@@ -128,7 +128,7 @@ impl Run<'_, '_> {
             }
         } else if let (Some((rows, Some(attributes))), Some(wedges)) = (&mut rows, &wedges) {
             for goal in goals {
-                self.weigh(rows, attributes, (&faces, wedges, &points), goal);
+                self.set_attribute_weights(rows, attributes, (&faces, wedges, &points), goal);
                 weights.push(attributes.weights_mut().to_vec());
             }
             if let Some(first) = weights.get(level) {
@@ -153,7 +153,7 @@ impl Run<'_, '_> {
         if let Some(classes) = &self.options.region_classes {
             store.classes = classes.to_vec();
         }
-        if let Some(locked) = self.care.locked() {
+        if let Some(locked) = self.constraints.locked() {
             store.lock(locked);
         }
         Basis { rules, store, endpoints, rows, attributes, originals, is_kept, weights }
@@ -198,12 +198,12 @@ impl Run<'_, '_> {
             // The values are the same everywhere: the run need not carry them.
             return Corners { wedges: None, endpoints: None, rows: Some((rows, None)) };
         }
-        self.weigh(&rows, &mut attributes, (faces, &wedges, points), &self.goal);
+        self.set_attribute_weights(&rows, &mut attributes, (faces, &wedges, points), &self.goal);
         Corners { wedges: Some(wedges), endpoints: None, rows: Some((rows, Some(attributes))) }
     }
 
     /// Sets the attribute weights for a goal.
-    fn weigh(
+    fn set_attribute_weights(
         &self,
         rows: &Rows,
         attributes: &mut Attributes,

@@ -12,7 +12,7 @@ use crate::SimplifyError;
 use crate::attributes::Rows;
 use crate::collapse::attributes::Attributes;
 use crate::collapse::cut::may_cut;
-use crate::collapse::order::MEMORY_FREE_UP_TO;
+use crate::collapse::order::TIME_OVER_MEMORY_MAX_FACES;
 use crate::collapse::parts;
 use crate::collapse::store::{Store, Vertex};
 use crate::collapse::{Engine, Goal, InputSurface as _, StopReason, Sweeps};
@@ -75,7 +75,7 @@ impl Run<'_, '_> {
         control.stage(Stage::Collapse);
         if leave.parts {
             engine.mesh.constraints.cuts_necks = leave.cuts;
-            engine.watch_parts();
+            engine.enable_part_removal();
         }
         if leave.seams {
             engine.mesh.loosen_seams();
@@ -120,8 +120,8 @@ impl Run<'_, '_> {
         };
         let may_relax = self.options.topology == TopologyPolicy::Relaxed;
         let may_cut = may_cut(self.options);
-        let spares_parts = may_relax && engine.has_parts_in_the_way(may_cut);
-        let spares_necks = may_relax && may_cut && engine.has_necks_in_the_way();
+        let spares_parts = may_relax && engine.has_blocking_parts(may_cut);
+        let spares_necks = may_relax && may_cut && engine.has_blocking_necks();
         let mut fitted = None;
         let wants_fit = self.wants_fit(engine.mesh.cost.metric.cost_source()) && engine.tally.collapses > 0;
         if wants_fit {
@@ -173,12 +173,13 @@ impl Run<'_, '_> {
             parts_removed: engine.tally.parts_removed,
             necks_cut: engine.tally.necks_cut,
             pairs_contracted: engine.tally.pairs_contracted,
-            touches: engine.tally.necks_cut > 0 && weld::weld(mesh.positions().view()).merged_count() > 0,
+            has_touching_vertices: engine.tally.necks_cut > 0
+                && weld::weld(mesh.positions().view()).merged_count() > 0,
             seams_relaxed: engine.mesh.has_relaxed_seams(),
-            spares_seams: engine.has_seams_in_the_way(),
-            is_strained: engine.is_strained(),
-            spares_parts,
-            spares_necks,
+            kept_costly_seams: engine.has_blocking_seams(),
+            is_unproductive: engine.is_unproductive(),
+            kept_blocking_parts: spares_parts,
+            kept_blocking_necks: spares_necks,
             sharp_relaxed: engine.mesh.has_relaxed_creases(),
             duplicate_faces: root.duplicate_faces,
             proposals,
@@ -196,7 +197,7 @@ impl Run<'_, '_> {
             .mesh
             .filter(|_| self.options.textures.is_some() && engine.tally.pairs_contracted == 0)?;
         let mut of = Vec::new();
-        self.source(root).with(&mut |points, faces| of = parts::labels(points.len(), faces));
+        self.source(root).visit(&mut |points, faces| of = parts::labels(points.len(), faces));
         let of_vertex = |v: VertexId| {
             let place = self.ordered.rank[self.input.joined(v).index()];
             of.get(place.index()).copied()
@@ -232,13 +233,13 @@ impl Run<'_, '_> {
         let guards = MoveGuards::new(&Rules::new(self.options, ordered.frame, ordered.diagonal), store);
         let guards = guards.as_ref();
         let (given, mut fitted) = (surface.triangles().len(), None);
-        if !root.is_kept && given > MEMORY_FREE_UP_TO && SHRINK_DIVISOR * store.t.len() >= given {
+        if !root.is_kept && given > TIME_OVER_MEMORY_MAX_FACES && SHRINK_DIVISOR * store.t.len() >= given {
             // Positions are looked up one by one: 14 bytes a face less, but in an unordered file a sixth
             // more time.
-            let given = &mut ordered.again(surface);
+            let given = &mut ordered.remade(surface);
             fitted = Some(fit::fit(store, given, home, away, values.as_mut(), guards, M::tensor).rms);
         } else {
-            self.source(root).with(&mut |points, faces| {
+            self.source(root).visit(&mut |points, faces| {
                 let mut kept = KeptInput { points, faces };
                 fitted = Some(fit::fit(store, &mut kept, home, away, values.as_mut(), guards, M::tensor).rms);
             });

@@ -1,6 +1,6 @@
 //! Runs that end by an error limit.
 
-use super::ladder::{Answer, Ladder};
+use super::ladder::{LevelCounts, LevelTest};
 use super::{Finished, Run, RunOutcome};
 use crate::SimplifyError;
 use crate::collapse::{Goal, StopReason};
@@ -25,11 +25,11 @@ impl Run<'_, '_> {
         limit: f64,
         control: &mut dyn Control,
     ) -> Result<Finished, SimplifyError> {
-        let Some(judge) = self.judge(control) else { return self.untouched(None, control) };
+        let Some(judge) = self.input_comparer(control) else { return self.unchanged_input(None, control) };
         // Rounding of double precision alone can amount to this.
         let limit = limit + ROUNDING * self.ordered.diagonal;
         let all = self.ordered.faces.len();
-        let ladder = Ladder::new(all, self.goal.faces.unwrap_or(1).clamp(1, all));
+        let ladder = LevelCounts::new(all, self.goal.faces.unwrap_or(1).clamp(1, all));
         let mut pass = super::passes_of_search(self.options.method);
         let mut run_to = |run: &mut Self, level: usize, control: &mut dyn Control| {
             let goal = Goal { faces: Some(ladder.count(level)), vertices: run.goal.vertices };
@@ -44,7 +44,7 @@ impl Run<'_, '_> {
             is_over = outcome.end == StopReason::Finish;
             control.stage(Stage::Measure);
             if !PreparedResult::new(&outcome.mesh).is_some_and(|made| judge.passes_spot_check(&made, limit)) {
-                return Ok(if is_over { Answer::Over } else { Answer::Beyond });
+                return Ok(if is_over { LevelTest::Over } else { LevelTest::Beyond });
             }
             if seemingly.len() == MAX_HELD_RESULTS {
                 seemingly.remove(0);
@@ -53,9 +53,9 @@ impl Run<'_, '_> {
             // If a run ends above its count, or by another stop, a lower count does not give fewer faces.
             let is_last = faces > ladder.count(level) || self.goal.vertices.is_some_and(|v| vertices <= v);
             Ok(match () {
-                () if is_over => Answer::Over,
-                () if is_last => Answer::Last,
-                () => Answer::Kept,
+                () if is_over => LevelTest::Over,
+                () if is_last => LevelTest::Last,
+                () => LevelTest::Kept,
             })
         })?;
         level = seemingly.last().map_or(level, |last| last.0);
@@ -80,17 +80,17 @@ impl Run<'_, '_> {
             }
             level -= 1;
         }
-        self.untouched(Some(&judge), control)
+        self.unchanged_input(Some(&judge), control)
     }
 
     /// Returns the unchanged input: not even one collapse stays within the limit.
-    fn untouched(
+    fn unchanged_input(
         &mut self,
         judge: Option<&InputComparer>,
         control: &mut dyn Control,
     ) -> Result<Finished, SimplifyError> {
         let nothing = Goal { faces: Some(usize::MAX), vertices: None };
-        let outcome = self.go(nothing, None, control)?;
+        let outcome = self.run_pass(nothing, None, control)?;
         let deviation = judge.map_or_else(Deviation::default, |judge| judge.measure(&outcome.mesh, None));
         Ok((outcome, deviation, true))
     }
@@ -105,7 +105,7 @@ impl Run<'_, '_> {
         limit: f64,
         control: &mut dyn Control,
     ) -> Result<Finished, SimplifyError> {
-        let judge = self.judge(control);
+        let judge = self.input_comparer(control);
         let diagonal = self.ordered.diagonal;
         let allowed = limit + ROUNDING * diagonal;
         let first = (limit / diagonal).ln() / TOLERANCE_FACTOR.ln();
@@ -113,7 +113,7 @@ impl Run<'_, '_> {
         for run in 1.. {
             let is_last = run == MAX_TOLERANCES;
             let step = if is_last { 0.0 } else { diagonal * TOLERANCE_FACTOR.powf(power) };
-            let outcome = self.go(self.goal, Some(step), control)?;
+            let outcome = self.run_pass(self.goal, Some(step), control)?;
             control.stage(Stage::Measure);
             let kept = judge.as_ref().and_then(|judge| judge.proven_within_mesh(&outcome.mesh, allowed));
             if kept.is_some() || is_last || outcome.end == StopReason::Finish {

@@ -11,12 +11,12 @@ use crate::metric::VertexMemory;
 
 /// Tolerance between a sum updated over many collapses and one recomputed, a share of the sizes of all
 /// summands. (Measured on the shapes and soups of the tests: areas up to 4e-6.)
-const DRIFT: f32 = 1e-3;
+const DRIFT_TOLERANCE: f32 = 1e-3;
 /// Tolerance as a share of the largest value so far, and of the unit frame: large values that are
 /// subtracted again leave rounding errors of single precision behind, 6e-8 of the value for each change.
-const ROUNDING: f32 = 4e-6;
+const ROUNDING_TOLERANCE: f32 = 4e-6;
 /// [`ROUNDING`] once there were thin faces: gradients along them are up to a thousand times less precise.
-const ROUNDING_IF_THIN: f32 = 4e-3;
+const THIN_ROUNDING_TOLERANCE: f32 = 4e-3;
 
 impl Attributes {
     /// Returns an error that names the first broken invariant of the wedges, if any. The store must be
@@ -63,9 +63,9 @@ impl Attributes {
         let count = self.count();
         let parts = [
             ("rows", self.rows.len(), count * 4 * self.lanes),
-            ("tensors", self.alone.len(), count),
+            ("tensors", self.reductions.len(), count),
             ("weights", self.weights.len(), self.lanes),
-            ("joints", self.pulls.len(), if self.pulls.is_empty() { 0 } else { count }),
+            ("joints", self.joint_weights.len(), if self.joint_weights.is_empty() { 0 } else { count }),
             ("copies", self.copied.len(), self.copied.len().min(count)),
         ];
         for (name, length, wanted) in parts {
@@ -123,14 +123,14 @@ impl Attributes {
             }
             own.iter().for_each(|w| areas[w.index()] += s.area);
         }
-        let rounding = if checks.has_thin { ROUNDING_IF_THIN } else { ROUNDING };
+        let rounding = if checks.has_thin { THIN_ROUNDING_TOLERANCE } else { ROUNDING_TOLERANCE };
         for w in (0..self.count()).filter(|&w| owners[w] != NONE) {
             let (id, head) = (WedgeId::new(w), &self.heads[w]);
-            need((head.area - areas[w]).abs() <= DRIFT * areas[w] + ROUNDING, || {
+            need((head.area - areas[w]).abs() <= DRIFT_TOLERANCE * areas[w] + ROUNDING_TOLERANCE, || {
                 format!("wedge {w} has twice the area {}, its head says {}", areas[w], head.area)
             })?;
             for (i, &largest) in checks.values.iter().enumerate() {
-                let within = sizes[w * n + i] * DRIFT + largest * rounding;
+                let within = sizes[w * n + i] * DRIFT_TOLERANCE + largest * rounding;
                 for k in 0..3 {
                     let (told, sum) = (self.row(id)[(k + 1) * n + i], sums[(w * 3 + k) * n + i]);
                     // (Values that are not finite, or nearly overflow, cannot be checked.)
@@ -141,8 +141,8 @@ impl Attributes {
                     })?;
                 }
             }
-            if head.known {
-                let (told, now) = (self.alone[w], self.spread(id));
+            if head.has_reduction {
+                let (told, now) = (self.reductions[w], self.reduction(id));
                 let bits = |t: &crate::tensor::Tensor| t.0.map(f32::to_bits);
                 need(bits(&told) == bits(&now), || {
                     format!("wedge {w} by itself takes off {now:?}, known is {told:?}")

@@ -7,7 +7,7 @@ use crate::lanes::{self, Four, cross, sub};
 use crate::tensor::Tensor;
 
 /// Doubled area below which a triangle's gradients are unreliable, a share of its longest edge squared.
-const FLAT: f32 = 1e-3;
+const MIN_AREA_SHARE: f32 = 1e-3;
 
 /// A triangle relative to one of its corners: doubled area, and the gradients of the barycentric
 /// coordinates of the two other corners.
@@ -30,7 +30,7 @@ impl Slopes {
     pub(in crate::collapse) fn with_normal([o, a, b]: [Vec3; 3], normal: Vec3, area: f32) -> Self {
         let (to_a, to_b) = (a - o, b - o);
         let longest = to_a.length_squared().max(to_b.length_squared()).max((b - a).length_squared());
-        let n = normal * (1.0 / (area.max(FLAT * longest) * area.max(1e-30)).max(1e-30));
+        let n = normal * (1.0 / (area.max(MIN_AREA_SHARE * longest) * area.max(1e-30)).max(1e-30));
         Self { area, a: to_b.cross(n), b: n.cross(to_a) }
     }
 
@@ -69,7 +69,7 @@ impl FourSlopes {
         let square = |v: &Four| lanes::dot(v, v);
         let longest = square(&to_a).fast_max(square(&to_b)).fast_max(square(&edge));
         let tiny = f32x4::splat(1e-30);
-        let divisor = area.fast_max(longest * FLAT) * area.fast_max(tiny);
+        let divisor = area.fast_max(longest * MIN_AREA_SHARE) * area.fast_max(tiny);
         let scale = f32x4::ONE / divisor.fast_max(tiny);
         let n = normal.map(|x| x * scale);
         Self { area, a: cross(&to_b, &n), b: cross(&n, &to_a) }
