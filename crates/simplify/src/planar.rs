@@ -147,7 +147,7 @@ fn tolerance(task: &Task<'_>) -> Tolerance {
 }
 
 /// Largest displacement of a vertex by rounding to the precision of the input, in the unit frame: half a unit
-/// in the last place of the largest coordinate, along all three axes. 0 for double precision, where [`FLAT`]
+/// in the last place of the largest coordinate, along all three axes. 0 for double precision, where [`DEFAULT_FLATNESS`]
 /// is far above it.
 fn rounding(ground: &PreparedInput) -> f64 {
     if !ground.is_single {

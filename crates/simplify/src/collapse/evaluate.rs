@@ -75,7 +75,7 @@ pub(super) struct OwnedEdges<'a> {
     pub(super) ring: &'a Ring,
     /// Cost limit: edges above it are not listed one by one.
     pub(super) most: f32,
-    /// True if each end has a single wedge ([`LiveMesh::know_wedges`]).
+    /// True if each end has a single wedge ([`LiveMesh::cache_wedge_reductions`]).
     pub(super) have_single_wedges: bool,
 }
 

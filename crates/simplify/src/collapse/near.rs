@@ -58,8 +58,8 @@ pub(super) struct NearPair {
     pub(super) distance_sq: f32,
 }
 
-/// Returns pairs of compatible sites within `reach`, the nearest first: for each site its [`MOST`] nearest,
-/// found among the first [`LOOKS`] visited. `go_on` is called for every site; returns `None` if it returns
+/// Returns pairs of compatible sites within `reach`, the nearest first: for each site its [`MAX_PARTNERS`] nearest,
+/// found among the first [`MAX_VISITS`] visited. `go_on` is called for every site; returns `None` if it returns
 /// false. Cost: O(n log n).
 pub(super) fn near_pairs(
     sites: &[Site],

@@ -275,7 +275,7 @@ mod tests {
         behind: f32,
     }
 
-    /// Evaluates one triangle at `from`, which moves to `at`, as [`Store::look_at_wings`] does.
+    /// Evaluates one triangle at `from`, which moves to `at`, as [`Store::evaluate_wings`] does.
     fn expected_wing(
         [from, step, at]: [Vec3; 3],
         [a, b]: [Vec3; 2],

@@ -20,7 +20,7 @@ use crate::tensor::Tensor;
 
 /// Faces of a checkpoint, as a fraction of those of the next finer one. (docs/decisions/0018)
 const CHECKPOINT_FACTOR: f64 = 0.8;
-/// The fraction below [`FEW`] faces, where a level costs little and each split counts much.
+/// The fraction below [`FINE_BELOW_FACES`] faces, where a level costs little and each split counts much.
 const FINE_CHECKPOINT_FACTOR: f64 = 0.9;
 const FINE_BELOW_FACES: f64 = 1000.0;
 /// Least number of splits between checkpoints: each checkpoint takes some twenty bytes of a file, and levels

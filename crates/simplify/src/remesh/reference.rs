@@ -33,7 +33,7 @@ const NEAR_CREASE: f64 = 0.15;
 pub(super) struct ReferenceSurface<'a> {
     pub(super) ground: &'a PreparedInput,
     pub(super) tree: Bvh,
-    /// Trees over the segments of each kind of line, in the order of [`Line::CURVES`].
+    /// Trees over the segments of each kind of line, in the order of [`LineKind::CURVES`].
     curves: [Option<Bvh>; 3],
     /// Cosine of the dihedral bend above which an edge is a crease.
     crease_cos: f64,

@@ -35,7 +35,7 @@ impl RunOutcome {
 }
 
 impl Run<'_, '_> {
-    /// Returns the best of at least one outcome, see [`Run::closer`]; if none reaches the target, with
+    /// Returns the best of at least one outcome, see [`Run::closest_index`]; if none reaches the target, with
     /// proposals.
     pub(super) fn closest(
         &self,

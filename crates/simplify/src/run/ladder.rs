@@ -125,7 +125,7 @@ impl LevelCounts {
 }
 
 /// Searches other levels, which are lighter as they rise, from an approximate start level: in steps of at
-/// most `STRIDE` levels, to the lighter side as long as the distance is kept, else to the heavier one until
+/// most `SEARCH_STRIDE` levels, to the lighter side as long as the distance is kept, else to the heavier one until
 /// it is; then by bisection.
 ///
 /// The start level must not become heavier for a larger distance: then the result does not either, because
