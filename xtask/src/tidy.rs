@@ -139,7 +139,7 @@ const RULES: &[(&str, Rule)] = &[
     ("testdata is small and has an origin", testdata),
     ("nothing names a machine", machine_paths),
     ("every paper named is in docs/papers.md", papers),
-    ("files do not go round in circles", file_cycles),
+    ("files do not use each other in cycles", file_cycles),
     ("a type name stands once in a crate", repeated_type_names),
 ];
 
@@ -495,7 +495,7 @@ fn machine_paths() -> Result<Vec<String>> {
 /// Known dependency cycles of files, by folder: the number of files in each, the largest first. A new one is
 /// a violation, and so is one that is gone and still listed here.
 const KNOWN_CYCLES: &[(&str, &[usize])] = &[
-    ("crates/simplify", &[14, 13, 4, 3, 2, 2, 2, 2]),
+    ("crates/simplify", &[13, 4, 3, 2, 2, 2, 2]),
     ("crates/cli", &[16, 11]),
     ("crates/viewer", &[7, 6, 4, 3, 2, 2]),
 ];
@@ -511,7 +511,7 @@ fn file_cycles() -> Result<Vec<String>> {
             continue;
         }
         findings.push(format!(
-            "{folder}: circles of {sizes:?} files, and CIRCLES in xtask/src/tidy.rs says {known:?}"
+            "{folder}: cycles of {sizes:?} files, and KNOWN_CYCLES in xtask/src/tidy.rs says {known:?}"
         ));
         for (from, to, names) in all.iter().flat_map(|circle| &circle.dependencies) {
             findings.push(format!("{} names {} of {}", shown(from), names.join(", "), shown(to)));

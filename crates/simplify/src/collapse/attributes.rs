@@ -103,6 +103,17 @@ pub(crate) struct Member {
     pub(super) group: usize,
 }
 
+/// The wedges of the evaluated edge, their best values, and the future sums of the merged ones.
+#[derive(Clone, Default)]
+pub(super) struct Merge {
+    pub(super) members: Vec<Member>,
+    pub(super) best: Vec<f32x4>,
+    pub(super) own: Vec<f32x4>,
+    pub(super) heads: Vec<Head>,
+    /// Slopes of the current wings, if the cost of the merger was computed.
+    pub(super) slopes: Vec<FourSlopes>,
+}
+
 /// Returns the representative of each group, with its index.
 pub(super) fn representatives(members: &[Member]) -> impl Iterator<Item = (usize, &Member)> {
     members.iter().enumerate().filter(|(i, m)| m.group == *i)

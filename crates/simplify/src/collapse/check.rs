@@ -11,16 +11,13 @@
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
-use wide::f32x4;
 
+use super::invariants::{Checks, need};
 use super::order::NONE;
 use super::store::Ring;
 use super::{Engine, InputSurface, LiveMesh};
 use crate::metric::Metric;
 
-/// Debug builds check meshes of fewer faces than this after each sweep: nearly all of those in the tests.
-/// (On larger ones the checks would take longer than the rest of a test.)
-pub(super) const CHECKED_BELOW: usize = 5000;
 /// Tolerance between a tensor that collapses updated incrementally and one recomputed, a share of its
 /// trace. (Measured on the shapes and soups of the tests: up to 4e-6; gradients on thin faces add to that.)
 const DRIFT_TOLERANCE: f32 = 1e-3;
@@ -30,22 +27,6 @@ const ROUNDING_TOLERANCE: f32 = 1e-5;
 /// Doubled area of a thin face, a share of its longest edge squared. Its normal is rounding noise and
 /// differs by corner.
 const THIN_AREA_SHARE: f32 = 1e-3;
-
-/// State of the checks of one run.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Checks {
-    /// The largest trace of a tensor, and square of an edge, so far.
-    largest: f32,
-    /// The largest values of wedges so far.
-    pub(super) values: Vec<f32x4>,
-    /// True if any face was thin.
-    pub(super) has_thin: bool,
-}
-
-/// Returns `Err` with a sentence unless the condition holds.
-pub(super) fn need(holds: bool, why: impl FnOnce() -> String) -> Result<(), String> {
-    if holds { Ok(()) } else { Err(why()) }
-}
 
 impl<M: Metric> Engine<M> {
     /// Checks everything if checks are enabled: after each sweep, and after the steps between two sweeps.
@@ -194,6 +175,7 @@ mod tests {
 
     use super::*;
     use crate::collapse::StopReason;
+    use crate::collapse::invariants::CHECKED_BELOW;
     use crate::control::NoControl;
     use crate::metric::Memoryless;
     use crate::options::{SimplifyOptions, Stop};

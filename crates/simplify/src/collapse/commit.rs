@@ -4,10 +4,11 @@
 use glam::Vec3;
 use lodsmith_core::VertexId;
 
+use super::candidate::{Attempt, Candidate, CollapseOutcome, FOLD_COS, PEAK_OF_STAR, merged_position};
 use super::cut::Neck;
 use super::kind::distinct;
 use super::order::NONE;
-use super::sampled_error::SampledCost;
+use super::samples::SampledCost;
 use super::store::{Ring, Vertex};
 use super::wedges::HandedOver;
 use super::wings::{EdgeEnd, StarStats, Wing, Wings};
@@ -20,12 +21,6 @@ use crate::triangle;
 /// Weight of the largest squared distance, times the mean area of a triangle: protects small features. (Measured on 12 cases:
 /// 0.1, 0.2 and 0.3 have equal means within a percent; from 0.2 on the largest distances are a third lower.)
 const PEAK_WEIGHT: f32 = 0.2;
-/// Limit of that weight, a share of the star's own area: on meshes with faces of all sizes the mean
-/// triangle is far larger than those of a fillet. Uncovered positions have no such limit: tips often end in
-/// tiny faces. (Measured: docs/decisions/0001.)
-pub(super) const PEAK_OF_STAR: f32 = 0.3;
-/// Cosine between two faces at an edge below which they lie back to back.
-pub(super) const FOLD_COS: f32 = -0.8;
 
 /// If no neighbour lies farther behind a vertex than this share of its displacement, along the displacement, the collapse
 /// shortens a tip or leaves a rim. Distances to planes do not see that, so the distance of the old position to the new star
@@ -34,44 +29,6 @@ const TIP_MAX_BEHIND: f32 = -0.5;
 /// Weight of that squared distance against one to a plane. (Measured on horse, horse400k, horse1.5m,
 /// nefertiti, brain_mri, bunny: the largest distances fall by up to ten, the means stay within a percent.)
 const TIP_WEIGHT: f32 = 4.0;
-
-/// Result of trying a collapse.
-pub(crate) enum CollapseOutcome {
-    Done,
-    /// It costs this much, which is more than allowed now.
-    Later(f32),
-    Refused(Refusal),
-}
-
-impl From<Refusal> for CollapseOutcome {
-    fn from(why: Refusal) -> Self {
-        Self::Refused(why)
-    }
-}
-
-/// A collapse as it was evaluated: the merged vertex goes to the kept one's position + `step`.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Candidate {
-    pub(crate) cost: f32,
-    pub(crate) removed: VertexId,
-    pub(crate) step: Vec3,
-    /// The quadratic form at the new position, if it is not cancelled below a relative 1e-5; else 0. (Four
-    /// are computed side by side, and 0 marks the lanes without a value.)
-    pub(crate) form_cost: f32,
-}
-
-/// An edge to be collapsed, and the current limits.
-#[derive(Clone, Copy)]
-pub(crate) struct Attempt<'a> {
-    pub(crate) kept: VertexId,
-    pub(crate) candidate: &'a Candidate,
-    /// Highest cost that is allowed now.
-    pub(crate) tau: f32,
-    /// True if only the cost is computed and nothing is changed.
-    pub(crate) is_probe: bool,
-    /// Rings of the kept and the removed end.
-    pub(crate) rings: [&'a Ring; 2],
-}
 
 /// A collapse that topology and guards allow. The triangles of the star are in the scratch.
 pub(super) struct Checked {
@@ -105,12 +62,6 @@ pub(super) struct Priced {
     detail: Option<(usize, f32)>,
     handed_over: HandedOver,
     sampled: Option<SampledCost>,
-}
-
-/// Position of the merged vertex: exactly that of the removed end if the step leads there.
-#[inline(always)]
-pub(crate) fn merged_position(kept: Vec3, removed: Vec3, step: Vec3) -> Vec3 {
-    if step == removed - kept { removed } else { kept + step }
 }
 
 impl<M: Metric> Engine<M> {

@@ -13,7 +13,7 @@
 use glam::Vec3;
 use lodsmith_core::VertexId;
 
-use super::commit::merged_position;
+use super::candidate::merged_position;
 use super::kind::distinct;
 use super::star::Star;
 use super::store::{Corner, Ring};

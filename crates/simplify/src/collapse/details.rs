@@ -7,7 +7,7 @@
 use glam::Vec3;
 use lodsmith_core::VertexId;
 
-use super::order::NONE;
+use super::components::{Component, Details, measure_parts};
 use super::store::Ring;
 use super::{Goal, LiveMesh};
 use crate::metric::Metric;
@@ -30,37 +30,11 @@ const MAX_CARRIERS: usize = 64;
 /// Difference in a channel, of 255, above which a detail has another colour than the part that it lies on.
 const MIN_COLOR_CONTRAST: f32 = 40.0;
 
-/// The parts of the input, and which of them are details for a goal. Areas are doubled.
-#[derive(Clone)]
-pub(crate) struct Details {
-    /// Part by number in the ordered input; `u32::MAX` for none.
-    part_of: Vec<u32>,
-    area: Vec<f32>,
-    /// Current area.
-    left: Vec<f32>,
-    /// True if it lies on a larger part of another colour.
-    stands_out: Vec<bool>,
-    is_detail: Vec<bool>,
-}
-
-/// Size of a part before anything is collapsed.
-#[derive(Clone, Copy)]
-struct PartExtent {
-    area: f32,
-    min: Vec3,
-    max: Vec3,
-}
-
-impl PartExtent {
-    const EMPTY: Self = Self { area: 0.0, min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
-
-    /// True if it lies in the box of a larger one.
-    fn lies_on(&self, other: &Self) -> bool {
-        let slack = BOX_TOLERANCE * (self.max - self.min);
-        let is_inside =
-            (self.min + slack).cmpge(other.min).all() && (self.max - slack).cmple(other.max).all();
-        is_inside && MIN_CARRIER_AREA_RATIO * self.area < other.area
-    }
+/// True if a part lies in the box of a larger one.
+fn lies_on(part: &Component, other: &Component) -> bool {
+    let slack = BOX_TOLERANCE * (part.max - part.min);
+    let is_inside = (part.min + slack).cmpge(other.min).all() && (part.max - slack).cmple(other.max).all();
+    is_inside && MIN_CARRIER_AREA_RATIO * part.area < other.area
 }
 
 impl<M: Metric> LiveMesh<M> {
@@ -73,13 +47,7 @@ impl<M: Metric> LiveMesh<M> {
         if parts < 2 {
             return;
         }
-        let mut extents = vec![PartExtent::EMPTY; parts];
-        for t in self.store.t.iter().filter(|t| t[0] != NONE) {
-            let [a, b, c] = t.map(|w| self.store.p(w));
-            let part = &mut extents[labels[t[0].index()] as usize];
-            part.area += (b - a).cross(c - a).length();
-            (part.min, part.max) = (part.min.min(a).min(b).min(c), part.max.max(a).max(b).max(c));
-        }
+        let extents = measure_parts(&labels, |w| self.store.p(w), &self.store.t);
         let mut part_of = vec![u32::MAX; self.store.merged_into.len()];
         for (x, &label) in self.store.v.iter().zip(&labels) {
             part_of[x.origin.index()] = label;
@@ -93,7 +61,7 @@ impl<M: Metric> LiveMesh<M> {
             _ => false,
         };
         let stands_out =
-            |i: usize| largest.iter().any(|&j| extents[i].lies_on(&extents[j]) && are_apart(i, j));
+            |i: usize| largest.iter().any(|&j| lies_on(&extents[i], &extents[j]) && are_apart(i, j));
         let stands_out: Vec<bool> = (0..parts).map(stands_out).collect();
         if !stands_out.contains(&true) {
             return;

@@ -2,9 +2,8 @@
 
 use lodsmith_core::VertexId;
 
-use super::commit::Candidate;
-use super::evaluate::{Found, OwnedEdges};
-use super::seams::Edge;
+use super::candidate::{Candidate, Found, OwnedEdges};
+use super::star_edges::Edge;
 use super::store::{Ring, Spoke};
 use super::{LiveMesh, Scratch, Tally};
 use crate::guard::BORDER_WEIGHT;

@@ -5,7 +5,7 @@ use lodsmith_core::VertexId;
 use wide::f32x4;
 
 use super::attributes::Member;
-use super::commit::{Candidate, PEAK_OF_STAR};
+use super::candidate::{Candidate, Found, OwnedEdges, PEAK_OF_STAR};
 use super::store::Ring;
 use super::{LiveMesh, Scratch, Tally};
 use crate::lanes::{self, Four, dot, splat, sub};
@@ -31,53 +31,6 @@ const CANCELLATION_NOISE: f32 = 1e-8;
 /// Share of trace · length² above which a difference of squares is accurate to about a thousandth: then the
 /// attribute cost need not be recomputed from the triangles.
 const MIN_SIGNIFICANT: f32 = 1e-5;
-
-/// Results of evaluating the edges of a vertex.
-#[derive(Debug, Default)]
-pub(crate) struct Found {
-    /// Candidates within the cost limit, in the order of the ring.
-    pub(crate) within: Vec<Candidate>,
-    /// Least costs above the limit, by lane.
-    beyond: f32x4,
-}
-
-impl Found {
-    pub(crate) fn clear(&mut self) {
-        self.within.clear();
-        self.beyond = f32x4::splat(f32::INFINITY);
-    }
-
-    pub(super) fn add(&mut self, candidate: Candidate, most: f32) {
-        if candidate.cost <= most {
-            self.within.push(candidate);
-        } else {
-            self.beyond = f32x4::splat(candidate.cost).fast_min(self.beyond);
-        }
-    }
-
-    /// Returns the least cost above the limit.
-    pub(crate) fn beyond(&self) -> f32 {
-        self.beyond.to_array().into_iter().fold(f32::INFINITY, f32::min)
-    }
-
-    /// Removes and returns the cheapest candidate, the first of equals.
-    pub(crate) fn take_cheapest(&mut self) -> Option<Candidate> {
-        let cost = |i: usize| self.within[i].cost;
-        let cheapest = (0..self.within.len()).min_by(|&i, &j| cost(i).total_cmp(&cost(j)))?;
-        Some(self.within.swap_remove(cheapest))
-    }
-}
-
-/// The edges from a vertex to those of its neighbours that come after it.
-pub(super) struct OwnedEdges<'a> {
-    pub(super) u: VertexId,
-    pub(super) owned: &'a [VertexId],
-    pub(super) ring: &'a Ring,
-    /// Cost limit: edges above it are not listed one by one.
-    pub(super) most: f32,
-    /// True if each end has a single wedge ([`LiveMesh::cache_wedge_reductions`]).
-    pub(super) have_single_wedges: bool,
-}
 
 /// Up to four edges side by side.
 struct Evaluated {

@@ -8,23 +8,14 @@ use lodsmith_core::{VertexId, WedgeId};
 use wide::f32x4;
 
 use super::LiveMesh;
-use super::attributes::{Attributes, FourSlopes, Head, Member, NO_WEDGE, Slopes, Sum, representatives};
+use super::attributes::{
+    Attributes, FourSlopes, Head, Member, Merge, NO_WEDGE, Slopes, Sum, representatives,
+};
 use super::store::{self, Ring, Spoke, Store};
 use super::wings::Wings;
 use crate::lanes::{self, dot, splat};
 use crate::metric::{CostSource, Form, Metric};
 use crate::tensor::Tensor;
-
-/// The wedges of the evaluated edge, their best values, and the future sums of the merged ones.
-#[derive(Clone, Default)]
-pub(super) struct Merge {
-    members: Vec<Member>,
-    best: Vec<f32x4>,
-    own: Vec<f32x4>,
-    heads: Vec<Head>,
-    /// Slopes of the current wings, if the cost of the merger was computed.
-    slopes: Vec<FourSlopes>,
-}
 
 /// Calls a function that is generic over the number of lanes, constant for one or two; 0 is any number.
 macro_rules! of_lanes {

@@ -10,20 +10,20 @@ use lodsmith_core::VertexId;
 
 use super::bound::UNKNOWN;
 use super::bundle::{Bundle, Changed, Effect, Joint};
-use super::check::need;
-use super::commit::{CollapseOutcome, FOLD_COS, PEAK_OF_STAR, merged_position};
+use super::candidate::{CollapseOutcome, FOLD_COS, PEAK_OF_STAR, merged_position};
 use super::evaluate::best_place;
 use super::kind::{Kind, distinct, faces_at};
 use super::near::{Site, near_pairs};
 use super::order::NONE;
-use super::sampled_error::SampledCost;
-use super::store::{Facing, Ring, Store, Vertex};
+use super::pair_list::{Pair, PairScratch, Pairs};
+use super::samples::SampledCost;
+use super::store::{Facing, Ring, Vertex};
 use super::sweeps::VISITS_PER_PROGRESS_REPORT;
 use super::wings::{FOLD_CHECK_COS_SQ, MIN_SHAPE_SQ};
 use super::{Engine, Goal, LiveMesh, Scratch, Tally};
 use crate::control::Verdict;
 use crate::metric::TIE;
-use crate::metric::{Form, Metric, VertexMemory};
+use crate::metric::{Form, Metric};
 use crate::options::{BorderPolicy, Placement, TopologyPolicy};
 use crate::report::Refusal;
 use crate::tensor::Tensor;
@@ -39,73 +39,9 @@ const RENEW_PERCENT: usize = 70;
 const RENEW_BELOW: usize = 2000;
 /// Vertices with more faces are skipped, and so are their neighbours.
 const MAX_PAIR_FACES: usize = 200;
-/// Budget of the search for pairs and of visits to the faces round them, per vertex of the input; no more
-/// are contracted after it. (A level of 1,194 parts took 300,000 visits and 400 searches until nothing was
-/// left to contract, half a minute in all; contractions after the first tenth of that improved nothing.)
-const VISITS_PER_VERTEX: usize = 8;
-/// Budget on top of that, since on small meshes pairs are searched for after every sweep.
-const FREE_VISITS: usize = 100_000;
+
 /// Maximum number of bundles that are tried for a pair and adjacent ones, the nearest first.
 const MAX_BUNDLES: usize = 3;
-
-/// Two vertices, the kept one first, and the last known cost of their contraction.
-#[derive(Clone, Copy)]
-struct Pair {
-    ends: [VertexId; 2],
-    bound: f32,
-}
-
-/// Candidate pairs for contraction.
-#[derive(Clone)]
-pub(crate) struct Pairs {
-    /// Search distance.
-    reach: f32,
-    list: Vec<Pair>,
-    /// State at the last search: numbering of the store, live vertices, and collapses.
-    found_at: Option<(u32, usize, u64)>,
-    /// Remaining budget of visits to the faces round a pair.
-    visits_left: usize,
-    work: PairScratch,
-}
-
-/// Scratch buffers for one pair, allocated once.
-#[derive(Clone, Default)]
-struct PairScratch {
-    bundle: Bundle,
-    ru: Ring,
-    rv: Ring,
-    ring: Ring,
-    bundles: Vec<(f32, Vec<[VertexId; 2]>)>,
-}
-
-impl Pairs {
-    pub(crate) fn new(reach: f32, vertices: usize) -> Self {
-        let looks_left = VISITS_PER_VERTEX.saturating_mul(vertices).saturating_add(FREE_VISITS);
-        Self {
-            reach,
-            list: Vec::new(),
-            found_at: None,
-            visits_left: looks_left,
-            work: PairScratch::default(),
-        }
-    }
-    /// Returns an error if the current pairs are inconsistent; skipped if vertices were renumbered since
-    /// the search.
-    pub(super) fn check<Q: VertexMemory>(&self, store: &Store<Q>) -> Result<(), String> {
-        if self.found_at.is_none_or(|at| at.0 != store.generation) {
-            return Ok(());
-        }
-        let count = store.v.len();
-        for &Pair { ends: [u, v], bound } in &self.list {
-            need(u < v && v.index() < count, || format!("{u} and {v} of {count} vertices are a pair"))?;
-            need(bound >= 0.0, || format!("the pair {u} and {v} has the bound {bound}"))?;
-        }
-        Ok(())
-    }
-    pub(super) fn bounds(&self) -> impl Iterator<Item = f32> + '_ {
-        self.list.iter().map(|p| p.bound)
-    }
-}
 
 /// Keeps the nearest bundles, in order.
 fn keep_nearest(ways: &mut Vec<(f32, Vec<[VertexId; 2]>)>) {

@@ -8,11 +8,12 @@
 use glam::Vec3;
 use lodsmith_core::VertexId;
 
-use super::check::need;
+use super::components::{Component, Parts, labels, measure_parts};
+use super::invariants::need;
 use super::order::NONE;
 use super::store::Vertex;
 use super::{Engine, Goal, LiveMesh};
-use crate::metric::{Metric, PartSize};
+use crate::metric::Metric;
 use crate::options::{BorderPolicy, TopologyPolicy};
 
 /// Factor of the cost of parts if the topology may change and they are removed in order of cost: as
@@ -33,55 +34,6 @@ const MAX_OVERSHOOT: f64 = 0.1;
 /// Maximum undershoot if nothing else reaches the target. (Guessed: with less than half the requested faces,
 /// a result above the target is nearer to it.)
 const MAX_LAST_OVERSHOOT: f64 = 0.5;
-
-/// A connected part of the mesh.
-#[derive(Clone, Copy)]
-struct Component {
-    faces: usize,
-    area: f32,
-    /// Weight of its absence; infinite if a vertex or a border is locked.
-    cost_factor: f32,
-    min: Vec3,
-    max: Vec3,
-}
-
-impl Component {
-    const EMPTY: Self = Self {
-        faces: 0,
-        area: 0.0,
-        cost_factor: 0.0,
-        min: Vec3::splat(f32::INFINITY),
-        max: Vec3::splat(f32::NEG_INFINITY),
-    };
-
-    /// Returns the cost of its absence, in the unit of a collapse: its area (`area` is doubled) times the
-    /// square of half its size, as if the rest were that far away.
-    fn cost(&self) -> f32 {
-        self.area * 0.25 * (self.max - self.min).length_squared()
-    }
-
-    /// Returns the cost times the importance; infinite if the part must stay.
-    fn weighted_cost(&self) -> f32 {
-        if self.cost_factor < f32::INFINITY { self.cost_factor * self.cost() } else { f32::INFINITY }
-    }
-
-    fn size(&self, faces: usize) -> PartSize {
-        let size_sq = (self.max - self.min).length_squared();
-        PartSize { cost_factor: self.cost_factor, face: self.area / faces as f32, size_sq }
-    }
-}
-
-/// The parts of the input, for a run in which they may be removed in order of cost.
-#[derive(Clone)]
-pub(crate) struct Parts {
-    /// Part by number in the ordered input.
-    part_of: Vec<u32>,
-    of_input: Vec<Component>,
-    cost: Vec<f32>,
-    weighted_cost: Vec<f32>,
-    /// Number of cut necks and of contracted pairs when the parts were found.
-    changes: [usize; 2],
-}
 
 /// Sorts by cost, the cheapest first, and drops the last.
 fn all_but_most_expensive(mut order: Vec<usize>, cost: &[f32]) -> Vec<usize> {
@@ -353,53 +305,4 @@ fn is_far_below(goal: &Goal, (faces, vertices): (usize, usize), share: f64) -> b
     let is_below =
         |goal: Option<usize>, left: usize| goal.is_some_and(|n| (left as f64) < (1.0 - share) * n as f64);
     is_below(goal.faces, faces) || is_below(goal.vertices, vertices)
-}
-
-/// Computes parts without their weights; `label` is the part of each point.
-fn measure_parts(label: &[u32], at: impl Fn(VertexId) -> Vec3, faces: &[[VertexId; 3]]) -> Vec<Component> {
-    let mut parts = vec![Component::EMPTY; label.iter().copied().max().map_or(0, |m| m as usize + 1)];
-    for (i, &l) in label.iter().enumerate() {
-        let (p, part) = (at(VertexId(i as u32)), &mut parts[l as usize]);
-        (part.min, part.max) = (part.min.min(p), part.max.max(p));
-    }
-    for t in faces.iter().filter(|t| t[0] != NONE) {
-        let [a, b, c] = t.map(&at);
-        let part = &mut parts[label[t[0].index()] as usize];
-        part.faces += 1;
-        part.area += (b - a).cross(c - a).length();
-    }
-    parts
-}
-
-/// Returns the part of each of `count` vertices; parts are numbered in the order of their first vertex.
-/// Dead faces do not count.
-pub(crate) fn labels(count: usize, faces: &[[VertexId; 3]]) -> Vec<u32> {
-    let mut root: Vec<VertexId> = (0..count as u32).map(VertexId).collect();
-    fn find(root: &mut [VertexId], mut i: VertexId) -> VertexId {
-        while root[i.index()] != i {
-            root[i.index()] = root[root[i.index()].index()];
-            i = root[i.index()];
-        }
-        i
-    }
-    for t in faces.iter().filter(|t| t[0] != NONE) {
-        let a = find(&mut root, t[0]);
-        for &w in &t[1..] {
-            let b = find(&mut root, w);
-            let a = find(&mut root, a);
-            let (low, high) = (a.min(b), a.max(b));
-            root[high.index()] = low;
-        }
-    }
-    let mut label = vec![u32::MAX; root.len()];
-    let mut parts = 0;
-    for i in 0..root.len() {
-        let r = find(&mut root, VertexId(i as u32)).index();
-        if label[r] == u32::MAX {
-            label[r] = parts;
-            parts += 1;
-        }
-        label[i] = label[r];
-    }
-    label
 }

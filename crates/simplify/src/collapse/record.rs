@@ -9,12 +9,11 @@ use std::collections::BTreeMap;
 
 use lodsmith_core::{FaceId, Positions, VertexId, WedgeId};
 
-use super::Engine;
 use super::attributes::Attributes;
 use super::order::{Frame, NONE};
 use super::store::Store;
 use crate::attributes::{RowPlaces, Rows};
-use crate::metric::{Metric, VertexMemory};
+use crate::metric::VertexMemory;
 
 /// Share of the bounds that one sweep takes in a recorded run: every level is to be good, not only the
 /// last. (Measured: at 0.7 levels have up to 1.6 times the RMS of single runs, at 0.25 up to 1.06, at 0.05
@@ -95,7 +94,7 @@ pub(crate) struct Record {
     /// Wedges of the input that are used at other vertices than their own.
     aliases: BTreeMap<(VertexId, WedgeId), WedgeId>,
     /// The largest key of a change that touched a vertex.
-    keys: Vec<f32>,
+    pub(super) keys: Vec<f32>,
     /// Lower limit of all further keys.
     floor: f32,
     highest: f32,
@@ -204,7 +203,7 @@ impl Record {
 
     /// Logs the differences at these faces of the store, which was not compacted since; `moved` are the
     /// vertices whose positions or values may have changed.
-    fn log_change<Q: VertexMemory>(
+    pub(super) fn log_change<Q: VertexMemory>(
         &mut self,
         store: &Store<Q>,
         attributes: Option<&Attributes>,
@@ -359,60 +358,5 @@ impl Record {
         let [spent_before, lost_before] = std::mem::replace(&mut self.before, [spent, lost]);
         let (spent, lost) = ((spent - spent_before) as f32, (lost - lost_before) as f32);
         log.steps.push(LoggedChange { key, spent, lost, ends });
-    }
-}
-
-impl<M: Metric> Engine<M> {
-    /// Logs the differences between the initial mesh of the engine and the input, as the first change.
-    pub(crate) fn log_start(&mut self, mut record: Box<Record>) {
-        let mut is_alive = vec![false; record.copy.faces.len()];
-        for &n in self.mesh.store.names.iter().flatten() {
-            is_alive[record.names.faces[n as usize].index()] = true;
-        }
-        for (f, t) in record.copy.faces.iter().enumerate().filter(|f| !is_alive[f.0]) {
-            record.log.dead.push((FaceId::new(f), *t));
-        }
-        let all: Vec<usize> = (0..self.mesh.store.t.len()).collect();
-        record.log_change(
-            &self.mesh.store,
-            self.mesh.values.attributes.as_ref(),
-            (&all, &[]),
-            (f32::NEG_INFINITY, 0.0, 0.0),
-        );
-        record.keys.fill(f32::NEG_INFINITY);
-        self.record = Some(record);
-    }
-
-    /// Logs a change of these faces, if there is a record.
-    #[inline(always)]
-    pub(super) fn log_change(&mut self, faces: impl Iterator<Item = usize>, moved: &[VertexId], cost: f32) {
-        if self.record.is_some() {
-            let mut faces: Vec<usize> = faces.collect();
-            faces.sort_unstable();
-            faces.dedup();
-            self.log_faces(&faces, moved, cost);
-        }
-    }
-
-    #[inline(never)]
-    fn log_faces(&mut self, faces: &[usize], moved: &[VertexId], cost: f32) {
-        let Some(mut record) = self.record.take() else { return };
-        let moved: Vec<VertexId> =
-            moved.iter().copied().filter(|w| !self.mesh.store.v[w.index()].kind.is_locked()).collect();
-        let paid = (cost, self.tally.collapse_cost, self.tally.removed_part_cost);
-        record.log_change(&self.mesh.store, self.mesh.values.attributes.as_ref(), (faces, &moved), paid);
-        self.record = Some(record);
-    }
-
-    /// Prepares a stuck engine for more sweeps, in which whole parts may be removed.
-    pub(crate) fn resume(&mut self, cuts_necks: bool) {
-        self.mesh.store.bound = vec![super::bound::UNKNOWN; self.mesh.store.v.len()];
-        self.mesh.store.link();
-        self.mesh.constraints.cuts_necks = cuts_necks;
-        self.mesh.constraints.keeps_parts = false;
-        self.enable_part_removal();
-        if let Some(record) = &mut self.record {
-            record.raise_floor();
-        }
     }
 }

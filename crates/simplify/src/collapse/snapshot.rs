@@ -14,7 +14,7 @@
 use super::attributes::SavedWedges;
 use super::bound::UNKNOWN;
 use super::sweeps::{LAST_SHARE, Productivity, QUANTILE};
-use super::{Engine, Goal, InputSurface, Sweeps, sampled_error};
+use super::{Engine, Goal, InputSurface, Sweeps, samples};
 use crate::metric::Metric;
 
 /// Collapses of a sweep, as a share of the number that its threshold aims at, below which the run is
@@ -118,7 +118,7 @@ impl<M: Metric> Engine<M> {
     /// True if so few faces are live that the late phase, if there is one, is near.
     pub(crate) fn is_near_late_phase(&self) -> bool {
         self.mesh.store.live_faces
-            <= 2 * sampled_error::start_faces(self.tally.first_faces, self.mesh.counts_attributes())
+            <= 2 * samples::start_faces(self.tally.first_faces, self.mesh.counts_attributes())
     }
 
     /// Returns the number of vertices whose edges a sweep should evaluate, without obstacles.

@@ -6,10 +6,9 @@ use lodsmith_core::VertexId;
 use wide::f32x8;
 
 use super::bound::Histogram;
-use super::commit::{Attempt, CollapseOutcome};
+use super::candidate::{Attempt, CollapseOutcome};
 use super::{
-    Engine, Goal, InputSurface, LiveMesh, PREFETCH_MIN_VERTICES, StopReason, VisitScratch, record,
-    sampled_error,
+    Engine, Goal, InputSurface, LiveMesh, PREFETCH_MIN_VERTICES, StopReason, VisitScratch, record, samples,
 };
 use crate::control::{Control, Verdict};
 use crate::metric::Metric;
@@ -489,9 +488,7 @@ impl<M: Metric> Engine<M> {
     fn threshold(&self, histogram: &Histogram, looked_at: usize, goal: &Goal) -> f32 {
         let quantile = match () {
             () if self.record.is_some() => record::RECORD_QUANTILE,
-            () if self.mesh.sampled.is_some() && !self.mesh.counts_attributes() => {
-                sampled_error::LATE_QUANTILE
-            }
+            () if self.mesh.sampled.is_some() && !self.mesh.counts_attributes() => samples::LATE_QUANTILE,
             () => QUANTILE,
         };
         let mut want = histogram.known() as f64 * quantile;
@@ -527,14 +524,14 @@ impl<M: Metric> Engine<M> {
     /// True if a goal has a late phase.
     pub(super) fn is_extreme(&self, goal: &Goal) -> bool {
         !self.mesh.cost.metric.cost_source().is_decided_by_metric()
-            && goal.faces.is_some_and(|n| sampled_error::is_extreme(n, self.tally.first_faces))
+            && goal.faces.is_some_and(|n| samples::is_extreme(n, self.tally.first_faces))
     }
 
     /// True if the late phase should begin.
     fn is_late(&self, extreme: bool) -> bool {
         let begin = match self.record {
-            Some(_) => sampled_error::start_faces_of_record(self.tally.first_faces),
-            None => sampled_error::start_faces(self.tally.first_faces, self.mesh.counts_attributes()),
+            Some(_) => samples::start_faces_of_record(self.tally.first_faces),
+            None => samples::start_faces(self.tally.first_faces, self.mesh.counts_attributes()),
         };
         extreme && self.mesh.sampled.is_none() && self.mesh.store.live_faces < begin
     }

@@ -11,9 +11,9 @@ use super::{Run, RunOutcome, Source, Started, TopologyChanges};
 use crate::SimplifyError;
 use crate::attributes::Rows;
 use crate::collapse::attributes::Attributes;
+use crate::collapse::components;
 use crate::collapse::cut::may_cut;
 use crate::collapse::order::TIME_OVER_MEMORY_MAX_FACES;
-use crate::collapse::parts;
 use crate::collapse::store::{Store, Vertex};
 use crate::collapse::{Engine, Goal, InputSurface as _, StopReason, Sweeps};
 use crate::control::{Control, Stage, Verdict};
@@ -197,7 +197,7 @@ impl Run<'_, '_> {
             .mesh
             .filter(|_| self.options.textures.is_some() && engine.tally.pairs_contracted == 0)?;
         let mut of = Vec::new();
-        self.source(root).visit(&mut |points, faces| of = parts::labels(points.len(), faces));
+        self.source(root).visit(&mut |points, faces| of = components::labels(points.len(), faces));
         let of_vertex = |v: VertexId| {
             let place = self.ordered.rank[self.input.joined(v).index()];
             of.get(place.index()).copied()

@@ -4,7 +4,7 @@ use lodsmith_core::{VertexId, WedgeId};
 use wide::f32x4;
 
 use super::{Attributes, NO_WEDGE, Slopes};
-use crate::collapse::check::{Checks, need};
+use crate::collapse::invariants::{Checks, need};
 use crate::collapse::order::NONE;
 use crate::collapse::store::Store;
 use crate::metric::VertexMemory;

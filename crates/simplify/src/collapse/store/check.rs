@@ -3,7 +3,7 @@
 use lodsmith_core::VertexId;
 
 use super::{NONE, Store};
-use crate::collapse::check::need;
+use crate::collapse::invariants::need;
 use crate::metric::VertexMemory;
 
 impl<Q: VertexMemory> Store<Q> {

@@ -1,0 +1,122 @@
+//! Connected parts: their sizes, their labels, and those that a run watches.
+
+use glam::Vec3;
+use lodsmith_core::VertexId;
+
+use super::order::NONE;
+use crate::metric::PartSize;
+
+/// A connected part of the mesh.
+#[derive(Clone, Copy)]
+pub(super) struct Component {
+    pub(super) faces: usize,
+    pub(super) area: f32,
+    /// Weight of its absence; infinite if a vertex or a border is locked.
+    pub(super) cost_factor: f32,
+    pub(super) min: Vec3,
+    pub(super) max: Vec3,
+}
+
+impl Component {
+    pub(super) const EMPTY: Self = Self {
+        faces: 0,
+        area: 0.0,
+        cost_factor: 0.0,
+        min: Vec3::splat(f32::INFINITY),
+        max: Vec3::splat(f32::NEG_INFINITY),
+    };
+
+    /// Returns the cost of its absence, in the unit of a collapse: its area (`area` is doubled) times the
+    /// square of half its size, as if the rest were that far away.
+    pub(super) fn cost(&self) -> f32 {
+        self.area * 0.25 * (self.max - self.min).length_squared()
+    }
+
+    /// Returns the cost times the importance; infinite if the part must stay.
+    pub(super) fn weighted_cost(&self) -> f32 {
+        if self.cost_factor < f32::INFINITY { self.cost_factor * self.cost() } else { f32::INFINITY }
+    }
+
+    pub(super) fn size(&self, faces: usize) -> PartSize {
+        let size_sq = (self.max - self.min).length_squared();
+        PartSize { cost_factor: self.cost_factor, face: self.area / faces as f32, size_sq }
+    }
+}
+
+/// The parts of the input, for a run in which they may be removed in order of cost.
+#[derive(Clone)]
+pub(crate) struct Parts {
+    /// Part by number in the ordered input.
+    pub(super) part_of: Vec<u32>,
+    pub(super) of_input: Vec<Component>,
+    pub(super) cost: Vec<f32>,
+    pub(super) weighted_cost: Vec<f32>,
+    /// Number of cut necks and of contracted pairs when the parts were found.
+    pub(super) changes: [usize; 2],
+}
+
+/// The parts of the input, and which of them are details for a goal. Areas are doubled.
+#[derive(Clone)]
+pub(crate) struct Details {
+    /// Part by number in the ordered input; `u32::MAX` for none.
+    pub(super) part_of: Vec<u32>,
+    pub(super) area: Vec<f32>,
+    /// Current area.
+    pub(super) left: Vec<f32>,
+    /// True if it lies on a larger part of another colour.
+    pub(super) stands_out: Vec<bool>,
+    pub(super) is_detail: Vec<bool>,
+}
+
+/// Computes parts without their weights; `label` is the part of each point.
+pub(super) fn measure_parts(
+    label: &[u32],
+    at: impl Fn(VertexId) -> Vec3,
+    faces: &[[VertexId; 3]],
+) -> Vec<Component> {
+    let mut parts = vec![Component::EMPTY; label.iter().copied().max().map_or(0, |m| m as usize + 1)];
+    for (i, &l) in label.iter().enumerate() {
+        let (p, part) = (at(VertexId(i as u32)), &mut parts[l as usize]);
+        (part.min, part.max) = (part.min.min(p), part.max.max(p));
+    }
+    for t in faces.iter().filter(|t| t[0] != NONE) {
+        let [a, b, c] = t.map(&at);
+        let part = &mut parts[label[t[0].index()] as usize];
+        part.faces += 1;
+        part.area += (b - a).cross(c - a).length();
+    }
+    parts
+}
+
+/// Returns the part of each of `count` vertices; parts are numbered in the order of their first vertex.
+/// Dead faces do not count.
+pub(crate) fn labels(count: usize, faces: &[[VertexId; 3]]) -> Vec<u32> {
+    let mut root: Vec<VertexId> = (0..count as u32).map(VertexId).collect();
+    fn find(root: &mut [VertexId], mut i: VertexId) -> VertexId {
+        while root[i.index()] != i {
+            root[i.index()] = root[root[i.index()].index()];
+            i = root[i.index()];
+        }
+        i
+    }
+    for t in faces.iter().filter(|t| t[0] != NONE) {
+        let a = find(&mut root, t[0]);
+        for &w in &t[1..] {
+            let b = find(&mut root, w);
+            let a = find(&mut root, a);
+            let (low, high) = (a.min(b), a.max(b));
+            root[high.index()] = low;
+        }
+    }
+    let mut label = vec![u32::MAX; root.len()];
+    let mut parts = 0;
+    for i in 0..root.len() {
+        let r = find(&mut root, VertexId(i as u32)).index();
+        if label[r] == u32::MAX {
+            label[r] = parts;
+            parts += 1;
+        }
+        label[i] = label[r];
+    }
+    label
+}
