@@ -7,6 +7,7 @@ pub mod cluster_lod;
 mod collapse;
 mod constraints;
 pub mod control;
+mod cost;
 mod deviation;
 mod error;
 mod escalate;

@@ -16,10 +16,6 @@ pub(crate) use quadric::Quadric;
 
 use crate::tensor::Tensor;
 
-/// Cost of edge length, a share of area · length²: breaks ties among flat collapses only.
-/// (docs/decisions/0003)
-pub(crate) const TIE: f32 = 1e-11;
-
 /// The quadratic form of an edge, relative to its kept end: y·A·y − 2 h·y + c at the kept position + y.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Form {

@@ -7,10 +7,6 @@ use wide::f32x4;
 use super::store::Ring;
 use crate::report::Refusal;
 
-/// Limit of that weight, a share of the star's own area: on meshes with faces of all sizes the mean
-/// triangle is far larger than those of a fillet. Uncovered positions have no such limit: tips often end in
-/// tiny faces. (Measured: docs/decisions/0001.)
-pub(super) const PEAK_OF_STAR: f32 = 0.3;
 /// Cosine between two faces at an edge below which they lie back to back.
 pub(super) const FOLD_COS: f32 = -0.8;
 

@@ -4,7 +4,7 @@
 use glam::Vec3;
 use lodsmith_core::VertexId;
 
-use super::candidate::{Attempt, Candidate, CollapseOutcome, FOLD_COS, PEAK_OF_STAR, merged_position};
+use super::candidate::{Attempt, Candidate, CollapseOutcome, FOLD_COS, merged_position};
 use super::cut::Neck;
 use super::kind::distinct;
 use super::order::NONE;
@@ -13,22 +13,16 @@ use super::store::{Ring, Vertex};
 use super::wedges::HandedOver;
 use super::wings::{EdgeEnd, StarStats, Wing, Wings};
 use super::{Engine, LiveMesh, Scratch, Tally};
-use crate::metric::{CostSource, Form, Metric, TIE};
+use crate::cost;
+use crate::metric::{CostSource, Form, Metric};
 use crate::options::BorderPolicy;
 use crate::report::Refusal;
 use crate::triangle;
-
-/// Weight of the largest squared distance, times the mean area of a triangle: protects small features. (Measured on 12 cases:
-/// 0.1, 0.2 and 0.3 have equal means within a percent; from 0.2 on the largest distances are a third lower.)
-const PEAK_WEIGHT: f32 = 0.2;
 
 /// If no neighbour lies farther behind a vertex than this share of its displacement, along the displacement, the collapse
 /// shortens a tip or leaves a rim. Distances to planes do not see that, so the distance of the old position to the new star
 /// counts as well.
 const TIP_MAX_BEHIND: f32 = -0.5;
-/// Weight of that squared distance against one to a plane. (Measured on horse, horse400k, horse1.5m,
-/// nefertiti, brain_mri, bunny: the largest distances fall by up to ten, the means stay within a percent.)
-const TIP_WEIGHT: f32 = 4.0;
 
 /// A collapse that topology and guards allow. The triangles of the star are in the scratch.
 pub(super) struct Checked {
@@ -239,17 +233,17 @@ impl<M: Metric> LiveMesh<M> {
         let mut spent = cost;
         if is_exact {
             let peak_weight = self.peak_weight();
-            let mut weighted = peak_weight.min(PEAK_OF_STAR * area) * peak;
+            let mut weighted = cost::of_peak(peak_weight, area, peak);
             // A tip that shrinks along its own planes stays on all of them, but leaves its old position.
             for (from, step, is_bare) in [(x.p, y, is_bare[0]), (z.p, off, is_bare[1])] {
                 if is_bare && peak_weight * step.length_squared() > 0.5 * cost {
-                    let distance = TIP_WEIGHT * self.distance_to_star(&scratch.wings, from, at);
+                    let distance = cost::of_tip(self.distance_to_star(&scratch.wings, from, at));
                     peak = peak.max(distance);
                     weighted = weighted.max(peak_weight * distance);
                 }
             }
             cost += weighted;
-            cost += 0.5 * TIE * area * (y.length_squared() + off.length_squared());
+            cost += cost::of_steps(area, y, off);
         } else {
             cost = checked.metric_cost;
         }
@@ -433,7 +427,7 @@ impl<M: Metric> LiveMesh<M> {
         if self.sampled.is_some() || self.cost.metric.cost_source().is_decided_by_metric() {
             0.0
         } else {
-            PEAK_WEIGHT * self.cost.area
+            cost::peak_weight(self.cost.area)
         }
     }
 

@@ -5,42 +5,13 @@ use lodsmith_core::VertexId;
 use wide::f32x4;
 
 use super::attributes::Member;
-use super::candidate::{Candidate, Found, OwnedEdges, PEAK_OF_STAR};
+use super::candidate::{Candidate, Found, OwnedEdges};
 use super::store::Ring;
 use super::{LiveMesh, Scratch, Tally};
-use crate::lanes::{self, Four, dot, splat, sub};
-use crate::metric::TIE;
+use crate::cost::{self, FourCosts, FourForms, best_place, times};
+use crate::lanes::{self, dot, splat, sub};
 use crate::metric::{CostSource, Form, Metric};
 use crate::options::Placement;
-
-/// Pull of the best position towards the middle of the edge, a share of the trace. (docs/decisions/0003)
-const MIDPOINT_PULL: f32 = 1e-5;
-/// Largest squared distance over the mean one, as assumed until it is computed. (docs/decisions/0001)
-const PEAK_GUESS: f32 = 4.0;
-/// Share of trace³ below which the system is not solved. (Guessed.)
-const MIN_DET: f32 = 1e-9;
-
-/// Maximum distance of the best position from the middle of the edge, a share of length², squared.
-/// (Measured: 0.5 to 4 have equal means; 1 has the lowest maxima at 100 faces.)
-const MAX_OFF_MIDPOINT_SQ: f32 = 1.0;
-/// Share of trace · length² below which a difference of squares in single precision is noise. Such a cost
-/// is taken as 0, so that the exact one is computed at the commit: it alone separates flat from nearly
-/// flat.
-const CANCELLATION_NOISE: f32 = 1e-8;
-
-/// Share of trace · length² above which a difference of squares is accurate to about a thousandth: then the
-/// attribute cost need not be recomputed from the triangles.
-const MIN_SIGNIFICANT: f32 = 1e-5;
-
-/// Up to four edges side by side.
-struct Evaluated {
-    cost: f32x4,
-    step: Four,
-    /// The forms there, if accurate to a few digits and attributes count; else 0.
-    form_cost: f32x4,
-    /// Mask of the lanes whose system could be solved.
-    solved: f32x4,
-}
 
 impl<M: Metric> LiveMesh<M> {
     /// Evaluates the edges from `u` to `owned` and adds them to `found`; those that cost up to `most` are
@@ -68,7 +39,7 @@ impl<M: Metric> LiveMesh<M> {
                 && (four.len() > 1 || self.values.attributes.is_some())
                 && four.iter().all(|&w| is_plain(w))
             {
-                let Evaluated { cost, step, form_cost: sure, solved } =
+                let FourCosts { cost, step, form_cost: sure, solved } =
                     self.evaluate_four(u, four, are_lone || self.have_single_wedges(u, four), ru, members);
                 let within = solved & cost.simd_le(f32x4::splat(most));
                 let dear = (solved ^ within).bitselect(cost, f32x4::splat(f32::INFINITY));
@@ -108,7 +79,7 @@ impl<M: Metric> LiveMesh<M> {
         are_lone: bool,
         ru: &Ring,
         members: &mut Vec<Member>,
-    ) -> Evaluated {
+    ) -> FourCosts {
         let x = &self.store.v[u.index()];
         let four = [0, 1, 2, 3].map(|i: usize| ends[i.min(ends.len() - 1)]);
         let (mut s, mut t) = (
@@ -127,56 +98,16 @@ impl<M: Metric> LiveMesh<M> {
         if self.values.attributes.is_some() {
             self.add_attributes_to_four((u, ends, are_lone), &d, (&mut a, &mut h, &mut c), ru, members);
         }
-        // (Rounding errors left by large attribute values that were subtracted again may be negative.)
-        let trace = (a[0] + a[1] + a[2]).fast_max(f32x4::ZERO);
-        let r = trace * MIDPOINT_PULL;
-        let (m0, m1, m2) = (a[0] + r, a[1] + r, a[2] + r);
-        let adjugate = [
-            m1 * m2 - a[5] * a[5],
-            m0 * m2 - a[4] * a[4],
-            m0 * m1 - a[3] * a[3],
-            a[5] * a[4] - a[3] * m2,
-            a[3] * a[5] - m1 * a[4],
-            a[3] * a[4] - m0 * a[5],
-        ];
-        let det = m0 * adjugate[0] + a[3] * adjugate[3] + a[4] * adjugate[4];
-        let half = r * 0.5;
-        let wish = [h[0] + d[0] * half, h[1] + d[1] * half, h[2] + d[2] * half];
-        let y = times(&adjugate, &wish).map(|w| w / det);
-        let from_mid = sub(&y, &d.map(|k| k * 0.5));
-        let (from_mid_sq, d_sq) = (dot(&from_mid, &from_mid), dot(&d, &d));
-        let solved =
-            det.simd_gt(trace * trace * trace * MIN_DET) & from_mid_sq.simd_lt(d_sq * MAX_OFF_MIDPOINT_SQ);
-        let peak = f32x4::splat(PEAK_GUESS * self.peak_weight()) / trace.fast_max(f32x4::splat(1e-37));
-        let peak = f32x4::ONE + peak.fast_min(f32x4::splat(PEAK_GUESS * PEAK_OF_STAR));
-        let q = c - dot(&h, &y) * 2.0 + dot(&times(&a, &y), &y);
-        let size = trace * d_sq;
-        let sure = match self.values.attributes {
-            Some(_) => q.simd_gt(size * MIN_SIGNIFICANT) & q,
-            None => f32x4::ZERO,
-        };
-        let q = q.simd_gt(size * CANCELLATION_NOISE) & q;
-        // y|² + |y - d|², from the middle.
-        let spread = from_mid_sq + from_mid_sq + d_sq * 0.5;
-        let tie = trace * (0.5 * TIE) * spread;
-        let cost = q * peak + tie;
-        Evaluated { cost, step: y, form_cost: sure, solved }
+        cost::of_four(&FourForms { a, h, c }, &d, self.peak_weight(), self.values.attributes.is_some())
     }
 
     /// Returns the cost of a form at `y`, for edge vector `d`.
     #[inline(always)]
     pub(super) fn cost_of(&self, form: &Form, d: Vec3, y: Vec3) -> f32 {
-        let Form { a, h, c } = form;
-        let trace = a.trace().max(0.0);
-        let off = y - d;
-        let q = c - 2.0 * h.dot(y) + a.times(y).dot(y);
-        let tie = 0.5 * TIE * trace * (y.length_squared() + off.length_squared());
-        if !self.cost.metric.is_memoryless() {
-            return q.max(0.0) + tie;
+        match self.cost.metric.is_memoryless() {
+            true => cost::of_form(form, d, y, self.peak_weight()),
+            false => cost::of_accumulated_form(form, d, y),
         }
-        let peak = 1.0 + PEAK_GUESS * (self.peak_weight() / trace.max(1e-37)).min(PEAK_OF_STAR);
-        let q = if q > CANCELLATION_NOISE * trace * d.length_squared() { q } else { 0.0 };
-        q * peak + tie
     }
 
     /// Returns the cost of merging `v` into `u` at the position of `u` + `step`.
@@ -247,33 +178,6 @@ impl<M: Metric> LiveMesh<M> {
     }
 }
 
-/// Returns the position of least cost by a form for edge vector `d`, unless the system is singular or it is
-/// far from the middle.
-#[inline(always)]
-pub(super) fn best_place(form: &Form, d: Vec3) -> Option<Vec3> {
-    let Form { a, h, .. } = form;
-    let (trace, mid) = (a.trace(), d * 0.5);
-    let r = MIDPOINT_PULL * trace;
-    let (adjugate, det) = a.damped(r).adjugate();
-    if det > MIN_DET * trace * trace * trace {
-        let y = adjugate.times(*h + mid * r) * (1.0 / det);
-        if (y - mid).length_squared() < MAX_OFF_MIDPOINT_SQ * d.length_squared() {
-            return Some(y);
-        }
-    }
-    None
-}
-
-/// A symmetric matrix (xx, yy, zz, xy, xz, yz) times a vector, four side by side.
-#[inline(always)]
-fn times(a: &[f32x4; 6], d: &Four) -> Four {
-    [
-        a[0] * d[0] + a[3] * d[1] + a[4] * d[2],
-        a[3] * d[0] + a[1] * d[1] + a[5] * d[2],
-        a[4] * d[0] + a[5] * d[1] + a[2] * d[2],
-    ]
-}
-
 #[cfg(test)]
 mod tests {
     use lodsmith_core::arbitrary::{Coordinates, perturbed_shape, soup};
@@ -282,6 +186,7 @@ mod tests {
 
     use super::*;
     use crate::collapse::Engine;
+    use crate::cost::PEAK_GUESS;
     use crate::metric::Memoryless;
     use crate::options::{SimplifyOptions, Stop};
     use crate::test_support::{in_two_charts, with_engine};

@@ -10,8 +10,7 @@ use lodsmith_core::VertexId;
 
 use super::bound::UNKNOWN;
 use super::bundle::{Bundle, Changed, Effect, Joint};
-use super::candidate::{CollapseOutcome, FOLD_COS, PEAK_OF_STAR, merged_position};
-use super::evaluate::best_place;
+use super::candidate::{CollapseOutcome, FOLD_COS, merged_position};
 use super::kind::{Kind, distinct, faces_at};
 use super::near::{Site, near_pairs};
 use super::order::NONE;
@@ -22,16 +21,12 @@ use super::sweeps::VISITS_PER_PROGRESS_REPORT;
 use super::wings::{FOLD_CHECK_COS_SQ, MIN_SHAPE_SQ};
 use super::{Engine, Goal, LiveMesh, Scratch, Tally};
 use crate::control::Verdict;
-use crate::metric::TIE;
+use crate::cost::{self, TIE, best_place};
 use crate::metric::{Form, Metric};
 use crate::options::{BorderPolicy, Placement, TopologyPolicy};
 use crate::report::Refusal;
 use crate::tensor::Tensor;
 
-/// Weight of the squared gap, times the mean area of a triangle: two flat sheets side by side would have no
-/// other cost. (Guessed, so that a gap costs about as much as an edge of its length where the surface is
-/// slightly curved; flat places are merged before.)
-const GAP_WEIGHT: f32 = 1e-4;
 /// Pairs are searched for again when this percentage of the vertices at the last search is left.
 const RENEW_PERCENT: usize = 70;
 /// Below this number of vertices they are searched for after every sweep that changed anything: the last
@@ -443,7 +438,7 @@ impl<M: Metric> Engine<M> {
 impl<M: Metric> LiveMesh<M> {
     /// Returns the cost of the gap between two vertices.
     fn gap_cost(&self, u: VertexId, v: VertexId) -> f32 {
-        GAP_WEIGHT * self.cost.area * (self.store.p(v) - self.store.p(u)).length_squared()
+        cost::of_gap(self.cost.area, (self.store.p(v) - self.store.p(u)).length_squared())
     }
 
     fn pair_cost_factor(&self, u: VertexId, v: VertexId) -> f32 {
@@ -568,7 +563,7 @@ impl<M: Metric> LiveMesh<M> {
             }
         }
         if self.cost.metric.is_memoryless() {
-            cost += self.peak_weight().min(PEAK_OF_STAR * area) * peak;
+            cost += cost::of_peak(self.peak_weight(), area, peak);
         }
         if peak > self.constraints.rules.max_step_sq {
             return Err(Refusal::Cost);

@@ -13,6 +13,7 @@ use super::samples::{Sample, SampleScratch, SampleSet, SampledCost, SampledError
 use super::star::Star;
 use super::wings::Wing;
 use super::{LiveMesh, Scratch, Tally};
+use crate::cost;
 use crate::metric::Metric;
 
 /// Maximum mean number of samples per vertex when the phase begins.
@@ -22,14 +23,6 @@ const MAX_SAMPLES: usize = 96;
 /// Maximum number of faces round a merged vertex for which samples are measured. (Guessed: no vertex of a
 /// model has more, except hubs of fans or books.)
 const MAX_MEASURED_STAR: usize = 512;
-/// Weight of the loss. (6 would make it count like area · height², whose integral is a sixth; 3 to 6 are
-/// equal.)
-const LOSS_WEIGHT: f32 = 4.0;
-
-/// Weight of the farthest sample's squared distance, times the mean area of a triangle. (Measured with the
-/// samples: at this value, the largest distances of cow, bunny and brain588k at 100 faces and of horse and
-/// fandisk at 1 % are all below the best rival's; at 0.4 to 0.7 means stay within noise.)
-const FARTHEST_WEIGHT: f32 = 0.7;
 
 impl<M: Metric> LiveMesh<M> {
     /// Starts the phase: gives every vertex its samples, which are centres of the original faces (3/4 of
@@ -98,10 +91,10 @@ impl<M: Metric> LiveMesh<M> {
         }
         let before = u.loss + v.loss;
         let (loss, farthest, worst) = match is_measured {
-            true => measure(merged, star, before + (most - cost) / LOSS_WEIGHT),
+            true => measure(merged, star, cost::loss_limit(cost, before, most)),
             false => (before, 0, 0.0),
         };
-        let cost = cost + LOSS_WEIGHT * (loss - before).max(0.0) + FARTHEST_WEIGHT * self.cost.area * worst;
+        let cost = cost::with_samples(cost, [before, loss], self.cost.area, worst);
         SampledCost { cost, loss, farthest }
     }
 

@@ -12,8 +12,8 @@
 
 use glam::{DMat3, DVec3, Vec3};
 
-use super::TIE;
 use super::{AllowedPlace, EdgeNeighbourhood, EdgePart};
+use crate::cost::TIE;
 use crate::tensor::Tensor;
 
 /// Sine of the least angle between the planes, one degree. [Lindstrom-Turk 1998]
