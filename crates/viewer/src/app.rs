@@ -186,7 +186,7 @@ impl App {
         });
         match path {
             Ok(path) => self.open(vec![path]),
-            Err(e) => self.fail(format!("the sample cannot be written: {e}")),
+            Err(e) => self.fail(format!("cannot write the sample: {e}")),
         }
     }
 
@@ -284,7 +284,7 @@ impl App {
                 let path = if first.extension().is_none() { first.with_extension("json") } else { first };
                 let session = Session::new(self.document.settings().clone(), poses);
                 match session.with_stage_camera(self.pictures.stage.pose()).save(&path) {
-                    Ok(()) => self.document.log.good(format!("saved the session as {}", path.display())),
+                    Ok(()) => self.document.log.good(format!("session saved as {}", path.display())),
                     Err(e) => self.fail(e.to_string()),
                 }
             }
@@ -347,7 +347,7 @@ impl App {
             Action::Redo => return self.document.redo(),
             Action::CopyCommand => {
                 ctx.copy_text(panel::report::command_line(settings));
-                return self.document.log.note("the command line is in the clipboard");
+                return self.document.log.note("command line copied to the clipboard");
             }
             Action::Benchmark => {
                 self.shown.insert(Panel::Benchmark);
@@ -397,13 +397,13 @@ impl App {
             Action::View(view) => return self.pictures.look_from(&self.document, view),
             Action::SaveCamera(slot) => {
                 let pose = Pose::of(&self.pictures.orbit(Side::Original).camera());
-                self.document.log.note(format!("kept as camera {}", slot + 1));
+                self.document.log.note(format!("camera {} saved", slot + 1));
                 return self.document.run(Command::KeepCamera(slot, Some(pose)));
             }
             Action::RestoreCamera(slot) => {
                 match settings.cameras[slot] {
                     Some(pose) => self.pictures.each_orbit(|o| *o = Orbit::of(&pose.camera())),
-                    None => self.document.log.note(format!("no camera was kept as {}", slot + 1)),
+                    None => self.document.log.note(format!("camera {} has not been saved", slot + 1)),
                 }
                 return;
             }
@@ -674,11 +674,11 @@ impl App {
         let mut is_seen = false;
         if let Some(path) = self.document.changed.clone() {
             bar(ui, p.warning, &mut |ui| {
-                if widgets::primary(ui, "Read again").clicked() {
+                if widgets::primary(ui, "Reload").clicked() {
                     says.push(UiRequest::Action(Action::Reload));
                 }
                 is_seen = ui.button("Keep").clicked();
-                ui.label(format!("{} changed on the disk", panel::files::name(&path)));
+                ui.label(format!("{} changed on disk", panel::files::name(&path)));
             });
         }
         if is_seen {
@@ -740,8 +740,8 @@ impl eframe::App for App {
         self.document.poll();
         while let Ok(saved) = self.pictures_saved.1.try_recv() {
             match saved {
-                Ok(path) => self.document.log.good(format!("picture saved as {}", path.display())),
-                Err(why) => self.fail(format!("the picture cannot be saved: {why}")),
+                Ok(path) => self.document.log.good(format!("screenshot saved as {}", path.display())),
+                Err(why) => self.fail(format!("cannot save the screenshot: {why}")),
             }
         }
         self.frame_new_file(&ctx);
@@ -785,11 +785,11 @@ fn body(ui: &mut Ui, panel: Panel, scope: &mut PanelContext<'_>) {
 fn save_picture(image: &egui::ColorImage, folder: &Path, stem: &str) -> Result<PathBuf, String> {
     let [width, height] = image.size.map(|x| u32::try_from(x).unwrap_or(u32::MAX));
     let bytes: Vec<u8> = image.pixels.iter().flat_map(|p| [p.r(), p.g(), p.b()]).collect();
-    let picture = image::RgbImage::from_raw(width, height, bytes).ok_or("it is not whole")?;
+    let picture = image::RgbImage::from_raw(width, height, bytes).ok_or("the image is incomplete")?;
     let mut encoded = std::io::Cursor::new(Vec::new());
     picture.write_to(&mut encoded, image::ImageFormat::Png).map_err(|e| e.to_string())?;
     let free = (1..10_000).map(|n| folder.join(format!("{stem}_{n:03}.png"))).find(|p| !p.exists());
-    let path = free.ok_or_else(|| format!("{} holds too many of them", folder.display()))?;
+    let path = free.ok_or_else(|| format!("{} contains too many screenshots", folder.display()))?;
     crate::session::write(&path, encoded.get_ref()).map_err(|e| format!("{}: {e}", path.display()))?;
     Ok(path)
 }

@@ -68,7 +68,7 @@ pub struct LevelTimes {
 
 /// Column headings.
 pub const COLUMN_HEADINGS: [&str; 7] =
-    ["level", "faces", "simplify", "RMS of diagonal", "upload", "frame, ours", "frame, adapter"];
+    ["level", "faces", "simplify", "RMS (% of diagonal)", "upload", "CPU frame", "GPU frame"];
 
 impl TableRow {
     /// Returns the cells of the row, formatted for display.

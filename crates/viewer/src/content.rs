@@ -291,16 +291,16 @@ fn with_textures(options: &SimplifyOptions, model: &Model, meshes: &[usize]) -> 
 /// Returns the warnings of a run.
 fn warnings_of(report: &Report) -> Vec<String> {
     let mut told: Vec<String> = Vec::new();
-    let dropped = |name: &&str| format!("{name} dropped: a skin has joints and weights, or nothing");
+    let dropped = |name: &&str| format!("{name} dropped: a skin needs both joints and weights");
     told.extend(report.dropped.iter().map(dropped));
     if report.seams_relaxed {
-        told.push("seams were moved off their lines to come nearer to the target".to_owned());
+        told.push("seams were moved off their lines to get closer to the target".to_owned());
     }
     if report.sharp_relaxed {
-        told.push("sharp edges were not all kept, to come nearer to the target".to_owned());
+        told.push("sharp edges were not all kept, to get closer to the target".to_owned());
     }
     if report.pruned.largest_kept {
-        told.push("all parts are smaller than the size to prune: the largest was kept".to_owned());
+        told.push("all parts are smaller than the prune size: the largest was kept".to_owned());
     }
     told
 }
@@ -386,7 +386,7 @@ impl TopologySummary {
             }
             has[3] |= !mesh.further_attributes().is_empty();
         }
-        let names = ["normals", "UVs", "colours", "more"];
+        let names = ["normals", "UVs", "colours", "others"];
         all.attributes = names.into_iter().zip(has).filter(|x| x.1).map(|x| x.0).collect();
         all
     }

@@ -39,17 +39,17 @@ pub(crate) enum Purpose {
 impl Purpose {
     fn title(self) -> &'static str {
         match self {
-            Self::Open => "Open a model",
-            Self::OpenSession => "Open a session",
-            Self::SaveSession => "Save the session",
+            Self::Open => "Open model",
+            Self::OpenSession => "Open session",
+            Self::SaveSession => "Save session",
             Self::ExportFile => "Export",
             Self::ExportFolder => "Folder for all levels",
-            Self::Matcap => "Picture of a lit ball",
-            Self::Environment => "Picture of all directions",
+            Self::Matcap => "Matcap image",
+            Self::Environment => "Environment image",
             Self::Shader => "Shader",
-            Self::OpenLayout => "Open a layout",
-            Self::SaveLayout => "Save the layout",
-            Self::ExportStage => "Export the stage",
+            Self::OpenLayout => "Open layout",
+            Self::SaveLayout => "Save layout",
+            Self::ExportStage => "Export stage",
         }
     }
 
@@ -237,7 +237,7 @@ impl FileChooser {
         ui.add_space(4.0);
         let edit = egui::TextEdit::singleline(&mut self.text)
             .desired_width(f32::INFINITY)
-            .hint_text("path of the file")
+            .hint_text("File path")
             .font(egui::TextStyle::Monospace);
         let response = ui.add(edit);
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::TextInput, true, "Path"));
@@ -267,7 +267,7 @@ impl FileChooser {
                 }
                 Some(path) if path.as_os_str().is_empty() => DialogState::Open,
                 Some(path) if !purpose.is_saving() && purpose != Purpose::ExportFolder && !path.exists() => {
-                    self.error = Some(format!("{}: there is no such file", path.display()));
+                    self.error = Some(format!("{}: no such file", path.display()));
                     DialogState::Open
                 }
                 Some(path) => DialogState::Chosen(vec![path]),
@@ -313,7 +313,7 @@ impl FileChooser {
                     }
                 }
                 if self.entries.is_empty() {
-                    ui.label(weak(ui, "nothing here"));
+                    ui.label(weak(ui, "No files"));
                 }
             });
         });

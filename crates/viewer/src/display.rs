@@ -48,7 +48,7 @@ impl Packages {
     /// Returns the install commands, for messages.
     pub fn install_hint(&self) -> String {
         if self.debian.is_empty() {
-            return "the packages of your system have it".to_owned();
+            return "use the package manager of your system".to_owned();
         }
         let [debian, fedora] = [self.debian, self.fedora].map(|p| p.join(" "));
         format!("on Debian and Ubuntu `apt install {debian}`, on Fedora `dnf install {fedora}`")
@@ -84,7 +84,7 @@ pub(crate) fn panic_message(panic: &(dyn Any + Send)) -> String {
     match (panic.downcast_ref::<String>(), panic.downcast_ref::<&str>()) {
         (Some(text), _) => text.clone(),
         (None, Some(text)) => (*text).to_owned(),
-        (None, None) => "the window library gave up".to_owned(),
+        (None, None) => "the window library failed".to_owned(),
     }
 }
 

@@ -411,7 +411,9 @@ impl Document {
         ]);
         if self.builder.is_busy(JobKind::Preview) {
             self.builder.cancel(&[JobKind::Preview]);
-            self.log.note("the slider runs the method for each value: its progressive mesh was stopped");
+            self.log.note(
+                "the slider runs the method for each value: building its progressive mesh was cancelled",
+            );
         }
         if self.opening.take().is_some() {
             self.log.note("opening was cancelled");
@@ -481,7 +483,7 @@ impl Document {
         match message {
             Message::Done(outcome) => self.take_outcome(outcome),
             Message::Panicked(kind) => {
-                let text = format!("{} broke down: this is a fault of the program", kind.title());
+                let text = format!("{} failed unexpectedly: this is a bug in lodsmith", kind.title());
                 if kind == JobKind::Load {
                     self.open_failed();
                 }
@@ -489,7 +491,7 @@ impl Document {
             }
             Message::Changed(path) if self.is_of_look(&path) => self.own_files_changed = true,
             Message::Changed(path) => {
-                self.log.note(format!("{} changed on the disk", path.display()));
+                self.log.note(format!("{} changed on disk", path.display()));
                 self.changed = Some(path);
             }
         }
@@ -528,8 +530,8 @@ impl Document {
                 Err(SimplifyError::Cancelled) => self.requested_levels = None,
                 Err(why) => self.fail(why.to_string()),
             },
-            Outcome::Benchmarked { is_whole: true } => self.log.good("times of levels were measured"),
-            Outcome::Benchmarked { is_whole: false } => self.log.note("measuring times was stopped"),
+            Outcome::Benchmarked { is_whole: true } => self.log.good("benchmark finished"),
+            Outcome::Benchmarked { is_whole: false } => self.log.note("benchmark cancelled"),
             Outcome::Preview { of, secs, result } => self.take_preview(&of, secs, result),
             Outcome::Exported { path, result } => match result {
                 Ok(written) => {
@@ -678,7 +680,8 @@ impl Document {
         let faces = original.content.faces;
         if faces > slider_preview::MAX_FACES {
             let most = grouped(slider_preview::MAX_FACES);
-            let text = format!("{} faces are more than {most}: there is no progressive mesh", grouped(faces));
+            let text =
+                format!("{} faces are more than {most}, the limit for a progressive mesh", grouped(faces));
             return self.log.note(format!("the slider runs the method for each value ({text})"));
         }
         let (context, original) = (self.context.clone(), original.content.clone());
@@ -701,7 +704,7 @@ impl Document {
         match result {
             Ok(mut road) => {
                 self.log.note(format!(
-                    "the slider follows at once: a progressive mesh of {} levels in {}",
+                    "the slider shows results immediately: progressive mesh of {} levels built in {}",
                     grouped(road.levels()),
                     seconds(secs)
                 ));

@@ -109,7 +109,7 @@ impl Export {
                 let model = lighter.map_or(original.model(), |l| &l.model);
                 lodsmith_io::write_path(&model.meshes[0].mesh, path, &options)?
             }
-            _ => anyhow::bail!("{}: nothing is known of how to write this source", path.display()),
+            _ => anyhow::bail!("{}: this kind of source cannot be written", path.display()),
         };
         Ok(warnings.iter().map(ToString::to_string).collect())
     }
@@ -120,7 +120,7 @@ pub(crate) fn embed(scene: &mut lodsmith_io::gltf::Scene) -> Vec<Warning> {
     let mut warnings = scene.embed_files();
     let left = scene.external_files();
     let text =
-        |uri: &String| Warning::note(format!("{uri} stays a file of its own, which the scene refers to"));
+        |uri: &String| Warning::note(format!("{uri} remains a separate file that the scene refers to"));
     warnings.extend(left.first().map(text));
     warnings
 }
@@ -132,7 +132,7 @@ fn joined(
     lighter: Option<&Lighter>,
 ) -> anyhow::Result<(TriMesh, Arc<lodsmith_io::Regions>, Vec<Warning>)> {
     let ModelSource::Scene(scene) = &original.file.source else {
-        anyhow::bail!("{}: is no scene", original.path.display())
+        anyhow::bail!("{}: not a scene", original.path.display())
     };
     let replaced: Vec<_> = match lighter {
         None => Vec::new(),

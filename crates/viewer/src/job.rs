@@ -53,7 +53,7 @@ impl JobKind {
             Self::Measure => "Measuring",
             Self::Export => "Writing",
             Self::Levels => "Making levels",
-            Self::Benchmark => "Measuring times",
+            Self::Benchmark => "Running benchmark",
             Self::Preview => "Preparing the slider",
         }
     }

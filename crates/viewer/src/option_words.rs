@@ -77,7 +77,7 @@ pub fn word<T: Copy + PartialEq>(choices: Choices<T>, value: T) -> &'static str 
 
 fn choice<T: Copy>(choices: Choices<T>, option: &str, word: &str) -> Result<T, String> {
     let known = choices.iter().find(|c| c.1 == word);
-    known.map(|c| c.0).ok_or_else(|| format!("{option}: {word} is none of its values"))
+    known.map(|c| c.0).ok_or_else(|| format!("{option}: invalid value {word}"))
 }
 
 /// Formats a length as it is typed: `0.5` in units, `0.1%` of the diagonal.
@@ -201,7 +201,7 @@ impl Simplification {
                 pairs.push((option.as_str(), ""));
                 continue;
             }
-            let value = rest.next().ok_or_else(|| format!("{option} has no value"))?;
+            let value = rest.next().ok_or_else(|| format!("{option} needs a value"))?;
             if option == "--preset" {
                 preset = choice(PRESETS, option, value)?;
             } else {
@@ -217,7 +217,7 @@ impl Simplification {
 
     fn set(&mut self, option: &str, value: &str) -> Result<(), String> {
         let o = &mut self.options;
-        let wrong = || format!("{option}: {value} is no value for it");
+        let wrong = || format!("{option}: invalid value {value}");
         let length = || length_of(value).map(Some).ok_or_else(wrong);
         let number = || value.parse::<f64>().ok().filter(|x| x.is_finite()).ok_or_else(wrong);
         let count = || value.parse::<usize>().map(Some).map_err(|_| wrong());
@@ -266,7 +266,7 @@ impl Simplification {
             "--measure" => o.measure = Measure::Always,
             "--escalate" => o.escalate = true,
             "--per-mesh" => o.per_mesh = true,
-            _ => return Err(format!("{option} is no option of a session")),
+            _ => return Err(format!("{option}: unknown option")),
         }
         Ok(())
     }

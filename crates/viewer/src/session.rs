@@ -41,7 +41,7 @@ pub enum SessionError {
         source: io::Error,
     },
     /// Not a session or layout.
-    #[error("{path}: is no session of lodsmith: {reason}")]
+    #[error("{path}: not a lodsmith session: {reason}")]
     Malformed {
         /// The file.
         path: PathBuf,
@@ -50,7 +50,7 @@ pub enum SessionError {
     },
     /// It refers to a file that it may not read.
     #[error(
-        "{path}: names {file}, which lies outside of its folder: start with --asset-root DIR or --allow-outside to let it in"
+        "{path}: refers to {file}, which is outside its folder: start with --asset-root DIR or --allow-outside to allow it"
     )]
     Outside {
         /// The file.
@@ -59,7 +59,7 @@ pub enum SessionError {
         file: PathBuf,
     },
     /// Written by a newer version.
-    #[error("{path}: was saved by a newer lodsmith (version {got} of sessions, {VERSION} is known here)")]
+    #[error("{path}: saved by a newer lodsmith (session version {got}, supported up to {VERSION})")]
     Newer {
         /// The file.
         path: PathBuf,
@@ -115,7 +115,7 @@ impl Session {
         }
         let mut session: Self = serde_json::from_str(&text).map_err(|e| malformed(e.to_string()))?;
         if session.program != PROGRAM {
-            return Err(malformed("it does not say that it is one".to_owned()));
+            return Err(malformed("the field `program` is missing or different".to_owned()));
         }
         let folder = folder_of(path);
         for file in &mut session.settings.files {
@@ -151,7 +151,7 @@ fn read_up_to(path: &Path, most: u64) -> io::Result<String> {
     let mut text = String::new();
     std::fs::File::open(path)?.take(most + 1).read_to_string(&mut text)?;
     if text.len() as u64 > most {
-        let why = format!("has more than {most} bytes, which no session and no layout needs");
+        let why = format!("has more than {most} bytes, too large for a session or layout");
         return Err(io::Error::new(io::ErrorKind::FileTooLarge, why));
     }
     Ok(text)
@@ -258,8 +258,8 @@ mod tests {
             std::fs::write(&path, text).unwrap();
             Session::open(&path, &AssetScope::Folder).unwrap_err().to_string()
         };
-        assert!(says("{").contains("no session"));
-        assert!(says("{}").contains("no session"));
+        assert!(says("{").contains("not a lodsmith session"));
+        assert!(says("{}").contains("not a lodsmith session"));
         assert!(says(r#"{"version":99}"#).contains("newer"));
         std::fs::remove_file(&path).unwrap();
         assert!(matches!(Session::open(&path, &AssetScope::Folder), Err(SessionError::Io { .. })));

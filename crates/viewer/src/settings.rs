@@ -233,13 +233,13 @@ pub enum Backdrop {
 impl Backdrop {
     /// All backgrounds with their names.
     pub const ALL: [(Self, &'static str); 7] = [
-        (Self::Theme, "Like the window"),
+        (Self::Theme, "Match theme"),
         (Self::Dark, "Dark studio"),
         (Self::Bright, "Bright studio"),
         (Self::Sky, "Sky"),
-        (Self::Color([1.0; 3]), "One colour"),
-        (Self::Surroundings, "Surroundings"),
-        (Self::Blurred, "Surroundings, blurred"),
+        (Self::Color([1.0; 3]), "Solid colour"),
+        (Self::Surroundings, "Environment"),
+        (Self::Blurred, "Blurred environment"),
     ];
 
     /// Returns the background for the renderer.

@@ -196,14 +196,14 @@ impl StageChange {
     pub fn name(&self) -> &'static str {
         match self {
             Self::Show(_) => "stage",
-            Self::Add(_) => "new copies",
+            Self::Add(_) => "add copies",
             Self::Scatter(_) => "scatter",
             Self::Duplicate { .. } => "duplicate copies",
             Self::Move { .. } => "move copies",
             Self::Delete(_) => "delete copies",
             Self::Replace(..) => "layout",
             Self::Motion(_) => "keyframes",
-            Self::View(_) => "look of the stage",
+            Self::View(_) => "stage settings",
         }
     }
 

@@ -99,7 +99,7 @@ fn environment_of(path: &Path) -> Result<Environment, String> {
 fn text_of(path: &Path) -> Result<String, String> {
     let size = std::fs::metadata(path).map_err(|e| e.to_string())?.len();
     if size > MAX_SHADER_BYTES {
-        return Err(format!("{size} bytes are too many for a shader"));
+        return Err(format!("the file has {size} bytes, too large for a shader"));
     }
     std::fs::read_to_string(path).map_err(|e| e.to_string())
 }

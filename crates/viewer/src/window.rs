@@ -41,7 +41,7 @@ impl Default for ViewOptions {
 pub enum ViewError {
     /// There is no display.
     #[error(
-        "there is no display to open a window on ({reason}). On a server, `lodsmith render` makes pictures without one; \
+        "there is no display to open a window on ({reason}). On a server, `lodsmith render` renders images without one; \
          a virtual display is `xvfb-run lodsmith view` (on Debian and Ubuntu: apt install xvfb libxkbcommon-x11-0 \
          mesa-vulkan-drivers libvulkan1)"
     )]
@@ -50,7 +50,7 @@ pub enum ViewError {
         reason: String,
     },
     /// A shared library that every window needs is missing.
-    #[error("{library} is missing, and no window opens without it. Install it: {how}")]
+    #[error("{library} is missing and is required to open a window. Install it: {how}")]
     NoLibrary {
         /// Name of the library.
         library: String,
@@ -61,7 +61,7 @@ pub enum ViewError {
     #[error(transparent)]
     NoGpu(#[from] gpu::GpuError),
     /// Another error.
-    #[error("the window cannot be opened: {reason}")]
+    #[error("cannot open the window: {reason}")]
     Window {
         /// Message of the system.
         reason: String,

@@ -35,7 +35,7 @@ fn an_empty_window_says_what_to_do() {
         let Some(mut desk) = AppHarness::with(is_light, None::<&str>) else { return };
         desk.harness.get_by_label("Drop a model here");
         desk.picture(if is_light { "empty_light" } else { "empty_dark" });
-        desk.click("Open the sample");
+        desk.click("Open sample");
         let original = desk.app().document().original().unwrap();
         assert!(original.content.faces > 1000);
         desk.picture(if is_light { "sample_light" } else { "sample_dark" });

@@ -24,7 +24,7 @@ pub(super) fn start_page(ui: &mut Ui, document: &Document, facts: &WindowState, 
             ui.add_space(24.0);
             ui.label(egui::RichText::new("Drop a model here").size(26.0).strong());
             ui.add_space(4.0);
-            ui.label(theme::weak(ui, "OBJ, OFF, PLY, STL, glTF, GLB or LPM; also packed with gzip"));
+            ui.label(theme::weak(ui, "OBJ, OFF, PLY, STL, glTF, GLB or LPM; also gzip-compressed"));
             ui.add_space(16.0);
             ui.horizontal(|ui| {
                 let width = 2.0 * 150.0 + 8.0;
@@ -34,13 +34,13 @@ pub(super) fn start_page(ui: &mut Ui, document: &Document, facts: &WindowState, 
                 if ui.add(egui::Button::new(text).fill(p.accent).min_size(big)).clicked() {
                     says.push(UiRequest::Action(Action::Open));
                 }
-                if ui.add(egui::Button::new("Open the sample").min_size(big)).clicked() {
+                if ui.add(egui::Button::new("Open sample").min_size(big)).clicked() {
                     says.push(UiRequest::OpenSample);
                 }
             });
             ui.add_space(16.0);
             let steps =
-                "Then drag the slider below: the lighter mesh stands beside the original. H shows all keys.";
+                "Then drag the slider below: the simplified mesh appears beside the original. H shows all keys.";
             ui.label(theme::weak(ui, steps));
             if !facts.recent.is_empty() {
                 ui.add_space(16.0);

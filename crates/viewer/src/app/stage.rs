@@ -61,12 +61,12 @@ impl App {
             }
             Action::SaveCamera(slot) => {
                 let pose = Pose::of(&pictures.stage.orbit().camera());
-                self.document.log.note(format!("kept as camera {}", slot + 1));
+                self.document.log.note(format!("camera {} saved", slot + 1));
                 self.document.run(Command::KeepCamera(slot, Some(pose)));
             }
             Action::RestoreCamera(slot) => match self.document.settings().cameras[slot] {
                 Some(pose) => pictures.stage.change_orbit(|o| *o = Orbit::of(&pose.camera())),
-                None => self.document.log.note(format!("no camera was kept as {}", slot + 1)),
+                None => self.document.log.note(format!("camera {} has not been saved", slot + 1)),
             },
             Action::Copies(CopiesAction::Colors) => {
                 let has_level_colors = !view.has_level_colors;
@@ -80,7 +80,7 @@ impl App {
 
     fn toggle_stage(&mut self) {
         if self.document.original().is_none() {
-            return self.document.log.note("open a file first: the stage holds copies of it");
+            return self.document.log.note("open a file first: the stage shows copies of it");
         }
         let is_on = !self.document.settings().stage.is_on;
         if is_on {
@@ -154,10 +154,10 @@ impl App {
         if came < scatter.count {
             self.document
                 .log
-                .warn(format!("a stage holds {} copies: {came} were placed", crate::stage::MAX_COPIES));
+                .warn(format!("a stage can hold {} copies; {came} were placed", crate::stage::MAX_COPIES));
         }
         if overlaps > 0 {
-            let text = "pairs of copies overlap: the square is too small for so many";
+            let text = "pairs of copies overlap: the area is too small";
             self.document.log.warn(format!("{overlaps} {text}"));
         }
         self.pictures.stage.frame(&self.document);
@@ -177,7 +177,7 @@ impl App {
                 let path = if path.extension().is_none() { path.with_extension("json") } else { path };
                 let model = self.document.settings().file().map(Path::to_owned).unwrap_or_default();
                 match LayoutFile::new(&model, &self.document.settings().stage).save(&path) {
-                    Ok(()) => self.document.log.good(format!("saved the layout as {}", path.display())),
+                    Ok(()) => self.document.log.good(format!("layout saved as {}", path.display())),
                     Err(e) => self.fail(e.to_string()),
                 }
             }
@@ -191,12 +191,12 @@ impl App {
     /// Opens a layout file and replaces the copies on the stage.
     pub(super) fn open_layout(&mut self, path: &Path) {
         if self.document.original().is_none() {
-            return self.fail(format!("{}: open a model first, which the layout places", path.display()));
+            return self.fail(format!("{}: open a model before its layout", path.display()));
         }
         match LayoutFile::open(path) {
             Ok((copies, motion, lost)) => {
                 if lost > 0 {
-                    let text = "copies are left out: without a place or a size, or beyond what a stage holds";
+                    let text = "copies omitted: invalid position or scale, or more than a stage can hold";
                     self.document.log.warn(format!("{}: {lost} {text}", path.display()));
                 }
                 self.pictures.stage.select([]);

@@ -21,7 +21,7 @@ pub enum GpuError {
         reason: String,
     },
     /// The adapter does not provide a device.
-    #[error("the graphics adapter {adapter} gives no device: {reason}")]
+    #[error("the graphics adapter {adapter} provides no device: {reason}")]
     NoDevice {
         /// Name of the adapter.
         adapter: String,

@@ -15,25 +15,25 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let table = document.benchmark_table();
     ui.horizontal(|ui| {
         if is_running {
-            let tip = format!("End what is under way ({})", Action::Cancel.key());
-            if ui.button("Stop measuring").on_hover_text(tip).clicked() {
+            let tip = format!("Cancel running jobs ({})", Action::Cancel.key());
+            if ui.button("Stop benchmark").on_hover_text(tip).clicked() {
                 scope.action(Action::Cancel);
             }
         } else {
             let tip = format!(
-                "Makes {} levels with the present method and draws each ({})",
+                "Make {} levels with the current method and render each ({})",
                 BENCHMARK_RATIOS.len(),
                 Action::Benchmark.key()
             );
-            let button = egui::Button::new("Measure times");
+            let button = egui::Button::new("Run benchmark");
             if ui.add_enabled(document.original().is_some(), button).on_hover_text(tip).clicked() {
                 scope.action(Action::Benchmark);
             }
         }
         let Some(table) = table.as_ref().filter(|t| !t.rows.is_empty()) else { return };
         for (name, tip, text) in [
-            ("Copy as Markdown", "A table for pages", table.markdown()),
-            ("Copy as TSV", "Numbers alone, for spreadsheets", table.tsv()),
+            ("Copy as Markdown", "The table as shown", table.markdown()),
+            ("Copy as TSV", "Plain numbers for spreadsheets", table.tsv()),
         ] {
             if ui.button(name).on_hover_text(tip).clicked() {
                 scope.requests.push(UiRequest::Copy(text));
@@ -41,7 +41,7 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         }
         let missing = (BENCHMARK_RATIOS.len() + 1).saturating_sub(table.rows.len());
         if missing > 0 {
-            let text = if is_running { "to come" } else { "were not measured" };
+            let text = if is_running { "remaining" } else { "not measured" };
             ui.label(weak(ui, format!("{missing} {text}")));
         }
     });
@@ -50,9 +50,9 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
             ui.add(egui::Label::new(weak(ui, table.title()).small()).wrap().selectable(true));
             grid(ui, &table);
         }
-        None if document.original().is_none() => widgets::empty_note(ui, "open a file to measure times"),
-        None if is_running => widgets::empty_note(ui, "the first row comes soon"),
-        None => widgets::empty_note(ui, "nothing was measured yet"),
+        None if document.original().is_none() => widgets::empty_note(ui, "Open a file to run the benchmark"),
+        None if is_running => widgets::empty_note(ui, "Measuring the first row…"),
+        None => widgets::empty_note(ui, "Nothing measured yet"),
     }
 }
 

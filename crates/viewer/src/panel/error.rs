@@ -27,16 +27,16 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         scope.command(Command::Look(look));
     }
     let Some(original) = document.original() else {
-        widgets::empty_note(ui, "open a file first");
+        widgets::empty_note(ui, "Open a file first");
         return;
     };
     if document.lighter().is_none() {
-        widgets::empty_note(ui, "there is no result yet: drag the slider below");
+        widgets::empty_note(ui, "No result yet; drag the slider below");
         return;
     }
     let Some(distances) = document.distances() else {
         ui.horizontal(|ui| {
-            ui.label(weak(ui, "measuring…"));
+            ui.label(weak(ui, "Measuring…"));
         });
         return;
     };
@@ -45,15 +45,16 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         let share = if diagonal > 0.0 { 100.0 * d / diagonal } else { 0.0 };
         [significant(d, 3), format!("{} %", significant(share, 3))]
     };
-    widgets::table_row(ui, "Of vertices", &["units".into(), "diagonal".into()], true);
-    for (name, d) in [("Largest", distances.largest), ("RMS", distances.rms), ("Mean", distances.mean)] {
+    widgets::table_row(ui, "Vertex distance", &["units".into(), "diagonal".into()], true);
+    for (name, d) in [("Maximum", distances.largest), ("RMS", distances.rms), ("Mean", distances.mean)] {
         widgets::table_row(ui, name, &both(d), false);
     }
     widgets::heading(ui, "Histogram");
     histogram(ui, distances, &settings.look.look);
     range(ui, scope, distances);
     ui.label(
-        weak(ui, format!("Measured both ways at all vertices in {}", seconds(distances.seconds))).small(),
+        weak(ui, format!("Measured in both directions at all vertices in {}", seconds(distances.seconds)))
+            .small(),
     );
 }
 
@@ -97,7 +98,7 @@ fn histogram(ui: &mut Ui, distances: &Distances, look: &Look) {
 fn range(ui: &mut Ui, scope: &mut PanelContext<'_>, distances: &Distances) {
     let mut look = scope.document.settings().look.clone();
     let largest = distances.largest as f32;
-    widgets::field(ui, "Colours end at", "The value of the last colour; the largest by itself", |ui| {
+    widgets::field(ui, "Range maximum", "Distance shown in the last colour; Auto uses the largest", |ui| {
         let mut high = color_range(&look.look, distances.largest)[1];
         let drag = egui::DragValue::new(&mut high).range(largest * 1e-4..=largest * 10.0);
         if ui.add(drag.speed(largest * 0.005).custom_formatter(|x, _| significant(x, 3))).changed() {
@@ -135,7 +136,7 @@ pub fn legend(ui: &Ui, picture: Rect, look: &Look, distances: Option<&Distances>
     painter.rect_filled(rect, 5.0, p.panel.gamma_multiply(0.92));
     let font = egui::TextStyle::Small.resolve(ui.style());
     let Some(distances) = distances else {
-        let text = "measuring…";
+        let text = "Measuring…";
         painter.text(rect.center(), egui::Align2::CENTER_CENTER, text, font, p.weak);
         return;
     };

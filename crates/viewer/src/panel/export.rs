@@ -36,8 +36,8 @@ pub enum ExportDialogState {
 }
 
 const FORMATS: [(Format, &str); 6] = [
-    (Format::Glb, "GLB: glTF in one file"),
-    (Format::Gltf, "glTF: as text"),
+    (Format::Glb, "GLB (single-file glTF)"),
+    (Format::Gltf, "glTF (text)"),
     (Format::Obj, "OBJ with materials"),
     (Format::Ply, "PLY"),
     (Format::Stl, "STL"),
@@ -114,11 +114,16 @@ impl ExportForm {
             .unwrap_or(0);
         ui.horizontal(|ui| {
             ui.spacing_mut().item_spacing.x = 4.0;
-            let shown = format!("What is shown ({} faces)", grouped(faces));
-            if widgets::segment(ui, &shown, !self.is_all_levels, "One file") {
+            let shown = format!("Shown mesh ({} faces)", grouped(faces));
+            if widgets::segment(ui, &shown, !self.is_all_levels, "Write one file") {
                 self.is_all_levels = false;
             }
-            if widgets::segment(ui, "All levels", self.is_all_levels, "A file for each, in a folder") {
+            if widgets::segment(
+                ui,
+                "All levels",
+                self.is_all_levels,
+                "Write one file per level into a folder",
+            ) {
                 self.is_all_levels = true;
             }
         });
@@ -130,16 +135,22 @@ impl ExportForm {
             self.path = path.display().to_string();
         }
         if matches!(self.format, Format::Ply | Format::Stl) {
-            widgets::switch(ui, "As text", None, "Larger, and readable", &mut self.is_ascii);
+            widgets::switch(
+                ui,
+                "ASCII",
+                None,
+                "Text instead of binary: larger, but readable",
+                &mut self.is_ascii,
+            );
         }
         if self.format == Format::Obj {
-            let tip = "Materials and textures: copied beside the output, linked from there, or dropped";
+            let tip = "Copy materials and textures beside the output, link to them, or omit them";
             widgets::choose(ui, "Textures", tip, &TEXTURES, &mut self.textures);
         }
         let mut answer = ExportDialogState::Open;
         if self.is_all_levels {
-            let tip = "Parts of the triangles, in percent; a file for each";
-            widgets::field(ui, "Levels, %", tip, |ui| {
+            let tip = "Percentages of the triangles, one file each";
+            widgets::field(ui, "Levels (%)", tip, |ui| {
                 let is_good = self.ratios().is_some();
                 let mut edit =
                     egui::TextEdit::singleline(&mut self.levels).desired_width(ui.available_width() - 8.0);
@@ -165,7 +176,7 @@ impl ExportForm {
         });
         let target = PathBuf::from(if self.is_all_levels { self.folder.trim() } else { self.path.trim() });
         if !self.is_all_levels && target.is_file() {
-            ui.label(weak(ui, "this file is there already, and will be replaced"));
+            ui.label(weak(ui, "This file exists and will be replaced"));
         }
         ui.add_space(8.0);
         ui.horizontal(|ui| {

@@ -10,16 +10,16 @@ use crate::theme::weak;
 /// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     ui.horizontal(|ui| {
-        let open = ui.button("Open…").on_hover_text(format!("Choose files ({})", Action::Open.key()));
+        let open = ui.button("Open…").on_hover_text(format!("Open files ({})", Action::Open.key()));
         if open.clicked() {
             scope.action(Action::Open);
         }
         let has_file = scope.document.original().is_some();
-        let tip = format!("Write what is shown ({})", Action::Export.key());
+        let tip = format!("Export the shown mesh ({})", Action::Export.key());
         if ui.add_enabled(has_file, egui::Button::new("Export…")).on_hover_text(tip).clicked() {
             scope.action(Action::Export);
         }
-        let tip = format!("Read the file again ({})", Action::Reload.key());
+        let tip = format!("Reload the file ({})", Action::Reload.key());
         if ui.add_enabled(has_file, egui::Button::new("Reload")).on_hover_text(tip).clicked() {
             scope.action(Action::Reload);
         }
@@ -27,7 +27,7 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let settings = scope.document.settings();
     widgets::heading(ui, "Open");
     if settings.files.is_empty() {
-        widgets::empty_note(ui, "no file yet");
+        widgets::empty_note(ui, "No file open");
     }
     for (i, file) in settings.files.clone().into_iter().enumerate() {
         let name = name(&file);
@@ -49,7 +49,7 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         }
     }
     if let Some(path) = &scope.document.changed {
-        ui.label(weak(ui, format!("{} changed on the disk", name(path))));
+        ui.label(weak(ui, format!("{} changed on disk", name(path))));
     }
 }
 

@@ -77,15 +77,15 @@ fn is_repeated(action: Action) -> bool {
 /// Merges several related bindings into one line.
 fn merged(action: Action, keys: String, name: &str) -> (String, String) {
     match action {
-        Action::SaveCamera(_) => (format!("{keys} … 4"), "Keep the camera".to_owned()),
-        Action::RestoreCamera(_) => (format!("{keys} … 4"), "Back to a kept camera".to_owned()),
-        Action::Orbit(..) => ("Arrows".to_owned(), "Turn round the model".to_owned()),
-        Action::TurnModel(..) => ("Alt+arrows".to_owned(), "Turn the model itself".to_owned()),
+        Action::SaveCamera(_) => (format!("{keys} … 4"), "Save camera".to_owned()),
+        Action::RestoreCamera(_) => (format!("{keys} … 4"), "Restore camera".to_owned()),
+        Action::Orbit(..) => ("Arrows".to_owned(), "Orbit".to_owned()),
+        Action::TurnModel(..) => ("Alt+arrows".to_owned(), "Rotate model".to_owned()),
         Action::Copies(CopiesAction::Turn(_)) => {
-            ("Shift+Left, Right".to_owned(), "Turn the chosen copies".to_owned())
+            ("Shift+Left, Right".to_owned(), "Rotate selected copies".to_owned())
         }
         Action::Copies(CopiesAction::Scale(_)) => {
-            ("Shift+Down, Up".to_owned(), "Make them smaller, larger".to_owned())
+            ("Shift+Down, Up".to_owned(), "Scale selected copies".to_owned())
         }
         _ => (keys, name.to_owned()),
     }

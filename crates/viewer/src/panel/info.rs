@@ -9,7 +9,7 @@ use crate::numbers::{grouped, percent, seconds, significant};
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let document = scope.document;
     let Some(original) = document.original() else {
-        widgets::empty_note(ui, "open a file to see what is in it");
+        widgets::empty_note(ui, "Open a file to see its contents");
         return;
     };
     let o = &original.content;
@@ -22,7 +22,7 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     pair(ui, "Faces", Some(grouped(o.faces)), lighter.map(|l| grouped(l.faces)));
     pair(ui, "Vertices", Some(grouped(o.vertices)), lighter.map(|l| grouped(l.vertices)));
     let left = lighter.map(|l| percent(l.faces as f64 / o.faces.max(1) as f64));
-    pair(ui, "Percent", Some("100 %".into()), left);
+    pair(ui, "Remaining", Some("100 %".into()), left);
     let [one, two] = document.topologies();
     let each = |of: &dyn Fn(&crate::content::TopologySummary) -> String| [one.map(of), two.map(of)];
     let rows: [(&str, [Option<String>; 2]); 4] = [
@@ -43,10 +43,10 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     if let Some(l) = lighter {
         let diagonal = o.bounds.diagonal();
         let share = if diagonal > 0.0 { 100.0 * l.error() / diagonal } else { 0.0 };
-        widgets::value_row(ui, "RMS error of the diagonal", format!("{} %", significant(share, 3)));
+        widgets::value_row(ui, "RMS error (% of diagonal)", format!("{} %", significant(share, 3)));
     }
     if let Some(px) = scope.facts.error_px {
-        widgets::value_row(ui, "RMS error on the screen", format!("{} px", significant(px, 2)));
+        widgets::value_row(ui, "RMS error on screen", format!("{} px", significant(px, 2)));
     }
 
     widgets::heading(ui, "File");
@@ -66,28 +66,28 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         widgets::value_row(ui, name, grouped(count));
     }
     if let Some(anatomy) = one.filter(|a| !a.attributes.is_empty()) {
-        widgets::value_row(ui, "On vertices", anatomy.attributes.join(", "));
+        widgets::value_row(ui, "Vertex attributes", anatomy.attributes.join(", "));
     }
 
     if let Some(stage) = document.stage() {
         let shown = &scope.facts.stage;
         widgets::heading(ui, "Stage");
         widgets::value_row(ui, "Copies", grouped(stage.copies.len()));
-        widgets::value_row(ui, "In sight", grouped(shown.chosen.visible.len()));
-        widgets::value_row(ui, "Our part of a frame", seconds(shown.secs))
-            .on_hover_text(format!("longest: {}", seconds(shown.longest_secs)));
+        widgets::value_row(ui, "Visible", grouped(shown.chosen.visible.len()));
+        widgets::value_row(ui, "Stage CPU time", seconds(shown.secs))
+            .on_hover_text(format!("Maximum: {}", seconds(shown.longest_secs)));
     }
 
     widgets::heading(ui, "Times");
-    widgets::value_row(ui, "Opening", seconds(o.read_secs));
+    widgets::value_row(ui, "Load time", seconds(o.read_secs));
     if let Some(l) = lighter {
-        widgets::value_row(ui, "Simplifying", seconds(l.seconds));
+        widgets::value_row(ui, "Simplify time", seconds(l.seconds));
     }
     if let Some(d) = document.distances() {
-        widgets::value_row(ui, "Measuring", seconds(d.seconds));
+        widgets::value_row(ui, "Measure time", seconds(d.seconds));
     }
-    widgets::value_row(ui, "Frame, our part", seconds(scope.facts.frame_secs))
-        .on_hover_text(format!("longest: {}", seconds(scope.facts.longest_frame_secs)));
+    widgets::value_row(ui, "CPU frame time", seconds(scope.facts.frame_secs))
+        .on_hover_text(format!("Maximum: {}", seconds(scope.facts.longest_frame_secs)));
     widgets::value_row(
         ui,
         "Triangles drawn",

@@ -9,7 +9,7 @@ use crate::theme::{number, weak};
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let entries = scope.document.log.entries();
     if entries.is_empty() {
-        widgets::empty_note(ui, "nothing was said yet");
+        widgets::empty_note(ui, "No messages yet");
     }
     egui::ScrollArea::vertical().stick_to_bottom(true).auto_shrink([false, false]).show(ui, |ui| {
         for entry in entries {

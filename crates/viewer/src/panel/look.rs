@@ -28,15 +28,15 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let before = scope.document.settings().look.clone();
     let mut all = before.clone();
     let look = &mut all.look;
-    widgets::choose(ui, "Shading", "What colours the surface", &SHADINGS, &mut look.shading);
-    widgets::field(ui, "Surface", "Its colour where the shading has none of its own", |ui| {
+    widgets::choose(ui, "Shading", "How the surface is coloured", &SHADINGS, &mut look.shading);
+    widgets::field(ui, "Surface", "Surface colour for shadings without their own", |ui| {
         widgets::color(ui, &mut look.surface);
     });
     widgets::switch(
         ui,
         "Wireframe",
         Some(Action::Wireframe),
-        "Lines along the edges of all faces",
+        "Draw the edges of all faces as lines",
         &mut look.wireframe,
     );
     ui.add_enabled_ui(look.wireframe, |ui| {
@@ -48,28 +48,34 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
             }
             let opaque =
                 egui::DragValue::new(&mut look.wire[3]).range(0.0..=1.0).speed(0.01).fixed_decimals(2);
-            ui.add(opaque).on_hover_text("How opaque");
+            ui.add(opaque).on_hover_text("Opacity");
             let width = egui::DragValue::new(&mut look.wire_width_px).range(0.5..=4.0).speed(0.02);
             ui.add(width.suffix(" px").fixed_decimals(1));
         });
     });
-    widgets::switch(ui, "Open borders", Some(Action::Borders), "Edges with one face", &mut look.borders);
+    widgets::switch(
+        ui,
+        "Open borders",
+        Some(Action::Borders),
+        "Highlight edges with only one face",
+        &mut look.borders,
+    );
     widgets::switch(
         ui,
         "Defects",
         Some(Action::Defects),
-        "Non-manifold edges, faces without area, faces that stand twice",
+        "Highlight non-manifold edges, zero-area faces and duplicate faces",
         &mut look.defects,
     );
     widgets::switch(
         ui,
-        "Hide backs",
+        "Backface culling",
         Some(Action::Cull),
-        "Faces seen from behind are left out",
+        "Hide faces seen from behind",
         &mut look.cull_back,
     );
 
-    widgets::heading(ui, "Behind and light");
+    widgets::heading(ui, "Background & lighting");
     let mut backdrop = match all.backdrop {
         Backdrop::Color(_) => Backdrop::Color([1.0; 3]),
         other => other,
@@ -88,7 +94,7 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
             widgets::color(ui, color);
         });
     }
-    widgets::switch(ui, "Ground grid", Some(Action::Ground), "A grid below the model", &mut all.ground);
+    widgets::switch(ui, "Ground grid", Some(Action::Ground), "Show a grid below the model", &mut all.ground);
     widgets::choose(ui, "Light", "", &Rig::ALL, &mut all.rig);
     environment_choice(ui, scope, &mut all.around);
     let mut brightness = f64::from(all.brightness);
@@ -106,13 +112,11 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
 
 /// Draws the choice of the environment.
 fn environment_choice(ui: &mut Ui, scope: &mut PanelContext<'_>, around: &mut EnvironmentChoice) {
-    let tip = "What materials mirror and are lit by beside the lights: a picture of all directions (HDR, PNG, JPEG), \
-        twice as wide as high, is read again when it changes";
-    let tip = &format!(
-        "{tip}. By the model: a studio where it has metal ({} changes)",
-        Action::NextEnvironment.key()
-    );
-    let names = [(0, "By the model"), (1, "Plain"), (2, "Studio"), (3, "A picture")];
+    let tip = "Image that lights materials in addition to the lights and is reflected by them: equirectangular (HDR, \
+        PNG, JPEG), twice as wide as high, reloaded when it changes";
+    let tip =
+        &format!("{tip}. Auto: a studio if the model has metal ({} cycles)", Action::NextEnvironment.key());
+    let names = [(0, "Auto"), (1, "Plain"), (2, "Studio"), (3, "Image file")];
     let before = match around {
         EnvironmentChoice::Auto => 0,
         EnvironmentChoice::Plain => 1,
@@ -120,7 +124,7 @@ fn environment_choice(ui: &mut Ui, scope: &mut PanelContext<'_>, around: &mut En
         EnvironmentChoice::File(_) => 3,
     };
     let mut chosen = before;
-    widgets::choose(ui, "Surroundings", tip, &names, &mut chosen);
+    widgets::choose(ui, "Environment", tip, &names, &mut chosen);
     match chosen {
         _ if chosen == before => {}
         0 => *around = EnvironmentChoice::Auto,
@@ -139,10 +143,10 @@ fn environment_choice(ui: &mut Ui, scope: &mut PanelContext<'_>, around: &mut En
 
 /// Draws the choice of the user's own files: matcap and shader.
 fn user_files(ui: &mut Ui, scope: &mut PanelContext<'_>, all: &mut Appearance) {
-    widgets::heading(ui, "Of your own");
-    let tip = "A picture of a lit ball (PNG, JPEG): read again when it changes";
+    widgets::heading(ui, "Custom");
+    let tip = "Image of a lit sphere (PNG, JPEG); reloaded when it changes";
     widgets::field(ui, "Matcap", tip, |ui| file(ui, &mut all.matcap, UiRequest::ChooseMatcap, scope));
-    let tip = "A WGSL file with `fn surface(at: Surface) -> vec4<f32>`, a linear colour: read again when it changes";
+    let tip = "WGSL file with `fn surface(at: Surface) -> vec4<f32>` that returns a linear colour; reloaded when it changes";
     widgets::field(ui, "Shader", tip, |ui| file(ui, &mut all.shader, UiRequest::ChooseShader, scope));
     if let Some(error) = &scope.facts.shader_error {
         widgets::log_line(ui, crate::log::Severity::Error, error);
@@ -150,11 +154,11 @@ fn user_files(ui: &mut Ui, scope: &mut PanelContext<'_>, all: &mut Appearance) {
 }
 
 fn file(ui: &mut Ui, path: &mut Option<std::path::PathBuf>, choose: UiRequest, scope: &mut PanelContext<'_>) {
-    let text = path.as_deref().map_or("built in".to_owned(), files::name);
+    let text = path.as_deref().map_or("Built-in".to_owned(), files::name);
     if ui.button(text).clicked() {
         scope.requests.push(choose);
     }
-    if path.is_some() && ui.button("×").on_hover_text("The built-in one").clicked() {
+    if path.is_some() && ui.button("×").on_hover_text("Use the built-in one").clicked() {
         *path = None;
     }
 }

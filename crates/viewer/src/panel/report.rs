@@ -14,34 +14,32 @@ use crate::option_words::{BORDERS, PLACEMENTS, Simplification, TOPOLOGIES, lengt
 /// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let Some(shown) = scope.document.lighter() else {
-        widgets::empty_note(ui, "nothing was simplified yet: drag the slider below");
+        widgets::empty_note(ui, "Nothing simplified yet; drag the slider below");
         return;
     };
     let lighter = shown.content.clone();
     let Some(r) = &lighter.report else { return level(ui, scope, &lighter) };
     let stopped = r.stopped_by.name().replace('_', " ");
     match r.reached {
-        true => widgets::log_line(ui, Severity::Good, &format!("target reached, stopped by {stopped}")),
-        false => {
-            widgets::log_line(ui, Severity::Warning, &format!("target not reached, stopped by {stopped}"))
-        }
+        true => widgets::log_line(ui, Severity::Good, &format!("Target reached ({stopped})")),
+        false => widgets::log_line(ui, Severity::Warning, &format!("Target not reached ({stopped})")),
     }
     widgets::value_row(ui, "Faces", format!("{} → {}", grouped(r.input_faces), grouped(r.faces)));
     widgets::value_row(ui, "Vertices", format!("{} → {}", grouped(r.input_vertices), grouped(r.vertices)));
-    widgets::value_row(ui, "Left", percent(r.faces as f64 / r.input_faces.max(1) as f64));
+    widgets::value_row(ui, "Remaining", percent(r.faces as f64 / r.input_faces.max(1) as f64));
     let share = |d: f64| match r.error.diagonal {
         diagonal if diagonal > 0.0 => format!("{} %", significant(100.0 * d / diagonal, 3)),
         _ => "-".to_owned(),
     };
     match &r.error.measured {
-        None => _ = widgets::value_row(ui, "RMS error, estimated", share(r.error.estimate)),
+        None => _ = widgets::value_row(ui, "RMS error (estimated)", share(r.error.estimate)),
         Some(m) => {
-            widgets::value_row(ui, "RMS error, measured", share(m.rms.symmetric));
-            widgets::value_row(ui, "Largest, measured", share(m.hausdorff.symmetric));
+            widgets::value_row(ui, "RMS error (measured)", share(m.rms.symmetric));
+            widgets::value_row(ui, "Max error (measured)", share(m.hausdorff.symmetric));
         }
     }
     if let Some(bound) = r.error.bound {
-        widgets::value_row(ui, "Largest, proven", share(bound));
+        widgets::value_row(ui, "Max error (proven)", share(bound));
     }
     widgets::value_row(ui, "Time", seconds(lighter.seconds));
     more(ui, r);
@@ -55,14 +53,14 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         }
     }
     if !r.refusals.is_empty() {
-        widgets::heading(ui, "Refused");
+        widgets::heading(ui, "Rejected collapses");
         for (refusal, count) in &r.refusals {
             let name = refusal.name().replace('_', " ");
             widgets::value_row(ui, &name, grouped(usize::try_from(*count).unwrap_or(usize::MAX)));
         }
     }
     if !r.proposals.is_empty() {
-        widgets::heading(ui, "What would go further");
+        widgets::heading(ui, "Suggestions");
         for proposal in &r.proposals {
             propose(ui, scope, proposal);
         }
@@ -73,14 +71,10 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
 /// Draws the figures of a preview level, for which there was no run.
 fn level(ui: &mut Ui, scope: &mut PanelContext<'_>, lighter: &Lighter) {
     let Some(original) = scope.document.original().map(|o| o.content.clone()) else { return };
-    let what = "a level of the progressive mesh";
+    let what = "Preview";
     match scope.document.is_outdated() {
-        true => widgets::log_line(ui, Severity::Note, &format!("{what}; the exact run follows")),
-        false => widgets::log_line(
-            ui,
-            Severity::Warning,
-            &format!("{what}; the exact run did not come to its end"),
-        ),
+        true => widgets::log_line(ui, Severity::Note, &format!("{what}; refining…")),
+        false => widgets::log_line(ui, Severity::Warning, &format!("{what}; the exact run did not finish")),
     }
     widgets::value_row(ui, "Faces", format!("{} → {}", grouped(original.faces), grouped(lighter.faces)));
     widgets::value_row(
@@ -88,10 +82,10 @@ fn level(ui: &mut Ui, scope: &mut PanelContext<'_>, lighter: &Lighter) {
         "Vertices",
         format!("{} → {}", grouped(original.vertices), grouped(lighter.vertices)),
     );
-    widgets::value_row(ui, "Left", percent(lighter.faces as f64 / original.faces.max(1) as f64));
+    widgets::value_row(ui, "Remaining", percent(lighter.faces as f64 / original.faces.max(1) as f64));
     let diagonal = original.bounds.diagonal();
     let share = if diagonal > 0.0 { 100.0 * lighter.error() / diagonal } else { 0.0 };
-    widgets::value_row(ui, "RMS error, estimated", format!("{} %", significant(share, 3)));
+    widgets::value_row(ui, "RMS error (estimated)", format!("{} %", significant(share, 3)));
     widgets::value_row(ui, "Time", seconds(lighter.seconds));
     command(ui, scope);
 }
@@ -103,7 +97,7 @@ fn command(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     ui.horizontal_wrapped(|ui| {
         ui.add(eframe::egui::Label::new(crate::theme::number(&line)).wrap().selectable(true));
     });
-    let tip = format!("Into the clipboard ({})", Action::CopyCommand.key());
+    let tip = format!("Copy to the clipboard ({})", Action::CopyCommand.key());
     if ui.button("Copy").on_hover_text(tip).clicked() {
         scope.requests.push(UiRequest::Copy(line));
     }
@@ -112,14 +106,14 @@ fn command(ui: &mut Ui, scope: &mut PanelContext<'_>) {
 fn more(ui: &mut Ui, r: &Report) {
     let c = &r.cleanup;
     let all = [
-        ("Parts removed whole", r.parts_removed),
+        ("Whole parts removed", r.parts_removed),
         ("Small parts pruned", r.pruned.parts),
         ("Necks cut", r.necks_cut),
-        ("Pairs contracted", r.pairs_contracted),
-        ("Vertices welded first", c.welded_vertices),
-        ("Degenerate faces dropped", c.degenerate_faces),
-        ("Duplicate faces dropped", c.duplicate_faces),
-        ("Non-finite faces dropped", c.non_finite_faces),
+        ("Pairs merged", r.pairs_contracted),
+        ("Vertices welded", c.welded_vertices),
+        ("Degenerate faces removed", c.degenerate_faces),
+        ("Duplicate faces removed", c.duplicate_faces),
+        ("Non-finite faces removed", c.non_finite_faces),
     ];
     for (name, count) in all.into_iter().filter(|x| x.1 > 0) {
         widgets::value_row(ui, name, grouped(count));
@@ -132,10 +126,10 @@ fn propose(ui: &mut Ui, scope: &mut PanelContext<'_>, proposal: &Proposal) {
     let mut how = scope.document.settings().simplify.clone();
     let can_do = proposal.changes.iter().all(|change| apply(*change, &mut how));
     ui.horizontal_wrapped(|ui| {
-        if can_do && ui.button("Do").on_hover_text("Change the options so").clicked() {
+        if can_do && ui.button("Apply").on_hover_text("Apply these options").clicked() {
             scope.command(Command::Method(Box::new(how)));
         }
-        ui.label(words.join(" together with "));
+        ui.label(words.join(" and "));
     });
 }
 
@@ -144,9 +138,9 @@ fn change_text(change: &Change) -> String {
         Change::Border(to) => format!("borders: {}", word(BORDERS, to)),
         Change::Topology(to) => format!("topology: {}", word(TOPOLOGIES, to)),
         Change::Placement(to) => format!("placement: {}", word(PLACEMENTS, to)),
-        Change::MaxNormal => "a larger turn of faces".to_owned(),
-        Change::MinQuality => "a lower quality".to_owned(),
-        Change::MaxValence => "a higher valence".to_owned(),
+        Change::MaxNormal => "larger normal deviation".to_owned(),
+        Change::MinQuality => "lower shape quality".to_owned(),
+        Change::MaxValence => "higher valence".to_owned(),
         Change::MaxEdge => "longer edges".to_owned(),
         Change::Locked => "fewer locks".to_owned(),
         Change::Pairs(distance) => format!("pairs closer than {}", length_text(distance)),

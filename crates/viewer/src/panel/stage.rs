@@ -14,12 +14,15 @@ use crate::theme::{palette, weak};
 /// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     if scope.document.original().is_none() {
-        return widgets::empty_note(ui, "open a file to place copies of it");
+        return widgets::empty_note(ui, "Open a file to place copies of it");
     }
     let Some(stage) = scope.document.stage() else {
-        ui.label(weak(ui, "Copies of the model on a ground, each in the level for its distance."));
+        ui.label(weak(
+            ui,
+            "Copies of the model on a ground plane, each at the level of detail for its distance.",
+        ));
         let tip = format!("({})", Action::Stage.key());
-        if widgets::primary(ui, "Show the stage").on_hover_text(tip).clicked() {
+        if widgets::primary(ui, "Show stage").on_hover_text(tip).clicked() {
             scope.action(Action::Stage);
         }
         return;
@@ -28,21 +31,21 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let scatter = scope.facts.stage.form.unwrap_or(stage.scatter);
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
-        button(ui, scope, Action::Stage, "Leave", "Back to the two sides", false);
+        button(ui, scope, Action::Stage, "Exit stage", "Back to original and result", false);
         let is_walking = scope.facts.stage.is_walking;
-        button(ui, scope, Action::Walk, "Walk", "Through the copies, on foot", is_walking);
+        button(ui, scope, Action::Walk, "Walk", "Walk through the copies in first person", is_walking);
         let (place, is_placing) = (Action::Copies(CopiesAction::Place), scope.facts.stage.is_placing);
-        button(ui, scope, place, "Place", "A click on the ground places a copy", is_placing);
+        button(ui, scope, place, "Place", "Click on the ground to place a copy", is_placing);
     });
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         let actions = [
-            (CopiesAction::OpenLayout, "Open…", "Places from a JSON file"),
-            (CopiesAction::SaveLayout, "Save…", "Places into a JSON file"),
+            (CopiesAction::OpenLayout, "Open…", "Open a layout from a JSON file"),
+            (CopiesAction::SaveLayout, "Save…", "Save the layout to a JSON file"),
             (
                 CopiesAction::Export,
                 "Export…",
-                "All copies as one GLB: nodes that share the levels (MSFT_lod)",
+                "Export all copies as one GLB whose nodes share the levels (MSFT_lod)",
             ),
         ];
         for (action, text, tip) in actions {
@@ -71,45 +74,49 @@ fn scatter_fields(ui: &mut Ui, scope: &mut PanelContext<'_>, before: Scatter) {
         let response = ui.add(add);
         let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
     };
-    widgets::field(ui, "Copies", "How many", |ui| {
+    widgets::field(ui, "Copies", "Number of copies to scatter", |ui| {
         number(ui, "Copies to scatter", egui::DragValue::new(&mut s.count).range(1..=MAX_COPIES).speed(2));
     });
-    widgets::field(ui, "Seed", "Another number scatters in another way", |ui| {
+    widgets::field(ui, "Seed", "Another seed gives another layout", |ui| {
         number(ui, "Seed", egui::DragValue::new(&mut s.seed).speed(0.1));
     });
-    widgets::field(ui, "Room between", "In percent of the width of the model", |ui| {
+    widgets::field(ui, "Spacing", "Minimum gap between copies, in percent of the model's width", |ui| {
         let mut percent = 50.0 * s.gap;
         number(
             ui,
-            "Room between",
+            "Spacing",
             egui::DragValue::new(&mut percent).range(0.0..=500.0).suffix(" %").max_decimals(0),
         );
         s.gap = percent / 50.0;
     });
-    widgets::field(
-        ui,
-        "Square",
-        "Side of the square, in units of the model; 0 takes one with room for all",
-        |ui| {
-            let side = egui::DragValue::new(&mut s.side).range(0.0..=1e9).max_decimals(3);
-            number(ui, "Side of the square", side.speed(0.05 * s.footprint));
-        },
-    );
-    widgets::field(ui, "Scale", "Least and greatest", |ui| {
-        for (k, name) in ["Least scale", "Greatest scale"].into_iter().enumerate() {
+    widgets::field(ui, "Area size", "Side of the square area, in model units; 0 fits all copies", |ui| {
+        let side = egui::DragValue::new(&mut s.side).range(0.0..=1e9).max_decimals(3);
+        number(ui, "Area size", side.speed(0.05 * s.footprint));
+    });
+    widgets::field(ui, "Scale", "Minimum and maximum scale", |ui| {
+        for (k, name) in ["Minimum scale", "Maximum scale"].into_iter().enumerate() {
             let scale = egui::DragValue::new(&mut s.scale[k]).range(0.1..=10.0).speed(0.01).max_decimals(2);
             number(ui, name, scale);
         }
     });
-    widgets::switch(ui, "Turned by chance", None, "Else all stand as the model does", &mut s.is_turned);
-    widgets::switch(ui, "Keep those that stand", None, "Else they go", &mut s.keeps);
+    widgets::switch(
+        ui,
+        "Random rotation",
+        None,
+        "Otherwise all copies keep the model's orientation",
+        &mut s.is_turned,
+    );
+    widgets::switch(ui, "Keep existing", None, "Otherwise existing copies are replaced", &mut s.keeps);
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
-        if widgets::primary(ui, "Scatter").on_hover_text("The same numbers place the same copies").clicked() {
+        if widgets::primary(ui, "Scatter")
+            .on_hover_text("The same settings always give the same layout")
+            .clicked()
+        {
             scope.requests.push(UiRequest::Scatter(s));
         }
         let again = Action::Copies(CopiesAction::Scatter);
-        button(ui, scope, again, "In another way", "With the next seed", false);
+        button(ui, scope, again, "Reshuffle", "Scatter again with the next seed", false);
     });
     if s != before {
         scope.requests.push(UiRequest::ScatterForm(s));
@@ -118,18 +125,18 @@ fn scatter_fields(ui: &mut Ui, scope: &mut PanelContext<'_>, before: Scatter) {
 
 fn chosen(ui: &mut Ui, scope: &mut PanelContext<'_>, copies: &[Placement]) {
     let selected = scope.facts.stage.selected.clone();
-    widgets::heading(ui, "Chosen copies");
+    widgets::heading(ui, "Selected");
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         let text = format!("{} of {}", grouped(selected.len()), grouped(copies.len()));
         ui.label(weak(ui, text));
         let all = Action::Copies(CopiesAction::All);
         if !copies.is_empty() {
-            button(ui, scope, all, "All", "Choose all", false);
+            button(ui, scope, all, "All", "Select all copies", false);
         }
         for (action, text, tip) in [
-            (CopiesAction::Duplicate, "Duplicate", "Once more, beside them"),
-            (CopiesAction::Delete, "Delete", "They go"),
+            (CopiesAction::Duplicate, "Duplicate", "Add duplicates beside the selected copies"),
+            (CopiesAction::Delete, "Delete", "Delete the selected copies"),
         ] {
             if !selected.is_empty() {
                 button(ui, scope, Action::Copies(action), text, tip, false);
@@ -137,30 +144,32 @@ fn chosen(ui: &mut Ui, scope: &mut PanelContext<'_>, copies: &[Placement]) {
         }
     });
     if !selected.is_empty() {
-        let tip = "They are here at this moment of the timeline, and elsewhere at others";
-        button(ui, scope, Action::Copies(CopiesAction::Keyframe), "Set a keyframe", tip, false);
+        let tip = "Store the placement of the selected copies at the current time";
+        button(ui, scope, Action::Copies(CopiesAction::Keyframe), "Set keyframe", tip, false);
     }
     let Some(first) = selected.first().and_then(|n| copies.get(*n)) else { return };
     let mut one = *first;
-    let name = if selected.len() > 1 { "Place of the first" } else { "Place" };
-    widgets::field(ui, name, "On the ground, in units of the model", |ui| {
-        for (value, name) in [(&mut one.x, "x of the copy"), (&mut one.z, "z of the copy")] {
+    let name = if selected.len() > 1 { "First position" } else { "Position" };
+    widgets::field(ui, name, "Position on the ground, in model units", |ui| {
+        for (value, name) in [(&mut one.x, "Position x"), (&mut one.z, "Position z")] {
             let response =
                 ui.add(egui::DragValue::new(value).speed(0.02 * scope_length(scope)).max_decimals(3));
             let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
         }
     });
     let keys = |a: CopiesAction, b: CopiesAction| [a, b].map(|a| Action::Copies(a).key()).join(" ");
-    let tip = format!("Round the upright axis ({})", keys(CopiesAction::Turn(1), CopiesAction::Turn(-1)));
-    widgets::field(ui, "Turn", &tip, |ui| {
+    let tip =
+        format!("Rotation about the vertical axis ({})", keys(CopiesAction::Turn(1), CopiesAction::Turn(-1)));
+    widgets::field(ui, "Rotation", &tip, |ui| {
         let response = ui.add(egui::DragValue::new(&mut one.turn_deg).speed(1.0).suffix("°").max_decimals(1));
-        let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Turn of the copy"));
+        let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Copy rotation"));
     });
-    let tip = format!("Of the model ({})", keys(CopiesAction::Scale(-1), CopiesAction::Scale(1)));
+    let tip =
+        format!("Scale relative to the model ({})", keys(CopiesAction::Scale(-1), CopiesAction::Scale(1)));
     widgets::field(ui, "Scale", &tip, |ui| {
         let drag = egui::DragValue::new(&mut one.scale).range(SCALE_RANGE).speed(0.01).max_decimals(3);
         let response = ui.add(drag);
-        let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Scale of the copy"));
+        let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Copy scale"));
     });
     if one != *first {
         // The other selected copies move by the same difference.
@@ -183,13 +192,13 @@ fn scope_length(scope: &PanelContext<'_>) -> f64 {
 fn levels(ui: &mut Ui, scope: &mut PanelContext<'_>, before: StageDisplay) {
     widgets::heading(ui, "Levels");
     let mut view = before;
-    let tip = "Pixels that the RMS error of a level may cover on the screen: it is switched there";
+    let tip = "Maximum RMS error of a level on screen, in pixels; levels switch there";
     widgets::field(ui, "Error", tip, |ui| {
         let drag = egui::DragValue::new(&mut view.pixels).range(0.05..=50.0).speed(0.02).suffix(" px");
         let response = ui.add(drag.max_decimals(2));
-        let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Error of the stage"));
+        let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Stage error"));
     });
-    let tip = "Triangles that a frame may have: where they are more, larger errors are allowed";
+    let tip = "Maximum triangles per frame; if exceeded, larger errors are allowed";
     widgets::field(ui, "Budget", tip, |ui| {
         let mut millions = view.budget as f64 / 1e6;
         let drag = egui::DragValue::new(&mut millions).range(0.01..=100.0).speed(0.02).suffix(" M");
@@ -198,12 +207,18 @@ fn levels(ui: &mut Ui, scope: &mut PanelContext<'_>, before: StageDisplay) {
         }
     });
     let colors = Some(Action::Copies(CopiesAction::Colors));
-    widgets::switch(ui, "A colour for each", colors, "Which level stands where", &mut view.has_level_colors);
+    widgets::switch(
+        ui,
+        "Colour by level",
+        colors,
+        "Show the level of each copy as its colour",
+        &mut view.has_level_colors,
+    );
     let facts = &scope.facts.stage;
     if scope.document.awaits_levels() {
-        widgets::empty_note(ui, "levels are being made…");
+        widgets::empty_note(ui, "Making levels…");
     } else if !facts.levels.is_empty() {
-        widgets::table_row(ui, "Level, faces", &["from".into(), "copies".into()], true);
+        widgets::table_row(ui, "Level, faces", &["distance".into(), "copies".into()], true);
         let spacing = std::mem::take(&mut ui.spacing_mut().item_spacing.y);
         for (k, level) in facts.levels.iter().enumerate() {
             ui.horizontal(|ui| {
@@ -220,24 +235,24 @@ fn levels(ui: &mut Ui, scope: &mut PanelContext<'_>, before: StageDisplay) {
         }
         ui.spacing_mut().item_spacing.y = spacing;
         let triangles = grouped(usize::try_from(facts.chosen.triangles).unwrap_or(usize::MAX));
-        widgets::value_row(ui, "Triangles in sight", triangles);
+        widgets::value_row(ui, "Visible triangles", triangles);
         let allowed = format!("{} px", significant(facts.chosen.pixels, 2));
         widgets::value_row(ui, "Switching error", allowed)
-            .on_hover_text("What the budget allows, and with room in it what is asked for above");
+            .on_hover_text("The error set above, or a larger one if the budget requires it");
         if facts.chosen.left_out > 0 {
-            widgets::value_row(ui, "Left out, over the budget", grouped(facts.chosen.left_out));
+            widgets::value_row(ui, "Omitted (over budget)", grouped(facts.chosen.left_out));
         }
-        widgets::value_row(ui, "Our part of it", seconds(facts.secs)).on_hover_text(format!(
-            "to choose levels and have them drawn; longest: {}",
+        widgets::value_row(ui, "Stage CPU time", seconds(facts.secs)).on_hover_text(format!(
+            "Time to select levels and issue draw calls; maximum: {}",
             seconds(facts.longest_secs)
         ));
     }
-    widgets::heading(ui, "On foot");
-    widgets::field(ui, "Eye height", "In heights of the model", |ui| {
+    widgets::heading(ui, "Walking");
+    widgets::field(ui, "Eye height", "Relative to the height of the model", |ui| {
         let drag = egui::DragValue::new(&mut view.eye_height).range(0.01..=20.0).speed(0.01).suffix(" ×");
         ui.add(drag.max_decimals(2));
     });
-    widgets::field(ui, "Speed", "In sizes of the model a second; with Shift four times as fast", |ui| {
+    widgets::field(ui, "Speed", "In model sizes per second; four times as fast with Shift", |ui| {
         let drag = egui::DragValue::new(&mut view.speed).range(0.05..=50.0).speed(0.01).suffix(" ×");
         ui.add(drag.max_decimals(2));
     });

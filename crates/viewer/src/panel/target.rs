@@ -197,7 +197,7 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) -> Unit {
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         for (each, name) in Unit::ALL {
-            if widgets::segment(ui, name, unit == each, "What the slider counts in") {
+            if widgets::segment(ui, name, unit == each, "Unit of the slider") {
                 unit = each;
             }
         }
@@ -223,13 +223,13 @@ fn by_distance(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let before = scope.document.settings().auto_lod;
     let mut auto = before;
     ui.add_space(8.0);
-    let tip = format!("The level goes by the distance of the camera ({})", Action::AutoLod.key());
-    if widgets::segment(ui, "By distance", auto.is_on, &tip) {
+    let tip = format!("Select the level by camera distance ({})", Action::AutoLod.key());
+    if widgets::segment(ui, "Auto LOD", auto.is_on, &tip) {
         auto.is_on = !auto.is_on;
     }
     if auto.is_on {
         let drag = egui::DragValue::new(&mut auto.pixels).range(0.05..=50.0).speed(0.02).suffix(" px");
-        ui.add(drag).on_hover_text("Pixels that the error of a level may cover on the screen");
+        ui.add(drag).on_hover_text("Maximum error of a level on screen, in pixels");
     }
     if auto != before {
         scope.command(Command::AutoLod(auto));
@@ -239,15 +239,14 @@ fn by_distance(ui: &mut Ui, scope: &mut PanelContext<'_>) {
 /// Draws the progress of the current job, or the face count of the result.
 fn status(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let document = scope.document;
-    let restore = format!("Back to the original ({})", Action::Restore.key());
+    let restore = format!("Restore original ({})", Action::Restore.key());
     let can_restore = document.settings().simplify.has_target();
     if ui.add_enabled(can_restore, egui::Button::new("Restore")).on_hover_text(restore).clicked() {
         scope.action(Action::Restore);
     }
     ui.add_space(8.0);
     if let Some(progress) = document.progress() {
-        let stop =
-            ui.button("Stop").on_hover_text(format!("End what is under way ({})", Action::Cancel.key()));
+        let stop = ui.button("Stop").on_hover_text(format!("Cancel running jobs ({})", Action::Cancel.key()));
         if stop.clicked() {
             scope.action(Action::Cancel);
         }
@@ -262,12 +261,12 @@ fn status(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         let text = format!("{} faces, {left} of the original", grouped(l.faces));
         ui.label(weak(ui, text));
     } else if let Some(original) = document.original() {
-        ui.label(weak(ui, format!("{} faces: the original", grouped(original.content.faces))));
+        ui.label(weak(ui, format!("{} faces (original)", grouped(original.content.faces))));
     }
     if let Some(road) = document.preview_progress() {
         ui.add_space(8.0);
         let text = format!("Preparing the slider: {}", percent(f64::from(road.done)));
-        let tip = "A progressive mesh is being made: from then on the result follows at once while you drag";
+        let tip = "Building a progressive mesh; then the result follows immediately while you drag";
         ui.label(weak(ui, text)).on_hover_text(tip);
     }
 }

@@ -88,12 +88,13 @@ impl TimeScale {
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let document = scope.document;
     let Some(original) = document.original() else {
-        widgets::empty_note(ui, "open a file to see what moves in it");
+        widgets::empty_note(ui, "Open a file to see its animations");
         return;
     };
     let model = original.content.model();
     if model.animations.is_empty() && document.stage().is_none() {
-        let text = "nothing moves in this file: animations come with glTF and GLB; copies on the stage take keyframes";
+        let text =
+            "No animations in this file (glTF and GLB can have them); copies on the stage can have keyframes";
         widgets::empty_note(ui, text);
         return;
     }
@@ -111,16 +112,19 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
 fn transport(ui: &mut Ui, scope: &mut PanelContext<'_>, model: &Model, playback: &mut Playback) {
     let tip = |action: Action, text: &str| format!("{text} ({})", action.key());
     let is_playing = scope.document.is_playing();
-    let (name, text) =
-        if is_playing { ("Pause", "Stop at this moment") } else { ("Play", "Go on from this moment") };
+    let (name, text) = if is_playing {
+        ("Pause", "Pause at the current time")
+    } else {
+        ("Play", "Play from the current time")
+    };
     let button = egui::Button::new(name).min_size(Vec2::new(64.0, 0.0));
     if ui.add(button).on_hover_text(tip(Action::Play, text)).clicked() {
         scope.action(Action::Play);
     }
     for (action, name, text) in [
-        (Action::GoToStart, "|<", "To the begin"),
-        (Action::StepTime(-1), "<", "A step back"),
-        (Action::StepTime(1), ">", "A step further"),
+        (Action::GoToStart, "|<", "Go to start"),
+        (Action::StepTime(-1), "<", "Previous frame"),
+        (Action::StepTime(1), ">", "Next frame"),
     ] {
         let response = ui.button(name).on_hover_text(tip(action, text));
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, text));
@@ -132,8 +136,8 @@ fn transport(ui: &mut Ui, scope: &mut PanelContext<'_>, model: &Model, playback:
     if !model.animations.is_empty() {
         clips(ui, model, playback);
     }
-    let text = "Begin anew at the end, or stop there";
-    if widgets::segment(ui, "Repeat", playback.repeats, &tip(Action::Repeat, text)) {
+    let text = "Start over at the end";
+    if widgets::segment(ui, "Loop", playback.repeats, &tip(Action::Repeat, text)) {
         playback.repeats = !playback.repeats;
     }
     ui.add_space(8.0);
@@ -142,7 +146,7 @@ fn transport(ui: &mut Ui, scope: &mut PanelContext<'_>, model: &Model, playback:
         egui::DragValue::new(&mut speed).range(SPEED_RANGE[0]..=SPEED_RANGE[1]).speed(0.01).max_decimals(2);
     let keys = format!("{} and {}", Action::Speed(-1).key(), Action::Speed(1).key());
     let response =
-        ui.add(drag.suffix(" ×")).on_hover_text(format!("Times as fast ({keys} halve and double)"));
+        ui.add(drag.suffix(" ×")).on_hover_text(format!("Playback speed ({keys} halve and double it)"));
     let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Speed"));
     if response.changed() {
         *playback = playback.at_speed(speed);
@@ -152,7 +156,7 @@ fn transport(ui: &mut Ui, scope: &mut PanelContext<'_>, model: &Model, playback:
         keyframes::length(ui, scope, length);
         let is_good = |t: &str| seconds_of(t).is_some();
         let now = format!("{:.2}", playback.moment(length));
-        if let Some(text) = widgets::text_field(ui, "Moment", &now, "", 72.0, is_good)
+        if let Some(text) = widgets::text_field(ui, "Time", &now, "", 72.0, is_good)
             && let Some(seconds) = seconds_of(&text)
         {
             *playback = playback.at(length, seconds);
@@ -164,17 +168,17 @@ fn transport(ui: &mut Ui, scope: &mut PanelContext<'_>, model: &Model, playback:
 fn clips(ui: &mut Ui, model: &Model, playback: &mut Playback) {
     let names = clip_names(model);
     let before = playback.clip;
-    let shown = before.and_then(|c| names.get(c)).map_or("At rest", String::as_str);
+    let shown = before.and_then(|c| names.get(c)).map_or("Rest pose", String::as_str);
     let combo = egui::ComboBox::from_id_salt("clip").width(168.0).truncate().selected_text(shown);
     let response = combo.show_ui(ui, |ui| {
-        ui.selectable_value(&mut playback.clip, None, "At rest");
+        ui.selectable_value(&mut playback.clip, None, "Rest pose");
         for (i, name) in names.iter().enumerate() {
             ui.selectable_value(&mut playback.clip, Some(i), name);
         }
     });
     let response = response.response;
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ComboBox, true, "Animation"));
-    response.on_hover_text(format!("What is played ({} takes the next)", Action::NextClip.key()));
+    response.on_hover_text(format!("Animation to play ({} selects the next)", Action::NextClip.key()));
     if playback.clip != before {
         playback.seconds = 0.0;
     }
@@ -244,7 +248,7 @@ fn marks(ui: &Ui, ruler: Rect, scale: &TimeScale) {
     let font = egui::TextStyle::Small.resolve(ui.style());
     painter.hline(scale.x_range, ruler.bottom() - 0.5, Stroke::new(1.0, p.line));
     if scale.length <= 0.0 {
-        painter.text(ruler.left_center(), egui::Align2::LEFT_CENTER, "nothing moves", font, p.weak);
+        painter.text(ruler.left_center(), egui::Align2::LEFT_CENTER, "no animation", font, p.weak);
         return;
     }
     let step = scale.step();

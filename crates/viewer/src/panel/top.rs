@@ -42,14 +42,14 @@ fn menus(ui: &mut Ui, scope: &mut PanelContext<'_>, is_shown: &dyn Fn(Panel) -> 
     ui.menu_button("File", |ui| {
         item(ui, scope, Action::Open, "Open…", true);
         item(ui, scope, Action::Export, "Export…", has_file);
-        item(ui, scope, Action::Reload, "Read again", has_file);
+        item(ui, scope, Action::Reload, "Reload", has_file);
         item(ui, scope, Action::Close, "Close", has_file);
         ui.separator();
         item(ui, scope, Action::OpenSession, "Open session…", true);
         item(ui, scope, Action::SaveSession, "Save session…", has_file);
         ui.separator();
-        item(ui, scope, Action::CopyCommand, "Copy the command line", has_file);
-        item(ui, scope, Action::Screenshot, "Picture of the window", true);
+        item(ui, scope, Action::CopyCommand, "Copy command line", has_file);
+        item(ui, scope, Action::Screenshot, "Screenshot", true);
         ui.separator();
         item(ui, scope, Action::Quit, "Quit", true);
     });
@@ -58,13 +58,7 @@ fn menus(ui: &mut Ui, scope: &mut PanelContext<'_>, is_shown: &dyn Fn(Panel) -> 
         item(ui, scope, Action::Undo, &named("Undo", undo), undo.is_some());
         item(ui, scope, Action::Redo, &named("Redo", redo), redo.is_some());
         ui.separator();
-        item(
-            ui,
-            scope,
-            Action::Restore,
-            "Restore the original",
-            scope.document.settings().simplify.has_target(),
-        );
+        item(ui, scope, Action::Restore, "Restore original", scope.document.settings().simplify.has_target());
     });
     ui.menu_button("View", |ui| {
         for action in [Action::Frame, Action::View(0), Action::View(1), Action::View(4), Action::View(5)] {
@@ -73,14 +67,14 @@ fn menus(ui: &mut Ui, scope: &mut PanelContext<'_>, is_shown: &dyn Fn(Panel) -> 
         ui.separator();
         for n in 0..4 {
             let is_kept = scope.document.settings().cameras[n].is_some();
-            item(ui, scope, Action::RestoreCamera(n), &format!("Camera {}", n + 1), is_kept);
+            item(ui, scope, Action::RestoreCamera(n), &format!("Restore camera {}", n + 1), is_kept);
         }
         ui.separator();
         for n in 0..4 {
-            item(ui, scope, Action::SaveCamera(n), &format!("Keep as camera {}", n + 1), has_file);
+            item(ui, scope, Action::SaveCamera(n), &format!("Save camera {}", n + 1), has_file);
         }
         ui.separator();
-        item(ui, scope, Action::ResetRotation, "Turn the model back", has_file);
+        item(ui, scope, Action::ResetRotation, "Reset rotation", has_file);
     });
     stage_menu(ui, scope, has_file);
     ui.menu_button("Panels", |ui| {
@@ -93,7 +87,7 @@ fn menus(ui: &mut Ui, scope: &mut PanelContext<'_>, is_shown: &dyn Fn(Panel) -> 
             item(ui, scope, Action::Panel(panel), &text, true);
         }
         ui.separator();
-        item(ui, scope, Action::Panels, "Hide all", true);
+        item(ui, scope, Action::Panels, "Hide all panels", true);
     });
 }
 
@@ -103,21 +97,21 @@ fn stage_menu(ui: &mut Ui, scope: &mut PanelContext<'_>, has_file: bool) {
     let has_chosen = is_on && !scope.facts.stage.selected.is_empty();
     let copies = Action::Copies;
     ui.menu_button("Stage", |ui| {
-        item(ui, scope, Action::Stage, if is_on { "Show the two sides" } else { "Show the stage" }, has_file);
-        item(ui, scope, Action::Walk, "Walk through", is_on);
+        item(ui, scope, Action::Stage, if is_on { "Exit stage" } else { "Show stage" }, has_file);
+        item(ui, scope, Action::Walk, "Walk mode", is_on);
         ui.separator();
-        item(ui, scope, copies(CopiesAction::Place), "Place copies by clicks", is_on);
-        item(ui, scope, copies(CopiesAction::Scatter), "Scatter in another way", is_on);
-        item(ui, scope, copies(CopiesAction::All), "Choose all", has_copies);
-        item(ui, scope, copies(CopiesAction::Duplicate), "Duplicate", has_chosen);
-        item(ui, scope, copies(CopiesAction::Delete), "Delete", has_chosen);
+        item(ui, scope, copies(CopiesAction::Place), "Place copies", is_on);
+        item(ui, scope, copies(CopiesAction::Scatter), "Reshuffle copies", is_on);
+        item(ui, scope, copies(CopiesAction::All), "Select all copies", has_copies);
+        item(ui, scope, copies(CopiesAction::Duplicate), "Duplicate selected copies", has_chosen);
+        item(ui, scope, copies(CopiesAction::Delete), "Delete selected copies", has_chosen);
         ui.separator();
-        item(ui, scope, copies(CopiesAction::Keyframe), "Keyframe of the chosen copies", has_chosen);
-        item(ui, scope, copies(CopiesAction::CameraKeyframe), "Keyframe of the camera", is_on);
+        item(ui, scope, copies(CopiesAction::Keyframe), "Keyframe selected copies", has_chosen);
+        item(ui, scope, copies(CopiesAction::CameraKeyframe), "Keyframe stage camera", is_on);
         ui.separator();
-        item(ui, scope, copies(CopiesAction::OpenLayout), "Open a layout…", is_on);
-        item(ui, scope, copies(CopiesAction::SaveLayout), "Save the layout…", has_copies);
-        item(ui, scope, copies(CopiesAction::Export), "Export the stage…", has_copies);
+        item(ui, scope, copies(CopiesAction::OpenLayout), "Open layout…", is_on);
+        item(ui, scope, copies(CopiesAction::SaveLayout), "Save layout…", has_copies);
+        item(ui, scope, copies(CopiesAction::Export), "Export stage…", has_copies);
     });
 }
 
@@ -134,12 +128,16 @@ fn sides(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     ui.spacing_mut().item_spacing.x = 4.0;
     let key = Action::NextSides.key();
     for (sides, name) in Sides::ALL {
-        if widgets::segment(ui, name, layout.sides == sides, &format!("{name} ({key} goes through all four)"))
-        {
+        if widgets::segment(
+            ui,
+            name,
+            layout.sides == sides,
+            &format!("{name} ({key} cycles through all four)"),
+        ) {
             scope.command(Command::Layout(Layout { sides, ..layout }));
         }
     }
-    let tip = format!("One camera for both sides ({})", Action::Link.key());
+    let tip = format!("Use one camera for both sides ({})", Action::Link.key());
     if widgets::segment(ui, "Linked", layout.linked, &tip) {
         scope.action(Action::Link);
     }
@@ -156,8 +154,8 @@ fn shading(ui: &mut Ui, scope: &mut PanelContext<'_>) {
             ui.selectable_value(&mut look.look.shading, *shading, text);
         }
     });
-    response.response.on_hover_text("What colours the surface");
-    let tip = format!("Lines along all edges ({})", Action::Wireframe.key());
+    response.response.on_hover_text("How the surface is coloured");
+    let tip = format!("Draw all edges as lines ({})", Action::Wireframe.key());
     if widgets::segment(ui, "Wire", look.look.wireframe, &tip) {
         look.look.wireframe = !look.look.wireframe;
     }

@@ -182,9 +182,8 @@ pub fn optional_count(
 pub fn optional_length(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<Length>) -> bool {
     let now = value.map(length_text).unwrap_or_default();
     let mut changed = false;
-    let tip = format!(
-        "{tip}\n\nA number in the units of the file, or percent of the diagonal such as 0.1%. Empty: off."
-    );
+    let tip =
+        format!("{tip}\n\nA number in file units, or a percentage of the diagonal such as 0.1%. Empty: off.");
     field(ui, name, &tip, |ui| {
         if let Some(typed) = text_field(ui, name, &now, "off", ui.available_width(), |t| {
             t.trim().is_empty() || length_of(t).is_some()

@@ -77,11 +77,11 @@ impl StageExport {
             }
         };
         let ModelSource::Scene(scene) = &original.file.source else {
-            bail!("{}: cannot be made a scene", original.path.display())
+            bail!("{}: cannot be converted to a scene", original.path.display())
         };
         if scene.has_levels() {
             bail!(
-                "{}: has levels of detail already (MSFT_lod): open a file without",
+                "{}: already has levels of detail (MSFT_lod): open a file without them",
                 original.path.display()
             );
         }
@@ -93,7 +93,7 @@ impl StageExport {
         if nodes > MAX_NODES {
             let (all, most) = (grouped(nodes), grouped(MAX_NODES));
             bail!(
-                "the stage would have {all} nodes, more than {most}: place fewer copies, or join the parts of the model"
+                "the stage would have {all} nodes, more than {most}: place fewer copies, or merge the parts of the model"
             );
         }
         let mut scene = Scene::clone(scene);
@@ -106,7 +106,7 @@ impl StageExport {
         };
         let places: Vec<_> = self.copies.iter().enumerate().map(of).collect();
         let staged = scene.with_copies(&places).context("the model cannot be copied")?;
-        let staged = staged.with_motion(&self.motion_nodes()).context("the copies cannot be moved")?;
+        let staged = staged.with_motion(&self.motion_nodes()).context("the copies cannot be animated")?;
         let mut options = WriteOptions::default();
         let is_text = self.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gltf"));
         options.format = Some(if is_text { Format::Gltf } else { Format::Glb });
@@ -115,9 +115,9 @@ impl StageExport {
         let mut summary = format!("{} copies, {} levels", grouped(self.copies.len()), made.len() + 1);
         match (self.motion.copies.len(), self.motion.camera.is_empty()) {
             (0, true) => {}
-            (0, false) => summary += ", a camera that moves",
-            (n, true) => summary += &format!(", {} that move", grouped(n)),
-            (n, false) => summary += &format!(", {} and the camera that move", grouped(n)),
+            (0, false) => summary += ", animated camera",
+            (n, true) => summary += &format!(", {} animated", grouped(n)),
+            (n, false) => summary += &format!(", {} and the camera animated", grouped(n)),
         }
         Ok(Written { summary, warnings })
     }

@@ -45,7 +45,7 @@ pub enum LayoutError {
         source: io::Error,
     },
     /// The file is not a valid layout.
-    #[error("{path}: is no layout of the stage: {reason}")]
+    #[error("{path}: not a stage layout: {reason}")]
     Malformed {
         /// The file.
         path: PathBuf,
@@ -88,11 +88,11 @@ impl LayoutFile {
         let malformed = |reason: String| LayoutError::Malformed { path: path.to_owned(), reason };
         let file: Self = serde_json::from_str(&text).map_err(|e| malformed(e.to_string()))?;
         if file.program != FILE_TYPE {
-            return Err(malformed("it does not say that it is one".to_owned()));
+            return Err(malformed("the field `program` is missing or different".to_owned()));
         }
         if file.version > FORMAT_VERSION {
             let reason = format!(
-                "a newer lodsmith saved it (version {}, {FORMAT_VERSION} is known here)",
+                "saved by a newer lodsmith (version {}, supported up to {FORMAT_VERSION})",
                 file.version
             );
             return Err(malformed(reason));
@@ -138,7 +138,7 @@ mod tests {
         };
         for text in ["{", "[]", r#"{"program":"x","version":1,"copies":[]}"#] {
             let text = open(text).unwrap_err().to_string();
-            assert!(text.contains("a.json") && text.contains("no layout"), "{text}");
+            assert!(text.contains("a.json") && text.contains("not a stage layout"), "{text}");
         }
         let newer = r#"{"program":"lodsmith stage","version":9,"copies":[]}"#;
         assert!(open(newer).unwrap_err().to_string().contains("newer"));

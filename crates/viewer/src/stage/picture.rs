@@ -602,26 +602,26 @@ impl StageView {
         if !chosen.visible.is_empty() {
             let triangles = usize::try_from(chosen.triangles).unwrap_or(usize::MAX);
             text += &format!(
-                "  ·  {} in sight  ·  {} triangles",
+                "  ·  {} visible  ·  {} triangles",
                 grouped(chosen.visible.len()),
                 grouped(triangles)
             );
             text += &format!("  ·  error up to {} px", significant(chosen.largest_px(), 2));
         }
         if chosen.left_out > 0 {
-            text += &format!("  ·  {} left out", grouped(chosen.left_out));
+            text += &format!("  ·  {} omitted", grouped(chosen.left_out));
         }
         draw_chip(&painter, p, rect.min + Vec2::splat(10.0), "Stage", &text);
         let hint = if document.awaits_levels() {
-            "Levels are being made: until then only some copies are drawn"
+            "Making levels; until then only some copies are drawn"
         } else if self.is_walking {
-            "W A S D walk, Q and E go down and up, drag looks round, Shift hurries, Esc ends"
+            "W A S D walk, Q and E move down and up, drag looks around, Shift walks faster, Esc exits"
         } else if self.is_placing && stage.copies.is_empty() {
-            "Click on the ground to place a copy, or scatter some by the panel"
+            "Click on the ground to place a copy, or scatter copies from the panel"
         } else if self.is_placing {
             "Click on the ground to place a copy"
         } else if stage.copies.is_empty() {
-            "Nothing stands here yet: place copies, or scatter some"
+            "No copies yet: place or scatter some"
         } else {
             ""
         };

@@ -30,7 +30,7 @@ fn times_of_every_level_are_measured_and_copied() {
         };
         assert!(!desk.app().is_shown(Panel::Benchmark));
         desk.press(Key::F10);
-        desk.harness.get_by_label("nothing was measured yet");
+        desk.harness.get_by_label("Nothing measured yet");
         desk.press_with(Modifiers::COMMAND, Key::B);
         let table = desk.app().document().benchmark_table().unwrap();
         assert_eq!(table.rows.len(), 6);
@@ -55,10 +55,10 @@ fn measuring_stops_when_it_is_told_to() {
     desk.harness.key_press_modifiers(Modifiers::COMMAND, Key::B);
     desk.harness.run_steps(2);
     assert!(desk.app().is_shown(Panel::Benchmark), "who asks wants to see");
-    desk.harness.get_by_role_and_label(Role::Button, "Stop measuring").click();
+    desk.harness.get_by_role_and_label(Role::Button, "Stop benchmark").click();
     desk.settle();
     let table = desk.app().document().benchmark_table().unwrap();
     assert!(table.rows.len() < 6, "{} rows", table.rows.len());
-    desk.harness.get_by_role_and_label(Role::Button, "Measure times");
+    desk.harness.get_by_role_and_label(Role::Button, "Run benchmark");
     desk.picture("benchmark_stopped");
 }

@@ -127,7 +127,7 @@ fn playing_moves_copies_and_camera_and_a_pause_is_a_pause() {
     let free = desk.app().stage_view().orbit();
     go_to(&mut desk, 7.0);
     assert_eq!(desk.app().stage_view().orbit(), free);
-    desk.click("Through the camera");
+    desk.click("Camera view");
     assert_ne!(desk.app().stage_view().orbit(), free);
     // Stepping from keyframe to keyframe.
     for (by, wanted) in [(-1, 4.0), (-1, 0.0), (-1, 0.0), (1, 4.0), (1, 8.0), (1, 8.0)] {
@@ -179,7 +179,7 @@ fn keyframes_are_dragged_copied_and_taken_away() {
     assert_eq!(motion(&desk).curve(Mover::Copy(1)), Curve::Step);
     desk.act(copies(CopiesAction::Curve));
     assert_eq!(motion(&desk).curve(Mover::Copy(1)), Curve::Smooth);
-    desk.click("Take away");
+    desk.click("Delete key");
     assert_eq!(moments(&desk, Mover::Copy(1)).len(), 2);
     // Without selected keyframes, the key deletes the selected copies.
     desk.point(at(second, 9.5));
@@ -198,7 +198,7 @@ fn alt_drags_a_copy_of_a_keyframe_and_a_length_can_be_typed() {
     desk.harness.run_steps(2);
     let all = moments(&desk, Mover::Camera);
     assert!(all.len() == 3 && (all[1] - 3.0).abs() < 0.03 && all[2] == 8.0, "{all:?}");
-    desk.write("Length of the stage", "25");
+    desk.write("Stage duration", "25");
     desk.press(Key::Enter);
     assert_eq!(desk.app().document().timeline_secs(), 25.0);
 }

@@ -52,7 +52,7 @@ fn without_a_file_the_stage_says_what_to_do() {
     desk.press(Key::Y);
     assert!(desk.app().document().stage().is_none());
     desk.act(Action::Panel(Panel::Stage));
-    desk.harness.get_by_label("open a file to place copies of it");
+    desk.harness.get_by_label("Open a file to place copies of it");
     desk.picture("stage_no_file");
 }
 

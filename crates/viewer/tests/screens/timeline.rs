@@ -37,7 +37,7 @@ fn the_timeline_comes_with_a_file_that_moves_and_goes_with_it() {
     desk.settle();
     assert!(!desk.app().is_shown(Panel::Timeline));
     desk.press(Key::F9);
-    desk.harness.get_by_label_contains("nothing moves in this file");
+    desk.harness.get_by_label_contains("No animations in this file");
     desk.picture("timeline_nothing");
     // A panel that the user opened stays open.
     desk.press(Key::P);
@@ -115,7 +115,7 @@ fn a_moment_is_dragged_typed_and_stepped_to_and_taken_back() {
     assert!((playback(&desk).seconds - 1.0 - 1.0 / 24.0).abs() < 0.02);
     desk.press(Key::PageUp);
     let dragged = playback(&desk).seconds;
-    desk.write("Moment", "0.25 s");
+    desk.write("Time", "0.25 s");
     desk.press(Key::Enter);
     assert_eq!(playback(&desk).seconds, 0.25);
     desk.press_with(Modifiers::COMMAND, Key::Z);
@@ -123,9 +123,9 @@ fn a_moment_is_dragged_typed_and_stepped_to_and_taken_back() {
     desk.press_with(Modifiers::COMMAND, Key::Y);
     assert_eq!(playback(&desk).seconds, 0.25);
     // The buttons do the same as the keys.
-    desk.click("To the begin");
+    desk.click("Go to start");
     assert_eq!(playback(&desk).seconds, 0.0);
-    desk.click("Repeat");
+    desk.click("Loop");
     assert!(!playback(&desk).repeats);
     desk.click("Play");
     assert!(desk.app().document().is_playing());

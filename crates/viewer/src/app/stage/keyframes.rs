@@ -20,7 +20,7 @@ impl App {
             CopiesAction::Keyframe => {
                 let selected = self.pictures.stage.selected(&self.document);
                 if selected.is_empty() {
-                    self.document.log.note("choose copies first: the keyframe is theirs");
+                    self.document.log.note("select copies first to set a keyframe for them");
                     return true;
                 }
                 let names: Vec<KeyframeId> =

@@ -35,20 +35,20 @@ pub(super) fn row(ui: &mut Ui, scope: &mut PanelContext<'_>) {
                     scope.action(action);
                 }
             };
-        ui.label(weak(ui, "Keyframe of"));
-        let tip = "The chosen copies are here at this moment";
-        button(ui, scope, CopiesAction::Keyframe, "the copies", tip, selected);
-        let tip = "The camera looks from here at this moment";
-        button(ui, scope, CopiesAction::CameraKeyframe, "the camera", tip, true);
+        ui.label(weak(ui, "Set keyframe:"));
+        let tip = "Store the placement of the selected copies at the current time";
+        button(ui, scope, CopiesAction::Keyframe, "Copies", tip, selected);
+        let tip = "Store the camera view at the current time";
+        button(ui, scope, CopiesAction::CameraKeyframe, "Camera", tip, true);
         ui.add_space(8.0);
         let is_any = !chosen.is_empty();
-        let tip = "The chosen keyframes once more, the first of them at this moment";
+        let tip = "Paste the selected keyframes, the first at the current time";
         button(ui, scope, CopiesAction::Duplicate, "Copy here", tip, is_any);
-        button(ui, scope, CopiesAction::Delete, "Take away", "The chosen keyframes go", is_any);
+        button(ui, scope, CopiesAction::Delete, "Delete key", "Delete the selected keyframes", is_any);
         ui.add_space(8.0);
         let is_step = is_any && chosen.iter().all(|c| motion.curve(c.0) == Curve::Step);
         let tip = format!(
-            "What the chosen keyframes move stays until the next ({} changes to and fro)",
+            "Hold each value until the next keyframe ({} toggles)",
             Action::Copies(CopiesAction::Curve).key()
         );
         for (text, is_on, curve) in
@@ -57,7 +57,7 @@ pub(super) fn row(ui: &mut Ui, scope: &mut PanelContext<'_>) {
             let tip = if curve == Curve::Step {
                 tip.clone()
             } else {
-                "Along a curve through all keyframes".to_owned()
+                "Interpolate along a curve through all keyframes".to_owned()
             };
             ui.add_enabled_ui(is_any, |ui| {
                 if widgets::segment(ui, text, is_on, &tip) {
@@ -68,10 +68,10 @@ pub(super) fn row(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         }
         ui.add_space(8.0);
         let action = Action::Copies(CopiesAction::FreeCamera);
-        let tip = format!("Look from where the keyframes of the camera have it ({})", action.key());
+        let tip = format!("Look through the animated camera ({})", action.key());
         let has_camera = !motion.camera.is_empty();
         ui.add_enabled_ui(has_camera, |ui| {
-            if widgets::segment(ui, "Through the camera", has_camera && !motion.has_free_camera, &tip) {
+            if widgets::segment(ui, "Camera view", has_camera && !motion.has_free_camera, &tip) {
                 scope.action(action);
             }
         });
@@ -87,8 +87,8 @@ pub(super) fn length(ui: &mut Ui, scope: &mut PanelContext<'_>, length: f64) {
     let mut secs = length;
     let least = stage.motion.last_secs().max(0.1);
     let drag = egui::DragValue::new(&mut secs).range(least..=MAX_SECS).speed(0.05).suffix(" s");
-    let response = ui.add(drag.fixed_decimals(2)).on_hover_text("How long all of it is");
-    let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Length of the stage"));
+    let response = ui.add(drag.fixed_decimals(2)).on_hover_text("Duration of the stage animation");
+    let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Stage duration"));
     ui.label(weak(ui, "of"));
     if secs != length {
         let with = stage.motion.with(|m| m.length_secs = Some(secs));
@@ -233,7 +233,7 @@ fn paint(
     }
     let is_empty = scope.document.stage().is_some_and(|s| s.motion.is_empty());
     if is_empty {
-        let hint = "Choose copies, or put the camera somewhere, then set a keyframe";
+        let hint = "Select copies or move the camera, then set a keyframe";
         let font = egui::TextStyle::Small.resolve(ui.style());
         painter.text(pos2(scale.x_range.min + 4.0, y), egui::Align2::LEFT_CENTER, hint, font, p.weak);
     }
