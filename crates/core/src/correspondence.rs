@@ -68,7 +68,7 @@ pub struct Correspondence<'a> {
 ///
 /// // A temperature at each vertex of the sphere, which the mesh itself knows nothing about.
 /// let temperature: Vec<f32> = sphere.positions().view().iter().map(|p| 20.0 + p[2] as f32).collect();
-/// let carried = correspondence(&sphere, &part)?.carry(&temperature, 1)?;
+/// let carried = correspondence(&sphere, &part)?.transfer(&temperature, 1)?;
 /// for (p, t) in part.positions().view().iter().zip(carried) {
 ///     assert!((t - (20.0 + p[2] as f32)).abs() < 0.01);
 /// }

@@ -125,7 +125,7 @@ pub use textures::{Texture, Textures};
 /// let light: Vec<f32> = mesh.positions().view().iter().map(|p| p[2] as f32).collect();
 ///
 /// let lighter = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.2)), &mut NoControl)?.mesh;
-/// let carried = correspondence(&mesh, &lighter)?.carry(&light, 1)?;
+/// let carried = correspondence(&mesh, &lighter)?.transfer(&light, 1)?;
 ///
 /// assert_eq!(carried.len(), lighter.wedge_count());
 /// for (p, light) in lighter.positions().view().iter().zip(carried) {

@@ -29,7 +29,7 @@ use crate::scene::Part;
 /// let mut scene = ProgressiveScene::build(&parts, 10.0, &SimplifyOptions::default(), &mut NoControl)?;
 /// scene.to_faces(500);
 /// assert!(scene.face_count() <= 500);
-/// let light: Vec<_> = scene.roads().iter().map(|road| road.fitted_mesh()).collect::<Result<_, _>>()?;
+/// let light: Vec<_> = scene.meshes().iter().map(|mesh| mesh.fitted_mesh()).collect::<Result<_, _>>()?;
 /// # assert!(light[0].face_count() + 3 * light[1].face_count() <= 500);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
