@@ -1,4 +1,4 @@
-//! One collapse in three steps: `check` tests topology and guards, `price` computes the exact cost, `apply`
+//! One collapse in three steps: `check` tests topology and guards, `exact_cost` computes the cost, `apply`
 //! makes the change.
 
 use glam::Vec3;
