@@ -1,6 +1,6 @@
 //! Repair of normals that blending turned far from their faces, by recomputation from those faces.
 //!
-//! Where a hard-edged part of an asset loses an edge, the remaining wedge carries the mean of unrelated
+//! If a hard-edged part of an asset loses an edge, the remaining wedge carries the mean of unrelated
 //! normals, and its face is shaded as if it faced elsewhere: a dark splinter. Such a wedge gets the normal of
 //! its own faces; if those face different ways themselves, it is split.
 

@@ -280,7 +280,7 @@ fn weight_error(mesh: &TriMesh, joint: f32) -> f32 {
     worst
 }
 
-/// Where a surface is straight, only the joints indicate where it will bend: without a cost for them, edges
+/// On a straight surface only the joints indicate where it will bend: without a cost for them, edges
 /// crossed the zone between two joints, and the pose was wrong.
 #[test]
 fn a_skin_keeps_its_zones() {

@@ -92,7 +92,7 @@ fn features_leave_any_shape_sound() {
     all.report_all();
 }
 
-/// Where every edge is a feature, features are given up for the target, and the report says so.
+/// If every edge is a feature, features are given up for the target, and the report says so.
 #[test]
 fn features_give_way_to_the_target() {
     let mesh = shapes::noisy_sphere(3, 0.2, 5);

@@ -15,7 +15,7 @@ pub(super) const NAME: &str = "sbom.cdx.json";
 
 /// Returns the packages linked into a program, each with licence, checksum and dependencies.
 ///
-/// The same packages give the same bytes: the serial number is derived from the content, and the time is that
+/// Equal packages give equal bytes: the serial number is derived from the content, and the time is that
 /// of the sources.
 pub(super) fn text(metadata: &Value, lock: &str, program: &str, seconds: u64) -> Result<Vec<u8>> {
     let packages = metadata["packages"].as_array().context("cargo metadata lists no packages")?;

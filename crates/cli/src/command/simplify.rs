@@ -291,13 +291,8 @@ fn show(
     }
     let mut is_fault = show_warnings(out, path, &done.warnings, args.ending.strict);
     if !done.report.reached {
-        let text = format!("{path}: {}", not_reached(&done.report, &args.options(), args.run.time_limit));
-        if args.ending.strict {
-            output::error(&text)
-        } else {
-            out.warning(&text)
-        }
-        is_fault |= args.ending.strict;
+        let why = not_reached(&done.report, &args.options(), args.run.time_limit);
+        is_fault |= show_not_reached(out, path, &why, args.ending.strict);
     }
     if is_fault { Status::Strict } else { Status::Done }
 }
@@ -313,6 +308,17 @@ pub(super) fn not_reached(report: &Report, options: &SimplifyOptions, time_limit
         text += &format!("; {help}");
     }
     text
+}
+
+/// Prints that a target was not reached, with the reason. Returns true if that is a fault, with `--strict`.
+pub(super) fn show_not_reached(out: &Output, name: &str, why: &str, strict: bool) -> bool {
+    let text = format!("{name}: {why}");
+    if strict {
+        output::error(&text);
+    } else {
+        out.warning(&text);
+    }
+    strict
 }
 
 /// Returns the refusals and their counts, in words.

@@ -104,7 +104,7 @@ impl AttributeError {
     }
 }
 
-/// How much farther away than the nearest point the right side of a seam may be, as a share of the diagonal.
+/// Maximum extra distance of the right side of a seam over the nearest point, as a share of the diagonal.
 /// (Chosen on three textured models at 50 to 5 %: seams of good results move by less.)
 const SEAM_TOLERANCE: f64 = 2e-3;
 /// Texture coordinates that differ by less are of the same chart, and no other is searched for. (Guessed: ten

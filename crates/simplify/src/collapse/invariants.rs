@@ -1,4 +1,4 @@
-//! What checks of the engine's invariants share.
+//! Shared parts of the checks of the engine's invariants.
 
 use wide::f32x4;
 

@@ -106,37 +106,35 @@ impl SampledError {
     /// star.
     pub(super) fn split(&mut self, origins: [VertexId; 2], stars: &[Star; 2]) {
         let first = self.set_of[origins[0].index()] as usize;
-        let mut bags = [SampleSet::default(), SampleSet::default()];
+        let mut sets = [SampleSet::default(), SampleSet::default()];
         for s in std::mem::take(&mut self.sets[first].samples) {
             let [a, b] = [0, 1].map(|i| measure(&[s], &stars[i], f32::INFINITY).0);
-            bags[usize::from(b < a)].samples.push(s);
+            sets[usize::from(b < a)].samples.push(s);
         }
-        for (bag, star) in bags.iter_mut().zip(stars) {
-            bag.loss = measure(&bag.samples, star, f32::INFINITY).0;
+        for (set, star) in sets.iter_mut().zip(stars) {
+            set.loss = measure(&set.samples, star, f32::INFINITY).0;
         }
-        let [own, other] = bags;
+        let [own, other] = sets;
         self.sets[first] = own;
         let length = self.set_of.len().max(origins[1].index() + 1);
         self.set_of.resize(length, u32::MAX);
         self.set_of[origins[1].index()] = self.sets.len() as u32;
         self.sets.push(other);
     }
-}
 
-impl SampledError {
     /// Returns an error unless each live vertex, given by number in the ordered input, has a sample set of
     /// its own.
     pub(super) fn check(&self, living: impl Iterator<Item = VertexId>) -> Result<(), String> {
         let mut owners = vec![u32::MAX; self.sets.len()];
         for origin in living {
-            let bag = self.set_of.get(origin.index()).map_or(usize::MAX, |bag| *bag as usize);
-            let Some(owner) = owners.get_mut(bag) else {
-                return Err(format!("number {origin} has bag {bag} of {}", self.sets.len()));
+            let set = self.set_of.get(origin.index()).map_or(usize::MAX, |set| *set as usize);
+            let Some(owner) = owners.get_mut(set) else {
+                return Err(format!("number {origin} has sample set {set} of {}", self.sets.len()));
             };
             let other = std::mem::replace(owner, origin.0);
-            need(other == u32::MAX, || format!("numbers {other} and {origin} have one bag"))?;
-            let loss = self.sets[bag].loss;
-            need(loss >= 0.0, || format!("the bag of number {origin} has lost {loss}"))?;
+            need(other == u32::MAX, || format!("numbers {other} and {origin} have one sample set"))?;
+            let loss = self.sets[set].loss;
+            need(loss >= 0.0, || format!("the sample set of number {origin} has lost {loss}"))?;
         }
         Ok(())
     }

@@ -429,23 +429,22 @@ impl<M: Metric> Engine<M> {
                 let next = self.mesh.bounds();
                 if next.0.known() > 0 {
                     // The late phase begins when the sweeps are continued.
-                    sweeps.phase = Phase::Threshold(next, if is_probe { After::Probe } else { After::Sweep });
+                    sweeps.set_bounds(next);
                     return ControlFlow::Break(None);
                 }
             }
             errand.original.visit(&mut |points, faces| self.mesh.start_sampling(points, faces));
         }
-        let (histogram, looked_at) = self.mesh.bounds();
-        if histogram.known() == 0 {
+        let bounds = self.mesh.bounds();
+        if bounds.0.known() == 0 {
             return self.relax_or_stop(sweeps, goal, refused);
         }
-        sweeps.phase = match sweeps.idle >= MAX_IDLE_SWEEPS && !is_probe {
+        if sweeps.idle >= MAX_IDLE_SWEEPS && !is_probe {
             // No collapse was done: find out what is possible at all, and at what cost.
-            true => Phase::Probe,
-            false => {
-                Phase::Threshold((histogram, looked_at), if is_probe { After::Probe } else { After::Sweep })
-            }
-        };
+            sweeps.phase = Phase::Probe;
+        } else {
+            sweeps.set_bounds(bounds);
+        }
         ControlFlow::Continue(())
     }
 

@@ -74,7 +74,7 @@ pub(crate) struct RebuiltSurface {
     pub(crate) estimate: Option<f64>,
 }
 
-/// How a method ended.
+/// Reason why a method ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Ending {
     /// The goal is met.

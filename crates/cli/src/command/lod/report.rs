@@ -7,11 +7,11 @@ use serde_json::{Map, Value, json};
 use super::files::Plan;
 use super::{Level, LodResult};
 use crate::args::LodArgs;
-use crate::command::simplify::{measured_json, mesh_json, not_reached, warnings_of};
+use crate::command::simplify::{measured_json, mesh_json, not_reached, show_not_reached, warnings_of};
 use crate::command::{show_warnings, texts};
 use crate::exit::{Interrupted, Status};
 use crate::numbers::{counted, grouped, micros, seconds, short};
-use crate::output::{self, Output};
+use crate::output::Output;
 
 /// Returns the distance from which on a level looks like the original, at the scale of the output.
 pub(super) fn distance(report: &Report, args: &LodArgs) -> f64 {
@@ -56,13 +56,8 @@ pub(super) fn show(
         let name = format!("{path}: level {}", k + 1);
         is_fault |= show_warnings(out, &name, &warnings_of(&level.report), args.ending.strict);
         if !level.report.reached {
-            let text = format!("{name}: {}", not_reached(&level.report, &options, args.run.time_limit));
-            if args.ending.strict {
-                output::error(&text)
-            } else {
-                out.warning(&text)
-            }
-            is_fault |= args.ending.strict;
+            let why = not_reached(&level.report, &options, args.run.time_limit);
+            is_fault |= show_not_reached(out, &name, &why, args.ending.strict);
         }
     }
     if is_fault { Status::Strict } else { Status::Done }
