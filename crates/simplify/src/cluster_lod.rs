@@ -18,63 +18,31 @@
 mod deviation;
 mod group;
 mod group_simplify;
+mod hierarchy;
+mod options;
 mod split;
 
 use std::collections::HashSet;
-use std::sync::Arc;
 
-use lodsmith_core::clusters::{Bound, Cluster, ClusterLod, MAX_CLUSTER_SIZE, Sphere};
+use lodsmith_core::clusters::{ClusterLod, MAX_CLUSTER_SIZE};
 use lodsmith_core::mesh::compact::compact;
-use lodsmith_core::mesh::part::{append, extract_faces};
+use lodsmith_core::mesh::part::extract_faces;
 use lodsmith_core::mesh::weld::weld_mesh;
-use lodsmith_core::{FaceId, GroupId, RegionId, Semantic, TriMesh, VertexId};
+use lodsmith_core::{FaceId, Semantic, TriMesh, VertexId};
 
 use crate::SimplifyError;
 use crate::control::{Control, Stage, Verdict};
-use crate::options::{AttributeWeights, BorderPolicy};
 use crate::report::Cleanup;
 use deviation::OriginalSurface;
 use group_simplify::GroupOutcome;
+use hierarchy::{Build, Front, arranged};
+pub use options::ClusterLodOptions;
 use split::Budget;
 
 /// Groups processed between two progress calls. (Fixed, so that an early end does not depend on the threads.)
 const BATCH_GROUPS: usize = 32;
 /// A round that removes less than this share of the faces is the last. (Guessed.)
 const LEAST_GAIN: f64 = 0.02;
-
-/// Options of [`cluster_lod`].
-#[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct ClusterLodOptions {
-    /// Maximum number of triangles per cluster: 8 to 256.
-    pub triangles: usize,
-    /// Maximum number of vertices per cluster, those on seams counted once per side: 8 to 256.
-    pub vertices: usize,
-    /// Approximate number of clusters per group: 4 to 64. A group may get half as many, or twice.
-    pub group: usize,
-    /// A group that keeps more than this fraction of its triangles stays unchanged for the round.
-    pub keep_at_most: f64,
-    /// Weights of the attributes in the error metric.
-    pub weights: AttributeWeights,
-    /// Treatment of the open borders of the mesh. Where several groups meet on one, it is always locked.
-    pub border: BorderPolicy,
-    /// See [`SimplifyOptions`](crate::SimplifyOptions::region_classes).
-    pub region_classes: Option<Arc<[RegionId]>>,
-}
-
-impl Default for ClusterLodOptions {
-    fn default() -> Self {
-        Self {
-            triangles: 128,
-            vertices: 128,
-            group: 16,
-            keep_at_most: 0.75,
-            weights: AttributeWeights::default(),
-            border: BorderPolicy::default(),
-            region_classes: None,
-        }
-    }
-}
 
 impl ClusterLodOptions {
     fn check(&self) -> Result<(), SimplifyError> {
@@ -231,86 +199,6 @@ fn ask(control: &mut dyn Control, done: f64) -> Result<Verdict, SimplifyError> {
         Verdict::Cancel => Err(SimplifyError::Cancelled),
         verdict => Ok(verdict),
     }
-}
-
-/// A cluster with no coarser replacement yet.
-#[derive(Debug, Default)]
-struct Front {
-    cluster: usize,
-    faces: Vec<FaceId>,
-    /// Samples of the original surface that it represents.
-    samples: Vec<[f64; 3]>,
-}
-
-/// The levels built so far.
-struct Build {
-    /// The faces of all clusters, cluster after cluster.
-    pool: TriMesh,
-    clusters: Vec<Cluster>,
-    groups: Vec<Bound>,
-}
-
-impl Build {
-    fn vertices(&self, face: FaceId) -> [VertexId; 3] {
-        self.pool.triangles()[face.index()].map(|w| self.pool.vertex_of(w))
-    }
-
-    /// Returns the bounding sphere of everything that a cluster represents.
-    fn reach(&self, cluster: usize) -> Sphere {
-        let c = &self.clusters[cluster];
-        c.from.map_or(c.sphere, |g| self.groups[g.index()].sphere)
-    }
-
-    /// Adds clusters whose faces are in the pool already, from `first` on in this order.
-    fn add_clusters(&mut self, mut first: usize, pieces: &[Vec<u32>], from: Option<GroupId>) -> Vec<Front> {
-        let mut front = Vec::with_capacity(pieces.len());
-        for piece in pieces {
-            let faces: Vec<FaceId> = (first..first + piece.len()).map(FaceId::new).collect();
-            first += piece.len();
-            let corners =
-                faces.iter().flat_map(|&f| self.vertices(f)).map(|v| self.pool.positions().view().get(v));
-            let corners: Vec<Sphere> = corners.map(|center| Sphere { center, radius: 0.0 }).collect();
-            let sphere = Sphere::around(corners.iter().copied());
-            front.push(Front { cluster: self.clusters.len(), faces, samples: Vec::new() });
-            self.clusters.push(Cluster { face_count: piece.len(), sphere, from, into: None });
-        }
-        front
-    }
-
-    /// Adds the result of a simplified group.
-    fn add_group(
-        &mut self,
-        members: &[usize],
-        front: &[Front],
-        made: group_simplify::SimplifiedGroup,
-    ) -> Result<Vec<Front>, SimplifyError> {
-        let group = GroupId::new(self.groups.len());
-        let mut spheres = Vec::new();
-        let mut error = made.error;
-        for &i in members {
-            let cluster = front[i].cluster;
-            spheres.push(self.reach(cluster));
-            if let Some(from) = self.clusters[cluster].from {
-                error = error.max(self.groups[from.index()].error);
-            }
-            self.clusters[cluster].into = Some(group);
-        }
-        let first = self.pool.face_count();
-        append(&mut self.pool, &made.mesh, &made.known)?;
-        let mut out = self.add_clusters(first, &made.pieces, Some(group));
-        spheres.extend(out.iter().map(|own| self.clusters[own.cluster].sphere));
-        for (own, samples) in out.iter_mut().zip(made.samples) {
-            own.samples = samples;
-        }
-        self.groups.push(Bound { sphere: Sphere::around(spheres.iter().copied()), error });
-        Ok(out)
-    }
-}
-
-/// Reorders the faces of a mesh by clusters.
-fn arranged(mesh: &TriMesh, pieces: &[Vec<u32>]) -> TriMesh {
-    let faces: Vec<FaceId> = pieces.iter().flatten().map(|&f| FaceId(f)).collect();
-    extract_faces(mesh, &faces).mesh
 }
 
 /// Returns the mesh welded, without faces that cannot be drawn and without unsupported attributes.

@@ -2,7 +2,7 @@
 
 use lodsmith_core::VertexId;
 
-use super::{Build, Front};
+use super::hierarchy::{Build, Front};
 
 /// Weight of a shared edge that was on the border of two groups before: it was locked, and should become
 /// free. (Guessed.)

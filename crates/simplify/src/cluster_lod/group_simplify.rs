@@ -8,8 +8,9 @@ use lodsmith_core::{FaceId, TriMesh, VertexId};
 
 use super::deviation::OriginalSurface;
 use super::group::{Border, VertexPair, directed};
+use super::hierarchy::{Build, Front, SimplifiedGroup, arranged};
+use super::options::ClusterLodOptions;
 use super::split::{Budget, split};
-use super::{Build, ClusterLodOptions, Front, arranged};
 use crate::control::NoControl;
 use crate::options::{SimplifyOptions, Stop};
 use crate::{Simplified, SimplifyError, simplify};
@@ -27,18 +28,6 @@ pub(super) enum GroupOutcome {
     Stuck,
     /// Its border was not preserved.
     Broken,
-}
-
-/// A simplified group.
-pub(super) struct SimplifiedGroup {
-    /// Its faces, cluster by cluster.
-    pub(super) mesh: TriMesh,
-    /// Its vertices and wedges that are in the pool already.
-    pub(super) known: SharedIds,
-    pub(super) pieces: Vec<Vec<u32>>,
-    pub(super) error: f64,
-    /// Samples of the original, for each cluster.
-    pub(super) samples: Vec<Vec<[f64; 3]>>,
 }
 
 /// Simplifies a group and keeps its border.
