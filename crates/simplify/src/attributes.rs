@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 use glam::{DVec3, Vec3};
 use lodsmith_core::{Attribute, Morphed, Positions, Semantic, TriMesh, VertexId, WedgeId};
 
+use crate::SimplifyError;
 use crate::collapse::attributes::{Attributes, JointWeights};
 use crate::collapse::order::{Frame, NONE};
 use crate::options::AttributeWeights;
@@ -379,6 +380,24 @@ fn average_per_vertex(pairs: &[(VertexId, WedgeId)], width: usize, values: &mut 
         let mean: Vec<f32> = (0..width).map(mean).collect();
         own.chunks_exact_mut(width).for_each(|row| row.copy_from_slice(&mean));
     }
+}
+
+/// Builds the result with its wedges numbered in the order of the faces, and attributes from the input.
+pub(crate) fn with_input_attributes(
+    mesh: &TriMesh,
+    positions: Positions,
+    faces: &[[VertexId; 3]],
+    wedges: &[[WedgeId; 3]],
+) -> Result<TriMesh, SimplifyError> {
+    let (mut result, pairs) = with_wedges(positions, faces, wedges)?;
+    result.set_normals(mesh.normals().map(|n| pairs.iter().map(|p| n[p.1.index()]).collect()))?;
+    result.set_uvs(mesh.uvs().map(|n| pairs.iter().map(|p| n[p.1.index()]).collect()))?;
+    result.set_colors(mesh.colors().map(|n| pairs.iter().map(|p| n[p.1.index()]).collect()))?;
+    for a in mesh.further_attributes() {
+        let values = pairs.iter().flat_map(|p| a.of(p.1)).copied().collect();
+        result.add_attribute(Attribute { semantic: a.semantic.clone(), width: a.width, values })?;
+    }
+    Ok(result)
 }
 
 /// Returns a mesh whose wedges are the distinct pairs of vertex and given wedge, in order, and those pairs.

@@ -1,11 +1,11 @@
 //! Escalation: pairs and looser topology policies, step by step, while the target is out of reach.
 
-use crate::SimplifyError;
-use crate::constraints::HeldWedges;
+use lodsmith_core::{Topology, TriMesh};
+
 use crate::options::{SimplifyOptions, TopologyPolicy};
 use crate::proposal::Change;
-use crate::report::{Escalation, Simplified, StoppedBy};
-use lodsmith_core::{Topology, TriMesh};
+use crate::report::{Escalation, StoppedBy};
+use crate::run::Done;
 
 /// Returns the changes to try in turn if these options do not reach their target. Seams are relaxed within a
 /// run without it; borders and guards are the user's choice and stay. Pairs stay on for later steps if they
@@ -24,38 +24,54 @@ fn has_one_part(mesh: &TriMesh) -> bool {
     Topology::new(&mesh.surface()).components().count() <= 1
 }
 
-/// Runs, and repeats the run with one step after the other while refusals keep the result above its target.
-/// Returns the lightest result, the first of equals; its report lists all steps.
-pub(crate) fn run_escalating(
-    options: &SimplifyOptions,
-    mut run: impl FnMut(&SimplifyOptions) -> Result<(Simplified, HeldWedges), SimplifyError>,
-) -> Result<(Simplified, HeldWedges), SimplifyError> {
-    let mut best = run(options)?;
-    if !options.escalate {
-        return Ok(best);
+/// Results of one input with looser and looser options, while refusals keep them above their target.
+pub(crate) struct Attempts {
+    /// The lightest result, the first of equals.
+    best: Done,
+    tried: Vec<Escalation>,
+    /// Options with the changes that are kept.
+    options: SimplifyOptions,
+    left: std::vec::IntoIter<Change>,
+}
+
+impl Attempts {
+    /// Begins with the result of the options as they are.
+    pub(crate) fn new(options: &SimplifyOptions, first: Done) -> Self {
+        let left = if options.escalate { steps(options) } else { Vec::new() };
+        Self { best: first, tried: Vec::new(), options: options.clone(), left: left.into_iter() }
     }
-    let mut tried = Vec::new();
-    let mut options = options.clone();
-    for change in steps(&options) {
-        if best.0.report.reached || best.0.report.stopped_by != StoppedBy::Refusals {
-            break;
+
+    /// Returns the next change to try; `None` if the target is reached or nothing is left.
+    pub(crate) fn next_change(&mut self) -> Option<Change> {
+        let report = &self.best.0.report;
+        if report.reached || report.stopped_by != StoppedBy::Refusals {
+            return None;
         }
-        let is_pairs = matches!(change, Change::Pairs(_));
-        if is_pairs && has_one_part(&best.0.mesh) {
-            continue;
-        }
-        let changed = change.apply(&options);
-        let done = run(&changed)?;
-        let (before, after) = (best.0.report.faces, done.0.report.faces);
-        tried.push(Escalation { change, before, after });
+        let best = &self.best.0.mesh;
+        self.left.find(|change| !(matches!(change, Change::Pairs(_)) && has_one_part(best)))
+    }
+
+    pub(crate) fn changed_options(&self, change: Change) -> SimplifyOptions {
+        change.apply(&self.options)
+    }
+
+    /// Adds the result of [`Attempts::changed_options`].
+    pub(crate) fn add(&mut self, change: Change, done: Done) {
+        let (before, after) = (self.best.0.report.faces, done.0.report.faces);
+        self.tried.push(Escalation { change, before, after });
         let is_better = done.0.report.reached || after < before;
         if is_better {
-            best = done;
+            self.best = done;
         }
-        if is_better || !is_pairs {
-            options = changed;
+        if is_better || !matches!(change, Change::Pairs(_)) {
+            self.options = self.changed_options(change);
         }
     }
-    best.0.report.escalated = tried;
-    Ok(best)
+
+    /// Returns the best result; its report lists all changes that were tried.
+    pub(crate) fn into_best(self) -> Done {
+        let mut best = self.best;
+        best.0.report.escalated = self.tried;
+        best
+    }
 }

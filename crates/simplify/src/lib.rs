@@ -20,6 +20,7 @@ mod metric;
 mod normals;
 pub mod options;
 mod ordered_input;
+mod pipeline;
 mod planar;
 mod progressive;
 pub mod proposal;
@@ -46,6 +47,8 @@ pub use error::SimplifyError;
 pub use lod::{Levels, LodChain, LodOptions, SceneChain, Screen, lod, lod_scene};
 pub use lodsmith_core as core;
 use lodsmith_core::{Surface, TriMesh};
+
+use input::Input;
 pub use options::{
     AttributeWeights, BorderPolicy, Bound, Fit, Guards, Length, Measure, Method, MethodOptions, Placement,
     Preset, SimplifyOptions, Stop, TopologyPolicy,
@@ -158,7 +161,7 @@ pub fn simplify(
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<Simplified, SimplifyError> {
-    run::run(&run::Input { surface: mesh.surface(), mesh: Some(mesh), joined: None }, options, control)
+    pipeline::simplify(&Input { surface: mesh.surface(), mesh: Some(mesh), joined: None }, options, control)
         .map(|done| done.0)
 }
 
@@ -176,6 +179,6 @@ pub fn simplify_surface(
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<Simplified, SimplifyError> {
-    run::run(&run::Input { surface: surface.clone(), mesh: None, joined: None }, options, control)
+    pipeline::simplify(&Input { surface: surface.clone(), mesh: None, joined: None }, options, control)
         .map(|done| done.0)
 }

@@ -8,9 +8,9 @@ use crate::control::{Control, ProgressShare};
 use crate::input::Input;
 use crate::options::{Length, SimplifyOptions, Stop};
 use crate::report::Report;
-use crate::run;
+use crate::run::is_chained;
 use crate::scene::{self, Part, SimplifiedScene};
-use crate::{Simplified, SimplifyError, simplify};
+use crate::{Simplified, SimplifyError, pipeline, simplify};
 
 /// The levels to make besides the original, each lighter than the one before.
 #[derive(Clone, Debug, PartialEq)]
@@ -170,9 +170,10 @@ pub fn lod(
     control: &mut dyn Control,
 ) -> Result<LodChain, SimplifyError> {
     let stops = options.stops()?;
-    let (levels, mergers) = if run::is_chained(&options.simplify, &stops) {
+    let (levels, mergers) = if is_chained(&options.simplify, &stops) {
         let input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
-        let (all, mergers) = run::run_chain(&input, &options.simplify, &stops, options.geomorph, control)?;
+        let (all, mergers) =
+            pipeline::simplify_chain(&input, &options.simplify, &stops, options.geomorph, control)?;
         (all.into_iter().map(|done| done.0).collect::<Vec<_>>(), mergers)
     } else {
         let one = |(i, stop): (usize, &Stop)| {

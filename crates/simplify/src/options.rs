@@ -56,6 +56,11 @@ impl Method {
         Self::Remesh,
     ];
 
+    /// True if an error limit bounds each step of the method, instead of their number.
+    pub(crate) const fn limits_error_by_step(self) -> bool {
+        matches!(self, Self::Planar | Self::Unsubdivide)
+    }
+
     /// Returns the name of the method, such as `lindstrom-turk`.
     pub const fn name(self) -> &'static str {
         match self {

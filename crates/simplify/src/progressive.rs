@@ -21,9 +21,8 @@ use std::sync::Arc;
 use lodsmith_core::splits::{Changes, Counts, Layout};
 use lodsmith_core::{MeshError, Positions, PositionsView, RegionId, Splits, TriMesh, VertexId, WedgeId};
 
-use crate::SimplifyError;
-use crate::control::Control;
-use crate::options::{Method, SimplifyOptions};
+use crate::attributes::ranges::{UNLIMITED_RANGE, has_ranges, ranges};
+use crate::options::Method;
 pub use scene::ProgressiveScene;
 
 /// Elements in a block of the change tracking.
@@ -126,24 +125,6 @@ impl ChangedBlocks {
 }
 
 impl Progressive {
-    /// Records the simplification of a mesh down to its stops or, without any, as far as possible. The result
-    /// is at the level of the full mesh.
-    ///
-    /// A stop at an error refers to the [estimate](Self::error). Methods that make a new mesh at once cannot
-    /// be recorded. Cost: three to eight times the time of a run of [`simplify`](crate::simplify()) to the
-    /// end (docs/progressive.md).
-    ///
-    /// # Errors
-    /// Those of [`simplify`](crate::simplify()); [`SimplifyError::NotOfMethod`] for a method without
-    /// contractions, [`SimplifyError::NotTogether`] with [`SimplifyOptions::escalate`].
-    pub fn build(
-        mesh: &TriMesh,
-        options: &SimplifyOptions,
-        control: &mut dyn Control,
-    ) -> Result<Self, SimplifyError> {
-        build::build(mesh, options, control).map(|built| built.mesh)
-    }
-
     /// Makes a progressive mesh from splits, at the level of the full mesh. Cost: O(n).
     pub fn new(splits: Splits) -> Self {
         let (mut faces, mut vertex_of) = (splits.faces.clone(), splits.vertex_of.clone());
@@ -404,6 +385,22 @@ impl Progressive {
     }
 }
 
+/// Returns the ranges of the values in a row, over these rows; values without a range have an unlimited one.
+pub(super) fn value_ranges(layout: &Layout, rows: &[f32]) -> Vec<[f32; 2]> {
+    let mut all = ranges(rows, layout.width());
+    if layout.has_normals {
+        all[..3].fill(UNLIMITED_RANGE);
+    }
+    let mut end = all.len();
+    for (semantic, width) in layout.further.iter().rev() {
+        if !has_ranges(semantic) {
+            all[end - width..end].fill(UNLIMITED_RANGE);
+        }
+        end -= width;
+    }
+    all
+}
+
 /// Drops the changes of the first `splits` splits. Returns the number of dropped entries.
 fn drop_first_splits<A, T>(changes: &mut Changes<A, T>, splits: usize) -> usize {
     let gone = changes.ends[splits];
@@ -452,7 +449,7 @@ impl SplitSequence {
             self.rows.extend_from_slice(row);
             row.copy_from_slice(&data.rows.to[i * width..][..width]);
         }
-        self.ranges = fit_levels::ranges(&data.layout, values);
+        self.ranges = value_ranges(&data.layout, values);
         let places = &data.places;
         match (&mut *positions, &mut self.places, &places.to) {
             (Positions::F32(p), Positions::F32(from), Positions::F32(to)) => {

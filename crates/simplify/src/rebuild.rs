@@ -5,27 +5,18 @@ mod distinct;
 mod task;
 mod transfer;
 
-use glam::DVec3;
-use lodsmith_core::geometry::frame::UnitFrame;
 use lodsmith_core::spatial::Bvh;
-use lodsmith_core::{Bounds, FaceId, Positions, PositionsView, Surface, TriMesh, VertexId};
+use lodsmith_core::{Positions, PositionsView, Surface, VertexId};
 
-use crate::attributes::Rows;
-use crate::collapse::order::{self, NONE, Ordered};
+use crate::collapse::order::NONE;
 use crate::collapse::{Goal, StopReason};
-use crate::constraints::HeldWedges;
 use crate::control::{Control, Stage, Verdict};
-use crate::input::Input;
 use crate::options::Method;
 use crate::run::{Run, RunOutcome};
 use crate::{SimplifyError, planar, recolor, remesh, unsubdivide, vertex_removal};
 pub(crate) use task::{Ending, PreparedInput, RebuiltSurface, Task};
-use transfer::{AttributeSource, Shading, TransferredAttributes};
-
-/// True if an error limit is enforced by the steps of the method, instead of by their number.
-pub(crate) fn limits_error_by_step(method: Method) -> bool {
-    matches!(method, Method::Planar | Method::Unsubdivide)
-}
+use transfer::with_transferred_attributes;
+pub(crate) use transfer::{transfer_to_bare_mesh, transfer_to_mesh};
 
 /// Runs the options' method once, to a goal.
 pub(crate) fn pass(
@@ -59,45 +50,7 @@ fn prepared_input(run: &Run<'_, '_>) -> PreparedInput {
     PreparedInput {
         locked,
         cost_factors: run.constraints.cost_factors(),
-        ..prepared_input_of(run.input, run.ordered)
-    }
-}
-
-/// Prepares the input, without per-vertex locks and importance.
-fn prepared_input_of(input: &Input<'_>, ordered: &Ordered) -> PreparedInput {
-    let surface = &input.surface;
-    let positions = surface.positions();
-    let first = ordered.first_vertices();
-    let places: Vec<[f64; 3]> = first.iter().map(|&v| positions.get(v)).collect();
-    let bounds = PositionsView::F64(&places).bounds().unwrap_or(Bounds { min: [0.0; 3], max: [0.0; 3] });
-    let frame = UnitFrame::of(&bounds);
-    let mut faces = match ordered.faces.is_empty() {
-        // Already consumed by an earlier pass.
-        true => ordered.remake_faces(surface),
-        false => ordered.faces.clone(),
-    };
-    let mut origin = ordered.of_faces(surface, FaceId::new);
-    let regions = input.mesh.and_then(TriMesh::regions).filter(|r| r.iter().any(|x| *x != r[0]));
-    let mut regions = regions.map(|r| ordered.of_faces(surface, |i| r[i]));
-    let keep = distinct::first_of_each(&faces);
-    let duplicate_faces = keep.iter().filter(|k| !**k).count();
-    if duplicate_faces > 0 {
-        distinct::retain(&mut faces, &keep);
-        distinct::retain(&mut origin, &keep);
-        regions.iter_mut().for_each(|r| distinct::retain(r, &keep));
-    }
-    PreparedInput {
-        frame,
-        points: places.iter().map(|&p| frame.unit_from_user(p)).collect(),
-        faces,
-        origin,
-        regions,
-        locked: None,
-        cost_factors: None,
-        duplicate_faces,
-        diagonal: ordered.diagonal,
-        is_single: matches!(positions, PositionsView::F32(_)),
-        first,
+        ..PreparedInput::of(run.input, run.ordered)
     }
 }
 
@@ -165,74 +118,6 @@ fn outcome(
     })
 }
 
-/// Transfers attributes anew to a result whose seams were relaxed: a face across a seam would show what lies
-/// between two pieces of the texture. The shading is kept.
-pub(crate) fn retransfer_attributes(
-    run: &Run<'_, '_>,
-    mesh: &TriMesh,
-    shading: Shading<'_>,
-) -> Result<TriMesh, SimplifyError> {
-    transfer_to_mesh(run.input, run.ordered, mesh, Some(shading))
-}
-
-/// Transfers the input's attributes to a mesh without any.
-pub(crate) fn transfer_to_bare_mesh(input: &Input<'_>, mesh: &TriMesh) -> Result<TriMesh, SimplifyError> {
-    transfer_to_mesh(input, &order::order(&input.surface), mesh, None)
-}
-
-fn transfer_to_mesh(
-    input: &Input<'_>,
-    ordered: &Ordered,
-    mesh: &TriMesh,
-    shading: Option<Shading<'_>>,
-) -> Result<TriMesh, SimplifyError> {
-    let ground = prepared_input_of(input, ordered);
-    let surface = mesh.surface();
-    let view = surface.positions();
-    let points: Vec<DVec3> = view.iter().map(|p| ground.frame.unit_from_user(p)).collect();
-    let made = RebuiltSurface {
-        kept: vec![NONE; points.len()],
-        points,
-        faces: surface.triangles().to_vec(),
-        regions: mesh.regions().map(<[_]>::to_vec),
-        ..RebuiltSurface::default()
-    };
-    Ok(with_transferred_attributes(input, ordered, &ground, &made, mesh.positions().clone(), shading)?.0)
-}
-
-/// Builds the new mesh, with attributes transferred from the input.
-fn with_transferred_attributes(
-    input: &Input<'_>,
-    ordered: &Ordered,
-    ground: &PreparedInput,
-    made: &RebuiltSurface,
-    positions: Positions,
-    shading: Option<Shading<'_>>,
-) -> Result<(TriMesh, HeldWedges), SimplifyError> {
-    let place = |mesh: &TriMesh, w| ordered.rank[input.joined(mesh.vertex_of(w)).index()];
-    let rows = |mesh: &TriMesh| Rows::new(mesh, |w| place(mesh, w));
-    let Some((input, (rows, attributes))) = input.mesh.and_then(|mesh| Some((mesh, rows(mesh)?))) else {
-        return Ok((TriMesh::new(positions, made.faces.clone())?, HeldWedges::default()));
-    };
-    let wedges: Vec<_> = ground.origin.iter().map(|f| input.triangles()[f.index()]).collect();
-    let corners: Vec<_> = wedges.iter().map(|t| t.map(|w| rows.wedge_rows[w.index()])).collect();
-    let clothes = AttributeSource {
-        ground,
-        rows: &rows,
-        attributes: &attributes,
-        corners: &corners,
-        wedges: &wedges,
-        shading,
-    };
-    let TransferredAttributes { corners, attributes, regions, held } =
-        transfer::transfer_attributes(&clothes, made)?;
-    let mut mesh = rows.mesh(Some(&attributes), positions, &made.faces, &corners)?;
-    let all_one = || input.regions().and_then(|all| all.first().map(|&r| vec![r; made.faces.len()]));
-    mesh.set_regions(regions.or_else(all_one))?;
-    held.restore(&mut mesh, input);
-    Ok((mesh, held))
-}
-
 /// Maximum number of input vertices sampled for an estimate.
 const MAX_ESTIMATE_SAMPLES: usize = 2000;
 
@@ -256,10 +141,11 @@ fn estimate(ground: &PreparedInput, made: &RebuiltSurface) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use lodsmith_core::WedgeId;
+    use lodsmith_core::{TriMesh, WedgeId};
 
     use super::*;
     use crate::control::NoControl;
+    use crate::input::Input;
     use crate::options::SimplifyOptions;
     use crate::run;
 

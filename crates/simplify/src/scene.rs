@@ -20,9 +20,9 @@ use crate::control::Control;
 use crate::input::Input;
 use crate::options::{Length, SimplifyOptions, Stop};
 use crate::report::{Report, StoppedBy};
-use crate::run;
+use crate::run::is_chained;
 use crate::textures::Textures;
-use crate::{Simplified, SimplifyError, prune};
+use crate::{Simplified, SimplifyError, pipeline, prune};
 
 /// A mesh of a scene.
 #[derive(Clone, Copy, Debug)]
@@ -153,7 +153,7 @@ pub(crate) fn chain_of_scene(
     is_traced: bool,
     control: &mut dyn Control,
 ) -> Result<Option<Vec<SceneLevel>>, SimplifyError> {
-    if options.per_mesh || !run::is_chained(options, stops) {
+    if options.per_mesh || !is_chained(options, stops) {
         return Ok(None);
     }
     let whole = JoinedScene::new(parts, diagonal, options)?;
@@ -163,7 +163,7 @@ pub(crate) fn chain_of_scene(
     }
     let own: Vec<Stop> = goals.iter().map(|goal| whole.own_stop(goal, goal.wanted())).collect();
     let input = Input { surface: whole.mesh.surface(), mesh: Some(&whole.mesh), joined: None };
-    let (all, mergers) = run::run_chain(&input, &whole.options, &own, is_traced, control)?;
+    let (all, mergers) = pipeline::simplify_chain(&input, &whole.options, &own, is_traced, control)?;
     let mut first = 0;
     let mut before: Vec<Vec<VertexId>> = Vec::with_capacity(parts.len());
     for part in parts {
@@ -310,7 +310,7 @@ impl<'a> JoinedScene<'a> {
         for _ in 0..if self.is_direct(&goal) { 1 } else { MAX_COUNT_RUNS } {
             options.stop = self.own_stop(&goal, wanted);
             let input = Input { surface: self.mesh.surface(), mesh: Some(&self.mesh), joined: None };
-            let (Simplified { mesh, report }, held) = run::run(&input, &options, control)?;
+            let (Simplified { mesh, report }, held) = pipeline::simplify(&input, &options, control)?;
             let (meshes, _) = self.split_parts(&mesh, &held)?;
             let got = self.count_of_instances(goal.counted, &meshes);
             // The largest count within the goal is best; if none is within, the smallest.

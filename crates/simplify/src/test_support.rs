@@ -10,7 +10,7 @@ use crate::constraints::Constraints;
 use crate::control::NoControl;
 use crate::input::Input;
 use crate::metric::Metric;
-use crate::run::{Run, goal, ordered, pass_of};
+use crate::run::{Run, collapses, ordered};
 
 /// A coordinate: few values are likely, so that vectors often coincide, are coplanar or zero.
 fn coordinate() -> impl Strategy<Value = f32> {
@@ -52,10 +52,8 @@ pub(crate) fn with_engine<M: Metric>(
     let input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
     let Ok(mut in_order) = ordered(&input, &mut NoControl) else { return };
     let care = Constraints::new(options, &in_order, |v| v);
-    let goal = goal(options, mesh.face_count());
-    let (input, pass) = (&input, pass_of(options.method));
-    let mut run =
-        Run { input, options, ordered: &mut in_order, goal, constraints: &care, pass, is_traced: false };
+    let pass = collapses(options.method).expect("a method that collapses edges");
+    let mut run = Run::new(&input, options, &mut in_order, &care, pass);
     let mut started = run.start(metric, None, false, (&[], 0)).expect("the options are sound");
     act(&mut started.engine, &run);
 }

@@ -14,10 +14,13 @@ use syn::{Attribute, Expr, Item, Token, UseTree, Visibility};
 type Names = Vec<String>;
 
 /// A module: its file, its child modules, and the names that `use` imports.
+#[derive(Default)]
 struct Module {
     file: usize,
     children: BTreeSet<String>,
     imports: BTreeMap<String, Names>,
+    /// Functions of its own: an imported module can have the name of one.
+    functions: BTreeSet<String>,
     /// All paths in its code, including those of `use`.
     named: Vec<Names>,
 }
@@ -70,10 +73,12 @@ impl Crate {
     }
 
     fn enter(&mut self, file: usize, folder: &Path, name: Names, items: &[Item]) -> Result<()> {
-        let mut module =
-            Module { file, children: BTreeSet::new(), imports: BTreeMap::new(), named: Vec::new() };
+        let mut module = Module { file, ..Module::default() };
         for item in items {
             let Item::Mod(inner) = item else {
+                if let Item::Fn(own) = item {
+                    module.functions.insert(own.sig.ident.to_string());
+                }
                 Reader(&mut module).visit_item(item);
                 continue;
             };
@@ -128,6 +133,8 @@ impl Crate {
             let module = &self.modules[&at];
             if word == "super" {
                 at.pop();
+            } else if further.is_empty() && module.functions.contains(word) {
+                return Some((module.file, word.clone()));
             } else if module.children.contains(word) {
                 at.push(word.clone());
             } else if let Some(import) = module.imports.get(word) {
@@ -318,6 +325,14 @@ mod tests {
         // Tests do not count.
         let tested = ("c/d.rs", "struct H; #[cfg(test)] mod tests { use crate::a::f; }");
         assert_eq!(found(&[root, to_b, to_c, back, tested]), Vec::<Vec<String>>::new());
+    }
+
+    #[test]
+    fn a_function_is_found_where_a_module_of_its_name_is_imported() {
+        let root = ("lib.rs", "mod run; mod cluster;");
+        let top = ("run.rs", "use crate::cluster; pub fn run() { cluster::run() } pub fn goal() {}");
+        let below = ("cluster.rs", "use crate::run; pub fn run() { run::goal() }");
+        assert_eq!(found(&[root, top, below]), [["cluster.rs", "run.rs"]]);
     }
 
     #[test]

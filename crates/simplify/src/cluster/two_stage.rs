@@ -84,7 +84,7 @@ impl<P: ClusterPosition> ClusterRun<'_, P> {
         let mut share = limit;
         for stage in 1.. {
             options.stop.error = share.map(Length::Units);
-            let (mut done, held) = run::run_by_method(&input, &options, control)?;
+            let (mut done, held) = run::run_by_collapses(&input, &options, control)?;
             if judge.is_some() {
                 control.stage(Stage::Measure);
             }
@@ -144,7 +144,7 @@ fn without_first_stage(
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<(Simplified, HeldWedges), SimplifyError> {
-    let (mut done, held) = run::run_by_method(input, options, control)?;
+    let (mut done, held) = run::run_by_collapses(input, options, control)?;
     let Report { input_faces: faces, input_vertices: vertices, .. } = done.report;
     done.report.clustered = Some(Clustered { faces, vertices, ..Clustered::default() });
     Ok((done, held))

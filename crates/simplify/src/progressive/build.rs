@@ -1,29 +1,25 @@
 //! Construction of a progressive mesh: the run, its record, and the fit of levels.
 
-use lodsmith_core::mesh::defects::is_zero_area;
-use lodsmith_core::mesh::weld;
-use lodsmith_core::{FaceId, Splits, Surface, TriMesh, VertexId, WedgeId};
+use lodsmith_core::{FaceId, Splits, TriMesh, VertexId, WedgeId};
 
 use super::checkpoints::{Recorded, Weights};
 use super::values::ValueFitter;
 use super::{Progressive, RECORDED_METHODS, arrange};
 use crate::SimplifyError;
 use crate::attributes::Rows;
+use crate::collapse::Goal;
 use crate::collapse::attributes::Attributes;
-use crate::collapse::cut::may_cut;
-use crate::collapse::order::{self, NONE, Ordered};
+use crate::collapse::order::{NONE, Ordered};
 use crate::collapse::record::{InputNames, MeshCopy, Record};
 use crate::collapse::store::{Facing, Store};
-use crate::collapse::{Goal, StopReason};
 use crate::constraints::{self, Constraints};
-use crate::control::{Control, Stage, Verdict};
+use crate::control::{Control, Stage};
 use crate::fit::Originals;
 use crate::input::Input;
 use crate::metric::{Dimension, Memoryless, Metric, NeighbourhoodMetric, Quadric, VertexMemory};
-use crate::options::{Length, Method, Placement, SimplifyOptions, TopologyPolicy};
-use crate::prune;
-use crate::run::{self, Run, Source, Started};
-use crate::shading;
+use crate::options::{Method, Placement, SimplifyOptions};
+use crate::pipeline::prepare::{Prepared, lent_normals};
+use crate::run::{self, Run, Started};
 
 /// A recorded run of one method.
 type RecordedRun = fn(&mut Run<'_, '_>, &TriMesh, &mut dyn Control) -> Result<RecordedMesh, SimplifyError>;
@@ -52,6 +48,26 @@ impl Costs {
     /// `scale`.
     pub(super) fn factor(&self, scale: f64) -> f64 {
         self.dimension.of(self.unit * scale, self.mean)
+    }
+}
+
+impl Progressive {
+    /// Records the simplification of a mesh down to its stops or, without any, as far as possible. The result
+    /// is at the level of the full mesh.
+    ///
+    /// A stop at an error refers to the [estimate](Self::error). Methods that make a new mesh at once cannot
+    /// be recorded. Cost: three to eight times the time of a run of [`simplify`](crate::simplify()) to the
+    /// end (docs/progressive.md).
+    ///
+    /// # Errors
+    /// Those of [`simplify`](crate::simplify()); [`SimplifyError::NotOfMethod`] for a method without
+    /// contractions, [`SimplifyError::NotTogether`] with [`SimplifyOptions::escalate`].
+    pub fn build(
+        mesh: &TriMesh,
+        options: &SimplifyOptions,
+        control: &mut dyn Control,
+    ) -> Result<Self, SimplifyError> {
+        build(mesh, options, control).map(|built| built.mesh)
     }
 }
 
@@ -85,42 +101,20 @@ pub(super) fn build(
     if options.escalate {
         return Err(SimplifyError::NotTogether { first: "progressive", second: "escalate" });
     }
-    let mut options = options.with_own_placement();
-    control.stage(Stage::Prepare);
-    if control.progress(0.0) == Verdict::Cancel {
-        return Err(SimplifyError::Cancelled);
-    }
-    let lent = match options.shape_normals {
-        true => {
-            shading::with_shape_normals(&Input { surface: mesh.surface(), mesh: Some(mesh), joined: None })?
-        }
-        false => None,
-    };
-    let input = prepared(lent.as_ref().unwrap_or(mesh), &mut options)?;
-    let surface = &input.surface;
-    let mut ordered = order::order(surface);
-    let has_area =
-        |t: &[VertexId; 3]| ordered.is_sound(t) && !is_zero_area(t.map(|v| surface.positions().get(v)));
-    if !surface.triangles().iter().any(has_area) {
-        return Err(SimplifyError::NoFaces { faces: mesh.face_count() });
-    }
+    let options = options.with_own_placement();
+    let whole = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
+    let lent = lent_normals(&whole, &options)?;
+    let Prepared { input, options, .. } = &Prepared::new(&whole, lent.as_ref(), &options)?;
+    let mut ordered = run::ordered(input, control)?;
     let stop = &options.stop;
     let counts = stop.faces.is_some() || stop.vertices.is_some() || stop.ratio.is_some();
-    let goal = match counts || options.method_options.ends_without_stop(options.method) {
-        true => run::goal(&options, mesh.face_count()),
-        false => Goal { faces: Some(1), vertices: None },
-    };
+    let has_end = counts || options.method_options.ends_without_stop(options.method);
     let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
-    let care = Constraints::new(&options, &ordered, |v| input.joined(v));
-    let mut run = Run {
-        input: &input,
-        options: &options,
-        ordered: &mut ordered,
-        goal,
-        constraints: &care,
-        pass,
-        is_traced: false,
-    };
+    let care = Constraints::new(options, &ordered, |v| input.joined(v));
+    let mut run = Run::new(input, options, &mut ordered, &care, pass);
+    if !has_end {
+        run.goal = Goal { faces: Some(1), vertices: None };
+    }
     let built = walk(&mut run, mesh, control)?;
     let RecordedMesh { mesh: mut road, mut costs } = built;
     if let Some(limit) = limit {
@@ -131,35 +125,6 @@ pub(super) fn build(
     }
     road.to_level(road.top());
     Ok(RecordedMesh { mesh: road, costs })
-}
-
-/// Returns the input without small parts and with near vertices merged, as the options ask for.
-fn prepared<'a>(mesh: &'a TriMesh, options: &mut SimplifyOptions) -> Result<Input<'a>, SimplifyError> {
-    let mut input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
-    let positions = input.surface.positions();
-    let diagonal = prune::diagonal(&input.surface);
-    if let Some(size) = options.prune {
-        let units = |length: Length| Length::Units(length.in_units(diagonal));
-        (options.stop.error, options.weld) = (options.stop.error.map(units), options.weld.map(units));
-        options.guards.max_edge = options.guards.max_edge.map(units);
-        options.method_options.pairs = options.method_options.pairs.map(units);
-        let near = options.weld.map(|d| d.in_units(diagonal));
-        let locked = options.locked.as_deref();
-        let small = prune::small_parts(&input.surface, size.in_units(diagonal), near, locked);
-        if small.pruned.parts > 0 {
-            let (triangles, _) = prune::without_small(&input.surface, &small.is_small);
-            input.surface = Surface::with_triangles(positions, triangles)?;
-        }
-    }
-    if let Some(distance) = options.weld {
-        let diagonal = positions.bounds().map_or(0.0, |b| b.diagonal());
-        let near = weld::weld_within(positions, distance.in_units(diagonal));
-        let (joined, _) = constraints::weld_onto_locked(&near, positions, options);
-        let triangles = input.surface.triangles().iter().map(|t| t.map(|v| joined[v.index()])).collect();
-        input.surface = Surface::with_triangles(positions, triangles)?;
-        input.joined = Some(joined);
-    }
-    Ok(input)
 }
 
 /// Runs to the end and builds the progressive mesh from the record. `mesh` is the input without lent normals.
@@ -176,28 +141,8 @@ fn record_run<M: Metric>(
         run.start(metric, None, true, (&goals, goals.len() - 1))?;
     let record = record(run, mesh, &engine.mesh.store, engine.mesh.values.attributes.as_ref(), rows);
     let by_place = record.names.faces.clone();
-    engine.log_start(Box::new(record));
     let facings: Vec<Facing> = engine.mesh.store.v.iter().map(|x| x.facing).collect();
-
-    control.stage(Stage::Collapse);
-    let topology = run.options.topology;
-    engine.mesh.constraints.keeps_parts = topology != TopologyPolicy::Free;
-    if topology == TopologyPolicy::Free {
-        engine.mesh.constraints.cuts_necks = true;
-        engine.enable_part_removal();
-    }
-    let source = Source { surface: &run.input.surface, ordered: run.ordered, is_kept };
-    let mut end = engine.sweep(&run.goal, &source, control);
-    let in_order = engine.record.as_ref().map_or(0, |record| record.log.steps.len());
-    if end == StopReason::Stuck && topology == TopologyPolicy::Relaxed {
-        // As far as possible without changing the topology; from here on parts are removed and handles cut.
-        control.stage(Stage::Collapse);
-        engine.resume(may_cut(run.options));
-        end = engine.sweep(&run.goal, &source, control);
-    }
-    let Some(record) = engine.record.take().filter(|_| end != StopReason::Cancel) else {
-        return Err(SimplifyError::Cancelled);
-    };
+    let (record, in_order) = run.sweep_recorded(&mut engine, record, is_kept, control)?;
     let area = engine.mesh.area_of_input();
     let weights = Weights { kept: metric.squared_rms_factor() / 6.0 / area, lost: 0.25 / area };
     let counted = goals.iter().filter_map(|g| g.faces).zip(weights_of_attributes).collect();
@@ -206,7 +151,7 @@ fn record_run<M: Metric>(
     let fits = run.wants_fit(metric.cost_source());
     let dimension = metric.dimension();
     let taken = EngineData { by_place, facings, in_order, area, weights, fits, values, counted, dimension };
-    build_progressive(run, mesh, *record, taken, control)
+    build_progressive(run, mesh, record, taken, control)
 }
 
 /// Data taken from the engine before it is dropped.

@@ -5,11 +5,11 @@
 //! the logarithm of the number of faces.
 
 use glam::Vec3;
-use lodsmith_core::splits::{Checkpoint, Counts, Layout};
+use lodsmith_core::splits::{Checkpoint, Counts};
 use lodsmith_core::{Positions, Semantic, VertexId, WedgeId};
 
 use super::Progressive;
-use crate::attributes::ranges::{self, UNLIMITED_RANGE, has_ranges, within};
+use crate::attributes::ranges::within;
 
 /// If the errors of two checkpoints differ by more than this factor, only the finer one counts: exactly flat
 /// parts end somewhere, and the fit of coarser levels must not affect finer ones. (Guessed; on smooth
@@ -179,22 +179,6 @@ impl Progressive {
             at += width;
         }
     }
-}
-
-/// Returns the ranges of the values in a row, over these rows; values without a range have an unlimited one.
-pub(super) fn ranges(layout: &Layout, rows: &[f32]) -> Vec<[f32; 2]> {
-    let mut all = ranges::ranges(rows, layout.width());
-    if layout.has_normals {
-        all[..3].fill(UNLIMITED_RANGE);
-    }
-    let mut end = all.len();
-    for (semantic, width) in layout.further.iter().rev() {
-        if !has_ranges(semantic) {
-            all[end - width..end].fill(UNLIMITED_RANGE);
-        }
-        end -= width;
-    }
-    all
 }
 
 /// Blends the offsets of two checkpoints, for the elements that they are valid for; if only one is valid, it

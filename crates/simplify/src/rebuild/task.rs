@@ -2,9 +2,12 @@
 
 use glam::DVec3;
 use lodsmith_core::geometry::frame::UnitFrame;
-use lodsmith_core::{FaceId, RegionId, TriMesh, VertexId};
+use lodsmith_core::{Bounds, FaceId, PositionsView, RegionId, TriMesh, VertexId};
 
+use super::distinct;
 use crate::collapse::Goal;
+use crate::collapse::order::Ordered;
+use crate::input::Input;
 use crate::options::{Length, SimplifyOptions};
 use crate::report::Refusal;
 
@@ -33,6 +36,44 @@ pub(crate) struct PreparedInput {
 }
 
 impl PreparedInput {
+    /// Prepares the input, without per-vertex locks and importance.
+    pub(crate) fn of(input: &Input<'_>, ordered: &Ordered) -> Self {
+        let surface = &input.surface;
+        let positions = surface.positions();
+        let first = ordered.first_vertices();
+        let places: Vec<[f64; 3]> = first.iter().map(|&v| positions.get(v)).collect();
+        let bounds = PositionsView::F64(&places).bounds().unwrap_or(Bounds { min: [0.0; 3], max: [0.0; 3] });
+        let frame = UnitFrame::of(&bounds);
+        let mut faces = match ordered.faces.is_empty() {
+            // Already consumed by an earlier pass.
+            true => ordered.remake_faces(surface),
+            false => ordered.faces.clone(),
+        };
+        let mut origin = ordered.of_faces(surface, FaceId::new);
+        let regions = input.mesh.and_then(TriMesh::regions).filter(|r| r.iter().any(|x| *x != r[0]));
+        let mut regions = regions.map(|r| ordered.of_faces(surface, |i| r[i]));
+        let keep = distinct::first_of_each(&faces);
+        let duplicate_faces = keep.iter().filter(|k| !**k).count();
+        if duplicate_faces > 0 {
+            distinct::retain(&mut faces, &keep);
+            distinct::retain(&mut origin, &keep);
+            regions.iter_mut().for_each(|r| distinct::retain(r, &keep));
+        }
+        Self {
+            frame,
+            points: places.iter().map(|&p| frame.unit_from_user(p)).collect(),
+            faces,
+            origin,
+            regions,
+            locked: None,
+            cost_factors: None,
+            duplicate_faces,
+            diagonal: ordered.diagonal,
+            is_single: matches!(positions, PositionsView::F32(_)),
+            first,
+        }
+    }
+
     /// Converts a length of the options to the unit frame.
     pub(crate) fn length(&self, length: Length) -> f64 {
         self.frame.unit_length(length.in_units(self.diagonal))

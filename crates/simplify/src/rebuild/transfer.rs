@@ -9,14 +9,15 @@ use std::collections::HashMap;
 use glam::DVec3;
 use lodsmith_core::geometry::triangle::{double_area_normal, nearest, weights_at};
 use lodsmith_core::spatial::Bvh;
-use lodsmith_core::{FaceId, PositionsView, RegionId, Surface, VertexId, WedgeId};
+use lodsmith_core::{FaceId, Positions, PositionsView, RegionId, Surface, TriMesh, VertexId, WedgeId};
 
-use super::{PreparedInput, RebuiltSurface};
+use super::task::{PreparedInput, RebuiltSurface};
 use crate::SimplifyError;
 use crate::attributes::Rows;
 use crate::collapse::attributes::{Attributes, JointWeights};
-use crate::collapse::order::NONE;
+use crate::collapse::order::{self, NONE, Ordered};
 use crate::constraints::HeldWedges;
+use crate::input::Input;
 
 /// No neighbour: at a border, a seam or a non-manifold edge.
 const NO_NEIGHBOUR: u32 = u32::MAX;
@@ -33,7 +34,7 @@ const ROW_TOLERANCE: f32 = 1e-5;
 const MOST_CORNERS: usize = 64;
 
 /// Attribute values at the corners of the original surface.
-pub(super) struct AttributeSource<'a> {
+struct AttributeSource<'a> {
     pub(super) ground: &'a PreparedInput,
     pub(super) rows: &'a Rows,
     pub(super) attributes: &'a Attributes,
@@ -49,16 +50,75 @@ pub(super) struct AttributeSource<'a> {
 pub(crate) type Shading<'a> = (&'a Attributes, &'a [[WedgeId; 3]]);
 
 /// Attributes of the new surface.
-pub(super) struct TransferredAttributes {
+struct TransferredAttributes {
     pub(super) corners: Vec<[WedgeId; 3]>,
     pub(super) attributes: Attributes,
     pub(super) regions: Option<Vec<RegionId>>,
     pub(super) held: HeldWedges,
 }
 
+/// Transfers the input's attributes to a mesh without any.
+pub(crate) fn transfer_to_bare_mesh(input: &Input<'_>, mesh: &TriMesh) -> Result<TriMesh, SimplifyError> {
+    transfer_to_mesh(input, &order::order(&input.surface), mesh, None)
+}
+
+/// Transfers the input's attributes to a mesh; the shading is kept if it is given. This is also for results whose
+/// seams were relaxed: a face across a seam would show what lies between two pieces of the texture.
+pub(crate) fn transfer_to_mesh(
+    input: &Input<'_>,
+    ordered: &Ordered,
+    mesh: &TriMesh,
+    shading: Option<Shading<'_>>,
+) -> Result<TriMesh, SimplifyError> {
+    let ground = PreparedInput::of(input, ordered);
+    let surface = mesh.surface();
+    let view = surface.positions();
+    let points: Vec<DVec3> = view.iter().map(|p| ground.frame.unit_from_user(p)).collect();
+    let made = RebuiltSurface {
+        kept: vec![NONE; points.len()],
+        points,
+        faces: surface.triangles().to_vec(),
+        regions: mesh.regions().map(<[_]>::to_vec),
+        ..RebuiltSurface::default()
+    };
+    Ok(with_transferred_attributes(input, ordered, &ground, &made, mesh.positions().clone(), shading)?.0)
+}
+
+/// Builds the new mesh, with attributes transferred from the input.
+pub(super) fn with_transferred_attributes(
+    input: &Input<'_>,
+    ordered: &Ordered,
+    ground: &PreparedInput,
+    made: &RebuiltSurface,
+    positions: Positions,
+    shading: Option<Shading<'_>>,
+) -> Result<(TriMesh, HeldWedges), SimplifyError> {
+    let place = |mesh: &TriMesh, w| ordered.rank[input.joined(mesh.vertex_of(w)).index()];
+    let rows = |mesh: &TriMesh| Rows::new(mesh, |w| place(mesh, w));
+    let Some((input, (rows, attributes))) = input.mesh.and_then(|mesh| Some((mesh, rows(mesh)?))) else {
+        return Ok((TriMesh::new(positions, made.faces.clone())?, HeldWedges::default()));
+    };
+    let wedges: Vec<_> = ground.origin.iter().map(|f| input.triangles()[f.index()]).collect();
+    let corners: Vec<_> = wedges.iter().map(|t| t.map(|w| rows.wedge_rows[w.index()])).collect();
+    let clothes = AttributeSource {
+        ground,
+        rows: &rows,
+        attributes: &attributes,
+        corners: &corners,
+        wedges: &wedges,
+        shading,
+    };
+    let TransferredAttributes { corners, attributes, regions, held } = transfer_attributes(&clothes, made)?;
+    let mut mesh = rows.mesh(Some(&attributes), positions, &made.faces, &corners)?;
+    let all_one = || input.regions().and_then(|all| all.first().map(|&r| vec![r; made.faces.len()]));
+    mesh.set_regions(regions.or_else(all_one))?;
+    held.restore(&mut mesh, input);
+    Ok((mesh, held))
+}
+
 /// Transfers attributes to the faces of `made`. Cost: O(n log n) for n faces of the prepared input; a new
 /// face visits the original ones under it.
-pub(super) fn transfer_attributes(
+fn transfer_attributes(
     clothes: &AttributeSource<'_>,
     made: &RebuiltSurface,
 ) -> Result<TransferredAttributes, SimplifyError> {

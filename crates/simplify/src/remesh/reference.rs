@@ -13,7 +13,7 @@ use crate::control::{Control, Stage, Verdict};
 use crate::input::Input;
 use crate::options::{BorderPolicy, Fit, Length, SimplifyOptions, Stop, TopologyPolicy};
 use crate::rebuild::{PreparedInput, Task};
-use crate::run::run;
+use crate::run::run_collapses;
 use crate::{Simplified, SimplifyError, StoppedBy};
 
 /// Edges with a larger dihedral bend than this are creases, in degrees. (A guess.)
@@ -204,7 +204,7 @@ pub(super) fn run_engine(
     control: &mut dyn Control,
 ) -> Result<Simplified, SimplifyError> {
     let input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
-    Ok(run(&input, options, &mut NestedControl(control))?.0)
+    Ok(run_collapses(&input, options, &mut NestedControl(control))?.0)
 }
 
 /// Control of a nested run: forwards requests to stop, reports no stages.

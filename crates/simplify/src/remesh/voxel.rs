@@ -29,10 +29,11 @@ use crate::SimplifyError;
 use crate::clean::orient;
 use crate::collapse::order::NONE;
 use crate::control::{Control, Verdict};
+use crate::input::Input;
 use crate::options::{Method, SimplifyOptions, Stop, TopologyPolicy};
 use crate::rebuild::{Ending, RebuiltSurface, Task};
 use crate::report::StoppedBy;
-use crate::run;
+use crate::run::run_collapses;
 
 /// Maximum number of cells that the surface may pass through: about 400 bytes each at the peak.
 const MAX_CELLS: f64 = 8e6;
@@ -446,12 +447,12 @@ fn collapse_to_goal(
     options.method = Method::Memoryless;
     options.topology = TopologyPolicy::Preserve;
     let mesh = TriMesh::new(Positions::F64(points.iter().map(|p| p.to_array()).collect()), faces)?;
-    let input = run::Input { surface: mesh.surface(), mesh: None, joined: None };
-    let (mut done, _) = run::run(&input, &options, control)?;
+    let input = Input { surface: mesh.surface(), mesh: None, joined: None };
+    let (mut done, _) = run_collapses(&input, &options, control)?;
     if !done.report.reached && done.report.stopped_by != StoppedBy::Caller {
         // Cuts handles and drops components only if necessary; no borders arise.
         options.topology = TopologyPolicy::Relaxed;
-        done = run::run(&input, &options, control)?.0;
+        done = run_collapses(&input, &options, control)?.0;
     }
     let end = match done.report.stopped_by {
         StoppedBy::Caller => Ending::Finish,

@@ -16,17 +16,19 @@
 
 use lodsmith_core::VertexId;
 
+use super::context::{Done, Run, RunOutcome, TopologyChanges};
+use super::goal::goal;
+use super::report::build_report;
 use super::trunk::Trunk;
-use super::{
-    Done, Input, Run, RunOutcome, TopologyChanges, build_report, goal, ordered, pass_of, run_shaded,
-};
+use super::{collapses, ordered};
 use crate::SimplifyError;
 use crate::collapse::cut::may_cut;
 use crate::collapse::order::NONE;
 use crate::collapse::{Goal, Pause, StopReason};
-use crate::constraints::{self, Constraints};
+use crate::constraints::Constraints;
 use crate::control::{Control, ProgressShare, Stage};
 use crate::deviation::{self, Deviation};
+use crate::input::Input;
 use crate::metric::{Memoryless, Metric, NeighbourhoodMetric, Quadric};
 use crate::options::{Method, SimplifyOptions, Stop, TopologyPolicy};
 
@@ -54,29 +56,8 @@ pub(crate) fn is_chained(options: &SimplifyOptions, stops: &[Stop]) -> bool {
     passes_of(options.method).is_some() && !options.escalate && stops.iter().all(|s| s.error.is_none())
 }
 
-/// Runs to one stop after another, each a count below the previous one. With `is_traced`, returns the
-/// mergers.
-pub(crate) fn run_chain(
-    input: &Input<'_>,
-    options: &SimplifyOptions,
-    stops: &[Stop],
-    is_traced: bool,
-    control: &mut dyn Control,
-) -> Result<(Vec<Done>, Mergers), SimplifyError> {
-    for stop in stops {
-        SimplifyOptions { stop: *stop, ..options.clone() }.check()?;
-    }
-    constraints::check(options, input.surface.positions().len())?;
-    let mut mergers = Mergers::new();
-    let all = run_shaded(input, &options.with_own_placement(), &mut |input, options| {
-        let (all, own) = chain_by_method(input, options, stops, is_traced, control)?;
-        mergers = own;
-        Ok(all)
-    })?;
-    Ok((all, mergers))
-}
-
-fn chain_by_method(
+/// Runs to one stop after another, each a count below the previous one. With `is_traced`, returns the mergers.
+pub(crate) fn chain(
     input: &Input<'_>,
     options: &SimplifyOptions,
     stops: &[Stop],
@@ -90,9 +71,9 @@ fn chain_by_method(
     let goals: Vec<Goal> = of_levels.iter().map(|own| goal(own, faces)).collect();
     let care = Constraints::new(options, &in_order, |v| input.joined(v));
     let first = goals.first().copied().unwrap_or_default();
-    let pass = pass_of(options.method);
-    let mut run =
-        Run { input, options, ordered: &mut in_order, goal: first, constraints: &care, pass, is_traced };
+    let pass = collapses(options.method).expect("only methods that collapse edges come here");
+    let mut run = Run::new(input, options, &mut in_order, &care, pass);
+    (run.goal, run.is_traced) = (first, is_traced);
     let passes = passes_of(options.method).expect("only methods of sweeps come here");
     let outcomes = passes(&mut run, &goals, control)?;
     let mergers = if is_traced { run.mergers(&outcomes) } else { Mergers::new() };

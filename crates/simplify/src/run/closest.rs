@@ -4,7 +4,7 @@
 //! necks or contracting pairs. None of these is always the best, and their costs are not comparable, so the
 //! results are measured. This is the only place that decides between results of one run.
 
-use super::{Run, RunOutcome};
+use super::context::{Run, RunOutcome};
 use crate::collapse::StopReason;
 use crate::control::Control;
 

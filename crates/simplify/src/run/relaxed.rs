@@ -9,9 +9,9 @@
 //! many parts) is one of several candidates: the second pass is another, and a third lets seams give way in
 //! order of cost too. The result is the one that measures closest.
 
+use super::context::{Run, RunOutcome, TopologyChanges};
 use super::copies::Copies;
 use super::trunk::Trunk;
-use super::{Run, RunOutcome, TopologyChanges};
 use crate::SimplifyError;
 use crate::collapse::cut::may_cut;
 use crate::collapse::snapshot::Snapshot;
@@ -185,7 +185,7 @@ mod tests {
     use crate::input::Input;
     use crate::metric::Memoryless;
     use crate::options::{SimplifyOptions, Stop};
-    use crate::run::{goal, ordered, pass_of};
+    use crate::run::{collapses, ordered};
 
     /// Calls `act` with a run on a mesh to a number of faces.
     fn with_run(mesh: &TriMesh, faces: usize, act: &mut dyn FnMut(&mut Run<'_, '_>)) {
@@ -193,17 +193,8 @@ mod tests {
         let options = SimplifyOptions::new(Stop::faces(faces));
         let mut in_order = ordered(&input, &mut NoControl).unwrap();
         let care = Constraints::new(&options, &in_order, |v| v);
-        let goal = goal(&options, mesh.face_count());
-        let (input, options, pass) = (&input, &options, pass_of(options.method));
-        act(&mut Run {
-            input,
-            options,
-            ordered: &mut in_order,
-            goal,
-            constraints: &care,
-            pass,
-            is_traced: false,
-        });
+        let pass = collapses(options.method).unwrap();
+        act(&mut Run::new(&input, &options, &mut in_order, &care, pass));
     }
 
     /// Four tori side by side, with colours.

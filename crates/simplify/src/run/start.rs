@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use glam::Vec3;
 use lodsmith_core::{RegionId, VertexId, WedgeId};
 
-use super::Run;
+use super::context::Run;
 use crate::SimplifyError;
 use crate::attributes::{Rows, WeightContext};
 use crate::collapse::attributes::Attributes;

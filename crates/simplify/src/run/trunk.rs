@@ -6,8 +6,8 @@ use glam::Vec3;
 use lodsmith_core::VertexId;
 use lodsmith_core::mesh::weld;
 
-use super::start::pairs_reach;
-use super::{Run, RunOutcome, Source, Started, TopologyChanges};
+use super::context::{Run, RunOutcome, Source, TopologyChanges, Trace};
+use super::start::{Started, pairs_reach};
 use crate::SimplifyError;
 use crate::attributes::Rows;
 use crate::collapse::attributes::Attributes;
@@ -23,7 +23,7 @@ use crate::metric::Metric;
 use crate::normals;
 use crate::options::TopologyPolicy;
 use crate::ordered_input::KeptInput;
-use crate::rebuild;
+use crate::rebuild::transfer_to_mesh;
 use crate::recolor::{self, OwnParts};
 
 /// If at least the input divided by this remains, the fit needs more memory than the sweeps.
@@ -45,16 +45,6 @@ pub(super) struct Root {
     is_kept: bool,
     /// Attribute weights for each goal of a chain.
     pub(super) weights: Vec<Vec<f32>>,
-}
-
-/// Mapping between the vertices of the ordered input and those of a result.
-pub(crate) struct Trace {
-    /// Number in the engine of each vertex of the result.
-    pub(super) origins: Vec<VertexId>,
-    /// For each of them the vertex of the ordered input whose position it had at the start.
-    pub(super) places: Vec<VertexId>,
-    /// Vertex of the result for each number of the engine, or [`NONE`](crate::collapse::order::NONE).
-    pub(super) homes: Vec<VertexId>,
 }
 
 impl Run<'_, '_> {
@@ -150,7 +140,7 @@ impl Run<'_, '_> {
         if let (true, Some(attributes), Some(wedges)) =
             (engine.mesh.has_relaxed_seams(), &engine.mesh.values.attributes, &engine.mesh.store.wedges)
         {
-            mesh = rebuild::retransfer_attributes(self, &mesh, (attributes, wedges))?;
+            mesh = transfer_to_mesh(self.input, self.ordered, &mesh, Some((attributes, wedges)))?;
         }
         let held = self.held(&engine.mesh.store, rows);
         let own_parts = self.own_parts(engine, root);

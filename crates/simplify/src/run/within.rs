@@ -1,11 +1,14 @@
 //! Runs that end by an error limit.
 
+use super::context::{Finished, Run, RunOutcome};
+use super::copies::Copies;
 use super::ladder::{LevelCounts, LevelTest};
-use super::{Finished, Run, RunOutcome};
 use crate::SimplifyError;
 use crate::collapse::{Goal, StopReason};
 use crate::control::{Control, Stage};
 use crate::deviation::{Deviation, InputComparer, PreparedResult, ROUNDING};
+use crate::metric::{Memoryless, Metric, NeighbourhoodMetric, Quadric};
+use crate::options::Method;
 
 /// Ratio of successive steps of a method that is controlled by a step.
 const TOLERANCE_FACTOR: f64 = 0.8;
@@ -15,6 +18,26 @@ const MAX_TOLERANCES: usize = 16;
 
 /// Maximum number of results kept that seem to be within the limit, until one is proven to be.
 const MAX_HELD_RESULTS: usize = 3;
+
+/// Function that makes one of the runs of a search to several counts.
+type PassOfSearch =
+    Box<dyn FnMut(&mut Run<'_, '_>, Goal, &mut dyn Control) -> Result<RunOutcome, SimplifyError>>;
+
+/// Returns the runs of a search. Those of methods that work by sweeps resume from one another.
+fn passes_of_search(method: Method) -> PassOfSearch {
+    fn by<M: Metric + 'static>(metric: M) -> PassOfSearch {
+        let mut copies = Copies::of_search();
+        Box::new(move |run, goal, control| run.pass_with_copies(metric, goal, None, &mut copies, control))
+    }
+    match method {
+        Method::Memoryless => by(Memoryless),
+        Method::Quadric => by(Quadric),
+        Method::LindstromTurk => by(NeighbourhoodMetric::Volume),
+        Method::Melax => by(NeighbourhoodMetric::Turn),
+        Method::ShortestEdge => by(NeighbourhoodMetric::Length),
+        _ => Box::new(|run, goal, control| run.run_pass(goal, None, control)),
+    }
+}
 
 impl Run<'_, '_> {
     /// Returns the lightest level of the ladder within `limit`.
@@ -30,7 +53,7 @@ impl Run<'_, '_> {
         let limit = limit + ROUNDING * self.ordered.diagonal;
         let all = self.ordered.faces.len();
         let ladder = LevelCounts::new(all, self.goal.faces.unwrap_or(1).clamp(1, all));
-        let mut pass = super::passes_of_search(self.options.method);
+        let mut pass = passes_of_search(self.options.method);
         let mut run_to = |run: &mut Self, level: usize, control: &mut dyn Control| {
             let goal = Goal { faces: Some(ladder.count(level)), vertices: run.goal.vertices };
             pass(run, goal, control)

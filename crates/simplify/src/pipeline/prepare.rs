@@ -1,0 +1,121 @@
+//! What is done to the input before a run, and undone or reported after it.
+
+use lodsmith_core::mesh::weld;
+use lodsmith_core::{MeshError, Surface, TriMesh};
+
+use crate::SimplifyError;
+use crate::input::Input;
+use crate::options::{Length, SimplifyOptions};
+use crate::prune::Pruned;
+use crate::run::Done;
+use crate::{constraints, prune, shading};
+
+/// Returns the mesh with normals computed from its shape, if the options ask that they count and it has none.
+pub(crate) fn lent_normals(
+    input: &Input<'_>,
+    options: &SimplifyOptions,
+) -> Result<Option<TriMesh>, MeshError> {
+    if options.shape_normals { shading::with_shape_normals(input) } else { Ok(None) }
+}
+
+/// The input of a run after welding and pruning, and what the report says of that.
+pub(crate) struct Prepared<'a> {
+    pub(crate) input: Input<'a>,
+    /// The options, with lengths that are shares of the whole input converted to its units.
+    pub(crate) options: SimplifyOptions,
+    /// Small parts that were removed, with the diagonal of the input before, if there are any.
+    pruned: Pruned,
+    diagonal: Option<f64>,
+    /// Vertices that only removed parts used.
+    unused: usize,
+    /// Vertices that were joined with others.
+    welded: usize,
+    /// For lent normals, true if the input has attributes or regions of its own.
+    lent: Option<bool>,
+}
+
+impl<'a> Prepared<'a> {
+    /// Prepares an input as the options ask; `lent` is its mesh with [`lent_normals`]. Small parts go before
+    /// near vertices are joined. Cost: O(n), with a weld O(n log n).
+    pub(crate) fn new(
+        input: &'a Input<'_>,
+        lent: Option<&'a TriMesh>,
+        options: &SimplifyOptions,
+    ) -> Result<Self, SimplifyError> {
+        let (surface, mesh) = match lent {
+            Some(mesh) => (mesh.surface(), Some(mesh)),
+            None => (input.surface.clone(), input.mesh),
+        };
+        let mut prepared = Self {
+            input: Input { surface, mesh, joined: None },
+            options: options.clone(),
+            pruned: Pruned::default(),
+            diagonal: None,
+            unused: 0,
+            welded: 0,
+            lent: lent.map(|_| input.mesh.is_some_and(|m| m.has_attributes() || m.regions().is_some())),
+        };
+        prepared.options.keeps_blended_normals |= lent.is_some();
+        if let Some(size) = options.prune {
+            prepared.prune(size)?;
+        }
+        if let Some(distance) = prepared.options.weld {
+            prepared.weld(distance)?;
+        }
+        Ok(prepared)
+    }
+
+    /// Removes parts with a diagonal below `size`.
+    fn prune(&mut self, size: Length) -> Result<(), SimplifyError> {
+        let surface = &self.input.surface;
+        let diagonal = prune::diagonal(surface);
+        // Shares refer to the whole input, including small parts.
+        let units = |length: Length| Length::Units(length.in_units(diagonal));
+        let options = &mut self.options;
+        (options.stop.error, options.weld) = (options.stop.error.map(units), options.weld.map(units));
+        options.guards.max_edge = options.guards.max_edge.map(units);
+        options.method_options.pairs = options.method_options.pairs.map(units);
+        let near = options.weld.map(|d| d.in_units(diagonal));
+        let small = prune::small_parts(surface, size.in_units(diagonal), near, options.locked.as_deref());
+        self.pruned = small.pruned;
+        if small.pruned.parts > 0 {
+            let (triangles, unused) = prune::without_small(surface, &small.is_small);
+            (self.diagonal, self.unused) = (Some(diagonal), unused);
+            self.input.surface = Surface::with_triangles(surface.positions(), triangles)?;
+        }
+        Ok(())
+    }
+
+    /// Joins vertices nearer to each other than `distance`.
+    fn weld(&mut self, distance: Length) -> Result<(), SimplifyError> {
+        let surface = &self.input.surface;
+        let positions = surface.positions();
+        let diagonal = positions.bounds().map_or(0.0, |b| b.diagonal());
+        let weld = weld::weld_within(positions, distance.in_units(diagonal));
+        let (joined, merged) = constraints::weld_onto_locked(&weld, positions, &self.options);
+        let triangles = surface.triangles().iter().map(|t| t.map(|v| joined[v.index()])).collect();
+        self.input.surface = Surface::with_triangles(positions, triangles)?;
+        (self.input.joined, self.welded) = (Some(joined), merged);
+        Ok(())
+    }
+
+    /// Returns the result without lent normals, and with the preparation in its report.
+    pub(crate) fn finish(&self, (mut done, held): Done) -> Result<Done, SimplifyError> {
+        let report = &mut done.report;
+        // Joined vertices have no faces any more: they count as joined, not as unused.
+        let cleanup = &mut report.cleanup;
+        cleanup.welded_vertices += self.welded;
+        cleanup.unused_vertices = cleanup.unused_vertices.saturating_sub(self.welded + self.unused);
+        cleanup.degenerate_faces = cleanup.degenerate_faces.saturating_sub(match self.diagonal {
+            Some(_) => self.pruned.faces,
+            None => 0,
+        });
+        report.pruned = self.pruned;
+        report.error.diagonal = self.diagonal.unwrap_or(report.error.diagonal);
+        if let Some(has_seams) = self.lent {
+            report.seams_relaxed &= has_seams;
+            done.mesh = shading::without_lent_normals(done.mesh)?;
+        }
+        Ok((done, held))
+    }
+}

@@ -1,0 +1,148 @@
+//! A run: its input in order, options and goal, and the results of its passes.
+
+use lodsmith_core::{Surface, TriMesh, VertexId, WedgeId};
+
+use super::goal::goal;
+use crate::collapse::order::Ordered;
+use crate::collapse::{Goal, InputSurface, InputVisitor, StopReason};
+use crate::constraints::{Constraints, HeldWedges};
+use crate::control::{Control, Stage};
+use crate::deviation::{Deviation, InputComparer};
+use crate::input::Input;
+use crate::options::SimplifyOptions;
+use crate::proposal::Proposal;
+use crate::report::Refusal;
+use crate::{Simplified, SimplifyError};
+
+/// The ordered input, kept in memory or computed again.
+pub(crate) struct Source<'a> {
+    pub(crate) surface: &'a Surface<'a>,
+    pub(crate) ordered: &'a Ordered,
+    pub(crate) is_kept: bool,
+}
+
+impl InputSurface for Source<'_> {
+    fn visit(&self, look: &mut InputVisitor<'_>) {
+        if self.is_kept {
+            look(&self.ordered.points, &self.ordered.faces);
+        } else {
+            look(&self.ordered.remake_points(self.surface), &self.ordered.remake_faces(self.surface));
+        }
+    }
+}
+
+/// Topology changes that a pass may make in order of cost.
+#[derive(Clone, Copy)]
+pub(super) struct TopologyChanges {
+    /// Removal of whole parts.
+    pub(super) parts: bool,
+    /// Cuts of handles and thin places.
+    pub(super) cuts: bool,
+    /// Movement of seams off their lines.
+    pub(super) seams: bool,
+}
+
+/// Result of one pass of the engine.
+pub(crate) struct RunOutcome {
+    pub(crate) mesh: TriMesh,
+    pub(crate) end: StopReason,
+    pub(crate) estimate: f64,
+    pub(crate) fitted: bool,
+    pub(crate) refusals: [u64; Refusal::ALL.len()],
+    pub(crate) collapses: u64,
+    pub(crate) faces_visited: u64,
+    pub(crate) parts_removed: usize,
+    pub(crate) necks_cut: usize,
+    pub(crate) pairs_contracted: usize,
+    /// True if vertices that were separated by a cut are at the same position.
+    pub(crate) has_touching_vertices: bool,
+    pub(crate) seams_relaxed: bool,
+    /// True if collapses continued after sweeps became unproductive.
+    pub(crate) is_unproductive: bool,
+    /// True if seams stayed on their lines at a cost.
+    pub(crate) kept_costly_seams: bool,
+    /// True if parts were kept that would have been cheaper to remove than the collapses done instead.
+    pub(crate) kept_blocking_parts: bool,
+    /// True if necks were kept that blocked many collapses.
+    pub(crate) kept_blocking_necks: bool,
+    pub(crate) sharp_relaxed: bool,
+    pub(crate) duplicate_faces: usize,
+    pub(crate) proposals: Vec<Proposal>,
+    pub(crate) held: HeldWedges,
+    pub(crate) trace: Option<Trace>,
+}
+
+/// Mapping between the vertices of the ordered input and those of a result.
+pub(crate) struct Trace {
+    /// Number in the engine of each vertex of the result.
+    pub(super) origins: Vec<VertexId>,
+    /// For each of them the vertex of the ordered input whose position it had at the start.
+    pub(super) places: Vec<VertexId>,
+    /// Vertex of the result for each number of the engine, or [`NONE`](crate::collapse::order::NONE).
+    pub(super) homes: Vec<VertexId>,
+}
+
+/// Result of a run, and the locked wedges at its corners.
+pub(crate) type Done = (Simplified, HeldWedges);
+/// Outcome of a run, its distance from the input, and true if an error limit ended it.
+pub(super) type Finished = (RunOutcome, Deviation, bool);
+
+/// Function that runs to a goal. The second argument is the largest distance that a step may leave, in user
+/// units, if the error is searched for.
+pub(crate) type Pass =
+    fn(&mut Run<'_, '_>, Goal, Option<f64>, &mut dyn Control) -> Result<RunOutcome, SimplifyError>;
+
+pub(crate) struct Run<'a, 'b> {
+    pub(crate) input: &'a Input<'b>,
+    pub(crate) options: &'a SimplifyOptions,
+    pub(crate) ordered: &'a mut Ordered,
+    pub(crate) goal: Goal,
+    pub(crate) constraints: &'a Constraints,
+    pub(crate) pass: Pass,
+    /// True if outcomes include the origin of their vertices.
+    pub(crate) is_traced: bool,
+}
+
+impl<'a, 'b> Run<'a, 'b> {
+    /// Creates a run to the goal of its options.
+    pub(crate) fn new(
+        input: &'a Input<'b>,
+        options: &'a SimplifyOptions,
+        ordered: &'a mut Ordered,
+        constraints: &'a Constraints,
+        pass: Pass,
+    ) -> Self {
+        let goal = goal(options, input.surface.triangles().len());
+        Self { input, options, ordered, goal, constraints, pass, is_traced: false }
+    }
+}
+
+impl Run<'_, '_> {
+    pub(super) fn run_pass(
+        &mut self,
+        goal: Goal,
+        step: Option<f64>,
+        control: &mut dyn Control,
+    ) -> Result<RunOutcome, SimplifyError> {
+        (self.pass)(self, goal, step, control)
+    }
+
+    /// Returns a comparer with the input, to measure results: degenerate and non-finite faces do not count.
+    pub(super) fn input_comparer(&self, control: &mut dyn Control) -> Option<InputComparer> {
+        control.stage(Stage::Measure);
+        let surface = &self.input.surface;
+        let cleanup = &self.ordered.cleanup;
+        if cleanup.degenerate_faces + cleanup.non_finite_faces == 0 {
+            return InputComparer::new(surface, self.options);
+        }
+        let sound = |t: &&[VertexId; 3]| self.ordered.is_sound(t);
+        let triangles = surface.triangles().iter().filter(sound).copied().collect();
+        let clean = Surface::with_triangles(surface.positions(), triangles).ok()?;
+        InputComparer::new(&clean, self.options)
+    }
+
+    /// Returns the number of a wedge's vertex in the ordered input.
+    pub(crate) fn place(&self, mesh: &TriMesh, w: WedgeId) -> VertexId {
+        self.ordered.rank[self.input.joined(mesh.vertex_of(w)).index()]
+    }
+}
