@@ -9,11 +9,12 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec3};
+use lodsmith_core::geometry::UnitFrame;
 use lodsmith_core::{Attribute, Morphed, Positions, Semantic, TriMesh, VertexId, WedgeId};
 
 use crate::SimplifyError;
 use crate::collapse::attributes::{Attributes, JointWeights};
-use crate::collapse::order::{Frame, NONE};
+use crate::collapse::order::NONE;
 use crate::options::AttributeWeights;
 use labels::Labels;
 use ranges::{UNLIMITED_RANGE, ranges, within};
@@ -61,7 +62,7 @@ pub(crate) struct WeightContext<'a> {
     pub(crate) faces: &'a [[VertexId; 3]],
     pub(crate) wedges: &'a [[WedgeId; 3]],
     pub(crate) points: &'a [Vec3],
-    pub(crate) frame: Frame,
+    pub(crate) frame: UnitFrame,
     /// Approximate edge length of the result.
     pub(crate) edge: f64,
 }

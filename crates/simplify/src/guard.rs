@@ -1,6 +1,7 @@
 //! Limits set by the options, as numbers ready for the inner loop.
 
-use crate::collapse::order::Frame;
+use lodsmith_core::geometry::UnitFrame;
+
 use crate::options::{BorderPolicy, Method, Placement, SimplifyOptions, TopologyPolicy};
 
 /// Weight of a border edge's line. (docs/decisions/0001; 10 as in meshoptimizer.)
@@ -30,7 +31,7 @@ pub(crate) struct Rules {
 }
 
 impl Rules {
-    pub(crate) fn new(options: &SimplifyOptions, frame: Frame, diagonal: f64) -> Self {
+    pub(crate) fn new(options: &SimplifyOptions, frame: UnitFrame, diagonal: f64) -> Self {
         let guards = &options.guards;
         let cos = guards.max_normal_deg.map_or(0.0, |deg| deg.min(90.0).to_radians().cos() as f32);
         let max_edge = guards.max_edge.map_or(f64::INFINITY, |l| frame.unit_length(l.in_units(diagonal)));

@@ -5,10 +5,10 @@ use glam::DVec3;
 
 use crate::mesh::Bounds;
 
-/// A translation and scaling that bring a box into the cube from -1 to 1.
+/// A translation and a uniform scaling that bring a mesh near the origin, at a size near 1.
 ///
-/// The scale is a power of two, so scaling is exact; for a position near the box the translation is exact
-/// too, because nearby doubles have exact differences.
+/// For a position near the mesh the translation is exact, because nearby doubles have exact differences. The
+/// scaling of [`UnitFrame::of`] is exact too, since its scale is a power of two.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnitFrame {
     centre: DVec3,
@@ -20,7 +20,7 @@ pub struct UnitFrame {
 const LARGEST_EXPONENT: i32 = 1000;
 
 impl UnitFrame {
-    /// Returns the frame of a box. A box without extent is only translated.
+    /// Returns the frame that brings a box into the cube from -1 to 1. A box without extent is only translated.
     pub fn of(bounds: &Bounds) -> Self {
         let (min, max) = (DVec3::from(bounds.min), DVec3::from(bounds.max));
         // Halved first: the difference of two huge coordinates may overflow.
@@ -29,6 +29,11 @@ impl UnitFrame {
         let exponent = if half > 0.0 { half.log2().floor() as i32 + 1 } else { 0 };
         let exponent = exponent.clamp(-LARGEST_EXPONENT, LARGEST_EXPONENT);
         Self { centre, unit_per_user: 2f64.powi(-exponent), user_per_unit: 2f64.powi(exponent) }
+    }
+    /// Returns the frame in which `centre` is the origin, and `size` user units are 1. Rounds, but makes the most
+    /// of single precision: boxes of all sizes end up equally large.
+    pub const fn with_size(centre: [f64; 3], size: f64) -> Self {
+        Self { centre: DVec3::from_array(centre), unit_per_user: 1.0 / size, user_per_unit: size }
     }
     /// Converts a position from the user's units to the frame.
     #[inline]
@@ -48,7 +53,7 @@ impl UnitFrame {
     /// Converts a length from the user's units to the frame.
     #[inline]
     pub fn unit_length(&self, length: f64) -> f64 {
-        length * self.unit_per_user
+        length / self.user_per_unit
     }
     /// Converts a position from this frame to another. More exact than going through the user's units, where
     /// a sample far from the origin would be rounded to the precision of its large coordinates.

@@ -7,6 +7,7 @@
 use bytemuck::Zeroable;
 use bytemuck::allocation::zeroed_vec;
 use glam::Vec3;
+use lodsmith_core::geometry::UnitFrame;
 use lodsmith_core::{PositionsView, Surface, TriMesh, VertexId, WedgeId};
 use prefetch_index::prefetch_index;
 use wide::{f32x4, u32x4};
@@ -27,47 +28,10 @@ pub(crate) const TIME_OVER_MEMORY_MAX_FACES: usize = 4_000_000;
 /// Vertices in one cell above which equal positions are found by sorting instead of comparing pairs.
 const CELL_SORT_MIN_VERTICES: usize = 16;
 
-/// Transform from the user's units to a box of size 1 around the origin, and back.
-///
-/// Differences are taken in double precision, so a part at map coordinates keeps all its detail.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Frame {
-    centre: [f64; 3],
-    size: f64,
-}
-
-impl Frame {
-    /// Converts a length from the unit frame to the user's units.
-    pub(crate) fn user_length(self, x: f64) -> f64 {
-        x * self.size
-    }
-    /// Converts a length from the user's units to the unit frame.
-    pub(crate) fn unit_length(self, x: f64) -> f64 {
-        x / self.size
-    }
-    #[inline]
-    pub(crate) fn unit(&self, p: [f64; 3]) -> Vec3 {
-        let k = 1.0 / self.size;
-        let c = &self.centre;
-        Vec3::new(((p[0] - c[0]) * k) as f32, ((p[1] - c[1]) * k) as f32, ((p[2] - c[2]) * k) as f32)
-    }
-    /// Applies [`Frame::unit`] to four points, as a flat list of coordinates.
-    #[inline(always)]
-    fn four_units<T: Copy>(&self, points: &[[T; 3]; 4]) -> [f32; 12]
-    where
-        f64: From<T>,
-    {
-        let k = 1.0 / self.size;
-        std::array::from_fn(|i| ((f64::from(points[i / 3][i % 3]) - self.centre[i % 3]) * k) as f32)
-    }
-    pub(crate) fn user(&self, p: Vec3) -> [f64; 3] {
-        [0, 1, 2].map(|k| f64::from(p[k]) * self.size + self.centre[k])
-    }
-}
-
 /// The ordered input.
 pub(crate) struct Ordered {
-    pub(crate) frame: Frame,
+    /// The frame whose box has size 1.
+    pub(crate) frame: UnitFrame,
     /// New number of each vertex of the input; [`NONE`] if no face uses it.
     pub(crate) rank: Vec<VertexId>,
     pub(crate) point_count: usize,
@@ -78,6 +42,23 @@ pub(crate) struct Ordered {
     pub(crate) cleanup: Cleanup,
     /// Diagonal of the bounding box of the used vertices, in user units.
     pub(crate) diagonal: f64,
+}
+
+/// Converts a position to the unit frame, in single precision. Differences are taken in double precision, so a
+/// part at map coordinates keeps all its detail.
+#[inline]
+pub(crate) fn single_unit(frame: &UnitFrame, p: [f64; 3]) -> Vec3 {
+    frame.unit_from_user(p).as_vec3()
+}
+
+/// Applies [`single_unit`] to four points, as a flat list of coordinates.
+#[inline(always)]
+fn four_units<T: Copy>(frame: &UnitFrame, points: &[[T; 3]; 4]) -> [f32; 12]
+where
+    f64: From<T>,
+{
+    let [a, b, c, d] = points.map(|p| single_unit(frame, p.map(f64::from)));
+    [a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z, d.x, d.y, d.z]
 }
 
 /// Orders a surface. Faces with a non-finite corner, or two corners at one position, are removed and
@@ -104,7 +85,7 @@ pub(crate) fn order(surface: &Surface<'_>) -> Ordered {
     // A box without extent (one point, or nothing) keeps the scale of the user.
     let size = if size > 0.0 && size.is_finite() { size } else { 1.0 };
     let centre = [0, 1, 2].map(|k| if min[k] <= max[k] { min[k] + 0.5 * (max[k] - min[k]) } else { 0.0 });
-    let frame = Frame { centre, size };
+    let frame = UnitFrame::with_size(centre, size);
     let diagonal = size * extent.iter().map(|x| (x / size) * (x / size)).sum::<f64>().sqrt();
 
     let count = positions.len() - cleanup.unused_vertices;
@@ -156,7 +137,7 @@ impl Ordered {
         let mut points = vec![Vec3::ZERO; self.point_count];
         for (i, r) in self.rank.iter().enumerate() {
             if *r != NONE {
-                points[r.index()] = self.frame.unit(surface.positions().get(VertexId(i as u32)));
+                points[r.index()] = single_unit(&self.frame, surface.positions().get(VertexId(i as u32)));
             }
         }
         points
@@ -208,7 +189,7 @@ impl RemadeInput<'_> {
     }
 
     fn place_there(&self, v: VertexId) -> Vec3 {
-        self.ordered.frame.unit(self.surface.positions().get(v))
+        single_unit(&self.ordered.frame, self.surface.positions().get(v))
     }
 }
 
@@ -363,7 +344,7 @@ fn to_offsets(counts: &mut [u32]) -> u32 {
 
 /// Returns sort keys of the needed points: the Morton code in the upper half, the number in the lower.
 #[inline(never)]
-fn keys<T: Copy>(points: &[[T; 3]], needed: &[bool], count: usize, frame: &Frame) -> Vec<u64>
+fn keys<T: Copy>(points: &[[T; 3]], needed: &[bool], count: usize, frame: &UnitFrame) -> Vec<u64>
 where
     f64: From<T>,
 {
@@ -373,7 +354,7 @@ where
     let mut first = 0;
     let key = |code: u32, i: u32| u64::from(code) << 32 | u64::from(i);
     for (four, needed) in fours.iter().zip(fours_needed) {
-        let codes = morton(&frame.four_units(four));
+        let codes = morton(&four_units(frame, four));
         let four = [0, 1, 2, 3].map(|i| key(codes[i as usize], first + i));
         if *needed == [true; 4] {
             keys.extend_from_slice(&four);
@@ -384,7 +365,7 @@ where
     }
     for ((p, needed), i) in rest.iter().zip(rest_needed).zip(first..) {
         if *needed {
-            let [code, ..] = morton(&frame.four_units(&[*p; 4]));
+            let [code, ..] = morton(&four_units(frame, &[*p; 4]));
             keys.push(key(code, i));
         }
     }
@@ -428,13 +409,13 @@ struct Numbers {
 
 impl Numbers {
     #[inline(always)]
-    fn add<T: Copy>(&mut self, key: u64, places: &[[T; 3]], frame: &Frame)
+    fn add<T: Copy>(&mut self, key: u64, places: &[[T; 3]], frame: &UnitFrame)
     where
         f64: From<T>,
     {
         let v = vertex(key);
         self.rank[v.index()] = VertexId(self.points.len() as u32);
-        self.points.push(frame.unit(places[v.index()].map(f64::from)));
+        self.points.push(single_unit(frame, places[v.index()].map(f64::from)));
     }
 }
 
@@ -450,7 +431,7 @@ fn numbers<T: Copy + PartialOrd>(
     mut keys: Vec<u64>,
     unsorted: u32,
     places: &[[T; 3]],
-    frame: &Frame,
+    frame: &UnitFrame,
 ) -> Numbers
 where
     f64: From<T>,
@@ -480,7 +461,7 @@ where
 }
 
 /// Numbers the vertices of one cell.
-fn add_cell<T: Copy + PartialOrd>(run: &mut [u64], places: &[[T; 3]], frame: &Frame, all: &mut Numbers)
+fn add_cell<T: Copy + PartialOrd>(run: &mut [u64], places: &[[T; 3]], frame: &UnitFrame, all: &mut Numbers)
 where
     f64: From<T>,
 {
@@ -638,7 +619,7 @@ mod tests {
         let s = Surface::new(PositionsView::F64(&p), bytemuck::cast_slice(&[[0u32, 1, 2]])).unwrap();
         let o = order(&s);
         for (i, q) in p.iter().enumerate() {
-            let back = o.frame.user(o.points[o.rank[i].index()]);
+            let back = o.frame.user_from_unit(o.points[o.rank[i].index()].as_dvec3());
             assert!((0..3).all(|k| (back[k] - q[k]).abs() < 1e-6));
         }
     }

@@ -7,10 +7,11 @@
 
 use std::collections::BTreeMap;
 
+use lodsmith_core::geometry::UnitFrame;
 use lodsmith_core::{FaceId, Positions, VertexId, WedgeId};
 
 use super::attributes::Attributes;
-use super::order::{Frame, NONE};
+use super::order::NONE;
 use super::store::Store;
 use crate::attributes::{RowPlaces, Rows};
 use crate::metric::VertexMemory;
@@ -85,7 +86,7 @@ pub(crate) struct Record {
     pub(crate) log: Log,
     /// Positions of the input.
     input: Positions,
-    frame: Frame,
+    frame: UnitFrame,
     pub(crate) rows: Option<(Rows, RowPlaces)>,
     /// True if there is data that moves vertices as a whole.
     moves_whole: bool,
@@ -107,7 +108,7 @@ impl Record {
     pub(crate) fn new(
         names: InputNames,
         copy: MeshCopy,
-        frame: Frame,
+        frame: UnitFrame,
         rows: Option<(Rows, RowPlaces)>,
         home: Vec<VertexId>,
     ) -> Self {
@@ -256,7 +257,7 @@ impl Record {
             }
             let vertex = self.vertex(x.origin);
             let at = match x.kind.is_moved() {
-                true => self.frame.user(x.p),
+                true => self.frame.user_from_unit(x.p.as_dvec3()),
                 false => {
                     let place = self.names.vertices[store.place_of(x.origin).index()];
                     self.input.view().get(place)

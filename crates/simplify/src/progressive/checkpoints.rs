@@ -8,7 +8,7 @@ use super::values::ValueFitter;
 use super::{Progressive, arrange};
 use crate::SimplifyError;
 use crate::collapse::kind::Kind;
-use crate::collapse::order::NONE;
+use crate::collapse::order::{NONE, single_unit};
 use crate::collapse::record::Log;
 use crate::collapse::store::{Facing, Ring, Store};
 use crate::control::{Control, Verdict};
@@ -158,7 +158,7 @@ impl Recorded<'_> {
         let mut order: Vec<usize> = (0..road.face_count()).collect();
         order.sort_unstable_by_key(|&f| place_of_face[self.faces[f].index()]);
         let faces = order.iter().map(|&f| road.faces[f].map(|w| number[vertex(w).index()])).collect();
-        let points: Vec<Vec3> = live.iter().map(|&v| frame.unit(road.positions().get(v))).collect();
+        let points: Vec<Vec3> = live.iter().map(|&v| single_unit(&frame, road.positions().get(v))).collect();
         let mut store = Store::<Tensor>::new(&points, faces, None, None);
         store.merged_into = into.to_vec();
         store.link();

@@ -59,7 +59,7 @@ impl Run<'_, '_> {
         let place = |i: usize| {
             let x = &store.v[i];
             if x.kind.is_moved() {
-                frame.user(x.p)
+                frame.user_from_unit(x.p.as_dvec3())
             } else {
                 input_positions.get(first[store.place_of(x.origin).index()])
             }

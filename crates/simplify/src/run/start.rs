@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use glam::Vec3;
+use lodsmith_core::geometry::UnitFrame;
 use lodsmith_core::{RegionId, VertexId, WedgeId};
 
 use super::context::Run;
@@ -10,7 +11,6 @@ use crate::SimplifyError;
 use crate::attributes::{Rows, WeightContext};
 use crate::collapse::attributes::Attributes;
 use crate::collapse::creases::sharp_edges;
-use crate::collapse::order;
 use crate::collapse::store::Store;
 use crate::collapse::{Engine, Goal, Wedges};
 use crate::fit;
@@ -230,6 +230,6 @@ fn result_edge(faces: &[[VertexId; 3]], points: &[Vec3], goal: &Goal) -> f64 {
 
 /// Returns the maximum distance of vertices that are contracted as pairs, in the unit frame. (A box has a
 /// diagonal below 2 there.)
-pub(super) fn pairs_reach(distance: Length, frame: order::Frame, diagonal: f64) -> f32 {
+pub(super) fn pairs_reach(distance: Length, frame: UnitFrame, diagonal: f64) -> f32 {
     frame.unit_length(distance.in_units(diagonal)).min(2.0) as f32
 }
