@@ -22,7 +22,7 @@ use crate::constraints::{self, Constraints, HeldWedges, LockedWedges};
 use crate::control::{Control, Stage, Verdict};
 use crate::deviation::{self, Deviation, InputComparer, ROUNDING};
 pub(crate) use crate::input::Input;
-use crate::metric::{Memoryless, Metric, NeighbourhoodMetric, Quadric, VertexMemory};
+use crate::metric::{Metric, VertexMemory, with_metric};
 use crate::options::{Length, Method, SimplifyOptions, TopologyPolicy};
 use crate::proposal::Proposal;
 use crate::prune::Pruned;
@@ -202,20 +202,7 @@ pub(crate) type Pass =
 
 /// Returns the pass of a method that works by sweeps.
 pub(crate) fn collapses(method: Method) -> Option<Pass> {
-    match method {
-        Method::Memoryless => Some(|run, goal, step, control| run.one_pass(Memoryless, goal, step, control)),
-        Method::Quadric => Some(|run, goal, step, control| run.one_pass(Quadric, goal, step, control)),
-        Method::LindstromTurk => {
-            Some(|run, goal, step, control| run.one_pass(NeighbourhoodMetric::Volume, goal, step, control))
-        }
-        Method::Melax => {
-            Some(|run, goal, step, control| run.one_pass(NeighbourhoodMetric::Turn, goal, step, control))
-        }
-        Method::ShortestEdge => {
-            Some(|run, goal, step, control| run.one_pass(NeighbourhoodMetric::Length, goal, step, control))
-        }
-        _ => None,
-    }
+    with_metric!(method, METRIC => |run, goal, step, control| run.one_pass(METRIC, goal, step, control))
 }
 
 pub(crate) fn run_by_method(
@@ -239,14 +226,8 @@ fn passes_of_search(method: Method) -> PassOfSearch {
         let mut copies = Copies::of_search();
         Box::new(move |run, goal, control| run.pass_with_copies(metric, goal, None, &mut copies, control))
     }
-    match method {
-        Method::Memoryless => by(Memoryless),
-        Method::Quadric => by(Quadric),
-        Method::LindstromTurk => by(NeighbourhoodMetric::Volume),
-        Method::Melax => by(NeighbourhoodMetric::Turn),
-        Method::ShortestEdge => by(NeighbourhoodMetric::Length),
-        _ => Box::new(|run, goal, control| run.run_pass(goal, None, control)),
-    }
+    with_metric!(method, METRIC => by(METRIC))
+        .unwrap_or_else(|| Box::new(|run, goal, control| run.run_pass(goal, None, control)))
 }
 
 pub(crate) fn pass_of(method: Method) -> Pass {

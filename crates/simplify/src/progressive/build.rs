@@ -19,8 +19,8 @@ use crate::constraints::{self, Constraints};
 use crate::control::{Control, Stage, Verdict};
 use crate::fit::Originals;
 use crate::input::Input;
-use crate::metric::{Dimension, Memoryless, Metric, NeighbourhoodMetric, Quadric, VertexMemory};
-use crate::options::{Length, Method, Placement, SimplifyOptions, TopologyPolicy};
+use crate::metric::{Dimension, Metric, VertexMemory, with_metric};
+use crate::options::{Length, Placement, SimplifyOptions, TopologyPolicy};
 use crate::prune;
 use crate::run::{self, Run, Source, Started};
 use crate::shading;
@@ -62,25 +62,11 @@ pub(super) fn build(
 ) -> Result<RecordedMesh, SimplifyError> {
     options.check()?;
     constraints::check(options, mesh.vertex_count())?;
-    let (walk, pass): (RecordedRun, _) = match (options.method, run::collapses(options.method)) {
-        (Method::Quadric, Some(pass)) => (|run, mesh, control| record_run(Quadric, run, mesh, control), pass),
-        (Method::LindstromTurk, Some(pass)) => {
-            (|run, mesh, control| record_run(NeighbourhoodMetric::Volume, run, mesh, control), pass)
-        }
-        (Method::Melax, Some(pass)) => {
-            (|run, mesh, control| record_run(NeighbourhoodMetric::Turn, run, mesh, control), pass)
-        }
-        (Method::ShortestEdge, Some(pass)) => {
-            (|run, mesh, control| record_run(NeighbourhoodMetric::Length, run, mesh, control), pass)
-        }
-        (_, Some(pass)) => (|run, mesh, control| record_run(Memoryless, run, mesh, control), pass),
-        (method, None) => {
-            return Err(SimplifyError::NotOfMethod {
-                option: "progressive",
-                takers: RECORDED_METHODS,
-                method,
-            });
-        }
+    let method = options.method;
+    let walk: Option<RecordedRun> =
+        with_metric!(method, METRIC => |run, mesh, control| record_run(METRIC, run, mesh, control));
+    let (Some(walk), Some(pass)) = (walk, run::collapses(method)) else {
+        return Err(SimplifyError::NotOfMethod { option: "progressive", takers: RECORDED_METHODS, method });
     };
     if options.escalate {
         return Err(SimplifyError::NotTogether { first: "progressive", second: "escalate" });

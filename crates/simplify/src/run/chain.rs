@@ -27,7 +27,7 @@ use crate::collapse::{Goal, Pause, StopReason};
 use crate::constraints::{self, Constraints};
 use crate::control::{Control, ProgressShare, Stage};
 use crate::deviation::{self, Deviation};
-use crate::metric::{Memoryless, Metric, NeighbourhoodMetric, Quadric};
+use crate::metric::{Metric, with_metric};
 use crate::options::{Method, SimplifyOptions, Stop, TopologyPolicy};
 
 /// For each level, starting with the input, the vertex of the next one that each of its vertices was merged
@@ -39,14 +39,7 @@ type Passes =
     fn(&mut Run<'_, '_>, &[Goal], &mut dyn Control) -> Result<Vec<(RunOutcome, usize)>, SimplifyError>;
 
 fn passes_of(method: Method) -> Option<Passes> {
-    Some(match method {
-        Method::Memoryless => |run, goals, control| run.chain(Memoryless, goals, control),
-        Method::Quadric => |run, goals, control| run.chain(Quadric, goals, control),
-        Method::LindstromTurk => |run, goals, control| run.chain(NeighbourhoodMetric::Volume, goals, control),
-        Method::Melax => |run, goals, control| run.chain(NeighbourhoodMetric::Turn, goals, control),
-        Method::ShortestEdge => |run, goals, control| run.chain(NeighbourhoodMetric::Length, goals, control),
-        _ => return None,
-    })
+    with_metric!(method, METRIC => |run, goals, control| run.chain(METRIC, goals, control))
 }
 
 /// True if one run makes all levels.
