@@ -49,6 +49,7 @@ mod parts;
 pub(crate) mod record;
 mod recording;
 mod resume;
+pub(crate) mod ring;
 mod sampled_error;
 mod samples;
 mod seams;
@@ -58,6 +59,7 @@ mod star_edges;
 pub(crate) mod store;
 mod stuck;
 mod sweeps;
+pub(crate) mod vertex;
 mod wedges;
 mod wings;
 
@@ -82,10 +84,12 @@ use kind::Kind;
 use marks::Marks;
 use pair_list::Pairs;
 use record::Record;
+use ring::Ring;
 use samples::{SampleScratch, SampledError};
 use star_edges::{Edge, Looseness};
-use store::{Ends, Normals, Ring, Store, Vertex};
+use store::{Ends, Store};
 pub(crate) use sweeps::{Pause, Sweeps};
+use vertex::{Normals, Vertex};
 pub(crate) use wedges::Wedges;
 use wings::Wings;
 
@@ -690,7 +694,7 @@ fn add_face_quadrics<M: Metric>(
     normals: &mut [f32x4],
 ) -> [f32; 4] {
     let normals = &mut normals[..v.len()];
-    let [a, b, c] = [0, 1, 2].map(|k| store::four(v, faces.map(|t| t[k])));
+    let [a, b, c] = [0, 1, 2].map(|k| vertex::four(v, faces.map(|t| t[k])));
     let normal = cross(&sub(&b, &a), &sub(&c, &a));
     let lengths = dot(&normal, &normal).sqrt();
     let weights = metric.plane_weights(lengths, mean_face);

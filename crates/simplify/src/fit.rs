@@ -17,7 +17,9 @@ use wide::{f32x4, f32x8};
 
 use crate::collapse::kind::Kind;
 use crate::collapse::order::{NONE, TIME_OVER_MEMORY_MAX_FACES};
-use crate::collapse::store::{Corner, Store, Vertex};
+use crate::collapse::ring::Corner;
+use crate::collapse::store::Store;
+use crate::collapse::vertex::Vertex;
 use crate::lanes::{Four, cross, dot, splat, sub};
 use crate::metric::VertexMemory;
 use crate::ordered_input::OrderedInput;

@@ -14,7 +14,7 @@ use lodsmith_core::VertexId;
 
 use super::invariants::{Checks, need};
 use super::order::NONE;
-use super::store::Ring;
+use super::ring::Ring;
 use super::{Engine, InputSurface, LiveMesh};
 use crate::metric::Metric;
 

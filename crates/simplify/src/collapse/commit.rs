@@ -6,10 +6,10 @@ use lodsmith_core::VertexId;
 
 use super::candidate::{Attempt, Candidate, CollapseOutcome, FOLD_COS, merged_position};
 use super::cut::Neck;
-use super::kind::distinct;
 use super::order::NONE;
+use super::ring::{Ring, distinct};
 use super::samples::SampledCost;
-use super::store::{Ring, Vertex};
+use super::vertex::Vertex;
 use super::wedges::HandedOver;
 use super::wings::{EdgeEnd, StarStats, Wing, Wings};
 use super::{Engine, LiveMesh, Scratch, Tally};

@@ -14,9 +14,8 @@ use glam::Vec3;
 use lodsmith_core::VertexId;
 
 use super::candidate::merged_position;
-use super::kind::distinct;
+use super::ring::{Corner, Ring, distinct};
 use super::star::Star;
-use super::store::{Corner, Ring};
 use super::{Engine, LiveMesh, Scratch, Tally};
 use crate::fit::MoveGuards;
 use crate::metric::{Form, Metric};

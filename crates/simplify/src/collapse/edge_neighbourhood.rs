@@ -3,8 +3,8 @@
 use lodsmith_core::VertexId;
 
 use super::candidate::{Candidate, Found, OwnedEdges};
+use super::ring::{Ring, Spoke};
 use super::star_edges::Edge;
-use super::store::{Ring, Spoke};
 use super::{LiveMesh, Scratch, Tally};
 use crate::guard::BORDER_WEIGHT;
 use crate::metric::{

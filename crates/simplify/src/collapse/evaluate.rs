@@ -6,7 +6,7 @@ use wide::f32x4;
 
 use super::attributes::Member;
 use super::candidate::{Candidate, Found, OwnedEdges};
-use super::store::Ring;
+use super::ring::Ring;
 use super::{LiveMesh, Scratch, Tally};
 use crate::cost::{self, FourCosts, FourForms, best_place, times};
 use crate::lanes::{self, dot, splat, sub};

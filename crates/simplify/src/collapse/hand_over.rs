@@ -4,7 +4,7 @@ use glam::Vec3;
 use lodsmith_core::{VertexId, WedgeId};
 
 use super::LiveMesh;
-use super::store::{Ring, Spoke};
+use super::ring::{Ring, Spoke};
 use super::wedges::{HandedOver, Wedges};
 use crate::metric::Metric;
 use crate::report::Refusal;

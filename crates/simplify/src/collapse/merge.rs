@@ -11,7 +11,9 @@ use super::LiveMesh;
 use super::attributes::{
     Attributes, FourSlopes, Head, Member, Merge, NO_WEDGE, Slopes, Sum, representatives,
 };
-use super::store::{self, Ring, Spoke, Store};
+use super::ring::{Ring, Spoke};
+use super::store::Store;
+use super::vertex;
 use super::wings::Wings;
 use crate::lanes::{self, dot, splat};
 use crate::metric::{CostSource, Form, Metric};
@@ -83,7 +85,7 @@ impl<M: Metric> LiveMesh<M> {
         for (t, w) in self.store.t.chunks(4).zip(wedges.chunks(4)) {
             let corner = |k: usize| {
                 let of = |i: usize| t[i.min(t.len() - 1)][k];
-                store::four(&self.store.v, [of(0), of(1), of(2), of(3)])
+                vertex::four(&self.store.v, [of(0), of(1), of(2), of(3)])
             };
             let slopes = FourSlopes::of([&corner(0), &corner(1), &corner(2)]);
             for (i, (t, w)) in t.iter().zip(w).enumerate() {
@@ -499,7 +501,7 @@ impl<M: Metric> LiveMesh<M> {
         for (k, four) in wings.fours().iter().enumerate() {
             let end = usize::from(4 * k >= at_u);
             let (a, b) = (four.spokes.map(|s| s.a), four.spokes.map(|s| s.b));
-            let (pa, pb) = (store::four(vertices, a), store::four(vertices, b));
+            let (pa, pb) = (vertex::four(vertices, a), vertex::four(vertices, b));
             let old = match slopes.get(k) {
                 Some(known) => *known,
                 None => FourSlopes::new([&from[end], &pa, &pb], &four.normal, four.length),

@@ -11,7 +11,7 @@ use lodsmith_core::VertexId;
 use super::components::{Component, Parts, labels, measure_parts};
 use super::invariants::need;
 use super::order::NONE;
-use super::store::Vertex;
+use super::vertex::Vertex;
 use super::{Engine, Goal, LiveMesh};
 use crate::metric::Metric;
 use crate::options::{BorderPolicy, TopologyPolicy};

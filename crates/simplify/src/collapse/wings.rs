@@ -5,7 +5,8 @@ use glam::Vec3;
 use lodsmith_core::VertexId;
 use wide::{f32x4, i32x4, u32x4};
 
-use super::store::{Corner, Ring, Spoke, Store};
+use super::ring::{Corner, Ring, Spoke};
+use super::store::Store;
 use crate::lanes::{self, Four, cross, dot, sub};
 use crate::metric::VertexMemory;
 use crate::report::Refusal;

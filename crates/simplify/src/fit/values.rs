@@ -9,7 +9,7 @@ use lodsmith_core::WedgeId;
 use wide::f32x4;
 
 use crate::collapse::attributes::Attributes;
-use crate::collapse::store::Corner;
+use crate::collapse::ring::Corner;
 use crate::tensor::Tensor;
 
 /// Fraction of its own weight that holds a wedge to its present value. (Guessed.)
