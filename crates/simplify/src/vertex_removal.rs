@@ -55,16 +55,11 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Rebuilt
     let mut parts_removed = 0;
     if end == Ending::Stuck && task.options.topology != TopologyPolicy::Preserve && task.step.is_none() {
         parts_removed = parts::remove_cheapest(&mut removal.store, task);
-        if is_met(&removal.store, task) {
+        if removal.store.meets(&task.goal) {
             end = Ending::Goal;
         }
     }
     Ok(removal.made(end, parts_removed))
-}
-
-fn is_met(store: &FaceStore<'_>, task: &Task<'_>) -> bool {
-    task.goal.faces.is_some_and(|n| store.face_count <= n)
-        || task.goal.vertices.is_some_and(|n| store.vertex_count <= n)
 }
 
 struct Removal<'a> {
@@ -119,7 +114,7 @@ impl<'a> Removal<'a> {
     }
 
     fn run(&mut self, control: &mut dyn Control) -> Result<Ending, SimplifyError> {
-        if is_met(&self.store, self.task) {
+        if self.store.meets(&self.task.goal) {
             return Ok(Ending::Goal);
         }
         let count = self.bounds.len();
@@ -149,7 +144,7 @@ impl<'a> Removal<'a> {
                         self.bounds[v.index()] = f32::INFINITY;
                     }
                 }
-                if is_met(&self.store, self.task) {
+                if self.store.meets(&self.task.goal) {
                     return Ok(Ending::Goal);
                 }
             }
