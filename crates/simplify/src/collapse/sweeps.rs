@@ -7,9 +7,9 @@ use wide::f32x8;
 
 use super::bound::Histogram;
 use super::candidate::{Attempt, CollapseOutcome};
-use super::{
-    Engine, Goal, InputSurface, LiveMesh, PREFETCH_MIN_VERTICES, StopReason, VisitScratch, record, samples,
-};
+use super::star_data::PREFETCH_MIN_VERTICES;
+use super::visit::VisitScratch;
+use super::{Engine, Goal, InputSurface, LiveMesh, StopReason, record, samples};
 use crate::control::{Control, Verdict};
 use crate::metric::Metric;
 
