@@ -44,24 +44,13 @@ impl<M: Metric> Engine<M> {
         self.mesh.store.ring(u, ru);
         found.clear();
         self.tally.faces_visited += ru.len() as u64;
-        let owned = if self.mesh.store.v[u.index()].kind.is_regular() {
-            // Inside closed fans every neighbour comes first in one of the triangles, so the second need
-            // not be visited. (Branchless: each is written, some are kept; a branch on the order would be
-            // unpredictable.)
-            if owned.len() < ru.len() {
-                owned.resize(ru.len(), u);
-            }
-            let (slots, mut n) = (&mut owned[..ru.len()], 0);
-            for r in ru.iter() {
-                slots[n] = r.a;
-                n += usize::from(r.a > u);
-            }
-            &owned[..n]
+        let Self { mesh, scratch, tally, .. } = self;
+        let owned = if mesh.store.v[u.index()].kind.is_regular() {
+            list_owned_in_fan(u, ru, owned)
         } else {
-            self.mesh.store.list_owned(u, ru, owned, &mut self.scratch.marks);
+            mesh.store.list_owned(u, ru, owned, &mut scratch.marks);
             &owned[..]
         };
-        let Self { mesh, scratch, tally, .. } = self;
         let are_lone = mesh.cache_wedge_reductions(u, owned);
         let edges = OwnedEdges { u, owned, ring: ru, most: tau, have_single_wedges: are_lone };
         let stuck = mesh.evaluate_owned(&edges, members, found, scratch, tally);
@@ -117,6 +106,22 @@ impl<M: Metric> Engine<M> {
         }
         self.mesh.store.bound[u.index()] = least;
     }
+}
+
+/// Lists the edges that a vertex inside a closed fan owns: every neighbour comes first in one of the
+/// triangles, so the second need not be visited. (Branchless: each is written, some are kept; a branch on
+/// the order would be unpredictable.)
+#[inline(always)]
+fn list_owned_in_fan<'a>(u: VertexId, ring: &Ring, owned: &'a mut Vec<VertexId>) -> &'a [VertexId] {
+    if owned.len() < ring.len() {
+        owned.resize(ring.len(), u);
+    }
+    let (slots, mut n) = (&mut owned[..ring.len()], 0);
+    for r in ring.iter() {
+        slots[n] = r.a;
+        n += usize::from(r.a > u);
+    }
+    &owned[..n]
 }
 
 impl<M: Metric> LiveMesh<M> {

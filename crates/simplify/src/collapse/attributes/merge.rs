@@ -4,7 +4,7 @@ use lodsmith_core::WedgeId;
 use wide::f32x4;
 
 use super::slopes::{FourSlopes, SlopesRow};
-use super::{Attributes, Head, JointWeights};
+use super::{Attributes, Head, JointWeights, NO_WEDGE};
 use crate::lanes;
 
 /// Maximum number of joints per wedge during a run. (More than any format has.)
@@ -46,9 +46,59 @@ impl Attributes {
         Tables { weights: &self.weights, heads: &mut self.heads, rows: &mut self.rows }
     }
 
+    /// Prepares a merger: clears the sums and heads of the merged wedges, and normalizes their values, unless
+    /// they are those of a locked end.
+    #[inline(always)]
+    pub(in crate::collapse) fn begin_merge(&self, lanes: usize, is_locked: bool, merge: &mut Merge) {
+        let Merge { members, best, own, heads, .. } = merge;
+        let room = members.len() * 3 * lanes;
+        if own.len() < room {
+            own.resize(room, f32x4::ZERO);
+        }
+        heads.clear();
+        heads.resize(members.len(), Head::default());
+        for m in members.iter() {
+            for (hard, own) in heads[m.group].hard.iter_mut().zip(self.heads[m.wedge.index()].hard) {
+                *hard |= own;
+            }
+        }
+        for (group, _) in representatives(members) {
+            own[group * 3 * lanes..][..3 * lanes].fill(f32x4::ZERO);
+            if !is_locked {
+                self.normalize(&mut best[group * lanes..][..lanes]);
+            }
+        }
+    }
+
+    /// Writes the data of the merged wedges that have a triangle, `t` of the way from the kept end to the
+    /// other, and chains them. Returns the first of the chain.
+    #[inline(always)]
+    pub(in crate::collapse) fn end_merge(
+        &mut self,
+        lanes: usize,
+        is_locked: bool,
+        t: f32,
+        Merge { members, best, own, heads, .. }: &Merge,
+    ) -> WedgeId {
+        let mut first = NO_WEDGE;
+        for (group, m) in representatives(members).filter(|(group, _)| heads[*group].faces > 0) {
+            if !self.joint_weights.is_empty() && !is_locked {
+                self.joint_weights[m.wedge.index()] = self.blended_joint_weights(members, group, t);
+            }
+            if !self.labels.is_empty() && !is_locked {
+                self.labels[m.wedge.index()] = self.nearest_label(members, group, t);
+            }
+            let head = Head { next: first, ..heads[group] };
+            let sums = &own[group * 3 * lanes..][..3 * lanes];
+            self.set(m.wedge, &best[group * lanes..][..lanes], sums, head);
+            first = m.wedge;
+        }
+        first
+    }
+
     /// Returns the label of the merged wedge of a group, `t` of the way from the kept end to the other:
     /// that of a wedge at the nearer end, and among several there of the one with the largest area.
-    pub(in crate::collapse) fn nearest_label(&self, members: &[Member], group: usize, t: f32) -> u32 {
+    fn nearest_label(&self, members: &[Member], group: usize, t: f32) -> u32 {
         let area = |m: &Member| self.heads[m.wedge.index()].area;
         let mut nearest: Option<&Member> = None;
         for m in of_group(members, group) {
@@ -63,12 +113,7 @@ impl Attributes {
         nearest.map_or(0, |m| self.labels[m.wedge.index()])
     }
 
-    pub(in crate::collapse) fn blended_joint_weights(
-        &self,
-        members: &[Member],
-        group: usize,
-        t: f32,
-    ) -> JointWeights {
+    fn blended_joint_weights(&self, members: &[Member], group: usize, t: f32) -> JointWeights {
         let mut sum: JointWeights = Vec::new();
         let count = |at_v| of_group(members, group).filter(|m| m.at_v == at_v).count();
         let counts = [count(false), count(true)];
