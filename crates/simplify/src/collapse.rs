@@ -66,7 +66,6 @@ mod visit;
 mod wedges;
 mod wings;
 
-use glam::Vec3;
 use lodsmith_core::VertexId;
 
 use crate::guard::Rules;
@@ -115,15 +114,6 @@ pub(crate) enum StopReason {
     Finish,
     /// The caller wants no result.
     Cancel,
-}
-
-/// Callback that receives positions and faces.
-pub(crate) type InputVisitor<'a> = dyn FnMut(&[Vec3], &[[VertexId; 3]]) + 'a;
-
-/// The ordered input, kept in memory or computed again, as the sampled error and the fit need it.
-pub(crate) trait InputSurface {
-    /// Calls `look` with the positions in the unit frame and the faces.
-    fn visit(&self, look: &mut InputVisitor<'_>);
 }
 
 /// The engine: a mesh, the record of its changes, and buffers. Engines share nothing, so two can run side

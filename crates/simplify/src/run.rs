@@ -17,7 +17,7 @@ use crate::attributes::{Rows, with_wedges};
 use crate::collapse::attributes::Attributes;
 use crate::collapse::order::{self, NONE, Ordered};
 use crate::collapse::store::Store;
-use crate::collapse::{Goal, InputSurface, InputVisitor, StopReason};
+use crate::collapse::{Goal, StopReason};
 use crate::constraints::{self, Constraints, HeldWedges, LockedWedges};
 use crate::control::{Control, Stage, Verdict};
 use crate::deviation::{self, Deviation, InputComparer, ROUNDING};
@@ -32,23 +32,6 @@ pub(crate) use chain::{is_chained, run_chain};
 use copies::Copies;
 pub(crate) use start::Started;
 use trunk::Trace;
-
-/// The ordered input, kept in memory or computed again.
-pub(crate) struct Source<'a> {
-    pub(crate) surface: &'a Surface<'a>,
-    pub(crate) ordered: &'a Ordered,
-    pub(crate) is_kept: bool,
-}
-
-impl InputSurface for Source<'_> {
-    fn visit(&self, look: &mut InputVisitor<'_>) {
-        if self.is_kept {
-            look(&self.ordered.points, &self.ordered.faces);
-        } else {
-            look(&self.ordered.remake_points(self.surface), &self.ordered.remake_faces(self.surface));
-        }
-    }
-}
 
 /// Topology changes that a pass may make in order of cost.
 #[derive(Clone, Copy)]

@@ -22,8 +22,9 @@ use crate::fit::Originals;
 use crate::input::Input;
 use crate::metric::{Dimension, Metric, VertexMemory, with_metric};
 use crate::options::{Length, Placement, SimplifyOptions, TopologyPolicy};
+use crate::ordered_input::OriginalInput;
 use crate::prune;
-use crate::run::{self, Run, Source, Started};
+use crate::run::{self, Run, Started};
 use crate::shading;
 
 /// A recorded run of one method.
@@ -173,7 +174,7 @@ fn record_run<M: Metric>(
         engine.mesh.constraints.cuts_necks = true;
         engine.enable_part_removal();
     }
-    let source = Source { surface: &run.input.surface, ordered: run.ordered, is_kept };
+    let source = OriginalInput { surface: &run.input.surface, ordered: run.ordered, is_kept };
     let mut end = engine.sweep(&run.goal, &source, control);
     let in_order = engine.record.as_ref().map_or(0, |record| record.log.steps.len());
     if end == StopReason::Stuck && topology == TopologyPolicy::Relaxed {
