@@ -212,34 +212,7 @@ impl Layout {
                 let own = faces.iter().map(|&f| table[regions[f].index()].1.unwrap_or_default());
                 mesh.set_regions(Some(own.collect()))?;
             }
-            if part.mesh.normals().is_some() {
-                mesh.set_normals(all.normals().map(|n| wedges.iter().map(|w| n[w.index()]).collect()))?;
-            }
-            if part.mesh.uvs().is_some() {
-                mesh.set_uvs(all.uvs().map(|t| of_part(t, &wedges, part.mesh.uvs())))?;
-            }
-            if part.mesh.colors().is_some() {
-                mesh.set_colors(all.colors().map(|c| of_part(c, &wedges, part.mesh.colors())))?;
-            }
-            for a in part.mesh.further_attributes() {
-                let Some(source) = find(all, &a.semantic, a.width) else { continue };
-                let scale = length_scale(&a.semantic, place.scale);
-                let first = self.first_joint(i, &a.semantic);
-                let given = |x: &f32| match first {
-                    0.0 => single(f64::from(*x) / scale),
-                    // (A joint with weight 0 has index 0 in the joined mesh.)
-                    first => (x - first).max(0.0),
-                };
-                let mut values: Vec<f32> = wedges.iter().flat_map(|&w| source.of(w)).map(given).collect();
-                if has_ranges(&a.semantic) {
-                    let ranges = ranges(&a.values, a.width);
-                    for row in values.chunks_exact_mut(a.width) {
-                        row.iter_mut().zip(&ranges).for_each(|(x, range)| *x = within(*x, *range));
-                    }
-                }
-                mesh.add_attribute(Attribute { values, ..a.clone() })?;
-            }
-            resum_weights(&mut mesh, all, &wedges);
+            self.copy_attributes(&mut mesh, (i, part), all, &wedges)?;
             if own_wedges.iter().any(Option::is_some) {
                 constraints::restore(&mut mesh, part.mesh, &own_wedges);
             }
@@ -250,6 +223,45 @@ impl Layout {
             numbers.push(vertices);
         }
         Ok((meshes, numbers))
+    }
+
+    /// Gives a part of the result the attributes that it had, from its `wedges` in the joined mesh.
+    fn copy_attributes(
+        &self,
+        mesh: &mut TriMesh,
+        (i, part): (usize, &Part<'_>),
+        all: &TriMesh,
+        wedges: &[WedgeId],
+    ) -> Result<(), MeshError> {
+        if part.mesh.normals().is_some() {
+            mesh.set_normals(all.normals().map(|n| wedges.iter().map(|w| n[w.index()]).collect()))?;
+        }
+        if part.mesh.uvs().is_some() {
+            mesh.set_uvs(all.uvs().map(|t| of_part(t, wedges, part.mesh.uvs())))?;
+        }
+        if part.mesh.colors().is_some() {
+            mesh.set_colors(all.colors().map(|c| of_part(c, wedges, part.mesh.colors())))?;
+        }
+        for a in part.mesh.further_attributes() {
+            let Some(source) = find(all, &a.semantic, a.width) else { continue };
+            let scale = length_scale(&a.semantic, self.places[i].scale);
+            let first = self.first_joint(i, &a.semantic);
+            let given = |x: &f32| match first {
+                0.0 => single(f64::from(*x) / scale),
+                // (A joint with weight 0 has index 0 in the joined mesh.)
+                first => (x - first).max(0.0),
+            };
+            let mut values: Vec<f32> = wedges.iter().flat_map(|&w| source.of(w)).map(given).collect();
+            if has_ranges(&a.semantic) {
+                let ranges = ranges(&a.values, a.width);
+                for row in values.chunks_exact_mut(a.width) {
+                    row.iter_mut().zip(&ranges).for_each(|(x, range)| *x = within(*x, *range));
+                }
+            }
+            mesh.add_attribute(Attribute { values, ..a.clone() })?;
+        }
+        resum_weights(mesh, all, wedges);
+        Ok(())
     }
 }
 
