@@ -3,6 +3,7 @@
 pub(crate) mod orient;
 mod pairs;
 mod slivers;
+mod state;
 
 use std::borrow::Cow;
 
@@ -10,13 +11,14 @@ use lodsmith_core::mesh::compact::compact;
 use lodsmith_core::mesh::defects::{defects, duplicates};
 use lodsmith_core::mesh::weld::{Weld, weld, weld_mesh_by, weld_within};
 use lodsmith_core::topology::Topology;
-use lodsmith_core::{Positions, RegionId, Surface, TriMesh, VertexId, WedgeId};
+use lodsmith_core::{Positions, RegionId, TriMesh, VertexId, WedgeId};
 
 use crate::SimplifyError;
 use crate::control::{Control, Stage, Verdict};
 use crate::options::Length;
 use crate::prune::{self, Pruned};
 use crate::run::with_attributes;
+use state::CleanState;
 
 /// Treatment of edges with more than two faces, and of vertices where a surface touches itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -113,43 +115,6 @@ pub struct RemainingDefects {
     pub opposite_faces: usize,
     /// Faces of zero area.
     pub zero_area_faces: usize,
-}
-
-/// A mesh being cleaned: faces may be removed or flipped, wedges and vertices are fixed.
-struct CleanState<'a> {
-    mesh: &'a TriMesh,
-    /// Representative vertex at the position of each vertex.
-    place: Weld,
-    faces: Vec<[WedgeId; 3]>,
-    regions: Option<Vec<RegionId>>,
-}
-
-impl CleanState<'_> {
-    /// Returns the representative vertices of a face.
-    fn places(&self, t: [WedgeId; 3]) -> [VertexId; 3] {
-        t.map(|w| self.place.of(self.mesh.vertex_of(w)))
-    }
-    /// Returns the faces as a surface over representative vertices.
-    fn surface(&self) -> Result<Surface<'_>, SimplifyError> {
-        let triangles = self.faces.iter().map(|&t| self.places(t)).collect();
-        Ok(Surface::with_triangles(self.mesh.positions().view(), triangles)?)
-    }
-    /// Removes the faces for which `goes` is true.
-    fn drop_faces(&mut self, goes: impl Fn(usize) -> bool) {
-        let mut at = 0;
-        let mut stays = || {
-            at += 1;
-            !goes(at - 1)
-        };
-        self.faces.retain(|_| stays());
-        at = 0;
-        if let Some(regions) = &mut self.regions {
-            regions.retain(|_| {
-                at += 1;
-                !goes(at - 1)
-            });
-        }
-    }
 }
 
 /// Cleans a mesh up.

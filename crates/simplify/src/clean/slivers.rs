@@ -12,7 +12,7 @@ use std::collections::HashMap;
 use lodsmith_core::mesh::defects::is_zero_area;
 use lodsmith_core::{VertexId, WedgeId};
 
-use super::CleanState;
+use super::state::CleanState;
 
 /// Maximum number of flips that one zero-area face may start, so that the steps are linear in the faces.
 /// (Guessed; few need three.)
