@@ -58,6 +58,8 @@ mod star_edges;
 pub(crate) mod store;
 mod stuck;
 mod sweeps;
+#[cfg(test)]
+mod test_support;
 mod wedges;
 mod wings;
 

@@ -543,3 +543,6 @@ impl<M: Metric> LiveMesh<M> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

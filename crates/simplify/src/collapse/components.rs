@@ -120,3 +120,49 @@ pub(crate) fn labels(count: usize, faces: &[[VertexId; 3]]) -> Vec<u32> {
     }
     label
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_support::{SmallMesh, tetrahedron};
+
+    fn two() -> SmallMesh {
+        tetrahedron().and(&tetrahedron().scaled(0.5), Vec3::X * 4.0)
+    }
+
+    #[test]
+    fn parts_are_numbered_by_their_first_vertex() {
+        let mut faces = two().triangles();
+        // (Two vertices without a face are parts of their own.)
+        assert_eq!(labels(10, &faces), [0, 0, 0, 0, 1, 1, 1, 1, 2, 3]);
+        // Parts whose faces come later in the list keep their numbers.
+        faces.reverse();
+        assert_eq!(labels(8, &faces), [0, 0, 0, 0, 1, 1, 1, 1]);
+        // A face between them makes one part, unless it is dead.
+        faces.push([VertexId(7), VertexId(2), VertexId(3)]);
+        assert_eq!(labels(8, &faces), [0; 8]);
+        faces[8][0] = NONE;
+        assert_eq!(labels(8, &faces), [0, 0, 0, 0, 1, 1, 1, 1]);
+    }
+
+    #[test]
+    fn the_cost_of_a_part_is_its_area_times_the_square_of_half_its_size() {
+        let (small, mut faces) = (two(), two().triangles());
+        faces[3][0] = NONE;
+        let label = labels(8, &two().triangles());
+        let parts = measure_parts(&label, |w| small.points[w.index()], &faces);
+        assert_eq!(parts.iter().map(|p| p.faces).collect::<Vec<_>>(), [3, 4]);
+        // The three right angles have the doubled area 1 each, the slanted face √3.
+        let area = 3.0 + 3f32.sqrt();
+        assert!((parts[0].area - 3.0).abs() < 1e-5 && (parts[1].area - area / 4.0).abs() < 1e-5);
+        assert_eq!((parts[1].min, parts[1].max), (Vec3::X * 4.0, Vec3::new(4.5, 0.5, 0.5)));
+        // The squared diagonal is 3 in the first box and 3/4 in the second.
+        assert!((parts[0].cost() - 3.0 * 0.25 * 3.0).abs() < 1e-5);
+        assert!((parts[1].cost() - area / 4.0 * 0.25 * 0.75).abs() < 1e-5);
+        let weighted = |cost_factor: f32| Component { cost_factor, ..parts[0] }.weighted_cost();
+        assert!((weighted(2.0) - 2.0 * parts[0].cost()).abs() < 1e-5);
+        assert_eq!(weighted(f32::INFINITY), f32::INFINITY);
+        let size = parts[0].size(2);
+        assert!((size.face - 1.5).abs() < 1e-5 && (size.size_sq - 3.0).abs() < 1e-5);
+    }
+}

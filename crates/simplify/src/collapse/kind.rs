@@ -277,4 +277,36 @@ mod tests {
         let kind = Kind::of(&book, BorderPolicy::Keep);
         assert!(kind.is_complex() && kind.is_free());
     }
+
+    #[test]
+    fn long_rings_are_read_like_short_ones() {
+        for n in [3, SHORT_RING - 1, SHORT_RING, SHORT_RING + 1, 3 * SHORT_RING] {
+            let wheel: Vec<[u32; 2]> = (0..n as u32).map(|i| [7 * i, 7 * ((i + 1) % n as u32)]).collect();
+            // A page more at the neighbour 7.
+            let book = [&wheel[..], &[[7, 9999]]].concat();
+            let cases = [
+                (&wheel[..], [false; 3]),
+                (&wheel[1..], [true, false, false]),
+                (&book[..], [false, true, true]),
+            ];
+            for (pairs, wanted) in cases {
+                let ring = ring(pairs);
+                let kind = Kind::of(&ring, BorderPolicy::Keep);
+                assert_eq!(
+                    [kind.is_border(), kind.is_complex(), kind.is_fixed()],
+                    wanted,
+                    "{} of {n}",
+                    ring.len()
+                );
+                assert_eq!(kind.is_regular(), wanted == [false; 3]);
+                let mut each: Vec<VertexId> = Vec::new();
+                for w in ring.iter().flat_map(|r| [r.a, r.b]) {
+                    if !each.contains(&w) {
+                        each.push(w);
+                    }
+                }
+                assert_eq!(distinct(&ring).collect::<Vec<_>>(), each);
+            }
+        }
+    }
 }

@@ -608,3 +608,6 @@ fn add(members: &mut Vec<Member>, wedge: WedgeId, at_v: bool) -> usize {
         members.len() - 1
     })
 }
+
+#[cfg(test)]
+mod tests;

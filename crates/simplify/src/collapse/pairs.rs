@@ -739,3 +739,6 @@ impl<M: Metric> Engine<M> {
         self.tally.collapses += 1;
     }
 }
+
+#[cfg(test)]
+mod tests;

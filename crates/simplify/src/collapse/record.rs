@@ -360,3 +360,6 @@ impl Record {
         log.steps.push(LoggedChange { key, spent, lost, ends });
     }
 }
+
+#[cfg(test)]
+mod tests;
