@@ -539,3 +539,104 @@ impl UseCounts {
 fn owner(w: WedgeId, map: &Option<Vec<VertexId>>) -> VertexId {
     map.as_ref().map_or(VertexId(w.0), |map| map[w.index()])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_support::three_levels;
+
+    fn three() -> Progressive {
+        Progressive::new(Splits::new(three_levels()).expect("sound splits"))
+    }
+
+    /// Returns the faces and the position of vertex 1 along x.
+    fn state(road: &Progressive) -> (Vec<[u32; 3]>, f64) {
+        (road.faces().iter().map(|t| t.map(|w| w.0)).collect(), road.positions().get(VertexId(1))[0])
+    }
+
+    #[test]
+    fn levels_are_those_of_the_splits_in_any_order() {
+        let wanted = [
+            (vec![[0, 1, 2]], 2.0),
+            (vec![[0, 1, 2], [1, 3, 2]], 1.0),
+            (vec![[0, 1, 2], [1, 4, 2], [4, 3, 2], [1, 5, 4]], 1.0),
+        ];
+        let mut road = three();
+        assert_eq!((road.level(), road.top(), road.levels()), (2, 2, 3));
+        for level in [2, 0, 1, 2, 1, 0, 2] {
+            road.to_level(level);
+            assert_eq!(state(&road), wanted[level], "level {level}");
+            assert_eq!(road.positions().len(), [3, 4, 6][level]);
+        }
+        // Beyond the ends there is nothing.
+        road.to_level(9);
+        assert_eq!(road.level(), 2);
+        road.coarsen(9);
+        assert_eq!(road.level(), 0);
+        road.refine(1);
+        assert_eq!(state(&road), wanted[1]);
+    }
+
+    #[test]
+    fn counts_find_the_finest_level_within() {
+        let road = three();
+        assert_eq!([0, 1, 2, 3, 4, 9].map(|n| road.level_of_faces(n)), [0, 0, 1, 1, 2, 2]);
+        assert_eq!([2, 3, 4, 5, 6].map(|n| road.level_of_vertices(n)), [0, 0, 1, 1, 2]);
+    }
+
+    #[test]
+    fn vertices_in_use_are_counted_through_holes() {
+        // The second split takes both corners of vertex 3: it is a hole then.
+        let mut data = three_levels();
+        data.checkpoints.clear();
+        data.faces[2] = [4, 5, 2].map(WedgeId);
+        let mut road = Progressive::new(Splits::new(data).expect("sound splits"));
+        for (level, used) in [(2, 5), (1, 4), (0, 3)] {
+            road.to_level(level);
+            assert_eq!(road.vertex_count(), used, "level {level}");
+        }
+        assert_eq!([3, 4, 5].map(|n| road.level_of_vertices(n)), [0, 1, 2]);
+    }
+
+    #[test]
+    fn changed_ranges_name_blocks_and_all_that_is_new() {
+        let one = |range: Range<usize>| std::iter::once(range).collect::<Vec<_>>();
+        let mut blocks = ChangedBlocks::new(1000);
+        assert!(blocks.ranges(700, 700).is_empty());
+        [0, 255, 256, 700].into_iter().for_each(|i| blocks.add(i));
+        // The last block is cut at the count, or joined with the new elements.
+        assert_eq!(blocks.ranges(650, 650), one(0..650));
+        let mut blocks = ChangedBlocks::new(1000);
+        [0, 600].into_iter().for_each(|i| blocks.add(i));
+        assert_eq!(blocks.ranges(700, 700), [0..256, 512..700]);
+        assert_eq!(blocks.ranges(700, 1000), [0..256, 512..1000]);
+        assert_eq!(blocks.ranges(900, 1000), [0..256, 512..768, 900..1000]);
+        let mut road = three();
+        let back = road.to_level(0);
+        assert_eq!((back.faces, back.vertices), (one(0..1), one(0..3)));
+        let there = road.to_level(1);
+        // Face 1 and vertex 3 are new; vertex 1 moved.
+        assert_eq!((there.faces, there.vertices), (one(1..2), one(0..4)));
+    }
+
+    #[test]
+    fn the_first_splits_can_be_dropped() {
+        let mut changes = Changes { ends: vec![0, 2, 3, 5], at: vec![7, 8, 9, 10, 11], to: () };
+        assert_eq!(drop_first_splits(&mut changes, 2), 3);
+        assert_eq!((changes.ends, changes.at), (vec![0, 2], vec![10, 11]));
+        let road = three();
+        let error = {
+            let mut at_one = road.clone();
+            at_one.to_level(1);
+            at_one.error()
+        };
+        let mut above = road.without_below(1);
+        assert_eq!((above.top(), above.level(), above.face_count()), (1, 0, 2));
+        assert!((above.error() - error).abs() < 1e-9);
+        assert_eq!(state(&above), (vec![[0, 1, 2], [1, 3, 2]], 1.0));
+        above.to_level(1);
+        assert_eq!(state(&above), state(&three()));
+        let levels: Vec<u32> = above.splits().checkpoints.iter().map(|c| c.level).collect();
+        assert_eq!(levels, [0, 1]);
+    }
+}

@@ -1,7 +1,8 @@
 //! Test fixtures of the engine's unit tests: random vectors and meshes, and prepared engines.
 
 use glam::Vec3;
-use lodsmith_core::{Positions, TriMesh, VertexId, WedgeId};
+use lodsmith_core::splits::{Changes, Checkpoint, Counts, Layout, Original, SplitData};
+use lodsmith_core::{FaceId, Positions, TriMesh, VertexId, WedgeId};
 use proptest::prelude::*;
 
 use crate::SimplifyOptions;
@@ -198,4 +199,51 @@ pub(crate) fn tube(rings: u32) -> SmallMesh {
         }
     }
     SmallMesh::new(&points, &faces)
+}
+
+/// Splits with three levels, of the faces
+///
+/// - 0 1 2,
+/// - 0 1 2 and 1 3 2: the first split adds vertex 3, and moves vertex 1 from x = 2 to x = 1,
+/// - 0 1 2, 1 4 2, 4 3 2 and 1 5 4: the second split adds vertices 4 and 5, and gives a corner of 3 to 4.
+///
+/// Checkpoints at the first and the last level move vertex 0 along z by 1 and by 3, and the last one moves vertex 1
+/// along x by 1. The original has the opposite order.
+pub(crate) fn three_levels() -> SplitData {
+    let count = |faces, vertices| Counts { faces, wedges: vertices, vertices };
+    let checkpoint = |level, error, vertices: &[u32], moves: &[[f32; 3]]| Checkpoint {
+        level,
+        error,
+        vertices: vertices.iter().copied().map(VertexId).collect(),
+        moves: moves.to_vec(),
+        ..Checkpoint::default()
+    };
+    let points = [[0.0, 0.0], [2.0, 0.0], [0.0, 1.0], [1.0, 2.0], [2.0, 1.0], [2.0, 0.0]];
+    SplitData {
+        counts: vec![count(1, 3), count(2, 4), count(4, 6)],
+        faces: [[0, 1, 2], [1, 3, 2], [4, 3, 2], [1, 5, 4]].map(|t| t.map(WedgeId)).into(),
+        regions: None,
+        vertex_of: None,
+        layout: Layout::default(),
+        values: Vec::new(),
+        positions: Positions::F32(points.map(|[x, y]| [x, y, 0.0]).into()),
+        corners: Changes { ends: vec![0, 0, 1], at: vec![4], to: vec![WedgeId(4)] },
+        owners: Changes { ends: vec![0; 3], at: Vec::new(), to: Vec::new() },
+        rows: Changes { ends: vec![0; 3], at: Vec::new(), to: Vec::new() },
+        places: Changes {
+            ends: vec![0, 1, 1],
+            at: vec![VertexId(1)],
+            to: Positions::F32(vec![[1.0, 0.0, 0.0]]),
+        },
+        checkpoints: vec![
+            checkpoint(0, 0.4, &[0], &[[0.0, 0.0, 1.0]]),
+            checkpoint(2, 0.1, &[0, 1], &[[0.0, 0.0, 3.0], [1.0, 0.0, 0.0]]),
+        ],
+        original: Some(Original {
+            vertices: (0..6).rev().map(VertexId).collect(),
+            wedges: (0..6).rev().map(WedgeId).collect(),
+            faces: (0..4).rev().map(FaceId).collect(),
+            has_vertex_map: false,
+        }),
+    }
 }

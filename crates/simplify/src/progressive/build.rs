@@ -339,3 +339,90 @@ fn names<Q: VertexMemory>(
     }
     (InputNames { vertices, wedges, faces, has_wedges, keeps_wedges }, home)
 }
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::{Positions, shapes};
+
+    use super::*;
+    use crate::control::NoControl;
+    use crate::options::Stop;
+    use crate::test_support::{octahedron, tetrahedron};
+
+    #[test]
+    fn weights_are_computed_at_counts_a_third_apart() {
+        let counts = |n: usize| fitted_goals(n).iter().filter_map(|g| g.faces).collect::<Vec<_>>();
+        assert_eq!(counts(10), [10, 7, 4, 2]);
+        assert!(counts(1).is_empty());
+    }
+
+    #[test]
+    fn the_input_of_a_run_has_its_near_vertices_merged_and_small_parts_removed() {
+        use glam::Vec3;
+        let small = tetrahedron().and(&tetrahedron().scaled(0.01), Vec3::X * 1.005);
+        let mesh = small.mesh();
+        let mut options = SimplifyOptions::default();
+        let plain = prepared(&mesh, &mut options).expect("a mesh");
+        assert_eq!((plain.surface.triangles().len(), plain.joined.is_none()), (8, true));
+        options.prune = Some(Length::Units(0.1));
+        let pruned = prepared(&mesh, &mut options.clone()).expect("a mesh");
+        // (Faces keep their numbers: removed ones have no extent.)
+        let sound =
+            pruned.surface.triangles().iter().filter(|t| t[0] != t[1] && t[1] != t[2] && t[2] != t[0]);
+        assert_eq!((pruned.surface.triangles().len(), sound.count()), (8, 4));
+        options.prune = None;
+        options.weld = Some(Length::Units(0.006));
+        let welded = prepared(&mesh, &mut options).expect("a mesh");
+        // Vertex 4 is .005 from vertex 1.
+        let joined = welded.joined.as_ref().expect("vertices are near");
+        assert_eq!(joined[4], joined[1]);
+        assert_ne!(joined[0], joined[1]);
+    }
+
+    #[test]
+    fn costs_never_rise_from_the_base_on_and_part_removals_are_late() {
+        let two = octahedron().and(&tetrahedron(), glam::Vec3::X * 3.0);
+        let options = SimplifyOptions::default();
+        let RecordedMesh { mesh, costs } = build(&two.mesh(), &options, &mut NoControl).expect("two parts");
+        assert_eq!(costs.of_split.len(), mesh.top());
+        assert!(costs.of_split.is_sorted_by(|a, b| a >= b), "{:?}", costs.of_split);
+        // At last one of the two parts is removed, when no collapse is left.
+        assert!(costs.late > 0 && costs.late < mesh.top(), "{} of {}", costs.late, mesh.top());
+        // A cost is an area times a squared distance.
+        assert!((costs.factor(2.0) / costs.factor(1.0) - 16.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_stop_at_an_error_makes_its_level_the_base() {
+        let mesh = shapes::icosphere(2);
+        let whole = build(&mesh, &SimplifyOptions::default(), &mut NoControl).expect("a sphere");
+        let limit = 0.5 * whole.mesh.splits().checkpoints[0].error;
+        let options = SimplifyOptions::new(Stop::error(Length::Units(limit)));
+        let part = build(&mesh, &options, &mut NoControl).expect("a sphere");
+        let gone = whole.mesh.top() - part.mesh.top();
+        assert_eq!(gone, whole.mesh.level_of_error(limit));
+        assert!(gone > 0);
+        assert_eq!(part.costs.of_split, whole.costs.of_split[gone..]);
+        assert_eq!(part.mesh.mesh().expect("a mesh"), mesh);
+    }
+
+    #[test]
+    fn what_cannot_be_recorded_is_named() {
+        let run = |set: &dyn Fn(&mut SimplifyOptions), mesh: &TriMesh| {
+            let mut options = SimplifyOptions::default();
+            set(&mut options);
+            build(mesh, &options, &mut NoControl).err()
+        };
+        let sphere = shapes::icosphere(1);
+        let method = run(&|o| o.method = Method::Remesh, &sphere);
+        assert!(
+            matches!(method, Some(SimplifyError::NotOfMethod { option: "progressive", .. })),
+            "{method:?}"
+        );
+        let twice = run(&|o| o.escalate = true, &sphere);
+        assert!(matches!(twice, Some(SimplifyError::NotTogether { second: "escalate", .. })), "{twice:?}");
+        let flat =
+            TriMesh::new(Positions::F32(vec![[0.0; 3]; 3]), vec![[0, 1, 2].map(VertexId)]).expect("a mesh");
+        assert!(matches!(run(&|_| (), &flat), Some(SimplifyError::NoFaces { faces: 1 })));
+    }
+}

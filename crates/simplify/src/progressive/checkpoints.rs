@@ -207,3 +207,35 @@ impl Recorded<'_> {
         rms * rms
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::shapes;
+
+    use super::*;
+    use crate::SimplifyOptions;
+    use crate::control::NoControl;
+
+    #[test]
+    fn checkpoints_thin_out_towards_the_full_mesh() {
+        let mesh = shapes::noisy_sphere(3, 0.05, 3);
+        let road = Progressive::build(&mesh, &SimplifyOptions::default(), &mut NoControl).expect("a sphere");
+        let (counts, all) = (&road.splits().counts, &road.splits().checkpoints);
+        // From the base to the full mesh, which has no error and no fit.
+        assert_eq!((all[0].level, all[all.len() - 1].level as usize), (0, road.top()));
+        let last = &all[all.len() - 1];
+        assert_eq!((last.error, last.vertices.len()), (0.0, 0));
+        assert!(all[0].error > 0.0 && !all[0].vertices.is_empty());
+        for pair in all.windows(2) {
+            let [coarse, fine] = [&pair[0], &pair[1]];
+            let [low, high] = [coarse, fine].map(|c| f64::from(counts[c.level as usize].faces));
+            assert!(fine.error <= coarse.error, "{} after {}", coarse.error, fine.error);
+            // Each has four fifths of the faces of the finer one, or nine tenths below a thousand; a split adds two.
+            let is_base = coarse.level == 0;
+            assert!(is_base || fine.level - coarse.level >= MIN_SPLITS_BETWEEN as u32);
+            let share = if high < FINE_BELOW_FACES { FINE_CHECKPOINT_FACTOR } else { CHECKPOINT_FACTOR };
+            assert!(low <= share * (high + 2.0), "{low} of {high}");
+        }
+        assert!(all.len() > 20, "{} checkpoints", all.len());
+    }
+}

@@ -119,3 +119,47 @@ impl LevelComparer {
         Some(compare_prepared(&self.reference, &candidate, &CompareOptions::default()))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::Splits;
+
+    use super::*;
+    use crate::control::NoControl;
+    use crate::test_support::three_levels;
+
+    #[test]
+    fn each_measured_level_has_more_faces_than_the_last() {
+        let mut data = three_levels();
+        // Twenty more splits without a change: levels 2 to 22 have four faces.
+        for _ in 0..20 {
+            data.counts.push(data.counts[2]);
+            for ends in
+                [&mut data.corners.ends, &mut data.owners.ends, &mut data.rows.ends, &mut data.places.ends]
+            {
+                ends.push(ends[2]);
+            }
+        }
+        let road = Progressive::new(Splits::new(data).expect("sound splits"));
+        // From one face to two, to four, and of all levels with four to the last.
+        assert_eq!(road.levels_to_measure(), [0, 1, 2, 22]);
+    }
+
+    #[test]
+    fn the_deviation_is_that_of_the_level_with_or_without_its_fit() {
+        let mut data = three_levels();
+        data.checkpoints.clear();
+        // The base is the triangle of (0, 0), (2, 0) and (0, 1), within the full mesh, which reaches to (1, 2): that is
+        // 3 / √5 from the line x + 2 y = 2.
+        let mut road = Progressive::new(Splits::new(data).expect("sound splits"));
+        road.to_level(0);
+        let found = road.deviation(false).expect("a mesh").expect("faces with an area").hausdorff.symmetric;
+        assert!((found - 3.0 / 5f64.sqrt()).abs() < 0.02, "{found}");
+        // The full mesh itself.
+        road.to_level(2);
+        let found = road.deviation(false).expect("a mesh").expect("faces with an area").hausdorff.symmetric;
+        assert!(found < 1e-9, "{found}");
+        let level = |limit: f64| road.level_of_deviation(limit, false, &mut NoControl).expect("a mesh");
+        assert_eq!([10.0, 0.01].map(level), [0, 2]);
+    }
+}

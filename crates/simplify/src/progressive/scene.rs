@@ -293,3 +293,77 @@ fn shares(parts: &[Part<'_>], times: &[usize]) -> Vec<f64> {
     };
     parts.iter().zip(areas).map(share).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::NoControl;
+    use crate::test_support::{octahedron, tetrahedron};
+
+    fn part(mesh: &lodsmith_core::TriMesh, instances: usize, scale: f64) -> Part<'_> {
+        Part { mesh, instances, scale, system: None }
+    }
+
+    #[test]
+    fn levels_of_the_meshes_add_up_to_that_of_the_scene() {
+        let of_mesh = vec![vec![0, 3, 4], vec![1, 2], Vec::new()];
+        let order = SceneOrder { splits: 5, of_mesh, times: vec![1; 3], shares: vec![1.0; 3] };
+        let wanted = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 2, 0], [2, 2, 0], [3, 2, 0]];
+        for (level, wanted) in wanted.into_iter().enumerate() {
+            assert_eq!(order.levels(level), wanted);
+        }
+        assert_eq!([0, 3, 5].map(|n| first_where(5, |i| i >= n)), [0, 3, 5]);
+    }
+
+    #[test]
+    fn shares_are_by_the_area_in_the_scene() {
+        // Octahedra of the areas 4 √3 each: three of one, and one twice as large, whose distances are in its own
+        // units.
+        let mesh = octahedron().mesh();
+        let found = shares(&[part(&mesh, 3, 1.0), part(&mesh, 1, 2.0)], &[3, 1]);
+        assert!(
+            (found[0] - 3.0 / 7.0).abs() < 1e-9 && (found[1] - 4.0 * 4.0 / 7.0).abs() < 1e-9,
+            "{found:?}"
+        );
+        assert_eq!(
+            [2.0, 0.0, -1.0, f64::NAN].map(|scale| scale_of(&part(&mesh, 1, scale))),
+            [2.0, 1.0, 1.0, 1.0]
+        );
+    }
+
+    #[test]
+    fn options_of_a_mesh_are_in_its_units_and_of_its_vertices() {
+        let mut options = SimplifyOptions::new(Stop::faces(10));
+        options.locked = Some(vec![false, true, true, false].into());
+        options.weld = Some(Length::OfDiagonal(0.1));
+        options.guards.max_edge = Some(Length::Units(3.0));
+        let own = of_part(&options, 1..3, 20.0, 4.0);
+        assert_eq!(own.stop, Stop::default());
+        assert_eq!(own.locked.as_deref(), Some(&[true, true][..]));
+        assert_eq!((own.weld, own.guards.max_edge), (Some(Length::Units(0.5)), Some(Length::Units(0.75))));
+    }
+
+    #[test]
+    fn the_larger_of_two_equal_meshes_is_refined_first() {
+        let mesh = octahedron().mesh();
+        let parts = [part(&mesh, 1, 1.0), part(&mesh, 2, 10.0)];
+        let mut scene = ProgressiveScene::build(&parts, 20.0, &SimplifyOptions::default(), &mut NoControl)
+            .expect("two octahedra");
+        let top = scene.meshes()[0].top();
+        assert!(top > 0 && scene.top() == 2 * top && scene.meshes()[1].top() == top);
+        scene.to_level(top);
+        assert_eq!([0, 1].map(|i: usize| scene.meshes()[i].level()), [0, top]);
+        // Each split of the second one counts twice.
+        let base = scene.meshes()[0].face_count();
+        assert_eq!((scene.face_count(), scene.level_of_faces(base + 16)), (base + 16, top));
+        assert_eq!(scene.level_of_faces(base + 15), top - 1);
+        scene.to_level(2 * top);
+        assert_eq!((scene.face_count(), scene.vertex_count()), (24, 18));
+        // A mesh without an area stays as it is.
+        let flat = tetrahedron().scaled(0.0).mesh();
+        let beside = [part(&mesh, 1, 1.0), part(&flat, 1, 1.0)];
+        let scene = ProgressiveScene::build(&beside, 20.0, &SimplifyOptions::default(), &mut NoControl)
+            .expect("one octahedron");
+        assert_eq!((scene.meshes()[1].top(), scene.meshes()[1].face_count()), (0, 4));
+    }
+}
