@@ -171,9 +171,9 @@ fn nasty(seed: u64) -> TriMesh {
 }
 
 #[test]
-fn thousands_of_nasty_soups() {
+fn nasty_soups_give_sound_results() {
     let mut all = support::Complaints::default();
-    for seed in 0..6000 {
+    for seed in 0..1500 {
         let (mut mesh, mut options) = (nasty(seed), random_options(seed ^ 0xABCD_EF01_2345));
         if seed.is_multiple_of(2) {
             mesh = laden(&mesh, &mut Random(seed | 1));
@@ -190,7 +190,7 @@ fn thousands_of_nasty_soups() {
 fn soups_keep_what_the_topology_policy_promises() {
     let mut all = support::Complaints::default();
     let mut checked = 0;
-    for seed in 0..3000 {
+    for seed in 0..1500 {
         let mesh = nasty(seed);
         let mut options = random_options(seed ^ 0x1234_5678);
         options.weld = None;
@@ -205,7 +205,7 @@ fn soups_keep_what_the_topology_policy_promises() {
         all.add(&case, support::topology_complaints(&mesh, &options, &done));
     }
     all.report_all();
-    assert!(checked > 2000, "{checked} soups were checked");
+    assert!(checked > 1000, "{checked} soups were checked");
 }
 
 fn light(mesh: &TriMesh, share: f64) -> TriMesh {
