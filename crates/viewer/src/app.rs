@@ -21,13 +21,13 @@ use crate::document::Document;
 use crate::gpu::{Gpu, GpuError};
 use crate::keys::{self, Action, playback_after};
 use crate::orbit::Orbit;
-use crate::panel::target::{OriginalSize, Unit};
 use crate::panel::{
     self, Dock, Panel, PanelContext, UiRequest, WindowState, export, look::SHADINGS, widgets,
 };
 use crate::session::{Session, ViewerPrefs};
 use crate::settings::{EnvironmentChoice, Pose, Sides, Turn};
 use crate::stage::file::LayoutFile;
+use crate::target_scale::{OriginalSize, Unit};
 use crate::theme;
 use crate::viewport::KEY_TURN_RAD;
 use empty::{drop_hint, start_page};

@@ -11,13 +11,14 @@ use lodsmith_render::Shading;
 
 use crate::command::Command;
 use crate::content::Lighter;
-use crate::document::{Document, Drawing, ShownModel};
+use crate::document::Document;
 use crate::gpu::{DrawStats, Frame, Gpu, PlacedModel, RenderTarget};
 use crate::numbers::{grouped, percent, significant};
 use crate::orbit::{Orbit, moved_bounds, turn_matrix, turned_bounds};
 use crate::panel::{UiRequest, error};
 use crate::preview_mesh;
 use crate::settings::{Layout, Sides};
+use crate::shown::{Drawing, ShownModel};
 use crate::stage::picture::StageView;
 use crate::theme::palette;
 use crate::user_files::UserFiles;
@@ -329,7 +330,7 @@ impl ComparisonView {
             ui.request_repaint();
         }
         if let Some(share) = part {
-            drawing_line(ui, rect, share);
+            viewport::drawing_line(ui, rect, share);
         }
     }
 
@@ -385,13 +386,6 @@ impl ComparisonView {
         let camera = self.orbit(Side::Result).camera();
         Some(length / camera.length_per_pixel(camera.eye.distance(middle).max(1e-30), self.height_px))
     }
-}
-
-/// Draws a progress line at the lower edge of a picture that is drawn in parts.
-pub(crate) fn drawing_line(ui: &Ui, rect: Rect, share: f64) {
-    let y = rect.bottom() - 1.5;
-    let to = rect.left() + rect.width() * share.clamp(0.0, 1.0) as f32;
-    ui.painter_at(rect).hline(rect.left()..=to, y, egui::Stroke::new(3.0, palette(ui).accent));
 }
 
 /// Returns the bounding box of the rotated model in its rest pose.

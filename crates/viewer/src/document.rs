@@ -16,33 +16,17 @@ use crate::benchmark::{BenchmarkTable, SharedTable};
 use crate::command::{Command, History};
 use crate::content::{Distances, Lighter, Original, TopologySummary};
 use crate::export::{self, Export};
-use crate::gpu::{Context, DrawModel};
+use crate::gpu::Context;
 use crate::job::{JobControl, JobKind, Message, Progress, Worker};
 use crate::log::Log;
 use crate::numbers::{grouped, seconds};
 use crate::option_words::Simplification;
 use crate::preview_mesh;
 use crate::settings::Settings;
+use crate::shown::{Drawing, ShownModel};
 use crate::slider_preview::{self, SliderPreview};
 
 pub use stage::StageLevel;
-
-/// A model that can be shown, with its GPU buffers.
-pub struct ShownModel<T> {
-    /// The model.
-    pub content: Arc<T>,
-    /// GPU buffers; `None` without an adapter.
-    pub draw: Option<Drawing>,
-}
-
-impl<T> Clone for ShownModel<T> {
-    fn clone(&self) -> Self {
-        Self { content: self.content.clone(), draw: self.draw.clone() }
-    }
-}
-
-/// GPU buffers that the window draws and the worker writes distances into.
-pub type Drawing = Arc<Mutex<DrawModel>>;
 
 /// Distances, and the two models that were compared.
 struct Measured {

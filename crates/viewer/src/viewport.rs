@@ -10,6 +10,7 @@ use lodsmith_render::{Camera, StandardView};
 use rayon::prelude::*;
 
 use crate::orbit::Orbit;
+use crate::theme::palette;
 
 /// Rotation per point of mouse movement: half a turn over 600 points.
 const TURN_PER_POINT: f64 = std::f64::consts::PI / 600.0;
@@ -138,6 +139,13 @@ pub fn picture_area(ui: &mut egui::Ui, rect: Rect, name: &'static str) -> Respon
     let response = ui.interact(rect, ui.scope_id().with(name), egui::Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, name));
     response
+}
+
+/// Draws a progress line at the lower edge of a picture that is drawn in parts.
+pub(crate) fn drawing_line(ui: &egui::Ui, rect: Rect, share: f64) {
+    let y = rect.bottom() - 1.5;
+    let to = rect.left() + rect.width() * share.clamp(0.0, 1.0) as f32;
+    ui.painter_at(rect).hline(rect.left()..=to, y, egui::Stroke::new(3.0, palette(ui).accent));
 }
 
 #[cfg(test)]
