@@ -155,8 +155,10 @@ impl Simplification {
         for ((name, now), before) in WEIGHTS.iter().zip(weights(o)).zip(weights(&base)) {
             say("--weight", (now != before).then(|| format!("{name}={now}")));
         }
-        let length =
-            |now: Option<Length>, before: Option<Length>| now.filter(|_| now != before).map(length_text);
+        // 0 turns off the length of the preset.
+        let length = |now: Option<Length>, before: Option<Length>| {
+            (now != before).then(|| now.map_or_else(|| "0".to_owned(), length_text))
+        };
         say("--weld", length(o.weld, base.weld));
         say("--prune", length(o.prune, base.prune));
         let number = |x: Option<f64>| x.map(|x| x.to_string());
@@ -245,7 +247,9 @@ impl Simplification {
                 let place = WEIGHTS.iter().zip(places).find(|(n, _)| **n == name).ok_or_else(wrong)?;
                 *place.1 = weight;
             }
-            "--weld" => o.weld = length()?,
+            "--weld" => {
+                o.weld = length()?.filter(|l| !matches!(l, Length::Units(0.0) | Length::OfDiagonal(0.0)))
+            }
             "--prune" => o.prune = length()?,
             "--pairs" => o.method_options.pairs = length()?,
             "--cell" => o.method_options.cell = length()?,
@@ -331,6 +335,9 @@ mod tests {
             let one = Simplification::of_preset(preset.0, Stop::faces(9));
             assert_eq!(Simplification::parse(&one.words()), Ok(one));
         }
+        let mut switched_off = Simplification::of_preset(Preset::Scan, Stop::faces(9));
+        switched_off.options.weld = None;
+        assert_eq!(Simplification::parse(&switched_off.words()), Ok(switched_off));
         assert!(Simplification::default().words().is_empty());
     }
 

@@ -108,8 +108,8 @@ pub(crate) struct How {
     /// STRENGTH times as many per area as at 0 [default STRENGTH: 4]
     #[arg(long, value_name = "NAME[=STRENGTH]", value_parser = values::importance)]
     pub(crate) importance: Option<Importance>,
-    /// Merge vertices closer than D first (coincident vertices are always merged)
-    #[arg(long, value_name = "D", value_parser = values::some_length)]
+    /// Merge vertices closer than D first (coincident vertices are always merged); 0 turns off the weld of a preset
+    #[arg(long, value_name = "D")]
     weld: Option<TypedLength>,
 }
 
@@ -188,7 +188,9 @@ impl EngineArgs {
         for (name, weight) in &how.weight {
             *name.of(&mut options.weights) = *weight;
         }
-        options.weld = how.weld.as_ref().map(|d| d.length).or(options.weld);
+        if let Some(distance) = &how.weld {
+            options.weld = (!distance.is_zero()).then_some(distance.length);
+        }
         options.guards = Guards {
             max_normal_deg: guards.max_normal,
             min_quality: guards.min_quality,

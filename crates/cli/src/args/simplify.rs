@@ -177,6 +177,7 @@ mod tests {
         (wanted.topology, wanted.weights.uv) = (TopologyPolicy::Relaxed, 2.0);
         assert_eq!(options("--preset print --topology relaxed --weight uv=2"), wanted);
         assert_eq!(options("--preset scan --weld 0.5").weld, Some(Length::Units(0.5)));
+        assert_eq!(options("--preset scan --weld 0").weld, None);
     }
 
     #[test]

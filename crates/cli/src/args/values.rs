@@ -26,7 +26,8 @@ impl TypedLength {
         }
     }
 
-    fn is_zero(&self) -> bool {
+    /// Returns true for a length of zero.
+    pub(crate) fn is_zero(&self) -> bool {
         matches!(self.length, Length::Units(0.0) | Length::OfDiagonal(0.0))
     }
 }

@@ -60,6 +60,9 @@ mod tests {
             how.options.escalate = true;
             assert_eq!(typed(&how), how.options, "{method:?}");
         }
+        let mut how = Simplification::of_preset(Preset::Scan, Stop::ratio(0.1));
+        how.options.weld = None;
+        assert_eq!(typed(&how), how.options);
         let mut how = Simplification::of_preset(Preset::Cad, Stop::error(Length::OfDiagonal(0.001)));
         how.options.measure = lodsmith::Measure::Always;
         assert_eq!(typed(&how), how.options);
