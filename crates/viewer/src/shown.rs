@@ -12,6 +12,13 @@ pub struct ShownModel<T> {
     pub draw: Option<Drawing>,
 }
 
+impl<T> ShownModel<T> {
+    /// Returns the address of the content, as an identity while it is alive.
+    pub fn key(&self) -> usize {
+        Arc::as_ptr(&self.content) as usize
+    }
+}
+
 impl<T> Clone for ShownModel<T> {
     fn clone(&self) -> Self {
         Self { content: self.content.clone(), draw: self.draw.clone() }
