@@ -27,6 +27,7 @@ use crate::preview_mesh;
 use crate::settings::Settings;
 use crate::shown::{Drawing, ShownModel};
 use crate::slider_preview::SliderPreview;
+use crate::target_scale::OriginalSize;
 
 pub(crate) use levels::level_ratios;
 pub use stage::StageLevel;
@@ -158,6 +159,14 @@ impl Document {
     /// Returns the original.
     pub fn original(&self) -> Option<&ShownModel<Original>> {
         self.original.as_ref()
+    }
+    /// Returns the size of the original.
+    pub fn original_size(&self) -> Option<OriginalSize> {
+        self.original.as_ref().map(|o| OriginalSize {
+            faces: o.content.faces,
+            vertices: o.content.vertices,
+            diagonal: o.content.bounds.diagonal(),
+        })
     }
     /// Returns the latest result; `None` while the original is requested.
     pub fn lighter(&self) -> Option<&ShownModel<Lighter>> {

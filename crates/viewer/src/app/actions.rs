@@ -15,7 +15,7 @@ use crate::orbit::Orbit;
 use crate::panel::look::SHADINGS;
 use crate::panel::{self, Panel, export};
 use crate::settings::{Layout, Pose, Sides, Turn};
-use crate::target_scale::{OriginalSize, Unit};
+use crate::target_scale::Unit;
 use crate::viewport::KEY_TURN_RAD;
 
 /// Fraction of the faces that remains after one key press.
@@ -24,7 +24,7 @@ const KEY_FACTOR: f64 = 0.9;
 impl App {
     /// Scales the target by a factor.
     pub(super) fn scale_target(&mut self, factor: f64) {
-        let Some(whole) = self.original_size() else { return };
+        let Some(whole) = self.document.original_size() else { return };
         let shown = self.document.lighter().map_or(whole.faces, |l| l.content.faces);
         let target = whole.scaled(self.document.settings(), shown, factor);
         self.document.run(Command::Target(target));
@@ -191,7 +191,9 @@ impl App {
 
     /// Keeps the same target, in another unit.
     pub(super) fn change_unit(&mut self, unit: Unit) {
-        let (Some(whole), Some(lighter)) = (self.original_size(), self.document.lighter()) else { return };
+        let (Some(whole), Some(lighter)) = (self.document.original_size(), self.document.lighter()) else {
+            return;
+        };
         let l = &lighter.content;
         let target = match unit {
             Unit::Faces => SimplifyTarget::Faces(l.faces),
@@ -203,14 +205,6 @@ impl App {
             }
         };
         self.document.run(Command::Target(target));
-    }
-
-    pub(super) fn original_size(&self) -> Option<OriginalSize> {
-        self.document.original().map(|o| OriginalSize {
-            faces: o.content.faces,
-            vertices: o.content.vertices,
-            diagonal: o.content.bounds.diagonal(),
-        })
     }
 }
 

@@ -13,11 +13,7 @@ use crate::theme::{palette, weak};
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) -> Unit {
     let document = scope.document;
     let mut unit = scope.facts.unit;
-    let whole = document.original().map(|o| OriginalSize {
-        faces: o.content.faces,
-        vertices: o.content.vertices,
-        diagonal: o.content.bounds.diagonal(),
-    });
+    let whole = document.original_size();
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         for (each, name) in Unit::ALL {

@@ -555,7 +555,7 @@ impl StageView {
         if chosen.left_out > 0 {
             text += &format!("  ·  {} omitted", grouped(chosen.left_out));
         }
-        draw_chip(&painter, p, rect.min + Vec2::splat(10.0), "Stage", &text);
+        viewport::caption(ui, rect, "Stage", &text, false);
         let hint = if document.awaits_levels() {
             "Making levels; until then only some copies are drawn"
         } else if self.is_walking {
@@ -644,15 +644,4 @@ fn copies_bounds(document: &Document) -> Option<lodsmith_core::Bounds> {
     }
     min.y = 0.0;
     Some(lodsmith_core::Bounds { min: min.to_array(), max: max.to_array() })
-}
-
-fn draw_chip(painter: &egui::Painter, p: &Palette, at: Pos2, title: &str, text: &str) {
-    let title = painter.layout_no_wrap(title.to_owned(), egui::FontId::proportional(13.0), p.text);
-    let text = painter.layout_no_wrap(text.to_owned(), egui::FontId::monospace(12.0), p.weak);
-    let place = Rect::from_min_size(at, Vec2::new(title.size().x + text.size().x + 34.0, 26.0));
-    painter.rect_filled(place, 5.0, p.panel.gamma_multiply(0.92));
-    let middle = |galley: &egui::Galley| place.center().y - galley.size().y / 2.0;
-    let text_at = pos2(place.right() - text.size().x - 12.0, middle(&text));
-    painter.galley(pos2(place.left() + 12.0, middle(&title)), title, p.text);
-    painter.galley(text_at, text, p.weak);
 }
