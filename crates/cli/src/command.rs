@@ -18,9 +18,10 @@ mod view;
 use lodsmith_io::Warning;
 
 use crate::args::{Cli, Command};
-use crate::exit::{self, Status};
+use crate::exit;
 use crate::memory;
 use crate::output::{self, Output};
+use crate::status::Status;
 
 /// Runs the command.
 pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {

@@ -18,7 +18,7 @@ use lodsmith_io::{
 };
 
 use crate::args::{Reading, Writing};
-use crate::{exit, memory, plan};
+use crate::{exit, memory, plan, status};
 
 /// Source of an input.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -160,7 +160,7 @@ fn flattened_error(error: impl std::fmt::Display) -> anyhow::Error {
 /// Returns an error if two sources are standard input.
 pub(crate) fn at_most_one_stdin<'a>(sources: impl IntoIterator<Item = &'a Source>) -> anyhow::Result<()> {
     if sources.into_iter().filter(|s| **s == Source::Stdin).count() > 1 {
-        return Err(exit::usage("standard input can be read only once: one `-` is enough"));
+        return Err(status::usage("standard input can be read only once: one `-` is enough"));
     }
     Ok(())
 }
@@ -183,14 +183,14 @@ pub(crate) fn format_of(sink: &Sink, to: Option<Format>) -> anyhow::Result<Forma
         Sink::Stdout => None,
     };
     match (to.or(hint), sink) {
-        (Some(Format::Lpm), _) => Err(exit::usage(WriteError::NeedsSplits.to_string())),
+        (Some(Format::Lpm), _) => Err(status::usage(WriteError::NeedsSplits.to_string())),
         (Some(format), _) => Ok(format),
-        (None, Sink::Stdout) => Err(exit::usage("standard output has no ending: say the format with --to")),
+        (None, Sink::Stdout) => Err(status::usage("standard output has no ending: say the format with --to")),
         (None, Sink::Path(path)) if path.is_dir() => {
-            Err(exit::usage(format!("{}: is a folder: name a file in it", path.display())))
+            Err(status::usage(format!("{}: is a folder: name a file in it", path.display())))
         }
         (None, Sink::Path(path)) => {
-            Err(exit::usage(WriteError::UnknownFormat { path: path.clone() }.to_string()))
+            Err(status::usage(WriteError::UnknownFormat { path: path.clone() }.to_string()))
         }
     }
 }
@@ -199,7 +199,7 @@ pub(crate) fn format_of(sink: &Sink, to: Option<Format>) -> anyhow::Result<Forma
 pub(crate) fn refuse_folder(sink: &Sink, hint: &str) -> anyhow::Result<()> {
     match sink {
         Sink::Path(path) if path.is_dir() => {
-            Err(exit::usage(format!("{}: is a folder, which is never overwritten{hint}", path.display())))
+            Err(status::usage(format!("{}: is a folder, which is never overwritten{hint}", path.display())))
         }
         _ => Ok(()),
     }
@@ -222,7 +222,7 @@ pub(crate) fn refuse_inputs<'a>(
     let place = plan::identity(path);
     for input in inputs {
         if matches!(input, Source::Path(input) if plan::identity(input) == place) {
-            return Err(exit::usage(format!("{sink}: is an input; --force writes over it")));
+            return Err(status::usage(format!("{sink}: is an input; --force writes over it")));
         }
     }
     Ok(())
@@ -410,6 +410,6 @@ mod tests {
         let sink = |s: &str| Sink::from(OsString::from(s));
         assert_eq!(format_of(&sink("a.stl.gz"), None).unwrap(), Format::Stl);
         assert_eq!(format_of(&sink("a.stl"), Some(Format::Ply)).unwrap(), Format::Ply);
-        assert_eq!(exit::status_of(&format_of(&sink("-"), None).unwrap_err()), exit::Status::Usage);
+        assert_eq!(status::status_of(&format_of(&sink("-"), None).unwrap_err()), status::Status::Usage);
     }
 }

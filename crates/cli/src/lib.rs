@@ -1,7 +1,8 @@
 //! The command `lodsmith`: parses arguments, calls the libraries, prints the results.
 //!
 //! [`args`] defines the arguments, [`command`] has one module for each subcommand, [`output`] does all
-//! printing, [`exit`] defines statuses and interrupts. Simplification and file formats are in the libraries.
+//! printing, [`status`] defines exit statuses, [`exit`] handles interrupts. Simplification and file formats are
+//! in the libraries.
 
 mod args;
 mod command;
@@ -22,6 +23,7 @@ mod plan;
 mod progress;
 mod proposals;
 mod run_control;
+mod status;
 mod validity;
 
 use std::process::ExitCode;
@@ -45,8 +47,8 @@ pub fn run() -> ExitCode {
 
 /// Prints an error, unless the user interrupted the run.
 fn failed(error: anyhow::Error) -> ExitCode {
-    let status = exit::status_of(&error);
-    if status != exit::Status::Interrupted {
+    let status = status::status_of(&error);
+    if status != status::Status::Interrupted {
         output::error(&format!("{error:#}"));
     }
     exit::code(status)

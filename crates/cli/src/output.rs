@@ -9,7 +9,7 @@ use anyhow::Context as _;
 use serde_json::Value;
 
 use crate::args::Run;
-use crate::exit::Status;
+use crate::status::Status;
 
 /// Destination and level of a command's output.
 pub(crate) struct Output {

@@ -9,8 +9,8 @@ use lodsmith_render::{
     Background, Camera, Panel, PictureFormat, StandardView, Subject, View, encode, render,
 };
 
-use crate::exit::usage;
 use crate::file::{self, Sink};
+use crate::status::usage;
 
 /// Returns the picture format of an output by its file extension; standard output gets PNG.
 ///

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use lodsmith_io::Format;
 use lodsmith_io::sniff::hint_of;
 
-use crate::exit::usage;
 use crate::file::{self, Sink, Source};
+use crate::status::usage;
 
 /// One input and its output.
 #[derive(Clone, Debug)]

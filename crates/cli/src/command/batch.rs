@@ -5,12 +5,13 @@ use std::fs;
 use anyhow::Context as _;
 
 use crate::args::Run;
-use crate::exit::{self, Status};
+use crate::exit;
 use crate::file::Sink;
 use crate::in_order::{self, Turn};
 use crate::output::Output;
 use crate::plan::{self, Job, OutputArgs};
 use crate::progress::Progress;
+use crate::status::Status;
 
 /// Processes every input and shows the outcomes in the order of the inputs; `show` returns the status that
 /// each alone would end with.

@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 
 use super::{batch, show_warnings, texts};
 use crate::args::CleanArgs;
-use crate::exit::{self, Interrupted, Status};
+use crate::exit;
 use crate::file::{self, Input, Sink};
 use crate::images;
 use crate::in_order::Turn;
@@ -19,6 +19,7 @@ use crate::orient::orient;
 use crate::output::Output;
 use crate::plan::Job;
 use crate::progress::{FileProgress, Progress};
+use crate::status::{Interrupted, Status};
 use crate::{memory, memory_need};
 
 /// Cleans every input.

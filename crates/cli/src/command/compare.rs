@@ -18,13 +18,13 @@ use serde_json::{Map, Value, json};
 use super::simplify::both_ways;
 use super::{show_warnings, viewing_warnings};
 use crate::args::CompareArgs;
-use crate::exit::{Status, usage};
 use crate::file::{self, Sink};
 use crate::in_order;
 use crate::memory_need::Size;
 use crate::numbers::{grouped, seconds, significant};
 use crate::output::Output;
 use crate::progress::Progress;
+use crate::status::{Status, usage};
 use crate::{memory, memory_need, picture};
 
 /// Measures, and writes the heat map if asked for.

@@ -6,7 +6,6 @@ use lodsmith_io::Format;
 
 use super::show_warnings;
 use crate::args::ConvertArgs;
-use crate::exit::Status;
 use crate::file::{self, Input, Sink};
 use crate::images;
 use crate::in_order;
@@ -14,6 +13,7 @@ use crate::numbers::{counted, seconds};
 use crate::orient::orient;
 use crate::output::Output;
 use crate::progress::Progress;
+use crate::status::Status;
 
 /// Reads, rotates or scales if asked for, and writes.
 pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {

@@ -10,12 +10,13 @@ use serde_json::{Value, json};
 
 use super::{show_warnings, texts, viewing_warnings};
 use crate::args::InfoArgs;
-use crate::exit::{self, Status};
+use crate::exit;
 use crate::file::{self, Source};
 use crate::in_order;
 use crate::numbers::{grouped, seconds, significant};
 use crate::output::Output;
 use crate::progress::Progress;
+use crate::status::Status;
 use crate::{memory, memory_need};
 
 /// Inspects every input.

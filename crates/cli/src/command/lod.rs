@@ -14,7 +14,7 @@ use lodsmith_io::{Format, Loaded, Warning};
 use super::simplify::{parts_of, set_normals};
 use crate::args::LodArgs;
 use crate::constraints;
-use crate::exit::{self, Interrupted, Status};
+use crate::exit;
 use crate::file::{self, Input};
 use crate::images;
 use crate::in_order;
@@ -24,6 +24,7 @@ use crate::output::Output;
 use crate::palettes;
 use crate::progress::{FileProgress, Progress};
 use crate::run_control::{RunControl, StageClock, not_interrupted};
+use crate::status::{Interrupted, Status};
 use crate::{memory, memory_need};
 use files::Plan;
 

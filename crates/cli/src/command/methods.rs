@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 use super::simplify::{measured_json, refusals};
 use super::{show_warnings, texts};
 use crate::args::MethodsArgs;
-use crate::exit::{self, Interrupted, Status, usage};
+use crate::exit;
 use crate::file::{self, Sink};
 use crate::in_order;
 use crate::numbers::{grouped, micros, seconds, short};
@@ -24,6 +24,7 @@ use crate::output::{self, Output};
 use crate::plan::{self, OutputArgs};
 use crate::progress::{FileProgress, Progress};
 use crate::run_control::{RunControl, StageClock, not_interrupted};
+use crate::status::{Interrupted, Status, usage};
 use crate::validity::Validity;
 use crate::{memory, memory_need, picture};
 

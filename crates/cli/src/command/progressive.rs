@@ -11,7 +11,6 @@ use serde_json::{Map, Value, json};
 use super::simplify::measured_json;
 use super::{show_warnings, texts};
 use crate::args::{self, ExtractArgs, LpmBuildArgs, LpmInfoArgs};
-use crate::exit::{Status, usage};
 use crate::file::{self, Sink};
 use crate::memory_need::Size;
 use crate::numbers::{counted, grouped, micros, seconds, short};
@@ -19,6 +18,7 @@ use crate::orient::orient;
 use crate::output::{self, Output};
 use crate::progress::Progress;
 use crate::run_control::{RunControl, StageClock, not_interrupted};
+use crate::status::{Status, usage};
 use crate::{constraints, in_order, memory, memory_need};
 
 /// Runs the subcommand.

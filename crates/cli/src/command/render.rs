@@ -17,7 +17,6 @@ use serde_json::{Value, json};
 
 use super::{show_warnings, simplify::parts_of, viewing_warnings};
 use crate::args::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Surroundings, Up};
-use crate::exit::{Status, usage};
 use crate::file::{self, Sink, Source};
 use crate::in_order;
 use crate::memory_need::Size;
@@ -26,6 +25,7 @@ use crate::output::Output;
 use crate::picture::{self, MARGIN};
 use crate::progress::Progress;
 use crate::run_control::{RunControl, StageClock, not_interrupted};
+use crate::status::{Status, usage};
 use crate::{memory, memory_need};
 
 /// Reads, renders and writes.

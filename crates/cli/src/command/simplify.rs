@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 
 use super::{batch, show_warnings, texts};
 use crate::args::{Normals, SimplifyArgs, TexturesChoice};
-use crate::exit::{self, Interrupted, Status, usage};
+use crate::exit;
 use crate::file::{self, Input, Sink};
 use crate::in_order::Turn;
 use crate::numbers::{counted, grouped, micros, seconds, short};
@@ -20,6 +20,7 @@ use crate::output::{self, Output};
 use crate::plan::Job;
 use crate::progress::Progress;
 use crate::run_control::{RunControl, StageClock, not_interrupted};
+use crate::status::{Interrupted, Status, usage};
 use crate::{constraints, images, memory, memory_need, normals, palettes, proposals};
 
 /// Simplifies every input.

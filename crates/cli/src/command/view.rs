@@ -1,7 +1,7 @@
 //! `lodsmith view`: opens the window, if built with it.
 
 use crate::args::ViewArgs;
-use crate::exit::Status;
+use crate::status::Status;
 
 /// Opens the window; returns when it is closed.
 #[cfg(feature = "view")]

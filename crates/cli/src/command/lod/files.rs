@@ -10,9 +10,9 @@ use lodsmith_io::gltf::{Scene, SceneLevels, SceneMesh};
 use lodsmith_io::{Format, Regions, Warning};
 
 use crate::args::{LodArgs, Naming};
-use crate::exit::usage;
 use crate::file::{self, Sink, Source};
 use crate::plan::{self, OutputArgs};
+use crate::status::usage;
 
 /// Attribute with the position of a vertex in the next level.
 const GEOMORPH_ATTRIBUTE: &str = "_GEOMORPH";

@@ -9,9 +9,9 @@ use super::{Level, LodResult};
 use crate::args::LodArgs;
 use crate::command::simplify::{measured_json, mesh_json, not_reached, show_not_reached, warnings_of};
 use crate::command::{show_warnings, texts};
-use crate::exit::{Interrupted, Status};
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::output::Output;
+use crate::status::{Interrupted, Status};
 
 /// Returns the distance from which on a level looks like the original, at the scale of the output.
 pub(super) fn distance(report: &Report, args: &LodArgs) -> f64 {
