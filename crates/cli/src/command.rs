@@ -19,9 +19,9 @@ use lodsmith_io::Warning;
 
 use crate::args::{Cli, Command};
 use crate::exit;
-use crate::memory;
 use crate::output::{self, Output};
 use crate::status::Status;
+use crate::{memory, memory_watch};
 
 /// Runs the command.
 pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
@@ -29,7 +29,7 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
         exit::end_after(seconds)?;
     }
     if let Some(run) = cli.command.run() {
-        memory::set_limit(run.max_memory)?;
+        memory_watch::start(memory::set_limit(run.max_memory))?;
     }
     match cli.command {
         Command::Simplify(args) => simplify::run(&args),

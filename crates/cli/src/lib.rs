@@ -13,6 +13,7 @@ mod images;
 mod in_order;
 mod memory;
 mod memory_need;
+mod memory_watch;
 mod normals;
 mod numbers;
 mod orient;
@@ -29,6 +30,8 @@ mod validity;
 use std::process::ExitCode;
 
 use clap::Parser as _;
+
+use status::{Status, status_of};
 
 /// Runs the program: parses the arguments of the process, runs the command, and returns its exit code.
 pub fn run() -> ExitCode {
@@ -47,8 +50,8 @@ pub fn run() -> ExitCode {
 
 /// Prints an error, unless the user interrupted the run.
 fn failed(error: anyhow::Error) -> ExitCode {
-    let status = status::status_of(&error);
-    if status != status::Status::Interrupted {
+    let status = status_of(&error);
+    if status != Status::Interrupted {
         output::error(&format!("{error:#}"));
     }
     exit::code(status)
