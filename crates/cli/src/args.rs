@@ -29,9 +29,9 @@ pub(crate) use render::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Surrounding
 pub(crate) use simplify::{Normals, SimplifyArgs};
 pub(crate) use values::TypedLength;
 
-use crate::file::{Sink, Source};
 use crate::in_order::available_threads;
 use crate::memory;
+use crate::paths::{Sink, Source};
 
 const STATUSES: &str = "\
 Exit status: 0 done; 1 the file, the mesh or the system is at fault; 2 the command line is at fault;

@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 use lodsmith_io::Warning;
 use lodsmith_io::gltf::Scene;
 
-use crate::file::{Sink, Source};
+use crate::paths::{Sink, Source};
 
 /// Move of a scene from one folder to another.
 pub(crate) struct FolderMove {

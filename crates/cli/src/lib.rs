@@ -19,6 +19,7 @@ mod numbers;
 mod orient;
 mod output;
 mod palettes;
+mod paths;
 mod picture;
 mod plan;
 mod progress;

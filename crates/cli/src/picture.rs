@@ -9,7 +9,8 @@ use lodsmith_render::{
     Background, Camera, Panel, PictureFormat, StandardView, Subject, View, encode, render,
 };
 
-use crate::file::{self, Sink};
+use crate::file;
+use crate::paths::{self, Sink};
 use crate::status::usage;
 
 /// Returns the picture format of an output by its file extension; standard output gets PNG.
@@ -17,7 +18,7 @@ use crate::status::usage;
 /// # Errors
 /// A usage error if the extension is not that of a picture, or the output is a folder.
 pub(crate) fn format_of(sink: &Sink) -> anyhow::Result<PictureFormat> {
-    file::refuse_folder(sink, "")?;
+    paths::refuse_folder(sink, "")?;
     match sink {
         Sink::Stdout => Ok(PictureFormat::Png),
         Sink::Path(path) => of_path(path).ok_or_else(|| {

@@ -7,7 +7,7 @@ use lodsmith::CleanOptions;
 
 use super::choice::NonManifoldChoice;
 use super::{Ending, Reading, Run, TypedLength, Writing, values};
-use crate::file::{Sink, Source};
+use crate::paths::{Sink, Source};
 use crate::plan::OutputArgs;
 
 const AFTER: &str = "\

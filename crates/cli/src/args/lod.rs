@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::engine::EngineArgs;
 use super::simplify::Normals;
 use super::{Ending, Reading, Run, TypedLength, Writing, values};
-use crate::file::{Sink, Source};
+use crate::paths::{Sink, Source};
 
 const AFTER: &str = "\
 Levels stand beside the original, which is level 0 and stays as it is. Levels by counts come out of one run, each \

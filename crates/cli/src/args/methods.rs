@@ -8,7 +8,7 @@ use lodsmith::{Method, SimplifyOptions};
 use super::choice::MethodChoice;
 use super::engine::Target;
 use super::{Reading, Run, Writing};
-use crate::file::Source;
+use crate::paths::Source;
 
 const AFTER: &str = "\
 The table has for each method: faces of the result, time to make it (without reading and the measure below), mean, \

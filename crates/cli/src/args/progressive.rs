@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use super::engine::{EngineArgs, Target};
 use super::{Ending, Reading, Run, TexturesChoice, Writing};
-use crate::file::{Sink, Source};
+use crate::paths::{Sink, Source};
 
 const AFTER_BUILD: &str = "\
 The file holds the base mesh and every step back to the input. Without --bits the input comes out as it went in, to the

@@ -9,7 +9,7 @@ use lodsmith_render::{Background, ColorMap, Light, LightKind, Shading, StandardV
 
 use super::choice::MethodChoice;
 use super::{Reading, Run, Up, values};
-use crate::file::{Sink, Source};
+use crate::paths::{Sink, Source};
 
 const AFTER: &str = "\
 Shadings:

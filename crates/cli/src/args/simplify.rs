@@ -7,7 +7,7 @@ use lodsmith::{Bound, Measure, SimplifyOptions};
 
 use super::engine::{EngineArgs, Target};
 use super::{Ending, Reading, Run, Writing};
-use crate::file::{Sink, Source};
+use crate::paths::{Sink, Source};
 use crate::plan::OutputArgs;
 
 const AFTER: &str = "\

@@ -6,9 +6,9 @@ use anyhow::Context as _;
 
 use crate::args::Run;
 use crate::exit;
-use crate::file::Sink;
 use crate::in_order::{self, Turn};
 use crate::output::Output;
+use crate::paths::Sink;
 use crate::plan::{self, Job, OutputArgs};
 use crate::progress::Progress;
 use crate::status::Status;

@@ -18,28 +18,29 @@ use serde_json::{Map, Value, json};
 use super::simplify::both_ways;
 use super::{show_warnings, viewing_warnings};
 use crate::args::CompareArgs;
-use crate::file::{self, Sink};
+use crate::file;
 use crate::in_order;
 use crate::memory_need::Size;
 use crate::numbers::{grouped, seconds, significant};
 use crate::output::Output;
+use crate::paths::{self, Sink};
 use crate::progress::Progress;
 use crate::status::{Status, usage};
 use crate::{memory, memory_need, picture};
 
 /// Measures, and writes the heat map if asked for.
 pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
-    file::at_most_one_stdin([&args.reference, &args.candidate])?;
+    paths::at_most_one_stdin([&args.reference, &args.candidate])?;
     if let Some(path) = &args.heatmap {
         let sink = Sink::Path(path.clone());
-        if picture::of_path(path).is_none() && file::format_of(&sink, None).ok() != Some(Format::Ply) {
+        if picture::of_path(path).is_none() && paths::format_of(&sink, None).ok() != Some(Format::Ply) {
             let wanted = "the name of a .ply, .png, .jpg or .webp file is wanted";
             return Err(usage(format!("--heatmap {}: {wanted}", path.display())));
         }
-        file::refuse_folder(&sink, "")?;
+        paths::refuse_folder(&sink, "")?;
     }
     for path in args.heatmap.iter().chain(&args.views_sheet) {
-        file::refuse_inputs(&Sink::Path(path.clone()), [&args.reference, &args.candidate], args.force)?;
+        paths::refuse_inputs(&Sink::Path(path.clone()), [&args.reference, &args.candidate], args.force)?;
     }
     let sheet = views::sheet_format(args)?;
     let out = Output::new(&args.run, args.json, false);

@@ -6,21 +6,22 @@ use lodsmith_io::Format;
 
 use super::show_warnings;
 use crate::args::ConvertArgs;
-use crate::file::{self, Input, Sink};
+use crate::file::{self, Input};
 use crate::images;
 use crate::in_order;
 use crate::numbers::{counted, seconds};
 use crate::orient::orient;
 use crate::output::Output;
+use crate::paths::{self, Sink};
 use crate::progress::Progress;
 use crate::status::Status;
 
 /// Reads, rotates or scales if asked for, and writes.
 pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
     let writing = &args.writing;
-    let format = file::format_of(&args.output, writing.to)?;
-    file::refuse_folder(&args.output, "")?;
-    file::refuse_inputs(&args.output, [&args.input], writing.force)?;
+    let format = paths::format_of(&args.output, writing.to)?;
+    paths::refuse_folder(&args.output, "")?;
+    paths::refuse_inputs(&args.output, [&args.input], writing.force)?;
     let out = Output::new(&args.run, false, args.output == Sink::Stdout);
     let progress = Progress::new(1, args.run.quiet);
     let path = args.input.to_string();

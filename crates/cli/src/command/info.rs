@@ -11,17 +11,18 @@ use serde_json::{Value, json};
 use super::{show_warnings, texts, viewing_warnings};
 use crate::args::InfoArgs;
 use crate::exit;
-use crate::file::{self, Source};
+use crate::file;
 use crate::in_order;
 use crate::numbers::{grouped, seconds, significant};
 use crate::output::Output;
+use crate::paths::{self, Source};
 use crate::progress::Progress;
 use crate::status::Status;
 use crate::{memory, memory_need};
 
 /// Inspects every input.
 pub(super) fn run(args: &InfoArgs) -> anyhow::Result<Status> {
-    file::at_most_one_stdin(&args.inputs)?;
+    paths::at_most_one_stdin(&args.inputs)?;
     let out = Output::new(&args.run, args.json, false);
     let progress = Progress::new(args.inputs.len(), args.run.quiet);
     let mut status = Status::Done;

@@ -16,11 +16,12 @@ use super::simplify::{measured_json, refusals};
 use super::{show_warnings, texts};
 use crate::args::MethodsArgs;
 use crate::exit;
-use crate::file::{self, Sink};
+use crate::file;
 use crate::in_order;
 use crate::numbers::{grouped, micros, seconds, short};
 use crate::orient::orient;
 use crate::output::{self, Output};
+use crate::paths::{self, Sink};
 use crate::plan::{self, OutputArgs};
 use crate::progress::{FileProgress, Progress};
 use crate::run_control::{RunControl, StageClock, not_interrupted};
@@ -39,7 +40,7 @@ pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
     let sheet = args.sheet.clone().map(Sink::Path);
     let sheet = sheet.map(|sink| picture::format_of(&sink).map(|format| (sink, format))).transpose()?;
     if let Some((sink, _)) = &sheet {
-        file::refuse_inputs(sink, [&args.input], args.writing.force)?;
+        paths::refuse_inputs(sink, [&args.input], args.writing.force)?;
     }
     let sinks = methods.iter().map(|&m| sink(args, m)).collect::<anyhow::Result<Vec<_>>>()?;
     if let Some(folder) = &args.out_dir {

@@ -17,11 +17,12 @@ use serde_json::{Value, json};
 
 use super::{show_warnings, simplify::parts_of, viewing_warnings};
 use crate::args::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Surroundings, Up};
-use crate::file::{self, Sink, Source};
+use crate::file;
 use crate::in_order;
 use crate::memory_need::Size;
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::output::Output;
+use crate::paths::{self, Sink, Source};
 use crate::picture::{self, MARGIN};
 use crate::progress::Progress;
 use crate::run_control::{RunControl, StageClock, not_interrupted};
@@ -30,9 +31,9 @@ use crate::{memory, memory_need};
 
 /// Reads, renders and writes.
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Status> {
-    file::at_most_one_stdin(args.inputs.iter().chain(&args.compare))?;
+    paths::at_most_one_stdin(args.inputs.iter().chain(&args.compare))?;
     let format = picture::format_of(&args.output)?;
-    file::refuse_inputs(&args.output, args.inputs.iter().chain(&args.compare), args.force)?;
+    paths::refuse_inputs(&args.output, args.inputs.iter().chain(&args.compare), args.force)?;
     if args.output == Sink::Stdout && args.json {
         return Err(usage("the picture and --json both want standard output: give the picture a file"));
     }

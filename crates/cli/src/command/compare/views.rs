@@ -10,9 +10,9 @@ use lodsmith_render::{Background, Panel, PictureFormat, Shading, Subject, View, 
 use serde_json::{Value, json};
 
 use crate::args::{CompareArgs, Reading};
-use crate::file::{Sink, Source};
 use crate::memory_need::Size;
 use crate::numbers::{micros, significant};
+use crate::paths::{Sink, Source};
 use crate::status::usage;
 use crate::{memory, memory_need, picture};
 

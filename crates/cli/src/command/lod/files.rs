@@ -10,7 +10,8 @@ use lodsmith_io::gltf::{Scene, SceneLevels, SceneMesh};
 use lodsmith_io::{Format, Regions, Warning};
 
 use crate::args::{LodArgs, Naming};
-use crate::file::{self, Sink, Source};
+use crate::file;
+use crate::paths::{self, Sink, Source};
 use crate::plan::{self, OutputArgs};
 use crate::status::usage;
 
@@ -135,7 +136,7 @@ impl Plan {
         let mut warnings = Vec::new();
         for (k, mesh) in meshes.iter().enumerate() {
             let (Some(sink), Some(format)) = (self.sink(k), self.format()) else { break };
-            file::refuse_inputs(&sink, [&args.input], args.writing.force || args.dry_run)?;
+            paths::refuse_inputs(&sink, [&args.input], args.writing.force || args.dry_run)?;
             let options = file::options(&args.writing, format, regions.clone());
             add(
                 &mut warnings,
@@ -178,7 +179,7 @@ impl Plan {
             Self::Each { format, .. } => {
                 for (k, replaced) in replaced.iter().enumerate() {
                     let Some(sink) = self.sink(k) else { break };
-                    file::refuse_inputs(&sink, [&args.input], args.writing.force || args.dry_run)?;
+                    paths::refuse_inputs(&sink, [&args.input], args.writing.force || args.dry_run)?;
                     add(
                         &mut warnings,
                         match args.dry_run {
