@@ -1,12 +1,13 @@
 //! Arguments shared by all commands that simplify: targets, method, constraints.
 
 use clap::Args;
-use lodsmith::{AttributeWeights, Guards, SimplifyOptions, Stop};
+use lodsmith::{Guards, SimplifyOptions, Stop};
 use serde_json::{Map, Value};
 
 use super::choice::{BorderChoice, FitChoice, MethodChoice, PlacementChoice, PresetChoice, TopologyChoice};
 use super::of_method::OfMethod;
 use super::scope::Scope;
+use super::weights::{self, AttributeName, Importance};
 use super::{TypedLength, values};
 
 /// When to stop.
@@ -98,7 +99,7 @@ pub(crate) struct How {
     sharp: Option<f64>,
     /// Multiply the weight of an attribute in the cost (normal, uv, color, morph, skin, other), or of the lines of
     /// open borders (border), by W; may be repeated
-    #[arg(long, value_name = "NAME=W", value_parser = values::weight)]
+    #[arg(long, value_name = "NAME=W", value_parser = weights::weight)]
     weight: Vec<(AttributeName, f64)>,
     /// Keep this unchanged, bit for bit: a material, group, object, mesh or node, or the vertices where this attribute is
     /// not zero; may be repeated
@@ -106,7 +107,7 @@ pub(crate) struct How {
     pub(crate) lock: Vec<String>,
     /// Keep more triangles where this attribute of vertices is large: at 1, or at the largest value if that is above 1,
     /// STRENGTH times as many per area as at 0 [default STRENGTH: 4]
-    #[arg(long, value_name = "NAME[=STRENGTH]", value_parser = values::importance)]
+    #[arg(long, value_name = "NAME[=STRENGTH]", value_parser = weights::importance)]
     pub(crate) importance: Option<Importance>,
     /// Merge vertices closer than D first (coincident vertices are always merged)
     #[arg(long, value_name = "D", value_parser = values::some_length)]
@@ -128,49 +129,6 @@ struct GuardArgs {
     /// Reject longer edges than this, unless they were longer before
     #[arg(long, value_name = "D", value_parser = values::some_length)]
     max_edge: Option<TypedLength>,
-}
-
-/// An attribute, or else, that `--weight` names.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum AttributeName {
-    Normal,
-    Uv,
-    Color,
-    Morph,
-    Skin,
-    Other,
-    Border,
-}
-
-impl AttributeName {
-    pub(crate) const ALL: [(&str, Self); 7] = [
-        ("normal", Self::Normal),
-        ("uv", Self::Uv),
-        ("color", Self::Color),
-        ("morph", Self::Morph),
-        ("skin", Self::Skin),
-        ("other", Self::Other),
-        ("border", Self::Border),
-    ];
-
-    pub(super) fn of(self, weights: &mut AttributeWeights) -> &mut f64 {
-        match self {
-            Self::Normal => &mut weights.normal,
-            Self::Uv => &mut weights.uv,
-            Self::Color => &mut weights.color,
-            Self::Morph => &mut weights.morph,
-            Self::Skin => &mut weights.skin,
-            Self::Other => &mut weights.other,
-            Self::Border => &mut weights.border,
-        }
-    }
-}
-
-/// An attribute of vertices, and how much denser the result is where it is 1.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Importance {
-    pub(crate) name: String,
-    pub(crate) strength: f32,
 }
 
 impl EngineArgs {

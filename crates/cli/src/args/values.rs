@@ -7,8 +7,6 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use lodsmith::Length;
 use lodsmith_io::Format;
 
-use super::engine::{AttributeName, Importance};
-
 /// A length as typed: `0.5` in the units of the file, `0.1%` of the diagonal.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct TypedLength {
@@ -54,41 +52,6 @@ impl FromStr for TypedLength {
         let length = if is_share { Length::OfDiagonal(x / 100.0) } else { Length::Units(x) };
         Ok(Self { length, typed: text.to_owned() })
     }
-}
-
-/// Parses an attribute and its weight.
-pub(crate) fn weight(text: &str) -> Result<(AttributeName, f64), String> {
-    let wanted = || {
-        let names: Vec<_> = AttributeName::ALL.iter().map(|(name, _)| *name).collect();
-        format!("a weight is NAME=W with a W of 0 or more; names are {}", names.join(", "))
-    };
-    let (name, number) = text.split_once('=').ok_or_else(wanted)?;
-    let found = AttributeName::ALL.into_iter().find(|(known, _)| *known == name).ok_or_else(wanted)?;
-    let weight: f64 = number.parse().map_err(|_| wanted())?;
-    if weight.is_finite() && weight >= 0.0 { Ok((found.1, weight)) } else { Err(wanted()) }
-}
-
-/// Default density of triangles where an attribute is 1, relative to where it is 0. (Guessed: half as long
-/// edges.)
-const DEFAULT_STRENGTH: f32 = 4.0;
-
-/// Parses an attribute of importance and its strength.
-pub(crate) fn importance(text: &str) -> Result<Importance, String> {
-    let (name, strength) = match text.rsplit_once('=') {
-        None => (text, DEFAULT_STRENGTH),
-        Some((name, typed)) => {
-            let wanted = "a strength from 0.001 to 1000";
-            (
-                name,
-                number(typed, |x| (1e-3..=1e3).contains(&x), wanted)
-                    .map_err(|_| format!("it wants {wanted}"))? as f32,
-            )
-        }
-    };
-    if name.is_empty() {
-        return Err("it wants the name of an attribute".to_owned());
-    }
-    Ok(Importance { name: name.to_owned(), strength })
 }
 
 /// Parses a length that is not zero.
@@ -229,7 +192,7 @@ pub(crate) fn valence(text: &str) -> Result<usize, String> {
     at_least(text, 3)
 }
 
-fn number(text: &str, is_good: impl Fn(f64) -> bool, wanted: &str) -> Result<f64, String> {
+pub(super) fn number(text: &str, is_good: impl Fn(f64) -> bool, wanted: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Err(_) => Err("it is not a number".to_owned()),
         Ok(x) if x.is_finite() && is_good(x) => Ok(x),
@@ -264,16 +227,6 @@ mod tests {
             assert!(bad.parse::<TypedLength>().is_err(), "{bad}");
         }
         assert!(some_length("0%").is_err());
-    }
-
-    #[test]
-    fn importance_has_a_strength() {
-        let of = |name: &str, strength| Ok(Importance { name: name.to_owned(), strength });
-        assert_eq!(importance("quality"), of("quality", DEFAULT_STRENGTH));
-        assert_eq!(importance("color.r=9.5"), of("color.r", 9.5));
-        for bad in ["", "=2", "a=", "a=b", "a=0", "a=-1", "a=nan", "a=1e9"] {
-            assert!(importance(bad).is_err(), "{bad}");
-        }
     }
 
     #[test]
