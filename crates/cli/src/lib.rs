@@ -24,9 +24,12 @@ mod picture;
 mod plan;
 mod progress;
 mod proposals;
+mod report_json;
 mod run_control;
+mod scene_parts;
 mod status;
 mod validity;
+mod warnings;
 
 use std::process::ExitCode;
 

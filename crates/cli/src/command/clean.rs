@@ -7,7 +7,7 @@ use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, Loaded, Warning};
 use serde_json::{Map, Value, json};
 
-use super::{batch, show_warnings, texts};
+use super::batch;
 use crate::args::CleanArgs;
 use crate::exit;
 use crate::file::{self, Input};
@@ -20,7 +20,9 @@ use crate::output::Output;
 use crate::paths::Sink;
 use crate::plan::Job;
 use crate::progress::{FileProgress, Progress};
+use crate::run_control::not_interrupted;
 use crate::status::{Interrupted, Status};
+use crate::warnings::{show_warnings, texts};
 use crate::{memory, memory_need};
 
 /// Cleans every input.
@@ -194,13 +196,6 @@ fn in_mesh(mut options: CleanOptions, diagonal: f64, scale: f64) -> CleanOptions
     options.weld = options.weld.map(units);
     options.prune = options.prune.map(units);
     options
-}
-
-fn not_interrupted<T>(result: Result<T, SimplifyError>) -> anyhow::Result<T> {
-    match result {
-        Err(SimplifyError::Cancelled) if exit::interrupted() => Err(Interrupted.into()),
-        result => Ok(result?),
-    }
 }
 
 /// Returns the warnings of a clean-up.

@@ -15,8 +15,6 @@ use lodsmith_render::{Background, Legend, Panel, Shading, Subject, View, render,
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
-use super::simplify::both_ways;
-use super::{show_warnings, viewing_warnings};
 use crate::args::CompareArgs;
 use crate::file;
 use crate::in_order;
@@ -25,7 +23,9 @@ use crate::numbers::{grouped, seconds, significant};
 use crate::output::Output;
 use crate::paths::{self, Sink};
 use crate::progress::Progress;
+use crate::report_json::both_ways;
 use crate::status::{Status, usage};
+use crate::warnings::{show_warnings, viewing_warnings};
 use crate::{memory, memory_need, picture};
 
 /// Measures, and writes the heat map if asked for.

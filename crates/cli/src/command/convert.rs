@@ -4,7 +4,6 @@ use std::time::Instant;
 
 use lodsmith_io::Format;
 
-use super::show_warnings;
 use crate::args::ConvertArgs;
 use crate::file::{self, Input};
 use crate::images;
@@ -15,6 +14,7 @@ use crate::output::Output;
 use crate::paths::{self, Sink};
 use crate::progress::Progress;
 use crate::status::Status;
+use crate::warnings::show_warnings;
 
 /// Reads, rotates or scales if asked for, and writes.
 pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {

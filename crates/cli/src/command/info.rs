@@ -8,7 +8,6 @@ use lodsmith::core::{Bounds, Surface, VertexId};
 use lodsmith_io::Loaded;
 use serde_json::{Value, json};
 
-use super::{show_warnings, texts, viewing_warnings};
 use crate::args::InfoArgs;
 use crate::exit;
 use crate::file;
@@ -18,6 +17,7 @@ use crate::output::Output;
 use crate::paths::{self, Source};
 use crate::progress::Progress;
 use crate::status::Status;
+use crate::warnings::{show_warnings, texts, viewing_warnings};
 use crate::{memory, memory_need};
 
 /// Inspects every input.

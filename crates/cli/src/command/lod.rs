@@ -7,11 +7,10 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use lodsmith::core::{Positions, TriMesh};
-use lodsmith::{LodChain, MeshCounts, Report, SceneChain};
+use lodsmith::{LodChain, SceneChain};
 use lodsmith_io::gltf::{Scene, SceneMesh};
 use lodsmith_io::{Format, Loaded, Warning};
 
-use super::simplify::{parts_of, set_normals};
 use crate::args::LodArgs;
 use crate::constraints;
 use crate::exit;
@@ -19,14 +18,17 @@ use crate::file::{self, Input};
 use crate::images;
 use crate::in_order;
 use crate::memory_need::Size;
+use crate::normals::set_normals;
 use crate::orient::{orient, oriented};
 use crate::output::Output;
 use crate::palettes;
 use crate::progress::{FileProgress, Progress};
 use crate::run_control::{RunControl, StageClock, not_interrupted};
+use crate::scene_parts::parts_of;
 use crate::status::{Interrupted, Status};
 use crate::{memory, memory_need};
 use files::Plan;
+use report::{Level, LodResult};
 
 /// Makes the levels of one input.
 pub(super) fn run(args: &LodArgs) -> anyhow::Result<Status> {
@@ -43,23 +45,6 @@ pub(super) fn run(args: &LodArgs) -> anyhow::Result<Status> {
     progress.finish();
     let status = report::show(&out, &path, made, &plan, args);
     out.finish(status)
-}
-
-/// Result of a run.
-struct LodResult {
-    format: Format,
-    /// Faces and vertices of level 0.
-    counts: [usize; 2],
-    levels: Vec<Level>,
-    diagonal: f64,
-    warnings: Vec<Warning>,
-    clock: StageClock,
-}
-
-/// Report data of a level below the original.
-struct Level {
-    report: Report,
-    meshes: Vec<(String, MeshCounts)>,
 }
 
 fn make(args: &LodArgs, plan: &Plan, bar: &FileProgress<'_>) -> anyhow::Result<LodResult> {

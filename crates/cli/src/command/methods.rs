@@ -12,8 +12,6 @@ use lodsmith_io::{Format, Loaded, Regions, Warning};
 use lodsmith_render::{Background, Panel, sheet};
 use serde_json::{Value, json};
 
-use super::simplify::{measured_json, refusals};
-use super::{show_warnings, texts};
 use crate::args::MethodsArgs;
 use crate::exit;
 use crate::file;
@@ -24,9 +22,11 @@ use crate::output::{self, Output};
 use crate::paths::{self, Sink};
 use crate::plan::{self, OutputArgs};
 use crate::progress::{FileProgress, Progress};
+use crate::report_json::measured_json;
 use crate::run_control::{RunControl, StageClock, not_interrupted};
 use crate::status::{Interrupted, Status, usage};
 use crate::validity::Validity;
+use crate::warnings::{refusals, show_warnings, texts};
 use crate::{memory, memory_need, picture};
 
 /// Runs all methods in sequence and prints the table.

@@ -15,7 +15,6 @@ use lodsmith_render::{
 };
 use serde_json::{Value, json};
 
-use super::{show_warnings, simplify::parts_of, viewing_warnings};
 use crate::args::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Surroundings, Up};
 use crate::file;
 use crate::in_order;
@@ -26,7 +25,9 @@ use crate::paths::{self, Sink, Source};
 use crate::picture::{self, MARGIN};
 use crate::progress::Progress;
 use crate::run_control::{RunControl, StageClock, not_interrupted};
+use crate::scene_parts::parts_of;
 use crate::status::{Status, usage};
+use crate::warnings::{show_warnings, viewing_warnings};
 use crate::{memory, memory_need};
 
 /// Reads, renders and writes.
