@@ -18,6 +18,19 @@ pub(crate) enum Status {
     Interrupted = 130,
 }
 
+impl Status {
+    /// Returns the status of two files, of which this is the first: an interrupt outweighs a wrong command
+    /// line, that a failure, and that a violation of `--strict`.
+    pub(crate) fn or_worse(self, other: Self) -> Self {
+        let rank = |status| {
+            [Self::Done, Self::Strict, Self::Failed, Self::Usage, Self::Interrupted]
+                .iter()
+                .position(|x| *x == status)
+        };
+        if rank(other) > rank(self) { other } else { self }
+    }
+}
+
 /// The command line is at fault, in a way that its grammar does not detect.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
@@ -53,6 +66,14 @@ mod tests {
     use anyhow::anyhow;
 
     use super::*;
+
+    #[test]
+    fn a_failure_outweighs_strictness() {
+        assert_eq!(Status::Strict.or_worse(Status::Failed), Status::Failed);
+        assert_eq!(Status::Failed.or_worse(Status::Strict), Status::Failed);
+        assert_eq!(Status::Failed.or_worse(Status::Usage), Status::Usage);
+        assert_eq!(Status::Done.or_worse(Status::Done), Status::Done);
+    }
 
     #[test]
     fn who_is_at_fault_decides_the_status() {

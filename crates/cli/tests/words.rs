@@ -22,6 +22,24 @@ fn fractions_may_be_typed_in_percent() {
     }
 }
 
+/// Options that the method does not have, or that exclude each other, ended with status 1, as if the file were at
+/// fault.
+#[test]
+fn options_that_do_not_go_together_are_a_fault_of_the_command_line() {
+    let desk = CliSandbox::new();
+    desk.put("a.ply", &hills(4));
+    for words in [
+        "simplify a.ply -o b.ply --faces 4 --cell 1",
+        "simplify a.ply -o b.ply --method remesh --voxel 1 --adaptive",
+        "lod a.ply -O levels --levels 0.5 --cell 1",
+        "progressive build a.ply -o b.lpm --escalate",
+    ] {
+        desk.run(words).with_status(2).with_one_error();
+    }
+    // The command line outweighs a file at fault.
+    desk.run("simplify a.ply missing.ply -O low --faces 4 --cell 1").with_status(2);
+}
+
 /// Fault C2: for a folder as output the error was that its ending names no format, and without an output
 /// nothing named `-O`.
 #[test]

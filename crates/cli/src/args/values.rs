@@ -144,7 +144,10 @@ pub(crate) fn size(text: &str) -> Result<[usize; 2], String> {
 /// Parses a colour as `#rrggbb`, in sRGB from 0 to 1.
 pub(crate) fn color(text: &str) -> Result<[f32; 3], String> {
     let wanted = || "a colour is #rrggbb, such as #cc9e66".to_owned();
-    let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.is_ascii()).ok_or_else(wanted)?;
+    let digits = text
+        .strip_prefix('#')
+        .filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()))
+        .ok_or_else(wanted)?;
     let byte = |i: usize| u8::from_str_radix(&digits[2 * i..2 * i + 2], 16).map_err(|_| wanted());
     Ok([byte(0)?, byte(1)?, byte(2)?].map(|b| f32::from(b) / 255.0))
 }
@@ -168,13 +171,12 @@ pub(crate) fn memory(text: &str) -> Result<u64, String> {
     let wanted = || "a size is a number of bytes, or one with K, M, G or T, such as 512M or 2G".to_owned();
     let digits = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
     let (number, unit) = text.split_at(digits);
-    let unit = unit.to_ascii_lowercase();
-    let power = match unit.trim_start().trim_end_matches('b').trim_end_matches('i') {
-        "" => 0,
-        "k" => 1,
-        "m" => 2,
-        "g" => 3,
-        "t" => 4,
+    let power = match unit.trim_start().to_ascii_lowercase().as_str() {
+        "" | "b" => 0,
+        "k" | "kb" | "ki" | "kib" => 1,
+        "m" | "mb" | "mi" | "mib" => 2,
+        "g" | "gb" | "gi" | "gib" => 3,
+        "t" | "tb" | "ti" | "tib" => 4,
         _ => return Err(wanted()),
     };
     let bytes = number.parse::<f64>().map_err(|_| wanted())? * 1024f64.powi(power);
@@ -240,7 +242,10 @@ mod tests {
         for bad in ["", "1", "1,0", "nan,1", "0,0", "0,inf"] {
             assert!(range(bad).is_err(), "{bad}");
         }
-        assert!(color("#ääää").is_err() && elevation_deg("91").is_err() && fov_deg("0").is_err());
+        for bad in ["", "cc9e66", "#ccc", "#ääää", "#+f+f+f", "#-1-1-1", "#cc9e6g"] {
+            assert!(color(bad).is_err(), "{bad}");
+        }
+        assert!(elevation_deg("91").is_err() && fov_deg("0").is_err());
     }
 
     #[test]
@@ -248,6 +253,7 @@ mod tests {
         for (text, bytes) in [
             ("2G", 2 << 30),
             ("2GiB", 2 << 30),
+            ("2Gi", 2 << 30),
             ("2gb", 2 << 30),
             ("1.5G", 3 << 29),
             ("512M", 512 << 20),
@@ -257,7 +263,7 @@ mod tests {
         ] {
             assert_eq!(memory(text), Ok(bytes), "{text}");
         }
-        for bad in ["", "G", "2X", "2 G B", "-2G", "1e9", "nan", "1M", "0", "2Gi2"] {
+        for bad in ["", "G", "2X", "2 G B", "-2G", "1e9", "nan", "1M", "0", "2Gi2", "2gbbb", "2Gii", "2iB"] {
             assert!(memory(bad).is_err(), "{bad}");
         }
     }

@@ -292,11 +292,7 @@ fn show(
 ) -> Status {
     let done = match outcome {
         Ok(done) => done,
-        Err(e) if e.is::<Interrupted>() => return Status::Interrupted,
-        Err(e) => {
-            out.failure(path, &format!("{e:#}"));
-            return Status::Failed;
-        }
+        Err(e) => return out.failure(path, &e),
     };
     out.object(&done.to_json(path, job, args));
     for line in done.table(path) {

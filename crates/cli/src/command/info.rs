@@ -41,10 +41,7 @@ pub(super) fn run(args: &InfoArgs) -> anyhow::Result<Status> {
                     out.detail(&format!("  time             {}", seconds(facts.secs)));
                     show_warnings(&out, &path, &viewing_warnings(&facts.loaded.warnings), false);
                 }
-                Err(e) => {
-                    out.failure(&path, &format!("{e:#}"));
-                    status = Status::Failed;
-                }
+                Err(e) => status = status.or_worse(out.failure(&path, &e)),
             });
         },
     )?;

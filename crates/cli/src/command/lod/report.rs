@@ -11,7 +11,7 @@ use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::output::Output;
 use crate::report_json::{error_json, mesh_json};
 use crate::run_control::StageClock;
-use crate::status::{Interrupted, Status};
+use crate::status::Status;
 use crate::warnings::{not_reached, show_not_reached, show_warnings, texts, warnings_of};
 
 /// Result of a run.
@@ -55,11 +55,7 @@ pub(super) fn show(
     });
     let made = match written {
         Ok(made) => made,
-        Err(e) if e.is::<Interrupted>() => return Status::Interrupted,
-        Err(e) => {
-            out.failure(path, &format!("{e:#}"));
-            return Status::Failed;
-        }
+        Err(e) => return out.failure(path, &e),
     };
     out.object(&to_json(&made, path, plan, args));
     for line in lines(&made, path, args) {
