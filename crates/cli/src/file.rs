@@ -109,11 +109,8 @@ fn flattened_error(error: impl std::fmt::Display) -> anyhow::Error {
 
 /// Returns the options for writing a mesh with these regions.
 pub(crate) fn options(writing: &Writing, format: Format, regions: Regions) -> WriteOptions {
-    let mut options = WriteOptions::default();
-    options.format = Some(format);
+    let mut options = scene_options(writing, format);
     options.ascii = writing.ascii;
-    options.force = writing.force;
-    options.textures = writing.textures.into();
     options.regions = Some(Arc::new(regions));
     options
 }
@@ -140,15 +137,23 @@ pub(crate) fn write_scene(
     relink: &dyn Fn(&str) -> Option<String>,
     sink: &Sink,
     format: Format,
-    force: bool,
+    writing: &Writing,
 ) -> anyhow::Result<Vec<Warning>> {
-    let mut options = WriteOptions::default();
-    (options.format, options.force) = (Some(format), force);
+    let options = scene_options(writing, format);
     write_with(
         sink,
         |out| lodsmith_io::write_scene_to(scene, replaced, format, relink, out),
         |path| lodsmith_io::write_scene_path(scene, replaced, path, &options, relink),
     )
+}
+
+/// Returns the options for writing a scene.
+fn scene_options(writing: &Writing, format: Format) -> WriteOptions {
+    let mut options = WriteOptions::default();
+    options.format = Some(format);
+    options.force = writing.force;
+    options.textures = writing.textures.into();
+    options
 }
 
 /// Writes a scene with levels of detail; otherwise like [`write_scene`].
@@ -158,10 +163,9 @@ pub(crate) fn write_levels(
     relink: &dyn Fn(&str) -> Option<String>,
     sink: &Sink,
     format: Format,
-    force: bool,
+    writing: &Writing,
 ) -> anyhow::Result<Vec<Warning>> {
-    let mut options = WriteOptions::default();
-    (options.format, options.force) = (Some(format), force);
+    let options = scene_options(writing, format);
     write_with(
         sink,
         |out| lodsmith_io::write_levels_to(scene, levels, format, relink, out),

@@ -172,17 +172,60 @@ fn where_nothing_is_proposed_another_way_is_named() {
     assert!(!free.stderr.contains("--border free"), "{}", free.stderr);
 }
 
+/// A triangle that two nodes place, with more keys of the file.
+fn cart(more: &str) -> String {
+    format!(
+        r#"{{"asset": {{"version": "2.0"}}, "scene": 0, "scenes": [{{"nodes": [0, 1]}}],
+        "nodes": [{{"name": "left wheel", "mesh": 0}}, {{"name": "right wheel", "mesh": 0}}],
+        "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0}}}}]}}],
+        "accessors": [{{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}}],
+        "bufferViews": [{{"buffer": 0, "byteLength": 36}}],
+        "buffers": [{{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}}]{more}}}"#
+    )
+}
+
+/// Fault C5: `--textures copy` did nothing for a `.gltf` in another folder.
+#[test]
+fn images_are_copied_beside_a_scene() {
+    let desk = CliSandbox::new();
+    for folder in ["in", "in/tex", "out", "taken", "linked"] {
+        fs::create_dir(desk.path(folder)).unwrap();
+    }
+    desk.put("in/cart.gltf", &cart(r#", "images": [{"uri": "tex/a%20b.png"}, {"uri": "../secret.png"}]"#));
+    let image = b"\x89PNG\r\n\x1a\n one";
+    fs::write(desk.path("in/tex/a b.png"), image).unwrap();
+    fs::write(desk.path("secret.png"), b"\x89PNG\r\n\x1a\n two").unwrap();
+    let uris = |name: &str| {
+        let json: serde_json::Value = serde_json::from_slice(&fs::read(desk.path(name)).unwrap()).unwrap();
+        [0, 1].map(|i| json["images"][i]["uri"].as_str().unwrap().to_owned())
+    };
+    for command in ["convert in/cart.gltf out/cart.gltf", "clean in/cart.gltf -o out/cart.gltf"] {
+        let ran = desk.run(command).with_status(0);
+        assert!(ran.stderr.contains("secret.png lies outside"), "{}", ran.stderr);
+        assert_eq!(uris("out/cart.gltf"), ["a%20b.png", "../in/../secret.png"]);
+        assert_eq!(fs::read(desk.path("out/a b.png")).unwrap(), image);
+        assert_eq!(desk.names("out"), ["a b.png", "cart.gltf"]);
+    }
+    // Another file of the name stays as it is.
+    desk.put("taken/a b.png", "mine");
+    desk.run("convert in/cart.gltf taken/cart.gltf").with_status(0);
+    assert_eq!(uris("taken/cart.gltf")[0], "a%20b_1.png");
+    assert_eq!(desk.names("taken"), ["a b.png", "a b_1.png", "cart.gltf"]);
+    assert_eq!(fs::read(desk.path("taken/a b.png")).unwrap(), b"mine");
+    // Images that are there already, or linked, are not copied.
+    desk.run("convert in/cart.gltf in/wagon.gltf").with_status(0);
+    assert_eq!(uris("in/wagon.gltf"), ["tex/a%20b.png", "../secret.png"]);
+    desk.run("convert in/cart.gltf linked/cart.gltf --textures link").with_status(0);
+    assert_eq!(uris("linked/cart.gltf")[0], "../in/tex/a%20b.png");
+    assert_eq!(desk.names("linked"), ["cart.gltf"]);
+    assert_eq!(desk.names("."), ["in", "linked", "out", "secret.png", "taken"]);
+}
+
 /// Fault C4: on the way from GLB to OBJ names of nodes and meshes went without a word.
 #[test]
 fn names_that_go_are_warned_of() {
     let desk = CliSandbox::new();
-    let scene = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1]}],
-        "nodes": [{"name": "left wheel", "mesh": 0}, {"name": "right wheel", "mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
-        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}],
-        "bufferViews": [{"buffer": 0, "byteLength": 36}],
-        "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]}"#;
-    desk.put("cart.gltf", scene);
+    desk.put("cart.gltf", &cart(""));
     let ran = desk.run("convert cart.gltf cart.obj").with_status(0);
     assert!(ran.stderr.contains("names of nodes and meshes"), "{}", ran.stderr);
     let ran = desk.run("convert cart.gltf cart.glb").with_status(0);

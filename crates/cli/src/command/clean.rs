@@ -174,15 +174,11 @@ fn clean_scene(
     let images = images::FolderMove::new(&job.source, sink);
     let mut warnings: Vec<_> = scene.warnings().to_vec();
     warnings.extend(notes);
-    warnings.extend(if format == Format::Glb {
-        images.embed(&mut scene)
-    } else {
-        images.external_file_warnings(&scene)
-    });
+    warnings.extend(images.bring(&mut scene, format, args.writing.textures));
     let relink = |uri: &str| images.uri(uri);
     warnings.extend(match args.dry_run {
         true => file::scene_losses(&scene, &replaced, &relink, format)?,
-        false => file::write_scene(&scene, &replaced, &relink, sink, format, args.writing.force)?,
+        false => file::write_scene(&scene, &replaced, &relink, sink, format, &args.writing)?,
     });
     clock.end(2);
     let input_format = scene.format();

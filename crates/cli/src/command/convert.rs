@@ -48,11 +48,7 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
             }
             Input::Scene(mut scene) => {
                 let images = images::FolderMove::new(&args.input, &args.output);
-                let mut warnings = if format == Format::Glb {
-                    images.embed(&mut scene)
-                } else {
-                    images.external_file_warnings(&scene)
-                };
+                let mut warnings = images.bring(&mut scene, format, writing.textures);
                 let relink = |uri: &str| images.uri(uri);
                 warnings.splice(0..0, scene.warnings().iter().cloned());
                 warnings.extend(file::write_scene(
@@ -61,7 +57,7 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
                     &relink,
                     &args.output,
                     format,
-                    args.writing.force,
+                    &args.writing,
                 )?);
                 Ok((scene.contents().polygons, scene.format(), warnings))
             }

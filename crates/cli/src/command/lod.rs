@@ -215,8 +215,8 @@ fn of_scene(
     }
     let mut warnings: Vec<_> = scene.warnings().to_vec();
     let images = images::FolderMove::new(&args.input, &plan.first_sink());
-    let is_glb = plan.format() == Some(Format::Glb);
-    warnings.extend(if is_glb { images.embed(&mut scene) } else { images.external_file_warnings(&scene) });
+    let format = plan.format().unwrap_or(Format::Gltf);
+    warnings.extend(images.bring(&mut scene, format, args.writing.textures));
     let counts = {
         let is_placed = parts.iter().any(|p| p.instances > 0);
         let of = |n: fn(&TriMesh) -> usize| {

@@ -191,15 +191,11 @@ fn simplify_scene(
     let images = images::FolderMove::new(&job.source, sink);
     let mut warnings: Vec<_> = scene.warnings().to_vec();
     warnings.extend(warnings_of(&report));
-    warnings.extend(if format == Format::Glb {
-        images.embed(&mut scene)
-    } else {
-        images.external_file_warnings(&scene)
-    });
+    warnings.extend(images.bring(&mut scene, format, args.writing.textures));
     let relink = |uri: &str| images.uri(uri);
     warnings.extend(match args.dry_run {
         true => file::scene_losses(&scene, &replaced, &relink, format)?,
-        false => file::write_scene(&scene, &replaced, &relink, sink, format, args.writing.force)?,
+        false => file::write_scene(&scene, &replaced, &relink, sink, format, &args.writing)?,
     });
     let meshes = taken.iter().map(|&i| meshes[i].name.clone()).zip(counts).collect();
     Ok(ReportData { report, warnings, meshes })

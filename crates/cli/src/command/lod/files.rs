@@ -173,7 +173,7 @@ impl Plan {
                 levels.default_name = name_of_input(&args.input, sink);
                 warnings = match args.dry_run {
                     true => file::levels_losses(scene, &levels, relink, *format)?,
-                    false => file::write_levels(scene, &levels, relink, sink, *format, args.writing.force)?,
+                    false => file::write_levels(scene, &levels, relink, sink, *format, &args.writing)?,
                 };
             }
             Self::Each { format, .. } => {
@@ -184,14 +184,9 @@ impl Plan {
                         &mut warnings,
                         match args.dry_run {
                             true => file::scene_losses(scene, replaced, relink, *format)?,
-                            false => file::write_scene(
-                                scene,
-                                replaced,
-                                relink,
-                                &sink,
-                                *format,
-                                args.writing.force,
-                            )?,
+                            false => {
+                                file::write_scene(scene, replaced, relink, &sink, *format, &args.writing)?
+                            }
                         },
                     );
                 }
