@@ -89,6 +89,26 @@ fn labels_of_info_stand_apart_from_their_numbers() {
     assert!(ran.text().contains("non-man. vertices 1"), "{}", ran.text());
 }
 
+/// Fault C6: `info` did not count the instances of a mesh.
+#[test]
+fn info_counts_instances() {
+    let desk = CliSandbox::new();
+    desk.put("cart.gltf", &cart(""));
+    let ran = desk.run("info cart.gltf").with_status(0);
+    assert!(ran.text().contains("meshes            1 in 2 instances"), "{}", ran.text());
+    // The left wheel three times.
+    let instancing =
+        r#""left wheel", "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 0}}}"#;
+    let used = r#", "extensionsUsed": ["EXT_mesh_gpu_instancing"]"#;
+    desk.put("wheels.gltf", &cart(used).replace("\"left wheel\"", instancing));
+    let object = desk.info("wheels.gltf");
+    assert_eq!([&object["meshes"], &object["distinct_meshes"], &object["instances"]], [2, 1, 4]);
+    let ran = desk.run("info wheels.gltf").with_status(0);
+    assert!(ran.text().contains("1 in 4 instances"), "{}", ran.text());
+    desk.put("a.ply", &hills(2));
+    assert!(!desk.run("info a.ply").with_status(0).text().contains("instances"));
+}
+
 /// Faults C6 and C8: `info` said that skins "are not carried" although nothing is written, and `compare` had
 /// two rows of the same name.
 #[test]

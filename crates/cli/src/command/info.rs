@@ -116,7 +116,7 @@ impl Facts {
     fn to_json(&self, path: &str) -> Value {
         let (t, c) = (&self.topology, &self.loaded.contents);
         let corners = |f: fn(&Bounds) -> [f64; 3]| self.bounds.as_ref().map(f);
-        json!({
+        let mut report = json!({
             "path": path,
             "format": self.loaded.format.name(),
             "meshes": c.meshes,
@@ -150,7 +150,12 @@ impl Facts {
             "animations": c.animations,
             "morph_targets": c.morph_targets,
             "warnings": texts(&self.loaded.warnings),
-        })
+        });
+        if c.instances > 0 {
+            report["distinct_meshes"] = c.distinct_meshes.into();
+            report["instances"] = c.instances.into();
+        }
+        report
     }
 
     /// Returns a table; defects with count 0 are left out.
@@ -171,17 +176,21 @@ impl Facts {
         } else {
             row("vertices", format!("{} at {} places", grouped(vertices), grouped(self.places)));
         }
+        if c.instances > c.distinct_meshes {
+            row("meshes", format!("{} in {} instances", grouped(c.distinct_meshes), grouped(c.instances)));
+        } else if c.meshes > 1 {
+            row("meshes", grouped(c.meshes));
+        }
         let counts = [
-            ("meshes", c.meshes, 1),
-            ("components", t.component_count, 0),
-            ("materials", c.materials, 0),
-            ("textures", c.textures, 0),
-            ("skins", c.skins, 0),
-            ("animations", c.animations, 0),
-            ("morph targets", c.morph_targets, 0),
+            ("components", t.component_count),
+            ("materials", c.materials),
+            ("textures", c.textures),
+            ("skins", c.skins),
+            ("animations", c.animations),
+            ("morph targets", c.morph_targets),
         ];
-        for (name, n, usual) in counts {
-            if n > usual {
+        for (name, n) in counts {
+            if n > 0 {
                 row(name, grouped(n));
             }
         }
