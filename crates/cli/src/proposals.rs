@@ -101,16 +101,20 @@ pub(crate) fn steps_json(report: &Report) -> Value {
     report.escalated.iter().map(of).collect()
 }
 
-/// Returns the proposals as text, or advice if there are none.
-pub(crate) fn text(report: &Report, options: &SimplifyOptions, time_limit: Option<f64>) -> Option<String> {
+/// Returns the proposals as text, or advice if there are none. `has_border` is asked if the advice depends on
+/// open borders of the result.
+pub(crate) fn text(
+    report: &Report,
+    options: &SimplifyOptions,
+    time_limit: Option<f64>,
+    has_border: impl FnOnce() -> bool,
+) -> Option<String> {
     match (report.stopped_by, time_limit) {
         (StoppedBy::Caller, Some(s)) => Some(format!("a higher --time-limit (now {s}) would go further")),
         (StoppedBy::Refusals, _) if report.proposals.is_empty() => {
             // (Under it costs differ, so a new run takes another way.)
-            let other_way = match options.border {
-                BorderPolicy::Free => "",
-                _ => "; a run with --border free may still end lower",
-            };
+            let is_held = options.border != BorderPolicy::Free && has_border();
+            let other_way = if is_held { "; a run with --border free may still end lower" } else { "" };
             Some(format!("no option frees what is left{other_way}"))
         }
         (StoppedBy::Refusals, _) => {

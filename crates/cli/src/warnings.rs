@@ -1,5 +1,7 @@
 //! Warnings of files and of runs, and why a target was not reached.
 
+use lodsmith::core::TriMesh;
+use lodsmith::core::topology::Topology;
 use lodsmith::{Report, SimplifyOptions};
 use lodsmith_io::Warning;
 
@@ -55,17 +57,27 @@ fn dropped(report: &Report) -> impl Iterator<Item = Warning> {
     report.dropped.iter().map(lost)
 }
 
-/// Returns the reason why the target was not reached, and the proposals.
-pub(crate) fn not_reached(report: &Report, options: &SimplifyOptions, time_limit: Option<f64>) -> String {
+/// Returns the reason why a run did not reach its target, and the proposals; `None` if it did.
+pub(crate) fn not_reached<'a>(
+    report: &Report,
+    options: &SimplifyOptions,
+    time_limit: Option<f64>,
+    result: impl IntoIterator<Item = &'a TriMesh>,
+) -> Option<String> {
+    if report.reached {
+        return None;
+    }
     let mut text = format!("target not reached, stopped by {}", report.stopped_by.name().replace('_', " "));
     let refusals = refusals(report);
     if !refusals.is_empty() {
         text += &format!("; refused: {refusals}");
     }
-    if let Some(help) = proposals::text(report, options, time_limit) {
+    let is_open = |mesh: &TriMesh| Topology::new(&mesh.surface()).counts().border_edge_count > 0;
+    let has_border = || result.into_iter().any(is_open);
+    if let Some(help) = proposals::text(report, options, time_limit, has_border) {
         text += &format!("; {help}");
     }
-    text
+    Some(text)
 }
 
 /// Prints that a target was not reached, with the reason. Returns true if that is a fault, with `--strict`.

@@ -26,6 +26,7 @@ use crate::progress::{FileProgress, Progress};
 use crate::run_control::{RunControl, StageClock, not_interrupted};
 use crate::scene_parts::parts_of;
 use crate::status::{Interrupted, Status};
+use crate::warnings::not_reached;
 use crate::{memory, memory_need};
 use files::Plan;
 use report::{Level, LodResult};
@@ -107,9 +108,10 @@ fn of_mesh(
     let mut told = Vec::with_capacity(levels.len());
     for level in levels {
         let mut mesh = level.mesh;
+        let why = not_reached(&level.report, &options.simplify, args.run.time_limit, [&mesh]);
         set_normals(&mut mesh, args.normals)?;
         meshes.push(mesh);
-        told.push(Level { report: level.report, meshes: Vec::new() });
+        told.push(Level { report: level.report, not_reached: why, meshes: Vec::new() });
     }
     for (mesh, geomorph) in meshes.iter_mut().zip(geomorphs) {
         orient(mesh, &args.writing);
@@ -200,6 +202,7 @@ fn of_scene(
         (1..=chain.levels.len()).map(|k| chain.geomorph(k).map(<[_]>::to_vec)).collect();
     let SceneChain { levels, .. } = chain;
     for (level, geomorphs) in levels.into_iter().zip(geomorphs) {
+        let why = not_reached(&level.report, &options.simplify, args.run.time_limit, &level.meshes);
         let mut own: Vec<Option<TriMesh>> = vec![None; meshes.len()];
         for (k, (&i, mut mesh)) in taken.iter().zip(level.meshes).enumerate() {
             set_normals(&mut mesh, args.normals)?;
@@ -211,7 +214,7 @@ fn of_scene(
         }
         replaced.push(own);
         let names = taken.iter().map(|&i| meshes[i].name.clone()).zip(level.counts).collect();
-        told.push(Level { report: level.report, meshes: names });
+        told.push(Level { report: level.report, not_reached: why, meshes: names });
     }
     let mut warnings: Vec<_> = scene.warnings().to_vec();
     let images = images::FolderMove::new(&args.input, &plan.first_sink());

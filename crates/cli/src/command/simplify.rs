@@ -45,6 +45,8 @@ pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
 struct SimplifyOutcome {
     input_format: Format,
     report: Report,
+    /// The reason why the target was not reached.
+    not_reached: Option<String>,
     warnings: Vec<Warning>,
     /// For a scene that was written as a scene, its meshes by name.
     meshes: Vec<(String, MeshCounts)>,
@@ -55,6 +57,7 @@ struct SimplifyOutcome {
 /// Report data of a result.
 struct ReportData {
     report: Report,
+    not_reached: Option<String>,
     warnings: Vec<Warning>,
     meshes: Vec<(String, MeshCounts)>,
 }
@@ -84,10 +87,11 @@ fn simplify_one(
     let done = |mut clock: StageClock, input_format, told: ReportData| {
         clock.end();
         bar.end();
-        let ReportData { report, warnings, meshes } = told;
+        let ReportData { report, not_reached, warnings, meshes } = told;
         SimplifyOutcome {
             input_format,
             report,
+            not_reached,
             warnings,
             meshes,
             threads: rayon::current_num_threads(),
@@ -142,6 +146,7 @@ fn simplify_mesh(
     let done = lodsmith::simplify(&mesh, &options, watch);
     let Simplified { mesh: mut lighter, report } = not_interrupted(done)?;
     drop(mesh);
+    let not_reached = not_reached(&report, &options, args.run.time_limit, [&lighter]);
     warnings.extend(warnings_of(&report));
 
     watch.write();
@@ -158,7 +163,7 @@ fn simplify_mesh(
             false => file::write(&lighter, sink, *format, &options)?,
         });
     }
-    Ok(ReportData { report, warnings, meshes: Vec::new() })
+    Ok(ReportData { report, not_reached, warnings, meshes: Vec::new() })
 }
 
 /// Simplifies all meshes of a scene under one budget; the rest of the scene is not changed.
@@ -178,6 +183,7 @@ fn simplify_scene(
     memory::check("simplify", memory_need::simplify_scene(&meshes, scene.buffer_bytes(), &options))?;
     let done = lodsmith::simplify_scene(&parts, diagonal, &options, watch);
     let SimplifiedScene { meshes: mut lighter, report, counts } = not_interrupted(done)?;
+    let not_reached = not_reached(&report, &options, args.run.time_limit, &lighter);
 
     watch.write();
     for mesh in &mut lighter {
@@ -198,7 +204,7 @@ fn simplify_scene(
         false => file::write_scene(&scene, &replaced, &relink, sink, format, &args.writing)?,
     });
     let meshes = taken.iter().map(|&i| meshes[i].name.clone()).zip(counts).collect();
-    Ok(ReportData { report, warnings, meshes })
+    Ok(ReportData { report, not_reached, warnings, meshes })
 }
 
 /// Prints the outcome of one input. Returns the status that it alone would end with.
@@ -219,9 +225,8 @@ fn show(
         out.detail(&line);
     }
     let mut is_fault = show_warnings(out, path, &done.warnings, args.ending.strict);
-    if !done.report.reached {
-        let why = not_reached(&done.report, &args.options(), args.run.time_limit);
-        is_fault |= show_not_reached(out, path, &why, args.ending.strict);
+    if let Some(why) = &done.not_reached {
+        is_fault |= show_not_reached(out, path, why, args.ending.strict);
     }
     if is_fault { Status::Strict } else { Status::Done }
 }

@@ -12,7 +12,7 @@ use crate::output::Output;
 use crate::report_json::{error_json, mesh_json};
 use crate::run_control::StageClock;
 use crate::status::Status;
-use crate::warnings::{not_reached, show_not_reached, show_warnings, texts, warnings_of};
+use crate::warnings::{show_not_reached, show_warnings, texts, warnings_of};
 
 /// Result of a run.
 pub(super) struct LodResult {
@@ -28,6 +28,8 @@ pub(super) struct LodResult {
 /// Report data of a level below the original.
 pub(super) struct Level {
     pub(super) report: Report,
+    /// The reason why its target was not reached.
+    pub(super) not_reached: Option<String>,
     pub(super) meshes: Vec<(String, MeshCounts)>,
 }
 
@@ -65,13 +67,11 @@ pub(super) fn show(
         made.clock.stages.iter().map(|(name, secs)| format!("{name} {secs:.3} s")).collect();
     out.detail(&format!("  {}, {}", times.join(", "), counted(args.run.threads(), "thread", "threads")));
     let mut is_fault = show_warnings(out, path, &made.warnings, args.ending.strict);
-    let options = args.options().simplify;
     for (k, level) in made.levels.iter().enumerate() {
         let name = format!("{path}: level {}", k + 1);
         is_fault |= show_warnings(out, &name, &warnings_of(&level.report), args.ending.strict);
-        if !level.report.reached {
-            let why = not_reached(&level.report, &options, args.run.time_limit);
-            is_fault |= show_not_reached(out, &name, &why, args.ending.strict);
+        if let Some(why) = &level.not_reached {
+            is_fault |= show_not_reached(out, &name, why, args.ending.strict);
         }
     }
     if is_fault { Status::Strict } else { Status::Done }
