@@ -1,6 +1,7 @@
 //! Command-line arguments. Options are converted to [`lodsmith::SimplifyOptions`], which is also the only
 //! place of their defaults.
 
+mod batch_files;
 mod choice;
 mod clean;
 mod common;

@@ -1,13 +1,11 @@
 //! Arguments of `lodsmith simplify`.
 
-use std::path::PathBuf;
-
 use clap::{ArgGroup, Args, ValueEnum};
 use lodsmith::{Bound, Measure, SimplifyOptions};
 
+use super::batch_files::BatchFiles;
 use super::engine::{EngineArgs, Target};
 use super::{Ending, Reading, Run, Writing};
-use crate::paths::{Sink, Source};
 use crate::plan::OutputArgs;
 
 const AFTER: &str = "\
@@ -37,20 +35,11 @@ Examples:
 
 #[derive(Args, Debug)]
 #[command(after_help = AFTER)]
+#[command(mut_arg("name", |name| name.default_value("{stem}_low.{ext}")))]
 #[command(group(ArgGroup::new("result").args(["output", "out_dir", "dry_run"]).required(true).multiple(true)))]
 pub(crate) struct SimplifyArgs {
-    /// Files to simplify; `-` is standard input
-    #[arg(value_name = "IN", required = true)]
-    pub(crate) inputs: Vec<Source>,
-    /// File to write; `-` is standard output
-    #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir")]
-    pub(crate) output: Option<Sink>,
-    /// Folder for the results of several inputs; created if missing
-    #[arg(short = 'O', long, value_name = "DIR")]
-    pub(crate) out_dir: Option<PathBuf>,
-    /// File names in the folder
-    #[arg(long, value_name = "TEMPLATE", default_value = "{stem}_low.{ext}", requires = "out_dir")]
-    pub(crate) name: String,
+    #[command(flatten)]
+    files: BatchFiles,
     #[command(
         flatten,
         next_help_heading = "Target (the first one met stops; one at least, unless the method ends by itself)"
@@ -88,7 +77,7 @@ struct Deviation {
     bound: Option<BoundChoice>,
 }
 
-/// What is promised of the largest distance.
+/// Proof of the largest distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum BoundChoice {
     Estimate,
@@ -107,17 +96,7 @@ pub(crate) enum Normals {
 impl SimplifyArgs {
     /// Returns where the results go.
     pub(crate) fn wanted(&self) -> OutputArgs<'_> {
-        OutputArgs {
-            inputs: &self.inputs,
-            output: self.output.as_ref(),
-            out_dir: self.out_dir.as_deref(),
-            name: &self.name,
-            from: self.reading.from,
-            to: self.writing.to,
-            json: self.ending.json,
-            dry_run: self.dry_run,
-            force: self.writing.force,
-        }
+        self.files.wanted(&self.reading, &self.writing, self.ending, self.dry_run)
     }
 
     /// Converts the arguments to options of the engine.
