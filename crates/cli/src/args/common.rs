@@ -11,7 +11,7 @@ use super::values;
 use crate::in_order::available_threads;
 use crate::memory;
 
-/// How a command runs.
+/// Options of a run: threads, limits, verbosity.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Run")]
 pub(crate) struct Run {
@@ -62,7 +62,7 @@ impl Reading {
     }
 }
 
-/// Which files a model may name.
+/// Files that a model may name.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Reading")]
 pub(crate) struct AssetArgs {
@@ -84,7 +84,7 @@ impl AssetArgs {
     }
 }
 
-/// How a result is written.
+/// Options for writing a result.
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Writing")]
 pub(crate) struct Writing {
@@ -94,8 +94,8 @@ pub(crate) struct Writing {
     /// Write text instead of binary (PLY, STL)
     #[arg(long)]
     pub(crate) ascii: bool,
-    /// What to do with material and texture files (OBJ): copy them beside the output, link to them, or drop them
-    #[arg(long, value_name = "WHAT", value_enum, default_value_t)]
+    /// Copy material and image files beside the output (OBJ, .gltf), link to them, or write none (OBJ)
+    #[arg(long, value_name = "POLICY", value_enum, default_value_t)]
     pub(crate) textures: TexturesChoice,
     /// Multiply every coordinate of the output
     #[arg(long, value_name = "F", value_parser = values::above_zero)]
@@ -108,7 +108,7 @@ pub(crate) struct Writing {
     pub(crate) force: bool,
 }
 
-/// How a command that writes tells what it did.
+/// Reporting of a command that writes.
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Run")]
 pub(crate) struct Ending {

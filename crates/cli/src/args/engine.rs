@@ -10,7 +10,7 @@ use super::scope::Scope;
 use super::weights::{self, AttributeName, Importance};
 use super::{TypedLength, values};
 
-/// When to stop.
+/// Target of a run.
 #[derive(Args, Debug)]
 pub(crate) struct Target {
     /// Stop at N triangles
@@ -55,7 +55,7 @@ impl Target {
     }
 }
 
-/// How to come there.
+/// Options of a run besides its target.
 #[derive(Args, Debug)]
 pub(crate) struct EngineArgs {
     #[command(flatten)]
@@ -67,12 +67,12 @@ pub(crate) struct EngineArgs {
     #[command(flatten)]
     guards: GuardArgs,
     /// Seed of the samples; equal seeds give equal results
-    #[arg(long, value_name = "N", default_value_t = SimplifyOptions::default().seed, help_heading = "How")]
+    #[arg(long, value_name = "N", default_value_t = SimplifyOptions::default().seed, help_heading = "Simplification")]
     seed: u64,
 }
 
 #[derive(Args, Debug)]
-#[command(next_help_heading = "How")]
+#[command(next_help_heading = "Simplification")]
 pub(crate) struct How {
     /// Set several options for a purpose, see below; explicit options override it
     #[arg(long, value_name = "PURPOSE", value_enum, default_value_t)]
@@ -83,16 +83,17 @@ pub(crate) struct How {
     /// Fit the result to the original by least squares at the end
     #[arg(long, value_name = "WHEN", value_enum, default_value_t)]
     fit: FitChoice,
-    /// Where to place a merged vertex; `endpoint` keeps a subset of the vertices
-    #[arg(long, value_name = "WHERE", value_enum, default_value_t)]
+    /// Position of a merged vertex: the one with the least error, an end of the edge (so that the vertices are a subset of
+    /// those of the input), or its midpoint
+    #[arg(long, value_name = "POSITION", value_enum, default_value_t)]
     placement: PlacementChoice,
-    /// How to treat open borders: keep their shape, slide along them, lock them, or ignore them [default: keep, or by
+    /// Treatment of open borders: keep their shape, slide along them, lock them, or ignore them (free) [default: keep, or by
     /// preset]
-    #[arg(long, value_name = "CARE", value_enum)]
+    #[arg(long, value_name = "POLICY", value_enum)]
     border: Option<BorderChoice>,
-    /// What may change in the topology: parts and handles if the target needs it (relaxed), nothing (preserve), or
-    /// whatever costs least (free) [default: relaxed, or by preset]
-    #[arg(long, value_name = "CARE", value_enum)]
+    /// Permitted changes of the topology: parts and handles if the target needs it (relaxed), none (preserve), or those
+    /// that cost least (free) [default: relaxed, or by preset]
+    #[arg(long, value_name = "POLICY", value_enum)]
     topology: Option<TopologyChoice>,
     /// Preserve edges whose faces meet at more than DEG degrees [default: off]
     #[arg(long, value_name = "DEG", value_parser = values::sharp_deg)]

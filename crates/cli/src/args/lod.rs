@@ -88,7 +88,7 @@ pub(crate) struct LodArgs {
     pub(crate) run: Run,
 }
 
-/// Which levels.
+/// Levels by fractions, counts or errors.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Levels (one of these)")]
 #[group(required = true, multiple = false)]
@@ -133,7 +133,7 @@ impl LevelArgs {
     }
 }
 
-/// How levels are called.
+/// Naming style of levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Naming {
     Plain,

@@ -13,7 +13,7 @@ use crate::paths::Source;
 const AFTER: &str = "\
 The table has for each method: faces of the result, time to make it (without reading and the measure below), mean, \
 RMS and largest distance from the input (both ways, in percent of the diagonal), what ended the run, defects that \
-the input has not, and the attributes that came along. Methods run one after the other. What each is for: \
+the input has not, and the attributes that came along. Methods run one after the other. For the purpose of each see \
 lodsmith simplify --help.
 
 Examples:
@@ -33,10 +33,10 @@ pub(crate) struct MethodsArgs {
     )]
     pub(crate) target: Target,
     /// Run only this method; may be repeated [default: all]
-    #[arg(long, value_name = "METHOD", value_enum, help_heading = "How")]
+    #[arg(long, value_name = "METHOD", value_enum, help_heading = "Comparison")]
     method: Vec<MethodChoice>,
     /// Number of samples in each direction, spread by area, in addition to all vertices
-    #[arg(long, value_name = "N", help_heading = "How",
+    #[arg(long, value_name = "N", help_heading = "Comparison",
           default_value_t = lodsmith::core::measure::CompareOptions::default().samples)]
     pub(crate) samples: usize,
     /// Folder for the results, as STEM_METHOD.EXT; created if missing

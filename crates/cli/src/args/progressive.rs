@@ -27,7 +27,7 @@ Examples:
   lodsmith progressive extract bunny.lpm -o low.glb --faces 2000
   head -c 100000 bunny.lpm | lodsmith progressive extract - -o preview.ply";
 
-/// What is done with progressive meshes.
+/// Subcommands of `progressive`.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Progressive {
     /// Simplify as far as possible and store every step
@@ -58,7 +58,7 @@ pub(crate) struct LpmBuildArgs {
     #[command(flatten)]
     pub(crate) reading: Reading,
     /// Store the images of materials in the file (copy, link), or leave them out (none)
-    #[arg(long, value_name = "WHAT", value_enum, default_value_t, help_heading = "Writing")]
+    #[arg(long, value_name = "POLICY", value_enum, default_value_t, help_heading = "Writing")]
     textures: TexturesChoice,
     /// Overwrite inputs and write-protected files (never folders)
     #[arg(long, help_heading = "Writing")]

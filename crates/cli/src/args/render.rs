@@ -22,7 +22,7 @@ Shadings:
   heat           distance from the reference, with --compare or --levels
 
 Backgrounds: transparent; #rrggbb; #rrggbb,#rrggbb from top to bottom; gradient, the default;
-surroundings, what --environment puts around; blurred, the same out of focus.
+surroundings, the environment (--environment); blurred, the same out of focus.
 Lights, in radii of the model from its centre, x to the right, y up, z towards the eye:
   sun:X,Y,Z    from that direction
   point:X,Y,Z  from that place to all sides
@@ -74,7 +74,7 @@ pub(crate) struct RenderArgs {
     pub(crate) run: Run,
 }
 
-/// How surfaces are shown.
+/// Appearance of surfaces.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Look")]
 pub(crate) struct LookArgs {
@@ -130,7 +130,7 @@ pub(crate) struct LookArgs {
     pub(crate) background: Background,
 }
 
-/// What is all around.
+/// Environment of the model.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Surroundings {
     Auto,
@@ -150,7 +150,7 @@ impl From<OsString> for Surroundings {
     }
 }
 
-/// From where.
+/// Position of the camera.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "View")]
 pub(crate) struct PlaceArgs {
@@ -174,7 +174,7 @@ pub(crate) struct PlaceArgs {
     pub(crate) parallel: bool,
 }
 
-/// Which moment of an animation.
+/// Moment of an animation.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Animation")]
 pub(crate) struct MomentArgs {
@@ -186,7 +186,7 @@ pub(crate) struct MomentArgs {
     pub(crate) time: Option<f64>,
 }
 
-/// How pictures stand together.
+/// Arrangement of pictures.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Picture")]
 pub(crate) struct SheetArgs {
