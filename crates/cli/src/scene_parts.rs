@@ -1,6 +1,7 @@
 //! Meshes of a scene as parts of one run.
 
 use lodsmith::Part;
+use lodsmith::core::TriMesh;
 use lodsmith_io::gltf::SceneMesh;
 
 /// Returns the meshes of a scene to simplify, as numbers and as parts.
@@ -36,4 +37,10 @@ pub(crate) fn parts_of(meshes: &[SceneMesh]) -> (Vec<usize>, Vec<Part<'_>>) {
     });
     let parts = parts.collect();
     (taken, parts)
+}
+
+/// Returns a count over all instances of the meshes; each counts once if none is placed.
+pub(crate) fn count(parts: &[Part<'_>], of: fn(&TriMesh) -> usize) -> usize {
+    let is_placed = parts.iter().any(|p| p.instances > 0);
+    parts.iter().map(|p| of(p.mesh) * if is_placed { p.instances } else { 1 }).sum()
 }

@@ -143,6 +143,19 @@ fn warnings_reach_standard_error_with_json_too() {
     assert_eq!(quiet.stderr, "");
 }
 
+/// Fault C10: `input.vertices` of a scene did not count what the file has, but places.
+#[test]
+fn vertices_of_the_input_are_those_of_the_file() {
+    let desk = CliSandbox::new();
+    fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/arm.glb"), desk.path("arm.glb")).unwrap();
+    let of_file = desk.info("arm.glb");
+    assert!(of_file["vertices"].as_u64() > of_file["positions"].as_u64());
+    for output in ["low.glb", "low.ply"] {
+        let ran = desk.run(&format!("simplify arm.glb -o {output} --ratio 0.5 --json")).with_status(0);
+        assert_eq!(ran.objects()[0]["input"]["vertices"], of_file["vertices"], "{output}");
+    }
+}
+
 /// Fault C11: levels of a mesh without a name were called `node_0_lod1`, against `docs/lod.md`.
 #[test]
 fn levels_of_a_mesh_without_a_name_are_called_after_its_file() {

@@ -24,7 +24,7 @@ use crate::output::Output;
 use crate::palettes;
 use crate::progress::{FileProgress, Progress};
 use crate::run_control::{RunControl, StageClock, not_interrupted};
-use crate::scene_parts::parts_of;
+use crate::scene_parts::{self, parts_of};
 use crate::status::{Interrupted, Status};
 use crate::warnings::not_reached;
 use crate::{memory, memory_need};
@@ -220,13 +220,7 @@ fn of_scene(
     let images = images::FolderMove::new(&args.input, &plan.first_sink());
     let format = plan.format().unwrap_or(Format::Gltf);
     warnings.extend(images.bring(&mut scene, format, args.writing.textures));
-    let counts = {
-        let is_placed = parts.iter().any(|p| p.instances > 0);
-        let of = |n: fn(&TriMesh) -> usize| {
-            parts.iter().map(|p| n(p.mesh) * if is_placed { p.instances } else { 1 }).sum()
-        };
-        [of(TriMesh::face_count), of(TriMesh::vertex_count)]
-    };
+    let counts = [TriMesh::face_count, TriMesh::vertex_count].map(|of| scene_parts::count(&parts, of));
     let distances: Vec<f64> = told.iter().map(|l| report::distance(&l.report, args)).collect();
     warnings.extend(plan.write_scene(&scene, replaced, &distances, &|uri| images.uri(uri), args)?);
     let format = scene.format();

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use lodsmith::core::TriMesh;
 use lodsmith::{MeshCounts, Report, Simplified, SimplifiedScene};
 use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, Loaded, Warning};
@@ -21,7 +22,7 @@ use crate::plan::Job;
 use crate::progress::Progress;
 use crate::report_json::{error_json, mesh_json};
 use crate::run_control::{RunControl, StageClock, not_interrupted};
-use crate::scene_parts::parts_of;
+use crate::scene_parts::{self, parts_of};
 use crate::status::{Interrupted, Status, usage};
 use crate::warnings::{not_reached, refusals, show_not_reached, show_warnings, texts, warnings_of};
 use crate::{constraints, images, memory, memory_need, palettes, proposals};
@@ -182,7 +183,12 @@ fn simplify_scene(
     options.textures = palettes::of_scene(&scene, &taken);
     memory::check("simplify", memory_need::simplify_scene(&meshes, scene.buffer_bytes(), &options))?;
     let done = lodsmith::simplify_scene(&parts, diagonal, &options, watch);
-    let SimplifiedScene { meshes: mut lighter, report, counts } = not_interrupted(done)?;
+    let SimplifiedScene { meshes: mut lighter, mut report, mut counts } = not_interrupted(done)?;
+    // As in the file: the reader merges vertices at one place.
+    report.input_vertices = scene_parts::count(&parts, TriMesh::wedge_count);
+    for (counts, part) in counts.iter_mut().zip(&parts) {
+        counts.input_vertices = part.mesh.wedge_count();
+    }
     let not_reached = not_reached(&report, &options, args.run.time_limit, &lighter);
 
     watch.write();
