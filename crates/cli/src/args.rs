@@ -4,17 +4,19 @@
 mod batch_files;
 mod choice;
 mod clean;
-mod common;
 mod engine;
 mod lod;
 mod methods;
 mod of_method;
 mod progressive;
+mod reading;
 mod render;
+mod run;
 mod scope;
 mod simplify;
 mod values;
 mod weights;
+mod writing;
 
 use std::path::PathBuf;
 
@@ -22,15 +24,17 @@ use clap::{Args, Parser, Subcommand};
 
 pub(crate) use choice::{BorderChoice, PlacementChoice, TexturesChoice, TopologyChoice};
 pub(crate) use clean::CleanArgs;
-pub(crate) use common::{AssetArgs, Ending, Reading, Run, Up, Writing};
 pub(crate) use engine::How;
 pub(crate) use lod::{LodArgs, Naming};
 pub(crate) use methods::MethodsArgs;
 pub(crate) use progressive::{ExtractArgs, LpmBuildArgs, LpmInfoArgs, Progressive};
+pub(crate) use reading::{AssetArgs, Reading};
 pub(crate) use render::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Surroundings};
+pub(crate) use run::{Ending, Run};
 pub(crate) use simplify::{Normals, SimplifyArgs};
 pub(crate) use values::TypedLength;
 pub(crate) use weights::Importance;
+pub(crate) use writing::{Up, Writing};
 
 use crate::paths::{Sink, Source};
 
