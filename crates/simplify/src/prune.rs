@@ -1,7 +1,7 @@
 //! Removal of small components, before anything else is done.
 
 use lodsmith_core::mesh::weld;
-use lodsmith_core::{Surface, VertexId};
+use lodsmith_core::{DisjointSets, Surface, VertexId};
 
 /// Components removed for their size. Counts of elements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -87,21 +87,17 @@ pub(crate) fn small_parts(
         let is_finite = t.iter().all(|&v| positions.get(v).iter().all(|x| x.is_finite()));
         (is_finite && a != b && b != c && c != a).then_some([a, b, c])
     };
-    let mut root: Vec<VertexId> = (0..positions.len() as u32).map(VertexId).collect();
-    for t in triangles.iter().filter_map(welded) {
-        let a = find(&mut root, t[0]);
-        let (b, c) = (find(&mut root, t[1]), find(&mut root, t[2]));
-        let least = a.min(b).min(c);
-        for x in [a, b, c] {
-            root[x.index()] = least;
-        }
+    let mut sets = DisjointSets::new(positions.len());
+    for [a, b, c] in triangles.iter().filter_map(welded) {
+        sets.join(a.0, b.0);
+        sets.join(a.0, c.0);
     }
     let mut part_of = vec![None; positions.len()];
     let mut parts: Vec<ComponentExtent> = Vec::new();
     let mut of_face = vec![None; triangles.len()];
     for (f, t) in triangles.iter().enumerate() {
         let Some(ends) = welded(t) else { continue };
-        let part = *part_of[find(&mut root, ends[0]).index()].get_or_insert_with(|| {
+        let part = *part_of[sets.find(ends[0].0) as usize].get_or_insert_with(|| {
             parts.push(ComponentExtent {
                 min: [f64::INFINITY; 3],
                 max: [f64::NEG_INFINITY; 3],
@@ -133,14 +129,6 @@ pub(crate) fn small_parts(
         first_faces: gone().map(|p| p.first_face).collect(),
         is_small: of_face.into_iter().map(|p| p.is_some_and(|p| goes[p])).collect(),
     }
-}
-
-fn find(root: &mut [VertexId], mut i: VertexId) -> VertexId {
-    while root[i.index()] != i {
-        root[i.index()] = root[root[i.index()].index()];
-        i = root[i.index()];
-    }
-    i
 }
 
 /// Returns the triangles with those of small components made degenerate, so that later steps drop them, and

@@ -1,7 +1,7 @@
 //! Connected parts: their sizes, their labels, and those that a run watches.
 
 use glam::Vec3;
-use lodsmith_core::VertexId;
+use lodsmith_core::{DisjointSets, VertexId};
 
 use super::order::NONE;
 use crate::metric::PartSize;
@@ -91,32 +91,18 @@ pub(super) fn measure_parts(
 /// Returns the part of each of `count` vertices; parts are numbered in the order of their first vertex.
 /// Dead faces do not count.
 pub(crate) fn labels(count: usize, faces: &[[VertexId; 3]]) -> Vec<u32> {
-    let mut root: Vec<VertexId> = (0..count as u32).map(VertexId).collect();
-    fn find(root: &mut [VertexId], mut i: VertexId) -> VertexId {
-        while root[i.index()] != i {
-            root[i.index()] = root[root[i.index()].index()];
-            i = root[i.index()];
-        }
-        i
+    let mut sets = DisjointSets::new(count);
+    for &[a, b, c] in faces.iter().filter(|t| t[0] != NONE) {
+        sets.join(a.0, b.0);
+        sets.join(a.0, c.0);
     }
-    for t in faces.iter().filter(|t| t[0] != NONE) {
-        let a = find(&mut root, t[0]);
-        for &w in &t[1..] {
-            let b = find(&mut root, w);
-            let a = find(&mut root, a);
-            let (low, high) = (a.min(b), a.max(b));
-            root[high.index()] = low;
-        }
-    }
-    let mut label = vec![u32::MAX; root.len()];
+    let mut label = sets.into_representatives();
     let mut parts = 0;
-    for i in 0..root.len() {
-        let r = find(&mut root, VertexId(i as u32)).index();
-        if label[r] == u32::MAX {
-            label[r] = parts;
-            parts += 1;
-        }
-        label[i] = label[r];
+    for i in 0..count {
+        // A representative comes before the other vertices of its part.
+        let representative = label[i] as usize;
+        label[i] = if representative == i { parts } else { label[representative] };
+        parts += u32::from(representative == i);
     }
     label
 }

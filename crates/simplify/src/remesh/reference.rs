@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 use lodsmith_core::spatial::{Bvh, Hint};
-use lodsmith_core::{HalfEdgeId, Positions, PositionsView, Surface, TriMesh, VertexId};
+use lodsmith_core::{DisjointSets, HalfEdgeId, Positions, PositionsView, Surface, TriMesh, VertexId};
 
 use super::half_edges::{HalfEdges, LineKind, OPEN, gather};
 use crate::collapse::order::NONE;
@@ -289,24 +289,16 @@ fn along(mesh: &HalfEdges, mut last: VertexId, mut v: VertexId, reach: f64) -> D
 fn drop_short_creases(mesh: &mut HalfEdges, length: f64) {
     let creases: Vec<HalfEdgeId> =
         mesh.half_edges().filter(|&h| mesh.is_first(h) && mesh.line[h.index()] == LineKind::Crease).collect();
-    let mut part: Vec<u32> = (0..mesh.points.len() as u32).collect();
-    fn find(part: &mut [u32], mut v: u32) -> u32 {
-        while part[v as usize] != v {
-            part[v as usize] = part[part[v as usize] as usize];
-            v = part[v as usize];
-        }
-        v
-    }
+    let mut lines = DisjointSets::new(mesh.points.len());
     for &h in &creases {
-        let (a, b) = (find(&mut part, mesh.from(h).0), find(&mut part, mesh.to(h).0));
-        part[a.max(b) as usize] = a.min(b);
+        lines.join(mesh.from(h).0, mesh.to(h).0);
     }
     let mut total = vec![0f64; mesh.points.len()];
     for &h in &creases {
-        total[find(&mut part, mesh.from(h).0) as usize] += mesh.length_sq(h).sqrt();
+        total[lines.find(mesh.from(h).0) as usize] += mesh.length_sq(h).sqrt();
     }
     for h in creases {
-        if total[find(&mut part, mesh.from(h).0) as usize] < MIN_CREASE_LENGTH * length {
+        if total[lines.find(mesh.from(h).0) as usize] < MIN_CREASE_LENGTH * length {
             mesh.set_line(h, LineKind::None);
         }
     }
