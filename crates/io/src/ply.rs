@@ -6,6 +6,7 @@
 
 mod body;
 mod header;
+mod source;
 mod write;
 
 use std::io::{self, Write};
