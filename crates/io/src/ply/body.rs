@@ -465,7 +465,7 @@ fn read_strips<S: NumberSource>(
                         let mut turned = false;
                         for _ in 0..n {
                             let i = source.integer(item)?;
-                            if i == -1 {
+                            if is_restart(i, item, vertex_count) {
                                 last = [None; 2];
                                 turned = false;
                                 continue;
@@ -491,6 +491,18 @@ fn read_strips<S: NumberSource>(
         }
     }
     Ok(triangles)
+}
+
+/// Returns true if an index ends a strip: -1, which unsigned types hold as their largest number.
+fn is_restart(index: i64, kind: Scalar, vertex_count: usize) -> bool {
+    let largest = match kind {
+        Scalar::U8 => u8::MAX.into(),
+        Scalar::U16 => u16::MAX.into(),
+        Scalar::U32 => u32::MAX.into(),
+        _ => -1,
+    };
+    // In a large mesh, the largest number may be that of a vertex.
+    index == -1 || (index == largest && index >= vertex_count as i64)
 }
 
 fn skip<S: NumberSource>(element: &Element, source: &mut S) -> Result<(), ReadError> {
