@@ -261,7 +261,7 @@ impl Scene {
         if motion.nodes.is_empty() {
             return Ok(self.clone());
         }
-        let (json, numbers) = motion::with_motion(&self.json, motion);
+        let (json, numbers) = motion::with_motion(&self.json, motion)?;
         let mut scene = self.clone();
         scene.buffers.extend(numbers.map(Arc::new));
         scene.with_nodes(json)
