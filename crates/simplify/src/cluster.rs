@@ -38,7 +38,7 @@ use crate::options::{BorderPolicy, SimplifyOptions};
 use crate::prune::Pruned;
 use crate::report::{Clustered, ErrorReport, Report, StoppedBy};
 use crate::run;
-use crate::run::ladder::{LevelTest, search_around};
+use crate::run::level_search::{LevelTest, search_around};
 use crate::{Simplified, SimplifyError, rebuild};
 use grid::MAX_RESOLUTION;
 use locked::LockedPositions;
@@ -58,7 +58,7 @@ pub(crate) fn run(
 }
 
 /// Ratio between successive resolutions in the search for an error. (Guessed: three percent more along an
-/// axis is six percent more vertices, about a step of the ladder of other methods.)
+/// axis is six percent more vertices, about one level of the search of other methods.)
 const RESOLUTION_STEP: f64 = 1.03;
 /// Largest distance, in cell diagonals, assumed for the first guess of a search. (Measured: 0.4 to 0.7.)
 const FIRST_DISTANCE: f64 = 0.55;

@@ -3,7 +3,7 @@
 mod chain;
 mod closest;
 mod copies;
-pub(crate) mod ladder;
+pub(crate) mod level_search;
 mod relaxed;
 mod start;
 mod trunk;

@@ -1,6 +1,6 @@
 //! Runs that end by an error limit.
 
-use super::ladder::{LevelCounts, LevelTest};
+use super::level_search::{LevelCounts, LevelTest};
 use super::{Finished, Run, RunOutcome};
 use crate::SimplifyError;
 use crate::collapse::{Goal, StopReason};

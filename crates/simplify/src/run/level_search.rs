@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn a_larger_distance_never_ends_at_a_heavier_level() {
-        let ladder = LevelCounts::new(20_000, 3);
+        let levels = LevelCounts::new(20_000, 3);
         let mut state = 5u64;
         for round in 0..50 {
             // Errors that rise, and jump by up to a factor of 16.
@@ -199,7 +199,7 @@ mod tests {
             for k in 0..120 {
                 let limit = 0.5 * 1.1f64.powi(k);
                 let mut asked = Vec::new();
-                let got = ladder
+                let got = levels
                     .search(&mut |level| {
                         asked.push(level);
                         Ok(if error(level, state) <= limit { LevelTest::Kept } else { LevelTest::Beyond })
