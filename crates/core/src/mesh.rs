@@ -147,13 +147,15 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Length of the diagonal, in the units of the positions.
+    /// Length of the diagonal, in the units of the positions; [`f64::MAX`] if it is longer than that.
     pub fn diagonal(&self) -> f64 {
         let d = [0, 1, 2].map(|k| self.max[k] - self.min[k]);
         // Scaled first: the square of 1e200 overflows a double.
         let largest = d.iter().fold(0f64, |a, &b| a.max(b));
         if largest > 0.0 {
-            largest * d.iter().map(|x| (x / largest) * (x / largest)).sum::<f64>().sqrt()
+            let diagonal = largest * d.iter().map(|x| (x / largest) * (x / largest)).sum::<f64>().sqrt();
+            // An extent beyond the range gives NaN.
+            if diagonal.is_finite() { diagonal } else { f64::MAX }
         } else {
             0.0
         }
@@ -517,5 +519,9 @@ mod tests {
     fn a_diagonal_does_not_overflow() {
         let bounds = Bounds { min: [0.0; 3], max: [3e200, 4e200, 0.0] };
         assert!((bounds.diagonal() / 5e200 - 1.0).abs() < 1e-15);
+        for far in [1.2e308, 1.7e308] {
+            let bounds = Bounds { min: [-far; 3], max: [far; 3] };
+            assert_eq!(bounds.diagonal(), f64::MAX);
+        }
     }
 }
