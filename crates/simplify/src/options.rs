@@ -425,6 +425,15 @@ impl SimplifyOptions {
     pub fn new(stop: Stop) -> Self {
         Self { stop, ..Self::default() }
     }
+    /// Converts all lengths to units; shares are of `diagonal`.
+    pub(crate) fn lengths_to_units(&mut self, diagonal: f64) {
+        let own = &mut self.method_options;
+        let of_run = [&mut self.stop.error, &mut self.guards.max_edge, &mut self.weld, &mut self.prune];
+        let of_method = [&mut own.pairs, &mut own.cell, &mut own.edge_length, &mut own.flat, &mut own.voxel];
+        for length in of_run.into_iter().chain(of_method).flatten() {
+            *length = Length::Units(length.in_units(diagonal));
+        }
+    }
     /// Returns the guarantee in effect: never [`Bound::Auto`].
     pub fn effective_bound(&self) -> Bound {
         match (self.bound, self.stop.error) {

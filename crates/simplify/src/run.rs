@@ -23,7 +23,7 @@ use crate::control::{Control, Stage, Verdict};
 use crate::deviation::{self, Deviation, InputComparer, ROUNDING};
 pub(crate) use crate::input::Input;
 use crate::metric::{Memoryless, Metric, NeighbourhoodMetric, Quadric, VertexMemory};
-use crate::options::{Length, Method, SimplifyOptions, TopologyPolicy};
+use crate::options::{Method, SimplifyOptions, TopologyPolicy};
 use crate::proposal::Proposal;
 use crate::prune::Pruned;
 use crate::report::{ErrorReport, Refusal, Report, StoppedBy};
@@ -145,11 +145,8 @@ fn run_pruned(
     let Some(size) = options.prune else { return run_welded(input, options, inner) };
     let diagonal = prune::diagonal(&input.surface);
     // Shares refer to the whole input, including small parts.
-    let units = |length: Length| Length::Units(length.in_units(diagonal));
     let mut options = options.clone();
-    (options.stop.error, options.weld) = (options.stop.error.map(units), options.weld.map(units));
-    options.guards.max_edge = options.guards.max_edge.map(units);
-    options.method_options.pairs = options.method_options.pairs.map(units);
+    options.lengths_to_units(diagonal);
     let near = options.weld.map(|d| d.in_units(diagonal));
     let small = prune::small_parts(&input.surface, size.in_units(diagonal), near, options.locked.as_deref());
     if small.pruned.parts == 0 {

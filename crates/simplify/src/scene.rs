@@ -236,7 +236,7 @@ impl<'a> JoinedScene<'a> {
             let of = |&(part, region): &(usize, Option<RegionId>)| all.of(part, region).cloned();
             Arc::new(Textures::of_regions(table.iter().map(of).collect()))
         });
-        let units = |length: Length| Length::Units(length.in_units(diagonal));
+        options.lengths_to_units(diagonal);
         // The error must still be kept after rounding to single precision.
         let written = parts.iter().map(rounding_of).fold(0.0, f64::max);
         options.stop.error =
@@ -247,9 +247,6 @@ impl<'a> JoinedScene<'a> {
             Some(weld) => Some(Length::Units(weld.in_units(diagonal).max(rounding))),
             None => layout.has_neighbours.then_some(Length::Units(rounding)),
         };
-        options.guards.max_edge = options.guards.max_edge.map(units);
-        options.prune = options.prune.map(units);
-        options.method_options.pairs = options.method_options.pairs.map(units);
         Ok(Self { parts, layout, mesh, table, options, diagonal, is_placed, output_rounding: written })
     }
 

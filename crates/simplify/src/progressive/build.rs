@@ -20,7 +20,7 @@ use crate::control::{Control, Stage, Verdict};
 use crate::fit::Originals;
 use crate::input::Input;
 use crate::metric::{Dimension, Memoryless, Metric, NeighbourhoodMetric, Quadric, VertexMemory};
-use crate::options::{Length, Method, Placement, SimplifyOptions, TopologyPolicy};
+use crate::options::{Method, Placement, SimplifyOptions, TopologyPolicy};
 use crate::prune;
 use crate::run::{self, Run, Source, Started};
 use crate::shading;
@@ -139,10 +139,7 @@ fn prepared<'a>(mesh: &'a TriMesh, options: &mut SimplifyOptions) -> Result<Inpu
     let positions = input.surface.positions();
     let diagonal = prune::diagonal(&input.surface);
     if let Some(size) = options.prune {
-        let units = |length: Length| Length::Units(length.in_units(diagonal));
-        (options.stop.error, options.weld) = (options.stop.error.map(units), options.weld.map(units));
-        options.guards.max_edge = options.guards.max_edge.map(units);
-        options.method_options.pairs = options.method_options.pairs.map(units);
+        options.lengths_to_units(diagonal);
         let near = options.weld.map(|d| d.in_units(diagonal));
         let locked = options.locked.as_deref();
         let small = prune::small_parts(&input.surface, size.in_units(diagonal), near, locked);
