@@ -223,9 +223,12 @@ impl StageChange {
             Self::Duplicate { numbers, aside } => stage.duplicate(numbers, *aside),
             Self::Move { copies, secs } => stage.move_copies(copies, *secs),
             Self::Delete(gone) => {
-                let is_left = |(number, _): &(usize, &Placement)| !gone.contains(number);
-                let left: Vec<_> = stage.copies.iter().enumerate().filter(is_left).map(|x| *x.1).collect();
-                stage.copies = left.into();
+                let mut is_kept = vec![true; stage.copies.len()];
+                for &number in gone.iter().filter(|n| **n < stage.copies.len()) {
+                    is_kept[number] = false;
+                }
+                let kept: Vec<_> = stage.copies.iter().zip(is_kept).filter(|x| x.1).map(|x| *x.0).collect();
+                stage.copies = kept.into();
                 stage.motion = stage.motion.without_copies(gone);
             }
             Self::Replace(copies, motion) => {
@@ -383,6 +386,17 @@ mod tests {
         assert_eq!(stage.copies.len(), 2);
         assert_eq!(stage.copies[0], Placement { turn_deg: 270.0, ..moved });
         assert_eq!(stage.copies[1], Placement::at(2.0, 0.0));
+    }
+
+    /// Each copy used to be searched among all deleted ones: half of 400,000 took minutes.
+    #[test]
+    fn very_many_copies_are_deleted_at_once() {
+        let count = 400_000;
+        let stage = stage_of(&[
+            StageChange::Add((0..count).map(|n| Placement::at(f64::from(n), 0.0)).collect()),
+            StageChange::Delete((0..count as usize).rev().filter(|n| n % 2 == 1).collect()),
+        ]);
+        assert!(stage.copies.iter().map(|c| c.x).eq((0..count).step_by(2).map(f64::from)));
     }
 
     #[test]
