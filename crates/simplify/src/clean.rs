@@ -15,6 +15,7 @@ use lodsmith_core::{Positions, RegionId, Surface, TriMesh, VertexId, WedgeId};
 use crate::SimplifyError;
 use crate::control::{Control, Stage, Verdict};
 use crate::options::Length;
+use crate::options::names::name_values;
 use crate::prune::{self, Pruned};
 use crate::run::with_attributes;
 
@@ -32,6 +33,10 @@ pub enum NonManifold {
     /// Keep vertices separate as in the mesh, and sew coincident borders together, two faces to an edge. This
     /// closes cracks without joining surfaces that only touch.
     Merge,
+}
+
+name_values! {
+    NonManifold { Keep = "keep", Cut = "cut", Merge = "merge" }
 }
 
 /// Options of [`clean`].

@@ -2,6 +2,7 @@
 //! types.
 
 mod check;
+pub(crate) mod names;
 mod shared;
 
 use std::sync::Arc;
@@ -39,38 +40,6 @@ pub enum Method {
     Unsubdivide,
     /// A new mesh on the old surface. [Botsch-Kobbelt 2004]
     Remesh,
-}
-
-impl Method {
-    /// All methods, in the order of lists.
-    pub const ALL: [Self; 10] = [
-        Self::Memoryless,
-        Self::Quadric,
-        Self::LindstromTurk,
-        Self::Melax,
-        Self::ShortestEdge,
-        Self::Cluster,
-        Self::VertexRemoval,
-        Self::Planar,
-        Self::Unsubdivide,
-        Self::Remesh,
-    ];
-
-    /// Returns the name of the method, such as `lindstrom-turk`.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Memoryless => "memoryless",
-            Self::Quadric => "quadric",
-            Self::LindstromTurk => "lindstrom-turk",
-            Self::Melax => "melax",
-            Self::ShortestEdge => "shortest-edge",
-            Self::Cluster => "cluster",
-            Self::VertexRemoval => "vertex-removal",
-            Self::Planar => "planar",
-            Self::Unsubdivide => "unsubdivide",
-            Self::Remesh => "remesh",
-        }
-    }
 }
 
 /// Options of single methods. Those that are not set have a default or follow from the stop. Setting one that

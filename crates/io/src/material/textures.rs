@@ -27,6 +27,20 @@ pub enum Textures {
     None,
 }
 
+impl Textures {
+    /// All values, in the order of lists.
+    pub const ALL: [Self; 3] = [Self::Copy, Self::Link, Self::None];
+
+    /// Returns the name of the value.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Copy => "copy",
+            Self::Link => "link",
+            Self::None => "none",
+        }
+    }
+}
+
 /// A library with more missing textures than this was crafted to keep the system busy. Guessed.
 const MAX_MISSING_TEXTURES: usize = 10_000;
 
