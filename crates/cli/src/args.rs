@@ -17,9 +17,9 @@ use std::num::NonZeroU16;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use lodsmith_io::{AssetScope, Format, ReadOptions};
+use lodsmith_io::{AssetScope, Format, ReadOptions, Textures};
 
-pub(crate) use choice::{BorderChoice, PlacementChoice, TexturesChoice, TopologyChoice};
+use choice::choice;
 pub(crate) use clean::CleanArgs;
 pub(crate) use engine::{How, Importance};
 pub(crate) use lod::{LodArgs, Naming};
@@ -195,8 +195,9 @@ pub(crate) struct Writing {
     #[arg(long)]
     pub(crate) ascii: bool,
     /// What to do with material and texture files (OBJ): copy them beside the output, link to them, or drop them
-    #[arg(long, value_name = "WHAT", value_enum, default_value_t)]
-    pub(crate) textures: TexturesChoice,
+    #[arg(long, value_name = "WHAT", value_parser = choice(Textures::ALL, Textures::name),
+          default_value = Textures::default().name())]
+    pub(crate) textures: Textures,
     /// Multiply every coordinate of the output
     #[arg(long, value_name = "F", value_parser = values::above_zero)]
     pub(crate) scale: Option<f64>,

@@ -171,7 +171,7 @@ pub(crate) fn options(writing: &Writing, format: Format, regions: Regions) -> Wr
     options.format = Some(format);
     options.ascii = writing.ascii;
     options.force = writing.force;
-    options.textures = writing.textures.into();
+    options.textures = writing.textures;
     options.regions = Some(Arc::new(regions));
     options
 }

@@ -1,10 +1,8 @@
 //! Text and JSON of proposals: changes of the options that would let a stuck run continue.
 
-use clap::ValueEnum;
 use lodsmith::{BorderPolicy, Change, Escalation, Length, Proposal, Report, SimplifyOptions, StoppedBy};
 use serde_json::{Value, json};
 
-use crate::args::{BorderChoice, PlacementChoice, TopologyChoice};
 use crate::numbers::grouped;
 
 /// An option, its present value, and the value it would need.
@@ -18,21 +16,14 @@ struct OptionChange {
 
 impl OptionChange {
     fn of(change: Change, options: &SimplifyOptions) -> Self {
-        let policy = |option, now: String, to| Self { option, now: now.into(), to, is_value: true };
+        let policy =
+            |option, now: &str, to: &str| Self { option, now: now.into(), to: to.to_owned(), is_value: true };
         let guard = |option, now, to: &str| Self { option, now, to: to.to_owned(), is_value: false };
         let guards = &options.guards;
         match change {
-            Change::Border(to) => {
-                policy("border", word::<BorderChoice, _>(options.border), word::<BorderChoice, _>(to))
-            }
-            Change::Topology(to) => {
-                policy("topology", word::<TopologyChoice, _>(options.topology), word::<TopologyChoice, _>(to))
-            }
-            Change::Placement(to) => policy(
-                "placement",
-                word::<PlacementChoice, _>(options.placement),
-                word::<PlacementChoice, _>(to),
-            ),
+            Change::Border(to) => policy("border", options.border.name(), to.name()),
+            Change::Topology(to) => policy("topology", options.topology.name(), to.name()),
+            Change::Placement(to) => policy("placement", options.placement.name(), to.name()),
             Change::MaxNormal => guard("max-normal", json!(guards.max_normal_deg), "higher"),
             Change::MinQuality => guard("min-quality", json!(guards.min_quality), "lower"),
             Change::MaxValence => guard("max-valence", json!(guards.max_valence), "higher"),
@@ -73,12 +64,6 @@ fn length(length: Length) -> String {
         Length::Units(x) => x.to_string(),
         Length::OfDiagonal(x) => format!("{}%", 100.0 * x),
     }
-}
-
-/// Returns the name of an option's value.
-fn word<C: ValueEnum + Copy, E: From<C> + PartialEq>(value: E) -> String {
-    let choice = C::value_variants().iter().find(|c| E::from(**c) == value);
-    choice.and_then(C::to_possible_value).map_or_else(String::new, |w| w.get_name().to_owned())
 }
 
 /// Returns a step of an escalation as text.

@@ -3,10 +3,9 @@
 use std::path::PathBuf;
 
 use clap::{ArgGroup, Args};
-use lodsmith::CleanOptions;
+use lodsmith::{CleanOptions, NonManifold};
 
-use super::choice::NonManifoldChoice;
-use super::{Ending, Reading, Run, TypedLength, Writing, values};
+use super::{Ending, Reading, Run, TypedLength, Writing, choice, values};
 use crate::file::{Sink, Source};
 use crate::plan::OutputArgs;
 
@@ -50,8 +49,9 @@ pub(crate) struct CleanArgs {
     #[arg(long, value_name = "D", value_parser = values::some_length, help_heading = "How")]
     weld: Option<TypedLength>,
     /// How to treat edges with more than two faces, and vertices where a surface touches itself; see below
-    #[arg(long, value_name = "WHAT", value_enum, default_value_t, help_heading = "How")]
-    non_manifold: NonManifoldChoice,
+    #[arg(long, value_name = "WHAT", value_parser = choice(NonManifold::ALL, NonManifold::name),
+          default_value = NonManifold::default().name(), help_heading = "How")]
+    non_manifold: NonManifold,
     /// Remove connected parts smaller than this (diagonal of their box, in units or as a share: 0.1%)
     #[arg(long, value_name = "SIZE", value_parser = values::some_length, help_heading = "How")]
     prune: Option<TypedLength>,
@@ -88,7 +88,7 @@ impl CleanArgs {
     pub(crate) fn options(&self) -> CleanOptions {
         let mut options = CleanOptions::default();
         options.weld = self.weld.as_ref().map(|d| d.length);
-        options.non_manifold = self.non_manifold.into();
+        options.non_manifold = self.non_manifold;
         options.prune = self.prune.as_ref().map(|d| d.length);
         options
     }

@@ -1,13 +1,15 @@
 //! Arguments shared by all commands that simplify: targets, method, constraints.
 
 use clap::Args;
-use lodsmith::{AttributeWeights, Guards, SimplifyOptions, Stop};
+use lodsmith::{
+    AttributeWeights, BorderPolicy, Fit, Guards, Method, Placement, Preset, SimplifyOptions, Stop,
+    TopologyPolicy,
+};
 use serde_json::{Map, Value};
 
-use super::choice::{BorderChoice, FitChoice, MethodChoice, PlacementChoice, PresetChoice, TopologyChoice};
 use super::of_method::OfMethod;
 use super::scope::Scope;
-use super::{TypedLength, values};
+use super::{TypedLength, choice, values};
 
 /// When to stop.
 #[derive(Args, Debug)]
@@ -74,25 +76,29 @@ pub(crate) struct EngineArgs {
 #[command(next_help_heading = "How")]
 pub(crate) struct How {
     /// Set several options for a purpose, see below; explicit options override it
-    #[arg(long, value_name = "PURPOSE", value_enum, default_value_t)]
-    preset: PresetChoice,
+    #[arg(long, value_name = "PURPOSE", value_parser = choice(Preset::ALL, Preset::name),
+          default_value = Preset::default().name())]
+    preset: Preset,
     /// Simplification method, see below
-    #[arg(long, value_name = "METHOD", value_enum, default_value_t)]
-    method: MethodChoice,
+    #[arg(long, value_name = "METHOD", value_parser = choice(Method::ALL, Method::name),
+          default_value = Method::default().name())]
+    method: Method,
     /// Fit the result to the original by least squares at the end
-    #[arg(long, value_name = "WHEN", value_enum, default_value_t)]
-    fit: FitChoice,
+    #[arg(long, value_name = "WHEN", value_parser = choice(Fit::ALL, Fit::name),
+          default_value = Fit::default().name())]
+    fit: Fit,
     /// Where to place a merged vertex; `endpoint` keeps a subset of the vertices
-    #[arg(long, value_name = "WHERE", value_enum, default_value_t)]
-    placement: PlacementChoice,
+    #[arg(long, value_name = "WHERE", value_parser = choice(Placement::ALL, Placement::name),
+          default_value = Placement::default().name())]
+    placement: Placement,
     /// How to treat open borders: keep their shape, slide along them, lock them, or ignore them [default: keep, or by
     /// preset]
-    #[arg(long, value_name = "CARE", value_enum)]
-    border: Option<BorderChoice>,
+    #[arg(long, value_name = "CARE", value_parser = choice(BorderPolicy::ALL, BorderPolicy::name))]
+    border: Option<BorderPolicy>,
     /// What may change in the topology: parts and handles if the target needs it (relaxed), nothing (preserve), or
     /// whatever costs least (free) [default: relaxed, or by preset]
-    #[arg(long, value_name = "CARE", value_enum)]
-    topology: Option<TopologyChoice>,
+    #[arg(long, value_name = "CARE", value_parser = choice(TopologyPolicy::ALL, TopologyPolicy::name))]
+    topology: Option<TopologyPolicy>,
     /// Preserve edges whose faces meet at more than DEG degrees [default: off]
     #[arg(long, value_name = "DEG", value_parser = values::sharp_deg)]
     sharp: Option<f64>,
@@ -177,13 +183,13 @@ impl EngineArgs {
     /// Returns the engine's options for this stop.
     pub(super) fn options(&self, stop: Stop) -> SimplifyOptions {
         let (how, guards) = (&self.how, &self.guards);
-        let mut options = SimplifyOptions::preset(how.preset.into(), stop);
-        options.method = how.method.into();
+        let mut options = SimplifyOptions::preset(how.preset, stop);
+        options.method = how.method;
         options.method_options = self.of_method.options();
-        options.fit = how.fit.into();
-        options.placement = how.placement.into();
-        options.border = how.border.map_or(options.border, Into::into);
-        options.topology = how.topology.map_or(options.topology, Into::into);
+        options.fit = how.fit;
+        options.placement = how.placement;
+        options.border = how.border.unwrap_or(options.border);
+        options.topology = how.topology.unwrap_or(options.topology);
         options.sharp_deg = how.sharp;
         for (name, weight) in &how.weight {
             *name.of(&mut options.weights) = *weight;

@@ -5,9 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 use lodsmith::{Method, SimplifyOptions};
 
-use super::choice::MethodChoice;
 use super::engine::Target;
-use super::{Reading, Run, Writing};
+use super::{Reading, Run, Writing, choice};
 use crate::file::Source;
 
 const AFTER: &str = "\
@@ -33,8 +32,8 @@ pub(crate) struct MethodsArgs {
     )]
     pub(crate) target: Target,
     /// Run only this method; may be repeated [default: all]
-    #[arg(long, value_name = "METHOD", value_enum, help_heading = "How")]
-    method: Vec<MethodChoice>,
+    #[arg(long, value_name = "METHOD", value_parser = choice(Method::ALL, Method::name), help_heading = "How")]
+    method: Vec<Method>,
     /// Number of samples in each direction, spread by area, in addition to all vertices
     #[arg(long, value_name = "N", help_heading = "How",
           default_value_t = lodsmith::core::measure::CompareOptions::default().samples)]
@@ -62,8 +61,7 @@ pub(crate) struct MethodsArgs {
 impl MethodsArgs {
     /// Returns the methods to run, each once, in the order of lists.
     pub(crate) fn methods(&self) -> Vec<Method> {
-        let is_wanted =
-            |m: &Method| self.method.is_empty() || self.method.iter().any(|&c| Method::from(c) == *m);
+        let is_wanted = |m: &Method| self.method.is_empty() || self.method.contains(m);
         Method::ALL.into_iter().filter(is_wanted).collect()
     }
 

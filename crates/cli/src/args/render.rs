@@ -5,10 +5,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use lodsmith::Method;
 use lodsmith_render::{Background, ColorMap, Light, LightKind, Shading, StandardView};
 
-use super::choice::MethodChoice;
-use super::{Reading, Run, Up, values};
+use super::{Reading, Run, Up, choice, values};
 use crate::file::{Sink, Source};
 
 const AFTER: &str = "\
@@ -52,8 +52,9 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "N,...", value_delimiter = ',', value_parser = values::count, conflicts_with = "compare")]
     pub(crate) levels: Vec<usize>,
     /// Method for --levels; see lodsmith simplify --help
-    #[arg(long, value_name = "METHOD", value_enum, default_value_t, requires = "levels")]
-    pub(crate) method: MethodChoice,
+    #[arg(long, value_name = "METHOD", value_parser = choice(Method::ALL, Method::name),
+          default_value = Method::default().name(), requires = "levels")]
+    pub(crate) method: Method,
     #[command(flatten)]
     pub(crate) look: LookArgs,
     #[command(flatten)]

@@ -6,7 +6,7 @@ use clap::{ArgGroup, Args, ValueEnum};
 use lodsmith::{Bound, Measure, SimplifyOptions};
 
 use super::engine::{EngineArgs, Target};
-use super::{Ending, Reading, Run, Writing};
+use super::{Ending, Reading, Run, Writing, choice};
 use crate::file::{Sink, Source};
 use crate::plan::OutputArgs;
 
@@ -84,17 +84,12 @@ struct Deviation {
     measure: bool,
     /// Prove the largest distance: in both directions, or from the result to the input only [default: two-sided with
     /// --error, else estimate]
-    #[arg(long, value_name = "BOUND", value_enum)]
-    bound: Option<BoundChoice>,
+    #[arg(long, value_name = "BOUND", value_parser = choice(BOUNDS, Bound::name))]
+    bound: Option<Bound>,
 }
 
-/// What is promised of the largest distance.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum BoundChoice {
-    Estimate,
-    OneSided,
-    TwoSided,
-}
+/// Bounds that can be typed.
+const BOUNDS: [Bound; 3] = [Bound::Estimate, Bound::OneSided, Bound::TwoSided];
 
 /// Normals of the result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -124,12 +119,7 @@ impl SimplifyArgs {
     pub(crate) fn options(&self) -> SimplifyOptions {
         let mut options = self.engine.options(self.target.stop());
         options.measure = if self.deviation.measure { Measure::Always } else { Measure::default() };
-        options.bound = match self.deviation.bound {
-            None => Bound::Auto,
-            Some(BoundChoice::Estimate) => Bound::Estimate,
-            Some(BoundChoice::OneSided) => Bound::OneSided,
-            Some(BoundChoice::TwoSided) => Bound::TwoSided,
-        };
+        options.bound = self.deviation.bound.unwrap_or_default();
         options
     }
 
@@ -146,7 +136,7 @@ mod tests {
     use lodsmith::{BorderPolicy, Length, Preset, Stop, TopologyPolicy};
 
     use super::*;
-    use crate::args::{BorderChoice, Cli, Command, TopologyChoice};
+    use crate::args::{Cli, Command};
 
     fn options(words: &str) -> SimplifyOptions {
         let all = ["lodsmith", "simplify", "a.ply", "--dry-run", "--faces", "9"];
@@ -160,12 +150,8 @@ mod tests {
         let stop = Stop::faces(9);
         assert_eq!(options(""), SimplifyOptions::new(stop));
         assert_eq!(options("--preset auto"), SimplifyOptions::new(stop));
-        for (word, preset) in [
-            ("scan", Preset::Scan),
-            ("cad", Preset::Cad),
-            ("visual", Preset::Visual),
-            ("print", Preset::Print),
-        ] {
+        for preset in Preset::ALL.into_iter().filter(|p| *p != Preset::Auto) {
+            let word = preset.name();
             let wanted = SimplifyOptions::preset(preset, stop);
             assert_eq!(options(&format!("--preset {word}")), wanted, "{word}");
             assert_ne!(wanted, SimplifyOptions::new(stop), "{word}");
@@ -181,7 +167,7 @@ mod tests {
 
     #[test]
     fn defaults_in_the_help_are_those_of_the_engine() {
-        let words = [BorderChoice::default().to_string(), TopologyChoice::default().to_string()];
+        let words = [BorderPolicy::default().name(), TopologyPolicy::default().name()];
         assert_eq!(words, ["keep", "relaxed"]);
     }
 }

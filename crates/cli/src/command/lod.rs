@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use lodsmith::core::{Positions, TriMesh};
 use lodsmith::{LodChain, MeshCounts, Report, SceneChain};
 use lodsmith_io::gltf::{Scene, SceneMesh};
-use lodsmith_io::{Format, Loaded, Warning};
+use lodsmith_io::{Format, Loaded, Textures, Warning};
 
 use super::simplify::{parts_of, set_normals};
 use crate::args::LodArgs;
@@ -99,8 +99,7 @@ fn of_mesh(
     constraints::of_mesh(&args.engine.how, &loaded, &mut options.simplify)?;
     options.simplify.textures = palettes::of_mesh(&loaded);
     let Loaded { mut mesh, regions, contents, mut warnings, format: from, .. } = loaded;
-    let is_kept =
-        plan.format() == Some(Format::Obj) && args.writing.textures != crate::args::TexturesChoice::None;
+    let is_kept = plan.format() == Some(Format::Obj) && args.writing.textures != Textures::None;
     if matches!(from, Format::Gltf | Format::Glb) && !is_kept {
         // If materials are not written, their borders need not be preserved.
         mesh.set_regions(None)?;

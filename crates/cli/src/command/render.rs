@@ -7,7 +7,7 @@ use anyhow::Context as _;
 use lodsmith::core::measure::{Prepared, vertex_distances};
 use lodsmith::core::model::{Instance, Node, Pose, Transform};
 use lodsmith::core::{Bounds, Image, Model, Positions, TriMesh, VertexId};
-use lodsmith::{Method, Simplified, SimplifyOptions, Stop, Textures, simplify_scene};
+use lodsmith::{Simplified, SimplifyOptions, Stop, Textures, simplify_scene};
 use lodsmith_io::{ModelFile, ModelSource, Warning};
 use lodsmith_render::{
     Background, Camera, DMat4, DQuat, DVec3, Environment, Ground, Legend, Lens, Light, LightKind, Panel,
@@ -220,7 +220,7 @@ impl<'a> Drawing<'a> {
             let original = drawing.items.len() - 1;
             for &count in &args.levels {
                 let mut options = SimplifyOptions::new(Stop::faces(count));
-                options.method = Method::from(args.method);
+                options.method = args.method;
                 let mut clock = StageClock::new();
                 let mut watch = RunControl::new(&mut clock, &bar, None);
                 let whole = &drawing.items[original];

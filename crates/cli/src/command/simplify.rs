@@ -6,11 +6,11 @@ use lodsmith::core::TriMesh;
 use lodsmith::core::measure::{Comparison, TwoWay};
 use lodsmith::{MeshCounts, Part, Report, Simplified, SimplifiedScene, SimplifyOptions};
 use lodsmith_io::gltf::{Scene, SceneMesh};
-use lodsmith_io::{Format, Loaded, Warning};
+use lodsmith_io::{Format, Loaded, Textures, Warning};
 use serde_json::{Map, Value, json};
 
 use super::{batch, show_warnings, texts};
-use crate::args::{Normals, SimplifyArgs, TexturesChoice};
+use crate::args::{Normals, SimplifyArgs};
 use crate::exit::{self, Interrupted, Status, usage};
 use crate::file::{self, Input, Sink};
 use crate::in_order::Turn;
@@ -124,7 +124,7 @@ fn simplify_mesh(
     options.textures = palettes::of_mesh(&loaded);
     let Loaded { mut mesh, regions, contents, mut warnings, format: from, .. } = loaded;
     let carries = |to: Format| matches!(to, Format::Obj | Format::Gltf | Format::Glb);
-    let is_wanted = !matches!(args.writing.textures, TexturesChoice::None);
+    let is_wanted = !matches!(args.writing.textures, Textures::None);
     let is_kept = is_wanted && job.output.as_ref().is_some_and(|(_, to)| carries(*to));
     if matches!(from, Format::Gltf | Format::Glb) && !is_kept {
         // If materials are not written, their borders need not be preserved.
