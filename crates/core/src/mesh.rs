@@ -123,17 +123,7 @@ impl PositionsView<'_> {
     }
     /// Returns the bounding box of the finite positions; `None` if there are none.
     pub fn bounds(&self) -> Option<Bounds> {
-        let mut bounds: Option<Bounds> = None;
-        for p in self.iter().filter(|p| p.iter().all(|x| x.is_finite())) {
-            match &mut bounds {
-                None => bounds = Some(Bounds { min: p, max: p }),
-                Some(b) => {
-                    b.min = [0, 1, 2].map(|k| b.min[k].min(p[k]));
-                    b.max = [0, 1, 2].map(|k| b.max[k].max(p[k]));
-                }
-            }
-        }
-        bounds
+        Bounds::of(self.iter())
     }
 }
 
@@ -147,6 +137,19 @@ pub struct Bounds {
 }
 
 impl Bounds {
+    /// The box of no points.
+    pub const EMPTY: Self = Self { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3] };
+
+    /// Returns the bounding box of the finite points; `None` if there are none.
+    pub fn of(points: impl IntoIterator<Item = [f64; 3]>) -> Option<Self> {
+        let finite = points.into_iter().filter(|p| p.iter().all(|x| x.is_finite()));
+        finite.fold(None, |all: Option<Self>, p| Some(all.unwrap_or(Self::EMPTY).with(p)))
+    }
+    /// Returns the smallest box around this one and a point.
+    #[must_use]
+    pub fn with(self, p: [f64; 3]) -> Self {
+        Self { min: [0, 1, 2].map(|k| self.min[k].min(p[k])), max: [0, 1, 2].map(|k| self.max[k].max(p[k])) }
+    }
     /// Length of the diagonal, in the units of the positions; [`f64::MAX`] if it is longer than that.
     pub fn diagonal(&self) -> f64 {
         let d = [0, 1, 2].map(|k| self.max[k] - self.min[k]);

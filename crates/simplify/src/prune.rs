@@ -33,21 +33,11 @@ struct ComponentExtent {
     is_locked: bool,
 }
 
-/// The bounds of no points.
-const EMPTY: Bounds = Bounds { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3] };
-
-fn widened(bounds: Bounds, p: [f64; 3]) -> Bounds {
-    Bounds {
-        min: [0, 1, 2].map(|k| bounds.min[k].min(p[k])),
-        max: [0, 1, 2].map(|k| bounds.max[k].max(p[k])),
-    }
-}
-
 /// Returns the diagonal of the bounding box of the finite vertices of all faces.
 pub(crate) fn diagonal(surface: &Surface<'_>) -> f64 {
     let positions = surface.positions();
     let corners = surface.triangles().iter().flatten().map(|&v| positions.get(v));
-    corners.filter(|p| p.iter().all(|x| x.is_finite())).fold(EMPTY, widened).diagonal()
+    Bounds::of(corners).map_or(0.0, |b| b.diagonal())
 }
 
 /// Finds the components whose bounding box has a diagonal below `size`. Faces are connected across vertices
@@ -84,14 +74,14 @@ pub(crate) fn small_parts(
     for (f, t) in triangles.iter().enumerate() {
         let Some(ends) = welded(t) else { continue };
         let part = *part_of[find(&mut root, ends[0]).index()].get_or_insert_with(|| {
-            parts.push(ComponentExtent { bounds: EMPTY, first_face: f, faces: 0, is_locked: false });
+            parts.push(ComponentExtent { bounds: Bounds::EMPTY, first_face: f, faces: 0, is_locked: false });
             parts.len() - 1
         });
         of_face[f] = Some(part);
         let own = &mut parts[part];
         own.faces += 1;
         own.is_locked |= locked.is_some_and(|l| t.iter().any(|v| l[v.index()]));
-        own.bounds = t.iter().map(|&v| positions.get(v)).fold(own.bounds, widened);
+        own.bounds = t.iter().map(|&v| positions.get(v)).fold(own.bounds, Bounds::with);
     }
     let diagonals: Vec<f64> = parts.iter().map(|p| p.bounds.diagonal()).collect();
     let is_removable = |(part, diagonal): (&ComponentExtent, &f64)| *diagonal < size && !part.is_locked;

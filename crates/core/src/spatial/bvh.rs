@@ -112,13 +112,8 @@ impl Bvh {
         for (face, t) in triangles.iter().enumerate() {
             if is_finite(t) {
                 items.push(FaceEntry { centre: [0; 3], face: face as u32 });
-                for p in t.map(|v| positions.get(v)) {
-                    let b = bounds.get_or_insert(Bounds { min: p, max: p });
-                    for (k, x) in p.into_iter().enumerate() {
-                        b.min[k] = b.min[k].min(x);
-                        b.max[k] = b.max[k].max(x);
-                    }
-                }
+                let corners = t.iter().map(|&v| positions.get(v));
+                bounds = Some(corners.fold(bounds.unwrap_or(Bounds::EMPTY), Bounds::with));
             }
         }
         let frame = UnitFrame::of(&bounds.unwrap_or(Bounds { min: [0.0; 3], max: [0.0; 3] }));
