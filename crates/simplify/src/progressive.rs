@@ -46,12 +46,12 @@ pub(crate) const RECORDED_METHODS: &[Method] =
 /// use lodsmith::{NoControl, Progressive, SimplifyOptions};
 ///
 /// let mesh = shapes::icosphere(3);
-/// let mut road = Progressive::build(&mesh, &SimplifyOptions::default(), &mut NoControl)?;
-/// road.to_faces(100);
-/// assert!(road.faces().len() <= 100);
-/// let light = road.fitted_mesh()?;
-/// road.to_level(road.top());
-/// assert_eq!(road.mesh()?, mesh);
+/// let mut progressive = Progressive::build(&mesh, &SimplifyOptions::default(), &mut NoControl)?;
+/// progressive.to_faces(100);
+/// assert!(progressive.faces().len() <= 100);
+/// let light = progressive.fitted_mesh()?;
+/// progressive.to_level(progressive.top());
+/// assert_eq!(progressive.mesh()?, mesh);
 /// # assert!(light.face_count() <= 100);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -148,9 +148,9 @@ impl Progressive {
     pub fn new(splits: Splits) -> Self {
         let (mut faces, mut vertex_of) = (splits.faces.clone(), splits.vertex_of.clone());
         let (mut values, mut positions) = (splits.values.clone(), splits.positions.clone());
-        let (level, mut road) = (splits.len(), SplitSequence::new_unreplayed(splits));
-        road.replay(&mut faces, &mut vertex_of, &mut values, &mut positions);
-        Self { sequence: Arc::new(road), level, faces, vertex_of, values, positions }
+        let (level, mut sequence) = (splits.len(), SplitSequence::new_unreplayed(splits));
+        sequence.replay(&mut faces, &mut vertex_of, &mut values, &mut positions);
+        Self { sequence: Arc::new(sequence), level, faces, vertex_of, values, positions }
     }
 
     /// Returns this progressive mesh with the given level as its base, at that level.
@@ -158,8 +158,8 @@ impl Progressive {
         self.to_level(level);
         let base = (!self.sequence.splits.checkpoints.is_empty()).then(|| self.checkpoint());
         let (level, faces, vertex_of) = (self.level, self.faces, self.vertex_of);
-        let splits =
-            Arc::try_unwrap(self.sequence).map_or_else(|road| road.splits.clone(), |road| road.splits);
+        let splits = Arc::try_unwrap(self.sequence)
+            .map_or_else(|sequence| sequence.splits.clone(), |sequence| sequence.splits);
         // Elements that are not live yet are in the buffers already, with the values of their birth.
         let mut data = splits.into_data();
         (data.faces, data.vertex_of, data.values, data.positions) =
@@ -180,9 +180,9 @@ impl Progressive {
         data.checkpoints.retain(|c| c.level as usize > level);
         data.checkpoints.splice(0..0, base);
         data.checkpoints.iter_mut().for_each(|c| c.level -= level as u32);
-        let mut road = Self::new(Splits::new(data).expect("a road from one of its levels on"));
-        road.to_level(0);
-        road
+        let mut coarsest = Self::new(Splits::new(data).expect("the splits after a level are valid"));
+        coarsest.to_level(0);
+        coarsest
     }
 
     /// Returns the splits, with base mesh and checkpoints.
@@ -191,7 +191,8 @@ impl Progressive {
     }
     /// Returns the splits, without a copy if there is no other clone.
     pub fn into_splits(self) -> Splits {
-        Arc::try_unwrap(self.sequence).map_or_else(|road| road.splits.clone(), |road| road.splits)
+        Arc::try_unwrap(self.sequence)
+            .map_or_else(|sequence| sequence.splits.clone(), |sequence| sequence.splits)
     }
     /// Returns the number of the finest level, which is the number of splits.
     pub fn top(&self) -> usize {
@@ -286,37 +287,38 @@ impl Progressive {
     pub fn refine(&mut self, splits: usize) -> ChangedRanges {
         let before = self.counts();
         let to = self.level.saturating_add(splits).min(self.top());
-        let road = Arc::clone(&self.sequence);
-        let data = &road.splits;
+        let sequence = Arc::clone(&self.sequence);
+        let data = &sequence.splits;
         let range = self.level..to;
         let side = ChangeValues { corners: &data.corners.to, owners: &data.owners.to, rows: &data.rows.to };
         self.level = to;
-        self.apply(&road, range, &side, &data.places.to, false, before)
+        self.apply(&sequence, range, &side, &data.places.to, false, before)
     }
 
     /// Undoes this many splits, or as many as were done. Cost: O(what they change).
     pub fn coarsen(&mut self, splits: usize) -> ChangedRanges {
         let to = self.level.saturating_sub(splits);
-        let road = Arc::clone(&self.sequence);
+        let sequence = Arc::clone(&self.sequence);
         let range = to..self.level;
-        let side = ChangeValues { corners: &road.corners, owners: &road.owners, rows: &road.rows };
+        let side =
+            ChangeValues { corners: &sequence.corners, owners: &sequence.owners, rows: &sequence.rows };
         self.level = to;
         let now = self.counts();
-        self.apply(&road, range, &side, &road.places, true, now)
+        self.apply(&sequence, range, &side, &sequence.places, true, now)
     }
 
     /// Applies the changes of a range of splits, with the values of one side. The last split determines the
     /// final value of an element, or the first one if they are undone.
     fn apply(
         &mut self,
-        road: &SplitSequence,
+        sequence: &SplitSequence,
         splits: Range<usize>,
         side: &ChangeValues<'_>,
         places: &Positions,
         back: bool,
         born: Counts,
     ) -> ChangedRanges {
-        let data = &road.splits;
+        let data = &sequence.splits;
         let mut faces = ChangedBlocks::new(self.faces.len());
         let mut wedges = ChangedBlocks::new(self.wedge_slots());
         let mut vertices = ChangedBlocks::new(self.positions.len());
@@ -465,7 +467,7 @@ impl SplitSequence {
         }
         let wedges = map.as_ref().map_or(positions.len(), Vec::len);
         let mut uses = UseCounts { of_wedge: vec![0; wedges], of_vertex: vec![0; positions.len()], live: 0 };
-        let (mut born, mut most) = (0, 0);
+        let (mut born, mut largest) = (0, 0);
         for (level, c) in data.counts.iter().enumerate() {
             if let Some(split) = level.checked_sub(1) {
                 if let Some(map) = map {
@@ -488,9 +490,9 @@ impl SplitSequence {
                 t.iter().for_each(|&w| uses.add(w, map));
             }
             born = c.faces as usize;
-            most = uses.live.max(most);
+            largest = uses.live.max(largest);
             self.vertices.push(uses.live);
-            self.most_vertices.push(most);
+            self.most_vertices.push(largest);
         }
     }
 }

@@ -63,14 +63,14 @@ impl Recorded<'_> {
     pub(super) fn checkpoints(
         &self,
         run: &Run<'_, '_>,
-        road: &mut Progressive,
-        mut dresser: Option<&mut ValueFitter>,
+        progressive: &mut Progressive,
+        mut fitter: Option<&mut ValueFitter>,
         control: &mut dyn Control,
     ) -> Result<Vec<Checkpoint>, SimplifyError> {
-        let top = road.top();
+        let top = progressive.top();
         // The cleanup at the start is no contraction.
         let begin = top - usize::from(self.order.first() == Some(&0));
-        let levels = self.levels(road, begin);
+        let levels = self.levels(progressive, begin);
         let mut into: Vec<VertexId> = (0..self.origins.len() as u32).map(VertexId).collect();
         let (mut done, mut spent, mut lost) = (top, 0.0, 0.0);
         let mut checkpoints = vec![Checkpoint { level: begin as u32, ..Checkpoint::default() }];
@@ -87,14 +87,14 @@ impl Recorded<'_> {
                 lost += f64::from(self.log.steps[change].lost);
                 done -= 1;
             }
-            road.to_level(level);
+            progressive.to_level(level);
             let kept = self.weights.kept * spent.max(0.0);
             let lost = self.weights.lost * lost.max(0.0);
             let mut checkpoint = Checkpoint { level: level as u32, ..Checkpoint::default() };
             let mut near = kept;
             if self.fits {
                 let away = (kept + lost).sqrt();
-                near = self.fit(run, road, dresser.as_deref_mut(), &into, away, &mut checkpoint);
+                near = self.fit(run, progressive, fitter.as_deref_mut(), &into, away, &mut checkpoint);
             }
             let before = checkpoints.last().map_or(0.0, |c| c.error);
             let error = run.ordered.frame.user_length((near + lost).sqrt()).min(run.ordered.diagonal);
@@ -106,13 +106,13 @@ impl Recorded<'_> {
     }
 
     /// Returns the levels below `begin`, finest first, the base last.
-    fn levels(&self, road: &Progressive, begin: usize) -> Vec<usize> {
-        let counts = &road.splits().counts;
+    fn levels(&self, progressive: &Progressive, begin: usize) -> Vec<usize> {
+        let counts = &progressive.splits().counts;
         let mut levels = Vec::new();
         let (mut level, mut wanted) = (begin, f64::from(counts[begin].faces));
         while level > 0 {
             wanted *= if wanted < FINE_BELOW_FACES { FINE_CHECKPOINT_FACTOR } else { CHECKPOINT_FACTOR };
-            let next = road.level_of_faces(wanted as usize);
+            let next = progressive.level_of_faces(wanted as usize);
             if next + MIN_SPLITS_BETWEEN <= level || next == 0 {
                 levels.push(next);
                 level = next;
@@ -125,20 +125,20 @@ impl Recorded<'_> {
     fn fit(
         &self,
         run: &Run<'_, '_>,
-        road: &Progressive,
-        mut dresser: Option<&mut ValueFitter>,
+        progressive: &Progressive,
+        mut fitter: Option<&mut ValueFitter>,
         into: &[VertexId],
         away: f64,
         checkpoint: &mut Checkpoint,
     ) -> f64 {
         let frame = run.ordered.frame;
-        let counts = road.counts();
+        let counts = progressive.counts();
         // Number vertices and faces in the order of the engine.
-        let mut number = vec![NONE; road.positions.len()];
+        let mut number = vec![NONE; progressive.positions.len()];
         let names = self.vertices.iter().map(|v| v.index() + 1).max().unwrap_or(0);
         let mut by_name = vec![NONE; names];
-        let vertex = |w: WedgeId| road.vertex_of.as_ref().map_or(VertexId(w.0), |map| map[w.index()]);
-        for v in road.faces().iter().flatten().map(|&w| vertex(w)) {
+        let vertex = |w: WedgeId| progressive.vertex_of.as_ref().map_or(VertexId(w.0), |map| map[w.index()]);
+        for v in progressive.faces().iter().flatten().map(|&w| vertex(w)) {
             by_name[self.vertices[v.index()].index()] = v;
         }
         let mut origins = Vec::with_capacity(counts.vertices as usize);
@@ -155,10 +155,10 @@ impl Recorded<'_> {
         for (i, f) in self.morton_faces.iter().enumerate() {
             place_of_face[f.index()] = i as u32;
         }
-        let mut order: Vec<usize> = (0..road.face_count()).collect();
+        let mut order: Vec<usize> = (0..progressive.face_count()).collect();
         order.sort_unstable_by_key(|&f| place_of_face[self.faces[f].index()]);
-        let faces = order.iter().map(|&f| road.faces[f].map(|w| number[vertex(w).index()])).collect();
-        let points: Vec<Vec3> = live.iter().map(|&v| frame.unit(road.positions().get(v))).collect();
+        let faces = order.iter().map(|&f| progressive.faces[f].map(|w| number[vertex(w).index()])).collect();
+        let points: Vec<Vec3> = live.iter().map(|&v| frame.unit(progressive.positions().get(v))).collect();
         let mut store = Store::<Tensor>::new(&points, faces, None, None);
         store.merged_into = into.to_vec();
         store.link();
@@ -175,14 +175,14 @@ impl Recorded<'_> {
         let before: Vec<Vec3> = store.v.iter().map(|x| x.p).collect();
         let mut given = KeptInput { points: &run.ordered.points, faces: &run.ordered.faces };
         let home = store.homes();
-        let mut values = dresser.as_deref_mut().map(|dresser| {
+        let mut values = fitter.as_deref_mut().map(|fitter| {
             let places = store.t.iter().map(|t| t.map(|v| before[v.index()]));
-            dresser.begin(road, order.iter().copied().zip(places), away)
+            fitter.begin(progressive, order.iter().copied().zip(places), away)
         });
         let guards = MoveGuards::new(&Rules::new(run.options, frame, run.ordered.diagonal), &store);
         let guards = guards.as_ref();
         let mut rms = fit::fit(&mut store, &mut given, &home, away, values.as_mut(), guards, |q| q).rms;
-        if road.face_count() <= FIT_TWICE_UP_TO_FACES {
+        if progressive.face_count() <= FIT_TWICE_UP_TO_FACES {
             rms = fit::fit(&mut store, &mut given, &home, away, None, guards, |q| q).rms;
         }
         if let Some(values) = values {
@@ -192,8 +192,8 @@ impl Recorded<'_> {
                 (!x.kind.is_locked()).then(|| x.p - before[v.index()])
             });
         }
-        if let Some(dresser) = dresser {
-            dresser.store_changes(road, checkpoint);
+        if let Some(fitter) = fitter {
+            fitter.store_changes(progressive, checkpoint);
         }
         let mut moves: Vec<(VertexId, [f32; 3])> = Vec::new();
         for (i, &v) in live.iter().enumerate() {

@@ -39,7 +39,7 @@ impl Progressive {
         control.stage(Stage::Measure);
         let Some(judge) = LevelComparer::new(self)? else { return Ok(self.top()) };
         let limit = distance + ROUNDING * judge.reference.diagonal();
-        let mut road = self.clone();
+        let mut progressive = self.clone();
         let levels = self.levels_to_measure();
         for (i, &level) in levels.iter().enumerate() {
             if control.progress(i as f64 / levels.len() as f64) == Verdict::Cancel {
@@ -48,8 +48,8 @@ impl Progressive {
             if self.error_at(level) > MAX_ESTIMATE_RATIO * limit {
                 continue;
             }
-            road.to_level(level);
-            if judge.is_within(&road, limit, is_fitted)? {
+            progressive.to_level(level);
+            if judge.is_within(&progressive, limit, is_fitted)? {
                 return Ok(level);
             }
         }
@@ -89,8 +89,8 @@ struct LevelComparer {
 
 impl LevelComparer {
     /// Returns `None` if the full mesh has no face to measure from.
-    fn new(road: &Progressive) -> Result<Option<Self>, SimplifyError> {
-        let mut full = road.clone();
+    fn new(progressive: &Progressive) -> Result<Option<Self>, SimplifyError> {
+        let mut full = progressive.clone();
         full.to_level(full.top());
         let mesh = full.mesh()?;
         let surface = mesh.surface();
@@ -103,8 +103,13 @@ impl LevelComparer {
         Ok(Some(Self { reference, places }))
     }
 
-    fn is_within(&self, road: &Progressive, limit: f64, is_fitted: bool) -> Result<bool, SimplifyError> {
-        let mesh = if is_fitted { road.fitted_mesh() } else { road.mesh() }?;
+    fn is_within(
+        &self,
+        progressive: &Progressive,
+        limit: f64,
+        is_fitted: bool,
+    ) -> Result<bool, SimplifyError> {
+        let mesh = if is_fitted { progressive.fitted_mesh() } else { progressive.mesh() }?;
         let surface = mesh.surface();
         let tree = Bvh::new(&surface);
         let is_far = |p: &[f64; 3]| tree.closest(*p).is_none_or(|hit| hit.distance > limit);

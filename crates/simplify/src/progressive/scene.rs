@@ -74,7 +74,7 @@ impl ProgressiveScene {
         let faces = parts.iter().map(|p| p.mesh.face_count()).sum::<usize>();
         let share = |n: usize| n as f64 / faces.max(1) as f64;
         let (mut begun, mut first) = (0, 0);
-        let (mut roads, mut all) = (Vec::with_capacity(parts.len()), Vec::new());
+        let (mut meshes, mut all) = (Vec::with_capacity(parts.len()), Vec::new());
         let mut is_any = false;
         for (number, part) in parts.iter().enumerate() {
             let mut own =
@@ -85,7 +85,7 @@ impl ProgressiveScene {
             let scale = scale_of(part);
             let options = of_part(options, vertices, diagonal, scale);
             match build::build(part.mesh, &options, &mut own) {
-                Ok(RecordedMesh { mesh: road, costs }) => {
+                Ok(RecordedMesh { mesh: progressive, costs }) => {
                     let factor = costs.factor(scale);
                     let step = |(i, cost): (usize, &f32)| SceneSplit {
                         is_late: i < costs.late,
@@ -93,12 +93,12 @@ impl ProgressiveScene {
                         mesh: number,
                     };
                     all.extend(costs.of_split.iter().enumerate().map(step));
-                    roads.push(road);
+                    meshes.push(progressive);
                     is_any = true;
                 }
                 Err(SimplifyError::NoFaces { .. }) => {
                     let data = arrange::single_level(part.mesh);
-                    roads.push(Progressive::new(Splits::new(data).expect("a mesh as it is")));
+                    meshes.push(Progressive::new(Splits::new(data).expect("a mesh as it is")));
                 }
                 Err(other) => return Err(other),
             }
@@ -110,14 +110,14 @@ impl ProgressiveScene {
         all.sort_by(|a, b| {
             b.is_late.cmp(&a.is_late).then(b.cost.total_cmp(&a.cost)).then(a.mesh.cmp(&b.mesh))
         });
-        let mut of_mesh: Vec<Vec<u32>> = roads.iter().map(|r| Vec::with_capacity(r.top())).collect();
+        let mut of_mesh: Vec<Vec<u32>> = meshes.iter().map(|r| Vec::with_capacity(r.top())).collect();
         for (split, step) in all.iter().enumerate() {
             of_mesh[step.mesh].push(split as u32);
         }
         let is_placed = parts.iter().any(|p| p.instances > 0);
         let times: Vec<usize> = parts.iter().map(|p| if is_placed { p.instances } else { 1 }).collect();
         let order = SceneOrder { splits: all.len(), of_mesh, shares: shares(parts, &times), times };
-        let scene = Self { meshes: roads, level: order.splits, order: Arc::new(order) };
+        let scene = Self { meshes, level: order.splits, order: Arc::new(order) };
         Ok(scene.with_base_at(&options.stop, diagonal))
     }
 
@@ -161,11 +161,11 @@ impl ProgressiveScene {
     }
     /// Returns the number of faces of all instances at the present level.
     pub fn face_count(&self) -> usize {
-        self.count(self.level, |road, level| road.splits().counts[level].faces)
+        self.count(self.level, |progressive, level| progressive.splits().counts[level].faces)
     }
     /// Returns the number of vertices of all instances at the present level that a face uses.
     pub fn vertex_count(&self) -> usize {
-        self.count(self.level, |road, level| road.sequence.vertices[level])
+        self.count(self.level, |progressive, level| progressive.sequence.vertices[level])
     }
     /// Returns the estimated distance (RMS over all instances) of the present level, with its fit, from the
     /// full scene.
@@ -176,7 +176,7 @@ impl ProgressiveScene {
     /// Returns the level at which the first of these stops is met, from the full scene down; without any, the
     /// full scene. An error refers to the [estimate](Self::error), and shares to this diagonal.
     pub fn level_of(&self, stop: &Stop, diagonal: f64) -> usize {
-        let whole = self.count(self.top(), |road, level| road.splits().counts[level].faces);
+        let whole = self.count(self.top(), |progressive, level| progressive.splits().counts[level].faces);
         let by_ratio = stop.ratio.map(|r| ((whole as f64 * r).round() as usize).max(1));
         let by_faces = stop.faces.into_iter().chain(by_ratio).max().map(|n| self.level_of_faces(n));
         let by_vertices = stop.vertices.map(|n| self.level_of_vertices(n));
@@ -185,13 +185,14 @@ impl ProgressiveScene {
     }
     /// Returns the finest level with at most `n` faces in all instances, or the base.
     pub fn level_of_faces(&self, n: usize) -> usize {
-        let is_within = |l| self.count(l, |road, level| road.splits().counts[level].faces) <= n;
+        let is_within = |l| self.count(l, |progressive, level| progressive.splits().counts[level].faces) <= n;
         first_where(self.top() + 1, |l| !is_within(l)).saturating_sub(1)
     }
     /// Returns a fine level with at most `n` vertices in use in all instances, there and at all coarser ones,
     /// or the base.
     pub fn level_of_vertices(&self, n: usize) -> usize {
-        let is_within = |l| self.count(l, |road, level| road.sequence.most_vertices[level]) <= n;
+        let is_within =
+            |l| self.count(l, |progressive, level| progressive.sequence.most_vertices[level]) <= n;
         first_where(self.top() + 1, |l| !is_within(l)).saturating_sub(1)
     }
     /// Returns the coarsest level whose estimated error is at most `distance`, or the full scene.
@@ -214,18 +215,21 @@ impl ProgressiveScene {
     pub fn to_level(&mut self, level: usize) -> Vec<ChangedRanges> {
         self.level = level.min(self.top());
         let levels = self.order.levels(self.level);
-        self.meshes.iter_mut().zip(levels).map(|(road, level)| road.to_level(level)).collect()
+        self.meshes.iter_mut().zip(levels).map(|(progressive, level)| progressive.to_level(level)).collect()
     }
 
     /// Returns a sum over all instances.
     fn count(&self, level: usize, of: impl Fn(&Progressive, usize) -> u32) -> usize {
         let all = self.meshes.iter().zip(self.order.levels(level)).zip(&self.order.times);
-        all.map(|((road, level), times)| (of(road, level) as usize).saturating_mul(*times)).sum()
+        all.map(|((progressive, level), times)| (of(progressive, level) as usize).saturating_mul(*times))
+            .sum()
     }
 
     fn error_at(&self, level: usize) -> f64 {
         let all = self.meshes.iter().zip(self.order.levels(level)).zip(&self.order.shares);
-        all.map(|((road, level), share)| share * road.error_at(level).powi(2)).sum::<f64>().sqrt()
+        all.map(|((progressive, level), share)| share * progressive.error_at(level).powi(2))
+            .sum::<f64>()
+            .sqrt()
     }
 }
 
