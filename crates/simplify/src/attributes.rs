@@ -315,10 +315,10 @@ impl Rows {
             _ => Vec::new(),
         };
         for (i, &set) in self.skin_sets.iter().enumerate().filter(|_| attributes.is_some()) {
-            let most = 4 * self.skin_sets.len();
+            let max_joints = 4 * self.skin_sets.len();
             let (mut joints, mut weights) = (Vec::new(), Vec::new());
             for pulls in &pulls {
-                let kept = &pulls[..pulls.len().min(most)];
+                let kept = &pulls[..pulls.len().min(max_joints)];
                 let sum: f32 = kept.iter().map(|p| p.1).sum();
                 for k in 4 * i..4 * i + 4 {
                     let (joint, weight) = kept.get(k).copied().unwrap_or((0, 0.0));

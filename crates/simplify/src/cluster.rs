@@ -126,7 +126,7 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
 
     /// Asks the caller whether to continue. A run that is asked to finish still makes one pass, as it has no
     /// result before.
-    fn ask(&mut self, done: f64, control: &mut dyn Control) -> Result<bool, SimplifyError> {
+    fn report_progress(&mut self, done: f64, control: &mut dyn Control) -> Result<bool, SimplifyError> {
         match control.progress(done) {
             Verdict::Continue => {}
             Verdict::Finish => self.is_over = true,
@@ -328,13 +328,13 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
         // Levels are powers of `RESOLUTION_STEP`; the finest has the lowest number.
         let power = |resolution: f64| -resolution.ln() / RESOLUTION_STEP.ln();
         let levels = -(MAX_RESOLUTION.ln() / RESOLUTION_STEP.ln()) as i64..=power(coarsest).floor() as i64;
-        let wish = longest * 3f64.sqrt() * FIRST_DISTANCE / limit.max(f64::MIN_POSITIVE);
-        let begin = power(wish.clamp(1.0, MAX_RESOLUTION)).floor() as i64;
+        let resolution = longest * 3f64.sqrt() * FIRST_DISTANCE / limit.max(f64::MIN_POSITIVE);
+        let begin = power(resolution.clamp(1.0, MAX_RESOLUTION)).floor() as i64;
         let mut best: Option<(i64, ClusteredMesh, f64)> = None;
         let mut asked = 0;
         search_around(levels, begin, &mut |level| {
             asked += 1;
-            if !self.ask(1.0 - 1.0 / f64::from(asked), control)? {
+            if !self.report_progress(1.0 - 1.0 / f64::from(asked), control)? {
                 return Ok(LevelTest::Over);
             }
             control.stage(Stage::Collapse);

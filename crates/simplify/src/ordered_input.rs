@@ -16,7 +16,7 @@ pub(crate) trait OrderedInput {
     /// Switches from faces in order to random access: from here on single positions and all faces are read.
     fn start_random_access(&mut self);
     fn position(&self, v: VertexId) -> Vec3;
-    fn each_face(&self, look: impl FnMut([VertexId; 3]));
+    fn each_face(&self, visit: impl FnMut([VertexId; 3]));
 }
 
 /// The ordered input, kept in memory.
@@ -50,7 +50,7 @@ impl OrderedInput for KeptInput<'_> {
         self.points[v.index()]
     }
     #[inline(always)]
-    fn each_face(&self, look: impl FnMut([VertexId; 3])) {
-        self.faces.iter().copied().for_each(look);
+    fn each_face(&self, visit: impl FnMut([VertexId; 3])) {
+        self.faces.iter().copied().for_each(visit);
     }
 }

@@ -43,7 +43,7 @@ const PROGRESS_EVERY: usize = 1024;
 const REMOVED_BOUND: f32 = f32::NEG_INFINITY;
 /// Share of the vertices that a sweep considers. (Guessed: fewer take more sweeps and follow the order more
 /// closely.)
-const QUANTILE: f64 = 0.2;
+const SWEEP_SHARE: f64 = 0.2;
 /// Marks vertices outside the current ring.
 const OUTSIDE: u8 = u8::MAX;
 
@@ -161,7 +161,7 @@ impl<'a> Removal<'a> {
                 return Ok(Ending::Stuck);
             }
             let wanted = self.wanted().clamp(1, prices.len());
-            let most = (prices.len() as f64 * QUANTILE) as usize;
+            let most = (prices.len() as f64 * SWEEP_SHARE) as usize;
             let rank = wanted.min(most.max(1)) - 1;
             limit = limit.max(*prices.select_nth_unstable_by(rank, f32::total_cmp).1);
         }

@@ -273,7 +273,7 @@ impl Bvh {
     /// Calls `look` for the slots whose box lies within a squared distance of a point of the unit frame; a
     /// returned value is the new squared distance. Near boxes are visited first.
     #[inline(always)]
-    pub(crate) fn visit(&self, p: DVec3, bound_sq: f64, mut look: impl FnMut(u32) -> Option<f64>) {
+    pub(crate) fn visit(&self, p: DVec3, bound_sq: f64, mut visit_face: impl FnMut(u32) -> Option<f64>) {
         if self.is_empty() {
             return;
         }
@@ -303,7 +303,7 @@ impl Bvh {
                     if f32::from_bits((entry >> 32) as u32) >= bound {
                         break;
                     }
-                    if let Some(bound_sq) = look(entry as u32) {
+                    if let Some(bound_sq) = visit_face(entry as u32) {
                         bound = bound_of(bound_sq);
                     }
                 }

@@ -76,19 +76,19 @@ impl LevelCounts {
         self.counts[level]
     }
 
-    /// Tests levels with `ask` until the best one is found; returns 0, the input, if none is within the
+    /// Tests levels with `test` until the best one is found; returns 0, the input, if none is within the
     /// distance. Never tests that one, and no other twice.
     pub(crate) fn search(
         &self,
-        ask: &mut dyn FnMut(usize) -> Result<LevelTest, SimplifyError>,
+        test: &mut dyn FnMut(usize) -> Result<LevelTest, SimplifyError>,
     ) -> Result<usize, SimplifyError> {
         let mut known = vec![None; self.counts.len()];
         known[0] = Some(LevelTest::Kept);
-        let mut ask = |level: usize| -> Result<LevelTest, SimplifyError> {
+        let mut test = |level: usize| -> Result<LevelTest, SimplifyError> {
             if let Some(answer) = known[level] {
                 return Ok(answer);
             }
-            let answer = ask(level)?;
+            let answer = test(level)?;
             known[level] = Some(answer);
             Ok(answer)
         };
@@ -97,7 +97,7 @@ impl LevelCounts {
         while beyond - kept > 1 {
             let is_marked = mark < beyond;
             let level = if is_marked { mark } else { usize::midpoint(kept, beyond) };
-            match ask(level)? {
+            match test(level)? {
                 LevelTest::Over => return Ok(kept),
                 LevelTest::Last => return Ok(level),
                 LevelTest::Kept => kept = level,
@@ -108,7 +108,7 @@ impl LevelCounts {
         let mut next = (kept + EXTRA_LEVELS) / EXTRA_LEVEL_STEP * EXTRA_LEVEL_STEP;
         while next > kept {
             if next < self.counts.len() {
-                match ask(next)? {
+                match test(next)? {
                     LevelTest::Over => break,
                     LevelTest::Last => return Ok(next),
                     LevelTest::Kept => {
@@ -134,7 +134,7 @@ impl LevelCounts {
 pub(crate) fn search_around(
     levels: RangeInclusive<i64>,
     begin: i64,
-    ask: &mut dyn FnMut(i64) -> Result<LevelTest, SimplifyError>,
+    test: &mut dyn FnMut(i64) -> Result<LevelTest, SimplifyError>,
 ) -> Result<Option<i64>, SimplifyError> {
     let (first, last) = levels.into_inner();
     if first > last {
@@ -146,7 +146,7 @@ pub(crate) fn search_around(
     let mut kept = None;
     let mut beyond = None;
     loop {
-        match ask(level)? {
+        match test(level)? {
             LevelTest::Over => return Ok(kept),
             LevelTest::Last => return Ok(Some(level)),
             LevelTest::Kept => kept = Some(level),
