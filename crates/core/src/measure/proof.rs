@@ -412,9 +412,9 @@ impl<'a> PieceSearch<'a> {
         let normal = double_area_normal(face).normalize_or_zero();
         let longest = (0..3).map(|k| face[k].distance(face[(k + 1) % 3])).fold(0.0, f64::max);
         let limit = self.rule.limit;
-        let is_of_use =
+        let is_useful =
             piece.cut_by != slot && longest >= MIN_CUT_FACE * limit && radius <= MAX_CUT_RADIUS * longest;
-        if !is_of_use || normal == glam::DVec3::ZERO || !piece.has_room() {
+        if !is_useful || normal == glam::DVec3::ZERO || !piece.has_room() {
             return self.halve(piece, slot);
         }
         let heights = piece.corners().iter().map(|p| (*p - face[0]).dot(normal).abs());

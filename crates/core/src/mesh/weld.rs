@@ -20,8 +20,8 @@ impl Weld {
     /// # Panics
     /// If a representative has a higher number than its vertex, or does not represent itself.
     pub fn from_representatives(representative: Vec<VertexId>) -> Self {
-        let stands = |(i, r): (usize, &VertexId)| r.index() <= i && representative[r.index()] == *r;
-        assert!(representative.iter().enumerate().all(stands), "the lowest of a group stands for it");
+        let is_valid = |(i, r): (usize, &VertexId)| r.index() <= i && representative[r.index()] == *r;
+        assert!(representative.iter().enumerate().all(is_valid), "the lowest of a group stands for it");
         let distinct_count = representative.iter().enumerate().filter(|(i, r)| r.index() == *i).count();
         Self { representative, distinct_count }
     }

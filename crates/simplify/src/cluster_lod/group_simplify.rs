@@ -77,8 +77,8 @@ pub(super) fn simplify_group(
         }
     };
     let mut done = to(wanted)?;
-    let tears = |done: &Option<Simplified>| done.as_ref().is_some_and(|d| d.report.seams_relaxed);
-    if tears(&done) && border.is_any() {
+    let relaxes_seams = |done: &Option<Simplified>| done.as_ref().is_some_and(|d| d.report.seams_relaxed);
+    if relaxes_seams(&done) && border.is_any() {
         // Seams need not be relaxed here: another grouping may leave them more room.
         done = to(max_faces)?.filter(|d| !d.report.seams_relaxed);
     }
