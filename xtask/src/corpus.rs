@@ -84,6 +84,7 @@ struct Outcome {
 }
 
 /// The checks of one file.
+#[derive(Default)]
 struct CorpusRow {
     name: String,
     faces: Option<u64>,
@@ -126,15 +127,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     let mut failed = 0;
     for file in &files {
         let name = file.strip_prefix(&folder).unwrap_or(file).to_string_lossy().replace('\\', "/");
-        let mut row = CorpusRow {
-            name,
-            faces: None,
-            left: Vec::new(),
-            seconds: 0.0,
-            peak_kb: 0,
-            problems: Vec::new(),
-            remark: String::new(),
-        };
+        let mut row = CorpusRow { name, ..CorpusRow::default() };
         check(&command, file, limits, &mut row)?;
         failed += usize::from(!row.problems.is_empty());
         row.print();
@@ -409,18 +402,6 @@ fn resident_peak_kb(id: u32) -> Option<u64> {
 mod tests {
     use super::*;
 
-    fn row() -> CorpusRow {
-        CorpusRow {
-            name: String::new(),
-            faces: None,
-            left: Vec::new(),
-            seconds: 0.0,
-            peak_kb: 0,
-            problems: Vec::new(),
-            remark: String::new(),
-        }
-    }
-
     fn outcome(status: Option<i32>, stderr: &str) -> Outcome {
         Outcome { status, seconds: 0.1, peak_kb: 1024, stdout: String::new(), stderr: stderr.into() }
     }
@@ -435,7 +416,7 @@ mod tests {
             (Some(101), "thread 'main' panicked", false),
             (None, "", false),
         ] {
-            let mut row = row();
+            let mut row = CorpusRow::default();
             row.note(&outcome(status, stderr), "info", DAMAGED_LIMIT);
             assert_eq!(row.problems.is_empty(), good, "{status:?} {stderr}");
         }
@@ -443,7 +424,7 @@ mod tests {
 
     #[test]
     fn limits_are_held() {
-        let mut row = row();
+        let mut row = CorpusRow::default();
         row.note(
             &Outcome { seconds: 1.5, peak_kb: 300 << 10, ..outcome(Some(0), "") },
             "info",

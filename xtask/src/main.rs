@@ -4,7 +4,6 @@
 mod corpus;
 mod dist;
 mod faults;
-mod look;
 mod pictures;
 mod sample;
 mod seeds;
@@ -25,7 +24,6 @@ cargo xtask dist [--out FOLDER] [--binary FILE]            the archive to give a
 cargo xtask faults [--quick] [--strict] [--only NAME] [--binary FILE]   disks that fill up, kills, closed pipes: what the command leaves behind
 cargo xtask tidy                                           the rules of the house; also part of `cargo test`
 cargo xtask goldens [FILTER]                               writes the recorded answers of tests afresh and shows what changed
-cargo xtask look [[TITLE=]FILE...]                         how much of the look is kept at 50 to 1 %, as a table
 cargo xtask walk [MODEL...] [--preset NAME]...             lighter and lighter, with every preset: fails where a heavier result is farther off
 cargo xtask seeds [--binary FILE]                          what fuzz targets begin with, into fuzz/corpus
 cargo xtask sample                                         makes the sample model of the README
@@ -40,7 +38,6 @@ fn main() -> ExitCode {
         "dist" => dist::run(rest),
         "corpus" => corpus::run(rest),
         "faults" => faults::run(rest),
-        "look" => look::run(rest),
         "walk" => walk::run(rest),
         "tidy" => tidy::run(),
         "goldens" => goldens(rest),

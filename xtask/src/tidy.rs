@@ -492,24 +492,10 @@ fn machine_paths() -> Result<Vec<String>> {
     Ok(findings)
 }
 
-/// Known dependency cycles of files, by folder: the number of files in each, the largest first. A new one is
-/// a violation, and so is one that is gone and still listed here.
-const KNOWN_CYCLES: &[(&str, &[usize])] =
-    &[("crates/simplify", &[2, 2, 2]), ("crates/cli", &[16, 11]), ("crates/viewer", &[7, 6, 4, 3, 2, 2])];
-
 fn file_cycles() -> Result<Vec<String>> {
     let mut findings = Vec::new();
     for PackageRule { folder, .. } in PACKAGE_RULES {
         let all = cycles::cycles(&root().join(folder).join("src/lib.rs"))?;
-        let mut sizes: Vec<usize> = all.iter().map(|circle| circle.files.len()).collect();
-        sizes.sort_unstable_by(|a, b| b.cmp(a));
-        let known = KNOWN_CYCLES.iter().find(|x| x.0 == *folder).map_or(&[][..], |x| x.1);
-        if sizes == known {
-            continue;
-        }
-        findings.push(format!(
-            "{folder}: cycles of {sizes:?} files, and KNOWN_CYCLES in xtask/src/tidy.rs says {known:?}"
-        ));
         for (from, to, names) in all.iter().flat_map(|circle| &circle.dependencies) {
             findings.push(format!("{} names {} of {}", shown(from), names.join(", "), shown(to)));
         }

@@ -6,11 +6,12 @@
 //! Distances below [`MIN_DISTANCE`] of the diagonal count as [`MIN_DISTANCE`]. Growth as such is not a violation.
 
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 use serde_json::Value;
 
-use crate::{cargo, shared_models, succeed};
+use crate::{release_command, shared_models};
 
 /// The ratio of triangles between a step and the one before; the first keeps [`FIRST_RATIO`] of the model.
 const STEP_RATIO: f64 = 0.85;
@@ -71,12 +72,12 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
         let folder = shared_models().context("no models: name files (../shared/models is not there)")?;
         list(&folder, &mut models)?;
     }
-    succeed(cargo().args(["build", "--release", "-q", "-p", "lodsmith-cli"]))?;
+    let program = release_command()?;
     println!("| model | preset | triangles → RMS, % of the diagonal | spikes |\n|---|---|---|--:|");
     let mut found = Vec::new();
     for model in &models {
         for preset in presets.iter().copied() {
-            let Some(steps) = walk(model, preset)? else { break };
+            let Some(steps) = walk(&program, model, preset)? else { break };
             let name = model.file_name().unwrap_or_default().to_string_lossy();
             let told = |s: &ReductionStep| format!("{} → {:.5}", s.faces, 100.0 * s.rms);
             let all: Vec<String> = steps.iter().map(told).collect();
@@ -110,14 +111,14 @@ fn list(folder: &Path, models: &mut Vec<PathBuf>) -> Result<()> {
 }
 
 /// Returns the steps of a model; `None` if it cannot be read or has too few or too many triangles.
-fn walk(model: &Path, preset: &str) -> Result<Option<Vec<ReductionStep>>> {
+fn walk(program: &Path, model: &Path, preset: &str) -> Result<Option<Vec<ReductionStep>>> {
     let folder = tempfile::tempdir()?;
     let lighter = folder.path().join("lighter.ply");
     let simplified = |faces: usize| -> Option<Value> {
         let faces = faces.to_string();
         let words =
             ["simplify", "--json", "-q", "--force", "--measure", "--preset", preset, "--faces", &faces];
-        let out = crate::look::program().args(words).arg("-o").arg(&lighter).arg(model).output().ok()?;
+        let out = Command::new(program).args(words).arg("-o").arg(&lighter).arg(model).output().ok()?;
         serde_json::from_slice(&out.stdout).ok()
     };
     let Some(input) = simplified(usize::MAX >> 8) else { return Ok(None) };

@@ -15,12 +15,10 @@ mod render;
 mod simplify;
 mod view;
 
-use lodsmith_io::Warning;
-
 use crate::args::{Cli, Command};
-use crate::exit::{self, Status};
-use crate::memory;
-use crate::output::{self, Output};
+use crate::exit;
+use crate::status::Status;
+use crate::{memory, memory_watch};
 
 /// Runs the command.
 pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
@@ -28,7 +26,7 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
         exit::end_after(seconds)?;
     }
     if let Some(run) = cli.command.run() {
-        memory::set_limit(run.max_memory)?;
+        memory_watch::start(memory::set_limit(run.max_memory))?;
     }
     match cli.command {
         Command::Simplify(args) => simplify::run(&args),
@@ -45,29 +43,4 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
         Command::Completions { shell } => completions::run(shell),
         Command::Man { command } => man::run(command.as_deref()),
     }
-}
-
-/// Shows the warnings of a file. With `strict`, lost data are shown as an error even if warnings are
-/// silenced, and the result is `true`.
-fn show_warnings(out: &Output, path: &str, warnings: &[Warning], strict: bool) -> bool {
-    let mut is_fault = false;
-    for warning in warnings {
-        if strict && warning.data_lost {
-            output::error(&format!("{path}: {warning}"));
-            is_fault = true;
-        } else {
-            out.warning(&format!("{path}: {warning}"));
-        }
-    }
-    is_fault
-}
-
-/// Returns the warnings that matter if a mesh is only viewed, not written.
-fn viewing_warnings(warnings: &[Warning]) -> Vec<Warning> {
-    warnings.iter().filter(|warning| !warning.of_scene).cloned().collect()
-}
-
-/// Returns the texts of warnings, for reports.
-fn texts(warnings: &[Warning]) -> Vec<&str> {
-    warnings.iter().map(|w| w.text.as_str()).collect()
 }

@@ -1,4 +1,4 @@
-//! End of a run: exit statuses, interrupts, and errors made of panics.
+//! End of a run: interrupts, and errors made of panics.
 
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
@@ -8,55 +8,9 @@ use std::sync::{Mutex, PoisonError, RwLock, RwLockReadGuard};
 use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
-use lodsmith::SimplifyError;
 
 use crate::output;
-
-/// Exit status of the command.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub(crate) enum Status {
-    /// Success.
-    Done = 0,
-    /// The file, the mesh or the system is at fault.
-    Failed = 1,
-    /// The command line is at fault.
-    Usage = 2,
-    /// With `--strict`: target not reached or data dropped.
-    Strict = 3,
-    /// Interrupted by a signal.
-    Interrupted = 130,
-}
-
-/// The command line is at fault, in a way that its grammar does not detect.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub(crate) struct UsageError(pub(crate) String);
-
-/// The run was interrupted by a signal.
-#[derive(Debug, thiserror::Error)]
-#[error("interrupted")]
-pub(crate) struct Interrupted;
-
-/// Returns an error of the command line.
-pub(crate) fn usage(text: impl Into<String>) -> anyhow::Error {
-    UsageError(text.into()).into()
-}
-
-/// Returns the exit status for an error.
-pub(crate) fn status_of(error: &anyhow::Error) -> Status {
-    let is_unlike = matches!(
-        error.downcast_ref(),
-        Some(SimplifyError::NotOfMethod { .. } | SimplifyError::NotTogether { .. })
-    );
-    if is_unlike || error.is::<UsageError>() {
-        Status::Usage
-    } else if error.is::<Interrupted>() {
-        Status::Interrupted
-    } else {
-        Status::Failed
-    }
-}
+use crate::status::{Interrupted, Status};
 
 /// Exit code for the signal that asked the process to end; 0 before any.
 static ENDED_WITH: AtomicU8 = AtomicU8::new(0);
@@ -202,13 +156,6 @@ pub(crate) fn guarded<T>(work: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Re
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn who_is_at_fault_decides_the_status() {
-        assert_eq!(status_of(&usage("no")), Status::Usage);
-        assert_eq!(status_of(&Interrupted.into()), Status::Interrupted);
-        assert_eq!(status_of(&anyhow!("disk full")), Status::Failed);
-    }
 
     #[cfg(unix)]
     #[test]

@@ -1,72 +1,22 @@
-//! Input and output of meshes: paths, standard input and standard output.
+//! Reading and writing of models, from and to files and standard streams.
 
-use std::ffi::OsString;
-use std::fmt;
 use std::fs;
 use std::io::{self, ErrorKind};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::anyhow;
 use lodsmith::core::{Splits, TriMesh};
 use lodsmith_io::gltf::{Scene, SceneLevels};
 use lodsmith_io::lpm::{self, LpmWritten};
-use lodsmith_io::sniff::hint_of;
 use lodsmith_io::{
     Format, Loaded, Lpm, LpmOptions, ModelFile, ReadError, ReadOptions, Regions, Warning, WriteError,
     WriteOptions,
 };
 
 use crate::args::{Reading, Writing};
-use crate::{exit, memory, plan};
-
-/// Source of an input.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Source {
-    /// Standard input, typed as `-`.
-    Stdin,
-    /// A file.
-    Path(PathBuf),
-}
-
-/// Destination of a result.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Sink {
-    /// Standard output, typed as `-`.
-    Stdout,
-    /// A file.
-    Path(PathBuf),
-}
-
-impl From<OsString> for Source {
-    fn from(typed: OsString) -> Self {
-        if typed == "-" { Self::Stdin } else { Self::Path(typed.into()) }
-    }
-}
-
-impl From<OsString> for Sink {
-    fn from(typed: OsString) -> Self {
-        if typed == "-" { Self::Stdout } else { Self::Path(typed.into()) }
-    }
-}
-
-impl fmt::Display for Source {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Stdin => f.write_str("-"),
-            Self::Path(path) => path.display().fmt(f),
-        }
-    }
-}
-
-impl fmt::Display for Sink {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Stdout => f.write_str("-"),
-            Self::Path(path) => path.display().fmt(f),
-        }
-    }
-}
+use crate::paths::{Sink, Source};
+use crate::{exit, memory};
 
 /// Reads a mesh. The error does not name the source.
 pub(crate) fn read(source: &Source, reading: &Reading) -> anyhow::Result<Loaded> {
@@ -157,75 +107,12 @@ fn flattened_error(error: impl std::fmt::Display) -> anyhow::Error {
     anyhow!("{error}")
 }
 
-/// Returns an error if two sources are standard input.
-pub(crate) fn at_most_one_stdin<'a>(sources: impl IntoIterator<Item = &'a Source>) -> anyhow::Result<()> {
-    if sources.into_iter().filter(|s| **s == Source::Stdin).count() > 1 {
-        return Err(exit::usage("standard input can be read only once: one `-` is enough"));
-    }
-    Ok(())
-}
-
 /// Returns the options for writing a mesh with these regions.
 pub(crate) fn options(writing: &Writing, format: Format, regions: Regions) -> WriteOptions {
-    let mut options = WriteOptions::default();
-    options.format = Some(format);
+    let mut options = scene_options(writing, format);
     options.ascii = writing.ascii;
-    options.force = writing.force;
-    options.textures = writing.textures.into();
     options.regions = Some(Arc::new(regions));
     options
-}
-
-/// Returns the format of an output: the one asked for, or that of its file extension.
-pub(crate) fn format_of(sink: &Sink, to: Option<Format>) -> anyhow::Result<Format> {
-    let hint = match sink {
-        Sink::Path(path) => hint_of(path),
-        Sink::Stdout => None,
-    };
-    match (to.or(hint), sink) {
-        (Some(Format::Lpm), _) => Err(exit::usage(WriteError::NeedsSplits.to_string())),
-        (Some(format), _) => Ok(format),
-        (None, Sink::Stdout) => Err(exit::usage("standard output has no ending: say the format with --to")),
-        (None, Sink::Path(path)) if path.is_dir() => {
-            Err(exit::usage(format!("{}: is a folder: name a file in it", path.display())))
-        }
-        (None, Sink::Path(path)) => {
-            Err(exit::usage(WriteError::UnknownFormat { path: path.clone() }.to_string()))
-        }
-    }
-}
-
-/// Returns a usage error if the output is a folder.
-pub(crate) fn refuse_folder(sink: &Sink, hint: &str) -> anyhow::Result<()> {
-    match sink {
-        Sink::Path(path) if path.is_dir() => {
-            Err(exit::usage(format!("{}: is a folder, which is never overwritten{hint}", path.display())))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Refuses to overwrite an input unless asked for: it may be the only copy.
-///
-/// # Errors
-/// A usage error if the output is an input.
-pub(crate) fn refuse_inputs<'a>(
-    sink: &Sink,
-    inputs: impl IntoIterator<Item = &'a Source>,
-    force: bool,
-) -> anyhow::Result<()> {
-    let Sink::Path(path) = sink else { return Ok(()) };
-    // A device or a pipe cannot be overwritten.
-    if force || !fs::metadata(path).is_ok_and(|about| about.is_file()) {
-        return Ok(());
-    }
-    let place = plan::identity(path);
-    for input in inputs {
-        if matches!(input, Source::Path(input) if plan::identity(input) == place) {
-            return Err(exit::usage(format!("{sink}: is an input; --force writes over it")));
-        }
-    }
-    Ok(())
 }
 
 /// Writes a mesh and returns the data that the format cannot hold. Never leaves a partial file.
@@ -250,15 +137,23 @@ pub(crate) fn write_scene(
     relink: &dyn Fn(&str) -> Option<String>,
     sink: &Sink,
     format: Format,
-    force: bool,
+    writing: &Writing,
 ) -> anyhow::Result<Vec<Warning>> {
-    let mut options = WriteOptions::default();
-    (options.format, options.force) = (Some(format), force);
+    let options = scene_options(writing, format);
     write_with(
         sink,
         |out| lodsmith_io::write_scene_to(scene, replaced, format, relink, out),
         |path| lodsmith_io::write_scene_path(scene, replaced, path, &options, relink),
     )
+}
+
+/// Returns the options for writing a scene.
+fn scene_options(writing: &Writing, format: Format) -> WriteOptions {
+    let mut options = WriteOptions::default();
+    options.format = Some(format);
+    options.force = writing.force;
+    options.textures = writing.textures;
+    options
 }
 
 /// Writes a scene with levels of detail; otherwise like [`write_scene`].
@@ -268,10 +163,9 @@ pub(crate) fn write_levels(
     relink: &dyn Fn(&str) -> Option<String>,
     sink: &Sink,
     format: Format,
-    force: bool,
+    writing: &Writing,
 ) -> anyhow::Result<Vec<Warning>> {
-    let mut options = WriteOptions::default();
-    (options.format, options.force) = (Some(format), force);
+    let options = scene_options(writing, format);
     write_with(
         sink,
         |out| lodsmith_io::write_levels_to(scene, levels, format, relink, out),
@@ -392,24 +286,4 @@ pub(crate) fn scene_losses(
     format: Format,
 ) -> anyhow::Result<Vec<Warning>> {
     lodsmith_io::write_scene_to(scene, replaced, format, relink, &mut io::sink()).map_err(flattened_error)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_dash_is_a_stream() {
-        assert_eq!(Source::from(OsString::from("-")), Source::Stdin);
-        assert_eq!(Source::from(OsString::from("./-")).to_string(), "./-");
-        assert!(at_most_one_stdin([&Source::Stdin, &Source::Stdin]).is_err());
-    }
-
-    #[test]
-    fn the_ending_names_the_format_unless_told() {
-        let sink = |s: &str| Sink::from(OsString::from(s));
-        assert_eq!(format_of(&sink("a.stl.gz"), None).unwrap(), Format::Stl);
-        assert_eq!(format_of(&sink("a.stl"), Some(Format::Ply)).unwrap(), Format::Ply);
-        assert_eq!(exit::status_of(&format_of(&sink("-"), None).unwrap_err()), exit::Status::Usage);
-    }
 }

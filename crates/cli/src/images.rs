@@ -3,10 +3,11 @@
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
-use lodsmith_io::Warning;
+use lodsmith_io::Textures;
 use lodsmith_io::gltf::Scene;
+use lodsmith_io::{Format, Warning};
 
-use crate::file::{Sink, Source};
+use crate::paths::{Sink, Source};
 
 /// Move of a scene from one folder to another.
 pub(crate) struct FolderMove {
@@ -39,16 +40,19 @@ impl FolderMove {
         Some(format!("{way}{uri}"))
     }
 
-    /// Embeds images in the scene. Returns warnings about those that stay external.
-    pub(crate) fn embed(&self, scene: &mut Scene) -> Vec<Warning> {
-        let mut warnings = scene.embed_files();
-        warnings.extend(self.external_file_warnings(scene));
+    /// Embeds the images of a scene that becomes a GLB. Returns warnings about files that stay external; for a
+    /// `.gltf` beside which images are copied, those come from the writer.
+    pub(crate) fn bring(&self, scene: &mut Scene, format: Format, textures: Textures) -> Vec<Warning> {
+        let mut warnings = if format == Format::Glb { scene.embed_files() } else { Vec::new() };
+        if format == Format::Glb || textures != Textures::Copy || self.way.is_none() {
+            warnings.extend(self.external_file_warnings(scene));
+        }
         warnings
     }
 
     /// Returns warnings about files that stay external: those still in the folder of the input, and those
     /// with an unknown path.
-    pub(crate) fn external_file_warnings(&self, scene: &Scene) -> Vec<Warning> {
+    fn external_file_warnings(&self, scene: &Scene) -> Vec<Warning> {
         let outside = scene.external_files();
         let Some(first) = outside.first() else { return Vec::new() };
         let others =

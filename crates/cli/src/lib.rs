@@ -1,7 +1,8 @@
 //! The command `lodsmith`: parses arguments, calls the libraries, prints the results.
 //!
 //! [`args`] defines the arguments, [`command`] has one module for each subcommand, [`output`] does all
-//! printing, [`exit`] defines statuses and interrupts. Simplification and file formats are in the libraries.
+//! printing, [`status`] defines exit statuses, [`exit`] handles interrupts. Simplification and file formats are
+//! in the libraries.
 
 mod args;
 mod command;
@@ -12,21 +13,29 @@ mod images;
 mod in_order;
 mod memory;
 mod memory_need;
+mod memory_watch;
 mod normals;
 mod numbers;
 mod orient;
 mod output;
 mod palettes;
+mod paths;
 mod picture;
 mod plan;
 mod progress;
 mod proposals;
+mod report_json;
 mod run_control;
+mod scene_parts;
+mod status;
 mod validity;
+mod warnings;
 
 use std::process::ExitCode;
 
 use clap::Parser as _;
+
+use status::{Status, status_of};
 
 /// Runs the program: parses the arguments of the process, runs the command, and returns its exit code.
 pub fn run() -> ExitCode {
@@ -45,8 +54,8 @@ pub fn run() -> ExitCode {
 
 /// Prints an error, unless the user interrupted the run.
 fn failed(error: anyhow::Error) -> ExitCode {
-    let status = exit::status_of(&error);
-    if status != exit::Status::Interrupted {
+    let status = status_of(&error);
+    if status != Status::Interrupted {
         output::error(&format!("{error:#}"));
     }
     exit::code(status)

@@ -1,17 +1,11 @@
 //! Memory limit of the process: `--max-memory`, or a fraction of the machine's memory.
 //!
-//! [`check`] refuses a step before it begins if its need, computed from counts, exceeds the limit. Counts do
-//! not cover everything, so a thread also compares the memory that the process really holds with the limit
-//! ([`watch`]).
+//! [`check`] refuses a step before it begins if its need, computed from counts, exceeds the limit.
 
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
 
-use anyhow::Context as _;
-use lodsmith::core::memory::{self, format_bytes};
+use lodsmith::core::memory;
 use lodsmith_io::{Limits, machine};
-
-use crate::exit;
 
 /// Default fraction of the available memory: the rest is for the system, and for needs that counts do not
 /// cover.
@@ -26,60 +20,16 @@ const PROGRAM_BYTES: u64 = 8 << 20;
 /// Limit of the process, in bytes.
 static LIMIT: AtomicU64 = AtomicU64::new(u64::MAX);
 
-/// Sets the memory limit of the process and starts to monitor it.
-///
-/// # Errors
-/// If no thread can be started.
-pub(crate) fn set_limit(typed: Option<u64>) -> anyhow::Result<()> {
+/// Sets the memory limit of the process and returns it.
+pub(crate) fn set_limit(typed: Option<u64>) -> u64 {
     let limit = typed.unwrap_or_else(default_limit);
     LIMIT.store(limit, Ordering::Relaxed);
-    #[cfg(target_os = "linux")]
-    if machine::address_space_limit().is_some() {
-        with_one_arena();
-    }
-    exit::end_quietly_on_abort();
-    if machine::resident_bytes().is_some() {
-        std::thread::Builder::new().spawn(move || watch(limit)).context("cannot start a thread")?;
-    }
-    Ok(())
-}
-
-/// Restarts the program with one heap arena for all threads. By default glibc reserves 64 MiB of addresses
-/// for each thread; with a limit on addresses (`ulimit -v`) these run out before the memory does.
-#[cfg(target_os = "linux")]
-fn with_one_arena() {
-    use std::os::unix::process::CommandExt as _;
-    const ARENAS: &str = "MALLOC_ARENA_MAX";
-    if std::env::var_os(ARENAS).is_some() {
-        return;
-    }
-    let Ok(program) = std::env::current_exe() else { return };
-    let mut words = std::env::args_os();
-    let mut command = std::process::Command::new(program);
-    if let Some(name) = words.next() {
-        command.arg0(name);
-    }
-    // `exec` returns only if it failed; then the program continues as it is.
-    let _ = command.args(words).env(ARENAS, "1").exec();
+    limit
 }
 
 fn default_limit() -> u64 {
     let all = machine::memory_limit().unwrap_or(ASSUMED_MEMORY);
     ((all as f64 * DEFAULT_MEMORY_SHARE) as u64).max(MIN_LIMIT)
-}
-
-/// Ends the process when it holds more than the limit. In ten milliseconds some ten megabytes of memory can
-/// be filled.
-fn watch(limit: u64) {
-    loop {
-        if machine::resident_bytes().is_some_and(|taken| taken > limit) {
-            exit::end_with(&format!(
-                "this takes more memory than the limit of {} (--max-memory; several files at once need less with --threads 1)",
-                format_bytes(limit)
-            ));
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
 }
 
 /// Returns the limits of readers, including that on memory.

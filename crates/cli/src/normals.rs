@@ -1,10 +1,22 @@
-//! Recomputation of normals for meshes that lost theirs.
+//! Normals of results.
 
 use lodsmith::core::TriMesh;
 use lodsmith::core::mesh::normals::vertex_normals;
 
+use crate::args::Normals;
+
+/// Keeps, recomputes or removes the normals of a result.
+pub(crate) fn set_normals(mesh: &mut TriMesh, wanted: Normals) -> anyhow::Result<()> {
+    match wanted {
+        Normals::Keep => {}
+        Normals::Recompute => recompute(mesh),
+        Normals::None => mesh.set_normals(None)?,
+    }
+    Ok(())
+}
+
 /// Sets the normal of every wedge to that of its vertex.
-pub(crate) fn recompute(mesh: &mut TriMesh) {
+fn recompute(mesh: &mut TriMesh) {
     let of_vertex = vertex_normals(&mesh.surface(), |v| v);
     let normals = match mesh.vertex_map() {
         None => of_vertex,

@@ -9,7 +9,7 @@ use anyhow::Context as _;
 use serde_json::Value;
 
 use crate::args::Run;
-use crate::exit::Status;
+use crate::status::{Status, status_of};
 
 /// Destination and level of a command's output.
 pub(crate) struct Output {
@@ -81,10 +81,16 @@ impl Output {
         }
     }
 
-    /// Prints the failure of a file: a line on standard error, and an object with `--json`.
-    pub(crate) fn failure(&self, path: &str, reason: &str) {
-        self.object(&serde_json::json!({ "path": path, "error": one_line(reason) }));
-        error(&format!("{path}: {reason}"));
+    /// Prints the failure of a file, unless the user interrupted it: a line on standard error, and an object
+    /// with `--json`. Returns the status that it alone would end with.
+    pub(crate) fn failure(&self, path: &str, failure: &anyhow::Error) -> Status {
+        let status = status_of(failure);
+        if status != Status::Interrupted {
+            let reason = format!("{failure:#}");
+            self.object(&serde_json::json!({ "path": path, "error": one_line(&reason) }));
+            error(&format!("{path}: {reason}"));
+        }
+        status
     }
 
     /// Flushes the output and returns an error if printing failed. A reader that closed the pipe is no error.

@@ -9,15 +9,16 @@ use lodsmith_render::{
     Background, Camera, Panel, PictureFormat, StandardView, Subject, View, encode, render,
 };
 
-use crate::exit::usage;
-use crate::file::{self, Sink};
+use crate::file;
+use crate::paths::{self, Sink};
+use crate::status::usage;
 
 /// Returns the picture format of an output by its file extension; standard output gets PNG.
 ///
 /// # Errors
 /// A usage error if the extension is not that of a picture, or the output is a folder.
 pub(crate) fn format_of(sink: &Sink) -> anyhow::Result<PictureFormat> {
-    file::refuse_folder(sink, "")?;
+    paths::refuse_folder(sink, "")?;
     match sink {
         Sink::Stdout => Ok(PictureFormat::Png),
         Sink::Path(path) => of_path(path).ok_or_else(|| {

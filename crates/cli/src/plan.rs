@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use lodsmith_io::Format;
 use lodsmith_io::sniff::hint_of;
 
-use crate::exit::usage;
-use crate::file::{self, Sink, Source};
+use crate::paths::{self, Sink, Source, identity};
+use crate::status::usage;
 
 /// One input and its output.
 #[derive(Clone, Debug)]
@@ -38,7 +38,7 @@ pub(crate) struct OutputArgs<'a> {
 /// A usage error: results that would overwrite each other, another input or a folder; extensions that name no
 /// format; more than one use of a standard stream.
 pub(crate) fn jobs(wanted: &OutputArgs<'_>) -> anyhow::Result<Vec<Job>> {
-    file::at_most_one_stdin(wanted.inputs)?;
+    paths::at_most_one_stdin(wanted.inputs)?;
     let jobs = match (wanted.output, wanted.out_dir) {
         (Some(_), _) if wanted.inputs.len() > 1 => {
             return Err(usage("several inputs cannot share one output: give a folder with -O"));
@@ -47,8 +47,8 @@ pub(crate) fn jobs(wanted: &OutputArgs<'_>) -> anyhow::Result<Vec<Job>> {
             if *sink == Sink::Stdout && wanted.json && !wanted.dry_run {
                 return Err(usage("the mesh and --json both want standard output: give the mesh a file"));
             }
-            file::refuse_folder(sink, ": use -O to write into it")?;
-            let format = file::format_of(sink, wanted.to)?;
+            paths::refuse_folder(sink, ": use -O to write into it")?;
+            let format = paths::format_of(sink, wanted.to)?;
             vec![Job { source: wanted.inputs[0].clone(), output: Some((sink.clone(), format)) }]
         }
         (None, Some(folder)) => {
@@ -58,7 +58,7 @@ pub(crate) fn jobs(wanted: &OutputArgs<'_>) -> anyhow::Result<Vec<Job>> {
             let job = |source: &Source| {
                 let path = folder.join(name(source, wanted)?);
                 let sink = Sink::Path(path);
-                let format = file::format_of(&sink, wanted.to)?;
+                let format = paths::format_of(&sink, wanted.to)?;
                 Ok(Job { source: source.clone(), output: Some((sink, format)) })
             };
             wanted.inputs.iter().map(job).collect::<anyhow::Result<_>>()?
@@ -67,8 +67,8 @@ pub(crate) fn jobs(wanted: &OutputArgs<'_>) -> anyhow::Result<Vec<Job>> {
     };
     for job in &jobs {
         if let Some((sink, _)) = &job.output {
-            file::refuse_folder(sink, ": use -O to write into it")?;
-            file::refuse_inputs(sink, [&job.source], wanted.force || wanted.dry_run)?;
+            paths::refuse_folder(sink, ": use -O to write into it")?;
+            paths::refuse_inputs(sink, [&job.source], wanted.force || wanted.dry_run)?;
         }
     }
     check_collisions(&jobs)?;
@@ -135,21 +135,6 @@ fn check_collisions(jobs: &[Job]) -> anyhow::Result<()> {
         }
     }
     Ok(())
-}
-
-/// Returns a canonical form of a path, the same for all spellings of it, as far as the file system can tell.
-pub(crate) fn identity(path: &Path) -> PathBuf {
-    if let Ok(real) = path.canonicalize() {
-        return real;
-    }
-    let parent = match path.parent() {
-        Some(p) if !p.as_os_str().is_empty() => p,
-        _ => Path::new("."),
-    };
-    match (parent.canonicalize(), path.file_name()) {
-        (Ok(parent), Some(name)) => parent.join(name),
-        _ => std::path::absolute(path).unwrap_or_else(|_| path.to_owned()),
-    }
 }
 
 #[cfg(test)]

@@ -1,10 +1,8 @@
 //! Text and JSON of proposals: changes of the options that would let a stuck run continue.
 
-use clap::ValueEnum;
 use lodsmith::{BorderPolicy, Change, Escalation, Length, Proposal, Report, SimplifyOptions, StoppedBy};
 use serde_json::{Value, json};
 
-use crate::args::{BorderChoice, PlacementChoice, TopologyChoice};
 use crate::numbers::grouped;
 
 /// An option, its present value, and the value it would need.
@@ -18,21 +16,14 @@ struct OptionChange {
 
 impl OptionChange {
     fn of(change: Change, options: &SimplifyOptions) -> Self {
-        let policy = |option, now: String, to| Self { option, now: now.into(), to, is_value: true };
+        let policy =
+            |option, now: &str, to: &str| Self { option, now: now.into(), to: to.to_owned(), is_value: true };
         let guard = |option, now, to: &str| Self { option, now, to: to.to_owned(), is_value: false };
         let guards = &options.guards;
         match change {
-            Change::Border(to) => {
-                policy("border", word::<BorderChoice, _>(options.border), word::<BorderChoice, _>(to))
-            }
-            Change::Topology(to) => {
-                policy("topology", word::<TopologyChoice, _>(options.topology), word::<TopologyChoice, _>(to))
-            }
-            Change::Placement(to) => policy(
-                "placement",
-                word::<PlacementChoice, _>(options.placement),
-                word::<PlacementChoice, _>(to),
-            ),
+            Change::Border(to) => policy("border", options.border.name(), to.name()),
+            Change::Topology(to) => policy("topology", options.topology.name(), to.name()),
+            Change::Placement(to) => policy("placement", options.placement.name(), to.name()),
             Change::MaxNormal => guard("max-normal", json!(guards.max_normal_deg), "higher"),
             Change::MinQuality => guard("min-quality", json!(guards.min_quality), "lower"),
             Change::MaxValence => guard("max-valence", json!(guards.max_valence), "higher"),
@@ -75,12 +66,6 @@ fn length(length: Length) -> String {
     }
 }
 
-/// Returns the name of an option's value.
-fn word<C: ValueEnum + Copy, E: From<C> + PartialEq>(value: E) -> String {
-    let choice = C::value_variants().iter().find(|c| E::from(**c) == value);
-    choice.and_then(C::to_possible_value).map_or_else(String::new, |w| w.get_name().to_owned())
-}
-
 /// Returns a step of an escalation as text.
 pub(crate) fn step_text(step: &Escalation) -> String {
     let Escalation { change, before, after, .. } = *step;
@@ -101,16 +86,20 @@ pub(crate) fn steps_json(report: &Report) -> Value {
     report.escalated.iter().map(of).collect()
 }
 
-/// Returns the proposals as text, or advice if there are none.
-pub(crate) fn text(report: &Report, options: &SimplifyOptions, time_limit: Option<f64>) -> Option<String> {
+/// Returns the proposals as text, or advice if there are none. `has_border` is asked if the advice depends on
+/// open borders of the result.
+pub(crate) fn text(
+    report: &Report,
+    options: &SimplifyOptions,
+    time_limit: Option<f64>,
+    has_border: impl FnOnce() -> bool,
+) -> Option<String> {
     match (report.stopped_by, time_limit) {
         (StoppedBy::Caller, Some(s)) => Some(format!("a higher --time-limit (now {s}) would go further")),
         (StoppedBy::Refusals, _) if report.proposals.is_empty() => {
             // (Under it costs differ, so a new run takes another way.)
-            let other_way = match options.border {
-                BorderPolicy::Free => "",
-                _ => "; a run with --border free may still end lower",
-            };
+            let is_held = options.border != BorderPolicy::Free && has_border();
+            let other_way = if is_held { "; a run with --border free may still end lower" } else { "" };
             Some(format!("no option frees what is left{other_way}"))
         }
         (StoppedBy::Refusals, _) => {

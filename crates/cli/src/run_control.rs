@@ -4,8 +4,9 @@ use std::time::Instant;
 
 use lodsmith::{Control, SimplifyError, Stage, Verdict};
 
-use crate::exit::{self, Interrupted};
+use crate::exit;
 use crate::progress::FileProgress;
+use crate::status::Interrupted;
 
 /// Converts the result of a run: a cancelled run was interrupted.
 pub(crate) fn not_interrupted<T>(result: Result<T, SimplifyError>) -> anyhow::Result<T> {

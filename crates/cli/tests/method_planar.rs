@@ -61,10 +61,9 @@ fn angle_and_distance_are_both_asked() {
 fn what_it_cannot_do_is_refused() {
     let desk = CliSandbox::new();
     desk.put("ridge.obj", &ridge(2, 0.5));
-    // Known fault, for all methods: the status is 1 (file at fault) instead of 2 (command line at fault).
     for words in ["--max-valence 9", "--placement midpoint", "--fit on", "--cell 1"] {
-        let ran = desk.run(&format!("simplify ridge.obj -o low.obj --method planar {words}")).with_status(1);
+        let ran = desk.run(&format!("simplify ridge.obj -o low.obj --method planar {words}")).with_status(2);
         assert!(ran.stderr.contains("not for planar"), "{words}: {}", ran.stderr);
     }
-    desk.run("simplify ridge.obj -o low.obj --faces 4 --flat 0.1").with_status(1);
+    desk.run("simplify ridge.obj -o low.obj --faces 4 --flat 0.1").with_status(2);
 }

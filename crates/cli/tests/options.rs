@@ -264,6 +264,6 @@ fn clusters_tell_their_cells() {
     assert_eq!((&report["reached"], &report["stopped_by"]), (&Value::from(true), &Value::from("exhausted")));
     let report = &desk.run(&format!("{words} --two-stage --faces 300 --json")).with_status(0).objects()[0];
     assert!(report["clustered"]["faces"].as_u64() > report["output"]["faces"].as_u64());
-    let ran = desk.run(&format!("{words} --faces 700 --topology preserve")).with_status(1);
+    let ran = desk.run(&format!("{words} --faces 700 --topology preserve")).with_status(2);
     assert!(ran.stderr.contains("topology preserve is for"), "{}", ran.stderr);
 }

@@ -22,6 +22,24 @@ fn fractions_may_be_typed_in_percent() {
     }
 }
 
+/// Options that the method does not have, or that exclude each other, ended with status 1, as if the file were at
+/// fault.
+#[test]
+fn options_that_do_not_go_together_are_a_fault_of_the_command_line() {
+    let desk = CliSandbox::new();
+    desk.put("a.ply", &hills(4));
+    for words in [
+        "simplify a.ply -o b.ply --faces 4 --cell 1",
+        "simplify a.ply -o b.ply --method remesh --voxel 1 --adaptive",
+        "lod a.ply -O levels --levels 0.5 --cell 1",
+        "progressive build a.ply -o b.lpm --escalate",
+    ] {
+        desk.run(words).with_status(2).with_one_error();
+    }
+    // The command line outweighs a file at fault.
+    desk.run("simplify a.ply missing.ply -O low --faces 4 --cell 1").with_status(2);
+}
+
 /// Fault C2: for a folder as output the error was that its ending names no format, and without an output
 /// nothing named `-O`.
 #[test]
@@ -71,6 +89,26 @@ fn labels_of_info_stand_apart_from_their_numbers() {
     assert!(ran.text().contains("non-man. vertices 1"), "{}", ran.text());
 }
 
+/// Fault C6: `info` did not count the instances of a mesh.
+#[test]
+fn info_counts_instances() {
+    let desk = CliSandbox::new();
+    desk.put("cart.gltf", &cart(""));
+    let ran = desk.run("info cart.gltf").with_status(0);
+    assert!(ran.text().contains("meshes            1 in 2 instances"), "{}", ran.text());
+    // The left wheel three times.
+    let instancing =
+        r#""left wheel", "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 0}}}"#;
+    let used = r#", "extensionsUsed": ["EXT_mesh_gpu_instancing"]"#;
+    desk.put("wheels.gltf", &cart(used).replace("\"left wheel\"", instancing));
+    let object = desk.info("wheels.gltf");
+    assert_eq!([&object["meshes"], &object["distinct_meshes"], &object["instances"]], [2, 1, 4]);
+    let ran = desk.run("info wheels.gltf").with_status(0);
+    assert!(ran.text().contains("1 in 4 instances"), "{}", ran.text());
+    desk.put("a.ply", &hills(2));
+    assert!(!desk.run("info a.ply").with_status(0).text().contains("instances"));
+}
+
 /// Faults C6 and C8: `info` said that skins "are not carried" although nothing is written, and `compare` had
 /// two rows of the same name.
 #[test]
@@ -103,6 +141,19 @@ fn warnings_reach_standard_error_with_json_too() {
     }
     let quiet = desk.run("simplify a.ply -o c.stl --ratio 0.5 --json --quiet").with_status(0);
     assert_eq!(quiet.stderr, "");
+}
+
+/// Fault C10: `input.vertices` of a scene did not count what the file has, but places.
+#[test]
+fn vertices_of_the_input_are_those_of_the_file() {
+    let desk = CliSandbox::new();
+    fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/arm.glb"), desk.path("arm.glb")).unwrap();
+    let of_file = desk.info("arm.glb");
+    assert!(of_file["vertices"].as_u64() > of_file["positions"].as_u64());
+    for output in ["low.glb", "low.ply"] {
+        let ran = desk.run(&format!("simplify arm.glb -o {output} --ratio 0.5 --json")).with_status(0);
+        assert_eq!(ran.objects()[0]["input"]["vertices"], of_file["vertices"], "{output}");
+    }
 }
 
 /// Fault C11: levels of a mesh without a name were called `node_0_lod1`, against `docs/lod.md`.
@@ -154,17 +205,60 @@ fn where_nothing_is_proposed_another_way_is_named() {
     assert!(!free.stderr.contains("--border free"), "{}", free.stderr);
 }
 
+/// A triangle that two nodes place, with more keys of the file.
+fn cart(more: &str) -> String {
+    format!(
+        r#"{{"asset": {{"version": "2.0"}}, "scene": 0, "scenes": [{{"nodes": [0, 1]}}],
+        "nodes": [{{"name": "left wheel", "mesh": 0}}, {{"name": "right wheel", "mesh": 0}}],
+        "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0}}}}]}}],
+        "accessors": [{{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}}],
+        "bufferViews": [{{"buffer": 0, "byteLength": 36}}],
+        "buffers": [{{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}}]{more}}}"#
+    )
+}
+
+/// Fault C5: `--textures copy` did nothing for a `.gltf` in another folder.
+#[test]
+fn images_are_copied_beside_a_scene() {
+    let desk = CliSandbox::new();
+    for folder in ["in", "in/tex", "out", "taken", "linked"] {
+        fs::create_dir(desk.path(folder)).unwrap();
+    }
+    desk.put("in/cart.gltf", &cart(r#", "images": [{"uri": "tex/a%20b.png"}, {"uri": "../secret.png"}]"#));
+    let image = b"\x89PNG\r\n\x1a\n one";
+    fs::write(desk.path("in/tex/a b.png"), image).unwrap();
+    fs::write(desk.path("secret.png"), b"\x89PNG\r\n\x1a\n two").unwrap();
+    let uris = |name: &str| {
+        let json: serde_json::Value = serde_json::from_slice(&fs::read(desk.path(name)).unwrap()).unwrap();
+        [0, 1].map(|i| json["images"][i]["uri"].as_str().unwrap().to_owned())
+    };
+    for command in ["convert in/cart.gltf out/cart.gltf", "clean in/cart.gltf -o out/cart.gltf"] {
+        let ran = desk.run(command).with_status(0);
+        assert!(ran.stderr.contains("secret.png lies outside"), "{}", ran.stderr);
+        assert_eq!(uris("out/cart.gltf"), ["a%20b.png", "../in/../secret.png"]);
+        assert_eq!(fs::read(desk.path("out/a b.png")).unwrap(), image);
+        assert_eq!(desk.names("out"), ["a b.png", "cart.gltf"]);
+    }
+    // Another file of the name stays as it is.
+    desk.put("taken/a b.png", "mine");
+    desk.run("convert in/cart.gltf taken/cart.gltf").with_status(0);
+    assert_eq!(uris("taken/cart.gltf")[0], "a%20b_1.png");
+    assert_eq!(desk.names("taken"), ["a b.png", "a b_1.png", "cart.gltf"]);
+    assert_eq!(fs::read(desk.path("taken/a b.png")).unwrap(), b"mine");
+    // Images that are there already, or linked, are not copied.
+    desk.run("convert in/cart.gltf in/wagon.gltf").with_status(0);
+    assert_eq!(uris("in/wagon.gltf"), ["tex/a%20b.png", "../secret.png"]);
+    desk.run("convert in/cart.gltf linked/cart.gltf --textures link").with_status(0);
+    assert_eq!(uris("linked/cart.gltf")[0], "../in/tex/a%20b.png");
+    assert_eq!(desk.names("linked"), ["cart.gltf"]);
+    assert_eq!(desk.names("."), ["in", "linked", "out", "secret.png", "taken"]);
+}
+
 /// Fault C4: on the way from GLB to OBJ names of nodes and meshes went without a word.
 #[test]
 fn names_that_go_are_warned_of() {
     let desk = CliSandbox::new();
-    let scene = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1]}],
-        "nodes": [{"name": "left wheel", "mesh": 0}, {"name": "right wheel", "mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
-        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}],
-        "bufferViews": [{"buffer": 0, "byteLength": 36}],
-        "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]}"#;
-    desk.put("cart.gltf", scene);
+    desk.put("cart.gltf", &cart(""));
     let ran = desk.run("convert cart.gltf cart.obj").with_status(0);
     assert!(ran.stderr.contains("names of nodes and meshes"), "{}", ran.stderr);
     let ran = desk.run("convert cart.gltf cart.glb").with_status(0);

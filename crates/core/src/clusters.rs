@@ -333,7 +333,7 @@ impl ClusterLod {
     }
     /// The largest error of any group: a cut at this error is the coarsest.
     pub fn coarsest_error(&self) -> f64 {
-        self.groups.iter().fold(0.0, |most, g| most.max(g.error))
+        self.groups.iter().fold(0.0, |largest, g| largest.max(g.error))
     }
 
     /// Returns the counts of each level, the original first.

@@ -457,8 +457,8 @@ mod tests {
     #[test]
     fn strange_places_come_from_nowhere_and_no_face_is_an_error() {
         let mesh = sheets(0.5, false);
-        let strange = triangle([[f64::NAN, 0.0, 0.0], [1e200, 0.0, 0.0], [0.25, 0.5, 0.1]]);
-        let found = correspondence(&mesh, &strange).unwrap();
+        let invalid = triangle([[f64::NAN, 0.0, 0.0], [1e200, 0.0, 0.0], [0.25, 0.5, 0.1]]);
+        let found = correspondence(&mesh, &invalid).unwrap();
         assert_eq!(found.sources()[..2], [Source::Nowhere; 2]);
         let heights: Vec<f32> = mesh.positions().view().iter().map(|p| p[0] as f32 + 1.0).collect();
         let carried = found.transfer(&heights, 1).unwrap();

@@ -6,6 +6,7 @@
 pub mod arbitrary;
 pub mod clusters;
 pub mod correspondence;
+pub mod disjoint_sets;
 pub mod geometry;
 pub mod ids;
 pub mod image;
@@ -23,6 +24,7 @@ pub mod topology;
 
 pub use clusters::{Cluster, ClusterLod};
 pub use correspondence::{Correspondence, Source, correspondence};
+pub use disjoint_sets::DisjointSets;
 pub use ids::{ClusterId, FaceId, GroupId, HalfEdgeId, RegionId, VertexId, WedgeId};
 pub use image::Image;
 pub use mesh::{

@@ -123,17 +123,7 @@ impl PositionsView<'_> {
     }
     /// Returns the bounding box of the finite positions; `None` if there are none.
     pub fn bounds(&self) -> Option<Bounds> {
-        let mut bounds: Option<Bounds> = None;
-        for p in self.iter().filter(|p| p.iter().all(|x| x.is_finite())) {
-            match &mut bounds {
-                None => bounds = Some(Bounds { min: p, max: p }),
-                Some(b) => {
-                    b.min = [0, 1, 2].map(|k| b.min[k].min(p[k]));
-                    b.max = [0, 1, 2].map(|k| b.max[k].max(p[k]));
-                }
-            }
-        }
-        bounds
+        Bounds::of(self.iter())
     }
 }
 
@@ -147,13 +137,28 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Length of the diagonal, in the units of the positions.
+    /// The box of no points.
+    pub const EMPTY: Self = Self { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3] };
+
+    /// Returns the bounding box of the finite points; `None` if there are none.
+    pub fn of(points: impl IntoIterator<Item = [f64; 3]>) -> Option<Self> {
+        let finite = points.into_iter().filter(|p| p.iter().all(|x| x.is_finite()));
+        finite.fold(None, |all: Option<Self>, p| Some(all.unwrap_or(Self::EMPTY).with(p)))
+    }
+    /// Returns the smallest box around this one and a point.
+    #[must_use]
+    pub fn with(self, p: [f64; 3]) -> Self {
+        Self { min: [0, 1, 2].map(|k| self.min[k].min(p[k])), max: [0, 1, 2].map(|k| self.max[k].max(p[k])) }
+    }
+    /// Length of the diagonal, in the units of the positions; [`f64::MAX`] if it is longer than that.
     pub fn diagonal(&self) -> f64 {
         let d = [0, 1, 2].map(|k| self.max[k] - self.min[k]);
         // Scaled first: the square of 1e200 overflows a double.
         let largest = d.iter().fold(0f64, |a, &b| a.max(b));
         if largest > 0.0 {
-            largest * d.iter().map(|x| (x / largest) * (x / largest)).sum::<f64>().sqrt()
+            let diagonal = largest * d.iter().map(|x| (x / largest) * (x / largest)).sum::<f64>().sqrt();
+            // An extent beyond the range gives NaN.
+            if diagonal.is_finite() { diagonal } else { f64::MAX }
         } else {
             0.0
         }
@@ -517,5 +522,9 @@ mod tests {
     fn a_diagonal_does_not_overflow() {
         let bounds = Bounds { min: [0.0; 3], max: [3e200, 4e200, 0.0] };
         assert!((bounds.diagonal() / 5e200 - 1.0).abs() < 1e-15);
+        for far in [1.2e308, 1.7e308] {
+            let bounds = Bounds { min: [-far; 3], max: [far; 3] };
+            assert_eq!(bounds.diagonal(), f64::MAX);
+        }
     }
 }

@@ -8,6 +8,7 @@
 mod accessors;
 mod buffers;
 mod container;
+mod copied_images;
 mod copies;
 mod encode;
 mod external_files;
@@ -31,6 +32,7 @@ mod slot;
 mod unpack;
 mod write;
 
+pub(crate) use copied_images::CopiedImages;
 pub use copies::CopyPlace;
 pub use lod::SceneLevels;
 pub use motion::{MovingNode, SceneCamera, SceneMotion};

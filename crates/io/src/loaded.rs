@@ -13,6 +13,10 @@ use crate::material::Regions;
 pub struct Contents {
     /// Mesh objects: 1, or the mesh instances of a scene.
     pub meshes: usize,
+    /// Meshes that are placed in a scene, however often; 0 for formats without scenes.
+    pub distinct_meshes: usize,
+    /// Instances of these meshes, including those of `EXT_mesh_gpu_instancing`; 0 for formats without scenes.
+    pub instances: usize,
     /// Faces as in the file; polygons count once.
     pub polygons: usize,
     /// Materials; for an OBJ those that it or its libraries name.

@@ -16,4 +16,4 @@ pub(crate) use mtl_conversion::{ConvertedMaterial, ConvertedMaterials, Purpose, 
 pub(crate) use regions::{FacePosition, Heading, Headings, counts, drops_materials, join_titles};
 pub use regions::{Region, Regions};
 pub use textures::Textures;
-pub(crate) use textures::{names_of, write_sidecar_files};
+pub(crate) use textures::{SidecarFiles, bytes_of_path, copy_into, names_of, write_sidecar_files};

@@ -6,6 +6,7 @@
 
 mod body;
 mod header;
+mod source;
 mod write;
 
 use std::io::{self, Write};
@@ -218,14 +219,30 @@ mod tests {
         // 1---3   5
         // | \ | \ |
         // 0---2---4
-        let got = text(
-            "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\n\
-             element tristrips 1\nproperty list int int vertex_indices\nend_header\n\
-             0 0 0\n0 1 0\n1 0 0\n1 1 0\n2 0 0\n2 1 0\n9 0 2 1 3 -1 2 4 3 5\n",
-        )
+        for (kind, restart) in
+            [("int", "-1"), ("uint", "-1"), ("uint", "4294967295"), ("ushort", "65535"), ("uchar", "255")]
+        {
+            let got = text(&format!(
+                "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\n\
+                 property float z\nelement tristrips 1\nproperty list int {kind} vertex_indices\nend_header\n\
+                 0 0 0\n0 1 0\n1 0 0\n1 1 0\n2 0 0\n2 1 0\n9 0 2 1 3 {restart} 2 4 3 5\n",
+            ))
+            .unwrap();
+            let faces: Vec<[u32; 3]> = got.mesh.triangles().iter().map(|t| t.map(|w| w.0)).collect();
+            assert_eq!(faces, [[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]], "{kind} {restart}");
+        }
+    }
+
+    #[test]
+    fn the_largest_number_of_a_type_is_a_vertex_if_there_are_so_many() {
+        let vertices = "0 0 0\n1 0 0\n0 1 0\n".repeat(100);
+        let got = text(&format!(
+            "ply\nformat ascii 1.0\nelement vertex 300\nproperty float x\nproperty float y\n\
+             property float z\nelement tristrips 1\nproperty list int uchar vertex_indices\nend_header\n\
+             {vertices}3 0 1 255\n",
+        ))
         .unwrap();
-        let faces: Vec<[u32; 3]> = got.mesh.triangles().iter().map(|t| t.map(|w| w.0)).collect();
-        assert_eq!(faces, [[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]]);
+        assert_eq!(got.mesh.face_count(), 1);
     }
 
     #[test]

@@ -11,7 +11,7 @@ use crate::error::{Warning, WriteError};
 use crate::files::BUFFER;
 pub use crate::files::write_file;
 use crate::format::Format;
-use crate::gltf::{Scene, SceneLevels};
+use crate::gltf::{CopiedImages, Scene, SceneLevels};
 use crate::material::{self, Textures};
 pub use crate::options::WriteOptions;
 use crate::sniff::hint_of;
@@ -63,6 +63,9 @@ fn format_of(path: &Path, options: &WriteOptions) -> Result<Format, WriteError> 
 /// Writes a whole scene to a file, with some meshes replaced; see [`Scene::write`]. Otherwise like
 /// [`write_path`].
 ///
+/// With [`Textures::Copy`], separate images of a `.gltf` are copied beside it, as far as they may be read;
+/// `relink` is for the other files.
+///
 /// # Errors
 /// [`WriteError`], which names the path; no partial output is left.
 pub fn write_scene_path(
@@ -73,15 +76,14 @@ pub fn write_scene_path(
     relink: &dyn Fn(&str) -> Option<String>,
 ) -> Result<Vec<Warning>, WriteError> {
     let format = format_of(path, options)?;
-    write_path_with(path, options.force, |out| {
-        let warnings = scene.write(replaced, format, relink, out)?;
-        out.flush()?;
-        Ok(warnings)
-    })
+    let write = |relink: &dyn Fn(&str) -> Option<String>, out: &mut dyn Write| {
+        scene.write(replaced, format, relink, out)
+    };
+    write_with_images(scene, path, format, options, relink, write)
 }
 
 /// Writes a whole scene with levels of detail to a file; see [`Scene::write_levels`]. Otherwise like
-/// [`write_path`].
+/// [`write_scene_path`].
 ///
 /// # Errors
 /// [`WriteError`], which names the path; no partial output is left.
@@ -93,11 +95,37 @@ pub fn write_levels_path(
     relink: &dyn Fn(&str) -> Option<String>,
 ) -> Result<Vec<Warning>, WriteError> {
     let format = format_of(path, options)?;
-    write_path_with(path, options.force, |out| {
-        let warnings = scene.write_levels(levels, format, relink, out)?;
+    let write = |relink: &dyn Fn(&str) -> Option<String>, out: &mut dyn Write| {
+        scene.write_levels(levels, format, relink, out)
+    };
+    write_with_images(scene, path, format, options, relink, write)
+}
+
+/// Writes a scene to a file, with its separate images copied beside it if the options ask for that.
+fn write_with_images(
+    scene: &Scene,
+    path: &Path,
+    format: Format,
+    options: &WriteOptions,
+    relink: &dyn Fn(&str) -> Option<String>,
+    write: impl FnOnce(&dyn Fn(&str) -> Option<String>, &mut dyn Write) -> io::Result<Vec<Warning>>,
+) -> Result<Vec<Warning>, WriteError> {
+    let copied = match (format, options.textures) {
+        (Format::Gltf, Textures::Copy) => CopiedImages::new(scene, path)?,
+        _ => CopiedImages::default(),
+    };
+    let written = write_path_with(path, options.force, |out| {
+        let warnings = write(&|uri| copied.uri(uri).or_else(|| relink(uri)), out)?;
         out.flush()?;
         Ok(warnings)
-    })
+    });
+    match written {
+        Ok(warnings) => Ok([copied.into_warnings(), warnings].concat()),
+        Err(error) => {
+            copied.remove();
+            Err(error)
+        }
+    }
 }
 
 fn write_path_with(

@@ -109,6 +109,38 @@ fn a_file_without_nodes_can_be_copied_and_levels_come_along() {
 }
 
 #[test]
+fn levels_of_a_copy_are_nodes_of_its_own() {
+    let source = scene(small()).with_copies(&places(1)).unwrap();
+    let lighter = source.meshes()[0].mesh.as_ref().clone();
+    let mut bytes = Vec::new();
+    let levels = SceneLevels::new(vec![Vec::new(), vec![Some(lighter)]]);
+    source.write_levels(&levels, Format::Glb, &|_| None, &mut bytes).unwrap();
+    let copied = Scene::read(&bytes, &ReadOptions::default()).unwrap().with_copies(&places(3)).unwrap();
+    let (json, _) = split(&written(&copied));
+    let ids = |n: &Value| n["extensions"]["MSFT_lod"]["ids"].as_array().cloned().unwrap_or_default();
+    let mut levels: Vec<u64> =
+        json["nodes"].as_array().unwrap().iter().flat_map(ids).map(|id| id.as_u64().unwrap()).collect();
+    levels.sort_unstable();
+    levels.dedup();
+    assert_eq!(levels.len(), 3, "{json:#}");
+    for level in levels {
+        assert_eq!(json["nodes"][level as usize]["mesh"], 1, "{json:#}");
+    }
+}
+
+#[test]
+fn levels_that_refer_to_each_other_or_to_nothing_are_copied_once() {
+    let (mut json, bin) = small();
+    let lod = |ids: Value| json!({"mesh": 0, "extensions": {"MSFT_lod": {"ids": ids}}});
+    json["nodes"] = json!([lod(json!([1, 99, 0])), lod(json!([0, 1]))]);
+    json["scenes"] = json!([{"nodes": [0]}]);
+    let copied = scene((json, bin)).with_copies(&places(2)).unwrap();
+    let (json, _) = split(&written(&copied));
+    let copy = &json["nodes"][3];
+    assert_eq!(copy["extensions"]["MSFT_lod"]["ids"], json!([4, 99, 3]), "{json:#}");
+}
+
+#[test]
 fn no_copies_are_an_empty_scene() {
     let copied = scene(everything()).with_copies(&[]).unwrap();
     assert_eq!(copied.contents().meshes, 0);
@@ -169,6 +201,19 @@ fn what_stands_in_a_scene_moves_by_nodes_over_it() {
         }
         assert_eq!(place(2.0, "camera").w_axis.z, 9.0);
         assert!((place(2.0, "camera").z_axis.x - 1.0).abs() < 1e-6, "turned by a right angle");
+    }
+}
+
+#[test]
+fn what_stands_in_a_file_without_scenes_stays_in_view_beside_what_moves() {
+    for scenes in [json!([]), Value::Null] {
+        let (mut json, bin) = small();
+        json["nodes"] = json!([{"mesh": 0, "name": "still"}]);
+        json["scenes"] = scenes;
+        let moving = scene((json, bin)).with_motion(&motion()).unwrap();
+        assert_eq!(moving.contents().polygons, 1);
+        let (json, _) = split(&written(&moving));
+        assert_eq!(json["scenes"][0]["nodes"].as_array().unwrap().len(), 3, "{json:#}");
     }
 }
 

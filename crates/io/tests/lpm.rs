@@ -10,7 +10,7 @@ use lodsmith_core::{
     shapes,
 };
 use lodsmith_io::lpm::{self, LpmOptions, LpmReader};
-use lodsmith_io::{Format, Limits, ReadOptions, read_bytes};
+use lodsmith_io::{Format, Limits, ReadError, ReadOptions, read_bytes};
 use record::{Random, record};
 
 fn written(splits: &Splits, bits: Option<u8>) -> Vec<u8> {
@@ -264,6 +264,52 @@ fn what_has_no_place_on_a_grid_is_refused() {
     }
     let back = read(&written(&splits, None));
     assert!(matches!(&back.splits.positions, Positions::F32(p) if p[1][0].is_nan()));
+}
+
+#[test]
+fn attributes_that_could_not_be_read_back_are_not_written() {
+    let with = |semantic: Semantic, width: usize| {
+        let mut mesh = shapes::cube(1);
+        let values = vec![0.5; width * mesh.wedge_count()];
+        mesh.add_attribute(Attribute { semantic, width, values }).unwrap();
+        let splits = record(&mesh, 4, 1);
+        let mut bytes = Vec::new();
+        lpm::write(&splits, None, &LpmOptions::default(), &mut bytes).map(|_| bytes)
+    };
+    let named = |length: usize| Semantic::Custom("n".repeat(length));
+    for (semantic, width) in [(named(9), 4096), (named(65_535), 1)] {
+        assert!(read(&with(semantic, width).unwrap()).is_complete);
+    }
+    for (semantic, width, word) in [(named(9), 4097, "4,096"), (named(65_536), 1, "65,535")] {
+        let error = with(semantic, width).unwrap_err().to_string();
+        assert!(error.contains(word) && error.len() < 300, "{error}");
+    }
+}
+
+#[test]
+fn a_limit_of_memory_is_named_and_what_was_read_before_stays() {
+    let bytes = written(&record(&shapes::icosphere(3), 20, 1), None);
+    let mut limits = Limits::default();
+    limits.memory = 60_000;
+    let mut options = ReadOptions::default();
+    options.limits = limits;
+    let error = lpm::read(&bytes[..], &options).unwrap_err();
+    assert!(matches!(error, ReadError::Memory(_)), "{error}");
+    options.limits = Limits::default();
+    options.limits.bytes = bytes.len() as u64 + 1;
+    let error = lpm::read(&bytes[..], &options).unwrap_err();
+    assert!(matches!(error, ReadError::Limit { what: "the unpacked progressive mesh", .. }), "{error}");
+
+    let mut reader = LpmReader::new(&bytes[..], limits).unwrap();
+    let error = loop {
+        match reader.next_chunk() {
+            Ok(is_open) => assert!(is_open, "the limit is not met"),
+            Err(error) => break error,
+        }
+    };
+    assert!(matches!(error, ReadError::Memory(_)), "{error}");
+    assert!(!reader.next_chunk().unwrap() && !reader.is_complete());
+    assert!(reader.mesh().unwrap().face_count() >= 20);
 }
 
 /// Returns the offsets of chunks.

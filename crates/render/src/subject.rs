@@ -261,19 +261,5 @@ fn transferred_values(rest: &PreparedMesh, deformed: &TriMesh) -> Vec<f32> {
 /// Returns the bounding box of the vertices that faces use: a stray vertex must not move the camera away.
 fn used_bounds(mesh: &TriMesh) -> Option<Bounds> {
     let positions = mesh.positions().view();
-    let mut bounds: Option<Bounds> = None;
-    for &w in mesh.triangles().iter().flatten() {
-        let p = positions.get(mesh.vertex_of(w));
-        if !p.iter().all(|x| x.is_finite()) {
-            continue;
-        }
-        match &mut bounds {
-            None => bounds = Some(Bounds { min: p, max: p }),
-            Some(b) => {
-                b.min = [0, 1, 2].map(|k| b.min[k].min(p[k]));
-                b.max = [0, 1, 2].map(|k| b.max[k].max(p[k]));
-            }
-        }
-    }
-    bounds
+    Bounds::of(mesh.triangles().iter().flatten().map(|&w| positions.get(mesh.vertex_of(w))))
 }

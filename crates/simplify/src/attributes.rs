@@ -96,6 +96,47 @@ enum ColumnSource {
     Further(Semantic),
 }
 
+/// Returns the columns of a mesh's attributes, and the width of a row.
+fn columns(mesh: &TriMesh, skin_sets: &[u8], middles: &[[f32; 3]]) -> (Vec<Column>, usize) {
+    let mut layout = Vec::new();
+    let mut width = 0;
+    let mut add = |of: ColumnSource, n: usize| {
+        let mut column = Column {
+            source: of,
+            offset: width,
+            width: n,
+            constant: None,
+            largest: 0.0,
+            divisor: 1.0,
+            ranges: Vec::new(),
+            moves_whole: false,
+        };
+        let all = column.all(mesh, middles);
+        column.constant = column.constant_of(all, mesh.wedge_count());
+        column.bound(all);
+        width += if column.constant.is_some() { 0 } else { n };
+        layout.push(column);
+    };
+    if mesh.normals().is_some() {
+        add(ColumnSource::Normals, 3);
+    }
+    if mesh.uvs().is_some() {
+        add(ColumnSource::Uvs, 2);
+    }
+    if mesh.colors().is_some() {
+        add(ColumnSource::Colors, 4);
+    }
+    for a in mesh.further_attributes() {
+        if !matches!(a.semantic, Semantic::Joints(_) | Semantic::Weights(_) | Semantic::Discrete { .. }) {
+            add(ColumnSource::Further(a.semantic.clone()), a.width);
+        }
+    }
+    if !skin_sets.is_empty() {
+        add(ColumnSource::Middle, 3);
+    }
+    (layout, width)
+}
+
 impl Rows {
     /// Returns the rows of a mesh whose wedges belong to the vertices `place`, and the engine's form of them;
     /// `None` without attributes and regions.
@@ -103,44 +144,9 @@ impl Rows {
         if !mesh.has_attributes() && mesh.regions().is_none() {
             return None;
         }
-        let mut layout = Vec::new();
-        let mut width = 0;
         let skin_sets = skin_sets(mesh);
         let middles = middles(mesh, &skin_sets);
-        let mut add = |of: ColumnSource, n: usize| {
-            let mut column = Column {
-                source: of,
-                offset: width,
-                width: n,
-                constant: None,
-                largest: 0.0,
-                divisor: 1.0,
-                ranges: Vec::new(),
-                moves_whole: false,
-            };
-            let all = column.all(mesh, &middles);
-            column.constant = column.constant_of(all, mesh.wedge_count());
-            column.bound(all);
-            width += if column.constant.is_some() { 0 } else { n };
-            layout.push(column);
-        };
-        if mesh.normals().is_some() {
-            add(ColumnSource::Normals, 3);
-        }
-        if mesh.uvs().is_some() {
-            add(ColumnSource::Uvs, 2);
-        }
-        if mesh.colors().is_some() {
-            add(ColumnSource::Colors, 4);
-        }
-        for a in mesh.further_attributes() {
-            if !matches!(a.semantic, Semantic::Joints(_) | Semantic::Weights(_) | Semantic::Discrete { .. }) {
-                add(ColumnSource::Further(a.semantic.clone()), a.width);
-            }
-        }
-        if !skin_sets.is_empty() {
-            add(ColumnSource::Middle, 3);
-        }
+        let (mut layout, width) = columns(mesh, &skin_sets, &middles);
         let pulls_of = |w: WedgeId| pulls(mesh, &skin_sets, w);
         let (labels, label_of) = Labels::new(mesh);
 
@@ -317,10 +323,10 @@ impl Rows {
             _ => Vec::new(),
         };
         for (i, &set) in self.skin_sets.iter().enumerate().filter(|_| attributes.is_some()) {
-            let most = 4 * self.skin_sets.len();
+            let max_joints = 4 * self.skin_sets.len();
             let (mut joints, mut weights) = (Vec::new(), Vec::new());
             for pulls in &pulls {
-                let kept = &pulls[..pulls.len().min(most)];
+                let kept = &pulls[..pulls.len().min(max_joints)];
                 let sum: f32 = kept.iter().map(|p| p.1).sum();
                 for k in 4 * i..4 * i + 4 {
                     let (joint, weight) = kept.get(k).copied().unwrap_or((0, 0.0));

@@ -17,6 +17,7 @@ use crate::SimplifyError;
 use crate::attributes::with_input_attributes;
 use crate::control::{Control, Stage, Verdict};
 use crate::options::Length;
+use crate::options::names::name_values;
 use crate::prune::{self, Pruned};
 use state::CleanState;
 
@@ -34,6 +35,10 @@ pub enum NonManifold {
     /// Keep vertices separate as in the mesh, and sew coincident borders together, two faces to an edge. This
     /// closes cracks without joining surfaces that only touch.
     Merge,
+}
+
+name_values! {
+    NonManifold { Keep = "keep", Cut = "cut", Merge = "merge" }
 }
 
 /// Options of [`clean`].
@@ -143,11 +148,11 @@ pub fn clean(
     control.stage(Stage::Prepare);
     let mut report =
         CleanReport { input_faces: mesh.face_count(), input_vertices: mesh.vertex_count(), ..<_>::default() };
-    let mut ask = |done: f64| match control.progress(done) {
+    let mut report_progress = |done: f64| match control.progress(done) {
         Verdict::Cancel => Err(SimplifyError::Cancelled),
         Verdict::Continue | Verdict::Finish => Ok(()),
     };
-    ask(0.0)?;
+    report_progress(0.0)?;
     let diagonal = prune::diagonal(&mesh.surface());
     let near = options.weld.map(|d| d.in_units(diagonal));
     let view = mesh.positions().view();
@@ -170,9 +175,9 @@ pub fn clean(
         faces: source.triangles().to_vec(),
         regions: source.regions().map(<[_]>::to_vec),
     };
-    ask(0.2)?;
+    report_progress(0.2)?;
     drop_broken(&mut work, &mut report);
-    ask(0.35)?;
+    report_progress(0.35)?;
     if let Some(size) = options.prune {
         let small = prune::small_parts(&work.surface()?, size.in_units(diagonal), None, None);
         report.pruned = small.pruned;
@@ -181,19 +186,19 @@ pub fn clean(
     if work.faces.is_empty() {
         return Err(SimplifyError::NoFaces { faces: mesh.face_count() });
     }
-    ask(0.4)?;
+    report_progress(0.4)?;
     let turned = orient::faces_to_flip(&work.surface()?);
     for (t, _) in work.faces.iter_mut().zip(&turned).filter(|x| *x.1) {
         t.swap(1, 2);
         report.flipped_faces += 1;
     }
-    ask(0.6)?;
+    report_progress(0.6)?;
     let mended = slivers::repair(&mut work);
     (report.zero_area_faces, report.steps) = (mended.faces, mended.steps);
     if work.faces.is_empty() {
         return Err(SimplifyError::NoFaces { faces: mesh.face_count() });
     }
-    ask(0.7)?;
+    report_progress(0.7)?;
     let CleanState { faces, regions, place, .. } = work;
     let mended = rebuilt(&source, faces, regions)?;
     let whole = match options.non_manifold {
@@ -211,7 +216,7 @@ pub fn clean(
             welded.mesh
         }
     };
-    ask(0.85)?;
+    report_progress(0.85)?;
     let compacted = compact(&whole);
     report.unused_vertices = compacted.dropped_vertex_count;
     let mesh = compacted.mesh;
@@ -233,16 +238,16 @@ fn check(options: &CleanOptions) -> Result<(), SimplifyError> {
 /// Drops non-finite, degenerate and duplicate faces.
 fn drop_broken(work: &mut CleanState<'_>, report: &mut CleanReport) {
     let positions = work.mesh.positions().view();
-    let mut goes = vec![false; work.faces.len()];
-    for (goes, &t) in goes.iter_mut().zip(&work.faces) {
+    let mut is_dropped = vec![false; work.faces.len()];
+    for (is_dropped, &t) in is_dropped.iter_mut().zip(&work.faces) {
         let [a, b, c] = work.places(t);
         let is_finite = [a, b, c].iter().all(|&v| positions.get(v).iter().all(|x| x.is_finite()));
         report.non_finite_faces += usize::from(!is_finite);
         let repeats = a == b || b == c || c == a;
         report.degenerate_faces += usize::from(is_finite && repeats);
-        *goes = repeats || !is_finite;
+        *is_dropped = repeats || !is_finite;
     }
-    work.drop_faces(|f| goes[f]);
+    work.drop_faces(|f| is_dropped[f]);
     let places: Vec<_> = work.faces.iter().map(|&t| work.places(t)).collect();
     let twice = duplicates(&places, positions.len()).same_winding;
     report.duplicate_faces = twice.len();

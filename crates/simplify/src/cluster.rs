@@ -38,7 +38,7 @@ use crate::options::{BorderPolicy, SimplifyOptions};
 use crate::prune::Pruned;
 use crate::report::{Clustered, ErrorReport, Report, StoppedBy};
 use crate::run;
-use crate::run::ladder::{LevelTest, search_around};
+use crate::run::level_search::{LevelTest, search_around};
 use crate::{Simplified, SimplifyError, rebuild};
 use grid::MAX_RESOLUTION;
 use locked::LockedPositions;
@@ -58,7 +58,7 @@ pub(crate) fn run(
 }
 
 /// Ratio between successive resolutions in the search for an error. (Guessed: three percent more along an
-/// axis is six percent more vertices, about a step of the ladder of other methods.)
+/// axis is six percent more vertices, about one level of the search of other methods.)
 const RESOLUTION_STEP: f64 = 1.03;
 /// Largest distance, in cell diagonals, assumed for the first guess of a search. (Measured: 0.4 to 0.7.)
 const FIRST_DISTANCE: f64 = 0.55;
@@ -126,7 +126,7 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
 
     /// Asks the caller whether to continue. A run that is asked to finish still makes one pass, as it has no
     /// result before.
-    fn ask(&mut self, done: f64, control: &mut dyn Control) -> Result<bool, SimplifyError> {
+    fn report_progress(&mut self, done: f64, control: &mut dyn Control) -> Result<bool, SimplifyError> {
         match control.progress(done) {
             Verdict::Continue => {}
             Verdict::Finish => self.is_over = true,
@@ -328,13 +328,13 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
         // Levels are powers of `RESOLUTION_STEP`; the finest has the lowest number.
         let power = |resolution: f64| -resolution.ln() / RESOLUTION_STEP.ln();
         let levels = -(MAX_RESOLUTION.ln() / RESOLUTION_STEP.ln()) as i64..=power(coarsest).floor() as i64;
-        let wish = longest * 3f64.sqrt() * FIRST_DISTANCE / limit.max(f64::MIN_POSITIVE);
-        let begin = power(wish.clamp(1.0, MAX_RESOLUTION)).floor() as i64;
+        let resolution = longest * 3f64.sqrt() * FIRST_DISTANCE / limit.max(f64::MIN_POSITIVE);
+        let begin = power(resolution.clamp(1.0, MAX_RESOLUTION)).floor() as i64;
         let mut best: Option<(i64, ClusteredMesh, f64)> = None;
         let mut asked = 0;
         search_around(levels, begin, &mut |level| {
             asked += 1;
-            if !self.ask(1.0 - 1.0 / f64::from(asked), control)? {
+            if !self.report_progress(1.0 - 1.0 / f64::from(asked), control)? {
                 return Ok(LevelTest::Over);
             }
             control.stage(Stage::Collapse);

@@ -124,7 +124,7 @@ pub fn cluster_lod(
 ) -> Result<BuiltClusterLod, SimplifyError> {
     options.check()?;
     control.stage(Stage::Prepare);
-    ask(control, 0.0)?;
+    report_progress(control, 0.0)?;
     let mut report = ClusterLodReport {
         input_faces: mesh.face_count(),
         input_vertices: mesh.vertex_count(),
@@ -182,7 +182,7 @@ pub fn cluster_lod(
                     }
                 }
             }
-            ended = ask(control, 1.0 - left as f64 / all as f64)? == Verdict::Finish;
+            ended = report_progress(control, 1.0 - left as f64 / all as f64)? == Verdict::Finish;
         }
         front = next;
         report.ended_early = ended && front.len() > 1;
@@ -194,7 +194,7 @@ pub fn cluster_lod(
     Ok(BuiltClusterLod { lod, report })
 }
 
-fn ask(control: &mut dyn Control, done: f64) -> Result<Verdict, SimplifyError> {
+fn report_progress(control: &mut dyn Control, done: f64) -> Result<Verdict, SimplifyError> {
     match control.progress(done) {
         Verdict::Cancel => Err(SimplifyError::Cancelled),
         verdict => Ok(verdict),

@@ -34,22 +34,22 @@ impl Constraints {
             places().for_each(|(i, place)| locked[place.index()] |= own[i]);
             locked
         });
-        let prices = options.importance.as_ref().filter(|x| x.iter().any(|x| *x != 1.0)).map(|own| {
-            let mut prices = vec![0f32; ordered.point_count];
+        let factors = options.importance.as_ref().filter(|x| x.iter().any(|x| *x != 1.0)).map(|own| {
+            let mut factors = vec![0f32; ordered.point_count];
             for (i, place) in places() {
                 let density = own[i].clamp(DENSITY_RANGE[0], DENSITY_RANGE[1]);
-                let price = &mut prices[place.index()];
-                *price = price.max(density * density * density.sqrt());
+                let factor = &mut factors[place.index()];
+                *factor = factor.max(density * density * density.sqrt());
             }
             // Normalises so that the least factor is 1: only their ratios matter.
-            let least = prices.iter().copied().fold(f32::INFINITY, f32::min);
-            prices.iter_mut().for_each(|x| *x /= least);
-            prices
+            let least = factors.iter().copied().fold(f32::INFINITY, f32::min);
+            factors.iter_mut().for_each(|x| *x /= least);
+            factors
         });
         let locked_faces = locked
             .as_ref()
             .map_or(0, |locked| ordered.faces.iter().filter(|t| t.iter().all(|v| locked[v.index()])).count());
-        Self { locked, locked_faces, cost_factors: prices }
+        Self { locked, locked_faces, cost_factors: factors }
     }
 
     pub(crate) fn locked(&self) -> Option<&[bool]> {

@@ -215,3 +215,75 @@ pub(crate) fn times(a: &[f32x4; 6], d: &Four) -> Four {
         a[4] * d[0] + a[5] * d[1] + a[2] * d[2],
     ]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tensor::Tensor;
+
+    /// Returns the form of planes, each given by a unit normal, the distance of the origin from it, and a weight.
+    fn planes(all: &[(Vec3, f32, f32)]) -> Form {
+        let mut form = Form::default();
+        for &(n, distance, weight) in all {
+            form.a.add(&Tensor::outer(n, weight));
+            form.h += n * (distance * weight);
+            form.c += weight * distance * distance;
+        }
+        form
+    }
+
+    fn assert_near(is: f32, wanted: f32) {
+        assert!((is - wanted).abs() <= 1e-4 * wanted.abs(), "{is} instead of {wanted}");
+    }
+
+    #[test]
+    fn a_form_costs_its_planes_the_guess_and_the_lengths() {
+        // The planes z = 0.5 of the weight 3 and x = 0 of the weight 1, for an edge of length 2 along y.
+        let form = planes(&[(Vec3::Z, 0.5, 3.0), (Vec3::X, 0.0, 1.0)]);
+        let (d, y) = (Vec3::Y * 2.0, Vec3::new(0.25, 1.0, 0.0));
+        let squares = 3.0 * 0.25 + 0.0625;
+        assert_near(of_accumulated_form(&form, d, y), squares);
+        assert_near(of_form(&form, d, y, 0.0), squares);
+        // Four times the weight over the trace 4, but at most four times .3.
+        assert_near(of_form(&form, d, y, 0.1), squares * (1.0 + 4.0 * 0.025));
+        assert_near(of_form(&form, d, y, 100.0), squares * (1.0 + 4.0 * 0.3));
+        // Where the planes are not left, the lengths alone: half of 1e-11 of the trace.
+        let flat = planes(&[(Vec3::Z, 0.0, 3.0)]);
+        assert_near(of_form(&flat, d, Vec3::Y, 0.1), 0.5e-11 * 3.0 * 2.0);
+        assert_near(of_form(&flat, d, Vec3::ZERO, 0.1), 0.5e-11 * 3.0 * 4.0);
+    }
+
+    #[test]
+    fn the_best_place_is_where_three_planes_meet() {
+        let corner = planes(&[(Vec3::X, 0.5, 2.0), (Vec3::Y, -0.25, 1.0), (Vec3::Z, 0.125, 3.0)]);
+        let found = best_place(&corner, Vec3::X).expect("a corner is a point");
+        // (Pulled towards the middle of the edge by a hundred-thousandth of the trace.)
+        assert!((found - Vec3::new(0.5, -0.25, 0.125)).length() < 1e-4, "{found}");
+        // On the line of two planes it is the point nearest the middle of the edge.
+        let line = planes(&[(Vec3::Y, 0.0, 1.0), (Vec3::Z, 0.0, 1.0)]);
+        assert!((best_place(&line, Vec3::X).expect("pulled to the middle") - Vec3::X * 0.5).length() < 1e-4);
+        // One plane alone does not tell, and what is farther from the middle than the edge is long is no place.
+        assert_eq!(best_place(&planes(&[(Vec3::Z, 0.0, 1.0)]), Vec3::X), None);
+        let beyond = |x: f32| {
+            let planes = planes(&[(Vec3::X, x, 1.0), (Vec3::Y, 0.0, 1.0), (Vec3::Z, 0.0, 1.0)]);
+            best_place(&planes, Vec3::X).is_some()
+        };
+        assert!(beyond(1.49) && !beyond(1.51) && beyond(-0.49) && !beyond(-0.51));
+    }
+
+    #[test]
+    fn the_parts_of_a_cost_have_their_weights() {
+        assert_near(peak_weight(2.0), 0.4);
+        assert_near(of_peak(0.4, 10.0, 3.0), 1.2);
+        assert_near(of_peak(0.4, 1.0, 3.0), 0.9);
+        assert_near(of_tip(0.5), 2.0);
+        assert_near(of_gap(2.0, 0.25), 0.5e-4);
+        assert_near(of_steps(2.0, Vec3::X, Vec3::Y * 2.0), 1e-11 * 5.0);
+        // Four times the growth of the loss, which never pays back, and .7 of the farthest.
+        assert_near(with_samples(1.0, [2.0, 2.5], 3.0, 0.5), 1.0 + 2.0 + 1.05);
+        assert_near(with_samples(1.0, [2.0, 1.5], 3.0, 0.0), 1.0);
+        // At its limit the loss makes the cost reach the most.
+        let limit = loss_limit(1.0, 2.0, 4.0);
+        assert_near(with_samples(1.0, [2.0, limit], 3.0, 0.0), 4.0);
+    }
+}

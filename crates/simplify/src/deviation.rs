@@ -115,16 +115,16 @@ impl InputComparer {
     ) -> Deviation {
         let measured = self.compare(result);
         let seen = &measured.hausdorff;
-        let (ways, seen_of_all) = match self.promised {
+        let (count, seen_of_all) = match self.promised {
             Bound::Estimate => return Deviation { bound: None, measured: Some(measured) },
             Bound::OneSided => (1, seen.backward),
             Bound::Auto | Bound::TwoSided => (2, seen.symmetric),
         };
         let bound =
             known.filter(|known| *known <= MAX_KNOWN_BOUND_RATIO * seen_of_all).unwrap_or_else(|| {
-                let there_and_back =
+                let directions =
                     [(result, &self.reference, seen.backward), (&self.reference, result, seen.forward)];
-                let all = there_and_back[..ways].iter();
+                let all = directions[..count].iter();
                 let bound = all
                     .map(|(from, to, seen)| bound_distance(from, to, *seen, BOUND_TOLERANCE).bound)
                     .fold(0.0, f64::max);

@@ -1,6 +1,7 @@
-//! Vectors in structure-of-arrays form for SIMD: x, y and z of four vectors in three registers.
+//! Vectors in structure-of-arrays form for SIMD: x, y and z of four vectors in three registers; and single
+//! vectors in one register.
 
-use glam::Vec3;
+use glam::{Vec3, Vec3A, Vec4};
 use wide::f32x4;
 
 use crate::tensor::Tensor;
@@ -73,6 +74,31 @@ pub(crate) fn tensors(t: [f32x4; 6]) -> [Tensor; 4] {
         let ([a, b, c, d], [e, f, ..]) = (first[i], last[i]);
         Tensor([a, b, c, d, e, f])
     })
+}
+
+/// Returns a vector in one register.
+#[inline(always)]
+pub(crate) fn in_register(v: Vec3) -> Vec3A {
+    Vec3A::from_vec4(v.extend(0.0))
+}
+
+/// Returns the dot products of one vector with four others.
+#[inline(always)]
+pub(crate) fn dots(a: Vec3A, others: [Vec3A; 4]) -> [f32; 4] {
+    let [x, y, z, _] = f32x4::transpose(others.map(|b| f32x4::new(Vec4::from((a * b, 0.0)).to_array())));
+    (x + y + z).to_array()
+}
+
+/// Returns the smaller of two, without the NaN handling that costs `f32::min` a few instructions.
+#[inline(always)]
+pub(crate) fn min(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// Returns the larger of two, likewise.
+#[inline(always)]
+pub(crate) fn max(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
 }
 
 #[cfg(test)]

@@ -1,20 +1,59 @@
 //! Metrics: cost and placement of a collapse, from one quadratic form or from the stars of both ends.
+//!
+//! # Adding a metric
+//!
+//! A metric is a file here and a row in the table of [`with_metric`]:
+//!
+//! - One that evaluates the neighbourhood of an edge is a [`NeighbourhoodMetric`]: a constant with its formula.
+//!   `edge_length.rs` is the smallest.
+//! - One that is a quadratic form is a type of its own that implements [`Metric`], as in `memoryless.rs`. The
+//!   engine is compiled once more for it.
+//!
+//! Its method is a value of [`Method`](crate::Method), whose options are checked by the lists in
+//! `options/shared.rs`.
 
 mod edge_length;
-mod judged;
 mod lindstrom_turk;
 mod melax;
 mod memoryless;
+mod neighbourhood;
 mod quadric;
 
 use glam::{DVec3, Vec3};
 use wide::f32x4;
 
-pub(crate) use judged::NeighbourhoodMetric;
+pub(crate) use edge_length::EDGE_LENGTH;
+pub(crate) use lindstrom_turk::LINDSTROM_TURK;
+pub(crate) use melax::MELAX;
 pub(crate) use memoryless::Memoryless;
+pub(crate) use neighbourhood::NeighbourhoodMetric;
 pub(crate) use quadric::Quadric;
 
 use crate::tensor::Tensor;
+
+/// `with_metric!(method, METRIC => code)`: some code with the metric of a method as the constant `METRIC`;
+/// `None` if the method has no metric. The code is compiled for each metric.
+macro_rules! with_metric {
+    ($method:expr, $name:ident => $code:expr) => {
+        $crate::metric::with_metric!(@rows $method, $name, $code;
+            Memoryless: Memoryless = Memoryless,
+            Quadric: Quadric = Quadric,
+            LindstromTurk: NeighbourhoodMetric = LINDSTROM_TURK,
+            Melax: NeighbourhoodMetric = MELAX,
+            ShortestEdge: NeighbourhoodMetric = EDGE_LENGTH,
+        )
+    };
+    (@rows $method:expr, $name:ident, $code:expr; $($of:ident: $type:ident = $metric:ident,)+) => {
+        match $method {
+            $($crate::options::Method::$of => {
+                const $name: $crate::metric::$type = $crate::metric::$metric;
+                Some($code)
+            })+
+            _ => None,
+        }
+    };
+}
+pub(crate) use with_metric;
 
 /// The quadratic form of an edge, relative to its kept end: y·A·y − 2 h·y + c at the kept position + y.
 #[derive(Clone, Copy, Debug, Default)]
@@ -31,16 +70,16 @@ pub(crate) enum CostSource {
     Engine,
     /// The form alone.
     Form,
-    /// The form selects the edges to evaluate; [`Metric::judge`] decides.
+    /// The form selects the edges to evaluate; [`Metric::evaluate`] decides.
     FormThenStars,
-    /// [`Metric::judge`], from the stars.
+    /// [`Metric::evaluate`], from the stars.
     Stars,
-    /// [`Metric::judge`], from the ends alone.
+    /// [`Metric::evaluate`], from the ends alone.
     Ends,
 }
 
 impl CostSource {
-    /// True if [`Metric::judge`] decides. Then its result is the cost, and nothing is added to it.
+    /// True if [`Metric::evaluate`] decides. Then its result is the cost, and nothing is added to it.
     pub(crate) const fn is_decided_by_metric(self) -> bool {
         matches!(self, Self::FormThenStars | Self::Stars | Self::Ends)
     }

@@ -2,6 +2,7 @@
 //! types.
 
 mod check;
+pub(crate) mod names;
 mod shared;
 
 use std::sync::Arc;
@@ -42,39 +43,9 @@ pub enum Method {
 }
 
 impl Method {
-    /// All methods, in the order of lists.
-    pub const ALL: [Self; 10] = [
-        Self::Memoryless,
-        Self::Quadric,
-        Self::LindstromTurk,
-        Self::Melax,
-        Self::ShortestEdge,
-        Self::Cluster,
-        Self::VertexRemoval,
-        Self::Planar,
-        Self::Unsubdivide,
-        Self::Remesh,
-    ];
-
     /// True if an error limit bounds each step of the method, instead of their number.
     pub(crate) const fn limits_error_by_step(self) -> bool {
         matches!(self, Self::Planar | Self::Unsubdivide)
-    }
-
-    /// Returns the name of the method, such as `lindstrom-turk`.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Memoryless => "memoryless",
-            Self::Quadric => "quadric",
-            Self::LindstromTurk => "lindstrom-turk",
-            Self::Melax => "melax",
-            Self::ShortestEdge => "shortest-edge",
-            Self::Cluster => "cluster",
-            Self::VertexRemoval => "vertex-removal",
-            Self::Planar => "planar",
-            Self::Unsubdivide => "unsubdivide",
-            Self::Remesh => "remesh",
-        }
     }
 }
 
@@ -429,6 +400,15 @@ impl SimplifyOptions {
     /// Returns the default options with this stop.
     pub fn new(stop: Stop) -> Self {
         Self { stop, ..Self::default() }
+    }
+    /// Converts all lengths to units; shares are of `diagonal`.
+    pub(crate) fn lengths_to_units(&mut self, diagonal: f64) {
+        let own = &mut self.method_options;
+        let of_run = [&mut self.stop.error, &mut self.guards.max_edge, &mut self.weld, &mut self.prune];
+        let of_method = [&mut own.pairs, &mut own.cell, &mut own.edge_length, &mut own.flat, &mut own.voxel];
+        for length in of_run.into_iter().chain(of_method).flatten() {
+            *length = Length::Units(length.in_units(diagonal));
+        }
     }
     /// Returns the guarantee in effect: never [`Bound::Auto`].
     pub fn effective_bound(&self) -> Bound {

@@ -1,7 +1,47 @@
-//! Access to the ordered input during and after a run.
+//! Access to the ordered input during and after a run: for samples in the late phase, for the removal of
+//! parts, and for the fit. By the number of faces, the input is kept in order, ordered again each time, or
+//! looked up face by face.
 
 use glam::Vec3;
-use lodsmith_core::VertexId;
+use lodsmith_core::{PositionsView, Surface, VertexId};
+use prefetch_index::prefetch_index;
+
+use crate::collapse::order::{Ordered, TIME_OVER_MEMORY_MAX_FACES, single_unit};
+
+/// Inputs with no more faces than this keep an ordered copy of themselves; larger ones are ordered again for
+/// the fit, which takes some percent more time and 18 bytes a face less.
+pub(crate) const INPUT_COPY_MAX_FACES: usize = 1_000_000;
+/// If at least the input divided by this remains, the fit needs more memory than the sweeps.
+const SHRINK_DIVISOR: usize = 3;
+/// Number of faces per block. (Guessed: 24 bytes each, so that they stay in the nearest cache.)
+const FACES_PER_BLOCK: usize = 256;
+
+/// The input of a run, and its order.
+pub(crate) struct OriginalInput<'a> {
+    pub(crate) surface: &'a Surface<'a>,
+    pub(crate) ordered: &'a Ordered,
+    /// True if the order still has its points and faces.
+    pub(crate) is_kept: bool,
+}
+
+impl<'a> OriginalInput<'a> {
+    /// Calls `look` with the positions in the unit frame and the faces.
+    pub(crate) fn visit<R>(&self, look: impl FnOnce(&[Vec3], &[[VertexId; 3]]) -> R) -> R {
+        if self.is_kept {
+            look(&self.ordered.points, &self.ordered.faces)
+        } else {
+            look(&self.ordered.remake_points(self.surface), &self.ordered.remake_faces(self.surface))
+        }
+    }
+
+    /// Returns access to positions one by one, if the input is too large for a copy beside a result of
+    /// `faces` faces: 14 bytes a face less, but in an unordered file a sixth more time.
+    pub(crate) fn looked_up(&self, faces: usize) -> Option<RemadeInput<'a>> {
+        let given = self.surface.triangles().len();
+        let is_large = given > TIME_OVER_MEMORY_MAX_FACES && SHRINK_DIVISOR * faces >= given;
+        (!self.is_kept && is_large).then(|| RemadeInput::new(self.ordered, self.surface))
+    }
+}
 
 /// The ordered input, for sampling.
 pub(crate) trait OrderedInput {
@@ -16,7 +56,7 @@ pub(crate) trait OrderedInput {
     /// Switches from faces in order to random access: from here on single positions and all faces are read.
     fn start_random_access(&mut self);
     fn position(&self, v: VertexId) -> Vec3;
-    fn each_face(&self, look: impl FnMut([VertexId; 3]));
+    fn each_face(&self, visit: impl FnMut([VertexId; 3]));
 }
 
 /// The ordered input, kept in memory.
@@ -50,7 +90,122 @@ impl OrderedInput for KeptInput<'_> {
         self.points[v.index()]
     }
     #[inline(always)]
+    fn each_face(&self, visit: impl FnMut([VertexId; 3])) {
+        self.faces.iter().copied().for_each(visit);
+    }
+}
+
+/// The ordered input, computed from the original surface on access, bit for bit the same.
+pub(crate) struct RemadeInput<'a> {
+    ordered: &'a Ordered,
+    surface: &'a Surface<'a>,
+    /// Index of each face in the surface, in order.
+    faces: Vec<u32>,
+    /// Current block of faces, looked up together so that cache misses overlap: index of the first one, and
+    /// their vertices in the surface and in the ordered input.
+    from: usize,
+    there: Vec<[VertexId; 3]>,
+    here: Vec<[VertexId; 3]>,
+    /// The first vertex of the surface at each position, after random access by vertex has started.
+    first: Vec<VertexId>,
+}
+
+impl<'a> RemadeInput<'a> {
+    fn new(ordered: &'a Ordered, surface: &'a Surface<'a>) -> Self {
+        let faces = ordered.of_faces(surface, |i| i as u32);
+        let (there, here, first) = (Vec::new(), Vec::new(), Vec::new());
+        Self { ordered, surface, faces, from: 0, there, here, first }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn look_up(&mut self, face: usize) {
+        self.from = face - face % FACES_PER_BLOCK;
+        let block = &self.faces[self.from..self.faces.len().min(self.from + FACES_PER_BLOCK)];
+        self.there.clear();
+        self.there.extend(block.iter().map(|&i| self.surface.triangles()[i as usize]));
+        self.here.clear();
+        self.here.extend(self.there.iter().map(|t| t.map(|v| self.ordered.rank[v.index()])));
+    }
+
+    fn place_there(&self, v: VertexId) -> Vec3 {
+        single_unit(&self.ordered.frame, self.surface.positions().get(v))
+    }
+}
+
+impl OrderedInput for RemadeInput<'_> {
+    fn point_count(&self) -> usize {
+        self.ordered.point_count
+    }
+    fn face_count(&self) -> usize {
+        self.faces.len()
+    }
+    #[inline]
+    fn face(&mut self, face: usize) -> [VertexId; 3] {
+        // (For a face before the block, wrapping makes the difference large.)
+        if face.wrapping_sub(self.from) >= self.here.len() {
+            self.look_up(face);
+        }
+        self.here[face - self.from]
+    }
+    #[inline]
+    fn positions(&mut self, face: usize, _: [VertexId; 3]) -> [Vec3; 3] {
+        if face.wrapping_sub(self.from) >= self.there.len() {
+            self.look_up(face);
+        }
+        self.there[face - self.from].map(|v| self.place_there(v))
+    }
+    #[inline]
+    fn prefetch(&self, face: usize) {
+        if let Some(t) = self.there.get(face.wrapping_sub(self.from)) {
+            for v in t {
+                match self.surface.positions() {
+                    PositionsView::F32(p) => prefetch_index(p, v.index()),
+                    PositionsView::F64(p) => prefetch_index(p, v.index()),
+                }
+            }
+        }
+    }
+    fn start_random_access(&mut self) {
+        (self.faces, self.there, self.here) = (Vec::new(), Vec::new(), Vec::new());
+        self.first = self.ordered.first_vertices();
+    }
+    fn position(&self, v: VertexId) -> Vec3 {
+        self.place_there(self.first[v.index()])
+    }
     fn each_face(&self, look: impl FnMut([VertexId; 3])) {
-        self.faces.iter().copied().for_each(look);
+        let faces = self.surface.triangles().iter();
+        faces.filter_map(|t| self.ordered.face(t)).for_each(look);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::collapse::order::order;
+
+    #[test]
+    fn what_is_looked_up_again_is_the_same() {
+        // A strip of more faces than a block has, as a soup, with a face that is left out.
+        let corner = |i: u32| [(i / 2) as f32 * 0.1, (i % 2) as f32, 0.0];
+        let p: Vec<[f32; 3]> = (0..300).rev().flat_map(|i| [i, i + 1, i + 2].map(corner)).collect();
+        let mut faces: Vec<[u32; 3]> = (0..300).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        faces.insert(7, [0, 1, 1]);
+        let s = Surface::new(PositionsView::F32(&p), bytemuck::cast_slice(&faces)).unwrap();
+        let o = order(&s);
+        let mut again = RemadeInput::new(&o, &s);
+        assert_eq!((again.point_count(), again.face_count()), (o.points.len(), 300));
+        for (i, t) in o.faces.iter().enumerate() {
+            again.prefetch(i + 8);
+            assert_eq!(again.face(i), *t);
+            assert_eq!(again.positions(i, *t), t.map(|v| o.points[v.index()]));
+        }
+        again.start_random_access();
+        assert!((0..).map(VertexId).zip(&o.points).all(|(v, p)| again.position(v) == *p));
+        let (mut all, mut wanted) = (Vec::new(), o.faces.clone());
+        again.each_face(|t| all.push(t));
+        all.sort();
+        wanted.sort();
+        assert_eq!(all, wanted);
     }
 }

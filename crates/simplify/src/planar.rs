@@ -53,40 +53,40 @@ const MIN_FLATNESS: f64 = 1e-13;
 /// tolerance. In the last region before the goal, as many inner vertices are kept as the goal allows. Cost:
 /// O(n log n).
 pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<RebuiltSurface, SimplifyError> {
-    let ground = task.input;
-    let faces = &ground.faces;
+    let prepared = task.input;
+    let faces = &prepared.faces;
     let count = |n: Option<usize>| n.map_or(0, |n| i64::try_from(n).unwrap_or(i64::MAX));
     let goal = Count { faces: count(task.goal.faces), vertices: count(task.goal.vertices) };
-    let all = Count { faces: faces.len() as i64, vertices: ground.points.len() as i64 };
+    let all = Count { faces: faces.len() as i64, vertices: prepared.points.len() as i64 };
     if all.meets(goal) {
-        let made = used(&ground.points, faces.clone());
+        let made = used(&prepared.points, faces.clone());
         return Ok(RebuiltSurface {
             stands_for: Some((0..faces.len()).collect()),
             end: Ending::Goal,
             ..made
         });
     }
-    let positions = PositionsView::F64(bytemuck::cast_slice(&ground.points));
+    let positions = PositionsView::F64(bytemuck::cast_slice(&prepared.points));
     let topology = Topology::unwelded(&Surface::with_triangles(positions, faces.clone())?);
     let tolerance = tolerance(task);
-    let flat = ground.frame.user_length(tolerance.flat);
-    let channels = Channels::new(task.mesh, ground, &task.options.weights, flat);
-    let is_locked = |v: VertexId| ground.locked.as_ref().is_some_and(|l| l[v.index()]);
+    let flat = prepared.frame.user_length(tolerance.flat);
+    let channels = Channels::new(task.mesh, prepared, &task.options.weights, flat);
+    let is_locked = |v: VertexId| prepared.locked.as_ref().is_some_and(|l| l[v.index()]);
     let field = RegionInput {
-        points: &ground.points,
+        points: &prepared.points,
         faces,
         topology: &topology,
         channels: &channels,
-        given: ground.regions.as_deref(),
+        given: prepared.regions.as_deref(),
         is_fixed: &|f| faces[f].iter().all(|&v| is_locked(v)),
         tolerance,
     };
     let regions = regions::grow(&field, control)?;
     let keeps_border = task.options.border == BorderPolicy::Lock;
     let is_held = |v: VertexId| is_locked(v) || keeps_border && topology.vertex(v).is_on_border();
-    let (chains, places) = Chains::new(&topology, &regions, &ground.points, is_held, tolerance.flat);
+    let (chains, places) = Chains::new(&topology, &regions, &prepared.points, is_held, tolerance.flat);
     let before = MergeInput {
-        points: &ground.points,
+        points: &prepared.points,
         faces,
         topology: &topology,
         regions: &regions,
@@ -97,7 +97,7 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Rebuilt
         may_close: task.options.topology != TopologyPolicy::Preserve,
     };
     let merged = RegionMerge::new(before).run(goal, all, control)?;
-    let made = used(&ground.points, merged.faces);
+    let made = used(&prepared.points, merged.faces);
     let left = Count { faces: made.faces.len() as i64, vertices: made.points.len() as i64 };
     let end = match () {
         () if left.meets(goal) => Ending::Goal,
@@ -140,8 +140,7 @@ fn tolerance(task: &Task<'_>) -> Tolerance {
         (flat, step) => flat.or(step).unwrap_or(noise),
     };
     let angle_deg = own.angle_deg.unwrap_or(DEFAULT_ANGLE_DEG);
-    let angle_deg =
-        task.options.guards.max_normal_deg.map_or(angle_deg, |most| angle_deg.min(most)).min(89.0);
+    let angle_deg = task.options.guards.max_normal_deg.map_or(angle_deg, |max| angle_deg.min(max)).min(89.0);
     let flat = flat.max(MIN_FLATNESS);
     Tolerance { flat, angle_rad: angle_deg.to_radians(), noise: noise.min(flat) }
 }
@@ -149,19 +148,19 @@ fn tolerance(task: &Task<'_>) -> Tolerance {
 /// Largest displacement of a vertex by rounding to the precision of the input, in the unit frame: half a unit
 /// in the last place of the largest coordinate, along all three axes. 0 for double precision, where [`DEFAULT_FLATNESS`]
 /// is far above it.
-fn rounding(ground: &PreparedInput) -> f64 {
-    if !ground.is_single {
+fn rounding(prepared: &PreparedInput) -> f64 {
+    if !prepared.is_single {
         return 0.0;
     }
-    let (low, high) = ground
+    let (low, high) = prepared
         .points
         .iter()
         .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)));
-    let [low, high] = [low, high].map(|p| ground.frame.user_from_unit(p).map(f64::abs));
+    let [low, high] = [low, high].map(|p| prepared.frame.user_from_unit(p).map(f64::abs));
     let half_unit = |x: f64| {
         let exponent = (x.to_bits() >> 52) as i32 - 1023;
         2f64.powi(exponent.clamp(f32::MIN_EXP - 1, f32::MAX_EXP) - f32::MANTISSA_DIGITS as i32)
     };
     let moved = DVec3::from_array([0, 1, 2].map(|k| half_unit(low[k].max(high[k]))));
-    ground.frame.unit_length(moved.length())
+    prepared.frame.unit_length(moved.length())
 }

@@ -45,12 +45,12 @@ pub(crate) const RECORDED_METHODS: &[Method] =
 /// use lodsmith::{NoControl, Progressive, SimplifyOptions};
 ///
 /// let mesh = shapes::icosphere(3);
-/// let mut road = Progressive::build(&mesh, &SimplifyOptions::default(), &mut NoControl)?;
-/// road.to_faces(100);
-/// assert!(road.faces().len() <= 100);
-/// let light = road.fitted_mesh()?;
-/// road.to_level(road.top());
-/// assert_eq!(road.mesh()?, mesh);
+/// let mut progressive = Progressive::build(&mesh, &SimplifyOptions::default(), &mut NoControl)?;
+/// progressive.to_faces(100);
+/// assert!(progressive.faces().len() <= 100);
+/// let light = progressive.fitted_mesh()?;
+/// progressive.to_level(progressive.top());
+/// assert_eq!(progressive.mesh()?, mesh);
 /// # assert!(light.face_count() <= 100);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -113,11 +113,13 @@ impl ChangedBlocks {
             .filter(|b| *b.1)
             .map(|b| b.0 * CHANGE_BLOCK_LEN..(b.0 + 1) * CHANGE_BLOCK_LEN);
         for r in blocks.chain(std::iter::once(born..count)) {
-            let (start, end) = (r.start.min(count), r.end.min(count));
-            match ranges.last_mut() {
-                Some(last) if start <= last.end => last.end = last.end.max(end),
-                _ if start < end => ranges.push(start..end),
-                _ => {}
+            let (mut start, mut end) = (r.start.min(count), r.end.min(count));
+            // New elements may begin before the last modified blocks.
+            while let Some(last) = ranges.pop_if(|last| start <= last.end) {
+                (start, end) = (start.min(last.start), end.max(last.end));
+            }
+            if start < end {
+                ranges.push(start..end);
             }
         }
         ranges
@@ -129,9 +131,9 @@ impl Progressive {
     pub fn new(splits: Splits) -> Self {
         let (mut faces, mut vertex_of) = (splits.faces.clone(), splits.vertex_of.clone());
         let (mut values, mut positions) = (splits.values.clone(), splits.positions.clone());
-        let (level, mut road) = (splits.len(), SplitSequence::new_unreplayed(splits));
-        road.replay(&mut faces, &mut vertex_of, &mut values, &mut positions);
-        Self { sequence: Arc::new(road), level, faces, vertex_of, values, positions }
+        let (level, mut sequence) = (splits.len(), SplitSequence::new_unreplayed(splits));
+        sequence.replay(&mut faces, &mut vertex_of, &mut values, &mut positions);
+        Self { sequence: Arc::new(sequence), level, faces, vertex_of, values, positions }
     }
 
     /// Returns this progressive mesh with the given level as its base, at that level.
@@ -139,8 +141,8 @@ impl Progressive {
         self.to_level(level);
         let base = (!self.sequence.splits.checkpoints.is_empty()).then(|| self.checkpoint());
         let (level, faces, vertex_of) = (self.level, self.faces, self.vertex_of);
-        let splits =
-            Arc::try_unwrap(self.sequence).map_or_else(|road| road.splits.clone(), |road| road.splits);
+        let splits = Arc::try_unwrap(self.sequence)
+            .map_or_else(|sequence| sequence.splits.clone(), |sequence| sequence.splits);
         // Elements that are not live yet are in the buffers already, with the values of their birth.
         let mut data = splits.into_data();
         (data.faces, data.vertex_of, data.values, data.positions) =
@@ -161,9 +163,9 @@ impl Progressive {
         data.checkpoints.retain(|c| c.level as usize > level);
         data.checkpoints.splice(0..0, base);
         data.checkpoints.iter_mut().for_each(|c| c.level -= level as u32);
-        let mut road = Self::new(Splits::new(data).expect("a road from one of its levels on"));
-        road.to_level(0);
-        road
+        let mut coarsest = Self::new(Splits::new(data).expect("the splits after a level are valid"));
+        coarsest.to_level(0);
+        coarsest
     }
 
     /// Returns the splits, with base mesh and checkpoints.
@@ -172,7 +174,8 @@ impl Progressive {
     }
     /// Returns the splits, without a copy if there is no other clone.
     pub fn into_splits(self) -> Splits {
-        Arc::try_unwrap(self.sequence).map_or_else(|road| road.splits.clone(), |road| road.splits)
+        Arc::try_unwrap(self.sequence)
+            .map_or_else(|sequence| sequence.splits.clone(), |sequence| sequence.splits)
     }
     /// Returns the number of the finest level, which is the number of splits.
     pub fn top(&self) -> usize {
@@ -267,37 +270,38 @@ impl Progressive {
     pub fn refine(&mut self, splits: usize) -> ChangedRanges {
         let before = self.counts();
         let to = self.level.saturating_add(splits).min(self.top());
-        let road = Arc::clone(&self.sequence);
-        let data = &road.splits;
+        let sequence = Arc::clone(&self.sequence);
+        let data = &sequence.splits;
         let range = self.level..to;
         let side = ChangeValues { corners: &data.corners.to, owners: &data.owners.to, rows: &data.rows.to };
         self.level = to;
-        self.apply(&road, range, &side, &data.places.to, false, before)
+        self.apply(&sequence, range, &side, &data.places.to, false, before)
     }
 
     /// Undoes this many splits, or as many as were done. Cost: O(what they change).
     pub fn coarsen(&mut self, splits: usize) -> ChangedRanges {
         let to = self.level.saturating_sub(splits);
-        let road = Arc::clone(&self.sequence);
+        let sequence = Arc::clone(&self.sequence);
         let range = to..self.level;
-        let side = ChangeValues { corners: &road.corners, owners: &road.owners, rows: &road.rows };
+        let side =
+            ChangeValues { corners: &sequence.corners, owners: &sequence.owners, rows: &sequence.rows };
         self.level = to;
         let now = self.counts();
-        self.apply(&road, range, &side, &road.places, true, now)
+        self.apply(&sequence, range, &side, &sequence.places, true, now)
     }
 
     /// Applies the changes of a range of splits, with the values of one side. The last split determines the
     /// final value of an element, or the first one if they are undone.
     fn apply(
         &mut self,
-        road: &SplitSequence,
+        sequence: &SplitSequence,
         splits: Range<usize>,
         side: &ChangeValues<'_>,
         places: &Positions,
         back: bool,
         born: Counts,
     ) -> ChangedRanges {
-        let data = &road.splits;
+        let data = &sequence.splits;
         let mut faces = ChangedBlocks::new(self.faces.len());
         let mut wedges = ChangedBlocks::new(self.wedge_slots());
         let mut vertices = ChangedBlocks::new(self.positions.len());
@@ -462,7 +466,7 @@ impl SplitSequence {
         }
         let wedges = map.as_ref().map_or(positions.len(), Vec::len);
         let mut uses = UseCounts { of_wedge: vec![0; wedges], of_vertex: vec![0; positions.len()], live: 0 };
-        let (mut born, mut most) = (0, 0);
+        let (mut born, mut largest) = (0, 0);
         for (level, c) in data.counts.iter().enumerate() {
             if let Some(split) = level.checked_sub(1) {
                 if let Some(map) = map {
@@ -485,9 +489,9 @@ impl SplitSequence {
                 t.iter().for_each(|&w| uses.add(w, map));
             }
             born = c.faces as usize;
-            most = uses.live.max(most);
+            largest = uses.live.max(largest);
             self.vertices.push(uses.live);
-            self.most_vertices.push(most);
+            self.most_vertices.push(largest);
         }
     }
 }
@@ -535,4 +539,117 @@ impl UseCounts {
 #[inline(always)]
 fn owner(w: WedgeId, map: &Option<Vec<VertexId>>) -> VertexId {
     map.as_ref().map_or(VertexId(w.0), |map| map[w.index()])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_support::three_levels;
+
+    fn three() -> Progressive {
+        Progressive::new(Splits::new(three_levels()).expect("sound splits"))
+    }
+
+    #[test]
+    fn changed_ranges_hold_new_elements_before_and_between_modified_blocks() {
+        let mut blocks = ChangedBlocks::new(2000);
+        let ends = |ranges: Vec<Range<usize>>| ranges.iter().map(|r| [r.start, r.end]).collect::<Vec<_>>();
+        blocks.add(1 + 3 * CHANGE_BLOCK_LEN);
+        assert_eq!(ends(blocks.ranges(600, 1000)), [[600, 1000]]);
+        assert_eq!(ends(blocks.ranges(1000, 1000)), [[768, 1000]]);
+        blocks.add(CHANGE_BLOCK_LEN);
+        assert_eq!(ends(blocks.ranges(1300, 1500)), [[256, 512], [768, 1024], [1300, 1500]]);
+        assert_eq!(ends(blocks.ranges(400, 1500)), [[256, 1500]]);
+    }
+
+    /// Returns the faces and the position of vertex 1 along x.
+    fn state(road: &Progressive) -> (Vec<[u32; 3]>, f64) {
+        (road.faces().iter().map(|t| t.map(|w| w.0)).collect(), road.positions().get(VertexId(1))[0])
+    }
+
+    #[test]
+    fn levels_are_those_of_the_splits_in_any_order() {
+        let wanted = [
+            (vec![[0, 1, 2]], 2.0),
+            (vec![[0, 1, 2], [1, 3, 2]], 1.0),
+            (vec![[0, 1, 2], [1, 4, 2], [4, 3, 2], [1, 5, 4]], 1.0),
+        ];
+        let mut road = three();
+        assert_eq!((road.level(), road.top(), road.levels()), (2, 2, 3));
+        for level in [2, 0, 1, 2, 1, 0, 2] {
+            road.to_level(level);
+            assert_eq!(state(&road), wanted[level], "level {level}");
+            assert_eq!(road.positions().len(), [3, 4, 6][level]);
+        }
+        // Beyond the ends there is nothing.
+        road.to_level(9);
+        assert_eq!(road.level(), 2);
+        road.coarsen(9);
+        assert_eq!(road.level(), 0);
+        road.refine(1);
+        assert_eq!(state(&road), wanted[1]);
+    }
+
+    #[test]
+    fn counts_find_the_finest_level_within() {
+        let road = three();
+        assert_eq!([0, 1, 2, 3, 4, 9].map(|n| road.level_of_faces(n)), [0, 0, 1, 1, 2, 2]);
+        assert_eq!([2, 3, 4, 5, 6].map(|n| road.level_of_vertices(n)), [0, 0, 1, 1, 2]);
+    }
+
+    #[test]
+    fn vertices_in_use_are_counted_through_holes() {
+        // The second split takes both corners of vertex 3: it is a hole then.
+        let mut data = three_levels();
+        data.checkpoints.clear();
+        data.faces[2] = [4, 5, 2].map(WedgeId);
+        let mut road = Progressive::new(Splits::new(data).expect("sound splits"));
+        for (level, used) in [(2, 5), (1, 4), (0, 3)] {
+            road.to_level(level);
+            assert_eq!(road.vertex_count(), used, "level {level}");
+        }
+        assert_eq!([3, 4, 5].map(|n| road.level_of_vertices(n)), [0, 1, 2]);
+    }
+
+    #[test]
+    fn changed_ranges_name_blocks_and_all_that_is_new() {
+        let one = |range: Range<usize>| std::iter::once(range).collect::<Vec<_>>();
+        let mut blocks = ChangedBlocks::new(1000);
+        assert!(blocks.ranges(700, 700).is_empty());
+        [0, 255, 256, 700].into_iter().for_each(|i| blocks.add(i));
+        // The last block is cut at the count, or joined with the new elements.
+        assert_eq!(blocks.ranges(650, 650), one(0..650));
+        let mut blocks = ChangedBlocks::new(1000);
+        [0, 600].into_iter().for_each(|i| blocks.add(i));
+        assert_eq!(blocks.ranges(700, 700), [0..256, 512..700]);
+        assert_eq!(blocks.ranges(700, 1000), [0..256, 512..1000]);
+        assert_eq!(blocks.ranges(900, 1000), [0..256, 512..768, 900..1000]);
+        let mut road = three();
+        let back = road.to_level(0);
+        assert_eq!((back.faces, back.vertices), (one(0..1), one(0..3)));
+        let there = road.to_level(1);
+        // Face 1 and vertex 3 are new; vertex 1 moved.
+        assert_eq!((there.faces, there.vertices), (one(1..2), one(0..4)));
+    }
+
+    #[test]
+    fn the_first_splits_can_be_dropped() {
+        let mut changes = Changes { ends: vec![0, 2, 3, 5], at: vec![7, 8, 9, 10, 11], to: () };
+        assert_eq!(drop_first_splits(&mut changes, 2), 3);
+        assert_eq!((changes.ends, changes.at), (vec![0, 2], vec![10, 11]));
+        let road = three();
+        let error = {
+            let mut at_one = road.clone();
+            at_one.to_level(1);
+            at_one.error()
+        };
+        let mut above = road.without_below(1);
+        assert_eq!((above.top(), above.level(), above.face_count()), (1, 0, 2));
+        assert!((above.error() - error).abs() < 1e-9);
+        assert_eq!(state(&above), (vec![[0, 1, 2], [1, 3, 2]], 1.0));
+        above.to_level(1);
+        assert_eq!(state(&above), state(&three()));
+        let levels: Vec<u32> = above.splits().checkpoints.iter().map(|c| c.level).collect();
+        assert_eq!(levels, [0, 1]);
+    }
 }

@@ -59,8 +59,8 @@ impl Change {
 
     /// Returns pairs as a change, if the method has them and they are not set already.
     pub(crate) fn pairs_change(options: &SimplifyOptions) -> Option<Self> {
-        let knows = matches!(options.method, Method::Memoryless | Method::Quadric);
-        (knows && options.method_options.pairs.is_none())
+        let has_pairs = matches!(options.method, Method::Memoryless | Method::Quadric);
+        (has_pairs && options.method_options.pairs.is_none())
             .then_some(Self::Pairs(Length::OfDiagonal(PAIR_DISTANCE)))
     }
 

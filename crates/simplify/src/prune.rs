@@ -1,7 +1,7 @@
 //! Removal of small components, before anything else is done.
 
 use lodsmith_core::mesh::weld;
-use lodsmith_core::{Surface, VertexId};
+use lodsmith_core::{Bounds, DisjointSets, Surface, VertexId};
 
 /// Components removed for their size. Counts of elements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -27,45 +27,17 @@ pub(crate) struct SmallComponents {
 /// A component: its bounding box and contents.
 #[derive(Clone, Copy)]
 struct ComponentExtent {
-    min: [f64; 3],
-    max: [f64; 3],
+    bounds: Bounds,
     first_face: usize,
     faces: usize,
     is_locked: bool,
 }
 
-impl ComponentExtent {
-    fn widen(&mut self, p: [f64; 3]) {
-        self.min = [0, 1, 2].map(|k| self.min[k].min(p[k]));
-        self.max = [0, 1, 2].map(|k| self.max[k].max(p[k]));
-    }
-    fn diagonal(&self) -> f64 {
-        // Divided first: squares of huge coordinates would overflow.
-        let extent = [0, 1, 2].map(|k| self.max[k] - self.min[k]);
-        let largest = extent.into_iter().fold(0f64, f64::max);
-        if largest == 0.0 {
-            0.0
-        } else {
-            largest * extent.map(|x| (x / largest).powi(2)).iter().sum::<f64>().sqrt()
-        }
-    }
-}
-
 /// Returns the diagonal of the bounding box of the finite vertices of all faces.
 pub(crate) fn diagonal(surface: &Surface<'_>) -> f64 {
     let positions = surface.positions();
-    let mut all = ComponentExtent {
-        min: [f64::INFINITY; 3],
-        max: [f64::NEG_INFINITY; 3],
-        first_face: 0,
-        faces: 0,
-        is_locked: false,
-    };
     let corners = surface.triangles().iter().flatten().map(|&v| positions.get(v));
-    for p in corners.filter(|p| p.iter().all(|x| x.is_finite())) {
-        all.widen(p);
-    }
-    all.diagonal()
+    Bounds::of(corners).map_or(0.0, |b| b.diagonal())
 }
 
 /// Finds the components whose bounding box has a diagonal below `size`. Faces are connected across vertices
@@ -87,60 +59,41 @@ pub(crate) fn small_parts(
         let is_finite = t.iter().all(|&v| positions.get(v).iter().all(|x| x.is_finite()));
         (is_finite && a != b && b != c && c != a).then_some([a, b, c])
     };
-    let mut root: Vec<VertexId> = (0..positions.len() as u32).map(VertexId).collect();
-    for t in triangles.iter().filter_map(welded) {
-        let a = find(&mut root, t[0]);
-        let (b, c) = (find(&mut root, t[1]), find(&mut root, t[2]));
-        let least = a.min(b).min(c);
-        for x in [a, b, c] {
-            root[x.index()] = least;
-        }
+    let mut sets = DisjointSets::new(positions.len());
+    for [a, b, c] in triangles.iter().filter_map(welded) {
+        sets.join(a.0, b.0);
+        sets.join(a.0, c.0);
     }
     let mut part_of = vec![None; positions.len()];
     let mut parts: Vec<ComponentExtent> = Vec::new();
     let mut of_face = vec![None; triangles.len()];
     for (f, t) in triangles.iter().enumerate() {
         let Some(ends) = welded(t) else { continue };
-        let part = *part_of[find(&mut root, ends[0]).index()].get_or_insert_with(|| {
-            parts.push(ComponentExtent {
-                min: [f64::INFINITY; 3],
-                max: [f64::NEG_INFINITY; 3],
-                first_face: f,
-                faces: 0,
-                is_locked: false,
-            });
+        let part = *part_of[sets.find(ends[0].0) as usize].get_or_insert_with(|| {
+            parts.push(ComponentExtent { bounds: Bounds::EMPTY, first_face: f, faces: 0, is_locked: false });
             parts.len() - 1
         });
         of_face[f] = Some(part);
         let own = &mut parts[part];
         own.faces += 1;
         own.is_locked |= locked.is_some_and(|l| t.iter().any(|v| l[v.index()]));
-        for p in t.map(|v| positions.get(v)) {
-            own.widen(p);
-        }
+        own.bounds = t.iter().map(|&v| positions.get(v)).fold(own.bounds, Bounds::with);
     }
-    let mut goes: Vec<bool> = parts.iter().map(|p| p.diagonal() < size && !p.is_locked).collect();
-    let largest_kept = !goes.is_empty() && goes.iter().all(|g| *g);
+    let diagonals: Vec<f64> = parts.iter().map(|p| p.bounds.diagonal()).collect();
+    let is_removable = |(part, diagonal): (&ComponentExtent, &f64)| *diagonal < size && !part.is_locked;
+    let mut removed: Vec<bool> = parts.iter().zip(&diagonals).map(is_removable).collect();
+    let largest_kept = !removed.is_empty() && removed.iter().all(|r| *r);
     if largest_kept {
         // The first of equal ones.
-        let largest =
-            (0..parts.len()).rev().max_by(|&i, &j| parts[i].diagonal().total_cmp(&parts[j].diagonal()));
-        largest.into_iter().for_each(|i| goes[i] = false);
+        let largest = (0..parts.len()).rev().max_by(|&i, &j| diagonals[i].total_cmp(&diagonals[j]));
+        largest.into_iter().for_each(|i| removed[i] = false);
     }
-    let gone = || parts.iter().zip(&goes).filter(|p| *p.1).map(|p| p.0);
+    let small = || parts.iter().zip(&removed).filter(|p| *p.1).map(|p| p.0);
     SmallComponents {
-        pruned: Pruned { parts: gone().count(), faces: gone().map(|p| p.faces).sum(), largest_kept },
-        first_faces: gone().map(|p| p.first_face).collect(),
-        is_small: of_face.into_iter().map(|p| p.is_some_and(|p| goes[p])).collect(),
+        pruned: Pruned { parts: small().count(), faces: small().map(|p| p.faces).sum(), largest_kept },
+        first_faces: small().map(|p| p.first_face).collect(),
+        is_small: of_face.into_iter().map(|p| p.is_some_and(|p| removed[p])).collect(),
     }
-}
-
-fn find(root: &mut [VertexId], mut i: VertexId) -> VertexId {
-    while root[i.index()] != i {
-        root[i.index()] = root[root[i.index()].index()];
-        i = root[i.index()];
-    }
-    i
 }
 
 /// Returns the triangles with those of small components made degenerate, so that later steps drop them, and
@@ -163,7 +116,7 @@ pub(crate) fn without_small(surface: &Surface<'_>, is_small: &[bool]) -> (Vec<[V
 
 #[cfg(test)]
 mod tests {
-    use lodsmith_core::shapes;
+    use lodsmith_core::{Positions, TriMesh, shapes};
 
     use super::*;
 
@@ -178,5 +131,17 @@ mod tests {
         assert!(none.pruned.largest_kept && none.pruned.parts == 1 && none.first_faces.len() == 1);
         assert!(none.pruned.faces > 0 && none.pruned.faces < mesh.face_count());
         assert_eq!(none.is_small.iter().filter(|s| **s).count(), none.pruned.faces);
+    }
+
+    #[test]
+    fn parts_are_measured_up_to_the_largest_coordinates() {
+        let far = 1.7e308;
+        let large = [[-far, -far, 0.0], [far, -far, 0.0], [0.0, far, 0.0]];
+        let small = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let positions = Positions::F64([large, small].concat());
+        let mesh = TriMesh::new(positions, vec![[0, 1, 2].map(VertexId), [3, 4, 5].map(VertexId)]).unwrap();
+        let size = 0.01 * diagonal(&mesh.surface());
+        assert!(size.is_finite());
+        assert_eq!(small_parts(&mesh.surface(), size, None, None).is_small, [false, true]);
     }
 }

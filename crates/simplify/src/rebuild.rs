@@ -26,15 +26,15 @@ pub(crate) fn pass(
     control: &mut dyn Control,
 ) -> Result<RunOutcome, SimplifyError> {
     control.stage(Stage::Prepare);
-    let ground = prepared_input(run);
+    let prepared = prepared_input(run);
     control.stage(Stage::Collapse);
     match control.progress(0.0) {
         Verdict::Continue => {}
-        Verdict::Finish => return outcome(run, &ground, untouched(&ground)),
+        Verdict::Finish => return outcome(run, &prepared, untouched(&prepared)),
         Verdict::Cancel => return Err(SimplifyError::Cancelled),
     }
-    let step = step.map(|s| ground.frame.unit_length(s));
-    let task = Task { input: &ground, mesh: run.input.mesh, options: run.options, goal, step };
+    let step = step.map(|s| prepared.frame.unit_length(s));
+    let task = Task { input: &prepared, mesh: run.input.mesh, options: run.options, goal, step };
     let made = match run.options.method {
         Method::VertexRemoval => vertex_removal::make(&task, control)?,
         Method::Planar => planar::make(&task, control)?,
@@ -42,7 +42,7 @@ pub(crate) fn pass(
         Method::Remesh => remesh::make(&task, control)?,
         other => unreachable!("{other:?} collapses"),
     };
-    outcome(run, &ground, made)
+    outcome(run, &prepared, made)
 }
 
 fn prepared_input(run: &Run<'_, '_>) -> PreparedInput {
@@ -55,48 +55,48 @@ fn prepared_input(run: &Run<'_, '_>) -> PreparedInput {
 }
 
 /// Returns the input unchanged: the best result before the first step.
-fn untouched(ground: &PreparedInput) -> RebuiltSurface {
-    let mut number = vec![NONE; ground.points.len()];
+fn untouched(prepared: &PreparedInput) -> RebuiltSurface {
+    let mut number = vec![NONE; prepared.points.len()];
     let mut made = RebuiltSurface { end: Ending::Finish, estimate: Some(0.0), ..RebuiltSurface::default() };
-    for &v in ground.faces.as_flattened() {
+    for &v in prepared.faces.as_flattened() {
         if number[v.index()] == NONE {
             number[v.index()] = VertexId::new(made.points.len());
-            made.points.push(ground.points[v.index()]);
+            made.points.push(prepared.points[v.index()]);
             made.kept.push(v);
         }
     }
-    made.faces = ground.faces.iter().map(|t| t.map(|v| number[v.index()])).collect();
+    made.faces = prepared.faces.iter().map(|t| t.map(|v| number[v.index()])).collect();
     made
 }
 
 fn outcome(
     run: &Run<'_, '_>,
-    ground: &PreparedInput,
+    prepared: &PreparedInput,
     made: RebuiltSurface,
 ) -> Result<RunOutcome, SimplifyError> {
     let positions = run.input.surface.positions();
     let place = |i: usize| match made.kept[i] {
-        NONE => ground.frame.user_from_unit(made.points[i]),
-        kept => positions.get(ground.first[kept.index()]),
+        NONE => prepared.frame.user_from_unit(made.points[i]),
+        kept => positions.get(prepared.first[kept.index()]),
     };
     let places = (0..made.points.len()).map(place);
     let positions = match positions {
         PositionsView::F32(_) => Positions::F32(places.map(|p| p.map(|x| x as f32)).collect()),
         PositionsView::F64(_) => Positions::F64(places.collect()),
     };
-    let estimate = made.estimate.unwrap_or_else(|| estimate(ground, &made));
+    let estimate = made.estimate.unwrap_or_else(|| estimate(prepared, &made));
     let end = match made.end {
         Ending::Goal => StopReason::Goal,
         Ending::Exhausted => StopReason::Exhausted,
         Ending::Stuck => StopReason::Stuck,
         Ending::Finish => StopReason::Finish,
     };
-    let (mesh, held) = with_transferred_attributes(run.input, run.ordered, ground, &made, positions, None)?;
+    let (mesh, held) = with_transferred_attributes(run.input, run.ordered, prepared, &made, positions, None)?;
     let mesh = recolor::recolored(mesh, run.input, run.options, &held, None)?;
     Ok(RunOutcome {
         mesh,
         end,
-        estimate: ground.frame.user_length(estimate),
+        estimate: prepared.frame.user_length(estimate),
         fitted: false,
         refusals: made.refusals,
         collapses: made.steps,
@@ -111,7 +111,7 @@ fn outcome(
         kept_blocking_parts: false,
         kept_blocking_necks: false,
         sharp_relaxed: false,
-        duplicate_faces: ground.duplicate_faces,
+        duplicate_faces: prepared.duplicate_faces,
         proposals: Vec::new(),
         held,
         trace: None,
@@ -122,14 +122,14 @@ fn outcome(
 const MAX_ESTIMATE_SAMPLES: usize = 2000;
 
 /// RMS distance of sampled input vertices from the result, in the unit frame.
-fn estimate(ground: &PreparedInput, made: &RebuiltSurface) -> f64 {
+fn estimate(prepared: &PreparedInput, made: &RebuiltSurface) -> f64 {
     let points: Vec<[f64; 3]> = made.points.iter().map(|p| p.to_array()).collect();
     let Ok(surface) = Surface::new(PositionsView::F64(&points), bytemuck::cast_slice(&made.faces)) else {
         return 0.0;
     };
     let tree = Bvh::new(&surface);
-    let stride = ground.points.len().div_ceil(MAX_ESTIMATE_SAMPLES).max(1);
-    let hits: Vec<f64> = ground
+    let stride = prepared.points.len().div_ceil(MAX_ESTIMATE_SAMPLES).max(1);
+    let hits: Vec<f64> = prepared
         .points
         .iter()
         .step_by(stride)
@@ -194,15 +194,15 @@ mod tests {
     fn a_surface_that_stays_carries_the_same() {
         let mesh = square();
         let same = rebuilt(&mesh, |run, _, _, _| {
-            let ground = prepared_input(run);
-            let kept = (0..ground.points.len()).map(VertexId::new).collect();
+            let prepared = prepared_input(run);
+            let kept = (0..prepared.points.len()).map(VertexId::new).collect();
             let made = RebuiltSurface {
-                points: ground.points.clone(),
+                points: prepared.points.clone(),
                 kept,
-                faces: ground.faces.clone(),
+                faces: prepared.faces.clone(),
                 ..RebuiltSurface::default()
             };
-            outcome(run, &ground, made)
+            outcome(run, &prepared, made)
         });
         assert_eq!(corner_texts(&same), corner_texts(&mesh));
         let middle = SIDE as usize + 1;
@@ -218,19 +218,19 @@ mod tests {
         // Four strips over the full height.
         let mesh = square();
         let strips = rebuilt(&mesh, |run, _, _, _| {
-            let ground = prepared_input(run);
+            let prepared = prepared_input(run);
             let cuts = [0.0, 2.0, 4.0, 6.0, 8.0];
             let mut made = RebuiltSurface::default();
             for x in cuts {
                 for y in [0.0, 8.0] {
-                    made.points.push(ground.frame.unit_from_user([x, y, 0.0]));
+                    made.points.push(prepared.frame.unit_from_user([x, y, 0.0]));
                     made.kept.push(NONE);
                 }
             }
             for i in (0..8).step_by(2) {
                 made.faces.extend([[i, i + 2, i + 3], [i, i + 3, i + 1]].map(|t| t.map(VertexId)));
             }
-            outcome(run, &ground, made)
+            outcome(run, &prepared, made)
         });
         let (view, uvs) = (strips.positions().view(), strips.uvs().unwrap());
         for t in strips.triangles() {
@@ -248,13 +248,13 @@ mod tests {
         assert_eq!(strips.wedge_count(), 12, "two along the seam");
 
         let whole = rebuilt(&mesh, |run, _, _, _| {
-            let ground = prepared_input(run);
+            let prepared = prepared_input(run);
             let places = [[0.0, 0.0, 0.0], [8.0, 0.0, 0.0], [0.0, 8.0, 0.0]];
-            let points = places.map(|p| ground.frame.unit_from_user(p)).to_vec();
+            let points = places.map(|p| prepared.frame.unit_from_user(p)).to_vec();
             let faces = vec![[0, 1, 2].map(VertexId)];
             outcome(
                 run,
-                &ground,
+                &prepared,
                 RebuiltSurface { points, kept: vec![NONE; 3], faces, ..RebuiltSurface::default() },
             )
         });

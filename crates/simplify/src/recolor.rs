@@ -215,21 +215,21 @@ impl ColorSource<'_> {
         let normal = double_area_normal(places);
         let first = mesh.vertex_of(mesh.triangles()[f][0]);
         let part = self.parts.and_then(|parts| parts.of_result[first.index()]);
-        let look = |b: [f32; 3]| {
+        let color_at = |b: [f32; 3]| {
             let [x, y, z] = b.map(f64::from);
             let place = places[0] * x + places[1] * y + places[2] * z;
             let uv = self.nearest_uv(place, normal, region, part)?;
             Some((uv, texture.color(uv)?))
         };
         // Most faces show a single colour, and the right one.
-        let middle = look(SAMPLE_POINTS[0])?;
+        let middle = color_at(SAMPLE_POINTS[0])?;
         let own = texture.color(interpolate(corners, SAMPLE_POINTS[0]))?;
         if !are_apart(own, middle.1) && !shows_several(texture, corners) {
             return None;
         }
         let mut seen = [middle; SAMPLE_POINTS.len()];
         for (seen, b) in seen.iter_mut().zip(SAMPLE_POINTS).skip(1) {
-            *seen = look(b)?;
+            *seen = color_at(b)?;
         }
         let difference = |corners: [[f32; 2]; 3]| -> Option<i64> {
             let each = |(b, (_, there)): (&[f32; 3], &([f32; 2], Color))| {

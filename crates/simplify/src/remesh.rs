@@ -37,10 +37,10 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Rebuilt
 const SEPARATION_SHARE: f64 = 1e-3;
 
 /// Separates coincident vertices, where sheets of the input touch: a file reader would weld them.
-fn separate_coincident(ground: &PreparedInput, made: &mut RebuiltSurface) {
+fn separate_coincident(prepared: &PreparedInput, made: &mut RebuiltSurface) {
     let place = |p: DVec3| {
-        let p = ground.frame.user_from_unit(p);
-        if ground.is_single { p.map(|x| u64::from((x as f32).to_bits())) } else { p.map(f64::to_bits) }
+        let p = prepared.frame.user_from_unit(p);
+        if prepared.is_single { p.map(|x| u64::from((x as f32).to_bits())) } else { p.map(f64::to_bits) }
     };
     let mut taken = HashSet::with_capacity(made.points.len());
     let own = |made: &RebuiltSurface, v: usize| made.kept[v] == NONE;

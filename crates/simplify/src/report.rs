@@ -237,3 +237,21 @@ pub struct Simplified {
     /// The report of the run.
     pub report: Report,
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn each_refusal_has_its_place_and_a_word_of_its_own() {
+        // Counts of refusals are indexed by their place.
+        assert!(Refusal::ALL.iter().enumerate().all(|(i, why)| *why as usize == i));
+        let words: BTreeSet<&str> = Refusal::ALL.iter().map(|why| why.name()).collect();
+        assert_eq!(words.len(), Refusal::ALL.len());
+        let is_word =
+            |word: &str| !word.is_empty() && word.bytes().all(|b| b.is_ascii_lowercase() || b == b'_');
+        assert!(words.into_iter().all(is_word));
+    }
+}

@@ -6,7 +6,7 @@ mod closest;
 mod context;
 mod copies;
 mod goal;
-pub(crate) mod ladder;
+pub(crate) mod level_search;
 mod recorded;
 mod relaxed;
 mod report;
@@ -25,11 +25,9 @@ use crate::constraints::{self, Constraints};
 use crate::control::{Control, Stage, Verdict};
 use crate::deviation::{self, Deviation};
 use crate::input::Input;
-use crate::metric::{Memoryless, Metric, NeighbourhoodMetric, Quadric};
+use crate::metric::{Metric, with_metric};
 use crate::options::{Method, SimplifyOptions, TopologyPolicy};
 pub(crate) use chain::{Mergers, chain, is_chained};
-#[cfg(test)]
-pub(crate) use context::Source;
 pub(crate) use context::{Done, Pass, Run, RunOutcome};
 use context::{Finished, TopologyChanges};
 use copies::Copies;
@@ -40,20 +38,7 @@ pub(crate) use start::Started;
 
 /// Returns the pass of a method that works by sweeps.
 pub(crate) fn collapses(method: Method) -> Option<Pass> {
-    match method {
-        Method::Memoryless => Some(|run, goal, step, control| run.one_pass(Memoryless, goal, step, control)),
-        Method::Quadric => Some(|run, goal, step, control| run.one_pass(Quadric, goal, step, control)),
-        Method::LindstromTurk => {
-            Some(|run, goal, step, control| run.one_pass(NeighbourhoodMetric::Volume, goal, step, control))
-        }
-        Method::Melax => {
-            Some(|run, goal, step, control| run.one_pass(NeighbourhoodMetric::Turn, goal, step, control))
-        }
-        Method::ShortestEdge => {
-            Some(|run, goal, step, control| run.one_pass(NeighbourhoodMetric::Length, goal, step, control))
-        }
-        _ => None,
-    }
+    with_metric!(method, METRIC => |run, goal, step, control| run.one_pass(METRIC, goal, step, control))
 }
 
 /// Runs a method that collapses edges on an input that needs no preparation.

@@ -28,11 +28,11 @@ const PROGRESS_EVERY: usize = 4096;
 
 /// Undoes levels until the goal is met, the iterations are used up, or no component fits.
 pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<RebuiltSurface, SimplifyError> {
-    let ground = task.input;
+    let prepared = task.input;
     let mut level = SubdivisionLevel {
-        faces: ground.faces.clone(),
+        faces: prepared.faces.clone(),
         // Each face represents itself at first.
-        stands_for: (0..ground.faces.len()).collect(),
+        stands_for: (0..prepared.faces.len()).collect(),
     };
     let mut made = RebuiltSurface { end: Ending::Exhausted, ..RebuiltSurface::default() };
     for round in 0.. {
@@ -40,7 +40,7 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Rebuilt
             made.end = Ending::Goal;
             break;
         }
-        if task.options.method_options.iterations.is_some_and(|most| round == most) {
+        if task.options.method_options.iterations.is_some_and(|max| round == max) {
             break;
         }
         let undone = match level.undo(task, control)? {
@@ -59,12 +59,12 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Rebuilt
             None => break,
         }
     }
-    let mut number = vec![NONE; ground.points.len()];
+    let mut number = vec![NONE; prepared.points.len()];
     level.faces.iter().flatten().for_each(|v| number[v.index()] = VertexId(0));
     for v in (0..number.len()).map(VertexId::new) {
         if number[v.index()] != NONE {
             number[v.index()] = VertexId::new(made.points.len());
-            made.points.push(ground.points[v.index()]);
+            made.points.push(prepared.points[v.index()]);
             made.kept.push(v);
         }
     }
@@ -107,8 +107,8 @@ struct Undone {
 impl SubdivisionLevel {
     /// Returns the next coarser level, with every fitting component undone.
     fn undo(&self, task: &Task<'_>, control: &mut dyn Control) -> Result<UndoResult, SimplifyError> {
-        let ground = task.input;
-        let points: Vec<[f64; 3]> = ground.points.iter().map(|p| p.to_array()).collect();
+        let prepared = task.input;
+        let points: Vec<[f64; 3]> = prepared.points.iter().map(|p| p.to_array()).collect();
         let surface = Surface::with_triangles(PositionsView::F64(&points), self.faces.clone())?;
         let topology = Topology::unwelded(&surface);
         let mut search = CoverSearch::new(&topology);
@@ -120,7 +120,7 @@ impl SubdivisionLevel {
             if seen >= looked + PROGRESS_EVERY || looked == 0 {
                 looked = seen;
                 // The progress weighs each level by its faces; the first one is most of the work.
-                let left = self.faces.len() as f64 / ground.faces.len() as f64;
+                let left = self.faces.len() as f64 / prepared.faces.len() as f64;
                 let done = 1.0 - left * (1.0 - 0.75 * seen as f64 / self.faces.len() as f64);
                 match control.progress(done.clamp(0.0, 1.0)) {
                     Verdict::Cancel => return Err(SimplifyError::Cancelled),
@@ -183,9 +183,9 @@ impl SubdivisionLevel {
         part: &[FaceId],
         cover: &Cover,
     ) -> Result<f64, Refusal> {
-        let ground = task.input;
-        let point = |v: VertexId| ground.points[v.index()];
-        if let Some(locked) = &ground.locked
+        let prepared = task.input;
+        let point = |v: VertexId| prepared.points[v.index()];
+        if let Some(locked) = &prepared.locked
             && cover.odd.iter().any(|x| locked[x.0.index()])
         {
             return Err(Refusal::Locked);
@@ -196,7 +196,7 @@ impl SubdivisionLevel {
                 return Err(Refusal::Border);
             }
         }
-        if let Some(regions) = &ground.regions {
+        if let Some(regions) = &prepared.regions {
             let region = |f: FaceId| regions[self.stands_for[f.index()]];
             let is_mixed = |middle: FaceId| {
                 let sides = [0, 1, 2].map(|k| HalfEdgeId::new(3 * middle.index() + k));
@@ -207,7 +207,7 @@ impl SubdivisionLevel {
             }
         }
         if let Some(step) = task.step
-            && cover.tiles.iter().any(|t| self.step_of(ground, topology, t.middle, t.even) > step)
+            && cover.tiles.iter().any(|t| self.step_of(prepared, topology, t.middle, t.even) > step)
         {
             return Err(Refusal::Cost);
         }
@@ -226,13 +226,13 @@ impl SubdivisionLevel {
     /// Largest distance of the odd vertices of a tile from the triangle that replaces it.
     fn step_of(
         &self,
-        ground: &PreparedInput,
+        prepared: &PreparedInput,
         topology: &Topology,
         middle: FaceId,
         even: [VertexId; 3],
     ) -> f64 {
-        let corners: [DVec3; 3] = even.map(|v| ground.points[v.index()]);
-        let odd = topology.triangle(middle).map(|v| ground.points[v.index()]);
+        let corners: [DVec3; 3] = even.map(|v| prepared.points[v.index()]);
+        let odd = topology.triangle(middle).map(|v| prepared.points[v.index()]);
         let far = odd.map(|p| triangle::nearest(p, corners).distance_sq);
         far.into_iter().fold(0.0, f64::max).sqrt()
     }

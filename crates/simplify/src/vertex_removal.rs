@@ -43,7 +43,7 @@ const PROGRESS_EVERY: usize = 1024;
 const REMOVED_BOUND: f32 = f32::NEG_INFINITY;
 /// Share of the vertices that a sweep considers. (Guessed: fewer take more sweeps and follow the order more
 /// closely.)
-const QUANTILE: f64 = 0.2;
+const SWEEP_SHARE: f64 = 0.2;
 /// Marks vertices outside the current ring.
 const OUTSIDE: u8 = u8::MAX;
 
@@ -55,16 +55,11 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Rebuilt
     let mut parts_removed = 0;
     if end == Ending::Stuck && task.options.topology != TopologyPolicy::Preserve && task.step.is_none() {
         parts_removed = parts::remove_cheapest(&mut removal.store, task);
-        if is_met(&removal.store, task) {
+        if removal.store.meets(&task.goal) {
             end = Ending::Goal;
         }
     }
     Ok(removal.made(end, parts_removed))
-}
-
-fn is_met(store: &FaceStore<'_>, task: &Task<'_>) -> bool {
-    task.goal.faces.is_some_and(|n| store.face_count <= n)
-        || task.goal.vertices.is_some_and(|n| store.vertex_count <= n)
 }
 
 struct Removal<'a> {
@@ -119,7 +114,7 @@ impl<'a> Removal<'a> {
     }
 
     fn run(&mut self, control: &mut dyn Control) -> Result<Ending, SimplifyError> {
-        if is_met(&self.store, self.task) {
+        if self.store.meets(&self.task.goal) {
             return Ok(Ending::Goal);
         }
         let count = self.bounds.len();
@@ -149,7 +144,7 @@ impl<'a> Removal<'a> {
                         self.bounds[v.index()] = f32::INFINITY;
                     }
                 }
-                if is_met(&self.store, self.task) {
+                if self.store.meets(&self.task.goal) {
                     return Ok(Ending::Goal);
                 }
             }
@@ -161,7 +156,7 @@ impl<'a> Removal<'a> {
                 return Ok(Ending::Stuck);
             }
             let wanted = self.wanted().clamp(1, prices.len());
-            let most = (prices.len() as f64 * QUANTILE) as usize;
+            let most = (prices.len() as f64 * SWEEP_SHARE) as usize;
             let rank = wanted.min(most.max(1)) - 1;
             limit = limit.max(*prices.select_nth_unstable_by(rank, f32::total_cmp).1);
         }

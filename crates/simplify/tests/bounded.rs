@@ -135,7 +135,7 @@ proptest! {
 
     #[test]
     fn any_fan_book_or_stack_takes_work_in_proportion(
-        n in 3u32..2000,
+        n in 3u32..1000,
         kind in 0..4usize,
         method in 0..3usize,
         keep in 0.02f64..0.8,

@@ -11,6 +11,7 @@ use lodsmith::{
 };
 use proptest::prelude::*;
 use support::laden::{attribute_complaints, laden, laden_options, locked_complaints};
+use support::untied::{moved, reordered, untied};
 use support::{Random, bytes, complaints, options_text, run};
 
 /// Random faces; in two of three cases with attributes.
@@ -170,9 +171,9 @@ fn nasty(seed: u64) -> TriMesh {
 }
 
 #[test]
-fn thousands_of_nasty_soups() {
+fn nasty_soups_give_sound_results() {
     let mut all = support::Complaints::default();
-    for seed in 0..6000 {
+    for seed in 0..1500 {
         let (mut mesh, mut options) = (nasty(seed), random_options(seed ^ 0xABCD_EF01_2345));
         if seed.is_multiple_of(2) {
             mesh = laden(&mesh, &mut Random(seed | 1));
@@ -188,38 +189,23 @@ fn thousands_of_nasty_soups() {
 #[test]
 fn soups_keep_what_the_topology_policy_promises() {
     let mut all = support::Complaints::default();
-    // Known fault: soup 737 (39 faces, midpoints, locked borders) ends with nine non-manifold edges instead
-    // of eight.
-    for seed in (0..3000).filter(|&seed| seed != 737) {
+    let mut checked = 0;
+    for seed in 0..1500 {
         let mesh = nasty(seed);
         let mut options = random_options(seed ^ 0x1234_5678);
         options.weld = None;
-        if let Ok(Ok(done)) = run(&mesh, &options) {
-            // Two merged vertices may get the same position (midpoints of a soup on whole numbers do);
-            // counted by position, that joins edges that are separate by index.
-            if lodsmith::core::mesh::weld::weld(done.mesh.positions().view()).merged_count() > 0 {
-                continue;
-            }
-            let case = format!("seed {seed}, {} faces, {}", mesh.face_count(), options_text(&options));
-            all.add(&case, support::topology_complaints(&mesh, &options, &done));
+        let Ok(Ok(done)) = run(&mesh, &options) else { continue };
+        // Two merged vertices may get the same position (midpoints of a soup on whole numbers do); counted by
+        // position, that joins edges that are separate by index.
+        if lodsmith::core::mesh::weld::weld(done.mesh.positions().view()).merged_count() > 0 {
+            continue;
         }
+        checked += 1;
+        let case = format!("seed {seed}, {} faces, {}", mesh.face_count(), options_text(&options));
+        all.add(&case, support::topology_complaints(&mesh, &options, &done));
     }
     all.report_all();
-}
-
-/// Shapes without exact ties, so that the order of collapses does not depend on rounding.
-fn untied() -> Vec<(&'static str, TriMesh)> {
-    vec![
-        ("noisy_sphere", shapes::noisy_sphere(3, 0.05, 3)),
-        ("blob", shapes::blob(3, 4)),
-        ("wavy_sheet", shapes::wavy_sheet(16)),
-    ]
-}
-
-fn moved(mesh: &TriMesh, map: impl Fn([f64; 3]) -> [f64; 3]) -> TriMesh {
-    let points = mesh.positions().view().iter().map(map).collect();
-    let triangles = mesh.triangles().iter().map(|t| t.map(|w| VertexId(w.0))).collect();
-    TriMesh::new(Positions::F64(points), triangles).unwrap()
+    assert!(checked > 1000, "{checked} soups were checked");
 }
 
 fn light(mesh: &TriMesh, share: f64) -> TriMesh {
@@ -267,35 +253,12 @@ fn scale_and_place_do_not_matter() {
     }
 }
 
-/// Returns a seeded shuffle: `order[i]` is the old number of the new i.
-fn shuffled(n: usize, seed: u64) -> Vec<usize> {
-    let mut random = Random(seed);
-    let mut order: Vec<usize> = (0..n).collect();
-    for i in (1..n).rev() {
-        order.swap(i, random.below(i as u64 + 1) as usize);
-    }
-    order
-}
-
 #[test]
 fn the_order_in_the_file_matters_little() {
     for (name, mesh) in untied() {
         let (_, error) = apart(&mesh, &light(&mesh, 0.15));
         for seed in 1..4 {
-            let order = shuffled(mesh.vertex_count(), seed);
-            let mut new = vec![0; order.len()];
-            order.iter().enumerate().for_each(|(i, &old)| new[old] = i as u32);
-            let view = mesh.positions().view();
-            let points = order.iter().map(|&i| view.get(VertexId(i as u32)).map(|x| x as f32)).collect();
-            let faces = shuffled(mesh.face_count(), seed + 10);
-            let triangles = faces
-                .iter()
-                .map(|&f| {
-                    let [a, b, c] = mesh.triangles()[f].map(|w| VertexId(new[w.index()]));
-                    [[a, b, c], [b, c, a], [c, a, b]][f % 3]
-                })
-                .collect();
-            let other = TriMesh::new(Positions::F32(points), triangles).unwrap();
+            let other = reordered(&mesh, seed);
             let result = light(&other, 0.15);
             let (_, other_error) = apart(&mesh, &result);
             assert!(result.face_count() as f64 <= 0.15 * mesh.face_count() as f64 + 1.0);

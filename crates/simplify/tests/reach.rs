@@ -270,3 +270,52 @@ fn each_mesh_of_a_scene_may_have_the_target_by_itself() {
     assert!(!got.report.reached);
     assert_eq!(got.counts.iter().map(|c| c.reached).collect::<Vec<_>>(), [true, false, true]);
 }
+
+type SetLength = fn(&mut SimplifyOptions, Length);
+
+/// Options of single methods that are lengths.
+const METHOD_LENGTHS: [(Method, SetLength); 5] = [
+    (Method::Cluster, |o, l| o.method_options.cell = Some(l)),
+    (Method::ShortestEdge, |o, l| o.method_options.edge_length = Some(l)),
+    (Method::Remesh, |o, l| o.method_options.edge_length = Some(l)),
+    (Method::Remesh, |o, l| o.method_options.voxel = Some(l)),
+    (Method::Planar, |o, l| o.method_options.flat = Some(l)),
+];
+
+fn with_length((method, set): (Method, SetLength), length: Length) -> SimplifyOptions {
+    let mut options = SimplifyOptions::new(Stop::default());
+    options.method = method;
+    set(&mut options, length);
+    options
+}
+
+#[test]
+fn lengths_of_methods_are_shares_of_the_whole_scene() {
+    let mesh = shapes::blob(4, 1);
+    let parts = [part(&mesh, 1, 1.0), part(&mesh, 1, 0.5)];
+    for (i, method) in METHOD_LENGTHS.into_iter().enumerate() {
+        let got = |length| {
+            let options = with_length(method, length);
+            let scene = simplify_scene(&parts, 40.0, &options, &mut NoControl).unwrap();
+            scene.meshes.iter().map(bytes).collect::<Vec<_>>()
+        };
+        assert!(got(Length::OfDiagonal(0.01)) == got(Length::Units(0.4)), "case {i}");
+    }
+}
+
+#[test]
+fn lengths_of_methods_are_shares_of_the_input_with_its_small_parts() {
+    let (large, small) = (shapes::blob(4, 1), shapes::icosphere(1));
+    let mesh = beside(&[(&large, 1.0, 0.0), (&small, 0.01, 40.0)]);
+    for (i, method) in METHOD_LENGTHS.into_iter().enumerate() {
+        let got = |length| {
+            let mut options = with_length(method, length);
+            options.prune = Some(Length::Units(0.5));
+            let report = run(&mesh, &options).report;
+            assert_eq!(report.pruned.parts, 1);
+            (report.faces, report.error.diagonal)
+        };
+        let (faces, diagonal) = got(Length::OfDiagonal(0.01));
+        assert_eq!(faces, got(Length::Units(0.01 * diagonal)).0, "case {i}");
+    }
+}

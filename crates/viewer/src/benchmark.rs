@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use lodsmith::{Control, SimplifyError, Stage, Stop, Verdict};
+use lodsmith::{SimplifyError, Stop};
 use lodsmith_core::Model;
 use lodsmith_core::model::Pose;
 use lodsmith_render::{Camera, Shading};
@@ -19,23 +19,15 @@ use crate::viewport;
 /// Fractions of the triangles that are made; the original comes before them.
 pub const BENCHMARK_RATIOS: [f64; 5] = [0.5, 0.25, 0.1, 0.05, 0.01];
 /// Size of the picture that is drawn, in pixels.
-pub const PICTURE_SIZE_PX: [u32; 2] = [1024, 768];
+const PICTURE_SIZE_PX: [u32; 2] = [1024, 768];
 /// Pictures of each level. The fastest counts: other load on the machine only makes them slower.
-pub const PICTURES_PER_LEVEL: usize = 5;
+const PICTURES_PER_LEVEL: usize = 5;
 
 /// Times of a model and its levels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BenchmarkTable {
-    /// Name of the file.
-    pub file: String,
-    /// Options that made the levels, as command-line words.
-    pub how: String,
-    /// Name of the adapter that drew them; empty without one.
-    pub adapter: String,
-    /// Shading mode.
-    pub shading: &'static str,
-    /// Load time in seconds.
-    pub read_secs: f64,
+    /// One line about file, method and adapter.
+    pub title: String,
     /// The original, then the levels.
     pub rows: Vec<TableRow>,
 }
@@ -98,26 +90,13 @@ fn fine_seconds(secs: f64) -> String {
 }
 
 impl BenchmarkTable {
-    /// Returns a one-line description of model, method and adapter.
-    pub fn title(&self) -> String {
-        let adapter = if self.adapter.is_empty() { "no adapter" } else { &self.adapter };
-        let [width, height] = PICTURE_SIZE_PX;
-        format!(
-            "{}, opened in {}; {}; drawn {} at {width} × {height} by {adapter}, best of {PICTURES_PER_LEVEL}",
-            self.file,
-            seconds(self.read_secs),
-            self.how,
-            self.shading,
-        )
-    }
-
     /// Returns the table as Markdown below its title.
     pub fn markdown(&self) -> String {
         let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
         let heads = COLUMN_HEADINGS.map(str::to_owned);
         let rule = "|---".to_owned() + &"|--:".repeat(COLUMN_HEADINGS.len() - 1) + "|\n";
         let rows: String = self.rows.iter().map(|row| line(&row.cells())).collect();
-        format!("{}\n\n{}{rule}{rows}", self.title(), line(&heads))
+        format!("{}\n\n{}{rule}{rows}", self.title, line(&heads))
     }
 
     /// Returns the table as tab-separated numbers: seconds and fractions.
@@ -161,28 +140,23 @@ impl SharedTable {
     ) -> bool {
         let mut how = settings.simplify.clone();
         how.options.stop = Stop::default();
-        *self.lock() = BenchmarkTable {
-            file: original.path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-            how: option_summary(&how),
-            adapter: context.as_ref().map(Context::adapter_name).unwrap_or_default(),
-            shading: settings.look.look.shading.name(),
-            read_secs: original.read_secs,
-            rows: Vec::new(),
-        };
-        let mut easel = context.map(|context| BenchRenderer::new(context, original, settings));
+        let mut gpu = context.map(|context| Gpu::on(context).with_timestamps());
+        let title = title_of(original, &how, settings.look.look.shading, gpu.as_ref());
+        *self.lock() = BenchmarkTable { title, rows: Vec::new() };
         let mut finish = |share: f64, model: &Model, level: LevelTimes| {
-            let level = easel.as_mut().map_or(level.clone(), |easel| easel.draw(model, level));
+            let level = match &mut gpu {
+                Some(gpu) => draw(gpu, original, settings, model, level),
+                None => level,
+            };
             self.lock().rows.push(TableRow { share, level: Ok(level) });
         };
         finish(1.0, original.model(), LevelTimes { faces: original.faces, ..LevelTimes::default() });
-        for (k, share) in BENCHMARK_RATIOS.into_iter().enumerate() {
-            let at = |k: usize| k as f64 / BENCHMARK_RATIOS.len() as f64;
+        for share in BENCHMARK_RATIOS {
             how.options.stop = Stop::ratio(share);
-            let mut within = SubProgress { watch, from: at(k), to: at(k + 1) };
-            if !within.watch.report(at(k)) {
+            if !watch.report(0.0) {
                 return false;
             }
-            match Lighter::make(original, &how, &mut within) {
+            match Lighter::make(original, &how, watch) {
                 Ok(lighter) => {
                     let diagonal = lighter.report.as_ref().map_or(0.0, |r| r.error.diagonal);
                     let level = LevelTimes {
@@ -201,92 +175,64 @@ impl SharedTable {
     }
 }
 
-/// Returns the options that differ from the defaults, as command-line words.
-fn option_summary(how: &Simplification) -> String {
-    let words = how.words();
-    let method = format!("--method {}", how.options.method.name());
-    match words.join(" ") {
-        words if words.contains("--method") => words,
-        words if words.is_empty() => method,
-        words => format!("{method} {words}"),
+/// Describes file, method and adapter in one line.
+fn title_of(original: &Original, how: &Simplification, shading: Shading, gpu: Option<&Gpu>) -> String {
+    let file = original.path.file_name().unwrap_or_default().to_string_lossy();
+    let opened = seconds(original.read_secs);
+    let mut words = how.words().join(" ");
+    if !words.contains("--method") {
+        words = format!("--method {} {words}", how.options.method.name()).trim_end().to_owned();
     }
+    let adapter = gpu.map_or_else(|| "no adapter".to_owned(), Gpu::adapter_name);
+    let ([width, height], shading) = (PICTURE_SIZE_PX, shading.name());
+    format!(
+        "{file}, opened in {opened}; {words}; drawn {shading} at {width} × {height} by {adapter}, best of {PICTURES_PER_LEVEL}"
+    )
 }
 
-/// Maps the progress of one level to its range of the whole job.
-struct SubProgress<'a> {
-    watch: &'a mut JobControl,
-    from: f64,
-    to: f64,
-}
-
-impl Control for SubProgress<'_> {
-    fn stage(&mut self, stage: Stage) {
-        self.watch.stage(stage);
+/// Uploads a model and draws it as the window does. The first picture is not timed: it sets up shared
+/// resources.
+fn draw(
+    gpu: &mut Gpu,
+    original: &Original,
+    settings: &Settings,
+    model: &Model,
+    level: LevelTimes,
+) -> LevelTimes {
+    let begin = Instant::now();
+    let drawing = gpu.upload(model);
+    let upload_secs = Some(begin.elapsed().as_secs_f64());
+    let mut target = gpu.target(PICTURE_SIZE_PX);
+    let look = &settings.look;
+    let mut shown = look.look.clone();
+    // The distances for the heat map come from another job.
+    if shown.shading == Shading::Heat {
+        shown.shading = Shading::Smooth;
     }
-
-    fn progress(&mut self, done: f64) -> Verdict {
-        self.watch.progress(self.from + (self.to - self.from) * done)
-    }
-}
-
-/// Renderer of the benchmark: adapter, original and settings.
-struct BenchRenderer<'a> {
-    gpu: Gpu,
-    original: &'a Original,
-    settings: &'a Settings,
-}
-
-impl<'a> BenchRenderer<'a> {
-    fn new(context: Context, original: &'a Original, settings: &'a Settings) -> Self {
-        Self { gpu: Gpu::on(context).with_timestamps(), original, settings }
-    }
-
-    /// Uploads a model and draws it as the window does. The first picture is not timed: it sets up shared
-    /// resources.
-    fn draw(&mut self, model: &Model, level: LevelTimes) -> LevelTimes {
+    let lighting = look.rig.lighting(look.brightness);
+    let pose = Pose::default();
+    let placed = [PlacedModel::new(&drawing, &pose)];
+    let [width, height] = PICTURE_SIZE_PX.map(f64::from);
+    let camera = Camera::fitting(&original.bounds, viewport::standard_view(0), width / height);
+    let mut frame = Frame {
+        background: look.backdrop.background(true),
+        ground: look.ground,
+        ..Frame::new(&placed, original.bounds, camera, &shown, &lighting)
+    };
+    let least = |before: Option<f64>, secs: f64| Some(before.map_or(secs, |before| before.min(secs)));
+    let (mut frame_secs, mut adapter_secs) = (None, None);
+    for k in 0..=PICTURES_PER_LEVEL {
+        frame.camera.eye = camera.eye + (camera.eye - camera.target) * (1e-3 * k as f64);
         let begin = Instant::now();
-        let drawing = self.gpu.upload(model);
-        let upload_secs = Some(begin.elapsed().as_secs_f64());
-        let mut target = self.gpu.target(PICTURE_SIZE_PX);
-        let look = &self.settings.look;
-        let mut shown = look.look.clone();
-        // The distances for the heat map come from another job.
-        if shown.shading == Shading::Heat {
-            shown.shading = Shading::Smooth;
+        gpu.draw(&mut target, &frame);
+        let own = begin.elapsed().as_secs_f64();
+        let its = gpu.gpu_secs();
+        if k > 0 {
+            frame_secs = least(frame_secs, own);
+            adapter_secs = its.and_then(|its| least(adapter_secs, its));
         }
-        let lighting = look.rig.lighting(look.brightness);
-        let bounds = self.original.bounds;
-        let pose = Pose::default();
-        let placed = [PlacedModel::new(&drawing, &pose)];
-        let aspect = f64::from(PICTURE_SIZE_PX[0]) / f64::from(PICTURE_SIZE_PX[1]);
-        let camera = Camera::fitting(&bounds, viewport::standard_view(0), aspect);
-        let (mut ours, mut adapter): (Option<f64>, Option<f64>) = (None, None);
-        for k in 0..=PICTURES_PER_LEVEL {
-            let mut camera = camera;
-            camera.eye += (camera.eye - camera.target) * (1e-3 * k as f64);
-            let frame = Frame {
-                models: &placed,
-                bounds,
-                camera,
-                look: &shown,
-                lighting: &lighting,
-                background: look.backdrop.background(true),
-                ground: look.ground,
-                matcap: None,
-                environment: None,
-                shader: None,
-            };
-            let begin = Instant::now();
-            self.gpu.draw(&mut target, &frame);
-            let own = begin.elapsed().as_secs_f64();
-            let its = self.gpu.gpu_secs();
-            if k > 0 {
-                ours = Some(ours.map_or(own, |least| least.min(own)));
-                adapter = its.map(|its| adapter.map_or(its, |least| least.min(its)));
-            }
-        }
-        LevelTimes { upload_secs, frame_secs: ours, adapter_secs: adapter, ..level }
     }
+    LevelTimes { upload_secs, frame_secs, adapter_secs, ..level }
 }
 
 #[cfg(test)]
@@ -304,11 +250,7 @@ mod tests {
         };
         let original = LevelTimes { simplify_secs: None, error: None, faces: 69_451, ..level.clone() };
         BenchmarkTable {
-            file: "bunny.obj".to_owned(),
-            how: "--method memoryless".to_owned(),
-            adapter: "card".to_owned(),
-            shading: "smooth",
-            read_secs: 0.5,
+            title: "bunny.obj, opened in 0.50 s".to_owned(),
             rows: vec![
                 TableRow { share: 1.0, level: Ok(original) },
                 TableRow { share: 0.5, level: Ok(level) },
@@ -321,9 +263,7 @@ mod tests {
     fn a_table_is_markdown_with_as_many_columns_in_every_line() {
         let text = table().markdown();
         let lines: Vec<_> = text.lines().skip(2).collect();
-        assert!(
-            text.starts_with("bunny.obj, opened in 0.50 s; --method memoryless; drawn smooth at 1024 × 768")
-        );
+        assert!(text.starts_with("bunny.obj, opened in 0.50 s\n\n| level"));
         assert_eq!(lines.len(), 5);
         assert!(lines.iter().all(|l| l.matches('|').count() == COLUMN_HEADINGS.len() + 1), "{text}");
         assert_eq!(lines[2], "| original | 69,451 | – | – | 4.0 ms | 0.050 ms | – |");

@@ -11,13 +11,14 @@ use lodsmith_render::Shading;
 
 use crate::command::Command;
 use crate::content::Lighter;
-use crate::document::{Document, Drawing, ShownModel};
+use crate::document::Document;
 use crate::gpu::{DrawStats, Frame, Gpu, PlacedModel, RenderTarget};
 use crate::numbers::{grouped, percent, significant};
 use crate::orbit::{Orbit, moved_bounds, turn_matrix, turned_bounds};
 use crate::panel::{UiRequest, error};
 use crate::preview_mesh;
 use crate::settings::{Layout, Sides};
+use crate::shown::{Drawing, ShownModel};
 use crate::stage::picture::StageView;
 use crate::theme::palette;
 use crate::user_files::UserFiles;
@@ -329,7 +330,7 @@ impl ComparisonView {
             ui.request_repaint();
         }
         if let Some(share) = part {
-            drawing_line(ui, rect, share);
+            viewport::drawing_line(ui, rect, share);
         }
     }
 
@@ -385,13 +386,6 @@ impl ComparisonView {
         let camera = self.orbit(Side::Result).camera();
         Some(length / camera.length_per_pixel(camera.eye.distance(middle).max(1e-30), self.height_px))
     }
-}
-
-/// Draws a progress line at the lower edge of a picture that is drawn in parts.
-pub(crate) fn drawing_line(ui: &Ui, rect: Rect, share: f64) {
-    let y = rect.bottom() - 1.5;
-    let to = rect.left() + rect.width() * share.clamp(0.0, 1.0) as f32;
-    ui.painter_at(rect).hline(rect.left()..=to, y, egui::Stroke::new(3.0, palette(ui).accent));
 }
 
 /// Returns the bounding box of the rotated model in its rest pose.
@@ -450,21 +444,8 @@ fn overlay(
     if let Some((number, pixels)) = level.filter(|_| side == Side::Result) {
         text += &format!("  ·  level {number}  ·  {} px", significant(pixels, 2));
     }
-    let p = palette(ui);
-    let painter = ui.painter_at(seen);
-    let title = painter.layout_no_wrap(side.title().to_owned(), egui::FontId::proportional(13.0), p.text);
-    let counts = painter.layout_no_wrap(text, egui::FontId::monospace(12.0), p.weak);
-    let width = title.size().x + counts.size().x + 34.0;
-    let at = if document.settings().layout.sides == Sides::Wipe && side == Side::Result {
-        pos2(seen.right() - width - 10.0, seen.top() + 10.0)
-    } else {
-        pos2(seen.left() + 10.0, seen.top() + 10.0)
-    };
-    let chip = Rect::from_min_size(at, Vec2::new(width, 26.0));
-    painter.rect_filled(chip, 5.0, p.panel.gamma_multiply(0.92));
-    let counts_at = pos2(chip.right() - counts.size().x - 12.0, chip.center().y - counts.size().y / 2.0);
-    painter.galley(pos2(chip.left() + 12.0, chip.center().y - title.size().y / 2.0), title, p.text);
-    painter.galley(counts_at, counts, p.weak);
+    let is_right = document.settings().layout.sides == Sides::Wipe && side == Side::Result;
+    viewport::caption(ui, seen, side.title(), &text, is_right);
     let look = &document.settings().look.look;
     if look.shading == Shading::Heat && side == Side::Result && document.lighter().is_some() {
         let diagonal = original.content.bounds.diagonal();

@@ -1,9 +1,11 @@
 //! The document: open file, results and background work. Does not depend on the window.
 
+mod levels;
+mod preview;
 mod stage;
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use lodsmith::SimplifyError;
@@ -16,33 +18,19 @@ use crate::benchmark::{BenchmarkTable, SharedTable};
 use crate::command::{Command, History};
 use crate::content::{Distances, Lighter, Original, TopologySummary};
 use crate::export::{self, Export};
-use crate::gpu::{Context, DrawModel};
+use crate::gpu::Context;
 use crate::job::{JobControl, JobKind, Message, Progress, Worker};
 use crate::log::Log;
 use crate::numbers::{grouped, seconds};
 use crate::option_words::Simplification;
 use crate::preview_mesh;
 use crate::settings::Settings;
-use crate::slider_preview::{self, SliderPreview};
+use crate::shown::{Drawing, ShownModel};
+use crate::slider_preview::SliderPreview;
+use crate::target_scale::OriginalSize;
 
+pub(crate) use levels::level_ratios;
 pub use stage::StageLevel;
-
-/// A model that can be shown, with its GPU buffers.
-pub struct ShownModel<T> {
-    /// The model.
-    pub content: Arc<T>,
-    /// GPU buffers; `None` without an adapter.
-    pub draw: Option<Drawing>,
-}
-
-impl<T> Clone for ShownModel<T> {
-    fn clone(&self) -> Self {
-        Self { content: self.content.clone(), draw: self.draw.clone() }
-    }
-}
-
-/// GPU buffers that the window draws and the worker writes distances into.
-pub type Drawing = Arc<Mutex<DrawModel>>;
 
 /// Distances, and the two models that were compared.
 struct Measured {
@@ -54,18 +42,6 @@ struct Measured {
 struct LevelSet {
     of: (usize, Simplification),
     levels: Vec<ShownModel<Lighter>>,
-}
-
-/// Fractions of the triangles of the automatic levels.
-const AUTO_LEVEL_RATIOS: [f64; 9] = [0.5, 0.25, 0.125, 0.0625, 0.03, 0.015, 0.0075, 0.0035, 0.0015];
-
-/// Levels with fewer triangles are not made.
-const MIN_LEVEL_FACES: f64 = 50.0;
-
-/// Returns the fractions of the triangles that the levels of a model have.
-pub(crate) fn level_ratios(faces: usize) -> Vec<f64> {
-    let fewest = MIN_LEVEL_FACES / faces.max(1) as f64;
-    AUTO_LEVEL_RATIOS.into_iter().filter(|r| *r > fewest).collect()
 }
 
 /// The document. Only commands change its settings.
@@ -184,6 +160,14 @@ impl Document {
     pub fn original(&self) -> Option<&ShownModel<Original>> {
         self.original.as_ref()
     }
+    /// Returns the size of the original.
+    pub fn original_size(&self) -> Option<OriginalSize> {
+        self.original.as_ref().map(|o| OriginalSize {
+            faces: o.content.faces,
+            vertices: o.content.vertices,
+            diagonal: o.content.bounds.diagonal(),
+        })
+    }
     /// Returns the latest result; `None` while the original is requested.
     pub fn lighter(&self) -> Option<&ShownModel<Lighter>> {
         self.lighter.as_ref()
@@ -201,32 +185,11 @@ impl Document {
         let fits = |a: &Option<(usize, TopologySummary)>, key: Option<usize>| {
             a.as_ref().is_some_and(|a| Some(a.0) == key)
         };
-        [(one, self.original.as_ref().map(key)), (two, self.lighter.as_ref().map(key))]
-            .map(|(a, key)| if fits(a, key) { a.as_ref().map(|a| &a.1) } else { None })
-    }
-    /// Returns the automatic levels, from the finest; none while they are off or not made yet.
-    pub fn levels(&self) -> &[ShownModel<Lighter>] {
-        if self.settings.auto_lod.is_on { self.levels_made() } else { &[] }
-    }
-
-    /// Returns the levels of the open file for the present options; none if they are not made.
-    fn levels_made(&self) -> &[ShownModel<Lighter>] {
-        let of = self.level_source();
-        self.levels.as_ref().filter(|set| Some(&set.of) == of.as_ref()).map_or(&[], |set| &set.levels)
-    }
-
-    /// Returns the number and the coarsest level whose error is at most this, in the units of the model.
-    /// Levels count from 1; 0 is the original.
-    pub fn level_for(&self, error: f64) -> (usize, Option<&ShownModel<Lighter>>) {
-        let levels = self.levels();
-        let number = levels.iter().take_while(|l| l.content.error() <= error).count();
-        (number, number.checked_sub(1).map(|i| &levels[i]))
-    }
-
-    fn level_source(&self) -> Option<(usize, Simplification)> {
-        let mut how = self.settings.simplify.clone();
-        how.options.stop = lodsmith::Stop::default();
-        Some((key(self.original.as_ref()?), how))
+        [
+            (one, self.original.as_ref().map(ShownModel::key)),
+            (two, self.lighter.as_ref().map(ShownModel::key)),
+        ]
+        .map(|(a, key)| if fits(a, key) { a.as_ref().map(|a| &a.1) } else { None })
     }
 
     /// Returns the pose of the model at the current time.
@@ -267,14 +230,6 @@ impl Document {
     /// Returns the progress of the current job, if there is one.
     pub fn progress(&self) -> Option<Progress> {
         self.worker.progress()
-    }
-    /// Returns the progress of the progressive mesh while it is being made.
-    pub fn preview_progress(&self) -> Option<Progress> {
-        self.builder.progress()
-    }
-    /// Returns true if the slider can preview any level at once.
-    pub fn has_preview(&self) -> bool {
-        self.preview.is_some() && self.requested_preview == self.level_source()
     }
     /// Returns the file that is being read.
     pub fn opening(&self) -> Option<&Path> {
@@ -386,7 +341,7 @@ impl Document {
         let Some(original) = self.original.clone() else { return };
         let (filling, settings, context) =
             (SharedTable::default(), self.settings.clone(), self.context.clone());
-        self.benchmark = Some((key(&original), filling.clone()));
+        self.benchmark = Some((original.key(), filling.clone()));
         self.worker.submit(JobKind::Benchmark, move |watch| {
             let is_whole = filling.fill(&original.content, &settings, context, watch);
             Some(Outcome::Benchmarked { is_whole })
@@ -395,7 +350,7 @@ impl Document {
 
     /// Returns the benchmark table of the present file, as far as it is filled.
     pub fn benchmark_table(&self) -> Option<BenchmarkTable> {
-        let of = key(self.original.as_ref()?);
+        let of = self.original.as_ref()?.key();
         self.benchmark.as_ref().filter(|b| b.0 == of).map(|b| b.1.table())
     }
 
@@ -562,8 +517,8 @@ impl Document {
         self.log.good(format!(
             "opened {}: {} faces, {}",
             path.display(),
-            crate::numbers::grouped(content.faces),
-            crate::numbers::seconds(content.read_secs)
+            grouped(content.faces),
+            seconds(content.read_secs)
         ));
         for warning in &content.file.warnings {
             self.log.warn(warning.to_string());
@@ -650,98 +605,6 @@ impl Document {
         });
     }
 
-    /// Shows the preview level for a target; returns false if there is none.
-    fn show_preview_level(&mut self, how: &Simplification) -> bool {
-        if !self.has_preview() {
-            return false;
-        }
-        match self.preview.as_mut().map(|preview| preview.show(how)) {
-            Some(Ok(Some(level))) => {
-                self.worker.cancel(&[JobKind::Simplify, JobKind::Measure, JobKind::Inspect]);
-                self.lighter = Some(level);
-                true
-            }
-            Some(Err(why)) => {
-                self.fail(why.to_string());
-                false
-            }
-            Some(Ok(None)) | None => false,
-        }
-    }
-
-    /// Starts the job for the progressive mesh, if file or method changed.
-    fn start_preview(&mut self, original: &ShownModel<Original>) {
-        let Some(of) = self.level_source() else { return };
-        if self.requested_preview.as_ref() == Some(&of) {
-            return;
-        }
-        self.drop_preview();
-        self.requested_preview = Some(of.clone());
-        let faces = original.content.faces;
-        if faces > slider_preview::MAX_FACES {
-            let most = grouped(slider_preview::MAX_FACES);
-            let text =
-                format!("{} faces are more than {most}, the limit for a progressive mesh", grouped(faces));
-            return self.log.note(format!("the slider runs the method for each value ({text})"));
-        }
-        let (context, original) = (self.context.clone(), original.content.clone());
-        self.builder.submit(JobKind::Preview, move |watch| {
-            let begin = Instant::now();
-            let result = SliderPreview::build(&original, &of.1, context.as_ref(), watch).map(Box::new);
-            Some(Outcome::Preview { of, secs: begin.elapsed().as_secs_f64(), result })
-        });
-    }
-
-    fn take_preview(
-        &mut self,
-        of: &(usize, Simplification),
-        secs: f64,
-        result: Result<Box<SliderPreview>, SimplifyError>,
-    ) {
-        if self.requested_preview.as_ref() != Some(of) {
-            return;
-        }
-        match result {
-            Ok(mut road) => {
-                self.log.note(format!(
-                    "the slider shows results immediately: progressive mesh of {} levels built in {}",
-                    grouped(road.levels()),
-                    seconds(secs)
-                ));
-                self.lighter.iter().for_each(|l| road.learn_peak_ratio(&l.content));
-                self.preview = Some(*road);
-            }
-            Err(SimplifyError::Cancelled) => {}
-            Err(why) => self.log.note(format!("the slider runs the method for each value ({why})")),
-        }
-    }
-
-    fn drop_preview(&mut self) {
-        (self.preview, self.requested_preview, self.needs_exact_run) = (None, None, false);
-        self.builder.cancel(&[JobKind::Preview]);
-    }
-
-    /// Starts the job for the automatic levels, if they are needed.
-    fn make_levels(&mut self, original: &ShownModel<Original>) {
-        let is_wanted = self.settings.auto_lod.is_on || self.settings.stage.is_on;
-        let Some(of) = self.level_source().filter(|_| is_wanted) else { return };
-        if self.requested_levels.as_ref() == Some(&of) {
-            return;
-        }
-        self.requested_levels = Some(of.clone());
-        let (context, original) = (self.context.clone(), original.clone());
-        self.worker.submit(JobKind::Levels, move |watch| {
-            let ratios = level_ratios(original.content.faces);
-            let made = Lighter::chain(&original.content, &of.1, &ratios, watch);
-            let shown = |level: Lighter| {
-                let draw = context.as_ref().map(|c| Arc::new(Mutex::new(c.upload(&level.model))));
-                ShownModel { content: Arc::new(level), draw }
-            };
-            let result = made.map(|levels| levels.into_iter().map(shown).collect());
-            Some(Outcome::Levels { of, result })
-        });
-    }
-
     fn inspect(&mut self, original: &ShownModel<Original>) {
         if !self.wants_topology || self.worker.is_busy(JobKind::Inspect) || self.is_outdated() {
             return;
@@ -749,13 +612,13 @@ impl Document {
         let [one, two] = self.topologies().map(|a| a.is_some());
         if !one {
             let content = original.content.clone();
-            let key = key(original);
+            let key = original.key();
             self.worker.submit(JobKind::Inspect, move |_: &mut JobControl| {
                 Some(Outcome::Inspected { which: 0, key, anatomy: TopologySummary::of(content.model()) })
             });
         } else if let Some(lighter) = self.lighter.as_ref().filter(|l| !two && l.content.report.is_some()) {
             let content = lighter.content.clone();
-            let key = key(lighter);
+            let key = lighter.key();
             self.worker.submit(JobKind::Inspect, move |_: &mut JobControl| {
                 Some(Outcome::Inspected { which: 1, key, anatomy: TopologySummary::of(&content.model) })
             });
@@ -791,9 +654,4 @@ fn show_heat(drawing: Option<&Drawing>, model: &Model, values: &[Vec<f32>]) {
         };
         drawing.lock().unwrap_or_else(PoisonError::into_inner).set_heat(i, Some(&of_wedges));
     }
-}
-
-/// Returns the address of the content, as an identity while it is alive.
-fn key<T>(shown: &ShownModel<T>) -> usize {
-    Arc::as_ptr(&shown.content) as usize
 }

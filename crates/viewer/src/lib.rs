@@ -42,16 +42,24 @@ pub mod preview_mesh;
 pub mod session;
 pub mod settings;
 #[cfg(feature = "window")]
+pub mod shown;
+#[cfg(feature = "window")]
 pub mod slider_preview;
 pub mod stage;
+#[cfg(feature = "window")]
+pub mod target_scale;
 #[cfg(feature = "window")]
 pub mod theme;
 #[cfg(feature = "window")]
 mod user_files;
+#[cfg(feature = "window")]
+mod view_options;
 #[cfg(feature = "window")]
 pub mod viewport;
 #[cfg(feature = "window")]
 mod window;
 
 #[cfg(feature = "window")]
-pub use window::{ViewError, ViewOptions, run};
+pub use view_options::ViewOptions;
+#[cfg(feature = "window")]
+pub use window::{ViewError, run};

@@ -30,54 +30,33 @@ pub enum Normals {
     None,
 }
 
-/// Values with their words, in the order of lists.
-type Choices<T> = &'static [(T, &'static str)];
+impl Normals {
+    /// All values, in the order of lists.
+    pub const ALL: [Self; 3] = [Self::Keep, Self::Recompute, Self::None];
 
-/// Presets by word.
-pub const PRESETS: Choices<Preset> = &[
-    (Preset::Auto, "auto"),
-    (Preset::Scan, "scan"),
-    (Preset::Cad, "cad"),
-    (Preset::Visual, "visual"),
-    (Preset::Print, "print"),
-];
-/// Fits by word.
-pub const FITS: Choices<Fit> = &[(Fit::Auto, "auto"), (Fit::On, "on"), (Fit::Off, "off")];
-/// Error bounds by word.
-pub const BOUNDS: Choices<Bound> = &[
-    (Bound::Auto, "auto"),
-    (Bound::Estimate, "estimate"),
-    (Bound::OneSided, "one-sided"),
-    (Bound::TwoSided, "two-sided"),
-];
-/// Placements by word.
-pub const PLACEMENTS: Choices<Placement> =
-    &[(Placement::Optimal, "optimal"), (Placement::Endpoint, "endpoint"), (Placement::Midpoint, "midpoint")];
-/// Border policies by word.
-pub const BORDERS: Choices<BorderPolicy> = &[
-    (BorderPolicy::Keep, "keep"),
-    (BorderPolicy::Slide, "slide"),
-    (BorderPolicy::Lock, "lock"),
-    (BorderPolicy::Free, "free"),
-];
-/// Topology policies by word.
-pub const TOPOLOGIES: Choices<TopologyPolicy> = &[
-    (TopologyPolicy::Relaxed, "relaxed"),
-    (TopologyPolicy::Preserve, "preserve"),
-    (TopologyPolicy::Free, "free"),
-];
-/// Normals of the result by word.
-pub const NORMALS: Choices<Normals> =
-    &[(Normals::Keep, "keep"), (Normals::Recompute, "recompute"), (Normals::None, "none")];
-
-/// Returns the word of a value.
-pub fn word<T: Copy + PartialEq>(choices: Choices<T>, value: T) -> &'static str {
-    choices.iter().find(|c| c.0 == value).map_or("", |c| c.1)
+    /// Returns the name of the value.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Keep => "keep",
+            Self::Recompute => "recompute",
+            Self::None => "none",
+        }
+    }
 }
 
-fn choice<T: Copy>(choices: Choices<T>, option: &str, word: &str) -> Result<T, String> {
-    let known = choices.iter().find(|c| c.1 == word);
-    known.map(|c| c.0).ok_or_else(|| format!("{option}: invalid value {word}"))
+/// Returns values with their names, in the order of lists.
+pub fn named<T: Copy, const N: usize>(values: [T; N], name: fn(T) -> &'static str) -> [(T, &'static str); N] {
+    values.map(|value| (value, name(value)))
+}
+
+fn choice<T: Copy, const N: usize>(
+    values: [T; N],
+    name: fn(T) -> &'static str,
+    option: &str,
+    word: &str,
+) -> Result<T, String> {
+    let known = values.into_iter().find(|value| name(*value) == word);
+    known.ok_or_else(|| format!("{option}: invalid value {word}"))
 }
 
 /// Formats a length as it is typed: `0.5` in units, `0.1%` of the diagonal.
@@ -140,14 +119,14 @@ impl Simplification {
         say("--ratio", o.stop.ratio.map(|r| r.to_string()));
         say("--error", o.stop.error.map(length_text));
         let differs = |is: bool, word: &str| is.then(|| word.to_owned());
-        say("--preset", differs(self.preset != Preset::default(), word(PRESETS, self.preset)));
+        say("--preset", differs(self.preset != Preset::default(), self.preset.name()));
         say("--method", differs(o.method != base.method, o.method.name()));
-        say("--fit", differs(o.fit != base.fit, word(FITS, o.fit)));
-        say("--placement", differs(o.placement != base.placement, word(PLACEMENTS, o.placement)));
-        say("--border", differs(o.border != base.border, word(BORDERS, o.border)));
+        say("--fit", differs(o.fit != base.fit, o.fit.name()));
+        say("--placement", differs(o.placement != base.placement, o.placement.name()));
+        say("--border", differs(o.border != base.border, o.border.name()));
         say("--sharp", o.sharp_deg.map(|x| x.to_string()));
-        say("--topology", differs(o.topology != base.topology, word(TOPOLOGIES, o.topology)));
-        say("--bound", differs(o.bound != base.bound, word(BOUNDS, o.bound)));
+        say("--topology", differs(o.topology != base.topology, o.topology.name()));
+        say("--bound", differs(o.bound != base.bound, o.bound.name()));
         let weights = |o: &SimplifyOptions| {
             let w = o.weights;
             [w.normal, w.uv, w.color, w.morph, w.skin, w.other, w.border]
@@ -155,8 +134,10 @@ impl Simplification {
         for ((name, now), before) in WEIGHTS.iter().zip(weights(o)).zip(weights(&base)) {
             say("--weight", (now != before).then(|| format!("{name}={now}")));
         }
-        let length =
-            |now: Option<Length>, before: Option<Length>| now.filter(|_| now != before).map(length_text);
+        // 0 turns off the length of the preset.
+        let length = |now: Option<Length>, before: Option<Length>| {
+            (now != before).then(|| now.map_or_else(|| "0".to_owned(), length_text))
+        };
         say("--weld", length(o.weld, base.weld));
         say("--prune", length(o.prune, base.prune));
         let number = |x: Option<f64>| x.map(|x| x.to_string());
@@ -175,7 +156,7 @@ impl Simplification {
         say("--min-quality", number(g.min_quality));
         say("--max-valence", count(g.max_valence));
         say("--max-edge", length(g.max_edge, None));
-        say("--normals", differs(self.normals != Normals::default(), word(NORMALS, self.normals)));
+        say("--normals", differs(self.normals != Normals::default(), self.normals.name()));
         say("--seed", (o.seed != base.seed).then(|| o.seed.to_string()));
         let flags = [
             (m.two_stage, "--two-stage"),
@@ -203,7 +184,7 @@ impl Simplification {
             }
             let value = rest.next().ok_or_else(|| format!("{option} needs a value"))?;
             if option == "--preset" {
-                preset = choice(PRESETS, option, value)?;
+                preset = choice(Preset::ALL, Preset::name, option, value)?;
             } else {
                 pairs.push((option.as_str(), value.as_str()));
             }
@@ -226,16 +207,13 @@ impl Simplification {
             "--vertices" => o.stop.vertices = count()?,
             "--ratio" => o.stop.ratio = Some(number()?),
             "--error" => o.stop.error = length()?,
-            "--method" => {
-                let known = Method::ALL.into_iter().find(|m| m.name() == value);
-                o.method = known.ok_or_else(wrong)?;
-            }
-            "--fit" => o.fit = choice(FITS, option, value)?,
-            "--placement" => o.placement = choice(PLACEMENTS, option, value)?,
-            "--border" => o.border = choice(BORDERS, option, value)?,
+            "--method" => o.method = choice(Method::ALL, Method::name, option, value)?,
+            "--fit" => o.fit = choice(Fit::ALL, Fit::name, option, value)?,
+            "--placement" => o.placement = choice(Placement::ALL, Placement::name, option, value)?,
+            "--border" => o.border = choice(BorderPolicy::ALL, BorderPolicy::name, option, value)?,
             "--sharp" => o.sharp_deg = Some(number()?),
-            "--topology" => o.topology = choice(TOPOLOGIES, option, value)?,
-            "--bound" => o.bound = choice(BOUNDS, option, value)?,
+            "--topology" => o.topology = choice(TopologyPolicy::ALL, TopologyPolicy::name, option, value)?,
+            "--bound" => o.bound = choice(Bound::ALL, Bound::name, option, value)?,
             "--weight" => {
                 let (name, weight) = value.split_once('=').ok_or_else(wrong)?;
                 let weight: f64 = weight.parse().map_err(|_| wrong())?;
@@ -245,7 +223,9 @@ impl Simplification {
                 let place = WEIGHTS.iter().zip(places).find(|(n, _)| **n == name).ok_or_else(wrong)?;
                 *place.1 = weight;
             }
-            "--weld" => o.weld = length()?,
+            "--weld" => {
+                o.weld = length()?.filter(|l| !matches!(l, Length::Units(0.0) | Length::OfDiagonal(0.0)))
+            }
             "--prune" => o.prune = length()?,
             "--pairs" => o.method_options.pairs = length()?,
             "--cell" => o.method_options.cell = length()?,
@@ -259,7 +239,7 @@ impl Simplification {
             "--min-quality" => o.guards.min_quality = Some(number()?),
             "--max-valence" => o.guards.max_valence = count()?,
             "--max-edge" => o.guards.max_edge = length()?,
-            "--normals" => self.normals = choice(NORMALS, option, value)?,
+            "--normals" => self.normals = choice(Normals::ALL, Normals::name, option, value)?,
             "--seed" => o.seed = value.parse().map_err(|_| wrong())?,
             "--two-stage" => o.method_options.two_stage = true,
             "--adaptive" => o.method_options.adaptive = true,
@@ -327,10 +307,13 @@ mod tests {
         o.stop = Stop { faces: Some(12), vertices: Some(8), error: length, ..o.stop };
         all.normals = Normals::Recompute;
         assert_eq!(Simplification::parse(&all.words()), Ok(all));
-        for preset in PRESETS {
-            let one = Simplification::of_preset(preset.0, Stop::faces(9));
+        for preset in Preset::ALL {
+            let one = Simplification::of_preset(preset, Stop::faces(9));
             assert_eq!(Simplification::parse(&one.words()), Ok(one));
         }
+        let mut switched_off = Simplification::of_preset(Preset::Scan, Stop::faces(9));
+        switched_off.options.weld = None;
+        assert_eq!(Simplification::parse(&switched_off.words()), Ok(switched_off));
         assert!(Simplification::default().words().is_empty());
     }
 

@@ -1,6 +1,7 @@
 //! Panels round the pictures. They read the document and push requests; none changes it.
 
 pub mod benchmark;
+mod dock;
 pub mod error;
 pub mod export;
 pub mod files;
@@ -16,98 +17,14 @@ pub mod timeline;
 pub mod top;
 pub mod widgets;
 
-use serde::{Deserialize, Serialize};
+pub use dock::{Dock, Panel};
 
 use crate::command::Command;
 use crate::document::Document;
 use crate::keys::Action;
-use crate::stage::picture::KeyframeSelection;
 use crate::stage::scatter::Scatter;
-
-/// A panel that can be shown and hidden.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum Panel {
-    /// Open files and recent ones.
-    Files,
-    /// Method and its options.
-    Method,
-    /// Report of the engine.
-    Report,
-    /// Counts and times.
-    Info,
-    /// Appearance.
-    Look,
-    /// Distances between result and original.
-    Error,
-    /// Log messages.
-    Log,
-    /// Copies on the stage.
-    Stage,
-    /// Timeline of animations and keyframes.
-    Timeline,
-    /// Benchmark of levels.
-    Benchmark,
-}
-
-impl Panel {
-    /// All panels, in the order of the menu.
-    pub const ALL: [Self; 10] = [
-        Self::Files,
-        Self::Stage,
-        Self::Method,
-        Self::Report,
-        Self::Error,
-        Self::Info,
-        Self::Look,
-        Self::Timeline,
-        Self::Benchmark,
-        Self::Log,
-    ];
-
-    /// Returns its name.
-    pub fn title(self) -> &'static str {
-        match self {
-            Self::Files => "Files",
-            Self::Method => "Method",
-            Self::Report => "Report",
-            Self::Info => "Info",
-            Self::Look => "Look",
-            Self::Error => "Error",
-            Self::Log => "Log",
-            Self::Stage => "Stage",
-            Self::Timeline => "Timeline",
-            Self::Benchmark => "Benchmarks",
-        }
-    }
-
-    /// Returns the dock of the panel.
-    pub fn dock(self) -> Dock {
-        match self {
-            Self::Files | Self::Stage | Self::Method | Self::Report => Dock::Left,
-            Self::Info | Self::Look | Self::Error => Dock::Right,
-            Self::Timeline | Self::Benchmark => Dock::Middle,
-            Self::Log => Dock::Bottom,
-        }
-    }
-
-    /// Returns true if it is shown by default.
-    pub fn is_shown_by_default(self) -> bool {
-        matches!(self, Self::Method | Self::Report | Self::Info | Self::Look)
-    }
-}
-
-/// A place for panels in the window.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Dock {
-    /// Left: input and method.
-    Left,
-    /// Right: result and appearance.
-    Right,
-    /// Below the pictures, above the slider.
-    Middle,
-    /// Bottom: the log.
-    Bottom,
-}
+use crate::stage::status::{KeyframeSelection, StageStatus};
+use crate::target_scale::Unit;
 
 /// Data that panels read, and their requests.
 pub struct PanelContext<'a> {
@@ -175,7 +92,7 @@ pub struct WindowState {
     /// Error of the result in pixels, from the present camera.
     pub error_px: Option<f64>,
     /// Unit of the slider.
-    pub unit: target::Unit,
+    pub unit: Unit,
     /// State of the stage view.
-    pub stage: crate::stage::picture::StageStatus,
+    pub stage: StageStatus,
 }

@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex};
 use lodsmith::{Method, NoControl, SimplifyOptions, Stop};
 use lodsmith_core::{Model, TriMesh};
 
-use crate::document::Drawing;
 use crate::gpu::Context;
+use crate::shown::Drawing;
 
 /// Models with more triangles have a preview mesh: a software adapter takes most of a second to draw them.
 pub const PREVIEW_ABOVE_FACES: usize = 400_000;

@@ -80,19 +80,16 @@ impl Session {
         Self { stage_camera, ..self }
     }
 
-    /// Saves the session atomically. Models in its folder are stored with relative paths.
+    /// Saves the session atomically. Files in its folder are stored with relative paths.
     ///
     /// # Errors
     /// [`SessionError::Io`].
     pub fn save(&self, path: &Path) -> Result<(), SessionError> {
         let mut copy = self.clone();
         let folder = folder_of(path);
-        for file in &mut copy.settings.files {
-            if let Some(inside) = absolute(file).strip_prefix(&folder).ok().map(Path::to_owned) {
-                *file = inside;
-            } else {
-                *file = absolute(file);
-            }
+        for file in copy.settings.all_files_mut() {
+            let whole = absolute(file);
+            *file = whole.strip_prefix(&folder).map_or_else(|_| whole.clone(), Path::to_owned);
         }
         let text = serde_json::to_string_pretty(&copy).map_err(io::Error::from);
         text.and_then(|text| write(path, text.as_bytes()))
@@ -118,16 +115,13 @@ impl Session {
             return Err(malformed("the field `program` is missing or different".to_owned()));
         }
         let folder = folder_of(path);
-        for file in &mut session.settings.files {
+        for file in session.settings.all_files_mut() {
             *file = folder.join(&file);
+            if !scope.allows(&absolute(file), &folder) {
+                return Err(SessionError::Outside { path: path.to_owned(), file: file.clone() });
+            }
         }
-        let is_outside = |file: &&PathBuf| !scope.allows(&absolute(file), &folder);
-        let outside =
-            session.settings.files.iter().chain(session.settings.look.files()).find(is_outside).cloned();
-        match outside {
-            Some(file) => Err(SessionError::Outside { path: path.to_owned(), file }),
-            None => Ok(session),
-        }
+        Ok(session)
     }
 }
 
@@ -216,9 +210,13 @@ impl ViewerPrefs {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::EnvironmentChoice;
 
     fn session(folder: &Path) -> Session {
-        let settings = Settings { files: vec![folder.join("a.glb")], ..Settings::default() };
+        let mut settings = Settings { files: vec![folder.join("a.glb")], ..Settings::default() };
+        settings.look.matcap = Some(folder.join("look/ball.png"));
+        settings.look.shader = Some(folder.join("look/s.wgsl"));
+        settings.look.around = EnvironmentChoice::File(folder.join("look/sky.hdr"));
         let pose = Pose { eye: [1.0; 3], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 };
         Session::new(settings, [pose; 2])
     }
@@ -230,6 +228,11 @@ mod tests {
         std::fs::rename(one.path().join("s.json"), two.path().join("s.json")).unwrap();
         let opened = Session::open(&two.path().join("s.json"), &AssetScope::Folder).unwrap();
         assert_eq!(opened.settings.files, [two.path().join("a.glb")]);
+        let look: Vec<_> = opened.settings.look.files().collect();
+        assert_eq!(
+            look,
+            ["ball.png", "s.wgsl", "sky.hdr"].map(|name| two.path().join("look").join(name)).each_ref()
+        );
     }
 
     #[test]

@@ -43,6 +43,16 @@ impl Settings {
     pub fn file(&self) -> Option<&Path> {
         self.files.get(self.shown).map(PathBuf::as_path)
     }
+
+    /// Returns all paths: of the open files and of the appearance.
+    pub(crate) fn all_files_mut(&mut self) -> impl Iterator<Item = &mut PathBuf> {
+        let look = &mut self.look;
+        let around = match &mut look.around {
+            EnvironmentChoice::File(path) => Some(path),
+            EnvironmentChoice::Auto | EnvironmentChoice::Plain | EnvironmentChoice::Studio => None,
+        };
+        self.files.iter_mut().chain(&mut look.matcap).chain(&mut look.shader).chain(around)
+    }
 }
 
 /// Rotation of the model, as a quaternion (x, y, z, w).

@@ -8,9 +8,9 @@ use lodsmith_core::{MeshError, Model, TriMesh};
 use lodsmith_io::ModelSource;
 
 use crate::content::{Lighter, Original, diagonal_of, parts_of, placed_meshes};
-use crate::document::{Drawing, ShownModel};
 use crate::gpu::Context;
 use crate::option_words::{Normals, Simplification};
+use crate::shown::{Drawing, ShownModel};
 
 /// Largest number of triangles for a preview: with more, a jump from end to end would block the window for
 /// over 0.1 s. (Measured on horse: about 40 ms of processor time a jump and 0.6 GB at the most for a

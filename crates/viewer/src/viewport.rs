@@ -10,6 +10,7 @@ use lodsmith_render::{Camera, StandardView};
 use rayon::prelude::*;
 
 use crate::orbit::Orbit;
+use crate::theme::palette;
 
 /// Rotation per point of mouse movement: half a turn over 600 points.
 const TURN_PER_POINT: f64 = std::f64::consts::PI / 600.0;
@@ -138,6 +139,29 @@ pub fn picture_area(ui: &mut egui::Ui, rect: Rect, name: &'static str) -> Respon
     let response = ui.interact(rect, ui.scope_id().with(name), egui::Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, name));
     response
+}
+
+/// Draws a title and a text at the upper left corner of a picture, or at the upper right one.
+pub(crate) fn caption(ui: &egui::Ui, picture: Rect, title: &str, text: &str, is_right: bool) {
+    let p = palette(ui);
+    let painter = ui.painter_at(picture);
+    let title = painter.layout_no_wrap(title.to_owned(), egui::FontId::proportional(13.0), p.text);
+    let text = painter.layout_no_wrap(text.to_owned(), egui::FontId::monospace(12.0), p.weak);
+    let size = Vec2::new(title.size().x + text.size().x + 34.0, 26.0);
+    let left = if is_right { picture.right() - size.x - 10.0 } else { picture.left() + 10.0 };
+    let chip = Rect::from_min_size(egui::pos2(left, picture.top() + 10.0), size);
+    painter.rect_filled(chip, 5.0, p.panel.gamma_multiply(0.92));
+    let middle = |galley: &egui::Galley| chip.center().y - galley.size().y / 2.0;
+    let text_at = egui::pos2(chip.right() - text.size().x - 12.0, middle(&text));
+    painter.galley(egui::pos2(chip.left() + 12.0, middle(&title)), title, p.text);
+    painter.galley(text_at, text, p.weak);
+}
+
+/// Draws a progress line at the lower edge of a picture that is drawn in parts.
+pub(crate) fn drawing_line(ui: &egui::Ui, rect: Rect, share: f64) {
+    let y = rect.bottom() - 1.5;
+    let to = rect.left() + rect.width() * share.clamp(0.0, 1.0) as f32;
+    ui.painter_at(rect).hline(rect.left()..=to, y, egui::Stroke::new(3.0, palette(ui).accent));
 }
 
 #[cfg(test)]

@@ -410,7 +410,7 @@ fn times_of_levels_fill_a_table_and_a_new_target_ends_it() {
     assert!(errors.windows(2).all(|e| e[0] < e[1]), "{errors:?}");
     // There is no adapter.
     assert!(table.rows.iter().all(|r| r.level.as_ref().is_ok_and(|l| l.frame_secs.is_none())));
-    assert!(table.title().contains("--method memoryless") && table.title().contains("no adapter"));
+    assert!(table.title.contains("--method memoryless") && table.title.contains("no adapter"));
 
     // A new target cancels the benchmark.
     document.benchmark();

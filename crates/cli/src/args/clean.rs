@@ -1,13 +1,10 @@
 //! Arguments of `lodsmith clean`.
 
-use std::path::PathBuf;
-
 use clap::{ArgGroup, Args};
-use lodsmith::CleanOptions;
+use lodsmith::{CleanOptions, NonManifold};
 
-use super::choice::NonManifoldChoice;
-use super::{Ending, Reading, Run, TypedLength, Writing, values};
-use crate::file::{Sink, Source};
+use super::batch_files::BatchFiles;
+use super::{Ending, Reading, Run, TypedLength, Writing, choice, values};
 use crate::plan::OutputArgs;
 
 const AFTER: &str = "\
@@ -32,28 +29,20 @@ Examples:
 
 #[derive(Args, Debug)]
 #[command(after_help = AFTER)]
+#[command(mut_arg("name", |name| name.default_value("{stem}_clean.{ext}")))]
 #[command(group(ArgGroup::new("result").args(["output", "out_dir", "dry_run"]).required(true).multiple(true)))]
 pub(crate) struct CleanArgs {
-    /// Files to clean; `-` is standard input
-    #[arg(value_name = "IN", required = true)]
-    pub(crate) inputs: Vec<Source>,
-    /// File to write; `-` is standard output
-    #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir")]
-    output: Option<Sink>,
-    /// Folder for the results of several inputs; created if missing
-    #[arg(short = 'O', long, value_name = "DIR")]
-    pub(crate) out_dir: Option<PathBuf>,
-    /// File names in the folder
-    #[arg(long, value_name = "TEMPLATE", default_value = "{stem}_clean.{ext}", requires = "out_dir")]
-    name: String,
+    #[command(flatten)]
+    files: BatchFiles,
     /// Merge vertices closer than D, in units of the file or as a share of the diagonal (0.1%); coincident ones always are
-    #[arg(long, value_name = "D", value_parser = values::some_length, help_heading = "How")]
+    #[arg(long, value_name = "D", value_parser = values::some_length, help_heading = "Repair")]
     weld: Option<TypedLength>,
-    /// How to treat edges with more than two faces, and vertices where a surface touches itself; see below
-    #[arg(long, value_name = "WHAT", value_enum, default_value_t, help_heading = "How")]
-    non_manifold: NonManifoldChoice,
+    /// Treatment of edges with more than two faces, and of vertices where a surface touches itself; see below
+    #[arg(long, value_name = "POLICY", value_parser = choice(NonManifold::ALL, NonManifold::name),
+          default_value = NonManifold::default().name(), help_heading = "Repair")]
+    non_manifold: NonManifold,
     /// Remove connected parts smaller than this (diagonal of their box, in units or as a share: 0.1%)
-    #[arg(long, value_name = "SIZE", value_parser = values::some_length, help_heading = "How")]
+    #[arg(long, value_name = "SIZE", value_parser = values::some_length, help_heading = "Repair")]
     prune: Option<TypedLength>,
     #[command(flatten)]
     pub(crate) reading: Reading,
@@ -71,24 +60,14 @@ pub(crate) struct CleanArgs {
 impl CleanArgs {
     /// Returns where the results go.
     pub(crate) fn wanted(&self) -> OutputArgs<'_> {
-        OutputArgs {
-            inputs: &self.inputs,
-            output: self.output.as_ref(),
-            out_dir: self.out_dir.as_deref(),
-            name: &self.name,
-            from: self.reading.from,
-            to: self.writing.to,
-            json: self.ending.json,
-            dry_run: self.dry_run,
-            force: self.writing.force,
-        }
+        self.files.wanted(&self.reading, &self.writing, self.ending, self.dry_run)
     }
 
     /// Converts the arguments to options of the library.
     pub(crate) fn options(&self) -> CleanOptions {
         let mut options = CleanOptions::default();
         options.weld = self.weld.as_ref().map(|d| d.length);
-        options.non_manifold = self.non_manifold.into();
+        options.non_manifold = self.non_manifold;
         options.prune = self.prune.as_ref().map(|d| d.length);
         options
     }

@@ -1,15 +1,15 @@
 //! Arguments shared by all commands that simplify: targets, method, constraints.
 
 use clap::Args;
-use lodsmith::{AttributeWeights, Guards, SimplifyOptions, Stop};
+use lodsmith::{BorderPolicy, Fit, Guards, Method, Placement, Preset, SimplifyOptions, Stop, TopologyPolicy};
 use serde_json::{Map, Value};
 
-use super::choice::{BorderChoice, FitChoice, MethodChoice, PlacementChoice, PresetChoice, TopologyChoice};
 use super::of_method::OfMethod;
 use super::scope::Scope;
-use super::{TypedLength, values};
+use super::weights::{self, AttributeName, Importance};
+use super::{TypedLength, choice, values};
 
-/// When to stop.
+/// Target of a run.
 #[derive(Args, Debug)]
 pub(crate) struct Target {
     /// Stop at N triangles
@@ -54,7 +54,7 @@ impl Target {
     }
 }
 
-/// How to come there.
+/// Options of a run besides its target.
 #[derive(Args, Debug)]
 pub(crate) struct EngineArgs {
     #[command(flatten)]
@@ -66,39 +66,44 @@ pub(crate) struct EngineArgs {
     #[command(flatten)]
     guards: GuardArgs,
     /// Seed of the samples; equal seeds give equal results
-    #[arg(long, value_name = "N", default_value_t = SimplifyOptions::default().seed, help_heading = "How")]
+    #[arg(long, value_name = "N", default_value_t = SimplifyOptions::default().seed, help_heading = "Simplification")]
     seed: u64,
 }
 
 #[derive(Args, Debug)]
-#[command(next_help_heading = "How")]
+#[command(next_help_heading = "Simplification")]
 pub(crate) struct How {
     /// Set several options for a purpose, see below; explicit options override it
-    #[arg(long, value_name = "PURPOSE", value_enum, default_value_t)]
-    preset: PresetChoice,
+    #[arg(long, value_name = "PURPOSE", value_parser = choice(Preset::ALL, Preset::name),
+          default_value = Preset::default().name())]
+    preset: Preset,
     /// Simplification method, see below
-    #[arg(long, value_name = "METHOD", value_enum, default_value_t)]
-    method: MethodChoice,
+    #[arg(long, value_name = "METHOD", value_parser = choice(Method::ALL, Method::name),
+          default_value = Method::default().name())]
+    method: Method,
     /// Fit the result to the original by least squares at the end
-    #[arg(long, value_name = "WHEN", value_enum, default_value_t)]
-    fit: FitChoice,
-    /// Where to place a merged vertex; `endpoint` keeps a subset of the vertices
-    #[arg(long, value_name = "WHERE", value_enum, default_value_t)]
-    placement: PlacementChoice,
-    /// How to treat open borders: keep their shape, slide along them, lock them, or ignore them [default: keep, or by
+    #[arg(long, value_name = "WHEN", value_parser = choice(Fit::ALL, Fit::name),
+          default_value = Fit::default().name())]
+    fit: Fit,
+    /// Position of a merged vertex: the one with the least error, an end of the edge (so that the vertices are a subset of
+    /// those of the input), or its midpoint
+    #[arg(long, value_name = "POSITION", value_parser = choice(Placement::ALL, Placement::name),
+          default_value = Placement::default().name())]
+    placement: Placement,
+    /// Treatment of open borders: keep their shape, slide along them, lock them, or ignore them (free) [default: keep, or by
     /// preset]
-    #[arg(long, value_name = "CARE", value_enum)]
-    border: Option<BorderChoice>,
-    /// What may change in the topology: parts and handles if the target needs it (relaxed), nothing (preserve), or
-    /// whatever costs least (free) [default: relaxed, or by preset]
-    #[arg(long, value_name = "CARE", value_enum)]
-    topology: Option<TopologyChoice>,
+    #[arg(long, value_name = "POLICY", value_parser = choice(BorderPolicy::ALL, BorderPolicy::name))]
+    border: Option<BorderPolicy>,
+    /// Permitted changes of the topology: parts and handles if the target needs it (relaxed), none (preserve), or those
+    /// that cost least (free) [default: relaxed, or by preset]
+    #[arg(long, value_name = "POLICY", value_parser = choice(TopologyPolicy::ALL, TopologyPolicy::name))]
+    topology: Option<TopologyPolicy>,
     /// Preserve edges whose faces meet at more than DEG degrees [default: off]
     #[arg(long, value_name = "DEG", value_parser = values::sharp_deg)]
     sharp: Option<f64>,
     /// Multiply the weight of an attribute in the cost (normal, uv, color, morph, skin, other), or of the lines of
     /// open borders (border), by W; may be repeated
-    #[arg(long, value_name = "NAME=W", value_parser = values::weight)]
+    #[arg(long, value_name = "NAME=W", value_parser = weights::weight)]
     weight: Vec<(AttributeName, f64)>,
     /// Keep this unchanged, bit for bit: a material, group, object, mesh or node, or the vertices where this attribute is
     /// not zero; may be repeated
@@ -106,10 +111,10 @@ pub(crate) struct How {
     pub(crate) lock: Vec<String>,
     /// Keep more triangles where this attribute of vertices is large: at 1, or at the largest value if that is above 1,
     /// STRENGTH times as many per area as at 0 [default STRENGTH: 4]
-    #[arg(long, value_name = "NAME[=STRENGTH]", value_parser = values::importance)]
+    #[arg(long, value_name = "NAME[=STRENGTH]", value_parser = weights::importance)]
     pub(crate) importance: Option<Importance>,
-    /// Merge vertices closer than D first (coincident vertices are always merged)
-    #[arg(long, value_name = "D", value_parser = values::some_length)]
+    /// Merge vertices closer than D first (coincident vertices are always merged); 0 turns off the weld of a preset
+    #[arg(long, value_name = "D")]
     weld: Option<TypedLength>,
 }
 
@@ -130,65 +135,24 @@ struct GuardArgs {
     max_edge: Option<TypedLength>,
 }
 
-/// An attribute, or else, that `--weight` names.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum AttributeName {
-    Normal,
-    Uv,
-    Color,
-    Morph,
-    Skin,
-    Other,
-    Border,
-}
-
-impl AttributeName {
-    pub(crate) const ALL: [(&str, Self); 7] = [
-        ("normal", Self::Normal),
-        ("uv", Self::Uv),
-        ("color", Self::Color),
-        ("morph", Self::Morph),
-        ("skin", Self::Skin),
-        ("other", Self::Other),
-        ("border", Self::Border),
-    ];
-
-    pub(super) fn of(self, weights: &mut AttributeWeights) -> &mut f64 {
-        match self {
-            Self::Normal => &mut weights.normal,
-            Self::Uv => &mut weights.uv,
-            Self::Color => &mut weights.color,
-            Self::Morph => &mut weights.morph,
-            Self::Skin => &mut weights.skin,
-            Self::Other => &mut weights.other,
-            Self::Border => &mut weights.border,
-        }
-    }
-}
-
-/// An attribute of vertices, and how much denser the result is where it is 1.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Importance {
-    pub(crate) name: String,
-    pub(crate) strength: f32,
-}
-
 impl EngineArgs {
     /// Returns the engine's options for this stop.
     pub(super) fn options(&self, stop: Stop) -> SimplifyOptions {
         let (how, guards) = (&self.how, &self.guards);
-        let mut options = SimplifyOptions::preset(how.preset.into(), stop);
-        options.method = how.method.into();
+        let mut options = SimplifyOptions::preset(how.preset, stop);
+        options.method = how.method;
         options.method_options = self.of_method.options();
-        options.fit = how.fit.into();
-        options.placement = how.placement.into();
-        options.border = how.border.map_or(options.border, Into::into);
-        options.topology = how.topology.map_or(options.topology, Into::into);
+        options.fit = how.fit;
+        options.placement = how.placement;
+        options.border = how.border.unwrap_or(options.border);
+        options.topology = how.topology.unwrap_or(options.topology);
         options.sharp_deg = how.sharp;
         for (name, weight) in &how.weight {
             *name.of(&mut options.weights) = *weight;
         }
-        options.weld = how.weld.as_ref().map(|d| d.length).or(options.weld);
+        if let Some(distance) = &how.weld {
+            options.weld = (!distance.is_zero()).then_some(distance.length);
+        }
         options.guards = Guards {
             max_normal_deg: guards.max_normal,
             min_quality: guards.min_quality,

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::engine::EngineArgs;
 use super::simplify::Normals;
 use super::{Ending, Reading, Run, TypedLength, Writing, values};
-use crate::file::{Sink, Source};
+use crate::paths::{Sink, Source};
 
 const AFTER: &str = "\
 Levels stand beside the original, which is level 0 and stays as it is. Levels by counts come out of one run, each \
@@ -88,7 +88,7 @@ pub(crate) struct LodArgs {
     pub(crate) run: Run,
 }
 
-/// Which levels.
+/// Levels by fractions, counts or errors.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Levels (one of these)")]
 #[group(required = true, multiple = false)]
@@ -133,7 +133,7 @@ impl LevelArgs {
     }
 }
 
-/// How levels are called.
+/// Naming style of levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Naming {
     Plain,

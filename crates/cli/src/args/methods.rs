@@ -5,15 +5,14 @@ use std::path::PathBuf;
 use clap::Args;
 use lodsmith::{Method, SimplifyOptions};
 
-use super::choice::MethodChoice;
 use super::engine::Target;
-use super::{Reading, Run, Writing};
-use crate::file::Source;
+use super::{Reading, Run, Writing, choice};
+use crate::paths::Source;
 
 const AFTER: &str = "\
 The table has for each method: faces of the result, time to make it (without reading and the measure below), mean, \
 RMS and largest distance from the input (both ways, in percent of the diagonal), what ended the run, defects that \
-the input has not, and the attributes that came along. Methods run one after the other. What each is for: \
+the input has not, and the attributes that came along. Methods run one after the other. For the purpose of each see \
 lodsmith simplify --help.
 
 Examples:
@@ -33,10 +32,10 @@ pub(crate) struct MethodsArgs {
     )]
     pub(crate) target: Target,
     /// Run only this method; may be repeated [default: all]
-    #[arg(long, value_name = "METHOD", value_enum, help_heading = "How")]
-    method: Vec<MethodChoice>,
+    #[arg(long, value_name = "METHOD", value_parser = choice(Method::ALL, Method::name), help_heading = "Comparison")]
+    method: Vec<Method>,
     /// Number of samples in each direction, spread by area, in addition to all vertices
-    #[arg(long, value_name = "N", help_heading = "How",
+    #[arg(long, value_name = "N", help_heading = "Comparison",
           default_value_t = lodsmith::core::measure::CompareOptions::default().samples)]
     pub(crate) samples: usize,
     /// Folder for the results, as STEM_METHOD.EXT; created if missing
@@ -62,8 +61,7 @@ pub(crate) struct MethodsArgs {
 impl MethodsArgs {
     /// Returns the methods to run, each once, in the order of lists.
     pub(crate) fn methods(&self) -> Vec<Method> {
-        let is_wanted =
-            |m: &Method| self.method.is_empty() || self.method.iter().any(|&c| Method::from(c) == *m);
+        let is_wanted = |m: &Method| self.method.is_empty() || self.method.contains(m);
         Method::ALL.into_iter().filter(is_wanted).collect()
     }
 

@@ -2,12 +2,13 @@
 
 use clap::{Args, Subcommand};
 use lodsmith::{SimplifyOptions, Stop};
+use lodsmith_io::Textures;
 use lodsmith_io::lpm::{LpmOptions, MAX_BITS, MIN_BITS};
 use serde_json::Value;
 
 use super::engine::{EngineArgs, Target};
-use super::{Ending, Reading, Run, TexturesChoice, Writing};
-use crate::file::{Sink, Source};
+use super::{Ending, Reading, Run, Writing, choice};
+use crate::paths::{Sink, Source};
 
 const AFTER_BUILD: &str = "\
 The file holds the base mesh and every step back to the input. Without --bits the input comes out as it went in, to the
@@ -27,7 +28,7 @@ Examples:
   lodsmith progressive extract bunny.lpm -o low.glb --faces 2000
   head -c 100000 bunny.lpm | lodsmith progressive extract - -o preview.ply";
 
-/// What is done with progressive meshes.
+/// Subcommands of `progressive`.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Progressive {
     /// Simplify as far as possible and store every step
@@ -58,8 +59,9 @@ pub(crate) struct LpmBuildArgs {
     #[command(flatten)]
     pub(crate) reading: Reading,
     /// Store the images of materials in the file (copy, link), or leave them out (none)
-    #[arg(long, value_name = "WHAT", value_enum, default_value_t, help_heading = "Writing")]
-    textures: TexturesChoice,
+    #[arg(long, value_name = "POLICY", value_parser = choice(Textures::ALL, Textures::name),
+          default_value = Textures::default().name(), help_heading = "Writing")]
+    textures: Textures,
     /// Overwrite inputs and write-protected files (never folders)
     #[arg(long, help_heading = "Writing")]
     pub(crate) force: bool,
@@ -79,7 +81,7 @@ impl LpmBuildArgs {
         let mut options = LpmOptions::default();
         options.bits = self.bits;
         options.force = self.force;
-        options.with_textures = !matches!(self.textures, TexturesChoice::None);
+        options.with_textures = !matches!(self.textures, Textures::None);
         options
     }
 }

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use lodsmith::Method;
 use lodsmith_render::{Background, ColorMap, Light, LightKind, Shading, StandardView};
 
-use super::choice::MethodChoice;
-use super::{Reading, Run, Up, values};
-use crate::file::{Sink, Source};
+use super::{Reading, Run, Up, choice, values};
+use crate::paths::{Sink, Source};
 
 const AFTER: &str = "\
 Shadings:
@@ -22,7 +22,7 @@ Shadings:
   heat           distance from the reference, with --compare or --levels
 
 Backgrounds: transparent; #rrggbb; #rrggbb,#rrggbb from top to bottom; gradient, the default;
-surroundings, what --environment puts around; blurred, the same out of focus.
+surroundings, the environment (--environment); blurred, the same out of focus.
 Lights, in radii of the model from its centre, x to the right, y up, z towards the eye:
   sun:X,Y,Z    from that direction
   point:X,Y,Z  from that place to all sides
@@ -52,8 +52,9 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "N,...", value_delimiter = ',', value_parser = values::count, conflicts_with = "compare")]
     pub(crate) levels: Vec<usize>,
     /// Method for --levels; see lodsmith simplify --help
-    #[arg(long, value_name = "METHOD", value_enum, default_value_t, requires = "levels")]
-    pub(crate) method: MethodChoice,
+    #[arg(long, value_name = "METHOD", value_parser = choice(Method::ALL, Method::name),
+          default_value = Method::default().name(), requires = "levels")]
+    pub(crate) method: Method,
     #[command(flatten)]
     pub(crate) look: LookArgs,
     #[command(flatten)]
@@ -74,7 +75,7 @@ pub(crate) struct RenderArgs {
     pub(crate) run: Run,
 }
 
-/// How surfaces are shown.
+/// Appearance of surfaces.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Look")]
 pub(crate) struct LookArgs {
@@ -130,7 +131,7 @@ pub(crate) struct LookArgs {
     pub(crate) background: Background,
 }
 
-/// What is all around.
+/// Environment of the model.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Surroundings {
     Auto,
@@ -150,7 +151,7 @@ impl From<OsString> for Surroundings {
     }
 }
 
-/// From where.
+/// Position of the camera.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "View")]
 pub(crate) struct PlaceArgs {
@@ -174,7 +175,7 @@ pub(crate) struct PlaceArgs {
     pub(crate) parallel: bool,
 }
 
-/// Which moment of an animation.
+/// Moment of an animation.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Animation")]
 pub(crate) struct MomentArgs {
@@ -186,7 +187,7 @@ pub(crate) struct MomentArgs {
     pub(crate) time: Option<f64>,
 }
 
-/// How pictures stand together.
+/// Arrangement of pictures.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Picture")]
 pub(crate) struct SheetArgs {

@@ -7,7 +7,7 @@ use lodsmith::SimplifyOptions;
 use super::{TypedLength, values};
 
 #[derive(Args, Debug)]
-#[command(next_help_heading = "How")]
+#[command(next_help_heading = "Simplification")]
 pub(super) struct Scope {
     /// Remove connected parts smaller than this first (diagonal of their box, in units or as a share: 0.1%)
     #[arg(long, value_name = "SIZE", value_parser = values::some_length)]

@@ -1,13 +1,11 @@
 //! Arguments of `lodsmith simplify`.
 
-use std::path::PathBuf;
-
 use clap::{ArgGroup, Args, ValueEnum};
 use lodsmith::{Bound, Measure, SimplifyOptions};
 
+use super::batch_files::BatchFiles;
 use super::engine::{EngineArgs, Target};
-use super::{Ending, Reading, Run, Writing};
-use crate::file::{Sink, Source};
+use super::{Ending, Reading, Run, Writing, choice};
 use crate::plan::OutputArgs;
 
 const AFTER: &str = "\
@@ -37,20 +35,11 @@ Examples:
 
 #[derive(Args, Debug)]
 #[command(after_help = AFTER)]
+#[command(mut_arg("name", |name| name.default_value("{stem}_low.{ext}")))]
 #[command(group(ArgGroup::new("result").args(["output", "out_dir", "dry_run"]).required(true).multiple(true)))]
 pub(crate) struct SimplifyArgs {
-    /// Files to simplify; `-` is standard input
-    #[arg(value_name = "IN", required = true)]
-    pub(crate) inputs: Vec<Source>,
-    /// File to write; `-` is standard output
-    #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir")]
-    pub(crate) output: Option<Sink>,
-    /// Folder for the results of several inputs; created if missing
-    #[arg(short = 'O', long, value_name = "DIR")]
-    pub(crate) out_dir: Option<PathBuf>,
-    /// File names in the folder
-    #[arg(long, value_name = "TEMPLATE", default_value = "{stem}_low.{ext}", requires = "out_dir")]
-    pub(crate) name: String,
+    #[command(flatten)]
+    files: BatchFiles,
     #[command(
         flatten,
         next_help_heading = "Target (the first one met stops; one at least, unless the method ends by itself)"
@@ -84,17 +73,12 @@ struct Deviation {
     measure: bool,
     /// Prove the largest distance: in both directions, or from the result to the input only [default: two-sided with
     /// --error, else estimate]
-    #[arg(long, value_name = "BOUND", value_enum)]
-    bound: Option<BoundChoice>,
+    #[arg(long, value_name = "BOUND", value_parser = choice(BOUNDS, Bound::name))]
+    bound: Option<Bound>,
 }
 
-/// What is promised of the largest distance.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum BoundChoice {
-    Estimate,
-    OneSided,
-    TwoSided,
-}
+/// Bounds that can be typed.
+const BOUNDS: [Bound; 3] = [Bound::Estimate, Bound::OneSided, Bound::TwoSided];
 
 /// Normals of the result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -107,29 +91,14 @@ pub(crate) enum Normals {
 impl SimplifyArgs {
     /// Returns where the results go.
     pub(crate) fn wanted(&self) -> OutputArgs<'_> {
-        OutputArgs {
-            inputs: &self.inputs,
-            output: self.output.as_ref(),
-            out_dir: self.out_dir.as_deref(),
-            name: &self.name,
-            from: self.reading.from,
-            to: self.writing.to,
-            json: self.ending.json,
-            dry_run: self.dry_run,
-            force: self.writing.force,
-        }
+        self.files.wanted(&self.reading, &self.writing, self.ending, self.dry_run)
     }
 
     /// Converts the arguments to options of the engine.
     pub(crate) fn options(&self) -> SimplifyOptions {
         let mut options = self.engine.options(self.target.stop());
         options.measure = if self.deviation.measure { Measure::Always } else { Measure::default() };
-        options.bound = match self.deviation.bound {
-            None => Bound::Auto,
-            Some(BoundChoice::Estimate) => Bound::Estimate,
-            Some(BoundChoice::OneSided) => Bound::OneSided,
-            Some(BoundChoice::TwoSided) => Bound::TwoSided,
-        };
+        options.bound = self.deviation.bound.unwrap_or_default();
         options
     }
 
@@ -146,7 +115,7 @@ mod tests {
     use lodsmith::{BorderPolicy, Length, Preset, Stop, TopologyPolicy};
 
     use super::*;
-    use crate::args::{BorderChoice, Cli, Command, TopologyChoice};
+    use crate::args::{Cli, Command};
 
     fn options(words: &str) -> SimplifyOptions {
         let all = ["lodsmith", "simplify", "a.ply", "--dry-run", "--faces", "9"];
@@ -160,12 +129,8 @@ mod tests {
         let stop = Stop::faces(9);
         assert_eq!(options(""), SimplifyOptions::new(stop));
         assert_eq!(options("--preset auto"), SimplifyOptions::new(stop));
-        for (word, preset) in [
-            ("scan", Preset::Scan),
-            ("cad", Preset::Cad),
-            ("visual", Preset::Visual),
-            ("print", Preset::Print),
-        ] {
+        for preset in Preset::ALL.into_iter().filter(|p| *p != Preset::Auto) {
+            let word = preset.name();
             let wanted = SimplifyOptions::preset(preset, stop);
             assert_eq!(options(&format!("--preset {word}")), wanted, "{word}");
             assert_ne!(wanted, SimplifyOptions::new(stop), "{word}");
@@ -177,11 +142,12 @@ mod tests {
         (wanted.topology, wanted.weights.uv) = (TopologyPolicy::Relaxed, 2.0);
         assert_eq!(options("--preset print --topology relaxed --weight uv=2"), wanted);
         assert_eq!(options("--preset scan --weld 0.5").weld, Some(Length::Units(0.5)));
+        assert_eq!(options("--preset scan --weld 0").weld, None);
     }
 
     #[test]
     fn defaults_in_the_help_are_those_of_the_engine() {
-        let words = [BorderChoice::default().to_string(), TopologyChoice::default().to_string()];
+        let words = [BorderPolicy::default().name(), TopologyPolicy::default().name()];
         assert_eq!(words, ["keep", "relaxed"]);
     }
 }

@@ -7,8 +7,6 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use lodsmith::Length;
 use lodsmith_io::Format;
 
-use super::engine::{AttributeName, Importance};
-
 /// A length as typed: `0.5` in the units of the file, `0.1%` of the diagonal.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct TypedLength {
@@ -26,7 +24,8 @@ impl TypedLength {
         }
     }
 
-    fn is_zero(&self) -> bool {
+    /// Returns true for a length of zero.
+    pub(crate) fn is_zero(&self) -> bool {
         matches!(self.length, Length::Units(0.0) | Length::OfDiagonal(0.0))
     }
 }
@@ -54,41 +53,6 @@ impl FromStr for TypedLength {
         let length = if is_share { Length::OfDiagonal(x / 100.0) } else { Length::Units(x) };
         Ok(Self { length, typed: text.to_owned() })
     }
-}
-
-/// Parses an attribute and its weight.
-pub(crate) fn weight(text: &str) -> Result<(AttributeName, f64), String> {
-    let wanted = || {
-        let names: Vec<_> = AttributeName::ALL.iter().map(|(name, _)| *name).collect();
-        format!("a weight is NAME=W with a W of 0 or more; names are {}", names.join(", "))
-    };
-    let (name, number) = text.split_once('=').ok_or_else(wanted)?;
-    let found = AttributeName::ALL.into_iter().find(|(known, _)| *known == name).ok_or_else(wanted)?;
-    let weight: f64 = number.parse().map_err(|_| wanted())?;
-    if weight.is_finite() && weight >= 0.0 { Ok((found.1, weight)) } else { Err(wanted()) }
-}
-
-/// Default density of triangles where an attribute is 1, relative to where it is 0. (Guessed: half as long
-/// edges.)
-const DEFAULT_STRENGTH: f32 = 4.0;
-
-/// Parses an attribute of importance and its strength.
-pub(crate) fn importance(text: &str) -> Result<Importance, String> {
-    let (name, strength) = match text.rsplit_once('=') {
-        None => (text, DEFAULT_STRENGTH),
-        Some((name, typed)) => {
-            let wanted = "a strength from 0.001 to 1000";
-            (
-                name,
-                number(typed, |x| (1e-3..=1e3).contains(&x), wanted)
-                    .map_err(|_| format!("it wants {wanted}"))? as f32,
-            )
-        }
-    };
-    if name.is_empty() {
-        return Err("it wants the name of an attribute".to_owned());
-    }
-    Ok(Importance { name: name.to_owned(), strength })
 }
 
 /// Parses a length that is not zero.
@@ -181,7 +145,10 @@ pub(crate) fn size(text: &str) -> Result<[usize; 2], String> {
 /// Parses a colour as `#rrggbb`, in sRGB from 0 to 1.
 pub(crate) fn color(text: &str) -> Result<[f32; 3], String> {
     let wanted = || "a colour is #rrggbb, such as #cc9e66".to_owned();
-    let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.is_ascii()).ok_or_else(wanted)?;
+    let digits = text
+        .strip_prefix('#')
+        .filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()))
+        .ok_or_else(wanted)?;
     let byte = |i: usize| u8::from_str_radix(&digits[2 * i..2 * i + 2], 16).map_err(|_| wanted());
     Ok([byte(0)?, byte(1)?, byte(2)?].map(|b| f32::from(b) / 255.0))
 }
@@ -205,13 +172,12 @@ pub(crate) fn memory(text: &str) -> Result<u64, String> {
     let wanted = || "a size is a number of bytes, or one with K, M, G or T, such as 512M or 2G".to_owned();
     let digits = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
     let (number, unit) = text.split_at(digits);
-    let unit = unit.to_ascii_lowercase();
-    let power = match unit.trim_start().trim_end_matches('b').trim_end_matches('i') {
-        "" => 0,
-        "k" => 1,
-        "m" => 2,
-        "g" => 3,
-        "t" => 4,
+    let power = match unit.trim_start().to_ascii_lowercase().as_str() {
+        "" | "b" => 0,
+        "k" | "kb" | "ki" | "kib" => 1,
+        "m" | "mb" | "mi" | "mib" => 2,
+        "g" | "gb" | "gi" | "gib" => 3,
+        "t" | "tb" | "ti" | "tib" => 4,
         _ => return Err(wanted()),
     };
     let bytes = number.parse::<f64>().map_err(|_| wanted())? * 1024f64.powi(power);
@@ -229,7 +195,7 @@ pub(crate) fn valence(text: &str) -> Result<usize, String> {
     at_least(text, 3)
 }
 
-fn number(text: &str, is_good: impl Fn(f64) -> bool, wanted: &str) -> Result<f64, String> {
+pub(super) fn number(text: &str, is_good: impl Fn(f64) -> bool, wanted: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Err(_) => Err("it is not a number".to_owned()),
         Ok(x) if x.is_finite() && is_good(x) => Ok(x),
@@ -267,16 +233,6 @@ mod tests {
     }
 
     #[test]
-    fn importance_has_a_strength() {
-        let of = |name: &str, strength| Ok(Importance { name: name.to_owned(), strength });
-        assert_eq!(importance("quality"), of("quality", DEFAULT_STRENGTH));
-        assert_eq!(importance("color.r=9.5"), of("color.r", 9.5));
-        for bad in ["", "=2", "a=", "a=b", "a=0", "a=-1", "a=nan", "a=1e9"] {
-            assert!(importance(bad).is_err(), "{bad}");
-        }
-    }
-
-    #[test]
     fn pictures_are_told_by_numbers() {
         assert_eq!(size("1200x800"), Ok([1200, 800]));
         assert_eq!(color("#cc9e66"), Ok([0.8, 158.0 / 255.0, 0.4]));
@@ -287,7 +243,10 @@ mod tests {
         for bad in ["", "1", "1,0", "nan,1", "0,0", "0,inf"] {
             assert!(range(bad).is_err(), "{bad}");
         }
-        assert!(color("#ääää").is_err() && elevation_deg("91").is_err() && fov_deg("0").is_err());
+        for bad in ["", "cc9e66", "#ccc", "#ääää", "#+f+f+f", "#-1-1-1", "#cc9e6g"] {
+            assert!(color(bad).is_err(), "{bad}");
+        }
+        assert!(elevation_deg("91").is_err() && fov_deg("0").is_err());
     }
 
     #[test]
@@ -295,6 +254,7 @@ mod tests {
         for (text, bytes) in [
             ("2G", 2 << 30),
             ("2GiB", 2 << 30),
+            ("2Gi", 2 << 30),
             ("2gb", 2 << 30),
             ("1.5G", 3 << 29),
             ("512M", 512 << 20),
@@ -304,7 +264,7 @@ mod tests {
         ] {
             assert_eq!(memory(text), Ok(bytes), "{text}");
         }
-        for bad in ["", "G", "2X", "2 G B", "-2G", "1e9", "nan", "1M", "0", "2Gi2"] {
+        for bad in ["", "G", "2X", "2 G B", "-2G", "1e9", "nan", "1M", "0", "2Gi2", "2gbbb", "2Gii", "2iB"] {
             assert!(memory(bad).is_err(), "{bad}");
         }
     }

@@ -5,12 +5,13 @@ use std::fs;
 use anyhow::Context as _;
 
 use crate::args::Run;
-use crate::exit::{self, Status};
-use crate::file::Sink;
+use crate::exit;
 use crate::in_order::{self, Turn};
 use crate::output::Output;
+use crate::paths::Sink;
 use crate::plan::{self, Job, OutputArgs};
 use crate::progress::Progress;
+use crate::status::Status;
 
 /// Processes every input and shows the outcomes in the order of the inputs; `show` returns the status that
 /// each alone would end with.
@@ -36,29 +37,9 @@ pub(super) fn run<T: Send>(
         |i, outcome| {
             let path = jobs[i].source.to_string();
             let own = progress.with_bar_hidden(|| show(&out, &path, outcome, &jobs[i]));
-            status = worse(status, own);
+            status = status.or_worse(own);
         },
     )?;
     progress.finish();
     out.finish(status)
-}
-
-/// Returns the combined status of two files: an interrupt comes first, then a failure, then a violation of
-/// `--strict`.
-fn worse(a: Status, b: Status) -> Status {
-    let rank =
-        |s| [Status::Done, Status::Strict, Status::Failed, Status::Interrupted].iter().position(|x| *x == s);
-    if rank(b) > rank(a) { b } else { a }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_failure_outweighs_strictness() {
-        assert_eq!(worse(Status::Strict, Status::Failed), Status::Failed);
-        assert_eq!(worse(Status::Failed, Status::Strict), Status::Failed);
-        assert_eq!(worse(Status::Done, Status::Done), Status::Done);
-    }
 }

@@ -7,18 +7,22 @@ use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, Loaded, Warning};
 use serde_json::{Map, Value, json};
 
-use super::{batch, show_warnings, texts};
+use super::batch;
 use crate::args::CleanArgs;
-use crate::exit::{self, Interrupted, Status};
-use crate::file::{self, Input, Sink};
+use crate::exit;
+use crate::file::{self, Input};
 use crate::images;
 use crate::in_order::Turn;
 use crate::memory_need::Size;
 use crate::numbers::{counted, grouped, micros, seconds};
 use crate::orient::orient;
 use crate::output::Output;
+use crate::paths::Sink;
 use crate::plan::Job;
 use crate::progress::{FileProgress, Progress};
+use crate::run_control::not_interrupted;
+use crate::status::{Interrupted, Status};
+use crate::warnings::{show_warnings, texts};
 use crate::{memory, memory_need};
 
 /// Cleans every input.
@@ -170,15 +174,11 @@ fn clean_scene(
     let images = images::FolderMove::new(&job.source, sink);
     let mut warnings: Vec<_> = scene.warnings().to_vec();
     warnings.extend(notes);
-    warnings.extend(if format == Format::Glb {
-        images.embed(&mut scene)
-    } else {
-        images.external_file_warnings(&scene)
-    });
+    warnings.extend(images.bring(&mut scene, format, args.writing.textures));
     let relink = |uri: &str| images.uri(uri);
     warnings.extend(match args.dry_run {
         true => file::scene_losses(&scene, &replaced, &relink, format)?,
-        false => file::write_scene(&scene, &replaced, &relink, sink, format, args.writing.force)?,
+        false => file::write_scene(&scene, &replaced, &relink, sink, format, &args.writing)?,
     });
     clock.end(2);
     let input_format = scene.format();
@@ -192,13 +192,6 @@ fn in_mesh(mut options: CleanOptions, diagonal: f64, scale: f64) -> CleanOptions
     options.weld = options.weld.map(units);
     options.prune = options.prune.map(units);
     options
-}
-
-fn not_interrupted<T>(result: Result<T, SimplifyError>) -> anyhow::Result<T> {
-    match result {
-        Err(SimplifyError::Cancelled) if exit::interrupted() => Err(Interrupted.into()),
-        result => Ok(result?),
-    }
 }
 
 /// Returns the warnings of a clean-up.
@@ -295,11 +288,7 @@ fn show(
 ) -> Status {
     let done = match outcome {
         Ok(done) => done,
-        Err(e) if e.is::<Interrupted>() => return Status::Interrupted,
-        Err(e) => {
-            out.failure(path, &format!("{e:#}"));
-            return Status::Failed;
-        }
+        Err(e) => return out.failure(path, &e),
     };
     out.object(&done.to_json(path, job, args));
     for line in done.table(path) {

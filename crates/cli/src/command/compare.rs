@@ -2,6 +2,7 @@
 
 mod views;
 
+use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Context as _;
@@ -11,88 +12,44 @@ use lodsmith::core::measure::{
 use lodsmith::core::spatial::{Bvh, Hint};
 use lodsmith::core::{Image, TriMesh, VertexId};
 use lodsmith_io::{Format, Loaded, WriteOptions};
-use lodsmith_render::{Background, Legend, Panel, Shading, Subject, View, render, sheet};
+use lodsmith_render::{Background, Legend, Panel, PictureFormat, Shading, Subject, View, render, sheet};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
-use super::simplify::both_ways;
-use super::{show_warnings, viewing_warnings};
 use crate::args::CompareArgs;
-use crate::exit::{Status, usage};
-use crate::file::{self, Sink};
+use crate::file;
 use crate::in_order;
 use crate::memory_need::Size;
 use crate::numbers::{grouped, seconds, significant};
 use crate::output::Output;
+use crate::paths::{self, Sink};
 use crate::progress::Progress;
+use crate::report_json::both_ways;
+use crate::status::{Status, usage};
+use crate::warnings::{show_warnings, viewing_warnings};
 use crate::{memory, memory_need, picture};
 
 /// Measures, and writes the heat map if asked for.
 pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
-    file::at_most_one_stdin([&args.reference, &args.candidate])?;
+    paths::at_most_one_stdin([&args.reference, &args.candidate])?;
     if let Some(path) = &args.heatmap {
         let sink = Sink::Path(path.clone());
-        if picture::of_path(path).is_none() && file::format_of(&sink, None).ok() != Some(Format::Ply) {
+        if picture::of_path(path).is_none() && paths::format_of(&sink, None).ok() != Some(Format::Ply) {
             let wanted = "the name of a .ply, .png, .jpg or .webp file is wanted";
             return Err(usage(format!("--heatmap {}: {wanted}", path.display())));
         }
-        file::refuse_folder(&sink, "")?;
+        paths::refuse_folder(&sink, "")?;
     }
     for path in args.heatmap.iter().chain(&args.views_sheet) {
-        file::refuse_inputs(&Sink::Path(path.clone()), [&args.reference, &args.candidate], args.force)?;
+        paths::refuse_inputs(&Sink::Path(path.clone()), [&args.reference, &args.candidate], args.force)?;
     }
     let sheet = views::sheet_format(args)?;
     let out = Output::new(&args.run, args.json, false);
     let progress = Progress::new(1, args.run.quiet);
     let begin = Instant::now();
-    let compared = in_order::pool(args.run.threads())?.install(|| {
-        let bar = progress.file("");
-        bar.read();
-        let load = |source| file::read(source, &args.reading).with_context(|| format!("{source}"));
-        let (mut reference, candidate) = (load(&args.reference)?, load(&args.candidate)?);
-        bar.stage(lodsmith::Stage::Measure);
-        let mut options = CompareOptions::default();
-        options.samples = args.samples;
-        options.seed = args.seed;
-        let sizes = [&reference, &candidate].map(|loaded| Size::of(&loaded.mesh));
-        memory::check("compare", memory_need::compare(sizes[0], sizes[1], &options))?;
-        let comparison = compare(&reference.mesh.surface(), &candidate.mesh.surface(), &options)?;
-        let (image_sizes, unknown) = match (reference.mesh.uvs(), candidate.mesh.uvs()) {
-            (Some(_), Some(_)) => reference.regions.image_sizes(),
-            _ => Default::default(),
-        };
-        reference.warnings.extend(unknown);
-        let attributes = compare_textured(&reference.mesh, &candidate.mesh, &image_sizes, &options)?;
-        let red = match &args.heatmap {
-            None => None,
-            Some(path) => {
-                bar.write();
-                let (distances, red) = distances(&reference.mesh, &candidate.mesh);
-                let sink = Sink::Path(path.clone());
-                match picture::of_path(path) {
-                    Some(format) => {
-                        let map = heat_picture(&reference.mesh, distances, red)?;
-                        picture::write(&map, &sink, format, args.force)?;
-                    }
-                    None => {
-                        let map = heatmap(&reference.mesh, &distances, red)?;
-                        let mut options = WriteOptions::default();
-                        options.format = Some(Format::Ply);
-                        options.force = args.force;
-                        file::write(&map, &sink, Format::Ply, &options)?;
-                    }
-                }
-                Some(red)
-            }
-        };
-        let seen = match args.views {
-            None => None,
-            Some(count) => Some(views::compare_views(args, count, [&reference, &candidate], sheet)?),
-        };
-        anyhow::Ok((reference, candidate, comparison, attributes, red, seen))
-    });
+    let measured = in_order::pool(args.run.threads())?.install(|| measure(args, sheet, &progress));
     progress.finish();
-    let (reference, candidate, comparison, attributes, red, seen) = compared?;
+    let Measured { reference, candidate, comparison, attributes, red, seen } = measured?;
 
     let mut warnings = Vec::new();
     for (source, loaded) in [(&args.reference, &reference), (&args.candidate, &candidate)] {
@@ -119,6 +76,69 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
     }
     out.detail(&format!("time            {}", seconds(begin.elapsed().as_secs_f64())));
     out.finish(Status::Done)
+}
+
+/// Two files and the distances between them.
+struct Measured {
+    reference: Loaded,
+    candidate: Loaded,
+    comparison: Comparison,
+    attributes: AttributeErrors,
+    /// The distance that is red in the heat map, if one was written.
+    red: Option<f64>,
+    seen: Option<views::ViewComparison>,
+}
+
+/// Reads both files, measures, and writes the pictures asked for.
+fn measure(
+    args: &CompareArgs,
+    sheet: Option<PictureFormat>,
+    progress: &Progress,
+) -> anyhow::Result<Measured> {
+    let bar = progress.file("");
+    bar.read();
+    let load = |source| file::read(source, &args.reading).with_context(|| format!("{source}"));
+    let (mut reference, candidate) = (load(&args.reference)?, load(&args.candidate)?);
+    bar.stage(lodsmith::Stage::Measure);
+    let mut options = CompareOptions::default();
+    options.samples = args.samples;
+    options.seed = args.seed;
+    let sizes = [&reference, &candidate].map(|loaded| Size::of(&loaded.mesh));
+    memory::check("compare", memory_need::compare(sizes[0], sizes[1], &options))?;
+    let comparison = compare(&reference.mesh.surface(), &candidate.mesh.surface(), &options)?;
+    let (image_sizes, unknown) = match (reference.mesh.uvs(), candidate.mesh.uvs()) {
+        (Some(_), Some(_)) => reference.regions.image_sizes(),
+        _ => Default::default(),
+    };
+    reference.warnings.extend(unknown);
+    let attributes = compare_textured(&reference.mesh, &candidate.mesh, &image_sizes, &options)?;
+    let red = match &args.heatmap {
+        None => None,
+        Some(path) => {
+            bar.write();
+            Some(write_heatmap(&reference.mesh, &candidate.mesh, path, args.force)?)
+        }
+    };
+    let seen = match args.views {
+        None => None,
+        Some(count) => Some(views::compare_views(args, count, [&reference, &candidate], sheet)?),
+    };
+    Ok(Measured { reference, candidate, comparison, attributes, red, seen })
+}
+
+/// Writes a heat map of the reference as a picture or a mesh. Returns the distance that is shown in red.
+fn write_heatmap(reference: &TriMesh, candidate: &TriMesh, path: &Path, force: bool) -> anyhow::Result<f64> {
+    let (distances, red) = distances(reference, candidate);
+    let sink = Sink::Path(path.to_owned());
+    if let Some(format) = picture::of_path(path) {
+        picture::write(&heat_picture(reference, distances, red)?, &sink, format, force)?;
+    } else {
+        let mut options = WriteOptions::default();
+        options.format = Some(Format::Ply);
+        options.force = force;
+        file::write(&heatmap(reference, &distances, red)?, &sink, Format::Ply, &options)?;
+    }
+    Ok(red)
 }
 
 fn to_json(c: &Comparison, attributes: &AttributeErrors, warnings: &[String]) -> Value {

@@ -5,7 +5,7 @@ use clap_complete::Shell;
 
 use super::man::print_page;
 use crate::args::Cli;
-use crate::exit::Status;
+use crate::status::Status;
 
 /// Prints the completion script of a shell.
 pub(super) fn run(shell: Shell) -> anyhow::Result<Status> {

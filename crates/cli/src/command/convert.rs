@@ -4,23 +4,24 @@ use std::time::Instant;
 
 use lodsmith_io::Format;
 
-use super::show_warnings;
 use crate::args::ConvertArgs;
-use crate::exit::Status;
-use crate::file::{self, Input, Sink};
+use crate::file::{self, Input};
 use crate::images;
 use crate::in_order;
 use crate::numbers::{counted, seconds};
 use crate::orient::orient;
 use crate::output::Output;
+use crate::paths::{self, Sink};
 use crate::progress::Progress;
+use crate::status::Status;
+use crate::warnings::show_warnings;
 
 /// Reads, rotates or scales if asked for, and writes.
 pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
     let writing = &args.writing;
-    let format = file::format_of(&args.output, writing.to)?;
-    file::refuse_folder(&args.output, "")?;
-    file::refuse_inputs(&args.output, [&args.input], writing.force)?;
+    let format = paths::format_of(&args.output, writing.to)?;
+    paths::refuse_folder(&args.output, "")?;
+    paths::refuse_inputs(&args.output, [&args.input], writing.force)?;
     let out = Output::new(&args.run, false, args.output == Sink::Stdout);
     let progress = Progress::new(1, args.run.quiet);
     let path = args.input.to_string();
@@ -47,11 +48,7 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
             }
             Input::Scene(mut scene) => {
                 let images = images::FolderMove::new(&args.input, &args.output);
-                let mut warnings = if format == Format::Glb {
-                    images.embed(&mut scene)
-                } else {
-                    images.external_file_warnings(&scene)
-                };
+                let mut warnings = images.bring(&mut scene, format, writing.textures);
                 let relink = |uri: &str| images.uri(uri);
                 warnings.splice(0..0, scene.warnings().iter().cloned());
                 warnings.extend(file::write_scene(
@@ -60,7 +57,7 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
                     &relink,
                     &args.output,
                     format,
-                    args.writing.force,
+                    &args.writing,
                 )?);
                 Ok((scene.contents().polygons, scene.format(), warnings))
             }

@@ -3,9 +3,9 @@
 use serde_json::{Value, json};
 
 use crate::args::DoctorArgs;
-use crate::exit::Status;
 use crate::in_order::available_threads;
 use crate::output::Output;
+use crate::status::Status;
 
 /// Checks the system and prints the findings.
 pub(super) fn run(args: &DoctorArgs) -> anyhow::Result<Status> {

@@ -8,19 +8,21 @@ use lodsmith::core::{Bounds, Surface, VertexId};
 use lodsmith_io::Loaded;
 use serde_json::{Value, json};
 
-use super::{show_warnings, texts, viewing_warnings};
 use crate::args::InfoArgs;
-use crate::exit::{self, Status};
-use crate::file::{self, Source};
+use crate::exit;
+use crate::file;
 use crate::in_order;
 use crate::numbers::{grouped, seconds, significant};
 use crate::output::Output;
+use crate::paths::{self, Source};
 use crate::progress::Progress;
+use crate::status::Status;
+use crate::warnings::{show_warnings, texts, viewing_warnings};
 use crate::{memory, memory_need};
 
 /// Inspects every input.
 pub(super) fn run(args: &InfoArgs) -> anyhow::Result<Status> {
-    file::at_most_one_stdin(&args.inputs)?;
+    paths::at_most_one_stdin(&args.inputs)?;
     let out = Output::new(&args.run, args.json, false);
     let progress = Progress::new(args.inputs.len(), args.run.quiet);
     let mut status = Status::Done;
@@ -39,10 +41,7 @@ pub(super) fn run(args: &InfoArgs) -> anyhow::Result<Status> {
                     out.detail(&format!("  time             {}", seconds(facts.secs)));
                     show_warnings(&out, &path, &viewing_warnings(&facts.loaded.warnings), false);
                 }
-                Err(e) => {
-                    out.failure(&path, &format!("{e:#}"));
-                    status = Status::Failed;
-                }
+                Err(e) => status = status.or_worse(out.failure(&path, &e)),
             });
         },
     )?;
@@ -117,7 +116,7 @@ impl Facts {
     fn to_json(&self, path: &str) -> Value {
         let (t, c) = (&self.topology, &self.loaded.contents);
         let corners = |f: fn(&Bounds) -> [f64; 3]| self.bounds.as_ref().map(f);
-        json!({
+        let mut report = json!({
             "path": path,
             "format": self.loaded.format.name(),
             "meshes": c.meshes,
@@ -151,7 +150,12 @@ impl Facts {
             "animations": c.animations,
             "morph_targets": c.morph_targets,
             "warnings": texts(&self.loaded.warnings),
-        })
+        });
+        if c.instances > 0 {
+            report["distinct_meshes"] = c.distinct_meshes.into();
+            report["instances"] = c.instances.into();
+        }
+        report
     }
 
     /// Returns a table; defects with count 0 are left out.
@@ -172,17 +176,21 @@ impl Facts {
         } else {
             row("vertices", format!("{} at {} places", grouped(vertices), grouped(self.places)));
         }
+        if c.instances > c.distinct_meshes {
+            row("meshes", format!("{} in {} instances", grouped(c.distinct_meshes), grouped(c.instances)));
+        } else if c.meshes > 1 {
+            row("meshes", grouped(c.meshes));
+        }
         let counts = [
-            ("meshes", c.meshes, 1),
-            ("components", t.component_count, 0),
-            ("materials", c.materials, 0),
-            ("textures", c.textures, 0),
-            ("skins", c.skins, 0),
-            ("animations", c.animations, 0),
-            ("morph targets", c.morph_targets, 0),
+            ("components", t.component_count),
+            ("materials", c.materials),
+            ("textures", c.textures),
+            ("skins", c.skins),
+            ("animations", c.animations),
+            ("morph targets", c.morph_targets),
         ];
-        for (name, n, usual) in counts {
-            if n > usual {
+        for (name, n) in counts {
+            if n > 0 {
                 row(name, grouped(n));
             }
         }

@@ -7,25 +7,29 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use lodsmith::core::{Positions, TriMesh};
-use lodsmith::{LodChain, MeshCounts, Report, SceneChain};
+use lodsmith::{LodChain, SceneChain};
 use lodsmith_io::gltf::{Scene, SceneMesh};
-use lodsmith_io::{Format, Loaded, Warning};
+use lodsmith_io::{Format, Loaded, Textures, Warning};
 
-use super::simplify::{parts_of, set_normals};
 use crate::args::LodArgs;
 use crate::constraints;
-use crate::exit::{self, Interrupted, Status};
+use crate::exit;
 use crate::file::{self, Input};
 use crate::images;
 use crate::in_order;
 use crate::memory_need::Size;
+use crate::normals::set_normals;
 use crate::orient::{orient, oriented};
 use crate::output::Output;
 use crate::palettes;
 use crate::progress::{FileProgress, Progress};
 use crate::run_control::{RunControl, StageClock, not_interrupted};
+use crate::scene_parts::{self, parts_of};
+use crate::status::{Interrupted, Status};
+use crate::warnings::not_reached;
 use crate::{memory, memory_need};
 use files::Plan;
+use report::{Level, LodResult};
 
 /// Makes the levels of one input.
 pub(super) fn run(args: &LodArgs) -> anyhow::Result<Status> {
@@ -42,23 +46,6 @@ pub(super) fn run(args: &LodArgs) -> anyhow::Result<Status> {
     progress.finish();
     let status = report::show(&out, &path, made, &plan, args);
     out.finish(status)
-}
-
-/// Result of a run.
-struct LodResult {
-    format: Format,
-    /// Faces and vertices of level 0.
-    counts: [usize; 2],
-    levels: Vec<Level>,
-    diagonal: f64,
-    warnings: Vec<Warning>,
-    clock: StageClock,
-}
-
-/// Report data of a level below the original.
-struct Level {
-    report: Report,
-    meshes: Vec<(String, MeshCounts)>,
 }
 
 fn make(args: &LodArgs, plan: &Plan, bar: &FileProgress<'_>) -> anyhow::Result<LodResult> {
@@ -99,8 +86,7 @@ fn of_mesh(
     constraints::of_mesh(&args.engine.how, &loaded, &mut options.simplify)?;
     options.simplify.textures = palettes::of_mesh(&loaded);
     let Loaded { mut mesh, regions, contents, mut warnings, format: from, .. } = loaded;
-    let is_kept =
-        plan.format() == Some(Format::Obj) && args.writing.textures != crate::args::TexturesChoice::None;
+    let is_kept = plan.format() == Some(Format::Obj) && args.writing.textures != Textures::None;
     if matches!(from, Format::Gltf | Format::Glb) && !is_kept {
         // If materials are not written, their borders need not be preserved.
         mesh.set_regions(None)?;
@@ -121,9 +107,10 @@ fn of_mesh(
     let mut told = Vec::with_capacity(levels.len());
     for level in levels {
         let mut mesh = level.mesh;
+        let why = not_reached(&level.report, &options.simplify, args.run.time_limit, [&mesh]);
         set_normals(&mut mesh, args.normals)?;
         meshes.push(mesh);
-        told.push(Level { report: level.report, meshes: Vec::new() });
+        told.push(Level { report: level.report, not_reached: why, meshes: Vec::new() });
     }
     for (mesh, geomorph) in meshes.iter_mut().zip(geomorphs) {
         orient(mesh, &args.writing);
@@ -214,6 +201,7 @@ fn of_scene(
         (1..=chain.levels.len()).map(|k| chain.geomorph(k).map(<[_]>::to_vec)).collect();
     let SceneChain { levels, .. } = chain;
     for (level, geomorphs) in levels.into_iter().zip(geomorphs) {
+        let why = not_reached(&level.report, &options.simplify, args.run.time_limit, &level.meshes);
         let mut own: Vec<Option<TriMesh>> = vec![None; meshes.len()];
         for (k, (&i, mut mesh)) in taken.iter().zip(level.meshes).enumerate() {
             set_normals(&mut mesh, args.normals)?;
@@ -225,19 +213,13 @@ fn of_scene(
         }
         replaced.push(own);
         let names = taken.iter().map(|&i| meshes[i].name.clone()).zip(level.counts).collect();
-        told.push(Level { report: level.report, meshes: names });
+        told.push(Level { report: level.report, not_reached: why, meshes: names });
     }
     let mut warnings: Vec<_> = scene.warnings().to_vec();
     let images = images::FolderMove::new(&args.input, &plan.first_sink());
-    let is_glb = plan.format() == Some(Format::Glb);
-    warnings.extend(if is_glb { images.embed(&mut scene) } else { images.external_file_warnings(&scene) });
-    let counts = {
-        let is_placed = parts.iter().any(|p| p.instances > 0);
-        let of = |n: fn(&TriMesh) -> usize| {
-            parts.iter().map(|p| n(p.mesh) * if is_placed { p.instances } else { 1 }).sum()
-        };
-        [of(TriMesh::face_count), of(TriMesh::vertex_count)]
-    };
+    let format = plan.format().unwrap_or(Format::Gltf);
+    warnings.extend(images.bring(&mut scene, format, args.writing.textures));
+    let counts = [TriMesh::face_count, TriMesh::vertex_count].map(|of| scene_parts::count(&parts, of));
     let distances: Vec<f64> = told.iter().map(|l| report::distance(&l.report, args)).collect();
     warnings.extend(plan.write_scene(&scene, replaced, &distances, &|uri| images.uri(uri), args)?);
     let format = scene.format();

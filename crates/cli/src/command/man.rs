@@ -4,8 +4,8 @@ use clap::CommandFactory as _;
 use clap_mangen::Man;
 
 use crate::args::Cli;
-use crate::exit::{Status, usage};
 use crate::output::Output;
+use crate::status::{Status, usage};
 
 /// Prints the page of a command, or the overview.
 pub(super) fn run(command: Option<&str>) -> anyhow::Result<Status> {

@@ -12,19 +12,21 @@ use lodsmith_io::{Format, Loaded, Regions, Warning};
 use lodsmith_render::{Background, Panel, sheet};
 use serde_json::{Value, json};
 
-use super::simplify::{measured_json, refusals};
-use super::{show_warnings, texts};
 use crate::args::MethodsArgs;
-use crate::exit::{self, Interrupted, Status, usage};
-use crate::file::{self, Sink};
+use crate::exit;
+use crate::file;
 use crate::in_order;
 use crate::numbers::{grouped, micros, seconds, short};
 use crate::orient::orient;
 use crate::output::{self, Output};
+use crate::paths::{self, Sink};
 use crate::plan::{self, OutputArgs};
 use crate::progress::{FileProgress, Progress};
+use crate::report_json::measured_json;
 use crate::run_control::{RunControl, StageClock, not_interrupted};
+use crate::status::{Interrupted, Status, usage};
 use crate::validity::Validity;
+use crate::warnings::{refusals, show_warnings, texts};
 use crate::{memory, memory_need, picture};
 
 /// Runs all methods in sequence and prints the table.
@@ -38,7 +40,7 @@ pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
     let sheet = args.sheet.clone().map(Sink::Path);
     let sheet = sheet.map(|sink| picture::format_of(&sink).map(|format| (sink, format))).transpose()?;
     if let Some((sink, _)) = &sheet {
-        file::refuse_inputs(sink, [&args.input], args.writing.force)?;
+        paths::refuse_inputs(sink, [&args.input], args.writing.force)?;
     }
     let sinks = methods.iter().map(|&m| sink(args, m)).collect::<anyhow::Result<Vec<_>>>()?;
     if let Some(folder) = &args.out_dir {

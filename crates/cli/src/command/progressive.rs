@@ -8,17 +8,18 @@ use lodsmith_io::lpm::LpmSizes;
 use lodsmith_io::{Format, Warning};
 use serde_json::{Map, Value, json};
 
-use super::simplify::measured_json;
-use super::{show_warnings, texts};
 use crate::args::{self, ExtractArgs, LpmBuildArgs, LpmInfoArgs};
-use crate::exit::{Status, usage};
-use crate::file::{self, Sink};
+use crate::file;
 use crate::memory_need::Size;
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::orient::orient;
-use crate::output::{self, Output};
+use crate::output::Output;
+use crate::paths::{self, Sink};
 use crate::progress::Progress;
+use crate::report_json::measured_json;
 use crate::run_control::{RunControl, StageClock, not_interrupted};
+use crate::status::{Status, usage};
+use crate::warnings::{show_not_reached, show_warnings, texts};
 use crate::{constraints, in_order, memory, memory_need};
 
 /// Runs the subcommand.
@@ -31,8 +32,8 @@ pub(super) fn run(action: &args::Progressive) -> anyhow::Result<Status> {
 }
 
 fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
-    file::refuse_folder(&args.output, "")?;
-    file::refuse_inputs(&args.output, [&args.input], args.force)?;
+    paths::refuse_folder(&args.output, "")?;
+    paths::refuse_inputs(&args.output, [&args.input], args.force)?;
     let hint = match &args.output {
         Sink::Path(path) => lodsmith_io::sniff::hint_of(path),
         Sink::Stdout => None,
@@ -106,9 +107,9 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
 }
 
 fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
-    let format = file::format_of(&args.output, args.writing.to)?;
-    file::refuse_folder(&args.output, "")?;
-    file::refuse_inputs(&args.output, [&args.input], args.writing.force)?;
+    let format = paths::format_of(&args.output, args.writing.to)?;
+    paths::refuse_folder(&args.output, "")?;
+    paths::refuse_inputs(&args.output, [&args.input], args.writing.force)?;
     let is_taken = args.output == Sink::Stdout;
     if is_taken && args.ending.json {
         return Err(usage("standard output cannot carry the mesh and --json"));
@@ -178,13 +179,8 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
     ));
     let mut is_fault = show_warnings(&out, &path, &warnings, args.ending.strict);
     if !is_reached {
-        let text = format!("{path}: target not reached, the base has {}", counted(faces, "face", "faces"));
-        if args.ending.strict {
-            output::error(&text)
-        } else {
-            out.warning(&text)
-        }
-        is_fault |= args.ending.strict;
+        let why = format!("target not reached, the base has {}", counted(faces, "face", "faces"));
+        is_fault |= show_not_reached(&out, &path, &why, args.ending.strict);
     }
     out.finish(if is_fault { Status::Strict } else { Status::Done })
 }

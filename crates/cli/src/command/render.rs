@@ -7,7 +7,7 @@ use anyhow::Context as _;
 use lodsmith::core::measure::{Prepared, vertex_distances};
 use lodsmith::core::model::{Instance, Node, Pose, Transform};
 use lodsmith::core::{Bounds, Image, Model, Positions, TriMesh, VertexId};
-use lodsmith::{Method, Simplified, SimplifyOptions, Stop, Textures, simplify_scene};
+use lodsmith::{Simplified, SimplifyOptions, Stop, Textures, simplify_scene};
 use lodsmith_io::{ModelFile, ModelSource, Warning};
 use lodsmith_render::{
     Background, Camera, DMat4, DQuat, DVec3, Environment, Ground, Legend, Lens, Light, LightKind, Panel,
@@ -15,24 +15,26 @@ use lodsmith_render::{
 };
 use serde_json::{Value, json};
 
-use super::{show_warnings, simplify::parts_of, viewing_warnings};
 use crate::args::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Surroundings, Up};
-use crate::exit::{Status, usage};
-use crate::file::{self, Sink, Source};
+use crate::file;
 use crate::in_order;
 use crate::memory_need::Size;
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::output::Output;
+use crate::paths::{self, Sink, Source};
 use crate::picture::{self, MARGIN};
 use crate::progress::Progress;
 use crate::run_control::{RunControl, StageClock, not_interrupted};
+use crate::scene_parts::parts_of;
+use crate::status::{Status, usage};
+use crate::warnings::{show_warnings, viewing_warnings};
 use crate::{memory, memory_need};
 
 /// Reads, renders and writes.
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Status> {
-    file::at_most_one_stdin(args.inputs.iter().chain(&args.compare))?;
+    paths::at_most_one_stdin(args.inputs.iter().chain(&args.compare))?;
     let format = picture::format_of(&args.output)?;
-    file::refuse_inputs(&args.output, args.inputs.iter().chain(&args.compare), args.force)?;
+    paths::refuse_inputs(&args.output, args.inputs.iter().chain(&args.compare), args.force)?;
     if args.output == Sink::Stdout && args.json {
         return Err(usage("the picture and --json both want standard output: give the picture a file"));
     }
@@ -220,7 +222,7 @@ impl<'a> Drawing<'a> {
             let original = drawing.items.len() - 1;
             for &count in &args.levels {
                 let mut options = SimplifyOptions::new(Stop::faces(count));
-                options.method = Method::from(args.method);
+                options.method = args.method;
                 let mut clock = StageClock::new();
                 let mut watch = RunControl::new(&mut clock, &bar, None);
                 let whole = &drawing.items[original];

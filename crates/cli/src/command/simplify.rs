@@ -3,24 +3,29 @@
 use std::time::{Duration, Instant};
 
 use lodsmith::core::TriMesh;
-use lodsmith::core::measure::{Comparison, TwoWay};
-use lodsmith::{MeshCounts, Part, Report, Simplified, SimplifiedScene, SimplifyOptions};
-use lodsmith_io::gltf::{Scene, SceneMesh};
-use lodsmith_io::{Format, Loaded, Warning};
+use lodsmith::{MeshCounts, Report, Simplified, SimplifiedScene};
+use lodsmith_io::gltf::Scene;
+use lodsmith_io::{Format, Loaded, Textures, Warning};
 use serde_json::{Map, Value, json};
 
-use super::{batch, show_warnings, texts};
-use crate::args::{Normals, SimplifyArgs, TexturesChoice};
-use crate::exit::{self, Interrupted, Status, usage};
-use crate::file::{self, Input, Sink};
+use super::batch;
+use crate::args::SimplifyArgs;
+use crate::exit;
+use crate::file::{self, Input};
 use crate::in_order::Turn;
+use crate::normals::set_normals;
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::orient::orient;
-use crate::output::{self, Output};
+use crate::output::Output;
+use crate::paths::Sink;
 use crate::plan::Job;
 use crate::progress::Progress;
+use crate::report_json::{error_json, mesh_json};
 use crate::run_control::{RunControl, StageClock, not_interrupted};
-use crate::{constraints, images, memory, memory_need, normals, palettes, proposals};
+use crate::scene_parts::{self, parts_of};
+use crate::status::{Interrupted, Status, usage};
+use crate::warnings::{not_reached, refusals, show_not_reached, show_warnings, texts, warnings_of};
+use crate::{constraints, images, memory, memory_need, palettes, proposals};
 
 /// Simplifies every input.
 pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
@@ -41,6 +46,8 @@ pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
 struct SimplifyOutcome {
     input_format: Format,
     report: Report,
+    /// The reason why the target was not reached.
+    not_reached: Option<String>,
     warnings: Vec<Warning>,
     /// For a scene that was written as a scene, its meshes by name.
     meshes: Vec<(String, MeshCounts)>,
@@ -51,6 +58,7 @@ struct SimplifyOutcome {
 /// Report data of a result.
 struct ReportData {
     report: Report,
+    not_reached: Option<String>,
     warnings: Vec<Warning>,
     meshes: Vec<(String, MeshCounts)>,
 }
@@ -80,10 +88,11 @@ fn simplify_one(
     let done = |mut clock: StageClock, input_format, told: ReportData| {
         clock.end();
         bar.end();
-        let ReportData { report, warnings, meshes } = told;
+        let ReportData { report, not_reached, warnings, meshes } = told;
         SimplifyOutcome {
             input_format,
             report,
+            not_reached,
             warnings,
             meshes,
             threads: rayon::current_num_threads(),
@@ -124,7 +133,7 @@ fn simplify_mesh(
     options.textures = palettes::of_mesh(&loaded);
     let Loaded { mut mesh, regions, contents, mut warnings, format: from, .. } = loaded;
     let carries = |to: Format| matches!(to, Format::Obj | Format::Gltf | Format::Glb);
-    let is_wanted = !matches!(args.writing.textures, TexturesChoice::None);
+    let is_wanted = !matches!(args.writing.textures, Textures::None);
     let is_kept = is_wanted && job.output.as_ref().is_some_and(|(_, to)| carries(*to));
     if matches!(from, Format::Gltf | Format::Glb) && !is_kept {
         // If materials are not written, their borders need not be preserved.
@@ -138,6 +147,7 @@ fn simplify_mesh(
     let done = lodsmith::simplify(&mesh, &options, watch);
     let Simplified { mesh: mut lighter, report } = not_interrupted(done)?;
     drop(mesh);
+    let not_reached = not_reached(&report, &options, args.run.time_limit, [&lighter]);
     warnings.extend(warnings_of(&report));
 
     watch.write();
@@ -154,7 +164,7 @@ fn simplify_mesh(
             false => file::write(&lighter, sink, *format, &options)?,
         });
     }
-    Ok(ReportData { report, warnings, meshes: Vec::new() })
+    Ok(ReportData { report, not_reached, warnings, meshes: Vec::new() })
 }
 
 /// Simplifies all meshes of a scene under one budget; the rest of the scene is not changed.
@@ -173,7 +183,13 @@ fn simplify_scene(
     options.textures = palettes::of_scene(&scene, &taken);
     memory::check("simplify", memory_need::simplify_scene(&meshes, scene.buffer_bytes(), &options))?;
     let done = lodsmith::simplify_scene(&parts, diagonal, &options, watch);
-    let SimplifiedScene { meshes: mut lighter, report, counts } = not_interrupted(done)?;
+    let SimplifiedScene { meshes: mut lighter, mut report, mut counts } = not_interrupted(done)?;
+    // As in the file: the reader merges vertices at one place.
+    report.input_vertices = scene_parts::count(&parts, TriMesh::wedge_count);
+    for (counts, part) in counts.iter_mut().zip(&parts) {
+        counts.input_vertices = part.mesh.wedge_count();
+    }
+    let not_reached = not_reached(&report, &options, args.run.time_limit, &lighter);
 
     watch.write();
     for mesh in &mut lighter {
@@ -187,85 +203,14 @@ fn simplify_scene(
     let images = images::FolderMove::new(&job.source, sink);
     let mut warnings: Vec<_> = scene.warnings().to_vec();
     warnings.extend(warnings_of(&report));
-    warnings.extend(if format == Format::Glb {
-        images.embed(&mut scene)
-    } else {
-        images.external_file_warnings(&scene)
-    });
+    warnings.extend(images.bring(&mut scene, format, args.writing.textures));
     let relink = |uri: &str| images.uri(uri);
     warnings.extend(match args.dry_run {
         true => file::scene_losses(&scene, &replaced, &relink, format)?,
-        false => file::write_scene(&scene, &replaced, &relink, sink, format, args.writing.force)?,
+        false => file::write_scene(&scene, &replaced, &relink, sink, format, &args.writing)?,
     });
     let meshes = taken.iter().map(|&i| meshes[i].name.clone()).zip(counts).collect();
-    Ok(ReportData { report, warnings, meshes })
-}
-
-/// Returns the meshes of a scene to simplify, as numbers and as parts.
-pub(super) fn parts_of(meshes: &[SceneMesh]) -> (Vec<usize>, Vec<Part<'_>>) {
-    let mut systems = Vec::new();
-    let mut system_of = |m: &SceneMesh| {
-        let matrix = m.world_from_mesh?;
-        // Equal up to rounding: products of the same matrices in another order.
-        let size = matrix.as_flattened().iter().fold(0f64, |m, x| m.max(x.abs()));
-        let near = |s: &[[f64; 4]; 3]| {
-            let pairs = s.as_flattened().iter().zip(matrix.as_flattened());
-            pairs.into_iter().all(|(a, b)| (a - b).abs() <= 1e-6 * size)
-        };
-        let known = systems.iter().position(near);
-        Some(known.unwrap_or_else(|| {
-            systems.push(matrix);
-            systems.len() - 1
-        }))
-    };
-    // A mesh without instances in the scene is not changed, unless none has any.
-    let is_placed = meshes.iter().any(|m| m.instances > 0);
-    let taken: Vec<usize> = (0..meshes.len()).filter(|&i| !is_placed || meshes[i].instances > 0).collect();
-    let part = |m: &SceneMesh| {
-        let system = system_of(m);
-        (m.instances, m.scale, system)
-    };
-    let said: Vec<_> = taken.iter().map(|&i| &meshes[i]).map(part).collect();
-    let parts = taken.iter().zip(said).map(|(&i, (instances, scale, system))| Part {
-        mesh: &meshes[i].mesh,
-        instances,
-        scale,
-        system,
-    });
-    let parts = parts.collect();
-    (taken, parts)
-}
-
-pub(super) fn set_normals(mesh: &mut TriMesh, wanted: Normals) -> anyhow::Result<()> {
-    match wanted {
-        Normals::Keep => {}
-        Normals::Recompute => normals::recompute(mesh),
-        Normals::None => mesh.set_normals(None)?,
-    }
-    Ok(())
-}
-
-/// Returns the warnings of a run.
-pub(super) fn warnings_of(report: &Report) -> Vec<Warning> {
-    let mut warnings: Vec<_> = dropped(report).collect();
-    if report.seams_relaxed {
-        warnings.push(Warning::note("seams were moved off their lines to come nearer to the target"));
-    }
-    if report.sharp_relaxed {
-        warnings.push(Warning::note("sharp edges were not all kept, to come nearer to the target"));
-    }
-    warnings.extend(report.escalated.iter().map(|step| Warning::note(proposals::step_text(step))));
-    if report.pruned.largest_kept {
-        warnings.push(Warning::note("all parts are smaller than --prune: the largest was kept"));
-    }
-    warnings
-}
-
-/// Returns warnings about attributes that the engine drops.
-fn dropped(report: &Report) -> impl Iterator<Item = Warning> {
-    let lost =
-        |name: &&str| Warning::lost(format!("{name} dropped: a skin has joints and weights, or nothing"));
-    report.dropped.iter().map(lost)
+    Ok(ReportData { report, not_reached, warnings, meshes })
 }
 
 /// Prints the outcome of one input. Returns the status that it alone would end with.
@@ -278,11 +223,7 @@ fn show(
 ) -> Status {
     let done = match outcome {
         Ok(done) => done,
-        Err(e) if e.is::<Interrupted>() => return Status::Interrupted,
-        Err(e) => {
-            out.failure(path, &format!("{e:#}"));
-            return Status::Failed;
-        }
+        Err(e) => return out.failure(path, &e),
     };
     out.object(&done.to_json(path, job, args));
     out.line(&done.line(path));
@@ -290,43 +231,10 @@ fn show(
         out.detail(&line);
     }
     let mut is_fault = show_warnings(out, path, &done.warnings, args.ending.strict);
-    if !done.report.reached {
-        let why = not_reached(&done.report, &args.options(), args.run.time_limit);
-        is_fault |= show_not_reached(out, path, &why, args.ending.strict);
+    if let Some(why) = &done.not_reached {
+        is_fault |= show_not_reached(out, path, why, args.ending.strict);
     }
     if is_fault { Status::Strict } else { Status::Done }
-}
-
-/// Returns the reason why the target was not reached, and the proposals.
-pub(super) fn not_reached(report: &Report, options: &SimplifyOptions, time_limit: Option<f64>) -> String {
-    let mut text = format!("target not reached, stopped by {}", report.stopped_by.name().replace('_', " "));
-    let refusals = refusals(report);
-    if !refusals.is_empty() {
-        text += &format!("; refused: {refusals}");
-    }
-    if let Some(help) = proposals::text(report, options, time_limit) {
-        text += &format!("; {help}");
-    }
-    text
-}
-
-/// Prints that a target was not reached, with the reason. Returns true if that is a fault, with `--strict`.
-pub(super) fn show_not_reached(out: &Output, name: &str, why: &str, strict: bool) -> bool {
-    let text = format!("{name}: {why}");
-    if strict {
-        output::error(&text);
-    } else {
-        out.warning(&text);
-    }
-    strict
-}
-
-/// Returns the refusals and their counts, in words.
-pub(super) fn refusals(report: &Report) -> String {
-    let of = |(r, n): &(lodsmith::Refusal, u64)| {
-        format!("{} {}", r.name().replace('_', " "), grouped(usize::try_from(*n).unwrap_or(usize::MAX)))
-    };
-    report.refusals.iter().map(of).collect::<Vec<_>>().join(", ")
 }
 
 impl SimplifyOutcome {
@@ -409,7 +317,6 @@ impl SimplifyOutcome {
             Some((sink, format)) => (Some(sink.to_string()), Some(format.name())),
             None => (None, None),
         };
-        let measured = r.error.measured.as_ref();
         let count = |(name, n): (&str, Value)| (name.to_owned(), n);
         let refusals: Map<_, _> = r.refusals.iter().map(|(r, n)| count((r.name(), (*n).into()))).collect();
         let seconds: Map<_, _> =
@@ -425,10 +332,7 @@ impl SimplifyOutcome {
             "target": args.target.to_json(),
             "reached": r.reached,
             "stopped_by": r.stopped_by.name(),
-            "error": {
-                "estimate": r.error.estimate, "bound": r.error.bound, "measured": measured.map(measured_json),
-                "unit": "model", "diagonal": r.error.diagonal,
-            },
+            "error": error_json(r),
             "refusals": refusals,
             "warnings": texts(&self.warnings),
             "threads": self.threads,
@@ -460,24 +364,6 @@ impl SimplifyOutcome {
         }
         report
     }
-}
-
-pub(super) fn mesh_json((name, m): &(String, MeshCounts)) -> Value {
-    json!({
-        "name": name, "instances": m.instances, "reached": m.reached,
-        "input": { "faces": m.input_faces, "vertices": m.input_vertices },
-        "output": { "faces": m.faces, "vertices": m.vertices },
-    })
-}
-
-/// Returns the measured distances as JSON.
-pub(super) fn measured_json(m: &Comparison) -> Value {
-    json!({ "hausdorff": both_ways(&m.hausdorff), "mean": both_ways(&m.mean), "rms": both_ways(&m.rms) })
-}
-
-/// Returns a figure for each direction and for both.
-pub(super) fn both_ways(x: &TwoWay) -> Value {
-    json!({ "forward": x.forward, "backward": x.backward, "symmetric": x.symmetric })
 }
 
 fn cleanup(report: &Report) -> [(&'static str, usize); 5] {

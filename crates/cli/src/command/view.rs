@@ -1,7 +1,7 @@
 //! `lodsmith view`: opens the window, if built with it.
 
 use crate::args::ViewArgs;
-use crate::exit::Status;
+use crate::status::Status;
 
 /// Opens the window; returns when it is closed.
 #[cfg(feature = "view")]
@@ -30,7 +30,7 @@ pub(super) fn run(args: &ViewArgs) -> anyhow::Result<Status> {
 mod tests {
     use clap::Parser as _;
     use lodsmith::{Length, Method, Preset, Stop};
-    use lodsmith_viewer::option_words::{PRESETS, Simplification};
+    use lodsmith_viewer::option_words::Simplification;
 
     use crate::args::{Cli, Command};
 
@@ -44,8 +44,8 @@ mod tests {
 
     #[test]
     fn the_command_line_that_the_window_shows_means_what_the_window_does() {
-        for (preset, _) in PRESETS {
-            let how = Simplification::of_preset(*preset, Stop::ratio(0.1));
+        for preset in Preset::ALL {
+            let how = Simplification::of_preset(preset, Stop::ratio(0.1));
             assert_eq!(typed(&how), how.options, "{preset:?}");
         }
         for method in Method::ALL {
@@ -60,6 +60,9 @@ mod tests {
             how.options.escalate = true;
             assert_eq!(typed(&how), how.options, "{method:?}");
         }
+        let mut how = Simplification::of_preset(Preset::Scan, Stop::ratio(0.1));
+        how.options.weld = None;
+        assert_eq!(typed(&how), how.options);
         let mut how = Simplification::of_preset(Preset::Cad, Stop::error(Length::OfDiagonal(0.001)));
         how.options.measure = lodsmith::Measure::Always;
         assert_eq!(typed(&how), how.options);

@@ -74,9 +74,11 @@ pub fn compare_textured(
         |mesh, image_sizes, which| MeasuredMesh::new(mesh, image_sizes).ok_or(MeasureError::Empty { which });
     let (a, b) = (of(reference, image_sizes, "reference")?, of(candidate, &[], "candidate")?);
     let samples = options.samples.max(1);
-    let hair = SEAM_TOLERANCE * a.tree.bounds().map_or(0.0, |b| b.diagonal());
-    let (forward, backward) =
-        (a.differences(&b, samples, options.seed, hair), b.differences(&a, samples, options.seed, hair));
+    let tolerance = SEAM_TOLERANCE * a.tree.bounds().map_or(0.0, |b| b.diagonal());
+    let (forward, backward) = (
+        a.differences(&b, samples, options.seed, tolerance),
+        b.differences(&a, samples, options.seed, tolerance),
+    );
     let has_uvs = reference.uvs().is_some() && candidate.uvs().is_some();
     let has = [
         reference.normals().is_some() && candidate.normals().is_some(),
@@ -184,7 +186,7 @@ impl<'a> MeasuredMesh<'a> {
         point: DVec3,
         normal: DVec3,
         here: &AttributeValues,
-        hair: f64,
+        tolerance: f64,
         hint: &mut Hint,
     ) -> Option<AttributeValues> {
         let p = self.tree.frame().unit_from_user(point.into());
@@ -192,7 +194,7 @@ impl<'a> MeasuredMesh<'a> {
         let first = self.choice(nearest.slot, p, normal, here);
         let mut chosen = first;
         if first.is_back || first.uv_off > SAME_CHART_UV {
-            let reach = nearest.distance_sq.sqrt() + self.tree.frame().unit_length(hair);
+            let reach = nearest.distance_sq.sqrt() + self.tree.frame().unit_length(tolerance);
             let mut choices = vec![first];
             let mut looked_at = 0;
             self.tree.visit(p, reach * reach, |slot| {
@@ -243,7 +245,7 @@ impl<'a> MeasuredMesh<'a> {
 
     /// Returns the differences of normals, texture coordinates, colours, and texture coordinates in texels at
     /// the samples of this mesh.
-    fn differences(&self, to: &MeasuredMesh<'_>, samples: usize, seed: u64, hair: f64) -> [Vec<f64>; 4] {
+    fn differences(&self, to: &MeasuredMesh<'_>, samples: usize, seed: u64, tolerance: f64) -> [Vec<f64>; 4] {
         let parts = chunks::map(samples, |range| {
             let mut part = [const { Vec::new() }; 4];
             let mut hint = Hint::default();
@@ -251,7 +253,7 @@ impl<'a> MeasuredMesh<'a> {
                 let corners = self.corners(sample.face.index());
                 let here = self.values(sample.face.index(), sample.weights);
                 let normal = double_area_normal(corners);
-                let Some(there) = to.counterpart(sample.point(corners), normal, &here, hair, &mut hint)
+                let Some(there) = to.counterpart(sample.point(corners), normal, &here, tolerance, &mut hint)
                 else {
                     continue;
                 };

@@ -225,7 +225,7 @@ struct ProofState {
 fn all_within(from: &Prepared, to: &Prepared, mut rule: ProofLimits<'_>) -> ProofState {
     let (source, target) = (from.tree(), to.tree());
     let count = source.face_count();
-    let most = BASE_STEPS.saturating_add(MAX_STEPS_PER_FACE.saturating_mul(count + target.face_count()));
+    let max_steps = BASE_STEPS.saturating_add(MAX_STEPS_PER_FACE.saturating_mul(count + target.face_count()));
     let mut all = ProofState::default();
     let first = chunks::map_by(FACES_PER_TASK, count, |faces| {
         let mut search = PieceSearch::new(target, rule);
@@ -243,7 +243,7 @@ fn all_within(from: &Prepared, to: &Prepared, mut rule: ProofLimits<'_>) -> Proo
             rule.limit = rule.limit.max(all.seen * (1.0 + tolerance));
         }
         let pieces = std::mem::take(&mut all.left);
-        let is_last = all.steps > most;
+        let is_last = all.steps > max_steps;
         let parts = chunks::map_by(PIECES_PER_TASK, pieces.len(), |range| {
             let mut search = PieceSearch::new(target, rule);
             if is_last {
@@ -412,20 +412,22 @@ impl<'a> PieceSearch<'a> {
         let normal = double_area_normal(face).normalize_or_zero();
         let longest = (0..3).map(|k| face[k].distance(face[(k + 1) % 3])).fold(0.0, f64::max);
         let limit = self.rule.limit;
-        let is_of_use =
+        let is_useful =
             piece.cut_by != slot && longest >= MIN_CUT_FACE * limit && radius <= MAX_CUT_RADIUS * longest;
-        if !is_of_use || normal == glam::DVec3::ZERO || !piece.has_room() {
+        if !is_useful || normal == glam::DVec3::ZERO || !piece.has_room() {
             return self.halve(piece, slot);
         }
         let heights = piece.corners().iter().map(|p| (*p - face[0]).dot(normal).abs());
         let over = heights.fold(0.0, f64::max);
         let over = if over < limit { over } else { height.min(limit) };
-        let room = CUT_OFFSET * (limit * limit - over * over).max(0.0).sqrt();
-        let sliver = MIN_CUT_SHARE * room + f64::EPSILON;
+        let offset = CUT_OFFSET * (limit * limit - over * over).max(0.0).sqrt();
+        let sliver = MIN_CUT_SHARE * offset + f64::EPSILON;
         let mut inside = piece;
         for k in 0..3 {
             let out = (face[(k + 1) % 3] - face[k]).cross(normal).normalize_or_zero();
-            let Some((within, mut beyond)) = inside.cut(face[k] + out * room, out, sliver) else { continue };
+            let Some((within, mut beyond)) = inside.cut(face[k] + out * offset, out, sliver) else {
+                continue;
+            };
             inside = within;
             (beyond.near, beyond.is_tried, beyond.cut_by) = (slot, true, u32::MAX);
             self.pieces.push(beyond);

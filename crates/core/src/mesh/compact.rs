@@ -1,8 +1,8 @@
 //! Removal of vertices and wedges that no face uses.
 
 use crate::ids::{VertexId, WedgeId};
-use crate::mesh::weld::kept;
-use crate::mesh::{Attribute, Positions, TriMesh};
+use crate::mesh::TriMesh;
+use crate::mesh::weld::{kept, renumbered};
 
 /// A mesh in which every vertex and every wedge is used, and the numbers of dropped ones.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,23 +36,8 @@ pub fn compact(mesh: &TriMesh) -> Compacted {
         map.iter_mut().for_each(|v| *v = VertexId(vertex_number[v.index()]));
         map
     });
-    let result = TriMesh {
-        triangles: mesh.triangles.iter().map(|t| t.map(|w| WedgeId(wedge_number[w.index()]))).collect(),
-        vertex_of: vertex_of.filter(|map| map.iter().enumerate().any(|(w, v)| v.index() != w)),
-        positions: match &mesh.positions {
-            Positions::F32(p) => Positions::F32(kept(p, |v| vertex_used[v])),
-            Positions::F64(p) => Positions::F64(kept(p, |v| vertex_used[v])),
-        },
-        normals: mesh.normals.as_deref().map(|n| kept(n, wedge_stays)),
-        uvs: mesh.uvs.as_deref().map(|t| kept(t, wedge_stays)),
-        colors: mesh.colors.as_deref().map(|c| kept(c, wedge_stays)),
-        further: mesh
-            .further
-            .iter()
-            .map(|a| Attribute { values: kept(&a.values, |i| wedge_used[i / a.width]), ..a.clone() })
-            .collect(),
-        regions: mesh.regions.clone(),
-    };
+    let vertex_of = vertex_of.filter(|map| map.iter().enumerate().any(|(w, v)| v.index() != w));
+    let result = renumbered(mesh, |v| vertex_used[v], wedge_stays, &wedge_number, vertex_of);
     Compacted {
         dropped_vertex_count: mesh.vertex_count() - result.vertex_count(),
         dropped_wedge_count: mesh.wedge_count() - result.wedge_count(),
@@ -76,6 +61,7 @@ fn ranks(marks: &[bool]) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::Positions;
 
     #[test]
     fn unused_vertices_and_wedges_go() {

@@ -139,13 +139,13 @@ pub fn duplicates(triangles: &[[VertexId; 3]], vertex_count: usize) -> Duplicate
         sorted.sort_unstable();
         for group in sorted.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).filter(|g| g.len() > 1) {
             let mut seen = [false; 2];
-            for &(_, _, face, way) in group {
-                if seen[usize::from(way)] {
+            for &(_, _, face, is_forward) in group {
+                if seen[usize::from(is_forward)] {
                     found.same_winding.push(FaceId(face));
-                } else if seen[usize::from(!way)] {
+                } else if seen[usize::from(!is_forward)] {
                     found.opposite.push(FaceId(face));
                 }
-                seen[usize::from(way)] = true;
+                seen[usize::from(is_forward)] = true;
             }
         }
     }

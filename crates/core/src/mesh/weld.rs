@@ -20,8 +20,8 @@ impl Weld {
     /// # Panics
     /// If a representative has a higher number than its vertex, or does not represent itself.
     pub fn from_representatives(representative: Vec<VertexId>) -> Self {
-        let stands = |(i, r): (usize, &VertexId)| r.index() <= i && representative[r.index()] == *r;
-        assert!(representative.iter().enumerate().all(stands), "the lowest of a group stands for it");
+        let is_valid = |(i, r): (usize, &VertexId)| r.index() <= i && representative[r.index()] == *r;
+        assert!(representative.iter().enumerate().all(is_valid), "the lowest of a group stands for it");
         let distinct_count = representative.iter().enumerate().filter(|(i, r)| r.index() == *i).count();
         Self { representative, distinct_count }
     }
@@ -185,27 +185,40 @@ pub fn weld_mesh_by(mesh: &TriMesh, welded: &Weld) -> WeldedMesh {
         .collect();
     let is_plain =
         vertex_of.len() == welded.distinct_count && vertex_of.iter().enumerate().all(|(w, v)| v.index() == w);
-    let result = TriMesh {
-        triangles: mesh.triangles.iter().map(|t| t.map(|w| WedgeId(wedge_number[w.index()]))).collect(),
-        vertex_of: (!is_plain).then_some(vertex_of),
-        positions: match &mesh.positions {
-            Positions::F32(p) => Positions::F32(kept(p, stays)),
-            Positions::F64(p) => Positions::F64(kept(p, stays)),
-        },
-        normals: mesh.normals.as_deref().map(|n| kept(n, wedge_stays)),
-        uvs: mesh.uvs.as_deref().map(|t| kept(t, wedge_stays)),
-        colors: mesh.colors.as_deref().map(|c| kept(c, wedge_stays)),
-        further: mesh
-            .further
-            .iter()
-            .map(|a| Attribute { values: kept(&a.values, |i| wedge_stays(i / a.width)), ..a.clone() })
-            .collect(),
-        regions: mesh.regions.clone(),
-    };
+    let vertex_of = (!is_plain).then_some(vertex_of);
+    let result = renumbered(mesh, stays, wedge_stays, &wedge_number, vertex_of);
     WeldedMesh {
         merged_vertex_count: welded.merged_count(),
         merged_wedge_count: mesh.wedge_count() - wedge_count,
         mesh: result,
+    }
+}
+
+/// Returns the mesh with some of its vertices and wedges, in order. `wedge_number` is the new number of each
+/// wedge that a triangle uses, `vertex_of` the new map from wedges to vertices.
+pub(crate) fn renumbered(
+    mesh: &TriMesh,
+    keeps_vertex: impl Fn(usize) -> bool,
+    keeps_wedge: impl Fn(usize) -> bool,
+    wedge_number: &[u32],
+    vertex_of: Option<Vec<VertexId>>,
+) -> TriMesh {
+    TriMesh {
+        triangles: mesh.triangles.iter().map(|t| t.map(|w| WedgeId(wedge_number[w.index()]))).collect(),
+        vertex_of,
+        positions: match &mesh.positions {
+            Positions::F32(p) => Positions::F32(kept(p, keeps_vertex)),
+            Positions::F64(p) => Positions::F64(kept(p, keeps_vertex)),
+        },
+        normals: mesh.normals.as_deref().map(|n| kept(n, &keeps_wedge)),
+        uvs: mesh.uvs.as_deref().map(|t| kept(t, &keeps_wedge)),
+        colors: mesh.colors.as_deref().map(|c| kept(c, &keeps_wedge)),
+        further: mesh
+            .further
+            .iter()
+            .map(|a| Attribute { values: kept(&a.values, |i| keeps_wedge(i / a.width)), ..a.clone() })
+            .collect(),
+        regions: mesh.regions.clone(),
     }
 }
 

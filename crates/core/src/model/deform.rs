@@ -107,9 +107,7 @@ impl Model {
 fn grow(bounds: &mut Option<Bounds>, world_from_mesh: &DMat4, p: [f64; 3]) {
     let p = world_from_mesh.transform_point3(p.into()).to_array();
     if p.iter().all(|x| x.is_finite()) {
-        let b = bounds.get_or_insert(Bounds { min: p, max: p });
-        b.min = [0, 1, 2].map(|k| b.min[k].min(p[k]));
-        b.max = [0, 1, 2].map(|k| b.max[k].max(p[k]));
+        *bounds = Some(bounds.unwrap_or(Bounds::EMPTY).with(p));
     }
 }
 

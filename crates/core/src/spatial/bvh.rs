@@ -112,13 +112,8 @@ impl Bvh {
         for (face, t) in triangles.iter().enumerate() {
             if is_finite(t) {
                 items.push(FaceEntry { centre: [0; 3], face: face as u32 });
-                for p in t.map(|v| positions.get(v)) {
-                    let b = bounds.get_or_insert(Bounds { min: p, max: p });
-                    for (k, x) in p.into_iter().enumerate() {
-                        b.min[k] = b.min[k].min(x);
-                        b.max[k] = b.max[k].max(x);
-                    }
-                }
+                let corners = t.iter().map(|&v| positions.get(v));
+                bounds = Some(corners.fold(bounds.unwrap_or(Bounds::EMPTY), Bounds::with));
             }
         }
         let frame = UnitFrame::of(&bounds.unwrap_or(Bounds { min: [0.0; 3], max: [0.0; 3] }));
@@ -278,7 +273,7 @@ impl Bvh {
     /// Calls `look` for the slots whose box lies within a squared distance of a point of the unit frame; a
     /// returned value is the new squared distance. Near boxes are visited first.
     #[inline(always)]
-    pub(crate) fn visit(&self, p: DVec3, bound_sq: f64, mut look: impl FnMut(u32) -> Option<f64>) {
+    pub(crate) fn visit(&self, p: DVec3, bound_sq: f64, mut visit_face: impl FnMut(u32) -> Option<f64>) {
         if self.is_empty() {
             return;
         }
@@ -308,7 +303,7 @@ impl Bvh {
                     if f32::from_bits((entry >> 32) as u32) >= bound {
                         break;
                     }
-                    if let Some(bound_sq) = look(entry as u32) {
+                    if let Some(bound_sq) = visit_face(entry as u32) {
                         bound = bound_of(bound_sq);
                     }
                 }

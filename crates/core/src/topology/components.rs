@@ -1,6 +1,7 @@
 //! Connected components.
 
-use crate::ids::{FaceId, VertexId};
+use crate::disjoint_sets::DisjointSets;
+use crate::ids::FaceId;
 use crate::topology::Topology;
 
 /// The connected components of a surface: faces that share a vertex are of the same component.
@@ -38,12 +39,12 @@ impl Topology {
     /// Components that touch in a single vertex are one. Degenerate faces belong to none and connect nothing.
     /// Cost: nearly O(n).
     pub fn components(&self) -> Components {
-        let mut sets = Sets::new(self.vertex_count());
+        let mut sets = DisjointSets::new(self.vertex_count());
         let faces = || (0..self.face_count() as u32).map(FaceId);
         for face in faces().filter(|&f| !self.is_degenerate(f)) {
             let [a, b, c] = self.triangle(face);
-            sets.join(a, b);
-            sets.join(a, c);
+            sets.join(a.0, b.0);
+            sets.join(a.0, c.0);
         }
         let mut number = vec![NO_LABEL; self.vertex_count()];
         let mut face_counts = Vec::new();
@@ -52,7 +53,7 @@ impl Topology {
                 if self.is_degenerate(face) {
                     return NO_LABEL;
                 }
-                let own = &mut number[sets.find(self.triangle(face)[0]).index()];
+                let own = &mut number[sets.find(self.triangle(face)[0].0) as usize];
                 if *own == NO_LABEL {
                     *own = face_counts.len() as u32;
                     face_counts.push(0);
@@ -62,30 +63,5 @@ impl Topology {
             })
             .collect();
         Components { label, face_counts }
-    }
-}
-
-/// Disjoint sets of vertices; the lowest one represents its set.
-pub(super) struct Sets(Vec<VertexId>);
-
-impl Sets {
-    pub(super) fn new(count: usize) -> Self {
-        Self((0..count as u32).map(VertexId).collect())
-    }
-    pub(super) fn find(&mut self, mut v: VertexId) -> VertexId {
-        while self.0[v.index()] != v {
-            // Path halving.
-            let up = self.0[self.0[v.index()].index()];
-            self.0[v.index()] = up;
-            v = up;
-        }
-        v
-    }
-    /// Joins two sets; true if they were separate.
-    pub(super) fn join(&mut self, a: VertexId, b: VertexId) -> bool {
-        let (a, b) = (self.find(a), self.find(b));
-        let (low, high) = (a.min(b), a.max(b));
-        self.0[high.index()] = low;
-        low != high
     }
 }

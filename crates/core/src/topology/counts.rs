@@ -1,7 +1,7 @@
 //! Topology counts.
 
+use crate::disjoint_sets::DisjointSets;
 use crate::ids::{FaceId, HalfEdgeId, VertexId};
-use crate::topology::components::Sets;
 use crate::topology::{EdgeKind, Topology};
 
 /// Topology counts of a surface; degenerate faces are excluded from all but their own count.
@@ -74,7 +74,7 @@ impl Topology {
         counts.degenerate_face_count = faces().filter(|&f| self.is_degenerate(f)).count();
         counts.face_count = self.face_count() - counts.degenerate_face_count;
         counts.component_count = self.components().count();
-        let mut rims = Sets::new(self.vertex_count());
+        let mut rims = DisjointSets::new(self.vertex_count());
         let mut on_rim = vec![false; self.vertex_count()];
         for h in self.edges() {
             counts.edge_count += 1;
@@ -86,7 +86,7 @@ impl Topology {
                         counts.border_loop_count += usize::from(is_new);
                     }
                     // Border loops: border vertices minus the edges that join two sets of them.
-                    counts.border_loop_count -= usize::from(rims.join(self.origin(h), self.target(h)));
+                    counts.border_loop_count -= usize::from(rims.join(self.origin(h).0, self.target(h).0));
                 }
                 Some(EdgeKind::NonManifold) => counts.non_manifold_edge_count += 1,
                 Some(EdgeKind::Misoriented) => counts.misoriented_edge_count += 1,
@@ -116,8 +116,8 @@ impl Topology {
         let mut link: Vec<VertexId> = ends().flat_map(|(a, b)| [a, b]).collect();
         link.sort_unstable();
         link.dedup();
-        let number = |v: VertexId| VertexId(link.partition_point(|&w| w < v) as u32);
-        let mut sets = Sets::new(link.len());
+        let number = |v: VertexId| link.partition_point(|&w| w < v) as u32;
+        let mut sets = DisjointSets::new(link.len());
         let joined = ends().filter(|&(a, b)| sets.join(number(a), number(b))).count();
         link.len() - joined > 1
     }

@@ -70,7 +70,7 @@ impl Iterator for OneRing<'_> {
     fn next(&mut self) -> Option<VertexId> {
         let topology = self.topology;
         // Edges with at least three faces end several fans: only the lowest half-edge reports the neighbour.
-        let is_said_here = |h: HalfEdgeId| topology.twin(h).is_some() || topology.is_first_of_edge(h);
+        let is_listed = |h: HalfEdgeId| topology.twin(h).is_some() || topology.is_first_of_edge(h);
         loop {
             if let Some(fan) = &mut self.fan {
                 if let Some(step) = fan.next() {
@@ -79,14 +79,14 @@ impl Iterator for OneRing<'_> {
                     let ends = fan.at.is_none() && topology.twin(leaving).is_none();
                     self.last = ends.then(|| (leaving, step.vertex_across(topology, leaving)));
                     let entering = step.entering();
-                    if is_said_here(entering) {
+                    if is_listed(entering) {
                         return Some(step.vertex_across(topology, entering));
                     }
                     continue;
                 }
                 self.fan = None;
                 if let Some((h, vertex)) = self.last.take()
-                    && is_said_here(h)
+                    && is_listed(h)
                 {
                     return Some(vertex);
                 }

@@ -5,7 +5,8 @@
 //!                                  └─ "copy_2" ── node "a", of its own
 //! ```
 //!
-//! Skins and animation channels refer to nodes, so each copy has its own; their data in buffers is shared.
+//! Skins, animation channels and levels of detail refer to nodes, so each copy has its own; their data in
+//! buffers is shared.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -13,7 +14,7 @@ use serde_json::{Value, json};
 
 use super::container::{list, list_mut, number};
 use super::lists::append;
-use super::placements;
+use super::{lod, placements};
 use crate::error::ReadError;
 
 /// Name and transform of a copy of a scene.
@@ -68,13 +69,21 @@ pub(super) fn with_copies(source: &Value, places: &[CopyPlace]) -> Result<Value,
     Ok(json)
 }
 
-/// Returns the nodes of the trees under `roots`, parents first.
+/// Returns the nodes of the trees under `roots`, parents first, and the trees of their levels of detail.
 fn descendants(json: &Value, roots: &[usize]) -> Vec<usize> {
+    // Levels may refer to each other, or to nodes that do not exist: only children are checked before.
+    let mut is_new = vec![true; list(json, "nodes").len()];
     let mut all = Vec::new();
     let mut open: Vec<usize> = roots.iter().rev().copied().collect();
     while let Some(n) = open.pop() {
+        if is_new.get(n) != Some(&true) {
+            continue;
+        }
+        is_new[n] = false;
         all.push(n);
-        open.extend(list(&json["nodes"][n], "children").iter().rev().filter_map(number));
+        let node = &json["nodes"][n];
+        open.extend(lod::levels_of(node).iter().rev().filter_map(number));
+        open.extend(list(node, "children").iter().rev().filter_map(number));
     }
     all
 }
@@ -100,6 +109,7 @@ fn copy(json: &mut Value, nodes: &[usize], skins: &BTreeSet<usize>) -> HashMap<u
     for n in nodes {
         let mut node = json["nodes"][*n].clone();
         list_mut(&mut node, "children").iter_mut().for_each(renamed);
+        lod::levels_of_mut(&mut node).iter_mut().for_each(renamed);
         if let Some(skin) = number(&node["skin"]).and_then(|s| skin_of.get(&s)) {
             node["skin"] = (*skin).into();
         }

@@ -44,6 +44,19 @@ pub(super) fn relink(json: &mut Value, depth: usize, new: &dyn Fn(&str) -> Optio
     }
 }
 
+/// Returns the URI of a file beside the scene, with all other characters than those of plain names escaped.
+pub(super) fn uri_of(name: &[u8]) -> String {
+    let mut uri = String::with_capacity(name.len());
+    for &byte in name {
+        if byte.is_ascii_alphanumeric() || b"-._~".contains(&byte) {
+            uri.push(byte.into());
+        } else {
+            uri.push_str(&format!("%{byte:02X}"));
+        }
+    }
+    uri
+}
+
 /// Returns true if a URI names a file, not data or a network address.
 pub(super) fn is_file(uri: &str) -> bool {
     !uri.is_empty() && !uri.starts_with("data:") && !uri.contains("://")

@@ -23,8 +23,12 @@ const NAMES: [(&str, &str); 6] = [
 pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<Warning>) {
     let count = |name: &str| list(json, name).len();
     let meshes = list(json, "meshes");
+    let mut placed = vec![false; meshes.len()];
+    placements.iter().for_each(|p| placed[p.mesh] = true);
     let mut contents = Contents {
         meshes: placements.len(),
+        distinct_meshes: placed.iter().filter(|is_placed| **is_placed).count(),
+        instances: placements.iter().fold(0, |n, p| instance_count(json, p.node).saturating_add(n)),
         materials: count("materials"),
         // Several textures may use the same image.
         textures: if count("images") > 0 { count("images") } else { count("textures") },
@@ -88,8 +92,6 @@ pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<War
     if !unknown.is_empty() {
         not_carried(true, &format!("extensions {}", unknown.join(", ")));
     }
-    let mut placed = vec![false; meshes.len()];
-    placements.iter().for_each(|p| placed[p.mesh] = true);
     // Meshes of lower levels are dropped with the extension, which is named above.
     for level in nodes_of_levels(json) {
         if let Some(flag) = number(&json["nodes"][level]["mesh"]).and_then(|m| placed.get_mut(m)) {
@@ -102,4 +104,14 @@ pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<War
             .push(Warning::lost(format!("{left} meshes stand in no place of the default scene: dropped")));
     }
     (contents, warnings)
+}
+
+/// Returns the number of instances that a node places of its mesh.
+fn instance_count(json: &Value, node: Option<usize>) -> usize {
+    let attributes = node.map(|n| &json["nodes"][n]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]);
+    let count = |name: &str| {
+        let accessor = list(json, "accessors").get(number(&attributes?[name])?)?;
+        number(&accessor["count"])
+    };
+    ["TRANSLATION", "ROTATION", "SCALE"].into_iter().filter_map(count).min().unwrap_or(1)
 }

@@ -147,7 +147,20 @@ fn with_default_name(source: &Value, name: Option<&str>) -> Value {
 
 /// Returns the nodes that are lower levels of others.
 pub(super) fn nodes_of_levels(json: &Value) -> impl Iterator<Item = usize> + '_ {
-    list(json, "nodes").iter().flat_map(|n| list(&n["extensions"][EXTENSION], "ids")).filter_map(number)
+    list(json, "nodes").iter().flat_map(levels_of).filter_map(number)
+}
+
+/// Returns the references of a node to its lower levels.
+pub(super) fn levels_of(node: &Value) -> &[Value] {
+    list(&node["extensions"][EXTENSION], "ids")
+}
+
+/// Returns the references of a node to its lower levels, mutably.
+pub(super) fn levels_of_mut(node: &mut Value) -> &mut [Value] {
+    match node.get_mut("extensions").and_then(|extensions| extensions.get_mut(EXTENSION)) {
+        Some(extension) => list_mut(extension, "ids"),
+        None => &mut [],
+    }
 }
 
 fn level_name(name: &str, mark: &str, level: usize) -> String {

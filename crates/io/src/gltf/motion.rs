@@ -11,8 +11,10 @@ use std::collections::HashMap;
 use lodsmith_core::model::{Channel, Interpolation, Track};
 use serde_json::{Value, json};
 
-use super::container::list;
+use super::container::{list, number};
 use super::lists::append;
+use super::placements;
+use crate::error::ReadError;
 
 /// Nodes and an animation to add to a scene; see [`Scene::with_motion`](super::Scene::with_motion).
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -70,11 +72,13 @@ pub struct SceneCamera {
 
 /// Returns the JSON with the nodes, cameras and animation, and the buffer of its numbers; `None` if nothing
 /// moves.
-pub(super) fn with_motion(source: &Value, motion: &SceneMotion) -> (Value, Option<Vec<u8>>) {
+pub(super) fn with_motion(
+    source: &Value,
+    motion: &SceneMotion,
+) -> Result<(Value, Option<Vec<u8>>), ReadError> {
     let mut json = source.clone();
     let first = list(&json, "nodes").len();
-    let shown = super::container::number(&json["scene"]).unwrap_or(0);
-    let mut roots: Vec<Value> = list(&json["scenes"][shown], "nodes").to_vec();
+    let mut roots: Vec<Value> = placements::roots(source)?.into_iter().map(Value::from).collect();
     let before = roots.len();
     for (k, node) in motion.nodes.iter().enumerate() {
         let mut entry = json!({
@@ -88,7 +92,7 @@ pub(super) fn with_motion(source: &Value, motion: &SceneMotion) -> (Value, Optio
             let camera = json!({ "type": "perspective", "perspective": perspective });
             entry["camera"] = append(&mut json, "cameras", camera).into();
         }
-        let number: Value = append(&mut json, "nodes", entry).into();
+        let added: Value = append(&mut json, "nodes", entry).into();
         let below = node.child_root.filter(|n| *n < before && roots[*n].is_number());
         if let Some(over) = below {
             json["nodes"][first + k]["children"] = json!([std::mem::take(&mut roots[over])]);
@@ -97,13 +101,13 @@ pub(super) fn with_motion(source: &Value, motion: &SceneMotion) -> (Value, Optio
             Some(parent) => {
                 let parent = &mut json["nodes"][first + parent];
                 let mut children = list(parent, "children").to_vec();
-                children.push(number);
+                children.push(added);
                 parent["children"] = children.into();
             }
             // It takes the place of its child among the roots.
             None => match below {
-                Some(over) => roots[over] = json!([number]),
-                None => roots.push(number),
+                Some(over) => roots[over] = json!([added]),
+                None => roots.push(added),
             },
         }
     }
@@ -115,14 +119,14 @@ pub(super) fn with_motion(source: &Value, motion: &SceneMotion) -> (Value, Optio
             number => Some(number),
         })
         .collect();
-    if !json["scenes"].is_array() {
-        json["scenes"] = json!([]);
+    if list(&json, "scenes").is_empty() {
+        json["scenes"] = json!([{}]);
         json["scene"] = 0.into();
-        append(&mut json, "scenes", json!({}));
     }
+    let shown = number(&json["scene"]).unwrap_or(0);
     json["scenes"][shown]["nodes"] = roots.into();
     let bytes = animate(&mut json, motion, first);
-    (json, bytes)
+    Ok((json, bytes))
 }
 
 /// Adds the animation; returns the bytes of its numbers.

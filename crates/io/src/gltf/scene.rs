@@ -19,7 +19,7 @@ use super::motion::{self, SceneMotion};
 use super::names::MeshNames;
 use super::placements;
 use super::{inventory, replace, unpack};
-use crate::assets::{Assets, MAX_IMAGE_BYTES, Refusal};
+use crate::assets::{Asset, Assets, MAX_IMAGE_BYTES, Refusal};
 use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt;
 use crate::format::Format;
@@ -184,6 +184,33 @@ impl Scene {
         self.bounds
     }
 
+    /// Passes each external file that a model may use to `take`, with the number of bytes that are left for all of
+    /// them. Returns a warning for each of the others, and for each file that `take` refuses with a reason.
+    pub(super) fn for_each_file(
+        &self,
+        mut take: impl FnMut(&str, &Asset, &mut u64) -> Result<(), String>,
+    ) -> Vec<Warning> {
+        // Guessed: more warnings would not help.
+        const MAX_WARNINGS: usize = 16;
+        let mut left = MAX_IMAGE_BYTES.min(self.limits.max_bytes());
+        let (mut warnings, mut more) = (Vec::new(), 0);
+        for uri in self.external_files() {
+            let found = path_of(&uri).and_then(|path| self.assets.find(&path).map_err(Refusal::reason));
+            match found.map_err(str::to_owned).and_then(|file| take(&uri, &file, &mut left)) {
+                Ok(()) => {}
+                Err(why) if warnings.len() < MAX_WARNINGS => {
+                    warnings
+                        .push(Warning::note(format!("the file {} {why}: its name is kept", excerpt(&uri))));
+                }
+                Err(_) => more += 1,
+            }
+        }
+        if more > 0 {
+            warnings.push(Warning::note(format!("{more} more files cannot be brought along")));
+        }
+        warnings
+    }
+
     /// Returns the contents of the file; meshes and faces are counted once per instance.
     pub fn contents(&self) -> &Contents {
         &self.contents
@@ -261,7 +288,7 @@ impl Scene {
         if motion.nodes.is_empty() {
             return Ok(self.clone());
         }
-        let (json, numbers) = motion::with_motion(&self.json, motion);
+        let (json, numbers) = motion::with_motion(&self.json, motion)?;
         let mut scene = self.clone();
         scene.buffers.extend(numbers.map(Arc::new));
         scene.with_nodes(json)
@@ -313,25 +340,13 @@ impl Scene {
     /// Embeds separate image files, as far as they may be read. Returns a warning for each external file that
     /// is not an image, or not where a model may look for it; such a file stays external.
     pub fn embed_files(&mut self) -> Vec<Warning> {
-        // Guessed: more warnings would not help.
-        const MAX_WARNINGS: usize = 16;
-        let mut left = MAX_IMAGE_BYTES.min(self.limits.max_bytes());
-        let (mut warnings, mut more) = (Vec::new(), 0);
-        for uri in self.external_files() {
-            let found = path_of(&uri).and_then(|path| self.assets.find(&path).map_err(Refusal::reason));
-            match found.map_err(str::to_owned).and_then(|file| file.read_image(&mut left)) {
-                Ok(bytes) => {
-                    self.embed(&uri, bytes);
-                }
-                Err(why) if warnings.len() < MAX_WARNINGS => {
-                    warnings
-                        .push(Warning::note(format!("the file {} {why}: its name is kept", excerpt(&uri))));
-                }
-                Err(_) => more += 1,
-            }
-        }
-        if more > 0 {
-            warnings.push(Warning::note(format!("{more} more files cannot be brought along")));
+        let mut read = Vec::new();
+        let warnings = self.for_each_file(|uri, file, left| {
+            read.push((uri.to_owned(), file.read_image(left)?));
+            Ok(())
+        });
+        for (uri, bytes) in read {
+            self.embed(&uri, bytes);
         }
         warnings
     }

@@ -10,6 +10,11 @@ use crate::error::ReadError;
 /// The version of the format that is written, and the highest that is read.
 pub(super) const VERSION: u16 = 1;
 
+/// Maximum number of values of a wedge. Guessed: no mesh has as many, and a few bytes could ask for them all.
+pub(super) const MAX_VALUES_PER_WEDGE: usize = 4096;
+/// Maximum number of bytes in the name of an attribute.
+pub(super) const MAX_NAME_BYTES: usize = u16::MAX as usize;
+
 const HAS_VERTEX_MAP: u16 = 1;
 const HAS_REGIONS: u16 = 2;
 const IS_DOUBLE: u16 = 4;
@@ -176,6 +181,9 @@ impl Head {
             bits,
             columns,
         };
+        if head.width() > MAX_VALUES_PER_WEDGE {
+            return Err(head_error("it has more than 4,096 values for each wedge"));
+        }
         // The layout has one of each standard attribute, before all others.
         let wanted = column_kinds(&head.layout());
         match head.columns.iter().map(|c| (&c.kind, c.width)).eq(wanted.iter().map(|(k, w)| (k, *w))) {
@@ -186,19 +194,16 @@ impl Head {
 }
 
 fn column(bytes: &mut HeadBytes<'_>) -> Result<Column, ReadError> {
-    // Guessed: no attribute of a mesh has more values.
-    const MAX_WIDTH: u32 = 4096;
     let kind = bytes.byte()?;
     let set = u16::from_le_bytes(bytes.take()?);
     let name = u16::from_le_bytes(bytes.take()?);
     let name = String::from_utf8(bytes.slice(usize::from(name))?.to_vec())
         .map_err(|_| head_error("the name of an attribute is not UTF-8"))?;
-    let width = u32::from_le_bytes(bytes.take()?);
+    let width = u32::from_le_bytes(bytes.take()?) as usize;
     let kind = kind_of(kind, set, name).ok_or_else(|| head_error("it has an attribute of no known kind"))?;
-    if width == 0 || width > MAX_WIDTH {
+    if width == 0 || width > MAX_VALUES_PER_WEDGE {
         return Err(head_error("an attribute has no values, or too many"));
     }
-    let width = width as usize;
     let code = match bytes.byte()? {
         0 => ValueCode::Float,
         1 => {
@@ -214,7 +219,7 @@ fn column(bytes: &mut HeadBytes<'_>) -> Result<Column, ReadError> {
 }
 
 /// Returns the code of a kind, the number of its set or morph target, and its name.
-fn kind_number(kind: &ColumnKind) -> (u8, u16, &str) {
+pub(super) fn kind_number(kind: &ColumnKind) -> (u8, u16, &str) {
     match kind {
         ColumnKind::Normal => (0, 0, ""),
         ColumnKind::Uv => (1, 0, ""),

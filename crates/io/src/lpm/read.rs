@@ -63,11 +63,6 @@ impl<R: Read> LpmReader<R> {
             return Err(ReadError::byte(8, "the head is missing"));
         }
         let head = Head::from_bytes(&bytes)?;
-        // Guessed: no mesh has as many values per wedge, and a few bytes could ask for them all.
-        const MAX_VALUES_PER_WEDGE: usize = 1 << 12;
-        if head.channels() > MAX_VALUES_PER_WEDGE || head.width() > MAX_VALUES_PER_WEDGE {
-            return Err(ReadError::element("the head", "it has more than 4,096 values for each wedge"));
-        }
         let shape = SplitFormat {
             has_vertex_map: head.has_vertex_map,
             has_regions: head.has_regions,
@@ -111,8 +106,11 @@ impl<R: Read> LpmReader<R> {
             match kind {
                 container::BASE => {
                     reader.sizes.base = size;
-                    reader.read_steps(&bytes, 1).map_err(|d| ReadError::element("the base mesh", d.0))?;
-                    return Ok(reader);
+                    let read = reader.read_steps(&bytes, 1)?;
+                    return match read {
+                        Ok(()) => Ok(reader),
+                        Err(damaged) => Err(ReadError::element("the base mesh", damaged.0)),
+                    };
                 }
                 container::MATERIALS => {
                     reader.sizes.materials += size;
@@ -155,7 +153,8 @@ impl<R: Read> LpmReader<R> {
     /// before stays valid, and a warning reports how much was read.
     ///
     /// # Errors
-    /// [`ReadError::Io`] if the stream fails; [`ReadError::Limit`] if a chunk is too large.
+    /// [`ReadError::Io`] if the stream fails; [`ReadError::Limit`] or [`ReadError::Memory`] if a chunk is too
+    /// large, or unpacks to too much. The mesh up to there stays available.
     pub fn next_chunk(&mut self) -> Result<bool, ReadError> {
         if self.state != ReadProgress::Open {
             return Ok(false);
@@ -163,7 +162,11 @@ impl<R: Read> LpmReader<R> {
         let at = self.chunks.at;
         match self.chunks.next()? {
             NextChunk::Chunk { kind, bytes } => {
-                if let Err(damaged) = self.chunk(kind, &bytes)? {
+                let chunk = self.chunk(kind, &bytes);
+                if chunk.is_err() {
+                    self.state = ReadProgress::Cut;
+                }
+                if let Err(damaged) = chunk? {
                     self.stop(ReadProgress::Damaged, &format!("byte {at}: {}", damaged.0));
                 }
             }
@@ -227,7 +230,7 @@ impl<R: Read> LpmReader<R> {
             container::SPLITS => {
                 self.sizes.splits += size;
                 self.sizes.chunks += 1;
-                self.splits(bytes)
+                self.splits(bytes)?
             }
             container::CHECKPOINT => {
                 self.sizes.checkpoints += size;
@@ -267,23 +270,51 @@ impl<R: Read> LpmReader<R> {
         })
     }
 
-    fn splits(&mut self, bytes: &[u8]) -> Coded<()> {
-        let (count, bytes) = bytes.split_first_chunk().ok_or(Damaged("a chunk of splits is too short"))?;
-        self.read_steps(bytes, u32::from_le_bytes(*count))
+    fn splits(&mut self, bytes: &[u8]) -> Result<Coded<()>, ReadError> {
+        match bytes.split_first_chunk() {
+            Some((count, bytes)) => self.read_steps(bytes, u32::from_le_bytes(*count)),
+            None => Ok(Err(Damaged("a chunk of splits is too short"))),
+        }
     }
 
-    /// Reads steps, and keeps all before the first that is invalid.
-    fn read_steps(&mut self, bytes: &[u8], count: u32) -> Coded<()> {
-        let mut decoder = Decoder::new(bytes)?;
+    /// Reads steps, and keeps all before the first that is invalid or takes too much memory.
+    fn read_steps(&mut self, bytes: &[u8], count: u32) -> Result<Coded<()>, ReadError> {
+        let mut decoder = match Decoder::new(bytes) {
+            Ok(decoder) => decoder,
+            Err(damaged) => return Ok(Err(damaged)),
+        };
         let nothing = SplitChanges::default();
         for _ in 0..count {
             let mut step = std::mem::take(&mut self.step);
             let coded = self.steps.code(&mut decoder, &self.walk, &nothing, &mut step);
-            let fits = coded.and_then(|()| self.keep(&step));
+            let coded = match coded {
+                Ok(()) => self.check_unpacked(&step).map(|()| self.keep(&step)),
+                damaged => Ok(damaged),
+            };
             self.step = step;
-            fits?;
+            if let Err(damaged) = coded? {
+                return Ok(Err(damaged));
+            }
         }
-        if decoder.is_at_end() { Ok(()) } else { Err(Damaged("a chunk has bytes that say nothing")) }
+        Ok(if decoder.is_at_end() { Ok(()) } else { Err(Damaged("a chunk has bytes that say nothing")) })
+    }
+
+    /// Adds the approximate memory that a step takes to the total, and checks that.
+    fn check_unpacked(&mut self, step: &SplitChanges) -> Result<(), ReadError> {
+        let width = self.head.width() as u64;
+        let sizes = [
+            (step.faces.len(), 24),
+            (step.vertex_of.len() + step.changed.len(), 16 + 8 * width),
+            (step.places.len() + step.moved.len(), 48),
+            (step.corners.len() + step.owners.len(), 8),
+        ];
+        self.unpacked += sizes.iter().map(|(count, size)| *count as u64 * size).sum::<u64>();
+        let (size, limit) = (self.unpacked, self.limits.bytes);
+        if size > limit {
+            return Err(ReadError::Limit { what: "the unpacked progressive mesh", size, limit });
+        }
+        // (Measured: the result takes up to twice as much.)
+        self.limits.check_memory("unpacking the progressive mesh", 2 * size)
     }
 
     fn keep(&mut self, step: &SplitChanges) -> Coded<()> {
@@ -292,19 +323,6 @@ impl<R: Read> LpmReader<R> {
         let changes = [data.corners.at.len(), data.owners.at.len(), data.rows.at.len(), data.places.at.len()];
         if changes.into_iter().any(has_more_than_numbers) {
             return Err(Damaged("more changes than numbers can name"));
-        }
-        let width = head.width() as u64;
-        let sizes = [
-            (step.faces.len(), 24),
-            (step.vertex_of.len() + step.changed.len(), 16 + 8 * width),
-            (step.places.len() + step.moved.len(), 48),
-            (step.corners.len() + step.owners.len(), 8),
-        ];
-        // Approximate memory that it takes.
-        self.unpacked += sizes.iter().map(|(count, size)| *count as u64 * size).sum::<u64>();
-        // (Measured: the result takes up to twice as much.)
-        if self.unpacked > self.limits.bytes.min(self.limits.memory / 2) {
-            return Err(Damaged("more is unpacked than the limit allows (--max-memory)"));
         }
         walk.apply(step);
         data.faces.extend(step.faces.iter().map(|f| f.map(WedgeId)));

@@ -10,13 +10,16 @@ use lodsmith_core::{Positions, Semantic};
 
 use super::checkpoint::{CheckpointCodec, write_original};
 use super::container::{self, MAGIC, write_chunk};
-use super::head::{Column, ColumnKind, Head, column_kinds};
+use super::head::{
+    Column, ColumnKind, Head, MAX_NAME_BYTES, MAX_VALUES_PER_WEDGE, column_kinds, kind_number,
+};
 use super::level_mesh::{LevelMesh, SplitChanges};
 use super::range::Encoder;
 use super::step::{SplitCodec, SplitFormat};
 use super::values::{PlaceCode, ValueCode};
 use super::{LpmOptions, LpmWritten, MAX_BITS, MIN_BITS};
 use crate::error::WriteError;
+use crate::excerpt::excerpt;
 use crate::material::Regions;
 use crate::write::write_file;
 
@@ -42,7 +45,7 @@ const FEWER_NORMAL_BITS: u8 = 4;
 ///
 /// # Errors
 /// I/O errors of the stream; `InvalidInput` if `bits` cannot be used: out of range, or with positions that
-/// are not finite.
+/// are not finite; also if a wedge has more than 4,096 values, or a name more than 65,535 bytes.
 pub fn write(
     splits: &Splits,
     regions: Option<&Regions>,
@@ -192,9 +195,19 @@ fn head_of(data: &SplitData, options: &LpmOptions) -> Result<Head, String> {
     let mut columns = Vec::new();
     let mut begin = 0;
     let width = data.layout.width();
+    if width > MAX_VALUES_PER_WEDGE {
+        return Err(format!("LPM holds up to 4,096 attribute values for each wedge: this mesh has {width}"));
+    }
     for (kind, own) in column_kinds(&data.layout) {
-        if own > 4096 || columns.len() >= 4096 {
-            return Err("LPM holds up to 4,096 attributes of up to 4,096 values each".to_owned());
+        let name = kind_number(&kind).2;
+        if name.len() > MAX_NAME_BYTES {
+            let (front, bytes) = (excerpt(name), name.len());
+            return Err(format!(
+                "LPM holds names of attributes of up to 65,535 bytes: `{front}` has {bytes}"
+            ));
+        }
+        if own == 0 {
+            return Err("LPM holds no attributes without values".to_owned());
         }
         let column = || {
             let rows = data.values.chunks_exact(width).chain(data.rows.to.chunks_exact(width));

@@ -18,19 +18,34 @@ use crate::files::{temporary_in, write_file};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Textures {
-    /// Write a material library beside the output, and copy the textures there.
+    /// Write a material library beside an OBJ, and copy the textures there. Copy the separate images of a scene
+    /// beside its `.gltf`.
     #[default]
     Copy,
-    /// Write a material library beside the output; it refers to the textures where they are.
+    /// Write a material library beside an OBJ; it refers to the textures where they are, and so does a scene.
     Link,
-    /// Write neither materials nor textures.
+    /// Write neither materials nor textures; a scene keeps them as with `Link`.
     None,
+}
+
+impl Textures {
+    /// All values, in the order of lists.
+    pub const ALL: [Self; 3] = [Self::Copy, Self::Link, Self::None];
+
+    /// Returns the name of the value.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Copy => "copy",
+            Self::Link => "link",
+            Self::None => "none",
+        }
+    }
 }
 
 /// A library with more missing textures than this was crafted to keep the system busy. Guessed.
 const MAX_MISSING_TEXTURES: usize = 10_000;
 
-/// The files written beside an OBJ.
+/// The files written beside an OBJ or a scene.
 #[derive(Debug, Default)]
 pub(crate) struct SidecarFiles {
     /// The names of libraries for the OBJ.
@@ -40,7 +55,7 @@ pub(crate) struct SidecarFiles {
 }
 
 impl SidecarFiles {
-    /// Removes the created files, after writing the OBJ itself has failed.
+    /// Removes the created files, after writing the mesh or scene itself has failed.
     pub(crate) fn remove(self) {
         for path in self.created {
             // A remaining file does no harm.
@@ -171,7 +186,7 @@ fn path_from(
         Ok(Texture::File(found)) => found,
         Ok(Texture::Embedded(image)) => {
             let name = copy_into(folder, OsStr::new(&image.name), &image.bytes, beside)?;
-            return Ok(bytes_of(Path::new(&name)));
+            return Ok(bytes_of_path(Path::new(&name)));
         }
         Err(why) => {
             missing.add(old, why);
@@ -185,7 +200,7 @@ fn path_from(
         return Ok(old.to_vec());
     }
     if policy == Textures::Link || source.starts_with(&real_folder) {
-        return Ok(bytes_of(&relative(source, &real_folder)));
+        return Ok(bytes_of_path(&relative(source, &real_folder)));
     }
     let bytes = match found.read_image(left) {
         Ok(bytes) => bytes,
@@ -196,12 +211,12 @@ fn path_from(
     };
     // A link is copied under its own name, not that of its target.
     let name = copy_into(folder, found.name(), &bytes, beside)?;
-    Ok(bytes_of(Path::new(&name)))
+    Ok(bytes_of_path(Path::new(&name)))
 }
 
 /// Writes an image into a folder under its own name, or a numbered one if another file has that; returns the
 /// name.
-fn copy_into(
+pub(crate) fn copy_into(
     folder: &Path,
     own: &OsStr,
     bytes: &[u8],
@@ -287,7 +302,7 @@ fn write_library(
                 beside.created.push(path.clone());
             }
         }
-        return Ok(bytes_of(Path::new(&name)));
+        return Ok(bytes_of_path(Path::new(&name)));
     }
     unreachable!("some number is free")
 }
@@ -330,7 +345,7 @@ fn relative(file: &Path, folder: &Path) -> PathBuf {
 }
 
 /// Returns a path with slashes, for use in files.
-fn bytes_of(path: &Path) -> Vec<u8> {
+pub(crate) fn bytes_of_path(path: &Path) -> Vec<u8> {
     let bytes = path.as_os_str().as_encoded_bytes();
     if std::path::MAIN_SEPARATOR == '\\' {
         return bytes.iter().map(|&b| if b == b'\\' { b'/' } else { b }).collect();
@@ -379,7 +394,7 @@ mod tests {
     #[test]
     fn ways_lead_up_and_down() {
         let way = |file: &str, folder: &str| {
-            bytes_of(&relative(Path::new(file), Path::new(folder))).escape_ascii().to_string()
+            bytes_of_path(&relative(Path::new(file), Path::new(folder))).escape_ascii().to_string()
         };
         assert_eq!(way("/a/b/c.png", "/a/x/y"), "../../b/c.png");
         assert_eq!(way("/a/b/c.png", "/a"), "b/c.png");

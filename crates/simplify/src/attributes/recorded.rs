@@ -85,8 +85,8 @@ impl Rows {
 
     /// Writes as many joints as there is room for, the strongest first.
     fn write_pulls(&self, pulls: &[(u32, f32)], places: &RowPlaces, row: &mut [f32]) {
-        let most = 4 * self.skin_sets.len();
-        let kept = &pulls[..pulls.len().min(most)];
+        let max_joints = 4 * self.skin_sets.len();
+        let kept = &pulls[..pulls.len().min(max_joints)];
         let sum: f32 = kept.iter().map(|p| p.1).sum();
         for (i, [joints, weights]) in places.skins.iter().enumerate() {
             for k in 0..4 {

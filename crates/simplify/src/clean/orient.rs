@@ -80,11 +80,7 @@ pub(crate) fn faces_to_flip(surface: &Surface<'_>) -> Vec<bool> {
 fn measured(surface: &Surface<'_>, faces: Vec<FaceId>, turned: &[bool]) -> OrientedPatch {
     let positions = surface.positions();
     let corners = |f: FaceId| surface.triangles()[f.index()].map(|v| positions.get(v));
-    let mut bounds = Bounds { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3] };
-    for p in faces.iter().flat_map(|&f| corners(f)) {
-        bounds.min = [0, 1, 2].map(|k| bounds.min[k].min(p[k]));
-        bounds.max = [0, 1, 2].map(|k| bounds.max[k].max(p[k]));
-    }
+    let bounds = faces.iter().flat_map(|&f| corners(f)).fold(Bounds::EMPTY, Bounds::with);
     // Relative to the centre and size of the patch: no cancellation far from the origin, no overflow of
     // squares.
     let size = (0..3).map(|k| bounds.max[k] - bounds.min[k]).fold(f64::MIN_POSITIVE, f64::max);
@@ -134,11 +130,8 @@ fn inside_others(
     if asked.is_empty() {
         return Vec::new();
     }
-    let mut all = Bounds { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3] };
-    for p in asked.iter().map(|&i| &patches[i].bounds) {
-        all.min = [0, 1, 2].map(|k| all.min[k].min(p.min[k]));
-        all.max = [0, 1, 2].map(|k| all.max[k].max(p.max[k]));
-    }
+    let boxes = asked.iter().map(|&i| &patches[i].bounds);
+    let all = boxes.fold(Bounds::EMPTY, |all, own| all.with(own.min).with(own.max));
     let meets =
         |p: &OrientedPatch| (0..3).all(|k| p.bounds.min[k] <= all.max[k] && p.bounds.max[k] >= all.min[k]);
     let positions = surface.positions();

@@ -6,7 +6,7 @@
 use glam::DVec3;
 use lodsmith_core::mesh::weld::Weld;
 use lodsmith_core::topology::Topology;
-use lodsmith_core::{FaceId, HalfEdgeId, Surface, VertexId};
+use lodsmith_core::{DisjointSets, FaceId, HalfEdgeId, Surface, VertexId};
 
 const NO_PAIR: u32 = u32::MAX;
 
@@ -85,9 +85,13 @@ fn unpair(pair: &mut [u32], h: HalfEdgeId) -> bool {
 /// edges.
 pub(super) fn sew_borders(surface: &Surface<'_>, place: &Weld) -> (Weld, usize) {
     let triangles = surface.triangles().iter().map(|t| t.map(|v| place.of(v))).collect();
-    let mut root: Vec<VertexId> = (0..surface.positions().len()).map(VertexId::new).collect();
+    let mut sets = DisjointSets::new(surface.positions().len());
+    let weld_of = |sets: DisjointSets| {
+        let all = sets.into_representatives().into_iter().map(VertexId).collect();
+        Weld::from_representatives(all)
+    };
     let Ok(joined) = Surface::with_triangles(surface.positions(), triangles) else {
-        return (Weld::from_representatives(root), 0);
+        return (weld_of(sets), 0);
     };
     let by_place = Topology::unwelded(&joined);
     let own = Topology::unwelded(surface);
@@ -98,12 +102,11 @@ pub(super) fn sew_borders(surface: &Surface<'_>, place: &Weld) -> (Weld, usize) 
         ring.extend(by_place.edge(first).filter(|&h| own.edge(h).nth(1).is_none()));
         match_ring(&joined, &by_place, &mut ring, |h, g| {
             count += 1;
-            join(&mut root, own.origin(h), own.target(g));
-            join(&mut root, own.target(h), own.origin(g));
+            sets.join(own.origin(h).0, own.target(g).0);
+            sets.join(own.target(h).0, own.origin(g).0);
         });
     }
-    let all: Vec<VertexId> = (0..root.len()).map(|i| find(&mut root, VertexId::new(i))).collect();
-    (Weld::from_representatives(all), count)
+    (weld_of(sets), count)
 }
 
 /// Pairs the opposite half-edges of an edge.
@@ -155,12 +158,12 @@ fn match_ring(
 
 /// Assigns vertices to connected corners: the first fan keeps the vertex, further ones get new ones.
 fn assign_vertices(surface: &Surface<'_>, topology: &Topology, pair: &[u32]) -> CutSurface {
-    let mut root: Vec<VertexId> = (0..pair.len()).map(VertexId::new).collect();
+    let mut fans = DisjointSets::new(pair.len());
     for h in (0..pair.len()).map(HalfEdgeId::new) {
         if pair[h.index()] != NO_PAIR {
             let g = HalfEdgeId(pair[h.index()]);
-            join(&mut root, VertexId(h.0), VertexId(g.next().0));
-            join(&mut root, VertexId(h.next().0), VertexId(g.0));
+            fans.join(h.0, g.next().0);
+            fans.join(h.next().0, g.0);
         }
     }
     let vertex_count = surface.positions().len();
@@ -170,33 +173,20 @@ fn assign_vertices(surface: &Surface<'_>, topology: &Topology, pair: &[u32]) -> 
     let faces = (0..topology.face_count()).map(|f| {
         [0, 1, 2].map(|k| {
             let corner = HalfEdgeId::of(FaceId::new(f), k);
-            let fan = find(&mut root, VertexId(corner.0));
+            let fan = fans.find(corner.0);
             let v = topology.origin(corner);
-            if named[fan.index()] == VertexId(NO_PAIR) {
-                named[fan.index()] = if first[v.index()] == NO_PAIR {
-                    first[v.index()] = fan.0;
+            if named[fan as usize] == VertexId(NO_PAIR) {
+                named[fan as usize] = if first[v.index()] == NO_PAIR {
+                    first[v.index()] = fan;
                     v
                 } else {
                     copy_of.push(v);
                     VertexId::new(vertex_count + copy_of.len() - 1)
                 };
             }
-            named[fan.index()]
+            named[fan as usize]
         })
     });
     let faces = faces.collect();
     CutSurface { faces, copy_of }
-}
-
-fn find(root: &mut [VertexId], mut i: VertexId) -> VertexId {
-    while root[i.index()] != i {
-        root[i.index()] = root[root[i.index()].index()];
-        i = root[i.index()];
-    }
-    i
-}
-
-fn join(root: &mut [VertexId], a: VertexId, b: VertexId) {
-    let (a, b) = (find(root, a), find(root, b));
-    root[a.max(b).index()] = a.min(b);
 }

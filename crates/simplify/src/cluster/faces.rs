@@ -61,7 +61,7 @@ impl Shares {
     }
     /// Calls `look` with the faces that have a corner in a share, if there are several shares: in order, `N`
     /// at a time, and fewer at the end.
-    pub(super) fn touching<const N: usize>(&self, share: usize, mut look: impl FnMut(&[u32])) {
+    pub(super) fn touching<const N: usize>(&self, share: usize, mut visit: impl FnMut(&[u32])) {
         let each = 64u32 >> self.bits;
         // Bit of the first share for every face of a word.
         let ones = u64::MAX / (u64::MAX >> (64 - (1u32 << self.bits)));
@@ -89,12 +89,12 @@ impl Shares {
                 }
             }
             if count >= N {
-                look(&found[0]);
+                visit(&found[0]);
                 found[0] = found[1];
                 count -= N;
             }
         }
-        look(&found[0][..count]);
+        visit(&found[0][..count]);
     }
 }
 

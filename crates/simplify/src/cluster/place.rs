@@ -360,9 +360,9 @@ fn solve(sums: &[CellSums; 4], border: &Forms, rounding: f32) -> ([Vec3; 4], [f3
     let [xz, xy, yz, c] = lanes(sums, |s| s.products);
     let b = lanes(sums, |s| s.b);
     let corners = lanes(sums, |s| s.corners);
-    let says = weight.cmpgt(Vec4::splat(MIN_DOUBLED_AREA));
+    let has_area = weight.cmpgt(Vec4::splat(MIN_DOUBLED_AREA));
     let one = Vec4::ONE;
-    let each = one / Vec4::select(says, weight, one);
+    let each = one / Vec4::select(has_area, weight, one);
     let mean = [0, 1, 2].map(|k| (corners[k] * each).clamp(Vec4::ZERO, one));
     let times = |[xx, yy, zz, xz, xy, yz]: [Vec4; 6], [x, y, z]: [Vec4; 3]| {
         [xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z]
@@ -389,12 +389,12 @@ fn solve(sums: &[CellSums; 4], border: &Forms, rounding: f32) -> ([Vec3; 4], [f3
     let places = [0, 1, 2].map(|k| {
         // Rejects steps that are NaN or too large.
         let step = Vec4::select(step[k].abs().cmplt(Vec4::splat(4.0)), step[k], Vec4::ZERO);
-        Vec4::select(says, mean[k] + step, Vec4::splat(0.5)).clamp(low, one - low)
+        Vec4::select(has_area, mean[k] + step, Vec4::splat(0.5)).clamp(low, one - low)
     });
     let [ax, ay, az] = times([xx, yy, zz, xz, xy, yz], places);
     let [x, y, z] = places;
     let cost = x * (ax - 2.0 * b[0]) + y * (ay - 2.0 * b[1]) + z * (az - 2.0 * b[2]) + c;
-    let cost = Vec4::select(says, cost.max(Vec4::ZERO), Vec4::ZERO).to_array();
+    let cost = Vec4::select(has_area, cost.max(Vec4::ZERO), Vec4::ZERO).to_array();
     let [x, y, z] = places.map(|p| p.to_array());
     ([0, 1, 2, 3].map(|k| Vec3::new(x[k], y[k], z[k])), cost)
 }

@@ -75,7 +75,7 @@ impl OriginalSurface {
         let mut hint = Hint::default();
         let mut distance = |p| self.tree.closest_from(p, &mut hint).map_or(0.0, |hit| hit.distance);
         let of_vertex: Vec<f64> = positions.iter().map(&mut distance).collect();
-        error = of_vertex.iter().fold(error, |most, &d| most.max(d));
+        error = of_vertex.iter().fold(error, |largest, &d| largest.max(d));
         for t in surface.triangles() {
             let corners = t.map(|v| (positions.get(v), of_vertex[v.index()]));
             refine(corners, MAX_DEPTH, &mut error, &mut distance);
@@ -109,8 +109,8 @@ fn refine(
         (middle, off)
     });
     let all = [a, b, c, ab, bc, ca].map(|p| p.1);
-    let (least, most) = all.iter().fold((f64::INFINITY, 0f64), |(x, y), &d| (x.min(d), y.max(d)));
-    if most + RANGE_SHARE * (most - least) <= *error {
+    let (smallest, largest) = all.iter().fold((f64::INFINITY, 0f64), |(x, y), &d| (x.min(d), y.max(d)));
+    if largest + RANGE_SHARE * (largest - smallest) <= *error {
         return;
     }
     for part in [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]] {

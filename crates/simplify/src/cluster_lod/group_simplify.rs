@@ -56,7 +56,7 @@ pub(super) fn simplify_group(
         region_classes: options.region_classes.clone(),
         ..SimplifyOptions::default()
     };
-    let most = (options.keep_at_most * faces.len() as f64) as usize;
+    let max_faces = (options.keep_at_most * faces.len() as f64) as usize;
     let mut to = |wanted| {
         inner.stop = Stop::faces(wanted);
         match simplify(&group.mesh, &inner, &mut NoControl) {
@@ -66,12 +66,12 @@ pub(super) fn simplify_group(
         }
     };
     let mut done = to(wanted)?;
-    let tears = |done: &Option<Simplified>| done.as_ref().is_some_and(|d| d.report.seams_relaxed);
-    if tears(&done) && border.is_any() {
+    let relaxes_seams = |done: &Option<Simplified>| done.as_ref().is_some_and(|d| d.report.seams_relaxed);
+    if relaxes_seams(&done) && border.is_any() {
         // Seams need not be relaxed here: another grouping may leave them more room.
-        done = to(most)?.filter(|d| !d.report.seams_relaxed);
+        done = to(max_faces)?.filter(|d| !d.report.seams_relaxed);
     }
-    let Some(lighter) = done.map(|d| d.mesh).filter(|m| (1..=most).contains(&m.face_count())) else {
+    let Some(lighter) = done.map(|d| d.mesh).filter(|m| (1..=max_faces).contains(&m.face_count())) else {
         return Ok(GroupOutcome::Stuck);
     };
     let pieces = split(&lighter, budget);
@@ -97,10 +97,10 @@ pub(super) fn simplify_group(
 /// Returns the edges with more faces in one direction than in the other, and the difference.
 fn open_edges(faces: impl Iterator<Item = [VertexId; 3]>) -> HashMap<VertexPair, i32> {
     let mut net: HashMap<VertexPair, i32> = HashMap::new();
-    for (edge, way) in faces.flat_map(directed) {
-        *net.entry(edge).or_insert(0) += way;
+    for (edge, sign) in faces.flat_map(directed) {
+        *net.entry(edge).or_insert(0) += sign;
     }
-    net.retain(|_, way| *way != 0);
+    net.retain(|_, sign| *sign != 0);
     net
 }
 

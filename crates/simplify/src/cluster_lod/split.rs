@@ -77,11 +77,11 @@ fn longest_axis(faces: impl Iterator<Item = u32>, centres: &[[f32; 3]]) -> usize
 fn split_by_planes<'a>(
     faces: &'a mut [u32],
     centres: &[[f32; 3]],
-    most: usize,
+    max_faces: usize,
     each: usize,
     out: &mut Vec<&'a [u32]>,
 ) {
-    if faces.len() <= most {
+    if faces.len() <= max_faces {
         out.push(faces);
         return;
     }
@@ -90,8 +90,8 @@ fn split_by_planes<'a>(
     let key = |f: u32| centres[f as usize][axis];
     faces.select_nth_unstable_by(at, |&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
     let (left, right) = faces.split_at_mut(at);
-    split_by_planes(left, centres, most, each, out);
-    split_by_planes(right, centres, most, each, out);
+    split_by_planes(left, centres, max_faces, each, out);
+    split_by_planes(right, centres, max_faces, each, out);
 }
 
 /// Returns how many of `count` items go left, so that `parts` parts of equal size result.
@@ -191,15 +191,15 @@ impl<'a> Piece<'a> {
     fn halves(&mut self, set: Vec<u32>, at: usize) -> (Vec<u32>, Vec<u32>) {
         let (mut left, mut right) = (Vec::with_capacity(at), Vec::with_capacity(set.len() - at));
         for mut part in self.connected(&set) {
-            let room = at - left.len();
-            if part.len() <= room {
+            let missing = at - left.len();
+            if part.len() <= missing {
                 left.append(&mut part);
-            } else if room == 0 {
+            } else if missing == 0 {
                 right.append(&mut part);
             } else {
-                self.order_by_path_length(&mut part, room);
-                left.extend_from_slice(&part[..room]);
-                right.extend_from_slice(&part[room..]);
+                self.order_by_path_length(&mut part, missing);
+                left.extend_from_slice(&part[..missing]);
+                right.extend_from_slice(&part[missing..]);
             }
         }
         (left, right)
@@ -251,11 +251,11 @@ impl<'a> Piece<'a> {
     /// Moves the `at` faces of a component to the front that are nearest to one of its ends, relative to the
     /// other.
     fn order_by_path_length(&mut self, part: &mut [u32], at: usize) {
-        let farthest = |way: &[f32], part: &[u32]| {
+        let farthest = |length: &[f32], part: &[u32]| {
             let far = part
                 .iter()
                 .copied()
-                .max_by(|&a, &b| way[a as usize].total_cmp(&way[b as usize]).then(b.cmp(&a)));
+                .max_by(|&a, &b| length[a as usize].total_cmp(&length[b as usize]).then(b.cmp(&a)));
             far.expect("a part has faces")
         };
         self.walk(part, part[0]);
@@ -279,8 +279,8 @@ impl<'a> Piece<'a> {
         self.path_length[from as usize] = 0.0;
         self.heap.push(Reverse((0, from)));
         while let Some(Reverse((bits, i))) = self.heap.pop() {
-            let way = f32::from_bits(bits);
-            if way > self.path_length[i as usize] {
+            let length = f32::from_bits(bits);
+            if length > self.path_length[i as usize] {
                 continue;
             }
             let p = self.centre(i);
@@ -292,10 +292,10 @@ impl<'a> Piece<'a> {
                 }
                 let q = self.centre(j);
                 let step = (0..3).map(|k| (p[k] - q[k]) * (p[k] - q[k])).sum::<f32>().sqrt();
-                if way + step < self.path_length[j as usize] {
-                    self.path_length[j as usize] = way + step;
+                if length + step < self.path_length[j as usize] {
+                    self.path_length[j as usize] = length + step;
                     // Non-negative floats sort like their bits.
-                    self.heap.push(Reverse(((way + step).to_bits(), j)));
+                    self.heap.push(Reverse(((length + step).to_bits(), j)));
                 }
             }
         }

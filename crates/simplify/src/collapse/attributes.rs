@@ -10,6 +10,9 @@
 //! Values are stored four side by side, for SIMD.
 
 mod check;
+mod cost;
+mod merge;
+mod saved;
 mod slopes;
 mod sum;
 
@@ -19,18 +22,14 @@ use wide::f32x4;
 
 use crate::lanes;
 use crate::tensor::Tensor;
-pub(super) use slopes::{FourSlopes, Slopes, SlopesRow};
+pub(crate) use merge::Member;
+pub(super) use merge::{Merge, representatives};
+pub(super) use saved::SavedWedges;
+pub(super) use slopes::{FourSlopes, Slopes};
 pub(super) use sum::Sum;
-use sum::add_outer;
 
 /// Marks the absence of a wedge.
 pub(super) const NO_WEDGE: WedgeId = WedgeId(u32::MAX);
-/// Maximum number of wedges of a vertex that an evaluation visits, so that a vertex of very many charts
-/// cannot stall a run.
-const MAX_WEDGES_EVALUATED: usize = 24;
-/// Maximum number of joints per wedge during a run. (More than any format has.)
-const MAX_JOINTS: usize = 16;
-
 /// Live attributes of a run.
 #[derive(Clone, Debug)]
 pub(crate) struct Attributes {
@@ -57,19 +56,6 @@ pub(crate) struct Attributes {
     rows: Vec<f32x4>,
 }
 
-/// State of some wedges, to be restored.
-#[derive(Clone, Debug)]
-pub(super) struct SavedWedges {
-    wedges: Vec<WedgeId>,
-    heads: Vec<Head>,
-    reductions: Vec<Tensor>,
-    rows: Vec<f32x4>,
-    joint_weights: Vec<JointWeights>,
-    labels: Vec<u32>,
-    /// Number of all wedges, and of those that were copied from others.
-    count: [usize; 2],
-}
-
 /// Joints and weights, the strongest first.
 pub(crate) type JointWeights = Vec<(u32, f32)>;
 
@@ -92,35 +78,6 @@ impl Default for Head {
     fn default() -> Self {
         Self { area: 0.0, faces: 0, next: NO_WEDGE, hard: [false; 2], has_reduction: false }
     }
-}
-
-/// A wedge at one of the ends of an edge. The wedges of a group are merged; one of them, the group's
-/// representative, keeps its index, and its values if it is at a locked end.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Member {
-    pub(super) wedge: WedgeId,
-    pub(super) at_v: bool,
-    pub(super) group: usize,
-}
-
-/// The wedges of the evaluated edge, their best values, and the future sums of the merged ones.
-#[derive(Clone, Default)]
-pub(super) struct Merge {
-    pub(super) members: Vec<Member>,
-    pub(super) best: Vec<f32x4>,
-    pub(super) own: Vec<f32x4>,
-    pub(super) heads: Vec<Head>,
-    /// Slopes of the current wings, if the cost of the merger was computed.
-    pub(super) slopes: Vec<FourSlopes>,
-}
-
-/// Returns the representative of each group, with its index.
-pub(super) fn representatives(members: &[Member]) -> impl Iterator<Item = (usize, &Member)> {
-    members.iter().enumerate().filter(|(i, m)| m.group == *i)
-}
-
-fn of_group(members: &[Member], group: usize) -> impl Iterator<Item = &Member> {
-    members.iter().filter(move |m| m.group == group)
 }
 
 impl Attributes {
@@ -276,43 +233,6 @@ impl Attributes {
         self.copied.push(original);
         copy
     }
-    /// Saves the state of these wedges; each may be listed several times.
-    pub(super) fn save_wedges(&self, wedges: impl Iterator<Item = WedgeId>) -> SavedWedges {
-        let mut is_new = vec![true; self.count()];
-        let wedges: Vec<WedgeId> =
-            wedges.filter(|w| std::mem::replace(&mut is_new[w.index()], false)).collect();
-        let of = || wedges.iter().map(|w| w.index());
-        SavedWedges {
-            heads: of().map(|w| self.heads[w]).collect(),
-            reductions: of().map(|w| self.reductions[w]).collect(),
-            rows: wedges.iter().flat_map(|&w| self.row(w)).copied().collect(),
-            joint_weights: of().filter_map(|w| self.joint_weights.get(w)).cloned().collect(),
-            labels: of().filter_map(|w| self.labels.get(w)).copied().collect(),
-            count: [self.count(), self.copied.len()],
-            wedges,
-        }
-    }
-    /// Restores saved wedges and removes those copied since.
-    pub(super) fn restore_wedges(&mut self, kept: &SavedWedges) {
-        let (n, [count, copied]) = (4 * self.lanes, kept.count);
-        self.heads.truncate(count);
-        self.reductions.truncate(count);
-        self.rows.truncate(count * n);
-        self.joint_weights.truncate(count);
-        self.labels.truncate(count);
-        self.copied.truncate(copied);
-        for (i, w) in kept.wedges.iter().map(|w| w.index()).enumerate() {
-            self.heads[w] = kept.heads[i];
-            self.reductions[w] = kept.reductions[i];
-            self.rows[w * n..][..n].copy_from_slice(&kept.rows[i * n..][..n]);
-            if let Some(pulls) = kept.joint_weights.get(i) {
-                self.joint_weights[w].clone_from(pulls);
-            }
-            if let Some(&label) = kept.labels.get(i) {
-                self.labels[w] = label;
-            }
-        }
-    }
     /// True if two wedges have the same data, to the bit.
     pub(super) fn is_same(&self, a: WedgeId, b: WedgeId) -> bool {
         let bits = |w: WedgeId| self.of(w).iter().map(|x| x.to_bits());
@@ -442,34 +362,6 @@ impl Attributes {
         (head.area, head.faces, head.has_reduction) = (head.area + s.area, head.faces + 1, false);
     }
 
-    /// Returns the weighted squared errors of a triangle, in four lanes, at the point where the barycentric
-    /// coordinates of its two other corners are `at` and the values are to be `best`. `lanes` is a
-    /// parameter so that loops are unrolled.
-    #[inline(always)]
-    pub(super) fn error(
-        &self,
-        lanes: usize,
-        corners: [WedgeId; 3],
-        [la, lb]: [f32; 2],
-        best: &[f32x4],
-    ) -> f32x4 {
-        let [o, a, b] = corners;
-        let (o, a, b) = (self.row_of(lanes, o), self.row_of(lanes, a), self.row_of(lanes, b));
-        let (weights, best) = (&self.weights[..lanes], &best[..lanes]);
-        let mut sum = f32x4::ZERO;
-        for i in 0..lanes {
-            let error = (o[i] - best[i]) + (a[i] - o[i]) * la + (b[i] - o[i]) * lb;
-            sum += error * error * weights[i];
-        }
-        sum
-    }
-
-    /// Borrows the tables that a merger changes, as slices, which stay in registers.
-    #[inline(always)]
-    pub(super) fn tables(&mut self) -> Tables<'_> {
-        Tables { weights: &self.weights, heads: &mut self.heads, rows: &mut self.rows }
-    }
-
     /// Sets the values, sums and head of a wedge.
     pub(super) fn set(&mut self, w: WedgeId, values: &[f32x4], sums: &[f32x4], head: Head) {
         let n = self.lanes;
@@ -479,307 +371,9 @@ impl Attributes {
         self.heads[w.index()] = head;
     }
 
-    /// Updates the cached tensors of wedges, from one on along its chain.
-    #[inline(always)]
-    pub(super) fn cache_reductions(&mut self, mut w: WedgeId) {
-        for _ in 0..MAX_WEDGES_EVALUATED {
-            let Some(&Head { has_reduction: known, next, .. }) = self.heads.get(w.index()) else { return };
-            if !known {
-                self.reductions[w.index()] = self.reduction(w);
-                self.heads[w.index()].has_reduction = true;
-            }
-            w = next;
-        }
-    }
-
-    /// Invalidates all cached tensors of wedges: their weights have changed.
-    pub(super) fn invalidate_reductions(&mut self) {
-        self.heads.iter_mut().for_each(|h| h.has_reduction = false);
-    }
-
-    /// Returns the reduction of a vertex' tensor by the best values of its wedges, each taken alone.
-    #[inline(always)]
-    pub(super) fn reduction_of_vertex(&self, first: WedgeId) -> Tensor {
-        let known = |w: WedgeId| match self.heads[w.index()].has_reduction {
-            true => self.reductions[w.index()],
-            false => self.reduction(w),
-        };
-        let (mut sum, mut next) = (known(first), self.heads[first.index()].next);
-        for _ in 1..MAX_WEDGES_EVALUATED {
-            let Some(head) = self.heads.get(next.index()) else { break };
-            sum.add(&known(next));
-            next = head.next;
-        }
-        sum
-    }
-
-    /// Returns the weighted squares of the mean gradients of a wedge, times its area: the reduction of the
-    /// cost by its best value at another position.
-    fn reduction(&self, w: WedgeId) -> Tensor {
-        let per_area = 1.0 / self.heads[w.index()].area.max(1e-30);
-        let [_, x, y, z] = self.parts(w);
-        let mut sum = [f32x4::ZERO; 6];
-        for (i, &weight) in self.weights.iter().enumerate() {
-            let slope = [x[i], y[i], z[i]];
-            add_outer(&mut sum, &slope.map(|s| s * (weight * per_area)), &slope);
-        }
-        Tensor(sum.map(f32x4::reduce_add))
-    }
-
-    /// Adds the cost of merging each group into one wedge; `d` leads from the kept to the removed end.
-    pub(super) fn add_to(&self, members: &[Member], d: Vec3, sum: &mut Sum) {
-        for (group, first) in representatives(members) {
-            let mut others = members.iter().enumerate().filter(|(i, m)| m.group == group && *i != group);
-            match (others.next(), others.next()) {
-                (None, _) => {}
-                (Some((_, other)), None) if !first.at_v && other.at_v => {
-                    self.add_pair_to(self.lanes, [first.wedge, other.wedge], d, sum);
-                }
-                _ => self.add_group_to(members, group, d, sum),
-            }
-        }
-    }
-
-    /// Adds the cost of a group with several wedges of either end: the spread of their best values about
-    /// their mean.
-    fn add_group_to(&self, members: &[Member], group: usize, d: Vec3, sum: &mut Sum) {
-        let base = self.values(members[group].wedge);
-        let area = |m: &Member| self.heads[m.wedge.index()].area.max(1e-30);
-        let all: f32 = of_group(members, group).map(area).sum();
-        for (i, &weight) in self.weights.iter().enumerate() {
-            // The best value of one wedge: the value at the kept end, and its slope.
-            let line = |m: &Member| {
-                let ([values, x, y, z], per_area) = (self.parts(m.wedge), 1.0 / area(m));
-                let slope = [x[i], y[i], z[i]].map(|s| s * per_area);
-                let back = if m.at_v { dot(&slope, d) } else { f32x4::ZERO };
-                (values[i] - base[i] - back, slope)
-            };
-            let (mut value, mut slope) = (f32x4::ZERO, [f32x4::ZERO; 3]);
-            for m in of_group(members, group) {
-                let (share, (own, slopes)) = (area(m) / all, line(m));
-                value += own * share;
-                (0..3).for_each(|k| slope[k] += slopes[k] * share);
-            }
-            for m in of_group(members, group) {
-                let (own, slopes) = line(m);
-                let off = [0, 1, 2].map(|k| slope[k] - slopes[k]);
-                sum.add_square(&off, own - value, weight * area(m));
-            }
-        }
-    }
-
-    /// Adds the cost of a group with one wedge at each end, as on all edges that touch no seam. `lanes` is
-    /// a parameter so that loops are unrolled.
-    #[inline(always)]
-    pub(super) fn add_pair_to(&self, lanes: usize, [u, v]: [WedgeId; 2], d: Vec3, sum: &mut Sum) {
-        let [area_u, area_v] = [u, v].map(|w| self.heads[w.index()].area.max(1e-30));
-        let (per_u, per_v) = (1.0 / area_u, 1.0 / area_v);
-        let both = area_u * (area_v / (area_u + area_v));
-        let (own, other) = (self.row_of(lanes, u), self.row_of(lanes, v));
-        for i in 0..lanes {
-            let (j, k, l) = (lanes + i, 2 * lanes + i, 3 * lanes + i);
-            let slope = [other[j] * per_v, other[k] * per_v, other[l] * per_v];
-            let off = [own[j] * per_u - slope[0], own[k] * per_u - slope[1], own[l] * per_u - slope[2]];
-            sum.add_square(&off, other[i] - own[i] - dot(&slope, d), self.weights[i] * both);
-        }
-    }
-
-    /// Adds the attribute cost to the forms of up to four edges side by side, with one wedge at each end:
-    /// `own` at the common end, `others` at the far ones. `lanes` is a parameter so that loops are
-    /// unrolled.
-    #[inline(always)]
-    pub(super) fn add_four_to(
-        &self,
-        lanes: usize,
-        own: WedgeId,
-        others: [WedgeId; 4],
-        d: &[f32x4; 3],
-        (a, h, c): (&mut [f32x4; 6], &mut [f32x4; 3], &mut f32x4),
-    ) {
-        let area = f32x4::new(others.map(|w| self.heads[w.index()].area));
-        let per_area = f32x4::ONE / (area + self.heads[own.index()].area).fast_max(f32x4::splat(1e-30));
-        let [p, q, r, s] = others;
-        let (p, q) = (self.row_of(lanes, p), self.row_of(lanes, q));
-        let (r, s) = (self.row_of(lanes, r), self.row_of(lanes, s));
-        let own = self.row_of(lanes, own);
-        for lane in 0..lanes {
-            let (i, j, k, l) = (lane, lanes + lane, 2 * lanes + lane, 3 * lanes + lane);
-            let values = f32x4::transpose([p[i], q[i], r[i], s[i]]);
-            let x = f32x4::transpose([p[j], q[j], r[j], s[j]]);
-            let y = f32x4::transpose([p[k], q[k], r[k], s[k]]);
-            let z = f32x4::transpose([p[l], q[l], r[l], s[l]]);
-            let (s, ux, uy, uz) =
-                (own[i].to_array(), own[j].to_array(), own[k].to_array(), own[l].to_array());
-            for (i, weight) in self.weights[lane].to_array().into_iter().enumerate() {
-                if weight == 0.0 {
-                    continue;
-                }
-                let off = values[i] - f32x4::splat(s[i]);
-                let slope = [x[i], y[i], z[i]];
-                let along = slope[0] * d[0] + slope[1] * d[1] + slope[2] * d[2];
-                let b = [slope[0] + ux[i], slope[1] + uy[i], slope[2] + uz[i]];
-                let c0 = area * off - along;
-                let scale = per_area * weight;
-                let scaled = b.map(|b| b * scale);
-                add_outer(a, &scaled.map(|x| -x), &b);
-                for k in 0..3 {
-                    h[k] += scaled[k] * c0 - slope[k] * off * weight;
-                }
-                *c += off * (area * off - along * 2.0) * weight - c0 * c0 * scale;
-            }
-        }
-    }
-
-    /// Computes the best values of each group, at the offset of its representative, if the vertex moves to
-    /// the kept end + `y`.
-    #[inline(always)]
-    pub(super) fn best<const N: usize>(&self, members: &[Member], d: Vec3, y: Vec3, out: &mut [f32x4]) {
-        let lanes = self.lanes_of::<N>();
-        for (group, first) in representatives(members) {
-            let out = &mut out[group * lanes..][..lanes];
-            out.fill(f32x4::ZERO);
-            let base = self.row_of(lanes, first.wedge);
-            let mut area = 0.0;
-            for m in of_group(members, group) {
-                let own = self.heads[m.wedge.index()].area;
-                let at = if m.at_v { y - d } else { y };
-                let row = self.row_of(lanes, m.wedge);
-                area += own;
-                for (i, sum) in out.iter_mut().enumerate() {
-                    // Relative to the first wedge's values, so that constant values stay exact.
-                    *sum += (row[i] - base[i]) * own;
-                    *sum += dot(&[row[lanes + i], row[2 * lanes + i], row[3 * lanes + i]], at);
-                }
-            }
-            let per_area = if area > 1e-30 { 1.0 / area } else { 0.0 };
-            out.iter_mut().zip(base).for_each(|(best, base)| *best = *base + *best * per_area);
-        }
-    }
-
     /// Normalizes the directions among some values.
     pub(super) fn normalize(&self, values: &mut [f32x4]) {
         normalize(&self.directions, values);
-    }
-
-    /// Returns the label of the merged wedge of a group, `t` of the way from the kept end to the other:
-    /// that of a wedge at the nearer end, and among several there of the one with the largest area.
-    pub(super) fn nearest_label(&self, members: &[Member], group: usize, t: f32) -> u32 {
-        let area = |m: &Member| self.heads[m.wedge.index()].area;
-        let mut nearest: Option<&Member> = None;
-        for m in of_group(members, group) {
-            let is_nearer = |known: &Member| match m.at_v == known.at_v {
-                true => area(m) > area(known),
-                false => m.at_v == (t > 0.5),
-            };
-            if nearest.is_none_or(is_nearer) {
-                nearest = Some(m);
-            }
-        }
-        nearest.map_or(0, |m| self.labels[m.wedge.index()])
-    }
-
-    pub(super) fn blended_joint_weights(&self, members: &[Member], group: usize, t: f32) -> JointWeights {
-        let mut sum: JointWeights = Vec::new();
-        let count = |at_v| of_group(members, group).filter(|m| m.at_v == at_v).count();
-        let counts = [count(false), count(true)];
-        for m in of_group(members, group) {
-            // A group with wedges of only one end takes all from it.
-            let share = match (counts, m.at_v) {
-                ([_, 0], _) | ([0, _], _) => 1.0,
-                (_, true) => t,
-                (_, false) => 1.0 - t,
-            } / counts[usize::from(m.at_v)] as f32;
-            for &(joint, weight) in &self.joint_weights[m.wedge.index()] {
-                match sum.iter_mut().find(|p| p.0 == joint) {
-                    Some(p) => p.1 += weight * share,
-                    None => sum.push((joint, weight * share)),
-                }
-            }
-        }
-        sum.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        sum.truncate(MAX_JOINTS);
-        sum
-    }
-}
-
-/// Mutable view of the data of all wedges.
-pub(super) struct Tables<'a> {
-    weights: &'a [f32x4],
-    pub(super) heads: &'a mut [Head],
-    rows: &'a mut [f32x4],
-}
-
-impl Tables<'_> {
-    /// Removes a wedge from the chain that begins with `first`.
-    pub(super) fn unlink(&mut self, first: &mut WedgeId, wedge: WedgeId) {
-        let next = self.heads[wedge.index()].next;
-        if *first == wedge {
-            *first = next;
-            return;
-        }
-        let mut before = *first;
-        while let Some(head) = self.heads.get_mut(before.index()) {
-            if head.next == wedge {
-                head.next = next;
-                return;
-            }
-            before = head.next;
-        }
-    }
-
-    /// Subtracts the contribution of a triangle, with wedge `o` at its first corner and slopes `old`, from
-    /// the sums of its two other wedges. If the triangle stays, adds it again with the `new` slopes and
-    /// values of the moved corner. Its contribution to the merged wedge's own sums is added to `own`, that
-    /// to the tensor of its vertex to `added`. Returns the change of the tensors of the two other vertices,
-    /// in four lanes. `lanes` is a parameter so that loops are unrolled.
-    #[inline(always)]
-    pub(super) fn replace(
-        &mut self,
-        lanes: usize,
-        (old, o): (&SlopesRow, WedgeId),
-        new: Option<(&SlopesRow, &[f32x4])>,
-        [a, b]: [WedgeId; 2],
-        own: &mut [f32x4],
-        added: &mut [f32x4; 6],
-    ) -> [f32x4; 6] {
-        let (at_a, at_b) = (a.index() * 4 * lanes, b.index() * 4 * lanes);
-        let own = &mut own[..3 * lanes];
-        let mut sums = [f32x4::ZERO; 6];
-        for i in 0..lanes {
-            let weight = self.weights[i];
-            let o = self.rows[o.index() * 4 * lanes + i];
-            let (a, b) = (self.rows[at_a + i], self.rows[at_b + i]);
-            let mut gain = [f32x4::ZERO; 3];
-            if let Some((s, values)) = new {
-                gain = s.gain((a - values[i]) * s.area(), (b - values[i]) * s.area());
-                let square = lanes::outer(&gain, weight * s.per_area());
-                for k in 0..6 {
-                    sums[k] += square[k];
-                    added[k] += square[k];
-                }
-                for k in 0..3 {
-                    own[k * lanes + i] += gain[k];
-                }
-            }
-            let loss = old.gain((a - o) * old.area(), (b - o) * old.area());
-            let square = lanes::outer(&loss, weight * old.per_area());
-            for k in 0..6 {
-                sums[k] -= square[k];
-            }
-            for at in [at_a, at_b] {
-                let row = &mut self.rows[at..][..4 * lanes];
-                for k in 0..3 {
-                    row[(k + 1) * lanes + i] += gain[k] - loss[k];
-                }
-            }
-        }
-        let area = new.map_or(0.0, |x| x.0.area()) - old.area();
-        for w in [a, b] {
-            let head = &mut self.heads[w.index()];
-            (head.area, head.has_reduction) = (head.area + area, false);
-            head.faces -= u32::from(new.is_none());
-        }
-        sums
     }
 }
 

@@ -13,8 +13,8 @@
 use glam::Vec3;
 use lodsmith_core::VertexId;
 
-use super::kind::faces_at;
-use super::store::{Ring, Store};
+use super::ring::{Ring, faces_at};
+use super::store::Store;
 use crate::metric::VertexMemory;
 
 /// Two vertices that are merged: `v` into `u`, both move to `at`.

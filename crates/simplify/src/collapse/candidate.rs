@@ -4,7 +4,7 @@ use glam::Vec3;
 use lodsmith_core::VertexId;
 use wide::f32x4;
 
-use super::store::Ring;
+use super::ring::Ring;
 use crate::report::Refusal;
 
 /// Cosine between two faces at an edge below which they lie back to back.

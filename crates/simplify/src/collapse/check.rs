@@ -14,9 +14,10 @@ use lodsmith_core::VertexId;
 
 use super::invariants::{Checks, need};
 use super::order::NONE;
-use super::store::Ring;
-use super::{Engine, InputSurface, LiveMesh};
+use super::ring::Ring;
+use super::{Engine, LiveMesh};
 use crate::metric::Metric;
+use crate::ordered_input::OriginalInput;
 
 /// Tolerance between a tensor that collapses updated incrementally and one recomputed, a share of its
 /// trace. (Measured on the shapes and soups of the tests: up to 4e-6; gradients on thin faces add to that.)
@@ -33,7 +34,7 @@ impl<M: Metric> Engine<M> {
     ///
     /// # Panics
     /// If an invariant does not hold, which is a bug.
-    pub(super) fn check_if_enabled(&mut self, original: &dyn InputSurface) {
+    pub(super) fn check_if_enabled(&mut self, original: &OriginalInput<'_>) {
         // (A constant outside of tests and debug builds, so the check is compiled out there.)
         if !cfg!(any(test, debug_assertions)) {
             return;
@@ -41,7 +42,7 @@ impl<M: Metric> Engine<M> {
         let Some(mut checks) = self.checks.take() else { return };
         let mut found = self.check(&mut checks);
         if found.is_ok() {
-            original.visit(&mut |points, faces| found = self.check_against(points, faces));
+            found = original.visit(|points, faces| self.check_against(points, faces));
         }
         self.checks = Some(checks);
         let why = found.err();
@@ -179,7 +180,6 @@ mod tests {
     use crate::control::NoControl;
     use crate::metric::Memoryless;
     use crate::options::{SimplifyOptions, Stop};
-    use crate::run::Source;
     use crate::tensor::Tensor;
     use crate::test_support::{in_two_charts, with_engine};
 
@@ -235,10 +235,9 @@ mod tests {
     fn a_vertex_that_moved_without_a_mark_is_told() {
         let mesh = shapes::torus(24, 12);
         with_engine(Memoryless, &mesh, &SimplifyOptions::new(Stop::ratio(0.5)), &mut |engine, run| {
-            let source = Source { surface: &run.input.surface, ordered: run.ordered, is_kept: true };
-            let mut told = Ok(());
+            let source = OriginalInput { surface: &run.input.surface, ordered: run.ordered, is_kept: true };
             let points: Vec<Vec3> = engine.mesh.store.v.iter().map(|x| x.p).collect();
-            source.visit(&mut |points, faces| told = engine.check_against(points, faces));
+            let told = source.visit(|points, faces| engine.check_against(points, faces));
             assert_eq!(told, Ok(()));
             engine.mesh.store.v[3].p.x += 1e-6;
             let faces = engine.mesh.store.t.clone();
@@ -254,7 +253,7 @@ mod tests {
         with_engine(Memoryless, &mesh, &SimplifyOptions::new(Stop::faces(300)), &mut |engine, run| {
             assert!(engine.checks.is_none());
             engine.checks = Some(Checks::default());
-            let source = Source { surface: &run.input.surface, ordered: run.ordered, is_kept: true };
+            let source = OriginalInput { surface: &run.input.surface, ordered: run.ordered, is_kept: true };
             assert_eq!(engine.sweep(&run.goal, &source, &mut NoControl), StopReason::Goal);
             assert!(engine.checks.as_ref().is_some_and(|c| c.largest > 0.0));
         });

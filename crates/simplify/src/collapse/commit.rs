@@ -6,10 +6,11 @@ use lodsmith_core::VertexId;
 
 use super::candidate::{Attempt, Candidate, CollapseOutcome, FOLD_COS, merged_position};
 use super::cut::Neck;
-use super::kind::distinct;
+use super::marks::Marks;
 use super::order::NONE;
+use super::ring::{Ring, distinct};
 use super::samples::SampledCost;
-use super::store::{Ring, Vertex};
+use super::vertex::Vertex;
 use super::wedges::HandedOver;
 use super::wings::{EdgeEnd, StarStats, Wing, Wings};
 use super::{Engine, LiveMesh, Scratch, Tally};
@@ -17,6 +18,7 @@ use crate::cost;
 use crate::metric::{CostSource, Form, Metric};
 use crate::options::BorderPolicy;
 use crate::report::Refusal;
+use crate::tensor::Tensor;
 use crate::triangle;
 
 /// If no neighbour lies farther behind a vertex than this share of its displacement, along the displacement, the collapse
@@ -103,24 +105,9 @@ impl<M: Metric> LiveMesh<M> {
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let weight = self.cost_factor(x.origin, z.origin);
         let tau = tau / weight;
-        let mut neck = None;
-        let shared = match self.store.link_condition(u, v, ru, rv, &mut scratch.marks) {
-            Ok(shared) => shared,
-            Err(why) => {
-                neck = self.neck(u, v, ru, rv, tally);
-                if neck.is_none() {
-                    return Err(why.into());
-                }
-                2
-            }
-        };
-        if ru.len() + rv.len() == 2 * shared {
-            return Err(Refusal::Component.into());
-        }
-        self.check_seams(u, v, ru, rv)?;
-        self.check_locked(u, v, ru)?;
+        let (shared, neck) = self.check_topology(attempt, &mut scratch.marks, tally)?;
         let d = z.p - x.p;
-        let mut judged = candidate.cost;
+        let mut metric_cost = candidate.cost;
         if matches!(self.cost.metric.cost_source(), CostSource::FormThenStars) {
             let Some(Candidate { cost, step, .. }) = self.candidate_by_metric(u, v, ru, rv, scratch, tally)
             else {
@@ -129,28 +116,15 @@ impl<M: Metric> LiveMesh<M> {
             if cost > tau {
                 return Err(CollapseOutcome::Later(cost * weight));
             }
-            (judged, y) = (cost, if step == d { d } else { step });
+            (metric_cost, y) = (cost, if step == d { d } else { step });
         }
         let off = y - d;
         let at = merged_position(x.p, z.p, y);
 
-        // Exact cost and normals. A triangle at both ends counts twice, as in the evaluation.
-        let mut stats = StarStats::default();
-        let mut is_bare = [false; 2];
-        scratch.wings.clear();
-        scratch.spokes.take_without(u, rv);
         let kept = EdgeEnd { from: x.p, step: y, other: Some(v) };
         let removed = EdgeEnd { from: z.p, step: off, other: None };
-        for (k, (spokes, end)) in [(ru, kept), (&scratch.spokes, removed)].into_iter().enumerate() {
-            let (wings, turn) = (&mut scratch.wings, self.constraints.rules.max_turn);
-            let behind = self.store.evaluate_wings(spokes, &end, at, turn, wings, &mut stats)?;
-            is_bare[k] = behind > TIP_MAX_BEHIND * end.step.length_squared();
-        }
-        let (cost, area, peak) = stats.sum();
-        let facing = || x.facing.direction() + z.facing.direction();
-        if stats.turns_far && self.folds(&scratch.wings, facing()) {
-            return Err(Refusal::NormalFlip.into());
-        }
+        let (planes, is_bare) = self.evaluate_star(attempt, [kept, removed], at, scratch)?;
+        let peak = planes[2];
         let is_exact = matches!(self.cost.metric.cost_source(), CostSource::Engine);
         // The form and the triangles may cost too much already, before lines and attributes are evaluated.
         // (On feature lines the form does not include all changes.)
@@ -170,7 +144,6 @@ impl<M: Metric> LiveMesh<M> {
         if self.constraints.rules.has_extra_guards() {
             self.check_guards(&scratch.wings, at, [x.p, z.p], shared, [ru, rv])?;
         }
-        let planes = [cost, area, peak];
         Ok(Checked {
             steps: [y, off],
             at,
@@ -178,11 +151,69 @@ impl<M: Metric> LiveMesh<M> {
             neck,
             is_bare,
             planes,
-            metric_cost: judged,
+            metric_cost,
             weight,
             tau,
             uses_form_cost: is_sure,
         })
+    }
+
+    /// Checks topology, seams and locks. Returns the number of faces on the edge, and the neck that is cut
+    /// where the collapse would pinch the surface.
+    #[inline(always)]
+    fn check_topology(
+        &self,
+        &Attempt { kept: u, candidate, rings: [ru, rv], .. }: &Attempt<'_>,
+        marks: &mut Marks,
+        tally: &mut Tally,
+    ) -> Result<(usize, Option<Neck>), CollapseOutcome> {
+        let v = candidate.removed;
+        let mut neck = None;
+        let shared = match self.store.link_condition(u, v, ru, rv, marks) {
+            Ok(shared) => shared,
+            Err(why) => {
+                neck = self.neck(u, v, ru, rv, tally);
+                if neck.is_none() {
+                    return Err(why.into());
+                }
+                2
+            }
+        };
+        if ru.len() + rv.len() == 2 * shared {
+            return Err(Refusal::Component.into());
+        }
+        self.check_seams(u, v, ru, rv)?;
+        self.check_locked(u, v, ru)?;
+        Ok((shared, neck))
+    }
+
+    /// Fills the scratch with the triangles around the edge, with the merged vertex `at` its place, and
+    /// checks that none turns or folds. Returns the sum of their squared distances to the old planes, twice
+    /// their area and the largest squared distance; and for each end if it leaves its old position uncovered.
+    /// A triangle at both ends counts twice, as in the evaluation.
+    #[inline(always)]
+    fn evaluate_star(
+        &self,
+        &Attempt { kept: u, candidate, rings: [ru, rv], .. }: &Attempt<'_>,
+        [kept, removed]: [EdgeEnd; 2],
+        at: Vec3,
+        scratch: &mut Scratch,
+    ) -> Result<([f32; 3], [bool; 2]), CollapseOutcome> {
+        let mut stats = StarStats::default();
+        let mut is_bare = [false; 2];
+        scratch.wings.clear();
+        scratch.spokes.take_without(u, rv);
+        for (k, (spokes, end)) in [(ru, kept), (&scratch.spokes, removed)].into_iter().enumerate() {
+            let (wings, turn) = (&mut scratch.wings, self.constraints.rules.max_turn);
+            let behind = self.store.evaluate_wings(spokes, &end, at, turn, wings, &mut stats)?;
+            is_bare[k] = behind > TIP_MAX_BEHIND * end.step.length_squared();
+        }
+        let (cost, area, peak) = stats.sum();
+        let facing = |w: VertexId| self.store.v[w.index()].facing.direction();
+        if stats.turns_far && self.folds(&scratch.wings, facing(u) + facing(candidate.removed)) {
+            return Err(Refusal::NormalFlip.into());
+        }
+        Ok(([cost, area, peak], is_bare))
     }
 
     /// Returns the exact cost of a checked collapse if it is within the limit; the scratch then holds the
@@ -201,27 +232,9 @@ impl<M: Metric> LiveMesh<M> {
         let v = candidate.removed;
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let is_exact = matches!(self.cost.metric.cost_source(), CostSource::Engine);
-        // Feature edges of the star, by end; the edge u-v, if it is one, is listed with v.
         scratch.rim.clear();
         if (x.kind.has_lines() || z.kind.has_lines()) && self.has_lines() {
-            for (ring, other, at_u, end, step) in [(ru, v, true, x, y), (rv, u, false, z, off)] {
-                if !end.kind.has_lines() {
-                    continue;
-                }
-                self.store.edges(ring, end.kind, &mut scratch.edges);
-                for e in &scratch.edges {
-                    let (w, line) = (e.to, self.weight_of(e, end.kind.is_seam()));
-                    if line == 0.0 || (w == other && !at_u) {
-                        continue;
-                    }
-                    let edge = self.store.p(w) - end.p;
-                    let c = edge.cross(step);
-                    let weight = if w == v { 2.0 } else { 1.0 };
-                    cost += line * weight * c.length_squared();
-                    peak = peak.max(c.length_squared() / edge.length_squared().max(1e-37));
-                    scratch.rim.push((w, at_u, line));
-                }
-            }
+            [cost, peak] = self.with_lines([cost, peak], attempt, [y, off], scratch);
         }
         // A cost known to be too high is not computed to the last digit.
         if is_sure {
@@ -277,6 +290,39 @@ impl<M: Metric> LiveMesh<M> {
         Ok(Priced { cost, spent, detail, handed_over, sampled: charge })
     }
 
+    /// Adds the cost of the feature edges of the star to a cost, and their distances to the largest squared
+    /// distance. Lists them in the scratch, by end; the edge itself, if it is one, with the removed end.
+    #[inline(always)]
+    fn with_lines(
+        &self,
+        [mut cost, mut peak]: [f32; 2],
+        &Attempt { kept: u, candidate, rings: [ru, rv], .. }: &Attempt<'_>,
+        steps: [Vec3; 2],
+        scratch: &mut Scratch,
+    ) -> [f32; 2] {
+        let v = candidate.removed;
+        let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
+        for (ring, other, at_u, end, step) in [(ru, v, true, x, steps[0]), (rv, u, false, z, steps[1])] {
+            if !end.kind.has_lines() {
+                continue;
+            }
+            self.store.edges(ring, end.kind, &mut scratch.edges);
+            for e in &scratch.edges {
+                let (w, line) = (e.to, self.weight_of(e, end.kind.is_seam()));
+                if line == 0.0 || (w == other && !at_u) {
+                    continue;
+                }
+                let edge = self.store.p(w) - end.p;
+                let c = edge.cross(step);
+                let weight = if w == v { 2.0 } else { 1.0 };
+                cost += line * weight * c.length_squared();
+                peak = peak.max(c.length_squared() / edge.length_squared().max(1e-37));
+                scratch.rim.push((w, at_u, line));
+            }
+        }
+        [cost, peak]
+    }
+
     /// Applies a collapse that was checked and priced. Returns the numbers in the ordered input of the
     /// merged vertex, and of the vertex merged into it.
     #[inline(always)]
@@ -330,28 +376,7 @@ impl<M: Metric> LiveMesh<M> {
         let at = merged_position(x.p, z.p, y);
         let kind = x.kind.union(z.kind);
         let own = self.merge_wedges(u, v, y, at, ru, &scratch.wings, &mut scratch.merge);
-        let q = if self.cost.metric.is_memoryless() {
-            // The vertices around replace old planes by new ones; u starts from zero.
-            let mut q = self.swap_planes(&scratch.wings);
-            M::tensor(&mut q).add(&own);
-            for &(w, at_u, line) in scratch.rim.iter().filter(|r| r.0 != v) {
-                let o = &mut self.store.v[w.index()];
-                let from = if at_u { x.p } else { z.p };
-                let [old, new] =
-                    [from, at].map(|p| self.cost.metric.line(p - o.p, line, self.cost.mean_face));
-                let s = M::tensor(&mut o.q);
-                s.sub(&old);
-                s.add(&new);
-                M::tensor(&mut q).add(&new);
-            }
-            q
-        } else {
-            let form: Form = self.cost.metric.form(&x.q, &z.q, z.p - x.p);
-            if !self.cost.lines.is_empty() {
-                self.merge_lines([x.origin, z.origin], z.p - x.p, y);
-            }
-            self.cost.metric.merged(&form, y)
-        };
+        let q = self.merge_memory([&x, &z], v, [y, at], &own, scratch);
         for spoke in rv {
             let face = spoke.corner.face();
             // (By selection: which triangles go is unpredictable.)
@@ -399,6 +424,39 @@ impl<M: Metric> LiveMesh<M> {
             self.refresh_around(u);
         }
         [origin, merged]
+    }
+
+    /// Returns the memory of the vertex that the ends `x` and `z` become, `y` away from `x` at the position
+    /// `at`. `own` is the attribute tensor of the new triangles.
+    #[inline(always)]
+    fn merge_memory(
+        &mut self,
+        [x, z]: [&Vertex<M::Memory>; 2],
+        v: VertexId,
+        [y, at]: [Vec3; 2],
+        own: &Tensor,
+        scratch: &Scratch,
+    ) -> M::Memory {
+        if !self.cost.metric.is_memoryless() {
+            let form: Form = self.cost.metric.form(&x.q, &z.q, z.p - x.p);
+            if !self.cost.lines.is_empty() {
+                self.merge_lines([x.origin, z.origin], z.p - x.p, y);
+            }
+            return self.cost.metric.merged(&form, y);
+        }
+        // The vertices around replace old planes by new ones; the merged one starts from zero.
+        let mut q = self.swap_planes(&scratch.wings);
+        M::tensor(&mut q).add(own);
+        for &(w, at_u, line) in scratch.rim.iter().filter(|r| r.0 != v) {
+            let o = &mut self.store.v[w.index()];
+            let from = if at_u { x.p } else { z.p };
+            let [old, new] = [from, at].map(|p| self.cost.metric.line(p - o.p, line, self.cost.mean_face));
+            let s = M::tensor(&mut o.q);
+            s.sub(&old);
+            s.add(&new);
+            M::tensor(&mut q).add(&new);
+        }
+        q
     }
 
     /// Replaces old planes by new ones at the vertices around the collapse; returns the planes of the
@@ -543,3 +601,6 @@ impl<M: Metric> LiveMesh<M> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,7 +1,7 @@
 //! Connected parts: their sizes, their labels, and those that a run watches.
 
 use glam::Vec3;
-use lodsmith_core::VertexId;
+use lodsmith_core::{DisjointSets, VertexId};
 
 use super::order::NONE;
 use crate::metric::PartSize;
@@ -91,32 +91,64 @@ pub(super) fn measure_parts(
 /// Returns the part of each of `count` vertices; parts are numbered in the order of their first vertex.
 /// Dead faces do not count.
 pub(crate) fn labels(count: usize, faces: &[[VertexId; 3]]) -> Vec<u32> {
-    let mut root: Vec<VertexId> = (0..count as u32).map(VertexId).collect();
-    fn find(root: &mut [VertexId], mut i: VertexId) -> VertexId {
-        while root[i.index()] != i {
-            root[i.index()] = root[root[i.index()].index()];
-            i = root[i.index()];
-        }
-        i
+    let mut sets = DisjointSets::new(count);
+    for &[a, b, c] in faces.iter().filter(|t| t[0] != NONE) {
+        sets.join(a.0, b.0);
+        sets.join(a.0, c.0);
     }
-    for t in faces.iter().filter(|t| t[0] != NONE) {
-        let a = find(&mut root, t[0]);
-        for &w in &t[1..] {
-            let b = find(&mut root, w);
-            let a = find(&mut root, a);
-            let (low, high) = (a.min(b), a.max(b));
-            root[high.index()] = low;
-        }
-    }
-    let mut label = vec![u32::MAX; root.len()];
+    let mut label = sets.into_representatives();
     let mut parts = 0;
-    for i in 0..root.len() {
-        let r = find(&mut root, VertexId(i as u32)).index();
-        if label[r] == u32::MAX {
-            label[r] = parts;
-            parts += 1;
-        }
-        label[i] = label[r];
+    for i in 0..count {
+        // A representative comes before the other vertices of its part.
+        let representative = label[i] as usize;
+        label[i] = if representative == i { parts } else { label[representative] };
+        parts += u32::from(representative == i);
     }
     label
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_support::{SmallMesh, tetrahedron};
+
+    fn two() -> SmallMesh {
+        tetrahedron().and(&tetrahedron().scaled(0.5), Vec3::X * 4.0)
+    }
+
+    #[test]
+    fn parts_are_numbered_by_their_first_vertex() {
+        let mut faces = two().triangles();
+        // (Two vertices without a face are parts of their own.)
+        assert_eq!(labels(10, &faces), [0, 0, 0, 0, 1, 1, 1, 1, 2, 3]);
+        // Parts whose faces come later in the list keep their numbers.
+        faces.reverse();
+        assert_eq!(labels(8, &faces), [0, 0, 0, 0, 1, 1, 1, 1]);
+        // A face between them makes one part, unless it is dead.
+        faces.push([VertexId(7), VertexId(2), VertexId(3)]);
+        assert_eq!(labels(8, &faces), [0; 8]);
+        faces[8][0] = NONE;
+        assert_eq!(labels(8, &faces), [0, 0, 0, 0, 1, 1, 1, 1]);
+    }
+
+    #[test]
+    fn the_cost_of_a_part_is_its_area_times_the_square_of_half_its_size() {
+        let (small, mut faces) = (two(), two().triangles());
+        faces[3][0] = NONE;
+        let label = labels(8, &two().triangles());
+        let parts = measure_parts(&label, |w| small.points[w.index()], &faces);
+        assert_eq!(parts.iter().map(|p| p.faces).collect::<Vec<_>>(), [3, 4]);
+        // The three right angles have the doubled area 1 each, the slanted face √3.
+        let area = 3.0 + 3f32.sqrt();
+        assert!((parts[0].area - 3.0).abs() < 1e-5 && (parts[1].area - area / 4.0).abs() < 1e-5);
+        assert_eq!((parts[1].min, parts[1].max), (Vec3::X * 4.0, Vec3::new(4.5, 0.5, 0.5)));
+        // The squared diagonal is 3 in the first box and 3/4 in the second.
+        assert!((parts[0].cost() - 3.0 * 0.25 * 3.0).abs() < 1e-5);
+        assert!((parts[1].cost() - area / 4.0 * 0.25 * 0.75).abs() < 1e-5);
+        let weighted = |cost_factor: f32| Component { cost_factor, ..parts[0] }.weighted_cost();
+        assert!((weighted(2.0) - 2.0 * parts[0].cost()).abs() < 1e-5);
+        assert_eq!(weighted(f32::INFINITY), f32::INFINITY);
+        let size = parts[0].size(2);
+        assert!((size.face - 1.5).abs() < 1e-5 && (size.size_sq - 3.0).abs() < 1e-5);
+    }
 }

@@ -8,7 +8,8 @@ use std::cmp::Ordering;
 use glam::{DVec3, Vec3};
 use lodsmith_core::VertexId;
 
-use super::store::{Corner, Spoke, Store};
+use super::ring::{Corner, Spoke};
+use super::store::Store;
 use crate::metric::VertexMemory;
 
 /// Twice the area over the squared longest edge below which a face has no reliable normal: rounding to

@@ -14,9 +14,8 @@ use glam::Vec3;
 use lodsmith_core::VertexId;
 
 use super::candidate::merged_position;
-use super::kind::distinct;
+use super::ring::{Corner, Ring, distinct};
 use super::star::Star;
-use super::store::{Corner, Ring};
 use super::{Engine, LiveMesh, Scratch, Tally};
 use crate::fit::MoveGuards;
 use crate::metric::{Form, Metric};
@@ -289,5 +288,96 @@ impl<M: Metric> LiveMesh<M> {
         });
         late.split(ends.map(|end| self.store.v[end.index()].origin), &stars);
         self.sampled = Some(late);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::collapse::candidate::CollapseOutcome;
+    use crate::collapse::test_support::{checked, cost_at, engine_of, try_at, without_lines};
+    use crate::metric::Memoryless;
+    use crate::test_support::tube;
+
+    /// Returns an engine of a tube that may be cut, and half the way from vertex `k` of a ring to the next.
+    fn engine(rings: u32, k: u32) -> (Engine<Memoryless>, Vec3) {
+        let small = tube(rings);
+        let half = (small.points[k as usize + 1] - small.points[k as usize]) * 0.5;
+        let mut engine = engine_of(Memoryless, &small, &without_lines());
+        engine.mesh.constraints.cuts_necks = true;
+        (engine, half)
+    }
+
+    #[test]
+    fn a_tube_is_cut_in_two_closed_parts() {
+        // Three rings, two tips, 18 faces. The middle ring is the neck.
+        let (mut engine, half) = engine(3, 3);
+        assert_eq!(engine.mesh.part_count(), 1);
+        assert!(matches!(try_at(&mut engine, [3, 4], half, f32::MAX), CollapseOutcome::Done));
+        let (store, tally) = (&engine.mesh.store, &engine.tally);
+        // The third vertex of the ring is there twice, the merged one once for each part.
+        assert_eq!((store.live_faces, store.live_vertices), (16, 12));
+        assert_eq!((tally.collapses, tally.necks_cut), (1, 1));
+        let at = |w: u32| store.p(VertexId(w));
+        assert_eq!((at(3), at(5)), (at(4), at(11)));
+        assert_eq!(store.place_of(store.v[11].origin), VertexId(5));
+        assert_eq!(checked(&engine), Ok(()));
+        engine.mesh.store.compact();
+        assert_eq!(engine.mesh.part_count(), 2);
+        // Each edge has two faces: three edges for two faces.
+        let mut edges: Vec<[VertexId; 2]> = engine
+            .mesh
+            .store
+            .t
+            .iter()
+            .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]].map(|[u, v]| [u.min(v), u.max(v)]))
+            .collect();
+        edges.sort_unstable();
+        assert!(edges.chunk_by(|a, b| a == b).all(|same| same.len() == 2));
+    }
+
+    #[test]
+    fn a_neck_needs_three_faces_on_both_sides_and_vertices_that_may_move() {
+        // With a single ring each side is a tip.
+        let (mut short, half) = engine(1, 0);
+        assert_eq!(cost_at(&mut short, [0, 1], half), Err(Refusal::LinkCondition));
+        let (mut locked, half) = engine(3, 3);
+        locked.mesh.store.v[5].kind = locked.mesh.store.v[5].kind.locked(true);
+        assert_eq!(cost_at(&mut locked, [3, 4], half), Err(Refusal::LinkCondition));
+        let (mut uncut, half) = engine(3, 3);
+        assert!(cost_at(&mut uncut, [3, 4], half).is_ok());
+        uncut.mesh.constraints.cuts_necks = false;
+        assert_eq!(cost_at(&mut uncut, [3, 4], half), Err(Refusal::LinkCondition));
+    }
+
+    #[test]
+    fn necks_block_when_refusals_are_many_and_parts_are_large() {
+        let (mut engine, _) = engine(20, 0);
+        engine.mesh.constraints.cuts_necks = false;
+        assert_eq!(engine.tally.first_faces, 120);
+        (engine.tally.collapses, engine.tally.refusals[Refusal::LinkCondition as usize]) = (10, 6);
+        assert!(engine.has_blocking_necks());
+        engine.tally.refusals[Refusal::LinkCondition as usize] = 5;
+        assert!(!engine.has_blocking_necks(), "half of the collapses is not more than half");
+        engine.tally.refusals[Refusal::LinkCondition as usize] = 6;
+        engine.tally.first_faces = 99;
+        assert!(!engine.has_blocking_necks(), "a part of fewer than a hundred faces");
+    }
+
+    #[test]
+    fn who_may_cut_is_a_matter_of_topology_and_placement() {
+        let may = |topology, placement| {
+            let mut options = SimplifyOptions::default();
+            (options.topology, options.placement) = (topology, placement);
+            may_cut(&options)
+        };
+        assert!(
+            may(TopologyPolicy::Relaxed, Placement::Optimal)
+                && may(TopologyPolicy::Free, Placement::Endpoint)
+        );
+        assert!(
+            !may(TopologyPolicy::Relaxed, Placement::Endpoint)
+                && !may(TopologyPolicy::Preserve, Placement::Optimal)
+        );
     }
 }

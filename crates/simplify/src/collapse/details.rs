@@ -8,7 +8,7 @@ use glam::Vec3;
 use lodsmith_core::VertexId;
 
 use super::components::{Component, Details, measure_parts};
-use super::store::Ring;
+use super::ring::Ring;
 use super::{Goal, LiveMesh};
 use crate::metric::Metric;
 

@@ -3,8 +3,8 @@
 use lodsmith_core::VertexId;
 
 use super::candidate::{Candidate, Found, OwnedEdges};
+use super::ring::{Ring, Spoke};
 use super::star_edges::Edge;
-use super::store::{Ring, Spoke};
 use super::{LiveMesh, Scratch, Tally};
 use crate::guard::BORDER_WEIGHT;
 use crate::metric::{
@@ -88,9 +88,9 @@ impl<M: Metric> LiveMesh<M> {
         tally.faces_visited += (ru.len() + rv.len()) as u64;
         let Scratch { neighbourhood: around, edges, .. } = scratch;
         self.collect_neighbourhood([u, v], place, [ru, rv], around, edges);
-        let judged = self.cost.metric.evaluate(around, self.cost.mean_face);
+        let evaluated = self.cost.metric.evaluate(around, self.cost.mean_face);
         // (An infinite cost, on input of extreme sizes, would look like an unknown one.)
-        judged.map(|(cost, step)| Candidate {
+        evaluated.map(|(cost, step)| Candidate {
             cost: cost.clamp(0.0, f32::MAX),
             removed: v,
             step,

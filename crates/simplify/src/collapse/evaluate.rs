@@ -6,7 +6,7 @@ use wide::f32x4;
 
 use super::attributes::Member;
 use super::candidate::{Candidate, Found, OwnedEdges};
-use super::store::Ring;
+use super::ring::Ring;
 use super::{LiveMesh, Scratch, Tally};
 use crate::cost::{self, FourCosts, FourForms, best_place, times};
 use crate::lanes::{self, dot, splat, sub};
@@ -186,10 +186,12 @@ mod tests {
 
     use super::*;
     use crate::collapse::Engine;
+    use crate::collapse::kind::Kind;
+    use crate::collapse::test_support::{assert_near, engine_of, ring_of, without_lines};
     use crate::cost::PEAK_GUESS;
-    use crate::metric::Memoryless;
-    use crate::options::{SimplifyOptions, Stop};
-    use crate::test_support::{in_two_charts, with_engine};
+    use crate::metric::{Memoryless, Quadric};
+    use crate::options::{BorderPolicy, SimplifyOptions, Stop};
+    use crate::test_support::{SmallMesh, in_two_charts, pyramid, sheet, with_engine};
 
     /// Compares the costs of four edges side by side with those of each alone. Returns the number of
     /// comparisons, and the mismatches.
@@ -265,6 +267,136 @@ mod tests {
             }
         }
         assert!(all > 10_000, "{all} edges");
+    }
+
+    /// Four unit squares in a row along x, bent by a right angle in the middle: the first two lie in the plane z = 0,
+    /// the others in the plane x = 2.
+    fn bent() -> SmallMesh {
+        let mut bent = sheet(4);
+        bent.points.iter_mut().filter(|p| p.x > 2.0).for_each(|p| *p = Vec3::new(2.0, p.y, p.x - 2.0));
+        bent
+    }
+
+    fn edge_at(engine: &Engine<Memoryless>, u: u32, v: u32) -> Option<Candidate> {
+        let ring = ring_of(engine, u);
+        engine.mesh.evaluate_edge(VertexId(u), VertexId(v), &ring, &mut Vec::new())
+    }
+
+    #[test]
+    fn the_cost_of_a_form_is_that_of_its_planes_and_a_guess_of_the_largest() {
+        let h = 0.5f32;
+        let engine = engine_of(Memoryless, &pyramid(h), &without_lines());
+        let ring = ring_of(&engine, 1);
+        let cost = engine.mesh.cost_at(VertexId(1), VertexId(0), Vec3::ZERO, &ring, &mut Vec::new());
+        // Two sides of the doubled area 2 s are left at the distance 2 h / s. The doubled areas of the two stars add
+        // up to 12 s, and a fifth of the mean one is .4 s.
+        let s = (1.0 + h * h).sqrt();
+        assert_near(cost, 16.0 * h * h / s * (1.0 + PEAK_GUESS * 0.4 / 12.0));
+        // By accumulated planes it is the same, without a guess.
+        let engine = engine_of(Quadric, &pyramid(h), &without_lines());
+        let cost = engine.mesh.cost_at(VertexId(1), VertexId(0), Vec3::ZERO, &ring, &mut Vec::new());
+        assert_near(cost, 16.0 * h * h / s);
+    }
+
+    #[test]
+    fn a_vertex_on_a_bend_stays_on_it() {
+        let engine = engine_of(Memoryless, &bent(), &without_lines());
+        // 11 and 12 are inner neighbours in the plane z = 0, and 12 is on the bend.
+        let found = edge_at(&engine, 11, 12).expect("both are free");
+        assert_eq!(found.removed, VertexId(12));
+        assert!((found.step - Vec3::X).abs().max_element() < 1e-3, "{}", found.step);
+        let back = edge_at(&engine, 12, 11).expect("both are free");
+        assert!(back.step.abs().max_element() < 1e-3, "{}", back.step);
+        // Along the bend it costs nothing, and across it something.
+        assert!(found.cost < 1e-4 && edge_at(&engine, 12, 17).unwrap().cost < 1e-6);
+        assert!(
+            engine.mesh.cost_at(
+                VertexId(11),
+                VertexId(12),
+                Vec3::ZERO,
+                &ring_of(&engine, 11),
+                &mut Vec::new()
+            ) > 0.1
+        );
+    }
+
+    #[test]
+    fn flat_edges_meet_in_the_middle() {
+        let engine = engine_of(Memoryless, &sheet(5), &without_lines());
+        let found = edge_at(&engine, 14, 15).expect("both are free");
+        assert_eq!(found.step, Vec3::X * 0.5);
+        assert_near(found.cost, 0.5 * crate::cost::TIE * 12.0 * 0.5);
+    }
+
+    #[test]
+    fn ends_that_may_not_move_set_the_place() {
+        let d = Vec3::X;
+        let mut engine = engine_of(Memoryless, &sheet(5), &without_lines());
+        let free = engine.mesh.store.v[14].kind;
+        let fixed = free.locked(true);
+        let rail = Kind::of(&ring_of(&engine, 1), BorderPolicy::Slide);
+        assert!(rail.is_rail() && !rail.is_fixed() && fixed.is_fixed() && free.is_free());
+        let mut step_of = |own, other| {
+            (engine.mesh.store.v[14].kind, engine.mesh.store.v[15].kind) = (own, other);
+            edge_at(&engine, 14, 15).map(|found| found.step)
+        };
+        assert_eq!(step_of(fixed, fixed), None);
+        assert_eq!(step_of(fixed, free), Some(Vec3::ZERO));
+        assert_eq!(step_of(free, fixed), Some(d));
+        assert_eq!(step_of(fixed, rail), Some(Vec3::ZERO));
+        assert_eq!(step_of(rail, fixed), Some(d));
+        assert_eq!(step_of(rail, free), Some(Vec3::ZERO));
+        assert_eq!(step_of(free, rail), Some(d));
+        // Both on a line: on one of its points, the kept one if they cost the same.
+        assert_eq!(step_of(rail, rail), Some(Vec3::ZERO));
+        assert_eq!(step_of(free, free), Some(d * 0.5));
+    }
+
+    #[test]
+    fn placements_are_at_an_end_or_in_the_middle() {
+        let mut engine = engine_of(Memoryless, &bent(), &without_lines());
+        engine.mesh.constraints.rules.placement = Placement::Endpoint;
+        // 12 is on the bend, 11 is not.
+        assert_eq!(edge_at(&engine, 11, 12).unwrap().step, Vec3::X);
+        assert_eq!(edge_at(&engine, 12, 11).unwrap().step, Vec3::ZERO);
+        engine.mesh.constraints.rules.placement = Placement::Midpoint;
+        assert_eq!(edge_at(&engine, 11, 12).unwrap().step, Vec3::X * 0.5);
+        assert_eq!(edge_at(&engine, 12, 11).unwrap().step, Vec3::X * -0.5);
+    }
+
+    #[test]
+    fn edges_above_the_limit_are_not_listed_but_bound_the_vertex() {
+        let list = |placement: Placement, most: f32| {
+            let mut engine = engine_of(Memoryless, &bent(), &without_lines());
+            engine.mesh.constraints.rules.placement = placement;
+            let Engine { mesh, scratch, tally, .. } = &mut engine;
+            let u = VertexId(11);
+            let mut ring = Ring::default();
+            mesh.store.ring(u, &mut ring);
+            let mut owned = Vec::new();
+            mesh.store.list_owned(u, &ring, &mut owned, &mut scratch.marks);
+            owned.sort_unstable();
+            // Of six neighbours the three higher ones: 12 and 17 on the bend, 16 in the plane.
+            assert_eq!(owned, [12, 16, 17].map(VertexId));
+            let mut found = Found::default();
+            found.clear();
+            let edges = OwnedEdges { u, owned: &owned, ring: &ring, most, have_single_wedges: true };
+            let stuck = mesh.evaluate_owned(&edges, &mut Vec::new(), &mut found, scratch, tally);
+            assert_eq!(stuck, 0);
+            found
+        };
+        for placement in [Placement::Optimal, Placement::Midpoint] {
+            let all = list(placement, f32::INFINITY);
+            assert_eq!((all.within.len(), all.beyond()), (3, f32::INFINITY));
+            let least = all.within.iter().map(|c| c.cost).fold(f32::INFINITY, f32::min);
+            let none = list(placement, 0.5 * least);
+            assert_eq!((none.within.len(), none.beyond()), (0, least));
+        }
+        // In the middle only the edge in the plane is cheap: the others are half a unit from a plane of three faces.
+        let some = list(Placement::Midpoint, 1e-6);
+        assert_eq!(some.within.iter().map(|c| c.removed.0).collect::<Vec<_>>(), [16]);
+        // Times the guess of the largest distance: four times a fifth, over the trace of 12.
+        assert_near(some.beyond(), 3.0 * 0.25 * (1.0 + PEAK_GUESS * 0.2 / 12.0));
     }
 
     proptest! {

@@ -4,7 +4,7 @@ use glam::Vec3;
 use lodsmith_core::{VertexId, WedgeId};
 
 use super::LiveMesh;
-use super::store::{Ring, Spoke};
+use super::ring::{Ring, Spoke};
 use super::wedges::{HandedOver, Wedges};
 use crate::metric::Metric;
 use crate::report::Refusal;
@@ -75,5 +75,86 @@ impl<M: Metric> LiveMesh<M> {
                 wedges[corner.face()][corner.k()] = wedge;
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::collapse::Engine;
+    use crate::collapse::test_support::{engine_of, ring_of, without_lines};
+    use crate::metric::Memoryless;
+    use crate::test_support::sheet;
+
+    /// Returns an engine of a sheet of 4 × 4 cells, whose middle column x = 2 has wedges 25 + i on its right, with
+    /// these texture coordinates on the left and the right, and normals that differ.
+    fn with_seam(uvs: [[f32; 2]; 2]) -> Engine<Memoryless> {
+        let small = sheet(4);
+        let mut engine = engine_of(Memoryless, &small, &without_lines());
+        let is_right = |t: &[u32; 3]| t.iter().any(|v| v % 5 > 2);
+        let wedges = small.faces.iter().map(|t| t.map(|v| WedgeId(if is_right(t) { v + 25 } else { v })));
+        engine.mesh.store.wedges = Some(wedges.collect());
+        let side = |w: usize| usize::from(w >= 25);
+        engine.mesh.values.wedge_data = Some(Wedges {
+            uvs: Some((0..50).map(|w| uvs[side(w)]).collect()),
+            normals: Some((0..50).map(|w| [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]][side(w)]).collect()),
+        });
+        engine
+    }
+
+    /// Returns the old and new wedges of the corners that change when `v` is merged into `u`, which stays.
+    fn handed_over(engine: &Engine<Memoryless>, u: u32, v: u32) -> Result<Vec<[u32; 2]>, Refusal> {
+        let [ru, rv] = [u, v].map(|w| ring_of(engine, w));
+        let off = engine.mesh.store.p(VertexId(u)) - engine.mesh.store.p(VertexId(v));
+        let changes = engine.mesh.wedges_to_hand_over(VertexId(u), VertexId(v), Vec3::ZERO, off, &ru, &rv)?;
+        let wedges = engine.mesh.store.wedges.as_ref().expect("there are wedges");
+        let mut pairs: Vec<[u32; 2]> =
+            changes.iter().map(|(corner, new)| [wedges[corner.face()][corner.k()].0, new.0]).collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        Ok(pairs)
+    }
+
+    #[test]
+    fn wedges_are_paired_by_the_triangles_that_contain_both() {
+        let engine = with_seam([[0.0, 0.0], [5.0, 0.0]]);
+        // Inside a chart, from inside onto the seam, and along the seam.
+        assert_eq!(handed_over(&engine, 11, 6), Ok(vec![[6, 11]]));
+        assert_eq!(handed_over(&engine, 12, 11), Ok(vec![[11, 12]]));
+        assert_eq!(handed_over(&engine, 12, 17), Ok(vec![[17, 12], [42, 37]]));
+        // From the seam into a chart it would tear: nothing on the left is of the right piece of the texture.
+        assert_eq!(handed_over(&engine, 11, 12), Err(Refusal::Seam));
+    }
+
+    #[test]
+    fn the_end_that_keeps_its_place_keeps_its_wedges() {
+        let engine = with_seam([[0.0, 0.0], [5.0, 0.0]]);
+        // `u` moves onto `v`: its corners get the wedges of `v`.
+        let [ru, rv] = [11, 12].map(|w| ring_of(&engine, w));
+        let found =
+            engine.mesh.wedges_to_hand_over(VertexId(11), VertexId(12), Vec3::X, Vec3::ZERO, &ru, &rv);
+        let found = found.expect("onto the seam");
+        // Of six corners two are in triangles that go.
+        assert_eq!(found.len(), 4);
+        assert!(
+            found
+                .iter()
+                .all(|(corner, new)| new.0 == 12 && engine.mesh.store.t[corner.face()][corner.k()].0 == 11)
+        );
+    }
+
+    #[test]
+    fn across_a_crease_of_normals_the_nearest_normal_of_the_same_texture_is_taken() {
+        let engine = with_seam([[0.0, 0.0]; 2]);
+        assert_eq!(handed_over(&engine, 11, 12), Ok(vec![[12, 11], [37, 11]]));
+        let data = engine.mesh.values.wedge_data.as_ref().expect("there is some");
+        let best = |choices: &[u32], of: u32| {
+            let choices: Vec<WedgeId> = choices.iter().copied().map(WedgeId).collect();
+            data.best(&choices, WedgeId(0), WedgeId(of)).map(|w| w.0)
+        };
+        assert_eq!(
+            [best(&[3, 30], 37), best(&[30, 3], 12), best(&[4, 3], 12), best(&[], 12)],
+            [Some(30), Some(3), Some(3), None]
+        );
     }
 }

@@ -1,18 +1,10 @@
 //! Classification of vertices by their edges (inside, on a border, on a non-manifold curve), and the
 //! freedom to move that follows.
 
-use std::collections::HashMap;
-
 use lodsmith_core::VertexId;
-use wide::u32x8;
 
-use super::store::Spoke;
+use super::ring::{SHORT_RING, Spoke, distinct, faces_at, is_closed_fan};
 use crate::options::BorderPolicy;
-
-/// Number of faces of a ring up to which a neighbour is found by walking the ring. In larger rings
-/// neighbours are sorted or hashed, so that a vertex of n faces costs O(n log n), not O(n²). (Guessed; the
-/// results are the same.)
-pub(super) const SHORT_RING: usize = 64;
 
 /// Kind of a vertex as flags; without flags the vertex is inside a closed, oriented fan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -151,72 +143,10 @@ impl Kind {
     }
 }
 
-/// True if each neighbour that comes first in a triangle does so just once, and is second in just one
-/// other.
-#[inline(always)]
-pub(crate) fn is_closed_fan(ring: impl ExactSizeIterator<Item = (VertexId, VertexId)> + Clone) -> bool {
-    // Side by side for SIMD; most vertices have about six neighbours. Unused lanes hold a number that no
-    // vertex has, as first and as second.
-    const LANES: usize = 8;
-    let n = ring.len();
-    if n > SHORT_RING {
-        let [mut firsts, mut seconds]: [Vec<VertexId>; 2] =
-            [ring.clone().map(|r| r.0).collect(), ring.map(|r| r.1).collect()];
-        firsts.sort_unstable();
-        seconds.sort_unstable();
-        return firsts == seconds && firsts.windows(2).all(|w| w[0] != w[1]);
-    }
-    if n > LANES {
-        let once = |w: VertexId| {
-            ring.clone().filter(|r| r.0 == w).count() == 1 && ring.clone().filter(|r| r.1 == w).count() == 1
-        };
-        return ring.clone().all(|r| once(r.0));
-    }
-    let (mut a, mut b) = ([u32::MAX; LANES], [u32::MAX; LANES]);
-    for (i, r) in ring.enumerate() {
-        (a[i % LANES], b[i % LANES]) = (r.0.0, r.1.0);
-    }
-    // How often each first one is second, and each second one first: if both are once, the firsts differ,
-    // too. (Branchless: masks are minus one where they match.)
-    let (first, second) = (u32x8::from(a), u32x8::from(b));
-    let times = |of: u32x8, among: [u32; LANES]| {
-        among.into_iter().fold(u32x8::ZERO, |sum, w| sum - of.simd_eq(u32x8::splat(w)))
-    };
-    let once = times(first, b).simd_eq(u32x8::ONE) & times(second, a).simd_eq(u32x8::ONE);
-    let used = (1u32 << n) - 1;
-    n > 0 && once.to_bitmask() & used == used
-}
-
-/// Returns the distinct neighbours in a ring, in the order of their first face.
-pub(crate) fn distinct(ring: &[Spoke]) -> impl Iterator<Item = VertexId> + '_ {
-    // For a long ring, the index of the first face of each neighbour.
-    let mut first_of = HashMap::new();
-    if ring.len() > SHORT_RING {
-        for (i, w) in ring.iter().enumerate().flat_map(|(i, r)| [(i, r.a), (i, r.b)]) {
-            first_of.entry(w).or_insert(i);
-        }
-    }
-    let seen = move |i: usize, w: VertexId| match first_of.get(&w) {
-        Some(&first) => first < i,
-        None => ring[..i].iter().any(|r| r.has(w)),
-    };
-    ring.iter()
-        .enumerate()
-        .flat_map(|(i, r)| [(i, r.a), (i, r.b)])
-        .filter(move |x| !seen(x.0, x.1))
-        .map(|x| x.1)
-}
-
-/// Returns the number of triangles of the ring that contain `w`: the faces of the edge to it.
-#[inline(always)]
-pub(crate) fn faces_at(ring: &[Spoke], w: VertexId) -> usize {
-    ring.iter().filter(|r| r.has(w)).count()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::collapse::store::Corner;
+    use crate::collapse::ring::Corner;
 
     fn ring(pairs: &[[u32; 2]]) -> Vec<Spoke> {
         let spoke = |p: &[u32; 2]| Spoke { corner: Corner::default(), a: VertexId(p[0]), b: VertexId(p[1]) };
@@ -276,5 +206,37 @@ mod tests {
         let book = ring(&[[8, 1], [1, 9], [8, 2], [2, 9], [8, 3], [3, 9]]);
         let kind = Kind::of(&book, BorderPolicy::Keep);
         assert!(kind.is_complex() && kind.is_free());
+    }
+
+    #[test]
+    fn long_rings_are_read_like_short_ones() {
+        for n in [3, SHORT_RING - 1, SHORT_RING, SHORT_RING + 1, 3 * SHORT_RING] {
+            let wheel: Vec<[u32; 2]> = (0..n as u32).map(|i| [7 * i, 7 * ((i + 1) % n as u32)]).collect();
+            // A page more at the neighbour 7.
+            let book = [&wheel[..], &[[7, 9999]]].concat();
+            let cases = [
+                (&wheel[..], [false; 3]),
+                (&wheel[1..], [true, false, false]),
+                (&book[..], [false, true, true]),
+            ];
+            for (pairs, wanted) in cases {
+                let ring = ring(pairs);
+                let kind = Kind::of(&ring, BorderPolicy::Keep);
+                assert_eq!(
+                    [kind.is_border(), kind.is_complex(), kind.is_fixed()],
+                    wanted,
+                    "{} of {n}",
+                    ring.len()
+                );
+                assert_eq!(kind.is_regular(), wanted == [false; 3]);
+                let mut each: Vec<VertexId> = Vec::new();
+                for w in ring.iter().flat_map(|r| [r.a, r.b]) {
+                    if !each.contains(&w) {
+                        each.push(w);
+                    }
+                }
+                assert_eq!(distinct(&ring).collect::<Vec<_>>(), each);
+            }
+        }
     }
 }

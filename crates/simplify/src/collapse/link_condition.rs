@@ -10,10 +10,10 @@
 use lodsmith_core::VertexId;
 use wide::u32x4;
 
-use super::kind::faces_at;
 use super::marks::Marks;
 use super::order::NONE;
-use super::store::{Ring, Store};
+use super::ring::{Ring, faces_at};
+use super::store::Store;
 use crate::metric::VertexMemory;
 use crate::report::Refusal;
 
@@ -396,7 +396,7 @@ mod tests {
                 // Without such lines, an edge to an apex is hollow only with two faces on the same three
                 // vertices.
                 let is_doubled = || {
-                    let same = |s: &&crate::collapse::store::Spoke| ru.iter().filter(|r| r.has(s.a) && r.has(s.b)).count();
+                    let same = |s: &&crate::collapse::ring::Spoke| ru.iter().filter(|r| r.has(s.a) && r.has(s.b)).count();
                     ru.iter().filter(|r| r.has(v)).any(|r| same(&r) > 1)
                 };
                 prop_assert!(!is_hollow || !lines.is_empty() || is_doubled(), "{u}-{v} is hollow");

@@ -3,7 +3,8 @@
 use lodsmith_core::VertexId;
 
 use super::LiveMesh;
-use super::store::{Spoke, Store};
+use super::ring::Spoke;
+use super::store::Store;
 use crate::metric::{Metric, VertexMemory};
 use crate::report::Refusal;
 

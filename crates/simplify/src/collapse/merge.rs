@@ -11,8 +11,10 @@ use super::LiveMesh;
 use super::attributes::{
     Attributes, FourSlopes, Head, Member, Merge, NO_WEDGE, Slopes, Sum, representatives,
 };
-use super::store::{self, Ring, Spoke, Store};
-use super::wings::Wings;
+use super::ring::{Ring, Spoke};
+use super::store::Store;
+use super::vertex::{self, Vertex};
+use super::wings::{FourWings, Wings};
 use crate::lanes::{self, dot, splat};
 use crate::metric::{CostSource, Form, Metric};
 use crate::tensor::Tensor;
@@ -83,7 +85,7 @@ impl<M: Metric> LiveMesh<M> {
         for (t, w) in self.store.t.chunks(4).zip(wedges.chunks(4)) {
             let corner = |k: usize| {
                 let of = |i: usize| t[i.min(t.len() - 1)][k];
-                store::four(&self.store.v, [of(0), of(1), of(2), of(3)])
+                vertex::four(&self.store.v, [of(0), of(1), of(2), of(3)])
             };
             let slopes = FourSlopes::of([&corner(0), &corner(1), &corner(2)]);
             for (i, (t, w)) in t.iter().zip(w).enumerate() {
@@ -472,26 +474,10 @@ impl<M: Metric> LiveMesh<M> {
         };
         let lanes = attributes.lanes_of::<N>();
         let mut added = [f32x4::ZERO; 6];
+        attributes.begin_merge(lanes, is_locked, merge);
         let Merge { members, best, own, heads, slopes } = merge;
         let only = only_group(members);
         let (x, z) = (self.store.v[u.index()].p, self.store.v[v.index()].p);
-        let room = members.len() * 3 * lanes;
-        if own.len() < room {
-            own.resize(room, f32x4::ZERO);
-        }
-        heads.clear();
-        heads.resize(members.len(), Head::default());
-        for m in members.iter() {
-            for (hard, own) in heads[m.group].hard.iter_mut().zip(attributes.heads[m.wedge.index()].hard) {
-                *hard |= own;
-            }
-        }
-        for (group, _) in representatives(members) {
-            own[group * 3 * lanes..][..3 * lanes].fill(f32x4::ZERO);
-            if !is_locked {
-                attributes.normalize(&mut best[group * lanes..][..lanes]);
-            }
-        }
         let (from, to) = ([splat(x), splat(z)], splat(at));
         let mut tables = attributes.tables();
         let (wedges, vertices) = (&mut wedges[..], &mut self.store.v[..]);
@@ -499,7 +485,7 @@ impl<M: Metric> LiveMesh<M> {
         for (k, four) in wings.fours().iter().enumerate() {
             let end = usize::from(4 * k >= at_u);
             let (a, b) = (four.spokes.map(|s| s.a), four.spokes.map(|s| s.b));
-            let (pa, pb) = (store::four(vertices, a), store::four(vertices, b));
+            let (pa, pb) = (vertex::four(vertices, a), vertex::four(vertices, b));
             let old = match slopes.get(k) {
                 Some(known) => *known,
                 None => FourSlopes::new([&from[end], &pa, &pb], &four.normal, four.length),
@@ -535,38 +521,33 @@ impl<M: Metric> LiveMesh<M> {
                     }
                 }
             }
-            let [a, b, c, d, e, f] = changes;
-            let changes = lanes::tensors([
-                lanes::sums(a),
-                lanes::sums(b),
-                lanes::sums(c),
-                lanes::sums(d),
-                lanes::sums(e),
-                lanes::sums(f),
-            ]);
-            for (spoke, change) in four.spokes.iter().zip(&changes).take(four.count) {
-                for w in [spoke.a, spoke.b] {
-                    M::tensor(&mut vertices[w.index()].q).add(change);
-                }
-            }
+            add_changes::<M>(vertices, four, changes);
         }
         let t = (y.dot(z - x) / (z - x).length_squared().max(1e-37)).clamp(0.0, 1.0);
-        let mut first = NO_WEDGE;
-        for (group, m) in representatives(members).filter(|(group, _)| heads[*group].faces > 0) {
-            if !attributes.joint_weights.is_empty() && !is_locked {
-                attributes.joint_weights[m.wedge.index()] =
-                    attributes.blended_joint_weights(members, group, t);
-            }
-            if !attributes.labels.is_empty() && !is_locked {
-                attributes.labels[m.wedge.index()] = attributes.nearest_label(members, group, t);
-            }
-            let head = Head { next: first, ..heads[group] };
-            let sums = &own[group * 3 * lanes..][..3 * lanes];
-            attributes.set(m.wedge, &best[group * lanes..][..lanes], sums, head);
-            first = m.wedge;
-        }
-        self.store.first_wedge[u.index()] = first;
+        self.store.first_wedge[u.index()] = attributes.end_merge(lanes, is_locked, t, merge);
         Tensor(added.map(f32x4::reduce_add))
+    }
+}
+
+/// Adds changes of tensors, in four lanes, to the two outer vertices of each of four triangles.
+#[inline(always)]
+fn add_changes<M: Metric>(
+    vertices: &mut [Vertex<M::Memory>],
+    four: &FourWings,
+    [a, b, c, d, e, f]: [[f32x4; 4]; 6],
+) {
+    let changes = lanes::tensors([
+        lanes::sums(a),
+        lanes::sums(b),
+        lanes::sums(c),
+        lanes::sums(d),
+        lanes::sums(e),
+        lanes::sums(f),
+    ]);
+    for (spoke, change) in four.spokes.iter().zip(&changes).take(four.count) {
+        for w in [spoke.a, spoke.b] {
+            M::tensor(&mut vertices[w.index()].q).add(change);
+        }
     }
 }
 
@@ -608,3 +589,6 @@ fn add(members: &mut Vec<Member>, wedge: WedgeId, at_v: bool) -> usize {
         members.len() - 1
     })
 }
+
+#[cfg(test)]
+mod tests;

@@ -9,10 +9,8 @@ use bytemuck::allocation::zeroed_vec;
 use glam::Vec3;
 use lodsmith_core::geometry::UnitFrame;
 use lodsmith_core::{PositionsView, Surface, TriMesh, VertexId, WedgeId};
-use prefetch_index::prefetch_index;
 use wide::{f32x4, u32x4};
 
-use crate::ordered_input::OrderedInput;
 use crate::report::Cleanup;
 
 /// Marks the absence of a vertex.
@@ -115,6 +113,11 @@ impl Ordered {
     pub(crate) fn is_sound(&self, t: &[VertexId; 3]) -> bool {
         ranked(&self.rank, t).is_ok()
     }
+    /// Returns a face of the input in new numbers, if it is used.
+    #[inline(always)]
+    pub(crate) fn face(&self, t: &[VertexId; 3]) -> Option<[VertexId; 3]> {
+        ranked(&self.rank, t).ok()
+    }
     /// Returns the first vertex of the surface at each position.
     pub(crate) fn first_vertices(&self) -> Vec<VertexId> {
         let mut first = vec![NONE; self.point_count];
@@ -124,13 +127,6 @@ impl Ordered {
             }
         }
         first
-    }
-    /// Returns the ordered input computed again from the original surface, bit for bit the same, for four
-    /// bytes a face.
-    pub(crate) fn remade<'a>(&'a self, surface: &'a Surface<'a>) -> RemadeInput<'a> {
-        let faces = self.of_faces(surface, |i| i as u32);
-        let (there, here, first) = (Vec::new(), Vec::new(), Vec::new());
-        RemadeInput { ordered: self, surface, faces, from: 0, there, here, first }
     }
     /// Computes the points again from the original surface.
     pub(crate) fn remake_points(&self, surface: &Surface<'_>) -> Vec<Vec3> {
@@ -155,87 +151,6 @@ impl Ordered {
     pub(crate) fn wedges(&self, surface: &Surface<'_>, mesh: &TriMesh) -> Vec<[WedgeId; 3]> {
         let wedges = mesh.triangles();
         self.of_faces(surface, |i| wedges[i])
-    }
-}
-
-/// The ordered input, computed from the original surface on access.
-pub(crate) struct RemadeInput<'a> {
-    ordered: &'a Ordered,
-    surface: &'a Surface<'a>,
-    /// Index of each face in the surface, in order.
-    faces: Vec<u32>,
-    /// Current block of faces, looked up together so that cache misses overlap: index of the first one, and
-    /// their vertices in the surface and in the ordered input.
-    from: usize,
-    there: Vec<[VertexId; 3]>,
-    here: Vec<[VertexId; 3]>,
-    /// The first vertex of the surface at each position, after random access by vertex has started.
-    first: Vec<VertexId>,
-}
-
-/// Number of faces per block. (Guessed: 24 bytes each, so that they stay in the nearest cache.)
-const FACES_PER_BLOCK: usize = 256;
-
-impl RemadeInput<'_> {
-    #[cold]
-    #[inline(never)]
-    fn look_up(&mut self, face: usize) {
-        self.from = face - face % FACES_PER_BLOCK;
-        let block = &self.faces[self.from..self.faces.len().min(self.from + FACES_PER_BLOCK)];
-        self.there.clear();
-        self.there.extend(block.iter().map(|&i| self.surface.triangles()[i as usize]));
-        self.here.clear();
-        self.here.extend(self.there.iter().map(|t| t.map(|v| self.ordered.rank[v.index()])));
-    }
-
-    fn place_there(&self, v: VertexId) -> Vec3 {
-        single_unit(&self.ordered.frame, self.surface.positions().get(v))
-    }
-}
-
-impl OrderedInput for RemadeInput<'_> {
-    fn point_count(&self) -> usize {
-        self.ordered.point_count
-    }
-    fn face_count(&self) -> usize {
-        self.faces.len()
-    }
-    #[inline]
-    fn face(&mut self, face: usize) -> [VertexId; 3] {
-        // (For a face before the block, wrapping makes the difference large.)
-        if face.wrapping_sub(self.from) >= self.here.len() {
-            self.look_up(face);
-        }
-        self.here[face - self.from]
-    }
-    #[inline]
-    fn positions(&mut self, face: usize, _: [VertexId; 3]) -> [Vec3; 3] {
-        if face.wrapping_sub(self.from) >= self.there.len() {
-            self.look_up(face);
-        }
-        self.there[face - self.from].map(|v| self.place_there(v))
-    }
-    #[inline]
-    fn prefetch(&self, face: usize) {
-        if let Some(t) = self.there.get(face.wrapping_sub(self.from)) {
-            for v in t {
-                match self.surface.positions() {
-                    PositionsView::F32(p) => prefetch_index(p, v.index()),
-                    PositionsView::F64(p) => prefetch_index(p, v.index()),
-                }
-            }
-        }
-    }
-    fn start_random_access(&mut self) {
-        (self.faces, self.there, self.here) = (Vec::new(), Vec::new(), Vec::new());
-        self.first = self.ordered.first_vertices();
-    }
-    fn position(&self, v: VertexId) -> Vec3 {
-        self.place_there(self.first[v.index()])
-    }
-    fn each_face(&self, look: impl FnMut([VertexId; 3])) {
-        let faces = self.surface.triangles().iter();
-        faces.filter_map(|t| ranked(&self.ordered.rank, t).ok()).for_each(look);
     }
 }
 
@@ -562,31 +477,6 @@ mod tests {
         let o = surface(&p, &[[0, 1, 2], [3, 4, 5]]);
         assert_eq!((o.points.len(), o.faces.len(), o.cleanup.welded_vertices), (4, 2, 2));
         assert_eq!((o.rank[1], o.rank[2]), (o.rank[3], o.rank[5]));
-    }
-
-    #[test]
-    fn what_is_looked_up_again_is_the_same() {
-        // A strip of more faces than a block has, as a soup, with a face that is left out.
-        let corner = |i: u32| [(i / 2) as f32 * 0.1, (i % 2) as f32, 0.0];
-        let p: Vec<[f32; 3]> = (0..300).rev().flat_map(|i| [i, i + 1, i + 2].map(corner)).collect();
-        let mut faces: Vec<[u32; 3]> = (0..300).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-        faces.insert(7, [0, 1, 1]);
-        let s = Surface::new(PositionsView::F32(&p), bytemuck::cast_slice(&faces)).unwrap();
-        let o = order(&s);
-        let mut again = o.remade(&s);
-        assert_eq!((again.point_count(), again.face_count()), (o.points.len(), 300));
-        for (i, t) in o.faces.iter().enumerate() {
-            again.prefetch(i + 8);
-            assert_eq!(again.face(i), *t);
-            assert_eq!(again.positions(i, *t), t.map(|v| o.points[v.index()]));
-        }
-        again.start_random_access();
-        assert!((0..).map(VertexId).zip(&o.points).all(|(v, p)| again.position(v) == *p));
-        let (mut all, mut wanted) = (Vec::new(), o.faces.clone());
-        again.each_face(|t| all.push(t));
-        all.sort();
-        wanted.sort();
-        assert_eq!(all, wanted);
     }
 
     #[test]

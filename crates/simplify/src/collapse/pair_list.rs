@@ -4,7 +4,8 @@ use lodsmith_core::VertexId;
 
 use super::bundle::Bundle;
 use super::invariants::need;
-use super::store::{Ring, Store};
+use super::ring::Ring;
+use super::store::Store;
 use crate::metric::VertexMemory;
 
 /// Budget of the search for pairs and of visits to the faces round them, per vertex of the input; no more

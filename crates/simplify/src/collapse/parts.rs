@@ -11,7 +11,7 @@ use lodsmith_core::VertexId;
 use super::components::{Component, Parts, labels, measure_parts};
 use super::invariants::need;
 use super::order::NONE;
-use super::store::Vertex;
+use super::vertex::Vertex;
 use super::{Engine, Goal, LiveMesh};
 use crate::metric::Metric;
 use crate::options::{BorderPolicy, TopologyPolicy};
@@ -305,4 +305,144 @@ fn is_far_below(goal: &Goal, (faces, vertices): (usize, usize), share: f64) -> b
     let is_below =
         |goal: Option<usize>, left: usize| goal.is_some_and(|n| (left as f64) < (1.0 - share) * n as f64);
     is_below(goal.faces, faces) || is_below(goal.vertices, vertices)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::collapse::test_support::{checked, engine_of, with_border, without_lines};
+    use crate::metric::Memoryless;
+    use crate::options::SimplifyOptions;
+    use crate::test_support::{SmallMesh, pyramid, tetrahedron};
+
+    /// Three tetrahedra of the sizes 1, 1/2 and 1/4: four faces and four vertices each.
+    fn three() -> SmallMesh {
+        let other = |size: f32| tetrahedron().scaled(size);
+        tetrahedron().and(&other(0.5), Vec3::X * 4.0).and(&other(0.25), Vec3::X * 8.0)
+    }
+
+    fn engine(small: &SmallMesh, options: &SimplifyOptions) -> Engine<Memoryless> {
+        engine_of(Memoryless, small, options)
+    }
+
+    fn faces(n: usize) -> Goal {
+        Goal { faces: Some(n), vertices: None }
+    }
+
+    /// The doubled area of the whole tetrahedron, times the square of half its diagonal.
+    fn cost_of_whole() -> f64 {
+        (3.0 + 3f64.sqrt()) * 0.25 * 3.0
+    }
+
+    /// Returns the longest edges of the parts that are left, first part first.
+    fn sizes(engine: &Engine<Memoryless>) -> Vec<f32> {
+        let (_, parts) = engine.mesh.find_parts();
+        parts.iter().map(|p| (p.max - p.min).x).collect()
+    }
+
+    #[test]
+    fn the_cheapest_parts_go_first_until_the_goal_is_reached() {
+        let mut one = engine(&three(), &without_lines());
+        assert!(one.remove_parts(&faces(8)));
+        assert_eq!((sizes(&one), one.tally.parts_removed), (vec![1.0, 0.5], 1));
+        assert_eq!((one.mesh.store.live_faces, one.mesh.store.live_vertices), (8, 8));
+        // A cost falls with the fourth power of the size.
+        assert!((one.tally.removed_part_cost - cost_of_whole() / 256.0).abs() < 1e-5);
+        assert_eq!(checked(&one), Ok(()));
+        // By vertices it is the same; and the last part always stays.
+        let mut two = engine(&three(), &without_lines());
+        assert!(two.remove_parts(&Goal { faces: None, vertices: Some(4) }));
+        assert_eq!((sizes(&two), two.tally.parts_removed), (vec![1.0], 2));
+        assert!((two.tally.removed_part_cost - cost_of_whole() * (1.0 / 16.0 + 1.0 / 256.0)).abs() < 1e-5);
+        assert!(!two.remove_parts(&faces(1)));
+        assert_eq!((sizes(&two), two.tally.parts_removed), (vec![1.0], 2));
+    }
+
+    #[test]
+    fn a_goal_is_not_undershot_by_far_unless_nothing_else_reaches_it() {
+        // A large part of 4 faces and a small one of 4: at a goal of 5, removing one leaves 4, a fifth below it.
+        let small = tetrahedron().and(&tetrahedron().scaled(0.5), Vec3::X * 4.0);
+        let mut last = engine(&small, &without_lines());
+        assert!(last.remove_parts(&faces(5)));
+        assert_eq!(sizes(&last), [1.0]);
+        // As long as there are other collapses, it stays; at a goal of 4 it goes.
+        for (goal, left) in [(5, vec![1.0, 0.5]), (4, vec![1.0])] {
+            let mut live = engine(&small, &without_lines());
+            live.enable_part_removal();
+            live.drop_cheap_parts(&faces(goal), f32::MAX);
+            assert_eq!(sizes(&live), left, "goal of {goal}");
+        }
+    }
+
+    #[test]
+    fn parts_stay_that_are_locked_or_have_a_locked_border() {
+        let mut locked = engine(&three(), &without_lines());
+        locked.mesh.store.v[9].kind = locked.mesh.store.v[9].kind.locked(true);
+        assert!(locked.remove_parts(&faces(4)));
+        assert_eq!(sizes(&locked), [0.25]);
+        // A small pyramid with a border, and a large tetrahedron without.
+        let open = pyramid(0.25).scaled(0.25).and(&tetrahedron(), Vec3::X * 4.0);
+        for (border, left) in [(BorderPolicy::Keep, 1.0), (BorderPolicy::Lock, 0.5)] {
+            let mut engine = engine(&open, &with_border(border));
+            assert!(engine.remove_parts(&faces(4)));
+            assert_eq!(sizes(&engine), [left], "{border:?}");
+        }
+        let mut kept = engine(&three(), &without_lines());
+        kept.mesh.constraints.rules.topology = TopologyPolicy::Preserve;
+        assert!(!kept.remove_parts(&faces(4)));
+        assert_eq!(kept.tally.parts_removed, 0);
+    }
+
+    #[test]
+    fn a_part_goes_when_two_of_its_faces_cost_no_more_than_a_collapse() {
+        // The smallest part costs 1/256 of the whole, over four faces: half of that for two.
+        let rate = (cost_of_whole() / 256.0 / 2.0) as f32;
+        for (tau, removed) in [(0.99 * rate, 0), (1.01 * rate, 1), (15.9 * rate, 1), (16.1 * rate, 2)] {
+            let mut engine = engine(&three(), &without_lines());
+            engine.enable_part_removal();
+            engine.drop_cheap_parts(&faces(1), tau);
+            assert_eq!(engine.tally.parts_removed, removed, "at {tau}");
+            assert_eq!(checked(&engine), Ok(()));
+        }
+        // Where necks may be cut, parts cost eight times as much.
+        for (tau, removed) in [(7.9 * rate, 0), (8.1 * rate, 1)] {
+            let mut engine = engine(&three(), &without_lines());
+            engine.mesh.constraints.cuts_necks = true;
+            engine.enable_part_removal();
+            engine.drop_cheap_parts(&faces(1), tau);
+            assert_eq!(engine.tally.parts_removed, removed, "at {tau}");
+        }
+    }
+
+    #[test]
+    fn importance_counts_for_parts() {
+        let mut engine = engine(&three(), &without_lines());
+        // The smallest is now more important than the middle one, whose cost is 16 times as large.
+        let factors = (0..12).map(|v| if v >= 8 { 17.0 } else { 1.0 }).collect();
+        engine.mesh.set_cost_factors(Some(factors));
+        engine.remove_parts(&faces(8));
+        assert_eq!(sizes(&engine), [1.0, 0.25]);
+    }
+
+    #[test]
+    fn cheap_parts_with_a_fifth_of_the_faces_block() {
+        let mut engine = engine(&three(), &without_lines());
+        // Two parts of three have been cheaper than a collapse that was done.
+        engine.tally.highest_threshold = 1.0;
+        assert!(engine.has_blocking_parts(false));
+        engine.tally.highest_threshold = 1e-6;
+        assert!(!engine.has_blocking_parts(false));
+        engine.tally.highest_threshold = 1.0;
+        engine.enable_part_removal();
+        assert!(!engine.has_blocking_parts(false), "they are removed already");
+    }
+
+    #[test]
+    fn goals_are_missed_by_a_share() {
+        let goal = Goal { faces: Some(100), vertices: Some(50) };
+        assert!(!is_far_below(&goal, (90, 50), 0.1) && is_far_below(&goal, (89, 50), 0.1));
+        assert!(!is_far_below(&goal, (100, 45), 0.1) && is_far_below(&goal, (100, 44), 0.1));
+        assert!(!is_far_below(&Goal::default(), (0, 0), 0.1));
+        assert_eq!(all_but_most_expensive(vec![0, 1, 2, 3], &[2.0, 1.0, 5.0, 1.0]), [1, 3, 0]);
+    }
 }

@@ -215,69 +215,16 @@ impl Record {
         let Some(names) = &store.names else { return };
         self.seen.clear();
         let (first, first_row) = (self.log.dead.len(), self.log.rows.len());
-        let there = (self.copy.vertex_of.len(), self.copy.positions.len());
+        let (wedges_before, vertices_before) = (self.copy.vertex_of.len(), self.copy.positions.len());
         for &f in faces {
             let face = self.names.faces[names[f] as usize];
-            let before = self.copy.faces[face.index()];
-            for w in before {
-                key = key.max(self.keys[self.copy.vertex_of[w.index()].index()]);
-            }
-            if store.t[f][0] == NONE {
-                self.log.dead.push((face, before));
-                continue;
-            }
-            for k in 0..3 {
-                let slot = store.t[f][k];
-                let origin = store.v[slot.index()].origin;
-                let own = store.wedges.as_ref().map(|w| w[f][k]);
-                let now = self.wedge(origin, own, attributes);
-                let vertex = self.vertex(origin);
-                key = key.max(self.keys[vertex.index()]);
-                if now != before[k] {
-                    self.log.corners.push((face.0 * 3 + k as u32, before[k]));
-                    self.copy.faces[face.index()][k] = now;
-                }
-                let owner = self.copy.vertex_of[now.index()];
-                if owner != vertex {
-                    self.log.owners.push((now, owner));
-                    self.copy.vertex_of[now.index()] = vertex;
-                }
-                if let (Some(w), true) = (own, now.index() < there.0 && moved.contains(&slot)) {
-                    self.log_row(attributes, now, w);
-                }
-            }
+            key = self.log_face(store, attributes, (f, face), moved, (key, wedges_before));
         }
         if self.moves_whole {
-            self.average_movement(store, (faces, moved), (first_row, there.0));
+            self.average_movement(store, (faces, moved), (first_row, wedges_before));
         }
         for &slot in moved {
-            let x = &store.v[slot.index()];
-            if x.kind.is_gone() {
-                continue;
-            }
-            let vertex = self.vertex(x.origin);
-            let at = match x.kind.is_moved() {
-                true => self.frame.user_from_unit(x.p.as_dvec3()),
-                false => {
-                    let place = self.names.vertices[store.place_of(x.origin).index()];
-                    self.input.view().get(place)
-                }
-            };
-            let before = self.copy.positions.view().get(vertex);
-            let now = match &mut self.copy.positions {
-                Positions::F32(p) => {
-                    p[vertex.index()] = at.map(|x| x as f32);
-                    p[vertex.index()].map(f64::from)
-                }
-                Positions::F64(p) => {
-                    p[vertex.index()] = at;
-                    at
-                }
-            };
-            if vertex.index() < there.1 && now.map(f64::to_bits) != before.map(f64::to_bits) {
-                self.log.places.push(vertex);
-                self.log.positions.push(before);
-            }
+            self.log_place(store, slot, vertices_before);
         }
         self.highest = self.highest.max(key);
         for i in first..self.log.dead.len() {
@@ -291,6 +238,79 @@ impl Record {
             }
         }
         self.end(key, spent, lost);
+    }
+
+    /// Logs the differences at the corners of a face, by its numbers in the store and in the input. Returns
+    /// the key, raised to those of the face's vertices before and after. Rows of wedges created by the same
+    /// change, from `wedges_before` on, are new and not logged.
+    fn log_face<Q: VertexMemory>(
+        &mut self,
+        store: &Store<Q>,
+        attributes: Option<&Attributes>,
+        (f, face): (usize, FaceId),
+        moved: &[VertexId],
+        (mut key, wedges_before): (f32, usize),
+    ) -> f32 {
+        let before = self.copy.faces[face.index()];
+        for w in before {
+            key = key.max(self.keys[self.copy.vertex_of[w.index()].index()]);
+        }
+        if store.t[f][0] == NONE {
+            self.log.dead.push((face, before));
+            return key;
+        }
+        for k in 0..3 {
+            let slot = store.t[f][k];
+            let origin = store.v[slot.index()].origin;
+            let own = store.wedges.as_ref().map(|w| w[f][k]);
+            let now = self.wedge(origin, own, attributes);
+            let vertex = self.vertex(origin);
+            key = key.max(self.keys[vertex.index()]);
+            if now != before[k] {
+                self.log.corners.push((face.0 * 3 + k as u32, before[k]));
+                self.copy.faces[face.index()][k] = now;
+            }
+            let owner = self.copy.vertex_of[now.index()];
+            if owner != vertex {
+                self.log.owners.push((now, owner));
+                self.copy.vertex_of[now.index()] = vertex;
+            }
+            if let (Some(w), true) = (own, now.index() < wedges_before && moved.contains(&slot)) {
+                self.log_row(attributes, now, w);
+            }
+        }
+        key
+    }
+
+    /// Logs the old position of a vertex, if it is another now and the vertex is older than the change.
+    fn log_place<Q: VertexMemory>(&mut self, store: &Store<Q>, slot: VertexId, vertices_before: usize) {
+        let x = &store.v[slot.index()];
+        if x.kind.is_gone() {
+            return;
+        }
+        let vertex = self.vertex(x.origin);
+        let at = match x.kind.is_moved() {
+            true => self.frame.user_from_unit(x.p.as_dvec3()),
+            false => {
+                let place = self.names.vertices[store.place_of(x.origin).index()];
+                self.input.view().get(place)
+            }
+        };
+        let before = self.copy.positions.view().get(vertex);
+        let now = match &mut self.copy.positions {
+            Positions::F32(p) => {
+                p[vertex.index()] = at.map(|x| x as f32);
+                p[vertex.index()].map(f64::from)
+            }
+            Positions::F64(p) => {
+                p[vertex.index()] = at;
+                at
+            }
+        };
+        if vertex.index() < vertices_before && now.map(f64::to_bits) != before.map(f64::to_bits) {
+            self.log.places.push(vertex);
+            self.log.positions.push(before);
+        }
     }
 
     /// Sets equal values, for data that moves a vertex as a whole, in the wedges of each vertex that a
@@ -361,3 +381,6 @@ impl Record {
         log.steps.push(LoggedChange { key, spent, lost, ends });
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -128,3 +128,115 @@ impl<M: Metric> LiveMesh<M> {
         late.set_of[removed.index()] = u as u32;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::collapse::Engine;
+    use crate::collapse::candidate::CollapseOutcome;
+    use crate::collapse::test_support::{assert_near, checked, cost_at, engine_of, try_at, without_lines};
+    use crate::metric::Memoryless;
+    use crate::test_support::sheet;
+
+    /// Returns an engine of a flat sheet of 5 × 5 cells whose input lay this much above it.
+    fn sampled(height: f32) -> Engine<Memoryless> {
+        let small = sheet(5);
+        let mut engine = engine_of(Memoryless, &small, &without_lines());
+        let points: Vec<Vec3> = small.points.iter().map(|p| *p + Vec3::Z * height).collect();
+        engine.mesh.start_sampling(&points, &small.triangles());
+        engine
+    }
+
+    fn sets(engine: &Engine<Memoryless>) -> &[SampleSet] {
+        &engine.mesh.sampled.as_ref().expect("the phase has begun").sets
+    }
+
+    fn weight(samples: &[Sample]) -> f32 {
+        samples.iter().map(|s| s.weight).sum()
+    }
+
+    #[test]
+    fn every_vertex_carries_its_share_of_the_surface() {
+        let engine = sampled(0.5);
+        let all = sets(&engine);
+        assert_eq!(all.len(), 36);
+        // 50 centres with 3/4 of the doubled area 50, and 36 vertices with the rest.
+        assert_eq!(all.iter().map(|set| set.samples.len()).sum::<usize>(), 50 + 36);
+        let whole: f32 = all.iter().map(|set| weight(&set.samples)).sum();
+        assert_near(whole, 50.0);
+        // The first vertex of two faces and itself; the last is in no face first.
+        assert_near(weight(&all[14].samples), 2.0 * 0.75 + 12.5 / 36.0);
+        assert_near(weight(&all[35].samples), 12.5 / 36.0);
+        // All lie half a unit above the star of their vertex.
+        for set in all {
+            assert_near(set.loss, 0.25 * weight(&set.samples));
+        }
+        assert_eq!(checked(&engine), Ok(()));
+    }
+
+    #[test]
+    fn on_the_surface_nothing_is_lost() {
+        let engine = sampled(0.0);
+        assert!(sets(&engine).iter().all(|set| set.loss < 1e-12));
+    }
+
+    #[test]
+    fn the_cost_grows_with_the_loss_and_with_the_farthest_sample() {
+        // A flat collapse moves no sample nearer or farther: what is left is .7 times the mean doubled area times the
+        // squared distance.
+        let mut engine = sampled(0.5);
+        assert_near(cost_at(&mut engine, [14, 15], Vec3::X * 0.5).unwrap(), 0.7 * 0.25);
+        // On the surface there is none.
+        let mut engine = sampled(0.0);
+        assert!(cost_at(&mut engine, [14, 15], Vec3::X * 0.5).unwrap() < 1e-9);
+        // Lifted off it, the samples of both ends are measured to the new star: that of the merged vertex and three
+        // centres at the other one.
+        let flat = cost_at(&mut engine, [14, 15], Vec3::X * 0.5).unwrap();
+        let lifted = cost_at(&mut engine, [14, 15], Vec3::new(0.5, 0.0, 0.25)).unwrap();
+        let plain = {
+            let samples = engine.mesh.sampled.take();
+            // (Without the largest distance, which the samples replace.)
+            engine.mesh.cost.area = 0.0;
+            let cost = cost_at(&mut engine, [14, 15], Vec3::new(0.5, 0.0, 0.25)).unwrap();
+            (engine.mesh.sampled, engine.mesh.cost.area) = (samples, 1.0);
+            cost
+        };
+        let mut star = Star::default();
+        let rim = [13u32, 7, 8, 9, 16, 22, 21, 20].map(|w| (VertexId(w), engine.mesh.store.p(VertexId(w))));
+        star.set(Vec3::new(2.5, 2.0, 0.25), (0..8).map(|i| [rim[i], rim[(i + 1) % 8]]));
+        let merged: Vec<Sample> =
+            [14, 15].iter().flat_map(|&u: &usize| sets(&engine)[u].samples.clone()).collect();
+        let (loss, _, worst) = measure(&merged, &star, f32::INFINITY);
+        assert!(loss > 0.01 && worst > 0.01 && flat < lifted);
+        assert_near(lifted, plain + 4.0 * loss + 0.7 * worst);
+    }
+
+    #[test]
+    fn the_merged_vertex_gets_the_samples_of_both() {
+        let mut engine = sampled(0.5);
+        let before: usize = [14, 15].iter().map(|&u: &usize| sets(&engine)[u].samples.len()).sum();
+        let outcome = try_at(&mut engine, [14, 15], Vec3::X * 0.5, 1.0);
+        assert!(matches!(outcome, CollapseOutcome::Done));
+        let late = engine.mesh.sampled.as_ref().expect("the phase has begun");
+        // Both numbers lead to one set: either may be that of the merged vertex later.
+        assert_eq!((late.set_of[14], late.set_of[15]), (14, 14));
+        assert_eq!((late.sets[14].samples.len(), late.sets[15].samples.len()), (before, 0));
+        assert_near(late.sets[14].loss, 0.25 * weight(&late.sets[14].samples));
+        assert_eq!(checked(&engine), Ok(()));
+    }
+
+    #[test]
+    fn many_samples_are_thinned_and_keep_their_weight_and_the_farthest() {
+        let mut engine = sampled(0.5);
+        let mut scratch = SampleScratch::default();
+        for (count, left) in [(MAX_SAMPLES, MAX_SAMPLES), (MAX_SAMPLES + 2, MAX_SAMPLES / 2 + 2)] {
+            scratch.merged = (0..count).map(|i| Sample { p: Vec3::X * i as f32, weight: 1.0 }).collect();
+            let charge = SampledCost { cost: 0.0, loss: 7.0, farthest: 10 };
+            engine.mesh.hand_over_samples([VertexId(14), VertexId(15)], &charge, &mut scratch);
+            let set = &sets(&engine)[14];
+            assert_eq!((set.samples.len(), set.loss), (left, 7.0));
+            assert!((weight(&set.samples) - count as f32).abs() < 1e-3);
+            assert!(set.samples.iter().any(|s| s.p.x == 10.0), "the farthest is gone");
+        }
+    }
+}

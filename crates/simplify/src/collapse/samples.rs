@@ -139,3 +139,78 @@ impl SampledError {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns the star of the origin with four triangles in the plane z = 0, up to a square of side 2.
+    fn square() -> Star {
+        let rim = [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]].map(|[x, y]| Vec3::new(x, y, 0.0));
+        let mut star = Star::default();
+        star.set(Vec3::ZERO, (0..4).map(|i| [i, (i + 1) % 4].map(|k| (VertexId(k as u32), rim[k]))));
+        star
+    }
+
+    fn sample(x: f32, z: f32, weight: f32) -> Sample {
+        Sample { p: Vec3::new(x, 0.0, z), weight }
+    }
+
+    #[test]
+    fn extreme_targets_are_small_or_far_below_the_input() {
+        assert!(is_extreme(599, 1000) && !is_extreme(600, 1000));
+        assert!(is_extreme(600, 12_001) && !is_extreme(600, 12_000));
+        assert_eq!(
+            [(1_000_000, false), (1_000_000, true), (10_000, true)].map(|(n, a)| start_faces(n, a)),
+            [2000, 2000, 1500]
+        );
+        // A tenth of 5,990 faces is an extreme target, one of 6,000 is not.
+        assert_eq!([5_990, 6_000, 160_000].map(start_faces_of_record), [2000, 750, 2000]);
+    }
+
+    #[test]
+    fn the_loss_is_the_weighted_sum_of_squared_distances() {
+        // Above the square, below it, and a unit beside it: five samples are two groups of four.
+        let samples = [
+            sample(0.0, 0.5, 1.0),
+            sample(0.5, -1.0, 2.0),
+            sample(2.0, 0.0, 4.0),
+            sample(0.3, 0.0, 9.0),
+            sample(0.0, 2.0, 0.25),
+        ];
+        let (loss, farthest, worst) = measure(&samples, &square(), f32::INFINITY);
+        assert!((loss - (0.25 + 2.0 + 4.0 + 1.0)).abs() < 1e-5, "{loss}");
+        assert_eq!((farthest, worst), (4, 4.0));
+        // Beyond the limit no further group is measured.
+        let (loss, farthest, worst) = measure(&samples, &square(), 6.0);
+        assert!((loss - 6.25).abs() < 1e-5, "{loss}");
+        assert_eq!((farthest, worst), (1, 1.0));
+        assert_eq!(measure(&[], &square(), 1.0), (0.0, 0, 0.0));
+    }
+
+    #[test]
+    fn samples_are_split_between_the_nearer_stars() {
+        // The second star is the square, the first lies two units above it.
+        let (mut above, here) = (Star::default(), square());
+        let rim = [Vec3::new(1.0, 1.0, 2.0), Vec3::new(-1.0, 1.0, 2.0), Vec3::new(0.0, -1.0, 2.0)];
+        above.set(
+            Vec3::new(0.0, 0.0, 2.0),
+            (0..3).map(|i| [i, (i + 1) % 3].map(|k| (VertexId(k as u32), rim[k]))),
+        );
+        let samples = vec![sample(0.0, 0.5, 1.0), sample(0.0, 1.5, 3.0), sample(0.0, 1.0, 5.0)];
+        let mut all = SampledError { set_of: vec![0], sets: vec![SampleSet { samples, loss: 0.0 }] };
+        all.split([VertexId(0), VertexId(3)], &[above, here]);
+        assert_eq!(all.set_of, [0, u32::MAX, u32::MAX, 1]);
+        // The one in the middle stays with the first.
+        let weights = all.sets.iter().map(|set| set.samples.iter().map(|s| s.weight).collect::<Vec<_>>());
+        assert_eq!(weights.collect::<Vec<_>>(), [vec![3.0, 5.0], vec![1.0]]);
+        let losses = [all.sets[0].loss, all.sets[1].loss];
+        assert!((losses[0] - 5.75).abs() < 1e-5 && (losses[1] - 0.25).abs() < 1e-5, "{losses:?}");
+        assert_eq!(all.check([VertexId(0), VertexId(3)].into_iter()), Ok(()));
+        // Vertices without a set of their own are named.
+        let two = all.check([VertexId(0), VertexId(0)].into_iter()).expect_err("one set for two");
+        assert!(two.contains("have one sample set"), "{two}");
+        let none = all.check([VertexId(1)].into_iter()).expect_err("no set");
+        assert!(none.contains("of 2"), "{none}");
+    }
+}

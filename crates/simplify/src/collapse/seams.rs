@@ -4,9 +4,8 @@
 use lodsmith_core::VertexId;
 
 use super::LiveMesh;
-use super::kind::faces_at;
+use super::ring::{Ring, Spoke, faces_at};
 use super::star_edges::{Edge, Looseness, Side};
-use super::store::{Ring, Spoke};
 use crate::metric::Metric;
 use crate::report::Refusal;
 

@@ -14,8 +14,9 @@
 use super::attributes::SavedWedges;
 use super::bound::UNKNOWN;
 use super::sweeps::{LAST_SHARE, Productivity, QUANTILE};
-use super::{Engine, Goal, InputSurface, Sweeps, samples};
+use super::{Engine, Goal, Sweeps, samples};
 use crate::metric::Metric;
+use crate::ordered_input::OriginalInput;
 
 /// Collapses of a sweep, as a share of the number that its threshold aims at, below which the run is
 /// unproductive. (Measured: .27 to .34 on surfaces without seams as long as nothing blocks collapses, .26
@@ -84,11 +85,11 @@ impl<M: Metric> Engine<M> {
         &mut self,
         sweeps: &mut Sweeps,
         cuts: bool,
-        original: &dyn InputSurface,
+        original: &OriginalInput<'_>,
     ) {
         self.mesh.store.compact();
         self.mesh.constraints.cuts_necks = cuts;
-        original.visit(&mut |points, faces| self.enable_part_removal_as_in(points, faces));
+        original.visit(|points, faces| self.enable_part_removal_as_in(points, faces));
         sweeps.set_bounds(self.mesh.bounds());
         if cuts {
             self.mesh.store.bound.fill(UNKNOWN);

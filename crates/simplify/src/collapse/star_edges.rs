@@ -5,8 +5,9 @@ use std::collections::HashMap;
 use lodsmith_core::{RegionId, VertexId, WedgeId};
 
 use super::attributes::NO_WEDGE;
-use super::kind::{Kind, SHORT_RING};
-use super::store::{Spoke, Store};
+use super::kind::Kind;
+use super::ring::{SHORT_RING, Spoke};
+use super::store::Store;
 use crate::metric::VertexMemory;
 
 /// Degree to which lines no longer refuse collapses, because nothing else was left to do.
@@ -213,7 +214,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::collapse::store::Ring;
+    use crate::collapse::ring::Ring;
     use crate::tensor::Tensor;
 
     #[test]

@@ -1,247 +1,25 @@
-//! The mesh that is being collapsed: packed vertices, triangles, and a list of corners for each vertex.
+//! The mesh that is being collapsed: vertices, triangles, and a list of corners for each vertex.
 
 mod check;
 
 use std::collections::BTreeMap;
 
-use bytemuck::allocation::{cast_vec, zeroed_vec};
-use bytemuck::{Pod, Zeroable};
+use bytemuck::allocation::cast_vec;
 use glam::Vec3;
 use lodsmith_core::{RegionId, VertexId, WedgeId};
 use prefetch_index::prefetch_index;
-use wide::{f32x4, i32x4, u32x4};
+use wide::{f32x4, i32x4};
 
 use super::kind::Kind;
 use super::marks::Marks;
 use super::order::{NONE, TIME_OVER_MEMORY_MAX_FACES};
-use crate::lanes::{Four, dot};
+use super::ring::{Corner, Ring, Spoke};
+use super::vertex::{self, Facing, Normals, PackedPosition, Vertex};
+use crate::lanes::Four;
 use crate::metric::VertexMemory;
-
-/// A corner of a triangle: four times its index, and 0, 1 or 2.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[repr(transparent)]
-pub(crate) struct Corner(u32);
-
-impl Corner {
-    #[inline(always)]
-    pub(crate) const fn new(face: usize, k: usize) -> Self {
-        Self((face * 4 + k) as u32)
-    }
-    #[inline(always)]
-    pub(crate) fn face(self) -> usize {
-        (self.0 >> 2) as usize
-    }
-    #[inline(always)]
-    pub(crate) fn k(self) -> usize {
-        (self.0 & 3) as usize
-    }
-}
-
-/// A corner relative to its vertex: the other two vertices of the triangle, in order.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Spoke {
-    pub(crate) corner: Corner,
-    pub(crate) a: VertexId,
-    pub(crate) b: VertexId,
-}
-
-impl Spoke {
-    #[inline(always)]
-    pub(crate) fn has(&self, w: VertexId) -> bool {
-        (self.a == w) | (self.b == w)
-    }
-}
-
-/// The live corners of a vertex, in a grow-only scratch buffer that is filled for one vertex after another.
-/// It is padded to a multiple of four with copies of the last entry.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Ring {
-    room: Vec<Spoke>,
-    count: usize,
-}
-
-impl Ring {
-    pub(crate) fn clear(&mut self) {
-        self.count = 0;
-    }
-
-    /// Returns room for `count` entries and three of padding.
-    #[inline(always)]
-    fn room(&mut self, count: usize) -> &mut [Spoke] {
-        if self.room.len() < count + 3 {
-            self.grow(count + 3);
-        }
-        &mut self.room[..count + 3]
-    }
-
-    /// Sets the count and pads with copies of the last entry.
-    #[inline(always)]
-    fn end(&mut self, count: usize) {
-        self.count = count;
-        if let Some(last) = count.checked_sub(1)
-            && let Some([last, rest @ ..]) = self.room.get_mut(last..count + 3)
-        {
-            rest.fill(*last);
-        }
-    }
-
-    /// Returns the entries four by four, padded with copies of the last one.
-    #[inline(always)]
-    pub(super) fn fours(&self) -> &[[Spoke; 4]] {
-        let (fours, _) = self.room.as_chunks();
-        &fours[..self.count.div_ceil(4)]
-    }
-
-    #[cold]
-    #[inline(never)]
-    fn grow(&mut self, count: usize) {
-        self.room.resize(2 * count, Spoke::default());
-    }
-
-    /// Takes the spokes of a ring that do not lead to `u`.
-    #[inline(always)]
-    pub(crate) fn take_without(&mut self, u: VertexId, ring: &Self) {
-        let slots = self.room(ring.count);
-        let mut n = 0;
-        for &spoke in ring {
-            // (Branchless: each is written, some are kept; a branch on `has(u)` would be unpredictable.)
-            slots[n] = spoke;
-            n += usize::from(!spoke.has(u));
-        }
-        self.end(n);
-    }
-}
-
-impl std::ops::Deref for Ring {
-    type Target = [Spoke];
-    #[inline(always)]
-    fn deref(&self) -> &[Spoke] {
-        &self.room[..self.count]
-    }
-}
-
-impl<'a> IntoIterator for &'a Ring {
-    type Item = &'a Spoke;
-    type IntoIter = std::slice::Iter<'a, Spoke>;
-    #[inline(always)]
-    fn into_iter(self) -> Self::IntoIter {
-        self.iter()
-    }
-}
-
-/// A vertex; one cache line if the memory is a tensor.
-#[derive(Clone, Copy, Debug)]
-#[repr(C, align(64))]
-pub(crate) struct Vertex<Q> {
-    place: PackedPosition,
-    /// Data of the metric.
-    pub(crate) q: Q,
-    /// Its number in the ordered input.
-    pub(crate) origin: VertexId,
-    head: u32,
-    /// Length of its list of corners.
-    count: u32,
-    room: u32,
-    pub(crate) kind: Kind,
-    /// Normal of the input's surface at the vertex that gave the number.
-    pub(crate) facing: Facing,
-}
-
-/// Position of a vertex and a mark, loaded together by one instruction.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C, align(16))]
-pub(crate) struct PackedPosition {
-    /// Position in the unit frame.
-    pub(crate) p: Vec3,
-    /// Scratch of the fit: numbers of outliers.
-    pub(crate) mark: u32,
-}
-
-impl<Q> std::ops::Deref for Vertex<Q> {
-    type Target = PackedPosition;
-    #[inline(always)]
-    fn deref(&self) -> &PackedPosition {
-        &self.place
-    }
-}
-
-impl<Q> std::ops::DerefMut for Vertex<Q> {
-    #[inline(always)]
-    fn deref_mut(&mut self) -> &mut PackedPosition {
-        &mut self.place
-    }
-}
-
-impl<Q> Vertex<Q> {
-    /// Counts another corner, before the lists are built.
-    #[inline(always)]
-    pub(super) fn count_corner(&mut self) {
-        self.count += 1;
-    }
-
-    /// Sets the start and length of its list. Returns the length.
-    #[inline(always)]
-    fn list(&mut self, head: u32, count: u32) -> u32 {
-        (self.head, self.count, self.room) = (head, count, count);
-        count
-    }
-}
-
-/// A direction in four bytes: three signed bytes are enough to distinguish front from back.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Facing([i8; 4]);
-
-impl Facing {
-    /// Returns the direction of a vector of any length; zero for the zero vector.
-    #[inline(always)]
-    pub(crate) fn of(n: Vec3) -> Self {
-        let n = n * (127.0 / n.length().max(1e-30));
-        Self([n.x as i8, n.y as i8, n.z as i8, 0])
-    }
-    /// Returns the directions of four vectors.
-    #[inline(always)]
-    fn of_four(normals: &[f32x4; 4]) -> [Self; 4] {
-        let [x, y, z, _] = f32x4::transpose(*normals);
-        let per_length =
-            f32x4::splat(127.0) / dot(&[x, y, z], &[x, y, z]).sqrt().fast_max(f32x4::splat(1e-30));
-        let bytes = [x, y, z].map(|x| {
-            let x = x * per_length;
-            // NaN becomes zero; what is too large is clamped.
-            let x = (x & x.simd_eq(x)).fast_max(f32x4::splat(-128.0)).fast_min(f32x4::splat(127.0));
-            bytemuck::cast::<_, u32x4>(x.fast_trunc_int()) & u32x4::splat(255)
-        });
-        let all = bytes[0] | bytes[1] << 8u32 | bytes[2] << 16u32;
-        all.to_array().map(|n| Self(n.to_le_bytes().map(u8::cast_signed)))
-    }
-    #[inline(always)]
-    fn bytes(self) -> [u8; 4] {
-        self.0.map(|x| x as u8)
-    }
-    #[inline(always)]
-    pub(crate) fn direction(self) -> Vec3 {
-        Vec3::new(f32::from(self.0[0]), f32::from(self.0[1]), f32::from(self.0[2]))
-    }
-}
 
 /// Ends of consecutive corner lists.
 pub(super) struct Ends(Vec<u32>);
-
-/// Sums of normals, by vertex.
-pub(super) struct Normals(Vec<f32x4>);
-
-impl Normals {
-    /// Returns zero sums for `count` vertices.
-    pub(super) fn zero(count: usize) -> Self {
-        Self(zeroed_vec(count.next_multiple_of(4)))
-    }
-    /// Returns the sums for writing.
-    pub(super) fn of_each(&mut self) -> &mut [f32x4] {
-        &mut self.0
-    }
-    fn fours(&self) -> &[[f32x4; 4]] {
-        self.0.as_chunks().0
-    }
-}
 
 #[derive(Clone)]
 pub(crate) struct Store<Q: VertexMemory> {
@@ -378,7 +156,7 @@ impl<Q: VertexMemory> Store<Q> {
         Ends(at)
     }
 
-    /// Returns true for each vertex inside a closed fan ([`is_closed_fan`](super::kind::is_closed_fan)).
+    /// Returns true for each vertex inside a closed fan ([`is_closed_fan`](super::ring::is_closed_fan)).
     /// Requires lists just filled, up to these ends, and no bounds yet.
     pub(super) fn closed_fans(&mut self, ends: Ends) -> Vec<bool> {
         // For each vertex, the last centre (numbered from 1) at which it was first in a triangle and not
@@ -516,7 +294,7 @@ impl<Q: VertexMemory> Store<Q> {
     /// The positions of four vertices side by side.
     #[inline(always)]
     pub(crate) fn four(&self, vertices: [VertexId; 4]) -> Four {
-        four(&self.v, vertices)
+        vertex::four(&self.v, vertices)
     }
 
     /// Returns the facings of the input at the corners of four faces, summed for each face, side by side.
@@ -701,14 +479,6 @@ impl<Q: VertexMemory> Store<Q> {
     }
 }
 
-/// Returns the positions of four vertices side by side.
-#[inline(always)]
-pub(crate) fn four<Q>(all: &[Vertex<Q>], vertices: [VertexId; 4]) -> Four {
-    let row = |w: VertexId| *bytemuck::cast_ref::<PackedPosition, f32x4>(&all[w.index()].place);
-    let [x, y, z, _] = f32x4::transpose(vertices.map(row));
-    [x, y, z]
-}
-
 /// Returns room for `count` corners to be filled, and reserves spare room for lists that outgrow theirs.
 fn reserve_corners(corners: &mut Vec<Corner>, count: usize) -> &mut [Corner] {
     let want = count + count * SLACK_PERCENT / 100 + 64;
@@ -752,45 +522,9 @@ fn roots(mut into: Vec<VertexId>) -> Vec<VertexId> {
 
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
-
     use super::*;
-    use crate::collapse::kind::is_closed_fan;
+    use crate::collapse::ring::is_closed_fan;
     use crate::tensor::Tensor;
-    use crate::test_support::four_vectors;
-
-    #[test]
-    fn a_vertex_is_one_cache_line() {
-        assert_eq!(size_of::<Vertex<Tensor>>(), 64);
-    }
-
-    #[test]
-    fn four_facings_are_those_of_each() {
-        let far = f32::MAX;
-        let normals = [
-            [[1.0, -2.0, 3.0], [0.0, 0.0, 0.0], [-1e-3, 1e-3, 0.0], [0.0, 0.0, -1.0]],
-            // Lengths that are not finite, or zero though the coordinates are not.
-            [[1e-23, -1e-23, 0.0], [far, far, -far], [f32::NAN, 1.0, -1.0], [f32::INFINITY, 0.0, 0.0]],
-        ];
-        for four in normals {
-            let rows = four.map(|[x, y, z]| f32x4::new([x, y, z, 9.0]));
-            assert_eq!(Facing::of_four(&rows).map(|f| f.0), four.map(|n| Facing::of(Vec3::from(n)).0));
-        }
-    }
-
-    proptest::proptest! {
-        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(512) })]
-
-        #[test]
-        fn any_four_facings_are_those_of_each(
-            normals in four_vectors(),
-            far in [-38i32..38, -38i32..38, -38i32..38, -38i32..38],
-        ) {
-            let normals = [0, 1, 2, 3].map(|i| normals[i] * 10f32.powi(far[i]));
-            let rows = normals.map(|n| f32x4::new(n.extend(9.0).to_array()));
-            prop_assert_eq!(Facing::of_four(&rows).map(|f| f.0), normals.map(|n| Facing::of(n).0));
-        }
-    }
 
     #[test]
     fn closed_fans_are_found() {

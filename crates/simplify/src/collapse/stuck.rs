@@ -4,9 +4,11 @@
 use lodsmith_core::VertexId;
 
 use super::attributes::Member;
+use super::candidate::{Attempt, Candidate, CollapseOutcome};
 use super::cut::may_cut;
 use super::kind::Kind;
-use super::{Attempt, Candidate, CollapseOutcome, Engine, LiveMesh, VisitScratch};
+use super::visit::VisitScratch;
+use super::{Engine, LiveMesh};
 use crate::guard::Rules;
 use crate::metric::Metric;
 use crate::options::{Length, SimplifyOptions, TopologyPolicy};

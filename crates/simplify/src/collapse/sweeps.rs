@@ -7,11 +7,12 @@ use wide::f32x8;
 
 use super::bound::Histogram;
 use super::candidate::{Attempt, CollapseOutcome};
-use super::{
-    Engine, Goal, InputSurface, LiveMesh, PREFETCH_MIN_VERTICES, StopReason, VisitScratch, record, samples,
-};
+use super::star_data::PREFETCH_MIN_VERTICES;
+use super::visit::VisitScratch;
+use super::{Engine, Goal, LiveMesh, StopReason, record, samples};
 use crate::control::{Control, Verdict};
 use crate::metric::Metric;
+use crate::ordered_input::OriginalInput;
 
 /// Share of the bounds that one sweep takes. (.4 and .7 give equal errors, .7 fewer sweeps: docs/decisions/0002.)
 pub(super) const QUANTILE: f64 = 0.7;
@@ -132,7 +133,7 @@ type Halt = Option<StopReason>;
 struct SweepRequest<'a> {
     goal: &'a Goal,
     pause: Pause,
-    original: &'a dyn InputSurface,
+    original: &'a OriginalInput<'a>,
     /// True if the goal has a late phase.
     is_extreme: bool,
 }
@@ -178,7 +179,7 @@ impl<M: Metric> Engine<M> {
     pub(crate) fn sweep(
         &mut self,
         goal: &Goal,
-        original: &dyn InputSurface,
+        original: &OriginalInput<'_>,
         control: &mut dyn Control,
     ) -> StopReason {
         let mut sweeps = self.begin_sweeps(goal);
@@ -252,7 +253,7 @@ impl<M: Metric> Engine<M> {
         sweeps: &mut Sweeps,
         goal: &Goal,
         pause: Pause,
-        original: &dyn InputSurface,
+        original: &OriginalInput<'_>,
         control: &mut dyn Control,
     ) -> Option<StopReason> {
         let end = self.resume_unchecked(sweeps, goal, pause, original, control);
@@ -266,7 +267,7 @@ impl<M: Metric> Engine<M> {
         sweeps: &mut Sweeps,
         goal: &Goal,
         pause: Pause,
-        original: &dyn InputSurface,
+        original: &OriginalInput<'_>,
         control: &mut dyn Control,
     ) -> Option<StopReason> {
         let errand = SweepRequest { goal, pause, original, is_extreme: self.is_extreme(goal) };
@@ -303,7 +304,7 @@ impl<M: Metric> Engine<M> {
                 sweeps.set_bounds(self.mesh.bounds());
             }
             if self.is_late(errand.is_extreme) {
-                errand.original.visit(&mut |points, faces| self.mesh.start_sampling(points, faces));
+                errand.original.visit(|points, faces| self.mesh.start_sampling(points, faces));
                 sweeps.set_bounds(self.mesh.bounds());
             }
         }
@@ -433,7 +434,7 @@ impl<M: Metric> Engine<M> {
                     return ControlFlow::Break(None);
                 }
             }
-            errand.original.visit(&mut |points, faces| self.mesh.start_sampling(points, faces));
+            errand.original.visit(|points, faces| self.mesh.start_sampling(points, faces));
         }
         let bounds = self.mesh.bounds();
         if bounds.0.known() == 0 {

@@ -3,7 +3,8 @@
 use glam::Vec3;
 use lodsmith_core::{VertexId, WedgeId};
 
-use super::store::{Corner, Store};
+use super::ring::Corner;
+use super::store::Store;
 use crate::metric::VertexMemory;
 
 /// Attributes of the input's wedges that matching needs.

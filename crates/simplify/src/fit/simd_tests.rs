@@ -5,7 +5,9 @@ use lodsmith_core::VertexId;
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-use super::{CachedStar, Fan, FourFaces, Nearest, Store};
+use super::faces::FourFaces;
+use super::stars::{CachedStar, Fan, Nearest};
+use crate::collapse::store::Store;
 use crate::lanes::four;
 use crate::tensor::Tensor;
 use crate::test_support::{bits, tame_vector, vector};

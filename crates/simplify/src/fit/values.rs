@@ -5,11 +5,11 @@
 //! result.
 
 use glam::Vec3;
-use lodsmith_core::WedgeId;
+use lodsmith_core::{DisjointSets, WedgeId};
 use wide::f32x4;
 
 use crate::collapse::attributes::Attributes;
-use crate::collapse::store::Corner;
+use crate::collapse::ring::Corner;
 use crate::tensor::Tensor;
 
 /// Fraction of its own weight that holds a wedge to its present value. (Guessed.)
@@ -33,23 +33,12 @@ impl Originals {
     /// Copies the attributes before a run changes them.
     pub(crate) fn new(attributes: &Attributes, wedges: &[[WedgeId; 3]]) -> Self {
         let values = attributes.all_values();
-        let count = attributes.count();
-        let mut charts: Vec<WedgeId> = (0..count as u32).map(WedgeId).collect();
-        for t in wedges {
-            // (Mostly in one chart already.)
-            let [a, b, c] = t.map(|w| charts[w.index()]);
-            if a == b && b == c {
-                continue;
-            }
-            let [a, b, c] = t.map(|w| root(&mut charts, w));
-            let least = a.min(b).min(c);
-            for w in [a, b, c] {
-                charts[w.index()] = least;
-            }
+        let mut sets = DisjointSets::new(attributes.count());
+        for [a, b, c] in wedges {
+            sets.join(a.0, b.0);
+            sets.join(a.0, c.0);
         }
-        for w in (0..count as u32).map(WedgeId) {
-            charts[w.index()] = root(&mut charts, w);
-        }
+        let charts = sets.into_representatives().into_iter().map(WedgeId).collect();
         Self { wedges: wedges.to_vec(), values, charts }
     }
 
@@ -61,15 +50,6 @@ impl Originals {
     fn of(&self, w: WedgeId, lanes: usize) -> &[f32x4] {
         &self.values[w.index() * lanes..][..lanes]
     }
-}
-
-fn root(charts: &mut [WedgeId], mut w: WedgeId) -> WedgeId {
-    while charts[w.index()] != w {
-        let next = charts[charts[w.index()].index()];
-        charts[w.index()] = next;
-        w = next;
-    }
-    w
 }
 
 /// Sorts the corners of triangles by wedge; a corner is encoded as four times the triangle plus 0, 1 or 2.

@@ -12,9 +12,21 @@
 
 use glam::{DMat3, DVec3, Vec3};
 
-use super::{AllowedPlace, EdgeNeighbourhood, EdgePart};
+use super::neighbourhood::BORDER_AREA_WEIGHT;
+use super::{AllowedPlace, CostSource, Dimension, EdgeNeighbourhood, EdgePart, NeighbourhoodMetric};
 use crate::cost::TIE;
-use crate::tensor::Tensor;
+
+pub(crate) const LINDSTROM_TURK: NeighbourhoodMetric = NeighbourhoodMetric {
+    cost_source: CostSource::FormThenStars,
+    evaluate,
+    // One area more than the memoryless tensors have.
+    cost_factor_exponent: 1.4,
+    // (0.32 to 0.49: positions between the removed faces halve the distances.)
+    squared_rms_factor: 0.42,
+    // Squared volumes, divided by an area.
+    dimension: Dimension { length: 6, face: 1 },
+    part_cost_per_face_pair: |rate, part, mean| rate * part.face / mean,
+};
 
 /// Sine of the least angle between the planes, one degree. [Lindstrom-Turk 1998]
 const MIN_ANGLE_SINE: f64 = 0.017_452_406_437_283_51;
@@ -22,18 +34,9 @@ const MIN_ANGLE_SINE: f64 = 0.017_452_406_437_283_51;
 const GRADIENT_NOISE_SHARE: f64 = 1e-10;
 /// Share of the length of all normals below which their sum is rounding noise.
 const MIN_NORMAL_SUM_SHARE: f64 = 1e-6;
-/// Weight of squared areas at borders against squared volumes, times the squared length of the edge:
-/// volumes are a sixth of n·y, areas half of e × y, and the weights of both are a half.
-const BORDER_AREA_WEIGHT: f64 = 9.0;
-
-/// Returns the tensor of a feature edge, as if the collapsed edge were as long as this one.
-#[inline(always)]
-pub(super) fn line(edge: Vec3, weight: f32, mean: f32) -> Tensor {
-    Tensor::line(edge, weight * BORDER_AREA_WEIGHT as f32 * 0.1 * edge.length_squared() / mean)
-}
 
 /// Returns cost and displacement.
-pub(super) fn evaluate(around: &EdgeNeighbourhood, mean: f32) -> (f32, Vec3) {
+fn evaluate(around: &EdgeNeighbourhood, mean: f32) -> Option<(f32, Vec3)> {
     let loss = Loss::new(around);
     let step = match around.place {
         AllowedPlace::Anywhere => loss.best_place(around),
@@ -45,7 +48,7 @@ pub(super) fn evaluate(around: &EdgeNeighbourhood, mean: f32) -> (f32, Vec3) {
     };
     let off = step - around.d;
     let tie = f64::from(TIE) * 0.5 * loss.trace() * (step.length_squared() + off.length_squared());
-    (((loss.at(step) + tie) / f64::from(mean)) as f32, step.as_vec3())
+    Some((((loss.at(step) + tie) / f64::from(mean)) as f32, step.as_vec3()))
 }
 
 /// The sum of squares y·A·y − 2 h·y + c, 36 times that of volumes, and the volume constraint.

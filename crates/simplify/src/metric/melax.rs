@@ -7,7 +7,20 @@
 
 use glam::{DVec3, Vec3};
 
-use super::{AllowedPlace, EdgeNeighbourhood, EdgePart, StarTriangle};
+use super::{
+    AllowedPlace, CostSource, Dimension, EdgeNeighbourhood, EdgePart, NeighbourhoodMetric, StarTriangle,
+};
+
+pub(crate) const MELAX: NeighbourhoodMetric = NeighbourhoodMetric {
+    cost_source: CostSource::Stars,
+    evaluate: |around, _| evaluate(around),
+    // On a smooth surface the cost falls as the density of triangles to the power 1.5, on a rough one 0.5.
+    cost_factor_exponent: 0.4,
+    squared_rms_factor: 1.0,
+    dimension: Dimension { length: 1, face: 0 },
+    // Like the collapse of an edge as long as the part itself, between faces at right angles.
+    part_cost_per_face_pair: |_, part, _| 0.5 * part.cost_factor * part.size_sq.sqrt(),
+};
 
 /// Weight of length alone against curvature: breaks ties among flat places only. (Normals in single
 /// precision are not more precise.)
@@ -17,7 +30,7 @@ const MAX_SIDES: usize = 4;
 
 /// Returns the cost of removing the cheaper of the two ends, or the only removable one, and the
 /// displacement to the other.
-pub(super) fn evaluate(around: &EdgeNeighbourhood) -> Option<(f32, Vec3)> {
+fn evaluate(around: &EdgeNeighbourhood) -> Option<(f32, Vec3)> {
     let length = around.d.length();
     let [kept, removed] = turns(around).map(|turn| turn.map(|t| (length * (t + LENGTH_TIE)) as f32));
     let onto_kept = removed.map(|cost| (cost, Vec3::ZERO));

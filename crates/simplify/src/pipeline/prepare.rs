@@ -70,11 +70,8 @@ impl<'a> Prepared<'a> {
         let surface = &self.input.surface;
         let diagonal = prune::diagonal(surface);
         // Shares refer to the whole input, including small parts.
-        let units = |length: Length| Length::Units(length.in_units(diagonal));
-        let options = &mut self.options;
-        (options.stop.error, options.weld) = (options.stop.error.map(units), options.weld.map(units));
-        options.guards.max_edge = options.guards.max_edge.map(units);
-        options.method_options.pairs = options.method_options.pairs.map(units);
+        self.options.lengths_to_units(diagonal);
+        let options = &self.options;
         let near = options.weld.map(|d| d.in_units(diagonal));
         let small = prune::small_parts(surface, size.in_units(diagonal), near, options.locked.as_deref());
         self.pruned = small.pruned;
@@ -117,5 +114,37 @@ impl<'a> Prepared<'a> {
             done.mesh = shading::without_lent_normals(done.mesh)?;
         }
         Ok((done, held))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_support::tetrahedron;
+
+    #[test]
+    fn near_vertices_are_merged_and_small_parts_removed() {
+        use glam::Vec3;
+        let small = tetrahedron().and(&tetrahedron().scaled(0.01), Vec3::X * 1.005);
+        let mesh = small.mesh();
+        let whole = Input { surface: mesh.surface(), mesh: Some(&mesh), joined: None };
+        let prepared =
+            |options: &SimplifyOptions| Prepared::new(&whole, None, options).expect("a mesh").input;
+        let mut options = SimplifyOptions::default();
+        let plain = prepared(&options);
+        assert_eq!((plain.surface.triangles().len(), plain.joined.is_none()), (8, true));
+        options.prune = Some(Length::Units(0.1));
+        let pruned = prepared(&options);
+        // (Faces keep their numbers: removed ones have no extent.)
+        let sound =
+            pruned.surface.triangles().iter().filter(|t| t[0] != t[1] && t[1] != t[2] && t[2] != t[0]);
+        assert_eq!((pruned.surface.triangles().len(), sound.count()), (8, 4));
+        options.prune = None;
+        options.weld = Some(Length::Units(0.006));
+        let welded = prepared(&options);
+        // Vertex 4 is .005 from vertex 1.
+        let joined = welded.joined.as_ref().expect("vertices are near");
+        assert_eq!(joined[4], joined[1]);
+        assert_ne!(joined[0], joined[1]);
     }
 }

@@ -35,7 +35,7 @@ impl<'a> Channels<'a> {
     /// units.
     pub(super) fn new(
         mesh: Option<&'a TriMesh>,
-        ground: &PreparedInput,
+        prepared: &PreparedInput,
         weights: &AttributeWeights,
         flat: f64,
     ) -> Self {
@@ -75,7 +75,7 @@ impl<'a> Channels<'a> {
             add(&a.values, a.width, weight, tolerance, share);
         }
         if !all.scalars.is_empty() {
-            all.wedges = ground.origin.iter().map(|f| mesh.triangles()[f.index()]).collect();
+            all.wedges = prepared.origin.iter().map(|f| mesh.triangles()[f.index()]).collect();
         }
         all
     }

@@ -138,7 +138,7 @@ fn is_sound(outline: &Outline<'_>, faces: &[[VertexId; 3]]) -> bool {
     let at = |v: VertexId| outline.points[v.index()] - from;
     let around: f64 = outline.edges.iter().map(|[a, b]| at(*a).cross(at(*b)).dot(outline.normal)).sum();
     let mut sum = 0.0;
-    let stands = faces.iter().all(|t| {
+    let are_sound = faces.iter().all(|t| {
         let [a, b, c] = t.map(at);
         let area = (b - a).cross(c - a);
         let along = area.dot(outline.normal);
@@ -147,7 +147,7 @@ fn is_sound(outline: &Outline<'_>, faces: &[[VertexId; 3]]) -> bool {
         height > MIN_HEIGHT && (along >= MIN_NORMAL_COS * area.length() || height <= 2.0 * outline.noise)
     });
     // Both sums are equal apart from rounding.
-    stands && faces.len() == outline.face_count && (sum - around).abs() <= 1e-6 * sum
+    are_sound && faces.len() == outline.face_count && (sum - around).abs() <= 1e-6 * sum
 }
 
 #[cfg(test)]

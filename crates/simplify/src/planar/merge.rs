@@ -244,7 +244,7 @@ impl<'a> RegionMerge<'a> {
     ) -> Result<Merged, SimplifyError> {
         let mut filler = RegionFiller::default();
         let mut last = MergePlan::default();
-        let (mut is_over, mut told) = (false, 0.5);
+        let (mut is_over, mut progress) = (false, 0.5);
         for round in 0.. {
             if round == MAX_ROUNDS {
                 self.level.fill(RefillLevel::Whole);
@@ -264,8 +264,8 @@ impl<'a> RegionMerge<'a> {
                 }
                 if since >= ASK_EVERY && !is_over {
                     since = 0;
-                    told = (0.5 + share * i as f64).max(told);
-                    match control.progress(told) {
+                    progress = (0.5 + share * i as f64).max(progress);
+                    match control.progress(progress) {
                         Verdict::Continue => {}
                         Verdict::Finish => is_over = true,
                         Verdict::Cancel => return Err(SimplifyError::Cancelled),

@@ -313,3 +313,106 @@ fn set(all: &mut Positions, v: VertexId, p: [f64; 3]) {
         Positions::F64(all) => all[v.index()] = p,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::{Attribute, Semantic, Splits};
+
+    use super::*;
+    use crate::test_support::pyramid;
+
+    /// Returns the log of one collapse of the apex of a pyramid into corner 1, which moves, and the mesh after it.
+    fn collapsed(input: &TriMesh) -> (MeshCopy, Log) {
+        let wedges = |t: [u32; 3]| t.map(WedgeId);
+        let mut positions = input.positions().clone();
+        set(&mut positions, VertexId(1), [0.5, 0.5, 0.25]);
+        let mut faces = input.triangles().to_vec();
+        (faces[1], faces[2]) = (wedges([1, 2, 3]), wedges([1, 3, 4]));
+        let copy = MeshCopy {
+            faces,
+            vertex_of: (0..5).map(VertexId).collect(),
+            width: 0,
+            rows: Vec::new(),
+            positions,
+        };
+        let step = |key, ends| LoggedChange { key, spent: 0.0, lost: 0.0, ends };
+        let log = Log {
+            dead: vec![(FaceId(0), wedges([0, 1, 2])), (FaceId(3), wedges([0, 4, 1]))],
+            corners: vec![(3, WedgeId(0)), (6, WedgeId(0))],
+            places: vec![VertexId(1)],
+            positions: vec![[1.0, 1.0, 0.0]],
+            merged: vec![(VertexId(0), VertexId(1))],
+            steps: vec![step(f32::NEG_INFINITY, [0; 6]), step(1.0, [2, 2, 0, 0, 1, 1])],
+            ..Log::default()
+        };
+        (copy, log)
+    }
+
+    #[test]
+    fn elements_are_numbered_as_they_become_live() {
+        let input = pyramid(0.5).mesh();
+        let (copy, log) = collapsed(&input);
+        let by_place: Vec<FaceId> = (0..4).map(FaceId).collect();
+        let Arranged { data, order, faces, vertices, wedges } = build_splits(&input, copy, &log, &by_place);
+        // The empty cleanup is no split.
+        assert_eq!(order, [1]);
+        assert_eq!(merged(&log, 1), [(VertexId(0), VertexId(1))]);
+        // Two faces of the base, then the dead ones; the apex comes last.
+        assert_eq!(faces, [1, 2, 0, 3].map(FaceId));
+        assert_eq!(vertices, [1, 2, 3, 4, 0].map(VertexId));
+        assert_eq!(wedges, [1, 2, 3, 4, 0].map(WedgeId));
+        let counts = |faces, vertices| Counts { faces, wedges: vertices, vertices };
+        assert_eq!(data.counts, [counts(2, 4), counts(4, 5)]);
+        assert_eq!(data.faces, [[0, 1, 2], [0, 2, 3], [4, 0, 1], [4, 3, 0]].map(|t| t.map(WedgeId)));
+        assert_eq!((&data.corners.at[..], &data.corners.to[..]), (&[0, 3][..], &[WedgeId(4); 2][..]));
+        assert_eq!((&data.corners.ends[..], &data.places.ends[..]), (&[0, 2][..], &[0, 1][..]));
+        assert_eq!(
+            (&data.places.at[..], data.places.to.view().get(VertexId(0))),
+            (&[VertexId(0)][..], [1.0, 1.0, 0.0])
+        );
+        assert_eq!(data.positions.view().get(VertexId(0)), [0.5, 0.5, 0.25]);
+        assert_eq!(data.vertex_of, None);
+        let road = crate::Progressive::new(Splits::new(data).expect("sound splits"));
+        assert_eq!(road.mesh().expect("a mesh"), input);
+    }
+
+    #[test]
+    fn changes_are_ordered_by_their_keys() {
+        // Two changes of one face each: the later one is cheaper, and is done first.
+        let input = pyramid(0.5).mesh();
+        let dead = |f: usize| (FaceId::new(f), input.triangles()[f]);
+        let step = |key, dead| LoggedChange { key, spent: 0.0, lost: 0.0, ends: [dead, 0, 0, 0, 0, 0] };
+        let log = Log {
+            dead: vec![dead(0), dead(1)],
+            steps: vec![step(f32::NEG_INFINITY, 0), step(2.0, 1), step(1.0, 2)],
+            ..Log::default()
+        };
+        let copy = MeshCopy {
+            faces: input.triangles().to_vec(),
+            vertex_of: (0..5).map(VertexId).collect(),
+            width: 0,
+            rows: Vec::new(),
+            positions: input.positions().clone(),
+        };
+        let by_place: Vec<FaceId> = (0..4).rev().map(FaceId).collect();
+        let arranged = build_splits(&input, copy, &log, &by_place);
+        assert_eq!(arranged.order, [2, 1]);
+        // The base in the order of place, then the most expensive change.
+        assert_eq!(arranged.faces, [3, 2, 0, 1].map(FaceId));
+    }
+
+    #[test]
+    fn rows_hold_all_attributes_of_a_wedge_in_order() {
+        let mut mesh = pyramid(0.5).mesh();
+        let value = |w: u32, i: u32| (10 * w + i) as f32;
+        mesh.set_normals(Some((0..5).map(|w| [0, 1, 2].map(|i| value(w, i))).collect())).expect("one each");
+        mesh.set_uvs(Some((0..5).map(|w| [3, 4].map(|i| value(w, i))).collect())).expect("one each");
+        let values = (0..5).map(|w| value(w, 5)).collect();
+        let own = Attribute { semantic: Semantic::Custom("_HEAT".into()), width: 1, values };
+        mesh.add_attribute(own).expect("one each");
+        assert_eq!(layout(&mesh).width(), 6);
+        assert_eq!(rows(&mesh), (0..5).flat_map(|w| (0..6).map(move |i| value(w, i))).collect::<Vec<_>>());
+        let alone = crate::Progressive::new(Splits::new(single_level(&mesh)).expect("a mesh as it is"));
+        assert_eq!((alone.top(), alone.mesh().expect("a mesh")), (0, mesh));
+    }
+}

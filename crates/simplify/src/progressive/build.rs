@@ -11,13 +11,14 @@ use crate::collapse::Goal;
 use crate::collapse::attributes::Attributes;
 use crate::collapse::order::{NONE, Ordered};
 use crate::collapse::record::{InputNames, MeshCopy, Record};
-use crate::collapse::store::{Facing, Store};
+use crate::collapse::store::Store;
+use crate::collapse::vertex::Facing;
 use crate::constraints::{self, Constraints};
 use crate::control::{Control, Stage};
 use crate::fit::Originals;
 use crate::input::Input;
-use crate::metric::{Dimension, Memoryless, Metric, NeighbourhoodMetric, Quadric, VertexMemory};
-use crate::options::{Method, Placement, SimplifyOptions};
+use crate::metric::{Dimension, Metric, VertexMemory, with_metric};
+use crate::options::{Placement, SimplifyOptions};
 use crate::pipeline::prepare::{Prepared, lent_normals};
 use crate::run::{self, Run, Started};
 
@@ -78,25 +79,11 @@ pub(super) fn build(
 ) -> Result<RecordedMesh, SimplifyError> {
     options.check()?;
     constraints::check(options, mesh.vertex_count())?;
-    let (walk, pass): (RecordedRun, _) = match (options.method, run::collapses(options.method)) {
-        (Method::Quadric, Some(pass)) => (|run, mesh, control| record_run(Quadric, run, mesh, control), pass),
-        (Method::LindstromTurk, Some(pass)) => {
-            (|run, mesh, control| record_run(NeighbourhoodMetric::Volume, run, mesh, control), pass)
-        }
-        (Method::Melax, Some(pass)) => {
-            (|run, mesh, control| record_run(NeighbourhoodMetric::Turn, run, mesh, control), pass)
-        }
-        (Method::ShortestEdge, Some(pass)) => {
-            (|run, mesh, control| record_run(NeighbourhoodMetric::Length, run, mesh, control), pass)
-        }
-        (_, Some(pass)) => (|run, mesh, control| record_run(Memoryless, run, mesh, control), pass),
-        (method, None) => {
-            return Err(SimplifyError::NotOfMethod {
-                option: "progressive",
-                takers: RECORDED_METHODS,
-                method,
-            });
-        }
+    let method = options.method;
+    let walk: Option<RecordedRun> =
+        with_metric!(method, METRIC => |run, mesh, control| record_run(METRIC, run, mesh, control));
+    let (Some(walk), Some(pass)) = (walk, run::collapses(method)) else {
+        return Err(SimplifyError::NotOfMethod { option: "progressive", takers: RECORDED_METHODS, method });
     };
     if options.escalate {
         return Err(SimplifyError::NotTogether { first: "progressive", second: "escalate" });
@@ -283,4 +270,68 @@ fn names<Q: VertexMemory>(
         }
     }
     (InputNames { vertices, wedges, faces, has_wedges, keeps_wedges }, home)
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::{Positions, shapes};
+
+    use super::*;
+    use crate::control::NoControl;
+    use crate::options::{Length, Method, Stop};
+    use crate::test_support::{octahedron, tetrahedron};
+
+    #[test]
+    fn weights_are_computed_at_counts_a_third_apart() {
+        let counts = |n: usize| fitted_goals(n).iter().filter_map(|g| g.faces).collect::<Vec<_>>();
+        assert_eq!(counts(10), [10, 7, 4, 2]);
+        assert!(counts(1).is_empty());
+    }
+
+    #[test]
+    fn costs_never_rise_from_the_base_on_and_part_removals_are_late() {
+        let two = octahedron().and(&tetrahedron(), glam::Vec3::X * 3.0);
+        let options = SimplifyOptions::default();
+        let RecordedMesh { mesh, costs } = build(&two.mesh(), &options, &mut NoControl).expect("two parts");
+        assert_eq!(costs.of_split.len(), mesh.top());
+        assert!(costs.of_split.is_sorted_by(|a, b| a >= b), "{:?}", costs.of_split);
+        // At last one of the two parts is removed, when no collapse is left.
+        assert!(costs.late > 0 && costs.late < mesh.top(), "{} of {}", costs.late, mesh.top());
+        // A cost is an area times a squared distance.
+        assert!((costs.factor(2.0) / costs.factor(1.0) - 16.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_stop_at_an_error_makes_its_level_the_base() {
+        let mesh = shapes::icosphere(2);
+        let whole = build(&mesh, &SimplifyOptions::default(), &mut NoControl).expect("a sphere");
+        let limit = 0.5 * whole.mesh.splits().checkpoints[0].error;
+        let options = SimplifyOptions::new(Stop::error(Length::Units(limit)));
+        let part = build(&mesh, &options, &mut NoControl).expect("a sphere");
+        let gone = whole.mesh.top() - part.mesh.top();
+        assert_eq!(gone, whole.mesh.level_of_error(limit));
+        assert!(gone > 0);
+        assert_eq!(part.costs.of_split, whole.costs.of_split[gone..]);
+        assert_eq!(part.mesh.mesh().expect("a mesh"), mesh);
+    }
+
+    #[test]
+    fn what_cannot_be_recorded_is_named() {
+        let run = |set: &dyn Fn(&mut SimplifyOptions), mesh: &TriMesh| {
+            let mut options = SimplifyOptions::default();
+            set(&mut options);
+            build(mesh, &options, &mut NoControl).err()
+        };
+        let sphere = shapes::icosphere(1);
+        let method = run(&|o| o.method = Method::Remesh, &sphere);
+        assert!(
+            matches!(method, Some(SimplifyError::NotOfMethod { option: "progressive", .. })),
+            "{method:?}"
+        );
+        let twice = run(&|o| o.escalate = true, &sphere);
+        assert!(matches!(twice, Some(SimplifyError::NotTogether { second: "escalate", .. })), "{twice:?}");
+        let flat =
+            TriMesh::new(Positions::F32(vec![[0.0; 3]; 3]), vec![[0, 1, 2].map(VertexId)]).expect("a mesh");
+        assert!(matches!(run(&|_| (), &flat), Some(SimplifyError::NoFaces { faces: 1 })));
+    }
 }

@@ -10,7 +10,9 @@ use crate::SimplifyError;
 use crate::collapse::kind::Kind;
 use crate::collapse::order::{NONE, single_unit};
 use crate::collapse::record::Log;
-use crate::collapse::store::{Facing, Ring, Store};
+use crate::collapse::ring::Ring;
+use crate::collapse::store::Store;
+use crate::collapse::vertex::Facing;
 use crate::control::{Control, Verdict};
 use crate::fit::{self, MoveGuards};
 use crate::guard::Rules;
@@ -63,14 +65,14 @@ impl Recorded<'_> {
     pub(super) fn checkpoints(
         &self,
         run: &Run<'_, '_>,
-        road: &mut Progressive,
-        mut dresser: Option<&mut ValueFitter>,
+        progressive: &mut Progressive,
+        mut fitter: Option<&mut ValueFitter>,
         control: &mut dyn Control,
     ) -> Result<Vec<Checkpoint>, SimplifyError> {
-        let top = road.top();
+        let top = progressive.top();
         // The cleanup at the start is no contraction.
         let begin = top - usize::from(self.order.first() == Some(&0));
-        let levels = self.levels(road, begin);
+        let levels = self.levels(progressive, begin);
         let mut into: Vec<VertexId> = (0..self.origins.len() as u32).map(VertexId).collect();
         let (mut done, mut spent, mut lost) = (top, 0.0, 0.0);
         let mut checkpoints = vec![Checkpoint { level: begin as u32, ..Checkpoint::default() }];
@@ -87,14 +89,14 @@ impl Recorded<'_> {
                 lost += f64::from(self.log.steps[change].lost);
                 done -= 1;
             }
-            road.to_level(level);
+            progressive.to_level(level);
             let kept = self.weights.kept * spent.max(0.0);
             let lost = self.weights.lost * lost.max(0.0);
             let mut checkpoint = Checkpoint { level: level as u32, ..Checkpoint::default() };
             let mut near = kept;
             if self.fits {
                 let away = (kept + lost).sqrt();
-                near = self.fit(run, road, dresser.as_deref_mut(), &into, away, &mut checkpoint);
+                near = self.fit(run, progressive, fitter.as_deref_mut(), &into, away, &mut checkpoint);
             }
             let before = checkpoints.last().map_or(0.0, |c| c.error);
             let error = run.ordered.frame.user_length((near + lost).sqrt()).min(run.ordered.diagonal);
@@ -106,13 +108,13 @@ impl Recorded<'_> {
     }
 
     /// Returns the levels below `begin`, finest first, the base last.
-    fn levels(&self, road: &Progressive, begin: usize) -> Vec<usize> {
-        let counts = &road.splits().counts;
+    fn levels(&self, progressive: &Progressive, begin: usize) -> Vec<usize> {
+        let counts = &progressive.splits().counts;
         let mut levels = Vec::new();
         let (mut level, mut wanted) = (begin, f64::from(counts[begin].faces));
         while level > 0 {
             wanted *= if wanted < FINE_BELOW_FACES { FINE_CHECKPOINT_FACTOR } else { CHECKPOINT_FACTOR };
-            let next = road.level_of_faces(wanted as usize);
+            let next = progressive.level_of_faces(wanted as usize);
             if next + MIN_SPLITS_BETWEEN <= level || next == 0 {
                 levels.push(next);
                 level = next;
@@ -125,20 +127,20 @@ impl Recorded<'_> {
     fn fit(
         &self,
         run: &Run<'_, '_>,
-        road: &Progressive,
-        mut dresser: Option<&mut ValueFitter>,
+        progressive: &Progressive,
+        mut fitter: Option<&mut ValueFitter>,
         into: &[VertexId],
         away: f64,
         checkpoint: &mut Checkpoint,
     ) -> f64 {
         let frame = run.ordered.frame;
-        let counts = road.counts();
+        let counts = progressive.counts();
         // Number vertices and faces in the order of the engine.
-        let mut number = vec![NONE; road.positions.len()];
+        let mut number = vec![NONE; progressive.positions.len()];
         let names = self.vertices.iter().map(|v| v.index() + 1).max().unwrap_or(0);
         let mut by_name = vec![NONE; names];
-        let vertex = |w: WedgeId| road.vertex_of.as_ref().map_or(VertexId(w.0), |map| map[w.index()]);
-        for v in road.faces().iter().flatten().map(|&w| vertex(w)) {
+        let vertex = |w: WedgeId| progressive.vertex_of.as_ref().map_or(VertexId(w.0), |map| map[w.index()]);
+        for v in progressive.faces().iter().flatten().map(|&w| vertex(w)) {
             by_name[self.vertices[v.index()].index()] = v;
         }
         let mut origins = Vec::with_capacity(counts.vertices as usize);
@@ -155,10 +157,11 @@ impl Recorded<'_> {
         for (i, f) in self.morton_faces.iter().enumerate() {
             place_of_face[f.index()] = i as u32;
         }
-        let mut order: Vec<usize> = (0..road.face_count()).collect();
+        let mut order: Vec<usize> = (0..progressive.face_count()).collect();
         order.sort_unstable_by_key(|&f| place_of_face[self.faces[f].index()]);
-        let faces = order.iter().map(|&f| road.faces[f].map(|w| number[vertex(w).index()])).collect();
-        let points: Vec<Vec3> = live.iter().map(|&v| single_unit(&frame, road.positions().get(v))).collect();
+        let faces = order.iter().map(|&f| progressive.faces[f].map(|w| number[vertex(w).index()])).collect();
+        let points: Vec<Vec3> =
+            live.iter().map(|&v| single_unit(&frame, progressive.positions().get(v))).collect();
         let mut store = Store::<Tensor>::new(&points, faces, None, None);
         store.merged_into = into.to_vec();
         store.link();
@@ -175,14 +178,14 @@ impl Recorded<'_> {
         let before: Vec<Vec3> = store.v.iter().map(|x| x.p).collect();
         let mut given = KeptInput { points: &run.ordered.points, faces: &run.ordered.faces };
         let home = store.homes();
-        let mut values = dresser.as_deref_mut().map(|dresser| {
+        let mut values = fitter.as_deref_mut().map(|fitter| {
             let places = store.t.iter().map(|t| t.map(|v| before[v.index()]));
-            dresser.begin(road, order.iter().copied().zip(places), away)
+            fitter.begin(progressive, order.iter().copied().zip(places), away)
         });
         let guards = MoveGuards::new(&Rules::new(run.options, frame, run.ordered.diagonal), &store);
         let guards = guards.as_ref();
         let mut rms = fit::fit(&mut store, &mut given, &home, away, values.as_mut(), guards, |q| q).rms;
-        if road.face_count() <= FIT_TWICE_UP_TO_FACES {
+        if progressive.face_count() <= FIT_TWICE_UP_TO_FACES {
             rms = fit::fit(&mut store, &mut given, &home, away, None, guards, |q| q).rms;
         }
         if let Some(values) = values {
@@ -192,8 +195,8 @@ impl Recorded<'_> {
                 (!x.kind.is_locked()).then(|| x.p - before[v.index()])
             });
         }
-        if let Some(dresser) = dresser {
-            dresser.store_changes(road, checkpoint);
+        if let Some(fitter) = fitter {
+            fitter.store_changes(progressive, checkpoint);
         }
         let mut moves: Vec<(VertexId, [f32; 3])> = Vec::new();
         for (i, &v) in live.iter().enumerate() {
@@ -205,5 +208,37 @@ impl Recorded<'_> {
         moves.sort_unstable_by_key(|m| m.0);
         (checkpoint.vertices, checkpoint.moves) = moves.into_iter().unzip();
         rms * rms
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::shapes;
+
+    use super::*;
+    use crate::SimplifyOptions;
+    use crate::control::NoControl;
+
+    #[test]
+    fn checkpoints_thin_out_towards_the_full_mesh() {
+        let mesh = shapes::noisy_sphere(3, 0.05, 3);
+        let road = Progressive::build(&mesh, &SimplifyOptions::default(), &mut NoControl).expect("a sphere");
+        let (counts, all) = (&road.splits().counts, &road.splits().checkpoints);
+        // From the base to the full mesh, which has no error and no fit.
+        assert_eq!((all[0].level, all[all.len() - 1].level as usize), (0, road.top()));
+        let last = &all[all.len() - 1];
+        assert_eq!((last.error, last.vertices.len()), (0.0, 0));
+        assert!(all[0].error > 0.0 && !all[0].vertices.is_empty());
+        for pair in all.windows(2) {
+            let [coarse, fine] = [&pair[0], &pair[1]];
+            let [low, high] = [coarse, fine].map(|c| f64::from(counts[c.level as usize].faces));
+            assert!(fine.error <= coarse.error, "{} after {}", coarse.error, fine.error);
+            // Each has four fifths of the faces of the finer one, or nine tenths below a thousand; a split adds two.
+            let is_base = coarse.level == 0;
+            assert!(is_base || fine.level - coarse.level >= MIN_SPLITS_BETWEEN as u32);
+            let share = if high < FINE_BELOW_FACES { FINE_CHECKPOINT_FACTOR } else { CHECKPOINT_FACTOR };
+            assert!(low <= share * (high + 2.0), "{low} of {high}");
+        }
+        assert!(all.len() > 20, "{} checkpoints", all.len());
     }
 }

@@ -39,7 +39,7 @@ impl Progressive {
         control.stage(Stage::Measure);
         let Some(judge) = LevelComparer::new(self)? else { return Ok(self.top()) };
         let limit = distance + ROUNDING * judge.reference.diagonal();
-        let mut road = self.clone();
+        let mut progressive = self.clone();
         let levels = self.levels_to_measure();
         for (i, &level) in levels.iter().enumerate() {
             if control.progress(i as f64 / levels.len() as f64) == Verdict::Cancel {
@@ -48,8 +48,8 @@ impl Progressive {
             if self.error_at(level) > MAX_ESTIMATE_RATIO * limit {
                 continue;
             }
-            road.to_level(level);
-            if judge.is_within(&road, limit, is_fitted)? {
+            progressive.to_level(level);
+            if judge.is_within(&progressive, limit, is_fitted)? {
                 return Ok(level);
             }
         }
@@ -89,8 +89,8 @@ struct LevelComparer {
 
 impl LevelComparer {
     /// Returns `None` if the full mesh has no face to measure from.
-    fn new(road: &Progressive) -> Result<Option<Self>, SimplifyError> {
-        let mut full = road.clone();
+    fn new(progressive: &Progressive) -> Result<Option<Self>, SimplifyError> {
+        let mut full = progressive.clone();
         full.to_level(full.top());
         let mesh = full.mesh()?;
         let surface = mesh.surface();
@@ -103,8 +103,13 @@ impl LevelComparer {
         Ok(Some(Self { reference, places }))
     }
 
-    fn is_within(&self, road: &Progressive, limit: f64, is_fitted: bool) -> Result<bool, SimplifyError> {
-        let mesh = if is_fitted { road.fitted_mesh() } else { road.mesh() }?;
+    fn is_within(
+        &self,
+        progressive: &Progressive,
+        limit: f64,
+        is_fitted: bool,
+    ) -> Result<bool, SimplifyError> {
+        let mesh = if is_fitted { progressive.fitted_mesh() } else { progressive.mesh() }?;
         let surface = mesh.surface();
         let tree = Bvh::new(&surface);
         let is_far = |p: &[f64; 3]| tree.closest(*p).is_none_or(|hit| hit.distance > limit);
@@ -117,5 +122,49 @@ impl LevelComparer {
     fn compare(&self, surface: &Surface<'_>) -> Option<Comparison> {
         let candidate = Prepared::new(surface).ok()?;
         Some(compare_prepared(&self.reference, &candidate, &CompareOptions::default()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::Splits;
+
+    use super::*;
+    use crate::control::NoControl;
+    use crate::test_support::three_levels;
+
+    #[test]
+    fn each_measured_level_has_more_faces_than_the_last() {
+        let mut data = three_levels();
+        // Twenty more splits without a change: levels 2 to 22 have four faces.
+        for _ in 0..20 {
+            data.counts.push(data.counts[2]);
+            for ends in
+                [&mut data.corners.ends, &mut data.owners.ends, &mut data.rows.ends, &mut data.places.ends]
+            {
+                ends.push(ends[2]);
+            }
+        }
+        let road = Progressive::new(Splits::new(data).expect("sound splits"));
+        // From one face to two, to four, and of all levels with four to the last.
+        assert_eq!(road.levels_to_measure(), [0, 1, 2, 22]);
+    }
+
+    #[test]
+    fn the_deviation_is_that_of_the_level_with_or_without_its_fit() {
+        let mut data = three_levels();
+        data.checkpoints.clear();
+        // The base is the triangle of (0, 0), (2, 0) and (0, 1), within the full mesh, which reaches to (1, 2): that is
+        // 3 / √5 from the line x + 2 y = 2.
+        let mut road = Progressive::new(Splits::new(data).expect("sound splits"));
+        road.to_level(0);
+        let found = road.deviation(false).expect("a mesh").expect("faces with an area").hausdorff.symmetric;
+        assert!((found - 3.0 / 5f64.sqrt()).abs() < 0.02, "{found}");
+        // The full mesh itself.
+        road.to_level(2);
+        let found = road.deviation(false).expect("a mesh").expect("faces with an area").hausdorff.symmetric;
+        assert!(found < 1e-9, "{found}");
+        let level = |limit: f64| road.level_of_deviation(limit, false, &mut NoControl).expect("a mesh");
+        assert_eq!([10.0, 0.01].map(level), [0, 2]);
     }
 }

@@ -211,3 +211,83 @@ fn blended<A: Copy>(
     }
     sum
 }
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::Splits;
+
+    use super::*;
+    use crate::test_support::three_levels;
+
+    fn at_level(level: usize) -> Progressive {
+        let mut road = Progressive::new(Splits::new(three_levels()).expect("sound splits"));
+        road.to_level(level);
+        road
+    }
+
+    /// Returns the moves of vertices 0 and 1 by the fit.
+    fn moves(road: &Progressive) -> [[f64; 3]; 2] {
+        let fitted = road.fitted_positions();
+        [0, 1].map(VertexId).map(|v| {
+            let [to, from] = [fitted.view().get(v), road.positions().get(v)];
+            [0, 1, 2].map(|k| to[k] - from[k])
+        })
+    }
+
+    #[test]
+    fn errors_between_checkpoints_follow_a_power_of_the_count() {
+        // From .4 at one face to .1 at four: half way, in logarithms, at two.
+        for (level, error) in [(0, 0.4), (1, 0.2), (2, 0.1)] {
+            assert!((at_level(level).error() - error).abs() < 1e-9, "{}", at_level(level).error());
+        }
+        // To the full mesh without an error they fall in proportion to the logarithm.
+        let mut data = three_levels();
+        data.checkpoints[1].error = 0.0;
+        let mut road = Progressive::new(Splits::new(data).expect("sound splits"));
+        road.to_level(1);
+        assert!((road.error() - 0.2).abs() < 1e-9);
+        assert_eq!([0.4, 0.39, 0.201, 0.199, 0.0].map(|e| road.level_of_error(e)), [0, 1, 1, 2, 2]);
+    }
+
+    #[test]
+    fn moves_of_vertices_that_stay_the_same_are_blended() {
+        assert_eq!(moves(&at_level(0)), [[0.0, 0.0, 1.0], [0.0; 3]]);
+        assert_eq!(moves(&at_level(2)), [[0.0, 0.0, 3.0], [1.0, 0.0, 0.0]]);
+        // Half way between 1 and 3; the first split moves vertex 1, so that only the checkpoint above counts.
+        let between = moves(&at_level(1));
+        assert!((between[0][2] - 2.0).abs() < 1e-6, "{between:?}");
+        assert_eq!(between[1], [1.0, 0.0, 0.0]);
+        // As a checkpoint of its own it is the same.
+        let own = at_level(1).checkpoint();
+        assert_eq!((own.level, own.vertices), (1, vec![VertexId(0), VertexId(1)]));
+    }
+
+    #[test]
+    fn the_nearer_of_two_fits_counts_more() {
+        // A quarter of the way from the first side to the second; element 1 is valid on the first alone.
+        let held = [vec![true, true], vec![true, false]];
+        let sides = [Some((&[0, 1][..], &[4.0, 8.0][..])), Some((&[0][..], &[8.0][..]))];
+        assert_eq!(blended(sides, &held, 0.25, 1, 2, |v: usize| v), [0.75 * 4.0 + 0.25 * 8.0, 8.0]);
+    }
+
+    #[test]
+    fn a_much_worse_coarser_fit_does_not_count() {
+        let mut data = three_levels();
+        data.checkpoints[0].error = 1.0;
+        // (The last checkpoint is the start of the run; one after it makes it an ordinary one.)
+        data.counts.push(data.counts[2]);
+        for ends in
+            [&mut data.corners.ends, &mut data.owners.ends, &mut data.rows.ends, &mut data.places.ends]
+        {
+            ends.push(ends[2]);
+        }
+        data.checkpoints.push(Checkpoint { level: 3, error: 0.05, ..Checkpoint::default() });
+        for (coarse, wanted) in [(0.4, 2.0), (0.41, 3.0)] {
+            data.checkpoints[0].error = coarse;
+            let mut road = Progressive::new(Splits::new(data.clone()).expect("sound splits"));
+            road.to_level(1);
+            let [first, _] = moves(&road);
+            assert!((first[2] - wanted).abs() < 1e-6, "{first:?} after an error of {coarse}");
+        }
+    }
+}

@@ -74,7 +74,7 @@ impl ProgressiveScene {
         let faces = parts.iter().map(|p| p.mesh.face_count()).sum::<usize>();
         let share = |n: usize| n as f64 / faces.max(1) as f64;
         let (mut begun, mut first) = (0, 0);
-        let (mut roads, mut all) = (Vec::with_capacity(parts.len()), Vec::new());
+        let (mut meshes, mut all) = (Vec::with_capacity(parts.len()), Vec::new());
         let mut is_any = false;
         for (number, part) in parts.iter().enumerate() {
             let mut own =
@@ -85,7 +85,7 @@ impl ProgressiveScene {
             let scale = scale_of(part);
             let options = of_part(options, vertices, diagonal, scale);
             match build::build(part.mesh, &options, &mut own) {
-                Ok(RecordedMesh { mesh: road, costs }) => {
+                Ok(RecordedMesh { mesh: progressive, costs }) => {
                     let factor = costs.factor(scale);
                     let step = |(i, cost): (usize, &f32)| SceneSplit {
                         is_late: i < costs.late,
@@ -93,12 +93,12 @@ impl ProgressiveScene {
                         mesh: number,
                     };
                     all.extend(costs.of_split.iter().enumerate().map(step));
-                    roads.push(road);
+                    meshes.push(progressive);
                     is_any = true;
                 }
                 Err(SimplifyError::NoFaces { .. }) => {
                     let data = arrange::single_level(part.mesh);
-                    roads.push(Progressive::new(Splits::new(data).expect("a mesh as it is")));
+                    meshes.push(Progressive::new(Splits::new(data).expect("a mesh as it is")));
                 }
                 Err(other) => return Err(other),
             }
@@ -110,14 +110,14 @@ impl ProgressiveScene {
         all.sort_by(|a, b| {
             b.is_late.cmp(&a.is_late).then(b.cost.total_cmp(&a.cost)).then(a.mesh.cmp(&b.mesh))
         });
-        let mut of_mesh: Vec<Vec<u32>> = roads.iter().map(|r| Vec::with_capacity(r.top())).collect();
+        let mut of_mesh: Vec<Vec<u32>> = meshes.iter().map(|r| Vec::with_capacity(r.top())).collect();
         for (split, step) in all.iter().enumerate() {
             of_mesh[step.mesh].push(split as u32);
         }
         let is_placed = parts.iter().any(|p| p.instances > 0);
         let times: Vec<usize> = parts.iter().map(|p| if is_placed { p.instances } else { 1 }).collect();
         let order = SceneOrder { splits: all.len(), of_mesh, shares: shares(parts, &times), times };
-        let scene = Self { meshes: roads, level: order.splits, order: Arc::new(order) };
+        let scene = Self { meshes, level: order.splits, order: Arc::new(order) };
         Ok(scene.with_base_at(&options.stop, diagonal))
     }
 
@@ -161,11 +161,11 @@ impl ProgressiveScene {
     }
     /// Returns the number of faces of all instances at the present level.
     pub fn face_count(&self) -> usize {
-        self.count(self.level, |road, level| road.splits().counts[level].faces)
+        self.count(self.level, |progressive, level| progressive.splits().counts[level].faces)
     }
     /// Returns the number of vertices of all instances at the present level that a face uses.
     pub fn vertex_count(&self) -> usize {
-        self.count(self.level, |road, level| road.sequence.vertices[level])
+        self.count(self.level, |progressive, level| progressive.sequence.vertices[level])
     }
     /// Returns the estimated distance (RMS over all instances) of the present level, with its fit, from the
     /// full scene.
@@ -176,7 +176,7 @@ impl ProgressiveScene {
     /// Returns the level at which the first of these stops is met, from the full scene down; without any, the
     /// full scene. An error refers to the [estimate](Self::error), and shares to this diagonal.
     pub fn level_of(&self, stop: &Stop, diagonal: f64) -> usize {
-        let whole = self.count(self.top(), |road, level| road.splits().counts[level].faces);
+        let whole = self.count(self.top(), |progressive, level| progressive.splits().counts[level].faces);
         let by_ratio = stop.ratio.map(|r| ((whole as f64 * r).round() as usize).max(1));
         let by_faces = stop.faces.into_iter().chain(by_ratio).max().map(|n| self.level_of_faces(n));
         let by_vertices = stop.vertices.map(|n| self.level_of_vertices(n));
@@ -185,13 +185,14 @@ impl ProgressiveScene {
     }
     /// Returns the finest level with at most `n` faces in all instances, or the base.
     pub fn level_of_faces(&self, n: usize) -> usize {
-        let is_within = |l| self.count(l, |road, level| road.splits().counts[level].faces) <= n;
+        let is_within = |l| self.count(l, |progressive, level| progressive.splits().counts[level].faces) <= n;
         first_where(self.top() + 1, |l| !is_within(l)).saturating_sub(1)
     }
     /// Returns a fine level with at most `n` vertices in use in all instances, there and at all coarser ones,
     /// or the base.
     pub fn level_of_vertices(&self, n: usize) -> usize {
-        let is_within = |l| self.count(l, |road, level| road.sequence.most_vertices[level]) <= n;
+        let is_within =
+            |l| self.count(l, |progressive, level| progressive.sequence.most_vertices[level]) <= n;
         first_where(self.top() + 1, |l| !is_within(l)).saturating_sub(1)
     }
     /// Returns the coarsest level whose estimated error is at most `distance`, or the full scene.
@@ -214,18 +215,21 @@ impl ProgressiveScene {
     pub fn to_level(&mut self, level: usize) -> Vec<ChangedRanges> {
         self.level = level.min(self.top());
         let levels = self.order.levels(self.level);
-        self.meshes.iter_mut().zip(levels).map(|(road, level)| road.to_level(level)).collect()
+        self.meshes.iter_mut().zip(levels).map(|(progressive, level)| progressive.to_level(level)).collect()
     }
 
     /// Returns a sum over all instances.
     fn count(&self, level: usize, of: impl Fn(&Progressive, usize) -> u32) -> usize {
         let all = self.meshes.iter().zip(self.order.levels(level)).zip(&self.order.times);
-        all.map(|((road, level), times)| (of(road, level) as usize).saturating_mul(*times)).sum()
+        all.map(|((progressive, level), times)| (of(progressive, level) as usize).saturating_mul(*times))
+            .sum()
     }
 
     fn error_at(&self, level: usize) -> f64 {
         let all = self.meshes.iter().zip(self.order.levels(level)).zip(&self.order.shares);
-        all.map(|((road, level), share)| share * road.error_at(level).powi(2)).sum::<f64>().sqrt()
+        all.map(|((progressive, level), share)| share * progressive.error_at(level).powi(2))
+            .sum::<f64>()
+            .sqrt()
     }
 }
 
@@ -292,4 +296,78 @@ fn shares(parts: &[Part<'_>], times: &[usize]) -> Vec<f64> {
         of_all * scale_of(part).powi(2)
     };
     parts.iter().zip(areas).map(share).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::NoControl;
+    use crate::test_support::{octahedron, tetrahedron};
+
+    fn part(mesh: &lodsmith_core::TriMesh, instances: usize, scale: f64) -> Part<'_> {
+        Part { mesh, instances, scale, system: None }
+    }
+
+    #[test]
+    fn levels_of_the_meshes_add_up_to_that_of_the_scene() {
+        let of_mesh = vec![vec![0, 3, 4], vec![1, 2], Vec::new()];
+        let order = SceneOrder { splits: 5, of_mesh, times: vec![1; 3], shares: vec![1.0; 3] };
+        let wanted = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 2, 0], [2, 2, 0], [3, 2, 0]];
+        for (level, wanted) in wanted.into_iter().enumerate() {
+            assert_eq!(order.levels(level), wanted);
+        }
+        assert_eq!([0, 3, 5].map(|n| first_where(5, |i| i >= n)), [0, 3, 5]);
+    }
+
+    #[test]
+    fn shares_are_by_the_area_in_the_scene() {
+        // Octahedra of the areas 4 √3 each: three of one, and one twice as large, whose distances are in its own
+        // units.
+        let mesh = octahedron().mesh();
+        let found = shares(&[part(&mesh, 3, 1.0), part(&mesh, 1, 2.0)], &[3, 1]);
+        assert!(
+            (found[0] - 3.0 / 7.0).abs() < 1e-9 && (found[1] - 4.0 * 4.0 / 7.0).abs() < 1e-9,
+            "{found:?}"
+        );
+        assert_eq!(
+            [2.0, 0.0, -1.0, f64::NAN].map(|scale| scale_of(&part(&mesh, 1, scale))),
+            [2.0, 1.0, 1.0, 1.0]
+        );
+    }
+
+    #[test]
+    fn options_of_a_mesh_are_in_its_units_and_of_its_vertices() {
+        let mut options = SimplifyOptions::new(Stop::faces(10));
+        options.locked = Some(vec![false, true, true, false].into());
+        options.weld = Some(Length::OfDiagonal(0.1));
+        options.guards.max_edge = Some(Length::Units(3.0));
+        let own = of_part(&options, 1..3, 20.0, 4.0);
+        assert_eq!(own.stop, Stop::default());
+        assert_eq!(own.locked.as_deref(), Some(&[true, true][..]));
+        assert_eq!((own.weld, own.guards.max_edge), (Some(Length::Units(0.5)), Some(Length::Units(0.75))));
+    }
+
+    #[test]
+    fn the_larger_of_two_equal_meshes_is_refined_first() {
+        let mesh = octahedron().mesh();
+        let parts = [part(&mesh, 1, 1.0), part(&mesh, 2, 10.0)];
+        let mut scene = ProgressiveScene::build(&parts, 20.0, &SimplifyOptions::default(), &mut NoControl)
+            .expect("two octahedra");
+        let top = scene.meshes()[0].top();
+        assert!(top > 0 && scene.top() == 2 * top && scene.meshes()[1].top() == top);
+        scene.to_level(top);
+        assert_eq!([0, 1].map(|i: usize| scene.meshes()[i].level()), [0, top]);
+        // Each split of the second one counts twice.
+        let base = scene.meshes()[0].face_count();
+        assert_eq!((scene.face_count(), scene.level_of_faces(base + 16)), (base + 16, top));
+        assert_eq!(scene.level_of_faces(base + 15), top - 1);
+        scene.to_level(2 * top);
+        assert_eq!((scene.face_count(), scene.vertex_count()), (24, 18));
+        // A mesh without an area stays as it is.
+        let flat = tetrahedron().scaled(0.0).mesh();
+        let beside = [part(&mesh, 1, 1.0), part(&flat, 1, 1.0)];
+        let scene = ProgressiveScene::build(&beside, 20.0, &SimplifyOptions::default(), &mut NoControl)
+            .expect("one octahedron");
+        assert_eq!((scene.meshes()[1].top(), scene.meshes()[1].face_count()), (0, 4));
+    }
 }

@@ -27,23 +27,23 @@ impl ValueFitter {
     /// the store, with their positions.
     pub(super) fn begin(
         &mut self,
-        road: &Progressive,
+        progressive: &Progressive,
         faces: impl Iterator<Item = (usize, [Vec3; 3])>,
         away: f64,
     ) -> Values<'_> {
-        let width = road.layout().width();
-        for (w, row) in road.values().chunks_exact(width).enumerate() {
+        let width = progressive.layout().width();
+        for (w, row) in progressive.values().chunks_exact(width).enumerate() {
             let number = self.numbers[w];
             if number.index() < self.attributes.count() {
                 self.rows.read(&mut self.attributes, number, &self.places, row);
             }
         }
-        let known = self.weights.iter().find(|w| w.0 <= road.face_count()).or(self.weights.last());
+        let known = self.weights.iter().find(|w| w.0 <= progressive.face_count()).or(self.weights.last());
         if let Some((_, weights)) = known {
             self.attributes.weights_mut().copy_from_slice(weights);
         }
         self.rows.clear_lent_weights(self.attributes.weights_mut(), &self.places);
-        let wedges = |f: usize| road.faces()[f].map(|w| self.numbers[w.index()]);
+        let wedges = |f: usize| progressive.faces()[f].map(|w| self.numbers[w.index()]);
         let faces: Vec<_> = faces.map(|(f, points)| (points, wedges(f))).collect();
         self.attributes.recompute_sums(&faces);
         let wedges = faces.into_iter().map(|f| f.1).collect();
@@ -51,13 +51,13 @@ impl ValueFitter {
     }
 
     /// Stores the changes made by the fit.
-    pub(super) fn store_changes(&self, road: &Progressive, checkpoint: &mut Checkpoint) {
-        let width = road.layout().width();
-        let mut wedges: Vec<WedgeId> = road.faces().as_flattened().to_vec();
+    pub(super) fn store_changes(&self, progressive: &Progressive, checkpoint: &mut Checkpoint) {
+        let width = progressive.layout().width();
+        let mut wedges: Vec<WedgeId> = progressive.faces().as_flattened().to_vec();
         wedges.sort_unstable();
         wedges.dedup();
         for w in wedges {
-            let row = &road.values()[w.index() * width..][..width];
+            let row = &progressive.values()[w.index() * width..][..width];
             let number = self.numbers[w.index()];
             if let Some(change) = self.rows.change(&self.attributes, number, &self.places, row) {
                 checkpoint.wedges.push(w);

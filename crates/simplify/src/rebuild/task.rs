@@ -83,7 +83,7 @@ impl PreparedInput {
 /// Parameters of a method.
 pub(crate) struct Task<'a> {
     pub(crate) input: &'a PreparedInput,
-    /// The mesh that `ground` was made from, if attributes are kept: `origin` indexes its faces.
+    /// The mesh that `input` was made from, if attributes are kept: `origin` indexes its faces.
     pub(crate) mesh: Option<&'a TriMesh>,
     pub(crate) options: &'a SimplifyOptions,
     /// Counts at which the method may stop; empty if it runs to its own end.

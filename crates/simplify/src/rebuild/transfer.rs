@@ -35,7 +35,7 @@ const MOST_CORNERS: usize = 64;
 
 /// Attribute values at the corners of the original surface.
 struct AttributeSource<'a> {
-    pub(super) ground: &'a PreparedInput,
+    pub(super) prepared: &'a PreparedInput,
     pub(super) rows: &'a Rows,
     pub(super) attributes: &'a Attributes,
     /// The value row of each corner of the prepared input.
@@ -70,10 +70,10 @@ pub(crate) fn transfer_to_mesh(
     mesh: &TriMesh,
     shading: Option<Shading<'_>>,
 ) -> Result<TriMesh, SimplifyError> {
-    let ground = PreparedInput::of(input, ordered);
+    let prepared = PreparedInput::of(input, ordered);
     let surface = mesh.surface();
     let view = surface.positions();
-    let points: Vec<DVec3> = view.iter().map(|p| ground.frame.unit_from_user(p)).collect();
+    let points: Vec<DVec3> = view.iter().map(|p| prepared.frame.unit_from_user(p)).collect();
     let made = RebuiltSurface {
         kept: vec![NONE; points.len()],
         points,
@@ -81,14 +81,14 @@ pub(crate) fn transfer_to_mesh(
         regions: mesh.regions().map(<[_]>::to_vec),
         ..RebuiltSurface::default()
     };
-    Ok(with_transferred_attributes(input, ordered, &ground, &made, mesh.positions().clone(), shading)?.0)
+    Ok(with_transferred_attributes(input, ordered, &prepared, &made, mesh.positions().clone(), shading)?.0)
 }
 
 /// Builds the new mesh, with attributes transferred from the input.
 pub(super) fn with_transferred_attributes(
     input: &Input<'_>,
     ordered: &Ordered,
-    ground: &PreparedInput,
+    prepared: &PreparedInput,
     made: &RebuiltSurface,
     positions: Positions,
     shading: Option<Shading<'_>>,
@@ -98,17 +98,17 @@ pub(super) fn with_transferred_attributes(
     let Some((input, (rows, attributes))) = input.mesh.and_then(|mesh| Some((mesh, rows(mesh)?))) else {
         return Ok((TriMesh::new(positions, made.faces.clone())?, HeldWedges::default()));
     };
-    let wedges: Vec<_> = ground.origin.iter().map(|f| input.triangles()[f.index()]).collect();
+    let wedges: Vec<_> = prepared.origin.iter().map(|f| input.triangles()[f.index()]).collect();
     let corners: Vec<_> = wedges.iter().map(|t| t.map(|w| rows.wedge_rows[w.index()])).collect();
-    let clothes = AttributeSource {
-        ground,
+    let source = AttributeSource {
+        prepared,
         rows: &rows,
         attributes: &attributes,
         corners: &corners,
         wedges: &wedges,
         shading,
     };
-    let TransferredAttributes { corners, attributes, regions, held } = transfer_attributes(&clothes, made)?;
+    let TransferredAttributes { corners, attributes, regions, held } = transfer_attributes(&source, made)?;
     let mut mesh = rows.mesh(Some(&attributes), positions, &made.faces, &corners)?;
     let all_one = || input.regions().and_then(|all| all.first().map(|&r| vec![r; made.faces.len()]));
     mesh.set_regions(regions.or_else(all_one))?;
@@ -119,12 +119,12 @@ pub(super) fn with_transferred_attributes(
 /// Transfers attributes to the faces of `made`. Cost: O(n log n) for n faces of the prepared input; a new
 /// face visits the original ones under it.
 fn transfer_attributes(
-    clothes: &AttributeSource<'_>,
+    source: &AttributeSource<'_>,
     made: &RebuiltSurface,
 ) -> Result<TransferredAttributes, SimplifyError> {
-    let AttributeSource { ground, rows, attributes, .. } = *clothes;
-    let points: Vec<[f64; 3]> = ground.points.iter().map(|p| p.to_array()).collect();
-    let surface = Surface::new(PositionsView::F64(&points), bytemuck::cast_slice(&ground.faces))?;
+    let AttributeSource { prepared, rows, attributes, .. } = *source;
+    let points: Vec<[f64; 3]> = prepared.points.iter().map(|p| p.to_array()).collect();
+    let surface = Surface::new(PositionsView::F64(&points), bytemuck::cast_slice(&prepared.faces))?;
     let tree = Bvh::new(&surface);
     let width = rows.width();
     let is_shading: Vec<bool> = rows.shading();
@@ -135,21 +135,21 @@ fn transfer_attributes(
         a == b
             || is_pulled && (0..width).all(|k| is_shading[k] != shading || x[k].to_bits() == y[k].to_bits())
     };
-    let region = |f: usize| ground.regions.as_ref().map(|r| r[f]);
+    let region = |f: usize| prepared.regions.as_ref().map(|r| r[f]);
     let has_others =
         is_shading.contains(&false) || !attributes.joint_weights.is_empty() || !attributes.labels.is_empty();
-    let has = [has_others, clothes.shading.is_none() && is_shading.contains(&true)];
+    let has = [has_others, source.shading.is_none() && is_shading.contains(&true)];
     let links = |shading: bool| {
         let joined = |[f, g]: [usize; 2], corners: [[usize; 2]; 2]| {
-            let row = |f: usize, k: usize| clothes.corners[f][k];
+            let row = |f: usize, k: usize| source.corners[f][k];
             region(f) == region(g) && corners.into_iter().all(|[a, b]| same(row(f, a), row(g, b), shading))
         };
-        neighbours(&ground.faces, ground.points.len(), joined)
+        neighbours(&prepared.faces, prepared.points.len(), joined)
     };
     let mut patches = [false, true]
-        .map(|shading| has[usize::from(shading)].then(|| SourcePatch::new(links(shading), ground)));
+        .map(|shading| has[usize::from(shading)].then(|| SourcePatch::new(links(shading), prepared)));
 
-    let locked_corners = LockedCorners::new(ground);
+    let locked_corners = LockedCorners::new(prepared);
     let largest = rows.largest();
     let mut values: Vec<f32> = Vec::new();
     let mut pulls: Vec<JointWeights> = Vec::new();
@@ -159,22 +159,27 @@ fn transfer_attributes(
     let mut next: Vec<u32> = Vec::new();
     let mut corners = vec![[WedgeId(0); 3]; made.faces.len()];
     let mut held = Vec::with_capacity(made.faces.len());
-    let mut regions = ground.regions.as_ref().map(|_| Vec::with_capacity(made.faces.len()));
+    let mut regions = prepared.regions.as_ref().map(|_| Vec::with_capacity(made.faces.len()));
     let mut row = vec![0f32; width];
-    let settled = |i: usize| made.regions.as_ref().filter(|_| ground.regions.is_some()).map(|r| r[i]);
+    let settled = |i: usize| made.regions.as_ref().filter(|_| prepared.regions.is_some()).map(|r| r[i]);
     for (i, t) in made.faces.iter().enumerate() {
         let places = t.map(|v| made.points[v.index()]);
         let centre = (places[0] + places[1] + places[2]) / 3.0;
         let normal = double_area_normal(places);
         let under = match &made.stands_for {
             Some(known) => known[i],
-            None => face_under(&tree, ground, centre, normal, settled(i)),
+            None => face_under(&tree, prepared, centre, normal, settled(i)),
         };
         if let (Some(regions), Some(own)) = (&mut regions, settled(i).or_else(|| region(under))) {
             regions.push(own);
         }
         for patch in patches.iter_mut().flatten() {
-            patch.grow(ground, under, centre, places.iter().map(|p| p.distance(centre)).fold(0.0, f64::max));
+            patch.grow(
+                prepared,
+                under,
+                centre,
+                places.iter().map(|p| p.distance(centre)).fold(0.0, f64::max),
+            );
         }
         let mut own_held = [None; 3];
         for (k, &v) in t.iter().enumerate() {
@@ -184,12 +189,12 @@ fn transfer_attributes(
             let mut wedge = None;
             let kept = made.kept[v.index()];
             let own_corner =
-                locked_corners.corner(ground, kept, places[k].lerp(centre, INWARD_SHARE), &patches);
+                locked_corners.corner(prepared, kept, places[k].lerp(centre, INWARD_SHARE), &patches);
             for (patch, shading) in patches.iter().zip([false, true]) {
                 let Some(patch) = patch else { continue };
-                let at = own_corner.unwrap_or_else(|| patch.nearest(ground, places[k], centre, kept));
+                let at = own_corner.unwrap_or_else(|| patch.nearest(prepared, places[k], centre, kept));
                 let at_corner = at.weights.iter().position(|w| *w >= 1.0);
-                let rows_there = clothes.corners[at.face];
+                let rows_there = source.corners[at.face];
                 for lane in (0..width).filter(|&lane| is_shading[lane] == shading) {
                     row[lane] = match at_corner {
                         Some(c) => attributes.of(rows_there[c])[lane],
@@ -206,11 +211,11 @@ fn transfer_attributes(
                 if !shading && !attributes.labels.is_empty() {
                     own_label = Some(attributes.labels[rows_there[nearest_corner(&at.weights)].index()]);
                 }
-                let own = at_corner.filter(|_| kept != NONE).map(|c| clothes.wedges[at.face][c]);
+                let own = at_corner.filter(|_| kept != NONE).map(|c| source.wedges[at.face][c]);
                 exact &= own.is_some() && wedge.is_none_or(|w| Some(w) == own);
                 wedge = own;
             }
-            if let Some((own, wedges)) = clothes.shading {
+            if let Some((own, wedges)) = source.shading {
                 for lane in (0..width).filter(|&lane| is_shading[lane]) {
                     row[lane] = own.of(wedges[i][k])[lane];
                 }
@@ -259,14 +264,14 @@ const NO_ROW: u32 = u32::MAX;
 /// does not face away; if all do, the nearest of the region; if there is none, the nearest of all.
 fn face_under(
     tree: &Bvh,
-    ground: &PreparedInput,
+    prepared: &PreparedInput,
     centre: DVec3,
     normal: DVec3,
     settled: Option<RegionId>,
 ) -> usize {
-    let is_ours = |f: FaceId| settled.is_none() || ground.regions.as_ref().map(|r| r[f.index()]) == settled;
+    let is_ours = |f: FaceId| settled.is_none() || prepared.regions.as_ref().map(|r| r[f.index()]) == settled;
     let faces_us = |f: FaceId| {
-        let own = double_area_normal(ground.faces[f.index()].map(|v| ground.points[v.index()]));
+        let own = double_area_normal(prepared.faces[f.index()].map(|v| prepared.points[v.index()]));
         own.dot(normal) > MIN_FACING_COS * own.length() * normal.length()
     };
     let place = centre.to_array();
@@ -342,13 +347,13 @@ struct SurfacePoint {
 }
 
 impl SourcePatch {
-    fn new(links: Vec<[u32; 3]>, ground: &PreparedInput) -> Self {
+    fn new(links: Vec<[u32; 3]>, prepared: &PreparedInput) -> Self {
         let bounds = |t: &[VertexId; 3]| {
-            let [a, b, c] = t.map(|v| ground.points[v.index()]);
+            let [a, b, c] = t.map(|v| prepared.points[v.index()]);
             [a.min(b).min(c), a.max(b).max(c)]
         };
-        let boxes = ground.faces.iter().map(bounds).collect();
-        Self { links, boxes, faces: Vec::new(), seen: vec![0; ground.faces.len()], turn: 0 }
+        let boxes = prepared.faces.iter().map(bounds).collect();
+        Self { links, boxes, faces: Vec::new(), seen: vec![0; prepared.faces.len()], turn: 0 }
     }
 
     /// Lower bound of the squared distance to a face, apart from rounding.
@@ -360,11 +365,11 @@ impl SourcePatch {
 
     /// Collects the faces around `from` within the radius from the centre, or more if the surface is farther
     /// away.
-    fn grow(&mut self, ground: &PreparedInput, from: usize, centre: DVec3, radius: f64) {
+    fn grow(&mut self, prepared: &PreparedInput, from: usize, centre: DVec3, radius: f64) {
         let distance_sq =
-            |f: usize| nearest(centre, ground.faces[f].map(|v| ground.points[v.index()])).distance_sq;
+            |f: usize| nearest(centre, prepared.faces[f].map(|v| prepared.points[v.index()])).distance_sq;
         let reach = radius + distance_sq(from).sqrt();
-        let most = (reach + DISTANCE_SLACK) * (reach + DISTANCE_SLACK);
+        let limit_sq = (reach + DISTANCE_SLACK) * (reach + DISTANCE_SLACK);
         self.turn += 1;
         self.faces.clear();
         self.faces.push(from as u32);
@@ -374,7 +379,7 @@ impl SourcePatch {
             for g in self.links[self.faces[looked] as usize] {
                 if g != NO_NEIGHBOUR && self.seen[g as usize] != self.turn {
                     self.seen[g as usize] = self.turn;
-                    if self.at_least_sq(g as usize, centre) <= most
+                    if self.at_least_sq(g as usize, centre) <= limit_sq
                         && distance_sq(g as usize) <= reach * reach
                     {
                         self.faces.push(g);
@@ -387,16 +392,16 @@ impl SourcePatch {
 
     /// Returns the nearest point to a corner; if several faces share it, on the one towards the centre. A
     /// kept vertex is matched to itself, if the patch contains it.
-    fn nearest(&self, ground: &PreparedInput, place: DVec3, centre: DVec3, kept: VertexId) -> SurfacePoint {
-        let corners = |f: u32| ground.faces[f as usize].map(|v| ground.points[v.index()]);
+    fn nearest(&self, prepared: &PreparedInput, place: DVec3, centre: DVec3, kept: VertexId) -> SurfacePoint {
+        let corners = |f: u32| prepared.faces[f as usize].map(|v| prepared.points[v.index()]);
         let inwards = place.lerp(centre, INWARD_SHARE);
         let mut best = (f64::INFINITY, f64::INFINITY, u32::MAX, None);
-        let mut most = f64::INFINITY;
+        let mut limit_sq = f64::INFINITY;
         for &f in &self.faces {
             let own =
-                if kept == NONE { None } else { ground.faces[f as usize].iter().position(|v| *v == kept) };
+                if kept == NONE { None } else { prepared.faces[f as usize].iter().position(|v| *v == kept) };
             // (Most are ruled out by their boxes.)
-            if own.is_none() && self.at_least_sq(f as usize, place) > most {
+            if own.is_none() && self.at_least_sq(f as usize, place) > limit_sq {
                 continue;
             }
             let distance_sq = if own.is_some() { 0.0 } else { nearest(place, corners(f)).distance_sq };
@@ -408,7 +413,7 @@ impl SourcePatch {
             let is_nearer = distance_sq.sqrt() + 1e-12 < best.0.sqrt();
             if is_nearer || (aside, f) < (best.1, best.2) {
                 best = (distance_sq.min(best.0), aside, f, own);
-                most = (best.0.sqrt() + DISTANCE_SLACK).powi(2);
+                limit_sq = (best.0.sqrt() + DISTANCE_SLACK).powi(2);
             }
         }
         let face = best.2 as usize;
@@ -428,10 +433,10 @@ impl SourcePatch {
 struct LockedCorners(HashMap<VertexId, Vec<(u32, usize)>>);
 
 impl LockedCorners {
-    fn new(ground: &PreparedInput) -> Self {
+    fn new(prepared: &PreparedInput) -> Self {
         let mut at: HashMap<VertexId, Vec<(u32, usize)>> = HashMap::new();
-        if let Some(locked) = &ground.locked {
-            for (f, t) in ground.faces.iter().enumerate() {
+        if let Some(locked) = &prepared.locked {
+            for (f, t) in prepared.faces.iter().enumerate() {
                 for (c, v) in t.iter().enumerate().filter(|(_, v)| locked[v.index()]) {
                     at.entry(*v).or_default().push((f as u32, c));
                 }
@@ -444,16 +449,16 @@ impl LockedCorners {
     /// nearest.
     fn corner(
         &self,
-        ground: &PreparedInput,
+        prepared: &PreparedInput,
         kept: VertexId,
         inwards: DVec3,
         patches: &[Option<SourcePatch>; 2],
     ) -> Option<SurfacePoint> {
         let rank = |f: u32| {
-            let strange = patches.iter().flatten().filter(|p| p.seen[f as usize] != p.turn).count();
+            let unseen = patches.iter().flatten().filter(|p| p.seen[f as usize] != p.turn).count();
             let away =
-                nearest(inwards, ground.faces[f as usize].map(|v| ground.points[v.index()])).distance_sq;
-            (strange, away)
+                nearest(inwards, prepared.faces[f as usize].map(|v| prepared.points[v.index()])).distance_sq;
+            (unseen, away)
         };
         let of = self.0.get(&kept)?.iter().take(MOST_CORNERS).map(|&(f, c)| (rank(f), f, c));
         let (_, f, c) =

@@ -66,23 +66,23 @@ const MAX_SPLIT_PASSES: usize = 6;
 const ASK_EVERY: usize = 4096;
 
 pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<RebuiltSurface, SimplifyError> {
-    let ground = task.input;
+    let prepared = task.input;
     let asked = reference::asked_length(task);
-    if asked.is_none() && is_met(&task.goal, ground.faces.len(), ground.points.len()) {
-        return Ok(unchanged(ground, Ending::Goal));
+    if asked.is_none() && is_met(&task.goal, prepared.faces.len(), prepared.points.len()) {
+        return Ok(unchanged(prepared, Ending::Goal));
     }
-    let (land, mesh) = ReferenceSurface::new(task);
-    let mut remesher = Remesher::new(task, &land, mesh, asked, control)?;
+    let (reference, mesh) = ReferenceSurface::new(task);
+    let mut remesher = Remesher::new(task, &reference, mesh, asked, control)?;
     let end = remesher.run(task, control)?;
     let Remesher { mesh, steps, refusals, parts_and_necks: gone, .. } = remesher;
     let mut made = made(&mesh);
     (made.end, made.steps, made.refusals) = (end, steps, refusals);
     (made.parts_removed, made.necks_cut) = gone;
     if end == Ending::Finish {
-        return Ok(if made.faces.len() > ground.faces.len() { unchanged(ground, end) } else { made });
+        return Ok(if made.faces.len() > prepared.faces.len() { unchanged(prepared, end) } else { made });
     }
     if asked.is_some() {
-        if made.faces.len() > ground.faces.len() {
+        if made.faces.len() > prepared.faces.len() {
             return Err(too_fine(task));
         }
         if !is_met(&task.goal, made.faces.len(), made.points.len()) {
@@ -93,10 +93,10 @@ pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Rebuilt
     if !is_met(&task.goal, made.faces.len(), made.points.len()) {
         finish_by_engine(task, &mut made, control)?;
     }
-    if made.faces.len() > ground.faces.len() {
+    if made.faces.len() > prepared.faces.len() {
         // Triangle soup for which a remesh would have more faces than the input.
         let wanted = task.goal.faces.or(task.goal.vertices.map(|n| 2 * n)).unwrap_or(1);
-        let lighter = land.simplified(task, wanted, task.options.topology, control)?;
+        let lighter = reference.simplified(task, wanted, task.options.topology, control)?;
         let end = if lighter.is_finished { Ending::Finish } else { Ending::Stuck };
         let SimplifiedInput { mesh, parts_removed, necks_cut, steps, .. } = lighter;
         made = RebuiltSurface { end, parts_removed, necks_cut, steps, ..self::made(&mesh) };
@@ -137,8 +137,8 @@ fn is_met(goal: &Goal, faces: usize, vertices: usize) -> bool {
 }
 
 /// Returns the input unchanged, without duplicate faces.
-fn unchanged(ground: &PreparedInput, end: Ending) -> RebuiltSurface {
-    let mesh = HalfEdges::new(&ground.points, &ground.faces, None, None);
+fn unchanged(prepared: &PreparedInput, end: Ending) -> RebuiltSurface {
+    let mesh = HalfEdges::new(&prepared.points, &prepared.faces, None, None);
     RebuiltSurface { end, estimate: Some(0.0), ..made(&mesh) }
 }
 
@@ -208,7 +208,7 @@ enum CollapsePass {
 }
 
 pub(super) struct Remesher<'a> {
-    land: &'a ReferenceSurface<'a>,
+    reference: &'a ReferenceSurface<'a>,
     pub(super) mesh: HalfEdges,
     /// The kind of line on which each vertex lies.
     pub(super) line_of: Vec<LineKind>,
@@ -235,12 +235,12 @@ pub(super) struct Remesher<'a> {
 impl<'a> Remesher<'a> {
     fn new(
         task: &Task<'a>,
-        land: &'a ReferenceSurface<'a>,
+        reference: &'a ReferenceSurface<'a>,
         mesh: HalfEdges,
         asked: Option<f64>,
         control: &mut dyn Control,
     ) -> Result<Self, SimplifyError> {
-        let ground = task.input;
+        let prepared = task.input;
         let area: f64 = 0.5 * (0..mesh.from.len() / 3).map(|f| mesh.normal(f).length()).sum::<f64>();
         let by_area = |faces: f64| (area / (0.433 * faces.max(1.0))).sqrt();
         let per_face = mesh.vertex_count as f64 / mesh.face_count.max(1) as f64;
@@ -257,7 +257,7 @@ impl<'a> Remesher<'a> {
             (None, None) => mesh.face_count as f64,
         };
         // Without this, splits would not end.
-        if asked.is_some() && wanted > 2.0 * ground.faces.len() as f64 {
+        if asked.is_some() && wanted > 2.0 * prepared.faces.len() as f64 {
             return Err(too_fine(task));
         }
         let even = by_area(wanted);
@@ -269,7 +269,7 @@ impl<'a> Remesher<'a> {
                     TopologyPolicy::Free => TopologyPolicy::Free,
                     _ => TopologyPolicy::Preserve,
                 };
-                let lighter = land.simplified(task, start, topology, control)?;
+                let lighter = reference.simplified(task, start, topology, control)?;
                 gone = (lighter.parts_removed, lighter.necks_cut);
                 lighter.mesh
             }
@@ -280,7 +280,7 @@ impl<'a> Remesher<'a> {
         let length = asked.unwrap_or(f64::INFINITY).min(even * EDGE_OF_MEAN);
         let sizes = field.as_ref().map(|f| f.sizes.clone());
         Ok(Self {
-            land,
+            reference,
             hints: vec![Hints::default(); mesh.points.len()],
             line_of: on,
             length: if sizes.is_some() { length / even } else { length },
@@ -318,11 +318,11 @@ impl<'a> Remesher<'a> {
                 break;
             }
             if by_count {
-                let most = self.max_length.unwrap_or(f64::INFINITY);
-                self.length = (self.length * self.excess().sqrt().clamp(0.5, 2.0)).min(most);
+                let max_length = self.max_length.unwrap_or(f64::INFINITY);
+                self.length = (self.length * self.excess().sqrt().clamp(0.5, 2.0)).min(max_length);
             }
         }
-        let ends_by_length = self.max_length.is_some_and(|most| self.length >= most);
+        let ends_by_length = self.max_length.is_some_and(|max_length| self.length >= max_length);
         if by_count && !ends_by_length && self.verdict == Verdict::Continue {
             for _ in 0..4 {
                 if self.excess() > 1.0 {
@@ -340,7 +340,7 @@ impl<'a> Remesher<'a> {
             self.compact();
         }
         if task.options.fit != Fit::Off && self.verdict == Verdict::Continue {
-            least_squares::fit_vertices(&mut self.mesh, &self.line_of, self.land);
+            least_squares::fit_vertices(&mut self.mesh, &self.line_of, self.reference);
         }
         match self.verdict {
             Verdict::Cancel => Err(SimplifyError::Cancelled),
@@ -371,7 +371,7 @@ impl<'a> Remesher<'a> {
     }
 
     /// Calls the caller's progress now and then. Returns true if the run should end.
-    fn ask(&mut self, control: &mut dyn Control, done: f64) -> bool {
+    fn report_progress(&mut self, control: &mut dyn Control, done: f64) -> bool {
         self.asked += 1;
         if self.asked.is_multiple_of(ASK_EVERY) && self.verdict == Verdict::Continue {
             self.verdict = control.progress(done);
@@ -418,7 +418,7 @@ impl<'a> Remesher<'a> {
                 if self.relative_sq(h) > SPLIT_LENGTH * SPLIT_LENGTH {
                     self.split_edge(h);
                 }
-                if self.ask(control, done) {
+                if self.report_progress(control, done) {
                     return;
                 }
             }
@@ -464,7 +464,7 @@ impl<'a> Remesher<'a> {
             if self.mesh.is_first(h) && (pass == CollapsePass::ToGoal || self.relative_sq(h) < short) {
                 self.try_collapse(h, pass);
             }
-            if self.ask(control, done) {
+            if self.report_progress(control, done) {
                 return;
             }
         }
@@ -572,7 +572,7 @@ impl<'a> Remesher<'a> {
             valence[self.mesh.to(h).index()] += 1;
         }
         for h in self.mesh.half_edges() {
-            if self.ask(control, done) {
+            if self.report_progress(control, done) {
                 return;
             }
             if !self.mesh.is_first(h)
@@ -645,7 +645,7 @@ impl<'a> Remesher<'a> {
             }
             let hints = &mut self.hints[v.index()];
             let moved =
-                relax::relax(&mut self.mesh, v, &self.line_of, self.sizes.as_deref(), self.land, hints);
+                relax::relax(&mut self.mesh, v, &self.line_of, self.sizes.as_deref(), self.reference, hints);
             if moved && let (Some(field), Some(sizes)) = (&self.field, &mut self.sizes) {
                 let at = self.mesh.at(v);
                 let value = relax::value_at(
@@ -658,7 +658,7 @@ impl<'a> Remesher<'a> {
                 );
                 sizes[v.index()] = value.unwrap_or(sizes[v.index()]);
             }
-            if self.ask(control, done) {
+            if self.report_progress(control, done) {
                 return;
             }
         }

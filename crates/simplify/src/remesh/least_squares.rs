@@ -28,18 +28,18 @@ struct HeightEquations {
 }
 
 /// Fits the vertices of a compact mesh that lie on no line.
-pub(super) fn fit_vertices(mesh: &mut HalfEdges, on: &[LineKind], land: &ReferenceSurface<'_>) {
+pub(super) fn fit_vertices(mesh: &mut HalfEdges, on: &[LineKind], reference: &ReferenceSurface<'_>) {
     let faces: Vec<[VertexId; 3]> = (0..mesh.from.len() / 3).map(|f| mesh.corners(f)).collect();
     if faces.is_empty() {
         return;
     }
     let normals: Vec<DVec3> = (0..faces.len()).map(|f| mesh.normal(f).normalize_or_zero()).collect();
-    let loads = sampled(mesh, &faces, &normals, land);
-    let mut ways = vec![DVec3::ZERO; mesh.points.len()];
+    let loads = sampled(mesh, &faces, &normals, reference);
+    let mut directions = vec![DVec3::ZERO; mesh.points.len()];
     for (f, t) in faces.iter().enumerate() {
-        t.iter().for_each(|v| ways[v.index()] += mesh.normal(f));
+        t.iter().for_each(|v| directions[v.index()] += mesh.normal(f));
     }
-    ways.iter_mut().for_each(|w| *w = w.normalize_or_zero());
+    directions.iter_mut().for_each(|w| *w = w.normalize_or_zero());
     let free: Vec<VertexId> = (0..mesh.points.len())
         .filter(|&v| !mesh.pinned[v] && on[v] == LineKind::None)
         .map(VertexId::new)
@@ -51,7 +51,7 @@ pub(super) fn fit_vertices(mesh: &mut HalfEdges, on: &[LineKind], land: &Referen
             for h in mesh.around(v) {
                 let (f, k) = (h.face().index(), h.corner());
                 let load = &loads[f];
-                let slope = |w: VertexId| normals[f].dot(ways[w.index()]);
+                let slope = |w: VertexId| normals[f].dot(directions[w.index()]);
                 let own = slope(v);
                 let others: f64 = (0..3)
                     .filter(|&j| j != k)
@@ -68,7 +68,7 @@ pub(super) fn fit_vertices(mesh: &mut HalfEdges, on: &[LineKind], land: &Referen
     }
     for v in free {
         for share in [1.0, 0.5] {
-            let to = mesh.at(v) + ways[v.index()] * (share * lifts[v.index()]);
+            let to = mesh.at(v) + directions[v.index()] * (share * lifts[v.index()]);
             if may_move(mesh, v, to) {
                 mesh.points[v.index()] = to;
                 mesh.kept[v.index()] = NONE;
@@ -82,15 +82,15 @@ fn sampled(
     mesh: &HalfEdges,
     faces: &[[VertexId; 3]],
     normals: &[DVec3],
-    land: &ReferenceSurface<'_>,
+    reference: &ReferenceSurface<'_>,
 ) -> Vec<HeightEquations> {
     let tree = tree(&mesh.points, faces);
     let mut loads = vec![HeightEquations::default(); faces.len()];
-    let ground = land.ground;
-    let stride = (ground.faces.len() / (SAMPLES_PER_FACE / 4 * faces.len())).max(1);
+    let prepared = reference.prepared;
+    let stride = (prepared.faces.len() / (SAMPLES_PER_FACE / 4 * faces.len())).max(1);
     let mut hint = Hint::default();
-    for t in ground.faces.iter().step_by(stride) {
-        let [a, b, c] = t.map(|v| ground.points[v.index()]);
+    for t in prepared.faces.iter().step_by(stride) {
+        let [a, b, c] = t.map(|v| prepared.points[v.index()]);
         let normal = (b - a).cross(c - a);
         let area = normal.length();
         if area == 0.0 {

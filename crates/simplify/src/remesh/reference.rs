@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 use lodsmith_core::spatial::{Bvh, Hint};
-use lodsmith_core::{HalfEdgeId, Positions, PositionsView, Surface, TriMesh, VertexId};
+use lodsmith_core::{DisjointSets, HalfEdgeId, Positions, PositionsView, Surface, TriMesh, VertexId};
 
 use super::half_edges::{HalfEdges, LineKind, OPEN, gather};
 use crate::collapse::order::NONE;
@@ -31,7 +31,7 @@ const NEAR_CREASE: f64 = 0.15;
 
 /// The original surface, with the trees that project vertices back onto it.
 pub(super) struct ReferenceSurface<'a> {
-    pub(super) ground: &'a PreparedInput,
+    pub(super) prepared: &'a PreparedInput,
     pub(super) tree: Bvh,
     /// Trees over the segments of each kind of line, in the order of [`LineKind::CURVES`].
     curves: [Option<Bvh>; 3],
@@ -51,12 +51,12 @@ pub(super) struct SimplifiedInput {
 impl<'a> ReferenceSurface<'a> {
     /// Builds the reference surface of a task, and its mesh with all lines marked.
     pub(super) fn new(task: &Task<'a>) -> (Self, HalfEdges) {
-        let ground = task.input;
+        let prepared = task.input;
         let mut mesh = HalfEdges::new(
-            &ground.points,
-            &ground.faces,
-            ground.regions.as_deref(),
-            ground.locked.as_deref(),
+            &prepared.points,
+            &prepared.faces,
+            prepared.regions.as_deref(),
+            prepared.locked.as_deref(),
         );
         let crease_cos = task.options.method_options.angle_deg.unwrap_or(CREASE_DEG).to_radians().cos();
         let bent: Vec<HalfEdgeId> = bends(&mesh, crease_cos).collect();
@@ -69,8 +69,8 @@ impl<'a> ReferenceSurface<'a> {
                 .collect();
             (!segments.is_empty()).then(|| tree(&mesh.points, &segments))
         });
-        let land = Self { ground, tree: tree(&ground.points, &ground.faces), curves, crease_cos };
-        (land, mesh)
+        let reference = Self { prepared, tree: tree(&prepared.points, &prepared.faces), curves, crease_cos };
+        (reference, mesh)
     }
 
     /// Returns the tree over the lines of a kind.
@@ -81,7 +81,7 @@ impl<'a> ReferenceSurface<'a> {
 
     /// Returns the normal of a face of the original, of length 1 or 0.
     pub(super) fn normal(&self, face: usize) -> DVec3 {
-        let [a, b, c] = self.ground.faces[face].map(|v| self.ground.points[v.index()]);
+        let [a, b, c] = self.prepared.faces[face].map(|v| self.prepared.points[v.index()]);
         (b - a).cross(c - a).normalize_or_zero()
     }
 
@@ -93,22 +93,22 @@ impl<'a> ReferenceSurface<'a> {
         topology: TopologyPolicy,
         control: &mut dyn Control,
     ) -> Result<SimplifiedInput, SimplifyError> {
-        let ground = self.ground;
+        let prepared = self.prepared;
         let mut mesh = TriMesh::new(
-            Positions::F64(ground.points.iter().map(|p| p.to_array()).collect()),
-            ground.faces.clone(),
+            Positions::F64(prepared.points.iter().map(|p| p.to_array()).collect()),
+            prepared.faces.clone(),
         )?;
-        mesh.set_regions(ground.regions.clone())?;
+        mesh.set_regions(prepared.regions.clone())?;
         let mut options = engine_options(task.options, wanted);
         options.topology = topology;
-        options.locked = ground.locked.clone().map(Into::into);
+        options.locked = prepared.locked.clone().map(Into::into);
         let lighter = run_engine(&mesh, &options, control)?;
         let points: Vec<DVec3> = lighter.mesh.positions().view().iter().map(DVec3::from).collect();
         let places: HashMap<[u64; 3], VertexId> =
-            ground.points.iter().zip(0..).map(|(p, v)| (bits(*p), VertexId(v))).collect();
+            prepared.points.iter().zip(0..).map(|(p, v)| (bits(*p), VertexId(v))).collect();
         let kept: Vec<VertexId> =
             points.iter().map(|p| places.get(&bits(*p)).copied().unwrap_or(NONE)).collect();
-        let locked = ground
+        let locked = prepared
             .locked
             .as_ref()
             .map(|locked| kept.iter().map(|v| *v != NONE && locked[v.index()]).collect::<Vec<bool>>());
@@ -289,24 +289,16 @@ fn along(mesh: &HalfEdges, mut last: VertexId, mut v: VertexId, reach: f64) -> D
 fn drop_short_creases(mesh: &mut HalfEdges, length: f64) {
     let creases: Vec<HalfEdgeId> =
         mesh.half_edges().filter(|&h| mesh.is_first(h) && mesh.line[h.index()] == LineKind::Crease).collect();
-    let mut part: Vec<u32> = (0..mesh.points.len() as u32).collect();
-    fn find(part: &mut [u32], mut v: u32) -> u32 {
-        while part[v as usize] != v {
-            part[v as usize] = part[part[v as usize] as usize];
-            v = part[v as usize];
-        }
-        v
-    }
+    let mut lines = DisjointSets::new(mesh.points.len());
     for &h in &creases {
-        let (a, b) = (find(&mut part, mesh.from(h).0), find(&mut part, mesh.to(h).0));
-        part[a.max(b) as usize] = a.min(b);
+        lines.join(mesh.from(h).0, mesh.to(h).0);
     }
     let mut total = vec![0f64; mesh.points.len()];
     for &h in &creases {
-        total[find(&mut part, mesh.from(h).0) as usize] += mesh.length_sq(h).sqrt();
+        total[lines.find(mesh.from(h).0) as usize] += mesh.length_sq(h).sqrt();
     }
     for h in creases {
-        if total[find(&mut part, mesh.from(h).0) as usize] < MIN_CREASE_LENGTH * length {
+        if total[lines.find(mesh.from(h).0) as usize] < MIN_CREASE_LENGTH * length {
             mesh.set_line(h, LineKind::None);
         }
     }

@@ -52,17 +52,17 @@ pub(super) fn keeps_facing(old: [DVec3; 3], new: [DVec3; 3], turn: f64) -> bool 
 
 /// Projects a target position onto the original; `None` if the surface there faces away from `facing`.
 pub(super) fn project(
-    land: &ReferenceSurface<'_>,
+    reference: &ReferenceSurface<'_>,
     to: DVec3,
     line: LineKind,
     facing: DVec3,
     hints: &mut Hints,
 ) -> Option<DVec3> {
-    if let Some(curve) = land.curve(line) {
+    if let Some(curve) = reference.curve(line) {
         return curve.closest_from(to.to_array(), &mut hints.curve).map(|h| DVec3::from(h.point));
     }
-    let hit = land.tree.closest_from(to.to_array(), &mut hints.surface)?;
-    (land.normal(hit.face.index()).dot(facing) >= 0.0).then(|| DVec3::from(hit.point))
+    let hit = reference.tree.closest_from(to.to_array(), &mut hints.surface)?;
+    (reference.normal(hit.face.index()).dot(facing) >= 0.0).then(|| DVec3::from(hit.point))
 }
 
 /// Returns the evenly spaced position of a vertex among its neighbours, in its tangent plane or on its line,
@@ -92,8 +92,8 @@ pub(super) fn relaxed_position(
         let [(_, a), (_, b)] = lines[..] else { return None };
         let (a, b) = (mesh.at(a), mesh.at(b));
         let middle = 0.5 * (a + b);
-        let way = (b - a).normalize_or_zero();
-        return Some((at + way * way.dot(middle - at), facing));
+        let direction = (b - a).normalize_or_zero();
+        return Some((at + direction * direction.dot(middle - at), facing));
     }
     (weight > 0.0).then(|| {
         let step = sum / weight - at;
@@ -108,13 +108,15 @@ pub(super) fn relax(
     v: VertexId,
     on: &[LineKind],
     sizes: Option<&[f64]>,
-    land: &ReferenceSurface<'_>,
+    reference: &ReferenceSurface<'_>,
     hints: &mut Hints,
 ) -> bool {
-    let Some((wish, facing)) = relaxed_position(mesh, v, on, sizes) else { return false };
+    let Some((target, facing)) = relaxed_position(mesh, v, on, sizes) else { return false };
     let at = mesh.at(v);
     for share in [1.0, 0.4] {
-        let Some(to) = project(land, at.lerp(wish, share), on[v.index()], facing, hints) else { continue };
+        let Some(to) = project(reference, at.lerp(target, share), on[v.index()], facing, hints) else {
+            continue;
+        };
         let leaves = on[v.index()] == LineKind::None && leaves_ridge(mesh, v, to);
         if !leaves && may_move(mesh, v, to) {
             mesh.points[v.index()] = to;

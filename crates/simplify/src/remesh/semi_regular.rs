@@ -41,14 +41,14 @@ pub(super) fn make(
     levels: usize,
     control: &mut dyn Control,
 ) -> Result<RebuiltSurface, SimplifyError> {
-    let ground = task.input;
+    let prepared = task.input;
     let share = |n: usize| n.checked_shr(2 * levels as u32).unwrap_or(0).max(1);
     // A closed surface has about twice as many faces as vertices.
     let by_vertices = task.goal.vertices.map(|n| share(2 * n));
     let wanted = task.goal.faces.map(share).into_iter().chain(by_vertices).max();
-    let wanted = wanted.unwrap_or(usize::MAX).min(share(ground.faces.len()));
-    let (land, _) = ReferenceSurface::new(task);
-    let base = land.simplified(task, wanted, task.options.topology, control)?;
+    let wanted = wanted.unwrap_or(usize::MAX).min(share(prepared.faces.len()));
+    let (reference, _) = ReferenceSurface::new(task);
+    let base = reference.simplified(task, wanted, task.options.topology, control)?;
     let mut made = isotropic::made(&base.mesh);
     (made.parts_removed, made.necks_cut) = (base.parts_removed, base.necks_cut);
     (made.steps, made.end) = (base.steps, Ending::Goal);
@@ -56,7 +56,7 @@ pub(super) fn make(
     if base.is_finished {
         return Ok(RebuiltSurface { end: Ending::Finish, ..made });
     }
-    if made.faces.len() > wanted || finest > ground.faces.len() {
+    if made.faces.len() > wanted || finest > prepared.faces.len() {
         return match task.step {
             // The search for an error tries other counts.
             Some(_) => Ok(RebuiltSurface { end: Ending::Stuck, ..made }),
@@ -67,13 +67,13 @@ pub(super) fn make(
             }),
         };
     }
-    let mut lines = land.lines_of(&made.points, &made.faces);
+    let mut lines = reference.lines_of(&made.points, &made.faces);
     for level in 1..=levels {
         let fresh = made.points.len();
         made.faces = subdivided(&mut made.points, &made.faces, &mut lines);
         made.kept.resize(made.points.len(), NONE);
         made.steps += (made.points.len() - fresh) as u64;
-        project_level(task, &land, &mut made, &lines, fresh, level == levels);
+        project_level(task, &reference, &mut made, &lines, fresh, level == levels);
         match control.progress(level as f64 / levels as f64) {
             Verdict::Cancel => return Err(SimplifyError::Cancelled),
             Verdict::Finish => return Ok(RebuiltSurface { end: Ending::Finish, ..made }),
@@ -119,7 +119,7 @@ fn subdivided(points: &mut Vec<DVec3>, faces: &[[VertexId; 3]], lines: &mut Line
 /// relaxed.
 fn project_level(
     task: &Task<'_>,
-    land: &ReferenceSurface<'_>,
+    reference: &ReferenceSurface<'_>,
     made: &mut RebuiltSurface,
     lines: &Lines,
     fresh: usize,
@@ -147,7 +147,7 @@ fn project_level(
     let is_fresh = |v: VertexId| names[v.index()].index() >= fresh;
     for v in all().filter(|&v| is_fresh(v) && !mesh.pinned[v.index()]).collect::<Vec<_>>() {
         let facing: DVec3 = mesh.around(v).map(|h| mesh.normal(h.face().index())).sum();
-        let to = relax::project(land, mesh.at(v), on[v.index()], facing, &mut hints[v.index()]);
+        let to = relax::project(reference, mesh.at(v), on[v.index()], facing, &mut hints[v.index()]);
         if let Some(to) = to.filter(|to| relax::may_move(&mesh, v, *to)) {
             mesh.points[v.index()] = to;
         }
@@ -156,16 +156,16 @@ fn project_level(
     for round in 0..rounds {
         if round < 2 {
             // Pulls the surface towards parts that no vertex is nearest to yet, such as the tip of an ear.
-            fit_vertices(&mut mesh, &on, land);
+            fit_vertices(&mut mesh, &on, reference);
         }
         for v in all() {
             if !mesh.pinned[v.index()] && (is_fresh(v) || round >= ROUNDS) {
-                relax::relax(&mut mesh, v, &on, None, land, &mut hints[v.index()]);
+                relax::relax(&mut mesh, v, &on, None, reference, &mut hints[v.index()]);
             }
         }
     }
     if is_last && task.options.fit != Fit::Off {
-        fit_vertices(&mut mesh, &on, land);
+        fit_vertices(&mut mesh, &on, reference);
     }
     for (v, name) in names.iter().enumerate() {
         let name = name.index();

@@ -32,14 +32,14 @@ impl SizingField {
         let faces: Vec<[VertexId; 3]> = (0..mesh.from.len() / 3).map(|f| mesh.corners(f)).collect();
         let bends = curvatures(mesh);
         // A chord of length l deviates from a curve by about k l² / 8.
-        let wish: Vec<f64> = bends.iter().map(|k| 1.0 / k.max(1e-9).sqrt()).collect();
+        let ideal: Vec<f64> = bends.iter().map(|k| 1.0 / k.max(1e-9).sqrt()).collect();
         let areas: Vec<f64> = vertex_areas(mesh);
         let whole: f64 = areas.iter().sum();
-        let mut sizes = wish.clone();
+        let mut sizes = ideal.clone();
         let mut scale = 1.0;
         for _ in 0..ROUNDS {
-            for (size, wish) in sizes.iter_mut().zip(&wish) {
-                *size = (wish * scale).clamp(LENGTH_RANGE[0] * even, LENGTH_RANGE[1] * even);
+            for (size, ideal) in sizes.iter_mut().zip(&ideal) {
+                *size = (ideal * scale).clamp(LENGTH_RANGE[0] * even, LENGTH_RANGE[1] * even);
             }
             limit_gradation(mesh, &mut sizes);
             // The number of faces of the even mesh.
@@ -74,9 +74,11 @@ fn curvatures(mesh: &HalfEdges) -> Vec<f64> {
         if length == 0.0 {
             continue;
         }
-        let way = edge / length;
-        let angle = n.cross(m).dot(way).atan2(n.dot(m));
-        let outer = DMat3::from_cols(way * way.x, way * way.y, way * way.z) * (0.5 * angle * length);
+        let direction = edge / length;
+        let angle = n.cross(m).dot(direction).atan2(n.dot(m));
+        let outer =
+            DMat3::from_cols(direction * direction.x, direction * direction.y, direction * direction.z)
+                * (0.5 * angle * length);
         for v in [mesh.from(h), mesh.to(h)] {
             bends[v.index()] += outer;
         }
@@ -111,9 +113,9 @@ fn limit_gradation(mesh: &HalfEdges, sizes: &mut [f64]) {
             let (a, b) = (mesh.from(h), mesh.to(h));
             let reach = GRADATION * mesh.length_sq(h).sqrt();
             for (a, b) in [(a, b), (b, a)] {
-                let most = sizes[a.index()] + reach;
-                if sizes[b.index()] > most * (1.0 + 1e-9) {
-                    sizes[b.index()] = most;
+                let max_size = sizes[a.index()] + reach;
+                if sizes[b.index()] > max_size * (1.0 + 1e-9) {
+                    sizes[b.index()] = max_size;
                     changed = true;
                 }
             }

@@ -73,23 +73,23 @@ impl VoxelGrid {
 type FaceCorners = [DVec3; 3];
 
 pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<RebuiltSurface, SimplifyError> {
-    let ground = task.input;
-    let h = task.options.method_options.voxel.map_or(0.0, |d| ground.length(d));
+    let prepared = task.input;
+    let h = task.options.method_options.voxel.map_or(0.0, |d| prepared.length(d));
     let mut ask = |done: f64| match control.progress(done) {
         Verdict::Cancel => Err(SimplifyError::Cancelled),
         Verdict::Continue | Verdict::Finish => Ok(()),
     };
-    let places: Vec<[f64; 3]> = ground.points.iter().map(|p| p.to_array()).collect();
-    let mut faces = ground.faces.clone();
+    let places: Vec<[f64; 3]> = prepared.points.iter().map(|p| p.to_array()).collect();
+    let mut faces = prepared.faces.clone();
     let turned = orient::faces_to_flip(&Surface::new(PositionsView::F64(&places), &faces)?);
     faces.iter_mut().zip(turned).filter(|x| x.1).for_each(|x| x.0.swap(1, 2));
     let surface = Surface::new(PositionsView::F64(&places), &faces)?;
-    let corners: Vec<FaceCorners> = faces.iter().map(|t| t.map(|v| ground.points[v.index()])).collect();
+    let corners: Vec<FaceCorners> = faces.iter().map(|t| t.map(|v| prepared.points[v.index()])).collect();
     let area: f64 = corners.iter().map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0).sum();
     let too_fine = |limit: &'static str| SimplifyError::BadOption {
         option: "voxel",
         wanted: limit,
-        got: ground.frame.user_length(h),
+        got: prepared.frame.user_length(h),
     };
     const CELLS: &str = "longer: the surface may pass through 8 million cells at most";
     const POINTS: &str = "longer: round open sheets the grid may have 4 billion points at most";
@@ -248,12 +248,12 @@ impl Flood {
         let size = grid.size.map(|n| n as usize);
         let words = (size[0] * size[1] * size[2]).div_ceil(64);
         let mut this = Self { size, is_out: vec![0; words] };
-        let mut wall = vec![0u64; words];
+        let mut blocked = vec![0u64; words];
         // The points are the cell centres of a grid shifted by half a voxel.
         let moved = VoxelGrid { origin: grid.origin - DVec3::splat(0.5 * grid.h), ..*grid };
         for_cells_near(&moved, sheets, SHEET_THICKNESS * grid.h, |at, _| {
             if let Some(i) = this.index(at) {
-                wall[i / 64] |= 1 << (i % 64);
+                blocked[i / 64] |= 1 << (i % 64);
             }
         });
         let mut stack = vec![[0; 3]];
@@ -268,7 +268,7 @@ impl Flood {
                 let next = plus(at, step);
                 let Some(i) = this.index(next) else { continue };
                 let bit = 1 << (i % 64);
-                if (wall[i / 64] | this.is_out[i / 64]) & bit == 0 {
+                if (blocked[i / 64] | this.is_out[i / 64]) & bit == 0 {
                     this.is_out[i / 64] |= bit;
                     stack.push(next);
                 }
@@ -428,18 +428,18 @@ fn collapse_to_goal(
             got: task.options.method_options.voxel.map_or(0.0, |d| d.in_units(task.input.diagonal)),
         });
     }
-    let most = task.input.origin.len();
+    let max_faces = task.input.origin.len();
     let by_faces = task.goal.faces;
     let is_over = |goal: Option<usize>, count: usize| goal.is_none_or(|n| count > n);
     let has_goal = by_faces.is_some() || task.goal.vertices.is_some();
     let wants_less = has_goal && is_over(by_faces, faces.len()) && is_over(task.goal.vertices, points.len());
-    if !wants_less && faces.len() <= most {
+    if !wants_less && faces.len() <= max_faces {
         let steps = faces.len() as u64;
         let end = if has_goal { Ending::Goal } else { Ending::Exhausted };
         return Ok(made(points, faces, steps, end));
     }
     let stop = Stop {
-        faces: if has_goal && wants_less { by_faces.map(|n| n.min(most)) } else { Some(most) },
+        faces: if has_goal && wants_less { by_faces.map(|n| n.min(max_faces)) } else { Some(max_faces) },
         vertices: task.goal.vertices.filter(|_| wants_less),
         ..Stop::default()
     };

@@ -29,7 +29,7 @@ use crate::constraints::Constraints;
 use crate::control::{Control, ProgressShare, Stage};
 use crate::deviation::{self, Deviation};
 use crate::input::Input;
-use crate::metric::{Memoryless, Metric, NeighbourhoodMetric, Quadric};
+use crate::metric::{Metric, with_metric};
 use crate::options::{Method, SimplifyOptions, Stop, TopologyPolicy};
 
 /// For each level, starting with the input, the vertex of the next one that each of its vertices was merged
@@ -41,14 +41,7 @@ type Passes =
     fn(&mut Run<'_, '_>, &[Goal], &mut dyn Control) -> Result<Vec<(RunOutcome, usize)>, SimplifyError>;
 
 fn passes_of(method: Method) -> Option<Passes> {
-    Some(match method {
-        Method::Memoryless => |run, goals, control| run.chain(Memoryless, goals, control),
-        Method::Quadric => |run, goals, control| run.chain(Quadric, goals, control),
-        Method::LindstromTurk => |run, goals, control| run.chain(NeighbourhoodMetric::Volume, goals, control),
-        Method::Melax => |run, goals, control| run.chain(NeighbourhoodMetric::Turn, goals, control),
-        Method::ShortestEdge => |run, goals, control| run.chain(NeighbourhoodMetric::Length, goals, control),
-        _ => return None,
-    })
+    with_metric!(method, METRIC => |run, goals, control| run.chain(METRIC, goals, control))
 }
 
 /// True if one run makes all levels.
@@ -224,5 +217,93 @@ impl Run<'_, '_> {
             });
         }
         mergers
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::{TriMesh, shapes};
+
+    use super::*;
+    use crate::control::NoControl;
+    use crate::options::{BorderPolicy, Length, Placement};
+
+    fn input(mesh: &TriMesh) -> Input<'_> {
+        Input { surface: mesh.surface(), mesh: Some(mesh), joined: None }
+    }
+
+    fn chain(
+        mesh: &TriMesh,
+        options: &SimplifyOptions,
+        faces: &[usize],
+        is_traced: bool,
+    ) -> (Vec<TriMesh>, Mergers) {
+        let stops: Vec<Stop> = faces.iter().map(|n| Stop::faces(*n)).collect();
+        let (all, mergers) =
+            crate::pipeline::simplify_chain(&input(mesh), options, &stops, is_traced, &mut NoControl)
+                .expect("a shape can be simplified");
+        (all.into_iter().map(|done| done.0.mesh).collect(), mergers)
+    }
+
+    #[test]
+    fn methods_of_sweeps_are_chained_unless_an_error_or_escalation_is_asked_for() {
+        let mut options = SimplifyOptions::default();
+        let counts = [Stop::faces(10), Stop::ratio(0.1), Stop::vertices(3)];
+        assert!(is_chained(&options, &counts));
+        assert!(!is_chained(&options, &[Stop::faces(10), Stop::error(Length::OfDiagonal(0.1))]));
+        options.method = Method::Cluster;
+        assert!(!is_chained(&options, &counts));
+        options.method = Method::Melax;
+        assert!(is_chained(&options, &counts));
+        options.escalate = true;
+        assert!(!is_chained(&options, &counts));
+    }
+
+    #[test]
+    fn each_level_is_the_result_of_a_run_of_its_own() {
+        let mesh = shapes::noisy_sphere(3, 0.05, 3);
+        for method in [Method::Memoryless, Method::Quadric] {
+            let options = SimplifyOptions { method, ..SimplifyOptions::default() };
+            let goals = [700, 300, 150];
+            let (levels, mergers) = chain(&mesh, &options, &goals, false);
+            assert!(mergers.is_empty());
+            for (level, faces) in levels.iter().zip(goals) {
+                let alone = SimplifyOptions { stop: Stop::faces(faces), ..options.clone() };
+                let (alone, _) =
+                    crate::pipeline::simplify(&input(&mesh), &alone, &mut NoControl).expect("a sphere");
+                assert!(level.face_count() <= faces && level.face_count() > faces - 2);
+                assert!(*level == alone.mesh, "{method:?} at {faces} faces");
+            }
+        }
+    }
+
+    #[test]
+    fn mergers_lead_from_each_level_to_the_next() {
+        // Onto endpoints, so that each vertex of a level is one of the level before.
+        let mesh = shapes::noisy_sphere(3, 0.05, 3);
+        let options = SimplifyOptions { placement: Placement::Endpoint, ..SimplifyOptions::default() };
+        let (levels, mergers) = chain(&mesh, &options, &[600, 200, 80], true);
+        assert_eq!(mergers.len(), 3);
+        let all = [&mesh, &levels[0], &levels[1], &levels[2]];
+        for (k, into) in mergers.iter().enumerate() {
+            let [from, to] = [all[k], all[k + 1]].map(|m| m.positions().view());
+            assert_eq!(into.len(), from.len());
+            let mut homes = vec![0; to.len()];
+            for (v, home) in into.iter().enumerate() {
+                assert!(*home != NONE && home.index() < to.len());
+                homes[home.index()] += usize::from(from.get(VertexId::new(v)) == to.get(*home));
+            }
+            // Exactly one of those merged into a vertex is at its place.
+            assert!(homes.iter().all(|n| *n == 1), "level {k}: {homes:?}");
+        }
+    }
+
+    #[test]
+    fn a_removed_part_has_no_home() {
+        let mesh = shapes::tetrahedra(2);
+        let options = SimplifyOptions { border: BorderPolicy::Keep, ..SimplifyOptions::default() };
+        let (levels, mergers) = chain(&mesh, &options, &[4], true);
+        assert_eq!(levels[0].face_count(), 4);
+        assert_eq!(mergers[0].iter().filter(|home| **home == NONE).count(), mesh.vertex_count() / 2);
     }
 }

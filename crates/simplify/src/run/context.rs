@@ -4,7 +4,7 @@ use lodsmith_core::{Surface, TriMesh, VertexId, WedgeId};
 
 use super::goal::goal;
 use crate::collapse::order::Ordered;
-use crate::collapse::{Goal, InputSurface, InputVisitor, StopReason};
+use crate::collapse::{Goal, StopReason};
 use crate::constraints::{Constraints, HeldWedges};
 use crate::control::{Control, Stage};
 use crate::deviation::{Deviation, InputComparer};
@@ -13,23 +13,6 @@ use crate::options::SimplifyOptions;
 use crate::proposal::Proposal;
 use crate::report::Refusal;
 use crate::{Simplified, SimplifyError};
-
-/// The ordered input, kept in memory or computed again.
-pub(crate) struct Source<'a> {
-    pub(crate) surface: &'a Surface<'a>,
-    pub(crate) ordered: &'a Ordered,
-    pub(crate) is_kept: bool,
-}
-
-impl InputSurface for Source<'_> {
-    fn visit(&self, look: &mut InputVisitor<'_>) {
-        if self.is_kept {
-            look(&self.ordered.points, &self.ordered.faces);
-        } else {
-            look(&self.ordered.remake_points(self.surface), &self.ordered.remake_faces(self.surface));
-        }
-    }
-}
 
 /// Topology changes that a pass may make in order of cost.
 #[derive(Clone, Copy)]

@@ -11,10 +11,10 @@
 
 use std::rc::Rc;
 
-use super::start::INPUT_COPY_MAX_FACES;
 use super::trunk::{Root, Trunk};
 use crate::collapse::{Engine, Goal, Sweeps};
 use crate::metric::Metric;
+use crate::ordered_input::INPUT_COPY_MAX_FACES;
 
 /// Maximum number of copies: the start, and two on the way.
 const MAX_COPIES: usize = 3;

@@ -3,7 +3,7 @@
 //! There is one sequence of sweeps: first as far as the topology allows, then, if that is short of the goal, on
 //! the same engine with parts and cuts in order of cost.
 
-use super::context::{Run, Source};
+use super::context::Run;
 use crate::SimplifyError;
 use crate::collapse::cut::may_cut;
 use crate::collapse::record::Record;
@@ -11,6 +11,7 @@ use crate::collapse::{Engine, StopReason};
 use crate::control::{Control, Stage};
 use crate::metric::Metric;
 use crate::options::TopologyPolicy;
+use crate::ordered_input::OriginalInput;
 
 impl Run<'_, '_> {
     /// Sweeps an engine to the goal, or as far as possible. Returns the record, and how many of its changes came
@@ -30,7 +31,7 @@ impl Run<'_, '_> {
             engine.mesh.constraints.cuts_necks = true;
             engine.enable_part_removal();
         }
-        let source = Source { surface: &self.input.surface, ordered: self.ordered, is_kept };
+        let source = OriginalInput { surface: &self.input.surface, ordered: self.ordered, is_kept };
         let mut end = engine.sweep(&self.goal, &source, control);
         let in_order = engine.record.as_ref().map_or(0, |record| record.log.steps.len());
         if end == StopReason::Stuck && topology == TopologyPolicy::Relaxed {

@@ -17,11 +17,8 @@ use crate::fit;
 use crate::guard::Rules;
 use crate::metric::{CostSource, Metric, VertexMemory};
 use crate::options::{Fit, Length, Placement};
+use crate::ordered_input::INPUT_COPY_MAX_FACES;
 use crate::recolor;
-
-/// Inputs with no more faces than this keep an ordered copy of themselves for the fit; larger ones are
-/// ordered again for it, which takes some percent more time and 18 bytes a face less.
-pub(super) const INPUT_COPY_MAX_FACES: usize = 1_000_000;
 
 /// An engine before its first sweep, and other data that a run needs.
 pub(crate) struct Started<M: Metric> {

@@ -6,28 +6,25 @@ use glam::Vec3;
 use lodsmith_core::VertexId;
 use lodsmith_core::mesh::weld;
 
-use super::context::{Run, RunOutcome, Source, TopologyChanges, Trace};
+use super::context::{Run, RunOutcome, TopologyChanges, Trace};
 use super::start::{Started, pairs_reach};
 use crate::SimplifyError;
 use crate::attributes::Rows;
 use crate::collapse::attributes::Attributes;
 use crate::collapse::components;
 use crate::collapse::cut::may_cut;
-use crate::collapse::order::TIME_OVER_MEMORY_MAX_FACES;
-use crate::collapse::store::{Store, Vertex};
-use crate::collapse::{Engine, Goal, InputSurface as _, StopReason, Sweeps};
+use crate::collapse::store::Store;
+use crate::collapse::vertex::Vertex;
+use crate::collapse::{Engine, Goal, StopReason, Sweeps};
 use crate::control::{Control, Stage, Verdict};
 use crate::fit::{self, MoveGuards};
 use crate::guard::Rules;
 use crate::metric::Metric;
 use crate::normals;
 use crate::options::TopologyPolicy;
-use crate::ordered_input::KeptInput;
+use crate::ordered_input::{KeptInput, OriginalInput};
 use crate::rebuild::transfer_to_mesh;
 use crate::recolor::{self, OwnParts};
-
-/// If at least the input divided by this remains, the fit needs more memory than the sweeps.
-const SHRINK_DIVISOR: usize = 3;
 
 /// An engine, and the data that each result of it needs.
 pub(super) struct Trunk<M: Metric> {
@@ -85,8 +82,8 @@ impl Run<'_, '_> {
         if end == StopReason::Cancel { Err(SimplifyError::Cancelled) } else { Ok(end) }
     }
 
-    pub(super) fn source(&self, root: &Root) -> Source<'_> {
-        Source { surface: &self.input.surface, ordered: self.ordered, is_kept: root.is_kept }
+    pub(super) fn source(&self, root: &Root) -> OriginalInput<'_> {
+        OriginalInput { surface: &self.input.surface, ordered: self.ordered, is_kept: root.is_kept }
     }
 
     /// Builds the result of a finished engine, which cannot be swept further afterwards: computes proposals
@@ -123,8 +120,8 @@ impl Run<'_, '_> {
             // Later steps need the final vertices only for the trace, or to separate touching vertices.
             let is_last = !self.is_traced && engine.tally.necks_cut == 0;
             let home = if is_last { engine.mesh.store.take_homes() } else { engine.mesh.store.homes() };
-            fitted =
-                self.fit::<M>(&mut engine.mesh.store, &mut engine.mesh.values.attributes, root, &home, away);
+            let mesh = &mut engine.mesh;
+            fitted = Some(self.fit::<M>(&mut mesh.store, &mut mesh.values.attributes, root, &home, away));
         }
         if engine.tally.necks_cut > 0 && self.options.topology == TopologyPolicy::Relaxed {
             engine.mesh.separate_touching();
@@ -186,8 +183,7 @@ impl Run<'_, '_> {
             .input
             .mesh
             .filter(|_| self.options.textures.is_some() && engine.tally.pairs_contracted == 0)?;
-        let mut of = Vec::new();
-        self.source(root).visit(&mut |points, faces| of = components::labels(points.len(), faces));
+        let of = self.source(root).visit(|points, faces| components::labels(points.len(), faces));
         let of_vertex = |v: VertexId| {
             let place = self.ordered.rank[self.input.joined(v).index()];
             of.get(place.index()).copied()
@@ -208,7 +204,7 @@ impl Run<'_, '_> {
         root: &Root,
         home: &[VertexId],
         away: f64,
-    ) -> Option<f64> {
+    ) -> f64 {
         let mut values = match (&root.originals, attributes, &store.wedges) {
             (Some(originals), Some(attributes), Some(wedges)) => {
                 Some(fit::Values::new(originals, attributes, wedges.clone(), away))
@@ -219,21 +215,17 @@ impl Run<'_, '_> {
             Some(_) => store.v.iter().map(|x| x.p).collect(),
             None => Vec::new(),
         };
-        let (ordered, surface) = (&*self.ordered, &self.input.surface);
-        let guards = MoveGuards::new(&Rules::new(self.options, ordered.frame, ordered.diagonal), store);
+        let guards =
+            MoveGuards::new(&Rules::new(self.options, self.ordered.frame, self.ordered.diagonal), store);
         let guards = guards.as_ref();
-        let (given, mut fitted) = (surface.triangles().len(), None);
-        if !root.is_kept && given > TIME_OVER_MEMORY_MAX_FACES && SHRINK_DIVISOR * store.t.len() >= given {
-            // Positions are looked up one by one: 14 bytes a face less, but in an unordered file a sixth
-            // more time.
-            let given = &mut ordered.remade(surface);
-            fitted = Some(fit::fit(store, given, home, away, values.as_mut(), guards, M::tensor).rms);
-        } else {
-            self.source(root).visit(&mut |points, faces| {
+        let original = self.source(root);
+        let fitted = match original.looked_up(store.t.len()) {
+            Some(mut given) => fit::fit(store, &mut given, home, away, values.as_mut(), guards, M::tensor),
+            None => original.visit(|points, faces| {
                 let mut kept = KeptInput { points, faces };
-                fitted = Some(fit::fit(store, &mut kept, home, away, values.as_mut(), guards, M::tensor).rms);
-            });
-        }
+                fit::fit(store, &mut kept, home, away, values.as_mut(), guards, M::tensor)
+            }),
+        };
         if let Some(values) = values {
             values.solve(|face, k| {
                 let v = store.t[face][k];
@@ -241,6 +233,6 @@ impl Run<'_, '_> {
                 (!x.kind.is_locked()).then(|| x.p - before[v.index()])
             });
         }
-        fitted
+        fitted.rms
     }
 }

@@ -2,12 +2,12 @@
 
 use super::context::{Finished, Run, RunOutcome};
 use super::copies::Copies;
-use super::ladder::{LevelCounts, LevelTest};
+use super::level_search::{LevelCounts, LevelTest};
 use crate::SimplifyError;
 use crate::collapse::{Goal, StopReason};
 use crate::control::{Control, Stage};
 use crate::deviation::{Deviation, InputComparer, PreparedResult, ROUNDING};
-use crate::metric::{Memoryless, Metric, NeighbourhoodMetric, Quadric};
+use crate::metric::{Metric, with_metric};
 use crate::options::Method;
 
 /// Ratio of successive steps of a method that is controlled by a step.
@@ -29,18 +29,12 @@ fn passes_of_search(method: Method) -> PassOfSearch {
         let mut copies = Copies::of_search();
         Box::new(move |run, goal, control| run.pass_with_copies(metric, goal, None, &mut copies, control))
     }
-    match method {
-        Method::Memoryless => by(Memoryless),
-        Method::Quadric => by(Quadric),
-        Method::LindstromTurk => by(NeighbourhoodMetric::Volume),
-        Method::Melax => by(NeighbourhoodMetric::Turn),
-        Method::ShortestEdge => by(NeighbourhoodMetric::Length),
-        _ => Box::new(|run, goal, control| run.run_pass(goal, None, control)),
-    }
+    with_metric!(method, METRIC => by(METRIC))
+        .unwrap_or_else(|| Box::new(|run, goal, control| run.run_pass(goal, None, control)))
 }
 
 impl Run<'_, '_> {
-    /// Returns the lightest level of the ladder within `limit`.
+    /// Returns the lightest level of the search within `limit`.
     ///
     /// A level is the result of a run to its count, whatever the limit.
     pub(super) fn run_within_error(
@@ -52,16 +46,16 @@ impl Run<'_, '_> {
         // Rounding of double precision alone can amount to this.
         let limit = limit + ROUNDING * self.ordered.diagonal;
         let all = self.ordered.faces.len();
-        let ladder = LevelCounts::new(all, self.goal.faces.unwrap_or(1).clamp(1, all));
+        let counts = LevelCounts::new(all, self.goal.faces.unwrap_or(1).clamp(1, all));
         let mut pass = passes_of_search(self.options.method);
         let mut run_to = |run: &mut Self, level: usize, control: &mut dyn Control| {
-            let goal = Goal { faces: Some(ladder.count(level)), vertices: run.goal.vertices };
+            let goal = Goal { faces: Some(counts.count(level)), vertices: run.goal.vertices };
             pass(run, goal, control)
         };
         // The lightest level that seems to be within the limit: a spot check rules out most levels.
         let mut seemingly: Vec<(usize, RunOutcome)> = Vec::new();
         let mut is_over = false;
-        let mut level = ladder.search(&mut |level| {
+        let mut level = counts.search(&mut |level| {
             let outcome = run_to(&mut self, level, control)?;
             let (faces, vertices) = (outcome.mesh.face_count(), outcome.mesh.vertex_count());
             is_over = outcome.end == StopReason::Finish;
@@ -74,7 +68,7 @@ impl Run<'_, '_> {
             }
             seemingly.push((level, outcome));
             // If a run ends above its count, or by another stop, a lower count does not give fewer faces.
-            let is_last = faces > ladder.count(level) || self.goal.vertices.is_some_and(|v| vertices <= v);
+            let is_last = faces > counts.count(level) || self.goal.vertices.is_some_and(|v| vertices <= v);
             Ok(match () {
                 () if is_over => LevelTest::Over,
                 () if is_last => LevelTest::Last,

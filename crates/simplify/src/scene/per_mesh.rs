@@ -6,7 +6,8 @@ use lodsmith_core::TriMesh;
 use lodsmith_core::measure::{Comparison, TwoWay};
 use lodsmith_core::topology::size_of;
 
-use super::{MeshCounts, Part, SimplifiedScene, simplify_scene};
+use super::joined::JoinedScene;
+use super::part::{MeshCounts, Part, SimplifiedScene};
 use crate::SimplifyError;
 use crate::constraints;
 use crate::control::{Control, ProgressShare};
@@ -30,7 +31,6 @@ pub(super) fn simplify_each(
     control: &mut dyn Control,
 ) -> Result<SimplifiedScene, SimplifyError> {
     let mut options = options.clone();
-    options.per_mesh = false;
     let is_placed = parts.iter().any(|p| p.instances > 0);
     let all: usize = parts.iter().map(|p| p.mesh.face_count()).sum();
     let (mut meshes, mut counts, mut runs) = (Vec::new(), Vec::new(), Vec::new());
@@ -49,7 +49,9 @@ pub(super) fn simplify_each(
         options.locked = locked.as_deref().and_then(|l| l.get(own_vertices.clone())).map(Into::into);
         options.textures = textures.as_ref().map(|all| Arc::new(all.part(i)));
         options.importance = importance.as_deref().and_then(|l| l.get(own_vertices)).map(Into::into);
-        let (mesh, reached) = match simplify_scene(&[alone], diagonal, &options, &mut own) {
+        let alone = [alone];
+        let joined = JoinedScene::new(&alone, diagonal, &options)?;
+        let (mesh, reached) = match joined.run_to(&options.stop, &mut own) {
             Ok(SimplifiedScene { mut meshes, report, .. }) => {
                 let times = if is_placed { part.instances } else { 1 };
                 let area = size_of(&part.mesh.surface()).area * part.scale * part.scale * times as f64;

@@ -2,7 +2,6 @@
 
 use lodsmith_core::VertexId;
 
-use super::is_met;
 use super::store::FaceStore;
 use crate::rebuild::Task;
 
@@ -41,7 +40,7 @@ pub(super) fn remove_cheapest(store: &mut FaceStore<'_>, task: &Task<'_>) -> usi
     parts.pop();
     let mut removed = 0;
     for (_, _, part) in parts.iter().filter(|p| !p.1) {
-        if is_met(store, task) {
+        if store.meets(&task.goal) {
             break;
         }
         part.iter().for_each(|x| store.remove(x.1));

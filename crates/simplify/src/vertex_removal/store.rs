@@ -3,6 +3,7 @@
 use glam::DVec3;
 use lodsmith_core::{FaceId, RegionId, VertexId};
 
+use crate::collapse::Goal;
 use crate::collapse::order::NONE;
 use crate::rebuild::PreparedInput;
 
@@ -79,6 +80,12 @@ impl<'a> FaceStore<'a> {
             lists,
             corners,
         }
+    }
+
+    /// True if the goal is met.
+    pub(super) fn meets(&self, goal: &Goal) -> bool {
+        goal.faces.is_some_and(|n| self.face_count <= n)
+            || goal.vertices.is_some_and(|n| self.vertex_count <= n)
     }
 
     pub(super) fn point(&self, v: VertexId) -> DVec3 {

@@ -3,6 +3,7 @@
 
 pub(crate) mod charts;
 pub(crate) mod laden;
+pub(crate) mod untied;
 
 use std::collections::HashSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};

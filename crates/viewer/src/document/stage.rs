@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use lodsmith_core::Model;
 
-use super::{Document, Drawing, Outcome};
+use super::{Document, Outcome};
 use crate::content::Lighter;
 use crate::job::JobKind;
+use crate::shown::Drawing;
 use crate::stage::export::{StageExport, ViewingConditions};
 use crate::stage::levels::LodLevel;
 use crate::stage::{Copies, ModelBase, Stage};

@@ -8,8 +8,8 @@ use lodsmith_core::model::Pose;
 use lodsmith_render::{Background, Camera, Lighting, Look};
 
 use super::environment::EnvironmentMap;
+use super::matcap::Matcap;
 use super::model::DrawModel;
-use super::renderer::Matcap;
 use super::surface_shader::SurfaceShader;
 use super::uniforms::{TINTS, ViewTransform, bounding_sphere};
 

@@ -4,9 +4,9 @@ use egui_wgpu::wgpu;
 use glam::{DVec3, Mat4, Vec3};
 
 use super::frame::{Frame, build_draw_list, max_distance};
-use super::pipeline::{PICK_FORMAT, Pass};
+use super::pipeline::{DEPTH_FORMAT, PICK_FORMAT, Pass};
 use super::renderer::Gpu;
-use super::target::{DEPTH_FORMAT, FramePart, RenderTarget, depth_attachment, read_texture, texture};
+use super::target::{FramePart, RenderTarget, depth_attachment, read_texture, texture};
 use super::uniforms::ViewTransform;
 
 /// Model and point found under a pixel.

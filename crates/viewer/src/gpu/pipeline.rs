@@ -6,7 +6,6 @@ use egui_wgpu::wgpu;
 use lodsmith_render::Shading;
 
 use super::context::Context;
-use super::target::{DEPTH_FORMAT, draw_format};
 
 /// Content drawn by a pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -54,6 +53,16 @@ const PICK: &str = include_str!("../shaders/pick.wgsl");
 const PLACEHOLDER_SHADER: &str = "fn surface(at: Surface) -> vec4<f32> { return vec4(at.base, 1.0); }";
 /// Format of a pick: number of the model hit, and the bits of its depth.
 pub(super) const PICK_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rg32Uint;
+/// Depth format. Depth is the inverse of the distance: 0 is infinitely far.
+pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+/// Format that the window samples: raw sRGB values, premultiplied by alpha.
+pub(super) const STORED_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+
+/// Returns the format for drawing: passes write linear colours, which are stored as sRGB. If an adapter does
+/// not support two view formats for a texture, the shaders encode sRGB themselves.
+pub(super) fn draw_format(context: &Context) -> wgpu::TextureFormat {
+    if context.has_views { wgpu::TextureFormat::Rgba8UnormSrgb } else { STORED_FORMAT }
+}
 
 impl Pipelines {
     pub(super) fn new(context: &Context) -> Self {

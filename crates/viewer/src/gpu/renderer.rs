@@ -1,12 +1,12 @@
 //! Renderer that draws frames into targets.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use eframe::egui;
 use egui_wgpu::wgpu;
 use lodsmith_core::{Image, Model};
+use lodsmith_render::{Background, Shading};
 
 use super::buffer::Storage;
 use super::context::{Context, GpuError};
@@ -15,27 +15,13 @@ use super::environment::EnvironmentMap;
 use super::frame::{
     DrawList, DrawStats, Frame, FrameSnapshot, build_draw_list, heat_range, max_distance, triangle_count,
 };
+use super::matcap::Matcap;
 use super::model::DrawModel;
 use super::pipeline::{Pass, Pipelines, shading_number};
+use super::surface_shader::{ShaderError, SurfaceShader};
 use super::target::{FramePart, RenderTarget};
 use super::timer::Timer;
-use lodsmith_render::{Background, Shading};
-
 use super::uniforms::{Globals, GlobalsInput, MAX_LIGHTS, ViewTransform};
-
-/// A matcap: a picture of a lit sphere, sampled by the normal.
-pub struct Matcap {
-    id: u64,
-    view: wgpu::TextureView,
-}
-
-static NEXT_MATCAP: AtomicU64 = AtomicU64::new(1);
-
-impl Matcap {
-    pub(super) fn id(&self) -> u64 {
-        self.id
-    }
-}
 
 /// The renderer: a device with its pipelines.
 pub struct Gpu {
@@ -161,8 +147,14 @@ impl Gpu {
     }
     /// Uploads a picture of a lit sphere for [`Frame::matcap`].
     pub fn matcap(&self, image: &Image) -> Matcap {
-        let view = super::texture::texture(&self.context, image, true);
-        Matcap { id: NEXT_MATCAP.fetch_add(1, Ordering::Relaxed), view }
+        Matcap::new(&self.context, image)
+    }
+    /// Checks a user's shader and builds its pipelines.
+    ///
+    /// # Errors
+    /// [`ShaderError`] with the first error found.
+    pub fn shader(&self, text: &str) -> Result<SurfaceShader, ShaderError> {
+        SurfaceShader::new(&self.context, &self.pipelines, text)
     }
     /// Creates a target of this size in pixels.
     pub fn target(&self, size: [u32; 2]) -> RenderTarget {
@@ -319,9 +311,6 @@ impl Gpu {
 
     pub(super) fn prepare(&mut self, pass: Pass) {
         self.pipelines.prepare(&self.context, pass);
-    }
-    pub(super) fn pipelines(&self) -> &Pipelines {
-        &self.pipelines
     }
 
     pub(super) fn write_frame(

@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use egui_wgpu::wgpu;
 
-use super::pipeline::custom_module;
-use super::renderer::Gpu;
+use super::context::Context;
+use super::pipeline::{Pipelines, custom_module};
 
 /// Error in a user's shader.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -30,20 +30,11 @@ pub struct SurfaceShader {
 static NEXT_ID: AtomicU64 = AtomicU64::new(0);
 
 impl SurfaceShader {
-    pub(super) fn id(&self) -> u64 {
-        self.id
-    }
-}
-
-impl Gpu {
-    /// Checks a user's shader and builds its pipelines.
-    ///
-    /// # Errors
-    /// [`ShaderError`] with the first error found.
-    pub fn shader(&self, text: &str) -> Result<SurfaceShader, ShaderError> {
-        let device = &self.context().device;
+    /// Checks a user's shader and builds its pipelines. Returns the first error found.
+    pub(super) fn new(context: &Context, pipelines: &Pipelines, text: &str) -> Result<Self, ShaderError> {
+        let device = &context.device;
         let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let (module, before) = custom_module(self.context(), text);
+        let (module, before) = custom_module(context, text);
         let info = pollster::block_on(module.get_compilation_info());
         let failed = pollster::block_on(scope.pop());
         let first = info.messages.iter().find(|m| m.message_type == wgpu::CompilationMessageType::Error);
@@ -56,11 +47,15 @@ impl Gpu {
             return Err(ShaderError { line: None, message: error.to_string() });
         }
         let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let pipelines = self.pipelines().of_shader(self.context(), &module);
+        let pipelines = pipelines.of_shader(context, &module);
         if let Some(error) = pollster::block_on(scope.pop()) {
             return Err(ShaderError { line: None, message: error.to_string() });
         }
-        Ok(SurfaceShader { id: NEXT_ID.fetch_add(1, Ordering::Relaxed), pipelines })
+        Ok(Self { id: NEXT_ID.fetch_add(1, Ordering::Relaxed), pipelines })
+    }
+
+    pub(super) fn id(&self) -> u64 {
+        self.id
     }
 }
 

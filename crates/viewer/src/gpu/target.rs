@@ -9,17 +9,8 @@ use lodsmith_core::Image;
 use super::context::Context;
 use super::frame::{Frame, FrameSnapshot};
 use super::model::DrawModel;
+use super::pipeline::{DEPTH_FORMAT, STORED_FORMAT, draw_format};
 use super::uniforms::{linear_from_srgb, srgb_from_linear};
-
-/// Format that the window samples: raw sRGB values, premultiplied by alpha.
-const STORED_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-/// Returns the format for drawing: passes write linear colours, which are stored as sRGB. If an adapter does
-/// not support two view formats for a texture, the shaders encode sRGB themselves.
-pub(super) fn draw_format(context: &Context) -> wgpu::TextureFormat {
-    if context.has_views { wgpu::TextureFormat::Rgba8UnormSrgb } else { STORED_FORMAT }
-}
-/// Depth format. Depth is the inverse of the distance: 0 is infinitely far.
-pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
 type Renderer = Arc<egui::mutex::RwLock<egui_wgpu::Renderer>>;
 

@@ -39,15 +39,10 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
                 scope.requests.push(UiRequest::Copy(text));
             }
         }
-        let missing = (BENCHMARK_RATIOS.len() + 1).saturating_sub(table.rows.len());
-        if missing > 0 {
-            let text = if is_running { "remaining" } else { "not measured" };
-            ui.label(weak(ui, format!("{missing} {text}")));
-        }
     });
     match table.filter(|t| !t.rows.is_empty()) {
         Some(table) => {
-            ui.add(egui::Label::new(weak(ui, table.title()).small()).wrap().selectable(true));
+            ui.add(egui::Label::new(weak(ui, &table.title).small()).wrap().selectable(true));
             grid(ui, &table);
         }
         None if document.original().is_none() => widgets::empty_note(ui, "Open a file to run the benchmark"),

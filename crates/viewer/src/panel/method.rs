@@ -1,11 +1,11 @@
 //! Method panel: the options of the engine.
 
 use eframe::egui::{CollapsingHeader, Ui};
-use lodsmith::{Measure, Method, MethodOptions};
+use lodsmith::{BorderPolicy, Fit, Measure, Method, MethodOptions, Placement, Preset, TopologyPolicy};
 
 use super::{PanelContext, widgets};
 use crate::command::Command;
-use crate::option_words::{BORDERS, FITS, NORMALS, PLACEMENTS, PRESETS, Simplification, TOPOLOGIES};
+use crate::option_words::{Normals, Simplification, named};
 
 /// Methods with their descriptions.
 const METHODS: [(Method, &str); 10] = [
@@ -40,13 +40,12 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
 fn edit(ui: &mut Ui, how: &mut Simplification) {
     let mut preset = how.preset;
     let tip = "Set several options for a purpose; all can be changed afterwards";
-    if widgets::choose(ui, "Preset", tip, PRESETS, &mut preset) {
+    if widgets::choose(ui, "Preset", tip, &named(Preset::ALL, Preset::name), &mut preset) {
         *how = Simplification::of_preset(preset, how.options.stop);
     }
     let o = &mut how.options;
-    let names: Vec<_> = Method::ALL.iter().map(|m| (*m, m.name())).collect();
     let said = |method: Method| METHODS.iter().find(|m| m.0 == method).map_or("", |m| m.1);
-    if widgets::choose(ui, "Method", said(o.method), &names, &mut o.method) {
+    if widgets::choose(ui, "Method", said(o.method), &named(Method::ALL, Method::name), &mut o.method) {
         // Options of the previous method are an error for another one.
         o.method_options = MethodOptions::default();
     }
@@ -56,26 +55,32 @@ fn edit(ui: &mut Ui, how: &mut Simplification) {
         ui,
         "Placement",
         "Position of a merged vertex; endpoint keeps a subset of the vertices",
-        PLACEMENTS,
+        &named(Placement::ALL, Placement::name),
         &mut o.placement,
     );
-    widgets::choose(ui, "Fit", "Final least-squares fit to the original", FITS, &mut o.fit);
+    widgets::choose(
+        ui,
+        "Fit",
+        "Final least-squares fit to the original",
+        &named(Fit::ALL, Fit::name),
+        &mut o.fit,
+    );
     widgets::choose(
         ui,
         "Borders",
         "How to treat open borders: keep their shape, slide along them, lock them, or ignore them",
-        BORDERS,
+        &named(BorderPolicy::ALL, BorderPolicy::name),
         &mut o.border,
     );
     let tip = "Edges sharper than this angle, in degrees, are features; their vertices stay on them";
     widgets::optional(ui, "Sharp edges", tip, &mut o.sharp_deg, 30.0, 1.0..=179.0);
     let tip = "relaxed: no new defects; preserve: no changes; free: cut handles and remove parts where that is cheapest";
-    widgets::choose(ui, "Topology", tip, TOPOLOGIES, &mut o.topology);
+    widgets::choose(ui, "Topology", tip, &named(TopologyPolicy::ALL, TopologyPolicy::name), &mut o.topology);
     widgets::choose(
         ui,
         "Normals",
         "Normals of the result: from the input, recomputed, or none",
-        NORMALS,
+        &named(Normals::ALL, Normals::name),
         &mut how.normals,
     );
 

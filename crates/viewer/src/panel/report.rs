@@ -9,7 +9,7 @@ use crate::content::Lighter;
 use crate::keys::Action;
 use crate::log::Severity;
 use crate::numbers::{grouped, percent, seconds, significant};
-use crate::option_words::{BORDERS, PLACEMENTS, Simplification, TOPOLOGIES, length_text, quoted, word};
+use crate::option_words::{Simplification, length_text, quoted};
 
 /// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
@@ -135,9 +135,9 @@ fn propose(ui: &mut Ui, scope: &mut PanelContext<'_>, proposal: &Proposal) {
 
 fn change_text(change: &Change) -> String {
     match *change {
-        Change::Border(to) => format!("borders: {}", word(BORDERS, to)),
-        Change::Topology(to) => format!("topology: {}", word(TOPOLOGIES, to)),
-        Change::Placement(to) => format!("placement: {}", word(PLACEMENTS, to)),
+        Change::Border(to) => format!("borders: {}", to.name()),
+        Change::Topology(to) => format!("topology: {}", to.name()),
+        Change::Placement(to) => format!("placement: {}", to.name()),
         Change::MaxNormal => "larger normal deviation".to_owned(),
         Change::MinQuality => "lower shape quality".to_owned(),
         Change::MaxValence => "higher valence".to_owned(),

@@ -1,6 +1,7 @@
 //! Timeline panel: playback controls, and a lane for each animated object.
 
 mod keyframes;
+mod scale;
 
 use eframe::egui::{self, Rangef, Rect, Response, Sense, Stroke, Ui, Vec2, pos2};
 use lodsmith_core::Model;
@@ -12,29 +13,13 @@ use crate::keys::Action;
 use crate::playback::{Playback, SPEED_RANGE, clip_names, keyframes as of_clip};
 use crate::stage::motion::Mover;
 use crate::theme::palette;
+use scale::{MARGIN, NAME_WIDTH, TimeScale, TimelineTrack};
 
-/// Width of the names before the lanes.
-const NAME_WIDTH: f32 = 128.0;
 const RULER_HEIGHT: f32 = 26.0;
 const LANE_HEIGHT: f32 = 20.0;
-/// Space for half a knob beyond both ends.
-const MARGIN: f32 = 8.0;
-/// Smallest distance between two ticks of the ruler, in points.
-const MIN_TICK_DISTANCE: f64 = 64.0;
 
 /// Number of visible lanes; further ones are scrolled to.
 const MAX_VISIBLE_LANES: usize = 6;
-
-/// An animated object: a lane under the ruler.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TimelineTrack {
-    /// Name of the object.
-    pub name: String,
-    /// Times of its keyframes in seconds, ascending.
-    pub keys: Vec<f64>,
-    /// Mover on the stage; `None` for a clip of the file, whose keyframes cannot be edited.
-    pub mover: Option<Mover>,
-}
 
 /// Returns all lanes from top to bottom.
 fn tracks(document: &Document, model: &Model, playback: &Playback) -> Vec<TimelineTrack> {
@@ -52,36 +37,6 @@ fn tracks(document: &Document, model: &Model, playback: &Playback) -> Vec<Timeli
         all.extend(stage.motion.copies.keys().map(|n| of(format!("Copy {}", n + 1), Mover::Copy(*n))));
     }
     all
-}
-
-/// Mapping between time and horizontal position, for the ruler and all lanes.
-#[derive(Clone, Copy, Debug)]
-pub struct TimeScale {
-    /// Horizontal range on the screen.
-    pub x_range: Rangef,
-    /// Length in seconds.
-    pub length: f64,
-}
-
-impl TimeScale {
-    /// Returns the position of a time.
-    pub fn x_of(&self, seconds: f64) -> f32 {
-        let share = if self.length > 0.0 { (seconds / self.length).clamp(0.0, 1.0) } else { 0.0 };
-        self.x_range.min + self.x_range.span() * share as f32
-    }
-
-    /// Returns the time at a position, clamped to the ruler.
-    pub fn seconds_at(&self, x: f32) -> f64 {
-        let share = f64::from((x - self.x_range.min) / self.x_range.span().max(1.0)).clamp(0.0, 1.0);
-        share * self.length
-    }
-
-    /// Returns the seconds between two ticks: 1, 2 or 5 times a power of ten.
-    fn step(&self) -> f64 {
-        let least = MIN_TICK_DISTANCE * self.length / f64::from(self.x_range.span().max(1.0));
-        let power = 10f64.powf(least.max(1e-6).log10().floor());
-        [1.0, 2.0, 5.0].map(|n| n * power).into_iter().find(|s| *s >= least).unwrap_or(10.0 * power)
-    }
 }
 
 /// Draws the panel.
@@ -293,27 +248,6 @@ fn lane(ui: &Ui, rect: Rect, scale: &TimeScale, track: &TimelineTrack) {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_moment_is_where_its_place_is() {
-        let scale = TimeScale { x_range: Rangef::new(100.0, 500.0), length: 2.0 };
-        for seconds in [0.0, 0.3, 1.0, 2.0] {
-            assert!((scale.seconds_at(scale.x_of(seconds)) - seconds).abs() < 1e-6);
-        }
-        assert_eq!([scale.seconds_at(0.0), scale.seconds_at(900.0)], [0.0, 2.0]);
-        let nothing = TimeScale { length: 0.0, ..scale };
-        assert_eq!((nothing.x_of(1.0), nothing.seconds_at(300.0)), (100.0, 0.0));
-    }
-
-    #[test]
-    fn marks_stand_apart_and_at_round_numbers() {
-        for (length, points, wanted) in
-            [(2.0, 400.0, 0.5), (2.0, 1300.0, 0.1), (70.0, 640.0, 10.0), (0.04, 128.0, 0.02)]
-        {
-            let scale = TimeScale { x_range: Rangef::new(0.0, points), length };
-            assert!((scale.step() - wanted).abs() < 1e-9, "{length} {points}: {}", scale.step());
-        }
-    }
 
     #[test]
     fn a_moment_can_be_typed() {

@@ -12,12 +12,12 @@ use glam::DVec3;
 use lodsmith_core::model::Pose as ModelPose;
 use lodsmith_render::Shading;
 
-use super::levels::{LevelSelection, LevelSelector, Viewpoint, switch_distance};
-use super::motion::{CameraPlacement, KeyframeId, Motion, Track};
+use super::levels::{LevelSelector, Viewpoint, switch_distance};
+use super::motion::{CameraPlacement, Track};
 use super::scatter::Scatter;
+use super::status::{KeyframeSelection, LevelStatus, StageStatus};
 use super::{Copies, ModelBase, Placement, StageChange, ground, walk};
 use crate::command::Command;
-use crate::compare::drawing_line;
 use crate::document::{Document, StageLevel};
 use crate::gpu::{Frame, Gpu, PlacedModel, RenderTarget, TINTS};
 use crate::keys::Action;
@@ -54,62 +54,6 @@ pub struct StageView {
     applied_keyframes: Option<(f64, Track<CameraPlacement>)>,
     /// Selected and dragged keyframes.
     pub keyframes: KeyframeSelection,
-}
-
-/// Keyframes that are selected in the timeline, and those being dragged.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct KeyframeSelection {
-    /// Selected keyframes.
-    pub chosen: Vec<KeyframeId>,
-    /// Drag in progress.
-    pub drag: Option<KeyframeDrag>,
-}
-
-/// Keyframes that are being dragged.
-#[derive(Clone, Debug, PartialEq)]
-pub struct KeyframeDrag {
-    /// Motion before the drag.
-    pub before: Motion,
-    /// Dragged keyframes.
-    pub names: Vec<KeyframeId>,
-    /// Time under the pointer at the start of the drag.
-    pub from_secs: f64,
-    /// True if the original keyframes are kept.
-    pub keeps: bool,
-}
-
-/// State of the stage for panels.
-#[derive(Clone, Debug, Default)]
-pub struct StageStatus {
-    /// Numbers of the selected copies.
-    pub selected: Vec<usize>,
-    /// True if a click places a copy.
-    pub is_placing: bool,
-    /// True if the camera is in walk mode.
-    pub is_walking: bool,
-    /// The levels, from the finest.
-    pub levels: Vec<LevelStatus>,
-    /// Copies and levels of the last frame.
-    pub chosen: LevelSelection,
-    /// CPU time to select the levels and submit the drawing.
-    pub secs: f64,
-    /// Maximum of this time since the stage was opened.
-    pub longest_secs: f64,
-    /// Scatter settings of the panel that are not applied yet.
-    pub form: Option<Scatter>,
-    /// Selected and dragged keyframes.
-    pub keyframes: KeyframeSelection,
-}
-
-/// State of a level for panels.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LevelStatus {
-    /// Number of triangles.
-    pub faces: u64,
-    /// Distance from which a copy of scale 1 is shown in this level, in units of the model.
-    pub distance: f64,
-    /// Number of copies shown in this level.
-    pub copies: usize,
 }
 
 /// Scene of a frame and its screen rectangle.
@@ -454,7 +398,7 @@ impl StageView {
             ui.painter_at(*rect).image(id, *rect, whole, Color32::WHITE);
         }
         if let Some(share) = drawn.completed_fraction() {
-            drawing_line(ui, *rect, share);
+            viewport::drawing_line(ui, *rect, share);
             ui.request_repaint();
         }
         ready + drawn.cpu_time
@@ -611,7 +555,7 @@ impl StageView {
         if chosen.left_out > 0 {
             text += &format!("  ·  {} omitted", grouped(chosen.left_out));
         }
-        draw_chip(&painter, p, rect.min + Vec2::splat(10.0), "Stage", &text);
+        viewport::caption(ui, rect, "Stage", &text, false);
         let hint = if document.awaits_levels() {
             "Making levels; until then only some copies are drawn"
         } else if self.is_walking {
@@ -700,15 +644,4 @@ fn copies_bounds(document: &Document) -> Option<lodsmith_core::Bounds> {
     }
     min.y = 0.0;
     Some(lodsmith_core::Bounds { min: min.to_array(), max: max.to_array() })
-}
-
-fn draw_chip(painter: &egui::Painter, p: &Palette, at: Pos2, title: &str, text: &str) {
-    let title = painter.layout_no_wrap(title.to_owned(), egui::FontId::proportional(13.0), p.text);
-    let text = painter.layout_no_wrap(text.to_owned(), egui::FontId::monospace(12.0), p.weak);
-    let place = Rect::from_min_size(at, Vec2::new(title.size().x + text.size().x + 34.0, 26.0));
-    painter.rect_filled(place, 5.0, p.panel.gamma_multiply(0.92));
-    let middle = |galley: &egui::Galley| place.center().y - galley.size().y / 2.0;
-    let text_at = pos2(place.right() - text.size().x - 12.0, middle(&text));
-    painter.galley(pos2(place.left() + 12.0, middle(&title)), title, p.text);
-    painter.galley(text_at, text, p.weak);
 }

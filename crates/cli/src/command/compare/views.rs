@@ -10,10 +10,10 @@ use lodsmith_render::{Background, Panel, PictureFormat, Shading, Subject, View, 
 use serde_json::{Value, json};
 
 use crate::args::{CompareArgs, Reading};
-use crate::exit::usage;
-use crate::file::{Sink, Source};
 use crate::memory_need::Size;
 use crate::numbers::{micros, significant};
+use crate::paths::{Sink, Source};
+use crate::status::usage;
 use crate::{memory, memory_need, picture};
 
 /// Result of the comparison.

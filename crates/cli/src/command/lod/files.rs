@@ -10,9 +10,10 @@ use lodsmith_io::gltf::{Scene, SceneLevels, SceneMesh};
 use lodsmith_io::{Format, Regions, Warning};
 
 use crate::args::{LodArgs, Naming};
-use crate::exit::usage;
-use crate::file::{self, Sink, Source};
+use crate::file;
+use crate::paths::{self, Sink, Source};
 use crate::plan::{self, OutputArgs};
+use crate::status::usage;
 
 /// Attribute with the position of a vertex in the next level.
 const GEOMORPH_ATTRIBUTE: &str = "_GEOMORPH";
@@ -135,7 +136,7 @@ impl Plan {
         let mut warnings = Vec::new();
         for (k, mesh) in meshes.iter().enumerate() {
             let (Some(sink), Some(format)) = (self.sink(k), self.format()) else { break };
-            file::refuse_inputs(&sink, [&args.input], args.writing.force || args.dry_run)?;
+            paths::refuse_inputs(&sink, [&args.input], args.writing.force || args.dry_run)?;
             let options = file::options(&args.writing, format, regions.clone());
             add(
                 &mut warnings,
@@ -172,25 +173,20 @@ impl Plan {
                 levels.default_name = name_of_input(&args.input, sink);
                 warnings = match args.dry_run {
                     true => file::levels_losses(scene, &levels, relink, *format)?,
-                    false => file::write_levels(scene, &levels, relink, sink, *format, args.writing.force)?,
+                    false => file::write_levels(scene, &levels, relink, sink, *format, &args.writing)?,
                 };
             }
             Self::Each { format, .. } => {
                 for (k, replaced) in replaced.iter().enumerate() {
                     let Some(sink) = self.sink(k) else { break };
-                    file::refuse_inputs(&sink, [&args.input], args.writing.force || args.dry_run)?;
+                    paths::refuse_inputs(&sink, [&args.input], args.writing.force || args.dry_run)?;
                     add(
                         &mut warnings,
                         match args.dry_run {
                             true => file::scene_losses(scene, replaced, relink, *format)?,
-                            false => file::write_scene(
-                                scene,
-                                replaced,
-                                relink,
-                                &sink,
-                                *format,
-                                args.writing.force,
-                            )?,
+                            false => {
+                                file::write_scene(scene, replaced, relink, &sink, *format, &args.writing)?
+                            }
                         },
                     );
                 }

@@ -1,17 +1,37 @@
 //! Report of a chain of levels.
 
 use lodsmith::lod::error_of;
-use lodsmith::{Report, SimplifyOptions};
+use lodsmith::{MeshCounts, Report, SimplifyOptions};
+use lodsmith_io::{Format, Warning};
 use serde_json::{Map, Value, json};
 
 use super::files::Plan;
-use super::{Level, LodResult};
 use crate::args::LodArgs;
-use crate::command::simplify::{measured_json, mesh_json, not_reached, show_not_reached, warnings_of};
-use crate::command::{show_warnings, texts};
-use crate::exit::{Interrupted, Status};
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::output::Output;
+use crate::report_json::{error_json, mesh_json};
+use crate::run_control::StageClock;
+use crate::status::Status;
+use crate::warnings::{show_not_reached, show_warnings, texts, warnings_of};
+
+/// Result of a run.
+pub(super) struct LodResult {
+    pub(super) format: Format,
+    /// Faces and vertices of level 0.
+    pub(super) counts: [usize; 2],
+    pub(super) levels: Vec<Level>,
+    pub(super) diagonal: f64,
+    pub(super) warnings: Vec<Warning>,
+    pub(super) clock: StageClock,
+}
+
+/// Report data of a level below the original.
+pub(super) struct Level {
+    pub(super) report: Report,
+    /// The reason why its target was not reached.
+    pub(super) not_reached: Option<String>,
+    pub(super) meshes: Vec<(String, MeshCounts)>,
+}
 
 /// Returns the distance from which on a level looks like the original, at the scale of the output.
 pub(super) fn distance(report: &Report, args: &LodArgs) -> f64 {
@@ -37,11 +57,7 @@ pub(super) fn show(
     });
     let made = match written {
         Ok(made) => made,
-        Err(e) if e.is::<Interrupted>() => return Status::Interrupted,
-        Err(e) => {
-            out.failure(path, &format!("{e:#}"));
-            return Status::Failed;
-        }
+        Err(e) => return out.failure(path, &e),
     };
     out.object(&to_json(&made, path, plan, args));
     for line in lines(&made, path, args) {
@@ -51,13 +67,11 @@ pub(super) fn show(
         made.clock.stages.iter().map(|(name, secs)| format!("{name} {secs:.3} s")).collect();
     out.detail(&format!("  {}, {}", times.join(", "), counted(args.run.threads(), "thread", "threads")));
     let mut is_fault = show_warnings(out, path, &made.warnings, args.ending.strict);
-    let options = args.options().simplify;
     for (k, level) in made.levels.iter().enumerate() {
         let name = format!("{path}: level {}", k + 1);
         is_fault |= show_warnings(out, &name, &warnings_of(&level.report), args.ending.strict);
-        if !level.report.reached {
-            let why = not_reached(&level.report, &options, args.run.time_limit);
-            is_fault |= show_not_reached(out, &name, &why, args.ending.strict);
+        if let Some(why) = &level.not_reached {
+            is_fault |= show_not_reached(out, &name, why, args.ending.strict);
         }
     }
     if is_fault { Status::Strict } else { Status::Done }
@@ -87,14 +101,6 @@ fn lines(made: &LodResult, path: &str, args: &LodArgs) -> Vec<String> {
         ));
     }
     lines
-}
-
-fn error_json(report: &Report) -> Value {
-    let e = &report.error;
-    json!({
-        "estimate": e.estimate, "bound": e.bound, "measured": e.measured.as_ref().map(measured_json),
-        "unit": "model", "diagonal": e.diagonal,
-    })
 }
 
 /// Returns the report as JSON.
@@ -131,7 +137,7 @@ fn to_json(made: &LodResult, path: &str, plan: &Plan, args: &LodArgs) -> Value {
         "output": {
             "path": args.output.as_ref().map(ToString::to_string),
             "folder": args.out_dir.as_ref().map(|d| d.display().to_string()),
-            "format": plan.format().map(lodsmith_io::Format::name),
+            "format": plan.format().map(Format::name),
         },
         "method": options.method.name(),
         "target": args.target(),

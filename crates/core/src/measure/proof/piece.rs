@@ -58,12 +58,12 @@ impl Piece {
     /// less than `sliver` from the plane.
     pub(super) fn cut(&self, at: DVec3, out: DVec3, sliver: f64) -> Option<(Self, Self)> {
         let mut side = [0.0; MAX_CORNERS];
-        let (mut least, mut most) = (0.0f64, 0.0f64);
+        let (mut lowest, mut highest) = (0.0f64, 0.0f64);
         for (side, p) in side.iter_mut().zip(self.corners()) {
             *side = (*p - at).dot(out);
-            (least, most) = (least.min(*side), most.max(*side));
+            (lowest, highest) = (lowest.min(*side), highest.max(*side));
         }
-        if most <= sliver || least >= -sliver || self.count == MAX_CORNERS {
+        if highest <= sliver || lowest >= -sliver || self.count == MAX_CORNERS {
             return None;
         }
         let mut parts = [Self::of(&[], self.near), Self::of(&[], self.near)];

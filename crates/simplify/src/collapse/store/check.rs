@@ -189,7 +189,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::collapse::store::{Corner, Ring};
+    use crate::collapse::ring::{Corner, Ring};
     use crate::tensor::Tensor;
 
     /// A tetrahedron beside a square of two faces, one vertex of which was merged into another.

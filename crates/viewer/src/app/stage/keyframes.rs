@@ -8,7 +8,7 @@ use crate::keys::CopiesAction;
 use crate::panel::Panel;
 use crate::stage::StageChange;
 use crate::stage::motion::{CameraPlacement, Curve, KeyframeId, Motion, Mover, Tracks, rounded_secs};
-use crate::stage::picture::KeyframeSelection;
+use crate::stage::status::KeyframeSelection;
 
 impl App {
     /// Carries out an action if it is one of keyframes; returns true if so.

@@ -2,14 +2,15 @@
 
 use eframe::egui::{self, CursorIcon, Modifiers, Rect, Response, Sense, Shape, Stroke, Ui, Vec2, pos2};
 
-use super::{MARGIN, NAME_WIDTH, PanelContext, TimeScale, TimelineTrack, widgets};
+use super::scale::{MARGIN, NAME_WIDTH, TimeScale, TimelineTrack};
+use super::{PanelContext, widgets};
 use crate::command::Command;
 use crate::keys::{Action, CopiesAction};
 use crate::panel::UiRequest;
 use crate::playback::Playback;
 use crate::stage::StageChange;
 use crate::stage::motion::{Curve, KeyframeId, MAX_SECS, Motion, Mover, rounded_secs};
-use crate::stage::picture::{KeyframeDrag, KeyframeSelection};
+use crate::stage::status::{KeyframeDrag, KeyframeSelection};
 use crate::theme::{palette, weak};
 
 /// Half the size of a keyframe mark, and the distance within which the pointer hits it.

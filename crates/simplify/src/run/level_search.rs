@@ -76,19 +76,19 @@ impl LevelCounts {
         self.counts[level]
     }
 
-    /// Tests levels with `ask` until the best one is found; returns 0, the input, if none is within the
+    /// Tests levels with `test` until the best one is found; returns 0, the input, if none is within the
     /// distance. Never tests that one, and no other twice.
     pub(crate) fn search(
         &self,
-        ask: &mut dyn FnMut(usize) -> Result<LevelTest, SimplifyError>,
+        test: &mut dyn FnMut(usize) -> Result<LevelTest, SimplifyError>,
     ) -> Result<usize, SimplifyError> {
         let mut known = vec![None; self.counts.len()];
         known[0] = Some(LevelTest::Kept);
-        let mut ask = |level: usize| -> Result<LevelTest, SimplifyError> {
+        let mut test = |level: usize| -> Result<LevelTest, SimplifyError> {
             if let Some(answer) = known[level] {
                 return Ok(answer);
             }
-            let answer = ask(level)?;
+            let answer = test(level)?;
             known[level] = Some(answer);
             Ok(answer)
         };
@@ -97,7 +97,7 @@ impl LevelCounts {
         while beyond - kept > 1 {
             let is_marked = mark < beyond;
             let level = if is_marked { mark } else { usize::midpoint(kept, beyond) };
-            match ask(level)? {
+            match test(level)? {
                 LevelTest::Over => return Ok(kept),
                 LevelTest::Last => return Ok(level),
                 LevelTest::Kept => kept = level,
@@ -108,7 +108,7 @@ impl LevelCounts {
         let mut next = (kept + EXTRA_LEVELS) / EXTRA_LEVEL_STEP * EXTRA_LEVEL_STEP;
         while next > kept {
             if next < self.counts.len() {
-                match ask(next)? {
+                match test(next)? {
                     LevelTest::Over => break,
                     LevelTest::Last => return Ok(next),
                     LevelTest::Kept => {
@@ -134,7 +134,7 @@ impl LevelCounts {
 pub(crate) fn search_around(
     levels: RangeInclusive<i64>,
     begin: i64,
-    ask: &mut dyn FnMut(i64) -> Result<LevelTest, SimplifyError>,
+    test: &mut dyn FnMut(i64) -> Result<LevelTest, SimplifyError>,
 ) -> Result<Option<i64>, SimplifyError> {
     let (first, last) = levels.into_inner();
     if first > last {
@@ -146,7 +146,7 @@ pub(crate) fn search_around(
     let mut kept = None;
     let mut beyond = None;
     loop {
-        match ask(level)? {
+        match test(level)? {
             LevelTest::Over => return Ok(kept),
             LevelTest::Last => return Ok(Some(level)),
             LevelTest::Kept => kept = Some(level),
@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn a_larger_distance_never_ends_at_a_heavier_level() {
-        let ladder = LevelCounts::new(20_000, 3);
+        let levels = LevelCounts::new(20_000, 3);
         let mut state = 5u64;
         for round in 0..50 {
             // Errors that rise, and jump by up to a factor of 16.
@@ -199,7 +199,7 @@ mod tests {
             for k in 0..120 {
                 let limit = 0.5 * 1.1f64.powi(k);
                 let mut asked = Vec::new();
-                let got = ladder
+                let got = levels
                     .search(&mut |level| {
                         asked.push(level);
                         Ok(if error(level, state) <= limit { LevelTest::Kept } else { LevelTest::Beyond })

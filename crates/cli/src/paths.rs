@@ -1,0 +1,153 @@
+//! Inputs and outputs as typed: a path, or `-` for a standard stream.
+
+use std::ffi::OsString;
+use std::fmt;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use lodsmith_io::sniff::hint_of;
+use lodsmith_io::{Format, WriteError};
+
+use crate::status::usage;
+
+/// Source of an input.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Source {
+    /// Standard input, typed as `-`.
+    Stdin,
+    /// A file.
+    Path(PathBuf),
+}
+
+/// Destination of a result.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Sink {
+    /// Standard output, typed as `-`.
+    Stdout,
+    /// A file.
+    Path(PathBuf),
+}
+
+impl From<OsString> for Source {
+    fn from(typed: OsString) -> Self {
+        if typed == "-" { Self::Stdin } else { Self::Path(typed.into()) }
+    }
+}
+
+impl From<OsString> for Sink {
+    fn from(typed: OsString) -> Self {
+        if typed == "-" { Self::Stdout } else { Self::Path(typed.into()) }
+    }
+}
+
+impl fmt::Display for Source {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Stdin => f.write_str("-"),
+            Self::Path(path) => path.display().fmt(f),
+        }
+    }
+}
+
+impl fmt::Display for Sink {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Stdout => f.write_str("-"),
+            Self::Path(path) => path.display().fmt(f),
+        }
+    }
+}
+
+/// Returns an error if two sources are standard input.
+pub(crate) fn at_most_one_stdin<'a>(sources: impl IntoIterator<Item = &'a Source>) -> anyhow::Result<()> {
+    if sources.into_iter().filter(|s| **s == Source::Stdin).count() > 1 {
+        return Err(usage("standard input can be read only once: one `-` is enough"));
+    }
+    Ok(())
+}
+
+/// Returns the format of an output: the one asked for, or that of its file extension.
+pub(crate) fn format_of(sink: &Sink, to: Option<Format>) -> anyhow::Result<Format> {
+    let hint = match sink {
+        Sink::Path(path) => hint_of(path),
+        Sink::Stdout => None,
+    };
+    match (to.or(hint), sink) {
+        (Some(Format::Lpm), _) => Err(usage(WriteError::NeedsSplits.to_string())),
+        (Some(format), _) => Ok(format),
+        (None, Sink::Stdout) => Err(usage("standard output has no ending: say the format with --to")),
+        (None, Sink::Path(path)) if path.is_dir() => {
+            Err(usage(format!("{}: is a folder: name a file in it", path.display())))
+        }
+        (None, Sink::Path(path)) => Err(usage(WriteError::UnknownFormat { path: path.clone() }.to_string())),
+    }
+}
+
+/// Returns a usage error if the output is a folder.
+pub(crate) fn refuse_folder(sink: &Sink, hint: &str) -> anyhow::Result<()> {
+    match sink {
+        Sink::Path(path) if path.is_dir() => {
+            Err(usage(format!("{}: is a folder, which is never overwritten{hint}", path.display())))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Refuses to overwrite an input unless asked for: it may be the only copy.
+///
+/// # Errors
+/// A usage error if the output is an input.
+pub(crate) fn refuse_inputs<'a>(
+    sink: &Sink,
+    inputs: impl IntoIterator<Item = &'a Source>,
+    force: bool,
+) -> anyhow::Result<()> {
+    let Sink::Path(path) = sink else { return Ok(()) };
+    // A device or a pipe cannot be overwritten.
+    if force || !fs::metadata(path).is_ok_and(|about| about.is_file()) {
+        return Ok(());
+    }
+    let place = identity(path);
+    for input in inputs {
+        if matches!(input, Source::Path(input) if identity(input) == place) {
+            return Err(usage(format!("{sink}: is an input; --force writes over it")));
+        }
+    }
+    Ok(())
+}
+
+/// Returns a canonical form of a path, the same for all spellings of it, as far as the file system can tell.
+pub(crate) fn identity(path: &Path) -> PathBuf {
+    if let Ok(real) = path.canonicalize() {
+        return real;
+    }
+    let parent = match path.parent() {
+        Some(p) if !p.as_os_str().is_empty() => p,
+        _ => Path::new("."),
+    };
+    match (parent.canonicalize(), path.file_name()) {
+        (Ok(parent), Some(name)) => parent.join(name),
+        _ => std::path::absolute(path).unwrap_or_else(|_| path.to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::status::{Status, status_of};
+
+    #[test]
+    fn a_dash_is_a_stream() {
+        assert_eq!(Source::from(OsString::from("-")), Source::Stdin);
+        assert_eq!(Source::from(OsString::from("./-")).to_string(), "./-");
+        assert!(at_most_one_stdin([&Source::Stdin, &Source::Stdin]).is_err());
+    }
+
+    #[test]
+    fn the_ending_names_the_format_unless_told() {
+        let sink = |s: &str| Sink::from(OsString::from(s));
+        assert_eq!(format_of(&sink("a.stl.gz"), None).unwrap(), Format::Stl);
+        assert_eq!(format_of(&sink("a.stl"), Some(Format::Ply)).unwrap(), Format::Ply);
+        assert_eq!(status_of(&format_of(&sink("-"), None).unwrap_err()), Status::Usage);
+    }
+}

@@ -1,0 +1,84 @@
+//! Exit statuses, and the errors that decide them.
+
+use lodsmith::SimplifyError;
+
+/// Exit status of the command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(crate) enum Status {
+    /// Success.
+    Done = 0,
+    /// The file, the mesh or the system is at fault.
+    Failed = 1,
+    /// The command line is at fault.
+    Usage = 2,
+    /// With `--strict`: target not reached or data dropped.
+    Strict = 3,
+    /// Interrupted by a signal.
+    Interrupted = 130,
+}
+
+impl Status {
+    /// Returns the status of two files, of which this is the first: an interrupt outweighs a wrong command
+    /// line, that a failure, and that a violation of `--strict`.
+    pub(crate) fn or_worse(self, other: Self) -> Self {
+        let rank = |status| {
+            [Self::Done, Self::Strict, Self::Failed, Self::Usage, Self::Interrupted]
+                .iter()
+                .position(|x| *x == status)
+        };
+        if rank(other) > rank(self) { other } else { self }
+    }
+}
+
+/// The command line is at fault, in a way that its grammar does not detect.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub(crate) struct UsageError(pub(crate) String);
+
+/// The run was interrupted by a signal.
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted")]
+pub(crate) struct Interrupted;
+
+/// Returns an error of the command line.
+pub(crate) fn usage(text: impl Into<String>) -> anyhow::Error {
+    UsageError(text.into()).into()
+}
+
+/// Returns the exit status for an error.
+pub(crate) fn status_of(error: &anyhow::Error) -> Status {
+    let is_unlike = matches!(
+        error.downcast_ref(),
+        Some(SimplifyError::NotOfMethod { .. } | SimplifyError::NotTogether { .. })
+    );
+    if is_unlike || error.is::<UsageError>() {
+        Status::Usage
+    } else if error.is::<Interrupted>() {
+        Status::Interrupted
+    } else {
+        Status::Failed
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use anyhow::anyhow;
+
+    use super::*;
+
+    #[test]
+    fn a_failure_outweighs_strictness() {
+        assert_eq!(Status::Strict.or_worse(Status::Failed), Status::Failed);
+        assert_eq!(Status::Failed.or_worse(Status::Strict), Status::Failed);
+        assert_eq!(Status::Failed.or_worse(Status::Usage), Status::Usage);
+        assert_eq!(Status::Done.or_worse(Status::Done), Status::Done);
+    }
+
+    #[test]
+    fn who_is_at_fault_decides_the_status() {
+        assert_eq!(status_of(&usage("no")), Status::Usage);
+        assert_eq!(status_of(&Interrupted.into()), Status::Interrupted);
+        assert_eq!(status_of(&anyhow!("disk full")), Status::Failed);
+    }
+}

@@ -1,0 +1,59 @@
+//! Counts of what an OBJ file has besides the mesh, for warnings.
+
+use crate::error::Warning;
+use crate::excerpt::excerpt_of_bytes;
+
+/// Counts for warnings.
+#[derive(Default)]
+pub(super) struct ObjNotes {
+    pub(super) objects: usize,
+    pub(super) colored: usize,
+    pub(super) small_faces: usize,
+    pub(super) lines_and_points: usize,
+    pub(super) free_forms: usize,
+    /// Lines that begin with an unknown word: their number, the line of the first one, and its word.
+    pub(super) unknown_lines: Option<(usize, usize, Vec<u8>)>,
+}
+
+impl ObjNotes {
+    /// Adds the notes of the following section, which begins after `lines` lines.
+    pub(super) fn append(&mut self, next: Self, lines: usize) {
+        self.objects += next.objects;
+        self.colored += next.colored;
+        self.small_faces += next.small_faces;
+        self.lines_and_points += next.lines_and_points;
+        self.free_forms += next.free_forms;
+        self.unknown_lines = match (self.unknown_lines.take(), next.unknown_lines) {
+            (Some((count, line, word)), Some((more, ..))) => Some((count + more, line, word)),
+            (None, Some((count, line, word))) => Some((count, line + lines, word)),
+            (first, None) => first,
+        };
+    }
+
+    pub(super) fn warnings(&self) -> Vec<Warning> {
+        let mut warnings = Vec::new();
+        if self.lines_and_points > 0 {
+            warnings.push(Warning::lost(format!(
+                "{} elements of lines or points: dropped",
+                self.lines_and_points
+            )));
+        }
+        if self.free_forms > 0 {
+            warnings.push(Warning::lost("free-form curves and surfaces: dropped"));
+        }
+        if self.small_faces > 0 {
+            warnings.push(Warning::note(format!(
+                "{} faces of fewer than three corners: dropped",
+                self.small_faces
+            )));
+        }
+        if let Some((count, line, word)) = &self.unknown_lines {
+            let text = format!(
+                "{count} lines begin with a word that OBJ does not have, such as `{}` in line {line}",
+                excerpt_of_bytes(word)
+            );
+            warnings.push(Warning::note(text + ": passed over"));
+        }
+        warnings
+    }
+}
