@@ -3,8 +3,8 @@
 use std::rc::Rc;
 
 use glam::Vec3;
-use lodsmith_core::VertexId;
 use lodsmith_core::mesh::weld;
+use lodsmith_core::{TriMesh, VertexId};
 
 use super::context::{Run, RunOutcome, TopologyChanges, Trace};
 use super::start::{Started, pairs_reach};
@@ -16,6 +16,7 @@ use crate::collapse::cut::may_cut;
 use crate::collapse::store::Store;
 use crate::collapse::vertex::Vertex;
 use crate::collapse::{Engine, Goal, StopReason, Sweeps};
+use crate::constraints::HeldWedges;
 use crate::control::{Control, Stage, Verdict};
 use crate::fit::{self, MoveGuards};
 use crate::guard::Rules;
@@ -123,28 +124,7 @@ impl Run<'_, '_> {
             let mesh = &mut engine.mesh;
             fitted = Some(self.fit::<M>(&mut mesh.store, &mut mesh.values.attributes, root, &home, away));
         }
-        if engine.tally.necks_cut > 0 && self.options.topology == TopologyPolicy::Relaxed {
-            engine.mesh.separate_touching();
-        }
-        let rows = root.rows.as_ref();
-        if !self.options.keeps_blended_normals
-            && let (Some(attributes), Some(rows), Some(input)) =
-                (&mut engine.mesh.values.attributes, rows, self.input.mesh)
-        {
-            normals::repair(&mut engine.mesh.store, attributes, rows, input);
-        }
-        let mut mesh = self.result(&engine.mesh.store, engine.mesh.values.attributes.as_ref(), rows)?;
-        if let (true, Some(attributes), Some(wedges)) =
-            (engine.mesh.has_relaxed_seams(), &engine.mesh.values.attributes, &engine.mesh.store.wedges)
-        {
-            mesh = transfer_to_mesh(self.input, self.ordered, &mesh, Some((attributes, wedges)))?;
-        }
-        let held = self.held(&engine.mesh.store, rows);
-        let own_parts = self.own_parts(engine, root);
-        mesh = recolor::recolored(mesh, self.input, self.options, &held, own_parts.as_ref())?;
-        if let Some(input) = self.input.mesh {
-            held.restore(&mut mesh, input);
-        }
+        let (mesh, held) = self.finished_mesh(engine, root)?;
         let trace = self.is_traced.then(|| Trace {
             origins: engine.mesh.store.v.iter().map(|x| x.origin).collect(),
             places: engine.mesh.store.v.iter().map(|x| engine.mesh.store.place_of(x.origin)).collect(),
@@ -174,6 +154,37 @@ impl Run<'_, '_> {
             held,
             trace: trace.filter(|t| t.origins.len() == engine.mesh.store.v.len()),
         })
+    }
+
+    /// Builds the mesh of a fitted engine, and the locked wedges at its corners.
+    fn finished_mesh<M: Metric>(
+        &self,
+        engine: &mut Engine<M>,
+        root: &Root,
+    ) -> Result<(TriMesh, HeldWedges), SimplifyError> {
+        if engine.tally.necks_cut > 0 && self.options.topology == TopologyPolicy::Relaxed {
+            engine.mesh.separate_touching();
+        }
+        let rows = root.rows.as_ref();
+        if !self.options.keeps_blended_normals
+            && let (Some(attributes), Some(rows), Some(input)) =
+                (&mut engine.mesh.values.attributes, rows, self.input.mesh)
+        {
+            normals::repair(&mut engine.mesh.store, attributes, rows, input);
+        }
+        let mut mesh = self.result(&engine.mesh.store, engine.mesh.values.attributes.as_ref(), rows)?;
+        if let (true, Some(attributes), Some(wedges)) =
+            (engine.mesh.has_relaxed_seams(), &engine.mesh.values.attributes, &engine.mesh.store.wedges)
+        {
+            mesh = transfer_to_mesh(self.input, self.ordered, &mesh, Some((attributes, wedges)))?;
+        }
+        let held = self.held(&engine.mesh.store, rows);
+        let own_parts = self.own_parts(engine, root);
+        mesh = recolor::recolored(mesh, self.input, self.options, &held, own_parts.as_ref())?;
+        if let Some(input) = self.input.mesh {
+            held.restore(&mut mesh, input);
+        }
+        Ok((mesh, held))
     }
 
     /// Returns the part of the input that each vertex of it and of the result belongs to, if colours are
