@@ -1,0 +1,148 @@
+//! Threads, progress and cancellation, for all methods.
+
+use super::*;
+
+fn in_threads<T: Send>(n: usize, work: impl FnOnce() -> T + Send) -> T {
+    rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads start").install(work)
+}
+
+#[test]
+fn the_same_bytes_again_and_with_any_threads() {
+    let mut all = Complaints::default();
+    for promise in PROMISES.iter() {
+        let mut meshes = shapes::all();
+        meshes.push(("large_blob", shapes::blob(5, 3)));
+        for (name, mesh) in meshes {
+            for stop in [Stop::ratio(0.3), Stop::faces(12)] {
+                let options = options(promise.method, stop);
+                let case = case(name, &options);
+                let results = [1, 2, 1].map(|n| in_threads(n, || simplify(&mesh, &options, &mut NoControl)));
+                let [Ok(one), Ok(two), Ok(again)] = results else {
+                    all.add(&case, ["fails".to_owned()]);
+                    continue;
+                };
+                let same =
+                    |a: &Simplified, b: &Simplified| bytes(&a.mesh) == bytes(&b.mesh) && a.report == b.report;
+                all.check(&case, same(&one, &again), "another result when run again");
+                all.check(&case, same(&one, &two), "another result with two threads");
+            }
+        }
+    }
+    all.report_all();
+}
+
+/// A control that gives an answer from one call on, and checks that progress never decreases.
+struct CheckingControl {
+    questions: usize,
+    from: usize,
+    verdict: Verdict,
+    last: f64,
+    wrongs: Vec<String>,
+}
+
+impl CheckingControl {
+    fn new(from: usize, verdict: Verdict) -> Self {
+        Self { questions: 0, from, verdict, last: 0.0, wrongs: Vec::new() }
+    }
+}
+
+impl Control for CheckingControl {
+    fn stage(&mut self, _: Stage) {
+        self.last = 0.0;
+    }
+    fn progress(&mut self, done: f64) -> Verdict {
+        if !(done >= self.last && done <= 1.0) {
+            self.wrongs.push(format!("progress {done} after {}", self.last));
+        }
+        self.last = done;
+        self.questions += 1;
+        if self.questions > self.from { self.verdict } else { Verdict::Continue }
+    }
+}
+
+/// Least number of progress reports of a run on [`large`]: "a few thousand steps" are 16 thousand here.
+const MIN_PROGRESS_REPORTS: usize = 5;
+
+/// Large enough for several progress reports.
+fn large() -> TriMesh {
+    shapes::blob(6, 2)
+}
+
+#[test]
+fn callers_are_asked_and_obeyed() {
+    let mut all = Complaints::default();
+    let mesh = large();
+    for promise in PROMISES.iter() {
+        let options = options(promise.method, Stop::ratio(0.05));
+        let case = case("a large blob", &options);
+        let mut watching = CheckingControl::new(usize::MAX, Verdict::Continue);
+        let Ok(whole) = simplify(&mesh, &options, &mut watching) else {
+            all.add(&case, ["fails".to_owned()]);
+            continue;
+        };
+        all.add(&case, watching.wrongs);
+        let asked = watching.questions;
+        let text = format!("asked {asked} times for {} faces", mesh.face_count());
+        // Clustering reports each pass, of a few milliseconds.
+        let least = if promise.method == Method::Cluster { 2 } else { MIN_PROGRESS_REPORTS };
+        all.check(&case, asked >= least, &text);
+        for from in [0, 1, asked / 2, asked.saturating_sub(1)] {
+            let mut control = CheckingControl::new(from, Verdict::Cancel);
+            let done = simplify(&mesh, &options, &mut control);
+            let text = format!("cancelled at question {} of {asked}, it goes on", from + 1);
+            all.check(&case, matches!(done, Err(SimplifyError::Cancelled)), &text);
+
+            let mut control = CheckingControl::new(from, Verdict::Finish);
+            let case = format!("{case}, finished at question {} of {asked}", from + 1);
+            let done = match simplify(&mesh, &options, &mut control) {
+                Ok(done) => done,
+                Err(error) => {
+                    all.add(&case, [format!("fails: {error}")]);
+                    continue;
+                }
+            };
+            all.add(&case, defect_complaints(&mesh, &options, promise, &done));
+            let (faces, report) = (done.mesh.face_count(), &done.report);
+            let told = (report.faces, report.vertices) == (faces, done.mesh.vertex_count());
+            all.check(&case, told, "the report tells another mesh");
+            all.check(&case, faces > 0 && faces <= mesh.face_count(), &format!("{faces} faces"));
+            if report.stopped_by == StoppedBy::Caller {
+                all.check(&case, !report.reached, "ended by the caller, and yet reached");
+            } else {
+                // The work left after the answer is done all the same.
+                all.check(&case, from > 1, "it goes on");
+                all.check(&case, faces == whole.mesh.face_count(), "neither the whole result nor an end");
+            }
+        }
+    }
+    all.report_all();
+}
+
+#[test]
+fn cancelling_while_an_error_is_searched_for() {
+    let mut all = Complaints::default();
+    let mesh = shapes::blob(3, 2);
+    for promise in PROMISES.iter() {
+        let options = options(promise.method, Stop::error(Length::OfDiagonal(0.005)));
+        let case = case("a blob", &options);
+        let mut watching = CheckingControl::new(usize::MAX, Verdict::Continue);
+        let whole = simplify(&mesh, &options, &mut watching);
+        all.check(&case, whole.is_ok(), "fails");
+        for from in [0, watching.questions / 2, watching.questions.saturating_sub(1)] {
+            let done = simplify(&mesh, &options, &mut CheckingControl::new(from, Verdict::Cancel));
+            let text = format!("cancelled at question {} of {}, it goes on", from + 1, watching.questions);
+            all.check(&case, matches!(done, Err(SimplifyError::Cancelled)), &text);
+        }
+        let from = watching.questions / 2;
+        let Ok(done) = simplify(&mesh, &options, &mut CheckingControl::new(from, Verdict::Finish)) else {
+            all.add(&case, [format!("finished at question {}, it fails", from + 1)]);
+            continue;
+        };
+        let measured = done.report.error.measured.as_ref().map(|m| m.hausdorff.symmetric);
+        let limit = 0.005 * done.report.error.diagonal;
+        let is_within = measured.is_some_and(|d| d <= 1.0001 * limit);
+        let text = format!("finished at question {}: {measured:?} beyond {limit}", from + 1);
+        all.check(&case, is_within, &text);
+    }
+    all.report_all();
+}
