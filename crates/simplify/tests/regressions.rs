@@ -565,3 +565,19 @@ fn a_locked_vertex_keeps_its_values_where_every_edge_is_a_seam() {
     }
     all.report_all();
 }
+
+/// Found by fuzzing: sums of subnormal values have no relative precision, and the check of the engine in debug
+/// builds took their rounding for a broken sum.
+#[test]
+fn attributes_with_subnormal_values_are_summed_within_rounding() {
+    for seed in 0..20 {
+        let mut mesh = shapes::blob(2, seed);
+        let mut random = support::Random(seed + 1);
+        let count = mesh.wedge_count();
+        let values = (0..count).map(|_| f32::from_bits(random.below(12) as u32)).collect();
+        let semantic = Semantic::Custom("_TINY".into());
+        mesh.add_attribute(Attribute { semantic, width: 1, values }).unwrap();
+        let done = simplify(&mesh, &SimplifyOptions::new(Stop::faces(40)), &mut NoControl).unwrap();
+        assert!(done.report.reached);
+    }
+}

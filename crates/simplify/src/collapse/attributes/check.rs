@@ -130,7 +130,8 @@ impl Attributes {
                 format!("wedge {w} has twice the area {}, its head says {}", areas[w], head.area)
             })?;
             for (i, &largest) in checks.values.iter().enumerate() {
-                let within = sizes[w * n + i] * DRIFT_TOLERANCE + largest * rounding;
+                // (Subnormal numbers have no relative precision.)
+                let within = sizes[w * n + i] * DRIFT_TOLERANCE + largest * rounding + f32::MIN_POSITIVE;
                 for k in 0..3 {
                     let (told, sum) = (self.row(id)[(k + 1) * n + i], sums[(w * 3 + k) * n + i]);
                     // (Values that are not finite, or nearly overflow, cannot be checked.)
