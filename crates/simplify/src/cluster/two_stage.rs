@@ -41,19 +41,8 @@ impl<P: ClusterPosition> ClusterRun<'_, P> {
             prune: None,
             ..self.options.clone()
         };
-        let vertices = self.model.points.len() - self.model.cleanup.unused_vertices;
-        let (faces, factor) = (self.model.sound_faces(), |goal: usize, all: usize| {
-            (MAX_FIRST_STAGE_SHARE * all as f64 / goal.max(1) as f64).min(FIRST_STAGE_FACTOR as f64)
-        });
-        let by_faces = goal.faces.map(|n| factor(n, faces));
-        // The first stop met ends the run, so the one that leaves more faces counts.
-        let least = by_faces
-            .into_iter()
-            .chain(goal.vertices.map(|n| factor(n, vertices)))
-            .fold(f64::INFINITY, f64::min);
-        let times = |n: usize| (n as f64 * least) as usize;
-        let is_worth_it = least >= LEAST_FACTOR;
-        self.goal = Goal { faces: goal.faces.map(times), vertices: goal.vertices.map(times) };
+        let (first_goal, is_worth_it) = self.first_stage_goal();
+        self.goal = first_goal;
         let limit = self.options.stop.error.map(|e| e.in_units(self.diagonal));
         if let Some(limit) = limit {
             // Applies only without a count: an error is no reason to leave more than the goal needs.
@@ -80,16 +69,18 @@ impl<P: ClusterPosition> ClusterRun<'_, P> {
         if limit.is_none() {
             options.bound = Bound::Estimate;
         }
-        let judge = if deviation::needs_measurement(self.options) { self.judge(control) } else { None };
+        let comparer =
+            if deviation::needs_measurement(self.options) { self.input_comparer(control) } else { None };
         let mut share = limit;
         for stage in 1.. {
             options.stop.error = share.map(Length::Units);
-            let (mut done, held) = run::run_by_collapses(&input, &options, control)?;
-            if judge.is_some() {
+            let (done, held) = run::run_by_collapses(&input, &options, control)?;
+            if comparer.is_some() {
                 control.stage(Stage::Measure);
             }
-            let deviation =
-                judge.as_ref().map_or_else(Deviation::default, |judge| judge.measure(&done.mesh, None));
+            let deviation = comparer
+                .as_ref()
+                .map_or_else(Deviation::default, |comparer| comparer.measure(&done.mesh, None));
             let got = deviation.largest().unwrap_or(0.0);
             let is_over = done.report.stopped_by == StoppedBy::Caller;
             if let (Some(limit), Some(own)) = (limit, &mut share)
@@ -122,20 +113,38 @@ impl<P: ClusterPosition> ClusterRun<'_, P> {
                 StoppedBy::Error => StoppedBy::Exhausted,
                 by => by,
             };
-            let (mut done_, held) = self.build_report(ClusteredMesh { by, ..made }, deviation)?;
-            let report = &mut done_.report;
-            report.clustered = Some(clusters);
-            (report.refusals, report.collapses) = (second.refusals, second.collapses);
-            (report.parts_removed, report.necks_cut) = (second.parts_removed, second.necks_cut);
-            (report.seams_relaxed, report.fitted) = (second.seams_relaxed, second.fitted);
-            report.sharp_relaxed = second.sharp_relaxed;
-            report.proposals = second.proposals;
-            report.cleanup.duplicate_faces += second.cleanup.duplicate_faces;
-            done = done_;
-            return Ok((done, held));
+            let (mut both, held) = self.build_report(ClusteredMesh { by, ..made }, deviation)?;
+            both.report.clustered = Some(clusters);
+            add_second_stage(&mut both.report, second);
+            return Ok((both, held));
         }
         unreachable!("the last run returns")
     }
+
+    /// Returns the goal of the first stage, and true if the stage saves enough.
+    fn first_stage_goal(&self) -> (Goal, bool) {
+        let vertices = self.model.points.len() - self.model.cleanup.unused_vertices;
+        let factor = |goal: usize, all: usize| {
+            (MAX_FIRST_STAGE_SHARE * all as f64 / goal.max(1) as f64).min(FIRST_STAGE_FACTOR as f64)
+        };
+        let by_faces = self.goal.faces.map(|n| factor(n, self.model.sound_faces()));
+        let by_vertices = self.goal.vertices.map(|n| factor(n, vertices));
+        // The first stop met ends the run, so the one that leaves more faces counts.
+        let least = by_faces.into_iter().chain(by_vertices).fold(f64::INFINITY, f64::min);
+        let times = |n: usize| (n as f64 * least) as usize;
+        let goal = Goal { faces: self.goal.faces.map(times), vertices: self.goal.vertices.map(times) };
+        (goal, least >= LEAST_FACTOR)
+    }
+}
+
+/// Adds what the second stage did to a report of the first.
+fn add_second_stage(report: &mut Report, second: Report) {
+    (report.refusals, report.collapses) = (second.refusals, second.collapses);
+    (report.parts_removed, report.necks_cut) = (second.parts_removed, second.necks_cut);
+    (report.seams_relaxed, report.fitted) = (second.seams_relaxed, second.fitted);
+    report.sharp_relaxed = second.sharp_relaxed;
+    report.proposals = second.proposals;
+    report.cleanup.duplicate_faces += second.cleanup.duplicate_faces;
 }
 
 /// Runs the second stage without the first.

@@ -83,62 +83,11 @@ pub(super) fn grow(field: &RegionInput<'_>, control: &mut dyn Control) -> Result
         if regions.of_face[seed as usize] != NONE {
             continue;
         }
-        let (id, first) = (regions.count() as u32, regions.faces.len());
-        regions.of_face[seed as usize] = id;
+        regions.of_face[seed as usize] = regions.count() as u32;
         regions.faces.push(seed);
         let has_plane = plane.begin(field, seed as usize);
         if has_plane && !is_over && !(field.is_fixed)(seed as usize) {
-            rejected.clear();
-            let mut next = first;
-            let mut taken_anew = 1;
-            loop {
-                while next < regions.faces.len() {
-                    let face = regions.faces[next] as usize;
-                    next += 1;
-                    for k in 0..3 {
-                        let h = HalfEdgeId((3 * face + k) as u32);
-                        if field.topology.kind(h) == Some(EdgeKind::Inner)
-                            && let Some(twin) = field.topology.twin(h)
-                        {
-                            let other = twin.face().index();
-                            if regions.of_face[other] == NONE && field.may_join(face, other) {
-                                if plane.try_add(field, other) {
-                                    regions.of_face[other] = id;
-                                    regions.faces.push(other as u32);
-                                } else {
-                                    rejected.push(other as u32);
-                                }
-                            }
-                        }
-                    }
-                    if regions.faces.len() - first >= 2 * taken_anew {
-                        break;
-                    }
-                }
-                let size = regions.faces.len() - first;
-                let is_done = next == regions.faces.len();
-                if is_done && (rejected.is_empty() || 4 * size < 5 * taken_anew) {
-                    break;
-                }
-                if size > taken_anew {
-                    taken_anew = size;
-                    if plane.refit(field, &regions.faces[first..]) {
-                        // Faces rejected by the previous plane may fit this one.
-                        rejected.retain(|&other| {
-                            let f = other as usize;
-                            let joins = regions.of_face[f] == NONE && plane.try_add(field, f);
-                            if joins {
-                                regions.of_face[f] = id;
-                                regions.faces.push(other);
-                            }
-                            !joins && regions.of_face[f] == NONE
-                        });
-                    }
-                }
-                if next == regions.faces.len() {
-                    break;
-                }
-            }
+            regions.grow_last(field, &mut plane, &mut rejected);
         }
         regions.start.push(regions.faces.len());
         regions.normals.push(plane.normal);
@@ -154,6 +103,77 @@ pub(super) fn grow(field: &RegionInput<'_>, control: &mut dyn Control) -> Result
     }
     regions.is_over = is_over;
     Ok(regions)
+}
+
+impl Regions {
+    /// Grows the last region, which consists of one face, as far as its plane fits. `rejected` is scratch.
+    fn grow_last(&mut self, field: &RegionInput<'_>, plane: &mut Plane, rejected: &mut Vec<u32>) {
+        let (id, first) = (self.count() as u32, self.faces.len() - 1);
+        rejected.clear();
+        let mut next = first;
+        let mut taken_anew = 1;
+        loop {
+            while next < self.faces.len() {
+                let face = self.faces[next] as usize;
+                next += 1;
+                self.add_neighbours(face, id, field, plane, rejected);
+                if self.faces.len() - first >= 2 * taken_anew {
+                    break;
+                }
+            }
+            let size = self.faces.len() - first;
+            let is_done = next == self.faces.len();
+            if is_done && (rejected.is_empty() || 4 * size < 5 * taken_anew) {
+                break;
+            }
+            if size > taken_anew {
+                taken_anew = size;
+                if plane.refit(field, &self.faces[first..]) {
+                    // Faces rejected by the previous plane may fit this one.
+                    rejected.retain(|&other| {
+                        let f = other as usize;
+                        let joins = self.of_face[f] == NONE && plane.try_add(field, f);
+                        if joins {
+                            self.of_face[f] = id;
+                            self.faces.push(other);
+                        }
+                        !joins && self.of_face[f] == NONE
+                    });
+                }
+            }
+            if next == self.faces.len() {
+                break;
+            }
+        }
+    }
+
+    /// Adds those neighbours of a face that fit the plane to its region, and the others to `rejected`.
+    fn add_neighbours(
+        &mut self,
+        face: usize,
+        id: u32,
+        field: &RegionInput<'_>,
+        plane: &mut Plane,
+        rejected: &mut Vec<u32>,
+    ) {
+        for k in 0..3 {
+            let h = HalfEdgeId((3 * face + k) as u32);
+            if field.topology.kind(h) != Some(EdgeKind::Inner) {
+                continue;
+            }
+            let Some(twin) = field.topology.twin(h) else { continue };
+            let other = twin.face().index();
+            if self.of_face[other] != NONE || !field.may_join(face, other) {
+                continue;
+            }
+            if plane.try_add(field, other) {
+                self.of_face[other] = id;
+                self.faces.push(other as u32);
+            } else {
+                rejected.push(other as u32);
+            }
+        }
+    }
 }
 
 impl RegionInput<'_> {

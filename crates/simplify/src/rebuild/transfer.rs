@@ -122,45 +122,18 @@ fn transfer_attributes(
     source: &AttributeSource<'_>,
     made: &RebuiltSurface,
 ) -> Result<TransferredAttributes, SimplifyError> {
-    let AttributeSource { prepared, rows, attributes, .. } = *source;
+    let prepared = source.prepared;
     let points: Vec<[f64; 3]> = prepared.points.iter().map(|p| p.to_array()).collect();
     let surface = Surface::new(PositionsView::F64(&points), bytemuck::cast_slice(&prepared.faces))?;
     let tree = Bvh::new(&surface);
-    let width = rows.width();
-    let is_shading: Vec<bool> = rows.shading();
-    let same = |a: WedgeId, b: WedgeId, shading: bool| {
-        let (x, y) = (attributes.of(a), attributes.of(b));
-        let pulls = |w: WedgeId| (attributes.joint_weights.get(w.index()), attributes.labels.get(w.index()));
-        let is_pulled = shading || pulls(a) == pulls(b);
-        a == b
-            || is_pulled && (0..width).all(|k| is_shading[k] != shading || x[k].to_bits() == y[k].to_bits())
-    };
-    let region = |f: usize| prepared.regions.as_ref().map(|r| r[f]);
-    let has_others =
-        is_shading.contains(&false) || !attributes.joint_weights.is_empty() || !attributes.labels.is_empty();
-    let has = [has_others, source.shading.is_none() && is_shading.contains(&true)];
-    let links = |shading: bool| {
-        let joined = |[f, g]: [usize; 2], corners: [[usize; 2]; 2]| {
-            let row = |f: usize, k: usize| source.corners[f][k];
-            region(f) == region(g) && corners.into_iter().all(|[a, b]| same(row(f, a), row(g, b), shading))
-        };
-        neighbours(&prepared.faces, prepared.points.len(), joined)
-    };
-    let mut patches = [false, true]
-        .map(|shading| has[usize::from(shading)].then(|| SourcePatch::new(links(shading), prepared)));
-
+    let is_shading = source.rows.shading();
+    let mut patches = source.patches(&is_shading);
     let locked_corners = LockedCorners::new(prepared);
-    let largest = rows.largest();
-    let mut values: Vec<f32> = Vec::new();
-    let mut pulls: Vec<JointWeights> = Vec::new();
-    let mut labels: Vec<u32> = Vec::new();
-    // Rows of each new vertex so far, as a linked list.
-    let mut first = vec![NO_ROW; made.points.len()];
-    let mut next: Vec<u32> = Vec::new();
+    let mut rows = NewRows::new(source, made.points.len());
     let mut corners = vec![[WedgeId(0); 3]; made.faces.len()];
     let mut held = Vec::with_capacity(made.faces.len());
     let mut regions = prepared.regions.as_ref().map(|_| Vec::with_capacity(made.faces.len()));
-    let mut row = vec![0f32; width];
+    let mut row = Row { values: vec![0f32; source.rows.width()], ..Row::default() };
     let settled = |i: usize| made.regions.as_ref().filter(|_| prepared.regions.is_some()).map(|r| r[i]);
     for (i, t) in made.faces.iter().enumerate() {
         let places = t.map(|v| made.points[v.index()]);
@@ -170,92 +143,173 @@ fn transfer_attributes(
             Some(known) => known[i],
             None => face_under(&tree, prepared, centre, normal, settled(i)),
         };
-        if let (Some(regions), Some(own)) = (&mut regions, settled(i).or_else(|| region(under))) {
+        let region = || prepared.regions.as_ref().map(|r| r[under]);
+        if let (Some(regions), Some(own)) = (&mut regions, settled(i).or_else(region)) {
             regions.push(own);
         }
+        let radius = places.iter().map(|p| p.distance(centre)).fold(0.0, f64::max);
         for patch in patches.iter_mut().flatten() {
-            patch.grow(
-                prepared,
-                under,
-                centre,
-                places.iter().map(|p| p.distance(centre)).fold(0.0, f64::max),
-            );
+            patch.grow(prepared, under, centre, radius);
         }
         let mut own_held = [None; 3];
         for (k, &v) in t.iter().enumerate() {
-            let mut exact = true;
-            let mut own_pulls = JointWeights::new();
-            let mut own_label = None;
-            let mut wedge = None;
-            let kept = made.kept[v.index()];
-            let own_corner =
-                locked_corners.corner(prepared, kept, places[k].lerp(centre, INWARD_SHARE), &patches);
-            for (patch, shading) in patches.iter().zip([false, true]) {
-                let Some(patch) = patch else { continue };
-                let at = own_corner.unwrap_or_else(|| patch.nearest(prepared, places[k], centre, kept));
-                let at_corner = at.weights.iter().position(|w| *w >= 1.0);
-                let rows_there = source.corners[at.face];
-                for lane in (0..width).filter(|&lane| is_shading[lane] == shading) {
-                    row[lane] = match at_corner {
-                        Some(c) => attributes.of(rows_there[c])[lane],
-                        None => {
-                            let part =
-                                |c: usize| at.weights[c] * f64::from(attributes.of(rows_there[c])[lane]);
-                            (part(0) + part(1) + part(2)) as f32
-                        }
-                    };
-                }
-                if !shading && !attributes.joint_weights.is_empty() {
-                    own_pulls = blend(&rows_there.map(|r| &attributes.joint_weights[r.index()]), &at.weights);
-                }
-                if !shading && !attributes.labels.is_empty() {
-                    own_label = Some(attributes.labels[rows_there[nearest_corner(&at.weights)].index()]);
-                }
-                let own = at_corner.filter(|_| kept != NONE).map(|c| source.wedges[at.face][c]);
-                exact &= own.is_some() && wedge.is_none_or(|w| Some(w) == own);
-                wedge = own;
-            }
+            let (place, kept) = (places[k], made.kept[v.index()]);
+            let inward = place.lerp(centre, INWARD_SHARE);
+            let own_corner = locked_corners.corner(prepared, kept, inward, &patches);
+            let point = |patch: &SourcePatch| {
+                own_corner.unwrap_or_else(|| patch.nearest(prepared, place, centre, kept))
+            };
+            let at = patches.each_ref().map(|patch| patch.as_ref().map(point));
+            own_held[k] = source.read_row(&at, kept, &is_shading, &mut row);
             if let Some((own, wedges)) = source.shading {
-                for lane in (0..width).filter(|&lane| is_shading[lane]) {
-                    row[lane] = own.of(wedges[i][k])[lane];
+                for lane in (0..is_shading.len()).filter(|&lane| is_shading[lane]) {
+                    row.values[lane] = own.of(wedges[i][k])[lane];
                 }
             }
-            own_held[k] = wedge.filter(|_| exact);
-            // Reuses an equal row of this vertex, or adds one.
-            let mut known = first[v.index()];
-            while known != NO_ROW {
-                let r = known as usize;
-                let is_alike =
-                    |k: usize| (values[r * width + k] - row[k]).abs() <= ROW_TOLERANCE * largest[k];
-                let is_pulled_alike = || pulls.is_empty() || are_pulls_alike(&pulls[r], &own_pulls);
-                if (0..width).all(is_alike) && is_pulled_alike() && labels.get(r).copied() == own_label {
-                    break;
-                }
-                known = next[r];
-            }
-            if known == NO_ROW {
-                known = next.len() as u32;
-                next.push(std::mem::replace(&mut first[v.index()], known));
-                values.extend_from_slice(&row);
-                if !attributes.joint_weights.is_empty() {
-                    pulls.push(own_pulls);
-                }
-                labels.extend(own_label);
-            }
-            corners[i][k] = WedgeId(known);
+            corners[i][k] = rows.find_or_add(v, &row);
         }
         held.push(own_held);
     }
-    let mut attributes = Attributes::new(
-        next.len(),
-        width,
-        attributes.directions.clone(),
-        attributes.textures.clone(),
-        &values,
-        pulls,
-    );
-    attributes.labels = labels;
+    let attributes = rows.into_attributes(source.attributes);
     Ok(TransferredAttributes { corners, attributes, regions, held: HeldWedges::new(held.into_iter()) })
+}
+
+/// Attributes of one new corner.
+#[derive(Default)]
+struct Row {
+    values: Vec<f32>,
+    pulls: JointWeights,
+    label: Option<u32>,
+}
+
+impl AttributeSource<'_> {
+    /// Returns the patches for the attributes that are not shading, and for those that are, if there are any:
+    /// each ends where its own attributes have a seam.
+    fn patches(&self, is_shading: &[bool]) -> [Option<SourcePatch>; 2] {
+        let AttributeSource { prepared, attributes, .. } = *self;
+        let same = |a: WedgeId, b: WedgeId, shading: bool| {
+            let (x, y) = (attributes.of(a), attributes.of(b));
+            let pulls =
+                |w: WedgeId| (attributes.joint_weights.get(w.index()), attributes.labels.get(w.index()));
+            let is_pulled = shading || pulls(a) == pulls(b);
+            let is_equal = |k: usize| is_shading[k] != shading || x[k].to_bits() == y[k].to_bits();
+            a == b || is_pulled && (0..is_shading.len()).all(is_equal)
+        };
+        let region = |f: usize| prepared.regions.as_ref().map(|r| r[f]);
+        let links = |shading: bool| {
+            let joined = |[f, g]: [usize; 2], corners: [[usize; 2]; 2]| {
+                let row = |f: usize, k: usize| self.corners[f][k];
+                region(f) == region(g)
+                    && corners.into_iter().all(|[a, b]| same(row(f, a), row(g, b), shading))
+            };
+            neighbours(&prepared.faces, prepared.points.len(), joined)
+        };
+        let has_others = is_shading.contains(&false)
+            || !attributes.joint_weights.is_empty()
+            || !attributes.labels.is_empty();
+        let has = [has_others, self.shading.is_none() && is_shading.contains(&true)];
+        [false, true]
+            .map(|shading| has[usize::from(shading)].then(|| SourcePatch::new(links(shading), prepared)))
+    }
+
+    /// Reads the attributes at a point of each patch into `row`. Returns the input wedge that has exactly
+    /// these attributes, if the vertex is one of the input's.
+    fn read_row(
+        &self,
+        at: &[Option<SurfacePoint>; 2],
+        kept: VertexId,
+        is_shading: &[bool],
+        row: &mut Row,
+    ) -> Option<WedgeId> {
+        let attributes = self.attributes;
+        (row.pulls, row.label) = (JointWeights::new(), None);
+        let mut exact = true;
+        let mut wedge = None;
+        for (at, shading) in at.iter().zip([false, true]) {
+            let Some(at) = at else { continue };
+            let at_corner = at.weights.iter().position(|w| *w >= 1.0);
+            let rows_there = self.corners[at.face];
+            for lane in (0..is_shading.len()).filter(|&lane| is_shading[lane] == shading) {
+                let value = |c: usize| attributes.of(rows_there[c])[lane];
+                let part = |c: usize| at.weights[c] * f64::from(value(c));
+                row.values[lane] = at_corner.map_or_else(|| (part(0) + part(1) + part(2)) as f32, value);
+            }
+            if !shading && !attributes.joint_weights.is_empty() {
+                row.pulls = blend(&rows_there.map(|r| &attributes.joint_weights[r.index()]), &at.weights);
+            }
+            if !shading && !attributes.labels.is_empty() {
+                row.label = Some(attributes.labels[rows_there[nearest_corner(&at.weights)].index()]);
+            }
+            let own = at_corner.filter(|_| kept != NONE).map(|c| self.wedges[at.face][c]);
+            exact &= own.is_some() && wedge.is_none_or(|w| Some(w) == own);
+            wedge = own;
+        }
+        wedge.filter(|_| exact)
+    }
+}
+
+/// Rows of the new mesh; alike ones at one vertex stand once.
+struct NewRows {
+    width: usize,
+    /// Largest absolute value of each lane.
+    largest: Vec<f32>,
+    has_pulls: bool,
+    values: Vec<f32>,
+    pulls: Vec<JointWeights>,
+    labels: Vec<u32>,
+    /// Last row of each new vertex, the head of a linked list.
+    first: Vec<u32>,
+    next: Vec<u32>,
+}
+
+impl NewRows {
+    fn new(source: &AttributeSource<'_>, vertices: usize) -> Self {
+        Self {
+            width: source.rows.width(),
+            largest: source.rows.largest(),
+            has_pulls: !source.attributes.joint_weights.is_empty(),
+            values: Vec::new(),
+            pulls: Vec::new(),
+            labels: Vec::new(),
+            first: vec![NO_ROW; vertices],
+            next: Vec::new(),
+        }
+    }
+
+    /// Returns a row of this vertex that is alike, or adds one.
+    fn find_or_add(&mut self, v: VertexId, row: &Row) -> WedgeId {
+        let mut known = self.first[v.index()];
+        while known != NO_ROW {
+            if self.is_alike(known as usize, row) {
+                return WedgeId(known);
+            }
+            known = self.next[known as usize];
+        }
+        let added = self.next.len() as u32;
+        self.next.push(std::mem::replace(&mut self.first[v.index()], added));
+        self.values.extend_from_slice(&row.values);
+        if self.has_pulls {
+            self.pulls.push(row.pulls.clone());
+        }
+        self.labels.extend(row.label);
+        WedgeId(added)
+    }
+
+    fn is_alike(&self, r: usize, row: &Row) -> bool {
+        let values = &self.values[r * self.width..];
+        let is_alike = |k: usize| (values[k] - row.values[k]).abs() <= ROW_TOLERANCE * self.largest[k];
+        (0..self.width).all(is_alike)
+            && (self.pulls.is_empty() || are_pulls_alike(&self.pulls[r], &row.pulls))
+            && self.labels.get(r).copied() == row.label
+    }
+
+    fn into_attributes(self, source: &Attributes) -> Attributes {
+        let (directions, textures) = (source.directions.clone(), source.textures.clone());
+        let mut attributes =
+            Attributes::new(self.next.len(), self.width, directions, textures, &self.values, self.pulls);
+        attributes.labels = self.labels;
+        attributes
+    }
 }
 
 const NO_ROW: u32 = u32::MAX;
