@@ -152,10 +152,13 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
         let (made, deviation) = match self.options.stop.error.map(|e| e.in_units(self.diagonal)) {
             None => {
                 let made = self.reach_goal(control)?;
-                let judge =
-                    if deviation::needs_measurement(self.options) { self.judge(control) } else { None };
+                let comparer = if deviation::needs_measurement(self.options) {
+                    self.input_comparer(control)
+                } else {
+                    None
+                };
                 let deviation =
-                    judge.map_or_else(Deviation::default, |judge| judge.measure(&made.mesh, None));
+                    comparer.map_or_else(Deviation::default, |comparer| comparer.measure(&made.mesh, None));
                 (made, deviation)
             }
             Some(limit) => self.within(limit, control)?,
@@ -311,16 +314,18 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
     ) -> Result<(ClusteredMesh, Deviation), SimplifyError> {
         let allowed = limit + ROUNDING * self.diagonal;
         let has_goal = self.goal.faces.is_some() || self.goal.vertices.is_some();
-        let Some(judge) = self.judge(control) else { return Ok((self.untouched()?, Deviation::default())) };
+        let Some(comparer) = self.input_comparer(control) else {
+            return Ok((self.untouched()?, Deviation::default()));
+        };
         let longest = self.longest();
         let mut coarsest = self.coarsest.unwrap_or(1.0);
         if has_goal || self.coarsest.is_some() {
             control.stage(Stage::Collapse);
             let made = self.reach_goal(control)?;
             control.stage(Stage::Measure);
-            let kept = judge.proven_within_mesh(&made.mesh, allowed);
+            let kept = comparer.proven_within_mesh(&made.mesh, allowed);
             if kept.is_some() || self.is_over {
-                let deviation = judge.measure(&made.mesh, kept);
+                let deviation = comparer.measure(&made.mesh, kept);
                 return Ok((made, deviation));
             }
             coarsest = longest / made.cell;
@@ -343,7 +348,7 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
             let made = self.made(&clusters, StoppedBy::Error)?;
             drop(clusters);
             control.stage(Stage::Measure);
-            let Some(bound) = judge.proven_within_mesh(&made.mesh, allowed) else {
+            let Some(bound) = comparer.proven_within_mesh(&made.mesh, allowed) else {
                 return Ok(LevelTest::Beyond);
             };
             if best.as_ref().is_none_or(|b| level > b.0) {
@@ -356,11 +361,11 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
             None => (self.untouched()?, None),
         };
         control.stage(Stage::Measure);
-        let deviation = judge.measure(&made.mesh, known);
+        let deviation = comparer.measure(&made.mesh, known);
         Ok((made, deviation))
     }
 
-    fn judge(&self, control: &mut dyn Control) -> Option<InputComparer> {
+    fn input_comparer(&self, control: &mut dyn Control) -> Option<InputComparer> {
         control.stage(Stage::Measure);
         let sound = |t: &&[VertexId; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
         let faces = self.model.faces.iter().filter(sound).copied().collect();

@@ -9,7 +9,7 @@ use lodsmith_core::spatial::Bvh;
 use lodsmith_core::{Positions, PositionsView, Surface, VertexId};
 
 use crate::collapse::order::NONE;
-use crate::collapse::{Goal, StopReason};
+use crate::collapse::{Goal, StopReason, Tally};
 use crate::control::{Control, Stage, Verdict};
 use crate::options::Method;
 use crate::run::{Run, RunOutcome};
@@ -93,17 +93,15 @@ fn outcome(
     };
     let (mesh, held) = with_transferred_attributes(run.input, run.ordered, prepared, &made, positions, None)?;
     let mesh = recolor::recolored(mesh, run.input, run.options, &held, None)?;
+    let mut tally = Tally::default();
+    (tally.refusals, tally.collapses) = (made.refusals, made.steps);
+    (tally.parts_removed, tally.necks_cut) = (made.parts_removed, made.necks_cut);
     Ok(RunOutcome {
         mesh,
         end,
         estimate: prepared.frame.user_length(estimate),
         fitted: false,
-        refusals: made.refusals,
-        collapses: made.steps,
-        faces_visited: 0,
-        parts_removed: made.parts_removed,
-        necks_cut: made.necks_cut,
-        pairs_contracted: 0,
+        tally,
         has_touching_vertices: false,
         seams_relaxed: false,
         kept_costly_seams: false,

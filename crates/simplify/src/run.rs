@@ -79,14 +79,14 @@ pub(crate) fn run_with(
 ) -> Result<Done, SimplifyError> {
     let mut ordered = ordered(input, control)?;
     let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
-    let care = Constraints::new(options, &ordered, |v| input.joined(v));
-    let run = Run::new(input, options, &mut ordered, &care, pass);
+    let constraints = Constraints::new(options, &ordered, |v| input.joined(v));
+    let run = Run::new(input, options, &mut ordered, &constraints, pass);
     let finished = match limit {
         Some(limit) if options.method.limits_error_by_step() => run.run_within_step(limit, control)?,
         Some(limit) => run.run_within_error(limit, control)?,
         None => run.run_to_goal(control)?,
     };
-    Ok(build_report(input, options, &ordered, &care, finished))
+    Ok(build_report(input, options, &ordered, &constraints, finished))
 }
 
 /// Orders the input; an error if it has no face with an area.
@@ -109,28 +109,29 @@ impl Run<'_, '_> {
     /// Runs one pass to the goal, and measures it if requested.
     fn run_to_goal(mut self, control: &mut dyn Control) -> Result<Finished, SimplifyError> {
         let mut outcome = self.run_pass(self.goal, None, control)?;
-        if outcome.pairs_contracted > 0 && !self.goal.is_none() && outcome.end != StopReason::Finish {
+        if outcome.tally.pairs_contracted > 0 && !self.goal.is_none() && outcome.end != StopReason::Finish {
             // Parts that were joined can no longer be removed one by one, so the target may be harder to
             // reach.
             let mut options = self.options.clone();
             options.method_options.pairs = None;
-            let (input, goal, care) = (self.input, self.goal, self.constraints);
+            let (input, goal, constraints) = (self.input, self.goal, self.constraints);
             let (pass, is_traced) = (self.pass, self.is_traced);
             let mut other = Run {
                 input,
                 options: &options,
                 ordered: &mut *self.ordered,
                 goal,
-                constraints: care,
+                constraints,
                 pass,
                 is_traced,
             };
             let without = other.run_pass(goal, None, control)?;
             outcome = self.closest(vec![outcome, without], Some(0), control);
         }
-        let judge =
+        let comparer =
             if deviation::needs_measurement(self.options) { self.input_comparer(control) } else { None };
-        let deviation = judge.map_or_else(Deviation::default, |judge| judge.measure(&outcome.mesh, None));
+        let deviation =
+            comparer.map_or_else(Deviation::default, |comparer| comparer.measure(&outcome.mesh, None));
         Ok((outcome, deviation, false))
     }
 

@@ -52,9 +52,9 @@ pub(crate) fn with_engine<M: Metric>(
 ) {
     let input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
     let Ok(mut in_order) = ordered(&input, &mut NoControl) else { return };
-    let care = Constraints::new(options, &in_order, |v| v);
+    let constraints = Constraints::new(options, &in_order, |v| v);
     let pass = collapses(options.method).expect("a method that collapses edges");
-    let mut run = Run::new(&input, options, &mut in_order, &care, pass);
+    let mut run = Run::new(&input, options, &mut in_order, &constraints, pass);
     let mut started = run.start(metric, None, false, (&[], 0)).expect("the options are sound");
     act(&mut started.engine, &run);
 }

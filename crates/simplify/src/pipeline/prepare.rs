@@ -1,4 +1,4 @@
-//! What is done to the input before a run, and undone or reported after it.
+//! Preparation of the input before a run (lent normals, pruning, welding), and its part of the report.
 
 use lodsmith_core::mesh::weld;
 use lodsmith_core::{MeshError, Surface, TriMesh};

@@ -97,8 +97,8 @@ pub(super) fn build(
     let counts = stop.faces.is_some() || stop.vertices.is_some() || stop.ratio.is_some();
     let has_end = counts || options.method_options.ends_without_stop(options.method);
     let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
-    let care = Constraints::new(options, &ordered, |v| input.joined(v));
-    let mut run = Run::new(input, options, &mut ordered, &care, pass);
+    let constraints = Constraints::new(options, &ordered, |v| input.joined(v));
+    let mut run = Run::new(input, options, &mut ordered, &constraints, pass);
     if !has_end {
         run.goal = Goal { faces: Some(1), vertices: None };
     }

@@ -37,8 +37,8 @@ impl Progressive {
         control: &mut dyn Control,
     ) -> Result<usize, SimplifyError> {
         control.stage(Stage::Measure);
-        let Some(judge) = LevelComparer::new(self)? else { return Ok(self.top()) };
-        let limit = distance + ROUNDING * judge.reference.diagonal();
+        let Some(comparer) = LevelComparer::new(self)? else { return Ok(self.top()) };
+        let limit = distance + ROUNDING * comparer.reference.diagonal();
         let mut progressive = self.clone();
         let levels = self.levels_to_measure();
         for (i, &level) in levels.iter().enumerate() {
@@ -49,7 +49,7 @@ impl Progressive {
                 continue;
             }
             progressive.to_level(level);
-            if judge.is_within(&progressive, limit, is_fitted)? {
+            if comparer.is_within(&progressive, limit, is_fitted)? {
                 return Ok(level);
             }
         }
@@ -62,9 +62,9 @@ impl Progressive {
     /// # Errors
     /// Those of [`Progressive::mesh`].
     pub fn deviation(&self, is_fitted: bool) -> Result<Option<Comparison>, SimplifyError> {
-        let Some(judge) = LevelComparer::new(self)? else { return Ok(None) };
+        let Some(comparer) = LevelComparer::new(self)? else { return Ok(None) };
         let mesh = if is_fitted { self.fitted_mesh() } else { self.mesh() }?;
-        Ok(judge.compare(&mesh.surface()))
+        Ok(comparer.compare(&mesh.surface()))
     }
 
     /// Returns levels from the base up, each with 5 % more faces than the one before; the last is the full

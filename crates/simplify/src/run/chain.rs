@@ -62,22 +62,22 @@ pub(crate) fn chain(
         stops.iter().map(|stop| SimplifyOptions { stop: *stop, ..options.clone() }).collect();
     let faces = input.surface.triangles().len();
     let goals: Vec<Goal> = of_levels.iter().map(|own| goal(own, faces)).collect();
-    let care = Constraints::new(options, &in_order, |v| input.joined(v));
+    let constraints = Constraints::new(options, &in_order, |v| input.joined(v));
     let first = goals.first().copied().unwrap_or_default();
     let pass = collapses(options.method).expect("only methods that collapse edges come here");
-    let mut run = Run::new(input, options, &mut in_order, &care, pass);
+    let mut run = Run::new(input, options, &mut in_order, &constraints, pass);
     (run.goal, run.is_traced) = (first, is_traced);
     let passes = passes_of(options.method).expect("only methods of sweeps come here");
     let outcomes = passes(&mut run, &goals, control)?;
     let mergers = if is_traced { run.mergers(&outcomes) } else { Mergers::new() };
-    let judge = if deviation::needs_measurement(options) { run.input_comparer(control) } else { None };
-    let look = |outcome: &RunOutcome| {
-        judge.as_ref().map_or_else(Deviation::default, |judge| judge.measure(&outcome.mesh, None))
+    let comparer = if deviation::needs_measurement(options) { run.input_comparer(control) } else { None };
+    let measure = |outcome: &RunOutcome| {
+        comparer.as_ref().map_or_else(Deviation::default, |comparer| comparer.measure(&outcome.mesh, None))
     };
-    let looked: Vec<Deviation> = outcomes.iter().map(|(outcome, _)| look(outcome)).collect();
-    let finished = outcomes.into_iter().zip(looked).zip(&of_levels);
+    let deviations: Vec<Deviation> = outcomes.iter().map(|(outcome, _)| measure(outcome)).collect();
+    let finished = outcomes.into_iter().zip(deviations).zip(&of_levels);
     let all = finished.map(|((outcome, deviation), own)| {
-        build_report(input, own, &in_order, &care, (outcome.0, deviation, false))
+        build_report(input, own, &in_order, &constraints, (outcome.0, deviation, false))
     });
     Ok((all.collect(), mergers))
 }
@@ -100,7 +100,7 @@ impl Run<'_, '_> {
             let mut outcome = self.level(metric, &mut trunk, (i, goals), leave, control)?;
             let may_change = self.options.topology == TopologyPolicy::Relaxed;
             let is_short =
-                outcome.parts_removed > 0 || outcome.end == StopReason::Stuck || outcome.has_rivals();
+                outcome.tally.parts_removed > 0 || outcome.end == StopReason::Stuck || outcome.has_rivals();
             if may_change && !leave.parts && is_short && outcome.end != StopReason::Finish {
                 // Parts and handles block collapses: start a trunk in which they are removed in order of
                 // cost.
@@ -111,7 +111,9 @@ impl Run<'_, '_> {
                     (second, own.cuts) = (None, false);
                     other = self.level(metric, &mut second, (i, goals), own, control)?;
                 }
-                if outcome.parts_removed > 0 || self.closest_index(&[&outcome, &other], None, control) == 1 {
+                if outcome.tally.parts_removed > 0
+                    || self.closest_index(&[&outcome, &other], None, control) == 1
+                {
                     (trunk, leave, outcome) = (second, own, other);
                     number += 1;
                 } else {

@@ -30,7 +30,7 @@ impl RunOutcome {
 
     /// True if no seams gave way, and no parts or necks were removed.
     pub(super) fn keeps_all(&self) -> bool {
-        !self.seams_relaxed && self.parts_removed == 0 && self.necks_cut == 0
+        !self.seams_relaxed && self.tally.parts_removed == 0 && self.tally.necks_cut == 0
     }
 }
 
@@ -69,7 +69,7 @@ impl Run<'_, '_> {
             let lightest = || (0..ways.len()).min_by_key(|&i| ways[i].mesh.face_count());
             return met.first().copied().or_else(lightest).unwrap_or(0);
         }
-        let Some(judge) = self.input_comparer(control) else { return met[0] };
+        let Some(comparer) = self.input_comparer(control) else { return met[0] };
         let error = |i: usize| {
             let is_favoured = asked.map_or_else(|| ways[i].keeps_all(), |asked| i == asked);
             let favour = match is_favoured {
@@ -77,7 +77,7 @@ impl Run<'_, '_> {
                 true => PRODUCTIVE_RESULT_FACTOR,
                 false => 1.0,
             };
-            judge.rms(&ways[i].mesh, COMPARISON_SAMPLES) / favour
+            comparer.rms(&ways[i].mesh, COMPARISON_SAMPLES) / favour
         };
         let errors = met.iter().map(|&i| (i, error(i)));
         errors.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(met[0], |best| best.0)
@@ -91,10 +91,10 @@ impl Run<'_, '_> {
         heavier: RunOutcome,
         control: &mut dyn Control,
     ) -> RunOutcome {
-        let Some(judge) = self.input_comparer(control).filter(|_| heavier.end == StopReason::Goal) else {
+        let Some(comparer) = self.input_comparer(control).filter(|_| heavier.end == StopReason::Goal) else {
             return lightest;
         };
-        let [far, near] = [&lightest, &heavier].map(|way| judge.rms(&way.mesh, COMPARISON_SAMPLES));
+        let [far, near] = [&lightest, &heavier].map(|way| comparer.rms(&way.mesh, COMPARISON_SAMPLES));
         if far > UNREACHABLE_FACTOR * near {
             RunOutcome { end: StopReason::Stuck, proposals: lightest.proposals, ..heavier }
         } else {

@@ -4,14 +4,13 @@ use lodsmith_core::{Surface, TriMesh, VertexId, WedgeId};
 
 use super::goal::goal;
 use crate::collapse::order::Ordered;
-use crate::collapse::{Goal, StopReason};
+use crate::collapse::{Goal, StopReason, Tally};
 use crate::constraints::{Constraints, HeldWedges};
 use crate::control::{Control, Stage};
 use crate::deviation::{Deviation, InputComparer};
 use crate::input::Input;
 use crate::options::SimplifyOptions;
 use crate::proposal::Proposal;
-use crate::report::Refusal;
 use crate::{Simplified, SimplifyError};
 
 /// Topology changes that a pass may make in order of cost.
@@ -31,12 +30,7 @@ pub(crate) struct RunOutcome {
     pub(crate) end: StopReason,
     pub(crate) estimate: f64,
     pub(crate) fitted: bool,
-    pub(crate) refusals: [u64; Refusal::ALL.len()],
-    pub(crate) collapses: u64,
-    pub(crate) faces_visited: u64,
-    pub(crate) parts_removed: usize,
-    pub(crate) necks_cut: usize,
-    pub(crate) pairs_contracted: usize,
+    pub(crate) tally: Tally,
     /// True if vertices that were separated by a cut are at the same position.
     pub(crate) has_touching_vertices: bool,
     pub(crate) seams_relaxed: bool,

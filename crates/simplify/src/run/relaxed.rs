@@ -192,9 +192,9 @@ mod tests {
         let input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
         let options = SimplifyOptions::new(Stop::faces(faces));
         let mut in_order = ordered(&input, &mut NoControl).unwrap();
-        let care = Constraints::new(&options, &in_order, |v| v);
+        let constraints = Constraints::new(&options, &in_order, |v| v);
         let pass = collapses(options.method).unwrap();
-        act(&mut Run::new(&input, &options, &mut in_order, &care, pass));
+        act(&mut Run::new(&input, &options, &mut in_order, &constraints, pass));
     }
 
     /// Four tori side by side, with colours.
@@ -246,7 +246,7 @@ mod tests {
                 trunk.engine.mesh.store.finish();
                 let done =
                     run.finish(&mut trunk.engine, &trunk.root, end.unwrap(), false, &mut NoControl).unwrap();
-                results.push((done.end, done.collapses, done.mesh));
+                results.push((done.end, done.tally.collapses, done.mesh));
             }
             let first = &results[0];
             assert!(results.iter().all(|r| (r.0, r.1) == (first.0, first.1)));
@@ -264,7 +264,7 @@ mod tests {
                 let mut trunk = run.begin(Memoryless, None, NO_CHANGES, (&[], 0), &mut NoControl).unwrap();
                 let end = run.sweep(&mut trunk, &goal, &mut NoControl).unwrap();
                 let plain = run.finish(&mut trunk.engine, &trunk.root, end, false, &mut NoControl).unwrap();
-                assert_eq!((end, plain.parts_removed), (StopReason::Goal, 0));
+                assert_eq!((end, plain.tally.parts_removed), (StopReason::Goal, 0));
                 assert!(done.mesh == plain.mesh);
             });
         }

@@ -66,11 +66,11 @@ pub(super) fn build_report(
             bound: deviation.bound,
             diagonal: ordered.diagonal,
         },
-        refusals: Refusal::ALL.into_iter().zip(outcome.refusals).filter(|r| r.1 > 0).collect(),
-        collapses: outcome.collapses,
-        parts_removed: outcome.parts_removed,
-        necks_cut: outcome.necks_cut,
-        pairs_contracted: outcome.pairs_contracted,
+        refusals: Refusal::ALL.into_iter().zip(outcome.tally.refusals).filter(|r| r.1 > 0).collect(),
+        collapses: outcome.tally.collapses,
+        parts_removed: outcome.tally.parts_removed,
+        necks_cut: outcome.tally.necks_cut,
+        pairs_contracted: outcome.tally.pairs_contracted,
         locked_vertices: care.locked_vertices(),
         locked_faces: care.locked_faces(),
         seams_relaxed: outcome.seams_relaxed,
@@ -82,7 +82,7 @@ pub(super) fn build_report(
         escalated: Vec::new(),
         pruned: Pruned::default(),
         clustered: None,
-        faces_visited: outcome.faces_visited,
+        faces_visited: outcome.tally.faces_visited,
     };
     (Simplified { mesh: outcome.mesh, report }, outcome.held)
 }

@@ -89,7 +89,7 @@ impl Run<'_, '_> {
     /// Creates the parts of an engine that do not depend on the metric, except for its cost source.
     fn basis<Q: VertexMemory>(
         &mut self,
-        judge: CostSource,
+        cost_source: CostSource,
         step: Option<f64>,
         recorded: bool,
         (goals, level): (&[Goal], usize),
@@ -119,7 +119,7 @@ impl Run<'_, '_> {
         let regions = self.regions();
         let Corners { wedges, endpoints, mut rows } = self.corners(&faces, &points);
         let mut weights = Vec::new();
-        if !matches!(judge, CostSource::Engine) {
+        if !matches!(cost_source, CostSource::Engine) {
             if let Some((_, Some(attributes))) = &mut rows {
                 attributes.weights_mut().fill(0.0);
             }
@@ -135,7 +135,7 @@ impl Run<'_, '_> {
         let (rows, attributes) = rows.unzip();
         let attributes = attributes.flatten();
         let originals = match (&attributes, &wedges) {
-            (Some(attributes), Some(wedges)) if self.wants_fit(judge) && attributes.lanes() > 0 => {
+            (Some(attributes), Some(wedges)) if self.wants_fit(cost_source) && attributes.lanes() > 0 => {
                 Some(fit::Originals::new(attributes, wedges))
             }
             _ => None,
@@ -166,11 +166,13 @@ impl Run<'_, '_> {
     }
 
     /// True if the run ends with a fit.
-    pub(crate) fn wants_fit(&self, judge: CostSource) -> bool {
+    pub(crate) fn wants_fit(&self, cost_source: CostSource) -> bool {
         match self.options.fit {
             Fit::Off => false,
             Fit::On => self.options.placement != Placement::Endpoint,
-            Fit::Auto => matches!(judge, CostSource::Engine) && self.options.placement == Placement::Optimal,
+            Fit::Auto => {
+                matches!(cost_source, CostSource::Engine) && self.options.placement == Placement::Optimal
+            }
         }
     }
 

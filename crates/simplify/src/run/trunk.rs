@@ -134,12 +134,7 @@ impl Run<'_, '_> {
             estimate: frame.user_length(engine.estimate(fitted)),
             end,
             fitted: wants_fit,
-            refusals: engine.tally.refusals,
-            collapses: engine.tally.collapses,
-            faces_visited: engine.tally.faces_visited,
-            parts_removed: engine.tally.parts_removed,
-            necks_cut: engine.tally.necks_cut,
-            pairs_contracted: engine.tally.pairs_contracted,
+            tally: engine.tally.clone(),
             has_touching_vertices: engine.tally.necks_cut > 0
                 && weld::weld(mesh.positions().view()).merged_count() > 0,
             seams_relaxed: engine.mesh.has_relaxed_seams(),

@@ -42,7 +42,7 @@ impl Run<'_, '_> {
         limit: f64,
         control: &mut dyn Control,
     ) -> Result<Finished, SimplifyError> {
-        let Some(judge) = self.input_comparer(control) else { return self.unchanged_input(None, control) };
+        let Some(comparer) = self.input_comparer(control) else { return self.unchanged_input(None, control) };
         // Rounding of double precision alone can amount to this.
         let limit = limit + ROUNDING * self.ordered.diagonal;
         let all = self.ordered.faces.len();
@@ -60,7 +60,9 @@ impl Run<'_, '_> {
             let (faces, vertices) = (outcome.mesh.face_count(), outcome.mesh.vertex_count());
             is_over = outcome.end == StopReason::Finish;
             control.stage(Stage::Measure);
-            if !PreparedResult::new(&outcome.mesh).is_some_and(|made| judge.passes_spot_check(&made, limit)) {
+            if !PreparedResult::new(&outcome.mesh)
+                .is_some_and(|made| comparer.passes_spot_check(&made, limit))
+            {
                 return Ok(if is_over { LevelTest::Over } else { LevelTest::Beyond });
             }
             if seemingly.len() == MAX_HELD_RESULTS {
@@ -85,30 +87,31 @@ impl Run<'_, '_> {
             is_over |= outcome.end == StopReason::Finish;
             control.stage(Stage::Measure);
             if let Some(made) = PreparedResult::new(&outcome.mesh)
-                && let Some(bound) = judge.proven_within(&made, limit)
+                && let Some(bound) = comparer.proven_within(&made, limit)
             {
                 if is_over {
                     outcome.end = StopReason::Finish;
                 }
-                return Ok((outcome, judge.measure_prepared(&made, Some(bound)), true));
+                return Ok((outcome, comparer.measure_prepared(&made, Some(bound)), true));
             }
             if is_over {
                 break;
             }
             level -= 1;
         }
-        self.unchanged_input(Some(&judge), control)
+        self.unchanged_input(Some(&comparer), control)
     }
 
     /// Returns the unchanged input: not even one collapse stays within the limit.
     fn unchanged_input(
         &mut self,
-        judge: Option<&InputComparer>,
+        comparer: Option<&InputComparer>,
         control: &mut dyn Control,
     ) -> Result<Finished, SimplifyError> {
         let nothing = Goal { faces: Some(usize::MAX), vertices: None };
         let outcome = self.run_pass(nothing, None, control)?;
-        let deviation = judge.map_or_else(Deviation::default, |judge| judge.measure(&outcome.mesh, None));
+        let deviation =
+            comparer.map_or_else(Deviation::default, |comparer| comparer.measure(&outcome.mesh, None));
         Ok((outcome, deviation, true))
     }
 
@@ -122,7 +125,7 @@ impl Run<'_, '_> {
         limit: f64,
         control: &mut dyn Control,
     ) -> Result<Finished, SimplifyError> {
-        let judge = self.input_comparer(control);
+        let comparer = self.input_comparer(control);
         let diagonal = self.ordered.diagonal;
         let allowed = limit + ROUNDING * diagonal;
         let first = (limit / diagonal).ln() / TOLERANCE_FACTOR.ln();
@@ -132,10 +135,11 @@ impl Run<'_, '_> {
             let step = if is_last { 0.0 } else { diagonal * TOLERANCE_FACTOR.powf(power) };
             let outcome = self.run_pass(self.goal, Some(step), control)?;
             control.stage(Stage::Measure);
-            let kept = judge.as_ref().and_then(|judge| judge.proven_within_mesh(&outcome.mesh, allowed));
+            let kept =
+                comparer.as_ref().and_then(|comparer| comparer.proven_within_mesh(&outcome.mesh, allowed));
             if kept.is_some() || is_last || outcome.end == StopReason::Finish {
-                let look = |judge: &InputComparer| judge.measure(&outcome.mesh, kept);
-                let deviation = judge.as_ref().map_or_else(Deviation::default, look);
+                let measure = |comparer: &InputComparer| comparer.measure(&outcome.mesh, kept);
+                let deviation = comparer.as_ref().map_or_else(Deviation::default, measure);
                 return Ok((outcome, deviation, kept.is_some()));
             }
             power += 1.0;
