@@ -3,6 +3,7 @@
 //! prints them all at once.
 
 mod cycles;
+mod float_functions;
 mod type_names;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -141,6 +142,7 @@ const RULES: &[(&str, Rule)] = &[
     ("every paper named is in docs/papers.md", papers),
     ("files do not use each other in cycles", file_cycles),
     ("a type name stands once in a crate", repeated_type_names),
+    ("core and simplify take no functions of floats from the system", system_float_functions),
 ];
 
 /// Prints every rule.
@@ -515,6 +517,19 @@ fn repeated_type_names() -> Result<Vec<String>> {
     Ok(findings)
 }
 
+fn system_float_functions() -> Result<Vec<String>> {
+    let mut findings = Vec::new();
+    for folder in ["crates/core/src", "crates/simplify/src"] {
+        // Modules of tests in files of their own have these names.
+        let is_test = |path: &Path| path.ends_with("tests.rs") || path.ends_with("test_support.rs");
+        let files: Vec<PathBuf> = sources(folder)?.into_iter().filter(|path| !is_test(path)).collect();
+        for (file, name) in float_functions::calls(&files)? {
+            findings.push(format!("{}: {name}, which the crate libm has too", shown(file)));
+        }
+    }
+    Ok(findings)
+}
+
 /// Returns the keys in a line, such as `[Name 1999]` or `[Name-Other 1999]`.
 fn keys(line: &str) -> impl Iterator<Item = &str> {
     line.split('[').skip(1).filter_map(|rest| rest.split_once(']')).map(|(key, _)| key).filter(|key| {
@@ -594,6 +609,11 @@ mod tests {
     #[test]
     fn a_type_name_stands_once_in_a_crate() {
         holds(repeated_type_names);
+    }
+
+    #[test]
+    fn no_function_of_floats_is_the_systems() {
+        holds(system_float_functions);
     }
     #[test]
     fn every_paper_named_is_known() {

@@ -193,7 +193,7 @@ fn wedge_sides(result: &TriMesh, tree: &Bvh) -> Vec<WedgeSide> {
             if let Some([a, b, c]) = uvs {
                 let own = [a, b, c][k];
                 let off = [0, 1].map(|i| (a[i] + b[i] + c[i]) / 3.0 - own[i]);
-                side.uv_reach += off[0].hypot(off[1]);
+                side.uv_reach += libm::hypot(off[0], off[1]);
             }
             side.region = side.region.or(result.regions().map(|r| r[f]));
             side.faces += 1;
@@ -319,7 +319,7 @@ impl SourceSearch<'_> {
             let there = blended(all, wedges, weights());
             let off = [0, 1].map(|k| there[k] - f64::from(own[w][k]));
             // In reaches; at least the rounding error of texture coordinates in single precision.
-            let off = off[0].hypot(off[1]) / side.uv_reach.max(1e-5);
+            let off = libm::hypot(off[0], off[1]) / side.uv_reach.max(1e-5);
             // NaN counts as another chart.
             let share = (off - SAME_CHART_TOLERANCE) / (1.0 - SAME_CHART_TOLERANCE);
             cost += OTHER_CHART_PENALTY * unit_sq * if share.is_nan() { 1.0 } else { share.clamp(0.0, 1.0) };

@@ -110,7 +110,7 @@ pub fn compare_prepared(reference: &Prepared, candidate: &Prepared, options: &Co
         hausdorff: two(|d| d.max, f64::max),
         mean: two(|d| d.mean, |a, b| a * 0.5 + b * 0.5),
         // By `hypot`: the square of 1e200 overflows a double.
-        rms: two(|d| d.rms, |a, b| a.hypot(b) * std::f64::consts::FRAC_1_SQRT_2),
+        rms: two(|d| d.rms, |a, b| libm::hypot(a, b) * std::f64::consts::FRAC_1_SQRT_2),
         p99: two(|d| d.p99, f64::max),
         normal_mean_deg: chunks::mean(&angles),
         normal_p95_deg: one_way::quantile(&mut angles, 0.95),

@@ -23,7 +23,7 @@ pub fn significant(x: f64, digits: usize) -> String {
     if !x.is_finite() || x.abs() < 1e-4 || x.abs() >= 1e15 {
         return format!("{x:.*e}", digits.saturating_sub(1));
     }
-    let decimals = digits as i32 - 1 - x.abs().log10().floor() as i32;
+    let decimals = digits as i32 - 1 - libm::log10(x.abs()).floor() as i32;
     format!("{x:.*}", decimals.max(0) as usize)
 }
 

@@ -387,7 +387,7 @@ fn scale_of(points: &[[f64; 3]]) -> Option<f64> {
         }
     }
     // Beyond these sizes the scale itself would overflow.
-    (1e-290..1e290).contains(&size).then(|| (-size.log2().round()).exp2())
+    (1e-290..1e290).contains(&size).then(|| libm::exp2(-libm::log2(size).round()))
 }
 
 /// Returns twice the signed area of a triangle, or zero if its sign may come from rounding.

@@ -118,11 +118,11 @@ pub fn blob(n: u32, seed: u64) -> TriMesh {
     for p in &mut points {
         let mut r = 1.0;
         for (along, height, speed) in &waves {
-            r += height * (speed * dot(*p, *along)).sin();
+            r += height * libm::sin(speed * dot(*p, *along));
         }
         for ear in ears {
             let d = [0, 1, 2].map(|k| p[k] - ear[k]);
-            r += 0.9 * (-dot(d, d) / 0.03).exp();
+            r += 0.9 * libm::exp(-dot(d, d) / 0.03);
         }
         *p = p.map(|x| x * r);
     }
@@ -141,8 +141,8 @@ pub fn torus(m: u32, n: u32) -> TriMesh {
     for i in 0..m {
         for j in 0..n {
             let (a, b) = (TAU * f64::from(i) / f64::from(m), TAU * f64::from(j) / f64::from(n));
-            let r = 1.0 + 0.4 * b.cos();
-            points.push([r * a.cos(), r * a.sin(), 0.4 * b.sin()]);
+            let r = 1.0 + 0.4 * libm::cos(b);
+            points.push([r * libm::cos(a), r * libm::sin(a), 0.4 * libm::sin(b)]);
             let at = |i: u32, j: u32| (i % m) * n + j % n;
             let (p, q, r, s) = (at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
             triangles.extend([[p, q, r], [p, r, s]]);
@@ -163,7 +163,7 @@ pub fn cylinder(around: u32, up: u32) -> TriMesh {
     for j in 0..=up {
         for i in 0..around {
             let a = TAU * f64::from(i) / f64::from(around);
-            points.push([0.5 * a.cos(), 0.5 * a.sin(), f64::from(j) / f64::from(up) - 0.5]);
+            points.push([0.5 * libm::cos(a), 0.5 * libm::sin(a), f64::from(j) / f64::from(up) - 0.5]);
             if j < up {
                 let at = |i: u32, j: u32| j * around + i % around;
                 let (p, q, r, s) = (at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
@@ -190,7 +190,7 @@ pub fn grid(n: u32) -> TriMesh {
 pub fn wavy_sheet(n: u32) -> TriMesh {
     let (mut points, triangles) = grid_parts(n, |_, _| true);
     for p in &mut points {
-        p[2] = 0.1 * (7.0 * p[0]).sin() * (5.0 * p[1]).cos();
+        p[2] = 0.1 * libm::sin(7.0 * p[0]) * libm::cos(5.0 * p[1]);
     }
     mesh(points, triangles)
 }
@@ -224,8 +224,8 @@ pub fn mobius_strip(n: u32) -> TriMesh {
     for i in 0..n {
         let a = TAU * f64::from(i) / f64::from(n);
         for side in [-0.3, 0.3] {
-            let r = 1.0 + side * (a / 2.0).cos();
-            points.push([r * a.cos(), r * a.sin(), side * (a / 2.0).sin()]);
+            let r = 1.0 + side * libm::cos(a / 2.0);
+            points.push([r * libm::cos(a), r * libm::sin(a), side * libm::sin(a / 2.0)]);
         }
         let (p, q) = (2 * i, 2 * i + 1);
         let (r, s) = if i + 1 < n { (p + 2, q + 2) } else { (1, 0) };
@@ -261,7 +261,7 @@ pub fn book(pages: u32) -> TriMesh {
     let mut triangles = Vec::new();
     for i in 0..pages {
         let a = PI * f64::from(i) / f64::from(pages);
-        points.push([a.cos(), a.sin(), 0.5]);
+        points.push([libm::cos(a), libm::sin(a), 0.5]);
         triangles.push([0, 1, i + 2]);
     }
     mesh(points, triangles)
@@ -327,7 +327,7 @@ pub fn level(n: u32, boxes: u32) -> TriMesh {
         [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
     let (mut points, triangles) = grid_parts(n, |_, _| true);
     let mut uvs: Vec<[f32; 2]> = points.iter().map(|p| [p[0] as f32, p[1] as f32]).collect();
-    let height = |x: f64, y: f64| 0.1 * (7.0 * x).sin() * (5.0 * y).cos();
+    let height = |x: f64, y: f64| 0.1 * libm::sin(7.0 * x) * libm::cos(5.0 * y);
     points.iter_mut().for_each(|p| p[2] = height(p[0], p[1]));
     let mut vertex_of: Vec<VertexId> = (0..points.len()).map(VertexId::new).collect();
     let mut triangles: Vec<[WedgeId; 3]> = triangles.into_iter().map(|t| t.map(WedgeId)).collect();

@@ -331,8 +331,9 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
             coarsest = longest / made.cell;
         }
         // Levels are powers of `RESOLUTION_STEP`; the finest has the lowest number.
-        let power = |resolution: f64| -resolution.ln() / RESOLUTION_STEP.ln();
-        let levels = -(MAX_RESOLUTION.ln() / RESOLUTION_STEP.ln()) as i64..=power(coarsest).floor() as i64;
+        let power = |resolution: f64| -libm::log(resolution) / libm::log(RESOLUTION_STEP);
+        let levels =
+            -(libm::log(MAX_RESOLUTION) / libm::log(RESOLUTION_STEP)) as i64..=power(coarsest).floor() as i64;
         let resolution = longest * 3f64.sqrt() * FIRST_DISTANCE / limit.max(f64::MIN_POSITIVE);
         let begin = power(resolution.clamp(1.0, MAX_RESOLUTION)).floor() as i64;
         let mut best: Option<(i64, ClusteredMesh, f64)> = None;
@@ -343,7 +344,7 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
                 return Ok(LevelTest::Over);
             }
             control.stage(Stage::Collapse);
-            let resolution = RESOLUTION_STEP.powf(-level as f64).clamp(1.0, MAX_RESOLUTION);
+            let resolution = libm::pow(RESOLUTION_STEP, -level as f64).clamp(1.0, MAX_RESOLUTION);
             let clusters = Clusters::new(&self.model, &self.locked, resolution);
             let made = self.made(&clusters, StoppedBy::Error)?;
             drop(clusters);

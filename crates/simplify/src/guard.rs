@@ -33,7 +33,7 @@ pub(crate) struct Rules {
 impl Rules {
     pub(crate) fn new(options: &SimplifyOptions, frame: UnitFrame, diagonal: f64) -> Self {
         let guards = &options.guards;
-        let cos = guards.max_normal_deg.map_or(0.0, |deg| deg.min(90.0).to_radians().cos() as f32);
+        let cos = guards.max_normal_deg.map_or(0.0, |deg| libm::cos(deg.min(90.0).to_radians()) as f32);
         let max_edge = guards.max_edge.map_or(f64::INFINITY, |l| frame.unit_length(l.in_units(diagonal)));
         let longest = options.method_options.edge_length.filter(|_| options.method == Method::ShortestEdge);
         let max_cost = longest.map_or(f64::INFINITY, |l| frame.unit_length(l.in_units(diagonal)));

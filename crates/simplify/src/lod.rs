@@ -288,12 +288,12 @@ impl Screen {
     /// high; farther away it is smaller. At a distance d the picture is 2 d tan(fov / 2) high, so one pixel
     /// is 2 d tan(fov / 2) / height.
     pub fn distance(&self, error: f64) -> f64 {
-        error * self.height_px / (2.0 * (self.fov_deg.to_radians() / 2.0).tan() * self.pixels)
+        error * self.height_px / (2.0 * libm::tan(self.fov_deg.to_radians() / 2.0) * self.pixels)
     }
 
     /// Returns the fraction of the picture's height that a ball of this diameter covers at a distance.
     pub fn coverage(&self, diameter: f64, distance: f64) -> f64 {
-        diameter / (2.0 * distance * (self.fov_deg.to_radians() / 2.0).tan())
+        diameter / (2.0 * distance * libm::tan(self.fov_deg.to_radians() / 2.0))
     }
 }
 

@@ -106,7 +106,7 @@ impl<'a> Removal<'a> {
             ring: HoleRing::default(),
             filler: HoleFiller::new(Limits::new(guards.max_normal_deg, guards.min_quality)),
             triangles: Vec::new(),
-            crease_cos: options.method_options.angle_deg.unwrap_or(CREASE_DEG).to_radians().cos(),
+            crease_cos: libm::cos(options.method_options.angle_deg.unwrap_or(CREASE_DEG).to_radians()),
             max_edge_sq: guards.max_edge.map_or(f64::INFINITY, |l| ground.length(l).powi(2)),
             steps: 0,
             refusals: [0; Refusal::ALL.len()],
@@ -180,7 +180,7 @@ impl<'a> Removal<'a> {
     /// Returns the importance factor of a vertex. `prices` apply to areas times squared lengths; for a
     /// distance their cube root is taken.
     fn importance(&self, v: VertexId) -> f64 {
-        self.task.input.cost_factors.as_ref().map_or(1.0, |p| f64::from(p[v.index()]).cbrt())
+        self.task.input.cost_factors.as_ref().map_or(1.0, |p| libm::cbrt(f64::from(p[v.index()])))
     }
 
     /// Fills the hole that a vertex would leave, unless its cost is already known to exceed the limit.

@@ -217,7 +217,7 @@ impl<'ast> Visit<'ast> for Reader<'_> {
     }
 }
 
-fn attributes(item: &Item) -> Option<&[Attribute]> {
+pub(super) fn attributes(item: &Item) -> Option<&[Attribute]> {
     match item {
         Item::Const(x) => Some(&x.attrs),
         Item::Enum(x) => Some(&x.attrs),

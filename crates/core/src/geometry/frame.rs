@@ -26,7 +26,7 @@ impl UnitFrame {
         // Halved first: the difference of two huge coordinates may overflow.
         let centre = min * 0.5 + max * 0.5;
         let half = (max * 0.5 - min * 0.5).max_element();
-        let exponent = if half > 0.0 { half.log2().floor() as i32 + 1 } else { 0 };
+        let exponent = if half > 0.0 { libm::log2(half).floor() as i32 + 1 } else { 0 };
         let exponent = exponent.clamp(-LARGEST_EXPONENT, LARGEST_EXPONENT);
         Self { centre, unit_per_user: 2f64.powi(-exponent), user_per_unit: 2f64.powi(exponent) }
     }

@@ -100,7 +100,7 @@ impl AttributeError {
         let rms = |x: &[f64]| chunks::mean(&x.iter().map(|d| d * d).collect::<Vec<_>>()).sqrt();
         Self {
             mean: figure(chunks::mean, |a, b| a * 0.5 + b * 0.5),
-            rms: figure(rms, |a, b| a.hypot(b) * std::f64::consts::FRAC_1_SQRT_2),
+            rms: figure(rms, |a, b| libm::hypot(a, b) * std::f64::consts::FRAC_1_SQRT_2),
             p95: figure(|x| one_way::quantile(&mut x.to_vec(), 0.95), f64::max),
         }
     }
@@ -261,7 +261,7 @@ impl<'a> MeasuredMesh<'a> {
                     && a != DVec3::ZERO
                     && b != DVec3::ZERO
                 {
-                    part[0].push(a.cross(b).length().atan2(a.dot(b)).to_degrees());
+                    part[0].push(libm::atan2(a.cross(b).length(), a.dot(b)).to_degrees());
                 }
                 if let (Some(a), Some(b)) = (here.uv, there.uv) {
                     part[1].push(distance(&a, &b));

@@ -124,7 +124,7 @@ fn climb_to_farthest(from: &Prepared, to: &Prepared, distances: &[f64], seed: u6
 /// Returns the angle between two directions of any length, in degrees; `None` if one has length zero.
 fn angle_deg(a: DVec3, b: DVec3) -> Option<f64> {
     // An arc cosine would lose half the digits of a small angle.
-    (a != DVec3::ZERO && b != DVec3::ZERO).then(|| a.cross(b).length().atan2(a.dot(b)).to_degrees())
+    (a != DVec3::ZERO && b != DVec3::ZERO).then(|| libm::atan2(a.cross(b).length(), a.dot(b)).to_degrees())
 }
 
 /// Returns the quantile `part` (0 to 1) of the numbers; 0 if there are none. Reorders them.

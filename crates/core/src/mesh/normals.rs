@@ -21,7 +21,7 @@ pub fn vertex_normals(surface: &Surface<'_>, place: impl Fn(VertexId) -> VertexI
         let [Some(a), Some(b), Some(c)] = sides else { continue };
         let Some(normal) = unit(cross(a, b)) else { continue };
         for (corner, (out, back)) in [(a, c), (b, a), (c, b)].into_iter().enumerate() {
-            let angle = (-dot(out, back)).clamp(-1.0, 1.0).acos();
+            let angle = libm::acos((-dot(out, back)).clamp(-1.0, 1.0));
             let sum = &mut sums[place(face[corner]).index()];
             *sum = [0, 1, 2].map(|k| sum[k] + angle * normal[k]);
         }

@@ -66,7 +66,8 @@ pub(crate) fn faces_to_flip(surface: &Surface<'_>) -> Vec<bool> {
         patches.push(measured(surface, faces, &turned));
     }
     find_closed(&topology, &turned, &patch_of, &mut patches);
-    let looks_inward = |p: &OrientedPatch| p.is_closed && p.volume < -MIN_VOLUME_SHARE * p.area.powf(1.5);
+    let looks_inward =
+        |p: &OrientedPatch| p.is_closed && p.volume < -MIN_VOLUME_SHARE * libm::pow(p.area, 1.5);
     let doubtful: Vec<usize> = (0..patches.len()).filter(|&i| looks_inward(&patches[i])).collect();
     for (&i, is_inside) in doubtful.iter().zip(inside_others(surface, &patches, &patch_of, &doubtful)) {
         // A patch inside another may be a cavity.

@@ -133,7 +133,7 @@ fn match_ring(
     let is_along = |h: HalfEdgeId| topology.origin(h) == from;
     let angle = |h: HalfEdgeId| {
         let d = at(topology.target(h.next())) - at(from);
-        d.dot(y).atan2(d.dot(x))
+        libm::atan2(d.dot(y), d.dot(x))
     };
     // The inside lies behind a face: towards larger angles for a face against the axis. At equal angles an
     // inside closes first.

@@ -112,13 +112,13 @@ impl<'m, 'a, P: ClusterPosition> Counter<'m, 'a, P> {
                 high = here;
             }
             if let Some((there, had)) = before.filter(|b| b.1 > 0.0 && got > 0.0) {
-                let slope = (got / had).ln() / (here / there).ln();
+                let slope = libm::log(got / had) / libm::log(here / there);
                 if slope.is_finite() {
                     guess.slope = slope.clamp(0.5, 3.0);
                 }
             }
             before = Some((here, got));
-            let next = here * (wanted / got.max(0.1 * wanted)).powf(1.0 / guess.slope);
+            let next = here * libm::pow(wanted / got.max(0.1 * wanted), 1.0 / guess.slope);
             guess.resolution = if next > low && next < high { next } else { (low * high).sqrt() };
             if (got / wanted - 1.0).abs() < near || high <= low * 1.001 {
                 break;

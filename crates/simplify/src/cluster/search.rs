@@ -131,7 +131,7 @@ pub(super) fn search<P: ClusterPosition, E>(
         if high <= low * (1.0 + 1e-6) {
             break;
         }
-        let next = resolution * (aim / now.max(0.01)).powf(1.0 / slope);
+        let next = resolution * libm::pow(aim / now.max(0.01), 1.0 / slope);
         resolution = if next > low && next < high { next } else { (low * high).sqrt() };
         if pass + 2 == MAX_PASSES && best.as_ref().is_some_and(|b| b.0.face_count() == 0) {
             resolution = high;

@@ -101,7 +101,7 @@ impl<P: ClusterPosition> ClusterRun<'_, P> {
             let held = map_held_wedges(&first, &held, done.mesh.face_count());
             let second = done.report;
             let made = ClusteredMesh {
-                estimate: first.estimate.hypot(second.error.estimate),
+                estimate: libm::hypot(first.estimate, second.error.estimate),
                 mesh: done.mesh,
                 held,
                 ..first

@@ -31,7 +31,7 @@ pub(crate) fn sharp_edges(points: &[Vec3], faces: &[[VertexId; 3]], deg: f64) ->
         Ordering::Equal => (a.1.face(), a.1.k()).cmp(&(b.1.face(), b.1.k())),
         order => order,
     });
-    let cos = deg.to_radians().cos();
+    let cos = libm::cos(deg.to_radians());
     let mut bits = vec![0u8; faces.len()];
     let mut any = false;
     for sides in edges.chunk_by(|a, b| a.0 == b.0) {

@@ -26,7 +26,7 @@ impl<M: Metric> LiveMesh<M> {
                 .cost_factors
                 .iter_mut()
                 .flatten()
-                .for_each(|p| *p = p.powf(self.cost.metric.cost_factor_exponent()));
+                .for_each(|p| *p = libm::powf(*p, self.cost.metric.cost_factor_exponent()));
         }
     }
 

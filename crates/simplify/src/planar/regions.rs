@@ -351,7 +351,7 @@ fn is_along(field: &RegionInput<'_>, normal: DVec3, face: usize) -> bool {
     let tolerance = &field.tolerance;
     let area = field.double_area(face);
     let (along, across) = (area.dot(normal), area.cross(normal).length());
-    let (sin, cos) = tolerance.angle_rad.sin_cos();
+    let (sin, cos) = libm::sincos(tolerance.angle_rad);
     if along > 0.0 && across * cos <= along * sin {
         return true;
     }

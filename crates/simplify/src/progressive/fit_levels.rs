@@ -32,7 +32,7 @@ impl Progressive {
     /// Returns the position of a level between two others, from 0 to 1, by the logarithm of the number of
     /// faces.
     fn share(&self, from: u32, level: usize, to: u32) -> f64 {
-        let count = |l: usize| f64::from(self.sequence.splits.counts[l].faces.max(1)).ln();
+        let count = |l: usize| libm::log(f64::from(self.sequence.splits.counts[l].faces.max(1)));
         let [a, x, b] = [from as usize, level, to as usize].map(count);
         if b > a { (x - a) / (b - a) } else { 0.0 }
     }
@@ -43,7 +43,7 @@ impl Progressive {
                 let t = self.share(a.level, level, b.level);
                 // Errors follow about a power of the count; the full mesh has none.
                 if b.error > 0.0 {
-                    (a.error.ln() * (1.0 - t) + b.error.ln() * t).exp().clamp(b.error, a.error)
+                    libm::exp(libm::log(a.error) * (1.0 - t) + libm::log(b.error) * t).clamp(b.error, a.error)
                 } else {
                     a.error * (1.0 - t)
                 }

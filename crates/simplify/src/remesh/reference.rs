@@ -58,7 +58,7 @@ impl<'a> ReferenceSurface<'a> {
             prepared.regions.as_deref(),
             prepared.locked.as_deref(),
         );
-        let crease_cos = task.options.method_options.angle_deg.unwrap_or(CREASE_DEG).to_radians().cos();
+        let crease_cos = libm::cos(task.options.method_options.angle_deg.unwrap_or(CREASE_DEG).to_radians());
         let bent: Vec<HalfEdgeId> = bends(&mesh, crease_cos).collect();
         bent.into_iter().for_each(|h| mesh.set_line(h, LineKind::Crease));
         let curves = LineKind::CURVES.map(|line| {
@@ -155,7 +155,7 @@ impl<'a> ReferenceSurface<'a> {
     fn find_creases(&self, mesh: &mut HalfEdges) {
         let Some(creases) = self.curve(LineKind::Crease) else { return };
         // Simplification rounds creases off.
-        let loose = (0.7 * self.crease_cos.acos()).cos();
+        let loose = libm::cos(0.7 * libm::acos(self.crease_cos));
         let found: Vec<HalfEdgeId> = bends(mesh, loose).filter(|&h| is_along(mesh, h, creases)).collect();
         found.into_iter().for_each(|h| mesh.set_line(h, LineKind::Crease));
     }
@@ -252,7 +252,7 @@ fn turns(mesh: &HalfEdges, v: VertexId, next: [VertexId; 2], length: f64) -> boo
     let at = mesh.at(v);
     let is_sharp = |a: DVec3, b: DVec3| {
         let (a, b) = ((a - at).normalize_or_zero(), (b - at).normalize_or_zero());
-        a.dot(b) > -CORNER_DEG.to_radians().cos()
+        a.dot(b) > -libm::cos(CORNER_DEG.to_radians())
     };
     if !is_sharp(mesh.at(next[0]), mesh.at(next[1])) {
         return false;

@@ -75,7 +75,7 @@ fn curvatures(mesh: &HalfEdges) -> Vec<f64> {
             continue;
         }
         let direction = edge / length;
-        let angle = n.cross(m).dot(direction).atan2(n.dot(m));
+        let angle = libm::atan2(n.cross(m).dot(direction), n.dot(m));
         let outer =
             DMat3::from_cols(direction * direction.x, direction * direction.y, direction * direction.z)
                 * (0.5 * angle * length);

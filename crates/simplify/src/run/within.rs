@@ -128,11 +128,11 @@ impl Run<'_, '_> {
         let comparer = self.input_comparer(control);
         let diagonal = self.ordered.diagonal;
         let allowed = limit + ROUNDING * diagonal;
-        let first = (limit / diagonal).ln() / TOLERANCE_FACTOR.ln();
+        let first = libm::log(limit / diagonal) / libm::log(TOLERANCE_FACTOR);
         let mut power = if first.is_finite() { (first - 1e-9).ceil() } else { f64::INFINITY };
         for run in 1.. {
             let is_last = run == MAX_TOLERANCES;
-            let step = if is_last { 0.0 } else { diagonal * TOLERANCE_FACTOR.powf(power) };
+            let step = if is_last { 0.0 } else { diagonal * libm::pow(TOLERANCE_FACTOR, power) };
             let outcome = self.run_pass(self.goal, Some(step), control)?;
             control.stage(Stage::Measure);
             let kept =

@@ -163,7 +163,8 @@ fn mean(all: &[(f64, &Comparison)], diagonal: f64) -> Option<Comparison> {
     };
     let power = |of: fn(&Comparison) -> &TwoWay, p: i32| {
         let mean = |of_way: fn(&TwoWay) -> f64| {
-            all.iter().map(|(w, c)| w * of_way(of(c)).powi(p)).sum::<f64>().powf(1.0 / f64::from(p))
+            let sum = all.iter().map(|(w, c)| w * of_way(of(c)).powi(p)).sum::<f64>();
+            libm::pow(sum, 1.0 / f64::from(p))
         };
         TwoWay {
             forward: mean(|t| t.forward),

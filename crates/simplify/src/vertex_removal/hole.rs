@@ -24,7 +24,8 @@ pub(super) struct Limits {
 
 impl Limits {
     pub(super) fn new(max_normal_deg: Option<f64>, min_quality: Option<f64>) -> Self {
-        let turn_cos = max_normal_deg.map_or(MIN_TURN_COS, |deg| deg.to_radians().cos().max(MIN_TURN_COS));
+        let turn_cos =
+            max_normal_deg.map_or(MIN_TURN_COS, |deg| libm::cos(deg.to_radians()).max(MIN_TURN_COS));
         Self { turn_cos, quality: min_quality.unwrap_or(0.0) }
     }
 }

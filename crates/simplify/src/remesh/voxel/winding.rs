@@ -121,7 +121,7 @@ fn solid_angle(p: DVec3, corners: &[DVec3; 3]) -> f64 {
     let [a, b, c] = corners.map(|q| q - p);
     let (x, y, z) = (a.length(), b.length(), c.length());
     let below = x * y * z + a.dot(b) * z + b.dot(c) * x + c.dot(a) * y;
-    2.0 * a.dot(b.cross(c)).atan2(below)
+    2.0 * libm::atan2(a.dot(b.cross(c)), below)
 }
 
 #[cfg(test)]
