@@ -3,7 +3,7 @@
 
 mod check;
 pub(crate) mod names;
-mod shared;
+pub(crate) mod shared;
 
 use std::sync::Arc;
 

@@ -22,15 +22,10 @@ use lodsmith_core::splits::{Changes, Counts, Layout};
 use lodsmith_core::{MeshError, Positions, PositionsView, RegionId, Splits, TriMesh, VertexId, WedgeId};
 
 use crate::attributes::ranges::{UNLIMITED_RANGE, has_ranges, ranges};
-use crate::options::Method;
 pub use scene::ProgressiveScene;
 
 /// Elements in a block of the change tracking.
 const CHANGE_BLOCK_LEN: usize = 256;
-
-/// The methods that can be recorded: those that contract one edge or pair at a time.
-pub(crate) const RECORDED_METHODS: &[Method] =
-    &[Method::Memoryless, Method::Quadric, Method::LindstromTurk, Method::Melax, Method::ShortestEdge];
 
 /// A progressive mesh: a base mesh (level 0) and vertex splits, each of which leads to the next level, up to
 /// the full mesh.

@@ -16,8 +16,8 @@ const SUBSET_METHODS: &[Method] =
     &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar, Unsubdivide];
 /// Methods that remove vertices one at a time, and can refuse to.
 const GUARDED_METHODS: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval];
-/// Edge-collapse methods.
-const COLLAPSE_METHODS: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge];
+/// Edge-collapse methods: they contract one edge or pair at a time, and can be recorded.
+pub(crate) const COLLAPSE_METHODS: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge];
 /// [`GUARDED_METHODS`], and the method whose regions turn by a limited angle.
 const NORMAL_GUARDED_METHODS: &[Method] =
     &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar];

@@ -4,7 +4,7 @@ use lodsmith_core::{FaceId, Splits, TriMesh, VertexId, WedgeId};
 
 use super::checkpoints::{Recorded, Weights};
 use super::values::ValueFitter;
-use super::{Progressive, RECORDED_METHODS, arrange};
+use super::{Progressive, arrange};
 use crate::SimplifyError;
 use crate::attributes::Rows;
 use crate::collapse::Goal;
@@ -18,6 +18,7 @@ use crate::control::{Control, Stage};
 use crate::fit::Originals;
 use crate::input::Input;
 use crate::metric::{Dimension, Metric, VertexMemory, with_metric};
+use crate::options::shared::COLLAPSE_METHODS;
 use crate::options::{Placement, SimplifyOptions};
 use crate::pipeline::prepare::{Prepared, lent_normals};
 use crate::run::{self, Run, Started};
@@ -83,7 +84,7 @@ pub(super) fn build(
     let walk: Option<RecordedRun> =
         with_metric!(method, METRIC => |run, mesh, control| record_run(METRIC, run, mesh, control));
     let (Some(walk), Some(pass)) = (walk, run::collapses(method)) else {
-        return Err(SimplifyError::NotOfMethod { option: "progressive", takers: RECORDED_METHODS, method });
+        return Err(SimplifyError::NotOfMethod { option: "progressive", takers: COLLAPSE_METHODS, method });
     };
     if options.escalate {
         return Err(SimplifyError::NotTogether { first: "progressive", second: "escalate" });
