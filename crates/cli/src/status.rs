@@ -48,11 +48,10 @@ pub(crate) fn usage(text: impl Into<String>) -> anyhow::Error {
 
 /// Returns the exit status for an error.
 pub(crate) fn status_of(error: &anyhow::Error) -> Status {
-    let is_unlike = matches!(
-        error.downcast_ref(),
-        Some(SimplifyError::NotOfMethod { .. } | SimplifyError::NotTogether { .. })
-    );
-    if is_unlike || error.is::<UsageError>() {
+    use SimplifyError::{BadOption, NotOfMethod, NotTogether};
+    let is_refused =
+        matches!(error.downcast_ref(), Some(BadOption { .. } | NotOfMethod { .. } | NotTogether { .. }));
+    if is_refused || error.is::<UsageError>() {
         Status::Usage
     } else if error.is::<Interrupted>() {
         Status::Interrupted
@@ -78,6 +77,8 @@ mod tests {
     #[test]
     fn who_is_at_fault_decides_the_status() {
         assert_eq!(status_of(&usage("no")), Status::Usage);
+        let bad = SimplifyError::BadOption { option: "cell", wanted: "longer", got: 0.1 };
+        assert_eq!(status_of(&bad.into()), Status::Usage);
         assert_eq!(status_of(&Interrupted.into()), Status::Interrupted);
         assert_eq!(status_of(&anyhow!("disk full")), Status::Failed);
     }

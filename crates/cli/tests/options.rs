@@ -261,4 +261,8 @@ fn clusters_tell_their_cells() {
     assert!(report["clustered"]["faces"].as_u64() > report["output"]["faces"].as_u64());
     let ran = desk.run(&format!("{words} --faces 700 --topology preserve")).with_status(2);
     assert!(ran.stderr.contains("topology preserve is for"), "{}", ran.stderr);
+    // No grid has cells so small, and no face is left of cells so large.
+    for cell in ["0.0000001%", "1000"] {
+        desk.run(&format!("{words} --cell {cell}")).with_status(2).with_one_error();
+    }
 }
