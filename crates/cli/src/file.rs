@@ -10,8 +10,8 @@ use lodsmith::core::{Splits, TriMesh};
 use lodsmith_io::gltf::{Scene, SceneLevels};
 use lodsmith_io::lpm::{self, LpmWritten};
 use lodsmith_io::{
-    Format, Loaded, Lpm, LpmOptions, ModelFile, ReadError, ReadOptions, Regions, Warning, WriteError,
-    WriteOptions,
+    Format, Loaded, Lpm, LpmOptions, ModelFile, ReadError, ReadOptions, Regions, Textures, Warning,
+    WriteError, WriteOptions,
 };
 
 use crate::args::{Reading, Writing};
@@ -67,13 +67,17 @@ pub(crate) enum Input {
     Scene(Box<Scene>),
 }
 
-/// Reads a glTF file as a scene, and any other as a mesh with these properties of vertices in addition. The
-/// error does not name the source.
-pub(crate) fn read_scene(
+/// Reads a glTF file as a scene if `keeps_scenes` is set, and any other as a mesh with these properties of
+/// vertices in addition. The error does not name the source.
+pub(crate) fn read_input(
     source: &Source,
     reading: &Reading,
     properties: Vec<String>,
+    keeps_scenes: bool,
 ) -> anyhow::Result<Input> {
+    if !keeps_scenes {
+        return Ok(Input::Mesh(Box::new(read_with(source, reading, properties)?)));
+    }
     let mut options = reading.options();
     options.properties = properties.clone();
     let scene = match source {
@@ -107,16 +111,115 @@ fn flattened_error(error: impl std::fmt::Display) -> anyhow::Error {
     anyhow!("{error}")
 }
 
-/// Returns the options for writing a mesh with these regions.
-pub(crate) fn options(writing: &Writing, format: Format, regions: Regions) -> WriteOptions {
-    let mut options = scene_options(writing, format);
-    options.ascii = writing.ascii;
-    options.regions = Some(Arc::new(regions));
-    options
+/// The output for an input: where its result goes, and how it is written.
+#[derive(Clone, Debug)]
+pub(crate) struct Destination {
+    pub(crate) sink: Sink,
+    pub(crate) format: Format,
+    pub(crate) writing: Writing,
+    /// Nothing is written; the losses are found all the same.
+    pub(crate) dry_run: bool,
 }
 
-/// Writes a mesh and returns the data that the format cannot hold. Never leaves a partial file.
-pub(crate) fn write(
+impl Destination {
+    /// Returns true if a scene stays one here: rotating or scaling it would need changes of its nodes.
+    pub(crate) fn keeps_scenes(&self) -> bool {
+        matches!(self.format, Format::Gltf | Format::Glb)
+            && self.writing.scale.is_none()
+            && self.writing.up.is_none()
+    }
+
+    /// Returns true if materials are written.
+    pub(crate) fn keeps_materials(&self) -> bool {
+        matches!(self.format, Format::Obj | Format::Gltf | Format::Glb)
+            && self.writing.textures != Textures::None
+    }
+
+    /// Returns true if files with names from the input are written beside the output: the result of another
+    /// input may have the same.
+    pub(crate) fn shares_names(&self, regions: &Regions) -> bool {
+        self.format == Format::Obj && !regions.libraries().is_empty() && !self.dry_run
+    }
+
+    /// Writes a mesh and returns the data that the format cannot hold. Never leaves a partial file.
+    pub(crate) fn write(&self, mesh: &TriMesh, regions: Regions) -> anyhow::Result<Vec<Warning>> {
+        let mut options = self.mesh_options(regions);
+        if !self.dry_run {
+            return write_mesh(mesh, &self.sink, self.format, &options);
+        }
+        if let Sink::Path(path) = &self.sink {
+            options.beside = Some(path.clone());
+        }
+        lodsmith_io::write_to(mesh, self.format, &options, &mut io::sink()).map_err(flattened_error)
+    }
+
+    /// Writes a scene with some meshes replaced, and other names for the files that it refers to; otherwise
+    /// like [`write`](Self::write).
+    pub(crate) fn write_scene(
+        &self,
+        scene: &Scene,
+        replaced: &[Option<TriMesh>],
+        relink: &dyn Fn(&str) -> Option<String>,
+    ) -> anyhow::Result<Vec<Warning>> {
+        self.put(
+            |out| lodsmith_io::write_scene_to(scene, replaced, self.format, relink, out),
+            |path| lodsmith_io::write_scene_path(scene, replaced, path, &self.options(), relink),
+        )
+    }
+
+    /// Writes a scene with levels of detail; otherwise like [`write_scene`](Self::write_scene).
+    pub(crate) fn write_levels(
+        &self,
+        scene: &Scene,
+        levels: &SceneLevels,
+        relink: &dyn Fn(&str) -> Option<String>,
+    ) -> anyhow::Result<Vec<Warning>> {
+        self.put(
+            |out| lodsmith_io::write_levels_to(scene, levels, self.format, relink, out),
+            |path| lodsmith_io::write_levels_path(scene, levels, path, &self.options(), relink),
+        )
+    }
+
+    /// Returns a mesh as a glTF scene, as writing and reading it would give, and the data that glTF cannot
+    /// hold.
+    pub(crate) fn as_scene(&self, mesh: &TriMesh, regions: Regions) -> anyhow::Result<(Scene, Vec<Warning>)> {
+        let mut options = self.mesh_options(regions);
+        options.format = Some(Format::Glb);
+        let mut bytes = Vec::new();
+        let lost = lodsmith_io::write_to(mesh, Format::Glb, &options, &mut bytes).map_err(flattened_error)?;
+        let scene = Scene::read(&bytes, &ReadOptions::default()).map_err(unnamed)?;
+        Ok((scene, lost))
+    }
+
+    fn mesh_options(&self, regions: Regions) -> WriteOptions {
+        let mut options = self.options();
+        options.ascii = self.writing.ascii;
+        options.regions = Some(Arc::new(regions));
+        options
+    }
+
+    fn options(&self) -> WriteOptions {
+        let mut options = WriteOptions::default();
+        options.format = Some(self.format);
+        options.force = self.writing.force;
+        options.textures = self.writing.textures;
+        options
+    }
+
+    fn put<T>(
+        &self,
+        to_stream: impl FnOnce(&mut dyn io::Write) -> Result<T, WriteError>,
+        to_path: impl FnOnce(&Path) -> Result<T, WriteError>,
+    ) -> anyhow::Result<T> {
+        if self.dry_run {
+            return to_stream(&mut io::sink()).map_err(flattened_error);
+        }
+        write_with(&self.sink, to_stream, to_path)
+    }
+}
+
+/// Writes a mesh with options of its own; otherwise like [`Destination::write`].
+pub(crate) fn write_mesh(
     mesh: &TriMesh,
     sink: &Sink,
     format: Format,
@@ -127,68 +230,6 @@ pub(crate) fn write(
         |out| lodsmith_io::write_to(mesh, format, options, out),
         |path| lodsmith_io::write_path(mesh, path, options),
     )
-}
-
-/// Writes a scene with some meshes replaced, and other names for the files that it refers to; otherwise like
-/// [`write()`].
-pub(crate) fn write_scene(
-    scene: &Scene,
-    replaced: &[Option<TriMesh>],
-    relink: &dyn Fn(&str) -> Option<String>,
-    sink: &Sink,
-    format: Format,
-    writing: &Writing,
-) -> anyhow::Result<Vec<Warning>> {
-    let options = scene_options(writing, format);
-    write_with(
-        sink,
-        |out| lodsmith_io::write_scene_to(scene, replaced, format, relink, out),
-        |path| lodsmith_io::write_scene_path(scene, replaced, path, &options, relink),
-    )
-}
-
-/// Returns the options for writing a scene.
-fn scene_options(writing: &Writing, format: Format) -> WriteOptions {
-    let mut options = WriteOptions::default();
-    options.format = Some(format);
-    options.force = writing.force;
-    options.textures = writing.textures;
-    options
-}
-
-/// Writes a scene with levels of detail; otherwise like [`write_scene`].
-pub(crate) fn write_levels(
-    scene: &Scene,
-    levels: &SceneLevels,
-    relink: &dyn Fn(&str) -> Option<String>,
-    sink: &Sink,
-    format: Format,
-    writing: &Writing,
-) -> anyhow::Result<Vec<Warning>> {
-    let options = scene_options(writing, format);
-    write_with(
-        sink,
-        |out| lodsmith_io::write_levels_to(scene, levels, format, relink, out),
-        |path| lodsmith_io::write_levels_path(scene, levels, path, &options, relink),
-    )
-}
-
-/// Returns the losses of a scene with levels of detail, without writing anything.
-pub(crate) fn levels_losses(
-    scene: &Scene,
-    levels: &SceneLevels,
-    relink: &dyn Fn(&str) -> Option<String>,
-    format: Format,
-) -> anyhow::Result<Vec<Warning>> {
-    lodsmith_io::write_levels_to(scene, levels, format, relink, &mut io::sink()).map_err(flattened_error)
-}
-
-/// Returns a mesh as a glTF scene, as writing and reading it would give, and the data that glTF cannot hold.
-pub(crate) fn as_scene(mesh: &TriMesh, options: &WriteOptions) -> anyhow::Result<(Scene, Vec<Warning>)> {
-    let mut bytes = Vec::new();
-    let warnings = lodsmith_io::write_to(mesh, Format::Glb, options, &mut bytes).map_err(flattened_error)?;
-    let scene = Scene::read(&bytes, &ReadOptions::default()).map_err(unnamed)?;
-    Ok((scene, warnings))
 }
 
 /// Writes bytes to a file.
@@ -203,7 +244,7 @@ pub(crate) fn write_bytes(bytes: &[u8], path: &Path, force: bool) -> anyhow::Res
     )
 }
 
-/// Writes a progressive mesh; otherwise like [`write()`].
+/// Writes a progressive mesh; otherwise like [`Destination::write`].
 pub(crate) fn write_lpm(
     splits: &Splits,
     regions: &Regions,
@@ -262,28 +303,4 @@ pub(crate) fn stdout_failed(error: &io::Error) -> anyhow::Error {
         ErrorKind::BrokenPipe => anyhow!("standard output was closed before all was written"),
         _ => anyhow!("cannot write to standard output: {error}"),
     }
-}
-
-/// Returns the data that the format cannot hold, without writing anything.
-pub(crate) fn losses(
-    mesh: &TriMesh,
-    sink: &Sink,
-    format: Format,
-    options: &WriteOptions,
-) -> anyhow::Result<Vec<Warning>> {
-    let mut options = options.clone();
-    if let Sink::Path(path) = sink {
-        options.beside = Some(path.clone());
-    }
-    lodsmith_io::write_to(mesh, format, &options, &mut io::sink()).map_err(flattened_error)
-}
-
-/// Returns the losses of a scene, without writing anything.
-pub(crate) fn scene_losses(
-    scene: &Scene,
-    replaced: &[Option<TriMesh>],
-    relink: &dyn Fn(&str) -> Option<String>,
-    format: Format,
-) -> anyhow::Result<Vec<Warning>> {
-    lodsmith_io::write_scene_to(scene, replaced, format, relink, &mut io::sink()).map_err(flattened_error)
 }

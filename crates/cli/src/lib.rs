@@ -7,6 +7,7 @@
 mod args;
 mod command;
 mod constraints;
+mod engine_input;
 mod exit;
 mod file;
 mod images;

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 use lodsmith_io::Format;
 use lodsmith_io::sniff::hint_of;
 
+use crate::args::Writing;
+use crate::file::Destination;
 use crate::paths::{self, Sink, Source, identity};
 use crate::status::usage;
 
@@ -13,8 +15,15 @@ use crate::status::usage;
 #[derive(Clone, Debug)]
 pub(crate) struct Job {
     pub(crate) source: Source,
-    /// Output and format; `None` with `--dry-run` and no output.
-    pub(crate) output: Option<(Sink, Format)>,
+    /// `None` with `--dry-run` and no output.
+    pub(crate) output: Option<Destination>,
+}
+
+impl Job {
+    /// Returns true if a scene stays one in the output.
+    pub(crate) fn keeps_scenes(&self) -> bool {
+        self.output.as_ref().is_some_and(Destination::keeps_scenes)
+    }
 }
 
 /// The output arguments of a command line.
@@ -25,11 +34,9 @@ pub(crate) struct OutputArgs<'a> {
     /// Template of file names in the folder.
     pub(crate) name: &'a str,
     pub(crate) from: Option<Format>,
-    pub(crate) to: Option<Format>,
+    pub(crate) writing: Writing,
     pub(crate) json: bool,
     pub(crate) dry_run: bool,
-    /// Set by `--force`: a result may replace its input.
-    pub(crate) force: bool,
 }
 
 /// Plans all inputs of a command line.
@@ -39,6 +46,12 @@ pub(crate) struct OutputArgs<'a> {
 /// format; more than one use of a standard stream.
 pub(crate) fn jobs(wanted: &OutputArgs<'_>) -> anyhow::Result<Vec<Job>> {
     paths::at_most_one_stdin(wanted.inputs)?;
+    let job = |source: &Source, sink: Sink| {
+        paths::refuse_folder(&sink, ": use -O to write into it")?;
+        let format = paths::format_of(&sink, wanted.writing.to)?;
+        let output = Destination { sink, format, writing: wanted.writing, dry_run: wanted.dry_run };
+        Ok(Job { source: source.clone(), output: Some(output) })
+    };
     let jobs = match (wanted.output, wanted.out_dir) {
         (Some(_), _) if wanted.inputs.len() > 1 => {
             return Err(usage("several inputs cannot share one output: give a folder with -O"));
@@ -47,28 +60,20 @@ pub(crate) fn jobs(wanted: &OutputArgs<'_>) -> anyhow::Result<Vec<Job>> {
             if *sink == Sink::Stdout && wanted.json && !wanted.dry_run {
                 return Err(usage("the mesh and --json both want standard output: give the mesh a file"));
             }
-            paths::refuse_folder(sink, ": use -O to write into it")?;
-            let format = paths::format_of(sink, wanted.to)?;
-            vec![Job { source: wanted.inputs[0].clone(), output: Some((sink.clone(), format)) }]
+            vec![job(&wanted.inputs[0], sink.clone())?]
         }
         (None, Some(folder)) => {
             if folder.exists() && !folder.is_dir() {
                 return Err(usage(format!("{}: is not a folder", folder.display())));
             }
-            let job = |source: &Source| {
-                let path = folder.join(name(source, wanted)?);
-                let sink = Sink::Path(path);
-                let format = paths::format_of(&sink, wanted.to)?;
-                Ok(Job { source: source.clone(), output: Some((sink, format)) })
-            };
+            let job = |source| job(source, Sink::Path(folder.join(name(source, wanted)?)));
             wanted.inputs.iter().map(job).collect::<anyhow::Result<_>>()?
         }
         (None, None) => wanted.inputs.iter().map(|s| Job { source: s.clone(), output: None }).collect(),
     };
     for job in &jobs {
-        if let Some((sink, _)) = &job.output {
-            paths::refuse_folder(sink, ": use -O to write into it")?;
-            paths::refuse_inputs(sink, [&job.source], wanted.force || wanted.dry_run)?;
+        if let Some(to) = &job.output {
+            paths::refuse_inputs(&to.sink, [&job.source], wanted.writing.force || wanted.dry_run)?;
         }
     }
     check_collisions(&jobs)?;
@@ -86,7 +91,7 @@ fn name(source: &Source, wanted: &OutputArgs<'_>) -> anyhow::Result<String> {
     let text = |part: Option<&std::ffi::OsStr>| part.map(|s| s.to_string_lossy().into_owned());
     let stem = text(plain.file_stem()).unwrap_or_default();
     let own = || hint_of(&plain).and_then(|_| text(plain.extension()));
-    let ext = wanted.to.or(wanted.from).map(|f| f.name().to_owned()).or_else(own);
+    let ext = wanted.writing.to.or(wanted.from).map(|f| f.name().to_owned()).or_else(own);
     let mut name = wanted.name.replace("{stem}", &stem);
     if name.contains("{ext}") {
         let ext = ext.ok_or_else(|| {
@@ -116,7 +121,7 @@ fn check_collisions(jobs: &[Job]) -> anyhow::Result<()> {
     }
     let mut outputs: HashMap<PathBuf, usize> = HashMap::new();
     for (i, job) in jobs.iter().enumerate() {
-        let Some((Sink::Path(path), _)) = &job.output else { continue };
+        let Some(Destination { sink: Sink::Path(path), .. }) = &job.output else { continue };
         let place = identity(path);
         if let Some(&other) = inputs.get(&place)
             && other != i
@@ -149,7 +154,7 @@ mod tests {
             Cli::try_parse_from(["lodsmith", "simplify", "--ratio", "0.5"].iter().chain(words)).unwrap();
         let Command::Simplify(args) = cli.command else { unreachable!("simplify was typed") };
         let jobs = jobs(&args.wanted()).map_err(|e| e.to_string())?;
-        Ok(jobs.into_iter().filter_map(|j| Some(j.output?.0.to_string())).collect())
+        Ok(jobs.into_iter().filter_map(|j| Some(j.output?.sink.to_string())).collect())
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Control of the engine's runs by the command: time by stage, progress bar, Ctrl-C and time limit.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use lodsmith::{Control, SimplifyError, Stage, Verdict};
 
@@ -24,13 +24,13 @@ pub(crate) struct StageClock {
 }
 
 impl StageClock {
-    pub(crate) fn new() -> Self {
+    fn new() -> Self {
         // Always present, in this order; the engine may add more.
         let stages = ["read", Stage::Prepare.name(), Stage::Collapse.name()];
         Self { stages: stages.map(|s| (s, 0.0)).to_vec(), running: None }
     }
     /// Starts a stage, or continues it.
-    pub(crate) fn enter(&mut self, name: &'static str) {
+    fn enter(&mut self, name: &'static str) {
         self.end();
         let i = self.stages.iter().position(|(n, _)| *n == name).unwrap_or_else(|| {
             self.stages.push((name, 0.0));
@@ -39,7 +39,7 @@ impl StageClock {
         self.running = Some((i, Instant::now()));
     }
     /// Ends the present stage.
-    pub(crate) fn end(&mut self) {
+    fn end(&mut self) {
         if let Some((i, begin)) = self.running.take() {
             self.stages[i].1 += begin.elapsed().as_secs_f64();
         }
@@ -51,26 +51,38 @@ impl StageClock {
 
 /// Control of a run: times its stages, moves the bar, and ends it on an interrupt or at the time limit.
 pub(crate) struct RunControl<'a> {
-    clock: &'a mut StageClock,
-    bar: &'a FileProgress<'a>,
+    clock: StageClock,
+    pub(crate) bar: &'a FileProgress<'a>,
     stage: Stage,
+    /// Seconds from the start.
+    pub(crate) time_limit: Option<f64>,
     deadline: Option<Instant>,
 }
 
 impl<'a> RunControl<'a> {
-    /// Creates a control for the engine.
-    pub(crate) fn new(
-        clock: &'a mut StageClock,
-        bar: &'a FileProgress<'a>,
-        deadline: Option<Instant>,
-    ) -> Self {
-        clock.enter(Stage::Prepare.name());
-        Self { clock, bar, stage: Stage::Prepare, deadline }
+    /// Starts a run.
+    pub(crate) fn new(bar: &'a FileProgress<'a>, time_limit: Option<f64>) -> Self {
+        let deadline = time_limit.map(|s| Instant::now() + Duration::from_secs_f64(s));
+        Self { clock: StageClock::new(), bar, stage: Stage::Prepare, time_limit, deadline }
+    }
+    /// Announces the start of reading.
+    pub(crate) fn read(&mut self) {
+        self.bar.read();
+        self.clock.enter("read");
+    }
+    /// Announces the end of reading and the start of the engine's run.
+    pub(crate) fn prepare(&mut self) {
+        self.clock.enter(Stage::Prepare.name());
     }
     /// Announces the end of the engine's run and the start of writing.
     pub(crate) fn write(&mut self) {
         self.bar.write();
         self.clock.enter("write");
+    }
+    /// Ends the run and returns its times.
+    pub(crate) fn end(mut self) -> StageClock {
+        self.clock.end();
+        self.clock
     }
 }
 

@@ -111,6 +111,17 @@ fn levels_in_the_wrong_order_are_a_fault_of_the_command_line() {
 }
 
 #[test]
+fn a_dry_run_leaves_standard_output_to_the_report() {
+    let desk = CliSandbox::new();
+    desk.put("a.ply", &hills(8));
+    for command in ["lod a.ply --levels 0.5", "simplify a.ply --ratio 0.5"] {
+        let ran = desk.run(&format!("{command} -o - --to glb --dry-run")).with_status(0);
+        assert!(ran.text().starts_with("a.ply: 128 "), "{command}: {}", ran.text());
+        assert!(!ran.stderr.contains("128"), "{command}: {}", ran.stderr);
+    }
+}
+
+#[test]
 fn geomorph_data_go_into_glb_and_ply() {
     let desk = CliSandbox::new();
     desk.put("a.ply", &hills(12));

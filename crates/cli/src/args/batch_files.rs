@@ -40,10 +40,9 @@ impl BatchFiles {
             out_dir: self.out_dir.as_deref(),
             name: &self.name,
             from: reading.from,
-            to: writing.to,
+            writing: *writing,
             json: ending.json,
             dry_run,
-            force: writing.force,
         }
     }
 }

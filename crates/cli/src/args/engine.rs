@@ -163,9 +163,4 @@ impl EngineArgs {
         options.seed = self.seed;
         options
     }
-
-    /// Returns true if each mesh has a target of its own.
-    pub(crate) fn is_per_mesh(&self) -> bool {
-        self.scope.per_mesh
-    }
 }

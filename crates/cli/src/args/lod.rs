@@ -10,6 +10,7 @@ use super::engine::EngineArgs;
 use super::simplify::Normals;
 use super::{Ending, Reading, Run, TypedLength, Writing, values};
 use crate::paths::{Sink, Source};
+use crate::plan::OutputArgs;
 
 const AFTER: &str = "\
 Levels stand beside the original, which is level 0 and stays as it is. Levels by counts come out of one run, each \
@@ -159,6 +160,20 @@ impl std::fmt::Display for Naming {
 }
 
 impl LodArgs {
+    /// Returns where the levels go; `name` is the template of file names in the folder.
+    pub(crate) fn wanted<'a>(&'a self, name: &'a str) -> OutputArgs<'a> {
+        OutputArgs {
+            inputs: std::slice::from_ref(&self.input),
+            output: self.output.as_ref(),
+            out_dir: self.out_dir.as_deref(),
+            name,
+            from: self.reading.from,
+            writing: self.writing,
+            json: self.ending.json,
+            dry_run: self.dry_run,
+        }
+    }
+
     /// Converts the arguments to options of the engine.
     pub(crate) fn options(&self) -> LodOptions {
         let mut options = LodOptions::new(self.levels.levels(self.factor));

@@ -14,7 +14,7 @@ pub(super) struct Scope {
     prune: Option<TypedLength>,
     /// Apply the target to each mesh of a scene instead of the whole scene
     #[arg(long)]
-    pub(super) per_mesh: bool,
+    per_mesh: bool,
     /// If the target is not reached, try looser topology: relaxed, then free
     #[arg(long)]
     escalate: bool,

@@ -10,18 +10,18 @@ use serde_json::{Map, Value, json};
 use super::batch;
 use crate::args::CleanArgs;
 use crate::exit;
-use crate::file::{self, Input};
+use crate::file::{self, Destination, Input};
 use crate::images;
 use crate::in_order::Turn;
 use crate::memory_need::Size;
 use crate::numbers::{counted, grouped, micros, seconds};
 use crate::orient::orient;
 use crate::output::Output;
-use crate::paths::Sink;
+use crate::paths::Source;
 use crate::plan::Job;
-use crate::progress::{FileProgress, Progress};
+use crate::progress::FileProgress;
 use crate::run_control::not_interrupted;
-use crate::status::{Interrupted, Status};
+use crate::status::Status;
 use crate::warnings::{show_warnings, texts};
 use crate::{memory, memory_need};
 
@@ -30,7 +30,7 @@ pub(super) fn run(args: &CleanArgs) -> anyhow::Result<Status> {
     batch::run(
         &args.wanted(),
         &args.run,
-        |job, progress, turn| clean_one(job, args, progress, turn),
+        |job, watch, turn| clean_one(job, args, watch.bar, turn),
         |out, path, outcome, job| show(out, path, outcome, job, args),
     )
 }
@@ -61,71 +61,54 @@ impl CleanTimes {
 fn clean_one(
     job: &Job,
     args: &CleanArgs,
-    progress: &Progress,
+    bar: &FileProgress<'_>,
     turn: &Turn<'_>,
 ) -> anyhow::Result<CleanOutcome> {
-    if exit::interrupted() {
-        return Err(Interrupted.into());
-    }
-    let name = job.source.to_string();
-    let bar = progress.file(&name);
     let names = ["read", "clean", "write"];
     let mut clock = CleanTimes { seconds: names.map(|s| (s, 0.0)), since: Instant::now() };
     bar.read();
-    // A scene is kept if both formats support one. Rotating or scaling it would need changes of its nodes.
-    let whole = job.output.as_ref().filter(|(_, format)| {
-        matches!(format, Format::Gltf | Format::Glb)
-            && args.writing.scale.is_none()
-            && args.writing.up.is_none()
-    });
-    let input = match whole {
-        Some(_) => file::read_scene(&job.source, &args.reading, Vec::new())?,
-        None => Input::Mesh(Box::new(file::read(&job.source, &args.reading)?)),
-    };
+    let input = file::read_input(&job.source, &args.reading, Vec::new(), job.keeps_scenes())?;
     clock.end(0);
-    let done = match (input, whole) {
-        (Input::Scene(scene), Some((sink, format))) => {
-            clean_scene(*scene, job, (sink, *format), args, &bar, &mut clock)?
+    let done = match (input, &job.output) {
+        (Input::Scene(scene), Some(to)) => {
+            clean_scene(*scene, &job.source, to, args.options(), bar, &mut clock)?
         }
         (Input::Scene(_), None) => unreachable!("a scene is read where it can stay one"),
-        (Input::Mesh(loaded), _) => clean_mesh(*loaded, job, args, &bar, &mut clock, turn)?,
+        (Input::Mesh(loaded), to) => {
+            clean_mesh(*loaded, to.as_ref(), &args.options(), bar, &mut clock, turn)?
+        }
     };
-    bar.end();
     Ok(CleanOutcome { seconds: clock.seconds, ..done })
 }
 
 fn clean_mesh(
     loaded: Loaded,
-    job: &Job,
-    args: &CleanArgs,
+    to: Option<&Destination>,
+    options: &CleanOptions,
     bar: &FileProgress<'_>,
     clock: &mut CleanTimes,
     turn: &Turn<'_>,
 ) -> anyhow::Result<CleanOutcome> {
     let Loaded { mesh, regions, mut warnings, format: input_format, .. } = loaded;
     memory::check("clean", memory_need::clean(Size::of(&mesh)))?;
-    let cleaned = lodsmith::clean(&mesh, &args.options(), &mut CleanControl { bar });
+    let cleaned = lodsmith::clean(&mesh, options, &mut CleanControl { bar });
     let Cleaned { mesh: mut cleaned, report } = not_interrupted(cleaned)?;
     drop(mesh);
     warnings.extend(warnings_of(&report));
     clock.end(1);
     bar.write();
-    orient(&mut cleaned, &args.writing);
-    if let Some((sink, format)) = &job.output {
+    if let Some(to) = to {
+        orient(&mut cleaned, &to.writing);
         // If two textures have one name, that of the earlier input keeps it.
-        if *format == Format::Obj && !regions.libraries().is_empty() && !args.dry_run {
+        if to.shares_names(&regions) {
             turn.wait();
         }
-        if *format == Format::Stl && report.parted_vertices > 0 {
+        if to.format == Format::Stl && report.parted_vertices > 0 {
             warnings.push(Warning::note(
                 "STL has no numbers of vertices: who reads it joins again what was cut apart",
             ));
         }
-        let options = file::options(&args.writing, *format, regions);
-        warnings.extend(match args.dry_run {
-            true => file::losses(&cleaned, sink, *format, &options)?,
-            false => file::write(&cleaned, sink, *format, &options)?,
-        });
+        warnings.extend(to.write(&cleaned, regions)?);
     }
     clock.end(2);
     Ok(CleanOutcome { input_format, report, meshes: Vec::new(), warnings, seconds: clock.seconds })
@@ -134,9 +117,9 @@ fn clean_mesh(
 /// Cleans each mesh of a scene separately; the rest of the scene is not changed.
 fn clean_scene(
     mut scene: Scene,
-    job: &Job,
-    (sink, format): (&Sink, Format),
-    args: &CleanArgs,
+    source: &Source,
+    to: &Destination,
+    options: CleanOptions,
     bar: &FileProgress<'_>,
     clock: &mut CleanTimes,
 ) -> anyhow::Result<CleanOutcome> {
@@ -151,7 +134,7 @@ fn clean_scene(
             replaced.push(None);
             continue;
         }
-        let options = in_mesh(args.options(), diagonal, m.scale);
+        let options = in_mesh(options, diagonal, m.scale);
         match lodsmith::clean(&m.mesh, &options, &mut CleanControl { bar }) {
             Err(SimplifyError::NoFaces { .. }) => {
                 let text = format!("mesh {}: no face would be left, so it stays as it is", m.name);
@@ -171,15 +154,12 @@ fn clean_scene(
     }
     clock.end(1);
     bar.write();
-    let images = images::FolderMove::new(&job.source, sink);
+    let images = images::FolderMove::new(source, &to.sink);
     let mut warnings: Vec<_> = scene.warnings().to_vec();
     warnings.extend(notes);
-    warnings.extend(images.bring(&mut scene, format, args.writing.textures));
+    warnings.extend(images.bring(&mut scene, to.format, to.writing.textures));
     let relink = |uri: &str| images.uri(uri);
-    warnings.extend(match args.dry_run {
-        true => file::scene_losses(&scene, &replaced, &relink, format)?,
-        false => file::write_scene(&scene, &replaced, &relink, sink, format, &args.writing)?,
-    });
+    warnings.extend(to.write_scene(&scene, &replaced, &relink)?);
     clock.end(2);
     let input_format = scene.format();
     Ok(CleanOutcome { input_format, report, meshes, warnings, seconds: clock.seconds })
@@ -335,10 +315,7 @@ impl CleanOutcome {
     /// Returns the report as JSON.
     fn to_json(&self, path: &str, job: &Job, args: &CleanArgs) -> Value {
         let r = &self.report;
-        let (out_path, out_format) = match &job.output {
-            Some((sink, format)) => (Some(sink.to_string()), Some(format.name())),
-            None => (None, None),
-        };
+        let to = job.output.as_ref();
         let named = |all: &[(&str, usize)]| -> Map<String, Value> {
             all.iter().map(|&(name, n)| (name.to_owned(), n.into())).collect()
         };
@@ -350,7 +327,10 @@ impl CleanOutcome {
                 "path": path, "format": self.input_format.name(),
                 "faces": r.input_faces, "vertices": r.input_vertices,
             },
-            "output": { "path": out_path, "format": out_format, "faces": r.faces, "vertices": r.vertices },
+            "output": {
+                "path": to.map(|to| to.sink.to_string()), "format": to.map(|to| to.format.name()),
+                "faces": r.faces, "vertices": r.vertices,
+            },
             "done": named(&done),
             "left": named(&left),
             "warnings": texts(&self.warnings),

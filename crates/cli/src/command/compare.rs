@@ -136,7 +136,7 @@ fn write_heatmap(reference: &TriMesh, candidate: &TriMesh, path: &Path, force: b
         let mut options = WriteOptions::default();
         options.format = Some(Format::Ply);
         options.force = force;
-        file::write(&heatmap(reference, &distances, red)?, &sink, Format::Ply, &options)?;
+        file::write_mesh(&heatmap(reference, &distances, red)?, &sink, Format::Ply, &options)?;
     }
     Ok(red)
 }

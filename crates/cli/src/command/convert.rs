@@ -2,10 +2,8 @@
 
 use std::time::Instant;
 
-use lodsmith_io::Format;
-
 use crate::args::ConvertArgs;
-use crate::file::{self, Input};
+use crate::file::{self, Destination, Input};
 use crate::images;
 use crate::in_order;
 use crate::numbers::{counted, seconds};
@@ -26,23 +24,16 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
     let progress = Progress::new(1, args.run.quiet);
     let path = args.input.to_string();
     let begin = Instant::now();
-    // A scene is kept if both formats support one. Rotating or scaling it would need changes of its nodes.
-    let is_whole =
-        matches!(format, Format::Gltf | Format::Glb) && writing.scale.is_none() && writing.up.is_none();
+    let to = Destination { sink: args.output.clone(), format, writing: *writing, dry_run: false };
     let converted = in_order::pool(args.run.threads())?.install(|| {
         let bar = progress.file(&path);
         bar.read();
-        let input = if is_whole {
-            file::read_scene(&args.input, &args.reading, Vec::new())?
-        } else {
-            Input::Mesh(Box::new(file::read(&args.input, &args.reading)?))
-        };
+        let input = file::read_input(&args.input, &args.reading, Vec::new(), to.keeps_scenes())?;
         bar.write();
         match input {
             Input::Mesh(mut loaded) => {
                 orient(&mut loaded.mesh, writing);
-                let options = file::options(writing, format, std::mem::take(&mut loaded.regions));
-                let lost = file::write(&loaded.mesh, &args.output, format, &options)?;
+                let lost = to.write(&loaded.mesh, std::mem::take(&mut loaded.regions))?;
                 loaded.warnings.extend(lost);
                 Ok((loaded.mesh.face_count(), loaded.format, loaded.warnings))
             }
@@ -51,14 +42,7 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
                 let mut warnings = images.bring(&mut scene, format, writing.textures);
                 let relink = |uri: &str| images.uri(uri);
                 warnings.splice(0..0, scene.warnings().iter().cloned());
-                warnings.extend(file::write_scene(
-                    &scene,
-                    &[],
-                    &relink,
-                    &args.output,
-                    format,
-                    &args.writing,
-                )?);
+                warnings.extend(to.write_scene(&scene, &[], &relink)?);
                 Ok((scene.contents().polygons, scene.format(), warnings))
             }
         }

@@ -1,20 +1,19 @@
 //! `lodsmith methods`: runs every method on one model and compares the results.
 
 use std::fs;
-use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use lodsmith::core::measure::{CompareOptions, Comparison, Prepared, compare_prepared};
 use lodsmith::core::mesh::defects::clean_surface;
 use lodsmith::core::{Image, Surface, TriMesh};
 use lodsmith::{Method, Report, Simplified, Stage};
-use lodsmith_io::{Format, Loaded, Regions, Warning};
+use lodsmith_io::{Format, Loaded, Warning};
 use lodsmith_render::{Background, Panel, sheet};
 use serde_json::{Value, json};
 
 use crate::args::MethodsArgs;
 use crate::exit;
-use crate::file;
+use crate::file::{self, Destination};
 use crate::in_order;
 use crate::numbers::{grouped, micros, seconds, short};
 use crate::orient::orient;
@@ -86,7 +85,7 @@ pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
 }
 
 /// Each method and the output of its result.
-type Jobs = Vec<(Method, Option<(Sink, Format)>)>;
+type Jobs = Vec<(Method, Option<Destination>)>;
 
 /// A model and the results of all methods.
 struct MethodComparison {
@@ -124,7 +123,7 @@ fn try_all(
             vec!["original".to_owned(), faces],
         )?);
     }
-    for (method, sink) in jobs {
+    for (method, to) in jobs {
         if exit::interrupted() {
             return Err(Interrupted.into());
         }
@@ -136,9 +135,11 @@ fn try_all(
             if args.sheet.is_some() {
                 panels.push(picture::render_panel(made.mesh.clone(), &mut camera, judged.caption(method))?);
             }
-            if let Some((sink, format)) = &sink {
+            if let Some(to) = &to {
                 bar.write();
-                judged.warnings = write(made.mesh, sink, *format, &regions, args)?;
+                let mut mesh = made.mesh;
+                orient(&mut mesh, &args.writing);
+                judged.warnings = to.write(&mesh, regions.clone())?;
             }
             Ok(judged)
         });
@@ -148,13 +149,13 @@ fn try_all(
             Err(e) => Err(format!("{e:#}").replace('\n', " ")),
             Ok(judged) => Ok(judged),
         };
-        rows.push(MethodRow { method, sink, outcome });
+        rows.push(MethodRow { method, to, outcome });
     }
     Ok(MethodComparison { format, warnings, model, rows, panels })
 }
 
 /// Returns the output for the result of a method, if any.
-fn sink(args: &MethodsArgs, method: Method) -> anyhow::Result<Option<(Sink, Format)>> {
+fn sink(args: &MethodsArgs, method: Method) -> anyhow::Result<Option<Destination>> {
     let template = format!("{{stem}}_{}.{{ext}}", method.name());
     let jobs = plan::jobs(&OutputArgs {
         inputs: std::slice::from_ref(&args.input),
@@ -162,24 +163,11 @@ fn sink(args: &MethodsArgs, method: Method) -> anyhow::Result<Option<(Sink, Form
         out_dir: args.out_dir.as_deref(),
         name: &template,
         from: args.reading.from,
-        to: args.writing.to,
+        writing: args.writing,
         json: args.json,
         dry_run: args.out_dir.is_none(),
-        force: args.writing.force,
     })?;
     Ok(jobs.into_iter().find_map(|job| job.output))
-}
-
-fn write(
-    mut mesh: TriMesh,
-    sink: &Sink,
-    format: Format,
-    regions: &Regions,
-    args: &MethodsArgs,
-) -> anyhow::Result<Vec<Warning>> {
-    orient(&mut mesh, &args.writing);
-    let options = file::options(&args.writing, format, regions.clone());
-    file::write(&mesh, sink, format, &options)
 }
 
 /// The input, prepared for repeated runs and measurements.
@@ -212,7 +200,7 @@ struct MethodFigures {
 /// A line of the table.
 struct MethodRow {
     method: Method,
-    sink: Option<(Sink, Format)>,
+    to: Option<Destination>,
     /// The figures, or the reason why there are none.
     outcome: Result<MethodFigures, String>,
 }
@@ -238,10 +226,10 @@ impl PreparedModel {
         bar: &FileProgress<'_>,
     ) -> anyhow::Result<MethodResult> {
         let options = args.options(method);
-        let deadline = args.run.time_limit.map(|s| Instant::now() + Duration::from_secs_f64(s));
-        let mut clock = StageClock::new();
-        let done = lodsmith::simplify(&self.mesh, &options, &mut RunControl::new(&mut clock, bar, deadline));
-        clock.end();
+        let mut watch = RunControl::new(bar, args.run.time_limit);
+        watch.prepare();
+        let done = lodsmith::simplify(&self.mesh, &options, &mut watch);
+        let clock = watch.end();
         let Simplified { mesh, report } = not_interrupted(done)?;
         Ok(MethodResult { mesh, report, clock })
     }
@@ -375,7 +363,7 @@ impl MethodRow {
     fn to_json(&self, model: &PreparedModel) -> Value {
         let name = self.method.name();
         match &self.outcome {
-            Ok(judged) => judged.to_json(name, self.sink.as_ref(), model),
+            Ok(judged) => judged.to_json(name, self.to.as_ref(), model),
             Err(reason) => json!({ "method": name, "error": reason }),
         }
     }
@@ -439,14 +427,14 @@ impl MethodFigures {
         if words.is_empty() { "none".to_owned() } else { words.join(", ") }
     }
 
-    fn to_json(&self, method: &str, sink: Option<&(Sink, Format)>, model: &PreparedModel) -> Value {
+    fn to_json(&self, method: &str, to: Option<&Destination>, model: &PreparedModel) -> Value {
         let r = &self.report;
         let relative = |m: &Comparison| {
             let share = |x: f64| if m.diagonal > 0.0 { x / m.diagonal } else { 0.0 };
             let [max, mean, rms] = [&m.hausdorff, &m.mean, &m.rms].map(|x| share(x.symmetric));
             json!({ "hausdorff": max, "mean": mean, "rms": rms })
         };
-        let output = sink.map(|(sink, format)| json!({ "path": sink.to_string(), "format": format.name() }));
+        let output = to.map(|to| json!({ "path": to.sink.to_string(), "format": to.format.name() }));
         let times = self.clock.stages.iter().filter(|(name, _)| *name != "read");
         let regions = self.carried.regions.map(|(was, is)| json!({ "input": was, "output": is }));
         json!({

@@ -9,7 +9,7 @@ use lodsmith_io::{Format, Warning};
 use serde_json::{Map, Value, json};
 
 use crate::args::{self, ExtractArgs, LpmBuildArgs, LpmInfoArgs};
-use crate::file;
+use crate::file::{self, Destination};
 use crate::memory_need::Size;
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::orient::orient;
@@ -17,7 +17,7 @@ use crate::output::Output;
 use crate::paths::{self, Sink};
 use crate::progress::Progress;
 use crate::report_json::measured_json;
-use crate::run_control::{RunControl, StageClock, not_interrupted};
+use crate::run_control::{RunControl, not_interrupted};
 use crate::status::{Status, usage};
 use crate::warnings::{show_not_reached, show_warnings, texts};
 use crate::{constraints, in_order, memory, memory_need};
@@ -52,9 +52,8 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
     let begin = Instant::now();
     let built = in_order::pool(args.run.threads())?.install(|| {
         let bar = progress.file(&path);
-        let mut clock = StageClock::new();
-        bar.read();
-        clock.enter("read");
+        let mut watch = RunControl::new(&bar, None);
+        watch.read();
         let loaded = file::read_with(&args.input, &args.reading, constraints::properties(&args.engine.how))?;
         let mut options = args.options();
         // Measured afterwards, like the levels of `extract`.
@@ -64,7 +63,7 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         if matches!(loaded.format, Format::Gltf | Format::Glb) && loaded.contents.meshes > 1 {
             warnings.push(Warning::lost("the meshes of the scene become one: nodes are not kept"));
         }
-        let mut watch = RunControl::new(&mut clock, &bar, None);
+        watch.prepare();
         memory::check("progressive build", memory_need::progressive(Size::of(&loaded.mesh), &options))?;
         let mut road = not_interrupted(Progressive::build(&loaded.mesh, &options, &mut watch))?;
         if let Some(limit) = limit {
@@ -76,8 +75,7 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         let splits = road.into_splits();
         let written = file::write_lpm(&splits, &loaded.regions, &args.output, &args.writing())?;
         warnings.extend(written.warnings.iter().cloned());
-        clock.end();
-        Ok((splits, loaded.format, written.sizes, warnings, clock))
+        Ok((splits, loaded.format, written.sizes, warnings, watch.end()))
     });
     progress.finish();
     let (splits, from, sizes, warnings, clock) = built.map_err(|e: anyhow::Error| e.context(path.clone()))?;
@@ -126,9 +124,7 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
         let diagonal = lpm.splits.positions.view().bounds().map_or(0.0, |b| b.diagonal());
         memory::check("progressive extract", memory_need::extract(&lpm.splits))?;
         let mut road = Progressive::new(lpm.splits);
-        let mut clock = StageClock::new();
-        let is_reached =
-            go_to(&mut road, args, full, diagonal, &mut RunControl::new(&mut clock, &bar, None))?;
+        let is_reached = go_to(&mut road, args, full, diagonal, &mut RunControl::new(&bar, None))?;
         let measured = match args.stop().error {
             Some(_) => road.deviation(!args.no_fit)?,
             None => None,
@@ -137,13 +133,13 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
         let counts = [mesh.face_count(), mesh.vertex_count()];
         bar.write();
         orient(&mut mesh, &args.writing);
-        let options = file::options(&args.writing, format, lpm.regions);
         let mut warnings = lpm.warnings;
         if !lpm.is_complete && args.stop().error.is_some() {
             let text = "--error is measured from the finest level that the file has";
             warnings.push(Warning::note(text));
         }
-        warnings.extend(file::write(&mesh, &args.output, format, &options)?);
+        let to = Destination { sink: args.output.clone(), format, writing: args.writing, dry_run: false };
+        warnings.extend(to.write(&mesh, lpm.regions)?);
         Ok((road, counts, full, (is_reached, measured), warnings))
     });
     progress.finish();

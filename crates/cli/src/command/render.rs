@@ -24,7 +24,7 @@ use crate::output::Output;
 use crate::paths::{self, Sink, Source};
 use crate::picture::{self, MARGIN};
 use crate::progress::Progress;
-use crate::run_control::{RunControl, StageClock, not_interrupted};
+use crate::run_control::{RunControl, not_interrupted};
 use crate::scene_parts::parts_of;
 use crate::status::{Status, usage};
 use crate::warnings::{show_warnings, viewing_warnings};
@@ -223,8 +223,7 @@ impl<'a> Drawing<'a> {
             for &count in &args.levels {
                 let mut options = SimplifyOptions::new(Stop::faces(count));
                 options.method = args.method;
-                let mut clock = StageClock::new();
-                let mut watch = RunControl::new(&mut clock, &bar, None);
+                let mut watch = RunControl::new(&bar, None);
                 let whole = &drawing.items[original];
                 let size = Size::of_all(whole.model.meshes.iter().map(|m| &*m.mesh));
                 memory::check("render --levels", memory_need::lod(size, &options))?;

@@ -1,18 +1,20 @@
-//! Output files of levels: one file, or one for each level and a list of them.
+//! Plan of levels and their output: one file, or one for each level and a list of them.
 
 use std::collections::HashMap;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use lodsmith::core::{Attribute, Positions, Semantic, TriMesh};
+use lodsmith::{Method, Screen};
 use lodsmith_io::gltf::{Scene, SceneLevels, SceneMesh};
 use lodsmith_io::{Format, Regions, Warning};
+use serde_json::Value;
 
 use crate::args::{LodArgs, Naming};
-use crate::file;
+use crate::file::{self, Destination};
 use crate::paths::{self, Sink, Source};
-use crate::plan::{self, OutputArgs};
+use crate::plan::{self, Job};
 use crate::status::usage;
 
 /// Attribute with the position of a vertex in the next level.
@@ -20,14 +22,19 @@ const GEOMORPH_ATTRIBUTE: &str = "_GEOMORPH";
 /// The list of levels in a folder.
 const LIST_FILE: &str = "lods.json";
 
-/// Output of levels, determined before any work.
-pub(super) enum Plan {
-    /// All levels in one file.
-    One(Sink, Format),
-    /// Each level in a file of this folder; the template gives its name by its number.
-    Each { folder: PathBuf, template: String, format: Format },
-    /// No output.
-    Nowhere,
+/// Levels to make and their output, determined before any work.
+pub(super) struct Plan {
+    /// The input, and the output of the first level.
+    pub(super) job: Job,
+    /// Set if each level has a file of its own.
+    pub(super) folder: Option<LevelFolder>,
+    pub(super) screen: Screen,
+    /// Factor from lengths of the engine to those of the output.
+    pub(super) scale: f64,
+    pub(super) method: Method,
+    /// The target, for reports.
+    pub(super) target: Value,
+    naming: Naming,
 }
 
 impl Plan {
@@ -45,112 +52,47 @@ impl Plan {
         }
         // The rest of the template is checked like that of any output folder; a level is a number.
         let first = template.replace("{level}", "0");
-        let jobs = plan::jobs(&OutputArgs {
-            inputs: std::slice::from_ref(&args.input),
-            output: args.output.as_ref(),
-            out_dir: args.out_dir.as_deref(),
-            name: &first,
-            from: args.reading.from,
-            to: args.writing.to,
-            json: args.ending.json,
-            dry_run: args.dry_run,
-            force: args.writing.force,
-        })?;
-        let Some((sink, format)) = jobs.into_iter().find_map(|job| job.output) else {
-            return Ok(Self::Nowhere);
-        };
-        let Some(folder) = &args.out_dir else {
-            if !matches!(format, Format::Gltf | Format::Glb) {
+        let job = plan::jobs(&args.wanted(&first))?.remove(0);
+        let folder = match (&args.out_dir, &job.output) {
+            (None, Some(Destination { sink, format, .. }))
+                if !matches!(format, Format::Gltf | Format::Glb) =>
+            {
                 return Err(usage(format!(
                     "{sink}: one file holds all levels as GLB or glTF only; give a folder with -O for {}",
                     format.title()
                 )));
             }
-            return Ok(Self::One(sink, format));
-        };
-        let Sink::Path(path) = &sink else { return Ok(Self::Nowhere) };
-        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        // The name of level 0, with a placeholder where the template has the number.
-        let (before, after) = template.split_once("{level}").unwrap_or((&template, ""));
-        let is_stem_before = before.contains("{stem}");
-        let tail = after.replace("{ext}", path.extension().and_then(|e| e.to_str()).unwrap_or_default());
-        let template = match name.strip_suffix(&tail).filter(|_| !tail.contains("{stem}")) {
-            Some(head) if is_stem_before || !after.contains("{stem}") => {
-                format!("{}{{level}}{tail}", head.strip_suffix('0').unwrap_or(head))
-            }
-            _ => return Err(usage(format!("--name {template}: {{stem}} comes before {{level}}"))),
-        };
-        if !args.dry_run {
-            fs::create_dir_all(folder)
-                .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
-        }
-        Ok(Self::Each { folder: folder.clone(), template, format })
-    }
-
-    pub(super) fn takes_stdout(&self) -> bool {
-        matches!(self, Self::One(Sink::Stdout, _))
-    }
-
-    pub(super) fn format(&self) -> Option<Format> {
-        match self {
-            Self::One(_, format) | Self::Each { format, .. } => Some(*format),
-            Self::Nowhere => None,
-        }
-    }
-
-    /// Returns true if the output is glTF.
-    pub(super) fn makes_scenes(&self) -> bool {
-        matches!(self.format(), Some(Format::Gltf | Format::Glb))
-    }
-
-    /// Returns the file name of a level, in the folder.
-    pub(super) fn file(&self, level: usize) -> Option<String> {
-        match self {
-            Self::Each { template, .. } => Some(template.replace("{level}", &level.to_string())),
+            (Some(path), Some(to)) => Some(LevelFolder::new(path, &template, to)?),
             _ => None,
-        }
+        };
+        Ok(Self {
+            job,
+            folder,
+            screen: args.screen(),
+            scale: args.writing.scale.unwrap_or(1.0),
+            method: args.options().simplify.method,
+            target: args.target(),
+            naming: args.naming,
+        })
     }
 
-    /// Returns the output of a level, as typed.
-    pub(super) fn sink(&self, level: usize) -> Option<Sink> {
-        match self {
-            Self::One(sink, _) => Some(sink.clone()),
-            Self::Each { folder, .. } => self.file(level).map(|name| Sink::Path(folder.join(name))),
-            Self::Nowhere => None,
-        }
+    /// Returns the first output if it is glTF.
+    pub(super) fn scenes(&self) -> Option<&Destination> {
+        self.job.output.as_ref().filter(|to| matches!(to.format, Format::Gltf | Format::Glb))
     }
 
-    /// Returns the first output.
-    pub(super) fn first_sink(&self) -> Sink {
-        self.sink(0).unwrap_or(Sink::Stdout)
+    /// Returns the outputs of the original and of this many levels below; none if nothing is asked for.
+    pub(super) fn outputs(&self, levels: usize) -> Vec<Sink> {
+        let sink = |level, first: &Sink| match &self.folder {
+            Some(folder) => Sink::Path(folder.path.join(folder.file(level))),
+            None => first.clone(),
+        };
+        self.job.output.iter().flat_map(|to| (0..=levels).map(|k| sink(k, &to.sink))).collect()
     }
 
-    /// Writes the levels of a mesh, each to its file. Each warning about data that the format cannot hold is
-    /// returned once.
-    pub(super) fn write_meshes(
-        &self,
-        meshes: &[TriMesh],
-        regions: &Regions,
-        args: &LodArgs,
-    ) -> anyhow::Result<Vec<Warning>> {
-        let mut warnings = Vec::new();
-        for (k, mesh) in meshes.iter().enumerate() {
-            let (Some(sink), Some(format)) = (self.sink(k), self.format()) else { break };
-            paths::refuse_inputs(&sink, [&args.input], args.writing.force || args.dry_run)?;
-            let options = file::options(&args.writing, format, regions.clone());
-            add(
-                &mut warnings,
-                match args.dry_run {
-                    true => file::losses(mesh, &sink, format, &options)?,
-                    false => file::write(mesh, &sink, format, &options)?,
-                },
-            );
-        }
-        if args.geomorph && self.format().is_some_and(|f| f != Format::Ply) {
-            let title = self.format().map_or("the format", Format::title);
-            warnings.push(Warning::lost(format!("{title} cannot carry geomorph data: dropped")));
-        }
-        Ok(warnings)
+    /// Writes the levels of a mesh, each to its file.
+    pub(super) fn write_meshes(&self, meshes: &[TriMesh], regions: &Regions) -> anyhow::Result<Vec<Warning>> {
+        self.write_each(meshes, |mesh, to| to.write(mesh, regions.clone()))
     }
 
     /// Writes the levels of a scene; `replaced` are the meshes of each level, including the first.
@@ -160,35 +102,34 @@ impl Plan {
         replaced: Vec<Vec<Option<TriMesh>>>,
         distances: &[f64],
         relink: &dyn Fn(&str) -> Option<String>,
-        args: &LodArgs,
     ) -> anyhow::Result<Vec<Warning>> {
-        let mut warnings = Vec::new();
-        match self {
-            Self::Nowhere => {}
-            Self::One(sink, format) => {
+        match &self.job.output {
+            Some(to) if self.folder.is_none() => {
                 let mut levels = SceneLevels::new(replaced);
-                levels.separator = args.naming.mark().to_owned();
-                levels.numbers_level_0 = args.naming != Naming::Plain;
-                levels.coverage = coverage(scene, distances, args);
-                levels.default_name = name_of_input(&args.input, sink);
-                warnings = match args.dry_run {
-                    true => file::levels_losses(scene, &levels, relink, *format)?,
-                    false => file::write_levels(scene, &levels, relink, sink, *format, &args.writing)?,
-                };
+                levels.separator = self.naming.mark().to_owned();
+                levels.numbers_level_0 = self.naming != Naming::Plain;
+                levels.coverage = coverage(scene, distances, &self.screen);
+                levels.default_name = name_of_input(&self.job.source, &to.sink);
+                to.write_levels(scene, &levels, relink)
             }
-            Self::Each { format, .. } => {
-                for (k, replaced) in replaced.iter().enumerate() {
-                    let Some(sink) = self.sink(k) else { break };
-                    paths::refuse_inputs(&sink, [&args.input], args.writing.force || args.dry_run)?;
-                    add(
-                        &mut warnings,
-                        match args.dry_run {
-                            true => file::scene_losses(scene, replaced, relink, *format)?,
-                            false => {
-                                file::write_scene(scene, replaced, relink, &sink, *format, &args.writing)?
-                            }
-                        },
-                    );
+            _ => self.write_each(&replaced, |replaced, to| to.write_scene(scene, replaced, relink)),
+        }
+    }
+
+    /// Writes each level to its file. Each warning about data that the format cannot hold is returned once.
+    fn write_each<T>(
+        &self,
+        levels: &[T],
+        write: impl Fn(&T, &Destination) -> anyhow::Result<Vec<Warning>>,
+    ) -> anyhow::Result<Vec<Warning>> {
+        let Some(mut to) = self.job.output.clone() else { return Ok(Vec::new()) };
+        let mut warnings: Vec<Warning> = Vec::new();
+        for (level, sink) in levels.iter().zip(self.outputs(levels.len())) {
+            to.sink = sink;
+            paths::refuse_inputs(&to.sink, [&self.job.source], to.writing.force || to.dry_run)?;
+            for warning in write(level, &to)? {
+                if !warnings.contains(&warning) {
+                    warnings.push(warning);
                 }
             }
         }
@@ -196,28 +137,58 @@ impl Plan {
     }
 
     /// Writes the list of levels.
-    pub(super) fn write_list(&self, list: &serde_json::Value, args: &LodArgs) -> anyhow::Result<()> {
-        let Self::Each { folder, .. } = self else { return Ok(()) };
-        if args.dry_run {
-            return Ok(());
+    pub(super) fn write_list(&self, list: &Value) -> anyhow::Result<()> {
+        match (&self.folder, &self.job.output) {
+            (Some(folder), Some(to)) if !to.dry_run => {
+                let text = format!("{list:#}\n");
+                file::write_bytes(text.as_bytes(), &folder.path.join(LIST_FILE), to.writing.force)
+            }
+            _ => Ok(()),
         }
-        file::write_bytes(format!("{list:#}\n").as_bytes(), &folder.join(LIST_FILE), args.writing.force)
     }
 }
 
-/// Adds the warnings that are not in the list yet.
-fn add(all: &mut Vec<Warning>, more: Vec<Warning>) {
-    for warning in more {
-        if !all.contains(&warning) {
-            all.push(warning);
+/// A folder with a file for each level.
+pub(super) struct LevelFolder {
+    pub(super) path: PathBuf,
+    /// Its names, with a placeholder for the level.
+    template: String,
+}
+
+impl LevelFolder {
+    /// Creates the folder, if the output of the first level shows that the template can name all of them.
+    fn new(folder: &Path, template: &str, first: &Destination) -> anyhow::Result<Self> {
+        let path = match &first.sink {
+            Sink::Path(path) => path.as_path(),
+            Sink::Stdout => Path::new(""),
+        };
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        // The name of level 0, with a placeholder where the template has the number.
+        let (before, after) = template.split_once("{level}").unwrap_or((template, ""));
+        let is_stem_before = before.contains("{stem}");
+        let tail = after.replace("{ext}", path.extension().and_then(|e| e.to_str()).unwrap_or_default());
+        let template = match name.strip_suffix(&tail).filter(|_| !tail.contains("{stem}")) {
+            Some(head) if is_stem_before || !after.contains("{stem}") => {
+                format!("{}{{level}}{tail}", head.strip_suffix('0').unwrap_or(head))
+            }
+            _ => return Err(usage(format!("--name {template}: {{stem}} comes before {{level}}"))),
+        };
+        if !first.dry_run {
+            fs::create_dir_all(folder)
+                .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
         }
+        Ok(Self { path: folder.to_owned(), template })
+    }
+
+    /// Returns the file name of a level.
+    fn file(&self, level: usize) -> String {
+        self.template.replace("{level}", &level.to_string())
     }
 }
 
 /// Returns for each mesh and level the fraction of the picture's height that the bounding sphere of the mesh
 /// covers at the distance where the next level is used.
-fn coverage(scene: &Scene, distances: &[f64], args: &LodArgs) -> Vec<Vec<f64>> {
-    let screen = args.screen();
+fn coverage(scene: &Scene, distances: &[f64], screen: &Screen) -> Vec<Vec<f64>> {
     let of_mesh = |m: &SceneMesh| {
         let diameter = m.mesh.positions().view().bounds().map_or(0.0, |b| b.diagonal()) * m.scale;
         let mut all: Vec<f64> = Vec::with_capacity(distances.len() + 1);

@@ -1,14 +1,14 @@
 //! Report of a chain of levels.
 
 use lodsmith::lod::error_of;
-use lodsmith::{MeshCounts, Report, SimplifyOptions};
+use lodsmith::{MeshCounts, Report};
 use lodsmith_io::{Format, Warning};
 use serde_json::{Map, Value, json};
 
 use super::files::Plan;
-use crate::args::LodArgs;
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::output::Output;
+use crate::paths::Sink;
 use crate::report_json::{error_json, mesh_json};
 use crate::run_control::StageClock;
 use crate::status::Status;
@@ -20,8 +20,11 @@ pub(super) struct LodResult {
     /// Faces and vertices of level 0.
     pub(super) counts: [usize; 2],
     pub(super) levels: Vec<Level>,
+    /// Those of level 0 and of the others, if anything is written.
+    pub(super) outputs: Vec<Sink>,
     pub(super) diagonal: f64,
     pub(super) warnings: Vec<Warning>,
+    pub(super) threads: usize,
     pub(super) clock: StageClock,
 }
 
@@ -34,13 +37,8 @@ pub(super) struct Level {
 }
 
 /// Returns the distance from which on a level looks like the original, at the scale of the output.
-pub(super) fn distance(report: &Report, args: &LodArgs) -> f64 {
-    args.screen().distance(error_of(report)) * scale(args)
-}
-
-/// Returns the factor from lengths of the engine to those of the output.
-fn scale(args: &LodArgs) -> f64 {
-    args.writing.scale.unwrap_or(1.0)
+pub(super) fn distance(report: &Report, plan: &Plan) -> f64 {
+    plan.screen.distance(error_of(report)) * plan.scale
 }
 
 /// Prints the outcome. Returns the exit status.
@@ -49,36 +47,32 @@ pub(super) fn show(
     path: &str,
     made: anyhow::Result<LodResult>,
     plan: &Plan,
-    args: &LodArgs,
+    strict: bool,
 ) -> Status {
-    let written = made.and_then(|made| {
-        plan.write_list(&list(&made, path, plan, args), args)?;
-        Ok(made)
-    });
-    let made = match written {
+    let made = match made {
         Ok(made) => made,
         Err(e) => return out.failure(path, &e),
     };
-    out.object(&to_json(&made, path, plan, args));
-    for line in lines(&made, path, args) {
+    out.object(&to_json(&made, path, plan));
+    for line in lines(&made, path, plan) {
         out.line(&line);
     }
     let times: Vec<String> =
         made.clock.stages.iter().map(|(name, secs)| format!("{name} {secs:.3} s")).collect();
-    out.detail(&format!("  {}, {}", times.join(", "), counted(args.run.threads(), "thread", "threads")));
-    let mut is_fault = show_warnings(out, path, &made.warnings, args.ending.strict);
+    out.detail(&format!("  {}, {}", times.join(", "), counted(made.threads, "thread", "threads")));
+    let mut is_fault = show_warnings(out, path, &made.warnings, strict);
     for (k, level) in made.levels.iter().enumerate() {
         let name = format!("{path}: level {}", k + 1);
-        is_fault |= show_warnings(out, &name, &warnings_of(&level.report), args.ending.strict);
+        is_fault |= show_warnings(out, &name, &warnings_of(&level.report), strict);
         if let Some(why) = &level.not_reached {
-            is_fault |= show_not_reached(out, &name, why, args.ending.strict);
+            is_fault |= show_not_reached(out, &name, why, strict);
         }
     }
     if is_fault { Status::Strict } else { Status::Done }
 }
 
 /// Returns a line for the whole and one for each level.
-fn lines(made: &LodResult, path: &str, args: &LodArgs) -> Vec<String> {
+fn lines(made: &LodResult, path: &str, plan: &Plan) -> Vec<String> {
     let mut lines = vec![format!(
         "{path}: {}, {}, {}",
         counted(made.counts[0], "face", "faces"),
@@ -93,7 +87,7 @@ fn lines(made: &LodResult, path: &str, args: &LodArgs) -> Vec<String> {
             None => format!("rms {} %", share(r.error.estimate)),
             Some(m) => format!("rms {} %, max {} %", share(m.rms.symmetric), share(m.hausdorff.symmetric)),
         };
-        let from = short(distance(r, args));
+        let from = short(distance(r, plan));
         lines.push(format!(
             "  {}: {} faces ({percent:.1} %), {error} of the diagonal, from a distance of {from}",
             k + 1,
@@ -104,8 +98,8 @@ fn lines(made: &LodResult, path: &str, args: &LodArgs) -> Vec<String> {
 }
 
 /// Returns the report as JSON.
-fn to_json(made: &LodResult, path: &str, plan: &Plan, args: &LodArgs) -> Value {
-    let screen = args.screen();
+fn to_json(made: &LodResult, path: &str, plan: &Plan) -> Value {
+    let (screen, folder, to) = (&plan.screen, plan.folder.as_ref(), plan.job.output.as_ref());
     let refusals = |r: &Report| -> Map<String, Value> {
         r.refusals.iter().map(|(why, n)| (why.name().to_owned(), (*n).into())).collect()
     };
@@ -113,11 +107,11 @@ fn to_json(made: &LodResult, path: &str, plan: &Plan, args: &LodArgs) -> Value {
         let r = &level.report;
         let mut object = json!({
             "level": k + 1,
-            "path": plan.sink(k + 1).map(|sink| sink.to_string()),
+            "path": made.outputs.get(k + 1).map(Sink::to_string),
             "faces": r.faces, "vertices": r.vertices,
             "reached": r.reached, "stopped_by": r.stopped_by.name(),
             "error": error_json(r),
-            "distance": distance(r, args),
+            "distance": distance(r, plan),
             "refusals": refusals(r),
             "warnings": texts(&warnings_of(r)),
             "collapses": r.collapses, "parts_removed": r.parts_removed, "necks_cut": r.necks_cut,
@@ -131,48 +125,51 @@ fn to_json(made: &LodResult, path: &str, plan: &Plan, args: &LodArgs) -> Value {
     };
     let seconds: Map<_, _> =
         made.clock.stages.iter().map(|(name, s)| ((*name).to_owned(), micros(*s).into())).collect();
-    let options: SimplifyOptions = args.options().simplify;
     let mut report = json!({
         "input": { "path": path, "format": made.format.name(), "faces": made.counts[0], "vertices": made.counts[1] },
         "output": {
-            "path": args.output.as_ref().map(ToString::to_string),
-            "folder": args.out_dir.as_ref().map(|d| d.display().to_string()),
-            "format": plan.format().map(Format::name),
+            "path": to.filter(|_| folder.is_none()).map(|to| to.sink.to_string()),
+            "folder": folder.map(|folder| folder.path.display().to_string()),
+            "format": to.map(|to| to.format.name()),
         },
-        "method": options.method.name(),
-        "target": args.target(),
+        "method": plan.method.name(),
+        "target": plan.target,
         "reached": made.levels.iter().all(|l| l.report.reached),
         "screen": { "pixels": screen.pixels, "fov_deg": screen.fov_deg, "height_px": screen.height_px },
         "levels": made.levels.iter().enumerate().map(level).collect::<Vec<_>>(),
         "warnings": texts(&made.warnings),
-        "threads": args.run.threads(),
+        "threads": made.threads,
         "seconds": seconds,
     });
-    if args.dry_run {
+    if to.is_none_or(|to| to.dry_run) {
         report["dry_run"] = true.into();
     }
     report
 }
 
 /// Returns the content of `lods.json`.
-fn list(made: &LodResult, path: &str, plan: &Plan, args: &LodArgs) -> Value {
-    let screen = args.screen();
+pub(super) fn list(made: &LodResult, plan: &Plan) -> Value {
+    let screen = &plan.screen;
+    let file = |level: usize| match made.outputs.get(level) {
+        Some(Sink::Path(path)) => path.file_name().map(|name| name.to_string_lossy()),
+        _ => None,
+    };
     let first = json!({
-        "level": 0, "file": plan.file(0), "faces": made.counts[0], "vertices": made.counts[1],
+        "level": 0, "file": file(0), "faces": made.counts[0], "vertices": made.counts[1],
         "error": 0.0, "rms": 0.0, "distance": 0.0,
     });
     let others = made.levels.iter().enumerate().map(|(k, level)| {
         let r = &level.report;
         let rms = r.error.measured.as_ref().map_or(r.error.estimate, |m| m.rms.symmetric);
         json!({
-            "level": k + 1, "file": plan.file(k + 1), "faces": r.faces, "vertices": r.vertices,
-            "error": error_of(r) * scale(args), "rms": rms * scale(args), "distance": distance(r, args),
+            "level": k + 1, "file": file(k + 1), "faces": r.faces, "vertices": r.vertices,
+            "error": error_of(r) * plan.scale, "rms": rms * plan.scale, "distance": distance(r, plan),
         })
     });
     json!({
-        "input": path,
+        "input": plan.job.source.to_string(),
         "unit": "model",
-        "diagonal": made.diagonal * scale(args),
+        "diagonal": made.diagonal * plan.scale,
         "screen": { "pixels": screen.pixels, "fov_deg": screen.fov_deg, "height_px": screen.height_px },
         "levels": std::iter::once(first).chain(others).collect::<Vec<_>>(),
     })

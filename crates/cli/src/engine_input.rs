@@ -1,0 +1,31 @@
+//! A mesh as the engine gets it, and the options that depend on it.
+
+use lodsmith::SimplifyOptions;
+use lodsmith_io::{Format, Loaded, Warning};
+
+use crate::args::How;
+use crate::file::Destination;
+use crate::{constraints, palettes};
+
+/// Sets the options that depend on a mesh, and removes from it what the output cannot hold.
+///
+/// # Errors
+/// If a name on the command line is not found.
+pub(crate) fn prepare(
+    loaded: &mut Loaded,
+    how: &How,
+    to: Option<&Destination>,
+    options: &mut SimplifyOptions,
+) -> anyhow::Result<()> {
+    constraints::of_mesh(how, loaded, options)?;
+    options.textures = palettes::of_mesh(loaded);
+    if matches!(loaded.format, Format::Gltf | Format::Glb) && !to.is_some_and(Destination::keeps_materials) {
+        // If materials are not written, their borders need not be preserved.
+        loaded.mesh.set_regions(None)?;
+    }
+    if options.per_mesh && loaded.contents.meshes > 1 {
+        let text = "--per-mesh: the meshes become one on this way, and share the target";
+        loaded.warnings.push(Warning::note(text));
+    }
+    Ok(())
+}
