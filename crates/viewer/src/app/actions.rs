@@ -36,25 +36,12 @@ impl App {
         }
         let settings = self.document.settings();
         let mut look = settings.look.clone();
-        let layout = settings.layout;
         let looks = &mut look.look;
         match action {
             Action::Open => return self.choose(ctx, Purpose::Open, None),
             Action::OpenSession => return self.choose(ctx, Purpose::OpenSession, None),
-            Action::SaveSession => {
-                if let Some(file) = settings.file() {
-                    let start = file.with_extension("lodsmith.json");
-                    self.choose(ctx, Purpose::SaveSession, Some(start));
-                }
-                return;
-            }
-            Action::Export => {
-                if let Some(original) = self.document.original() {
-                    self.export =
-                        Some(export::ExportForm::new(&original.content.path, original.content.file.format));
-                }
-                return;
-            }
+            Action::SaveSession => return self.choose_session_to_save(ctx),
+            Action::Export => return self.open_export_form(),
             Action::Reload => return self.document.reload(),
             Action::Close => {
                 self.document.run(Command::Close);
@@ -84,74 +71,27 @@ impl App {
             | Action::StepTime(_)
             | Action::Speed(_)
             | Action::Repeat
-            | Action::NextClip => {
-                if matches!(action, Action::StepTime(_)) {
-                    self.document.play(false);
-                }
-                let (model, length) =
-                    (self.document.original().map(|o| o.content.model()), self.document.timeline_secs());
-                let playback = self.document.settings().playback;
-                let then = model.and_then(|m| playback_after(playback, m, length, action));
-                return then.into_iter().for_each(|p| self.document.run(Command::Playback(p)));
-            }
+            | Action::NextClip => return self.change_playback(action),
             Action::AutoLod => {
                 let mut auto = settings.auto_lod;
                 auto.is_on = !auto.is_on;
                 return self.document.run(Command::AutoLod(auto));
             }
-            Action::NextSides => {
-                let at = Sides::ALL.iter().position(|s| s.0 == layout.sides).unwrap_or(0);
-                let sides = Sides::ALL[(at + 1) % Sides::ALL.len()].0;
-                return self.document.run(Command::Layout(Layout { sides, ..layout }));
-            }
-            Action::Link => {
-                let linked = !layout.linked;
-                if linked {
-                    let orbit = self.pictures.orbit(Side::Original);
-                    self.pictures.set_orbit(Side::Original, orbit, true);
-                }
-                return self.document.run(Command::Layout(Layout { linked, ..layout }));
-            }
+            Action::NextSides => return self.show_next_sides(),
+            Action::Link => return self.link_cameras(),
             Action::Frame => return self.pictures.frame(&self.document),
             Action::View(view) => return self.pictures.look_from(&self.document, view),
-            Action::SaveCamera(slot) => {
-                let pose = Pose::of(&self.pictures.orbit(Side::Original).camera());
-                self.document.log.note(format!("camera {} saved", slot + 1));
-                return self.document.run(Command::KeepCamera(slot, Some(pose)));
-            }
-            Action::RestoreCamera(slot) => {
-                match settings.cameras[slot] {
-                    Some(pose) => self.pictures.each_orbit(|o| *o = Orbit::of(&pose.camera())),
-                    None => self.document.log.note(format!("camera {} has not been saved", slot + 1)),
-                }
-                return;
-            }
+            Action::SaveCamera(slot) => return self.save_camera(slot),
+            Action::RestoreCamera(slot) => return self.restore_camera(slot),
             Action::Orbit(right, up) => {
                 let turn = [right, up].map(|n| f64::from(n) * KEY_TURN_RAD);
                 return self.pictures.each_orbit(|o| o.turn(turn[0], turn[1]));
             }
-            Action::TurnModel(right, up) => {
-                let camera = self.pictures.orbit(Side::Original).camera();
-                let across = (camera.target - camera.eye).cross(camera.up).normalize_or(glam::DVec3::X);
-                let by = DQuat::from_axis_angle(glam::DVec3::Y, f64::from(right) * KEY_TURN_RAD)
-                    * DQuat::from_axis_angle(across, -f64::from(up) * KEY_TURN_RAD);
-                let turn = (by * settings.turn.rotation()).normalize();
-                return self.document.run(Command::Turn(Turn(turn.to_array())));
-            }
+            Action::TurnModel(right, up) => return self.turn_model([right, up].map(f64::from)),
             Action::ResetRotation => return self.document.run(Command::Turn(Turn::default())),
             Action::Panels => return self.panels_hidden = !self.panels_hidden,
-            Action::Panel(panel) => {
-                self.has_own_timeline &= panel != Panel::Timeline;
-                if !self.shown.remove(&panel) || self.panels_hidden {
-                    self.shown.insert(panel);
-                }
-                return self.panels_hidden = false;
-            }
-            Action::Theme => {
-                self.prefs.is_light = ctx.theme() == Theme::Dark;
-                ctx.set_theme(if self.prefs.is_light { Theme::Light } else { Theme::Dark });
-                return self.save_prefs();
-            }
+            Action::Panel(panel) => return self.toggle_panel(panel),
+            Action::Theme => return self.toggle_theme(ctx),
             Action::Screenshot => return self.screenshot(ctx),
             Action::Help => return self.is_help = !self.is_help,
             Action::Wireframe => looks.wireframe = !looks.wireframe,
@@ -169,6 +109,86 @@ impl App {
             Action::Stage | Action::Walk | Action::Copies(_) => return,
         }
         self.document.run(Command::Look(look));
+    }
+
+    fn choose_session_to_save(&mut self, ctx: &egui::Context) {
+        if let Some(file) = self.document.settings().file() {
+            let start = file.with_extension("lodsmith.json");
+            self.choose(ctx, Purpose::SaveSession, Some(start));
+        }
+    }
+
+    fn open_export_form(&mut self) {
+        if let Some(original) = self.document.original() {
+            self.export = Some(export::ExportForm::new(&original.content.path, original.content.file.format));
+        }
+    }
+
+    fn change_playback(&mut self, action: Action) {
+        if matches!(action, Action::StepTime(_)) {
+            self.document.play(false);
+        }
+        let (model, length) =
+            (self.document.original().map(|o| o.content.model()), self.document.timeline_secs());
+        let playback = self.document.settings().playback;
+        if let Some(playback) = model.and_then(|m| playback_after(playback, m, length, action)) {
+            self.document.run(Command::Playback(playback));
+        }
+    }
+
+    fn show_next_sides(&mut self) {
+        let layout = self.document.settings().layout;
+        let at = Sides::ALL.iter().position(|s| s.0 == layout.sides).unwrap_or(0);
+        let sides = Sides::ALL[(at + 1) % Sides::ALL.len()].0;
+        self.document.run(Command::Layout(Layout { sides, ..layout }));
+    }
+
+    /// Links the cameras of both sides, or parts them.
+    fn link_cameras(&mut self) {
+        let layout = self.document.settings().layout;
+        let linked = !layout.linked;
+        if linked {
+            let orbit = self.pictures.orbit(Side::Original);
+            self.pictures.set_orbit(Side::Original, orbit, true);
+        }
+        self.document.run(Command::Layout(Layout { linked, ..layout }));
+    }
+
+    fn save_camera(&mut self, slot: usize) {
+        let pose = Pose::of(&self.pictures.orbit(Side::Original).camera());
+        self.document.log.note(format!("camera {} saved", slot + 1));
+        self.document.run(Command::KeepCamera(slot, Some(pose)));
+    }
+
+    fn restore_camera(&mut self, slot: usize) {
+        match self.document.settings().cameras[slot] {
+            Some(pose) => self.pictures.each_orbit(|o| *o = Orbit::of(&pose.camera())),
+            None => self.document.log.note(format!("camera {} has not been saved", slot + 1)),
+        }
+    }
+
+    /// Rotates the model by key presses to the right and upward.
+    fn turn_model(&mut self, [right, up]: [f64; 2]) {
+        let camera = self.pictures.orbit(Side::Original).camera();
+        let across = (camera.target - camera.eye).cross(camera.up).normalize_or(glam::DVec3::X);
+        let by = DQuat::from_axis_angle(glam::DVec3::Y, right * KEY_TURN_RAD)
+            * DQuat::from_axis_angle(across, -up * KEY_TURN_RAD);
+        let turn = (by * self.document.settings().turn.rotation()).normalize();
+        self.document.run(Command::Turn(Turn(turn.to_array())));
+    }
+
+    fn toggle_panel(&mut self, panel: Panel) {
+        self.has_own_timeline &= panel != Panel::Timeline;
+        if !self.shown.remove(&panel) || self.panels_hidden {
+            self.shown.insert(panel);
+        }
+        self.panels_hidden = false;
+    }
+
+    fn toggle_theme(&mut self, ctx: &egui::Context) {
+        self.prefs.is_light = ctx.theme() == Theme::Dark;
+        ctx.set_theme(if self.prefs.is_light { Theme::Light } else { Theme::Dark });
+        self.save_prefs();
     }
 
     /// Saves a screenshot of the window beside the model, under the next free number.

@@ -1,7 +1,10 @@
 //! Method panel: the options of the engine.
 
 use eframe::egui::{CollapsingHeader, Ui};
-use lodsmith::{BorderPolicy, Fit, Measure, Method, MethodOptions, Placement, Preset, TopologyPolicy};
+use lodsmith::{
+    AttributeWeights, BorderPolicy, Fit, Guards, Measure, Method, MethodOptions, Placement, Preset,
+    SimplifyOptions, TopologyPolicy,
+};
 
 use super::{PanelContext, widgets};
 use crate::command::Command;
@@ -84,69 +87,66 @@ fn edit(ui: &mut Ui, how: &mut Simplification) {
         &mut how.normals,
     );
 
-    CollapsingHeader::new("Weights").show(ui, |ui| {
-        let w = &mut o.weights;
-        let all = [
-            ("Normals", &mut w.normal),
-            ("UVs", &mut w.uv),
-            ("Colours", &mut w.color),
-            ("Morphs", &mut w.morph),
-            ("Skin", &mut w.skin),
-            ("Other", &mut w.other),
-            ("Borders", &mut w.border),
-        ];
-        for (name, weight) in all {
-            widgets::slider(ui, name, "Multiplies the default weight; 0 ignores it", weight, 0.0..=10.0);
-        }
-    });
-    CollapsingHeader::new("Guards").show(ui, |ui| {
-        let g = &mut o.guards;
-        widgets::optional(
-            ui,
-            "Max normal deviation",
-            "Largest rotation of a face normal in one step, in degrees",
-            &mut g.max_normal_deg,
-            30.0,
-            1.0..=180.0,
-        );
-        widgets::optional(
-            ui,
-            "Quality",
-            "Minimum shape quality of a new face; 1 is equilateral",
-            &mut g.min_quality,
-            0.1,
-            0.0..=1.0,
-        );
-        widgets::optional_count(
-            ui,
-            "Valence",
-            "Maximum number of edges at a vertex",
-            &mut g.max_valence,
-            12,
-            3,
-        );
-        widgets::optional_length(ui, "Edge length", "Maximum length of a new edge", &mut g.max_edge);
-    });
-    CollapsingHeader::new("More").show(ui, |ui| {
-        widgets::optional_length(
-            ui,
-            "Weld",
-            "Merge vertices closer than this first (coincident vertices are always merged)",
-            &mut o.weld,
-        );
-        widgets::optional_length(ui, "Prune", "Remove connected parts smaller than this first", &mut o.prune);
-        let mut is_measured = o.measure == Measure::Always;
-        let tip = "Measure the result against the input in both directions; this takes a while";
-        if widgets::switch(ui, "Measure the result", None, tip, &mut is_measured) {
-            o.measure = if is_measured { Measure::Always } else { Measure::Auto };
-        }
-        let tip = "If the target cannot be reached, try progressively looser topology";
-        widgets::switch(ui, "Escalate", None, tip, &mut o.escalate);
-        let tip = "In a scene, apply the target to each mesh separately";
-        widgets::switch(ui, "Target per mesh", None, tip, &mut o.per_mesh);
-        widgets::field(ui, "Seed", "Equal seeds give equal results", |ui| {
-            ui.add(eframe::egui::DragValue::new(&mut o.seed));
-        });
+    CollapsingHeader::new("Weights").show(ui, |ui| edit_weights(ui, &mut o.weights));
+    CollapsingHeader::new("Guards").show(ui, |ui| edit_guards(ui, &mut o.guards));
+    CollapsingHeader::new("More").show(ui, |ui| edit_more(ui, o));
+}
+
+fn edit_weights(ui: &mut Ui, w: &mut AttributeWeights) {
+    let all = [
+        ("Normals", &mut w.normal),
+        ("UVs", &mut w.uv),
+        ("Colours", &mut w.color),
+        ("Morphs", &mut w.morph),
+        ("Skin", &mut w.skin),
+        ("Other", &mut w.other),
+        ("Borders", &mut w.border),
+    ];
+    for (name, weight) in all {
+        widgets::slider(ui, name, "Multiplies the default weight; 0 ignores it", weight, 0.0..=10.0);
+    }
+}
+
+fn edit_guards(ui: &mut Ui, g: &mut Guards) {
+    widgets::optional(
+        ui,
+        "Max normal deviation",
+        "Largest rotation of a face normal in one step, in degrees",
+        &mut g.max_normal_deg,
+        30.0,
+        1.0..=180.0,
+    );
+    widgets::optional(
+        ui,
+        "Quality",
+        "Minimum shape quality of a new face; 1 is equilateral",
+        &mut g.min_quality,
+        0.1,
+        0.0..=1.0,
+    );
+    widgets::optional_count(ui, "Valence", "Maximum number of edges at a vertex", &mut g.max_valence, 12, 3);
+    widgets::optional_length(ui, "Edge length", "Maximum length of a new edge", &mut g.max_edge);
+}
+
+fn edit_more(ui: &mut Ui, o: &mut SimplifyOptions) {
+    widgets::optional_length(
+        ui,
+        "Weld",
+        "Merge vertices closer than this first (coincident vertices are always merged)",
+        &mut o.weld,
+    );
+    widgets::optional_length(ui, "Prune", "Remove connected parts smaller than this first", &mut o.prune);
+    let mut is_measured = o.measure == Measure::Always;
+    let tip = "Measure the result against the input in both directions; this takes a while";
+    if widgets::switch(ui, "Measure the result", None, tip, &mut is_measured) {
+        o.measure = if is_measured { Measure::Always } else { Measure::Auto };
+    }
+    let tip = "If the target cannot be reached, try progressively looser topology";
+    widgets::switch(ui, "Escalate", None, tip, &mut o.escalate);
+    let tip = "In a scene, apply the target to each mesh separately";
+    widgets::switch(ui, "Target per mesh", None, tip, &mut o.per_mesh);
+    widgets::field(ui, "Seed", "Equal seeds give equal results", |ui| {
+        ui.add(eframe::egui::DragValue::new(&mut o.seed));
     });
 }
 
