@@ -5,6 +5,12 @@ use lodsmith_core::memory;
 
 use crate::error::ReadError;
 
+/// Maximum bytes that a packed byte may unpack to, and that any file may unpack to. Deflate reaches a ratio of
+/// 1032 at most; meshes, text or binary, reach 3 to 20 (a flat grid of equal squares as text 60), so a ratio
+/// above 200 means nothing but repetition; up to 64 MiB that is allowed, since it does no harm.
+const MAX_UNPACK_RATIO: u64 = 200;
+const MIN_UNPACK_LIMIT: u64 = 64 << 20;
+
 /// Limits against hostile files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -31,6 +37,11 @@ impl Limits {
     /// Returns the maximum size of anything that is held in memory as a whole.
     pub(crate) fn max_bytes(&self) -> u64 {
         self.bytes.min(self.memory)
+    }
+
+    /// Returns the maximum unpacked size of packed bytes, by the limits and by their own number.
+    pub(crate) fn max_unpacked_bytes(&self, packed: usize) -> u64 {
+        self.max_bytes().min((packed as u64).saturating_mul(MAX_UNPACK_RATIO).max(MIN_UNPACK_LIMIT))
     }
 
     /// Returns an error if a step needs more memory than allowed.

@@ -6,9 +6,9 @@ mod container;
 mod file;
 mod head;
 mod level_mesh;
-mod range;
 mod read;
 mod step;
+mod streams;
 mod values;
 mod write;
 

@@ -243,20 +243,9 @@ fn check_size(what: &'static str, size: u64, limits: Limits) -> Result<(), ReadE
     if size > limits.bytes { Err(ReadError::Limit { what, size, limit: limits.bytes }) } else { Ok(()) }
 }
 
-/// Maximum bytes that a gzip byte may unpack to, and that any file may unpack to. Deflate reaches a ratio of
-/// 1032 at most; meshes, text or binary, reach 3 to 20 (a flat grid of equal squares as text 60), so a ratio
-/// above 200 means nothing but repetition; up to 64 MiB that is allowed, since it does no harm.
-const MAX_UNPACK_RATIO: u64 = 200;
-const MIN_UNPACK_LIMIT: u64 = 64 << 20;
-
-/// Returns the maximum unpacked size of packed bytes, by the limits and by their own number.
-pub(crate) fn max_unpacked_bytes(packed: usize, limits: Limits) -> u64 {
-    limits.max_bytes().min((packed as u64).saturating_mul(MAX_UNPACK_RATIO).max(MIN_UNPACK_LIMIT))
-}
-
 fn gunzip(bytes: &[u8], limits: Limits) -> Result<Vec<u8>, ReadError> {
     let mut unpacked = Vec::new();
-    let most = max_unpacked_bytes(bytes.len(), limits);
+    let most = limits.max_unpacked_bytes(bytes.len());
     let result =
         flate2::read::MultiGzDecoder::new(bytes).take(most.saturating_add(1)).read_to_end(&mut unpacked);
     let size = unpacked.len() as u64;

@@ -1,21 +1,21 @@
 //! Codec of checkpoints, and of the numbering of the original mesh.
 
+use std::io;
+
 use lodsmith_core::splits::{Checkpoint, Counts, NO_ORIGINAL, Original};
 use lodsmith_core::{FaceId, VertexId, WedgeId};
 
 use super::head::Head;
 use super::level_mesh::LevelMesh;
-use super::range::{BelowModel, BitModel, Coded, Coder, Damaged, Decoder, Encoder, NumberModel};
+use super::streams::{Coded, Damaged, NO_ELEMENT, Streams};
 use super::values::{PlaceCode, code_f32, value_f32};
 
-/// Codec of a sequence of checkpoints.
-#[derive(Default)]
-pub(super) struct CheckpointCodec {
-    counts: [NumberModel; 2],
-    gaps: [NumberModel; 2],
-    moves: Vec<NumberModel>,
-    changes: Vec<NumberModel>,
-}
+// The streams of a checkpoint; the first one is that of the low bits.
+const VERTICES: usize = 1;
+const WEDGES: usize = 2;
+const MOVES: usize = 3;
+/// One for each value.
+const CHANGES: usize = 6;
 
 /// Coding of the numbers of a checkpoint.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,215 +73,149 @@ impl FitCode {
     }
 }
 
-/// Number of models for a number, selected by the size of the number before.
-const SIZE_MODELS: usize = 12;
-
-fn size_of(code: i64) -> usize {
-    ((u64::BITS - code.unsigned_abs().leading_zeros()) as usize).min(SIZE_MODELS - 1)
+/// Returns a checkpoint as the content of a chunk.
+pub(super) fn write_checkpoint(head: &Head, checkpoint: &Checkpoint, exact: bool) -> io::Result<Vec<u8>> {
+    let mut bytes = checkpoint.level.to_le_bytes().to_vec();
+    bytes.extend(checkpoint.error.to_le_bytes());
+    let fit = FitCode::of(head, checkpoint, exact);
+    let powers = match fit {
+        FitCode::Exact => [EXACT_MARK; 2],
+        FitCode::Steps(powers) => powers,
+    };
+    powers.iter().for_each(|p| bytes.extend(p.to_le_bytes()));
+    let mut streams = Streams::default();
+    let coded = code_fit(&mut streams, head.width(), fit, checkpoint, &mut Checkpoint::default());
+    assert!(coded.is_ok(), "what is written is not damaged");
+    bytes.extend(streams.pack()?);
+    Ok(bytes)
 }
 
-impl CheckpointCodec {
-    pub(super) fn write(&mut self, head: &Head, checkpoint: &Checkpoint, exact: bool) -> Vec<u8> {
-        let mut bytes = checkpoint.level.to_le_bytes().to_vec();
-        bytes.extend(checkpoint.error.to_le_bytes());
-        let fit = FitCode::of(head, checkpoint, exact);
-        let powers = match fit {
-            FitCode::Exact => [EXACT_MARK; 2],
-            FitCode::Steps(powers) => powers,
-        };
-        powers.iter().for_each(|p| bytes.extend(p.to_le_bytes()));
-        let mut encoder = Encoder::new();
-        let mut same = Checkpoint::default();
-        let coded = self.code(&mut encoder, head.width(), fit, checkpoint, &mut same);
-        assert!(coded.is_ok(), "what is written is not damaged");
-        bytes.extend(encoder.finish());
-        bytes
-    }
+/// A checkpoint without its fit, and the packed streams of that.
+pub(super) struct CheckpointHead<'a> {
+    checkpoint: Checkpoint,
+    fit: FitCode,
+    pub(super) packed: &'a [u8],
+}
 
-    pub(super) fn read(&mut self, head: &Head, bytes: &[u8]) -> Coded<Checkpoint> {
+impl<'a> CheckpointHead<'a> {
+    pub(super) fn from_bytes(bytes: &'a [u8]) -> Coded<Self> {
         let short = Damaged("a checkpoint is too short");
         let (level, rest) = bytes.split_first_chunk().ok_or(short)?;
         let (error, rest) = rest.split_first_chunk().ok_or(short)?;
         let (moves, rest) = rest.split_first_chunk().ok_or(short)?;
-        let (changes, rest) = rest.split_first_chunk().ok_or(short)?;
+        let (changes, packed) = rest.split_first_chunk().ok_or(short)?;
         let (level, error) = (u32::from_le_bytes(*level), f64::from_le_bytes(*error));
         let powers = [moves, changes].map(|p| i16::from_le_bytes(*p));
         let fit = if powers.contains(&EXACT_MARK) { FitCode::Exact } else { FitCode::Steps(powers) };
-        let mut checkpoint = Checkpoint { level, error, ..Checkpoint::default() };
-        self.code(&mut Decoder::new(rest)?, head.width(), fit, &Checkpoint::default(), &mut checkpoint)?;
-        Ok(checkpoint)
+        Ok(Self { checkpoint: Checkpoint { level, error, ..Checkpoint::default() }, fit, packed })
     }
-
-    fn code<C: Coder>(
-        &mut self,
-        c: &mut C,
-        width: usize,
-        fit: FitCode,
-        want: &Checkpoint,
-        got: &mut Checkpoint,
-    ) -> Coded<()> {
-        self.moves.resize_with(3 * SIZE_MODELS, NumberModel::default);
-        self.changes.resize_with(width * SIZE_MODELS, NumberModel::default);
-        let (mut at, mut size) = (0, 0);
-        for i in 0..c.count(&mut self.counts[0], want.vertices.len())? {
-            let v = code_ascending(c, &mut self.gaps[0], &mut at, want.vertices.get(i).map_or(0, |v| v.0))?;
-            let mut by = [0.0; 3];
-            for (k, by) in by.iter_mut().enumerate() {
-                let code = want.moves.get(i).map_or(0, |m| fit.code(m[k], 0));
-                let code = c.signed(&mut self.moves[k * SIZE_MODELS + size], code)?;
-                (*by, size) = (fit.value(code, 0), size_of(code));
-            }
-            got.vertices.push(VertexId(v));
-            got.moves.push(by);
-        }
-        (at, size) = (0, 0);
-        for i in 0..c.count(&mut self.counts[1], want.wedges.len())? {
-            let w = code_ascending(c, &mut self.gaps[1], &mut at, want.wedges.get(i).map_or(0, |w| w.0))?;
-            got.wedges.push(WedgeId(w));
-            for k in 0..width {
-                let code = want.changes.get(i * width + k).map_or(0, |&x| fit.code(x, 1));
-                let code = c.signed(&mut self.changes[k * SIZE_MODELS + size], code)?;
-                size = size_of(code);
-                got.changes.push(fit.value(code, 1));
-            }
-        }
-        Ok(())
+    /// Reads the fit.
+    pub(super) fn read(mut self, head: &Head, streams: &mut Streams) -> Coded<Checkpoint> {
+        code_fit(streams, head.width(), self.fit, &Checkpoint::default(), &mut self.checkpoint)?;
+        streams.check_end()?;
+        Ok(self.checkpoint)
     }
 }
 
-/// Codes the next of ascending numbers.
-fn code_ascending<C: Coder>(c: &mut C, model: &mut NumberModel, at: &mut u32, wanted: u32) -> Coded<u32> {
-    let gap = c.number(model, u64::from(wanted.wrapping_sub(*at)))?;
-    let now = u64::from(*at).checked_add(gap).filter(|&now| now < u64::from(u32::MAX));
-    let now = now.ok_or(Damaged("a checkpoint names what no number can"))? as u32;
-    *at = now + 1;
-    Ok(now)
+fn code_fit(
+    io: &mut Streams,
+    width: usize,
+    fit: FitCode,
+    want: &Checkpoint,
+    got: &mut Checkpoint,
+) -> Coded<()> {
+    let vertices = io.ascending(VERTICES, bytemuck::cast_slice(&want.vertices), u32::MAX)?;
+    for i in 0..vertices.len() {
+        let mut by = [0.0; 3];
+        for (k, by) in by.iter_mut().enumerate() {
+            let code = want.moves.get(i).map_or(0, |m| fit.code(m[k], 0));
+            *by = fit.value(io.signed(MOVES + k, code)?, 0);
+        }
+        got.moves.push(by);
+    }
+    let wedges = io.ascending(WEDGES, bytemuck::cast_slice(&want.wedges), u32::MAX)?;
+    for i in 0..wedges.len() * width {
+        let code = want.changes.get(i).map_or(0, |&x| fit.code(x, 1));
+        got.changes.push(fit.value(io.signed(CHANGES + i % width, code)?, 1));
+    }
+    got.vertices = vertices.into_iter().map(VertexId).collect();
+    got.wedges = wedges.into_iter().map(WedgeId).collect();
+    Ok(())
 }
 
-/// Models of elements in the order of the original: most are near the one before.
-struct OrderModels {
-    is_near: [BitModel; 2],
-    near: [BitModel; 64],
-    any: BelowModel,
-}
+// The streams of the numbering of the original; the first one is that of the low bits.
+const HAS_VERTEX_MAP: usize = 1;
+const FACE_ORDER: usize = 2;
+const VERTEX_ORDER: usize = 3;
+const WEDGE_ORDER: usize = 4;
 
-/// Maximum number of neighbours considered.
-const MAX_NEIGHBOURS: usize = 63;
-
-pub(super) fn write_original(walk: &LevelMesh, original: &Original) -> Vec<u8> {
-    let mut encoder = Encoder::new();
-    let coded = code_original(&mut encoder, walk, Some(original));
+pub(super) fn write_original(walk: &LevelMesh, original: &Original) -> io::Result<Vec<u8>> {
+    let mut streams = Streams::default();
+    let coded = code_original(&mut streams, walk, Some(original));
     assert!(coded.is_ok(), "what is written is not damaged");
-    encoder.finish()
+    streams.pack()
 }
 
-pub(super) fn read_original(walk: &LevelMesh, bytes: &[u8]) -> Coded<Original> {
-    code_original(&mut Decoder::new(bytes)?, walk, None)
-}
-
-fn code_original<C: Coder>(c: &mut C, walk: &LevelMesh, want: Option<&Original>) -> Coded<Original> {
+pub(super) fn code_original(io: &mut Streams, walk: &LevelMesh, want: Option<&Original>) -> Coded<Original> {
     let Counts { faces, wedges, vertices } = walk.counts();
-    let has_vertex_map = c.bit(&mut BitModel::default(), want.is_some_and(|w| w.has_vertex_map))?;
-    let of = |ids: &[u32], count: u32| -> Vec<u32> {
-        let mut order = vec![NO_ORIGINAL; ids.iter().filter(|&&n| n != NO_ORIGINAL).count()];
-        for (i, &n) in (0..count).zip(ids).filter(|x| *x.1 != NO_ORIGINAL) {
-            order[n as usize] = i;
-        }
-        order
-    };
-    let wanted = |ids: fn(&Original) -> &[u32], count: u32| want.map(|w| of(ids(w), count));
-    let face_order = wanted(|o| bytemuck::cast_slice(&o.faces), faces);
-    let face_order = code_order(c, faces, face_order, &[], |f, near| {
-        for w in walk.faces[f as usize] {
-            near.extend(walk.corners_of(walk.vertex_of[w as usize]).take(MAX_NEIGHBOURS / 3).map(|c| c / 3));
-        }
-    })?;
-    // Usually vertices are numbered in the order in which faces use them.
-    let met = |of_wedge: &dyn Fn(u32) -> u32| -> Vec<u32> {
-        face_order.iter().flat_map(|&f| walk.faces[f as usize]).map(of_wedge).collect()
-    };
-    let vertex_order = wanted(|o| bytemuck::cast_slice(&o.vertices), vertices);
-    let by_faces = met(&|w| walk.vertex_of[w as usize]);
-    let vertex_order = code_order(c, vertices, vertex_order, &by_faces, |v, near| {
-        for corner in walk.corners_of(v).take(MAX_NEIGHBOURS / 2) {
-            let face = walk.faces[corner as usize / 3];
-            near.extend([1, 2].map(|k| walk.vertex_of[face[(corner as usize + k) % 3] as usize]));
-        }
-    })?;
-    let wedge_order = wanted(|o| bytemuck::cast_slice(&o.wedges), wedges);
-    let is_same = c.bit(&mut BitModel::default(), wedge_order.as_ref() == Some(&vertex_order))?;
-    let wedge_order = match is_same {
-        true => vertex_order.clone(),
-        false => code_order(c, wedges, wedge_order, &met(&|w| w), |w, near| {
-            for corner in walk.corners_of(walk.vertex_of[w as usize]).take(MAX_NEIGHBOURS / 2) {
-                let face = walk.faces[corner as usize / 3];
-                near.extend([0, 1, 2].map(|k| face[(corner as usize + k) % 3]));
-            }
-        })?,
-    };
-    let numbers = |order: &[u32], count: u32| -> Coded<Vec<u32>> {
+    let has_vertex_map = io.flag(HAS_VERTEX_MAP, want.is_some_and(|w| w.has_vertex_map))?;
+    let wanted = |ids: fn(&Original) -> &[u32]| want.map(|w| order_of(ids(w)));
+    let face_order = code_order(io, FACE_ORDER, faces, wanted(|o| bytemuck::cast_slice(&o.faces)), &[])?;
+    let met: Vec<u32> = face_order.iter().flat_map(|&f| walk.faces[f as usize]).collect();
+    let wedge_order = code_order(io, WEDGE_ORDER, wedges, wanted(|o| bytemuck::cast_slice(&o.wedges)), &met)?;
+    let met: Vec<u32> = wedge_order.iter().map(|&w| walk.vertex_of[w as usize]).collect();
+    let vertex_order =
+        code_order(io, VERTEX_ORDER, vertices, wanted(|o| bytemuck::cast_slice(&o.vertices)), &met)?;
+    let numbers = |order: &[u32], count: u32| {
         let mut numbers = vec![NO_ORIGINAL; count as usize];
-        for (n, &i) in (0..).zip(order) {
-            *numbers.get_mut(i as usize).ok_or(Damaged("the original has what the mesh has not"))? = n;
-        }
-        Ok(numbers)
+        (0..).zip(order).for_each(|(n, &i)| numbers[i as usize] = n);
+        numbers
     };
     Ok(Original {
-        vertices: numbers(&vertex_order, vertices)?.into_iter().map(VertexId).collect(),
-        wedges: numbers(&wedge_order, wedges)?.into_iter().map(WedgeId).collect(),
-        faces: numbers(&face_order, faces)?.into_iter().map(FaceId).collect(),
+        vertices: numbers(&vertex_order, vertices).into_iter().map(VertexId).collect(),
+        wedges: numbers(&wedge_order, wedges).into_iter().map(WedgeId).collect(),
+        faces: numbers(&face_order, faces).into_iter().map(FaceId).collect(),
         has_vertex_map,
     })
 }
 
-/// Codes elements in the order of the original: the next one that faces use and that has not been coded, a
-/// neighbour of the one before, or any.
-fn code_order<C: Coder>(
-    c: &mut C,
+/// Codes elements in the order of the original: 0 for the next one of `met` that has not been coded, else the
+/// element plus 1.
+fn code_order(
+    io: &mut Streams,
+    stream: usize,
     count: u32,
     want: Option<Vec<u32>>,
     met: &[u32],
-    near_of: impl Fn(u32, &mut Vec<u32>),
 ) -> Coded<Vec<u32>> {
-    let mut total = NumberModel::default();
-    let mut model = OrderModels {
-        is_near: Default::default(),
-        near: [BitModel::default(); 64],
-        any: BelowModel::default(),
-    };
-    let length = c.count(&mut total, want.as_ref().map_or(0, Vec::len))?;
+    let length = io.count(stream, want.as_ref().map_or(0, Vec::len))?;
     if length > count as usize {
         return Err(Damaged("the original has more elements than the mesh"));
     }
-    let mut is_named = vec![false; count as usize];
-    let (mut order, mut met, mut near) = (Vec::new(), met.iter().copied().peekable(), Vec::new());
-    let mut was_near = false;
+    let mut is_coded = vec![false; count as usize];
+    let (mut order, mut met) = (Vec::new(), met.iter().copied().peekable());
     for i in 0..length {
-        let wanted = want.as_ref().map_or(0, |w| w[i]);
-        while met.next_if(|&m| is_named[m as usize]).is_some() {}
-        near.clear();
-        if let Some(&last) = order.last() {
-            near_of(last, &mut near);
-        }
-        let mut places: Vec<u32> = met.peek().copied().into_iter().collect();
-        for &n in &near {
-            if !is_named[n as usize] && !places.contains(&n) && places.len() < MAX_NEIGHBOURS {
-                places.push(n);
-            }
-        }
-        let known = places.iter().position(|&p| p == wanted);
-        was_near = c.bit(&mut model.is_near[usize::from(was_near)], known.is_some())?;
-        let now = match was_near {
-            true => {
-                let at = c.tree(&mut model.near, 6, known.unwrap_or(0) as u32)?;
-                *places.get(at as usize).ok_or(Damaged("a neighbour is named that is not there"))?
-            }
-            false => c.below(&mut model.any, count, wanted)?,
+        while met.next_if(|&m| is_coded[m as usize]).is_some() {}
+        let next = met.peek().copied();
+        let wanted = want.as_ref().map(|w| w[i]);
+        let way = if wanted == next { 0 } else { wanted.map_or(0, |w| u64::from(w) + 1) };
+        let now = match io.number(stream, way)?.checked_sub(1) {
+            None => next,
+            Some(now) => u32::try_from(now).ok().filter(|&now| now < count),
         };
-        if std::mem::replace(&mut is_named[now as usize], true) {
+        let now = now.ok_or(NO_ELEMENT)?;
+        if std::mem::replace(&mut is_coded[now as usize], true) {
             return Err(Damaged("an element of the original is named twice"));
         }
         order.push(now);
     }
     Ok(order)
+}
+
+/// Returns the elements of an original, in its order.
+pub(super) fn order_of(numbers: &[u32]) -> Vec<u32> {
+    let mut order: Vec<u32> =
+        (0..numbers.len() as u32).filter(|&i| numbers[i as usize] != NO_ORIGINAL).collect();
+    order.sort_unstable_by_key(|&i| numbers[i as usize]);
+    order
 }

@@ -4,11 +4,12 @@ use lodsmith_core::mesh::Morphed;
 use lodsmith_core::splits::{Counts, Layout};
 use lodsmith_core::{IntegerType, Positions, Semantic};
 
+use super::step::SplitFormat;
 use super::values::{PlaceCode, ValueCode};
 use crate::error::ReadError;
 
-/// The version of the format that is written, and the highest that is read.
-pub(super) const VERSION: u16 = 1;
+/// The version of the format.
+pub(super) const VERSION: u16 = 2;
 
 /// Maximum number of values of a wedge. Guessed: no mesh has as many, and a few bytes could ask for them all.
 pub(super) const MAX_VALUES_PER_WEDGE: usize = 4096;
@@ -87,6 +88,13 @@ impl Head {
     pub(super) fn is_exact(&self) -> bool {
         !matches!(self.places, PlaceCode::Grid { .. })
     }
+    pub(super) fn split_format(&self) -> SplitFormat {
+        SplitFormat {
+            has_vertex_map: self.has_vertex_map,
+            has_regions: self.has_regions,
+            channels: self.channels(),
+        }
+    }
     pub(super) fn no_positions(&self) -> Positions {
         if self.places.is_double() { Positions::F64(Vec::new()) } else { Positions::F32(Vec::new()) }
     }
@@ -148,9 +156,15 @@ impl Head {
     pub(super) fn from_bytes(bytes: &[u8]) -> Result<Self, ReadError> {
         let mut bytes = HeadBytes(bytes);
         let version = u16::from_le_bytes(bytes.take()?);
-        if version == 0 || version > VERSION {
+        if version == 1 {
+            return Err(ReadError::Unsupported(
+                "version 1 of LPM is no longer read: build the file again with `lodsmith progressive build`"
+                    .into(),
+            ));
+        }
+        if version != VERSION {
             return Err(ReadError::Unsupported(format!(
-                "version {version} of LPM is not known here, only up to {VERSION}: a newer lodsmith reads it"
+                "version {version} of LPM is not known here, only {VERSION}: a newer lodsmith reads it"
             )));
         }
         let flags = u16::from_le_bytes(bytes.take()?);
@@ -346,9 +360,12 @@ mod tests {
         for end in 0..bytes.len() {
             assert!(Head::from_bytes(&bytes[..end]).is_err(), "{end}");
         }
-        let mut newer = bytes.clone();
-        newer[0] = 2;
-        assert!(matches!(Head::from_bytes(&newer), Err(ReadError::Unsupported(_))));
+        for (version, advice) in [(0, "not known"), (1, "progressive build"), (3, "a newer lodsmith")] {
+            let mut other = bytes.clone();
+            other[0] = version;
+            let Err(ReadError::Unsupported(text)) = Head::from_bytes(&other) else { panic!("{version}") };
+            assert!(text.contains(advice), "{text}");
+        }
         let mut twice = head();
         twice.columns.insert(1, twice.columns[0].clone());
         assert!(Head::from_bytes(&twice.to_bytes()).is_err());

@@ -99,18 +99,6 @@ pub(super) struct RingCorner {
     pub(super) last: u32,
 }
 
-/// The corners of a vertex in the order of their fans.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Ring {
-    pub(super) corners: Vec<RingCorner>,
-    /// End of each fan, and true if it is closed.
-    pub(super) fans: Vec<(usize, bool)>,
-    /// The wedges of the vertex, ascending.
-    pub(super) wedges: Vec<u32>,
-    loose: Vec<RingCorner>,
-    is_taken: Vec<bool>,
-}
-
 impl LevelMesh {
     pub(super) fn counts(&self) -> Counts {
         Counts {
@@ -122,60 +110,22 @@ impl LevelMesh {
     pub(super) fn corner(&self, corner: u32) -> u32 {
         self.faces[corner as usize / 3][corner as usize % 3]
     }
-    /// Returns the corners of all wedges of a vertex, in no particular order.
-    pub(super) fn corners_of(&self, vertex: u32) -> impl Iterator<Item = u32> + '_ {
-        self.wedges.of(vertex).flat_map(|w| self.corners.of(w))
-    }
-
-    /// Collects the ring of a vertex. Returns false, and an empty ring, if it has too many wedges or corners.
-    ///
-    /// Corners are sorted into fans: each begins with a corner that has none before it, or else with the
-    /// first one left, and continues across the edge to the last vertex of each face.
-    pub(super) fn ring(&self, vertex: u32, ring: &mut Ring) -> bool {
-        let Ring { corners, fans, wedges, loose, is_taken } = ring;
-        corners.clear();
-        fans.clear();
-        wedges.clear();
-        loose.clear();
-        wedges.extend(self.wedges.of(vertex).take(MAX_RING + 1));
-        if wedges.len() > MAX_RING {
-            wedges.clear();
-            return false;
-        }
-        for &w in &*wedges {
-            loose.extend(self.corners.of(w).take(MAX_RING + 1 - loose.len()).map(|corner| {
+    /// Returns the corners of a vertex, and its wedges, both ascending; none if it has too many of them.
+    pub(super) fn ring(&self, vertex: u32) -> (Vec<RingCorner>, Vec<u32>) {
+        let mut wedges: Vec<u32> = self.wedges.of(vertex).take(MAX_RING + 1).collect();
+        let corners = wedges.iter().flat_map(|&w| self.corners.of(w)).take(MAX_RING + 1);
+        let mut corners: Vec<RingCorner> = corners
+            .map(|corner| {
                 let (face, k) = (self.faces[corner as usize / 3], corner as usize % 3);
-                RingCorner { corner, wedge: w, next: face[(k + 1) % 3], last: face[(k + 2) % 3] }
-            }));
-        }
-        if loose.len() > MAX_RING {
-            wedges.clear();
-            return false;
+                RingCorner { corner, wedge: face[k], next: face[(k + 1) % 3], last: face[(k + 2) % 3] }
+            })
+            .collect();
+        if wedges.len().max(corners.len()) > MAX_RING {
+            return Default::default();
         }
         wedges.sort_unstable();
-        loose.sort_unstable_by_key(|c| c.corner);
-        is_taken.clear();
-        is_taken.resize(loose.len(), false);
-        let vertex_of = |w: u32| self.vertex_of[w as usize];
-        let follows = |a: &RingCorner, b: &RingCorner| vertex_of(a.last) == vertex_of(b.next);
-        for wants_beginning in [true, false] {
-            for first in 0..loose.len() {
-                let has_before =
-                    || loose.iter().enumerate().any(|(i, c)| i != first && follows(c, &loose[first]));
-                if is_taken[first] || (wants_beginning && has_before()) {
-                    continue;
-                }
-                let mut at = Some(first);
-                while let Some(i) = at {
-                    is_taken[i] = true;
-                    corners.push(loose[i]);
-                    at = (0..loose.len()).find(|&j| !is_taken[j] && follows(&loose[i], &loose[j]));
-                }
-                let is_closed = !wants_beginning && follows(&corners[corners.len() - 1], &loose[first]);
-                fans.push((corners.len(), is_closed));
-            }
-        }
-        true
+        corners.sort_unstable_by_key(|c| c.corner);
+        (corners, wedges)
     }
 
     /// Applies a split, whose indices must all exist.

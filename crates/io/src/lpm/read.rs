@@ -5,13 +5,13 @@ use std::io::Read;
 use lodsmith_core::splits::{Changes, Counts, NO_ORIGINAL, Original, SplitData, Splits};
 use lodsmith_core::{Attribute, RegionId, TriMesh, VertexId, WedgeId};
 
-use super::checkpoint::{CheckpointCodec, read_original};
+use super::checkpoint::{CheckpointHead, code_original, order_of};
 use super::container::{self, CHUNK_OVERHEAD, ChunkReader, NextChunk};
 use super::file::{Lpm, LpmSizes};
 use super::head::{ColumnKind, Head};
 use super::level_mesh::{LevelMesh, SplitChanges};
-use super::range::{Coded, Damaged, Decoder};
-use super::step::{SplitCodec, SplitFormat};
+use super::step::code_step;
+use super::streams::{Damaged, Streams};
 use crate::error::{ReadError, Warning};
 use crate::limits::Limits;
 use crate::material::Regions;
@@ -26,12 +26,32 @@ pub struct LpmReader<R> {
     limits: Limits,
     unpacked: u64,
     state: ReadProgress,
-    steps: SplitCodec,
-    checkpoints: CheckpointCodec,
     walk: LevelMesh,
-    step: SplitChanges,
     data: SplitData,
 }
+
+/// Reasons why a chunk is not read.
+enum ChunkError {
+    Damaged(Damaged),
+    Read(ReadError),
+}
+
+impl From<Damaged> for ChunkError {
+    fn from(damaged: Damaged) -> Self {
+        Self::Damaged(damaged)
+    }
+}
+
+impl From<ReadError> for ChunkError {
+    fn from(error: ReadError) -> Self {
+        Self::Read(error)
+    }
+}
+
+/// Memory of a split without any change: its counts, and the ends of four lists.
+const BYTES_PER_STEP: usize = 28;
+/// Memory of an element of the original: its number, and its place in the order.
+const BYTES_PER_ORIGINAL: u64 = 8;
 
 /// Progress of reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,12 +83,6 @@ impl<R: Read> LpmReader<R> {
             return Err(ReadError::byte(8, "the head is missing"));
         }
         let head = Head::from_bytes(&bytes)?;
-        let shape = SplitFormat {
-            has_vertex_map: head.has_vertex_map,
-            has_regions: head.has_regions,
-            channels: head.channels(),
-            places: head.places,
-        };
         let data = SplitData {
             counts: Vec::new(),
             faces: Vec::new(),
@@ -93,10 +107,7 @@ impl<R: Read> LpmReader<R> {
             limits,
             unpacked: 0,
             state: ReadProgress::Open,
-            steps: SplitCodec::new(shape),
-            checkpoints: CheckpointCodec::default(),
             walk: LevelMesh::default(),
-            step: SplitChanges::default(),
             data,
         };
         reader.sizes.head = reader.chunks.at;
@@ -106,10 +117,10 @@ impl<R: Read> LpmReader<R> {
             match kind {
                 container::BASE => {
                     reader.sizes.base = size;
-                    let read = reader.read_steps(&bytes, 1)?;
-                    return match read {
+                    return match reader.read_steps(&bytes, 1) {
                         Ok(()) => Ok(reader),
-                        Err(damaged) => Err(ReadError::element("the base mesh", damaged.0)),
+                        Err(ChunkError::Damaged(why)) => Err(ReadError::element("the base mesh", why.0)),
+                        Err(ChunkError::Read(error)) => Err(error),
                     };
                 }
                 container::MATERIALS => {
@@ -161,15 +172,16 @@ impl<R: Read> LpmReader<R> {
         }
         let at = self.chunks.at;
         match self.chunks.next()? {
-            NextChunk::Chunk { kind, bytes } => {
-                let chunk = self.chunk(kind, &bytes);
-                if chunk.is_err() {
+            NextChunk::Chunk { kind, bytes } => match self.chunk(kind, &bytes) {
+                Ok(()) => {}
+                Err(ChunkError::Damaged(why)) => {
+                    self.stop(ReadProgress::Damaged, &format!("byte {at}: {}", why.0));
+                }
+                Err(ChunkError::Read(error)) => {
                     self.state = ReadProgress::Cut;
+                    return Err(error);
                 }
-                if let Err(damaged) = chunk? {
-                    self.stop(ReadProgress::Damaged, &format!("byte {at}: {}", damaged.0));
-                }
-            }
+            },
             NextChunk::End => {
                 self.stop(
                     ReadProgress::Cut,
@@ -224,100 +236,107 @@ impl<R: Read> LpmReader<R> {
         })
     }
 
-    fn chunk(&mut self, kind: [u8; 4], bytes: &[u8]) -> Result<Coded<()>, ReadError> {
+    fn chunk(&mut self, kind: [u8; 4], bytes: &[u8]) -> Result<(), ChunkError> {
         let size = bytes.len() as u64 + CHUNK_OVERHEAD;
-        Ok(match kind {
+        match kind {
             container::SPLITS => {
                 self.sizes.splits += size;
                 self.sizes.chunks += 1;
-                self.splits(bytes)?
+                let (count, packed) =
+                    bytes.split_first_chunk().ok_or(Damaged("a chunk of splits is too short"))?;
+                self.read_steps(packed, u32::from_le_bytes(*count))?;
             }
             container::CHECKPOINT => {
                 self.sizes.checkpoints += size;
-                self.checkpoints.read(&self.head, bytes).and_then(|checkpoint| {
-                    let is_after = self
-                        .data
-                        .checkpoints
-                        .last()
-                        .is_none_or(|c| c.level < checkpoint.level && c.error >= checkpoint.error);
-                    if checkpoint.level as usize > self.level() || !is_after {
-                        return Err(Damaged("a checkpoint stands at the wrong place"));
-                    }
-                    self.data.checkpoints.push(checkpoint);
-                    Ok(())
-                })
+                self.checkpoint(bytes)?;
             }
             container::ORIGINAL => {
                 self.sizes.original += size;
-                read_original(&self.walk, bytes).map(|original| self.data.original = Some(original))
+                let mut streams = self.unpack(bytes)?;
+                let Counts { faces, wedges, vertices } = self.walk.counts();
+                let elements = u64::from(faces) + u64::from(wedges) + u64::from(vertices);
+                self.add_unpacked(elements * BYTES_PER_ORIGINAL)?;
+                let original = code_original(&mut streams, &self.walk, None)?;
+                streams.check_end()?;
+                self.data.original = Some(original);
             }
             container::DONE => {
                 self.sizes.others += size;
-                let count = bytes.try_into().map(u32::from_le_bytes);
-                let is_right = count.is_ok_and(|n| n as usize == self.level());
-                if is_right {
-                    self.state = ReadProgress::Complete;
-                    Ok(())
-                } else {
-                    Err(Damaged("not all splits are there"))
+                if !bytes.try_into().is_ok_and(|n| u32::from_le_bytes(n) as usize == self.level()) {
+                    return Err(Damaged("not all splits are there").into());
                 }
+                self.state = ReadProgress::Complete;
             }
-            kind if is_critical(kind) => Err(Damaged("a chunk of a kind that is not known here")),
-            _ => {
-                self.sizes.others += size;
-                Ok(())
+            kind if is_critical(kind) => {
+                return Err(Damaged("a chunk of a kind that is not known here").into());
             }
-        })
+            _ => self.sizes.others += size,
+        }
+        Ok(())
     }
 
-    fn splits(&mut self, bytes: &[u8]) -> Result<Coded<()>, ReadError> {
-        match bytes.split_first_chunk() {
-            Some((count, bytes)) => self.read_steps(bytes, u32::from_le_bytes(*count)),
-            None => Ok(Err(Damaged("a chunk of splits is too short"))),
-        }
+    /// Unpacks the streams of a chunk.
+    fn unpack(&self, packed: &[u8]) -> Result<Streams, ChunkError> {
+        let most = self.limits.max_unpacked_bytes(packed.len());
+        let streams = Streams::unpack(packed, most)?;
+        self.check_size(streams.as_ref().map_or(most.saturating_add(1), Streams::size))?;
+        let times = most / (packed.len() as u64).max(1);
+        Ok(streams.ok_or(ReadError::Ratio { what: "a chunk", limit: most, times })?)
     }
 
     /// Reads steps, and keeps all before the first that is invalid or takes too much memory.
-    fn read_steps(&mut self, bytes: &[u8], count: u32) -> Result<Coded<()>, ReadError> {
-        let mut decoder = match Decoder::new(bytes) {
-            Ok(decoder) => decoder,
-            Err(damaged) => return Ok(Err(damaged)),
-        };
+    fn read_steps(&mut self, packed: &[u8], count: u32) -> Result<(), ChunkError> {
+        let mut streams = self.unpack(packed)?;
         let nothing = SplitChanges::default();
         for _ in 0..count {
-            let mut step = std::mem::take(&mut self.step);
-            let coded = self.steps.code(&mut decoder, &self.walk, &nothing, &mut step);
-            let coded = match coded {
-                Ok(()) => self.check_unpacked(&step).map(|()| self.keep(&step)),
-                damaged => Ok(damaged),
-            };
-            self.step = step;
-            if let Err(damaged) = coded? {
-                return Ok(Err(damaged));
-            }
+            let step = code_step(self.head.split_format(), &mut streams, &self.walk, &nothing)?;
+            let row = 16 + 8 * self.head.width();
+            let size = BYTES_PER_STEP
+                + step.faces.len() * 24
+                + (step.vertex_of.len() + step.changed.len()) * row
+                + (step.places.len() + step.moved.len()) * 48
+                + (step.corners.len() + step.owners.len()) * 8;
+            self.add_unpacked(size as u64)?;
+            self.keep(&step)?;
         }
-        Ok(if decoder.is_at_end() { Ok(()) } else { Err(Damaged("a chunk has bytes that say nothing")) })
+        Ok(streams.check_end()?)
     }
 
-    /// Adds the approximate memory that a step takes to the total, and checks that.
-    fn check_unpacked(&mut self, step: &SplitChanges) -> Result<(), ReadError> {
-        let width = self.head.width() as u64;
-        let sizes = [
-            (step.faces.len(), 24),
-            (step.vertex_of.len() + step.changed.len(), 16 + 8 * width),
-            (step.places.len() + step.moved.len(), 48),
-            (step.corners.len() + step.owners.len(), 8),
-        ];
-        self.unpacked += sizes.iter().map(|(count, size)| *count as u64 * size).sum::<u64>();
-        let (size, limit) = (self.unpacked, self.limits.bytes);
+    fn checkpoint(&mut self, bytes: &[u8]) -> Result<(), ChunkError> {
+        let front = CheckpointHead::from_bytes(bytes)?;
+        let mut streams = self.unpack(front.packed)?;
+        let checkpoint = front.read(&self.head, &mut streams)?;
+        let size = std::mem::size_of_val(&checkpoint)
+            + checkpoint.vertices.len() * 16
+            + checkpoint.wedges.len() * (4 + 4 * self.head.width());
+        self.add_unpacked(size as u64)?;
+        let last = self.data.checkpoints.last();
+        let is_after = last.is_none_or(|c| c.level < checkpoint.level && c.error >= checkpoint.error);
+        if checkpoint.level as usize > self.level() || !is_after {
+            return Err(Damaged("a checkpoint stands at the wrong place").into());
+        }
+        self.data.checkpoints.push(checkpoint);
+        Ok(())
+    }
+
+    /// Adds approximate bytes to the memory that the result takes, and checks that.
+    fn add_unpacked(&mut self, bytes: u64) -> Result<(), ReadError> {
+        self.check_size(bytes)?;
+        self.unpacked += bytes;
+        Ok(())
+    }
+
+    /// Returns an error if there is no room for this many more bytes.
+    fn check_size(&self, more: u64) -> Result<(), ReadError> {
+        let (size, limit) = (self.unpacked.saturating_add(more), self.limits.bytes);
         if size > limit {
             return Err(ReadError::Limit { what: "the unpacked progressive mesh", size, limit });
         }
         // (Measured: the result takes up to twice as much.)
-        self.limits.check_memory("unpacking the progressive mesh", 2 * size)
+        self.limits.check_memory("unpacking the progressive mesh", size.saturating_mul(2))
     }
 
-    fn keep(&mut self, step: &SplitChanges) -> Coded<()> {
+    fn keep(&mut self, step: &SplitChanges) -> Result<(), Damaged> {
         let Self { data, head, walk, .. } = self;
         let has_more_than_numbers = |n: usize| n >= u32::MAX as usize;
         let changes = [data.corners.at.len(), data.owners.at.len(), data.rows.at.len(), data.places.at.len()];
@@ -447,14 +466,6 @@ fn mesh_of(head: &Head, walk: &LevelMesh, original: Option<&Original>) -> Result
         mesh.set_regions(Some(face_order.iter().map(|&f| RegionId(walk.regions[f as usize])).collect()))?;
     }
     Ok(mesh)
-}
-
-/// Returns the elements of an original, in its order.
-fn order_of(numbers: &[u32]) -> Vec<u32> {
-    let mut order: Vec<u32> =
-        (0..numbers.len() as u32).filter(|&i| numbers[i as usize] != NO_ORIGINAL).collect();
-    order.sort_unstable_by_key(|&i| numbers[i as usize]);
-    order
 }
 
 /// Reads the next chunk, which has to exist.

@@ -46,26 +46,6 @@ impl PlaceCode {
             (_, Positions::F64(p)) => p[i].map(|x| rank_f64(x.to_bits() as i64)),
         }
     }
-    /// Returns the coordinates that predictions use: those of the mesh, or steps of the grid.
-    pub(super) fn coordinates(&self, code: [i64; 3]) -> [f64; 3] {
-        match self {
-            Self::Grid { .. } => code.map(|c| c as f64),
-            Self::F32 => code.map(|c| f64::from(value_f32(c as i32))),
-            Self::F64 => code.map(|c| f64::from_bits(rank_f64(c) as u64)),
-        }
-    }
-    /// Returns the code nearest to predicted coordinates; `None` if they are not finite.
-    pub(super) fn nearest(&self, p: [f64; 3]) -> Option<[i64; 3]> {
-        let is_finite = |x: &f64| match self {
-            Self::F32 => (*x as f32).is_finite(),
-            _ => x.is_finite(),
-        };
-        p.iter().all(is_finite).then(|| match self {
-            Self::Grid { .. } => p.map(|x| (x + 0.5).floor() as i64),
-            Self::F32 => p.map(|x| i64::from(code_f32(x as f32))),
-            Self::F64 => p.map(|x| rank_f64(x.to_bits() as i64)),
-        })
-    }
     pub(super) fn push(&self, code: [i64; 3], to: &mut Positions) {
         let p = match self {
             Self::Grid { min, step, .. } => [0, 1, 2].map(|k| min[k] + code[k] as f64 * step),
@@ -75,7 +55,7 @@ impl PlaceCode {
                 }
                 return;
             }
-            Self::F64 => self.coordinates(code),
+            Self::F64 => code.map(|c| f64::from_bits(rank_f64(c) as u64)),
         };
         match to {
             Positions::F32(to) => to.push(p.map(|x| x as f32)),

@@ -14,7 +14,6 @@ use super::regions::{Regions, counts};
 use crate::assets::MAX_IMAGE_BYTES;
 use crate::error::{ReadError, Warning};
 use crate::limits::Limits;
-use crate::read::max_unpacked_bytes;
 
 impl Regions {
     /// Returns the number of materials and of textures.
@@ -63,7 +62,7 @@ impl Regions {
     /// Deserialises untrusted bytes.
     pub(crate) fn unpack(bytes: &[u8], limits: Limits) -> Result<(Self, Vec<Warning>), ReadError> {
         let bad = |what: &str| ReadError::element("the materials", what);
-        let most = max_unpacked_bytes(bytes.len(), limits).min(2 * MAX_IMAGE_BYTES);
+        let most = limits.max_unpacked_bytes(bytes.len()).min(2 * MAX_IMAGE_BYTES);
         let mut plain = Vec::new();
         ZlibDecoder::new(bytes)
             .take(most.saturating_add(1))
