@@ -3,10 +3,14 @@
 //! bytes for the targets that make soups of them.
 
 use std::fmt::Write as _;
+use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
+use flate2::Compression;
+use flate2::read::DeflateDecoder;
+use flate2::write::DeflateEncoder;
 use lodsmith::core::{TriMesh, shapes};
 use lodsmith::{Method, Stop};
 use lodsmith_viewer::playback::Playback;
@@ -25,6 +29,36 @@ const MAX_SEED_BYTES: u64 = 8192;
 const SOUPS: [&str; 5] = ["simplify_soup", "clean_soup", "compare_soup", "progressive_soup", "write"];
 /// Number of random files for each of them.
 const RANDOM_FILES: usize = 16;
+
+/// Returns an LPM file with its streams stored without compression, so that a changed byte is a changed number.
+/// Checksums stay wrong: the target corrects them.
+fn stored(file: &[u8]) -> Result<Vec<u8>> {
+    let (magic, mut rest) = file.split_at_checked(8).context("a file without its magic")?;
+    let mut out = magic.to_vec();
+    while let Some((length, behind)) = rest.split_first_chunk() {
+        let length = u32::from_le_bytes(*length) as usize;
+        let (chunk, behind) = behind.split_at_checked(length + 8).context("a chunk is cut")?;
+        let (kind, content) = chunk[..length + 4].split_at(4);
+        let front = match kind {
+            b"BASE" | b"ORIG" => 0,
+            b"SPLT" => 4,
+            b"CHKP" => 16,
+            _ => length,
+        };
+        let mut new = content[..front].to_vec();
+        if front < length {
+            let mut plain = Vec::new();
+            DeflateDecoder::new(&content[front..]).read_to_end(&mut plain)?;
+            let mut packed = DeflateEncoder::new(new, Compression::none());
+            packed.write_all(&plain)?;
+            new = packed.finish()?;
+        }
+        out.extend((new.len() as u32).to_le_bytes());
+        out.extend([kind, &new, &[0; 4]].concat());
+        rest = behind;
+    }
+    Ok(out)
+}
 
 /// Adds the seeds to `fuzz/corpus`.
 pub(crate) fn run(args: &[String]) -> Result<()> {
@@ -57,7 +91,8 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
             call(Command::new(&program).arg("convert").args([&input, &out]).args(more))?;
         }
         let out = folder("read_lpm")?.join(format!("{name}.lpm"));
-        call(Command::new(&program).args(["progressive", "build"]).arg(&input).arg("-o").arg(out))?;
+        call(Command::new(&program).args(["progressive", "build"]).arg(&input).arg("-o").arg(&out))?;
+        std::fs::write(&out, stored(&std::fs::read(&out)?)?)?;
     }
     for entry in std::fs::read_dir(root().join("testdata"))? {
         let entry = entry?;

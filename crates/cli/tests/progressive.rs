@@ -111,7 +111,7 @@ fn bits_make_it_small_and_near() {
     let (desk, bytes) = with_hills();
     let ran = desk.run("progressive build hills.ply -o small.lpm --bits 16 --json").with_status(0);
     let report = &ran.objects()[0];
-    assert!(report["bytes"]["per_split"].as_f64().expect("a size") < 14.0, "{report}");
+    assert!(report["bytes"]["per_split"].as_f64().expect("a size") < 18.0, "{report}");
     assert!(report["output"]["bytes"].as_u64().expect("a size") * 4 < bytes.len() as u64 * 3);
     let ran = desk.run("compare hills.ply small.lpm --json").with_status(0);
     let far = ran.objects()[0]["relative_to_diagonal"]["hausdorff"].as_f64().expect("a share");

@@ -520,10 +520,12 @@ fn empty_splits_and_checkpoints_count_toward_the_limit() {
         }
         let level = data.counts.len() as u32 - 1 - splits as u32;
         for s in (0..splits as u32).filter(|_| is_fitted) {
-            let mut checkpoint = Checkpoint::default();
-            checkpoint.level = level + s;
-            checkpoint.vertices = (0..last.vertices as usize).map(VertexId::new).collect();
-            checkpoint.moves = vec![[0.0; 3]; last.vertices as usize];
+            let checkpoint = Checkpoint {
+                level: level + s,
+                vertices: (0..last.vertices as usize).map(VertexId::new).collect(),
+                moves: vec![[0.0; 3]; last.vertices as usize],
+                ..Checkpoint::default()
+            };
             data.checkpoints.push(checkpoint);
         }
         written(&Splits::new(data).unwrap(), None)
