@@ -228,7 +228,7 @@ mod tests {
     }
 
     fn numbers() -> Vec<i64> {
-        let sizes = (0..64).flat_map(|i| [1 << i, -(1i64 << (i % 63)), (1 << i) - 1, i, -i]);
+        let sizes = (0..64).flat_map(|i| [1 << i, -(1i64 << (i % 63)), (1i64 << i).wrapping_sub(1), i, -i]);
         sizes.chain([i64::MIN, i64::MAX, 0]).collect()
     }
 
