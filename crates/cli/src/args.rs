@@ -7,6 +7,8 @@ mod clean;
 mod engine;
 mod lod;
 mod methods;
+#[cfg(test)]
+mod named_options;
 mod of_method;
 mod progressive;
 mod reading;

@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
 
+use crate::call;
 use crate::output;
 use crate::status::{Interrupted, Status};
 
@@ -18,9 +19,9 @@ static ENDED_WITH: AtomicU8 = AtomicU8::new(0);
 /// left behind.
 static WRITING: RwLock<()> = RwLock::new(());
 
-/// Returns true after a signal has asked the process to end.
+/// Returns true after a signal has asked the process to end, or the caller the call.
 pub(crate) fn interrupted() -> bool {
-    ENDED_WITH.load(Ordering::Relaxed) != 0
+    ENDED_WITH.load(Ordering::Relaxed) != 0 || call::current().is_some_and(|call| call.is_cancelled())
 }
 
 /// Ends the process on a signal (Ctrl-C, SIGTERM or a terminal that closes), after the file that is being
@@ -145,11 +146,19 @@ fn describe(info: &PanicHookInfo<'_>) -> String {
 
 /// Calls a function and turns a panic in it into an error.
 pub(crate) fn guarded<T>(work: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<T> {
-    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
         // A panic in a thread of a pool leaves its message only in the shared place.
         let own = OWN_PANIC.with(RefCell::take);
         let last = std::mem::take(&mut *LAST_PANIC.lock().unwrap_or_else(PoisonError::into_inner));
-        Err(anyhow!("a fault of this program, please report it: {}", if own.is_empty() { last } else { own }))
+        // Without the hook of the command there is only what the panic said.
+        let said = || {
+            payload
+                .downcast_ref::<String>()
+                .cloned()
+                .or_else(|| Some((*payload.downcast_ref::<&str>()?).into()))
+        };
+        let text = [own, last].into_iter().find(|text| !text.is_empty()).or_else(said).unwrap_or_default();
+        Err(anyhow!("a fault of this program, please report it: {text}"))
     })
 }
 

@@ -7,6 +7,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use lodsmith::core::memory;
 use lodsmith_io::{Limits, machine};
 
+use crate::call;
+
 /// Default fraction of the available memory: the rest is for the system, and for needs that counts do not
 /// cover.
 const DEFAULT_MEMORY_SHARE: f64 = 0.75;
@@ -20,10 +22,13 @@ const PROGRAM_BYTES: u64 = 8 << 20;
 /// Limit of the process, in bytes.
 static LIMIT: AtomicU64 = AtomicU64::new(u64::MAX);
 
-/// Sets the memory limit of the process and returns it.
+/// Sets the memory limit of the process, or of the call, and returns it.
 pub(crate) fn set_limit(typed: Option<u64>) -> u64 {
     let limit = typed.unwrap_or_else(default_limit);
-    LIMIT.store(limit, Ordering::Relaxed);
+    match call::current() {
+        Some(call) => call.set_memory_limit(limit),
+        None => LIMIT.store(limit, Ordering::Relaxed),
+    }
     limit
 }
 
@@ -40,7 +45,7 @@ pub(crate) fn limits() -> Limits {
 }
 
 fn limit() -> u64 {
-    LIMIT.load(Ordering::Relaxed)
+    call::current().map_or_else(|| LIMIT.load(Ordering::Relaxed), |call| call.memory_limit())
 }
 
 /// Refuses a step that would exceed the memory limit.

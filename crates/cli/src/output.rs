@@ -9,6 +9,7 @@ use anyhow::Context as _;
 use serde_json::Value;
 
 use crate::args::Run;
+use crate::call;
 use crate::status::{Status, status_of};
 
 /// Destination and level of a command's output.
@@ -76,7 +77,9 @@ impl Output {
 
     /// Prints a warning to standard error. With JSON it is part of the result as well.
     pub(crate) fn warning(&self, text: &str) {
-        if !self.quiet {
+        if let Some(call) = call::current() {
+            call.print(|printed| printed.messages.push((false, one_line(text))));
+        } else if !self.quiet {
             eprint_line(&format!("{} {}", paint("warning:", "1;33"), escaped(&one_line(text))));
         }
     }
@@ -110,6 +113,10 @@ impl Output {
         if self.closed.get() {
             return;
         }
+        if let Some(call) = call::current() {
+            call.print(|printed| printed.results.extend([text.strip_suffix('\n').unwrap_or(text), "\n"]));
+            return;
+        }
         let mut out = io::stdout().lock();
         let text = text.strip_suffix('\n').unwrap_or(text);
         self.keep(writeln!(out, "{text}"));
@@ -127,6 +134,10 @@ impl Output {
 
 /// Prints an error in one line on standard error; nothing silences it.
 pub(crate) fn error(text: &str) {
+    if let Some(call) = call::current() {
+        call.print(|printed| printed.messages.push((true, one_line(text))));
+        return;
+    }
     eprint_line(&format!("{} {}", paint("error:", "1;31"), escaped(&one_line(text))));
 }
 

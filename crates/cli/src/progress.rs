@@ -7,6 +7,7 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use lodsmith::Stage;
 
+use crate::call;
 use crate::output::escaped;
 
 /// Steps of the bar for each file.
@@ -24,7 +25,7 @@ pub(crate) struct Progress {
 impl Progress {
     /// Creates a bar on standard error, if that is a terminal and `quiet` is not set.
     pub(crate) fn new(files: usize, quiet: bool) -> Self {
-        if quiet || !std::io::stderr().is_terminal() {
+        if quiet || call::current().is_some() || !std::io::stderr().is_terminal() {
             return Self { bar: ProgressBar::hidden(), files };
         }
         // Ten updates a second look smooth and cost nothing.
@@ -107,6 +108,10 @@ impl FileProgress<'_> {
 
     fn to(&self, part: f64) {
         let steps = (part * BAR_STEPS) as u64;
+        if let Some(call) = call::current() {
+            // A call has one file, or its bar is that of the file that is furthest.
+            call.report(part);
+        }
         let before = self.done.fetch_max(steps, Ordering::Relaxed);
         if steps > before {
             self.whole.bar.inc(steps - before);

@@ -28,7 +28,8 @@ pub use disjoint_sets::DisjointSets;
 pub use ids::{ClusterId, FaceId, GroupId, HalfEdgeId, RegionId, VertexId, WedgeId};
 pub use image::Image;
 pub use mesh::{
-    Attribute, Bounds, IntegerType, MeshError, Morphed, Positions, PositionsView, Semantic, Surface, TriMesh,
+    Attribute, Bounds, IntegerType, MeshBuffers, MeshError, Morphed, Positions, PositionsView, Semantic,
+    Surface, TriMesh,
 };
 pub use model::Model;
 pub use splits::Splits;

@@ -206,6 +206,28 @@ impl<'a> Surface<'a> {
     }
 }
 
+/// The buffers of a mesh, taken apart: what the methods of [`TriMesh`] with these names borrow.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct MeshBuffers {
+    /// Three wedges for each face.
+    pub triangles: Vec<[WedgeId; 3]>,
+    /// The vertex of each wedge; `None` where wedge i is vertex i.
+    pub vertex_map: Option<Vec<VertexId>>,
+    /// One position for each vertex.
+    pub positions: Positions,
+    /// Normals, one for each wedge.
+    pub normals: Option<Vec<[f32; 3]>>,
+    /// Texture coordinates, one for each wedge.
+    pub uvs: Option<Vec<[f32; 2]>>,
+    /// Colours, one for each wedge.
+    pub colors: Option<Vec<[f32; 4]>>,
+    /// All other attributes.
+    pub further: Vec<Attribute>,
+    /// The region of each face.
+    pub regions: Option<Vec<RegionId>>,
+}
+
 /// A triangle mesh with wedges.
 ///
 /// A *vertex* is a place; a *wedge* is one set of attributes at a vertex. Triangles name wedges, counter-clockwise seen
@@ -406,6 +428,12 @@ impl TriMesh {
             Some(map) => Cow::Owned(self.triangles.iter().map(|t| t.map(|w| map[w.index()])).collect()),
         };
         Surface { positions: self.positions.view(), triangles }
+    }
+
+    /// Takes the mesh apart without copying its buffers.
+    pub fn into_buffers(self) -> MeshBuffers {
+        let Self { triangles, vertex_of, positions, normals, uvs, colors, further, regions } = self;
+        MeshBuffers { triangles, vertex_map: vertex_of, positions, normals, uvs, colors, further, regions }
     }
 
     /// Replaces every position by a function of it; the precision stays.

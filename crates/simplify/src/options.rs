@@ -1,6 +1,7 @@
 //! Options of a run. No defaults are defined elsewhere: command, viewer and bindings convert into these
 //! types.
 
+pub mod by_name;
 mod check;
 pub(crate) mod names;
 pub(crate) mod shared;

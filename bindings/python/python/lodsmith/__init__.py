@@ -1,0 +1,57 @@
+"""Simplification of triangle meshes: the closest mesh for the count, at the speed of the fastest tool.
+
+The functions take NumPy arrays, or meshes of trimesh, PyVista and Open3D, and give the same kind back:
+
+>>> import lodsmith
+>>> ball = lodsmith.icosphere(4)
+>>> small = lodsmith.simplify(ball.vertices, ball.faces, ratio=0.1)
+>>> small.vertices.shape, small.faces.shape
+((258, 3), (512, 3))
+
+Options have the names, defaults and values of the command ``lodsmith``; :func:`options` lists them.
+"""
+
+from ._files import CommandError, clean_file, convert, info, load, lod_file, save, simplify_file
+from ._lodsmith import InvalidMesh, __version__
+from ._mesh import Mesh
+from ._picture import Picture, render
+from ._run import (
+    Level,
+    LodsmithWarning,
+    Progressive,
+    Result,
+    SourceMap,
+    clean,
+    compare,
+    icosphere,
+    lod,
+    options,
+    simplify,
+)
+
+__all__ = [
+    "CommandError",
+    "InvalidMesh",
+    "Level",
+    "LodsmithWarning",
+    "Mesh",
+    "Picture",
+    "Progressive",
+    "Result",
+    "SourceMap",
+    "__version__",
+    "clean",
+    "clean_file",
+    "compare",
+    "convert",
+    "icosphere",
+    "info",
+    "load",
+    "lod",
+    "lod_file",
+    "options",
+    "render",
+    "save",
+    "simplify",
+    "simplify_file",
+]

@@ -1,0 +1,241 @@
+"""Files: meshes as arrays, and whole files as the command treats them."""
+
+from __future__ import annotations
+
+import json
+import os
+import warnings
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Union
+
+from . import _lodsmith as _native
+from ._mesh import Mesh, from_native, to_native
+from ._progress import Reporting
+from ._run import LodsmithWarning, arguments
+
+Path = Union[str, "os.PathLike[str]"]
+
+
+class CommandError(ValueError):
+    """Raised if the command would end with an error.
+
+    Attributes
+    ----------
+    status : int
+        Its exit status: 1 the file, the mesh or the system is at fault, 2 the arguments are, 3 only with ``strict``.
+    report : dict or list of dict
+        What it would print with ``--json``.
+    """
+
+    def __init__(self, text: str, status: int, report: Any) -> None:
+        super().__init__(text)
+        self.status = status
+        self.report = report
+
+
+def load(
+    path: Path, *, format: Optional[str] = None, asset_root: Optional[Path] = None, allow_outside: bool = False
+) -> Mesh:
+    """Read a file as one mesh: OBJ, OFF, PLY, STL, glTF, GLB or LPM, recognised by its content.
+
+    Parameters
+    ----------
+    format : str, optional
+        Name of the format, such as ``"ply"``.
+    asset_root : path, optional
+        Folder that other files the model refers to must be in; by default its own.
+    allow_outside : bool
+        Allow it to refer to any file; only for models that you trust.
+
+    Returns
+    -------
+    Mesh
+        All meshes of a scene in one. Rows of vertices differ where attributes do (``vertex_map`` joins them).
+
+    Raises
+    ------
+    OSError
+        If the file cannot be opened.
+    InvalidMesh
+        If it cannot be read as a mesh; the text names the place.
+    """
+    root = None if asset_root is None else os.fspath(asset_root)
+    made = _native.load(os.fspath(path), format, root, bool(allow_outside))
+    mesh = from_native(Mesh, made, None)
+    mesh.format = made["format"]
+    mesh._materials = made["materials"]
+    for text in made["warnings"]:
+        warnings.warn(f"{path}: {text}", LodsmithWarning, stacklevel=2)
+    return mesh
+
+
+class _Writing:
+    def __init__(self, to: Optional[str], ascii: bool, textures: str, force: bool, materials: Any) -> None:
+        self.to, self.ascii, self.textures, self.force, self.materials = to, ascii, textures, force, materials
+
+
+def save(
+    mesh: Any,
+    path: Path,
+    *,
+    format: Optional[str] = None,
+    ascii: bool = False,
+    textures: str = "copy",
+    force: bool = False,
+) -> None:
+    """Write a mesh to a file; the format follows from the name.
+
+    A file is complete or not written at all. Data that the format cannot hold are named by warnings.
+
+    Parameters
+    ----------
+    mesh : Mesh, trimesh.Trimesh, pyvista.PolyData or open3d mesh, or a pair of arrays ``(vertices, faces)``
+    ascii : bool
+        Write text instead of binary (PLY, STL).
+    textures : str
+        ``"copy"`` material and image files beside the output (OBJ, .gltf), ``"link"`` to them, or ``"none"``.
+    force : bool
+        Also replace a write-protected file.
+    """
+    given = Mesh(*mesh) if isinstance(mesh, tuple) else arguments(mesh, None, None)[0]
+    writing = _Writing(format, bool(ascii), textures, bool(force), given._materials)
+    for text in _native.save(to_native(given), os.fspath(path), writing):
+        warnings.warn(f"{path}: {text}", LodsmithWarning, stacklevel=2)
+
+
+def _word(value: Any) -> str:
+    # Shortest texts of numbers are read back as the same numbers.
+    return repr(float(value)) if isinstance(value, float) else os.fspath(value) if hasattr(value, "__fspath__") else str(value)
+
+
+#: Keywords whose values the command takes as one list with commas.
+_LISTS = ("levels", "faces", "errors", "range")
+
+
+def _arguments(options: Mapping[str, Any]) -> List[str]:
+    words: List[str] = []
+    for name, value in options.items():
+        flag = "--" + name.replace("_", "-")
+        if value is None or value is False:
+            continue
+        if value is True:
+            words.append(flag)
+        elif isinstance(value, Mapping):
+            words += [f"{flag}={key}={_word(x)}" for key, x in value.items()]
+        elif isinstance(value, (list, tuple)):
+            if name == "size":
+                words.append(f"{flag}={value[0]}x{value[1]}")
+            elif name in _LISTS:
+                words.append(f"{flag}={','.join(map(_word, value))}")
+            else:
+                words += [f"{flag}={_word(x)}" for x in value]
+        else:
+            words.append(f"{flag}={_word(value)}")
+    return words
+
+
+def _path(path: Path) -> str:
+    text = os.fspath(path)
+    # `-` is a stream of the command, and what begins with it an option.
+    return os.path.join(os.curdir, text) if text.startswith("-") else text
+
+
+def command(
+    name: str, paths: Sequence[Path], options: Mapping[str, Any], output: Mapping[str, Path], progress: Any = None
+) -> List[Dict[str, Any]]:
+    """Do what the command does, in this process, and return the objects that it would print with ``--json``."""
+    words = name.split() + _arguments(options)
+    words += [f"--{key.replace('_', '-')}={_path(path)}" for key, path in output.items()]
+    words += ["--json"] if name != "convert" else []
+    words += ["--"] + [_path(path) for path in paths]
+    with Reporting(progress) as reporting:
+        done = _native.call(words, reporting.callback)
+        report = [json.loads(line) for line in done["results"].splitlines()]
+        if done["is_unknown_argument"]:
+            text = done["errors"][0]
+            for key in options:
+                text = text.replace(f"--{key.replace('_', '-')}", key)
+            raise TypeError(text)
+        if done["status"] != 0:
+            text = "; ".join(done["errors"] or done["warnings"]) or f"status {done['status']}"
+            raise CommandError(text, done["status"], report)
+    for text in done["warnings"]:
+        warnings.warn(text, LodsmithWarning, stacklevel=3)
+    return report
+
+
+def simplify_file(input: Path, output: Path, *, progress: Any = None, **options: Any) -> Dict[str, Any]:
+    """Simplify a whole file, scenes with all their nodes, materials and animations included.
+
+    The output has the bytes of ``lodsmith simplify INPUT -o OUTPUT`` with the same options.
+
+    Parameters
+    ----------
+    input, output : paths
+        The formats follow from the content of the one and the name of the other.
+    progress : function, ``tqdm`` bar or True, optional
+        As for :func:`lodsmith.simplify`.
+    **options
+        The options of ``lodsmith simplify`` with underscores: flags are True, ``weight={"uv": 2}``,
+        ``lock=["material"]``, ``normals="recompute"``, ``textures="link"``, ``threads=4`` ...
+
+    Returns
+    -------
+    dict
+        The object that ``--json`` prints; warnings are issued as :class:`LodsmithWarning`.
+
+    Raises
+    ------
+    TypeError
+        For an option that does not exist.
+    CommandError
+        A ValueError with the text, the ``status`` and the report of the command.
+    KeyboardInterrupt
+        After Ctrl-C; no partial file is left behind.
+    """
+    return command("simplify", [input], options, {"output": output}, progress)[0]
+
+
+def lod_file(
+    input: Path,
+    output: Optional[Path] = None,
+    *,
+    out_dir: Optional[Path] = None,
+    progress: Any = None,
+    **options: Any,
+) -> Dict[str, Any]:
+    """Make levels of detail of a whole file: one GLB with ``MSFT_lod`` (``output``), or a folder of files (``out_dir``).
+
+    Options are those of ``lodsmith lod``: ``levels=[0.5, 0.25]``, ``faces=[...]``, ``count=`` and ``factor=``, or
+    ``errors=["0.1%"]``, ``geomorph=True``, ``naming="unity"`` ... Returns the object that ``--json`` prints.
+    """
+    places = {"output": output, "out_dir": out_dir}
+    return command("lod", [input], options, {k: p for k, p in places.items() if p is not None}, progress)[0]
+
+
+def convert(input: Path, output: Path, **options: Any) -> None:
+    """Convert a file to another format, as ``lodsmith convert`` does."""
+    command("convert", [input, output], options, {})
+
+
+def clean_file(input: Path, output: Path, *, progress: Any = None, **options: Any) -> Dict[str, Any]:
+    """Repair a whole file as ``lodsmith clean`` does. Returns the object that ``--json`` prints."""
+    return command("clean", [input], options, {"output": output}, progress)[0]
+
+
+def info(mesh: Any, triangles: Any = None, /, **options: Any) -> Dict[str, Any]:
+    """Return counts and defects of a file or a mesh: elements, borders, non-manifold places, genus, box, area, volume.
+
+    For a file the keys are those of ``lodsmith info --json``; for a mesh those that need no file.
+
+    Examples
+    --------
+    >>> import lodsmith
+    >>> about = lodsmith.info(lodsmith.icosphere(2))
+    >>> about["faces"], about["closed"], about["genus"]
+    (320, True, 0)
+    """
+    if isinstance(mesh, (str, os.PathLike)):
+        return command("info", [mesh], options, {})[0]
+    if options:
+        raise TypeError(f"info() of a mesh takes no options: {', '.join(options)}")
+    return _native.counts(to_native(arguments(mesh, triangles, None)[0]))

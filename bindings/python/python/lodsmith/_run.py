@@ -1,0 +1,543 @@
+"""Functions on meshes: simplify, levels of detail, progressive meshes, comparison, repair."""
+
+from __future__ import annotations
+
+import warnings
+from types import SimpleNamespace
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
+
+import numpy as np
+
+from . import _lodsmith as _native
+from ._kinds import kind_of
+from ._mesh import Mesh, check_names, from_native, keywords_of, to_native
+from ._progress import Reporting
+
+_RUN = ("attributes", "locked", "importance", "progress", "time_limit")
+
+
+class LodsmithWarning(UserWarning):
+    """Something that a result lacks: a target that was not reached, data that a format or a mesh cannot hold."""
+
+
+class SourceMap:
+    """Where each vertex of a result comes from on the original.
+
+    Attributes
+    ----------
+    vertices : array of int64, shape (k,)
+        The row of the original that was kept, or -1 for a vertex at a new place.
+    faces : array of int64, shape (k,)
+        A face of the original, the nearest one; -1 where there is none.
+    weights : array of float32, shape (k, 3)
+        Barycentric weights of the corners of that face: none negative, sum 1.
+    """
+
+    def __init__(self, original: Mesh, made: Dict[str, Any]) -> None:
+        self.vertices: np.ndarray = made["vertices"]
+        self.faces: np.ndarray = made["faces"]
+        self.weights: np.ndarray = made["weights"]
+        self._corners = original.faces
+
+    def transfer(self, values: Any) -> np.ndarray:
+        """Blend values of the original's vertices, ``(n,)`` or ``(n, ...)``, for the vertices of the result.
+
+        Integers are taken from the corner with the largest weight. Rows without a source become NaN, or 0.
+        """
+        values = np.asarray(values)
+        corners = self._corners[np.maximum(self.faces, 0)]
+        if values.dtype.kind in "iub":
+            nearest = np.take_along_axis(corners, self.weights.argmax(axis=1)[:, None], axis=1)[:, 0]
+            carried = values[nearest]
+            nowhere: Any = 0
+        else:
+            weights = self.weights.astype(values.dtype)
+            carried = np.einsum("kc,kc...->k...", weights, values[corners])
+            nowhere = np.nan
+        kept = self.vertices >= 0
+        carried[kept] = values[self.vertices[kept]]
+        carried[(self.faces < 0) & ~kept] = nowhere
+        return carried
+
+
+class Result(Mesh):
+    """A mesh that the engine made, with the report of the run.
+
+    Attributes
+    ----------
+    report : dict
+        Counts, the reason of the end and the error, with the keys of ``lodsmith simplify --json``. Lengths are in the
+        units of the mesh.
+    """
+
+    report: Dict[str, Any]
+    _original: Optional[Mesh]
+
+    @property
+    def source(self) -> SourceMap:
+        """Where each vertex comes from on the original (:class:`SourceMap`); computed when first asked for."""
+        if getattr(self, "_source", None) is None:
+            if self._original is None:
+                raise ValueError("the original of this mesh is not known")
+            made = _native.source_map(to_native(self._original), to_native(self))
+            self._source = SourceMap(self._original, made)
+        return self._source
+
+
+class Level(Result):
+    """A level of detail.
+
+    Attributes
+    ----------
+    distance : float
+        Distance to the eye from which on the level is close enough, in the units of the mesh.
+    geomorph : array, shape (n, 3), or None
+        The position of each vertex on the next coarser level, if asked for.
+    """
+
+    distance: float
+    geomorph: Optional[np.ndarray]
+
+
+def arguments(mesh: Any, faces: Any, attributes: Optional[Mapping[str, Any]]) -> Tuple[Mesh, Any, Any]:
+    """The mesh of the arguments of a function, its kind, and the object of that kind."""
+    if faces is not None:
+        return Mesh(mesh, faces, attributes), None, None
+    if attributes is not None:
+        raise TypeError("attributes= goes with arrays of vertices and faces; a mesh has its own")
+    if isinstance(mesh, Mesh):
+        return mesh, None, None
+    kind = kind_of(mesh)
+    if kind is None:
+        if isinstance(mesh, (np.ndarray, list, tuple)):
+            raise TypeError("the faces are missing: pass arrays of vertices and faces")
+        raise TypeError(
+            f"a mesh of type {type(mesh).__name__} is not known; pass arrays of vertices and faces, or a lodsmith.Mesh, "
+            "trimesh.Trimesh, pyvista.PolyData or open3d TriangleMesh"
+        )
+    return kind.take(mesh), kind, mesh
+
+
+def _back(result: Mesh, kind: Any, given: Any) -> Any:
+    return result if kind is None else kind.give(result, given)
+
+
+def _tell(report: Dict[str, Any], options: Mapping[str, Any]) -> None:
+    """Warn if the run did not do what was asked for."""
+    asked = [name for name in ("faces", "vertices", "ratio", "error") if options.get(name) is not None]
+    texts = []
+    if asked and not report["reached"]:
+        texts.append(_not_reached(report))
+    texts += [f"the result does not carry {what}: a skin has joints and weights, or nothing" for what in report["dropped"]]
+    if report["seams_relaxed"]:
+        texts.append("seams were moved off their lines to come nearer to the target")
+    if report["sharp_relaxed"]:
+        texts.append("sharp edges were not all kept, to come nearer to the target")
+    for text in texts:
+        warnings.warn(text, LodsmithWarning, stacklevel=3)
+
+
+def _not_reached(report: Dict[str, Any]) -> str:
+    """Why the target was not reached, and what would help."""
+    text = f"target not reached, stopped by {report['stopped_by'].replace('_', ' ')} at {report['output']['faces']} faces"
+    if report["refusals"]:
+        text += "; refused: " + ", ".join(f"{why.replace('_', ' ')} {n}" for why, n in report["refusals"].items())
+    if report["proposals"]:
+        changes = report["proposals"][0]["changes"]
+        text += "; " + " and ".join(f"{c['option']}={c['to']!r}" for c in changes) + " would go further"
+    return text
+
+
+def _result(made: Dict[str, Any], original: Mesh, kind: type = Result) -> Any:
+    result = from_native(kind, made, original)
+    result.report = made["report"]
+    result._original = original
+    result._source = None
+    return result
+
+
+def _check_target(options: Mapping[str, Any]) -> None:
+    if isinstance(options.get("faces"), (np.ndarray, list, tuple)):
+        raise TypeError("faces= is the number of triangles to keep; the triangles are the second argument")
+    if isinstance(options.get("vertices"), (np.ndarray, list, tuple)):
+        raise TypeError("vertices= is the number of vertices to keep; the positions are the first argument")
+
+
+_ENDING = {"planar": (), "unsubdivide": (), "shortest-edge": ("edge_length",), "remesh": ("edge_length", "voxel")}
+
+
+def _check_end(options: Mapping[str, Any]) -> None:
+    if any(options.get(name) is not None for name in ("faces", "vertices", "ratio", "error")):
+        return
+    method = options.get("method", "memoryless")
+    ends = method in ("planar", "unsubdivide") or any(options.get(n) is not None for n in _ENDING.get(method, ()))
+    ends = ends or (method == "cluster" and options.get("cell") is not None and not options.get("two_stage"))
+    known = [o["words"] for o in _native.options() if o["name"] == "method"][0]
+    if not ends and method in known:
+        raise TypeError("a target is needed: faces=, vertices=, ratio= or error=, or what the method ends by")
+
+
+def simplify(
+    mesh: Any,
+    triangles: Any = None,
+    /,
+    *,
+    attributes: Optional[Mapping[str, Any]] = None,
+    locked: Any = None,
+    importance: Any = None,
+    progress: Any = None,
+    time_limit: Optional[float] = None,
+    **options: Any,
+) -> Any:
+    """Reduce the number of triangles of a mesh.
+
+    Parameters
+    ----------
+    mesh : array of shape (n, 3), or a mesh
+        Positions in any unit, or a :class:`Mesh`, ``trimesh.Trimesh``, ``pyvista.PolyData`` or ``open3d`` mesh.
+    triangles : array of integers, shape (m, 3)
+        With positions: three of their rows for each triangle, counter-clockwise seen from outside.
+    attributes : mapping, optional
+        With positions: values of the vertices by name; see :class:`Mesh`.
+    locked : array of bool, shape (n,), optional
+        Vertices that keep their position and attributes, to the bit.
+    importance : array, shape (n,), optional
+        Density of triangles that each vertex is to have, relative to a place of the same shape elsewhere; 1 is neutral.
+    progress : function, ``tqdm`` bar or True, optional
+        Called as ``progress(done, stage)`` a few times a second, ``done`` from 0 to 1; True shows a bar of tqdm.
+    time_limit : float, optional
+        Seconds after which the best result so far is returned.
+    **options
+        The options of ``lodsmith simplify``, with underscores: one or more targets (``faces=`` triangles, ``vertices=``,
+        ``ratio=``, ``error=``) and any of those that :func:`options` lists. Lengths are in the units of the mesh, or a
+        text such as ``"0.1%"`` for a share of the diagonal of its box; angles are in degrees.
+
+    Returns
+    -------
+    Result, or a mesh of the kind that was given
+
+    Raises
+    ------
+    TypeError
+        For a keyword that does not exist, and without a target.
+    ValueError
+        For a value that an option does not take.
+    InvalidMesh
+        For faces that name vertices that do not exist, and for a mesh without a face.
+    KeyboardInterrupt
+        After Ctrl-C, within a fraction of a second; the interpreter lock is released during the run.
+
+    Examples
+    --------
+    >>> import lodsmith
+    >>> ball = lodsmith.icosphere(4)
+    >>> small = lodsmith.simplify(ball.vertices, ball.faces, ratio=0.1)
+    >>> small
+    <lodsmith.Result: 512 faces, 258 vertices>
+    >>> small.report["stopped_by"]
+    'ratio'
+    """
+    _check_target(options)
+    check_names(options, "simplify", _RUN)
+    _check_end(options)
+    given, kind, own = arguments(mesh, triangles, attributes)
+    with Reporting(progress) as reporting:
+        keywords = keywords_of(options, locked, importance, reporting.callback, time_limit, len(given.vertices))
+        made = _native.simplify(to_native(given), keywords)
+    result = _result(made, given)
+    _tell(result.report, options)
+    return _back(result, kind, own)
+
+
+def lod(
+    mesh: Any,
+    triangles: Any = None,
+    /,
+    *,
+    levels: Optional[Sequence[float]] = None,
+    faces: Optional[Sequence[int]] = None,
+    count: Optional[int] = None,
+    factor: float = 0.5,
+    errors: Optional[Sequence[Any]] = None,
+    geomorph: bool = False,
+    pixels: float = 1.0,
+    fov: float = 60.0,
+    height: float = 1080.0,
+    attributes: Optional[Mapping[str, Any]] = None,
+    locked: Any = None,
+    importance: Any = None,
+    progress: Any = None,
+    time_limit: Optional[float] = None,
+    **options: Any,
+) -> List[Any]:
+    """Make levels of detail, from the finest; the original is not among them.
+
+    Parameters
+    ----------
+    levels : sequence of float
+        Fractions of the triangles, in falling order. (Exactly one of ``levels``, ``faces``, ``count`` and ``errors``.)
+    faces : sequence of int
+        Numbers of triangles, in falling order.
+    count, factor : int, float
+        Number of levels, and the fraction of the triangles of the level before that each keeps.
+    errors : sequence of float or str
+        Largest deviations, in rising order, in units of the mesh or as shares of the diagonal (``"0.1%"``).
+    geomorph : bool
+        Also give the position of each vertex on the next coarser level.
+    pixels, fov, height : float
+        Largest visible deviation in pixels, vertical field of view in degrees, and height of the screen in pixels, for
+        :attr:`Level.distance`.
+
+    Other parameters are those of :func:`simplify`.
+
+    Returns
+    -------
+    list of Level, or of meshes of the kind that was given
+
+    Examples
+    --------
+    >>> import lodsmith
+    >>> [len(level.faces) for level in lodsmith.lod(lodsmith.icosphere(4), levels=[0.5, 0.1])]
+    [2560, 512]
+    """
+    check_names(options, "lod", _RUN + ("levels", "count", "factor", "errors", "geomorph", "pixels", "fov", "height"))
+    for name in ("ratio", "error", "vertices"):
+        if options.get(name) is not None:
+            raise TypeError(f"lod() takes levels=, faces=, count= or errors= in place of {name}=")
+    given, kind, own = arguments(mesh, triangles, attributes)
+    wanted = SimpleNamespace(
+        ratios=None if levels is None else [float(x) for x in levels],
+        faces=None if faces is None else [int(x) for x in faces],
+        count=count,
+        factor=float(factor),
+        errors=None if errors is None else [str(x) for x in errors],
+        geomorph=bool(geomorph),
+        screen=(float(fov), float(height), float(pixels)),
+    )
+    with Reporting(progress) as reporting:
+        keywords = keywords_of(options, locked, importance, reporting.callback, time_limit, len(given.vertices))
+        made, geomorphs = _native.lod(to_native(given), wanted, keywords)
+    results = []
+    for i, one in enumerate(made):
+        level = _result(one, given, Level)
+        level.distance = one["distance"]
+        # Geomorphs begin with the original.
+        level.geomorph = _by_row(geomorphs[i + 1], level) if i + 1 < len(geomorphs) else None
+        results.append(_back(level, kind, own))
+    return results
+
+
+def _by_row(positions: np.ndarray, mesh: Mesh) -> np.ndarray:
+    """Values of places as values of rows."""
+    return positions if mesh.vertex_map is None else positions[mesh.vertex_map]
+
+
+class Progressive:
+    """A progressive mesh: every level between the coarsest mesh and the input, at once.
+
+    Parameters are those of :func:`simplify`; without a target it goes as far as possible.
+
+    Examples
+    --------
+    >>> import lodsmith
+    >>> mesh = lodsmith.Progressive(lodsmith.icosphere(3))
+    >>> len(mesh.level(faces=100).faces)
+    100
+    """
+
+    def __init__(
+        self,
+        mesh: Any,
+        triangles: Any = None,
+        /,
+        *,
+        attributes: Optional[Mapping[str, Any]] = None,
+        locked: Any = None,
+        importance: Any = None,
+        progress: Any = None,
+        **options: Any,
+    ) -> None:
+        _check_target(options)
+        check_names(options, "Progressive", _RUN[:-1])
+        given, self._kind, self._own = arguments(mesh, triangles, attributes)
+        with Reporting(progress) as reporting:
+            keywords = keywords_of(options, locked, importance, reporting.callback, None, len(given.vertices))
+            self._mesh = _native.ProgressiveMesh.build(to_native(given), keywords)
+        self._original: Optional[Mesh] = given
+
+    @classmethod
+    def load(cls, path: Any) -> "Progressive":
+        """Read a progressive mesh from a ``.lpm`` file."""
+        import os
+
+        made = cls.__new__(cls)
+        made._mesh = _native.ProgressiveMesh.read(os.fspath(path))
+        made._kind = made._own = made._original = None
+        return made
+
+    def save(self, path: Any, *, bits: Optional[int] = None) -> None:
+        """Write a ``.lpm`` file; ``bits`` rounds coordinates and makes it smaller."""
+        import os
+
+        self._mesh.write(os.fspath(path), bits)
+
+    @property
+    def top(self) -> int:
+        """Number of the finest level; level 0 is the coarsest."""
+        return self._mesh.top
+
+    def level(
+        self,
+        level: Optional[int] = None,
+        *,
+        faces: Optional[int] = None,
+        vertices: Optional[int] = None,
+        error: Optional[float] = None,
+        fit: bool = True,
+    ) -> Any:
+        """Return one level: by number, by a largest number of ``faces`` or ``vertices``, or by an estimated ``error`` in
+        units of the mesh. Without any, the finest. ``fit=False`` leaves out the fit to the original.
+
+        ``report["error"]["estimate"]`` of the result is its estimated distance from the input.
+        """
+        if level is None:
+            level = self._mesh.level_of(faces, vertices, error)
+        elif faces is not None or vertices is not None or error is not None:
+            raise TypeError("level() takes the number of a level, or faces=, vertices= and error=")
+        level = min(max(int(level), 0), self.top)
+        made = self._mesh.mesh(level, bool(fit))
+        result = from_native(Result, made, self._original)
+        result.report = {
+            "level": level,
+            "output": {"faces": len(result.faces), "vertices": len(result.vertices)},
+            "error": {"estimate": made["error"], "unit": "model"},
+        }
+        result._original, result._source = self._original, None
+        return _back(result, self._kind, self._own)
+
+    def __len__(self) -> int:
+        return self.top + 1
+
+    def __getitem__(self, level: int) -> Any:
+        if not -len(self) <= level < len(self):
+            raise IndexError(f"level {level} of {len(self)}")
+        return self.level(level % len(self))
+
+    def __repr__(self) -> str:
+        return f"<lodsmith.Progressive: {len(self)} levels>"
+
+
+def compare(reference: Any, candidate: Any, *, samples: int = 200_000, seed: int = 0) -> Dict[str, Any]:
+    """Measure the distance between two meshes in both directions.
+
+    Parameters
+    ----------
+    reference, candidate : meshes, or paths of files
+        The original and the mesh that is judged. A pair of arrays ``(vertices, faces)`` is a mesh too.
+    samples : int
+        Samples in each direction, spread by area; all vertices are measured in addition.
+    seed : int
+        Equal seeds give equal numbers.
+
+    Returns
+    -------
+    dict
+        ``hausdorff``, ``mean``, ``rms`` and ``p99``, each ``forward`` (reference to candidate), ``backward`` and
+        ``symmetric``, in the units of the meshes; ``diagonal`` of the reference; ``normal_mean_deg`` in degrees.
+
+    Examples
+    --------
+    >>> import lodsmith
+    >>> ball = lodsmith.icosphere(3)
+    >>> lodsmith.compare(ball, ball)["hausdorff"]["symmetric"] < 1e-7
+    True
+    """
+    meshes = [to_native(_any_mesh(mesh)) for mesh in (reference, candidate)]
+    return _native.compare(*meshes, int(samples), int(seed))
+
+
+def _any_mesh(mesh: Any) -> Mesh:
+    import os
+
+    if isinstance(mesh, (str, os.PathLike)):
+        from ._files import load
+
+        return load(mesh)
+    if isinstance(mesh, tuple) and len(mesh) == 2:
+        return Mesh(*mesh)
+    return arguments(mesh, None, None)[0]
+
+
+def clean(
+    mesh: Any,
+    triangles: Any = None,
+    /,
+    *,
+    weld: Any = None,
+    non_manifold: str = "keep",
+    prune: Any = None,
+    attributes: Optional[Mapping[str, Any]] = None,
+    progress: Any = None,
+) -> Any:
+    """Repair a mesh: merge vertices, drop broken faces, orient, treat non-manifold places.
+
+    Parameters
+    ----------
+    weld : float or str, optional
+        Merge vertices closer than this, in units or as a share of the diagonal (``"0.1%"``); coincident ones always are.
+    non_manifold : str
+        ``"keep"``, ``"cut"`` (part the surface there) or ``"merge"`` (keep vertices apart, sew borders).
+    prune : float or str, optional
+        Remove connected parts smaller than this (diagonal of their box).
+
+    Returns
+    -------
+    Result, or a mesh of the kind that was given; the report counts what was done and what is left.
+
+    Examples
+    --------
+    >>> import lodsmith
+    >>> lodsmith.clean([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2], [0, 1, 2]]).report["duplicate_faces"]
+    1
+    """
+    given, kind, own = arguments(mesh, triangles, attributes)
+    with Reporting(progress) as reporting:
+        keywords = keywords_of({"weld": weld, "prune": prune}, None, None, reporting.callback, None, 0)
+        made = _native.clean(to_native(given), non_manifold, keywords)
+    return _back(_result(made, given), kind, own)
+
+
+def icosphere(subdivisions: int = 3) -> Mesh:
+    """Return a ball of radius 1: an icosahedron whose faces are divided into four this many times (20 x 4^n faces)."""
+    t = (1 + 5**0.5) / 2
+    v = np.array(
+        [[-1, t, 0], [1, t, 0], [-1, -t, 0], [1, -t, 0], [0, -1, t], [0, 1, t]]
+        + [[0, -1, -t], [0, 1, -t], [t, 0, -1], [t, 0, 1], [-t, 0, -1], [-t, 0, 1]]
+    )
+    f = np.array(
+        [[0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11], [1, 5, 9], [5, 11, 4], [11, 10, 2], [10, 7, 6]]
+        + [[7, 1, 8], [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8], [3, 8, 9], [4, 9, 5], [2, 4, 11], [6, 2, 10]]
+        + [[8, 6, 7], [9, 8, 1]],
+        np.int64,
+    )
+    v = v / np.linalg.norm(v, axis=1, keepdims=True)
+    for _ in range(subdivisions):
+        edges = np.sort(f[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        key, index = np.unique(edges[:, 0] * len(v) + edges[:, 1], return_inverse=True)
+        middle = v[key // len(v)] + v[key % len(v)]
+        a, b, c = (index.reshape(-1, 3) + len(v)).T
+        v = np.concatenate([v, middle / np.linalg.norm(middle, axis=1, keepdims=True)])
+        f = np.stack([f[:, 0], a, c, a, f[:, 1], b, c, b, f[:, 2], a, b, c], axis=1).reshape(-1, 3)
+    return Mesh(v, f)
+
+
+def options() -> List[Dict[str, Any]]:
+    """Return the options of simplification: name, kind, words, default (as text; None is off) and one sentence each.
+
+    Examples
+    --------
+    >>> import lodsmith
+    >>> [o["default"] for o in lodsmith.options() if o["name"] == "border"]
+    ['keep']
+    """
+    return _native.options()

@@ -1,0 +1,165 @@
+//! Chains of levels, and progressive meshes.
+
+use std::path::PathBuf;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use lodsmith::core::TriMesh;
+use lodsmith::options::by_name::{OptionValue, from_names};
+use lodsmith::{Length, Levels, LodOptions, Measure, Progressive, Screen};
+use lodsmith_io::ReadOptions;
+use lodsmith_io::lpm::{self, LpmOptions};
+use pyo3::exceptions::{PyOSError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+use crate::arrays::{MeshArrays, positions_array, to_arrays};
+use crate::errors::mesh_error;
+use crate::run::{RunKeywords, finished, simplified};
+
+/// The levels to make: one of these.
+#[derive(FromPyObject)]
+pub(crate) struct LevelKeywords {
+    ratios: Option<Vec<f64>>,
+    faces: Option<Vec<usize>>,
+    count: Option<usize>,
+    factor: f64,
+    errors: Option<Vec<String>>,
+    geomorph: bool,
+    /// Vertical field of view in degrees, height of the screen and largest deviation in pixels.
+    screen: (f64, f64, f64),
+}
+
+impl LevelKeywords {
+    fn levels(&self) -> PyResult<Levels> {
+        Ok(match (&self.ratios, &self.faces, self.count, &self.errors) {
+            (Some(ratios), None, None, None) => Levels::Ratios(ratios.clone()),
+            (None, Some(faces), None, None) => Levels::Faces(faces.clone()),
+            (None, None, Some(count), None) => Levels::Steps { count, factor: self.factor },
+            (None, None, None, Some(errors)) => Levels::Errors(lengths(errors)?),
+            _ => {
+                let text = "lod: exactly one of levels, faces, count and errors is needed";
+                return Err(PyValueError::new_err(text));
+            }
+        })
+    }
+}
+
+fn lengths(texts: &[String]) -> PyResult<Vec<Length>> {
+    let length = |text: &String| {
+        let options = from_names(&[("error", OptionValue::Text(text))])
+            .map_err(|e| PyValueError::new_err(e.to_string().replacen("error", "errors", 1)))?;
+        Ok(options.stop.error.unwrap_or(Length::Units(0.0)))
+    };
+    texts.iter().map(length).collect()
+}
+
+/// Makes levels of detail, each with its switching distance, and positions on the next level if asked for.
+#[pyfunction]
+pub(crate) fn lod<'py>(
+    py: Python<'py>,
+    mesh: MeshArrays<'py>,
+    levels: LevelKeywords,
+    keywords: RunKeywords<'py>,
+) -> PyResult<(Bound<'py, PyList>, Bound<'py, PyList>)> {
+    let mut options = LodOptions::new(levels.levels()?);
+    options.simplify = keywords.options()?;
+    // Switching distances are no more accurate than the errors that they are computed from.
+    options.simplify.measure = Measure::Always;
+    options.geomorph = levels.geomorph;
+    let (fov, height, pixels) = levels.screen;
+    let screen = Screen::new(fov, height, pixels).ok_or_else(|| {
+        PyValueError::new_err("fov, height, pixels: a field of view below 180 and sizes above 0")
+    })?;
+    let mesh = mesh.mesh(py)?;
+    let mut control = keywords.control(py);
+    let done = py.detach(|| lodsmith::lod(&mesh, &options, &mut control));
+    let chain = finished(py, done, control)?;
+    let geomorphs = PyList::empty(py);
+    for level in 0..=chain.levels.len() {
+        if let Some(positions) = chain.geomorph(level) {
+            geomorphs.append(positions_array(py, positions.clone())?)?;
+        }
+    }
+    let list = PyList::empty(py);
+    for level in chain.levels {
+        let distance = screen.distance(lodsmith::lod::error_of(&level.report));
+        let arrays = simplified(py, level)?;
+        arrays.set_item("distance", distance)?;
+        list.append(arrays)?;
+    }
+    Ok((list, geomorphs))
+}
+
+/// A progressive mesh.
+#[pyclass(frozen)]
+pub(crate) struct ProgressiveMesh(Mutex<Progressive>);
+
+impl ProgressiveMesh {
+    fn lock(&self) -> MutexGuard<'_, Progressive> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[pymethods]
+impl ProgressiveMesh {
+    /// Records the simplification of a mesh.
+    #[staticmethod]
+    fn build<'py>(py: Python<'py>, mesh: MeshArrays<'py>, keywords: RunKeywords<'py>) -> PyResult<Self> {
+        let options = keywords.options()?;
+        let mesh = mesh.mesh(py)?;
+        let mut control = keywords.control(py);
+        let done = py.detach(|| Progressive::build(&mesh, &options, &mut control));
+        finished(py, done, control).map(|made| Self(Mutex::new(made)))
+    }
+
+    /// Reads a file.
+    #[staticmethod]
+    fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let read = py.detach(|| {
+            let file = std::fs::File::open(&path).map_err(PyErr::from)?;
+            lpm::read(std::io::BufReader::new(file), &ReadOptions::default())
+                .map_err(|e| PyValueError::new_err(format!("{}: {e}", path.display())))
+        });
+        read.map(|file| Self(Mutex::new(Progressive::new(file.splits))))
+    }
+
+    /// Writes a file.
+    fn write(&self, py: Python<'_>, path: PathBuf, bits: Option<u8>) -> PyResult<()> {
+        let splits = self.lock().splits().clone();
+        py.detach(|| {
+            let mut options = LpmOptions::default();
+            options.bits = bits;
+            lpm::write_path(&splits, None, &options, &path).map(drop)
+        })
+        .map_err(|e| PyOSError::new_err(e.to_string()))
+    }
+
+    /// Number of the finest level.
+    #[getter]
+    fn top(&self) -> usize {
+        self.lock().top()
+    }
+
+    /// Returns the level for a number of faces, of vertices, or for an estimated error.
+    fn level_of(&self, faces: Option<usize>, vertices: Option<usize>, error: Option<f64>) -> usize {
+        let mesh = self.lock();
+        let by_count = [faces.map(|n| mesh.level_of_faces(n)), vertices.map(|n| mesh.level_of_vertices(n))];
+        let counts = by_count.into_iter().flatten().min();
+        // The first one met on the way down.
+        [counts, error.map(|e| mesh.level_of_error(e))].into_iter().flatten().max().unwrap_or(mesh.top())
+    }
+
+    /// Returns the mesh of a level, its estimated error, and its number.
+    fn mesh<'py>(&self, py: Python<'py>, level: usize, fit: bool) -> PyResult<Bound<'py, PyDict>> {
+        let made = py.detach(|| {
+            let mut mesh = self.lock();
+            mesh.to_level(level);
+            let made: Result<TriMesh, _> = if fit { mesh.fitted_mesh() } else { mesh.mesh() };
+            made.map(|made| (made, mesh.error()))
+        });
+        let (made, error) = made.map_err(|e| mesh_error(py, &e))?;
+        let arrays = to_arrays(py, made)?;
+        arrays.set_item("error", error)?;
+        Ok(arrays)
+    }
+}

@@ -1,0 +1,38 @@
+//! The extension module `lodsmith._lodsmith`: the libraries on NumPy arrays. The package `lodsmith` around it, in
+//! Python, has the functions for users, with their documentation.
+
+mod arrays;
+mod command;
+mod control;
+mod errors;
+mod files;
+mod levels;
+mod measure;
+mod report;
+mod run;
+
+use pyo3::prelude::*;
+
+/// The extension module.
+#[pymodule]
+mod _lodsmith {
+    #[pymodule_export]
+    use super::command::call;
+    #[pymodule_export]
+    use super::errors::InvalidMesh;
+    #[pymodule_export]
+    use super::files::{Materials, decode, load, png, render, save};
+    #[pymodule_export]
+    use super::levels::{ProgressiveMesh, lod};
+    #[pymodule_export]
+    use super::measure::{clean, compare, counts, length_in_units, source_map};
+    #[pymodule_export]
+    use super::run::{nearest, options, simplify};
+
+    use pyo3::prelude::*;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

@@ -1,0 +1,163 @@
+//! Comparison, source map, repair and counts of meshes.
+
+use lodsmith::core::measure::{CompareOptions, MeasureError, compare as measured};
+use lodsmith::core::mesh::defects::defects;
+use lodsmith::core::mesh::weld::weld;
+use lodsmith::core::topology::{Topology, size_of};
+use lodsmith::core::{Source, correspondence};
+use lodsmith::options::by_name::{OptionValue, from_names};
+use lodsmith::{CleanOptions, NonManifold};
+use numpy::IntoPyArray as _;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use serde_json::json;
+
+use crate::arrays::{MeshArrays, matrix, to_arrays};
+use crate::errors::{empty_mesh, mesh_error};
+use crate::report;
+use crate::run::{RunKeywords, finished};
+
+/// Measures the distance between two meshes in both directions.
+#[pyfunction]
+pub(crate) fn compare<'py>(
+    py: Python<'py>,
+    reference: MeshArrays<'py>,
+    candidate: MeshArrays<'py>,
+    samples: usize,
+    seed: u64,
+) -> PyResult<Bound<'py, PyAny>> {
+    if samples == 0 {
+        return Err(PyValueError::new_err("samples: a whole number of at least 1 is expected, not 0"));
+    }
+    let (reference, candidate) = (reference.typed()?, candidate.typed()?);
+    let (reference, candidate) = (reference.surface(py)?, candidate.surface(py)?);
+    let wrong = |e| mesh_error(py, &e);
+    let (reference, candidate) = (reference.surface().map_err(wrong)?, candidate.surface().map_err(wrong)?);
+    let mut options = CompareOptions::default();
+    (options.samples, options.seed) = (samples, seed);
+    let found = py.detach(|| measured(&reference, &candidate, &options)).map_err(|e| empty(py, &e))?;
+    report::to_python(py, &report::comparison(&found))
+}
+
+fn empty(py: Python<'_>, error: &MeasureError) -> PyErr {
+    empty_mesh(py, &error.to_string())
+}
+
+/// Finds where each row of a result comes from on the original: a row of the original or -1, a face, and weights of its
+/// corners.
+#[pyfunction]
+pub(crate) fn source_map<'py>(
+    py: Python<'py>,
+    original: MeshArrays<'py>,
+    result: MeshArrays<'py>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (original, result) = (original.mesh(py)?, result.mesh(py)?);
+    let found = py.detach(|| {
+        let found = correspondence(&original, &result)?;
+        // A face for the wedges that were kept, so that every row has one.
+        let mut corner = vec![(u32::MAX, 0u8); original.wedge_count()];
+        for (f, triangle) in original.triangles().iter().enumerate().rev() {
+            for (k, w) in triangle.iter().enumerate() {
+                corner[w.index()] = (f as u32, k as u8);
+            }
+        }
+        let count = result.wedge_count();
+        let mut map = (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
+        for source in found.sources() {
+            let (row, face, weights) = match *source {
+                Source::Wedge(w) => {
+                    let (face, k) = corner[w.index()];
+                    let mut weights = [0f32; 3];
+                    weights[usize::from(k)] = 1.0;
+                    (i64::from(w.0), if face == u32::MAX { -1 } else { i64::from(face) }, weights)
+                }
+                Source::Face { face, weights } => (-1, i64::from(face.0), weights),
+                _ => (-1, -1, [0.0; 3]),
+            };
+            map.0.push(row);
+            map.1.push(face);
+            map.2.push(weights);
+        }
+        Ok(map)
+    });
+    let (vertices, faces, weights) = found.map_err(|e: MeasureError| empty(py, &e))?;
+    let all = PyDict::new(py);
+    all.set_item("vertices", vertices.into_pyarray(py))?;
+    all.set_item("faces", faces.into_pyarray(py))?;
+    all.set_item("weights", matrix(py, weights.into_flattened(), 3)?)?;
+    Ok(all)
+}
+
+/// Repairs a mesh.
+#[pyfunction]
+pub(crate) fn clean<'py>(
+    py: Python<'py>,
+    mesh: MeshArrays<'py>,
+    non_manifold: &str,
+    keywords: RunKeywords<'py>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let lengths = keywords.options()?;
+    let mut options = CleanOptions::default();
+    (options.weld, options.prune) = (lengths.weld, lengths.prune);
+    let names = || NonManifold::ALL.map(NonManifold::name).join(", ");
+    options.non_manifold =
+        NonManifold::ALL.into_iter().find(|x| x.name() == non_manifold).ok_or_else(|| {
+            PyValueError::new_err(format!(
+                "non_manifold: one of {} is expected, not {non_manifold:?}",
+                names()
+            ))
+        })?;
+    let mesh = mesh.mesh(py)?;
+    let mut control = keywords.control(py);
+    let done = py.detach(|| lodsmith::clean(&mesh, &options, &mut control));
+    let done = finished(py, done, control)?;
+    let told = report::to_python(py, &report::cleaned(&done.report))?;
+    let arrays = to_arrays(py, done.mesh)?;
+    arrays.set_item("report", told)?;
+    Ok(arrays)
+}
+
+/// Counts elements and defects of a mesh.
+#[pyfunction]
+pub(crate) fn counts<'py>(py: Python<'py>, mesh: MeshArrays<'py>) -> PyResult<Bound<'py, PyAny>> {
+    let mesh = mesh.mesh(py)?;
+    let counted = py.detach(|| {
+        let surface = mesh.surface();
+        let (t, size, broken) = (Topology::new(&surface).counts(), size_of(&surface), defects(&surface));
+        let bounds = surface.positions().bounds();
+        json!({
+            "faces": mesh.face_count(),
+            "vertices": mesh.vertex_count(),
+            "positions": weld(surface.positions()).distinct_count,
+            "components": t.component_count,
+            "border_edges": t.border_edge_count,
+            "border_loops": t.border_loop_count,
+            "non_manifold_edges": t.non_manifold_edge_count,
+            "non_manifold_vertices": t.non_manifold_vertex_count,
+            "degenerate_faces": t.degenerate_face_count,
+            "duplicate_faces": broken.duplicate_face_count(),
+            "unused_vertices": broken.unused_vertex_count,
+            "non_finite_vertices": broken.non_finite_vertex_count,
+            "closed": t.is_closed(),
+            "manifold": t.is_manifold(),
+            "oriented": t.is_oriented(),
+            "genus": t.genus(),
+            "bounds": {
+                "min": bounds.map(|b| b.min), "max": bounds.map(|b| b.max),
+                "diagonal": bounds.map(|b| b.diagonal()),
+            },
+            "area": size.area,
+            "volume": size.volume,
+        })
+    });
+    report::to_python(py, &counted)
+}
+
+/// Returns the length in the units of a mesh with this diagonal.
+#[pyfunction]
+pub(crate) fn length_in_units(length: &str, diagonal: f64) -> PyResult<f64> {
+    let options = from_names(&[("error", OptionValue::Text(length))])
+        .map_err(|e| PyValueError::new_err(e.to_string()))?;
+    Ok(options.stop.error.map_or(0.0, |l| l.in_units(diagonal)))
+}

@@ -1,0 +1,178 @@
+//! Options and control of a run, and `simplify`.
+
+use std::sync::Arc;
+
+use lodsmith::options::by_name::{self, OptionError, OptionKind, OptionValue};
+use lodsmith::{Simplified, SimplifyError, SimplifyOptions};
+use numpy::PyReadonlyArray1;
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString};
+
+use crate::arrays::{MeshArrays, to_arrays};
+use crate::control::PythonControl;
+use crate::errors::{mesh_error, run_error};
+use crate::report;
+
+/// The keywords of a run.
+#[derive(FromPyObject)]
+pub(crate) struct RunKeywords<'py> {
+    /// Options by name.
+    options: Bound<'py, PyDict>,
+    locked: Option<PyReadonlyArray1<'py, bool>>,
+    importance: Option<PyReadonlyArray1<'py, f32>>,
+    progress: Option<Py<PyAny>>,
+    time_limit: Option<f64>,
+}
+
+/// A value of a keyword, owned.
+enum Given {
+    Flag(bool),
+    Whole(u64),
+    Number(f64),
+    Text(String),
+    Weights(Vec<(String, f64)>),
+}
+
+impl Given {
+    fn of(name: &str, any: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let wrong = || {
+            let kind = any.get_type();
+            PyValueError::new_err(format!("{name}: a value of type {kind} is not taken"))
+        };
+        // Scalars of NumPy count as numbers too.
+        if any.is_instance_of::<PyBool>() {
+            Ok(Self::Flag(any.extract()?))
+        } else if any.is_instance_of::<PyString>() {
+            Ok(Self::Text(any.extract()?))
+        } else if let Ok(dict) = any.cast::<PyDict>() {
+            let one = |(key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
+                Ok((key.extract::<String>()?, value.extract::<f64>()?))
+            };
+            let all: PyResult<Vec<_>> = dict.iter().map(one).collect();
+            all.map(Self::Weights).map_err(|_| wrong())
+        } else if any.is_instance_of::<PyFloat>() {
+            Ok(Self::Number(any.extract()?))
+        } else if any.is_instance_of::<PyInt>() || any.hasattr("__index__")? {
+            any.extract().map(Self::Whole).or_else(|_| any.extract().map(Self::Number)).map_err(|_| wrong())
+        } else {
+            any.extract().map(Self::Number).map_err(|_| wrong())
+        }
+    }
+
+    fn value(&self) -> OptionValue<'_> {
+        match self {
+            Self::Flag(x) => OptionValue::Flag(*x),
+            Self::Whole(x) => OptionValue::Whole(*x),
+            Self::Number(x) => OptionValue::Number(*x),
+            Self::Text(x) => OptionValue::Text(x),
+            Self::Weights(all) => OptionValue::Weights(all.iter().map(|(k, x)| (k.as_str(), *x)).collect()),
+        }
+    }
+}
+
+impl RunKeywords<'_> {
+    /// Converts the keywords to options of the engine; `None` stands for the default.
+    pub(crate) fn options(&self) -> PyResult<SimplifyOptions> {
+        let mut given = Vec::new();
+        for (name, value) in self.options.iter().filter(|(_, value)| !value.is_none()) {
+            let name: String = name.extract()?;
+            let value = Given::of(&name, &value)?;
+            given.push((name, value));
+        }
+        let given: Vec<_> = given.iter().map(|(name, value)| (name.as_str(), value.value())).collect();
+        let mut options = by_name::from_names(&given).map_err(|e| match e {
+            OptionError::Unknown { .. } => PyTypeError::new_err(e.to_string()),
+            OptionError::Value { option, why } => {
+                PyValueError::new_err(format!("{}: {why}", option.replace('-', "_")))
+            }
+            other => PyValueError::new_err(other.to_string()),
+        })?;
+        if let Some(locked) = &self.locked {
+            options.locked = Some(Arc::from(locked.as_slice()?));
+        }
+        if let Some(importance) = &self.importance {
+            options.importance = Some(Arc::from(importance.as_slice()?));
+        }
+        Ok(options)
+    }
+
+    /// Returns the control of the run.
+    pub(crate) fn control(&self, py: Python<'_>) -> PythonControl {
+        PythonControl::new(self.progress.as_ref().map(|f| f.clone_ref(py)), self.time_limit)
+    }
+}
+
+/// Returns the result of a run, or its exception.
+pub(crate) fn finished<T>(
+    py: Python<'_>,
+    done: Result<T, SimplifyError>,
+    mut control: PythonControl,
+) -> PyResult<T> {
+    match control.raised() {
+        Some(raised) => Err(raised),
+        None => done.map_err(|e| run_error(py, e)),
+    }
+}
+
+/// Returns the arrays and the report of a result.
+pub(crate) fn simplified<'py>(py: Python<'py>, done: Simplified) -> PyResult<Bound<'py, PyDict>> {
+    let told = report::to_python(py, &report::report(&done.report))?;
+    let arrays = to_arrays(py, done.mesh)?;
+    arrays.set_item("report", told)?;
+    Ok(arrays)
+}
+
+/// Simplifies a mesh.
+#[pyfunction]
+pub(crate) fn simplify<'py>(
+    py: Python<'py>,
+    mesh: MeshArrays<'py>,
+    keywords: RunKeywords<'py>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let options = keywords.options()?;
+    let mut control = keywords.control(py);
+    let done = if mesh.is_bare() {
+        let typed = mesh.typed()?;
+        let arrays = typed.surface(py)?;
+        let surface = arrays.surface().map_err(|e| mesh_error(py, &e))?;
+        py.detach(|| lodsmith::simplify_surface(&surface, &options, &mut control))
+    } else {
+        let mesh = mesh.mesh(py)?;
+        py.detach(|| lodsmith::simplify(&mesh, &options, &mut control))
+    };
+    simplified(py, finished(py, done, control)?)
+}
+
+/// Returns the table of the options: name of the keyword, kind, words, default and help.
+#[pyfunction]
+pub(crate) fn options(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
+    let list = PyList::empty(py);
+    for option in by_name::OPTIONS {
+        let (kind, words): (&str, &[&str]) = match option.kind {
+            OptionKind::Count => ("count", &[]),
+            OptionKind::Ratio => ("ratio", &[]),
+            OptionKind::Length => ("length", &[]),
+            OptionKind::Degrees => ("degrees", &[]),
+            OptionKind::Word(words) => ("word", words),
+            OptionKind::Flag => ("flag", &[]),
+            OptionKind::Number => ("number", &[]),
+            OptionKind::Weights => ("weights", &[]),
+            OptionKind::Seed => ("seed", &[]),
+        };
+        let entry = PyDict::new(py);
+        entry.set_item("name", option.name.replace('-', "_"))?;
+        entry.set_item("kind", kind)?;
+        entry.set_item("words", words.to_vec())?;
+        entry.set_item("default", option.default_text())?;
+        entry.set_item("help", option.help)?;
+        list.append(entry)?;
+    }
+    Ok(list)
+}
+
+/// Returns the keyword that is most similar to a misspelt one.
+#[pyfunction]
+pub(crate) fn nearest(misspelt: &str, names: Vec<String>) -> Option<String> {
+    by_name::nearest(misspelt, names.iter().map(String::as_str)).map(str::to_owned)
+}

@@ -1,0 +1,236 @@
+"""simplify() on arrays: types, layouts, values that are wrong."""
+
+import lodsmith
+import numpy as np
+import pytest
+
+FACES = (np.int32, np.uint32, np.int64)
+
+
+@pytest.mark.parametrize("faces", FACES + (np.int16, np.uint16, np.uint64))
+@pytest.mark.parametrize("vertices", (np.float32, np.float64))
+def test_types_are_kept(ball, vertices, faces):
+    made = lodsmith.simplify(ball.vertices.astype(vertices), ball.faces.astype(faces), faces=100)
+    assert made.faces.shape == (100, 3) and made.vertices.dtype == vertices
+    # A type that is narrower than the numbers of a mesh is not promised.
+    assert made.faces.dtype == (faces if np.dtype(faces).itemsize > 2 else np.int32)
+    assert made.faces.min() == 0 and made.faces.max() == len(made.vertices) - 1
+
+
+def test_all_layouts_give_the_same_bytes(ball):
+    v, f = ball.vertices, ball.faces
+    wanted = lodsmith.simplify(v, f, ratio=0.1)
+    frozen = v.copy()
+    frozen.flags.writeable = False
+    wide = np.zeros((len(v), 6))
+    wide[:, ::2] = v
+    layouts = [
+        (v.tolist(), f.tolist()),
+        (np.asfortranarray(v), np.asfortranarray(f)),
+        (wide[:, ::2], f[::-1][::-1]),
+        (frozen, f),
+        (v.astype(">f8"), f.astype(">i8")),
+        (np.frombuffer(b"\0" + v.tobytes(), np.uint8)[1:].view(np.float64).reshape(-1, 3), f),
+    ]
+    for vertices, faces in layouts:
+        made = lodsmith.simplify(vertices, faces, ratio=0.1)
+        assert made.vertices.tobytes() == wanted.vertices.tobytes()
+        assert made.faces.astype(np.int64).tobytes() == wanted.faces.tobytes()
+
+
+def test_the_input_is_not_changed(ball):
+    before = ball.vertices.copy(), ball.faces.copy()
+    lodsmith.simplify(ball.vertices, ball.faces, ratio=0.1)
+    assert (ball.vertices == before[0]).all() and (ball.faces == before[1]).all()
+
+
+@pytest.mark.parametrize("dtype", FACES)
+def test_a_bad_index_is_named(ball, dtype):
+    faces = ball.faces.astype(dtype)
+    faces[1234, 1] = 99999
+    with pytest.raises(lodsmith.InvalidMesh, match="face 1234 uses vertex 99999, but the mesh has 2562") as info:
+        lodsmith.simplify(ball.vertices, faces, ratio=0.1)
+    assert (info.value.face, info.value.index) == (1234, 99999) and isinstance(info.value, ValueError)
+    if dtype != np.uint32:
+        faces[1234, 1] = -1
+        with pytest.raises(lodsmith.InvalidMesh, match="face 1234 uses vertex -1"):
+            lodsmith.simplify(ball.vertices, faces, ratio=0.1)
+
+
+def test_an_empty_mesh_is_an_error(ball):
+    for vertices, faces in [([], []), (ball.vertices, []), (np.zeros((0, 3)), np.zeros((0, 3), int))]:
+        with pytest.raises(lodsmith.InvalidMesh, match="no face with an area") as info:
+            lodsmith.simplify(vertices, faces, ratio=0.5)
+        assert info.value.face is None
+
+
+def test_wrong_shapes_and_types(ball):
+    v, f = ball.vertices, ball.faces
+    for bad_v, bad_f, kind, text in [
+        (v[:, :2], f, ValueError, r"vertices: a shape of \(n, 3\)"),
+        (v, f[:, :2], ValueError, r"faces: a shape of \(m, 3\)"),
+        (v, f.astype(float), TypeError, "faces: integers"),
+        (np.array([["a", "b", "c"]]), f, TypeError, "vertices: numbers"),
+    ]:
+        with pytest.raises(kind, match=text):
+            lodsmith.simplify(bad_v, bad_f, ratio=0.5)
+    with pytest.raises(TypeError, match="faces are missing"):
+        lodsmith.simplify(v, ratio=0.5)
+    with pytest.raises(TypeError, match="not known"):
+        lodsmith.simplify(object(), ratio=0.5)
+
+
+def test_wrong_keywords(ball):
+    for options, kind, text in [
+        ({"rato": 0.1}, TypeError, "no keyword 'rato'; a similar one is 'ratio'"),
+        ({"ratio": 0.1, "max_norml": 3}, TypeError, "'max_normal'"),
+        ({"ratio": 0.1, "zzzzz": 3}, TypeError, "'zzzzz'$"),
+        ({}, TypeError, "a target is needed"),
+        ({"ratio": 2.0}, ValueError, "^ratio: a fraction"),
+        ({"ratio": "ten"}, ValueError, "^ratio: "),
+        ({"ratio": [0.1]}, ValueError, "^ratio: "),
+        ({"faces": 0}, ValueError, "^faces: a whole number of at least 1 is expected, not 0"),
+        ({"faces": 10.5}, ValueError, "^faces: "),
+        ({"faces": -5}, ValueError, "^faces: "),
+        ({"faces": True}, ValueError, "^faces: "),
+        ({"faces": ball.faces}, TypeError, "second argument"),
+        ({"ratio": 0.1, "method": "quadratic"}, ValueError, "^method: one of memoryless, "),
+        ({"ratio": 0.1, "max_normal": 500}, ValueError, "^max_normal must be above 0"),
+        ({"ratio": 0.1, "max_edge": "5 m"}, ValueError, "^max_edge: a length"),
+        ({"ratio": 0.1, "weight": {"uvs": 1}}, ValueError, "^weight: names are normal, uv"),
+        ({"ratio": 0.1, "weight": 2}, ValueError, "^weight: "),
+        ({"ratio": 0.1, "cell": 0.1}, ValueError, "cell is for cluster, not for memoryless"),
+        ({"ratio": 0.1, "escalate": "perhaps"}, ValueError, "^escalate: "),
+        ({"ratio": 0.1, "locked": [True]}, ValueError, r"^locked: the shape \(1,\) is not \(2562,\)"),
+        ({"ratio": 0.1, "importance": np.ones(5)}, ValueError, "^importance: "),
+        ({"ratio": 0.1, "time_limit": -1}, ValueError, "^time_limit: "),
+        ({"ratio": 0.1, "progress": 7}, TypeError, "^progress: "),
+    ]:
+        with pytest.raises(kind, match=text):
+            lodsmith.simplify(ball.vertices, ball.faces, **options)
+
+
+@pytest.mark.filterwarnings("ignore:target not reached")
+def test_every_option_is_taken(ball):
+    samples = {"count": 50, "ratio": "20%", "length": "1%", "degrees": 40.0, "number": 0.1, "seed": 7, "flag": True}
+    of_method = {"cell": "cluster", "two_stage": "cluster", "edge_length": "shortest-edge", "angle": "planar"}
+    of_method.update(flat="planar", iterations="unsubdivide", voxel="remesh", subdivisions="remesh", adaptive="remesh")
+    for option in lodsmith.options():
+        name = option["name"]
+        value = samples.get(option["kind"])
+        if option["kind"] == "word":
+            value = option["words"][0]
+            assert option["default"] is None or option["default"] in option["words"]
+        if option["kind"] == "weights":
+            value = {"uv": 2, "normal": 0.5}
+        keywords = {"faces": 500, name: value}
+        if name in of_method:
+            keywords["method"] = of_method[name]
+        if name == "voxel":
+            keywords.pop("faces")
+        if name == "subdivisions":
+            keywords[name] = 1
+        made = lodsmith.simplify(ball, **keywords)
+        assert 0 < len(made.faces) <= 5120 or name == "voxel", name
+
+
+def test_numbers_of_numpy_are_numbers(ball):
+    assert len(lodsmith.simplify(ball, faces=np.int64(100)).faces) == 100
+    assert len(lodsmith.simplify(ball, ratio=np.float32(0.5)).faces) == 2560
+    assert len(lodsmith.simplify(ball, faces=100, seed=2**64 - 1).faces) == 100
+
+
+def test_a_target_out_of_reach_warns(ball):
+    with pytest.warns(lodsmith.LodsmithWarning, match="target not reached, stopped by refusals"):
+        made = lodsmith.simplify(ball, faces=10, max_normal=1.0, topology="preserve")
+    assert not made.report["reached"]
+
+
+def test_locked_vertices_stay(ball):
+    locked = ball.vertices[:, 2] > 0.5
+    made = lodsmith.simplify(ball, ratio=0.5, locked=locked)
+    kept = {p.tobytes() for p in made.vertices}
+    assert all(p.tobytes() in kept for p in ball.vertices[locked])
+    assert made.report["locked"]["vertices"] == locked.sum()
+
+
+def test_importance_draws_triangles(ball):
+    importance = np.where(ball.vertices[:, 2] > 0, 8.0, 1.0)
+    made = lodsmith.simplify(ball, ratio=0.2, importance=importance)
+    upper = (made.vertices[made.faces].mean(axis=1)[:, 2] > 0).mean()
+    assert upper > 0.7
+
+
+def test_attributes_come_through_in_their_types(wave):
+    labels = (wave.vertices[:, 0] > 0.5).astype(np.int8) * 7
+    heat = (wave.vertices[:, 0] * 2).astype(np.float64)
+    attributes = {**wave._named(), "label": labels, "heat": heat, "pair": np.stack([heat, -heat], axis=1)}
+    made = lodsmith.simplify(wave.vertices, wave.faces, attributes=attributes, ratio=0.2)
+    n = len(made.vertices)
+    assert made.colors.dtype == np.uint8 and made.colors.shape == (n, 3)
+    assert np.abs(made.colors[:, 0] - 255 * made.vertices[:, 0]).max() < 4
+    assert np.abs(made.uvs - made.vertices[:, :2]).max() < 0.01 and made.uvs.dtype == np.float64
+    assert np.abs(np.linalg.norm(made.normals, axis=1) - 1).max() < 1e-5
+    assert made.attributes["label"].dtype == np.int8 and set(made.attributes["label"]) == {0, 7}
+    assert made.attributes["heat"].shape == (n,) and np.abs(made.attributes["heat"] - 2 * made.vertices[:, 0]).max() < 0.02
+    assert np.allclose(made.attributes["pair"][:, 0], -made.attributes["pair"][:, 1])
+
+
+def test_regions_keep_their_border(wave):
+    regions = (wave.vertices[wave.faces].mean(axis=1)[:, 0] > 0.5).astype(np.int32)
+    made = lodsmith.simplify(wave.vertices, wave.faces, attributes={"regions": regions}, ratio=0.05)
+    middle = made.vertices[made.faces].mean(axis=1)[:, 0]
+    assert made.regions.dtype == np.int32 and set(made.regions) == {0, 1}
+    assert (middle[made.regions == 0].max() <= 0.52) and (middle[made.regions == 1].min() >= 0.48)
+
+
+def test_wrong_attributes(wave):
+    v, f = wave.vertices, wave.faces
+    for attributes, kind, text in [
+        ({"uvs": np.zeros((3, 2))}, ValueError, "'uvs' has the shape"),
+        ({"uvs": np.zeros((len(v), 5))}, ValueError, r"'uvs' has the shape \(3600, 5\), not \(n, 2\)"),
+        ({"regions": np.zeros(len(v), int)}, ValueError, "faces"),
+        ({"regions": np.zeros(len(f))}, ValueError, "'regions' wants one integer"),
+        ({"id": np.full(len(v), 1 << 30)}, ValueError, "'id' has integers beyond"),
+        ({"name": np.full(len(v), "a")}, TypeError, "'name' has values of type"),
+    ]:
+        with pytest.raises(kind, match=text):
+            lodsmith.simplify(v, f, attributes=attributes, ratio=0.5)
+
+
+def test_the_source_map_carries_any_data(wave):
+    made = lodsmith.simplify(wave.vertices, wave.faces, ratio=0.1)
+    source = made.source
+    assert source is made.source and len(source.faces) == len(made.vertices)
+    assert np.allclose(source.weights.sum(axis=1), 1, atol=1e-6)
+    carried = source.transfer(wave.vertices)
+    assert np.abs(carried - made.vertices).max() < 0.02
+    kept = source.vertices >= 0
+    assert (wave.vertices[source.vertices[kept]] == made.vertices[kept]).all()
+    labels = source.transfer(np.arange(len(wave.vertices)))
+    assert labels.dtype == np.int64 and labels.max() < len(wave.vertices)
+
+
+def test_a_result_is_measured(ball):
+    made = lodsmith.simplify(ball, ratio=0.1, measure=True)
+    found = lodsmith.compare(ball, made)
+    assert found["rms"] == pytest.approx(made.report["error"]["measured"]["rms"])
+    with pytest.raises(ValueError, match="samples"):
+        lodsmith.compare(ball, made, samples=0)
+    with pytest.raises(lodsmith.InvalidMesh):
+        lodsmith.compare(ball, ([[0, 0, 0]], []))
+
+
+def test_an_error_is_kept(ball):
+    made = lodsmith.simplify(ball, error="0.5%")
+    limit = 0.005 * made.report["error"]["diagonal"]
+    assert made.report["error"]["bound"] <= limit
+    assert lodsmith.compare(ball, made)["hausdorff"]["symmetric"] <= limit
+
+
+def test_results_own_their_memory(ball):
+    made = lodsmith.simplify(ball, ratio=0.1)
+    vertices = made.vertices
+    del made
+    assert vertices.flags.writeable and np.isfinite(vertices).all()
+    vertices[0] = 5

@@ -1,0 +1,102 @@
+"""Progress, cancellation and the interpreter lock."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import lodsmith
+import pytest
+
+LONG = """
+import lodsmith, sys
+ball = lodsmith.icosphere(8)
+print("begin", flush=True)
+try:
+    {call}
+except KeyboardInterrupt:
+    print("cancelled", flush=True)
+    sys.exit(7)
+print("done", flush=True)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.parametrize("call", ["lodsmith.simplify(ball, ratio=0.01)", "FILE"])
+def test_ctrl_c_cancels(call, tmp_path):
+    if call == "FILE":
+        lodsmith.icosphere(8).save(tmp_path / "ball.ply")
+        call = f"lodsmith.simplify_file({str(tmp_path / 'ball.ply')!r}, {str(tmp_path / 'low.ply')!r}, ratio=0.01)"
+    run = subprocess.Popen([sys.executable, "-c", LONG.format(call=call)], stdout=subprocess.PIPE, text=True)
+    assert run.stdout.readline() == "begin\n"
+    time.sleep(0.3)
+    run.send_signal(signal.SIGINT)
+    out, _ = run.communicate(timeout=120)
+    assert (out, run.returncode) == ("cancelled\n", 7)
+    assert not (tmp_path / "low.ply").exists()
+
+
+def test_progress_never_goes_back_and_ends_at_one():
+    ball = lodsmith.icosphere(7)
+    seen = []
+    lodsmith.simplify(ball, ratio=0.05, progress=lambda done, stage: seen.append((done, stage)))
+    fractions = [done for done, _ in seen]
+    assert len(seen) > 2 and fractions == sorted(fractions) and seen[-1] == (1.0, "done")
+    assert 0 <= fractions[0] < 1 and {stage for _, stage in seen} & {"simplify", "fit"}
+
+
+def test_an_exception_of_progress_ends_the_run():
+    def stop(done, stage):
+        raise LookupError("enough")
+
+    with pytest.raises(LookupError, match="enough"):
+        lodsmith.simplify(lodsmith.icosphere(7), ratio=0.05, progress=stop)
+
+
+def test_a_bar_of_tqdm():
+    tqdm = pytest.importorskip("tqdm").tqdm
+    with open(os.devnull, "w") as sink, tqdm(total=100, file=sink) as bar:
+        lodsmith.simplify(lodsmith.icosphere(5), ratio=0.1, progress=bar)
+        assert bar.n == pytest.approx(100)
+
+
+def test_other_threads_run_meanwhile():
+    ball = lodsmith.icosphere(7)
+    ticks, end = [], threading.Event()
+
+    def tick():
+        while not end.is_set():
+            ticks.append(time.perf_counter())
+            time.sleep(0.001)
+
+    thread = threading.Thread(target=tick)
+    thread.start()
+    begin = time.perf_counter()
+    lodsmith.simplify(ball, ratio=0.05)
+    last = time.perf_counter()
+    end.set()
+    thread.join()
+    # With the lock held there would be none.
+    assert sum(begin < t < last for t in ticks) > 5
+
+
+def test_a_time_limit_gives_the_best_so_far():
+    ball = lodsmith.icosphere(8)
+    with pytest.warns(lodsmith.LodsmithWarning, match="time limit"):
+        made = lodsmith.simplify(ball, faces=100, time_limit=0.05)
+    assert 100 < len(made.faces) and made.report["stopped_by"] == "time_limit"
+
+
+def test_runs_in_threads_are_independent(ball):
+    wanted = lodsmith.simplify(ball, ratio=0.1)
+    made = [None] * 4
+
+    def work(i):
+        made[i] = lodsmith.simplify(ball, ratio=0.1)
+
+    threads = [threading.Thread(target=work, args=(i,)) for i in range(4)]
+    [t.start() for t in threads]
+    [t.join() for t in threads]
+    assert all(m.vertices.tobytes() == wanted.vertices.tobytes() for m in made)

@@ -1,0 +1,226 @@
+"""Files, and the same bytes as the command."""
+
+import os
+import pathlib
+import shutil
+import subprocess
+
+import lodsmith
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def files(tmp_path, wave, ball):
+    wave.save(tmp_path / "wave.ply")
+    ball.save(tmp_path / "ball.obj")
+    return tmp_path
+
+
+@pytest.fixture(scope="session")
+def program():
+    found = os.environ.get("LODSMITH") or shutil.which("lodsmith")
+    if not found:
+        pytest.skip("no command lodsmith: LODSMITH names none, and none is on the path")
+    return found
+
+
+@pytest.mark.filterwarnings("ignore:.*glTF holds single precision")
+def test_a_mesh_survives_a_file(tmp_path, wave):
+    for name in ("wave.ply", "wave.glb", "wave.obj"):
+        wave.save(tmp_path / name)
+        back = lodsmith.load(tmp_path / name)
+        assert back.format == name[-3:] and len(back.faces) == len(wave.faces)
+        assert lodsmith.compare(wave, back)["hausdorff"]["symmetric"] < 1e-6
+        assert back.uvs is not None and back.normals is not None
+
+
+def test_losses_are_told(tmp_path, wave):
+    with pytest.warns(lodsmith.LodsmithWarning):
+        wave.save(tmp_path / "wave.stl")
+
+
+def test_wrong_files(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        lodsmith.load(tmp_path / "none.ply")
+    (tmp_path / "bad.ply").write_text("ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\nzero\n")
+    with pytest.raises(lodsmith.InvalidMesh, match="bad.ply"):
+        lodsmith.load(tmp_path / "bad.ply")
+    with pytest.raises(ValueError, match="format: one of obj"):
+        lodsmith.load(tmp_path / "bad.ply", format="tla")
+    with pytest.raises(OSError):
+        lodsmith.icosphere(1).save(tmp_path / "none" / "ball.ply")
+
+
+def test_a_seam_goes_through_load_and_simplify(tmp_path, root):
+    sample = root / "testdata"
+    # Rows that share a place have one number in the map.
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvt .5 .5\nf 1/1 2/2 3/3\nf 2/4 4/1 3/3\n"
+    (tmp_path / "seam.obj").write_text(text)
+    mesh = lodsmith.load(tmp_path / "seam.obj")
+    assert len(mesh.vertices) == 5 and sorted(mesh.vertex_map) == [0, 1, 1, 2, 3]
+    assert sample.is_dir()
+
+
+def same_bytes(program, folder, words, options, name):
+    out = subprocess.run([program, *words, "-o", f"command_{name}"], cwd=folder, capture_output=True, text=True)
+    assert out.returncode == 0, out.stderr
+    report = lodsmith.simplify_file(folder / words[1], folder / f"python_{name}", **options)
+    assert (folder / f"python_{name}").read_bytes() == (folder / f"command_{name}").read_bytes()
+    return report
+
+
+@pytest.mark.filterwarnings("ignore:.*glTF holds single precision")
+def test_whole_files_have_the_bytes_of_the_command(program, files, root):
+    report = same_bytes(program, files, ["simplify", "wave.ply", "--ratio=0.1"], {"ratio": 0.1}, "low.ply")
+    assert report["reached"] and report["output"]["faces"] <= 0.1 * report["input"]["faces"]
+    same_bytes(
+        program,
+        files,
+        ["simplify", "wave.ply", "--error=0.1%", "--weight=uv=2", "--weight=color=0.5", "--border=slide", "--measure"],
+        {"error": "0.1%", "weight": {"uv": 2, "color": 0.5}, "border": "slide", "measure": True},
+        "low.glb",
+    )
+    same_bytes(program, files, ["simplify", "ball.obj", "--faces=300"], {"faces": 300}, "low.stl")
+
+
+def test_arrays_have_the_geometry_of_the_command(program, files):
+    words = [program, "simplify", "wave.ply", "--ratio=0.1", "-o", "command.ply"]
+    subprocess.run(words, cwd=files, check=True, capture_output=True)
+    lodsmith.simplify(lodsmith.load(files / "wave.ply"), ratio=0.1).save(files / "python.ply")
+    assert (files / "python.ply").read_bytes() == (files / "command.ply").read_bytes()
+
+
+@pytest.mark.filterwarnings("ignore:.*PLY has one set of attributes")
+def test_errors_of_the_command_are_exceptions(files):
+    low = files / "low.ply"
+    with pytest.raises(TypeError, match="rato"):
+        lodsmith.simplify_file(files / "wave.ply", low, rato=0.1)
+    with pytest.raises(lodsmith.CommandError, match="target is needed") as info:
+        lodsmith.simplify_file(files / "wave.ply", low)
+    assert info.value.status == 2
+    with pytest.raises(lodsmith.CommandError, match="none.ply") as info:
+        lodsmith.simplify_file(files / "none.ply", low, ratio=0.1)
+    assert info.value.status == 1 and isinstance(info.value, ValueError)
+    with pytest.raises(lodsmith.CommandError) as info:
+        lodsmith.simplify_file(files / "wave.ply", low, faces=2, border="lock", topology="preserve", strict=True)
+    assert info.value.status == 3 and info.value.report[0]["reached"] is False
+    with pytest.warns(lodsmith.LodsmithWarning, match="target not reached"):
+        lodsmith.simplify_file(files / "wave.ply", low, faces=2, border="lock", topology="preserve")
+
+
+def test_names_that_look_like_options(tmp_path, ball, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    ball.save("-ball.ply")
+    lodsmith.simplify_file("-ball.ply", "--low.ply", ratio=0.1)
+    assert len(lodsmith.load("--low.ply").faces) == 512
+
+
+def test_nothing_is_printed(files, capfd):
+    lodsmith.simplify_file(files / "wave.ply", files / "low.ply", ratio=0.1)
+    lodsmith.info(files / "wave.ply")
+    with pytest.raises(lodsmith.CommandError):
+        lodsmith.info(files / "none.ply")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_progress_of_a_file(files):
+    lodsmith.icosphere(8).save(files / "large.ply")
+    seen = []
+    lodsmith.simplify_file(files / "large.ply", files / "low.ply", ratio=0.02, progress=lambda d, s: seen.append(d))
+    assert seen == sorted(seen) and len(seen) > 3 and seen[-1] == 1.0
+
+
+@pytest.mark.filterwarnings("ignore:.*glTF holds single precision")
+def test_levels_conversion_repair_and_information(files):
+    made = lodsmith.lod_file(files / "ball.obj", files / "levels.glb", levels=[0.5, 0.25])
+    assert (files / "levels.glb").exists() and len(made["levels"]) == 2
+    lodsmith.lod_file(files / "ball.obj", out_dir=files / "levels", count=2)
+    assert (files / "levels" / "lods.json").exists()
+    lodsmith.convert(files / "ball.obj", files / "ball.ply", scale=2.0)
+    about = lodsmith.info(files / "ball.ply")
+    assert about["closed"] and about["bounds"]["max"][2] == pytest.approx(2, rel=0.01)
+    mine = lodsmith.info(lodsmith.load(files / "ball.ply"))
+    assert mine == {key: about[key] for key in mine}
+    assert lodsmith.clean_file(files / "ball.obj", files / "clean.ply")["output"]["faces"] == 5120
+
+
+def test_levels_of_a_mesh(ball):
+    levels = lodsmith.lod(ball, count=3, factor=0.5, geomorph=True)
+    assert [len(level.faces) for level in levels] == [2560, 1280, 640]
+    distances = [level.distance for level in levels]
+    assert distances == sorted(distances) and distances[0] > 0
+    assert levels[0].geomorph.shape == levels[0].vertices.shape and levels[-1].geomorph is None
+    assert np.abs(np.linalg.norm(levels[0].geomorph, axis=1) - 1).max() < 0.05
+    for wrong in [{}, {"levels": [0.5], "count": 2}, {"levels": [0.1, 0.5]}, {"levels": [0.5], "fov": 200}]:
+        with pytest.raises(ValueError):
+            lodsmith.lod(ball, **wrong)
+    with pytest.raises(TypeError):
+        lodsmith.lod(ball, ratio=0.5)
+
+
+def test_a_progressive_mesh_has_every_level(ball, tmp_path):
+    mesh = lodsmith.Progressive(ball)
+    for n in (50, 1000, 200, 5120):
+        assert len(mesh.level(faces=n).faces) == n
+    full = mesh[-1]
+    assert (full.vertices == ball.vertices).all() and (full.faces == ball.faces).all()
+    assert full.faces.dtype == ball.faces.dtype
+    errors = [mesh.level(faces=n).report["error"]["estimate"] for n in (2000, 500, 100)]
+    assert errors == sorted(errors)
+    assert len(mesh.level(error=errors[1]).faces) <= 510
+    mesh.save(tmp_path / "ball.lpm")
+    back = lodsmith.Progressive.load(tmp_path / "ball.lpm")
+    # Splits are stored to the bit; moves of the fit are rounded.
+    recorded = [m.level(faces=300, fit=False).vertices for m in (back, mesh)]
+    assert len(back) == len(mesh) and (recorded[0] == recorded[1]).all()
+    assert np.abs(back.level(faces=300).vertices - mesh.level(faces=300).vertices).max() < 1e-3
+    with pytest.raises(IndexError):
+        mesh[len(mesh)]
+    with pytest.raises(TypeError):
+        mesh.level(3, faces=5)
+
+
+def test_repair(ball):
+    faces = np.concatenate([ball.faces, ball.faces[:7], ball.faces[:3, ::-1] * 0])
+    made = lodsmith.clean(ball.vertices, faces)
+    assert made.report["duplicate_faces"] == 7 and made.report["degenerate_faces"] == 3
+    assert len(made.faces) == len(ball.faces) and made.report["remaining"]["border_edges"] == 0
+    with pytest.raises(ValueError, match="non_manifold: one of keep"):
+        lodsmith.clean(ball, non_manifold="burn")
+
+
+def test_pictures(ball, wave, files):
+    picture = lodsmith.render(ball, size=(120, 80))
+    assert picture.shape == (80, 120, 4) and picture.dtype == np.uint8 and picture.std() > 10
+    assert picture._repr_png_()[:8] == b"\x89PNG\r\n\x1a\n"
+    assert (lodsmith.render(ball, size=(120, 80)) == picture).all()
+    assert (lodsmith.render(ball, size=(120, 80), wireframe=True) != picture).any()
+    clear = lodsmith.render(ball, size=(40, 40), transparent=True)
+    assert clear[0, 0, 3] == 0 and clear[20, 20, 3] == 255
+    heat = lodsmith.render(wave, size=(40, 40), heat=wave.vertices[:, 0], colors="viridis")
+    assert (heat != lodsmith.render(wave, size=(40, 40))).any()
+    of_file = lodsmith.render(files / "wave.ply", size=(64, 48), view="top")
+    assert of_file.shape == (48, 64, 4)
+    picture.save(files / "ball.png")
+    assert pathlib.Path(files / "ball.png").stat().st_size > 500
+    assert "image/png" in ball._repr_mimebundle_()
+    for wrong in [{"view": "inside"}, {"size": (0, 10)}, {"heat": [1, 2]}, {"shading": "heat"}, {"up": "x"}]:
+        with pytest.raises(ValueError):
+            lodsmith.render(ball, **wrong)
+
+
+def test_calls_in_threads_are_independent(files):
+    import threading
+
+    reports = [None] * 4
+
+    def work(i):
+        reports[i] = lodsmith.simplify_file(files / "wave.ply", files / f"low{i}.ply", ratio=0.1 * (i + 1))
+
+    threads = [threading.Thread(target=work, args=(i,)) for i in range(4)]
+    [t.start() for t in threads]
+    [t.join() for t in threads]
+    assert [r["output"]["path"][-8:] for r in reports] == [f"low{i}.ply" for i in range(4)]
+    faces = [r["output"]["faces"] for r in reports]
+    assert faces == sorted(faces) and faces[0] < faces[3]
