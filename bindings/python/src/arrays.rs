@@ -79,14 +79,14 @@ impl<'py> FaceArray<'py> {
             Self::I32(array) => {
                 let triangles = rows::<i32, 3>(array.as_slice()?, array.shape(), "faces")?;
                 // A negative number is above every count of vertices that a mesh may have.
-                if let Some((face, index)) = first_bad(triangles, |i| i64::from(i), count) {
+                if let Some((face, index)) = first_bad(triangles, i64::from, count) {
                     return Err(bad_face(py, face, index, count));
                 }
                 Ok(Cow::Borrowed(bytemuck::cast_slice(triangles)))
             }
             Self::U32(array) => {
                 let triangles = rows::<u32, 3>(array.as_slice()?, array.shape(), "faces")?;
-                if let Some((face, index)) = first_bad(triangles, |i| i64::from(i), count) {
+                if let Some((face, index)) = first_bad(triangles, i64::from, count) {
                     return Err(bad_face(py, face, index, count));
                 }
                 Ok(Cow::Borrowed(bytemuck::cast_slice(triangles)))

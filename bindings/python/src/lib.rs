@@ -25,7 +25,7 @@ mod _lodsmith {
     #[pymodule_export]
     use super::levels::{ProgressiveMesh, lod};
     #[pymodule_export]
-    use super::measure::{clean, compare, counts, length_in_units, source_map};
+    use super::measure::{clean, compare, counts, source_map};
     #[pymodule_export]
     use super::run::{nearest, options, simplify};
 

@@ -5,7 +5,6 @@ use lodsmith::core::mesh::defects::defects;
 use lodsmith::core::mesh::weld::weld;
 use lodsmith::core::topology::{Topology, size_of};
 use lodsmith::core::{Source, correspondence};
-use lodsmith::options::by_name::{OptionValue, from_names};
 use lodsmith::{CleanOptions, NonManifold};
 use numpy::IntoPyArray as _;
 use pyo3::exceptions::PyValueError;
@@ -152,12 +151,4 @@ pub(crate) fn counts<'py>(py: Python<'py>, mesh: MeshArrays<'py>) -> PyResult<Bo
         })
     });
     report::to_python(py, &counted)
-}
-
-/// Returns the length in the units of a mesh with this diagonal.
-#[pyfunction]
-pub(crate) fn length_in_units(length: &str, diagonal: f64) -> PyResult<f64> {
-    let options = from_names(&[("error", OptionValue::Text(length))])
-        .map_err(|e| PyValueError::new_err(e.to_string()))?;
-    Ok(options.stop.error.map_or(0.0, |l| l.in_units(diagonal)))
 }

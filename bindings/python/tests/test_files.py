@@ -91,7 +91,7 @@ def test_arrays_have_the_geometry_of_the_command(program, files):
     assert (files / "python.ply").read_bytes() == (files / "command.ply").read_bytes()
 
 
-@pytest.mark.filterwarnings("ignore:.*PLY has one set of attributes")
+@pytest.mark.filterwarnings("ignore:.*(PLY has one set of attributes|seams were moved)")
 def test_errors_of_the_command_are_exceptions(files):
     low = files / "low.ply"
     with pytest.raises(TypeError, match="rato"):

@@ -145,7 +145,7 @@ def command(
     """Do what the command does, in this process, and return the objects that it would print with ``--json``."""
     words = name.split() + _arguments(options)
     words += [f"--{key.replace('_', '-')}={_path(path)}" for key, path in output.items()]
-    words += ["--json"] if name != "convert" else []
+    words.append("--quiet" if name == "convert" else "--json")
     words += ["--"] + [_path(path) for path in paths]
     with Reporting(progress) as reporting:
         done = _native.call(words, reporting.callback)
