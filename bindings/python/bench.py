@@ -127,7 +127,7 @@ def rivals(args):
                 print(f"  {name:<22}{type(e).__name__}: {str(e).splitlines()[0][:60]}")
                 continue
             share = [100 * found[key]["symmetric"] / found["diagonal"] for key in ("rms", "hausdorff")]
-            kept = [a for a in given if getattr(made, a) is not None and np.ptp(getattr(made, a)) > 0]
+            kept = [a for a in given if getattr(made, a) is not None and np.ptp(getattr(made, a)) >= np.ptp(getattr(mesh, a)) / 2]
             kept = ", ".join(kept) or "-"
             print(f"  {name:<22}{seconds:9.3f}{len(made.faces):11d}{share[0]:10.4f}{share[1]:9.3f}  {kept}")
 

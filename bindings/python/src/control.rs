@@ -1,90 +1,147 @@
-//! Control of runs from Python: signals, progress and a time limit. The interpreter lock is taken a few times a second
-//! only.
+//! Runs of the engine: they work in threads of their own, while the thread that called looks at signals and reports
+//! progress. The interpreter lock is taken for that only, a few times a second.
 
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use lodsmith::{Control, Stage, Verdict};
+use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 
 /// Time between two looks at signals. (Guessed: too short to be felt.)
-pub(crate) const LOOK: Duration = Duration::from_millis(50);
+const LOOK: Duration = Duration::from_millis(50);
 
-/// Begin and end of each stage in the progress of a run. Guessed from runs on scans.
-const PREPARE: (f64, f64) = (0.0, 0.1);
-const COLLAPSE: (f64, f64) = (0.1, 0.65);
-const FIT: (f64, f64) = (0.65, 0.9);
-const MEASURE: (f64, f64) = (0.9, 1.0);
+/// The stages, each with its begin and end in the progress of a run. Guessed from runs on scans.
+const STAGES: [(Stage, f64, f64); 4] = [
+    (Stage::Prepare, 0.0, 0.1),
+    (Stage::Collapse, 0.1, 0.65),
+    (Stage::Fit, 0.65, 0.9),
+    (Stage::Measure, 0.9, 1.0),
+];
 
-/// Control of one run of the engine.
-pub(crate) struct PythonControl {
-    /// A function of the fraction done and the name of the stage.
-    progress: Option<Py<PyAny>>,
+/// The threads, and the process that they belong to.
+static POOL: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
+
+/// Returns the threads of this process. Those of a parent do not live on in a fork, so a child gets its own; rayon's
+/// global pool would wait for ever there.
+fn pool() -> PyResult<Arc<ThreadPool>> {
+    let process = std::process::id();
+    let mut made = POOL.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some((_, pool)) = made.as_ref().filter(|(owner, _)| *owner == process) {
+        return Ok(pool.clone());
+    }
+    let pool = ThreadPoolBuilder::new().build().map_err(|e| PyRuntimeError::new_err(e.to_string()))?;
+    let pool = Arc::new(pool);
+    if let Some(of_parent) = made.replace((process, pool.clone())) {
+        // Nobody is there to answer its end.
+        std::mem::forget(of_parent);
+    }
+    Ok(pool)
+}
+
+/// What a run and the thread that called it share.
+#[derive(Default)]
+struct SharedState {
+    is_cancelled: AtomicBool,
+    /// Bits of the fraction done; for numbers from 0 up their order is that of the numbers.
+    done: AtomicU64,
+    /// Index of the stage.
+    stage: AtomicU8,
+}
+
+/// The engine's side of a run.
+pub(crate) struct WatchedRun {
+    shared: Arc<SharedState>,
     deadline: Option<Instant>,
-    next_look: Instant,
-    stage: Stage,
-    done: f64,
-    /// The exception that ended the run.
-    raised: Option<PyErr>,
 }
 
-impl PythonControl {
-    pub(crate) fn new(progress: Option<Py<PyAny>>, time_limit: Option<f64>) -> Self {
-        let now = Instant::now();
-        // A year is for ever, and does not overflow a clock.
-        let limit = time_limit.map(|s| Duration::from_secs_f64(s.clamp(0.0, 365.0 * 86400.0)));
-        Self {
-            progress,
-            deadline: limit.map(|limit| now + limit),
-            next_look: now + LOOK,
-            stage: Stage::Prepare,
-            done: 0.0,
-            raised: None,
-        }
-    }
-
-    /// Returns the exception that ended the run, if one did.
-    pub(crate) fn raised(&mut self) -> Option<PyErr> {
-        self.raised.take()
-    }
-
-    fn look(&mut self) -> Verdict {
-        let (progress, done, stage) = (self.progress.as_ref(), self.done, self.stage.name());
-        let looked = Python::attach(|py| {
-            py.check_signals()?;
-            progress.map_or(Ok(()), |f| f.call1(py, (done, stage)).map(drop))
-        });
-        self.next_look = Instant::now() + LOOK;
-        match looked {
-            Ok(()) => Verdict::Continue,
-            Err(error) => {
-                self.raised = Some(error);
-                Verdict::Cancel
-            }
-        }
-    }
-}
-
-impl Control for PythonControl {
+impl Control for WatchedRun {
     fn stage(&mut self, stage: Stage) {
-        self.stage = stage;
+        let index = STAGES.iter().position(|s| s.0 == stage).unwrap_or(1);
+        self.shared.stage.store(index as u8, Ordering::Relaxed);
     }
 
     fn progress(&mut self, done: f64) -> Verdict {
-        let (from, to) = match self.stage {
-            Stage::Prepare => PREPARE,
-            Stage::Fit => FIT,
-            Stage::Measure => MEASURE,
-            _ => COLLAPSE,
-        };
+        let (_, from, to) = STAGES[usize::from(self.shared.stage.load(Ordering::Relaxed))];
         // Runs may follow each other; the whole never goes back.
-        self.done = self.done.max(from + (to - from) * done.clamp(0.0, 1.0));
-        let now = Instant::now();
-        if self.raised.is_some() {
-            return Verdict::Cancel;
+        let done = from + (to - from) * done.clamp(0.0, 1.0);
+        self.shared.done.fetch_max(done.to_bits(), Ordering::Relaxed);
+        if self.shared.is_cancelled.load(Ordering::Relaxed) {
+            Verdict::Cancel
+        } else if self.deadline.is_some_and(|d| Instant::now() >= d) {
+            Verdict::Finish
+        } else {
+            Verdict::Continue
         }
-        if now >= self.next_look && self.look() == Verdict::Cancel {
-            return Verdict::Cancel;
+    }
+}
+
+/// How a run is watched.
+#[derive(Default)]
+pub(crate) struct Watch {
+    /// A function of the fraction done and the name of the stage.
+    pub(crate) progress: Option<Py<PyAny>>,
+    /// Seconds after which a run ends with its best result.
+    pub(crate) time_limit: Option<f64>,
+}
+
+impl Watch {
+    /// Does work in threads of the engine, and watches it from this one. A signal or an exception of the progress
+    /// function cancels it.
+    pub(crate) fn run<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut WatchedRun) -> T + Send,
+    ) -> PyResult<T> {
+        let pool = pool()?;
+        let shared = Arc::new(SharedState::default());
+        // A year is for ever, and does not overflow a clock.
+        let limit = self.time_limit.map(|s| Duration::from_secs_f64(s.clamp(0.0, 365.0 * 86400.0)));
+        let mut run = WatchedRun { shared: shared.clone(), deadline: limit.map(|d| Instant::now() + d) };
+        py.detach(|| {
+            pool.in_place_scope(|scope| {
+                let (send, receive) = channel();
+                scope.spawn(move |_| drop(send.send(work(&mut run))));
+                let state = || {
+                    let stage = usize::from(shared.stage.load(Ordering::Relaxed));
+                    (f64::from_bits(shared.done.load(Ordering::Relaxed)), STAGES[stage].0.name())
+                };
+                let cancel = || shared.is_cancelled.store(true, Ordering::Relaxed);
+                wait(&receive, self.progress.as_ref(), state, cancel)
+            })
+        })
+    }
+}
+
+/// Waits for the outcome of work in another thread; a signal or an exception of the progress function cancels it.
+pub(crate) fn wait<T>(
+    receive: &Receiver<T>,
+    progress: Option<&Py<PyAny>>,
+    state: impl Fn() -> (f64, &'static str),
+    cancel: impl Fn(),
+) -> PyResult<T> {
+    let mut raised = None;
+    loop {
+        match receive.recv_timeout(LOOK) {
+            Ok(outcome) => return raised.map_or(Ok(outcome), Err),
+            // A panic of the work is passed on by its scope.
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(PyRuntimeError::new_err("the run did not come to an end"));
+            }
+            Err(RecvTimeoutError::Timeout) if raised.is_some() => {}
+            Err(RecvTimeoutError::Timeout) => {
+                let looked = Python::attach(|py| {
+                    py.check_signals()?;
+                    progress.map_or(Ok(()), |f| f.call1(py, state()).map(drop))
+                });
+                if let Err(error) = looked {
+                    cancel();
+                    raised = Some(error);
+                }
+            }
         }
-        if self.deadline.is_some_and(|d| now >= d) { Verdict::Finish } else { Verdict::Continue }
     }
 }

@@ -13,6 +13,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
 use crate::arrays::{MeshArrays, matrix, to_arrays};
+use crate::control::Watch;
 use crate::errors::empty_mesh;
 
 /// Share of the memory of the machine that a file may take, as in the command.
@@ -59,7 +60,7 @@ pub(crate) fn load<'py>(
     }
     // The operating system's own exceptions, such as FileNotFoundError.
     std::fs::File::open(&path).map_err(|e| os_error(py, &e, &path))?;
-    let loaded = py.detach(|| lodsmith_io::read_path(&path, &options));
+    let loaded = Watch::default().run(py, |_| lodsmith_io::read_path(&path, &options))?;
     let loaded = loaded.map_err(|e| empty_mesh(py, &e.to_string()))?;
     let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
     let arrays = to_arrays(py, loaded.mesh)?;
@@ -111,7 +112,7 @@ pub(crate) fn save<'py>(
     })?;
     options.regions = keywords.materials.map(|m| m.get().0.clone());
     let mesh = mesh.mesh(py)?;
-    let written = py.detach(|| lodsmith_io::write_path(&mesh, &path, &options));
+    let written = Watch::default().run(py, |_| lodsmith_io::write_path(&mesh, &path, &options))?;
     let warnings = written.map_err(|e| PyOSError::new_err(format!("{}: {e}", path.display())))?;
     Ok(warnings.iter().map(ToString::to_string).collect())
 }
@@ -197,7 +198,7 @@ pub(crate) fn render<'py>(
         view.background = Background::Transparent;
     }
     view.fine = keywords.fine;
-    let picture = py.detach(|| lodsmith_render::render(&subject, &view)).map_err(wrong)?;
+    let picture = Watch::default().run(py, |_| lodsmith_render::render(&subject, &view))?.map_err(wrong)?;
     pixels_array(py, &picture)
 }
 

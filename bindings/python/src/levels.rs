@@ -13,8 +13,9 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 use crate::arrays::{MeshArrays, positions_array, to_arrays};
+use crate::control::Watch;
 use crate::errors::mesh_error;
-use crate::run::{RunKeywords, finished, simplified};
+use crate::run::{RunKeywords, simplified};
 
 /// The levels to make: one of these.
 #[derive(FromPyObject)]
@@ -71,9 +72,7 @@ pub(crate) fn lod<'py>(
         PyValueError::new_err("fov, height, pixels: a field of view below 180 and sizes above 0")
     })?;
     let mesh = mesh.mesh(py)?;
-    let mut control = keywords.control(py);
-    let done = py.detach(|| lodsmith::lod(&mesh, &options, &mut control));
-    let chain = finished(py, done, control)?;
+    let chain = keywords.run(py, |run| lodsmith::lod(&mesh, &options, run))?;
     let geomorphs = PyList::empty(py);
     for level in 0..=chain.levels.len() {
         if let Some(positions) = chain.geomorph(level) {
@@ -107,9 +106,7 @@ impl ProgressiveMesh {
     fn build<'py>(py: Python<'py>, mesh: MeshArrays<'py>, keywords: RunKeywords<'py>) -> PyResult<Self> {
         let options = keywords.options()?;
         let mesh = mesh.mesh(py)?;
-        let mut control = keywords.control(py);
-        let done = py.detach(|| Progressive::build(&mesh, &options, &mut control));
-        finished(py, done, control).map(|made| Self(Mutex::new(made)))
+        keywords.run(py, |run| Progressive::build(&mesh, &options, run)).map(|made| Self(Mutex::new(made)))
     }
 
     /// Reads a file.
@@ -151,12 +148,12 @@ impl ProgressiveMesh {
 
     /// Returns the mesh of a level, its estimated error, and its number.
     fn mesh<'py>(&self, py: Python<'py>, level: usize, fit: bool) -> PyResult<Bound<'py, PyDict>> {
-        let made = py.detach(|| {
+        let made = Watch::default().run(py, |_| {
             let mut mesh = self.lock();
             mesh.to_level(level);
             let made: Result<TriMesh, _> = if fit { mesh.fitted_mesh() } else { mesh.mesh() };
             made.map(|made| (made, mesh.error()))
-        });
+        })?;
         let (made, error) = made.map_err(|e| mesh_error(py, &e))?;
         let arrays = to_arrays(py, made)?;
         arrays.set_item("error", error)?;

@@ -13,9 +13,10 @@ use pyo3::types::PyDict;
 use serde_json::json;
 
 use crate::arrays::{MeshArrays, matrix, to_arrays};
+use crate::control::Watch;
 use crate::errors::{empty_mesh, mesh_error};
 use crate::report;
-use crate::run::{RunKeywords, finished};
+use crate::run::RunKeywords;
 
 /// Measures the distance between two meshes in both directions.
 #[pyfunction]
@@ -35,7 +36,9 @@ pub(crate) fn compare<'py>(
     let (reference, candidate) = (reference.surface().map_err(wrong)?, candidate.surface().map_err(wrong)?);
     let mut options = CompareOptions::default();
     (options.samples, options.seed) = (samples, seed);
-    let found = py.detach(|| measured(&reference, &candidate, &options)).map_err(|e| empty(py, &e))?;
+    let found = Watch::default()
+        .run(py, |_| measured(&reference, &candidate, &options))?
+        .map_err(|e| empty(py, &e))?;
     report::to_python(py, &report::comparison(&found))
 }
 
@@ -52,7 +55,7 @@ pub(crate) fn source_map<'py>(
     result: MeshArrays<'py>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (original, result) = (original.mesh(py)?, result.mesh(py)?);
-    let found = py.detach(|| {
+    let found = Watch::default().run(py, |_| {
         let found = correspondence(&original, &result)?;
         // A face for the wedges that were kept, so that every row has one.
         let mut corner = vec![(u32::MAX, 0u8); original.wedge_count()];
@@ -79,7 +82,7 @@ pub(crate) fn source_map<'py>(
             map.2.push(weights);
         }
         Ok(map)
-    });
+    })?;
     let (vertices, faces, weights) = found.map_err(|e: MeasureError| empty(py, &e))?;
     let all = PyDict::new(py);
     all.set_item("vertices", vertices.into_pyarray(py))?;
@@ -108,9 +111,7 @@ pub(crate) fn clean<'py>(
             ))
         })?;
     let mesh = mesh.mesh(py)?;
-    let mut control = keywords.control(py);
-    let done = py.detach(|| lodsmith::clean(&mesh, &options, &mut control));
-    let done = finished(py, done, control)?;
+    let done = keywords.run(py, |run| lodsmith::clean(&mesh, &options, run))?;
     let told = report::to_python(py, &report::cleaned(&done.report))?;
     let arrays = to_arrays(py, done.mesh)?;
     arrays.set_item("report", told)?;
@@ -121,7 +122,7 @@ pub(crate) fn clean<'py>(
 #[pyfunction]
 pub(crate) fn counts<'py>(py: Python<'py>, mesh: MeshArrays<'py>) -> PyResult<Bound<'py, PyAny>> {
     let mesh = mesh.mesh(py)?;
-    let counted = py.detach(|| {
+    let counted = Watch::default().run(py, |_| {
         let surface = mesh.surface();
         let (t, size, broken) = (Topology::new(&surface).counts(), size_of(&surface), defects(&surface));
         let bounds = surface.positions().bounds();
@@ -149,6 +150,6 @@ pub(crate) fn counts<'py>(py: Python<'py>, mesh: MeshArrays<'py>) -> PyResult<Bo
             "area": size.area,
             "volume": size.volume,
         })
-    });
+    })?;
     report::to_python(py, &counted)
 }

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString};
 
 use crate::arrays::{MeshArrays, to_arrays};
-use crate::control::PythonControl;
+use crate::control::{Watch, WatchedRun};
 use crate::errors::{mesh_error, run_error};
 use crate::report;
 
@@ -97,21 +97,15 @@ impl RunKeywords<'_> {
         Ok(options)
     }
 
-    /// Returns the control of the run.
-    pub(crate) fn control(&self, py: Python<'_>) -> PythonControl {
-        PythonControl::new(self.progress.as_ref().map(|f| f.clone_ref(py)), self.time_limit)
-    }
-}
-
-/// Returns the result of a run, or its exception.
-pub(crate) fn finished<T>(
-    py: Python<'_>,
-    done: Result<T, SimplifyError>,
-    mut control: PythonControl,
-) -> PyResult<T> {
-    match control.raised() {
-        Some(raised) => Err(raised),
-        None => done.map_err(|e| run_error(py, e)),
+    /// Does a run of the engine with these keywords.
+    pub(crate) fn run<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut WatchedRun) -> Result<T, SimplifyError> + Send,
+    ) -> PyResult<T> {
+        let progress = self.progress.as_ref().map(|f| f.clone_ref(py));
+        let watch = Watch { progress, time_limit: self.time_limit };
+        watch.run(py, work)?.map_err(|e| run_error(py, e))
     }
 }
 
@@ -131,17 +125,16 @@ pub(crate) fn simplify<'py>(
     keywords: RunKeywords<'py>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let options = keywords.options()?;
-    let mut control = keywords.control(py);
     let done = if mesh.is_bare() {
         let typed = mesh.typed()?;
         let arrays = typed.surface(py)?;
         let surface = arrays.surface().map_err(|e| mesh_error(py, &e))?;
-        py.detach(|| lodsmith::simplify_surface(&surface, &options, &mut control))
+        keywords.run(py, |run| lodsmith::simplify_surface(&surface, &options, run))?
     } else {
         let mesh = mesh.mesh(py)?;
-        py.detach(|| lodsmith::simplify(&mesh, &options, &mut control))
+        keywords.run(py, |run| lodsmith::simplify(&mesh, &options, run))?
     };
-    simplified(py, finished(py, done, control)?)
+    simplified(py, done)
 }
 
 /// Returns the table of the options: name of the keyword, kind, words, default and help.

@@ -100,3 +100,19 @@ def test_runs_in_threads_are_independent(ball):
     [t.start() for t in threads]
     [t.join() for t in threads]
     assert all(m.vertices.tobytes() == wanted.vertices.tobytes() for m in made)
+
+
+def _compare(_):
+    ball = lodsmith.icosphere(4)
+    return lodsmith.compare(ball, lodsmith.simplify(ball, ratio=0.1))["rms"]["symmetric"]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_fork_has_threads_of_its_own():
+    import multiprocessing
+
+    # The threads of this process do not live on in the child.
+    wanted = _compare(0)
+    with multiprocessing.get_context("fork").Pool(2) as pool:
+        assert pool.map_async(_compare, range(4)).get(timeout=120) == [wanted] * 4

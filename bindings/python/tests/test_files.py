@@ -52,14 +52,16 @@ def test_wrong_files(tmp_path):
         lodsmith.icosphere(1).save(tmp_path / "none" / "ball.ply")
 
 
-def test_a_seam_goes_through_load_and_simplify(tmp_path, root):
-    sample = root / "testdata"
+@pytest.mark.filterwarnings("ignore:target not reached", "ignore:seams were moved")
+def test_a_seam_goes_through_load_and_simplify(tmp_path):
     # Rows that share a place have one number in the map.
     text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvt .5 .5\nf 1/1 2/2 3/3\nf 2/4 4/1 3/3\n"
     (tmp_path / "seam.obj").write_text(text)
     mesh = lodsmith.load(tmp_path / "seam.obj")
     assert len(mesh.vertices) == 5 and sorted(mesh.vertex_map) == [0, 1, 1, 2, 3]
-    assert sample.is_dir()
+    # Lists have a value for each row; a place is locked if any of its rows is.
+    made = lodsmith.simplify(mesh, faces=1, locked=np.arange(5) == 0, attributes=None)
+    assert [0, 0, 0] in made.vertices.tolist()
 
 
 def same_bytes(program, folder, words, options, name):

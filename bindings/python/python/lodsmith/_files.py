@@ -151,12 +151,13 @@ def command(
         done = _native.call(words, reporting.callback)
         report = [json.loads(line) for line in done["results"].splitlines()]
         if done["is_unknown_argument"]:
-            text = done["errors"][0]
+            text = done["errors"][0].partition(" Usage:")[0].replace("error: ", "", 1)
             for key in options:
                 text = text.replace(f"--{key.replace('_', '-')}", key)
             raise TypeError(text)
         if done["status"] != 0:
-            text = "; ".join(done["errors"] or done["warnings"]) or f"status {done['status']}"
+            texts = [error.partition(" Usage:")[0] for error in done["errors"]]
+            text = "; ".join(texts or done["warnings"]) or f"status {done['status']}"
             raise CommandError(text, done["status"], report)
     for text in done["warnings"]:
         warnings.warn(text, LodsmithWarning, stacklevel=3)

@@ -48,8 +48,6 @@ def _take_trimesh(mesh: Any) -> Mesh:
     if getattr(visual, "uv", None) is not None and len(visual.uv) == len(mesh.vertices):
         taken.uvs = np.asarray(visual.uv)
         parts = getattr(visual, "face_materials", None)
-        if parts is None:
-            parts = getattr(visual, "_lodsmith_regions", None)
         if parts is not None and len(parts) == len(mesh.faces):
             taken.regions = np.asarray(parts)
     kind = getattr(visual, "kind", None)
@@ -57,10 +55,8 @@ def _take_trimesh(mesh: Any) -> Mesh:
         taken.colors = np.asarray(visual.vertex_colors)
     elif kind == "face":
         # One region for each colour: the borders between colours stay.
-        colors, taken.regions = np.unique(np.asarray(visual.face_colors), axis=0, return_inverse=True)
+        _, taken.regions = np.unique(np.asarray(visual.face_colors), axis=0, return_inverse=True)
         taken.regions = taken.regions.reshape(-1)
-        taken._materials = None
-        taken._face_colors = colors
     for name, values in mesh.vertex_attributes.items():
         if name not in ("normals", "uvs", "colors", "regions", "vertex_map") and np.asarray(values).dtype.kind in "fiub":
             taken.attributes[name] = np.asarray(values)

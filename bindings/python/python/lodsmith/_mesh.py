@@ -289,15 +289,15 @@ def from_native(kind: type, made: Dict[str, Any], like: Optional[Mesh]) -> Any:
     return mesh
 
 
-def keywords_of(options: Dict[str, Any], locked: Any, importance: Any, progress: Any, time_limit: Any, count: int) -> Any:
+def keywords_of(options: Dict[str, Any], locked: Any, importance: Any, progress: Any, time_limit: Any, mesh: Mesh) -> Any:
     """The keywords of a run as the engine takes them."""
     if locked is not None:
         locked = np.asarray(locked)
         if locked.dtype.kind in "iu" and locked.dtype != np.bool_:
             raise TypeError("locked: an array of bool is expected, one for each vertex")
-        locked = _list("locked", locked, np.bool_, count)
+        locked = _list("locked", locked, np.bool_, mesh)
     if importance is not None:
-        importance = _list("importance", np.asarray(importance), np.float32, count)
+        importance = _list("importance", np.asarray(importance), np.float32, mesh)
     if time_limit is not None and not (np.isfinite(time_limit) and time_limit > 0):
         raise ValueError(f"time_limit: a number of seconds above 0 is expected, not {time_limit}")
     return SimpleNamespace(
@@ -305,10 +305,17 @@ def keywords_of(options: Dict[str, Any], locked: Any, importance: Any, progress:
     )
 
 
-def _list(name: str, array: np.ndarray, kind: Any, count: int) -> np.ndarray:
+def _list(name: str, array: np.ndarray, kind: Any, mesh: Mesh) -> np.ndarray:
+    count = len(mesh.vertices)
     if array.shape != (count,):
         raise ValueError(f"{name}: the shape {array.shape} is not ({count},), one value for each vertex")
-    return np.require(array, kind, ["C", "A"])
+    values = np.require(array, kind, ["C", "A"])
+    if mesh.vertex_map is None:
+        return values
+    # The engine has one value for each place: the largest of its rows.
+    of_place = np.zeros(int(mesh.vertex_map.max()) + 1 if count else 0, kind)
+    np.maximum.at(of_place, mesh.vertex_map, values)
+    return of_place
 
 
 def check_names(options: Mapping[str, Any], function: str, known: Tuple[str, ...], engine: bool = True) -> None:

@@ -242,7 +242,7 @@ def simplify(
     _check_end(options)
     given, kind, own = arguments(mesh, triangles, attributes)
     with Reporting(progress) as reporting:
-        keywords = keywords_of(options, locked, importance, reporting.callback, time_limit, len(given.vertices))
+        keywords = keywords_of(options, locked, importance, reporting.callback, time_limit, given)
         made = _native.simplify(to_native(given), keywords)
     result = _result(made, given)
     _tell(result.report, options)
@@ -315,7 +315,7 @@ def lod(
         screen=(float(fov), float(height), float(pixels)),
     )
     with Reporting(progress) as reporting:
-        keywords = keywords_of(options, locked, importance, reporting.callback, time_limit, len(given.vertices))
+        keywords = keywords_of(options, locked, importance, reporting.callback, time_limit, given)
         made, geomorphs = _native.lod(to_native(given), wanted, keywords)
     results = []
     for i, one in enumerate(made):
@@ -361,7 +361,7 @@ class Progressive:
         check_names(options, "Progressive", _RUN[:-1])
         given, self._kind, self._own = arguments(mesh, triangles, attributes)
         with Reporting(progress) as reporting:
-            keywords = keywords_of(options, locked, importance, reporting.callback, None, len(given.vertices))
+            keywords = keywords_of(options, locked, importance, reporting.callback, None, given)
             self._mesh = _native.ProgressiveMesh.build(to_native(given), keywords)
         self._original: Optional[Mesh] = given
 
@@ -502,7 +502,7 @@ def clean(
     """
     given, kind, own = arguments(mesh, triangles, attributes)
     with Reporting(progress) as reporting:
-        keywords = keywords_of({"weld": weld, "prune": prune}, None, None, reporting.callback, None, 0)
+        keywords = keywords_of({"weld": weld, "prune": prune}, None, None, reporting.callback, None, given)
         made = _native.clean(to_native(given), non_manifold, keywords)
     return _back(_result(made, given), kind, own)
 
