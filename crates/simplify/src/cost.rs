@@ -206,6 +206,33 @@ pub(crate) fn of_four(
     FourCosts { cost: q * peak + tie, step: y, form_cost, solved }
 }
 
+/// Returns the costs of four forms for the edge vectors `d` at the better of the two ends, the kept one if they are
+/// equal: [`of_form`] in lanes.
+#[inline(always)]
+pub(crate) fn of_four_ends(
+    FourForms { a, h, c }: &FourForms,
+    d: &Four,
+    peak_weight: f32,
+    wants_forms: bool,
+) -> FourCosts {
+    let trace = (a[0] + a[1] + a[2]).fast_max(f32x4::ZERO);
+    let peak = f32x4::splat(PEAK_GUESS * peak_weight) / trace.fast_max(f32x4::splat(1e-37));
+    let peak = f32x4::ONE + peak.fast_min(f32x4::splat(PEAK_GUESS * PEAK_OF_STAR));
+    let d_sq = dot(d, d);
+    let size = trace * d_sq;
+    let significant = |q: f32x4, share: f32| q.simd_gt(size * share) & q;
+    let there = *c - dot(h, d) * 2.0 + dot(&times(a, d), d);
+    let (q, other) = (significant(*c, CANCELLATION_NOISE), significant(there, CANCELLATION_NOISE));
+    let is_there = other.simd_lt(q);
+    let form_cost = match wants_forms {
+        true => significant(is_there.bitselect(there, *c), MIN_SIGNIFICANT),
+        false => f32x4::ZERO,
+    };
+    let cost = q.fast_min(other) * peak + trace * (0.5 * TIE) * d_sq;
+    let solved = f32x4::ZERO.simd_eq(f32x4::ZERO);
+    FourCosts { cost, step: d.map(|x| is_there & x), form_cost, solved }
+}
+
 /// A symmetric matrix (xx, yy, zz, xy, xz, yz) times a vector, four side by side.
 #[inline(always)]
 pub(crate) fn times(a: &[f32x4; 6], d: &Four) -> Four {

@@ -32,7 +32,7 @@ impl<M: Metric> LiveMesh<M> {
         let mut stuck = 0;
         let is_plain = |w: VertexId| self.store.v[w.index()].kind.is_free();
         let plain = self.cost.metric.is_memoryless()
-            && self.constraints.rules.placement == Placement::Optimal
+            && self.constraints.rules.placement != Placement::Midpoint
             && is_plain(u);
         for four in owned.chunks(4) {
             if plain
@@ -98,7 +98,11 @@ impl<M: Metric> LiveMesh<M> {
         if self.values.attributes.is_some() {
             self.add_attributes_to_four((u, ends, are_lone), &d, (&mut a, &mut h, &mut c), ru, members);
         }
-        cost::of_four(&FourForms { a, h, c }, &d, self.peak_weight(), self.values.attributes.is_some())
+        let (forms, has_attributes) = (FourForms { a, h, c }, self.values.attributes.is_some());
+        match self.constraints.rules.placement {
+            Placement::Endpoint => cost::of_four_ends(&forms, &d, self.peak_weight(), has_attributes),
+            _ => cost::of_four(&forms, &d, self.peak_weight(), has_attributes),
+        }
     }
 
     /// Returns the cost of a form at `y`, for edge vector `d`.
@@ -195,9 +199,10 @@ mod tests {
 
     /// Compares the costs of four edges side by side with those of each alone. Returns the number of
     /// comparisons, and the mismatches.
-    fn compared(mesh: &TriMesh) -> (usize, Vec<String>) {
+    fn compared(mesh: &TriMesh, placement: Placement) -> (usize, Vec<String>) {
         let (mut count, mut wrong) = (0, Vec::new());
-        let options = SimplifyOptions::new(Stop::ratio(0.5));
+        let mut options = SimplifyOptions::new(Stop::ratio(0.5));
+        options.placement = placement;
         with_engine(Memoryless, mesh, &options, &mut |engine, _| {
             let (mut ring, mut owned, mut members) = (Ring::default(), Vec::new(), Vec::new());
             for u in (0..engine.mesh.store.v.len()).map(VertexId::new) {
@@ -260,8 +265,12 @@ mod tests {
     fn four_edges_cost_what_each_costs_alone() {
         let mut all = 0;
         for (name, mesh) in shapes::all() {
-            for mesh in [&in_two_charts(&mesh), &mesh] {
-                let (count, wrong) = compared(mesh);
+            for (mesh, placement) in [
+                (&in_two_charts(&mesh), Placement::Optimal),
+                (&mesh, Placement::Optimal),
+                (&mesh, Placement::Endpoint),
+            ] {
+                let (count, wrong) = compared(mesh, placement);
                 assert!(wrong.is_empty(), "{name}: {} of {count}: {}", wrong.len(), wrong[0]);
                 all += count;
             }
@@ -408,7 +417,8 @@ mod tests {
             has_charts in any::<bool>(),
         ) {
             let has_charts = has_charts && mesh.face_count() > 0;
-            let (_, wrong) = compared(&if has_charts { in_two_charts(&mesh) } else { mesh });
+            let mesh = if has_charts { in_two_charts(&mesh) } else { mesh };
+            let (_, wrong) = compared(&mesh, Placement::Optimal);
             prop_assert!(wrong.is_empty(), "{}: {}", wrong.len(), wrong[0]);
         }
     }
