@@ -316,6 +316,19 @@ pub enum Measure {
     Always,
 }
 
+/// Settings of one quick pass, for the calls of the C interface that take the place of another library's: no
+/// late phase, no search and no proposals.
+#[doc(hidden)]
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct QuickPass {
+    /// Largest distance from a plane of the present surface that one collapse may leave. With
+    /// [`QuickPass::wedge_values`] also the largest distance between values.
+    pub max_step: Option<Length>,
+    /// With [`Placement::Endpoint`]: values of the wedges that count in the cost, as many for each; a
+    /// difference of 1 counts like the largest extent of the mesh.
+    pub wedge_values: Option<Arc<[f32]>>,
+}
+
 /// All options of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
@@ -393,6 +406,9 @@ pub struct SimplifyOptions {
     /// Keeps blended normals that deviate far from their faces: for lent normals, and where groups of
     /// clusters are joined again.
     pub(crate) keeps_blended_normals: bool,
+    /// Makes one quick pass, if set.
+    #[doc(hidden)]
+    pub quick: Option<QuickPass>,
     /// Seed of all random choices: equal seeds give equal bytes.
     pub seed: u64,
 }

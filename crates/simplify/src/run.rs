@@ -183,7 +183,7 @@ impl Run<'_, '_> {
     ) -> Result<RunOutcome, SimplifyError> {
         let mut trunk = self.begin(metric, step, leave, (&[], 0), control)?;
         let end = self.sweep(&mut trunk, &goal, control)?;
-        let proposes = end == StopReason::Stuck && step.is_none();
+        let proposes = end == StopReason::Stuck && step.is_none() && self.options.quick.is_none();
         self.finish(&mut trunk.engine, &trunk.root, end, proposes, control)
     }
 }

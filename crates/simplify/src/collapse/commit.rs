@@ -260,6 +260,13 @@ impl<M: Metric> LiveMesh<M> {
         } else {
             cost = checked.metric_cost;
         }
+        let mut handed_over = None;
+        if self.counts_wedge_values() && (cost <= tau || is_probe) {
+            let changes = self.wedges_to_hand_over(u, v, y, off, ru, rv)?;
+            let [of_values, farthest] = self.cost_of_wedges(&changes, at);
+            (cost, peak) = (cost + of_values, peak.max(farthest));
+            handed_over = Some(changes);
+        }
         if peak > self.constraints.rules.max_step_sq {
             return Err(Refusal::Cost.into());
         }
@@ -273,10 +280,11 @@ impl<M: Metric> LiveMesh<M> {
         if detail.is_some_and(|change| !self.keeps_detail(change)) {
             return Err(Refusal::Component.into());
         }
-        let mut handed_over = Vec::new();
-        if !is_probe {
-            handed_over = self.wedges_to_hand_over(u, v, y, off, ru, rv)?;
-        }
+        let handed_over = match handed_over {
+            Some(known) => known,
+            None if is_probe => Vec::new(),
+            None => self.wedges_to_hand_over(u, v, y, off, ru, rv)?,
+        };
         let mut charge = None;
         if let Some(late) = &self.sampled {
             let most = if is_probe { f32::INFINITY } else { tau };

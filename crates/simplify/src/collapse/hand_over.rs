@@ -9,6 +9,10 @@ use super::wedges::{HandedOver, Wedges};
 use crate::metric::Metric;
 use crate::report::Refusal;
 
+/// Squared sine of the angle of a face at a corner below which it is a sliver: its values do not tell how they
+/// change across it. (Guessed.)
+const MIN_GRAM: f32 = 1e-4;
+
 impl<M: Metric> LiveMesh<M> {
     /// Returns the corners of the end whose position is removed, with the wedges of the other end that
     /// replace theirs. Wedges are paired where a triangle contains both; a wedge without a partner would be
@@ -67,6 +71,48 @@ impl<M: Metric> LiveMesh<M> {
         Ok(changes)
     }
 
+    /// True if values of wedges count in the cost of a collapse onto an end.
+    #[inline(always)]
+    pub(super) fn counts_wedge_values(&self) -> bool {
+        self.values.wedge_data.as_ref().is_some_and(|data| data.values.is_some())
+    }
+
+    /// Returns the cost of handing wedges over, and the largest squared difference of a value: over the faces
+    /// that stay, twice the area times the squared difference between the values of the face, continued
+    /// linearly to the position `at` of the kept end, and those of the wedge there. (As planes of faces, which
+    /// the merged vertex leaves by a distance.)
+    #[inline(never)]
+    pub(super) fn cost_of_wedges(&self, changes: &HandedOver, at: Vec3) -> [f32; 2] {
+        let (Some(data), Some(wedges)) = (&self.values.wedge_data, &self.store.wedges) else {
+            return [0.0; 2];
+        };
+        let (mut cost, mut peak) = (0.0, 0.0f32);
+        for &(corner, new) in changes {
+            let (face, k) = (corner.face(), corner.k());
+            let [here, next, last] = [k, (k + 1) % 3, (k + 2) % 3];
+            let [p, q, r] = [here, next, last].map(|k| self.store.p(self.store.t[face][k]));
+            let (a, b, d) = (q - p, r - p, at - p);
+            // Coordinates of the foot of `at` in the plane of the face.
+            let (aa, ab, bb) = (a.dot(a), a.dot(b), b.dot(b));
+            let det = aa * bb - ab * ab;
+            let [s, t] = match det > MIN_GRAM * aa * bb {
+                true => [bb * a.dot(d) - ab * b.dot(d), aa * b.dot(d) - ab * a.dot(d)].map(|x| x / det),
+                false => [0.0; 2],
+            };
+            let [of_p, of_q, of_r] = [here, next, last].map(|k| data.values(wedges[face][k]));
+            let each = of_p.iter().zip(of_q).zip(of_r).zip(data.values(new));
+            let off: f32 = each
+                .map(|(((p, q), r), new)| {
+                    let off = p + s * (q - p) + t * (r - p) - new;
+                    off * off
+                })
+                .sum();
+            cost += det.max(0.0).sqrt() * off;
+            peak = peak.max(off);
+        }
+        [cost, peak]
+    }
+
     /// Applies the changes.
     #[inline(always)]
     pub(crate) fn hand_over_wedges(&mut self, changes: &HandedOver) {
@@ -98,6 +144,7 @@ mod tests {
         engine.mesh.values.wedge_data = Some(Wedges {
             uvs: Some((0..50).map(|w| uvs[side(w)]).collect()),
             normals: Some((0..50).map(|w| [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]][side(w)]).collect()),
+            ..Wedges::default()
         });
         engine
     }

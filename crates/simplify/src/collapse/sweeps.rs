@@ -524,6 +524,7 @@ impl<M: Metric> Engine<M> {
     /// True if a goal has a late phase.
     pub(super) fn is_extreme(&self, goal: &Goal) -> bool {
         !self.mesh.cost.metric.cost_source().is_decided_by_metric()
+            && self.mesh.constraints.rules.has_late_phase
             && goal.faces.is_some_and(|n| samples::is_extreme(n, self.tally.first_faces))
     }
 

@@ -1,5 +1,7 @@
 //! Wedges in collapses onto endpoints: attributes are kept, seams stay closed.
 
+use std::sync::Arc;
+
 use glam::Vec3;
 use lodsmith_core::{VertexId, WedgeId};
 
@@ -12,9 +14,18 @@ use crate::metric::VertexMemory;
 pub(crate) struct Wedges {
     pub(crate) uvs: Option<Vec<[f32; 2]>>,
     pub(crate) normals: Option<Vec<[f32; 3]>>,
+    /// Values that count in the cost, `width` for each wedge, as lengths in the unit frame.
+    pub(crate) values: Option<Arc<[f32]>>,
+    pub(crate) width: usize,
 }
 
 impl Wedges {
+    /// Returns the values of a wedge that count in the cost; none if there are not enough.
+    #[inline(always)]
+    pub(super) fn values(&self, w: WedgeId) -> &[f32] {
+        let all = self.values.as_deref().unwrap_or_default();
+        all.get(w.index() * self.width..(w.index() + 1) * self.width).unwrap_or_default()
+    }
     pub(super) fn same_uv(&self, a: WedgeId, b: WedgeId) -> bool {
         self.uvs.as_ref().is_none_or(|uv| uv[a.index()] == uv[b.index()])
     }
