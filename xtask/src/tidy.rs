@@ -114,6 +114,16 @@ const FORBIDDEN_WORDS: &[ForbiddenWords] = &[
     },
     ForbiddenWords {
         folders: &["crates", "bench", "xtask", "fuzz"],
+        words: &["unsafe {", "unsafe fn", "unsafe impl", "allow(unsafe_code"],
+        why: "only bindings/c, whose caller has pointers, may be unsafe",
+    },
+    ForbiddenWords {
+        folders: &["bindings/c"],
+        words: &["eprintln!", "eprint!", "dbg!", "std::fs", "std::net"],
+        why: "the C interface uses the caller's memory and nothing else",
+    },
+    ForbiddenWords {
+        folders: &["crates", "bindings", "bench", "xtask", "fuzz"],
         words: &["#[ignore", "allow(dead_code", "todo!(", "unimplemented!("],
         why: "no test is ignored and nothing is left for later in silence",
     },
@@ -421,7 +431,7 @@ fn included(text: &str) -> impl Iterator<Item = &str> {
 
 fn vague_names() -> Result<Vec<String>> {
     let mut findings = Vec::new();
-    for folder in ["crates", "bench", "xtask", "fuzz"] {
+    for folder in ["crates", "bindings", "bench", "xtask", "fuzz"] {
         for path in sources(folder)? {
             let relative = path.strip_prefix(root()).unwrap_or(&path);
             let vague = |part: &std::ffi::OsStr| {
@@ -437,7 +447,7 @@ fn vague_names() -> Result<Vec<String>> {
 
 fn long_files() -> Result<Vec<String>> {
     let mut findings = Vec::new();
-    for folder in ["crates", "bench", "xtask", "fuzz"] {
+    for folder in ["crates", "bindings", "bench", "xtask", "fuzz"] {
         for path in sources(folder)? {
             let lines = std::fs::read_to_string(&path)?.lines().count();
             if lines > LINES_MAX {

@@ -1,0 +1,113 @@
+//! `lodsmith_simplify` and `lodsmith_version`.
+
+use std::ffi::{CStr, c_char, c_void};
+use std::time::Instant;
+
+use lodsmith::{Control, NoControl, Stage, Verdict, simplify};
+use lodsmith_core::Attribute;
+
+use crate::fault::{Fault, code, guarded};
+use crate::memory;
+use crate::mesh_view::LodsmithMeshView;
+use crate::options::LodsmithOptions;
+use crate::result::LodsmithResult;
+
+/// The run continues.
+pub const LODSMITH_CONTINUE: i32 = 0;
+/// The run ends soon, with the best mesh so far.
+pub const LODSMITH_FINISH: i32 = 1;
+/// The run ends soon, with `LODSMITH_ERROR_CANCELLED`.
+pub const LODSMITH_CANCEL: i32 = 2;
+
+/// Welding, ordering and building the connectivity.
+pub const LODSMITH_STAGE_PREPARE: i32 = 0;
+/// Collapsing edges, or what the method does instead.
+pub const LODSMITH_STAGE_SIMPLIFY: i32 = 1;
+/// The final fit.
+pub const LODSMITH_STAGE_FIT: i32 = 2;
+/// Measuring the result.
+pub const LODSMITH_STAGE_MEASURE: i32 = 3;
+
+/// Receives the progress: the stage, one of `LODSMITH_STAGE_...`, and the share of it that is done, from 0 to 1. Returns
+/// `LODSMITH_CONTINUE`, `LODSMITH_FINISH` or `LODSMITH_CANCEL`. It is called often, on the thread of the call, and must not
+/// throw an exception or jump out.
+pub type LodsmithProgress = Option<unsafe extern "C" fn(user: *mut c_void, stage: i32, done: f64) -> i32>;
+
+/// Passes the progress on to the caller.
+struct Callback {
+    call: unsafe extern "C" fn(*mut c_void, i32, f64) -> i32,
+    user: *mut c_void,
+    stage: i32,
+}
+
+impl Control for Callback {
+    fn stage(&mut self, stage: Stage) {
+        self.stage = match stage {
+            Stage::Prepare => LODSMITH_STAGE_PREPARE,
+            Stage::Fit => LODSMITH_STAGE_FIT,
+            Stage::Measure => LODSMITH_STAGE_MEASURE,
+            _ => LODSMITH_STAGE_SIMPLIFY,
+        };
+    }
+    fn progress(&mut self, done: f64) -> Verdict {
+        // SAFETY: the caller promises a function of this type that may be called with its pointer.
+        match unsafe { (self.call)(self.user, self.stage, done) } {
+            LODSMITH_CONTINUE => Verdict::Continue,
+            LODSMITH_FINISH => Verdict::Finish,
+            _ => Verdict::Cancel,
+        }
+    }
+}
+
+/// Simplifies a mesh as well as it can be done: the closest mesh for the count, with all its attributes.
+///
+/// Returns `LODSMITH_OK` and a new result in `*result`, which the caller frees with `lodsmith_result_free`; or an error code,
+/// with a text in `lodsmith_error_message` and null in `*result`. The mesh is only read, and not used after the call.
+/// `progress` may be null; `user` is passed to it. Same mesh, options and seed, same result.
+///
+/// # Safety
+/// The structures must have the sizes that they say, and the buffers that they name their extents.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lodsmith_simplify(
+    mesh: *const LodsmithMeshView,
+    options: *const LodsmithOptions,
+    progress: LodsmithProgress,
+    user: *mut c_void,
+    result: *mut *mut LodsmithResult,
+) -> i32 {
+    code(&guarded(|| {
+        if result.is_null() {
+            return Err(Fault::argument("there is no place for the result"));
+        }
+        // SAFETY: the caller promises a pointer that may be written, and structures and buffers of their extents.
+        let (mesh, options) = unsafe {
+            result.write_unaligned(std::ptr::null_mut());
+            let view = memory::sized(mesh, LodsmithMeshView::EMPTY)?;
+            let mut options = memory::sized(options, LodsmithOptions::default())?.get()?;
+            view.set_options(&mut options)?;
+            (view.mesh()?, options)
+        };
+        let started = Instant::now();
+        let done = match progress {
+            Some(call) => simplify(&mesh, &options, &mut Callback { call, user, stage: 0 }),
+            None => simplify(&mesh, &options, &mut NoControl),
+        }?;
+        let seconds = started.elapsed().as_secs_f64();
+        let attributes = mesh.further_attributes().iter().map(|a: &Attribute| a.semantic.clone()).collect();
+        let made = Box::into_raw(Box::new(LodsmithResult { done, attributes, seconds }));
+        // SAFETY: the caller promises a pointer that may be written.
+        unsafe { result.write_unaligned(made) };
+        Ok(())
+    }))
+}
+
+const VERSION: &CStr = match CStr::from_bytes_with_nul(concat!(env!("CARGO_PKG_VERSION"), "\0").as_bytes()) {
+    Ok(version) => version,
+    Err(_) => c"",
+};
+
+/// Returns the version of the library, such as `0.1.0`: a text that is always valid.
+#[unsafe(no_mangle)]
+pub extern "C" fn lodsmith_version() -> *const c_char {
+    VERSION.as_ptr()
+}

@@ -1,0 +1,139 @@
+//! Errors: a code, and a text that the calling thread can ask for. No panic leaves the library.
+
+use std::cell::RefCell;
+use std::ffi::{CString, c_char};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::ptr;
+
+use lodsmith::SimplifyError;
+use lodsmith_core::MeshError;
+
+/// The call succeeded.
+pub const LODSMITH_OK: i32 = 0;
+/// An argument is not valid: a null pointer, a stride that is too small, an index that is out of range.
+pub const LODSMITH_ERROR_ARGUMENT: i32 = 1;
+/// An option is out of range, or does not go with the method or with another one.
+pub const LODSMITH_ERROR_OPTION: i32 = 2;
+/// The mesh cannot be simplified: no face has an area.
+pub const LODSMITH_ERROR_MESH: i32 = 3;
+/// The progress function asked for the end.
+pub const LODSMITH_ERROR_CANCELLED: i32 = 4;
+/// A fault of the library.
+pub const LODSMITH_ERROR_INTERNAL: i32 = 5;
+
+/// An error on its way to the caller.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    pub(crate) code: i32,
+    pub(crate) text: String,
+}
+
+impl Fault {
+    pub(crate) fn argument(text: impl Into<String>) -> Self {
+        Self { code: LODSMITH_ERROR_ARGUMENT, text: text.into() }
+    }
+    pub(crate) fn internal(text: impl Into<String>) -> Self {
+        Self { code: LODSMITH_ERROR_INTERNAL, text: text.into() }
+    }
+    /// The text for users.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+}
+
+impl From<SimplifyError> for Fault {
+    fn from(error: SimplifyError) -> Self {
+        let code = match error {
+            SimplifyError::NoFaces { .. } => LODSMITH_ERROR_MESH,
+            SimplifyError::Cancelled => LODSMITH_ERROR_CANCELLED,
+            SimplifyError::Mesh(_) | SimplifyError::WrongLength { .. } => LODSMITH_ERROR_ARGUMENT,
+            _ => LODSMITH_ERROR_OPTION,
+        };
+        Self { code, text: error.to_string() }
+    }
+}
+
+impl From<MeshError> for Fault {
+    fn from(error: MeshError) -> Self {
+        Self::argument(error.to_string())
+    }
+}
+
+thread_local! {
+    static LAST: RefCell<Option<CString>> = const { RefCell::new(None) };
+}
+
+fn remember(text: Option<&str>) {
+    let text = text.map(|text| CString::new(text.replace('\0', " ")).unwrap_or_default());
+    // While a thread ends, its storage may be gone already.
+    _ = LAST.try_with(|last| {
+        if let Ok(mut last) = last.try_borrow_mut() {
+            *last = text;
+        }
+    });
+}
+
+/// Runs the body of a function of the interface; a panic becomes a fault. Remembers the text of a fault for the
+/// calling thread, and forgets the one before.
+pub(crate) fn guarded<T>(body: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
+    // (After a panic nothing of the body is used again, so no broken value can be seen.)
+    let outcome = catch_unwind(AssertUnwindSafe(body));
+    let outcome = outcome.unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<String>().map(String::as_str);
+        let text = text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("unknown");
+        let fault = Fault::internal(format!("a fault of the library: {text}"));
+        // A payload may panic again when it is dropped.
+        std::mem::forget(panic);
+        Err(fault)
+    });
+    remember(outcome.as_ref().err().map(|fault| fault.text.as_str()));
+    outcome
+}
+
+/// The code of an outcome.
+pub(crate) fn code(outcome: &Result<(), Fault>) -> i32 {
+    outcome.as_ref().err().map_or(LODSMITH_OK, |fault| fault.code)
+}
+
+/// Returns the text of the error of the last call on this thread, in English, as UTF-8; null if that call
+/// succeeded. The text is valid until the next call on this thread; copy it to keep it. (The functions that
+/// only read a value, such as `lodsmith_result_vertex_count`, change nothing here.)
+#[unsafe(no_mangle)]
+pub extern "C" fn lodsmith_error_message() -> *const c_char {
+    LAST.try_with(|last| {
+        last.try_borrow().ok().and_then(|last| last.as_ref().map(|text| text.as_ptr())).unwrap_or(ptr::null())
+    })
+    .unwrap_or(ptr::null())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ffi::CStr;
+
+    use super::*;
+
+    fn message() -> Option<String> {
+        let text = lodsmith_error_message();
+        // SAFETY: the text is null or a string of this thread, and no call comes in between.
+        (!text.is_null()).then(|| unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned())
+    }
+
+    #[test]
+    fn a_panic_becomes_a_fault_and_the_next_call_forgets_it() {
+        let hook = std::panic::take_hook();
+        std::panic::set_hook(Box::new(|_| {}));
+        let outcome = guarded::<()>(|| panic!("number {}", 7));
+        std::panic::set_hook(hook);
+        assert_eq!(code(&outcome), LODSMITH_ERROR_INTERNAL);
+        assert_eq!(message().as_deref(), Some("a fault of the library: number 7"));
+        assert_eq!(guarded(|| Ok(3)), Ok(3));
+        assert_eq!(message(), None);
+    }
+
+    #[test]
+    fn each_thread_has_its_own_text() {
+        _ = guarded::<()>(|| Err(Fault::argument("here")));
+        std::thread::spawn(|| assert_eq!(message(), None)).join().unwrap();
+        assert_eq!(message().as_deref(), Some("here"));
+    }
+}

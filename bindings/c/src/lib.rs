@@ -1,0 +1,40 @@
+//! The C interface: simplification for programs in C, C++ and any language that calls C.
+//!
+//! ```text
+//! fault         errors as codes and as text per thread; no panic leaves the library
+//! flags         the flags of the index calls
+//! memory        the caller's buffers as checked views: every pointer is read or written here
+//! used          the vertices that an index buffer uses, under new numbers
+//! places        vertices by position
+//! quick         simplification of an index buffer onto its own vertices
+//! update        the same with vertices that move
+//! index_calls   the functions with the arguments of meshoptimizer
+//! options       `lodsmith_options`, and its conversion
+//! mesh_view     `lodsmith_mesh_view`, and its conversion
+//! result        `lodsmith_result`, its accessors, `lodsmith_report`
+//! calls         `lodsmith_simplify`, `lodsmith_version`
+//! ```
+//!
+//! The documentation for users is in `include/lodsmith.h`, which is generated from here, and in `docs/c.md`.
+#![allow(unsafe_code, reason = "the border to C is made of pointers; each block has its proof beside it")]
+
+mod calls;
+mod fault;
+mod flags;
+mod index_calls;
+mod memory;
+mod mesh_view;
+mod options;
+mod places;
+mod quick;
+mod result;
+mod update;
+mod used;
+
+pub use calls::*;
+pub use fault::*;
+pub use flags::*;
+pub use index_calls::*;
+pub use mesh_view::*;
+pub use options::*;
+pub use result::*;

@@ -1,0 +1,521 @@
+//! `lodsmith_options`, and its conversion.
+
+use std::sync::Arc;
+
+use lodsmith::{
+    AttributeWeights, BorderPolicy, Bound, Fit, Guards, Length, Measure, Method, MethodOptions, Placement,
+    Preset, SimplifyOptions, Stop, Texture, Textures, TopologyPolicy,
+};
+use lodsmith_core::{Image, RegionId};
+
+use crate::fault::{Fault, LODSMITH_ERROR_OPTION, code, guarded};
+use crate::memory::{self, CStructure};
+
+/// A length that is not set.
+pub const LODSMITH_UNIT_NONE: i32 = 0;
+/// A length in the units of the positions.
+pub const LODSMITH_UNIT_MESH: i32 = 1;
+/// A length as a share of the diagonal of the bounding box.
+pub const LODSMITH_UNIT_DIAGONAL: i32 = 2;
+
+/// Edge collapse by the tensors of the present star, and a final fit: the default.
+pub const LODSMITH_METHOD_MEMORYLESS: i32 = 0;
+/// Edge collapse by accumulated quadrics.
+pub const LODSMITH_METHOD_QUADRIC: i32 = 1;
+/// Edge collapse that preserves volume and borders.
+pub const LODSMITH_METHOD_LINDSTROM_TURK: i32 = 2;
+/// Half-edge collapse by length times curvature.
+pub const LODSMITH_METHOD_MELAX: i32 = 3;
+/// Edge collapse in order of edge length.
+pub const LODSMITH_METHOD_SHORTEST_EDGE: i32 = 4;
+/// One vertex for each cell of a grid.
+pub const LODSMITH_METHOD_CLUSTER: i32 = 5;
+/// Removal of vertices; the holes are filled.
+pub const LODSMITH_METHOD_VERTEX_REMOVAL: i32 = 6;
+/// Coplanar regions with as few triangles as their outlines need.
+pub const LODSMITH_METHOD_PLANAR: i32 = 7;
+/// Reversal of 4:1 subdivision.
+pub const LODSMITH_METHOD_UNSUBDIVIDE: i32 = 8;
+/// A new mesh on the old surface.
+pub const LODSMITH_METHOD_REMESH: i32 = 9;
+
+/// The final fit is used where it helps.
+pub const LODSMITH_FIT_AUTO: i32 = 0;
+/// The final fit is always used.
+pub const LODSMITH_FIT_ON: i32 = 1;
+/// The final fit is never used.
+pub const LODSMITH_FIT_OFF: i32 = 2;
+
+/// Merged vertices lie at the point of least cost.
+pub const LODSMITH_PLACEMENT_OPTIMAL: i32 = 0;
+/// Merged vertices lie at the better end of the edge: vertices of the result are vertices of the input.
+pub const LODSMITH_PLACEMENT_ENDPOINT: i32 = 1;
+/// Merged vertices lie at the midpoint of the edge.
+pub const LODSMITH_PLACEMENT_MIDPOINT: i32 = 2;
+
+/// Borders are held in place by their cost.
+pub const LODSMITH_BORDER_KEEP: i32 = 0;
+/// Border vertices move along the border only.
+pub const LODSMITH_BORDER_SLIDE: i32 = 1;
+/// Border vertices do not change.
+pub const LODSMITH_BORDER_LOCK: i32 = 2;
+/// Borders are not considered.
+pub const LODSMITH_BORDER_FREE: i32 = 3;
+
+/// Handles are cut and parts removed only if the target cannot be met otherwise, or far less well.
+pub const LODSMITH_TOPOLOGY_RELAXED: i32 = 0;
+/// Holes, handles and parts are kept.
+pub const LODSMITH_TOPOLOGY_PRESERVE: i32 = 1;
+/// Handles are cut and parts removed wherever that is cheapest.
+pub const LODSMITH_TOPOLOGY_FREE: i32 = 2;
+
+/// The bound is guaranteed in both directions with a stop at an error, else not at all.
+pub const LODSMITH_BOUND_AUTO: i32 = 0;
+/// No bound is guaranteed.
+pub const LODSMITH_BOUND_ESTIMATE: i32 = 1;
+/// No point of the result is farther from the input than the bound.
+pub const LODSMITH_BOUND_ONE_SIDED: i32 = 2;
+/// No point of either is farther from the other than the bound.
+pub const LODSMITH_BOUND_TWO_SIDED: i32 = 3;
+
+/// The result is measured with a stop at an error or a guaranteed bound.
+pub const LODSMITH_MEASURE_AUTO: i32 = 0;
+/// The result is always measured.
+pub const LODSMITH_MEASURE_ALWAYS: i32 = 1;
+
+/// All options at their defaults.
+pub const LODSMITH_PRESET_AUTO: i32 = 0;
+/// Noisy scans.
+pub const LODSMITH_PRESET_SCAN: i32 = 1;
+/// Machine parts.
+pub const LODSMITH_PRESET_CAD: i32 = 2;
+/// For display: normals count more.
+pub const LODSMITH_PRESET_VISUAL: i32 = 3;
+/// For printing.
+pub const LODSMITH_PRESET_PRINT: i32 = 4;
+
+/// A length with its unit; `LODSMITH_UNIT_NONE` if it is not set.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LodsmithLength {
+    /// The number.
+    pub value: f64,
+    /// One of `LODSMITH_UNIT_...`.
+    pub unit: i32,
+}
+
+/// A base-colour image. Rows from the top, four bytes for each pixel: red, green, blue, alpha.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct LodsmithTexture {
+    /// `width * height` pixels; null for a region without an image.
+    pub pixels: *const u8,
+    /// Pixels in a row.
+    pub width: usize,
+    /// Number of rows.
+    pub height: usize,
+}
+
+/// Options of `lodsmith_simplify`. Fill them by `lodsmith_options_init` and change what should differ.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct LodsmithOptions {
+    /// `sizeof(lodsmith_options)` of the caller's header.
+    pub size: usize,
+    /// Stop at this number of triangles; 0 if not set. Of several stops the first one met ends the run.
+    pub target_faces: usize,
+    /// Stop at this number of vertices (positions); 0 if not set.
+    pub target_vertices: usize,
+    /// Stop at this share of the triangles, up to 1; 0 if not set.
+    pub target_ratio: f64,
+    /// Stop before the measured distance exceeds this, in the sense of `bound`.
+    pub target_error: LodsmithLength,
+    /// One of `LODSMITH_METHOD_...`.
+    pub method: i32,
+    /// One of `LODSMITH_FIT_...`.
+    pub fit: i32,
+    /// One of `LODSMITH_PLACEMENT_...`.
+    pub placement: i32,
+    /// One of `LODSMITH_BORDER_...`.
+    pub border: i32,
+    /// One of `LODSMITH_TOPOLOGY_...`.
+    pub topology: i32,
+    /// One of `LODSMITH_BOUND_...`.
+    pub bound: i32,
+    /// One of `LODSMITH_MEASURE_...`.
+    pub measure: i32,
+    /// Not 0: tries pairs and looser topology if the target is out of reach.
+    pub escalate: i32,
+    /// Not 0: the normals of the shape count if the mesh has none.
+    pub shape_normals: i32,
+    /// Methods memoryless, quadric: vertices closer than this that share no edge are contracted too.
+    pub pairs: LodsmithLength,
+    /// Method cluster: edge length of a cell.
+    pub cell: LodsmithLength,
+    /// Method cluster: not 0 to continue with edge collapses.
+    pub two_stage: i32,
+    /// Method remesh: not 0 for shorter edges where the surface is curved.
+    pub adaptive: i32,
+    /// Methods shortest edge, remesh: edge length.
+    pub edge_length: LodsmithLength,
+    /// Methods planar, vertex removal, remesh: largest angle in degrees; negative if not set.
+    pub angle_deg: f64,
+    /// Method planar: largest distance from the plane of a region.
+    pub flat: LodsmithLength,
+    /// Methods unsubdivide, remesh: number of levels or rounds; 0 if not set.
+    pub iterations: usize,
+    /// Method remesh: edge length of a voxel.
+    pub voxel: LodsmithLength,
+    /// Method remesh: number of subdivisions of a semi-regular mesh; 0 if not set.
+    pub subdivisions: usize,
+    /// Largest rotation of a face normal in degrees; 0 for no limit.
+    pub max_normal_deg: f64,
+    /// Least quality of a new face, up to 1; 0 for no limit.
+    pub min_quality: f64,
+    /// Largest number of edges at a vertex; 0 for no limit.
+    pub max_valence: usize,
+    /// Largest length of an edge.
+    pub max_edge: LodsmithLength,
+    /// Edges with a larger angle in degrees are features; 0 for none.
+    pub sharp_deg: f64,
+    /// Weight of normals; 1 is the default, 0 ignores them.
+    pub weight_normal: f64,
+    /// Weight of texture coordinates.
+    pub weight_uv: f64,
+    /// Weight of colours.
+    pub weight_color: f64,
+    /// Weight of morph targets.
+    pub weight_morph: f64,
+    /// Weight of skins.
+    pub weight_skin: f64,
+    /// Weight of all other attributes.
+    pub weight_other: f64,
+    /// Weight of open borders.
+    pub weight_border: f64,
+    /// Vertices closer than this are merged first.
+    pub weld: LodsmithLength,
+    /// Parts with a smaller bounding box are removed first.
+    pub prune: LodsmithLength,
+    /// Class of each region of the mesh, by the first region of the class; null if each is its own.
+    pub region_classes: *const u32,
+    /// Number of `region_classes`.
+    pub region_class_count: usize,
+    /// Base-colour image of each region; null for none.
+    pub textures: *const LodsmithTexture,
+    /// Number of `textures`.
+    pub texture_count: usize,
+    /// Seed of all random choices.
+    pub seed: u64,
+}
+
+// SAFETY: `repr(C)`, all fields are numbers and pointers, and the first is a `usize`.
+unsafe impl CStructure for LodsmithOptions {
+    const NAME: &'static str = "lodsmith_options";
+}
+
+impl Default for LodsmithOptions {
+    fn default() -> Self {
+        of_options(&SimplifyOptions::default())
+    }
+}
+
+fn of_length(length: Option<Length>) -> LodsmithLength {
+    match length {
+        None => LodsmithLength::default(),
+        Some(Length::Units(value)) => LodsmithLength { value, unit: LODSMITH_UNIT_MESH },
+        Some(Length::OfDiagonal(value)) => LodsmithLength { value, unit: LODSMITH_UNIT_DIAGONAL },
+    }
+}
+
+/// Returns the number of a choice in C: its place in the list of all.
+fn number<T: PartialEq>(all: &[T], choice: &T) -> i32 {
+    all.iter().position(|x| x == choice).unwrap_or(0) as i32
+}
+
+const MEASURES: [Measure; 2] = [Measure::Auto, Measure::Always];
+
+/// Returns the options of C that say the same. (Lists are left out.)
+fn of_options(o: &SimplifyOptions) -> LodsmithOptions {
+    let (own, guards, w) = (&o.method_options, &o.guards, &o.weights);
+    LodsmithOptions {
+        size: size_of::<LodsmithOptions>(),
+        target_faces: o.stop.faces.unwrap_or(0),
+        target_vertices: o.stop.vertices.unwrap_or(0),
+        target_ratio: o.stop.ratio.unwrap_or(0.0),
+        target_error: of_length(o.stop.error),
+        method: number(&Method::ALL, &o.method),
+        fit: number(&Fit::ALL, &o.fit),
+        placement: number(&Placement::ALL, &o.placement),
+        border: number(&BorderPolicy::ALL, &o.border),
+        topology: number(&TopologyPolicy::ALL, &o.topology),
+        bound: number(&Bound::ALL, &o.bound),
+        measure: number(&MEASURES, &o.measure),
+        escalate: i32::from(o.escalate),
+        shape_normals: i32::from(o.shape_normals),
+        pairs: of_length(own.pairs),
+        cell: of_length(own.cell),
+        two_stage: i32::from(own.two_stage),
+        adaptive: i32::from(own.adaptive),
+        edge_length: of_length(own.edge_length),
+        angle_deg: own.angle_deg.unwrap_or(-1.0),
+        flat: of_length(own.flat),
+        iterations: own.iterations.unwrap_or(0),
+        voxel: of_length(own.voxel),
+        subdivisions: own.subdivisions.unwrap_or(0),
+        max_normal_deg: guards.max_normal_deg.unwrap_or(0.0),
+        min_quality: guards.min_quality.unwrap_or(0.0),
+        max_valence: guards.max_valence.unwrap_or(0),
+        max_edge: of_length(guards.max_edge),
+        sharp_deg: o.sharp_deg.unwrap_or(0.0),
+        weight_normal: w.normal,
+        weight_uv: w.uv,
+        weight_color: w.color,
+        weight_morph: w.morph,
+        weight_skin: w.skin,
+        weight_other: w.other,
+        weight_border: w.border,
+        weld: of_length(o.weld),
+        prune: of_length(o.prune),
+        region_classes: std::ptr::null(),
+        region_class_count: 0,
+        textures: std::ptr::null(),
+        texture_count: 0,
+        seed: o.seed,
+    }
+}
+
+fn bad(name: &str, got: i32) -> Fault {
+    Fault { code: LODSMITH_ERROR_OPTION, text: format!("{name} has no value {got}") }
+}
+
+fn choice<T: Copy>(all: &[T], name: &str, got: i32) -> Result<T, Fault> {
+    usize::try_from(got).ok().and_then(|i| all.get(i)).copied().ok_or_else(|| bad(name, got))
+}
+
+impl LodsmithLength {
+    fn get(self, name: &str) -> Result<Option<Length>, Fault> {
+        match self.unit {
+            LODSMITH_UNIT_NONE => Ok(None),
+            LODSMITH_UNIT_MESH => Ok(Some(Length::Units(self.value))),
+            LODSMITH_UNIT_DIAGONAL => Ok(Some(Length::OfDiagonal(self.value))),
+            unit => Err(bad(&format!("the unit of {name}"), unit)),
+        }
+    }
+}
+
+/// A number unless it is 0.
+fn unless_zero<T: PartialEq + Default>(x: T) -> Option<T> {
+    (x != T::default()).then_some(x)
+}
+
+impl LodsmithOptions {
+    /// Returns the options of the library.
+    ///
+    /// # Safety
+    /// The lists must have their lengths.
+    pub(crate) unsafe fn get(&self) -> Result<SimplifyOptions, Fault> {
+        let mut o = SimplifyOptions::new(Stop {
+            faces: unless_zero(self.target_faces),
+            vertices: unless_zero(self.target_vertices),
+            ratio: unless_zero(self.target_ratio),
+            error: self.target_error.get("target_error")?,
+        });
+        o.method = choice(&Method::ALL, "method", self.method)?;
+        o.method_options = self.method_options()?;
+        o.fit = choice(&Fit::ALL, "fit", self.fit)?;
+        o.placement = choice(&Placement::ALL, "placement", self.placement)?;
+        o.border = choice(&BorderPolicy::ALL, "border", self.border)?;
+        o.topology = choice(&TopologyPolicy::ALL, "topology", self.topology)?;
+        o.bound = choice(&Bound::ALL, "bound", self.bound)?;
+        o.measure = choice(&MEASURES, "measure", self.measure)?;
+        o.escalate = self.escalate != 0;
+        o.shape_normals = self.shape_normals != 0;
+        o.guards = Guards {
+            max_normal_deg: unless_zero(self.max_normal_deg),
+            min_quality: unless_zero(self.min_quality),
+            max_valence: unless_zero(self.max_valence),
+            max_edge: self.max_edge.get("max_edge")?,
+        };
+        o.sharp_deg = unless_zero(self.sharp_deg);
+        o.weights = AttributeWeights {
+            normal: self.weight_normal,
+            uv: self.weight_uv,
+            color: self.weight_color,
+            morph: self.weight_morph,
+            skin: self.weight_skin,
+            other: self.weight_other,
+            border: self.weight_border,
+        };
+        o.weld = self.weld.get("weld")?;
+        o.prune = self.prune.get("prune")?;
+        o.seed = self.seed;
+        // SAFETY: the caller promises the lengths of the lists.
+        unsafe {
+            let classes = memory::numbers("region_classes", self.region_classes, self.region_class_count)?;
+            o.region_classes = (!classes.is_empty()).then(|| classes.into_iter().map(RegionId).collect());
+            o.textures = self.textures()?.map(Arc::new);
+        }
+        Ok(o)
+    }
+
+    fn method_options(&self) -> Result<MethodOptions, Fault> {
+        let mut own = MethodOptions::default();
+        own.pairs = self.pairs.get("pairs")?;
+        own.cell = self.cell.get("cell")?;
+        own.two_stage = self.two_stage != 0;
+        own.edge_length = self.edge_length.get("edge_length")?;
+        // (NaN is out of range, and is reported as that.)
+        own.angle_deg = if self.angle_deg < 0.0 { None } else { Some(self.angle_deg) };
+        own.flat = self.flat.get("flat")?;
+        own.iterations = unless_zero(self.iterations);
+        own.voxel = self.voxel.get("voxel")?;
+        own.subdivisions = unless_zero(self.subdivisions);
+        own.adaptive = self.adaptive != 0;
+        Ok(own)
+    }
+
+    /// Copies the images.
+    ///
+    /// # Safety
+    /// The list must have its length, and each image its pixels.
+    unsafe fn textures(&self) -> Result<Option<Textures>, Fault> {
+        if self.texture_count == 0 {
+            return Ok(None);
+        }
+        if self.textures.is_null() {
+            return Err(Fault::argument("textures is null"));
+        }
+        let mut regions = Vec::new();
+        for i in 0..self.texture_count {
+            // SAFETY: the caller promises `texture_count` structures.
+            let LodsmithTexture { pixels, width, height } = unsafe { self.textures.add(i).read_unaligned() };
+            if pixels.is_null() {
+                regions.push(None);
+                continue;
+            }
+            let count = width.checked_mul(height).and_then(|count| count.checked_mul(4));
+            let count = count.ok_or_else(|| Fault::argument("a texture is larger than memory"))?;
+            // SAFETY: the caller promises four bytes for each pixel.
+            let bytes = unsafe { memory::numbers("pixels", pixels, count) }?;
+            let image = Image::new(width, height, bytes.as_chunks::<4>().0.to_vec());
+            regions.push(Some(Texture::new(image)));
+        }
+        Ok(Some(Textures::of_regions(regions)))
+    }
+}
+
+/// Fills options with the defaults and no target. `size` is `sizeof(lodsmith_options)`.
+///
+/// # Safety
+/// `options` must have room for `size` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lodsmith_options_init(options: *mut LodsmithOptions, size: usize) -> i32 {
+    // SAFETY: promised by the caller.
+    unsafe { lodsmith_options_init_preset(options, size, LODSMITH_PRESET_AUTO) }
+}
+
+/// Fills options with those of a preset and no target: one of `LODSMITH_PRESET_...`. `size` is
+/// `sizeof(lodsmith_options)`.
+///
+/// # Safety
+/// `options` must have room for `size` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lodsmith_options_init_preset(
+    options: *mut LodsmithOptions,
+    size: usize,
+    preset: i32,
+) -> i32 {
+    code(&guarded(|| {
+        if options.is_null() {
+            return Err(Fault::argument("lodsmith_options is null"));
+        }
+        if size < size_of::<usize>() {
+            return Err(Fault::argument("the size of lodsmith_options is too small"));
+        }
+        let preset = choice(&Preset::ALL, "preset", preset)?;
+        let of_preset = of_options(&SimplifyOptions::preset(preset, Stop::default()));
+        // SAFETY: the caller promises `size` bytes, of which the size itself is the first field.
+        unsafe {
+            options.cast::<usize>().write_unaligned(size);
+            memory::set_sized(options, &of_preset)
+        }
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn defaults_and_presets_come_back() {
+        for preset in Preset::ALL {
+            let of_preset = SimplifyOptions::preset(preset, Stop::default());
+            // SAFETY: there are no lists.
+            assert_eq!(unsafe { of_options(&of_preset).get() }, Ok(of_preset));
+        }
+    }
+
+    #[test]
+    fn every_field_arrives() {
+        let mut o = SimplifyOptions::new(Stop {
+            faces: Some(1),
+            vertices: Some(2),
+            ratio: Some(0.5),
+            error: Some(Length::Units(3.0)),
+        });
+        let lengths = [0.1, 0.2, 0.3, 0.4, 0.5].map(Length::OfDiagonal).map(Some);
+        let own = &mut o.method_options;
+        [own.pairs, own.cell, own.edge_length, own.flat, own.voxel] = lengths;
+        (own.two_stage, own.adaptive) = (true, true);
+        (own.angle_deg, own.iterations, own.subdivisions) = (Some(6.0), Some(7), Some(8));
+        (o.method, o.fit, o.placement) = (Method::Remesh, Fit::Off, Placement::Midpoint);
+        (o.border, o.topology) = (BorderPolicy::Free, TopologyPolicy::Free);
+        (o.bound, o.measure) = (Bound::TwoSided, Measure::Always);
+        (o.escalate, o.shape_normals, o.seed) = (true, true, 9);
+        o.guards = Guards {
+            max_normal_deg: Some(10.0),
+            min_quality: Some(0.11),
+            max_valence: Some(12),
+            max_edge: Some(Length::Units(13.0)),
+        };
+        o.sharp_deg = Some(14.0);
+        o.weights = AttributeWeights {
+            normal: 0.15,
+            uv: 0.16,
+            color: 0.17,
+            morph: 0.18,
+            skin: 0.19,
+            other: 0.2,
+            border: 0.21,
+        };
+        (o.weld, o.prune) = (Some(Length::Units(22.0)), Some(Length::OfDiagonal(0.23)));
+        // SAFETY: there are no lists.
+        assert_eq!(unsafe { of_options(&o).get() }, Ok(o));
+    }
+
+    #[test]
+    fn a_smaller_structure_is_that_of_an_older_header() {
+        let mut room = LodsmithOptions { seed: 77, ..LodsmithOptions::default() };
+        let size = std::mem::offset_of!(LodsmithOptions, seed);
+        // SAFETY: the room is larger than the size.
+        assert_eq!(unsafe { lodsmith_options_init(&raw mut room, size) }, 0);
+        assert_eq!((room.size, room.seed), (size, 77), "nothing is written beyond its size");
+        for size in [0, 4, size_of::<LodsmithOptions>() + 8] {
+            // SAFETY: sizes that are too small or too large are refused.
+            assert_ne!(unsafe { lodsmith_options_init(&raw mut room, size) }, 0, "{size}");
+        }
+    }
+
+    #[test]
+    fn numbers_of_choices_are_those_of_the_constants() {
+        let at = |i: i32| i as usize;
+        assert_eq!(Method::ALL[at(LODSMITH_METHOD_REMESH)], Method::Remesh);
+        assert_eq!(Method::ALL[at(LODSMITH_METHOD_VERTEX_REMOVAL)], Method::VertexRemoval);
+        assert_eq!(Fit::ALL[at(LODSMITH_FIT_OFF)], Fit::Off);
+        assert_eq!(Placement::ALL[at(LODSMITH_PLACEMENT_ENDPOINT)], Placement::Endpoint);
+        assert_eq!(BorderPolicy::ALL[at(LODSMITH_BORDER_LOCK)], BorderPolicy::Lock);
+        assert_eq!(TopologyPolicy::ALL[at(LODSMITH_TOPOLOGY_PRESERVE)], TopologyPolicy::Preserve);
+        assert_eq!(Bound::ALL[at(LODSMITH_BOUND_ONE_SIDED)], Bound::OneSided);
+        assert_eq!(Preset::ALL[at(LODSMITH_PRESET_PRINT)], Preset::Print);
+    }
+}

@@ -1,0 +1,119 @@
+//! Simplification of an index buffer with vertices that move, as do their attributes.
+
+use lodsmith::options::QuickPass;
+use lodsmith::{BorderPolicy, Length, NoControl, SimplifyOptions, Stop, TopologyPolicy, simplify};
+use lodsmith_core::correspondence::{Source, correspondence};
+use lodsmith_core::mesh::Morphed;
+use lodsmith_core::{Attribute, Positions, Semantic, TriMesh, WedgeId};
+
+use crate::fault::Fault;
+use crate::quick::{ERROR_PER_RMS, QuickInput, set_flags};
+
+/// Values per morph target.
+const TARGET_WIDTH: usize = 3;
+
+/// The result of a run with vertices that move.
+pub(crate) struct UpdateResult {
+    /// Three vertices of the input for each face: the places where the moved ones are stored.
+    pub(crate) faces: Vec<[u32; 3]>,
+    /// For each changed vertex its number, position and attributes.
+    pub(crate) vertices: Vec<(u32, [f32; 3], Vec<f32>)>,
+    pub(crate) error: f64,
+}
+
+/// Attributes that are moved with the vertices.
+pub(crate) struct MovedValues {
+    /// `weights.len()` values for each vertex.
+    pub(crate) values: Vec<f32>,
+    /// Weights above 0, in shares of the largest extent of the mesh for a difference of 1.
+    pub(crate) weights: Vec<f32>,
+    /// The largest extent of the mesh.
+    pub(crate) extent: f64,
+}
+
+/// Simplifies with the placement of least error. Attributes count like offsets of a position, which are distances.
+pub(crate) fn run(input: &QuickInput, moved: &MovedValues) -> Result<UpdateResult, Fault> {
+    let mesh = with_values(input, moved)?;
+    let mut step = input.error_limit;
+    for _ in 0..6 {
+        let done = simplify(&mesh, &options(input, step), &mut NoControl)?;
+        let error = ERROR_PER_RMS * done.report.error.estimate;
+        if input.error_limit.is_none_or(|limit| error <= limit) {
+            return stored(&mesh, &done.mesh, moved, error);
+        }
+        step = step.map(|step| step * 0.7);
+    }
+    let faces = input.triangles.iter().map(|t| t.map(|v| v.0)).collect();
+    Ok(UpdateResult { faces, vertices: Vec::new(), error: 0.0 })
+}
+
+fn options(input: &QuickInput, step: Option<f64>) -> SimplifyOptions {
+    let mut options = SimplifyOptions::new(Stop::faces(input.target_faces));
+    options.quick = Some(QuickPass { max_step: step.map(Length::Units), wedge_values: None });
+    options.border = if input.rules.locks_border { BorderPolicy::Lock } else { BorderPolicy::Keep };
+    options.topology = if input.rules.prunes { TopologyPolicy::Free } else { TopologyPolicy::Preserve };
+    set_flags(&mut options, input.flags.as_deref());
+    options
+}
+
+/// The factor between an attribute and the offset that stands for it.
+fn scale(moved: &MovedValues, k: usize) -> f32 {
+    (f64::from(moved.weights[k]) * moved.extent) as f32
+}
+
+/// Returns the mesh with its attributes as offsets of morph targets.
+fn with_values(input: &QuickInput, moved: &MovedValues) -> Result<TriMesh, Fault> {
+    let mut mesh = TriMesh::new(Positions::F32(input.positions.clone()), input.triangles.clone())?;
+    let width = moved.weights.len();
+    for target in 0..width.div_ceil(TARGET_WIDTH) {
+        let columns = target * TARGET_WIDTH..(target + 1) * TARGET_WIDTH;
+        let of = |row: &[f32]| -> Vec<f32> {
+            columns.clone().map(|k| row.get(k).map_or(0.0, |x| x * scale(moved, k))).collect()
+        };
+        let values = moved.values.chunks_exact(width).flat_map(of).collect();
+        let semantic = Semantic::Morph { target: target as u16, of: Morphed::Position };
+        mesh.add_attribute(Attribute { semantic, width: TARGET_WIDTH, values })?;
+    }
+    Ok(mesh)
+}
+
+/// Finds a place among the vertices of the input for each wedge of a result: its own if it stayed, else the nearest that
+/// is free.
+fn stored(mesh: &TriMesh, result: &TriMesh, moved: &MovedValues, error: f64) -> Result<UpdateResult, Fault> {
+    let from = correspondence(mesh, result).map_err(|error| Fault::internal(error.to_string()))?;
+    let mut place: Vec<Option<WedgeId>> = vec![None; result.wedge_count()];
+    let mut is_taken = vec![false; mesh.wedge_count()];
+    // Those that stayed come first.
+    for stays in [true, false] {
+        for w in (0..result.wedge_count()).map(WedgeId::new) {
+            if matches!(from.sources()[w.index()], Source::Wedge(_)) != stays {
+                continue;
+            }
+            let mut near = from.blend(w).into_iter().flatten().collect::<Vec<_>>();
+            near.sort_by(|a, b| b.1.total_cmp(&a.1));
+            let free = near.into_iter().map(|x| x.0).find(|w| !is_taken[w.index()]);
+            if let Some(free) = free {
+                place[w.index()] = Some(free);
+                is_taken[free.index()] = true;
+            }
+        }
+    }
+    let mut free = (0..mesh.wedge_count()).map(WedgeId::new).filter(|w| !is_taken[w.index()]);
+    let place: Option<Vec<WedgeId>> = place.into_iter().map(|known| known.or_else(|| free.next())).collect();
+    let place = place.ok_or_else(|| Fault::internal("more vertices than before"))?;
+
+    let faces = result.triangles().iter().map(|t| t.map(|w| place[w.index()].0)).collect();
+    let width = moved.weights.len();
+    let positions = result.positions().view();
+    let targets: Vec<&Attribute> = result.further_attributes().iter().collect();
+    let vertex = |(w, place): (WedgeId, &WedgeId)| {
+        let p = positions.get(result.vertex_of(w)).map(|x| x as f32);
+        let value = |k: usize| {
+            let target = targets.get(k / TARGET_WIDTH).map_or(0.0, |a| a.of(w)[k % TARGET_WIDTH]);
+            target / scale(moved, k)
+        };
+        (place.0, p, (0..width).map(value).collect())
+    };
+    let vertices = (0..result.wedge_count()).map(WedgeId::new).zip(&place).map(vertex).collect();
+    Ok(UpdateResult { faces, vertices, error })
+}
