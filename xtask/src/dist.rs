@@ -253,8 +253,9 @@ mod tests {
                     }
                 }
                 let place = steps.join("/");
-                // The sources are not included.
-                let is_source = place.starts_with("crates/") && root().join(&place).exists();
+                // Sources are not included.
+                let is_source = ["crates/", "bindings/"].iter().any(|folder| place.starts_with(folder))
+                    && root().join(&place).exists();
                 let inside =
                     files.iter().any(|name| *name == place || name.starts_with(&format!("{place}/")));
                 assert!(inside || is_source, "{page} leads to {place}");
