@@ -10,14 +10,36 @@ use zip::write::SimpleFileOptions;
 pub(super) struct Entry {
     /// Its path, with slashes.
     pub(super) name: String,
-    pub(super) bytes: Vec<u8>,
-    /// True if it is executable.
-    pub(super) is_program: bool,
+    kind: Kind,
+}
+
+enum Kind {
+    File(Vec<u8>),
+    /// A file that is executable.
+    Program(Vec<u8>),
+    /// A symbolic link to a path relative to its own folder.
+    Link(String),
 }
 
 impl Entry {
+    pub(super) fn file(name: String, bytes: Vec<u8>) -> Self {
+        Self { name, kind: Kind::File(bytes) }
+    }
+
+    pub(super) fn program(name: String, bytes: Vec<u8>) -> Self {
+        Self { name, kind: Kind::Program(bytes) }
+    }
+
+    pub(super) fn link(name: String, target: String) -> Self {
+        Self { name, kind: Kind::Link(target) }
+    }
+
     fn mode(&self) -> u32 {
-        if self.is_program { 0o755 } else { 0o644 }
+        match self.kind {
+            Kind::File(_) => 0o644,
+            Kind::Program(_) => 0o755,
+            Kind::Link(_) => 0o777,
+        }
     }
 }
 
@@ -28,11 +50,21 @@ pub(super) fn tar_gz(entries: &[Entry], time: u64) -> Result<Vec<u8>> {
     let mut tar = tar::Builder::new(packed);
     for entry in entries {
         let mut header = tar::Header::new_ustar();
-        header.set_entry_type(tar::EntryType::Regular);
         header.set_mode(entry.mode());
         header.set_mtime(time);
-        header.set_size(entry.bytes.len() as u64);
-        tar.append_data(&mut header, &entry.name, &*entry.bytes).with_context(|| entry.name.clone())?;
+        match &entry.kind {
+            Kind::File(bytes) | Kind::Program(bytes) => {
+                header.set_entry_type(tar::EntryType::Regular);
+                header.set_size(bytes.len() as u64);
+                tar.append_data(&mut header, &entry.name, &**bytes)
+            }
+            Kind::Link(target) => {
+                header.set_entry_type(tar::EntryType::Symlink);
+                header.set_size(0);
+                tar.append_link(&mut header, &entry.name, target)
+            }
+        }
+        .with_context(|| entry.name.clone())?;
     }
     Ok(tar.into_inner()?.finish()?)
 }
@@ -45,8 +77,13 @@ pub(super) fn zip(entries: &[Entry], time: u64) -> Result<Vec<u8>> {
             .compression_level(Some(9))
             .last_modified_time(dos_time(time)?)
             .unix_permissions(entry.mode());
-        zip.start_file(&*entry.name, options).with_context(|| entry.name.clone())?;
-        zip.write_all(&entry.bytes)?;
+        match &entry.kind {
+            Kind::File(bytes) | Kind::Program(bytes) => {
+                zip.start_file(&*entry.name, options).with_context(|| entry.name.clone())?;
+                zip.write_all(bytes)?;
+            }
+            Kind::Link(target) => zip.add_symlink(&*entry.name, &**target, options)?,
+        }
     }
     Ok(zip.finish()?.into_inner())
 }
@@ -70,16 +107,20 @@ mod tests {
     const TIME: u64 = 1_709_210_096;
 
     fn entries() -> Vec<Entry> {
-        let entry = |name: &str, bytes: &[u8], is_program| Entry {
-            name: name.to_owned(),
-            bytes: bytes.to_vec(),
-            is_program,
-        };
         vec![
-            entry("a/lodsmith", &[7; 1000], true),
-            entry("a/é.txt", b"text", false),
-            entry("a/none", b"", false),
+            Entry::program("a/lodsmith".to_owned(), vec![7; 1000]),
+            Entry::file("a/é.txt".to_owned(), b"text".to_vec()),
+            Entry::file("a/none".to_owned(), Vec::new()),
+            Entry::link("a/other".to_owned(), "none".to_owned()),
         ]
+    }
+
+    /// Returns the content of a file, or the path that a link leads to.
+    fn content(entry: &Entry) -> &[u8] {
+        match &entry.kind {
+            Kind::File(bytes) | Kind::Program(bytes) => bytes,
+            Kind::Link(target) => target.as_bytes(),
+        }
     }
 
     #[test]
@@ -94,8 +135,11 @@ mod tests {
             let header = file.header();
             assert_eq!((header.mode().unwrap(), header.mtime().unwrap()), (wanted.mode(), TIME));
             let mut bytes = Vec::new();
-            file.read_to_end(&mut bytes).unwrap();
-            assert_eq!(bytes, wanted.bytes);
+            match file.link_name_bytes() {
+                Some(target) => bytes.extend_from_slice(&target),
+                None => drop(file.read_to_end(&mut bytes).unwrap()),
+            }
+            assert_eq!(bytes, content(&wanted));
         }
         assert!(files.next().is_none());
     }
@@ -105,7 +149,7 @@ mod tests {
         let packed = zip(&entries(), TIME).unwrap();
         assert_eq!(packed, zip(&entries(), TIME).unwrap());
         let mut zip = zip::ZipArchive::new(Cursor::new(&packed)).unwrap();
-        assert_eq!(zip.len(), 3);
+        assert_eq!(zip.len(), 4);
         for (i, wanted) in entries().into_iter().enumerate() {
             let mut file = zip.by_index(i).unwrap();
             assert_eq!(file.name().unwrap(), wanted.name);
@@ -113,7 +157,7 @@ mod tests {
             assert_eq!(file.last_modified().unwrap().to_string(), "2024-02-29 12:34:56");
             let mut bytes = Vec::new();
             file.read_to_end(&mut bytes).unwrap();
-            assert_eq!(bytes, wanted.bytes);
+            assert_eq!(bytes, content(&wanted));
         }
         // Times before 1980 become the first one that zip can represent.
         assert_eq!(dos_time(0).unwrap().to_string(), "1980-01-01 00:00:00");
