@@ -22,6 +22,7 @@ mod meshopt;
 mod model;
 mod motion;
 mod names;
+mod placed;
 mod placements;
 mod primitive;
 mod references;
@@ -37,6 +38,7 @@ pub use copies::CopyPlace;
 pub use lod::SceneLevels;
 pub use motion::{MovingNode, SceneCamera, SceneMotion};
 pub use names::MeshNames;
+pub use placed::{PlacedMesh, placed_meshes};
 pub use scene::{Scene, SceneMesh};
 
 use std::io::{self, Write};

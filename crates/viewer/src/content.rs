@@ -13,6 +13,7 @@ use lodsmith_core::measure::{Comparison, Prepared};
 use lodsmith_core::mesh::normals::vertex_normals;
 use lodsmith_core::model::Pose;
 use lodsmith_core::{Bounds, Model, Topology, TriMesh};
+use lodsmith_io::gltf::{self, Scene};
 use lodsmith_io::{AssetScope, ModelFile, ModelSource, ReadError, ReadOptions};
 use lodsmith_render::Shading;
 
@@ -133,7 +134,7 @@ impl Lighter {
         let (meshes, report, counts) = match &original.file.source {
             ModelSource::Scene(scene) => {
                 let taken = placed_meshes(scene);
-                let parts = parts_of(scene, &taken);
+                let parts = parts_of(scene);
                 let options = with_textures(&how.options, original.model(), &taken);
                 let done = lodsmith::simplify_scene(&parts, diagonal_of(scene), &options, control)?;
                 of_scene(scene, &taken, done)
@@ -165,7 +166,7 @@ impl Lighter {
         let all: Vec<SimplifiedMeshes> = match &original.file.source {
             ModelSource::Scene(scene) => {
                 let taken = placed_meshes(scene);
-                let parts = parts_of(scene, &taken);
+                let parts = parts_of(scene);
                 options.simplify = with_textures(&options.simplify, original.model(), &taken);
                 let chain = lodsmith::lod_scene(&parts, diagonal_of(scene), &options, control)?;
                 chain.levels.into_iter().map(|done| of_scene(scene, &taken, done)).collect()
@@ -236,7 +237,7 @@ impl Lighter {
 /// Meshes of a result in the order of the model, its report, and counts of each mesh.
 type SimplifiedMeshes = (Vec<Arc<TriMesh>>, Report, Vec<MeshCounts>);
 
-pub(crate) fn diagonal_of(scene: &lodsmith_io::gltf::Scene) -> f64 {
+pub(crate) fn diagonal_of(scene: &Scene) -> f64 {
     scene.bounds().map_or(0.0, |b| b.diagonal())
 }
 
@@ -253,32 +254,17 @@ fn of_scene(scene: &lodsmith_io::gltf::Scene, taken: &[usize], done: SimplifiedS
 }
 
 /// Returns the meshes that a run simplifies: those with instances, or all if none has any.
-pub fn placed_meshes(scene: &lodsmith_io::gltf::Scene) -> Vec<usize> {
-    let meshes = scene.meshes();
-    let is_any_placed = meshes.iter().any(|m| m.instances > 0);
-    (0..meshes.len()).filter(|&i| !is_any_placed || meshes[i].instances > 0).collect()
+pub fn placed_meshes(scene: &Scene) -> Vec<usize> {
+    gltf::placed_meshes(scene.meshes()).iter().map(|placed| placed.index).collect()
 }
 
-/// Returns these meshes as parts for the engine. Those with the same world matrix share a coordinate system.
-pub(crate) fn parts_of<'a>(scene: &'a lodsmith_io::gltf::Scene, taken: &[usize]) -> Vec<Part<'a>> {
-    let mut systems: Vec<[[f64; 4]; 3]> = Vec::new();
-    let mut parts = Vec::with_capacity(taken.len());
-    for m in taken.iter().map(|&i| &scene.meshes()[i]) {
-        let system = m.world_from_mesh.map(|matrix| {
-            // Equal up to rounding: products of the same matrices in another order.
-            let size = matrix.as_flattened().iter().fold(0f64, |m, x| m.max(x.abs()));
-            let is_near = |s: &[[f64; 4]; 3]| {
-                let mut pairs = s.as_flattened().iter().zip(matrix.as_flattened());
-                pairs.all(|(a, b)| (a - b).abs() <= 1e-6 * size)
-            };
-            systems.iter().position(is_near).unwrap_or_else(|| {
-                systems.push(matrix);
-                systems.len() - 1
-            })
-        });
-        parts.push(Part { mesh: &m.mesh, instances: m.instances, scale: m.scale, system });
-    }
-    parts
+/// Returns the meshes that a run simplifies as parts for the engine.
+pub(crate) fn parts_of(scene: &Scene) -> Vec<Part<'_>> {
+    let part = |placed: gltf::PlacedMesh| {
+        let m = &scene.meshes()[placed.index];
+        Part { mesh: &m.mesh, instances: m.instances, scale: m.scale, system: placed.system }
+    };
+    gltf::placed_meshes(scene.meshes()).into_iter().map(part).collect()
 }
 
 /// Adds the images of these meshes to the options, so that palette textures keep their colours.

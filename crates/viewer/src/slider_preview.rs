@@ -51,7 +51,7 @@ impl SliderPreview {
         let (scene, meshes, diagonal) = match &original.file.source {
             ModelSource::Scene(scene) => {
                 let (taken, diagonal) = (placed_meshes(scene), diagonal_of(scene));
-                let parts = parts_of(scene, &taken);
+                let parts = parts_of(scene);
                 (ProgressiveScene::build(&parts, diagonal, &options, control)?, taken, diagonal)
             }
             _ => {
