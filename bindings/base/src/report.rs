@@ -1,34 +1,8 @@
-//! Reports as dictionaries, with the keys that the command has.
+//! Reports as JSON, with the keys that the command has.
 
-use lodsmith::core::measure::{Comparison, TwoWay};
 use lodsmith::{Change, CleanReport, Length, Report};
-use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use lodsmith_core::measure::{Comparison, TwoWay};
 use serde_json::{Map, Value, json};
-
-/// Converts a JSON value to Python's own types.
-pub(crate) fn to_python<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
-    Ok(match value {
-        Value::Null => py.None().into_bound(py),
-        Value::Bool(x) => x.into_pyobject(py)?.to_owned().into_any(),
-        Value::Number(x) => match (x.as_u64(), x.as_i64(), x.as_f64()) {
-            (Some(x), ..) => x.into_pyobject(py)?.into_any(),
-            (_, Some(x), _) => x.into_pyobject(py)?.into_any(),
-            (.., x) => x.unwrap_or(f64::NAN).into_pyobject(py)?.into_any(),
-        },
-        Value::String(x) => x.into_pyobject(py)?.into_any(),
-        Value::Array(all) => {
-            let list = PyList::empty(py);
-            all.iter().try_for_each(|x| list.append(to_python(py, x)?))?;
-            list.into_any()
-        }
-        Value::Object(all) => {
-            let dict = PyDict::new(py);
-            all.iter().try_for_each(|(k, x)| dict.set_item(k, to_python(py, x)?))?;
-            dict.into_any()
-        }
-    })
-}
 
 /// Returns a figure for each direction and for both.
 fn both_ways(x: &TwoWay) -> Value {
@@ -36,7 +10,7 @@ fn both_ways(x: &TwoWay) -> Value {
 }
 
 /// Returns a comparison.
-pub(crate) fn comparison(c: &Comparison) -> Value {
+pub fn comparison(c: &Comparison) -> Value {
     json!({
         "hausdorff": both_ways(&c.hausdorff), "mean": both_ways(&c.mean), "rms": both_ways(&c.rms),
         "p99": both_ways(&c.p99), "normal_mean_deg": c.normal_mean_deg, "normal_p95_deg": c.normal_p95_deg,
@@ -62,7 +36,7 @@ fn change(change: Change) -> Value {
 }
 
 /// Returns the report of a run.
-pub(crate) fn report(r: &Report) -> Value {
+pub fn report(r: &Report) -> Value {
     let e = &r.error;
     let c = &r.cleanup;
     let measured = e.measured.as_ref().map(|m| {
@@ -108,7 +82,7 @@ pub(crate) fn report(r: &Report) -> Value {
 }
 
 /// Returns the report of a clean-up.
-pub(crate) fn cleaned(r: &CleanReport) -> Value {
+pub fn cleaned(r: &CleanReport) -> Value {
     let left = &r.remaining;
     json!({
         "input": { "faces": r.input_faces, "vertices": r.input_vertices },

@@ -6,6 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::ptr;
 
 use lodsmith::SimplifyError;
+use lodsmith_bindings::indices::IndexError;
 use lodsmith_core::MeshError;
 
 /// The call succeeded.
@@ -50,6 +51,16 @@ impl From<SimplifyError> for Fault {
             _ => LODSMITH_ERROR_OPTION,
         };
         Self { code, text: error.to_string() }
+    }
+}
+
+impl From<IndexError> for Fault {
+    fn from(error: IndexError) -> Self {
+        match error {
+            IndexError::Engine(error) => error.into(),
+            IndexError::Argument(text) => Self::argument(text),
+            other => Self::internal(other.to_string()),
+        }
     }
 }
 

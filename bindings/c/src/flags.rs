@@ -25,3 +25,41 @@ pub const LODSMITH_VERTEX_LOCK: u8 = 1;
 pub const LODSMITH_VERTEX_PROTECT: u8 = 2;
 /// The vertex is more likely to be kept.
 pub const LODSMITH_VERTEX_PRIORITY: u8 = 4;
+
+/// The values are those of the shared functions.
+const _: () = {
+    use lodsmith_bindings::indices::flags;
+    let here = [
+        LODSMITH_SIMPLIFY_LOCK_BORDER,
+        LODSMITH_SIMPLIFY_SPARSE,
+        LODSMITH_SIMPLIFY_ERROR_ABSOLUTE,
+        LODSMITH_SIMPLIFY_PRUNE,
+        LODSMITH_SIMPLIFY_REGULARIZE,
+        LODSMITH_SIMPLIFY_PERMISSIVE,
+        LODSMITH_SIMPLIFY_REGULARIZE_LIGHT,
+        LODSMITH_SIMPLIFY_PRESERVE_FOLDS,
+        LODSMITH_SIMPLIFY_ERROR_CLAMPED,
+        LODSMITH_VERTEX_LOCK as u32,
+        LODSMITH_VERTEX_PROTECT as u32,
+        LODSMITH_VERTEX_PRIORITY as u32,
+    ];
+    let there = [
+        flags::LOCK_BORDER,
+        flags::SPARSE,
+        flags::ERROR_ABSOLUTE,
+        flags::PRUNE,
+        flags::REGULARIZE,
+        flags::PERMISSIVE,
+        flags::REGULARIZE_LIGHT,
+        flags::PRESERVE_FOLDS,
+        flags::ERROR_CLAMPED,
+        flags::VERTEX_LOCK as u32,
+        flags::VERTEX_PROTECT as u32,
+        flags::VERTEX_PRIORITY as u32,
+    ];
+    let mut i = 0;
+    while i < here.len() {
+        assert!(here[i] == there[i]);
+        i += 1;
+    }
+};

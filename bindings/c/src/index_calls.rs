@@ -1,171 +1,99 @@
 //! The functions that have the arguments of meshoptimizer's, in its order.
 
+use lodsmith_bindings::indices::{
+    IndexAttributes, IndexCall, IndexError, IndexResult, UpdateResult, simplify_indices as run_indices,
+    simplify_with_update,
+};
+
 use crate::fault::{Fault, guarded};
-use crate::flags::*;
 use crate::memory::{self, Rows, RowsMut};
-use crate::quick::{QuickInput, QuickRules};
-use crate::update::{self, MovedValues};
-use crate::used::UsedVertices;
 
-/// All flags that there are.
-const ALL_FLAGS: u32 = 511;
-
-/// Largest number of attributes. (As many as meshoptimizer takes.)
-const MAX_ATTRIBUTES: usize = 32;
-
-/// What all calls have in common.
-struct Call<'a> {
+/// The buffers of a call that are read.
+struct Buffers<'a> {
     indices: Vec<u32>,
     positions: Rows<'a, f32>,
     vertex_count: usize,
+    attributes: Option<Rows<'a, f32>>,
+    weights: Vec<f32>,
+    vertex_lock: Option<Rows<'a, u8>>,
+}
+
+/// The limits of a call, and its flags.
+#[derive(Clone, Copy)]
+struct Wanted {
     target_index_count: usize,
     target_error: f32,
     flags: u32,
 }
 
-/// A call after the first step: its input, with the index of each of its vertices.
-struct Prepared {
-    input: QuickInput,
-    used: UsedVertices,
-    extent: f64,
-    /// Errors are in this unit.
-    unit: f64,
-}
-
-impl Call<'_> {
-    fn prepare(&self) -> Result<Prepared, Fault> {
-        let &Call { ref indices, positions, vertex_count, target_index_count, target_error, flags } = self;
-        if flags & !ALL_FLAGS != 0 {
-            return Err(Fault::argument(format!("unknown bits in the options: {:#x}", flags & !ALL_FLAGS)));
+impl Buffers<'_> {
+    /// Runs one of the functions of the library with these buffers.
+    fn run<T>(
+        &self,
+        wanted: Wanted,
+        run: impl FnOnce(&IndexCall<'_>) -> Result<T, IndexError>,
+    ) -> Result<T, Fault> {
+        let value = |i: usize, k: usize| self.attributes.as_ref().map_or(0.0, |rows| rows.get(i, k));
+        let flags = |i: usize| self.vertex_lock.as_ref().map_or(0, |rows| rows.get(i, 0));
+        if self.attributes.is_none() && self.weights.iter().any(|w| *w > 0.0) {
+            return Err(Fault::argument("vertex_attributes is null"));
         }
-        if target_error.is_nan() || target_error < 0.0 {
-            return Err(Fault::argument(format!("the target error is {target_error}")));
-        }
-        let has = |flag: u32| flags & flag != 0;
-        let used = UsedVertices::new(indices, vertex_count)?;
-        let points: Vec<[f32; 3]> = used.indices.iter().map(|&i| positions.row(i as usize)).collect();
-        let extent = match has(LODSMITH_SIMPLIFY_SPARSE) {
-            true => largest_extent(points.iter().copied()),
-            false => largest_extent((0..vertex_count).map(|i| positions.row(i))),
+        let attributes = IndexAttributes { value: &value, weights: &self.weights };
+        let call = IndexCall {
+            indices: &self.indices,
+            vertex_count: self.vertex_count,
+            position: &|i| self.positions.row(i),
+            attributes: (!self.weights.is_empty()).then_some(attributes),
+            vertex_flags: self.vertex_lock.as_ref().map(|_| &flags as &dyn Fn(usize) -> u8),
+            target_index_count: wanted.target_index_count,
+            target_error: wanted.target_error,
+            flags: wanted.flags,
         };
-        let unit = if has(LODSMITH_SIMPLIFY_ERROR_ABSOLUTE) { 1.0 } else { extent };
-        let limit = f64::from(target_error) * unit;
-        let regularity = match () {
-            () if has(LODSMITH_SIMPLIFY_REGULARIZE) => 2,
-            () => u8::from(has(LODSMITH_SIMPLIFY_REGULARIZE_LIGHT)),
-        };
-        let input = QuickInput {
-            positions: points,
-            triangles: used.triangles.clone(),
-            values: None,
-            flags: None,
-            target_faces: target_index_count / 3,
-            // Nothing is farther away than this.
-            error_limit: (limit < 2.0 * extent).then_some(limit),
-            rules: QuickRules {
-                locks_border: has(LODSMITH_SIMPLIFY_LOCK_BORDER),
-                prunes: has(LODSMITH_SIMPLIFY_PRUNE),
-                regularity,
-                is_permissive: has(LODSMITH_SIMPLIFY_PERMISSIVE),
-            },
-        };
-        Ok(Prepared { input, used, extent, unit })
+        Ok(run(&call)?)
     }
 }
 
-/// The largest side of the bounding box of the finite points.
-fn largest_extent(points: impl Iterator<Item = [f32; 3]>) -> f64 {
-    let (mut min, mut max) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-    for p in points.filter(|p| p.iter().all(|x| x.is_finite())) {
-        for k in 0..3 {
-            (min[k], max[k]) = (min[k].min(p[k]), max[k].max(p[k]));
-        }
-    }
-    (0..3).map(|k| f64::from(max[k]) - f64::from(min[k])).fold(0.0, f64::max)
-}
-
-impl Prepared {
-    fn of_input(&self, faces: &[[u32; 3]]) -> Vec<u32> {
-        faces.as_flattened().iter().map(|&v| self.used.indices[v as usize]).collect()
-    }
-
-    /// An error in the unit of the call.
-    fn error(&self, error: f64) -> f32 {
-        if self.unit > 0.0 { (error / self.unit) as f32 } else { 0.0 }
-    }
-
-    /// Flags of the used vertices.
-    fn set_flags(&mut self, flags: Option<Rows<'_, u8>>) {
-        self.input.flags =
-            flags.map(|flags| self.used.indices.iter().map(|&i| flags.get(i as usize, 0)).collect());
-    }
-}
-
-/// The attributes of a call.
-struct Attributes<'a> {
-    rows: Rows<'a, f32>,
-    /// Columns that count, with their weights.
-    columns: Vec<(usize, f32)>,
-}
-
-impl Attributes<'_> {
-    /// Values of the used vertices, each times its factor.
-    fn of(&self, used: &UsedVertices, factor: impl Fn(f32) -> f32) -> Vec<f32> {
-        let value = |i: u32, &(k, weight): &(usize, f32)| {
-            let x = self.rows.get(i as usize, k) * factor(weight);
-            // (NaN and infinity cannot be compared.)
-            if x.is_finite() { x } else { 0.0 }
-        };
-        let row = |&i: &u32| self.columns.iter().map(move |column| value(i, column));
-        used.indices.iter().flat_map(row).collect()
-    }
-}
-
-/// Returns the attributes of a call, unless none counts.
-///
-/// # Safety
-/// The rows must be readable, and `weights` must be null or have `count` numbers.
-unsafe fn attributes<'a>(
-    [first, weights]: [*const f32; 2],
-    [vertices, stride, count]: [usize; 3],
-) -> Result<Option<Attributes<'a>>, Fault> {
-    if count > MAX_ATTRIBUTES {
-        return Err(Fault::argument(format!("{count} attributes are more than {MAX_ATTRIBUTES}")));
-    }
-    // SAFETY: promised by the caller.
-    let weights = unsafe { memory::numbers("attribute_weights", weights, count) }?;
-    if let Some(bad) = weights.iter().find(|w| !(w.is_finite() && **w >= 0.0)) {
-        return Err(Fault::argument(format!("a weight of an attribute is {bad}")));
-    }
-    // SAFETY: promised by the caller.
-    let rows = unsafe { Rows::new("vertex_attributes", first, [vertices, count, stride]) }?;
-    let columns: Vec<(usize, f32)> = weights.into_iter().enumerate().filter(|x| x.1 > 0.0).collect();
-    match rows {
-        _ if columns.is_empty() => Ok(None),
-        Some(rows) => Ok(Some(Attributes { rows, columns })),
-        None => Err(Fault::argument("vertex_attributes is null")),
-    }
-}
-
-/// Returns the call of these arguments.
-///
-/// # Safety
-/// `indices` must have `index_count` numbers, and the rows of positions must be readable.
-unsafe fn call<'a>(
+/// The arguments that describe buffers which are read.
+struct Arguments {
     indices: *const u32,
     index_count: usize,
     vertex_positions: *const f32,
-    [vertex_count, stride]: [usize; 2],
-    target_index_count: usize,
-    target_error: f32,
-    flags: u32,
-) -> Result<Call<'a>, Fault> {
-    // SAFETY: promised by the caller.
-    let indices = unsafe { memory::numbers("indices", indices, index_count) }?;
-    // SAFETY: promised by the caller.
-    let positions = unsafe { Rows::new("vertex_positions", vertex_positions, [vertex_count, 3, stride]) }?;
-    let positions = positions.ok_or_else(|| Fault::argument("vertex_positions is null"))?;
-    Ok(Call { indices, positions, vertex_count, target_index_count, target_error, flags })
+    vertex_count: usize,
+    vertex_positions_stride: usize,
+    vertex_attributes: *const f32,
+    vertex_attributes_stride: usize,
+    attribute_weights: *const f32,
+    attribute_count: usize,
+    vertex_lock: *const u8,
+}
+
+impl Arguments {
+    /// Returns views of the buffers, and copies of the indices and the weights.
+    ///
+    /// # Safety
+    /// The buffers must have these extents, and not be written during `'a`.
+    unsafe fn buffers<'a>(&self) -> Result<Buffers<'a>, Fault> {
+        let vertices = self.vertex_count;
+        // SAFETY: promised by the caller.
+        unsafe {
+            let shape = [vertices, 3, self.vertex_positions_stride];
+            let positions = Rows::new("vertex_positions", self.vertex_positions, shape)?;
+            let weights = memory::numbers("attribute_weights", self.attribute_weights, self.attribute_count)?;
+            let shape = [vertices, self.attribute_count, self.vertex_attributes_stride];
+            let attributes = match weights.iter().any(|w| *w > 0.0) {
+                true => Rows::new("vertex_attributes", self.vertex_attributes, shape)?,
+                false => None,
+            };
+            Ok(Buffers {
+                indices: memory::numbers("indices", self.indices, self.index_count)?,
+                positions: positions.ok_or_else(|| Fault::argument("vertex_positions is null"))?,
+                vertex_count: vertices,
+                attributes,
+                weights,
+                vertex_lock: Rows::new("vertex_lock", self.vertex_lock, [vertices, 1, 1])?,
+            })
+        }
+    }
 }
 
 /// Writes the indices of a result, which are no more than the caller has room for.
@@ -272,50 +200,29 @@ pub unsafe extern "C" fn lodsmith_simplify_indices_with_attributes(
         if index_count == 0 {
             return Ok((0, 0.0));
         }
-        // SAFETY: the caller promises the extents of all buffers.
-        let (call, attributes, locks) = unsafe {
-            let positions = [vertex_count, vertex_positions_stride];
-            let shape = [vertex_count, vertex_attributes_stride, attribute_count];
-            (
-                call(
-                    indices,
-                    index_count,
-                    vertex_positions,
-                    positions,
-                    target_index_count,
-                    target_error,
-                    options,
-                )?,
-                attributes([vertex_attributes, attribute_weights], shape)?,
-                Rows::new("vertex_lock", vertex_lock, [vertex_count, 1, 1])?,
-            )
+        let arguments = Arguments {
+            indices,
+            index_count,
+            vertex_positions,
+            vertex_count,
+            vertex_positions_stride,
+            vertex_attributes,
+            vertex_attributes_stride,
+            attribute_weights,
+            attribute_count,
+            vertex_lock,
         };
-        let mut prepared = call.prepare()?;
-        prepared.set_flags(locks);
-        prepared.input.values = attributes.map(|a| a.of(&prepared.used, |weight| weight).into());
-        let input = std::mem::replace(&mut prepared.input, empty());
-        let result = input.run()?;
-        let left = prepared.of_input(&result.faces);
+        let wanted = Wanted { target_index_count, target_error, flags: options };
+        // SAFETY: the caller promises the extents of all buffers.
+        let buffers = unsafe { arguments.buffers() }?;
+        let IndexResult { indices, error } = buffers.run(wanted, run_indices)?;
         // SAFETY: the caller promises room for `index_count` indices; the input has been read.
-        unsafe { write(destination, index_count, &left) }?;
-        Ok((left.len(), prepared.error(result.error)))
+        unsafe { write(destination, index_count, &indices) }?;
+        Ok((indices.len(), error))
     });
     // SAFETY: the caller promises that it is null or a number.
     unsafe { memory::set(result_error, outcome.as_ref().map_or(0.0, |done| done.1)) };
     outcome.map_or(0, |done| done.0)
-}
-
-/// An input without anything.
-fn empty() -> QuickInput {
-    QuickInput {
-        positions: Vec::new(),
-        triangles: Vec::new(),
-        values: None,
-        flags: None,
-        target_faces: 0,
-        error_limit: None,
-        rules: QuickRules::default(),
-    }
 }
 
 /// Simplifies an index buffer in place, with vertices that move for the least error: the arguments are those of
@@ -348,55 +255,39 @@ pub unsafe extern "C" fn lodsmith_simplify_indices_with_update(
         if index_count == 0 {
             return Ok((0, 0.0));
         }
-        let shape = [vertex_count, vertex_attributes_stride, attribute_count];
+        let arguments = Arguments {
+            indices,
+            index_count,
+            vertex_positions,
+            vertex_count,
+            vertex_positions_stride,
+            vertex_attributes,
+            vertex_attributes_stride,
+            attribute_weights,
+            attribute_count,
+            vertex_lock,
+        };
+        let wanted = Wanted { target_index_count, target_error, flags: options };
         // SAFETY: the caller promises the extents of all buffers.
-        let (call, attributes, locks) = unsafe {
-            let positions = [vertex_count, vertex_positions_stride];
-            (
-                call(
-                    indices,
-                    index_count,
-                    vertex_positions,
-                    positions,
-                    target_index_count,
-                    target_error,
-                    options,
-                )?,
-                attributes([vertex_attributes, attribute_weights], shape)?,
-                Rows::new("vertex_lock", vertex_lock, [vertex_count, 1, 1])?,
-            )
-        };
-        let mut prepared = call.prepare()?;
-        prepared.set_flags(locks);
-        if prepared.input.target_faces >= prepared.input.triangles.len() {
-            return Ok((index_count, 0.0));
-        }
-        let columns = attributes.as_ref().map_or_else(Vec::new, |a| a.columns.clone());
-        let moved = MovedValues {
-            values: attributes.map_or_else(Vec::new, |a| a.of(&prepared.used, |_| 1.0)),
-            weights: columns.iter().map(|column| column.1).collect(),
-            extent: prepared.extent,
-        };
-        let result = update::run(&prepared.input, &moved)?;
-        let left = prepared.of_input(&result.faces);
+        let buffers = unsafe { arguments.buffers() }?;
+        let result = buffers.run(wanted, simplify_with_update)?;
+        drop(buffers);
+        let UpdateResult { indices: left, error, vertices, columns } = result;
         // SAFETY: the caller promises that these buffers are writable; the views of them that were read are gone.
         unsafe {
             write(indices, index_count, &left)?;
             let shape = [vertex_count, 3, vertex_positions_stride];
             let mut positions = RowsMut::new("vertex_positions", vertex_positions, shape)?;
-            let shape = [
-                if columns.is_empty() { 0 } else { vertex_count },
-                attribute_count,
-                vertex_attributes_stride,
-            ];
+            let rows = if columns.is_empty() { 0 } else { vertex_count };
+            let shape = [rows, attribute_count, vertex_attributes_stride];
             let mut values = RowsMut::new("vertex_attributes", vertex_attributes, shape)?;
-            for (v, p, own) in &result.vertices {
-                let row = prepared.used.indices[*v as usize] as usize;
-                (0..3).for_each(|k| positions.set(row, k, p[k]));
-                columns.iter().zip(own).for_each(|((k, _), &x)| values.set(row, *k, x));
+            for vertex in &vertices {
+                let row = vertex.index as usize;
+                (0..3).for_each(|k| positions.set(row, k, vertex.position[k]));
+                columns.iter().zip(&vertex.values).for_each(|(k, &x)| values.set(row, *k, x));
             }
         }
-        Ok((left.len(), prepared.error(result.error)))
+        Ok((left.len(), error))
     });
     // SAFETY: the caller promises that it is null or a number.
     unsafe { memory::set(result_error, outcome.as_ref().map_or(0.0, |done| done.1)) };

@@ -4,10 +4,6 @@
 //! fault         errors as codes and as text per thread; no panic leaves the library
 //! flags         the flags of the index calls
 //! memory        the caller's buffers as checked views: every pointer is read or written here
-//! used          the vertices that an index buffer uses, under new numbers
-//! places        vertices by position
-//! quick         simplification of an index buffer onto its own vertices
-//! update        the same with vertices that move
 //! index_calls   the functions with the arguments of meshoptimizer
 //! options       `lodsmith_options`, and its conversion
 //! mesh_view     `lodsmith_mesh_view`, and its conversion
@@ -25,11 +21,7 @@ mod index_calls;
 mod memory;
 mod mesh_view;
 mod options;
-mod places;
-mod quick;
 mod result;
-mod update;
-mod used;
 
 pub use calls::*;
 pub use fault::*;

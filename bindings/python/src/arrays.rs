@@ -4,9 +4,10 @@ use std::borrow::Cow;
 
 use lodsmith::core::mesh::MeshBuffers;
 use lodsmith::core::{
-    Attribute, IntegerType, MeshError, Morphed, Positions, PositionsView, RegionId, Semantic, Surface,
-    TriMesh, VertexId, WedgeId,
+    Attribute, IntegerType, MeshError, Positions, PositionsView, RegionId, Semantic, Surface, TriMesh,
+    VertexId, WedgeId,
 };
+use lodsmith_bindings::names::{name_of, semantic};
 use numpy::{
     IntoPyArray as _, PyArrayMethods as _, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods as _,
 };
@@ -251,57 +252,6 @@ fn by_vertex(of_wedge: PositionsView<'_>, map: &[u32]) -> PyResult<Positions> {
         PositionsView::F32(p) => Positions::F32(first(p, map, 0.0)?),
         PositionsView::F64(p) => Positions::F64(first(p, map, 0.0)?),
     })
-}
-
-/// Returns the meaning of an attribute by its name in Python.
-fn semantic(name: &str) -> Semantic {
-    let numbered = |word: &str| name.strip_prefix(word).and_then(|n| n.parse::<u8>().ok());
-    if name == "tangents" {
-        return Semantic::Tangent;
-    }
-    if let Some(set) = numbered("uvs").filter(|n| *n > 0) {
-        return Semantic::Uv(set);
-    }
-    if let Some(set) = numbered("colors").filter(|n| *n > 0) {
-        return Semantic::Color(set);
-    }
-    if let Some(set) = numbered("joints") {
-        return Semantic::Joints(set);
-    }
-    if let Some(set) = numbered("weights") {
-        return Semantic::Weights(set);
-    }
-    let morph = name.strip_prefix("morph").and_then(|rest| {
-        let (target, of) = rest.split_once('_')?;
-        let of = match of {
-            "positions" => Morphed::Position,
-            "normals" => Morphed::Normal,
-            "tangents" => Morphed::Tangent,
-            _ => return None,
-        };
-        Some(Semantic::Morph { target: target.parse().ok()?, of })
-    });
-    morph.unwrap_or_else(|| Semantic::Custom(name.to_owned()))
-}
-
-/// Returns the name of an attribute in Python.
-fn name_of(semantic: &Semantic) -> String {
-    match semantic {
-        Semantic::Tangent => "tangents".to_owned(),
-        Semantic::Uv(set) => format!("uvs{set}"),
-        Semantic::Color(set) => format!("colors{set}"),
-        Semantic::Joints(set) => format!("joints{set}"),
-        Semantic::Weights(set) => format!("weights{set}"),
-        Semantic::Morph { target, of } => {
-            let of = match of {
-                Morphed::Position => "positions",
-                Morphed::Normal => "normals",
-                Morphed::Tangent => "tangents",
-            };
-            format!("morph{target}_{of}")
-        }
-        Semantic::Custom(name) | Semantic::Discrete { name, .. } => name.clone(),
-    }
 }
 
 const INTEGER_TYPES: [(&str, IntegerType); 6] = [

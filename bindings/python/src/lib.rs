@@ -6,9 +6,9 @@ mod command;
 mod control;
 mod errors;
 mod files;
+mod json;
 mod levels;
 mod measure;
-mod report;
 mod run;
 
 use pyo3::prelude::*;

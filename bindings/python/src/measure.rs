@@ -15,7 +15,9 @@ use serde_json::json;
 use crate::arrays::{MeshArrays, matrix, to_arrays};
 use crate::control::Watch;
 use crate::errors::{empty_mesh, mesh_error};
-use crate::report;
+use lodsmith_bindings::report;
+
+use crate::json::to_python;
 use crate::run::RunKeywords;
 
 /// Measures the distance between two meshes in both directions.
@@ -39,7 +41,7 @@ pub(crate) fn compare<'py>(
     let found = Watch::default()
         .run(py, |_| measured(&reference, &candidate, &options))?
         .map_err(|e| empty(py, &e))?;
-    report::to_python(py, &report::comparison(&found))
+    to_python(py, &report::comparison(&found))
 }
 
 fn empty(py: Python<'_>, error: &MeasureError) -> PyErr {
@@ -112,7 +114,7 @@ pub(crate) fn clean<'py>(
         })?;
     let mesh = mesh.mesh(py)?;
     let done = keywords.run(py, |run| lodsmith::clean(&mesh, &options, run))?;
-    let told = report::to_python(py, &report::cleaned(&done.report))?;
+    let told = to_python(py, &report::cleaned(&done.report))?;
     let arrays = to_arrays(py, done.mesh)?;
     arrays.set_item("report", told)?;
     Ok(arrays)
@@ -151,5 +153,5 @@ pub(crate) fn counts<'py>(py: Python<'py>, mesh: MeshArrays<'py>) -> PyResult<Bo
             "volume": size.volume,
         })
     })?;
-    report::to_python(py, &counted)
+    to_python(py, &counted)
 }

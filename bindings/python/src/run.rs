@@ -12,7 +12,9 @@ use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString};
 use crate::arrays::{MeshArrays, to_arrays};
 use crate::control::{Watch, WatchedRun};
 use crate::errors::{mesh_error, run_error};
-use crate::report;
+use lodsmith_bindings::report;
+
+use crate::json::to_python;
 
 /// The keywords of a run.
 #[derive(FromPyObject)]
@@ -111,7 +113,7 @@ impl RunKeywords<'_> {
 
 /// Returns the arrays and the report of a result.
 pub(crate) fn simplified<'py>(py: Python<'py>, done: Simplified) -> PyResult<Bound<'py, PyDict>> {
-    let told = report::to_python(py, &report::report(&done.report))?;
+    let told = to_python(py, &report::report(&done.report))?;
     let arrays = to_arrays(py, done.mesh)?;
     arrays.set_item("report", told)?;
     Ok(arrays)

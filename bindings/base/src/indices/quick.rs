@@ -9,9 +9,9 @@ use lodsmith::{
 };
 use lodsmith_core::{Attribute, Positions, PositionsView, Semantic, Surface, TriMesh, VertexId, WedgeId};
 
-use crate::fault::Fault;
-use crate::flags::{LODSMITH_VERTEX_LOCK, LODSMITH_VERTEX_PRIORITY, LODSMITH_VERTEX_PROTECT};
-use crate::places::Places;
+use super::IndexError;
+use super::flags::{VERTEX_LOCK, VERTEX_PRIORITY, VERTEX_PROTECT};
+use super::places::Places;
 
 /// Estimates of the error are this many times the estimated RMS distance: meshoptimizer's are. (Measured on eight
 /// models at 50, 25 and 10 %: its own are 2.6 to 4.3 times the RMS distance of its results.)
@@ -48,7 +48,7 @@ pub(crate) struct QuickInput {
     pub(crate) triangles: Vec<[VertexId; 3]>,
     /// Weighted attributes, as many for each vertex, in shares of the largest extent.
     pub(crate) values: Option<Arc<[f32]>>,
-    /// Flags of each vertex: `LODSMITH_VERTEX_...`.
+    /// Flags of each vertex: `VERTEX_...`.
     pub(crate) flags: Option<Vec<u8>>,
     /// Number of faces to reach.
     pub(crate) target_faces: usize,
@@ -72,7 +72,7 @@ impl QuickInput {
     ///
     /// # Errors
     /// If no face has an area.
-    pub(crate) fn run(self) -> Result<QuickResult, Fault> {
+    pub(crate) fn run(self) -> Result<QuickResult, IndexError> {
         let all = self.triangles.len();
         if self.target_faces >= all {
             return Ok(self.unchanged());
@@ -107,13 +107,13 @@ impl QuickInput {
     }
 
     /// Runs one pass over a mesh whose wedges have names.
-    fn pass_by_name(&self, mesh: &TriMesh, options: &SimplifyOptions) -> Result<QuickResult, Fault> {
+    fn pass_by_name(&self, mesh: &TriMesh, options: &SimplifyOptions) -> Result<QuickResult, IndexError> {
         let done = simplify(mesh, options, &mut NoControl)?;
         Ok(QuickResult { faces: faces_by_name(&done)?, error: ERROR_PER_RMS * done.report.error.estimate })
     }
 
     /// Runs one pass over positions that all differ.
-    fn pass_by_place(&self, places: &Places, options: &SimplifyOptions) -> Result<QuickResult, Fault> {
+    fn pass_by_place(&self, places: &Places, options: &SimplifyOptions) -> Result<QuickResult, IndexError> {
         let surface = Surface::new(PositionsView::F32(&self.positions), &self.triangles)?;
         let done = simplify_surface(&surface, options, &mut NoControl)?;
         let faces = self.faces_by_place(&done, places)?;
@@ -146,11 +146,10 @@ impl QuickInput {
     /// Returns the mesh with each vertex as a wedge of its own, whose number is an attribute. Wedges of one position
     /// have different texture coordinates, so that each needs a partner in a collapse; if the rules are permissive,
     /// only protected ones.
-    fn mesh(&self) -> Result<TriMesh, Fault> {
+    fn mesh(&self) -> Result<TriMesh, IndexError> {
         let mut mesh = TriMesh::new(Positions::F32(self.positions.clone()), self.triangles.clone())?;
         let names: Vec<[f32; 2]> = (0..self.positions.len() as u32).map(name_of).collect();
-        let is_protected =
-            |i: usize| self.flags.as_ref().is_some_and(|flags| flags[i] & LODSMITH_VERTEX_PROTECT != 0);
+        let is_protected = |i: usize| self.flags.as_ref().is_some_and(|flags| flags[i] & VERTEX_PROTECT != 0);
         let side = |(i, name): (usize, &[f32; 2])| match self.rules.is_permissive && !is_protected(i) {
             true => [-1.0; 2],
             false => *name,
@@ -162,13 +161,13 @@ impl QuickInput {
     }
 
     /// Returns the faces of a result in the vertices of the input, which are found by their positions.
-    fn faces_by_place(&self, done: &Simplified, places: &Places) -> Result<Vec<[u32; 3]>, Fault> {
+    fn faces_by_place(&self, done: &Simplified, places: &Places) -> Result<Vec<[u32; 3]>, IndexError> {
         let Positions::F32(positions) = done.mesh.positions() else {
-            return Err(Fault::internal("the precision has changed"));
+            return Err(IndexError::Internal("the precision has changed".to_owned()));
         };
         let known = positions.iter().map(|&p| places.first(p, &self.positions));
         let known: Option<Vec<u32>> = known.collect();
-        let known = known.ok_or_else(|| Fault::internal("a vertex has moved"))?;
+        let known = known.ok_or_else(|| IndexError::Internal("a vertex has moved".to_owned()))?;
         Ok(done.mesh.triangles().iter().map(|t| t.map(|w| known[done.mesh.vertex_of(w).index()])).collect())
     }
 }
@@ -176,10 +175,9 @@ impl QuickInput {
 /// Locks vertices and makes others important, as their flags say.
 pub(crate) fn set_flags(options: &mut SimplifyOptions, flags: Option<&[u8]>) {
     let has = |flag: u8| flags.filter(|flags| flags.iter().any(|f| f & flag != 0));
-    options.locked =
-        has(LODSMITH_VERTEX_LOCK).map(|flags| flags.iter().map(|f| f & LODSMITH_VERTEX_LOCK != 0).collect());
-    let importance = |f: &u8| if f & LODSMITH_VERTEX_PRIORITY != 0 { PRIORITY_IMPORTANCE } else { 1.0 };
-    options.importance = has(LODSMITH_VERTEX_PRIORITY).map(|flags| flags.iter().map(importance).collect());
+    options.locked = has(VERTEX_LOCK).map(|flags| flags.iter().map(|f| f & VERTEX_LOCK != 0).collect());
+    let importance = |f: &u8| if f & VERTEX_PRIORITY != 0 { PRIORITY_IMPORTANCE } else { 1.0 };
+    options.importance = has(VERTEX_PRIORITY).map(|flags| flags.iter().map(importance).collect());
 }
 
 /// The attribute that holds the number of each wedge.
@@ -193,9 +191,10 @@ fn name_of(i: u32) -> [f32; 2] {
 }
 
 /// Returns the faces of a result in the numbers that its wedges have kept.
-fn faces_by_name(done: &Simplified) -> Result<Vec<[u32; 3]>, Fault> {
+fn faces_by_name(done: &Simplified) -> Result<Vec<[u32; 3]>, IndexError> {
     let names = done.mesh.further_attributes().iter().find(|a| a.semantic == name_attribute());
-    let names = names.ok_or_else(|| Fault::internal("the numbers of the vertices are lost"))?;
+    let names =
+        names.ok_or_else(|| IndexError::Internal("the numbers of the vertices are lost".to_owned()))?;
     let of = |w: WedgeId| match *names.of(w) {
         [low, high] => low as u32 | (high as u32) << 16,
         _ => 0,

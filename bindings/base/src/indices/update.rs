@@ -6,8 +6,8 @@ use lodsmith_core::correspondence::{Source, correspondence};
 use lodsmith_core::mesh::Morphed;
 use lodsmith_core::{Attribute, Positions, Semantic, TriMesh, WedgeId};
 
-use crate::fault::Fault;
-use crate::quick::{ERROR_PER_RMS, QuickInput, set_flags};
+use super::IndexError;
+use super::quick::{ERROR_PER_RMS, QuickInput, set_flags};
 
 /// Values per morph target.
 const TARGET_WIDTH: usize = 3;
@@ -32,7 +32,7 @@ pub(crate) struct MovedValues {
 }
 
 /// Simplifies with the placement of least error. Attributes count like offsets of a position, which are distances.
-pub(crate) fn run(input: &QuickInput, moved: &MovedValues) -> Result<UpdateResult, Fault> {
+pub(crate) fn run(input: &QuickInput, moved: &MovedValues) -> Result<UpdateResult, IndexError> {
     let mesh = with_values(input, moved)?;
     let mut step = input.error_limit;
     for _ in 0..6 {
@@ -62,7 +62,7 @@ fn scale(moved: &MovedValues, k: usize) -> f32 {
 }
 
 /// Returns the mesh with its attributes as offsets of morph targets.
-fn with_values(input: &QuickInput, moved: &MovedValues) -> Result<TriMesh, Fault> {
+fn with_values(input: &QuickInput, moved: &MovedValues) -> Result<TriMesh, IndexError> {
     let mut mesh = TriMesh::new(Positions::F32(input.positions.clone()), input.triangles.clone())?;
     let width = moved.weights.len();
     for target in 0..width.div_ceil(TARGET_WIDTH) {
@@ -79,8 +79,13 @@ fn with_values(input: &QuickInput, moved: &MovedValues) -> Result<TriMesh, Fault
 
 /// Finds a place among the vertices of the input for each wedge of a result: its own if it stayed, else the nearest that
 /// is free.
-fn stored(mesh: &TriMesh, result: &TriMesh, moved: &MovedValues, error: f64) -> Result<UpdateResult, Fault> {
-    let from = correspondence(mesh, result).map_err(|error| Fault::internal(error.to_string()))?;
+fn stored(
+    mesh: &TriMesh,
+    result: &TriMesh,
+    moved: &MovedValues,
+    error: f64,
+) -> Result<UpdateResult, IndexError> {
+    let from = correspondence(mesh, result).map_err(|error| IndexError::Internal(error.to_string()))?;
     let mut place: Vec<Option<WedgeId>> = vec![None; result.wedge_count()];
     let mut is_taken = vec![false; mesh.wedge_count()];
     // Those that stayed come first.
@@ -100,7 +105,7 @@ fn stored(mesh: &TriMesh, result: &TriMesh, moved: &MovedValues, error: f64) -> 
     }
     let mut free = (0..mesh.wedge_count()).map(WedgeId::new).filter(|w| !is_taken[w.index()]);
     let place: Option<Vec<WedgeId>> = place.into_iter().map(|known| known.or_else(|| free.next())).collect();
-    let place = place.ok_or_else(|| Fault::internal("more vertices than before"))?;
+    let place = place.ok_or_else(|| IndexError::Internal("more vertices than before".to_owned()))?;
 
     let faces = result.triangles().iter().map(|t| t.map(|w| place[w.index()].0)).collect();
     let width = moved.weights.len();

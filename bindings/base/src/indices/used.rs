@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use lodsmith_core::VertexId;
 
-use crate::fault::Fault;
+use super::IndexError;
 
 /// Vertices per index above which the buffer of vertices is not walked.
 const SPARSE_RATIO: usize = 4;
@@ -22,14 +22,14 @@ impl UsedVertices {
     ///
     /// # Errors
     /// If the indices are not a multiple of three, or one is out of range.
-    pub(crate) fn new(indices: &[u32], vertex_count: usize) -> Result<Self, Fault> {
+    pub(crate) fn new(indices: &[u32], vertex_count: usize) -> Result<Self, IndexError> {
         let (faces, rest) = indices.as_chunks::<3>();
         if !rest.is_empty() {
-            return Err(Fault::argument(format!("{} indices are no multiple of three", indices.len())));
+            return Err(IndexError::Argument(format!("{} indices are no multiple of three", indices.len())));
         }
         if let Some(at) = indices.iter().position(|&i| i as usize >= vertex_count) {
             let index = indices[at];
-            return Err(Fault::argument(format!(
+            return Err(IndexError::Argument(format!(
                 "index {at} names vertex {index}, but there are {vertex_count}"
             )));
         }

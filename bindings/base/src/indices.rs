@@ -1,0 +1,259 @@
+//! Simplification of index buffers, with the arguments and the flags of meshoptimizer's functions.
+
+pub mod flags;
+mod places;
+mod quick;
+mod update;
+mod used;
+
+use lodsmith::SimplifyError;
+use lodsmith_core::MeshError;
+
+use quick::{QuickInput, QuickRules};
+use update::MovedValues;
+use used::UsedVertices;
+
+/// Largest number of attributes. (As many as meshoptimizer takes.)
+const MAX_ATTRIBUTES: usize = 32;
+
+/// Reason why an index buffer was not simplified.
+#[derive(Clone, Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum IndexError {
+    /// An argument is not valid.
+    #[error("{0}")]
+    Argument(String),
+    /// The engine has refused the mesh or an option.
+    #[error(transparent)]
+    Engine(#[from] SimplifyError),
+    /// A fault of the library.
+    #[error("{0}")]
+    Internal(String),
+}
+
+impl From<MeshError> for IndexError {
+    fn from(error: MeshError) -> Self {
+        Self::Argument(error.to_string())
+    }
+}
+
+/// An index buffer, what it refers to, and what is wanted of it.
+pub struct IndexCall<'a> {
+    /// Three for each triangle.
+    pub indices: &'a [u32],
+    /// Number of vertices.
+    pub vertex_count: usize,
+    /// Returns the position of a vertex, whose number is below the count.
+    pub position: &'a dyn Fn(usize) -> [f32; 3],
+    /// Attributes that count.
+    pub attributes: Option<IndexAttributes<'a>>,
+    /// Returns the flags of a vertex: `flags::VERTEX_...`.
+    pub vertex_flags: Option<&'a dyn Fn(usize) -> u8>,
+    /// Number of indices to reach.
+    pub target_index_count: usize,
+    /// Largest error, as a share of the largest extent, unless the flags say otherwise.
+    pub target_error: f32,
+    /// `flags::...`
+    pub flags: u32,
+}
+
+/// Attributes of the vertices.
+#[derive(Clone, Copy)]
+pub struct IndexAttributes<'a> {
+    /// Returns an attribute of a vertex.
+    pub value: &'a dyn Fn(usize, usize) -> f32,
+    /// Weight of each attribute; those of weight 0 are not read.
+    pub weights: &'a [f32],
+}
+
+/// The indices that are left, and the estimate of the error.
+#[derive(Clone, Debug, PartialEq)]
+pub struct IndexResult {
+    /// Three for each triangle: vertices of the input.
+    pub indices: Vec<u32>,
+    /// Estimate of the error, in the unit of the call.
+    pub error: f32,
+}
+
+/// The indices that are left, with the vertices that have changed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UpdateResult {
+    /// Three for each triangle: vertices of the input, some of which have moved.
+    pub indices: Vec<u32>,
+    /// Estimate of the error, in the unit of the call.
+    pub error: f32,
+    /// The vertices that have new values.
+    pub vertices: Vec<UpdatedVertex>,
+    /// The attributes that the values of the vertices are of.
+    pub columns: Vec<usize>,
+}
+
+/// New values of a vertex.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UpdatedVertex {
+    /// Its number.
+    pub index: u32,
+    /// Its position.
+    pub position: [f32; 3],
+    /// Its attributes of a weight above 0.
+    pub values: Vec<f32>,
+}
+
+/// Simplifies an index buffer onto its own vertices.
+///
+/// # Errors
+/// [`IndexError::Argument`] for indices out of range or no multiple of three, unknown flags, weights and limits that
+/// are not numbers from 0 on; [`IndexError::Engine`] if no face has an area.
+pub fn simplify_indices(call: &IndexCall<'_>) -> Result<IndexResult, IndexError> {
+    if call.indices.is_empty() {
+        return Ok(IndexResult { indices: Vec::new(), error: 0.0 });
+    }
+    let (mut input, frame) = call.prepare()?;
+    input.values = call.columns()?.map(|columns| columns.of(&frame.used, |weight| weight).into());
+    let result = input.run()?;
+    Ok(IndexResult { indices: frame.of_input(&result.faces), error: frame.error(result.error) })
+}
+
+/// Simplifies an index buffer with vertices that move for the least error, and with them their attributes.
+///
+/// # Errors
+/// As of [`simplify_indices`].
+pub fn simplify_with_update(call: &IndexCall<'_>) -> Result<UpdateResult, IndexError> {
+    let unchanged = || UpdateResult {
+        indices: call.indices.to_vec(),
+        error: 0.0,
+        vertices: Vec::new(),
+        columns: Vec::new(),
+    };
+    if call.indices.is_empty() {
+        return Ok(unchanged());
+    }
+    let (input, frame) = call.prepare()?;
+    let columns = call.columns()?;
+    if input.target_faces >= input.triangles.len() {
+        return Ok(unchanged());
+    }
+    let moved = MovedValues {
+        values: columns.as_ref().map_or_else(Vec::new, |a| a.of(&frame.used, |_| 1.0)),
+        weights: columns.iter().flat_map(|a| a.columns.iter().map(|column| column.1)).collect(),
+        extent: frame.extent,
+    };
+    let result = update::run(&input, &moved)?;
+    let vertices = result.vertices.into_iter().map(|(v, position, values)| UpdatedVertex {
+        index: frame.used.indices[v as usize],
+        position,
+        values,
+    });
+    Ok(UpdateResult {
+        indices: frame.of_input(&result.faces),
+        error: frame.error(result.error),
+        vertices: vertices.collect(),
+        columns: columns.iter().flat_map(|a| a.columns.iter().map(|column| column.0)).collect(),
+    })
+}
+
+/// The used vertices of a call, and the unit of its errors.
+struct CallFrame {
+    used: UsedVertices,
+    extent: f64,
+    /// Errors are in this unit.
+    unit: f64,
+}
+
+impl CallFrame {
+    fn of_input(&self, faces: &[[u32; 3]]) -> Vec<u32> {
+        faces.as_flattened().iter().map(|&v| self.used.indices[v as usize]).collect()
+    }
+
+    /// An error in the unit of the call.
+    fn error(&self, error: f64) -> f32 {
+        if self.unit > 0.0 { (error / self.unit) as f32 } else { 0.0 }
+    }
+}
+
+impl<'a> IndexCall<'a> {
+    fn prepare(&self) -> Result<(QuickInput, CallFrame), IndexError> {
+        let unknown = self.flags & !flags::ALL;
+        if unknown != 0 {
+            return Err(IndexError::Argument(format!("unknown bits in the options: {unknown:#x}")));
+        }
+        if self.target_error.is_nan() || self.target_error < 0.0 {
+            return Err(IndexError::Argument(format!("the target error is {}", self.target_error)));
+        }
+        let has = |flag: u32| self.flags & flag != 0;
+        let used = UsedVertices::new(self.indices, self.vertex_count)?;
+        let points: Vec<[f32; 3]> = used.indices.iter().map(|&i| (self.position)(i as usize)).collect();
+        let extent = match has(flags::SPARSE) {
+            true => largest_extent(points.iter().copied()),
+            false => largest_extent((0..self.vertex_count).map(self.position)),
+        };
+        let unit = if has(flags::ERROR_ABSOLUTE) { 1.0 } else { extent };
+        let limit = f64::from(self.target_error) * unit;
+        let regularity = match () {
+            () if has(flags::REGULARIZE) => 2,
+            () => u8::from(has(flags::REGULARIZE_LIGHT)),
+        };
+        let input = QuickInput {
+            positions: points,
+            triangles: used.triangles.clone(),
+            values: None,
+            flags: self.vertex_flags.map(|of| used.indices.iter().map(|&i| of(i as usize)).collect()),
+            target_faces: self.target_index_count / 3,
+            // Nothing is farther away than this.
+            error_limit: (limit < 2.0 * extent).then_some(limit),
+            rules: QuickRules {
+                locks_border: has(flags::LOCK_BORDER),
+                prunes: has(flags::PRUNE),
+                regularity,
+                is_permissive: has(flags::PERMISSIVE),
+            },
+        };
+        Ok((input, CallFrame { used, extent, unit }))
+    }
+
+    /// Returns the attributes that count, if any does.
+    fn columns(&self) -> Result<Option<Columns<'a>>, IndexError> {
+        let Some(attributes) = self.attributes else { return Ok(None) };
+        let count = attributes.weights.len();
+        if count > MAX_ATTRIBUTES {
+            return Err(IndexError::Argument(format!("{count} attributes are more than {MAX_ATTRIBUTES}")));
+        }
+        if let Some(bad) = attributes.weights.iter().find(|w| !(w.is_finite() && **w >= 0.0)) {
+            return Err(IndexError::Argument(format!("a weight of an attribute is {bad}")));
+        }
+        let weights = attributes.weights.iter().copied().enumerate();
+        let columns: Vec<(usize, f32)> = weights.filter(|x| x.1 > 0.0).collect();
+        Ok((!columns.is_empty()).then_some(Columns { value: attributes.value, columns }))
+    }
+}
+
+/// The largest side of the bounding box of the finite points.
+fn largest_extent(points: impl Iterator<Item = [f32; 3]>) -> f64 {
+    let (mut min, mut max) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    for p in points.filter(|p| p.iter().all(|x| x.is_finite())) {
+        for k in 0..3 {
+            (min[k], max[k]) = (min[k].min(p[k]), max[k].max(p[k]));
+        }
+    }
+    (0..3).map(|k| f64::from(max[k]) - f64::from(min[k])).fold(0.0, f64::max)
+}
+
+/// The attributes of a call that count.
+struct Columns<'a> {
+    value: &'a dyn Fn(usize, usize) -> f32,
+    /// Their numbers and weights.
+    columns: Vec<(usize, f32)>,
+}
+
+impl Columns<'_> {
+    /// Values of the used vertices, each times its factor.
+    fn of(&self, used: &UsedVertices, factor: impl Fn(f32) -> f32) -> Vec<f32> {
+        let value = |i: u32, &(k, weight): &(usize, f32)| {
+            let x = (self.value)(i as usize, k) * factor(weight);
+            // (NaN and infinity cannot be compared.)
+            if x.is_finite() { x } else { 0.0 }
+        };
+        let row = |&i: &u32| self.columns.iter().map(move |column| value(i, column));
+        used.indices.iter().flat_map(row).collect()
+    }
+}
