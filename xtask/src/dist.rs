@@ -124,3 +124,21 @@ fn time() -> Result<u64> {
     let told = git.ok().and_then(|out| String::from_utf8(out.stdout).ok()?.trim().parse().ok());
     Ok(told.unwrap_or(EARLIEST_ZIP_TIME))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn versions_are_in_step() {
+        // (The wheel and the C archive take theirs from the workspace.)
+        for path in ["bindings/js/package.json", "bindings/blender/lodsmith_blender/blender_manifest.toml"] {
+            let text = std::fs::read_to_string(root().join(path)).unwrap();
+            let own = text.lines().find_map(|line| {
+                let line = line.trim().trim_end_matches(',');
+                line.strip_prefix("\"version\": ").or_else(|| line.strip_prefix("version = "))
+            });
+            assert_eq!(own, Some(&*format!("\"{}\"", version().unwrap())), "{path}");
+        }
+    }
+}
