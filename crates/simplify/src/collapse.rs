@@ -23,6 +23,7 @@
 
 pub(crate) mod attributes;
 mod bound;
+mod budget;
 mod bundle;
 mod candidate;
 mod check;
@@ -299,7 +300,17 @@ impl<M: Metric> Engine<M> {
 impl<M: Metric> LiveMesh<M> {
     /// True if there may be seams or sharp edges.
     fn has_seams(&self) -> bool {
-        self.values.attributes.is_some() || self.store.regions.is_some() || self.store.creases.is_some()
+        self.values.attributes.is_some()
+            || self.store.regions.is_some()
+            || self.store.creases.is_some()
+            || self.split_vertices().is_some()
+    }
+
+    /// Returns for each vertex of the ordered input if it is on a seam of texture coordinates, in a run onto endpoints
+    /// where such seams have lines.
+    #[inline(always)]
+    fn split_vertices(&self) -> Option<&[bool]> {
+        self.values.wedge_data.as_ref()?.is_split.as_deref()
     }
 
     /// True if any attribute counts in the cost.

@@ -26,8 +26,12 @@ pub(crate) struct Rules {
     pub(crate) max_edge_sq: f32,
     /// Square of the largest distance from the merged vertex to a plane that it leaves.
     pub(crate) max_step_sq: f32,
-    /// True if runs to few faces have a late phase with samples.
-    pub(crate) has_late_phase: bool,
+    /// True in a quick pass: there is no late phase with samples, and all seams are hard.
+    pub(crate) is_quick: bool,
+    /// Weight of the squared step of a vertex in a quick pass, over the area of its star.
+    pub(crate) move_weight: f32,
+    /// Estimate of the RMS distance at which a quick pass ends.
+    pub(crate) max_estimate: f64,
     /// The largest cost of a collapse, which is a squared length if it is limited.
     pub(crate) max_cost: f32,
 }
@@ -39,8 +43,8 @@ impl Rules {
         let max_edge = guards.max_edge.map_or(f64::INFINITY, |l| frame.unit_length(l.in_units(diagonal)));
         let longest = options.method_options.edge_length.filter(|_| options.method == Method::ShortestEdge);
         let max_cost = longest.map_or(f64::INFINITY, |l| frame.unit_length(l.in_units(diagonal)));
-        let quick_step = options.quick.as_ref().and_then(|quick| quick.max_step);
-        let max_step = quick_step.map_or(f64::INFINITY, |l| frame.unit_length(l.in_units(diagonal)));
+        let max_estimate = options.quick.as_ref().and_then(|quick| quick.max_estimate);
+        let max_estimate = max_estimate.map_or(f64::INFINITY, |l| frame.unit_length(l.in_units(diagonal)));
         Self {
             placement: options.placement,
             border: options.border,
@@ -54,8 +58,10 @@ impl Rules {
             min_shape: guards.min_quality.map_or(0.0, |q| (q * q) as f32),
             max_valence: guards.max_valence.unwrap_or(usize::MAX),
             max_edge_sq: (max_edge * max_edge) as f32,
-            max_step_sq: (max_step * max_step) as f32,
-            has_late_phase: options.quick.is_none(),
+            max_step_sq: f32::INFINITY,
+            is_quick: options.quick.is_some(),
+            move_weight: options.quick.as_ref().map_or(0.0, |quick| quick.move_weight),
+            max_estimate,
             max_cost: (max_cost * max_cost) as f32,
         }
     }

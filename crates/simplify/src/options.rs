@@ -321,11 +321,13 @@ pub enum Measure {
 #[doc(hidden)]
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct QuickPass {
-    /// Largest distance from a plane of the present surface that one collapse may leave. With
-    /// [`QuickPass::wedge_values`] also the largest distance between values.
-    pub max_step: Option<Length>,
+    /// Estimate of the RMS distance at which the pass ends, if its count is not reached before.
+    pub max_estimate: Option<Length>,
+    /// Weight of the squared step of a vertex along the surface, against the squared distance from it: above 0, faces
+    /// are more regular.
+    pub move_weight: f32,
     /// With [`Placement::Endpoint`]: values of the wedges that count in the cost, as many for each; a
-    /// difference of 1 counts like the largest extent of the mesh.
+    /// difference of 1 across a length counts like a distance of that length.
     pub wedge_values: Option<Arc<[f32]>>,
 }
 

@@ -163,7 +163,8 @@ impl Run<'_, '_> {
         let is_free = self.options.topology == TopologyPolicy::Free;
         let leave = TopologyChanges { parts: is_free, cuts: is_free, seams: false };
         let outcome = self.run_from_start(metric, goal, step, leave, control)?;
-        let competes = outcome.seams_relaxed || outcome.kept_costly_seams;
+        let is_single = self.options.quick.is_some();
+        let competes = !is_single && (outcome.seams_relaxed || outcome.kept_costly_seams);
         if !competes || goal.is_none() || step.is_some() || outcome.end == StopReason::Finish {
             return Ok(outcome);
         }

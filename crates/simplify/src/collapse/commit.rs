@@ -273,6 +273,9 @@ impl<M: Metric> LiveMesh<M> {
         if !self.cost.metric.cost_source().is_decided_by_metric() {
             spent = cost;
         }
+        if self.constraints.rules.is_quick {
+            cost += self.cost_of_moves([x, z], [y, off], area);
+        }
         if cost > tau && !is_probe {
             return Err(CollapseOutcome::Later(cost * weight));
         }
@@ -282,7 +285,6 @@ impl<M: Metric> LiveMesh<M> {
         }
         let handed_over = match handed_over {
             Some(known) => known,
-            None if is_probe => Vec::new(),
             None => self.wedges_to_hand_over(u, v, y, off, ru, rv)?,
         };
         let mut charge = None;

@@ -80,13 +80,14 @@ impl<M: Metric> LiveMesh<M> {
     /// Returns the cost of handing wedges over, and the largest squared difference of a value: over the faces
     /// that stay, twice the area times the squared difference between the values of the face, continued
     /// linearly to the position `at` of the kept end, and those of the wedge there. (As planes of faces, which
-    /// the merged vertex leaves by a distance.)
+    /// the merged vertex leaves by a distance.) Differences count times the square root of twice the area of these
+    /// faces: a difference of 1 across a length counts like a distance of that length, as in meshoptimizer.
     #[inline(never)]
     pub(super) fn cost_of_wedges(&self, changes: &HandedOver, at: Vec3) -> [f32; 2] {
         let (Some(data), Some(wedges)) = (&self.values.wedge_data, &self.store.wedges) else {
             return [0.0; 2];
         };
-        let (mut cost, mut peak) = (0.0, 0.0f32);
+        let (mut cost, mut peak, mut area) = (0.0, 0.0f32, 0.0);
         for &(corner, new) in changes {
             let (face, k) = (corner.face(), corner.k());
             let [here, next, last] = [k, (k + 1) % 3, (k + 2) % 3];
@@ -107,10 +108,12 @@ impl<M: Metric> LiveMesh<M> {
                     off * off
                 })
                 .sum();
-            cost += det.max(0.0).sqrt() * off;
+            let doubled = det.max(0.0).sqrt();
+            cost += doubled * off;
             peak = peak.max(off);
+            area += doubled;
         }
-        [cost, peak]
+        [cost * area, peak * area]
     }
 
     /// Applies the changes.
@@ -128,7 +131,7 @@ impl<M: Metric> LiveMesh<M> {
 mod tests {
     use super::*;
     use crate::collapse::Engine;
-    use crate::collapse::test_support::{engine_of, ring_of, without_lines};
+    use crate::collapse::test_support::{assert_near, cost_at, engine_of, ring_of, without_lines};
     use crate::metric::Memoryless;
     use crate::test_support::sheet;
 
@@ -171,6 +174,63 @@ mod tests {
         assert_eq!(handed_over(&engine, 12, 17), Ok(vec![[17, 12], [42, 37]]));
         // From the seam into a chart it would tear: nothing on the left is of the right piece of the texture.
         assert_eq!(handed_over(&engine, 11, 12), Err(Refusal::Seam));
+    }
+
+    #[test]
+    fn a_probe_refuses_what_would_tear_a_seam() {
+        // Else sweeps would try it again and again, because the probe said that it is possible.
+        let mut engine = with_seam([[0.0, 0.0], [5.0, 0.0]]);
+        assert_eq!(cost_at(&mut engine, [11, 12], Vec3::ZERO), Err(Refusal::Seam));
+        assert!(cost_at(&mut engine, [12, 11], Vec3::ZERO).is_ok());
+    }
+
+    #[test]
+    fn seams_have_lines_where_the_run_asks_for_it() {
+        let mut engine = with_seam([[0.0, 0.0], [5.0, 0.0]]);
+        assert!(engine.mesh.split_vertices().is_none());
+        let find = |engine: &mut Engine<Memoryless>, has_seam_lines| {
+            let LiveMesh { values, store, .. } = &mut engine.mesh;
+            let data = values.wedge_data.as_mut().expect("there is some");
+            data.has_seam_lines = has_seam_lines;
+            data.find_split(store);
+        };
+        find(&mut engine, true);
+        let is_split = engine.mesh.split_vertices().expect("there is a seam").to_vec();
+        let split: Vec<usize> = (0..is_split.len()).filter(|&v| is_split[v]).collect();
+        assert_eq!(split, [2, 7, 12, 17, 22]);
+        let ring = ring_of(&engine, 12);
+        let weights = [7, 17, 11].map(|w| engine.mesh.line_weight(&ring, VertexId(w), true));
+        assert!(weights[0] > 0.0 && weights[0] == weights[1] && weights[2] == 0.0, "{weights:?}");
+        // Seams with equal texture coordinates on both sides have none.
+        let mut engine = with_seam([[0.0, 0.0]; 2]);
+        find(&mut engine, true);
+        assert!(engine.mesh.split_vertices().is_none());
+    }
+
+    #[test]
+    fn values_cost_their_difference_across_the_star() {
+        // A value that is linear over the sheet costs nothing; one that differs at the kept end alone costs the square
+        // of its difference, times the square of the doubled area of the faces that stay.
+        let mut engine = with_seam([[0.0, 0.0]; 2]);
+        let cost = |engine: &mut Engine<Memoryless>, of: &dyn Fn(usize) -> f32| {
+            let values: Vec<f32> = (0..50).map(|w| of(w % 25)).collect();
+            let data = engine.mesh.values.wedge_data.as_mut().expect("there is some");
+            (data.values, data.width) = (Some(values.into()), 1);
+            let [ru, rv] = [6, 11].map(|w| ring_of(engine, w));
+            let [at, gone] = [6, 11].map(|v| engine.mesh.store.p(VertexId(v)));
+            let changes = engine
+                .mesh
+                .wedges_to_hand_over(VertexId(6), VertexId(11), Vec3::ZERO, at - gone, &ru, &rv)
+                .expect("inside a chart");
+            assert_eq!(changes.len(), 4);
+            engine.mesh.cost_of_wedges(&changes, at)
+        };
+        let side = engine.mesh.store.p(VertexId(1)).x - engine.mesh.store.p(VertexId(0)).x;
+        let area = 4.0 * side * side;
+        assert_eq!(cost(&mut engine, &|w| (w % 5) as f32 + 3.0 * (w / 5) as f32), [0.0; 2]);
+        let [sum, peak] = cost(&mut engine, &|w| if w == 6 { 0.5 } else { 0.0 });
+        assert_near(sum, area * area * 0.25);
+        assert_near(peak, area * 0.25);
     }
 
     #[test]

@@ -1,12 +1,18 @@
 //! Constraints on single vertices: locked ones stay unchanged, important ones cost more.
 
+use glam::Vec3;
 use lodsmith_core::VertexId;
 
 use super::LiveMesh;
 use super::ring::Spoke;
 use super::store::Store;
+use super::vertex::Vertex;
 use crate::metric::{Metric, VertexMemory};
 use crate::report::Refusal;
+
+/// Weight of the squared step of an important vertex in a quick pass, over the area of its star: it counts like a distance
+/// from the surface. (As in meshoptimizer.)
+const IMPORTANT_MOVE: f32 = 1.0;
 
 impl<Q: VertexMemory> Store<Q> {
     /// Locks vertices, by number in the ordered input, before any collapse.
@@ -52,6 +58,17 @@ impl<M: Metric> LiveMesh<M> {
         if let Some(prices) = &mut self.constraints.cost_factors {
             prices.push(prices[of.index()]);
         }
+    }
+
+    /// Returns the cost of moving both ends, in a quick pass: regular faces have short steps, and important vertices
+    /// stay even where the surface is flat. It does not count in the estimate of the error.
+    pub(super) fn cost_of_moves(&self, ends: [&Vertex<M::Memory>; 2], steps: [Vec3; 2], area: f32) -> f32 {
+        let factors = self.constraints.cost_factors.as_deref();
+        let is_important = |end: &Vertex<M::Memory>| factors.is_some_and(|f| f[end.origin.index()] > 1.0);
+        let weight =
+            |end| if is_important(end) { IMPORTANT_MOVE } else { self.constraints.rules.move_weight };
+        let squares = ends.iter().zip(steps).map(|(end, step)| weight(end) * step.length_squared());
+        area * squares.sum::<f32>()
     }
 
     #[inline(always)]

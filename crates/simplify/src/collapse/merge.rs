@@ -42,6 +42,9 @@ macro_rules! of_lanes {
 impl<M: Metric> LiveMesh<M> {
     /// Builds the chains of wedges of all vertices.
     pub(super) fn chain_wedges(&mut self) {
+        if let Some(data) = &mut self.values.wedge_data {
+            data.find_split(&self.store);
+        }
         let (Some(attributes), Some(wedges)) = (&mut self.values.attributes, &self.store.wedges) else {
             return;
         };
@@ -72,6 +75,10 @@ impl<M: Metric> LiveMesh<M> {
     /// True if a vertex and its neighbours have one wedge each.
     #[inline(always)]
     fn is_among_single_wedges(&self, u: VertexId, mut around: impl Iterator<Item = VertexId>) -> bool {
+        if let Some(is_split) = self.split_vertices() {
+            let is_whole = |w: VertexId| !is_split[self.store.v[w.index()].origin.index()];
+            return is_whole(u) && around.all(is_whole);
+        }
         let Some(attributes) = &self.values.attributes else { return false };
         let is_alone = |w: VertexId| attributes.is_only_wedge(self.store.first_wedge[w.index()]);
         is_alone(u) && around.all(is_alone)

@@ -52,6 +52,12 @@ impl<M: Metric> LiveMesh<M> {
         if s.region != t.region && self.store.class(s.region) != self.store.class(t.region) {
             return true;
         }
+        if let (Some(data), Some(_)) = (&self.values.wedge_data, self.split_vertices()) {
+            return !(data.same_uv(s.here, t.here) && data.same_uv(s.there, t.there));
+        }
+        if self.constraints.rules.is_quick {
+            return true;
+        }
         let Some(attributes) = &self.values.attributes else { return s.region == t.region };
         let here = |s: &Side| attributes.heads[s.here.index()].hard[usize::from(s.ends)];
         let there = |s: &Side| attributes.heads[s.there.index()].hard[usize::from(!s.ends)];

@@ -270,16 +270,27 @@ impl<M: Metric> Engine<M> {
         original: &OriginalInput<'_>,
         control: &mut dyn Control,
     ) -> Option<StopReason> {
-        let errand = SweepRequest { goal, pause, original, is_extreme: self.is_extreme(goal) };
+        let is_extreme = self.is_extreme(goal);
         self.mesh.find_details(goal);
         let (mut scratch, mut visits) = (VisitScratch::default(), Vec::new());
+        let last = goal;
         for _ in 0..MAX_SWEEPS {
             self.check_if_enabled(original);
+            let goal = &self.goal_for_estimate(last);
+            if self.mesh.needed(goal) == Some(0) {
+                return Some(StopReason::Goal);
+            }
+            let errand = SweepRequest { goal, pause, original, is_extreme };
             if let ControlFlow::Break(stop) = self.set_threshold(sweeps, &errand) {
                 return stop;
             }
             match self.sweep_once(sweeps, goal, control, &mut scratch, &mut visits) {
                 SweepResult::Compacted => {}
+                SweepResult::Ended(StopReason::Goal) if self.has_budget() => {
+                    sweeps.has_swept = true;
+                    sweeps.idle = 0;
+                    sweeps.set_bounds(self.mesh.bounds());
+                }
                 SweepResult::Ended(end) => return Some(end),
                 SweepResult::Through { refused, collapses } => {
                     sweeps.has_swept = true;
@@ -366,6 +377,7 @@ impl<M: Metric> Engine<M> {
         }
         let goal_faces = goal.faces.unwrap_or(0);
         let goal_vertices = goal.vertices.unwrap_or(0);
+        let most_cost = self.cost_budget();
         let count = self.mesh.store.v.len();
         let brings = count >= PREFETCH_MIN_VERTICES;
         self.tally.hub_budget.begin_sweep();
@@ -384,6 +396,9 @@ impl<M: Metric> Engine<M> {
                 let store = &self.mesh.store;
                 if store.live_faces <= goal_faces || store.live_vertices <= goal_vertices {
                     break 'vertices;
+                }
+                if self.tally.collapse_cost > most_cost {
+                    return SweepResult::Ended(StopReason::Finish);
                 }
                 if store.v[u.index()].kind.is_gone() {
                     continue;
@@ -524,7 +539,7 @@ impl<M: Metric> Engine<M> {
     /// True if a goal has a late phase.
     pub(super) fn is_extreme(&self, goal: &Goal) -> bool {
         !self.mesh.cost.metric.cost_source().is_decided_by_metric()
-            && self.mesh.constraints.rules.has_late_phase
+            && !self.mesh.constraints.rules.is_quick
             && goal.faces.is_some_and(|n| samples::is_extreme(n, self.tally.first_faces))
     }
 

@@ -17,6 +17,11 @@ pub(crate) struct Wedges {
     /// Values that count in the cost, `width` for each wedge, as lengths in the unit frame.
     pub(crate) values: Option<Arc<[f32]>>,
     pub(crate) width: usize,
+    /// True if seams of texture coordinates have lines.
+    pub(crate) has_seam_lines: bool,
+    /// True for vertices of the ordered input whose wedges have several texture coordinates, if seams have lines
+    /// and there are any.
+    pub(crate) is_split: Option<Vec<bool>>,
 }
 
 impl Wedges {
@@ -26,6 +31,22 @@ impl Wedges {
         let all = self.values.as_deref().unwrap_or_default();
         all.get(w.index() * self.width..(w.index() + 1) * self.width).unwrap_or_default()
     }
+
+    /// Finds the vertices on seams, if seams have lines.
+    pub(super) fn find_split<Q: VertexMemory>(&mut self, store: &Store<Q>) {
+        self.is_split = None;
+        let Some(wedges) = store.wedges.as_ref().filter(|_| self.has_seam_lines) else { return };
+        let count = store.v.iter().map(|x| x.origin.index() + 1).max().unwrap_or(0);
+        let mut first = vec![None; count];
+        let mut is_split = vec![false; count];
+        for (v, &w) in store.t.as_flattened().iter().zip(wedges.as_flattened()) {
+            let origin = store.v[v.index()].origin.index();
+            let known = *first[origin].get_or_insert(w);
+            is_split[origin] |= known != w && !self.same_uv(known, w);
+        }
+        self.is_split = is_split.contains(&true).then_some(is_split);
+    }
+
     pub(super) fn same_uv(&self, a: WedgeId, b: WedgeId) -> bool {
         self.uvs.as_ref().is_none_or(|uv| uv[a.index()] == uv[b.index()])
     }

@@ -188,7 +188,14 @@ impl Run<'_, '_> {
             let uvs = mesh.uvs().map(<[_]>::to_vec);
             let values = self.options.quick.as_ref().and_then(|quick| quick.wedge_values.clone());
             let width = values.as_ref().map_or(0, |values| values.len() / mesh.wedge_count().max(1));
-            let endpoints = Wedges { uvs, normals: mesh.normals().map(<[_]>::to_vec), values, width };
+            let endpoints = Wedges {
+                uvs,
+                normals: mesh.normals().map(<[_]>::to_vec),
+                values,
+                width,
+                has_seam_lines: self.options.quick.is_some(),
+                ..Wedges::default()
+            };
             return Corners { wedges: Some(wedges), endpoints: Some(endpoints), rows: None };
         }
         let Some((rows, mut attributes)) = Rows::new(mesh, |w| self.place(mesh, w)) else { return none };
