@@ -8,5 +8,7 @@ pub mod order;
 pub mod process;
 pub mod soup;
 pub mod stats;
+pub mod vertices;
 
 pub use soup::Soup;
+pub use vertices::VertexBuffers;

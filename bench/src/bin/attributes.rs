@@ -7,17 +7,13 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::Context as _;
+use lodsmith::core::TriMesh;
 use lodsmith::core::measure::{self, CompareOptions};
 use lodsmith::core::mesh::weld;
-use lodsmith::core::{Positions, TriMesh, VertexId};
 use lodsmith::{NoControl, SimplifyOptions, Stop};
+use lodsmith_bench::VertexBuffers;
 use lodsmith_io::{ReadOptions, read_path};
 use meshopt::{SimplifyOptions as MeshoptOptions, VertexDataAdapter};
-
-/// Attribute weights that meshoptimizer's documentation proposes for normals and colours; those of texture
-/// coordinates follow from their scale.
-const NORMAL_WEIGHT: f32 = 0.5;
-const COLOR_WEIGHT: f32 = 1.0;
 
 fn main() -> anyhow::Result<()> {
     let paths: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
@@ -84,39 +80,15 @@ fn best_of(times: usize, run: impl Fn() -> anyhow::Result<TriMesh>) -> anyhow::R
 
 /// Runs meshoptimizer's attribute-aware simplification; its vertices are our wedges.
 fn rival(mesh: &TriMesh, target: usize) -> anyhow::Result<TriMesh> {
-    let positions: Vec<[f32; 3]> = (0..mesh.wedge_count() as u32)
-        .map(|w| mesh.positions().view().get(mesh.vertex_of(lodsmith::core::WedgeId(w))).map(|x| x as f32))
-        .collect();
-    let indices: &[u32] = bytemuck::cast_slice(mesh.triangles());
-    let (mut values, mut weights) = (Vec::new(), Vec::new());
-    if mesh.normals().is_some() {
-        weights.extend([NORMAL_WEIGHT; 3]);
-    }
-    if let Some(uvs) = mesh.uvs() {
-        let doubled = |t: &[lodsmith::core::WedgeId; 3]| {
-            let [a, b, c] = t.map(|w| uvs[w.index()]);
-            ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs()
-        };
-        let area = mesh.triangles().iter().map(doubled).sum::<f32>() / 2.0 / mesh.face_count() as f32;
-        // The weight that meshoptimizer's documentation proposes: 1 / sqrt(mean area in texture space),
-        // bounded for tiny areas.
-        weights.extend([1.0 / area.max(1e-8).sqrt() * 0.01; 2]);
-    }
-    if mesh.colors().is_some() {
-        weights.extend([COLOR_WEIGHT; 3]);
-    }
-    for w in 0..mesh.wedge_count() {
-        values.extend(mesh.normals().iter().flat_map(|n| n[w]));
-        values.extend(mesh.uvs().iter().flat_map(|t| t[w]));
-        values.extend(mesh.colors().iter().flat_map(|c| [c[w][0], c[w][1], c[w][2]]));
-    }
-    let adapter = VertexDataAdapter::new(bytemuck::cast_slice(&positions), 12, 0)?;
+    let mut buffers = VertexBuffers::new(mesh);
+    let VertexBuffers { positions, indices, values, weights, .. } = &mut buffers;
+    let adapter = VertexDataAdapter::new(bytemuck::cast_slice(positions), 12, 0)?;
     let locks = vec![false; positions.len()];
-    let kept = meshopt::simplify_with_attributes_and_locks(
+    *indices = meshopt::simplify_with_attributes_and_locks(
         indices,
         &adapter,
-        &values,
-        &weights,
+        values,
+        weights,
         weights.len() * 4,
         &locks,
         target * 3,
@@ -124,10 +96,5 @@ fn rival(mesh: &TriMesh, target: usize) -> anyhow::Result<TriMesh> {
         MeshoptOptions::None,
         None,
     );
-    let triangles = kept.chunks_exact(3).map(|t| [t[0], t[1], t[2]].map(VertexId)).collect();
-    let mut result = TriMesh::new(Positions::F32(positions), triangles)?;
-    result.set_normals(mesh.normals().map(<[_]>::to_vec))?;
-    result.set_uvs(mesh.uvs().map(<[_]>::to_vec))?;
-    result.set_colors(mesh.colors().map(<[_]>::to_vec))?;
-    Ok(result)
+    buffers.mesh()
 }

@@ -1,93 +1,203 @@
-//! The index call of the C interface beside `meshopt_simplify`: same buffers, same process, one thread.
+//! The index calls of the C interface beside those of meshoptimizer: same buffers, same process, one thread.
 //!
 //! ```text
-//! indices [FILE|FOLDER]... [--targets 50%,25%,10%] [--errors 0.01,0.001] [--reps N] [--samples N] [--seams]
+//! indices [FILE|FOLDER]... [--call CALL]... [--targets 50%,25%,10%] [--errors 0.001,0.01,0.05] [--reps N] [--samples N]
 //! ```
-//! Ours runs to the count that meshoptimizer reached. Then both run to an error alone, whatever the count. Times are
-//! processor times, the least of the repetitions, which alternate; errors are two-way RMS distances. With `--seams` the vertices of a file stay
-//! as they are, several at one position where attributes differ; else they are welded.
+//! Calls: `plain` (`meshopt_simplify`, equal positions welded), `seams` (the same with the vertices of the file, several
+//! at one position where attributes differ), `attributes` (`meshopt_simplifyWithAttributes`) and `update`
+//! (`meshopt_simplifyWithUpdate`). Ours runs to the count that meshoptimizer reached. Then both run to an error alone,
+//! whatever the count. Times are processor times, the least of the repetitions, which alternate; errors are two-way RMS
+//! distances in percent of the diagonal, and means of the differences of attributes.
 #![allow(clippy::print_stdout, reason = "a program speaks on its standard output")]
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow, ensure};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use lodsmith_bench::cases::{self, Target};
-use lodsmith_bench::{Soup, process, stats};
-use lodsmith_c::simplify_indices;
-use lodsmith_core::measure::{CompareOptions, compare};
-use lodsmith_core::{TriMesh, WedgeId};
+use lodsmith_bench::{Soup, VertexBuffers, process, stats};
+use lodsmith_c::IndexCall;
+use lodsmith_core::measure::{CompareOptions, compare, compare_attributes};
+use lodsmith_core::mesh::weld::weld_mesh;
+use lodsmith_core::{Positions, TriMesh, VertexId};
 use lodsmith_io::{ReadOptions, read_path};
 
 /// An error bound that never ends a run.
 const ANY_ERROR: f32 = 1e10;
 
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Call {
+    Plain,
+    Seams,
+    Attributes,
+    Update,
+}
+
+impl Call {
+    fn parse(name: &str) -> Result<Self> {
+        Ok(match name {
+            "plain" => Self::Plain,
+            "seams" => Self::Seams,
+            "attributes" => Self::Attributes,
+            "update" => Self::Update,
+            _ => bail!("no call {name}: plain, seams, attributes, update"),
+        })
+    }
+}
+
 struct Args {
     models: Vec<PathBuf>,
+    calls: Vec<Call>,
     targets: Vec<Target>,
     errors: Vec<f32>,
     reps: usize,
     samples: usize,
-    has_seams: bool,
+}
+
+/// Parses a list with commas; an empty text is an empty list.
+fn list<T>(text: &str, parse: impl Fn(&str) -> Result<T>) -> Result<Vec<T>> {
+    text.split(',').filter(|x| !x.is_empty()).map(parse).collect()
 }
 
 fn parse() -> Result<Args> {
     let targets = [50.0, 25.0, 10.0].map(Target::Percent).to_vec();
     let mut args = Args {
         models: Vec::new(),
+        calls: Vec::new(),
         targets,
-        errors: vec![0.01, 0.001],
+        errors: vec![0.001, 0.01, 0.05],
         reps: 7,
         samples: 100_000,
-        has_seams: false,
     };
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
         let mut value = || words.next().with_context(|| format!("{word} needs a value"));
         match word.as_str() {
-            "--targets" => args.targets = value()?.split(',').map(Target::parse).collect::<Result<_>>()?,
-            "--errors" => args.errors = value()?.split(',').map(str::parse).collect::<Result<_, _>>()?,
+            "--call" => args.calls.push(Call::parse(&value()?)?),
+            "--targets" => args.targets = list(&value()?, Target::parse)?,
+            "--errors" => args.errors = list(&value()?, |x| Ok(x.parse()?))?,
             "--reps" => args.reps = value()?.parse()?,
             "--samples" => args.samples = value()?.parse()?,
-            "--seams" => args.has_seams = true,
             place => args.models.extend(cases::find_models(Path::new(place))?),
         }
     }
     ensure!(!args.models.is_empty() && args.reps > 0, "no models: name files or a folder");
+    if args.calls.is_empty() {
+        args.calls.push(Call::Plain);
+    }
     Ok(args)
 }
 
-/// Reads a file with a vertex for each wedge.
-fn read_with_seams(path: &Path) -> Result<Soup> {
-    let mut options = ReadOptions::default();
-    options.folder = path.parent().map(Path::to_owned);
-    let mesh: TriMesh = read_path(path, &options)?.mesh;
-    let view = mesh.positions().view();
-    let place = |w: usize| view.get(mesh.vertex_of(WedgeId::new(w))).map(|x| x as f32);
-    let positions = (0..mesh.wedge_count()).map(place).collect();
-    Ok(Soup { positions, indices: mesh.triangles().iter().flatten().map(|w| w.0).collect() }.compacted())
+/// A mesh with the call that simplifies it.
+struct Case {
+    call: Call,
+    name: String,
+    buffers: VertexBuffers,
+    /// The mesh of the buffers.
+    mesh: TriMesh,
 }
 
-/// One result: seconds, indices and the returned error.
+impl Case {
+    fn read(call: Call, path: &Path) -> Result<Self> {
+        let mesh = if call == Call::Plain {
+            let soup = Soup::read(path)?;
+            let triangles = soup.indices.as_chunks::<3>().0.iter().map(|t| t.map(VertexId)).collect();
+            TriMesh::new(Positions::F32(soup.positions), triangles)?
+        } else {
+            let mut options = ReadOptions::default();
+            options.folder = path.parent().map(Path::to_owned);
+            let mut mesh = weld_mesh(&read_path(path, &options)?.mesh, None).mesh;
+            // meshoptimizer knows no materials.
+            mesh.set_regions(None)?;
+            mesh
+        };
+        let buffers = VertexBuffers::new(&mesh);
+        Ok(Self { call, name: cases::stem(path), mesh: buffers.mesh()?, buffers })
+    }
+}
+
+/// One result: seconds, the buffers afterwards and the returned error.
 struct Outcome {
     seconds: f64,
-    indices: Vec<u32>,
+    buffers: VertexBuffers,
     error: f32,
 }
 
-fn theirs(mesh: &Soup, target: usize, limit: f32) -> Result<Outcome> {
+fn theirs(case: &Case, target: usize, limit: f32) -> Result<Outcome> {
+    let mut buffers = case.buffers.clone();
+    let VertexBuffers { positions, indices, values, weights, .. } = &mut buffers;
+    let (mut error, stride, none) = (0.0, size_of_val(&weights[..]), meshopt::SimplifyOptions::None);
     let started = process::cpu_seconds();
-    let vertices = meshopt::VertexDataAdapter::new(bytemuck::cast_slice(&mesh.positions), 12, 0)?;
-    let mut error = 0.0;
-    let none = meshopt::SimplifyOptions::None;
-    let indices = meshopt::simplify(&mesh.indices, &vertices, target, limit, none, Some(&mut error));
-    Ok(Outcome { seconds: process::cpu_seconds() - started, indices, error })
+    match case.call {
+        Call::Update => {
+            let result_error = Some(&mut error);
+            let count = meshopt::simplify_with_update(
+                indices,
+                positions,
+                values,
+                weights,
+                stride,
+                None,
+                target,
+                limit,
+                none,
+                result_error,
+            );
+            indices.truncate(count);
+        }
+        Call::Attributes => {
+            let at = meshopt::VertexDataAdapter::new(bytemuck::cast_slice(positions), 12, 0)?;
+            let locks = vec![false; positions.len()];
+            *indices = meshopt::simplify_with_attributes_and_locks(
+                indices,
+                &at,
+                values,
+                weights,
+                stride,
+                &locks,
+                target,
+                limit,
+                none,
+                Some(&mut error),
+            );
+        }
+        Call::Plain | Call::Seams => {
+            let at = meshopt::VertexDataAdapter::new(bytemuck::cast_slice(positions), 12, 0)?;
+            *indices = meshopt::simplify(indices, &at, target, limit, none, Some(&mut error));
+        }
+    }
+    Ok(Outcome { seconds: process::cpu_seconds() - started, buffers, error })
 }
 
-fn ours(mesh: &Soup, target: usize, limit: f32) -> Result<Outcome> {
+fn ours(case: &Case, target: usize, limit: f32) -> Result<Outcome> {
+    let mut buffers = case.buffers.clone();
     let started = process::cpu_seconds();
-    let (indices, error) =
-        simplify_indices(&mesh.indices, &mesh.positions, target, limit, 0).map_err(|text| anyhow!(text))?;
-    Ok(Outcome { seconds: process::cpu_seconds() - started, indices, error })
+    let call = IndexCall {
+        indices: &case.buffers.indices,
+        positions: &case.buffers.positions,
+        attributes: &case.buffers.values,
+        weights: &case.buffers.weights,
+        target_index_count: target,
+        target_error: limit,
+        ..IndexCall::default()
+    };
+    let error;
+    match case.call {
+        Call::Update => {
+            let result = call.with_update().map_err(|text| anyhow!(text))?;
+            (buffers.indices, buffers.positions, buffers.values) =
+                (result.indices, result.positions, result.attributes);
+            error = result.error;
+        }
+        Call::Attributes => {
+            let result = call.with_attributes().map_err(|text| anyhow!(text))?;
+            (buffers.indices, error) = (result.indices, result.error);
+        }
+        Call::Plain | Call::Seams => {
+            let result = call.simplify().map_err(|text| anyhow!(text))?;
+            (buffers.indices, error) = (result.indices, result.error);
+        }
+    }
+    Ok(Outcome { seconds: process::cpu_seconds() - started, buffers, error })
 }
 
 fn best_of(reps: usize, mut run: impl FnMut(usize) -> Result<Outcome>) -> Result<[Outcome; 2]> {
@@ -101,94 +211,120 @@ fn best_of(reps: usize, mut run: impl FnMut(usize) -> Result<Outcome>) -> Result
     Ok(least)
 }
 
-fn rms(mesh: &Soup, result: &[u32], samples: usize) -> Result<f64> {
+/// Errors of a result: RMS distance in percent of the diagonal, and mean differences of normals in degrees, texture
+/// coordinates and colours.
+fn errors(case: &Case, result: &VertexBuffers, samples: usize) -> Result<[Option<f64>; 4]> {
     let mut options = CompareOptions::default();
     options.samples = samples;
-    let result = Soup { positions: mesh.positions.clone(), indices: result.to_vec() };
-    let c = compare(&mesh.surface()?, &result.surface()?, &options)?;
-    Ok(c.rms.symmetric / c.diagonal * 100.0)
+    let result = result.mesh()?;
+    let c = compare(&case.mesh.surface(), &result.surface(), &options)?;
+    let rms = Some(c.rms.symmetric / c.diagonal * 100.0);
+    if case.call == Call::Plain {
+        return Ok([rms, None, None, None]);
+    }
+    let a = compare_attributes(&case.mesh, &result, &options)?;
+    Ok([
+        rms,
+        a.normals_deg.map(|e| e.mean.symmetric),
+        a.uvs.map(|e| e.mean.symmetric),
+        a.colors.map(|e| e.mean.symmetric),
+    ])
 }
 
-/// Ratios of ours to theirs: RMS, time, faces, returned error.
-type Ratios = [Vec<f64>; 4];
+/// Names of the ratios of ours to theirs.
+const RATIOS: [&str; 7] = ["RMS", "normals", "uvs", "colours", "time", "faces", "returned error"];
 
-fn row(
-    mesh: &Soup,
-    name: &str,
-    [theirs, ours]: &[Outcome; 2],
-    samples: usize,
-    all: &mut Ratios,
-) -> Result<String> {
-    let [a, b] = [rms(mesh, &theirs.indices, samples)?, rms(mesh, &ours.indices, samples)?];
+/// Ratios of ours to theirs, of all rows of a table.
+type Ratios = [Vec<f64>; RATIOS.len()];
+
+fn row(case: &Case, goal: &str, pair: &[Outcome; 2], samples: usize, all: &mut Ratios) -> Result<String> {
+    let [theirs, ours] = pair;
+    let [a, b] = [errors(case, &theirs.buffers, samples)?, errors(case, &ours.buffers, samples)?];
+    let ratio = |k: usize| Some(b[k]? / a[k]?);
     let ratios = [
-        b / a,
-        ours.seconds / theirs.seconds,
-        ours.indices.len() as f64 / theirs.indices.len() as f64,
-        f64::from(ours.error) / f64::from(theirs.error),
+        ratio(0),
+        ratio(1),
+        ratio(2),
+        ratio(3),
+        Some(ours.seconds / theirs.seconds),
+        Some(ours.buffers.face_count() as f64 / theirs.buffers.face_count() as f64),
+        Some(f64::from(ours.error) / f64::from(theirs.error)),
     ];
-    for (all, ratio) in all.iter_mut().zip(ratios).filter(|x| x.1.is_finite() && x.1 > 0.0) {
-        all.push(ratio);
+    for (all, ratio) in all.iter_mut().zip(ratios) {
+        all.extend(ratio.filter(|x| x.is_finite() && *x > 0.0));
     }
+    let pair = |k: usize| match (a[k], b[k]) {
+        (Some(a), Some(b)) => format!("{a:.4} {b:.4} {:.2}", b / a),
+        _ => String::new(),
+    };
     Ok(format!(
-        "| {name} | {} | {} | {} | {a:.4} | {b:.4} | {:.2} | {:.4} | {:.4} | {:.2} | {:.4} | {:.4} |",
-        mesh.face_count(),
-        theirs.indices.len() / 3,
-        ours.indices.len() / 3,
-        ratios[0],
+        "| {}, {goal} | {} | {} {} | {} | {} | {} | {} | {:.4} {:.4} {:.2} | {:.4} {:.4} |",
+        case.name,
+        case.buffers.face_count(),
+        theirs.buffers.face_count(),
+        ours.buffers.face_count(),
+        pair(0),
+        pair(1),
+        pair(2),
+        pair(3),
         theirs.seconds,
         ours.seconds,
-        ratios[1],
+        ours.seconds / theirs.seconds,
         theirs.error,
         ours.error
     ))
 }
 
 fn print_means(all: &Ratios) {
-    let mean = |k: usize| stats::geometric_mean(all[k].iter().copied()).unwrap_or(f64::NAN);
-    println!(
-        "\nOurs over theirs, geometric means: RMS {:.3}, time {:.3}, faces {:.3}, returned error {:.3}\n",
-        mean(0),
-        mean(1),
-        mean(2),
-        mean(3)
-    );
+    let means: Vec<String> = RATIOS
+        .iter()
+        .zip(all)
+        .filter_map(|(name, all)| Some(format!("{name} {:.3}", stats::geometric_mean(all.iter().copied())?)))
+        .collect();
+    println!("\nOurs over theirs, geometric means: {}\n", means.join(", "));
 }
 
 const HEAD: &str = "\
-| model, goal | faces | theirs | ours | RMS % theirs | ours | ratio | s theirs | ours | ratio | error theirs | ours |
-|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|";
+| model, goal | faces | theirs, ours | RMS % | normals ° | uvs | colours | s | error |
+|---|--:|--:|--:|--:|--:|--:|--:|--:|";
+
+fn print_tables(cases: &[Case], args: &Args) -> Result<()> {
+    println!("{HEAD}");
+    let mut all = Ratios::default();
+    for case in cases {
+        for target in &args.targets {
+            let wanted = 3 * target.of(case.buffers.face_count());
+            let reached = theirs(case, wanted, ANY_ERROR)?.buffers.indices.len();
+            let both = best_of(args.reps, |who| match who {
+                0 => theirs(case, wanted, ANY_ERROR),
+                _ => ours(case, reached, ANY_ERROR),
+            })?;
+            println!("{}", row(case, &target.name(), &both, args.samples, &mut all)?);
+        }
+    }
+    print_means(&all);
+    println!("{HEAD}");
+    let mut all = Ratios::default();
+    for case in cases {
+        for &limit in &args.errors {
+            let both = best_of(args.reps, |who| match who {
+                0 => theirs(case, 0, limit),
+                _ => ours(case, 0, limit),
+            })?;
+            println!("{}", row(case, &format!("error {limit}"), &both, args.samples, &mut all)?);
+        }
+    }
+    print_means(&all);
+    Ok(())
+}
 
 fn main() -> Result<()> {
     let args = parse()?;
     process::one_thread()?;
-    let read = |path: &PathBuf| if args.has_seams { read_with_seams(path) } else { Soup::read(path) };
-    let meshes: Vec<(String, Soup)> =
-        args.models.iter().map(|path| Ok((cases::stem(path), read(path)?))).collect::<Result<_>>()?;
-    println!("{HEAD}");
-    let mut all = Ratios::default();
-    for (name, mesh) in &meshes {
-        for target in &args.targets {
-            let wanted = 3 * target.of(mesh.face_count());
-            let reached = theirs(mesh, wanted, ANY_ERROR)?.indices.len();
-            let both = best_of(args.reps, |who| match who {
-                0 => theirs(mesh, wanted, ANY_ERROR),
-                _ => ours(mesh, reached, ANY_ERROR),
-            })?;
-            println!("{}", row(mesh, &format!("{name}, {}", target.name()), &both, args.samples, &mut all)?);
-        }
+    for &call in &args.calls {
+        let cases: Vec<Case> =
+            args.models.iter().map(|path| Case::read(call, path)).collect::<Result<_>>()?;
+        print_tables(&cases, &args)?;
     }
-    print_means(&all);
-    println!("{HEAD}");
-    let mut all = Ratios::default();
-    for (name, mesh) in &meshes {
-        for &limit in &args.errors {
-            let both = best_of(args.reps, |who| match who {
-                0 => theirs(mesh, 0, limit),
-                _ => ours(mesh, 0, limit),
-            })?;
-            println!("{}", row(mesh, &format!("{name}, error {limit}"), &both, args.samples, &mut all)?);
-        }
-    }
-    print_means(&all);
     Ok(())
 }

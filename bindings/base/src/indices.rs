@@ -7,7 +7,7 @@ mod update;
 mod used;
 
 use lodsmith::SimplifyError;
-use lodsmith_core::MeshError;
+use lodsmith_core::{MeshError, VertexId};
 
 use quick::{QuickInput, QuickRules};
 use update::MovedValues;
@@ -136,7 +136,7 @@ pub fn simplify_with_update(call: &IndexCall<'_>) -> Result<UpdateResult, IndexE
     let moved = MovedValues {
         values: columns.as_ref().map_or_else(Vec::new, |a| a.of(&frame.used, |_| 1.0)),
         weights: columns.iter().flat_map(|a| a.columns.iter().map(|column| column.1)).collect(),
-        extent: frame.extent,
+        length: edge_length(&input),
     };
     let result = update::run(&input, &moved)?;
     let vertices = result.vertices.into_iter().map(|(v, position, values)| UpdatedVertex {
@@ -155,7 +155,6 @@ pub fn simplify_with_update(call: &IndexCall<'_>) -> Result<UpdateResult, IndexE
 /// The used vertices of a call, and the unit of its errors.
 struct CallFrame {
     used: UsedVertices,
-    extent: f64,
     /// Errors are in this unit.
     unit: f64,
 }
@@ -201,6 +200,7 @@ impl<'a> IndexCall<'a> {
             target_faces: self.target_index_count / 3,
             // Nothing is farther away than this.
             error_limit: (limit < 2.0 * extent).then_some(limit),
+            extent,
             rules: QuickRules {
                 locks_border: has(flags::LOCK_BORDER),
                 prunes: has(flags::PRUNE),
@@ -208,7 +208,7 @@ impl<'a> IndexCall<'a> {
                 is_permissive: has(flags::PERMISSIVE),
             },
         };
-        Ok((input, CallFrame { used, extent, unit }))
+        Ok((input, CallFrame { used, unit }))
     }
 
     /// Returns the attributes that count, if any does.
@@ -236,6 +236,21 @@ fn largest_extent(points: impl Iterator<Item = [f32; 3]>) -> f64 {
         }
     }
     (0..3).map(|k| f64::from(max[k]) - f64::from(min[k])).fold(0.0, f64::max)
+}
+
+/// Returns the length of the edges of a result with the faces asked for, if they were equilateral: or without a count,
+/// of a quarter of the faces.
+fn edge_length(input: &QuickInput) -> f64 {
+    let doubled = |t: &[VertexId; 3]| {
+        let [a, b, c] = t.map(|v| input.positions[v.index()].map(f64::from));
+        let [p, q] = [b, c].map(|x| [x[0] - a[0], x[1] - a[1], x[2] - a[2]]);
+        let n = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
+        n.iter().map(|x| x * x).sum::<f64>().sqrt()
+    };
+    let area = 0.5 * input.triangles.iter().map(doubled).filter(|x| x.is_finite()).sum::<f64>();
+    let quarter = (input.triangles.len() / 4).max(1);
+    let count = if input.target_faces > 0 { input.target_faces } else { quarter };
+    (area / (3.0f64.sqrt() / 4.0 * count as f64)).sqrt()
 }
 
 /// The attributes of a call that count.

@@ -534,8 +534,8 @@ const char *lodsmith_error_message(void);
 // - `target_error`: the run ends before the estimate of the error exceeds this share of the largest extent of the
 //   positions, or this length with `LODSMITH_SIMPLIFY_ERROR_ABSOLUTE`; `FLT_MAX` for no limit.
 // - `options`: flags `LODSMITH_SIMPLIFY_...`, or 0.
-// - `result_error`: the estimate of the error, in the same unit, if it is not null. (It is three times the estimated
-//   root-mean-square distance, as meshoptimizer's is on average.)
+// - `result_error`: the estimate of the error, in the same unit, if it is not null. (It follows from the estimated
+//   root-mean-square distance, scaled so that an error limit leaves about as many triangles as meshoptimizer's.)
 //
 // Faces without area or with positions that are not finite are left out, unless there is nothing to simplify. Same
 // input, same output. One thread.
@@ -558,8 +558,8 @@ size_t lodsmith_simplify_indices(uint32_t *destination,
 //
 // As `lodsmith_simplify_indices`, and:
 // - `vertex_attributes`: `attribute_count` floats (up to 32) every `vertex_attributes_stride` bytes.
-// - `attribute_weights`: the weight of each attribute; a difference of 1 counts like a distance of this share of the
-//   largest extent. Attributes with the weight 0 are not read.
+// - `attribute_weights`: the weight of each attribute: a difference of 1 across a length counts like a distance of this
+//   share of the length. Attributes with the weight 0 are not read.
 // - `vertex_lock`: null, or flags `LODSMITH_VERTEX_...` for each vertex.
 //
 // Conditions:
@@ -584,8 +584,9 @@ size_t lodsmith_simplify_indices_with_attributes(uint32_t *destination,
 // `meshopt_simplifyWithUpdate`, in the same order.
 //
 // As `lodsmith_simplify_indices_with_attributes`, and `indices`, the positions and the attributes with a weight above 0
-// are changed: the vertices that the indices left name have new values, the others are as before. Values of several
-// indices at one position stay apart. The regularity of faces and permissive seams have no effect here.
+// are changed: the vertices that the indices left name have new values, the others are as before. Seams are
+// where a weighted attribute differs between indices at one position; other indices of the position are merged. Permissive
+// seams have no effect here.
 //
 // Conditions:
 // The buffers must have these extents, and be writable but for `attribute_weights` and `vertex_lock`.

@@ -124,8 +124,8 @@ unsafe fn write(to: *mut u32, room: usize, indices: &[u32]) -> Result<(), Fault>
 /// - `target_error`: the run ends before the estimate of the error exceeds this share of the largest extent of the
 ///   positions, or this length with `LODSMITH_SIMPLIFY_ERROR_ABSOLUTE`; `FLT_MAX` for no limit.
 /// - `options`: flags `LODSMITH_SIMPLIFY_...`, or 0.
-/// - `result_error`: the estimate of the error, in the same unit, if it is not null. (It is three times the estimated
-///   root-mean-square distance, as meshoptimizer's is on average.)
+/// - `result_error`: the estimate of the error, in the same unit, if it is not null. (It follows from the estimated
+///   root-mean-square distance, scaled so that an error limit leaves about as many triangles as meshoptimizer's.)
 ///
 /// Faces without area or with positions that are not finite are left out, unless there is nothing to simplify. Same
 /// input, same output. One thread.
@@ -172,8 +172,8 @@ pub unsafe extern "C" fn lodsmith_simplify_indices(
 ///
 /// As `lodsmith_simplify_indices`, and:
 /// - `vertex_attributes`: `attribute_count` floats (up to 32) every `vertex_attributes_stride` bytes.
-/// - `attribute_weights`: the weight of each attribute; a difference of 1 counts like a distance of this share of the
-///   largest extent. Attributes with the weight 0 are not read.
+/// - `attribute_weights`: the weight of each attribute: a difference of 1 across a length counts like a distance of this
+///   share of the length. Attributes with the weight 0 are not read.
 /// - `vertex_lock`: null, or flags `LODSMITH_VERTEX_...` for each vertex.
 ///
 /// # Safety
@@ -229,8 +229,9 @@ pub unsafe extern "C" fn lodsmith_simplify_indices_with_attributes(
 /// `meshopt_simplifyWithUpdate`, in the same order.
 ///
 /// As `lodsmith_simplify_indices_with_attributes`, and `indices`, the positions and the attributes with a weight above 0
-/// are changed: the vertices that the indices left name have new values, the others are as before. Values of several
-/// indices at one position stay apart. The regularity of faces and permissive seams have no effect here.
+/// are changed: the vertices that the indices left name have new values, the others are as before. Seams are
+/// where a weighted attribute differs between indices at one position; other indices of the position are merged. Permissive
+/// seams have no effect here.
 ///
 /// # Safety
 /// The buffers must have these extents, and be writable but for `attribute_weights` and `vertex_lock`.
@@ -292,43 +293,4 @@ pub unsafe extern "C" fn lodsmith_simplify_indices_with_update(
     // SAFETY: the caller promises that it is null or a number.
     unsafe { memory::set(result_error, outcome.as_ref().map_or(0.0, |done| done.1)) };
     outcome.map_or(0, |done| done.0)
-}
-
-/// Simplifies an index buffer in memory of Rust: [`lodsmith_simplify_indices`] for tests and benchmarks.
-///
-/// # Errors
-/// The text of the error.
-pub fn simplify_indices(
-    indices: &[u32],
-    positions: &[[f32; 3]],
-    target_index_count: usize,
-    target_error: f32,
-    options: u32,
-) -> Result<(Vec<u32>, f32), String> {
-    let mut left = vec![0; indices.len()];
-    let mut error = 0.0;
-    // SAFETY: the slices have the lengths that are passed, and positions are three floats without gaps.
-    let (count, fault) = unsafe {
-        let count = lodsmith_simplify_indices(
-            left.as_mut_ptr(),
-            indices.as_ptr(),
-            indices.len(),
-            positions.as_ptr().cast(),
-            positions.len(),
-            size_of::<[f32; 3]>(),
-            target_index_count,
-            target_error,
-            options,
-            &raw mut error,
-        );
-        let fault = crate::lodsmith_error_message();
-        let fault =
-            (!fault.is_null()).then(|| std::ffi::CStr::from_ptr(fault).to_string_lossy().into_owned());
-        (count, fault)
-    };
-    left.truncate(count);
-    match fault {
-        Some(fault) => Err(fault),
-        None => Ok((left, error)),
-    }
 }

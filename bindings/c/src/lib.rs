@@ -8,6 +8,7 @@
 //! options       `lodsmith_options`, and its conversion
 //! mesh_view     `lodsmith_mesh_view`, and its conversion
 //! result        `lodsmith_result`, its accessors, `lodsmith_report`
+//! slices        the index calls over slices of Rust, for tests and benchmarks
 //! calls         `lodsmith_simplify`, `lodsmith_version`
 //! ```
 //!
@@ -22,6 +23,7 @@ mod memory;
 mod mesh_view;
 mod options;
 mod result;
+mod slices;
 
 pub use calls::*;
 pub use fault::*;
@@ -30,3 +32,4 @@ pub use index_calls::*;
 pub use mesh_view::*;
 pub use options::*;
 pub use result::*;
+pub use slices::*;
