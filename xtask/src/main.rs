@@ -60,8 +60,17 @@ fn main() -> ExitCode {
 }
 
 /// Benchmark programs.
-const BENCHES: &[&str] =
-    &["rivals", "attributes", "cluster", "cluster_lod", "io_speed", "memory", "render", "progressive"];
+const BENCHES: &[&str] = &[
+    "rivals",
+    "attributes",
+    "cluster",
+    "cluster_lod",
+    "io_speed",
+    "memory",
+    "render",
+    "progressive",
+    "indices",
+];
 
 /// Returns the root folder of the workspace.
 fn root() -> &'static Path {
