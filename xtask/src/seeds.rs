@@ -26,7 +26,8 @@ use crate::{release_command, root};
 /// Larger files only slow the fuzzing down.
 const MAX_SEED_BYTES: u64 = 8192;
 /// Targets that make meshes out of any bytes.
-const SOUPS: [&str; 5] = ["simplify_soup", "clean_soup", "compare_soup", "progressive_soup", "write"];
+const SOUPS: [&str; 6] =
+    ["simplify_soup", "clean_soup", "compare_soup", "progressive_soup", "index_calls", "write"];
 /// Number of random files for each of them.
 const RANDOM_FILES: usize = 16;
 
