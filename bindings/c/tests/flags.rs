@@ -1,7 +1,8 @@
 //! Flags of the index calls that change which vertices stay.
 
 use lodsmith_c::{
-    IndexCall, LODSMITH_SIMPLIFY_REGULARIZE, LODSMITH_SIMPLIFY_REGULARIZE_LIGHT, LODSMITH_VERTEX_PRIORITY,
+    IndexCall, LODSMITH_SIMPLIFY_PRUNE, LODSMITH_SIMPLIFY_REGULARIZE, LODSMITH_SIMPLIFY_REGULARIZE_LIGHT,
+    LODSMITH_VERTEX_PRIORITY,
 };
 
 /// Vertices along a side of the sheet.
@@ -72,4 +73,34 @@ fn regular_faces_are_rounder() {
     let [none, light, full] =
         [0, LODSMITH_SIMPLIFY_REGULARIZE_LIGHT, LODSMITH_SIMPLIFY_REGULARIZE].map(roundness);
     assert!(none + 0.05 < light && light < full, "{none} {light} {full}");
+}
+
+#[test]
+fn parts_are_removed_within_the_error_only() {
+    // A bumpy sheet, a part the size of a cell and one a quarter as large as the sheet.
+    let (mut positions, mut indices) = sheet(|x, y| 0.5 * (0.5 * x).sin() * (0.4 * y).cos());
+    for (first, scale, at) in [(positions.len() as u32, 0.02, 2.0), (2 * positions.len() as u32, 0.25, 40.0)]
+    {
+        let (small, faces) = sheet(|x, y| 0.5 * (0.5 * x).sin() * (0.4 * y).cos());
+        positions.extend(small.iter().map(|p| [p[0] * scale + at, p[1] * scale, p[2] * scale + 5.0]));
+        indices.extend(faces.iter().map(|i| i + first));
+    }
+    let parts = |target_error: f32| {
+        let options = LODSMITH_SIMPLIFY_PRUNE;
+        let call = IndexCall {
+            indices: &indices,
+            positions: &positions,
+            target_error,
+            options,
+            ..IndexCall::default()
+        };
+        let result = call.simplify().unwrap();
+        assert!(result.error <= target_error, "{} of {target_error}", result.error);
+        let count = |part: u32| result.indices.iter().filter(|i| *i / (SIDE * SIDE) == part).count() / 3;
+        [count(0), count(1), count(2)]
+    };
+    let [sheet, small, large] = parts(1e-4);
+    assert!(sheet > 500 && small > 0 && large > 20, "{sheet} {small} {large}");
+    let [sheet, small, large] = parts(0.01);
+    assert!(sheet > 20 && small == 0 && large > 0, "{sheet} {small} {large}");
 }

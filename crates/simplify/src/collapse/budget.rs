@@ -19,10 +19,19 @@ impl<M: Metric> Engine<M> {
         most * most * 6.0 * area / self.mesh.cost.metric.squared_rms_factor()
     }
 
+    /// Returns the sum of the costs of collapses that adds as much to the estimate as the removed parts.
+    pub(super) fn cost_of_removed_parts(&self) -> f64 {
+        1.5 * self.tally.removed_part_cost / self.mesh.cost.metric.squared_rms_factor()
+    }
+
+    fn spent(&self) -> f64 {
+        self.tally.collapse_cost + self.cost_of_removed_parts()
+    }
+
     /// True if the pass ends at an estimate that it has not reached.
     pub(super) fn has_budget(&self) -> bool {
         let budget = self.cost_budget();
-        budget.is_finite() && self.tally.collapse_cost < (1.0 - UNUSED) * budget
+        budget.is_finite() && self.spent() < (1.0 - UNUSED) * budget
     }
 
     /// Returns the goal for the next sweep: with an end at an estimate, the count at which it is expected, so that the
@@ -33,7 +42,7 @@ impl<M: Metric> Engine<M> {
         }
         let now = self.mesh.store.live_faces;
         let wanted = if self.has_budget() {
-            let spent = self.tally.collapse_cost / self.cost_budget();
+            let spent = self.spent() / self.cost_budget();
             let share = expected_share(now as f64 / self.tally.first_faces.max(1) as f64, spent);
             ((now as f64 * share) as usize).min(now.saturating_sub(2))
         } else {

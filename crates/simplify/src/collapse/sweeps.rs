@@ -296,8 +296,13 @@ impl<M: Metric> Engine<M> {
                     sweeps.has_swept = true;
                     sweeps.idle = if self.tally.collapses == collapses { sweeps.idle + 1 } else { 0 };
                     let next = self.after_sweep(sweeps, &errand, refused);
-                    if let ControlFlow::Break(stop) = next {
-                        return stop;
+                    match next {
+                        // (The goal is only that of the sweep.)
+                        ControlFlow::Break(Some(StopReason::Goal)) if self.has_budget() => {
+                            sweeps.set_bounds(self.mesh.bounds());
+                        }
+                        ControlFlow::Break(stop) => return stop,
+                        ControlFlow::Continue(()) => {}
                     }
                 }
             }
@@ -377,7 +382,7 @@ impl<M: Metric> Engine<M> {
         }
         let goal_faces = goal.faces.unwrap_or(0);
         let goal_vertices = goal.vertices.unwrap_or(0);
-        let most_cost = self.cost_budget();
+        let most_cost = self.cost_budget() - self.cost_of_removed_parts();
         let count = self.mesh.store.v.len();
         let brings = count >= PREFETCH_MIN_VERTICES;
         self.tally.hub_budget.begin_sweep();
@@ -494,6 +499,10 @@ impl<M: Metric> Engine<M> {
             // A displaced seam is better than a removed part.
             constraints.looseness = looser;
             return ControlFlow::Continue(());
+        }
+        if self.mesh.constraints.rules.max_estimate.is_finite() {
+            // What a removed part costs may be far more than is allowed.
+            return ControlFlow::Break(Some(StopReason::Stuck));
         }
         ControlFlow::Break(Some(if self.remove_parts(goal) { StopReason::Goal } else { StopReason::Stuck }))
     }
