@@ -1,0 +1,109 @@
+import type { EngineOptions } from './options.js';
+import type { Report } from './report.js';
+
+export type { EngineOptions } from './options.js';
+export type { Report } from './report.js';
+export { LodsmithSimplifier } from './simplifier.js';
+
+/** Resolves when the module is loaded. No other function of this file may be called before. */
+export const ready: Promise<void>;
+
+/** Integers of any size for indices. */
+export type IndexArray = Uint32Array | Uint16Array | Uint8Array | Int32Array | Int16Array;
+/** Values of an attribute: floats are blended; integers are labels and are not. */
+export type AttributeArray =
+  Float32Array | Uint8Array | Int8Array | Uint16Array | Int16Array | Uint32Array | Int32Array;
+
+/** Values of an attribute with their number for each vertex. */
+export interface Attribute<A extends AttributeArray = AttributeArray> {
+  array: A;
+  itemSize: number;
+}
+
+/** A mesh of triangles: each vertex has one row in every array but `indices` and `regions`. */
+export interface Mesh {
+  /** Three numbers for each vertex. */
+  positions: Float32Array | Float64Array;
+  /** Three vertices for each triangle, counter-clockwise seen from outside; without them the vertices in order. */
+  indices?: IndexArray;
+  /** Three numbers for each vertex. */
+  normals?: Float32Array;
+  /** Two numbers for each vertex. */
+  uvs?: Float32Array;
+  /** Three or four numbers from 0 to 1 for each vertex. */
+  colors?: Float32Array;
+  /** Four numbers for each vertex: a direction, and 1 or -1. */
+  tangents?: Float32Array;
+  /** The number of a material or group for each triangle; its borders stay where they are. */
+  regions?: Uint32Array;
+  /**
+   * Any others by name. Some names have a meaning: `uvs1`, `colors1` and so on, `joints0` and `weights0` of a skin,
+   * `morph0_positions`, `morph0_normals` and `morph0_tangents` for the offsets of morph targets.
+   */
+  attributes?: Record<string, AttributeArray | Attribute>;
+}
+
+/** The result of a run: the arrays that the mesh had, in the same types, with fewer rows. */
+export interface SimplifiedMesh extends Mesh {
+  indices: Uint32Array;
+  attributes?: Record<string, Attribute>;
+}
+
+/** Options of a run. */
+export interface SimplifyOptions extends EngineOptions {
+  /** For each vertex 1 if it keeps its position and its attributes, else 0. */
+  locked?: Uint8Array;
+  /** For each vertex the factor by which its place gets more triangles. */
+  importance?: Float32Array;
+  /** Called with the progress of each stage from 0 to 1; the run is cancelled if it returns `false`. */
+  onProgress?: (done: number, stage: string) => boolean | void;
+}
+
+/** A mesh of a scene. */
+export interface ScenePart extends Mesh {
+  /** Number of instances in the scene; 1 by default. */
+  instances?: number;
+  /** Scale of the mesh in the scene; 1 by default. */
+  scale?: number;
+  /** Number of its coordinate system, if it has one instance: parts of one system that touch stay connected. */
+  system?: number;
+}
+
+/** Counts of a mesh of a scene. */
+export interface MeshCounts {
+  instances: number;
+  inputFaces: number;
+  inputVertices: number;
+  faces: number;
+  vertices: number;
+  reached: boolean;
+}
+
+/**
+ * Returns a simplified copy of a mesh.
+ *
+ * Vertices at equal positions count as one; where their attributes differ there is a seam, which keeps its line.
+ * @throws {TypeError} for an option that does not exist, or an array of the wrong type.
+ * @throws {RangeError} for a value that cannot be used, or arrays that are not a mesh.
+ */
+export function simplifyMesh(mesh: Mesh, options: SimplifyOptions): SimplifiedMesh & { report: Report };
+
+/** Returns simplified copies of meshes, under one budget. */
+export function simplifyScene(
+  scene: { meshes: ScenePart[]; /** Of the box around all instances. */ diagonal?: number },
+  options: SimplifyOptions,
+): { meshes: SimplifiedMesh[]; counts: MeshCounts[]; report: Report };
+
+/** An option of a run. */
+export interface OptionRow {
+  name: string;
+  kind: 'count' | 'ratio' | 'length' | 'degrees' | 'word' | 'flag' | 'number' | 'weights' | 'seed';
+  /** The values of a `word`. */
+  words: string[];
+  /** The default as on the command line; null if the option is off. */
+  default: string | null;
+  help: string;
+}
+
+/** Returns all options. */
+export function options(): OptionRow[];

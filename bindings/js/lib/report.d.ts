@@ -1,0 +1,52 @@
+/** A figure for each direction between the original and the result, and for both. */
+export interface BothWays {
+  forward: number;
+  backward: number;
+  symmetric: number;
+}
+
+/** A change of an option, and the value or direction that it would need. */
+export interface OptionChange {
+  option: string;
+  to: string | number;
+}
+
+/** The report of a run, with the keys of `lodsmith simplify --json`. */
+export interface Report {
+  input: { faces: number; vertices: number };
+  output: { faces: number; vertices: number };
+  /** True if the target was met. */
+  reached: boolean;
+  stopped_by: string;
+  error: {
+    /** The engine's own estimate of the RMS distance. */
+    estimate: number;
+    /** The proven bound, if one was asked for. */
+    bound: number | null;
+    measured: { hausdorff: BothWays; mean: BothWays; rms: BothWays } | null;
+    unit: 'model';
+    /** Of the box around the original. */
+    diagonal: number;
+  };
+  refusals: Record<string, number>;
+  collapses: number;
+  parts_removed: number;
+  necks_cut: number;
+  pairs_contracted: number;
+  pruned: { parts: number; faces: number };
+  locked: { vertices: number; faces: number };
+  seams_relaxed: boolean;
+  sharp_relaxed: boolean;
+  fitted: boolean;
+  dropped: string[];
+  proposals: { changes: OptionChange[]; gain: number }[];
+  escalated: { change: OptionChange; before: number; after: number }[];
+  cleanup: {
+    welded_vertices: number;
+    degenerate_faces: number;
+    duplicate_faces: number;
+    non_finite_faces: number;
+    unused_vertices: number;
+  };
+  clustered?: { cell: number; faces: number; vertices: number; non_manifold_edges: number };
+}

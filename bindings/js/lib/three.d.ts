@@ -1,0 +1,16 @@
+import type { BufferGeometry } from 'three';
+import type { SimplifyOptions } from './index.js';
+import type { Report } from './report.js';
+
+export { ready } from './index.js';
+
+/** Options of a run. */
+export interface GeometryOptions extends SimplifyOptions {
+  /** Called with the report of the run. */
+  onReport?: (report: Report) => void;
+}
+
+/**
+ * Returns a simplified copy of a geometry, with its attributes, groups and morph targets. Await `ready` before.
+ */
+export function simplifyGeometry(geometry: BufferGeometry, options: GeometryOptions): BufferGeometry;

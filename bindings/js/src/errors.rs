@@ -1,0 +1,66 @@
+//! Errors as those of JavaScript.
+
+use js_sys::{Error, RangeError, TypeError};
+use lodsmith::SimplifyError;
+use lodsmith::options::by_name::{OPTIONS, OptionError};
+use wasm_bindgen::JsValue;
+
+/// Returns a `TypeError`: a value of the wrong kind.
+pub(crate) fn wrong_type(text: &str) -> JsValue {
+    TypeError::new(text).into()
+}
+
+/// Returns a `RangeError`: a value of the right kind that cannot be used.
+pub(crate) fn wrong_value(text: &str) -> JsValue {
+    RangeError::new(text).into()
+}
+
+/// Returns the error for an option that was rejected.
+pub(crate) fn option_error(error: &OptionError) -> JsValue {
+    match error {
+        OptionError::Unknown { name, nearest } => {
+            let similar = nearest.map(|near| format!("; a similar one is {}", camel_case(near)));
+            wrong_type(&format!("there is no option {}{}", camel_case(name), similar.unwrap_or_default()))
+        }
+        OptionError::Value { option, why } => wrong_value(&format!("{}: {why}", camel_case(option))),
+        other => wrong_value(&other.to_string()),
+    }
+}
+
+/// Returns the error for a run that failed; names of options are those of JavaScript.
+pub(crate) fn run_error(error: &SimplifyError) -> JsValue {
+    let mut text = error.to_string();
+    if matches!(error, SimplifyError::Cancelled) {
+        let error = Error::new("cancelled");
+        error.set_name("AbortError");
+        return error.into();
+    }
+    for option in OPTIONS.iter().filter(|o| o.name.contains('-')) {
+        // `lindstrom-turk` and its like stay: they are values.
+        text = text.replace(option.name, &camel_case(option.name));
+    }
+    wrong_value(&text)
+}
+
+/// Returns the name of an option in JavaScript: `maxNormal` for `max-normal`.
+pub(crate) fn camel_case(name: &str) -> String {
+    let mut words = name.split('-');
+    let first = words.next().unwrap_or_default().to_owned();
+    words.fold(first, |mut all, word| {
+        let mut letters = word.chars();
+        all.extend(letters.next().map(|x| x.to_ascii_uppercase()));
+        all + letters.as_str()
+    })
+}
+
+/// Returns the name of an option on the command line: `max-normal` for `maxNormal`.
+pub(crate) fn dashed(name: &str) -> String {
+    let mut all = String::with_capacity(name.len() + 2);
+    for letter in name.chars() {
+        if letter.is_ascii_uppercase() {
+            all.push('-');
+        }
+        all.push(letter.to_ascii_lowercase());
+    }
+    all
+}

@@ -1,0 +1,88 @@
+//! Whole GLB files, with the bytes of the command.
+
+use std::sync::Arc;
+
+use js_sys::{Array, Function, Object, Uint8Array};
+use lodsmith::{Part, SimplifiedScene, Texture, Textures, simplify_scene};
+use lodsmith_io::gltf::{PlacedMesh, Scene, SceneMesh, placed_meshes};
+use lodsmith_io::{BaseColor, Format, ReadOptions, Warning};
+use wasm_bindgen::prelude::*;
+
+use crate::errors::{run_error, wrong_value};
+use crate::options::options_of;
+use crate::progress::Progress;
+use crate::report::{report, set};
+
+/// Memory of a module in bytes: its addresses have 32 bits. A quarter is left for the run.
+const MEMORY: u64 = 3 << 30;
+/// Largest total number of pixels of base-colour images that are decoded for a run, as in the command.
+const MAX_PALETTE_PIXELS: u64 = 1 << 22;
+
+/// Simplifies all meshes of a GLB file, or of a glTF file whose buffers and images are in it, under one budget.
+///
+/// # Errors
+/// A file that cannot be read, options that are wrong, a run that failed or was cancelled.
+#[wasm_bindgen(js_name = simplifyGlb)]
+pub fn simplify_glb(bytes: &[u8], options: &JsValue, progress: Option<Function>) -> Result<Object, JsValue> {
+    let mut options = options_of(options)?;
+    let mut reading = ReadOptions::default();
+    reading.limits.memory = MEMORY;
+    let scene = lodsmith_io::read_scene_bytes(bytes, &reading).map_err(|e| wrong_value(&e.to_string()))?;
+    let scene = scene.ok_or_else(|| wrong_value("not a file of glTF 2.0"))?;
+    let meshes = scene.meshes().to_vec();
+    let (taken, parts) = parts_of(&meshes);
+    let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
+    options.textures = palettes(&scene, &taken);
+    let done = simplify_scene(&parts, diagonal, &options, &mut Progress::new(progress));
+    let SimplifiedScene { meshes: lighter, report: mut told, .. } = done.map_err(|e| run_error(&e))?;
+    // As in the file: the reader merges vertices at one place.
+    told.input_vertices = wedge_count(&parts);
+    let mut replaced = vec![None; meshes.len()];
+    for (&i, mesh) in taken.iter().zip(lighter) {
+        // A mesh without faces in the input is not changed.
+        replaced[i] = (meshes[i].mesh.face_count() > 0).then_some(mesh);
+    }
+    let mut out = Vec::new();
+    let lost = lodsmith_io::write_scene_to(&scene, &replaced, Format::Glb, &|_| None, &mut out)
+        .map_err(|e| wrong_value(&e.to_string()))?;
+    let text = |w: &Warning| JsValue::from(w.text.as_str());
+    let warnings: Array = scene.warnings().iter().chain(&lost).map(text).collect();
+    let all = Object::new();
+    set(&all, "bytes", &Uint8Array::from(&out[..]));
+    set(&all, "report", &report(&told));
+    set(&all, "warnings", &warnings);
+    Ok(all)
+}
+
+/// Returns the number of wedges of all instances; each mesh counts once if none is placed.
+fn wedge_count(parts: &[Part<'_>]) -> usize {
+    let is_placed = parts.iter().any(|p| p.instances > 0);
+    parts.iter().map(|p| p.mesh.wedge_count() * if is_placed { p.instances } else { 1 }).sum()
+}
+
+/// Returns the meshes of a scene to simplify, as numbers and as parts.
+fn parts_of(meshes: &[SceneMesh]) -> (Vec<usize>, Vec<Part<'_>>) {
+    let part = |placed: &PlacedMesh| {
+        let m = &meshes[placed.index];
+        Part { mesh: &m.mesh, instances: m.instances, scale: m.scale, system: placed.system }
+    };
+    let placed = placed_meshes(meshes);
+    (placed.iter().map(|p| p.index).collect(), placed.iter().map(part).collect())
+}
+
+/// Returns the base-colour textures of some meshes of a scene, whose colours the engine keeps in place.
+fn palettes(scene: &Scene, taken: &[usize]) -> Option<Arc<Textures>> {
+    if taken.iter().all(|&i| scene.meshes()[i].mesh.uvs().is_none()) {
+        return None;
+    }
+    let all = scene.base_colors(MAX_PALETTE_PIXELS);
+    let of_mesh = |&i: &usize| all.get(i).into_iter().flatten().map(texture).collect();
+    let textures = Textures::of_parts(taken.iter().map(of_mesh).collect());
+    (!textures.is_empty()).then(|| Arc::new(textures))
+}
+
+/// Returns a texture that uses the mesh's own texture coordinates.
+fn texture(of: &Option<BaseColor>) -> Option<Texture> {
+    let (image, at) = of.as_ref().filter(|(_, at)| at.uv_set == 0)?;
+    Some(Texture { image: image.clone(), transform: at.transform, sampler: at.sampler })
+}

@@ -1,0 +1,44 @@
+//! Reports as objects, with the keys that the command has.
+
+use js_sys::{Object, Reflect};
+use lodsmith::Report;
+use lodsmith_bindings::report;
+use serde_json::Value;
+use wasm_bindgen::JsValue;
+
+use crate::errors::camel_case;
+
+#[cfg(not(feature = "formats"))]
+/// Returns an object with these properties.
+pub(crate) fn object<const N: usize>(properties: [(&str, JsValue); N]) -> JsValue {
+    let object = Object::new();
+    for (name, value) in properties {
+        set(&object, name, &value);
+    }
+    object.into()
+}
+
+/// Sets a property of an object of our own, which takes any.
+pub(crate) fn set(object: &Object, name: &str, value: &JsValue) {
+    let done = Reflect::set(object, &name.into(), value);
+    debug_assert!(done.is_ok(), "{name} is not set");
+}
+
+/// Returns the report of a run; options in it have the names of JavaScript.
+pub(crate) fn report(r: &Report) -> JsValue {
+    let mut all = report::report(r);
+    let proposed = all["proposals"].as_array_mut().into_iter().flatten();
+    let proposed = proposed.flat_map(|p| p["changes"].as_array_mut().into_iter().flatten());
+    proposed.for_each(rename);
+    let escalated = all["escalated"].as_array_mut().into_iter().flatten();
+    escalated.for_each(|step| rename(&mut step["change"]));
+    // (What was printed can be parsed.)
+    js_sys::JSON::parse(&all.to_string()).map_or(JsValue::NULL, JsValue::from)
+}
+
+/// Gives the option of a change its name in JavaScript.
+fn rename(change: &mut Value) {
+    if let Some(name) = change["option"].as_str() {
+        change["option"] = camel_case(&name.replace('_', "-")).into();
+    }
+}

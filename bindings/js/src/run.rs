@@ -1,0 +1,79 @@
+//! Simplification of meshes and scenes.
+
+use js_sys::{Array, Function, Object};
+use lodsmith::{Part, SimplifiedScene, simplify, simplify_scene};
+use wasm_bindgen::prelude::*;
+
+use crate::errors::run_error;
+use crate::mesh::{GivenMesh, list_of};
+use crate::options::{options_of, property};
+use crate::progress::Progress;
+use crate::report::{object, report, set};
+
+/// Simplifies a mesh.
+///
+/// # Errors
+/// Arrays that are not a mesh, options that are wrong, a run that failed or was cancelled.
+#[wasm_bindgen(js_name = simplifyMesh)]
+pub fn simplify_mesh(
+    mesh: &JsValue,
+    options: &JsValue,
+    progress: Option<Function>,
+) -> Result<Object, JsValue> {
+    let options = options_of(options)?;
+    let given = GivenMesh::of(mesh)?;
+    let done = simplify(&given.mesh, &options, &mut Progress::new(progress)).map_err(|e| run_error(&e))?;
+    let arrays = given.arrays_of(done.mesh);
+    set(&arrays, "report", &report(&done.report));
+    Ok(arrays)
+}
+
+/// Simplifies meshes under one budget. Each has, besides its arrays, `instances`, `scale` and `system`; `diagonal` is that
+/// of the scene.
+///
+/// # Errors
+/// Those of [`simplify_mesh`].
+#[wasm_bindgen(js_name = simplifyScene)]
+pub fn simplify_meshes(
+    meshes: &JsValue,
+    diagonal: f64,
+    options: &JsValue,
+    progress: Option<Function>,
+) -> Result<Object, JsValue> {
+    let options = options_of(options)?;
+    let said: Vec<JsValue> = list_of(meshes)?.iter().collect();
+    let given: Result<Vec<GivenMesh>, JsValue> = said.iter().map(GivenMesh::of).collect();
+    let given = given?;
+    let number = |of: &JsValue, name: &str| property(of, name).and_then(|x| x.as_f64());
+    let parts: Vec<Part<'_>> = said
+        .iter()
+        .zip(&given)
+        .map(|(said, given)| Part {
+            mesh: &given.mesh,
+            instances: number(said, "instances").map_or(1, |x| x as usize),
+            scale: number(said, "scale").unwrap_or(1.0),
+            system: number(said, "system").map(|x| x as usize),
+        })
+        .collect();
+    let done = simplify_scene(&parts, diagonal, &options, &mut Progress::new(progress));
+    let SimplifiedScene { meshes, report: told, counts } = done.map_err(|e| run_error(&e))?;
+    let lighter: Array = meshes.into_iter().zip(&given).map(|(mesh, given)| given.arrays_of(mesh)).collect();
+    let counts: Array = counts
+        .iter()
+        .map(|c| {
+            object([
+                ("instances", (c.instances as f64).into()),
+                ("inputFaces", (c.input_faces as f64).into()),
+                ("inputVertices", (c.input_vertices as f64).into()),
+                ("faces", (c.faces as f64).into()),
+                ("vertices", (c.vertices as f64).into()),
+                ("reached", c.reached.into()),
+            ])
+        })
+        .collect();
+    let all = Object::new();
+    set(&all, "meshes", &lighter);
+    set(&all, "counts", &counts);
+    set(&all, "report", &report(&told));
+    Ok(all)
+}

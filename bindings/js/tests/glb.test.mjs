@@ -1,0 +1,55 @@
+import assert from 'node:assert/strict';
+import { readFile, readdir } from 'node:fs/promises';
+import { join } from 'node:path';
+import { test } from 'node:test';
+import { simplifyGlb } from 'lodsmith/glb';
+import { command, simplifyFile, testdata } from './command.mjs';
+
+const skip = (!testdata && 'LODSMITH_TESTDATA names no folder') || (!command && 'LODSMITH names no command');
+/** Further models to compare, if a folder of them is there. */
+const models = process.env.LODSMITH_MODELS;
+
+async function files() {
+  const all = (await readdir(testdata)).filter((name) => name.endsWith('.glb')).map((name) => join(testdata, name));
+  if (models) {
+    const more = await readdir(models, { recursive: true });
+    all.push(...more.filter((name) => name.endsWith('.glb')).map((name) => join(models, name)));
+  }
+  return all;
+}
+
+test('files have the bytes of the command', { skip }, async () => {
+  for (const path of await files()) {
+    const bytes = await readFile(path);
+    for (const [given, typed] of [
+      [{ ratio: 0.3 }, ['--ratio', '0.3']],
+      [{ faces: 60, topology: 'preserve', weight: { normal: 2 } }, ['--faces', '60', '--topology', 'preserve', '--weight', 'normal=2']],
+      [{ error: '1%' }, ['--error', '1%']],
+      [{ ratio: 0.2, method: 'cluster' }, ['--ratio', '0.2', '--method', 'cluster']],
+    ]) {
+      let wanted;
+      try {
+        wanted = simplifyFile(bytes, 'glb', typed);
+      } catch (error) {
+        await assert.rejects(simplifyGlb(bytes, given), RangeError, `${path} ${typed}: ${error.stderr}`);
+        continue;
+      }
+      const { bytes: made } = await simplifyGlb(bytes, given);
+      assert.ok(Buffer.from(made).equals(wanted), `${path} ${typed.join(' ')}`);
+    }
+  }
+});
+
+test('what is no GLB file is an error', async () => {
+  await assert.rejects(simplifyGlb(new Uint8Array(0), { ratio: 0.5 }), RangeError);
+  await assert.rejects(simplifyGlb(new TextEncoder().encode('solid x'), { ratio: 0.5 }), RangeError);
+  await assert.rejects(simplifyGlb(new Uint8Array(0), { rato: 0.5 }), TypeError);
+});
+
+test('a truncated file is an error, and the module works on', { skip: !testdata && skip }, async () => {
+  const bytes = new Uint8Array(await readFile(join(testdata, 'wave.glb')));
+  await assert.rejects(simplifyGlb(bytes.subarray(0, bytes.length / 2), { ratio: 0.5 }), RangeError);
+  const { report, warnings } = await simplifyGlb(bytes.buffer, { ratio: 0.5 });
+  assert.equal(report.reached, true);
+  assert.deepEqual(warnings, []);
+});

@@ -1,0 +1,51 @@
+import assert from 'node:assert/strict';
+import { readFile } from 'node:fs/promises';
+import { join } from 'node:path';
+import { after, before, test } from 'node:test';
+import { ready, simplifyMesh } from 'lodsmith';
+import { simplifyGlb } from 'lodsmith/glb';
+import { createWorker } from 'lodsmith/worker';
+import { testdata } from './command.mjs';
+import { bumpyBall } from './shapes.mjs';
+
+const worker = createWorker();
+before(() => ready);
+after(() => worker.terminate());
+
+test('a worker has the same results, and tells its progress', async () => {
+  const ball = bumpyBall(30);
+  const told = [];
+  const small = await worker.simplifyMesh(ball, { ratio: 0.2 }, { onProgress: (...args) => void told.push(args) });
+  assert.deepEqual(small, simplifyMesh(ball, { ratio: 0.2 }));
+  assert.ok(told.length > 0 && told.every(([done, stage]) => done >= 0 && done <= 1 && typeof stage === 'string'));
+  assert.equal(ball.indices.length, 30 * 29 * 6, 'the input is as before');
+});
+
+test('whole files go through a worker', { skip: !testdata && 'LODSMITH_TESTDATA names no folder' }, async () => {
+  const bytes = new Uint8Array(await readFile(join(testdata, 'wave.glb')));
+  assert.deepEqual(await worker.simplifyGlb(bytes, { ratio: 0.3 }), await simplifyGlb(bytes, { ratio: 0.3 }));
+});
+
+test('errors are of the same kinds', async () => {
+  const ball = bumpyBall(8);
+  await assert.rejects(worker.simplifyMesh(ball, { rato: 0.2 }), { constructor: TypeError, message: /similar one is ratio/ });
+  await assert.rejects(worker.simplifyMesh(ball, { ratio: 7 }), RangeError);
+});
+
+test('a run is cancelled, and those after it are not', async () => {
+  const control = new AbortController();
+  const ball = bumpyBall(300);
+  const run = worker.simplifyMesh(ball, { ratio: 0.01 }, { signal: control.signal, onProgress: () => control.abort() });
+  const next = worker.simplifyMesh(bumpyBall(10), { faces: 60 });
+  await assert.rejects(run, { name: 'AbortError' });
+  assert.equal((await next).indices.length, 180);
+  await assert.rejects(worker.simplifyMesh(ball, { ratio: 0.1 }, { signal: AbortSignal.abort() }), { name: 'AbortError' });
+});
+
+test('an ended worker refuses runs', async () => {
+  const own = createWorker();
+  const run = own.simplifyMesh(bumpyBall(100), { ratio: 0.1 });
+  own.terminate();
+  await assert.rejects(run, /ended/);
+  await assert.rejects(own.simplifyMesh(bumpyBall(8), { ratio: 0.1 }), /ended/);
+});
