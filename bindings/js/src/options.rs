@@ -5,7 +5,9 @@ use lodsmith::options::by_name::{self, OptionValue};
 use lodsmith::{SimplifyOptions, Stop};
 use wasm_bindgen::prelude::*;
 
-use crate::errors::{camel_case, dashed, option_error, wrong_type, wrong_value};
+#[cfg(not(feature = "formats"))]
+use crate::errors::camel_case;
+use crate::errors::{dashed, option_error, wrong_type, wrong_value};
 #[cfg(not(feature = "formats"))]
 use crate::report::object;
 
