@@ -14,7 +14,8 @@ pub(crate) fn ranges(values: &[f32], width: usize) -> Vec<[f32; 2]> {
     let mut all = vec![[f32::INFINITY, f32::NEG_INFINITY]; width];
     for row in values.chunks_exact(width.max(1)) {
         for ([low, high], &x) in all.iter_mut().zip(row) {
-            let x = if x.is_finite() { x } else { 0.0 };
+            // Zeros of either sign are one: which of them is the smaller depends on the processor.
+            let x = if x.is_finite() { x + 0.0 } else { 0.0 };
             (*low, *high) = (low.min(x), high.max(x));
         }
     }
@@ -41,6 +42,9 @@ mod tests {
         let values = [0.5, -3.0, 0.25, f32::NAN, 1.0, -1.0];
         assert_eq!(ranges(&values, 2), [[0.25, 1.0], [-3.0, 0.0]]);
         assert_eq!(ranges(&[], 1), [UNLIMITED_RANGE]);
+        for zeros in [[0.0, -0.0], [-0.0, 0.0], [-0.0, -0.0]] {
+            assert_eq!(ranges(&zeros, 1)[0].map(f32::to_bits), [0, 0], "{zeros:?}");
+        }
         assert_eq!([-1.0, 0.3, 7.0].map(|x| within(x, [0.25, 1.0])), [0.25, 0.3, 1.0]);
     }
 }

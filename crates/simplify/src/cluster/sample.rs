@@ -129,5 +129,6 @@ impl<'m, 'a, P: ClusterPosition> Counter<'m, 'a, P> {
 
 /// Varies the sampled element of each stretch: rows of a mesh may be as long as the stretch.
 fn spread(k: usize, stride: usize) -> usize {
-    (k.wrapping_mul(0x9E37_79B9) >> 7) % stride
+    // In 64 bits everywhere: 32 would give another mesh where addresses have no more (WebAssembly).
+    (((k as u64).wrapping_mul(0x9E37_79B9) >> 7) % stride as u64) as usize
 }

@@ -278,7 +278,7 @@ impl<'a> Values<'a> {
                 }
                 let shift = &mut shifts[w * lanes..][..lanes];
                 for i in 0..lanes {
-                    shift[i] = (sums[i] * *scale).fast_max(-most[i]).fast_min(most[i]);
+                    shift[i] = limited(sums[i] * *scale, most[i]);
                 }
             }
         }
@@ -289,5 +289,24 @@ impl<'a> Values<'a> {
                 self.attributes.shift(WedgeId(w as u32), shift, moved);
             }
         }
+    }
+}
+
+/// Limits shifts to `most` in either direction. None is a negative zero: which of two zeros is the larger depends on the
+/// processor, and the sum of two negative ones is the only one that shows it.
+#[inline(always)]
+fn limited(shift: f32x4, most: f32x4) -> f32x4 {
+    shift.fast_max(-most).fast_min(most) + f32x4::ZERO
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shift_that_may_not_be_is_one_zero() {
+        let shifts = f32x4::new([-0.0, 0.0, -2.0, 2.0]);
+        assert_eq!(limited(shifts, f32x4::ZERO).to_array().map(f32::to_bits), [0; 4]);
+        assert_eq!(limited(shifts, f32x4::splat(1.5)).to_array(), [0.0, 0.0, -1.5, 1.5]);
     }
 }
