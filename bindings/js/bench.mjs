@@ -25,7 +25,7 @@ process.on('exit', () => rmSync(folder, { recursive: true }));
 /** Reads a model as a geometry of three.js, with vertices of their own at seams. */
 async function readGeometry(path) {
   const glb = join(folder, 'model.glb');
-  execFileSync(command, ['convert', path, '-o', glb, '--force', '--quiet'], { stdio: ['ignore', 'ignore', 'inherit'] });
+  execFileSync(command, ['convert', path, glb, '--force', '--quiet'], { stdio: ['ignore', 'ignore', 'inherit'] });
   const [mesh] = (await new NodeIO().read(glb)).getRoot().listMeshes();
   const geometry = new BufferGeometry();
   const names = { POSITION: 'position', NORMAL: 'normal', TEXCOORD_0: 'uv', COLOR_0: 'color' };

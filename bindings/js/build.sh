@@ -99,7 +99,7 @@ if $debian || ! { has_target || rustup target add "$triple" > /dev/null 2>&1 && 
 fi
 
 # One unit for everything: the modules are downloaded, and a build of them is rare. Less is inlined than by default, which
-# takes 9 % off the download and no time from a run. (Measured: a threshold of 25; opt-level "s" takes off 8 % more, and runs
+# takes some 7 % off the download. (Measured: a threshold of 25; opt-level "s" would take off 8 % more, and runs would
 # take twice as long.) No folder of this machine is in them.
 export CARGO_PROFILE_RELEASE_LTO=fat CARGO_PROFILE_RELEASE_CODEGEN_UNITS=1 CARGO_PROFILE_RELEASE_PANIC=abort
 export CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS="-C target-feature=+simd128,+bulk-memory -C llvm-args=-inline-threshold=25 \

@@ -1,6 +1,6 @@
 //! Objects of JavaScript as options of the engine.
 
-use js_sys::{Array, Float32Array, Object, Reflect, Uint8Array};
+use js_sys::{Array, Float32Array, Object, Uint8Array};
 use lodsmith::options::by_name::{self, OptionValue};
 use lodsmith::{SimplifyOptions, Stop};
 use wasm_bindgen::prelude::*;
@@ -71,7 +71,7 @@ pub(crate) fn entries(of: &JsValue) -> Vec<(String, JsValue)> {
 /// Returns a property of an object, unless it is `undefined` or `null`.
 #[cfg(not(feature = "formats"))]
 pub(crate) fn property(of: &JsValue, name: &str) -> Option<JsValue> {
-    let value = Reflect::get(of, &name.into()).ok()?;
+    let value = js_sys::Reflect::get(of, &name.into()).ok()?;
     (!value.is_undefined() && !value.is_null()).then_some(value)
 }
 

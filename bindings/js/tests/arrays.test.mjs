@@ -106,13 +106,19 @@ test('a scene has one budget', () => {
 });
 
 test('arrays are those of the command, to the bit', { skip: !command && 'LODSMITH names no command' }, () => {
-  const ball = bumpyBall(48);
+  // (Large enough for the samples that methods take.)
+  const ball = bumpyBall(96);
   const file = ply(ball);
   for (const [given, typed] of [
     [{ ratio: 0.1 }, ['--ratio', '0.1']],
     [{ faces: 300, method: 'quadric' }, ['--faces', '300', '--method', 'quadric']],
     [{ error: '0.5%' }, ['--error', '0.5%']],
     [{ ratio: 0.1, method: 'cluster' }, ['--ratio', '0.1', '--method', 'cluster']],
+    [{ ratio: 0.5, method: 'cluster' }, ['--ratio', '0.5', '--method', 'cluster']],
+    [{ faces: 500, method: 'melax' }, ['--faces', '500', '--method', 'melax']],
+    [{ faces: 500, method: 'shortest-edge' }, ['--faces', '500', '--method', 'shortest-edge']],
+    [{ faces: 500, preset: 'scan' }, ['--faces', '500', '--preset', 'scan']],
+    [{ method: 'remesh', voxel: 0.1 }, ['--method', 'remesh', '--voxel', '0.1']],
     [{ faces: 400, method: 'lindstrom-turk', maxNormal: 40 }, ['--faces', '400', '--method', 'lindstrom-turk', '--max-normal', '40']],
     [{ faces: 500, method: 'vertex-removal' }, ['--faces', '500', '--method', 'vertex-removal']],
     [{ faces: 500, method: 'remesh', seed: 3 }, ['--faces', '500', '--method', 'remesh', '--seed', '3']],
