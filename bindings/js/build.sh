@@ -1,21 +1,18 @@
 #!/usr/bin/env bash
 # Builds the npm package: two WebAssembly modules and the JavaScript around them in `dist`, and the tarball in the folder
-# that --pack names. Tools that are not installed are kept in `target/js`. The compiler is that of the checkout if it has
-# (or rustup can add) the target wasm32-unknown-unknown, else Debian's `rustc-web`, whose standard library is built from its
-# sources; --debian asks for that one.
+# that --pack names. Tools that are not installed are kept in `target/js`. The target
+# wasm32-unknown-unknown is added by rustup if it is not there.
 #
-# usage: bindings/js/build.sh [--debian] [--pack FOLDER]
+# usage: bindings/js/build.sh [--pack FOLDER]
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 export CARGO_TERM_COLOR=never
 
-debian=false
 pack=
 while [ $# -gt 0 ]; do
     case "$1" in
-        --debian) debian=true ;;
         --pack) pack=$(realpath "$2"); shift ;;
-        *) printf 'usage: bindings/js/build.sh [--debian] [--pack FOLDER]\n' >&2; exit 2 ;;
+        *) printf 'usage: bindings/js/build.sh [--pack FOLDER]\n' >&2; exit 2 ;;
     esac
     shift
 done
@@ -30,37 +27,6 @@ mkdir -p "$cache"
 locked() { sed -n "/^name = \"$1\"\$/{n;s/^version = \"\(.*\)\"\$/\1/p}" Cargo.lock; }
 
 has_target() { [ -d "$(rustc --print sysroot)/lib/rustlib/$triple/lib" ]; }
-
-# Unpacks Debian's compiler for WebAssembly, of whatever version there is, into the cache; nothing is installed.
-debian_toolchain() {
-    local version root
-    version=$(apt-cache show rustc-web 2> /dev/null | sed -n 's/^Version: //p' | head -n 1)
-    [ -n "$version" ] || { printf 'no target %s, and no package rustc-web\n' "$triple" >&2; exit 3; }
-    # Other names would be packages of another version.
-    root=$cache/debian-${version//[^A-Za-z0-9.]/_}
-    if [ ! -e "$root/complete" ]; then
-        rm -rf "$root"
-        mkdir -p "$root/debs"
-        local -a packages
-        mapfile -t packages < <(
-            apt-get install --simulate --no-install-recommends rustc-web cargo-web rust-web-src | sed -n 's/^Inst \([^ ]*\).*/\1/p'
-        )
-        (cd "$root/debs" && apt-get download --quiet "${packages[@]}")
-        local deb
-        for deb in "$root"/debs/*.deb; do dpkg-deb -x "$deb" "$root"; done
-        rm -r "$root/debs"
-        touch "$root/complete"
-    fi
-    local linker
-    linker=$(find "$(rustc --print sysroot)" "$root" -name rust-lld -o -name 'wasm-ld*' 2> /dev/null | head -n 1)
-    [ -n "$linker" ] || { printf 'no linker for %s\n' "$triple" >&2; exit 3; }
-    export LD_LIBRARY_PATH=$root/usr/lib/x86_64-linux-gnu${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
-    export PATH=$root/usr/bin:$PATH RUSTC=$root/usr/bin/rustc RUSTC_BOOTSTRAP=1
-    export CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER=$linker
-    # Not the folder of the other compiler.
-    target_dir=$cache/debian
-    library=(-Zbuild-std=std,panic_abort)
-}
 
 # wasm-bindgen of the version in the lock file, which the modules must be made for.
 bindgen() {
@@ -93,9 +59,9 @@ optimiser() {
 bindgen=$(bindgen)
 wasm_opt=$(optimiser)
 
-library=()
-if $debian || ! { has_target || rustup target add "$triple" > /dev/null 2>&1 && has_target; }; then
-    debian_toolchain
+if ! { has_target || rustup target add "$triple" > /dev/null 2>&1 && has_target; }; then
+    printf 'no standard library for %s: rustup target add %s\n' "$triple" "$triple" >&2
+    exit 3
 fi
 
 # One unit for everything: the modules are downloaded, and a build of them is rare. Less is inlined than by default, which
@@ -114,7 +80,7 @@ features_of_wasm=(
 # Builds the module NAME with these features.
 module() {
     local name=$1 features=$2
-    cargo build --release --quiet --locked "${library[@]}" --package lodsmith-js --features "$features" \
+    cargo build --release --quiet --locked --package lodsmith-js --features "$features" \
         --target "$triple" --target-dir "$target_dir"
     "$bindgen" --target web --out-dir "$dist/wasm" --out-name "$name" --remove-name-section --remove-producers-section \
         "$target_dir/$triple/release/lodsmith_js.wasm"

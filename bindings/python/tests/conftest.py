@@ -1,4 +1,6 @@
+import os
 import pathlib
+import shutil
 
 import lodsmith
 import numpy as np
@@ -31,3 +33,11 @@ def wave():
 @pytest.fixture
 def root():
     return pathlib.Path(__file__).resolve().parents[3]
+
+
+@pytest.fixture(scope="session")
+def program():
+    found = os.environ.get("LODSMITH") or shutil.which("lodsmith")
+    if not found:
+        pytest.skip("no command lodsmith: LODSMITH names none, and none is on the path")
+    return found

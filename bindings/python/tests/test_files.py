@@ -1,8 +1,6 @@
 """Files, and the same bytes as the command."""
 
-import os
 import pathlib
-import shutil
 import subprocess
 
 import lodsmith
@@ -15,14 +13,6 @@ def files(tmp_path, wave, ball):
     wave.save(tmp_path / "wave.ply")
     ball.save(tmp_path / "ball.obj")
     return tmp_path
-
-
-@pytest.fixture(scope="session")
-def program():
-    found = os.environ.get("LODSMITH") or shutil.which("lodsmith")
-    if not found:
-        pytest.skip("no command lodsmith: LODSMITH names none, and none is on the path")
-    return found
 
 
 @pytest.mark.filterwarnings("ignore:.*glTF holds single precision")

@@ -1,0 +1,35 @@
+"""A process that runs the command for a worker of :mod:`lodsmith.batch`, so that a crash or a hang ends only this.
+
+Each line of standard input is a list of words and the folder to run in; each line of standard output is what came of it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import sys
+import threading
+
+
+def main() -> None:
+    from . import _lodsmith as _native
+
+    requests: "queue.SimpleQueue[str]" = queue.SimpleQueue()
+
+    def listen() -> None:
+        for line in sys.stdin:
+            requests.put(line)
+        # The worker has ended, perhaps killed: nothing that is still computed here is wanted.
+        os._exit(0)
+
+    threading.Thread(target=listen, daemon=True).start()
+    while True:
+        request = json.loads(requests.get())
+        os.chdir(request["folder"])
+        done = _native.call(request["words"], None)
+        print(json.dumps({key: done[key] for key in ("status", "results", "warnings", "errors")}), flush=True)
+
+
+if __name__ == "__main__":
+    main()

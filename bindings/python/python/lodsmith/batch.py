@@ -1,0 +1,236 @@
+"""Levels of detail of many files, on the machines of a Ray cluster.
+
+``python -m lodsmith.batch IN OUT --levels 0.5,0.25`` or :func:`run`; both need ``pip install lodsmith[batch]``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import posixpath
+import sys
+import tempfile
+from collections import Counter
+from typing import Any, Iterable, List, Optional, Sequence, Tuple, Union
+
+try:
+    import pyarrow as pa
+    import pyarrow.parquet as parquet
+    from pyarrow import fs
+except ImportError as e:
+    raise ImportError("lodsmith.batch needs Ray Data and PyArrow: pip install 'lodsmith[batch]'") from e
+
+from . import _lodsmith as _native
+from ._asset import OWN, SCHEMA, Place, Plan, Worker
+from ._files import CommandError, _arguments
+from ._lodsmith import __version__
+
+__all__ = ["SCHEMA", "Place", "Plan", "Worker", "listed", "place", "plan", "run"]
+
+#: Endings of the files that a folder is searched for.
+ENDINGS = (".obj", ".off", ".ply", ".stl", ".gltf", ".glb", ".lpm")
+
+#: Assets of one task: few, so that little is begun again after a lost worker. Guessed.
+TASK = 8
+
+#: Share of the memory of a worker that its process may take; the rest is for the worker. Guessed.
+MEMORY_SHARE = 0.9
+
+
+def place(where: Any, filesystem: Optional[fs.FileSystem] = None) -> Place:
+    """Return a folder as a place: a path, a URI (``s3://bucket/folder``), or a path of a given file system."""
+    if isinstance(where, Place):
+        return where
+    text = str(where)
+    if filesystem is not None:
+        return Place(filesystem, text.rstrip("/") or "/")
+    if "://" in text:
+        found, root = fs.FileSystem.from_uri(text)
+        return Place(found, root.rstrip("/") or "/")
+    return Place(fs.LocalFileSystem(), os.path.abspath(text).replace(os.sep, "/"))
+
+
+def listed(source: Place, without: Optional[Place] = None) -> List[str]:
+    """Return the models in a folder and the folders in it, as paths from there, in alphabetical order."""
+    found = source.filesystem.get_file_info(fs.FileSelector(source.root, recursive=True))
+    # (The paths of some file systems begin with a slash, those of others do not.)
+    start = len(source.root.strip("/"))
+    outputs = without.root + "/" if without is not None and without.filesystem.equals(source.filesystem) else None
+    names = []
+    for info in found:
+        plain = info.path[:-3] if info.path.lower().endswith(".gz") else info.path
+        is_model = info.type == fs.FileType.File and plain.lower().endswith(ENDINGS)
+        if is_model and not (outputs and info.path.startswith(outputs)):
+            names.append(info.path.lstrip("/")[start:].lstrip("/"))
+    return sorted(names)
+
+
+def plan(
+    source: Place,
+    target: Place,
+    words: Sequence[str],
+    *,
+    limits: Sequence[str] = (),
+    retries: int = 2,
+    timeout: Optional[float] = None,
+) -> Plan:
+    """Return the plan of a batch; options that ``lodsmith lod`` does not take are an error before any work."""
+    made = Plan(source, target, tuple(words), tuple(limits), retries, timeout)
+    with tempfile.TemporaryDirectory() as folder:
+        from ._run import icosphere
+
+        icosphere(2).save(f"{folder}/try.ply")
+        done = _native.call(["lod", *made.words, *made.limits, f"--out-dir={folder}", "--dry-run", "--", f"{folder}/try.ply"], None)
+    if done["status"] == 2:
+        raise CommandError("; ".join(text.partition(" Usage:")[0] for text in done["errors"]), 2, [])
+    return made
+
+
+def run(
+    source: Any,
+    output: Any,
+    *,
+    names: Optional[Iterable[str]] = None,
+    filesystem: Optional[fs.FileSystem] = None,
+    output_filesystem: Optional[fs.FileSystem] = None,
+    report: Optional[str] = "report.parquet",
+    workers: Union[int, Tuple[int, int], None] = None,
+    retries: int = 2,
+    timeout: Optional[float] = None,
+    words: Sequence[str] = (),
+    **options: Any,
+) -> "pa.Table":
+    """Make levels of detail of all models of a folder through Ray Data, and a table of what came of each.
+
+    Outputs are the files of ``lodsmith lod IN -O OUTPUT/IN``. What an earlier run has completed from the same input
+    with the same options and version is kept. The cluster is that of ``ray.init``; without it one is started here.
+
+    Parameters
+    ----------
+    source, output : path or URI
+        Folders: local paths that all machines see, or URIs of :mod:`pyarrow.fs` such as ``s3://bucket/folder``.
+    names : iterable of str, optional
+        Assets as paths from ``source``, instead of all models in it.
+    filesystem, output_filesystem : pyarrow.fs.FileSystem, optional
+        File systems of the two, for those that no URI describes; the second is the first if it is not given.
+    report : str, optional
+        Name of the report in ``output``; None writes none.
+    workers : int or (int, int), optional
+        Number of workers, or the least and the most; each takes one core. By default all cores of the cluster.
+    retries : int
+        How often an asset is tried again whose process or worker ended, or whose file could not be read or written.
+    timeout : float, optional
+        Seconds after which an asset fails and its process is ended.
+    words : sequence of str
+        Arguments of ``lodsmith lod`` as typed.
+    **options
+        Options of ``lodsmith lod``, as for :func:`lodsmith.lod_file`: ``levels=[0.5, 0.25]``, ``border="lock"`` ...
+
+    Returns
+    -------
+    pyarrow.Table
+        One row for each asset and level (``SCHEMA``); an asset that failed is one row with ``failure``.
+    """
+    import ray
+    import ray.data
+
+    given = place(source, filesystem)
+    target = place(output, output_filesystem or (filesystem if not isinstance(output, Place) else None))
+    if not ray.is_initialized():
+        ray.init(log_to_driver=False)
+    resources = ray.cluster_resources()
+    cores = max(int(resources.get("CPU", 1)), 1)
+    options = dict(options)
+    memory = options.pop("max_memory", None) or f"{max(int(resources.get('memory', 0) * MEMORY_SHARE / cores) >> 20, 64)}M"
+    limits = [f"--max-memory={memory}", "--threads=1"]
+    made = plan(given, target, [*words, *_arguments(options)], limits=limits, retries=retries, timeout=timeout)
+
+    assets = list(dict.fromkeys(names)) if names is not None else listed(given, target)
+    for folder in ("parts", "begun"):
+        target.filesystem.create_dir(target.at(OWN, folder), recursive=True)
+        target.filesystem.delete_dir_contents(target.at(OWN, folder))
+    table = _treated(ray, made, assets, workers or cores)
+    seen = Counter(zip(table["input"].to_pylist(), table["level"].to_pylist()))
+    if max(seen.values(), default=1) > 1 or {name for name, _ in seen} != set(assets):
+        raise RuntimeError("rows of the report were lost or came twice")
+    table = table.sort_by([("input", "ascending"), ("level", "ascending")])
+    table = table.replace_schema_metadata({"lodsmith": __version__, "options": " ".join(made.words)})
+    if report is not None:
+        sink = pa.BufferOutputStream()
+        parquet.write_table(table, sink)
+        target.write(sink.getvalue().to_pybytes(), report)
+    return table
+
+
+def _treated(ray: Any, plan: Plan, assets: List[str], workers: Union[int, Tuple[int, int]]) -> "pa.Table":
+    """The rows of all assets; a task that a worker took with it is done again by Ray."""
+    if not assets:
+        return SCHEMA.empty_table()
+    most = workers if isinstance(workers, int) else workers[1]
+    tasks = max(len(assets) // TASK, min(most, len(assets)))
+    data = ray.data.from_arrow([pa.table({"input": assets[i::tasks]}) for i in range(tasks)])
+    least = workers if isinstance(workers, int) else workers[0]
+    pool = ray.data.ActorPoolStrategy(min_size=least, max_size=most)
+    treated = data.map_batches(
+        Worker, fn_constructor_args=(plan,), batch_format="pyarrow", batch_size=None, compute=pool, num_cpus=1
+    )
+    return pa.concat_tables(
+        [batch.cast(SCHEMA) for batch in treated.iter_batches(batch_size=None, batch_format="pyarrow")]
+    )
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m lodsmith.batch",
+        description="Make levels of detail of all models of a folder on a Ray cluster. Options that are not listed here "
+        "are those of lodsmith lod: --levels 0.5,0.25, --border lock and so on.",
+    )
+    parser.add_argument("source", metavar="IN", help="folder: a path, or a URI such as s3://bucket/folder")
+    parser.add_argument("output", metavar="OUT", help="folder for the levels and the report")
+    parser.add_argument("--names", metavar="FILE", help="assets as paths from IN, one a line, instead of all models in it")
+    parser.add_argument("--report", default="report.parquet", metavar="NAME", help="name of the report in OUT")
+    parser.add_argument("--workers", type=int, metavar="N", help="number of workers, one core each [default: all cores]")
+    parser.add_argument("--retries", type=int, default=2, metavar="N", help="further attempts after a lost process or file [default: 2]")
+    parser.add_argument("--timeout", type=float, metavar="S", help="seconds after which an asset fails")
+    parser.add_argument("--max-memory", metavar="SIZE", help="memory of the process of each worker [default: its share of the cluster's]")
+    parser.add_argument("--address", metavar="ADDRESS", help="address of a Ray cluster; without it one is started here")
+    return parser
+
+
+def main(arguments: Optional[Sequence[str]] = None) -> int:
+    """Run the command line; returns 1 if an asset failed."""
+    import ray
+    import ray.data
+
+    parser = _parser()
+    args, words = parser.parse_known_args(arguments)
+    names = None
+    if args.names is not None:
+        with open(args.names, encoding="utf-8") as file:
+            names = [line.strip() for line in file if line.strip()]
+    ray.init(address=args.address, log_to_driver=False, logging_level="error")
+    logging.getLogger("ray.data").setLevel(logging.ERROR)
+    ray.data.DataContext.get_current().enable_progress_bars = sys.stderr.isatty()
+    keywords = dict(names=names, report=args.report, workers=args.workers, retries=args.retries, timeout=args.timeout)
+    try:
+        table = run(args.source, args.output, words=words, max_memory=args.max_memory, **keywords)
+    except (CommandError, OSError) as e:
+        print(f"{parser.prog}: {e}", file=sys.stderr)
+        return 2 if isinstance(e, CommandError) else 1
+    finally:
+        ray.shutdown()
+    states = {row["input"]: row for row in table.to_pylist()}
+    for name, row in states.items():
+        if row["failure"]:
+            print(f"{name}: {row['failure']}", file=sys.stderr)
+    counts = Counter(row["state"] for row in states.values())
+    print(
+        f"{len(states)} assets: {counts['made']} made, {counts['kept']} kept, {counts['failed']} failed; "
+        f"{posixpath.join(args.output, args.report)}"
+    )
+    return 1 if counts["failed"] else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
