@@ -85,3 +85,17 @@ fn no_level_tears_at_a_seam_when_it_moves() {
     road.to_level(road.top());
     assert_eq!(road.mesh().unwrap(), mesh);
 }
+
+#[test]
+fn a_mesh_without_values_may_have_normals_in_the_cost() {
+    // Its normals are the engine's own. (Found by fuzzing: it was a panic.)
+    let mesh = shapes::blob(3, 1);
+    let mut options = SimplifyOptions::default();
+    options.shape_normals = true;
+    options.weights.normal = 1.0;
+    let mut progressive = Progressive::build(&mesh, &options, &mut NoControl).unwrap();
+    assert_eq!(progressive.mesh().unwrap(), mesh);
+    progressive.to_faces(mesh.face_count() / 4);
+    let level = progressive.fitted_mesh().unwrap();
+    assert!(level.normals().is_none() && level.face_count() <= mesh.face_count() / 4);
+}

@@ -174,7 +174,7 @@ fn build_progressive(
 ) -> Result<RecordedMesh, SimplifyError> {
     let EngineData { by_place, facings, in_order, area, weights, fits, values, counted, dimension } = taken;
     let Record { copy, log, names, rows, .. } = record;
-    let named = copy.vertex_of.len();
+    let (named, has_values) = (copy.vertex_of.len(), copy.width > 0);
     let arranged = arrange::build_splits(mesh, copy, &log, &by_place);
     let costs = Costs {
         of_split: arranged.order.iter().rev().map(|&change| log.steps[change].key).collect(),
@@ -185,7 +185,8 @@ fn build_progressive(
     };
 
     control.stage(Stage::Fit);
-    let mut dresser = values.zip(rows).map(|((originals, attributes), (rows, places))| {
+    let values = values.filter(|_| has_values);
+    let mut value_fitter = values.zip(rows).map(|((originals, attributes), (rows, places))| {
         let mut of_name = vec![WedgeId(u32::MAX); named];
         for (number, name) in names.wedges.iter().enumerate().filter(|n| n.1.0 != u32::MAX) {
             of_name[name.index()] = WedgeId::new(number);
@@ -205,7 +206,7 @@ fn build_progressive(
         fits,
     };
     let mut road = Progressive::new(Splits::new(arranged.data).expect("a record names what is there"));
-    let checkpoints = recorded.checkpoints(run, &mut road, dresser.as_mut(), control)?;
+    let checkpoints = recorded.checkpoints(run, &mut road, value_fitter.as_mut(), control)?;
     let mut data = road.into_splits().into_data();
     data.checkpoints = checkpoints;
     let road = Progressive::new(Splits::new(data).expect("checkpoints of levels that are there"));
