@@ -71,9 +71,22 @@ const PACKAGE_RULES: &[PackageRule] = &[
         never: &["clap", "anyhow", "tokio"],
     },
     PackageRule {
+        package: "lodsmith-bake",
+        folder: "crates/bake",
+        uses: &["lodsmith-core", "lodsmith", "lodsmith-render"],
+        never: &["clap", "anyhow", "tokio"],
+    },
+    PackageRule {
         package: "lodsmith-cli",
         folder: "crates/cli",
-        uses: &["lodsmith-core", "lodsmith", "lodsmith-io", "lodsmith-render", "lodsmith-viewer"],
+        uses: &[
+            "lodsmith-core",
+            "lodsmith",
+            "lodsmith-io",
+            "lodsmith-render",
+            "lodsmith-bake",
+            "lodsmith-viewer",
+        ],
         never: &[],
     },
     PackageRule {
@@ -95,12 +108,18 @@ struct ForbiddenWords {
 
 const FORBIDDEN_WORDS: &[ForbiddenWords] = &[
     ForbiddenWords {
-        folders: &["crates/core/src", "crates/simplify/src", "crates/io/src", "crates/render/src"],
+        folders: &[
+            "crates/core/src",
+            "crates/simplify/src",
+            "crates/io/src",
+            "crates/render/src",
+            "crates/bake/src",
+        ],
         words: &["println!", "print!", "eprintln!", "eprint!", "dbg!"],
         why: "libraries return values; the command prints",
     },
     ForbiddenWords {
-        folders: &["crates/core/src", "crates/simplify/src"],
+        folders: &["crates/core/src", "crates/simplify/src", "crates/bake/src"],
         words: &[
             "std::fs",
             "std::env",
@@ -110,7 +129,7 @@ const FORBIDDEN_WORDS: &[ForbiddenWords] = &[
             "std::path",
             "ThreadPoolBuilder",
         ],
-        why: "core and simplify know no file, environment, clock or thread pool: the caller has them",
+        why: "core, simplify and bake know no file, environment, clock or thread pool: the caller has them",
     },
     ForbiddenWords {
         folders: &["crates", "bench", "xtask", "fuzz"],

@@ -1,6 +1,7 @@
 //! Command-line arguments. Options are converted to [`lodsmith::SimplifyOptions`], which is also the only
 //! place of their defaults.
 
+mod bake;
 mod batch_files;
 mod choice;
 mod clean;
@@ -24,6 +25,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
+pub(crate) use bake::{BakeArgs, BakeCommandArgs, TextureArgs};
 use choice::choice;
 pub(crate) use clean::CleanArgs;
 pub(crate) use engine::How;
@@ -66,6 +68,8 @@ pub(crate) enum Command {
     Convert(ConvertArgs),
     /// Repair a mesh: merge vertices, orient faces, remove broken ones
     Clean(Box<CleanArgs>),
+    /// Bake the detail of one model into textures of a lighter one
+    Bake(Box<BakeCommandArgs>),
     /// Compare all methods on one model: time, error, validity
     Methods(Box<MethodsArgs>),
     /// Store all levels of a mesh in one file, and extract any of them
@@ -99,6 +103,7 @@ impl Command {
             Self::Compare(args) => &args.run,
             Self::Convert(args) => &args.run,
             Self::Clean(args) => &args.run,
+            Self::Bake(args) => &args.run,
             Self::Methods(args) => &args.run,
             Self::Render(args) => &args.run,
             Self::Progressive(Progressive::Build(args)) => &args.run,

@@ -1,5 +1,6 @@
 //! One module for each subcommand.
 
+mod bake;
 mod batch;
 mod clean;
 mod compare;
@@ -45,6 +46,7 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
         Command::Compare(args) => compare::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Clean(args) => clean::run(&args),
+        Command::Bake(args) => bake::run(&args),
         Command::Methods(args) => methods::run(&args),
         Command::Progressive(action) => progressive::run(&action),
         Command::Render(args) => render::run(&args),

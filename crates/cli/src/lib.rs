@@ -5,6 +5,7 @@
 //! in the libraries.
 
 mod args;
+mod baking;
 mod call;
 mod command;
 mod constraints;
@@ -16,6 +17,7 @@ mod in_order;
 mod memory;
 mod memory_need;
 mod memory_watch;
+mod mesh_scene;
 mod normals;
 mod numbers;
 mod orient;

@@ -91,6 +91,10 @@ impl FileProgress<'_> {
         let (from, to) = span(stage);
         self.to(from + (to - from) * done.clamp(0.0, 1.0));
     }
+    /// Announces the start of baking.
+    pub(crate) fn bake(&self) {
+        self.enter("bake", MEASURE);
+    }
     /// Announces the start of writing.
     pub(crate) fn write(&self) {
         self.enter("write", WRITE);

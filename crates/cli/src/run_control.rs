@@ -74,6 +74,11 @@ impl<'a> RunControl<'a> {
     pub(crate) fn prepare(&mut self) {
         self.clock.enter(Stage::Prepare.name());
     }
+    /// Announces the start of baking.
+    pub(crate) fn bake(&mut self) {
+        self.bar.bake();
+        self.clock.enter("bake");
+    }
     /// Announces the end of the engine's run and the start of writing.
     pub(crate) fn write(&mut self) {
         self.bar.write();

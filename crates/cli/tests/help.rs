@@ -61,13 +61,18 @@ fn help_of_methods() {
 }
 
 #[test]
+fn help_of_bake() {
+    insta::assert_snapshot!(help(&["bake"]));
+}
+
+#[test]
 fn help_of_clean() {
     insta::assert_snapshot!(help(&["clean"]));
 }
 
 #[test]
 fn options_of_later_releases_are_not_known() {
-    for option in ["--bake", "--cache"] {
+    for option in ["--cache"] {
         assert!(!help(&["simplify"]).contains(option), "{option}");
     }
 }

@@ -95,7 +95,11 @@ pub fn correspondence<'a>(
     Ok(Correspondence { original, sources: parts.concat() })
 }
 
-impl Correspondence<'_> {
+impl<'a> Correspondence<'a> {
+    /// The mesh that the sources are on.
+    pub fn original(&self) -> &'a TriMesh {
+        self.original
+    }
     /// The source of each wedge of the result.
     pub fn sources(&self) -> &[Source] {
         &self.sources

@@ -1,5 +1,5 @@
-//! Spatial search trees for nearest-point queries.
+//! Spatial search trees for nearest points and for crossings of segments.
 
 pub mod bvh;
 
-pub use bvh::{Bvh, Hint, Hit};
+pub use bvh::{Bvh, Crossing, Hint, Hit};

@@ -26,6 +26,7 @@ mod placed;
 mod placements;
 mod primitive;
 mod references;
+mod rematerial;
 mod repack;
 mod replace;
 mod scene;
@@ -39,6 +40,7 @@ pub use lod::SceneLevels;
 pub use motion::{MovingNode, SceneCamera, SceneMotion};
 pub use names::MeshNames;
 pub use placed::{PlacedMesh, placed_meshes};
+pub use rematerial::{NewMaterial, SlotImage, TextureSlot};
 pub use scene::{Scene, SceneMesh};
 
 use std::io::{self, Write};

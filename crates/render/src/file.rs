@@ -90,6 +90,27 @@ pub fn encode(picture: &Image, format: PictureFormat) -> Result<Vec<u8>, Picture
     Ok(file)
 }
 
+/// Encodes heights or other single values as a PNG of 16 bits per pixel, row after row from the top.
+///
+/// # Errors
+/// [`PictureError::Codec`] if PNG does not allow so many pixels.
+///
+/// # Panics
+/// If there are not `width * height` values.
+pub fn encode_gray16(width: usize, height: usize, values: &[u16]) -> Result<Vec<u8>, PictureError> {
+    assert_eq!(values.len(), width * height, "one value for each place");
+    // (The encoder takes the byte order of the machine.)
+    let bytes: Vec<u8> = values.iter().flat_map(|x| x.to_ne_bytes()).collect();
+    let mut file = Vec::new();
+    PngEncoder::new_with_quality(&mut file, CompressionType::Default, FilterType::Adaptive).write_image(
+        &bytes,
+        width as u32,
+        height as u32,
+        ExtendedColorType::L16,
+    )?;
+    Ok(file)
+}
+
 /// Decodes an image file, whatever its extension.
 ///
 /// # Errors

@@ -12,7 +12,8 @@ static TO_BYTE: LazyLock<Vec<u8>> = LazyLock::new(|| {
     (0..ENCODE_STEPS).map(|i| (encoded(i as f32 / (ENCODE_STEPS - 1) as f32) * 255.0).round() as u8).collect()
 });
 
-fn decoded(s: f32) -> f32 {
+/// Returns the linear light of an sRGB value from 0 to 1.
+pub fn decoded(s: f32) -> f32 {
     if s <= 0.04045 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) }
 }
 
@@ -22,7 +23,7 @@ fn encoded(x: f32) -> f32 {
 
 /// Returns the linear light of a stored byte.
 #[inline]
-pub(crate) fn of_byte(byte: u8) -> f32 {
+pub fn of_byte(byte: u8) -> f32 {
     TO_LINEAR[usize::from(byte)]
 }
 
@@ -39,14 +40,22 @@ pub(crate) fn of_srgb(color: [f32; 3]) -> Vec3 {
 
 /// Table from linear light to bytes; too bright is white.
 #[derive(Clone, Copy)]
-pub(crate) struct Encoder(&'static [u8]);
+pub struct Encoder(&'static [u8]);
+
+impl Default for Encoder {
+    fn default() -> Self {
+        Self::new()
+    }
+}
 
 impl Encoder {
-    pub(crate) fn new() -> Self {
+    /// Returns the table.
+    pub fn new() -> Self {
         Self(&TO_BYTE)
     }
+    /// Returns the sRGB byte nearest to a linear light.
     #[inline(always)]
-    pub(crate) fn byte(self, light: f32) -> u8 {
+    pub fn byte(self, light: f32) -> u8 {
         // NaN becomes 0 here.
         self.0[((light * (ENCODE_STEPS - 1) as f32 + 0.5) as usize).min(ENCODE_STEPS - 1)]
     }

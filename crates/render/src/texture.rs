@@ -11,7 +11,7 @@ const MAX_ANISOTROPY: f32 = 4.0;
 
 /// Interpretation of an image's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum TexelKind {
+pub enum TexelKind {
     /// Colours in sRGB.
     Colors,
     /// Linear values: normals, roughness.
@@ -20,7 +20,7 @@ pub(crate) enum TexelKind {
 
 /// An image and its mipmaps, each half as large as the previous one.
 #[derive(Debug)]
-pub(crate) struct Texture {
+pub struct Texture {
     levels: Vec<MipLevel>,
     meaning: TexelKind,
 }
@@ -34,7 +34,7 @@ struct MipLevel {
 
 impl Texture {
     /// Builds the mipmaps. Cost: O(pixels).
-    pub(crate) fn new(image: &Image, meaning: TexelKind) -> Self {
+    pub fn new(image: &Image, meaning: TexelKind) -> Self {
         let first =
             MipLevel { width: image.width(), height: image.height(), pixels: image.pixels().to_vec() };
         let mut levels = vec![first];
@@ -47,7 +47,7 @@ impl Texture {
     /// Samples linear red, green, blue and alpha at texture coordinates counted from the lower left corner of
     /// the image; `across` and `down` are their changes to the next pixels of the picture to the right and
     /// below.
-    pub(crate) fn at(&self, uv: [f32; 2], across: [f32; 2], down: [f32; 2], sampler: Sampler) -> [f32; 4] {
+    pub fn at(&self, uv: [f32; 2], across: [f32; 2], down: [f32; 2], sampler: Sampler) -> [f32; 4] {
         let (w, h) = (self.levels[0].width as f32, self.levels[0].height as f32);
         if w < 1.0 || h < 1.0 || !uv.iter().chain(&across).chain(&down).all(|x| x.is_finite()) {
             return [0.0, 0.0, 0.0, 1.0];

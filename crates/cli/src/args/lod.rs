@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::engine::EngineArgs;
 use super::simplify::Normals;
-use super::{Ending, Reading, Run, TypedLength, Writing, values};
+use super::{BakeArgs, Ending, Reading, Run, TypedLength, Writing, values};
 use crate::paths::{Sink, Source};
 use crate::plan::OutputArgs;
 
@@ -28,7 +28,8 @@ Names:
 Examples:
   lodsmith lod bunny.obj -o bunny.glb --levels 0.5,0.25,0.1
   lodsmith lod tower.glb -O levels --count 4 --factor 0.4 --naming unity
-  lodsmith lod statue.ply -O levels --errors 0.05%,0.2%,1% --geomorph";
+  lodsmith lod statue.ply -O levels --errors 0.05%,0.2%,1% --geomorph
+  lodsmith lod hero.glb -o out.glb --levels 0.5,0.2,0.05 --bake normal,color --texture-size 2048";
 
 #[derive(Args, Debug)]
 #[command(after_help = AFTER)]
@@ -73,6 +74,8 @@ pub(crate) struct LodArgs {
     height: f64,
     #[command(flatten)]
     pub(crate) engine: EngineArgs,
+    #[command(flatten)]
+    pub(crate) baking: BakeArgs,
     #[command(flatten)]
     pub(crate) reading: Reading,
     #[command(flatten)]

@@ -5,7 +5,7 @@ use lodsmith::{Bound, Measure, SimplifyOptions};
 
 use super::batch_files::BatchFiles;
 use super::engine::{EngineArgs, Target};
-use super::{Ending, Reading, Run, Writing, choice};
+use super::{BakeArgs, Ending, Reading, Run, Writing, choice};
 use crate::plan::OutputArgs;
 
 const AFTER: &str = "\
@@ -31,7 +31,8 @@ Presets:
 Examples:
   lodsmith simplify bunny.obj -o small.glb --ratio 0.1
   lodsmith simplify part.stl -o part.ply --error 0.1% --json
-  lodsmith simplify *.ply -O low --faces 5000 --name '{stem}.{ext}'";
+  lodsmith simplify *.ply -O low --faces 5000 --name '{stem}.{ext}'
+  lodsmith simplify statue.ply -o statue.glb --ratio 5% --bake normal,color";
 
 #[derive(Args, Debug)]
 #[command(after_help = AFTER)]
@@ -49,6 +50,8 @@ pub(crate) struct SimplifyArgs {
     pub(crate) engine: EngineArgs,
     #[command(flatten)]
     deviation: Deviation,
+    #[command(flatten)]
+    pub(crate) baking: BakeArgs,
     #[command(flatten)]
     pub(crate) reading: Reading,
     #[command(flatten)]

@@ -1,5 +1,6 @@
 //! `lodsmith lod`: reads, makes a chain of levels, writes them, and reports the result.
 
+mod bake;
 mod files;
 mod report;
 mod scene;
@@ -36,9 +37,11 @@ pub(super) fn run(args: &LodArgs) -> anyhow::Result<Status> {
 fn make(args: &LodArgs, plan: &Plan, mut watch: RunControl<'_>) -> anyhow::Result<LodResult> {
     watch.read();
     let properties = constraints::properties(&args.engine.how);
-    let input = file::read_input(&args.input, &args.reading, properties, plan.job.keeps_scenes())?;
+    let keeps_scenes = plan.job.keeps_scenes() || args.baking.is_asked();
+    let input = file::read_input(&args.input, &args.reading, properties, keeps_scenes)?;
     watch.prepare();
-    let made = match (input, plan.scenes()) {
+    let to = if args.baking.is_asked() { plan.job.output.as_ref() } else { plan.scenes() };
+    let made = match (input, to) {
         (Input::Scene(scene), Some(to)) => scene::of_scene(*scene, args, plan, to, watch, None),
         (Input::Scene(_), None) => unreachable!("a scene is read where it can stay one"),
         (Input::Mesh(loaded), Some(to)) => scene::of_mesh(*loaded, args, plan, to, watch),

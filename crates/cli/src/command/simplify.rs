@@ -16,7 +16,7 @@ use crate::plan::Job;
 use crate::run_control::{RunControl, not_interrupted};
 use crate::status::{Status, usage};
 use crate::warnings::{not_reached, warnings_of};
-use crate::{constraints, engine_input, memory, memory_need};
+use crate::{baking, constraints, engine_input, memory, memory_need};
 use report::SimplifyOutcome;
 
 /// Simplifies every input.
@@ -26,8 +26,10 @@ pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
             "a target is needed: --faces, --vertices, --ratio, --error, or what the method ends by",
         ));
     }
+    let wanted = args.wanted();
+    baking::check(&args.baking, &args.writing, wanted.output)?;
     batch::run(
-        &args.wanted(),
+        &wanted,
         &args.run,
         |job, watch, turn| simplify_one(job, args, watch, turn),
         |out, path, outcome, job| report::show(out, path, outcome, job, args),
@@ -42,10 +44,14 @@ fn simplify_one(
 ) -> anyhow::Result<SimplifyOutcome> {
     watch.read();
     let properties = constraints::properties(&args.engine.how);
-    let input = file::read_input(&job.source, &args.reading, properties, job.keeps_scenes())?;
+    let bakes = args.baking.is_asked() && job.output.is_some();
+    let input = file::read_input(&job.source, &args.reading, properties, job.keeps_scenes() || bakes)?;
     watch.prepare();
     match (input, &job.output) {
-        (Input::Scene(scene), Some(to)) => scene::simplify_scene(*scene, &job.source, to, args, watch),
+        (Input::Scene(scene), Some(to)) => scene::simplify_scene(*scene, &job.source, to, args, None, watch),
+        (Input::Mesh(loaded), Some(to)) if bakes => {
+            scene::simplify_mesh(*loaded, &job.source, to, args, watch)
+        }
         (Input::Scene(_), None) => unreachable!("a scene is read where it can stay one"),
         (Input::Mesh(loaded), to) => simplify_mesh(*loaded, to.as_ref(), args, watch, turn),
     }
@@ -85,6 +91,7 @@ fn simplify_mesh(
         not_reached,
         warnings,
         meshes: Vec::new(),
+        baked: None,
         threads: rayon::current_num_threads(),
         clock: watch.end(),
     })

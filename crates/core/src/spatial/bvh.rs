@@ -12,7 +12,11 @@
 //! with is rounded upwards: a box may be opened unnecessarily, but is never skipped in error. The result is
 //! decided by the distance to the triangle, in double precision and in the unit frame of the surface.
 
+mod rays;
+
 use glam::DVec3;
+
+pub use rays::Crossing;
 
 use crate::geometry::UnitFrame;
 use crate::geometry::triangle::{self, Nearest};
@@ -228,12 +232,24 @@ impl Bvh {
 
     /// Like [`Bvh::closest`], among the faces for which `accept` is true. Far slower if there are few.
     pub fn closest_of(&self, point: [f64; 3], accept: impl Fn(FaceId) -> bool) -> Option<Hit> {
+        self.closest_of_within(point, f64::INFINITY, accept)
+    }
+
+    /// Like [`Bvh::closest_of`], but `None` if nothing accepted is nearer than `distance` (units of the
+    /// positions).
+    pub fn closest_of_within(
+        &self,
+        point: [f64; 3],
+        distance: f64,
+        accept: impl Fn(FaceId) -> bool,
+    ) -> Option<Hit> {
         let p = self.frame.unit_from_user(point);
         if p.abs().max_element() >= 1e100 || p.is_nan() {
             return None;
         }
-        let mut best = SlotHit { slot: u32::MAX, distance_sq: f64::INFINITY };
-        self.visit(p, f64::INFINITY, |slot| {
+        let distance = self.frame.unit_length(distance);
+        let mut best = SlotHit { slot: u32::MAX, distance_sq: distance * distance };
+        self.visit(p, best.distance_sq, |slot| {
             let is_nearer = accept(self.slot_face(slot)) && self.try_slot(p, slot, &mut best);
             is_nearer.then_some(best.distance_sq)
         });

@@ -46,6 +46,9 @@ pub struct SceneLevels {
     pub numbers_level_0: bool,
     /// Name of the only mesh and the only node of the scene, if these have none.
     pub default_name: Option<String>,
+    /// For each level from 1 on, and each mesh, the materials of its primitives, as indices in the scene; a single one
+    /// is for all primitives, and an empty list keeps those of level 0.
+    pub materials: Vec<Vec<Vec<usize>>>,
 }
 
 impl SceneLevels {
@@ -83,6 +86,8 @@ pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(V
             };
             let mut copy = source["meshes"][m].clone();
             copy["name"] = level_name(&name, &levels.separator, i + 1).into();
+            let materials = levels.materials.get(i).and_then(|level| level.get(m));
+            set_materials(&mut copy, materials.map_or(&[], Vec::as_slice));
             numbers.push(append(&mut json, "meshes", copy));
             replaced.push(Some(mesh));
         }
@@ -130,6 +135,16 @@ pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(V
         }
     }
     Ok((json, replaced))
+}
+
+/// Sets the materials of the primitives of a mesh.
+fn set_materials(mesh: &mut Value, materials: &[usize]) {
+    for (i, primitive) in list_mut(mesh, "primitives").iter_mut().enumerate() {
+        let own = materials.get(i).or(materials.first().filter(|_| materials.len() == 1));
+        if let Some(own) = own.filter(|_| primitive.is_object()) {
+            primitive["material"] = (*own).into();
+        }
+    }
 }
 
 /// Names the only mesh and the only node of a file, if they have no names.

@@ -1,6 +1,5 @@
 //! Plan of levels and their output: one file, or one for each level and a list of them.
 
-use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -11,7 +10,9 @@ use lodsmith_io::gltf::{Scene, SceneLevels, SceneMesh};
 use lodsmith_io::{Format, Regions, Warning};
 use serde_json::Value;
 
+use super::bake::BakedLevels;
 use crate::args::{LodArgs, Naming};
+use crate::baking;
 use crate::file::{self, Destination};
 use crate::paths::{self, Sink, Source};
 use crate::plan::{self, Job};
@@ -53,6 +54,7 @@ impl Plan {
         // The rest of the template is checked like that of any output folder; a level is a number.
         let first = template.replace("{level}", "0");
         let job = plan::jobs(&args.wanted(&first))?.remove(0);
+        baking::check(&args.baking, &args.writing, args.output.as_ref())?;
         let folder = match (&args.out_dir, &job.output) {
             (None, Some(Destination { sink, format, .. }))
                 if !matches!(format, Format::Gltf | Format::Glb) =>
@@ -100,6 +102,7 @@ impl Plan {
         &self,
         scene: &Scene,
         replaced: Vec<Vec<Option<TriMesh>>>,
+        baked: &BakedLevels,
         distances: &[f64],
         relink: &dyn Fn(&str) -> Option<String>,
     ) -> anyhow::Result<Vec<Warning>> {
@@ -110,9 +113,31 @@ impl Plan {
                 levels.numbers_level_0 = self.naming != Naming::Plain;
                 levels.coverage = coverage(scene, distances, &self.screen);
                 levels.default_name = name_of_input(&self.job.source, &to.sink);
-                to.write_levels(scene, &levels, relink)
+                levels.materials = baked.materials.clone();
+                let warnings = to.write_levels(scene, &levels, relink)?;
+                for (level, files) in baked.files.iter().enumerate() {
+                    let mark = format!("{}{}", self.naming.mark(), level + 1);
+                    baking::write_files(files, if baked.is_shared { "" } else { &mark }, to)?;
+                }
+                Ok(warnings)
             }
-            _ => self.write_each(&replaced, |replaced, to| to.write_scene(scene, replaced, relink)),
+            _ if baked.materials.is_empty() => {
+                self.write_each(&replaced, |replaced, to| to.write_scene(scene, replaced, relink))
+            }
+            _ => {
+                let levels: Vec<_> = replaced.into_iter().enumerate().collect();
+                self.write_each(&levels, |(k, replaced), to| {
+                    let mut own = scene.clone();
+                    if let Some(materials) = k.checked_sub(1).and_then(|k| baked.materials.get(k)) {
+                        baking::set_materials(&mut own, materials);
+                    }
+                    own.drop_unused_materials();
+                    if let Some(files) = k.checked_sub(1).and_then(|k| baked.files.get(k)) {
+                        baking::write_files(files, "", to)?;
+                    }
+                    baking::write_baked(to, &own, replaced, relink)
+                })
+            }
         }
     }
 
@@ -214,19 +239,6 @@ pub(super) fn carry(
     let semantic = Semantic::Custom(GEOMORPH_ATTRIBUTE.to_owned());
     mesh.add_attribute(Attribute { semantic, width: 3, values })?;
     Ok(())
-}
-
-/// Returns for each vertex of a scene's mesh the vertices of the mesh that it was made from.
-pub(super) fn vertices_of(there: &SceneMesh, mesh: &TriMesh) -> Vec<Vec<usize>> {
-    let moved = there.world_from_mesh.map_or([0.0; 3], |m| m.map(|row| row[3]));
-    // As written: relative to the node, and with -0 as 0.
-    let key = |p: [f64; 3], by: [f64; 3]| [0, 1, 2].map(|k| ((p[k] - by[k]) as f32 + 0.0).to_bits());
-    let mut at: HashMap<[u32; 3], Vec<usize>> = HashMap::new();
-    for (v, p) in mesh.positions().view().iter().enumerate() {
-        at.entry(key(p, moved)).or_default().push(v);
-    }
-    let own = there.mesh.positions().view();
-    own.iter().map(|p| at.get(&key(p, [0.0; 3])).cloned().unwrap_or_default()).collect()
 }
 
 /// Returns the name of the input without its extension, or that of the output for standard input.

@@ -1,26 +1,24 @@
 //! Levels of detail of a scene, or of a mesh that becomes one.
 
-use std::sync::Arc;
-
 use lodsmith::SceneChain;
 use lodsmith::core::{Positions, TriMesh};
 use lodsmith_io::Loaded;
 use lodsmith_io::gltf::{Scene, SceneMesh};
 
+use super::bake::{BakedLevels, bake_levels};
 use super::files::{self, Plan};
 use super::report::{self, Level, LodResult};
 use crate::args::LodArgs;
 use crate::file::Destination;
 use crate::memory_need::Size;
+use crate::mesh_scene::{MeshScene, VertexConstraints};
 use crate::normals::set_normals;
-use crate::orient::orient;
 use crate::run_control::{RunControl, not_interrupted};
 use crate::scene_parts::{self, parts_of};
 use crate::warnings::not_reached;
 use crate::{constraints, images, memory, memory_need, palettes};
 
-/// Makes the levels of a mesh that becomes a glTF scene: locks and importance are mapped to the vertices of
-/// the scene.
+/// Makes the levels of a mesh that becomes a glTF scene.
 pub(super) fn of_mesh(
     loaded: Loaded,
     args: &LodArgs,
@@ -28,32 +26,14 @@ pub(super) fn of_mesh(
     to: &Destination,
     watch: RunControl<'_>,
 ) -> anyhow::Result<LodResult> {
-    let mut own = args.options().simplify;
-    constraints::of_mesh(&args.engine.how, &loaded, &mut own)?;
-    let Loaded { mut mesh, regions, mut warnings, format, .. } = loaded;
-    orient(&mut mesh, &to.writing);
-    let (scene, lost) = to.as_scene(&mesh, regions)?;
-    warnings.extend(lost);
-    let of_vertices = scene.meshes().first().map(|there| files::vertices_of(there, &mesh));
-    let carried = of_vertices.map(|of| VertexConstraints {
-        locked: own.locked.as_deref().map(|all| of.iter().map(|v| v.iter().any(|&v| all[v])).collect()),
-        importance: own.importance.as_deref().map(|all| {
-            of.iter().map(|v| v.iter().map(|&v| all[v]).reduce(f32::max).unwrap_or(1.0)).collect()
-        }),
-    });
-    let mut made = of_scene(scene, args, plan, to, watch, Some(carried.unwrap_or_default()))?;
-    made.format = format;
-    made.counts = [mesh.face_count(), mesh.vertex_count()];
+    let (format, count) = (loaded.format, [loaded.mesh.face_count(), loaded.mesh.vertex_count()]);
+    let own = MeshScene::new(loaded, &args.engine.how, to, args.options().simplify)?;
+    let mut warnings = own.warnings;
+    let mut made = of_scene(own.scene, args, plan, to, watch, Some(own.constraints))?;
+    (made.format, made.counts) = (format, count);
     warnings.append(&mut made.warnings);
     made.warnings = warnings;
     Ok(made)
-}
-
-/// Locks and importance of the vertices of a scene's only mesh.
-#[derive(Default)]
-pub(super) struct VertexConstraints {
-    locked: Option<Arc<[bool]>>,
-    importance: Option<Arc<[f32]>>,
 }
 
 /// Makes the levels of a scene: all in one file, or one file each.
@@ -85,7 +65,6 @@ pub(super) fn of_scene(
         memory_need::lod_scene(size, &options.simplify).saturating_add(scene.buffer_bytes()),
     )?;
     let chain = not_interrupted(lodsmith::lod_scene(&parts, diagonal, &options, &mut watch))?;
-    watch.write();
     let mut replaced = vec![vec![None; meshes.len()]];
     let mut told = Vec::with_capacity(chain.levels.len());
     if let Some(geomorphs) = chain.geomorph(0) {
@@ -114,11 +93,18 @@ pub(super) fn of_scene(
         told.push(Level { report: level.report, not_reached: why, meshes: names });
     }
     let mut warnings: Vec<_> = scene.warnings().to_vec();
+    let mut baked = BakedLevels::default();
+    if args.baking.is_asked() {
+        watch.bake();
+        baked = bake_levels(&mut scene, &mut replaced, &args.baking, &mut watch)?;
+        warnings.append(&mut baked.warnings);
+    }
+    watch.write();
     let images = images::FolderMove::new(&plan.job.source, &to.sink);
     warnings.extend(images.bring(&mut scene, to.format, to.writing.textures));
     let counts = [TriMesh::face_count, TriMesh::vertex_count].map(|of| scene_parts::count(&parts, of));
     let distances: Vec<f64> = told.iter().map(|l| report::distance(&l.report, plan)).collect();
-    warnings.extend(plan.write_scene(&scene, replaced, &distances, &|uri| images.uri(uri))?);
+    warnings.extend(plan.write_scene(&scene, replaced, &baked, &distances, &|uri| images.uri(uri))?);
     let format = scene.format();
     let outputs = plan.outputs(told.len());
     let threads = rayon::current_num_threads();

@@ -23,6 +23,8 @@ pub(super) struct SimplifyOutcome {
     pub(super) warnings: Vec<Warning>,
     /// For a scene that was written as a scene, its meshes by name.
     pub(super) meshes: Vec<(String, MeshCounts)>,
+    /// Report of the bake.
+    pub(super) baked: Option<Value>,
     pub(super) threads: usize,
     pub(super) clock: StageClock,
 }
@@ -172,6 +174,9 @@ impl SimplifyOutcome {
         }
         if !args.engine.how.lock.is_empty() {
             report["locked"] = json!({ "vertices": r.locked_vertices, "faces": r.locked_faces });
+        }
+        if let Some(baked) = &self.baked {
+            report["baked"] = baked.clone();
         }
         if args.dry_run {
             report["dry_run"] = true.into();

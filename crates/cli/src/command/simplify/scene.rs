@@ -2,11 +2,14 @@
 
 use lodsmith::SimplifiedScene;
 use lodsmith::core::TriMesh;
+use lodsmith_io::Loaded;
 use lodsmith_io::gltf::Scene;
 
 use super::report::SimplifyOutcome;
 use crate::args::SimplifyArgs;
+use crate::baking::{self, BakedScene};
 use crate::file::Destination;
+use crate::mesh_scene::{MeshScene, VertexConstraints};
 use crate::normals::set_normals;
 use crate::paths::Source;
 use crate::run_control::{RunControl, not_interrupted};
@@ -14,19 +17,40 @@ use crate::scene_parts::{self, parts_of};
 use crate::warnings::{not_reached, warnings_of};
 use crate::{constraints, images, memory, memory_need, palettes};
 
-/// Simplifies all meshes of a scene under one budget; the rest of the scene is not changed.
+/// Simplifies a mesh that becomes a scene, so that maps can be baked for it.
+pub(super) fn simplify_mesh(
+    loaded: Loaded,
+    source: &Source,
+    to: &Destination,
+    args: &SimplifyArgs,
+    watch: RunControl<'_>,
+) -> anyhow::Result<SimplifyOutcome> {
+    let format = loaded.format;
+    let own = MeshScene::new(loaded, &args.engine.how, to, args.options())?;
+    let mut done = simplify_scene(own.scene, source, to, args, Some(own.constraints), watch)?;
+    done.input_format = format;
+    done.warnings.splice(0..0, own.warnings);
+    Ok(done)
+}
+
+/// Simplifies all meshes of a scene under one budget; the rest of the scene is not changed, unless maps are baked.
+/// `cared` has the locks of a mesh that became a scene.
 pub(super) fn simplify_scene(
     mut scene: Scene,
     source: &Source,
     to: &Destination,
     args: &SimplifyArgs,
+    cared: Option<VertexConstraints>,
     mut watch: RunControl<'_>,
 ) -> anyhow::Result<SimplifyOutcome> {
     let meshes = scene.meshes().to_vec();
     let (taken, parts) = parts_of(&meshes);
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
     let mut options = args.options();
-    constraints::of_scene(&args.engine.how, &scene, &taken, &mut options)?;
+    match cared {
+        Some(cared) => (options.locked, options.importance) = (cared.locked, cared.importance),
+        None => constraints::of_scene(&args.engine.how, &scene, &taken, &mut options)?,
+    }
     options.textures = palettes::of_scene(&scene, &taken);
     memory::check("simplify", memory_need::simplify_scene(&meshes, scene.buffer_bytes(), &options))?;
     let done = lodsmith::simplify_scene(&parts, diagonal, &options, &mut watch);
@@ -38,7 +62,6 @@ pub(super) fn simplify_scene(
     }
     let not_reached = not_reached(&report, &options, watch.time_limit, &lighter);
 
-    watch.write();
     for mesh in &mut lighter {
         set_normals(mesh, args.normals)?;
     }
@@ -50,9 +73,24 @@ pub(super) fn simplify_scene(
     let images = images::FolderMove::new(source, &to.sink);
     let mut warnings: Vec<_> = scene.warnings().to_vec();
     warnings.extend(warnings_of(&report));
+    let mut baked = None;
+    if args.baking.is_asked() {
+        watch.bake();
+        let made = bake(&mut scene, &mut replaced, args, &mut watch)?;
+        warnings.extend(made.warnings.iter().cloned());
+        baked = Some(made);
+    }
+    watch.write();
     warnings.extend(images.bring(&mut scene, to.format, to.writing.textures));
     let relink = |uri: &str| images.uri(uri);
-    warnings.extend(to.write_scene(&scene, &replaced, &relink)?);
+    warnings.extend(match &baked {
+        Some(baked) => {
+            let warnings = baking::write_baked(to, &scene, &replaced, &relink)?;
+            baking::write_files(&baked.files, "", to)?;
+            warnings
+        }
+        None => to.write_scene(&scene, &replaced, &relink)?,
+    });
     let meshes = taken.iter().map(|&i| meshes[i].name.clone()).zip(counts).collect();
     Ok(SimplifyOutcome {
         input_format: scene.format(),
@@ -60,7 +98,29 @@ pub(super) fn simplify_scene(
         not_reached,
         warnings,
         meshes,
+        baked: baked.map(|b| b.report),
         threads: rayon::current_num_threads(),
         clock: watch.end(),
     })
+}
+
+/// Bakes maps for the meshes of a scene, and lets these use them.
+fn bake(
+    scene: &mut Scene,
+    replaced: &mut [Option<TriMesh>],
+    args: &SimplifyArgs,
+    watch: &mut RunControl<'_>,
+) -> anyhow::Result<BakedScene> {
+    let high = baking::model_of(scene).model;
+    let low = baking::model_with(&high, replaced);
+    let (options, texture) = (args.baking.options(), &args.baking.texture);
+    let mut baked = baking::bake_scene(&high, &low, scene, &options, texture, watch)?;
+    for (mesh, made) in replaced.iter_mut().zip(std::mem::take(&mut baked.replaced)) {
+        if made.is_some() {
+            *mesh = made;
+        }
+    }
+    baking::set_materials(scene, &baked.materials);
+    scene.drop_unused_materials();
+    Ok(baked)
 }

@@ -1,0 +1,76 @@
+//! A new atlas: charts, their flattening and packing, by the crate `uvunwrap` (decision 0024).
+
+use glam::DVec3;
+use lodsmith_core::WedgeId;
+use uvunwrap::{Atlas, Density, Error, MeshInput, Options, generate_with_progress};
+
+use crate::error::BakeError;
+use crate::flat::Flat;
+
+/// Texels between a chart and the border of its cell, for a map of a size: enough for four mip levels to stay apart at
+/// 2048.
+pub(crate) fn padding(size: usize) -> usize {
+    (size / 256).clamp(2, 16)
+}
+
+/// Share of the map that charts usually fill.
+pub(crate) const USUAL_FILL: f64 = 0.65;
+
+/// Returns texture coordinates at the corners of some faces, in a common atlas; v grows upwards. `proceed` is asked
+/// often, and returns false to cancel.
+pub(crate) fn unwrap(
+    light: &Flat,
+    faces: &[usize],
+    size: usize,
+    proceed: &(dyn Fn() -> bool + Sync),
+) -> Result<Vec<[[f32; 2]; 3]>, BakeError> {
+    let failed = |problem: String| BakeError::Atlas { size, problem };
+    // Relative to the centre, in units of the diagonal: the crate works in single precision.
+    let bounds = light.mesh.positions().view().bounds();
+    let bounds = bounds.ok_or(BakeError::Empty { which: "lighter" })?;
+    let centre = (DVec3::from(bounds.min) + DVec3::from(bounds.max)) * 0.5;
+    let scale = 1.0 / bounds.diagonal().max(f64::MIN_POSITIVE);
+    let view = light.mesh.positions().view();
+    let mut number = vec![u32::MAX; light.mesh.wedge_count()];
+    let mut positions: Vec<[f32; 3]> = Vec::new();
+    let mut indices = Vec::with_capacity(faces.len() * 3);
+    for &f in faces {
+        for w in light.mesh.triangles()[f] {
+            let n = &mut number[w.index()];
+            if *n == u32::MAX {
+                *n = positions.len() as u32;
+                let place = (DVec3::from(view.get(light.mesh.vertex_of(WedgeId(w.0)))) - centre) * scale;
+                positions.push(place.as_vec3().to_array());
+            }
+            indices.push(*n);
+        }
+    }
+    let mut pad = padding(size) as u32;
+    loop {
+        let options =
+            Options { density: Density::Auto { page_size: size as u32 }, padding: pad, ..Options::default() };
+        let input = MeshInput::new(&positions, &indices);
+        let made = generate_with_progress(&[input], &options, |_| proceed());
+        match made {
+            Ok(atlas) if atlas.page_count <= 1 => return Ok(corner_uvs(&atlas, size)),
+            Err(Error::Cancelled) => return Err(BakeError::Cancelled),
+            // Many small charts: less room between them may be enough.
+            _ if pad > 1 => pad /= 2,
+            Ok(_) => return Err(failed("its charts do not fit; use a larger --texture-size".to_owned())),
+            Err(e) => return Err(failed(format!("{e}; use a larger --texture-size"))),
+        }
+    }
+}
+
+/// Returns the coordinates at the corners; the atlas may be cropped to the rows in use, the map is not.
+fn corner_uvs(atlas: &Atlas, size: usize) -> Vec<[[f32; 2]; 3]> {
+    let mesh = &atlas.meshes[0];
+    let factor = |side: u32| side as f32 / size as f32;
+    let (x, y) = (factor(atlas.width), factor(atlas.height));
+    let uv = |i: &u32| {
+        let [u, v] = mesh.vertices[*i as usize].uv;
+        [u * x, v * y]
+    };
+    let (triangles, _) = mesh.indices.as_chunks::<3>();
+    triangles.iter().map(|t| [uv(&t[0]), uv(&t[1]), uv(&t[2])]).collect()
+}

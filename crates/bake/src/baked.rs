@@ -1,0 +1,257 @@
+//! One bake from beginning to end.
+
+use std::sync::Arc;
+
+use glam::Vec4;
+use lodsmith::{Control, Verdict};
+use lodsmith_core::mesh::normals::vertex_normals;
+use lodsmith_core::model::Material;
+use lodsmith_core::{Model, Semantic, TriMesh};
+
+use crate::curvature::Curvature;
+use crate::error::BakeError;
+use crate::flat::{Flat, Taken};
+use crate::link::Link;
+use crate::maps::BakedMap;
+use crate::occlusion::Rays;
+use crate::options::{BakeOptions, MapKind};
+use crate::search::{Found, Search};
+use crate::sets::{self, FaceSet};
+use crate::source::Source;
+use crate::tangents::corner_tangents;
+use crate::texels::Baker;
+use crate::wedges::with_corners;
+
+/// The result of a bake.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Baked {
+    /// The meshes of the lighter model, in its order, with normals, texture coordinates and tangents; `None` for those
+    /// that no node places.
+    pub meshes: Vec<Option<TriMesh>>,
+    /// For each mesh and each of its regions, the index of the set whose maps it uses; empty for meshes that no node
+    /// places. A mesh whose regions have all become one set has no regions.
+    pub set_of_region: Vec<Vec<usize>>,
+    /// The maps.
+    pub sets: Vec<BakedSet>,
+    /// How the sources were found.
+    pub found: Found,
+    /// Notes for the user: coordinates that could not be used.
+    pub notes: Vec<String>,
+}
+
+/// Maps that some faces share.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct BakedSet {
+    /// Name, for files: that of the material.
+    pub name: String,
+    /// The material of the lighter model that gets the maps; `None` if `look` is a new one.
+    pub material: Option<usize>,
+    /// The material, without textures. Factors are those that belong to the baked maps.
+    pub look: Material,
+    /// Width and height of the maps, in texels.
+    pub size: usize,
+    /// True if it has an atlas of its own.
+    pub is_new_atlas: bool,
+    /// The maps, in the order of their kinds.
+    pub maps: Vec<BakedMap>,
+}
+
+/// Bakes maps of a lighter model from a detailed one.
+///
+/// Both lie in the same place, at rest; of a mesh that is placed several times in the lighter model, the first instance
+/// counts. The lighter model's meshes without normals get smooth ones. Maps are baked with four samples per texel; the
+/// same input and options give the same result at any number of threads. Cost: O(texels · log faces), times the rays
+/// for occlusion; 2048 x 2048 texels of normals and colours from 500,000 faces take some ten seconds on two cores.
+///
+/// Tangents follow MikkTSpace, whose author is Morten S. Mikkelsen.
+///
+/// # Errors
+/// [`BakeError::Empty`], [`BakeError::Option`], [`BakeError::Atlas`]; [`BakeError::Cancelled`] if the control asks for
+/// the end: there is no partial result.
+pub fn bake(
+    detailed: &Model,
+    lighter: &Model,
+    options: &BakeOptions,
+    control: &mut dyn Control,
+) -> Result<Baked, BakeError> {
+    check(options)?;
+    let taken = |of_lighter: bool| match (options.is_same_model, of_lighter) {
+        (true, _) => Taken::FirstInMeshCoordinates,
+        (false, true) => Taken::First,
+        (false, false) => Taken::All,
+    };
+    proceed(control, 0.0)?;
+    let normal_maps =
+        options.maps.contains(&MapKind::Normal) || options.maps.contains(&MapKind::ObjectNormal);
+    let smooth = with_normals(lighter);
+    let before = Flat::new(&smooth, taken(true));
+    if before.mesh.face_count() == 0 {
+        return Err(BakeError::Empty { which: "lighter" });
+    }
+    let flat = Flat::new(detailed, taken(false));
+    let source = Source::new(detailed, flat, normal_maps);
+    if source.tree.is_empty() {
+        return Err(BakeError::Empty { which: "detailed" });
+    }
+    proceed(control, 0.05)?;
+    let has_uvs = |face: usize| lighter.meshes[before.piece_of(face).mesh].mesh.uvs().is_some();
+    let (mut sets, notes) = sets::split(&before, lighter, &has_uvs, options.atlas);
+    for set in &mut sets {
+        let chosen = || sets::chosen_size(set, &before, &source.flat, detailed);
+        set.size = options.size.unwrap_or_else(chosen);
+        set.maps = sets::maps_of(set, lighter, options);
+    }
+    let uvs = sets::all_uvs(&before, &sets, &|| true)?;
+    proceed(control, 0.1)?;
+    let (meshes, set_of_region) = finished_meshes(&smooth, &before, &sets, &uvs);
+    let made =
+        meshes.iter().zip(&smooth.meshes).map(|(new, old)| new.clone().unwrap_or_else(|| old.mesh.clone()));
+    let mut made = lighter.with_meshes(made.collect());
+    // Regions may have become one; materials are not used from here on.
+    made.meshes.iter_mut().for_each(|m| m.materials.resize(m.materials.len().max(1), None));
+    let light = Flat::new(&made, taken(true));
+    let tangents = world_tangents(&made, &light);
+    let link = Link::new(&source, &light, options.is_same_model)?;
+    proceed(control, 0.15)?;
+    let diagonal = source.tree.bounds().map_or(1.0, |b| b.diagonal());
+    let rays = options.rays.div_ceil(crate::cover::SAMPLES);
+    let rays = Rays::new(rays, options.occlusion_distance, options.seed, diagonal);
+    let curvature = options.maps.contains(&MapKind::Curvature).then(|| Curvature::new(&source.flat));
+    let search = Search { source: &source, light: &light, link: &link };
+    let baker =
+        Baker { search, tangents: &tangents, uvs: &uvs, rays: Some(&rays), curvature: curvature.as_ref() };
+    let mut found = Found::default();
+    let mut baked = Vec::with_capacity(sets.len());
+    let count = sets.len() as f64;
+    for (i, set) in sets.iter().enumerate() {
+        let share = |done: f64| 0.15 + 0.85 * (i as f64 + done) / count;
+        let (maps, own) = baker.bake(set, control, &share)?;
+        found.add(&own);
+        baked.push(baked_set(set, maps, lighter));
+    }
+    proceed(control, 1.0)?;
+    let meshes = meshes.into_iter().map(|m| m.map(Arc::unwrap_or_clone)).collect();
+    Ok(Baked { meshes, set_of_region, sets: baked, found, notes })
+}
+
+fn check(options: &BakeOptions) -> Result<(), BakeError> {
+    let fault = |option: &'static str, problem: String| Err(BakeError::Option { option, problem });
+    if options.maps.is_empty() {
+        return fault("maps", "name at least one map".to_owned());
+    }
+    if options.size.is_some_and(|size| !BakeOptions::SIZES.contains(&size)) {
+        let (low, high) = BakeOptions::SIZES.into_inner();
+        return fault("size", format!("must be from {low} to {high} texels"));
+    }
+    if options.rays == 0 {
+        return fault("rays", "must be at least 1".to_owned());
+    }
+    if options.occlusion_distance.is_some_and(|d| !(d > 0.0 && d.is_finite())) {
+        return fault("occlusion distance", "must be above 0".to_owned());
+    }
+    Ok(())
+}
+
+fn proceed(control: &mut dyn Control, done: f64) -> Result<(), BakeError> {
+    if control.progress(done) == Verdict::Continue { Ok(()) } else { Err(BakeError::Cancelled) }
+}
+
+/// Returns the model with smooth normals on the meshes without any.
+fn with_normals(model: &Model) -> Model {
+    let meshes = model.meshes.iter().map(|m| {
+        if m.mesh.normals().is_some() || m.mesh.face_count() == 0 {
+            return m.mesh.clone();
+        }
+        let mut mesh = TriMesh::clone(&m.mesh);
+        let of_vertex = vertex_normals(&mesh.surface(), |v| v);
+        let normals = (0..mesh.wedge_count())
+            .map(|w| of_vertex[mesh.vertex_of(lodsmith_core::WedgeId::new(w)).index()])
+            .collect();
+        mesh.set_normals(Some(normals)).expect("there is one for each wedge");
+        Arc::new(mesh)
+    });
+    model.with_meshes(meshes.collect())
+}
+
+type FinishedMeshes = (Vec<Option<Arc<TriMesh>>>, Vec<Vec<usize>>);
+
+/// Returns the meshes with their coordinates and tangents, and the set of each region.
+fn finished_meshes(model: &Model, flat: &Flat, sets: &[FaceSet], uvs: &[[[f32; 2]; 3]]) -> FinishedMeshes {
+    let mut set_of_face = vec![usize::MAX; flat.mesh.face_count()];
+    for (s, set) in sets.iter().enumerate() {
+        set.faces.iter().for_each(|&f| set_of_face[f] = s);
+    }
+    let bakes = |s: usize, kind: MapKind| sets[s].maps.iter().any(|job| job.kind == kind);
+    let mut meshes: Vec<Option<Arc<TriMesh>>> = vec![None; model.meshes.len()];
+    let mut set_of_region = vec![Vec::new(); model.meshes.len()];
+    for piece in &flat.pieces {
+        let mesh = &model.meshes[piece.mesh].mesh;
+        let faces = piece.first_face..piece.first_face + mesh.face_count();
+        let is_mirrored = piece.linear.determinant() < 0.0;
+        // Corners in the order of the mesh, not of the flat surface.
+        let order = if is_mirrored { [0, 2, 1] } else { [0, 1, 2] };
+        let own_uvs: Vec<[[f32; 2]; 3]> = uvs[faces.clone()].iter().map(|uv| order.map(|k| uv[k])).collect();
+        let normals = mesh.normals().unwrap_or_default();
+        let normal = |f: usize, k: usize| normals[mesh.triangles()[f][k].index()];
+        let needs_tangents = faces.clone().any(|f| bakes(set_of_face[f], MapKind::Normal));
+        let tangents = needs_tangents.then(|| corner_tangents(mesh, &normal, &|f, k| own_uvs[f][k]));
+        let mut made = with_corners(mesh, Some(&own_uvs), tangents.as_deref());
+        if faces.clone().all(|f| bakes(set_of_face[f], MapKind::Color)) {
+            // They are in the map, and would count twice.
+            made.set_colors(None).expect("removing cannot fail");
+        }
+        let regions = mesh.regions().map_or(1, |r| r.iter().map(|r| r.index() + 1).max().unwrap_or(1));
+        let mut own_sets = vec![usize::MAX; regions];
+        for f in faces {
+            let region = mesh.regions().map_or(0, |r| r[f - piece.first_face].index());
+            own_sets[region] = set_of_face[f];
+        }
+        let first = own_sets.iter().copied().find(|s| *s != usize::MAX).unwrap_or(0);
+        own_sets.iter_mut().filter(|s| **s == usize::MAX).for_each(|s| *s = first);
+        if sets[first].is_new && own_sets.iter().all(|s| *s == first) {
+            made.set_regions(None).expect("removing cannot fail");
+            own_sets = vec![first];
+        }
+        meshes[piece.mesh] = Some(Arc::new(made));
+        set_of_region[piece.mesh] = own_sets;
+    }
+    (meshes, set_of_region)
+}
+
+/// Returns the tangents at the corners of the flat surface, in model coordinates.
+fn world_tangents(model: &Model, flat: &Flat) -> Vec<[Vec4; 3]> {
+    let mut all = vec![[Vec4::X; 3]; flat.mesh.face_count()];
+    for piece in &flat.pieces {
+        let mesh = &model.meshes[piece.mesh].mesh;
+        let stored = mesh.further_attributes().iter().find(|a| a.semantic == Semantic::Tangent);
+        let Some(stored) = stored else { continue };
+        let faces = piece.first_face..piece.first_face + mesh.face_count();
+        for (own, wedges) in all[faces.clone()].iter_mut().zip(&flat.mesh.triangles()[faces]) {
+            *own = wedges.map(|w| {
+                let t = &stored.values[(w.index() - piece.first_wedge) * 4..][..4];
+                let direction = piece.linear * glam::DVec3::new(t[0].into(), t[1].into(), t[2].into());
+                direction.normalize_or_zero().as_vec3().extend(t[3])
+            });
+        }
+    }
+    all
+}
+
+fn baked_set(set: &FaceSet, maps: Vec<BakedMap>, model: &Model) -> BakedSet {
+    let known = set.material.map(|m| model.materials[m].clone());
+    let mut look = known.unwrap_or_else(|| sets::material_of(set, model));
+    look.textures_mut().into_iter().for_each(|t| *t = None);
+    for map in &maps {
+        match map.kind {
+            MapKind::Color => look.base_color = [1.0; 4],
+            MapKind::MetallicRoughness => (look.metallic, look.roughness) = (1.0, 1.0),
+            MapKind::Emissive => look.emissive = [1.0; 3],
+            MapKind::Normal => look.normal_scale = 1.0,
+            _ => {}
+        }
+    }
+    let (size, is_new_atlas) = (set.size, set.is_new);
+    BakedSet { name: set.name.clone(), material: set.material, look, size, is_new_atlas, maps }
+}

@@ -1,0 +1,102 @@
+//! Ambient occlusion by rays.
+
+use std::f32::consts::TAU;
+
+use glam::{DVec3, Vec3};
+use lodsmith_core::spatial::Bvh;
+
+/// Number of sets of directions; each texel takes one, and turns it.
+const SETS: usize = 64;
+/// The start of a ray is lifted off the surface by this part of the diagonal. (Guessed: far above the rounding errors
+/// of double precision, far below any detail.)
+const LIFT: f64 = 1e-6;
+
+/// Directions of rays.
+pub(crate) struct Rays {
+    /// Cosine-weighted directions around the z axis, set after set.
+    directions: Vec<Vec3>,
+    count: usize,
+    seed: u64,
+    length: f64,
+    lift: f64,
+}
+
+impl Rays {
+    /// Makes directions with `count` rays for each sample; faces beyond `distance` do not occlude.
+    pub(crate) fn new(count: usize, distance: Option<f64>, seed: u64, diagonal: f64) -> Self {
+        let mut directions = Vec::with_capacity(SETS * count);
+        for set in 0..SETS {
+            for i in 0..count {
+                // Stratified in height, by the golden ratio around the axis; each set is shifted at random.
+                let shift = unit(mixed(seed ^ (set as u64) << 32 | 1));
+                let turn = unit(mixed(seed ^ (set as u64) << 32 | 2));
+                let height = ((i as f32 + shift) / count as f32).min(0.999_999);
+                let around = (i as f32 * 0.618_034 + turn).fract() * TAU;
+                let radius = height.sqrt();
+                let (s, c) = libm::sincosf(around);
+                directions.push(Vec3::new(radius * c, radius * s, (1.0 - height).sqrt()));
+            }
+        }
+        let length = distance.unwrap_or(2.0 * diagonal).min(2.0 * diagonal);
+        Self { directions, count, seed, length, lift: LIFT * diagonal }
+    }
+
+    /// Returns the share of the rays from a point that nothing blocks. `key` selects the directions; `flat` is the
+    /// normal of the face, below which no ray begins.
+    pub(crate) fn open_share(&self, tree: &Bvh, point: DVec3, normal: Vec3, flat: DVec3, key: u64) -> f32 {
+        let hash = mixed(self.seed ^ key);
+        let set = hash as usize % SETS;
+        let (s, c) = libm::sincosf(unit(mixed(hash)) * TAU);
+        let (x, y) = normal.any_orthonormal_pair();
+        let origin = point + flat * self.lift;
+        let from = origin.to_array();
+        let mut open = 0;
+        for d in &self.directions[set * self.count..][..self.count] {
+            let turned = Vec3::new(d.x * c - d.y * s, d.x * s + d.y * c, d.z);
+            let mut direction = (x * turned.x + y * turned.y + normal * turned.z).as_dvec3();
+            let below = direction.dot(flat);
+            if below < 0.0 {
+                // A smooth normal leans over its face: mirrored back above it.
+                direction -= flat * (2.0 * below);
+            }
+            let to = (origin + direction * self.length).to_array();
+            open += u32::from(!tree.is_blocked(from, to));
+        }
+        open as f32 / self.count as f32
+    }
+}
+
+/// Source: [Steele 2014].
+fn mixed(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+fn unit(x: u64) -> f32 {
+    (x >> 40) as f32 / (1u32 << 24) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::shapes;
+
+    use super::*;
+
+    #[test]
+    fn a_ball_is_open_and_the_floor_below_a_lid_is_not() {
+        let ball = shapes::icosphere(4);
+        let tree = Bvh::new(&ball.surface());
+        let rays = Rays::new(64, None, 0, 3.5);
+        let at = |p: DVec3, n: DVec3| rays.open_share(&tree, p, n.as_vec3(), n, 7);
+        assert_eq!(at(DVec3::Z * 1.001, DVec3::Z), 1.0);
+        // A point under the ball at a distance of two radii: the ball covers sin² of 30° of the cosine-weighted sky.
+        let share = at(DVec3::Z * -2.0, DVec3::Z);
+        assert!((share - 0.75).abs() < 0.04, "{share}");
+        // From within, everything is covered, unless the walls are too far away.
+        assert_eq!(at(DVec3::ZERO, DVec3::X), 0.0);
+        let short = Rays::new(64, Some(0.5), 0, 3.5);
+        assert_eq!(short.open_share(&tree, DVec3::ZERO, Vec3::X, DVec3::X, 7), 1.0);
+    }
+}

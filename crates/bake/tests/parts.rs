@@ -1,0 +1,144 @@
+//! Values stay with their part, and on their side of a wall.
+
+use glam::DVec3;
+use lodsmith::NoControl;
+use lodsmith_bake::{AtlasMode, BakeOptions, Baked, MapKind, Texels, bake};
+use lodsmith_core::{Model, Positions, TriMesh, VertexId, WedgeId};
+
+const RED: [f32; 4] = [1.0, 0.0, 0.0, 1.0];
+const BLUE: [f32; 4] = [0.0, 0.0, 1.0, 1.0];
+
+/// A square sheet of `2 n²` triangles with waves, above or below the plane, facing up or down.
+struct Sheet {
+    n: usize,
+    height: f64,
+    waves: f64,
+    faces_up: bool,
+    color: [f32; 4],
+}
+
+fn mesh_of(sheets: &[Sheet]) -> TriMesh {
+    let (mut positions, mut triangles, mut colors) = (Vec::new(), Vec::new(), Vec::new());
+    for sheet in sheets {
+        let (n, first) = (sheet.n, positions.len());
+        for i in 0..(n + 1) * (n + 1) {
+            let (x, y) = ((i % (n + 1)) as f64 / n as f64, (i / (n + 1)) as f64 / n as f64);
+            positions.push([x, y, sheet.height + sheet.waves * (17.0 * x).sin() * (13.0 * y).sin()]);
+            colors.push(sheet.color);
+        }
+        for i in 0..n * n {
+            let a = first + i / n * (n + 1) + i % n;
+            let (b, c, d) = (a + 1, a + n + 1, a + n + 2);
+            for t in [[a, b, d], [a, d, c]] {
+                let t = if sheet.faces_up { t } else { [t[0], t[2], t[1]] };
+                triangles.push(t.map(VertexId::new));
+            }
+        }
+    }
+    let mut mesh = TriMesh::new(Positions::F64(positions), triangles).unwrap();
+    mesh.set_colors(Some(colors)).unwrap();
+    mesh
+}
+
+fn baked(high: TriMesh, low: TriMesh) -> Baked {
+    let mut options = BakeOptions::new([MapKind::Color]);
+    (options.size, options.atlas) = (Some(128), AtlasMode::New);
+    bake(&Model::of_mesh(high), &Model::of_mesh(low), &options, &mut NoControl).unwrap()
+}
+
+/// Checks the baked colour at several places of each face.
+fn each_color(baked: &Baked, check: impl Fn(usize, DVec3, [u8; 4])) {
+    let mesh = baked.meshes[0].as_ref().unwrap();
+    let Texels::Rgba8(image) = &baked.sets[0].maps[0].texels else { panic!("colours have 8 bits") };
+    let uvs = mesh.uvs().unwrap();
+    for (f, wedges) in mesh.triangles().iter().enumerate() {
+        for weights in [[0.5, 0.25, 0.25], [0.1, 0.8, 0.1], [0.2, 0.2, 0.6], [0.34, 0.33, 0.33]] {
+            let blend =
+                |of: &dyn Fn(WedgeId) -> DVec3| (0..3).map(|k| of(wedges[k]) * weights[k]).sum::<DVec3>();
+            let uv = blend(&|w| DVec3::from([uvs[w.index()][0].into(), uvs[w.index()][1].into(), 0.0]));
+            let place = blend(&|w| DVec3::from(mesh.positions().view().get(mesh.vertex_of(w))));
+            let texel = image.at((uv.x * 128.0) as usize, ((1.0 - uv.y) * 128.0) as usize);
+            check(f, place, texel);
+        }
+    }
+}
+
+#[test]
+fn a_shirt_keeps_its_colour_below_a_coat_that_touches_it() {
+    // The waves are higher than the gap: the sheets of the lighter mesh lie between those of the detailed one.
+    let sheets = |n: usize, waves: f64| {
+        let shirt = Sheet { n, height: 0.0, waves, faces_up: true, color: RED };
+        mesh_of(&[shirt, Sheet { n, height: 0.01, waves: -waves, faces_up: true, color: BLUE }])
+    };
+    let baked = baked(sheets(48, 0.02), sheets(6, 0.01));
+    each_color(&baked, |f, place, texel| {
+        let is_shirt = f < 72;
+        let wanted = if is_shirt { [255, 0, 0, 255] } else { [0, 0, 255, 255] };
+        assert_eq!(texel, wanted, "face {f} at {place}");
+    });
+}
+
+#[test]
+fn the_sides_of_a_thin_wall_do_not_mix() {
+    let wall = |n: usize, waves: f64| {
+        let front = Sheet { n, height: 0.002, waves, faces_up: true, color: RED };
+        mesh_of(&[front, Sheet { n, height: -0.002, waves, faces_up: false, color: BLUE }])
+    };
+    let baked = baked(wall(48, 0.01), wall(4, 0.0));
+    each_color(&baked, |f, place, texel| {
+        let wanted = if f < 32 { [255, 0, 0, 255] } else { [0, 0, 255, 255] };
+        assert_eq!(texel, wanted, "face {f} at {place}");
+    });
+}
+
+#[test]
+fn a_rivet_that_is_gone_is_seen_on_the_plate() {
+    let plate = |n: usize| Sheet { n, height: 0.0, waves: 0.0, faces_up: true, color: RED };
+    let mut high =
+        mesh_of(&[plate(16), Sheet { n: 4, height: 0.003, waves: 0.0, faces_up: true, color: BLUE }]);
+    // The second sheet becomes a small one in the middle.
+    let first = 17 * 17;
+    let count = high.vertex_count();
+    let mut places: Vec<[f32; 3]> = high.positions().view().iter().map(|p| p.map(|x| x as f32)).collect();
+    for p in &mut places[first..count] {
+        *p = [0.4 + 0.2 * p[0], 0.4 + 0.2 * p[1], p[2]];
+    }
+    high.set_wedge_positions(places).unwrap();
+    let baked = baked(high, mesh_of(&[plate(3)]));
+    each_color(&baked, |_, place, texel| {
+        let far = (place.x - 0.5).abs().max((place.y - 0.5).abs());
+        let wanted = if far < 0.08 { [0, 0, 255, 255] } else { [255, 0, 0, 255] };
+        if !(0.08..0.12).contains(&far) {
+            assert_eq!(texel, wanted, "at {place}");
+        }
+    });
+}
+
+#[test]
+fn strange_models_end_with_a_result_or_an_error() {
+    let square = || mesh_of(&[Sheet { n: 2, height: 0.0, waves: 0.0, faces_up: true, color: RED }]);
+    let mut options = BakeOptions::new(MapKind::ALL);
+    (options.size, options.rays) = (Some(16), 4);
+    let empty = TriMesh::new(Positions::F32(Vec::new()), Vec::new()).unwrap();
+    for (high, low) in [(empty.clone(), square()), (square(), empty)] {
+        assert!(bake(&Model::of_mesh(high), &Model::of_mesh(low), &options, &mut NoControl).is_err());
+    }
+    for (name, shape) in lodsmith_core::shapes::all() {
+        if shape.face_count() == 0 || shape.face_count() > 3000 {
+            continue;
+        }
+        let model = Model::of_mesh(shape);
+        let made = bake(&model, &model, &options, &mut NoControl);
+        if let Ok(made) = made {
+            assert_eq!(made.sets[0].maps.len(), MapKind::ALL.len(), "{name}");
+        }
+    }
+    let far = |scale: f64| {
+        let mut mesh = square();
+        mesh.map_positions(|p| p.map(|x| x * scale));
+        Model::of_mesh(mesh)
+    };
+    for scale in [1e-30, 1e30, 1e150] {
+        let _ = bake(&far(scale), &far(scale), &options, &mut NoControl);
+    }
+}

@@ -1,0 +1,112 @@
+//! `lodsmith bake` from end to end.
+
+mod desk;
+
+use std::fmt::Write as _;
+use std::fs;
+
+use desk::{CliSandbox, hills, ply};
+use lodsmith_io::{ReadOptions, read_model_path};
+
+/// Colours of the coloured hills, by place: a gradient.
+fn color(x: f64, y: f64) -> [u8; 3] {
+    [x, y, 0.5].map(|c| (255.0 * c).round() as u8)
+}
+
+/// Hills of `2 n²` triangles with the colours of [`color`].
+fn coloured_hills(n: usize) -> String {
+    let (mut vertices, mut faces) = (String::new(), String::new());
+    for i in 0..(n + 1) * (n + 1) {
+        let (u, v) = ((i % (n + 1)) as f64 / n as f64, (i / (n + 1)) as f64 / n as f64);
+        let [r, g, b] = color(u, v);
+        writeln!(vertices, "{u} {v} {} {r} {g} {b}", 0.1 * (9.0 * u).sin() * (7.0 * v).cos()).expect("text");
+    }
+    for y in 0..n {
+        for x in 0..n {
+            let a = y * (n + 1) + x;
+            let (b, c, d) = (a + 1, a + n + 1, a + n + 2);
+            writeln!(faces, "3 {a} {b} {d}\n3 {a} {d} {c}").expect("text");
+        }
+    }
+    let colours = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+    ply(colours, (n + 1) * (n + 1), 2 * n * n, &vertices, &faces)
+}
+
+#[test]
+fn a_mesh_without_coordinates_gets_an_atlas_and_its_material_the_maps() {
+    let desk = CliSandbox::new();
+    desk.put("high.ply", &coloured_hills(48));
+    desk.put("low.ply", &hills(8));
+    let words = "bake high.ply low.ply -o out.glb --maps normal,color,height --texture-size 256 --json";
+    let report = desk.run(words).with_status(0).objects().remove(0);
+    assert_eq!(report["baked"]["sets"][0]["size"], 256);
+    assert_eq!(report["baked"]["sources"]["elsewhere"], 0, "{report}");
+    assert_eq!(desk.names("."), ["high.ply", "low.ply", "out.glb", "out_height.png"]);
+
+    let file = read_model_path(&desk.path("out.glb"), &ReadOptions::default()).unwrap();
+    let mesh = &file.model.meshes[0];
+    let material = &file.model.materials[mesh.materials[0].expect("it has a material")];
+    assert_eq!((material.base_color, mesh.mesh.face_count()), ([1.0; 4], 128));
+    assert!(mesh.mesh.colors().is_none(), "they would count twice");
+    assert!(mesh.mesh.further_attributes().iter().any(|a| a.semantic == lodsmith::core::Semantic::Tangent));
+    assert!(material.normal_texture.is_some());
+    let texture = material.base_color_texture.expect("it is baked");
+    let image = &file.model.images[texture.image];
+    assert_eq!((image.width(), image.height()), (256, 256));
+    // The colours at the vertices are those of the gradient.
+    let uvs = mesh.mesh.uvs().expect("it has an atlas");
+    for (w, uv) in uvs.iter().enumerate() {
+        let vertex = mesh.mesh.vertex_of(lodsmith::core::WedgeId::new(w));
+        let [x, y, _] = mesh.mesh.positions().view().get(vertex);
+        let at = |t: f32| ((t * 256.0) as usize).min(255);
+        let found = image.at(at(uv[0]), at(1.0 - uv[1]));
+        let wanted = color(x, y);
+        assert!((0..3).all(|k| found[k].abs_diff(wanted[k]) <= 6), "{found:?} for {wanted:?}");
+    }
+    let height = fs::read(desk.path("out_height.png")).unwrap();
+    assert_eq!((&height[1..4], height[24], height[25]), (&b"PNG"[..], 16, 0), "16 bits, grey");
+}
+
+#[test]
+fn coordinates_without_overlap_are_kept_and_an_obj_gets_its_library() {
+    let desk = CliSandbox::new();
+    desk.put("high.ply", &coloured_hills(32));
+    // A square with its own coordinates.
+    desk.put(
+        "low.obj",
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0.1 0.1\nvt 0.9 0.1\nvt 0.9 0.9\nvt 0.1 0.9\nf 1/1 2/2 3/3 4/4\n",
+    );
+    let words = "bake high.ply low.obj -o out.obj --maps color,ao --texture-size 64 --ao-rays 4 --map-files";
+    let ran = desk.run(words).with_status(0);
+    assert!(!ran.stderr.contains("atlas"), "{}", ran.stderr);
+    let obj = fs::read_to_string(desk.path("out.obj")).unwrap();
+    assert!(obj.contains("vt 0.1 0.1") && obj.contains("mtllib"), "{obj}");
+    let library = fs::read_to_string(desk.path("out.mtl")).unwrap();
+    assert!(library.contains("map_Kd"), "{library}");
+    assert!(desk.path("out_color.png").exists() && desk.path("out_ao.png").exists());
+    // Where they overlap, a new atlas is made, and that is told.
+    desk.put(
+        "low.obj",
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\nf 1/1 3/2 4/3\n",
+    );
+    let ran = desk.run("bake high.ply low.obj -o two.glb --maps color --texture-size 64").with_status(0);
+    assert!(ran.stderr.contains("a new atlas") && ran.stderr.contains("overlap"), "{}", ran.stderr);
+}
+
+#[test]
+fn mistakes_end_with_one_line() {
+    let desk = CliSandbox::new();
+    desk.put("a.ply", &hills(3));
+    for (words, status, hint) in [
+        ("bake a.ply a.ply -o -", 2, "--to"),
+        ("bake a.ply a.ply -o - --to glb --maps height", 2, "height"),
+        ("bake a.ply a.ply -o b.glb --texture-size 4", 1, "16"),
+        ("bake a.ply none.ply -o b.glb", 1, "none.ply"),
+        ("bake a.ply a.ply -o a.ply", 2, "--force"),
+        ("bake a.ply a.ply -o b.glb --up z", 2, "convert"),
+    ] {
+        let ran = desk.run(words).with_status(status).with_one_error();
+        assert!(ran.stderr.contains(hint), "{words}: {}", ran.stderr);
+    }
+    assert_eq!(desk.names("."), ["a.ply"]);
+}

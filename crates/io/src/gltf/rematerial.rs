@@ -1,0 +1,304 @@
+//! Materials of a scene, replaced by others with images of their own.
+
+use std::collections::HashSet;
+use std::sync::Arc;
+
+use lodsmith_core::model::{AlphaMode, Material};
+use serde_json::{Map, Value, json};
+
+use super::Scene;
+use super::container::{list, list_mut, number};
+use super::lists::{append, drop_unused_extensions, renumber, retain, take_extension};
+use super::references::each_reference;
+
+/// A texture of a material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TextureSlot {
+    /// Base colour and opacity.
+    BaseColor,
+    /// Roughness in green, metallic in blue.
+    MetallicRoughness,
+    /// Normals in the tangent frame.
+    Normal,
+    /// Occlusion in red.
+    Occlusion,
+    /// Emitted light.
+    Emissive,
+}
+
+/// An image for a slot.
+#[derive(Clone, Debug)]
+pub struct SlotImage {
+    /// The slot.
+    pub slot: TextureSlot,
+    /// Name of the image.
+    pub name: String,
+    /// A PNG file.
+    pub png: Arc<Vec<u8>>,
+}
+
+/// A material that is put into a scene.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct NewMaterial {
+    /// Factors and modes; its textures do not count.
+    pub look: Material,
+    /// The material that keeps its extensions, extras and all textures that are not replaced; its factors change where
+    /// a texture does. `None` makes a new one from `look`.
+    pub base: Option<usize>,
+    /// The textures, which use the first texture coordinates.
+    pub images: Vec<SlotImage>,
+}
+
+impl NewMaterial {
+    /// Describes a material.
+    pub fn new(look: Material, base: Option<usize>, images: Vec<SlotImage>) -> Self {
+        Self { look, base, images }
+    }
+}
+
+/// The older workflow, whose textures take the place of the core ones.
+const OLDER: &str = "KHR_materials_pbrSpecularGlossiness";
+const UNLIT: &str = "KHR_materials_unlit";
+
+impl Scene {
+    /// Adds a material with its images; returns its index.
+    pub fn add_material(&mut self, new: &NewMaterial) -> usize {
+        let kept = new.base.and_then(|m| list(&self.json, "materials").get(m)).cloned();
+        let mut material = kept.unwrap_or_else(|| made(&new.look));
+        if new.look.unlit && !list(&self.json, "extensionsUsed").iter().any(|e| e == UNLIT) {
+            if !self.json["extensionsUsed"].is_array() {
+                self.json["extensionsUsed"] = json!([]);
+            }
+            self.json["extensionsUsed"].as_array_mut().into_iter().for_each(|all| all.push(UNLIT.into()));
+        }
+        for image in &new.images {
+            let texture = self.add_texture(image);
+            put_texture(&mut material, image.slot, texture, &new.look);
+        }
+        append(&mut self.json, "materials", material)
+    }
+
+    /// Sets the material of all primitives of a mesh with triangles or, with `primitive`, of one.
+    pub fn set_material(&mut self, mesh: usize, primitive: Option<usize>, material: usize) {
+        let Some(mesh) = list_mut(&mut self.json, "meshes").get_mut(mesh) else { return };
+        for (i, entry) in list_mut(mesh, "primitives").iter_mut().enumerate() {
+            if entry.is_object() && primitive.is_none_or(|p| p == i) {
+                entry["material"] = material.into();
+            }
+        }
+    }
+
+    /// Removes materials that no mesh uses, the textures and images that only they used, and samplers without
+    /// textures.
+    pub fn drop_unused_materials(&mut self) {
+        let json = &mut self.json;
+        // Variants name materials in an extension of each primitive.
+        let has_variants = list(json, "extensionsUsed").iter().any(|e| e == "KHR_materials_variants");
+        if !has_variants {
+            let primitives = list(json, "meshes").iter().flat_map(|m| list(m, "primitives"));
+            let used: HashSet<usize> = primitives.filter_map(|p| number(&p["material"])).collect();
+            let rank = drop_unused(json, "materials", &used);
+            for mesh in list_mut(json, "meshes") {
+                for primitive in list_mut(mesh, "primitives") {
+                    renumber_at(primitive, "material", &rank);
+                }
+            }
+        }
+        let mut used = HashSet::new();
+        for material in list_mut(json, "materials") {
+            each_texture(material, &mut |index| used.extend(number(index)));
+        }
+        let rank = drop_unused(json, "textures", &used);
+        for material in list_mut(json, "materials") {
+            each_texture(material, &mut |index| {
+                if let Some(to) = number(index).and_then(|i| rank.get(i)) {
+                    *index = (*to).into();
+                }
+            });
+        }
+        let mut used = HashSet::new();
+        for texture in list_mut(json, "textures") {
+            each_source(texture, &mut |index| used.extend(number(index)));
+        }
+        let samplers = list(json, "textures").iter().filter_map(|t| number(&t["sampler"])).collect();
+        let rank = drop_unused(json, "samplers", &samplers);
+        list_mut(json, "textures").iter_mut().for_each(|t| renumber_at(t, "sampler", &rank));
+        free_views_of_images(json, &used);
+        let rank = drop_unused(json, "images", &used);
+        for texture in list_mut(json, "textures") {
+            each_source(texture, &mut |index| {
+                if let Some(to) = number(index).and_then(|i| rank.get(i)) {
+                    *index = (*to).into();
+                }
+            });
+        }
+        renumber(json);
+        let of_materials: Vec<String> = list(json, "extensionsUsed")
+            .iter()
+            .filter_map(Value::as_str)
+            .filter(|e| e.starts_with("KHR_materials_") || e.contains("_texture_"))
+            .map(str::to_owned)
+            .collect();
+        let names: Vec<&str> = of_materials.iter().map(String::as_str).collect();
+        drop_unused_extensions(json, &names);
+    }
+
+    /// Adds a texture with an image; one that is there already is used again.
+    fn add_texture(&mut self, image: &SlotImage) -> usize {
+        let buffer = self.buffers.iter().position(|b| Arc::ptr_eq(b, &image.png));
+        let known = buffer.and_then(|b| {
+            let view =
+                list(&self.json, "bufferViews").iter().position(|v| number(&v["buffer"]) == Some(b))?;
+            let image =
+                list(&self.json, "images").iter().position(|i| number(&i["bufferView"]) == Some(view))?;
+            list(&self.json, "textures").iter().position(|t| number(&t["source"]) == Some(image))
+        });
+        if let Some(known) = known {
+            return known;
+        }
+        let length = image.png.len();
+        let buffer = append(&mut self.json, "buffers", json!({ "byteLength": length }));
+        let view = append(&mut self.json, "bufferViews", json!({ "buffer": buffer, "byteLength": length }));
+        self.buffers.push(image.png.clone());
+        let entry = json!({ "name": image.name, "mimeType": "image/png", "bufferView": view });
+        let source = append(&mut self.json, "images", entry);
+        // Linear filtering between texels and between smaller copies.
+        let sampler = append(&mut self.json, "samplers", json!({ "magFilter": 9729, "minFilter": 9987 }));
+        append(&mut self.json, "textures", json!({ "sampler": sampler, "source": source }))
+    }
+}
+
+/// Returns a material from its properties.
+fn made(look: &Material) -> Value {
+    let mut material = Map::new();
+    if !look.name.is_empty() {
+        material.insert("name".to_owned(), look.name.clone().into());
+    }
+    let surface = json!({
+        "baseColorFactor": look.base_color,
+        "metallicFactor": look.metallic,
+        "roughnessFactor": look.roughness,
+    });
+    material.insert("pbrMetallicRoughness".to_owned(), surface);
+    if look.emissive != [0.0; 3] {
+        material.insert("emissiveFactor".to_owned(), json!(look.emissive.map(|x| x.min(1.0))));
+    }
+    match look.alpha {
+        AlphaMode::Opaque => {}
+        AlphaMode::Mask(cutoff) => {
+            material.insert("alphaMode".to_owned(), "MASK".into());
+            material.insert("alphaCutoff".to_owned(), cutoff.into());
+        }
+        AlphaMode::Blend => {
+            material.insert("alphaMode".to_owned(), "BLEND".into());
+        }
+    }
+    if look.double_sided {
+        material.insert("doubleSided".to_owned(), true.into());
+    }
+    if look.unlit {
+        material.insert("extensions".to_owned(), json!({ UNLIT: {} }));
+    }
+    material.into()
+}
+
+/// Puts a texture into a material, with the factors of `look`.
+fn put_texture(material: &mut Value, slot: TextureSlot, texture: usize, look: &Material) {
+    let reference = json!({ "index": texture });
+    if !material.is_object() {
+        *material = json!({});
+    }
+    if !material["pbrMetallicRoughness"].is_object() {
+        material["pbrMetallicRoughness"] = json!({});
+    }
+    match slot {
+        TextureSlot::BaseColor => {
+            take_extension(material, OLDER);
+            material["pbrMetallicRoughness"]["baseColorTexture"] = reference;
+            material["pbrMetallicRoughness"]["baseColorFactor"] = json!(look.base_color);
+        }
+        TextureSlot::MetallicRoughness => {
+            material["pbrMetallicRoughness"]["metallicRoughnessTexture"] = reference;
+            material["pbrMetallicRoughness"]["metallicFactor"] = look.metallic.into();
+            material["pbrMetallicRoughness"]["roughnessFactor"] = look.roughness.into();
+        }
+        TextureSlot::Normal => material["normalTexture"] = reference,
+        TextureSlot::Occlusion => material["occlusionTexture"] = reference,
+        TextureSlot::Emissive => {
+            material["emissiveTexture"] = reference;
+            material["emissiveFactor"] = json!(look.emissive.map(|x| x.min(1.0)));
+        }
+    }
+}
+
+/// Calls `visit` for each texture that a material refers to, also in extensions.
+fn each_texture(value: &mut Value, visit: &mut dyn FnMut(&mut Value)) {
+    match value {
+        Value::Object(object) => {
+            for (key, inner) in object.iter_mut() {
+                if key.ends_with("Texture") && inner["index"].is_number() {
+                    visit(&mut inner["index"]);
+                }
+                if key != "extras" {
+                    each_texture(inner, visit);
+                }
+            }
+        }
+        Value::Array(all) => all.iter_mut().for_each(|inner| each_texture(inner, visit)),
+        _ => {}
+    }
+}
+
+/// Calls `visit` for each image that a texture refers to, also in extensions.
+fn each_source(texture: &mut Value, visit: &mut dyn FnMut(&mut Value)) {
+    if texture["source"].is_number() {
+        visit(&mut texture["source"]);
+    }
+    let extensions = texture.get_mut("extensions").and_then(Value::as_object_mut);
+    for (_, extension) in extensions.into_iter().flatten() {
+        if extension["source"].is_number() {
+            visit(&mut extension["source"]);
+        }
+    }
+}
+
+/// Removes the entries of a list that are not used; returns the new index of each.
+fn drop_unused(json: &mut Value, name: &str, used: &HashSet<usize>) -> Vec<usize> {
+    let mut next = 0;
+    let rank = (0..list(json, name).len()).map(|i| {
+        next += usize::from(used.contains(&i));
+        next.saturating_sub(1)
+    });
+    let rank = rank.collect();
+    retain(json, name, &|i, _| !used.contains(&i));
+    rank
+}
+
+fn renumber_at(object: &mut Value, key: &str, rank: &[usize]) {
+    if let Some(to) = object.get(key).and_then(number).and_then(|i| rank.get(i)) {
+        object[key] = (*to).into();
+    }
+}
+
+/// Clears the views of images that are not used, unless something else refers to them.
+fn free_views_of_images(json: &mut Value, used: &HashSet<usize>) {
+    let images = list(json, "images").iter().enumerate().filter(|(i, _)| !used.contains(i));
+    let freed: HashSet<usize> = images.filter_map(|(_, image)| number(&image["bufferView"])).collect();
+    for (i, image) in list_mut(json, "images").iter_mut().enumerate() {
+        if !used.contains(&i) && image.is_object() {
+            image["bufferView"] = Value::Null;
+        }
+    }
+    let mut still = HashSet::new();
+    each_reference(json, &mut |kind, value| {
+        if kind == super::references::ReferenceKind::View {
+            still.extend(number(value));
+        }
+    });
+    for view in freed.difference(&still) {
+        if let Some(view) = list_mut(json, "bufferViews").get_mut(*view) {
+            *view = Value::Null;
+        }
+    }
+}
