@@ -154,6 +154,11 @@ impl Cover {
     /// Returns the place of a sample on its face: the copy of the map whose texel is nearest to the face.
     pub(crate) fn weights(&self, face: &TexelFace, x: usize, y: usize, offset: DVec2) -> [f64; 3] {
         let size = self.size as f64;
+        let first = face.weights(DVec2::new(x as f64, y as f64) + offset);
+        let outside = |w: &[f64; 3]| w.iter().map(|x| (-x).max(0.0)).sum::<f64>();
+        if outside(&first) == 0.0 {
+            return first;
+        }
         let [low, high] = face.span(0.0);
         let centre = (low + high) * 0.5;
         let p = DVec2::new(x as f64, y as f64) + offset;
@@ -161,7 +166,6 @@ impl Cover {
         // A face that crosses the edge of the map may be nearer by one tile.
         let candidates = [tile, tile + DVec2::X, tile - DVec2::X, tile + DVec2::Y, tile - DVec2::Y];
         let at = |tile: DVec2| face.weights(p + tile * size);
-        let outside = |w: &[f64; 3]| w.iter().map(|x| (-x).max(0.0)).sum::<f64>();
         let first = at(tile);
         if outside(&first) == 0.0 || (high - low).max_element() < 0.25 * size {
             return first;

@@ -28,6 +28,8 @@ pub(crate) struct Flat {
     /// Positions in double precision; texture coordinates and colours if any mesh has them. Faces are those of the
     /// pieces in their order; if a transform mirrors, their last two corners are exchanged.
     pub(crate) mesh: TriMesh,
+    /// Positions of the corners of each face.
+    pub(crate) corners: Vec<[DVec3; 3]>,
     /// Normals at the corners of each face, of unit length.
     pub(crate) normals: Vec<[Vec3; 3]>,
     /// The material of each face.
@@ -73,8 +75,7 @@ impl Flat {
     /// Corners of a face.
     #[inline]
     pub(crate) fn corners(&self, face: usize) -> [DVec3; 3] {
-        let view = self.mesh.positions().view();
-        self.mesh.triangles()[face].map(|w| DVec3::from(view.get(self.mesh.vertex_of(w))))
+        self.corners[face]
     }
 
     /// Returns the mesh and the region of a face, as an index into the materials of that mesh.
@@ -190,6 +191,9 @@ impl<'a> FlatBuilder<'a> {
         mesh.set_uvs(self.uvs).expect("there is one for each wedge");
         mesh.set_colors(self.colors).expect("there is one for each wedge");
         mesh.set_regions(Some(self.regions)).expect("there is one for each face");
-        Flat { mesh, normals: self.normals, materials: self.materials, pieces: self.pieces }
+        let view = mesh.positions().view();
+        let corner = |w: WedgeId| DVec3::from(view.get(mesh.vertex_of(w)));
+        let corners = mesh.triangles().iter().map(|&[a, b, c]| [corner(a), corner(b), corner(c)]).collect();
+        Flat { mesh, corners, normals: self.normals, materials: self.materials, pieces: self.pieces }
     }
 }

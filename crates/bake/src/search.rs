@@ -56,7 +56,8 @@ impl Search<'_> {
         let blend = |v: [DVec3; 3]| v[0] * weights[0] + v[1] * weights[1] + v[2] * weights[2];
         let point = blend(self.light.corners(sample.face));
         let cages = &self.link.cages[sample.face];
-        let direction = blend(cages.map(|c| c.direction)).normalize_or(cages[0].direction);
+        let [a, b, c] = cages;
+        let direction = blend([a.direction, b.direction, c.direction]).normalize_or(a.direction);
         let is_inside = weights.iter().all(|&w| w >= 0.0);
         if let Some(same) = self.link.same_faces[sample.face].filter(|_| is_inside) {
             let at = |k: usize| (0..3).map(|c| weights[c] * same.weights[c][k]).sum::<f64>().max(0.0);
@@ -80,10 +81,12 @@ impl Search<'_> {
         cages: &[Cage; 3],
         crossings: &mut Vec<Crossing>,
     ) -> Option<SourcePoint> {
-        let reach = |of: fn(&Cage) -> f64| {
-            (0..3).map(|k| of(&cages[k]) * sample.weights[k].clamp(0.0, 1.0)).sum::<f64>()
-        };
-        let (outwards, inwards) = (reach(|c| c.outwards), reach(|c| c.inwards));
+        let (mut outwards, mut inwards) = (0.0, 0.0);
+        for (cage, weight) in cages.iter().zip(sample.weights) {
+            let weight = weight.clamp(0.0, 1.0);
+            outwards += cage.outwards * weight;
+            inwards += cage.inwards * weight;
+        }
         let (from, to) = (point - direction * inwards, point + direction * outwards);
         crossings.clear();
         self.source.tree.crossings(from.to_array(), to.to_array(), |c| {

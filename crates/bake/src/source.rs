@@ -6,7 +6,7 @@ use glam::{DVec3, Vec2, Vec3, Vec4, Vec4Swizzles};
 use lodsmith_core::geometry::triangle::double_area_normal;
 use lodsmith_core::model::{AlphaMode, Material, TextureRef, VertexColors};
 use lodsmith_core::spatial::Bvh;
-use lodsmith_core::{Model, Semantic};
+use lodsmith_core::{Model, Semantic, WedgeId};
 use lodsmith_render::{TexelKind, Texture, linear};
 
 use crate::flat::{Flat, NO_MATERIAL};
@@ -38,6 +38,10 @@ pub(crate) struct Source<'a> {
     textures: Vec<[OnceLock<Texture>; 2]>,
     /// Tangents at the corners of each face; empty if no material has a normal map.
     tangents: Vec<[Vec4; 3]>,
+    /// First texture coordinates at the corners of each face; empty if there are none.
+    uvs: Vec<[Vec2; 3]>,
+    /// The normal of each face, of unit length; zero for a face without area.
+    face_normals: Vec<DVec3>,
 }
 
 impl<'a> Source<'a> {
@@ -46,7 +50,13 @@ impl<'a> Source<'a> {
         let textures = model.images.iter().map(|_| Default::default()).collect();
         let has_normal_map = model.materials.iter().any(|m| m.normal_texture.is_some());
         let tangents = if has_normal_map && needs_tangents { tangents(model, &flat) } else { Vec::new() };
-        Self { flat, tree, model, plain: Material::default(), textures, tangents }
+        let corner_uvs = |all: &[[f32; 2]]| {
+            let at = |w: WedgeId| Vec2::from(all[w.index()]);
+            flat.mesh.triangles().iter().map(|&[a, b, c]| [at(a), at(b), at(c)]).collect()
+        };
+        let uvs = flat.mesh.uvs().map(corner_uvs).unwrap_or_default();
+        let face_normals = flat.corners.iter().map(|c| double_area_normal(*c).normalize_or_zero()).collect();
+        Self { tree, model, plain: Material::default(), textures, tangents, uvs, face_normals, flat }
     }
 
     pub(crate) fn material(&self, face: usize) -> &Material {
@@ -57,8 +67,9 @@ impl<'a> Source<'a> {
     }
 
     /// The normal of a face, of unit length; zero for a face without area.
+    #[inline]
     pub(crate) fn face_normal(&self, face: usize) -> DVec3 {
-        double_area_normal(self.flat.corners(face)).normalize_or_zero()
+        self.face_normals[face]
     }
 
     pub(crate) fn point(&self, at: &SourcePoint) -> DVec3 {
@@ -156,11 +167,14 @@ impl<'a> Source<'a> {
         let uvs = self.uvs(at.face, map.uv_set)?;
         let weights = at.weights.map(|x| x as f32);
         let uv = uvs[0] * weights[0] + uvs[1] * weights[1] + uvs[2] * weights[2];
-        let gradient = uv_gradient(self.flat.corners(at.face), uvs);
-        let change = |along: DVec3| gradient.map(|g| g.dot(along) as f32);
+        let [of_u, of_v] = uv_gradient(self.flat.corners(at.face), uvs);
         // Directions: without the translation of the transform.
-        let moved = |d: [f32; 2]| map.transform.map(|[a, b, _]| a * d[0] + b * d[1]);
-        let [across, down] = [footprint.across, footprint.down].map(|d| moved(change(d)));
+        let [[a, b, _], [c, d, _]] = map.transform;
+        let moved = |along: DVec3| {
+            let (u, v) = (of_u.dot(along) as f32, of_v.dot(along) as f32);
+            [a * u + b * v, c * u + d * v]
+        };
+        let (across, down) = (moved(footprint.across), moved(footprint.down));
         let slot = &self.textures[map.image][usize::from(kind == TexelKind::Numbers)];
         let texture = slot.get_or_init(|| Texture::new(&self.model.images[map.image], kind));
         Some(texture.at(map.look_up(uv.to_array()), across, down, map.sampler))
@@ -168,8 +182,7 @@ impl<'a> Source<'a> {
 
     fn uvs(&self, face: usize, set: u8) -> Option<[Vec2; 3]> {
         if set == 0 {
-            let wedges = self.flat.mesh.triangles()[face];
-            return self.flat.mesh.uvs().map(|all| wedges.map(|w| Vec2::from(all[w.index()])));
+            return self.uvs.get(face).copied();
         }
         let piece = self.flat.piece_of(face);
         let mesh = &self.model.meshes[piece.mesh].mesh;
@@ -193,7 +206,8 @@ fn uv_gradient([a, b, c]: [DVec3; 3], uvs: [Vec2; 3]) -> [DVec3; 2] {
     // The dual basis of the two edges.
     let (along_ab, along_ac) = (ac.cross(normal) / area_sq, normal.cross(ab) / area_sq);
     let [d1, d2] = [uvs[1] - uvs[0], uvs[2] - uvs[0]];
-    [0, 1].map(|k| along_ab * f64::from(d1[k]) + along_ac * f64::from(d2[k]))
+    let gradient = |of_ab: f32, of_ac: f32| along_ab * f64::from(of_ab) + along_ac * f64::from(of_ac);
+    [gradient(d1.x, d2.x), gradient(d1.y, d2.y)]
 }
 
 /// Returns the tangents at the corners of all faces: those of the file where it has them, else by MikkTSpace.

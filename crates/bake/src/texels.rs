@@ -80,11 +80,12 @@ impl Baker<'_> {
             found: Found::default(),
         };
         let mut crossings = Vec::new();
+        let mut sums = vec![[0f32; 4]; set.maps.len()];
         for (i, texel) in texels.iter().enumerate().filter(|(_, t)| !t.is_empty()) {
             let (x, y) = (i % cover.size, band * BAND_ROWS + i / cover.size);
-            let mut sums = vec![[0f32; 4]; set.maps.len()];
+            sums.fill([0.0; 4]);
             let samples = samples_of(texel);
-            for &(face, offset) in &samples.list[..samples.count] {
+            for (number, &(face, offset)) in samples.list[..samples.count].iter().enumerate() {
                 let texel_face = &cover.faces[face as usize];
                 let weights = cover.weights(texel_face, x, y, offset);
                 let sample = Sample { face: texel_face.face as usize, weights };
@@ -92,7 +93,7 @@ impl Baker<'_> {
                 let steps = texel_steps(self.search.light.corners(sample.face), texel_face);
                 let share = 1.0 / (samples.count as f64).sqrt();
                 let footprint = Footprint { across: steps[0] * share, down: steps[1] * share };
-                let key = ((y * cover.size + x) * SAMPLES) as u64 + u64::from(samples.keys(offset));
+                let key = ((y * cover.size + x) * SAMPLES + number) as u64;
                 for (sum, job) in sums.iter_mut().zip(&set.maps) {
                     let value = self.value(*job, &sample, &at, &footprint, key);
                     (0..4).for_each(|k| sum[k] += value[k]);
@@ -159,8 +160,10 @@ impl Baker<'_> {
         let weights = sample.weights;
         let blend = |v: [DVec3; 3]| v[0] * weights[0] + v[1] * weights[1] + v[2] * weights[2];
         let corners = self.tangents[sample.face];
-        let frame_normal = blend(self.search.light.normals[sample.face].map(|n| n.as_dvec3()));
-        let tangent = blend(corners.map(|t| t.xyz().as_dvec3()));
+        let [na, nb, nc] = self.search.light.normals[sample.face];
+        let frame_normal = blend([na.as_dvec3(), nb.as_dvec3(), nc.as_dvec3()]);
+        let [ta, tb, tc] = corners;
+        let tangent = blend([ta.xyz().as_dvec3(), tb.xyz().as_dvec3(), tc.xyz().as_dvec3()]);
         let bitangent = frame_normal.cross(tangent) * f64::from(corners[0].w);
         let frame = DMat3::from_cols(tangent, bitangent, frame_normal);
         let inner = frame.inverse() * normal.as_dvec3();
@@ -207,13 +210,6 @@ struct Samples {
     count: usize,
 }
 
-impl Samples {
-    /// A number that tells the samples of a texel apart.
-    fn keys(&self, offset: glam::DVec2) -> u8 {
-        self.list.iter().position(|s| s.1 == offset).unwrap_or(0) as u8
-    }
-}
-
 /// Returns the samples of a texel: those outside of a chart lie on the continuation of a face, so that the value stands
 /// for the whole texel. Beside a chart, one sample in the middle is enough.
 fn samples_of(texel: &Texel) -> Samples {
@@ -254,13 +250,8 @@ fn stored(kind: MapKind, v: &[f32; 4], encoder: Encoder) -> [u8; 4] {
         MapKind::Color | MapKind::VertexColor => {
             let alpha = v[3].max(1e-6);
             let stored_alpha = if alpha <= 2.0 / 1024.0 { 0 } else { byte(alpha) };
-            [0, 1, 2]
-                .map(|k| encoder.byte(v[k] / alpha))
-                .into_iter()
-                .chain([stored_alpha])
-                .collect::<Vec<_>>()
-                .try_into()
-                .unwrap_or([0; 4])
+            let [r, g, b] = [v[0], v[1], v[2]].map(|x| encoder.byte(x / alpha));
+            [r, g, b, stored_alpha]
         }
         MapKind::Emissive => [encoder.byte(v[0]), encoder.byte(v[1]), encoder.byte(v[2]), 255],
         MapKind::MetallicRoughness | MapKind::Occlusion | MapKind::Height => {

@@ -72,9 +72,7 @@ fn help_of_clean() {
 
 #[test]
 fn options_of_later_releases_are_not_known() {
-    for option in ["--cache"] {
-        assert!(!help(&["simplify"]).contains(option), "{option}");
-    }
+    assert!(!help(&["simplify"]).contains("--cache"));
 }
 
 #[test]
