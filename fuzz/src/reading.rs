@@ -1,8 +1,12 @@
 //! Checks of every reader and writer.
 
+use std::io::{Cursor, Write};
+
 use lodsmith_core::TriMesh;
 use lodsmith_io::gltf::Scene;
-use lodsmith_io::{Format, Limits, ReadOptions, WriteOptions, read_bytes, write_to};
+use lodsmith_io::{Format, Limits, ReadOptions, WriteOptions, read_bytes, read_scene_bytes, write_to};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
 
 /// Returns the options for reading untrusted bytes.
 pub fn options(format: Format) -> ReadOptions {
@@ -16,22 +20,32 @@ pub fn options(format: Format) -> ReadOptions {
     options
 }
 
+/// Returns a 3MF file with these bytes as its model, uncompressed; the bytes themselves, if they are an archive.
+pub fn as_three_mf(bytes: &[u8]) -> Vec<u8> {
+    if bytes.starts_with(b"PK") {
+        return bytes.to_vec();
+    }
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+    zip.start_file("3D/3dmodel.model", options).expect("memory takes all bytes");
+    zip.write_all(bytes).expect("memory takes all bytes");
+    zip.finish().expect("memory takes all bytes").into_inner()
+}
+
 /// Reads the bytes as a format. The constructors check that the result is a valid mesh; besides, its size
 /// must be plausible for the bytes, and writing it in this format and in PLY and reading it again must give
 /// as many faces.
 pub fn check(bytes: &[u8], format: Format) {
     let options = options(format);
-    // A face takes at least four bytes, or one byte in a strip. A glTF scene may instantiate one mesh many
-    // times.
+    // A face takes at least four bytes, or one byte in a strip. A scene may instantiate one mesh many times.
     let most = bytes.len().saturating_mul(2);
-    if matches!(format, Format::Gltf | Format::Glb)
-        && let Ok(scene) = Scene::read(bytes, &options)
-    {
+    if let Ok(Some(scene)) = read_scene_bytes(bytes, &options) {
         let _ = scene.model();
         // A scene with any meshes can be written and read again.
         let same: Vec<_> = scene.meshes().iter().map(|m| Some(TriMesh::clone(&m.mesh))).collect();
         let mut out = Vec::new();
-        scene.write(&same, format, &|_| None, &mut out).expect("memory takes all bytes");
+        let written = if format == Format::Gltf { format } else { Format::Glb };
+        scene.write(&same, written, &|_| None, &mut out).expect("memory takes all bytes");
         let back = Scene::read(&out, &ReadOptions::default()).expect("what we write, we read");
         for (before, after) in scene.meshes().iter().zip(back.meshes()) {
             assert_eq!(before.mesh.face_count(), after.mesh.face_count());
@@ -39,7 +53,7 @@ pub fn check(bytes: &[u8], format: Format) {
     }
     let Ok(loaded) = read_bytes(bytes, &options) else { return };
     let faces = loaded.mesh.face_count();
-    if !matches!(format, Format::Gltf | Format::Glb) && !bytes.starts_with(&[0x1f, 0x8b]) {
+    if !format.is_scene() && !bytes.starts_with(&[0x1f, 0x8b]) {
         assert!(faces <= most, "{faces} faces of {} bytes", bytes.len());
     }
     if faces == 0 || faces > 100_000 {

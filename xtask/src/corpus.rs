@@ -60,8 +60,9 @@ const EXPECTED_OUTCOMES: &[(&str, ExpectedOutcome)] = &[
 ];
 
 /// Extensions of supported formats, and of known but unsupported ones.
-const SUPPORTED_EXTENSIONS: &[&str] = &["obj", "off", "ply", "stl", "gltf", "glb"];
-const REFUSED_EXTENSIONS: &[&str] = &["3mf", "fbx", "dae"];
+const SUPPORTED_EXTENSIONS: &[&str] = &["obj", "off", "ply", "stl", "gltf", "glb", "3mf", "dae"];
+/// (FBX is a feature of the build.)
+const REFUSED_EXTENSIONS: &[&str] = &["fbx"];
 /// Fractions of the triangles to keep.
 const RATIOS: [f64; 3] = [0.5, 0.1, 0.01];
 /// Limits for files that are damaged on purpose.

@@ -87,6 +87,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
             ("read_stl", "text.stl", &["--ascii"]),
             ("read_gltf", "gltf", &[]),
             ("read_gltf", "glb", &[]),
+            ("read_three_mf", "3mf", &[]),
         ] {
             let out = folder(target)?.join(format!("{name}.{ending}"));
             call(Command::new(&program).arg("convert").args([&input, &out]).args(more))?;
@@ -95,13 +96,15 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
         call(Command::new(&program).args(["progressive", "build"]).arg(&input).arg("-o").arg(&out))?;
         std::fs::write(&out, stored(&std::fs::read(&out)?)?)?;
     }
+    let targets = [("glb", "read_gltf"), ("3mf", "read_three_mf"), ("dae", "read_dae"), ("fbx", "read_fbx")];
     for entry in std::fs::read_dir(root().join("testdata"))? {
         let entry = entry?;
         let name = entry.file_name();
-        if entry.metadata()?.len() <= MAX_SEED_BYTES
-            && Path::new(&name).extension().is_some_and(|e| e == "glb")
+        let ending = Path::new(&name).extension().unwrap_or_default();
+        if let Some((_, target)) = targets.iter().find(|(e, _)| ending == *e)
+            && entry.metadata()?.len() <= MAX_SEED_BYTES
         {
-            std::fs::copy(entry.path(), folder("read_gltf")?.join(&name))?;
+            std::fs::copy(entry.path(), folder(target)?.join(&name))?;
         }
     }
     sessions(&folder("read_session")?)?;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use anyhow::anyhow;
 use lodsmith::SimplifyOptions;
 use lodsmith::core::{RegionId, Semantic, TriMesh, WedgeId};
+use lodsmith_io::Loaded;
 use lodsmith_io::gltf::Scene;
-use lodsmith_io::{Format, Loaded};
 
 use crate::args::{How, Importance};
 
@@ -52,11 +52,12 @@ pub(crate) fn of_mesh(how: &How, loaded: &Loaded, options: &mut SimplifyOptions)
         properties: &loaded.properties,
     };
     let other = loaded.contents.attributes.iter().filter(|a| !VECTOR_ATTRIBUTES.contains(&a.as_str()));
-    set_constraints(how, &[named], other.cloned().collect(), options).map_err(|e| match loaded.format {
-        Format::Gltf | Format::Glb => {
-            anyhow!("{e} (meshes and nodes have names only where the output is glTF too)")
+    set_constraints(how, &[named], other.cloned().collect(), options).map_err(|e| {
+        if loaded.format.is_scene() {
+            anyhow!("{e} (meshes and nodes have names only where the output is glTF)")
+        } else {
+            e
         }
-        _ => e,
     })
 }
 

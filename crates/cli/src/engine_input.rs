@@ -1,7 +1,7 @@
 //! A mesh as the engine gets it, and the options that depend on it.
 
 use lodsmith::SimplifyOptions;
-use lodsmith_io::{Format, Loaded, Warning};
+use lodsmith_io::{Loaded, Warning};
 
 use crate::args::How;
 use crate::file::Destination;
@@ -19,7 +19,7 @@ pub(crate) fn prepare(
 ) -> anyhow::Result<()> {
     constraints::of_mesh(how, loaded, options)?;
     options.textures = palettes::of_mesh(loaded);
-    if matches!(loaded.format, Format::Gltf | Format::Glb) && !to.is_some_and(Destination::keeps_materials) {
+    if loaded.format.is_scene() && !to.is_some_and(Destination::keeps_materials) {
         // If materials are not written, their borders need not be preserved.
         loaded.mesh.set_regions(None)?;
     }

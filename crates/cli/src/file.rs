@@ -10,7 +10,7 @@ use lodsmith::core::{Splits, TriMesh};
 use lodsmith_io::gltf::{Scene, SceneLevels};
 use lodsmith_io::lpm::{self, LpmWritten};
 use lodsmith_io::{
-    Format, Loaded, Lpm, LpmOptions, ModelFile, ReadError, ReadOptions, Regions, Textures, Warning,
+    Format, Frame, Loaded, Lpm, LpmOptions, ModelFile, ReadError, ReadOptions, Regions, Textures, Warning,
     WriteError, WriteOptions,
 };
 
@@ -63,11 +63,11 @@ fn stdin(options: &ReadOptions) -> anyhow::Result<Vec<u8>> {
 pub(crate) enum Input {
     /// One mesh of all instances.
     Mesh(Box<Loaded>),
-    /// A complete glTF file.
+    /// A complete scene.
     Scene(Box<Scene>),
 }
 
-/// Reads a glTF file as a scene if `keeps_scenes` is set, and any other as a mesh with these properties of
+/// Reads a file with a scene as such if `keeps_scenes` is set, and any other as a mesh with these properties of
 /// vertices in addition. The error does not name the source.
 pub(crate) fn read_input(
     source: &Source,
@@ -131,7 +131,7 @@ impl Destination {
 
     /// Returns true if materials are written.
     pub(crate) fn keeps_materials(&self) -> bool {
-        matches!(self.format, Format::Obj | Format::Gltf | Format::Glb)
+        matches!(self.format, Format::Obj | Format::Gltf | Format::Glb | Format::ThreeMf)
             && self.writing.textures != Textures::None
     }
 
@@ -194,7 +194,11 @@ impl Destination {
     fn mesh_options(&self, regions: Regions) -> WriteOptions {
         let mut options = self.options();
         options.ascii = self.writing.ascii;
-        options.regions = Some(Arc::new(regions));
+        // What --up rotated has the axes that were asked for: the format adds no rotation of its own.
+        let is_rotated = self.writing.up.is_some();
+        let axes = |f: Frame| if is_rotated { self.format == Format::ThreeMf } else { f.z_up };
+        let frame = regions.frame().map(|f| Frame::new(f.unit, axes(f)));
+        options.regions = Some(Arc::new(frame.into_iter().fold(regions, Regions::with_frame)));
         options
     }
 

@@ -74,6 +74,9 @@ pub(crate) fn format_of(sink: &Sink, to: Option<Format>) -> anyhow::Result<Forma
     };
     match (to.or(hint), sink) {
         (Some(Format::Lpm), _) => Err(usage(WriteError::NeedsSplits.to_string())),
+        (Some(format), _) if !Format::WRITTEN.contains(&format) => {
+            Err(usage(WriteError::ReadOnly { format: format.title() }.to_string()))
+        }
         (Some(format), _) => Ok(format),
         (None, Sink::Stdout) => Err(usage("standard output has no ending: say the format with --to")),
         (None, Sink::Path(path)) if path.is_dir() => {

@@ -64,9 +64,6 @@ fn a_folder_as_output_names_the_option_for_folders() {
 fn formats_that_are_not_read_are_named_with_a_way_out() {
     let desk = CliSandbox::new();
     let files = [
-        ("a.fbx", "Kaydara FBX Binary  \0\u{1a}\0", "FBX", "Blender"),
-        ("a.dae", "<?xml version=\"1.0\"?>\n<COLLADA version=\"1.4.1\">", "COLLADA", "Blender"),
-        ("a.3mf", "PK\u{3}\u{4}\u{14}\0\0\0 3D/3dmodel.model", "3MF", "slicer"),
         ("a.usda", "#usda 1.0\n", "USD", "Blender"),
         ("a.blend", "BLENDER-v300", "Blender project", "glTF"),
         ("a.step", "ISO-10303-21;\nHEADER;\n", "STEP", "CAD"),
@@ -76,6 +73,27 @@ fn formats_that_are_not_read_are_named_with_a_way_out() {
         desk.put(name, content);
         let ran = desk.run(&format!("info {name}")).with_status(1);
         assert!(ran.stderr.contains(format) && ran.stderr.contains(way_out), "{name}: {}", ran.stderr);
+    }
+}
+
+/// FBX needs a C compiler to build: without it, the message says how to get it.
+#[cfg(not(feature = "fbx"))]
+#[test]
+fn a_build_without_fbx_names_the_feature() {
+    let desk = CliSandbox::new();
+    desk.put("a.fbx", "; FBX 7.5.0 project file\n");
+    let ran = desk.run("info a.fbx").with_status(1).with_one_error();
+    assert!(ran.stderr.contains("--features fbx"), "{}", ran.stderr);
+}
+
+/// Formats that are read only are refused as outputs before anything is read.
+#[test]
+fn outputs_that_are_not_written_are_refused() {
+    let desk = CliSandbox::new();
+    desk.put("a.ply", &hills(2));
+    for name in ["b.fbx", "b.dae"] {
+        let ran = desk.run(&format!("convert a.ply {name}")).with_status(2).with_one_error();
+        assert!(ran.stderr.contains("is not written") && ran.stderr.contains(".glb"), "{}", ran.stderr);
     }
 }
 

@@ -48,7 +48,7 @@ pub enum ReadError {
     #[error("{0}")]
     Unsupported(String),
     /// No format is recognised.
-    #[error("not a mesh in any known format (OBJ, OFF, PLY, STL, glTF, GLB, LPM): {0}")]
+    #[error("not a mesh in any known format (OBJ, OFF, PLY, STL, glTF, GLB, 3MF, COLLADA, FBX, LPM): {0}")]
     Unknown(String),
     /// A limit is exceeded.
     #[error("{what} is {size}, above the limit of {limit}")]
@@ -135,7 +135,7 @@ pub enum WriteError {
         source: std::io::Error,
     },
     /// The extension of the path names no format.
-    #[error("{}: the ending names no format; use one of .obj .off .ply .stl .gltf .glb, or say which with --to", path.display())]
+    #[error("{}: the ending names no format; use one of .obj .off .ply .stl .gltf .glb .3mf, or say which with --to", path.display())]
     UnknownFormat {
         /// The path of the output.
         path: PathBuf,
@@ -143,6 +143,12 @@ pub enum WriteError {
     /// The format needs more than a mesh.
     #[error("LPM holds a progressive mesh, not a mesh alone: `lodsmith progressive build` writes one")]
     NeedsSplits,
+    /// The format is read only.
+    #[error("{format} is not written; use one of .obj .off .ply .stl .gltf .glb .3mf")]
+    ReadOnly {
+        /// The format's name.
+        format: &'static str,
+    },
     /// The mesh is too large for the format.
     #[error("{format} cannot hold {what}")]
     TooLarge {
@@ -175,6 +181,10 @@ impl Warning {
     /// it too.
     pub(crate) fn lost_scene_data(what: &str) -> Self {
         let text = format!("{what} are not carried: only a scene that goes from glTF to glTF keeps them");
+        Self { of_scene: true, ..Self::lost(text) }
+    }
+    /// Creates a warning about lost data of the scene that the mesh does not have.
+    pub(crate) fn lost_of_scene(text: impl Into<String>) -> Self {
         Self { of_scene: true, ..Self::lost(text) }
     }
     /// Creates a warning about lost data.

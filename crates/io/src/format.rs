@@ -18,15 +18,33 @@ pub enum Format {
     Glb,
     /// A progressive mesh; read at its full level.
     Lpm,
+    /// 3D Manufacturing Format.
+    ThreeMf,
+    /// COLLADA; read only.
+    Dae,
+    /// FBX; read only, with the feature `fbx`.
+    Fbx,
 }
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 7] = [Self::Obj, Self::Off, Self::Ply, Self::Stl, Self::Gltf, Self::Glb, Self::Lpm];
+    pub const ALL: [Self; 10] = [
+        Self::Obj,
+        Self::Off,
+        Self::Ply,
+        Self::Stl,
+        Self::Gltf,
+        Self::Glb,
+        Self::Lpm,
+        Self::ThreeMf,
+        Self::Dae,
+        Self::Fbx,
+    ];
     /// Formats that can hold a mesh alone.
-    pub const WRITTEN: [Self; 6] = [Self::Obj, Self::Off, Self::Ply, Self::Stl, Self::Gltf, Self::Glb];
+    pub const WRITTEN: [Self; 7] =
+        [Self::Obj, Self::Off, Self::Ply, Self::Stl, Self::Gltf, Self::Glb, Self::ThreeMf];
 
-    /// Its name, which is also the usual extension: `obj`, `off`, `ply`, `stl`, `gltf`, `glb`, `lpm`.
+    /// Its name, which is also the usual extension: `obj`, `off`, `ply`, `stl`, `gltf`, `glb`, `lpm`, `3mf`, `dae`, `fbx`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Obj => "obj",
@@ -36,10 +54,13 @@ impl Format {
             Self::Gltf => "gltf",
             Self::Glb => "glb",
             Self::Lpm => "lpm",
+            Self::ThreeMf => "3mf",
+            Self::Dae => "dae",
+            Self::Fbx => "fbx",
         }
     }
 
-    /// Its display name: `OBJ`, `OFF`, `PLY`, `STL`, `glTF`, `GLB`, `LPM`.
+    /// Its display name: `OBJ`, `OFF`, `PLY`, `STL`, `glTF`, `GLB`, `LPM`, `3MF`, `COLLADA`, `FBX`.
     pub const fn title(self) -> &'static str {
         match self {
             Self::Obj => "OBJ",
@@ -49,7 +70,15 @@ impl Format {
             Self::Gltf => "glTF",
             Self::Glb => "GLB",
             Self::Lpm => "LPM",
+            Self::ThreeMf => "3MF",
+            Self::Dae => "COLLADA",
+            Self::Fbx => "FBX",
         }
+    }
+
+    /// Returns true if files of this format are read as whole scenes: nodes, meshes, materials.
+    pub const fn is_scene(self) -> bool {
+        matches!(self, Self::Gltf | Self::Glb | Self::ThreeMf | Self::Dae | Self::Fbx)
     }
 
     /// Returns the format with this name or extension, ignoring case.

@@ -6,7 +6,9 @@
 //! file.
 
 mod accessors;
+mod brought_images;
 mod buffers;
+mod builder;
 mod container;
 mod copied_images;
 mod copies;
@@ -34,6 +36,13 @@ mod slot;
 mod unpack;
 mod write;
 
+pub(crate) use brought_images::BroughtImages;
+pub(crate) use buffers::file_path_of_uri;
+#[cfg(feature = "fbx")]
+pub(crate) use builder::MorphTarget;
+pub(crate) use builder::{
+    BuiltScene, MeshParts, SceneBuilder, linear_of_srgb, matrix_of_node, srgb_of_linear,
+};
 pub(crate) use copied_images::CopiedImages;
 pub use copies::CopyPlace;
 pub use lod::SceneLevels;
@@ -43,14 +52,16 @@ pub use placed::{PlacedMesh, placed_meshes};
 pub use rematerial::{NewMaterial, SlotImage, TextureSlot};
 pub use scene::{Scene, SceneMesh};
 
+use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use lodsmith_core::TriMesh;
 
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
+use crate::frame::Frame;
 use crate::loaded::Loaded;
-use crate::material::{Purpose, Textures, convert_materials};
+use crate::material::{Purpose, Regions, Textures, convert_materials};
 use crate::options::ReadOptions;
 use crate::options::WriteOptions;
 
@@ -74,9 +85,40 @@ use container::Document;
 ///
 /// Source: Khronos, "glTF 2.0 Specification" (2.0.1, 2021).
 pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
-    let mut document = Document::parse(bytes, options.limits, 1)?;
+    let document = Document::parse(bytes, options.limits, 1)?;
     document.check_version()?;
     document.check_extensions(false)?;
+    let format = if document.is_glb { Format::Glb } else { Format::Gltf };
+    merged(document, bytes.len(), format, &BTreeMap::new(), options)
+}
+
+/// Merges the meshes of a scene that was made from another format, read from `size` bytes. Colours become sRGB, as in
+/// all formats but glTF.
+pub(crate) fn read_built(
+    mut built: BuiltScene,
+    size: usize,
+    options: &ReadOptions,
+) -> Result<Loaded, ReadError> {
+    let (format, warnings) = (built.format, std::mem::take(&mut built.warnings));
+    let sources = std::mem::take(&mut built.source_vertices);
+    let mut loaded = merged(built.document(), size, format, &sources, options)?;
+    if let Some(colors) = loaded.mesh.colors() {
+        let srgb = |&[r, g, b, a]: &[f32; 4]| [srgb_of_linear(r), srgb_of_linear(g), srgb_of_linear(b), a];
+        let colors = colors.iter().map(srgb).collect();
+        loaded.mesh.set_colors(Some(colors))?;
+    }
+    loaded.warnings.splice(0..0, warnings);
+    Ok(loaded)
+}
+
+/// Merges all placed meshes of a document from a file of `size` bytes. `source_vertices`: see [`BuiltScene`].
+fn merged(
+    mut document: Document<'_>,
+    size: usize,
+    format: Format,
+    source_vertices: &BTreeMap<usize, Vec<u32>>,
+    options: &ReadOptions,
+) -> Result<Loaded, ReadError> {
     let opened;
     let buffers = if unpack::is_needed(&document.json) {
         let mut all = Buffers::new(&document, options).load_all()?;
@@ -88,15 +130,16 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     };
     let placements = placements::placements(&document.json)?;
     let (mut contents, mut warnings) = inventory::take(&document.json, &placements);
-    let gathered = geometry::gather(&document.json, &buffers, &placements, bytes.len(), options.limits)?;
-    let geometry::Gathered { mut mesh, runs, warnings: told } = gathered;
-    let (regions, of_faces) =
-        materials::regions(&document.json, &buffers, &runs, options.files(), bytes.len());
+    let gathered = geometry::gather(&document.json, &buffers, &placements, size, options.limits)?;
+    let geometry::Gathered { mut mesh, runs, warnings: told, bases } = gathered;
+    if !source_vertices.is_empty() {
+        mesh = geometry::with_source_vertices(&mesh, &bases, source_vertices);
+    }
+    let (regions, of_faces) = materials::regions(&document.json, &buffers, &runs, options.files(), size);
     mesh.set_regions(of_faces)?;
     contents.polygons = mesh.face_count();
     warnings.extend(told);
-    let format = if document.is_glb { Format::Glb } else { Format::Gltf };
-    Ok(Loaded { regions, ..Loaded::new(mesh, format, contents, warnings) })
+    Ok(Loaded { regions: regions.with_frame(Frame::GLTF), ..Loaded::new(mesh, format, contents, warnings) })
 }
 
 /// Writes a mesh as glTF 2.0: as JSON with an embedded buffer if the format of the options is
@@ -119,5 +162,6 @@ pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io:
         .filter(|_| options.textures != Textures::None)
         .and_then(|regions| convert_materials(mesh, regions, Purpose::Gltf))
         .unwrap_or_default();
-    write::write(mesh, looks, options.format != Some(Format::Gltf), out)
+    let frame = options.regions.as_deref().and_then(Regions::frame).unwrap_or(Frame::GLTF);
+    write::write(mesh, looks, frame, options.format != Some(Format::Gltf), out)
 }

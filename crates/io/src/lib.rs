@@ -5,11 +5,16 @@
 
 pub mod assets;
 mod attributes;
+mod corners;
+pub mod dae;
 mod distinct;
 pub mod error;
 mod excerpt;
+#[cfg(feature = "fbx")]
+pub mod fbx;
 mod files;
 pub mod format;
+mod frame;
 pub mod gltf;
 pub mod limits;
 mod lines;
@@ -26,11 +31,13 @@ pub mod ply;
 pub mod read;
 pub mod sniff;
 pub mod stl;
+pub mod three_mf;
 pub mod write;
 
 pub use assets::AssetScope;
 pub use error::{ReadError, Warning, WriteError};
 pub use format::Format;
+pub use frame::{Frame, Unit};
 pub use limits::Limits;
 pub use lpm::{Lpm, LpmOptions, LpmReader};
 pub use model::{BaseColor, ModelFile, ModelSource, read_model_bytes, read_model_path};

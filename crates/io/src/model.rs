@@ -23,7 +23,7 @@ use crate::material::Regions;
 use crate::options::ReadOptions;
 use crate::read::{read_bytes, read_path, read_scene_bytes, read_scene_path};
 
-pub(crate) use decode::ImageQueue;
+pub(crate) use decode::{ImageQueue, decode_image};
 
 /// A file read as a model, with the source data for writing its meshes back.
 #[derive(Clone, Debug)]

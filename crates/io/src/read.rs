@@ -46,7 +46,7 @@ pub fn read_bytes(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadErr
     read_hinted(bytes, None, options)
 }
 
-/// Reads a file as a whole scene, if it is glTF or GLB; returns `None` for other content, which is read only
+/// Reads a file as a whole scene, if its format has scenes ([`Format::is_scene`]); returns `None` for other content, which is read only
 /// as far as needed to tell.
 ///
 /// Otherwise like [`read_path`], but a scene without faces is not an error.
@@ -63,7 +63,7 @@ pub fn read_scene_path(path: &Path, options: &ReadOptions) -> Result<Option<Scen
         }
         let is_packed = front.starts_with(&GZIP_MAGIC);
         let guess = if is_file && !is_packed { sniff(&front, hint_of(path)) } else { hint_of(path) };
-        if !is_scene(options.format.or(guess)) {
+        if !options.format.or(guess).is_some_and(Format::is_scene) {
             return Ok(None);
         }
         let bytes = bytes_of(path, options.limits)?;
@@ -73,7 +73,7 @@ pub fn read_scene_path(path: &Path, options: &ReadOptions) -> Result<Option<Scen
     read().map_err(|e: ReadError| e.at(path))
 }
 
-/// Reads bytes as a whole scene, if they are glTF or GLB.
+/// Reads bytes as a whole scene, if their format has scenes ([`Format::is_scene`]).
 ///
 /// # Errors
 /// Like [`read_scene_path`], without a path.
@@ -81,10 +81,6 @@ pub fn read_scene_bytes(bytes: &[u8], options: &ReadOptions) -> Result<Option<Sc
     check_size("the input", bytes.len() as u64, options.limits)?;
     options.limits.check_memory("reading the input", bytes.len() as u64)?;
     scene_hinted(bytes, None, options)
-}
-
-fn is_scene(format: Option<Format>) -> bool {
-    matches!(format, Some(Format::Gltf | Format::Glb))
 }
 
 fn scene_hinted(
@@ -95,11 +91,18 @@ fn scene_hinted(
     let bytes = unpacked(bytes, options.limits)?;
     let text = utf8_of(&bytes);
     let format = options.format.or_else(|| sniff(&bytes, hint)).or_else(|| sniff(&text, hint));
-    if !is_scene(format) {
-        return Ok(None);
-    }
-    check_parsing(Format::Gltf, &bytes, options.limits)?;
-    let mut scene = Scene::read(if format == Some(Format::Gltf) { &text } else { &bytes }, options)?;
+    let Some(format) = format.filter(|f| f.is_scene()) else { return Ok(None) };
+    check_parsing(format, &bytes, options.limits)?;
+    let mut scene = match format {
+        Format::ThreeMf => Scene::of_built(crate::three_mf::scene(&bytes, options)?, bytes.len(), options),
+        Format::Dae => Scene::of_built(crate::dae::scene(&bytes, options)?, bytes.len(), options),
+        #[cfg(feature = "fbx")]
+        Format::Fbx => Scene::of_built(crate::fbx::scene(&bytes, options)?, bytes.len(), options),
+        #[cfg(not(feature = "fbx"))]
+        Format::Fbx => Err(without_fbx()),
+        Format::Gltf => Scene::read(&text, options),
+        _ => Scene::read(&bytes, options),
+    }?;
     if let Some(warning) = extension_mismatch_warning(scene.format(), hint, options) {
         scene.warn(warning);
     }
@@ -152,6 +155,12 @@ fn read_hinted(bytes: &[u8], hint: Option<Format>, options: &ReadOptions) -> Res
         Format::Gltf => crate::gltf::read(&text, options),
         Format::Glb => crate::gltf::read(&bytes, options),
         Format::Lpm => crate::lpm::read_mesh(&bytes, options),
+        Format::ThreeMf => crate::three_mf::read(&bytes, options),
+        Format::Dae => crate::dae::read(&bytes, options),
+        #[cfg(feature = "fbx")]
+        Format::Fbx => crate::fbx::read(&bytes, options),
+        #[cfg(not(feature = "fbx"))]
+        Format::Fbx => Err(without_fbx()),
     }?;
     with_hint(loaded, hint, options)
 }
@@ -162,7 +171,7 @@ fn text_mesh_bytes(bytes: u64) -> u64 {
     bytes
 }
 
-/// Returns an error if the mesh of these unpacked bytes would not fit in memory besides them. PLY and glTF
+/// Returns an error if the mesh of these unpacked bytes would not fit in memory besides them. The others
 /// check that themselves, by their counts.
 fn check_parsing(format: Format, bytes: &[u8], limits: Limits) -> Result<(), ReadError> {
     let size = bytes.len() as u64;
@@ -170,9 +179,15 @@ fn check_parsing(format: Format, bytes: &[u8], limits: Limits) -> Result<(), Rea
         // Triangles, and a table of positions with capacity for half as many. (Measured: 23 bytes per facet.)
         Format::Stl if is_binary_stl(bytes) => size / 50 * 26,
         Format::Obj | Format::Off | Format::Stl => text_mesh_bytes(size),
-        Format::Ply | Format::Gltf | Format::Glb | Format::Lpm => 0,
+        _ => 0,
     };
     limits.check_memory(format!("reading {}", format.title()), size + mesh)
+}
+
+#[cfg(not(feature = "fbx"))]
+fn without_fbx() -> ReadError {
+    let text = "it is FBX, which this build does not read: take the packaged program, or build with `--features fbx`";
+    ReadError::Unsupported(text.to_owned())
 }
 
 /// Refuses a mesh without faces, and adds a warning if the extension of the path names another format.

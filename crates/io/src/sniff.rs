@@ -16,6 +16,12 @@ pub fn sniff(bytes: &[u8], hint: Option<Format>) -> Option<Format> {
     if bytes.starts_with(&crate::lpm::MAGIC) {
         return Some(Format::Lpm);
     }
+    if bytes.starts_with(b"Kaydara FBX Binary") {
+        return Some(Format::Fbx);
+    }
+    if is_three_mf(bytes, hint) {
+        return Some(Format::ThreeMf);
+    }
     if is_ply(bytes) {
         return Some(Format::Ply);
     }
@@ -41,17 +47,12 @@ pub(crate) fn unsupported_format(bytes: &[u8]) -> Option<(&'static str, &'static
     let has = |word: &[u8]| memchr::memmem::find(front, word).is_some();
     let begins = |word: &[u8]| front.trim_ascii_start().starts_with(word);
     Some(match () {
-        () if begins(b"Kaydara FBX Binary") || begins(b"; FBX") => ("FBX", BLENDER_ADVICE),
-        () if begins(b"<") && has(b"<COLLADA") => ("COLLADA (DAE)", BLENDER_ADVICE),
         () if begins(b"<") && has(b"<X3D") => ("X3D", BLENDER_ADVICE),
         () if begins(b"#VRML") => ("VRML", "open it in MeshLab and export PLY or OBJ"),
         () if begins(b"PXR-USDC") || begins(b"#usda") => ("USD", BLENDER_ADVICE),
         () if begins(b"BLENDER") => ("a Blender project", BLENDER_ADVICE),
         () if begins(b"Ogawa") => ("Alembic", BLENDER_ADVICE),
         () if begins(b"ISO-10303-21") => ("STEP", CAD_ADVICE),
-        () if begins(b"PK") && has(b"3D/") => {
-            ("3MF", "save it as STL or PLY in a slicer, or as glTF in Blender")
-        }
         () if begins(b"PK") && has(b".usd") => ("USDZ", BLENDER_ADVICE),
         () if begins(b"PK") => ("a ZIP archive", "unpack it and name the model in it"),
         () => return None,
@@ -92,6 +93,17 @@ fn front(bytes: &[u8]) -> &[u8] {
     &bytes[..bytes.len().min(SNIFFED_BYTES)]
 }
 
+/// Returns true for a ZIP archive with a part of 3MF among its first names, or with the extension of 3MF.
+fn is_three_mf(bytes: &[u8], hint: Option<Format>) -> bool {
+    let has = |word: &[u8]| memchr::memmem::find(front(bytes), word).is_some();
+    let ends_with_names = || {
+        // A large part may come first; the names of all stand at the end.
+        let end = &bytes[bytes.len().saturating_sub(SNIFFED_BYTES)..];
+        memchr::memmem::find(end, b"3D/").is_some()
+    };
+    bytes.starts_with(b"PK\x03\x04") && (hint == Some(Format::ThreeMf) || has(b"3D/") || ends_with_names())
+}
+
 fn is_ply(bytes: &[u8]) -> bool {
     bytes.strip_prefix(b"ply").is_some_and(|rest| rest.first().is_some_and(u8::is_ascii_whitespace))
 }
@@ -99,6 +111,12 @@ fn is_ply(bytes: &[u8]) -> bool {
 fn text_format(bytes: &[u8], hint: Option<Format>) -> Option<Format> {
     let front = front(bytes);
     let start = front.trim_ascii_start();
+    if start.starts_with(b"; FBX") || memchr::memmem::find(front, b"FBXHeaderExtension:").is_some() {
+        return Some(Format::Fbx);
+    }
+    if start.first() == Some(&b'<') {
+        return memchr::memmem::find(front, b"<COLLADA").map(|_| Format::Dae);
+    }
     if start.first() == Some(&b'{') {
         let named = memchr::memmem::find(front, b"\"asset\"").is_some();
         // A writer may put the buffers first, which are long.

@@ -234,6 +234,8 @@ fn write_format(
             // The module distinguishes the two by this option.
             crate::gltf::write(mesh, &WriteOptions { format: Some(format), ..options.clone() }, out)
         }
+        Format::ThreeMf => crate::three_mf::write(mesh, options, out),
+        Format::Dae | Format::Fbx => Err(io::Error::other(WriteError::ReadOnly { format: format.title() })),
         Format::Lpm => Err(io::Error::other(WriteError::NeedsSplits)),
     }?;
     out.flush()?;
@@ -241,8 +243,8 @@ fn write_format(
     let with_materials = options.textures != Textures::None;
     if format != Format::Obj
         && let Some(lost) = regions.and_then(|regions| {
-            let is_carried =
-                matches!(format, Format::Gltf | Format::Glb) && !material::drops_materials(mesh, regions);
+            let is_carried = matches!(format, Format::Gltf | Format::Glb | Format::ThreeMf)
+                && !material::drops_materials(mesh, regions);
             regions.lost_headings(with_materials && !is_carried)
         })
     {

@@ -94,7 +94,9 @@ fn what_is_no_mesh_is_refused() {
         let got = error_of(text);
         assert_eq!(
             got,
-            format!("not a mesh in any known format (OBJ, OFF, PLY, STL, glTF, GLB, LPM): {wanted}")
+            format!(
+                "not a mesh in any known format (OBJ, OFF, PLY, STL, glTF, GLB, 3MF, COLLADA, FBX, LPM): {wanted}"
+            )
         );
     }
     assert_eq!(error_of(THREE), "no faces in the file (3 vertices): nothing to work on");

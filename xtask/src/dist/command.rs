@@ -60,12 +60,19 @@ pub(super) fn archive(goal: &Goal, binary: Option<PathBuf>) -> Result<(String, V
     }
 }
 
-/// Builds the command with its window, for another platform if one is named; returns the path of the program.
+/// Builds the command with its window and FBX, for another platform if one is named; returns the path of the program.
 fn build(target: Option<&str>) -> Result<PathBuf> {
     let what = ["rustc", "--release", "--locked", "--package", "lodsmith-cli", "--bin", "lodsmith"];
     // Function names are a third of the size, and useless without the sources.
-    let how =
-        ["--features", "view", "--message-format", "json-render-diagnostics", "--", "-C", "strip=symbols"];
+    let how = [
+        "--features",
+        "view,fbx",
+        "--message-format",
+        "json-render-diagnostics",
+        "--",
+        "-C",
+        "strip=symbols",
+    ];
     let mut command = cargo();
     command.args(what).args(target.map(|target| format!("--target={target}")));
     let output = command.args(how).stderr(Stdio::inherit()).output().context("starting cargo")?;
@@ -154,7 +161,7 @@ fn metadata(target: &str) -> Result<Value> {
     let manifest = root().join("crates/cli/Cargo.toml");
     let mut command = cargo();
     command.args(["metadata", "--format-version", "1", "--locked", "--filter-platform", target]);
-    let output = command.args(["--features", "view", "--manifest-path"]).arg(manifest).output()?;
+    let output = command.args(["--features", "view,fbx", "--manifest-path"]).arg(manifest).output()?;
     ensure!(output.status.success(), "cargo metadata: {}", String::from_utf8_lossy(&output.stderr).trim());
     Ok(serde_json::from_slice(&output.stdout)?)
 }

@@ -11,7 +11,7 @@ use lodsmith::core::measure::{
 };
 use lodsmith::core::spatial::{Bvh, Hint};
 use lodsmith::core::{Image, TriMesh, VertexId};
-use lodsmith_io::{Format, Loaded, WriteOptions};
+use lodsmith_io::{Format, Loaded, Warning, WriteOptions};
 use lodsmith_render::{Background, Legend, Panel, PictureFormat, Shading, Subject, View, render, sheet};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
@@ -98,7 +98,15 @@ fn measure(
     let bar = progress.file("");
     bar.read();
     let load = |source| file::read(source, &args.reading).with_context(|| format!("{source}"));
-    let (mut reference, candidate) = (load(&args.reference)?, load(&args.candidate)?);
+    let (mut reference, mut candidate) = (load(&args.reference)?, load(&args.candidate)?);
+    if let (Some(from), Some(to)) = (candidate.regions.frame(), reference.regions.frame())
+        && from != to
+    {
+        // The same model in two formats has other coordinates only because their units or axes differ.
+        from.convert(&mut candidate.mesh, to);
+        let text = "its unit or axes differ from those of the reference: converted to them";
+        candidate.warnings.push(Warning::note(text));
+    }
     bar.stage(lodsmith::Stage::Measure);
     let mut options = CompareOptions::default();
     options.samples = args.samples;

@@ -60,7 +60,7 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         let limit = options.stop.error.take();
         constraints::of_mesh(&args.engine.how, &loaded, &mut options)?;
         let mut warnings = loaded.warnings;
-        if matches!(loaded.format, Format::Gltf | Format::Glb) && loaded.contents.meshes > 1 {
+        if loaded.format.is_scene() && loaded.contents.meshes > 1 {
             warnings.push(Warning::lost("the meshes of the scene become one: nodes are not kept"));
         }
         watch.prepare();

@@ -211,6 +211,21 @@ pub(super) fn path_of(uri: &str) -> Result<PathBuf, &'static str> {
     Ok(PathBuf::from(text))
 }
 
+/// Converts a URI to a path; `file:` is allowed before it.
+pub(crate) fn file_path_of_uri(uri: &str) -> Result<String, &'static str> {
+    // An absolute path keeps its slash; on Windows a drive letter follows it.
+    let plain = uri.strip_prefix("file://").unwrap_or(uri);
+    let drive = |path: &str| path.as_bytes().get(2) == Some(&b':');
+    let plain = plain.strip_prefix('/').filter(|_| drive(plain)).unwrap_or(plain);
+    if plain.contains("://") {
+        return Err("is an address, and only files are read");
+    }
+    let text = percent_decoded(plain).and_then(|b| String::from_utf8(b).ok());
+    // Some programs write paths as they are.
+    let text = text.unwrap_or_else(|| plain.to_owned()).replace('\\', "/");
+    if text.is_empty() || text.contains('\0') { Err("names no file") } else { Ok(text) }
+}
+
 fn percent_decoded(text: &str) -> Option<Vec<u8>> {
     let mut out = Vec::with_capacity(text.len());
     let mut bytes = text.bytes();

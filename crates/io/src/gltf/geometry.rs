@@ -1,6 +1,9 @@
 //! Merging of the primitives of all placed meshes into one mesh.
 
-use lodsmith_core::{MeshError, Positions, TriMesh};
+use std::collections::BTreeMap;
+
+use lodsmith_core::mesh::weld::{Weld, weld_mesh_by};
+use lodsmith_core::{MeshError, Positions, TriMesh, VertexId};
 use serde_json::Value;
 
 use super::accessors::{Accessor, Component};
@@ -22,6 +25,26 @@ pub(super) struct Gathered {
     /// Materials of its faces, as runs.
     pub(super) runs: Vec<Run>,
     pub(super) warnings: Vec<Warning>,
+    /// First vertex of each group of primitives, and its accessor of positions.
+    pub(super) bases: Vec<(usize, usize)>,
+}
+
+/// Joins the vertices that have the same vertex in the source, for the accessors of positions that have such
+/// vertices; their attributes stay apart as wedges.
+pub(super) fn with_source_vertices(
+    mesh: &TriMesh,
+    bases: &[(usize, usize)],
+    source_vertices: &BTreeMap<usize, Vec<u32>>,
+) -> TriMesh {
+    let mut representative: Vec<VertexId> = (0..mesh.vertex_count()).map(VertexId::new).collect();
+    for (base, accessor) in bases {
+        let Some(sources) = source_vertices.get(accessor) else { continue };
+        let mut first = vec![None; sources.iter().max().map_or(0, |&m| m as usize + 1)];
+        for (k, &source) in sources.iter().enumerate() {
+            representative[base + k] = *first[source as usize].get_or_insert(VertexId::new(base + k));
+        }
+    }
+    weld_mesh_by(mesh, &Weld::from_representatives(representative)).mesh
 }
 
 /// Merges all placed meshes into one.
@@ -60,8 +83,10 @@ pub(super) fn gather(
         has(|g| g.uvs.is_some()),
         has(|g| g.colors.is_some()),
     ]);
+    let mut bases = Vec::new();
     for (placement, groups) in placed() {
         for group in groups {
+            bases.push((out.positions.len(), group.positions));
             out.add(json, buffers, group, &placement.world_from_mesh, &mut told)?;
         }
     }
@@ -72,7 +97,7 @@ pub(super) fn gather(
     mesh.set_normals(out.normals)?;
     mesh.set_uvs(out.uvs)?;
     mesh.set_colors(out.colors)?;
-    Ok(Gathered { mesh, runs: out.runs, warnings: told.warnings() })
+    Ok(Gathered { mesh, runs: out.runs, warnings: told.warnings(), bases })
 }
 
 /// Irregularities that were found, for one warning each.

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 
 use super::accessors::Accessor;
 use super::buffers::{Buffers, path_of};
+use super::builder::BuiltScene;
 use super::container::{Document, list, list_mut, number, whole};
 use super::copies::{self, CopyPlace};
 use super::external_files::{external_uris, is_file};
@@ -96,6 +97,27 @@ impl Scene {
         document.check_version()?;
         document.check_extensions(true)?;
         let format = if document.is_glb { Format::Glb } else { Format::Gltf };
+        Self::of_document(document, bytes.len(), format, options)
+    }
+
+    /// Returns the scene that was made from another format, read from `size` bytes.
+    pub(crate) fn of_built(
+        mut built: BuiltScene,
+        size: usize,
+        options: &ReadOptions,
+    ) -> Result<Self, ReadError> {
+        let (format, warnings) = (built.format, std::mem::take(&mut built.warnings));
+        let mut scene = Self::of_document(built.document(), size, format, options)?;
+        scene.warnings.splice(0..0, warnings);
+        Ok(scene)
+    }
+
+    fn of_document(
+        document: Document<'_>,
+        file_bytes: usize,
+        format: Format,
+        options: &ReadOptions,
+    ) -> Result<Self, ReadError> {
         let mut buffers = Buffers::new(&document, options).load_all()?;
         let mut json = document.json;
         let unpacked = unpack::unpack(&mut json, &mut buffers, options.limits.max_bytes())?;
@@ -110,7 +132,7 @@ impl Scene {
         // docs/decisions/0022.)
         let held: u64 = buffers.iter().map(|b| b.len() as u64).sum();
         let geometry = held.saturating_sub(bytes_of_images(&json));
-        let need = (bytes.len() as u64).saturating_add(held).saturating_add(geometry.saturating_mul(11) / 4);
+        let need = (file_bytes as u64).saturating_add(held).saturating_add(geometry.saturating_mul(11) / 4);
         options.limits.check_memory("reading glTF", need)?;
 
         let placed = placements::placed(&json)?;
@@ -118,7 +140,7 @@ impl Scene {
         let size;
         let meshes = {
             let opened = Buffers::loaded(&json, &buffers, unpacked);
-            size = bytes.len().max(opened.total());
+            size = file_bytes.max(opened.total());
             let mut budget = Budget::new(size);
             let (mut meshes, mut ragged) = (Vec::new(), 0);
             for (i, mesh) in list(&json, "meshes").iter().enumerate() {

@@ -11,19 +11,23 @@ use serde_json::{Value, json};
 use super::container::emit;
 use crate::attributes::rounding_warning;
 use crate::error::Warning;
+use crate::frame::Frame;
 use crate::material::{ConvertedMaterial, ConvertedMaterials};
 
 /// glTF codes of component types and of view targets.
-const U8: u32 = 5121;
-const U16: u32 = 5123;
+pub(super) const U8: u32 = 5121;
+pub(super) const U16: u32 = 5123;
 const U32: u32 = 5125;
-const F32: u32 = 5126;
-const VERTEX_TARGET: u32 = 34962;
+pub(super) const F32: u32 = 5126;
+pub(super) const VERTEX_TARGET: u32 = 34962;
 const INDEX_TARGET: u32 = 34963;
+/// For data that is neither vertices nor indices.
+pub(super) const NO_TARGET: u32 = 0;
 
 pub(super) fn write(
     mesh: &TriMesh,
     mut looks: ConvertedMaterials,
+    frame: Frame,
     glb: bool,
     out: &mut dyn Write,
 ) -> io::Result<Vec<Warning>> {
@@ -81,7 +85,8 @@ pub(super) fn write(
         }
         primitives.push(primitive);
     }
-    file.finish(primitives, &looks, center, glb, out)?;
+    let node = node(frame, center);
+    file.finish(primitives, &looks, node, glb, out)?;
     Ok(warnings)
 }
 
@@ -140,6 +145,22 @@ fn material(look: &ConvertedMaterial) -> Value {
     material
 }
 
+/// Returns the node of a mesh with these coordinates, whose origin is at `center` of them.
+fn node(frame: Frame, center: Option<[f64; 3]>) -> Value {
+    let mut node = json!({ "mesh": 0 });
+    let scale = frame.unit.meters();
+    if let Some(center) = center {
+        node["translation"] = json!(frame.turned(center, Frame::GLTF).map(|x| x * scale));
+    }
+    if let Some(rotation) = frame.rotation_to_gltf() {
+        node["rotation"] = json!(rotation);
+    }
+    if scale != 1.0 {
+        node["scale"] = json!([scale, scale, scale]);
+    }
+    node
+}
+
 /// Returns the part of double positions that becomes the node's translation: the centre of their box, if it
 /// is far from the origin for the size of the box.
 fn center(mesh: &TriMesh) -> Option<[f64; 3]> {
@@ -156,40 +177,44 @@ fn center(mesh: &TriMesh) -> Option<[f64; 3]> {
 
 /// Buffer, views and accessors of a file. Each accessor has a view of its own.
 #[derive(Default)]
-struct GltfBuilder {
-    bytes: Vec<u8>,
-    views: Vec<Value>,
-    accessors: Vec<Value>,
+pub(super) struct GltfBuilder {
+    pub(super) bytes: Vec<u8>,
+    pub(super) views: Vec<Value>,
+    pub(super) accessors: Vec<Value>,
     /// Start of the view that is being filled.
     start: usize,
 }
 
 impl GltfBuilder {
     /// Begins an accessor.
-    fn begin(&mut self, component: u32, kind: &str, count: usize, target: u32) {
+    pub(super) fn begin(&mut self, component: u32, kind: &str, count: usize, target: u32) {
         self.start = self.bytes.len();
-        self.views.push(json!({ "buffer": 0, "byteOffset": self.start, "target": target }));
+        let mut view = json!({ "buffer": 0, "byteOffset": self.start });
+        if target != NO_TARGET {
+            view["target"] = target.into();
+        }
+        self.views.push(view);
         self.accessors.push(json!({
             "bufferView": self.views.len() - 1, "componentType": component, "count": count, "type": kind,
         }));
     }
 
     /// Ends the accessor; returns its index.
-    fn end(&mut self) -> usize {
+    pub(super) fn end(&mut self) -> usize {
         let last = self.views.len() - 1;
         self.views[last]["byteLength"] = (self.bytes.len() - self.start).into();
         while !self.bytes.len().is_multiple_of(4) {
             self.bytes.push(0);
         }
-        last
+        self.accessors.len() - 1
     }
 
     #[inline]
-    fn floats(&mut self, numbers: &[f32]) {
+    pub(super) fn floats(&mut self, numbers: &[f32]) {
         numbers.iter().for_each(|x| self.bytes.extend_from_slice(&x.to_le_bytes()));
     }
 
-    fn positions(&mut self, positions: &[[f32; 3]]) -> usize {
+    pub(super) fn positions(&mut self, positions: &[[f32; 3]]) -> usize {
         self.begin(F32, "VEC3", positions.len(), VERTEX_TARGET);
         let (mut min, mut max) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         for p in positions {
@@ -207,7 +232,7 @@ impl GltfBuilder {
         index
     }
 
-    fn normals(&mut self, normals: &[[f32; 3]], warnings: &mut Vec<Warning>) -> usize {
+    pub(super) fn normals(&mut self, normals: &[[f32; 3]], warnings: &mut Vec<Warning>) -> usize {
         self.begin(F32, "VEC3", normals.len(), VERTEX_TARGET);
         let mut replaced = 0usize;
         for &n in normals {
@@ -229,7 +254,7 @@ impl GltfBuilder {
         self.end()
     }
 
-    fn colors(&mut self, colors: &[[f32; 4]]) -> usize {
+    pub(super) fn colors(&mut self, colors: &[[f32; 4]]) -> usize {
         let as_byte =
             |x: f32| Some((x * 255.0).round()).filter(|b| (0.0..=255.0).contains(b) && b / 255.0 == x);
         if colors.iter().flatten().all(|&x| as_byte(x).is_some()) {
@@ -244,7 +269,7 @@ impl GltfBuilder {
         self.end()
     }
 
-    fn indices(&mut self, triangles: &[[u32; 3]], vertices: usize) -> usize {
+    pub(super) fn indices(&mut self, triangles: &[[u32; 3]], vertices: usize) -> usize {
         // The largest value of a type is not allowed as an index.
         let small = vertices <= usize::from(u16::MAX);
         self.begin(if small { U16 } else { U32 }, "SCALAR", triangles.len() * 3, INDEX_TARGET);
@@ -259,26 +284,27 @@ impl GltfBuilder {
         self.end()
     }
 
+    /// Adds the bytes of an image; returns the index of their view.
+    pub(super) fn image(&mut self, bytes: &[u8]) -> usize {
+        let start = self.bytes.len();
+        self.bytes.extend_from_slice(bytes);
+        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+        self.views.push(json!({ "buffer": 0, "byteOffset": start, "byteLength": bytes.len() }));
+        self.views.len() - 1
+    }
+
     fn finish(
         mut self,
         primitives: Vec<Value>,
         looks: &ConvertedMaterials,
-        center: Option<[f64; 3]>,
+        node: Value,
         glb: bool,
         out: &mut dyn Write,
     ) -> io::Result<()> {
-        let mut node = json!({ "mesh": 0 });
-        if let Some(center) = center {
-            node["translation"] = json!(center);
-        }
         let mut images = Vec::new();
         for image in &looks.images {
-            let start = self.bytes.len();
-            self.bytes.extend_from_slice(&image.bytes);
-            self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
-            images
-                .push(json!({ "name": image.name, "mimeType": image.kind, "bufferView": self.views.len() }));
-            self.views.push(json!({ "buffer": 0, "byteOffset": start, "byteLength": image.bytes.len() }));
+            let view = self.image(&image.bytes);
+            images.push(json!({ "name": image.name, "mimeType": image.kind, "bufferView": view }));
         }
         let mut buffer = json!({ "byteLength": self.bytes.len() });
         if !glb {

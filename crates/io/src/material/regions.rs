@@ -9,6 +9,8 @@ use std::sync::Arc;
 
 use lodsmith_core::{RegionId, TriMesh};
 
+use crate::frame::Frame;
+
 use super::library::{Library, lines_of, material_in, texture_in, unquoted, with_slashes};
 
 /// No name: there is no such line above.
@@ -74,6 +76,8 @@ pub struct Regions {
     /// The names of all materials that the file uses, by their indices.
     pub(crate) materials: Vec<u32>,
     pub(crate) libraries: Vec<Library>,
+    /// The coordinates of the mesh, for formats that define them.
+    pub(crate) frame: Option<Frame>,
 }
 
 impl Regions {
@@ -83,7 +87,7 @@ impl Regions {
         let number = |name: &Option<String>| name.as_ref().map_or(NONE, |n| all.number_of(n.as_bytes()));
         let entries: Vec<_> = names.iter().map(number).map(|n| [NONE, NONE, n, NONE]).collect();
         let materials = (0..all.texts.len() as u32).collect();
-        Self { names: all.texts, entries, materials, libraries: vec![library] }
+        Self { names: all.texts, entries, materials, libraries: vec![library], frame: None }
     }
 
     /// Creates regions with these names and without libraries, so that their materials are unknown.
@@ -100,7 +104,19 @@ impl Regions {
             }
             entries.push(entry);
         }
-        Self { names: all.texts, entries, materials, libraries: Vec::new() }
+        Self { names: all.texts, entries, materials, libraries: Vec::new(), frame: None }
+    }
+
+    /// Returns the same regions of a mesh in these coordinates, which formats that have a unit and axes store; without
+    /// them, its numbers are written as they are.
+    #[must_use]
+    pub fn with_frame(mut self, frame: Frame) -> Self {
+        self.frame = Some(frame);
+        self
+    }
+    /// The coordinates of the mesh; `None` if its format does not define them.
+    pub fn frame(&self) -> Option<Frame> {
+        self.frame
     }
 
     /// Number of regions; 0 if the file has no such lines.
@@ -288,6 +304,7 @@ impl Headings {
             entries: Vec::new(),
             materials: self.materials.all,
             libraries: self.libraries.into_iter().map(Library::named).collect(),
+            frame: None,
         };
         if self.changes.is_empty() {
             return (regions, None);

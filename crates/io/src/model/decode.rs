@@ -82,6 +82,14 @@ impl ImageQueue {
     }
 }
 
+/// Decodes an image within the limits.
+///
+/// # Errors
+/// The end of a sentence that begins with its name.
+pub(crate) fn decode_image(encoded: EncodedImage<'_>, limits: Limits) -> Result<Image, String> {
+    check_image(encoded, &mut limits.pixels.min(limits.memory / 8)).and_then(CheckedImage::decode)
+}
+
 /// Returns the first few texts as warnings, and a count of the others.
 fn summarize_warnings(mut texts: Vec<String>) -> Vec<Warning> {
     // A longer list would not help. Guessed.

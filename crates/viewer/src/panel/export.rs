@@ -35,12 +35,13 @@ pub enum ExportDialogState {
     Write(Export),
 }
 
-const FORMATS: [(Format, &str); 6] = [
+const FORMATS: [(Format, &str); 7] = [
     (Format::Glb, "GLB (single-file glTF)"),
     (Format::Gltf, "glTF (text)"),
     (Format::Obj, "OBJ with materials"),
     (Format::Ply, "PLY"),
     (Format::Stl, "STL"),
+    (Format::ThreeMf, "3MF"),
     (Format::Off, "OFF"),
 ];
 
@@ -52,7 +53,11 @@ impl ExportForm {
     pub fn new(original: &Path, format: Format) -> Self {
         let stem = original.file_stem().map_or("model".into(), |s| s.to_string_lossy());
         // The shown model is a single level, so it cannot be written as a progressive mesh.
-        let format = if Format::WRITTEN.contains(&format) { format } else { Format::Ply };
+        let format = match format {
+            format if Format::WRITTEN.contains(&format) => format,
+            format if format.is_scene() => Format::Glb,
+            _ => Format::Ply,
+        };
         let folder = original.parent().unwrap_or(Path::new(""));
         Self {
             path: folder.join(format!("{stem}_low.{}", format.name())).display().to_string(),

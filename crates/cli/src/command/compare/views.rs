@@ -84,10 +84,10 @@ pub(super) fn compare_views(
 }
 
 /// Returns the model to render. A scene file is read again for its materials; of standard input the mesh is
-/// used.
+/// used, and of 3MF too, which has other coordinates as a scene.
 fn model(source: &Source, loaded: &Loaded, reading: &Reading) -> anyhow::Result<Model> {
     match source {
-        Source::Path(path) if matches!(loaded.format, Format::Gltf | Format::Glb) => {
+        Source::Path(path) if loaded.format.is_scene() && loaded.format != Format::ThreeMf => {
             let mut options = reading.options();
             options.format = Some(loaded.format);
             Ok(read_model_path(path, &options).with_context(|| format!("{source}"))?.model)

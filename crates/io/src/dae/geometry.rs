@@ -1,0 +1,290 @@
+//! Geometries: sources of numbers, and polygons whose corners refer to them.
+
+use std::collections::HashMap;
+
+use lodsmith_core::polygon::Triangulator;
+
+use super::document::{DaeElement, Ids, child, children, descend, error, numbers, whole_numbers};
+use crate::corners::{COLOR, Corner, CornerMesh, FIRST_UV, KINDS, MAX_UV_SETS, NONE, NORMAL, POSITION};
+use crate::error::{ReadError, Warning};
+use crate::gltf::SceneBuilder;
+
+/// A geometry. Its primitives have the symbols of materials.
+pub(super) type Geometry = CornerMesh<Option<String>>;
+
+/// The values of all sources of each kind.
+#[derive(Default)]
+struct Pools {
+    values: [Vec<[f32; 4]>; KINDS],
+    /// The first value of a source and their number, by its id and kind.
+    starts: HashMap<(String, usize), (u32, u32)>,
+}
+
+/// An input of a primitive: the place of its index in a corner, its kind, and the range of its source.
+struct CornerInput {
+    offset: usize,
+    kind: usize,
+    start: u32,
+    count: u32,
+}
+
+/// Reads the triangles and polygons of a geometry.
+pub(super) fn read<'a>(
+    ids: &Ids<'a>,
+    element: DaeElement<'a>,
+    scene: &mut SceneBuilder,
+) -> Result<Geometry, ReadError> {
+    let name = element.attribute("name").or(element.attribute("id")).unwrap_or_default().to_owned();
+    let mut geometry = Geometry { name, ..Geometry::default() };
+    let mut pools = Pools::default();
+    for kind in ["convex_mesh", "spline", "brep"] {
+        if child(element, kind).is_some() {
+            scene.warn(Warning::lost(format!("geometries of the kind `{kind}` are not read: dropped")));
+        }
+    }
+    let Some(mesh) = child(element, "mesh") else { return Ok(geometry) };
+    for primitive in mesh.children().filter(|c| c.is_element()) {
+        match primitive.tag_name().name() {
+            tag @ ("triangles" | "polylist" | "polygons" | "trifans" | "tristrips") => {
+                let inputs = inputs(ids, primitive, &mut pools, scene)?;
+                let polygons = polygons(primitive, tag, &inputs, scene)?;
+                let triangles = triangulated(primitive, &polygons, &pools)?;
+                let symbol = primitive.attribute("material").map(str::to_owned);
+                geometry.primitives.push((symbol, triangles));
+            }
+            "lines" | "linestrips" => {
+                scene.warn(Warning::lost("lines are not read: dropped"));
+            }
+            _ => {}
+        }
+    }
+    geometry.values = pools.values;
+    Ok(geometry)
+}
+
+/// Returns the inputs of a primitive whose values are read; those of its vertices have the same offset.
+fn inputs<'a>(
+    ids: &Ids<'a>,
+    primitive: DaeElement<'a>,
+    values: &mut Pools,
+    scene: &mut SceneBuilder,
+) -> Result<Vec<CornerInput>, ReadError> {
+    let mut all = Vec::new();
+    let mut uv_sets: Vec<u32> = Vec::new();
+    let mut found: Vec<(DaeElement<'a>, usize)> = Vec::new();
+    for input in children(primitive, "input") {
+        let offset = input.attribute("offset").map_or(Some(0), |o| o.trim().parse::<usize>().ok());
+        // Guessed: no file has more.
+        let offset =
+            offset.filter(|&o| o < 256).ok_or_else(|| error(input, "the offset is not a small number"))?;
+        if input.attribute("semantic") == Some("VERTEX") {
+            let vertices = ids.target(input, "source", "vertices")?;
+            found.extend(children(vertices, "input").map(|i| (i, offset)));
+        } else {
+            found.push((input, offset));
+        }
+    }
+    for (input, offset) in found {
+        let kind = match input.attribute("semantic").unwrap_or_default() {
+            "POSITION" => POSITION,
+            "NORMAL" => NORMAL,
+            "COLOR" => COLOR,
+            "TEXCOORD" | "UV" => {
+                let set = input.attribute("set").and_then(|s| s.trim().parse().ok()).unwrap_or(0);
+                let at = uv_sets.iter().position(|&s| s == set).unwrap_or_else(|| {
+                    uv_sets.push(set);
+                    uv_sets.len() - 1
+                });
+                if at >= MAX_UV_SETS {
+                    let text = format!("texture coordinates beyond {MAX_UV_SETS} sets are not read: dropped");
+                    scene.warn(Warning::lost(text));
+                    all.push(CornerInput { offset, kind: KINDS, start: 0, count: NONE });
+                    continue;
+                }
+                FIRST_UV + at
+            }
+            // Tangents are computed again by those who need them.
+            _ => {
+                all.push(CornerInput { offset, kind: KINDS, start: 0, count: NONE });
+                continue;
+            }
+        };
+        if all.iter().any(|i: &CornerInput| i.kind == kind) {
+            continue;
+        }
+        let (start, count) = values.source(ids, input, kind)?;
+        all.push(CornerInput { offset, kind, start, count });
+    }
+    if !all.iter().any(|i| i.kind == POSITION) {
+        return Err(error(primitive, "it has no input of positions"));
+    }
+    Ok(all)
+}
+
+impl Pools {
+    /// Adds the values that an input refers to; returns the first and their number.
+    fn source<'a>(
+        &mut self,
+        ids: &Ids<'a>,
+        input: DaeElement<'a>,
+        kind: usize,
+    ) -> Result<(u32, u32), ReadError> {
+        let source = ids.target(input, "source", "source")?;
+        let key = (source.attribute("id").unwrap_or_default().to_owned(), kind);
+        if let Some(&known) = self.starts.get(&key) {
+            return Ok(known);
+        }
+        let accessor = descend(source, &["technique_common", "accessor"])
+            .ok_or_else(|| error(source, "it has no accessor"))?;
+        let array = ids.target(accessor, "source", "float_array")?;
+        let numbers = numbers(array)?;
+        let attribute = |name: &str, default: usize| match accessor.attribute(name) {
+            None => Ok(default),
+            Some(text) => {
+                text.trim().parse().map_err(|_| error(accessor, format!("the {name} is not a number")))
+            }
+        };
+        let (count, stride, offset) =
+            (attribute("count", 0)?, attribute("stride", 1)?, attribute("offset", 0)?);
+        // Params without a name are skipped.
+        let named: Vec<usize> = children(accessor, "param")
+            .enumerate()
+            .filter(|(_, p)| p.attribute("name").is_some_and(|n| !n.is_empty()))
+            .map(|(at, _)| at)
+            .collect();
+        let wanted = if kind >= FIRST_UV { 2 } else { 3 };
+        let places: Vec<usize> = if named.len() >= wanted {
+            named.into_iter().take(4).collect()
+        } else {
+            (0..stride.min(4)).collect()
+        };
+        if places.len() < wanted || places.iter().any(|&p| p >= stride) {
+            return Err(error(accessor, format!("its values have fewer than {wanted} numbers")));
+        }
+        let end = count.checked_sub(1).map_or(Some(0), |last| {
+            last.checked_mul(stride)?.checked_add(offset)?.checked_add(places.iter().max()? + 1)
+        });
+        if end.is_none_or(|end| end > numbers.len()) {
+            let have = numbers.len();
+            return Err(error(
+                accessor,
+                format!("its {count} values reach beyond the {have} numbers of the array"),
+            ));
+        }
+        let pool = &mut self.values[kind];
+        let start = u32::try_from(pool.len()).ok().filter(|s| s.checked_add(count as u32).is_some());
+        let start = start.ok_or_else(|| error(source, "there are too many values"))?;
+        for at in 0..count {
+            let mut value = [0.0, 0.0, 0.0, 1.0];
+            for (k, place) in places.iter().enumerate() {
+                value[k] = numbers[offset + at * stride + place] as f32;
+            }
+            pool.push(value);
+        }
+        self.starts.insert(key, (start, count as u32));
+        Ok((start, count as u32))
+    }
+}
+
+/// Returns the corners of the polygons of a primitive.
+fn polygons(
+    primitive: DaeElement<'_>,
+    tag: &str,
+    inputs: &[CornerInput],
+    scene: &mut SceneBuilder,
+) -> Result<Vec<Vec<Corner>>, ReadError> {
+    let stride = inputs.iter().map(|i| i.offset + 1).max().unwrap_or(1);
+    let corners = |element: DaeElement<'_>| -> Result<Vec<Corner>, ReadError> {
+        let indices = whole_numbers(element)?;
+        indices.chunks_exact(stride).map(|corner| resolved(element, corner, inputs)).collect()
+    };
+    let mut polygons = Vec::new();
+    match tag {
+        "triangles" => {
+            for p in children(primitive, "p") {
+                polygons.extend(corners(p)?.chunks_exact(3).map(<[Corner]>::to_vec));
+            }
+        }
+        "polylist" => {
+            let counts = child(primitive, "vcount").map(whole_numbers).transpose()?.unwrap_or_default();
+            let all = child(primitive, "p").map(corners).transpose()?.unwrap_or_default();
+            let mut rest = all.as_slice();
+            for count in counts {
+                let Some((polygon, more)) = rest.split_at_checked(count as usize) else {
+                    return Err(error(primitive, "vcount asks for more corners than p has"));
+                };
+                polygons.push(polygon.to_vec());
+                rest = more;
+            }
+        }
+        "polygons" => {
+            for element in primitive.children().filter(|c| c.is_element()) {
+                match element.tag_name().name() {
+                    "p" => polygons.push(corners(element)?),
+                    "ph" => {
+                        scene.warn(Warning::lost("holes of polygons are not read: they are closed"));
+                        polygons.extend(child(element, "p").map(corners).transpose()?);
+                    }
+                    _ => {}
+                }
+            }
+        }
+        "trifans" => {
+            for p in children(primitive, "p") {
+                let all = corners(p)?;
+                polygons.extend((2..all.len()).map(|i| vec![all[0], all[i - 1], all[i]]));
+            }
+        }
+        _ => {
+            for p in children(primitive, "p") {
+                let all = corners(p)?;
+                let strip = |i: usize| {
+                    if i.is_multiple_of(2) {
+                        vec![all[i], all[i + 1], all[i + 2]]
+                    } else {
+                        vec![all[i + 1], all[i], all[i + 2]]
+                    }
+                };
+                polygons.extend((0..all.len().saturating_sub(2)).map(strip));
+            }
+        }
+    }
+    Ok(polygons)
+}
+
+fn resolved(element: DaeElement<'_>, indices: &[u32], inputs: &[CornerInput]) -> Result<Corner, ReadError> {
+    let mut corner = [NONE; KINDS];
+    for input in inputs.iter().filter(|i| i.kind < KINDS) {
+        let index = indices[input.offset];
+        if index >= input.count {
+            return Err(error(
+                element,
+                format!("the index {index} is beyond the {} values of its source", input.count),
+            ));
+        }
+        corner[input.kind] = input.start + index;
+    }
+    Ok(corner)
+}
+
+fn triangulated(
+    primitive: DaeElement<'_>,
+    polygons: &[Vec<Corner>],
+    values: &Pools,
+) -> Result<Vec<[Corner; 3]>, ReadError> {
+    let (mut all, mut triangles) = (Vec::new(), Vec::new());
+    let mut triangulator = Triangulator::default();
+    for polygon in polygons {
+        if u32::try_from(polygon.len()).is_err() {
+            return Err(error(primitive, "a polygon has too many corners"));
+        }
+        let point = |corner: &Corner| {
+            let [x, y, z, _] = values.values[POSITION][corner[POSITION] as usize];
+            [x, y, z].map(f64::from)
+        };
+        let points: Vec<[f64; 3]> = polygon.iter().map(point).collect();
+        triangulator.triangulate(&points, &mut triangles);
+        all.extend(triangles.iter().map(|t| t.map(|i| polygon[i as usize])));
+    }
+    Ok(all)
+}

@@ -1,0 +1,50 @@
+//! Reader and writer of 3MF: a ZIP archive with models as XML, textures and relations between them.
+//!
+//! A file becomes a glTF scene in memory ([`scene`]), which all commands read like any other. A mesh that is
+//! merged from it keeps the coordinates of the file: its unit, and z up.
+//!
+//! Source: 3MF Consortium, "3MF Core Specification" 1.3, "Materials and Properties Extension" 1.2, "Production
+//! Extension" 1.1.
+
+mod build;
+mod model;
+mod package;
+mod resources;
+mod write;
+
+use std::io::{self, Write};
+
+use lodsmith_core::TriMesh;
+
+use crate::error::{ReadError, Warning};
+use crate::gltf::{BuiltScene, read_built};
+use crate::loaded::Loaded;
+use crate::options::{ReadOptions, WriteOptions};
+
+/// Reads a 3MF file as one mesh: all items of the build, in the coordinates of the file (its unit, z up).
+///
+/// # Errors
+/// [`ReadError::Malformed`] with the part, the line and the element; [`ReadError::Unsupported`] for a required
+/// extension that is not known; [`ReadError::Limit`], [`ReadError::Ratio`] and [`ReadError::Memory`] beyond
+/// the limits.
+pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
+    let (built, frame) = build::build(bytes, options, build::Coordinates::File)?;
+    let mut loaded = read_built(built, bytes.len(), options)?;
+    loaded.regions = loaded.regions.with_frame(frame);
+    Ok(loaded)
+}
+
+/// Returns a 3MF file as a scene, in metres and y up as glTF has it.
+pub(crate) fn scene(bytes: &[u8], options: &ReadOptions) -> Result<BuiltScene, ReadError> {
+    Ok(build::build(bytes, options, build::Coordinates::Gltf)?.0)
+}
+
+/// Writes a mesh as 3MF: one object, with colours of vertices, materials and textures.
+///
+/// The unit is that of [`WriteOptions::regions`], else the millimetre. Returns warnings about what 3MF cannot hold.
+///
+/// # Errors
+/// I/O errors of the stream.
+pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
+    write::write(mesh, options, out)
+}

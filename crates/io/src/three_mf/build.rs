@@ -1,0 +1,514 @@
+//! From the parts of a file to a scene.
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+use std::sync::Arc;
+
+use glam::{DMat4, DVec3};
+use serde_json::{Value, json};
+
+use super::model::parse;
+use super::package::{Package, name_of};
+use super::resources::{Group, Object, Part, PlacedObject};
+use crate::error::{ReadError, Warning};
+use crate::excerpt::excerpt;
+use crate::format::Format;
+use crate::frame::Frame;
+use crate::gltf::{BuiltScene, MeshParts, SceneBuilder, linear_of_srgb, matrix_of_node};
+use crate::lines::utf8_of;
+use crate::material::image_type;
+use crate::options::ReadOptions;
+
+/// The coordinates of the result.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Coordinates {
+    /// Those of the file.
+    File,
+    /// Metres, y up: nodes of the scene convert them.
+    Gltf,
+}
+
+/// Limits on the nodes that components become: each may place any other several times. Guessed: more than any file has,
+/// and within memory.
+const ALWAYS_ALLOWED_NODES: usize = 1 << 16;
+const MAX_NODES: usize = 1 << 21;
+const MAX_DEPTH: usize = 256;
+/// Number of bytes of XML for each further node.
+const BYTES_PER_NODE: usize = 16;
+
+/// Numbers of parts by their names.
+type PartNumbers = HashMap<String, usize>;
+
+/// A part and the number of an object, a group or a texture in it.
+type Id = (usize, u32);
+
+/// Reads a file; returns its scene, and the coordinates of the file.
+pub(super) fn build(
+    bytes: &[u8],
+    options: &ReadOptions,
+    coordinates: Coordinates,
+) -> Result<(BuiltScene, Frame), ReadError> {
+    let mut package = Package::open(bytes, options.limits)?;
+    let (parts, paths) = read_parts(&mut package)?;
+    // The parsed meshes, and those of the scene with their wedges, beside the XML.
+    let unpacked = package.unpacked;
+    options
+        .limits
+        .check_memory("reading 3MF", unpacked.saturating_mul(3).saturating_add(bytes.len() as u64))?;
+    let nodes = ALWAYS_ALLOWED_NODES.saturating_add(unpacked as usize / BYTES_PER_NODE).min(MAX_NODES);
+    let mut builder = ThreeMfScene {
+        scene: SceneBuilder::new(Format::ThreeMf),
+        package,
+        parts,
+        paths,
+        meshes: HashMap::new(),
+        materials: HashMap::new(),
+        textures: HashMap::new(),
+        open: Vec::new(),
+        nodes,
+    };
+    let frame = Frame::new(builder.parts[0].unit(), true);
+    let roots = builder.roots(coordinates)?;
+    builder.warn();
+    Ok((builder.scene.finish(&roots), frame))
+}
+
+/// Reads the first model, and the other parts that it refers to.
+fn read_parts(package: &mut Package<'_>) -> Result<(Vec<Arc<Part>>, PartNumbers), ReadError> {
+    let first = package.first_model()?;
+    let (mut parts, mut paths, mut open) = (Vec::new(), HashMap::new(), vec![first]);
+    while let Some(path) = open.pop() {
+        let path = name_of(&path);
+        if paths.contains_key(&path) {
+            continue;
+        }
+        let Some(bytes) = package.part(&path)? else {
+            return Err(ReadError::element(excerpt(&path), "the ZIP archive has no such part"));
+        };
+        let part = parse(&path, &utf8_of(&bytes))?;
+        let components = part.objects.values().flat_map(|o| &o.components).chain(&part.items);
+        open.extend(components.filter_map(|c| c.path.clone()));
+        paths.insert(path, parts.len());
+        parts.push(Arc::new(part));
+    }
+    Ok((parts, paths))
+}
+
+struct ThreeMfScene<'a> {
+    scene: SceneBuilder,
+    package: Package<'a>,
+    /// The parts; the first one has the build.
+    parts: Vec<Arc<Part>>,
+    paths: HashMap<String, usize>,
+    /// Meshes of objects; `None` for those without triangles.
+    meshes: HashMap<Id, Option<usize>>,
+    /// Materials by group, and by entry for those that have one for each.
+    materials: HashMap<(Id, Option<u32>), Option<usize>>,
+    textures: HashMap<Id, Option<usize>>,
+    /// The objects that contain the one that is being placed.
+    open: Vec<Id>,
+    /// Number of nodes that may still be made.
+    nodes: usize,
+}
+
+impl ThreeMfScene<'_> {
+    fn roots(&mut self, coordinates: Coordinates) -> Result<Vec<usize>, ReadError> {
+        let first = self.parts[0].clone();
+        let mut roots = Vec::new();
+        for item in &first.items {
+            roots.push(self.place(0, item)?);
+        }
+        if first.items.is_empty() {
+            let used: HashSet<u32> =
+                first.objects.values().flat_map(|o| &o.components).map(|c| c.object).collect();
+            for &object in first.objects.keys().filter(|id| !used.contains(id)) {
+                roots.push(self.place(0, &PlacedObject { path: None, object, transform: None })?);
+            }
+            if !roots.is_empty() {
+                self.scene.warn(Warning::note("the build has no items: all objects are placed"));
+            }
+        }
+        if coordinates == Coordinates::File || roots.is_empty() {
+            return Ok(roots);
+        }
+        for (name, value) in first.metadata.iter().filter(|(_, value)| !value.is_empty()) {
+            self.scene.set_extra(name, value);
+        }
+        let frame = Frame::new(first.unit(), true);
+        let root = json!({
+            "name": "3MF build",
+            "rotation": frame.rotation_to_gltf(),
+            "scale": ([frame.unit.meters(); 3]),
+            "children": roots,
+        });
+        Ok(vec![self.scene.add("nodes", root)])
+    }
+
+    /// Adds a node for an object at a place, with all below it; returns its index.
+    fn place(&mut self, from: usize, place: &PlacedObject) -> Result<usize, ReadError> {
+        let part = match &place.path {
+            Some(path) => self.paths.get(&name_of(path)).copied().unwrap_or(from),
+            None => from,
+        };
+        let (id, owner) = ((part, place.object), self.parts[part].clone());
+        let name = || format!("object {}", place.object);
+        let Some(object) = owner.objects.get(&place.object) else {
+            return Err(ReadError::element(name(), "it is placed, but not in the file"));
+        };
+        if self.open.contains(&id) {
+            return Err(ReadError::element(name(), "it contains itself"));
+        }
+        if self.open.len() >= MAX_DEPTH {
+            return Err(ReadError::element(
+                name(),
+                format!("components are nested more than {MAX_DEPTH} deep"),
+            ));
+        }
+        if self.nodes == 0 {
+            return Err(ReadError::element(
+                name(),
+                "components place more objects than a file of this size may",
+            ));
+        }
+        self.nodes -= 1;
+        let mut node = json!({});
+        if !object.name.is_empty() {
+            node["name"] = object.name.as_str().into();
+        }
+        // Another part may have another unit.
+        let scale = owner.unit().meters() / self.parts[from].unit().meters();
+        if let Some(matrix) = matrix_of_node(matrix(place, scale), &mut self.scene) {
+            node["matrix"] = matrix;
+        }
+        if let Some(mesh) = self.mesh(id, object)? {
+            node["mesh"] = mesh.into();
+        }
+        let node = self.scene.add("nodes", node);
+        self.open.push(id);
+        let mut children = Vec::new();
+        for component in &object.components {
+            children.push(self.place(part, component)?);
+        }
+        self.open.pop();
+        if !children.is_empty() {
+            self.scene.entry("nodes", node)["children"] = children.into();
+        }
+        Ok(node)
+    }
+
+    /// Returns the mesh of an object; `None` if it has no triangles.
+    fn mesh(&mut self, id: Id, object: &Object) -> Result<Option<usize>, ReadError> {
+        if let Some(&known) = self.meshes.get(&id) {
+            return Ok(known);
+        }
+        let count = object.vertices.len();
+        if let Some(at) = object.triangles.iter().position(|t| t.iter().any(|&v| v as usize >= count)) {
+            let element = format!("object {}, triangle {at}", id.1);
+            return Err(ReadError::element(
+                element,
+                format!("it names a vertex beyond the {count} of the object"),
+            ));
+        }
+        let mut parts = MeshParts { name: object.name.clone(), ..MeshParts::default() };
+        let resolved = self.resolve(id, object)?;
+        if resolved.looks.iter().all(|look| matches!(look, Look::Plain(_))) {
+            parts.positions.clone_from(&object.vertices);
+            let materials = resolved.of_triangle.iter().map(|&look| resolved.looks[look].material());
+            parts.primitives = by_material(materials, &object.triangles);
+        } else {
+            split(object, &resolved, &mut parts);
+        }
+        let mesh = self.scene.mesh(parts);
+        self.meshes.insert(id, mesh);
+        Ok(mesh)
+    }
+
+    /// Finds the properties of the triangles of an object.
+    fn resolve(&mut self, (part, number): Id, object: &Object) -> Result<Resolved, ReadError> {
+        let owner = self.parts[part].clone();
+        let (mut known, mut resolved) = (HashMap::new(), Resolved::default());
+        for at in 0..object.triangles.len() {
+            let own = object.properties.get(at).and_then(|p| Some((p.group?, p.corners)));
+            let property = own.or(object.property.map(|(group, entry)| (group, [entry; 3])));
+            let key = property.map(|(group, corners)| {
+                // Only materials have one look for each entry.
+                let is_material = matches!(owner.groups.get(&group), Some(Group::Materials(..)));
+                (group, is_material.then_some(corners[0]), self.layer(&owner, group))
+            });
+            let look = match known.get(&key) {
+                Some(&look) => look,
+                None => {
+                    let element = || format!("object {number}, triangle {at}");
+                    let look = match key {
+                        None => Look::Plain(None),
+                        Some((group, entry, layer)) => {
+                            self.look(part, group, layer, entry.unwrap_or(0), &element())?
+                        }
+                    };
+                    resolved.looks.push(look);
+                    known.insert(key, resolved.looks.len() - 1);
+                    resolved.looks.len() - 1
+                }
+            };
+            resolved.of_triangle.push(look);
+            resolved.corners.push(property.map_or([0; 3], |(_, corners)| corners));
+        }
+        Ok(resolved)
+    }
+
+    /// Returns the layer of several properties that is shown: a texture, else colours, else the first.
+    fn layer(&self, part: &Part, group: u32) -> Option<usize> {
+        let Some(Group::Several(groups, _)) = part.groups.get(&group) else { return None };
+        let find = |is: fn(&Group) -> bool| groups.iter().position(|g| part.groups.get(g).is_some_and(is));
+        let textured = find(|g| matches!(g, Group::Coordinates(..)));
+        Some(textured.or_else(|| find(|g| matches!(g, Group::Colors(_)))).unwrap_or(0))
+    }
+
+    fn look(
+        &mut self,
+        part: usize,
+        group: u32,
+        layer: Option<usize>,
+        entry: u32,
+        element: &str,
+    ) -> Result<Look, ReadError> {
+        let owner = self.parts[part].clone();
+        let mut shown = group;
+        let mut indices = None;
+        if let (Some(layer), Some(Group::Several(groups, entries))) = (layer, owner.groups.get(&group)) {
+            self.scene.warn(Warning::lost(
+                "triangles with several properties: one is kept, the others are dropped",
+            ));
+            shown = groups.get(layer).copied().unwrap_or(u32::MAX);
+            indices = Some(entries.iter().map(|e| e.get(layer).copied().unwrap_or(0)).collect::<Vec<u32>>());
+        }
+        match owner.groups.get(&shown) {
+            Some(Group::Materials(..)) => {
+                let entry = indices.and_then(|i| i.first().copied()).unwrap_or(entry);
+                Ok(Look::Plain(self.base_material((part, shown), entry)))
+            }
+            Some(Group::Colors(colors)) => {
+                let material = self.color_material((part, shown), colors);
+                let linear =
+                    |c: &[f32; 4]| [linear_of_srgb(c[0]), linear_of_srgb(c[1]), linear_of_srgb(c[2]), c[3]];
+                Ok(Look::Colors(material, picked(&colors.iter().map(linear).collect::<Vec<_>>(), indices)))
+            }
+            Some(Group::Coordinates(texture, uvs)) => {
+                let material = self.texture_material((part, shown), *texture)?;
+                let flipped: Vec<[f32; 2]> = uvs.iter().map(|&[u, v]| [u, 1.0 - v]).collect();
+                Ok(Look::Texture(material, picked(&flipped, indices)))
+            }
+            Some(Group::Several(..)) => Err(ReadError::element(
+                element,
+                format!("the property group {group} contains another of its kind"),
+            )),
+            None => {
+                let text = "some triangles name properties that are not in the file or not read: dropped";
+                self.scene.warn(Warning::lost(text));
+                Ok(Look::Plain(None))
+            }
+        }
+    }
+
+    fn base_material(&mut self, group: Id, entry: u32) -> Option<usize> {
+        if let Some(&known) = self.materials.get(&(group, Some(entry))) {
+            return known;
+        }
+        let owner = self.parts[group.0].clone();
+        let Some(Group::Materials(all, display)) = owner.groups.get(&group.1) else { return None };
+        let material = all.get(entry as usize).map(|(name, color)| {
+            let metallic = display.and_then(|d| owner.metallic.get(&d)?.get(entry as usize));
+            let [metalness, roughness] = metallic.copied().unwrap_or([0.0, 1.0]);
+            let [r, g, b, a] = color.map(f64::from);
+            let linear = |x: f64| f64::from(linear_of_srgb(x as f32));
+            let mut material = json!({
+                "pbrMetallicRoughness": {
+                    "baseColorFactor": [linear(r), linear(g), linear(b), a],
+                    "metallicFactor": metalness,
+                    "roughnessFactor": roughness,
+                },
+            });
+            if !name.is_empty() {
+                material["name"] = name.as_str().into();
+            }
+            if a < 1.0 {
+                material["alphaMode"] = "BLEND".into();
+            }
+            self.scene.add("materials", material)
+        });
+        if material.is_none() {
+            self.scene.warn(Warning::lost("some triangles name materials beyond their group: dropped"));
+        }
+        self.materials.insert((group, Some(entry)), material);
+        material
+    }
+
+    fn color_material(&mut self, group: Id, colors: &[[f32; 4]]) -> Option<usize> {
+        let make = |scene: &mut SceneBuilder| {
+            let mut material = plain_material();
+            if colors.iter().any(|c| c[3] < 1.0) {
+                material["alphaMode"] = "BLEND".into();
+            }
+            Some(scene.add("materials", material))
+        };
+        *self.materials.entry((group, None)).or_insert_with(|| make(&mut self.scene))
+    }
+
+    fn texture_material(&mut self, group: Id, texture: u32) -> Result<Option<usize>, ReadError> {
+        if let Some(&known) = self.materials.get(&(group, None)) {
+            return Ok(known);
+        }
+        let mut material = plain_material();
+        if let Some(texture) = self.texture((group.0, texture))? {
+            material["pbrMetallicRoughness"]["baseColorTexture"] = json!({ "index": texture });
+        }
+        let material = Some(self.scene.add("materials", material));
+        self.materials.insert((group, None), material);
+        Ok(material)
+    }
+
+    fn texture(&mut self, id: Id) -> Result<Option<usize>, ReadError> {
+        if let Some(&known) = self.textures.get(&id) {
+            return Ok(known);
+        }
+        let owner = self.parts[id.0].clone();
+        let mut lost = |why: String| self.scene.warn(Warning::lost(why));
+        let texture = match owner.textures.get(&id.1) {
+            None => {
+                lost(format!("the texture {} is not in the file: dropped", id.1));
+                None
+            }
+            Some(texture) => {
+                let bytes = self.package.part(&texture.path)?;
+                let shown = excerpt(&texture.path);
+                match bytes.as_deref().map(|bytes| (image_type(bytes), bytes)) {
+                    Some((Some(kind @ ("image/png" | "image/jpeg")), bytes)) => {
+                        let name = texture.path.rsplit('/').next().unwrap_or_default();
+                        let source = self.scene.image(name, kind, bytes);
+                        let filter = if texture.is_nearest { 9728 } else { 9729 };
+                        let [s, t] = texture.wrap;
+                        let sampler = json!({ "magFilter": filter, "wrapS": s, "wrapT": t });
+                        let sampler = self.scene.add("samplers", sampler);
+                        Some(self.scene.add("textures", json!({ "source": source, "sampler": sampler })))
+                    }
+                    Some(_) => {
+                        lost(format!("the texture {shown} is neither PNG nor JPEG: dropped"));
+                        None
+                    }
+                    None => {
+                        lost(format!("the texture {shown} is not in the file: dropped"));
+                        None
+                    }
+                }
+            }
+        };
+        self.textures.insert(id, texture);
+        Ok(texture)
+    }
+
+    /// Adds warnings about content that is dropped.
+    fn warn(&mut self) {
+        for part in self.parts.clone() {
+            for what in &part.dropped {
+                self.scene.warn(Warning::lost(format!("{what} are not read: dropped")));
+            }
+        }
+    }
+}
+
+/// The properties of the triangles of an object.
+#[derive(Default)]
+struct Resolved {
+    looks: Vec<Look>,
+    of_triangle: Vec<usize>,
+    /// Entries of the corners.
+    corners: Vec<[u32; 3]>,
+}
+
+/// What the triangles of one group look like: their material, and the values that their entries mean.
+enum Look {
+    Plain(Option<usize>),
+    Colors(Option<usize>, Vec<[f32; 4]>),
+    Texture(Option<usize>, Vec<[f32; 2]>),
+}
+
+impl Look {
+    fn material(&self) -> Option<usize> {
+        match self {
+            Self::Plain(material) | Self::Colors(material, _) | Self::Texture(material, _) => *material,
+        }
+    }
+}
+
+/// Returns the values that entries of several properties mean; without those, the values themselves.
+fn picked<T: Copy + Default>(values: &[T], indices: Option<Vec<u32>>) -> Vec<T> {
+    match indices {
+        None => values.to_vec(),
+        Some(all) => all.iter().map(|&i| values.get(i as usize).copied().unwrap_or_default()).collect(),
+    }
+}
+
+/// Splits vertices whose corners have different values.
+fn split(object: &Object, resolved: &Resolved, parts: &mut MeshParts) {
+    // A vertex, with the look and the entry of one of its corners.
+    let key = |at: usize, k: usize| {
+        let look = resolved.of_triangle[at];
+        let entry = if matches!(resolved.looks[look], Look::Plain(_)) { 0 } else { resolved.corners[at][k] };
+        (object.triangles[at][k], look as u32, entry)
+    };
+    let corners = (0..object.triangles.len()).flat_map(|at| (0..3).map(move |k| (at, k)));
+    let mut keys: Vec<(u32, u32, u32)> = corners.map(|(at, k)| key(at, k)).collect();
+    keys.sort_unstable();
+    keys.dedup();
+    let is_any = |is: fn(&Look) -> bool| resolved.looks.iter().any(is);
+    parts.positions = keys.iter().map(|key| object.vertices[key.0 as usize]).collect();
+    parts.source_vertices = Some(keys.iter().map(|key| key.0).collect());
+    if is_any(|l| matches!(l, Look::Colors(..))) {
+        let color = |&(_, look, entry): &(u32, u32, u32)| match &resolved.looks[look as usize] {
+            Look::Colors(_, all) => all.get(entry as usize).copied().unwrap_or([1.0; 4]),
+            _ => [1.0; 4],
+        };
+        parts.colors = Some(keys.iter().map(color).collect());
+    }
+    if is_any(|l| matches!(l, Look::Texture(..))) {
+        let uv = |&(_, look, entry): &(u32, u32, u32)| match &resolved.looks[look as usize] {
+            Look::Texture(_, all) => all.get(entry as usize).copied().unwrap_or_default(),
+            _ => [0.0; 2],
+        };
+        parts.uvs = vec![keys.iter().map(uv).collect()];
+    }
+    let number = |at: usize, k: usize| keys.binary_search(&key(at, k)).unwrap_or(0) as u32;
+    let triangles: Vec<[u32; 3]> =
+        (0..object.triangles.len()).map(|at| [0, 1, 2].map(|k| number(at, k))).collect();
+    let materials = resolved.of_triangle.iter().map(|&look| resolved.looks[look].material());
+    parts.primitives = by_material(materials, &triangles);
+}
+
+/// Groups triangles by material, in the order in which materials first appear.
+fn by_material(
+    materials: impl Iterator<Item = Option<usize>>,
+    triangles: &[[u32; 3]],
+) -> Vec<(Option<usize>, Vec<[u32; 3]>)> {
+    let mut groups: Vec<(Option<usize>, Vec<[u32; 3]>)> = Vec::new();
+    let mut place_of = BTreeMap::new();
+    for (material, triangle) in materials.zip(triangles) {
+        let at = *place_of.entry(material).or_insert_with(|| {
+            groups.push((material, Vec::new()));
+            groups.len() - 1
+        });
+        groups[at].1.push(*triangle);
+    }
+    groups
+}
+
+/// A material whose colour comes from vertices or a texture.
+fn plain_material() -> Value {
+    json!({ "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 1.0 } })
+}
+
+/// Returns the matrix of a place.
+fn matrix(place: &PlacedObject, scale: f64) -> DMat4 {
+    let t = place.transform.unwrap_or([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
+    let row = |at: usize| DVec3::new(t[at], t[at + 1], t[at + 2]);
+    let axis = |at: usize| (row(at) * scale).extend(0.0);
+    DMat4::from_cols(axis(0), axis(3), axis(6), row(9).extend(1.0))
+}

@@ -1,0 +1,84 @@
+//! What a model part holds: objects, groups of properties, textures and the items of the build.
+
+use std::collections::BTreeMap;
+
+use crate::frame::Unit;
+
+/// An affine map in the order of the file: three rows of axes, and the translation; row vectors are multiplied from the
+/// left.
+pub(super) type Transform = [f64; 12];
+
+/// A model part.
+#[derive(Default)]
+pub(super) struct Part {
+    /// The millimetre, if there is none.
+    pub(super) unit: Option<Unit>,
+    pub(super) objects: BTreeMap<u32, Object>,
+    pub(super) groups: BTreeMap<u32, Group>,
+    pub(super) textures: BTreeMap<u32, TextureFile>,
+    /// Metalness and roughness of the entries of display properties.
+    pub(super) metallic: BTreeMap<u32, Vec<[f64; 2]>>,
+    pub(super) items: Vec<PlacedObject>,
+    pub(super) metadata: Vec<(String, String)>,
+    /// Content that is dropped, for warnings.
+    pub(super) dropped: Vec<&'static str>,
+}
+
+#[derive(Default)]
+pub(super) struct Object {
+    pub(super) name: String,
+    /// Property of the triangles that have none of their own.
+    pub(super) property: Option<(u32, u32)>,
+    pub(super) vertices: Vec<[f32; 3]>,
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// Properties of the triangles: empty if none has any.
+    pub(super) properties: Vec<TriangleProperty>,
+    pub(super) components: Vec<PlacedObject>,
+}
+
+/// The group of properties of a triangle, and the entries of its corners; no group if it has the default.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) struct TriangleProperty {
+    pub(super) group: Option<u32>,
+    pub(super) corners: [u32; 3],
+}
+
+/// A placed object: an item of the build, or a component of an object.
+pub(super) struct PlacedObject {
+    /// The part that has the object, if it is another one.
+    pub(super) path: Option<String>,
+    pub(super) object: u32,
+    pub(super) transform: Option<Transform>,
+}
+
+/// A group of properties.
+pub(super) enum Group {
+    /// Names and colours (sRGB) of materials, and the display properties that describe them further.
+    Materials(Vec<(String, [f32; 4])>, Option<u32>),
+    /// Colours, sRGB.
+    Colors(Vec<[f32; 4]>),
+    /// A texture, and coordinates in it.
+    Coordinates(u32, Vec<[f32; 2]>),
+    /// Indices into several groups; one of them is used.
+    Several(Vec<u32>, Vec<Vec<u32>>),
+}
+
+/// An image, and how it repeats.
+pub(super) struct TextureFile {
+    pub(super) path: String,
+    pub(super) wrap: [u32; 2],
+    pub(super) is_nearest: bool,
+}
+
+impl Part {
+    pub(super) fn unit(&self) -> Unit {
+        self.unit.unwrap_or(Unit::Millimeter)
+    }
+
+    /// Adds a kind of content to those that are dropped.
+    pub(super) fn drop_content(&mut self, what: &'static str) {
+        if !self.dropped.contains(&what) {
+            self.dropped.push(what);
+        }
+    }
+}
