@@ -115,9 +115,9 @@ fn baked_normals_are_those_of_the_formula() {
         }
     }
     let mean = sum / count;
-    println!("mean {mean:.3}°, largest {largest:.2}°");
-    assert!(mean < 1.0, "{mean}");
-    assert!(largest < 5.0, "{largest}");
+    // Measured: 0.12 and 0.29.
+    assert!(mean < 0.3, "{mean}");
+    assert!(largest < 1.0, "{largest}");
     // Without the map, the normals are far off: the test can fail.
     let plain = (0..mesh.face_count()).map(|f| {
         let place = (0..3).map(|k| corners.place(f, k)).sum::<DVec3>().normalize_or_zero();
@@ -168,8 +168,8 @@ fn both_sides_of_a_seam_look_the_same() {
         all.sort_unstable_by(f32::total_cmp);
         let mean = all.iter().sum::<f32>() / all.len() as f32;
         let high = all[all.len() * 99 / 100];
-        println!("{name}: mean {mean:.3}, 99 % {high:.3} of 255");
-        assert!(mean <= 1.0 && high <= 3.0, "{name}: {mean} {high}");
+        // Measured: 0.19 and 0.66.
+        assert!(mean <= 0.5 && high <= 1.5, "{name}: {mean} {high}");
     }
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
 use lodsmith::Control;
-use lodsmith::core::{Model, TriMesh};
+use lodsmith::core::{Model, Semantic, TriMesh};
 use lodsmith_bake::{BakeError, BakeOptions, Baked, BakedSet, MapKind, bake};
 use lodsmith_io::gltf::{NewMaterial, Scene, SlotImage, TextureSlot};
 use lodsmith_io::{Format, ModelFile, ReadOptions, Warning};
@@ -240,16 +240,24 @@ pub(crate) fn write_baked(
     if matches!(to.format, Format::Gltf | Format::Glb) {
         return to.write_scene(scene, replaced, relink);
     }
+    // Other formats have no tangents; a viewer computes the same ones.
+    let without_tangents =
+        |mesh: &TriMesh| mesh.clone().without_further(|semantic| *semantic == Semantic::Tangent);
+    let replaced: Vec<_> = replaced.iter().map(|mesh| mesh.as_ref().map(without_tangents)).collect();
     let mut bytes = Vec::new();
-    let mut warnings = lodsmith_io::write_scene_to(scene, replaced, Format::Glb, &|_| None, &mut bytes)
+    let mut warnings = lodsmith_io::write_scene_to(scene, &replaced, Format::Glb, &|_| None, &mut bytes)
         .map_err(|e| anyhow!("{e}"))?;
     let mut options = ReadOptions::default();
     options.limits = memory::limits();
     let loaded = lodsmith_io::read_bytes(&bytes, &options).map_err(file::unnamed)?;
     warnings.extend(loaded.warnings);
-    let mesh = loaded.mesh.without_further(|semantic| *semantic == lodsmith::core::Semantic::Tangent);
-    warnings.extend(to.write(&mesh, loaded.regions)?);
+    warnings.extend(to.write(&loaded.mesh, loaded.regions)?);
     Ok(warnings)
+}
+
+/// Removes the warnings that vertex colours are gone, if they are in a map.
+pub(crate) fn forgive_colors(warnings: &mut Vec<Warning>, has_color: bool) {
+    warnings.retain(|w| !(has_color && w.text.ends_with("does not have its COLOR_0 any more")));
 }
 
 /// Returns the model of a scene with other meshes.

@@ -93,6 +93,49 @@ fn coordinates_without_overlap_are_kept_and_an_obj_gets_its_library() {
     assert!(ran.stderr.contains("a new atlas") && ran.stderr.contains("overlap"), "{}", ran.stderr);
 }
 
+/// Returns the material of each mesh and whether it has tangents.
+fn materials(desk: &CliSandbox, name: &str) -> (Vec<(Option<usize>, bool)>, usize) {
+    let scene = lodsmith_io::read_scene_path(&desk.path(name), &ReadOptions::default()).unwrap().unwrap();
+    let model = lodsmith_io::ModelFile::from(scene).model;
+    let tangents = |m: &lodsmith::core::model::ModelMesh| {
+        m.mesh.further_attributes().iter().any(|a| a.semantic == lodsmith::core::Semantic::Tangent)
+    };
+    (model.meshes.iter().map(|m| (m.materials[0], tangents(m))).collect(), model.images.len())
+}
+
+#[test]
+fn levels_share_the_maps_of_the_finest_or_have_their_own() {
+    let desk = CliSandbox::new();
+    let wave = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/wave.glb");
+    fs::copy(wave, desk.path("wave.glb")).unwrap();
+    let words = "lod wave.glb --levels 0.5,0.2 --bake normal --texture-size 64";
+    desk.run(&format!("{words} -o keep.glb")).with_status(0);
+    let first = Some(0);
+    assert_eq!(materials(&desk, "keep.glb"), (vec![(None, false), (first, true), (first, true)], 1));
+    desk.run(&format!("{words} -o new.glb --atlas new")).with_status(0);
+    assert_eq!(materials(&desk, "new.glb"), (vec![(None, false), (first, true), (Some(1), true)], 2));
+}
+
+#[test]
+fn a_run_bakes_what_it_loses_and_nothing_counts_as_lost() {
+    let desk = CliSandbox::new();
+    desk.put("high.ply", &coloured_hills(24));
+    let words = "simplify high.ply --ratio 10% --bake normal,color,height --texture-size 64 --json";
+    let ran = desk.run(&format!("{words} -o out.glb")).with_status(0);
+    assert!(!ran.stderr.contains("COLOR_0"), "they are in the map: {}", ran.stderr);
+    let report = ran.objects().remove(0);
+    assert_eq!(report["baked"]["sets"][0]["maps"].as_array().unwrap().len(), 3);
+    assert!(desk.path("out_height.png").exists());
+    let before = fs::read(desk.path("out.glb")).unwrap();
+    desk.run(&format!("{words} -o out.glb --threads 1")).with_status(0);
+    assert_eq!(fs::read(desk.path("out.glb")).unwrap(), before, "at any number of threads");
+    desk.run("simplify high.ply --ratio 10% --bake color --texture-size 64 --strict -o out.obj")
+        .with_status(0);
+    assert!(fs::read_to_string(desk.path("out.mtl")).unwrap().contains("map_Kd"));
+    desk.run("simplify high.ply --ratio 10% --texture-size 64 -o b.glb").with_status(2).with_one_error();
+    desk.run("simplify high.ply --ratio 10% --bake color --up z -o b.glb").with_status(2).with_one_error();
+}
+
 #[test]
 fn mistakes_end_with_one_line() {
     let desk = CliSandbox::new();

@@ -2,6 +2,7 @@
 
 use lodsmith::SceneChain;
 use lodsmith::core::{Positions, TriMesh};
+use lodsmith_bake::MapKind;
 use lodsmith_io::Loaded;
 use lodsmith_io::gltf::{Scene, SceneMesh};
 
@@ -16,7 +17,7 @@ use crate::normals::set_normals;
 use crate::run_control::{RunControl, not_interrupted};
 use crate::scene_parts::{self, parts_of};
 use crate::warnings::not_reached;
-use crate::{constraints, images, memory, memory_need, palettes};
+use crate::{baking, constraints, images, memory, memory_need, palettes};
 
 /// Makes the levels of a mesh that becomes a glTF scene.
 pub(super) fn of_mesh(
@@ -105,6 +106,7 @@ pub(super) fn of_scene(
     let counts = [TriMesh::face_count, TriMesh::vertex_count].map(|of| scene_parts::count(&parts, of));
     let distances: Vec<f64> = told.iter().map(|l| report::distance(&l.report, plan)).collect();
     warnings.extend(plan.write_scene(&scene, replaced, &baked, &distances, &|uri| images.uri(uri))?);
+    baking::forgive_colors(&mut warnings, args.baking.bake.contains(&MapKind::Color));
     let format = scene.format();
     let outputs = plan.outputs(told.len());
     let threads = rayon::current_num_threads();

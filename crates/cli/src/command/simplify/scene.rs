@@ -85,7 +85,8 @@ pub(super) fn simplify_scene(
     let relink = |uri: &str| images.uri(uri);
     warnings.extend(match &baked {
         Some(baked) => {
-            let warnings = baking::write_baked(to, &scene, &replaced, &relink)?;
+            let mut warnings = baking::write_baked(to, &scene, &replaced, &relink)?;
+            baking::forgive_colors(&mut warnings, baked.has_color);
             baking::write_files(&baked.files, "", to)?;
             warnings
         }
