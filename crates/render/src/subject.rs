@@ -11,7 +11,8 @@ use lodsmith_core::{Bounds, Model, TriMesh, WedgeId};
 
 use rayon::prelude::*;
 
-use crate::camera::{Camera, Lens};
+use crate::camera::Camera;
+use crate::framing::Framing;
 use crate::surfaces::MaterialSet;
 use crate::view::RenderError;
 
@@ -167,62 +168,21 @@ impl Subject {
     /// Cost: O(n).
     pub fn framed(&self, camera: Camera, aspect: f64, margin: f64) -> Camera {
         let Some(bounds) = self.bounds() else { return camera };
-        let camera = camera.framing(&bounds, aspect);
-        let room = 1.0 - 2.0 * margin.clamp(0.0, 0.45);
-        let unit = camera.distance();
-        let [right, up, back] = camera.axes();
-        // Distance by which each side of the picture must move outwards: along the screen, and with the depth
-        // for a perspective.
-        let height = match camera.lens {
-            Lens::Perspective { fov_y_rad } => (0.5 * fov_y_rad).tan(),
-            Lens::Parallel { height } => 0.5 * height / unit,
-        };
-        let slopes = match camera.lens {
-            Lens::Perspective { .. } => [height * aspect * room, height * room],
-            Lens::Parallel { .. } => [0.0; 2],
-        };
-        let none = [f64::NEG_INFINITY; 5];
-        let outer = |a: [f64; 5], b: [f64; 5]| [0, 1, 2, 3, 4].map(|k| a[k].max(b[k]));
-        let mut sides = none;
+        let start = Framing::new(camera, &bounds, aspect, margin);
+        let mut all = start;
         for part in &self.parts {
             let mesh = &self.meshes[part.mesh].mesh;
             let positions = mesh.positions().view();
-            let reach = |all: &[[WedgeId; 3]]| {
-                all.iter().flatten().fold(none, |sides, &w| {
-                    let p =
-                        part.world_from_mesh.transform_point3(DVec3::from(positions.get(mesh.vertex_of(w))));
-                    // The target is subtracted first, and everything divided, to avoid overflow.
-                    let p = (p - camera.target) / unit;
-                    if !p.is_finite() {
-                        return sides;
-                    }
-                    let (x, y, z) = (p.dot(right), p.dot(up), p.dot(back));
-                    let [sx, sy] = [slopes[0] * z, slopes[1] * z];
-                    outer(sides, [x + sx, -x + sx, y + sy, -y + sy, z])
-                })
+            let place = |w: WedgeId| {
+                part.world_from_mesh.transform_point3(DVec3::from(positions.get(mesh.vertex_of(w))))
             };
-            sides = outer(sides, mesh.triangles().par_chunks(1 << 14).map(reach).reduce(|| none, outer));
+            let reach = |some: &[[WedgeId; 3]]| {
+                some.iter().flatten().fold(start, |framing, &w| framing.with(place(w)))
+            };
+            all =
+                all.merged(mesh.triangles().par_chunks(1 << 14).map(reach).reduce(|| start, Framing::merged));
         }
-        if !sides.iter().all(|s| s.is_finite()) {
-            return camera;
-        }
-        let [right_side, left, upper, lower, nearest] = sides;
-        let (across, along) = (0.5 * (right_side - left), 0.5 * (upper - lower));
-        let aside = (right * across + up * along) * unit;
-        match camera.lens {
-            Lens::Perspective { .. } => {
-                let away = [(right_side + left) / slopes[0], (upper + lower) / slopes[1]].map(|d| 0.5 * d);
-                // Not closer than the nearest point, however thin the subject is.
-                let away = away[0].max(away[1]).max(nearest + 0.05);
-                let target = camera.target + aside;
-                Camera { eye: target + back * (away * unit), target, ..camera }
-            }
-            Lens::Parallel { .. } => {
-                let wanted = ((right_side + left) / aspect).max(upper + lower) / room * unit;
-                let lens = Lens::Parallel { height: if wanted > 0.0 { wanted } else { 2.0 * height * unit } };
-                Camera { eye: camera.eye + aside, target: camera.target + aside, lens, ..camera }
-            }
-        }
+        all.camera()
     }
 
     /// Returns the values at the ends of the colour map: those asked for, or the range of the values

@@ -4,7 +4,7 @@ mod actions;
 mod empty;
 mod stage;
 
-use std::collections::HashSet;
+use std::collections::{HashSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
@@ -27,7 +27,8 @@ use crate::settings::{EnvironmentChoice, Pose};
 use crate::stage::file::LayoutFile;
 use crate::target_scale::Unit;
 use crate::theme;
-use empty::{drop_hint, start_page};
+use crate::up_axis::UpAxis;
+use empty::{drop_hint, first_hint, start_page};
 
 /// The application window.
 pub struct App {
@@ -45,10 +46,13 @@ pub struct App {
     use_system_dialogs: bool,
     /// File on which the cameras were last framed.
     framed: Option<PathBuf>,
+    /// Axis that pointed up then.
+    framed_up: UpAxis,
     /// Cameras of a session that is being opened.
     pending_cameras: Option<[Pose; 2]>,
     pictures_saved: (Sender<Saved>, Receiver<Saved>),
-    last_frame: Option<Instant>,
+    /// CPU times of the last frames in seconds, newest last.
+    frame_times: VecDeque<f64>,
     was_typing: bool,
     sample: Option<tempfile::TempDir>,
     /// Window clock at the last animation step; `None` while the animation is paused.
@@ -64,6 +68,10 @@ type Saved = Result<PathBuf, String>;
 
 /// Fraction of the faces that remains after M was held for one second.
 const HELD_FACTOR_PER_SECOND: f64 = 0.45;
+/// Longest time between two frames that a held M counts: a pause of the program is not a wish.
+const MAX_HELD_SECS: f32 = 0.5;
+/// Number of frames whose times are kept.
+const TIMED_FRAMES: usize = 60;
 /// Delay after which an unchanged slider that is still held starts a run.
 const SLIDER_REST: Duration = Duration::from_millis(300);
 /// The sample model: the repository's own, in the public domain.
@@ -77,7 +85,8 @@ impl App {
     pub fn new(cc: &eframe::CreationContext<'_>, options: &ViewOptions) -> Result<Self, GpuError> {
         let gpu = cc.wgpu_render_state.as_ref().map(Gpu::new).transpose()?;
         theme::install(&cc.egui_ctx);
-        let memory_path = if options.remember { ViewerPrefs::path() } else { None };
+        let memory_path =
+            options.remember.then(|| options.memory.clone().or_else(ViewerPrefs::path)).flatten();
         let memory = memory_path.as_deref().map(ViewerPrefs::load).unwrap_or_default();
         let is_light = options.is_light.unwrap_or(memory.is_light);
         cc.egui_ctx.set_theme(if is_light { Theme::Light } else { Theme::Dark });
@@ -101,9 +110,10 @@ impl App {
             export: None,
             use_system_dialogs: options.use_system_dialogs,
             framed: None,
+            framed_up: UpAxis::Auto,
             pending_cameras: None,
             pictures_saved: channel(),
-            last_frame: None,
+            frame_times: VecDeque::new(),
             was_typing: false,
             sample: None,
             last_play_time: None,
@@ -131,6 +141,10 @@ impl App {
     pub fn triangles_left(&self) -> u64 {
         self.pictures.triangles_left
     }
+    /// Returns true while a smooth picture of what is at rest is still to come.
+    pub fn is_smoothing(&self) -> bool {
+        self.pictures.is_smoothing
+    }
     /// Returns the cameras of both sides.
     pub fn orbits(&self) -> [Orbit; 2] {
         [Side::Original, Side::Result].map(|s| self.pictures.orbit(s))
@@ -144,7 +158,9 @@ impl App {
         } else if let Some(session) = files.iter().find(is_session).cloned() {
             self.open_session(&session);
         } else if !files.is_empty() {
-            self.document.run(Command::Open(files));
+            // The working directory may change, and a name alone has no folder.
+            let absolute = |file: PathBuf| std::path::absolute(&file).unwrap_or(file);
+            self.document.run(Command::Open(files.into_iter().map(absolute).collect()));
         }
     }
 
@@ -192,9 +208,11 @@ impl App {
             return;
         };
         if self.framed.as_ref() == Some(&path) {
-            return;
+            return self.follow_up_axis(&path);
         }
-        self.facts.longest_frame_secs = 0.0;
+        self.frame_times.clear();
+        self.facts.flaw = None;
+        self.restore_up(&path);
         match self.pending_cameras.take() {
             Some(cameras) => {
                 for (side, pose) in [Side::Original, Side::Result].into_iter().zip(cameras) {
@@ -218,7 +236,27 @@ impl App {
             self.shown.remove(&Panel::Timeline);
             self.has_own_timeline = false;
         }
+        self.framed_up = self.document.up();
         self.framed = Some(path);
+    }
+
+    /// Applies the axis that was chosen for a file in an earlier run, unless a session has one.
+    fn restore_up(&mut self, path: &Path) {
+        if self.document.settings().up == UpAxis::Auto
+            && let Some(up) = self.prefs.up_of(path)
+        {
+            self.document.restore_up(up);
+        }
+    }
+
+    /// Frames the model again and remembers the axis, if another axis points up.
+    fn follow_up_axis(&mut self, path: &Path) {
+        if self.framed_up != self.document.up() {
+            self.framed_up = self.document.up();
+            self.pictures.look_from_next_frame(0);
+            self.prefs.set_up(path, self.document.settings().up);
+            self.save_prefs();
+        }
     }
 
     /// Advances the animation by the elapsed time and passes the pose to the pictures.
@@ -241,9 +279,11 @@ impl App {
     }
 
     fn start_of_dialogs(&self) -> PathBuf {
-        let of_file = self.document.settings().file().and_then(Path::parent);
-        let start = of_file.or_else(|| self.prefs.recent.first().and_then(|f| f.parent()));
-        start.map(Path::to_owned).or_else(|| std::env::current_dir().ok()).unwrap_or_default()
+        let absolute = |file: &Path| std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
+        let of_file = self.document.settings().file().map(absolute);
+        let file = of_file.or_else(|| self.prefs.recent.first().cloned());
+        let folder = file.and_then(|f| f.parent().map(Path::to_owned));
+        folder.or_else(|| std::env::current_dir().ok()).unwrap_or_default()
     }
 
     fn choose(&mut self, ctx: &egui::Context, purpose: Purpose, start: Option<PathBuf>) {
@@ -318,6 +358,10 @@ impl App {
             self.pictures.is_flickering = false;
             return;
         }
+        // An open menu or list takes Esc.
+        if egui::Popup::is_any_open(ctx) && ctx.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Escape)) {
+            egui::Popup::close_all(ctx);
+        }
         self.pictures.stage.walk_by_keys(ctx, &self.document);
         let actions = ctx.input_mut(keys::pressed);
         for action in actions {
@@ -326,7 +370,7 @@ impl App {
             self.document.seal();
         }
         let (plain, is_held, is_space, secs) = ctx.input(|i| {
-            (!i.modifiers.any(), i.key_down(Key::M), i.key_down(Key::Space), i.stable_dt.min(0.1))
+            (!i.modifiers.any(), i.key_down(Key::M), i.key_down(Key::Space), i.unstable_dt.min(MAX_HELD_SECS))
         });
         if plain && is_held {
             self.scale_target(HELD_FACTOR_PER_SECOND.powf(f64::from(secs)));
@@ -338,6 +382,9 @@ impl App {
     /// Tells the document which results the panels need.
     fn request_results(&mut self) {
         let is_heat = self.document.settings().look.look.shading == Shading::Heat;
+        let look = &self.document.settings().look.look;
+        let shows_flaws = look.borders || look.defects;
+        self.document.set_wanted_flaws(shows_flaws);
         self.document.set_wanted_results(is_heat || self.is_shown(Panel::Error), self.is_shown(Panel::Info));
     }
 
@@ -377,13 +424,14 @@ impl App {
                 }
             });
         }
+        let width = ui.ctx().content_rect().width();
         for (name, panels) in [("left", left), ("right", right)] {
             if panels.is_empty() {
                 continue;
             }
             let frame = egui::Frame::NONE.fill(p.panel);
             let dock = if name == "left" { egui::Panel::left(name) } else { egui::Panel::right(name) };
-            dock.frame(frame).resizable(false).exact_size(theme::DOCK_WIDTH).show(ui, |ui| {
+            dock.frame(frame).resizable(false).exact_size(theme::dock_width(width)).show(ui, |ui| {
                 egui::ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
                     ui.spacing_mut().item_spacing.y = theme::SPACING;
                     for &panel in &panels {
@@ -448,10 +496,24 @@ impl App {
                 None
             }
         });
+        self.first_hint(ui.ctx());
         if let Some(factor) = detail.inner {
             self.scale_target(factor);
         }
         self.handle_requests(ui.ctx(), says);
+    }
+
+    /// Shows the hint for the first minute, until it is closed or a result was made; it never comes back.
+    fn first_hint(&mut self, ctx: &egui::Context) {
+        let is_due = self.memory_path.is_some() && !self.prefs.knows_hint;
+        if !is_due || self.document.original().is_none() {
+            return;
+        }
+        let is_modal = self.dialog.is_some() || self.export.is_some() || self.is_help;
+        if self.document.lighter().is_some() || (!is_modal && first_hint(ctx)) {
+            self.prefs.knows_hint = true;
+            self.save_prefs();
+        }
     }
 
     /// Bar above the pictures: errors, and files changed on disk.
@@ -509,6 +571,18 @@ impl App {
         }
     }
 
+    /// Takes over the CPU time of a frame.
+    fn note_frame_time(&mut self, secs: f64) {
+        self.frame_times.push_back(secs);
+        if self.frame_times.len() > TIMED_FRAMES {
+            self.frame_times.pop_front();
+        }
+        let mut sorted: Vec<f64> = self.frame_times.iter().copied().collect();
+        sorted.sort_by(f64::total_cmp);
+        self.facts.frame_secs = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+        self.facts.longest_frame_secs = sorted.last().copied().unwrap_or(0.0);
+    }
+
     fn dialogs(&mut self, ctx: &egui::Context) {
         if self.is_help && panel::help::show(ctx) {
             self.is_help = false;
@@ -564,10 +638,7 @@ impl eframe::App for App {
         drop_hint(&ctx);
         self.refine_at_rest(&ctx);
         let own = begin.elapsed().as_secs_f64();
-        self.facts.frame_secs = frame.info().cpu_usage.map_or(own, |c| c as f64);
-        if self.last_frame.replace(begin).is_some() {
-            self.facts.longest_frame_secs = self.facts.longest_frame_secs.max(self.facts.frame_secs);
-        }
+        self.note_frame_time(frame.info().cpu_usage.map_or(own, f64::from));
     }
 }
 

@@ -10,6 +10,7 @@ use crate::playback::Playback;
 use crate::settings::{Appearance, AutoLod, Layout, Pose, Settings, Turn};
 use crate::stage::motion::Motion;
 use crate::stage::{Copies, StageChange};
+use crate::up_axis::UpAxis;
 
 /// One change of a document.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,6 +29,8 @@ pub enum Command {
     Look(Appearance),
     /// Sets the layout of the two sides.
     Layout(Layout),
+    /// Sets the axis of the model that points up.
+    Up(UpAxis),
     /// Sets the rotation of the model.
     Turn(Turn),
     /// Saves a camera in a slot, or clears the slot.
@@ -81,6 +84,7 @@ impl Command {
             Self::Method(_) => "method",
             Self::Look(_) => "look",
             Self::Layout(_) => "layout",
+            Self::Up(_) => "up axis",
             Self::Turn(_) => "rotation",
             Self::KeepCamera(..) => "save camera",
             Self::AutoLod(_) => "auto LOD",
@@ -97,7 +101,7 @@ impl Command {
                 settings.files.clone_from(files);
                 settings.shown = 0;
                 settings.simplify.options.stop = Stop::default();
-                settings.turn = Turn::default();
+                (settings.up, settings.turn) = (UpAxis::default(), Turn::default());
                 settings.cameras = [None; 4];
                 // Positions of copies are in units of their model.
                 StageChange::Replace(Copies::default(), Motion::default()).apply(&mut settings.stage);
@@ -106,6 +110,7 @@ impl Command {
             }
             Self::Show(which) => {
                 settings.shown = (*which).min(settings.files.len().saturating_sub(1));
+                settings.up = UpAxis::default();
                 settings.simplify.options.stop = Stop::default();
                 settings.playback = settings.playback.reset();
             }
@@ -123,6 +128,7 @@ impl Command {
             }
             Self::Look(look) => settings.look = look.clone(),
             Self::Layout(layout) => settings.layout = *layout,
+            Self::Up(up) => settings.up = *up,
             Self::Turn(turn) => settings.turn = *turn,
             Self::KeepCamera(slot, pose) => {
                 if let Some(kept) = settings.cameras.get_mut(*slot) {

@@ -7,11 +7,12 @@ use eframe::egui::{self, Color32, PointerButton, Rect, Response, Sense, Ui, Vec2
 use glam::DVec3;
 use lodsmith_core::model::Pose;
 use lodsmith_core::{Bounds, Model};
-use lodsmith_render::Shading;
+use lodsmith_render::{Camera, Shading};
 
 use crate::command::Command;
 use crate::content::Lighter;
 use crate::document::Document;
+use crate::flaws::FlawPlace;
 use crate::gpu::{DrawStats, Frame, Gpu, PlacedModel, RenderTarget};
 use crate::numbers::{grouped, percent, significant};
 use crate::orbit::{Orbit, moved_bounds, turn_matrix, turned_bounds};
@@ -19,6 +20,7 @@ use crate::panel::{UiRequest, error};
 use crate::preview_mesh;
 use crate::settings::{Layout, Sides};
 use crate::shown::{Drawing, ShownModel};
+use crate::smoothing::Smoothing;
 use crate::stage::picture::StageView;
 use crate::theme::palette;
 use crate::user_files::UserFiles;
@@ -68,12 +70,15 @@ pub struct ComparisonView {
     pub aspect: f64,
     /// Height of a picture in pixels, as last shown.
     pub height_px: f64,
-    /// Triangles drawn in the last frame that was drawn.
+    /// Triangles of all pictures that are shown.
     pub triangles: u64,
     /// Stage view: copies on a ground, shown instead of the two sides.
     pub stage: StageView,
     /// Number of triangles of the last frame still to be drawn.
     pub triangles_left: u64,
+    /// True while a smooth picture of what is at rest is still to come.
+    pub is_smoothing: bool,
+    smoothings: [Smoothing; 2],
     moved: Option<Instant>,
     user_files: UserFiles,
     /// View to frame as soon as the size of the pictures is known.
@@ -87,6 +92,10 @@ const COARSE_SCALE: f32 = 0.5;
 const MAX_FULL_SIZE_TRIANGLES: usize = 50_000;
 /// Time after the last movement until the picture is drawn at full size.
 const CAMERA_REST: Duration = Duration::from_millis(160);
+/// Smallest radius that a place of interest is shown with, in diagonals of the model.
+const MIN_PLACE_RADIUS: f64 = 0.03;
+/// Rotation of the light per point of mouse movement.
+const LIGHT_DEG_PER_POINT: f32 = 0.4;
 /// Length of a drag, in points, that changes the target by a factor of e.
 const DETAIL_DRAG_POINTS: f32 = 120.0;
 
@@ -106,6 +115,8 @@ impl ComparisonView {
             triangles: 0,
             triangles_left: 0,
             stage: StageView::default(),
+            is_smoothing: false,
+            smoothings: [Smoothing::default(); 2],
             moved: None,
             user_files: UserFiles::default(),
             pending_view: None,
@@ -193,6 +204,7 @@ impl ComparisonView {
         for &(rect, seen, side) in &slots {
             let response = viewport::picture_area(ui, seen, side.picture());
             detail = detail.or(detail_factor(&response));
+            drag_light(&response, document, says);
             let mut orbit = self.orbit(side);
             if orbit.interact(&response, rect) {
                 is_moved = true;
@@ -205,7 +217,7 @@ impl ComparisonView {
         if is_moved {
             self.moved = Some(Instant::now());
         }
-        self.triangles_left = 0;
+        (self.triangles, self.triangles_left, self.is_smoothing) = (0, 0, false);
         for (slot, &(rect, seen, side)) in slots.iter().enumerate() {
             let shown = if self.is_flickering { side.other() } else { side };
             self.draw(ui, document, slot, rect, seen, shown);
@@ -244,6 +256,22 @@ impl ComparisonView {
         self.pixels(document, 1.0).map_or(0.0, |per_unit| pixels / per_unit.max(1e-300))
     }
 
+    /// Moves both cameras to a place of the model, in its own coordinates, seen from the side that the surface
+    /// faces there.
+    pub fn look_at(&mut self, document: &Document, place: &FlawPlace) {
+        let Some(original) = document.original() else { return };
+        let bounds = &original.content.bounds;
+        let world = turn_matrix(bounds, document.rotation());
+        let target = world.transform_point3(place.centre);
+        let before = self.orbits[0].camera();
+        let facing = world.transform_vector3(place.facing).normalize_or(before.eye - before.target);
+        let radius = (1.5 * place.radius).max(MIN_PLACE_RADIUS * bounds.diagonal());
+        let corner = DVec3::splat(radius / 3f64.sqrt());
+        let around = Bounds { min: (target - corner).to_array(), max: (target + corner).to_array() };
+        let camera = Camera { eye: target + facing, target, ..before };
+        self.orbits = [Orbit::of(&camera.framing(&around, self.aspect)); 2];
+    }
+
     /// Draws a side into its texture and paints that.
     fn draw(&mut self, ui: &Ui, document: &Document, slot: usize, rect: Rect, seen: Rect, side: Side) {
         let painter = ui.painter_at(seen);
@@ -268,10 +296,12 @@ impl ComparisonView {
         let [first, second] = &mut self.targets;
         let (target, other) = if slot == 0 { (first, None) } else { (second, first.as_ref()) };
         let target = target.get_or_insert_with(|| gpu.target(size));
-        target.resize(size, if is_coarse { COARSE_SCALE } else { 1.0 });
+        if is_coarse {
+            target.resize(size, COARSE_SCALE);
+        }
 
         let settings = document.settings();
-        let turn = settings.turn.rotation();
+        let turn = document.rotation();
         let mut look = settings.look.look.clone();
         if look.shading == Shading::Heat {
             match document.distances() {
@@ -280,7 +310,7 @@ impl ComparisonView {
                 None => look.shading = Shading::Smooth,
             }
         }
-        let lighting = settings.look.rig.lighting(settings.look.brightness);
+        let lighting = settings.look.lighting();
         let drawing = drawing.lock().unwrap_or_else(PoisonError::into_inner);
         // Also for the first frame, so that something shows at once. The preview mesh has no distances for a
         // heat map.
@@ -302,20 +332,27 @@ impl ComparisonView {
             ground: settings.look.ground,
             matcap: self.user_files.matcap(),
             environment: self.user_files.environment(),
+            marks_stand_out: true,
             shader: self.user_files.shader(),
         };
         // Sides that show the same frame share one picture.
         let is_same = |other: &&RenderTarget| other.shows(&frame) || other.draws(&frame);
-        let same = other.filter(|other| other.size() == target.size() && is_same(other));
+        let same = other.filter(|other| other.screen_px() == size && is_same(other));
+        if same.is_none() && !is_coarse {
+            if gpu.is_software() {
+                self.is_smoothing |= self.smoothings[slot.min(1)].resize(ui.ctx(), target, &frame, size);
+            } else {
+                target.resize(size, 1.0);
+            }
+        }
+        let pictured = if is_light { drawing.preview().unwrap_or(&drawing) } else { &drawing };
+        self.triangles += pictured.triangles();
         let mut part = None;
         if same.is_none() {
             // A picture drawn in parts never completes if the frame changes each time.
             let is_whole = is_coarse && (is_light || faces <= preview_mesh::PREVIEW_ABOVE_FACES);
             let drawn: DrawStats =
                 if is_whole { gpu.draw(target, &frame) } else { gpu.draw_in_parts(target, &frame) };
-            if drawn.drawn {
-                self.triangles = drawn.triangles;
-            }
             if drawn.triangles_left > 0 {
                 self.triangles_left += drawn.triangles_left;
                 part = drawn.completed_fraction();
@@ -345,7 +382,7 @@ impl ComparisonView {
         let mut orbit = self.orbit(side);
         let camera = orbit.camera();
         let along = viewport::ray(&camera, pointer - rect.center(), rect.height());
-        let world = turn_matrix(&original.content.bounds, document.settings().turn.rotation());
+        let world = turn_matrix(&original.content.bounds, document.rotation());
         if let Some(place) = viewport::pick(model, &self.pose, world, camera.eye, along) {
             orbit.target = place;
             self.set_orbit(side, orbit, document.settings().layout.linked);
@@ -354,9 +391,8 @@ impl ComparisonView {
 
     /// Frames the whole model.
     pub fn frame(&mut self, document: &Document) {
-        let Some(bounds) = self.posed_bounds(document) else { return };
-        let aspect = self.aspect;
-        self.each_orbit(|orbit| orbit.frame(&bounds, aspect));
+        let orbits = self.orbits.map(|orbit| self.framed(document, orbit.camera()).unwrap_or(orbit));
+        self.orbits = orbits;
     }
 
     /// Does as [`ComparisonView::look_from`], the next time that the pictures are shown.
@@ -366,17 +402,21 @@ impl ComparisonView {
 
     /// Frames the whole model from a standard view.
     pub fn look_from(&mut self, document: &Document, view: usize) {
-        let Some(bounds) = self.posed_bounds(document) else { return };
-        self.orbits = [Orbit::fitting(&bounds, viewport::standard_view(view), self.aspect); 2];
+        let Some(original) = document.original() else { return };
+        let camera = Camera::fitting(&original.content.bounds, viewport::standard_view(view), self.aspect);
+        if let Some(orbit) = self.framed(document, camera) {
+            self.orbits = [orbit; 2];
+        }
     }
 
-    /// Returns the bounding box of the posed and rotated model. Cost: O(vertices) of skinned and morphed
-    /// meshes.
-    fn posed_bounds(&self, document: &Document) -> Option<Bounds> {
+    /// Returns an orbit with the direction of a camera that shows the posed and rotated model as large as
+    /// possible. Cost: O(triangles).
+    fn framed(&self, document: &Document, camera: Camera) -> Option<Orbit> {
         let original = &document.original()?.content;
-        let turn = turn_matrix(&original.bounds, document.settings().turn.rotation());
+        let turn = turn_matrix(&original.bounds, document.rotation());
         let standing = original.model().bounds(&self.pose).unwrap_or(original.bounds);
-        Some(moved_bounds(&standing, &turn))
+        let (model, bounds) = (original.model(), moved_bounds(&standing, &turn));
+        Some(Orbit::of(&viewport::framed(model, &self.pose, turn, &bounds, camera, self.aspect)))
     }
 
     /// Returns the length in pixels of a segment at the centre of the model.
@@ -391,14 +431,26 @@ impl ComparisonView {
 /// Returns the bounding box of the rotated model in its rest pose.
 pub fn rest_bounds(document: &Document) -> Option<Bounds> {
     let original = document.original()?;
-    Some(turned_bounds(&original.content.bounds, document.settings().turn.rotation()))
+    Some(turned_bounds(&original.content.bounds, document.rotation()))
 }
 
-/// Returns the factor for the target of a drag with Alt held.
+/// Returns the factor for the target of a drag with Ctrl or Alt held. Many Linux desktops move the window
+/// when Alt is held.
 fn detail_factor(response: &Response) -> Option<f64> {
-    let is_alt = response.ctx.input(|i| i.modifiers.alt);
-    let is_dragged = response.dragged_by(PointerButton::Primary) && is_alt;
+    let is_held = response.ctx.input(|i| (i.modifiers.alt || i.modifiers.command) && !i.modifiers.shift);
+    let is_dragged = response.dragged_by(PointerButton::Primary) && is_held;
     is_dragged.then(|| f64::from(-response.drag_delta().y / DETAIL_DRAG_POINTS).exp()).filter(|f| *f != 1.0)
+}
+
+/// Moves the light by a drag with Ctrl and Shift held.
+fn drag_light(response: &Response, document: &Document, says: &mut Vec<UiRequest>) {
+    let is_held = response.ctx.input(|i| i.modifiers.command && i.modifiers.shift);
+    let by = response.drag_delta();
+    if is_held && response.dragged_by(PointerButton::Primary) && by != Vec2::ZERO {
+        let mut look = document.settings().look.clone();
+        look.lamp = Some(look.lamp().turned(by.x * LIGHT_DEG_PER_POINT, -by.y * LIGHT_DEG_PER_POINT));
+        says.push(UiRequest::Command(Command::Look(look)));
+    }
 }
 
 /// Draws the draggable divider between the two sides.

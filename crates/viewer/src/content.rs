@@ -18,6 +18,7 @@ use lodsmith_io::{AssetScope, ModelFile, ModelSource, ReadError, ReadOptions};
 use lodsmith_render::Shading;
 
 use crate::option_words::{Normals, Simplification};
+use crate::up_axis::{self, UpAxis};
 
 /// A file that was read, with its counts.
 #[derive(Debug)]
@@ -30,6 +31,8 @@ pub struct Original {
     pub assets: AssetScope,
     /// Bounding box of all mesh instances.
     pub bounds: Bounds,
+    /// Axis that probably points up.
+    pub guessed_up: UpAxis,
     /// Number of triangles over all mesh instances.
     pub faces: usize,
     /// Number of vertices over all mesh instances.
@@ -60,7 +63,8 @@ impl Original {
         let bounds = bounds_of(model);
         let (faces, vertices) = (count(TriMesh::face_count), count(TriMesh::vertex_count));
         let assets = AssetScope::Folder;
-        Self { path, assets, bounds, faces, vertices, file, read_secs, prepared }
+        let guessed_up = up_axis::guessed(model, file.format, &bounds);
+        Self { path, assets, bounds, guessed_up, faces, vertices, file, read_secs, prepared }
     }
 
     /// Returns the model.

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
 
+use eframe::egui::text::{CCursor, CCursorRange};
 use eframe::egui::{self, Ui};
 use lodsmith_io::Format;
 
@@ -243,6 +244,11 @@ impl FileChooser {
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::TextInput, true, "Path"));
         if std::mem::take(&mut self.is_new) {
             response.request_focus();
+            // Typing replaces the folder.
+            let all = CCursorRange::two(CCursor::default(), CCursor::new(self.text.chars().count()));
+            let mut state = egui::TextEdit::load_state(ui.ctx(), response.id).unwrap_or_default();
+            state.cursor.set_char_range(Some(all));
+            state.store(ui.ctx(), response.id);
         }
         let is_entered = response.lost_focus() && ui.input(|i| i.key_pressed(egui::Key::Enter));
         let mut chosen = self.list(ui, purpose, (screen.height() - 280.0).clamp(80.0, 360.0));
@@ -254,7 +260,8 @@ impl FileChooser {
             let word = if purpose.is_saving() { "Save" } else { "Open" };
             let word = if purpose == Purpose::ExportFolder { "Use this folder" } else { word };
             if widgets::primary(ui, word).clicked() || is_entered {
-                chosen = Some(PathBuf::from(self.text.trim()));
+                // A name alone is in the folder that is listed.
+                chosen = Some(self.folder.join(self.text.trim()));
             }
             if ui.button("Cancel").clicked() {
                 return DialogState::Closed;
@@ -265,7 +272,6 @@ impl FileChooser {
                     self.enter(path);
                     DialogState::Open
                 }
-                Some(path) if path.as_os_str().is_empty() => DialogState::Open,
                 Some(path) if !purpose.is_saving() && purpose != Purpose::ExportFolder && !path.exists() => {
                     self.error = Some(format!("{}: no such file", path.display()));
                     DialogState::Open
@@ -300,7 +306,7 @@ impl FileChooser {
                         continue;
                     }
                     let text = if *is_folder { format!("{name}/") } else { name.to_string() };
-                    let is_chosen = Path::new(self.text.trim()) == path.as_path();
+                    let is_chosen = self.folder.join(self.text.trim()) == *path;
                     let response = ui.selectable_label(is_chosen, text);
                     if response.clicked() {
                         self.text = path.display().to_string();

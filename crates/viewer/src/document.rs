@@ -1,5 +1,6 @@
 //! The document: open file, results and background work. Does not depend on the window.
 
+mod flaws;
 mod levels;
 mod preview;
 mod stage;
@@ -8,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
+use glam::DQuat;
 use lodsmith::SimplifyError;
 use lodsmith_core::Model;
 use lodsmith_core::model::Pose;
@@ -18,6 +20,7 @@ use crate::benchmark::{BenchmarkTable, SharedTable};
 use crate::command::{Command, History};
 use crate::content::{Distances, Lighter, Original, TopologySummary};
 use crate::export::{self, Export};
+use crate::flaws::Flaws;
 use crate::gpu::Context;
 use crate::job::{JobControl, JobKind, Message, Progress, Worker};
 use crate::log::Log;
@@ -28,6 +31,7 @@ use crate::settings::Settings;
 use crate::shown::{Drawing, ShownModel};
 use crate::slider_preview::SliderPreview;
 use crate::target_scale::OriginalSize;
+use crate::up_axis::UpAxis;
 
 pub(crate) use levels::level_ratios;
 pub use stage::StageLevel;
@@ -63,6 +67,10 @@ pub struct Document {
     opening: Option<Opening>,
     /// True if a panel shows distances.
     wants_distances: bool,
+    /// Borders and defects of the original and of the result.
+    flaws: [Option<(usize, Arc<Flaws>)>; 2],
+    /// True if borders or defects are shown.
+    wants_flaws: bool,
     /// True if a panel shows components and borders.
     wants_topology: bool,
     /// The folder that limits which files a model or a session may name.
@@ -94,6 +102,7 @@ pub struct Document {
 struct Opening {
     path: PathBuf,
     then: OpenReason,
+    since: Instant,
 }
 
 /// Shadings that are replaced by the intended shading of a newly opened file.
@@ -109,6 +118,7 @@ enum OpenReason {
 enum Outcome {
     Opened { path: PathBuf, result: Result<ShownModel<Original>, String> },
     Lighter { how: Simplification, result: Result<ShownModel<Lighter>, SimplifyError> },
+    Flaws { which: usize, key: usize, flaws: Arc<Flaws> },
     Inspected { which: usize, key: usize, anatomy: TopologySummary },
     Measured(Measured),
     Levels { of: (usize, Simplification), result: Result<Vec<ShownModel<Lighter>>, SimplifyError> },
@@ -132,6 +142,8 @@ impl Document {
             lighter: None,
             measured: None,
             topologies: [None, None],
+            flaws: [None, None],
+            wants_flaws: false,
             requested: None,
             opening: None,
             wants_distances: false,
@@ -192,6 +204,22 @@ impl Document {
         .map(|(a, key)| if fits(a, key) { a.as_ref().map(|a| &a.1) } else { None })
     }
 
+    /// Returns the axis of the model that points up.
+    pub fn up(&self) -> UpAxis {
+        match self.settings.up {
+            UpAxis::Auto => self.original.as_ref().map_or(UpAxis::Y, |o| o.content.guessed_up),
+            chosen => chosen,
+        }
+    }
+    /// Sets the axis that was remembered for the open file; this is not an undo step.
+    pub fn restore_up(&mut self, up: UpAxis) {
+        self.settings.up = up;
+    }
+    /// Returns the rotation in which the model is shown.
+    pub fn rotation(&self) -> DQuat {
+        self.settings.turn.rotation() * self.up().rotation()
+    }
+
     /// Returns the pose of the model at the current time.
     pub fn pose(&self) -> Pose {
         let Some(original) = &self.original else { return Pose::default() };
@@ -234,6 +262,11 @@ impl Document {
     /// Returns the file that is being read.
     pub fn opening(&self) -> Option<&Path> {
         self.opening.as_ref().map(|o| o.path.as_path())
+    }
+    /// Returns for how many seconds a file is being opened, and the present step.
+    pub fn opening_progress(&self) -> Option<(f64, &'static str)> {
+        let since = self.opening.as_ref()?.since;
+        Some((since.elapsed().as_secs_f64(), self.progress().map_or("", |p| p.stage)))
     }
     /// Returns true while the result is older than the settings.
     pub fn is_outdated(&self) -> bool {
@@ -422,10 +455,12 @@ impl Document {
     }
 
     fn open(&mut self, path: PathBuf, then: OpenReason) {
-        self.opening = Some(Opening { path: path.clone(), then });
+        self.opening = Some(Opening { path: path.clone(), then, since: Instant::now() });
         let (context, assets) = (self.context.clone(), self.assets.clone());
         self.worker.submit(JobKind::Load, move |watch| {
+            watch.enter_stage("reading");
             let read = Original::read(&path, assets).map_err(|e| e.to_string());
+            watch.enter_stage("preparing pictures");
             let result = read.map(|original| {
                 let draw = context.map(|c| preview_mesh::upload(&c, original.model()));
                 ShownModel { content: Arc::new(original), draw }
@@ -478,6 +513,7 @@ impl Document {
                 Ok(_) | Err(SimplifyError::Cancelled) => {}
                 Err(why) => self.fail(why.to_string()),
             },
+            Outcome::Flaws { which, key, flaws } => self.flaws[which] = Some((key, flaws)),
             Outcome::Inspected { which, key, anatomy } => self.topologies[which] = Some((key, anatomy)),
             Outcome::Measured(measured) => self.measured = Some(measured),
             Outcome::Levels { of, result } => match result {
@@ -502,7 +538,7 @@ impl Document {
     }
 
     fn opened(&mut self, original: ShownModel<Original>) {
-        let Some(Opening { then, path }) = self.opening.take() else { return };
+        let Some(Opening { then, path, .. }) = self.opening.take() else { return };
         if let OpenReason::Run(command) = &then {
             self.history.seal();
             self.history.run(command, &mut self.settings);
@@ -528,7 +564,7 @@ impl Document {
         self.original = Some(original);
         self.is_playing &= matches!(then, OpenReason::Reloaded);
         (self.lighter, self.measured, self.requested) = (None, None, None);
-        self.topologies = [None, None];
+        (self.topologies, self.flaws) = ([None, None], [None, None]);
         self.drop_preview();
     }
 
@@ -576,6 +612,7 @@ impl Document {
         self.start_preview(&original);
         self.make_levels(&original);
         self.inspect(&original);
+        self.find_flaws(&original);
         self.measure(&original);
     }
 

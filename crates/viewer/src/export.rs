@@ -12,6 +12,8 @@ use crate::job::JobControl;
 use crate::numbers::grouped;
 use crate::option_words::Simplification;
 
+pub use crate::export_size::{byte_text, estimated_bytes};
+
 /// Options of an export.
 #[derive(Clone, Debug)]
 pub struct Export {
@@ -25,6 +27,29 @@ pub struct Export {
     pub textures: Textures,
     /// Fractions of the triangles, one file each; if empty, the shown mesh is written.
     pub levels: Vec<f64>,
+}
+
+/// Returns the file that an export writes unless another one is chosen, and its format: beside the original,
+/// in its format if that can be written.
+pub fn default_file(original: &Path) -> (PathBuf, Format) {
+    let stem = original.file_stem().map_or("model".into(), |s| s.to_string_lossy());
+    let ending = original.extension().map(|e| e.to_string_lossy().into_owned());
+    // A compressed file is named after its content.
+    let (stem, ending) = match ending.filter(|e| !e.eq_ignore_ascii_case("gz")) {
+        Some(ending) => (stem.into_owned(), Some(ending)),
+        None => {
+            let inner = Path::new(&*stem);
+            let of = |part: Option<&std::ffi::OsStr>| part.map(|s| s.to_string_lossy().into_owned());
+            (of(inner.file_stem()).unwrap_or_default(), of(inner.extension()))
+        }
+    };
+    // The shown model is a single level, so it cannot be written as a progressive mesh.
+    let format = match ending.and_then(|e| Format::from_name(&e)) {
+        Some(format) if Format::WRITTEN.contains(&format) => format,
+        Some(format) if format.is_scene() => Format::Glb,
+        _ => Format::Ply,
+    };
+    (original.with_file_name(format!("{stem}_low.{}", format.name())), format)
 }
 
 /// Summary and warnings of an export.
@@ -49,7 +74,7 @@ impl Export {
         watch: &mut JobControl,
     ) -> anyhow::Result<Written> {
         if self.levels.is_empty() {
-            let warnings = self.write_one(original, lighter, &self.path)?;
+            let warnings = self.write_shown(original, lighter)?;
             let faces = lighter.map_or(original.faces, |l| l.faces);
             return Ok(Written { summary: format!("{} faces", grouped(faces)), warnings });
         }
@@ -69,6 +94,18 @@ impl Export {
         }
         warnings.dedup();
         Ok(Written { summary: format!("{} levels: {} faces", counts.len(), counts.join(", ")), warnings })
+    }
+
+    /// Writes the shown mesh; returns its warnings.
+    ///
+    /// # Errors
+    /// As [`Export::write`].
+    pub(crate) fn write_shown(
+        &self,
+        original: &Original,
+        lighter: Option<&Lighter>,
+    ) -> anyhow::Result<Vec<String>> {
+        self.write_one(original, lighter, &self.path)
     }
 
     fn write_one(

@@ -19,6 +19,8 @@ pub enum JobKind {
     Simplify,
     /// Count the topology of a model.
     Inspect,
+    /// Find borders and defects.
+    Flaws,
     /// Measure the distances between result and original.
     Measure,
     /// Write a file.
@@ -33,13 +35,14 @@ pub enum JobKind {
 
 impl JobKind {
     /// All kinds, in order of priority.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Load,
         Self::Simplify,
         Self::Export,
         Self::Levels,
         Self::Measure,
         Self::Inspect,
+        Self::Flaws,
         Self::Preview,
         Self::Benchmark,
     ];
@@ -50,6 +53,7 @@ impl JobKind {
             Self::Load => "Opening",
             Self::Simplify => "Simplifying",
             Self::Inspect => "Inspecting",
+            Self::Flaws => "Finding defects",
             Self::Measure => "Measuring",
             Self::Export => "Writing",
             Self::Levels => "Making levels",
@@ -90,6 +94,15 @@ impl JobControl {
             (self.shared.wake)();
         }
         !self.is_stopped.load(Ordering::Relaxed)
+    }
+}
+
+impl JobControl {
+    /// Names the present step.
+    pub fn enter_stage(&mut self, stage: &'static str) {
+        self.stage = stage;
+        *lock(&self.shared.stage) = stage;
+        (self.shared.wake)();
     }
 }
 

@@ -1,6 +1,6 @@
 //! Key bindings: one table for input, cheat sheet, tooltips and menus.
 
-use eframe::egui::{InputState, Key, KeyboardShortcut, Modifiers};
+use eframe::egui::{Event, InputState, Key, KeyboardShortcut, Modifiers};
 use lodsmith_core::Model;
 
 use crate::panel::Panel;
@@ -54,6 +54,8 @@ pub enum Action {
     Borders,
     /// Toggle defects.
     Defects,
+    /// Go to the next border or defect.
+    NextFlaw,
     /// Toggle the ground grid.
     Ground,
     /// Switch the environment.
@@ -205,8 +207,7 @@ const fn keyframes(modifiers: Modifiers, key: Key, action: CopiesAction, name: &
     bind(Group::Animation, modifiers, key, Action::Copies(action), name)
 }
 
-/// All key bindings. Those with more modifiers come first: a binding with fewer modifiers would match them
-/// too.
+/// All key bindings.
 pub const BINDINGS: &[Binding] = &[
     bind(Group::File, CTRL_SHIFT, Key::O, Action::OpenSession, "Open session"),
     bind(Group::File, CTRL_SHIFT, Key::S, Action::SaveSession, "Save session"),
@@ -248,6 +249,7 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::Look, NONE, Key::E, Action::Shade(6), "Error heat map"),
     bind(Group::Look, NONE, Key::B, Action::Borders, "Open borders"),
     bind(Group::Look, NONE, Key::X, Action::Defects, "Defects"),
+    bind(Group::Look, SHIFT, Key::X, Action::NextFlaw, "Next border or defect"),
     bind(Group::Look, NONE, Key::G, Action::Ground, "Ground grid"),
     bind(Group::Look, SHIFT, Key::E, Action::NextEnvironment, "Environment: auto, plain, studio"),
     bind(Group::Look, NONE, Key::U, Action::Cull, "Backface culling"),
@@ -256,8 +258,11 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::Camera, NONE, Key::F, Action::Frame, "Frame model"),
     bind(Group::Camera, NONE, Key::Num0, Action::View(0), "Isometric"),
     bind(Group::Camera, NONE, Key::Num1, Action::View(1), "Front"),
+    bind(Group::Camera, SHIFT, Key::Num1, Action::View(2), "Back"),
     bind(Group::Camera, NONE, Key::Num3, Action::View(4), "Right"),
+    bind(Group::Camera, SHIFT, Key::Num3, Action::View(3), "Left"),
     bind(Group::Camera, NONE, Key::Num7, Action::View(5), "Top"),
+    bind(Group::Camera, SHIFT, Key::Num7, Action::View(6), "Bottom"),
     bind(Group::Camera, Modifiers::ALT, Key::ArrowLeft, Action::TurnModel(-1, 0), "Rotate model left"),
     bind(Group::Camera, Modifiers::ALT, Key::ArrowRight, Action::TurnModel(1, 0), "Rotate model right"),
     bind(Group::Camera, Modifiers::ALT, Key::ArrowUp, Action::TurnModel(0, 1), "Rotate model up"),
@@ -306,16 +311,17 @@ pub const BINDINGS: &[Binding] = &[
 /// Gestures for the cheat sheet; views and the app handle them directly.
 pub const GESTURES: &[(Group, &str, &str)] = &[
     (Group::Detail, "Hold M", "Keep simplifying"),
-    (Group::Detail, "Alt + drag up/down", "More or less detail"),
+    (Group::Detail, "Ctrl or Alt + drag", "More or less detail"),
     (Group::Animation, "Drag a keyframe", "Move in time; Alt copies"),
     (Group::Look, "Hold Space", "Hold to flip A/B"),
+    (Group::Look, "Ctrl+Shift + drag", "Move the light"),
     (Group::Camera, "Drag", "Orbit"),
     (Group::Camera, "Shift + drag, middle", "Pan"),
     (Group::Camera, "Scroll, pinch", "Zoom to pointer"),
     (Group::Camera, "Double click", "Centre on that point"),
     (Group::Stage, "Click, Shift + click", "Select copy, add to selection"),
     (Group::Stage, "Drag a copy", "Move selected copies"),
-    (Group::Stage, "Alt + drag", "Rotate; up/down scales"),
+    (Group::Stage, "Ctrl or Alt + drag", "Rotate; up/down scales"),
     (Group::Stage, "W A S D, arrows", "Walk (walk mode)"),
     (Group::Stage, "Q, E", "Move down, up (walk mode)"),
     (Group::Stage, "Esc", "Exit walk mode"),
@@ -357,34 +363,37 @@ pub fn text(shortcut: &KeyboardShortcut) -> String {
     text
 }
 
-/// Returns the actions whose keys were pressed, and consumes these keys.
+/// Keys with digits that have bindings.
+const DIGITS: [Key; 6] = [Key::Num0, Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num7];
+
+/// Returns the actions whose keys were pressed, and consumes these keys. The modifiers are those at the time of
+/// each press: a frame may be so long that they are released within it.
 pub fn pressed(input: &mut InputState) -> Vec<Action> {
     let mut actions = Vec::new();
-    for b in BINDINGS {
-        // A plain key requires that no modifier is held; but some layouts need Shift for `+`.
-        let m = input.modifiers;
-        if b.shortcut.modifiers == NONE && (m.command || m.ctrl || m.alt) {
-            continue;
-        }
-        if b.shortcut.modifiers == NONE && m.shift && b.shortcut.logical_key != Key::Plus {
-            continue;
-        }
-        if input.consume_shortcut(&b.shortcut) {
-            actions.push(b.action);
-        }
-    }
-    // `=` is `+` without Shift on most keyboards.
-    if input.consume_key(NONE, Key::Equals) {
-        actions.push(Action::More);
-    }
-    // Backspace deletes too: some keyboards have no Delete key.
-    if input.consume_key(NONE, Key::Backspace) {
-        actions.push(Action::Copies(CopiesAction::Delete));
-    }
-    if input.consume_shortcut(&KeyboardShortcut::new(CTRL_SHIFT, Key::Z)) {
-        actions.push(Action::Redo);
-    }
+    input.events.retain(|event| {
+        let Event::Key { key, physical_key, pressed: true, modifiers, .. } = event else { return true };
+        // With Shift, digits are other characters on most keyboards.
+        let digit = physical_key.filter(|key| DIGITS.contains(key));
+        let action = action_of(digit.unwrap_or(*key), *modifiers);
+        actions.extend(action);
+        action.is_none()
+    });
     actions
+}
+
+/// Returns the action of a key.
+fn action_of(key: Key, modifiers: Modifiers) -> Option<Action> {
+    let is = |wanted: Modifiers| modifiers.matches_exact(wanted);
+    let own = BINDINGS.iter().find(|b| b.shortcut.logical_key == key && is(b.shortcut.modifiers));
+    own.map(|b| b.action).or(match key {
+        // Some layouts need Shift for `+`; `=` is `+` without Shift on most keyboards.
+        Key::Plus if is(SHIFT) => Some(Action::More),
+        Key::Equals if is(NONE) => Some(Action::More),
+        // Some keyboards have no Delete key.
+        Key::Backspace if is(NONE) => Some(Action::Copies(CopiesAction::Delete)),
+        Key::Z if is(CTRL_SHIFT) => Some(Action::Redo),
+        _ => None,
+    })
 }
 
 /// Returns the playback after an action; `None` for actions that do not change it.
@@ -411,6 +420,16 @@ mod tests {
                 assert_ne!(a.action, b.action, "{}", a.name);
             }
         }
+    }
+
+    #[test]
+    fn modifiers_count_as_they_were_when_the_key_was_pressed() {
+        assert_eq!(action_of(Key::X, NONE), Some(Action::Defects));
+        assert_eq!(action_of(Key::X, SHIFT), Some(Action::NextFlaw));
+        assert_eq!(action_of(Key::X, CTRL), None);
+        assert_eq!(action_of(Key::Num1, SHIFT), Some(Action::View(2)));
+        assert_eq!(action_of(Key::Num1, CTRL_SHIFT), Some(Action::SaveCamera(0)));
+        assert_eq!(action_of(Key::Plus, SHIFT), Some(Action::More));
     }
 
     #[test]

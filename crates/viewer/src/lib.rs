@@ -23,6 +23,10 @@ pub mod document;
 #[cfg(feature = "window")]
 pub mod export;
 #[cfg(feature = "window")]
+mod export_size;
+#[cfg(feature = "window")]
+pub mod flaws;
+#[cfg(feature = "window")]
 pub mod gpu;
 #[cfg(feature = "window")]
 pub mod job;
@@ -45,11 +49,14 @@ pub mod settings;
 pub mod shown;
 #[cfg(feature = "window")]
 pub mod slider_preview;
+#[cfg(feature = "window")]
+mod smoothing;
 pub mod stage;
 #[cfg(feature = "window")]
 pub mod target_scale;
 #[cfg(feature = "window")]
 pub mod theme;
+pub mod up_axis;
 #[cfg(feature = "window")]
 mod user_files;
 #[cfg(feature = "window")]

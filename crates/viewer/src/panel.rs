@@ -7,6 +7,7 @@ pub mod export;
 pub mod files;
 pub mod help;
 pub mod info;
+mod lamp;
 pub mod log;
 pub mod look;
 pub mod method;
@@ -81,9 +82,9 @@ pub struct WindowState {
     pub recent: Vec<std::path::PathBuf>,
     /// Name of the adapter.
     pub adapter: String,
-    /// CPU time of the last frame in seconds.
+    /// Median CPU time of the last frames in seconds.
     pub frame_secs: f64,
-    /// Longest such time since the file was opened.
+    /// Longest of these times.
     pub longest_frame_secs: f64,
     /// Number of triangles drawn last.
     pub triangles_drawn: u64,
@@ -91,6 +92,8 @@ pub struct WindowState {
     pub shader_error: Option<String>,
     /// Error of the result in pixels, from the present camera.
     pub error_px: Option<f64>,
+    /// Number of the border or defect that was visited last.
+    pub flaw: Option<usize>,
     /// Unit of the slider.
     pub unit: Unit,
     /// State of the stage view.

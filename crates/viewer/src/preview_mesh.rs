@@ -37,11 +37,17 @@ pub fn preview_of(model: &Model) -> Option<Model> {
         let mut options = SimplifyOptions::new(Stop::ratio(ratio));
         options.method = Method::Cluster;
         let done = lodsmith::simplify(mesh, &options, &mut NoControl);
-        done.map_or_else(|_| mesh.clone(), |done| Arc::new(done.mesh))
+        done.map_or_else(|_| mesh.clone(), |done| Arc::new(without_normals(done.mesh)))
     };
     let light = model.with_meshes(model.meshes.iter().map(|m| clustered(&m.mesh)).collect());
     let left: usize = light.meshes.iter().map(|m| m.mesh.face_count()).sum();
     (left < all / 2).then_some(light)
+}
+
+/// Drops the normals: those of clustered vertices may point away from the coarse faces, which shows as specks.
+fn without_normals(mut mesh: TriMesh) -> TriMesh {
+    mesh.set_normals(None).expect("no normals always fit");
+    mesh
 }
 
 #[cfg(test)]

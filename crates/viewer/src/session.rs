@@ -7,6 +7,7 @@ use lodsmith_io::AssetScope;
 use serde::{Deserialize, Serialize};
 
 use crate::settings::{Pose, Settings};
+use crate::up_axis::UpAxis;
 
 /// A session: files, options, appearance, cameras.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -164,10 +165,16 @@ pub struct ViewerPrefs {
     pub recent: Vec<PathBuf>,
     /// True for the light theme.
     pub is_light: bool,
+    /// Axes that the user chose for files.
+    pub ups: Vec<(PathBuf, UpAxis)>,
+    /// True once the hint for the first minute was closed.
+    pub knows_hint: bool,
 }
 
 /// Number of recent files that are kept.
 const MAX_RECENT_FILES: usize = 12;
+/// Number of files whose axis is kept.
+const MAX_UPS: usize = 200;
 
 impl ViewerPrefs {
     /// Returns the path of the settings file; `None` if the system defines no such folder.
@@ -196,6 +203,22 @@ impl ViewerPrefs {
         {
             let _ = write(path, text.as_bytes());
         }
+    }
+
+    /// Returns the axis that the user chose for a file.
+    pub fn up_of(&self, file: &Path) -> Option<UpAxis> {
+        let file = absolute(file);
+        self.ups.iter().find(|(of, _)| *of == file).map(|(_, up)| *up)
+    }
+
+    /// Remembers the axis for a file; [`UpAxis::Auto`] forgets it.
+    pub fn set_up(&mut self, file: &Path, up: UpAxis) {
+        let file = absolute(file);
+        self.ups.retain(|(of, _)| *of != file);
+        if up != UpAxis::Auto {
+            self.ups.insert(0, (file, up));
+        }
+        self.ups.truncate(MAX_UPS);
     }
 
     /// Adds a file to the recent files.

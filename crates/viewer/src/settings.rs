@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::option_words::Simplification;
 use crate::playback::Playback;
 use crate::stage::Stage;
+use crate::up_axis::UpAxis;
 
 /// All settings of a document.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -26,7 +27,9 @@ pub struct Settings {
     pub look: Appearance,
     /// Layout of the two sides.
     pub layout: Layout,
-    /// Rotation of the model.
+    /// Axis of the model that points up.
+    pub up: UpAxis,
+    /// Rotation of the model, after its axis points up.
     pub turn: Turn,
     /// Saved cameras.
     pub cameras: [Option<Pose>; 4],
@@ -144,6 +147,8 @@ pub struct Appearance {
     pub ground: bool,
     /// Lights.
     pub rig: Rig,
+    /// The first of the lights, if it was changed.
+    pub lamp: Option<Lamp>,
     /// Brightness factor of the lights.
     pub brightness: f32,
     /// Environment for reflections.
@@ -161,6 +166,7 @@ impl Default for Appearance {
             backdrop: Backdrop::default(),
             ground: false,
             rig: Rig::default(),
+            lamp: None,
             brightness: 1.0,
             around: EnvironmentChoice::default(),
             matcap: None,
@@ -204,6 +210,20 @@ impl EnvironmentChoice {
 }
 
 impl Appearance {
+    /// Returns the first light: the changed one, or that of the rig.
+    pub fn lamp(&self) -> Lamp {
+        self.lamp.unwrap_or_else(|| self.rig.lamp())
+    }
+
+    /// Returns the lighting for the renderer.
+    pub fn lighting(&self) -> Lighting {
+        let mut lighting = self.rig.lighting(self.brightness);
+        if let (Some(lamp), Some(light)) = (self.lamp, lighting.lights.first_mut()) {
+            lamp.apply_to(light);
+        }
+        lighting
+    }
+
     /// Resolves the automatic environment for a model.
     pub fn surroundings(&self, has_metal: bool) -> EnvironmentChoice {
         let is_behind = matches!(self.backdrop, Backdrop::Surroundings | Backdrop::Blurred);
@@ -267,6 +287,10 @@ impl Backdrop {
     }
 }
 
+/// Distance in radii, and cone, of lights that have none.
+const DEFAULT_DISTANCE: f32 = 2.5;
+const DEFAULT_CONE_DEG: f32 = 60.0;
+
 /// Lights of the scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Rig {
@@ -292,6 +316,26 @@ impl Rig {
         (Self::Point, "Point light"),
         (Self::Spot, "Spot light"),
     ];
+
+    /// Returns the first light.
+    pub fn lamp(self) -> Lamp {
+        let light = self.lighting(1.0).lights[0];
+        let none = Lamp {
+            azimuth_deg: 0.0,
+            elevation_deg: 0.0,
+            distance: DEFAULT_DISTANCE,
+            cone_deg: DEFAULT_CONE_DEG,
+            color: [1.0; 3],
+        };
+        match light.kind {
+            LightKind::Directional { to_light } => none.towards(to_light),
+            LightKind::Point { at } => Lamp { distance: at.length(), ..none.towards(at) },
+            LightKind::Spot { at, half_angle_rad, .. } => {
+                let cone_deg = 2.0 * half_angle_rad.to_degrees();
+                Lamp { distance: at.length(), cone_deg, ..none.towards(at) }
+            }
+        }
+    }
 
     /// Returns the lighting for the renderer.
     pub fn lighting(self, brightness: f32) -> Lighting {
@@ -324,6 +368,68 @@ impl Rig {
             *color = color.map(|c| c * brightness);
         }
         lighting
+    }
+}
+
+/// Direction, distance, cone and colour of a light.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Lamp {
+    /// Direction to the light about the vertical axis, in degrees; 0 is in front, 90 on the right.
+    pub azimuth_deg: f32,
+    /// Direction to the light above the horizon, in degrees.
+    pub elevation_deg: f32,
+    /// Distance of a point or spot light from the centre of the model, in radii of the model.
+    pub distance: f32,
+    /// Whole angle of the cone of a spot light, in degrees.
+    pub cone_deg: f32,
+    /// Colour in sRGB, which multiplies the strength of the light.
+    pub color: [f32; 3],
+}
+
+impl Default for Lamp {
+    fn default() -> Self {
+        Rig::default().lamp()
+    }
+}
+
+impl Lamp {
+    /// Returns the direction to the light.
+    pub fn direction(&self) -> Vec3 {
+        let ((sin_a, cos_a), (sin_e, cos_e)) =
+            (self.azimuth_deg.to_radians().sin_cos(), self.elevation_deg.to_radians().sin_cos());
+        Vec3::new(cos_e * sin_a, sin_e, cos_e * cos_a)
+    }
+
+    /// Sets the direction to the light.
+    #[must_use]
+    pub fn towards(self, direction: Vec3) -> Self {
+        let d = direction.normalize_or(Vec3::Z);
+        let azimuth_deg = d.x.atan2(d.z).to_degrees();
+        Self { azimuth_deg, elevation_deg: d.y.clamp(-1.0, 1.0).asin().to_degrees(), ..self }
+    }
+
+    /// Turns the light about the centre by degrees to the right and up.
+    #[must_use]
+    pub fn turned(self, right_deg: f32, up_deg: f32) -> Self {
+        let azimuth_deg = (self.azimuth_deg + right_deg + 180.0).rem_euclid(360.0) - 180.0;
+        Self { azimuth_deg, elevation_deg: (self.elevation_deg + up_deg).clamp(-90.0, 90.0), ..self }
+    }
+
+    fn apply_to(&self, light: &mut Light) {
+        let to_light = self.direction();
+        let at = to_light * self.distance.clamp(0.1, 100.0);
+        light.kind = match light.kind {
+            LightKind::Directional { .. } => LightKind::Directional { to_light },
+            LightKind::Point { .. } => LightKind::Point { at },
+            LightKind::Spot { .. } => {
+                let half_angle_rad = 0.5 * self.cone_deg.clamp(1.0, 170.0).to_radians();
+                LightKind::Spot { at, toward: Vec3::ZERO, half_angle_rad }
+            }
+        };
+        // sRGB to linear, closely enough for a colour that is chosen by eye.
+        let tint = self.color.map(|c| c.clamp(0.0, 1.0).powf(2.2));
+        light.color = [0, 1, 2].map(|k| light.color[k] * tint[k]);
     }
 }
 
@@ -432,6 +538,35 @@ mod tests {
     fn a_turn_that_is_none_leaves_the_model_as_it_is() {
         assert_eq!(Turn([0.0; 4]).rotation(), DQuat::IDENTITY);
         assert_eq!(Turn([f64::NAN; 4]).rotation(), DQuat::IDENTITY);
+    }
+
+    #[test]
+    fn a_light_that_was_not_moved_is_that_of_the_rig() {
+        for (rig, name) in Rig::ALL {
+            let plain = Appearance { rig, ..Appearance::default() };
+            let same = Appearance { lamp: Some(rig.lamp()), ..plain.clone() };
+            let [one, two] = [plain, same].map(|look| {
+                let light = look.lighting().lights[0];
+                let at = match light.kind {
+                    LightKind::Directional { to_light } => to_light.normalize_or_zero(),
+                    LightKind::Point { at } | LightKind::Spot { at, .. } => at,
+                };
+                (at, light.color)
+            });
+            assert!(one.0.distance(two.0) < 1e-4 && one.1 == two.1, "{name}: {one:?} {two:?}");
+        }
+    }
+
+    #[test]
+    fn a_light_turns_about_the_model_and_has_a_cone_and_a_colour() {
+        let lamp = Rig::Spot.lamp().towards(Vec3::X).turned(-90.0, 30.0);
+        assert!((lamp.azimuth_deg - 0.0).abs() < 1e-3 && (lamp.elevation_deg - 30.0).abs() < 1e-3);
+        let lamp = Lamp { cone_deg: 40.0, distance: 3.0, color: [1.0, 0.0, 0.0], ..lamp };
+        let look = Appearance { rig: Rig::Spot, lamp: Some(lamp), ..Appearance::default() };
+        let light = look.lighting().lights[0];
+        let LightKind::Spot { at, half_angle_rad, .. } = light.kind else { panic!("{light:?}") };
+        assert!((at.length() - 3.0).abs() < 1e-5 && (half_angle_rad.to_degrees() - 20.0).abs() < 1e-3);
+        assert!(light.color[0] > 0.0 && light.color[1] == 0.0);
     }
 
     #[test]

@@ -7,8 +7,15 @@ use eframe::egui::{
 
 /// Spacing step, in points.
 pub const SPACING: f32 = 4.0;
-/// Width of the docks.
-pub const DOCK_WIDTH: f32 = 296.0;
+/// Widths of the docks, in wide and in narrow windows.
+const DOCK_WIDTHS: [f32; 2] = [296.0, 264.0];
+/// Windows narrower than this have less room for bars and docks.
+pub const NARROW_WINDOW: f32 = 1080.0;
+
+/// Returns the width of the docks in a window of this width.
+pub fn dock_width(window: f32) -> f32 {
+    DOCK_WIDTHS[usize::from(window < NARROW_WINDOW)]
+}
 
 /// Colours of a theme.
 #[derive(Clone, Copy, Debug)]

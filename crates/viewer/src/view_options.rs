@@ -13,6 +13,8 @@ pub struct ViewOptions {
     pub assets: AssetScope,
     /// True if recent files and theme are saved.
     pub remember: bool,
+    /// File in which they are saved; `None` for the usual one.
+    pub memory: Option<PathBuf>,
     /// True if the system's own file dialogs are used, if it has any.
     pub use_system_dialogs: bool,
     /// True for the light theme; `None` takes the saved one.
@@ -25,6 +27,7 @@ impl Default for ViewOptions {
             inputs: Vec::new(),
             assets: AssetScope::Folder,
             remember: true,
+            memory: None,
             use_system_dialogs: true,
             is_light: None,
         }

@@ -4,9 +4,9 @@ use std::f64::consts::TAU;
 
 use eframe::egui::{self, PointerButton, Rect, Response, Vec2};
 use glam::{DMat4, DVec3};
-use lodsmith_core::model::{Deformed, Pose as ModelPose};
+use lodsmith_core::model::{Deformed, Instance, Pose as ModelPose};
 use lodsmith_core::{Model, PositionsView, TriMesh, WedgeId};
-use lodsmith_render::{Camera, StandardView};
+use lodsmith_render::{Camera, Framing, StandardView};
 use rayon::prelude::*;
 
 use crate::orbit::Orbit;
@@ -43,10 +43,10 @@ impl Orbit {
         let drag = response.drag_delta();
         let is_panning = response.dragged_by(PointerButton::Middle)
             || response.dragged_by(PointerButton::Secondary)
-            || (response.dragged_by(PointerButton::Primary) && modifiers.shift);
+            || (response.dragged_by(PointerButton::Primary) && modifiers.shift && !modifiers.command);
         if is_panning {
             self.pan(drag, rect.height());
-        } else if response.dragged_by(PointerButton::Primary) && !modifiers.alt {
+        } else if response.dragged_by(PointerButton::Primary) && !modifiers.alt && !modifiers.command {
             let turn = |points: f32| f64::from(points) * TURN_PER_POINT;
             self.turn(-turn(drag.x), turn(drag.y));
         }
@@ -63,6 +63,41 @@ impl Orbit {
 /// Returns the standard view with this index.
 pub fn standard_view(number: usize) -> StandardView {
     StandardView::ALL[number.min(StandardView::ALL.len() - 1)]
+}
+
+/// Part of a picture that stays free on each side of a framed model.
+const MARGIN: f64 = 0.06;
+
+/// Returns the camera, moved so that a model fills a picture of this aspect ratio.
+///
+/// Cost: O(triangles), on all threads.
+pub fn framed(
+    model: &Model,
+    pose: &ModelPose,
+    world_from_model: DMat4,
+    bounds: &lodsmith_core::Bounds,
+    camera: Camera,
+    aspect: f64,
+) -> Camera {
+    let start = Framing::new(camera, bounds, aspect, MARGIN);
+    let (world_from_nodes, mut deformed) = (model.world_from_nodes(pose), Deformed::default());
+    let each = |instance: Instance| {
+        let is_deformed = model.deform(&instance, pose, &world_from_nodes, &mut deformed);
+        let placed = if is_deformed { deformed.world_from_mesh } else { instance.world_from_mesh };
+        let world_from_mesh = world_from_model * placed;
+        let mesh = &model.meshes[instance.mesh].mesh;
+        let positions = mesh.positions().view();
+        let place = |w: WedgeId| {
+            let p = match is_deformed {
+                true => DVec3::from(deformed.positions[w.index()].map(f64::from)),
+                false => DVec3::from(positions.get(mesh.vertex_of(w))),
+            };
+            world_from_mesh.transform_point3(p)
+        };
+        let some = |faces: &[[WedgeId; 3]]| faces.iter().flatten().fold(start, |all, &w| all.with(place(w)));
+        mesh.triangles().par_chunks(1 << 14).map(some).reduce(|| start, Framing::merged)
+    };
+    model.instances(pose).into_iter().map(each).fold(start, Framing::merged).camera()
 }
 
 /// Returns the first hit of a ray on a model, in world coordinates.
@@ -147,6 +182,11 @@ pub(crate) fn caption(ui: &egui::Ui, picture: Rect, title: &str, text: &str, is_
     let painter = ui.painter_at(picture);
     let title = painter.layout_no_wrap(title.to_owned(), egui::FontId::proportional(13.0), p.text);
     let text = painter.layout_no_wrap(text.to_owned(), egui::FontId::monospace(12.0), p.weak);
+    let text = if title.size().x + text.size().x + 54.0 <= picture.width() {
+        text
+    } else {
+        painter.layout_no_wrap(String::new(), egui::FontId::monospace(12.0), p.weak)
+    };
     let size = Vec2::new(title.size().x + text.size().x + 34.0, 26.0);
     let left = if is_right { picture.right() - size.x - 10.0 } else { picture.left() + 10.0 };
     let chip = Rect::from_min_size(egui::pos2(left, picture.top() + 10.0), size);

@@ -105,6 +105,7 @@ impl Scene {
             ground: self.ground,
             matcap: None,
             environment: None,
+            marks_stand_out: false,
             shader: None,
         }
     }

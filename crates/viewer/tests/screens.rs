@@ -7,6 +7,8 @@ mod adapter;
 mod benchmark;
 #[path = "screens/desk.rs"]
 mod desk;
+#[path = "screens/first_minute.rs"]
+mod first_minute;
 #[path = "screens/keyframes.rs"]
 mod keyframes;
 #[path = "screens/stage.rs"]

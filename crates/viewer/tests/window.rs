@@ -92,6 +92,25 @@ fn export(hand: &InputSimulator, path: &Path) -> usize {
     })
 }
 
+/// Copies the command line and asks another program for it.
+fn copies_to_the_clipboard(hand: &InputSimulator, model: &Path) {
+    if !is_installed("xclip") {
+        let _ = std::io::Write::write_all(&mut std::io::stderr(), b"SKIPPED: xclip missing\n");
+        return;
+    }
+    hand.key("ctrl+shift+c");
+    let text = until("the clipboard", || {
+        let asked = Command::new("xclip")
+            .env("DISPLAY", &hand.screen)
+            .args(["-selection", "clipboard", "-o"])
+            .output()
+            .unwrap();
+        asked.status.success().then(|| String::from_utf8_lossy(&asked.stdout).into_owned())
+    });
+    let output = model.with_file_name("sphere_low.ply");
+    assert!(text.starts_with("lodsmith simplify") && text.contains(&*output.to_string_lossy()), "{text}");
+}
+
 #[test]
 fn a_window_opens_drags_holds_restores_and_exports() {
     let Some((_screen, name)) = screen() else { return };
@@ -131,6 +150,7 @@ fn a_window_opens_drags_holds_restores_and_exports() {
     let dragged = export(&hand, &out);
     assert!(dragged < 12_000, "dragged to {dragged} faces");
 
+    copies_to_the_clipboard(&hand, &model);
     std::fs::remove_file(&out).unwrap();
     hand.run(&["keydown", "m"]);
     std::thread::sleep(Duration::from_millis(2500));

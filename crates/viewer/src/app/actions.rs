@@ -94,6 +94,7 @@ impl App {
             Action::Theme => return self.toggle_theme(ctx),
             Action::Screenshot => return self.screenshot(ctx),
             Action::Help => return self.is_help = !self.is_help,
+            Action::NextFlaw => return self.show_next_flaw(),
             Action::Wireframe => looks.wireframe = !looks.wireframe,
             Action::Shade(n) => {
                 let (shading, _) = SHADINGS[n.min(SHADINGS.len() - 1)];
@@ -111,6 +112,31 @@ impl App {
         self.document.run(Command::Look(look));
     }
 
+    /// Goes to the next border or defect: of the result, or of the original if there is no result. If neither
+    /// is shown, both are shown first.
+    fn show_next_flaw(&mut self) {
+        let mut look = self.document.settings().look.clone();
+        if !(look.look.borders || look.look.defects) {
+            (look.look.borders, look.look.defects) = (true, true);
+            self.document.run(Command::Look(look));
+            self.facts.flaw = None;
+            return;
+        }
+        let [original, result] = self.document.flaws();
+        let of_side = if self.document.lighter().is_some() { result } else { original };
+        let Some(flaws) = of_side.cloned() else { return };
+        let places: Vec<_> = flaws.shown_places(look.look.borders, look.look.defects).collect();
+        let next = self.facts.flaw.map_or(0, |n| n + 1);
+        let number = if next < places.len() { next } else { 0 };
+        match places.get(number) {
+            Some(place) => {
+                self.facts.flaw = Some(number);
+                self.pictures.look_at(&self.document, place);
+            }
+            None => self.document.log.note("there are no borders or defects to go to"),
+        }
+    }
+
     fn choose_session_to_save(&mut self, ctx: &egui::Context) {
         if let Some(file) = self.document.settings().file() {
             let start = file.with_extension("lodsmith.json");
@@ -120,7 +146,7 @@ impl App {
 
     fn open_export_form(&mut self) {
         if let Some(original) = self.document.original() {
-            self.export = Some(export::ExportForm::new(&original.content.path, original.content.file.format));
+            self.export = Some(export::ExportForm::new(&original.content.path));
         }
     }
 

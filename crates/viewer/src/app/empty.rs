@@ -4,6 +4,7 @@ use eframe::egui::{self, Ui};
 
 use crate::document::Document;
 use crate::keys::Action;
+use crate::numbers::significant;
 use crate::panel::{self, UiRequest, WindowState};
 use crate::theme;
 
@@ -19,6 +20,14 @@ pub(super) fn start_page(ui: &mut Ui, document: &Document, facts: &WindowState, 
                 ui.add_space(size.y * 0.4);
                 ui.spinner();
                 ui.label(theme::weak(ui, format!("Opening {}", panel::files::name(path))));
+                if let Some((secs, stage)) = document.opening_progress() {
+                    let size = std::fs::metadata(path).map_or(0.0, |m| m.len() as f64 / 1e6);
+                    let text = format!("{stage} {} MB, {} s", significant(size, 2), secs.round());
+                    ui.label(theme::weak(ui, text));
+                }
+                if ui.button("Stop").clicked() {
+                    says.push(UiRequest::Action(Action::Cancel));
+                }
                 return;
             }
             ui.add_space(24.0);
@@ -54,6 +63,24 @@ pub(super) fn start_page(ui: &mut Ui, document: &Document, facts: &WindowState, 
             }
         });
     });
+}
+
+/// Draws the hint for the first minute over the pictures; returns true if it was closed.
+pub(super) fn first_hint(ctx: &egui::Context) -> bool {
+    let area = egui::Area::new(egui::Id::unique("first hint")).order(egui::Order::Middle);
+    let shown = area.anchor(egui::Align2::CENTER_BOTTOM, egui::vec2(0.0, -120.0)).show(ctx, |ui| {
+        egui::Frame::popup(ui.style()).inner_margin(12.0).show(ui, |ui| {
+            ui.set_max_width(420.0);
+            ui.label(egui::RichText::new("Drag the slider below: fewer triangles to the left").strong());
+            ui.label(theme::weak(
+                ui,
+                "Drag a picture to orbit, scroll to zoom, double-click to look at a point.",
+            ));
+            ui.label(theme::weak(ui, "Ctrl+S exports the result, H shows all keys."));
+            ui.button("Got it").clicked()
+        })
+    });
+    shown.inner.inner
 }
 
 /// Draws a hint while a file is dragged over the window.

@@ -49,7 +49,7 @@ impl Document {
     /// Returns the base of the model: how it is placed on a ground.
     pub fn stage_base(&self) -> Option<ModelBase> {
         let original = self.original.as_ref()?;
-        Some(ModelBase::new(&original.content.bounds, self.settings.turn.rotation()))
+        Some(ModelBase::new(&original.content.bounds, self.rotation()))
     }
 
     /// Returns the original and its levels, from the finest.

@@ -35,6 +35,8 @@ pub struct Frame<'a> {
     pub matcap: Option<&'a Matcap>,
     /// Environment map for reflections; `None` uses plain ambient light from above and below.
     pub environment: Option<&'a EnvironmentMap>,
+    /// True to draw borders and defects in double width, and faintly where something hides them.
+    pub marks_stand_out: bool,
     /// User's shader that replaces the shading of `look`.
     pub shader: Option<&'a SurfaceShader>,
 }
@@ -58,6 +60,7 @@ impl<'a> Frame<'a> {
             ground: false,
             matcap: None,
             environment: None,
+            marks_stand_out: false,
             shader: None,
         }
     }
@@ -126,6 +129,7 @@ pub(super) struct FrameSnapshot {
     ground: bool,
     matcap: Option<u64>,
     environment: Option<u64>,
+    marks_stand_out: bool,
     shader: Option<u64>,
 }
 
@@ -146,6 +150,7 @@ impl FrameSnapshot {
             ground: frame.ground,
             matcap: frame.matcap.map(Matcap::id),
             environment: frame.environment.map(EnvironmentMap::id),
+            marks_stand_out: frame.marks_stand_out,
             shader: frame.shader.map(SurfaceShader::id),
         }
     }
@@ -172,6 +177,7 @@ impl FrameSnapshot {
             && self.ground == frame.ground
             && self.matcap == frame.matcap.map(Matcap::id)
             && self.environment == frame.environment.map(EnvironmentMap::id)
+            && self.marks_stand_out == frame.marks_stand_out
             && self.shader == frame.shader.map(SurfaceShader::id)
             && self.models.len() == frame.models.len()
             && self.models.iter().zip(frame.models).all(|(was, is)| same(was, is))

@@ -53,6 +53,17 @@ impl Marks {
         Self { edges, borders }
     }
 
+    /// Returns the number of border edges, non-manifold edges, duplicate faces and faces without area.
+    pub fn kind_counts(&self) -> [usize; 4] {
+        let of = |kind: u32| self.edges.iter().filter(|e| e[2] == kind).count();
+        [of(0), of(1), of(2) / 3, of(3) / 3]
+    }
+
+    /// Returns the ends of the border edges, or of the edges marked as defects.
+    pub fn edges_of(&self, is_border: bool) -> impl Iterator<Item = [WedgeId; 2]> {
+        self.edges.iter().filter(move |e| (e[2] == 0) == is_border).map(|e| [WedgeId(e[0]), WedgeId(e[1])])
+    }
+
     /// Returns the number of border edges and the number of edges marked as defects.
     pub fn counts(&self) -> [usize; 2] {
         [self.borders, self.edges.len() - self.borders]

@@ -160,6 +160,10 @@ impl DrawModel {
     pub fn face_count(&self, mesh: usize) -> usize {
         self.meshes[mesh].face_count
     }
+    /// Returns the number of triangles of all mesh instances at rest.
+    pub fn triangles(&self) -> u64 {
+        self.at_rest.iter().map(|i| self.meshes[i.mesh].face_count as u64).sum()
+    }
     /// Returns the number of meshes.
     pub fn mesh_count(&self) -> usize {
         self.meshes.len()

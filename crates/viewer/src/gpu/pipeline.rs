@@ -22,10 +22,14 @@ pub(super) enum Pass {
     Ground,
     /// Borders and defects.
     Marks,
+    /// Borders and defects behind a surface.
+    HiddenMarks,
     /// Model numbers and depths instead of colours.
     Pick,
 }
 
+/// Opacity of borders and defects behind a surface.
+const HIDDEN_MARK_OPACITY: f64 = 0.4;
 /// Shading number of a user's shader.
 pub(super) const CUSTOM_SHADING: u32 = 7;
 
@@ -108,7 +112,7 @@ impl Pipelines {
             Pass::Background => &self.background,
             Pass::Surface { .. } => &self.surface,
             Pass::Ground => &self.ground,
-            Pass::Marks => &self.marks,
+            Pass::Marks | Pass::HiddenMarks => &self.marks,
             Pass::Pick => &self.pick,
         }
     }
@@ -119,11 +123,15 @@ impl Pipelines {
         if let Pass::Surface { shading, .. } = pass {
             constants.push(("SHADING", f64::from(shading)));
         }
+        if pass == Pass::HiddenMarks {
+            constants.push(("OPACITY", HIDDEN_MARK_OPACITY));
+        }
         let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
         let (writes_depth, compare) = match pass {
             Pass::Background => (false, wgpu::CompareFunction::Always),
             Pass::Surface { is_blended, .. } => (!is_blended, wgpu::CompareFunction::Greater),
             Pass::Ground | Pass::Marks => (false, wgpu::CompareFunction::GreaterEqual),
+            Pass::HiddenMarks => (false, wgpu::CompareFunction::Less),
             Pass::Pick => (true, wgpu::CompareFunction::Greater),
         };
         let (format, blend, count) = if pass == Pass::Pick {
@@ -136,7 +144,11 @@ impl Pipelines {
             layout: Some(&self.layout),
             vertex: wgpu::VertexState {
                 module,
-                entry_point: Some(if pass == Pass::Marks { "line" } else { "vs" }),
+                entry_point: Some(if matches!(pass, Pass::Marks | Pass::HiddenMarks) {
+                    "line"
+                } else {
+                    "vs"
+                }),
                 compilation_options: options.clone(),
                 buffers: &[],
             },

@@ -238,7 +238,7 @@ impl Gpu {
         self.write_frame(frame, &view, size, target.scale(), &gathered);
         let shading = shading_number(frame.look.shading);
         let [solid, blended] = [false, true].map(|is_blended| Pass::Surface { shading, is_blended });
-        for pass in [Pass::Background, Pass::Ground, Pass::Marks, solid, blended] {
+        for pass in [Pass::Background, Pass::Ground, Pass::HiddenMarks, Pass::Marks, solid, blended] {
             self.prepare(pass);
         }
         let surfaces = match frame.shader {
@@ -278,6 +278,11 @@ impl Gpu {
                 }
                 pass.set_bind_group(1, call.mesh, &[]);
                 pass.set_bind_group(2, call.material, &[]);
+                if call.kind == DrawKind::Marks && frame.marks_stand_out {
+                    pass.set_pipeline(self.pipelines.get(Pass::HiddenMarks));
+                    pass.draw(call.corners.clone(), call.instances.clone());
+                    pass.set_pipeline(self.pipelines.get(Pass::Marks));
+                }
                 pass.draw(call.corners.clone(), call.instances.clone());
                 drawn.calls += 1;
                 if call.kind != DrawKind::Marks {
@@ -331,6 +336,7 @@ impl Gpu {
             heat_range: heat_range(frame),
             has_matcap: frame.matcap.is_some(),
             has_environment: frame.environment.is_some(),
+            marks_stand_out: frame.marks_stand_out,
             scale,
         });
         self.context.queue.write_buffer(&self.globals, 0, bytemuck::bytes_of(&globals));

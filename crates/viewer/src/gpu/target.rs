@@ -18,6 +18,7 @@ type Renderer = Arc<egui::mutex::RwLock<egui_wgpu::Renderer>>;
 pub struct RenderTarget {
     context: Context,
     size: [u32; 2],
+    screen_px: [u32; 2],
     scale: f32,
     planes: TargetTextures,
     pub(super) shown: Option<FrameSnapshot>,
@@ -56,7 +57,7 @@ impl RenderTarget {
             let id = renderer.write().register_native_texture(&context.device, &planes.color_view, filter);
             (Arc::clone(renderer), id)
         });
-        Self { context, size, scale: 1.0, planes, shown: None, back: None, registered }
+        Self { context, size, screen_px: size, scale: 1.0, planes, shown: None, back: None, registered }
     }
 
     /// Sets the size on the screen in pixels, and the number of picture pixels per screen pixel along each
@@ -65,7 +66,7 @@ impl RenderTarget {
         let scale = scale.clamp(0.1, 4.0);
         let size = screen_px.map(|x| (x as f32 * scale).round() as u32);
         let size = clamped(&self.context, size);
-        (self.scale, self.size) = (scale, size);
+        (self.scale, self.size, self.screen_px) = (scale, size, screen_px);
     }
 
     /// Prepares the textures for a picture that is drawn in one piece.
@@ -118,6 +119,10 @@ impl RenderTarget {
     /// Returns width and height of the picture in its own pixels.
     pub fn size(&self) -> [u32; 2] {
         self.size
+    }
+    /// Returns width and height on the screen in pixels.
+    pub fn screen_px(&self) -> [u32; 2] {
+        self.screen_px
     }
     /// Returns the number of picture pixels per screen pixel.
     pub fn scale(&self) -> f32 {

@@ -164,6 +164,8 @@ pub(super) struct GlobalsInput<'a> {
     pub(super) heat_range: [f32; 2],
     pub(super) has_matcap: bool,
     pub(super) has_environment: bool,
+    /// True if borders and defects are drawn in double width.
+    pub(super) marks_stand_out: bool,
     /// Pixels of the picture per pixel of the screen.
     pub(super) scale: f32,
 }
@@ -231,7 +233,9 @@ impl Globals {
             wire: look.wire,
             widths: [
                 if look.wireframe { look.wire_width_px * seen.scale } else { 0.0 },
-                (MARK_WIDTH_PX + look.wire_width_px - 1.0).clamp(1.0, 64.0) * seen.scale,
+                (MARK_WIDTH_PX * if seen.marks_stand_out { 2.0 } else { 1.0 } + look.wire_width_px - 1.0)
+                    .clamp(1.0, 64.0)
+                    * seen.scale,
                 f32::from(u8::from(look.cull_back)),
                 (radius * radius) as f32,
             ],

@@ -7,7 +7,7 @@ use lodsmith_io::{Format, Textures};
 
 use super::widgets;
 use crate::document::Document;
-use crate::export::Export;
+use crate::export::{Export, byte_text, default_file, estimated_bytes};
 use crate::numbers::grouped;
 use crate::theme::{palette, weak};
 
@@ -50,18 +50,12 @@ const TEXTURES: [(Textures, &str); 3] =
 
 impl ExportForm {
     /// Fills in the defaults: the format of the file, in its folder.
-    pub fn new(original: &Path, format: Format) -> Self {
+    pub fn new(original: &Path) -> Self {
         let stem = original.file_stem().map_or("model".into(), |s| s.to_string_lossy());
-        // The shown model is a single level, so it cannot be written as a progressive mesh.
-        let format = match format {
-            format if Format::WRITTEN.contains(&format) => format,
-            format if format.is_scene() => Format::Glb,
-            _ => Format::Ply,
-        };
-        let folder = original.parent().unwrap_or(Path::new(""));
+        let (path, format) = default_file(original);
         Self {
-            path: folder.join(format!("{stem}_low.{}", format.name())).display().to_string(),
-            folder: folder.join(format!("{stem}_lods")).display().to_string(),
+            path: path.display().to_string(),
+            folder: original.with_file_name(format!("{stem}_lods")).display().to_string(),
             format,
             is_ascii: false,
             textures: Textures::default(),
@@ -106,6 +100,19 @@ impl ExportForm {
             ExportDialogState::Open if modal.should_close() => ExportDialogState::Closed,
             answer => answer,
         }
+    }
+
+    /// Returns about how many bytes the export has.
+    fn estimate(&self, document: &Document) -> Option<f64> {
+        let original = &document.original()?.content;
+        let lighter = document.lighter().map(|l| &*l.content);
+        let shown = estimated_bytes(original, lighter, self.format, self.is_ascii);
+        if !self.is_all_levels {
+            return Some(shown);
+        }
+        // A level has its share of the bytes of the whole.
+        let whole = estimated_bytes(original, None, self.format, self.is_ascii);
+        Some(self.ratios()?.iter().map(|ratio| whole * ratio).sum())
     }
 
     fn form(&mut self, ui: &mut Ui, document: &Document) -> ExportDialogState {
@@ -180,6 +187,9 @@ impl ExportForm {
             }
         });
         let target = PathBuf::from(if self.is_all_levels { self.folder.trim() } else { self.path.trim() });
+        if let Some(size) = self.estimate(document) {
+            ui.label(weak(ui, format!("About {}", byte_text(size))));
+        }
         if !self.is_all_levels && target.is_file() {
             ui.label(weak(ui, "This file exists and will be replaced"));
         }

@@ -5,11 +5,16 @@ use eframe::egui::{self, RichText, Ui};
 use crate::keys::{Action, BINDINGS, CopiesAction, GESTURES, Group, text};
 use crate::theme::{number, palette, weak};
 
+/// Width of the keys, and the least width of a column, in points.
+const KEY_WIDTH: f32 = 156.0;
+const MIN_COLUMN_WIDTH: f32 = 340.0;
+
 /// Shows the sheet; returns true if it is to be closed.
 pub fn show(ctx: &egui::Context) -> bool {
     let modal = super::widgets::modal(ctx, "help").show(ctx, |ui| {
         let screen = ctx.content_rect();
-        ui.set_width((screen.width() - 80.0).clamp(320.0, 900.0));
+        let width = (screen.width() - 80.0).clamp(320.0, 1160.0);
+        ui.set_width(width);
         ui.horizontal(|ui| {
             ui.label(RichText::new("Keys and mouse").heading());
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
@@ -28,14 +33,15 @@ pub fn show(ctx: &egui::Context) -> bool {
                         // The scroll bar overlaps the content.
                         ui.set_max_width(ui.available_width() - 14.0);
                         ui.spacing_mut().interact_size.y = 0.0;
-                        ui.columns(3, |columns| {
+                        let count = ((width / MIN_COLUMN_WIDTH) as usize).clamp(1, 3);
+                        ui.columns(count, |columns| {
                             for (group, title) in Group::ALL {
                                 let column = match group {
                                     Group::File | Group::Detail | Group::Stage => 0,
                                     Group::Look | Group::Window => 1,
                                     Group::Camera | Group::Animation => 2,
                                 };
-                                block(&mut columns[column], group, title);
+                                block(&mut columns[column.min(count - 1)], group, title);
                             }
                         });
                     });
@@ -47,20 +53,26 @@ pub fn show(ctx: &egui::Context) -> bool {
 
 fn block(ui: &mut Ui, group: Group, title: &str) {
     ui.label(RichText::new(title).strong().color(palette(ui).accent));
-    egui::Grid::new(title).num_columns(2).spacing([12.0, 5.0]).show(ui, |ui| {
-        for (_, keys, name) in GESTURES.iter().filter(|g| g.0 == group) {
-            ui.label(number(*keys).small());
-            ui.label(weak(ui, *name));
-            ui.end_row();
-        }
-        for b in BINDINGS.iter().filter(|b| b.group == group && !is_repeated(b.action)) {
-            let (keys, name) = merged(b.action, text(&b.shortcut), b.name);
-            ui.label(number(keys).small());
-            ui.label(weak(ui, name));
-            ui.end_row();
-        }
-    });
+    for (_, keys, name) in GESTURES.iter().filter(|g| g.0 == group) {
+        line(ui, keys, name);
+    }
+    for b in BINDINGS.iter().filter(|b| b.group == group && !is_repeated(b.action)) {
+        let (keys, name) = merged(b.action, text(&b.shortcut), b.name);
+        line(ui, &keys, &name);
+    }
     ui.add_space(12.0);
+}
+
+/// Draws a key and what it does; a long name takes several lines.
+fn line(ui: &mut Ui, keys: &str, name: &str) {
+    ui.horizontal_top(|ui| {
+        let size = egui::vec2(KEY_WIDTH, 16.0);
+        ui.allocate_ui_with_layout(size, egui::Layout::left_to_right(egui::Align::Min), |ui| {
+            ui.set_min_width(KEY_WIDTH);
+            ui.add(egui::Label::new(number(keys).small()).truncate());
+        });
+        ui.add(egui::Label::new(weak(ui, name)).wrap());
+    });
 }
 
 /// Returns true if the line of another binding covers this one.

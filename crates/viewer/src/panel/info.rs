@@ -86,12 +86,17 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     if let Some(d) = document.distances() {
         widgets::value_row(ui, "Measure time", seconds(d.seconds));
     }
-    widgets::value_row(ui, "CPU frame time", seconds(scope.facts.frame_secs))
-        .on_hover_text(format!("Maximum: {}", seconds(scope.facts.longest_frame_secs)));
+    let tip = format!(
+        "Time that the program takes for a frame of the window, without the graphics adapter: median of the last \
+         frames; longest of them: {}",
+        seconds(scope.facts.longest_frame_secs)
+    );
+    widgets::value_row(ui, "CPU frame time", seconds(scope.facts.frame_secs)).on_hover_text(tip);
     widgets::value_row(
         ui,
         "Triangles drawn",
         grouped(usize::try_from(scope.facts.triangles_drawn).unwrap_or(usize::MAX)),
-    );
+    )
+    .on_hover_text("Triangles of all pictures that are shown");
     ui.label(crate::theme::weak(ui, &scope.facts.adapter).small());
 }

@@ -5,8 +5,11 @@ use lodsmith_render::{ColorMap, Shading};
 
 use super::{PanelContext, UiRequest, files, widgets};
 use crate::command::Command;
+use crate::flaws::COUNT_NAMES;
 use crate::keys::Action;
+use crate::numbers::grouped;
 use crate::settings::{Appearance, Backdrop, EnvironmentChoice, Rig};
+use crate::up_axis::UpAxis;
 
 /// Shadings with their names, in the order of their keys.
 pub const SHADINGS: [(Shading, &str); 7] = [
@@ -27,6 +30,16 @@ const COLOR_MAPS: [(ColorMap, &str); 3] =
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let before = scope.document.settings().look.clone();
     let mut all = before.clone();
+    let (mut up, up_before) = (scope.document.settings().up, scope.document.settings().up);
+    let tip =
+        "Axis of the file that points up. Auto guesses it from format and shape; a choice is remembered";
+    let auto = format!("Auto ({})", scope.document.up().name());
+    let axes =
+        UpAxis::ALL.map(|(axis, name)| (axis, if axis == UpAxis::Auto { auto.as_str() } else { name }));
+    widgets::choose(ui, "Up axis", tip, &axes, &mut up);
+    if up != up_before {
+        scope.command(Command::Up(up));
+    }
     let look = &mut all.look;
     widgets::choose(ui, "Shading", "How the surface is coloured", &SHADINGS, &mut look.shading);
     widgets::field(ui, "Surface", "Surface colour for shadings without their own", |ui| {
@@ -67,6 +80,9 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         "Highlight non-manifold edges, zero-area faces and duplicate faces",
         &mut look.defects,
     );
+    if look.borders || look.defects {
+        flaws(ui, scope, [look.borders, look.defects]);
+    }
     widgets::switch(
         ui,
         "Backface culling",
@@ -95,7 +111,10 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         });
     }
     widgets::switch(ui, "Ground grid", Some(Action::Ground), "Show a grid below the model", &mut all.ground);
-    widgets::choose(ui, "Light", "", &Rig::ALL, &mut all.rig);
+    if widgets::choose(ui, "Light", "", &Rig::ALL, &mut all.rig) {
+        all.lamp = None;
+    }
+    super::lamp::show(ui, &mut all);
     environment_choice(ui, scope, &mut all.around);
     let mut brightness = f64::from(all.brightness);
     widgets::slider(ui, "Brightness", "", &mut brightness, 0.2..=3.0);
@@ -108,6 +127,31 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     if all != before {
         scope.command(Command::Look(all));
     }
+}
+
+/// Draws the numbers of borders and defects on both sides, and the button that goes to the next one.
+fn flaws(ui: &mut Ui, scope: &mut PanelContext<'_>, [borders, defects]: [bool; 2]) {
+    let sides = scope.document.flaws();
+    widgets::table_row(ui, "", &["original".into(), "result".into()], true);
+    for (k, name) in COUNT_NAMES.iter().enumerate() {
+        if if k == 0 { borders } else { defects } {
+            let count = |which: usize| sides[which].map_or("–".to_owned(), |f| grouped(f.counts[k]));
+            widgets::table_row(ui, name, &[count(0), count(1)], false);
+        }
+    }
+    let side = if scope.document.lighter().is_some() { sides[1] } else { sides[0] };
+    let places = side.map_or(0, |f| f.shown_places(borders, defects).count());
+    ui.horizontal(|ui| {
+        let tip = format!("Go to the next one, largest first ({})", Action::NextFlaw.key());
+        if ui.add_enabled(places > 0, egui::Button::new("Next")).on_hover_text(tip).clicked() {
+            scope.action(Action::NextFlaw);
+        }
+        let text = match scope.facts.flaw.filter(|n| *n < places) {
+            Some(n) => format!("{} of {} places", grouped(n + 1), grouped(places)),
+            None => format!("{} places", grouped(places)),
+        };
+        ui.label(crate::theme::weak(ui, text));
+    });
 }
 
 /// Draws the choice of the environment.

@@ -10,6 +10,15 @@ use super::{PanelContext, widgets};
 use crate::command::Command;
 use crate::option_words::{Normals, Simplification, named};
 
+/// Presets with their names and descriptions.
+const PRESETS: [(Preset, &str, &str); 5] = [
+    (Preset::Auto, "Auto", "The closest surface for the count"),
+    (Preset::Scan, "Scan", "3D scans: ignores noisy normals, joins what rounding separated"),
+    (Preset::Cad, "CAD", "Machine parts: keeps holes and parts, borders slide along themselves"),
+    (Preset::Visual, "Visual", "Games and rendering: shading counts more than distance"),
+    (Preset::Print, "Print", "3D printing: closed stays closed, only the shape counts"),
+];
+
 /// Methods with their descriptions.
 const METHODS: [(Method, &str); 10] = [
     (
@@ -41,11 +50,29 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
 }
 
 fn edit(ui: &mut Ui, how: &mut Simplification) {
-    let mut preset = how.preset;
-    let tip = "Set several options for a purpose; all can be changed afterwards";
-    if widgets::choose(ui, "Preset", tip, &named(Preset::ALL, Preset::name), &mut preset) {
-        *how = Simplification::of_preset(preset, how.options.stop);
+    ui.horizontal_wrapped(|ui| {
+        ui.spacing_mut().item_spacing = eframe::egui::Vec2::splat(4.0);
+        for (preset, name, text) in PRESETS {
+            if widgets::segment(ui, name, how.preset == preset, text) {
+                *how = Simplification::of_preset(preset, how.options.stop);
+            }
+        }
+    });
+    let text = PRESETS.iter().find(|p| p.0 == how.preset).map_or("", |p| p.2);
+    ui.label(crate::theme::weak(ui, text).small());
+    if *how != Simplification::of_preset(how.preset, how.options.stop) {
+        ui.horizontal_wrapped(|ui| {
+            ui.label(crate::theme::weak(ui, "Options were changed under Advanced.").small());
+            if ui.small_button("Reset").on_hover_text("Use the options of the preset").clicked() {
+                *how = Simplification::of_preset(how.preset, how.options.stop);
+            }
+        });
     }
+    CollapsingHeader::new("Advanced").show(ui, |ui| advanced(ui, how));
+}
+
+/// Draws all options but the preset.
+fn advanced(ui: &mut Ui, how: &mut Simplification) {
     let o = &mut how.options;
     let said = |method: Method| METHODS.iter().find(|m| m.0 == method).map_or("", |m| m.1);
     if widgets::choose(ui, "Method", said(o.method), &named(Method::ALL, Method::name), &mut o.method) {

@@ -167,12 +167,8 @@ fn apply(change: Change, how: &mut Simplification) -> bool {
 pub fn command_line(settings: &crate::settings::Settings) -> String {
     let Some(file) = settings.file() else { return "lodsmith view".to_owned() };
     let mut words = vec!["lodsmith".to_owned(), "simplify".to_owned(), file.display().to_string()];
-    let stem = file.file_stem().map_or("out".into(), |s| s.to_string_lossy());
-    let ending = file.extension().map_or("glb".into(), |e| e.to_string_lossy());
-    let is_written =
-        lodsmith_io::Format::from_name(&ending).is_some_and(|f| lodsmith_io::Format::WRITTEN.contains(&f));
-    let ending = if is_written { ending } else { "glb".into() };
-    words.extend(["-o".to_owned(), format!("{stem}_low.{ending}")]);
+    let (output, _) = crate::export::default_file(file);
+    words.extend(["-o".to_owned(), output.display().to_string()]);
     words.extend(settings.simplify.words());
     if !settings.simplify.has_target() && settings.simplify.options.stop.ratio.is_none() {
         words.extend(["--ratio".to_owned(), "1".to_owned()]);

@@ -91,6 +91,9 @@ fn scatter_fields(ui: &mut Ui, scope: &mut PanelContext<'_>, before: Scatter) {
     });
     widgets::field(ui, "Area size", "Side of the square area, in model units; 0 fits all copies", |ui| {
         let side = egui::DragValue::new(&mut s.side).range(0.0..=1e9).max_decimals(3);
+        let shown = |x: f64, _| if x == 0.0 { "auto".to_owned() } else { significant(x, 4) };
+        let parsed = |t: &str| if t.trim() == "auto" { Some(0.0) } else { t.trim().parse().ok() };
+        let side = side.custom_formatter(shown).custom_parser(parsed);
         number(ui, "Area size", side.speed(0.05 * s.footprint));
     });
     widgets::field(ui, "Scale", "Minimum and maximum scale", |ui| {

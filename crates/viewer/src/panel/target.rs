@@ -5,35 +5,62 @@ use eframe::egui::{self, Rect, Sense, Ui, Vec2, pos2};
 use super::{PanelContext, widgets};
 use crate::command::Command;
 use crate::keys::Action;
-use crate::numbers::{grouped, percent};
+use crate::numbers::percent;
 use crate::target_scale::{ERROR_RANGE, MIN_FACES, OriginalSize, Unit, text_of};
 use crate::theme::{palette, weak};
+
+/// A bar narrower than this has its status in a row of its own.
+const NARROW_BAR: f32 = 700.0;
 
 /// Draws the bar under the pictures. Returns the chosen unit.
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) -> Unit {
     let document = scope.document;
     let mut unit = scope.facts.unit;
     let whole = document.original_size();
+    let is_narrow = ui.available_width() < NARROW_BAR;
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
-        for (each, name) in Unit::ALL {
-            if widgets::segment(ui, name, unit == each, "Unit of the slider") {
-                unit = each;
+        if is_narrow {
+            let shown = Unit::ALL.iter().find(|u| u.0 == unit).map_or("", |u| u.1);
+            egui::ComboBox::from_id_salt("unit").width(72.0).selected_text(shown).show_ui(ui, |ui| {
+                for (each, name) in Unit::ALL {
+                    ui.selectable_value(&mut unit, each, name);
+                }
+            });
+        } else {
+            for (each, name) in Unit::ALL {
+                if widgets::segment(ui, name, unit == each, "Unit of the slider") {
+                    unit = each;
+                }
             }
+            ui.add_space(8.0);
         }
-        ui.add_space(8.0);
         if let Some(whole) = &whole {
             let now = text_of(document.settings(), whole, unit);
             let is_good = |t: &str| whole.typed(unit, t).is_some();
-            if let Some(text) = widgets::text_field(ui, "Target", &now, "", 120.0, is_good)
+            let width = if is_narrow { 84.0 } else { 120.0 };
+            if let Some(text) = widgets::text_field(ui, "Target", &now, "", width, is_good)
                 && let Some(target) = whole.typed(unit, &text)
             {
                 scope.command(Command::Target(target));
             }
         }
-        by_distance(ui, scope);
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| status(ui, scope));
+        if !is_narrow {
+            by_distance(ui, scope);
+        }
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            restore(ui, scope);
+            if !is_narrow {
+                status(ui, scope);
+            }
+        });
     });
+    if is_narrow {
+        ui.horizontal(|ui| {
+            by_distance(ui, scope);
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| status(ui, scope));
+        });
+    }
     ui.add_enabled_ui(whole.is_some(), |ui| slider(ui, scope, whole.as_ref(), unit));
     unit
 }
@@ -56,38 +83,33 @@ fn by_distance(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     }
 }
 
-/// Draws the progress of the current job, or the face count of the result.
-fn status(ui: &mut Ui, scope: &mut PanelContext<'_>) {
-    let document = scope.document;
-    let restore = format!("Restore original ({})", Action::Restore.key());
-    let can_restore = document.settings().simplify.has_target();
-    if ui.add_enabled(can_restore, egui::Button::new("Restore")).on_hover_text(restore).clicked() {
+/// Draws the button that restores the original.
+fn restore(ui: &mut Ui, scope: &mut PanelContext<'_>) {
+    let tip = format!("Restore original ({})", Action::Restore.key());
+    let can_restore = scope.document.settings().simplify.has_target();
+    if ui.add_enabled(can_restore, egui::Button::new("Restore")).on_hover_text(tip).clicked() {
         scope.action(Action::Restore);
     }
     ui.add_space(8.0);
+}
+
+/// Draws the progress of the current job. The pictures say how many faces they show.
+fn status(ui: &mut Ui, scope: &mut PanelContext<'_>) {
+    let document = scope.document;
+    let text = |ui: &mut Ui, text: String| ui.add(egui::Label::new(weak(ui, text)).truncate());
     if let Some(progress) = document.progress() {
         let stop = ui.button("Stop").on_hover_text(format!("Cancel running jobs ({})", Action::Cancel.key()));
         if stop.clicked() {
             scope.action(Action::Cancel);
         }
-        let bar = egui::ProgressBar::new(progress.done).desired_width(120.0).desired_height(8.0);
+        let width = (ui.available_width() - 120.0).clamp(24.0, 120.0);
+        let bar = egui::ProgressBar::new(progress.done).desired_width(width).desired_height(8.0);
         ui.add(bar.fill(palette(ui).accent));
         let stage = if progress.stage.is_empty() { String::new() } else { format!(": {}", progress.stage) };
-        ui.label(weak(ui, format!("{}{stage}", progress.kind.title())));
-    } else if let Some(lighter) = document.lighter() {
-        let l = &lighter.content;
-        let whole = document.original().map_or(1, |o| o.content.faces.max(1));
-        let left = percent(l.faces as f64 / whole as f64);
-        let text = format!("{} faces, {left} of the original", grouped(l.faces));
-        ui.label(weak(ui, text));
-    } else if let Some(original) = document.original() {
-        ui.label(weak(ui, format!("{} faces (original)", grouped(original.content.faces))));
-    }
-    if let Some(road) = document.preview_progress() {
-        ui.add_space(8.0);
-        let text = format!("Preparing the slider: {}", percent(f64::from(road.done)));
+        text(ui, format!("{}{stage}", progress.kind.title()));
+    } else if let Some(road) = document.preview_progress() {
         let tip = "Building a progressive mesh; then the result follows immediately while you drag";
-        ui.label(weak(ui, text)).on_hover_text(tip);
+        text(ui, format!("Preparing the slider: {}", percent(f64::from(road.done)))).on_hover_text(tip);
     }
 }
 

@@ -6,7 +6,8 @@ use super::{Panel, PanelContext, look::SHADINGS, widgets};
 use crate::command::Command;
 use crate::keys::{Action, CopiesAction};
 use crate::settings::{Layout, Sides};
-use crate::theme::{palette, weak};
+use crate::theme::{self, palette, weak};
+use crate::up_axis::UpAxis;
 
 /// Draws the bar. `is_shown` returns whether a panel is shown.
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>, is_shown: &dyn Fn(Panel) -> bool) {
@@ -42,6 +43,9 @@ fn menus(ui: &mut Ui, scope: &mut PanelContext<'_>, is_shown: &dyn Fn(Panel) -> 
     ui.menu_button("File", |ui| {
         item(ui, scope, Action::Open, "Open…", true);
         item(ui, scope, Action::Export, "Export…", has_file);
+        ui.add_enabled_ui(!scope.facts.recent.is_empty(), |ui| {
+            ui.menu_button("Open recent", |ui| recent(ui, scope));
+        });
         item(ui, scope, Action::Reload, "Reload", has_file);
         item(ui, scope, Action::Close, "Close", has_file);
         ui.separator();
@@ -61,7 +65,8 @@ fn menus(ui: &mut Ui, scope: &mut PanelContext<'_>, is_shown: &dyn Fn(Panel) -> 
         item(ui, scope, Action::Restore, "Restore original", scope.document.settings().simplify.has_target());
     });
     ui.menu_button("View", |ui| {
-        for action in [Action::Frame, Action::View(0), Action::View(1), Action::View(4), Action::View(5)] {
+        let views = [0, 1, 2, 3, 4, 5, 6].map(Action::View);
+        for action in [Action::Frame].into_iter().chain(views) {
             item(ui, scope, action, action.binding().map_or("", |b| b.name), has_file);
         }
         ui.separator();
@@ -74,17 +79,22 @@ fn menus(ui: &mut Ui, scope: &mut PanelContext<'_>, is_shown: &dyn Fn(Panel) -> 
             item(ui, scope, Action::SaveCamera(n), &format!("Save camera {}", n + 1), has_file);
         }
         ui.separator();
+        up_axis(ui, scope, has_file);
         item(ui, scope, Action::ResetRotation, "Reset rotation", has_file);
     });
     stage_menu(ui, scope, has_file);
     ui.menu_button("Panels", |ui| {
         for panel in Panel::ALL {
-            let text = if is_shown(panel) {
-                format!("Hide {}", panel.title().to_lowercase())
-            } else {
-                format!("Show {}", panel.title().to_lowercase())
-            };
-            item(ui, scope, Action::Panel(panel), &text, true);
+            let action = Action::Panel(panel);
+            let text = format!("{}  {}", if is_shown(panel) { "✔" } else { "     " }, panel.title());
+            let response = ui.add(widgets::menu_item(&text, action));
+            let is_on = is_shown(panel);
+            response
+                .widget_info(|| egui::WidgetInfo::selected(egui::Role::CheckBox, true, is_on, panel.title()));
+            if response.clicked() {
+                scope.action(action);
+                ui.close();
+            }
         }
         ui.separator();
         item(ui, scope, Action::Panels, "Hide all panels", true);
@@ -116,18 +126,60 @@ fn stage_menu(ui: &mut Ui, scope: &mut PanelContext<'_>, has_file: bool) {
 }
 
 fn item(ui: &mut Ui, scope: &mut PanelContext<'_>, action: Action, text: &str, is_enabled: bool) {
-    let button = egui::Button::new(text).shortcut_text(action.key()).min_size(egui::vec2(220.0, 24.0));
-    if ui.add_enabled(is_enabled, button).clicked() {
+    if ui.add_enabled(is_enabled, widgets::menu_item(text, action)).clicked() {
         scope.action(action);
         ui.close();
     }
+}
+
+/// Draws the list of recent files.
+fn recent(ui: &mut Ui, scope: &mut PanelContext<'_>) {
+    for file in scope.facts.recent.clone() {
+        let name = super::files::name(&file);
+        let button = egui::Button::new(name).min_size(egui::vec2(180.0, 24.0));
+        if ui.add(button).on_hover_text(file.display().to_string()).clicked() {
+            scope.requests.push(super::UiRequest::OpenFile(file));
+            ui.close();
+        }
+    }
+}
+
+/// Draws the list of axes that can point up.
+fn up_axis(ui: &mut Ui, scope: &mut PanelContext<'_>, is_enabled: bool) {
+    let document = scope.document;
+    ui.add_enabled_ui(is_enabled, |ui| {
+        ui.menu_button(format!("Up axis: {}", document.up().name()), |ui| {
+            for (axis, name) in UpAxis::ALL {
+                let is_chosen = document.settings().up == axis;
+                let response =
+                    ui.add(egui::Button::new(name).min_size(egui::vec2(120.0, 24.0)).selected(is_chosen));
+                if response.clicked() {
+                    scope.command(Command::Up(axis));
+                    ui.close();
+                }
+            }
+        });
+    });
 }
 
 fn sides(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let layout = scope.document.settings().layout;
     ui.spacing_mut().item_spacing.x = 4.0;
     let key = Action::NextSides.key();
-    for (sides, name) in Sides::ALL {
+    let is_narrow = ui.ctx().content_rect().width() < theme::NARROW_WINDOW;
+    if is_narrow {
+        let mut sides = layout.sides;
+        let shown = Sides::ALL.iter().find(|s| s.0 == sides).map_or("", |s| s.1);
+        egui::ComboBox::from_id_salt("sides").width(100.0).selected_text(shown).show_ui(ui, |ui| {
+            for (each, name) in Sides::ALL {
+                ui.selectable_value(&mut sides, each, name);
+            }
+        });
+        if sides != layout.sides {
+            scope.command(Command::Layout(Layout { sides, ..layout }));
+        }
+    }
+    for (sides, name) in Sides::ALL.into_iter().filter(|_| !is_narrow) {
         if widgets::segment(
             ui,
             name,

@@ -47,38 +47,47 @@ pub fn heading(ui: &mut Ui, text: &str) {
 
 /// Draws a name and a right-aligned value.
 pub fn value_row(ui: &mut Ui, name: &str, value: impl Into<String>) -> Response {
-    ui.horizontal(|ui| {
-        ui.label(weak(ui, name));
-        ui.with_layout(Layout::right_to_left(Align::Center), |ui| ui.label(number(value))).inner
+    let size = Vec2::new(ui.available_width(), 18.0);
+    ui.allocate_ui_with_layout(size, Layout::right_to_left(Align::Center), |ui| {
+        let response = ui.add(egui::Label::new(number(value)).truncate());
+        row_name(ui, name);
+        response
     })
     .inner
 }
 
+/// Draws the name of a row in the space that its values leave.
+fn row_name(ui: &mut Ui, name: &str) {
+    ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+        ui.add(egui::Label::new(weak(ui, name)).truncate());
+    });
+}
+
 /// Draws a row of a table: a name and right-aligned columns; `head` marks the row of column headings.
 pub fn table_row(ui: &mut Ui, name: &str, values: &[String], head: bool) {
-    ui.horizontal(|ui| {
-        ui.label(weak(ui, name));
-        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-            ui.spacing_mut().item_spacing.x = SPACING;
-            for value in values.iter().rev() {
-                let text = if head { weak(ui, value.clone()).small() } else { number(value.clone()) };
-                let size = Vec2::new(84.0, 18.0);
-                ui.allocate_ui_with_layout(size, Layout::right_to_left(Align::Center), |ui| {
-                    ui.set_min_size(size);
-                    ui.label(text);
-                });
-            }
-        });
+    let width = ui.available_width();
+    ui.allocate_ui_with_layout(Vec2::new(width, 18.0), Layout::right_to_left(Align::Center), |ui| {
+        ui.spacing_mut().item_spacing.x = SPACING;
+        for value in values.iter().rev() {
+            let text = if head { weak(ui, value.clone()).small() } else { number(value.clone()) };
+            let size = Vec2::new((0.29 * width).min(84.0), 18.0);
+            ui.allocate_ui_with_layout(size, Layout::right_to_left(Align::Center), |ui| {
+                ui.set_min_size(size);
+                ui.add(egui::Label::new(text).truncate());
+            });
+        }
+        row_name(ui, name);
     });
 }
 
 /// Draws a label and a field after it.
 pub fn field<R>(ui: &mut Ui, name: &str, tip: &str, add: impl FnOnce(&mut Ui) -> R) -> R {
     ui.horizontal(|ui| {
-        let size = Vec2::new(LABEL_WIDTH, ui.spacing().interact_size.y);
+        let width = LABEL_WIDTH.min(0.36 * ui.available_width());
+        let size = Vec2::new(width, ui.spacing().interact_size.y);
         ui.allocate_ui_with_layout(size, Layout::left_to_right(Align::Center), |ui| {
             ui.set_min_size(size);
-            let label = ui.add(egui::Label::new(weak(ui, name)).sense(Sense::hover()));
+            let label = ui.add(egui::Label::new(weak(ui, name)).truncate().sense(Sense::hover()));
             if !tip.is_empty() {
                 label.on_hover_text(tip);
             }
@@ -243,6 +252,11 @@ pub fn segment(ui: &mut Ui, text: &str, is_chosen: bool, tip: &str) -> bool {
     let response = ui.add(button);
     let response = if tip.is_empty() { response } else { response.on_hover_text(tip) };
     response.clicked()
+}
+
+/// Makes an entry of a menu.
+pub fn menu_item<'a>(text: &'a str, action: Action) -> egui::Button<'a> {
+    egui::Button::new(text).shortcut_text(action.key()).min_size(Vec2::new(220.0, 24.0))
 }
 
 /// Makes a modal dialog with a margin.

@@ -37,11 +37,14 @@ fn line(@builtin(vertex_index) corner: u32, @builtin(instance_index) which: u32)
     return out;
 }
 
+// Opacity of the lines.
+override OPACITY: f32 = 1.0;
+
 @fragment
 fn fs(in: Line) -> @location(0) vec4<f32> {
     let cover = clamp(half_width() + 0.5 - abs(in.across), 0.0, 1.0);
     let color = globals.mark_colors[in.kind].rgb;
-    return encoded(vec4(linear_from_srgb(color), cover));
+    return encoded(vec4(linear_from_srgb(color), cover * OPACITY));
 }
 
 fn half_width() -> f32 {

@@ -372,7 +372,7 @@ impl StageView {
                 })
             })
             .collect();
-        let lighting = settings.look.rig.lighting(settings.look.brightness);
+        let lighting = settings.look.lighting();
         let mut look = settings.look.look.clone();
         if look.shading == Shading::Heat {
             // Levels have no distances for the heat map.
@@ -387,6 +387,7 @@ impl StageView {
             background: settings.look.backdrop.background(ui.visuals().dark_mode),
             ground: true,
             matcap: own.matcap(),
+            marks_stand_out: false,
             environment: own.environment(),
             shader: own.shader(),
         };
@@ -428,7 +429,8 @@ impl StageView {
             return;
         }
         let change = |change: StageChange| UiRequest::Command(Command::Stage(change));
-        let is_plain = !modifiers.alt && !modifiers.shift && !self.is_placing;
+        let is_turning = modifiers.alt || modifiers.command;
+        let is_plain = !is_turning && !modifiers.shift && !self.is_placing;
         if response.drag_started_by(PointerButton::Primary)
             && is_plain
             && let Some(at) = pressed_at
@@ -457,7 +459,7 @@ impl StageView {
                     drag.copies.iter().map(|(n, c)| (*n, Placement { x: c.x + by.x, z: c.z + by.z, ..*c }));
                 says.push(change(StageChange::Move { copies: moved.collect(), secs }));
             }
-        } else if dragged && modifiers.alt && !self.selected.is_empty() {
+        } else if dragged && is_turning && !self.selected.is_empty() {
             let (turn, factor) =
                 (f64::from(by.x) * TURN_DEG_PER_POINT, (f64::from(-by.y) / SCALE_POINTS).exp());
             says.extend(self.change_selected(document, |c| Placement {

@@ -37,9 +37,19 @@ impl AppHarness {
 
     /// Opens a window with these files; the folder is kept as long as the window.
     pub(super) fn within(is_light: bool, inputs: Vec<PathBuf>, folder: tempfile::TempDir) -> Option<Self> {
+        let options = ViewOptions { inputs, remember: false, ..ViewOptions::default() };
+        Self::of(is_light, options, folder)
+    }
+
+    /// Opens a window that keeps its memory in a file.
+    pub(super) fn remembering(model: PathBuf, memory: PathBuf, folder: tempfile::TempDir) -> Option<Self> {
+        let options = ViewOptions { inputs: vec![model], memory: Some(memory), ..ViewOptions::default() };
+        Self::of(false, options, folder)
+    }
+
+    fn of(is_light: bool, mut options: ViewOptions, folder: tempfile::TempDir) -> Option<Self> {
         context()?;
-        let mut options = ViewOptions { inputs, ..ViewOptions::default() };
-        (options.remember, options.use_system_dialogs) = (false, false);
+        options.use_system_dialogs = false;
         options.is_light = Some(is_light);
         let harness = Harness::builder()
             .with_size(egui::vec2(1440.0, 900.0))
@@ -71,6 +81,18 @@ impl AppHarness {
             }
             assert!(Instant::now() < end, "work never ends");
         }
+    }
+
+    /// Waits until pictures at rest are smooth.
+    pub(super) fn smooth(&mut self) {
+        let end = Instant::now() + TIMEOUT;
+        self.harness.run_steps(2);
+        while self.harness.state().is_smoothing() || self.harness.state().triangles_left() > 0 {
+            assert!(Instant::now() < end, "pictures are never smooth");
+            std::thread::sleep(Duration::from_millis(20));
+            self.harness.run_steps(1);
+        }
+        self.harness.run_steps(1);
     }
 
     pub(super) fn app(&self) -> &App {
@@ -121,6 +143,28 @@ impl AppHarness {
         self.harness.drop_at(to);
         self.settle();
     }
+    /// Drags with modifiers held.
+    pub(super) fn drag_with(&mut self, modifiers: Modifiers, from: Pos2, to: Pos2) {
+        let button = |pos, pressed| egui::Event::PointerButton {
+            pos,
+            button: egui::PointerButton::Primary,
+            pressed,
+            modifiers,
+        };
+        self.harness.event(egui::Event::ModifiersChanged(modifiers));
+        self.harness.event(egui::Event::PointerMoved(from));
+        self.harness.event(button(from, true));
+        self.harness.run_steps(2);
+        for i in 1..=4 {
+            let at = from + (to - from) * (i as f32 / 4.0);
+            self.harness.event(egui::Event::PointerMoved(at));
+            self.harness.run_steps(1);
+        }
+        self.harness.event(button(to, false));
+        self.harness.event(egui::Event::ModifiersChanged(Modifiers::NONE));
+        self.harness.run_steps(1);
+        self.settle();
+    }
     pub(super) fn faces(&self) -> Option<usize> {
         self.app().document().lighter().map(|l| l.content.faces)
     }
@@ -130,6 +174,7 @@ impl AppHarness {
 
     /// Renders the window; asserts that it has more than one colour.
     pub(super) fn picture(&mut self, name: &str) -> image::RgbaImage {
+        self.smooth();
         let picture = self.harness.render().unwrap();
         let first = *picture.get_pixel(0, 0);
         assert!(picture.pixels().any(|p| *p != first), "{name} is empty");
@@ -141,6 +186,7 @@ impl AppHarness {
 
     /// Returns the pixels of a picture area within the window.
     pub(super) fn pixels(&mut self, label: &str) -> Vec<[u8; 4]> {
+        self.smooth();
         let rect = self.harness.get_by_label(label).rect();
         let picture = self.harness.render().unwrap();
         let mut pixels = Vec::new();

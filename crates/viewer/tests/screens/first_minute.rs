@@ -1,0 +1,260 @@
+//! The first minute of a user: framing, up axis, presets, hint, layout of texts, borders and defects.
+
+use std::path::Path;
+
+use eframe::egui::{self, Key, Modifiers, Role};
+use egui_kittest::kittest::{NodeT, Queryable};
+use lodsmith_core::{Positions, TriMesh, VertexId, shapes};
+use lodsmith_viewer::command::Command;
+use lodsmith_viewer::settings::Backdrop;
+use lodsmith_viewer::up_axis::UpAxis;
+
+use super::desk::AppHarness;
+use super::{ORIGINAL, RESULT};
+
+/// Returns the share of a picture's width and height that is not background.
+fn filled(desk: &mut AppHarness) -> [f32; 2] {
+    let mut look = desk.app().document().settings().look.clone();
+    look.backdrop = Backdrop::Color([0.0, 0.0, 1.0]);
+    desk.harness.state_mut().document_mut().run(Command::Look(look));
+    desk.settle();
+    desk.smooth();
+    let rect = desk.harness.get_by_label(ORIGINAL).rect();
+    let picture = desk.harness.render().unwrap();
+    let (mut min, mut max) = (egui::Vec2::INFINITY, -egui::Vec2::INFINITY);
+    // The caption is above.
+    for y in rect.top() as u32 + 42..rect.bottom() as u32 - 4 {
+        for x in rect.left() as u32 + 4..rect.right() as u32 - 4 {
+            let [r, _, b, _] = picture.get_pixel(x, y).0;
+            if r > 60 || b < 150 {
+                let at = egui::vec2(x as f32, y as f32);
+                (min, max) = (min.min(at), max.max(at));
+            }
+        }
+    }
+    let size = (max - min) / rect.size();
+    [size.x, size.y]
+}
+
+#[test]
+fn a_model_fills_its_pane() {
+    for name in ["sphere.ply", "torus.obj", "../../testdata/finial.ply"] {
+        let Some(mut desk) = AppHarness::with(false, Some(Path::new(name))) else { return };
+        let [across, along] = filled(&mut desk);
+        let share = across.max(along);
+        assert!((0.82..=0.95).contains(&share), "{name}: {across} x {along}");
+        for key in [Key::Num1, Key::Num7, Key::F] {
+            desk.press(key);
+            let [across, along] = filled(&mut desk);
+            assert!((0.82..=0.95).contains(&across.max(along)), "{name} {key:?}: {across} x {along}");
+        }
+    }
+}
+
+/// A flat plate that stands on its edge if y points up.
+fn plate() -> TriMesh {
+    let mesh = shapes::torus(64, 32);
+    let flat = |p: [f32; 3]| [p[0], p[1], 0.2 * p[2]];
+    let Positions::F32(positions) = mesh.positions().clone() else { panic!("single precision") };
+    let faces = mesh.triangles().iter().map(|t| t.map(|w| mesh.vertex_of(w))).collect();
+    TriMesh::new(Positions::F32(positions.into_iter().map(flat).collect()), faces).unwrap()
+}
+
+#[test]
+fn an_up_axis_is_guessed_chosen_and_remembered() {
+    let folder = tempfile::tempdir().unwrap();
+    let (model, memory) = (folder.path().join("plate.stl"), folder.path().join("memory.json"));
+    lodsmith_io::write_path(&plate(), &model, &Default::default()).unwrap();
+    let Some(mut desk) = AppHarness::remembering(model.clone(), memory.clone(), folder) else { return };
+    assert_eq!(desk.app().document().up(), UpAxis::Z, "the custom of STL");
+    let lying = filled(&mut desk);
+    desk.harness.state_mut().document_mut().run(Command::Up(UpAxis::Y));
+    desk.settle();
+    let standing = filled(&mut desk);
+    assert!(standing[1] > 1.2 * lying[1], "{standing:?} {lying:?}");
+    let folder = desk.folder;
+    let Some(desk) = AppHarness::remembering(model, memory, folder) else { return };
+    assert_eq!(desk.app().document().settings().up, UpAxis::Y);
+}
+
+#[test]
+fn a_hint_is_shown_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let (model, memory) = (folder.path().join("ball.ply"), folder.path().join("memory.json"));
+    lodsmith_io::write_path(&shapes::icosphere(3), &model, &Default::default()).unwrap();
+    let Some(mut desk) = AppHarness::remembering(model.clone(), memory.clone(), folder) else { return };
+    desk.picture("hint");
+    desk.click("Got it");
+    assert!(desk.harness.query_by_label("Got it").is_none());
+    let folder = desk.folder;
+    let Some(desk) = AppHarness::remembering(model, memory, folder) else { return };
+    assert!(desk.harness.query_by_label("Got it").is_none());
+}
+
+#[test]
+fn a_preset_is_one_click_and_everything_else_is_folded() {
+    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
+    assert!(desk.harness.query_by_role_and_label(Role::ComboBox, "Placement").is_none());
+    for (name, preset) in
+        [("Scan", "scan"), ("CAD", "cad"), ("Visual", "visual"), ("Print", "print"), ("Auto", "auto")]
+    {
+        desk.click(name);
+        assert_eq!(desk.app().document().settings().simplify.preset.name(), preset);
+    }
+    desk.harness.get_by_label("Advanced").click();
+    desk.settle();
+    desk.harness.get_by_role_and_label(Role::ComboBox, "Placement");
+    desk.picture("advanced");
+}
+
+#[test]
+fn escape_closes_a_list_and_nothing_else() {
+    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
+    desk.harness.get_by_label("File").click();
+    desk.harness.run_steps(3);
+    assert!(desk.harness.query_by_label("Open recent").is_some());
+    desk.harness.key_press(Key::Escape);
+    desk.harness.run_steps(3);
+    assert!(desk.harness.query_by_label("Open recent").is_none());
+}
+
+#[test]
+fn the_detail_is_dragged_with_either_key() {
+    for modifiers in [Modifiers::ALT, Modifiers::COMMAND] {
+        let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
+        let place = desk.harness.get_by_label(ORIGINAL).rect().center();
+        let before = desk.app().orbits();
+        desk.drag_with(modifiers, place, place + egui::vec2(0.0, 80.0));
+        assert!(desk.faces().is_some_and(|n| n < 15_000), "{modifiers:?}: {:?}", desk.faces());
+        assert_eq!(desk.app().orbits(), before);
+    }
+}
+
+#[test]
+fn the_light_is_dragged_in_the_picture() {
+    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
+    let place = desk.harness.get_by_label(ORIGINAL).rect().center();
+    let (before, pixels) = (desk.app().orbits(), desk.pixels(ORIGINAL));
+    desk.drag_with(Modifiers::COMMAND | Modifiers::SHIFT, place, place + egui::vec2(90.0, 0.0));
+    let look = desk.app().document().settings().look.clone();
+    assert!(
+        (look.lamp.unwrap().azimuth_deg - look.rig.lamp().azimuth_deg - 36.0).abs() < 1.0,
+        "{:?}",
+        look.lamp
+    );
+    assert_eq!(desk.app().orbits(), before);
+    assert!(desk.pixels(ORIGINAL) != pixels);
+    desk.picture("light");
+}
+
+#[test]
+fn borders_and_defects_are_seen_counted_and_visited() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("open.ply");
+    let ball = shapes::icosphere(4);
+    let Positions::F32(positions) = ball.positions().clone() else { panic!("single precision") };
+    let mut faces: Vec<[VertexId; 3]> =
+        ball.triangles().iter().map(|t| t.map(|w| ball.vertex_of(w))).collect();
+    // A hole, and a face on an edge that has two already.
+    faces.remove(200);
+    let [a, b, _] = faces[100];
+    let third = faces[101].into_iter().find(|v| *v != a && *v != b).unwrap();
+    faces.push([a, b, third]);
+    let mesh = TriMesh::new(Positions::F32(positions), faces).unwrap();
+    lodsmith_io::write_path(&mesh, &model, &Default::default()).unwrap();
+    let Some(mut desk) = AppHarness::within(false, vec![model], folder) else { return };
+    let red = |desk: &mut AppHarness| {
+        let marked = |p: &&[u8; 4]| p[0] > 200 && p[1] < 110 && p[2] < 90;
+        desk.pixels(ORIGINAL).iter().filter(marked).count()
+    };
+    assert_eq!(red(&mut desk), 0);
+    desk.press(Key::B);
+    desk.press(Key::X);
+    let flaws = desk.app().document().flaws()[0].unwrap().clone();
+    assert!(flaws.counts[0] >= 3 && flaws.counts[1] >= 1, "{:?}", flaws.counts);
+    let before = desk.app().orbits()[0];
+    let mut most_red = 0;
+    for n in 1..=flaws.places.len() {
+        desk.press_with(Modifiers::SHIFT, Key::X);
+        assert!(desk.app().orbits()[0].distance < 0.5 * before.distance);
+        desk.harness.get_by_label(&format!("{n} of {} places", flaws.places.len()));
+        desk.picture(&format!("flaw_{n}"));
+        most_red = most_red.max(red(&mut desk));
+    }
+    assert!(most_red > 100, "borders are seen: {most_red} pixels");
+    assert!(!desk.pixels(RESULT).is_empty());
+}
+
+#[test]
+fn texts_do_not_overlap() {
+    for is_light in [false, true] {
+        for size in [[1440.0, 900.0], [1280.0, 720.0], [900.0, 600.0]] {
+            let Some(mut desk) = AppHarness::with(is_light, Some(Path::new("torus.obj"))) else { return };
+            desk.harness.set_size(size.into());
+            desk.settle();
+            let check = |desk: &mut AppHarness, state: &str| {
+                let found = overlaps(desk);
+                assert!(found.is_empty(), "{size:?} {state}: {found:#?}");
+            };
+            check(&mut desk, "opened");
+            desk.press(Key::Minus);
+            check(&mut desk, "reduced");
+            desk.picture(&format!("text_{}_{}", size[0], if is_light { "light" } else { "dark" }));
+            desk.press(Key::B);
+            desk.press(Key::F2);
+            check(&mut desk, "borders, files");
+            desk.press(Key::A);
+            check(&mut desk, "levels");
+            desk.press(Key::H);
+            let found = overlaps_in(&desk, "Keys and mouse");
+            assert!(found.is_empty(), "{size:?} help: {found:#?}");
+            desk.picture(&format!("text_help_{}_{}", size[0], if is_light { "light" } else { "dark" }));
+        }
+    }
+}
+
+/// Returns the pairs of texts whose boxes overlap.
+fn overlaps(desk: &mut AppHarness) -> Vec<String> {
+    overlaps_of(&boxes(desk))
+}
+
+/// Returns the pairs among the texts after a heading: those of a dialog over the window.
+fn overlaps_in(desk: &AppHarness, heading: &str) -> Vec<String> {
+    let all = boxes(desk);
+    let from = all.iter().position(|b| b.0 == heading).unwrap();
+    overlaps_of(&all[from..])
+}
+
+/// Returns the texts with their boxes, as far as they are within the window.
+fn boxes(desk: &AppHarness) -> Vec<(String, egui::Rect)> {
+    let screen = desk.harness.ctx.content_rect();
+    let is_text = |role: Role| {
+        matches!(role, Role::Label | Role::Button | Role::CheckBox | Role::TextInput | Role::ComboBox)
+    };
+    let nodes = desk.harness.root().children_recursive();
+    let texts = nodes.filter(|n| is_text(n.accesskit_node().role()) && !n.accesskit_node().is_hidden());
+    let named = texts.filter_map(|n| {
+        let node = n.accesskit_node();
+        let text = node.label().or_else(|| node.value()).filter(|t| !t.is_empty())?;
+        Some((text, n.rect()))
+    });
+    named.filter(|(_, rect)| screen.contains_rect(*rect)).collect()
+}
+
+fn overlaps_of(boxes: &[(String, egui::Rect)]) -> Vec<String> {
+    let mut found = Vec::new();
+    for (i, (one, a)) in boxes.iter().enumerate() {
+        for (two, b) in &boxes[i + 1..] {
+            let both = a.intersect(*b);
+            // A button contains its own text.
+            let is_within = a.contains_rect(*b) || b.contains_rect(*a);
+            if both.width() > 1.5
+                && both.height() > 1.5
+                && !(is_within && (one == two || one.contains(two.as_str())))
+            {
+                found.push(format!("{one:?} {a:?} and {two:?} {b:?}"));
+            }
+        }
+    }
+    found
+}
