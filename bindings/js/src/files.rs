@@ -44,7 +44,8 @@ pub fn simplify_glb(bytes: &[u8], options: &JsValue, progress: Option<Function>)
     }
     let mut out = Vec::new();
     let lost = lodsmith_io::write_scene_to(&scene, &replaced, Format::Glb, &|_| None, &mut out)
-        .map_err(|e| wrong_value(&e.to_string()))?;
+        .map_err(|e| wrong_value(&e.to_string()))?
+        .warnings;
     let text = |w: &Warning| JsValue::from(w.text.as_str());
     let warnings: Array = scene.warnings().iter().chain(&lost).map(text).collect();
     let all = Object::new();

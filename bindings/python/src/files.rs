@@ -113,8 +113,8 @@ pub(crate) fn save<'py>(
     options.regions = keywords.materials.map(|m| m.get().0.clone());
     let mesh = mesh.mesh(py)?;
     let written = Watch::default().run(py, |_| lodsmith_io::write_path(&mesh, &path, &options))?;
-    let warnings = written.map_err(|e| PyOSError::new_err(format!("{}: {e}", path.display())))?;
-    Ok(warnings.iter().map(ToString::to_string).collect())
+    let written = written.map_err(|e| PyOSError::new_err(format!("{}: {e}", path.display())))?;
+    Ok(written.warnings.iter().map(ToString::to_string).collect())
 }
 
 /// How a picture is drawn.

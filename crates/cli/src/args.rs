@@ -207,6 +207,9 @@ pub(crate) struct ConvertArgs {
     /// Exit with status 3 if data are dropped
     #[arg(long)]
     pub(crate) strict: bool,
+    /// Print one JSON object
+    #[arg(long, help_heading = "Run")]
+    pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) run: Run,
 }

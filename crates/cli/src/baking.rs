@@ -14,6 +14,7 @@ use serde_json::{Value, json};
 use crate::args::{BakeArgs, TextureArgs, Writing};
 use crate::file::{self, Destination};
 use crate::paths::Sink;
+use crate::sizes::Outcome;
 use crate::status::{Interrupted, usage};
 use crate::{exit, memory};
 
@@ -236,7 +237,7 @@ pub(crate) fn write_baked(
     scene: &Scene,
     replaced: &[Option<TriMesh>],
     relink: &dyn Fn(&str) -> Option<String>,
-) -> anyhow::Result<Vec<Warning>> {
+) -> anyhow::Result<Outcome> {
     if matches!(to.format, Format::Gltf | Format::Glb) {
         return to.write_scene(scene, replaced, relink);
     }
@@ -246,13 +247,15 @@ pub(crate) fn write_baked(
     let replaced: Vec<_> = replaced.iter().map(|mesh| mesh.as_ref().map(without_tangents)).collect();
     let mut bytes = Vec::new();
     let mut warnings = lodsmith_io::write_scene_to(scene, &replaced, Format::Glb, &|_| None, &mut bytes)
-        .map_err(|e| anyhow!("{e}"))?;
+        .map_err(|e| anyhow!("{e}"))?
+        .warnings;
     let mut options = ReadOptions::default();
     options.limits = memory::limits();
     let loaded = lodsmith_io::read_bytes(&bytes, &options).map_err(file::unnamed)?;
     warnings.extend(loaded.warnings);
-    warnings.extend(to.write(&loaded.mesh, loaded.regions)?);
-    Ok(warnings)
+    let mut made = to.write(&loaded.mesh, loaded.regions)?;
+    made.warnings.splice(0..0, warnings);
+    Ok(made)
 }
 
 /// Removes the warnings that vertex colours are gone, if they are in a map.

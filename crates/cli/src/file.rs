@@ -7,15 +7,16 @@ use std::sync::Arc;
 
 use anyhow::anyhow;
 use lodsmith::core::{Splits, TriMesh};
-use lodsmith_io::gltf::{Scene, SceneLevels};
+use lodsmith_io::gltf::{Packing, Scene, SceneFormat, SceneLevels, Written};
 use lodsmith_io::lpm::{self, LpmWritten};
 use lodsmith_io::{
-    Format, Frame, Loaded, Lpm, LpmOptions, ModelFile, ReadError, ReadOptions, Regions, Textures, Warning,
-    WriteError, WriteOptions,
+    Format, Frame, Loaded, Lpm, LpmOptions, ModelFile, ReadError, ReadOptions, Regions, Sizes, Textures,
+    Warning, WriteError, WriteOptions,
 };
 
 use crate::args::{Reading, Writing};
 use crate::paths::{Sink, Source};
+use crate::sizes::{self, Outcome};
 use crate::{exit, memory};
 
 /// Reads a mesh. The error does not name the source.
@@ -141,16 +142,28 @@ impl Destination {
         self.format == Format::Obj && !regions.libraries().is_empty() && !self.dry_run
     }
 
-    /// Writes a mesh and returns the data that the format cannot hold. Never leaves a partial file.
-    pub(crate) fn write(&self, mesh: &TriMesh, regions: Regions) -> anyhow::Result<Vec<Warning>> {
+    /// Writes a mesh; returns the data that the format cannot hold, and sizes. Never leaves a partial file.
+    pub(crate) fn write(&self, mesh: &TriMesh, regions: Regions) -> anyhow::Result<Outcome> {
+        let of_mesh = sizes::of_mesh(mesh, &regions, self.keeps_materials());
         let mut options = self.mesh_options(regions);
-        if !self.dry_run {
-            return write_mesh(mesh, &self.sink, self.format, &options);
+        let written = if self.dry_run {
+            if let Sink::Path(path) = &self.sink {
+                options.beside = Some(path.clone());
+            }
+            lodsmith_io::write_to(mesh, self.format, &options, &mut io::sink()).map_err(flattened_error)
+        } else {
+            write_mesh(mesh, &self.sink, self.format, &options)
+        }?;
+        Ok(self.outcome(written, Some(of_mesh)))
+    }
+
+    fn outcome(&self, written: Written, of_mesh: Option<Sizes>) -> Outcome {
+        let mut outcome = Outcome::new(written, Some(&self.sink).filter(|_| !self.dry_run), of_mesh);
+        if self.writing.packing().is_needed() && !matches!(self.format, Format::Gltf | Format::Glb) {
+            let text = format!("{} has no --compress and no --quantize: not applied", self.format.title());
+            outcome.warnings.push(Warning::note(text));
         }
-        if let Sink::Path(path) = &self.sink {
-            options.beside = Some(path.clone());
-        }
-        lodsmith_io::write_to(mesh, self.format, &options, &mut io::sink()).map_err(flattened_error)
+        outcome
     }
 
     /// Writes a scene with some meshes replaced, and other names for the files that it refers to; otherwise
@@ -160,11 +173,13 @@ impl Destination {
         scene: &Scene,
         replaced: &[Option<TriMesh>],
         relink: &dyn Fn(&str) -> Option<String>,
-    ) -> anyhow::Result<Vec<Warning>> {
-        self.put(
-            |out| lodsmith_io::write_scene_to(scene, replaced, self.format, relink, out),
+    ) -> anyhow::Result<Outcome> {
+        let to = SceneFormat::new(self.format, self.writing.packing());
+        let written = self.put(
+            |out| lodsmith_io::write_scene_to(scene, replaced, to, relink, out),
             |path| lodsmith_io::write_scene_path(scene, replaced, path, &self.options(), relink),
-        )
+        )?;
+        Ok(self.outcome(written, None))
     }
 
     /// Writes a scene with levels of detail; otherwise like [`write_scene`](Self::write_scene).
@@ -173,11 +188,13 @@ impl Destination {
         scene: &Scene,
         levels: &SceneLevels,
         relink: &dyn Fn(&str) -> Option<String>,
-    ) -> anyhow::Result<Vec<Warning>> {
-        self.put(
-            |out| lodsmith_io::write_levels_to(scene, levels, self.format, relink, out),
+    ) -> anyhow::Result<Outcome> {
+        let to = SceneFormat::new(self.format, self.writing.packing());
+        let written = self.put(
+            |out| lodsmith_io::write_levels_to(scene, levels, to, relink, out),
             |path| lodsmith_io::write_levels_path(scene, levels, path, &self.options(), relink),
-        )
+        )?;
+        Ok(self.outcome(written, None))
     }
 
     /// Returns a mesh as a glTF scene, as writing and reading it would give, and the data that glTF cannot
@@ -185,10 +202,11 @@ impl Destination {
     pub(crate) fn as_scene(&self, mesh: &TriMesh, regions: Regions) -> anyhow::Result<(Scene, Vec<Warning>)> {
         let mut options = self.mesh_options(regions);
         options.format = Some(Format::Glb);
+        options.packing = Packing::default();
         let mut bytes = Vec::new();
         let lost = lodsmith_io::write_to(mesh, Format::Glb, &options, &mut bytes).map_err(flattened_error)?;
         let scene = Scene::read(&bytes, &ReadOptions::default()).map_err(unnamed)?;
-        Ok((scene, lost))
+        Ok((scene, lost.warnings))
     }
 
     fn mesh_options(&self, regions: Regions) -> WriteOptions {
@@ -207,6 +225,7 @@ impl Destination {
         options.format = Some(self.format);
         options.force = self.writing.force;
         options.textures = self.writing.textures;
+        options.packing = self.writing.packing();
         options
     }
 
@@ -228,7 +247,7 @@ pub(crate) fn write_mesh(
     sink: &Sink,
     format: Format,
     options: &WriteOptions,
-) -> anyhow::Result<Vec<Warning>> {
+) -> anyhow::Result<Written> {
     write_with(
         sink,
         |out| lodsmith_io::write_to(mesh, format, options, out),

@@ -31,6 +31,7 @@ mod proposals;
 mod report_json;
 mod run_control;
 mod scene_parts;
+mod sizes;
 mod status;
 mod validity;
 mod warnings;

@@ -24,6 +24,7 @@ mod meshopt;
 mod model;
 mod motion;
 mod names;
+mod pack;
 mod placed;
 mod placements;
 mod primitive;
@@ -32,6 +33,7 @@ mod rematerial;
 mod repack;
 mod replace;
 mod scene;
+mod sizes;
 mod slot;
 mod unpack;
 mod write;
@@ -48,16 +50,18 @@ pub use copies::CopyPlace;
 pub use lod::SceneLevels;
 pub use motion::{MovingNode, SceneCamera, SceneMotion};
 pub use names::MeshNames;
+pub use pack::{Compression, PackReport, Packing, QuantizationErrors, SceneFormat, Written};
 pub use placed::{PlacedMesh, placed_meshes};
 pub use rematerial::{NewMaterial, SlotImage, TextureSlot};
 pub use scene::{Scene, SceneMesh};
+pub use sizes::sizes;
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use lodsmith_core::TriMesh;
 
-use crate::error::{ReadError, Warning};
+use crate::error::ReadError;
 use crate::format::Format;
 use crate::frame::Frame;
 use crate::loaded::Loaded;
@@ -151,11 +155,11 @@ fn merged(
 ///
 /// Materials are written if the options have the table of the mesh's regions and textures are not switched
 /// off: colour, alpha, emission, and images of colours, normals and emission, which are read from their files
-/// and embedded. Each material has its own primitive.
+/// and embedded. Each material has its own primitive. [`WriteOptions::packing`] makes the file smaller.
 ///
 /// # Errors
 /// I/O errors of the stream; [`io::ErrorKind::InvalidInput`] for a GLB of more than 4 GiB.
-pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
+pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io::Result<Written> {
     let looks = options
         .regions
         .as_deref()
@@ -163,5 +167,6 @@ pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io:
         .and_then(|regions| convert_materials(mesh, regions, Purpose::Gltf))
         .unwrap_or_default();
     let frame = options.regions.as_deref().and_then(Regions::frame).unwrap_or(Frame::GLTF);
-    write::write(mesh, looks, frame, options.format != Some(Format::Gltf), out)
+    let format = options.format.filter(|f| *f == Format::Gltf).unwrap_or(Format::Glb);
+    write::write(mesh, looks, frame, SceneFormat::new(format, options.packing), out)
 }

@@ -29,9 +29,11 @@ pub mod off;
 mod options;
 pub mod ply;
 pub mod read;
+mod sizes;
 pub mod sniff;
 pub mod stl;
 pub mod three_mf;
+pub mod vertex_cache;
 pub mod write;
 
 pub use assets::AssetScope;
@@ -44,7 +46,9 @@ pub use model::{BaseColor, ModelFile, ModelSource, read_model_bytes, read_model_
 pub use obj::{Regions, Textures};
 pub use read::{
     Contents, Loaded, ReadOptions, read_bytes, read_path, read_scene_bytes, read_scene_path, read_stream,
+    sizes_of_path,
 };
+pub use sizes::Sizes;
 pub use write::{
     WriteOptions, write_levels_path, write_levels_to, write_path, write_scene_path, write_scene_to, write_to,
 };

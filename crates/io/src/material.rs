@@ -9,6 +9,7 @@ mod packed;
 mod regions;
 mod textures;
 
+pub(crate) use image_sizes::{bytes_with_mipmaps, size_of, size_of_file};
 pub(crate) use image_type::image_type;
 pub use library::Library;
 pub(crate) use library::{GeneratedLibrary, Image, read_libraries};

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::assets::{AssetScope, Assets};
 use crate::format::Format;
+use crate::gltf::Packing;
 use crate::limits::Limits;
 use crate::material::{Regions, Textures};
 
@@ -49,6 +50,8 @@ pub struct WriteOptions {
     /// The path that these files are named after and written beside, if it is not the path of the mesh. A
     /// stream with this option is treated as a file at the path.
     pub beside: Option<PathBuf>,
+    /// Packing of glTF and GLB; no other format has it.
+    pub packing: Packing,
     /// Also replace a write-protected file.
     pub force: bool,
 }

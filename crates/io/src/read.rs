@@ -13,6 +13,7 @@ use crate::lines::utf8_of;
 pub use crate::loaded::{Contents, Loaded};
 pub use crate::options::ReadOptions;
 
+use crate::sizes::Sizes;
 use crate::sniff::{self, hint_of, is_binary_stl, looks_like_text, sniff};
 
 /// Reads a file; gzip is decompressed automatically, and the content decides the format.
@@ -71,6 +72,24 @@ pub fn read_scene_path(path: &Path, options: &ReadOptions) -> Result<Option<Scen
         scene_hinted(&bytes, hint_of(path), &ReadOptions { folder, ..options.clone() })
     };
     read().map_err(|e: ReadError| e.at(path))
+}
+
+/// Returns the sizes of a glTF file; of other files, the bytes of the file alone. `None` for what is no file,
+/// or cannot be read. No geometry is decoded.
+pub fn sizes_of_path(path: &Path, options: &ReadOptions) -> Option<Sizes> {
+    let about = std::fs::metadata(path).ok().filter(std::fs::Metadata::is_file)?;
+    let of_file = Sizes { file_bytes: Some(about.len()), ..Sizes::default() };
+    let mut front = Vec::new();
+    File::open(path).ok()?.take(sniff::SNIFFED_BYTES as u64).read_to_end(&mut front).ok()?;
+    let guess = if front.starts_with(&GZIP_MAGIC) { hint_of(path) } else { sniff(&front, hint_of(path)) };
+    if !matches!(options.format.or(guess), Some(Format::Gltf | Format::Glb)) {
+        return Some(of_file);
+    }
+    let bytes = bytes_of(path, options.limits).ok()?;
+    let bytes = unpacked(&bytes, options.limits).ok()?;
+    let folder = options.folder.clone().or_else(|| Some(folder_of(path)));
+    let sizes = crate::gltf::sizes(&bytes, &ReadOptions { folder, ..options.clone() }).ok()?;
+    Some(Sizes { file_bytes: of_file.file_bytes, ..sizes })
 }
 
 /// Reads bytes as a whole scene, if their format has scenes ([`Format::is_scene`]).

@@ -11,7 +11,7 @@ use crate::error::{Warning, WriteError};
 use crate::files::BUFFER;
 pub use crate::files::write_file;
 use crate::format::Format;
-use crate::gltf::{CopiedImages, Scene, SceneLevels};
+use crate::gltf::{CopiedImages, Scene, SceneFormat, SceneLevels, Written};
 use crate::material::{self, Textures};
 pub use crate::options::WriteOptions;
 use crate::sniff::hint_of;
@@ -30,7 +30,7 @@ use crate::sniff::hint_of;
 ///
 /// # Errors
 /// [`WriteError`], which names the path; no partial output is left.
-pub fn write_path(mesh: &TriMesh, path: &Path, options: &WriteOptions) -> Result<Vec<Warning>, WriteError> {
+pub fn write_path(mesh: &TriMesh, path: &Path, options: &WriteOptions) -> Result<Written, WriteError> {
     let format = format_of(path, options)?;
     let mut beside = None;
     if let (Format::Obj, Some(regions)) = (format, &options.regions)
@@ -44,9 +44,9 @@ pub fn write_path(mesh: &TriMesh, path: &Path, options: &WriteOptions) -> Result
         write_path_with(path, options.force, |out| write_format(mesh, format, options, libraries, out));
     match (written, beside) {
         (written, None) => written,
-        (Ok(warnings), Some(mut beside)) => {
-            beside.warnings.extend(warnings);
-            Ok(beside.warnings)
+        (Ok(written), Some(mut beside)) => {
+            beside.warnings.extend(written);
+            Ok(Written::new(beside.warnings))
         }
         (Err(error), Some(beside)) => {
             beside.remove();
@@ -74,10 +74,10 @@ pub fn write_scene_path(
     path: &Path,
     options: &WriteOptions,
     relink: &dyn Fn(&str) -> Option<String>,
-) -> Result<Vec<Warning>, WriteError> {
+) -> Result<Written, WriteError> {
     let format = format_of(path, options)?;
     let write = |relink: &dyn Fn(&str) -> Option<String>, out: &mut dyn Write| {
-        scene.write(replaced, format, relink, out)
+        scene.write(replaced, SceneFormat::new(format, options.packing), relink, out)
     };
     write_with_images(scene, path, format, options, relink, write)
 }
@@ -93,10 +93,10 @@ pub fn write_levels_path(
     path: &Path,
     options: &WriteOptions,
     relink: &dyn Fn(&str) -> Option<String>,
-) -> Result<Vec<Warning>, WriteError> {
+) -> Result<Written, WriteError> {
     let format = format_of(path, options)?;
     let write = |relink: &dyn Fn(&str) -> Option<String>, out: &mut dyn Write| {
-        scene.write_levels(levels, format, relink, out)
+        scene.write_levels(levels, SceneFormat::new(format, options.packing), relink, out)
     };
     write_with_images(scene, path, format, options, relink, write)
 }
@@ -108,19 +108,22 @@ fn write_with_images(
     format: Format,
     options: &WriteOptions,
     relink: &dyn Fn(&str) -> Option<String>,
-    write: impl FnOnce(&dyn Fn(&str) -> Option<String>, &mut dyn Write) -> io::Result<Vec<Warning>>,
-) -> Result<Vec<Warning>, WriteError> {
+    write: impl FnOnce(&dyn Fn(&str) -> Option<String>, &mut dyn Write) -> io::Result<Written>,
+) -> Result<Written, WriteError> {
     let copied = match (format, options.textures) {
         (Format::Gltf, Textures::Copy) => CopiedImages::new(scene, path)?,
         _ => CopiedImages::default(),
     };
     let written = write_path_with(path, options.force, |out| {
-        let warnings = write(&|uri| copied.uri(uri).or_else(|| relink(uri)), out)?;
+        let written = write(&|uri| copied.uri(uri).or_else(|| relink(uri)), out)?;
         out.flush()?;
-        Ok(warnings)
+        Ok(written)
     });
     match written {
-        Ok(warnings) => Ok([copied.into_warnings(), warnings].concat()),
+        Ok(mut written) => {
+            written.warnings.splice(0..0, copied.into_warnings());
+            Ok(written)
+        }
         Err(error) => {
             copied.remove();
             Err(error)
@@ -131,17 +134,17 @@ fn write_with_images(
 fn write_path_with(
     path: &Path,
     force: bool,
-    write: impl FnOnce(&mut dyn Write) -> io::Result<Vec<Warning>>,
-) -> Result<Vec<Warning>, WriteError> {
+    write: impl FnOnce(&mut dyn Write) -> io::Result<Written>,
+) -> Result<Written, WriteError> {
     write_file(path, force, |out| {
         if !is_gz(path) {
             return write(out);
         }
         // The header has no time stamp, so that the same mesh gives the same bytes.
         let mut gz = GzEncoder::new(out, COMPRESSION);
-        let warnings = write(&mut BufWriter::with_capacity(BUFFER, &mut gz))?;
+        let written = write(&mut BufWriter::with_capacity(BUFFER, &mut gz))?;
         gz.finish()?;
-        Ok(warnings)
+        Ok(written)
     })
     .map_err(|e| named(e, path))
 }
@@ -157,7 +160,7 @@ pub fn write_to(
     format: Format,
     options: &WriteOptions,
     out: &mut dyn Write,
-) -> Result<Vec<Warning>, WriteError> {
+) -> Result<Written, WriteError> {
     write_stream(out, |out| write_format(mesh, format, options, None, out))
 }
 
@@ -170,14 +173,14 @@ pub fn write_to(
 pub fn write_scene_to(
     scene: &Scene,
     replaced: &[Option<TriMesh>],
-    format: Format,
+    to: impl Into<SceneFormat>,
     relink: &dyn Fn(&str) -> Option<String>,
     out: &mut dyn Write,
-) -> Result<Vec<Warning>, WriteError> {
+) -> Result<Written, WriteError> {
     write_stream(out, |out| {
-        let warnings = scene.write(replaced, format, relink, out)?;
+        let written = scene.write(replaced, to, relink, out)?;
         out.flush()?;
-        Ok(warnings)
+        Ok(written)
     })
 }
 
@@ -190,21 +193,21 @@ pub fn write_scene_to(
 pub fn write_levels_to(
     scene: &Scene,
     levels: &SceneLevels,
-    format: Format,
+    to: impl Into<SceneFormat>,
     relink: &dyn Fn(&str) -> Option<String>,
     out: &mut dyn Write,
-) -> Result<Vec<Warning>, WriteError> {
+) -> Result<Written, WriteError> {
     write_stream(out, |out| {
-        let warnings = scene.write_levels(levels, format, relink, out)?;
+        let written = scene.write_levels(levels, to, relink, out)?;
         out.flush()?;
-        Ok(warnings)
+        Ok(written)
     })
 }
 
 fn write_stream(
     out: &mut dyn Write,
-    write: impl FnOnce(&mut dyn Write) -> io::Result<Vec<Warning>>,
-) -> Result<Vec<Warning>, WriteError> {
+    write: impl FnOnce(&mut dyn Write) -> io::Result<Written>,
+) -> Result<Written, WriteError> {
     let mut out = BufWriter::with_capacity(BUFFER, out);
     let result = write(&mut out);
     if result.is_err() {
@@ -224,17 +227,17 @@ fn write_format(
     options: &WriteOptions,
     libraries: Option<&[Vec<u8>]>,
     out: &mut dyn Write,
-) -> io::Result<Vec<Warning>> {
-    let mut warnings = match format {
-        Format::Obj => crate::obj::write_with_libraries(mesh, options, libraries, out),
-        Format::Off => crate::off::write(mesh, options, out),
-        Format::Ply => crate::ply::write(mesh, options, out),
-        Format::Stl => crate::stl::write(mesh, options, out),
+) -> io::Result<Written> {
+    let mut written = match format {
+        Format::Obj => crate::obj::write_with_libraries(mesh, options, libraries, out).map(Written::new),
+        Format::Off => crate::off::write(mesh, options, out).map(Written::new),
+        Format::Ply => crate::ply::write(mesh, options, out).map(Written::new),
+        Format::Stl => crate::stl::write(mesh, options, out).map(Written::new),
         Format::Gltf | Format::Glb => {
             // The module distinguishes the two by this option.
             crate::gltf::write(mesh, &WriteOptions { format: Some(format), ..options.clone() }, out)
         }
-        Format::ThreeMf => crate::three_mf::write(mesh, options, out),
+        Format::ThreeMf => crate::three_mf::write(mesh, options, out).map(Written::new),
         Format::Dae | Format::Fbx => Err(io::Error::other(WriteError::ReadOnly { format: format.title() })),
         Format::Lpm => Err(io::Error::other(WriteError::NeedsSplits)),
     }?;
@@ -248,13 +251,13 @@ fn write_format(
             regions.lost_headings(with_materials && !is_carried)
         })
     {
-        warnings.push(Warning::lost(format!("{} cannot carry {lost}: dropped", format.title())));
+        written.warnings.push(Warning::lost(format!("{} cannot carry {lost}: dropped", format.title())));
     }
-    warnings.extend(lost_integers_warning(mesh, format));
+    written.warnings.extend(lost_integers_warning(mesh, format));
     if !with_materials && regions.is_some_and(material::Regions::has_materials) {
-        warnings.push(Warning::note("materials dropped: --textures none"));
+        written.warnings.push(Warning::note("materials dropped: --textures none"));
     }
-    Ok(warnings)
+    Ok(written)
 }
 
 /// Returns the warning about named integer attributes that a format cannot carry.

@@ -36,7 +36,7 @@ fn written(folder: &Path, textures: Textures) -> (Value, Vec<u8>, Vec<Warning>) 
     options.regions = Some(Arc::new(loaded.regions));
     options.textures = textures;
     let mut bytes = Vec::new();
-    let warnings = write_to(&loaded.mesh, Format::Glb, &options, &mut bytes).unwrap();
+    let warnings = write_to(&loaded.mesh, Format::Glb, &options, &mut bytes).unwrap().warnings;
     let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
     (serde_json::from_slice(&bytes[20..20 + length]).unwrap(), bytes[28 + length..].to_vec(), warnings)
 }

@@ -39,7 +39,7 @@ fn options_of(loaded: &Loaded, textures: Textures) -> WriteOptions {
 fn text_of(loaded: &Loaded) -> String {
     let mut bytes = Vec::new();
     let options = options_of(loaded, Textures::Copy);
-    assert_eq!(write_to(&loaded.mesh, Format::Obj, &options, &mut bytes).unwrap(), []);
+    assert_eq!(write_to(&loaded.mesh, Format::Obj, &options, &mut bytes).unwrap().warnings, []);
     String::from_utf8(bytes).unwrap()
 }
 
@@ -98,7 +98,8 @@ impl MaterialFolder {
     }
     fn convert(&self, from: &str, to: &str, textures: Textures) -> Vec<String> {
         let loaded = read(&self.path(from));
-        let warnings = write_path(&loaded.mesh, &self.path(to), &options_of(&loaded, textures)).unwrap();
+        let warnings =
+            write_path(&loaded.mesh, &self.path(to), &options_of(&loaded, textures)).unwrap().warnings;
         warnings.iter().map(ToString::to_string).collect()
     }
 }
@@ -155,8 +156,9 @@ fn what_regions_share_is_left_where_the_mesh_has_none() {
     let mut loaded = read_bytes(chair().as_bytes(), &ReadOptions::default()).unwrap();
     loaded.mesh.set_regions(None).unwrap();
     let mut bytes = Vec::new();
-    let warnings =
-        write_to(&loaded.mesh, Format::Obj, &options_of(&loaded, Textures::Copy), &mut bytes).unwrap();
+    let warnings = write_to(&loaded.mesh, Format::Obj, &options_of(&loaded, Textures::Copy), &mut bytes)
+        .unwrap()
+        .warnings;
     let lost = "groups, materials, smoothing groups dropped: the mesh does not say which faces have which";
     assert_eq!(warnings, [Warning::lost(lost)]);
     let text = String::from_utf8(bytes).unwrap();
@@ -176,7 +178,7 @@ fn other_formats_say_what_they_lose() {
         let loaded = read_bytes(text.as_bytes(), &ReadOptions::default()).unwrap();
         let got = write_to(&loaded.mesh, Format::Stl, &options_of(&loaded, Textures::Copy), &mut Vec::new());
         let lost = lost.map(|lost| Warning::lost(format!("STL cannot carry {lost}: dropped")));
-        assert_eq!(got.unwrap(), Vec::from_iter(lost), "{lines}");
+        assert_eq!(got.unwrap().warnings, Vec::from_iter(lost), "{lines}");
     }
 }
 
@@ -351,7 +353,8 @@ fn a_texture_outside_the_folder_is_not_copied() {
             let loaded = read_within(&shop, scope);
             let told =
                 write_path(&loaded.mesh, &shop.path("out/deep/a.obj"), &options_of(&loaded, Textures::Copy))
-                    .unwrap();
+                    .unwrap()
+                    .warnings;
             assert_eq!(shop.path("out/deep/secret.ppm").exists(), is_copied);
             let told: Vec<_> = told.iter().filter(|w| w.text.contains(OUTSIDE)).collect();
             assert_eq!(told.is_empty(), is_copied, "{told:?}");
@@ -361,7 +364,8 @@ fn a_texture_outside_the_folder_is_not_copied() {
     // It is not embedded in a glTF file either.
     let loaded = read_within(&shop, AssetScope::Folder);
     let mut glb = Vec::new();
-    let told = write_to(&loaded.mesh, Format::Glb, &options_of(&loaded, Textures::Copy), &mut glb).unwrap();
+    let told =
+        write_to(&loaded.mesh, Format::Glb, &options_of(&loaded, Textures::Copy), &mut glb).unwrap().warnings;
     assert!(told.iter().any(|w| w.text.contains(OUTSIDE)), "{told:?}");
     assert!(!glb.windows(WOOD.len()).any(|bytes| bytes == WOOD.as_bytes()));
 }

@@ -11,7 +11,7 @@ const FORMATS: [Format; 2] = [Format::Obj, Format::Off];
 
 fn there_and_back(mesh: &TriMesh, format: Format) -> (Loaded, Vec<Warning>) {
     let mut bytes = Vec::new();
-    let warnings = write_to(mesh, format, &WriteOptions::default(), &mut bytes).unwrap();
+    let warnings = write_to(mesh, format, &WriteOptions::default(), &mut bytes).unwrap().warnings;
     let loaded = read_bytes(&bytes, &ReadOptions::default()).unwrap();
     assert_eq!(loaded.format, format);
     (loaded, warnings)

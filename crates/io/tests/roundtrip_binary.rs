@@ -27,7 +27,7 @@ fn written(mesh: &TriMesh, (format, ascii): (Format, bool)) -> (Vec<u8>, Vec<Str
     let warnings = match format {
         Format::Ply => ply::write(mesh, &options, &mut bytes),
         Format::Stl => stl::write(mesh, &options, &mut bytes),
-        _ => gltf::write(mesh, &options, &mut bytes),
+        _ => gltf::write(mesh, &options, &mut bytes).map(|written| written.warnings),
     };
     (bytes, warnings.unwrap().into_iter().map(|w| w.text).collect())
 }

@@ -202,7 +202,7 @@ fn a_stream_has_the_names_only() {
     let loaded = read_bytes(&scene(&materials()), &ReadOptions::default()).unwrap();
     let mut bytes = Vec::new();
     let warnings =
-        write_to(&loaded.mesh, Format::Obj, &options(&loaded, Textures::Copy), &mut bytes).unwrap();
+        write_to(&loaded.mesh, Format::Obj, &options(&loaded, Textures::Copy), &mut bytes).unwrap().warnings;
     assert_eq!(
         texts(&warnings),
         ["a stream has no place beside it for materials: only their names are written"]
@@ -216,7 +216,7 @@ fn materials_go_into_gltf_again() {
     let loaded = read_bytes(&scene(&materials()), &ReadOptions::default()).unwrap();
     let mut bytes = Vec::new();
     let warnings =
-        write_to(&loaded.mesh, Format::Gltf, &options(&loaded, Textures::Copy), &mut bytes).unwrap();
+        write_to(&loaded.mesh, Format::Gltf, &options(&loaded, Textures::Copy), &mut bytes).unwrap().warnings;
     assert_eq!(warnings, []);
     let json: Value = serde_json::from_slice(&bytes).unwrap();
     let surface = &json["materials"][0]["pbrMetallicRoughness"];
@@ -245,7 +245,7 @@ fn bytes_that_many_images_show_are_kept_once() {
     let loaded = read_bytes(&glb(&json, &pack.bin), &ReadOptions::default()).unwrap();
     let mut bytes = Vec::new();
     let warnings =
-        write_to(&loaded.mesh, Format::Obj, &options(&loaded, Textures::Copy), &mut bytes).unwrap();
+        write_to(&loaded.mesh, Format::Obj, &options(&loaded, Textures::Copy), &mut bytes).unwrap().warnings;
     assert_eq!(warnings.len(), 18);
     assert!(
         warnings[15].text.ends_with("shows bytes that other images show too: left out"),

@@ -137,14 +137,14 @@ impl Export {
                 // Other formats hold one mesh: all instances joined, as the `simplify` command joins them.
                 let (mesh, regions, told) = joined(original, lighter)?;
                 options.regions = Some(regions);
-                let mut warnings = lodsmith_io::write_path(&mesh, path, &options)?;
+                let mut warnings = lodsmith_io::write_path(&mesh, path, &options)?.warnings;
                 warnings.extend(told);
                 warnings
             }
             (ModelSource::Mesh(regions), _) => {
                 options.regions = Some(regions.clone());
                 let model = lighter.map_or(original.model(), |l| &l.model);
-                lodsmith_io::write_path(&model.meshes[0].mesh, path, &options)?
+                lodsmith_io::write_path(&model.meshes[0].mesh, path, &options)?.warnings
             }
             _ => anyhow::bail!("{}: this kind of source cannot be written", path.display()),
         };

@@ -1,6 +1,7 @@
 //! Options for writing a result.
 
 use clap::{Args, ValueEnum};
+use lodsmith_io::gltf::{Compression, Packing};
 use lodsmith_io::{Format, Textures};
 
 use super::{choice, values};
@@ -19,6 +20,14 @@ pub(crate) struct Writing {
     #[arg(long, value_name = "POLICY", value_parser = choice(Textures::ALL, Textures::name),
           default_value = Textures::default().name())]
     pub(crate) textures: Textures,
+    /// Compress geometry and animations without loss: none, meshopt (EXT_meshopt_compression, most programs read it),
+    /// or meshopt-khr (KHR_meshopt_compression, smaller) (glTF, GLB)
+    #[arg(long, value_name = "HOW", value_parser = choice(Compression::ALL, Compression::name),
+          default_value = Compression::default().name())]
+    pub(crate) compress: Compression,
+    /// Round attributes to fewer bits: positions to 14, normals to 8; needs KHR_mesh_quantization (glTF, GLB)
+    #[arg(long)]
+    pub(crate) quantize: bool,
     /// Multiply every coordinate of the output
     #[arg(long, value_name = "F", value_parser = values::above_zero)]
     pub(crate) scale: Option<f64>,
@@ -28,6 +37,13 @@ pub(crate) struct Writing {
     /// Overwrite inputs and write-protected files (never folders)
     #[arg(long)]
     pub(crate) force: bool,
+}
+
+impl Writing {
+    /// Returns the packing of glTF and GLB.
+    pub(crate) const fn packing(&self) -> Packing {
+        Packing::new(self.compress, self.quantize)
+    }
 }
 
 /// The axis that is up.

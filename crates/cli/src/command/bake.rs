@@ -90,7 +90,7 @@ fn bake_one(
     warnings.extend(scene.warnings().iter().cloned());
     warnings.extend(of_bake);
     warnings.extend(images.bring(&mut scene, to.format, to.writing.textures));
-    warnings.extend(baking::write_baked(to, &scene, &baked.replaced, &|uri| images.uri(uri))?);
+    warnings.extend(baking::write_baked(to, &scene, &baked.replaced, &|uri| images.uri(uri))?.warnings);
     baking::forgive_colors(&mut warnings, baked.has_color);
     baking::write_files(&baked.files, "", to)?;
     baked.warnings = warnings;

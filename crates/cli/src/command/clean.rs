@@ -108,7 +108,7 @@ fn clean_mesh(
                 "STL has no numbers of vertices: who reads it joins again what was cut apart",
             ));
         }
-        warnings.extend(to.write(&cleaned, regions)?);
+        warnings.extend(to.write(&cleaned, regions)?.warnings);
     }
     clock.end(2);
     Ok(CleanOutcome { input_format, report, meshes: Vec::new(), warnings, seconds: clock.seconds })
@@ -159,7 +159,7 @@ fn clean_scene(
     warnings.extend(notes);
     warnings.extend(images.bring(&mut scene, to.format, to.writing.textures));
     let relink = |uri: &str| images.uri(uri);
-    warnings.extend(to.write_scene(&scene, &replaced, &relink)?);
+    warnings.extend(to.write_scene(&scene, &replaced, &relink)?.warnings);
     clock.end(2);
     let input_format = scene.format();
     Ok(CleanOutcome { input_format, report, meshes, warnings, seconds: clock.seconds })

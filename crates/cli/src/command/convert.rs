@@ -2,17 +2,20 @@
 
 use std::time::Instant;
 
+use serde_json::json;
+
 use crate::args::ConvertArgs;
 use crate::file::{self, Destination, Input};
 use crate::images;
 use crate::in_order;
-use crate::numbers::{counted, seconds};
+use crate::numbers::{counted, micros, seconds};
 use crate::orient::orient;
 use crate::output::Output;
 use crate::paths::{self, Sink};
 use crate::progress::Progress;
-use crate::status::Status;
-use crate::warnings::show_warnings;
+use crate::sizes;
+use crate::status::{Status, usage};
+use crate::warnings::{show_warnings, texts};
 
 /// Reads, rotates or scales if asked for, and writes.
 pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
@@ -20,7 +23,10 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
     let format = paths::format_of(&args.output, writing.to)?;
     paths::refuse_folder(&args.output, "")?;
     paths::refuse_inputs(&args.output, [&args.input], writing.force)?;
-    let out = Output::new(&args.run, false, args.output == Sink::Stdout);
+    if args.json && args.output == Sink::Stdout {
+        return Err(usage("the mesh and --json both want standard output: give the mesh a file"));
+    }
+    let out = Output::new(&args.run, args.json, args.output == Sink::Stdout);
     let progress = Progress::new(1, args.run.quiet);
     let path = args.input.to_string();
     let begin = Instant::now();
@@ -30,26 +36,43 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
         bar.read();
         let input = file::read_input(&args.input, &args.reading, Vec::new(), to.keeps_scenes())?;
         bar.write();
+        let before = match &input {
+            Input::Mesh(loaded) => sizes::of_input(&args.input, &args.reading, Some(loaded)),
+            Input::Scene(_) => sizes::of_input(&args.input, &args.reading, None),
+        };
         match input {
             Input::Mesh(mut loaded) => {
                 orient(&mut loaded.mesh, writing);
-                let lost = to.write(&loaded.mesh, std::mem::take(&mut loaded.regions))?;
-                loaded.warnings.extend(lost);
-                Ok((loaded.mesh.face_count(), loaded.format, loaded.warnings))
+                let mut made = to.write(&loaded.mesh, std::mem::take(&mut loaded.regions))?;
+                made.warnings.splice(0..0, loaded.warnings);
+                Ok((loaded.mesh.face_count(), loaded.format, before, made))
             }
             Input::Scene(mut scene) => {
                 let images = images::FolderMove::new(&args.input, &args.output);
                 let mut warnings = images.bring(&mut scene, format, writing.textures);
                 let relink = |uri: &str| images.uri(uri);
                 warnings.splice(0..0, scene.warnings().iter().cloned());
-                warnings.extend(to.write_scene(&scene, &[], &relink)?);
-                Ok((scene.contents().polygons, scene.format(), warnings))
+                let mut made = to.write_scene(&scene, &[], &relink)?;
+                made.warnings.splice(0..0, warnings);
+                Ok((scene.contents().polygons, scene.format(), before, made))
             }
         }
     });
     progress.finish();
-    let (faces, from, warnings) = converted.map_err(|e: anyhow::Error| e.context(path.clone()))?;
-    let is_lossy = show_warnings(&out, &path, &warnings, args.strict);
+    let (faces, from, before, made) = converted.map_err(|e: anyhow::Error| e.context(path.clone()))?;
+    let mut report = json!({
+        "input": { "path": path, "format": from.name(), "faces": faces, "sizes": sizes::to_json(before) },
+        "output": {
+            "path": args.output.to_string(), "format": format.name(), "sizes": sizes::to_json(made.sizes),
+        },
+        "warnings": texts(&made.warnings),
+        "seconds": micros(begin.elapsed().as_secs_f64()),
+    });
+    if let Some(packed) = &made.packed {
+        report["output"]["packing"] = sizes::packed_json(packed);
+    }
+    out.object(&report);
+    let is_lossy = show_warnings(&out, &path, &made.warnings, args.strict);
     out.line(&format!(
         "{path} → {}: {}, {} → {}, {}",
         args.output,
@@ -58,5 +81,11 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
         format.name(),
         seconds(begin.elapsed().as_secs_f64())
     ));
+    if let Some(line) = sizes::line(before, made.sizes) {
+        out.line(&line);
+    }
+    if let Some(packed) = &made.packed {
+        out.detail(&sizes::packed_line(packed));
+    }
     out.finish(if is_lossy { Status::Strict } else { Status::Done })
 }

@@ -5,7 +5,8 @@ use std::time::Instant;
 use lodsmith::core::mesh::weld::weld;
 use lodsmith::core::topology::{Size, Topology, TopologyCounts, size_of};
 use lodsmith::core::{Bounds, Surface, VertexId};
-use lodsmith_io::Loaded;
+use lodsmith_io::vertex_cache::CacheUse;
+use lodsmith_io::{Loaded, Sizes};
 use serde_json::{Value, json};
 
 use crate::args::InfoArgs;
@@ -16,6 +17,7 @@ use crate::numbers::{grouped, seconds, significant};
 use crate::output::Output;
 use crate::paths::{self, Source};
 use crate::progress::Progress;
+use crate::sizes;
 use crate::status::Status;
 use crate::warnings::{show_warnings, texts, viewing_warnings};
 use crate::{memory, memory_need};
@@ -59,6 +61,9 @@ struct Facts {
     non_finite_vertices: usize,
     bounds: Option<Bounds>,
     size: Size,
+    /// `None` if they are not known.
+    sizes: Option<Sizes>,
+    cache: CacheUse,
     secs: f64,
 }
 
@@ -83,8 +88,10 @@ fn inspect(source: &Source, args: &InfoArgs, progress: &Progress) -> anyhow::Res
     let unused_vertices = is_used.iter().filter(|used| !**used).count();
     let non_finite_vertices = positions.iter().filter(|p| !p.iter().all(|x| x.is_finite())).count();
     let (bounds, size) = (positions.bounds(), size_of(&surface));
-    let secs = begin.elapsed().as_secs_f64();
     drop(surface);
+    let sizes = sizes::of_input(source, &args.reading, Some(&loaded));
+    let cache = CacheUse::of_mesh(&loaded.mesh);
+    let secs = begin.elapsed().as_secs_f64();
     bar.end();
     Ok(Facts {
         loaded,
@@ -95,6 +102,8 @@ fn inspect(source: &Source, args: &InfoArgs, progress: &Progress) -> anyhow::Res
         non_finite_vertices,
         bounds,
         size,
+        sizes,
+        cache,
         secs,
     })
 }
@@ -149,6 +158,8 @@ impl Facts {
             "skins": c.skins,
             "animations": c.animations,
             "morph_targets": c.morph_targets,
+            "sizes": sizes::to_json(self.sizes),
+            "cache": sizes::cache_json(&self.cache),
             "warnings": texts(&self.loaded.warnings),
         });
         if c.instances > 0 {
@@ -224,6 +235,19 @@ impl Facts {
             row("diagonal", figure(b.diagonal()));
         }
         row("area", figure(self.size.area));
+        if let Some(s) = &self.sizes {
+            let n = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
+            row("draw calls", grouped(n(s.draw_calls)));
+            if s.texture_bytes > 0 {
+                row("texture memory", sizes::bytes(s.texture_bytes));
+            }
+            if let Some(bytes) = s.file_bytes {
+                row("file size", sizes::bytes(bytes));
+            }
+        }
+        let c = &self.cache;
+        let caches = [("ACMR", c.acmr()), ("ATVR", c.atvr()), ("overfetch", c.overfetch())];
+        row("vertex cache", caches.map(|(name, x)| format!("{name} {x:.2}")).join(", "));
         if t.is_closed() {
             row("volume", figure(self.size.volume));
         }

@@ -18,7 +18,7 @@ use crate::orient::{orient, oriented};
 use crate::run_control::{RunControl, not_interrupted};
 use crate::status::Status;
 use crate::warnings::not_reached;
-use crate::{constraints, engine_input, memory, memory_need};
+use crate::{constraints, engine_input, memory, memory_need, sizes};
 use files::Plan;
 use report::{Level, LodResult};
 
@@ -58,6 +58,7 @@ fn of_mesh(
     plan: &Plan,
     mut watch: RunControl<'_>,
 ) -> anyhow::Result<LodResult> {
+    let sizes_before = sizes::of_input(&args.input, &args.reading, Some(&loaded));
     let mut options = args.options();
     let to = plan.job.output.as_ref();
     engine_input::prepare(&mut loaded, &args.engine.how, to, &mut options.simplify)?;
@@ -79,6 +80,7 @@ fn of_mesh(
         meshes.push(mesh);
         told.push(Level { report: level.report, not_reached: why, meshes: Vec::new() });
     }
+    let mut written = Vec::new();
     if let Some(to) = to {
         for (mesh, geomorph) in meshes.iter_mut().zip(geomorphs) {
             orient(mesh, &to.writing);
@@ -86,7 +88,8 @@ fn of_mesh(
                 files::carry(mesh, &geomorph, |p| oriented(p, &to.writing))?;
             }
         }
-        warnings.extend(plan.write_meshes(&meshes, &regions)?);
+        written = plan.write_meshes(&meshes, &regions)?;
+        warnings.extend(written.iter_mut().flat_map(|made| std::mem::take(&mut made.warnings)));
         if options.geomorph && to.format != Format::Ply {
             let text = format!("{} cannot carry geomorph data: dropped", to.format.title());
             warnings.push(Warning::lost(text));
@@ -94,5 +97,16 @@ fn of_mesh(
     }
     let outputs = plan.outputs(told.len());
     let threads = rayon::current_num_threads();
-    Ok(LodResult { format, counts, levels: told, outputs, diagonal, warnings, threads, clock: watch.end() })
+    Ok(LodResult {
+        format,
+        counts,
+        levels: told,
+        outputs,
+        sizes_before,
+        written,
+        diagonal,
+        warnings,
+        threads,
+        clock: watch.end(),
+    })
 }

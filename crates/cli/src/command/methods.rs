@@ -139,7 +139,7 @@ fn try_all(
                 bar.write();
                 let mut mesh = made.mesh;
                 orient(&mut mesh, &args.writing);
-                judged.warnings = to.write(&mesh, regions.clone())?;
+                judged.warnings = to.write(&mesh, regions.clone())?.warnings;
             }
             Ok(judged)
         });

@@ -139,7 +139,7 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
             warnings.push(Warning::note(text));
         }
         let to = Destination { sink: args.output.clone(), format, writing: args.writing, dry_run: false };
-        warnings.extend(to.write(&mesh, lpm.regions)?);
+        warnings.extend(to.write(&mesh, lpm.regions)?.warnings);
         Ok((road, counts, full, (is_reached, measured), warnings))
     });
     progress.finish();

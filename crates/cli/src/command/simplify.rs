@@ -12,8 +12,10 @@ use crate::file::{self, Destination, Input};
 use crate::in_order::Turn;
 use crate::normals::set_normals;
 use crate::orient::orient;
+use crate::paths::Source;
 use crate::plan::Job;
 use crate::run_control::{RunControl, not_interrupted};
+use crate::sizes::{self, Outcome};
 use crate::status::{Status, usage};
 use crate::warnings::{not_reached, warnings_of};
 use crate::{baking, constraints, engine_input, memory, memory_need};
@@ -53,18 +55,20 @@ fn simplify_one(
             scene::simplify_mesh(*loaded, &job.source, to, args, watch)
         }
         (Input::Scene(_), None) => unreachable!("a scene is read where it can stay one"),
-        (Input::Mesh(loaded), to) => simplify_mesh(*loaded, to.as_ref(), args, watch, turn),
+        (Input::Mesh(loaded), to) => simplify_mesh(*loaded, &job.source, to.as_ref(), args, watch, turn),
     }
 }
 
 /// Simplifies a mesh and writes it.
 fn simplify_mesh(
     mut loaded: Loaded,
+    source: &Source,
     to: Option<&Destination>,
     args: &SimplifyArgs,
     mut watch: RunControl<'_>,
     turn: &Turn<'_>,
 ) -> anyhow::Result<SimplifyOutcome> {
+    let sizes_before = sizes::of_input(source, &args.reading, Some(&loaded));
     let mut options = args.options();
     engine_input::prepare(&mut loaded, &args.engine.how, to, &mut options)?;
     let Loaded { mesh, regions, mut warnings, format, .. } = loaded;
@@ -76,6 +80,7 @@ fn simplify_mesh(
     warnings.extend(warnings_of(&report));
 
     watch.write();
+    let mut written = Outcome::default();
     if let Some(to) = to {
         orient(&mut lighter, &to.writing);
         set_normals(&mut lighter, args.normals)?;
@@ -83,7 +88,8 @@ fn simplify_mesh(
         if to.shares_names(&regions) {
             turn.wait();
         }
-        warnings.extend(to.write(&lighter, regions)?);
+        written = to.write(&lighter, regions)?;
+        warnings.append(&mut written.warnings);
     }
     Ok(SimplifyOutcome {
         input_format: format,
@@ -92,6 +98,8 @@ fn simplify_mesh(
         warnings,
         meshes: Vec::new(),
         baked: None,
+        sizes_before,
+        written,
         threads: rayon::current_num_threads(),
         clock: watch.end(),
     })

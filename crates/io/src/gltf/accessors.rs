@@ -70,7 +70,7 @@ impl Component {
 
     /// Decodes the number at the start of some bytes.
     #[inline]
-    fn number(self, b: &[u8]) -> f32 {
+    pub(super) fn number(self, b: &[u8]) -> f32 {
         match self {
             Self::I8 => f32::from(b[0] as i8),
             Self::U8 => f32::from(b[0]),
@@ -243,6 +243,27 @@ impl<'b> Accessor<'b> {
             (Component::U32, _) => |b| u32::from_le_bytes(first(b)) as f32,
         };
         self.decode(rare)
+    }
+
+    /// Returns the bytes of all elements, each padded with zeros to a multiple of four; and the bytes from one
+    /// to the next.
+    pub(super) fn padded_bytes(&self) -> Result<(Vec<u8>, usize), ReadError> {
+        let size = self.kind.size() * self.width;
+        let stride = size.next_multiple_of(4);
+        let mut out = vec![0; self.count * stride];
+        if let Some(e) = &self.elements {
+            for (to, from) in out.chunks_exact_mut(stride).zip(e.bytes.chunks(e.stride)) {
+                to[..size].copy_from_slice(&from[..size]);
+            }
+        }
+        if let Some(sparse) = &self.sparse {
+            for k in 0..sparse.count {
+                let i = sparse.index(k);
+                let to = out.chunks_exact_mut(stride).nth(i).ok_or_else(|| self.sparse_beyond(i))?;
+                to[..size].copy_from_slice(&sparse.values.bytes[k * sparse.values.stride..][..size]);
+            }
+        }
+        Ok((out, stride))
     }
 
     /// Decodes the chosen elements as floats, `width` numbers of `out` each; numbers that the accessor lacks

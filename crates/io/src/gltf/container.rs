@@ -2,6 +2,8 @@
 
 use std::io::{self, Write};
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use serde_json::Value;
 
 use crate::error::ReadError;
@@ -191,6 +193,15 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), ReadError> {
         at = start + chunk.len();
     }
     json.map(|json| (json, bin)).ok_or_else(|| ReadError::byte(12, "the GLB has no JSON chunk"))
+}
+
+/// Puts the bytes of the first buffer into the JSON, unless they go into the binary chunk of a GLB.
+pub(super) fn embed_buffer(json: &mut Value, bytes: &[u8], glb: bool) {
+    let buffer = list_mut(json, "buffers").first_mut().and_then(Value::as_object_mut);
+    if let Some(buffer) = buffer.filter(|_| !glb) {
+        let uri = format!("data:application/octet-stream;base64,{}", STANDARD.encode(bytes));
+        buffer.insert("uri".to_owned(), uri.into());
+    }
 }
 
 /// Writes a file: JSON whose bytes are embedded already, or a GLB with a binary chunk.

@@ -107,7 +107,7 @@ pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<War
 }
 
 /// Returns the number of instances that a node places of its mesh.
-fn instance_count(json: &Value, node: Option<usize>) -> usize {
+pub(super) fn instance_count(json: &Value, node: Option<usize>) -> usize {
     let attributes = node.map(|n| &json["nodes"][n]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]);
     let count = |name: &str| {
         let accessor = list(json, "accessors").get(number(&attributes?[name])?)?;

@@ -108,3 +108,43 @@ pub(super) fn drop_unused_extensions(json: &mut Value, names: &[&str]) {
         retain(json, name, &|_, e| e.as_str().is_some_and(|e| gone.contains(&e)));
     }
 }
+
+/// Adds a required extension to the lists of the file, or removes it from them.
+pub(super) fn set_extension(json: &mut Value, extension: &str, is_needed: bool) {
+    for name in ["extensionsUsed", "extensionsRequired"] {
+        if !is_needed {
+            retain(json, name, &|_, e| e == extension);
+            continue;
+        }
+        if !json[name].is_array() {
+            json[name] = json!([]);
+        }
+        let all = json[name].as_array_mut();
+        if let Some(all) = all.filter(|all| !all.iter().any(|e| e == extension)) {
+            all.push(extension.into());
+        }
+    }
+}
+
+pub(super) const QUANTIZATION: &str = "KHR_mesh_quantization";
+
+/// Returns true if an attribute has numbers of a type that only `KHR_mesh_quantization` allows.
+pub(super) fn needs_quantization(json: &Value) -> bool {
+    const FLOAT: u64 = 5126;
+    let accessors = list(json, "accessors");
+    let is_extended = |(key, value): (&String, &Value), is_target: bool| {
+        let Some(accessor) = number(value).and_then(|i| accessors.get(i)) else { return false };
+        let component = accessor["componentType"].as_u64();
+        let is_fraction = accessor["normalized"] == true && matches!(component, Some(5121 | 5123));
+        match key.as_str() {
+            "POSITION" | "NORMAL" | "TANGENT" => component != Some(FLOAT),
+            key if key.starts_with("TEXCOORD_") => component != Some(FLOAT) && (is_target || !is_fraction),
+            _ => false,
+        }
+    };
+    list(json, "meshes").iter().flat_map(|m| list(m, "primitives")).any(|primitive| {
+        let own = primitive["attributes"].as_object().into_iter().flatten();
+        let of_targets = list(primitive, "targets").iter().filter_map(Value::as_object).flatten();
+        own.into_iter().any(|a| is_extended(a, false)) || of_targets.into_iter().any(|a| is_extended(a, true))
+    })
+}

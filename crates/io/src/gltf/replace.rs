@@ -17,18 +17,17 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 use std::io::{self, Write};
 use std::sync::Arc;
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use lodsmith_core::mesh::{IntegerType, Semantic};
 use lodsmith_core::{Positions, TriMesh, VertexId, WedgeId};
 use serde_json::{Map, Value, json};
 
 use super::accessors::Component;
-use super::container::{emit, list, number};
+use super::container::{embed_buffer, emit, list, number};
 use super::encode::{NumberType, encode, normalize_weights, unit_directions};
 use super::external_files::relink;
-use super::lists::take_extension;
+use super::lists::{QUANTIZATION, needs_quantization, set_extension, take_extension};
 use super::mesh::TYPE_NAMES;
+use super::pack::{Compression, SceneFormat, Written, pack};
 use super::primitive::Primitive;
 use super::slot::Slot;
 use edit::{AccessorRole, Edit, Spot, VERTEX_EXTENSION, VERTEX_TARGET};
@@ -41,13 +40,14 @@ use crate::format::Format;
 const VERTEX_INDEPENDENT_EXTENSIONS: [&str; 3] =
     ["KHR_materials_variants", "EXT_mesh_features", "EXT_structural_metadata"];
 
+/// `was_compressed` says whether the buffers were decoded from compressed streams.
 pub(super) fn write(
-    (source, buffers): (&Value, &[Arc<Vec<u8>>]),
+    (source, buffers, was_compressed): (&Value, &[Arc<Vec<u8>>], bool),
     replaced: &[Option<TriMesh>],
-    format: Format,
+    SceneFormat { format, packing }: SceneFormat,
     new_uri: &dyn Fn(&str) -> Option<String>,
     out: &mut dyn Write,
-) -> io::Result<Vec<Warning>> {
+) -> io::Result<Written> {
     if !matches!(format, Format::Gltf | Format::Glb) {
         return Err(invalid(format!("a scene is written as glTF or GLB, not as {}", format.title())));
     }
@@ -57,12 +57,31 @@ pub(super) fn write(
             edit.replace(i, mesh)?;
         }
     }
-    let (mut json, bytes, warnings) = edit.finish(buffers);
+    let (mut json, mut bytes, mut warnings) = edit.finish(buffers);
     relink(&mut json, 0, new_uri);
     let glb = format == Format::Glb;
     set_buffer(&mut json, &bytes, glb);
+    if was_compressed && packing.compression == Compression::None {
+        let text = "the input was compressed, and the output is not: --compress meshopt keeps it small";
+        warnings.push(Warning::note(text));
+    }
+    let is_listed = list(source, "extensionsUsed").iter().any(|e| e == QUANTIZATION);
+    if is_listed && !needs_quantization(&json) {
+        set_extension(&mut json, QUANTIZATION, false);
+        if !packing.quantize {
+            let text = "the input was quantized, and the output has floats: --quantize keeps it small";
+            warnings.push(Warning::note(text));
+        }
+    }
+    let mut packed = None;
+    if packing.is_needed() {
+        let (smaller, report, notes) = pack(&mut json, bytes, packing)?;
+        (bytes, packed) = (smaller, Some(report));
+        warnings.extend(notes);
+    }
+    embed_buffer(&mut json, &bytes, glb);
     emit(&json, &bytes, glb, out)?;
-    Ok(warnings)
+    Ok(Written { warnings, packed })
 }
 
 fn invalid(problem: String) -> io::Error {
@@ -85,9 +104,6 @@ fn set_buffer(json: &mut Value, bytes: &[u8], glb: bool) {
     buffer.insert("byteLength".to_owned(), bytes.len().into());
     if glb {
         buffer.shift_remove("uri");
-    } else {
-        let uri = format!("data:application/octet-stream;base64,{}", STANDARD.encode(bytes));
-        buffer.insert("uri".to_owned(), uri.into());
     }
 }
 

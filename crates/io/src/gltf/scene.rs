@@ -18,6 +18,7 @@ use super::lod::{self, SceneLevels};
 use super::mesh::{self, Budget};
 use super::motion::{self, SceneMotion};
 use super::names::MeshNames;
+use super::pack::{SceneFormat, Written};
 use super::placements;
 use super::{inventory, replace, unpack};
 use crate::assets::{Asset, Assets, MAX_IMAGE_BYTES, Refusal};
@@ -248,7 +249,8 @@ impl Scene {
         self.format
     }
 
-    /// Writes the scene with some meshes replaced, as JSON with an embedded buffer or as GLB.
+    /// Writes the scene with some meshes replaced, as JSON with an embedded buffer or as GLB, packed if
+    /// [`SceneFormat::packing`] asks for it.
     ///
     /// `replaced[i]` replaces mesh i; if it is `None`, or if the list is shorter, the mesh stays the same to
     /// the byte. The regions of a replacement's faces select their primitives; without regions, all faces go
@@ -265,11 +267,11 @@ impl Scene {
     pub fn write(
         &self,
         replaced: &[Option<TriMesh>],
-        format: Format,
+        to: impl Into<SceneFormat>,
         relink: &dyn Fn(&str) -> Option<String>,
         out: &mut dyn Write,
-    ) -> io::Result<Vec<Warning>> {
-        replace::write((&self.json, &self.buffers), replaced, format, relink, out)
+    ) -> io::Result<Written> {
+        replace::write((&self.json, &self.buffers, self.unpacked > 0), replaced, to.into(), relink, out)
     }
 
     /// Writes the scene with levels of detail, by the extension `MSFT_lod`: every node whose mesh has levels
@@ -282,12 +284,12 @@ impl Scene {
     pub fn write_levels(
         &self,
         levels: &SceneLevels,
-        format: Format,
+        to: impl Into<SceneFormat>,
         relink: &dyn Fn(&str) -> Option<String>,
         out: &mut dyn Write,
-    ) -> io::Result<Vec<Warning>> {
+    ) -> io::Result<Written> {
         let (json, replaced) = lod::with_levels(&self.json, levels)?;
-        replace::write((&json, &self.buffers), &replaced, format, relink, out)
+        replace::write((&json, &self.buffers, self.unpacked > 0), &replaced, to.into(), relink, out)
     }
 
     /// Returns the scene with a copy of its contents at each of these places, under its own node. Copies

@@ -3,14 +3,14 @@
 use std::borrow::Cow;
 use std::io::{self, Write};
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use lodsmith_core::{Bounds, Positions, TriMesh, VertexId, WedgeId};
 use serde_json::{Value, json};
 
-use super::container::emit;
+use super::container::{embed_buffer, emit};
+use super::pack::{SceneFormat, Written, pack};
 use crate::attributes::rounding_warning;
 use crate::error::Warning;
+use crate::format::Format;
 use crate::frame::Frame;
 use crate::material::{ConvertedMaterial, ConvertedMaterials};
 
@@ -28,9 +28,9 @@ pub(super) fn write(
     mesh: &TriMesh,
     mut looks: ConvertedMaterials,
     frame: Frame,
-    glb: bool,
+    format: SceneFormat,
     out: &mut dyn Write,
-) -> io::Result<Vec<Warning>> {
+) -> io::Result<Written> {
     let mut warnings = std::mem::take(&mut looks.warnings);
     let mut file = GltfBuilder::default();
     // Without attributes, wedges are of no use: the vertices are written as they are.
@@ -86,8 +86,9 @@ pub(super) fn write(
         primitives.push(primitive);
     }
     let node = node(frame, center);
-    file.finish(primitives, &looks, node, glb, out)?;
-    Ok(warnings)
+    let mut written = file.finish(primitives, &looks, node, format, out)?;
+    written.warnings.splice(0..0, warnings);
+    Ok(written)
 }
 
 /// A material, if any, and its triangles.
@@ -298,19 +299,15 @@ impl GltfBuilder {
         primitives: Vec<Value>,
         looks: &ConvertedMaterials,
         node: Value,
-        glb: bool,
+        SceneFormat { format, packing }: SceneFormat,
         out: &mut dyn Write,
-    ) -> io::Result<()> {
+    ) -> io::Result<Written> {
         let mut images = Vec::new();
         for image in &looks.images {
             let view = self.image(&image.bytes);
             images.push(json!({ "name": image.name, "mimeType": image.kind, "bufferView": view }));
         }
-        let mut buffer = json!({ "byteLength": self.bytes.len() });
-        if !glb {
-            buffer["uri"] =
-                format!("data:application/octet-stream;base64,{}", STANDARD.encode(&self.bytes)).into();
-        }
+        let buffer = json!({ "byteLength": self.bytes.len() });
         let mut json = json!({
             "asset": { "version": "2.0", "generator": "lodsmith" },
             "scene": 0,
@@ -328,6 +325,15 @@ impl GltfBuilder {
             json["textures"] = (0..images.len()).map(|image| json!({ "source": image })).collect();
             json["images"] = images.into();
         }
-        emit(&json, &self.bytes, glb, out)
+        let glb = format == Format::Glb;
+        let mut written = Written::default();
+        if packing.is_needed() {
+            let (smaller, report, notes) = pack(&mut json, self.bytes, packing)?;
+            self.bytes = smaller;
+            written = Written { warnings: notes, packed: Some(report) };
+        }
+        embed_buffer(&mut json, &self.bytes, glb);
+        emit(&json, &self.bytes, glb, out)?;
+        Ok(written)
     }
 }

@@ -44,6 +44,39 @@ impl Regions {
     }
 }
 
+impl Regions {
+    /// Returns the bytes of all textures of its libraries on a GPU; those without a size count as none.
+    pub(crate) fn texture_bytes(&self) -> u64 {
+        let mut bytes = 0u64;
+        for library in self.libraries() {
+            let mut known = HashSet::new();
+            for path in
+                lines_of(library.text().unwrap_or_default()).filter_map(|l| texture_in(l).map(|p| &l[p]))
+            {
+                if known.insert(path)
+                    && let Ok([width, height]) = size_in(library, path)
+                {
+                    bytes = bytes.saturating_add(bytes_with_mipmaps(width, height));
+                }
+            }
+        }
+        bytes
+    }
+}
+
+/// Returns the bytes of a texture on a GPU, as RGBA with 8 bits per channel, with its mipmaps.
+pub(crate) fn bytes_with_mipmaps(mut width: u32, mut height: u32) -> u64 {
+    const BYTES_PER_TEXEL: u64 = 4;
+    let mut bytes = 0;
+    loop {
+        bytes += u64::from(width) * u64::from(height) * BYTES_PER_TEXEL;
+        if width <= 1 && height <= 1 {
+            return bytes;
+        }
+        (width, height) = ((width / 2).max(1), (height / 2).max(1));
+    }
+}
+
 /// Returns the warning about images of unknown size.
 fn unknown_size_warnings(unknown: &[(&[u8], &str)]) -> Vec<Warning> {
     let Some(((path, why), others)) = unknown.split_first() else { return Vec::new() };
@@ -60,7 +93,7 @@ fn size_in(library: &Library, path: &[u8]) -> Result<[u32; 2], &'static str> {
 }
 
 /// Returns the size of an image from the first bytes of its file.
-fn size_of_file(file: &mut impl Read) -> Result<[u32; 2], &'static str> {
+pub(crate) fn size_of_file(file: &mut impl Read) -> Result<[u32; 2], &'static str> {
     // Most formats have the size at the start; in a JPEG a profile and a preview may come first. Guessed.
     const FIRST_READ_BYTES: u64 = 1 << 16;
     const MAX_HEADER_BYTES: u64 = 1 << 24;
@@ -74,7 +107,7 @@ fn size_of_file(file: &mut impl Read) -> Result<[u32; 2], &'static str> {
     if first.is_ok() { first } else { read_to(MAX_HEADER_BYTES)? }
 }
 
-fn size_of(bytes: &[u8]) -> Result<[u32; 2], &'static str> {
+pub(crate) fn size_of(bytes: &[u8]) -> Result<[u32; 2], &'static str> {
     // No program displays an image with a longer edge than this, so the header is damaged. Guessed.
     const MOST: usize = 1 << 20;
     let size = imagesize::blob_size(bytes).map_err(|_| "is no image of a known kind")?;
@@ -85,6 +118,13 @@ fn size_of(bytes: &[u8]) -> Result<[u32; 2], &'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn mipmaps_add_a_third() {
+        assert_eq!(bytes_with_mipmaps(1, 1), 4);
+        assert_eq!(bytes_with_mipmaps(4, 1), 4 * (4 + 2 + 1));
+        assert_eq!(bytes_with_mipmaps(1024, 1024), 4 * ((1 << 22) - 1) / 3);
+    }
 
     #[test]
     fn sizes_come_from_the_first_bytes() {

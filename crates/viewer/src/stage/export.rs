@@ -110,7 +110,8 @@ impl StageExport {
         let mut options = WriteOptions::default();
         let is_text = self.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gltf"));
         options.format = Some(if is_text { Format::Gltf } else { Format::Glb });
-        let lost = lodsmith_io::write_levels_path(&staged, &levels, &self.path, &options, &|_| None)?;
+        let lost =
+            lodsmith_io::write_levels_path(&staged, &levels, &self.path, &options, &|_| None)?.warnings;
         warnings.extend(lost.iter().map(ToString::to_string));
         let mut summary = format!("{} copies, {} levels", grouped(self.copies.len()), made.len() + 1);
         match (self.motion.copies.len(), self.motion.camera.is_empty()) {
@@ -172,7 +173,7 @@ impl StageExport {
         }
         let mut bytes = Vec::new();
         let mesh = &original.model().meshes[0].mesh;
-        let lost = lodsmith_io::write_to(mesh, Format::Glb, &options, &mut bytes)?;
+        let lost = lodsmith_io::write_to(mesh, Format::Glb, &options, &mut bytes)?.warnings;
         warnings.extend(lost.iter().map(ToString::to_string));
         let file = lodsmith_io::read_model_bytes(&bytes, &ReadOptions::default())?;
         Ok(Original::of_file(original.path.clone(), file, 0.0))

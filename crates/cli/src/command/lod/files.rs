@@ -7,7 +7,7 @@ use anyhow::Context as _;
 use lodsmith::core::{Attribute, Positions, Semantic, TriMesh};
 use lodsmith::{Method, Screen};
 use lodsmith_io::gltf::{Scene, SceneLevels, SceneMesh};
-use lodsmith_io::{Format, Regions, Warning};
+use lodsmith_io::{Format, Regions};
 use serde_json::Value;
 
 use super::bake::BakedLevels;
@@ -16,6 +16,7 @@ use crate::baking;
 use crate::file::{self, Destination};
 use crate::paths::{self, Sink, Source};
 use crate::plan::{self, Job};
+use crate::sizes::Outcome;
 use crate::status::usage;
 
 /// Attribute with the position of a vertex in the next level.
@@ -93,7 +94,7 @@ impl Plan {
     }
 
     /// Writes the levels of a mesh, each to its file.
-    pub(super) fn write_meshes(&self, meshes: &[TriMesh], regions: &Regions) -> anyhow::Result<Vec<Warning>> {
+    pub(super) fn write_meshes(&self, meshes: &[TriMesh], regions: &Regions) -> anyhow::Result<Vec<Outcome>> {
         self.write_each(meshes, |mesh, to| to.write(mesh, regions.clone()))
     }
 
@@ -105,7 +106,7 @@ impl Plan {
         baked: &BakedLevels,
         distances: &[f64],
         relink: &dyn Fn(&str) -> Option<String>,
-    ) -> anyhow::Result<Vec<Warning>> {
+    ) -> anyhow::Result<Vec<Outcome>> {
         match &self.job.output {
             Some(to) if self.folder.is_none() => {
                 let mut levels = SceneLevels::new(replaced);
@@ -114,12 +115,12 @@ impl Plan {
                 levels.coverage = coverage(scene, distances, &self.screen);
                 levels.default_name = name_of_input(&self.job.source, &to.sink);
                 levels.materials = baked.materials.clone();
-                let warnings = to.write_levels(scene, &levels, relink)?;
+                let made = to.write_levels(scene, &levels, relink)?;
                 for (level, files) in baked.files.iter().enumerate() {
                     let mark = format!("{}{}", self.naming.mark(), level + 1);
                     baking::write_files(files, if baked.is_shared { "" } else { &mark }, to)?;
                 }
-                Ok(warnings)
+                Ok(vec![made])
             }
             _ if baked.materials.is_empty() => {
                 self.write_each(&replaced, |replaced, to| to.write_scene(scene, replaced, relink))
@@ -141,24 +142,22 @@ impl Plan {
         }
     }
 
-    /// Writes each level to its file. Each warning about data that the format cannot hold is returned once.
+    /// Writes each level to its file; returns the outcome of each. Each warning is in the first that has it.
     fn write_each<T>(
         &self,
         levels: &[T],
-        write: impl Fn(&T, &Destination) -> anyhow::Result<Vec<Warning>>,
-    ) -> anyhow::Result<Vec<Warning>> {
+        write: impl Fn(&T, &Destination) -> anyhow::Result<Outcome>,
+    ) -> anyhow::Result<Vec<Outcome>> {
         let Some(mut to) = self.job.output.clone() else { return Ok(Vec::new()) };
-        let mut warnings: Vec<Warning> = Vec::new();
+        let mut all: Vec<Outcome> = Vec::new();
         for (level, sink) in levels.iter().zip(self.outputs(levels.len())) {
             to.sink = sink;
             paths::refuse_inputs(&to.sink, [&self.job.source], to.writing.force || to.dry_run)?;
-            for warning in write(level, &to)? {
-                if !warnings.contains(&warning) {
-                    warnings.push(warning);
-                }
-            }
+            let mut made = write(level, &to)?;
+            made.warnings.retain(|w| !all.iter().any(|before| before.warnings.contains(w)));
+            all.push(made);
         }
-        Ok(warnings)
+        Ok(all)
     }
 
     /// Writes the list of levels.

@@ -2,7 +2,7 @@
 
 use lodsmith::lod::error_of;
 use lodsmith::{MeshCounts, Report};
-use lodsmith_io::{Format, Warning};
+use lodsmith_io::{Format, Sizes, Warning};
 use serde_json::{Map, Value, json};
 
 use super::files::Plan;
@@ -11,6 +11,7 @@ use crate::output::Output;
 use crate::paths::Sink;
 use crate::report_json::{error_json, mesh_json};
 use crate::run_control::StageClock;
+use crate::sizes::{self, Outcome};
 use crate::status::Status;
 use crate::warnings::{show_not_reached, show_warnings, texts, warnings_of};
 
@@ -22,6 +23,10 @@ pub(super) struct LodResult {
     pub(super) levels: Vec<Level>,
     /// Those of level 0 and of the others, if anything is written.
     pub(super) outputs: Vec<Sink>,
+    /// `None` if they are not known.
+    pub(super) sizes_before: Option<Sizes>,
+    /// What was written: one file for all levels, or one for each, from level 0 on; without their warnings.
+    pub(super) written: Vec<Outcome>,
     pub(super) diagonal: f64,
     pub(super) warnings: Vec<Warning>,
     pub(super) threads: usize,
@@ -56,6 +61,14 @@ pub(super) fn show(
     out.object(&to_json(&made, path, plan));
     for line in lines(&made, path, plan) {
         out.line(&line);
+    }
+    for (k, file) in made.written.iter().enumerate() {
+        if let Some(line) = sizes::line(made.sizes_before, file.sizes) {
+            out.line(&if made.written.len() > 1 { format!("  {k}:{line}") } else { line });
+        }
+        if let Some(packed) = &file.packed {
+            out.detail(&sizes::packed_line(packed));
+        }
     }
     let times: Vec<String> =
         made.clock.stages.iter().map(|(name, secs)| format!("{name} {secs:.3} s")).collect();
@@ -118,6 +131,9 @@ fn to_json(made: &LodResult, path: &str, plan: &Plan) -> Value {
             "seams_relaxed": r.seams_relaxed,
             "sharp_relaxed": r.sharp_relaxed,
         });
+        if let Some(file) = made.written.get(k + 1) {
+            set_written(&mut object, file);
+        }
         if !level.meshes.is_empty() {
             object["meshes"] = level.meshes.iter().map(mesh_json).collect();
         }
@@ -126,7 +142,8 @@ fn to_json(made: &LodResult, path: &str, plan: &Plan) -> Value {
     let seconds: Map<_, _> =
         made.clock.stages.iter().map(|(name, s)| ((*name).to_owned(), micros(*s).into())).collect();
     let mut report = json!({
-        "input": { "path": path, "format": made.format.name(), "faces": made.counts[0], "vertices": made.counts[1] },
+        "input": { "path": path, "format": made.format.name(), "faces": made.counts[0], "vertices": made.counts[1],
+            "sizes": sizes::to_json(made.sizes_before) },
         "output": {
             "path": to.filter(|_| folder.is_none()).map(|to| to.sink.to_string()),
             "folder": folder.map(|folder| folder.path.display().to_string()),
@@ -141,10 +158,21 @@ fn to_json(made: &LodResult, path: &str, plan: &Plan) -> Value {
         "threads": made.threads,
         "seconds": seconds,
     });
+    if let Some(file) = made.written.first() {
+        set_written(&mut report["output"], file);
+    }
     if to.is_none_or(|to| to.dry_run) {
         report["dry_run"] = true.into();
     }
     report
+}
+
+/// Adds the sizes of a file and what packing did.
+fn set_written(object: &mut Value, file: &Outcome) {
+    object["sizes"] = sizes::to_json(file.sizes);
+    if let Some(packed) = &file.packed {
+        object["packing"] = sizes::packed_json(packed);
+    }
 }
 
 /// Returns the content of `lods.json`.

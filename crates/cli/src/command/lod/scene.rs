@@ -17,7 +17,7 @@ use crate::normals::set_normals;
 use crate::run_control::{RunControl, not_interrupted};
 use crate::scene_parts::{self, parts_of};
 use crate::warnings::not_reached;
-use crate::{baking, constraints, images, memory, memory_need, palettes};
+use crate::{baking, constraints, images, memory, memory_need, palettes, sizes};
 
 /// Makes the levels of a mesh that becomes a glTF scene.
 pub(super) fn of_mesh(
@@ -105,10 +105,22 @@ pub(super) fn of_scene(
     warnings.extend(images.bring(&mut scene, to.format, to.writing.textures));
     let counts = [TriMesh::face_count, TriMesh::vertex_count].map(|of| scene_parts::count(&parts, of));
     let distances: Vec<f64> = told.iter().map(|l| report::distance(&l.report, plan)).collect();
-    warnings.extend(plan.write_scene(&scene, replaced, &baked, &distances, &|uri| images.uri(uri))?);
+    let mut written = plan.write_scene(&scene, replaced, &baked, &distances, &|uri| images.uri(uri))?;
+    warnings.extend(written.iter_mut().flat_map(|made| std::mem::take(&mut made.warnings)));
     baking::forgive_colors(&mut warnings, args.baking.bake.contains(&MapKind::Color));
     let format = scene.format();
     let outputs = plan.outputs(told.len());
     let threads = rayon::current_num_threads();
-    Ok(LodResult { format, counts, levels: told, outputs, diagonal, warnings, threads, clock: watch.end() })
+    Ok(LodResult {
+        format,
+        counts,
+        levels: told,
+        outputs,
+        sizes_before: sizes::of_input(&plan.job.source, &args.reading, None),
+        written,
+        diagonal,
+        warnings,
+        threads,
+        clock: watch.end(),
+    })
 }

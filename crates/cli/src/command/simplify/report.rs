@@ -1,7 +1,7 @@
 //! Report of `lodsmith simplify`.
 
 use lodsmith::{MeshCounts, Report};
-use lodsmith_io::{Format, Warning};
+use lodsmith_io::{Format, Sizes, Warning};
 use serde_json::{Map, Value, json};
 
 use crate::args::SimplifyArgs;
@@ -11,6 +11,7 @@ use crate::plan::Job;
 use crate::proposals;
 use crate::report_json::{error_json, mesh_json};
 use crate::run_control::StageClock;
+use crate::sizes::{self, Outcome};
 use crate::status::Status;
 use crate::warnings::{refusals, show_not_reached, show_warnings, texts};
 
@@ -25,6 +26,10 @@ pub(super) struct SimplifyOutcome {
     pub(super) meshes: Vec<(String, MeshCounts)>,
     /// Report of the bake.
     pub(super) baked: Option<Value>,
+    /// `None` if they are not known.
+    pub(super) sizes_before: Option<Sizes>,
+    /// What was written, without its warnings.
+    pub(super) written: Outcome,
     pub(super) threads: usize,
     pub(super) clock: StageClock,
 }
@@ -43,6 +48,9 @@ pub(super) fn show(
     };
     out.object(&done.to_json(path, job, args));
     out.line(&done.line(path));
+    if let Some(line) = sizes::line(done.sizes_before, done.written.sizes) {
+        out.line(&line);
+    }
     for line in done.details() {
         out.detail(&line);
     }
@@ -82,6 +90,7 @@ impl SimplifyOutcome {
             self.clock.stages.iter().map(|(name, secs)| format!("{name} {secs:.3} s")).collect();
         let mut lines =
             vec![format!("  {}, {}", times.join(", "), counted(self.threads, "thread", "threads"))];
+        lines.extend(self.written.packed.as_ref().map(sizes::packed_line));
         let refusals = refusals(r);
         if !refusals.is_empty() {
             lines.push(format!("  refused: {refusals}"));
@@ -138,11 +147,11 @@ impl SimplifyOutcome {
         let mut report = json!({
             "input": {
                 "path": path, "format": self.input_format.name(),
-                "faces": r.input_faces, "vertices": r.input_vertices,
+                "faces": r.input_faces, "vertices": r.input_vertices, "sizes": sizes::to_json(self.sizes_before),
             },
             "output": {
                 "path": to.map(|to| to.sink.to_string()), "format": to.map(|to| to.format.name()),
-                "faces": r.faces, "vertices": r.vertices,
+                "faces": r.faces, "vertices": r.vertices, "sizes": sizes::to_json(self.written.sizes),
             },
             "method": options.method.name(),
             "target": args.target.to_json(),
@@ -166,6 +175,9 @@ impl SimplifyOutcome {
         });
         if !self.meshes.is_empty() {
             report["meshes"] = self.meshes.iter().map(mesh_json).collect();
+        }
+        if let Some(packed) = &self.written.packed {
+            report["output"]["packing"] = sizes::packed_json(packed);
         }
         if let Some(c) = &r.clustered {
             report["clustered"] = json!({

@@ -15,7 +15,7 @@ use crate::paths::Source;
 use crate::run_control::{RunControl, not_interrupted};
 use crate::scene_parts::{self, parts_of};
 use crate::warnings::{not_reached, warnings_of};
-use crate::{constraints, images, memory, memory_need, palettes};
+use crate::{constraints, images, memory, memory_need, palettes, sizes};
 
 /// Simplifies a mesh that becomes a scene, so that maps can be baked for it.
 pub(super) fn simplify_mesh(
@@ -83,15 +83,16 @@ pub(super) fn simplify_scene(
     watch.write();
     warnings.extend(images.bring(&mut scene, to.format, to.writing.textures));
     let relink = |uri: &str| images.uri(uri);
-    warnings.extend(match &baked {
+    let mut written = match &baked {
         Some(baked) => {
-            let mut warnings = baking::write_baked(to, &scene, &replaced, &relink)?;
-            baking::forgive_colors(&mut warnings, baked.has_color);
+            let mut written = baking::write_baked(to, &scene, &replaced, &relink)?;
+            baking::forgive_colors(&mut written.warnings, baked.has_color);
             baking::write_files(&baked.files, "", to)?;
-            warnings
+            written
         }
         None => to.write_scene(&scene, &replaced, &relink)?,
-    });
+    };
+    warnings.append(&mut written.warnings);
     let meshes = taken.iter().map(|&i| meshes[i].name.clone()).zip(counts).collect();
     Ok(SimplifyOutcome {
         input_format: scene.format(),
@@ -100,6 +101,8 @@ pub(super) fn simplify_scene(
         warnings,
         meshes,
         baked: baked.map(|b| b.report),
+        sizes_before: sizes::of_input(source, &args.reading, None),
+        written,
         threads: rayon::current_num_threads(),
         clock: watch.end(),
     })

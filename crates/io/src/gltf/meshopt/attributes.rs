@@ -7,18 +7,33 @@
 //! group  = 16 differences of 0, 1, 2, 4 or 8 bits; one with all bits set is a byte behind them
 //! ```
 
-use super::input::{ENDS_TOO_EARLY, Input, zigzag};
+use super::input::{ENDS_TOO_EARLY, Input, unzigzag, zigzag};
 
 /// Elements of a group.
-const GROUP: usize = 16;
+pub(super) const GROUP: usize = 16;
 /// Maximum bytes of the elements of a block.
 const BLOCK_BYTES: usize = 8192;
 /// Maximum elements of a block.
 const BLOCK_ELEMENTS: usize = 256;
 
+/// Returns the number of elements of a block.
+pub(super) fn block_elements(stride: usize) -> usize {
+    (BLOCK_BYTES / stride / GROUP * GROUP).min(BLOCK_ELEMENTS)
+}
+
+/// Returns the numbers of bits that a group can have: in version 0, or under one of the first two controls
+/// of version 1.
+pub(super) const fn widths(control: Option<u8>) -> [u32; 4] {
+    match control {
+        None => [0, 2, 4, 8],
+        Some(0) => [0, 1, 2, 4],
+        Some(_) => [1, 2, 4, 8],
+    }
+}
+
 /// Encoding of the four bytes of a channel as differences.
 #[derive(Clone, Copy)]
-enum Channel {
+pub(super) enum Channel {
     Bytes,
     Words,
     /// XOR of 32 bits, rotated left by this many bits.
@@ -44,7 +59,7 @@ pub(super) fn decode(stream: &[u8], count: usize, stride: usize) -> Result<Vec<u
         _ => modes.iter().map(|m| Channel::new(*m)).collect::<Result<_, _>>()?,
     };
 
-    let most = (BLOCK_BYTES / stride / GROUP * GROUP).min(BLOCK_ELEMENTS);
+    let most = block_elements(stride);
     let mut differences = vec![[0u8; BLOCK_ELEMENTS]; stride];
     let mut out = Vec::new();
     let mut left = count;
@@ -55,11 +70,9 @@ pub(super) fn decode(stream: &[u8], count: usize, stride: usize) -> Result<Vec<u
         for (k, plane) in differences.iter_mut().enumerate() {
             let plane = &mut plane[..elements.next_multiple_of(GROUP)];
             match controls.map(|c| c[k / 4] >> (k % 4 * 2) & 3) {
-                None => groups(&mut input, [0, 2, 4, 8], plane)?,
-                Some(0) => groups(&mut input, [0, 1, 2, 4], plane)?,
-                Some(1) => groups(&mut input, [1, 2, 4, 8], plane)?,
                 Some(2) => plane.fill(0),
-                Some(_) => plane[..elements].copy_from_slice(input.take(elements)?),
+                Some(3) => plane[..elements].copy_from_slice(input.take(elements)?),
+                control => groups(&mut input, widths(control), plane)?,
             }
         }
         let start = out.len();
@@ -84,6 +97,35 @@ impl Channel {
             (1, 0) => Ok(Self::Words),
             (2, turn) => Ok(Self::Xor(turn.into())),
             _ => Err("is damaged: a channel of its compressed bytes has no known mode"),
+        }
+    }
+
+    /// Returns the number of the mode, the inverse of [`new`](Self::new).
+    pub(super) const fn code(self) -> u8 {
+        match self {
+            Self::Bytes => 0,
+            Self::Words => 1,
+            Self::Xor(turn) => 2 | (turn as u8) << 4,
+        }
+    }
+
+    /// Returns the difference of some bytes from the bytes before, the inverse of [`after`](Self::after).
+    #[inline]
+    pub(super) fn difference(self, before: [u8; 4], now: [u8; 4]) -> [u8; 4] {
+        match self {
+            Self::Bytes => {
+                [0, 1, 2, 3].map(|k| unzigzag(i32::from(now[k].wrapping_sub(before[k]) as i8) as u32) as u8)
+            }
+            Self::Words => {
+                let [a, b] = [0, 2].map(|k| {
+                    let [now, before] = [now, before].map(|n| i16::from_le_bytes([n[k], n[k + 1]]));
+                    (unzigzag(i32::from(now.wrapping_sub(before)) as u32) as u16).to_le_bytes()
+                });
+                [a[0], a[1], b[0], b[1]]
+            }
+            Self::Xor(turn) => {
+                (u32::from_le_bytes(before) ^ u32::from_le_bytes(now)).rotate_left(turn).to_le_bytes()
+            }
         }
     }
 

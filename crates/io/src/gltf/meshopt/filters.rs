@@ -1,7 +1,7 @@
 //! Filters that decode elements in place.
 
 /// Filter of decoded elements.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in super::super) enum Filter {
     None,
     /// Directions in octahedral encoding.
@@ -14,8 +14,21 @@ pub(in super::super) enum Filter {
     Color,
 }
 
+impl Filter {
+    /// Returns its name in a file; `None` for none.
+    pub(in super::super) const fn name(self) -> Option<&'static str> {
+        match self {
+            Self::None => None,
+            Self::Octahedral => Some("OCTAHEDRAL"),
+            Self::Quaternion => Some("QUATERNION"),
+            Self::Exponential => Some("EXPONENTIAL"),
+            Self::Color => Some("COLOR"),
+        }
+    }
+}
+
 /// Applies a filter to elements, in place.
-pub(super) fn apply(filter: Filter, stride: usize, elements: &mut [u8]) {
+pub(in super::super) fn apply(filter: Filter, stride: usize, elements: &mut [u8]) {
     match (filter, stride) {
         (Filter::None, _) => {}
         (Filter::Exponential, _) => {

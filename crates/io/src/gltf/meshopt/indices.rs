@@ -2,25 +2,37 @@
 
 use super::input::{ENDS_TOO_EARLY, Input, zigzag};
 
+/// First byte of a stream of triangles.
+pub(super) const TRIANGLES: u8 = 0xe1;
+/// First byte of a stream of indices of any kind.
+pub(super) const SEQUENCE: u8 = 0xd1;
+
 /// Number of entries of a history.
 const HISTORY_LENGTH: usize = 16;
 
 const BAD_REFERENCE: &str = "is damaged: a triangle refers to more than came before it";
 
 /// History of the last sixteen entries.
-struct Latest<T> {
+pub(super) struct Latest<T> {
     entries: [Option<T>; HISTORY_LENGTH],
     next: usize,
 }
 
-impl<T: Copy> Latest<T> {
-    const fn new() -> Self {
+impl<T: Copy + PartialEq> Latest<T> {
+    pub(super) const fn new() -> Self {
         Self { entries: [None; HISTORY_LENGTH], next: 0 }
     }
 
-    fn push(&mut self, entry: T) {
+    pub(super) fn push(&mut self, entry: T) {
         self.entries[self.next] = Some(entry);
         self.next = (self.next + 1) % HISTORY_LENGTH;
+    }
+
+    /// Returns the number of steps from the latest entry back to one that equals this.
+    pub(super) fn position(&self, entry: T) -> Option<u8> {
+        let back =
+            |n: u8| self.entries[(self.next + 2 * HISTORY_LENGTH - 1 - usize::from(n)) % HISTORY_LENGTH];
+        (0..HISTORY_LENGTH as u8).find(|n| back(*n) == Some(entry))
     }
 
     /// Returns the entry `back` steps before the latest.
@@ -99,7 +111,7 @@ impl TriangleDecoder<'_> {
 
 /// Decodes the indices of `count` triangles.
 pub(super) fn triangles(stream: &[u8], count: usize) -> Result<Vec<u32>, &'static str> {
-    let (codes, rest) = after_header(stream, 0xe1)?.split_at_checked(count).ok_or(ENDS_TOO_EARLY)?;
+    let (codes, rest) = after_header(stream, TRIANGLES)?.split_at_checked(count).ok_or(ENDS_TOO_EARLY)?;
     let (data, table) = rest.split_last_chunk::<16>().ok_or(ENDS_TOO_EARLY)?;
     if table[14..] != [0, 0] || table.iter().any(|t| t >> 4 == 15 || t & 15 == 15) {
         return Err("is damaged: the table at the end of its compressed bytes is none");
@@ -133,7 +145,7 @@ pub(super) fn triangles(stream: &[u8], count: usize) -> Result<Vec<u32>, &'stati
 /// Decodes `count` indices of any kind.
 pub(super) fn sequence(stream: &[u8], count: usize) -> Result<Vec<u32>, &'static str> {
     // Trailing zeros let a decoder read past the end.
-    let (body, _) = after_header(stream, 0xd1)?.split_last_chunk::<4>().ok_or(ENDS_TOO_EARLY)?;
+    let (body, _) = after_header(stream, SEQUENCE)?.split_last_chunk::<4>().ok_or(ENDS_TOO_EARLY)?;
     if count > body.len() {
         return Err(ENDS_TOO_EARLY);
     }

@@ -44,6 +44,11 @@ pub(super) const fn zigzag(n: u32) -> u32 {
     (n >> 1) ^ (n & 1).wrapping_neg()
 }
 
+/// Encodes a signed difference as an unsigned number, the inverse of [`zigzag`].
+pub(super) const fn unzigzag(n: u32) -> u32 {
+    (n << 1) ^ ((n as i32) >> 31) as u32
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -64,5 +69,6 @@ mod tests {
     #[test]
     fn differences() {
         assert_eq!([0, 1, 2, 3, u32::MAX].map(|n| zigzag(n) as i32), [0, -1, 1, -2, i32::MIN]);
+        assert!([0, 1, 2, 3, 1 << 31, u32::MAX].into_iter().all(|n| unzigzag(zigzag(n)) == n));
     }
 }
