@@ -92,3 +92,43 @@ fn a_limit_on_memory_holds() {
     let error = read_bytes(&std::fs::read(arm()).unwrap(), &options).unwrap_err().to_string();
     assert!(error.contains("memory"), "{error}");
 }
+
+/// Returns a record of a binary FBX file that begins at `start`: name, properties (number and bytes) and records in it.
+fn record(
+    start: usize,
+    name: &str,
+    (count, properties): (u32, &[u8]),
+    inner: impl FnOnce(usize) -> Vec<u8>,
+) -> Vec<u8> {
+    let inner = inner(start + 13 + name.len() + properties.len());
+    let end = start + 13 + name.len() + properties.len() + inner.len();
+    let numbers = [end as u32, count, properties.len() as u32];
+    let mut record: Vec<u8> = numbers.iter().flat_map(|n| n.to_le_bytes()).collect();
+    record.push(name.len() as u8);
+    record.extend([name.as_bytes(), properties, &inner].concat());
+    record
+}
+
+#[test]
+fn an_array_that_claims_more_than_the_file_can_hold_is_refused() {
+    // (Found by fuzzing: 16.9 GB were reserved for a file of 17 kB.)
+    let mut file = b"Kaydara FBX Binary  \0\x1a\0".to_vec();
+    file.extend(7400u32.to_le_bytes());
+    let text = |s: &[u8]| [&b"S"[..], &(s.len() as u32).to_le_bytes(), s].concat();
+    let geometry = [&b"L\x01\0\0\0\0\0\0\0"[..], &text(b"a\0\x01Geometry"), &text(b"Mesh")].concat();
+    // Two thousand million numbers, packed into eight bytes.
+    let mut vertices = b"d".to_vec();
+    vertices.extend([2_000_000_000u32, 1, 8].iter().flat_map(|n| n.to_le_bytes()));
+    vertices.extend([0x78, 0x9c, 0x03, 0, 0, 0, 0, 1]);
+    let objects = record(file.len(), "Objects", (0, &[]), |start| {
+        let mut inner = record(start, "Geometry", (3, &geometry), |start| {
+            [record(start, "Vertices", (1, &vertices), |_| Vec::new()), vec![0; 13]].concat()
+        });
+        inner.extend([0; 13]);
+        inner
+    });
+    file.extend(objects);
+    file.extend([0; 13]);
+    let error = read_bytes(&file, &ReadOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("memory"), "{error}");
+}

@@ -21,10 +21,16 @@ use crate::options::ReadOptions;
 /// Maximum depth of nodes. Guessed: no skeleton is deeper.
 const MAX_DEPTH: u32 = 256;
 
+/// Memory that the library may use for each byte of the file, and for any file, in bytes: an array states its size before it is
+/// unpacked. (Guessed: deflate shrinks meshes to a tenth, and the scene takes a few times the arrays.)
+const MEMORY_PER_BYTE: u64 = 256;
+const ALWAYS_ALLOWED_MEMORY: u64 = 512 << 20;
+
 /// Reads a file and builds its scene.
 pub(super) fn build(bytes: &[u8], options: &ReadOptions) -> Result<BuiltScene, ReadError> {
-    let loaded =
-        ufbx::load_memory(bytes, load_options(options.limits)).map_err(|e| error(&e, options.limits))?;
+    let by_size = (bytes.len() as u64).saturating_mul(MEMORY_PER_BYTE).max(ALWAYS_ALLOWED_MEMORY);
+    let memory_limit = options.limits.memory.min(by_size);
+    let loaded = ufbx::load_memory(bytes, load_options(memory_limit)).map_err(|e| error(&e, memory_limit))?;
     let held = (loaded.metadata.result_memory_used as u64).saturating_add(bytes.len() as u64);
     options.limits.check_memory("reading FBX", held.saturating_mul(2))?;
     let mut builder = FbxScene {
@@ -43,9 +49,9 @@ pub(super) fn build(bytes: &[u8], options: &ReadOptions) -> Result<BuiltScene, R
     Ok(builder.scene.finish(&roots))
 }
 
-fn load_options<'a>(limits: Limits) -> LoadOpts<'a> {
+fn load_options<'a>(memory_limit: u64) -> LoadOpts<'a> {
     let limit = || AllocatorOpts {
-        memory_limit: usize::try_from(limits.memory).unwrap_or(usize::MAX),
+        memory_limit: usize::try_from(memory_limit).unwrap_or(usize::MAX),
         ..AllocatorOpts::default()
     };
     LoadOpts {
@@ -71,11 +77,11 @@ fn load_options<'a>(limits: Limits) -> LoadOpts<'a> {
     }
 }
 
-fn error(error: &ufbx::Error, limits: Limits) -> ReadError {
+fn error(error: &ufbx::Error, memory_limit: u64) -> ReadError {
     match error.type_ {
         ErrorType::MemoryLimit | ErrorType::AllocationLimit => {
-            let (what, limit) = ("memory of the FBX scene, in bytes,", limits.memory);
-            ReadError::Limit { what, size: limit.saturating_add(1), limit }
+            let what = "memory for reading the FBX file, in bytes,";
+            ReadError::Limit { what, size: memory_limit.saturating_add(1), limit: memory_limit }
         }
         ErrorType::OutOfMemory => crate::limits::out_of_memory(),
         ErrorType::UnsupportedVersion => ReadError::Unsupported(
