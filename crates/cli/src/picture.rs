@@ -35,11 +35,16 @@ pub(crate) fn of_path(path: &Path) -> Option<PictureFormat> {
 /// Writes a picture completely or not at all.
 pub(crate) fn write(picture: &Image, sink: &Sink, format: PictureFormat, force: bool) -> anyhow::Result<()> {
     let bytes = encode(picture, format).with_context(|| format!("{sink}: cannot be stored"))?;
+    write_bytes(&bytes, sink, force)
+}
+
+/// Writes an encoded picture completely or not at all.
+pub(crate) fn write_bytes(bytes: &[u8], sink: &Sink, force: bool) -> anyhow::Result<()> {
     match sink {
-        Sink::Path(path) => file::write_bytes(&bytes, path, force),
+        Sink::Path(path) => file::write_bytes(bytes, path, force),
         Sink::Stdout => {
             let mut out = std::io::stdout().lock();
-            out.write_all(&bytes).and_then(|()| out.flush()).map_err(|e| file::stdout_failed(&e))
+            out.write_all(bytes).and_then(|()| out.flush()).map_err(|e| file::stdout_failed(&e))
         }
     }
 }

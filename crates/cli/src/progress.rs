@@ -95,6 +95,11 @@ impl FileProgress<'_> {
     pub(crate) fn bake(&self) {
         self.enter("bake", MEASURE);
     }
+    /// Reports that a number of frames is rendered.
+    pub(crate) fn frame(&self, done: usize, all: usize) {
+        self.enter(&format!("frame {} of {all}", (done + 1).min(all)), COLLAPSE);
+        self.to(COLLAPSE.0 + (WRITE.0 - COLLAPSE.0) * done as f64 / all.max(1) as f64);
+    }
     /// Announces the start of writing.
     pub(crate) fn write(&self) {
         self.enter("write", WRITE);

@@ -296,3 +296,101 @@ fn a_moment_of_an_animation_is_drawn_and_what_is_none_is_told() {
         assert!(ran.stderr.contains(part), "{words}: {}", ran.stderr);
     }
 }
+
+/// Fault D15: the reference had the colour of distance 0 everywhere, as a flat silhouette.
+#[test]
+fn both_sides_of_a_heat_map_are_shaded() {
+    let desk = CliSandbox::new();
+    desk.put("full.ply", &hills(20));
+    desk.put("low.ply", &hills(6));
+    let draw = |inputs: &str| {
+        let ran = desk
+            .run(&format!(
+                "render {inputs} -o out.png --shading heat --compare full.ply --size 120x90 --no-captions --json"
+            ))
+            .with_status(0);
+        (picture(&desk, "out.png"), ran.objects().remove(0))
+    };
+    let colours_of = |seen: &Image, columns: std::ops::Range<usize>| {
+        let all = (0..100).flat_map(|y| columns.clone().map(move |x| (x, y)));
+        all.map(|(x, y)| seen.at(x, y)).collect::<std::collections::HashSet<_>>().len()
+    };
+    let (seen, report) = draw("low.ply");
+    assert!(report["pictures"][0]["largest_distance"].as_f64().is_some_and(|d| d > 0.0), "{report}");
+    for columns in [12..132, 144..264] {
+        assert!(
+            colours_of(&seen, columns.clone()) > 100,
+            "{columns:?}: {}",
+            colours_of(&seen, columns.clone())
+        );
+    }
+    // With several candidates the reference is shown as it is.
+    let (_, report) = draw("low.ply full.ply");
+    let shadings: Vec<_> =
+        report["pictures"].as_array().expect("a list").iter().map(|p| p["shading"].clone()).collect();
+    assert_eq!(shadings, ["smooth", "heat", "heat"]);
+}
+
+/// Number of frames of an animated PNG, by its chunks; 0 for a still one.
+fn frames(file: &[u8]) -> usize {
+    file.windows(4).filter(|w| w == b"fcTL").count()
+}
+
+#[test]
+fn a_turntable_is_an_animation_or_a_folder_of_pictures() {
+    let desk = CliSandbox::new();
+    desk.put("cube.ply", &coloured_cube());
+    let turn = "--turntable 8 --size 80x60 --background transparent";
+    let ran = desk.run(&format!("render cube.ply -o turn.png {turn} --json")).with_status(0);
+    assert_eq!(
+        ran.objects()[0]["output"],
+        serde_json::json!({ "path": "turn.png", "format": "apng", "width": 80, "height": 60, "frames": 8 })
+    );
+    let bytes = std::fs::read(desk.path("turn.png")).expect("it was written");
+    assert_eq!(frames(&bytes), 8);
+    let first = picture(&desk, "turn.png");
+    assert_eq!([first.at(0, 0)[3], first.at(40, 30)[3]], [0, 255]);
+    let ran = desk.run(&format!("render cube.ply -O turn {turn}")).with_status(0);
+    assert!(ran.text().starts_with("turn: 8 pictures: 80 × 60 pixels, "), "{}", ran.text());
+    let names: Vec<String> = (0..8).map(|i| format!("cube_{i}.png")).collect();
+    assert_eq!(desk.names("turn"), names);
+    assert_eq!(picture(&desk, "turn/cube_0.png"), first);
+    let all: Vec<Image> = names.iter().map(|n| picture(&desk, &format!("turn/{n}"))).collect();
+    for (i, a) in all.iter().enumerate() {
+        assert!(all[..i].iter().all(|b| a != b), "frame {i} is not new");
+        assert_eq!([a.at(0, 0)[3], a.at(40, 30)[3]], [0, 255], "frame {i}");
+    }
+    let numbered = "-O other --name {frame}.jpg";
+    desk.run(&format!("render cube.ply {numbered} --turntable 11 --size 40x30 -q")).with_status(0);
+    assert_eq!(desk.names("other").len(), 11);
+    assert!(desk.path("other/00.jpg").exists() && desk.path("other/10.jpg").exists());
+    // Sheets turn too, and the bytes do not depend on threads.
+    let sheet = |options: &str| {
+        let words = format!("render cube.ply -o - --levels 4 --turntable 3 --size 40x30 --fps 5 {options}");
+        desk.run(&words).with_status(0).stdout
+    };
+    assert_eq!(frames(&sheet("")), 3);
+    assert!(sheet("--threads 1") == sheet("--threads 3"));
+}
+
+#[test]
+fn turntables_that_cannot_be_are_told() {
+    let desk = CliSandbox::new();
+    desk.put("cube.ply", &coloured_cube());
+    for (words, part) in [
+        ("-o turn.jpg --turntable 8", "a turntable is written as an animated .png"),
+        ("-o turn.webp --turntable 8", "with -O as one picture for each frame"),
+        ("-o turn.png --turntable 1", "2"),
+        ("-O turn --turntable 8 --name cube.png", "{frame} is missing"),
+        ("-O turn --turntable 8 --name {frame}.gif", "it must end in .png, .jpg or .webp"),
+        ("-O turn --turntable 8 --name ../{frame}.png", "a name in the folder is wanted"),
+        ("-O turn --turntable 8 --name {ext}{frame}.png", "only {stem} and {frame} are known"),
+        ("-O cube.ply --turntable 8", "is not a folder"),
+        ("-O turn", "--turntable"),
+        ("-o turn.png --fps 5", "--turntable"),
+    ] {
+        let ran = desk.run(&format!("render cube.ply {words}")).with_status(2);
+        assert!(ran.stderr.contains(part), "{words}: {}", ran.stderr);
+    }
+    assert_eq!(desk.names("."), ["cube.ply"], "nothing is left behind");
+}

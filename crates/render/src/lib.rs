@@ -13,6 +13,7 @@
 //! # Ok::<(), lodsmith_render::RenderError>(())
 //! ```
 
+pub mod animation;
 mod backdrop;
 pub mod camera;
 pub mod colormap;
@@ -34,8 +35,10 @@ pub mod sheet;
 mod subject;
 mod surfaces;
 pub mod texture;
+mod turntable;
 mod view;
 
+pub use animation::{AnimationError, AnimationOptions, encode_animation};
 pub use camera::{Camera, Lens, StandardView};
 pub use colormap::ColorMap;
 pub use draw::render;

@@ -161,6 +161,17 @@ impl Subject {
         whole.map(|[min, max]| Bounds { min: min.to_array(), max: max.to_array() })
     }
 
+    /// Calls a function with each corner of each face, where it is placed.
+    pub(crate) fn for_each_corner(&self, mut of: impl FnMut(DVec3)) {
+        for part in &self.parts {
+            let mesh = &self.meshes[part.mesh].mesh;
+            let positions = mesh.positions().view();
+            for &w in mesh.triangles().iter().flatten() {
+                of(part.world_from_mesh.transform_point3(DVec3::from(positions.get(mesh.vertex_of(w)))));
+            }
+        }
+    }
+
     /// Returns a camera with the same direction and lens, moved so that the subject fills a picture of
     /// `aspect` (width over height) except for a margin on each side, a fraction of the picture. Unchanged if
     /// there is nothing to see.

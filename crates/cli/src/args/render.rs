@@ -34,6 +34,7 @@ Examples:
   lodsmith render part.stl -o part.png --up z --shading flat --wireframe --view front
   lodsmith render low.glb -o error.png --compare full.glb --shading heat
   lodsmith render fox.glb fox_low.glb -o walk.png --clip Walk --time 0.4
+  lodsmith render bunny.obj -o turn.png --turntable 60 --background transparent
   lodsmith render scan.ply -o sheet.png --levels 5000,2500,1500,750,300,100 --wireframe";
 
 #[derive(Args, Debug)]
@@ -43,8 +44,8 @@ pub(crate) struct RenderArgs {
     #[arg(value_name = "IN", required = true)]
     pub(crate) inputs: Vec<Source>,
     /// Picture to write: .png, .jpg or .webp; `-` is standard output, as PNG
-    #[arg(short, long, value_name = "OUT")]
-    pub(crate) output: Sink,
+    #[arg(short, long, value_name = "OUT", required_unless_present = "out_dir", conflicts_with = "out_dir")]
+    pub(crate) output: Option<Sink>,
     /// Render this file first, with the same camera
     #[arg(long, value_name = "REFERENCE")]
     pub(crate) compare: Option<Source>,
@@ -61,6 +62,8 @@ pub(crate) struct RenderArgs {
     pub(crate) place: PlaceArgs,
     #[command(flatten)]
     pub(crate) moment: MomentArgs,
+    #[command(flatten)]
+    pub(crate) turntable: TurntableArgs,
     #[command(flatten)]
     pub(crate) sheet: SheetArgs,
     #[command(flatten)]
@@ -185,6 +188,24 @@ pub(crate) struct MomentArgs {
     /// Time in the animation, in seconds [default: 0]
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = values::not_negative)]
     pub(crate) time: Option<f64>,
+}
+
+/// A turn of the camera around the model.
+#[derive(Args, Debug)]
+#[command(next_help_heading = "Turntable")]
+pub(crate) struct TurntableArgs {
+    /// Render N views all around the model: an animated PNG with -o, a picture for each with -O
+    #[arg(long = "turntable", value_name = "N", value_parser = values::frames)]
+    pub(crate) frames: Option<usize>,
+    /// Frames per second of the animated PNG
+    #[arg(long, value_name = "N", value_parser = values::fps, default_value = "20", requires = "frames")]
+    pub(crate) fps: u16,
+    /// Folder for the pictures; created if missing
+    #[arg(short = 'O', long, value_name = "DIR", requires = "frames")]
+    pub(crate) out_dir: Option<PathBuf>,
+    /// File names in the folder: .png, .jpg or .webp
+    #[arg(long, value_name = "TEMPLATE", default_value = "{stem}_{frame}.png", requires = "out_dir")]
+    pub(crate) name: String,
 }
 
 /// Arrangement of pictures.

@@ -190,6 +190,16 @@ pub(crate) fn count(text: &str) -> Result<usize, String> {
     at_least(text, 1)
 }
 
+/// Parses the number of frames of a turn: one is no turn, and an hour at 30 frames per second is enough.
+pub(crate) fn frames(text: &str) -> Result<usize, String> {
+    at_least(text, 2).and_then(|n| if n <= 108_000 { Ok(n) } else { Err("at most 108000".to_owned()) })
+}
+
+/// Parses a number of frames per second.
+pub(crate) fn fps(text: &str) -> Result<u16, String> {
+    at_least(text, 1).and_then(|n| u16::try_from(n).map_err(|_| "at most 65535".to_owned()))
+}
+
 /// Parses a valence: below three there is no closed surface.
 pub(crate) fn valence(text: &str) -> Result<usize, String> {
     at_least(text, 3)

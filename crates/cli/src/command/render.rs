@@ -1,10 +1,12 @@
 //! `lodsmith render`: renders a picture without a window.
 
+mod outputs;
+
 use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Context as _;
-use lodsmith::core::measure::{Prepared, vertex_distances};
+use lodsmith::core::measure::{MeasureError, Prepared, vertex_distances};
 use lodsmith::core::model::{Instance, Node, Pose, Transform};
 use lodsmith::core::{Bounds, Image, Model, Positions, TriMesh, VertexId};
 use lodsmith::{Simplified, SimplifyOptions, Stop, Textures, simplify_scene};
@@ -21,23 +23,20 @@ use crate::in_order;
 use crate::memory_need::Size;
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::output::Output;
-use crate::paths::{self, Sink, Source};
-use crate::picture::{self, MARGIN};
-use crate::progress::Progress;
+use crate::paths::{self, Source};
+use crate::picture::MARGIN;
+use crate::progress::{FileProgress, Progress};
 use crate::run_control::{RunControl, not_interrupted};
 use crate::scene_parts::parts_of;
 use crate::status::{Status, usage};
 use crate::warnings::{show_warnings, viewing_warnings};
 use crate::{memory, memory_need};
+use outputs::Outputs;
 
 /// Reads, renders and writes.
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Status> {
     paths::at_most_one_stdin(args.inputs.iter().chain(&args.compare))?;
-    let format = picture::format_of(&args.output)?;
-    paths::refuse_inputs(&args.output, args.inputs.iter().chain(&args.compare), args.force)?;
-    if args.output == Sink::Stdout && args.json {
-        return Err(usage("the picture and --json both want standard output: give the picture a file"));
-    }
+    let outputs = Outputs::new(args)?;
     let is_heat = args.look.shading == Some(Shading::Heat);
     if is_heat && args.compare.is_none() && args.levels.is_empty() {
         return Err(usage("--shading heat shows a distance: say from what, with --compare or --levels"));
@@ -49,13 +48,17 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Status> {
              one of them",
         ));
     }
-    let out = Output::new(&args.run, args.json, args.output == Sink::Stdout);
+    let out = Output::new(&args.run, args.json, outputs.is_stdout());
     let progress = Progress::new(1, args.run.quiet);
     let begin = Instant::now();
     let drawn = in_order::pool(args.run.threads())?.install(|| {
-        let drawn = Drawing::new(args, &progress)?.draw()?;
-        picture::write(&drawn.picture, &args.output, format, args.force)?;
-        anyhow::Ok(drawn)
+        let bar = progress.file("");
+        let drawing = Drawing::new(args, &bar)?;
+        let shown = drawing.prepare()?;
+        let mut rows = Vec::new();
+        let size = outputs.write(args, &bar, &mut |turn_rad| drawing.draw(&shown, turn_rad, &mut rows))?;
+        let (range, warnings) = (drawing.heat_range(), drawing.warnings.clone());
+        anyhow::Ok(RenderResult { size, rows, range, warnings })
     });
     progress.finish();
     let drawn = drawn?;
@@ -64,9 +67,9 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Status> {
     for (path, warnings) in &drawn.warnings {
         show_warnings(&out, path, &viewing_warnings(warnings), false);
     }
-    let (width, height) = (drawn.picture.width(), drawn.picture.height());
+    let [width, height] = drawn.size;
     out.object(&json!({
-        "output": { "path": args.output.to_string(), "format": format.name(), "width": width, "height": height },
+        "output": outputs.to_json(drawn.size),
         "pictures": drawn.rows.iter().map(PictureRow::to_json).collect::<Vec<_>>(),
         "heat_range": drawn.range,
         "threads": args.run.threads(),
@@ -77,8 +80,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Status> {
     }));
     let faces: usize = drawn.rows.iter().map(|r| r.faces).sum();
     out.line(&format!(
-        "{}: {width} × {height} pixels, {}, {}",
-        args.output,
+        "{outputs}: {width} × {height} pixels, {}, {}",
         counted(faces, "face", "faces"),
         seconds(total)
     ));
@@ -159,9 +161,18 @@ impl Moment {
     }
 }
 
+/// An item prepared for rendering.
+struct ShownItem<'a> {
+    item: &'a Item,
+    subject: Subject,
+    shading: Shading,
+    camera: Camera,
+}
+
 /// Result of rendering.
 struct RenderResult {
-    picture: Image,
+    /// Width and height of the picture, or of each if there are several.
+    size: [usize; 2],
     rows: Vec<PictureRow>,
     range: Option<[f32; 2]>,
     warnings: Vec<(String, Vec<Warning>)>,
@@ -195,7 +206,7 @@ impl PictureRow {
 }
 
 impl<'a> Drawing<'a> {
-    fn new(args: &'a RenderArgs, progress: &Progress) -> anyhow::Result<Self> {
+    fn new(args: &'a RenderArgs, bar: &FileProgress<'_>) -> anyhow::Result<Self> {
         let matcap = match &args.look.matcap {
             None => None,
             Some(path) => {
@@ -212,7 +223,6 @@ impl<'a> Drawing<'a> {
             }
         };
         let mut drawing = Self { args, items: Vec::new(), matcap, environment, warnings: Vec::new() };
-        let bar = progress.file("");
         bar.read();
         if let Some(reference) = &args.compare {
             drawing.add(reference, None)?;
@@ -223,7 +233,7 @@ impl<'a> Drawing<'a> {
             for &count in &args.levels {
                 let mut options = SimplifyOptions::new(Stop::faces(count));
                 options.method = args.method;
-                let mut watch = RunControl::new(&bar, None);
+                let mut watch = RunControl::new(bar, None);
                 let whole = &drawing.items[original];
                 let size = Size::of_all(whole.model.meshes.iter().map(|m| &*m.mesh));
                 memory::check("render --levels", memory_need::lod(size, &options))?;
@@ -270,24 +280,33 @@ impl<'a> Drawing<'a> {
         Ok(())
     }
 
-    /// Computes the distances of vertices from their reference, for heat maps and captions.
+    /// Computes the distances of vertices from their reference, for heat maps and captions. If a reference has a
+    /// single candidate, its own distances from that are computed too; otherwise it is shown as it is.
     fn measure(&mut self) -> anyhow::Result<()> {
         if !Self::is_measured(self.args) {
             return Ok(());
         }
-        for i in 0..self.items.len() {
-            let of = self.items[i].reference.unwrap_or(i);
-            let distances = if of == i {
-                let bounds = whole(&self.items[i].model)?.positions().view().bounds();
-                self.items[i].diagonal = bounds.map_or(0.0, |b| b.diagonal());
-                // The distance from itself is 0.
-                self.items[i].model.meshes.iter().map(|m| vec![0.0; m.mesh.vertex_count()]).collect()
-            } else {
-                let reference = Prepared::new(&whole(&self.items[of].model)?.surface())
-                    .with_context(|| self.items[of].path.clone())?;
-                distances_to(&reference, &self.items[i].model)?
-            };
-            self.items[i].distances = Some(distances);
+        for of in 0..self.items.len() {
+            let candidates: Vec<usize> =
+                (0..self.items.len()).filter(|i| self.items[*i].reference == Some(of)).collect();
+            if candidates.is_empty() {
+                continue;
+            }
+            let reference = whole(&self.items[of].model)?;
+            self.items[of].diagonal = reference.positions().view().bounds().map_or(0.0, |b| b.diagonal());
+            let reference =
+                Prepared::new(&reference.surface()).with_context(|| self.items[of].path.clone())?;
+            for &i in &candidates {
+                self.items[i].distances = Some(distances_to(&reference, &self.items[i].model)?);
+            }
+            if let [only] = candidates[..] {
+                self.items[of].distances = match Prepared::new(&whole(&self.items[only].model)?.surface()) {
+                    Ok(candidate) => Some(distances_to(&candidate, &self.items[of].model)?),
+                    // Nothing is left to measure from.
+                    Err(MeasureError::Empty { .. }) => None,
+                    Err(error) => return Err(error).with_context(|| self.items[only].path.clone()),
+                };
+            }
         }
         Ok(())
     }
@@ -304,60 +323,78 @@ impl<'a> Drawing<'a> {
         memory::check("render", need)
     }
 
-    fn draw(self) -> anyhow::Result<RenderResult> {
-        let args = self.args;
-        let range = (args.look.shading == Some(Shading::Heat)).then(|| self.range());
-        let is_sheet = self.items.len() > 1 || range.is_some();
-        let mut panels = Vec::new();
-        let mut rows = Vec::new();
-        let mut cameras: Vec<Camera> = Vec::new();
+    /// Prepares all items for rendering, with their cameras.
+    fn prepare(&self) -> anyhow::Result<Vec<ShownItem<'_>>> {
+        let mut all: Vec<ShownItem<'_>> = Vec::new();
         for item in &self.items {
             let mut subject = match &item.moment {
                 Some(moment) => Subject::posed(&item.model, &item.model.pose(moment.clip, moment.seconds))?,
                 None => Subject::new(&item.model)?,
             };
             let shading = self.shading(item);
-            let largest = item.distances.as_ref().map(|d| largest(d));
             if let Some(distances) = item.distances.as_ref().filter(|_| shading == Shading::Heat) {
                 subject = subject.with_values(distances.clone())?;
             }
             // Items that are compared have the same camera.
             let camera = match item.reference {
-                Some(of) => cameras[of],
+                Some(of) => all[of].camera,
                 None => self.camera(&subject, item),
             };
-            cameras.push(camera);
-            let mut view = self.view(camera, shading, range);
+            all.push(ShownItem { item, subject, shading, camera });
+        }
+        Ok(all)
+    }
+
+    /// Returns the values at the ends of the colour scale, if there is one.
+    fn heat_range(&self) -> Option<[f32; 2]> {
+        (self.args.look.shading == Some(Shading::Heat)).then(|| self.range())
+    }
+
+    /// Renders all items, after the cameras went around them by an angle. The time of each is added to its row.
+    fn draw(
+        &self,
+        shown: &[ShownItem<'_>],
+        turn_rad: f64,
+        rows: &mut Vec<PictureRow>,
+    ) -> anyhow::Result<Image> {
+        let args = self.args;
+        let range = self.heat_range();
+        let is_sheet = shown.len() > 1 || range.is_some();
+        let mut panels = Vec::new();
+        for (i, ShownItem { item, subject, shading, camera }) in shown.iter().enumerate() {
+            let axis = shown[item.reference.unwrap_or(i)].subject.centre();
+            let camera = if turn_rad == 0.0 { *camera } else { camera.turned_around(axis, turn_rad) };
+            let mut view = self.view(camera, *shading, range);
             if is_sheet {
                 view.background = Background::Transparent;
             }
             let begin = Instant::now();
-            let picture = render(&subject, &view).with_context(|| item.path.clone())?;
-            let row = PictureRow {
-                path: item.path.clone(),
-                faces: item.model.face_count(),
-                level: item.level,
-                largest: largest.filter(|_| item.reference.is_some()),
-                shading,
-                moment: item.moment.as_ref().map(|m| (m.name.clone(), m.seconds)),
-                seconds: begin.elapsed().as_secs_f64(),
-            };
-            let caption = if args.sheet.no_captions { Vec::new() } else { self.caption(item, &row) };
+            let picture = render(subject, &view).with_context(|| item.path.clone())?;
+            if rows.len() == i {
+                rows.push(PictureRow {
+                    path: item.path.clone(),
+                    faces: item.model.face_count(),
+                    level: item.level,
+                    largest: item.distances.as_ref().map(|d| largest(d)),
+                    shading: *shading,
+                    moment: item.moment.as_ref().map(|m| (m.name.clone(), m.seconds)),
+                    seconds: 0.0,
+                });
+            }
+            rows[i].seconds += begin.elapsed().as_secs_f64();
+            let caption = if args.sheet.no_captions { Vec::new() } else { self.caption(item, &rows[i]) };
             panels.push(Panel { picture, caption });
-            rows.push(row);
         }
-        let picture = if is_sheet {
-            let columns = args.sheet.columns.unwrap_or_else(|| columns(panels.len()));
-            let legend = range.map(|range| Legend {
-                map: args.look.colors,
-                range,
-                title: "distance in the units of the file".to_owned(),
-            });
-            sheet(&panels, columns, args.look.background, legend.as_ref())
-        } else {
-            panels.remove(0).picture
-        };
-        Ok(RenderResult { picture, rows, range, warnings: self.warnings })
+        if !is_sheet {
+            return Ok(panels.remove(0).picture);
+        }
+        let columns = args.sheet.columns.unwrap_or_else(|| columns(panels.len()));
+        let legend = range.map(|range| Legend {
+            map: args.look.colors,
+            range,
+            title: "distance in the units of the file".to_owned(),
+        });
+        Ok(sheet(&panels, columns, args.look.background, legend.as_ref()))
     }
 
     fn shading(&self, item: &Item) -> Shading {
@@ -369,7 +406,9 @@ impl<'a> Drawing<'a> {
         } else {
             Shading::Smooth
         };
-        self.args.look.shading.unwrap_or(usual)
+        // A heat map needs distances: a reference with several candidates has none.
+        let has_values = |shading: &Shading| *shading != Shading::Heat || item.distances.is_some();
+        self.args.look.shading.filter(has_values).unwrap_or(usual)
     }
 
     /// Returns the values at the ends of the colour scale: those asked for, or 0 and the largest of all.
@@ -401,17 +440,21 @@ impl<'a> Drawing<'a> {
     /// clip.
     fn camera(&self, subject: &Subject, item: &Item) -> Camera {
         let [width, height] = self.args.size();
-        let clip = item.moment.as_ref().map(|m| item.model.bounds_over(m.clip, CAMERA_MOMENTS));
+        let is_still = self.args.turntable.frames.is_none();
+        let moving = item.moment.as_ref().filter(|_| is_still);
+        let clip = moving.map(|m| item.model.bounds_over(m.clip, CAMERA_MOMENTS));
         let bounds = clip.unwrap_or_else(|| subject.bounds());
         let bounds = bounds.unwrap_or(Bounds { min: [0.0; 3], max: [1.0; 3] });
         let aspect = width as f64 / height as f64;
         let camera = camera(&self.args.place, &bounds, aspect);
-        if clip.is_some() {
-            return camera;
-        }
         // Leave space for the shadow, which lies beside the model.
         let has_floor = self.args.look.shadow || self.args.look.grid;
-        subject.framed(camera, aspect, if has_floor { 2.0 * MARGIN } else { MARGIN })
+        let margin = if has_floor { 2.0 * MARGIN } else { MARGIN };
+        match (clip, self.args.turntable.frames) {
+            (_, Some(_)) => subject.framed_all_round(camera, aspect, margin),
+            (Some(_), None) => camera,
+            (None, None) => subject.framed(camera, aspect, margin),
+        }
     }
 
     fn view(&self, camera: Camera, shading: Shading, range: Option<[f32; 2]>) -> View {
