@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use crate::args::{BakeArgs, TextureArgs, Writing};
 use crate::file::{self, Destination};
 use crate::paths::Sink;
-use crate::sizes::Outcome;
+use crate::sizes::WriteOutcome;
 use crate::status::{Interrupted, usage};
 use crate::{exit, memory};
 
@@ -237,7 +237,7 @@ pub(crate) fn write_baked(
     scene: &Scene,
     replaced: &[Option<TriMesh>],
     relink: &dyn Fn(&str) -> Option<String>,
-) -> anyhow::Result<Outcome> {
+) -> anyhow::Result<WriteOutcome> {
     if matches!(to.format, Format::Gltf | Format::Glb) {
         return to.write_scene(scene, replaced, relink);
     }

@@ -16,7 +16,7 @@ use lodsmith_io::{
 
 use crate::args::{Reading, Writing};
 use crate::paths::{Sink, Source};
-use crate::sizes::{self, Outcome};
+use crate::sizes::{self, WriteOutcome};
 use crate::{exit, memory};
 
 /// Reads a mesh. The error does not name the source.
@@ -143,7 +143,7 @@ impl Destination {
     }
 
     /// Writes a mesh; returns the data that the format cannot hold, and sizes. Never leaves a partial file.
-    pub(crate) fn write(&self, mesh: &TriMesh, regions: Regions) -> anyhow::Result<Outcome> {
+    pub(crate) fn write(&self, mesh: &TriMesh, regions: Regions) -> anyhow::Result<WriteOutcome> {
         let of_mesh = sizes::of_mesh(mesh, &regions, self.keeps_materials());
         let mut options = self.mesh_options(regions);
         let written = if self.dry_run {
@@ -157,8 +157,8 @@ impl Destination {
         Ok(self.outcome(written, Some(of_mesh)))
     }
 
-    fn outcome(&self, written: Written, of_mesh: Option<Sizes>) -> Outcome {
-        let mut outcome = Outcome::new(written, Some(&self.sink).filter(|_| !self.dry_run), of_mesh);
+    fn outcome(&self, written: Written, of_mesh: Option<Sizes>) -> WriteOutcome {
+        let mut outcome = WriteOutcome::new(written, Some(&self.sink).filter(|_| !self.dry_run), of_mesh);
         if self.writing.packing().is_needed() && !matches!(self.format, Format::Gltf | Format::Glb) {
             let text = format!("{} has no --compress and no --quantize: not applied", self.format.title());
             outcome.warnings.push(Warning::note(text));
@@ -173,7 +173,7 @@ impl Destination {
         scene: &Scene,
         replaced: &[Option<TriMesh>],
         relink: &dyn Fn(&str) -> Option<String>,
-    ) -> anyhow::Result<Outcome> {
+    ) -> anyhow::Result<WriteOutcome> {
         let to = SceneFormat::new(self.format, self.writing.packing());
         let written = self.put(
             |out| lodsmith_io::write_scene_to(scene, replaced, to, relink, out),
@@ -188,7 +188,7 @@ impl Destination {
         scene: &Scene,
         levels: &SceneLevels,
         relink: &dyn Fn(&str) -> Option<String>,
-    ) -> anyhow::Result<Outcome> {
+    ) -> anyhow::Result<WriteOutcome> {
         let to = SceneFormat::new(self.format, self.writing.packing());
         let written = self.put(
             |out| lodsmith_io::write_levels_to(scene, levels, to, relink, out),

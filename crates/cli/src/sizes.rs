@@ -12,7 +12,7 @@ use crate::paths::{Sink, Source};
 
 /// What was written.
 #[derive(Default)]
-pub(crate) struct Outcome {
+pub(crate) struct WriteOutcome {
     pub(crate) warnings: Vec<Warning>,
     /// `None` without packing.
     pub(crate) packed: Option<PackReport>,
@@ -20,7 +20,7 @@ pub(crate) struct Outcome {
     pub(crate) sizes: Option<Sizes>,
 }
 
-impl Outcome {
+impl WriteOutcome {
     /// Returns the outcome for what was written to a sink; `of_mesh` are sizes of it by its mesh.
     pub(crate) fn new(
         written: lodsmith_io::gltf::Written,

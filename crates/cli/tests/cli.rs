@@ -44,8 +44,8 @@ fn the_report_has_the_promised_keys_in_their_order() {
         "seconds",
     ];
     assert_eq!(keys(report)[..promised.len()], promised);
-    assert_eq!(keys(&report["input"]), ["path", "format", "faces", "vertices"]);
-    assert_eq!(keys(&report["output"]), ["path", "format", "faces", "vertices"]);
+    assert_eq!(keys(&report["input"]), ["path", "format", "faces", "vertices", "sizes"]);
+    assert_eq!(keys(&report["output"]), ["path", "format", "faces", "vertices", "sizes"]);
     assert_eq!(keys(&report["error"]), ["estimate", "bound", "measured", "unit", "diagonal"]);
     assert_eq!(keys(&report["seconds"])[..3], ["read", "prepare", "simplify"]);
     assert_eq!(*keys(&report["seconds"]).last().expect("it has stages"), "write");
@@ -372,6 +372,8 @@ fn info_has_the_promised_keys_in_their_order() {
             "skins",
             "animations",
             "morph_targets",
+            "sizes",
+            "cache",
             "warnings",
         ]
     );
@@ -601,7 +603,7 @@ fn package_makers_get_their_pages() {
 #[test]
 fn what_is_no_command_is_not_known() {
     let desk = CliSandbox::new();
-    for command in ["bake", "simplfy", "levels"] {
+    for command in ["simplfy", "levels"] {
         let ran = desk.run(command).with_status(2);
         assert!(ran.stderr.contains("unrecognized subcommand"), "{command}: {}", ran.stderr);
     }

@@ -1,7 +1,7 @@
 //! Estimated size of an exported file.
 
 use lodsmith_core::model::Pose;
-use lodsmith_core::{Model, Positions, TriMesh};
+use lodsmith_core::{Model, Positions, Semantic, TriMesh};
 use lodsmith_io::{Format, ModelSource};
 
 use crate::content::{Lighter, Original};
@@ -79,7 +79,13 @@ fn mesh_bytes(mesh: &TriMesh, format: Format, is_ascii: bool) -> f64 {
             wedges * (number * (3.0 + 3.0 * normals + 2.0 * uvs) + 16.0 * colors)
                 + faces * (3.0 * index + 2.0)
         }
-        Format::Ply => wedges * (wedge_bytes(mesh) + if has_double { 12.0 } else { 0.0 }) + 13.0 * faces,
+        Format::Ply => {
+            // Joints, tangents and the like have no place in the file.
+            let all = mesh.further_attributes().iter();
+            let lost = all.filter(|a| !matches!(a.semantic, Semantic::Custom(_) | Semantic::Discrete { .. }));
+            let lost = 4.0 * lost.map(|a| a.width).sum::<usize>() as f64;
+            wedges * (wedge_bytes(mesh) - lost + if has_double { 12.0 } else { 0.0 }) + 13.0 * faces
+        }
         Format::Off => vertices * 3.0 * number + faces * (3.0 * index + 2.0),
         _ => {
             let corner = index * (1.0 + normals + uvs);

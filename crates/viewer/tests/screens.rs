@@ -241,20 +241,24 @@ fn surroundings_are_mirrored_and_seen_behind() {
 fn sides_that_differ_have_their_own_pictures() {
     let Some(mut desk) = AppHarness::open("torus.obj") else { return };
     let both = |desk: &mut AppHarness| [desk.pixels(ORIGINAL), desk.pixels(RESULT)];
+    // Averages of samples are rounded by the place of the picture in the window.
+    let alike = |a: &[[u8; 4]], b: &[[u8; 4]]| {
+        a.as_flattened().iter().zip(b.as_flattened()).all(|(a, b)| a.abs_diff(*b) <= 2)
+    };
     let [one, two] = both(&mut desk);
-    assert!(one == two && one.iter().any(|p| *p != one[0]));
+    assert!(alike(&one, &two) && one.iter().any(|p| *p != one[0]));
     desk.press(Key::L);
     let place = desk.harness.get_by_label(RESULT).rect().center();
     desk.drag(place, place + egui::vec2(60.0, 20.0));
     let [one_then, two_then] = both(&mut desk);
-    assert!(one_then == one && two_then != two, "one camera moves one side");
+    assert!(one_then == one && !alike(&two_then, &two), "one camera moves one side");
     desk.press(Key::L);
     let [one, two] = both(&mut desk);
-    assert!(one == two, "linked again");
+    assert!(alike(&one, &two), "linked again");
     desk.press(Key::Minus);
     desk.press(Key::W);
     let [one, two] = both(&mut desk);
-    assert!(one != two, "a result is not the original");
+    assert!(!alike(&one, &two), "a result is not the original");
 }
 
 #[test]

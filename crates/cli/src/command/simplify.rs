@@ -15,7 +15,7 @@ use crate::orient::orient;
 use crate::paths::Source;
 use crate::plan::Job;
 use crate::run_control::{RunControl, not_interrupted};
-use crate::sizes::{self, Outcome};
+use crate::sizes::{self, WriteOutcome};
 use crate::status::{Status, usage};
 use crate::warnings::{not_reached, warnings_of};
 use crate::{baking, constraints, engine_input, memory, memory_need};
@@ -80,7 +80,7 @@ fn simplify_mesh(
     warnings.extend(warnings_of(&report));
 
     watch.write();
-    let mut written = Outcome::default();
+    let mut written = WriteOutcome::default();
     if let Some(to) = to {
         orient(&mut lighter, &to.writing);
         set_normals(&mut lighter, args.normals)?;

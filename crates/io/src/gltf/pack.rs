@@ -31,7 +31,7 @@ use super::lists::{QUANTIZATION, needs_quantization, set_extension};
 use super::references::{ReferenceKind, each_reference};
 use crate::error::{ReadError, Warning};
 
-use geometry::{Geometry, GeometryTask};
+use geometry::{GeometryTask, PackedGeometry};
 use motion::{Role, roles};
 use nodes::GridNodes;
 pub use options::{Compression, PackReport, Packing, QuantizationErrors, SceneFormat, Written};
@@ -177,7 +177,10 @@ impl PackTask<'_, '_> {
     }
 
     /// Packs all primitives, equal ones once. Returns the index of each, in the order of the file.
-    fn geometries(&self, grids: &[Option<Grid>]) -> Result<(Vec<Option<usize>>, Vec<Geometry>), ReadError> {
+    fn geometries(
+        &self,
+        grids: &[Option<Grid>],
+    ) -> Result<(Vec<Option<usize>>, Vec<PackedGeometry>), ReadError> {
         let mut known: HashMap<String, usize> = HashMap::new();
         let mut tasks: Vec<(String, GeometryTask<'_>)> = Vec::new();
         let mut of_primitives = Vec::new();
@@ -213,7 +216,7 @@ impl PackTask<'_, '_> {
     }
 
     /// Appends the data of a primitive; returns its references.
-    fn put(&self, geometry: &Geometry, output: &mut Output) -> NewReferences {
+    fn put(&self, geometry: &PackedGeometry, output: &mut Output) -> NewReferences {
         let accessor = |index: usize| &self.source["accessors"][index];
         let streams = geometry.streams.iter();
         NewReferences {
@@ -285,7 +288,7 @@ impl PackTask<'_, '_> {
 
 /// New accessors of a primitive.
 struct NewReferences {
-    attributes: Vec<(geometry::Place, usize)>,
+    attributes: Vec<(geometry::AttributePlace, usize)>,
     indices: Option<usize>,
     has_faces: bool,
 }

@@ -87,7 +87,9 @@ impl AppHarness {
     pub(super) fn smooth(&mut self) {
         let end = Instant::now() + TIMEOUT;
         self.harness.run_steps(2);
-        while self.harness.state().is_smoothing() || self.harness.state().triangles_left() > 0 {
+        // While a button is held, pictures stay as they are.
+        let is_held = self.harness.ctx.input(|i| i.pointer.any_down());
+        while self.harness.state().is_smoothing() && !is_held || self.harness.state().triangles_left() > 0 {
             assert!(Instant::now() < end, "pictures are never smooth");
             std::thread::sleep(Duration::from_millis(20));
             self.harness.run_steps(1);

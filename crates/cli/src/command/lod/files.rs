@@ -16,7 +16,7 @@ use crate::baking;
 use crate::file::{self, Destination};
 use crate::paths::{self, Sink, Source};
 use crate::plan::{self, Job};
-use crate::sizes::Outcome;
+use crate::sizes::WriteOutcome;
 use crate::status::usage;
 
 /// Attribute with the position of a vertex in the next level.
@@ -94,7 +94,11 @@ impl Plan {
     }
 
     /// Writes the levels of a mesh, each to its file.
-    pub(super) fn write_meshes(&self, meshes: &[TriMesh], regions: &Regions) -> anyhow::Result<Vec<Outcome>> {
+    pub(super) fn write_meshes(
+        &self,
+        meshes: &[TriMesh],
+        regions: &Regions,
+    ) -> anyhow::Result<Vec<WriteOutcome>> {
         self.write_each(meshes, |mesh, to| to.write(mesh, regions.clone()))
     }
 
@@ -106,7 +110,7 @@ impl Plan {
         baked: &BakedLevels,
         distances: &[f64],
         relink: &dyn Fn(&str) -> Option<String>,
-    ) -> anyhow::Result<Vec<Outcome>> {
+    ) -> anyhow::Result<Vec<WriteOutcome>> {
         match &self.job.output {
             Some(to) if self.folder.is_none() => {
                 let mut levels = SceneLevels::new(replaced);
@@ -146,10 +150,10 @@ impl Plan {
     fn write_each<T>(
         &self,
         levels: &[T],
-        write: impl Fn(&T, &Destination) -> anyhow::Result<Outcome>,
-    ) -> anyhow::Result<Vec<Outcome>> {
+        write: impl Fn(&T, &Destination) -> anyhow::Result<WriteOutcome>,
+    ) -> anyhow::Result<Vec<WriteOutcome>> {
         let Some(mut to) = self.job.output.clone() else { return Ok(Vec::new()) };
-        let mut all: Vec<Outcome> = Vec::new();
+        let mut all: Vec<WriteOutcome> = Vec::new();
         for (level, sink) in levels.iter().zip(self.outputs(levels.len())) {
             to.sink = sink;
             paths::refuse_inputs(&to.sink, [&self.job.source], to.writing.force || to.dry_run)?;

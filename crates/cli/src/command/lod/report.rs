@@ -11,7 +11,7 @@ use crate::output::Output;
 use crate::paths::Sink;
 use crate::report_json::{error_json, mesh_json};
 use crate::run_control::StageClock;
-use crate::sizes::{self, Outcome};
+use crate::sizes::{self, WriteOutcome};
 use crate::status::Status;
 use crate::warnings::{show_not_reached, show_warnings, texts, warnings_of};
 
@@ -26,7 +26,7 @@ pub(super) struct LodResult {
     /// `None` if they are not known.
     pub(super) sizes_before: Option<Sizes>,
     /// What was written: one file for all levels, or one for each, from level 0 on; without their warnings.
-    pub(super) written: Vec<Outcome>,
+    pub(super) written: Vec<WriteOutcome>,
     pub(super) diagonal: f64,
     pub(super) warnings: Vec<Warning>,
     pub(super) threads: usize,
@@ -64,7 +64,7 @@ pub(super) fn show(
     }
     for (k, file) in made.written.iter().enumerate() {
         if let Some(line) = sizes::line(made.sizes_before, file.sizes) {
-            out.line(&if made.written.len() > 1 { format!("  {k}:{line}") } else { line });
+            out.detail(&if made.written.len() > 1 { format!("  {k}:{line}") } else { line });
         }
         if let Some(packed) = &file.packed {
             out.detail(&sizes::packed_line(packed));
@@ -168,7 +168,7 @@ fn to_json(made: &LodResult, path: &str, plan: &Plan) -> Value {
 }
 
 /// Adds the sizes of a file and what packing did.
-fn set_written(object: &mut Value, file: &Outcome) {
+fn set_written(object: &mut Value, file: &WriteOutcome) {
     object["sizes"] = sizes::to_json(file.sizes);
     if let Some(packed) = &file.packed {
         object["packing"] = sizes::packed_json(packed);

@@ -11,7 +11,7 @@ use crate::plan::Job;
 use crate::proposals;
 use crate::report_json::{error_json, mesh_json};
 use crate::run_control::StageClock;
-use crate::sizes::{self, Outcome};
+use crate::sizes::{self, WriteOutcome};
 use crate::status::Status;
 use crate::warnings::{refusals, show_not_reached, show_warnings, texts};
 
@@ -29,7 +29,7 @@ pub(super) struct SimplifyOutcome {
     /// `None` if they are not known.
     pub(super) sizes_before: Option<Sizes>,
     /// What was written, without its warnings.
-    pub(super) written: Outcome,
+    pub(super) written: WriteOutcome,
     pub(super) threads: usize,
     pub(super) clock: StageClock,
 }
@@ -49,7 +49,7 @@ pub(super) fn show(
     out.object(&done.to_json(path, job, args));
     out.line(&done.line(path));
     if let Some(line) = sizes::line(done.sizes_before, done.written.sizes) {
-        out.line(&line);
+        out.detail(&line);
     }
     for line in done.details() {
         out.detail(&line);

@@ -12,18 +12,18 @@ use super::super::meshopt::Filter;
 use super::super::primitive::Primitive;
 use super::options::{Compression, PackReport, Packing, QuantizationErrors};
 use super::quantize::{Grid, Rounding, unchanged};
-use super::streams::{Stream, StreamKind};
+use super::streams::{PackedStream, StreamKind};
 use crate::error::ReadError;
 use crate::vertex_cache::{CacheUse, OrderFor, fetch_order, ordered};
 
 /// Location of a reference of a primitive: the target, if it is of one, and the name of the attribute.
-pub(super) type Place = (Option<usize>, String);
+pub(super) type AttributePlace = (Option<usize>, String);
 
 /// Data of a primitive.
-pub(super) struct Geometry {
+pub(super) struct PackedGeometry {
     /// Each with the accessor that it comes from.
-    pub(super) streams: Vec<(Place, usize, Stream)>,
-    pub(super) indices: Option<Stream>,
+    pub(super) streams: Vec<(AttributePlace, usize, PackedStream)>,
+    pub(super) indices: Option<PackedStream>,
     /// The accessor of the indices.
     pub(super) index_source: Option<usize>,
     /// True if it consists of triangles now, whatever it was before.
@@ -44,7 +44,12 @@ pub(super) struct GeometryTask<'p> {
 impl GeometryTask<'_> {
     /// Reads the primitive, rounds its attributes, and puts its triangles and vertices into an order for the
     /// caches; equal vertices become one.
-    pub(super) fn run(&self, json: &Value, buffers: &Buffers<'_>, name: &str) -> Result<Geometry, ReadError> {
+    pub(super) fn run(
+        &self,
+        json: &Value,
+        buffers: &Buffers<'_>,
+        name: &str,
+    ) -> Result<PackedGeometry, ReadError> {
         let mut rounding =
             Rounding { compression: self.packing.compression, errors: QuantizationErrors::default() };
         let mut streams = Vec::new();
@@ -68,7 +73,7 @@ impl GeometryTask<'_> {
             let problem = format!("{} has {} elements, others have {count}", place.1, stream.count());
             return Err(ReadError::element(name, problem));
         }
-        let mut made = Geometry {
+        let mut made = PackedGeometry {
             streams,
             indices: None,
             index_source: number(&self.primitive["indices"]),
@@ -96,10 +101,10 @@ impl GeometryTask<'_> {
         &self,
         json: &Value,
         buffers: &Buffers<'_>,
-        ((target, key), source): (&Place, usize),
+        ((target, key), source): (&AttributePlace, usize),
         name: &str,
         rounding: &mut Rounding,
-    ) -> Result<Stream, ReadError> {
+    ) -> Result<PackedStream, ReadError> {
         let accessor = Accessor::new(json, buffers, source, name)?;
         let kind = StreamKind::Attribute { name: key.clone(), is_target: target.is_some() };
         if self.packing.quantize
@@ -119,7 +124,7 @@ impl GeometryTask<'_> {
         buffers: &Buffers<'_>,
         name: &str,
         rounding: &mut Rounding,
-    ) -> Result<HashMap<String, Stream>, ReadError> {
+    ) -> Result<HashMap<String, PackedStream>, ReadError> {
         let (mut keys, mut exact) = (Vec::new(), Vec::new());
         let attributes = self.primitive["attributes"].as_object().into_iter().flatten();
         for (key, source) in
@@ -144,7 +149,7 @@ impl GeometryTask<'_> {
 }
 
 /// Returns joints as bytes, if all fit.
-fn with_bytes(stream: Stream) -> Stream {
+fn with_bytes(stream: PackedStream) -> PackedStream {
     let is_small = stream.number.component == Component::U16
         && stream.width == 4
         && stream.bytes.as_chunks::<2>().0.iter().all(|b| b[1] == 0);
@@ -153,11 +158,11 @@ fn with_bytes(stream: Stream) -> Stream {
     }
     let bytes = stream.bytes.as_chunks::<2>().0.iter().map(|b| b[0]).collect();
     let number = NumberType { component: Component::U8, ..stream.number };
-    Stream { number, stride: 4, bytes, ..stream }
+    PackedStream { number, stride: 4, bytes, ..stream }
 }
 
 /// Returns indices as 16-bit integers if they fit, else as 32-bit integers.
-fn index_stream(indices: &[u32], has_faces: bool) -> Stream {
+fn index_stream(indices: &[u32], has_faces: bool) -> PackedStream {
     // The largest value of a type is not allowed as an index.
     let is_small = indices.iter().all(|i| *i < u32::from(u16::MAX));
     let (component, stride) = if is_small { (Component::U16, 2) } else { (Component::U32, 4) };
@@ -165,17 +170,17 @@ fn index_stream(indices: &[u32], has_faces: bool) -> Stream {
     indices.iter().for_each(|i| bytes.extend_from_slice(&i.to_le_bytes()[..stride]));
     let kind = if has_faces { StreamKind::Triangles } else { StreamKind::Indices };
     let number = NumberType { component, normalized: false };
-    Stream { kind, number, width: 1, stride, bytes, filter: Filter::None, bounds: None }
+    PackedStream { kind, number, width: 1, stride, bytes, filter: Filter::None, bounds: None }
 }
 
-impl Geometry {
+impl PackedGeometry {
     /// Merges equal vertices, puts triangles and vertices into an order for the caches, and leaves out vertices
     /// without a triangle.
     fn reorder(&mut self, triangles: &[[u32; 3]], count: usize, compression: Compression) {
         let row: usize = self.streams.iter().map(|(_, _, s)| s.stride).sum();
         let mut rows = vec![0u8; row * count];
         let mut at = 0;
-        for (_, _, Stream { stride, bytes, .. }) in &self.streams {
+        for (_, _, PackedStream { stride, bytes, .. }) in &self.streams {
             for (row, element) in rows.chunks_exact_mut(row).zip(bytes.chunks_exact(*stride)) {
                 row[at..at + stride].copy_from_slice(element);
             }

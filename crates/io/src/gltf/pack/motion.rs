@@ -9,7 +9,7 @@ use super::super::buffers::Buffers;
 use super::super::container::{list, number};
 use super::options::Packing;
 use super::quantize::{Rounding, unchanged};
-use super::streams::{Stream, StreamKind};
+use super::streams::{PackedStream, StreamKind};
 use crate::error::ReadError;
 
 /// Purpose of an accessor.
@@ -85,7 +85,7 @@ pub(super) fn stream(
     role: Role,
     packing: Packing,
     rounding: &mut Rounding,
-) -> Result<Option<Stream>, ReadError> {
+) -> Result<Option<PackedStream>, ReadError> {
     let object = &json["accessors"][index];
     let kind = StreamKind::Other(role.name());
     let from = "the file";
@@ -120,7 +120,7 @@ pub(super) fn stream(
             _ => None,
         };
         if let Some(stream) = made {
-            return Ok(Some(Stream { kind, ..stream }));
+            return Ok(Some(PackedStream { kind, ..stream }));
         }
     }
     let has_bounds = !object["min"].is_null() && accessor.kind != Component::U32;

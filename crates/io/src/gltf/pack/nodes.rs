@@ -11,7 +11,7 @@ use super::super::encode::NumberType;
 use super::super::lists::append;
 use super::super::meshopt::Filter;
 use super::quantize::Grid;
-use super::streams::{Output, Stream, StreamKind};
+use super::streams::{Output, PackedStream, StreamKind};
 use crate::error::ReadError;
 
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
@@ -104,7 +104,7 @@ impl GridNodes<'_, '_> {
         for matrix in &matrices {
             transformed(matrix, grid).iter().for_each(|x| bytes.extend_from_slice(&x.to_le_bytes()));
         }
-        let stream = Stream {
+        let stream = PackedStream {
             kind: StreamKind::Other("matrices"),
             number: NumberType::FLOAT,
             width: 16,
@@ -157,7 +157,7 @@ impl GridNodes<'_, '_> {
             }
         }
         for (name, bytes) in [("TRANSLATION", moved), ("SCALE", scaled)] {
-            let stream = Stream {
+            let stream = PackedStream {
                 kind: StreamKind::Other("instances"),
                 number: NumberType { component: Component::F32, normalized: false },
                 width: 3,

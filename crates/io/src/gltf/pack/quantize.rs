@@ -5,7 +5,7 @@ use super::super::encode::NumberType;
 use super::super::meshopt::encode_filters::{color, exponential, multiples, octahedral, quaternion};
 use super::super::meshopt::{Filter, apply};
 use super::options::{Compression, QuantizationErrors};
-use super::streams::{Stream, StreamKind, bounds};
+use super::streams::{PackedStream, StreamKind, bounds};
 use crate::error::ReadError;
 
 /// Bits of positions, within the box of all meshes, and of other values: those of gltfpack, so that files can
@@ -94,12 +94,12 @@ pub(super) fn unchanged(
     kind: StreamKind,
     accessor: &Accessor<'_>,
     has_bounds: bool,
-) -> Result<Stream, ReadError> {
+) -> Result<PackedStream, ReadError> {
     let (bytes, stride) = accessor.padded_bytes()?;
     let number = NumberType { component: accessor.kind, normalized: accessor.normalized };
     let width = accessor.width;
     let bounds = has_bounds.then(|| bounds(&bytes, number, width, stride));
-    Ok(Stream { kind, number, width, stride, bytes, filter: Filter::None, bounds })
+    Ok(PackedStream { kind, number, width, stride, bytes, filter: Filter::None, bounds })
 }
 
 impl Rounding {
@@ -113,7 +113,7 @@ impl Rounding {
         kind: &StreamKind,
         accessor: &Accessor<'_>,
         grid: Option<Grid>,
-    ) -> Result<Option<Stream>, ReadError> {
+    ) -> Result<Option<PackedStream>, ReadError> {
         let StreamKind::Attribute { name, is_target } = kind else { return Ok(None) };
         let is_float = accessor.kind == Component::F32;
         let made = match (name.as_str(), is_target, accessor.width) {
@@ -143,14 +143,14 @@ impl Rounding {
         };
         Ok(made.map(|mut stream| {
             stream.kind = kind.clone();
-            let Stream { number, width, stride, .. } = stream;
+            let PackedStream { number, width, stride, .. } = stream;
             // glTF asks for them.
             stream.bounds = (name == "POSITION").then(|| bounds(&stream.bytes, number, width, stride));
             stream
         }))
     }
 
-    fn positions(&mut self, positions: &[[f32; 3]], grid: Grid) -> Stream {
+    fn positions(&mut self, positions: &[[f32; 3]], grid: Grid) -> PackedStream {
         let mut bytes = Vec::with_capacity(8 * positions.len());
         for p in positions {
             let (mut sum, step) = (0.0, f64::from(grid.step));
@@ -174,7 +174,7 @@ impl Rounding {
         }
     }
 
-    fn offsets(&mut self, offsets: &[[f32; 3]], grid: Grid) -> Stream {
+    fn offsets(&mut self, offsets: &[[f32; 3]], grid: Grid) -> PackedStream {
         let step = f64::from(grid.step);
         let whole = |x: f32| (f64::from(x) / step).round().clamp(-32767.0, 32767.0);
         let is_small = offsets.as_flattened().iter().all(|x| whole(*x).abs() <= 127.0);
@@ -196,7 +196,7 @@ impl Rounding {
     }
 
     /// Rounds normals, or tangents with their side in the fourth number.
-    fn directions(&mut self, directions: &[[f32; 4]], width: usize) -> Stream {
+    fn directions(&mut self, directions: &[[f32; 4]], width: usize) -> PackedStream {
         let mut bytes = Vec::with_capacity(4 * directions.len());
         let filter = if self.is_compressed() { Filter::Octahedral } else { Filter::None };
         for d in directions {
@@ -212,7 +212,7 @@ impl Rounding {
     }
 
     /// Rounds offsets of normals or tangents by morph targets, unless one is too large.
-    fn direction_offsets(&mut self, offsets: &[[f32; 3]], is_normal: bool) -> Option<Stream> {
+    fn direction_offsets(&mut self, offsets: &[[f32; 3]], is_normal: bool) -> Option<PackedStream> {
         if offsets.as_flattened().iter().any(|x| x.is_nan() || x.abs() > 1.0) {
             return None;
         }
@@ -230,7 +230,7 @@ impl Rounding {
 
     /// Rounds texture coordinates: compressed, to floats of few bits; else to integers, if they are within one
     /// image.
-    fn uvs(&mut self, uvs: &[[f32; 2]]) -> Option<Stream> {
+    fn uvs(&mut self, uvs: &[[f32; 2]]) -> Option<PackedStream> {
         let (mut min, mut max) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
         for uv in uvs {
             if !uv.iter().all(|x| x.is_finite()) {
@@ -266,7 +266,7 @@ impl Rounding {
         Some(self.made(fractions(Component::U16), 2, 4, bytes, Filter::None))
     }
 
-    fn colors(&mut self, colors: &[[f32; 4]], width: usize) -> Option<Stream> {
+    fn colors(&mut self, colors: &[[f32; 4]], width: usize) -> Option<PackedStream> {
         if !colors.as_flattened().iter().all(|x| (0.0..=1.0).contains(x)) {
             return None;
         }
@@ -294,7 +294,7 @@ impl Rounding {
     }
 
     /// Rounds weights of joints, of which all sets of a vertex together have the sum 1.
-    pub(super) fn weights(&mut self, exact: &[[f32; 4]], normalized: &[f32]) -> Stream {
+    pub(super) fn weights(&mut self, exact: &[[f32; 4]], normalized: &[f32]) -> PackedStream {
         let mut bytes = Vec::with_capacity(normalized.len());
         for (x, exact) in normalized.iter().zip(exact.as_flattened()) {
             let whole = (x * 255.0).round();
@@ -305,7 +305,7 @@ impl Rounding {
     }
 
     /// Rounds animated rotations that are interpolated between unit quaternions; `None` if they are not.
-    pub(super) fn rotations(&mut self, rotations: &[[f32; 4]]) -> Option<Stream> {
+    pub(super) fn rotations(&mut self, rotations: &[[f32; 4]]) -> Option<PackedStream> {
         // Guessed: quaternions of real files are that close to unit length.
         let is_unit = |q: &[f32; 4]| (q.iter().map(|x| x * x).sum::<f32>() - 1.0).abs() < 1e-3;
         if !rotations.iter().all(is_unit) {
@@ -337,7 +337,12 @@ impl Rounding {
 
     /// Rounds animated vectors that are compressed, each with the exponent of its largest component. `None` if
     /// one is not finite, or they are not compressed.
-    pub(super) fn vectors(&mut self, values: &[f32], width: usize, is_translation: bool) -> Option<Stream> {
+    pub(super) fn vectors(
+        &mut self,
+        values: &[f32],
+        width: usize,
+        is_translation: bool,
+    ) -> Option<PackedStream> {
         if !self.is_compressed() || !values.iter().all(|x| x.is_finite()) {
             return None;
         }
@@ -374,7 +379,7 @@ impl Rounding {
         stride: usize,
         bytes: Vec<u8>,
         filter: Filter,
-    ) -> Stream {
-        Stream { kind: StreamKind::Other(""), number, width, stride, bytes, filter, bounds: None }
+    ) -> PackedStream {
+        PackedStream { kind: StreamKind::Other(""), number, width, stride, bytes, filter, bounds: None }
     }
 }

@@ -38,7 +38,7 @@ impl StreamKind {
 
 /// Elements of an accessor, ready to be written.
 #[derive(Clone, Debug)]
-pub(super) struct Stream {
+pub(super) struct PackedStream {
     pub(super) kind: StreamKind,
     pub(super) number: NumberType,
     /// Components of an element; 16 for matrices.
@@ -51,7 +51,7 @@ pub(super) struct Stream {
     pub(super) bounds: Option<[Vec<Value>; 2]>,
 }
 
-impl Stream {
+impl PackedStream {
     pub(super) fn count(&self) -> usize {
         self.bytes.len() / self.stride
     }
@@ -101,7 +101,7 @@ impl Output {
 
     /// Adds an accessor with the data of a stream; `source` gives its name and other properties. Returns its
     /// index.
-    pub(super) fn stream(&mut self, source: Option<&Value>, stream: &Stream) -> usize {
+    pub(super) fn stream(&mut self, source: Option<&Value>, stream: &PackedStream) -> usize {
         let mut object = source.and_then(Value::as_object).cloned().unwrap_or_default();
         for gone in ["bufferView", "byteOffset", "normalized", "sparse", "min", "max"] {
             object.shift_remove(gone);
@@ -134,13 +134,13 @@ impl Output {
     }
 
     /// Appends the data of a stream to the view of its kind; returns the view and the offset in it.
-    fn append(&mut self, stream: &Stream) -> (usize, usize) {
+    fn append(&mut self, stream: &PackedStream) -> (usize, usize) {
         // Views of one filter have one stride for each kind.
         let key = (stream.kind.clone(), stream.stride, stream.filter != Filter::None);
         let next = self.streams.len();
         let view = *self.known.entry(key).or_insert(next);
         if view == next {
-            let Stream { kind, stride, filter, .. } = stream;
+            let PackedStream { kind, stride, filter, .. } = stream;
             let view = StreamView { kind: kind.clone(), stride: *stride, filter: *filter, bytes: Vec::new() };
             self.streams.push(view);
         }
