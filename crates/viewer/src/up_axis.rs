@@ -29,7 +29,7 @@ pub enum UpAxis {
     MinusX,
 }
 
-/// Advantage of the axis that is usual for a format, in the unit of [`standing_score`]. (Tried on 80 models.)
+/// Advantage of the axis that is usual for a format, in the unit of [`standing_score`]. (Guessed.)
 const USUAL_STL: f64 = 0.35;
 const USUAL_OBJ: f64 = 0.3;
 const USUAL_SCAN: f64 = 0.08;
