@@ -1,6 +1,6 @@
 //! Reader and writer of 3MF: a ZIP archive with models as XML, textures and relations between them.
 //!
-//! A file becomes a glTF scene in memory ([`scene`]), which all commands read like any other. A mesh that is
+//! A file becomes a glTF scene in memory (`scene`), which all commands read like any other. A mesh that is
 //! merged from it keeps the coordinates of the file: its unit, and z up.
 //!
 //! Source: 3MF Consortium, "3MF Core Specification" 1.3, "Materials and Properties Extension" 1.2, "Production
