@@ -34,7 +34,7 @@ pub struct Baked {
     pub set_of_region: Vec<Vec<usize>>,
     /// The maps.
     pub sets: Vec<BakedSet>,
-    /// How the sources were found.
+    /// Counts of the ways in which sources were found.
     pub found: Found,
     /// Notes for the user: coordinates that could not be used.
     pub notes: Vec<String>,

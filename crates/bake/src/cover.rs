@@ -1,4 +1,4 @@
-//! Which face covers which texel, in bands of rows.
+//! Coverage of texels by faces, in bands of rows.
 
 use glam::DVec2;
 

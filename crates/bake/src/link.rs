@@ -1,4 +1,4 @@
-//! What belongs together on the two surfaces: parts, equal faces, and the cage.
+//! Correspondence of the two surfaces: parts, equal faces, and the cage.
 //!
 //! The correspondence of the vertices says which parts of the detailed surface each part of the lighter one was made
 //! from. A sample never takes its values from another part, unless that part has no counterpart at all (a rivet that

@@ -15,7 +15,7 @@ pub(crate) struct Sample {
     pub(crate) weights: [f64; 3],
 }
 
-/// How the source points were found, for the report.
+/// Counts of the ways in which source points were found, for the report.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Found {
     /// On a face that both surfaces share.

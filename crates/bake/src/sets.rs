@@ -1,4 +1,4 @@
-//! Which faces share which maps, and with which texture coordinates.
+//! Sets of faces that share maps, with their texture coordinates.
 
 use std::collections::BTreeSet;
 

@@ -64,7 +64,7 @@ impl Packing {
     }
 }
 
-/// How a scene is written. From a [`Format`], it is one without packing.
+/// Options for writing a scene. From a [`Format`], it is one without packing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct SceneFormat {
@@ -93,7 +93,7 @@ impl From<Format> for SceneFormat {
 pub struct Written {
     /// Warnings about what the format cannot hold.
     pub warnings: Vec<Warning>,
-    /// What packing did; `None` without it.
+    /// Results of packing; `None` without it.
     pub packed: Option<PackReport>,
 }
 
@@ -113,7 +113,7 @@ impl IntoIterator for Written {
     }
 }
 
-/// What packing did.
+/// Results of packing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct PackReport {
