@@ -170,7 +170,8 @@ impl ComparisonView {
     pub fn show(&mut self, ui: &mut Ui, document: &Document, says: &mut Vec<UiRequest>) -> Option<f64> {
         if document.stage().is_some() {
             self.stage.show(ui, document, self.gpu.as_mut(), &self.user_files, &self.pose, says);
-            self.triangles = self.stage.triangles();
+            (self.triangles, self.triangles_left) = (self.stage.triangles(), 0);
+            self.is_smoothing = self.stage.is_smoothing;
             return None;
         }
         let all = ui.available_rect_before_wrap();

@@ -25,6 +25,7 @@ use crate::numbers::{grouped, significant};
 use crate::orbit::Orbit;
 use crate::panel::UiRequest;
 use crate::settings::Pose;
+use crate::smoothing::Smoothing;
 use crate::theme::{Palette, palette};
 use crate::user_files::UserFiles;
 use crate::viewport;
@@ -38,6 +39,9 @@ pub struct StageView {
     chooser: LevelSelector,
     status: StageStatus,
     target: Option<RenderTarget>,
+    smoothing: Smoothing,
+    /// True while a smooth picture of the scene at rest is still to come.
+    pub is_smoothing: bool,
     drag: Option<CopyDrag>,
     last_moved: Option<Instant>,
     /// File for which the camera was last set up.
@@ -101,6 +105,8 @@ impl Default for StageView {
             chooser: LevelSelector::default(),
             status: StageStatus::default(),
             target: None,
+            smoothing: Smoothing::default(),
+            is_smoothing: false,
             drag: None,
             last_moved: None,
             framed_file: None,
@@ -355,7 +361,6 @@ impl StageView {
             ui.request_repaint_after(rest + Duration::from_millis(5));
         }
         let target = self.target.get_or_insert_with(|| gpu.target(size));
-        target.resize(size, if is_coarse { COARSE_SCALE } else { 1.0 });
         let locked: Vec<_> =
             levels.iter().map(|l| l.draw.map(|d| d.lock().unwrap_or_else(PoisonError::into_inner))).collect();
         let placed: Vec<PlacedModel<'_>> = self
@@ -391,6 +396,12 @@ impl StageView {
             environment: own.environment(),
             shader: own.shader(),
         };
+        self.is_smoothing = gpu.is_software() && !is_coarse;
+        if self.is_smoothing {
+            self.is_smoothing = self.smoothing.resize(ui.ctx(), target, &frame, size);
+        } else {
+            target.resize(size, if is_coarse { COARSE_SCALE } else { 1.0 });
+        }
         let ready = begin.elapsed();
         // A picture in parts would never be completed if every frame differs.
         let drawn = if is_coarse { gpu.draw(target, &frame) } else { gpu.draw_in_parts(target, &frame) };
