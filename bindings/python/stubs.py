@@ -42,6 +42,7 @@ from ._run import options as options
 _Path = str | os.PathLike[str]
 _M = TypeVar("_M")
 
+FORMATS: Tuple[str, ...]
 __version__: str
 
 class InvalidMesh(ValueError):
@@ -113,6 +114,9 @@ def text():
     of_file = [k for k in keywords(("locked", "importance"))]
     of_file += ["lock: Sequence[str] | str = ...", "importance: str = ...", 'normals: Literal["keep", "recompute", "none"] = "keep"']
     of_file += ['textures: Literal["copy", "link", "none"] = "copy"', "ascii: bool = False", "scale: Optional[float] = ..."]
+    of_file += ['compress: Literal["none", "meshopt", "meshopt-khr"] = "none"', "quantize: bool = False"]
+    of_file += ["bake: Sequence[str] | str = ...", "texture_size: Optional[int] = ...", 'atlas: Literal["keep", "new"] = "keep"']
+    of_file += ["ao_rays: int = ...", "ao_distance: Optional[float] = ...", "map_files: bool = False"]
     of_file += ['up: Optional[Literal["y", "z"]] = ...', "to: Optional[str] = ...", "force: bool = False"]
     of_file += ["asset_root: Optional[_Path] = ...", "allow_outside: bool = False", "threads: Optional[int] = ..."]
     of_file += ["max_memory: Optional[str] = ...", "strict: bool = False", "dry_run: bool = False"]

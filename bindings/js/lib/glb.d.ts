@@ -6,6 +6,10 @@ export function load(): Promise<void>;
 
 /** Options of a run. */
 export interface GlbOptions extends EngineOptions {
+  /** Lossless compression of geometry and animations; most programs read `meshopt`. Default: none. */
+  compress?: 'none' | 'meshopt' | 'meshopt-khr';
+  /** Round attributes to fewer bits: positions to 14, normals to 8. Default: false. */
+  quantize?: boolean;
   /** Called with the progress of each stage from 0 to 1; the run is cancelled if it returns `false`. */
   onProgress?: (done: number, stage: string) => boolean | void;
 }
@@ -20,6 +24,6 @@ export interface SimplifiedGlb {
 
 /**
  * Simplifies all meshes of a GLB file under one budget, with the bytes of `lodsmith simplify IN.glb -o OUT.glb`. Everything
- * else in the file stays. Geometry may be compressed (Draco, meshopt); it is not in the result.
+ * else in the file stays. Geometry may be compressed (Draco, meshopt); in the result it is if `compress` says so.
  */
 export function simplifyGlb(bytes: Uint8Array | ArrayBuffer, options: GlbOptions): Promise<SimplifiedGlb>;

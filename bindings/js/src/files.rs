@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use js_sys::{Array, Function, Object, Uint8Array};
 use lodsmith::{Part, SimplifiedScene, Texture, Textures, simplify_scene};
-use lodsmith_io::gltf::{PlacedMesh, Scene, SceneMesh, placed_meshes};
+use lodsmith_io::gltf::{Compression, Packing, PlacedMesh, Scene, SceneFormat, SceneMesh, placed_meshes};
 use lodsmith_io::{BaseColor, Format, ReadOptions, Warning};
 use wasm_bindgen::prelude::*;
 
-use crate::errors::{run_error, wrong_value};
+use crate::errors::{run_error, wrong_type, wrong_value};
 use crate::options::options_of;
 use crate::progress::Progress;
 use crate::report::{report, set};
@@ -23,8 +23,15 @@ const MAX_PALETTE_PIXELS: u64 = 1 << 22;
 /// # Errors
 /// A file that cannot be read, options that are wrong, a run that failed or was cancelled.
 #[wasm_bindgen(js_name = simplifyGlb)]
-pub fn simplify_glb(bytes: &[u8], options: &JsValue, progress: Option<Function>) -> Result<Object, JsValue> {
+pub fn simplify_glb(
+    bytes: &[u8],
+    options: &JsValue,
+    compress: &JsValue,
+    quantize: &JsValue,
+    progress: Option<Function>,
+) -> Result<Object, JsValue> {
     let mut options = options_of(options)?;
+    let packing = packing_of(compress, quantize)?;
     let mut reading = ReadOptions::default();
     reading.limits.memory = MEMORY;
     let scene = lodsmith_io::read_scene_bytes(bytes, &reading).map_err(|e| wrong_value(&e.to_string()))?;
@@ -43,9 +50,15 @@ pub fn simplify_glb(bytes: &[u8], options: &JsValue, progress: Option<Function>)
         replaced[i] = (meshes[i].mesh.face_count() > 0).then_some(mesh);
     }
     let mut out = Vec::new();
-    let lost = lodsmith_io::write_scene_to(&scene, &replaced, Format::Glb, &|_| None, &mut out)
-        .map_err(|e| wrong_value(&e.to_string()))?
-        .warnings;
+    let lost = lodsmith_io::write_scene_to(
+        &scene,
+        &replaced,
+        SceneFormat::new(Format::Glb, packing),
+        &|_| None,
+        &mut out,
+    )
+    .map_err(|e| wrong_value(&e.to_string()))?
+    .warnings;
     let text = |w: &Warning| JsValue::from(w.text.as_str());
     let warnings: Array = scene.warnings().iter().chain(&lost).map(text).collect();
     let all = Object::new();
@@ -53,6 +66,17 @@ pub fn simplify_glb(bytes: &[u8], options: &JsValue, progress: Option<Function>)
     set(&all, "report", &report(&told));
     set(&all, "warnings", &warnings);
     Ok(all)
+}
+
+/// Converts the options that only files have.
+fn packing_of(compress: &JsValue, quantize: &JsValue) -> Result<Packing, JsValue> {
+    let name = compress.as_string().ok_or_else(|| wrong_type("compress: a string is expected"))?;
+    let compression = Compression::ALL.into_iter().find(|c| c.name() == name).ok_or_else(|| {
+        let names = Compression::ALL.map(Compression::name).join(", ");
+        wrong_value(&format!("compress: one of {names} is expected, not {name:?}"))
+    })?;
+    let quantize = quantize.as_bool().ok_or_else(|| wrong_type("quantize: true or false is expected"))?;
+    Ok(Packing::new(compression, quantize))
 }
 
 /// Returns the number of wedges of all instances; each mesh counts once if none is placed.

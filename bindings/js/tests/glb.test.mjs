@@ -26,6 +26,7 @@ test('files have the bytes of the command', { skip }, async () => {
       [{ faces: 60, topology: 'preserve', weight: { normal: 2 } }, ['--faces', '60', '--topology', 'preserve', '--weight', 'normal=2']],
       [{ error: '1%' }, ['--error', '1%']],
       [{ ratio: 0.2, method: 'cluster' }, ['--ratio', '0.2', '--method', 'cluster']],
+      [{ ratio: 0.3, compress: 'meshopt', quantize: true }, ['--ratio', '0.3', '--compress', 'meshopt', '--quantize']],
     ]) {
       let wanted;
       try {
@@ -44,6 +45,8 @@ test('what is no GLB file is an error', async () => {
   await assert.rejects(simplifyGlb(new Uint8Array(0), { ratio: 0.5 }), RangeError);
   await assert.rejects(simplifyGlb(new TextEncoder().encode('solid x'), { ratio: 0.5 }), RangeError);
   await assert.rejects(simplifyGlb(new Uint8Array(0), { rato: 0.5 }), TypeError);
+  await assert.rejects(simplifyGlb(new Uint8Array(0), { ratio: 0.5, compress: 'zip' }), RangeError);
+  await assert.rejects(simplifyGlb(new Uint8Array(0), { ratio: 0.5, quantize: 8 }), TypeError);
 });
 
 test('a truncated file is an error, and the module works on', { skip: !testdata && skip }, async () => {

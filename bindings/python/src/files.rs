@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use lodsmith::core::{Bounds, Image};
+use lodsmith_io::gltf::{Compression, Packing};
 use lodsmith_io::{AssetScope, Format, ReadOptions, Regions, Textures, WriteOptions, machine};
 use lodsmith_render::{
     Background, Camera, ColorMap, DVec3, PictureFormat, Shading, StandardView, Subject, View, encode,
@@ -90,6 +91,8 @@ pub(crate) struct WriteKeywords {
     ascii: bool,
     textures: String,
     force: bool,
+    compress: String,
+    quantize: bool,
     materials: Option<Py<Materials>>,
 }
 
@@ -105,11 +108,9 @@ pub(crate) fn save<'py>(
     options.format = format(keywords.to.as_deref())?;
     options.ascii = keywords.ascii;
     options.force = keywords.force;
-    let policy = &keywords.textures;
-    options.textures = Textures::ALL.into_iter().find(|x| x.name() == policy).ok_or_else(|| {
-        let names = Textures::ALL.map(Textures::name).join(", ");
-        PyValueError::new_err(format!("textures: one of {names} is expected, not {policy:?}"))
-    })?;
+    options.textures = word("textures", &keywords.textures, &Textures::ALL, Textures::name)?;
+    let compression = word("compress", &keywords.compress, &Compression::ALL, Compression::name)?;
+    options.packing = Packing::new(compression, keywords.quantize);
     options.regions = keywords.materials.map(|m| m.get().0.clone());
     let mesh = mesh.mesh(py)?;
     let written = Watch::default().run(py, |_| lodsmith_io::write_path(&mesh, &path, &options))?;

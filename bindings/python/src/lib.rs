@@ -29,10 +29,14 @@ mod _lodsmith {
     #[pymodule_export]
     use super::run::{nearest, options, simplify};
 
+    use lodsmith_io::Format;
     use pyo3::prelude::*;
+    use pyo3::types::PyTuple;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        let readable = Format::ALL.into_iter().filter(|f| *f != Format::Fbx || cfg!(feature = "fbx"));
+        module.add("FORMATS", PyTuple::new(module.py(), readable.map(Format::name).collect::<Vec<_>>())?)?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 }

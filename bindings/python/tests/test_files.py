@@ -25,6 +25,23 @@ def test_a_mesh_survives_a_file(tmp_path, wave):
         assert back.uvs is not None and back.normals is not None
 
 
+def test_files_are_written_smaller(tmp_path, wave):
+    wave.save(tmp_path / "plain.glb")
+    with pytest.warns(lodsmith.LodsmithWarning, match="rounded"):
+        wave.save(tmp_path / "small.glb", compress="meshopt", quantize=True)
+    plain, small = (tmp_path / name for name in ("plain.glb", "small.glb"))
+    assert small.stat().st_size < plain.stat().st_size / 2
+    assert len(lodsmith.load(small).faces) == len(wave.faces)
+    with pytest.warns(lodsmith.LodsmithWarning, match="PLY is neither compressed nor quantized"):
+        wave.save(tmp_path / "wave.ply", quantize=True)
+    with pytest.raises(ValueError, match="compress: one of none, meshopt"):
+        wave.save(tmp_path / "none.glb", compress="zip")
+
+
+def test_formats_that_can_be_read():
+    assert {"obj", "glb", "3mf", "dae", "fbx"} <= set(lodsmith.FORMATS)
+
+
 def test_losses_are_told(tmp_path, wave):
     with pytest.warns(lodsmith.LodsmithWarning):
         wave.save(tmp_path / "wave.stl")

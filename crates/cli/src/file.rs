@@ -158,12 +158,7 @@ impl Destination {
     }
 
     fn outcome(&self, written: Written, of_mesh: Option<Sizes>) -> WriteOutcome {
-        let mut outcome = WriteOutcome::new(written, Some(&self.sink).filter(|_| !self.dry_run), of_mesh);
-        if self.writing.packing().is_needed() && !matches!(self.format, Format::Gltf | Format::Glb) {
-            let text = format!("{} has no --compress and no --quantize: not applied", self.format.title());
-            outcome.warnings.push(Warning::note(text));
-        }
-        outcome
+        WriteOutcome::new(written, Some(&self.sink).filter(|_| !self.dry_run), of_mesh)
     }
 
     /// Writes a scene with some meshes replaced, and other names for the files that it refers to; otherwise

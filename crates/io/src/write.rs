@@ -254,6 +254,10 @@ fn write_format(
         written.warnings.push(Warning::lost(format!("{} cannot carry {lost}: dropped", format.title())));
     }
     written.warnings.extend(lost_integers_warning(mesh, format));
+    if options.packing.is_needed() && !matches!(format, Format::Gltf | Format::Glb) {
+        let text = format!("{} is neither compressed nor quantized: only glTF and GLB are", format.title());
+        written.warnings.push(Warning::note(text));
+    }
     if !with_materials && regions.is_some_and(material::Regions::has_materials) {
         written.warnings.push(Warning::note("materials dropped: --textures none"));
     }

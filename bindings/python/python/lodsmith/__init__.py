@@ -12,7 +12,7 @@ Options have the names, defaults and values of the command ``lodsmith``; :func:`
 """
 
 from ._files import CommandError, clean_file, convert, info, load, lod_file, save, simplify_file
-from ._lodsmith import InvalidMesh, __version__
+from ._lodsmith import FORMATS, InvalidMesh, __version__
 from ._mesh import Mesh
 from ._picture import Picture, render
 from ._run import (
@@ -31,6 +31,7 @@ from ._run import (
 
 __all__ = [
     "CommandError",
+    "FORMATS",
     "InvalidMesh",
     "Level",
     "LodsmithWarning",

@@ -27,6 +27,7 @@ from ._run import options as options
 _Path = str | os.PathLike[str]
 _M = TypeVar("_M")
 
+FORMATS: Tuple[str, ...]
 __version__: str
 
 class InvalidMesh(ValueError):
@@ -507,6 +508,14 @@ def simplify_file(
     textures: Literal["copy", "link", "none"] = "copy",
     ascii: bool = False,
     scale: Optional[float] = ...,
+    compress: Literal["none", "meshopt", "meshopt-khr"] = "none",
+    quantize: bool = False,
+    bake: Sequence[str] | str = ...,
+    texture_size: Optional[int] = ...,
+    atlas: Literal["keep", "new"] = "keep",
+    ao_rays: int = ...,
+    ao_distance: Optional[float] = ...,
+    map_files: bool = False,
     up: Optional[Literal["y", "z"]] = ...,
     to: Optional[str] = ...,
     force: bool = False,

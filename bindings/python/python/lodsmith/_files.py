@@ -35,7 +35,7 @@ class CommandError(ValueError):
 def load(
     path: Path, *, format: Optional[str] = None, asset_root: Optional[Path] = None, allow_outside: bool = False
 ) -> Mesh:
-    """Read a file as one mesh: OBJ, OFF, PLY, STL, glTF, GLB or LPM, recognised by its content.
+    """Read a file as one mesh: in any of the ``lodsmith.FORMATS``, recognised by its content.
 
     Parameters
     ----------
@@ -69,8 +69,18 @@ def load(
 
 
 class _Writing:
-    def __init__(self, to: Optional[str], ascii: bool, textures: str, force: bool, materials: Any) -> None:
-        self.to, self.ascii, self.textures, self.force, self.materials = to, ascii, textures, force, materials
+    def __init__(
+        self,
+        to: Optional[str],
+        ascii: bool,
+        textures: str,
+        force: bool,
+        compress: str,
+        quantize: bool,
+        materials: Any,
+    ) -> None:
+        self.to, self.ascii, self.textures, self.force = to, ascii, textures, force
+        self.compress, self.quantize, self.materials = compress, quantize, materials
 
 
 def save(
@@ -81,6 +91,8 @@ def save(
     ascii: bool = False,
     textures: str = "copy",
     force: bool = False,
+    compress: str = "none",
+    quantize: bool = False,
 ) -> None:
     """Write a mesh to a file; the format follows from the name.
 
@@ -95,9 +107,13 @@ def save(
         ``"copy"`` material and image files beside the output (OBJ, .gltf), ``"link"`` to them, or ``"none"``.
     force : bool
         Also replace a write-protected file.
+    compress : str
+        ``"meshopt"`` or ``"meshopt-khr"`` compresses glTF and GLB without loss; most programs read the first.
+    quantize : bool
+        Round the attributes of glTF and GLB to fewer bits, as ``--quantize`` of the command does.
     """
     given = Mesh(*mesh) if isinstance(mesh, tuple) else arguments(mesh, None, None)[0]
-    writing = _Writing(format, bool(ascii), textures, bool(force), given._materials)
+    writing = _Writing(format, bool(ascii), textures, bool(force), compress, bool(quantize), given._materials)
     for text in _native.save(to_native(given), os.fspath(path), writing):
         warnings.warn(f"{path}: {text}", LodsmithWarning, stacklevel=2)
 

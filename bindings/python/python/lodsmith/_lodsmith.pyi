@@ -1,6 +1,7 @@
 # The extension module: for the package alone.
 from typing import Any
 
+FORMATS: tuple[str, ...]
 __version__: str
 
 class InvalidMesh(ValueError):

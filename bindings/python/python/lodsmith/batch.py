@@ -24,12 +24,12 @@ except ImportError as e:
 from . import _lodsmith as _native
 from ._asset import OWN, SCHEMA, Place, Plan, Worker
 from ._files import CommandError, _arguments
-from ._lodsmith import __version__
+from ._lodsmith import FORMATS, __version__
 
 __all__ = ["SCHEMA", "Place", "Plan", "Worker", "listed", "place", "plan", "run"]
 
 #: Endings of the files that a folder is searched for.
-ENDINGS = (".obj", ".off", ".ply", ".stl", ".gltf", ".glb", ".lpm")
+ENDINGS = tuple("." + name for name in FORMATS)
 
 #: Assets of one task: few, so that little is begun again after a lost worker. Guessed.
 TASK = 8
