@@ -31,6 +31,11 @@ def run(command):
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
+def fault(error):
+    lines = (error.stderr or error.stdout or "").strip().splitlines()
+    return lines[-1] if lines else f"status {error.returncode}"
+
+
 def facts(lodsmith, source, path):
     compared = json.loads(run([lodsmith, "compare", "-q", source, path, "--json"]))
     info = json.loads(run([lodsmith, "info", "-q", path, "--json"]))
@@ -53,10 +58,15 @@ def main():
         folder = pathlib.Path(folder)
         for source in args.files:
             plain, theirs, ours = folder / "plain.glb", folder / "theirs.glb", folder / "ours.glb"
-            run([args.lodsmith, "convert", "-q", source, plain, "--force"])
             keep = ["-cc", "-kn", "-km", "-ke", "-kv", "-af", "0", "-ac", "-ce", args.extension]
-            run([args.gltfpack, "-i", plain, "-o", theirs, *keep])
-            run([args.lodsmith, "convert", "-q", plain, ours, "--compress", compress, "--quantize", "--force"])
+            try:
+                run([args.lodsmith, "convert", "-q", source, plain, "--force"])
+                run([args.lodsmith, "convert", "-q", plain, ours, "--compress", compress, "--quantize", "--force"])
+                run([args.gltfpack, "-i", plain, "-o", theirs, *keep])
+            except subprocess.CalledProcessError as error:
+                program = pathlib.Path(error.cmd[0]).name
+                print(f"| {source.name} | {program} failed: {fault(error)} | | | | | |", flush=True)
+                continue
             sizes = [p.stat().st_size - image_bytes(p) for p in (theirs, ours)]
             rows = [facts(args.lodsmith, plain, p) for p in (theirs, ours)]
             cells = [source.name, *(f"{s:,}" for s in sizes), f"{sizes[1] / sizes[0]:.3f}"]

@@ -185,6 +185,54 @@ fn instances_stay_in_place() {
 }
 
 #[test]
+fn constant_tracks_have_one_keyframe_and_equal_data_are_written_once() {
+    let mut pack = Pack::default();
+    let positions = pack.positions(&[[1.0, 2.0, 3.0], [4.0, 2.0, 3.0], [1.0, 7.0, 3.5]]);
+    let [times, same_times, longer] =
+        [[0.0, 0.5, 1.0], [0.0, 0.5, 1.0], [0.0, 0.5, 2.0]].map(|t| pack.floats("SCALAR", 1, &t));
+    let moved = pack.floats("VEC3", 3, &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 3.0, 0.0, 0.0]);
+    let still = pack.floats("VEC3", 3, &[2.0; 9]);
+    let track = |input: usize, output: usize| json!({"input": input, "output": output});
+    let channel =
+        |sampler: usize, path: &str| json!({"sampler": sampler, "target": {"node": 0, "path": path}});
+    let json = pack.json(json!({
+        "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0, "name": "one"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": positions}}]}],
+        "animations": [
+            {"name": "within", "samplers": [track(times, moved), track(same_times, still)],
+             "channels": [channel(0, "translation"), channel(1, "scale")]},
+            {"name": "beyond", "samplers": [track(times, moved), track(longer, still)],
+             "channels": [channel(0, "translation"), channel(1, "scale")]},
+        ],
+    }));
+    let file = glb(&json, &pack.bin);
+    let counts = |json: &Value, animation: usize| {
+        [(0, "input"), (0, "output"), (1, "input"), (1, "output")].map(|(sampler, key)| {
+            let index = json["animations"][animation]["samplers"][sampler][key].as_u64().unwrap();
+            json["accessors"][index as usize]["count"].as_u64().unwrap()
+        })
+    };
+    for compression in Compression::ALL {
+        let (bytes, _) = packed(&file, compression, true);
+        let (json, _) = split(&bytes);
+        assert_eq!(counts(&json, 0), [3, 3, 1, 1], "{compression:?}");
+        assert_eq!(counts(&json, 1), [3; 4], "the track that ends last gives the length: {compression:?}");
+        let [before, after] =
+            [&file, &bytes].map(|bytes| read_model_bytes(bytes, &ReadOptions::default()).unwrap().model);
+        for seconds in [0.0, 0.3, 0.8] {
+            let [a, b] = [&before, &after].map(|model| model.bounds(&pose(model, seconds)).unwrap());
+            assert!((a.max[0] - b.max[0]).abs() < 2e-3, "{a:?} {b:?}");
+        }
+        let (bytes, _) = packed(&file, compression, false);
+        let (json, _) = split(&bytes);
+        assert_eq!(counts(&json, 0), [3; 4], "without rounding all keyframes stay");
+        let samplers = &json["animations"][0]["samplers"];
+        let is_packed = compression != Compression::None;
+        assert_eq!(samplers[0]["input"] == samplers[1]["input"], is_packed, "{compression:?}");
+    }
+}
+
+#[test]
 fn a_mesh_of_another_format_is_packed_too() {
     let mesh = read_bytes(WAVE, &ReadOptions::default()).unwrap().mesh;
     let mut sizes = Vec::new();

@@ -3,13 +3,14 @@
 //! ```text
 //! choose a grid for the positions of each mesh
 //! for each primitive: round its attributes, merge equal vertices, order triangles and vertices
-//! round animations; everything else that accessors hold stays as it is
+//! round animations, and give constant tracks one keyframe; everything else that accessors hold stays as it is
 //! bring the positions back to their places by nodes, skins and instances
 //! put all streams of one kind into one view, and compress it
 //! ```
 //!
 //! Sources: Khronos, "KHR_mesh_quantization", "EXT_meshopt_compression", "KHR_meshopt_compression".
 
+mod defaults;
 mod geometry;
 mod motion;
 mod nodes;
@@ -32,8 +33,8 @@ use super::references::{ReferenceKind, each_reference};
 use crate::error::{ReadError, Warning};
 
 use geometry::{GeometryTask, PackedGeometry};
-use motion::{Role, roles};
-use nodes::GridNodes;
+use motion::{Role, Tracks, roles};
+use nodes::{GridNodes, POINTERS};
 pub use options::{Compression, PackReport, Packing, QuantizationErrors, SceneFormat, Written};
 use quantize::{Grid, PositionBox, Rounding};
 use streams::{Output, PackedBuffers};
@@ -85,7 +86,11 @@ impl PackTask<'_, '_> {
         for value in primitives_mut(json) {
             release(value);
         }
-        let references = GridNodes { source, buffers, grids: &grids }.apply(json, &mut output)?;
+        let mut references = GridNodes { source, buffers, grids: &grids }.apply(json, &mut output)?;
+        if packing.quantize {
+            let tracks = Tracks { source, buffers, packing };
+            references.extend(tracks.shorten(json, &mut rounding, &mut output)?);
+        }
         json["accessors"] = Value::Array(Vec::new());
         let views = self.others(json, &mut rounding, &mut output)?;
         for (primitive, at) in primitives_mut(json).zip(&of_primitives) {
@@ -105,6 +110,7 @@ impl PackTask<'_, '_> {
                 }
             });
         });
+        defaults::shorten(json, list(json, "extensionsUsed").iter().any(|e| e == POINTERS));
         (report.stream_bytes, report.packed_bytes) = (stream_bytes, packed_bytes);
         report.errors = packing.quantize.then_some(rounding.errors);
         set_extension(json, QUANTIZATION, needs_quantization(json));

@@ -7,9 +7,12 @@ use serde_json::Value;
 use super::super::accessors::{Accessor, Component};
 use super::super::buffers::Buffers;
 use super::super::container::{list, number};
+use super::super::encode::NumberType;
+use super::super::meshopt::Filter;
+use super::nodes::References;
 use super::options::Packing;
 use super::quantize::{Rounding, unchanged};
-use super::streams::{PackedStream, StreamKind};
+use super::streams::{Output, PackedStream, StreamKind, bounds};
 use crate::error::ReadError;
 
 /// Purpose of an accessor.
@@ -125,4 +128,120 @@ pub(super) fn stream(
     }
     let has_bounds = !object["min"].is_null() && accessor.kind != Component::U32;
     unchanged(kind, &accessor, has_bounds).map(Some)
+}
+
+/// The tracks of animations.
+pub(super) struct Tracks<'a, 'b> {
+    pub(super) source: &'a Value,
+    pub(super) buffers: &'a Buffers<'b>,
+    pub(super) packing: Packing,
+}
+
+/// Number of the keyframes of a track, and the first and the last time.
+#[derive(Clone, Copy)]
+struct Times {
+    accessor: usize,
+    count: usize,
+    first: f32,
+    last: f32,
+}
+
+/// A track whose values are all the same.
+struct ConstantTrack {
+    sampler: usize,
+    times: Times,
+    output: usize,
+    /// Its only keyframe.
+    value: PackedStream,
+}
+
+impl Tracks<'_, '_> {
+    /// Gives tracks whose rounded values stay the same a single keyframe, if other tracks of the animation begin no
+    /// later and end no earlier, so that its length stays. Returns the references to the new accessors, which are
+    /// null until all others have been renumbered.
+    pub(super) fn shorten(
+        &self,
+        json: &mut Value,
+        rounding: &mut Rounding,
+        output: &mut Output,
+    ) -> Result<References, ReadError> {
+        let roles = roles(self.source);
+        let mut references = References::new();
+        let mut known: HashMap<usize, Option<Times>> = HashMap::new();
+        for (a, animation) in list(self.source, "animations").iter().enumerate() {
+            let mut constant = Vec::new();
+            let (mut first, mut last) = (f32::INFINITY, f32::NEG_INFINITY);
+            for (s, sampler) in list(animation, "samplers").iter().enumerate() {
+                let Some(input) = number(&sampler["input"]) else { continue };
+                let times = match known.get(&input) {
+                    Some(times) => *times,
+                    None => *known.entry(input).or_insert(self.times(input)?),
+                };
+                let Some(times) = times else { continue };
+                match self.constant(s, sampler, times, &roles, rounding)? {
+                    Some(track) => constant.push(track),
+                    None => (first, last) = (first.min(times.first), last.max(times.last)),
+                }
+            }
+            for track in constant.iter().filter(|t| first <= t.times.first && t.times.last <= last) {
+                let time = time_stream(track.times.first);
+                for (key, source, stream) in
+                    [("input", track.times.accessor, &time), ("output", track.output, &track.value)]
+                {
+                    json["animations"][a]["samplers"][track.sampler][key] = Value::Null;
+                    let new = output.stream(Some(&self.source["accessors"][source]), stream);
+                    references.push((format!("/animations/{a}/samplers/{}/{key}", track.sampler), new));
+                }
+            }
+        }
+        Ok(references)
+    }
+
+    /// Returns the times of an accessor, if it has any.
+    fn times(&self, accessor: usize) -> Result<Option<Times>, ReadError> {
+        let times = Accessor::new(self.source, self.buffers, accessor, "an animation")?;
+        if times.kind != Component::F32 || times.width != 1 {
+            return Ok(None);
+        }
+        let all = times.floats::<1>(false)?;
+        let ends = all.first().zip(all.last());
+        Ok(ends.map(|([first], [last])| Times { accessor, count: all.len(), first: *first, last: *last }))
+    }
+
+    /// Returns a track as a single keyframe, if all of its keyframes are equal.
+    fn constant(
+        &self,
+        sampler: usize,
+        object: &Value,
+        times: Times,
+        roles: &HashMap<usize, Role>,
+        rounding: &mut Rounding,
+    ) -> Result<Option<ConstantTrack>, ReadError> {
+        let is_stepped = object["interpolation"] == "STEP";
+        if !is_stepped && !object["interpolation"].is_null() && object["interpolation"] != "LINEAR" {
+            return Ok(None);
+        }
+        let Some(output) = number(&object["output"]).filter(|_| times.count > 1) else { return Ok(None) };
+        let role = roles.get(&output).copied().unwrap_or(Role::Other);
+        let made = stream(self.source, self.buffers, output, role, self.packing, rounding)?;
+        // Weights of morph targets have several numbers for each keyframe.
+        let Some(mut value) = made.filter(|made| made.count().is_multiple_of(times.count)) else {
+            return Ok(None);
+        };
+        let length = value.bytes.len() / times.count;
+        let mut keyframes = value.bytes.chunks_exact(length.max(1));
+        let first = keyframes.next();
+        if first.is_none() || !keyframes.all(|keyframe| Some(keyframe) == first) {
+            return Ok(None);
+        }
+        value.bytes.truncate(length);
+        Ok(Some(ConstantTrack { sampler, times, output, value }))
+    }
+}
+
+fn time_stream(time: f32) -> PackedStream {
+    let bytes = time.to_le_bytes().to_vec();
+    let bounds = Some(bounds(&bytes, NumberType::FLOAT, 1, 4));
+    let kind = StreamKind::Other(Role::Times.name());
+    PackedStream { kind, number: NumberType::FLOAT, width: 1, stride: 4, bytes, filter: Filter::None, bounds }
 }

@@ -230,7 +230,8 @@ fn plain_nodes(json: &Value) -> Vec<bool> {
     plain
 }
 
-const POINTERS: &str = "KHR_animation_pointer";
+/// Pointers into the JSON of the file, as strings.
+pub(super) const POINTERS: &str = "KHR_animation_pointer";
 
 /// Changes the transform of a node, so that its mesh may start from the grid.
 fn fold(node: &mut Value, grid: Grid) {

@@ -2,6 +2,7 @@
 //! of the buffer.
 
 use std::collections::HashMap;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::Range;
 
 use serde_json::{Map, Value, json};
@@ -65,6 +66,9 @@ struct StreamView {
     bytes: Vec<u8>,
 }
 
+/// An accessor, and the range of its elements in its view.
+type Placed = (usize, Range<usize>);
+
 /// Accessors, views and bytes of the file that is made.
 pub(super) struct Output {
     compression: Compression,
@@ -75,6 +79,8 @@ pub(super) struct Output {
     of_stream: Vec<(usize, usize)>,
     /// Views that are copied as they are, with their bytes.
     copied: Vec<(Value, Vec<u8>)>,
+    /// Accessors of data that are not of vertices, by their view and a hash of their elements.
+    equal: HashMap<(usize, u64), Vec<Placed>>,
     /// Accessors by copied view, and the pointer to the property that names it.
     of_copied: Vec<(usize, &'static str, usize)>,
 }
@@ -95,12 +101,13 @@ impl Output {
             known: HashMap::new(),
             of_stream: Vec::new(),
             copied: Vec::new(),
+            equal: HashMap::new(),
             of_copied: Vec::new(),
         }
     }
 
     /// Adds an accessor with the data of a stream; `source` gives its name and other properties. Returns its
-    /// index.
+    /// index. Equal accessors of animations and skins become one.
     pub(super) fn stream(&mut self, source: Option<&Value>, stream: &PackedStream) -> usize {
         let mut object = source.and_then(Value::as_object).cloned().unwrap_or_default();
         for gone in ["bufferView", "byteOffset", "normalized", "sparse", "min", "max"] {
@@ -108,16 +115,6 @@ impl Output {
         }
         let is_zero = stream.bytes.iter().all(|b| *b == 0)
             && matches!(&stream.kind, StreamKind::Attribute { is_target: true, .. });
-        let accessor = self.accessors.len();
-        // Without a view, all elements are zero.
-        if !is_zero {
-            let (view, offset) = self.append(stream);
-            self.of_stream.push((accessor, view));
-            object.insert("bufferView".to_owned(), Value::Null);
-            if offset > 0 {
-                object.insert("byteOffset".to_owned(), offset.into());
-            }
-        }
         object.insert("componentType".to_owned(), stream.number.component.code().into());
         if stream.number.normalized {
             object.insert("normalized".to_owned(), true.into());
@@ -129,12 +126,52 @@ impl Output {
             object.insert("min".to_owned(), min.clone().into());
             object.insert("max".to_owned(), max.clone().into());
         }
+        // Without a view, all elements are zero.
+        if is_zero {
+            self.accessors.push(object.into());
+            return self.accessors.len() - 1;
+        }
+        object.insert("bufferView".to_owned(), Value::Null);
+        let view = self.view_of(stream);
+        let hash = match stream.kind {
+            StreamKind::Other(_) => {
+                let mut hasher = DefaultHasher::new();
+                stream.bytes.hash(&mut hasher);
+                Some(hasher.finish())
+            }
+            _ => None,
+        };
+        if let Some(same) = hash.and_then(|hash| self.same(&object, view, hash, &stream.bytes)) {
+            return same;
+        }
+        let bytes = &mut self.streams[view].bytes;
+        let range = bytes.len()..bytes.len() + stream.bytes.len();
+        bytes.extend_from_slice(&stream.bytes);
+        if range.start > 0 {
+            object.insert("byteOffset".to_owned(), range.start.into());
+        }
+        let accessor = self.accessors.len();
+        self.of_stream.push((accessor, view));
+        if let Some(hash) = hash {
+            self.equal.entry((view, hash)).or_default().push((accessor, range));
+        }
         self.accessors.push(object.into());
         accessor
     }
 
-    /// Appends the data of a stream to the view of its kind; returns the view and the offset in it.
-    fn append(&mut self, stream: &PackedStream) -> (usize, usize) {
+    /// Returns a known accessor with these properties and elements.
+    fn same(&self, object: &Map<String, Value>, view: usize, hash: u64, bytes: &[u8]) -> Option<usize> {
+        let mut all = self.equal.get(&(view, hash))?.iter();
+        let (accessor, _) = all.find(|(accessor, range)| {
+            let mut known = self.accessors[*accessor].as_object().cloned().unwrap_or_default();
+            known.shift_remove("byteOffset");
+            known == *object && self.streams[view].bytes[range.clone()] == *bytes
+        })?;
+        Some(*accessor)
+    }
+
+    /// Returns the view of the kind of a stream.
+    fn view_of(&mut self, stream: &PackedStream) -> usize {
         // Views of one filter have one stride for each kind.
         let key = (stream.kind.clone(), stream.stride, stream.filter != Filter::None);
         let next = self.streams.len();
@@ -144,10 +181,7 @@ impl Output {
             let view = StreamView { kind: kind.clone(), stride: *stride, filter: *filter, bytes: Vec::new() };
             self.streams.push(view);
         }
-        let bytes = &mut self.streams[view].bytes;
-        let offset = bytes.len();
-        bytes.extend_from_slice(&stream.bytes);
-        (view, offset)
+        view
     }
 
     /// Adds a view that stays as it is; returns its number among those.
