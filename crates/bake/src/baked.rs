@@ -13,6 +13,7 @@ use crate::error::BakeError;
 use crate::flat::{Flat, Taken};
 use crate::link::Link;
 use crate::maps::BakedMap;
+use crate::occluders::Occluders;
 use crate::occlusion::Rays;
 use crate::options::{BakeOptions, MapKind};
 use crate::search::{Found, Search};
@@ -115,13 +116,16 @@ pub fn bake(
     let tangents = world_tangents(&made, &light);
     let link = Link::new(&source, &light, options.is_same_model)?;
     proceed(control, 0.15)?;
-    let diagonal = source.tree.bounds().map_or(1.0, |b| b.diagonal());
-    let rays = options.rays.div_ceil(crate::cover::SAMPLES);
-    let rays = Rays::new(rays, options.occlusion_distance, options.seed, diagonal);
+    let casts_rays = sets.iter().flat_map(|s| &s.maps).any(|j| j.kind == MapKind::Occlusion && !j.is_copied);
+    let rays = source.tree.bounds().filter(|_| casts_rays).map(|bounds| {
+        let count = options.rays.div_ceil(crate::cover::SAMPLES);
+        let rays = Rays::new(count, options.occlusion_distance, options.seed, bounds.diagonal());
+        (rays, Occluders::new(&source.flat.corners, &bounds))
+    });
     let curvature = options.maps.contains(&MapKind::Curvature).then(|| Curvature::new(&source.flat));
     let search = Search { source: &source, light: &light, link: &link };
     let baker =
-        Baker { search, tangents: &tangents, uvs: &uvs, rays: Some(&rays), curvature: curvature.as_ref() };
+        Baker { search, tangents: &tangents, uvs: &uvs, rays: rays.as_ref(), curvature: curvature.as_ref() };
     let mut found = Found::default();
     let mut baked = Vec::with_capacity(sets.len());
     let count = sets.len() as f64;

@@ -26,6 +26,7 @@ mod flat;
 mod link;
 mod maps;
 mod normals;
+mod occluders;
 mod occlusion;
 mod options;
 mod search;

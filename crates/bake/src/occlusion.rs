@@ -3,7 +3,8 @@
 use std::f32::consts::TAU;
 
 use glam::{DVec3, Vec3};
-use lodsmith_core::spatial::Bvh;
+
+use crate::occluders::Occluders;
 
 /// Number of sets of directions; each texel takes one, and turns it.
 const SETS: usize = 64;
@@ -43,26 +44,60 @@ impl Rays {
 
     /// Returns the share of the rays from a point that nothing blocks. `key` selects the directions; `flat` is the
     /// normal of the face, below which no ray begins.
-    pub(crate) fn open_share(&self, tree: &Bvh, point: DVec3, normal: Vec3, flat: DVec3, key: u64) -> f32 {
+    pub(crate) fn open_share(
+        &self,
+        occluders: &Occluders,
+        place: &Place,
+        key: u64,
+        latest: &mut Latest,
+    ) -> f32 {
+        let Place { point, normal, flat } = *place;
         let hash = mixed(self.seed ^ key);
         let set = hash as usize % SETS;
         let (s, c) = libm::sincosf(unit(mixed(hash)) * TAU);
         let (x, y) = normal.any_orthonormal_pair();
         let origin = point + flat * self.lift;
-        let from = origin.to_array();
+        let flat = flat.as_vec3();
         let mut open = 0;
         for d in &self.directions[set * self.count..][..self.count] {
             let turned = Vec3::new(d.x * c - d.y * s, d.x * s + d.y * c, d.z);
-            let mut direction = (x * turned.x + y * turned.y + normal * turned.z).as_dvec3();
+            let mut direction = x * turned.x + y * turned.y + normal * turned.z;
             let below = direction.dot(flat);
             if below < 0.0 {
                 // A smooth normal leans over its face: mirrored back above it.
                 direction -= flat * (2.0 * below);
             }
-            let to = (origin + direction * self.length).to_array();
-            open += u32::from(!tree.is_blocked(from, to));
+            let ray = occluders.ray(origin, direction, self.length);
+            open += u32::from(!occluders.is_blocked(&ray, latest.of(direction)));
         }
         open as f32 / self.count as f32
+    }
+}
+
+/// A point that looks at the sky.
+#[derive(Clone, Copy)]
+pub(crate) struct Place {
+    pub(crate) point: DVec3,
+    /// The direction around which rays are spread.
+    pub(crate) normal: Vec3,
+    /// The normal of the face.
+    pub(crate) flat: DVec3,
+}
+
+/// What blocked the latest ray of each direction, to be tried first for the next.
+pub(crate) struct Latest([u32; Self::CELLS * Self::CELLS * Self::CELLS]);
+
+impl Latest {
+    /// Cells along each axis of the directions.
+    const CELLS: usize = 8;
+
+    pub(crate) fn new() -> Self {
+        Self([u32::MAX; Self::CELLS * Self::CELLS * Self::CELLS])
+    }
+    fn of(&mut self, direction: Vec3) -> &mut u32 {
+        let cell = |x: f32| (((x + 1.0) * (Self::CELLS as f32 / 2.0)) as usize).min(Self::CELLS - 1);
+        let [x, y, z] = direction.to_array().map(cell);
+        &mut self.0[(x * Self::CELLS + y) * Self::CELLS + z]
     }
 }
 
@@ -87,16 +122,22 @@ mod tests {
     #[test]
     fn a_ball_is_open_and_the_floor_below_a_lid_is_not() {
         let ball = shapes::icosphere(4);
-        let tree = Bvh::new(&ball.surface());
+        let at = |v| DVec3::from(ball.positions().view().get(v));
+        let corners: Vec<[DVec3; 3]> = ball.surface().triangles().iter().map(|t| t.map(at)).collect();
+        let tree = Occluders::new(&corners, &ball.positions().view().bounds().unwrap());
         let rays = Rays::new(64, None, 0, 3.5);
-        let at = |p: DVec3, n: DVec3| rays.open_share(&tree, p, n.as_vec3(), n, 7);
+        let share = |rays: &Rays, point: DVec3, flat: DVec3| {
+            let place = Place { point, normal: flat.as_vec3(), flat };
+            rays.open_share(&tree, &place, 7, &mut Latest::new())
+        };
+        let at = |point: DVec3, flat: DVec3| share(&rays, point, flat);
         assert_eq!(at(DVec3::Z * 1.001, DVec3::Z), 1.0);
         // A point under the ball at a distance of two radii: the ball covers sin² of 30° of the cosine-weighted sky.
-        let share = at(DVec3::Z * -2.0, DVec3::Z);
-        assert!((share - 0.75).abs() < 0.04, "{share}");
+        let below = at(DVec3::Z * -2.0, DVec3::Z);
+        assert!((below - 0.75).abs() < 0.04, "{below}");
         // From within, everything is covered, unless the walls are too far away.
         assert_eq!(at(DVec3::ZERO, DVec3::X), 0.0);
         let short = Rays::new(64, Some(0.5), 0, 3.5);
-        assert_eq!(short.open_share(&tree, DVec3::ZERO, Vec3::X, DVec3::X, 7), 1.0);
+        assert_eq!(share(&short, DVec3::ZERO, DVec3::X), 1.0);
     }
 }

@@ -11,7 +11,8 @@ use crate::cover::{BAND_ROWS, Cover, NOTHING, SAMPLES, Texel, TexelFace, sample_
 use crate::curvature::Curvature;
 use crate::error::BakeError;
 use crate::maps::{BakedMap, Texels, dilate, fill};
-use crate::occlusion::Rays;
+use crate::occluders::Occluders;
+use crate::occlusion::{Latest, Place, Rays};
 use crate::options::MapKind;
 use crate::search::{Found, Sample, Search};
 use crate::sets::{FaceSet, MapJob, texel_steps};
@@ -23,7 +24,7 @@ pub(crate) struct Baker<'a> {
     /// Tangents at the corners of each face of the lighter surface, in model coordinates; empty without normal maps.
     pub(crate) tangents: &'a [[Vec4; 3]],
     pub(crate) uvs: &'a [[[f32; 2]; 3]],
-    pub(crate) rays: Option<&'a Rays>,
+    pub(crate) rays: Option<&'a (Rays, Occluders)>,
     pub(crate) curvature: Option<&'a Curvature>,
 }
 
@@ -79,7 +80,7 @@ impl Baker<'_> {
             is_known: vec![false; texels.len()],
             found: Found::default(),
         };
-        let mut crossings = Vec::new();
+        let (mut crossings, mut latest) = (Vec::new(), Latest::new());
         let mut sums = vec![[0f32; 4]; set.maps.len()];
         for (i, texel) in texels.iter().enumerate().filter(|(_, t)| !t.is_empty()) {
             let (x, y) = (i % cover.size, band * BAND_ROWS + i / cover.size);
@@ -95,7 +96,7 @@ impl Baker<'_> {
                 let footprint = Footprint { across: steps[0] * share, down: steps[1] * share };
                 let key = ((y * cover.size + x) * SAMPLES + number) as u64;
                 for (sum, job) in sums.iter_mut().zip(&set.maps) {
-                    let value = self.value(*job, &sample, &at, &footprint, key);
+                    let value = self.value(*job, &sample, &at, &footprint, (key, &mut latest));
                     (0..4).for_each(|k| sum[k] += value[k]);
                 }
             }
@@ -114,7 +115,7 @@ impl Baker<'_> {
         sample: &Sample,
         at: &SourcePoint,
         footprint: &Footprint,
-        key: u64,
+        (key, latest): (u64, &mut Latest),
     ) -> [f32; 4] {
         let source = self.search.source;
         let direction = |n: Vec3| [n.x, n.y, n.z, 1.0];
@@ -137,10 +138,11 @@ impl Baker<'_> {
             }
             MapKind::Occlusion => {
                 let open = match self.rays.filter(|_| !job.is_copied) {
-                    Some(rays) => {
+                    Some((rays, occluders)) => {
                         let normal = source.smooth_normal(at);
                         let flat = source.face_normal(at.face);
-                        rays.open_share(&source.tree, source.point(at), normal, flat, key)
+                        let place = Place { point: source.point(at), normal, flat };
+                        rays.open_share(occluders, &place, key, latest)
                     }
                     None => source.occlusion(at, footprint),
                 };
