@@ -11,7 +11,9 @@ import lodsmith
 import pytest
 
 LONG = """
-import lodsmith, sys
+import lodsmith, signal, sys
+# A shell starts its background jobs with interrupts ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 ball = lodsmith.icosphere(8)
 print("begin", flush=True)
 try:
