@@ -1,6 +1,9 @@
 //! One bake from beginning to end.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::Duration;
 
 use glam::Vec4;
 use lodsmith::{Control, Verdict};
@@ -104,7 +107,7 @@ pub fn bake(
         set.size = options.size.unwrap_or_else(chosen);
         set.maps = sets::maps_of(set, lighter, options);
     }
-    let uvs = sets::all_uvs(&before, &sets, &|| true)?;
+    let uvs = watched(control, 0.05, |proceed| sets::all_uvs(&before, &sets, proceed))?;
     proceed(control, 0.1)?;
     let (meshes, set_of_region) = finished_meshes(&smooth, &before, &sets, &uvs);
     let made =
@@ -160,6 +163,35 @@ fn check(options: &BakeOptions) -> Result<(), BakeError> {
 
 fn proceed(control: &mut dyn Control, done: f64) -> Result<(), BakeError> {
     if control.progress(done) == Verdict::Continue { Ok(()) } else { Err(BakeError::Cancelled) }
+}
+
+/// Time between two questions of [`watched`].
+const PATIENCE: Duration = Duration::from_millis(20);
+
+/// Does work on another thread, and asks the control meanwhile whether to go on, which only this thread may do.
+fn watched<T: Send>(
+    control: &mut dyn Control,
+    done: f64,
+    work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> Result<T, BakeError> + Send,
+) -> Result<T, BakeError> {
+    let proceeds = AtomicBool::new(true);
+    std::thread::scope(|scope| {
+        let (sender, receiver) = mpsc::channel();
+        let proceeds = &proceeds;
+        let worker = scope.spawn(move || {
+            let result = work(&|| proceeds.load(Ordering::Relaxed));
+            // Only to wake the other thread.
+            let _ = sender.send(());
+            result
+        });
+        while receiver.recv_timeout(PATIENCE) == Err(RecvTimeoutError::Timeout) {
+            if control.progress(done) != Verdict::Continue {
+                proceeds.store(false, Ordering::Relaxed);
+                break;
+            }
+        }
+        worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })
 }
 
 /// Returns the model with smooth normals on the meshes without any.
@@ -232,11 +264,13 @@ fn world_tangents(model: &Model, flat: &Flat) -> Vec<[Vec4; 3]> {
         let stored = mesh.further_attributes().iter().find(|a| a.semantic == Semantic::Tangent);
         let Some(stored) = stored else { continue };
         let faces = piece.first_face..piece.first_face + mesh.face_count();
+        // The bitangent is that of the mesh, transformed: in a mirror its side changes.
+        let side = if piece.linear.determinant() < 0.0 { -1.0 } else { 1.0 };
         for (own, wedges) in all[faces.clone()].iter_mut().zip(&flat.mesh.triangles()[faces]) {
             *own = wedges.map(|w| {
                 let t = &stored.values[(w.index() - piece.first_wedge) * 4..][..4];
                 let direction = piece.linear * glam::DVec3::new(t[0].into(), t[1].into(), t[2].into());
-                direction.normalize_or_zero().as_vec3().extend(t[3])
+                direction.normalize_or_zero().as_vec3().extend(side * t[3])
             });
         }
     }

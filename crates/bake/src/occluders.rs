@@ -343,7 +343,7 @@ mod tests {
             let part = |step: f64| (f64::from(k) * step).fract() * 1.2 - 0.1;
             let from = low + side * DVec3::new(part(0.618), part(0.4142), part(0.7321));
             let to = low + side * DVec3::new(part(0.2361), part(0.8284), part(0.6458));
-            let (direction, length) = ((to - from).normalize().as_vec3(), (to - from).length());
+            let (direction, length) = ((to - from).normalize_or_zero().as_vec3(), (to - from).length());
             let to = from + direction.as_dvec3() * length;
             let is_blocked = tree.is_blocked(&tree.ray(from, direction, length), &mut latest);
             assert_eq!(is_blocked, exact.is_blocked(from.to_array(), to.to_array()), "{from} {to}");
@@ -370,7 +370,7 @@ mod tests {
             .collect();
         let bounds = Bounds { min: [0.0; 3], max: [far(400) + 1.0, 1.0, 1.0] };
         let tree = Occluders::new(&corners, &bounds);
-        assert!(tree.is_blocked(&tree.ray(DVec3::ZERO, Vec3::ONE.normalize(), 10.0), &mut 0));
-        assert!(!tree.is_blocked(&tree.ray(DVec3::ZERO, -Vec3::ONE.normalize(), 10.0), &mut 0));
+        assert!(tree.is_blocked(&tree.ray(DVec3::ZERO, Vec3::ONE.normalize_or_zero(), 10.0), &mut 0));
+        assert!(!tree.is_blocked(&tree.ray(DVec3::ZERO, -Vec3::ONE.normalize_or_zero(), 10.0), &mut 0));
     }
 }

@@ -2,9 +2,10 @@
 
 use std::collections::HashMap;
 
-use glam::{DVec2, DVec3, Vec3, Vec4};
+use glam::{DMat4, DVec2, DVec3, Vec3, Vec4};
 use lodsmith::NoControl;
 use lodsmith_bake::{AtlasMode, BakeOptions, Baked, MapKind, Texels, bake};
+use lodsmith_core::model::Transform;
 use lodsmith_core::{Image, Model, Semantic, TriMesh, shapes};
 
 const BUMP: f64 = 0.02;
@@ -202,4 +203,47 @@ fn the_number_of_threads_changes_nothing() {
     let (one, three) = (on(1), on(3));
     assert_eq!(one.meshes, three.meshes);
     assert!(one.sets[0].maps == three.sets[0].maps);
+}
+
+/// Cancels the second time that it is asked at the progress of the unwrapping.
+struct Impatient(usize);
+
+impl lodsmith::Control for Impatient {
+    fn progress(&mut self, done: f64) -> lodsmith::Verdict {
+        assert!(done <= 0.05, "the bake went on to {done}");
+        self.0 += usize::from(done == 0.05);
+        if self.0 < 2 { lodsmith::Verdict::Continue } else { lodsmith::Verdict::Cancel }
+    }
+}
+
+#[test]
+fn unwrapping_can_be_cancelled() {
+    let model = Model::of_mesh(shapes::noisy_sphere(7, 0.02, 1));
+    let mut options = BakeOptions::new([MapKind::Height]);
+    options.size = Some(1024);
+    let result = bake(&model, &model, &options, &mut Impatient(0));
+    assert!(matches!(result, Err(lodsmith_bake::BakeError::Cancelled)));
+}
+
+#[test]
+fn the_maps_of_a_mesh_in_a_mirror_are_its_own() {
+    let mirrored = |mesh: TriMesh| {
+        let mut model = Model::of_mesh(mesh);
+        model.nodes[0].transform = Transform::Matrix(DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0)));
+        model
+    };
+    let mut options = BakeOptions::new([MapKind::Normal]);
+    options.size = Some(128);
+    let plain = bake(&Model::of_mesh(bumpy(5)), &Model::of_mesh(bumpy(2)), &options, &mut NoControl).unwrap();
+    // The same texture coordinates for both.
+    let light = plain.meshes[0].clone().unwrap();
+    let pair = [
+        bake(&Model::of_mesh(bumpy(5)), &Model::of_mesh(light.clone()), &options, &mut NoControl).unwrap(),
+        bake(&mirrored(bumpy(5)), &mirrored(light), &options, &mut NoControl).unwrap(),
+    ];
+    let [a, b] = pair.each_ref().map(|baked| image(baked, MapKind::Normal));
+    let differences =
+        a.pixels().iter().zip(b.pixels()).map(|(a, b)| (0..3).map(|k| a[k].abs_diff(b[k])).max());
+    let most = differences.flatten().filter(|d| *d > 2).count();
+    assert!(most < a.pixels().len() / 200, "{most} texels differ");
 }
