@@ -27,7 +27,7 @@ cargo xtask goldens [FILTER]                               writes the recorded a
 cargo xtask walk [MODEL...] [--preset NAME]...             lighter and lighter, with every preset: fails where a heavier result is farther off
 cargo xtask seeds [--binary FILE]                          what fuzz targets begin with, into fuzz/corpus
 cargo xtask sample                                         makes the sample model of the README
-cargo xtask pictures [finial|shadings|lod|methods|METHOD...]   draws the pictures of the README and of the pages
+cargo xtask pictures [finial|shadings|lod|viewer|methods|METHOD...]   draws the pictures of the README and of the pages
 ";
 
 fn main() -> ExitCode {

@@ -1,7 +1,9 @@
 //! Renders the pictures of the sample model: at falling face counts for the README, as a chain of levels, by
-//! each method at one count, in every shading. Rendered on the CPU: the same everywhere, no driver needed.
+//! each method at one count, in every shading. Rendered on the CPU: the same everywhere, no driver needed. The
+//! screenshots of the viewer need a graphics adapter; one in software suffices.
 
 mod palette;
+mod viewer;
 
 use std::sync::Arc;
 
@@ -45,17 +47,18 @@ const SMALL_PANEL: [usize; 2] = [152, 268];
 /// A neutral background, lighter towards the ground.
 const BACKGROUND: Background = Background::Gradient([0.135, 0.160, 0.190], [0.270, 0.300, 0.335]);
 
-/// Renders the named pictures: all without a name, `finial`, `shadings`, `lod`, `methods`, or single methods.
+/// Makes the named pictures: all without a name, `finial`, `shadings`, `lod`, `viewer`, `methods`, or single
+/// methods.
 pub(crate) fn run(names: &[String]) -> Result<()> {
     let sample = sample::finial();
     let triangles = sample.triangles.iter().map(|t| t.map(|v| VertexId(v.into()))).collect();
     let whole = TriMesh::new(Positions::F32(sample.positions), triangles)?;
     let is_named = |name: &str| names.is_empty() || names.iter().any(|n| n == name);
     let known = |name: &&String| {
-        ["finial", "shadings", "lod", "methods"].contains(&name.as_str()) || method(name).is_some()
+        ["finial", "shadings", "lod", "viewer", "methods"].contains(&name.as_str()) || method(name).is_some()
     };
     if let Some(name) = names.iter().find(|n| !known(n)) {
-        bail!("no picture {name}: finial, shadings, lod, methods, or the name of a method");
+        bail!("no picture {name}: finial, shadings, lod, viewer, methods, or the name of a method");
     }
     if is_named("finial") {
         finial(&whole)?;
@@ -65,6 +68,9 @@ pub(crate) fn run(names: &[String]) -> Result<()> {
     }
     if is_named("lod") {
         levels(&whole)?;
+    }
+    if is_named("viewer") {
+        viewer::run()?;
     }
     let all = is_named("methods");
     for method in Method::ALL.into_iter().filter(|m| all || is_named(m.name())) {

@@ -10,7 +10,10 @@ mod one_way;
 mod prepared;
 pub mod proof;
 
-pub use attributes::{AttributeError, AttributeErrors, compare_attributes, compare_textured};
+pub use attributes::{
+    AttributeError, AttributeErrors, ComparedAttribute, compare_attributes, compare_textured,
+    wedge_differences,
+};
 pub use error::MeasureError;
 pub use prepared::Prepared;
 

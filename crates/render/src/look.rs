@@ -18,7 +18,7 @@ pub enum Shading {
     Normals,
     /// An image of a lit sphere, looked up by the normal in camera space.
     Matcap,
-    /// A value for each vertex through a colour map, unlit: the error.
+    /// A value for each vertex through a colour map, darker where the surface turns away: the error.
     Heat,
 }
 
@@ -71,6 +71,9 @@ pub struct Look {
     pub color_map: ColorMap,
     /// Values at the ends of the colour map, in the units of the model; `None` for 0 to the largest.
     pub heat_range: Option<[f32; 2]>,
+    /// Values between which the surface has its colour in [`Shading::Heat`]; other places are grey. `None` for
+    /// all values.
+    pub heat_brush: Option<[f32; 2]>,
 }
 
 impl Default for Look {
@@ -86,6 +89,7 @@ impl Default for Look {
             cull_back: false,
             color_map: ColorMap::default(),
             heat_range: None,
+            heat_brush: None,
         }
     }
 }

@@ -58,8 +58,22 @@ pub(crate) struct Shader<'a> {
     wire: Option<(Vec3, f32, f32)>,
     matcap: Option<Arc<Image>>,
     environment: Option<Arc<Environment>>,
-    heat: (crate::ColorMap, f32, f32),
+    heat: HeatColors,
 }
+
+/// The colours of a heat map.
+struct HeatColors {
+    map: crate::ColorMap,
+    low: f32,
+    high: f32,
+    brush: Option<[f32; 2]>,
+}
+
+/// Linear grey of values outside [`Look::heat_brush`](crate::Look::heat_brush). (By eye.)
+const UNBRUSHED: f32 = 0.13;
+/// Brightness of a heat map where the surface is seen edge-on, relative to where it faces the eye: enough for
+/// its shape to show, too little to mistake the colour. (By eye.)
+const HEAT_EDGE_LIGHT: f32 = 0.35;
 
 /// Per-part shading data.
 struct PartShading<'a> {
@@ -97,7 +111,7 @@ impl<'a> Shader<'a> {
     pub(crate) fn new(screen: &'a Screen<'a>, subject: &'a Subject, view: &View) -> Self {
         let look = &view.look;
         let projection = &screen.projection;
-        let needs_normals = !matches!(look.shading, Shading::Flat | Shading::Heat);
+        let needs_normals = look.shading != Shading::Flat;
         let shaded = |placed: &'a ProjectedMesh<'a>| PartShading {
             normals: match placed.drawn.mesh.normals() {
                 _ if !needs_normals => Normals::None,
@@ -154,7 +168,7 @@ impl<'a> Shader<'a> {
             wire: is_wired.then(|| (linear::of_srgb([r, g, b]), opacity.min(1.0), width)),
             matcap: view.matcap.clone().filter(|m| !m.pixels().is_empty()),
             environment: view.environment.clone(),
-            heat: (look.color_map, low, high),
+            heat: HeatColors { map: look.color_map, low, high, brush: look.heat_brush },
         }
     }
 
@@ -408,10 +422,13 @@ impl<'a> Shader<'a> {
     }
 
     fn heat(&self, placed: &ProjectedMesh<'_>, wedges: [WedgeId; 3], l: [f32; 3]) -> Vec3 {
-        let (map, low, high) = self.heat;
+        let HeatColors { map, low, high, brush } = self.heat;
         let Some(values) = &placed.drawn.values else { return self.surface };
         let [a, b, c] = wedges.map(|w| values[placed.drawn.mesh.vertex_of(w).index()]);
         let value = l[0] * a + l[1] * b + l[2] * c;
+        if brush.is_some_and(|[from, to]| value < from || value > to) {
+            return Vec3::splat(UNBRUSHED);
+        }
         let span = high - low;
         let t = if span > 0.0 { (value - low) / span } else { value * 0.0 };
         linear::of_srgb(map.color(t))

@@ -1,19 +1,23 @@
 //! The comparison view: pictures of both sides, and mouse input over them.
 
-use std::sync::PoisonError;
+mod difference;
+mod probe;
+
+use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use eframe::egui::{self, Color32, PointerButton, Rect, Response, Sense, Ui, Vec2, pos2};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use lodsmith_core::model::Pose;
 use lodsmith_core::{Bounds, Model};
-use lodsmith_render::{Camera, Shading};
+use lodsmith_render::{Camera, Look, Shading};
 
 use crate::command::Command;
-use crate::content::Lighter;
+use crate::content::{Distances, Lighter};
+use crate::difference::DifferencePicture;
 use crate::document::Document;
 use crate::flaws::FlawPlace;
-use crate::gpu::{DrawStats, Frame, Gpu, PlacedModel, RenderTarget};
+use crate::gpu::{Frame, Gpu, PlacedModel, RenderTarget};
 use crate::numbers::{grouped, percent, significant};
 use crate::orbit::{Orbit, moved_bounds, turn_matrix, turned_bounds};
 use crate::panel::{UiRequest, error};
@@ -57,6 +61,9 @@ impl Side {
     }
 }
 
+/// Name of the difference picture for tests and screen readers.
+const DIFFERENCE: &str = "Picture of the difference";
+
 /// The pictures of both sides, with their cameras.
 pub struct ComparisonView {
     gpu: Option<Gpu>,
@@ -83,6 +90,21 @@ pub struct ComparisonView {
     user_files: UserFiles,
     /// View to frame as soon as the size of the pictures is known.
     pending_view: Option<usize>,
+    /// The difference picture on the screen.
+    difference: Option<(Arc<DifferencePicture>, egui::TextureHandle)>,
+    /// The clicked point.
+    probe: Option<Probe>,
+}
+
+/// A clicked point.
+#[derive(Clone)]
+struct Probe {
+    side: Side,
+    place: DVec3,
+    value: f64,
+    of: Arc<Distances>,
+    pose: Pose,
+    turn: DQuat,
 }
 
 /// Render scale while the camera moves, on software adapters. Measured: a quarter of the pixels take a third
@@ -120,6 +142,8 @@ impl ComparisonView {
             moved: None,
             user_files: UserFiles::default(),
             pending_view: None,
+            difference: None,
+            probe: None,
         }
     }
 
@@ -177,22 +201,7 @@ impl ComparisonView {
         let all = ui.available_rect_before_wrap();
         ui.allocate_rect(all, Sense::hover());
         let layout = document.settings().layout;
-        let half = Vec2::new((all.width() - 2.0) / 2.0, all.height());
-        let slots: Vec<(Rect, Rect, Side)> = match layout.sides {
-            Sides::Both => {
-                let left = Rect::from_min_size(all.min, half);
-                let right = Rect::from_min_size(pos2(all.right() - half.x, all.top()), half);
-                vec![(left, left, Side::Original), (right, right, Side::Result)]
-            }
-            Sides::Wipe => {
-                let x = all.left() + all.width() * layout.wipe.clamp(0.0, 1.0);
-                let [mut left, mut right] = [all; 2];
-                (left.max.x, right.min.x) = (x, x);
-                vec![(all, left, Side::Original), (all, right, Side::Result)]
-            }
-            Sides::Original => vec![(all, all, Side::Original)],
-            Sides::Result => vec![(all, all, Side::Result)],
-        };
+        let slots = slots(layout, all);
         if let Some((rect, ..)) = slots.first() {
             self.aspect = viewport::aspect(*rect);
         }
@@ -202,17 +211,24 @@ impl ComparisonView {
         let mut detail = None;
         let mut is_moved = false;
         let is_wiping = layout.sides == Sides::Wipe;
+        let is_difference = layout.sides == Sides::Difference;
+        if !is_difference && self.difference.take().is_some() {
+            says.push(UiRequest::Difference(None));
+        }
         for &(rect, seen, side) in &slots {
-            let response = viewport::picture_area(ui, seen, side.picture());
+            let response =
+                viewport::picture_area(ui, seen, if is_difference { DIFFERENCE } else { side.picture() });
             detail = detail.or(detail_factor(&response));
             drag_light(&response, document, says);
             let mut orbit = self.orbit(side);
             if orbit.interact(&response, rect) {
                 is_moved = true;
-                self.set_orbit(side, orbit, layout.linked || is_wiping);
+                self.set_orbit(side, orbit, layout.linked || is_wiping || is_difference);
             }
             if response.double_clicked() {
                 self.recentre(document, side, &response, rect);
+            } else if response.clicked() && !is_difference {
+                self.probe_at(document, side, &response, rect);
             }
         }
         if is_moved {
@@ -221,10 +237,15 @@ impl ComparisonView {
         (self.triangles, self.triangles_left, self.is_smoothing) = (0, 0, false);
         for (slot, &(rect, seen, side)) in slots.iter().enumerate() {
             let shown = if self.is_flickering { side.other() } else { side };
+            if is_difference && !self.is_flickering {
+                self.draw_difference(ui, document, rect, says);
+                continue;
+            }
             self.draw(ui, document, slot, rect, seen, shown);
             let (lighter, level) = self.result(document);
             let pixels = lighter.and_then(|l| self.pixels(document, l.content.error()));
             overlay(ui, document, seen, shown, lighter, level.zip(pixels));
+            self.draw_probe(ui, document, side, rect, seen);
         }
         match layout.sides {
             Sides::Both => {
@@ -279,13 +300,9 @@ impl ComparisonView {
         painter.rect_filled(seen, 0.0, palette(ui).window);
         let lighter = self.result(document).0.filter(|_| side == Side::Result);
         let (Some(gpu), Some(original)) = (self.gpu.as_mut(), document.original()) else { return };
-        let drawing: Option<&Drawing> = match lighter {
-            Some(lighter) => lighter.draw.as_ref(),
-            None => original.draw.as_ref(),
-        };
+        let drawing: Option<&Drawing> = lighter.map_or(original.draw.as_ref(), |l| l.draw.as_ref());
         let Some(drawing) = drawing else { return };
-        let scale = ui.pixels_per_point();
-        let size = [rect.width(), rect.height()].map(|x| (x * scale).round().max(1.0) as u32);
+        let size = pixels_of(ui, rect);
         self.height_px = f64::from(size[1]);
 
         let faces = lighter.map_or(original.content.faces, |l| l.content.faces);
@@ -303,30 +320,24 @@ impl ComparisonView {
 
         let settings = document.settings();
         let turn = document.rotation();
-        let mut look = settings.look.look.clone();
-        if look.shading == Shading::Heat {
-            match document.distances() {
-                Some(distances) => look.heat_range = Some(error::color_range(&look, distances.largest)),
-                // Until the distances are known.
-                None => look.shading = Shading::Smooth,
-            }
-        }
+        let look = shown_look(document);
         let lighting = settings.look.lighting();
         let drawing = drawing.lock().unwrap_or_else(PoisonError::into_inner);
         // Also for the first frame, so that something shows at once. The preview mesh has no distances for a
         // heat map.
         let has_time = !is_coarse && target.shows_model(&drawing);
-        let is_light =
-            !has_time && faces > preview_mesh::PREVIEW_ABOVE_FACES && look.shading != Shading::Heat;
+        let is_large = faces > preview_mesh::PREVIEW_ABOVE_FACES;
+        let is_light = !has_time && is_large && look.shading != Shading::Heat;
+        let pictured = drawing.preview().filter(|_| is_light).unwrap_or(&drawing);
         let placed = PlacedModel {
             world_from_model: turn_matrix(&original.content.bounds, turn),
-            ..PlacedModel::new(drawing.preview().filter(|_| is_light).unwrap_or(&drawing), &self.pose)
+            ..PlacedModel::new(pictured, &self.pose)
         };
-        let camera_of = if slot == 0 && settings.layout.sides != Sides::Result { 0 } else { 1 };
+        let is_first = slot == 0 && settings.layout.sides != Sides::Result;
         let frame = Frame {
             models: &[placed],
             bounds: turned_bounds(&original.content.bounds, turn),
-            camera: self.orbits[camera_of].camera(),
+            camera: self.orbits[usize::from(!is_first)].camera(),
             look: &look,
             lighting: &lighting,
             background: settings.look.backdrop.background(ui.visuals().dark_mode),
@@ -346,27 +357,19 @@ impl ComparisonView {
                 target.resize(size, 1.0);
             }
         }
-        let pictured = if is_light { drawing.preview().unwrap_or(&drawing) } else { &drawing };
         self.triangles += pictured.triangles();
         let mut part = None;
         if same.is_none() {
             // A picture drawn in parts never completes if the frame changes each time.
-            let is_whole = is_coarse && (is_light || faces <= preview_mesh::PREVIEW_ABOVE_FACES);
-            let drawn: DrawStats =
-                if is_whole { gpu.draw(target, &frame) } else { gpu.draw_in_parts(target, &frame) };
-            if drawn.triangles_left > 0 {
-                self.triangles_left += drawn.triangles_left;
-                part = drawn.completed_fraction();
-                ui.request_repaint();
-            }
+            let is_whole = is_coarse && (is_light || !is_large);
+            let drawn = if is_whole { gpu.draw(target, &frame) } else { gpu.draw_in_parts(target, &frame) };
+            self.triangles_left += drawn.triangles_left;
+            part = drawn.completed_fraction();
         }
-        if let Some(id) = same.unwrap_or(target).texture_id() {
-            let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-            painter.image(id, rect, whole, Color32::WHITE);
-        }
-        if is_light && !is_coarse {
+        if self.triangles_left > 0 || is_light && !is_coarse {
             ui.request_repaint();
         }
+        paint(&painter, rect, same.unwrap_or(target));
         if let Some(share) = part {
             viewport::drawing_line(ui, rect, share);
         }
@@ -426,6 +429,53 @@ impl ComparisonView {
         let middle = 0.5 * (DVec3::from(bounds.min) + DVec3::from(bounds.max));
         let camera = self.orbit(Side::Result).camera();
         Some(length / camera.length_per_pixel(camera.eye.distance(middle).max(1e-30), self.height_px))
+    }
+}
+
+/// Returns the appearance of both sides, with the range of the heat map.
+fn shown_look(document: &Document) -> Look {
+    let mut look = document.settings().look.look.clone();
+    if look.shading == Shading::Heat {
+        match document.distances() {
+            Some(distances) => look.heat_range = Some(error::color_range(&look, distances.largest)),
+            // Until the distances are known.
+            None => look.shading = Shading::Smooth,
+        }
+    }
+    look
+}
+
+/// Returns the size of an area in pixels of the screen.
+fn pixels_of(ui: &Ui, area: Rect) -> [u32; 2] {
+    let scale = ui.pixels_per_point();
+    [area.width(), area.height()].map(|x| (x * scale).round().max(1.0) as u32)
+}
+
+/// Paints a drawn picture over an area.
+fn paint(painter: &egui::Painter, area: Rect, picture: &RenderTarget) {
+    if let Some(id) = picture.texture_id() {
+        let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+        painter.image(id, area, whole, Color32::WHITE);
+    }
+}
+
+/// Returns the pictures of a layout: the area of the whole picture, its visible part, and the side.
+fn slots(layout: Layout, all: Rect) -> Vec<(Rect, Rect, Side)> {
+    let half = Vec2::new((all.width() - 2.0) / 2.0, all.height());
+    match layout.sides {
+        Sides::Both => {
+            let left = Rect::from_min_size(all.min, half);
+            let right = Rect::from_min_size(pos2(all.right() - half.x, all.top()), half);
+            vec![(left, left, Side::Original), (right, right, Side::Result)]
+        }
+        Sides::Wipe => {
+            let x = all.left() + all.width() * layout.wipe.clamp(0.0, 1.0);
+            let [mut left, mut right] = [all; 2];
+            (left.max.x, right.min.x) = (x, x);
+            vec![(all, left, Side::Original), (all, right, Side::Result)]
+        }
+        Sides::Original => vec![(all, all, Side::Original)],
+        Sides::Result | Sides::Difference => vec![(all, all, Side::Result)],
     }
 }
 

@@ -9,15 +9,17 @@ use lodsmith::{
     Control, Levels, LodOptions, MeshCounts, Part, Report, Simplified, SimplifiedScene, SimplifyError,
     SimplifyOptions, Stop, Textures,
 };
-use lodsmith_core::measure::{Comparison, Prepared};
+use lodsmith_core::measure::{ComparedAttribute, Comparison, MeasureError, Prepared, wedge_differences};
 use lodsmith_core::mesh::normals::vertex_normals;
+use lodsmith_core::mesh::weld::weld;
 use lodsmith_core::model::Pose;
-use lodsmith_core::{Bounds, Model, Topology, TriMesh};
+use lodsmith_core::{Bounds, Model, Topology, TriMesh, WedgeId};
 use lodsmith_io::gltf::{self, Scene};
 use lodsmith_io::{AssetScope, ModelFile, ModelSource, ReadError, ReadOptions};
 use lodsmith_render::Shading;
 
 use crate::option_words::{Normals, Simplification};
+use crate::settings::HeatOf;
 use crate::up_axis::{self, UpAxis};
 
 /// A file that was read, with its counts.
@@ -382,18 +384,23 @@ impl TopologySummary {
     }
 }
 
-/// Distances between result and original at their vertices.
-#[derive(Clone, Debug, Default)]
+/// Distances between result and original at their vertices, or differences of an attribute at their wedges.
+#[derive(Debug, Default)]
 pub struct Distances {
-    /// Per mesh: distance of each vertex of the result to the original, in the units of the scene.
+    /// The quantity.
+    pub quantity: HeatOf,
+    /// Per mesh: distance of each vertex of the result to the original, in the units of the scene; or the
+    /// difference of an attribute at each wedge, NaN where it is not known.
     pub of_result: Vec<Vec<f32>>,
-    /// Per mesh: distance of each vertex of the original to the result.
+    /// Per mesh: the same for the original.
     pub of_original: Vec<Vec<f32>>,
+    /// Per mesh: the result prepared for measuring, if distances were measured and it has faces.
+    pub prepared_result: Vec<Option<Prepared>>,
     /// Largest of all distances.
     pub largest: f64,
-    /// Mean over the vertices of both.
+    /// Mean over the vertices (wedges) of both.
     pub mean: f64,
-    /// Root mean square over the vertices of both.
+    /// Root mean square over the vertices (wedges) of both.
     pub rms: f64,
     /// Number of vertices in each of equal intervals up to the largest distance.
     pub histogram: Vec<u32>,
@@ -411,11 +418,18 @@ impl Distances {
     pub fn measure(
         original: &Original,
         lighter: &Lighter,
+        quantity: HeatOf,
         go_on: &mut dyn FnMut(f64) -> bool,
     ) -> Option<Self> {
         let begin = Instant::now();
         let scales = original.scales();
-        let mut all = Self::default();
+        let mut all = Self { quantity, ..Self::default() };
+        let attribute = match quantity {
+            HeatOf::Distance => None,
+            HeatOf::Normals => Some(ComparedAttribute::Normals),
+            HeatOf::Uvs => Some(ComparedAttribute::Uvs),
+            HeatOf::Colors => Some(ComparedAttribute::Colors),
+        };
         let count = scales.len().max(1) as f64;
         for (i, scale) in scales.iter().enumerate() {
             let [one, two] = [&original.model().meshes[i].mesh, &lighter.model.meshes[i].mesh];
@@ -424,10 +438,18 @@ impl Distances {
                 return None;
             }
             let same = Arc::ptr_eq(one, two);
+            if let Some(attribute) = attribute {
+                let [one, two] = [one, two].map(|mesh| with_some_normals(mesh, attribute));
+                let mut half = |a, b, from| differences(a, b, attribute, &mut |x| go_on(at(from + 0.5 * x)));
+                all.of_result.push(half(&two, &one, 0.0)?);
+                all.of_original.push(half(&one, &two, 0.5)?);
+                continue;
+            }
             let own = original.prepared(i).filter(|_| !same);
             all.of_result.push(distances(two, own, *scale, &mut |x| go_on(at(0.2 + 0.2 * x)))?);
             let other = if same { None } else { Prepared::new(&two.surface()).ok() };
             all.of_original.push(distances(one, other.as_ref(), *scale, &mut |x| go_on(at(0.4 + 0.6 * x)))?);
+            all.prepared_result.push(other);
         }
         all.sum_up();
         all.seconds = begin.elapsed().as_secs_f64();
@@ -455,6 +477,33 @@ impl Distances {
         let n = n.max(1) as f64;
         (self.largest, self.mean, self.rms) = (largest, sum / n, (squares / n).sqrt());
         self.histogram = histogram;
+    }
+}
+
+/// Returns a mesh with normals, if these are compared: those of the file, or of the shape.
+fn with_some_normals(mesh: &Arc<TriMesh>, attribute: ComparedAttribute) -> Arc<TriMesh> {
+    if attribute != ComparedAttribute::Normals || mesh.normals().is_some() || mesh.face_count() == 0 {
+        return mesh.clone();
+    }
+    let joined = weld(mesh.positions().view());
+    let of_vertex = vertex_normals(&mesh.surface(), |v| joined.of(v));
+    let of_wedge = (0..mesh.wedge_count()).map(|w| of_vertex[mesh.vertex_of(WedgeId::new(w)).index()]);
+    let mut made = (**mesh).clone();
+    made.set_normals(Some(of_wedge.collect())).expect("there is one for each wedge");
+    Arc::new(made)
+}
+
+/// Returns the differences of an attribute at the wedges of a mesh; NaN where there is nothing to compare.
+fn differences(
+    mesh: &TriMesh,
+    other: &TriMesh,
+    attribute: ComparedAttribute,
+    go_on: &mut dyn FnMut(f64) -> bool,
+) -> Option<Vec<f32>> {
+    match wedge_differences(mesh, other, attribute, go_on) {
+        Ok(found) => found,
+        Err(MeasureError::Empty { .. }) => Some(vec![f32::NAN; mesh.wedge_count()]),
+        Err(_) => None,
     }
 }
 
@@ -506,14 +555,31 @@ mod tests {
         let how = Simplification::of_preset(Default::default(), Stop::faces(320));
         let lighter = Lighter::make(&original, &how, &mut NoControl).unwrap();
         assert!(sum_over_instances(&lighter.model, TriMesh::face_count) <= 320);
-        let distances = Distances::measure(&original, &lighter, &mut |_| true).unwrap();
+        let distances = Distances::measure(&original, &lighter, HeatOf::Distance, &mut |_| true).unwrap();
         // An evenly triangulated sphere of radius 1 with 320 faces lies up to 1.5 % too low at face centres;
         // these are less even.
         assert!(distances.largest > 1e-4 && distances.largest < 0.03, "{}", distances.largest);
         assert!(distances.mean <= distances.rms && distances.rms <= distances.largest);
         let counted: u32 = distances.histogram.iter().sum();
         assert_eq!(counted as usize, original.vertices + lighter.vertices);
-        assert!(Distances::measure(&original, &lighter, &mut |_| false).is_none());
+        assert!(Distances::measure(&original, &lighter, HeatOf::Distance, &mut |_| false).is_none());
+    }
+
+    /// The normals of a sphere are known: those of the shape differ by some degrees, everywhere.
+    #[test]
+    fn normals_are_compared_at_wedges_and_missing_attributes_are_not_known() {
+        let folder = tempfile::tempdir().unwrap();
+        let original = sphere(&folder);
+        let how = Simplification::of_preset(Default::default(), Stop::faces(320));
+        let lighter = Lighter::make(&original, &how, &mut NoControl).unwrap();
+        let measure = |quantity| Distances::measure(&original, &lighter, quantity, &mut |_| true).unwrap();
+        let normals = measure(HeatOf::Normals);
+        assert_eq!(normals.of_result[0].len(), lighter.model.meshes[0].mesh.wedge_count());
+        assert!(normals.largest > 0.5 && normals.largest < 25.0, "{}", normals.largest);
+        assert!(normals.rms < 6.0, "{}", normals.rms);
+        let uvs = measure(HeatOf::Uvs);
+        assert!(uvs.of_original[0].iter().all(|d| d.is_nan()) && uvs.largest == 0.0);
+        assert!(Distances::measure(&original, &lighter, HeatOf::Normals, &mut |_| false).is_none());
     }
 
     #[test]

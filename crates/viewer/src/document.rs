@@ -1,17 +1,18 @@
 //! The document: open file, results and background work. Does not depend on the window.
 
+mod difference;
 mod flaws;
 mod levels;
+mod measured;
 mod preview;
 mod stage;
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use glam::DQuat;
 use lodsmith::SimplifyError;
-use lodsmith_core::Model;
 use lodsmith_core::model::Pose;
 use lodsmith_io::AssetScope;
 use lodsmith_render::Shading;
@@ -19,6 +20,7 @@ use lodsmith_render::Shading;
 use crate::benchmark::{BenchmarkTable, SharedTable};
 use crate::command::{Command, History};
 use crate::content::{Distances, Lighter, Original, TopologySummary};
+use crate::difference::{DifferencePicture, DifferenceView, SharedSides};
 use crate::export::{self, Export};
 use crate::flaws::Flaws;
 use crate::gpu::Context;
@@ -28,7 +30,7 @@ use crate::numbers::{grouped, seconds};
 use crate::option_words::Simplification;
 use crate::preview_mesh;
 use crate::settings::Settings;
-use crate::shown::{Drawing, ShownModel};
+use crate::shown::ShownModel;
 use crate::slider_preview::SliderPreview;
 use crate::target_scale::OriginalSize;
 use crate::up_axis::UpAxis;
@@ -40,6 +42,15 @@ pub use stage::StageLevel;
 struct Measured {
     of: (Arc<Original>, Arc<Lighter>),
     distances: Arc<Distances>,
+}
+
+/// The last difference picture, and models prepared for the next.
+#[derive(Default)]
+struct DifferenceState {
+    last: Option<Arc<DifferencePicture>>,
+    prepared: SharedSides,
+    /// View of the last job, so that a cancelled or failed one is not begun again.
+    asked: Option<DifferenceView>,
 }
 
 /// Levels for automatic selection by distance, from the finest, and what they were made from.
@@ -59,6 +70,8 @@ pub struct Document {
     original: Option<ShownModel<Original>>,
     lighter: Option<ShownModel<Lighter>>,
     measured: Option<Measured>,
+    /// The last difference picture, and models prepared for the next.
+    difference: DifferenceState,
     /// Topology counts of the original and of the result.
     topologies: [Option<(usize, TopologySummary)>; 2],
     /// Options of the last job to simplify.
@@ -121,6 +134,7 @@ enum Outcome {
     Flaws { which: usize, key: usize, flaws: Arc<Flaws> },
     Inspected { which: usize, key: usize, anatomy: TopologySummary },
     Measured(Measured),
+    Difference(Arc<DifferencePicture>),
     Levels { of: (usize, Simplification), result: Result<Vec<ShownModel<Lighter>>, SimplifyError> },
     Exported { path: PathBuf, result: Result<export::Written, String> },
     Benchmarked { is_whole: bool },
@@ -141,6 +155,7 @@ impl Document {
             original: None,
             lighter: None,
             measured: None,
+            difference: DifferenceState::default(),
             topologies: [None, None],
             flaws: [None, None],
             wants_flaws: false,
@@ -183,13 +198,6 @@ impl Document {
     /// Returns the latest result; `None` while the original is requested.
     pub fn lighter(&self) -> Option<&ShownModel<Lighter>> {
         self.lighter.as_ref()
-    }
-    /// Returns the distances between the latest result and the original, if they were measured.
-    pub fn distances(&self) -> Option<&Arc<Distances>> {
-        let measured = self.measured.as_ref()?;
-        let fits = Arc::ptr_eq(&measured.of.0, &self.original.as_ref()?.content)
-            && Arc::ptr_eq(&measured.of.1, &self.lighter.as_ref()?.content);
-        fits.then_some(&measured.distances)
     }
     /// Returns the topology counts of the original and of the result, as far as they are known.
     pub fn topologies(&self) -> [Option<&TopologySummary>; 2] {
@@ -396,6 +404,7 @@ impl Document {
             JobKind::Export,
             JobKind::Levels,
             JobKind::Benchmark,
+            JobKind::Difference,
         ]);
         if self.builder.is_busy(JobKind::Preview) {
             self.builder.cancel(&[JobKind::Preview]);
@@ -516,6 +525,7 @@ impl Document {
             Outcome::Flaws { which, key, flaws } => self.flaws[which] = Some((key, flaws)),
             Outcome::Inspected { which, key, anatomy } => self.topologies[which] = Some((key, anatomy)),
             Outcome::Measured(measured) => self.measured = Some(measured),
+            Outcome::Difference(picture) => self.difference.last = Some(picture),
             Outcome::Levels { of, result } => match result {
                 Ok(levels) => self.levels = Some(LevelSet { of, levels }),
                 Err(SimplifyError::Cancelled) => self.requested_levels = None,
@@ -660,35 +670,5 @@ impl Document {
                 Some(Outcome::Inspected { which: 1, key, anatomy: TopologySummary::of(&content.model) })
             });
         }
-    }
-
-    fn measure(&mut self, original: &ShownModel<Original>) {
-        let Some(lighter) = self.lighter.clone().filter(|l| l.content.report.is_some()) else { return };
-        let is_due = self.wants_distances && self.distances().is_none();
-        if !is_due || self.worker.is_busy(JobKind::Measure) || self.is_outdated() {
-            return;
-        }
-        let original = original.clone();
-        self.worker.submit(JobKind::Measure, move |watch| {
-            let (one, two) = (&original.content, &lighter.content);
-            let distances = Distances::measure(one, two, &mut |done| watch.report(done))?;
-            show_heat(original.draw.as_ref(), one.model(), &distances.of_original);
-            show_heat(lighter.draw.as_ref(), &two.model, &distances.of_result);
-            let of = (one.clone(), two.clone());
-            Some(Outcome::Measured(Measured { of, distances: Arc::new(distances) }))
-        });
-    }
-}
-
-/// Writes a value for each vertex into the buffers.
-fn show_heat(drawing: Option<&Drawing>, model: &Model, values: &[Vec<f32>]) {
-    let Some(drawing) = drawing else { return };
-    for (i, (mesh, values)) in model.meshes.iter().zip(values).enumerate() {
-        let mesh = &mesh.mesh;
-        let of_wedges: Vec<f32> = match mesh.vertex_map() {
-            None => values.clone(),
-            Some(map) => map.iter().map(|v| values[v.index()]).collect(),
-        };
-        drawing.lock().unwrap_or_else(PoisonError::into_inner).set_heat(i, Some(&of_wedges));
     }
 }

@@ -31,15 +31,18 @@ pub enum JobKind {
     Benchmark,
     /// Make the progressive mesh for the slider.
     Preview,
+    /// Draw the difference of the two sides.
+    Difference,
 }
 
 impl JobKind {
     /// All kinds, in order of priority.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Load,
         Self::Simplify,
         Self::Export,
         Self::Levels,
+        Self::Difference,
         Self::Measure,
         Self::Inspect,
         Self::Flaws,
@@ -59,6 +62,7 @@ impl JobKind {
             Self::Levels => "Making levels",
             Self::Benchmark => "Running benchmark",
             Self::Preview => "Preparing the slider",
+            Self::Difference => "Comparing pictures",
         }
     }
 

@@ -17,6 +17,8 @@ pub mod content;
 #[cfg(feature = "window")]
 mod dialog;
 #[cfg(feature = "window")]
+pub mod difference;
+#[cfg(feature = "window")]
 pub mod display;
 #[cfg(feature = "window")]
 pub mod document;

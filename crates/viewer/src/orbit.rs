@@ -71,6 +71,12 @@ pub fn turned_bounds(bounds: &Bounds, turn: DQuat) -> Bounds {
     moved_bounds(bounds, &turn_matrix(bounds, turn))
 }
 
+/// Returns a transformed camera.
+pub fn moved_camera(camera: &Camera, matrix: &DMat4) -> Camera {
+    let [eye, target] = [camera.eye, camera.target].map(|p| matrix.transform_point3(p));
+    Camera { eye, target, up: matrix.transform_vector3(camera.up), ..*camera }
+}
+
 /// Returns the bounding box of a transformed box.
 pub fn moved_bounds(bounds: &Bounds, matrix: &DMat4) -> Bounds {
     if *matrix == DMat4::IDENTITY {

@@ -21,6 +21,7 @@ pub mod widgets;
 pub use dock::{Dock, Panel};
 
 use crate::command::Command;
+use crate::difference::DifferenceView;
 use crate::document::Document;
 use crate::keys::Action;
 use crate::stage::scatter::Scatter;
@@ -60,6 +61,8 @@ pub enum UiRequest {
     Scatter(Scatter),
     /// Set the form of the next scattering.
     ScatterForm(Scatter),
+    /// Draw a difference picture, or forget the last one.
+    Difference(Option<Box<DifferenceView>>),
     /// Set the keyframe selection and drag.
     KeyframeSelection(KeyframeSelection),
 }

@@ -122,15 +122,18 @@ pub enum Sides {
     Original,
     /// The result alone.
     Result,
+    /// The perceived difference of the two pictures.
+    Difference,
 }
 
 impl Sides {
     /// All arrangements with their names.
-    pub const ALL: [(Self, &'static str); 4] = [
+    pub const ALL: [(Self, &'static str); 5] = [
         (Self::Both, "Side by side"),
         (Self::Wipe, "Wipe"),
         (Self::Original, "Original"),
         (Self::Result, "Result"),
+        (Self::Difference, "Difference"),
     ];
 }
 
@@ -157,6 +160,8 @@ pub struct Appearance {
     pub matcap: Option<PathBuf>,
     /// The user's own shader.
     pub shader: Option<PathBuf>,
+    /// Quantity of the heat map.
+    pub heat_of: HeatOf,
 }
 
 impl Default for Appearance {
@@ -171,7 +176,38 @@ impl Default for Appearance {
             around: EnvironmentChoice::default(),
             matcap: None,
             shader: None,
+            heat_of: HeatOf::default(),
         }
+    }
+}
+
+/// Quantity of the heat map: how the two sides differ.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum HeatOf {
+    /// Distances, in the units of the file.
+    #[default]
+    Distance,
+    /// Angles between normals, in degrees.
+    Normals,
+    /// Distances of texture coordinates; 1 is the width or height of the image.
+    Uvs,
+    /// Distances of vertex colours; 1 is the range of a channel.
+    Colors,
+}
+
+impl HeatOf {
+    /// All quantities with their names.
+    pub const ALL: [(Self, &'static str); 4] = [
+        (Self::Distance, "Distance"),
+        (Self::Normals, "Normals"),
+        (Self::Uvs, "UVs"),
+        (Self::Colors, "Vertex colours"),
+    ];
+
+    /// Returns the name.
+    pub fn name(self) -> &'static str {
+        Self::ALL[self as usize].1
     }
 }
 
@@ -479,6 +515,8 @@ struct LookInFile {
     #[serde(with = "ColorMapInFile")]
     color_map: ColorMap,
     heat_range: Option<[f32; 2]>,
+    #[serde(default)]
+    heat_brush: Option<[f32; 2]>,
 }
 
 #[derive(Serialize, Deserialize)]

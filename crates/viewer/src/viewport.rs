@@ -100,6 +100,19 @@ pub fn framed(
     model.instances(pose).into_iter().map(each).fold(start, Framing::merged).camera()
 }
 
+/// A point of a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceHit {
+    /// The point in world coordinates.
+    pub place: DVec3,
+    /// Index of its mesh.
+    pub mesh: usize,
+    /// Index of its face.
+    pub face: usize,
+    /// Barycentric weights of the corners of the face.
+    pub weights: [f64; 3],
+}
+
 /// Returns the first hit of a ray on a model, in world coordinates.
 ///
 /// Cost: O(triangles), on all threads; 4 M take some 20 ms.
@@ -110,6 +123,17 @@ pub fn pick(
     eye: DVec3,
     along: DVec3,
 ) -> Option<DVec3> {
+    pick_surface(model, pose, world_from_model, eye, along).map(|hit| hit.place)
+}
+
+/// Returns the first hit of a ray on a model, with its face. Cost: as [`pick`].
+pub fn pick_surface(
+    model: &Model,
+    pose: &ModelPose,
+    world_from_model: DMat4,
+    eye: DVec3,
+    along: DVec3,
+) -> Option<SurfaceHit> {
     let (world_from_nodes, mut deformed) = (model.world_from_nodes(pose), Deformed::default());
     let hits = model.instances(pose).into_iter().filter_map(|instance| {
         let is_deformed = model.deform(&instance, pose, &world_from_nodes, &mut deformed);
@@ -121,26 +145,36 @@ pub fn pick(
         let from = mesh_from_world.transform_point3(eye);
         let ray = mesh_from_world.transform_vector3(along);
         let mesh = &model.meshes[instance.mesh].mesh;
-        if is_deformed {
-            let places = deformed.positions.as_slice();
-            return nearest(mesh, from, ray, |w| DVec3::from(places[w.index()].map(f64::from)));
-        }
-        nearest(mesh, from, ray, |w| match mesh.positions().view() {
-            PositionsView::F32(p) => DVec3::from(p[mesh.vertex_of(w).index()].map(f64::from)),
-            PositionsView::F64(p) => DVec3::from(p[mesh.vertex_of(w).index()]),
-        })
+        let places = deformed.positions.as_slice();
+        let (face, t, weights) = if is_deformed {
+            nearest(mesh, from, ray, |w| DVec3::from(places[w.index()].map(f64::from)))?
+        } else {
+            nearest(mesh, from, ray, |w| match mesh.positions().view() {
+                PositionsView::F32(p) => DVec3::from(p[mesh.vertex_of(w).index()].map(f64::from)),
+                PositionsView::F64(p) => DVec3::from(p[mesh.vertex_of(w).index()]),
+            })?
+        };
+        Some((t, SurfaceHit { place: eye + along * t, mesh: instance.mesh, face, weights }))
     });
-    hits.min_by(f64::total_cmp).map(|t| eye + along * t)
+    hits.min_by(|a, b| a.0.total_cmp(&b.0)).map(|hit| hit.1)
 }
 
-/// Returns the ray parameter of the first hit on a mesh with these corner positions.
-fn nearest(mesh: &TriMesh, from: DVec3, ray: DVec3, at: impl Fn(WedgeId) -> DVec3 + Sync) -> Option<f64> {
-    let hit = |t: &[WedgeId; 3]| first_hit(from, ray, t.map(&at));
-    mesh.triangles().par_iter().filter_map(hit).min_by(f64::total_cmp)
+/// Returns the face, the ray parameter and the weights of the first hit on a mesh with these corner positions.
+fn nearest(
+    mesh: &TriMesh,
+    from: DVec3,
+    ray: DVec3,
+    at: impl Fn(WedgeId) -> DVec3 + Sync,
+) -> Option<(usize, f64, [f64; 3])> {
+    let hit = |(face, t): (usize, &[WedgeId; 3])| {
+        let (t, weights) = first_hit(from, ray, t.map(&at))?;
+        Some((face, t, weights))
+    };
+    mesh.triangles().par_iter().enumerate().filter_map(hit).min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// Returns the ray parameter of a hit on a triangle, from either side. [Möller-Trumbore 1997]
-fn first_hit(from: DVec3, ray: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
+/// Returns the ray parameter and the weights of a hit on a triangle, from either side. [Möller-Trumbore 1997]
+fn first_hit(from: DVec3, ray: DVec3, [a, b, c]: [DVec3; 3]) -> Option<(f64, [f64; 3])> {
     let (e, f) = (b - a, c - a);
     let p = ray.cross(f);
     let det = e.dot(p);
@@ -152,7 +186,15 @@ fn first_hit(from: DVec3, ray: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     let q = s.cross(e);
     let v = ray.dot(q) / det;
     let t = f.dot(q) / det;
-    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some(t)
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some((t, [1.0 - u - v, u, v]))
+}
+
+/// Returns the place of a point in a picture; `None` if it is behind the eye.
+pub fn on_screen(camera: &Camera, point: DVec3, rect: Rect) -> Option<egui::Pos2> {
+    let seen = camera.view_from_world().transform_point3(point);
+    let step = camera.length_per_pixel(-seen.z, f64::from(rect.height()));
+    let off = Vec2::new((seen.x / step) as f32, (-seen.y / step) as f32);
+    (seen.z < 0.0 && off.is_finite()).then(|| rect.center() + off)
 }
 
 /// Returns the direction from the eye through a point of the picture, `off` points from its centre.
@@ -232,12 +274,29 @@ mod tests {
     }
 
     #[test]
+    fn a_point_is_seen_where_its_ray_begins() {
+        let rect = Rect::from_min_size(egui::pos2(30.0, 10.0), Vec2::new(400.0, 300.0));
+        let camera = Orbit::fitting(&cube(), StandardView::Iso, 1.0).camera();
+        let at = egui::pos2(310.0, 60.0);
+        let along = ray(&camera, at - rect.center(), rect.height());
+        let seen = on_screen(&camera, camera.eye + along * 3.0, rect).unwrap();
+        assert!(seen.distance(at) < 0.01, "{seen}");
+        assert_eq!(on_screen(&camera, camera.eye - along, rect), None);
+    }
+
+    #[test]
     fn a_ray_meets_the_near_side() {
         let model = Model::of_mesh(shapes::icosphere(3));
         let rest = ModelPose::default();
         let hit = pick(&model, &rest, DMat4::IDENTITY, DVec3::Z * 5.0, DVec3::NEG_Z).unwrap();
         assert!((hit.z - 1.0).abs() < 0.05 && hit.x == 0.0, "{hit}");
         assert_eq!(pick(&model, &rest, DMat4::IDENTITY, DVec3::Z * 5.0, DVec3::Z), None);
+        let hit = pick_surface(&model, &rest, DMat4::IDENTITY, DVec3::Z * 5.0, DVec3::NEG_Z).unwrap();
+        let mesh = &model.meshes[0].mesh;
+        let corners =
+            mesh.triangles()[hit.face].map(|w| DVec3::from(mesh.positions().view().get(mesh.vertex_of(w))));
+        let blended: DVec3 = corners.iter().zip(hit.weights).map(|(c, w)| *c * w).sum();
+        assert!(blended.distance(hit.place) < 1e-6, "the weights are those of the point");
         // The pose of an animation is taken into account.
         let (translation, rotation, scale) = (DVec3::Z * 2.0, DQuat::IDENTITY, DVec3::ONE);
         let transforms = vec![Transform::Parts { translation, rotation, scale }];

@@ -1,5 +1,7 @@
 //! Differences of normals, texture coordinates and colours between two meshes.
 
+mod at_wedges;
+
 use glam::DVec3;
 
 use crate::geometry::triangle::{self, double_area_normal, weights_at};
@@ -10,6 +12,8 @@ use crate::sampling::SurfaceSampler;
 use crate::spatial::{Bvh, Hint};
 
 use super::{CompareOptions, MeasureError, TwoWay, chunks, one_way};
+
+pub use at_wedges::{ComparedAttribute, wedge_differences};
 
 /// The errors of one attribute at nearest points.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -4,7 +4,7 @@ use glam::{Mat3, Vec3};
 use lodsmith_core::{Positions, WedgeId};
 use wide::f32x4;
 
-use super::{LightPosition, Normals, Shader, SurfacePoint};
+use super::{HEAT_EDGE_LIGHT, LightPosition, Normals, Shader, SurfacePoint};
 use crate::look::Shading;
 use crate::raster::{ProjectedMesh, transpose_corners};
 
@@ -159,7 +159,11 @@ impl Shader<'_> {
                 crate::linear::of_srgb(n.to_array())
             }),
             Shading::Matcap => each(&|i, _| self.matcap(places.normal.one(i))),
-            Shading::Heat => each(&|i, b| self.heat(placed, places.wedges[i], b)),
+            Shading::Heat => {
+                let own = each(&|i, b| self.heat(placed, places.wedges[i], b));
+                let facing = places.normal.dot(self.to_eyes(places.at).0).fast_max(f32x4::splat(0.0));
+                own.times(facing * (1.0 - HEAT_EDGE_LIGHT) + HEAT_EDGE_LIGHT)
+            }
             Shading::Smooth | Shading::Flat | Shading::Textured => {
                 self.lit(Vec3Lanes::splat(self.surface), places.normal, places.at)
             }
@@ -205,29 +209,26 @@ impl Shader<'_> {
         let is_front = doubled.simd_gt(f32x4::splat(0.0));
         let is_front = if shaded.is_mirrored { is_front } else { !is_front };
         let mut places = PointLanes { wedges, b, at, normal: Vec3Lanes::splat(Vec3::Z) };
-        let needs_normal = self.shading != Shading::Heat;
         let mut is_odd = !(near.simd_gt(f32x4::splat(0.0)) & (near * 0.0).simd_eq(f32x4::splat(0.0)));
-        if needs_normal {
-            let of_shape = |all: &[[f32; 3]], of: &[[usize; 3]; 4]| {
-                let corner = |k: usize| Vec3Lanes::of(of.map(|v| Vec3::from(all[v[k]]))).times(b[k]);
-                corner(0).plus(corner(1)).plus(corner(2)).turned(&shaded.to_view)
-            };
-            let (normal, other) = match shaded.normals {
-                Normals::None => (outer_normals(placed, vertices).turned(&shaded.to_view), !is_front),
-                Normals::OfVertices(all) => (of_shape(all, &vertices), !is_front),
-                Normals::OfWedges(all) => {
-                    let own = of_shape(all, &wedges.map(|of_face| of_face.map(WedgeId::index)));
-                    // Normals from a file may point to either side of a face.
-                    let outer = outer_normals(placed, vertices).turned(&shaded.to_view);
-                    let is_inner = own.dot(outer.0).simd_lt(f32x4::splat(0.0));
-                    (own, is_inner ^ !is_front)
-                }
-            };
-            let length_sq = normal.dot(normal.0);
-            is_odd |= !length_sq.simd_gt(f32x4::splat(1e-12));
-            let normal = normal.times(one / length_sq.sqrt());
-            places.normal = if self.shading == Shading::Normals { normal } else { normal.flipped(other) };
-        }
+        let of_shape = |all: &[[f32; 3]], of: &[[usize; 3]; 4]| {
+            let corner = |k: usize| Vec3Lanes::of(of.map(|v| Vec3::from(all[v[k]]))).times(b[k]);
+            corner(0).plus(corner(1)).plus(corner(2)).turned(&shaded.to_view)
+        };
+        let (normal, other) = match shaded.normals {
+            Normals::None => (outer_normals(placed, vertices).turned(&shaded.to_view), !is_front),
+            Normals::OfVertices(all) => (of_shape(all, &vertices), !is_front),
+            Normals::OfWedges(all) => {
+                let own = of_shape(all, &wedges.map(|of_face| of_face.map(WedgeId::index)));
+                // Normals from a file may point to either side of a face.
+                let outer = outer_normals(placed, vertices).turned(&shaded.to_view);
+                let is_inner = own.dot(outer.0).simd_lt(f32x4::splat(0.0));
+                (own, is_inner ^ !is_front)
+            }
+        };
+        let length_sq = normal.dot(normal.0);
+        is_odd |= !length_sq.simd_gt(f32x4::splat(1e-12));
+        let normal = normal.times(one / length_sq.sqrt());
+        places.normal = if self.shading == Shading::Normals { normal } else { normal.flipped(other) };
         let mut odd = is_odd.to_bitmask();
         while odd != 0 {
             let i = odd.trailing_zeros() as usize;
@@ -248,22 +249,28 @@ impl Shader<'_> {
         places.normal.set(
             i,
             match self.shading {
-                Shading::Flat | Shading::Heat => self.face_normal(hit),
+                Shading::Flat => self.face_normal(hit),
                 Shading::Normals => self.own_normal(hit),
                 _ => self.normal(hit),
             },
         );
     }
 
+    /// Returns the directions to the eye, of unit length.
+    #[inline(always)]
+    fn to_eyes(&self, at: Vec3Lanes) -> Vec3Lanes {
+        if self.projection.is_perspective {
+            at.times(f32x4::splat(-1.0) / at.dot(at.0).sqrt())
+        } else {
+            Vec3Lanes::splat(Vec3::Z)
+        }
+    }
+
     /// Shades a plain surface under the lights.
     #[inline(always)]
     fn lit(&self, albedo: Vec3Lanes, n: Vec3Lanes, at: Vec3Lanes) -> Vec3Lanes {
         let (zero, one) = (f32x4::splat(0.0), f32x4::splat(1.0));
-        let to_eye = if self.projection.is_perspective {
-            at.times(-one / at.dot(at.0).sqrt())
-        } else {
-            Vec3Lanes::splat(Vec3::Z)
-        };
+        let to_eye = self.to_eyes(at);
         let twice = n.dot(to_eye.0) * 2.0;
         let mirrored = n.times(twice).plus(to_eye.times(-one));
         let above = n.dot(self.up.to_array().map(f32x4::splat)) * 0.5 + 0.5;

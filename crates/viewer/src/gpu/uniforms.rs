@@ -140,6 +140,8 @@ pub(super) struct Globals {
     widths: [f32; 4],
     /// Value at the lower end of the colour map; 1 / range; number of stops; 1 with a custom matcap.
     heat: [f32; 4],
+    /// Values of the heat map that have their colour: from, to.
+    brush: [f32; 4],
     background: [[f32; 4]; 2],
     /// Centre of the ground in view coordinates, and its grid spacing.
     ground: [f32; 4],
@@ -240,6 +242,10 @@ impl Globals {
                 (radius * radius) as f32,
             ],
             heat: [least, range, map.len() as f32, f32::from(u8::from(seen.has_matcap))],
+            brush: {
+                let [from, to] = look.heat_brush.unwrap_or([f32::MIN, f32::MAX]);
+                [from, to, 0.0, 0.0]
+            },
             background,
             ground: vec4_of(below, view.length(grid_step(bounding_sphere(bounds).1))),
             marks: {

@@ -7,7 +7,8 @@ use super::{PanelContext, widgets};
 use crate::command::Command;
 use crate::content::Distances;
 use crate::keys::Action;
-use crate::numbers::{seconds, significant};
+use crate::numbers::{grouped, percent, seconds, significant};
+use crate::settings::HeatOf;
 use crate::theme::{palette, weak};
 
 /// Draws the panel.
@@ -26,6 +27,15 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         look.look.shading = if is_heat { Shading::Heat } else { Shading::Smooth };
         scope.command(Command::Look(look));
     }
+    let mut quantity = settings.look.heat_of;
+    widgets::choose(ui, "Quantity", "What the heat map compares", &HeatOf::ALL, &mut quantity);
+    if quantity != settings.look.heat_of {
+        let mut look = settings.look.clone();
+        look.heat_of = quantity;
+        // Ranges are in the units of the quantity.
+        (look.look.heat_range, look.look.heat_brush) = (None, None);
+        scope.command(Command::Look(look));
+    }
     let Some(original) = document.original() else {
         widgets::empty_note(ui, "Open a file first");
         return;
@@ -40,50 +50,107 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         });
         return;
     };
-    let diagonal = original.content.bounds.diagonal();
-    let both = |d: f64| {
-        let share = if diagonal > 0.0 { 100.0 * d / diagonal } else { 0.0 };
-        [significant(d, 3), format!("{} %", significant(share, 3))]
-    };
-    widgets::table_row(ui, "Vertex distance", &["units".into(), "diagonal".into()], true);
-    for (name, d) in [("Maximum", distances.largest), ("RMS", distances.rms), ("Mean", distances.mean)] {
-        widgets::table_row(ui, name, &both(d), false);
+    if distances.histogram.iter().all(|n| *n == 0) && quantity != HeatOf::Distance {
+        let text = match quantity {
+            HeatOf::Uvs => "Both sides need UVs",
+            HeatOf::Colors => "Both sides need vertex colours",
+            _ => "Both sides are equal",
+        };
+        widgets::empty_note(ui, text);
+        return;
     }
+    figures(ui, distances, original.content.bounds.diagonal());
     widgets::heading(ui, "Histogram");
-    histogram(ui, distances, &settings.look.look);
+    histogram(ui, scope, distances);
     range(ui, scope, distances);
-    ui.label(
-        weak(ui, format!("Measured in both directions at all vertices in {}", seconds(distances.seconds)))
-            .small(),
-    );
+    let places = if quantity == HeatOf::Distance { "" } else { ", on each side of seams," };
+    let text =
+        format!("Measured in both directions at all vertices{places} in {}", seconds(distances.seconds));
+    ui.label(weak(ui, text).small());
+    ui.label(weak(ui, "Click the surface to read the value there").small());
 }
 
-/// Draws a histogram of the distances in the colours of the map. Heights are logarithmic.
-fn histogram(ui: &mut Ui, distances: &Distances, look: &Look) {
-    let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 88.0), Sense::hover());
+/// Draws the maximum, the RMS and the mean.
+fn figures(ui: &mut Ui, distances: &Distances, diagonal: f64) {
+    let quantity = distances.quantity;
+    let (title, heads) = match quantity {
+        HeatOf::Distance => ("Vertex distance", vec!["units".into(), "diagonal".into()]),
+        HeatOf::Normals => ("Normals", vec!["angle".into()]),
+        HeatOf::Uvs => ("UVs", vec!["texture widths".into()]),
+        HeatOf::Colors => ("Vertex colours", vec!["0 to 1".into()]),
+    };
+    widgets::table_row(ui, title, &heads, true);
+    for (name, d) in [("Maximum", distances.largest), ("RMS", distances.rms), ("Mean", distances.mean)] {
+        let values = match quantity {
+            HeatOf::Distance => vec![significant(d, 3), format!("{} %", significant(share(d, diagonal), 3))],
+            HeatOf::Normals => vec![format!("{}°", significant(d, 3))],
+            HeatOf::Uvs | HeatOf::Colors => vec![significant(d, 3)],
+        };
+        widgets::table_row(ui, name, &values, false);
+    }
+}
+
+fn share(d: f64, diagonal: f64) -> f64 {
+    if diagonal > 0.0 { 100.0 * d / diagonal } else { 0.0 }
+}
+
+/// Returns a value with its unit.
+pub fn value_text(quantity: HeatOf, value: f64, diagonal: f64) -> String {
+    match quantity {
+        HeatOf::Distance => {
+            format!("{}  ·  {} %", significant(value, 3), significant(share(value, diagonal), 3))
+        }
+        HeatOf::Normals => format!("{}°", significant(value, 3)),
+        HeatOf::Uvs => format!("UV {}", significant(value, 3)),
+        HeatOf::Colors => format!("colour {}", significant(value, 3)),
+    }
+}
+
+/// Draws a histogram in the colours of the map. Heights are logarithmic. A drag selects the values that keep
+/// their colour on the surface; a click selects all again.
+fn histogram(ui: &mut Ui, scope: &mut PanelContext<'_>, distances: &Distances) {
+    let all = scope.document.settings().look.clone();
+    let look = &all.look;
+    let size = Vec2::new(ui.available_width(), 88.0);
+    let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Histogram of distances"));
     let p = palette(ui);
     let painter = ui.painter();
     painter.rect_filled(rect, 3.0, p.sunken);
     let bars = rect.shrink2(Vec2::new(6.0, 6.0));
-    let count = distances.histogram.len().max(1) as f32;
+    let count = distances.histogram.len().max(1);
+    let width = bars.width() / count as f32;
     let height = |n: u32| (f64::from(n) + 1.0).ln() as f32;
     let highest = distances.histogram.iter().copied().map(height).fold(1e-6, f32::max);
     let [low, high] = color_range(look, distances.largest);
+    let step = distances.largest / count as f64;
+    let brushed = look.heat_brush.map(|brush| brushed_bars(brush, step, count));
     for (i, &n) in distances.histogram.iter().enumerate() {
-        let at = (i as f32 + 0.5) / count * distances.largest as f32;
+        let at = ((i as f64 + 0.5) * step) as f32;
         let color = of_map(look.color_map, (at - low) / (high - low).max(1e-30));
-        let x = bars.left() + bars.width() * i as f32 / count;
+        let is_in = brushed.as_ref().is_none_or(|bars| bars.contains(&i));
+        let x = bars.left() + width * i as f32;
         let top = bars.bottom() - bars.height() * height(n) / highest;
-        let bar = Rect::from_min_max(pos2(x, top), pos2(x + bars.width() / count - 1.0, bars.bottom()));
-        painter.rect_filled(bar, 0.0, color);
+        let bar = Rect::from_min_max(pos2(x, top), pos2(x + width - 1.0, bars.bottom()));
+        painter.rect_filled(bar, 0.0, if is_in { color } else { p.weak.gamma_multiply(0.4) });
     }
-    if let Some(pointer) = response.hover_pos() {
-        let i = ((pointer.x - bars.left()) / bars.width() * count).clamp(0.0, count - 1.0) as usize;
-        let step = distances.largest / f64::from(count);
-        let n = distances.histogram.get(i).copied().unwrap_or(0);
-        let [from, to] = [i as f64, i as f64 + 1.0].map(|k| significant(k * step, 3));
-        response.on_hover_text(format!("{from} to {to}: {n} vertices"));
+    let bar_at = |x: f32| ((x - bars.left()) / width).clamp(0.0, count as f32 - 1.0) as usize;
+    let interval = |from: usize, to: usize| {
+        let [a, b] = [from as f64, to as f64 + 1.0].map(|k| significant(k * step, 3));
+        let n: u64 = distances.histogram[from..=to].iter().copied().map(u64::from).sum();
+        let whole: u64 = distances.histogram.iter().copied().map(u64::from).sum();
+        let part = percent(n as f64 / whole.max(1) as f64);
+        let places = if distances.quantity == HeatOf::Distance { "vertices" } else { "values" };
+        format!("{a} to {b}: {} {places} ({part})", grouped(n as usize))
+    };
+    brush(scope, &response, distances, &bar_at);
+    match brushed {
+        Some(bars) => ui.label(weak(ui, interval(bars.start, bars.end - 1)).small()),
+        None => ui.label(weak(ui, "Drag here to show where values are on the surface").small()),
+    };
+    if let Some(pointer) = response.hover_pos().filter(|_| !response.dragged()) {
+        let i = bar_at(pointer.x);
+        response.on_hover_text(interval(i, i));
     }
     let [zero, most] = ["0".to_owned(), significant(distances.largest, 3)];
     ui.horizontal(|ui| {
@@ -94,11 +161,52 @@ fn histogram(ui: &mut Ui, distances: &Distances, look: &Look) {
     });
 }
 
+/// Returns the bars within a brush.
+fn brushed_bars([from, to]: [f32; 2], step: f64, count: usize) -> std::ops::Range<usize> {
+    let bar = |value: f32| if step > 0.0 { (f64::from(value) / step).round().max(0.0) as usize } else { 0 };
+    let first = bar(from).min(count - 1);
+    first..bar(to).clamp(first + 1, count)
+}
+
+/// Selects the dragged bars, and shows the heat map; a click selects everything.
+fn brush(
+    scope: &mut PanelContext<'_>,
+    response: &egui::Response,
+    distances: &Distances,
+    bar_at: &dyn Fn(f32) -> usize,
+) {
+    let mut look = scope.document.settings().look.clone();
+    let anchor = response.id.with("anchor");
+    let pointer = response.interact_pointer_pos();
+    if let Some(pointer) = pointer.filter(|_| response.dragged()) {
+        let origin = response.ctx.input(|i| i.pointer.press_origin()).unwrap_or(pointer);
+        let start = response.ctx.data_mut(|d| *d.get_temp_mut_or(anchor, origin.x));
+        let (a, b) = (bar_at(start), bar_at(pointer.x));
+        let step = distances.largest / distances.histogram.len().max(1) as f64;
+        let to = if a.max(b) + 1 == distances.histogram.len() {
+            // The largest value is within, whatever its rounding.
+            f64::from(f32::MAX)
+        } else {
+            (a.max(b) + 1) as f64 * step
+        };
+        look.look.heat_brush = Some([(a.min(b) as f64 * step) as f32, to as f32]);
+        look.look.shading = Shading::Heat;
+    } else {
+        response.ctx.data_mut(|d| d.remove::<f32>(anchor));
+    }
+    if response.clicked() {
+        look.look.heat_brush = None;
+    }
+    if look != scope.document.settings().look {
+        scope.command(Command::Look(look));
+    }
+}
+
 /// Draws the field for the upper end of the colour range.
 fn range(ui: &mut Ui, scope: &mut PanelContext<'_>, distances: &Distances) {
     let mut look = scope.document.settings().look.clone();
     let largest = distances.largest as f32;
-    widgets::field(ui, "Range maximum", "Distance shown in the last colour; Auto uses the largest", |ui| {
+    widgets::field(ui, "Range maximum", "Value shown in the last colour; Auto uses the largest", |ui| {
         let mut high = color_range(&look.look, distances.largest)[1];
         let drag = egui::DragValue::new(&mut high).range(largest * 1e-4..=largest * 10.0);
         if ui.add(drag.speed(largest * 0.005).custom_formatter(|x, _| significant(x, 3))).changed() {
@@ -124,8 +232,25 @@ fn of_map(map: ColorMap, t: f32) -> Color32 {
     Color32::from_rgb(r, g, b)
 }
 
-/// Draws the legend of the colour map over a picture.
+/// Draws the legend of the heat map over a picture.
 pub fn legend(ui: &Ui, picture: Rect, look: &Look, distances: Option<&Distances>, diagonal: f64) {
+    let Some(distances) = distances else {
+        return scale(ui, picture, look.color_map, ["Measuring…".into(), String::new()]);
+    };
+    let [low, high] = color_range(look, distances.largest);
+    let figure = |x: f32| significant(f64::from(x), 2);
+    let most = match distances.quantity {
+        HeatOf::Distance => {
+            format!("{} ({} %)", figure(high), significant(share(f64::from(high), diagonal), 2))
+        }
+        HeatOf::Normals => format!("{}°", figure(high)),
+        HeatOf::Uvs | HeatOf::Colors => format!("{} {}", distances.quantity.name(), figure(high)),
+    };
+    scale(ui, picture, look.color_map, [figure(low), most]);
+}
+
+/// Draws a colour map over a picture, with texts at its ends.
+pub fn scale(ui: &Ui, picture: Rect, map: ColorMap, [low, high]: [String; 2]) {
     let p = palette(ui);
     let size = Vec2::new(192.0, 46.0);
     let rect = Rect::from_min_size(picture.right_bottom() - size - Vec2::splat(12.0), size);
@@ -135,24 +260,35 @@ pub fn legend(ui: &Ui, picture: Rect, look: &Look, distances: Option<&Distances>
     let painter = ui.painter_at(picture);
     painter.rect_filled(rect, 5.0, p.panel.gamma_multiply(0.92));
     let font = egui::TextStyle::Small.resolve(ui.style());
-    let Some(distances) = distances else {
-        let text = "Measuring…";
-        painter.text(rect.center(), egui::Align2::CENTER_CENTER, text, font, p.weak);
-        return;
-    };
     let bar = Rect::from_min_size(rect.min + Vec2::new(10.0, 10.0), Vec2::new(size.x - 20.0, 10.0));
     let steps = 64;
     for i in 0..steps {
         let x = bar.left() + bar.width() * i as f32 / steps as f32;
         let part =
             Rect::from_min_max(pos2(x, bar.top()), pos2(x + bar.width() / steps as f32 + 0.5, bar.bottom()));
-        painter.rect_filled(part, 0.0, of_map(look.color_map, (i as f32 + 0.5) / steps as f32));
+        painter.rect_filled(part, 0.0, of_map(map, (i as f32 + 0.5) / steps as f32));
     }
-    let [low, high] = color_range(look, distances.largest);
-    let share = |x: f32| if diagonal > 0.0 { 100.0 * f64::from(x) / diagonal } else { 0.0 };
     let below = bar.bottom() + 4.0;
     let text = |at, align, text: String| painter.text(at, align, text, font.clone(), p.text);
-    text(pos2(bar.left(), below), egui::Align2::LEFT_TOP, significant(f64::from(low), 2));
-    let most = format!("{} ({} %)", significant(f64::from(high), 2), significant(share(high), 2));
-    text(pos2(bar.right(), below), egui::Align2::RIGHT_TOP, most);
+    text(pos2(bar.left(), below), egui::Align2::LEFT_TOP, low);
+    text(pos2(bar.right(), below), egui::Align2::RIGHT_TOP, high);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_brush_is_made_of_whole_bars() {
+        assert_eq!(brushed_bars([0.0, 0.5], 0.25, 8), 0..2);
+        assert_eq!(brushed_bars([0.5, f32::MAX], 0.25, 8), 2..8);
+        assert_eq!(brushed_bars([9.0, 12.0], 0.25, 8), 7..8, "beyond the largest value of a closer result");
+        assert_eq!(brushed_bars([0.0, 1.0], 0.0, 8), 0..1);
+    }
+
+    #[test]
+    fn values_have_the_unit_of_their_quantity() {
+        assert_eq!(value_text(HeatOf::Distance, 0.01, 2.0), "0.0100  ·  0.500 %");
+        assert_eq!(value_text(HeatOf::Normals, 12.34, 2.0), "12.3°");
+    }
 }

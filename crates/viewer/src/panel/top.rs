@@ -180,12 +180,7 @@ fn sides(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         }
     }
     for (sides, name) in Sides::ALL.into_iter().filter(|_| !is_narrow) {
-        if widgets::segment(
-            ui,
-            name,
-            layout.sides == sides,
-            &format!("{name} ({key} cycles through all four)"),
-        ) {
+        if widgets::segment(ui, name, layout.sides == sides, &format!("{name} ({key} cycles through all)")) {
             scope.command(Command::Layout(Layout { sides, ..layout }));
         }
     }

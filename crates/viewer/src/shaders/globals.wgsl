@@ -16,6 +16,7 @@ struct Globals {
     wire: vec4<f32>,
     widths: vec4<f32>,
     heat: vec4<f32>,
+    brush: vec4<f32>,
     background: array<vec4<f32>, 2>,
     ground: vec4<f32>,
     marks: vec4<f32>,

@@ -270,7 +270,13 @@ fn fs(in: Varying, @builtin(front_facing) faces_front: bool) -> @location(0) vec
         rgb = globals.surface.rgb;
         if (in.flags & HAS_HEAT) != 0u {
             rgb = linear_from_srgb(heat_color(in.heat));
+            // Values outside the brush are grey.
+            if in.heat < globals.brush.x || in.heat > globals.brush.y {
+                rgb = vec3(0.13);
+            }
         }
+        // Darker where the surface turns away, so that its shape shows: as in `lodsmith_render`.
+        rgb *= mix(0.35, 1.0, max(dot(n, to_eye(in.view)), 0.0));
     } else if SHADING == CUSTOM {
         let color = vertex_color(in);
         let shown = surface(Surface(in.view, n, face, in.uv.xy, globals.surface.rgb, color, in.heat));

@@ -1,0 +1,139 @@
+//! Takes the screenshots of the documents, without a window: `cargo xtask pictures viewer` calls this.
+//!
+//! `cargo run -p lodsmith-viewer --example pictures -- FOLDER` writes `NAME.png` for each page, and the frames
+//! `slider_00.png` … of the moving slider. Without a graphics adapter it prints SKIPPED and writes nothing.
+
+#[path = "../tests/adapter/mod.rs"]
+mod adapter;
+#[path = "../tests/screens/desk.rs"]
+mod desk;
+
+use std::path::{Path, PathBuf};
+
+use desk::AppHarness;
+use eframe::egui::{self, Key, Modifiers};
+use egui_kittest::kittest::Queryable;
+use lodsmith::Stop;
+use lodsmith_viewer::command::{Command, SimplifyTarget};
+use lodsmith_viewer::keys::{Action, CopiesAction};
+use lodsmith_viewer::panel::Panel;
+use lodsmith_viewer::settings::{HeatOf, Layout, Sides};
+
+/// Face counts at the ends of the slider in the animation.
+const SLIDER_FACES: [f64; 2] = [16_192.0, 90.0];
+/// Number of frames from one end to the other.
+const SLIDER_FRAMES: usize = 22;
+/// Size of the window in the animation, in pixels.
+const SLIDER_SIZE: [f32; 2] = [860.0, 520.0];
+
+fn main() {
+    let Some(folder) = std::env::args_os().nth(1).map(PathBuf::from) else {
+        panic!("name the folder for the pictures");
+    };
+    let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/finial.ply");
+    let Some(mut desk) = opened(&sample) else { return };
+    let save = |desk: &mut AppHarness, name: &str| {
+        desk.smooth();
+        let picture = desk.harness.render().expect("the adapter draws");
+        picture.save(folder.join(format!("{name}.png"))).expect("the folder can be written");
+    };
+    desk.press(Key::W);
+    target(&mut desk, 1300);
+    heat(&mut desk, HeatOf::Distance, true);
+    save(&mut desk, "viewer");
+
+    // The right quarter of the histogram, and a click on the result.
+    hide(&mut desk, Panel::Method);
+    if !desk.app().is_shown(Panel::Error) {
+        desk.press(Key::F7);
+    }
+    desk.press(Key::W);
+    let rect = desk.harness.get_by_label("Histogram of distances").rect();
+    let at = |share: f32| egui::pos2(rect.left() + rect.width() * share, rect.center().y);
+    desk.drag(at(0.18), at(0.99));
+    let result = desk.harness.get_by_label("Picture of the result").rect();
+    desk.point(result.center() + egui::vec2(0.0, 40.0));
+    save(&mut desk, "viewer-error");
+
+    heat(&mut desk, HeatOf::Normals, true);
+    save(&mut desk, "viewer-normals");
+
+    heat(&mut desk, HeatOf::Distance, false);
+    sides(&mut desk, Sides::Difference);
+    // The camera has come to rest, and the picture has its full size.
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    desk.settle();
+    desk.settle();
+    save(&mut desk, "viewer-difference");
+
+    let Some(mut copies) = opened(&sample) else { return };
+    copies.press(Key::Y);
+    copies.act(Action::Copies(CopiesAction::Scatter));
+    copies.act(Action::Copies(CopiesAction::Colors));
+    copies.press(Key::I);
+    save(&mut copies, "stage");
+
+    sides(&mut desk, Sides::Both);
+    slider(&mut desk, &folder);
+}
+
+/// Opens a copy of a file in the folder of the harness.
+fn opened(file: &Path) -> Option<AppHarness> {
+    let mut desk = AppHarness::with(false, None::<&Path>)?;
+    let copy = desk.path("finial.ply");
+    std::fs::copy(file, &copy).expect("the sample can be copied");
+    desk.harness.state_mut().document_mut().run(Command::Open(vec![copy]));
+    desk.settle();
+    Some(desk)
+}
+
+/// Saves the frames of the slider from one end to the other, without panels.
+fn slider(desk: &mut AppHarness, folder: &Path) {
+    desk.harness.set_size(SLIDER_SIZE.into());
+    desk.press(Key::W);
+    if desk.app().is_shown(Panel::Error) {
+        desk.press(Key::Tab);
+    }
+    desk.press_with(Modifiers::NONE, Key::F);
+    let [from, to] = SLIDER_FACES;
+    for frame in 0..SLIDER_FRAMES {
+        let share = frame as f64 / (SLIDER_FRAMES - 1) as f64;
+        target(desk, (from * (to / from).powf(share)).round() as usize);
+        desk.smooth();
+        let picture = desk.harness.render().expect("the adapter draws");
+        picture.save(folder.join(format!("slider_{frame:02}.png"))).expect("the folder can be written");
+    }
+}
+
+fn target(desk: &mut AppHarness, faces: usize) {
+    let document = desk.harness.state_mut().document_mut();
+    document.run(Command::Target(SimplifyTarget::Faces(faces)));
+    document.seal();
+    desk.settle();
+    assert!(desk.app().document().settings().simplify.options.stop == Stop::faces(faces));
+}
+
+/// Shows the heat map of a quantity, or the plain surface.
+fn heat(desk: &mut AppHarness, quantity: HeatOf, is_on: bool) {
+    let document = desk.harness.state_mut().document_mut();
+    let mut look = document.settings().look.clone();
+    look.heat_of = quantity;
+    look.look.heat_brush = None;
+    look.look.shading = if is_on { lodsmith_render::Shading::Heat } else { lodsmith_render::Shading::Smooth };
+    document.run(Command::Look(look));
+    document.seal();
+    desk.settle();
+}
+
+fn sides(desk: &mut AppHarness, sides: Sides) {
+    let document = desk.harness.state_mut().document_mut();
+    let layout = Layout { sides, ..document.settings().layout };
+    document.run(Command::Layout(layout));
+    desk.settle();
+}
+
+fn hide(desk: &mut AppHarness, panel: Panel) {
+    if desk.app().is_shown(panel) {
+        desk.act(Action::Panel(panel));
+    }
+}

@@ -1,0 +1,94 @@
+//! The difference view: one picture of how differently both sides look.
+
+use std::sync::Arc;
+
+use eframe::egui::{self, Color32, ColorImage, Rect, TextureOptions, Ui, pos2};
+
+use super::{CAMERA_REST, COARSE_SCALE, ComparisonView};
+use crate::difference::DifferenceView;
+use crate::document::Document;
+use crate::numbers::significant;
+use crate::orbit::turn_matrix;
+use crate::panel::{UiRequest, error};
+use crate::theme::palette;
+use crate::viewport;
+
+impl ComparisonView {
+    /// Draws the last difference picture, and asks for that of the present view. The picture of another camera
+    /// stays until the next one is there.
+    pub(super) fn draw_difference(
+        &mut self,
+        ui: &Ui,
+        document: &Document,
+        rect: Rect,
+        says: &mut Vec<UiRequest>,
+    ) {
+        let painter = ui.painter_at(rect);
+        painter.rect_filled(rect, 0.0, palette(ui).window);
+        let Some(view) = self.difference_view(ui, document, rect) else {
+            let text = "No result to compare yet; drag the slider below";
+            let font = egui::TextStyle::Body.resolve(ui.style());
+            painter.text(rect.center(), egui::Align2::CENTER_CENTER, text, font, palette(ui).weak);
+            return;
+        };
+        let last = document.difference();
+        let is_present = last.is_some_and(|picture| picture.of == view);
+        let map = view.look.color_map;
+        if !is_present {
+            says.push(UiRequest::Difference(Some(Box::new(view))));
+        }
+        let Some(last) = last else {
+            viewport::caption(ui, rect, "Difference", "comparing…", false);
+            return;
+        };
+        if self.difference.as_ref().is_none_or(|shown| !Arc::ptr_eq(&shown.0, last)) {
+            let pixels = last.picture.pixels().as_flattened();
+            let image = ColorImage::from_rgba_unmultiplied(last.of.size, pixels);
+            let texture = ui.ctx().load_texture("difference", image, TextureOptions::LINEAR);
+            self.difference = Some((last.clone(), texture));
+        }
+        if let Some((_, texture)) = &self.difference {
+            let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+            painter.image(texture.id(), rect, whole, Color32::WHITE);
+        }
+        let mut text = format!("mean FLIP {}", significant(last.mean, 3));
+        let pointer = ui.ctx().pointer_hover_pos().filter(|p| rect.contains(*p));
+        let here = pointer.map(|p| [(p.x - rect.left()) / rect.width(), (p.y - rect.top()) / rect.height()]);
+        match here.and_then(|at| last.at(at)) {
+            _ if !is_present => text += "  ·  updating…",
+            Some(here) => text += &format!("  ·  here {}", significant(f64::from(here), 2)),
+            None => {}
+        }
+        viewport::caption(ui, rect, "Difference", &text, false);
+        error::scale(ui, rect, map, ["0: equal".to_owned(), "1: FLIP".to_owned()]);
+    }
+
+    /// Returns what the difference picture should show; `None` without a result.
+    fn difference_view(&self, ui: &Ui, document: &Document, rect: Rect) -> Option<DifferenceView> {
+        let original = document.original()?.content.clone();
+        let lighter = self.result(document).0?.content.clone();
+        let settings = document.settings();
+        let rests_in = self.moved.and_then(|at| CAMERA_REST.checked_sub(at.elapsed()));
+        if let Some(rest) = rests_in {
+            ui.ctx().request_repaint_after(rest);
+        }
+        let scale = if rests_in.is_some() { COARSE_SCALE } else { 1.0 };
+        let pixels = |points: f32| (points * ui.pixels_per_point() * scale).round().max(1.0) as usize;
+        let mut look = settings.look.look.clone();
+        // Neither is seen in a difference.
+        (look.heat_range, look.heat_brush) = (None, None);
+        Some(DifferenceView {
+            pose: self.pose.clone(),
+            world_from_model: turn_matrix(&original.bounds, document.rotation()),
+            camera: self.orbits[0].camera(),
+            size: [pixels(rect.width()), pixels(rect.height())],
+            scale,
+            look,
+            lighting: settings.look.lighting(),
+            in_studio: settings.look.surroundings(original.model().has_metal())
+                != crate::settings::EnvironmentChoice::Plain,
+            original,
+            lighter,
+        })
+    }
+}
