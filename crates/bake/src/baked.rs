@@ -2,8 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{self, RecvTimeoutError};
-use std::time::Duration;
+use std::sync::mpsc;
 
 use glam::Vec4;
 use lodsmith::{Control, Verdict};
@@ -15,7 +14,7 @@ use crate::curvature::Curvature;
 use crate::error::BakeError;
 use crate::flat::{Flat, Taken};
 use crate::link::Link;
-use crate::maps::BakedMap;
+use crate::maps::{BakedMap, Texels};
 use crate::occluders::Occluders;
 use crate::occlusion::Rays;
 use crate::options::{BakeOptions, MapKind};
@@ -134,7 +133,8 @@ pub fn bake(
     let count = sets.len() as f64;
     for (i, set) in sets.iter().enumerate() {
         let share = |done: f64| 0.15 + 0.85 * (i as f64 + done) / count;
-        let (maps, own) = baker.bake(set, control, &share)?;
+        let (mut maps, own) = baker.bake(set, control, &share)?;
+        pack_occlusion(&mut maps);
         found.add(&own);
         baked.push(baked_set(set, maps, lighter));
     }
@@ -165,10 +165,7 @@ fn proceed(control: &mut dyn Control, done: f64) -> Result<(), BakeError> {
     if control.progress(done) == Verdict::Continue { Ok(()) } else { Err(BakeError::Cancelled) }
 }
 
-/// Time between two questions of [`watched`].
-const PATIENCE: Duration = Duration::from_millis(20);
-
-/// Does work on another thread, and asks the control meanwhile whether to go on, which only this thread may do.
+/// Does work on another thread, and asks the control whenever that thread asks whether to proceed: only this thread may.
 fn watched<T: Send>(
     control: &mut dyn Control,
     done: f64,
@@ -176,18 +173,18 @@ fn watched<T: Send>(
 ) -> Result<T, BakeError> {
     let proceeds = AtomicBool::new(true);
     std::thread::scope(|scope| {
-        let (sender, receiver) = mpsc::channel();
+        let (asks, questions) = mpsc::channel();
         let proceeds = &proceeds;
         let worker = scope.spawn(move || {
-            let result = work(&|| proceeds.load(Ordering::Relaxed));
-            // Only to wake the other thread.
-            let _ = sender.send(());
-            result
+            work(&|| {
+                // (Fails only after the last question.)
+                let _ = asks.send(());
+                proceeds.load(Ordering::Relaxed)
+            })
         });
-        while receiver.recv_timeout(PATIENCE) == Err(RecvTimeoutError::Timeout) {
+        for () in questions {
             if control.progress(done) != Verdict::Continue {
                 proceeds.store(false, Ordering::Relaxed);
-                break;
             }
         }
         worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
@@ -275,6 +272,16 @@ fn world_tangents(model: &Model, flat: &Flat) -> Vec<[Vec4; 3]> {
         }
     }
     all
+}
+
+/// Puts occlusion into the free channel of the metallic-roughness map, so that one texture serves for both.
+fn pack_occlusion(maps: &mut [BakedMap]) {
+    let Some(from) = maps.iter().position(|m| m.kind == MapKind::Occlusion) else { return };
+    let Some(to) = maps.iter().position(|m| m.kind == MapKind::MetallicRoughness) else { return };
+    let Ok([from, to]) = maps.get_disjoint_mut([from, to]) else { return };
+    if let (Texels::Rgba8(from), Texels::Rgba8(to)) = (&from.texels, &mut to.texels) {
+        to.pixels_mut().iter_mut().zip(from.pixels()).for_each(|(to, from)| to[0] = from[0]);
+    }
 }
 
 fn baked_set(set: &FaceSet, maps: Vec<BakedMap>, model: &Model) -> BakedSet {

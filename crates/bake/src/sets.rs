@@ -134,6 +134,8 @@ fn overlap_problem(light: &Flat, faces: &[usize]) -> Option<String> {
 /// Chooses the maps of a set: those asked for, and for a new atlas also those that its materials have.
 pub(crate) fn maps_of(set: &FaceSet, model: &Model, options: &BakeOptions) -> Vec<MapJob> {
     let mut jobs: Vec<MapJob> = options.maps.iter().map(|&kind| MapJob { kind, is_copied: false }).collect();
+    jobs.sort_by_key(|j| j.kind);
+    jobs.dedup();
     if !set.is_new {
         return jobs;
     }

@@ -106,7 +106,11 @@ fn material_of(
         let own =
             if several && !set.name.is_empty() { format!("_{}", safe(&set.name)) } else { String::new() };
         let end = format!("{own}_{}.png", map.kind.name());
-        if let Some(slot) = slot_of(map.kind) {
+        let packed = images.iter().find(|i: &&SlotImage| i.slot == TextureSlot::MetallicRoughness);
+        if let (MapKind::Occlusion, Some(packed)) = (map.kind, packed) {
+            // Its red channel holds the same values.
+            images.push(SlotImage { slot: TextureSlot::Occlusion, ..packed.clone() });
+        } else if let Some(slot) = slot_of(map.kind) {
             let name = format!("{}{}", safe(&set.name), end.trim_end_matches(".png"));
             images.push(SlotImage { slot, name: name.trim_start_matches('_').to_owned(), png: png.clone() });
         }

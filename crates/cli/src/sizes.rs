@@ -46,13 +46,18 @@ fn merged(of_file: Option<Sizes>, of_mesh: Option<Sizes>) -> Option<Sizes> {
     }
 }
 
-/// Returns the sizes of an input; `loaded` is its mesh, if it was read as one.
-pub(crate) fn of_input(source: &Source, reading: &Reading, loaded: Option<&Loaded>) -> Option<Sizes> {
+/// Returns the sizes of an input; `read` are those of what was read from it.
+pub(crate) fn of_input(source: &Source, reading: &Reading, read: Option<Sizes>) -> Option<Sizes> {
     let of_file = match source {
         Source::Path(path) => lodsmith_io::sizes_of_path(path, &reading.options()),
         Source::Stdin => None,
     };
-    merged(of_file, loaded.map(|loaded| of_mesh(&loaded.mesh, &loaded.regions, true)))
+    merged(of_file, read)
+}
+
+/// Returns the sizes of a mesh that was read.
+pub(crate) fn of_loaded(loaded: &Loaded) -> Option<Sizes> {
+    Some(of_mesh(&loaded.mesh, &loaded.regions, true))
 }
 
 /// Returns the sizes of a mesh with its materials, or without any.

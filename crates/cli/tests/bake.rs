@@ -68,6 +68,24 @@ fn a_mesh_without_coordinates_gets_an_atlas_and_its_material_the_maps() {
 }
 
 #[test]
+fn occlusion_and_roughness_share_a_texture() {
+    let desk = CliSandbox::new();
+    desk.put("high.ply", &coloured_hills(32));
+    desk.put("low.ply", &hills(4));
+    let words =
+        "bake high.ply low.ply -o out.glb --maps ao,metallic-roughness --texture-size 64 --ao-rays 16";
+    desk.run(words).with_status(0);
+    let file = read_model_path(&desk.path("out.glb"), &ReadOptions::default()).unwrap();
+    let material = &file.model.materials[0];
+    let texture = material.occlusion_texture.expect("it is baked");
+    assert_eq!(material.metallic_roughness_texture.map(|t| t.image), Some(texture.image));
+    assert_eq!(file.model.images.len(), 1);
+    let red = file.model.images[texture.image].pixels().iter().map(|p| p[0]);
+    let (darkest, lightest) = red.fold((255, 0), |(low, high), r| (r.min(low), r.max(high)));
+    assert!(darkest < 230 && lightest == 255, "the valleys are darker: {darkest} to {lightest}");
+}
+
+#[test]
 fn coordinates_without_overlap_are_kept_and_an_obj_gets_its_library() {
     let desk = CliSandbox::new();
     desk.put("high.ply", &coloured_hills(32));

@@ -110,3 +110,27 @@ fn a_scene_stays_whole() {
     assert_eq!(dry.objects()[0]["dry_run"], true);
     assert!(!desk.path("dry.glb").exists());
 }
+
+#[test]
+fn sizes_and_packing_are_told() {
+    let desk = CliSandbox::new();
+    desk.put("in.ply", &broken());
+    let report = desk.run("clean in.ply -o out.glb --compress meshopt --quantize --json").with_status(0);
+    let report = report.objects().remove(0);
+    let before = &report["input"]["sizes"];
+    assert_eq!(
+        (before["triangles"].as_u64(), before["draw_calls"].as_u64()),
+        (Some(25), Some(1)),
+        "{report}"
+    );
+    assert!(before["file_bytes"].as_u64() > Some(100), "{report}");
+    assert_eq!(report["output"]["sizes"]["triangles"], 24);
+    assert!(report["output"]["packing"]["packed_bytes"].as_u64() > Some(0), "{report}");
+    let ran = desk.run("clean in.ply -o out.ply -v").with_status(0);
+    assert!(ran.text().contains("triangles 25 → 24, draw calls 1 → 1"), "{}", ran.text());
+    // A scene from standard input has sizes too, though its file has none.
+    let scene = std::fs::read(desk.path("out.glb")).unwrap();
+    let ran = desk.run_with("clean - --from glb -o again.glb --json", scene).with_status(0);
+    let sizes = &ran.objects()[0]["input"]["sizes"];
+    assert_eq!((sizes["triangles"].as_u64(), sizes["file_bytes"].as_u64()), (Some(24), None), "{sizes}");
+}

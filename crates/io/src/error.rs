@@ -180,7 +180,7 @@ impl Warning {
     /// Creates a warning that the mesh read from a scene lacks this; everything derived from the mesh lacks
     /// it too.
     pub(crate) fn lost_scene_data(what: &str) -> Self {
-        let text = format!("{what} are not carried: only a scene that goes from glTF to glTF keeps them");
+        let text = format!("{what} are not carried: only a scene that is written as glTF or GLB keeps them");
         Self { of_scene: true, ..Self::lost(text) }
     }
     /// Creates a warning about lost data of the scene that the mesh does not have.

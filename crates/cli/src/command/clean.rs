@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use lodsmith::{CleanOptions, CleanReport, Cleaned, Control, Length, SimplifyError, Stage, Verdict};
 use lodsmith_io::gltf::Scene;
-use lodsmith_io::{Format, Loaded, Warning};
+use lodsmith_io::{Format, Loaded, Sizes, Warning};
 use serde_json::{Map, Value, json};
 
 use super::batch;
@@ -21,6 +21,7 @@ use crate::paths::Source;
 use crate::plan::Job;
 use crate::progress::FileProgress;
 use crate::run_control::not_interrupted;
+use crate::sizes::{self, WriteOutcome};
 use crate::status::Status;
 use crate::warnings::{show_warnings, texts};
 use crate::{memory, memory_need};
@@ -42,6 +43,9 @@ struct CleanOutcome {
     /// For a scene that was written as a scene, its meshes by name.
     meshes: Vec<(String, CleanReport)>,
     warnings: Vec<Warning>,
+    sizes_before: Option<Sizes>,
+    /// Without its warnings.
+    written: WriteOutcome,
     seconds: [(&'static str, f64); 3],
 }
 
@@ -69,6 +73,11 @@ fn clean_one(
     bar.read();
     let input = file::read_input(&job.source, &args.reading, Vec::new(), job.keeps_scenes())?;
     clock.end(0);
+    let read = match &input {
+        Input::Mesh(loaded) => sizes::of_loaded(loaded),
+        Input::Scene(scene) => scene.sizes(),
+    };
+    let sizes_before = sizes::of_input(&job.source, &args.reading, read);
     let done = match (input, &job.output) {
         (Input::Scene(scene), Some(to)) => {
             clean_scene(*scene, &job.source, to, args.options(), bar, &mut clock)?
@@ -78,7 +87,7 @@ fn clean_one(
             clean_mesh(*loaded, to.as_ref(), &args.options(), bar, &mut clock, turn)?
         }
     };
-    Ok(CleanOutcome { seconds: clock.seconds, ..done })
+    Ok(CleanOutcome { sizes_before, seconds: clock.seconds, ..done })
 }
 
 fn clean_mesh(
@@ -97,6 +106,7 @@ fn clean_mesh(
     warnings.extend(warnings_of(&report));
     clock.end(1);
     bar.write();
+    let mut written = WriteOutcome::default();
     if let Some(to) = to {
         orient(&mut cleaned, &to.writing);
         // If two textures have one name, that of the earlier input keeps it.
@@ -108,10 +118,12 @@ fn clean_mesh(
                 "STL has no numbers of vertices: who reads it joins again what was cut apart",
             ));
         }
-        warnings.extend(to.write(&cleaned, regions)?.warnings);
+        written = to.write(&cleaned, regions)?;
+        warnings.append(&mut written.warnings);
     }
     clock.end(2);
-    Ok(CleanOutcome { input_format, report, meshes: Vec::new(), warnings, seconds: clock.seconds })
+    let (meshes, sizes_before, seconds) = (Vec::new(), None, clock.seconds);
+    Ok(CleanOutcome { input_format, report, meshes, warnings, sizes_before, written, seconds })
 }
 
 /// Cleans each mesh of a scene separately; the rest of the scene is not changed.
@@ -159,10 +171,12 @@ fn clean_scene(
     warnings.extend(notes);
     warnings.extend(images.bring(&mut scene, to.format, to.writing.textures));
     let relink = |uri: &str| images.uri(uri);
-    warnings.extend(to.write_scene(&scene, &replaced, &relink)?.warnings);
+    let mut written = to.write_scene(&scene, &replaced, &relink)?;
+    warnings.append(&mut written.warnings);
     clock.end(2);
     let input_format = scene.format();
-    Ok(CleanOutcome { input_format, report, meshes, warnings, seconds: clock.seconds })
+    let (sizes_before, seconds) = (None, clock.seconds);
+    Ok(CleanOutcome { input_format, report, meshes, warnings, sizes_before, written, seconds })
 }
 
 /// Converts options with lengths in a scene to those of a mesh that is scaled by `scale` there.
@@ -274,6 +288,10 @@ fn show(
     for line in done.table(path) {
         out.line(&line);
     }
+    let details = sizes::line(done.sizes_before, done.written.sizes).into_iter();
+    for line in details.chain(done.written.packed.as_ref().map(sizes::packed_line)) {
+        out.detail(&line);
+    }
     for (name, r) in done.meshes.iter().filter(|_| done.meshes.len() > 1) {
         out.detail(&format!("  mesh {name}: {} → {} faces", grouped(r.input_faces), grouped(r.faces)));
     }
@@ -325,17 +343,20 @@ impl CleanOutcome {
         let mut report = json!({
             "input": {
                 "path": path, "format": self.input_format.name(),
-                "faces": r.input_faces, "vertices": r.input_vertices,
+                "faces": r.input_faces, "vertices": r.input_vertices, "sizes": sizes::to_json(self.sizes_before),
             },
             "output": {
                 "path": to.map(|to| to.sink.to_string()), "format": to.map(|to| to.format.name()),
-                "faces": r.faces, "vertices": r.vertices,
+                "faces": r.faces, "vertices": r.vertices, "sizes": sizes::to_json(self.written.sizes),
             },
             "done": named(&done),
             "left": named(&left),
             "warnings": texts(&self.warnings),
             "seconds": seconds,
         });
+        if let Some(packed) = &self.written.packed {
+            report["output"]["packing"] = sizes::packed_json(packed);
+        }
         if !self.meshes.is_empty() {
             let mesh = |(name, r): &(String, CleanReport)| {
                 let (done, left) = counts(r);

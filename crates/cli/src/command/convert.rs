@@ -37,9 +37,10 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Status> {
         let input = file::read_input(&args.input, &args.reading, Vec::new(), to.keeps_scenes())?;
         bar.write();
         let before = match &input {
-            Input::Mesh(loaded) => sizes::of_input(&args.input, &args.reading, Some(loaded)),
-            Input::Scene(_) => sizes::of_input(&args.input, &args.reading, None),
+            Input::Mesh(loaded) => sizes::of_loaded(loaded),
+            Input::Scene(scene) => scene.sizes(),
         };
+        let before = sizes::of_input(&args.input, &args.reading, before);
         match input {
             Input::Mesh(mut loaded) => {
                 orient(&mut loaded.mesh, writing);

@@ -89,7 +89,7 @@ fn inspect(source: &Source, args: &InfoArgs, progress: &Progress) -> anyhow::Res
     let non_finite_vertices = positions.iter().filter(|p| !p.iter().all(|x| x.is_finite())).count();
     let (bounds, size) = (positions.bounds(), size_of(&surface));
     drop(surface);
-    let sizes = sizes::of_input(source, &args.reading, Some(&loaded));
+    let sizes = sizes::of_input(source, &args.reading, sizes::of_loaded(&loaded));
     let cache = CacheUse::of_mesh(&loaded.mesh);
     let secs = begin.elapsed().as_secs_f64();
     bar.end();

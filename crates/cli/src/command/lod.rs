@@ -58,7 +58,7 @@ fn of_mesh(
     plan: &Plan,
     mut watch: RunControl<'_>,
 ) -> anyhow::Result<LodResult> {
-    let sizes_before = sizes::of_input(&args.input, &args.reading, Some(&loaded));
+    let sizes_before = sizes::of_input(&args.input, &args.reading, sizes::of_loaded(&loaded));
     let mut options = args.options();
     let to = plan.job.output.as_ref();
     engine_input::prepare(&mut loaded, &args.engine.how, to, &mut options.simplify)?;

@@ -68,7 +68,7 @@ fn simplify_mesh(
     mut watch: RunControl<'_>,
     turn: &Turn<'_>,
 ) -> anyhow::Result<SimplifyOutcome> {
-    let sizes_before = sizes::of_input(source, &args.reading, Some(&loaded));
+    let sizes_before = sizes::of_input(source, &args.reading, sizes::of_loaded(&loaded));
     let mut options = args.options();
     engine_input::prepare(&mut loaded, &args.engine.how, to, &mut options)?;
     let Loaded { mesh, regions, mut warnings, format, .. } = loaded;

@@ -62,7 +62,7 @@ const OLDER: &str = "KHR_materials_pbrSpecularGlossiness";
 const UNLIT: &str = "KHR_materials_unlit";
 
 impl Scene {
-    /// Adds a material with its images; returns its index.
+    /// Adds a material with its images, those that share their bytes once; returns its index.
     pub fn add_material(&mut self, new: &NewMaterial) -> usize {
         let kept = new.base.and_then(|m| list(&self.json, "materials").get(m)).cloned();
         let mut material = kept.unwrap_or_else(|| made(&new.look));
@@ -72,8 +72,11 @@ impl Scene {
             }
             self.json["extensionsUsed"].as_array_mut().into_iter().for_each(|all| all.push(UNLIT.into()));
         }
+        let mut added: Vec<(&SlotImage, usize)> = Vec::new();
         for image in &new.images {
-            let texture = self.add_texture(image);
+            let same = added.iter().find(|(other, _)| Arc::ptr_eq(&other.png, &image.png));
+            let texture = same.map_or_else(|| self.add_texture(image), |(_, texture)| *texture);
+            added.push((image, texture));
             put_texture(&mut material, image.slot, texture, &new.look);
         }
         append(&mut self.json, "materials", material)

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use serde_json::Value;
 
+use super::Scene;
 use super::buffers::{Buffers, data_uri, path_of};
 use super::container::{Document, list, number};
 use super::inventory::instance_count;
@@ -22,8 +23,19 @@ use crate::sizes::Sizes;
 pub fn sizes(bytes: &[u8], options: &ReadOptions) -> Result<Sizes, ReadError> {
     let document = Document::parse(bytes, options.limits, 1)?;
     document.check_version()?;
-    let json = &document.json;
-    let mut sizes = Sizes { file_bytes: Some(bytes.len() as u64), ..Sizes::default() };
+    let sizes = of_parts(&document.json, &Buffers::new(&document, options))?;
+    Ok(Sizes { file_bytes: Some(bytes.len() as u64), ..sizes })
+}
+
+impl Scene {
+    /// Returns what the scene asks of a GPU, without the bytes of its file. Images in files beside it do not count.
+    pub fn sizes(&self) -> Option<Sizes> {
+        of_parts(&self.json, &Buffers::loaded(&self.json, &self.buffers, 0)).ok()
+    }
+}
+
+fn of_parts(json: &Value, buffers: &Buffers<'_>) -> Result<Sizes, ReadError> {
+    let mut sizes = Sizes::default();
     for placement in placements::placements(json)? {
         let instances = instance_count(json, placement.node) as u64;
         for primitive in list(&json["meshes"][placement.mesh], "primitives") {
@@ -32,7 +44,6 @@ pub fn sizes(bytes: &[u8], options: &ReadOptions) -> Result<Sizes, ReadError> {
                 sizes.triangles.saturating_add(triangles(json, primitive).saturating_mul(instances));
         }
     }
-    let buffers = Buffers::new(&document, options);
     let spare = unpack::fallbacks(json);
     let mut used = HashSet::new();
     for texture in list(json, "textures") {
@@ -44,7 +55,7 @@ pub fn sizes(bytes: &[u8], options: &ReadOptions) -> Result<Sizes, ReadError> {
         let is_spare = number(&image["bufferView"])
             .and_then(|view| number(&list(json, "bufferViews").get(view)?["buffer"]))
             .is_some_and(|buffer| spare.contains(&buffer));
-        if !is_spare && let Some([width, height]) = image_size(&buffers, image, i) {
+        if !is_spare && let Some([width, height]) = image_size(buffers, image, i) {
             sizes.texture_bytes = sizes.texture_bytes.saturating_add(bytes_with_mipmaps(width, height));
         }
     }

@@ -49,6 +49,7 @@ pub(super) fn of_scene(
     if scene.has_levels() {
         anyhow::bail!("the scene has levels of detail already (MSFT_lod): start from a file without");
     }
+    let sizes_before = sizes::of_input(&plan.job.source, &args.reading, scene.sizes());
     let meshes: Vec<SceneMesh> = scene.meshes().to_vec();
     let (taken, parts) = parts_of(&meshes);
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
@@ -116,7 +117,7 @@ pub(super) fn of_scene(
         counts,
         levels: told,
         outputs,
-        sizes_before: sizes::of_input(&plan.job.source, &args.reading, None),
+        sizes_before,
         written,
         diagonal,
         warnings,

@@ -43,6 +43,7 @@ pub(super) fn simplify_scene(
     cared: Option<VertexConstraints>,
     mut watch: RunControl<'_>,
 ) -> anyhow::Result<SimplifyOutcome> {
+    let sizes_before = sizes::of_input(source, &args.reading, scene.sizes());
     let meshes = scene.meshes().to_vec();
     let (taken, parts) = parts_of(&meshes);
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
@@ -101,7 +102,7 @@ pub(super) fn simplify_scene(
         warnings,
         meshes,
         baked: baked.map(|b| b.report),
-        sizes_before: sizes::of_input(source, &args.reading, None),
+        sizes_before,
         written,
         threads: rayon::current_num_threads(),
         clock: watch.end(),
