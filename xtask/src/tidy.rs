@@ -132,6 +132,11 @@ const FORBIDDEN_WORDS: &[ForbiddenWords] = &[
         why: "core, simplify and bake know no file, environment, clock or thread pool: the caller has them",
     },
     ForbiddenWords {
+        folders: &["crates/viewer/src"],
+        words: &["std::time::Instant", "std::time::{Duration, Instant", "std::time::SystemTime::now"],
+        why: "a browser has no such clock: web_time has one",
+    },
+    ForbiddenWords {
         folders: &["crates", "bench", "xtask", "fuzz"],
         words: &["unsafe {", "unsafe fn", "unsafe impl", "allow(unsafe_code"],
         why: "only bindings/c, whose caller has pointers, may be unsafe",

@@ -2,9 +2,11 @@
 
 /// An image in memory: eight bits per channel, rows from the top.
 #[derive(Clone, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Image {
     width: usize,
     height: usize,
+    #[cfg_attr(feature = "serde", serde(with = "crate::wire::plain"))]
     pixels: Vec<[u8; 4]>,
 }
 

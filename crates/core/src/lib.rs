@@ -21,6 +21,8 @@ pub mod shapes;
 pub mod spatial;
 pub mod splits;
 pub mod topology;
+#[cfg(feature = "serde")]
+pub mod wire;
 
 pub use clusters::{Cluster, ClusterLod};
 pub use correspondence::{Correspondence, Source, correspondence};

@@ -24,6 +24,7 @@ use one_way::OneWay;
 
 /// One measure, in each direction and for both together.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct TwoWay {
     /// Reference to candidate.
     pub forward: f64,
@@ -36,6 +37,7 @@ pub struct TwoWay {
 /// Distances between two surfaces, in the units of their positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Comparison {
     /// Largest distance found.
     pub hausdorff: TwoWay,

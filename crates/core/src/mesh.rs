@@ -59,10 +59,13 @@ pub enum MeshError {
 
 /// Positions in the user's units, in the precision of their source.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Positions {
     /// Single precision, as in most files.
+    #[cfg_attr(feature = "serde", serde(with = "crate::wire::plain"))]
     F32(Vec<[f32; 3]>),
     /// Double precision, if the source had it.
+    #[cfg_attr(feature = "serde", serde(with = "crate::wire::plain"))]
     F64(Vec<[f64; 3]>),
 }
 
@@ -129,6 +132,7 @@ impl PositionsView<'_> {
 
 /// An axis-aligned box.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Bounds {
     /// Smallest coordinates.
     pub min: [f64; 3],
@@ -209,22 +213,29 @@ impl<'a> Surface<'a> {
 /// The buffers of a mesh, taken apart: what the methods of [`TriMesh`] with these names borrow.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct MeshBuffers {
     /// Three wedges for each face.
+    #[cfg_attr(feature = "serde", serde(with = "crate::wire::plain"))]
     pub triangles: Vec<[WedgeId; 3]>,
     /// The vertex of each wedge; `None` where wedge i is vertex i.
+    #[cfg_attr(feature = "serde", serde(with = "crate::wire::optional"))]
     pub vertex_map: Option<Vec<VertexId>>,
     /// One position for each vertex.
     pub positions: Positions,
     /// Normals, one for each wedge.
+    #[cfg_attr(feature = "serde", serde(with = "crate::wire::optional"))]
     pub normals: Option<Vec<[f32; 3]>>,
     /// Texture coordinates, one for each wedge.
+    #[cfg_attr(feature = "serde", serde(with = "crate::wire::optional"))]
     pub uvs: Option<Vec<[f32; 2]>>,
     /// Colours, one for each wedge.
+    #[cfg_attr(feature = "serde", serde(with = "crate::wire::optional"))]
     pub colors: Option<Vec<[f32; 4]>>,
     /// All other attributes.
     pub further: Vec<Attribute>,
     /// The region of each face.
+    #[cfg_attr(feature = "serde", serde(with = "crate::wire::optional"))]
     pub regions: Option<Vec<RegionId>>,
 }
 
@@ -233,15 +244,41 @@ pub struct MeshBuffers {
 /// A *vertex* is a place; a *wedge* is one set of attributes at a vertex. Triangles name wedges, counter-clockwise seen
 /// from outside. A mesh without seams has one wedge for each vertex, with the same number, and stores no map.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "MeshBuffers"))]
 pub struct TriMesh {
+    #[cfg_attr(feature = "serde", serde(with = "crate::wire::plain"))]
     triangles: Vec<[WedgeId; 3]>,
+    #[cfg_attr(feature = "serde", serde(rename = "vertex_map", with = "crate::wire::optional"))]
     vertex_of: Option<Vec<VertexId>>,
     positions: Positions,
+    #[cfg_attr(feature = "serde", serde(with = "crate::wire::optional"))]
     normals: Option<Vec<[f32; 3]>>,
+    #[cfg_attr(feature = "serde", serde(with = "crate::wire::optional"))]
     uvs: Option<Vec<[f32; 2]>>,
+    #[cfg_attr(feature = "serde", serde(with = "crate::wire::optional"))]
     colors: Option<Vec<[f32; 4]>>,
     further: Vec<Attribute>,
+    #[cfg_attr(feature = "serde", serde(with = "crate::wire::optional"))]
     regions: Option<Vec<RegionId>>,
+}
+
+impl TryFrom<MeshBuffers> for TriMesh {
+    type Error = MeshError;
+
+    fn try_from(buffers: MeshBuffers) -> Result<Self, MeshError> {
+        let MeshBuffers { triangles, vertex_map, positions, normals, uvs, colors, further, regions } =
+            buffers;
+        let mut mesh = match vertex_map {
+            Some(map) => Self::with_wedges(positions, map, triangles)?,
+            None => Self::new(positions, bytemuck::allocation::cast_vec(triangles))?,
+        };
+        mesh.set_normals(normals)?;
+        mesh.set_uvs(uvs)?;
+        mesh.set_colors(colors)?;
+        mesh.set_regions(regions)?;
+        further.into_iter().try_for_each(|attribute| mesh.add_attribute(attribute))?;
+        Ok(mesh)
+    }
 }
 
 impl TriMesh {

@@ -23,6 +23,7 @@ pub use material::{AlphaMode, Material, Sampler, TextureRef, Wrap};
 ///
 /// Indices refer to the lists of the same model and are in range: the creator of a model ensures it.
 #[derive(Clone, Debug, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Model {
     /// The meshes, each stored once however often it is placed.
     pub meshes: Vec<ModelMesh>,
@@ -33,6 +34,7 @@ pub struct Model {
     /// Materials of surfaces.
     pub materials: Vec<Material>,
     /// Decoded texture images.
+    #[cfg_attr(feature = "serde", serde(with = "crate::wire::shared_list"))]
     pub images: Vec<Arc<Image>>,
     /// Skins with the joints that deform meshes.
     pub skins: Vec<Skin>,
@@ -44,6 +46,7 @@ pub struct Model {
 
 /// Colour space of [`TriMesh::colors`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum VertexColors {
     /// sRGB, as displayed: in all formats that do not specify it.
     #[default]
@@ -54,10 +57,12 @@ pub enum VertexColors {
 
 /// A mesh of a model.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ModelMesh {
     /// Display name.
     pub name: String,
     /// Its triangles, in mesh coordinates.
+    #[cfg_attr(feature = "serde", serde(with = "crate::wire::shared"))]
     pub mesh: Arc<TriMesh>,
     /// The material index of each region of the mesh; one entry for a mesh without regions. `None` is a plain
     /// material.
@@ -68,6 +73,7 @@ pub struct ModelMesh {
 
 /// A node: a transform, and the mesh placed there.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Node {
     /// Display name; empty if it has none.
     pub name: String,

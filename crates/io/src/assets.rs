@@ -5,9 +5,10 @@
 //! with it.
 
 use std::ffi::OsStr;
-use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
+
+use crate::drive::{self, File};
 
 /// Maximum total bytes of the images that one model names and that are not decoded. Guessed: half of what a
 /// GLB can hold.
@@ -15,6 +16,7 @@ pub(crate) const MAX_IMAGE_BYTES: u64 = 2 << 30;
 
 /// The folder that limits which files a model may name: its material libraries, textures, buffers and images.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum AssetScope {
     /// Files in the folder of the model and below, after resolving links.
@@ -84,7 +86,7 @@ impl Assets {
         let root = root.map(|root| {
             let given = normalized(root);
             // A folder that does not exist contains no file.
-            let real = fs::canonicalize(root).unwrap_or_else(|_| given.clone());
+            let real = drive::canonicalize(root).unwrap_or_else(|_| given.clone());
             [given, real]
         });
         Self { folders: vec![folder.to_owned()], root }
@@ -122,11 +124,11 @@ impl Assets {
         {
             return Err(Refusal::Outside);
         }
-        let real = fs::canonicalize(&path).map_err(|_| Refusal::Absent)?;
+        let real = drive::canonicalize(&path).map_err(|_| Refusal::Absent)?;
         if self.root.as_ref().is_some_and(|[_, root]| !real.starts_with(root)) {
             return Err(Refusal::Outside);
         }
-        match fs::metadata(&real) {
+        match drive::metadata(&real) {
             Ok(about) if about.is_file() => Ok(Asset { path, real_path: real }),
             Ok(_) => Err(Refusal::NotAFile),
             Err(_) => Err(Refusal::Absent),
@@ -252,6 +254,8 @@ fn is_targa(bytes: &[u8]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]

@@ -162,6 +162,7 @@ pub enum WriteError {
 /// A message for the user about something that is not an error.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Warning {
     /// A sentence without a full stop.
     pub text: String,

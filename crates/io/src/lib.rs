@@ -8,6 +8,7 @@ mod attributes;
 mod corners;
 pub mod dae;
 mod distinct;
+pub mod drive;
 pub mod error;
 mod excerpt;
 #[cfg(feature = "fbx")]

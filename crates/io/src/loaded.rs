@@ -10,6 +10,7 @@ use crate::material::Regions;
 /// Counts of what a file holds besides the mesh, for reports.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Contents {
     /// Mesh objects: 1, or the mesh instances of a scene.
     pub meshes: usize,

@@ -50,6 +50,15 @@ pub enum ModelSource {
     Scene(Box<Scene>),
     /// One mesh: its regions, for [`WriteOptions::regions`](crate::WriteOptions::regions).
     Mesh(Arc<Regions>),
+    /// None here: another process has it, which also writes. See [`ModelFile::for_display`].
+    Elsewhere,
+}
+
+impl ModelFile {
+    /// Makes one of a model that another process has read. It can be shown, and not written.
+    pub fn for_display(model: Model, format: Format, contents: Contents, warnings: Vec<Warning>) -> Self {
+        Self { model, format, contents, warnings, source: ModelSource::Elsewhere }
+    }
 }
 
 impl Loaded {

@@ -1,10 +1,10 @@
 //! Reading of meshes and scenes from paths and bytes.
 
 use std::borrow::Cow;
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
+use crate::drive::{self, File};
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::gltf::Scene;
@@ -57,7 +57,7 @@ pub fn read_bytes(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadErr
 pub fn read_scene_path(path: &Path, options: &ReadOptions) -> Result<Option<Scene>, ReadError> {
     let read = || {
         // A pipe can be read only once, so its content cannot be examined first; its name has to suffice.
-        let is_file = std::fs::metadata(path).is_ok_and(|about| about.is_file());
+        let is_file = drive::metadata(path).is_ok_and(|about| about.is_file());
         let mut front = Vec::new();
         if is_file {
             File::open(path)?.take(sniff::SNIFFED_BYTES as u64).read_to_end(&mut front)?;
@@ -133,7 +133,7 @@ fn scene_hinted(
 fn read_in_pieces(path: &Path, options: &ReadOptions) -> Result<Option<Loaded>, ReadError> {
     // Guessed: smaller files gain nothing.
     const MIN_STREAMED_BYTES: u64 = 1 << 20;
-    let Ok(about) = std::fs::metadata(path) else { return Ok(None) };
+    let Ok(about) = drive::metadata(path) else { return Ok(None) };
     if !about.is_file() || !(MIN_STREAMED_BYTES..=options.limits.bytes).contains(&about.len()) {
         return Ok(None);
     }

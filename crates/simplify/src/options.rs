@@ -133,6 +133,7 @@ pub enum Fit {
 
 /// Placement of the merged vertex of a collapse.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Placement {
     /// At the point of least cost.
     #[default]
@@ -146,6 +147,7 @@ pub enum Placement {
 
 /// Treatment of open borders.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum BorderPolicy {
     /// Border edges are held in place by weighted line tensors.
     #[default]
@@ -160,6 +162,7 @@ pub enum BorderPolicy {
 
 /// Permitted changes of the topology.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum TopologyPolicy {
     /// The counts of non-manifold edges, border edges, flipped faces and duplicate faces do not rise. Only if
     /// the target cannot be met otherwise, or the result would be measurably farther off, handles and necks
@@ -175,6 +178,7 @@ pub enum TopologyPolicy {
 
 /// A length in the units of the mesh, or as a share of the diagonal of its bounding box.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Length {
     /// In the units of the mesh.
     Units(f64),

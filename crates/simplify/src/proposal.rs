@@ -7,6 +7,7 @@ const PAIR_DISTANCE: f64 = 0.005;
 
 /// A change of one option.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Change {
     /// Another border policy.
     Border(BorderPolicy),
@@ -31,6 +32,7 @@ pub enum Change {
 /// Changes that together would let a stuck run continue.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Proposal {
     /// One change, or several if none alone is enough.
     pub changes: Vec<Change>,

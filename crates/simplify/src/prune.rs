@@ -6,6 +6,7 @@ use lodsmith_core::{Bounds, DisjointSets, Surface, VertexId};
 /// Components removed for their size. Counts of elements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Pruned {
     /// Components removed.
     pub parts: usize,

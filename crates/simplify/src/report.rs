@@ -9,6 +9,7 @@ use crate::prune::Pruned;
 /// Reason why a collapse was refused. Refusals are counted by reason.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Refusal {
     /// The ends share a neighbour beyond their common faces: the collapse would pinch the surface. [Dey 1999]
     LinkCondition,
@@ -74,6 +75,7 @@ impl Refusal {
 /// Reason why a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum StoppedBy {
     /// The number of triangles was reached.
     Faces,
@@ -111,6 +113,7 @@ impl StoppedBy {
 
 /// Repairs made before the run, as counts of elements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Cleanup {
     /// Vertices merged with another at the same position, or within the weld distance.
     pub welded_vertices: usize,
@@ -127,6 +130,7 @@ pub struct Cleanup {
 /// Distance between the result and the input, in the units of the mesh.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ErrorReport {
     /// The engine's estimate of the RMS distance.
     pub estimate: f64,
@@ -145,6 +149,7 @@ pub struct ErrorReport {
 /// Outcome of the clustering stage of [`Method::Cluster`](crate::Method::Cluster), before any other stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Clustered {
     /// Edge length of a cell, in the units of the mesh; 0 if the input was light enough.
     pub cell: f64,
@@ -159,6 +164,7 @@ pub struct Clustered {
 /// Outcome of a run: counts, error, refusals, and the reason why it ended.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Report {
     /// Triangles of the input.
     pub input_faces: usize,
@@ -199,6 +205,7 @@ pub struct Report {
     pub cleanup: Cleanup,
     /// Attributes of the input that the result does not carry: joints without weights of the same set, or
     /// weights without joints.
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "dropped_names"))]
     pub dropped: Vec<&'static str>,
     /// True if the fit ran.
     pub fitted: bool,
@@ -217,9 +224,30 @@ pub struct Report {
     pub faces_visited: u64,
 }
 
+/// Reads the names of dropped attributes.
+#[cfg(feature = "serde")]
+fn dropped_names<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Vec<&'static str>, D::Error> {
+    let names: Vec<String> = serde::Deserialize::deserialize(from)?;
+    // Those of `Semantic::title`.
+    let known = [
+        "tangents",
+        "further texture coordinates",
+        "further colours",
+        "joints",
+        "weights",
+        "morph targets",
+        "custom attribute",
+        "discrete attribute",
+    ];
+    let known = |name: String| known.into_iter().find(|known| *known == name);
+    let unknown = || serde::de::Error::custom("a dropped attribute has an unknown name");
+    names.into_iter().map(|name| known(name).ok_or_else(unknown)).collect()
+}
+
 /// One step of an escalation and its outcome.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Escalation {
     /// The change of the options.
     pub change: Change,

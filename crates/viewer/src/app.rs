@@ -2,16 +2,17 @@
 
 mod actions;
 mod empty;
+mod page;
 mod stage;
 
 use std::collections::{HashSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::time::{Duration, Instant};
 
 use eframe::egui::{self, Key, Modifiers, Theme, Ui};
 use lodsmith::Stop;
 use lodsmith_render::Shading;
+use web_time::{Duration, Instant};
 
 use crate::ViewOptions;
 use crate::command::Command;
@@ -21,6 +22,7 @@ use crate::document::Document;
 use crate::gpu::{Gpu, GpuError};
 use crate::keys::{self, Action};
 use crate::orbit::Orbit;
+use crate::page::AroundPage;
 use crate::panel::{self, Dock, Panel, PanelContext, UiRequest, WindowState, export, widgets};
 use crate::session::{Session, ViewerPrefs};
 use crate::settings::{EnvironmentChoice, Pose};
@@ -61,6 +63,7 @@ pub struct App {
     has_own_timeline: bool,
     /// Target last seen while the pointer or a key was down, and since when it has been unchanged.
     held: Option<(Stop, Instant)>,
+    page: Option<AroundPage>,
 }
 
 /// Path of a saved screenshot, or an error message.
@@ -83,7 +86,7 @@ impl App {
     /// # Errors
     /// [`GpuError`] if drawing is not possible.
     pub fn new(cc: &eframe::CreationContext<'_>, options: &ViewOptions) -> Result<Self, GpuError> {
-        let gpu = cc.wgpu_render_state.as_ref().map(Gpu::new).transpose()?;
+        let gpu = cc.wgpu_render_state.as_ref().map(Gpu::new);
         theme::install(&cc.egui_ctx);
         let memory_path =
             options.remember.then(|| options.memory.clone().or_else(ViewerPrefs::path)).flatten();
@@ -119,6 +122,7 @@ impl App {
             last_play_time: None,
             has_own_timeline: false,
             held: None,
+            page: None,
         };
         app.document.assets = options.assets.clone();
         app.open(options.inputs.clone());
@@ -144,6 +148,14 @@ impl App {
     /// Returns true while a smooth picture of what is at rest is still to come.
     pub fn is_smoothing(&self) -> bool {
         self.pictures.is_smoothing
+    }
+    /// Returns the name of the graphics adapter.
+    pub fn adapter(&self) -> &str {
+        &self.facts.adapter
+    }
+    /// Returns the command that makes the shown result.
+    pub fn command_line(&self) -> String {
+        panel::report::command_line(self.document.settings())
     }
     /// Returns the cameras of both sides.
     pub fn orbits(&self) -> [Orbit; 2] {
@@ -183,6 +195,9 @@ impl App {
 
     /// Opens the sample model, written to a temporary directory that lives as long as the window.
     fn open_sample(&mut self) {
+        if self.open_sample_on_page("finial.ply", SAMPLE) {
+            return;
+        }
         let folder = match &self.sample {
             Some(folder) => Ok(folder.path().to_owned()),
             None => tempfile::Builder::new().prefix("lodsmith-sample-").tempdir().map(|folder| {
@@ -288,6 +303,9 @@ impl App {
 
     fn choose(&mut self, ctx: &egui::Context, purpose: Purpose, start: Option<PathBuf>) {
         let start = start.unwrap_or_else(|| self.start_of_dialogs());
+        if self.choose_on_page(purpose, &start) {
+            return;
+        }
         let ctx = ctx.clone();
         self.dialog =
             Some(Dialog::new(purpose, &start, self.use_system_dialogs, move || ctx.request_repaint()));
@@ -333,7 +351,10 @@ impl App {
     fn keys(&mut self, ctx: &egui::Context) {
         let dropped: Vec<PathBuf> =
             ctx.input(|i| i.raw.dropped_files.iter().map(|f| f.path().to_owned()).collect());
-        self.open(dropped);
+        match self.page {
+            None => self.open(dropped),
+            Some(_) => self.take_files_of_page(),
+        }
         let is_modal = self.dialog.is_some() || self.export.is_some();
         if self.is_help && ctx.input_mut(|i| i.consume_key(Modifiers::NONE, Key::H)) {
             self.is_help = false;
@@ -614,13 +635,21 @@ impl App {
 }
 
 impl eframe::App for App {
+    #[cfg(target_arch = "wasm32")]
+    fn as_any_mut(&mut self) -> Option<&mut dyn std::any::Any> {
+        Some(self)
+    }
+
     fn ui(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
         let begin = Instant::now();
         let ctx = ui.ctx().clone();
         self.document.poll();
         while let Ok(saved) = self.pictures_saved.1.try_recv() {
             match saved {
-                Ok(path) => self.document.log.good(format!("screenshot saved as {}", path.display())),
+                Ok(path) => {
+                    self.hand_over(&path);
+                    self.document.log.good(format!("screenshot saved as {}", path.display()));
+                }
                 Err(why) => self.fail(format!("cannot save the screenshot: {why}")),
             }
         }

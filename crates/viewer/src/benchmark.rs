@@ -1,12 +1,12 @@
 //! Benchmark: time to make and to draw levels, as a table that is filled row by row.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
 
 use lodsmith::{SimplifyError, Stop};
 use lodsmith_core::Model;
 use lodsmith_core::model::Pose;
 use lodsmith_render::{Camera, Shading};
+use web_time::Instant;
 
 use crate::content::{Lighter, Original};
 use crate::gpu::{Context, Frame, Gpu, PlacedModel};

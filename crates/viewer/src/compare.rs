@@ -4,13 +4,13 @@ mod difference;
 mod probe;
 
 use std::sync::{Arc, PoisonError};
-use std::time::{Duration, Instant};
 
 use eframe::egui::{self, Color32, PointerButton, Rect, Response, Sense, Ui, Vec2, pos2};
 use glam::{DQuat, DVec3};
 use lodsmith_core::model::Pose;
 use lodsmith_core::{Bounds, Model};
 use lodsmith_render::{Camera, Look, Shading};
+use web_time::{Duration, Instant};
 
 use crate::command::Command;
 use crate::content::{Distances, Lighter};

@@ -1,8 +1,9 @@
 //! The shown models: the file's, and those made of it.
 
+pub(crate) mod parts;
+
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
-use std::time::Instant;
 
 use glam::{DMat4, DVec3};
 use lodsmith::{
@@ -17,10 +18,15 @@ use lodsmith_core::{Bounds, Model, Topology, TriMesh, WedgeId};
 use lodsmith_io::gltf::{self, Scene};
 use lodsmith_io::{AssetScope, ModelFile, ModelSource, ReadError, ReadOptions};
 use lodsmith_render::Shading;
+use serde::{Deserialize, Serialize};
+use web_time::Instant;
 
 use crate::option_words::{Normals, Simplification};
 use crate::settings::HeatOf;
 use crate::up_axis::{self, UpAxis};
+
+/// Memory of a module in a browser in bytes: its addresses have 32 bits. A quarter is left for the runs.
+const BROWSER_MEMORY: u64 = 3 << 30;
 
 /// A file that was read, with its counts.
 #[derive(Debug)]
@@ -53,6 +59,9 @@ impl Original {
         let begin = Instant::now();
         let mut options = ReadOptions::default();
         options.assets = assets.clone();
+        if cfg!(target_arch = "wasm32") {
+            options.limits.memory = BROWSER_MEMORY;
+        }
         let file = lodsmith_io::read_model_path(path, &options)?;
         Ok(Self { assets, ..Self::of_file(path.to_owned(), file, begin.elapsed().as_secs_f64()) })
     }
@@ -240,6 +249,18 @@ impl Lighter {
     }
 }
 
+/// Fractions of the triangles of the automatic levels.
+const AUTO_LEVEL_RATIOS: [f64; 9] = [0.5, 0.25, 0.125, 0.0625, 0.03, 0.015, 0.0075, 0.0035, 0.0015];
+
+/// Levels with fewer triangles are not made.
+const MIN_LEVEL_FACES: f64 = 50.0;
+
+/// Returns the fractions of the triangles that the levels of a model have.
+pub(crate) fn level_ratios(faces: usize) -> Vec<f64> {
+    let fewest = MIN_LEVEL_FACES / faces.max(1) as f64;
+    AUTO_LEVEL_RATIOS.into_iter().filter(|r| *r > fewest).collect()
+}
+
 /// Meshes of a result in the order of the model, its report, and counts of each mesh.
 type SimplifiedMeshes = (Vec<Arc<TriMesh>>, Report, Vec<MeshCounts>);
 
@@ -344,7 +365,7 @@ fn largest_scale(matrix: DMat4) -> f64 {
 }
 
 /// Topology counts of a model, after vertices at equal places were joined.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TopologySummary {
     /// Number of connected components.
     pub components: usize,
@@ -357,7 +378,7 @@ pub struct TopologySummary {
     /// True if every mesh is closed.
     pub is_closed: bool,
     /// Names of the vertex attributes.
-    pub attributes: Vec<&'static str>,
+    pub attributes: Vec<String>,
 }
 
 impl TopologySummary {
@@ -379,13 +400,13 @@ impl TopologySummary {
             has[3] |= !mesh.further_attributes().is_empty();
         }
         let names = ["normals", "UVs", "colours", "others"];
-        all.attributes = names.into_iter().zip(has).filter(|x| x.1).map(|x| x.0).collect();
+        all.attributes = names.into_iter().zip(has).filter(|x| x.1).map(|x| x.0.to_owned()).collect();
         all
     }
 }
 
 /// Distances between result and original at their vertices, or differences of an attribute at their wedges.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub struct Distances {
     /// The quantity.
     pub quantity: HeatOf,
@@ -394,7 +415,8 @@ pub struct Distances {
     pub of_result: Vec<Vec<f32>>,
     /// Per mesh: the same for the original.
     pub of_original: Vec<Vec<f32>>,
-    /// Per mesh: the result prepared for measuring, if distances were measured and it has faces.
+    /// Per mesh: the result prepared for measuring, if distances were measured here and it has faces.
+    #[serde(skip)]
     pub prepared_result: Vec<Option<Prepared>>,
     /// Largest of all distances.
     pub largest: f64,

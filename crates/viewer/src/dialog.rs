@@ -54,7 +54,7 @@ impl Purpose {
         }
     }
 
-    fn endings(self) -> Vec<&'static str> {
+    pub(crate) fn endings(self) -> Vec<&'static str> {
         let with_gz = |formats: &[Format]| formats.iter().map(|f| f.name()).chain(["gz"]).collect();
         match self {
             Self::Open => with_gz(&Format::ALL),
@@ -68,7 +68,7 @@ impl Purpose {
         }
     }
 
-    fn is_saving(self) -> bool {
+    pub(crate) fn is_saving(self) -> bool {
         matches!(self, Self::SaveSession | Self::ExportFile | Self::SaveLayout | Self::ExportStage)
     }
 }
@@ -142,6 +142,13 @@ fn has_system_dialogs() -> bool {
     has_bus || std::env::split_paths(&paths).any(|folder| folder.join("zenity").is_file())
 }
 
+/// A page chooses files itself.
+#[cfg(target_arch = "wasm32")]
+fn system(_: Purpose, _: &Path, _: impl Fn() + Send + 'static) -> Receiver<Vec<PathBuf>> {
+    channel().1
+}
+
+#[cfg(not(target_arch = "wasm32"))]
 fn system(purpose: Purpose, start: &Path, wake: impl Fn() + Send + 'static) -> Receiver<Vec<PathBuf>> {
     let mut dialog = rfd::AsyncFileDialog::new().set_title(purpose.title());
     let folder = if start.is_dir() { Some(start) } else { start.parent() };

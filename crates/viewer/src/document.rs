@@ -1,48 +1,50 @@
 //! The document: open file, results and background work. Does not depend on the window.
 
 mod difference;
+mod engine;
 mod flaws;
+mod jobs;
 mod levels;
 mod measured;
+mod page_queue;
 mod preview;
+mod queue;
 mod stage;
+mod wire;
 
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 
 use glam::DQuat;
-use lodsmith::SimplifyError;
 use lodsmith_core::model::Pose;
 use lodsmith_io::AssetScope;
 use lodsmith_render::Shading;
+use web_time::{Duration, Instant};
 
 use crate::benchmark::{BenchmarkTable, SharedTable};
 use crate::command::{Command, History};
-use crate::content::{Distances, Lighter, Original, TopologySummary};
+use crate::content::{Lighter, Original, TopologySummary};
 use crate::difference::{DifferencePicture, DifferenceView, SharedSides};
-use crate::export::{self, Export};
+use crate::export::Export;
 use crate::flaws::Flaws;
 use crate::gpu::Context;
-use crate::job::{JobControl, JobKind, Message, Progress, Worker};
+use crate::job::{JobKind, Message, Progress};
 use crate::log::Log;
 use crate::numbers::{grouped, seconds};
 use crate::option_words::Simplification;
-use crate::preview_mesh;
+use crate::page::BrowserPage;
 use crate::settings::Settings;
 use crate::shown::ShownModel;
-use crate::slider_preview::SliderPreview;
+use crate::slider_preview::Preview;
 use crate::target_scale::OriginalSize;
 use crate::up_axis::UpAxis;
 
-pub(crate) use levels::level_ratios;
+pub use engine::Engine;
+use jobs::{Failure, Job, Measured, Outcome};
+use page_queue::PageQueue;
+use queue::JobQueue;
 pub use stage::StageLevel;
-
-/// Distances, and the two models that were compared.
-struct Measured {
-    of: (Arc<Original>, Arc<Lighter>),
-    distances: Arc<Distances>,
-}
 
 /// The last difference picture, and models prepared for the next.
 #[derive(Default)]
@@ -63,9 +65,9 @@ struct LevelSet {
 pub struct Document {
     settings: Settings,
     history: History,
-    worker: Worker<Outcome>,
+    worker: JobQueue,
     /// A second worker for progressive meshes, so that other jobs do not wait for them.
-    builder: Worker<Outcome>,
+    builder: JobQueue,
     context: Option<Context>,
     original: Option<ShownModel<Original>>,
     lighter: Option<ShownModel<Lighter>>,
@@ -104,7 +106,7 @@ pub struct Document {
     /// Benchmark table, and the original it belongs to.
     benchmark: Option<(usize, SharedTable)>,
     /// Progressive mesh that the slider previews from.
-    preview: Option<SliderPreview>,
+    preview: Option<Preview>,
     /// Options of the last job to make a progressive mesh.
     requested_preview: Option<(usize, Simplification)>,
     /// True while a preview level is shown and the exact run has not been started.
@@ -128,29 +130,36 @@ enum OpenReason {
     Reloaded,
 }
 
-enum Outcome {
-    Opened { path: PathBuf, result: Result<ShownModel<Original>, String> },
-    Lighter { how: Simplification, result: Result<ShownModel<Lighter>, SimplifyError> },
-    Flaws { which: usize, key: usize, flaws: Arc<Flaws> },
-    Inspected { which: usize, key: usize, anatomy: TopologySummary },
-    Measured(Measured),
-    Difference(Arc<DifferencePicture>),
-    Levels { of: (usize, Simplification), result: Result<Vec<ShownModel<Lighter>>, SimplifyError> },
-    Exported { path: PathBuf, result: Result<export::Written, String> },
-    Benchmarked { is_whole: bool },
-    Preview { of: (usize, Simplification), secs: f64, result: Result<Box<SliderPreview>, SimplifyError> },
-}
-
 impl Document {
     /// Creates an empty document. `wake` is called when there is a new result or progress.
     pub fn new(context: Option<Context>, wake: impl Fn() + Send + Sync + 'static) -> Self {
         let wake = Arc::new(wake);
         let [one, two] = [wake.clone(), wake];
+        let [worker, builder] = [
+            JobQueue::on_thread(context.clone(), move || one()),
+            JobQueue::on_thread(context.clone(), move || two()),
+        ];
+        Self::with(context, worker, builder)
+    }
+
+    /// Creates an empty document whose work is done by workers of a page. `wake` is called when there is a new
+    /// result or progress.
+    pub fn on_page(context: Option<Context>, page: &Rc<dyn BrowserPage>, wake: impl Fn() + 'static) -> Self {
+        let wake: Rc<dyn Fn()> = Rc::new(wake);
+        let [worker, builder] = [(); 2]
+            .map(|()| JobQueue::Page(Box::new(PageQueue::new(page.clone(), context.clone(), wake.clone()))));
+        let mut new = Self::with(context, worker, builder);
+        // Only files that the user handed over are there.
+        new.assets = AssetScope::Anywhere;
+        new
+    }
+
+    fn with(context: Option<Context>, worker: JobQueue, builder: JobQueue) -> Self {
         Self {
             settings: Settings::default(),
             history: History::default(),
-            worker: Worker::new(move || one()),
-            builder: Worker::new(move || two()),
+            worker,
+            builder,
             context,
             original: None,
             lighter: None,
@@ -182,6 +191,10 @@ impl Document {
     /// Returns the settings.
     pub fn settings(&self) -> &Settings {
         &self.settings
+    }
+    /// Returns the device, if there is one.
+    pub fn context(&self) -> Option<&Context> {
+        self.context.as_ref()
     }
     /// Returns the original.
     pub fn original(&self) -> Option<&ShownModel<Original>> {
@@ -359,34 +372,25 @@ impl Document {
     /// preview level is shown, the exact run is made first.
     pub fn export(&mut self, export: Export, level_error: f64) {
         let Some(original) = self.original.as_ref().map(|o| o.content.clone()) else { return };
-        let lighter = match self.levels().is_empty() {
-            true => self.lighter.as_ref().map(|l| l.content.clone()),
-            false => self.level_for(level_error).1.map(|l| l.content.clone()),
+        let (level, lighter) = match self.levels().is_empty() {
+            true => (None, self.lighter.as_ref().map(|l| l.content.clone())),
+            false => {
+                let (number, level) = self.level_for(level_error);
+                (number.checked_sub(1), level.map(|l| l.content.clone()))
+            }
         };
-        let path = export.path.clone();
         let how = self.settings.simplify.clone();
-        self.worker.submit(JobKind::Export, move |watch| {
-            let is_level = lighter.as_ref().is_some_and(|l| l.report.is_none()) && export.levels.is_empty();
-            let made = is_level.then(|| Lighter::make(&original, &how, watch)).transpose();
-            let result = made.map_err(|e| e.to_string()).and_then(|made| {
-                let lighter = made.as_ref().or(lighter.as_deref());
-                export.write(&original, lighter, &how, watch).map_err(|e| format!("{e:#}"))
-            });
-            Some(Outcome::Exported { path, result })
-        });
+        self.worker.submit(Job::Export { original, lighter, level, how, export });
     }
 
     /// Starts a benchmark of the present file, with the present method and shading. Rows are added as they
     /// are measured.
     pub fn benchmark(&mut self) {
-        let Some(original) = self.original.clone() else { return };
-        let (filling, settings, context) =
-            (SharedTable::default(), self.settings.clone(), self.context.clone());
+        let Some(original) = &self.original else { return };
+        let filling = SharedTable::default();
         self.benchmark = Some((original.key(), filling.clone()));
-        self.worker.submit(JobKind::Benchmark, move |watch| {
-            let is_whole = filling.fill(&original.content, &settings, context, watch);
-            Some(Outcome::Benchmarked { is_whole })
-        });
+        let (original, settings) = (original.content.clone(), Box::new(self.settings.clone()));
+        self.worker.submit(Job::Benchmark { original, settings, filling });
     }
 
     /// Returns the benchmark table of the present file, as far as it is filled.
@@ -397,7 +401,7 @@ impl Document {
 
     /// Cancels running jobs; the shown result stays.
     pub fn cancel(&mut self) {
-        self.worker.cancel(&[
+        self.worker.stop(&[
             JobKind::Load,
             JobKind::Simplify,
             JobKind::Measure,
@@ -407,7 +411,7 @@ impl Document {
             JobKind::Difference,
         ]);
         if self.builder.is_busy(JobKind::Preview) {
-            self.builder.cancel(&[JobKind::Preview]);
+            self.builder.stop(&[JobKind::Preview]);
             self.log.note(
                 "the slider runs the method for each value: building its progressive mesh was cancelled",
             );
@@ -465,17 +469,7 @@ impl Document {
 
     fn open(&mut self, path: PathBuf, then: OpenReason) {
         self.opening = Some(Opening { path: path.clone(), then, since: Instant::now() });
-        let (context, assets) = (self.context.clone(), self.assets.clone());
-        self.worker.submit(JobKind::Load, move |watch| {
-            watch.enter_stage("reading");
-            let read = Original::read(&path, assets).map_err(|e| e.to_string());
-            watch.enter_stage("preparing pictures");
-            let result = read.map(|original| {
-                let draw = context.map(|c| preview_mesh::upload(&c, original.model()));
-                ShownModel { content: Arc::new(original), draw }
-            });
-            watch.report(1.0).then_some(Outcome::Opened { path, result })
-        });
+        self.worker.submit(Job::Open { path, assets: self.assets.clone() });
     }
 
     fn take(&mut self, message: Message<Outcome>) {
@@ -487,6 +481,12 @@ impl Document {
                     self.open_failed();
                 }
                 self.fail(text);
+            }
+            Message::Failed(kind, why) => {
+                if kind == JobKind::Load {
+                    self.open_failed();
+                }
+                self.fail(format!("{} failed: {why}", kind.title()));
             }
             Message::Changed(path) if self.is_of_look(&path) => self.own_files_changed = true,
             Message::Changed(path) => {
@@ -516,11 +516,11 @@ impl Document {
                     for warning in &lighter.content.warnings {
                         self.log.warn(warning.clone());
                     }
-                    self.preview.iter_mut().for_each(|preview| preview.learn_peak_ratio(&lighter.content));
                     (self.lighter, self.needs_exact_run) = (Some(lighter), false);
+                    self.learn_peak_ratio();
                 }
-                Ok(_) | Err(SimplifyError::Cancelled) => {}
-                Err(why) => self.fail(why.to_string()),
+                Ok(_) | Err(Failure::Cancelled) => {}
+                Err(Failure::Error(why)) => self.fail(why),
             },
             Outcome::Flaws { which, key, flaws } => self.flaws[which] = Some((key, flaws)),
             Outcome::Inspected { which, key, anatomy } => self.topologies[which] = Some((key, anatomy)),
@@ -528,12 +528,13 @@ impl Document {
             Outcome::Difference(picture) => self.difference.last = Some(picture),
             Outcome::Levels { of, result } => match result {
                 Ok(levels) => self.levels = Some(LevelSet { of, levels }),
-                Err(SimplifyError::Cancelled) => self.requested_levels = None,
-                Err(why) => self.fail(why.to_string()),
+                Err(Failure::Cancelled) => self.requested_levels = None,
+                Err(Failure::Error(why)) => self.fail(why),
             },
             Outcome::Benchmarked { is_whole: true } => self.log.good("benchmark finished"),
             Outcome::Benchmarked { is_whole: false } => self.log.note("benchmark cancelled"),
             Outcome::Preview { of, secs, result } => self.take_preview(&of, secs, result),
+            Outcome::Level { how, change } => self.take_level(&how, change),
             Outcome::Exported { path, result } => match result {
                 Ok(written) => {
                     for warning in &written.warnings {
@@ -641,15 +642,7 @@ impl Document {
     }
 
     fn simplify(&mut self, original: ShownModel<Original>, how: Simplification) {
-        let context = self.context.clone();
-        self.worker.submit(JobKind::Simplify, move |watch| {
-            let made = Lighter::make(&original.content, &how, watch);
-            let result = made.map(|lighter| {
-                let draw = context.map(|c| preview_mesh::upload(&c, &lighter.model));
-                ShownModel { content: Arc::new(lighter), draw }
-            });
-            Some(Outcome::Lighter { how, result })
-        });
+        self.worker.submit(Job::Simplify { original, how });
     }
 
     fn inspect(&mut self, original: &ShownModel<Original>) {
@@ -657,18 +650,11 @@ impl Document {
             return;
         }
         let [one, two] = self.topologies().map(|a| a.is_some());
+        let result = self.lighter.as_ref().filter(|l| !two && l.content.report.is_some()).cloned();
         if !one {
-            let content = original.content.clone();
-            let key = original.key();
-            self.worker.submit(JobKind::Inspect, move |_: &mut JobControl| {
-                Some(Outcome::Inspected { which: 0, key, anatomy: TopologySummary::of(content.model()) })
-            });
-        } else if let Some(lighter) = self.lighter.as_ref().filter(|l| !two && l.content.report.is_some()) {
-            let content = lighter.content.clone();
-            let key = lighter.key();
-            self.worker.submit(JobKind::Inspect, move |_: &mut JobControl| {
-                Some(Outcome::Inspected { which: 1, key, anatomy: TopologySummary::of(&content.model) })
-            });
+            self.worker.submit(Job::Inspect { original: original.clone(), result: None });
+        } else if result.is_some() {
+            self.worker.submit(Job::Inspect { original: original.clone(), result });
         }
     }
 }

@@ -3,9 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+#[cfg(not(target_arch = "wasm32"))]
 use anyhow::Context as _;
 use lodsmith_core::TriMesh;
 use lodsmith_io::{Format, ModelSource, Textures, Warning, WriteOptions};
+use serde::{Deserialize, Serialize};
 
 use crate::content::{Lighter, Original, placed_meshes};
 use crate::job::JobControl;
@@ -15,7 +17,7 @@ use crate::option_words::Simplification;
 pub use crate::export_size::{byte_text, estimated_bytes};
 
 /// Options of an export.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Export {
     /// The file; for several levels, the folder.
     pub path: PathBuf,
@@ -53,7 +55,7 @@ pub fn default_file(original: &Path) -> (PathBuf, Format) {
 }
 
 /// Summary and warnings of an export.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Written {
     /// Summary, such as `6,945 faces`.
     pub summary: String,
@@ -78,6 +80,8 @@ impl Export {
             let faces = lighter.map_or(original.faces, |l| l.faces);
             return Ok(Written { summary: format!("{} faces", grouped(faces)), warnings });
         }
+        // In memory every folder exists.
+        #[cfg(not(target_arch = "wasm32"))]
         std::fs::create_dir_all(&self.path).with_context(|| self.path.display().to_string())?;
         let stem = original.path.file_stem().map_or("model".into(), |s| s.to_string_lossy());
         let (mut counts, mut warnings) = (Vec::new(), Vec::new());

@@ -6,11 +6,12 @@ use glam::{DMat4, DVec3};
 use lodsmith_core::disjoint_sets::DisjointSets;
 use lodsmith_core::model::Pose;
 use lodsmith_core::{Model, TriMesh, VertexId, WedgeId};
+use serde::{Deserialize, Serialize};
 
 use crate::gpu::Marks;
 
 /// Open borders and defects of a model.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub struct Flaws {
     /// Lines of each mesh.
     pub marks: Vec<Marks>,
@@ -21,7 +22,7 @@ pub struct Flaws {
 }
 
 /// A connected group of marked edges, in coordinates of the model.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FlawPlace {
     /// True for an open border, false for a defect.
     pub is_border: bool,

@@ -6,9 +6,10 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, SystemTime};
 
 use lodsmith::{Control, Stage, Verdict};
+use web_time::Instant;
 
 /// Kind of a job. A new job replaces an older one of the same kind that waits or runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,11 +34,13 @@ pub enum JobKind {
     Preview,
     /// Draw the difference of the two sides.
     Difference,
+    /// Go to a level of a progressive mesh that a worker holds.
+    Level,
 }
 
 impl JobKind {
     /// All kinds, in order of priority.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Load,
         Self::Simplify,
         Self::Export,
@@ -46,6 +49,7 @@ impl JobKind {
         Self::Measure,
         Self::Inspect,
         Self::Flaws,
+        Self::Level,
         Self::Preview,
         Self::Benchmark,
     ];
@@ -63,11 +67,12 @@ impl JobKind {
             Self::Benchmark => "Running benchmark",
             Self::Preview => "Preparing the slider",
             Self::Difference => "Comparing pictures",
+            Self::Level => "Showing a level",
         }
     }
 
     /// Returns true if a job of this kind is obsolete once a newer one of that kind comes.
-    fn is_obsoleted_by(self, newer: Self) -> bool {
+    pub(crate) fn is_obsoleted_by(self, newer: Self) -> bool {
         match newer {
             Self::Load => self != Self::Export,
             // A moved slider does not wait for a benchmark.
@@ -79,8 +84,8 @@ impl JobKind {
 
 /// Handle of a running job: reports progress and checks for cancellation.
 pub struct JobControl {
-    is_stopped: Arc<AtomicBool>,
-    shared: Arc<Shared>,
+    /// Takes progress and the name of the stage; returns false if the job was cancelled.
+    report: Box<dyn FnMut(Option<f64>, &'static str) -> bool>,
     last_update: Instant,
     stage: &'static str,
 }
@@ -89,15 +94,19 @@ pub struct JobControl {
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(80);
 
 impl JobControl {
+    /// Makes one that calls `report` with the name of the stage and, from time to time, with the progress
+    /// from 0 to 1. The job is cancelled once it returns false.
+    pub(crate) fn new(report: impl FnMut(Option<f64>, &'static str) -> bool + 'static) -> Self {
+        Self { report: Box::new(report), last_update: Instant::now(), stage: "" }
+    }
+
     /// Reports progress from 0 to 1; returns false if the job was cancelled.
     pub fn report(&mut self, done: f64) -> bool {
-        if self.last_update.elapsed() >= PROGRESS_INTERVAL {
+        let is_due = self.last_update.elapsed() >= PROGRESS_INTERVAL;
+        if is_due {
             self.last_update = Instant::now();
-            self.shared.done.store((done.clamp(0.0, 1.0) * 1000.0) as u32, Ordering::Relaxed);
-            *lock(&self.shared.stage) = self.stage;
-            (self.shared.wake)();
         }
-        !self.is_stopped.load(Ordering::Relaxed)
+        (self.report)(is_due.then_some(done.clamp(0.0, 1.0)), self.stage)
     }
 }
 
@@ -105,8 +114,7 @@ impl JobControl {
     /// Names the present step.
     pub fn enter_stage(&mut self, stage: &'static str) {
         self.stage = stage;
-        *lock(&self.shared.stage) = stage;
-        (self.shared.wake)();
+        let _ = (self.report)(Some(0.0), stage);
     }
 }
 
@@ -167,6 +175,8 @@ pub enum Message<M> {
     Done(M),
     /// A job panicked: a bug.
     Panicked(JobKind),
+    /// A job failed: its message.
+    Failed(JobKind, String),
     /// A watched file changed on disk.
     Changed(PathBuf),
 }
@@ -326,8 +336,15 @@ fn run<M>(shared: &Arc<Shared>, work: &Waiting<M>, results: &Sender<Message<M>>)
         shared.done.store(0, Ordering::Relaxed);
         *lock(&shared.stage) = "";
         (shared.wake)();
-        let mut watch =
-            JobControl { is_stopped, shared: shared.clone(), last_update: Instant::now(), stage: "" };
+        let its = shared.clone();
+        let mut watch = JobControl::new(move |done, stage| {
+            if let Some(done) = done {
+                its.done.store((done * 1000.0) as u32, Ordering::Relaxed);
+                *lock(&its.stage) = stage;
+                (its.wake)();
+            }
+            !is_stopped.load(Ordering::Relaxed)
+        });
         let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| job(&mut watch)));
         let message = match outcome {
             Ok(done) => done.map(Message::Done),

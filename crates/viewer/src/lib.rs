@@ -18,7 +18,7 @@ pub mod content;
 mod dialog;
 #[cfg(feature = "window")]
 pub mod difference;
-#[cfg(feature = "window")]
+#[cfg(all(feature = "window", not(target_arch = "wasm32")))]
 pub mod display;
 #[cfg(feature = "window")]
 pub mod document;
@@ -40,6 +40,8 @@ pub mod log;
 pub mod numbers;
 pub mod option_words;
 pub mod orbit;
+#[cfg(feature = "window")]
+pub mod page;
 #[cfg(feature = "window")]
 pub mod panel;
 pub mod playback;
@@ -65,10 +67,10 @@ mod user_files;
 mod view_options;
 #[cfg(feature = "window")]
 pub mod viewport;
-#[cfg(feature = "window")]
+#[cfg(all(feature = "window", not(target_arch = "wasm32")))]
 mod window;
 
 #[cfg(feature = "window")]
 pub use view_options::ViewOptions;
-#[cfg(feature = "window")]
+#[cfg(all(feature = "window", not(target_arch = "wasm32")))]
 pub use window::{ViewError, run};

@@ -1,6 +1,6 @@
 //! Log messages, newest last.
 
-use std::time::{Duration, Instant};
+use web_time::{Duration, Instant};
 
 /// Severity of an entry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -17,11 +17,15 @@ const PREVIEW_FACES: usize = 60_000;
 
 /// Uploads a model, with a preview mesh if it needs one. Slow: meant for a worker thread.
 pub fn upload(context: &Context, model: &Model) -> Drawing {
+    let light = if context.is_software() { preview_of(model) } else { None };
+    upload_both(context, model, light.as_ref())
+}
+
+/// Uploads a model and its preview mesh, if it has one.
+pub fn upload_both(context: &Context, model: &Model, light: Option<&Model>) -> Drawing {
     let mut drawn = context.upload(model);
-    if context.is_software()
-        && let Some(light) = preview_of(model)
-    {
-        drawn.set_preview(context.upload(&light));
+    if let Some(light) = light {
+        drawn.set_preview(context.upload(light));
     }
     Arc::new(Mutex::new(drawn))
 }

@@ -144,7 +144,7 @@ pub(crate) fn read(path: &Path) -> io::Result<String> {
 
 fn read_up_to(path: &Path, most: u64) -> io::Result<String> {
     let mut text = String::new();
-    std::fs::File::open(path)?.take(most + 1).read_to_string(&mut text)?;
+    lodsmith_io::drive::open(path)?.take(most + 1).read_to_string(&mut text)?;
     if text.len() as u64 > most {
         let why = format!("has more than {most} bytes, too large for a session or layout");
         return Err(io::Error::new(io::ErrorKind::FileTooLarge, why));

@@ -1,11 +1,13 @@
 //! Preview of the slider: a progressive mesh that shows any level at once, until the exact run is done.
 
+use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Instant;
 
 use lodsmith::{Control, Length, Part, ProgressiveScene, SimplifyError, Stop};
 use lodsmith_core::{MeshError, Model, TriMesh};
 use lodsmith_io::ModelSource;
+use serde::{Deserialize, Serialize};
+use web_time::Instant;
 
 use crate::content::{Lighter, Original, diagonal_of, parts_of, placed_meshes};
 use crate::gpu::Context;
@@ -28,11 +30,40 @@ pub struct SliderPreview {
     meshes: Vec<usize>,
     diagonal: f64,
     /// The present level, with vertices in the order of the progressive mesh.
-    model: Model,
-    draw: Option<Drawing>,
+    view: LevelView,
     /// True if the normals of the original are shown.
     keeps_normals: bool,
     peak_ratio: f64,
+}
+
+/// The present level of a progressive mesh on the screen.
+pub struct LevelView {
+    model: Model,
+    draw: Option<Drawing>,
+}
+
+/// The step from one level of a progressive mesh to another.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct LevelChange {
+    /// The meshes that differ.
+    meshes: Vec<ChangedMesh>,
+    /// Number of triangles and vertices over all mesh instances.
+    counts: [usize; 2],
+    /// Estimate of the RMS distance from the original.
+    estimate: f64,
+    /// Time to make it in seconds.
+    seconds: f64,
+}
+
+/// A mesh of a level, and the ranges of its triangles and wedges that differ from the level before.
+#[derive(Debug, Serialize, Deserialize)]
+struct ChangedMesh {
+    /// Index of the model's mesh.
+    number: usize,
+    #[serde(with = "lodsmith_core::wire::shared")]
+    mesh: Arc<TriMesh>,
+    faces: Vec<Range<usize>>,
+    wedges: Vec<Range<usize>>,
 }
 
 impl SliderPreview {
@@ -68,8 +99,8 @@ impl SliderPreview {
             all[mesh] = Arc::new(buffers(road, keeps_normals)?);
         }
         let model = original.model().with_meshes(all);
-        let draw = context.map(|c| Arc::new(Mutex::new(c.upload(&model))));
-        Ok(Self { scene, meshes, diagonal, model, draw, keeps_normals, peak_ratio: DEFAULT_PEAK_RATIO })
+        let view = LevelView::new(model, context);
+        Ok(Self { scene, meshes, diagonal, view, keeps_normals, peak_ratio: DEFAULT_PEAK_RATIO })
     }
 
     /// Returns the number of levels.
@@ -79,11 +110,12 @@ impl SliderPreview {
 
     /// Takes over the ratio of largest to RMS distance from a measured run.
     pub fn learn_peak_ratio(&mut self, run: &Lighter) {
-        let Some(measured) = run.measured() else { return };
-        let peak = measured.hausdorff.symmetric / measured.rms.symmetric;
-        if peak.is_finite() && peak >= 1.0 {
-            self.peak_ratio = peak;
-        }
+        self.peak_ratio = peak_ratio_of(run).unwrap_or(self.peak_ratio);
+    }
+
+    /// Sets the ratio of largest to RMS distance.
+    pub(crate) fn set_peak_ratio(&mut self, ratio: f64) {
+        self.peak_ratio = ratio;
     }
 
     /// Goes to the level for a target. Returns `None` if the target is not valid.
@@ -91,25 +123,33 @@ impl SliderPreview {
     /// # Errors
     /// [`MeshError`], if a level is not a valid mesh.
     pub fn show(&mut self, how: &Simplification) -> Result<Option<ShownModel<Lighter>>, MeshError> {
+        let change = self.go_to(how, false)?;
+        Ok(change.map(|change| self.view.apply(change, how, None)))
+    }
+
+    /// Goes to the level for a target, and returns the change that shows it: of all meshes if it is to be
+    /// whole. Returns `None` if the target is not valid.
+    ///
+    /// # Errors
+    /// [`MeshError`], if a level is not a valid mesh.
+    pub(crate) fn go_to(
+        &mut self,
+        how: &Simplification,
+        is_whole: bool,
+    ) -> Result<Option<LevelChange>, MeshError> {
         let begin = Instant::now();
         let Some(level) = self.level_for(&how.options.stop) else { return Ok(None) };
         let before: Vec<usize> = self.scene.meshes().iter().map(|r| r.level()).collect();
         let changed = self.scene.to_level(level);
-        for (i, (road, changed)) in self.scene.meshes().iter().zip(&changed).enumerate() {
-            if road.level() == before[i] {
-                continue;
+        let mut meshes = Vec::new();
+        for (i, (road, changed)) in self.scene.meshes().iter().zip(changed).enumerate() {
+            if is_whole || road.level() != before[i] {
+                let (number, mesh) = (self.meshes[i], Arc::new(buffers(road, self.keeps_normals)?));
+                meshes.push(ChangedMesh { number, mesh, faces: changed.faces, wedges: changed.wedges });
             }
-            let (number, mesh) = (self.meshes[i], buffers(road, self.keeps_normals)?);
-            if let Some(draw) = &self.draw {
-                let mut draw = draw.lock().unwrap_or_else(PoisonError::into_inner);
-                draw.patch_mesh(number, &mesh, &changed.faces, &changed.wedges);
-            }
-            self.model.meshes[number].mesh = Arc::new(mesh);
         }
-        let counts = [self.scene.face_count(), self.scene.vertex_count()];
-        let seconds = begin.elapsed().as_secs_f64();
-        let level = Lighter::of_level(self.model.clone(), counts, self.scene.error(), how, seconds);
-        Ok(Some(ShownModel { content: Arc::new(level), draw: self.draw.clone() }))
+        let (counts, estimate) = ([self.scene.face_count(), self.scene.vertex_count()], self.scene.error());
+        Ok(Some(LevelChange { meshes, counts, estimate, seconds: begin.elapsed().as_secs_f64() }))
     }
 
     fn level_for(&self, stop: &Stop) -> Option<usize> {
@@ -120,6 +160,51 @@ impl SliderPreview {
         stop.error = error.map(Length::Units);
         is_sound.then(|| self.scene.level_of(&stop, self.diagonal))
     }
+}
+
+impl LevelView {
+    /// Makes a view of a model.
+    pub(crate) fn new(model: Model, context: Option<&Context>) -> Self {
+        let draw = context.map(|c| Arc::new(Mutex::new(c.upload(&model))));
+        Self { model, draw }
+    }
+
+    /// Shows the next level. If the view has not been uploaded yet and there is a context, it is now.
+    pub(crate) fn apply(
+        &mut self,
+        change: LevelChange,
+        how: &Simplification,
+        context: Option<&Context>,
+    ) -> ShownModel<Lighter> {
+        for changed in change.meshes {
+            if let Some(draw) = &self.draw {
+                let mut draw = draw.lock().unwrap_or_else(PoisonError::into_inner);
+                draw.patch_mesh(changed.number, &changed.mesh, &changed.faces, &changed.wedges);
+            }
+            self.model.meshes[changed.number].mesh = changed.mesh;
+        }
+        if let (None, Some(context)) = (&self.draw, context) {
+            self.draw = Some(Arc::new(Mutex::new(context.upload(&self.model))));
+        }
+        let LevelChange { counts, estimate, seconds, .. } = change;
+        let level = Lighter::of_level(self.model.clone(), counts, estimate, how, seconds);
+        ShownModel { content: Arc::new(level), draw: self.draw.clone() }
+    }
+}
+
+/// The progressive mesh of the slider.
+pub(crate) enum Preview {
+    /// In this process: it goes to a level at once.
+    Here(Box<SliderPreview>),
+    /// In another one, which sends the changes.
+    Elsewhere { view: LevelView, peak_ratio: Option<f64> },
+}
+
+/// Returns the ratio of largest to RMS distance of a run, if it was measured.
+pub(crate) fn peak_ratio_of(run: &Lighter) -> Option<f64> {
+    let measured = run.measured()?;
+    let peak = measured.hausdorff.symmetric / measured.rms.symmetric;
+    (peak.is_finite() && peak >= 1.0).then_some(peak)
 }
 
 /// Returns the mesh of the present level for drawing.

@@ -1,8 +1,7 @@
 //! Antialiasing on software adapters: pictures at rest are drawn again with four samples for each pixel.
 
-use std::time::{Duration, Instant};
-
 use eframe::egui;
+use web_time::{Duration, Instant};
 
 use crate::gpu::{Frame, RenderTarget};
 

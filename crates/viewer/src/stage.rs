@@ -253,7 +253,7 @@ impl Stage {
 }
 
 /// Placement of the model on the ground, common to all copies.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ModelBase {
     /// Transform from the model to a copy of scale 1 at the centre of the stage, including `turn`.
     pub stage_from_model: DMat4,

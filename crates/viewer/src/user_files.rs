@@ -1,6 +1,7 @@
 //! The user's own appearance files: matcap, shader, environment. Read when they are chosen, reread when they
 //! change.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use lodsmith_core::Image;
@@ -81,8 +82,10 @@ impl UserFiles {
 }
 
 fn image_of(path: &Path) -> Result<Image, String> {
-    let mut reader =
-        image::ImageReader::open(path).and_then(|r| r.with_guessed_format()).map_err(|e| e.to_string())?;
+    let bytes = bytes_of(path).map_err(|e| e.to_string())?;
+    let mut reader = image::ImageReader::new(std::io::Cursor::new(bytes))
+        .with_guessed_format()
+        .map_err(|e| e.to_string())?;
     let mut limits = image::Limits::default();
     (limits.max_image_width, limits.max_image_height) = (Some(MAX_MATCAP_SIDE_PX), Some(MAX_MATCAP_SIDE_PX));
     reader.limits(limits);
@@ -92,8 +95,14 @@ fn image_of(path: &Path) -> Result<Image, String> {
 }
 
 fn environment_of(path: &Path) -> Result<Environment, String> {
-    let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
+    let bytes = bytes_of(path).map_err(|e| e.to_string())?;
     Environment::decode(&bytes).map_err(|e| e.to_string())
+}
+
+fn bytes_of(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    lodsmith_io::drive::open(path)?.read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 fn text_of(path: &Path) -> Result<String, String> {

@@ -25,6 +25,13 @@ fn gpu() -> Option<Gpu> {
     adapter::context().map(Gpu::on)
 }
 
+/// Returns a renderer whose vertices pull from buffers, if there is one, and one that pulls from textures, as
+/// in WebGL.
+fn gpus() -> Vec<Gpu> {
+    let contexts = adapter::context().into_iter().flat_map(|c| [c.clone(), c.with_vertex_textures()]);
+    contexts.map(Gpu::on).collect()
+}
+
 /// A scene that both renderers can draw.
 struct Scene {
     name: &'static str,
@@ -287,7 +294,10 @@ fn scenes() -> Vec<Scene> {
 
 #[test]
 fn every_pass_draws_what_the_processor_draws() {
-    let Some(mut gpu) = gpu() else { return };
+    gpus().into_iter().for_each(every_pass_draws_what_the_processor_draws_on);
+}
+
+fn every_pass_draws_what_the_processor_draws_on(mut gpu: Gpu) {
     let mut wrong = Vec::new();
     for scene in scenes() {
         let (cpu, own) = (scene.on_cpu(), scene.on_gpu(&mut gpu));
@@ -334,7 +344,12 @@ fn a_frame_is_drawn_once() {
 
 #[test]
 fn a_mesh_in_the_buffers_of_another_looks_like_a_new_one_and_nothing_is_left_behind() {
-    let Some(mut gpu) = gpu() else { return };
+    gpus()
+        .into_iter()
+        .for_each(a_mesh_in_the_buffers_of_another_looks_like_a_new_one_and_nothing_is_left_behind_on);
+}
+
+fn a_mesh_in_the_buffers_of_another_looks_like_a_new_one_and_nothing_is_left_behind_on(mut gpu: Gpu) {
     let scene = Scene::new("replaced", shapes::blob(4, 7), Shading::Smooth);
     let fresh = scene.on_gpu(&mut gpu);
     let mut drawn = gpu.upload(&Model::of_mesh(shapes::torus(50, 30)));
@@ -357,7 +372,10 @@ fn a_mesh_in_the_buffers_of_another_looks_like_a_new_one_and_nothing_is_left_beh
 
 #[test]
 fn a_patched_mesh_looks_like_a_new_one() {
-    let Some(mut gpu) = gpu() else { return };
+    gpus().into_iter().for_each(a_patched_mesh_looks_like_a_new_one_on);
+}
+
+fn a_patched_mesh_looks_like_a_new_one_on(mut gpu: Gpu) {
     let own = |mut mesh: TriMesh| {
         let view = mesh.positions().view();
         let outward = |p| DVec3::from(p).normalize_or_zero().as_vec3().to_array();
@@ -459,7 +477,10 @@ fn jointed() -> Model {
 
 #[test]
 fn joints_and_morph_targets_pull_as_on_the_processor() {
-    let Some(mut gpu) = gpu() else { return };
+    gpus().into_iter().for_each(joints_and_morph_targets_pull_as_on_the_processor_on);
+}
+
+fn joints_and_morph_targets_pull_as_on_the_processor_on(mut gpu: Gpu) {
     let model = jointed();
     let drawn = gpu.upload(&model);
     for (name, turn, strength) in [("bent", 0.9, 0.0), ("bulging", 0.0, 0.8), ("both", -0.6, 0.5)] {

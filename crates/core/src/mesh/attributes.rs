@@ -2,12 +2,14 @@
 
 /// One attribute of all wedges.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Attribute {
     /// Meaning of the values.
     pub semantic: Semantic,
     /// Number of values for each wedge.
     pub width: usize,
     /// `width` values for each wedge, wedge after wedge.
+    #[cfg_attr(feature = "serde", serde(with = "crate::wire::plain"))]
     pub values: Vec<f32>,
 }
 
@@ -24,6 +26,7 @@ impl Attribute {
 
 /// Meaning of an attribute, which determines how it is blended.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Semantic {
     /// Four values: a unit direction along u, and 1 or -1 for the sign of the bitangent.
     Tangent,
@@ -57,6 +60,7 @@ pub enum Semantic {
 
 /// An integer type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum IntegerType {
     /// 8 bits, signed.
     I8,
@@ -105,6 +109,7 @@ impl IntegerType {
 
 /// The property that a morph target changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Morphed {
     /// The position, in the units of the mesh.
     Position,

@@ -4,6 +4,7 @@ use glam::{DMat4, DQuat, DVec3};
 
 /// Transform of a node to its parent's coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Transform {
     /// Scale, then rotation, then translation; can be animated.
     Parts {
@@ -38,6 +39,7 @@ impl Transform {
 
 /// Joints that deform a mesh: each vertex follows its joints by their weights.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Skin {
     /// Node indices; [`Semantic::Joints`](crate::Semantic::Joints) are indices into this list.
     pub joints: Vec<usize>,
@@ -47,6 +49,7 @@ pub struct Skin {
 
 /// An animation of a model.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Animation {
     /// Display name; empty if it has none.
     pub name: String,
@@ -56,6 +59,7 @@ pub struct Animation {
 
 /// One property of one node over time.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Channel {
     /// Index of the node.
     pub node: usize,
@@ -70,6 +74,7 @@ pub struct Channel {
 /// Values of a property at the keyframes; with [`Interpolation::Cubic`] three for each: in-tangent, value,
 /// out-tangent.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Track {
     /// Translation of [`Transform::Parts`].
     Translation(Vec<[f32; 3]>),
@@ -98,6 +103,7 @@ impl Track {
 
 /// Interpolation between two keyframes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Interpolation {
     /// Linear; rotations along the shorter arc.
     #[default]

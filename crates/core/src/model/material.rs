@@ -2,6 +2,7 @@
 
 /// A material.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Material {
     /// Display name.
     pub name: String,
@@ -71,6 +72,7 @@ impl Default for Material {
 
 /// Use of the opacity.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum AlphaMode {
     /// Opacity is ignored.
     #[default]
@@ -83,6 +85,7 @@ pub enum AlphaMode {
 
 /// A texture: an image with its coordinates and sampler.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct TextureRef {
     /// Index of the image in the model.
     pub image: usize,
@@ -109,6 +112,7 @@ impl TextureRef {
 
 /// Wrapping and filtering of an image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Sampler {
     /// Wrapping along u.
     pub wrap_u: Wrap,
@@ -120,6 +124,7 @@ pub struct Sampler {
 
 /// Wrapping of an image beyond its edges.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Wrap {
     /// Repeats.
     #[default]

@@ -1,12 +1,12 @@
 //! Copies of the separate images of a scene beside its output.
 
 use std::collections::HashMap;
-use std::fs;
 use std::path::Path;
 
 use super::buffers::path_of;
 use super::external_files::uri_of;
 use super::scene::Scene;
+use crate::drive;
 use crate::error::{Warning, WriteError};
 use crate::material::{SidecarFiles, bytes_of_path, copy_into};
 
@@ -33,8 +33,8 @@ impl CopiedImages {
             _ => Path::new("."),
         };
         // The later error of writing the scene describes the problem with the folder better.
-        let Ok(real_folder) = fs::canonicalize(folder) else { return Ok(copied) };
-        if !scene.assets.has_folder() || fs::metadata(target).is_ok_and(|about| !about.is_file()) {
+        let Ok(real_folder) = drive::canonicalize(folder) else { return Ok(copied) };
+        if !scene.assets.has_folder() || drive::metadata(target).is_ok_and(|about| !about.is_file()) {
             return Ok(copied);
         }
         let is_there = |uri: &str, source: &Path| {

@@ -3,19 +3,20 @@
 
 use std::collections::{BTreeSet, HashMap};
 use std::ffi::{OsStr, OsString};
-use std::fs::{self, File};
-use std::io::{self, Read, Write};
+use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
 
 use super::library::{Library, Texture, lines_of, path_of, texture_in, with_slashes};
 use super::regions::Regions;
 use crate::assets::MAX_IMAGE_BYTES;
+use crate::drive::{self, File};
 use crate::error::{Warning, WriteError};
 use crate::excerpt::excerpt_of_bytes;
-use crate::files::{temporary_in, write_file};
+use crate::files::{write_file, write_new_file};
 
 /// Treatment of materials and textures that are separate files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Textures {
     /// Write a material library beside an OBJ, and copy the textures there. Copy the separate images of a scene
@@ -59,7 +60,7 @@ impl SidecarFiles {
     pub(crate) fn remove(self) {
         for path in self.created {
             // A remaining file does no harm.
-            let _ = fs::remove_file(path);
+            let _ = drive::remove_file(path);
         }
     }
 }
@@ -87,7 +88,7 @@ pub(crate) fn write_sidecar_files(
         return Ok(beside);
     }
     // The later error of writing the OBJ describes the problem with the folder better.
-    if !folder.is_dir() || fs::metadata(target).is_ok_and(|about| !about.is_file()) {
+    if !drive::is_folder(folder) || drive::metadata(target).is_ok_and(|about| !about.is_file()) {
         return Ok(beside);
     }
     let written = library_text(regions, folder, policy, &mut beside)
@@ -193,7 +194,7 @@ fn path_from(
             return Ok(old.to_vec());
         }
     };
-    let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let real = |path: &Path| drive::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     let (source, real_folder) = (found.real_path(), real(folder));
     let is_right = |path: PathBuf| !path.is_absolute() && real(&folder.join(path)) == source;
     if is_right(path_of(old)) || is_right(path_of(&with_slashes(old))) {
@@ -223,37 +224,27 @@ pub(crate) fn copy_into(
     beside: &mut SidecarFiles,
 ) -> Result<OsString, WriteError> {
     let named = |path: &Path, source: io::Error| WriteError::Io { path: path.to_owned(), source };
-    let mut copy = None;
     for number in 0.. {
         let name = numbered(own, number);
         let target = folder.join(&name);
         if is_file_of(bytes, &target).map_err(|e| named(&target, e))? {
             return Ok(name);
         }
-        if fs::symlink_metadata(&target).is_ok() {
+        if drive::symlink_metadata(&target).is_ok() {
             continue;
         }
-        let ready = match copy.take() {
-            Some(ready) => ready,
-            None => {
-                let mut new = temporary_in(folder).map_err(|e| named(&target, e))?;
-                new.as_file_mut().write_all(bytes).map_err(|e| named(&target, e))?;
-                new
-            }
-        };
-        match ready.persist_noclobber(&target) {
-            Ok(_) => {
+        match write_new_file(&target, bytes) {
+            Ok(()) => {
                 beside.created.push(target);
                 return Ok(name);
             }
             // Another process created the file in the meantime.
-            Err(e) if e.error.kind() == io::ErrorKind::AlreadyExists => {
-                copy = Some(e.file);
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {
                 if is_file_of(bytes, &target).map_err(|e| named(&target, e))? {
                     return Ok(name);
                 }
             }
-            Err(e) => return Err(named(&target, e.error)),
+            Err(e) => return Err(named(&target, e)),
         }
     }
     unreachable!("some number is free")
@@ -283,7 +274,7 @@ fn write_library(
         if path == target {
             continue;
         }
-        let old = match fs::metadata(&path) {
+        let old = match drive::metadata(&path) {
             Ok(about) if !about.is_file() => continue,
             Ok(_) => {
                 let mut old = Vec::new();
@@ -325,7 +316,7 @@ fn numbered(name: &OsStr, number: u32) -> OsString {
 /// Returns true if the file has exactly these bytes.
 fn is_file_of(bytes: &[u8], target: &Path) -> io::Result<bool> {
     let length = bytes.len() as u64;
-    if !fs::metadata(target).is_ok_and(|about| about.is_file() && about.len() == length) {
+    if !drive::metadata(target).is_ok_and(|about| about.is_file() && about.len() == length) {
         return Ok(false);
     }
     let mut there = Vec::new();

@@ -3,7 +3,6 @@
 //! Only for valid files. Whatever needs more context (the line number of an error, a negative index in a
 //! later section) is left to the reader of whole files.
 
-use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::Path;
@@ -11,6 +10,7 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::read::{MIN_SECTION_BYTES, Section, UNKNOWN_COUNTS};
+use crate::drive::File;
 use crate::error::ReadError;
 use crate::lines::ends_line;
 use crate::loaded::Loaded;

@@ -33,6 +33,7 @@ pub struct SimplifiedScene {
 /// Counts of one mesh of a scene, whatever its number of instances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct MeshCounts {
     /// Number of instances in the scene.
     pub instances: usize,

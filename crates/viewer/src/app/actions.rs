@@ -7,6 +7,7 @@ use glam::DQuat;
 use lodsmith_render::Shading;
 
 use super::App;
+use super::page::aside;
 use crate::command::{Command, SimplifyTarget};
 use crate::compare::Side;
 use crate::dialog::Purpose;
@@ -226,10 +227,7 @@ impl App {
         let sender = self.pictures_saved.0.clone();
         let waker = ctx.clone();
         let save = move |image: std::sync::Arc<egui::ColorImage>| {
-            std::thread::spawn(move || {
-                let _ = sender.send(save_picture(&image, &folder, &stem));
-                waker.request_repaint();
-            });
+            aside(waker, move || _ = sender.send(save_picture(&image, &folder, &stem)));
         };
         ctx.send_viewport_cmd(egui::ViewportCommand::Screenshot(egui::ScreenshotCallback::new(save)));
         ctx.request_repaint();

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use super::{DifferenceState, Document, Outcome};
+use super::jobs::Job;
+use super::{DifferenceState, Document};
 use crate::difference::{DifferencePicture, DifferenceView};
 use crate::job::JobKind;
 
@@ -24,11 +25,7 @@ impl Document {
         }
         self.difference.asked = Some(view.clone());
         let prepared = self.difference.prepared.clone();
-        self.worker.submit(JobKind::Difference, move |watch| {
-            let drawn = DifferencePicture::draw(view, &prepared, &mut |done| watch.report(done));
-            // A camera that sees nothing has no picture.
-            drawn.ok().flatten().map(|picture| Outcome::Difference(Arc::new(picture)))
-        });
+        self.worker.submit(Job::Difference { view: Box::new(view), prepared });
     }
 
     /// Forgets the difference picture and the models prepared for it: they take as much memory as the models.

@@ -1,14 +1,12 @@
 //! Open borders and defects of the shown models.
 
-use std::sync::{Arc, PoisonError};
+use std::sync::Arc;
 
-use lodsmith_core::Model;
-
-use super::{Document, Outcome};
+use super::{Document, Job};
 use crate::content::Original;
 use crate::flaws::Flaws;
-use crate::job::{JobControl, JobKind};
-use crate::shown::{Drawing, ShownModel};
+use crate::job::JobKind;
+use crate::shown::ShownModel;
 
 impl Document {
     /// Returns the borders and defects of the original and of the result, as far as they are known.
@@ -33,27 +31,11 @@ impl Document {
             return;
         }
         let [one, two] = self.flaws().map(|f| f.is_some());
+        let result = self.lighter.clone().filter(|l| !two && l.content.report.is_some());
         if !one {
-            let (of, key) = (original.clone(), original.key());
-            self.worker.submit(JobKind::Flaws, move |_: &mut JobControl| {
-                Some(found(0, key, of.content.model(), of.draw.as_ref()))
-            });
-        } else if let Some(lighter) = self.lighter.clone().filter(|l| !two && l.content.report.is_some()) {
-            let key = lighter.key();
-            self.worker.submit(JobKind::Flaws, move |_: &mut JobControl| {
-                Some(found(1, key, &lighter.content.model, lighter.draw.as_ref()))
-            });
+            self.worker.submit(Job::Flaws { original: original.clone(), result: None });
+        } else if result.is_some() {
+            self.worker.submit(Job::Flaws { original: original.clone(), result });
         }
     }
-}
-
-/// Finds the borders and defects of a model, and writes their lines into its buffers.
-fn found(which: usize, key: usize, model: &Model, drawing: Option<&Drawing>) -> Outcome {
-    let flaws = Arc::new(Flaws::of(model));
-    if let Some(drawing) = drawing {
-        for (i, marks) in flaws.marks.iter().enumerate() {
-            drawing.lock().unwrap_or_else(PoisonError::into_inner).set_marks(i, marks);
-        }
-    }
-    Outcome::Flaws { which, key, flaws }
 }

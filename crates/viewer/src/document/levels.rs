@@ -1,24 +1,9 @@
 //! Levels that are chosen by distance.
 
-use std::sync::{Arc, Mutex};
-
-use super::{Document, Outcome};
+use super::{Document, Job};
 use crate::content::{Lighter, Original};
-use crate::job::JobKind;
 use crate::option_words::Simplification;
 use crate::shown::ShownModel;
-
-/// Fractions of the triangles of the automatic levels.
-const AUTO_LEVEL_RATIOS: [f64; 9] = [0.5, 0.25, 0.125, 0.0625, 0.03, 0.015, 0.0075, 0.0035, 0.0015];
-
-/// Levels with fewer triangles are not made.
-const MIN_LEVEL_FACES: f64 = 50.0;
-
-/// Returns the fractions of the triangles that the levels of a model have.
-pub(crate) fn level_ratios(faces: usize) -> Vec<f64> {
-    let fewest = MIN_LEVEL_FACES / faces.max(1) as f64;
-    AUTO_LEVEL_RATIOS.into_iter().filter(|r| *r > fewest).collect()
-}
 
 impl Document {
     /// Returns the automatic levels, from the finest; none while they are off or not made yet.
@@ -54,16 +39,6 @@ impl Document {
             return;
         }
         self.requested_levels = Some(of.clone());
-        let (context, original) = (self.context.clone(), original.clone());
-        self.worker.submit(JobKind::Levels, move |watch| {
-            let ratios = level_ratios(original.content.faces);
-            let made = Lighter::chain(&original.content, &of.1, &ratios, watch);
-            let shown = |level: Lighter| {
-                let draw = context.as_ref().map(|c| Arc::new(Mutex::new(c.upload(&level.model))));
-                ShownModel { content: Arc::new(level), draw }
-            };
-            let result = made.map(|levels| levels.into_iter().map(shown).collect());
-            Some(Outcome::Levels { of, result })
-        });
+        self.worker.submit(Job::Levels { original: original.clone(), of });
     }
 }

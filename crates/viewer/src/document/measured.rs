@@ -1,14 +1,12 @@
 //! The measured differences of both sides: values of the heat map.
 
-use std::sync::{Arc, PoisonError};
+use std::sync::Arc;
 
-use lodsmith_core::Model;
-
-use super::{Document, Measured, Outcome};
+use super::Document;
+use super::jobs::Job;
 use crate::content::{Distances, Original};
 use crate::job::JobKind;
-use crate::settings::HeatOf;
-use crate::shown::{Drawing, ShownModel};
+use crate::shown::ShownModel;
 
 impl Document {
     /// Returns the distances between the latest result and the original, if they were measured.
@@ -27,28 +25,7 @@ impl Document {
         if !is_due || self.worker.is_busy(JobKind::Measure) || self.is_outdated() {
             return;
         }
-        let (original, quantity) = (original.clone(), self.settings.look.heat_of);
-        self.worker.submit(JobKind::Measure, move |watch| {
-            let (one, two) = (&original.content, &lighter.content);
-            let distances = Distances::measure(one, two, quantity, &mut |done| watch.report(done))?;
-            show_heat(original.draw.as_ref(), one.model(), &distances.of_original, quantity);
-            show_heat(lighter.draw.as_ref(), &two.model, &distances.of_result, quantity);
-            let of = (one.clone(), two.clone());
-            Some(Outcome::Measured(Measured { of, distances: Arc::new(distances) }))
-        });
-    }
-}
-
-/// Writes the values of the heat map into the buffers: distances of vertices, or differences at wedges.
-fn show_heat(drawing: Option<&Drawing>, model: &Model, values: &[Vec<f32>], quantity: HeatOf) {
-    let Some(drawing) = drawing else { return };
-    for (i, (mesh, values)) in model.meshes.iter().zip(values).enumerate() {
-        let mesh = &mesh.mesh;
-        let of_wedges: Vec<f32> = match mesh.vertex_map() {
-            Some(_) if quantity != HeatOf::Distance => values.clone(),
-            None => values.clone(),
-            Some(map) => map.iter().map(|v| values[v.index()]).collect(),
-        };
-        drawing.lock().unwrap_or_else(PoisonError::into_inner).set_heat(i, Some(&of_wedges));
+        let quantity = self.settings.look.heat_of;
+        self.worker.submit(Job::Measure { original: original.clone(), lighter, quantity });
     }
 }

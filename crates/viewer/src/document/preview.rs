@@ -1,16 +1,13 @@
 //! The progressive mesh from which the slider previews.
 
-use std::time::Instant;
-
-use lodsmith::SimplifyError;
-
-use super::{Document, Outcome};
+use super::Document;
+use super::jobs::{Failure, Job, PreviewMade};
 use crate::content::Original;
 use crate::job::{JobKind, Progress};
 use crate::numbers::{grouped, seconds};
 use crate::option_words::Simplification;
 use crate::shown::ShownModel;
-use crate::slider_preview::{self, SliderPreview};
+use crate::slider_preview::{self, LevelChange, LevelView, Preview, peak_ratio_of};
 
 impl Document {
     /// Returns true if the slider can preview any level at once.
@@ -20,25 +17,44 @@ impl Document {
 
     /// Returns the progress of the progressive mesh while it is being made.
     pub fn preview_progress(&self) -> Option<Progress> {
-        self.builder.progress()
+        self.builder.progress().filter(|progress| progress.kind == JobKind::Preview)
     }
 
-    /// Shows the preview level for a target; returns false if there is none.
+    /// Shows the preview level for a target, or requests it; returns false if there is none.
     pub(super) fn show_preview_level(&mut self, how: &Simplification) -> bool {
         if !self.has_preview() {
             return false;
         }
-        match self.preview.as_mut().map(|preview| preview.show(how)) {
-            Some(Ok(Some(level))) => {
+        let shown = match (&mut self.preview, &self.original) {
+            (Some(Preview::Here(preview)), _) => preview.show(how),
+            (Some(Preview::Elsewhere { peak_ratio, .. }), Some(original)) => {
+                let (original, peak_ratio) = (original.content.clone(), *peak_ratio);
+                self.builder.submit(Job::Level { original, how: how.clone(), peak_ratio });
+                Ok(self.lighter.clone())
+            }
+            _ => return false,
+        };
+        match shown {
+            Ok(Some(level)) => {
                 self.worker.cancel(&[JobKind::Simplify, JobKind::Measure, JobKind::Inspect]);
                 self.lighter = Some(level);
                 true
             }
-            Some(Err(why)) => {
+            Ok(None) => matches!(self.preview, Some(Preview::Elsewhere { .. })),
+            Err(why) => {
                 self.fail(why.to_string());
                 false
             }
-            Some(Ok(None)) | None => false,
+        }
+    }
+
+    /// Shows a level that another process went to.
+    pub(super) fn take_level(&mut self, how: &Simplification, change: LevelChange) {
+        let Some(Preview::Elsewhere { view, .. }) = &mut self.preview else { return };
+        let level = view.apply(change, how, self.context.as_ref());
+        // An exact result stays.
+        if self.needs_exact_run || self.worker.is_busy(JobKind::Simplify) {
+            self.lighter = Some(level);
         }
     }
 
@@ -57,40 +73,59 @@ impl Document {
                 format!("{} faces are more than {most}, the limit for a progressive mesh", grouped(faces));
             return self.log.note(format!("the slider runs the method for each value ({text})"));
         }
-        let (context, original) = (self.context.clone(), original.content.clone());
-        self.builder.submit(JobKind::Preview, move |watch| {
-            let begin = Instant::now();
-            let result = SliderPreview::build(&original, &of.1, context.as_ref(), watch).map(Box::new);
-            Some(Outcome::Preview { of, secs: begin.elapsed().as_secs_f64(), result })
-        });
+        self.builder.submit(Job::Preview { original: original.content.clone(), of });
     }
 
     pub(super) fn take_preview(
         &mut self,
         of: &(usize, Simplification),
         secs: f64,
-        result: Result<Box<SliderPreview>, SimplifyError>,
+        result: Result<PreviewMade, Failure>,
     ) {
         if self.requested_preview.as_ref() != Some(of) {
             return;
         }
-        match result {
-            Ok(mut road) => {
-                self.log.note(format!(
-                    "the slider shows results immediately: progressive mesh of {} levels built in {}",
-                    grouped(road.levels()),
-                    seconds(secs)
-                ));
-                self.lighter.iter().for_each(|l| road.learn_peak_ratio(&l.content));
-                self.preview = Some(*road);
+        let made = match result {
+            Ok(made) => made,
+            Err(Failure::Cancelled) => return,
+            Err(Failure::Error(why)) => {
+                return self.log.note(format!("the slider runs the method for each value ({why})"));
             }
-            Err(SimplifyError::Cancelled) => {}
-            Err(why) => self.log.note(format!("the slider runs the method for each value ({why})")),
+        };
+        let levels = match &made {
+            PreviewMade::Here(preview) => preview.levels(),
+            PreviewMade::Elsewhere(levels) => *levels,
+        };
+        self.log.note(format!(
+            "the slider shows results immediately: progressive mesh of {} levels built in {}",
+            grouped(levels),
+            seconds(secs)
+        ));
+        self.preview = match made {
+            PreviewMade::Here(preview) => Some(Preview::Here(preview)),
+            PreviewMade::Elsewhere(_) => self.original.as_ref().map(|original| {
+                let view = LevelView::new(original.content.model().clone(), None);
+                Preview::Elsewhere { view, peak_ratio: None }
+            }),
+        };
+        self.learn_peak_ratio();
+    }
+
+    /// Takes over the ratio of largest to RMS distance from the latest run, if it was measured.
+    pub(super) fn learn_peak_ratio(&mut self) {
+        let Some(lighter) = &self.lighter else { return };
+        match &mut self.preview {
+            Some(Preview::Here(preview)) => preview.learn_peak_ratio(&lighter.content),
+            Some(Preview::Elsewhere { peak_ratio, .. }) => {
+                *peak_ratio = peak_ratio_of(&lighter.content).or(*peak_ratio);
+            }
+            None => {}
         }
     }
 
     pub(super) fn drop_preview(&mut self) {
         (self.preview, self.requested_preview, self.needs_exact_run) = (None, None, false);
-        self.builder.cancel(&[JobKind::Preview]);
+        self.builder.stop(&[JobKind::Preview]);
+        self.builder.cancel(&[JobKind::Level]);
     }
 }

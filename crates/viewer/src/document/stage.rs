@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use lodsmith_core::Model;
 
-use super::{Document, Outcome};
+use super::{Document, Job};
 use crate::content::Lighter;
 use crate::job::JobKind;
 use crate::shown::Drawing;
@@ -85,15 +85,12 @@ impl Document {
         let Some((_, how)) = self.level_source() else { return };
         let stage = &self.settings.stage;
         let export = StageExport {
-            path: path.clone(),
+            path,
             copies: stage.copies.clone(),
             motion: stage.motion.clone(),
             base,
             viewing: ViewingConditions { pixels: stage.view.pixels, fov_y_rad },
         };
-        self.worker.submit(JobKind::Export, move |watch| {
-            let result = export.write(&original, &levels, &how, watch).map_err(|e| format!("{e:#}"));
-            Some(Outcome::Exported { path, result })
-        });
+        self.worker.submit(Job::ExportStage { original, levels, how, export: Box::new(export) });
     }
 }

@@ -28,19 +28,6 @@ pub enum GpuError {
         /// Error message of the driver library.
         reason: String,
     },
-    /// The adapter has too few storage buffers.
-    #[error(
-        "the graphics adapter {adapter} has {got} storage buffers in the vertex stage, and {wanted} are needed. Update \
-         its driver, or install one that draws without a graphics card (`mesa-vulkan-drivers`)"
-    )]
-    TooFewBuffers {
-        /// Name of the adapter.
-        adapter: String,
-        /// Number of buffers available.
-        got: u32,
-        /// Number of buffers needed.
-        wanted: u32,
-    },
 }
 
 /// Maximum content of one buffer; larger meshes are split.
@@ -56,8 +43,12 @@ pub struct BufferLimits {
 /// that updates stay small.
 const MAX_CHUNK_TRIANGLES: usize = 5_000_000;
 /// Storage buffers of the vertex stage: instances, palette, and per mesh indices, corners, rows, heat and
-/// morphs.
-pub(super) const STORAGE_BUFFERS: u32 = 7;
+/// morphs. With fewer, textures take their place.
+const STORAGE_BUFFERS: u32 = 7;
+/// Number of items in a row of a texture: all that WebGL guarantees. The same as in `pull_textures.wgsl`.
+pub(super) const ROW_ITEMS: u64 = 2048;
+/// Largest number of words in the row of a wedge, with every attribute.
+const ROW_WORDS: u64 = 16;
 
 /// The device: cheap to clone, usable from any thread.
 #[derive(Clone)]
@@ -66,6 +57,8 @@ pub struct Context {
     pub(super) queue: wgpu::Queue,
     pub(super) layouts: Arc<Layouts>,
     pub(super) buffer_limits: BufferLimits,
+    /// True if vertices pull their values from textures.
+    pub(super) pulls_textures: bool,
     /// True if a texture can have both an sRGB and a linear view.
     pub(super) has_views: bool,
     info: Arc<wgpu::AdapterInfo>,
@@ -75,10 +68,8 @@ pub struct Context {
 impl Context {
     /// Wraps the device of a window.
     ///
-    /// # Errors
-    /// [`GpuError::TooFewBuffers`]. A window created with [`Context::setup`] has as many buffers as the
-    /// adapter.
-    pub fn of_window(state: &egui_wgpu::RenderState) -> Result<Self, GpuError> {
+    /// A window created with [`Context::setup`] has as many storage buffers as the adapter.
+    pub fn of_window(state: &egui_wgpu::RenderState) -> Self {
         let (device, queue) = (state.device.clone(), state.queue.clone());
         Self::with(state.instance.clone(), &state.adapter, device, queue)
     }
@@ -97,7 +88,7 @@ impl Context {
     pub(super) fn of_adapter(instance: wgpu::Instance, adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
         let (device, queue) = pollster::block_on(adapter.request_device(&device_descriptor(adapter)))
             .map_err(|e| GpuError::NoDevice { adapter: adapter.get_info().name, reason: e.to_string() })?;
-        Self::with(instance, adapter, device, queue)
+        Ok(Self::with(instance, adapter, device, queue))
     }
 
     fn with(
@@ -105,23 +96,22 @@ impl Context {
         adapter: &wgpu::Adapter,
         device: wgpu::Device,
         queue: wgpu::Queue,
-    ) -> Result<Self, GpuError> {
+    ) -> Self {
         let limits = device.limits();
-        let info = adapter.get_info();
-        let got = limits.max_storage_buffers_per_shader_stage;
-        if got < STORAGE_BUFFERS {
-            return Err(GpuError::TooFewBuffers { adapter: info.name, got, wanted: STORAGE_BUFFERS });
-        }
-        let bytes = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
-        // A wedge takes 16 bytes for position and normal and, with every attribute, about 64 for its row.
-        let split = BufferLimits {
-            triangles: MAX_CHUNK_TRIANGLES.min((bytes / 12) as usize),
-            wedges: (bytes / 64) as usize,
-        };
-        let layouts = Arc::new(Layouts::new(&device));
+        let info = Arc::new(adapter.get_info());
+        let pulls_textures = limits.max_storage_buffers_per_shader_stage < STORAGE_BUFFERS;
+        let layouts = Arc::new(Layouts::new(&device, pulls_textures));
         let flags = adapter.get_downlevel_capabilities().flags;
         let has_views = flags.contains(wgpu::DownlevelFlags::VIEW_FORMATS);
-        Ok(Self { device, queue, layouts, buffer_limits: split, has_views, info: Arc::new(info), instance })
+        let buffer_limits = buffer_limits(&limits, pulls_textures);
+        Self { device, queue, layouts, buffer_limits, pulls_textures, has_views, info, instance }
+    }
+
+    /// Lets vertices pull their values from textures even if the adapter has storage buffers.
+    pub fn with_vertex_textures(self) -> Self {
+        let layouts = Arc::new(Layouts::new(&self.device, true));
+        let buffer_limits = buffer_limits(&self.device.limits(), true);
+        Self { layouts, buffer_limits, pulls_textures: true, ..self }
     }
 
     /// Returns the setup for a window: its device gets all limits of the adapter, not only those of a
@@ -161,6 +151,18 @@ impl Context {
     pub(super) fn sample_count(&self) -> u32 {
         if self.is_software() { 1 } else { 4 }
     }
+}
+
+fn buffer_limits(limits: &wgpu::Limits, pulls_textures: bool) -> BufferLimits {
+    if pulls_textures {
+        let items = ROW_ITEMS * u64::from(limits.max_texture_dimension_2d);
+        let triangles = MAX_CHUNK_TRIANGLES.min((items / 3) as usize);
+        return BufferLimits { triangles, wedges: (items / ROW_WORDS) as usize };
+    }
+    let bytes = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
+    // A wedge takes 16 bytes for position and normal and, with every attribute, its row.
+    let triangles = MAX_CHUNK_TRIANGLES.min((bytes / 12) as usize);
+    BufferLimits { triangles, wedges: (bytes / (4 * ROW_WORDS)) as usize }
 }
 
 /// Graphics APIs to try.

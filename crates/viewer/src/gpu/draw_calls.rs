@@ -3,9 +3,9 @@
 
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
 
 use egui_wgpu::wgpu;
+use web_time::{Duration, Instant};
 
 use super::context::Context;
 use super::frame::DrawList;
@@ -146,8 +146,11 @@ impl Default for PartPacer {
 
 impl PartPacer {
     /// Returns true if the previous part is done, without waiting. Adapts the part size to the time it took.
-    pub(super) fn is_ready(&mut self) -> bool {
+    pub(super) fn is_ready(&mut self, context: &Context) -> bool {
         let Some((begin, triangles)) = self.sent else { return true };
+        if cfg!(target_arch = "wasm32") {
+            let _ = context.device.poll(wgpu::PollType::Poll);
+        }
         let done = self.done.lock().unwrap_or_else(PoisonError::into_inner).take();
         let Some(end) = done else { return false };
         self.sent = None;
@@ -168,6 +171,9 @@ impl PartPacer {
         context.queue.on_submitted_work_done(move || {
             *done.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
         });
+        if cfg!(target_arch = "wasm32") {
+            return;
+        }
         // The window polls once per frame, too rarely to measure the duration.
         let context = context.clone();
         std::thread::spawn(move || {

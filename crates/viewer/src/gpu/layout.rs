@@ -13,7 +13,9 @@ pub(super) struct Layouts {
 pub(super) const MATERIAL_TEXTURES: u32 = 5;
 
 impl Layouts {
-    pub(super) fn new(device: &wgpu::Device) -> Self {
+    /// Creates the layouts. The values of vertices are in textures, or else in storage buffers.
+    pub(super) fn new(device: &wgpu::Device, pulls_textures: bool) -> Self {
+        let values = if pulls_textures { number_texture } else { storage };
         let vertex = wgpu::ShaderStages::VERTEX;
         let fragment = wgpu::ShaderStages::FRAGMENT;
         let group = |label, entries: &[wgpu::BindGroupLayoutEntry]| {
@@ -29,18 +31,15 @@ impl Layouts {
                 "frame",
                 &[
                     uniform(0, vertex | fragment),
-                    storage(1),
-                    storage(2),
+                    values(1),
+                    values(2),
                     texture(3),
                     sampler(4),
                     image(5, false),
                     image(6, false),
                 ],
             ),
-            mesh: group(
-                "mesh",
-                &[uniform(0, vertex), storage(1), storage(2), storage(3), storage(4), storage(5)],
-            ),
+            mesh: group("mesh", &[uniform(0, vertex), values(1), values(2), values(3), values(4), values(5)]),
             material: group("material", &material),
         }
     }
@@ -68,6 +67,15 @@ fn uniform(binding: u32, visibility: wgpu::ShaderStages) -> wgpu::BindGroupLayou
 
 fn storage(binding: u32) -> wgpu::BindGroupLayoutEntry {
     buffer(binding, wgpu::ShaderStages::VERTEX, wgpu::BufferBindingType::Storage { read_only: true })
+}
+
+fn number_texture(binding: u32) -> wgpu::BindGroupLayoutEntry {
+    let ty = wgpu::BindingType::Texture {
+        sample_type: wgpu::TextureSampleType::Uint,
+        view_dimension: wgpu::TextureViewDimension::D2,
+        multisampled: false,
+    };
+    entry(binding, wgpu::ShaderStages::VERTEX, ty)
 }
 
 fn texture(binding: u32) -> wgpu::BindGroupLayoutEntry {

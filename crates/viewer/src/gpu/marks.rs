@@ -4,12 +4,13 @@ use lodsmith_core::mesh::defects::{duplicates, is_zero_area};
 use lodsmith_core::topology::EdgeKind;
 use lodsmith_core::{FaceId, Topology, TriMesh, VertexId, WedgeId};
 use lodsmith_render::marks::{BORDER_COLOR, DUPLICATE_COLOR, NON_MANIFOLD_COLOR, ZERO_AREA_COLOR};
+use serde::{Deserialize, Serialize};
 
 /// Colours of the kinds, in the order of their numbers.
 pub(super) const COLORS: [[f32; 3]; 4] = [BORDER_COLOR, NON_MANIFOLD_COLOR, DUPLICATE_COLOR, ZERO_AREA_COLOR];
 
 /// Marked edges of a mesh. Needs no device, so a worker thread can find them.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Marks {
     /// Two wedges and an index into [`COLORS`].
     pub(super) edges: Vec<[u32; 3]>,

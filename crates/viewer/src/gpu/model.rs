@@ -11,7 +11,7 @@ use lodsmith_core::model::{Instance, ModelMesh, Pose, Skin};
 use lodsmith_core::{Model, TriMesh, WedgeId};
 use rayon::prelude::*;
 
-use super::buffer::Storage;
+use super::buffer::{Item, Storage};
 use super::context::Context;
 use super::marks::Marks;
 use super::pack::{self, AttributeLayout};
@@ -401,7 +401,7 @@ impl DrawMesh {
             if edges.is_empty() {
                 continue;
             }
-            let storage = Storage::new(context, "marks", bytemuck::cast_slice(&edges));
+            let storage = Storage::new(context, "marks", Item::Word, bytemuck::cast_slice(&edges));
             let bind = bind(context, page, &storage);
             self.marks.push(MarkedEdges {
                 page: number,
@@ -468,10 +468,10 @@ impl Page {
                 Self {
                     wedges,
                     info: context.device.create_buffer_init(&init),
-                    corners: Storage::new(context, "corners", bytemuck::cast_slice(&corners)),
-                    rows: Storage::new(context, "rows", bytemuck::cast_slice(&rows)),
-                    heat: Storage::new(context, "heat", &[]),
-                    morphs: Storage::new(context, "morphs", bytemuck::cast_slice(&morphs)),
+                    corners: Storage::new(context, "corners", Item::Quad, bytemuck::cast_slice(&corners)),
+                    rows: Storage::new(context, "rows", Item::Word, bytemuck::cast_slice(&rows)),
+                    heat: Storage::new(context, "heat", Item::Word, &[]),
+                    morphs: Storage::new(context, "morphs", Item::Word, bytemuck::cast_slice(&morphs)),
                 }
             }
             Some(mut page) => {
@@ -499,7 +499,7 @@ impl Chunk {
     ) -> Self {
         let bytes = bytemuck::cast_slice(indices);
         let indices = match old {
-            None => Storage::new(context, "indices", bytes),
+            None => Storage::new(context, "indices", Item::Word, bytes),
             Some(Self { mut indices, .. }) => {
                 indices.replace(context, bytes);
                 indices
@@ -512,7 +512,7 @@ impl Chunk {
 
 /// Returns an empty mesh bind group for passes that read no mesh.
 pub(super) fn empty_mesh_bind_group(context: &Context) -> wgpu::BindGroup {
-    let storage = Storage::new(context, "nothing", &[]);
+    let [words, quads] = [Item::Word, Item::Quad].map(|item| Storage::new(context, "nothing", item, &[]));
     let info = context.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("nothing"),
         size: size_of::<MeshInfo>() as u64,
@@ -522,27 +522,25 @@ pub(super) fn empty_mesh_bind_group(context: &Context) -> wgpu::BindGroup {
     let page = Page {
         wedges: None,
         info,
-        corners: storage.clone(),
-        rows: storage.clone(),
-        heat: storage.clone(),
-        morphs: storage.clone(),
+        corners: quads,
+        rows: words.clone(),
+        heat: words.clone(),
+        morphs: words.clone(),
     };
-    bind(context, &page, &storage)
+    bind(context, &page, &words)
 }
 
 fn bind(context: &Context, page: &Page, indices: &Storage) -> wgpu::BindGroup {
-    let buffers = [
-        &page.info,
-        indices.buffer(),
-        page.corners.buffer(),
-        page.rows.buffer(),
-        page.heat.buffer(),
-        page.morphs.buffer(),
+    let resources = [
+        page.info.as_entire_binding(),
+        indices.resource(),
+        page.corners.resource(),
+        page.rows.resource(),
+        page.heat.resource(),
+        page.morphs.resource(),
     ];
-    let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
-        .zip(buffers)
-        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
-        .collect();
+    let entries: Vec<wgpu::BindGroupEntry<'_>> =
+        (0..).zip(resources).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
     context.device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: Some("mesh"),
         layout: &context.layouts.mesh,

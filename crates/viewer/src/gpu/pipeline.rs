@@ -47,6 +47,8 @@ pub(super) struct Pipelines {
 
 const GLOBALS: &str = include_str!("../shaders/globals.wgsl");
 const ENVIRONMENT: &str = include_str!("../shaders/environment.wgsl");
+const PULL_BUFFERS: &str = include_str!("../shaders/pull_buffers.wgsl");
+const PULL_TEXTURES: &str = include_str!("../shaders/pull_textures.wgsl");
 const VERTEX: &str = include_str!("../shaders/vertex.wgsl");
 const SURFACE: &str = include_str!("../shaders/surface.wgsl");
 const BACKGROUND: &str = include_str!("../shaders/background.wgsl");
@@ -71,13 +73,14 @@ pub(super) fn draw_format(context: &Context) -> wgpu::TextureFormat {
 impl Pipelines {
     pub(super) fn new(context: &Context) -> Self {
         let module = |label: &str, texts: &[&str]| module(context, label, texts);
+        let pull = pull(context);
         Self {
             layout: layout(context),
-            surface: module("surface", &[GLOBALS, ENVIRONMENT, VERTEX, SURFACE, PLACEHOLDER_SHADER]),
+            surface: module("surface", &[GLOBALS, ENVIRONMENT, pull, VERTEX, SURFACE, PLACEHOLDER_SHADER]),
             background: module("background", &[GLOBALS, ENVIRONMENT, BACKGROUND]),
             ground: module("ground", &[GLOBALS, GROUND]),
-            marks: module("marks", &[GLOBALS, VERTEX, MARKS]),
-            pick: module("pick", &[GLOBALS, VERTEX, PICK]),
+            marks: module("marks", &[GLOBALS, pull, VERTEX, MARKS]),
+            pick: module("pick", &[GLOBALS, pull, VERTEX, PICK]),
             samples: context.sample_count(),
             made: HashMap::new(),
         }
@@ -177,6 +180,11 @@ impl Pipelines {
     }
 }
 
+/// Returns the functions by which vertices pull their values.
+fn pull(context: &Context) -> &'static str {
+    if context.pulls_textures { PULL_TEXTURES } else { PULL_BUFFERS }
+}
+
 fn layout(context: &Context) -> wgpu::PipelineLayout {
     let layouts = &context.layouts;
     context.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
@@ -194,7 +202,7 @@ fn module(context: &Context, label: &str, texts: &[&str]) -> wgpu::ShaderModule 
 /// Returns the shader module of a user's surface shader, and the number of lines before the user's first
 /// line.
 pub(super) fn custom_module(context: &Context, text: &str) -> (wgpu::ShaderModule, u32) {
-    let before = [GLOBALS, ENVIRONMENT, VERTEX, SURFACE].join("\n");
+    let before = [GLOBALS, ENVIRONMENT, pull(context), VERTEX, SURFACE].join("\n");
     let lines = before.matches('\n').count() as u32 + 1;
     (module(context, "surface of a file", &[&before, text]), lines)
 }

@@ -1,14 +1,14 @@
 //! Renderer that draws frames into targets.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use eframe::egui;
 use egui_wgpu::wgpu;
 use lodsmith_core::{Image, Model};
 use lodsmith_render::{Background, Shading};
+use web_time::Instant;
 
-use super::buffer::Storage;
+use super::buffer::{Item, Storage};
 use super::context::{Context, GpuError};
 use super::draw_calls::{self, Call, DrawKind, PartPacer};
 use super::environment::EnvironmentMap;
@@ -47,11 +47,8 @@ pub struct Gpu {
 
 impl Gpu {
     /// Creates a renderer for a window.
-    ///
-    /// # Errors
-    /// As [`Context::of_window`].
-    pub fn new(state: &egui_wgpu::RenderState) -> Result<Self, GpuError> {
-        Ok(Self::with(Context::of_window(state)?, Some(Arc::clone(&state.renderer))))
+    pub fn new(state: &egui_wgpu::RenderState) -> Self {
+        Self::with(Context::of_window(state), Some(Arc::clone(&state.renderer)))
     }
 
     /// Creates a renderer without a window.
@@ -98,8 +95,8 @@ impl Gpu {
             min_filter: wgpu::FilterMode::Linear,
             ..wgpu::SamplerDescriptor::default()
         });
-        let instances = Storage::new(&context, "instances", &[]);
-        let palette = Storage::new(&context, "palette", &[]);
+        let instances = Storage::new(&context, "instances", Item::Quad, &[]);
+        let palette = Storage::new(&context, "palette", Item::Quad, &[]);
         let frame_bind = bind_frame(&context, &globals, &instances, &palette, &white, &sampler, [&white; 2]);
         let nothing = context.upload(&Model::default());
         let plain_material = nothing.surfaces.plain().clone();
@@ -184,7 +181,7 @@ impl Gpu {
         {
             return self.draw(target, frame);
         }
-        let is_free = self.pace.is_ready();
+        let is_free = self.pace.is_ready(&self.context);
         let most = self.pace.part_triangles;
         self.draw_next_part(target, frame, is_free.then_some(most))
     }
@@ -377,8 +374,8 @@ fn bind_frame(
         layout: &context.layouts.frame,
         entries: &[
             entry(0, globals.as_entire_binding()),
-            entry(1, instances.buffer().as_entire_binding()),
-            entry(2, palette.buffer().as_entire_binding()),
+            entry(1, instances.resource()),
+            entry(2, palette.resource()),
             entry(3, wgpu::BindingResource::TextureView(matcap)),
             entry(4, wgpu::BindingResource::Sampler(sampler)),
             entry(5, wgpu::BindingResource::TextureView(environment)),

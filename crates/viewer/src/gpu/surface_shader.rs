@@ -32,6 +32,11 @@ static NEXT_ID: AtomicU64 = AtomicU64::new(0);
 impl SurfaceShader {
     /// Checks a user's shader and builds its pipelines. Returns the first error found.
     pub(super) fn new(context: &Context, pipelines: &Pipelines, text: &str) -> Result<Self, ShaderError> {
+        if cfg!(target_arch = "wasm32") {
+            // A page cannot wait for the checks.
+            let message = "user shaders are not available in a browser".to_owned();
+            return Err(ShaderError { line: None, message });
+        }
         let device = &context.device;
         let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
         let (module, before) = custom_module(context, text);

@@ -281,7 +281,7 @@ pub(super) fn read_texture(
     let (sender, receiver) = std::sync::mpsc::channel();
     buffer.map_async(wgpu::MapMode::Read, .., move |result| drop(sender.send(result)));
     let waited = context.device.poll(wgpu::PollType::wait_indefinitely());
-    let mapped = waited.is_ok() && matches!(receiver.recv(), Ok(Ok(())));
+    let mapped = waited.is_ok() && matches!(receiver.try_recv(), Ok(Ok(())));
     // A lost device has no picture.
     let Some(view) = mapped.then(|| buffer.get_mapped_range(..).ok()).flatten() else {
         return vec![0; (row * height) as usize];

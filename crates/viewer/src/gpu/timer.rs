@@ -1,9 +1,9 @@
 //! GPU timestamps of a render pass.
 
 use std::sync::mpsc::{TryRecvError, channel};
-use std::time::{Duration, Instant};
 
 use egui_wgpu::wgpu;
+use web_time::{Duration, Instant};
 
 use super::context::Context;
 

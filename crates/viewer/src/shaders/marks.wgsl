@@ -11,10 +11,10 @@ struct Line {
 fn line(@builtin(vertex_index) corner: u32, @builtin(instance_index) which: u32) -> Line {
     let edge = corner / 6u;
     let k = corner % 6u;
-    let instance = instances[which];
-    let kind = indices[3u * edge + 2u];
-    let a = globals.clip_from_view * vec4(placed(indices[3u * edge], instance, vec3(0.0)).place, 1.0);
-    let b = globals.clip_from_view * vec4(placed(indices[3u * edge + 1u], instance, vec3(0.0)).place, 1.0);
+    let instance = instance_at(which);
+    let kind = index_at(3u * edge + 2u);
+    let a = globals.clip_from_view * vec4(placed(index_at(3u * edge), instance, vec3(0.0)).place, 1.0);
+    let b = globals.clip_from_view * vec4(placed(index_at(3u * edge + 1u), instance, vec3(0.0)).place, 1.0);
     // Corners: a left, a right, b left; then a right, b left, b right.
     let at_b = k == 2u || k == 4u || k == 5u;
     let side = select(-1.0, 1.0, k == 1u || k == 3u || k == 5u);

@@ -1,5 +1,5 @@
-// Vertex stage. Corners pull their values from storage buffers (vertex pulling), so that each knows which
-// of the three it is, and a change of part of a buffer is visible at once.
+// Vertex stage. Corners pull their values by number (vertex pulling), so that each knows which of the three
+// it is, and a change of part of the values is visible at once.
 
 struct Instance {
     // Rows of the matrix from the unit frame of the mesh to camera space.
@@ -34,14 +34,7 @@ const OWN_NORMALS: u32 = 0x400000u;
 // A number from 1 in four bits; 0 for none.
 const TINT_SHIFT: u32 = 24u;
 
-@group(0) @binding(1) var<storage, read> instances: array<Instance>;
-@group(0) @binding(2) var<storage, read> palette: array<vec4<f32>>;
 @group(1) @binding(0) var<uniform> info: MeshInfo;
-@group(1) @binding(1) var<storage, read> indices: array<u32>;
-@group(1) @binding(2) var<storage, read> corners: array<vec4<u32>>;
-@group(1) @binding(3) var<storage, read> rows: array<u32>;
-@group(1) @binding(4) var<storage, read> heat: array<f32>;
-@group(1) @binding(5) var<storage, read> morphs: array<f32>;
 
 struct Varying {
     @builtin(position) clip: vec4<f32>,
@@ -69,8 +62,13 @@ fn from_octahedral(packed: u32) -> vec3<f32> {
     return normalize(vec3(p.x - select(-fold, fold, p.x >= 0.0), p.y - select(-fold, fold, p.y >= 0.0), z));
 }
 
+// (The built-in function for this is not in WebGL.)
+fn from_bytes(packed: u32) -> vec4<f32> {
+    return vec4<f32>((vec4(packed) >> vec4(0u, 8u, 16u, 24u)) & vec4(255u)) / 255.0;
+}
+
 fn word(wedge: u32, at: u32) -> u32 {
-    return rows[wedge * info.stride + at];
+    return row_word(wedge * info.stride + at);
 }
 
 fn pair(wedge: u32, at: u32) -> vec2<f32> {
@@ -87,15 +85,15 @@ fn by_rows(r: array<vec4<f32>, 3>, v: vec4<f32>) -> vec3<f32> {
 // Returns the position of a wedge in camera space: morphed, then skinned by its joints or transformed as a
 // whole.
 fn placed(wedge: u32, instance: Instance, direction: vec3<f32>) -> Placed {
-    let corner = corners[wedge];
+    let corner = corner_at(wedge);
     var place = bitcast<vec3<f32>>(corner.xyz);
     var normal = from_octahedral(corner.w);
     let morph_count = instance.ids.w & 0xffffu;
     for (var k = 0u; k < morph_count; k++) {
-        let morph = palette[instance.ids.z + k];
+        let morph = palette_at(instance.ids.z + k);
         let at = (bitcast<u32>(morph.x) * info.wedge_count + wedge) * 6u;
-        place += morph.y * vec3(morphs[at], morphs[at + 1u], morphs[at + 2u]);
-        normal += morph.y * vec3(morphs[at + 3u], morphs[at + 4u], morphs[at + 5u]);
+        place += morph.y * vec3(morph_at(at), morph_at(at + 1u), morph_at(at + 2u));
+        normal += morph.y * vec3(morph_at(at + 3u), morph_at(at + 4u), morph_at(at + 5u));
     }
     var matrix = instance.rows;
     var normal_matrix = instance.normal_rows;
@@ -108,9 +106,9 @@ fn placed(wedge: u32, instance: Instance, direction: vec3<f32>) -> Placed {
                 if weight != 0.0 {
                     let joint = (word(wedge, at + (k >> 1u)) >> (16u * (k & 1u))) & 0xffffu;
                     let first = instance.ids.y + 3u * joint;
-                    matrix[0] += weight * palette[first];
-                    matrix[1] += weight * palette[first + 1u];
-                    matrix[2] += weight * palette[first + 2u];
+                    matrix[0] += weight * palette_at(first);
+                    matrix[1] += weight * palette_at(first + 1u);
+                    matrix[2] += weight * palette_at(first + 2u);
                 }
             }
         }
@@ -128,8 +126,8 @@ fn placed(wedge: u32, instance: Instance, direction: vec3<f32>) -> Placed {
 
 @vertex
 fn vs(@builtin(vertex_index) corner: u32, @builtin(instance_index) which: u32) -> Varying {
-    let wedge = indices[corner];
-    let instance = instances[which];
+    let wedge = index_at(corner);
+    let instance = instance_at(which);
     var tangent = vec4(0.0);
     if info.tangent != NONE {
         tangent = vec4(from_octahedral(word(wedge, info.tangent)), bitcast<f32>(word(wedge, info.tangent + 1u)));
@@ -144,13 +142,13 @@ fn vs(@builtin(vertex_index) corner: u32, @builtin(instance_index) which: u32) -
     out.uv = vec4(pair(wedge, info.uv0), pair(wedge, info.uv1));
     out.color = vec4(1.0);
     if info.color != NONE {
-        out.color = unpack4x8unorm(word(wedge, info.color));
+        out.color = from_bytes(word(wedge, info.color));
     }
     let k = corner % 3u;
     out.bary = vec3(f32(k == 0u), f32(k == 1u), f32(k == 2u));
     out.flags = instance.ids.w;
     if (instance.ids.w & HAS_HEAT) != 0u {
-        out.heat = heat[wedge];
+        out.heat = heat_at(wedge);
     }
     out.id = instance.ids.x;
     return out;

@@ -9,18 +9,18 @@ use lodsmith::Screen;
 use lodsmith_core::TriMesh;
 use lodsmith_io::gltf::{CopyPlace, MovingNode, Scene, SceneCamera, SceneLevels, SceneMotion};
 use lodsmith_io::{Format, ModelSource, ReadOptions, WriteOptions};
+use serde::{Deserialize, Serialize};
 
 use super::motion::{ChannelNodes, KeyframeValue, Motion};
 use super::{Copies, ModelBase, Placement};
-use crate::content::{Lighter, Original, placed_meshes};
-use crate::document::level_ratios;
+use crate::content::{Lighter, Original, level_ratios, placed_meshes};
 use crate::export::{Written, embed};
 use crate::job::JobControl;
 use crate::numbers::grouped;
 use crate::option_words::Simplification;
 
 /// A stage and its output file.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct StageExport {
     /// The output file: glTF if its extension is `gltf`, else GLB.
     pub path: PathBuf,
@@ -35,7 +35,7 @@ pub struct StageExport {
 }
 
 /// Viewing conditions for which levels switch; they determine the screen coverage written for each level.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ViewingConditions {
     /// Pixels that an error may cover in a picture 1080 pixels high.
     pub pixels: f64,

@@ -3,7 +3,6 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::PoisonError;
-use std::time::{Duration, Instant};
 
 use eframe::egui::{
     self, Color32, Key, Modifiers, PointerButton, Pos2, Rect, Response, Sense, Stroke, Ui, Vec2, pos2,
@@ -11,6 +10,7 @@ use eframe::egui::{
 use glam::DVec3;
 use lodsmith_core::model::Pose as ModelPose;
 use lodsmith_render::Shading;
+use web_time::{Duration, Instant};
 
 use super::levels::{LevelSelector, Viewpoint, switch_distance};
 use super::motion::{CameraPlacement, Track};

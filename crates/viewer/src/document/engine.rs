@@ -1,0 +1,250 @@
+//! The other end of a [page's](crate::page) workers: answers requests.
+
+use std::sync::Arc;
+
+use lodsmith_io::AssetScope;
+
+use super::jobs::{Failure, Job, Outcome, PreviewMade};
+use super::wire::{Answer, ExportSource, Request, Task, WrittenFile};
+use crate::content::parts::{LighterParts, OriginalParts};
+use crate::content::{Lighter, Original, level_ratios};
+use crate::job::JobControl;
+use crate::option_words::Simplification;
+use crate::shown::ShownModel;
+use crate::slider_preview::SliderPreview;
+
+/// Does the jobs of a document whose window is elsewhere. It keeps the original and what was made of it, and
+/// makes again what it does not have: the result is the same.
+#[derive(Default)]
+pub struct Engine {
+    original: Option<Arc<Original>>,
+    lighter: Option<Arc<Lighter>>,
+    levels: Option<(Simplification, Vec<Arc<Lighter>>)>,
+    preview: Option<HeldPreview>,
+}
+
+struct HeldPreview {
+    preview: Box<SliderPreview>,
+    /// True if the window has all meshes of the present level.
+    is_told: bool,
+}
+
+/// Folder of written files, which are handed to the window.
+const OUTPUTS: &str = "outputs";
+
+impl Engine {
+    /// Returns true if the files of the original have to be there before this request is run.
+    pub fn needs_files(&self, request: &str) -> bool {
+        let Ok(request) = serde_json::from_str::<Request>(request) else { return false };
+        // Textures are copied when a model is written.
+        matches!(*request.task, Task::Open | Task::Export { .. } | Task::ExportStage { .. })
+            || !self.has_original(&request)
+    }
+
+    /// Answers a request. `report` receives progress from 0 to 1 and the stage. To cancel it, end the process.
+    pub fn run(&mut self, request: &str, mut report: impl FnMut(f64, &'static str) + 'static) -> Vec<u8> {
+        let mut watch = JobControl::new(move |done, stage| {
+            done.into_iter().for_each(|done| report(done, stage));
+            true
+        });
+        let answer = match serde_json::from_str(request) {
+            Ok(request) => self.answer(request, &mut watch),
+            Err(why) => Answer::Lost(why.to_string()),
+        };
+        rmp_serde::to_vec(&answer).unwrap_or_default()
+    }
+
+    fn has_original(&self, request: &Request) -> bool {
+        self.original.as_ref().is_some_and(|o| o.path == request.path)
+    }
+
+    fn answer(&mut self, request: Request, watch: &mut JobControl) -> Answer {
+        let is_open = matches!(*request.task, Task::Open);
+        if (is_open || !self.has_original(&request))
+            && let Err(why) = self.open(&request, watch)
+        {
+            return if is_open { Answer::Opened(Err(why)) } else { Answer::Lost(why) };
+        }
+        let Some(original) = self.original.clone() else { return Answer::Nothing };
+        match *request.task {
+            Task::Open => Answer::Opened(Ok(Box::new(OriginalParts::of(&original, request.has_light)))),
+            Task::Simplify(how) => {
+                let made = self.lighter(&original, &how, watch);
+                Answer::Lighter(
+                    made.map(|lighter| Box::new(LighterParts::of(&lighter, &original, request.has_light))),
+                )
+            }
+            Task::Level { how, peak_ratio } => self.level(&how, peak_ratio),
+            task => match self.job(original.clone(), task, watch) {
+                Ok(job) => match job.run(None, watch) {
+                    Some(outcome) => self.told(outcome, &original),
+                    None => Answer::Nothing,
+                },
+                Err(Failure::Cancelled) => Answer::Nothing,
+                Err(Failure::Error(why)) => Answer::Lost(why),
+            },
+        }
+    }
+
+    fn open(&mut self, request: &Request, watch: &mut JobControl) -> Result<(), String> {
+        // What there was is freed first.
+        *self = Self::default();
+        let (path, assets): (_, AssetScope) = (request.path.clone(), request.assets.clone());
+        match (Job::Open { path, assets }).run(None, watch) {
+            Some(Outcome::Opened { result, .. }) => self.original = Some(result?.content),
+            _ => return Err("opening was cancelled".to_owned()),
+        }
+        Ok(())
+    }
+
+    /// Returns the result of these options.
+    fn lighter(
+        &mut self,
+        original: &Arc<Original>,
+        how: &Simplification,
+        watch: &mut JobControl,
+    ) -> Result<Arc<Lighter>, Failure> {
+        if let Some(lighter) = self.lighter.as_ref().filter(|lighter| lighter.how == *how) {
+            return Ok(lighter.clone());
+        }
+        self.lighter = None;
+        let made = Arc::new(Lighter::make(original, how, watch)?);
+        self.lighter = Some(made.clone());
+        Ok(made)
+    }
+
+    /// Returns the automatic levels of these options.
+    fn levels(
+        &mut self,
+        original: &Arc<Original>,
+        how: &Simplification,
+        watch: &mut JobControl,
+    ) -> Result<Vec<Arc<Lighter>>, Failure> {
+        let mut of = how.clone();
+        of.options.stop = lodsmith::Stop::default();
+        if self.levels.as_ref().is_none_or(|levels| levels.0 != of) {
+            let ratios = level_ratios(original.faces);
+            let made = Lighter::chain(original, &of, &ratios, watch)?;
+            self.levels = Some((of, made.into_iter().map(Arc::new).collect()));
+        }
+        Ok(self.levels.as_ref().map(|levels| levels.1.clone()).unwrap_or_default())
+    }
+
+    /// Returns the job for a task, with its models.
+    fn job(&mut self, original: Arc<Original>, task: Task, watch: &mut JobControl) -> Result<Job, Failure> {
+        let hidden = |content| ShownModel { content, draw: None };
+        let key = Arc::as_ptr(&original) as usize;
+        Ok(match task {
+            Task::Inspect(how) => {
+                let result = how.map(|how| self.lighter(&original, &how, watch)).transpose()?;
+                Job::Inspect {
+                    original: hidden(original),
+                    result: result.map(|content| ShownModel { content, draw: None }),
+                }
+            }
+            Task::Flaws(how) => {
+                let result = how.map(|how| self.lighter(&original, &how, watch)).transpose()?;
+                Job::Flaws {
+                    original: hidden(original),
+                    result: result.map(|content| ShownModel { content, draw: None }),
+                }
+            }
+            Task::Measure(how, quantity) => {
+                let content = self.lighter(&original, &how, watch)?;
+                let lighter = ShownModel { content, draw: None };
+                Job::Measure { original: hidden(original), lighter, quantity }
+            }
+            Task::Levels(how) => {
+                self.levels = None;
+                Job::Levels { original: hidden(original), of: (key, how) }
+            }
+            Task::Export { how, source, mut export } => {
+                let (level, lighter) = match source {
+                    ExportSource::Original => (None, None),
+                    ExportSource::Result => (None, Some(self.lighter(&original, &how, watch)?)),
+                    ExportSource::Level(level) => {
+                        let levels = self.levels(&original, &how, watch)?;
+                        (Some(level), levels.get(level).cloned())
+                    }
+                };
+                export.path = output_path(&export.path);
+                Job::Export { original, lighter, level, how, export }
+            }
+            Task::ExportStage { how, mut export } => {
+                export.path = output_path(&export.path);
+                let levels = self.levels(&original, &how, watch)?;
+                Job::ExportStage { original, levels, how, export }
+            }
+            Task::Preview(how) => {
+                self.preview = None;
+                Job::Preview { original, of: (key, how) }
+            }
+            Task::Open | Task::Simplify(_) | Task::Level { .. } => return Err(Failure::Cancelled),
+        })
+    }
+
+    /// Returns the answer for the outcome of a job, and keeps what later requests need.
+    fn told(&mut self, outcome: Outcome, original: &Original) -> Answer {
+        match outcome {
+            Outcome::Inspected { anatomy, .. } => Answer::Topology(anatomy),
+            Outcome::Flaws { flaws, .. } => Arc::into_inner(flaws).map_or(Answer::Nothing, Answer::Flaws),
+            Outcome::Measured(measured) => {
+                Arc::into_inner(measured.distances).map_or(Answer::Nothing, Answer::Distances)
+            }
+            Outcome::Levels { of, result } => Answer::Levels(result.map(|levels| {
+                let parts = levels.iter().map(|l| LighterParts::of(&l.content, original, false)).collect();
+                self.levels = Some((of.1, levels.into_iter().map(|l| l.content).collect()));
+                parts
+            })),
+            Outcome::Exported { result, .. } => Answer::Exported(result.map(|written| (written, outputs()))),
+            Outcome::Preview { secs, result, .. } => {
+                let count = result.map(|made| match made {
+                    PreviewMade::Here(preview) => {
+                        let count = preview.levels();
+                        self.preview = Some(HeldPreview { preview, is_told: false });
+                        count
+                    }
+                    PreviewMade::Elsewhere(count) => count,
+                });
+                Answer::Preview(count, secs)
+            }
+            _ => Answer::Nothing,
+        }
+    }
+
+    fn level(&mut self, how: &Simplification, peak_ratio: Option<f64>) -> Answer {
+        let Some(HeldPreview { preview, is_told }) = &mut self.preview else { return Answer::Nothing };
+        peak_ratio.into_iter().for_each(|ratio| preview.set_peak_ratio(ratio));
+        match preview.go_to(how, !*is_told) {
+            Ok(Some(change)) => {
+                *is_told = true;
+                Answer::Level(change)
+            }
+            Ok(None) => Answer::Nothing,
+            Err(why) => Answer::Lost(why.to_string()),
+        }
+    }
+}
+
+/// Returns the path that a file is written to before it is handed to the window.
+fn output_path(path: &std::path::Path) -> std::path::PathBuf {
+    if cfg!(target_arch = "wasm32") { std::path::Path::new(OUTPUTS).join(path) } else { path.to_owned() }
+}
+
+/// Takes the files that were written out of memory. On a system with files they stay where they are.
+fn outputs() -> Vec<WrittenFile> {
+    #[cfg(target_arch = "wasm32")]
+    {
+        use lodsmith_io::drive::memory;
+        let of = |path: std::path::PathBuf| {
+            let name = path.strip_prefix(OUTPUTS).ok()?.to_string_lossy().into_owned();
+            Some(WrittenFile { name, bytes: memory::take(&path)?.to_vec() })
+        };
+        memory::paths().into_iter().filter_map(of).collect()
+    }
+    #[cfg(not(target_arch = "wasm32"))]
+    {
+        debug_assert!(!OUTPUTS.is_empty());
+        Vec::new()
+    }
+}

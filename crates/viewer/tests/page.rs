@@ -1,0 +1,198 @@
+//! A document whose jobs are done by an engine behind a page, as in a browser: here the engine is in the same
+//! process, and all that passes between both are text and bytes.
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use lodsmith_core::shapes;
+use lodsmith_io::{Format, Textures};
+use lodsmith_viewer::command::{Command, SimplifyTarget};
+use lodsmith_viewer::document::{Document, Engine};
+use lodsmith_viewer::export::Export;
+use lodsmith_viewer::page::{BrowserPage, PageWorker, WorkerMessage};
+
+const TIMEOUT: Duration = Duration::from_secs(120);
+
+/// A page without a browser. Its workers answer when they are asked for messages.
+#[derive(Default)]
+struct TestPage {
+    workers_started: RefCell<usize>,
+    workers_ended: Rc<RefCell<usize>>,
+}
+
+struct TestWorker {
+    engine: RefCell<Engine>,
+    requests: RefCell<VecDeque<String>>,
+    messages: RefCell<VecDeque<WorkerMessage>>,
+    ended: Rc<RefCell<usize>>,
+}
+
+impl BrowserPage for TestPage {
+    fn start_worker(&self, _: Box<dyn Fn()>) -> Box<dyn PageWorker> {
+        *self.workers_started.borrow_mut() += 1;
+        Box::new(TestWorker {
+            engine: RefCell::default(),
+            requests: RefCell::default(),
+            messages: RefCell::default(),
+            ended: self.workers_ended.clone(),
+        })
+    }
+    fn choose_files(&self, _: &[&str], _: bool) {}
+    fn put_file(&self, _: &str, _: &[u8]) {}
+    fn take_opened(&self) -> Vec<PathBuf> {
+        Vec::new()
+    }
+    fn save_written(&self, _: &Path) {}
+    fn save(&self, _: &str, _: &[u8]) {}
+    fn save_all(&self, _: &str, _: &[(&str, &[u8])]) {}
+}
+
+impl PageWorker for TestWorker {
+    fn post(&self, request: &str) {
+        self.requests.borrow_mut().push_back(request.to_owned());
+    }
+
+    fn poll(&self) -> Option<WorkerMessage> {
+        if let Some(request) = self.requests.borrow_mut().pop_front() {
+            let progress = Arc::new(Mutex::new(Vec::new()));
+            let its = progress.clone();
+            let report = move |done, stage: &'static str| {
+                its.lock().unwrap().push(WorkerMessage::Progress(done, stage.to_owned()));
+            };
+            let answer = self.engine.borrow_mut().run(&request, report);
+            let mut messages = self.messages.borrow_mut();
+            messages.extend(progress.lock().unwrap().drain(..));
+            messages.push_back(WorkerMessage::Answer(answer));
+        }
+        self.messages.borrow_mut().pop_front()
+    }
+}
+
+impl Drop for TestWorker {
+    fn drop(&mut self) {
+        *self.ended.borrow_mut() += 1;
+    }
+}
+
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, mesh) in [("sphere.ply", shapes::icosphere(4)), ("torus.glb", shapes::torus(96, 48))] {
+        lodsmith_io::write_path(&mesh, &folder.path().join(name), &Default::default()).unwrap();
+    }
+    folder
+}
+
+/// Returns documents with an engine behind a page, and with one in the same process.
+fn both() -> (Rc<TestPage>, [Document; 2]) {
+    let page = Rc::new(TestPage::default());
+    let behind: Rc<dyn BrowserPage> = page.clone();
+    (page, [Document::on_page(None, &behind, || {}), Document::new(None, || {})])
+}
+
+fn run(document: &mut Document, command: Command) {
+    document.run(command);
+    document.seal();
+    assert!(document.settle(TIMEOUT), "the work never ends");
+}
+
+#[test]
+fn a_document_behind_a_page_shows_what_one_in_the_same_process_shows() {
+    let folder = folder();
+    for name in ["sphere.ply", "torus.glb"] {
+        let (_, mut documents) = both();
+        for document in &mut documents {
+            document.set_wanted_results(true, true);
+            run(document, Command::Open(vec![folder.path().join(name)]));
+            assert!(document.has_preview(), "{:?}", document.problem);
+            run(document, Command::Target(SimplifyTarget::Faces(700)));
+        }
+        let [page, here] = &documents;
+        assert_eq!(
+            page.original_size().map(|o| (o.faces, o.vertices)),
+            here.original_size().map(|o| (o.faces, o.vertices))
+        );
+        let [one, two] = [page, here].map(|d| d.lighter().unwrap().content.clone());
+        assert_eq!(one.model.meshes[0].mesh, two.model.meshes[0].mesh);
+        assert_eq!((&one.report, &one.counts), (&two.report, &two.counts));
+        let [one, two] = [page, here].map(|d| d.distances().unwrap().clone());
+        assert_eq!(
+            (&one.of_result, &one.of_original, one.largest),
+            (&two.of_result, &two.of_original, two.largest)
+        );
+        assert_eq!(page.topologies(), here.topologies());
+    }
+}
+
+#[test]
+fn the_slider_shows_levels_of_the_engine_behind_a_page() {
+    let folder = folder();
+    let (_, mut documents) = both();
+    let mut shown = Vec::new();
+    for document in &mut documents {
+        run(document, Command::Open(vec![folder.path().join("torus.glb")]));
+        let mut meshes = Vec::new();
+        for faces in [5000, 900, 300, 4000] {
+            // No exact run follows while the slider is held.
+            document.run(Command::Target(SimplifyTarget::Faces(faces)));
+            let level = loop {
+                document.poll();
+                let level = document.lighter().unwrap().content.clone();
+                if level.how == document.settings().simplify {
+                    break level;
+                }
+            };
+            assert!(level.report.is_none() && level.faces <= faces, "{} for {faces}", level.faces);
+            meshes.push((level.faces, level.model.meshes[0].mesh.clone()));
+        }
+        shown.push(meshes);
+    }
+    assert_eq!(shown[0], shown[1]);
+}
+
+#[test]
+fn an_export_behind_a_page_has_the_same_bytes() {
+    let folder = folder();
+    let (_, mut documents) = both();
+    let mut written = Vec::new();
+    for (number, document) in documents.iter_mut().enumerate() {
+        run(document, Command::Open(vec![folder.path().join("torus.glb")]));
+        run(document, Command::Target(SimplifyTarget::Ratio(0.1)));
+        let path = folder.path().join(format!("out{number}.glb"));
+        let export = Export {
+            path: path.clone(),
+            format: Format::Glb,
+            ascii: false,
+            textures: Textures::default(),
+            levels: Vec::new(),
+        };
+        document.export(export, 0.0);
+        assert!(document.settle(TIMEOUT) && document.problem.is_none(), "{:?}", document.problem);
+        written.push(std::fs::read(path).unwrap());
+    }
+    assert!(written[0] == written[1]);
+}
+
+#[test]
+fn a_file_that_cannot_be_read_and_a_cancelled_run_leave_what_is_shown() {
+    let folder = folder();
+    std::fs::write(folder.path().join("broken.ply"), "ply\nnonsense").unwrap();
+    let (page, [mut document, _]) = both();
+    run(&mut document, Command::Open(vec![folder.path().join("sphere.ply")]));
+    document.run(Command::Open(vec![folder.path().join("broken.ply")]));
+    assert!(document.settle(TIMEOUT));
+    assert!(document.problem.as_ref().is_some_and(|p| p.contains("broken.ply")), "{:?}", document.problem);
+    assert_eq!(document.original().unwrap().content.faces, 5120);
+    // A worker that reads ends with the job; the next job has another one.
+    let ended = *page.workers_ended.borrow();
+    document.run(Command::Open(vec![folder.path().join("torus.glb")]));
+    document.cancel();
+    assert_eq!(*page.workers_ended.borrow(), ended + 1);
+    assert!(document.is_idle());
+    run(&mut document, Command::Target(SimplifyTarget::Faces(500)));
+    assert!(document.lighter().unwrap().content.faces <= 500);
+    assert_eq!(*page.workers_started.borrow(), 3);
+}
