@@ -27,6 +27,7 @@ cargo xtask goldens [FILTER]                               writes the recorded a
 cargo xtask walk [MODEL...] [--preset NAME]...             lighter and lighter, with every preset: fails where a heavier result is farther off
 cargo xtask seeds [--binary FILE]                          what fuzz targets begin with, into fuzz/corpus
 cargo xtask sample                                         makes the sample model of the README
+cargo xtask web [FOLDER]                                   builds the viewer as a static page (default: target/web/page)
 cargo xtask pictures [finial|shadings|lod|viewer|methods|METHOD...]   draws the pictures of the README and of the pages
 ";
 
@@ -44,6 +45,7 @@ fn main() -> ExitCode {
         "seeds" => seeds::run(rest),
         "sample" => write_sample(),
         "pictures" => pictures::run(rest),
+        "web" => web(rest),
         "help" | "--help" | "-h" => {
             print!("{HELP}");
             Ok(())
@@ -57,6 +59,14 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Builds the viewer as a static page into a folder.
+fn web(args: &[String]) -> Result<()> {
+    ensure!(args.len() <= 1, "usage: cargo xtask web [FOLDER]");
+    let status = Command::new("crates/web/build.sh").args(args).current_dir(root()).status()?;
+    ensure!(status.success(), "crates/web/build.sh ended with {status}");
+    Ok(())
 }
 
 /// Benchmark programs.

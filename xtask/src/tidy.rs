@@ -96,6 +96,12 @@ const PACKAGE_RULES: &[PackageRule] = &[
         // (The lock file has tokio for windows in browsers, which is never built here.)
         never: &["clap"],
     },
+    PackageRule {
+        package: "lodsmith-web",
+        folder: "crates/web",
+        uses: &["lodsmith-io", "lodsmith-viewer"],
+        never: &["clap"],
+    },
 ];
 
 /// Words that sources of a folder must not contain, and the reason. Strings are not distinguished from code:
@@ -333,7 +339,7 @@ fn forbidden_crates() -> Result<Vec<String>> {
                 }
             }
         }
-        let windowed = matches!(room.package, "lodsmith-viewer" | "lodsmith-cli");
+        let windowed = matches!(room.package, "lodsmith-viewer" | "lodsmith-cli" | "lodsmith-web");
         let gpu = if windowed { &[] } else { GPU };
         for never in room.never.iter().chain(gpu) {
             if let Some(through) = from.get(never) {

@@ -1,0 +1,157 @@
+// The page around the viewer: the files that the user hands over, the workers, and downloads. Nothing is sent
+// anywhere: the only requests are for the files beside this one.
+import init, { start, zip } from './lodsmith.js';
+
+const status = document.getElementById('status');
+const canvas = document.getElementById('window');
+
+/** Files by their path, as blobs: their bytes are read when a worker needs them. */
+const files = new Map();
+/** Paths that were handed over and not opened yet. */
+let opened = [];
+let viewer = null;
+let compiled = null;
+
+/** Compiles the module once, for the window and all workers. */
+async function compile() {
+  const url = new URL('./lodsmith_bg.wasm', import.meta.url);
+  try {
+    return await WebAssembly.compileStreaming(fetch(url));
+  } catch {
+    // Some hosts send the file with another type.
+    return WebAssembly.compile(await (await fetch(url)).arrayBuffer());
+  }
+}
+
+/** Starts a worker with the compiled module. */
+function newWorker() {
+  const worker = new Worker(new URL('./worker.js', import.meta.url), { type: 'module' });
+  worker.postMessage({ compiled });
+  return worker;
+}
+
+/** Returns the files of an archive. */
+function unpack(blob) {
+  const worker = newWorker();
+  return new Promise((resolve, reject) => {
+    worker.onerror = (event) => reject(new Error(event.message));
+    worker.onmessage = ({ data }) => (data.failed === undefined ? resolve(data.unpacked) : reject(new Error(data.failed)));
+    worker.postMessage({ unpack: blob });
+  }).finally(() => worker.terminate());
+}
+
+/** Adds files, given as pairs of path and blob, and opens them. */
+async function handOver(pairs, isInMemory = () => false) {
+  const all = [];
+  for (const [path, blob] of pairs) {
+    if (/\.zip$/i.test(path)) all.push(...(await unpack(blob)));
+    else all.push([path, blob]);
+  }
+  for (const [path, blob] of all) {
+    if (isInMemory(path)) viewer.putFile(path, new Uint8Array(await blob.arrayBuffer()));
+    else files.set(path, blob);
+  }
+  opened.push(...all.map(([path]) => path));
+  viewer.wake();
+}
+
+/** Returns the files of a dropped file or folder as pairs of path and file. */
+async function filesOf(entry) {
+  const path = entry.fullPath.replace(/^\//, '');
+  if (entry.isFile) return [[path, await new Promise((resolve, reject) => entry.file(resolve, reject))]];
+  const reader = entry.createReader();
+  const all = [];
+  for (;;) {
+    const some = await new Promise((resolve, reject) => reader.readEntries(resolve, reject));
+    if (some.length === 0) return all;
+    for (const inner of some) all.push(...(await filesOf(inner)));
+  }
+}
+
+const isSession = (path) => /\.json$/i.test(path);
+
+async function drop(transfer) {
+  const entries = [...transfer.items].map((item) => item.webkitGetAsEntry?.()).filter(Boolean);
+  const pairs = entries.length > 0 ? (await Promise.all(entries.map(filesOf))).flat() : [...transfer.files].map((f) => [f.name, f]);
+  await handOver(pairs, isSession);
+}
+
+/** Shows an error of the page in place of the window. */
+function fail(why) {
+  status.hidden = false;
+  status.textContent = `Lodsmith cannot run here: ${why.message ?? why}`;
+}
+
+/** What the viewer asks of the page. */
+const host = {
+  startWorker(wake) {
+    const worker = newWorker();
+    const messages = [];
+    const push = (message) => {
+      messages.push(message);
+      wake();
+    };
+    const sent = new Map();
+    worker.onmessage = ({ data }) => push(data);
+    worker.onerror = (event) => push({ failed: event.message || 'the worker ran out of memory' });
+    return {
+      post(request) {
+        // Blobs are handles: the worker reads those that it needs.
+        const added = [...files].filter(([path, blob]) => sent.get(path) !== blob);
+        for (const [path, blob] of added) sent.set(path, blob);
+        worker.postMessage({ request, added });
+      },
+      poll: () => messages.shift(),
+      end: () => worker.terminate(),
+    };
+  },
+  chooseFiles(extensions, areModels) {
+    const input = document.createElement('input');
+    input.type = 'file';
+    input.multiple = areModels;
+    const others = areModels ? ['zip', 'mtl', 'bin', 'png', 'jpg', 'jpeg', 'webp'] : [];
+    input.accept = [...extensions, ...others].map((e) => `.${e}`).join(',');
+    input.onchange = () => handOver([...input.files].map((f) => [f.name, f]), () => !areModels).catch(fail);
+    input.click();
+  },
+  putFile(path, bytes) {
+    files.set(path, new Blob([bytes]));
+  },
+  takeOpened() {
+    const paths = opened;
+    opened = [];
+    return paths;
+  },
+  save(name, bytes) {
+    const link = document.createElement('a');
+    link.href = URL.createObjectURL(new Blob([bytes], { type: 'application/octet-stream' }));
+    link.download = name.split('/').at(-1);
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+  },
+  saveAll(folder, all) {
+    this.save(`${folder}.zip`, zip(all));
+  },
+};
+
+async function run() {
+  compiled = await compile();
+  await init({ module_or_path: compiled });
+  viewer = await start(canvas, host);
+  status.hidden = true;
+  status.style.display = 'none';
+  // (The canvas takes the drop as well, to end the hint that it shows.)
+  addEventListener('dragover', (event) => event.preventDefault());
+  document.addEventListener('drop', (event) => {
+    event.preventDefault();
+    drop(event.dataTransfer).catch((why) => console.error(why));
+  }, { capture: true });
+  // For tests, and for pages that show this one in a frame of theirs.
+  globalThis.lodsmith = {
+    open: (pairs) => handOver(pairs, isSession),
+    state: () => JSON.parse(viewer.state()),
+    widgets: () => JSON.parse(viewer.widgets()) ?? [],
+  };
+}
+
+run().catch(fail);

@@ -1,0 +1,34 @@
+// A worker of the page: runs the engine. It is told the compiled module first, and then requests; it answers
+// with bytes, and tells its progress. Cancelling ends it.
+import init, { WebEngine, unpack } from './lodsmith.js';
+
+const files = new Map();
+let engine = null;
+let ready = null;
+
+async function putFiles() {
+  for (const [path, blob] of files) engine.putFile(path, new Uint8Array(await blob.arrayBuffer()));
+}
+
+async function take({ compiled, request, added, unpack: archive }) {
+  if (compiled) {
+    ready = init({ module_or_path: compiled });
+    return;
+  }
+  await ready;
+  if (archive) {
+    const all = unpack(new Uint8Array(await archive.arrayBuffer()));
+    postMessage({ unpacked: all.map(([path, bytes]) => [path, new Blob([bytes])]) });
+    return;
+  }
+  engine ??= new WebEngine();
+  for (const [path, blob] of added) files.set(path, blob);
+  if (engine.needsFiles(request)) await putFiles();
+  const answer = engine.run(request, (done, stage) => postMessage({ done, stage }));
+  postMessage({ answer }, [answer.buffer]);
+}
+
+let last = Promise.resolve();
+addEventListener('message', ({ data }) => {
+  last = last.then(() => take(data)).catch((why) => postMessage({ failed: String(why.message ?? why) }));
+});
