@@ -509,8 +509,7 @@ impl App {
 
     fn main_view(&mut self, ui: &mut Ui) {
         let mut says = Vec::new();
-        let frame = egui::Frame::NONE.fill(theme::palette(ui).window);
-        let detail = egui::CentralPanel::default().frame(frame).show(ui, |ui| {
+        let detail = egui::CentralPanel::default().frame(egui::Frame::NONE).show(ui, |ui| {
             self.notices(ui, &mut says);
             if self.document.original().is_some() {
                 self.pictures.show(ui, &self.document, &mut says)

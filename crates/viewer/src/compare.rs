@@ -241,7 +241,11 @@ impl ComparisonView {
                 self.draw_difference(ui, document, rect, says);
                 continue;
             }
-            self.draw(ui, document, slot, rect, seen, shown);
+            // A picture covers all that is below it, which a software renderer need not fill.
+            let below = ui.painter().add(egui::Shape::Noop);
+            if !self.draw(ui, document, slot, rect, seen, shown) {
+                ui.painter().set(below, egui::Shape::rect_filled(seen, 0.0, palette(ui).window));
+            }
             let (lighter, level) = self.result(document);
             let pixels = lighter.and_then(|l| self.pixels(document, l.content.error()));
             overlay(ui, document, seen, shown, lighter, level.zip(pixels));
@@ -294,14 +298,20 @@ impl ComparisonView {
         self.orbits = [Orbit::of(&camera.framing(&around, self.aspect)); 2];
     }
 
-    /// Draws a side into its texture and paints that.
-    fn draw(&mut self, ui: &Ui, document: &Document, slot: usize, rect: Rect, seen: Rect, side: Side) {
-        let painter = ui.painter_at(seen);
-        painter.rect_filled(seen, 0.0, palette(ui).window);
+    /// Draws a side into its texture and paints that. Returns true if there is a picture.
+    fn draw(
+        &mut self,
+        ui: &Ui,
+        document: &Document,
+        slot: usize,
+        rect: Rect,
+        seen: Rect,
+        side: Side,
+    ) -> bool {
         let lighter = self.result(document).0.filter(|_| side == Side::Result);
-        let (Some(gpu), Some(original)) = (self.gpu.as_mut(), document.original()) else { return };
+        let (Some(gpu), Some(original)) = (self.gpu.as_mut(), document.original()) else { return false };
         let drawing: Option<&Drawing> = lighter.map_or(original.draw.as_ref(), |l| l.draw.as_ref());
-        let Some(drawing) = drawing else { return };
+        let Some(drawing) = drawing else { return false };
         let size = pixels_of(ui, rect);
         self.height_px = f64::from(size[1]);
 
@@ -369,10 +379,12 @@ impl ComparisonView {
         if self.triangles_left > 0 || is_light && !is_coarse {
             ui.request_repaint();
         }
-        paint(&painter, rect, same.unwrap_or(target));
+        let shown = same.unwrap_or(target);
+        paint(&ui.painter_at(seen), rect, shown);
         if let Some(share) = part {
             viewport::drawing_line(ui, rect, share);
         }
+        shown.has_picture()
     }
 
     /// Centres the camera on the clicked point; a click beside the model changes nothing.

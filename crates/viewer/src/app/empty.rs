@@ -12,6 +12,7 @@ use crate::theme;
 pub(super) fn start_page(ui: &mut Ui, document: &Document, facts: &WindowState, says: &mut Vec<UiRequest>) {
     let p = theme::palette(ui);
     let room = ui.available_rect_before_wrap();
+    ui.painter().rect_filled(room, 0.0, p.window);
     let size = egui::vec2(420.0, 320.0).min(room.size());
     let place = egui::Rect::from_center_size(room.center(), size);
     ui.scope_builder(egui::UiBuilder::new().max_rect(place), |ui| {

@@ -11,7 +11,10 @@ use super::context::Context;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Pass {
     /// The background.
-    Background,
+    Background {
+        /// True for the environment, false for a gradient.
+        is_environment: bool,
+    },
     /// Triangles; transparent ones do not write depth.
     Surface {
         /// Number of the shading in `surface.wgsl`.
@@ -112,7 +115,7 @@ impl Pipelines {
 
     fn module(&self, pass: Pass) -> &wgpu::ShaderModule {
         match pass {
-            Pass::Background => &self.background,
+            Pass::Background { .. } => &self.background,
             Pass::Surface { .. } => &self.surface,
             Pass::Ground => &self.ground,
             Pass::Marks | Pass::HiddenMarks => &self.marks,
@@ -126,12 +129,15 @@ impl Pipelines {
         if let Pass::Surface { shading, .. } = pass {
             constants.push(("SHADING", f64::from(shading)));
         }
+        if let Pass::Background { is_environment } = pass {
+            constants.push(("IS_ENVIRONMENT", f64::from(u8::from(is_environment))));
+        }
         if pass == Pass::HiddenMarks {
             constants.push(("OPACITY", HIDDEN_MARK_OPACITY));
         }
         let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
         let (writes_depth, compare) = match pass {
-            Pass::Background => (false, wgpu::CompareFunction::Always),
+            Pass::Background { .. } => (false, wgpu::CompareFunction::Always),
             Pass::Surface { is_blended, .. } => (!is_blended, wgpu::CompareFunction::Greater),
             Pass::Ground | Pass::Marks => (false, wgpu::CompareFunction::GreaterEqual),
             Pass::HiddenMarks => (false, wgpu::CompareFunction::Less),

@@ -235,7 +235,9 @@ impl Gpu {
         self.write_frame(frame, &view, size, target.scale(), &gathered);
         let shading = shading_number(frame.look.shading);
         let [solid, blended] = [false, true].map(|is_blended| Pass::Surface { shading, is_blended });
-        for pass in [Pass::Background, Pass::Ground, Pass::HiddenMarks, Pass::Marks, solid, blended] {
+        let is_environment = matches!(frame.background, Background::Environment { .. });
+        let background = Pass::Background { is_environment };
+        for pass in [background, Pass::Ground, Pass::HiddenMarks, Pass::Marks, solid, blended] {
             self.prepare(pass);
         }
         let surfaces = match frame.shader {
@@ -257,7 +259,7 @@ impl Gpu {
             pass.set_bind_group(1, &self.no_mesh, &[]);
             pass.set_bind_group(2, &self.plain_material, &[]);
             if part.is_first && frame.background != Background::Transparent {
-                pass.set_pipeline(self.pipelines.get(Pass::Background));
+                pass.set_pipeline(self.pipelines.get(background));
                 pass.draw(0..3, 0..1);
             }
             if part.is_first && frame.ground {

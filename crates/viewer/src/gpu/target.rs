@@ -132,6 +132,10 @@ impl RenderTarget {
     pub fn texture_id(&self) -> Option<egui::TextureId> {
         self.registered.as_ref().map(|(_, id)| *id)
     }
+    /// Returns true if it shows a picture.
+    pub fn has_picture(&self) -> bool {
+        self.shown.is_some()
+    }
     /// Returns true if it already shows this same frame.
     pub fn shows(&self, frame: &Frame<'_>) -> bool {
         self.shown.as_ref().is_some_and(|shown| shown.is(frame, self.size))

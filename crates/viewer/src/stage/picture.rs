@@ -295,10 +295,13 @@ impl StageView {
         self.status.levels = numbers.iter().zip(counts).map(of_level).collect();
         self.status.chosen = chosen;
         let painter = ui.painter_at(rect);
-        painter.rect_filled(rect, 0.0, palette(ui).window);
+        let below = painter.add(egui::Shape::Noop);
         let mut spent = begin.elapsed();
         if let Some(gpu) = gpu {
             spent += self.draw(ui, gpu, own, &shown);
+        }
+        if !self.target.as_ref().is_some_and(RenderTarget::has_picture) {
+            painter.set(below, egui::Shape::rect_filled(rect, 0.0, palette(ui).window));
         }
         self.status.secs = spent.as_secs_f64();
         self.status.longest_secs = self.status.longest_secs.max(self.status.secs);
