@@ -111,6 +111,7 @@ pub(crate) fn read_built(
         let colors = colors.iter().map(srgb).collect();
         loaded.mesh.set_colors(Some(colors))?;
     }
+    loaded.regions.has_linear_colors = false;
     loaded.warnings.splice(0..0, warnings);
     Ok(loaded)
 }
@@ -143,7 +144,8 @@ fn merged(
     mesh.set_regions(of_faces)?;
     contents.polygons = mesh.face_count();
     warnings.extend(told);
-    Ok(Loaded { regions: regions.with_frame(Frame::GLTF), ..Loaded::new(mesh, format, contents, warnings) })
+    let regions = Regions { has_linear_colors: true, ..regions.with_frame(Frame::GLTF) };
+    Ok(Loaded { regions, ..Loaded::new(mesh, format, contents, warnings) })
 }
 
 /// Writes a mesh as glTF 2.0: as JSON with an embedded buffer if the format of the options is

@@ -1,12 +1,12 @@
 //! 3MF: what is read of a file, and that what is written is read again.
 
-use std::io::{Cursor, Write};
+use std::io::{Cursor, Read as _, Write};
 use std::sync::Arc;
 
 use lodsmith_core::shapes;
 use lodsmith_io::{
-    Format, Frame, Limits, Loaded, ReadError, ReadOptions, Unit, WriteOptions, read_bytes, read_scene_bytes,
-    write_to,
+    Format, Frame, Limits, Loaded, ReadError, ReadOptions, Unit, WriteOptions, read_bytes, read_model_bytes,
+    read_scene_bytes, write_scene_to, write_to,
 };
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
@@ -117,6 +117,43 @@ fn properties_become_colors_materials_and_textures() {
     assert!(back.mesh.uvs().unwrap().contains(&[0.0, 0.25]));
     assert_eq!((back.contents.materials, back.contents.textures), (4, 1));
     assert_eq!(written(&back), written(&read(&written(&back)).unwrap()));
+}
+
+/// 3MF has colours in sRGB, glTF has linear ones.
+#[test]
+fn colors_are_linear_in_gltf_and_come_back() {
+    let content = format!(
+        r##"<resources><basematerials id="5"><base name="brown" displaycolor="#806040"/></basematerials>
+        <m:colorgroup id="6"><m:color color="#204080"/></m:colorgroup>
+        {}</resources><build><item objectid="1"/></build>"##,
+        object(
+            1,
+            r#"pid="5" pindex="0""#,
+            r#"<triangle v1="0" v2="2" v3="1"/><triangle v1="0" v2="1" v3="3" pid="6" p1="0"/>
+            <triangle v1="1" v2="2" v3="3"/><triangle v1="0" v2="3" v3="2"/></triangles></mesh>"#
+        ),
+    );
+    let scene = read_scene_bytes(&file(&content), &ReadOptions::default()).unwrap().unwrap();
+    let mut glb = Vec::new();
+    write_scene_to(&scene, &[], Format::Glb, &|_| None, &mut glb).unwrap();
+    let model = read_model_bytes(&glb, &ReadOptions::default()).unwrap().model;
+    // The formula of sRGB for 0x20, 0x40, 0x60 and 0x80.
+    let linear = [0.014_444, 0.051_269, 0.116_971, 0.215_861];
+    let is_near = |a: &[f32], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 0.003);
+    let brown = model.materials.iter().find(|m| m.name == "brown").unwrap();
+    assert!(is_near(&brown.base_color[..3], [linear[3], linear[2], linear[1]]), "{brown:?}");
+    let colors = model.meshes[0].mesh.colors().unwrap();
+    assert!(colors.iter().any(|c| is_near(&c[..3], [linear[0], linear[1], linear[3]])), "{colors:?}");
+    let text = String::from_utf8(model_of(&written(&read(&glb).unwrap()))).unwrap();
+    assert!(text.contains("#806040") && text.contains("#204080"), "{text}");
+}
+
+/// Returns the model part of a file.
+fn model_of(bytes: &[u8]) -> Vec<u8> {
+    let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).unwrap();
+    let mut text = Vec::new();
+    archive.by_name("3D/3dmodel.model").unwrap().read_to_end(&mut text).unwrap();
+    text
 }
 
 fn written(loaded: &Loaded) -> Vec<u8> {

@@ -78,6 +78,8 @@ pub struct Regions {
     pub(crate) libraries: Vec<Library>,
     /// The coordinates of the mesh, for formats that define them.
     pub(crate) frame: Option<Frame>,
+    /// True if the colours of the mesh are linear, as in glTF; those of other formats are sRGB.
+    pub(crate) has_linear_colors: bool,
 }
 
 impl Regions {
@@ -87,7 +89,7 @@ impl Regions {
         let number = |name: &Option<String>| name.as_ref().map_or(NONE, |n| all.number_of(n.as_bytes()));
         let entries: Vec<_> = names.iter().map(number).map(|n| [NONE, NONE, n, NONE]).collect();
         let materials = (0..all.texts.len() as u32).collect();
-        Self { names: all.texts, entries, materials, libraries: vec![library], frame: None }
+        Self { names: all.texts, entries, materials, libraries: vec![library], ..Self::default() }
     }
 
     /// Creates regions with these names and without libraries, so that their materials are unknown.
@@ -104,7 +106,7 @@ impl Regions {
             }
             entries.push(entry);
         }
-        Self { names: all.texts, entries, materials, libraries: Vec::new(), frame: None }
+        Self { names: all.texts, entries, materials, ..Self::default() }
     }
 
     /// Returns the same regions of a mesh in these coordinates, which formats that have a unit and axes store; without
@@ -305,6 +307,7 @@ impl Headings {
             materials: self.materials.all,
             libraries: self.libraries.into_iter().map(Library::named).collect(),
             frame: None,
+            has_linear_colors: false,
         };
         if self.changes.is_empty() {
             return (regions, None);

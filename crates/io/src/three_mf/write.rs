@@ -48,7 +48,8 @@ pub(super) fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write)
         .and_then(|regions| convert_materials(mesh, regions, Purpose::Gltf))
         .unwrap_or_default();
     let mut warnings = std::mem::take(&mut looks.warnings);
-    let properties = Properties::new(mesh, &looks);
+    let is_linear = options.regions.as_deref().is_some_and(|regions| regions.has_linear_colors);
+    let properties = Properties::new(mesh, &looks, is_linear);
     warnings.extend(properties.warnings());
 
     let mut zip: Archive<'_> = ZipWriter::new_stream(out);
@@ -115,12 +116,13 @@ struct Properties<'a> {
 }
 
 impl<'a> Properties<'a> {
-    fn new(mesh: &'a TriMesh, looks: &'a ConvertedMaterials) -> Self {
+    fn new(mesh: &'a TriMesh, looks: &'a ConvertedMaterials, is_linear: bool) -> Self {
         let images = looks.all.iter().map(|look| look.color_image.filter(|_| mesh.uvs().is_some())).collect();
         let (mut colors, mut color_of, mut numbers) = (Vec::new(), Vec::new(), HashMap::new());
         let mut is_rounded = false;
-        for color in mesh.colors().unwrap_or_default() {
-            let bytes = color.map(|x| {
+        for &[r, g, b, a] in mesh.colors().unwrap_or_default() {
+            let [r, g, b] = if is_linear { [r, g, b].map(srgb_of_linear) } else { [r, g, b] };
+            let bytes = [r, g, b, a].map(|x| {
                 let byte = (x * 255.0).round().clamp(0.0, 255.0);
                 is_rounded |= byte / 255.0 != x;
                 byte as u8
