@@ -372,6 +372,8 @@ impl MissingTextures {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]

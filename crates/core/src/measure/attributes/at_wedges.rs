@@ -146,7 +146,7 @@ mod tests {
     fn sharp_edges_are_compared_with_their_own_side() {
         let hard = |n: u32| {
             let cube = shapes::cube(n);
-            let corners: Vec<_> = cube.surface().triangles().iter().flatten().map(|v| *v).collect();
+            let corners: Vec<_> = cube.surface().triangles().iter().flatten().copied().collect();
             let all: Vec<[f64; 3]> = corners.iter().map(|v| cube.positions().view().get(*v)).collect();
             let faces = (0..all.len() / 3).map(|i| [0, 1, 2].map(|k| crate::VertexId::new(3 * i + k)));
             let mut soup = TriMesh::new(crate::Positions::F64(all), faces.collect()).unwrap();
