@@ -31,7 +31,6 @@ pub(super) struct Request {
 }
 
 /// The work of a request.
-#[expect(clippy::large_enum_variant, reason = "one at a time, and in a box")]
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Task {
     Open,
