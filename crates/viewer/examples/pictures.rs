@@ -24,7 +24,7 @@ const SLIDER_FACES: [f64; 2] = [16_192.0, 90.0];
 /// Number of frames from one end to the other.
 const SLIDER_FRAMES: usize = 22;
 /// Size of the window in the animation, in pixels.
-const SLIDER_SIZE: [f32; 2] = [860.0, 520.0];
+const SLIDER_SIZE: [f32; 2] = [980.0, 580.0];
 
 fn main() {
     let Some(folder) = std::env::args_os().nth(1).map(PathBuf::from) else {
@@ -37,6 +37,8 @@ fn main() {
         let picture = desk.harness.render().expect("the adapter draws");
         picture.save(folder.join(format!("{name}.png"))).expect("the folder can be written");
     };
+    // The command line there has the path of the copy.
+    hide(&mut desk, Panel::Report);
     desk.press(Key::W);
     target(&mut desk, 1300);
     heat(&mut desk, HeatOf::Distance, true);

@@ -45,6 +45,8 @@ pub struct Original {
     pub faces: usize,
     /// Number of vertices over all mesh instances.
     pub vertices: usize,
+    /// Number of vertices of all meshes with a coordinate that is infinite or NaN.
+    pub non_finite_vertices: usize,
     /// Load time in seconds.
     pub read_secs: f64,
     prepared: Vec<OnceLock<Option<Prepared>>>,
@@ -73,9 +75,21 @@ impl Original {
         let prepared = model.meshes.iter().map(|_| OnceLock::new()).collect();
         let bounds = bounds_of(model);
         let (faces, vertices) = (count(TriMesh::face_count), count(TriMesh::vertex_count));
+        let non_finite_vertices = model.meshes.iter().map(|m| non_finite_vertices(&m.mesh)).sum();
         let assets = AssetScope::Folder;
         let guessed_up = up_axis::guessed(model, file.format, &bounds);
-        Self { path, assets, bounds, guessed_up, faces, vertices, file, read_secs, prepared }
+        Self {
+            path,
+            assets,
+            bounds,
+            guessed_up,
+            faces,
+            vertices,
+            non_finite_vertices,
+            file,
+            read_secs,
+            prepared,
+        }
     }
 
     /// Returns the model.
@@ -333,6 +347,10 @@ fn with_new_normals(mut mesh: TriMesh) -> TriMesh {
 pub fn sum_over_instances(model: &Model, of: impl Fn(&TriMesh) -> usize) -> usize {
     let instances = model.instances(&Pose::default());
     instances.iter().fold(0, |n, i| of(&model.meshes[i.mesh].mesh).saturating_add(n))
+}
+
+fn non_finite_vertices(mesh: &TriMesh) -> usize {
+    mesh.positions().view().iter().filter(|p| !p.iter().all(|x| x.is_finite())).count()
 }
 
 /// Returns the bounding box of all mesh instances; a unit cube at the origin if there are none.

@@ -572,6 +572,17 @@ impl Document {
         }
         self.watched.clear();
         (self.problem, self.changed) = (None, None);
+        let count = content.non_finite_vertices;
+        if count > 0 {
+            let text = format!(
+                "{} of {} vertices have coordinates that are infinite or not a number; \
+                 faces at them are not drawn, and simplifying drops them",
+                grouped(count),
+                grouped(content.vertices)
+            );
+            self.log.warn(text.clone());
+            self.problem = Some(text);
+        }
         self.original = Some(original);
         self.is_playing &= matches!(then, OpenReason::Reloaded);
         (self.lighter, self.measured, self.requested) = (None, None, None);

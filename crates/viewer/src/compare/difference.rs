@@ -60,7 +60,7 @@ impl ComparisonView {
             None => {}
         }
         viewport::caption(ui, rect, "Difference", &text, false);
-        error::scale(ui, rect, map, ["0: equal".to_owned(), "1: FLIP".to_owned()]);
+        error::scale(ui, rect, map, ["0 (equal)".to_owned(), "FLIP 1".to_owned()]);
     }
 
     /// Returns what the difference picture should show; `None` without a result.

@@ -53,6 +53,9 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     widgets::value_row(ui, "Format", o.file.format.title());
     let size = [0, 1, 2].map(|k| significant(o.bounds.max[k] - o.bounds.min[k], 3));
     widgets::value_row(ui, "Size", size.join(" × "));
+    if o.non_finite_vertices > 0 {
+        widgets::value_row(ui, "Non-finite vertices", grouped(o.non_finite_vertices));
+    }
     let c = &o.file.contents;
     let counts = [
         ("Meshes", c.meshes),

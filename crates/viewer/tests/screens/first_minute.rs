@@ -51,6 +51,28 @@ fn a_model_fills_its_pane() {
     }
 }
 
+/// A file with infinite vertices once opened as two empty panes.
+#[test]
+fn what_is_finite_of_a_model_is_shown_and_the_rest_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("broken.ply");
+    let mesh = shapes::icosphere(3);
+    let Positions::F32(mut positions) = mesh.positions().clone() else { panic!("single precision") };
+    (positions[5][0], positions[20][1]) = (f32::INFINITY, f32::NAN);
+    let faces = mesh.triangles().iter().map(|t| t.map(|w| mesh.vertex_of(w))).collect();
+    let broken = TriMesh::new(Positions::F32(positions), faces).unwrap();
+    lodsmith_io::write_path(&broken, &model, &Default::default()).unwrap();
+    let Some(mut desk) = AppHarness::within(false, vec![model], folder) else { return };
+    let said = desk.app().document().problem.clone().unwrap();
+    assert!(said.starts_with("2 of 642 vertices"), "{said}");
+    desk.harness.get_by_label(&said);
+    desk.picture("infinite");
+    let [across, along] = filled(&mut desk);
+    assert!((0.75..=0.95).contains(&across.max(along)), "{across} x {along}");
+    desk.press(Key::Minus);
+    assert!(desk.faces().is_some_and(|n| n < 1270), "{:?}", desk.faces());
+}
+
 /// A flat plate that stands on its edge if y points up.
 fn plate() -> TriMesh {
     let mesh = shapes::torus(64, 32);
