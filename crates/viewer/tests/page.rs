@@ -14,6 +14,7 @@ use lodsmith_viewer::command::{Command, SimplifyTarget};
 use lodsmith_viewer::document::{Document, Engine};
 use lodsmith_viewer::export::Export;
 use lodsmith_viewer::page::{BrowserPage, PageWorker, WorkerMessage};
+use lodsmith_viewer::settings::HeatOf;
 
 const TIMEOUT: Duration = Duration::from_secs(120);
 
@@ -124,6 +125,17 @@ fn a_document_behind_a_page_shows_what_one_in_the_same_process_shows() {
             (&two.of_result, &two.of_original, two.largest)
         );
         assert_eq!(page.topologies(), here.topologies());
+        for document in &mut documents {
+            let mut look = document.settings().look.clone();
+            look.heat_of = HeatOf::Normals;
+            run(document, Command::Look(look));
+        }
+        let angles = documents.map(|d| {
+            let distances = d.distances().expect("normals were compared").clone();
+            assert_eq!(distances.quantity, HeatOf::Normals);
+            distances.of_result.iter().flatten().map(|angle| angle.to_bits()).collect::<Vec<_>>()
+        });
+        assert!(!angles[0].is_empty() && angles[0] == angles[1]);
     }
 }
 
