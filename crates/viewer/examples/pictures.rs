@@ -22,7 +22,7 @@ use lodsmith_viewer::settings::{HeatOf, Layout, Sides};
 /// Face counts at the ends of the slider in the animation.
 const SLIDER_FACES: [f64; 2] = [16_192.0, 90.0];
 /// Number of frames from one end to the other.
-const SLIDER_FRAMES: usize = 22;
+const SLIDER_FRAMES: usize = 20;
 /// Size of the window in the animation, in pixels.
 const SLIDER_SIZE: [f32; 2] = [980.0, 580.0];
 
