@@ -100,7 +100,8 @@ export async function openPage({ flags = GL, size = [1280, 800], downloads = nul
     async drag(places, at = async () => {}) {
       const { rect: [x0, y0, x1] } = await widget('Target slider');
       const point = (place) => [x0 + 10 + (x1 - x0 - 20) * place, y0 + 13];
-      await page.mouse.move(...point(places[0]));
+      // A button that goes down and rests is not a drag yet.
+      await page.mouse.move(...point(places[0] - 0.05));
       await page.mouse.down();
       for (const place of places) {
         await page.mouse.move(...point(place));
