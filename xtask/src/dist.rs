@@ -1,4 +1,4 @@
-//! What is given away: the command, and the packages for other languages, with versions in step.
+//! Files for distribution: the command, and the packages for other languages, with versions in step.
 //!
 //! The same sources and tools give the same bytes: files are sorted by name, and all have the time of the last commit, or
 //! of `SOURCE_DATE_EPOCH`.
@@ -23,7 +23,7 @@ const EARLIEST_ZIP_TIME: u64 = 315_532_800;
 /// The parts, in the order in which they are made.
 const PARTS: [&str; 5] = ["command", "python", "c", "js", "blender"];
 
-/// What all parts of one run share.
+/// Settings that all parts of one run share.
 struct Goal {
     /// The version of the workspace, which all parts have.
     version: String,

@@ -1,4 +1,4 @@
-//! What the packages of Lodsmith for other languages share: simplification of index buffers with the arguments of
+//! Code that the packages of Lodsmith for other languages share: simplification of index buffers with the arguments of
 //! meshoptimizer, names of attributes, and reports as JSON.
 
 pub mod indices;

@@ -42,7 +42,7 @@ fn pool() -> PyResult<Arc<ThreadPool>> {
     Ok(pool)
 }
 
-/// What a run and the thread that called it share.
+/// State that a run and the thread that called it share.
 #[derive(Default)]
 struct SharedState {
     is_cancelled: AtomicBool,
@@ -79,7 +79,7 @@ impl Control for WatchedRun {
     }
 }
 
-/// How a run is watched.
+/// Progress and cancellation of a run.
 #[derive(Default)]
 pub(crate) struct Watch {
     /// A function of the fraction done and the name of the stage.

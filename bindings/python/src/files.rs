@@ -84,7 +84,7 @@ fn os_error(py: Python<'_>, error: &std::io::Error, path: &std::path::Path) -> P
     }
 }
 
-/// How a mesh is written.
+/// Keywords of writing a mesh.
 #[derive(FromPyObject)]
 pub(crate) struct WriteKeywords {
     to: Option<String>,
@@ -118,7 +118,7 @@ pub(crate) fn save<'py>(
     Ok(written.warnings.iter().map(ToString::to_string).collect())
 }
 
-/// How a picture is drawn.
+/// Keywords of drawing a picture.
 #[derive(FromPyObject)]
 pub(crate) struct PictureKeywords {
     size: (usize, usize),

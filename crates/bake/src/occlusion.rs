@@ -84,7 +84,7 @@ pub(crate) struct Place {
     pub(crate) flat: DVec3,
 }
 
-/// What blocked the latest ray of each direction, to be tried first for the next.
+/// The leaf of the tree that blocked the latest ray of each direction; the next such ray tries it first.
 pub(crate) struct Latest([u32; Self::CELLS * Self::CELLS * Self::CELLS]);
 
 impl Latest {

@@ -11,7 +11,7 @@ thread_local! {
     static CURRENT: RefCell<Option<Arc<CallState>>> = const { RefCell::new(None) };
 }
 
-/// What a call shares with its caller.
+/// State that a call shares with its caller.
 #[derive(Debug)]
 pub(crate) struct CallState {
     is_cancelled: AtomicBool,

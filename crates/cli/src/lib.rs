@@ -74,7 +74,7 @@ pub struct Call(Arc<call::CallState>);
 pub struct Outcome {
     /// Exit status that the command would have.
     pub status: u8,
-    /// What it would print on standard output: with `--json` one object in each line.
+    /// Text that it would print on standard output: with `--json` one object in each line.
     pub results: String,
     /// Warnings.
     pub warnings: Vec<String>,

@@ -10,7 +10,7 @@ use crate::args::Reading;
 use crate::numbers::grouped;
 use crate::paths::{Sink, Source};
 
-/// What was written.
+/// The outcome of writing one file.
 #[derive(Default)]
 pub(crate) struct WriteOutcome {
     pub(crate) warnings: Vec<Warning>,

@@ -1,4 +1,4 @@
-//! What a file asks of a GPU and of a disk.
+//! Costs of a file: of drawing it, and of storing it.
 
 use std::collections::HashSet;
 
@@ -6,7 +6,7 @@ use lodsmith_core::{RegionId, TriMesh};
 
 use crate::material::Regions;
 
-/// What a file asks of a GPU and of a disk.
+/// Costs of a file: of drawing it, and of storing it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Sizes {

@@ -197,7 +197,7 @@ pub fn fetch_order(triangles: &[[u32; 3]], vertices: usize) -> Vec<u32> {
     triangles.as_flattened().iter().copied().filter(first).collect()
 }
 
-/// How well the order of a mesh suits the caches of a GPU.
+/// Measures of how well the order of a mesh suits the caches of a GPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct CacheUse {

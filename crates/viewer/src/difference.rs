@@ -13,7 +13,7 @@ use lodsmith_render::{
 use crate::content::{Lighter, Original};
 use crate::orbit::moved_camera;
 
-/// What a difference picture shows; equal descriptions give equal pictures.
+/// A description of a difference picture: both models, seen the same way. Equal descriptions give equal pictures.
 #[derive(Clone, Debug)]
 pub struct DifferenceView {
     /// The original.
@@ -55,7 +55,7 @@ impl PartialEq for DifferenceView {
 /// A difference picture.
 #[derive(Debug)]
 pub struct DifferencePicture {
-    /// What it shows.
+    /// Its description.
     pub of: DifferenceView,
     /// The differences as colours; transparent where neither side covers a pixel.
     pub picture: Image,

@@ -1,4 +1,4 @@
-//! What a glTF file asks of a GPU, from its JSON and the first bytes of its images.
+//! Costs of drawing a glTF file, from its JSON and the first bytes of its images.
 
 use std::collections::HashSet;
 

@@ -424,7 +424,7 @@ struct Resolved {
     corners: Vec<[u32; 3]>,
 }
 
-/// What the triangles of one group look like: their material, and the values that their entries mean.
+/// Look of the triangles of one group: their material, and the values that their entries mean.
 enum Look {
     Plain(Option<usize>),
     Colors(Option<usize>, Vec<[f32; 4]>),

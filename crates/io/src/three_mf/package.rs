@@ -15,7 +15,7 @@ use crate::lines::utf8_of;
 
 /// The type of the relation that names the first model.
 const MODEL_RELATION: &str = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel";
-/// Where the first model usually is.
+/// Usual name of the first model part.
 const USUAL_MODEL: &str = "3d/3dmodel.model";
 
 /// An open archive. All its parts together may unpack to no more bytes than the limits allow.

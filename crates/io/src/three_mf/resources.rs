@@ -1,4 +1,4 @@
-//! What a model part holds: objects, groups of properties, textures and the items of the build.
+//! Contents of a model part: objects, groups of properties, textures and the items of the build.
 
 use std::collections::BTreeMap;
 

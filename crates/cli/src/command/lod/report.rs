@@ -25,7 +25,7 @@ pub(super) struct LodResult {
     pub(super) outputs: Vec<Sink>,
     /// `None` if they are not known.
     pub(super) sizes_before: Option<Sizes>,
-    /// What was written: one file for all levels, or one for each, from level 0 on; without their warnings.
+    /// Outcomes of writing: one file for all levels, or one for each, from level 0 on; without their warnings.
     pub(super) written: Vec<WriteOutcome>,
     pub(super) diagonal: f64,
     pub(super) warnings: Vec<Warning>,

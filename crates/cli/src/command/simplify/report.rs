@@ -28,7 +28,7 @@ pub(super) struct SimplifyOutcome {
     pub(super) baked: Option<Value>,
     /// `None` if they are not known.
     pub(super) sizes_before: Option<Sizes>,
-    /// What was written, without its warnings.
+    /// The outcome of writing, without its warnings.
     pub(super) written: WriteOutcome,
     pub(super) threads: usize,
     pub(super) clock: StageClock,

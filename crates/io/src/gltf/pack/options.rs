@@ -135,7 +135,7 @@ pub struct PackReport {
 pub struct QuantizationErrors {
     /// Distance of positions and of the offsets of morph targets, in the local units of their mesh.
     pub position: f64,
-    /// The same, as a share of the diagonal of the mesh.
+    /// That distance as a share of the diagonal of the mesh.
     pub position_share: f64,
     /// Angle of normals, in degrees.
     pub normal: f64,

@@ -13,7 +13,7 @@ use super::super::mesh::TYPE_NAMES;
 use super::super::meshopt::{Filter, Layout, StreamMode, StreamVersion, encode};
 use super::options::Compression;
 
-/// What a stream holds. Streams of one kind share a view.
+/// Kind of the data in a stream. Streams of one kind share a view.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) enum StreamKind {
     /// An attribute of vertices of this name, of morph targets or not.
