@@ -500,8 +500,7 @@ impl App {
                 UiRequest::Copy(text) => ctx.copy_text(text),
                 UiRequest::Scatter(scatter) => self.scatter(scatter),
                 UiRequest::ScatterForm(form) => self.pictures.stage.form = Some(form),
-                UiRequest::Difference(Some(view)) => self.document.want_difference(*view),
-                UiRequest::Difference(None) => self.document.drop_difference(),
+                UiRequest::Difference(view) => self.document.want_difference(*view),
                 UiRequest::KeyframeSelection(desk) => self.pictures.stage.keyframes = desk,
             }
         }

@@ -212,8 +212,8 @@ impl ComparisonView {
         let mut is_moved = false;
         let is_wiping = layout.sides == Sides::Wipe;
         let is_difference = layout.sides == Sides::Difference;
-        if !is_difference && self.difference.take().is_some() {
-            says.push(UiRequest::Difference(None));
+        if !is_difference {
+            self.difference = None;
         }
         for &(rect, seen, side) in &slots {
             let response =

@@ -49,7 +49,7 @@ pub struct Original {
     pub non_finite_vertices: usize,
     /// Load time in seconds.
     pub read_secs: f64,
-    prepared: Vec<OnceLock<Option<Prepared>>>,
+    prepared: PreparedMeshes,
 }
 
 impl Original {
@@ -72,7 +72,7 @@ impl Original {
     pub fn of_file(path: PathBuf, file: ModelFile, read_secs: f64) -> Self {
         let model = &file.model;
         let count = |of: fn(&TriMesh) -> usize| sum_over_instances(model, of);
-        let prepared = model.meshes.iter().map(|_| OnceLock::new()).collect();
+        let prepared = PreparedMeshes::of(model);
         let bounds = bounds_of(model);
         let (faces, vertices) = (count(TriMesh::face_count), count(TriMesh::vertex_count));
         let non_finite_vertices = model.meshes.iter().map(|m| non_finite_vertices(&m.mesh)).sum();
@@ -111,8 +111,7 @@ impl Original {
 
     /// Returns a mesh prepared for measuring; `None` if it has no faces. It is prepared on the first call.
     pub fn prepared(&self, mesh: usize) -> Option<&Prepared> {
-        let make = || Prepared::new(&self.model().meshes[mesh].mesh.surface()).ok();
-        self.prepared[mesh].get_or_init(make).as_ref()
+        self.prepared.get(self.model(), mesh)
     }
 
     /// Returns the largest scale of each mesh over its instances.
@@ -124,6 +123,23 @@ impl Original {
         }
         // A mesh without instances has scale 1.
         scales.iter().map(|&s| if s > 0.0 { s } else { 1.0 }).collect()
+    }
+}
+
+/// The meshes of a model, each prepared for measuring when it is asked for.
+#[derive(Debug)]
+pub(crate) struct PreparedMeshes(Vec<OnceLock<Option<Prepared>>>);
+
+impl PreparedMeshes {
+    /// Makes one without a prepared mesh.
+    pub(crate) fn of(model: &Model) -> Self {
+        Self(model.meshes.iter().map(|_| OnceLock::new()).collect())
+    }
+
+    /// Returns a mesh of the same model; `None` if it has no faces. It is prepared on the first call.
+    fn get(&self, model: &Model, mesh: usize) -> Option<&Prepared> {
+        let make = || Prepared::new(&model.meshes[mesh].mesh.surface()).ok();
+        self.0[mesh].get_or_init(make).as_ref()
     }
 }
 
@@ -147,6 +163,7 @@ pub struct Lighter {
     /// Warnings for the user.
     pub warnings: Vec<String>,
     estimate: f64,
+    prepared: PreparedMeshes,
 }
 
 impl Lighter {
@@ -237,7 +254,8 @@ impl Lighter {
         let model = original.model().with_meshes(meshes);
         let (faces, vertices, estimate) = (report.faces, report.vertices, report.error.estimate);
         let (report, how) = (Some(report), how.clone());
-        Ok(Self { model, faces, vertices, report, counts, how, seconds, warnings, estimate })
+        let prepared = PreparedMeshes::of(&model);
+        Ok(Self { model, faces, vertices, report, counts, how, seconds, warnings, estimate, prepared })
     }
 
     /// Makes one of a level of a progressive mesh, with its number of triangles and vertices and its error.
@@ -249,7 +267,13 @@ impl Lighter {
         seconds: f64,
     ) -> Self {
         let (counts, warnings, how) = (Vec::new(), Vec::new(), how.clone());
-        Self { model, faces, vertices, report: None, counts, how, seconds, warnings, estimate }
+        let prepared = PreparedMeshes::of(&model);
+        Self { model, faces, vertices, report: None, counts, how, seconds, warnings, estimate, prepared }
+    }
+
+    /// Returns a mesh prepared for measuring; `None` if it has no faces. It is prepared on the first call.
+    pub fn prepared(&self, mesh: usize) -> Option<&Prepared> {
+        self.prepared.get(&self.model, mesh)
     }
 
     /// Returns the two-way comparison, if it was measured.
@@ -433,9 +457,6 @@ pub struct Distances {
     pub of_result: Vec<Vec<f32>>,
     /// Per mesh: the same for the original.
     pub of_original: Vec<Vec<f32>>,
-    /// Per mesh: the result prepared for measuring, if distances were measured here and it has faces.
-    #[serde(skip)]
-    pub prepared_result: Vec<Option<Prepared>>,
     /// Largest of all distances.
     pub largest: f64,
     /// Mean over the vertices (wedges) of both.
@@ -487,9 +508,8 @@ impl Distances {
             }
             let own = original.prepared(i).filter(|_| !same);
             all.of_result.push(distances(two, own, *scale, &mut |x| go_on(at(0.2 + 0.2 * x)))?);
-            let other = if same { None } else { Prepared::new(&two.surface()).ok() };
-            all.of_original.push(distances(one, other.as_ref(), *scale, &mut |x| go_on(at(0.4 + 0.6 * x)))?);
-            all.prepared_result.push(other);
+            let other = lighter.prepared(i).filter(|_| !same);
+            all.of_original.push(distances(one, other, *scale, &mut |x| go_on(at(0.4 + 0.6 * x)))?);
         }
         all.sum_up();
         all.seconds = begin.elapsed().as_secs_f64();

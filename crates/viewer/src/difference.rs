@@ -6,12 +6,12 @@ use glam::DMat4;
 use lodsmith_core::Image;
 use lodsmith_core::model::Pose;
 use lodsmith_render::image_error::{PIXELS_PER_DEGREE, flip};
-use lodsmith_render::{
-    Background, Camera, ColorMap, Environment, Lighting, Look, RenderError, Shading, Subject, View, render,
-};
+use lodsmith_render::{Background, ColorMap, Environment, RenderError, Shading, Subject, View, render};
+use serde::{Deserialize, Serialize};
 
 use crate::content::{Lighter, Original};
 use crate::orbit::moved_camera;
+use crate::settings::{Appearance, EnvironmentChoice, Pose as CameraPose};
 
 /// A description of a difference picture: both models, seen the same way. Equal descriptions give equal pictures.
 #[derive(Clone, Debug)]
@@ -20,46 +20,51 @@ pub struct DifferenceView {
     pub original: Arc<Original>,
     /// The result.
     pub lighter: Arc<Lighter>,
-    /// Pose of both.
+    /// The pose, the camera and the appearance of both.
+    pub seen: DifferenceSettings,
+}
+
+/// Settings of a difference picture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DifferenceSettings {
+    /// Pose of both models.
     pub pose: Pose,
     /// Rotation of the model in the world.
     pub world_from_model: DMat4,
     /// Camera in the world.
-    pub camera: Camera,
+    pub camera: CameraPose,
     /// Width and height of the picture in pixels.
     pub size: [usize; 2],
     /// Pixels of the picture per pixel of the screen.
     pub scale: f32,
     /// Appearance of both.
-    pub look: Look,
-    /// Lights.
-    pub lighting: Lighting,
-    /// True if materials reflect a studio.
-    pub in_studio: bool,
+    pub look: Appearance,
 }
 
 impl PartialEq for DifferenceView {
     fn eq(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.original, &other.original)
             && Arc::ptr_eq(&self.lighter, &other.lighter)
-            && self.pose == other.pose
-            && self.world_from_model == other.world_from_model
-            && self.camera == other.camera
-            && self.size == other.size
-            && self.look == other.look
-            && self.lighting == other.lighting
-            && self.in_studio == other.in_studio
+            && self.seen == other.seen
     }
 }
 
-/// A difference picture.
+/// A difference picture, and its description.
 #[derive(Debug)]
 pub struct DifferencePicture {
     /// Its description.
     pub of: DifferenceView,
+    /// The picture.
+    pub drawn: DrawnDifference,
+}
+
+/// A difference picture without its description.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct DrawnDifference {
     /// The differences as colours; transparent where neither side covers a pixel.
     pub picture: Image,
     /// The difference of each pixel, from 0 to 1.
+    #[serde(with = "lodsmith_core::wire::plain")]
     pub values: Vec<f32>,
     /// Mean difference over the pixels that either side covers.
     pub mean: f64,
@@ -79,20 +84,22 @@ pub(crate) type SharedSides = Arc<Mutex<PreparedSides>>;
 impl PreparedSides {
     fn sides(&mut self, view: &DifferenceView) -> Result<[Arc<Subject>; 2], RenderError> {
         let is_same = self.of.as_ref().is_some_and(|(one, two, pose)| {
-            Arc::ptr_eq(one, &view.original) && Arc::ptr_eq(two, &view.lighter) && *pose == view.pose
+            Arc::ptr_eq(one, &view.original) && Arc::ptr_eq(two, &view.lighter) && *pose == view.seen.pose
         });
         if let Some(sides) = self.sides.as_ref().filter(|_| is_same) {
             return Ok(sides.clone());
         }
-        let subject = |model| Subject::posed(model, &view.pose).map(Arc::new);
+        let subject = |model| Subject::posed(model, &view.seen.pose).map(Arc::new);
         let sides = [subject(view.original.model())?, subject(&view.lighter.model)?];
-        self.of = Some((view.original.clone(), view.lighter.clone(), view.pose.clone()));
+        self.of = Some((view.original.clone(), view.lighter.clone(), view.seen.pose.clone()));
         self.sides = Some(sides.clone());
         Ok(sides)
     }
 
     fn studio(&mut self, view: &DifferenceView) -> Option<Arc<Environment>> {
-        view.in_studio.then(|| self.studio.get_or_insert_with(|| Arc::new(Environment::studio())).clone())
+        let around = view.seen.look.surroundings(view.original.model().has_metal());
+        (around != EnvironmentChoice::Plain)
+            .then(|| self.studio.get_or_insert_with(|| Arc::new(Environment::studio())).clone())
     }
 }
 
@@ -113,12 +120,13 @@ impl DifferencePicture {
             let mut prepared = prepared.lock().unwrap_or_else(PoisonError::into_inner);
             (prepared.sides(&of)?, prepared.studio(&of))
         };
-        let camera = moved_camera(&of.camera, &of.world_from_model.inverse());
-        let mut view = View::new(camera, of.size[0], of.size[1]);
+        let seen = &of.seen;
+        let camera = moved_camera(&seen.camera.camera(), &seen.world_from_model.inverse());
+        let mut view = View::new(camera, seen.size[0], seen.size[1]);
         view.background = Background::Transparent;
-        view.lighting = of.lighting.clone();
+        view.lighting = seen.look.lighting();
         view.environment = studio;
-        view.look = of.look.clone();
+        view.look = seen.look.look.clone();
         if view.look.shading == Shading::Heat {
             view.look.shading = of.original.intended_shading();
         }
@@ -133,23 +141,23 @@ impl DifferencePicture {
             return Ok(None);
         }
         let [one, two] = [&pictures[0], &pictures[1]];
-        let values = flip(one, two, PIXELS_PER_DEGREE * of.scale).expect("both have the size of the view");
+        let values = flip(one, two, PIXELS_PER_DEGREE * seen.scale).expect("both have the size of the view");
         let covered: Vec<bool> =
             one.pixels().iter().zip(two.pixels()).map(|(a, b)| a[3] > 0 || b[3] > 0).collect();
         let count = covered.iter().filter(|c| **c).count().max(1);
         let sum: f64 = values.iter().zip(&covered).filter(|v| *v.1).map(|v| f64::from(*v.0)).sum();
-        let picture = colored(&values, &covered, of.look.color_map, of.size);
-        let mean = sum / count as f64;
-        Ok(go_on(1.0).then_some(Self { of, picture, values, mean }))
+        let picture = colored(&values, &covered, seen.look.look.color_map, seen.size);
+        let drawn = DrawnDifference { picture, values, mean: sum / count as f64 };
+        Ok(go_on(1.0).then_some(Self { of, drawn }))
     }
 
     /// Returns the difference at a place of the picture, both coordinates from 0 to 1; `None` where neither
     /// side covers it.
     pub fn at(&self, [x, y]: [f32; 2]) -> Option<f32> {
-        let [width, height] = self.of.size;
+        let [width, height] = self.of.seen.size;
         let pixel = |t: f32, n: usize| ((t * n as f32).max(0.0) as usize).min(n - 1);
         let (x, y) = (pixel(x, width), pixel(y, height));
-        (self.picture.at(x, y)[3] > 0).then(|| self.values[y * width + x])
+        (self.drawn.picture.at(x, y)[3] > 0).then(|| self.drawn.values[y * width + x])
     }
 }
 
@@ -167,7 +175,7 @@ mod tests {
     use lodsmith::{NoControl, Stop};
     use lodsmith_core::shapes;
     use lodsmith_io::AssetScope;
-    use lodsmith_render::StandardView;
+    use lodsmith_render::{Camera, StandardView};
 
     use super::*;
     use crate::option_words::Simplification;
@@ -183,14 +191,14 @@ mod tests {
         DifferenceView {
             original: Arc::new(original),
             lighter: Arc::new(lighter),
-            pose: Pose::default(),
-            world_from_model: DMat4::IDENTITY,
-            camera,
-            size: [96, 80],
-            scale: 1.0,
-            look: Look::default(),
-            lighting: Lighting::default(),
-            in_studio: false,
+            seen: DifferenceSettings {
+                pose: Pose::default(),
+                world_from_model: DMat4::IDENTITY,
+                camera: CameraPose::of(&camera),
+                size: [96, 80],
+                scale: 1.0,
+                look: Appearance::default(),
+            },
         }
     }
 
@@ -200,9 +208,10 @@ mod tests {
 
     #[test]
     fn fewer_faces_differ_more_and_equal_ones_do_not() {
-        let same = drawn(&view(5120));
+        let same = drawn(&view(5120)).drawn;
         assert!(same.mean < 1e-6 && same.values.iter().all(|v| *v < 1e-3), "{}", same.mean);
-        let [some, few] = [400, 60].map(|n| drawn(&view(n)));
+        let [some, picture] = [400, 60].map(|n| drawn(&view(n)));
+        let (some, few) = (some.drawn, &picture.drawn);
         assert!(
             some.mean > 0.01 && few.mean > 1.5 * some.mean && few.mean < 0.8,
             "{} {}",
@@ -210,8 +219,8 @@ mod tests {
             few.mean
         );
         assert_eq!(few.picture.at(0, 0), [0; 4]);
-        assert_eq!(few.at([0.0, 0.0]), None);
-        assert!(few.at([0.5, 0.5]).is_some_and(|v| (0.0..=1.0).contains(&v)));
+        assert_eq!(picture.at([0.0, 0.0]), None);
+        assert!(picture.at([0.5, 0.5]).is_some_and(|v| (0.0..=1.0).contains(&v)));
     }
 
     #[test]
@@ -228,15 +237,12 @@ mod tests {
     fn the_model_may_be_turned() {
         let plain = view(200);
         let turn = DMat4::from_rotation_y(0.7);
-        let turned = DifferenceView {
-            world_from_model: turn,
-            camera: moved_camera(&plain.camera, &turn),
-            ..plain.clone()
-        };
-        assert!((drawn(&plain).mean - drawn(&turned).mean).abs() < 1e-4);
-        assert!(
-            (drawn(&plain).mean - drawn(&DifferenceView { world_from_model: turn, ..plain }).mean).abs()
-                > 1e-5
-        );
+        let mut turned = plain.clone();
+        turned.seen.world_from_model = turn;
+        let only_model = drawn(&turned).drawn.mean;
+        turned.seen.camera = CameraPose::of(&moved_camera(&plain.seen.camera.camera(), &turn));
+        let mean = drawn(&plain).drawn.mean;
+        assert!((mean - drawn(&turned).drawn.mean).abs() < 1e-4);
+        assert!((mean - only_model).abs() > 1e-5);
     }
 }

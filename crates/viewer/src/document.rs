@@ -428,6 +428,7 @@ impl Document {
             self.take(message);
             is_new = true;
         }
+        self.drop_unseen_difference();
         if is_new {
             self.sync();
         }
@@ -525,7 +526,7 @@ impl Document {
             Outcome::Flaws { which, key, flaws } => self.flaws[which] = Some((key, flaws)),
             Outcome::Inspected { which, key, anatomy } => self.topologies[which] = Some((key, anatomy)),
             Outcome::Measured(measured) => self.measured = Some(measured),
-            Outcome::Difference(picture) => self.difference.last = Some(picture),
+            Outcome::Difference(picture) => self.take_difference(picture),
             Outcome::Levels { of, result } => match result {
                 Ok(levels) => self.levels = Some(LevelSet { of, levels }),
                 Err(Failure::Cancelled) => self.requested_levels = None,

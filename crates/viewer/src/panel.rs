@@ -61,8 +61,8 @@ pub enum UiRequest {
     Scatter(Scatter),
     /// Set the form of the next scattering.
     ScatterForm(Scatter),
-    /// Draw a difference picture, or forget the last one.
-    Difference(Option<Box<DifferenceView>>),
+    /// Draw a difference picture.
+    Difference(Box<DifferenceView>),
     /// Set the keyframe selection and drag.
     KeyframeSelection(KeyframeSelection),
 }
@@ -101,4 +101,6 @@ pub struct WindowState {
     pub unit: Unit,
     /// State of the stage view.
     pub stage: StageStatus,
+    /// True inside a page of a browser, where benchmarks and the user's own shaders are not available.
+    pub is_on_page: bool,
 }

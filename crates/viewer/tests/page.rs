@@ -8,13 +8,16 @@ use std::rc::Rc;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use glam::DMat4;
 use lodsmith_core::shapes;
 use lodsmith_io::{Format, Textures};
+use lodsmith_render::{Camera, StandardView};
 use lodsmith_viewer::command::{Command, SimplifyTarget};
+use lodsmith_viewer::difference::{DifferenceSettings, DifferenceView};
 use lodsmith_viewer::document::{Document, Engine};
 use lodsmith_viewer::export::Export;
 use lodsmith_viewer::page::{BrowserPage, PageWorker, WorkerMessage};
-use lodsmith_viewer::settings::HeatOf;
+use lodsmith_viewer::settings::{HeatOf, Layout, Pose, Sides};
 
 const TIMEOUT: Duration = Duration::from_secs(120);
 
@@ -136,6 +139,59 @@ fn a_document_behind_a_page_shows_what_one_in_the_same_process_shows() {
             distances.of_result.iter().flatten().map(|angle| angle.to_bits()).collect::<Vec<_>>()
         });
         assert!(!angles[0].is_empty() && angles[0] == angles[1]);
+    }
+}
+
+fn difference_view(document: &Document) -> DifferenceView {
+    let (original, lighter) = (document.original().unwrap(), document.lighter().unwrap());
+    let camera = Camera::fitting(&original.content.bounds, StandardView::Iso, 1.25);
+    let seen = DifferenceSettings {
+        pose: lodsmith_core::model::Pose::default(),
+        world_from_model: DMat4::IDENTITY,
+        camera: Pose::of(&camera),
+        size: [100, 80],
+        scale: 1.0,
+        look: document.settings().look.clone(),
+    };
+    DifferenceView { original: original.content.clone(), lighter: lighter.content.clone(), seen }
+}
+
+fn show(document: &mut Document, sides: Sides) {
+    let layout = Layout { sides, ..document.settings().layout };
+    run(document, Command::Layout(layout));
+}
+
+#[test]
+fn the_difference_picture_is_drawn_behind_a_page_too() {
+    let folder = folder();
+    let (_, mut documents) = both();
+    for document in &mut documents {
+        run(document, Command::Open(vec![folder.path().join("torus.glb")]));
+        run(document, Command::Target(SimplifyTarget::Faces(300)));
+        show(document, Sides::Difference);
+        document.want_difference(difference_view(document));
+        assert!(document.settle(TIMEOUT), "the work never ends");
+    }
+    let [one, two] = documents.each_ref().map(|d| &d.difference().expect("it is drawn").drawn);
+    assert!(one.mean > 0.005 && one.picture.pixels().iter().any(|p| p[3] > 0), "{}", one.mean);
+    assert_eq!((one.mean.to_bits(), &one.values), (two.mean.to_bits(), &two.values));
+    assert!(one.picture == two.picture);
+}
+
+#[test]
+fn a_difference_picture_that_comes_too_late_is_not_kept() {
+    let folder = folder();
+    let (_, mut documents) = both();
+    for document in &mut documents {
+        run(document, Command::Open(vec![folder.path().join("sphere.ply")]));
+        run(document, Command::Target(SimplifyTarget::Faces(300)));
+        show(document, Sides::Difference);
+        document.want_difference(difference_view(document));
+        show(document, Sides::Both);
+        assert!(document.difference().is_none());
+        // Nobody looks at it now.
+        document.want_difference(difference_view(document));
+        assert!(document.settle(TIMEOUT) && document.difference().is_none());
     }
 }
 

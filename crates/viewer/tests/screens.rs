@@ -72,6 +72,20 @@ fn the_slider_follows_the_pointer() {
 }
 
 #[test]
+fn a_press_on_the_slider_sets_it_before_it_moves() {
+    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
+    let rail = desk.harness.get_by_label("Target slider").rect();
+    let at = egui::pos2(rail.left() + 10.0 + (rail.width() - 20.0) * 0.4, rail.top() + 13.0);
+    desk.harness.drag_at(at);
+    desk.harness.run_steps(2);
+    let shown = desk.faces().expect("the slider follows a press");
+    assert!(shown < 1000, "{shown}");
+    desk.harness.drop_at(at);
+    desk.settle();
+    assert!(desk.app().document().lighter().is_some_and(|l| l.content.report.is_some()), "no run followed");
+}
+
+#[test]
 fn a_held_slider_shows_levels_at_once() {
     for is_light in [false, true] {
         let Some(mut desk) = AppHarness::with(is_light, Some("sphere.ply")) else { return };

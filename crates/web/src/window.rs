@@ -70,9 +70,10 @@ impl Window {
             json!({ "faces": l.content.faces, "vertices": l.content.vertices, "isExact": is_exact })
         });
         let distances = document.distances().map(|d| json!({ "largest": d.largest, "rms": d.rms }));
+        let difference = document.difference().map(|d| d.drawn.mean);
         let progress = document.progress().map(|p| json!({ "job": p.kind.title(), "done": p.done }));
         json!({
-            "original": original, "result": result, "distances": distances, "progress": progress,
+            "original": original, "result": result, "distances": distances, "difference": difference, "progress": progress,
             "isDrawn": app.triangles_left() == 0 && document.original().is_some(),
             "isIdle": document.is_idle() && app.triangles_left() == 0, "hasPreview": document.has_preview(),
             "problem": document.problem, "adapter": app.adapter(),

@@ -116,6 +116,7 @@ pub enum Interpolation {
 
 /// A pose of a model; the default is the rest pose.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Pose {
     /// Transform of each node to its parent's coordinates; empty at rest.
     pub transforms: Vec<Transform>,

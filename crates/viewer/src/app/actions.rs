@@ -56,6 +56,9 @@ impl App {
                 ctx.copy_text(panel::report::command_line(settings));
                 return self.document.log.note("command line copied to the clipboard");
             }
+            Action::Benchmark | Action::Panel(Panel::Benchmark) if self.page.is_some() => {
+                return self.document.log.note("benchmarks are not available in a browser");
+            }
             Action::Benchmark => {
                 self.shown.insert(Panel::Benchmark);
                 return self.document.benchmark();

@@ -23,6 +23,7 @@ impl App {
         let mut app = Self::new(cc, &options)?;
         let (context, ctx) = (app.document.context().cloned(), cc.egui_ctx.clone());
         app.document = Document::on_page(context, &page, move || ctx.request_repaint());
+        app.facts.is_on_page = true;
         app.page = Some(AroundPage { page, choosing: None });
         Ok(app)
     }

@@ -5,11 +5,12 @@ use std::sync::Arc;
 use eframe::egui::{self, Color32, ColorImage, Rect, TextureOptions, Ui, pos2};
 
 use super::{CAMERA_REST, COARSE_SCALE, ComparisonView};
-use crate::difference::DifferenceView;
+use crate::difference::{DifferenceSettings, DifferenceView};
 use crate::document::Document;
 use crate::numbers::significant;
 use crate::orbit::turn_matrix;
 use crate::panel::{UiRequest, error};
+use crate::settings::Pose;
 use crate::theme::palette;
 use crate::viewport;
 
@@ -33,17 +34,17 @@ impl ComparisonView {
         };
         let last = document.difference();
         let is_present = last.is_some_and(|picture| picture.of == view);
-        let map = view.look.color_map;
+        let map = view.seen.look.look.color_map;
         if !is_present {
-            says.push(UiRequest::Difference(Some(Box::new(view))));
+            says.push(UiRequest::Difference(Box::new(view)));
         }
         let Some(last) = last else {
             viewport::caption(ui, rect, "Difference", "comparing…", false);
             return;
         };
         if self.difference.as_ref().is_none_or(|shown| !Arc::ptr_eq(&shown.0, last)) {
-            let pixels = last.picture.pixels().as_flattened();
-            let image = ColorImage::from_rgba_unmultiplied(last.of.size, pixels);
+            let pixels = last.drawn.picture.pixels().as_flattened();
+            let image = ColorImage::from_rgba_unmultiplied(last.of.seen.size, pixels);
             let texture = ui.ctx().load_texture("difference", image, TextureOptions::LINEAR);
             self.difference = Some((last.clone(), texture));
         }
@@ -51,7 +52,7 @@ impl ComparisonView {
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
             painter.image(texture.id(), rect, whole, Color32::WHITE);
         }
-        let mut text = format!("mean FLIP {}", significant(last.mean, 3));
+        let mut text = format!("mean FLIP {}", significant(last.drawn.mean, 3));
         let pointer = ui.ctx().pointer_hover_pos().filter(|p| rect.contains(*p));
         let here = pointer.map(|p| [(p.x - rect.left()) / rect.width(), (p.y - rect.top()) / rect.height()]);
         match here.and_then(|at| last.at(at)) {
@@ -74,21 +75,17 @@ impl ComparisonView {
         }
         let scale = if rests_in.is_some() { COARSE_SCALE } else { 1.0 };
         let pixels = |points: f32| (points * ui.pixels_per_point() * scale).round().max(1.0) as usize;
-        let mut look = settings.look.look.clone();
+        let mut look = settings.look.clone();
         // Neither is seen in a difference.
-        (look.heat_range, look.heat_brush) = (None, None);
-        Some(DifferenceView {
+        (look.look.heat_range, look.look.heat_brush) = (None, None);
+        let seen = DifferenceSettings {
             pose: self.pose.clone(),
             world_from_model: turn_matrix(&original.bounds, document.rotation()),
-            camera: self.orbits[0].camera(),
+            camera: Pose::of(&self.orbits[0].camera()),
             size: [pixels(rect.width()), pixels(rect.height())],
             scale,
             look,
-            lighting: settings.look.lighting(),
-            in_studio: settings.look.surroundings(original.model().has_metal())
-                != crate::settings::EnvironmentChoice::Plain,
-            original,
-            lighter,
-        })
+        };
+        Some(DifferenceView { original, lighter, seen })
     }
 }

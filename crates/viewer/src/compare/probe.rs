@@ -40,7 +40,7 @@ impl ComparisonView {
         let exact = || {
             let to = match side {
                 Side::Result => original.prepared(hit.mesh),
-                Side::Original => distances.prepared_result.get(hit.mesh)?.as_ref(),
+                Side::Original => lighter.prepared(hit.mesh),
             };
             let corner = |k: usize| DVec3::from(mesh.positions().view().get(mesh.vertex_of(wedges[k])));
             let place: DVec3 = (0..3).map(|k| corner(k) * hit.weights[k]).sum();

@@ -10,7 +10,7 @@ use lodsmith_io::read::Contents;
 use lodsmith_io::{AssetScope, Format, Warning};
 use serde::{Deserialize, Serialize};
 
-use super::{Lighter, Original};
+use super::{Lighter, Original, PreparedMeshes};
 use crate::option_words::Simplification;
 use crate::preview_mesh;
 
@@ -95,8 +95,10 @@ impl LighterParts {
     /// Returns the result for an original with as many meshes, and its preview mesh.
     pub(crate) fn into_lighter(self, original: &Original, how: Simplification) -> (Lighter, Option<Model>) {
         let light = if self.light.is_empty() { None } else { Some(with_own(original, self.light)) };
+        let model = with_own(original, self.meshes);
         let lighter = Lighter {
-            model: with_own(original, self.meshes),
+            prepared: PreparedMeshes::of(&model),
+            model,
             faces: self.faces,
             vertices: self.vertices,
             report: self.report,

@@ -3,9 +3,11 @@
 use std::sync::Arc;
 
 use super::jobs::Job;
+use super::queue::JobQueue;
 use super::{DifferenceState, Document};
 use crate::difference::{DifferencePicture, DifferenceView};
 use crate::job::JobKind;
+use crate::settings::Sides;
 
 impl Document {
     /// Returns the last difference picture, which may show another view than the present one; `None` if it is of
@@ -18,9 +20,12 @@ impl Document {
     /// Starts drawing a difference picture, unless it is there or another one is being drawn: that is shown
     /// first, so that a moving camera gives pictures all the time.
     pub fn want_difference(&mut self, view: DifferenceView) {
-        let is_busy = self.worker.is_busy(JobKind::Difference);
-        if is_busy || self.worker.is_busy(JobKind::Simplify) || self.difference.asked.as_ref() == Some(&view)
-        {
+        let is_busy = self.worker.is_busy(JobKind::Difference) || self.worker.is_busy(JobKind::Simplify);
+        if is_busy || self.difference.asked.as_ref() == Some(&view) || !self.has_difference_view() {
+            return;
+        }
+        // A worker of a page does not have the levels of the slider, but makes the exact result that follows.
+        if matches!(self.worker, JobQueue::Page(_)) && view.lighter.report.is_none() {
             return;
         }
         self.difference.asked = Some(view.clone());
@@ -28,11 +33,23 @@ impl Document {
         self.worker.submit(Job::Difference { view: Box::new(view), prepared });
     }
 
-    /// Forgets the difference picture and the models prepared for it: they take as much memory as the models.
-    pub fn drop_difference(&mut self) {
-        if self.difference.asked.is_some() {
+    /// Keeps a difference picture, unless it came too late.
+    pub(super) fn take_difference(&mut self, picture: Arc<DifferencePicture>) {
+        if self.difference.asked.as_ref() == Some(&picture.of) {
+            self.difference.last = Some(picture);
+        }
+    }
+
+    /// Forgets the difference picture and the models prepared for it when it is not shown: they take as much
+    /// memory as the models.
+    pub(super) fn drop_unseen_difference(&mut self) {
+        if self.difference.asked.is_some() && !self.has_difference_view() {
             self.worker.cancel(&[JobKind::Difference]);
             self.difference = DifferenceState::default();
         }
+    }
+
+    fn has_difference_view(&self) -> bool {
+        self.settings.layout.sides == Sides::Difference
     }
 }

@@ -8,6 +8,7 @@ use super::jobs::{Failure, Job, Outcome, PreviewMade};
 use super::wire::{Answer, ExportSource, Request, Task, WrittenFile};
 use crate::content::parts::{LighterParts, OriginalParts};
 use crate::content::{Lighter, Original, level_ratios};
+use crate::difference::{DifferenceView, SharedSides};
 use crate::job::JobControl;
 use crate::option_words::Simplification;
 use crate::shown::ShownModel;
@@ -21,6 +22,8 @@ pub struct Engine {
     lighter: Option<Arc<Lighter>>,
     levels: Option<(Simplification, Vec<Arc<Lighter>>)>,
     preview: Option<HeldPreview>,
+    /// Models prepared for difference pictures, while these are asked for.
+    prepared: SharedSides,
 }
 
 struct HeldPreview {
@@ -66,6 +69,9 @@ impl Engine {
             return if is_open { Answer::Opened(Err(why)) } else { Answer::Lost(why) };
         }
         let Some(original) = self.original.clone() else { return Answer::Nothing };
+        if !matches!(*request.task, Task::Difference(..)) {
+            self.prepared = SharedSides::default();
+        }
         match *request.task {
             Task::Open => Answer::Opened(Ok(Box::new(OriginalParts::of(&original, request.has_light)))),
             Task::Simplify(how) => {
@@ -154,6 +160,11 @@ impl Engine {
                 let lighter = ShownModel { content, draw: None };
                 Job::Measure { original: hidden(original), lighter, quantity }
             }
+            Task::Difference(how, seen) => {
+                let lighter = self.lighter(&original, &how, watch)?;
+                let view = Box::new(DifferenceView { original, lighter, seen: *seen });
+                Job::Difference { view, prepared: self.prepared.clone() }
+            }
             Task::Levels(how) => {
                 self.levels = None;
                 Job::Levels { original: hidden(original), of: (key, how) }
@@ -190,6 +201,9 @@ impl Engine {
             Outcome::Flaws { flaws, .. } => Arc::into_inner(flaws).map_or(Answer::Nothing, Answer::Flaws),
             Outcome::Measured(measured) => {
                 Arc::into_inner(measured.distances).map_or(Answer::Nothing, Answer::Distances)
+            }
+            Outcome::Difference(picture) => {
+                Arc::into_inner(picture).map_or(Answer::Nothing, |picture| Answer::Difference(picture.drawn))
             }
             Outcome::Levels { of, result } => Answer::Levels(result.map(|levels| {
                 let parts = levels.iter().map(|l| LighterParts::of(&l.content, original, false)).collect();

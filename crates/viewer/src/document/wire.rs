@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::jobs::{Failure, Job, Outcome, PreviewMade, found, inspected, measured, shown_level};
 use crate::content::parts::{LighterParts, OriginalParts};
 use crate::content::{Distances, Original, TopologySummary};
+use crate::difference::{DifferencePicture, DifferenceSettings, DrawnDifference};
 use crate::export::{Export, Written};
 use crate::flaws::Flaws;
 use crate::gpu::Context;
@@ -40,6 +41,7 @@ pub(super) enum Task {
     /// Finds borders and defects of the original, or of the result of these options.
     Flaws(Option<Simplification>),
     Measure(Simplification, HeatOf),
+    Difference(Simplification, Box<DifferenceSettings>),
     Levels(Simplification),
     Export {
         how: Simplification,
@@ -75,6 +77,7 @@ pub(super) enum Answer {
     Topology(TopologySummary),
     Flaws(Flaws),
     Distances(Distances),
+    Difference(DrawnDifference),
     Levels(Result<Vec<LighterParts>, Failure>),
     Exported(Result<(Written, Vec<WrittenFile>), String>),
     /// Number of levels of a progressive mesh, and the time to make it in seconds.
@@ -136,7 +139,10 @@ impl Job {
             Self::Level { original, how, peak_ratio } => {
                 of(original, Task::Level { how: how.clone(), peak_ratio: *peak_ratio })
             }
-            Self::Benchmark { .. } | Self::Difference { .. } => return None,
+            Self::Difference { view, .. } => {
+                of(&view.original, Task::Difference(view.lighter.how.clone(), Box::new(view.seen.clone())))
+            }
+            Self::Benchmark { .. } => return None,
         })
     }
 
@@ -177,6 +183,9 @@ impl Job {
             }
             (Self::Measure { original, lighter, .. }, Answer::Distances(distances)) => {
                 Outcome::Measured(measured(&original, &lighter, distances))
+            }
+            (Self::Difference { view, .. }, Answer::Difference(drawn)) => {
+                Outcome::Difference(Arc::new(DifferencePicture { of: *view, drawn }))
             }
             (Self::Levels { original, of }, Answer::Levels(result)) => {
                 let shown = |parts: LighterParts| {

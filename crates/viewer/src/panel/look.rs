@@ -191,6 +191,9 @@ fn user_files(ui: &mut Ui, scope: &mut PanelContext<'_>, all: &mut Appearance) {
     let tip = "Image of a lit sphere (PNG, JPEG); reloaded when it changes";
     widgets::field(ui, "Matcap", tip, |ui| file(ui, &mut all.matcap, UiRequest::ChooseMatcap, scope));
     let tip = "WGSL file with `fn surface(at: Surface) -> vec4<f32>` that returns a linear colour; reloaded when it changes";
+    if scope.facts.is_on_page {
+        return;
+    }
     widgets::field(ui, "Shader", tip, |ui| file(ui, &mut all.shader, UiRequest::ChooseShader, scope));
     if let Some(error) = &scope.facts.shader_error {
         widgets::log_line(ui, crate::log::Severity::Error, error);

@@ -198,8 +198,9 @@ fn slider(ui: &mut Ui, scope: &mut PanelContext<'_>, whole: Option<&OriginalSize
     response.widget_info(|| egui::WidgetInfo::slider(enabled, at, "Target slider"));
 
     let Some(whole) = whole else { return };
-    let pointed = response.interact_pointer_pos().filter(|_| response.dragged() || response.clicked());
-    if let Some(pointer) = pointed {
+    // A press counts before it is known whether it becomes a click or a drag.
+    let is_held = response.is_pointer_button_down_on() || response.clicked();
+    if let Some(pointer) = response.interact_pointer_pos().filter(|_| is_held) {
         let to = f64::from(((pointer.x - rail.left()) / rail.width()).clamp(0.0, 1.0));
         let target = whole.target(unit, to);
         if target.stop() != settings.simplify.options.stop {

@@ -84,7 +84,8 @@ fn menus(ui: &mut Ui, scope: &mut PanelContext<'_>, is_shown: &dyn Fn(Panel) -> 
     });
     stage_menu(ui, scope, has_file);
     ui.menu_button("Panels", |ui| {
-        for panel in Panel::ALL {
+        let is_offered = |p: &Panel| *p != Panel::Benchmark || !scope.facts.is_on_page;
+        for panel in Panel::ALL.into_iter().filter(is_offered) {
             let action = Action::Panel(panel);
             let text = format!("{}  {}", if is_shown(panel) { "✔" } else { "     " }, panel.title());
             let response = ui.add(widgets::menu_item(&text, action));

@@ -53,12 +53,12 @@ fn the_difference_of_both_sides_is_drawn_and_follows() {
         desk.press(Key::Minus);
     }
     let some = desk.app().document().difference().unwrap().clone();
-    assert!(some.mean > 0.001 && some.mean < 0.5, "{}", some.mean);
+    assert!(some.drawn.mean > 0.001 && some.drawn.mean < 0.5, "{}", some.drawn.mean);
     for _ in 0..15 {
         desk.press(Key::Minus);
     }
     let more = desk.app().document().difference().unwrap().clone();
-    assert!(more.mean > some.mean, "{} {}", more.mean, some.mean);
+    assert!(more.drawn.mean > some.drawn.mean, "{} {}", more.drawn.mean, some.drawn.mean);
     let pixels = desk.pixels(DIFFERENCE);
     assert!(pixels.iter().any(|p| p[2] > p[0].saturating_add(40)), "equal places are blue");
     desk.picture("difference");
@@ -66,7 +66,7 @@ fn the_difference_of_both_sides_is_drawn_and_follows() {
     let place = desk.harness.get_by_label(DIFFERENCE).rect().center();
     desk.drag(place, place + egui::vec2(90.0, 20.0));
     let turned = desk.app().document().difference().unwrap().clone();
-    assert!(turned.of.camera != more.of.camera);
+    assert!(turned.of.seen.camera != more.of.seen.camera);
     assert_eq!(desk.app().orbits()[0], desk.app().orbits()[1]);
     show(&mut desk, Sides::Both);
     assert!(desk.app().document().difference().is_none(), "its memory is given back");
