@@ -61,6 +61,11 @@ test('a model is dropped, the slider dragged, the result downloaded, and nothing
     const { distances } = await user.until((s) => s.distances && s.isIdle, 'measured');
     assert.ok(distances.largest > 0 && distances.rms <= distances.largest, JSON.stringify(distances));
 
+    // The difference picture.
+    await user.click('Difference');
+    const { difference } = await user.until((s) => s.difference !== null && s.isIdle, 'compared');
+    assert.ok(difference > 0 && difference < 1, `${difference}`);
+
     // The same bytes as the command that the window shows.
     await user.page.keyboard.down('Control');
     await user.page.keyboard.press('KeyS');
@@ -134,7 +139,7 @@ test('formats of models are opened by the page, and broken ones refused', option
   const user = await openPage();
   try {
     await user.until((s) => s.original === null, 'empty');
-    for (const name of ['ball.ply', 'ball.stl', 'ball.obj', 'ball.off', 'ball.gltf']) {
+    for (const name of ['ball.ply', 'ball.stl', 'ball.obj', 'ball.off', 'ball.gltf', 'ball.3mf']) {
       await user.drop(model(name));
       const { original, problem } = await user.until((s) => s.original?.path === name || s.problem, name);
       assert.deepEqual([problem, original.faces], [null, 11_520], name);
