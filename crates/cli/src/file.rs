@@ -125,9 +125,7 @@ pub(crate) struct Destination {
 impl Destination {
     /// Returns true if a scene stays one here: rotating or scaling it would need changes of its nodes.
     pub(crate) fn keeps_scenes(&self) -> bool {
-        matches!(self.format, Format::Gltf | Format::Glb)
-            && self.writing.scale.is_none()
-            && self.writing.up.is_none()
+        self.format.keeps_scenes() && self.writing.scale.is_none() && self.writing.up.is_none()
     }
 
     /// Returns true if materials are written.
@@ -158,6 +156,7 @@ impl Destination {
     }
 
     fn outcome(&self, written: Written, of_mesh: Option<Sizes>) -> WriteOutcome {
+        let of_mesh = of_mesh.or(written.sizes);
         WriteOutcome::new(written, Some(&self.sink).filter(|_| !self.dry_run), of_mesh)
     }
 
@@ -169,7 +168,8 @@ impl Destination {
         replaced: &[Option<TriMesh>],
         relink: &dyn Fn(&str) -> Option<String>,
     ) -> anyhow::Result<WriteOutcome> {
-        let to = SceneFormat::new(self.format, self.writing.packing());
+        let mut to = SceneFormat::new(self.format, self.writing.packing());
+        to.textures = self.writing.textures;
         let written = self.put(
             |out| lodsmith_io::write_scene_to(scene, replaced, to, relink, out),
             |path| lodsmith_io::write_scene_path(scene, replaced, path, &self.options(), relink),

@@ -41,8 +41,11 @@ impl FolderMove {
     }
 
     /// Embeds the images of a scene that becomes a GLB. Returns warnings about files that stay external; for a
-    /// `.gltf` beside which images are copied, those come from the writer.
+    /// `.gltf` beside which images are copied, and for 3MF, those come from the writer.
     pub(crate) fn bring(&self, scene: &mut Scene, format: Format, textures: Textures) -> Vec<Warning> {
+        if format == Format::ThreeMf {
+            return Vec::new();
+        }
         let mut warnings = if format == Format::Glb { scene.embed_files() } else { Vec::new() };
         if format == Format::Glb || textures != Textures::Copy || self.way.is_none() {
             warnings.extend(self.external_file_warnings(scene));

@@ -82,6 +82,11 @@ impl Format {
         matches!(self, Self::Gltf | Self::Glb | Self::ThreeMf | Self::Dae | Self::Fbx)
     }
 
+    /// Returns true if whole scenes are written to this format; other formats get all meshes in one.
+    pub const fn keeps_scenes(self) -> bool {
+        matches!(self, Self::Gltf | Self::Glb | Self::ThreeMf)
+    }
+
     /// Returns the format with this name or extension, ignoring case.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|f| f.name().eq_ignore_ascii_case(name))

@@ -134,7 +134,7 @@ fn merged(
         Buffers::new(&document, options)
     };
     let placements = placements::placements(&document.json)?;
-    let (mut contents, mut warnings) = inventory::take(&document.json, &placements);
+    let (mut contents, mut warnings) = inventory::take(&document.json, &placements, inventory::Kept::Mesh);
     let gathered = geometry::gather(&document.json, &buffers, &placements, size, options.limits)?;
     let geometry::Gathered { mut mesh, runs, warnings: told, bases } = gathered;
     if !source_vertices.is_empty() {

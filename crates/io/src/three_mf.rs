@@ -6,9 +6,13 @@
 //! Source: 3MF Consortium, "3MF Core Specification" 1.3, "Materials and Properties Extension" 1.2, "Production
 //! Extension" 1.1.
 
+mod assemblies;
 mod build;
+mod document;
+mod looks;
 mod model;
 mod package;
+mod properties;
 mod resources;
 mod write;
 
@@ -17,8 +21,9 @@ use std::io::{self, Write};
 use lodsmith_core::TriMesh;
 
 use crate::error::{ReadError, Warning};
-use crate::gltf::{BuiltScene, read_built};
+use crate::gltf::{BuiltScene, Scene, Written, read_built};
 use crate::loaded::Loaded;
+use crate::material::Textures;
 use crate::options::{ReadOptions, WriteOptions};
 
 /// Reads a 3MF file as one mesh: all items of the build, in the coordinates of the file (its unit, z up).
@@ -47,4 +52,20 @@ pub(crate) fn scene(bytes: &[u8], options: &ReadOptions) -> Result<BuiltScene, R
 /// I/O errors of the stream.
 pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
     write::write(mesh, options, out)
+}
+
+/// Writes a scene as 3MF, with some meshes replaced: one object for each mesh that is placed, one of components for each
+/// node with children, and an item of the build for each root. Returns warnings about what 3MF cannot hold.
+///
+/// The unit is that of the 3MF file that was read, else the metre.
+///
+/// # Errors
+/// I/O errors of the stream.
+pub(crate) fn write_scene(
+    scene: &Scene,
+    replaced: &[Option<TriMesh>],
+    textures: Textures,
+    out: &mut dyn Write,
+) -> io::Result<Written> {
+    write::write_scene(scene, replaced, textures, out)
 }

@@ -11,7 +11,7 @@ use crate::error::{Warning, WriteError};
 use crate::files::BUFFER;
 pub use crate::files::write_file;
 use crate::format::Format;
-use crate::gltf::{CopiedImages, Scene, SceneFormat, SceneLevels, Written};
+use crate::gltf::{CopiedImages, Packing, Scene, SceneFormat, SceneLevels, Written};
 use crate::material::{self, Textures};
 pub use crate::options::WriteOptions;
 use crate::sniff::hint_of;
@@ -61,7 +61,8 @@ fn format_of(path: &Path, options: &WriteOptions) -> Result<Format, WriteError> 
 }
 
 /// Writes a whole scene to a file, with some meshes replaced; see [`Scene::write`]. Otherwise like
-/// [`write_path`].
+/// [`write_path`]. The format is glTF, GLB or 3MF, which gets an object for each mesh and the nodes as components and
+/// items.
 ///
 /// With [`Textures::Copy`], separate images of a `.gltf` are copied beside it, as far as they may be read;
 /// `relink` is for the other files.
@@ -76,8 +77,10 @@ pub fn write_scene_path(
     relink: &dyn Fn(&str) -> Option<String>,
 ) -> Result<Written, WriteError> {
     let format = format_of(path, options)?;
+    let mut to = SceneFormat::new(format, options.packing);
+    to.textures = options.textures;
     let write = |relink: &dyn Fn(&str) -> Option<String>, out: &mut dyn Write| {
-        scene.write(replaced, SceneFormat::new(format, options.packing), relink, out)
+        write_scene(scene, replaced, to, relink, out)
     };
     write_with_images(scene, path, format, options, relink, write)
 }
@@ -178,10 +181,26 @@ pub fn write_scene_to(
     out: &mut dyn Write,
 ) -> Result<Written, WriteError> {
     write_stream(out, |out| {
-        let written = scene.write(replaced, to, relink, out)?;
+        let written = write_scene(scene, replaced, to.into(), relink, out)?;
         out.flush()?;
         Ok(written)
     })
+}
+
+/// Writes a whole scene to a format that can hold one.
+fn write_scene(
+    scene: &Scene,
+    replaced: &[Option<TriMesh>],
+    to: SceneFormat,
+    relink: &dyn Fn(&str) -> Option<String>,
+    out: &mut dyn Write,
+) -> io::Result<Written> {
+    if to.format != Format::ThreeMf {
+        return scene.write(replaced, to, relink, out);
+    }
+    let mut written = crate::three_mf::write_scene(scene, replaced, to.textures, out)?;
+    written.warnings.extend(not_packed_warning(to.format, to.packing));
+    Ok(written)
 }
 
 /// Writes a whole scene with levels of detail to a stream; see [`Scene::write_levels`].
@@ -254,14 +273,19 @@ fn write_format(
         written.warnings.push(Warning::lost(format!("{} cannot carry {lost}: dropped", format.title())));
     }
     written.warnings.extend(lost_integers_warning(mesh, format));
-    if options.packing.is_needed() && !matches!(format, Format::Gltf | Format::Glb) {
-        let text = format!("{} is neither compressed nor quantized: only glTF and GLB are", format.title());
-        written.warnings.push(Warning::note(text));
+    if !matches!(format, Format::Gltf | Format::Glb) {
+        written.warnings.extend(not_packed_warning(format, options.packing));
     }
     if !with_materials && regions.is_some_and(material::Regions::has_materials) {
         written.warnings.push(Warning::note("materials dropped: --textures none"));
     }
     Ok(written)
+}
+
+/// Returns the note that a format is not packed, if that was asked for.
+fn not_packed_warning(format: Format, packing: Packing) -> Option<Warning> {
+    let text = format!("{} is neither compressed nor quantized: only glTF and GLB are", format.title());
+    packing.is_needed().then(|| Warning::note(text))
 }
 
 /// Returns the warning about named integer attributes that a format cannot carry.

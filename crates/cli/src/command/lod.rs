@@ -40,7 +40,8 @@ fn make(args: &LodArgs, plan: &Plan, mut watch: RunControl<'_>) -> anyhow::Resul
     let keeps_scenes = plan.job.keeps_scenes() || args.baking.is_asked();
     let input = file::read_input(&args.input, &args.reading, properties, keeps_scenes)?;
     watch.prepare();
-    let to = if args.baking.is_asked() { plan.job.output.as_ref() } else { plan.scenes() };
+    let is_scene = matches!(input, Input::Scene(_)) || args.baking.is_asked();
+    let to = if is_scene { plan.job.output.as_ref() } else { plan.scenes() };
     let made = match (input, to) {
         (Input::Scene(scene), Some(to)) => scene::of_scene(*scene, args, plan, to, watch, None),
         (Input::Scene(_), None) => unreachable!("a scene is read where it can stay one"),

@@ -19,8 +19,20 @@ const NAMES: [(&str, &str); 6] = [
     ("WEIGHTS_0", "weights"),
 ];
 
+/// Ends of the names of extensions that [`Model`](lodsmith_core::Model) has.
+const MATERIALS_OF_MODELS: [&str; 3] = ["unlit", "emissive_strength", "pbrSpecularGlossiness"];
+
+/// The part of a file that is kept, which is what the warnings leave out.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kept {
+    /// The mesh of all instances.
+    Mesh,
+    /// Meshes, nodes with their names, and what describes the file (`asset`).
+    Nodes,
+}
+
 /// Counts the contents of a file; returns one warning for each kind of content that is dropped.
-pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<Warning>) {
+pub(super) fn take(json: &Value, placements: &[Placement], kept: Kept) -> (Contents, Vec<Warning>) {
     let count = |name: &str| list(json, name).len();
     let meshes = list(json, "meshes");
     let mut placed = vec![false; meshes.len()];
@@ -60,31 +72,38 @@ pub(super) fn take(json: &Value, placements: &[Placement]) -> (Contents, Vec<War
     }
 
     let mut warnings = Vec::new();
+    let is_merged = kept == Kept::Mesh;
     let mut not_carried = |is: bool, what: &str| {
         if is {
-            warnings.push(Warning::lost_scene_data(what));
+            warnings.push(if is_merged {
+                Warning::lost_scene_data(what)
+            } else {
+                Warning::lost(format!("{what} are not carried: only glTF and GLB keep them"))
+            });
         }
     };
     // (The name of a single mesh is that of the file, more or less.)
     let is_named = ["nodes", "meshes"].iter().flat_map(|kind| list(json, kind)).any(|x| !x["name"].is_null());
-    not_carried(contents.meshes > 1 && is_named, "names of nodes and meshes");
+    not_carried(is_merged && contents.meshes > 1 && is_named, "names of nodes and meshes");
     not_carried(contents.skins > 0, "skins");
     not_carried(contents.animations > 0, "animations");
     not_carried(contents.morph_targets > 0, "morph targets");
     not_carried(count("cameras") > 0, "cameras");
     not_carried(!json["extensions"]["KHR_lights_punctual"].is_null(), "lights");
     let with_extras = ["meshes", "nodes", "scenes"].iter().flat_map(|kind| list(json, kind));
-    not_carried(with_extras.chain([json, &json["asset"]]).any(|v| !v["extras"].is_null()), "extras");
+    let of_file = [json].into_iter().chain(is_merged.then_some(&json["asset"]));
+    not_carried(with_extras.chain(of_file).any(|v| !v["extras"].is_null()), "extras");
     if !other_attributes.is_empty() {
         not_carried(true, &format!("attributes {}", other_attributes.join(", ")));
     }
     let unknown: Vec<String> = list(json, "extensionsUsed")
         .iter()
         .filter_map(Value::as_str)
-        .filter(|e| {
-            !e.starts_with("KHR_materials_")
-                && !IGNORABLE_EXTENSIONS.contains(e)
-                && *e != "KHR_mesh_quantization"
+        .filter(|e| match e.strip_prefix("KHR_materials_") {
+            // (Who merges meshes tells it of each material.)
+            Some(kind) => !is_merged && !MATERIALS_OF_MODELS.contains(&kind),
+            None if *e == "EXT_mesh_gpu_instancing" => is_merged,
+            None => !IGNORABLE_EXTENSIONS.contains(e) && *e != "KHR_mesh_quantization",
         })
         .take(16)
         .map(excerpt)

@@ -1,7 +1,7 @@
 //! Reader of one mesh with wedges: equal positions are welded across primitives, and each primitive is a
 //! region.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use lodsmith_core::mesh::{Attribute, IntegerType, Semantic};
 use lodsmith_core::{MeshError, Positions, RegionId, TriMesh, VertexId, WedgeId};
@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::accessors::{Accessor, Component};
 use super::buffers::Buffers;
-use super::container::{list, whole};
+use super::container::{entry, list, whole};
 use super::primitive::Primitive;
 use super::slot::Slot;
 use crate::distinct::TripleSet;
@@ -146,6 +146,26 @@ pub(super) fn read(
         }
     }
     Ok((out, ragged))
+}
+
+/// Returns the vertex in the source of each wedge of a mesh; see [`BuiltScene`](super::BuiltScene). An accessor of positions
+/// without an entry has the vertices of the source.
+pub(super) fn source_vertices(
+    json: &Value,
+    buffers: &Buffers<'_>,
+    index: usize,
+    sources: &BTreeMap<usize, Vec<u32>>,
+) -> Result<Vec<u32>, ReadError> {
+    let (mesh, mesh_name) = entry(json, "meshes", index, "a scene")?;
+    let mut budget = Budget::new(buffers.total());
+    let mut all = Vec::new();
+    for (i, primitive) in list(mesh, "primitives").iter().enumerate() {
+        let name = format!("{mesh_name}.primitives[{i}]");
+        let (part, _) = decode_primitive(json, buffers, primitive, (i, name), &mut budget)?;
+        let of_accessor = part.accessor_of.get(&Slot::Position).and_then(|accessor| sources.get(accessor));
+        all.extend(part.used.iter().map(|&v| of_accessor.map_or(v, |sources| sources[v as usize])));
+    }
+    Ok(all)
 }
 
 /// Reads the triangles of a primitive, the vertices that they use, and its attributes; checks all accessors.

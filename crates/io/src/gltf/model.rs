@@ -3,9 +3,11 @@
 mod appearance;
 mod motion;
 
+use std::borrow::Cow;
+
 use glam::{DMat4, DQuat, DVec3};
 use lodsmith_core::Model;
-use lodsmith_core::model::{ModelMesh, Node, Transform, VertexColors};
+use lodsmith_core::model::{Material, ModelMesh, Node, Transform, VertexColors};
 use serde_json::Value;
 
 use super::accessors::Accessor;
@@ -34,14 +36,49 @@ impl Scene {
         let (materials, images, mut warnings) = appearance::read(self, &buffers);
         let mut budget = Budget::new(buffers.total());
         let skins = motion::skins(json, &buffers, &mut budget, &mut warnings);
+        let mut model = self.placed_meshes(&buffers, materials, &skins, &mut budget, &mut warnings);
+        let animations =
+            motion::animations(json, &buffers, &model.nodes, &model.meshes, &mut budget, &mut warnings);
+        (model.images, model.skins, model.animations) = (images, skins.all, animations);
+        (model, warnings)
+    }
+
+    /// Returns the scene as a model without skins, animations and images: textures have the index of their image in the
+    /// file, for [`Scene::encoded_image`].
+    pub(crate) fn encoded_model(&self) -> (Model, Vec<Warning>) {
+        let buffers = Buffers::loaded(&self.json, &self.buffers, self.unpacked);
+        let (mut budget, mut warnings) = (Budget::new(buffers.total()), Vec::new());
+        let (materials, skins) = (appearance::encoded(self), motion::Skins::default());
+        let model = self.placed_meshes(&buffers, materials, &skins, &mut budget, &mut warnings);
+        (model, warnings)
+    }
+
+    /// Returns the bytes of an image of the file.
+    ///
+    /// # Errors
+    /// The end of a sentence that begins with its name.
+    pub(crate) fn encoded_image(&self, index: usize) -> Result<Vec<u8>, String> {
+        let buffers = Buffers::loaded(&self.json, &self.buffers, self.unpacked);
+        appearance::bytes_of(self, &buffers, index).map(Cow::into_owned)
+    }
+
+    /// Returns a model of the meshes and nodes.
+    fn placed_meshes(
+        &self,
+        buffers: &Buffers<'_>,
+        materials: Vec<Material>,
+        skins: &motion::Skins,
+        budget: &mut Budget,
+        warnings: &mut Vec<Warning>,
+    ) -> Model {
+        let json = &self.json;
         let meshes: Vec<ModelMesh> = self
             .meshes()
             .iter()
             .zip(list(json, "meshes"))
             .map(|(m, v)| mesh(m, v, materials.len()))
             .collect();
-        let mut nodes: Vec<Node> =
-            list(json, "nodes").iter().map(|v| node(v, &skins, meshes.len())).collect();
+        let mut nodes: Vec<Node> = list(json, "nodes").iter().map(|v| node(v, skins, meshes.len())).collect();
         let node_count = nodes.len();
         for node in &mut nodes {
             node.children.retain(|&c| c < node_count);
@@ -49,7 +86,7 @@ impl Scene {
         // Roots and nodes were checked when the scene was read.
         let mut roots = roots(json).unwrap_or_default();
         for i in 0..node_count {
-            match copies(json, &buffers, i, &mut budget) {
+            match copies(json, buffers, i, budget) {
                 Ok(None) => {}
                 Ok(Some(places)) => {
                     let (mesh, skin) = (nodes[i].mesh.take(), nodes[i].skin.take());
@@ -64,18 +101,14 @@ impl Scene {
                 }
             }
         }
-        let animations = motion::animations(json, &buffers, &nodes, &meshes, &mut budget, &mut warnings);
-        let mut model = Model { meshes, nodes, roots: Vec::new(), materials, images, ..Model::default() };
-        (model.skins, model.animations) = (skins.all, animations);
-        model.vertex_colors = VertexColors::Linear;
-        if !is_any_mesh_under(&model.nodes, &roots) {
-            for mesh in 0..model.meshes.len() {
-                roots.push(model.nodes.len());
-                model.nodes.push(Node { mesh: Some(mesh), ..Node::default() });
+        if !is_any_mesh_under(&nodes, &roots) {
+            for mesh in 0..meshes.len() {
+                roots.push(nodes.len());
+                nodes.push(Node { mesh: Some(mesh), ..Node::default() });
             }
         }
-        model.roots = roots;
-        (model, warnings)
+        let vertex_colors = VertexColors::Linear;
+        Model { meshes, nodes, roots, materials, vertex_colors, ..Model::default() }
     }
 
     /// Returns the base colour images for each of [`Scene::meshes`] and each of its regions (one, if it has

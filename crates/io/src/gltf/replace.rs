@@ -44,7 +44,7 @@ const VERTEX_INDEPENDENT_EXTENSIONS: [&str; 3] =
 pub(super) fn write(
     (source, buffers, was_compressed): (&Value, &[Arc<Vec<u8>>], bool),
     replaced: &[Option<TriMesh>],
-    SceneFormat { format, packing }: SceneFormat,
+    SceneFormat { format, packing, .. }: SceneFormat,
     new_uri: &dyn Fn(&str) -> Option<String>,
     out: &mut dyn Write,
 ) -> io::Result<Written> {
@@ -81,7 +81,7 @@ pub(super) fn write(
     }
     embed_buffer(&mut json, &bytes, glb);
     emit(&json, &bytes, glb, out)?;
-    Ok(Written { warnings, packed })
+    Ok(Written { packed, ..Written::new(warnings) })
 }
 
 fn invalid(problem: String) -> io::Error {

@@ -1,6 +1,6 @@
 //! A whole glTF file: its meshes can be read and replaced, everything else is preserved.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::io::{self, Write};
 use std::sync::Arc;
 
@@ -44,6 +44,8 @@ pub struct Scene {
     contents: Contents,
     warnings: Vec<Warning>,
     format: Format,
+    /// See [`BuiltScene::source_vertices`]; of 3MF, where the numbers of vertices decide which triangles are neighbours.
+    source_vertices: Option<Arc<BTreeMap<usize, Vec<u32>>>>,
     /// Number of bytes of the buffers that were decoded from compressed streams.
     pub(super) unpacked: usize,
     /// Location of images in separate files.
@@ -110,6 +112,7 @@ impl Scene {
         let (format, warnings) = (built.format, std::mem::take(&mut built.warnings));
         let mut scene = Self::of_document(built.document(), size, format, options)?;
         scene.warnings.splice(0..0, warnings);
+        scene.source_vertices = (format == Format::ThreeMf).then(|| Arc::new(built.source_vertices));
         Ok(scene)
     }
 
@@ -169,7 +172,20 @@ impl Scene {
         let contents = contents(&json, &placed, &meshes);
         let bounds = bounds(&placed, &meshes);
         let (assets, limits) = (options.files(), options.limits);
-        Ok(Self { json, buffers, meshes, bounds, contents, warnings, format, unpacked, assets, limits, size })
+        Ok(Self {
+            json,
+            buffers,
+            meshes,
+            bounds,
+            contents,
+            warnings,
+            format,
+            source_vertices: None,
+            unpacked,
+            assets,
+            limits,
+            size,
+        })
     }
 
     /// Returns the memory of its buffers, in bytes.
@@ -375,6 +391,27 @@ impl Scene {
         warnings
     }
 
+    /// Returns a warning for each kind of content beside meshes, nodes and materials, for formats that have only those.
+    pub(crate) fn lost_beside_nodes(&self) -> Vec<Warning> {
+        let placed = placements::placements(&self.json).unwrap_or_default();
+        inventory::take(&self.json, &placed, inventory::Kept::Nodes).1
+    }
+
+    /// Returns what the file says of itself, as names and texts.
+    pub(crate) fn description(&self) -> Vec<(String, String)> {
+        let extras = self.json["asset"]["extras"].as_object();
+        let text = |(name, value): (&String, &Value)| Some((name.clone(), value.as_str()?.to_owned()));
+        extras.into_iter().flatten().filter_map(text).collect()
+    }
+
+    /// Returns the vertex in the file of each wedge of a mesh, if the file was of a format that counts vertices at equal
+    /// positions as several, and `None` if [`SceneMesh::mesh`] has all there is to know.
+    pub(crate) fn source_vertices(&self, mesh: usize) -> Option<Vec<u32>> {
+        let sources = self.source_vertices.as_ref()?;
+        let buffers = Buffers::loaded(&self.json, &self.buffers, self.unpacked);
+        mesh::source_vertices(&self.json, &buffers, mesh, sources).ok()
+    }
+
     /// Adds a warning.
     pub(crate) fn warn(&mut self, warning: Warning) {
         self.warnings.push(warning);
@@ -395,7 +432,7 @@ impl Scene {
 
 /// Returns the contents of the file; meshes and faces are counted once per instance.
 fn contents(json: &Value, placed: &[placements::Placement], meshes: &[SceneMesh]) -> Contents {
-    let (mut contents, _) = inventory::take(json, placed);
+    let (mut contents, _) = inventory::take(json, placed, inventory::Kept::Nodes);
     contents.meshes = meshes.iter().fold(0, |n, m| m.instances.saturating_add(n));
     let placed_faces = |m: &SceneMesh| m.instances.saturating_mul(m.mesh.face_count());
     contents.polygons = meshes.iter().fold(0, |n, m| placed_faces(m).saturating_add(n));

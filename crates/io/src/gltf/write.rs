@@ -299,7 +299,7 @@ impl GltfBuilder {
         primitives: Vec<Value>,
         looks: &ConvertedMaterials,
         node: Value,
-        SceneFormat { format, packing }: SceneFormat,
+        SceneFormat { format, packing, .. }: SceneFormat,
         out: &mut dyn Write,
     ) -> io::Result<Written> {
         let mut images = Vec::new();
@@ -330,7 +330,7 @@ impl GltfBuilder {
         if packing.is_needed() {
             let (smaller, report, notes) = pack(&mut json, self.bytes, packing)?;
             self.bytes = smaller;
-            written = Written { warnings: notes, packed: Some(report) };
+            written = Written { packed: Some(report), ..Written::new(notes) };
         }
         embed_buffer(&mut json, &self.bytes, glb);
         emit(&json, &self.bytes, glb, out)?;

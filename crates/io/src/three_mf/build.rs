@@ -27,6 +27,9 @@ pub(super) enum Coordinates {
     Gltf,
 }
 
+/// The name of the node above the items of a build, which has their unit and axes.
+pub(super) const BUILD_NODE: &str = "3MF build";
+
 /// Limits on the nodes that components become: each may place any other several times. Guessed: more than any file has,
 /// and within memory.
 const ALWAYS_ALLOWED_NODES: usize = 1 << 16;
@@ -135,7 +138,7 @@ impl ThreeMfScene<'_> {
         }
         let frame = Frame::new(first.unit(), true);
         let root = json!({
-            "name": "3MF build",
+            "name": BUILD_NODE,
             "rotation": frame.rotation_to_gltf(),
             "scale": ([frame.unit.meters(); 3]),
             "children": roots,

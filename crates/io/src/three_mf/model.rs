@@ -88,6 +88,14 @@ pub(super) fn parse(path: &str, text: &[u8]) -> Result<Part, ReadError> {
             }
             Ok(())
         }
+        // The reader gives `&lt;` and its kind apart from the text around it.
+        Event::GeneralRef(name) => {
+            if let (Some((_, value)), Ok(name)) = (&mut parser.metadata, name.decode()) {
+                let text = format!("&{name};");
+                value.push_str(&quick_xml::escape::unescape(&text).unwrap_or_default());
+            }
+            Ok(())
+        }
         _ => Ok(()),
     })?;
     if !parser.is_model {
@@ -425,6 +433,12 @@ mod tests {
         for bad in ["FF0033", "#FF003", "#GG0033", "#+F0033", ""] {
             assert!(color(bad).is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn metadata_are_unescaped() {
+        let text = br#"<model><metadata name="a">x &lt;&#65;&gt; &amp; &none;y</metadata></model>"#;
+        assert_eq!(parse("m", text).unwrap().metadata, [("a".to_owned(), "x <A> & y".to_owned())]);
     }
 
     #[test]

@@ -31,6 +31,17 @@ pub(super) fn read(scene: &Scene, buffers: &Buffers<'_>) -> (Vec<Material>, Vec<
     (materials, images, warnings)
 }
 
+/// Returns the materials; the images of their textures are those of the file, by their index there.
+pub(super) fn encoded(scene: &Scene) -> Vec<Material> {
+    let mut pictures = ImageQueue::default();
+    let all = list(&scene.json, "materials").iter();
+    let mut materials: Vec<Material> = all.map(|m| material(&scene.json, m, &mut pictures)).collect();
+    for texture in materials.iter_mut().flat_map(Material::textures_mut).flatten() {
+        texture.image = pictures.in_file(texture.image);
+    }
+    materials
+}
+
 /// Returns the base colour textures alone, one per material, with their images; without warnings.
 pub(super) fn base_colors(
     scene: &Scene,
@@ -143,7 +154,11 @@ fn numbers<const N: usize>(value: &Value, otherwise: [f32; N]) -> [f32; N] {
 }
 
 /// Returns the bytes of an image: from a buffer, from a data URI, or from a file in the folder of the scene.
-fn bytes_of<'b>(scene: &Scene, buffers: &'b Buffers<'_>, index: usize) -> Result<Cow<'b, [u8]>, String> {
+pub(super) fn bytes_of<'b>(
+    scene: &Scene,
+    buffers: &'b Buffers<'_>,
+    index: usize,
+) -> Result<Cow<'b, [u8]>, String> {
     let image = list(&scene.json, "images").get(index).ok_or("is not there")?;
     let at = format!("images[{index}]");
     let Some(uri) = image["uri"].as_str() else {

@@ -2,6 +2,8 @@
 
 use crate::error::Warning;
 use crate::format::Format;
+use crate::material::Textures;
+use crate::sizes::Sizes;
 use crate::vertex_cache::CacheUse;
 
 /// Compression of the geometry and the animations of a glTF file. Both are lossless.
@@ -68,22 +70,24 @@ impl Packing {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct SceneFormat {
-    /// glTF or GLB.
+    /// glTF, GLB or 3MF; see [`Format::keeps_scenes`].
     pub format: Format,
-    /// Packing of its data.
+    /// Packing of its data, in glTF and GLB.
     pub packing: Packing,
+    /// [`Textures::None`] leaves out the materials of a 3MF. No other value, and no other format, makes a difference.
+    pub textures: Textures,
 }
 
 impl SceneFormat {
     /// Returns a format with packing.
     pub const fn new(format: Format, packing: Packing) -> Self {
-        Self { format, packing }
+        Self { format, packing, textures: Textures::Copy }
     }
 }
 
 impl From<Format> for SceneFormat {
     fn from(format: Format) -> Self {
-        Self { format, packing: Packing::default() }
+        Self::new(format, Packing::default())
     }
 }
 
@@ -95,12 +99,15 @@ pub struct Written {
     pub warnings: Vec<Warning>,
     /// Results of packing; `None` without it.
     pub packed: Option<PackReport>,
+    /// What the file asks of a GPU, without the bytes of the file; `None` where the file itself tells it
+    /// ([`sizes_of_path`](crate::sizes_of_path)) or the mesh does.
+    pub sizes: Option<Sizes>,
 }
 
 impl Written {
     /// Returns a result without packing.
     pub const fn new(warnings: Vec<Warning>) -> Self {
-        Self { warnings, packed: None }
+        Self { warnings, packed: None, sizes: None }
     }
 }
 

@@ -1,0 +1,187 @@
+//! The objects that place others, and the items of the build, from the nodes of a model.
+
+use std::collections::{BTreeMap, HashMap};
+
+use glam::{DMat3, DMat4, DVec3};
+use lodsmith_core::Model;
+use lodsmith_core::model::{Node, Transform};
+
+use super::build::BUILD_NODE;
+use crate::frame::{Frame, Unit};
+
+/// Nodes deeper than this become components of the object at this depth. Guessed: deeper than any assembly, and other
+/// readers may descend by recursion.
+const MAX_DEPTH: usize = 64;
+/// Axes whose volume is smaller than this share of the product of their lengths are nearly coplanar. Guessed: rounding of
+/// single precision is smaller.
+const MIN_VOLUME: f64 = 1e-6;
+
+/// An object of the file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum ObjectRef {
+    /// A mesh of the model.
+    Mesh(usize),
+    /// An entry of [`Assemblies::all`].
+    Assembly(usize),
+}
+
+/// A placed object: an item of the build, or a component.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct ObjectPlace {
+    pub(super) object: ObjectRef,
+    pub(super) transform: DMat4,
+}
+
+/// An object of components.
+#[derive(Debug, PartialEq)]
+pub(super) struct Assembly {
+    pub(super) name: String,
+    pub(super) components: Vec<ObjectPlace>,
+}
+
+/// What a file places.
+#[derive(Debug)]
+pub(super) struct Assemblies {
+    pub(super) unit: Unit,
+    /// Objects of components; each places only meshes and those before it.
+    pub(super) all: Vec<Assembly>,
+    pub(super) items: Vec<ObjectPlace>,
+    /// Meshes that are placed, each with the node that places it if that has no children.
+    places: Vec<(usize, Option<usize>)>,
+    /// Number of nodes that were left out because they flatten what they place.
+    pub(super) flattened: usize,
+}
+
+/// An object and the bits of its transform.
+type PlaceBits = (ObjectRef, [u64; 16]);
+
+/// A node of the model that becomes an object, or the place of one.
+struct PlacedNode {
+    /// The index of the node that has it as a child, among the placed nodes; `None` for an item.
+    parent: Option<usize>,
+    node: usize,
+    transform: DMat4,
+}
+
+impl Assemblies {
+    /// Takes one mesh in these coordinates.
+    pub(super) fn of_mesh(frame: Frame) -> Self {
+        let transform = if frame.z_up { DMat4::IDENTITY } else { z_up_from_gltf() };
+        let items = vec![ObjectPlace { object: ObjectRef::Mesh(0), transform }];
+        Self { unit: frame.unit, all: Vec::new(), items, places: Vec::new(), flattened: 0 }
+    }
+
+    /// Takes the nodes of a model in the coordinates of glTF. A node with a mesh alone is a place of its object, one with
+    /// children an object of components; equal ones are one object. Meshes without faces are left out.
+    pub(super) fn new(model: &Model, has_faces: impl Fn(usize) -> bool) -> Self {
+        let (unit, roots, first) = match build_of(model) {
+            Some((unit, build)) => (unit, &model.nodes[build].children, DMat4::IDENTITY),
+            None => (Unit::Meter, &model.roots, z_up_from_gltf()),
+        };
+        let (all, items, places) = (Vec::new(), Vec::new(), Vec::new());
+        let mut new = Self { unit, all, items, places, flattened: 0 };
+        let placed = new.placed_nodes(&model.nodes, roots, first);
+        let mut parts: Vec<Vec<ObjectPlace>> = placed.iter().map(|_| Vec::new()).collect();
+        let mut known: HashMap<(String, Vec<PlaceBits>), usize> = HashMap::new();
+        // Children follow their parents, so all components of a node are known when it comes.
+        for (at, PlacedNode { parent, node: index, transform }) in placed.iter().enumerate().rev() {
+            let node = &model.nodes[*index];
+            let mut components = std::mem::take(&mut parts[at]);
+            let mesh = node.mesh.filter(|&m| has_faces(m));
+            new.places.extend(mesh.map(|mesh| (mesh, components.is_empty().then_some(*index))));
+            let mesh = mesh.map(ObjectRef::Mesh);
+            let object = if components.is_empty() {
+                mesh
+            } else {
+                components.extend(mesh.map(|object| ObjectPlace { object, transform: DMat4::IDENTITY }));
+                components.reverse();
+                let bits = |p: &ObjectPlace| (p.object, p.transform.to_cols_array().map(f64::to_bits));
+                let key = (node.name.clone(), components.iter().map(bits).collect());
+                let assembly = *known.entry(key).or_insert_with(|| {
+                    new.all.push(Assembly { name: node.name.clone(), components });
+                    new.all.len() - 1
+                });
+                Some(ObjectRef::Assembly(assembly))
+            };
+            let place = object.map(|object| ObjectPlace { object, transform: *transform });
+            match parent {
+                Some(parent) => parts[*parent].extend(place),
+                None => new.items.extend(place),
+            }
+        }
+        new.items.reverse();
+        new.places.reverse();
+        new
+    }
+
+    /// Returns the mesh of each place.
+    pub(super) fn meshes(&self) -> impl Iterator<Item = usize> {
+        self.places.iter().map(|(mesh, _)| *mesh)
+    }
+
+    /// Returns the meshes that are placed, with names for their objects: of the only node that places it, else of the
+    /// mesh, else of the first node. Also returns the number of names that are left out.
+    pub(super) fn names(&self, model: &Model) -> (BTreeMap<usize, String>, usize) {
+        let mut nodes: BTreeMap<usize, Vec<&str>> = BTreeMap::new();
+        for &(mesh, node) in &self.places {
+            nodes.entry(mesh).or_default().push(node.map_or("", |node| &model.nodes[node].name));
+        }
+        let mut left_out = 0;
+        let name_of = |(mesh, names): (usize, Vec<&str>)| {
+            let own = Some(&*model.meshes[mesh].name).filter(|name| *name != format!("meshes[{mesh}]"));
+            let given = names.iter().copied().filter(|name| !name.is_empty());
+            let first = given.clone().next();
+            let name = if names.len() == 1 { first.or(own) } else { own.or(first) }.unwrap_or_default();
+            left_out += usize::from(given.chain(own).any(|other| other != name));
+            (mesh, name.to_owned())
+        };
+        (nodes.into_iter().map(name_of).collect(), left_out)
+    }
+
+    /// Returns the nodes that place something, parents before their children.
+    fn placed_nodes(&mut self, nodes: &[Node], roots: &[usize], first: DMat4) -> Vec<PlacedNode> {
+        let mut placed: Vec<PlacedNode> = Vec::new();
+        let mut open: Vec<(usize, Option<usize>, DMat4, usize)> =
+            roots.iter().rev().map(|&root| (root, None, first, 0)).collect();
+        while let Some((node, parent, above, depth)) = open.pop() {
+            let transform = above * nodes[node].transform.matrix();
+            if is_flat(&transform) {
+                self.flattened += 1;
+                continue;
+            }
+            placed.push(PlacedNode { parent, node, transform });
+            let (parent, above) = if depth < MAX_DEPTH {
+                (Some(placed.len() - 1), DMat4::IDENTITY)
+            } else {
+                (parent, transform)
+            };
+            let children = nodes[node].children.iter().rev();
+            open.extend(children.map(|&child| (child, parent, above, depth + 1)));
+        }
+        placed
+    }
+}
+
+/// Returns the node that the reader puts above the items of a build, and the unit of the file.
+fn build_of(model: &Model) -> Option<(Unit, usize)> {
+    let &[root] = model.roots.as_slice() else { return None };
+    let node = model.nodes.get(root).filter(|node| node.name == BUILD_NODE && node.mesh.is_none())?;
+    let Transform::Parts { translation: DVec3::ZERO, rotation, scale } = node.transform else { return None };
+    let unit = Unit::ALL.into_iter().find(|unit| scale == DVec3::splat(unit.meters()))?;
+    let wanted = Frame::new(unit, true).rotation_to_gltf()?;
+    let is_equal = rotation.to_array().iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-9);
+    is_equal.then_some((unit, root))
+}
+
+/// Returns the rotation from y up to z up.
+fn z_up_from_gltf() -> DMat4 {
+    DMat4::from_mat3(DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y))
+}
+
+/// Returns true if a matrix has no inverse, or nearly none. (3MF says of such ones that there should be none.)
+fn is_flat(matrix: &DMat4) -> bool {
+    let axes = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|a| a.truncate());
+    let size: f64 = axes.iter().map(|a| a.length()).product();
+    let volume = axes[0].cross(axes[1]).dot(axes[2]).abs();
+    !(matrix.is_finite() && size > 0.0 && volume > size * MIN_VOLUME)
+}
