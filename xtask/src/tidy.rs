@@ -73,7 +73,7 @@ const PACKAGE_RULES: &[PackageRule] = &[
     PackageRule {
         package: "lodsmith-bake",
         folder: "crates/bake",
-        uses: &["lodsmith-core", "lodsmith", "lodsmith-render"],
+        uses: &["lodsmith-core", "lodsmith", "lodsmith-io", "lodsmith-render"],
         never: &["clap", "anyhow", "tokio"],
     },
     PackageRule {
@@ -92,7 +92,7 @@ const PACKAGE_RULES: &[PackageRule] = &[
     PackageRule {
         package: "lodsmith-viewer",
         folder: "crates/viewer",
-        uses: &["lodsmith-core", "lodsmith", "lodsmith-io", "lodsmith-render"],
+        uses: &["lodsmith-core", "lodsmith", "lodsmith-io", "lodsmith-render", "lodsmith-bake"],
         // (The lock file has tokio for windows in browsers, which is never built here.)
         never: &["clap"],
     },

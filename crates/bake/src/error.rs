@@ -26,6 +26,14 @@ pub enum BakeError {
         /// The reason.
         problem: String,
     },
+    /// A map cannot be written as PNG.
+    #[error("the map {map}: {problem}")]
+    Picture {
+        /// Name of the map.
+        map: &'static str,
+        /// The reason.
+        problem: String,
+    },
     /// The control cancelled the run.
     #[error("cancelled")]
     Cancelled,

@@ -2,7 +2,7 @@
 //!
 //! [`bake`] takes two models, which may be any: the lighter one is often made from the detailed one by
 //! [`lodsmith::simplify`]. It returns the meshes of the lighter model with texture coordinates and tangents, and the
-//! maps, as plain values: no files.
+//! maps, as plain values: no files. [`bake_scene`] puts them into the materials of a glTF scene.
 //!
 //! ```
 //! use lodsmith::NoControl;
@@ -29,6 +29,7 @@ mod normals;
 mod occluders;
 mod occlusion;
 mod options;
+mod scene;
 mod search;
 mod sets;
 mod source;
@@ -40,5 +41,6 @@ pub use baked::{Baked, BakedSet, bake};
 pub use error::BakeError;
 pub use maps::{BakedMap, Texels};
 pub use options::{AtlasMode, BakeOptions, MapKind};
+pub use scene::{BakedScene, bake_scene, model_with, set_materials};
 pub use search::Found;
 pub use wedges::with_tangents;

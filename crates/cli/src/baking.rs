@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context as _, anyhow};
+use anyhow::anyhow;
 use lodsmith::Control;
 use lodsmith::core::{Model, Semantic, TriMesh};
-use lodsmith_bake::{BakeError, BakeOptions, Baked, BakedSet, MapKind, bake};
-use lodsmith_io::gltf::{NewMaterial, Scene, SlotImage, TextureSlot};
+use lodsmith_bake::{BakeError, BakeOptions, BakedSet, MapKind};
+use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, ModelFile, ReadOptions, Warning};
 use serde_json::{Value, json};
 
@@ -48,33 +48,14 @@ pub(crate) fn bake_scene(
     control: &mut dyn Control,
 ) -> anyhow::Result<BakedScene> {
     check_memory(high, low, options)?;
-    let baked = match bake(high, low, options, control) {
+    let baked = match lodsmith_bake::bake_scene(high, low, scene, options, texture.map_files, control) {
         Err(BakeError::Cancelled) if exit::interrupted() => return Err(Interrupted.into()),
         Err(BakeError::Cancelled) => {
             return Err(anyhow!("the time limit ended the bake, which has no partial result"));
         }
         baked => baked?,
     };
-    let Baked { meshes, set_of_region, sets, found, notes, .. } = baked;
-    let mut numbers = Vec::with_capacity(sets.len());
-    let mut files = Vec::new();
-    let several = sets.len() > 1;
-    for set in &sets {
-        let (material, own) = material_of(set, texture.map_files, several)?;
-        numbers.push(scene.add_material(&material));
-        files.extend(own);
-    }
-    let materials = set_of_region.iter().map(|all| all.iter().map(|s| numbers[*s]).collect()).collect();
-    let total = found.by_correspondence + found.by_ray + found.by_distance + found.elsewhere;
-    let mut warnings: Vec<Warning> = notes.into_iter().map(Warning::note).collect();
-    let astray = found.elsewhere as f64 / total.max(1) as f64;
-    if astray > MAX_ASTRAY {
-        let text = format!(
-            "{:.0} % of the texels have no counterpart within reach: do both models lie in the same place?",
-            100.0 * astray
-        );
-        warnings.push(Warning::note(text));
-    }
+    let (sets, found) = (&baked.sets, &baked.found);
     let report = json!({
         "sets": sets.iter().map(set_json).collect::<Vec<_>>(),
         "sources": {
@@ -84,58 +65,17 @@ pub(crate) fn bake_scene(
             "elsewhere": found.elsewhere,
         },
     });
-    let summary = summary(&sets);
-    let is_new_atlas = sets.iter().any(|s| s.is_new_atlas);
-    let has_color = options.maps.contains(&MapKind::Color);
-    Ok(BakedScene { replaced: meshes, materials, files, warnings, report, summary, is_new_atlas, has_color })
-}
-
-/// Share of samples without a counterpart from which on a warning is due. (Guessed.)
-const MAX_ASTRAY: f64 = 0.2;
-
-/// Returns the material of a set, and the maps that are files, by the ends of their names.
-#[allow(clippy::type_complexity, reason = "the pair is taken apart at once")]
-fn material_of(
-    set: &BakedSet,
-    all_files: bool,
-    several: bool,
-) -> anyhow::Result<(NewMaterial, Vec<(String, Arc<Vec<u8>>)>)> {
-    let (mut images, mut files) = (Vec::new(), Vec::new());
-    for map in &set.maps {
-        let png = Arc::new(map.to_png().with_context(|| format!("the map {}", map.kind.name()))?);
-        let own =
-            if several && !set.name.is_empty() { format!("_{}", safe(&set.name)) } else { String::new() };
-        let end = format!("{own}_{}.png", map.kind.name());
-        let packed = images.iter().find(|i: &&SlotImage| i.slot == TextureSlot::MetallicRoughness);
-        if let (MapKind::Occlusion, Some(packed)) = (map.kind, packed) {
-            // Its red channel holds the same values.
-            images.push(SlotImage { slot: TextureSlot::Occlusion, ..packed.clone() });
-        } else if let Some(slot) = slot_of(map.kind) {
-            let name = format!("{}{}", safe(&set.name), end.trim_end_matches(".png"));
-            images.push(SlotImage { slot, name: name.trim_start_matches('_').to_owned(), png: png.clone() });
-        }
-        if all_files || !map.kind.is_of_material() {
-            files.push((end, png));
-        }
-    }
-    Ok((NewMaterial::new(set.look.clone(), set.material, images), files))
-}
-
-fn slot_of(kind: MapKind) -> Option<TextureSlot> {
-    match kind {
-        MapKind::Color => Some(TextureSlot::BaseColor),
-        MapKind::MetallicRoughness => Some(TextureSlot::MetallicRoughness),
-        MapKind::Normal => Some(TextureSlot::Normal),
-        MapKind::Occlusion => Some(TextureSlot::Occlusion),
-        MapKind::Emissive => Some(TextureSlot::Emissive),
-        _ => None,
-    }
-}
-
-/// Returns a name that any file system accepts.
-fn safe(name: &str) -> String {
-    let letter = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
-    name.chars().take(60).map(letter).collect()
+    let (is_new_atlas, summary) = (sets.iter().any(|s| s.is_new_atlas), summary(sets));
+    Ok(BakedScene {
+        warnings: baked.notes.into_iter().map(Warning::note).collect(),
+        replaced: baked.meshes,
+        materials: baked.materials,
+        files: baked.files,
+        report,
+        summary,
+        is_new_atlas,
+        has_color: options.maps.contains(&MapKind::Color),
+    })
 }
 
 fn set_json(set: &BakedSet) -> Value {
@@ -235,7 +175,7 @@ fn beside(sink: &Sink, end: &str) -> anyhow::Result<PathBuf> {
     Ok(path.with_file_name(format!("{stem}{end}")))
 }
 
-/// Writes a scene with baked meshes in any format: those other than glTF by way of a GLB in memory.
+/// Writes a scene with baked meshes in any format: those that hold one mesh by way of a GLB in memory.
 pub(crate) fn write_baked(
     to: &Destination,
     scene: &Scene,
@@ -249,6 +189,9 @@ pub(crate) fn write_baked(
     let without_tangents =
         |mesh: &TriMesh| mesh.clone().without_further(|semantic| *semantic == Semantic::Tangent);
     let replaced: Vec<_> = replaced.iter().map(|mesh| mesh.as_ref().map(without_tangents)).collect();
+    if to.format.keeps_scenes() {
+        return to.write_scene(scene, &replaced, relink);
+    }
     let mut bytes = Vec::new();
     let mut warnings = lodsmith_io::write_scene_to(scene, &replaced, Format::Glb, &|_| None, &mut bytes)
         .map_err(|e| anyhow!("{e}"))?
@@ -267,25 +210,7 @@ pub(crate) fn forgive_colors(warnings: &mut Vec<Warning>, has_color: bool) {
     warnings.retain(|w| !(has_color && w.text.ends_with("does not have its COLOR_0 any more")));
 }
 
-/// Returns the model of a scene with other meshes.
-pub(crate) fn model_with(model: &Model, replaced: &[Option<TriMesh>]) -> Model {
-    let meshes = model.meshes.iter().enumerate().map(|(i, old)| match replaced.get(i) {
-        Some(Some(mesh)) => Arc::new(mesh.clone()),
-        _ => old.mesh.clone(),
-    });
-    model.with_meshes(meshes.collect())
-}
-
 /// Returns the model of a scene.
 pub(crate) fn model_of(scene: &Scene) -> ModelFile {
     ModelFile::from(scene.clone())
-}
-
-/// Lets the meshes of a scene use their baked materials.
-pub(crate) fn set_materials(scene: &mut Scene, materials: &[Vec<usize>]) {
-    for (mesh, own) in materials.iter().enumerate() {
-        for (primitive, material) in own.iter().enumerate() {
-            scene.set_material(mesh, (own.len() > 1).then_some(primitive), *material);
-        }
-    }
 }

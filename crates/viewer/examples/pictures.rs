@@ -14,6 +14,8 @@ use desk::AppHarness;
 use eframe::egui::{self, Key, Modifiers};
 use egui_kittest::kittest::Queryable;
 use lodsmith::Stop;
+use lodsmith_bake::MapKind;
+use lodsmith_viewer::bake_settings::BakeSettings;
 use lodsmith_viewer::command::{Command, SimplifyTarget};
 use lodsmith_viewer::keys::{Action, CopiesAction};
 use lodsmith_viewer::panel::Panel;
@@ -68,6 +70,13 @@ fn main() {
     desk.settle();
     save(&mut desk, "viewer-difference");
 
+    sides(&mut desk, Sides::Both);
+    bake(&mut desk);
+    save(&mut desk, "viewer-bake");
+    desk.harness.state_mut().document_mut().remove_maps();
+    heat(&mut desk, HeatOf::Distance, false);
+    hide(&mut desk, Panel::Bake);
+
     let Some(mut copies) = opened(&sample) else { return };
     copies.press(Key::Y);
     copies.act(Action::Copies(CopiesAction::Scatter));
@@ -75,8 +84,23 @@ fn main() {
     copies.press(Key::I);
     save(&mut copies, "stage");
 
-    sides(&mut desk, Sides::Both);
     slider(&mut desk, &folder);
+}
+
+/// Bakes a normal map and an occlusion map for a twentieth of the faces.
+fn bake(desk: &mut AppHarness) {
+    target(desk, 800);
+    hide(desk, Panel::Error);
+    desk.act(Action::Panel(Panel::Bake));
+    let document = desk.harness.state_mut().document_mut();
+    let maps = vec![MapKind::Normal, MapKind::Occlusion];
+    document.run(Command::Bake(BakeSettings { maps, size: Some(1024), ..BakeSettings::default() }));
+    let mut look = document.settings().look.clone();
+    look.look.shading = lodsmith_render::Shading::Textured;
+    document.run(Command::Look(look));
+    document.bake();
+    desk.settle();
+    assert!(desk.app().document().baked().is_some());
 }
 
 /// Opens a copy of a file in the folder of the harness.
@@ -93,7 +117,7 @@ fn opened(file: &Path) -> Option<AppHarness> {
 fn slider(desk: &mut AppHarness, folder: &Path) {
     desk.harness.set_size(SLIDER_SIZE.into());
     desk.press(Key::W);
-    if desk.app().is_shown(Panel::Error) {
+    if desk.app().is_shown(Panel::Look) {
         desk.press(Key::Tab);
     }
     desk.press_with(Modifiers::NONE, Key::F);

@@ -155,7 +155,7 @@ impl App {
     }
     /// Returns the command that makes the shown result.
     pub fn command_line(&self) -> String {
-        panel::report::command_line(self.document.settings())
+        panel::report::command_line(self.document.settings(), self.document.baked().map(|b| &b.settings))
     }
     /// Returns the cameras of both sides.
     pub fn orbits(&self) -> [Orbit; 2] {
@@ -500,6 +500,16 @@ impl App {
                 UiRequest::Copy(text) => ctx.copy_text(text),
                 UiRequest::Scatter(scatter) => self.scatter(scatter),
                 UiRequest::ScatterForm(form) => self.pictures.stage.form = Some(form),
+                UiRequest::Bake(true) => {
+                    self.document.bake();
+                    // Only this shading shows maps.
+                    let mut look = self.document.settings().look.clone();
+                    if look.look.shading != Shading::Textured {
+                        look.look.shading = Shading::Textured;
+                        self.document.run(Command::Look(look));
+                    }
+                }
+                UiRequest::Bake(false) => self.document.remove_maps(),
                 UiRequest::Difference(view) => self.document.want_difference(*view),
                 UiRequest::KeyframeSelection(desk) => self.pictures.stage.keyframes = desk,
             }
@@ -676,6 +686,7 @@ fn body(ui: &mut Ui, panel: Panel, scope: &mut PanelContext<'_>) {
         Panel::Files => panel::files::show(ui, scope),
         Panel::Method => panel::method::show(ui, scope),
         Panel::Report => panel::report::show(ui, scope),
+        Panel::Bake => panel::bake::show(ui, scope),
         Panel::Info => panel::info::show(ui, scope),
         Panel::Look => panel::look::show(ui, scope),
         Panel::Error => panel::error::show(ui, scope),

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use lodsmith::Stop;
 use serde::{Deserialize, Serialize};
 
+use crate::bake_settings::BakeSettings;
 use crate::option_words::Simplification;
 use crate::playback::Playback;
 use crate::settings::{Appearance, AutoLod, Layout, Pose, Settings, Turn};
@@ -25,6 +26,8 @@ pub enum Command {
     Target(SimplifyTarget),
     /// Sets the method and its options; keeps the target.
     Method(Box<Simplification>),
+    /// Sets the maps that are baked.
+    Bake(BakeSettings),
     /// Sets the appearance of surfaces.
     Look(Appearance),
     /// Sets the layout of the two sides.
@@ -82,6 +85,7 @@ impl Command {
             Self::Close => "close",
             Self::Target(_) => "simplification target",
             Self::Method(_) => "method",
+            Self::Bake(_) => "bake settings",
             Self::Look(_) => "look",
             Self::Layout(_) => "layout",
             Self::Up(_) => "up axis",
@@ -126,6 +130,7 @@ impl Command {
                 settings.simplify = Simplification::clone(how);
                 settings.simplify.options.stop = stop;
             }
+            Self::Bake(bake) => settings.bake = bake.clone(),
             Self::Look(look) => settings.look = look.clone(),
             Self::Layout(layout) => settings.layout = *layout,
             Self::Up(up) => settings.up = *up,

@@ -1,5 +1,6 @@
 //! The shown models: the file's, and those made of it.
 
+pub(crate) mod baking;
 pub(crate) mod parts;
 
 use std::path::{Path, PathBuf};
@@ -21,6 +22,7 @@ use lodsmith_render::Shading;
 use serde::{Deserialize, Serialize};
 use web_time::Instant;
 
+use crate::baked::BakedMaps;
 use crate::option_words::{Normals, Simplification};
 use crate::settings::HeatOf;
 use crate::up_axis::{self, UpAxis};
@@ -162,6 +164,8 @@ pub struct Lighter {
     pub seconds: f64,
     /// Warnings for the user.
     pub warnings: Vec<String>,
+    /// Its baked maps.
+    pub baked: Option<Arc<BakedMaps>>,
     estimate: f64,
     prepared: PreparedMeshes,
 }
@@ -255,7 +259,8 @@ impl Lighter {
         let (faces, vertices, estimate) = (report.faces, report.vertices, report.error.estimate);
         let (report, how) = (Some(report), how.clone());
         let prepared = PreparedMeshes::of(&model);
-        Ok(Self { model, faces, vertices, report, counts, how, seconds, warnings, estimate, prepared })
+        let baked = None;
+        Ok(Self { model, faces, vertices, report, counts, how, seconds, warnings, baked, estimate, prepared })
     }
 
     /// Makes one of a level of a progressive mesh, with its number of triangles and vertices and its error.
@@ -268,12 +273,41 @@ impl Lighter {
     ) -> Self {
         let (counts, warnings, how) = (Vec::new(), Vec::new(), how.clone());
         let prepared = PreparedMeshes::of(&model);
-        Self { model, faces, vertices, report: None, counts, how, seconds, warnings, estimate, prepared }
+        Self {
+            model,
+            faces,
+            vertices,
+            report: None,
+            counts,
+            how,
+            seconds,
+            warnings,
+            baked: None,
+            estimate,
+            prepared,
+        }
     }
 
     /// Returns a mesh prepared for measuring; `None` if it has no faces. It is prepared on the first call.
     pub fn prepared(&self, mesh: usize) -> Option<&Prepared> {
         self.prepared.get(&self.model, mesh)
+    }
+
+    /// Returns the same result with baked maps, in a model that has them.
+    pub(crate) fn with_maps(&self, model: Model, baked: Arc<BakedMaps>, warnings: Vec<String>) -> Self {
+        Self {
+            prepared: PreparedMeshes::of(&model),
+            faces: sum_over_instances(&model, TriMesh::face_count),
+            vertices: sum_over_instances(&model, TriMesh::vertex_count),
+            model,
+            report: self.report.clone(),
+            counts: self.counts.clone(),
+            how: self.how.clone(),
+            seconds: self.seconds,
+            warnings: self.warnings.iter().cloned().chain(warnings).collect(),
+            baked: Some(baked),
+            estimate: self.estimate,
+        }
     }
 
     /// Returns the two-way comparison, if it was measured.

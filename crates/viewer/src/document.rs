@@ -1,5 +1,6 @@
 //! The document: open file, results and background work. Does not depend on the window.
 
+mod baking;
 mod difference;
 mod engine;
 mod flaws;
@@ -74,6 +75,8 @@ pub struct Document {
     measured: Option<Measured>,
     /// The last difference picture, and models prepared for the next.
     difference: DifferenceState,
+    /// The result without its baked maps.
+    without_maps: Option<ShownModel<Lighter>>,
     /// Topology counts of the original and of the result.
     topologies: [Option<(usize, TopologySummary)>; 2],
     /// Options of the last job to simplify.
@@ -165,6 +168,7 @@ impl Document {
             lighter: None,
             measured: None,
             difference: DifferenceState::default(),
+            without_maps: None,
             topologies: [None, None],
             flaws: [None, None],
             wants_flaws: false,
@@ -409,6 +413,7 @@ impl Document {
             JobKind::Levels,
             JobKind::Benchmark,
             JobKind::Difference,
+            JobKind::Bake,
         ]);
         if self.builder.is_busy(JobKind::Preview) {
             self.builder.stop(&[JobKind::Preview]);
@@ -429,6 +434,7 @@ impl Document {
             is_new = true;
         }
         self.drop_unseen_difference();
+        self.without_maps.take_if(|_| self.lighter.as_ref().is_none_or(|l| l.content.baked.is_none()));
         if is_new {
             self.sync();
         }
@@ -526,6 +532,7 @@ impl Document {
             Outcome::Flaws { which, key, flaws } => self.flaws[which] = Some((key, flaws)),
             Outcome::Inspected { which, key, anatomy } => self.topologies[which] = Some((key, anatomy)),
             Outcome::Measured(measured) => self.measured = Some(measured),
+            Outcome::Baked { before, result } => self.take_baked(before, result),
             Outcome::Difference(picture) => self.take_difference(picture),
             Outcome::Levels { of, result } => match result {
                 Ok(levels) => self.levels = Some(LevelSet { of, levels }),

@@ -5,10 +5,12 @@ use std::sync::Arc;
 
 #[cfg(not(target_arch = "wasm32"))]
 use anyhow::Context as _;
-use lodsmith_core::TriMesh;
+use lodsmith_core::{Semantic, TriMesh};
+use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, ModelSource, Textures, Warning, WriteOptions};
 use serde::{Deserialize, Serialize};
 
+use crate::baked::BakedMaps;
 use crate::content::{Lighter, Original, placed_meshes};
 use crate::job::JobControl;
 use crate::numbers::grouped;
@@ -32,8 +34,8 @@ pub struct Export {
 }
 
 /// Returns the file that an export writes unless another one is chosen, and its format: beside the original,
-/// in its format if that can be written.
-pub fn default_file(original: &Path) -> (PathBuf, Format) {
+/// in its format if that can be written; with baked maps as GLB, unless the format holds them too.
+pub fn default_file(original: &Path, has_maps: bool) -> (PathBuf, Format) {
     let stem = original.file_stem().map_or("model".into(), |s| s.to_string_lossy());
     let ending = original.extension().map(|e| e.to_string_lossy().into_owned());
     // A compressed file is named after its content.
@@ -47,6 +49,8 @@ pub fn default_file(original: &Path) -> (PathBuf, Format) {
     };
     // The shown model is a single level, so it cannot be written as a progressive mesh.
     let format = match ending.and_then(|e| Format::from_name(&e)) {
+        Some(format @ (Format::Gltf | Format::Glb | Format::Obj)) => format,
+        _ if has_maps => Format::Glb,
         Some(format) if Format::WRITTEN.contains(&format) => format,
         Some(format) if format.is_scene() => Format::Glb,
         _ => Format::Ply,
@@ -122,24 +126,22 @@ impl Export {
         options.format = Some(self.format);
         options.ascii = self.ascii;
         options.textures = self.textures;
-        let is_scene = matches!(self.format, Format::Gltf | Format::Glb);
+        let is_scene = self.format.keeps_scenes();
+        if let Some(baked) = lighter.and_then(|l| l.baked.as_deref()) {
+            let warnings = write_baked(original, baked, self.format, path, options)?;
+            return Ok(warnings.iter().map(ToString::to_string).collect());
+        }
         let warnings = match (&original.file.source, is_scene) {
             (ModelSource::Scene(scene), true) => {
-                let taken = placed_meshes(scene);
-                let lighter_mesh = |i: usize| {
-                    let model = &lighter.filter(|_| taken.contains(&i))?.model;
-                    let had_faces = scene.meshes()[i].mesh.face_count() > 0;
-                    had_faces.then(|| TriMesh::clone(&model.meshes[i].mesh))
-                };
-                let replaced: Vec<_> = (0..scene.meshes().len()).map(lighter_mesh).collect();
+                let replaced = lighter_meshes(scene, lighter);
                 let mut scene = (**scene).clone();
                 let mut warnings = embed(&mut scene);
                 warnings.extend(lodsmith_io::write_scene_path(&scene, &replaced, path, &options, &|_| None)?);
                 warnings
             }
-            (ModelSource::Scene(_), false) => {
+            (ModelSource::Scene(scene), false) => {
                 // Other formats hold one mesh: all instances joined, as the `simplify` command joins them.
-                let (mesh, regions, told) = joined(original, lighter)?;
+                let (mesh, regions, told) = joined(original, scene, &all_meshes(scene, lighter))?;
                 options.regions = Some(regions);
                 let mut warnings = lodsmith_io::write_path(&mesh, path, &options)?.warnings;
                 warnings.extend(told);
@@ -156,8 +158,56 @@ impl Export {
     }
 }
 
+/// Writes a result with its baked maps, as a scene or as one mesh.
+fn write_baked(
+    original: &Original,
+    baked: &BakedMaps,
+    format: Format,
+    path: &Path,
+    mut options: WriteOptions,
+) -> anyhow::Result<Vec<Warning>> {
+    let bare;
+    let meshes = if matches!(format, Format::Gltf | Format::Glb) {
+        &baked.meshes
+    } else {
+        bare = without_tangents(&baked.meshes);
+        &bare
+    };
+    if format.keeps_scenes() {
+        let written = lodsmith_io::write_scene_path(&baked.scene, meshes, path, &options, &|_| None)?;
+        return Ok(written.warnings);
+    }
+    let (mesh, regions, mut warnings) = joined(original, &baked.scene, meshes)?;
+    options.regions = Some(regions);
+    warnings.extend(lodsmith_io::write_path(&mesh, path, &options)?.warnings);
+    Ok(warnings)
+}
+
+/// Returns the meshes of a scene that a result replaces: those that are placed and had faces.
+pub(crate) fn lighter_meshes(scene: &Scene, lighter: Option<&Lighter>) -> Vec<Option<TriMesh>> {
+    let had_faces = |i: usize| scene.meshes()[i].mesh.face_count() > 0;
+    let all = all_meshes(scene, lighter);
+    all.into_iter().enumerate().map(|(i, mesh)| mesh.filter(|_| had_faces(i))).collect()
+}
+
+/// Returns the meshes of a result that are placed.
+fn all_meshes(scene: &Scene, lighter: Option<&Lighter>) -> Vec<Option<TriMesh>> {
+    let taken = placed_meshes(scene);
+    let mesh = |i: usize| {
+        let model = &lighter.filter(|_| taken.contains(&i))?.model;
+        Some(TriMesh::clone(&model.meshes[i].mesh))
+    };
+    (0..scene.meshes().len()).map(mesh).collect()
+}
+
+/// Returns meshes for formats without tangents; viewers of the maps compute the same ones.
+fn without_tangents(meshes: &[Option<TriMesh>]) -> Vec<Option<TriMesh>> {
+    let bare = |mesh: &TriMesh| mesh.clone().without_further(|semantic| *semantic == Semantic::Tangent);
+    meshes.iter().map(|mesh| mesh.as_ref().map(bare)).collect()
+}
+
 /// Embeds external images, so that the scene can be written to any folder.
-pub(crate) fn embed(scene: &mut lodsmith_io::gltf::Scene) -> Vec<Warning> {
+pub(crate) fn embed(scene: &mut Scene) -> Vec<Warning> {
     let mut warnings = scene.embed_files();
     let left = scene.external_files();
     let text =
@@ -170,21 +220,11 @@ pub(crate) fn embed(scene: &mut lodsmith_io::gltf::Scene) -> Vec<Warning> {
 /// opened.
 fn joined(
     original: &Original,
-    lighter: Option<&Lighter>,
+    scene: &Scene,
+    replaced: &[Option<TriMesh>],
 ) -> anyhow::Result<(TriMesh, Arc<lodsmith_io::Regions>, Vec<Warning>)> {
-    let ModelSource::Scene(scene) = &original.file.source else {
-        anyhow::bail!("{}: not a scene", original.path.display())
-    };
-    let replaced: Vec<_> = match lighter {
-        None => Vec::new(),
-        Some(lighter) => {
-            let taken = placed_meshes(scene);
-            let mesh = |i: usize| taken.contains(&i).then(|| TriMesh::clone(&lighter.model.meshes[i].mesh));
-            (0..scene.meshes().len()).map(mesh).collect()
-        }
-    };
     let mut bytes = Vec::new();
-    let _ = lodsmith_io::write_scene_to(scene, &replaced, Format::Glb, &|_| None, &mut bytes)?;
+    let _ = lodsmith_io::write_scene_to(scene, replaced, Format::Glb, &|_| None, &mut bytes)?;
     let mut read = lodsmith_io::ReadOptions::default();
     read.folder = original.path.parent().map(Path::to_owned);
     read.assets = original.assets.clone();

@@ -32,6 +32,8 @@ pub enum JobKind {
     Benchmark,
     /// Make the progressive mesh for the slider.
     Preview,
+    /// Bake maps for the result.
+    Bake,
     /// Draw the difference of the two sides.
     Difference,
     /// Go to a level of a progressive mesh that a worker holds.
@@ -40,10 +42,11 @@ pub enum JobKind {
 
 impl JobKind {
     /// All kinds, in order of priority.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Load,
         Self::Simplify,
         Self::Export,
+        Self::Bake,
         Self::Levels,
         Self::Difference,
         Self::Measure,
@@ -66,6 +69,7 @@ impl JobKind {
             Self::Levels => "Making levels",
             Self::Benchmark => "Running benchmark",
             Self::Preview => "Preparing the slider",
+            Self::Bake => "Baking",
             Self::Difference => "Comparing pictures",
             Self::Level => "Showing a level",
         }
@@ -76,7 +80,9 @@ impl JobKind {
         match newer {
             Self::Load => self != Self::Export,
             // A moved slider does not wait for a benchmark.
-            Self::Simplify => matches!(self, Self::Simplify | Self::Measure | Self::Benchmark),
+            Self::Simplify => {
+                matches!(self, Self::Simplify | Self::Bake | Self::Measure | Self::Benchmark)
+            }
             _ => self == newer,
         }
     }

@@ -296,6 +296,7 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::Window, NONE, Key::F2, Action::Panel(Panel::Files), "Files"),
     bind(Group::Window, NONE, Key::F3, Action::Panel(Panel::Method), "Method"),
     bind(Group::Window, NONE, Key::F4, Action::Panel(Panel::Report), "Report"),
+    bind(Group::Window, SHIFT, Key::F4, Action::Panel(Panel::Bake), "Bake"),
     bind(Group::Window, NONE, Key::F5, Action::Panel(Panel::Info), "Info"),
     bind(Group::Window, NONE, Key::F6, Action::Panel(Panel::Look), "Look"),
     bind(Group::Window, NONE, Key::F7, Action::Panel(Panel::Error), "Error"),

@@ -7,6 +7,9 @@
 
 #[cfg(feature = "window")]
 pub mod app;
+pub mod bake_settings;
+#[cfg(feature = "window")]
+pub mod baked;
 #[cfg(feature = "window")]
 pub mod benchmark;
 pub mod command;

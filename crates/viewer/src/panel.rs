@@ -1,5 +1,6 @@
 //! Panels round the pictures. They read the document and push requests; none changes it.
 
+pub mod bake;
 pub mod benchmark;
 mod dock;
 pub mod error;
@@ -61,6 +62,8 @@ pub enum UiRequest {
     Scatter(Scatter),
     /// Set the form of the next scattering.
     ScatterForm(Scatter),
+    /// Bake maps (true), or remove them.
+    Bake(bool),
     /// Draw a difference picture.
     Difference(Box<DifferenceView>),
     /// Set the keyframe selection and drag.

@@ -8,6 +8,7 @@ use lodsmith_render::{
 };
 use serde::{Deserialize, Serialize};
 
+use crate::bake_settings::BakeSettings;
 use crate::option_words::Simplification;
 use crate::playback::Playback;
 use crate::stage::Stage;
@@ -23,6 +24,8 @@ pub struct Settings {
     pub shown: usize,
     /// Method, options and target.
     pub simplify: Simplification,
+    /// Maps that are baked for the result.
+    pub bake: BakeSettings,
     /// Appearance of surfaces.
     pub look: Appearance,
     /// Layout of the two sides.

@@ -4,11 +4,13 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use lodsmith::Method;
+use lodsmith_bake::MapKind;
 use lodsmith_core::TriMesh;
 use lodsmith_core::model::Transform;
 use lodsmith_core::shapes;
 use lodsmith_io::{Format, Textures};
 use lodsmith_render::Shading;
+use lodsmith_viewer::bake_settings::BakeSettings;
 use lodsmith_viewer::command::{Command, SimplifyTarget};
 use lodsmith_viewer::content::sum_over_instances;
 use lodsmith_viewer::document::Document;
@@ -42,6 +44,58 @@ fn faces(document: &Document) -> usize {
     document.lighter().map_or(document.original().unwrap().content.faces, |l| {
         sum_over_instances(&l.content.model, TriMesh::face_count)
     })
+}
+
+fn export(document: &mut Document, path: PathBuf, format: Format) {
+    let export = Export { path, format, ascii: false, textures: Textures::Copy, levels: Vec::new() };
+    document.export(export, 0.0);
+    assert!(document.settle(TIMEOUT) && document.problem.is_none(), "{:?}", document.problem);
+}
+
+#[test]
+fn maps_are_baked_for_the_result_exported_with_it_and_removed() {
+    let folder = folder();
+    let wave = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/wave.glb");
+    for file in [folder.path().join("sphere.ply"), folder.path().join("torus.obj"), wave] {
+        let mut document = opened(&file);
+        let bake = BakeSettings { maps: vec![MapKind::Normal], size: Some(64), ..BakeSettings::default() };
+        document.run(Command::Bake(bake.clone()));
+        document.bake();
+        assert!(document.settle(TIMEOUT) && document.baked().is_none(), "there is no result yet");
+        document.set_wanted_results(true, false);
+        document.run(Command::Target(SimplifyTarget::Ratio(0.2)));
+        assert!(document.settle(TIMEOUT));
+        let before = document.lighter().unwrap().content.clone();
+        let largest = document.distances().unwrap().largest;
+
+        document.bake();
+        assert!(document.settle(TIMEOUT) && document.problem.is_none(), "{:?}", document.problem);
+        let shown = document.lighter().unwrap().content.clone();
+        let baked = shown.baked.as_ref().expect("maps are baked");
+        assert_eq!(baked.settings, bake);
+        assert!(baked.maps.iter().all(|map| map.name.ends_with("normal") && map.image.width() == 64));
+        assert_eq!((shown.faces, &shown.how), (before.faces, &before.how));
+        let has_map =
+            |model: &lodsmith_core::Model| model.materials.iter().any(|m| m.normal_texture.is_some());
+        assert!(has_map(&shown.model) && !has_map(&before.model), "{}", file.display());
+        let there = document.distances().expect("the result with maps is measured too").largest;
+        assert!((there - largest).abs() <= 1e-3 * largest, "{there} {largest}");
+
+        let path = folder.path().join("out.glb");
+        export(&mut document, path.clone(), Format::Glb);
+        let read = lodsmith_io::read_model_path(&path, &Default::default()).unwrap();
+        assert!(has_map(&read.model), "{}", file.display());
+        assert_eq!(sum_over_instances(&read.model, TriMesh::face_count), shown.faces);
+        export(&mut document, folder.path().join("out.obj"), Format::Obj);
+        let written = std::fs::read_to_string(folder.path().join("out.mtl")).unwrap();
+        assert!(written.contains("norm "), "{written}");
+
+        document.remove_maps();
+        assert!(std::sync::Arc::ptr_eq(&document.lighter().unwrap().content, &before));
+        document.bake();
+        document.run(Command::Target(SimplifyTarget::Ratio(0.5)));
+        assert!(document.settle(TIMEOUT) && document.baked().is_none(), "maps of an older result");
+    }
 }
 
 /// Uses only what the window calls by itself: no command follows `want`.

@@ -24,7 +24,7 @@ use std::path::Path;
 
 use desk::AppHarness;
 use eframe::egui::Role;
-use eframe::egui::{self, Key, Modifiers};
+use eframe::egui::{self, Key, KeyboardShortcut, Modifiers};
 use egui_kittest::kittest::Queryable;
 use lodsmith_render::Shading;
 use lodsmith_viewer::command::Command;
@@ -150,15 +150,16 @@ fn every_panel_has_a_key_that_shows_and_hides_it() {
     let Some(mut desk) = AppHarness::open("torus.obj") else { return };
     desk.press(Key::Minus);
     for panel in Panel::ALL {
-        let key = Action::Panel(panel).binding().unwrap().shortcut.logical_key;
+        let KeyboardShortcut { modifiers, logical_key: key } =
+            Action::Panel(panel).binding().unwrap().shortcut;
         if !desk.app().is_shown(panel) {
-            desk.press(key);
+            desk.press_with(modifiers, key);
         }
         assert!(desk.app().is_shown(panel), "{panel:?}");
         let name = format!("Hide {}", panel.title());
         desk.harness.get_by_label(&name);
         desk.picture(&format!("panel_{}", panel.title().to_lowercase()));
-        desk.press(key);
+        desk.press_with(modifiers, key);
         assert!(!desk.app().is_shown(panel), "{panel:?}");
         assert!(desk.harness.query_by_label(&name).is_none(), "{panel:?}");
     }

@@ -13,7 +13,8 @@ use super::{PALETTE_SIZE, opaque, palette, put, write};
 use crate::root;
 
 /// Screenshots, by the name of their files.
-const SCREENSHOTS: [&str; 5] = ["viewer", "viewer-error", "viewer-normals", "viewer-difference", "stage"];
+const SCREENSHOTS: [&str; 6] =
+    ["viewer", "viewer-error", "viewer-normals", "viewer-difference", "viewer-bake", "stage"];
 /// The animation of the README.
 const SLIDER: &str = "docs/pictures/slider.png";
 /// Palette size of the animation: it shows one surface and the window around it.

@@ -83,7 +83,7 @@ fn bake_one(
     let mut baked =
         baking::bake_scene(&high.model, &low.model, &mut scene, &options, &args.texture, &mut watch)?;
     watch.write();
-    baking::set_materials(&mut scene, &baked.materials);
+    lodsmith_bake::set_materials(&mut scene, &baked.materials);
     scene.drop_unused_materials();
     let images = images::FolderMove::new(&args.low, &to.sink);
     let of_bake: Vec<Warning> = std::mem::take(&mut baked.warnings);

@@ -53,11 +53,14 @@ impl App {
             Action::Undo => return self.document.undo(),
             Action::Redo => return self.document.redo(),
             Action::CopyCommand => {
-                ctx.copy_text(panel::report::command_line(settings));
+                ctx.copy_text(panel::report::command_line(
+                    settings,
+                    self.document.baked().map(|b| &b.settings),
+                ));
                 return self.document.log.note("command line copied to the clipboard");
             }
-            Action::Benchmark | Action::Panel(Panel::Benchmark) if self.page.is_some() => {
-                return self.document.log.note("benchmarks are not available in a browser");
+            Action::Benchmark | Action::Panel(Panel::Benchmark | Panel::Bake) if self.page.is_some() => {
+                return self.document.log.note("benchmarks and baking are not available in a browser");
             }
             Action::Benchmark => {
                 self.shown.insert(Panel::Benchmark);
@@ -150,7 +153,8 @@ impl App {
 
     fn open_export_form(&mut self) {
         if let Some(original) = self.document.original() {
-            self.export = Some(export::ExportForm::new(&original.content.path));
+            self.export =
+                Some(export::ExportForm::new(&original.content.path, self.document.baked().is_some()));
         }
     }
 

@@ -98,6 +98,7 @@ impl LighterParts {
         let model = with_own(original, self.meshes);
         let lighter = Lighter {
             prepared: PreparedMeshes::of(&model),
+            baked: None,
             model,
             faces: self.faces,
             vertices: self.vertices,

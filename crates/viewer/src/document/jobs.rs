@@ -8,7 +8,9 @@ use lodsmith_core::Model;
 use lodsmith_io::AssetScope;
 use web_time::Instant;
 
+use crate::bake_settings::BakeSettings;
 use crate::benchmark::SharedTable;
+use crate::content::baking::{BakeFailure, bake_result};
 use crate::content::{Distances, Lighter, Original, TopologySummary, level_ratios};
 use crate::difference::{DifferencePicture, DifferenceView, SharedSides};
 use crate::export::{Export, Written};
@@ -38,6 +40,8 @@ pub(crate) enum Job {
     Flaws { original: ShownModel<Original>, result: Option<ShownModel<Lighter>> },
     /// Measures the differences between a result and the original.
     Measure { original: ShownModel<Original>, lighter: ShownModel<Lighter>, quantity: HeatOf },
+    /// Bakes maps of a result, whose surface has this colour if its file says none.
+    Bake { original: Arc<Original>, lighter: ShownModel<Lighter>, settings: BakeSettings, surface: [f32; 3] },
     /// Draws the difference of the two sides.
     Difference { view: Box<DifferenceView>, prepared: SharedSides },
     /// Makes the levels that are chosen by distance.
@@ -72,6 +76,7 @@ pub(crate) enum Outcome {
     Inspected { which: usize, key: usize, anatomy: TopologySummary },
     Flaws { which: usize, key: usize, flaws: Arc<Flaws> },
     Measured(Measured),
+    Baked { before: ShownModel<Lighter>, result: Result<ShownModel<Lighter>, Failure> },
     Difference(Arc<DifferencePicture>),
     Levels { of: (usize, Simplification), result: Result<Vec<ShownModel<Lighter>>, Failure> },
     Exported { path: PathBuf, result: Result<Written, String> },
@@ -112,6 +117,15 @@ impl From<SimplifyError> for Failure {
     }
 }
 
+impl From<BakeFailure> for Failure {
+    fn from(why: BakeFailure) -> Self {
+        match why {
+            BakeFailure::Cancelled => Self::Cancelled,
+            BakeFailure::Error(why) => Self::Error(why),
+        }
+    }
+}
+
 impl Job {
     /// Returns the kind of the job.
     pub(crate) fn kind(&self) -> JobKind {
@@ -121,6 +135,7 @@ impl Job {
             Self::Inspect { .. } => JobKind::Inspect,
             Self::Flaws { .. } => JobKind::Flaws,
             Self::Measure { .. } => JobKind::Measure,
+            Self::Bake { .. } => JobKind::Bake,
             Self::Difference { .. } => JobKind::Difference,
             Self::Levels { .. } => JobKind::Levels,
             Self::Export { .. } | Self::ExportStage { .. } => JobKind::Export,
@@ -167,6 +182,11 @@ impl Job {
                 let (one, two) = (&original.content, &lighter.content);
                 let distances = Distances::measure(one, two, quantity, &mut |done| watch.report(done))?;
                 Outcome::Measured(measured(&original, &lighter, distances))
+            }
+            Self::Bake { original, lighter, settings, surface } => {
+                let made = bake_result(&original, &lighter.content, &settings, surface, watch);
+                let result = made.map(|made| shown_level(made, context)).map_err(Failure::from);
+                Outcome::Baked { before: lighter, result }
             }
             Self::Difference { view, prepared } => {
                 let drawn = DifferencePicture::draw(*view, &prepared, &mut |done| watch.report(done));

@@ -142,7 +142,7 @@ impl Job {
             Self::Difference { view, .. } => {
                 of(&view.original, Task::Difference(view.lighter.how.clone(), Box::new(view.seen.clone())))
             }
-            Self::Benchmark { .. } => return None,
+            Self::Benchmark { .. } | Self::Bake { .. } => return None,
         })
     }
 

@@ -25,15 +25,18 @@ pub enum Panel {
     Timeline,
     /// Benchmark of levels.
     Benchmark,
+    /// Maps baked for the result.
+    Bake,
 }
 
 impl Panel {
     /// All panels, in the order of the menu.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Files,
         Self::Stage,
         Self::Method,
         Self::Report,
+        Self::Bake,
         Self::Error,
         Self::Info,
         Self::Look,
@@ -55,13 +58,14 @@ impl Panel {
             Self::Stage => "Stage",
             Self::Timeline => "Timeline",
             Self::Benchmark => "Benchmarks",
+            Self::Bake => "Bake",
         }
     }
 
     /// Returns the dock of the panel.
     pub fn dock(self) -> Dock {
         match self {
-            Self::Files | Self::Stage | Self::Method | Self::Report => Dock::Left,
+            Self::Files | Self::Stage | Self::Method | Self::Report | Self::Bake => Dock::Left,
             Self::Info | Self::Look | Self::Error => Dock::Right,
             Self::Timeline | Self::Benchmark => Dock::Middle,
             Self::Log => Dock::Bottom,

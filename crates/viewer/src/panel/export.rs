@@ -49,10 +49,11 @@ const TEXTURES: [(Textures, &str); 3] =
     [(Textures::Copy, "copy"), (Textures::Link, "link"), (Textures::None, "none")];
 
 impl ExportForm {
-    /// Fills in the defaults: the format of the file, in its folder.
-    pub fn new(original: &Path) -> Self {
+    /// Fills in the defaults: the format of the file, in its folder; GLB if maps were baked and the format does not
+    /// hold them.
+    pub fn new(original: &Path, has_maps: bool) -> Self {
         let stem = original.file_stem().map_or("model".into(), |s| s.to_string_lossy());
-        let (path, format) = default_file(original);
+        let (path, format) = default_file(original, has_maps);
         Self {
             path: path.display().to_string(),
             folder: original.with_file_name(format!("{stem}_lods")).display().to_string(),

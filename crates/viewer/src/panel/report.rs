@@ -4,6 +4,7 @@ use eframe::egui::Ui;
 use lodsmith::{Change, Proposal, Report};
 
 use super::{PanelContext, UiRequest, widgets};
+use crate::bake_settings::BakeSettings;
 use crate::command::Command;
 use crate::content::Lighter;
 use crate::keys::Action;
@@ -93,7 +94,7 @@ fn level(ui: &mut Ui, scope: &mut PanelContext<'_>, lighter: &Lighter) {
 /// Draws the equivalent command line, to be copied.
 fn command(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     widgets::heading(ui, "Command line");
-    let line = command_line(scope.document.settings());
+    let line = command_line(scope.document.settings(), scope.document.baked().map(|b| &b.settings));
     ui.horizontal_wrapped(|ui| {
         ui.add(eframe::egui::Label::new(crate::theme::number(&line)).wrap().selectable(true));
     });
@@ -164,14 +165,15 @@ fn apply(change: Change, how: &mut Simplification) -> bool {
 }
 
 /// Returns the command line that makes the shown result.
-pub fn command_line(settings: &crate::settings::Settings) -> String {
+pub fn command_line(settings: &crate::settings::Settings, baked: Option<&BakeSettings>) -> String {
     let Some(file) = settings.file() else { return "lodsmith view".to_owned() };
     let mut words = vec!["lodsmith".to_owned(), "simplify".to_owned(), file.display().to_string()];
-    let (output, _) = crate::export::default_file(file);
+    let (output, _) = crate::export::default_file(file, baked.is_some());
     words.extend(["-o".to_owned(), output.display().to_string()]);
     words.extend(settings.simplify.words());
     if !settings.simplify.has_target() && settings.simplify.options.stop.ratio.is_none() {
         words.extend(["--ratio".to_owned(), "1".to_owned()]);
     }
+    words.extend(baked.into_iter().flat_map(BakeSettings::words));
     words.iter().map(|w| quoted(w)).collect::<Vec<_>>().join(" ")
 }

@@ -84,7 +84,7 @@ fn menus(ui: &mut Ui, scope: &mut PanelContext<'_>, is_shown: &dyn Fn(Panel) -> 
     });
     stage_menu(ui, scope, has_file);
     ui.menu_button("Panels", |ui| {
-        let is_offered = |p: &Panel| *p != Panel::Benchmark || !scope.facts.is_on_page;
+        let is_offered = |p: &Panel| !matches!(p, Panel::Benchmark | Panel::Bake) || !scope.facts.is_on_page;
         for panel in Panel::ALL.into_iter().filter(is_offered) {
             let action = Action::Panel(panel);
             let text = format!("{}  {}", if is_shown(panel) { "✔" } else { "     " }, panel.title());

@@ -1,4 +1,4 @@
-//! Comparing both sides: the difference picture, the quantities of the heat map, its histogram, and clicks.
+//! Comparing both sides, and baked maps: the difference picture, the quantities of the heat map, its histogram, and clicks.
 
 use eframe::egui::{self, Key};
 use egui_kittest::kittest::Queryable;
@@ -143,4 +143,32 @@ fn a_click_on_the_surface_reads_the_error_there() {
     desk.press(Key::Minus);
     desk.point(rect.center());
     assert!(!shown(&desk));
+}
+
+#[test]
+fn maps_are_baked_in_the_panel_and_shown_large() {
+    let Some(mut desk) = with_result("torus.obj") else { return };
+    // The panel below it comes up.
+    desk.press(Key::F4);
+    desk.press_with(egui::Modifiers::SHIFT, Key::F4);
+    let maps = |desk: &AppHarness| desk.app().document().settings().bake.maps.len();
+    assert_eq!(maps(&desk), 2);
+    desk.harness.get_by_role_and_label(egui::accesskit::Role::CheckBox, "Colour").click();
+    desk.settle();
+    assert_eq!(maps(&desk), 1);
+    let before = desk.pixels(RESULT);
+    desk.click("Bake");
+    let baked = desk.app().document().baked().expect("it is baked");
+    assert_eq!(baked.maps[0].name, "normal");
+    assert_eq!(desk.app().document().settings().look.look.shading, Shading::Textured);
+    assert!(desk.app().command_line().contains("--bake normal"));
+    assert!(desk.pixels(RESULT) != before);
+    desk.picture("baked");
+    desk.click("Map normal");
+    desk.picture("baked_large");
+    desk.click("Close");
+    assert!(desk.harness.query_by_label("Close").is_none());
+    desk.click("Remove maps");
+    assert!(desk.app().document().baked().is_none());
+    assert!(!desk.app().command_line().contains("--bake"));
 }

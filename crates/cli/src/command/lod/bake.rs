@@ -35,7 +35,7 @@ pub(super) fn bake_levels(
     let high = baking::model_of(scene).model;
     let levels = replaced.len();
     for k in 1..levels {
-        let low = baking::model_with(&high, &replaced[k]);
+        let low = lodsmith_bake::model_with(&high, &replaced[k]);
         let mut baked = baking::bake_scene(&high, &low, scene, &args.options(), &args.texture, control)?;
         let mut own = std::mem::take(&mut baked.warnings);
         own.retain(|w| !all.warnings.contains(w));

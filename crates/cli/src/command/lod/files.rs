@@ -134,7 +134,7 @@ impl Plan {
                 self.write_each(&levels, |(k, replaced), to| {
                     let mut own = scene.clone();
                     if let Some(materials) = k.checked_sub(1).and_then(|k| baked.materials.get(k)) {
-                        baking::set_materials(&mut own, materials);
+                        lodsmith_bake::set_materials(&mut own, materials);
                     }
                     own.drop_unused_materials();
                     if let Some(files) = k.checked_sub(1).and_then(|k| baked.files.get(k)) {

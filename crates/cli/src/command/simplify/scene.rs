@@ -117,7 +117,7 @@ fn bake(
     watch: &mut RunControl<'_>,
 ) -> anyhow::Result<BakedScene> {
     let high = baking::model_of(scene).model;
-    let low = baking::model_with(&high, replaced);
+    let low = lodsmith_bake::model_with(&high, replaced);
     let (options, texture) = (args.baking.options(), &args.baking.texture);
     let mut baked = baking::bake_scene(&high, &low, scene, &options, texture, watch)?;
     for (mesh, made) in replaced.iter_mut().zip(std::mem::take(&mut baked.replaced)) {
@@ -125,7 +125,7 @@ fn bake(
             *mesh = made;
         }
     }
-    baking::set_materials(scene, &baked.materials);
+    lodsmith_bake::set_materials(scene, &baked.materials);
     scene.drop_unused_materials();
     Ok(baked)
 }

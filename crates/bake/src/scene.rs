@@ -1,0 +1,138 @@
+//! Baked maps in the materials of a glTF scene.
+
+use std::sync::Arc;
+
+use lodsmith::Control;
+use lodsmith_core::{Model, TriMesh};
+use lodsmith_io::gltf::{NewMaterial, Scene, SlotImage, TextureSlot};
+
+use crate::baked::{Baked, BakedSet, bake};
+use crate::error::BakeError;
+use crate::options::{BakeOptions, MapKind};
+use crate::search::Found;
+
+/// The result of a bake whose materials were added to a scene.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct BakedScene {
+    /// The meshes of the scene, with texture coordinates and tangents; `None` for those that no node places.
+    pub meshes: Vec<Option<TriMesh>>,
+    /// For each mesh and primitive (one entry for all), its material in the scene.
+    pub materials: Vec<Vec<usize>>,
+    /// Maps as PNG that have no place in a material, or all of them, by the ends of their names: `_height.png`.
+    pub files: Vec<(String, Arc<Vec<u8>>)>,
+    /// The maps.
+    pub sets: Vec<BakedSet>,
+    /// Counts of the ways in which sources were found.
+    pub found: Found,
+    /// Notes for the user: coordinates that could not be used, and models that lie in different places.
+    pub notes: Vec<String>,
+}
+
+/// Share of samples without a counterpart from which on a note is due. (Guessed.)
+const MAX_ASTRAY: f64 = 0.2;
+
+/// Bakes maps of a lighter model from a detailed one, and adds their materials to the scene of the lighter one. Which
+/// meshes use them is for the caller to set, with [`set_materials`]. With `all_files` the maps of materials are among
+/// the files too.
+///
+/// Cost: that of [`bake`] and of writing PNG.
+///
+/// # Errors
+/// As [`bake`]; [`BakeError::Picture`] if a map is too large for PNG.
+pub fn bake_scene(
+    detailed: &Model,
+    lighter: &Model,
+    scene: &mut Scene,
+    options: &BakeOptions,
+    all_files: bool,
+    control: &mut dyn Control,
+) -> Result<BakedScene, BakeError> {
+    let Baked { meshes, set_of_region, sets, found, mut notes } = bake(detailed, lighter, options, control)?;
+    let mut numbers = Vec::with_capacity(sets.len());
+    let mut files = Vec::new();
+    for set in &sets {
+        let own = if sets.len() > 1 && !set.name.is_empty() {
+            format!("_{}", safe(&set.name))
+        } else {
+            String::new()
+        };
+        let material = material_of(set, all_files, &own, &mut files)?;
+        numbers.push(scene.add_material(&material));
+    }
+    let materials = set_of_region.iter().map(|all| all.iter().map(|s| numbers[*s]).collect()).collect();
+    let total = found.by_correspondence + found.by_ray + found.by_distance + found.elsewhere;
+    let astray = found.elsewhere as f64 / total.max(1) as f64;
+    if astray > MAX_ASTRAY {
+        notes.push(format!(
+            "{:.0} % of the texels have no counterpart within reach: do both models lie in the same place?",
+            100.0 * astray
+        ));
+    }
+    Ok(BakedScene { meshes, materials, files, sets, found, notes })
+}
+
+/// Lets the meshes of a scene use their baked materials.
+pub fn set_materials(scene: &mut Scene, materials: &[Vec<usize>]) {
+    for (mesh, own) in materials.iter().enumerate() {
+        for (primitive, material) in own.iter().enumerate() {
+            scene.set_material(mesh, (own.len() > 1).then_some(primitive), *material);
+        }
+    }
+}
+
+/// Returns a model with other meshes in the places of some.
+pub fn model_with(model: &Model, replaced: &[Option<TriMesh>]) -> Model {
+    let meshes = model.meshes.iter().enumerate().map(|(i, old)| match replaced.get(i) {
+        Some(Some(mesh)) => Arc::new(mesh.clone()),
+        _ => old.mesh.clone(),
+    });
+    model.with_meshes(meshes.collect())
+}
+
+/// Returns the material of a set; maps that are files are added to `files`, with `own` in the ends of their names.
+fn material_of(
+    set: &BakedSet,
+    all_files: bool,
+    own: &str,
+    files: &mut Vec<(String, Arc<Vec<u8>>)>,
+) -> Result<NewMaterial, BakeError> {
+    let mut images = Vec::new();
+    for map in &set.maps {
+        let picture = |e: lodsmith_render::file::PictureError| BakeError::Picture {
+            map: map.kind.name(),
+            problem: e.to_string(),
+        };
+        let png = Arc::new(map.to_png().map_err(picture)?);
+        let end = format!("{own}_{}.png", map.kind.name());
+        let packed = images.iter().find(|i: &&SlotImage| i.slot == TextureSlot::MetallicRoughness);
+        if let (MapKind::Occlusion, Some(packed)) = (map.kind, packed) {
+            // Its red channel holds the same values.
+            images.push(SlotImage { slot: TextureSlot::Occlusion, ..packed.clone() });
+        } else if let Some(slot) = slot_of(map.kind) {
+            let name = format!("{}{}", safe(&set.name), end.trim_end_matches(".png"));
+            images.push(SlotImage { slot, name: name.trim_start_matches('_').to_owned(), png: png.clone() });
+        }
+        if all_files || !map.kind.is_of_material() {
+            files.push((end, png));
+        }
+    }
+    Ok(NewMaterial::new(set.look.clone(), set.material, images))
+}
+
+fn slot_of(kind: MapKind) -> Option<TextureSlot> {
+    match kind {
+        MapKind::Color => Some(TextureSlot::BaseColor),
+        MapKind::MetallicRoughness => Some(TextureSlot::MetallicRoughness),
+        MapKind::Normal => Some(TextureSlot::Normal),
+        MapKind::Occlusion => Some(TextureSlot::Occlusion),
+        MapKind::Emissive => Some(TextureSlot::Emissive),
+        _ => None,
+    }
+}
+
+/// Returns a name that any file system accepts.
+fn safe(name: &str) -> String {
+    let letter = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
+    name.chars().take(60).map(letter).collect()
+}

@@ -1,0 +1,34 @@
+//! Baked maps of a result.
+
+use lodsmith_core::{Image, TriMesh};
+use lodsmith_io::gltf::Scene;
+
+use crate::bake_settings::BakeSettings;
+
+/// The maps of a result, and the scene that it is written as.
+pub struct BakedMaps {
+    /// The settings that they were made with.
+    pub settings: BakeSettings,
+    /// The maps.
+    pub maps: Vec<NamedMap>,
+    /// Time to bake in seconds.
+    pub seconds: f64,
+    /// The scene with its materials.
+    pub(crate) scene: Scene,
+    /// The meshes of the scene that are replaced.
+    pub(crate) meshes: Vec<Option<TriMesh>>,
+}
+
+impl std::fmt::Debug for BakedMaps {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("BakedMaps").field("settings", &self.settings).finish_non_exhaustive()
+    }
+}
+
+/// A map with its name.
+pub struct NamedMap {
+    /// The kind of the map, after the name of the material if there are several.
+    pub name: String,
+    /// Its texels.
+    pub image: Image,
+}
