@@ -383,6 +383,10 @@ impl Document {
                 (number.checked_sub(1), level.map(|l| l.content.clone()))
             }
         };
+        let has_maps = lighter.as_ref().is_some_and(|lighter| lighter.baked.is_some());
+        if self.baked().is_some() && (!has_maps || !export.levels.is_empty()) {
+            self.log.warn("levels are written without the baked maps");
+        }
         let how = self.settings.simplify.clone();
         self.worker.submit(Job::Export { original, lighter, level, how, export });
     }
@@ -596,6 +600,7 @@ impl Document {
         (self.lighter, self.measured, self.requested) = (None, None, None);
         (self.topologies, self.flaws) = ([None, None], [None, None]);
         self.drop_preview();
+        self.builder.end_worker();
     }
 
     /// Handles a failed read: what is open stays.
@@ -622,6 +627,7 @@ impl Document {
             (self.original, self.lighter, self.measured, self.requested) = (None, None, None, None);
             self.is_playing = false;
             self.drop_preview();
+            self.builder.end_worker();
             return;
         }
         let Some(original) = self.original.clone() else { return };

@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use lodsmith::Method;
 use lodsmith_bake::MapKind;
-use lodsmith_core::TriMesh;
 use lodsmith_core::model::Transform;
 use lodsmith_core::shapes;
+use lodsmith_core::{Positions, TriMesh};
 use lodsmith_io::{Format, Textures};
 use lodsmith_render::Shading;
 use lodsmith_viewer::bake_settings::BakeSettings;
@@ -96,6 +96,27 @@ fn maps_are_baked_for_the_result_exported_with_it_and_removed() {
         document.run(Command::Target(SimplifyTarget::Ratio(0.5)));
         assert!(document.settle(TIMEOUT) && document.baked().is_none(), "maps of an older result");
     }
+}
+
+/// Such a mesh is moved by its node in a scene with single precision.
+#[test]
+fn a_mesh_far_from_the_origin_is_measured_with_maps_too() {
+    let folder = folder();
+    let mut ball = shapes::icosphere(4).into_buffers();
+    let far = |p: [f64; 3]| [p[0] + 500_000.0, p[1] + 5_000_000.0, p[2]];
+    ball.positions = Positions::F64(ball.positions.view().iter().map(far).collect::<Vec<_>>());
+    let file = folder.path().join("far.ply");
+    lodsmith_io::write_path(&TriMesh::try_from(ball).unwrap(), &file, &Default::default()).unwrap();
+    let mut document = opened(&file);
+    document.set_wanted_results(true, false);
+    document.run(Command::Target(SimplifyTarget::Faces(500)));
+    assert!(document.settle(TIMEOUT));
+    let before = document.distances().unwrap().largest;
+    document.run(Command::Bake(BakeSettings { size: Some(64), ..BakeSettings::default() }));
+    document.bake();
+    assert!(document.settle(TIMEOUT) && document.baked().is_some(), "{:?}", document.problem);
+    let after = document.distances().unwrap().largest;
+    assert!((after - before).abs() < 0.1 * before, "{after} {before}");
 }
 
 /// Uses only what the window calls by itself: no command follows `want`.

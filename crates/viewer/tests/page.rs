@@ -221,6 +221,28 @@ fn the_slider_shows_levels_of_the_engine_behind_a_page() {
     assert_eq!(shown[0], shown[1]);
 }
 
+/// The worker of the slider read the first file, and is not told that another one has its name.
+#[test]
+fn the_slider_follows_a_file_that_is_opened_again() {
+    let folder = folder();
+    let path = folder.path().join("changed.ply");
+    lodsmith_io::write_path(&shapes::icosphere(4), &path, &Default::default()).unwrap();
+    let (_, [mut document, _]) = both();
+    run(&mut document, Command::Open(vec![path.clone()]));
+    assert!(document.has_preview());
+    lodsmith_io::write_path(&shapes::torus(96, 48), &path, &Default::default()).unwrap();
+    document.reload();
+    assert!(document.settle(TIMEOUT) && document.has_preview());
+    document.run(Command::Target(SimplifyTarget::Faces(900)));
+    let bounds = loop {
+        document.poll();
+        if let Some(level) = document.lighter() {
+            break level.content.model.meshes[0].mesh.positions().view().bounds().unwrap();
+        }
+    };
+    assert!(bounds.max[2] < 0.5, "{bounds:?}: a torus is flat");
+}
+
 #[test]
 fn an_export_behind_a_page_has_the_same_bytes() {
     let folder = folder();

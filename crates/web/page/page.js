@@ -5,8 +5,12 @@ import init, { start, zip } from './lodsmith.js';
 const status = document.getElementById('status');
 const canvas = document.getElementById('window');
 
-/** Files by their path, as blobs: their bytes are read when a worker needs them. */
+/**
+ * Files by their path, as blobs, with the number of the time that they were handed over: a model has the files that
+ * came with it. Their bytes are read when a worker needs them.
+ */
 const files = new Map();
+let times = 0;
 /** Paths that were handed over and not opened yet. */
 let opened = [];
 let viewer = null;
@@ -43,13 +47,19 @@ function unpack(blob) {
 /** Adds files, given as pairs of path and blob, and opens them. */
 async function handOver(pairs, isInMemory = () => false) {
   const all = [];
+  const time = ++times;
   for (const [path, blob] of pairs) {
-    if (/\.zip$/i.test(path)) all.push(...(await unpack(blob)));
+    if (/\.zip$/i.test(path)) {
+      const inner = await unpack(blob).catch((why) => {
+        throw new Error(`${path}: ${why.message}`);
+      });
+      all.push(...inner);
+    }
     else all.push([path, blob]);
   }
   for (const [path, blob] of all) {
     if (isInMemory(path)) viewer.putFile(path, new Uint8Array(await blob.arrayBuffer()));
-    else files.set(path, blob);
+    else files.set(path, { blob, time });
   }
   opened.push(...all.map(([path]) => path));
   viewer.wake();
@@ -76,9 +86,13 @@ async function drop(transfer) {
   await handOver(pairs, isSession);
 }
 
+/** Shows an error in the window. */
+const failed = (why) => viewer.fail(why.message ?? `${why}`);
+
 /** Shows an error of the page in place of the window. */
 function fail(why) {
   status.hidden = false;
+  status.style.display = '';
   status.textContent = `Lodsmith cannot run here: ${why.message ?? why}`;
 }
 
@@ -96,9 +110,9 @@ const host = {
     worker.onerror = (event) => push({ failed: event.message || 'the worker ran out of memory' });
     return {
       post(request) {
-        // Blobs are handles: the worker reads those that it needs.
-        const added = [...files].filter(([path, blob]) => sent.get(path) !== blob);
-        for (const [path, blob] of added) sent.set(path, blob);
+        // Blobs are handles: the worker reads those of the model that it opens.
+        const added = [...files].filter(([path, file]) => sent.get(path) !== file);
+        for (const [path, file] of added) sent.set(path, file);
         worker.postMessage({ request, added });
       },
       poll: () => messages.shift(),
@@ -111,11 +125,11 @@ const host = {
     input.multiple = areModels;
     const others = areModels ? ['zip', 'mtl', 'bin', 'png', 'jpg', 'jpeg', 'webp'] : [];
     input.accept = [...extensions, ...others].map((e) => `.${e}`).join(',');
-    input.onchange = () => handOver([...input.files].map((f) => [f.name, f]), () => !areModels).catch(fail);
+    input.onchange = () => handOver([...input.files].map((f) => [f.name, f]), () => !areModels).catch(failed);
     input.click();
   },
   putFile(path, bytes) {
-    files.set(path, new Blob([bytes]));
+    files.set(path, { blob: new Blob([bytes]), time: ++times });
   },
   takeOpened() {
     const paths = opened;
@@ -156,7 +170,7 @@ async function run() {
   addEventListener('dragover', (event) => event.preventDefault());
   document.addEventListener('drop', (event) => {
     event.preventDefault();
-    drop(event.dataTransfer).catch((why) => console.error(why));
+    drop(event.dataTransfer).catch(failed);
   }, { capture: true });
   // For tests, and for pages that show this one in a frame of theirs.
   globalThis.lodsmith = {

@@ -6,8 +6,16 @@ const files = new Map();
 let engine = null;
 let ready = null;
 
-async function putFiles() {
-  for (const [path, blob] of files) engine.putFile(path, new Uint8Array(await blob.arrayBuffer()));
+const isModel = (path) => /\.(3mf|dae|fbx|glb|gltf|lpm|obj|off|ply|stl)(\.gz)?$/i.test(path);
+
+/** Puts a model where the engine reads it, and the files that came with it, without other models. */
+async function putFiles(model) {
+  const { time } = files.get(model) ?? {};
+  for (const [path, file] of files) {
+    if (path === model || (file.time === time && !isModel(path))) {
+      engine.putFile(path, new Uint8Array(await file.blob.arrayBuffer()));
+    }
+  }
 }
 
 async function take({ compiled, request, added, unpack: archive }) {
@@ -22,8 +30,8 @@ async function take({ compiled, request, added, unpack: archive }) {
     return;
   }
   engine ??= new WebEngine();
-  for (const [path, blob] of added) files.set(path, blob);
-  if (engine.needsFiles(request)) await putFiles();
+  for (const [path, file] of added) files.set(path, file);
+  if (engine.needsFiles(request)) await putFiles(JSON.parse(request).path);
   const answer = engine.run(request, (done, stage) => postMessage({ done, stage }));
   postMessage({ answer }, [answer.buffer]);
 }

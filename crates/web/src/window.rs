@@ -50,6 +50,14 @@ impl Window {
         self.context.request_repaint();
     }
 
+    /// Shows an error of the page.
+    pub fn fail(&self, why: String) {
+        if let Some(mut app) = self.runner.app_mut::<App>() {
+            app.fail_on_page(why);
+        }
+        self.context.request_repaint();
+    }
+
     /// Puts a small file, such as a session, where the window reads it.
     #[wasm_bindgen(js_name = putFile)]
     pub fn put_file(&self, path: &str, bytes: Vec<u8>) {

@@ -144,12 +144,14 @@ test('formats of models are opened by the page, and broken ones refused', option
       const { original, problem } = await user.until((s) => s.original?.path === name || s.problem, name);
       assert.deepEqual([problem, original.faces], [null, 11_520], name);
     }
-    const broken = join(work, 'broken.glb');
-    writeFileSync(broken, 'glTF nothing more');
-    await user.drop(broken);
-    const { problem, original } = await user.until((s) => s.problem, 'refused');
-    assert.match(problem, /broken\.glb/);
-    assert.equal(original.faces, 11_520);
+    for (const name of ['broken.glb', 'broken.zip']) {
+      const broken = join(work, name);
+      writeFileSync(broken, 'glTF nothing more');
+      await user.drop(broken);
+      const { problem, original } = await user.until((s) => s.problem?.includes(name), 'refused');
+      assert.match(problem, /^broken\./);
+      assert.equal(original.faces, 11_520);
+    }
   } finally {
     await user.close();
   }

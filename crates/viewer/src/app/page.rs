@@ -57,8 +57,9 @@ impl App {
         let (models, others): (Vec<PathBuf>, Vec<PathBuf>) = paths.into_iter().partition(|p| is_model(p));
         let is_session = |p: &PathBuf| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
         match purpose {
+            // The dialog may have been cancelled before these were dropped.
+            _ if !models.is_empty() => self.open(models),
             Some(purpose) => self.chosen(purpose, others),
-            None if !models.is_empty() => self.open(models),
             None if others.iter().any(is_session) => self.open(others),
             None => {
                 let names = Format::ALL.map(|f| f.name().to_uppercase()).join(", ");
@@ -73,6 +74,11 @@ impl App {
         page.put_file(name, bytes);
         self.open(vec![PathBuf::from(name)]);
         true
+    }
+
+    /// Shows an error of the page, such as an archive that cannot be read.
+    pub fn fail_on_page(&mut self, why: String) {
+        self.fail(why);
     }
 
     /// Offers a file that was written for download, if there is a page.

@@ -7,6 +7,7 @@ use eframe::egui::{self, Color32, ColorImage, Rect, TextureOptions, Ui, pos2};
 use super::{CAMERA_REST, COARSE_SCALE, ComparisonView};
 use crate::difference::{DifferenceSettings, DifferenceView};
 use crate::document::Document;
+use crate::job::JobKind;
 use crate::numbers::significant;
 use crate::orbit::turn_matrix;
 use crate::panel::{UiRequest, error};
@@ -56,7 +57,8 @@ impl ComparisonView {
         let pointer = ui.ctx().pointer_hover_pos().filter(|p| rect.contains(*p));
         let here = pointer.map(|p| [(p.x - rect.left()) / rect.width(), (p.y - rect.top()) / rect.height()]);
         match here.and_then(|at| last.at(at)) {
-            _ if !is_present => text += "  ·  updating…",
+            _ if !is_present && document.is_busy(JobKind::Difference) => text += "  ·  updating…",
+            _ if !is_present => text += "  ·  of another view",
             Some(here) => text += &format!("  ·  here {}", significant(f64::from(here), 2)),
             None => {}
         }

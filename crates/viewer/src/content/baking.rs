@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
 use lodsmith::{Control, SimplifyError};
 use lodsmith_bake::{BakeError, BakedScene, BakedSet, Texels, bake_scene, model_with, set_materials};
-use lodsmith_core::Image;
+use lodsmith_core::model::{Pose, Transform};
+use lodsmith_core::{Image, Model, Positions, TriMesh};
 use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, ModelFile, ModelSource, ReadOptions, WriteOptions};
 use lodsmith_render::{Shading, linear};
@@ -43,6 +45,7 @@ pub(crate) fn bake_result(
 ) -> Result<Lighter, BakeFailure> {
     let begin = Instant::now();
     let as_scene;
+    let is_mesh = matches!(original.file.source, ModelSource::Mesh(_));
     let (original, lighter) = match &original.file.source {
         ModelSource::Mesh(_) => {
             // A mesh becomes a scene before it is simplified, as in the command.
@@ -77,6 +80,9 @@ pub(crate) fn bake_result(
     if file.model.meshes.len() != original.model().meshes.len() {
         return Err(BakeFailure::Error("the model with maps has other meshes than the original".to_owned()));
     }
+    if is_mesh {
+        moved_to_place(&mut file.model);
+    }
     if original.intended_shading() == Shading::Smooth {
         for material in file.model.materials.iter_mut().filter(|m| m.base_color_texture.is_none()) {
             (0..3).for_each(|k| material.base_color[k] = linear::decoded(surface[k]));
@@ -90,6 +96,25 @@ pub(crate) fn bake_result(
         meshes,
     };
     Ok(lighter.with_maps(file.model, Arc::new(maps), warnings))
+}
+
+/// Gives the mesh of a model the coordinates that its node moves it to: those of its original. A scene with single
+/// precision moves a mesh far from the origin by its node.
+fn moved_to_place(model: &mut Model) {
+    let instances = model.instances(&Pose::default());
+    let [instance] = &instances[..] else { return };
+    let by = instance.world_from_mesh.w_axis.truncate();
+    if by == DVec3::ZERO {
+        return;
+    }
+    let mesh = &mut model.meshes[instance.mesh].mesh;
+    let mut buffers = TriMesh::clone(mesh).into_buffers();
+    let moved = buffers.positions.view().iter().map(|p| (DVec3::from(p) + by).to_array()).collect();
+    buffers.positions = Positions::F64(moved);
+    if let Ok(moved) = TriMesh::try_from(buffers) {
+        *mesh = Arc::new(moved);
+        model.nodes[instance.node].transform = Transform::default();
+    }
 }
 
 fn failure(why: impl std::fmt::Display) -> BakeFailure {

@@ -47,7 +47,8 @@ impl Document {
                 if shown.is_some_and(|shown| shown.key() == before.key()) {
                     let count = made.content.baked.as_ref().map_or(0, |baked| baked.maps.len());
                     self.log.good(format!("{count} maps baked"));
-                    made.content.warnings.iter().for_each(|warning| self.log.warn(warning.clone()));
+                    let new = &made.content.warnings[before.content.warnings.len()..];
+                    new.iter().for_each(|warning| self.log.warn(warning.clone()));
                     (self.without_maps, self.lighter) = (Some(before), Some(made));
                 }
             }

@@ -33,7 +33,7 @@ struct HeldPreview {
 }
 
 /// Folder of written files, which are handed to the window.
-const OUTPUTS: &str = "outputs";
+const OUTPUTS: &str = ".lodsmith-written";
 
 impl Engine {
     /// Returns true if the files of the original have to be there before this request is run.
@@ -242,7 +242,12 @@ impl Engine {
 
 /// Returns the path that a file is written to before it is handed to the window.
 fn output_path(path: &std::path::Path) -> std::path::PathBuf {
-    if cfg!(target_arch = "wasm32") { std::path::Path::new(OUTPUTS).join(path) } else { path.to_owned() }
+    if !cfg!(target_arch = "wasm32") {
+        return path.to_owned();
+    }
+    // A typed path may begin at a root, or lead out of the folder.
+    let plain = path.components().filter(|part| matches!(part, std::path::Component::Normal(_)));
+    std::path::Path::new(OUTPUTS).join(plain.collect::<std::path::PathBuf>())
 }
 
 /// Takes the files that were written out of memory. On a system with files they stay where they are.

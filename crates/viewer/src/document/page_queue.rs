@@ -82,6 +82,11 @@ impl PageQueue {
         self.go_on(&mut state);
     }
 
+    /// As [`JobQueue::end_worker`](super::JobQueue::end_worker).
+    pub(super) fn end_worker(&self) {
+        self.state.borrow_mut().end_worker();
+    }
+
     /// Starts the next job if none runs.
     fn go_on(&self, state: &mut State) {
         let is_too_slow = |r: &Running| r.is_dropped && r.since.elapsed() > PATIENCE;

@@ -50,6 +50,13 @@ impl JobQueue {
         }
     }
 
+    /// Ends a worker of a page, which holds the model of a file that is not open any more.
+    pub(super) fn end_worker(&self) {
+        if let Self::Page(queue) = self {
+            queue.end_worker();
+        }
+    }
+
     /// Watches these files: a change sends [`Message::Changed`]. Files of a page do not change.
     pub(super) fn watch(&self, files: Vec<PathBuf>) {
         if let Self::Thread { worker, .. } = self {
