@@ -184,6 +184,44 @@ fn instances_stay_in_place() {
     }
 }
 
+/// Numbers of two bytes have no encoding, so their view is copied: once.
+#[test]
+fn a_view_that_accessors_share_is_copied_once() {
+    let mut pack = Pack::default();
+    let positions = pack.positions(&[[1.0, 2.0, 3.0], [4.0, 2.0, 3.0], [1.0, 7.0, 3.5]]);
+    let numbers = pack.indices(&[7; 40_000]);
+    let view = pack.accessors[numbers]["bufferView"].clone();
+    let node = |number: usize| {
+        json!({"mesh": 0, "extensions":
+            {"EXT_mesh_gpu_instancing": {"attributes": {"_FEATURE_ID_0": number}}}})
+    };
+    let mut nodes = vec![node(numbers)];
+    for count in 1..50 {
+        pack.accessors
+            .push(json!({"bufferView": view, "componentType": 5123, "count": count, "type": "SCALAR"}));
+        nodes.push(node(pack.accessors.len() - 1));
+    }
+    let json = pack.json(json!({
+        "extensionsUsed": ["EXT_mesh_gpu_instancing"], "scenes": [{"nodes": (0..50).collect::<Vec<_>>()}],
+        "nodes": nodes, "meshes": [{"primitives": [{"attributes": {"POSITION": positions}}]}],
+    }));
+    let file = glb(&json, &pack.bin);
+    for compression in Compression::ALL {
+        let (bytes, _) = packed(&file, compression, false);
+        assert!(bytes.len() < 2 * file.len(), "{} bytes of {}: {compression:?}", bytes.len(), file.len());
+        let (json, bin) = split(&bytes);
+        let index = |value: &Value| value.as_u64().unwrap() as usize;
+        let of_node = |node: usize| {
+            let attributes = &json["nodes"][node]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"];
+            &json["accessors"][index(&attributes["_FEATURE_ID_0"])]
+        };
+        assert!((1..50).all(|node| of_node(node)["count"] == node));
+        let view = &json["bufferViews"][index(&of_node(0)["bufferView"])];
+        let start = view["byteOffset"].as_u64().unwrap_or(0) as usize;
+        assert_eq!(bin[start..start + 4], [7, 0, 7, 0]);
+    }
+}
+
 #[test]
 fn constant_tracks_have_one_keyframe_and_equal_data_are_written_once() {
     let mut pack = Pack::default();

@@ -270,7 +270,7 @@ impl PackTask<'_, '_> {
         });
         for (&view, new) in &mut views {
             let Some(source) = list(self.source, "bufferViews").get(view) else { continue };
-            *new = output.copy_view(source, self.buffers.view(view, "the file")?.bytes);
+            *new = output.copy_view(view, source, self.buffers.view(view, "the file")?.bytes);
         }
         Ok(views.into_iter().collect())
     }
@@ -286,7 +286,7 @@ impl PackTask<'_, '_> {
         for (part, owner) in parts {
             let Some(view) = number(&owner["bufferView"]) else { continue };
             let bytes = self.buffers.view(view, "an accessor")?.bytes;
-            views.push((part, output.copy_view(&self.source["bufferViews"][view], bytes)));
+            views.push((part, output.copy_view(view, &self.source["bufferViews"][view], bytes)));
         }
         Ok(output.copy_accessor(source, &views))
     }

@@ -79,6 +79,8 @@ pub(super) struct Output {
     of_stream: Vec<(usize, usize)>,
     /// Views that are copied as they are, with their bytes.
     copied: Vec<(Value, Vec<u8>)>,
+    /// Their numbers among those, by their numbers in the source.
+    copied_of: HashMap<usize, usize>,
     /// Accessors of data that are not of vertices, by their view and a hash of their elements.
     equal: HashMap<(usize, u64), Vec<Placed>>,
     /// Accessors by copied view, and the pointer to the property that names it.
@@ -101,6 +103,7 @@ impl Output {
             known: HashMap::new(),
             of_stream: Vec::new(),
             copied: Vec::new(),
+            copied_of: HashMap::new(),
             equal: HashMap::new(),
             of_copied: Vec::new(),
         }
@@ -184,10 +187,13 @@ impl Output {
         view
     }
 
-    /// Adds a view that stays as it is; returns its number among those.
-    pub(super) fn copy_view(&mut self, view: &Value, bytes: &[u8]) -> usize {
-        self.copied.push((view.clone(), bytes.to_vec()));
-        self.copied.len() - 1
+    /// Adds a view that stays as it is, unless this number of the source was added before; returns its number among
+    /// those.
+    pub(super) fn copy_view(&mut self, number: usize, view: &Value, bytes: &[u8]) -> usize {
+        *self.copied_of.entry(number).or_insert_with(|| {
+            self.copied.push((view.clone(), bytes.to_vec()));
+            self.copied.len() - 1
+        })
     }
 
     /// Adds an accessor that stays as it is, with its copied views by the name of the property that refers to
