@@ -182,7 +182,7 @@ pub(crate) fn write_baked(
     replaced: &[Option<TriMesh>],
     relink: &dyn Fn(&str) -> Option<String>,
 ) -> anyhow::Result<WriteOutcome> {
-    if matches!(to.format, Format::Gltf | Format::Glb) {
+    if to.keeps_scenes() {
         return to.write_scene(scene, replaced, relink);
     }
     // Other formats have no tangents; a viewer computes the same ones.
