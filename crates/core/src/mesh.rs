@@ -229,7 +229,7 @@ pub struct MeshBuffers {
     /// Texture coordinates, one for each wedge.
     #[cfg_attr(feature = "serde", serde(with = "crate::wire::optional"))]
     pub uvs: Option<Vec<[f32; 2]>>,
-    /// Colours, one for each wedge.
+    /// Colours, one for each wedge; see [`TriMesh::colors`].
     #[cfg_attr(feature = "serde", serde(with = "crate::wire::optional"))]
     pub colors: Option<Vec<[f32; 4]>>,
     /// All other attributes.
@@ -416,7 +416,8 @@ impl TriMesh {
     pub fn uvs(&self) -> Option<&[[f32; 2]]> {
         self.uvs.as_deref()
     }
-    /// Colours, one for each wedge.
+    /// Colours, one for each wedge: red, green and blue in sRGB, as displayed, and opacity, from 0 to 1. Only meshes of a
+    /// scene of glTF have linear ones, see [`VertexColors`](crate::model::VertexColors).
     pub fn colors(&self) -> Option<&[[f32; 4]]> {
         self.colors.as_deref()
     }

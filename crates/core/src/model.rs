@@ -48,7 +48,7 @@ pub struct Model {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum VertexColors {
-    /// sRGB, as displayed: in all formats that do not specify it.
+    /// sRGB, as displayed: in all formats but glTF.
     #[default]
     Srgb,
     /// Linear: in glTF, where they are factors of the base colour.

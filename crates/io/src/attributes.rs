@@ -67,6 +67,42 @@ pub(crate) fn unit_colors(colors: &mut [[f32; 4]]) -> bool {
     counts
 }
 
+/// Converts colours from sRGB, which meshes have, to linear ones, which glTF has. Alpha stays as it is.
+pub(crate) fn linear_colors(colors: &[[f32; 4]]) -> Vec<[f32; 4]> {
+    colors.iter().map(|&[r, g, b, a]| [linear_of_srgb(r), linear_of_srgb(g), linear_of_srgb(b), a]).collect()
+}
+
+/// Converts colours from linear to sRGB. Alpha stays as it is.
+pub(crate) fn srgb_colors(colors: &[[f32; 4]]) -> Vec<[f32; 4]> {
+    colors.iter().map(|&[r, g, b, a]| [srgb_of_linear(r), srgb_of_linear(g), srgb_of_linear(b), a]).collect()
+}
+
+/// Tolerances of the two conversions, relative: above the rounding of single precision in both. Every byte of sRGB and
+/// every linear value of 8 or 16 bits survives the way there and back with these, found by trying all of them; with
+/// half or twice of either some do not.
+const LINEAR_TOLERANCE: f64 = 3e-7;
+const SRGB_TOLERANCE: f64 = 1.5e-7;
+
+/// Converts a colour value from sRGB to linear, to a value of 16 bits if it is that up to rounding.
+pub(crate) fn linear_of_srgb(x: f32) -> f32 {
+    let x = f64::from(x);
+    let y = if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
+    snapped(y, 65535.0, LINEAR_TOLERANCE)
+}
+
+/// Converts a colour value from linear to sRGB, to a byte if it is that up to rounding.
+pub(crate) fn srgb_of_linear(x: f32) -> f32 {
+    let x = f64::from(x);
+    let y = if x <= 0.003_130_8 { x * 12.92 } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+    snapped(y, 255.0, SRGB_TOLERANCE)
+}
+
+/// Returns a value, or the multiple of a step that is closer than the tolerance.
+fn snapped(value: f64, steps: f64, tolerance: f64) -> f32 {
+    let near = (value * steps).round() / steps;
+    if (value - near).abs() <= tolerance * value.abs() { near as f32 } else { value as f32 }
+}
+
 /// The alpha of a colour without one, until [`unit_colors`] replaces it.
 pub(crate) const NO_ALPHA: f32 = -1.0;
 
@@ -98,6 +134,24 @@ mod tests {
         let mut normals = [[0.0, 0.0, 2.0], [0.0; 3], [0.6, 0.8001, 0.0], [f32::NAN, 0.0, 1.0]];
         unit_normals(&mut normals);
         assert_eq!(normals, [[0.0, 0.0, 1.0], [0.0; 3], [0.6, 0.8001, 0.0], [0.0; 3]]);
+    }
+
+    #[test]
+    fn colors_survive_both_conversions() {
+        for byte in 0..=255u8 {
+            let x = f32::from(byte) / 255.0;
+            assert_eq!(srgb_of_linear(linear_of_srgb(x)), x, "{byte}");
+        }
+        for number in 0..=u16::MAX {
+            let x = f32::from(number) / 65535.0;
+            assert_eq!(linear_of_srgb(srgb_of_linear(x)), x, "{number}");
+        }
+        assert!((srgb_of_linear(0.5) - 0.735_357).abs() < 1e-6);
+        assert_eq!(linear_colors(&[[1.0, 0.0, 0.5, 0.5]])[0][3], 0.5);
+        // Brighter than white, and darker than black.
+        for x in [2.5, -0.25] {
+            assert!((linear_of_srgb(srgb_of_linear(x)) - x).abs() < 1e-6, "{x}");
+        }
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Meshes whose corners refer to values of several kinds by separate indices, as in COLLADA and FBX.
 
-use crate::gltf::{MeshParts, linear_of_srgb};
+use crate::attributes::linear_of_srgb;
+use crate::gltf::MeshParts;
 
 /// Maximum number of sets of texture coordinates.
 pub(crate) const MAX_UV_SETS: usize = 4;

@@ -42,9 +42,7 @@ pub(crate) use brought_images::BroughtImages;
 pub(crate) use buffers::file_path_of_uri;
 #[cfg(feature = "fbx")]
 pub(crate) use builder::MorphTarget;
-pub(crate) use builder::{
-    BuiltScene, MeshParts, SceneBuilder, linear_of_srgb, matrix_of_node, srgb_of_linear,
-};
+pub(crate) use builder::{BuiltScene, MeshParts, SceneBuilder, matrix_of_node};
 pub(crate) use copied_images::CopiedImages;
 pub use copies::CopyPlace;
 pub use lod::SceneLevels;
@@ -61,6 +59,7 @@ use std::io::{self, Write};
 
 use lodsmith_core::TriMesh;
 
+use crate::attributes::srgb_colors;
 use crate::error::ReadError;
 use crate::format::Format;
 use crate::frame::Frame;
@@ -76,7 +75,7 @@ use container::Document;
 ///
 /// Merges all meshes of the default scene into one, transformed by their nodes; if no node refers to a mesh,
 /// all meshes are read untransformed. Triangles, strips and fans are read; so are normals, the first set of
-/// texture coordinates (flipped to our lower-left origin) and colours. Each vertex of the file stays one
+/// texture coordinates (flipped to our lower-left origin) and colours (converted from linear to sRGB). Each vertex of the file stays one
 /// vertex: nothing is welded. Positions are single precision unless a node moves a mesh so far that half of
 /// its digits would be lost. Each material that faces use becomes a region, described by a material library
 /// in memory. Buffers in separate files are searched in the folder of the options, as far as
@@ -96,8 +95,7 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     merged(document, bytes.len(), format, &BTreeMap::new(), options)
 }
 
-/// Merges the meshes of a scene that was made from another format, read from `size` bytes. Colours become sRGB, as in
-/// all formats but glTF.
+/// Merges the meshes of a scene that was made from another format, read from `size` bytes.
 pub(crate) fn read_built(
     mut built: BuiltScene,
     size: usize,
@@ -106,12 +104,6 @@ pub(crate) fn read_built(
     let (format, warnings) = (built.format, std::mem::take(&mut built.warnings));
     let sources = std::mem::take(&mut built.source_vertices);
     let mut loaded = merged(built.document(), size, format, &sources, options)?;
-    if let Some(colors) = loaded.mesh.colors() {
-        let srgb = |&[r, g, b, a]: &[f32; 4]| [srgb_of_linear(r), srgb_of_linear(g), srgb_of_linear(b), a];
-        let colors = colors.iter().map(srgb).collect();
-        loaded.mesh.set_colors(Some(colors))?;
-    }
-    loaded.regions.has_linear_colors = false;
     loaded.warnings.splice(0..0, warnings);
     Ok(loaded)
 }
@@ -142,9 +134,12 @@ fn merged(
     }
     let (regions, of_faces) = materials::regions(&document.json, &buffers, &runs, options.files(), size);
     mesh.set_regions(of_faces)?;
+    if let Some(colors) = mesh.colors() {
+        mesh.set_colors(Some(srgb_colors(colors)))?;
+    }
     contents.polygons = mesh.face_count();
     warnings.extend(told);
-    let regions = Regions { has_linear_colors: true, ..regions.with_frame(Frame::GLTF) };
+    let regions = regions.with_frame(Frame::GLTF);
     Ok(Loaded { regions, ..Loaded::new(mesh, format, contents, warnings) })
 }
 

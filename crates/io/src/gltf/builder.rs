@@ -245,34 +245,3 @@ pub(crate) fn matrix_of_node(matrix: DMat4, scene: &mut SceneBuilder) -> Option<
     }
     Some(json!(matrix.to_cols_array()))
 }
-
-/// Converts a colour value from sRGB to linear.
-pub(crate) fn linear_of_srgb(x: f32) -> f32 {
-    let x = f64::from(x);
-    let y = if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
-    y as f32
-}
-
-/// Converts a colour value from linear to sRGB, to the nearest byte if it is closer than the rounding of
-/// [`linear_of_srgb`].
-pub(crate) fn srgb_of_linear(x: f32) -> f32 {
-    let x = f64::from(x);
-    let y = if x <= 0.003_130_8 { x * 12.92 } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
-    let byte = (y * 255.0).round();
-    // A float of a dark colour has relative precision; the steepest part of the curve has slope 13.
-    if (y * 255.0 - byte).abs() < 1e-3 { (byte / 255.0) as f32 } else { y as f32 }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn each_byte_of_a_color_survives() {
-        for byte in 0..=255u8 {
-            let x = f32::from(byte) / 255.0;
-            assert_eq!(srgb_of_linear(linear_of_srgb(x)), x, "{byte}");
-        }
-        assert!((srgb_of_linear(0.5) - 0.735_357).abs() < 1e-5);
-    }
-}

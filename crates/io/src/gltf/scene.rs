@@ -72,7 +72,8 @@ pub struct SceneMesh {
     /// primitive has no regions. Vertices at equal positions are welded, across primitives too; wedges are
     /// the vertices of the file. Points and lines are left out, so there may be no faces.
     ///
-    /// An attribute that only some primitives have is zero on the others, or white if it is a colour.
+    /// An attribute that only some primitives have is zero on the others, or white if it is a colour. Colours are linear, as
+    /// in the file.
     pub mesh: Arc<TriMesh>,
     /// Number of instances in the default scene (under all roots if there is no scene).
     pub instances: usize,

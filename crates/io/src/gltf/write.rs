@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::container::{embed_buffer, emit};
 use super::pack::{SceneFormat, Written, pack};
-use crate::attributes::rounding_warning;
+use crate::attributes::{linear_colors, rounding_warning};
 use crate::error::Warning;
 use crate::format::Format;
 use crate::frame::Frame;
@@ -66,7 +66,7 @@ pub(super) fn write(
         attributes["TEXCOORD_0"] = file.end().into();
     }
     if let Some(colors) = mesh.colors() {
-        attributes["COLOR_0"] = file.colors(colors).into();
+        attributes["COLOR_0"] = file.colors(&linear_colors(colors)).into();
     }
     if mesh.uvs().is_none() && !looks.images.is_empty() {
         let text = "textures are left out: the mesh has no texture coordinates";
@@ -255,19 +255,28 @@ impl GltfBuilder {
         self.end()
     }
 
+    /// Adds linear colours: as bytes or as 16 bits if these represent them, else as floats.
     pub(super) fn colors(&mut self, colors: &[[f32; 4]]) -> usize {
-        let as_byte =
-            |x: f32| Some((x * 255.0).round()).filter(|b| (0.0..=255.0).contains(b) && b / 255.0 == x);
-        if colors.iter().flatten().all(|&x| as_byte(x).is_some()) {
+        let are_steps = |steps: f32| {
+            let is_step = |x: f32| (0.0..=1.0).contains(&x) && (x * steps).round() / steps == x;
+            colors.iter().flatten().all(|&x| is_step(x))
+        };
+        let (are_bytes, are_words) = (are_steps(255.0), are_steps(65535.0));
+        let all = colors.iter().flatten();
+        if are_bytes {
             self.begin(U8, "VEC4", colors.len(), VERTEX_TARGET);
-            self.bytes.extend(colors.iter().flatten().map(|&x| as_byte(x).unwrap_or(0.0) as u8));
-            let index = self.end();
-            self.accessors[index]["normalized"] = true.into();
-            return index;
+            self.bytes.extend(all.map(|x| (x * 255.0).round() as u8));
+        } else if are_words {
+            self.begin(U16, "VEC4", colors.len(), VERTEX_TARGET);
+            self.bytes.extend(all.flat_map(|x| ((x * 65535.0).round() as u16).to_le_bytes()));
+        } else {
+            self.begin(F32, "VEC4", colors.len(), VERTEX_TARGET);
+            self.floats(colors.as_flattened());
+            return self.end();
         }
-        self.begin(F32, "VEC4", colors.len(), VERTEX_TARGET);
-        colors.iter().for_each(|c| self.floats(c));
-        self.end()
+        let index = self.end();
+        self.accessors[index]["normalized"] = true.into();
+        index
     }
 
     pub(super) fn indices(&mut self, triangles: &[[u32; 3]], vertices: usize) -> usize {

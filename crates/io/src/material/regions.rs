@@ -78,8 +78,6 @@ pub struct Regions {
     pub(crate) libraries: Vec<Library>,
     /// The coordinates of the mesh, for formats that define them.
     pub(crate) frame: Option<Frame>,
-    /// True if the colours of the mesh are linear, as in glTF; those of other formats are sRGB.
-    pub(crate) has_linear_colors: bool,
 }
 
 impl Regions {
@@ -307,7 +305,6 @@ impl Headings {
             materials: self.materials.all,
             libraries: self.libraries.into_iter().map(Library::named).collect(),
             frame: None,
-            has_linear_colors: false,
         };
         if self.changes.is_empty() {
             return (regions, None);

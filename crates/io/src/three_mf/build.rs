@@ -9,11 +9,12 @@ use serde_json::{Value, json};
 use super::model::parse;
 use super::package::{Package, name_of};
 use super::resources::{Group, Object, Part, PlacedObject};
+use crate::attributes::{linear_colors, linear_of_srgb};
 use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt;
 use crate::format::Format;
 use crate::frame::Frame;
-use crate::gltf::{BuiltScene, MeshParts, SceneBuilder, linear_of_srgb, matrix_of_node};
+use crate::gltf::{BuiltScene, MeshParts, SceneBuilder, matrix_of_node};
 use crate::lines::utf8_of;
 use crate::material::image_type;
 use crate::options::ReadOptions;
@@ -291,9 +292,7 @@ impl ThreeMfScene<'_> {
             }
             Some(Group::Colors(colors)) => {
                 let material = self.color_material((part, shown), colors);
-                let linear =
-                    |c: &[f32; 4]| [linear_of_srgb(c[0]), linear_of_srgb(c[1]), linear_of_srgb(c[2]), c[3]];
-                Ok(Look::Colors(material, picked(&colors.iter().map(linear).collect::<Vec<_>>(), indices)))
+                Ok(Look::Colors(material, picked(&linear_colors(colors), indices)))
             }
             Some(Group::Coordinates(texture, uvs)) => {
                 let material = self.texture_material((part, shown), *texture)?;

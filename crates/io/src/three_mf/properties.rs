@@ -7,7 +7,7 @@ use lodsmith_core::model::TextureRef;
 use lodsmith_core::{TriMesh, WedgeId};
 
 use super::looks::{Looks, LostParts};
-use crate::gltf::srgb_of_linear;
+use crate::attributes::srgb_of_linear;
 
 /// Looks of the triangles of a mesh.
 pub(super) struct Properties<'a> {

@@ -48,8 +48,7 @@ pub(super) fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write)
         .unwrap_or_default();
     let warnings = std::mem::take(&mut converted.warnings);
     let of_region = std::mem::take(&mut converted.of_region);
-    let mut looks = Looks::of_converted(converted);
-    looks.has_linear_colors = regions.is_some_and(|regions| regions.has_linear_colors);
+    let looks = Looks::of_converted(converted);
     let frame = regions.and_then(Regions::frame).unwrap_or(Frame::new(Unit::Millimeter, true));
     let object = MeshObject { name: String::new(), mesh, of_region, sources: None };
     let placed = Assemblies::of_mesh(frame);
