@@ -12,7 +12,7 @@ mod textures;
 pub(crate) use image_sizes::{bytes_with_mipmaps, size_of, size_of_file};
 pub(crate) use image_type::image_type;
 pub use library::Library;
-pub(crate) use library::{GeneratedLibrary, Image, read_libraries};
+pub(crate) use library::{GeneratedLibrary, Image, left_out_warnings, read_libraries};
 pub(crate) use mtl_conversion::{ConvertedMaterial, ConvertedMaterials, Purpose, convert_materials};
 pub(crate) use regions::{FacePosition, Heading, Headings, counts, drops_materials, join_titles};
 pub use regions::{Region, Regions};

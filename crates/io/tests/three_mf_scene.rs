@@ -51,8 +51,13 @@ const PNG: &[u8] = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x01\0\0\0\x01\x08\x02\0
 /// A truck: a body with a texture, two wheels of one material, of which one is mirrored, a load with colours, and a
 /// flattened wheel.
 fn truck() -> Vec<u8> {
+    truck_with(PNG)
+}
+
+/// The truck with this image.
+fn truck_with(image: &[u8]) -> Vec<u8> {
     let mut pack = Pack::default();
-    let image = pack.view(PNG);
+    let image = pack.view(image);
     let positions = pack.positions(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.1, 0.2, 0.7]]);
     let uvs = pack.floats("VEC2", 2, &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.75]);
     let mut colors = vec![1.0, 0.0, 0.0, 1.0, 0.0, 0.5, 0.0, 1.0];
@@ -276,6 +281,14 @@ fn losses_are_named() {
     let notes: Vec<&str> = warnings.iter().filter(|w| !w.data_lost).map(|w| &*w.text).collect();
     assert!(notes.iter().any(|n| n.contains("metadata vendor:x: left out")), "{notes:?}");
     assert!(notes.iter().any(|n| n.contains("meshes with others: 1")), "{notes:?}");
+}
+
+#[test]
+fn images_of_other_types_are_left_out() {
+    let (bytes, warnings) = written(&scene_of(&truck_with(b"RIFF\0\0\0\0WEBPVP8 ")), &[]);
+    let text = "texture images[0] is neither PNG nor JPEG: left out";
+    assert!(warnings.iter().any(|w| w.data_lost && w.text == text), "{warnings:?}");
+    assert_eq!(elements(&model_of(&bytes), "<m:texture2d").len(), 0);
 }
 
 #[test]

@@ -3,8 +3,6 @@
 mod appearance;
 mod motion;
 
-use std::borrow::Cow;
-
 use glam::{DMat4, DQuat, DVec3};
 use lodsmith_core::Model;
 use lodsmith_core::model::{Material, ModelMesh, Node, Transform, VertexColors};
@@ -16,6 +14,7 @@ use super::container::{list, number};
 use super::mesh::Budget;
 use super::placements::{numbers, roots};
 use super::scene::Scene;
+use crate::assets::MAX_IMAGE_BYTES;
 use crate::error::{ReadError, Warning};
 use crate::limits::Limits;
 use crate::model::BaseColor;
@@ -53,13 +52,21 @@ impl Scene {
         (model, warnings)
     }
 
-    /// Returns the bytes of an image of the file.
+    /// Returns the limit on the bytes of all images together, for [`Scene::encoded_image`].
+    pub(crate) fn image_bytes_limit(&self) -> u64 {
+        // Guessed: a quarter of the memory leaves room for the meshes and the output.
+        MAX_IMAGE_BYTES.min(self.limits.max_bytes()).min(self.limits.memory / 4)
+    }
+
+    /// Returns the bytes of an image of the file, and takes them from those that are left for all images.
     ///
     /// # Errors
     /// The end of a sentence that begins with its name.
-    pub(crate) fn encoded_image(&self, index: usize) -> Result<Vec<u8>, String> {
+    pub(crate) fn encoded_image(&self, index: usize, left: &mut u64) -> Result<Vec<u8>, String> {
         let buffers = Buffers::loaded(&self.json, &self.buffers, self.unpacked);
-        appearance::bytes_of(self, &buffers, index).map(Cow::into_owned)
+        let bytes = appearance::bytes_of(self, &buffers, index)?;
+        *left = left.checked_sub(bytes.len() as u64).ok_or("is above the limit on all images together")?;
+        Ok(bytes.into_owned())
     }
 
     /// Returns a model of the meshes and nodes.

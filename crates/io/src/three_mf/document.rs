@@ -1,14 +1,14 @@
 //! The text of a model part: resources and the build.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 use std::io;
 
 use glam::DMat4;
-use lodsmith_core::model::{Sampler, Wrap};
+use lodsmith_core::model::{TextureRef, Wrap};
 use lodsmith_core::{Positions, TriMesh, WedgeId};
 
 use super::assemblies::{Assemblies, ObjectPlace, ObjectRef};
-use super::looks::{Looks, LostParts};
+use super::looks::{Looks, LostParts, key_of};
 use super::properties::{Properties, Shown, TextureCoordinates, bytes_of_linear};
 use crate::material::{bytes_with_mipmaps, size_of};
 use crate::numbers::TextOut;
@@ -34,8 +34,9 @@ pub(super) struct ModelPart<'a> {
     materials: Vec<usize>,
     /// True if there is a material for triangles without properties beside others with them.
     has_default: bool,
-    /// Images with their samplers.
-    textures: Vec<(usize, Sampler)>,
+    /// Images with their samplers, and their numbers by the first part of their keys.
+    textures: Vec<TextureRef>,
+    texture_numbers: HashMap<(usize, [u8; 3]), usize>,
     /// True if colours had more digits than a byte.
     pub(super) is_rounded: bool,
 }
@@ -64,20 +65,20 @@ impl<'a> ModelPart<'a> {
         let all = || properties.iter().flatten();
         let materials: BTreeSet<usize> = all().flat_map(|p| p.materials.iter().copied()).collect();
         let has_default = all().any(Properties::is_mixed);
-        let mut textures = Vec::new();
+        let (mut textures, mut texture_numbers) = (Vec::new(), HashMap::new());
         for coordinates in all().flat_map(Properties::used_coordinates) {
-            let texture = (coordinates.texture.image, coordinates.texture.sampler);
-            if !textures.contains(&texture) {
-                textures.push(texture);
-            }
+            texture_numbers.entry(key_of(&coordinates.texture).0).or_insert_with(|| {
+                textures.push(coordinates.texture);
+                textures.len() - 1
+            });
         }
         let materials = materials.into_iter().collect();
-        Self { looks, objects, properties, materials, has_default, textures, is_rounded }
+        Self { looks, objects, properties, materials, has_default, textures, texture_numbers, is_rounded }
     }
 
     /// Returns the images that triangles show.
     pub(super) fn used_pictures(&self) -> BTreeSet<usize> {
-        self.textures.iter().map(|(picture, _)| *picture).collect()
+        self.textures.iter().map(|texture| texture.image).collect()
     }
 
     /// Returns the sizes of these meshes, each as often as it is there.
@@ -189,7 +190,7 @@ impl<'a> ModelPart<'a> {
     }
 
     fn write_textures(&self, out: &mut TextOut<'_>) -> io::Result<()> {
-        for (at, (picture, sampler)) in self.textures.iter().enumerate() {
+        for (at, TextureRef { image: picture, sampler, .. }) in self.textures.iter().enumerate() {
             let (id, path) = (FIRST_TEXTURE + at, self.looks.path_of(*picture));
             let kind = self.looks.pictures[*picture].kind;
             out.text(&format!("  <m:texture2d id=\"{id}\" path=\"{path}\" contenttype=\"{kind}\""));
@@ -224,8 +225,8 @@ impl<'a> ModelPart<'a> {
         }
         for (at, coordinates) in properties.coordinates.iter().enumerate() {
             let TextureCoordinates { texture, wedges } = coordinates;
-            let used = self.textures.iter().position(|t| *t == (texture.image, texture.sampler));
-            let Some(texture) = used.filter(|_| !wedges.is_empty()) else { continue };
+            let number = self.texture_numbers.get(&key_of(texture).0);
+            let Some(texture) = number.filter(|_| !wedges.is_empty()) else { continue };
             let (id, texture) = (ids.coordinates + at, FIRST_TEXTURE + texture);
             out.text(&format!("  <m:texture2dgroup id=\"{id}\" texid=\"{texture}\">\n"));
             for [u, v] in coordinates.values(mesh) {

@@ -2,10 +2,10 @@
 
 use std::collections::{BTreeSet, HashMap};
 
-use lodsmith_core::model::{AlphaMode, Material, Sampler, TextureRef};
+use lodsmith_core::model::{AlphaMode, Material, Sampler, TextureRef, Wrap};
 
 use crate::error::Warning;
-use crate::material::{ConvertedMaterial, ConvertedMaterials, image_type};
+use crate::material::{ConvertedMaterial, ConvertedMaterials, image_type, left_out_warnings};
 
 /// The materials of the objects of a file.
 #[derive(Default)]
@@ -33,6 +33,21 @@ pub(super) struct MaterialLook {
 pub(super) struct Picture {
     pub(super) kind: &'static str,
     pub(super) bytes: Vec<u8>,
+}
+
+/// What tells textures apart: the image with its wrapping and filter, then the coordinates with their transform.
+pub(super) type TextureKey = ((usize, [u8; 3]), (u8, [u32; 6]));
+
+/// Returns the key of a texture.
+pub(super) fn key_of(texture: &TextureRef) -> TextureKey {
+    let TextureRef { image, uv_set, transform: [[a, b, c], [d, e, f]], sampler } = *texture;
+    let wrap = |wrap: Wrap| match wrap {
+        Wrap::Repeat => 0,
+        Wrap::Mirror => 1,
+        Wrap::Clamp => 2,
+    };
+    let sampler = [wrap(sampler.wrap_u), wrap(sampler.wrap_v), u8::from(sampler.nearest)];
+    ((image, sampler), (uv_set, [a, b, c, d, e, f].map(f32::to_bits)))
 }
 
 /// Kinds of content that 3MF cannot hold.
@@ -128,11 +143,12 @@ impl Looks {
     pub(super) fn of_model(
         materials: &[Material],
         used: &BTreeSet<usize>,
-        encoded: impl Fn(usize) -> Result<Vec<u8>, String>,
+        mut encoded: impl FnMut(usize) -> Result<Vec<u8>, String>,
         warnings: &mut Vec<Warning>,
     ) -> Self {
         let mut looks = Self { has_linear_colors: true, ..Self::default() };
         let mut known: HashMap<usize, Option<usize>> = HashMap::new();
+        let mut missing = Vec::new();
         for (i, material) in materials.iter().enumerate() {
             if !used.contains(&i) {
                 looks.all.push(MaterialLook::of_material(&Material::default(), &mut LostParts::default()));
@@ -151,8 +167,7 @@ impl Looks {
                             Some(looks.pictures.len() - 1)
                         }
                         Err(why) => {
-                            warnings
-                                .push(Warning::lost(format!("images[{}] {why}: left out", texture.image)));
+                            missing.push(format!("images[{}] {why}", texture.image));
                             None
                         }
                     }
@@ -161,6 +176,7 @@ impl Looks {
             });
             looks.all.push(look);
         }
+        warnings.extend(left_out_warnings(&missing));
         looks
     }
 }

@@ -6,7 +6,7 @@ use lodsmith_core::mesh::Semantic;
 use lodsmith_core::model::TextureRef;
 use lodsmith_core::{TriMesh, WedgeId};
 
-use super::looks::{Looks, LostParts};
+use super::looks::{Looks, LostParts, key_of};
 use crate::attributes::srgb_of_linear;
 
 /// Looks of the triangles of a mesh.
@@ -102,11 +102,11 @@ impl<'a> Properties<'a> {
     }
 
     fn find_textures(&mut self) {
+        let mut known = HashMap::new();
         for &material in self.of_region.iter().flatten() {
             let texture = self.looks.all[material].texture;
             let Some(texture) = texture.filter(|t| uvs(self.mesh, t.uv_set).is_some()) else { continue };
-            let known = self.coordinates.iter().position(|c| c.texture == texture);
-            let group = known.unwrap_or_else(|| {
+            let group = *known.entry(key_of(&texture)).or_insert_with(|| {
                 self.coordinates.push(TextureCoordinates { texture, wedges: Vec::new() });
                 self.coordinates.len() - 1
             });

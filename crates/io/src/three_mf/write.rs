@@ -104,7 +104,9 @@ pub(super) fn write_scene(
     if !with_materials && !model.materials.is_empty() {
         warnings.push(Warning::note("materials dropped: --textures none"));
     }
-    let looks = Looks::of_model(&model.materials, &used, |i| scene.encoded_image(i), &mut warnings);
+    let mut left = scene.image_bytes_limit();
+    let encoded = |image| scene.encoded_image(image, &mut left);
+    let looks = Looks::of_model(&model.materials, &used, encoded, &mut warnings);
     let metadata = metadata(scene, &mut warnings);
     let (warnings, sizes) = write_objects(looks, &objects, &placed, &metadata, warnings, out)?;
     Ok(Written { sizes: Some(sizes), ..Written::new(warnings) })
