@@ -14,8 +14,11 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let choice = usize::from(bytes.next());
     options.packing = Packing::new(Compression::ALL[choice % 3], choice / 3 % 2 == 1);
     let is_single = matches!(mesh.positions(), Positions::F32(_));
+    let has_degenerate = mesh.surface().triangles().iter().any(|[a, b, c]| a == b || b == c || c == a);
     let is_finite = mesh.positions().view().iter().flatten().all(f64::is_finite);
-    for format in [Format::Obj, Format::Off, Format::Ply, Format::Stl, Format::Gltf, Format::Glb] {
+    for format in
+        [Format::Obj, Format::Off, Format::Ply, Format::Stl, Format::Gltf, Format::Glb, Format::ThreeMf]
+    {
         let mut out = Vec::new();
         let is_glb = matches!(format, Format::Gltf | Format::Glb);
         // A format may be unable to hold the mesh.
@@ -27,10 +30,16 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
         let back = match read_bytes(&out, &again) {
             Ok(back) => back.mesh,
             Err(_) if mesh.face_count() == 0 || !is_finite => continue,
+            // 3MF has no triangles with the same vertex twice.
+            Err(_) if format == Format::ThreeMf && has_degenerate => continue,
             Err(e) => panic!("what we write as {format:?}, we read: {e}"),
         };
         // (Some readers drop non-finite values.)
         if !is_finite {
+            continue;
+        }
+        if format == Format::ThreeMf && has_degenerate {
+            assert!(back.face_count() < mesh.face_count());
             continue;
         }
         assert_eq!(back.face_count(), mesh.face_count(), "faces through {format:?}");
