@@ -18,7 +18,7 @@ pub(super) struct BakedLevels {
     pub(super) materials: Vec<Vec<Vec<usize>>>,
     /// For each bake, the maps that are files, by the ends of their names.
     pub(super) files: Vec<Vec<(String, Arc<Vec<u8>>)>>,
-    /// True if all levels share one bake.
+    /// True if one bake is for all levels.
     pub(super) is_shared: bool,
     pub(super) warnings: Vec<Warning>,
 }
@@ -59,9 +59,44 @@ pub(super) fn bake_levels(
                 }
             }
         }
-        all.materials.resize(levels - k, baked.materials);
-        all.is_shared = true;
+        all.materials.resize(levels - 1, baked.materials);
+        all.is_shared = k == 1;
         break;
     }
     Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith::NoControl;
+    use lodsmith_bake::{AtlasMode, MapKind};
+    use lodsmith_io::ReadOptions;
+
+    use super::*;
+    use crate::args::TextureArgs;
+
+    #[test]
+    fn each_level_has_materials_if_a_later_one_is_the_first_to_keep_its_coordinates() {
+        let wave = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/wave.glb");
+        let mut scene = Scene::read(&std::fs::read(wave).unwrap(), &ReadOptions::default()).unwrap();
+        let good = TriMesh::clone(&scene.meshes()[0].mesh);
+        // A fold of the map: both halves of the surface lie in one half of the map.
+        let mut folded = good.clone();
+        let fold = |[u, v]: [f32; 2]| [(2.0 * u - 1.0).abs(), v];
+        folded.set_uvs(Some(good.uvs().unwrap().iter().copied().map(fold).collect())).unwrap();
+        let mut replaced = vec![vec![None], vec![Some(folded)], vec![Some(good.clone())], vec![Some(good)]];
+        let texture = TextureArgs {
+            texture_size: Some(32),
+            atlas: AtlasMode::Keep,
+            ao_rays: 1,
+            ao_distance: None,
+            map_files: false,
+        };
+        let args = BakeArgs { bake: vec![MapKind::Height], texture };
+        let baked = bake_levels(&mut scene, &mut replaced, &args, &mut NoControl).unwrap();
+        let [first, second, third] = &baked.materials[..] else { panic!("{:?}", baked.materials) };
+        assert!(first != second && second == third, "{:?}", baked.materials);
+        // Each of the two bakes has files of its own.
+        assert!(baked.files.len() == 2 && !baked.is_shared);
+    }
 }
