@@ -292,7 +292,7 @@ fn baked_set(set: &FaceSet, maps: Vec<BakedMap>, model: &Model) -> BakedSet {
         match map.kind {
             MapKind::Color => look.base_color = [1.0; 4],
             MapKind::MetallicRoughness => (look.metallic, look.roughness) = (1.0, 1.0),
-            MapKind::Emissive => look.emissive = [1.0; 3],
+            MapKind::Emissive => look.emissive = [map.range.map_or(1.0, |white| white as f32); 3],
             MapKind::Normal => look.normal_scale = 1.0,
             _ => {}
         }

@@ -13,7 +13,7 @@ pub struct BakedMap {
     /// Its texels.
     pub texels: Texels,
     /// For heights the distance that white stands for (black is its negative), in units of the model; for curvature
-    /// the curvature, in one over these units.
+    /// the curvature, in one over these units; for emitted light the value of white, if it is above 1.
     pub range: Option<f64>,
 }
 

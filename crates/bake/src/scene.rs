@@ -1,5 +1,6 @@
 //! Baked maps in the materials of a glTF scene.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use lodsmith::Control;
@@ -51,12 +52,7 @@ pub fn bake_scene(
     let Baked { meshes, set_of_region, sets, found, mut notes } = bake(detailed, lighter, options, control)?;
     let mut numbers = Vec::with_capacity(sets.len());
     let mut files = Vec::new();
-    for set in &sets {
-        let own = if sets.len() > 1 && !set.name.is_empty() {
-            format!("_{}", safe(&set.name))
-        } else {
-            String::new()
-        };
+    for (set, own) in sets.iter().zip(name_parts(&sets)) {
         let material = material_of(set, all_files, &own, &mut files)?;
         numbers.push(scene.add_material(&material));
     }
@@ -129,6 +125,29 @@ fn slot_of(kind: MapKind) -> Option<TextureSlot> {
         MapKind::Emissive => Some(TextureSlot::Emissive),
         _ => None,
     }
+}
+
+/// Returns for each set the part of its file names that tells it from the others: nothing for the only one, else the
+/// name of the material, with the number of the set where several have the same.
+fn name_parts(sets: &[BakedSet]) -> Vec<String> {
+    let mut taken = HashSet::new();
+    let part = |(i, set): (usize, &BakedSet)| {
+        let name = match set.name.as_str() {
+            "" => String::new(),
+            _ if sets.len() == 1 => String::new(),
+            name => format!("_{}", safe(name)),
+        };
+        let mut own = name.clone();
+        // Some file systems do not tell small letters from capitals.
+        for number in i + 1.. {
+            if taken.insert(own.to_lowercase()) {
+                break;
+            }
+            own = format!("{name}_{number}");
+        }
+        own
+    };
+    sets.iter().enumerate().map(part).collect()
 }
 
 /// Returns a name that any file system accepts.

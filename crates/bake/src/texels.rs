@@ -194,12 +194,25 @@ impl Baker<'_> {
             let texels = Texels::Gray16 { width: size, height: size, values };
             return BakedMap { kind, texels, range: Some(f64::from(range)) };
         }
+        let range = match kind {
+            MapKind::Curvature => self.curvature.map(|c| c.range),
+            MapKind::Emissive => brightest(&values).map(f64::from),
+            _ => None,
+        };
+        if let (MapKind::Emissive, Some(white)) = (kind, range) {
+            values.iter_mut().for_each(|v| *v = v.map(|x| x / white as f32));
+        }
         let encoder = Encoder::new();
         let mut pixels = vec![[0u8; 4]; size * size];
         pixels.par_iter_mut().zip(&values).for_each(|(p, v)| *p = stored(kind, v, encoder));
-        let range = self.curvature.filter(|_| kind == MapKind::Curvature).map(|c| c.range);
         BakedMap { kind, texels: Texels::Rgba8(Image::new(size, size, pixels)), range }
     }
+}
+
+/// Returns the largest emitted value if a texture cannot hold it.
+fn brightest(values: &[[f32; 4]]) -> Option<f32> {
+    let of_texel = |v: &[f32; 4]| v[0].max(v[1]).max(v[2]);
+    values.iter().map(of_texel).reduce(f32::max).filter(|x| *x > 1.0)
 }
 
 /// Least z of a stored normal: 87° off the frame. Beyond, 8 bits say little. (Guessed.)

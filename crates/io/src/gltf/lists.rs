@@ -116,13 +116,18 @@ pub(super) fn set_extension(json: &mut Value, extension: &str, is_needed: bool) 
             retain(json, name, &|_, e| e == extension);
             continue;
         }
-        if !json[name].is_array() {
-            json[name] = json!([]);
-        }
-        let all = json[name].as_array_mut();
-        if let Some(all) = all.filter(|all| !all.iter().any(|e| e == extension)) {
-            all.push(extension.into());
-        }
+        add_extension(json, name, extension);
+    }
+}
+
+/// Adds an extension to one of the lists of the file, unless it is there.
+pub(super) fn add_extension(json: &mut Value, name: &str, extension: &str) {
+    if !json[name].is_array() {
+        json[name] = json!([]);
+    }
+    let all = json[name].as_array_mut();
+    if let Some(all) = all.filter(|all| !all.iter().any(|e| e == extension)) {
+        all.push(extension.into());
     }
 }
 

@@ -19,7 +19,7 @@ use lodsmith_core::TriMesh;
 use serde_json::{Map, Value, json};
 
 use super::container::{list, list_mut, number};
-use super::lists::{append, take_extension};
+use super::lists::{add_extension, append, take_extension};
 
 /// Name of the extension.
 pub(super) const EXTENSION: &str = "MSFT_lod";
@@ -126,13 +126,7 @@ pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(V
         }
     }
     if !of_mesh.is_empty() {
-        if !json["extensionsUsed"].is_array() {
-            json["extensionsUsed"] = json!([]);
-        }
-        let used = json["extensionsUsed"].as_array_mut();
-        if let Some(used) = used.filter(|used| !used.iter().any(|e| e == EXTENSION)) {
-            used.push(EXTENSION.into());
-        }
+        add_extension(&mut json, "extensionsUsed", EXTENSION);
     }
     Ok((json, replaced))
 }

@@ -4,11 +4,11 @@ use std::collections::HashSet;
 use std::sync::Arc;
 
 use lodsmith_core::model::{AlphaMode, Material};
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use super::Scene;
 use super::container::{list, list_mut, number};
-use super::lists::{append, drop_unused_extensions, renumber, retain, take_extension};
+use super::lists::{add_extension, append, drop_unused_extensions, renumber, retain, take_extension};
 use super::references::each_reference;
 
 /// A texture of a material.
@@ -60,24 +60,26 @@ impl NewMaterial {
 /// The older workflow, whose textures take the place of the core ones.
 const OLDER: &str = "KHR_materials_pbrSpecularGlossiness";
 const UNLIT: &str = "KHR_materials_unlit";
+/// Emission above 1.
+const STRENGTH: &str = "KHR_materials_emissive_strength";
 
 impl Scene {
     /// Adds a material with its images, those that share their bytes once; returns its index.
     pub fn add_material(&mut self, new: &NewMaterial) -> usize {
         let kept = new.base.and_then(|m| list(&self.json, "materials").get(m)).cloned();
         let mut material = kept.unwrap_or_else(|| made(&new.look));
-        if new.look.unlit && !list(&self.json, "extensionsUsed").iter().any(|e| e == UNLIT) {
-            if !self.json["extensionsUsed"].is_array() {
-                self.json["extensionsUsed"] = json!([]);
-            }
-            self.json["extensionsUsed"].as_array_mut().into_iter().for_each(|all| all.push(UNLIT.into()));
-        }
         let mut added: Vec<(&SlotImage, usize)> = Vec::new();
         for image in &new.images {
             let same = added.iter().find(|(other, _)| Arc::ptr_eq(&other.png, &image.png));
             let texture = same.map_or_else(|| self.add_texture(image), |(_, texture)| *texture);
             added.push((image, texture));
             put_texture(&mut material, image.slot, texture, &new.look);
+        }
+        if new.look.unlit {
+            add_extension(&mut self.json, "extensionsUsed", UNLIT);
+        }
+        if material["extensions"][STRENGTH].is_object() {
+            add_extension(&mut self.json, "extensionsUsed", STRENGTH);
         }
         append(&mut self.json, "materials", material)
     }
@@ -174,36 +176,46 @@ impl Scene {
 
 /// Returns a material from its properties.
 fn made(look: &Material) -> Value {
-    let mut material = Map::new();
+    let mut material = json!({});
     if !look.name.is_empty() {
-        material.insert("name".to_owned(), look.name.clone().into());
+        material["name"] = look.name.clone().into();
     }
-    let surface = json!({
+    material["pbrMetallicRoughness"] = json!({
         "baseColorFactor": look.base_color,
         "metallicFactor": look.metallic,
         "roughnessFactor": look.roughness,
     });
-    material.insert("pbrMetallicRoughness".to_owned(), surface);
     if look.emissive != [0.0; 3] {
-        material.insert("emissiveFactor".to_owned(), json!(look.emissive.map(|x| x.min(1.0))));
+        set_emission(&mut material, look.emissive);
     }
     match look.alpha {
         AlphaMode::Opaque => {}
         AlphaMode::Mask(cutoff) => {
-            material.insert("alphaMode".to_owned(), "MASK".into());
-            material.insert("alphaCutoff".to_owned(), cutoff.into());
+            material["alphaMode"] = "MASK".into();
+            material["alphaCutoff"] = cutoff.into();
         }
-        AlphaMode::Blend => {
-            material.insert("alphaMode".to_owned(), "BLEND".into());
-        }
+        AlphaMode::Blend => material["alphaMode"] = "BLEND".into(),
     }
     if look.double_sided {
-        material.insert("doubleSided".to_owned(), true.into());
+        material["doubleSided"] = true.into();
     }
     if look.unlit {
-        material.insert("extensions".to_owned(), json!({ UNLIT: {} }));
+        material["extensions"][UNLIT] = json!({});
     }
-    material.into()
+    material
+}
+
+/// Sets the emission of a material, by an extension where it is above 1.
+fn set_emission(material: &mut Value, emission: [f32; 3]) {
+    let strength = emission.into_iter().fold(1.0, f32::max);
+    material["emissiveFactor"] = json!(emission.map(|x| x / strength));
+    take_extension(material, STRENGTH);
+    if strength > 1.0 {
+        if !material["extensions"].is_object() {
+            material["extensions"] = json!({});
+        }
+        material["extensions"][STRENGTH] = json!({ "emissiveStrength": strength });
+    }
 }
 
 /// Puts a texture into a material, with the factors of `look`.
@@ -230,7 +242,7 @@ fn put_texture(material: &mut Value, slot: TextureSlot, texture: usize, look: &M
         TextureSlot::Occlusion => material["occlusionTexture"] = reference,
         TextureSlot::Emissive => {
             material["emissiveTexture"] = reference;
-            material["emissiveFactor"] = json!(look.emissive.map(|x| x.min(1.0)));
+            set_emission(material, look.emissive);
         }
     }
 }

@@ -1,0 +1,118 @@
+//! Maps in the materials of a glTF scene.
+
+use lodsmith::NoControl;
+use lodsmith_bake::{AtlasMode, BakeOptions, BakedScene, MapKind, bake_scene, set_materials};
+use lodsmith_core::Image;
+use lodsmith_core::model::Material;
+use lodsmith_io::gltf::Scene;
+use lodsmith_io::{ModelFile, ReadOptions};
+
+/// Returns a scene with a square for each material, side by side; each square covers its texture once.
+fn squares(materials: &[&str]) -> Scene {
+    let mut floats: Vec<f32> = vec![0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0];
+    for i in 0..materials.len() {
+        let x = 2.0 * i as f32;
+        floats.extend([[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x + 1.0, 1.0, 0.0], [x, 1.0, 0.0]].as_flattened());
+    }
+    let mut bin: Vec<u8> = floats.iter().flat_map(|x| x.to_le_bytes()).collect();
+    let corners_at = bin.len();
+    bin.extend([0u8, 1, 2, 0, 2, 3, 0, 0]);
+    let list = |of: &dyn Fn(usize) -> String| (0..materials.len()).map(of).collect::<Vec<_>>().join(",");
+    let places = list(&|i| {
+        let (offset, x) = (32 + 48 * i, 2 * i);
+        format!(
+            r#"{{"bufferView": 0, "byteOffset": {offset}, "componentType": 5126, "count": 4, "type": "VEC3",
+                "min": [{x}, 0, 0], "max": [{}, 1, 0]}}"#,
+            x + 1
+        )
+    });
+    let primitives = list(&|i| {
+        let place = i + 2;
+        format!(
+            r#"{{"attributes": {{"POSITION": {place}, "TEXCOORD_0": 0}}, "indices": 1, "material": {i}}}"#
+        )
+    });
+    let mut json = format!(
+        r#"{{"asset": {{"version": "2.0"}}, "scene": 0, "scenes": [{{"nodes": [0]}}], "nodes": [{{"mesh": 0}}],
+        "extensionsUsed": ["KHR_materials_emissive_strength", "KHR_materials_clearcoat"],
+        "meshes": [{{"primitives": [{primitives}]}}], "materials": [{}], "buffers": [{{"byteLength": {}}}],
+        "bufferViews": [
+            {{"buffer": 0, "byteLength": {corners_at}}}, {{"buffer": 0, "byteOffset": {corners_at}, "byteLength": 6}}
+        ],
+        "accessors": [
+            {{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC2"}},
+            {{"bufferView": 1, "componentType": 5121, "count": 6, "type": "SCALAR"}},
+            {places}
+        ]}}"#,
+        materials.join(","),
+        bin.len()
+    );
+    while json.len() % 4 != 0 {
+        json.push(' ');
+    }
+    let mut bytes = b"glTF\x02\0\0\0".to_vec();
+    let length = |n: usize| (n as u32).to_le_bytes();
+    bytes.extend(length(28 + json.len() + bin.len()));
+    for (kind, chunk) in [(b"JSON", json.as_bytes()), (b"BIN\0", &bin)] {
+        bytes.extend(length(chunk.len()));
+        bytes.extend(kind);
+        bytes.extend(chunk);
+    }
+    Scene::read(&bytes, &ReadOptions::default()).unwrap()
+}
+
+/// Bakes a scene onto itself, and returns what was baked, and the scene as it is read again after writing.
+fn baked(mut scene: Scene, maps: &[MapKind], atlas: AtlasMode) -> (BakedScene, ModelFile, String) {
+    let mut options = BakeOptions::new(maps.iter().copied());
+    (options.size, options.atlas) = (Some(32), atlas);
+    let model = ModelFile::from(scene.clone()).model;
+    let made = bake_scene(&model, &model, &mut scene, &options, false, &mut NoControl).unwrap();
+    set_materials(&mut scene, &made.materials);
+    scene.drop_unused_materials();
+    let mut bytes = Vec::new();
+    scene.write(&made.meshes, lodsmith_io::Format::Glb, &|_| None, &mut bytes).unwrap();
+    let json = String::from_utf8_lossy(&bytes[20..]).split('\0').next().unwrap_or_default().to_owned();
+    (made, ModelFile::from(Scene::read(&bytes, &ReadOptions::default()).unwrap()), json)
+}
+
+/// The light that the middle of a material emits.
+fn emission(material: &Material, images: &[std::sync::Arc<Image>]) -> [f32; 3] {
+    let texel = material.emissive_texture.map_or([255; 4], |t| {
+        let image = &images[t.image];
+        image.at(image.width() / 2, image.height() / 2)
+    });
+    [0, 1, 2].map(|k| material.emissive[k] * lodsmith_render::linear::of_byte(texel[k]))
+}
+
+#[test]
+fn emission_stays_as_strong_as_it_was() {
+    for (strength, atlas, map) in [
+        (4.0, AtlasMode::Keep, MapKind::Emissive),
+        (20.0, AtlasMode::Keep, MapKind::Emissive),
+        (20.0, AtlasMode::Keep, MapKind::Normal),
+        (0.5, AtlasMode::Keep, MapKind::Emissive),
+        (20.0, AtlasMode::New, MapKind::Emissive),
+        (20.0, AtlasMode::New, MapKind::Normal),
+    ] {
+        let material = format!(
+            r#"{{"emissiveFactor": [0.2, 0.1, 0],
+            "extensions": {{"KHR_materials_emissive_strength": {{"emissiveStrength": {strength}}}}}}}"#
+        );
+        let (_, file, json) = baked(squares(&[&material]), &[map], atlas);
+        let used = &file.model.materials[file.model.meshes[0].materials[0].unwrap()];
+        let found = emission(used, &file.model.images);
+        let wanted = [0.2 * strength, 0.1 * strength, 0.0f32];
+        let differs = |k: usize| (found[k] - wanted[k]).abs() > 0.01 * strength;
+        assert!(!(0..3).any(differs), "{found:?} for {wanted:?}: {strength} {atlas:?} {map:?}");
+        let lists = json.matches("KHR_materials_emissive_strength").count();
+        assert!(lists == 0 || lists == 2, "the material has it, and the file names it: {json}");
+    }
+}
+
+#[test]
+fn the_maps_of_each_material_have_files_of_their_own() {
+    let scene = squares(&["{}", "{}", r#"{"name": "Mat.1"}"#, r#"{"name": "mat 1"}"#]);
+    let (made, ..) = baked(scene, &[MapKind::Height], AtlasMode::Keep);
+    let names: Vec<&str> = made.files.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["_height.png", "_2_height.png", "_Mat_1_height.png", "_mat_1_4_height.png"]);
+}
