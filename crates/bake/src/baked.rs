@@ -6,6 +6,7 @@ use std::sync::mpsc;
 
 use glam::Vec4;
 use lodsmith::{Control, Verdict};
+use lodsmith_core::memory;
 use lodsmith_core::mesh::normals::vertex_normals;
 use lodsmith_core::model::Material;
 use lodsmith_core::{Model, Semantic, TriMesh};
@@ -71,7 +72,7 @@ pub struct BakedSet {
 /// Tangents follow MikkTSpace, whose author is Morten S. Mikkelsen.
 ///
 /// # Errors
-/// [`BakeError::Empty`], [`BakeError::Option`], [`BakeError::Atlas`]; [`BakeError::Cancelled`] if the control asks for
+/// [`BakeError::Empty`], [`BakeError::Option`], [`BakeError::Memory`], [`BakeError::Atlas`]; [`BakeError::Cancelled`] if the control asks for
 /// the end: there is no partial result.
 pub fn bake(
     detailed: &Model,
@@ -80,6 +81,7 @@ pub fn bake(
     control: &mut dyn Control,
 ) -> Result<Baked, BakeError> {
     check(options)?;
+    memory::check("baking", memory_need(detailed, lighter, &[]), options.memory)?;
     let taken = |of_lighter: bool| match (options.is_same_model, of_lighter) {
         (true, _) => Taken::FirstInMeshCoordinates,
         (false, true) => Taken::First,
@@ -106,6 +108,7 @@ pub fn bake(
         set.size = options.size.unwrap_or_else(chosen);
         set.maps = sets::maps_of(set, lighter, options);
     }
+    memory::check("baking", memory_need(detailed, lighter, &sets), options.memory)?;
     let uvs = watched(control, 0.05, |proceed| sets::all_uvs(&before, &sets, proceed))?;
     proceed(control, 0.1)?;
     let (meshes, set_of_region) = finished_meshes(&smooth, &before, &sets, &uvs);
@@ -152,13 +155,26 @@ fn check(options: &BakeOptions) -> Result<(), BakeError> {
         let (low, high) = BakeOptions::SIZES.into_inner();
         return fault("size", format!("must be from {low} to {high} texels"));
     }
-    if options.rays == 0 {
-        return fault("rays", "must be at least 1".to_owned());
+    if !BakeOptions::RAYS.contains(&options.rays) {
+        let (low, high) = BakeOptions::RAYS.into_inner();
+        return fault("rays", format!("must be from {low} to {high}"));
     }
     if options.occlusion_distance.is_some_and(|d| !(d > 0.0 && d.is_finite())) {
         return fault("occlusion distance", "must be above 0".to_owned());
     }
     Ok(())
+}
+
+/// Returns the memory that a bake takes: the program, two trees, the textures of the detailed model with their smaller
+/// copies, the texels in work of the largest set, and the maps of all sets with their PNGs.
+fn memory_need(detailed: &Model, lighter: &Model, sets: &[FaceSet]) -> u64 {
+    let faces = |model: &Model| model.meshes.iter().map(|m| m.mesh.face_count() as u64).sum::<u64>();
+    let pixels: u64 = detailed.images.iter().map(|i| (i.width() * i.height()) as u64).sum();
+    let texels = |set: &FaceSet| (set.size * set.size) as u64;
+    let in_work = |set: &FaceSet| texels(set) * (16 * set.maps.len() as u64 + 32);
+    let finished = |set: &FaceSet| texels(set) * 8 * set.maps.len() as u64;
+    let of_sets = sets.iter().map(in_work).max().unwrap_or(0) + sets.iter().map(finished).sum::<u64>();
+    (8 << 20) + 500 * (faces(detailed) + faces(lighter)) + 12 * pixels + of_sets
 }
 
 fn proceed(control: &mut dyn Control, done: f64) -> Result<(), BakeError> {

@@ -1,5 +1,7 @@
 //! Errors of baking.
 
+use lodsmith_core::memory::TooMuchMemory;
+
 /// Reasons why a bake has no result.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -18,6 +20,9 @@ pub enum BakeError {
         /// The problem, and what to do.
         problem: String,
     },
+    /// It needs more memory than allowed.
+    #[error(transparent)]
+    Memory(#[from] TooMuchMemory),
     /// The surface could not be unwrapped into one atlas.
     #[error("no atlas of {size} x {size} texels: {problem}")]
     Atlas {

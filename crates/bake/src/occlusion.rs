@@ -8,8 +8,8 @@ use crate::occluders::Occluders;
 
 /// Number of sets of directions; each texel takes one, and turns it.
 const SETS: usize = 64;
-/// The start of a ray is lifted off the surface by this part of the diagonal. (Guessed: far above the rounding errors
-/// of double precision, far below any detail.)
+/// The start of a ray is lifted off the surface by this part of the diagonal. (Guessed: some sixteen rounding errors of
+/// the tree, which has single precision, and far below any detail.)
 const LIFT: f64 = 1e-6;
 
 /// Directions of rays.

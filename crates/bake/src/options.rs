@@ -106,7 +106,7 @@ pub struct BakeOptions {
     pub atlas: AtlasMode,
     /// Width and height of the maps in texels; `None` chooses a power of two by the detail of the source.
     pub size: Option<usize>,
-    /// Rays per texel for [`MapKind::Occlusion`].
+    /// Rays per texel for [`MapKind::Occlusion`], within [`BakeOptions::RAYS`].
     pub rays: usize,
     /// Faces farther than this do not occlude; in units of the model. `None` has no limit.
     pub occlusion_distance: Option<f64>,
@@ -115,11 +115,15 @@ pub struct BakeOptions {
     /// True if the lighter model was made from the detailed one: their meshes, materials and coordinates are the
     /// same, in the same order.
     pub is_same_model: bool,
+    /// Bytes of memory that the process may take; a bake that needs more is refused before it begins.
+    pub memory: u64,
 }
 
 impl BakeOptions {
     /// The sizes that [`BakeOptions::size`] may have.
     pub const SIZES: std::ops::RangeInclusive<usize> = 16..=16384;
+    /// The numbers of rays that [`BakeOptions::rays`] may have.
+    pub const RAYS: std::ops::RangeInclusive<usize> = 1..=65536;
 
     /// Makes the default options for some maps.
     pub fn new(maps: impl IntoIterator<Item = MapKind>) -> Self {
@@ -134,6 +138,7 @@ impl BakeOptions {
             occlusion_distance: None,
             seed: 0,
             is_same_model: false,
+            memory: u64::MAX,
         }
     }
 }

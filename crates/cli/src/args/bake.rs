@@ -4,6 +4,7 @@ use clap::Args;
 use lodsmith_bake::{AtlasMode, BakeOptions, MapKind};
 
 use super::{Reading, Run, Writing, choice, values};
+use crate::memory;
 use crate::paths::{Sink, Source};
 
 const AFTER: &str = "\
@@ -62,14 +63,14 @@ pub(crate) struct BakeCommandArgs {
 #[command(next_help_heading = "Baking")]
 pub(crate) struct TextureArgs {
     /// Width and height of the maps, in texels [default: by the detail of the source, 256 to 4096]
-    #[arg(long, value_name = "N", value_parser = values::count)]
+    #[arg(long, value_name = "N", value_parser = values::texture_size)]
     pub(crate) texture_size: Option<usize>,
     /// Texture coordinates: keep those that do not overlap, or make a new atlas with one material
     #[arg(long, value_name = "ATLAS", default_value = AtlasMode::Keep.name(),
           value_parser = choice(AtlasMode::ALL, AtlasMode::name))]
     pub(crate) atlas: AtlasMode,
     /// Rays per texel for ambient occlusion
-    #[arg(long, value_name = "N", value_parser = values::count, default_value_t = BakeOptions::new([]).rays)]
+    #[arg(long, value_name = "N", value_parser = values::rays, default_value_t = BakeOptions::new([]).rays)]
     pub(crate) ao_rays: usize,
     /// Ignore faces farther than D for ambient occlusion, in units of the model [default: no limit]
     #[arg(long, value_name = "D", value_parser = values::above_zero)]
@@ -114,6 +115,7 @@ impl TextureArgs {
         options.atlas = self.atlas;
         options.rays = self.ao_rays;
         options.occlusion_distance = self.ao_distance;
+        options.memory = memory::limits().memory;
         options
     }
 }

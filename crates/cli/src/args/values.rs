@@ -1,10 +1,12 @@
 //! Parsers of argument values, with their permitted ranges.
 
 use std::fmt;
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use lodsmith::Length;
+use lodsmith_bake::BakeOptions;
 use lodsmith_io::Format;
 
 /// A length as typed: `0.5` in the units of the file, `0.1%` of the diagonal.
@@ -190,6 +192,16 @@ pub(crate) fn count(text: &str) -> Result<usize, String> {
     at_least(text, 1)
 }
 
+/// Parses the width and height of baked maps, in texels.
+pub(crate) fn texture_size(text: &str) -> Result<usize, String> {
+    within(text, BakeOptions::SIZES)
+}
+
+/// Parses a number of rays per texel.
+pub(crate) fn rays(text: &str) -> Result<usize, String> {
+    within(text, BakeOptions::RAYS)
+}
+
 /// Parses the number of frames of a turn: one is no turn, and an hour at 30 frames per second is enough.
 pub(crate) fn frames(text: &str) -> Result<usize, String> {
     at_least(text, 2).and_then(|n| if n <= 108_000 { Ok(n) } else { Err("at most 108000".to_owned()) })
@@ -225,6 +237,14 @@ fn at_least(text: &str, least: usize) -> Result<usize, String> {
         Err(_) => Err("it is not a whole number".to_owned()),
         Ok(n) if n >= least => Ok(n),
         Ok(_) => Err(format!("it must be at least {least}")),
+    }
+}
+
+fn within(text: &str, range: RangeInclusive<usize>) -> Result<usize, String> {
+    match text.parse::<usize>() {
+        Err(_) => Err("it is not a whole number".to_owned()),
+        Ok(n) if range.contains(&n) => Ok(n),
+        Ok(_) => Err(format!("it must be from {} to {}", range.start(), range.end())),
     }
 }
 
