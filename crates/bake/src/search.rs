@@ -15,6 +15,23 @@ pub(crate) struct Sample {
     pub(crate) weights: [f64; 3],
 }
 
+impl Sample {
+    fn is_inside(&self) -> bool {
+        self.weights.iter().all(|&w| w >= 0.0)
+    }
+}
+
+/// Returns the reach of the cage at a sample: inwards, and outwards.
+fn reach(sample: &Sample, cages: &[Cage; 3]) -> [f64; 2] {
+    let (mut outwards, mut inwards) = (0.0, 0.0);
+    for (cage, weight) in cages.iter().zip(sample.weights) {
+        let weight = weight.clamp(0.0, 1.0);
+        outwards += cage.outwards * weight;
+        inwards += cage.inwards * weight;
+    }
+    [inwards, outwards]
+}
+
 /// Counts of the ways in which source points were found, for the report.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Found {
@@ -58,8 +75,7 @@ impl Search<'_> {
         let cages = &self.link.cages[sample.face];
         let [a, b, c] = cages;
         let direction = blend([a.direction, b.direction, c.direction]).normalize_or(a.direction);
-        let is_inside = weights.iter().all(|&w| w >= 0.0);
-        if let Some(same) = self.link.same_faces[sample.face].filter(|_| is_inside) {
+        if let Some(same) = self.link.same_faces[sample.face].filter(|_| sample.is_inside()) {
             let at = |k: usize| (0..3).map(|c| weights[c] * same.weights[c][k]).sum::<f64>().max(0.0);
             let mut at = SourcePoint { face: same.face, weights: [at(0), at(1), at(2)], height: 0.0 };
             at.height = (self.source.point(&at) - point).dot(direction);
@@ -81,12 +97,7 @@ impl Search<'_> {
         cages: &[Cage; 3],
         crossings: &mut Vec<Crossing>,
     ) -> Option<SourcePoint> {
-        let (mut outwards, mut inwards) = (0.0, 0.0);
-        for (cage, weight) in cages.iter().zip(sample.weights) {
-            let weight = weight.clamp(0.0, 1.0);
-            outwards += cage.outwards * weight;
-            inwards += cage.inwards * weight;
-        }
+        let [inwards, outwards] = reach(sample, cages);
         let (from, to) = (point - direction * inwards, point + direction * outwards);
         crossings.clear();
         self.source.tree.crossings(from.to_array(), to.to_array(), |c| {
@@ -141,7 +152,12 @@ impl Search<'_> {
         let corners = self.source.flat.corners(hit.face.index());
         let there = DVec3::from(hit.point);
         let weights = lodsmith_core::geometry::triangle::weights_at(there, corners);
-        let height = (there - point).dot(direction);
+        let mut height = (there - point).dot(direction);
+        if !sample.is_inside() {
+            // A face that is narrow in the map goes on far beyond the surface within a texel.
+            let [inwards, outwards] = reach(sample, cages);
+            height = height.max(-inwards).min(outwards);
+        }
         Some(SourcePoint { face: hit.face.index(), weights, height })
     }
 }

@@ -143,3 +143,37 @@ fn strange_models_end_with_a_result_or_an_error() {
         let _ = bake(&far(scale), &far(scale), &options, &mut NoControl);
     }
 }
+
+#[test]
+fn a_face_that_is_narrow_in_the_map_leaves_the_heights_of_the_others() {
+    // A square with one half folded up. In the map that half is a needle, which goes on far beyond the surface within
+    // a texel.
+    let corners = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 1.0]];
+    let faces = [[0, 1, 2], [0, 2, 3]].map(|t| t.map(VertexId::new));
+    let mut mesh = TriMesh::new(Positions::F64(corners), faces.to_vec()).unwrap();
+    mesh.set_uvs(Some(vec![[0.1, 0.1], [0.9, 0.1], [0.9, 0.9], [0.5 - 1e-5, 0.5 + 1e-5]])).unwrap();
+    let model = Model::of_mesh(mesh);
+    let mut options = BakeOptions::new([MapKind::Height]);
+    options.size = Some(64);
+    let baked = bake(&model, &model, &options, &mut NoControl).unwrap();
+    assert!(!baked.sets[0].is_new_atlas);
+    let range = baked.sets[0].maps[0].range.unwrap();
+    assert!(range < 0.01, "the surfaces are the same: {range}");
+}
+
+#[test]
+fn options_out_of_range_and_bakes_above_the_memory_limit_are_refused() {
+    let model =
+        Model::of_mesh(mesh_of(&[Sheet { n: 2, height: 0.0, waves: 0.0, faces_up: true, color: RED }]));
+    let refused = |change: &dyn Fn(&mut BakeOptions)| {
+        let mut options = BakeOptions::new([MapKind::Occlusion]);
+        options.size = Some(512);
+        change(&mut options);
+        bake(&model, &model, &options, &mut NoControl).expect_err("it is refused").to_string()
+    };
+    assert_eq!(refused(&|o| o.rays = 10_000_000_000_000), "rays: must be from 1 to 65536");
+    assert_eq!(refused(&|o| o.rays = 0), "rays: must be from 1 to 65536");
+    assert_eq!(refused(&|o| o.size = Some(20_000)), "size: must be from 16 to 16384 texels");
+    let too_much = refused(&|o| o.memory = 20 << 20);
+    assert!(too_much.contains("baking would take about 22.") && too_much.contains("20.00 MiB"), "{too_much}");
+}
