@@ -52,6 +52,8 @@ pub struct BakedSet {
     pub name: String,
     /// The material of the lighter model that gets the maps; `None` if `look` is a new one.
     pub material: Option<usize>,
+    /// Materials of the lighter model that a new one replaces.
+    pub replaced: Vec<usize>,
     /// The material, without textures. Factors are those that belong to the baked maps.
     pub look: Material,
     /// Width and height of the maps, in texels.
@@ -109,7 +111,11 @@ pub fn bake(
         set.maps = sets::maps_of(set, lighter, options);
     }
     memory::check("baking", memory_need(detailed, lighter, &sets), options.memory)?;
-    let uvs = watched(control, 0.05, |proceed| sets::all_uvs(&before, &sets, proceed))?;
+    let uvs = if sets.iter().any(|set| set.is_new) {
+        watched(control, 0.05, |proceed| sets::all_uvs(&before, &sets, proceed))?
+    } else {
+        sets::all_uvs(&before, &sets, &|| true)?
+    };
     proceed(control, 0.1)?;
     let (meshes, set_of_region) = finished_meshes(&smooth, &before, &sets, &uvs);
     let made =
@@ -314,5 +320,7 @@ fn baked_set(set: &FaceSet, maps: Vec<BakedMap>, model: &Model) -> BakedSet {
         }
     }
     let (size, is_new_atlas) = (set.size, set.is_new);
-    BakedSet { name: set.name.clone(), material: set.material, look, size, is_new_atlas, maps }
+    let of_model = set.materials.iter().map(|m| *m as usize).filter(|m| *m < model.materials.len());
+    let replaced = if is_new_atlas { of_model.collect() } else { Vec::new() };
+    BakedSet { name: set.name.clone(), material: set.material, replaced, look, size, is_new_atlas, maps }
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use lodsmith::Control;
 use lodsmith_core::{Model, TriMesh};
+use lodsmith_io::Warning;
 use lodsmith_io::gltf::{NewMaterial, Scene, SlotImage, TextureSlot};
 
 use crate::baked::{Baked, BakedSet, bake};
@@ -26,8 +27,8 @@ pub struct BakedScene {
     pub sets: Vec<BakedSet>,
     /// Counts of the ways in which sources were found.
     pub found: Found,
-    /// Notes for the user: coordinates that could not be used, and models that lie in different places.
-    pub notes: Vec<String>,
+    /// Coordinates that could not be used, models that lie in different places, and data of materials that are lost.
+    pub warnings: Vec<Warning>,
 }
 
 /// Share of samples without a counterpart from which on a note is due. (Guessed.)
@@ -49,23 +50,31 @@ pub fn bake_scene(
     all_files: bool,
     control: &mut dyn Control,
 ) -> Result<BakedScene, BakeError> {
-    let Baked { meshes, set_of_region, sets, found, mut notes } = bake(detailed, lighter, options, control)?;
+    let Baked { meshes, set_of_region, sets, found, notes } = bake(detailed, lighter, options, control)?;
+    let mut warnings: Vec<Warning> = notes.into_iter().map(Warning::note).collect();
     let mut numbers = Vec::with_capacity(sets.len());
     let mut files = Vec::new();
     for (set, own) in sets.iter().zip(name_parts(&sets)) {
         let material = material_of(set, all_files, &own, &mut files)?;
+        let lost = scene.further_extensions(&set.replaced);
+        if !lost.is_empty() {
+            warnings.push(Warning::lost(format!(
+                "the material of the new atlas lacks extensions of those that it replaces: {}",
+                lost.join(", ")
+            )));
+        }
         numbers.push(scene.add_material(&material));
     }
     let materials = set_of_region.iter().map(|all| all.iter().map(|s| numbers[*s]).collect()).collect();
     let total = found.by_correspondence + found.by_ray + found.by_distance + found.elsewhere;
     let astray = found.elsewhere as f64 / total.max(1) as f64;
     if astray > MAX_ASTRAY {
-        notes.push(format!(
+        warnings.push(Warning::note(format!(
             "{:.0} % of the texels have no counterpart within reach: do both models lie in the same place?",
             100.0 * astray
-        ));
+        )));
     }
-    Ok(BakedScene { meshes, materials, files, sets, found, notes })
+    Ok(BakedScene { meshes, materials, files, sets, found, warnings })
 }
 
 /// Lets the meshes of a scene use their baked materials.

@@ -12,7 +12,8 @@ fn squares(materials: &[&str]) -> Scene {
     let mut floats: Vec<f32> = vec![0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0];
     for i in 0..materials.len() {
         let x = 2.0 * i as f32;
-        floats.extend([[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x + 1.0, 1.0, 0.0], [x, 1.0, 0.0]].as_flattened());
+        floats
+            .extend([[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x + 1.0, 1.0, 0.0], [x, 1.0, 0.0]].as_flattened());
     }
     let mut bin: Vec<u8> = floats.iter().flat_map(|x| x.to_le_bytes()).collect();
     let corners_at = bin.len();
@@ -115,4 +116,29 @@ fn the_maps_of_each_material_have_files_of_their_own() {
     let (made, ..) = baked(scene, &[MapKind::Height], AtlasMode::Keep);
     let names: Vec<&str> = made.files.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(names, ["_height.png", "_2_height.png", "_Mat_1_height.png", "_mat_1_4_height.png"]);
+}
+
+#[test]
+fn the_maps_of_all_materials_count_as_memory() {
+    let needs = |count: usize| {
+        let mut scene = squares(&vec!["{}"; count]);
+        let model = ModelFile::from(scene.clone()).model;
+        let mut options = BakeOptions::new([MapKind::Normal]);
+        (options.size, options.memory) = (Some(512), 25 << 20);
+        bake_scene(&model, &model, &mut scene, &options, false, &mut NoControl).is_err()
+    };
+    assert!(!needs(1) && needs(4));
+}
+
+#[test]
+fn extensions_that_a_new_atlas_drops_are_named() {
+    let coated =
+        r#"{"extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1}, "KHR_materials_unlit": {}}}"#;
+    let lost = |atlas| {
+        let (made, ..) = baked(squares(&["{}", coated]), &[MapKind::Normal], atlas);
+        made.warnings.into_iter().filter(|w| w.data_lost).map(|w| w.text).collect::<Vec<_>>()
+    };
+    assert_eq!(lost(AtlasMode::Keep), [""; 0]);
+    let [text] = &lost(AtlasMode::New)[..] else { panic!("one warning") };
+    assert!(text.ends_with(": KHR_materials_clearcoat"), "{text}");
 }

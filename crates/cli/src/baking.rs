@@ -1,18 +1,20 @@
 //! Baking by the command: maps from a detailed scene into the materials of a lighter one.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::anyhow;
 use lodsmith::Control;
 use lodsmith::core::{Model, Semantic, TriMesh};
-use lodsmith_bake::{BakeError, BakeOptions, BakedSet, MapKind};
+use lodsmith_bake::{BakeError, BakeOptions, BakedMap, BakedSet, MapKind};
 use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, ModelFile, ReadOptions, Warning};
 use serde_json::{Value, json};
 
 use crate::args::{BakeArgs, TextureArgs, Writing};
 use crate::file::{self, Destination};
+use crate::numbers::short;
 use crate::paths::Sink;
 use crate::sizes::WriteOutcome;
 use crate::status::{Interrupted, usage};
@@ -47,7 +49,6 @@ pub(crate) fn bake_scene(
     texture: &TextureArgs,
     control: &mut dyn Control,
 ) -> anyhow::Result<BakedScene> {
-    check_memory(high, low, options)?;
     let baked = match lodsmith_bake::bake_scene(high, low, scene, options, texture.map_files, control) {
         Err(BakeError::Cancelled) if exit::interrupted() => return Err(Interrupted.into()),
         Err(BakeError::Cancelled) => {
@@ -67,7 +68,7 @@ pub(crate) fn bake_scene(
     });
     let (is_new_atlas, summary) = (sets.iter().any(|s| s.is_new_atlas), summary(sets));
     Ok(BakedScene {
-        warnings: baked.notes.into_iter().map(Warning::note).collect(),
+        warnings: baked.warnings,
         replaced: baked.meshes,
         materials: baked.materials,
         files: baked.files,
@@ -84,12 +85,17 @@ fn set_json(set: &BakedSet) -> Value {
         "size": set.size,
         "atlas": if set.is_new_atlas { "new" } else { "keep" },
         "maps": set.maps.iter().map(|m| m.kind.name()).collect::<Vec<_>>(),
+        "ranges": set.maps.iter().filter_map(|m| Some((m.kind.name(), m.range?))).collect::<BTreeMap<_, _>>(),
     })
 }
 
 fn summary(sets: &[BakedSet]) -> String {
     let one = |set: &BakedSet| {
-        let kinds: Vec<&str> = set.maps.iter().map(|m| m.kind.name()).collect();
+        let named = |map: &BakedMap| match map.range {
+            Some(range) => format!("{} up to {}", map.kind.name(), short(range)),
+            None => map.kind.name().to_owned(),
+        };
+        let kinds: Vec<String> = set.maps.iter().map(named).collect();
         format!("{} at {}²", kinds.join(", "), set.size)
     };
     match sets {
@@ -99,18 +105,6 @@ fn summary(sets: &[BakedSet]) -> String {
             format!("{count} maps of {} materials", sets.len())
         }
     }
-}
-
-/// Refuses a bake that needs more memory than there is: values of four floats per texel of each map, two trees and the
-/// textures with their smaller copies.
-fn check_memory(high: &Model, low: &Model, options: &BakeOptions) -> anyhow::Result<()> {
-    let faces = |model: &Model| model.meshes.iter().map(|m| m.mesh.face_count() as u64).sum::<u64>();
-    let pixels: u64 = high.images.iter().map(|i| (i.width() * i.height()) as u64).sum();
-    // (A chosen size is at most 4096.)
-    let size = options.size.unwrap_or(4096) as u64;
-    let texels = size.saturating_mul(size).saturating_mul(24 * options.maps.len() as u64 + 32);
-    let need = texels.saturating_add((faces(high) + faces(low)) * 500).saturating_add(pixels * 12);
-    memory::check("baking", need)
 }
 
 /// Writes the maps that are files beside the output, with `mark` in their names.

@@ -41,6 +41,8 @@ fn a_mesh_without_coordinates_gets_an_atlas_and_its_material_the_maps() {
     let report = desk.run(words).with_status(0).objects().remove(0);
     assert_eq!(report["baked"]["sets"][0]["size"], 256);
     assert_eq!(report["baked"]["sources"]["elsewhere"], 0, "{report}");
+    let height = report["baked"]["sets"][0]["ranges"]["height"].as_f64().expect("white has a height");
+    assert!(height > 0.001 && height < 0.2, "hills of 0.1: {height}");
     assert_eq!(desk.names("."), ["high.ply", "low.ply", "out.glb", "out_height.png"]);
 
     let file = read_model_path(&desk.path("out.glb"), &ReadOptions::default()).unwrap();
@@ -135,6 +137,26 @@ fn levels_share_the_maps_of_the_finest_or_have_their_own() {
 }
 
 #[test]
+fn what_a_new_atlas_drops_counts_as_lost() {
+    let desk = CliSandbox::new();
+    let wave = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/wave.glb");
+    fs::copy(wave, desk.path("wave.glb")).unwrap();
+    desk.run("convert wave.glb wave.gltf").with_status(0);
+    let text = fs::read_to_string(desk.path("wave.gltf")).unwrap();
+    let mut json: serde_json::Value = serde_json::from_str(&text).unwrap();
+    json["extensionsUsed"] = serde_json::json!(["KHR_materials_clearcoat"]);
+    json["materials"] =
+        serde_json::json!([{"extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1}}}]);
+    json["meshes"][0]["primitives"][0]["material"] = 0.into();
+    desk.put("coated.gltf", &json.to_string());
+    let words =
+        "simplify coated.gltf -o out.glb --ratio 0.5 --bake normal --texture-size 32 --strict --force";
+    desk.run(words).with_status(0);
+    let ran = desk.run(&format!("{words} --atlas new")).with_status(3);
+    assert!(ran.stderr.contains("KHR_materials_clearcoat"), "{}", ran.stderr);
+}
+
+#[test]
 fn a_run_bakes_what_it_loses_and_nothing_counts_as_lost() {
     let desk = CliSandbox::new();
     desk.put("high.ply", &coloured_hills(24));
@@ -161,12 +183,21 @@ fn mistakes_end_with_one_line() {
     for (words, status, hint) in [
         ("bake a.ply a.ply -o -", 2, "--to"),
         ("bake a.ply a.ply -o - --to glb --maps height", 2, "height"),
-        ("bake a.ply a.ply -o b.glb --texture-size 4", 1, "16"),
+        ("bake a.ply a.ply -o b.glb --texture-size 1024 --max-memory 64M", 1, "baking would take about"),
         ("bake a.ply none.ply -o b.glb", 1, "none.ply"),
         ("bake a.ply a.ply -o a.ply", 2, "--force"),
         ("bake a.ply a.ply -o b.glb --up z", 2, "convert"),
     ] {
         let ran = desk.run(words).with_status(status).with_one_error();
+        assert!(ran.stderr.contains(hint), "{words}: {}", ran.stderr);
+    }
+    // They are known before anything is read.
+    for (words, hint) in [
+        ("bake a.ply none.ply -o b.glb --texture-size 4", "from 16 to 16384"),
+        ("bake a.ply none.ply -o b.glb --texture-size 20000", "--texture-size"),
+        ("simplify a.ply -o b.glb --ratio 0.5 --bake ao --ao-rays 10000000000000", "from 1 to 65536"),
+    ] {
+        let ran = desk.run(words).with_status(2);
         assert!(ran.stderr.contains(hint), "{words}: {}", ran.stderr);
     }
     assert_eq!(desk.names("."), ["a.ply"]);

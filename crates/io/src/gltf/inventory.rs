@@ -20,7 +20,7 @@ const NAMES: [(&str, &str); 6] = [
 ];
 
 /// Ends of the names of extensions that [`Model`](lodsmith_core::Model) has.
-const MATERIALS_OF_MODELS: [&str; 3] = ["unlit", "emissive_strength", "pbrSpecularGlossiness"];
+pub(super) const MATERIALS_OF_MODELS: [&str; 3] = ["unlit", "emissive_strength", "pbrSpecularGlossiness"];
 
 /// The part of a file that is kept, which is what the warnings leave out.
 #[derive(Clone, Copy, PartialEq, Eq)]

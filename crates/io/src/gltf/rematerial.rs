@@ -1,6 +1,6 @@
 //! Materials of a scene, replaced by others with images of their own.
 
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
 use std::sync::Arc;
 
 use lodsmith_core::model::{AlphaMode, Material};
@@ -8,8 +8,10 @@ use serde_json::{Value, json};
 
 use super::Scene;
 use super::container::{list, list_mut, number};
+use super::inventory::MATERIALS_OF_MODELS;
 use super::lists::{add_extension, append, drop_unused_extensions, renumber, retain, take_extension};
 use super::references::each_reference;
+use crate::excerpt::excerpt;
 
 /// A texture of a material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,6 +84,18 @@ impl Scene {
             add_extension(&mut self.json, "extensionsUsed", STRENGTH);
         }
         append(&mut self.json, "materials", material)
+    }
+
+    /// Returns the names of the extensions of some materials that a [`Material`] does not hold, in alphabetical order.
+    pub fn further_extensions(&self, materials: &[usize]) -> Vec<String> {
+        let all = list(&self.json, "materials");
+        let extensions = materials.iter().filter_map(|m| all.get(*m)?["extensions"].as_object());
+        let is_further = |name: &&String| {
+            let kind = name.strip_prefix("KHR_materials_");
+            !kind.is_some_and(|kind| MATERIALS_OF_MODELS.contains(&kind))
+        };
+        let names: BTreeSet<&String> = extensions.flat_map(|e| e.keys()).filter(is_further).collect();
+        names.into_iter().take(16).map(|name| excerpt(name)).collect()
     }
 
     /// Sets the material of all primitives of a mesh with triangles or, with `primitive`, of one.

@@ -63,17 +63,18 @@ pub(crate) fn bake_result(
     let mut meshes = lighter_meshes(&scene, Some(lighter));
     let low = model_with(original.model(), &meshes);
     let baked = bake_scene(original.model(), &low, &mut scene, &settings.options(), false, control);
-    let BakedScene { meshes: made, materials, sets, notes, .. } = baked.map_err(|why| match why {
-        BakeError::Cancelled => BakeFailure::Cancelled,
-        why => BakeFailure::Error(why.to_string()),
-    })?;
+    let BakedScene { meshes: made, materials, sets, warnings: of_bake, .. } =
+        baked.map_err(|why| match why {
+            BakeError::Cancelled => BakeFailure::Cancelled,
+            why => BakeFailure::Error(why.to_string()),
+        })?;
     for (mesh, made) in meshes.iter_mut().zip(made) {
         *mesh = made.or_else(|| mesh.take());
     }
     set_materials(&mut scene, &materials);
     scene.drop_unused_materials();
     let mut warnings: Vec<String> = embed(&mut scene).iter().map(ToString::to_string).collect();
-    warnings.extend(notes);
+    warnings.extend(of_bake.iter().map(ToString::to_string));
     let mut bytes = Vec::new();
     lodsmith_io::write_scene_to(&scene, &meshes, Format::Glb, &|_| None, &mut bytes).map_err(failure)?;
     let mut file = ModelFile::from(Scene::read(&bytes, &ReadOptions::default()).map_err(failure)?);
