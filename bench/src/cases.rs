@@ -154,7 +154,7 @@ mod tests {
         assert_eq!(stem(Path::new("a/horse1.5m.ply")), "horse1.5m");
         assert_eq!(stem(Path::new("dragon.ply.gz")), "dragon");
         assert!(
-            is_model(Path::new("a.PLY.gz")) && !is_model(Path::new("a.fbx")) && !is_model(Path::new("ply"))
+            is_model(Path::new("a.PLY.gz")) && !is_model(Path::new("a.blend")) && !is_model(Path::new("ply"))
         );
     }
 
