@@ -215,7 +215,8 @@ fn check(command: &Path, file: &Path, limits: Limits, row: &mut CorpusRow) -> Re
         // The format of the input, if it holds everything in one file.
         let ending = ending(file);
         let ending = if SUPPORTED_EXTENSIONS.contains(&&*ending) {
-            ending.replace("gltf", "glb")
+            // COLLADA is only read.
+            ending.replace("gltf", "glb").replace("dae", "glb")
         } else {
             "ply".into()
         };
