@@ -30,7 +30,7 @@ use crate::difference::{DifferencePicture, DifferenceView, SharedSides};
 use crate::export::Export;
 use crate::flaws::Flaws;
 use crate::gpu::Context;
-use crate::job::{JobKind, Message, Progress};
+use crate::job::{Failure, JobKind, Message, Progress};
 use crate::log::Log;
 use crate::numbers::{grouped, seconds};
 use crate::option_words::Simplification;
@@ -42,7 +42,7 @@ use crate::target_scale::OriginalSize;
 use crate::up_axis::UpAxis;
 
 pub use engine::Engine;
-use jobs::{Failure, Job, Measured, Outcome};
+use jobs::{Job, Measured, Outcome};
 use page_queue::PageQueue;
 use queue::JobQueue;
 pub use stage::StageLevel;

@@ -8,7 +8,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, SystemTime};
 
-use lodsmith::{Control, Stage, Verdict};
+use lodsmith::{Control, SimplifyError, Stage, Verdict};
 use web_time::Instant;
 
 /// Kind of a job. A new job replaces an older one of the same kind that waits or runs.
@@ -144,6 +144,24 @@ pub struct Progress {
     pub done: f32,
     /// Name of the stage, or empty.
     pub stage: &'static str,
+}
+
+/// The reason for a run without a result.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub(crate) enum Failure {
+    /// It was cancelled.
+    Cancelled,
+    /// An error.
+    Error(String),
+}
+
+impl From<SimplifyError> for Failure {
+    fn from(why: SimplifyError) -> Self {
+        match why {
+            SimplifyError::Cancelled => Self::Cancelled,
+            why => Self::Error(why.to_string()),
+        }
+    }
 }
 
 struct Shared {

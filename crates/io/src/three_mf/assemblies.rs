@@ -39,7 +39,7 @@ pub(super) struct Assembly {
     pub(super) components: Vec<ObjectPlace>,
 }
 
-/// What a file places.
+/// Objects of a file and their places.
 #[derive(Debug)]
 pub(super) struct Assemblies {
     pub(super) unit: Unit,

@@ -35,7 +35,7 @@ pub(super) struct Picture {
     pub(super) bytes: Vec<u8>,
 }
 
-/// What tells textures apart: the image with its wrapping and filter, then the coordinates with their transform.
+/// Identity of a texture: the image with its wrapping and filter, then the coordinates with their transform.
 pub(super) type TextureKey = ((usize, [u8; 3]), (u8, [u32; 6]));
 
 /// Returns the key of a texture.

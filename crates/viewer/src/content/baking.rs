@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use lodsmith::{Control, SimplifyError};
+use lodsmith::Control;
 use lodsmith_bake::{BakeError, BakedScene, BakedSet, Texels, bake_scene, model_with, set_materials};
 use lodsmith_core::model::{Pose, Transform};
 use lodsmith_core::{Image, Model, Positions, TriMesh};
@@ -16,23 +16,7 @@ use super::{Lighter, Original};
 use crate::bake_settings::BakeSettings;
 use crate::baked::{BakedMaps, NamedMap};
 use crate::export::{embed, lighter_meshes};
-
-/// The reason for a bake without a result.
-pub(crate) enum BakeFailure {
-    /// It was cancelled.
-    Cancelled,
-    /// An error.
-    Error(String),
-}
-
-impl From<SimplifyError> for BakeFailure {
-    fn from(why: SimplifyError) -> Self {
-        match why {
-            SimplifyError::Cancelled => Self::Cancelled,
-            why => Self::Error(why.to_string()),
-        }
-    }
-}
+use crate::job::Failure;
 
 /// Bakes maps of a result from its original. The result is as a reader of the written file sees it; but if the original
 /// has no colours, which are then those of the window, the result is shown in this colour (sRGB) too.
@@ -42,7 +26,7 @@ pub(crate) fn bake_result(
     settings: &BakeSettings,
     surface: [f32; 3],
     control: &mut dyn Control,
-) -> Result<Lighter, BakeFailure> {
+) -> Result<Lighter, Failure> {
     let begin = Instant::now();
     let as_scene;
     let is_mesh = matches!(original.file.source, ModelSource::Mesh(_));
@@ -57,7 +41,7 @@ pub(crate) fn bake_result(
         _ => (original, shown),
     };
     let ModelSource::Scene(scene) = &original.file.source else {
-        return Err(BakeFailure::Error("maps cannot be baked for this kind of file".to_owned()));
+        return Err(Failure::Error("maps cannot be baked for this kind of file".to_owned()));
     };
     let mut scene = (**scene).clone();
     let mut meshes = lighter_meshes(&scene, Some(lighter));
@@ -65,8 +49,8 @@ pub(crate) fn bake_result(
     let baked = bake_scene(original.model(), &low, &mut scene, &settings.options(), false, control);
     let BakedScene { meshes: made, materials, sets, warnings: of_bake, .. } =
         baked.map_err(|why| match why {
-            BakeError::Cancelled => BakeFailure::Cancelled,
-            why => BakeFailure::Error(why.to_string()),
+            BakeError::Cancelled => Failure::Cancelled,
+            why => Failure::Error(why.to_string()),
         })?;
     for (mesh, made) in meshes.iter_mut().zip(made) {
         *mesh = made.or_else(|| mesh.take());
@@ -79,7 +63,7 @@ pub(crate) fn bake_result(
     lodsmith_io::write_scene_to(&scene, &meshes, Format::Glb, &|_| None, &mut bytes).map_err(failure)?;
     let mut file = ModelFile::from(Scene::read(&bytes, &ReadOptions::default()).map_err(failure)?);
     if file.model.meshes.len() != original.model().meshes.len() {
-        return Err(BakeFailure::Error("the model with maps has other meshes than the original".to_owned()));
+        return Err(Failure::Error("the model with maps has other meshes than the original".to_owned()));
     }
     if is_mesh {
         moved_to_place(&mut file.model);
@@ -118,13 +102,13 @@ fn moved_to_place(model: &mut Model) {
     }
 }
 
-fn failure(why: impl std::fmt::Display) -> BakeFailure {
-    BakeFailure::Error(why.to_string())
+fn failure(why: impl std::fmt::Display) -> Failure {
+    Failure::Error(why.to_string())
 }
 
 /// Returns a mesh as a scene, as writing and reading it gives.
-fn scene_of(original: &Original) -> Result<Original, BakeFailure> {
-    let ModelSource::Mesh(regions) = &original.file.source else { return Err(BakeFailure::Cancelled) };
+fn scene_of(original: &Original) -> Result<Original, Failure> {
+    let ModelSource::Mesh(regions) = &original.file.source else { return Err(Failure::Cancelled) };
     let mut options = WriteOptions::default();
     options.regions = Some(regions.clone());
     let mut bytes = Vec::new();

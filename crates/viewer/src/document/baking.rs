@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use super::Document;
-use super::jobs::{Failure, Job};
+use super::jobs::Job;
 use crate::baked::BakedMaps;
 use crate::content::Lighter;
-use crate::job::JobKind;
+use crate::job::{Failure, JobKind};
 use crate::shown::ShownModel;
 
 impl Document {

@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use lodsmith_io::AssetScope;
 
-use super::jobs::{Failure, Job, Outcome, PreviewMade};
+use super::jobs::{Job, Outcome, PreviewMade};
 use super::wire::{Answer, ExportSource, Request, Task, WrittenFile};
 use crate::content::parts::{LighterParts, OriginalParts};
 use crate::content::{Lighter, Original, level_ratios};
 use crate::difference::{DifferenceView, SharedSides};
-use crate::job::JobControl;
+use crate::job::{Failure, JobControl};
 use crate::option_words::Simplification;
 use crate::shown::ShownModel;
 use crate::slider_preview::SliderPreview;

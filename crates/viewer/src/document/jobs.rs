@@ -3,20 +3,19 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use lodsmith::SimplifyError;
 use lodsmith_core::Model;
 use lodsmith_io::AssetScope;
 use web_time::Instant;
 
 use crate::bake_settings::BakeSettings;
 use crate::benchmark::SharedTable;
-use crate::content::baking::{BakeFailure, bake_result};
+use crate::content::baking::bake_result;
 use crate::content::{Distances, Lighter, Original, TopologySummary, level_ratios};
 use crate::difference::{DifferencePicture, DifferenceView, SharedSides};
 use crate::export::{Export, Written};
 use crate::flaws::Flaws;
 use crate::gpu::Context;
-use crate::job::{JobControl, JobKind};
+use crate::job::{Failure, JobControl, JobKind};
 use crate::option_words::Simplification;
 use crate::preview_mesh;
 use crate::settings::{HeatOf, Settings};
@@ -99,33 +98,6 @@ pub(crate) struct Measured {
     pub(crate) distances: Arc<Distances>,
 }
 
-/// The reason for a run without a result.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub(crate) enum Failure {
-    /// It was cancelled.
-    Cancelled,
-    /// An error.
-    Error(String),
-}
-
-impl From<SimplifyError> for Failure {
-    fn from(why: SimplifyError) -> Self {
-        match why {
-            SimplifyError::Cancelled => Self::Cancelled,
-            why => Self::Error(why.to_string()),
-        }
-    }
-}
-
-impl From<BakeFailure> for Failure {
-    fn from(why: BakeFailure) -> Self {
-        match why {
-            BakeFailure::Cancelled => Self::Cancelled,
-            BakeFailure::Error(why) => Self::Error(why),
-        }
-    }
-}
-
 impl Job {
     /// Returns the kind of the job.
     pub(crate) fn kind(&self) -> JobKind {
@@ -185,7 +157,7 @@ impl Job {
             }
             Self::Bake { original, lighter, settings, surface } => {
                 let made = bake_result(&original, &lighter.content, &settings, surface, watch);
-                let result = made.map(|made| shown_level(made, context)).map_err(Failure::from);
+                let result = made.map(|made| shown_level(made, context));
                 Outcome::Baked { before: lighter, result }
             }
             Self::Difference { view, prepared } => {

@@ -1,9 +1,9 @@
 //! The progressive mesh from which the slider previews.
 
 use super::Document;
-use super::jobs::{Failure, Job, PreviewMade};
+use super::jobs::{Job, PreviewMade};
 use crate::content::Original;
-use crate::job::{JobKind, Progress};
+use crate::job::{Failure, JobKind, Progress};
 use crate::numbers::{grouped, seconds};
 use crate::option_words::Simplification;
 use crate::shown::ShownModel;

@@ -6,13 +6,14 @@ use std::sync::Arc;
 use lodsmith_io::AssetScope;
 use serde::{Deserialize, Serialize};
 
-use super::jobs::{Failure, Job, Outcome, PreviewMade, found, inspected, measured, shown_level};
+use super::jobs::{Job, Outcome, PreviewMade, found, inspected, measured, shown_level};
 use crate::content::parts::{LighterParts, OriginalParts};
 use crate::content::{Distances, Original, TopologySummary};
 use crate::difference::{DifferencePicture, DifferenceSettings, DrawnDifference};
 use crate::export::{Export, Written};
 use crate::flaws::Flaws;
 use crate::gpu::Context;
+use crate::job::Failure;
 use crate::option_words::Simplification;
 use crate::preview_mesh::upload_both;
 use crate::settings::HeatOf;

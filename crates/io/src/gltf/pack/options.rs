@@ -99,7 +99,7 @@ pub struct Written {
     pub warnings: Vec<Warning>,
     /// Results of packing; `None` without it.
     pub packed: Option<PackReport>,
-    /// What the file asks of a GPU, without the bytes of the file; `None` where the file itself tells it
+    /// Costs of drawing the file, without the bytes of the file; `None` where the file itself tells it
     /// ([`sizes_of_path`](crate::sizes_of_path)) or the mesh does.
     pub sizes: Option<Sizes>,
 }
