@@ -51,7 +51,7 @@ impl SingleSided {
     /// Cost: O(n).
     pub(super) fn both_splits(&self, input: &TriMesh, own: &[[VertexId; 2]], data: SplitData) -> SplitData {
         let has_own_vertices = self.table.iter().filter_map(|r| r.back).any(|b| b.has_own_vertices);
-        let shares_wedges = self.plan.is_same() && !has_own_vertices;
+        let shares_wedges = self.wedges.iter().all(|[front, back]| back.is_none() || back == front);
         let kind = |f: usize| self.table[data.regions.as_ref().map_or(0, |r| r[f].index())];
         let owner = |w: usize| data.vertex_of.as_ref().map_or(VertexId::new(w), |all| all[w]);
         let last = data.counts.last().copied().unwrap_or_default();
