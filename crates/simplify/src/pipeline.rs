@@ -112,7 +112,7 @@ pub(crate) fn simplify_chain(
         let Some(own) = sheets.chain_stops(stops) else { return Ok(None) };
         let made = simplify_chain(&sheets.input(), &sheets.own_options(options), &own, is_traced, control)?;
         let Some((levels, mergers)) = made else { return Ok(None) };
-        let (levels, mergers) = sheets.both_levels(levels, &mergers, stops)?;
+        let (levels, mergers) = sheets.both_levels(levels, &mergers, stops, options)?;
         let all = levels.into_iter().map(|done| with_sheets(done, &sheets, &prepared, cleanup));
         return Ok(Some((all.collect(), mergers)));
     }

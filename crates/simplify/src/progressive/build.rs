@@ -95,7 +95,8 @@ pub(super) fn build(
     let lent = lent_normals(&whole, &options)?;
     let Prepared { input, options, .. } = &Prepared::new(&whole, lent.as_ref(), &options)?;
     let mut ordered = run::ordered(input, control)?;
-    if let Some(sheets) = TwoSidedInput::find(&whole, input, &ordered, options)? {
+    let sheets = TwoSidedInput::find(&whole, input, &ordered, options)?;
+    if let Some(sheets) = sheets.filter(TwoSidedInput::is_exact) {
         drop(ordered);
         return build_both_sides(&sheets, options, control);
     }
