@@ -33,4 +33,5 @@ mod regressions;
 mod scene;
 mod sharp;
 mod support;
+mod two_sided;
 mod values;
