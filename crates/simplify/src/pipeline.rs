@@ -1,6 +1,7 @@
-//! One call of the library, from its input to its result, in four steps:
+//! One call of the library, from its input to its result, in five steps:
 //!
 //! ```text
+//! complete  continue known attributes where values are missing            `missing`
 //! prepare   lend normals, remove small parts, join near vertices          `Prepared`
 //! plan      the pass of the method, and looser options while needed       `pass_of`, `Escalation`
 //! run       order, collapse or rebuild, fit, measure                      `run`, `cluster`
@@ -13,7 +14,7 @@ use crate::escalate::Attempts;
 use crate::input::Input;
 use crate::options::{Method, SimplifyOptions, Stop};
 use crate::run::{self, Done, Mergers, Pass};
-use crate::{Control, SimplifyError, cluster, constraints, rebuild};
+use crate::{Control, SimplifyError, cluster, constraints, missing, rebuild};
 use prepare::{Prepared, lent_normals};
 
 /// Runs with the options' method; again with looser options if requested and needed. Returns the locked
@@ -24,6 +25,9 @@ pub(crate) fn simplify(
     control: &mut dyn Control,
 ) -> Result<Done, SimplifyError> {
     check(input, options)?;
+    if let Some(completed) = missing::completed(input)? {
+        return Ok(completed.finished(simplify(&completed.input(input), options, control)?, input));
+    }
     let options = &options.with_own_placement();
     let mut attempts = Attempts::new(options, simplify_once(input, options, control)?);
     while let Some(change) = attempts.next_change() {
@@ -70,6 +74,10 @@ pub(crate) fn simplify_chain(
         SimplifyOptions { stop: *stop, ..options.clone() }.check()?;
     }
     constraints::check(options, input.surface.positions().len())?;
+    if let Some(completed) = missing::completed(input)? {
+        let (levels, mergers) = simplify_chain(&completed.input(input), options, stops, is_traced, control)?;
+        return Ok((levels.into_iter().map(|done| completed.finished(done, input)).collect(), mergers));
+    }
     let options = &options.with_own_placement();
     let lent = lent_normals(input, options)?;
     let prepared = Prepared::new(input, lent.as_ref(), options)?;

@@ -130,6 +130,7 @@ fn to_json(made: &LodResult, path: &str, plan: &Plan) -> Value {
             "collapses": r.collapses, "parts_removed": r.parts_removed, "necks_cut": r.necks_cut,
             "seams_relaxed": r.seams_relaxed,
             "sharp_relaxed": r.sharp_relaxed,
+            "missing_values": r.missing_values,
         });
         if let Some(file) = made.written.get(k + 1) {
             set_written(&mut object, file);
