@@ -6,12 +6,12 @@ use lodsmith_core::{Attribute, Morphed, Semantic, TriMesh, WedgeId};
 
 /// The values of each wedge of a mesh that a surface has on both sides of an edge, unless that is a seam.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Sides {
+pub(crate) struct SideValues {
     values: Arc<[f32]>,
     width: usize,
 }
 
-impl Sides {
+impl SideValues {
     /// Takes all attributes of a mesh but directions (normals, tangents apart from their sign, and morph targets of
     /// either): these differ along every crease, and have a nearest match on its other side.
     pub(crate) fn new(mesh: &TriMesh) -> Self {
@@ -75,7 +75,7 @@ mod tests {
         let values = |width: usize, k: usize| -> Vec<f32> {
             (0..count * width).map(|i| f32::from(u8::from(i == (count - 1) * width + k))).collect()
         };
-        let differs = |mesh: &TriMesh| !Sides::new(mesh).same(WedgeId(0), WedgeId::new(count - 1));
+        let differs = |mesh: &TriMesh| !SideValues::new(mesh).same(WedgeId(0), WedgeId::new(count - 1));
         let with = |semantic: Semantic, width: usize, k: usize| {
             let mut mesh = sheet.clone();
             mesh.add_attribute(Attribute { semantic, width, values: values(width, k) }).unwrap();
@@ -89,7 +89,7 @@ mod tests {
         assert!(!with(morph(Morphed::Normal), 3, 0) && !with(morph(Morphed::Tangent), 3, 0));
 
         let mut mesh = sheet.clone();
-        assert!(!differs(&mesh) && Sides::new(&mesh).is_empty());
+        assert!(!differs(&mesh) && SideValues::new(&mesh).is_empty());
         mesh.set_normals(Some(values(3, 0).as_chunks().0.to_vec())).unwrap();
         assert!(!differs(&mesh));
         mesh.set_colors(Some(values(4, 2).as_chunks().0.to_vec())).unwrap();

@@ -131,7 +131,7 @@ impl<M: Metric> LiveMesh<M> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::attributes::sides::Sides;
+    use crate::attributes::sides::SideValues;
     use crate::collapse::Engine;
     use crate::collapse::star_edges::Looseness;
     use crate::collapse::test_support::{assert_near, cost_at, engine_of, ring_of, without_lines};
@@ -148,7 +148,7 @@ mod tests {
         engine.mesh.store.wedges = Some(wedges.collect());
         let side = |w: usize| usize::from(w >= 25);
         engine.mesh.values.wedge_data = Some(Wedges {
-            sides: Sides::of_uvs(&(0..50).map(|w| uvs[side(w)]).collect::<Vec<_>>()),
+            sides: SideValues::of_uvs(&(0..50).map(|w| uvs[side(w)]).collect::<Vec<_>>()),
             normals: Some((0..50).map(|w| [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]][side(w)]).collect()),
             ..Wedges::default()
         });

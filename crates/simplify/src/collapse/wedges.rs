@@ -7,13 +7,13 @@ use lodsmith_core::{VertexId, WedgeId};
 
 use super::ring::Corner;
 use super::store::Store;
-use crate::attributes::sides::Sides;
+use crate::attributes::sides::SideValues;
 use crate::metric::VertexMemory;
 
 /// Attributes of the input's wedges that matching needs.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Wedges {
-    pub(crate) sides: Sides,
+    pub(crate) sides: SideValues,
     pub(crate) normals: Option<Vec<[f32; 3]>>,
     /// Values that count in the cost, `width` for each wedge, as lengths in the unit frame.
     pub(crate) values: Option<Arc<[f32]>>,

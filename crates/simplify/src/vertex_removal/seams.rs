@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use lodsmith_core::{TriMesh, VertexId, WedgeId};
 
-use crate::attributes::sides::Sides;
+use crate::attributes::sides::SideValues;
 use crate::rebuild::PreparedInput;
 
 /// The edges whose two faces have different attributes, apart from shading.
@@ -14,7 +14,7 @@ pub(super) struct Seams(HashSet<[VertexId; 2]>);
 impl Seams {
     /// Finds the seams of a mesh. Cost: O(n).
     pub(super) fn new(ground: &PreparedInput, mesh: &TriMesh) -> Self {
-        let sides = Sides::new(mesh);
+        let sides = SideValues::new(mesh);
         if sides.is_empty() {
             return Self::default();
         }
