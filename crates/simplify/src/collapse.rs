@@ -328,7 +328,7 @@ impl<M: Metric> LiveMesh<M> {
     /// Lets seams move at once, at the cost of their lines and attributes, instead of when nothing else is
     /// left.
     pub(crate) fn loosen_seams(&mut self) {
-        if self.values.attributes.is_some() {
+        if self.may_relax_seams() {
             self.constraints.looseness = Looseness::Seams;
         }
     }
@@ -349,6 +349,12 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
+    /// True if there are seams of attributes, and they may give way.
+    fn may_relax_seams(&self) -> bool {
+        let is_matched = |data: &Wedges| !data.has_seam_lines && !data.sides.is_empty();
+        self.values.attributes.is_some() || self.values.wedge_data.as_ref().is_some_and(is_matched)
+    }
+
     /// True if seams had to give way.
     pub(crate) fn has_relaxed_seams(&self) -> bool {
         matches!(self.constraints.looseness, Looseness::Seams | Looseness::Regions)

@@ -199,10 +199,15 @@ impl Run<'_, '_> {
             normals::repair(&mut engine.mesh.store, attributes, rows, input);
         }
         let mut mesh = self.result(&engine.mesh.store, engine.mesh.values.attributes.as_ref(), rows)?;
-        if let (true, Some(attributes), Some(wedges)) =
-            (engine.mesh.has_relaxed_seams(), &engine.mesh.values.attributes, &engine.mesh.store.wedges)
-        {
-            mesh = transfer_to_mesh(self.input, self.ordered, &mesh, Some((attributes, wedges)))?;
+        if let (true, Some(wedges)) = (engine.mesh.has_relaxed_seams(), &engine.mesh.store.wedges) {
+            // A run that blends has shading of its own; one that matches has vertices of the input.
+            let shading = engine.mesh.values.attributes.as_ref().map(|attributes| (attributes, &wedges[..]));
+            let kept = |v: &Vertex<M::Memory>| engine.mesh.store.place_of(v.origin);
+            let kept = match shading {
+                Some(_) => vec![NONE; mesh.vertex_count()],
+                None => engine.mesh.store.v.iter().map(kept).collect(),
+            };
+            mesh = transfer_to_mesh(self.input, self.ordered, &mesh, kept, shading)?;
         }
         let held = self.held(&engine.mesh.store, rows);
         let own_parts = self.own_parts(engine, root);
