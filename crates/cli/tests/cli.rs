@@ -360,6 +360,7 @@ fn info_has_the_promised_keys_in_their_order() {
             "unused_vertices",
             "non_finite_vertices",
             "closed",
+            "closed_by_index",
             "manifold",
             "oriented",
             "genus",
