@@ -5,7 +5,7 @@ use lodsmith::core::topology::Topology;
 use lodsmith::{Report, SimplifyOptions};
 use lodsmith_io::Warning;
 
-use crate::numbers::grouped;
+use crate::numbers::{counted, grouped};
 use crate::output::{self, Output};
 use crate::proposals;
 
@@ -42,6 +42,10 @@ pub(crate) fn warnings_of(report: &Report) -> Vec<Warning> {
     }
     if report.sharp_relaxed {
         warnings.push(Warning::note("sharp edges were not all kept, to come nearer to the target"));
+    }
+    if report.gaps > 0 {
+        let places = counted(report.gaps, "place", "places");
+        warnings.push(Warning::lost(format!("meshes that touched came apart at {places}: gaps may show")));
     }
     warnings.extend(report.escalated.iter().map(|step| Warning::note(proposals::step_text(step))));
     if report.pruned.largest_kept {

@@ -216,6 +216,9 @@ pub struct Report {
     pub escalated: Vec<Escalation>,
     /// Small parts that were removed first. Distances are measured from the remaining parts.
     pub pruned: Pruned,
+    /// In a scene, places where borders of meshes touched and came apart: they were simplified separately, or the
+    /// method did not keep their vertices.
+    pub gaps: usize,
     /// Outcome of the clustering stage, if there was one.
     pub clustered: Option<Clustered>,
     /// Number of face visits by collapses and their costs, as a measure of the work done; 0 for methods that

@@ -361,7 +361,13 @@ pub fn placed_meshes(scene: &Scene) -> Vec<usize> {
 pub(crate) fn parts_of(scene: &Scene) -> Vec<Part<'_>> {
     let part = |placed: gltf::PlacedMesh| {
         let m = &scene.meshes()[placed.index];
-        Part { mesh: &m.mesh, instances: m.instances, scale: m.scale, system: placed.system }
+        Part {
+            mesh: &m.mesh,
+            instances: m.instances,
+            scale: m.scale,
+            system: placed.system,
+            places: &m.places,
+        }
     };
     gltf::placed_meshes(scene.meshes()).into_iter().map(part).collect()
 }
@@ -383,6 +389,9 @@ fn warnings_of(report: &Report) -> Vec<String> {
     }
     if report.sharp_relaxed {
         told.push("sharp edges were not all kept, to get closer to the target".to_owned());
+    }
+    if report.gaps > 0 {
+        told.push(format!("meshes that touched came apart at {} places: gaps may show", report.gaps));
     }
     if report.pruned.largest_kept {
         told.push("all parts are smaller than the prune size: the largest was kept".to_owned());

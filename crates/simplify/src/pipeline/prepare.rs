@@ -1,6 +1,6 @@
 //! Preparation of the input before a run (lent normals, pruning, welding), and its part of the report.
 
-use lodsmith_core::mesh::weld;
+use lodsmith_core::mesh::weld::{self, Weld};
 use lodsmith_core::{MeshError, Surface, TriMesh};
 
 use crate::SimplifyError;
@@ -8,7 +8,7 @@ use crate::input::Input;
 use crate::options::{Length, SimplifyOptions};
 use crate::prune::Pruned;
 use crate::run::Done;
-use crate::{constraints, prune, shading};
+use crate::{borders, constraints, prune, shading};
 
 /// Returns the mesh with normals computed from its shape, if the options ask that they count and it has none.
 pub(crate) fn lent_normals(
@@ -59,8 +59,14 @@ impl<'a> Prepared<'a> {
         if let Some(size) = options.prune {
             prepared.prune(size)?;
         }
-        if let Some(distance) = prepared.options.weld {
-            prepared.weld(distance)?;
+        let weld = match (prepared.options.weld, &input.joined) {
+            (Some(distance), _) => Some(prepared.weld_within(distance)),
+            (None, Some(joined)) => Some(Weld::from_representatives(joined.clone())),
+            (None, None) if prepared.options.knows_borders => None,
+            (None, None) => borders::joined(&prepared.input.surface),
+        };
+        if let Some(weld) = weld {
+            prepared.join(&weld)?;
         }
         Ok(prepared)
     }
@@ -83,13 +89,18 @@ impl<'a> Prepared<'a> {
         Ok(())
     }
 
-    /// Joins vertices nearer to each other than `distance`.
-    fn weld(&mut self, distance: Length) -> Result<(), SimplifyError> {
+    /// Finds vertices nearer to each other than `distance`.
+    fn weld_within(&self, distance: Length) -> Weld {
+        let positions = self.input.surface.positions();
+        let diagonal = positions.bounds().map_or(0.0, |b| b.diagonal());
+        weld::weld_within(positions, distance.in_units(diagonal))
+    }
+
+    /// Joins vertices; those at locked ones go there.
+    fn join(&mut self, weld: &Weld) -> Result<(), SimplifyError> {
         let surface = &self.input.surface;
         let positions = surface.positions();
-        let diagonal = positions.bounds().map_or(0.0, |b| b.diagonal());
-        let weld = weld::weld_within(positions, distance.in_units(diagonal));
-        let (joined, merged) = constraints::weld_onto_locked(&weld, positions, &self.options);
+        let (joined, merged) = constraints::weld_onto_locked(weld, positions, &self.options);
         let triangles = surface.triangles().iter().map(|t| t.map(|v| joined[v.index()])).collect();
         self.input.surface = Surface::with_triangles(positions, triangles)?;
         (self.input.joined, self.welded) = (Some(joined), merged);
