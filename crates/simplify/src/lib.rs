@@ -13,6 +13,7 @@ mod deviation;
 mod error;
 mod escalate;
 mod fit;
+mod flat_shading;
 mod guard;
 mod input;
 mod lanes;

@@ -1,7 +1,7 @@
 //! One call of the library, from its input to its result, in four steps:
 //!
 //! ```text
-//! prepare   lend normals, remove small parts, join near vertices          `Prepared`
+//! prepare   lend normals, leave out flat ones, remove small parts, join near vertices          `Prepared`
 //! plan      the pass of the method, and looser options while needed       `pass_of`, `Escalation`
 //! run       order, collapse or rebuild, fit, measure                      `run`, `cluster`
 //! finish    return what was lent, and report what the preparation did     `Prepared::finish`
@@ -10,6 +10,7 @@
 pub(crate) mod prepare;
 
 use crate::escalate::Attempts;
+use crate::flat_shading::FlatShading;
 use crate::input::Input;
 use crate::options::{Method, SimplifyOptions, Stop};
 use crate::run::{self, Done, Mergers, Pass};
@@ -44,7 +45,8 @@ fn simplify_once(
     control: &mut dyn Control,
 ) -> Result<Done, SimplifyError> {
     let lent = lent_normals(input, options)?;
-    let prepared = Prepared::new(input, lent.as_ref(), options)?;
+    let flat = FlatShading::of(input, options);
+    let prepared = Prepared::new(input, lent.as_ref(), flat.as_ref(), options)?;
     let done = match options.method {
         Method::Cluster => cluster::run(&prepared.input, &prepared.options, control)?,
         method => run::run_with(pass_of(method), &prepared.input, &prepared.options, control)?,
@@ -72,7 +74,8 @@ pub(crate) fn simplify_chain(
     constraints::check(options, input.surface.positions().len())?;
     let options = &options.with_own_placement();
     let lent = lent_normals(input, options)?;
-    let prepared = Prepared::new(input, lent.as_ref(), options)?;
+    let flat = FlatShading::of(input, options);
+    let prepared = Prepared::new(input, lent.as_ref(), flat.as_ref(), options)?;
     let (levels, mergers) = run::chain(&prepared.input, &prepared.options, stops, is_traced, control)?;
     let levels: Result<Vec<Done>, SimplifyError> =
         levels.into_iter().map(|done| prepared.finish(done)).collect();

@@ -12,7 +12,7 @@ use lodsmith::{
     SimplifyOptions, Stop, Textures,
 };
 use lodsmith_core::measure::{ComparedAttribute, Comparison, MeasureError, Prepared, wedge_differences};
-use lodsmith_core::mesh::normals::vertex_normals;
+use lodsmith_core::mesh::normals::{vertex_normals, wedge_normals};
 use lodsmith_core::mesh::weld::weld;
 use lodsmith_core::model::Pose;
 use lodsmith_core::{Bounds, Model, Topology, TriMesh, WedgeId};
@@ -399,13 +399,9 @@ fn warnings_of(report: &Report) -> Vec<String> {
     told
 }
 
-/// Returns the mesh with recomputed normals.
+/// Returns the mesh with recomputed normals; hard edges stay hard.
 fn with_new_normals(mut mesh: TriMesh) -> TriMesh {
-    let of_vertex = vertex_normals(&mesh.surface(), |v| v);
-    let normals = match mesh.vertex_map() {
-        None => of_vertex,
-        Some(map) => map.iter().map(|v| of_vertex[v.index()]).collect(),
-    };
+    let normals = wedge_normals(&mesh);
     mesh.set_normals(Some(normals)).expect("there is one for each wedge");
     mesh
 }

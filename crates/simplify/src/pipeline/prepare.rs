@@ -1,9 +1,10 @@
-//! Preparation of the input before a run (lent normals, pruning, welding), and its part of the report.
+//! Preparation of the input before a run (lent and flat normals, pruning, welding), and its part of the report.
 
 use lodsmith_core::mesh::weld::{self, Weld};
 use lodsmith_core::{MeshError, Surface, TriMesh};
 
 use crate::SimplifyError;
+use crate::flat_shading::FlatShading;
 use crate::input::Input;
 use crate::options::{Length, SimplifyOptions};
 use crate::prune::Pruned;
@@ -30,19 +31,22 @@ pub(crate) struct Prepared<'a> {
     unused: usize,
     /// Vertices that were joined with others.
     welded: usize,
+    /// Where normals were left out, and the mesh with them.
+    flat: Option<(&'a FlatShading, &'a TriMesh)>,
     /// For lent normals, true if the input has attributes or regions of its own.
     lent: Option<bool>,
 }
 
 impl<'a> Prepared<'a> {
-    /// Prepares an input as the options ask; `lent` is its mesh with [`lent_normals`]. Small parts go before
-    /// near vertices are joined. Cost: O(n), with a weld O(n log n).
+    /// Prepares an input as the options ask; `lent` is its mesh with [`lent_normals`], and `flat` the one without
+    /// normals where they are flat. Small parts go before near vertices are joined. Cost: O(n), with a weld O(n log n).
     pub(crate) fn new(
         input: &'a Input<'_>,
         lent: Option<&'a TriMesh>,
+        flat: Option<&'a FlatShading>,
         options: &SimplifyOptions,
     ) -> Result<Self, SimplifyError> {
-        let (surface, mesh) = match lent {
+        let (surface, mesh) = match lent.or(flat.map(|flat| &flat.mesh)) {
             Some(mesh) => (mesh.surface(), Some(mesh)),
             None => (input.surface.clone(), input.mesh),
         };
@@ -53,6 +57,7 @@ impl<'a> Prepared<'a> {
             diagonal: None,
             unused: 0,
             welded: 0,
+            flat: flat.zip(input.mesh),
             lent: lent.map(|_| input.mesh.is_some_and(|m| m.has_attributes() || m.regions().is_some())),
         };
         prepared.options.keeps_blended_normals |= lent.is_some();
@@ -107,7 +112,7 @@ impl<'a> Prepared<'a> {
         Ok(())
     }
 
-    /// Returns the result without lent normals, and with the preparation in its report.
+    /// Returns the result with flat normals, without lent ones, and with the preparation in its report.
     pub(crate) fn finish(&self, (mut done, held): Done) -> Result<Done, SimplifyError> {
         let report = &mut done.report;
         // Joined vertices have no faces any more: they count as joined, not as unused.
@@ -123,6 +128,9 @@ impl<'a> Prepared<'a> {
         if let Some(has_seams) = self.lent {
             report.seams_relaxed &= has_seams;
             done.mesh = shading::without_lent_normals(done.mesh)?;
+        }
+        if let Some((flat, input)) = self.flat {
+            done.mesh = flat.with_normals(&done.mesh, &held, input)?;
         }
         Ok((done, held))
     }
@@ -140,7 +148,7 @@ mod tests {
         let mesh = small.mesh();
         let whole = Input { surface: mesh.surface(), mesh: Some(&mesh), joined: None };
         let prepared =
-            |options: &SimplifyOptions| Prepared::new(&whole, None, options).expect("a mesh").input;
+            |options: &SimplifyOptions| Prepared::new(&whole, None, None, options).expect("a mesh").input;
         let mut options = SimplifyOptions::default();
         let plain = prepared(&options);
         assert_eq!((plain.surface.triangles().len(), plain.joined.is_none()), (8, true));
