@@ -219,6 +219,9 @@ pub struct Report {
     /// In a scene, places where borders of meshes touched and came apart: they were simplified separately, or the
     /// method did not keep their vertices.
     pub gaps: usize,
+    /// Pairs of faces of the input that lie on each other with opposite windings: the two sides of a sheet,
+    /// reduced as one.
+    pub two_sided_pairs: usize,
     /// Outcome of the clustering stage, if there was one.
     pub clustered: Option<Clustered>,
     /// Number of face visits by collapses and their costs, as a measure of the work done; 0 for methods that

@@ -8,6 +8,7 @@ use crate::flat_shading::FlatShading;
 use crate::input::Input;
 use crate::options::{Length, SimplifyOptions};
 use crate::prune::Pruned;
+use crate::report::Report;
 use crate::run::Done;
 use crate::{borders, constraints, prune, shading};
 
@@ -114,7 +115,19 @@ impl<'a> Prepared<'a> {
 
     /// Returns the result with flat normals, without lent ones, and with the preparation in its report.
     pub(crate) fn finish(&self, (mut done, held): Done) -> Result<Done, SimplifyError> {
-        let report = &mut done.report;
+        self.report(&mut done.report);
+        if let Some(has_seams) = self.lent {
+            done.report.seams_relaxed &= has_seams;
+            done.mesh = shading::without_lent_normals(done.mesh)?;
+        }
+        if let Some((flat, input)) = self.flat {
+            done.mesh = flat.with_normals(&done.mesh, &held, input)?;
+        }
+        Ok((done, held))
+    }
+
+    /// Adds the preparation to a report.
+    pub(crate) fn report(&self, report: &mut Report) {
         // Joined vertices have no faces any more: they count as joined, not as unused.
         let cleanup = &mut report.cleanup;
         cleanup.welded_vertices += self.welded;
@@ -125,14 +138,6 @@ impl<'a> Prepared<'a> {
         });
         report.pruned = self.pruned;
         report.error.diagonal = self.diagonal.unwrap_or(report.error.diagonal);
-        if let Some(has_seams) = self.lent {
-            report.seams_relaxed &= has_seams;
-            done.mesh = shading::without_lent_normals(done.mesh)?;
-        }
-        if let Some((flat, input)) = self.flat {
-            done.mesh = flat.with_normals(&done.mesh, &held, input)?;
-        }
-        Ok((done, held))
     }
 }
 
