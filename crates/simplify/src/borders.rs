@@ -157,7 +157,9 @@ mod tests {
     fn what_is_apart_by_more_than_rounding_stays_apart() {
         let mut mesh = tube();
         // The largest coordinate is 2: its rounding is .5e-6.
-        mesh.map_positions(|p| if p[1].abs() < 1e-3 && p[0] > 0.0 && p[1] != 0.0 { [1.000_001, 0.0, p[2]] } else { p });
+        mesh.map_positions(|p| {
+            if p[1].abs() < 1e-3 && p[0] > 0.0 && p[1] != 0.0 { [1.000_001, 0.0, p[2]] } else { p }
+        });
         assert!(joined(&mesh.surface()).is_none());
         for closed in [shapes::cube(3), shapes::icosphere(2), shapes::hourglass(), shapes::book(3)] {
             assert!(joined(&closed.surface()).is_none());

@@ -201,7 +201,8 @@ impl FlatParts {
             sets.join(a, c);
         }
         let roots = sets.into_representatives();
-        let part: Vec<u32> = (0..mesh.vertex_count()).map(|v| roots[same.of(VertexId::new(v)).index()]).collect();
+        let part: Vec<u32> =
+            (0..mesh.vertex_count()).map(|v| roots[same.of(VertexId::new(v)).index()]).collect();
         let mut shading = vec![PartShading::default(); mesh.vertex_count()];
         let of_face = |t: &[WedgeId; 3]| part[mesh.vertex_of(t[0]).index()] as usize;
         for t in mesh.triangles() {

@@ -41,14 +41,16 @@ fn what_is_closed_by_its_indices_stays_so_with_normals() {
     assert_eq!(open_by_index(&mesh), 0);
     for preset in [Preset::Auto, Preset::Print, Preset::Scan, Preset::Visual] {
         for ratio in [0.5, 0.1, 0.04] {
-            let got =
-                simplify(&mesh, &SimplifyOptions::preset(preset, Stop::ratio(ratio)), &mut NoControl).unwrap();
+            let got = simplify(&mesh, &SimplifyOptions::preset(preset, Stop::ratio(ratio)), &mut NoControl)
+                .unwrap();
             let open = (open_by_position(&got.mesh), open_by_index(&got.mesh));
             assert_eq!(open, (0, 0), "{preset:?} at {ratio}");
             assert_eq!(got.mesh.wedge_count(), got.mesh.vertex_count());
         }
     }
-    for method in [Method::Quadric, Method::LindstromTurk, Method::Melax, Method::VertexRemoval, Method::Cluster] {
+    for method in
+        [Method::Quadric, Method::LindstromTurk, Method::Melax, Method::VertexRemoval, Method::Cluster]
+    {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
         options.method = method;
         let got = simplify(&mesh, &options, &mut NoControl).unwrap();
@@ -71,7 +73,8 @@ fn with_face_normals(mesh: &TriMesh) -> TriMesh {
             })
         }));
     }
-    let mut flat = TriMesh::with_wedges(mesh.positions().clone(), vertex_of, triangles).expect("the same faces");
+    let mut flat =
+        TriMesh::with_wedges(mesh.positions().clone(), vertex_of, triangles).expect("the same faces");
     flat.set_normals(Some(normals)).expect("one for each");
     flat
 }
@@ -135,7 +138,8 @@ fn flat_normals_do_not_count_and_are_those_of_the_result() {
     let normals = vertex_normals(&smooth.surface(), |v| v);
     smooth.set_normals(Some(normals)).unwrap();
     let part = |mesh| Part { mesh, instances: 1, scale: 1.0, system: None, places: &[] };
-    let scene = simplify_scene(&[part(&flat), part(&smooth), part(&ball)], 9.0, &options, &mut NoControl).unwrap();
+    let scene =
+        simplify_scene(&[part(&flat), part(&smooth), part(&ball)], 9.0, &options, &mut NoControl).unwrap();
     assert!(off_faces(&scene.meshes[0]) < 0.01 && off_faces(&scene.meshes[1]) > 0.1);
     assert!(scene.meshes[2].normals().is_none());
     assert!(scene.meshes[1..].iter().all(|mesh| mesh.wedge_count() == mesh.vertex_count()));
@@ -195,8 +199,9 @@ fn a_seam_whose_sides_differ_by_rounding_does_not_crack() {
 }
 
 /// Returns the positions of a mesh, moved.
-fn bits(mesh: &TriMesh, by: [f64; 3]) -> impl Iterator<Item = [u64; 3]> + '_ {
-    mesh.positions().view().iter().map(move |p| [0, 1, 2].map(|k| (p[k] + by[k] + 0.0).to_bits()))
+fn bits(mesh: &TriMesh, by: [f64; 3]) -> impl Iterator<Item = [u64; 3]> {
+    let moved = |p: [f64; 3]| [0, 1, 2].map(|k| (p[k] + by[k] + 0.0).to_bits());
+    mesh.positions().view().iter().map(moved).collect::<Vec<_>>().into_iter()
 }
 
 /// A square tile of hills whose left side is as high as its right one, and the front as the back.
@@ -236,8 +241,7 @@ fn meshes_with_origins_of_their_own_stay_together() {
     let mut right = tile(16);
     right.map_positions(|p| [p[0] - 7.0, p[1], p[2]]);
     let places = [[moved_by(0.0, 0.0)], [moved_by(8.0, 0.0)]];
-    let part =
-        |(i, mesh)| Part { mesh, instances: 1, scale: 1.0, system: Some(i), places: &places[i] };
+    let part = |(i, mesh)| Part { mesh, instances: 1, scale: 1.0, system: Some(i), places: &places[i] };
     let parts = [part((0, &left)), part((1, &right))];
     let options = SimplifyOptions::new(Stop::ratio(0.2));
     let got = simplify_scene(&parts, 2.5, &options, &mut NoControl).unwrap();
@@ -260,7 +264,8 @@ fn copies_stay_together_where_they_meet() {
     let mesh = tile(16);
     let row = [moved_by(0.0, 0.0), moved_by(1.0, 0.0), moved_by(2.0, 0.0)];
     let copies = Part { mesh: &mesh, instances: 3, scale: 1.0, system: None, places: &row };
-    let got = simplify_scene(&[copies], 3.5, &SimplifyOptions::new(Stop::ratio(0.3)), &mut NoControl).unwrap();
+    let got =
+        simplify_scene(&[copies], 3.5, &SimplifyOptions::new(Stop::ratio(0.3)), &mut NoControl).unwrap();
     let meshes: Vec<_> = [0.0, 1.0, 2.0].map(|x| (&got.meshes[0], [x, 0.0, 0.0])).to_vec();
     assert_eq!(got.report.gaps, 0);
     // The outline of the row: what is open of each, less both sides of the two seams of 16 edges.
@@ -268,7 +273,8 @@ fn copies_stay_together_where_they_meet() {
     let mirrored = [[-1.0, 0.0, 0.0, 2.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
     let pair = [moved_by(0.0, 0.0), mirrored];
     let halves = Part { instances: 2, places: &pair, ..copies };
-    let got = simplify_scene(&[halves], 2.5, &SimplifyOptions::new(Stop::ratio(0.3)), &mut NoControl).unwrap();
+    let got =
+        simplify_scene(&[halves], 2.5, &SimplifyOptions::new(Stop::ratio(0.3)), &mut NoControl).unwrap();
     let given: BTreeSet<_> = bits(&mesh, [0.0; 3]).filter(|p| p[0] == 1f64.to_bits()).collect();
     let kept = bits(&got.meshes[0], [0.0; 3]).filter(|p| given.contains(p)).count();
     assert_eq!((given.len(), kept, got.report.gaps), (17, 17, 0));

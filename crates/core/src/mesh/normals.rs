@@ -73,11 +73,7 @@ const LEAST_JUMP: f64 = 0.01;
 
 /// Returns the mean of the normals of the corners with each number, weighted by their angles; the z axis where there are
 /// none.
-fn normals_of(
-    surface: &Surface<'_>,
-    count: usize,
-    number: impl Fn(usize, usize) -> usize,
-) -> Vec<[f32; 3]> {
+fn normals_of(surface: &Surface<'_>, count: usize, number: impl Fn(usize, usize) -> usize) -> Vec<[f32; 3]> {
     let positions = surface.positions();
     let mut sums = vec![[0f64; 3]; count];
     for (f, face) in surface.triangles().iter().enumerate() {
@@ -124,8 +120,8 @@ fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::{Positions, PositionsView};
     use crate::mesh::weld::weld;
+    use crate::mesh::{Positions, PositionsView};
     use crate::shapes;
 
     /// Two squares along the y axis that meet at a right angle; at the common edge each has wedges of its own, with the

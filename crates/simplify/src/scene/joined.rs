@@ -73,7 +73,18 @@ impl<'a> JoinedScene<'a> {
         options.knows_borders = true;
         let borders = if options.weld.is_none() { joined_borders(parts) } else { None };
         let output_rounding = written;
-        Ok(Self { parts, layout, mesh, table, options, diagonal, is_placed, touching, borders, output_rounding })
+        Ok(Self {
+            parts,
+            layout,
+            mesh,
+            table,
+            options,
+            diagonal,
+            is_placed,
+            touching,
+            borders,
+            output_rounding,
+        })
     }
 
     /// Returns the input of a run.
