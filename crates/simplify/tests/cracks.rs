@@ -48,17 +48,19 @@ fn what_is_closed_by_its_indices_stays_so_with_normals() {
             assert_eq!(got.mesh.wedge_count(), got.mesh.vertex_count());
         }
     }
-    for method in [Method::Quadric, Method::LindstromTurk, Method::Melax, Method::Cluster] {
+    for method in [Method::Quadric, Method::LindstromTurk, Method::Melax] {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
         options.method = method;
         let got = simplify(&mesh, &options, &mut NoControl).unwrap();
         assert_eq!(open_by_index(&got.mesh) - open_by_position(&got.mesh), 0, "{method:?}");
     }
-    // Wrong: methods that transfer attributes still split a vertex whose faces lie over different sheets.
-    let mut options = SimplifyOptions::new(Stop::ratio(0.1));
-    options.method = Method::VertexRemoval;
-    let got = simplify(&mesh, &options, &mut NoControl).unwrap();
-    assert!((1..10).contains(&open_by_index(&got.mesh)));
+    // Wrong: methods that make new surfaces still split a vertex whose faces lie over different sheets.
+    for method in [Method::VertexRemoval, Method::Cluster] {
+        let mut options = SimplifyOptions::new(Stop::ratio(0.1));
+        options.method = method;
+        let got = simplify(&mesh, &options, &mut NoControl).unwrap();
+        assert!((1..40).contains(&open_by_index(&got.mesh)), "{method:?}");
+    }
 }
 
 /// Returns a mesh in which each face has its own normal, and each side of a hard edge its own wedges.
@@ -249,13 +251,14 @@ fn meshes_with_origins_of_their_own_stay_together() {
     let options = SimplifyOptions::new(Stop::ratio(0.2));
     let got = simplify_scene(&parts, 2.5, &options, &mut NoControl).unwrap();
     assert_eq!(got.report.gaps, 0);
-    // (Where the border moves, both move alike.)
+    // (Where the border moves, both move alike; each is rounded to single precision.)
     let at_side = |mesh: &TriMesh, by: f64| -> Vec<[f64; 3]> {
-        let all = mesh.positions().view().iter().map(|p| [p[0] + by, p[1], p[2]]);
+        let view = mesh.positions().view();
+        let all = view.iter().map(|p| [p[0] + by, p[1], p[2]]);
         all.filter(|p| (p[0] - 1.0).abs() < 1e-2).collect()
     };
     let (own, others) = (at_side(&got.meshes[0], 0.0), at_side(&got.meshes[1], 8.0));
-    let is_near = |p: &[f64; 3], q: &[f64; 3]| (0..3).all(|k| (p[k] - q[k]).abs() < 1e-12);
+    let is_near = |p: &[f64; 3], q: &[f64; 3]| (0..3).all(|k| (p[k] - q[k]).abs() < 1e-6);
     assert!(own.len() > 2 && own.len() < 17 && own.len() == others.len(), "{own:?} and {others:?}");
     assert!(own.iter().all(|p| others.iter().any(|q| is_near(p, q))), "{own:?} and {others:?}");
     // Each for itself they come apart, and the report says so.
