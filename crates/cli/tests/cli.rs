@@ -356,6 +356,7 @@ fn info_has_the_promised_keys_in_their_order() {
             "non_manifold_vertices",
             "degenerate_faces",
             "duplicate_faces",
+            "two_sided_faces",
             "unused_vertices",
             "non_finite_vertices",
             "closed",
