@@ -53,6 +53,7 @@ pub fn simplify_meshes(
             instances: number(said, "instances").map_or(1, |x| x as usize),
             scale: number(said, "scale").unwrap_or(1.0),
             system: number(said, "system").map(|x| x as usize),
+            places: &[],
         })
         .collect();
     let done = simplify_scene(&parts, diagonal, &options, &mut Progress::new(progress));

@@ -5,7 +5,7 @@ use lodsmith::core::topology::Topology;
 use lodsmith::{Report, SimplifyOptions};
 use lodsmith_io::Warning;
 
-use crate::numbers::grouped;
+use crate::numbers::{counted, grouped};
 use crate::output::{self, Output};
 use crate::proposals;
 
@@ -48,6 +48,10 @@ pub(crate) fn warnings_of(report: &Report) -> Vec<Warning> {
         warnings.push(Warning::note(format!(
             "{count} values of attributes are NaN or infinite and did not count"
         )));
+    }
+    if report.gaps > 0 {
+        let places = counted(report.gaps, "place", "places");
+        warnings.push(Warning::lost(format!("meshes that touched came apart at {places}: gaps may show")));
     }
     warnings.extend(report.escalated.iter().map(|step| Warning::note(proposals::step_text(step))));
     if report.pruned.largest_kept {

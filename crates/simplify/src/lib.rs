@@ -1,6 +1,7 @@
 //! Simplification of triangle meshes: the closest mesh for the count, at the speed of the fastest tool.
 
 mod attributes;
+mod borders;
 pub mod clean;
 mod cluster;
 pub mod cluster_lod;
@@ -12,6 +13,7 @@ mod deviation;
 mod error;
 mod escalate;
 mod fit;
+mod flat_shading;
 mod guard;
 mod input;
 mod lanes;
@@ -60,7 +62,7 @@ pub use proposal::{Change, Proposal};
 pub use prune::Pruned;
 pub use report::{Cleanup, Clustered, ErrorReport, Escalation, Refusal, Report, Simplified, StoppedBy};
 
-pub use scene::{MeshCounts, Part, SimplifiedScene, simplify_scene};
+pub use scene::{MeshCounts, Part, Place, SimplifiedScene, simplify_scene};
 pub use textures::{Texture, Textures};
 pub use two_sided::two_sided_faces;
 
@@ -82,7 +84,8 @@ pub use two_sided::two_sided_faces;
 ///
 /// # Input
 /// Any [`TriMesh`], in any unit and of either precision: open, closed or non-manifold, a triangle soup, with
-/// holes or unused vertices. Vertices at equal positions count as one; degenerate and duplicate faces and
+/// holes or unused vertices. Vertices at equal positions count as one, and so do those of two borders that differ
+/// by rounding (2^-22 of the largest coordinate, in double precision of the extent); degenerate and duplicate faces and
 /// faces with NaN or infinite positions are left out, and [`Report::cleanup`] counts them. Lengths among the
 /// options are in the units of the mesh or a share of the diagonal of its bounding box ([`Length`]); angles
 /// are in degrees.

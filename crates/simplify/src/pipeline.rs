@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! complete  continue known attributes where values are missing            `missing`
-//! prepare   lend normals, remove small parts, join near vertices          `Prepared`
+//! prepare   lend normals, leave out flat ones, remove small parts,
+//!           join near vertices                                            `FlatShading`, `Prepared`
 //! sheets    leave out the backs of two-sided sheets, and begin again      `TwoSidedInput`
 //! plan      the pass of the method, and looser options while needed       `pass_of`, `Escalation`
 //! run       order, collapse or rebuild, fit, measure                      `run`, `cluster`
@@ -12,6 +13,7 @@
 pub(crate) mod prepare;
 
 use crate::escalate::Attempts;
+use crate::flat_shading::FlatShading;
 use crate::input::Input;
 use crate::options::{Method, SimplifyOptions, Stop};
 use crate::report::Cleanup;
@@ -51,7 +53,8 @@ fn simplify_once(
     control: &mut dyn Control,
 ) -> Result<Done, SimplifyError> {
     let lent = lent_normals(input, options)?;
-    let prepared = Prepared::new(input, lent.as_ref(), options)?;
+    let flat = FlatShading::of(input, options);
+    let prepared = Prepared::new(input, lent.as_ref(), flat.as_ref(), options)?;
     let mut ordered = None;
     if two_sided::is_looked_for(&prepared.input.surface, options) {
         let own = ordered.insert(run::ordered(&prepared.input, control)?);
@@ -113,7 +116,8 @@ pub(crate) fn simplify_chain(
     }
     let options = &options.with_own_placement();
     let lent = lent_normals(input, options)?;
-    let prepared = Prepared::new(input, lent.as_ref(), options)?;
+    let flat = FlatShading::of(input, options);
+    let prepared = Prepared::new(input, lent.as_ref(), flat.as_ref(), options)?;
     let ordered = run::ordered(&prepared.input, control)?;
     if let Some(sheets) = TwoSidedInput::find(input, &prepared.input, &ordered, options)? {
         let cleanup = ordered.cleanup;

@@ -220,6 +220,9 @@ pub struct Report {
     pub escalated: Vec<Escalation>,
     /// Small parts that were removed first. Distances are measured from the remaining parts.
     pub pruned: Pruned,
+    /// In a scene, places where borders of meshes touched and came apart: they were simplified separately, or the
+    /// method did not keep their vertices.
+    pub gaps: usize,
     /// Pairs of faces of the input that lie on each other with opposite windings: the two sides of a sheet,
     /// reduced as one.
     pub two_sided_pairs: usize,

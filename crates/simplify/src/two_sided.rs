@@ -47,6 +47,8 @@ pub(crate) struct TwoSidedInput<'a> {
     is_exact: bool,
     /// Vertices of backs that are not those of the front, with the one of the front.
     own_vertices: Vec<[VertexId; 2]>,
+    /// The vertex that each one is to be merged with, as in the input.
+    joined: Option<Vec<VertexId>>,
 }
 
 /// True if a run is worth looking for sheets: not with voxels, whose surface encloses what is inside, nor with
@@ -154,7 +156,8 @@ impl<'a> TwoSidedInput<'a> {
         own_vertices.dedup();
         let is_exact = single.is_exact(&whole, &found, &own_vertices);
         let duplicates = duplicates.len();
-        Ok(Some(Self { whole, single, pair_count, duplicates, is_uniform, is_exact, own_vertices }))
+        let joined = input.joined.clone();
+        Ok(Some(Self { whole, single, pair_count, duplicates, is_uniform, is_exact, own_vertices, joined }))
     }
 
     /// Runs on the fronts, with `run`, and returns both sides.
@@ -266,7 +269,8 @@ impl<'a> TwoSidedInput<'a> {
 
     /// The input without backs.
     pub(crate) fn input(&self) -> Input<'_> {
-        Input { surface: self.single.mesh.surface(), mesh: Some(&self.single.mesh), joined: None }
+        let joined = self.joined.clone();
+        Input { surface: self.single.mesh.surface(), mesh: Some(&self.single.mesh), joined }
     }
 
     /// Returns the options of a run on the fronts.

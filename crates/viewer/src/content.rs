@@ -12,7 +12,7 @@ use lodsmith::{
     SimplifyOptions, Stop, Textures,
 };
 use lodsmith_core::measure::{ComparedAttribute, Comparison, MeasureError, Prepared, wedge_differences};
-use lodsmith_core::mesh::normals::vertex_normals;
+use lodsmith_core::mesh::normals::{vertex_normals, wedge_normals};
 use lodsmith_core::mesh::weld::weld;
 use lodsmith_core::model::Pose;
 use lodsmith_core::{Bounds, Model, Topology, TriMesh, WedgeId};
@@ -361,7 +361,13 @@ pub fn placed_meshes(scene: &Scene) -> Vec<usize> {
 pub(crate) fn parts_of(scene: &Scene) -> Vec<Part<'_>> {
     let part = |placed: gltf::PlacedMesh| {
         let m = &scene.meshes()[placed.index];
-        Part { mesh: &m.mesh, instances: m.instances, scale: m.scale, system: placed.system }
+        Part {
+            mesh: &m.mesh,
+            instances: m.instances,
+            scale: m.scale,
+            system: placed.system,
+            places: &m.places,
+        }
     };
     gltf::placed_meshes(scene.meshes()).into_iter().map(part).collect()
 }
@@ -390,19 +396,18 @@ fn warnings_of(report: &Report) -> Vec<String> {
             report.missing_values
         ));
     }
+    if report.gaps > 0 {
+        told.push(format!("meshes that touched came apart at {} places: gaps may show", report.gaps));
+    }
     if report.pruned.largest_kept {
         told.push("all parts are smaller than the prune size: the largest was kept".to_owned());
     }
     told
 }
 
-/// Returns the mesh with recomputed normals.
+/// Returns the mesh with recomputed normals; hard edges stay hard.
 fn with_new_normals(mut mesh: TriMesh) -> TriMesh {
-    let of_vertex = vertex_normals(&mesh.surface(), |v| v);
-    let normals = match mesh.vertex_map() {
-        None => of_vertex,
-        Some(map) => map.iter().map(|v| of_vertex[v.index()]).collect(),
-    };
+    let normals = wedge_normals(&mesh);
     mesh.set_normals(Some(normals)).expect("there is one for each wedge");
     mesh
 }

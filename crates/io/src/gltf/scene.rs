@@ -83,6 +83,9 @@ pub struct SceneMesh {
     /// Rows of its world transform, if it is placed exactly once. Meshes with equal transforms share a
     /// coordinate system.
     pub world_from_mesh: Option<[[f64; 4]; 3]>,
+    /// Rows of the world transform of each instance; empty if they are not known: for a skinned mesh, and for instances
+    /// of a node.
+    pub places: Vec<[[f64; 4]; 3]>,
     /// True if a node places it with a skin.
     pub skinned: bool,
 }
@@ -159,6 +162,7 @@ impl Scene {
                     instances: 0,
                     scale: 1.0,
                     world_from_mesh: None,
+                    places: Vec::new(),
                     skinned: false,
                 });
             }
@@ -341,6 +345,7 @@ impl Scene {
         let mut meshes = self.meshes.clone();
         for mesh in &mut meshes {
             (mesh.instances, mesh.scale, mesh.world_from_mesh) = (0, 1.0, None);
+            mesh.places.clear();
         }
         let opened = Buffers::loaded(&json, &self.buffers, self.unpacked);
         count_instances(&json, &opened, &placed, &mut meshes)?;
@@ -498,12 +503,18 @@ fn count_instances(
         let is_first = mesh.instances == 0 && count == 1 && attributes.is_null();
         mesh.world_from_mesh = is_first.then_some(place.world_from_mesh.0);
         mesh.instances = mesh.instances.saturating_add(count);
+        if !mesh.skinned && attributes.is_null() {
+            mesh.places.push(place.world_from_mesh.0);
+        }
         let scale = place.world_from_mesh.largest_scale() * factor;
         scales[place.mesh] = scales[place.mesh].max(scale);
     }
     for (mesh, scale) in meshes.iter_mut().zip(scales) {
         if mesh.instances > 0 {
             mesh.scale = scale;
+        }
+        if mesh.places.len() < mesh.instances {
+            mesh.places = Vec::new();
         }
     }
     Ok(())

@@ -96,7 +96,7 @@ pub(super) fn build(
     let options = options.with_own_placement();
     let whole = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
     let lent = lent_normals(&whole, &options)?;
-    let Prepared { input, options, .. } = &Prepared::new(&whole, lent.as_ref(), &options)?;
+    let Prepared { input, options, .. } = &Prepared::new(&whole, lent.as_ref(), None, &options)?;
     let mut ordered = run::ordered(input, control)?;
     let sheets = TwoSidedInput::find(&whole, input, &ordered, options)?;
     if let Some(sheets) = sheets.filter(TwoSidedInput::is_exact) {

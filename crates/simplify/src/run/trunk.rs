@@ -23,7 +23,7 @@ use crate::control::{Control, Stage, Verdict};
 use crate::fit::{self, MoveGuards};
 use crate::guard::Rules;
 use crate::metric::Metric;
-use crate::normals;
+use crate::normals::{self, Homes};
 use crate::options::TopologyPolicy;
 use crate::ordered_input::{KeptInput, OriginalInput};
 use crate::rebuild::transfer_to_mesh;
@@ -116,24 +116,27 @@ impl Run<'_, '_> {
         let may_cut = may_cut(self.options);
         let spares_parts = may_relax && engine.has_blocking_parts(may_cut);
         let spares_necks = may_relax && may_cut && engine.has_blocking_necks();
-        let (mut fitted, mut homes) = (None, None);
+        let mut fitted = None;
         let wants_fit = self.wants_fit(engine.mesh.cost.metric.cost_source()) && engine.tally.collapses > 0;
-        if wants_fit {
+        let normals = root.rows.as_ref().filter(|_| !self.options.keeps_blended_normals);
+        let repairs_normals = normals.is_some_and(|rows| rows.normals_at().is_some());
+        let home = (wants_fit || repairs_normals).then(|| {
+            // Later steps need the final vertices only for the trace, or to separate touching vertices.
+            let is_last = !self.is_traced && engine.tally.necks_cut == 0;
+            if is_last { engine.mesh.store.take_homes() } else { engine.mesh.store.homes() }
+        });
+        if let Some(home) = home.as_deref().filter(|_| wants_fit) {
             control.stage(Stage::Fit);
             if control.progress(0.0) == Verdict::Cancel {
                 return Err(SimplifyError::Cancelled);
             }
             let away = engine.estimate(None, None);
-            // Later steps need the final vertices only for the trace, or to separate touching vertices.
-            let is_last = !self.is_traced && engine.tally.necks_cut == 0;
-            let home = if is_last { engine.mesh.store.take_homes() } else { engine.mesh.store.homes() };
             let mesh = &mut engine.mesh;
-            fitted = Some(self.fit::<M>(&mut mesh.store, &mut mesh.values.attributes, root, &home, away));
-            homes = Some(home);
+            fitted = Some(self.fit::<M>(&mut mesh.store, &mut mesh.values.attributes, root, home, away));
         }
-        let (mesh, held) = self.finished_mesh(engine, root)?;
+        let (mesh, held) = self.finished_mesh(engine, root, home.as_deref())?;
         let removed = (engine.tally.parts_removed > 0).then(|| {
-            let homes = homes.unwrap_or_else(|| engine.mesh.store.homes());
+            let homes = home.unwrap_or_else(|| engine.mesh.store.homes());
             self.removed_distance_sq(&mesh, root, &homes)
         });
         let trace = self.is_traced.then(|| Trace {
@@ -182,21 +185,24 @@ impl Run<'_, '_> {
         })
     }
 
-    /// Builds the mesh of a fitted engine, and the locked wedges at its corners.
+    /// Builds the mesh of a fitted engine, and the locked wedges at its corners. `home` is the vertex that each one
+    /// of the ordered input became, if normals are to be repaired.
     fn finished_mesh<M: Metric>(
         &self,
         engine: &mut Engine<M>,
         root: &Root,
+        home: Option<&[VertexId]>,
     ) -> Result<(TriMesh, HeldWedges), SimplifyError> {
         if engine.tally.necks_cut > 0 && self.options.topology == TopologyPolicy::Relaxed {
             engine.mesh.separate_touching();
         }
         let rows = root.rows.as_ref();
         if !self.options.keeps_blended_normals
-            && let (Some(attributes), Some(rows), Some(input)) =
-                (&mut engine.mesh.values.attributes, rows, self.input.mesh)
+            && let (Some(attributes), Some(rows), Some(input), Some(home)) =
+                (&mut engine.mesh.values.attributes, rows, self.input.mesh, home)
         {
-            normals::repair(&mut engine.mesh.store, attributes, rows, input);
+            let homes = Homes { place: |w| self.place(input, w), home };
+            normals::repair(&mut engine.mesh.store, attributes, rows, input, &homes);
         }
         let mut mesh = self.result(&engine.mesh.store, engine.mesh.values.attributes.as_ref(), rows)?;
         if let (true, Some(wedges)) = (engine.mesh.has_relaxed_seams(), &engine.mesh.store.wedges) {

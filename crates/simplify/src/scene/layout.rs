@@ -7,6 +7,7 @@ use lodsmith_core::{
 };
 
 use super::part::Part;
+use super::touching::Touching;
 use crate::attributes::ranges::{has_ranges, ranges, within};
 use crate::constraints::{self, HeldWedges};
 
@@ -41,29 +42,35 @@ impl PartPlacement {
 pub(super) type RegionTable = Vec<(usize, Option<RegionId>)>;
 
 impl Layout {
-    /// Places groups so far apart that no distance up to `near` connects one with another.
-    pub(super) fn new(parts: &[Part<'_>], near: f64) -> Self {
+    /// Places groups so far apart that no distance up to `near` connects one with another. Systems that touch are one
+    /// group.
+    pub(super) fn new(parts: &[Part<'_>], near: f64, touching: Option<&Touching>) -> Self {
         let scale = |p: &Part<'_>| if p.scale.is_finite() && p.scale > 0.0 { p.scale } else { 1.0 };
         // The group of each part, and the bounding box of each group.
         let mut groups: BTreeMap<usize, usize> = BTreeMap::new();
         let mut boxes: Vec<Option<Bounds>> = Vec::new();
         let mut scale_of: Vec<f64> = Vec::new();
         let mut group_of = Vec::with_capacity(parts.len());
+        let mut origins = Vec::with_capacity(parts.len());
         for p in parts {
             let mut fresh = || {
                 boxes.push(None);
                 scale_of.push(scale(p));
                 boxes.len() - 1
             };
-            let group = match p.system {
-                Some(system) => *groups.entry(system).or_insert_with(fresh),
-                None => fresh(),
+            let root = p.system.map(|s| touching.map_or((s, [0.0; 3]), |touching| touching.root(s)));
+            let (group, origin) = match root {
+                Some((system, origin)) => (*groups.entry(system).or_insert_with(fresh), origin),
+                None => (fresh(), [0.0; 3]),
             };
             group_of.push(group);
             // All parts of a system use one scale, to the bit.
             let scale = scale_of[group];
+            let origin = origin.map(|x| x * scale);
+            origins.push(origin);
             if let Some(own) = p.mesh.positions().view().bounds() {
-                let (min, max) = (own.min.map(|x| x * scale), own.max.map(|x| x * scale));
+                let moved = |p: [f64; 3]| [0, 1, 2].map(|k| p[k] * scale + origin[k]);
+                let (min, max) = (moved(own.min), moved(own.max));
                 let all = boxes[group].get_or_insert(Bounds { min, max });
                 all.min = [0, 1, 2].map(|k| all.min[k].min(min[k]));
                 all.max = [0, 1, 2].map(|k| all.max[k].max(max[k]));
@@ -80,7 +87,10 @@ impl Layout {
             // A single group keeps its position.
             [0, 1, 2].map(|k| if boxes.len() > 1 { at[k] as f64 * cell - min[k] } else { 0.0 })
         };
-        let place = |&group: &usize| PartPlacement { scale: scale_of[group], offset: offset(group) };
+        let place = |(&group, origin): (&usize, &[f64; 3])| {
+            let offset = offset(group);
+            PartPlacement { scale: scale_of[group], offset: [0, 1, 2].map(|k| offset[k] + origin[k]) }
+        };
         let has_neighbours = boxes.len() < parts.len();
         let mut joints = vec![0f32; boxes.len()];
         for (part, &group) in parts.iter().zip(&group_of) {
@@ -92,7 +102,8 @@ impl Layout {
             if first + MAX_JOINTS < 16_777_216.0 { first } else { 0.0 }
         };
         let first_joints = group_of.iter().map(first).collect();
-        Self { places: group_of.iter().map(place).collect(), first_joints, has_neighbours }
+        let places = group_of.iter().zip(&origins).map(place).collect();
+        Self { places, first_joints, has_neighbours }
     }
 
     /// Returns the offset of the joint indices of a part; 0 for other attributes.

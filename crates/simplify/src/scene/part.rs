@@ -4,6 +4,9 @@ use lodsmith_core::TriMesh;
 
 use crate::report::Report;
 
+/// A transform: three rows, each of three factors and a translation.
+pub type Place = [[f64; 4]; 3];
+
 /// A mesh of a scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Part<'a> {
@@ -15,8 +18,11 @@ pub struct Part<'a> {
     /// Scale of the mesh in the scene.
     pub scale: f64,
     /// Number of the coordinate system of the mesh, if it has one instance. Parts of one system that touch
-    /// stay connected; others keep their borders separately.
+    /// stay connected.
     pub system: Option<usize>,
+    /// Where its instances stand in the scene, if that is known. Borders of two parts that touch there stay connected
+    /// too, those of instances by keeping the vertices at which they touch.
+    pub places: &'a [Place],
 }
 
 /// The simplified meshes of a scene and the report of the run.

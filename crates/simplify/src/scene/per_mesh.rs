@@ -8,6 +8,7 @@ use lodsmith_core::topology::size_of;
 
 use super::joined::JoinedScene;
 use super::part::{MeshCounts, Part, SimplifiedScene};
+use super::touching::Touching;
 use crate::SimplifyError;
 use crate::constraints;
 use crate::control::{Control, ProgressShare};
@@ -39,7 +40,7 @@ pub(super) fn simplify_each(
     let (locked, importance) = (options.locked.take(), options.importance.take());
     let textures = options.textures.take();
     for (i, part) in parts.iter().enumerate() {
-        let alone = Part { instances: 1, system: None, ..*part };
+        let alone = Part { instances: 1, system: None, places: &[], ..*part };
         let share = |n: usize| n as f64 / all.max(1) as f64;
         let mut own = ProgressShare { control, begin: share(begun), length: share(part.mesh.face_count()) };
         begun += part.mesh.face_count();
@@ -74,6 +75,7 @@ pub(super) fn simplify_each(
     report.input_vertices = count(&|i| parts[i].mesh.vertex_count());
     report.faces = count(&|i| TriMesh::face_count(&meshes[i]));
     report.vertices = count(&|i| TriMesh::vertex_count(&meshes[i]));
+    report.gaps = Touching::find(parts, true).map_or(0, |touching| touching.gaps(parts, &meshes));
     Ok(SimplifiedScene { meshes, report, counts })
 }
 

@@ -310,7 +310,7 @@ fn border_of(faces: &[[VertexId; 3]]) -> Border {
 }
 
 /// Chooses the fronts: consistent among pairs that meet at an edge of two pairs, on the side of the first face of the
-/// input. Leaves out sheets that share edges with an open surface.
+/// input. Leaves out sheets that touch an open surface.
 fn orient(found: &mut Pairs, borders: &[Border], surface: &Surface<'_>, ordered: &Ordered) {
     // The pairs at each edge, with the direction that the first side of each has there.
     let mut at: HashMap<[VertexId; 2], Vec<(u32, bool)>> = HashMap::with_capacity(2 * borders.len());
@@ -344,24 +344,27 @@ fn orient(found: &mut Pairs, borders: &[Border], surface: &Surface<'_>, ordered:
         }
         sheets += 1;
     }
-    // Sheets at the edges of single faces are left out if these have borders: a border of the whole could then come to be
-    // where a sheet ends. (Collapses map closed surfaces to closed ones.)
+    // Sheets that touch single faces are left out if these have borders: a border of the whole could then come to be where a
+    // sheet ends. (Collapses map closed surfaces to closed ones.)
     let mut is_joined = vec![false; sheets as usize];
     let mut is_paired = vec![false; surface.triangles().len()];
     let members = found.pairs.iter().flat_map(|p| p.fronts().iter().chain(p.backs()));
     for f in members.chain(&found.duplicates) {
         is_paired[*f as usize] = true;
     }
-    let mut singles: HashMap<[VertexId; 2], bool> = HashMap::new();
-    for (_, t) in surface.triangles().iter().enumerate().filter(|(f, _)| !is_paired[*f]) {
-        for (edge, _) in ordered.face(t).into_iter().flat_map(edges) {
-            let is_odd = singles.entry(edge).or_default();
-            *is_odd = !*is_odd;
-        }
+    let single = |(f, t): (usize, &[VertexId; 3])| ordered.face(t).filter(|_| !is_paired[f]);
+    let singles = || surface.triangles().iter().enumerate().filter_map(single);
+    let mut is_odd: HashMap<[VertexId; 2], bool> = HashMap::new();
+    for (edge, _) in singles().flat_map(edges) {
+        let is_odd = is_odd.entry(edge).or_default();
+        *is_odd = !*is_odd;
     }
-    if singles.values().any(|is_odd| *is_odd) {
-        let joined = at.iter().filter(|(edge, _)| singles.contains_key(*edge)).flat_map(|(_, pairs)| pairs);
-        joined.for_each(|(i, _)| is_joined[sheet[*i as usize] as usize] = true);
+    if is_odd.into_values().any(|is_odd| is_odd) {
+        let touched: HashSet<VertexId> = singles().flatten().collect();
+        for (i, border) in borders.iter().enumerate() {
+            is_joined[sheet[i] as usize] |=
+                border.iter().flat_map(|(edge, _)| edge).any(|v| touched.contains(v));
+        }
     }
     // The side of the lowest face of the input is the front.
     let mut lowest = vec![(u32::MAX, false); sheets as usize];

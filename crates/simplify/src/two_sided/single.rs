@@ -132,6 +132,10 @@ impl SingleSided {
             !std::mem::replace(&mut is_back[back.index()], true)
                 && !std::mem::replace(&mut is_front[front.index()], true)
         });
+        let view = input.positions().view();
+        let are_at_one_place = own
+            .iter()
+            .all(|[back, front]| view.get(*back).map(f64::to_bits) == view.get(*front).map(f64::to_bits));
         let front_of_none = self.wedges.iter().all(|w| {
             let v = input.vertex_of(w[0].unwrap_or_default());
             !is_back[v.index()]
@@ -141,6 +145,7 @@ impl SingleSided {
             && are_own
             && !(shares_wedge && differs)
             && is_matched
+            && are_at_one_place
             && front_of_none
     }
 
