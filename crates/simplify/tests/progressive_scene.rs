@@ -11,7 +11,7 @@ use support::laden::laden;
 use support::{Random, bytes};
 
 fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
-    Part { mesh, instances, scale, system: None }
+    Part { mesh, instances, scale, stretch: None, system: None }
 }
 
 fn built(parts: &[Part<'_>], options: &SimplifyOptions) -> ProgressiveScene {

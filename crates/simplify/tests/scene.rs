@@ -13,7 +13,7 @@ use support::laden::{laden, laden_options};
 use support::{Complaints, Random, bytes, options_text, scene_complaints};
 
 fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
-    Part { mesh, instances, scale, system: None }
+    Part { mesh, instances, scale, stretch: None, system: None }
 }
 
 #[test]
@@ -64,7 +64,7 @@ fn parts_that_touch_stay_together() {
     let bounds = left.positions().view().bounds().unwrap();
     let mut right = left.clone();
     right.map_positions(|p| [2.0 * bounds.max[0] - p[0], p[1], p[2]]);
-    let at = |mesh| Part { mesh, instances: 1, scale: 1.0, system: Some(5) };
+    let at = |mesh| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: Some(5) };
     let options = SimplifyOptions::new(Stop::ratio(0.2));
     let got = simplify_scene(&[at(&left), at(&right)], 3.0, &options, &mut NoControl).unwrap();
     // Positions that both have are those of the common line, which is the same in both, to the bit.
@@ -163,7 +163,7 @@ fn any_scene_gives_sound_results() {
         let (meshes, places) = any_parts(&mut random);
         let placed = meshes.iter().zip(&places);
         let parts: Vec<Part<'_>> = placed
-            .map(|(mesh, &(instances, scale, system))| Part { mesh, instances, scale, system })
+            .map(|(mesh, &(instances, scale, system))| Part { mesh, instances, scale, stretch: None, system })
             .collect();
         let stop = random.pick(&[Stop::ratio(0.3), Stop::faces(40), Stop::vertices(30), Stop::ratio(0.02)]);
         let vertices = meshes.iter().map(TriMesh::vertex_count).sum();

@@ -361,7 +361,8 @@ pub fn placed_meshes(scene: &Scene) -> Vec<usize> {
 pub(crate) fn parts_of(scene: &Scene) -> Vec<Part<'_>> {
     let part = |placed: gltf::PlacedMesh| {
         let m = &scene.meshes()[placed.index];
-        Part { mesh: &m.mesh, instances: m.instances, scale: m.scale, system: placed.system }
+        let (instances, scale, stretch) = (m.instances, m.scale, m.stretch);
+        Part { mesh: &m.mesh, instances, scale, stretch, system: placed.system }
     };
     gltf::placed_meshes(scene.meshes()).into_iter().map(part).collect()
 }
