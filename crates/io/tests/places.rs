@@ -255,3 +255,34 @@ fn copies_beyond_measure_take_no_memory() {
     assert!(read_bytes(&file, &ReadOptions::default()).is_err_and(refused));
     assert!(read_bytes(&many(3, 400_000), &ReadOptions::default()).is_err_and(refused));
 }
+
+/// Command and JavaScript decoded four million pixels of base colours, the viewer all of them: other results for one file.
+#[test]
+fn colors_of_large_images_are_those_of_the_model() {
+    let mut pack = Pack::default();
+    let positions = pack.positions(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    let uvs = pack.floats("VEC2", 2, &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+    let mut png = std::io::Cursor::new(Vec::new());
+    let mut large = image::RgbaImage::from_pixel(2100, 2100, image::Rgba([200, 10, 10, 255]));
+    large.put_pixel(2099, 2099, image::Rgba([1, 2, 3, 255]));
+    large.write_to(&mut png, image::ImageFormat::Png).unwrap();
+    let view = pack.view(png.get_ref());
+    let json = pack.json(json!({
+        "images": [{"bufferView": view, "mimeType": "image/png"}], "textures": [{"source": 0}],
+        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": positions, "TEXCOORD_0": uvs}, "material": 0}]}],
+        "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+    }));
+    let file = glb(&json, &pack.bin);
+    let scene = scene_of(&file);
+    let (colors, warnings) = scene.base_colors();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_eq!(colors[0][0].as_ref().unwrap().0, scene.model().0.images[0]);
+    // What does not fit the memory is told.
+    let mut options = ReadOptions::default();
+    options.limits.memory = 64 << 20;
+    let (colors, warnings) = Scene::read(&file, &options).unwrap().base_colors();
+    assert!(colors[0][0].is_none());
+    let text = "image 0 has 2100 x 2100 pixels, which is above the limits: its colors are not kept in place";
+    assert_eq!(warnings.iter().map(|w| w.text.as_str()).collect::<Vec<_>>(), [text]);
+}

@@ -18,7 +18,6 @@ use super::placements::{PlacedNodes, numbers, roots};
 use super::scene::Scene;
 use crate::assets::MAX_IMAGE_BYTES;
 use crate::error::{ReadError, Warning};
-use crate::limits::Limits;
 use crate::model::BaseColor;
 
 impl Scene {
@@ -136,16 +135,15 @@ impl Scene {
     /// Returns the base colour images for each of [`Scene::meshes`] and each of its regions (one, if it has
     /// none), and the mapping of texture coordinates to them.
     ///
-    /// Decodes base colours only, up to `pixels` pixels in total; images beyond that or that cannot be
-    /// decoded are left out. Cost: O(pixels).
-    pub fn base_colors(&self, pixels: u64) -> Vec<Vec<Option<BaseColor>>> {
+    /// Only base colours are decoded. Images that cannot be decoded are left out; so are those for which the limits of
+    /// reading leave no room (an eighth of the memory), with a warning. Cost: O(pixels).
+    pub fn base_colors(&self) -> (Vec<Vec<Option<BaseColor>>>, Vec<Warning>) {
         let buffers = Buffers::loaded(&self.json, &self.buffers, self.unpacked);
-        let limits = Limits { pixels: pixels.min(self.limits.pixels), ..self.limits };
-        let (of_materials, images) = appearance::base_colors(self, &buffers, limits);
+        let (of_materials, images, warnings) = appearance::base_colors(self, &buffers);
         let base_color = |m: &usize| of_materials[*m].map(|texture| (images[texture.image].clone(), texture));
         let meshes = self.meshes().iter().zip(list(&self.json, "meshes"));
         let of_mesh = |m: ModelMesh| m.materials.iter().map(|m| base_color(m.as_ref()?)).collect();
-        meshes.map(|(m, v)| of_mesh(mesh(m, v, of_materials.len()))).collect()
+        (meshes.map(|(m, v)| of_mesh(mesh(m, v, of_materials.len()))).collect(), warnings)
     }
 }
 

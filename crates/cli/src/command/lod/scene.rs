@@ -3,8 +3,8 @@
 use lodsmith::SceneChain;
 use lodsmith::core::{Positions, TriMesh};
 use lodsmith_bake::MapKind;
-use lodsmith_io::Loaded;
 use lodsmith_io::gltf::{Scene, SceneMesh};
+use lodsmith_io::Loaded;
 
 use super::bake::{BakedLevels, bake_levels};
 use super::files::{self, Plan};
@@ -60,7 +60,8 @@ pub(super) fn of_scene(
         }
         None => constraints::of_scene(&args.engine.how, &scene, &taken, &mut options.simplify)?,
     }
-    options.simplify.textures = palettes::of_scene(&scene, &taken);
+    let (textures, left_out) = palettes::of_scene(&scene, &taken);
+    options.simplify.textures = textures;
     let size = Size::of_all(meshes.iter().map(|m| &*m.mesh));
     memory::check(
         "lod",
@@ -79,6 +80,8 @@ pub(super) fn of_scene(
     let geomorphs: Vec<Option<Vec<Positions>>> =
         (1..=chain.levels.len()).map(|k| chain.geomorph(k).map(<[_]>::to_vec)).collect();
     let SceneChain { levels, .. } = chain;
+    let mut warnings: Vec<_> = scene.warnings().to_vec();
+    warnings.extend(left_out);
     for (level, geomorphs) in levels.into_iter().zip(geomorphs) {
         let why = not_reached(&level.report, &options.simplify, watch.time_limit, &level.meshes);
         let mut own: Vec<Option<TriMesh>> = vec![None; meshes.len()];
@@ -94,7 +97,6 @@ pub(super) fn of_scene(
         let names = taken.iter().map(|&i| meshes[i].name.clone()).zip(level.counts).collect();
         told.push(Level { report: level.report, not_reached: why, meshes: names });
     }
-    let mut warnings: Vec<_> = scene.warnings().to_vec();
     let mut baked = BakedLevels::default();
     if args.baking.is_asked() {
         watch.bake();

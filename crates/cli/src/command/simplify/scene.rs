@@ -52,7 +52,8 @@ pub(super) fn simplify_scene(
         Some(cared) => (options.locked, options.importance) = (cared.locked, cared.importance),
         None => constraints::of_scene(&args.engine.how, &scene, &taken, &mut options)?,
     }
-    options.textures = palettes::of_scene(&scene, &taken);
+    let (textures, left_out) = palettes::of_scene(&scene, &taken);
+    options.textures = textures;
     memory::check("simplify", memory_need::simplify_scene(&meshes, scene.buffer_bytes(), &options))?;
     let done = lodsmith::simplify_scene(&parts, diagonal, &options, &mut watch);
     let SimplifiedScene { meshes: mut lighter, mut report, mut counts } = not_interrupted(done)?;
@@ -73,6 +74,7 @@ pub(super) fn simplify_scene(
     }
     let images = images::FolderMove::new(source, &to.sink);
     let mut warnings: Vec<_> = scene.warnings().to_vec();
+    warnings.extend(left_out);
     warnings.extend(warnings_of(&report));
     let mut baked = None;
     if args.baking.is_asked() {
