@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use js_sys::{Array, Function, Object, Uint8Array};
-use lodsmith::{Part, SimplifiedScene, Texture, Textures, simplify_scene};
+use lodsmith::{Part, SimplifiedScene, Starved, Texture, Textures, simplify_scene};
 use lodsmith_io::gltf::{Compression, Packing, PlacedMesh, Scene, SceneFormat, SceneMesh, placed_meshes};
 use lodsmith_io::{BaseColor, Format, ReadOptions, Warning};
 use wasm_bindgen::prelude::*;
@@ -40,7 +40,8 @@ pub fn simplify_glb(
     let (textures, left_out) = palettes(&scene, &taken);
     options.textures = textures;
     let done = simplify_scene(&parts, diagonal, &options, &mut Progress::new(progress));
-    let SimplifiedScene { meshes: lighter, report: mut told, .. } = done.map_err(|e| run_error(&e))?;
+    let SimplifiedScene { meshes: lighter, report: mut told, counts } = done.map_err(|e| run_error(&e))?;
+    let starved = Starved::of(&counts).map(|s| Warning::note(format!("{s}; perMesh gives each its own")));
     // As in the file: the reader merges vertices at one place.
     told.input_vertices = wedge_count(&parts);
     let mut replaced = vec![None; meshes.len()];
@@ -60,7 +61,7 @@ pub fn simplify_glb(
     .warnings;
     let text = |w: &Warning| JsValue::from(w.text.as_str());
     let warnings: Array =
-        scene.warnings().iter().chain(&left_out).chain(&lost).map(text).collect();
+        scene.warnings().iter().chain(&left_out).chain(&starved).chain(&lost).map(text).collect();
     let all = Object::new();
     set(&all, "bytes", &Uint8Array::from(&out[..]));
     set(&all, "report", &report(&told));

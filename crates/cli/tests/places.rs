@@ -121,3 +121,23 @@ fn a_stretched_mesh_is_measured_as_it_stands() {
     });
     assert!(of_node.abs_diff(of_mesh) * 10 <= of_mesh, "{of_node} and {of_mesh}");
 }
+
+/// Small meshes beside a large one vanished without a word.
+#[test]
+fn meshes_that_starve_under_a_common_target_are_told() {
+    let desk = CliSandbox::new();
+    let mut json = sheet(&desk, 24);
+    let prop = |k: usize| json!({"mesh": 1, "translation": [k, 2.0, 0.0], "scale": [0.001, 0.001, 0.001]});
+    let second = json["meshes"][0].clone();
+    json["meshes"].as_array_mut().unwrap().push(second);
+    json["nodes"] = json!([{"mesh": 0}, prop(1), prop(2)]);
+    json["scenes"] = json!([{"nodes": [0, 1, 2]}]);
+    put(&desk, "props.gltf", &json);
+    let ran = desk.run("simplify props.gltf -o a.glb --ratio .2 --strict").with_status(0);
+    let told = "1 of 2 meshes are small in the scene and lost their shape";
+    assert!(ran.stderr.contains(told) && ran.stderr.contains("--per-mesh"), "{}", ran.stderr);
+    let each = desk.run("simplify props.gltf -o b.glb --ratio .2 --per-mesh").with_status(0);
+    assert!(!each.stderr.contains("small in the scene"), "{}", each.stderr);
+    let ran = desk.run("lod props.gltf -o lod.glb --ratio .5,.2 --force");
+    assert!(ran.stderr.contains("small in the scene"), "{}", ran.stderr);
+}

@@ -58,7 +58,7 @@ pub use proposal::{Change, Proposal};
 pub use prune::Pruned;
 pub use report::{Cleanup, Clustered, ErrorReport, Escalation, Refusal, Report, Simplified, StoppedBy};
 
-pub use scene::{MeshCounts, Part, SimplifiedScene, simplify_scene};
+pub use scene::{MeshCounts, Part, SimplifiedScene, Starved, simplify_scene};
 pub use textures::{Texture, Textures};
 
 /// Reduces the number of triangles of a mesh and keeps the result as close to it as possible.

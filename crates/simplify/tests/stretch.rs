@@ -4,7 +4,7 @@ use lodsmith::core::measure::{CompareOptions, compare};
 use lodsmith::core::mesh::normals::vertex_normals;
 use lodsmith::core::{Attribute, Morphed, Semantic, TriMesh, shapes};
 use lodsmith::{
-    Length, Measure, NoControl, Part, SimplifiedScene, SimplifyOptions, Stop, simplify_scene,
+    Length, Measure, NoControl, Part, SimplifiedScene, SimplifyOptions, Starved, Stop, simplify_scene,
 };
 
 /// A shear and scales that differ by axis.
@@ -103,4 +103,28 @@ fn a_stretch_that_flattens_counts_as_its_largest_scale() {
     let flat = [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 0.0]];
     let of = |stretch| run(Part { scale: 2.0, ..part(&own, stretch) }, 4.0, &options);
     assert_eq!(of(Some(flat)).meshes, of(None).meshes);
+}
+
+/// Small meshes beside a large one became tetrahedra without a word.
+#[test]
+fn small_meshes_that_lose_their_shape_are_counted() {
+    let (ground, prop, tile) = (shapes::wavy_sheet(64), shapes::blob(4, 1), shapes::grid(16));
+    let small = |mesh, scale| Part { mesh, instances: 2, scale, stretch: None, system: None };
+    let parts = [part(&ground, None), small(&prop, 1e-3), small(&prop, 2e-3), small(&tile, 1e-3)];
+    let count = |options: &SimplifyOptions| {
+        let done = simplify_scene(&parts, diagonal(&ground), options, &mut NoControl).unwrap();
+        (done.counts.iter().map(|c| c.is_starved).collect::<Vec<_>>(), Starved::of(&done.counts))
+    };
+    let mut options = SimplifyOptions::new(Stop::ratio(0.2));
+    // A flat tile loses nothing with its faces.
+    let (which, all) = count(&options);
+    assert_eq!(which, [false, true, true, false]);
+    let all = all.unwrap();
+    assert_eq!((all.all, all.meshes, all.input_faces), (4, 2, 2 * prop.face_count()));
+    let text = all.to_string();
+    assert!(text.starts_with("2 of 4 meshes are small in the scene"), "{text}");
+    options.per_mesh = true;
+    assert_eq!(count(&options).1, None);
+    options = SimplifyOptions::new(Stop::error(Length::OfDiagonal(0.01)));
+    assert_eq!(count(&options).1, None);
 }

@@ -9,7 +9,7 @@ use std::sync::{Arc, OnceLock};
 use glam::{DMat4, DVec3};
 use lodsmith::{
     Control, Levels, LodOptions, MeshCounts, Part, Report, Simplified, SimplifiedScene, SimplifyError,
-    SimplifyOptions, Stop, Textures,
+    SimplifyOptions, Starved, Stop, Textures,
 };
 use lodsmith_core::measure::{ComparedAttribute, Comparison, MeasureError, Prepared, wedge_differences};
 use lodsmith_core::mesh::normals::vertex_normals;
@@ -254,7 +254,8 @@ impl Lighter {
                 }
             }
         }
-        let warnings = warnings_of(&report);
+        let mut warnings = warnings_of(&report);
+        warnings.extend(Starved::of(&counts).map(|s| format!("{s}; \"Target per mesh\" gives each its own")));
         let model = original.model().with_meshes(meshes);
         let (faces, vertices, estimate) = (report.faces, report.vertices, report.error.estimate);
         let (report, how) = (Some(report), how.clone());

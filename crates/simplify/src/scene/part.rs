@@ -1,6 +1,9 @@
 //! The meshes of a scene, and the results of simplifying them.
 
+use std::fmt;
+
 use glam::{DMat3, DVec3};
+use lodsmith_core::numbers::{grouped, significant};
 use lodsmith_core::topology::size_of;
 use lodsmith_core::{PositionsView, Surface, TriMesh};
 
@@ -53,7 +56,59 @@ pub struct MeshCounts {
     pub vertices: usize,
     /// True if its stop was met: that of the scene, if all meshes share one.
     pub reached: bool,
+    /// True if the mesh lost its shape because all meshes share one target: it is small in the scene, so its faces were the
+    /// cheapest. It kept less than an eighth of the share of faces that the scene kept, and its area changed by more than a
+    /// tenth. Meshes of few faces do not count.
+    pub is_starved: bool,
 }
+
+/// The meshes of a result that are [starved](MeshCounts::is_starved), together. Shown as a sentence.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Starved {
+    /// Number of all meshes of the scene.
+    pub all: usize,
+    /// Number of these meshes.
+    pub meshes: usize,
+    /// Triangles of their inputs.
+    pub input_faces: usize,
+    /// Triangles of their results.
+    pub faces: usize,
+}
+
+impl Starved {
+    /// Returns the starved meshes among all; `None` if no mesh is.
+    pub fn of(counts: &[MeshCounts]) -> Option<Self> {
+        let starved = counts.iter().filter(|c| c.is_starved);
+        let add = |all: Self, c: &MeshCounts| Self {
+            all: counts.len(),
+            meshes: all.meshes + 1,
+            input_faces: all.input_faces.saturating_add(c.input_faces),
+            faces: all.faces.saturating_add(c.faces),
+        };
+        Some(starved.fold(Self::default(), add)).filter(|all| all.meshes > 0)
+    }
+}
+
+impl fmt::Display for Starved {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [meshes, all, faces, input] = [self.meshes, self.all, self.faces, self.input_faces].map(grouped);
+        let percent = significant(100.0 * self.faces as f64 / self.input_faces.max(1) as f64, 2);
+        write!(
+            f,
+            "{meshes} of {all} meshes are small in the scene and lost their shape: {faces} of their {input} faces \
+             ({percent} %) are left, since all meshes share the target"
+        )
+    }
+}
+
+/// Meshes of fewer faces cannot be starved: they have little to lose. (Guessed.)
+const MIN_STARVED_FACES: usize = 64;
+/// A starved mesh keeps less than this part of the share of the scene. (Guessed.)
+const STARVED_SHARE: f64 = 0.125;
+/// The area of a starved mesh changes by more than this. (Guessed: that of a flat mesh does not change, and a ball that
+/// becomes a body of twelve faces has a quarter more.)
+const STARVED_AREA: f64 = 0.1;
 
 impl Part<'_> {
     /// Returns its area in the scene, of one instance.
@@ -146,6 +201,17 @@ impl MeshCounts {
             faces: result.face_count(),
             vertices: result.vertex_count(),
             reached,
+            is_starved: false,
         }
+    }
+
+    /// Finds out whether a mesh is starved in a scene that kept this share of its faces.
+    pub(super) fn with_share(mut self, part: &Part<'_>, result: &TriMesh, share: f64) -> Self {
+        let few = self.faces as f64 <= STARVED_SHARE * share * self.input_faces as f64;
+        if few && self.input_faces >= MIN_STARVED_FACES {
+            let (before, after) = (part.area(), Part { mesh: result, ..*part }.area());
+            self.is_starved = (after - before).abs() > STARVED_AREA * before;
+        }
+        self
     }
 }

@@ -4,7 +4,7 @@ use lodsmith::SceneChain;
 use lodsmith::core::{Positions, TriMesh};
 use lodsmith_bake::MapKind;
 use lodsmith_io::gltf::{Scene, SceneMesh};
-use lodsmith_io::Loaded;
+use lodsmith_io::{Loaded, Warning};
 
 use super::bake::{BakedLevels, bake_levels};
 use super::files::{self, Plan};
@@ -16,7 +16,7 @@ use crate::mesh_scene::{MeshScene, VertexConstraints};
 use crate::normals::set_normals;
 use crate::run_control::{RunControl, not_interrupted};
 use crate::scene_parts::{self, parts_of};
-use crate::warnings::not_reached;
+use crate::warnings::{not_reached, starved};
 use crate::{baking, constraints, images, memory, memory_need, palettes, sizes};
 
 /// Makes the levels of a mesh that becomes a glTF scene.
@@ -82,6 +82,10 @@ pub(super) fn of_scene(
     let SceneChain { levels, .. } = chain;
     let mut warnings: Vec<_> = scene.warnings().to_vec();
     warnings.extend(left_out);
+    // Later levels have fewer faces still.
+    let first_starved =
+        levels.iter().enumerate().find_map(|(k, level)| Some((k + 1, starved(&level.counts)?)));
+    warnings.extend(first_starved.map(|(k, warning)| Warning::note(format!("level {k}: {warning}"))));
     for (level, geomorphs) in levels.into_iter().zip(geomorphs) {
         let why = not_reached(&level.report, &options.simplify, watch.time_limit, &level.meshes);
         let mut own: Vec<Option<TriMesh>> = vec![None; meshes.len()];

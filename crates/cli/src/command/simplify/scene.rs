@@ -14,7 +14,7 @@ use crate::normals::set_normals;
 use crate::paths::Source;
 use crate::run_control::{RunControl, not_interrupted};
 use crate::scene_parts::{self, parts_of};
-use crate::warnings::{not_reached, warnings_of};
+use crate::warnings::{not_reached, starved, warnings_of};
 use crate::{constraints, images, memory, memory_need, palettes, sizes};
 
 /// Simplifies a mesh that becomes a scene, so that maps can be baked for it.
@@ -76,6 +76,7 @@ pub(super) fn simplify_scene(
     let mut warnings: Vec<_> = scene.warnings().to_vec();
     warnings.extend(left_out);
     warnings.extend(warnings_of(&report));
+    warnings.extend(starved(&counts));
     let mut baked = None;
     if args.baking.is_asked() {
         watch.bake();
