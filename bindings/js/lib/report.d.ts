@@ -33,6 +33,8 @@ export interface Report {
   parts_removed: number;
   necks_cut: number;
   pairs_contracted: number;
+  /** Pairs of faces of the input that lie on each other with opposite windings, reduced as one side. */
+  two_sided_pairs: number;
   pruned: { parts: number; faces: number };
   locked: { vertices: number; faces: number };
   seams_relaxed: boolean;

@@ -436,6 +436,7 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
             proposals: Vec::new(),
             escalated: Vec::new(),
             pruned: Pruned::default(),
+            two_sided_pairs: 0,
             clustered: Some(clustered(&made)),
             faces_visited: 0,
         };

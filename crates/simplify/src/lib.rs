@@ -37,10 +37,11 @@ mod tensor;
 mod test_support;
 mod textures;
 mod triangle;
+mod two_sided;
 mod unsubdivide;
 mod vertex_removal;
 
-pub use clean::{CleanOptions, CleanReport, Cleaned, NonManifold, clean};
+pub use clean::{CleanOptions, CleanReport, Cleaned, NonManifold, Sheets, clean};
 pub use cluster_lod::{BuiltClusterLod, ClusterLodOptions, ClusterLodReport, cluster_lod};
 pub use control::{Control, NoControl, Stage, Verdict};
 pub use error::SimplifyError;
@@ -60,6 +61,7 @@ pub use report::{Cleanup, Clustered, ErrorReport, Escalation, Refusal, Report, S
 
 pub use scene::{MeshCounts, Part, SimplifiedScene, Starved, simplify_scene};
 pub use textures::{Texture, Textures};
+pub use two_sided::two_sided_faces;
 
 /// Reduces the number of triangles of a mesh and keeps the result as close to it as possible.
 ///

@@ -216,6 +216,9 @@ pub struct Report {
     pub escalated: Vec<Escalation>,
     /// Small parts that were removed first. Distances are measured from the remaining parts.
     pub pruned: Pruned,
+    /// Pairs of faces of the input that lie on each other with opposite windings: the two sides of a sheet,
+    /// reduced as one.
+    pub two_sided_pairs: usize,
     /// Outcome of the clustering stage, if there was one.
     pub clustered: Option<Clustered>,
     /// Number of face visits by collapses and their costs, as a measure of the work done; 0 for methods that

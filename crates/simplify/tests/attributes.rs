@@ -1,14 +1,13 @@
 //! Simplification with attributes: normals, texture coordinates, colours and others.
 
-mod support;
-
 use lodsmith::core::measure::{CompareOptions, compare, compare_attributes};
 use lodsmith::core::spatial::Bvh;
 use lodsmith::core::{
     Attribute, FaceId, Morphed, Positions, RegionId, Semantic, Topology, TriMesh, VertexId, WedgeId, shapes,
 };
 use lodsmith::{Fit, Length, NoControl, Refusal, Report, SimplifyOptions, Stop, simplify};
-use support::charts::{place, two_charts, wedges};
+
+use crate::support::charts::{place, two_charts, wedges};
 
 fn lighter(mesh: &TriMesh, ratio: f64) -> TriMesh {
     simplify(mesh, &SimplifyOptions::new(Stop::ratio(ratio)), &mut NoControl).unwrap().mesh

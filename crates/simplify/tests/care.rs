@@ -1,7 +1,5 @@
 //! Locked vertices and importance.
 
-mod support;
-
 use std::collections::HashSet;
 use std::sync::Arc;
 
@@ -12,7 +10,8 @@ use lodsmith::{
     BorderPolicy, Length, Method, NoControl, Part, Placement, Refusal, SimplifyError, SimplifyOptions, Stop,
     StoppedBy, simplify, simplify_scene,
 };
-use support::{Complaints, bits, complaints, topology_complaints};
+
+use crate::support::{Complaints, bits, complaints, topology_complaints};
 
 /// Returns one entry for each vertex.
 fn of_vertices<T>(mesh: &TriMesh, of: impl Fn([f64; 3]) -> T) -> Arc<[T]> {

@@ -1,8 +1,6 @@
 //! Promises of cluster levels: no cut has a crack, errors are correct, and results are the same with any
 //! number of threads.
 
-mod support;
-
 use std::collections::{HashMap, HashSet};
 
 use lodsmith::core::clusters::{ClusterLod, Eye};
@@ -13,7 +11,8 @@ use lodsmith::core::{
 };
 use lodsmith::{ClusterLodOptions, Control, NoControl, SimplifyError, Verdict, cluster_lod};
 use proptest::prelude::*;
-use support::Complaints;
+
+use crate::support::Complaints;
 
 /// Small clusters and groups, so that small meshes have many of them.
 fn small() -> ClusterLodOptions {

@@ -1,7 +1,5 @@
 //! The promises to users: every option on every shape.
 
-mod support;
-
 use std::collections::HashSet;
 
 use lodsmith::core::measure::{CompareOptions, compare};
@@ -11,7 +9,8 @@ use lodsmith::{
     BorderPolicy, Fit, Guards, Length, Measure, Method, NoControl, Placement, Simplified, SimplifyError,
     SimplifyOptions, Stop, StoppedBy, TopologyPolicy, simplify, simplify_surface,
 };
-use support::{Complaints, bits, bytes, complaints, options_text, places, run, topology_complaints};
+
+use crate::support::{Complaints, bits, bytes, complaints, options_text, places, run, topology_complaints};
 
 const METHODS: [Method; 2] = [Method::Memoryless, Method::Quadric];
 const PLACEMENTS: [Placement; 3] = [Placement::Optimal, Placement::Endpoint, Placement::Midpoint];

@@ -1,8 +1,6 @@
 //! Laws of all methods over any mesh: guards, locks and errors hold in the result, chains get lighter,
 //! progressive meshes can be restored, and position, size and file order of a mesh change little.
 
-mod support;
-
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
@@ -15,9 +13,10 @@ use lodsmith::{
     Stop, lod, simplify,
 };
 use proptest::prelude::*;
-use support::laden::{laden, locked_complaints};
-use support::untied::{moved, reordered, untied};
-use support::{Complaints, Random, bits, bytes, complaints, options_text, run};
+
+use crate::support::laden::{laden, locked_complaints};
+use crate::support::untied::{moved, reordered, untied};
+use crate::support::{Complaints, Random, bits, bytes, complaints, options_text, run};
 
 /// Perturbed and damaged shapes, and soups of numbers from 1e-30 to 1e30, some of them NaN or infinite; half
 /// of all with attributes.

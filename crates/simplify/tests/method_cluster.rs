@@ -1,7 +1,5 @@
 //! Vertex clustering: known results, and laws for every mesh.
 
-mod support;
-
 use std::collections::HashSet;
 use std::sync::Arc;
 
@@ -12,7 +10,8 @@ use lodsmith::{
     SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
 };
 use proptest::prelude::*;
-use support::{Complaints, bits, bytes, places, run};
+
+use crate::support::{Complaints, bits, bytes, places, run};
 
 fn options(stop: Stop) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(stop);

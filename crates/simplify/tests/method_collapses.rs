@@ -1,7 +1,5 @@
 //! Edge-collapse methods other than the first two: `lindstrom-turk`, `melax`, `shortest-edge`.
 
-mod support;
-
 use std::collections::HashMap;
 
 use lodsmith::core::arbitrary::{Coordinates, perturbed_shape, soup};
@@ -12,9 +10,10 @@ use lodsmith::{
     Simplified, SimplifyError, SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
 };
 use proptest::prelude::*;
-use support::charts::{place, two_charts, wedges};
-use support::laden::{attribute_complaints, laden, laden_options, locked_complaints};
-use support::{Complaints, Random, bytes, complaints, options_text, places, run, topology_complaints};
+
+use crate::support::charts::{place, two_charts, wedges};
+use crate::support::laden::{attribute_complaints, laden, laden_options, locked_complaints};
+use crate::support::{Complaints, Random, bytes, complaints, options_text, places, run, topology_complaints};
 
 /// Each method with the placements that it has.
 const METHODS: [(Method, &[Placement]); 3] = [

@@ -1,8 +1,6 @@
 //! Contraction of pairs of vertices that share no edge: joined parts, promises of each topology policy, and
 //! targets that are out of reach without it.
 
-mod support;
-
 use lodsmith::core::arbitrary::{self, Coordinates};
 use lodsmith::core::mesh::defects::defects;
 use lodsmith::core::{Positions, TriMesh, VertexId, shapes};
@@ -11,7 +9,8 @@ use lodsmith::{
     SimplifyOptions, Stop, TopologyPolicy, Verdict, simplify,
 };
 use proptest::prelude::*;
-use support::{Complaints, counts, options_text};
+
+use crate::support::{self, Complaints, counts, options_text};
 
 const POLICIES: [TopologyPolicy; 3] =
     [TopologyPolicy::Preserve, TopologyPolicy::Relaxed, TopologyPolicy::Free];

@@ -1,7 +1,5 @@
 //! Coplanar regions: known counts, laws, and regressions.
 
-mod support;
-
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -14,8 +12,9 @@ use lodsmith::{
     SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
 };
 use proptest::prelude::*;
-use support::laden::{laden, laden_options, locked_complaints};
-use support::{
+
+use crate::support::laden::{laden, laden_options, locked_complaints};
+use crate::support::{
     Complaints, Random, bytes, complaints, counts, options_text, places, run, topology_complaints,
 };
 

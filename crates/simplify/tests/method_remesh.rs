@@ -1,7 +1,5 @@
 //! Promises of remeshing beyond those of all methods.
 
-mod support;
-
 use std::collections::HashSet;
 
 use lodsmith::core::arbitrary::{Coordinates, perturbed_shape, soup};
@@ -13,7 +11,8 @@ use lodsmith::{
     StoppedBy, Verdict, simplify,
 };
 use proptest::prelude::*;
-use support::{Complaints, bytes, complaints, counts, run};
+
+use crate::support::{self, Complaints, bytes, complaints, counts, run};
 
 fn remesh(stop: Stop) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(stop);

@@ -1,10 +1,7 @@
 //! Promises that every method makes: one table, checked on every shape.
 
-#[path = "methods/control.rs"]
 mod control;
-#[path = "methods/own_options.rs"]
 mod own_options;
-mod support;
 
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -18,7 +15,8 @@ use lodsmith::{
     SimplifyError, SimplifyOptions, Stage, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
 };
 use proptest::prelude::*;
-use support::{Complaints, Random, bits, bytes, complaints, counts, laden, options_text, places, run};
+
+use crate::support::{Complaints, Random, bits, bytes, complaints, counts, laden, options_text, places, run};
 
 /// Defects of a mesh that are counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

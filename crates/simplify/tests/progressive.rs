@@ -1,7 +1,5 @@
 //! Progressive meshes: both directions, to the bit.
 
-mod support;
-
 use std::collections::HashSet;
 use std::ops::Range;
 
@@ -11,8 +9,9 @@ use lodsmith::{
     BorderPolicy, Control, Length, Method, NoControl, Placement, Progressive, SimplifyError, SimplifyOptions,
     Stage, Stop, TopologyPolicy, Verdict, simplify,
 };
-use support::laden::laden;
-use support::{Complaints, Random, bits, bytes, counts};
+
+use crate::support::laden::laden;
+use crate::support::{self, Complaints, Random, bits, bytes, counts};
 
 const METHODS: [Method; 5] =
     [Method::Memoryless, Method::Quadric, Method::LindstromTurk, Method::Melax, Method::ShortestEdge];

@@ -1,7 +1,5 @@
 //! Laws that hold for every mesh.
 
-mod support;
-
 use lodsmith::core::arbitrary::{Coordinates, perturbed_shape, soup};
 use lodsmith::core::measure::{CompareOptions, compare};
 use lodsmith::core::{Positions, TriMesh, VertexId, shapes};
@@ -10,9 +8,10 @@ use lodsmith::{
     TopologyPolicy, simplify,
 };
 use proptest::prelude::*;
-use support::laden::{attribute_complaints, laden, laden_options, locked_complaints};
-use support::untied::{moved, reordered, untied};
-use support::{Random, bytes, complaints, options_text, run};
+
+use crate::support::laden::{attribute_complaints, laden, laden_options, locked_complaints};
+use crate::support::untied::{moved, reordered, untied};
+use crate::support::{self, Random, bytes, complaints, options_text, run};
 
 /// Random faces; in two of three cases with attributes.
 fn any_mesh() -> impl Strategy<Value = TriMesh> {

@@ -1,14 +1,13 @@
 //! Attribute values stay valid: within the range of their source, and identifiers unchanged.
 
-mod support;
-
 use std::collections::BTreeSet;
 
 use lodsmith::core::{Attribute, IntegerType, Morphed, Semantic, TriMesh, WedgeId, shapes};
 use lodsmith::{
     Length, Method, NoControl, Part, Placement, Progressive, SimplifyOptions, Stop, simplify, simplify_scene,
 };
-use support::charts::{place, two_charts, wedges};
+
+use crate::support::charts::{place, two_charts, wedges};
 
 /// Values that reach the ends of their range in many places, and turn back there.
 fn waves(mesh: &TriMesh, width: usize, low: f32, high: f32) -> Vec<f32> {

@@ -81,6 +81,7 @@ pub(super) fn build_report(
         proposals: outcome.proposals,
         escalated: Vec::new(),
         pruned: Pruned::default(),
+        two_sided_pairs: 0,
         clustered: None,
         faces_visited: outcome.tally.faces_visited,
     };

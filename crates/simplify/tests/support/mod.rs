@@ -1,5 +1,4 @@
 //! Checks that apply to every result, whatever the options.
-#![allow(unused, reason = "each test file uses its part")]
 
 pub(crate) mod charts;
 pub(crate) mod laden;
