@@ -1,11 +1,10 @@
 //! Sizes, limits and distances are those of the scene as it stands: instances, joints, stretched nodes.
 
-mod desk;
-
 use std::fs;
 
-use desk::{CliSandbox, hills};
 use serde_json::{Value, json};
+
+use crate::desk::{CliSandbox, hills};
 
 /// Returns a hilly square as glTF, whose nodes the caller changes.
 fn sheet(desk: &CliSandbox, n: usize) -> Value {

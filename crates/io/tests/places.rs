@@ -1,13 +1,12 @@
 //! Where meshes of a scene stand: nodes, instances of nodes, joints of skins, and hidden nodes.
 
-mod scenes;
-
 use lodsmith_core::TriMesh;
 use lodsmith_core::model::Pose;
 use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, Loaded, ReadError, ReadOptions, read_bytes, read_model_bytes};
-use scenes::{Pack, glb};
 use serde_json::{Value, json};
+
+use crate::scenes::{self, Pack, glb};
 
 fn scene_of(file: &[u8]) -> Scene {
     Scene::read(file, &ReadOptions::default()).unwrap()
