@@ -90,6 +90,17 @@ pub struct SceneMesh {
     pub skinned: bool,
 }
 
+impl SceneMesh {
+    /// Returns the diagonal of its bounding box where it is largest, before rotation; 0 for a mesh without vertices.
+    pub fn largest_diagonal(&self) -> f64 {
+        let Some(Bounds { min, max }) = self.mesh.positions().view().bounds() else { return 0.0 };
+        let Some(rows) = self.stretch else { return Bounds { min, max }.diagonal() * self.scale };
+        let corner = |c: usize| [0, 1, 2].map(|k| if c >> k & 1 == 0 { min[k] } else { max[k] });
+        let stretched = |p: [f64; 3]| rows.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2]);
+        Bounds::of((0..8).map(|c| stretched(corner(c)))).map_or(0.0, |b| b.diagonal())
+    }
+}
+
 impl Scene {
     /// Reads a glTF 2.0 file, JSON or GLB.
     ///

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use glam::{DMat3, DVec3};
+use lodsmith_core::measure::{CompareOptions, compare};
 use lodsmith_core::numbers::{grouped, significant};
 use lodsmith_core::topology::size_of;
 use lodsmith_core::{PositionsView, Surface, TriMesh};
@@ -57,8 +58,8 @@ pub struct MeshCounts {
     /// True if its stop was met: that of the scene, if all meshes share one.
     pub reached: bool,
     /// True if the mesh lost its shape because all meshes share one target: it is small in the scene, so its faces were the
-    /// cheapest. It kept less than an eighth of the share of faces that the scene kept, and its area changed by more than a
-    /// tenth. Meshes of few faces do not count.
+    /// cheapest. It kept less than an eighth of the share of faces that the scene kept, and its RMS distance from the input is
+    /// above a hundredth of its diagonal. Meshes of few faces do not count.
     pub is_starved: bool,
 }
 
@@ -106,9 +107,11 @@ impl fmt::Display for Starved {
 const MIN_STARVED_FACES: usize = 64;
 /// A starved mesh keeps less than this part of the share of the scene. (Guessed.)
 const STARVED_SHARE: f64 = 0.125;
-/// The area of a starved mesh changes by more than this. (Guessed: that of a flat mesh does not change, and a ball that
-/// becomes a body of twelve faces has a quarter more.)
-const STARVED_AREA: f64 = 0.1;
+/// A starved mesh is farther from its input than this share of its diagonal, in the mean of squares. (Guessed: a ball of
+/// ten faces is at several hundredths, a flat mesh at none whatever it loses.)
+const STARVED_DISTANCE: f64 = 0.01;
+/// Samples for that. (Guessed: a mean of squares is known to some percent.)
+const STARVED_SAMPLES: usize = 500;
 
 impl Part<'_> {
     /// Returns its area in the scene, of one instance.
@@ -209,8 +212,11 @@ impl MeshCounts {
     pub(super) fn with_share(mut self, part: &Part<'_>, result: &TriMesh, share: f64) -> Self {
         let few = self.faces as f64 <= STARVED_SHARE * share * self.input_faces as f64;
         if few && self.input_faces >= MIN_STARVED_FACES {
-            let (before, after) = (part.area(), Part { mesh: result, ..*part }.area());
-            self.is_starved = (after - before).abs() > STARVED_AREA * before;
+            let mut options = CompareOptions::default();
+            options.samples = STARVED_SAMPLES;
+            let seen = compare(&part.mesh.surface(), &result.surface(), &options);
+            let is_far = seen.is_ok_and(|c| c.rms.symmetric > STARVED_DISTANCE * c.diagonal);
+            self.is_starved = is_far || self.faces == 0;
         }
         self
     }
