@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use js_sys::{Array, Function, Object, Uint8Array};
-use lodsmith::{Part, SimplifiedScene, Texture, Textures, simplify_scene};
+use lodsmith::{Part, SimplifiedScene, Starved, Texture, Textures, simplify_scene};
 use lodsmith_io::gltf::{Compression, Packing, PlacedMesh, Scene, SceneFormat, SceneMesh, placed_meshes};
 use lodsmith_io::{BaseColor, Format, ReadOptions, Warning};
 use wasm_bindgen::prelude::*;
@@ -15,8 +15,6 @@ use crate::report::{report, set};
 
 /// Memory of a module in bytes: its addresses have 32 bits. A quarter is left for the run.
 const MEMORY: u64 = 3 << 30;
-/// Largest total number of pixels of base-colour images that are decoded for a run, as in the command.
-const MAX_PALETTE_PIXELS: u64 = 1 << 22;
 
 /// Simplifies all meshes of a GLB file, or of a glTF file whose buffers and images are in it, under one budget.
 ///
@@ -39,9 +37,11 @@ pub fn simplify_glb(
     let meshes = scene.meshes().to_vec();
     let (taken, parts) = parts_of(&meshes);
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
-    options.textures = palettes(&scene, &taken);
+    let (textures, left_out) = palettes(&scene, &taken);
+    options.textures = textures;
     let done = simplify_scene(&parts, diagonal, &options, &mut Progress::new(progress));
-    let SimplifiedScene { meshes: lighter, report: mut told, .. } = done.map_err(|e| run_error(&e))?;
+    let SimplifiedScene { meshes: lighter, report: mut told, counts } = done.map_err(|e| run_error(&e))?;
+    let starved = Starved::of(&counts).map(|s| Warning::note(format!("{s}; perMesh gives each its own")));
     // As in the file: the reader merges vertices at one place.
     told.input_vertices = wedge_count(&parts);
     let mut replaced = vec![None; meshes.len()];
@@ -60,7 +60,8 @@ pub fn simplify_glb(
     .map_err(|e| wrong_value(&e.to_string()))?
     .warnings;
     let text = |w: &Warning| JsValue::from(w.text.as_str());
-    let warnings: Array = scene.warnings().iter().chain(&lost).map(text).collect();
+    let warnings: Array =
+        scene.warnings().iter().chain(&left_out).chain(&starved).chain(&lost).map(text).collect();
     let all = Object::new();
     set(&all, "bytes", &Uint8Array::from(&out[..]));
     set(&all, "report", &report(&told));
@@ -89,27 +90,23 @@ fn wedge_count(parts: &[Part<'_>]) -> usize {
 fn parts_of(meshes: &[SceneMesh]) -> (Vec<usize>, Vec<Part<'_>>) {
     let part = |placed: &PlacedMesh| {
         let m = &meshes[placed.index];
-        Part {
-            mesh: &m.mesh,
-            instances: m.instances,
-            scale: m.scale,
-            system: placed.system,
-            places: &m.places,
-        }
+        let (instances, scale, stretch) = (m.instances, m.scale, m.stretch);
+        Part { mesh: &m.mesh, instances, scale, stretch, system: placed.system, places: &m.places }
     };
     let placed = placed_meshes(meshes);
     (placed.iter().map(|p| p.index).collect(), placed.iter().map(part).collect())
 }
 
-/// Returns the base-colour textures of some meshes of a scene, whose colours the engine keeps in place.
-fn palettes(scene: &Scene, taken: &[usize]) -> Option<Arc<Textures>> {
+/// Returns the base-colour textures of some meshes of a scene, whose colours the engine keeps in place, and warns of those
+/// that are left out.
+fn palettes(scene: &Scene, taken: &[usize]) -> (Option<Arc<Textures>>, Vec<Warning>) {
     if taken.iter().all(|&i| scene.meshes()[i].mesh.uvs().is_none()) {
-        return None;
+        return (None, Vec::new());
     }
-    let all = scene.base_colors(MAX_PALETTE_PIXELS);
+    let (all, warnings) = scene.base_colors();
     let of_mesh = |&i: &usize| all.get(i).into_iter().flatten().map(texture).collect();
     let textures = Textures::of_parts(taken.iter().map(of_mesh).collect());
-    (!textures.is_empty()).then(|| Arc::new(textures))
+    ((!textures.is_empty()).then(|| Arc::new(textures)), warnings)
 }
 
 /// Returns a texture that uses the mesh's own texture coordinates.

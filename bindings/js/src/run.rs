@@ -52,6 +52,7 @@ pub fn simplify_meshes(
             mesh: &given.mesh,
             instances: number(said, "instances").map_or(1, |x| x as usize),
             scale: number(said, "scale").unwrap_or(1.0),
+            stretch: None,
             system: number(said, "system").map(|x| x as usize),
             places: &[],
         })

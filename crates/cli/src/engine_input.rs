@@ -18,7 +18,9 @@ pub(crate) fn prepare(
     options: &mut SimplifyOptions,
 ) -> anyhow::Result<()> {
     constraints::of_mesh(how, loaded, options)?;
-    options.textures = palettes::of_mesh(loaded);
+    let (textures, left_out) = palettes::of_mesh(loaded);
+    options.textures = textures;
+    loaded.warnings.extend(left_out);
     if loaded.format.is_scene() && !to.is_some_and(Destination::keeps_materials) {
         // If materials are not written, their borders need not be preserved.
         loaded.mesh.set_regions(None)?;

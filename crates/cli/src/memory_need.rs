@@ -94,26 +94,35 @@ fn remesh_bytes(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
     (cells + faces) as u64
 }
 
+/// Returns the bytes of the images whose colours a run keeps in place.
+fn image_bytes(options: &SimplifyOptions) -> u64 {
+    options.textures.as_ref().map_or(0, |textures| textures.bytes())
+}
+
 /// Returns the need of simplifying a mesh.
 pub(crate) fn simplify(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
-    Size::of(mesh).bytes_at(face_of(options), VALUE_BYTES).saturating_add(remesh_bytes(mesh, options))
+    let own = Size::of(mesh).bytes_at(face_of(options), VALUE_BYTES);
+    own.saturating_add(remesh_bytes(mesh, options)).saturating_add(image_bytes(options))
 }
 
 /// Returns the need of simplifying the meshes of a scene: they are joined, and the buffers of the file stay
 /// in memory.
 pub(crate) fn simplify_scene(meshes: &[SceneMesh], buffers: u64, options: &SimplifyOptions) -> u64 {
     let size = Size::of_all(meshes.iter().map(|m| &*m.mesh));
-    size.bytes_at(face_of(options).map(|n| n + 60), VALUE_BYTES).saturating_add(buffers)
+    let own = size.bytes_at(face_of(options).map(|n| n + 60), VALUE_BYTES);
+    own.saturating_add(buffers).saturating_add(image_bytes(options))
 }
 
 /// Returns the need of a chain of levels, all of which are kept.
 pub(crate) fn lod(size: Size, options: &SimplifyOptions) -> u64 {
-    size.bytes_at(face_of(options).map(|n| n + 140), VALUE_BYTES.map(|n| n + 10))
+    let own = size.bytes_at(face_of(options).map(|n| n + 140), VALUE_BYTES.map(|n| n + 10));
+    own.saturating_add(image_bytes(options))
 }
 
 /// Returns the need of a chain of levels that becomes one scene.
 pub(crate) fn lod_scene(size: Size, options: &SimplifyOptions) -> u64 {
-    size.bytes_at(face_of(options).map(|n| n + 330), VALUE_BYTES.map(|n| n + 10))
+    let own = size.bytes_at(face_of(options).map(|n| n + 330), VALUE_BYTES.map(|n| n + 10));
+    own.saturating_add(image_bytes(options))
 }
 
 /// Returns the need of cleaning a mesh, including the result.

@@ -1,30 +1,31 @@
-//! Base-colour images for the engine, which keeps the colours of palettes in place.
+//! Base-colour images for the engine, which keeps their colours in place.
 
 use std::sync::Arc;
 
 use lodsmith::{Texture, Textures};
 use lodsmith_io::gltf::Scene;
-use lodsmith_io::{BaseColor, Loaded};
+use lodsmith_io::{BaseColor, Loaded, Warning};
 
-/// Largest total number of pixels of base-colour images that are decoded for a run. (Palettes are small: four
-/// of 1024 by 1024, which take some hundredths of a second. Larger images are usually photographs or
-/// paintings.)
-const MAX_PALETTE_PIXELS: u64 = 1 << 22;
+/// The images of a run; `None` without any.
+pub(crate) type Palettes = Option<Arc<Textures>>;
 
-/// Returns the base-colour textures of some meshes of a scene.
-pub(crate) fn of_scene(scene: &Scene, taken: &[usize]) -> Option<Arc<Textures>> {
+/// Returns the base-colour textures of some meshes of a scene, and warns of those that are left out.
+pub(crate) fn of_scene(scene: &Scene, taken: &[usize]) -> (Palettes, Vec<Warning>) {
     if taken.iter().all(|&i| scene.meshes()[i].mesh.uvs().is_none()) {
-        return None;
+        return (None, Vec::new());
     }
-    let all = scene.base_colors(MAX_PALETTE_PIXELS);
+    let (all, warnings) = scene.base_colors();
     let of_mesh = |&i: &usize| all.get(i).into_iter().flatten().map(texture).collect();
-    shared(Textures::of_parts(taken.iter().map(of_mesh).collect()))
+    (shared(Textures::of_parts(taken.iter().map(of_mesh).collect())), warnings)
 }
 
-/// Returns the base-colour textures of a mesh.
-pub(crate) fn of_mesh(loaded: &Loaded) -> Option<Arc<Textures>> {
-    loaded.mesh.uvs()?;
-    shared(Textures::of_regions(loaded.base_colors(MAX_PALETTE_PIXELS).iter().map(texture).collect()))
+/// Returns the base-colour textures of a mesh, and warns of those that are left out.
+pub(crate) fn of_mesh(loaded: &Loaded) -> (Palettes, Vec<Warning>) {
+    if loaded.mesh.uvs().is_none() {
+        return (None, Vec::new());
+    }
+    let (all, warnings) = loaded.base_colors();
+    (shared(Textures::of_regions(all.iter().map(texture).collect())), warnings)
 }
 
 /// Returns a texture that uses the mesh's own texture coordinates.
@@ -33,6 +34,6 @@ fn texture(of: &Option<BaseColor>) -> Option<Texture> {
     Some(Texture { image: image.clone(), transform: at.transform, sampler: at.sampler })
 }
 
-fn shared(textures: Textures) -> Option<Arc<Textures>> {
+fn shared(textures: Textures) -> Palettes {
     (!textures.is_empty()).then(|| Arc::new(textures))
 }

@@ -2,7 +2,7 @@
 
 use lodsmith::core::TriMesh;
 use lodsmith::core::topology::Topology;
-use lodsmith::{Report, SimplifyOptions};
+use lodsmith::{MeshCounts, Report, SimplifyOptions, Starved};
 use lodsmith_io::Warning;
 
 use crate::numbers::{counted, grouped};
@@ -58,6 +58,12 @@ pub(crate) fn warnings_of(report: &Report) -> Vec<Warning> {
         warnings.push(Warning::note("all parts are smaller than --prune: the largest was kept"));
     }
     warnings
+}
+
+/// Returns a warning about meshes that lost their shape because all share one target; `None` without any.
+pub(crate) fn starved(counts: &[MeshCounts]) -> Option<Warning> {
+    let starved = Starved::of(counts)?;
+    Some(Warning::note(format!("{starved}; --per-mesh gives each its own")))
 }
 
 /// Returns warnings about attributes that the engine drops.

@@ -14,6 +14,7 @@ mod method_collapses;
 mod method_planar;
 mod methods;
 mod options;
+mod places;
 mod progressive;
 mod render;
 mod three_mf;

@@ -7,6 +7,7 @@ pub mod animation;
 pub mod deform;
 pub mod material;
 mod pose;
+mod rest;
 
 use std::sync::Arc;
 
@@ -16,7 +17,7 @@ use crate::image::Image;
 use crate::mesh::TriMesh;
 
 pub use animation::{Animation, Channel, Interpolation, Pose, Skin, Track, Transform};
-pub use deform::{Deformed, deform};
+pub use deform::{Deformed, are_near, deform, has_joints, joints_in_use};
 pub use material::{AlphaMode, Material, Sampler, TextureRef, Wrap};
 
 /// Meshes, the nodes that place them, materials and animations.

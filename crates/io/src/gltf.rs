@@ -6,6 +6,7 @@
 //! file.
 
 mod accessors;
+mod affine;
 mod brought_images;
 mod buffers;
 mod builder;
@@ -15,6 +16,7 @@ mod copies;
 mod encode;
 mod external_files;
 mod geometry;
+mod instances;
 mod inventory;
 mod lists;
 mod lod;
@@ -27,6 +29,7 @@ mod names;
 mod pack;
 mod placed;
 mod placements;
+mod places;
 mod primitive;
 mod references;
 mod rematerial;
@@ -34,7 +37,9 @@ mod repack;
 mod replace;
 mod scene;
 mod sizes;
+mod skins;
 mod slot;
+mod survey;
 mod unpack;
 mod write;
 
@@ -70,11 +75,13 @@ use crate::options::WriteOptions;
 
 use buffers::Buffers;
 use container::Document;
+use placements::PlacedNodes;
 
 /// Reads a glTF 2.0 file, JSON or GLB.
 ///
-/// Merges all meshes of the default scene into one, transformed by their nodes; if no node refers to a mesh,
-/// all meshes are read untransformed. Triangles, strips and fans are read; so are normals, the first set of
+/// Merges all meshes of the default scene into one, each as often as it stands there: placed by its nodes, by instances of
+/// nodes, or by the joints of its skin at rest. Hidden nodes are left out, with a warning; if no node refers to a mesh, all
+/// meshes are read untransformed. Triangles, strips and fans are read; so are normals, the first set of
 /// texture coordinates (flipped to our lower-left origin) and colours (converted from linear to sRGB). Each vertex of the file stays one
 /// vertex: nothing is welded. Positions are single precision unless a node moves a mesh so far that half of
 /// its digits would be lost. Each material that faces use becomes a region, described by a material library
@@ -90,7 +97,7 @@ use container::Document;
 pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     let document = Document::parse(bytes, options.limits, 1)?;
     document.check_version()?;
-    document.check_extensions(false)?;
+    document.check_extensions()?;
     let format = if document.is_glb { Format::Glb } else { Format::Gltf };
     merged(document, bytes.len(), format, &BTreeMap::new(), options)
 }
@@ -125,9 +132,10 @@ fn merged(
     } else {
         Buffers::new(&document, options)
     };
-    let placements = placements::placements(&document.json)?;
-    let (mut contents, mut warnings) = inventory::take(&document.json, &placements, inventory::Kept::Mesh);
-    let gathered = geometry::gather(&document.json, &buffers, &placements, size, options.limits)?;
+    let nodes = PlacedNodes::new(&document.json)?.or_all_meshes(&document.json);
+    let (mut contents, mut warnings) =
+        inventory::take(&document.json, &nodes.placements, inventory::Kept::Mesh);
+    let gathered = geometry::gather(&document.json, &buffers, &nodes, size, options.limits)?;
     let geometry::Gathered { mut mesh, runs, warnings: told, bases } = gathered;
     if !source_vertices.is_empty() {
         mesh = geometry::with_source_vertices(&mesh, &bases, source_vertices);

@@ -17,7 +17,6 @@ pub use plain::BaseColor;
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::gltf::Scene;
-use crate::limits::Limits;
 use crate::loaded::{Contents, Loaded};
 use crate::material::Regions;
 use crate::options::ReadOptions;
@@ -65,11 +64,10 @@ impl Loaded {
     /// Returns the base colour images of the regions of the mesh (one if it has no regions), as named by the
     /// materials of its libraries.
     ///
-    /// Only base colours are decoded, up to `pixels` in total; images beyond that, or that cannot be decoded,
-    /// are left out. Cost: O(bytes of all images + pixels).
-    pub fn base_colors(&self, pixels: u64) -> Vec<Option<BaseColor>> {
-        let limits = Limits { pixels: pixels.min(self.limits.pixels), ..self.limits };
-        plain::base_colors(&self.mesh, &self.regions, limits)
+    /// Only base colours are decoded. Images that cannot be decoded are left out; so are those for which the limits of
+    /// reading leave no room (an eighth of the memory), with a warning. Cost: O(bytes of all images + pixels).
+    pub fn base_colors(&self) -> (Vec<Option<BaseColor>>, Vec<Warning>) {
+        plain::base_colors(&self.mesh, &self.regions, self.limits)
     }
 }
 

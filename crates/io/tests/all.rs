@@ -16,6 +16,7 @@ mod materials;
 mod model;
 mod mutations;
 mod packed;
+mod places;
 mod record;
 mod regressions;
 mod roundtrip;

@@ -62,7 +62,7 @@ pub use proposal::{Change, Proposal};
 pub use prune::Pruned;
 pub use report::{Cleanup, Clustered, ErrorReport, Escalation, Refusal, Report, Simplified, StoppedBy};
 
-pub use scene::{MeshCounts, Part, Place, SimplifiedScene, simplify_scene};
+pub use scene::{MeshCounts, Part, Place, SimplifiedScene, Starved, simplify_scene};
 pub use textures::{Texture, Textures};
 pub use two_sided::two_sided_faces;
 

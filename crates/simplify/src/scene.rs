@@ -19,7 +19,7 @@ use crate::run::{CountedGoal, is_chained};
 use crate::{SimplifyError, pipeline};
 use joined::JoinedScene;
 use layout::PartPlacement;
-pub use part::{MeshCounts, Part, Place, SimplifiedScene};
+pub use part::{MeshCounts, Part, Place, SimplifiedScene, Starved};
 
 /// Reduces the number of triangles of several meshes under one budget: triangles are removed where that costs
 /// least, whichever mesh they belong to.

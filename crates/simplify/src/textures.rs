@@ -84,6 +84,21 @@ impl Textures {
         self.0.iter().flatten().all(Option::is_none)
     }
 
+    /// Returns the bytes of the images, each counted once.
+    pub fn bytes(&self) -> u64 {
+        let images = self.0.iter().flatten().flatten().map(|texture| &texture.image);
+        let mut known: Vec<*const Image> = Vec::new();
+        let mut bytes = 0;
+        for image in images {
+            let address = Arc::as_ptr(image);
+            if !known.contains(&address) {
+                known.push(address);
+                bytes += std::mem::size_of_val(image.pixels()) as u64;
+            }
+        }
+        bytes
+    }
+
     /// Returns the texture of a region of a part.
     pub(crate) fn of(&self, part: usize, region: Option<RegionId>) -> Option<&Texture> {
         self.0.get(part)?.get(region.unwrap_or_default().index())?.as_ref()

@@ -33,6 +33,7 @@ mod reach;
 mod regressions;
 mod scene;
 mod sharp;
+mod stretch;
 mod support;
 mod two_sided;
 mod values;

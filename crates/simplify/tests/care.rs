@@ -239,7 +239,7 @@ fn locked_vertices_of_a_scene_come_back_as_they_were() {
     let (of_a, of_b) = (lock(&a), lock(&b));
     let mut options = SimplifyOptions::new(Stop::ratio(0.3));
     options.locked = Some(of_a.iter().chain(of_b.iter()).copied().collect());
-    let part = |mesh, scale| Part { mesh, instances: 1, scale, system: None, places: &[] };
+    let part = |mesh, scale| Part { mesh, instances: 1, scale, stretch: None, system: None, places: &[] };
     let got = simplify_scene(&[part(&a, 0.37), part(&b, 3.3)], 3.0, &options, &mut NoControl).unwrap();
     for (name, mesh, locked, result) in [("a", &a, of_a, &got.meshes[0]), ("b", &b, of_b, &got.meshes[1])] {
         assert_eq!(touched(mesh, &locked, result), Vec::<String>::new(), "{name}");

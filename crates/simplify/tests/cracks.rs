@@ -142,7 +142,7 @@ fn flat_normals_do_not_count_and_are_those_of_the_result() {
     let mut smooth = ball.clone();
     let normals = vertex_normals(&smooth.surface(), |v| v);
     smooth.set_normals(Some(normals)).unwrap();
-    let part = |mesh| Part { mesh, instances: 1, scale: 1.0, system: None, places: &[] };
+    let part = |mesh| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: None, places: &[] };
     let scene =
         simplify_scene(&[part(&flat), part(&smooth), part(&ball)], 9.0, &options, &mut NoControl).unwrap();
     assert!(off_faces(&scene.meshes[0]) < 0.01 && off_faces(&scene.meshes[1]) > 0.1);
@@ -193,7 +193,7 @@ fn a_seam_whose_sides_differ_by_rounding_does_not_crack() {
     let got = simplify(&mesh, &options, &mut NoControl).unwrap();
     assert_eq!(open_by_position(&got.mesh), 0);
     assert!(got.mesh.wedge_count() > got.mesh.vertex_count(), "the seam of the texture is gone");
-    let part = Part { mesh: &mesh, instances: 1, scale: 0.01, system: None, places: &[] };
+    let part = Part { mesh: &mesh, instances: 1, scale: 0.01, stretch: None, system: None, places: &[] };
     let far = Part { scale: 5.0, ..part };
     let scene = simplify_scene(&[part, far], 20.0, &options, &mut NoControl).unwrap();
     assert_eq!([0, 1].map(|i: usize| open_by_position(&scene.meshes[i])), [0, 0]);
@@ -246,7 +246,7 @@ fn meshes_with_origins_of_their_own_stay_together() {
     let mut right = tile(16);
     right.map_positions(|p| [p[0] - 7.0, p[1], p[2]]);
     let places = [[moved_by(0.0, 0.0)], [moved_by(8.0, 0.0)]];
-    let part = |(i, mesh)| Part { mesh, instances: 1, scale: 1.0, system: Some(i), places: &places[i] };
+    let part = |(i, mesh)| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: Some(i), places: &places[i] };
     let parts = [part((0, &left)), part((1, &right))];
     let options = SimplifyOptions::new(Stop::ratio(0.2));
     let got = simplify_scene(&parts, 2.5, &options, &mut NoControl).unwrap();
@@ -273,7 +273,7 @@ fn meshes_with_origins_of_their_own_stay_together() {
 fn copies_stay_together_where_they_meet() {
     let mesh = tile(16);
     let row = [moved_by(0.0, 0.0), moved_by(1.0, 0.0), moved_by(2.0, 0.0)];
-    let copies = Part { mesh: &mesh, instances: 3, scale: 1.0, system: None, places: &row };
+    let copies = Part { mesh: &mesh, instances: 3, scale: 1.0, stretch: None, system: None, places: &row };
     let got =
         simplify_scene(&[copies], 3.5, &SimplifyOptions::new(Stop::ratio(0.3)), &mut NoControl).unwrap();
     let meshes: Vec<_> = [0.0, 1.0, 2.0].map(|x| (&got.meshes[0], [x, 0.0, 0.0])).to_vec();

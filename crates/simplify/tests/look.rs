@@ -72,7 +72,7 @@ fn faces_keep_the_colour_of_a_palette() {
 
     // The same as a part of a scene, beside a part without a texture.
     let other = shapes::icosphere(2);
-    let part = |mesh| Part { mesh, instances: 1, scale: 1.0, system: None, places: &[] };
+    let part = |mesh| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: None, places: &[] };
     let scene = |textures| {
         let mut options = plain.clone();
         options.textures = Some(Arc::new(Textures::of_parts(vec![Vec::new(), textures])));
@@ -297,7 +297,8 @@ fn a_skin_keeps_its_zones() {
 #[test]
 fn joints_of_the_parts_of_a_scene_keep_their_numbers() {
     let tubes = [skinned_tube(0), skinned_tube(4)];
-    let part = |(i, mesh)| Part { mesh, instances: 1, scale: 1.0, system: Some(i), places: &[] };
+    let part =
+        |(i, mesh)| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: Some(i), places: &[] };
     let parts: Vec<_> = tubes.iter().enumerate().map(part).collect();
     let mut options = SimplifyOptions::new(Stop::ratio(0.1));
     options.weights.skin = 5.0;
@@ -324,7 +325,7 @@ fn colours_of_many_small_parts_are_found_with_any_number_of_threads() {
     let balls: Vec<TriMesh> = (0..6).map(moved).collect();
     let parts: Vec<Part<'_>> = balls
         .iter()
-        .map(|mesh| Part { mesh, instances: 1, scale: 1.0, system: Some(0), places: &[] })
+        .map(|mesh| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: Some(0), places: &[] })
         .collect();
     let mut options = SimplifyOptions::new(Stop::ratio(0.1));
     options.textures = Some(Arc::new(Textures::of_parts(vec![vec![Some(palette())]; parts.len()])));

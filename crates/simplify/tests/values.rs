@@ -89,7 +89,7 @@ fn no_value_leaves_the_range_of_its_source() {
 #[test]
 fn no_value_of_a_scene_leaves_the_range_of_its_mesh() {
     let (a, b) = (waved(shapes::blob(4, 3), 0.0, 1.0), waved(shapes::torus(48, 24), -20.0, 30.0));
-    let part = |mesh| Part { mesh, instances: 1, scale: 1.0, system: None, places: &[] };
+    let part = |mesh| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: None, places: &[] };
     let options = SimplifyOptions::new(Stop::ratio(0.2));
     let got = simplify_scene(&[part(&a), part(&b)], 4.0, &options, &mut NoControl).unwrap();
     assert_within("the first", &a, &got.meshes[0]);
@@ -194,7 +194,7 @@ fn faces_of_two_features_stay_faces_of_one() {
 #[test]
 fn ids_of_scenes_and_levels_are_those_of_the_source() {
     let (a, b) = (banded(shapes::blob(4, 3)), waved(shapes::torus(48, 24), 0.0, 1.0));
-    let part = |mesh| Part { mesh, instances: 1, scale: 1.0, system: None, places: &[] };
+    let part = |mesh| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: None, places: &[] };
     let options = SimplifyOptions::new(Stop::ratio(0.2));
     let got = simplify_scene(&[part(&a), part(&b)], 4.0, &options, &mut NoControl).unwrap();
     assert_known("of a scene", &a, &got.meshes[0]);
@@ -268,7 +268,7 @@ fn missing_values_stay_missing_in_scenes_and_progressive_meshes() {
         m.further_attributes().len() == 2 && share > 0.0 && share < 0.4
     };
     let mut options = SimplifyOptions::new(Stop::ratio(0.2));
-    let part = Part { mesh: &mesh, instances: 1, scale: 1.0, system: None, places: &[] };
+    let part = Part { mesh: &mesh, instances: 1, scale: 1.0, stretch: None, system: None, places: &[] };
     let scene = simplify_scene(&[part, part], 2.0, &options, &mut NoControl).unwrap();
     assert!(scene.meshes.iter().all(is_right));
     assert_eq!(scene.report.missing_values, 2 * gaps(&mesh));

@@ -9,7 +9,7 @@ use std::sync::{Arc, OnceLock};
 use glam::{DMat4, DVec3};
 use lodsmith::{
     Control, Levels, LodOptions, MeshCounts, Part, Report, Simplified, SimplifiedScene, SimplifyError,
-    SimplifyOptions, Stop, Textures,
+    SimplifyOptions, Starved, Stop, Textures,
 };
 use lodsmith_core::measure::{ComparedAttribute, Comparison, MeasureError, Prepared, wedge_differences};
 use lodsmith_core::mesh::normals::{vertex_normals, wedge_normals};
@@ -254,7 +254,8 @@ impl Lighter {
                 }
             }
         }
-        let warnings = warnings_of(&report);
+        let mut warnings = warnings_of(&report);
+        warnings.extend(Starved::of(&counts).map(|s| format!("{s}; \"Target per mesh\" gives each its own")));
         let model = original.model().with_meshes(meshes);
         let (faces, vertices, estimate) = (report.faces, report.vertices, report.error.estimate);
         let (report, how) = (Some(report), how.clone());
@@ -361,13 +362,8 @@ pub fn placed_meshes(scene: &Scene) -> Vec<usize> {
 pub(crate) fn parts_of(scene: &Scene) -> Vec<Part<'_>> {
     let part = |placed: gltf::PlacedMesh| {
         let m = &scene.meshes()[placed.index];
-        Part {
-            mesh: &m.mesh,
-            instances: m.instances,
-            scale: m.scale,
-            system: placed.system,
-            places: &m.places,
-        }
+        let (instances, scale, stretch) = (m.instances, m.scale, m.stretch);
+        Part { mesh: &m.mesh, instances, scale, stretch, system: placed.system, places: &m.places }
     };
     gltf::placed_meshes(scene.meshes()).into_iter().map(part).collect()
 }

@@ -158,6 +158,40 @@ pub fn deform(
     }
 }
 
+/// Returns true if a mesh has joints and weights, so that a skin deforms it.
+pub fn has_joints(mesh: &TriMesh) -> bool {
+    JointSets::of(mesh).is_some()
+}
+
+/// Returns which joints of a palette of this many matrices move a mesh in [`deform`]; none for a mesh without joints.
+///
+/// Cost: O(wedges · joints of each).
+pub fn joints_in_use(mesh: &TriMesh, count: usize) -> Vec<bool> {
+    let mut in_use = vec![false; count];
+    let (Some(sets), 1..) = (JointSets::of(mesh), count) else { return in_use };
+    for w in 0..mesh.wedge_count() {
+        let mut sum = 0.0;
+        for (joints, weights) in &sets.0 {
+            for (&joint, &weight) in joints[w].iter().zip(&weights[w]).filter(|(_, weight)| **weight != 0.0) {
+                let joint = joint as usize;
+                in_use[if joint < count { joint } else { 0 }] = true;
+                sum += weight;
+            }
+        }
+        in_use[0] |= sum == 0.0 || !sum.is_finite();
+    }
+    in_use
+}
+
+/// Returns true if two transforms are equal up to the rounding of files.
+pub fn are_near(a: &DMat4, b: &DMat4) -> bool {
+    // Guessed: a few steps of single precision, after programs that bake transforms into the mesh.
+    const ROUNDING: f64 = 1e-5;
+    let (a, b) = (a.to_cols_array(), b.to_cols_array());
+    let size = a.iter().fold(0f64, |m, x| m.max(x.abs()));
+    a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= ROUNDING * size)
+}
+
 /// Normalizes a direction; the zero vector stays zero.
 fn unit(v: Vec3) -> Vec3 {
     v.try_normalize().unwrap_or(Vec3::ZERO)
@@ -395,9 +429,15 @@ mod tests {
         let (mut p, mut n) = (Vec::new(), vec![[0.0; 3]; 99]);
         deform(&mesh, &[], &palette, &mut p, &mut n);
         near(&p[4..], &[[2.0, 1.0, 0.0], [2.0, 1.5, 0.0]]);
+        assert_eq!((has_joints(&mesh), joints_in_use(&mesh, 2)), (true, vec![true, true]));
+        let mut outer = mesh.clone();
+        outer.further_values_mut(0).fill(1.0);
+        outer.further_values_mut(1).fill(0.5);
+        assert_eq!(joints_in_use(&outer, 3), [false, true, false]);
         assert!(n.is_empty());
         // A mesh without joints ignores its skin.
         let plain = TriMesh::new(mesh.positions().clone(), mesh.surface().triangles().to_vec()).unwrap();
+        assert_eq!((has_joints(&plain), joints_in_use(&plain, 2)), (false, vec![false, false]));
         model.meshes[0] = ModelMesh { mesh: Arc::new(plain), ..model.meshes[0].clone() };
         let rest = Pose::default();
         let world = model.world_from_nodes(&rest);

@@ -218,11 +218,6 @@ impl<'b> Accessor<'b> {
         Ok(Self { count, kind, width, normalized, elements, sparse, name })
     }
 
-    /// Returns true if it has data in a buffer.
-    pub(super) fn has_data(&self) -> bool {
-        self.elements.is_some() || self.sparse.is_some()
-    }
-
     /// Decodes the elements as floats; integers are normalized to 0..1 or -1..1 if the accessor or the caller
     /// asks for it.
     ///

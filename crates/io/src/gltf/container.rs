@@ -56,7 +56,7 @@ pub(super) const IGNORABLE_EXTENSIONS: [&str; 9] = [
     "KHR_xmp",
 ];
 
-/// Extensions that place meshes or describe them by attributes: accepted if the whole scene is kept.
+/// Extensions that place meshes, choose among them, or describe them by attributes.
 const SCENE_EXTENSIONS: [&str; 6] = [
     "EXT_instance_features",
     "EXT_mesh_features",
@@ -108,15 +108,14 @@ impl<'a> Document<'a> {
         }
     }
 
-    /// Returns an error if the file requires an unsupported extension; `is_scene` is for a file that is kept
-    /// whole.
-    pub(super) fn check_extensions(&self, is_scene: bool) -> Result<(), ReadError> {
+    /// Returns an error if the file requires an unsupported extension.
+    pub(super) fn check_extensions(&self) -> Result<(), ReadError> {
         for name in list(&self.json, "extensionsRequired") {
             let name = name.as_str().unwrap_or("(no name)");
             let fine = SUPPORTED_EXTENSIONS.contains(&name)
                 || IGNORABLE_EXTENSIONS.contains(&name)
                 || name.starts_with("KHR_materials_")
-                || (is_scene && SCENE_EXTENSIONS.contains(&name));
+                || SCENE_EXTENSIONS.contains(&name);
             if !fine {
                 let name = excerpt(name);
                 return Err(ReadError::Unsupported(format!(

@@ -34,7 +34,7 @@ pub struct CopyPlace {
 pub(super) fn with_copies(source: &Value, places: &[CopyPlace]) -> Result<Value, ReadError> {
     let mut json = source.clone();
     let mut roots = placements::roots(source)?;
-    if placements::placed(source)?.is_empty() {
+    if placements::PlacedNodes::new(source)?.placements.is_empty() {
         // If no node refers to a mesh, all meshes are shown untransformed.
         for mesh in 0..list(source, "meshes").len() {
             roots.push(append(&mut json, "nodes", json!({ "mesh": mesh })));

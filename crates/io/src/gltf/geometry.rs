@@ -3,16 +3,19 @@
 use std::collections::BTreeMap;
 
 use lodsmith_core::mesh::weld::{Weld, weld_mesh_by};
-use lodsmith_core::{MeshError, Positions, TriMesh, VertexId};
+use lodsmith_core::{Attribute, MeshError, Positions, Semantic, TriMesh, VertexId};
 use serde_json::Value;
 
 use super::accessors::{Accessor, Component};
+use super::affine::Affine;
 use super::buffers::Buffers;
 use super::container::{entry, list, whole};
 use super::materials::Run;
 use super::mesh::TYPE_NAMES;
-use super::placements::{Affine, Placement, check_placed};
+use super::placements::{PlacedNodes, Placement, check_placed};
+use super::places::{NodePlaces, Places};
 use super::primitive::Primitive;
+use super::skins::SkinAtRest;
 use crate::error::{ReadError, Warning};
 use crate::limits::Limits;
 
@@ -47,27 +50,37 @@ pub(super) fn with_source_vertices(
     weld_mesh_by(mesh, &Weld::from_representatives(representative)).mesh
 }
 
-/// Merges all placed meshes into one.
+/// Merges all placed meshes into one, each as often as it stands in the scene. Hidden ones are left out.
 pub(super) fn gather(
     json: &Value,
     buffers: &Buffers<'_>,
-    placements: &[Placement],
+    nodes: &PlacedNodes,
     file_bytes: usize,
     limits: Limits,
 ) -> Result<Gathered, ReadError> {
     let mut told = MergeNotes::default();
-    let meshes = plan(json, buffers, placements, &mut told)?;
-    let placed = || placements.iter().filter_map(|p| Some((p, meshes.get(p.mesh)?.as_ref()?)));
+    let bytes = file_bytes.max(buffers.total());
+    let shown: Vec<&Placement> = nodes.placements.iter().filter(|p| !p.is_hidden).collect();
+    let mut places = Places::new(json, buffers, nodes, bytes);
+    let of_nodes: Vec<NodePlaces> = shown.iter().map(|p| places.of(p)).collect::<Result<_, _>>()?;
+    let meshes = plan(json, buffers, shown.iter().copied().zip(&of_nodes), &mut told)?;
+    let placed = || {
+        let groups = |p: &Placement| meshes.get(p.mesh)?.as_ref();
+        shown.iter().zip(&of_nodes).filter_map(move |(p, of_node)| Some((of_node, groups(p)?)))
+    };
 
     // All sizes are known before anything is reserved.
     let (mut vertices, mut faces) = (0u64, 0u64);
-    for (_, groups) in placed() {
+    for (of_node, groups) in placed() {
+        let copies = of_node.count() as u64;
         for g in groups {
-            vertices = vertices.saturating_add(g.vertices as u64);
-            faces = g.primitives.iter().fold(faces, |sum, p| sum.saturating_add(p.most_faces() as u64));
+            vertices = vertices.saturating_add(copies.saturating_mul(g.vertices as u64));
+            let more = |sum: u64, p: &Primitive| sum.saturating_add(p.most_faces() as u64);
+            let each = g.primitives.iter().fold(0, more);
+            faces = faces.saturating_add(copies.saturating_mul(each));
         }
     }
-    check_placed(faces, vertices, file_bytes.max(buffers.total()))?;
+    check_placed(faces, vertices, bytes)?;
     let has = |f: fn(&VertexGroup) -> bool| placed().any(|(_, groups)| groups.iter().any(f));
     let each = |is: bool, bytes: u64| if is { bytes } else { 0 };
     let vertex = 12
@@ -84,10 +97,14 @@ pub(super) fn gather(
         has(|g| g.colors.is_some()),
     ]);
     let mut bases = Vec::new();
-    for (placement, groups) in placed() {
-        for group in groups {
-            bases.push((out.positions.len(), group.positions));
-            out.add(json, buffers, group, &placement.world_from_mesh, &mut told)?;
+    for (of_node, groups) in placed() {
+        let is_skinned = groups.iter().any(|g| !g.joints.is_empty());
+        let skin = of_node.skin().filter(|_| is_skinned);
+        for place in of_node.rigid() {
+            for group in groups {
+                bases.push((out.positions.len(), group.positions));
+                out.add(json, buffers, group, (&place, skin), &mut told)?;
+            }
         }
     }
     if out.triangles.is_empty() {
@@ -142,21 +159,25 @@ struct VertexGroup {
     normals: Option<usize>,
     uvs: Option<usize>,
     colors: Option<usize>,
+    /// Accessors of joints and of weights, if a skin places the mesh.
+    joints: Vec<(usize, usize)>,
     /// Number of vertices.
     vertices: usize,
     primitives: Vec<Primitive>,
 }
 
 /// Groups the primitives of every placed mesh and checks their accessors. Nothing is decoded.
-fn plan(
+fn plan<'p>(
     json: &Value,
     buffers: &Buffers<'_>,
-    placements: &[Placement],
+    placed: impl Iterator<Item = (&'p Placement, &'p NodePlaces)> + Clone,
     told: &mut MergeNotes,
 ) -> Result<Vec<Option<Vec<VertexGroup>>>, ReadError> {
     let meshes = list(json, "meshes");
+    let mut is_skinned = vec![false; meshes.len()];
+    placed.clone().for_each(|(p, of_node)| is_skinned[p.mesh] |= of_node.skin().is_some());
     let mut plans: Vec<Option<Vec<VertexGroup>>> = meshes.iter().map(|_| None).collect();
-    for placement in placements {
+    for (placement, _) in placed {
         let plan = &mut plans[placement.mesh];
         if plan.is_some() {
             continue;
@@ -176,11 +197,13 @@ fn plan(
                 told.without_positions += 1;
                 continue;
             };
-            let key = (positions, attribute("NORMAL")?, attribute("TEXCOORD_0")?, attribute("COLOR_0")?);
+            let joints = if is_skinned[placement.mesh] { joint_sets(attributes, &name)? } else { Vec::new() };
+            let key =
+                (positions, attribute("NORMAL")?, attribute("TEXCOORD_0")?, attribute("COLOR_0")?, joints);
             let group = match known.get(&key) {
                 Some(&at) => at,
                 None => {
-                    known.insert(key, groups.len());
+                    known.insert(key.clone(), groups.len());
                     groups.push(group(json, buffers, key, &name)?);
                     groups.len() - 1
                 }
@@ -193,25 +216,41 @@ fn plan(
     Ok(plans)
 }
 
-/// Accessors of positions, normals, texture coordinates and colours.
-type Key = (usize, Option<usize>, Option<usize>, Option<usize>);
+/// Accessors of positions, normals, texture coordinates, colours, and joints with their weights.
+type Key = (usize, Option<usize>, Option<usize>, Option<usize>, Vec<(usize, usize)>);
+
+/// Returns the accessors of joints and weights of a primitive, from the first set to the last that has both.
+fn joint_sets(attributes: &Value, name: &str) -> Result<Vec<(usize, usize)>, ReadError> {
+    let mut sets = Vec::new();
+    // (There are no more in the mesh of a scene.)
+    for i in 0..=u8::MAX {
+        let of = |what: &str| whole(attributes, &format!("{what}_{i}"), name);
+        let (Some(joints), Some(weights)) = (of("JOINTS")?, of("WEIGHTS")?) else { break };
+        sets.push((joints, weights));
+    }
+    Ok(sets)
+}
 
 /// Returns a group without primitives; checks that its attributes exist and have the right width and one
 /// entry per vertex.
 fn group(
     json: &Value,
     buffers: &Buffers<'_>,
-    (positions, normals, uvs, colors): Key,
+    (positions, normals, uvs, colors, joints): Key,
     name: &str,
 ) -> Result<VertexGroup, ReadError> {
     let accessor = Accessor::new(json, buffers, positions, name)?;
     let vertices = accessor.count;
+    let of_skin = joints.iter().flat_map(|&(j, w)| [("JOINTS", Some(j), 4..=4), ("WEIGHTS", Some(w), 4..=4)]);
     for (what, index, widths) in [
         ("POSITION", Some(positions), 3..=3),
         ("NORMAL", normals, 3..=3),
         ("TEXCOORD_0", uvs, 2..=2),
         ("COLOR_0", colors, 3..=4),
-    ] {
+    ]
+    .into_iter()
+    .chain(of_skin)
+    {
         let Some(index) = index else { continue };
         let a = Accessor::new(json, buffers, index, name)?;
         if !widths.contains(&a.width) {
@@ -239,9 +278,38 @@ fn group(
         normals,
         uvs,
         colors,
+        joints,
         vertices,
         primitives: Vec::new(),
     })
+}
+
+/// Returns vertices as a mesh without faces, with the joints that move them.
+fn skinned_vertices(
+    json: &Value,
+    buffers: &Buffers<'_>,
+    group: &VertexGroup,
+    positions: Vec<[f32; 3]>,
+    normals: Option<Vec<[f32; 3]>>,
+) -> Result<TriMesh, ReadError> {
+    let count = positions.len();
+    let mut mesh = TriMesh::new(Positions::F32(positions), Vec::new())?;
+    mesh.set_normals(normals)?;
+    let four =
+        |index: usize, normalized| Accessor::new(json, buffers, index, &group.name)?.floats::<4>(normalized);
+    let mut add = |semantic: Semantic, values: Vec<[f32; 4]>| {
+        mesh.add_attribute(Attribute { semantic, width: 4, values: values.into_flattened() })
+    };
+    for (i, &(joints, weights)) in (0..=u8::MAX).zip(&group.joints) {
+        add(Semantic::Joints(i), four(joints, false)?)?;
+        add(Semantic::Weights(i), four(weights, true)?)?;
+    }
+    if group.joints.is_empty() {
+        // Other primitives of the mesh have joints, so these vertices follow the first one.
+        add(Semantic::Joints(0), vec![[0.0; 4]; count])?;
+        add(Semantic::Weights(0), vec![[0.0; 4]; count])?;
+    }
+    Ok(mesh)
 }
 
 /// The merged mesh under construction.
@@ -266,28 +334,37 @@ impl MergedMesh {
         }
     }
 
-    /// Adds a group, transformed by `place`.
+    /// Adds a group, transformed by a place, or by the joints of a skin in its stead.
     fn add(
         &mut self,
         json: &Value,
         buffers: &Buffers<'_>,
         group: &VertexGroup,
-        place: &Affine,
+        (place, skin): (&Affine, Option<&SkinAtRest>),
         told: &mut MergeNotes,
     ) -> Result<(), ReadError> {
         let floats3 = |index: usize| Accessor::new(json, buffers, index, &group.name)?.floats::<3>(false);
         let base = self.positions.len();
-        let local = floats3(group.positions)?;
+        let mut local = floats3(group.positions)?;
         let first_face = self.triangles.len();
-        let mirrored = place.determinant() < 0.0;
+        let (mut place, mut skinned) = (place, None);
+        if let Some(skin) = skin {
+            let normals = group.normals.map(floats3).transpose()?;
+            let vertices = skinned_vertices(json, buffers, group, local, normals)?;
+            let (positions, normals) = skin.deformed(&vertices);
+            (local, place) = (positions, &Affine::IDENTITY);
+            skinned = Some((normals, skin.is_mirrored(&vertices)));
+        }
+        let mirrored = skinned.as_ref().map_or(place.determinant() < 0.0, |skinned| skinned.1);
         for primitive in &group.primitives {
             self.add_triangles(json, buffers, primitive, (base, local.len()), mirrored, told)?;
         }
 
         if let Some(normals) = &mut self.normals {
-            let mut more = match group.normals {
-                Some(index) => floats3(index)?,
-                None => {
+            let mut more = match (group.normals, skinned) {
+                (Some(_), Some((normals, _))) => normals,
+                (Some(index), None) => floats3(index)?,
+                (None, _) => {
                     told.normals_made = true;
                     smooth_normals(&local, base, &self.triangles[first_face..], mirrored)
                 }

@@ -3,6 +3,7 @@
 use serde_json::Value;
 
 use super::container::{IGNORABLE_EXTENSIONS, list, number};
+use super::instances::{self, INSTANCING};
 use super::lod::nodes_of_levels;
 use super::placements::Placement;
 use crate::error::Warning;
@@ -36,11 +37,15 @@ pub(super) fn take(json: &Value, placements: &[Placement], kept: Kept) -> (Conte
     let count = |name: &str| list(json, name).len();
     let meshes = list(json, "meshes");
     let mut placed = vec![false; meshes.len()];
-    placements.iter().for_each(|p| placed[p.mesh] = true);
+    let is_merged = kept == Kept::Mesh;
+    let counted = || placements.iter().filter(|p| !(is_merged && p.is_hidden));
+    counted().for_each(|p| placed[p.mesh] = true);
+    let copies = |p: &Placement| p.node.map_or(1, |n| instances::count(json, &json["nodes"][n]));
+    let instances = counted().fold(0usize, |n, p| n.saturating_add(copies(p)));
     let mut contents = Contents {
-        meshes: placements.len(),
+        meshes: instances,
         distinct_meshes: placed.iter().filter(|is_placed| **is_placed).count(),
-        instances: placements.iter().fold(0, |n, p| instance_count(json, p.node).saturating_add(n)),
+        instances,
         materials: count("materials"),
         // Several textures may use the same image.
         textures: if count("images") > 0 { count("images") } else { count("textures") },
@@ -72,7 +77,12 @@ pub(super) fn take(json: &Value, placements: &[Placement], kept: Kept) -> (Conte
     }
 
     let mut warnings = Vec::new();
-    let is_merged = kept == Kept::Mesh;
+    let hidden = placements.iter().filter(|p| p.is_hidden).count();
+    if hidden > 0 {
+        let text = format!("{hidden} hidden meshes (KHR_node_visibility) are left out");
+        warnings.push(Warning::lost(text));
+        placements.iter().for_each(|p| placed[p.mesh] = true);
+    }
     let mut not_carried = |is: bool, what: &str| {
         if is {
             warnings.push(if is_merged {
@@ -102,8 +112,10 @@ pub(super) fn take(json: &Value, placements: &[Placement], kept: Kept) -> (Conte
         .filter(|e| match e.strip_prefix("KHR_materials_") {
             // (Who merges meshes tells it of each material.)
             Some(kind) => !is_merged && !MATERIALS_OF_MODELS.contains(&kind),
-            None if *e == "EXT_mesh_gpu_instancing" => is_merged,
-            None => !IGNORABLE_EXTENSIONS.contains(e) && *e != "KHR_mesh_quantization",
+            None => {
+                let is_followed = ["KHR_mesh_quantization", "KHR_node_visibility", INSTANCING].contains(e);
+                !is_followed && !IGNORABLE_EXTENSIONS.contains(e)
+            }
         })
         .take(16)
         .map(excerpt)
@@ -123,14 +135,4 @@ pub(super) fn take(json: &Value, placements: &[Placement], kept: Kept) -> (Conte
             .push(Warning::lost(format!("{left} meshes stand in no place of the default scene: dropped")));
     }
     (contents, warnings)
-}
-
-/// Returns the number of instances that a node places of its mesh.
-pub(super) fn instance_count(json: &Value, node: Option<usize>) -> usize {
-    let attributes = node.map(|n| &json["nodes"][n]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]);
-    let count = |name: &str| {
-        let accessor = list(json, "accessors").get(number(&attributes?[name])?)?;
-        number(&accessor["count"])
-    };
-    ["TRANSLATION", "ROTATION", "SCALE"].into_iter().filter_map(count).min().unwrap_or(1)
 }

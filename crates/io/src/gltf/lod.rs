@@ -19,6 +19,7 @@ use lodsmith_core::TriMesh;
 use serde_json::{Map, Value, json};
 
 use super::container::{list, list_mut, number};
+use super::instances::INSTANCING;
 use super::lists::{add_extension, append, take_extension};
 
 /// Name of the extension.
@@ -27,8 +28,6 @@ pub(super) const EXTENSION: &str = "MSFT_lod";
 const COVERAGE_KEY: &str = "MSFT_screencoverage";
 /// Properties that nodes of levels copy from the node of level 0.
 const COPIED_PROPERTIES: [&str; 6] = ["matrix", "translation", "rotation", "scale", "skin", "weights"];
-/// Extension of a node that instances its mesh.
-const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// The levels of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -23,6 +23,8 @@ pub(super) const TYPE_NAMES: [&str; 5] = ["nothing", "SCALAR", "VEC2", "VEC3", "
 pub(super) struct Budget {
     pub(super) faces: Allowance,
     pub(super) numbers: Allowance,
+    /// Copies of meshes that nodes place, and vertices that joints move.
+    pub(super) copies: Allowance,
 }
 
 /// A limit on a count, and how much of it is used.
@@ -45,6 +47,8 @@ impl Budget {
         Self {
             faces: room("number of triangles, for a file of this size,", 16, 1 << 20),
             numbers: room("numbers in attributes, for a file of this size,", 256, 1 << 24),
+            // Guessed: a copy takes six bytes at least, unless nodes share them.
+            copies: room("copies of meshes, for a file of this size,", 16, 1 << 20),
         }
     }
 }

@@ -3,20 +3,21 @@
 mod appearance;
 mod motion;
 
+use std::sync::Arc;
+
 use glam::{DMat4, DQuat, DVec3};
-use lodsmith_core::Model;
 use lodsmith_core::model::{Material, ModelMesh, Node, Transform, VertexColors};
+use lodsmith_core::{Model, TriMesh};
 use serde_json::Value;
 
-use super::accessors::Accessor;
 use super::buffers::Buffers;
 use super::container::{list, number};
+use super::instances::{self, Copies};
 use super::mesh::Budget;
-use super::placements::{numbers, roots};
+use super::placements::{PlacedNodes, numbers, roots};
 use super::scene::Scene;
 use crate::assets::MAX_IMAGE_BYTES;
 use crate::error::{ReadError, Warning};
-use crate::limits::Limits;
 use crate::model::BaseColor;
 
 impl Scene {
@@ -24,7 +25,7 @@ impl Scene {
     ///
     /// Meshes are shared with [`Scene::meshes`]. Nodes are those of the file, under the roots of the default
     /// scene; instances of `EXT_mesh_gpu_instancing` are further nodes, and so are all meshes if no node
-    /// refers to one. Images that materials use are decoded; separate files are read as far as
+    /// refers to one. Hidden nodes have no mesh. Images that materials use are decoded; separate files are read as far as
     /// [`ReadOptions::assets`](crate::ReadOptions::assets) allows. Extensions other than
     /// `KHR_materials_unlit`, `KHR_materials_emissive_strength`, `KHR_texture_transform`, `EXT_texture_webp`
     /// and the older `KHR_materials_pbrSpecularGlossiness` (without its highlights) are ignored. Cost:
@@ -42,14 +43,23 @@ impl Scene {
         (model, warnings)
     }
 
-    /// Returns the scene as a model without skins, animations and images: textures have the index of their image in the
-    /// file, for [`Scene::encoded_image`].
-    pub(crate) fn encoded_model(&self) -> (Model, Vec<Warning>) {
+    /// Returns the scene with some meshes replaced, as a model at rest without skins, animations and images: textures have
+    /// the index of their image in the file, for [`Scene::encoded_image`]. See [`Model::without_skins`].
+    pub(crate) fn encoded_model(&self, replaced: &[Option<TriMesh>]) -> (Model, Vec<Warning>) {
         let buffers = Buffers::loaded(&self.json, &self.buffers, self.unpacked);
         let (mut budget, mut warnings) = (Budget::new(buffers.total()), Vec::new());
-        let (materials, skins) = (appearance::encoded(self), motion::Skins::default());
-        let model = self.placed_meshes(&buffers, materials, &skins, &mut budget, &mut warnings);
-        (model, warnings)
+        let materials = appearance::encoded(self);
+        let skins = motion::skins(&self.json, &buffers, &mut budget, &mut warnings);
+        let mut model = self.placed_meshes(&buffers, materials, &skins, &mut budget, &mut warnings);
+        model.skins = skins.all;
+        for (mesh, other) in model.meshes.iter_mut().zip(replaced) {
+            other.iter().for_each(|other| mesh.mesh = Arc::new(other.clone()));
+        }
+        let mut rest = model.without_skins();
+        // The name of a mesh without one is its number, which those at rest do not have.
+        let made = rest.meshes.iter_mut().skip(model.meshes.len());
+        made.filter(|m| m.name.starts_with("meshes[")).for_each(|m| m.name.clear());
+        (rest, warnings)
     }
 
     /// Returns the limit on the bytes of all images together, for [`Scene::encoded_image`].
@@ -92,6 +102,10 @@ impl Scene {
         }
         // Roots and nodes were checked when the scene was read.
         let mut roots = roots(json).unwrap_or_default();
+        let placed = PlacedNodes::new(json).map_or_else(|_| Vec::new(), |nodes| nodes.placements);
+        for node in placed.iter().filter(|p| p.is_hidden).filter_map(|p| p.node) {
+            (nodes[node].mesh, nodes[node].skin) = (None, None);
+        }
         for i in 0..node_count {
             match copies(json, buffers, i, budget) {
                 Ok(None) => {}
@@ -108,7 +122,7 @@ impl Scene {
                 }
             }
         }
-        if !is_any_mesh_under(&nodes, &roots) {
+        if placed.is_empty() {
             for mesh in 0..meshes.len() {
                 roots.push(nodes.len());
                 nodes.push(Node { mesh: Some(mesh), ..Node::default() });
@@ -121,28 +135,16 @@ impl Scene {
     /// Returns the base colour images for each of [`Scene::meshes`] and each of its regions (one, if it has
     /// none), and the mapping of texture coordinates to them.
     ///
-    /// Decodes base colours only, up to `pixels` pixels in total; images beyond that or that cannot be
-    /// decoded are left out. Cost: O(pixels).
-    pub fn base_colors(&self, pixels: u64) -> Vec<Vec<Option<BaseColor>>> {
+    /// Only base colours are decoded. Images that cannot be decoded are left out; so are those for which the limits of
+    /// reading leave no room (an eighth of the memory), with a warning. Cost: O(pixels).
+    pub fn base_colors(&self) -> (Vec<Vec<Option<BaseColor>>>, Vec<Warning>) {
         let buffers = Buffers::loaded(&self.json, &self.buffers, self.unpacked);
-        let limits = Limits { pixels: pixels.min(self.limits.pixels), ..self.limits };
-        let (of_materials, images) = appearance::base_colors(self, &buffers, limits);
+        let (of_materials, images, warnings) = appearance::base_colors(self, &buffers);
         let base_color = |m: &usize| of_materials[*m].map(|texture| (images[texture.image].clone(), texture));
         let meshes = self.meshes().iter().zip(list(&self.json, "meshes"));
         let of_mesh = |m: ModelMesh| m.materials.iter().map(|m| base_color(m.as_ref()?)).collect();
-        meshes.map(|(m, v)| of_mesh(mesh(m, v, of_materials.len()))).collect()
+        (meshes.map(|(m, v)| of_mesh(mesh(m, v, of_materials.len()))).collect(), warnings)
     }
-}
-
-fn is_any_mesh_under(nodes: &[Node], roots: &[usize]) -> bool {
-    let mut open = roots.to_vec();
-    while let Some(node) = open.pop() {
-        if nodes[node].mesh.is_some() {
-            return true;
-        }
-        open.extend(&nodes[node].children);
-    }
-    false
 }
 
 /// Returns a mesh with a material for each of its primitives.
@@ -205,27 +207,14 @@ fn copies(
     node: usize,
     budget: &mut Budget,
 ) -> Result<Option<Vec<Transform>>, ReadError> {
-    let attributes = &json["nodes"][node]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"];
-    let accessor = |name: &str| {
-        let index = number(&attributes[name]);
-        index.map(|i| Accessor::new(json, buffers, i, "EXT_mesh_gpu_instancing")).transpose()
-    };
-    let (moves, turns, scales) = (accessor("TRANSLATION")?, accessor("ROTATION")?, accessor("SCALE")?);
-    let Some(count) = [&moves, &turns, &scales].into_iter().flatten().map(|a| a.count).min() else {
-        return Ok(None);
-    };
+    let Some(accessors) = instances::accessors(&json["nodes"][node])? else { return Ok(None) };
+    let copies = Copies::read(json, buffers, accessors, budget)?;
     // A node takes more memory than the ten numbers of its transform.
-    budget.numbers.take(64 * count as u64)?;
-    let moves = moves.map(|a| a.floats::<3>(false)).transpose()?;
-    let turns = turns.map(|a| a.floats::<4>(true)).transpose()?;
-    let scales = scales.map(|a| a.floats::<3>(false)).transpose()?;
-    let three = |all: &Option<Vec<[f32; 3]>>, i: usize, otherwise: DVec3| {
-        all.as_ref().map_or(otherwise, |all| DVec3::from(all[i].map(f64::from)))
+    budget.numbers.take(64 * copies.count as u64)?;
+    let place = |i: usize| {
+        let (translation, rotation, scale) = copies.parts(i);
+        let (translation, scale) = (DVec3::from(translation), DVec3::from(scale));
+        Transform::Parts { translation, rotation: unit(rotation), scale }
     };
-    let place = |i: usize| Transform::Parts {
-        translation: three(&moves, i, DVec3::ZERO),
-        rotation: turns.as_ref().map_or(DQuat::IDENTITY, |all| unit(all[i].map(f64::from))),
-        scale: three(&scales, i, DVec3::ONE),
-    };
-    Ok(Some((0..count).map(place).collect()))
+    Ok(Some((0..copies.count).map(place).collect()))
 }

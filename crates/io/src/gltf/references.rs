@@ -2,6 +2,8 @@
 
 use serde_json::Value;
 
+use super::instances::INSTANCING;
+
 /// Kind of a referenced element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ReferenceKind {
@@ -91,7 +93,7 @@ fn extensions(value: &mut Value, is_inside: bool, visit: &mut dyn FnMut(Referenc
                     "extras" => {}
                     "accessor" if is_inside && inner.is_number() => visit(ReferenceKind::Accessor, inner),
                     "bufferView" if is_inside && inner.is_number() => visit(ReferenceKind::View, inner),
-                    "EXT_mesh_gpu_instancing" if is_inside => {
+                    INSTANCING if is_inside => {
                         values(inner.get_mut("attributes"), ReferenceKind::Accessor, visit);
                     }
                     "CESIUM_primitive_outline" if is_inside => {

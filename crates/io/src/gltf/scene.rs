@@ -1,13 +1,12 @@
 //! A whole glTF file: its meshes can be read and replaced, everything else is preserved.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, HashSet};
 use std::io::{self, Write};
 use std::sync::Arc;
 
 use lodsmith_core::{Bounds, TriMesh};
 use serde_json::{Value, json};
 
-use super::accessors::Accessor;
 use super::buffers::{Buffers, path_of};
 use super::builder::BuiltScene;
 use super::container::{Document, list, list_mut, number, whole};
@@ -19,7 +18,8 @@ use super::mesh::{self, Budget};
 use super::motion::{self, SceneMotion};
 use super::names::MeshNames;
 use super::pack::{SceneFormat, Written};
-use super::placements;
+use super::placements::{self, PlacedNodes};
+use super::survey::survey;
 use super::{inventory, replace, unpack};
 use crate::assets::{Asset, Assets, MAX_IMAGE_BYTES, Refusal};
 use crate::error::{ReadError, Warning};
@@ -77,17 +77,31 @@ pub struct SceneMesh {
     pub mesh: Arc<TriMesh>,
     /// Number of instances in the default scene (under all roots if there is no scene).
     pub instances: usize,
-    /// Largest factor by which a node that places it scales lengths; 1 if none does. Joints of a skinned mesh
-    /// are ignored.
+    /// Largest factor by which one of its places scales lengths; 1 if it has none. A skinned mesh is placed by its joints
+    /// at rest.
     pub scale: f64,
-    /// Rows of its world transform, if it is placed exactly once. Meshes with equal transforms share a
-    /// coordinate system.
+    /// The rows of a linear map under which the mesh has the lengths that it has where it is largest; `None` if
+    /// [`SceneMesh::scale`] says that of all lengths, and if its places stretch it in different ways, or flatten it.
+    pub stretch: Option<[[f64; 3]; 3]>,
+    /// Rows of its world transform, if it is placed exactly once; of a skinned mesh, that of one of the joints. Meshes with
+    /// equal transforms share a coordinate system.
     pub world_from_mesh: Option<[[f64; 4]; 3]>,
-    /// Rows of the world transform of each instance; empty if they are not known: for a skinned mesh, and for instances
-    /// of a node.
+    /// Rows of the world transform of each instance; empty if they are not known: for a skinned mesh, and beyond 65,536
+    /// instances.
     pub places: Vec<[[f64; 4]; 3]>,
     /// True if a node places it with a skin.
     pub skinned: bool,
+}
+
+impl SceneMesh {
+    /// Returns the diagonal of its bounding box where it is largest, before rotation; 0 for a mesh without vertices.
+    pub fn largest_diagonal(&self) -> f64 {
+        let Some(Bounds { min, max }) = self.mesh.positions().view().bounds() else { return 0.0 };
+        let Some(rows) = self.stretch else { return Bounds { min, max }.diagonal() * self.scale };
+        let corner = |c: usize| [0, 1, 2].map(|k| if c >> k & 1 == 0 { min[k] } else { max[k] });
+        let stretched = |p: [f64; 3]| rows.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2]);
+        Bounds::of((0..8).map(|c| stretched(corner(c)))).map_or(0.0, |b| b.diagonal())
+    }
 }
 
 impl Scene {
@@ -102,7 +116,7 @@ impl Scene {
     pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Self, ReadError> {
         let document = Document::parse(bytes, options.limits, 2)?;
         document.check_version()?;
-        document.check_extensions(true)?;
+        document.check_extensions()?;
         let format = if document.is_glb { Format::Glb } else { Format::Gltf };
         Self::of_document(document, bytes.len(), format, options)
     }
@@ -143,10 +157,9 @@ impl Scene {
         let need = (file_bytes as u64).saturating_add(held).saturating_add(geometry.saturating_mul(11) / 4);
         options.limits.check_memory("reading glTF", need)?;
 
-        let placed = placements::placed(&json)?;
         let mut warnings = Vec::new();
         let size;
-        let meshes = {
+        let (meshes, contents, bounds) = {
             let opened = Buffers::loaded(&json, &buffers, unpacked);
             size = file_bytes.max(opened.total());
             let mut budget = Budget::new(size);
@@ -161,6 +174,7 @@ impl Scene {
                     mesh: Arc::new(mesh_in_file),
                     instances: 0,
                     scale: 1.0,
+                    stretch: None,
                     world_from_mesh: None,
                     places: Vec::new(),
                     skinned: false,
@@ -171,11 +185,9 @@ impl Scene {
                     "{ragged} primitives end with one or two indices too many: ignored"
                 )));
             }
-            count_instances(&json, &opened, &placed, &mut meshes)?;
-            meshes
+            let (contents, bounds) = place(&json, &opened, size, &mut meshes)?;
+            (meshes, contents, bounds)
         };
-        let contents = contents(&json, &placed, &meshes);
-        let bounds = bounds(&placed, &meshes);
         let (assets, limits) = (options.files(), options.limits);
         Ok(Self {
             json,
@@ -341,16 +353,9 @@ impl Scene {
 
     /// Returns the scene with this JSON, which has other nodes.
     fn with_nodes(&self, json: Value) -> Result<Self, ReadError> {
-        let placed = placements::placed(&json)?;
         let mut meshes = self.meshes.clone();
-        for mesh in &mut meshes {
-            (mesh.instances, mesh.scale, mesh.world_from_mesh) = (0, 1.0, None);
-            mesh.places.clear();
-        }
         let opened = Buffers::loaded(&json, &self.buffers, self.unpacked);
-        count_instances(&json, &opened, &placed, &mut meshes)?;
-        let contents = contents(&json, &placed, &meshes);
-        let bounds = bounds(&placed, &meshes);
+        let (contents, bounds) = place(&json, &opened, self.size.max(opened.total()), &mut meshes)?;
         Ok(Self { json, meshes, contents, bounds, ..self.clone() })
     }
 
@@ -399,7 +404,8 @@ impl Scene {
 
     /// Returns a warning for each kind of content beside meshes, nodes and materials, for formats that have only those.
     pub(crate) fn lost_beside_nodes(&self) -> Vec<Warning> {
-        let placed = placements::placements(&self.json).unwrap_or_default();
+        let nodes = PlacedNodes::new(&self.json).map(|nodes| nodes.or_all_meshes(&self.json));
+        let placed = nodes.map_or_else(|_| Vec::new(), |nodes| nodes.placements);
         inventory::take(&self.json, &placed, inventory::Kept::Nodes).1
     }
 
@@ -436,86 +442,33 @@ impl Scene {
     }
 }
 
-/// Returns the contents of the file; meshes and faces are counted once per instance.
-fn contents(json: &Value, placed: &[placements::Placement], meshes: &[SceneMesh]) -> Contents {
-    let (mut contents, _) = inventory::take(json, placed, inventory::Kept::Nodes);
-    contents.meshes = meshes.iter().fold(0, |n, m| m.instances.saturating_add(n));
-    let placed_faces = |m: &SceneMesh| m.instances.saturating_mul(m.mesh.face_count());
-    contents.polygons = meshes.iter().fold(0, |n, m| placed_faces(m).saturating_add(n));
-    contents
-}
-
-/// Returns the bounding box of the transformed corners of the meshes' boxes.
-fn bounds(placed: &[placements::Placement], meshes: &[SceneMesh]) -> Option<Bounds> {
-    // Computed once per mesh, however often it is placed.
-    let mut of_meshes: Vec<Option<Option<Bounds>>> = vec![None; meshes.len()];
-    let mut all: Option<Bounds> = None;
-    for placement in placed {
-        let Some(slot) = of_meshes.get_mut(placement.mesh) else { continue };
-        let measured = || meshes[placement.mesh].mesh.positions().view().bounds();
-        let Some(own) = slot.get_or_insert_with(measured) else { continue };
-        for corner in 0..8 {
-            let p = [0, 1, 2].map(|k| if corner >> k & 1 == 0 { own.min[k] } else { own.max[k] });
-            let p = placement.world_from_mesh.point(p);
-            let b = all.get_or_insert(Bounds { min: p, max: p });
-            b.min = [0, 1, 2].map(|k| b.min[k].min(p[k]));
-            b.max = [0, 1, 2].map(|k| b.max[k].max(p[k]));
-        }
-    }
-    all
-}
-
-/// Sets the number of instances, the scale, the transform and the skin flag of each mesh.
-fn count_instances(
+/// Sets where each mesh stands; returns the contents of the file, with meshes and faces counted once per instance, and the
+/// bounding box. `size` is that of the file, or of its buffers if they are larger.
+fn place(
     json: &Value,
     buffers: &Buffers<'_>,
-    placed: &[placements::Placement],
+    size: usize,
     meshes: &mut [SceneMesh],
-) -> Result<(), ReadError> {
+) -> Result<(Contents, Option<Bounds>), ReadError> {
+    let nodes = PlacedNodes::new(json)?;
+    let shapes: Vec<&TriMesh> = meshes.iter().map(|m| &*m.mesh).collect();
+    let (places, bounds) = survey(json, buffers, &nodes, &shapes, size)?;
+    for (mesh, of_mesh) in meshes.iter_mut().zip(places) {
+        mesh.instances = of_mesh.instances;
+        mesh.scale = of_mesh.lengths.scale().unwrap_or(1.0);
+        mesh.stretch = of_mesh.lengths.stretch();
+        mesh.world_from_mesh = of_mesh.only.map(|place| place.0);
+        mesh.places = of_mesh.known_places();
+    }
     for node in list(json, "nodes") {
         let mesh = whole(node, "mesh", "a node")?.and_then(|m| meshes.get_mut(m));
         if let Some(mesh) = mesh {
             mesh.skinned |= !node["skin"].is_null();
         }
     }
-    let mut scales = vec![0f64; meshes.len()];
-    let mut factors = HashMap::new();
-    for place in placed {
-        let node = place.node.map_or(&Value::Null, |n| &json["nodes"][n]);
-        let attributes = &node["extensions"]["EXT_mesh_gpu_instancing"]["attributes"];
-        let (mut count, mut factor) = (1, 1.0);
-        for name in ["TRANSLATION", "ROTATION", "SCALE"] {
-            let Some(index) = whole(attributes, name, "EXT_mesh_gpu_instancing")? else { continue };
-            let accessor = Accessor::new(json, buffers, index, "EXT_mesh_gpu_instancing")?;
-            count = accessor.count;
-            if name == "SCALE" && accessor.has_data() {
-                factor = match factors.get(&index) {
-                    Some(&factor) => factor,
-                    None => {
-                        let all = accessor.floats::<3>(false)?;
-                        all.as_flattened().iter().fold(0f64, |m, x| m.max(f64::from(x.abs())))
-                    }
-                };
-                factors.insert(index, factor);
-            }
-        }
-        let mesh = &mut meshes[place.mesh];
-        let is_first = mesh.instances == 0 && count == 1 && attributes.is_null();
-        mesh.world_from_mesh = is_first.then_some(place.world_from_mesh.0);
-        mesh.instances = mesh.instances.saturating_add(count);
-        if !mesh.skinned && attributes.is_null() {
-            mesh.places.push(place.world_from_mesh.0);
-        }
-        let scale = place.world_from_mesh.largest_scale() * factor;
-        scales[place.mesh] = scales[place.mesh].max(scale);
-    }
-    for (mesh, scale) in meshes.iter_mut().zip(scales) {
-        if mesh.instances > 0 {
-            mesh.scale = scale;
-        }
-        if mesh.places.len() < mesh.instances {
-            mesh.places = Vec::new();
-        }
-    }
-    Ok(())
+    let (mut contents, _) = inventory::take(json, &nodes.placements, inventory::Kept::Nodes);
+    contents.meshes = meshes.iter().fold(0, |n, m| m.instances.saturating_add(n));
+    let placed_faces = |m: &SceneMesh| m.instances.saturating_mul(m.mesh.face_count());
+    contents.polygons = meshes.iter().fold(0, |n, m| placed_faces(m).saturating_add(n));
+    Ok((contents, bounds))
 }

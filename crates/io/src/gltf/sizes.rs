@@ -7,8 +7,8 @@ use serde_json::Value;
 use super::Scene;
 use super::buffers::{Buffers, data_uri, path_of};
 use super::container::{Document, list, number};
-use super::inventory::instance_count;
-use super::placements;
+use super::instances;
+use super::placements::PlacedNodes;
 use super::unpack;
 use crate::error::ReadError;
 use crate::material::{bytes_with_mipmaps, size_of, size_of_file};
@@ -36,8 +36,8 @@ impl Scene {
 
 fn of_parts(json: &Value, buffers: &Buffers<'_>) -> Result<Sizes, ReadError> {
     let mut sizes = Sizes::default();
-    for placement in placements::placements(json)? {
-        let instances = instance_count(json, placement.node) as u64;
+    for placement in PlacedNodes::new(json)?.or_all_meshes(json).placements {
+        let instances = placement.node.map_or(1, |n| instances::count(json, &json["nodes"][n])) as u64;
         for primitive in list(&json["meshes"][placement.mesh], "primitives") {
             sizes.draw_calls += 1;
             sizes.triangles =

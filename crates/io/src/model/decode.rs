@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::fmt;
 use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
@@ -44,7 +45,7 @@ impl ImageQueue {
         self.registered[number]
     }
 
-    /// Decodes the registered images. Textures whose images cannot be decoded are removed from the materials.
+    /// Decodes the registered images for display. Textures whose images cannot be decoded are removed from the materials.
     ///
     /// `fits` may refuse an image for a slot, by the index of the slot in [`Material::textures_mut`].
     pub(crate) fn decode<'a>(
@@ -54,10 +55,37 @@ impl ImageQueue {
         encoded: impl Fn(usize) -> EncodedImage<'a>,
         fits: impl Fn(usize, &Image) -> bool,
     ) -> (Vec<Arc<Image>>, Vec<Warning>) {
-        // Four bytes per pixel, and as many again during decoding.
-        let mut left = limits.pixels.min(limits.memory / 8);
+        let (images, missing) = self.decode_within(most_pixels(limits), materials, encoded, fits);
+        let text = |Missing { number, why }| format!("image {number} {why}: surfaces are shown without it");
+        (images, summarize_warnings(missing.into_iter().map(text).collect()))
+    }
+
+    /// Decodes the registered images for a run, which keeps their colours in place. Warns of those that are too large for
+    /// that; others that cannot be decoded have no colours either way.
+    pub(crate) fn decode_colors<'a>(
+        self,
+        materials: &mut [Material],
+        limits: Limits,
+        encoded: impl Fn(usize) -> EncodedImage<'a>,
+    ) -> (Vec<Arc<Image>>, Vec<Warning>) {
+        // Guessed: they may take an eighth of the memory, beside the meshes and the run.
+        let most = most_pixels(Limits { memory: limits.memory / 4, ..limits });
+        let (images, missing) = self.decode_within(most, materials, encoded, |_, _| true);
+        let too_large = |m: &Missing| matches!(m.why, NoImage::TooLarge(..));
+        let text =
+            |Missing { number, why }| format!("image {number} {why}: its colors are not kept in place");
+        (images, summarize_warnings(missing.into_iter().filter(too_large).map(text).collect()))
+    }
+
+    fn decode_within<'a>(
+        self,
+        mut left: u64,
+        materials: &mut [Material],
+        encoded: impl Fn(usize) -> EncodedImage<'a>,
+        fits: impl Fn(usize, &Image) -> bool,
+    ) -> (Vec<Arc<Image>>, Vec<Missing>) {
         let ready: Vec<_> = self.registered.iter().map(|&i| check_image(encoded(i), &mut left)).collect();
-        let decoded: Vec<Result<Arc<Image>, String>> =
+        let decoded: Vec<Result<Arc<Image>, NoImage>> =
             ready.into_par_iter().map(|ready| ready.and_then(CheckedImage::decode).map(Arc::new)).collect();
 
         let mut images = Vec::new();
@@ -67,7 +95,7 @@ impl ImageQueue {
             place_of.push(image.as_ref().ok().map(|_| images.len()));
             match image {
                 Ok(image) => images.push(image),
-                Err(why) => missing.push(format!("image {number} {why}: surfaces are shown without it")),
+                Err(why) => missing.push(Missing { number, why }),
             }
         }
         for material in materials {
@@ -78,8 +106,48 @@ impl ImageQueue {
                 });
             }
         }
-        (images, summarize_warnings(missing))
+        (images, missing)
     }
+}
+
+/// An image that was not decoded, by its number in the file.
+struct Missing {
+    number: usize,
+    why: NoImage,
+}
+
+/// Why an image was not decoded; shown as the end of a sentence that begins with its name.
+enum NoImage {
+    TooLarge(u32, u32),
+    Other(String),
+}
+
+impl fmt::Display for NoImage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TooLarge(width, height) => {
+                write!(f, "has {width} x {height} pixels, which is above the limits")
+            }
+            Self::Other(why) => f.write_str(why),
+        }
+    }
+}
+
+impl From<String> for NoImage {
+    fn from(why: String) -> Self {
+        Self::Other(why)
+    }
+}
+
+impl From<&str> for NoImage {
+    fn from(why: &str) -> Self {
+        Self::Other(why.to_owned())
+    }
+}
+
+/// Returns the largest number of pixels of all images together: four bytes each, and as many again during decoding.
+fn most_pixels(limits: Limits) -> u64 {
+    limits.pixels.min(limits.memory / 8)
 }
 
 /// Decodes an image within the limits.
@@ -87,7 +155,8 @@ impl ImageQueue {
 /// # Errors
 /// The end of a sentence that begins with its name.
 pub(crate) fn decode_image(encoded: EncodedImage<'_>, limits: Limits) -> Result<Image, String> {
-    check_image(encoded, &mut limits.pixels.min(limits.memory / 8)).and_then(CheckedImage::decode)
+    let image = check_image(encoded, &mut most_pixels(limits)).and_then(CheckedImage::decode);
+    image.map_err(|why| why.to_string())
 }
 
 /// Returns the first few texts as warnings, and a count of the others.
@@ -109,7 +178,7 @@ struct CheckedImage<'a> {
     size: (u32, u32),
 }
 
-fn check_image<'a>(encoded: EncodedImage<'a>, left: &mut u64) -> Result<CheckedImage<'a>, String> {
+fn check_image<'a>(encoded: EncodedImage<'a>, left: &mut u64) -> Result<CheckedImage<'a>, NoImage> {
     let (bytes, name) = encoded?;
     // A type without a signature is recognised by the extension.
     let by_name = || ImageFormat::from_path(Path::new(&name)).ok().filter(|f| *f == ImageFormat::Tga);
@@ -118,7 +187,7 @@ fn check_image<'a>(encoded: EncodedImage<'a>, left: &mut u64) -> Result<CheckedI
     let (width, height) = size_of(&bytes, format).ok_or("cannot be decoded: its header is damaged")?;
     let pixels = u64::from(width) * u64::from(height);
     if width.max(height) > MAX_EDGE_PIXELS || pixels > *left {
-        return Err(format!("has {width} x {height} pixels, which is above the limits"));
+        return Err(NoImage::TooLarge(width, height));
     }
     *left -= pixels;
     Ok(CheckedImage { bytes, format, size: (width, height) })
@@ -135,7 +204,7 @@ fn size_of(bytes: &[u8], format: ImageFormat) -> Option<(u32, u32)> {
 }
 
 impl CheckedImage<'_> {
-    fn decode(self) -> Result<Image, String> {
+    fn decode(self) -> Result<Image, NoImage> {
         // (Not with a reader that has its own limits, which would compile all decoders a second time:
         // docs/decisions/0019. An image may take half a gigabyte while it is decoded.)
         let decoded = match self.format {
@@ -146,7 +215,7 @@ impl CheckedImage<'_> {
         };
         let decoded = decoded.map_err(|e| cannot_decode(&e))?.into_rgba8();
         if decoded.dimensions() != self.size {
-            return Err("cannot be decoded: its header is damaged".to_owned());
+            return Err("cannot be decoded: its header is damaged".into());
         }
         let (width, height) = (decoded.width() as usize, decoded.height() as usize);
         Ok(Image::new(width, height, decoded.into_raw().as_chunks().0.to_vec()))

@@ -44,11 +44,15 @@ pub type BaseColor = (Arc<Image>, TextureRef);
 
 /// Returns the base colours of the regions of a mesh; see
 /// [`Loaded::base_colors`](crate::Loaded::base_colors).
-pub(super) fn base_colors(mesh: &TriMesh, regions: &Regions, limits: Limits) -> Vec<Option<BaseColor>> {
+pub(super) fn base_colors(
+    mesh: &TriMesh,
+    regions: &Regions,
+    limits: Limits,
+) -> (Vec<Option<BaseColor>>, Vec<Warning>) {
     let Some(ConvertedMaterials { all, images, of_region, .. }) =
         convert_materials(mesh, regions, Purpose::Picture)
     else {
-        return Vec::new();
+        return Default::default();
     };
     let mut pictures = ImageQueue::default();
     let base_color = |look: ConvertedMaterial| {
@@ -57,12 +61,12 @@ pub(super) fn base_colors(mesh: &TriMesh, regions: &Regions, limits: Limits) -> 
     };
     let mut materials: Vec<Material> = all.into_iter().map(base_color).collect();
     let encoded = |i: usize| Ok((Cow::Borrowed(&*images[i].bytes), images[i].name.clone()));
-    let (decoded, _) = pictures.decode(&mut materials, limits, encoded, |_, _| true);
+    let (decoded, warnings) = pictures.decode_colors(&mut materials, limits, encoded);
     let of = |at: Option<usize>| {
         let texture = materials.get(at?)?.base_color_texture?;
         Some((decoded[texture.image].clone(), texture))
     };
-    of_region.into_iter().map(of).collect()
+    (of_region.into_iter().map(of).collect(), warnings)
 }
 
 fn material(look: ConvertedMaterial, pictures: &mut ImageQueue) -> Material {

@@ -62,11 +62,8 @@ pub(super) fn write_scene(
     textures: Textures,
     out: &mut dyn Write,
 ) -> io::Result<Written> {
-    let (model, mut warnings) = scene.encoded_model();
-    let mesh_of = |i: usize| match replaced.get(i) {
-        Some(Some(mesh)) => mesh,
-        _ => &*model.meshes[i].mesh,
-    };
+    let (model, mut warnings) = scene.encoded_model(replaced);
+    let mesh_of = |i: usize| &*model.meshes[i].mesh;
     let placed = Assemblies::new(&model, |i| mesh_of(i).face_count() > 0);
     warnings.extend(scene.lost_beside_nodes());
     if placed.flattened > 0 {
@@ -75,8 +72,8 @@ pub(super) fn write_scene(
             format!("nodes that flatten what they place, which 3MF advises against, are left out: {n}");
         warnings.push(Warning::lost(text));
     }
-    let is_emptied = |&i: &usize| model.meshes[i].mesh.face_count() > 0 && mesh_of(i).face_count() == 0;
-    let emptied: Vec<usize> = (0..model.meshes.len()).filter(is_emptied).collect();
+    let is_emptied = |&i: &usize| scene.meshes()[i].mesh.face_count() > 0 && mesh_of(i).face_count() == 0;
+    let emptied: Vec<usize> = (0..scene.meshes().len()).filter(is_emptied).collect();
     if let Some(first) = emptied.first() {
         let name = excerpt(&model.meshes[*first].name);
         let text =
@@ -98,7 +95,8 @@ pub(super) fn write_scene(
         let regions: BTreeSet<usize> =
             own.regions().map_or_else(|| [0].into(), |r| r.iter().map(|r| r.index()).collect());
         used.extend(regions.iter().filter_map(|&r| of_region.get(r).copied().flatten()));
-        let sources = if std::ptr::eq(own, &*source.mesh) { scene.source_vertices(mesh) } else { None };
+        let is_as_read = scene.meshes().get(mesh).is_some_and(|read| std::ptr::eq(own, &*read.mesh));
+        let sources = if is_as_read { scene.source_vertices(mesh) } else { None };
         objects[mesh] = Some(MeshObject { name, mesh: own, of_region, sources });
     }
     if !with_materials && !model.materials.is_empty() {

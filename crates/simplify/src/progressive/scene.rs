@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use lodsmith_core::Splits;
-use lodsmith_core::topology::size_of;
 
 use super::build::{self, RecordedMesh};
 use super::{ChangedRanges, Progressive, arrange};
@@ -24,7 +23,7 @@ use crate::scene::Part;
 /// use lodsmith::{NoControl, Part, ProgressiveScene, SimplifyOptions};
 ///
 /// let (a, b) = (shapes::icosphere(3), shapes::torus(24, 12));
-/// let part = |mesh, instances| Part { mesh, instances, scale: 1.0, system: None, places: &[] };
+/// let part = |mesh, instances| Part { mesh, instances, scale: 1.0, stretch: None, system: None, places: &[] };
 /// let parts = [part(&a, 1), part(&b, 3)];
 /// let mut scene = ProgressiveScene::build(&parts, 10.0, &SimplifyOptions::default(), &mut NoControl)?;
 /// scene.to_faces(500);
@@ -286,7 +285,7 @@ fn of_part(
 /// units of the mesh.
 fn shares(parts: &[Part<'_>], times: &[usize]) -> Vec<f64> {
     let area = |(part, times): (&Part<'_>, &usize)| {
-        let own = size_of(&part.mesh.surface()).area * scale_of(part).powi(2);
+        let own = part.area();
         if own.is_finite() { own * *times as f64 } else { 0.0 }
     };
     let areas: Vec<f64> = parts.iter().zip(times).map(area).collect();
@@ -305,7 +304,7 @@ mod tests {
     use crate::test_support::{octahedron, tetrahedron};
 
     fn part(mesh: &lodsmith_core::TriMesh, instances: usize, scale: f64) -> Part<'_> {
-        Part { mesh, instances, scale, system: None, places: &[] }
+        Part { mesh, instances, scale, stretch: None, system: None, places: &[] }
     }
 
     #[test]

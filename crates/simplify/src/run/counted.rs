@@ -43,6 +43,11 @@ impl CountedGoal {
         self.count.map(|n| n as f64 * self.share)
     }
 
+    /// True if a count decides alone, without a limit of the error.
+    pub(crate) fn is_count_alone(&self) -> bool {
+        self.count.is_some() && self.stop.error.is_none()
+    }
+
     fn is_within(&self, got: usize) -> bool {
         self.count.is_none_or(|count| got <= count)
     }

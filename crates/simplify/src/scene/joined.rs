@@ -176,8 +176,13 @@ impl<'a> JoinedScene<'a> {
             let gone = (0..small.is_small.len()).filter(|&f| small.is_small[f]);
             report.pruned.faces = gone.map(times_of).sum();
         }
-        let counts =
-            self.parts.iter().zip(&meshes).map(|(p, m)| MeshCounts::new(p, m, report.reached)).collect();
+        let is_shared = self.parts.len() > 1 && goal.is_count_alone();
+        let share = report.faces as f64 / report.input_faces.max(1) as f64;
+        let count = |(part, mesh): (&Part<'_>, &TriMesh)| {
+            let counts = MeshCounts::new(part, mesh, report.reached);
+            if is_shared { counts.with_share(part, mesh, share) } else { counts }
+        };
+        let counts = self.parts.iter().zip(&meshes).map(count).collect();
         SimplifiedScene { meshes, report, counts }
     }
 }

@@ -6,7 +6,7 @@ use lodsmith_core::{
     Attribute, Bounds, MeshError, Morphed, Positions, RegionId, Semantic, TriMesh, VertexId, WedgeId,
 };
 
-use super::part::Part;
+use super::part::{Part, PartMap};
 use super::touching::Touching;
 use crate::attributes::ranges::{has_ranges, ranges, within};
 use crate::constraints::{self, HeldWedges};
@@ -14,7 +14,7 @@ use crate::constraints::{self, HeldWedges};
 /// Gap between meshes laid side by side, in sizes of the largest.
 const PART_GAP: f64 = 0.25;
 
-/// Placement of each part: scaled, then moved.
+/// Placement of each part: scaled or stretched, then moved.
 pub(super) struct Layout {
     pub(super) places: Vec<PartPlacement>,
     /// Offset of the joint indices of each part: joints of different systems are different joints.
@@ -25,16 +25,45 @@ pub(super) struct Layout {
 
 #[derive(Clone, Copy)]
 pub(super) struct PartPlacement {
-    scale: f64,
+    map: PartMap,
     offset: [f64; 3],
 }
 
 impl PartPlacement {
     fn to_scene(self, p: [f64; 3]) -> [f64; 3] {
-        [0, 1, 2].map(|k| p[k] * self.scale + self.offset[k])
+        let p = self.map.to_scene(p);
+        [0, 1, 2].map(|k| p[k] + self.offset[k])
     }
     pub(super) fn to_part(self, p: [f64; 3]) -> [f64; 3] {
-        [0, 1, 2].map(|k| (p[k] - self.offset[k]) / self.scale)
+        self.map.to_part([0, 1, 2].map(|k| p[k] - self.offset[k]))
+    }
+
+    /// Converts the values of an attribute that are lengths or directions, wedge after wedge.
+    fn values_to_scene(self, semantic: &Semantic, values: &mut [f32]) {
+        match semantic {
+            Semantic::Tangent => map_rows::<4>(values, |d| self.map.direction_to_scene(d)),
+            _ if is_displacement(semantic) => {
+                map_rows::<3>(values, |d| self.map.to_scene(d.map(f64::from)).map(single))
+            }
+            _ => {}
+        }
+    }
+    fn values_to_part(self, semantic: &Semantic, values: &mut [f32]) {
+        match semantic {
+            Semantic::Tangent => map_rows::<4>(values, |d| self.map.direction_to_part(d)),
+            _ if is_displacement(semantic) => {
+                map_rows::<3>(values, |d| self.map.to_part(d.map(f64::from)).map(single))
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Changes the first three of every `N` values.
+fn map_rows<const N: usize>(values: &mut [f32], map: impl Fn([f32; 3]) -> [f32; 3]) {
+    for row in values.as_chunks_mut::<N>().0 {
+        let [x, y, z] = map([row[0], row[1], row[2]]);
+        (row[0], row[1], row[2]) = (x, y, z);
     }
 }
 
@@ -45,17 +74,16 @@ impl Layout {
     /// Places groups so far apart that no distance up to `near` connects one with another. Systems that touch are one
     /// group.
     pub(super) fn new(parts: &[Part<'_>], near: f64, touching: Option<&Touching>) -> Self {
-        let scale = |p: &Part<'_>| if p.scale.is_finite() && p.scale > 0.0 { p.scale } else { 1.0 };
         // The group of each part, and the bounding box of each group.
         let mut groups: BTreeMap<usize, usize> = BTreeMap::new();
         let mut boxes: Vec<Option<Bounds>> = Vec::new();
-        let mut scale_of: Vec<f64> = Vec::new();
+        let mut maps: Vec<PartMap> = Vec::new();
         let mut group_of = Vec::with_capacity(parts.len());
         let mut origins = Vec::with_capacity(parts.len());
         for p in parts {
             let mut fresh = || {
                 boxes.push(None);
-                scale_of.push(scale(p));
+                maps.push(PartMap::new(p));
                 boxes.len() - 1
             };
             let root = p.system.map(|s| touching.map_or((s, [0.0; 3]), |touching| touching.root(s)));
@@ -64,16 +92,17 @@ impl Layout {
                 None => (fresh(), [0.0; 3]),
             };
             group_of.push(group);
-            // All parts of a system use one scale, to the bit.
-            let scale = scale_of[group];
-            let origin = origin.map(|x| x * scale);
+            // All parts of a system use one map, to the bit.
+            let map = maps[group];
+            let origin = map.to_scene(origin);
             origins.push(origin);
             if let Some(own) = p.mesh.positions().view().bounds() {
-                let moved = |p: [f64; 3]| [0, 1, 2].map(|k| p[k] * scale + origin[k]);
-                let (min, max) = (moved(own.min), moved(own.max));
-                let all = boxes[group].get_or_insert(Bounds { min, max });
-                all.min = [0, 1, 2].map(|k| all.min[k].min(min[k]));
-                all.max = [0, 1, 2].map(|k| all.max[k].max(max[k]));
+                for corner in 0..8 {
+                    let p = [0, 1, 2].map(|k| if corner >> k & 1 == 0 { own.min[k] } else { own.max[k] });
+                    let p = map.to_scene(p);
+                    let p = [0, 1, 2].map(|k| p[k] + origin[k]);
+                    boxes[group] = Some(boxes[group].unwrap_or(Bounds { min: p, max: p }).with(p));
+                }
             }
         }
         let extents = boxes.iter().flatten().flat_map(|b| [0, 1, 2].map(|k| b.max[k] - b.min[k]));
@@ -89,7 +118,7 @@ impl Layout {
         };
         let place = |(&group, origin): (&usize, &[f64; 3])| {
             let offset = offset(group);
-            PartPlacement { scale: scale_of[group], offset: [0, 1, 2].map(|k| offset[k] + origin[k]) }
+            PartPlacement { map: maps[group], offset: [0, 1, 2].map(|k| offset[k] + origin[k]) }
         };
         let has_neighbours = boxes.len() < parts.len();
         let mut joints = vec![0f32; boxes.len()];
@@ -136,7 +165,14 @@ impl Layout {
         all.set_regions(Some(regions))?;
         let any = |has: fn(&TriMesh) -> bool| parts.iter().any(|p| has(p.mesh));
         if any(|m| m.normals().is_some()) {
-            all.set_normals(Some(joined(parts, TriMesh::normals, [0.0; 3])))?;
+            let mut normals = joined(parts, TriMesh::normals, [0.0; 3]);
+            let mut first = 0;
+            for (part, place) in parts.iter().zip(&self.places) {
+                let own = first..first + part.mesh.wedge_count();
+                first = own.end;
+                normals[own].iter_mut().for_each(|n| *n = place.map.normal_to_scene(*n));
+            }
+            all.set_normals(Some(normals))?;
         }
         if any(|m| m.uvs().is_some()) {
             all.set_uvs(Some(joined(parts, TriMesh::uvs, [0.0; 2])))?;
@@ -154,10 +190,13 @@ impl Layout {
         for (semantic, width) in kinds {
             let mut values = Vec::new();
             for (i, (part, place)) in parts.iter().zip(&self.places).enumerate() {
-                let scale = length_scale(semantic, place.scale);
                 let first = self.first_joint(i, semantic);
                 match find(part.mesh, semantic, width) {
-                    Some(a) => values.extend(a.values.iter().map(|x| single(f64::from(*x) * scale) + first)),
+                    Some(a) => {
+                        let begin = values.len();
+                        values.extend(a.values.iter().map(|x| x + first));
+                        place.values_to_scene(semantic, &mut values[begin..]);
+                    }
                     None => values.resize(values.len() + part.mesh.wedge_count() * width, 0.0),
                 }
             }
@@ -245,7 +284,8 @@ impl Layout {
         wedges: &[WedgeId],
     ) -> Result<(), MeshError> {
         if part.mesh.normals().is_some() {
-            mesh.set_normals(all.normals().map(|n| wedges.iter().map(|w| n[w.index()]).collect()))?;
+            let own = |w: &WedgeId, n: &[[f32; 3]]| self.places[i].map.normal_to_part(n[w.index()]);
+            mesh.set_normals(all.normals().map(|n| wedges.iter().map(|w| own(w, n)).collect()))?;
         }
         if part.mesh.uvs().is_some() {
             mesh.set_uvs(all.uvs().map(|t| of_part(t, wedges, part.mesh.uvs())))?;
@@ -255,14 +295,14 @@ impl Layout {
         }
         for a in part.mesh.further_attributes() {
             let Some(source) = find(all, &a.semantic, a.width) else { continue };
-            let scale = length_scale(&a.semantic, self.places[i].scale);
             let first = self.first_joint(i, &a.semantic);
             let given = |x: &f32| match first {
-                0.0 => single(f64::from(*x) / scale),
+                0.0 => *x,
                 // (A joint with weight 0 has index 0 in the joined mesh.)
                 first => (x - first).max(0.0),
             };
             let mut values: Vec<f32> = wedges.iter().flat_map(|&w| source.of(w)).map(given).collect();
+            self.places[i].values_to_part(&a.semantic, &mut values);
             if has_ranges(&a.semantic) {
                 let ranges = ranges(&a.values, a.width);
                 for row in values.chunks_exact_mut(a.width) {
@@ -317,9 +357,9 @@ fn find<'a>(mesh: &'a TriMesh, semantic: &Semantic, width: usize) -> Option<&'a 
     mesh.further_attributes().iter().find(|a| a.semantic == *semantic && a.width == width)
 }
 
-/// Returns the factor by which values grow with the mesh: displacements are lengths.
-fn length_scale(semantic: &Semantic, scale: f64) -> f64 {
-    if matches!(semantic, Semantic::Morph { of: Morphed::Position, .. }) { scale } else { 1.0 }
+/// Returns true for values that grow with the mesh.
+fn is_displacement(semantic: &Semantic) -> bool {
+    matches!(semantic, Semantic::Morph { of: Morphed::Position, .. })
 }
 
 /// Converts to single precision; finite values beyond its range are clamped.

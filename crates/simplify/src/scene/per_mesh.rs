@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use lodsmith_core::TriMesh;
 use lodsmith_core::measure::{Comparison, TwoWay};
-use lodsmith_core::topology::size_of;
 
 use super::joined::JoinedScene;
 use super::part::{MeshCounts, Part, SimplifiedScene};
@@ -55,7 +54,7 @@ pub(super) fn simplify_each(
         let (mesh, reached) = match joined.run_to(&options.stop, &mut own) {
             Ok(SimplifiedScene { mut meshes, report, .. }) => {
                 let times = if is_placed { part.instances } else { 1 };
-                let area = size_of(&part.mesh.surface()).area * part.scale * part.scale * times as f64;
+                let area = part.area() * times as f64;
                 let reached = report.reached;
                 runs.push(WeightedReport { report, instances: times, area });
                 (meshes.swap_remove(0), reached)

@@ -249,7 +249,7 @@ mod tests {
     }
 
     fn part<'a>(mesh: &'a TriMesh, places: &'a [Place], system: Option<usize>) -> Part<'a> {
-        Part { mesh, instances: places.len(), scale: 1.0, system, places }
+        Part { mesh, instances: places.len(), scale: 1.0, stretch: None, system, places }
     }
 
     /// Width of a grid.

@@ -218,7 +218,7 @@ impl LevelFolder {
 /// covers at the distance where the next level is used.
 fn coverage(scene: &Scene, distances: &[f64], screen: &Screen) -> Vec<Vec<f64>> {
     let of_mesh = |m: &SceneMesh| {
-        let diameter = m.mesh.positions().view().bounds().map_or(0.0, |b| b.diagonal()) * m.scale;
+        let diameter = m.largest_diagonal();
         let mut all: Vec<f64> = Vec::with_capacity(distances.len() + 1);
         for &distance in distances {
             let share = if distance > 0.0 { screen.coverage(diameter, distance).min(1.0) } else { 1.0 };

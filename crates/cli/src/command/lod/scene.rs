@@ -3,8 +3,8 @@
 use lodsmith::SceneChain;
 use lodsmith::core::{Positions, TriMesh};
 use lodsmith_bake::MapKind;
-use lodsmith_io::Loaded;
 use lodsmith_io::gltf::{Scene, SceneMesh};
+use lodsmith_io::{Loaded, Warning};
 
 use super::bake::{BakedLevels, bake_levels};
 use super::files::{self, Plan};
@@ -16,7 +16,7 @@ use crate::mesh_scene::{MeshScene, VertexConstraints};
 use crate::normals::set_normals;
 use crate::run_control::{RunControl, not_interrupted};
 use crate::scene_parts::{self, parts_of};
-use crate::warnings::not_reached;
+use crate::warnings::{not_reached, starved};
 use crate::{baking, constraints, images, memory, memory_need, palettes, sizes};
 
 /// Makes the levels of a mesh that becomes a glTF scene.
@@ -60,7 +60,8 @@ pub(super) fn of_scene(
         }
         None => constraints::of_scene(&args.engine.how, &scene, &taken, &mut options.simplify)?,
     }
-    options.simplify.textures = palettes::of_scene(&scene, &taken);
+    let (textures, left_out) = palettes::of_scene(&scene, &taken);
+    options.simplify.textures = textures;
     let size = Size::of_all(meshes.iter().map(|m| &*m.mesh));
     memory::check(
         "lod",
@@ -79,6 +80,12 @@ pub(super) fn of_scene(
     let geomorphs: Vec<Option<Vec<Positions>>> =
         (1..=chain.levels.len()).map(|k| chain.geomorph(k).map(<[_]>::to_vec)).collect();
     let SceneChain { levels, .. } = chain;
+    let mut warnings: Vec<_> = scene.warnings().to_vec();
+    warnings.extend(left_out);
+    // Later levels have fewer faces still.
+    let first_starved =
+        levels.iter().enumerate().find_map(|(k, level)| Some((k + 1, starved(&level.counts)?)));
+    warnings.extend(first_starved.map(|(k, warning)| Warning::note(format!("level {k}: {warning}"))));
     for (level, geomorphs) in levels.into_iter().zip(geomorphs) {
         let why = not_reached(&level.report, &options.simplify, watch.time_limit, &level.meshes);
         let mut own: Vec<Option<TriMesh>> = vec![None; meshes.len()];
@@ -94,7 +101,6 @@ pub(super) fn of_scene(
         let names = taken.iter().map(|&i| meshes[i].name.clone()).zip(level.counts).collect();
         told.push(Level { report: level.report, not_reached: why, meshes: names });
     }
-    let mut warnings: Vec<_> = scene.warnings().to_vec();
     let mut baked = BakedLevels::default();
     if args.baking.is_asked() {
         watch.bake();

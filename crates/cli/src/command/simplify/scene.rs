@@ -14,7 +14,7 @@ use crate::normals::set_normals;
 use crate::paths::Source;
 use crate::run_control::{RunControl, not_interrupted};
 use crate::scene_parts::{self, parts_of};
-use crate::warnings::{not_reached, warnings_of};
+use crate::warnings::{not_reached, starved, warnings_of};
 use crate::{constraints, images, memory, memory_need, palettes, sizes};
 
 /// Simplifies a mesh that becomes a scene, so that maps can be baked for it.
@@ -52,7 +52,8 @@ pub(super) fn simplify_scene(
         Some(cared) => (options.locked, options.importance) = (cared.locked, cared.importance),
         None => constraints::of_scene(&args.engine.how, &scene, &taken, &mut options)?,
     }
-    options.textures = palettes::of_scene(&scene, &taken);
+    let (textures, left_out) = palettes::of_scene(&scene, &taken);
+    options.textures = textures;
     memory::check("simplify", memory_need::simplify_scene(&meshes, scene.buffer_bytes(), &options))?;
     let done = lodsmith::simplify_scene(&parts, diagonal, &options, &mut watch);
     let SimplifiedScene { meshes: mut lighter, mut report, mut counts } = not_interrupted(done)?;
@@ -73,7 +74,9 @@ pub(super) fn simplify_scene(
     }
     let images = images::FolderMove::new(source, &to.sink);
     let mut warnings: Vec<_> = scene.warnings().to_vec();
+    warnings.extend(left_out);
     warnings.extend(warnings_of(&report));
+    warnings.extend(starved(&counts));
     let mut baked = None;
     if args.baking.is_asked() {
         watch.bake();

@@ -12,7 +12,6 @@ use crate::excerpt::excerpt;
 use crate::gltf::Scene;
 use crate::gltf::buffers::{Buffers, data_uri, path_of};
 use crate::gltf::container::{list, number};
-use crate::limits::Limits;
 use crate::material::image_type;
 use crate::model::ImageQueue;
 
@@ -42,12 +41,11 @@ pub(super) fn encoded(scene: &Scene) -> Vec<Material> {
     materials
 }
 
-/// Returns the base colour textures alone, one per material, with their images; without warnings.
+/// Returns the base colour textures alone, one per material, with their images; warns of images that are too large.
 pub(super) fn base_colors(
     scene: &Scene,
     buffers: &Buffers<'_>,
-    limits: Limits,
-) -> (Vec<Option<TextureRef>>, Vec<Arc<Image>>) {
+) -> (Vec<Option<TextureRef>>, Vec<Arc<Image>>, Vec<Warning>) {
     let (mut all, mut wanted) = (ImageQueue::default(), ImageQueue::default());
     let base_color = |m: &Value| {
         let of_all = material(&scene.json, m, &mut all).base_color_texture;
@@ -57,8 +55,8 @@ pub(super) fn base_colors(
     };
     let mut materials: Vec<Material> = list(&scene.json, "materials").iter().map(base_color).collect();
     let encoded = |index| bytes_of(scene, buffers, index).map(|bytes| (bytes, String::new()));
-    let (images, _) = wanted.decode(&mut materials, limits, encoded, |_, _| true);
-    (materials.into_iter().map(|m| m.base_color_texture).collect(), images)
+    let (images, warnings) = wanted.decode_colors(&mut materials, scene.limits, encoded);
+    (materials.into_iter().map(|m| m.base_color_texture).collect(), images, warnings)
 }
 
 fn material(json: &Value, material: &Value, pictures: &mut ImageQueue) -> Material {

@@ -2,7 +2,6 @@
 
 use std::collections::HashMap;
 
-use glam::DMat4;
 use lodsmith_core::model::{Animation, Channel, Interpolation, ModelMesh, Node, Skin, Track};
 use serde_json::Value;
 
@@ -11,6 +10,7 @@ use crate::gltf::accessors::Accessor;
 use crate::gltf::buffers::Buffers;
 use crate::gltf::container::{list, number};
 use crate::gltf::mesh::Budget;
+use crate::gltf::skins;
 
 /// Skins that could be read.
 #[derive(Default)]
@@ -33,13 +33,13 @@ pub(super) fn skins(
     budget: &mut Budget,
     warnings: &mut Vec<Warning>,
 ) -> Skins {
-    let mut skins = Skins::default();
+    let mut found = Skins::default();
     for (i, value) in list(json, "skins").iter().enumerate() {
         let name = format!("skins[{i}]");
-        let place = match skin(json, buffers, value, &name, budget) {
+        let place = match skins::read(json, buffers, value, &name, budget) {
             Ok(skin) => {
-                skins.all.push(skin);
-                Some(skins.all.len() - 1)
+                found.all.push(skin);
+                Some(found.all.len() - 1)
             }
             Err(e) => {
                 let text = format!("{name} is left out, its meshes are shown stiff: {e}");
@@ -47,40 +47,9 @@ pub(super) fn skins(
                 None
             }
         };
-        skins.places.push(place);
+        found.places.push(place);
     }
-    skins
-}
-
-fn skin(
-    json: &Value,
-    buffers: &Buffers<'_>,
-    skin: &Value,
-    name: &str,
-    budget: &mut Budget,
-) -> Result<Skin, ReadError> {
-    let nodes = list(json, "nodes").len();
-    let joint = |v: &Value| number(v).filter(|&n| n < nodes);
-    let joints: Option<Vec<usize>> = list(skin, "joints").iter().map(joint).collect();
-    let joints = joints.filter(|all| !all.is_empty());
-    let joints =
-        joints.ok_or_else(|| ReadError::element(name, "its joints are not all nodes of the file"))?;
-    budget.numbers.take(16 * joints.len() as u64)?;
-    let joint_from_mesh = match number(&skin["inverseBindMatrices"]) {
-        None => vec![DMat4::IDENTITY; joints.len()],
-        Some(index) => {
-            let accessor = Accessor::of_matrices(json, buffers, index, name)?;
-            budget.numbers.take(16 * accessor.count as u64)?;
-            let all = accessor.floats::<16>(false)?;
-            if all.len() < joints.len() {
-                let text = format!("it has {} matrices for {} joints", all.len(), joints.len());
-                return Err(ReadError::element(name, text));
-            }
-            let matrices = all.iter().map(|m| DMat4::from_cols_array(&m.map(f64::from)));
-            matrices.take(joints.len()).collect()
-        }
-    };
-    Ok(Skin { joints, joint_from_mesh })
+    found
 }
 
 pub(super) fn animations(

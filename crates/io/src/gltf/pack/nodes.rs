@@ -8,13 +8,12 @@ use super::super::accessors::{Accessor, Component};
 use super::super::buffers::Buffers;
 use super::super::container::{list, list_mut, number};
 use super::super::encode::NumberType;
+use super::super::instances::INSTANCING;
 use super::super::lists::append;
 use super::super::meshopt::Filter;
 use super::quantize::Grid;
 use super::streams::{Output, PackedStream, StreamKind};
 use crate::error::ReadError;
-
-const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// The nodes of a file with meshes whose positions are integers in a grid.
 pub(super) struct GridNodes<'a, 'b> {

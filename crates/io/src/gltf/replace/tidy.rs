@@ -5,6 +5,7 @@ use std::collections::{BTreeSet, HashSet};
 use serde_json::Value;
 
 use super::super::container::{list, list_mut, number};
+use super::super::instances::INSTANCING;
 use super::super::lists::{drop_nulls, retain, take_extension};
 use super::edit::Edit;
 use crate::error::Warning;
@@ -93,7 +94,7 @@ impl Edit<'_> {
                 continue;
             }
             bare.insert(n);
-            take_extension(node, "EXT_mesh_gpu_instancing");
+            take_extension(node, INSTANCING);
             if let Some(node) = node.as_object_mut() {
                 ["mesh", "skin", "weights"].iter().for_each(|key| drop(node.shift_remove(*key)));
             }
