@@ -139,6 +139,12 @@ impl Subject {
         self.parts.iter().map(|p| self.meshes[p.mesh].mesh.face_count()).sum()
     }
 
+    /// Makes the textures that [`Shading::Textured`](crate::Shading::Textured) reads, before the parallel work.
+    pub(crate) fn prepare_textures(&self) {
+        let materials = self.parts.iter().flat_map(|part| &self.meshes[part.mesh].materials);
+        self.surfaces.prepare(materials.flatten().copied());
+    }
+
     /// Returns the bounding box of everything placed; `None` if there is nothing.
     ///
     /// For a rotated mesh it is the box of its rotated box: a little too large. Cost: O(n) the first time.

@@ -587,3 +587,29 @@ fn surroundings_are_seen_behind_the_model() {
     let soft = render(&subject, &view).unwrap().at(10, 30);
     assert!(soft[0] > 120 && soft[1] > 120, "{soft:?}");
 }
+
+/// Sixteen textures, each on a square of its own, drawn by more threads than a picture of this size keeps busy: so that
+/// threads meet at the textures.
+#[test]
+fn many_threads_draw_many_textures_without_waiting_for_each_other() {
+    let square = |i: usize| {
+        let y = 8.0 * i as f32;
+        let mut square = rectangle([0.0, y, 64.0, y + 8.0], 0.0);
+        square.set_uvs(Some(vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])).unwrap();
+        let (transform, sampler) = (PLAIN, Sampler::default());
+        let texture = TextureRef { image: i, uv_set: 0, transform, sampler };
+        (square, Material { base_color_texture: Some(texture), ..unlit([1.0; 4]) })
+    };
+    let mut model = model((0..16).map(square).collect());
+    model.images = (0..16).map(|i| Arc::new(Image::filled(128, 128, [16 * i as u8, 0, 0, 255]))).collect();
+    let (done, is_done) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(8).build().unwrap();
+        for _ in 0..100 {
+            let picture = pool.install(|| draw(&model, &pixel_view(64, 128)));
+            assert_eq!([picture.at(9, 127), picture.at(9, 3)], [[0, 0, 0, 255], [240, 0, 0, 255]]);
+        }
+        done.send(()).unwrap();
+    });
+    is_done.recv_timeout(std::time::Duration::from_secs(120)).expect("no thread waits for ever");
+}

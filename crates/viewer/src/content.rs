@@ -140,8 +140,14 @@ impl PreparedMeshes {
 
     /// Returns a mesh of the same model; `None` if it has no faces. It is prepared on the first call.
     fn get(&self, model: &Model, mesh: usize) -> Option<&Prepared> {
-        let make = || Prepared::new(&model.meshes[mesh].mesh.surface()).ok();
-        self.0[mesh].get_or_init(make).as_ref()
+        let slot = &self.0[mesh];
+        if let Some(prepared) = slot.get() {
+            return prepared.as_ref();
+        }
+        // Not within the slot: preparing is parallel work, and a thread that waits for it may do other work meanwhile
+        // that asks for the same mesh.
+        let prepared = Prepared::new(&model.meshes[mesh].mesh.surface()).ok();
+        slot.get_or_init(|| prepared).as_ref()
     }
 }
 
@@ -694,5 +700,31 @@ mod tests {
         let anatomy = TopologySummary::of(sphere(&folder).model());
         assert!(anatomy.is_closed);
         assert_eq!((anatomy.components, anatomy.border_edges, anatomy.non_manifold_edges), (1, 0, 0));
+    }
+
+    /// All threads of the pool ask for a mesh while this one prepares it, which is parallel work: neither may wait for
+    /// the other.
+    #[test]
+    fn a_mesh_is_prepared_while_all_threads_of_the_pool_ask_for_it() {
+        let model = Model::of_mesh(shapes::icosphere(6));
+        let (done, is_done) = std::sync::mpsc::channel();
+        std::thread::spawn(move || {
+            let prepared = PreparedMeshes::of(&model);
+            let ask = || assert!(prepared.get(&model, 0).is_some());
+            let held = std::sync::Barrier::new(rayon::current_num_threads() + 1);
+            std::thread::scope(|scope| {
+                scope.spawn(|| {
+                    rayon::broadcast(|_| {
+                        held.wait();
+                        std::thread::sleep(std::time::Duration::from_millis(200));
+                        ask();
+                    });
+                });
+                held.wait();
+                ask();
+            });
+            done.send(()).unwrap();
+        });
+        is_done.recv_timeout(std::time::Duration::from_secs(60)).expect("no thread waits for ever");
     }
 }

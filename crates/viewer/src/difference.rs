@@ -71,7 +71,7 @@ pub struct DrawnDifference {
 }
 
 /// Both models prepared for drawing, as long as they are the same.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(crate) struct PreparedSides {
     of: Option<(Arc<Original>, Arc<Lighter>, Pose)>,
     sides: Option<[Arc<Subject>; 2]>,
@@ -116,10 +116,11 @@ impl DifferencePicture {
         prepared: &SharedSides,
         go_on: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Option<Self>, RenderError> {
-        let (sides, studio) = {
-            let mut prepared = prepared.lock().unwrap_or_else(PoisonError::into_inner);
-            (prepared.sides(&of)?, prepared.studio(&of))
-        };
+        let lock = || prepared.lock().unwrap_or_else(PoisonError::into_inner);
+        // Unlocked while they are made: that is parallel work.
+        let mut kept = lock().clone();
+        let (sides, studio) = (kept.sides(&of)?, kept.studio(&of));
+        *lock() = kept;
         let seen = &of.seen;
         let camera = moved_camera(&seen.camera.camera(), &seen.world_from_model.inverse());
         let mut view = View::new(camera, seen.size[0], seen.size[1]);
