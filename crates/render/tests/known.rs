@@ -613,3 +613,30 @@ fn many_threads_draw_many_textures_without_waiting_for_each_other() {
     });
     is_done.recv_timeout(std::time::Duration::from_secs(120)).expect("no thread waits for ever");
 }
+
+/// Normals as colours: a face of a box has one, unless its edges are smooth.
+#[test]
+fn edges_of_a_box_without_normals_are_sharp() {
+    use lodsmith_core::mesh::creases::Creases;
+    let colors = |subject: &Subject| {
+        let bounds = subject.bounds().unwrap();
+        let mut view = View::of(&bounds, StandardView::Iso, 96, 96);
+        (view.background, view.look.shading) = (Background::Transparent, Shading::Normals);
+        let picture = render(subject, &view).unwrap();
+        // Of whole pixels, away from the edges of faces.
+        let mut colors: Vec<[u8; 4]> = picture.pixels().iter().copied().filter(|p| p[3] == 255).collect();
+        colors.sort_unstable();
+        let mut counts: Vec<usize> = colors.chunk_by(|a, b| a == b).map(<[_]>::len).collect();
+        counts.sort_unstable();
+        counts.iter().rev().take(3).sum::<usize>() as f64 / colors.len() as f64
+    };
+    let whole = Subject::of_mesh(shapes::cube(1)).unwrap();
+    assert!(colors(&whole) > 0.9, "three faces are seen: {}", colors(&whole));
+    // A result is shaded as its original is, whatever its own shape says.
+    let ball = Subject::of_mesh(shapes::icosphere(4)).unwrap();
+    assert_eq!(ball.creases(), Creases::Off);
+    let like_the_ball = Subject::of_mesh(shapes::cube(1)).unwrap().with_creases(ball.creases());
+    assert!(colors(&like_the_ball) < 0.2, "{}", colors(&like_the_ball));
+    let above = |angle| Subject::of_mesh(shapes::cube(1)).unwrap().with_creases(Creases::Above(angle));
+    assert!(colors(&above(89.0)) > 0.9 && colors(&above(91.0)) < 0.2);
+}
