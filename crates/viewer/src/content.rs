@@ -12,6 +12,7 @@ use lodsmith::{
     SimplifyOptions, Stop, Textures,
 };
 use lodsmith_core::measure::{ComparedAttribute, Comparison, MeasureError, Prepared, wedge_differences};
+use lodsmith_core::mesh::creases::Creases;
 use lodsmith_core::mesh::normals::vertex_normals;
 use lodsmith_core::mesh::weld::weld;
 use lodsmith_core::model::Pose;
@@ -51,6 +52,8 @@ pub struct Original {
     pub non_finite_vertices: usize,
     /// Load time in seconds.
     pub read_secs: f64,
+    /// The angle of [`Creases::Auto`].
+    auto_crease_deg: Option<f64>,
     prepared: PreparedMeshes,
 }
 
@@ -80,6 +83,7 @@ impl Original {
         let non_finite_vertices = model.meshes.iter().map(|m| non_finite_vertices(&m.mesh)).sum();
         let assets = AssetScope::Folder;
         let guessed_up = up_axis::guessed(model, file.format, &bounds);
+        let auto_crease_deg = Creases::Auto.angle_deg(model.meshes.iter().map(|m| &*m.mesh));
         Self {
             path,
             assets,
@@ -90,7 +94,16 @@ impl Original {
             non_finite_vertices,
             file,
             read_secs,
+            auto_crease_deg,
             prepared,
+        }
+    }
+
+    /// Returns which edges of this file and its results are sharp, decided: [`Creases::Auto`] is what its shape says.
+    pub fn creases(&self, chosen: Creases) -> Creases {
+        match chosen {
+            Creases::Auto => self.auto_crease_deg.map_or(Creases::Off, Creases::Above),
+            chosen => chosen,
         }
     }
 

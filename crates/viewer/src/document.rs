@@ -1,6 +1,7 @@
 //! The document: open file, results and background work. Does not depend on the window.
 
 mod baking;
+mod creases;
 mod difference;
 mod engine;
 mod flaws;
@@ -18,6 +19,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::DQuat;
+use lodsmith_core::mesh::creases::Creases;
 use lodsmith_core::model::Pose;
 use lodsmith_io::AssetScope;
 use lodsmith_render::Shading;
@@ -112,6 +114,8 @@ pub struct Document {
     preview: Option<Preview>,
     /// Options of the last job to make a progressive mesh.
     requested_preview: Option<(usize, Simplification)>,
+    /// Which edges of the shown models are sharp, or will be once a job is done.
+    shaded: Creases,
     /// True while a preview level is shown and the exact run has not been started.
     needs_exact_run: bool,
 }
@@ -188,6 +192,7 @@ impl Document {
             preview: None,
             requested_preview: None,
             needs_exact_run: false,
+            shaded: Creases::default(),
             log: Log::default(),
         }
     }
@@ -479,6 +484,7 @@ impl Document {
     }
 
     fn open(&mut self, path: PathBuf, then: OpenReason) {
+        self.shade_new_file();
         self.opening = Some(Opening { path: path.clone(), then, since: Instant::now() });
         self.worker.submit(Job::Open { path, assets: self.assets.clone() });
     }
@@ -547,6 +553,7 @@ impl Document {
             Outcome::Benchmarked { is_whole: false } => self.log.note("benchmark cancelled"),
             Outcome::Preview { of, secs, result } => self.take_preview(&of, secs, result),
             Outcome::Level { how, change } => self.take_level(&how, change),
+            Outcome::Shaded => self.take_shaded(),
             Outcome::Exported { path, result } => match result {
                 Ok(written) => {
                     for warning in &written.warnings {
@@ -596,6 +603,7 @@ impl Document {
             self.problem = Some(text);
         }
         self.original = Some(original);
+        self.shaded = self.creases();
         self.is_playing &= matches!(then, OpenReason::Reloaded);
         (self.lighter, self.measured, self.requested) = (None, None, None);
         (self.topologies, self.flaws) = ([None, None], [None, None]);
@@ -645,6 +653,7 @@ impl Document {
                 self.simplify(original.clone(), how);
             }
         }
+        self.shade_edges(&original);
         self.start_preview(&original);
         self.make_levels(&original);
         self.inspect(&original);

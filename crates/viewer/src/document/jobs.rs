@@ -64,6 +64,8 @@ pub(crate) enum Job {
     Benchmark { original: Arc<Original>, settings: Box<Settings>, filling: SharedTable },
     /// Makes the progressive mesh of the slider.
     Preview { original: Arc<Original>, of: (usize, Simplification) },
+    /// Uploads shown models again, after it changed which of their edges are sharp.
+    Shade { shown: Vec<(Drawing, Model)> },
     /// Goes to a level of a progressive mesh that a worker holds.
     Level { original: Arc<Original>, how: Simplification, peak_ratio: Option<f64> },
 }
@@ -82,6 +84,7 @@ pub(crate) enum Outcome {
     Benchmarked { is_whole: bool },
     Preview { of: (usize, Simplification), secs: f64, result: Result<PreviewMade, Failure> },
     Level { how: Simplification, change: LevelChange },
+    Shaded,
 }
 
 /// A progressive mesh that was made.
@@ -114,6 +117,7 @@ impl Job {
             Self::Benchmark { .. } => JobKind::Benchmark,
             Self::Preview { .. } => JobKind::Preview,
             Self::Level { .. } => JobKind::Level,
+            Self::Shade { .. } => JobKind::Shade,
         }
     }
 
@@ -197,6 +201,14 @@ impl Job {
                 let result = made.map(|made| PreviewMade::Here(Box::new(made))).map_err(Failure::from);
                 Outcome::Preview { of, secs: begin.elapsed().as_secs_f64(), result }
             }
+            Self::Shade { shown } => {
+                for (drawing, model) in shown {
+                    let Some(new) = context.map(|c| preview_mesh::draw_model(c, &model)) else { continue };
+                    // Locked only now: the window draws it meanwhile.
+                    *drawing.lock().unwrap_or_else(PoisonError::into_inner) = new;
+                }
+                Outcome::Shaded
+            }
             // Whoever holds the progressive mesh answers.
             Self::Level { .. } => return None,
         })
@@ -225,8 +237,7 @@ pub(crate) fn found(
 ) -> Outcome {
     let (which, key) = inspected(original, result);
     if let Some(drawing) = result.map_or(&original.draw, |r| &r.draw) {
-        let mut drawing = drawing.lock().unwrap_or_else(PoisonError::into_inner);
-        flaws.marks.iter().enumerate().for_each(|(mesh, marks)| drawing.set_marks(mesh, marks));
+        flaws.show_in(drawing);
     }
     Outcome::Flaws { which, key, flaws: Arc::new(flaws) }
 }
@@ -244,7 +255,7 @@ pub(crate) fn measured(
 }
 
 /// Writes the values of the heat map into the buffers: distances of vertices, or differences at wedges.
-fn show_heat(drawing: Option<&Drawing>, model: &Model, values: &[Vec<f32>], quantity: HeatOf) {
+pub(crate) fn show_heat(drawing: Option<&Drawing>, model: &Model, values: &[Vec<f32>], quantity: HeatOf) {
     let Some(drawing) = drawing else { return };
     for (i, (mesh, values)) in model.meshes.iter().zip(values).enumerate() {
         let mesh = &mesh.mesh;

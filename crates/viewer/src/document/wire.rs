@@ -143,7 +143,7 @@ impl Job {
             Self::Difference { view, .. } => {
                 of(&view.original, Task::Difference(view.lighter.how.clone(), Box::new(view.seen.clone())))
             }
-            Self::Benchmark { .. } | Self::Bake { .. } => return None,
+            Self::Benchmark { .. } | Self::Bake { .. } | Self::Shade { .. } => return None,
         })
     }
 
