@@ -61,6 +61,8 @@ pub struct App {
     last_play_time: Option<f64>,
     /// True if an animated file opened the timeline; the timeline then closes with that file.
     has_own_timeline: bool,
+    /// Unit of the target last seen.
+    unit_of_target: Option<Unit>,
     /// Target last seen while the pointer or a key was down, and since when it has been unchanged.
     held: Option<(Stop, Instant)>,
     page: Option<AroundPage>,
@@ -121,6 +123,7 @@ impl App {
             sample: None,
             last_play_time: None,
             has_own_timeline: false,
+            unit_of_target: None,
             held: None,
             page: None,
         };
@@ -410,11 +413,11 @@ impl App {
     }
 
     fn panels(&mut self, ui: &mut Ui) {
-        let mut unit = self.facts.unit;
-        if let Some(of) = Unit::of(self.document.settings()) {
-            unit = of;
+        // The slider follows a new target's unit, and keeps the one that is chosen for it.
+        let of_target = Unit::of(self.document.settings());
+        if std::mem::replace(&mut self.unit_of_target, of_target) != of_target {
+            self.facts.unit = of_target.unwrap_or(self.facts.unit);
         }
-        self.facts.unit = unit;
         let docks = [Dock::Left, Dock::Right, Dock::Bottom, Dock::Middle].map(|dock| {
             let is_in = |p: &Panel| p.dock() == dock && self.is_shown(*p);
             Panel::ALL.into_iter().filter(is_in).collect::<Vec<_>>()
@@ -478,9 +481,6 @@ impl App {
         }
         let says = scope.requests;
         self.facts.unit = chosen;
-        if chosen != unit {
-            self.change_unit(chosen);
-        }
         for panel in closed {
             self.shown.remove(&panel);
         }

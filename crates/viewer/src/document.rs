@@ -40,7 +40,7 @@ use crate::page::BrowserPage;
 use crate::settings::Settings;
 use crate::shown::ShownModel;
 use crate::slider_preview::Preview;
-use crate::target_scale::OriginalSize;
+use crate::target_scale::{OriginalSize, ResultSize};
 use crate::up_axis::UpAxis;
 
 pub use engine::Engine;
@@ -216,6 +216,12 @@ impl Document {
             vertices: o.content.vertices,
             diagonal: o.content.bounds.diagonal(),
         })
+    }
+    /// Returns the size of the latest result.
+    pub fn result_size(&self) -> Option<ResultSize> {
+        let (whole, result) = (self.original_size()?, &self.lighter.as_ref()?.content);
+        let largest = result.measured().map(|m| m.hausdorff.symmetric / whole.diagonal.max(1e-300));
+        Some(ResultSize { faces: result.faces, vertices: result.vertices, largest })
     }
     /// Returns the latest result; `None` while the original is requested.
     pub fn lighter(&self) -> Option<&ShownModel<Lighter>> {
