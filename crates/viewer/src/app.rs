@@ -222,7 +222,9 @@ impl App {
     /// Frames a newly opened file.
     fn frame_new_file(&mut self, ctx: &egui::Context) {
         let Some(path) = self.document.original().map(|o| o.content.path.clone()) else {
-            self.framed = None;
+            if self.framed.take().is_some() {
+                ctx.send_viewport_cmd(egui::ViewportCommand::Title("Lodsmith".to_owned()));
+            }
             return;
         };
         if self.framed.as_ref() == Some(&path) {

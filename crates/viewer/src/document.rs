@@ -14,6 +14,7 @@ mod queue;
 mod stage;
 mod wire;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
@@ -85,6 +86,8 @@ pub struct Document {
     requested: Option<Simplification>,
     /// The file that is being read, and why.
     opening: Option<Opening>,
+    /// Files that could not be read when they were last opened, with the errors.
+    broken: BTreeMap<PathBuf, String>,
     /// True if a panel shows distances.
     wants_distances: bool,
     /// Borders and defects of the original and of the result.
@@ -125,6 +128,8 @@ struct Opening {
     path: PathBuf,
     then: OpenReason,
     since: Instant,
+    /// Files that were tried before it, with the errors.
+    failed: Vec<(PathBuf, String)>,
 }
 
 /// Shadings that are replaced by the intended shading of a newly opened file.
@@ -178,6 +183,7 @@ impl Document {
             wants_flaws: false,
             requested: None,
             opening: None,
+            broken: BTreeMap::new(),
             wants_distances: false,
             wants_topology: false,
             assets: AssetScope::Folder,
@@ -299,6 +305,10 @@ impl Document {
     pub fn opening(&self) -> Option<&Path> {
         self.opening.as_ref().map(|o| o.path.as_path())
     }
+    /// Returns why a file could not be read when it was last opened; `None` if it could, or was not opened.
+    pub fn fault_of(&self, file: &Path) -> Option<&str> {
+        self.broken.get(file).map(String::as_str)
+    }
     /// Returns for how many seconds a file is being opened, and the present step.
     pub fn opening_progress(&self) -> Option<(f64, &'static str)> {
         let since = self.opening.as_ref()?.since;
@@ -330,8 +340,8 @@ impl Document {
         }
     }
 
-    /// Runs a command. If it needs another file, it runs once that was read; if reading fails, nothing
-    /// changes.
+    /// Runs a command. If it needs another file, it runs once that was read. If reading fails, the next of several files
+    /// is shown instead; if none can be read, nothing changes.
     pub fn run(&mut self, command: Command) {
         let mut after = self.settings.clone();
         command.apply(&mut after);
@@ -490,8 +500,13 @@ impl Document {
     }
 
     fn open(&mut self, path: PathBuf, then: OpenReason) {
+        self.try_open(Opening { path, then, since: Instant::now(), failed: Vec::new() });
+    }
+
+    fn try_open(&mut self, opening: Opening) {
+        let path = opening.path.clone();
         self.shade_new_file();
-        self.opening = Some(Opening { path: path.clone(), then, since: Instant::now() });
+        self.opening = Some(opening);
         self.worker.submit(Job::Open { path, assets: self.assets.clone() });
     }
 
@@ -500,16 +515,17 @@ impl Document {
             Message::Done(outcome) => self.take_outcome(outcome),
             Message::Panicked(kind) => {
                 let text = format!("{} failed unexpectedly: this is a bug in lodsmith", kind.title());
-                if kind == JobKind::Load {
-                    self.open_failed();
+                match kind {
+                    JobKind::Load => self.open_failed(text),
+                    _ => self.fail(text),
                 }
-                self.fail(text);
             }
             Message::Failed(kind, why) => {
-                if kind == JobKind::Load {
-                    self.open_failed();
+                let text = format!("{} failed: {why}", kind.title());
+                match kind {
+                    JobKind::Load => self.open_failed(text),
+                    _ => self.fail(text),
                 }
-                self.fail(format!("{} failed: {why}", kind.title()));
             }
             Message::Changed(path) if self.is_of_look(&path) => self.own_files_changed = true,
             Message::Changed(path) => {
@@ -527,10 +543,7 @@ impl Document {
                 }
                 match result {
                     Ok(original) => self.opened(original),
-                    Err(why) => {
-                        self.open_failed();
-                        self.fail(why);
-                    }
+                    Err(why) => self.open_failed(why),
                 }
             }
             Outcome::Lighter { how, result } => match result {
@@ -574,10 +587,13 @@ impl Document {
     }
 
     fn opened(&mut self, original: ShownModel<Original>) {
-        let Some(Opening { then, path, .. }) = self.opening.take() else { return };
+        let Some(Opening { then, path, failed, .. }) = self.opening.take() else { return };
         if let OpenReason::Run(command) = &then {
             self.history.seal();
             self.history.run(command, &mut self.settings);
+            // Files before it could not be read.
+            let shown = self.settings.files.iter().position(|file| *file == path);
+            self.settings.shown = shown.unwrap_or(self.settings.shown);
             let shading = &mut self.settings.look.look.shading;
             // Only plain shadings follow the file; a diagnostic shading stays.
             if matches!(command, Command::Open(_) | Command::Show(_)) && PLAIN_SHADINGS.contains(shading) {
@@ -597,6 +613,11 @@ impl Document {
         }
         self.watched.clear();
         (self.problem, self.changed) = (None, None);
+        self.broken.remove(&path);
+        if !failed.is_empty() {
+            let all: Vec<String> = failed.into_iter().map(|(_, why)| why).collect();
+            self.problem = Some(all.join("\n"));
+        }
         let count = content.non_finite_vertices;
         if count > 0 {
             let text = format!(
@@ -617,13 +638,41 @@ impl Document {
         self.builder.end_worker();
     }
 
-    /// Handles a failed read: what is open stays.
-    fn open_failed(&mut self) {
-        match self.opening.take().map(|o| o.then) {
-            Some(OpenReason::Undone) => _ = self.history.redo(&mut self.settings),
-            Some(OpenReason::Redone) => _ = self.history.undo(&mut self.settings),
-            _ => {}
+    /// Handles a failed read: the next file is tried, or what is open stays.
+    fn open_failed(&mut self, why: String) {
+        let Some(mut opening) = self.opening.take() else { return self.fail(why) };
+        self.broken.insert(opening.path.clone(), why.clone());
+        opening.failed.push((opening.path.clone(), why.clone()));
+        match &opening.then {
+            OpenReason::Undone => _ = self.history.redo(&mut self.settings),
+            OpenReason::Redone => _ = self.history.undo(&mut self.settings),
+            OpenReason::Reloaded => {}
+            OpenReason::Run(command) => {
+                let mut files = match command {
+                    Command::Open(files) => files.clone(),
+                    Command::Session(settings) => settings.files.clone(),
+                    Command::CloseFile(_) => {
+                        let mut after = self.settings.clone();
+                        command.apply(&mut after);
+                        after.files
+                    }
+                    _ => Vec::new(),
+                };
+                files.retain(|file| opening.failed.iter().all(|(tried, _)| tried != file));
+                if let Some(next) = files.into_iter().next() {
+                    self.log.bad(why);
+                    return self.try_open(Opening { path: next, ..opening });
+                }
+            }
         }
+        self.log.bad(why);
+        if matches!(opening.then, OpenReason::Run(Command::CloseFile(_))) {
+            // None of the others can be shown.
+            self.history.run(&Command::Close, &mut self.settings);
+            return self.sync();
+        }
+        let all: Vec<&str> = opening.failed.iter().map(|(_, why)| why.as_str()).collect();
+        self.problem = Some(all.join("\n"));
     }
 
     fn fail(&mut self, why: String) {

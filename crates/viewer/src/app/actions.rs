@@ -43,11 +43,7 @@ impl App {
             Action::SaveSession => return self.choose_session_to_save(ctx),
             Action::Export => return self.open_export_form(),
             Action::Reload => return self.document.reload(),
-            Action::Close => {
-                self.document.run(Command::Close);
-                ctx.send_viewport_cmd(egui::ViewportCommand::Title("Lodsmith".to_owned()));
-                return;
-            }
+            Action::Close => return self.document.run(Command::CloseFile(settings.shown)),
             Action::Quit => return ctx.send_viewport_cmd(egui::ViewportCommand::Close),
             Action::Undo => return self.document.undo(),
             Action::Redo => return self.document.redo(),
