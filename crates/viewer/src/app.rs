@@ -2,6 +2,7 @@
 
 mod actions;
 mod empty;
+mod outside;
 mod page;
 mod stage;
 
@@ -31,6 +32,7 @@ use crate::target_scale::Unit;
 use crate::theme;
 use crate::up_axis::UpAxis;
 use empty::{drop_hint, first_hint, start_page};
+use outside::{OutsideAnswer, OutsideFiles};
 
 /// The application window.
 pub struct App {
@@ -44,6 +46,8 @@ pub struct App {
     panels_hidden: bool,
     is_help: bool,
     dialog: Option<Dialog>,
+    /// The question before a session reads files outside its folder.
+    outside_files: Option<OutsideFiles>,
     export: Option<export::ExportForm>,
     use_system_dialogs: bool,
     /// File on which the cameras were last framed.
@@ -112,6 +116,7 @@ impl App {
             panels_hidden: false,
             is_help: false,
             dialog: None,
+            outside_files: None,
             export: None,
             use_system_dialogs: options.use_system_dialogs,
             framed: None,
@@ -179,15 +184,32 @@ impl App {
         }
     }
 
+    /// Opens a session; asks before files outside its folder are read.
     fn open_session(&mut self, path: &Path) {
-        match Session::open(path, &self.document.assets) {
-            Ok(session) => {
-                self.pending_cameras = session.cameras;
-                self.pictures.stage.set_pending_pose(session.stage_camera);
-                self.framed = None;
-                self.document.run(Command::Session(Box::new(session.settings)));
+        match Session::read(path, &self.document.assets) {
+            Ok((session, files)) if files.is_empty() => self.take_session(session),
+            Ok((session, files)) => {
+                self.outside_files = Some(OutsideFiles { session, path: path.to_owned(), files });
             }
             Err(e) => self.fail(e.to_string()),
+        }
+    }
+
+    fn take_session(&mut self, session: Session) {
+        self.pending_cameras = session.cameras;
+        self.pictures.stage.set_pending_pose(session.stage_camera);
+        self.framed = None;
+        self.document.run(Command::Session(Box::new(session.settings)));
+    }
+
+    /// Shows the question whether a session may read files outside its folder.
+    fn ask_for_outside_files(&mut self, ctx: &egui::Context) {
+        let Some(asked) = self.outside_files.take() else { return };
+        match asked.show(ctx) {
+            OutsideAnswer::Open => self.outside_files = Some(asked),
+            OutsideAnswer::Refused => {}
+            // The models that it names keep to their own folders.
+            OutsideAnswer::Allowed => self.take_session(asked.session),
         }
     }
 
@@ -360,7 +382,7 @@ impl App {
             None => self.open(dropped),
             Some(_) => self.take_files_of_page(),
         }
-        let is_modal = self.dialog.is_some() || self.export.is_some();
+        let is_modal = self.is_asking();
         if self.is_help && ctx.input_mut(|i| i.consume_key(Modifiers::NONE, Key::H)) {
             self.is_help = false;
         }
@@ -403,6 +425,11 @@ impl App {
             ctx.request_repaint();
         }
         self.pictures.is_flickering = plain && is_space;
+    }
+
+    /// Returns true while a dialog waits for an answer.
+    fn is_asking(&self) -> bool {
+        self.dialog.is_some() || self.export.is_some() || self.outside_files.is_some()
     }
 
     /// Tells the document which results the panels need.
@@ -542,7 +569,7 @@ impl App {
         if !is_due || self.document.original().is_none() {
             return;
         }
-        let is_modal = self.dialog.is_some() || self.export.is_some() || self.is_help;
+        let is_modal = self.is_asking() || self.is_help;
         if self.document.lighter().is_some() || (!is_modal && first_hint(ctx)) {
             self.prefs.knows_hint = true;
             self.save_prefs();
@@ -617,6 +644,7 @@ impl App {
     }
 
     fn dialogs(&mut self, ctx: &egui::Context) {
+        self.ask_for_outside_files(ctx);
         if self.is_help && panel::help::show(ctx) {
             self.is_help = false;
         }
