@@ -8,6 +8,8 @@ mod stage;
 
 use std::collections::{HashSet, VecDeque};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use eframe::egui::{self, Key, Modifiers, Theme, Ui};
@@ -20,7 +22,7 @@ use crate::command::Command;
 use crate::compare::{ComparisonView, Side};
 use crate::dialog::{Dialog, DialogState, Purpose};
 use crate::document::Document;
-use crate::gpu::{Gpu, GpuError};
+use crate::gpu::{Context, Gpu, GpuError};
 use crate::keys::{self, Action};
 use crate::orbit::Orbit;
 use crate::page::AroundPage;
@@ -65,6 +67,8 @@ pub struct App {
     last_play_time: Option<f64>,
     /// True if an animated file opened the timeline; the timeline then closes with that file.
     has_own_timeline: bool,
+    /// True while a file is read on a software adapter: then progress is drawn at [`LOADING_FRAME`] only.
+    spares_frames: Arc<AtomicBool>,
     /// Unit of the target last seen.
     unit_of_target: Option<Unit>,
     /// Target last seen while the pointer or a key was down, and since when it has been unchanged.
@@ -83,6 +87,9 @@ const MAX_HELD_SECS: f32 = 0.5;
 const TIMED_FRAMES: usize = 60;
 /// Delay after which an unchanged slider that is still held starts a run.
 const SLIDER_REST: Duration = Duration::from_millis(300);
+/// Time between frames that only show the progress of loading: on a software adapter, a frame takes the threads that
+/// load the file. (Five a second.)
+const LOADING_FRAME: Duration = Duration::from_millis(200);
 /// The sample model: the repository's own, in the public domain.
 const SAMPLE: &[u8] = include_bytes!("../assets/finial.ply");
 
@@ -101,13 +108,19 @@ impl App {
         cc.egui_ctx.set_theme(if is_light { Theme::Light } else { Theme::Dark });
         let ctx = cc.egui_ctx.clone();
         let context = gpu.as_ref().map(|g| g.context().clone());
+        let spares_frames = Arc::new(AtomicBool::new(false));
+        let spares = spares_frames.clone();
+        let wake = move || match spares.load(Ordering::Relaxed) {
+            true => ctx.request_repaint_after(LOADING_FRAME),
+            false => ctx.request_repaint(),
+        };
         let facts = WindowState {
             adapter: gpu.as_ref().map(Gpu::adapter_name).unwrap_or_default(),
             recent: memory.recent.clone(),
             ..WindowState::default()
         };
         let mut app = Self {
-            document: Document::new(context, move || ctx.request_repaint()),
+            document: Document::new(context, wake),
             pictures: ComparisonView::new(gpu),
             facts,
             prefs: memory,
@@ -128,6 +141,7 @@ impl App {
             sample: None,
             last_play_time: None,
             has_own_timeline: false,
+            spares_frames,
             unit_of_target: None,
             held: None,
             page: None,
@@ -631,6 +645,16 @@ impl App {
         }
     }
 
+    /// Keeps the clock of a file that is being read running, and leaves the processor to its reader otherwise.
+    fn follow_loading(&mut self, ctx: &egui::Context) {
+        let is_loading = self.document.opening().is_some();
+        let is_software = self.document.context().is_some_and(Context::is_software);
+        self.spares_frames.store(is_loading && is_software, Ordering::Relaxed);
+        if is_loading {
+            ctx.request_repaint_after(LOADING_FRAME);
+        }
+    }
+
     /// Takes over the CPU time of a frame.
     fn note_frame_time(&mut self, secs: f64) {
         self.frame_times.push_back(secs);
@@ -706,6 +730,7 @@ impl eframe::App for App {
         self.dialogs(&ctx);
         drop_hint(&ctx);
         self.refine_at_rest(&ctx);
+        self.follow_loading(&ctx);
         let own = begin.elapsed().as_secs_f64();
         self.note_frame_time(frame.info().cpu_usage.map_or(own, f64::from));
     }

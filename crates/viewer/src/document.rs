@@ -22,7 +22,7 @@ use std::sync::Arc;
 use glam::DQuat;
 use lodsmith_core::mesh::creases::Creases;
 use lodsmith_core::model::Pose;
-use lodsmith_io::AssetScope;
+use lodsmith_io::{AssetScope, ReadProgress};
 use lodsmith_render::Shading;
 use web_time::{Duration, Instant};
 
@@ -45,7 +45,7 @@ use crate::target_scale::{OriginalSize, ResultSize};
 use crate::up_axis::UpAxis;
 
 pub use engine::Engine;
-use jobs::{Job, Measured, Outcome};
+use jobs::{Job, Measured, Outcome, READING};
 use page_queue::PageQueue;
 use queue::JobQueue;
 pub use stage::StageLevel;
@@ -128,6 +128,7 @@ struct Opening {
     path: PathBuf,
     then: OpenReason,
     since: Instant,
+    read: ReadProgress,
     /// Files that were tried before it, with the errors.
     failed: Vec<(PathBuf, String)>,
 }
@@ -309,10 +310,13 @@ impl Document {
     pub fn fault_of(&self, file: &Path) -> Option<&str> {
         self.broken.get(file).map(String::as_str)
     }
-    /// Returns for how many seconds a file is being opened, and the present step.
-    pub fn opening_progress(&self) -> Option<(f64, &'static str)> {
-        let since = self.opening.as_ref()?.since;
-        Some((since.elapsed().as_secs_f64(), self.progress().map_or("", |p| p.stage)))
+    /// Returns for how many seconds a file is being opened, the present step, and the part of it that is done, if that
+    /// is known.
+    pub fn opening_progress(&self) -> Option<(f64, &'static str, Option<f64>)> {
+        let opening = self.opening.as_ref()?;
+        let stage = self.progress().map_or("", |p| p.stage);
+        let done = opening.read.done().filter(|_| stage == READING);
+        Some((opening.since.elapsed().as_secs_f64(), stage, done))
     }
     /// Returns true while the result is older than the settings.
     pub fn is_outdated(&self) -> bool {
@@ -500,14 +504,15 @@ impl Document {
     }
 
     fn open(&mut self, path: PathBuf, then: OpenReason) {
-        self.try_open(Opening { path, then, since: Instant::now(), failed: Vec::new() });
+        let (since, read, failed) = (Instant::now(), ReadProgress::default(), Vec::new());
+        self.try_open(Opening { path, then, since, read, failed });
     }
 
     fn try_open(&mut self, opening: Opening) {
-        let path = opening.path.clone();
+        let (path, progress) = (opening.path.clone(), opening.read.clone());
         self.shade_new_file();
         self.opening = Some(opening);
-        self.worker.submit(Job::Open { path, assets: self.assets.clone() });
+        self.worker.submit(Job::Open { path, assets: self.assets.clone(), progress });
     }
 
     fn take(&mut self, message: Message<Outcome>) {
@@ -661,7 +666,7 @@ impl Document {
                 files.retain(|file| opening.failed.iter().all(|(tried, _)| tried != file));
                 if let Some(next) = files.into_iter().next() {
                     self.log.bad(why);
-                    return self.try_open(Opening { path: next, ..opening });
+                    return self.try_open(Opening { path: next, read: ReadProgress::default(), ..opening });
                 }
             }
         }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use lodsmith_core::Model;
-use lodsmith_io::AssetScope;
+use lodsmith_io::{AssetScope, ReadProgress};
 use web_time::Instant;
 
 use crate::bake_settings::BakeSettings;
@@ -30,7 +30,7 @@ pub(crate) const PREPARING: &str = "preparing pictures";
 /// A job for a worker.
 pub(crate) enum Job {
     /// Reads a file.
-    Open { path: PathBuf, assets: AssetScope },
+    Open { path: PathBuf, assets: AssetScope, progress: ReadProgress },
     /// Simplifies the original.
     Simplify { original: ShownModel<Original>, how: Simplification },
     /// Counts the topology of the original, or of a result.
@@ -125,9 +125,9 @@ impl Job {
     /// and nobody needs to know.
     pub(crate) fn run(self, context: Option<&Context>, watch: &mut JobControl) -> Option<Outcome> {
         Some(match self {
-            Self::Open { path, assets } => {
+            Self::Open { path, assets, progress } => {
                 watch.enter_stage(READING);
-                let result = Original::read(&path, assets).map_err(|e| e.to_string());
+                let result = Original::read_watched(&path, assets, progress).map_err(|e| e.to_string());
                 watch.enter_stage(PREPARING);
                 let result = result.map(|original| {
                     let draw = context.map(|c| preview_mesh::upload(c, original.model()));

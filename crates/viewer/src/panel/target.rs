@@ -104,7 +104,9 @@ fn status(ui: &mut Ui, scope: &mut PanelContext<'_>) {
             scope.action(Action::Cancel);
         }
         let width = (ui.available_width() - 120.0).clamp(24.0, 120.0);
-        let bar = egui::ProgressBar::new(progress.done).desired_width(width).desired_height(8.0);
+        let read = document.opening_progress().and_then(|(_, _, done)| done);
+        let done = read.map_or(progress.done, |done| done as f32);
+        let bar = egui::ProgressBar::new(done).desired_width(width).desired_height(8.0);
         ui.add(bar.fill(palette(ui).accent));
         let stage = if progress.stage.is_empty() { String::new() } else { format!(": {}", progress.stage) };
         text(ui, format!("{}{stage}", progress.kind.title()));
