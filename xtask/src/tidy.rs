@@ -179,6 +179,7 @@ const RULES: &[(&str, Rule)] = &[
     ("modules are concepts", vague_names),
     ("files are not too long", long_files),
     ("testdata is small and has an origin", testdata),
+    ("every file of tests belongs to a program", test_files),
     ("nothing names a machine", machine_paths),
     ("every paper named is in docs/papers.md", papers),
     ("files do not use each other in cycles", file_cycles),
@@ -514,6 +515,34 @@ fn testdata() -> Result<Vec<String>> {
     Ok(findings)
 }
 
+/// Finds files beside the test programs that no program has as a module: their tests would never run.
+fn test_files() -> Result<Vec<String>> {
+    let mut findings = Vec::new();
+    for package in &packages()? {
+        let targets = package["targets"].as_array().into_iter().flatten();
+        let programs: BTreeSet<&Path> = targets
+            .filter(|target| target["kind"][0] == "test")
+            .filter_map(|target| target["src_path"].as_str().map(Path::new))
+            .collect();
+        let mut text = String::new();
+        for program in &programs {
+            text += &std::fs::read_to_string(program)?;
+        }
+        let manifest = Path::new(package["manifest_path"].as_str().unwrap_or_default());
+        let Ok(entries) = std::fs::read_dir(manifest.with_file_name("tests")) else { continue };
+        for entry in entries {
+            let path = entry?.path();
+            let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+            let is_module = text.lines().any(|line| line == format!("mod {stem};"));
+            if path.extension().is_some_and(|e| e == "rs") && !programs.contains(&*path) && !is_module {
+                findings.push(format!("{} is a module of no program beside it", shown(&path)));
+            }
+        }
+    }
+    findings.sort();
+    Ok(findings)
+}
+
 fn machine_paths() -> Result<Vec<String>> {
     // Composed here, so that this file does not contain them.
     let paths: Vec<String> =
@@ -653,6 +682,10 @@ mod tests {
     #[test]
     fn testdata_is_small_and_has_an_origin() {
         holds(testdata);
+    }
+    #[test]
+    fn every_file_of_tests_belongs_to_a_program() {
+        holds(test_files);
     }
     #[test]
     fn nothing_names_a_machine() {

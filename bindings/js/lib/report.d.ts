@@ -33,10 +33,14 @@ export interface Report {
   parts_removed: number;
   necks_cut: number;
   pairs_contracted: number;
+  /** Pairs of faces of the input that lie on each other with opposite windings, reduced as one side. */
+  two_sided_pairs: number;
   pruned: { parts: number; faces: number };
   locked: { vertices: number; faces: number };
   seams_relaxed: boolean;
   sharp_relaxed: boolean;
+  /** Values of attributes that are NaN or infinite. */
+  missing_values: number;
   fitted: boolean;
   dropped: string[];
   proposals: { changes: OptionChange[]; gain: number }[];

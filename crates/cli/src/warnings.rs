@@ -43,6 +43,12 @@ pub(crate) fn warnings_of(report: &Report) -> Vec<Warning> {
     if report.sharp_relaxed {
         warnings.push(Warning::note("sharp edges were not all kept, to come nearer to the target"));
     }
+    if report.missing_values > 0 {
+        let count = grouped(report.missing_values);
+        warnings.push(Warning::note(format!(
+            "{count} values of attributes are NaN or infinite and did not count"
+        )));
+    }
     warnings.extend(report.escalated.iter().map(|step| Warning::note(proposals::step_text(step))));
     if report.pruned.largest_kept {
         warnings.push(Warning::note("all parts are smaller than --prune: the largest was kept"));

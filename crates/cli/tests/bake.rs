@@ -1,12 +1,11 @@
 //! `lodsmith bake` from end to end.
 
-mod desk;
-
 use std::fmt::Write as _;
 use std::fs;
 
-use desk::{CliSandbox, hills, ply};
 use lodsmith_io::{ReadOptions, read_model_path};
+
+use crate::desk::{CliSandbox, hills, ply};
 
 /// Colours of the coloured hills, by place: a gradient.
 fn color(x: f64, y: f64) -> [u8; 3] {

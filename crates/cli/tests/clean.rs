@@ -1,8 +1,6 @@
 //! `lodsmith clean`.
 
-mod desk;
-
-use desk::{CliSandbox, coloured_cube, keys, ply};
+use crate::desk::{CliSandbox, coloured_cube, keys, ply};
 
 /// Two cubes that share an edge, some faces flipped, one duplicated, one point unused; every face has
 /// vertices of its own.

@@ -1,12 +1,11 @@
 //! Every command from end to end, on small files that the tests make themselves.
 
-mod desk;
-
 use std::fs;
 use std::path::Path;
 
-use desk::{CliSandbox, coloured_cube, hills, keys, ply};
 use serde_json::Value;
+
+use crate::desk::{CliSandbox, coloured_cube, hills, keys, ply};
 
 // ---------------------------------------------------------------- simplify
 

@@ -1,10 +1,9 @@
 //! `lodsmith compare --views`, from end to end.
 
-mod desk;
-
-use desk::{CliSandbox, coloured_cube, hills};
 use lodsmith_render::decode;
 use serde_json::Value;
+
+use crate::desk::{CliSandbox, coloured_cube, hills};
 
 fn image(desk: &CliSandbox, words: &str) -> Value {
     let ran = desk.run(&format!("compare --json {words}")).with_status(0);

@@ -1,8 +1,6 @@
 //! `lodsmith doctor` from end to end, with or without the window built in.
 
-mod desk;
-
-use desk::{CliSandbox, keys};
+use crate::desk::{CliSandbox, keys};
 
 #[test]
 fn the_object_has_the_promised_keys_and_names_what_is_missing() {

@@ -1,11 +1,10 @@
 //! `lodsmith lod` from end to end.
 
-mod desk;
-
 use std::fs;
 
-use desk::{CliSandbox, hills, keys};
 use serde_json::Value;
+
+use crate::desk::{CliSandbox, hills, keys};
 
 fn list(desk: &CliSandbox, folder: &str) -> Value {
     let text = fs::read_to_string(desk.path(folder).join("lods.json")).expect("the list is there");

@@ -2,12 +2,10 @@
 //! docs/trust.md says the same for users.
 #![cfg(target_os = "linux")]
 
-mod desk;
-
 use std::fs;
 use std::process::{Command, Output};
 
-use desk::{CliSandbox, hills};
+use crate::desk::{CliSandbox, hills};
 
 /// Runs the command with an address space of twice `mib` MiB, of which it may use half.
 fn run_within(desk: &CliSandbox, mib: u64, words: &str) -> Output {
@@ -85,7 +83,7 @@ fn run_all(desk: &CliSandbox, commands: &[&str], limits: &[u64]) -> (usize, usiz
 #[test]
 fn no_run_under_a_limit_is_aborted() {
     let desk = CliSandbox::new();
-    // All 110 runs by hand: LODSMITH_ALL_RUNS=1 cargo test -p lodsmith-cli --test memory
+    // All 110 runs by hand: LODSMITH_ALL_RUNS=1 cargo test -p lodsmith-cli --test all memory::
     let is_all = std::env::var_os("LODSMITH_ALL_RUNS").is_some();
     models(&desk, if is_all { 200_000 } else { 10_000 });
     let few: Vec<&str> = COMMANDS.iter().copied().skip(1).step_by(2).collect();

@@ -1,8 +1,6 @@
 //! `--method lindstrom-turk`, `melax` and `shortest-edge` from end to end.
 
-mod desk;
-
-use desk::{CliSandbox, hills};
+use crate::desk::{CliSandbox, hills};
 
 #[test]
 fn each_method_reaches_its_count_and_names_itself() {

@@ -1,10 +1,8 @@
 //! `--method planar` from end to end.
 
-mod desk;
-
 use std::fmt::Write as _;
 
-use desk::CliSandbox;
+use crate::desk::CliSandbox;
 
 /// A ridge: two flat sides of n by n squares each, at an angle, or one sheet if `height` is zero.
 fn ridge(n: usize, height: f64) -> String {

@@ -1,9 +1,8 @@
 //! `lodsmith methods` from end to end.
 
-mod desk;
-
-use desk::{CliSandbox, coloured_cube, hills, keys, ply};
 use serde_json::Value;
+
+use crate::desk::{CliSandbox, coloured_cube, hills, keys, ply};
 
 /// Methods that these tests run, as arguments; without any, all run. Few samples: the figures are not tested.
 const METHODS: &str = "--samples 3000 --method memoryless --method quadric";

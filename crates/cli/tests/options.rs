@@ -1,12 +1,11 @@
 //! Options of `simplify` beyond the target: locks, importance, and attempts beyond the first run.
 
-mod desk;
-
 use std::fmt::Write as _;
 use std::fs;
 
-use desk::{CliSandbox, coloured_cube, hills, keys, ply};
 use serde_json::Value;
+
+use crate::desk::{CliSandbox, coloured_cube, hills, keys, ply};
 
 #[test]
 fn a_target_out_of_reach_says_what_stopped_it() {

@@ -1,10 +1,8 @@
 //! `lodsmith progressive`.
 
-mod desk;
-
 use std::fs;
 
-use desk::{CliSandbox, hills};
+use crate::desk::{self, CliSandbox, hills};
 
 /// A folder with the hills, as PLY and as LPM.
 fn with_hills() -> (CliSandbox, Vec<u8>) {

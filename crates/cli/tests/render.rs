@@ -1,10 +1,9 @@
 //! `lodsmith render` and the pictures of other commands, from end to end.
 
-mod desk;
-
-use desk::{CliSandbox, coloured_cube, hills, keys};
 use lodsmith::core::Image;
 use lodsmith_render::decode;
+
+use crate::desk::{CliSandbox, coloured_cube, hills, keys};
 
 fn picture(desk: &CliSandbox, name: &str) -> Image {
     decode(&std::fs::read(desk.path(name)).expect("it was written")).expect("it is a picture")

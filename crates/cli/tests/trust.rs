@@ -1,11 +1,9 @@
 //! Protection against untrusted files: they cannot reach other files, write to the terminal, or replace
 //! existing files. docs/trust.md says the same for users.
 
-mod desk;
-
 use std::fs;
 
-use desk::{CliSandbox, hills};
+use crate::desk::{CliSandbox, hills};
 
 const OUTSIDE: &str =
     "lies outside of the folder of the model (--asset-root DIR or --allow-outside lets it in)";

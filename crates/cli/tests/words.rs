@@ -1,10 +1,8 @@
 //! First contact of a user: options as people type them, and errors that name a remedy. Regressions, by name.
 
-mod desk;
-
 use std::fs;
 
-use desk::{CliSandbox, hills};
+use crate::desk::{self, CliSandbox, hills};
 
 /// Fault C1: `--ratio 50%` was refused as no number.
 #[test]

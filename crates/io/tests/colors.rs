@@ -1,13 +1,11 @@
 //! Colours of vertices: linear in glTF, sRGB in all other formats and in meshes. A model looks the same in each.
 
-#[expect(dead_code, reason = "other tests use the rest")]
-mod scenes;
-
 use lodsmith_core::TriMesh;
 use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, ReadOptions, WriteOptions, read_bytes, write_to};
-use scenes::{Pack, glb, split};
 use serde_json::json;
+
+use crate::scenes::{Pack, glb, split};
 
 const GREY: f32 = 128.0 / 255.0;
 /// By the formula of sRGB.

@@ -1,12 +1,11 @@
 //! Copies of a scene: shared data, separate nodes, and placement.
 
-mod scenes;
-
 use lodsmith_core::model::{Channel, Interpolation, Track};
 use lodsmith_io::gltf::{CopyPlace, MovingNode, Scene, SceneCamera, SceneLevels, SceneMotion};
 use lodsmith_io::{Format, ReadOptions, read_bytes};
-use scenes::{everything, glb, gltf, small, split};
 use serde_json::{Value, json};
+
+use crate::scenes::{everything, glb, gltf, small, split};
 
 fn places(count: usize) -> Vec<CopyPlace> {
     let at = |k: usize| CopyPlace {

@@ -1,13 +1,11 @@
 //! Discrete integer attributes: reading them, and writing them in their own type.
 
-#[expect(dead_code, reason = "other tests use the rest")]
-mod scenes;
-
 use lodsmith_core::{Attribute, IntegerType, Semantic, TriMesh, shapes};
 use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, ReadOptions, WriteOptions, read_bytes, write_to};
-use scenes::{Pack, glb};
 use serde_json::{Value, json};
+
+use crate::scenes::{self, Pack, glb};
 
 fn discrete(mesh: &TriMesh, name: &str) -> Option<(IntegerType, Vec<f32>)> {
     mesh.further_attributes().iter().find_map(|a| match &a.semantic {

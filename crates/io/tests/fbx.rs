@@ -1,5 +1,4 @@
 //! FBX: what is read of `testdata/arm.fbx`, an arm of two bones with a shape, an animation and an embedded texture.
-#![cfg(feature = "fbx")]
 
 use std::path::PathBuf;
 

@@ -1,13 +1,12 @@
 //! Whole glTF scenes: everything that is not replaced stays identical, byte for byte.
 
-mod scenes;
-
 use lodsmith_core::mesh::{Morphed, Semantic};
 use lodsmith_core::{RegionId, TriMesh, WedgeId};
 use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, ReadError, ReadOptions};
-use scenes::{PNG, Pack, everything, glb, gltf, small};
 use serde_json::{Value, json};
+
+use crate::scenes::{self, PNG, Pack, everything, glb, gltf, small};
 
 fn scene_of(bytes: &[u8]) -> Scene {
     Scene::read(bytes, &ReadOptions::default()).unwrap()

@@ -1,14 +1,13 @@
 //! Levels of detail in one glTF file: the written structure, and readers that do not count them twice.
 
-mod scenes;
-
 use std::collections::BTreeSet;
 
 use lodsmith_core::TriMesh;
 use lodsmith_io::gltf::{Scene, SceneLevels};
 use lodsmith_io::{Format, ReadOptions, read_bytes};
-use scenes::{everything, glb, gltf, split};
 use serde_json::{Value, json};
+
+use crate::scenes::{self, everything, glb, gltf, split};
 
 /// Returns the mesh without its last face.
 fn without_last_face(mesh: &TriMesh) -> TriMesh {

@@ -1,7 +1,5 @@
 //! LPM: round trips, truncated files as coarser meshes, and untrusted bytes.
 
-mod record;
-
 use std::io::{Read as _, Write as _};
 
 use flate2::Compression;
@@ -14,7 +12,8 @@ use lodsmith_core::{
 };
 use lodsmith_io::lpm::{self, LpmOptions, LpmReader};
 use lodsmith_io::{Format, Limits, ReadError, ReadOptions, read_bytes};
-use record::{Random, record};
+
+use crate::record::{Random, record};
 
 fn written(splits: &Splits, bits: Option<u8>) -> Vec<u8> {
     let mut options = LpmOptions::default();

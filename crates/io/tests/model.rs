@@ -1,7 +1,5 @@
 //! Reading files as models for display.
 
-mod scenes;
-
 use std::fs;
 use std::io::Cursor;
 use std::path::Path;
@@ -13,9 +11,10 @@ use lodsmith_io::gltf::Scene;
 use lodsmith_io::{
     Format, ModelFile, ModelSource, ReadError, ReadOptions, read_model_bytes, read_model_path,
 };
-use scenes::{Pack, data_uri, everything, glb, gltf, small, split};
 use serde_json::{Value, json};
 use tempfile::TempDir;
+
+use crate::scenes::{Pack, data_uri, everything, glb, gltf, small, split};
 
 /// Encodes red and green above blue and half-transparent white.
 fn picture(format: image::ImageFormat) -> Vec<u8> {

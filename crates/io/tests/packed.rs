@@ -1,13 +1,12 @@
 //! Files that are compressed and quantized on writing, read again.
 
-mod scenes;
-
 use lodsmith_core::model::Pose;
 use lodsmith_core::{Model, Positions, TriMesh};
 use lodsmith_io::gltf::{Compression, Packing, Scene, SceneFormat, Written};
 use lodsmith_io::{Format, ReadOptions, WriteOptions, read_bytes, read_model_bytes, write_to};
-use scenes::{Pack, everything, glb, gltf, small, split};
 use serde_json::{Value, json};
+
+use crate::scenes::{Pack, everything, glb, gltf, small, split};
 
 const WAVE: &[u8] = include_bytes!("../../../testdata/wave.glb");
 const ARM: &[u8] = include_bytes!("../../../testdata/arm.glb");

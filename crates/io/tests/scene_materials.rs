@@ -1,17 +1,15 @@
 //! Materials of a glTF scene read as one mesh: written to OBJ with a library and images, and to glTF again.
 
-#[path = "scenes/pack.rs"]
-mod pack;
-
 use std::fs;
 use std::sync::Arc;
 
 use lodsmith_io::{
     Format, Loaded, ReadOptions, Textures, Warning, WriteOptions, read_bytes, read_path, write_path, write_to,
 };
-use pack::{PNG, Pack, data_uri, glb};
 use serde_json::{Value, json};
 use tempfile::TempDir;
+
+use crate::scenes::{PNG, Pack, data_uri, glb};
 
 const JPEG: &[u8] = b"\xff\xd8\xff and more";
 

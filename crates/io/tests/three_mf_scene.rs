@@ -1,16 +1,14 @@
 //! Whole scenes as 3MF: an object for each mesh, and its places, as they were.
 
-#[expect(dead_code, reason = "other tests use the rest")]
-mod scenes;
-
 use std::io::{Cursor, Read as _};
 
 use lodsmith_core::model::Wrap;
 use lodsmith_core::{TriMesh, WedgeId};
 use lodsmith_io::gltf::{Scene, SceneFormat};
 use lodsmith_io::{Format, ReadOptions, Textures, Warning, read_bytes, read_scene_bytes, write_scene_to};
-use scenes::{Pack, glb};
 use serde_json::{Value, json};
+
+use crate::scenes::{Pack, glb};
 
 fn scene_of(bytes: &[u8]) -> Scene {
     read_scene_bytes(bytes, &ReadOptions::default()).unwrap().unwrap()

@@ -1,7 +1,7 @@
 //! Small scenes compared with reference pictures in `tests/pictures`, by a metric with a tolerance.
 //!
 //! After a change that is meant to be visible:
-//! `UPDATE_PICTURES=1 cargo test -p lodsmith-render --test pictures`, then inspect them.
+//! `UPDATE_PICTURES=1 cargo test -p lodsmith-render --test all pictures::`, then inspect them.
 
 use std::path::Path;
 use std::sync::Arc;

@@ -19,6 +19,7 @@ use crate::control::{Control, Stage, Verdict};
 use crate::options::Length;
 use crate::options::names::name_values;
 use crate::prune::{self, Pruned};
+use crate::two_sided::{self, Sides};
 use state::CleanState;
 
 /// Treatment of edges with more than two faces, and of vertices where a surface touches itself.
@@ -41,6 +42,22 @@ name_values! {
     NonManifold { Keep = "keep", Cut = "cut", Merge = "merge" }
 }
 
+/// Treatment of faces that lie on each other with opposite windings: the two sides of a sheet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Sheets {
+    /// Keep both sides.
+    #[default]
+    Both,
+    /// Keep one side, consistently for connected faces. To be seen from both sides it needs a material that is
+    /// drawn from both: [`Cleaned::single_sided`] names the regions.
+    Single,
+}
+
+name_values! {
+    Sheets { Both = "both", Single = "single" }
+}
+
 /// Options of [`clean`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
@@ -53,6 +70,8 @@ pub struct CleanOptions {
     /// Connected components whose bounding box has a diagonal below this are removed; the largest is always
     /// kept.
     pub prune: Option<Length>,
+    /// Treatment of the two sides of sheets.
+    pub sheets: Sheets,
 }
 
 /// A cleaned mesh, with a report.
@@ -62,6 +81,9 @@ pub struct Cleaned {
     pub mesh: TriMesh,
     /// The changes made and the defects left.
     pub report: CleanReport,
+    /// With [`Sheets::Single`], the regions of faces that lost their other side, ascending; the first region for a
+    /// mesh without any.
+    pub single_sided: Vec<RegionId>,
 }
 
 /// Changes made by a clean-up, in the order of its steps, and the defects left.
@@ -84,6 +106,8 @@ pub struct CleanReport {
     pub degenerate_faces: usize,
     /// Duplicates of an earlier face, with the same winding: dropped.
     pub duplicate_faces: usize,
+    /// Second sides of sheets: dropped ([`Sheets::Single`]).
+    pub back_faces: usize,
     /// Small components: dropped.
     pub pruned: Pruned,
     /// Faces flipped, so that neighbours agree and closed components face outward.
@@ -125,7 +149,7 @@ pub struct RemainingDefects {
 /// Cleans a mesh up.
 ///
 /// The steps, in this order: vertices that coincide, or are closer than asked, are merged; non-finite,
-/// degenerate and duplicate faces are dropped; small components are removed, if asked; faces are flipped so
+/// degenerate and duplicate faces are dropped, and one side of sheets, if asked; small components are removed, if asked; faces are flipped so
 /// that neighbours agree, closed components facing outward, open ones as most of their faces did (a closed
 /// component inside another keeps the side of most of its faces, since it may be a cavity); zero-area faces
 /// are removed where that opens no hole; non-manifold places are treated as asked; unused vertices are
@@ -177,6 +201,10 @@ pub fn clean(
     };
     report_progress(0.2)?;
     drop_broken(&mut work, &mut report);
+    let single_sided = match options.sheets {
+        Sheets::Both => Vec::new(),
+        Sheets::Single => drop_backs(&mut work, &mut report)?,
+    };
     report_progress(0.35)?;
     if let Some(size) = options.prune {
         let small = prune::small_parts(&work.surface()?, size.in_units(diagonal), None, None);
@@ -222,7 +250,7 @@ pub fn clean(
     let mesh = compacted.mesh;
     report.remaining = remaining_defects(&mesh);
     (report.faces, report.vertices) = (mesh.face_count(), mesh.vertex_count());
-    Ok(Cleaned { mesh, report })
+    Ok(Cleaned { mesh, report, single_sided })
 }
 
 fn check(options: &CleanOptions) -> Result<(), SimplifyError> {
@@ -252,6 +280,18 @@ fn drop_broken(work: &mut CleanState<'_>, report: &mut CleanReport) {
     let twice = duplicates(&places, positions.len()).same_winding;
     report.duplicate_faces = twice.len();
     work.drop_faces(|f| twice.binary_search_by_key(&f, |d| d.index()).is_ok());
+}
+
+/// Drops the backs of sheets. Returns the regions of the fronts.
+fn drop_backs(work: &mut CleanState<'_>, report: &mut CleanReport) -> Result<Vec<RegionId>, SimplifyError> {
+    let Sides { fronts, backs } = two_sided::sides(&work.surface()?);
+    report.back_faces = backs.len();
+    let region = |f: &u32| work.regions.as_ref().map_or(RegionId::default(), |r| r[*f as usize]);
+    let mut regions: Vec<RegionId> = fronts.iter().map(region).collect();
+    regions.sort_unstable();
+    regions.dedup();
+    work.drop_faces(|f| backs.binary_search_by_key(&f, |b| *b as usize).is_ok());
+    Ok(regions)
 }
 
 /// Builds a mesh from the same wedges and other faces.

@@ -141,6 +141,11 @@ impl HeldWedges {
         Self(corners.collect())
     }
 
+    /// True if nothing is locked.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
     /// Returns the wedge held at a corner.
     pub(crate) fn at(&self, face: usize, k: usize) -> Option<WedgeId> {
         self.0.get(face)?[k]

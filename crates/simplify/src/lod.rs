@@ -170,16 +170,20 @@ pub fn lod(
     control: &mut dyn Control,
 ) -> Result<LodChain, SimplifyError> {
     let stops = options.stops()?;
-    let (levels, mergers) = if is_chained(&options.simplify, &stops) {
-        let input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
-        let (all, mergers) =
-            pipeline::simplify_chain(&input, &options.simplify, &stops, options.geomorph, control)?;
-        (all.into_iter().map(|done| done.0).collect::<Vec<_>>(), mergers)
+    let input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
+    let chain = if is_chained(&options.simplify, &stops) {
+        pipeline::simplify_chain(&input, &options.simplify, &stops, options.geomorph, control)?
     } else {
-        let one = |(i, stop): (usize, &Stop)| {
-            simplify(mesh, &options.of_level(*stop), &mut ProgressShare::of(control, i, stops.len()))
-        };
-        (stops.iter().enumerate().map(one).collect::<Result<_, _>>()?, Vec::new())
+        None
+    };
+    let (levels, mergers) = match chain {
+        Some((all, mergers)) => (all.into_iter().map(|done| done.0).collect::<Vec<_>>(), mergers),
+        None => {
+            let one = |(i, stop): (usize, &Stop)| {
+                simplify(mesh, &options.of_level(*stop), &mut ProgressShare::of(control, i, stops.len()))
+            };
+            (stops.iter().enumerate().map(one).collect::<Result<_, _>>()?, Vec::new())
+        }
     };
     let mut geomorphs = Vec::new();
     if options.geomorph {

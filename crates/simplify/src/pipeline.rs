@@ -1,7 +1,9 @@
-//! One call of the library, from its input to its result, in four steps:
+//! One call of the library, from its input to its result, in six steps:
 //!
 //! ```text
+//! complete  continue known attributes where values are missing            `missing`
 //! prepare   lend normals, remove small parts, join near vertices          `Prepared`
+//! sheets    leave out the backs of two-sided sheets, and begin again      `TwoSidedInput`
 //! plan      the pass of the method, and looser options while needed       `pass_of`, `Escalation`
 //! run       order, collapse or rebuild, fit, measure                      `run`, `cluster`
 //! finish    return what was lent, and report what the preparation did     `Prepared::finish`
@@ -12,8 +14,10 @@ pub(crate) mod prepare;
 use crate::escalate::Attempts;
 use crate::input::Input;
 use crate::options::{Method, SimplifyOptions, Stop};
+use crate::report::Cleanup;
 use crate::run::{self, Done, Mergers, Pass};
-use crate::{Control, SimplifyError, cluster, constraints, rebuild};
+use crate::two_sided::TwoSidedInput;
+use crate::{Control, SimplifyError, cluster, constraints, missing, rebuild, two_sided};
 use prepare::{Prepared, lent_normals};
 
 /// Runs with the options' method; again with looser options if requested and needed. Returns the locked
@@ -24,6 +28,9 @@ pub(crate) fn simplify(
     control: &mut dyn Control,
 ) -> Result<Done, SimplifyError> {
     check(input, options)?;
+    if let Some(completed) = missing::completed(input)? {
+        return Ok(completed.finished(simplify(&completed.input(input), options, control)?, input));
+    }
     let options = &options.with_own_placement();
     let mut attempts = Attempts::new(options, simplify_once(input, options, control)?);
     while let Some(change) = attempts.next_change() {
@@ -45,11 +52,39 @@ fn simplify_once(
 ) -> Result<Done, SimplifyError> {
     let lent = lent_normals(input, options)?;
     let prepared = Prepared::new(input, lent.as_ref(), options)?;
-    let done = match options.method {
+    let mut ordered = None;
+    if two_sided::is_looked_for(&prepared.input.surface, options) {
+        let own = ordered.insert(run::ordered(&prepared.input, control)?);
+        if let Some(sheets) = TwoSidedInput::find(input, &prepared.input, own, options)? {
+            let cleanup = own.cleanup;
+            drop(ordered);
+            let done = sheets.simplify(options, |single, options| simplify_once(single, options, control))?;
+            return Ok(with_sheets(done, &sheets, &prepared, cleanup));
+        }
+    }
+    prepared.finish(match options.method {
         Method::Cluster => cluster::run(&prepared.input, &prepared.options, control)?,
-        method => run::run_with(pass_of(method), &prepared.input, &prepared.options, control)?,
-    };
-    prepared.finish(done)
+        method => {
+            let ordered = match ordered {
+                Some(ordered) => ordered,
+                None => run::ordered(&prepared.input, control)?,
+            };
+            run::run_ordered(pass_of(method), &prepared.input, &prepared.options, ordered, control)?
+        }
+    })
+}
+
+/// Returns a result with both sides of sheets, and what was done to the whole input in its report.
+fn with_sheets(
+    (mut done, held): Done,
+    sheets: &TwoSidedInput<'_>,
+    prepared: &Prepared<'_>,
+    cleanup: Cleanup,
+) -> Done {
+    let duplicate_faces = done.report.cleanup.duplicate_faces + sheets.duplicates();
+    done.report.cleanup = Cleanup { duplicate_faces, ..cleanup };
+    prepared.report(&mut done.report);
+    (done, held)
 }
 
 /// Returns the pass of a method other than clustering.
@@ -58,23 +93,41 @@ fn pass_of(method: Method) -> Pass {
 }
 
 /// Runs to one stop after another, each a count below the previous one: see [`run::is_chained`] for when this
-/// is possible. With `is_traced`, returns the mergers.
+/// is possible. With `is_traced`, returns the mergers. Returns `None` if the counts of a mesh with two-sided
+/// sheets have to be searched for, so that each level needs runs of its own.
 pub(crate) fn simplify_chain(
     input: &Input<'_>,
     options: &SimplifyOptions,
     stops: &[Stop],
     is_traced: bool,
     control: &mut dyn Control,
-) -> Result<(Vec<Done>, Mergers), SimplifyError> {
+) -> Result<Option<(Vec<Done>, Mergers)>, SimplifyError> {
     for stop in stops {
         SimplifyOptions { stop: *stop, ..options.clone() }.check()?;
     }
     constraints::check(options, input.surface.positions().len())?;
+    if let Some(completed) = missing::completed(input)? {
+        let made = simplify_chain(&completed.input(input), options, stops, is_traced, control)?;
+        let finished = |done| completed.finished(done, input);
+        return Ok(made.map(|(levels, mergers)| (levels.into_iter().map(finished).collect(), mergers)));
+    }
     let options = &options.with_own_placement();
     let lent = lent_normals(input, options)?;
     let prepared = Prepared::new(input, lent.as_ref(), options)?;
-    let (levels, mergers) = run::chain(&prepared.input, &prepared.options, stops, is_traced, control)?;
+    let ordered = run::ordered(&prepared.input, control)?;
+    if let Some(sheets) = TwoSidedInput::find(input, &prepared.input, &ordered, options)? {
+        let cleanup = ordered.cleanup;
+        drop(ordered);
+        let Some(own) = sheets.chain_stops(stops) else { return Ok(None) };
+        let made = simplify_chain(&sheets.input(), &sheets.own_options(options), &own, is_traced, control)?;
+        let Some((levels, mergers)) = made else { return Ok(None) };
+        let (levels, mergers) = sheets.both_levels(levels, &mergers, stops, options)?;
+        let all = levels.into_iter().map(|done| with_sheets(done, &sheets, &prepared, cleanup));
+        return Ok(Some((all.collect(), mergers)));
+    }
+    let (levels, mergers) =
+        run::chain(&prepared.input, &prepared.options, stops, is_traced, ordered, control)?;
     let levels: Result<Vec<Done>, SimplifyError> =
         levels.into_iter().map(|done| prepared.finish(done)).collect();
-    Ok((levels?, mergers))
+    Ok(Some((levels?, mergers)))
 }

@@ -5,6 +5,7 @@ mod chain;
 mod closest;
 mod context;
 mod copies;
+mod counted;
 mod goal;
 pub(crate) mod level_search;
 mod recorded;
@@ -31,6 +32,7 @@ pub(crate) use chain::{Mergers, chain, is_chained};
 pub(crate) use context::{Done, Pass, Run, RunOutcome};
 use context::{Finished, TopologyChanges};
 use copies::Copies;
+pub(crate) use counted::CountedGoal;
 pub(crate) use goal::{goal, share};
 use report::build_report;
 pub(crate) use report::names_of_dropped;
@@ -77,7 +79,18 @@ pub(crate) fn run_with(
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<Done, SimplifyError> {
-    let mut ordered = ordered(input, control)?;
+    let ordered = ordered(input, control)?;
+    run_ordered(pass, input, options, ordered, control)
+}
+
+/// [`run_with`] on an input that is ordered already.
+pub(crate) fn run_ordered(
+    pass: Pass,
+    input: &Input<'_>,
+    options: &SimplifyOptions,
+    mut ordered: Ordered,
+    control: &mut dyn Control,
+) -> Result<Done, SimplifyError> {
     let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
     let constraints = Constraints::new(options, &ordered, |v| input.joined(v));
     let run = Run::new(input, options, &mut ordered, &constraints, pass);

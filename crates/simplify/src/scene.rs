@@ -15,9 +15,9 @@ use lodsmith_core::VertexId;
 use crate::control::Control;
 use crate::input::Input;
 use crate::options::{SimplifyOptions, Stop};
-use crate::run::is_chained;
+use crate::run::{CountedGoal, is_chained};
 use crate::{SimplifyError, pipeline};
-use joined::{JoinedScene, SceneGoal};
+use joined::JoinedScene;
 use layout::PartPlacement;
 pub use part::{MeshCounts, Part, SimplifiedScene};
 
@@ -74,7 +74,8 @@ pub fn simplify_scene(
 pub(crate) type SceneLevel = (SimplifiedScene, Vec<Vec<Option<[f64; 3]>>>);
 
 /// Makes the levels of a scene in one run if that meets the counts of the scene. Returns `None` if meshes
-/// have different numbers of instances, or the method makes each level separately.
+/// have different numbers of instances, only some faces belong to two-sided sheets, or the method makes each
+/// level separately.
 pub(crate) fn chain_of_scene(
     parts: &[Part<'_>],
     diagonal: f64,
@@ -87,13 +88,14 @@ pub(crate) fn chain_of_scene(
         return Ok(None);
     }
     let whole = JoinedScene::new(parts, diagonal, options)?;
-    let goals: Vec<SceneGoal> = stops.iter().map(|stop| whole.goal(stop)).collect();
+    let goals: Vec<CountedGoal> = stops.iter().map(|stop| whole.goal(stop)).collect();
     if goals.iter().any(|goal| !whole.is_direct(goal)) {
         return Ok(None);
     }
     let own: Vec<Stop> = goals.iter().map(|goal| whole.own_stop(goal, goal.wanted())).collect();
     let input = Input { surface: whole.mesh.surface(), mesh: Some(&whole.mesh), joined: None };
-    let (all, mergers) = pipeline::simplify_chain(&input, &whole.options, &own, is_traced, control)?;
+    let made = pipeline::simplify_chain(&input, &whole.options, &own, is_traced, control)?;
+    let Some((all, mergers)) = made else { return Ok(None) };
     let mut first = 0;
     let mut before: Vec<Vec<VertexId>> = Vec::with_capacity(parts.len());
     for part in parts {

@@ -1,10 +1,9 @@
 //! Transfer of data that is not part of the mesh from the original to the result.
 
-mod support;
-
 use lodsmith::core::{Source, TriMesh, VertexId, WedgeId, correspondence, shapes};
 use lodsmith::{Fit, Length, Method, NoControl, Placement, SimplifyOptions, Stop, simplify};
-use support::charts::{place, two_charts, wedges};
+
+use crate::support::charts::{place, two_charts, wedges};
 
 #[test]
 fn sources_lie_on_the_side_of_their_wedge_also_after_the_fit() {

@@ -1,7 +1,5 @@
 //! Golden reports. Renew them with `cargo xtask goldens`; then review the difference.
 
-mod support;
-
 use std::fmt::Write as _;
 
 use lodsmith::core::shapes;

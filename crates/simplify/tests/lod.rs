@@ -1,7 +1,5 @@
 //! Chains of levels: as close as single runs, with the same borders and with geomorph targets.
 
-mod support;
-
 use lodsmith::core::measure::{CompareOptions, Prepared, compare_prepared};
 use lodsmith::core::spatial::Bvh;
 use lodsmith::core::{Positions, TriMesh, shapes};
@@ -9,8 +7,9 @@ use lodsmith::{
     BorderPolicy, Control, Length, Levels, LodOptions, Measure, Method, NoControl, Part, SimplifyError,
     SimplifyOptions, Stop, StoppedBy, Verdict, lod, lod_scene, simplify, simplify_scene,
 };
-use support::bytes;
-use support::charts::two_charts;
+
+use crate::support::bytes;
+use crate::support::charts::two_charts;
 
 const RATIOS: [f64; 5] = [0.5, 0.25, 0.1, 0.05, 0.02];
 

@@ -1,7 +1,5 @@
 //! Vertex clustering: known results, and laws for every mesh.
 
-mod support;
-
 use std::collections::HashSet;
 use std::sync::Arc;
 
@@ -12,7 +10,8 @@ use lodsmith::{
     SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
 };
 use proptest::prelude::*;
-use support::{Complaints, bits, bytes, places, run};
+
+use crate::support::{Complaints, bits, bytes, places, run, size};
 
 fn options(stop: Stop) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(stop);
@@ -366,7 +365,7 @@ fn every_shape() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(128))]
+    #![proptest_config(ProptestConfig::with_cases(size(128, 32)))]
     #[test]
     fn any_mesh(
         mesh in prop_oneof![

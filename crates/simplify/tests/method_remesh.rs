@@ -1,7 +1,5 @@
 //! Promises of remeshing beyond those of all methods.
 
-mod support;
-
 use std::collections::HashSet;
 
 use lodsmith::core::arbitrary::{Coordinates, perturbed_shape, soup};
@@ -13,7 +11,8 @@ use lodsmith::{
     StoppedBy, Verdict, simplify,
 };
 use proptest::prelude::*;
-use support::{Complaints, bytes, complaints, counts, run};
+
+use crate::support::{self, Complaints, bytes, complaints, counts, run};
 
 fn remesh(stop: Stop) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(stop);
@@ -226,7 +225,7 @@ fn the_caller_ends_it() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 48, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, cases: support::size(48, 12), ..ProptestConfig::default() })]
     #[test]
     fn any_mesh_is_answered(
         mesh in prop_oneof![

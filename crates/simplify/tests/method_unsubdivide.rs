@@ -1,7 +1,5 @@
 //! Promises of un-subdivision: a subdivided mesh is restored, all else is kept.
 
-mod support;
-
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
@@ -11,7 +9,8 @@ use lodsmith::{
     StoppedBy, simplify,
 };
 use proptest::prelude::*;
-use support::{bits, bytes, complaints, run, topology_complaints};
+
+use crate::support::{bits, bytes, complaints, run, topology_complaints};
 
 fn options(stop: Stop) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(stop);

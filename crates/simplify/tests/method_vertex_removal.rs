@@ -1,7 +1,5 @@
 //! Promises of vertex removal.
 
-mod support;
-
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -12,7 +10,8 @@ use lodsmith::{
     SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
 };
 use proptest::prelude::*;
-use support::{Complaints, bits, bytes, complaints, options_text, places, run, topology_complaints};
+
+use crate::support::{Complaints, bits, bytes, complaints, options_text, places, run, topology_complaints};
 
 fn options(stop: Stop) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(stop);

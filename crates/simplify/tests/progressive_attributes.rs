@@ -1,12 +1,11 @@
 //! Attributes at the levels of a progressive mesh: as close as in single runs, and equal at all wedges of a
 //! vertex if they displace it.
 
-mod support;
-
 use lodsmith::core::measure::{CompareOptions, compare_attributes};
 use lodsmith::core::{Attribute, Morphed, Semantic, TriMesh, WedgeId, shapes};
 use lodsmith::{NoControl, Progressive, SimplifyOptions, Stop, simplify};
-use support::charts::{place, two_charts, wedges};
+
+use crate::support::charts::{place, two_charts, wedges};
 
 fn built(mesh: &TriMesh) -> Progressive {
     Progressive::build(mesh, &SimplifyOptions::default(), &mut NoControl).unwrap()

@@ -1,14 +1,13 @@
 //! Progressive scenes: several meshes that change level under one threshold.
 
-mod support;
-
 use lodsmith::core::{Positions, TriMesh, shapes};
 use lodsmith::{
     Control, Method, NoControl, Part, Progressive, ProgressiveScene, SimplifyError, SimplifyOptions, Stop,
     Verdict, simplify_scene,
 };
-use support::laden::laden;
-use support::{Random, bytes};
+
+use crate::support::laden::laden;
+use crate::support::{Random, bytes};
 
 fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
     Part { mesh, instances, scale, system: None }

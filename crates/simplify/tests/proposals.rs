@@ -1,13 +1,12 @@
 //! Proposals of a report when the target is out of reach, and their effect.
 
-mod support;
-
 use lodsmith::core::{TriMesh, shapes};
 use lodsmith::{
     BorderPolicy, Change, Guards, Length, Method, NoControl, Placement, Simplified, SimplifyOptions, Stop,
     TopologyPolicy, simplify,
 };
-use support::{Complaints, options_text};
+
+use crate::support::{Complaints, options_text};
 
 fn run(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
     simplify(mesh, options, &mut NoControl).unwrap()

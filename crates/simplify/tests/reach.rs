@@ -1,13 +1,12 @@
 //! Targets that are hard to reach: cut necks, escalation, pruned parts.
 
-mod support;
-
 use lodsmith::core::{Positions, Topology, TriMesh, VertexId, shapes};
 use lodsmith::{
     BorderPolicy, Change, Fit, Guards, Length, Measure, Method, NoControl, Part, Placement, Simplified,
     SimplifyError, SimplifyOptions, Stop, TopologyPolicy, simplify, simplify_scene,
 };
-use support::{bytes, counts, places};
+
+use crate::support::{bytes, counts, places};
 
 fn run(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
     simplify(mesh, options, &mut NoControl).unwrap()

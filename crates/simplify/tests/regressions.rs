@@ -1,7 +1,5 @@
 //! Regressions, and cases that are hard for every simplifier, each by name.
 
-mod support;
-
 use std::sync::Arc;
 
 use lodsmith::core::mesh::defects::defects;
@@ -10,8 +8,9 @@ use lodsmith::{
     BorderPolicy, Control, Fit, Length, Method, NoControl, Placement, Preset, Simplified, SimplifyError,
     SimplifyOptions, Stage, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
 };
-use support::laden::{attribute_complaints, laden, locked_complaints};
-use support::{complaints, counts, topology_complaints};
+
+use crate::support::laden::{attribute_complaints, laden, locked_complaints};
+use crate::support::{self, complaints, counts, topology_complaints};
 
 const METHODS: [Method; 2] = [Method::Memoryless, Method::Quadric];
 

@@ -1,7 +1,5 @@
 //! Meshes of a scene under one budget.
 
-mod support;
-
 use std::collections::BTreeSet;
 
 use lodsmith::core::measure::{CompareOptions, compare};
@@ -9,8 +7,9 @@ use lodsmith::core::{Attribute, RegionId, Semantic, TriMesh, shapes};
 use lodsmith::{
     Length, NoControl, Part, Placement, SimplifyError, SimplifyOptions, Stop, TopologyPolicy, simplify_scene,
 };
-use support::laden::{laden, laden_options};
-use support::{Complaints, Random, bytes, options_text, scene_complaints};
+
+use crate::support::laden::{laden, laden_options};
+use crate::support::{Complaints, Random, bytes, options_text, scene_complaints};
 
 fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
     Part { mesh, instances, scale, system: None }

@@ -1,11 +1,10 @@
 //! Sharp edges as features: `SimplifyOptions::sharp_deg`.
 
-mod support;
-
 use lodsmith::core::spatial::Bvh;
 use lodsmith::core::{Positions, TriMesh, VertexId, shapes};
 use lodsmith::{Method, NoControl, Progressive, Simplified, SimplifyError, SimplifyOptions, Stop, simplify};
-use support::{Complaints, bytes, complaints, topology_complaints};
+
+use crate::support::{Complaints, bytes, complaints, topology_complaints};
 
 const COLLAPSES: [Method; 5] =
     [Method::Memoryless, Method::Quadric, Method::LindstromTurk, Method::Melax, Method::ShortestEdge];

@@ -415,6 +415,12 @@ fn warnings_of(report: &Report) -> Vec<String> {
     if report.sharp_relaxed {
         told.push("sharp edges were not all kept, to get closer to the target".to_owned());
     }
+    if report.missing_values > 0 {
+        told.push(format!(
+            "{} values of attributes are NaN or infinite and did not count",
+            report.missing_values
+        ));
+    }
     if report.pruned.largest_kept {
         told.push("all parts are smaller than the prune size: the largest was kept".to_owned());
     }

@@ -1,7 +1,7 @@
 //! Arguments of `lodsmith clean`.
 
 use clap::{ArgGroup, Args};
-use lodsmith::{CleanOptions, NonManifold};
+use lodsmith::{CleanOptions, NonManifold, Sheets};
 
 use super::batch_files::BatchFiles;
 use super::{Ending, Reading, Run, TypedLength, Writing, choice, values};
@@ -11,6 +11,7 @@ const AFTER: &str = "\
 Steps, in this order; each is counted in the report:
   weld          vertices at one place, or closer than --weld, become one; seams of attributes stay
   drop          faces that are not finite, name a place twice, or stand there already
+  sheets        with --sheets single, of faces back to back one side goes, and materials are drawn from both sides
   prune         parts smaller than --prune
   orient        neighbours agree, closed parts look outward (one inside another keeps its side: it may be a cavity)
   zero area     faces without area go where that opens nothing
@@ -44,6 +45,10 @@ pub(crate) struct CleanArgs {
     /// Remove connected parts smaller than this (diagonal of their box, in units or as a share: 0.1%)
     #[arg(long, value_name = "SIZE", value_parser = values::some_length, help_heading = "Repair")]
     prune: Option<TypedLength>,
+    /// Keep both sides of sheets (faces back to back), or a single one; see below
+    #[arg(long, value_name = "SIDES", value_parser = choice(Sheets::ALL, Sheets::name),
+          default_value = Sheets::default().name(), help_heading = "Repair")]
+    sheets: Sheets,
     #[command(flatten)]
     pub(crate) reading: Reading,
     #[command(flatten)]
@@ -68,6 +73,7 @@ impl CleanArgs {
         let mut options = CleanOptions::default();
         options.weld = self.weld.as_ref().map(|d| d.length);
         options.non_manifold = self.non_manifold;
+        options.sheets = self.sheets;
         options.prune = self.prune.as_ref().map(|d| d.length);
         options
     }

@@ -101,9 +101,14 @@ fn clean_mesh(
     let Loaded { mesh, regions, mut warnings, format: input_format, .. } = loaded;
     memory::check("clean", memory_need::clean(Size::of(&mesh)))?;
     let cleaned = lodsmith::clean(&mesh, options, &mut CleanControl { bar });
-    let Cleaned { mesh: mut cleaned, report } = not_interrupted(cleaned)?;
+    let Cleaned { mesh: mut cleaned, report, single_sided } = not_interrupted(cleaned)?;
     drop(mesh);
     warnings.extend(warnings_of(&report));
+    if !single_sided.is_empty() {
+        warnings.push(Warning::note(
+            "faces back to back are single now: this format cannot say that they are seen from both sides",
+        ));
+    }
     clock.end(1);
     bar.write();
     let mut written = WriteOutcome::default();
@@ -141,6 +146,8 @@ fn clean_scene(
     memory::check("clean", memory_need::clean(size).saturating_add(scene.buffer_bytes()))?;
     let (mut meshes, mut replaced) = (Vec::new(), Vec::new());
     let mut notes = Vec::new();
+    // Primitives that lost one of their sides: mesh and primitive.
+    let mut double_sided = Vec::new();
     for m in scene.meshes() {
         if m.mesh.face_count() == 0 {
             replaced.push(None);
@@ -159,10 +166,15 @@ fn clean_scene(
                     warnings_of(&cleaned.report).map(|w| Warning::note(format!("mesh {}: {w}", m.name))),
                 );
                 add(&mut report, &cleaned.report);
+                double_sided
+                    .extend(cleaned.single_sided.iter().map(|region| (replaced.len(), region.index())));
                 meshes.push((m.name.clone(), cleaned.report));
                 replaced.push(Some(cleaned.mesh));
             }
         }
+    }
+    for (mesh, primitive) in double_sided {
+        scene.set_double_sided(mesh, primitive);
     }
     clock.end(1);
     bar.write();
@@ -221,12 +233,13 @@ fn warnings_of(report: &CleanReport) -> impl Iterator<Item = Warning> {
 type Count = (&'static str, usize);
 
 /// Returns the counts of a report by name: first the repairs, then the remaining defects.
-fn counts(r: &CleanReport) -> ([Count; 11], [Count; 6]) {
+fn counts(r: &CleanReport) -> ([Count; 12], [Count; 6]) {
     let done = [
         ("welded_vertices", r.welded_vertices),
         ("non_finite_faces", r.non_finite_faces),
         ("degenerate_faces", r.degenerate_faces),
         ("duplicate_faces", r.duplicate_faces),
+        ("back_faces", r.back_faces),
         ("pruned_parts", r.pruned.parts),
         ("pruned_faces", r.pruned.faces),
         ("flipped_faces", r.flipped_faces),
@@ -257,6 +270,7 @@ fn add(sum: &mut CleanReport, r: &CleanReport) {
     both(&mut sum.non_finite_faces, r.non_finite_faces);
     both(&mut sum.degenerate_faces, r.degenerate_faces);
     both(&mut sum.duplicate_faces, r.duplicate_faces);
+    both(&mut sum.back_faces, r.back_faces);
     both(&mut sum.pruned.parts, r.pruned.parts);
     both(&mut sum.pruned.faces, r.pruned.faces);
     both(&mut sum.flipped_faces, r.flipped_faces);

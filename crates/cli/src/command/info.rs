@@ -57,6 +57,7 @@ struct Facts {
     places: usize,
     topology: TopologyCounts,
     duplicate_faces: usize,
+    two_sided_faces: usize,
     unused_vertices: usize,
     non_finite_vertices: usize,
     bounds: Option<Bounds>,
@@ -85,6 +86,7 @@ fn inspect(source: &Source, args: &InfoArgs, progress: &Progress) -> anyhow::Res
     let places = weld.distinct_count;
     let topology = Topology::new(&surface).counts();
     let duplicate_faces = duplicate_faces(&surface, &weld.representative);
+    let two_sided_faces = lodsmith::two_sided_faces(&surface);
     let unused_vertices = is_used.iter().filter(|used| !**used).count();
     let non_finite_vertices = positions.iter().filter(|p| !p.iter().all(|x| x.is_finite())).count();
     let (bounds, size) = (positions.bounds(), size_of(&surface));
@@ -98,6 +100,7 @@ fn inspect(source: &Source, args: &InfoArgs, progress: &Progress) -> anyhow::Res
         places,
         topology,
         duplicate_faces,
+        two_sided_faces,
         unused_vertices,
         non_finite_vertices,
         bounds,
@@ -140,6 +143,7 @@ impl Facts {
             "non_manifold_vertices": t.non_manifold_vertex_count,
             "degenerate_faces": t.degenerate_face_count,
             "duplicate_faces": self.duplicate_faces,
+            "two_sided_faces": self.two_sided_faces,
             "unused_vertices": self.unused_vertices,
             "non_finite_vertices": self.non_finite_vertices,
             "closed": t.is_closed(),
@@ -220,6 +224,7 @@ impl Facts {
             ("non-man. vertices", t.non_manifold_vertex_count),
             ("degenerate faces", t.degenerate_face_count),
             ("duplicate faces", self.duplicate_faces),
+            ("two-sided faces", self.two_sided_faces),
             ("unused vertices", self.unused_vertices),
             ("non-finite vert.", self.non_finite_vertices),
         ];

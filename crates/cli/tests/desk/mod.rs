@@ -1,9 +1,8 @@
 //! Test fixture: a temporary folder to run the command in, the outcome of a run, and small files.
-#![allow(unused, reason = "each test file uses its part")]
 
 use std::fmt::Write as _;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use assert_cmd::Command;
 use serde_json::Value;

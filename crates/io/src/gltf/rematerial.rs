@@ -108,6 +108,24 @@ impl Scene {
         }
     }
 
+    /// Makes the material of a primitive of a mesh visible from both sides, whoever else uses it; a primitive without
+    /// one gets one.
+    pub fn set_double_sided(&mut self, mesh: usize, primitive: usize) {
+        let entry = list(&self.json, "meshes").get(mesh).and_then(|m| list(m, "primitives").get(primitive));
+        let Some(entry) = entry else { return };
+        match number(&entry["material"]) {
+            Some(material) => {
+                if let Some(material) = list_mut(&mut self.json, "materials").get_mut(material) {
+                    material["doubleSided"] = true.into();
+                }
+            }
+            None => {
+                let material = append(&mut self.json, "materials", json!({ "doubleSided": true }));
+                self.set_material(mesh, Some(primitive), material);
+            }
+        }
+    }
+
     /// Removes materials that no mesh uses, the textures and images that only they used, and samplers without
     /// textures.
     pub fn drop_unused_materials(&mut self) {

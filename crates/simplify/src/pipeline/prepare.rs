@@ -7,6 +7,7 @@ use crate::SimplifyError;
 use crate::input::Input;
 use crate::options::{Length, SimplifyOptions};
 use crate::prune::Pruned;
+use crate::report::Report;
 use crate::run::Done;
 use crate::{constraints, prune, shading};
 
@@ -98,7 +99,16 @@ impl<'a> Prepared<'a> {
 
     /// Returns the result without lent normals, and with the preparation in its report.
     pub(crate) fn finish(&self, (mut done, held): Done) -> Result<Done, SimplifyError> {
-        let report = &mut done.report;
+        self.report(&mut done.report);
+        if let Some(has_seams) = self.lent {
+            done.report.seams_relaxed &= has_seams;
+            done.mesh = shading::without_lent_normals(done.mesh)?;
+        }
+        Ok((done, held))
+    }
+
+    /// Adds the preparation to a report.
+    pub(crate) fn report(&self, report: &mut Report) {
         // Joined vertices have no faces any more: they count as joined, not as unused.
         let cleanup = &mut report.cleanup;
         cleanup.welded_vertices += self.welded;
@@ -109,11 +119,6 @@ impl<'a> Prepared<'a> {
         });
         report.pruned = self.pruned;
         report.error.diagonal = self.diagonal.unwrap_or(report.error.diagonal);
-        if let Some(has_seams) = self.lent {
-            report.seams_relaxed &= has_seams;
-            done.mesh = shading::without_lent_normals(done.mesh)?;
-        }
-        Ok((done, held))
     }
 }
 

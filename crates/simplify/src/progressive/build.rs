@@ -18,10 +18,12 @@ use crate::control::{Control, Stage};
 use crate::fit::Originals;
 use crate::input::Input;
 use crate::metric::{Dimension, Metric, VertexMemory, with_metric};
+use crate::missing::Completed;
 use crate::options::shared::COLLAPSE_METHODS;
-use crate::options::{Placement, SimplifyOptions};
+use crate::options::{Placement, SimplifyOptions, Stop};
 use crate::pipeline::prepare::{Prepared, lent_normals};
 use crate::run::{self, Run, Started};
+use crate::two_sided::TwoSidedInput;
 
 /// A recorded run of one method.
 type RecordedRun = fn(&mut Run<'_, '_>, &TriMesh, &mut dyn Control) -> Result<RecordedMesh, SimplifyError>;
@@ -89,11 +91,18 @@ pub(super) fn build(
     if options.escalate {
         return Err(SimplifyError::NotTogether { first: "progressive", second: "escalate" });
     }
+    let completed = Completed::new(mesh)?;
+    let mesh = &*completed.mesh;
     let options = options.with_own_placement();
     let whole = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
     let lent = lent_normals(&whole, &options)?;
     let Prepared { input, options, .. } = &Prepared::new(&whole, lent.as_ref(), &options)?;
     let mut ordered = run::ordered(input, control)?;
+    let sheets = TwoSidedInput::find(&whole, input, &ordered, options)?;
+    if let Some(sheets) = sheets.filter(TwoSidedInput::is_exact) {
+        drop(ordered);
+        return build_both_sides(&sheets, options, control);
+    }
     let stop = &options.stop;
     let counts = stop.faces.is_some() || stop.vertices.is_some() || stop.ratio.is_some();
     let has_end = counts || options.method_options.ends_without_stop(options.method);
@@ -113,6 +122,31 @@ pub(super) fn build(
     }
     road.to_level(road.top());
     Ok(RecordedMesh { mesh: road, costs })
+}
+
+/// Records the fronts of an input with two-sided sheets, and adds their backs to each level.
+fn build_both_sides(
+    sheets: &TwoSidedInput<'_>,
+    options: &SimplifyOptions,
+    control: &mut dyn Control,
+) -> Result<RecordedMesh, SimplifyError> {
+    let mut own = sheets.own_options(options);
+    own.stop = sheets.lowest_stop(&options.stop);
+    let RecordedMesh { mesh, mut costs } = build(sheets.fronts(), &own, control)?;
+    let data = sheets.both_splits(mesh.into_splits().into_data());
+    let mut mesh = Progressive::new(Splits::new(data).expect("both sides name what is there"));
+    // Counts of both sides are known only now.
+    let Stop { faces, vertices, ratio, .. } = options.stop;
+    if faces.is_some() || vertices.is_some() || ratio.is_some() {
+        let goal = run::goal(options, sheets.whole().face_count());
+        let of_faces = goal.faces.map(|n| mesh.level_of_faces(n));
+        let level = of_faces.max(goal.vertices.map(|n| mesh.level_of_vertices(n))).unwrap_or(0);
+        mesh = mesh.without_below(level);
+        costs.of_split.drain(..level);
+        costs.late = costs.late.saturating_sub(level);
+    }
+    mesh.to_level(mesh.top());
+    Ok(RecordedMesh { mesh, costs })
 }
 
 /// Runs to the end and builds the progressive mesh from the record. `mesh` is the input without lent normals.

@@ -16,14 +16,14 @@
 
 use lodsmith_core::VertexId;
 
+use super::collapses;
 use super::context::{Done, Run, RunOutcome, TopologyChanges};
 use super::goal::goal;
 use super::report::build_report;
 use super::trunk::Trunk;
-use super::{collapses, ordered};
 use crate::SimplifyError;
 use crate::collapse::cut::may_cut;
-use crate::collapse::order::NONE;
+use crate::collapse::order::{NONE, Ordered};
 use crate::collapse::{Goal, Pause, StopReason};
 use crate::constraints::Constraints;
 use crate::control::{Control, ProgressShare, Stage};
@@ -49,15 +49,15 @@ pub(crate) fn is_chained(options: &SimplifyOptions, stops: &[Stop]) -> bool {
     passes_of(options.method).is_some() && !options.escalate && stops.iter().all(|s| s.error.is_none())
 }
 
-/// Runs to one stop after another, each a count below the previous one. With `is_traced`, returns the mergers.
+/// Runs on an ordered input to one stop after another, each a count below the previous one. With `is_traced`, returns the mergers.
 pub(crate) fn chain(
     input: &Input<'_>,
     options: &SimplifyOptions,
     stops: &[Stop],
     is_traced: bool,
+    mut in_order: Ordered,
     control: &mut dyn Control,
 ) -> Result<(Vec<Done>, Mergers), SimplifyError> {
-    let mut in_order = ordered(input, control)?;
     let of_levels: Vec<SimplifyOptions> =
         stops.iter().map(|stop| SimplifyOptions { stop: *stop, ..options.clone() }).collect();
     let faces = input.surface.triangles().len();
@@ -243,7 +243,8 @@ mod tests {
         let stops: Vec<Stop> = faces.iter().map(|n| Stop::faces(*n)).collect();
         let (all, mergers) =
             crate::pipeline::simplify_chain(&input(mesh), options, &stops, is_traced, &mut NoControl)
-                .expect("a shape can be simplified");
+                .expect("a shape can be simplified")
+                .expect("a shape has no sheets");
         (all.into_iter().map(|done| done.0.mesh).collect(), mergers)
     }
 

@@ -76,11 +76,13 @@ pub(super) fn build_report(
         seams_relaxed: outcome.seams_relaxed,
         sharp_relaxed: outcome.sharp_relaxed,
         cleanup,
+        missing_values: 0,
         dropped,
         fitted: outcome.fitted,
         proposals: outcome.proposals,
         escalated: Vec::new(),
         pruned: Pruned::default(),
+        two_sided_pairs: 0,
         clustered: None,
         faces_visited: outcome.tally.faces_visited,
     };

@@ -111,6 +111,7 @@ fn more(ui: &mut Ui, r: &Report) {
         ("Small parts pruned", r.pruned.parts),
         ("Necks cut", r.necks_cut),
         ("Pairs merged", r.pairs_contracted),
+        ("Two-sided faces, pairs", r.two_sided_pairs),
         ("Vertices welded", c.welded_vertices),
         ("Degenerate faces removed", c.degenerate_faces),
         ("Duplicate faces removed", c.duplicate_faces),

@@ -113,6 +113,10 @@ impl SimplifyOutcome {
         if r.necks_cut > 0 {
             lines.push(format!("  {} cut", counted(r.necks_cut, "neck", "necks")));
         }
+        if r.two_sided_pairs > 0 {
+            let pairs = counted(r.two_sided_pairs, "pair", "pairs");
+            lines.push(format!("  {pairs} of faces back to back reduced as one side and written as both"));
+        }
         if r.pairs_contracted > 0 {
             lines.push(format!("  {} contracted", counted(r.pairs_contracted, "pair", "pairs")));
         }
@@ -166,9 +170,11 @@ impl SimplifyOutcome {
             "parts_removed": r.parts_removed,
             "necks_cut": r.necks_cut,
             "pairs_contracted": r.pairs_contracted,
+            "two_sided_pairs": r.two_sided_pairs,
             "pruned": { "parts": r.pruned.parts, "faces": r.pruned.faces },
             "seams_relaxed": r.seams_relaxed,
             "sharp_relaxed": r.sharp_relaxed,
+            "missing_values": r.missing_values,
             "proposals": proposals::to_json(r, &options),
             "escalated": proposals::steps_json(r),
             "cleanup": cleanup,

@@ -1,0 +1,352 @@
+//! Two-sided sheets: faces that lie on each other with opposite windings, such as the cards of foliage and
+//! hair. One side is reduced, and both are written.
+//!
+//! ```text
+//! find pairs of opposite faces, and a consistent front           (pairs)
+//! leave the backs out; their values travel beside the fronts'    (plan, single)
+//! run on the rest, with counts of both sides                     (this file)
+//! add the backs to the result, or to each level                  (both, splits)
+//! ```
+//!
+//! With both sides in one run, inner edges of a sheet would have four faces, which no collapse may touch, and
+//! its outline two, as if it were closed there.
+
+mod both;
+mod pairs;
+mod plan;
+mod single;
+mod splits;
+
+use std::borrow::Cow;
+
+use lodsmith_core::splits::SplitData;
+use lodsmith_core::{Morphed, Positions, PositionsView, Semantic, Surface, TriMesh, VertexId, WedgeId};
+
+use crate::SimplifyError;
+use crate::collapse::order::{NONE, Ordered, order};
+use crate::deviation::InputComparer;
+use crate::input::Input;
+use crate::options::{Bound, Method, SimplifyOptions, Stop, TopologyPolicy};
+use crate::report::Report;
+use crate::run::{CountedGoal, Done, Mergers};
+use both::BothSides;
+use pairs::{Pair, Pairs};
+use single::{SingleSided, back_corners};
+
+/// An input with two-sided sheets, and the same without their backs.
+pub(crate) struct TwoSidedInput<'a> {
+    whole: Cow<'a, TriMesh>,
+    single: SingleSided,
+    /// Pairs of faces.
+    pair_count: usize,
+    /// Faces that repeated one of a pair.
+    duplicates: usize,
+    /// True if each face belongs to a pair, with vertices that are shared or not throughout.
+    is_uniform: bool,
+    /// True if the input can be put together again from the fronts.
+    is_exact: bool,
+    /// Vertices of backs that are not those of the front, with the one of the front.
+    own_vertices: Vec<[VertexId; 2]>,
+}
+
+/// True if a run is worth looking for sheets: not with voxels, whose surface encloses what is inside, nor with
+/// pairs, which would join single cards to sheets that branch, unless the topology is free; and with clustering,
+/// which needs no order otherwise, only if a sample of the faces occurs twice.
+pub(crate) fn is_looked_for(surface: &Surface<'_>, options: &SimplifyOptions) -> bool {
+    if options.method_options.pairs.is_some() && options.topology != TopologyPolicy::Free {
+        return false;
+    }
+    match options.method {
+        Method::Remesh => options.method_options.voxel.is_none(),
+        Method::Cluster => pairs::may_have_sheets(surface),
+        _ => true,
+    }
+}
+
+/// The faces of the two sides of all sheets of a surface, ascending.
+pub(crate) struct Sides {
+    pub(crate) fronts: Vec<u32>,
+    pub(crate) backs: Vec<u32>,
+}
+
+/// Returns the sides of the sheets of a surface. Cost: O(n log n).
+pub(crate) fn sides(surface: &Surface<'_>) -> Sides {
+    let found = pairs::find(surface, &order(surface), pairs::MAX_BENT_GAP, |_| true).unwrap_or_default();
+    let all = |side: fn(&Pair) -> &[u32]| {
+        let mut faces: Vec<u32> = found.pairs.iter().flat_map(side).copied().collect();
+        faces.sort_unstable();
+        faces
+    };
+    Sides { fronts: all(Pair::fronts), backs: all(Pair::backs) }
+}
+
+/// Counts the faces of a surface that lie on a face of opposite winding, on both sides: those that
+/// [`simplify`](crate::simplify()) reduces as one sheet. Quads whose sides are cut along different diagonals
+/// count too. Cost: O(n log n).
+pub fn two_sided_faces(surface: &Surface<'_>) -> usize {
+    let Sides { fronts, backs } = sides(surface);
+    fronts.len() + backs.len()
+}
+
+impl<'a> TwoSidedInput<'a> {
+    /// Returns the sheets of an input, if it has any. `prepared` is the input after welding and pruning, and
+    /// `ordered` its order, with the faces. Cost: O(F); with sheets O(F log F).
+    pub(crate) fn find(
+        input: &Input<'a>,
+        prepared: &Input<'_>,
+        ordered: &Ordered,
+        options: &SimplifyOptions,
+    ) -> Result<Option<Self>, SimplifyError> {
+        let surface = &prepared.surface;
+        let places = |f: u32| surface.triangles()[f as usize].map(|v| ordered.rank[v.index()]);
+        let own = |f: u32, k: usize| input.surface.triangles()[f as usize][k];
+        let at = |f: u32, k: usize| input.surface.positions().get(own(f, k));
+        let may_pair = |pair: &Pair| {
+            let is_locked = |f: &u32| {
+                options.locked.as_deref().is_some_and(|locked| (0..3).any(|k| locked[own(*f, k).index()]))
+            };
+            let must_be_exact = pair.fronts().iter().chain(pair.backs()).any(is_locked);
+            let corners = || {
+                let of_front = |front: u32| {
+                    (0..3)
+                        .zip(back_corners(front, pair.backs(), places))
+                        .map(move |(k, back)| ((front, k), back))
+                };
+                pair.fronts().iter().flat_map(move |f| of_front(*f))
+            };
+            let is_exact = || corners().all(|(front, back)| at(front.0, front.1) == at(back.0, back.1));
+            (!must_be_exact || is_exact())
+                && input.mesh.is_none_or(|mesh| {
+                    is_whole(mesh, pair) && corners().all(|(a, b)| moves_alike(mesh, a, b))
+                })
+        };
+        // A bent quad has a back of another shape: that may not be traded where a distance is promised.
+        let is_bound = options.stop.error.is_some() || options.effective_bound() != Bound::Estimate;
+        let bent = if is_bound { 0.0 } else { pairs::MAX_BENT_GAP };
+        let Some(found) = pairs::find(surface, ordered, bent, may_pair) else { return Ok(None) };
+        let whole = match input.mesh {
+            Some(mesh) => Cow::Borrowed(mesh),
+            None => Cow::Owned(mesh_of(input)?),
+        };
+        let rank = |v: VertexId| ordered.rank[prepared.joined(v).index()];
+        let single = SingleSided::new(&whole, &found, rank)?;
+        let Pairs { pairs, duplicates } = &found;
+        let mut own_vertices = Vec::new();
+        let (mut pair_count, mut shared) = (0, 0);
+        for pair in pairs {
+            pair_count += pair.fronts().len();
+            for &front in pair.fronts() {
+                for (k, back) in back_corners(front, pair.backs(), places).into_iter().enumerate() {
+                    let of = |f: u32, k: usize| whole.vertex_of(whole.triangles()[f as usize][k]);
+                    let (v, u) = (of(front, k), of(back.0, back.1));
+                    if u == v {
+                        shared += 1;
+                    } else {
+                        own_vertices.push([u, v]);
+                    }
+                }
+            }
+        }
+        let sound = surface.triangles().iter().filter(|t| ordered.is_sound(t)).count();
+        let is_uniform =
+            2 * pair_count + duplicates.len() == sound && (shared == 0 || own_vertices.is_empty());
+        own_vertices.sort_unstable();
+        own_vertices.dedup();
+        let is_exact = single.is_exact(&whole, &found, &own_vertices);
+        let duplicates = duplicates.len();
+        Ok(Some(Self { whole, single, pair_count, duplicates, is_uniform, is_exact, own_vertices }))
+    }
+
+    /// Runs on the fronts, with `run`, and returns both sides.
+    pub(crate) fn simplify(
+        &self,
+        options: &SimplifyOptions,
+        mut run: impl FnMut(&Input<'_>, &SimplifyOptions) -> Result<Done, SimplifyError>,
+    ) -> Result<Done, SimplifyError> {
+        let mut own = self.own_options(options);
+        let goal = self.goal(&options.stop);
+        let once = |stop| {
+            own.stop = stop;
+            let (done, held) = run(&self.input(), &own)?;
+            let reached = done.report.reached;
+            let (both, report) = self.both_sides(&done.mesh, &held, done.report)?;
+            let counted = (goal.counted)(&both.mesh);
+            Ok(((both, report), counted, reached))
+        };
+        let (both, mut report) =
+            goal.search(self.is_uniform || goal.count.is_none(), 2.0, options.stop.error, once)?;
+        goal.judge(&mut report);
+        self.measure(&both.mesh, &mut report, options);
+        Ok((crate::Simplified { mesh: both.mesh, report }, both.held))
+    }
+
+    /// Returns the stops of a chain of runs on the fronts, if counts of both sides follow from theirs.
+    pub(crate) fn chain_stops(&self, stops: &[Stop]) -> Option<Vec<Stop>> {
+        self.is_uniform.then(|| {
+            let own = |stop: &Stop| {
+                let goal = self.goal(stop);
+                goal.own_stop(stop.error, goal.wanted())
+            };
+            stops.iter().map(own).collect()
+        })
+    }
+
+    /// Returns both sides of the levels of a chain.
+    pub(crate) fn both_levels(
+        &self,
+        levels: Vec<Done>,
+        mergers: &Mergers,
+        stops: &[Stop],
+        options: &SimplifyOptions,
+    ) -> Result<(Vec<Done>, Mergers), SimplifyError> {
+        let mut all: Vec<Done> = Vec::with_capacity(levels.len());
+        let mut both_mergers = Mergers::new();
+        // The vertex of the front that each vertex of the level before belongs to, and whether it is of a back.
+        let mut before: Vec<(VertexId, bool)> =
+            (0..self.whole.vertex_count()).map(|v| (VertexId::new(v), false)).collect();
+        for [back, front] in &self.own_vertices {
+            before[back.index()] = (*front, true);
+        }
+        for (k, ((done, held), stop)) in levels.into_iter().zip(stops).enumerate() {
+            let (both, mut report) = self.both_sides(&done.mesh, &held, done.report)?;
+            self.goal(stop).judge(&mut report);
+            self.measure(&both.mesh, &mut report, options);
+            let fronts = done.mesh.vertex_count();
+            if let Some(into) = mergers.get(k) {
+                let mut copy = vec![NONE; fronts];
+                for (v, front) in both.vertices.iter().enumerate().skip(fronts) {
+                    copy[front.index()] = VertexId::new(v);
+                }
+                let home = |&(front, is_back): &(VertexId, bool)| {
+                    let to = into.get(front.index()).copied().unwrap_or(NONE);
+                    let own = copy.get(to.index()).copied().filter(|own| is_back && *own != NONE);
+                    own.unwrap_or(to)
+                };
+                both_mergers.push(before.iter().map(home).collect());
+            }
+            before = both.vertices.iter().enumerate().map(|(v, front)| (*front, v >= fronts)).collect();
+            all.push((crate::Simplified { mesh: both.mesh, report }, both.held));
+        }
+        Ok((all, both_mergers))
+    }
+
+    /// True if the full level of [`Self::both_splits`] is the input.
+    pub(crate) fn is_exact(&self) -> bool {
+        self.is_exact
+    }
+
+    /// Returns both sides of a progressive mesh of the fronts.
+    pub(crate) fn both_splits(&self, data: SplitData) -> SplitData {
+        self.single.both_splits(&self.whole, &self.own_vertices, data)
+    }
+
+    /// Returns a stop at which both sides have no more elements than at a stop of the whole.
+    pub(crate) fn lowest_stop(&self, stop: &Stop) -> Stop {
+        let goal = self.goal(stop);
+        goal.own_stop(
+            stop.error,
+            if self.is_uniform { goal.wanted() } else { goal.count.map(|n| 0.5 * n as f64) },
+        )
+    }
+
+    /// The mesh with both sides.
+    pub(crate) fn whole(&self) -> &TriMesh {
+        &self.whole
+    }
+
+    /// The mesh without backs.
+    pub(crate) fn fronts(&self) -> &TriMesh {
+        &self.single.mesh
+    }
+
+    /// The number of faces that repeated one of a pair.
+    pub(crate) fn duplicates(&self) -> usize {
+        self.duplicates
+    }
+
+    /// The input without backs.
+    pub(crate) fn input(&self) -> Input<'_> {
+        Input { surface: self.single.mesh.surface(), mesh: Some(&self.single.mesh), joined: None }
+    }
+
+    /// Returns the options of a run on the fronts.
+    pub(crate) fn own_options(&self, options: &SimplifyOptions) -> SimplifyOptions {
+        let mut own = options.clone();
+        self.single.adapt_options(&mut own);
+        if let Some(locked) = &options.locked {
+            let mut all = locked.to_vec();
+            for [back, front] in &self.own_vertices {
+                all[front.index()] |= locked[back.index()];
+            }
+            own.locked = Some(all.into());
+        }
+        if let Some(importance) = &options.importance {
+            let mut all = importance.to_vec();
+            for [back, front] in &self.own_vertices {
+                all[front.index()] = all[front.index()].max(importance[back.index()]);
+            }
+            own.importance = Some(all.into());
+        }
+        own
+    }
+
+    /// Measures a result with both sides, if the run was measured: by area, so that sheets count twice. A bound that is
+    /// proven for one side holds for both.
+    fn measure(&self, mesh: &TriMesh, report: &mut Report, options: &SimplifyOptions) {
+        if report.error.measured.is_some() {
+            let comparer = InputComparer::new(&self.whole.surface(), options);
+            report.error.measured = comparer.and_then(|comparer| comparer.measured(mesh));
+        }
+    }
+
+    fn goal(&self, stop: &Stop) -> CountedGoal {
+        CountedGoal::new(stop, |of| of(&self.whole), &self.single.mesh)
+    }
+
+    /// Adds the backs to a result, and counts them in its report.
+    fn both_sides(
+        &self,
+        mesh: &TriMesh,
+        held: &crate::constraints::HeldWedges,
+        mut report: Report,
+    ) -> Result<(BothSides, Report), SimplifyError> {
+        let both = self.single.both_sides(&self.whole, mesh, held)?;
+        report.input_faces = self.whole.face_count();
+        report.input_vertices = self.whole.vertex_count();
+        report.faces = both.mesh.face_count();
+        report.vertices = both.mesh.vertex_count();
+        report.two_sided_pairs = self.pair_count;
+        Ok((both, report))
+    }
+}
+
+/// Returns a mesh of a surface that has no attributes.
+fn mesh_of(input: &Input<'_>) -> Result<TriMesh, SimplifyError> {
+    let positions = match input.surface.positions() {
+        PositionsView::F32(p) => Positions::F32(p.to_vec()),
+        PositionsView::F64(p) => Positions::F64(p.to_vec()),
+    };
+    Ok(TriMesh::new(positions, input.surface.triangles().to_vec())?)
+}
+
+/// True if each side of a pair has one region, and one wedge at each corner of a quad.
+fn is_whole(mesh: &TriMesh, pair: &Pair) -> bool {
+    [pair.fronts(), pair.backs()].into_iter().all(|side| {
+        let [a, b] = [side[0], side[side.len() - 1]].map(|f| f as usize);
+        let (own, other) = (mesh.triangles()[a], mesh.triangles()[b]);
+        mesh.regions().is_none_or(|r| r[a] == r[b])
+            && (a == b || own.iter().filter(|w| other.contains(w)).count() == 2)
+    })
+}
+
+/// True if joints and morph targets move two corners, of a face each, alike, so that the sides stay together.
+fn moves_alike(mesh: &TriMesh, front: (u32, usize), back: (u32, usize)) -> bool {
+    let wedge = |(f, k): (u32, usize)| -> WedgeId { mesh.triangles()[f as usize][k] };
+    let mut moves = mesh.further_attributes().iter().filter(|a| {
+        matches!(
+            a.semantic,
+            Semantic::Joints(_) | Semantic::Weights(_) | Semantic::Morph { of: Morphed::Position, .. }
+        )
+    });
+    moves.all(|a| a.of(wedge(front)) == a.of(wedge(back)))
+}

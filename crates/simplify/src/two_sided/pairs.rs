@@ -1,0 +1,380 @@
+//! Finding pairs of faces on the same three positions with opposite windings, and the side of each that is
+//! the front.
+
+use std::collections::{HashMap, HashSet};
+use std::ops::Range;
+
+use glam::Vec3;
+use lodsmith_core::{Surface, VertexId};
+
+use crate::collapse::order::{NONE, Ordered};
+
+/// Faces with a back: a triangle, or two triangles that make a quad whose back is cut along the other diagonal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Pair {
+    /// Faces of the input: those of the front, those of the back. Of a triangle, the same one twice.
+    sides: [[u32; 2]; 2],
+}
+
+impl Pair {
+    fn side(&self, side: usize) -> &[u32] {
+        let faces = &self.sides[side];
+        if faces[0] == faces[1] { &faces[..1] } else { faces }
+    }
+    pub(super) fn fronts(&self) -> &[u32] {
+        self.side(0)
+    }
+    pub(super) fn backs(&self) -> &[u32] {
+        self.side(1)
+    }
+}
+
+/// The pairs of an input. The fronts of connected pairs have consistent windings.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Pairs {
+    pub(super) pairs: Vec<Pair>,
+    /// Faces that repeat a face of a pair.
+    pub(super) duplicates: Vec<u32>,
+}
+
+/// An ordered face, rotated so that its lowest vertex comes first.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+struct SortedFace {
+    low: VertexId,
+    middle: VertexId,
+    high: VertexId,
+}
+
+/// Returns the face without its winding, and true if its vertices ascend.
+fn sorted_face(t: [VertexId; 3]) -> (SortedFace, bool) {
+    let [low, a, b] = match t.iter().min() {
+        Some(m) if *m == t[0] => t,
+        Some(m) if *m == t[1] => [t[1], t[2], t[0]],
+        _ => [t[2], t[0], t[1]],
+    };
+    (SortedFace { low, middle: a.min(b), high: a.max(b) }, a < b)
+}
+
+/// Faces at one lowest vertex up to which all are compared with each other.
+const COMPARE_ALL_MAX_FACES: usize = 16;
+/// Faces at one lowest vertex up to which quads are looked for: 30 lie in one fan, with both its sides.
+/// (Guessed.)
+const QUAD_MAX_FACES: usize = 64;
+/// Largest distance between the sides of a quad, in the unit frame: 1e-6 of the diagonal of a cube.
+const MAX_GAP: f32 = 1.7e-6;
+/// Largest distance between the sides of a quad that is connected with others, in its longest edges: exporters cut the
+/// two sides of a bent quad along different diagonals. (Guessed: a bend of some ten degrees.)
+pub(super) const MAX_BENT_GAP: f32 = 0.1;
+
+/// Calls `group` with the range of the faces of each lowest vertex that several faces have, until it returns
+/// false.
+fn each_group(faces: &[[VertexId; 3]], mut group: impl FnMut(Range<usize>) -> bool) {
+    let low = |t: &[VertexId; 3]| t[0].min(t[1]).min(t[2]);
+    let mut first = 0;
+    while first < faces.len() {
+        let own = low(&faces[first]);
+        let next = first + faces[first..].iter().take_while(|t| low(t) == own).count();
+        if next - first > 1 && !group(first..next) {
+            return;
+        }
+        first = next;
+    }
+}
+
+/// A sorted face, true if its vertices ascend, and its index.
+type Keyed = (SortedFace, bool, usize);
+
+fn key_group(faces: &[[VertexId; 3]], range: Range<usize>, keys: &mut Vec<Keyed>) {
+    keys.clear();
+    keys.extend(range.map(|i| {
+        let (key, ascends) = sorted_face(faces[i]);
+        (key, ascends, i)
+    }));
+}
+
+/// True if two faces of a group are opposite. Sorts large groups.
+fn has_opposite(keys: &mut [Keyed]) -> bool {
+    let is_pair = |a: &Keyed, b: &Keyed| a.0 == b.0 && a.1 != b.1;
+    if keys.len() <= COMPARE_ALL_MAX_FACES {
+        return keys.iter().enumerate().any(|(i, a)| keys[..i].iter().any(|b| is_pair(a, b)));
+    }
+    keys.sort_unstable();
+    keys.windows(2).any(|two| is_pair(&two[0], &two[1]))
+}
+
+/// Calls `found` with each three faces of a group that close up round its lowest vertex: with a fourth they
+/// bound a tetrahedron, which is a quad with two sides if it is flat. It returns true to end the search.
+fn each_closed_fan(keys: &[Keyed], mut found: impl FnMut([usize; 3]) -> bool) -> bool {
+    if !(3..=QUAD_MAX_FACES).contains(&keys.len()) {
+        return false;
+    }
+    let link = |k: &Keyed| if k.1 { [k.0.middle, k.0.high] } else { [k.0.high, k.0.middle] };
+    for (i, a) in keys.iter().enumerate() {
+        let [b, c] = link(a);
+        // (Each fan is met at its lowest index.)
+        for second in keys[i + 1..].iter().filter(|k| link(k)[0] == c) {
+            let d = link(second)[1];
+            if let Some(third) = keys[i + 1..].iter().find(|k| link(k) == [d, b] && d != b)
+                && found([a.2, second.2, third.2])
+            {
+                return true;
+            }
+        }
+    }
+    false
+}
+
+/// Faces of an input whose positions are looked for a second time by [`may_have_sheets`]: if one face in a
+/// hundred belongs to a sheet, a sample misses all of them once in 30,000 inputs.
+const SAMPLED_FACES: usize = 1024;
+
+/// True if some of a sample of faces occur twice, for methods that do not need an ordered input. Cost: O(F), a
+/// fraction of that of ordering.
+pub(super) fn may_have_sheets(surface: &Surface<'_>) -> bool {
+    let positions = surface.positions();
+    // Whichever corner comes first and whichever way they go.
+    let key = |t: &[VertexId; 3]| {
+        let corner = |v: &VertexId| {
+            let mix = |h: u64, x: f64| {
+                (h ^ (x + 0.0).to_bits()).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29)
+            };
+            positions.get(*v).into_iter().fold(0, mix)
+        };
+        t.iter().map(corner).fold(0u64, u64::wrapping_add)
+    };
+    let faces = surface.triangles();
+    let step = faces.len().div_ceil(SAMPLED_FACES).max(1);
+    let sample: HashSet<u64> = faces.iter().step_by(step).map(key).collect();
+    let mut seen = HashSet::new();
+    faces.iter().map(key).filter(|k| sample.contains(k)).any(|k| !seen.insert(k))
+}
+
+/// True if any faces lie on each other with opposite windings. Cost: O(F), in the order of the faces.
+fn has_sheets(faces: &[[VertexId; 3]]) -> bool {
+    let mut any = false;
+    let mut keys: Vec<Keyed> = Vec::new();
+    each_group(faces, |range| {
+        key_group(faces, range, &mut keys);
+        any = has_opposite(&mut keys) || each_closed_fan(&keys, |_| true);
+        !any
+    });
+    any
+}
+
+/// Returns the pairs of an ordered input that still has its faces and points, if there are any. `may_pair`
+/// decides whether some faces of the input may be the front of others; `max_bent_gap` is the largest distance between
+/// the sides of a bent quad, in its longest edges. Cost: O(F) in the order of the faces,
+/// and O(n log n) of the pairs.
+pub(super) fn find(
+    surface: &Surface<'_>,
+    ordered: &Ordered,
+    max_bent_gap: f32,
+    may_pair: impl Fn(&Pair) -> bool,
+) -> Option<Pairs> {
+    let faces = &ordered.faces;
+    if !has_sheets(faces) {
+        return None;
+    }
+    let index = ordered.of_faces(surface, |i| i as u32);
+    let mut found = Pairs::default();
+    // The border of the first side of each pair.
+    let mut borders: Vec<Border> = Vec::new();
+    let mut is_taken = vec![false; faces.len()];
+    let mut keys: Vec<Keyed> = Vec::new();
+    let mut fans: Vec<[usize; 3]> = Vec::new();
+    each_group(faces, |range| {
+        key_group(faces, range, &mut keys);
+        keys.sort_unstable_by_key(|k| (k.0, k.1, index[k.2]));
+        for same in keys.chunk_by(|a, b| a.0 == b.0) {
+            let split = same.partition_point(|x| !x.1);
+            let (descending, ascending) = same.split_at(split);
+            let (Some(a), Some(b)) = (descending.first(), ascending.first()) else { continue };
+            let pair = Pair { sides: [[index[a.2]; 2], [index[b.2]; 2]] };
+            if may_pair(&pair) {
+                found.pairs.push(pair);
+                borders.push(border_of(&[faces[a.2]]));
+                found.duplicates.extend(descending[1..].iter().chain(&ascending[1..]).map(|x| index[x.2]));
+                same.iter().for_each(|k| is_taken[k.2] = true);
+            }
+        }
+        keys.retain(|k| !is_taken[k.2]);
+        each_closed_fan(&keys, |fan| {
+            fans.push(fan);
+            false
+        });
+        true
+    });
+    for quad in quads(faces, &ordered.points, &fans, max_bent_gap) {
+        let pair = Pair { sides: quad.map(|side| side.map(|f| index[f])) };
+        if quad.iter().flatten().all(|f| !is_taken[*f]) && may_pair(&pair) {
+            quad.iter().flatten().for_each(|f| is_taken[*f] = true);
+            borders.push(border_of(&quad[0].map(|f| faces[f])));
+            found.pairs.push(pair);
+        }
+    }
+    if found.pairs.is_empty() {
+        return None;
+    }
+    orient(&mut found, &borders, surface, ordered);
+    (!found.pairs.is_empty()).then_some(found)
+}
+
+/// Returns the two sides of the quads among tetrahedra of which three faces are known.
+fn quads(
+    faces: &[[VertexId; 3]],
+    points: &[Vec3],
+    fans: &[[usize; 3]],
+    max_bent_gap: f32,
+) -> Vec<[[usize; 2]; 2]> {
+    if fans.is_empty() {
+        return Vec::new();
+    }
+    // The fourth face of each, with the opposite winding of the link.
+    let links = |fan: &[usize; 3]| {
+        let low = faces[fan[0]].into_iter().min().unwrap_or(NONE);
+        fan.map(|f| {
+            let t = faces[f];
+            let at = t.iter().position(|v| *v == low).unwrap_or(0);
+            t[(at + 1) % 3]
+        })
+    };
+    let mut wanted: HashMap<(SortedFace, bool), Option<usize>> = HashMap::new();
+    let mut uses: HashMap<[VertexId; 2], usize> = HashMap::new();
+    for fan in fans {
+        let [b, c, d] = links(fan);
+        wanted.insert(sorted_face([b, d, c]), None);
+        for f in fan {
+            uses.extend(edges(faces[*f]).map(|(edge, _)| (edge, 0)));
+        }
+    }
+    for (f, t) in faces.iter().enumerate() {
+        if let Some(place) = wanted.get_mut(&sorted_face(*t)) {
+            place.get_or_insert(f);
+        }
+        for (edge, _) in edges(*t) {
+            if let Some(count) = uses.get_mut(&edge) {
+                *count += 1;
+            }
+        }
+    }
+    let quad = |fan: &[usize; 3]| {
+        let [b, c, d] = links(fan);
+        let fourth = wanted.get(&sorted_face([b, d, c])).copied().flatten()?;
+        let all = [fan[0], fan[1], fan[2], fourth];
+        let normal = |f: usize| {
+            let [a, b, c] = faces[f].map(|v| points[v.index()]);
+            (b - a).cross(c - a)
+        };
+        let reference = normal(fan[0]);
+        let mut sides = all.into_iter().partition::<Vec<usize>, _>(|f| normal(*f).dot(reference) > 0.0);
+        if sides.0.len() != 2 {
+            return None;
+        }
+        sides.0.sort_unstable();
+        // The distance of two opposite edges of the tetrahedron: the diagonals of the quad.
+        let corners = faces[fan[0]].into_iter().chain([b, c, d]);
+        let mut corners: Vec<VertexId> = corners.collect();
+        corners.sort_unstable();
+        corners.dedup();
+        let p: Vec<Vec3> = corners.iter().map(|v| points[v.index()]).collect();
+        let volume = (p[1] - p[0]).cross(p[2] - p[0]).dot(p[3] - p[0]).abs();
+        let area = sides.0.iter().map(|f| normal(*f)).sum::<Vec3>().length();
+        let longest = (0..4)
+            .flat_map(|i| (0..i).map(move |j| (i, j)))
+            .map(|(i, j)| p[i].distance(p[j]))
+            .fold(0f32, f32::max);
+        let gap = volume / area;
+        let is_connected = all
+            .iter()
+            .any(|f| edges(faces[*f]).iter().any(|(edge, _)| uses.get(edge).is_some_and(|n| *n > 2)));
+        let is_flat = gap <= MAX_GAP || is_connected && gap <= max_bent_gap * longest;
+        is_flat.then(|| [[sides.0[0], sides.0[1]], [sides.1[0], sides.1[1]]])
+    };
+    fans.iter().filter_map(quad).collect()
+}
+
+/// The edges round one side of a pair, in its winding.
+type Border = Vec<([VertexId; 2], bool)>;
+
+/// Returns the edges of a face, each with its lower vertex first, and true if that is its direction.
+fn edges(t: [VertexId; 3]) -> [([VertexId; 2], bool); 3] {
+    [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]
+        .map(|[a, b]| if a < b { ([a, b], true) } else { ([b, a], false) })
+}
+
+/// Returns the edges of one or two faces that only one of them has.
+fn border_of(faces: &[[VertexId; 3]]) -> Border {
+    let all: Border = faces.iter().flat_map(|t| edges(*t)).collect();
+    let is_single = |edge: &[VertexId; 2]| all.iter().filter(|e| e.0 == *edge).count() == 1;
+    all.iter().filter(|e| is_single(&e.0)).copied().collect()
+}
+
+/// Chooses the fronts: consistent among pairs that meet at an edge of two pairs, on the side of the first face of the
+/// input. Leaves out sheets that share edges with an open surface.
+fn orient(found: &mut Pairs, borders: &[Border], surface: &Surface<'_>, ordered: &Ordered) {
+    // The pairs at each edge, with the direction that the first side of each has there.
+    let mut at: HashMap<[VertexId; 2], Vec<(u32, bool)>> = HashMap::with_capacity(2 * borders.len());
+    for (i, border) in borders.iter().enumerate() {
+        for (edge, ascends) in border {
+            at.entry(*edge).or_default().push((i as u32, *ascends));
+        }
+    }
+    // Sheets: pairs that are connected by edges of two pairs.
+    let mut sheet = vec![u32::MAX; borders.len()];
+    let mut is_flipped = vec![false; borders.len()];
+    let mut sheets = 0u32;
+    let mut open: Vec<u32> = Vec::new();
+    for seed in 0..borders.len() {
+        if sheet[seed] != u32::MAX {
+            continue;
+        }
+        sheet[seed] = sheets;
+        open.push(seed as u32);
+        while let Some(i) = open.pop() {
+            for (edge, ascends) in &borders[i as usize] {
+                let [a, b] = at[edge][..] else { continue };
+                let (other, there) = if a.0 == i { b } else { a };
+                if sheet[other as usize] == u32::MAX {
+                    sheet[other as usize] = sheets;
+                    // Consistent faces run along a common edge in opposite directions.
+                    is_flipped[other as usize] = is_flipped[i as usize] ^ (*ascends == there);
+                    open.push(other);
+                }
+            }
+        }
+        sheets += 1;
+    }
+    // Sheets at the edges of single faces are left out if these have borders: a border of the whole could then come to be
+    // where a sheet ends. (Collapses map closed surfaces to closed ones.)
+    let mut is_joined = vec![false; sheets as usize];
+    let mut is_paired = vec![false; surface.triangles().len()];
+    let members = found.pairs.iter().flat_map(|p| p.fronts().iter().chain(p.backs()));
+    for f in members.chain(&found.duplicates) {
+        is_paired[*f as usize] = true;
+    }
+    let mut singles: HashMap<[VertexId; 2], bool> = HashMap::new();
+    for (_, t) in surface.triangles().iter().enumerate().filter(|(f, _)| !is_paired[*f]) {
+        for (edge, _) in ordered.face(t).into_iter().flat_map(edges) {
+            let is_odd = singles.entry(edge).or_default();
+            *is_odd = !*is_odd;
+        }
+    }
+    if singles.values().any(|is_odd| *is_odd) {
+        let joined = at.iter().filter(|(edge, _)| singles.contains_key(*edge)).flat_map(|(_, pairs)| pairs);
+        joined.for_each(|(i, _)| is_joined[sheet[*i as usize] as usize] = true);
+    }
+    // The side of the lowest face of the input is the front.
+    let mut lowest = vec![(u32::MAX, false); sheets as usize];
+    for (i, pair) in found.pairs.iter().enumerate() {
+        let [a, b] = [pair.fronts(), pair.backs()].map(|side| side.iter().copied().min().unwrap_or(u32::MAX));
+        let own = &mut lowest[sheet[i] as usize];
+        *own = (*own).min((a.min(b), (b < a) ^ is_flipped[i]));
+    }
+    for (i, pair) in found.pairs.iter_mut().enumerate() {
+        if is_flipped[i] ^ lowest[sheet[i] as usize].1 {
+            pair.sides.reverse();
+        }
+    }
+    let mut sheet_of = sheet.iter();
+    found.pairs.retain(|_| sheet_of.next().is_some_and(|s| !is_joined[*s as usize]));
+}

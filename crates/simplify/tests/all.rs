@@ -1,0 +1,37 @@
+//! Tests of the whole crate, in one program: each program links everything again (docs/decisions/0026).
+
+mod attributes;
+mod bounded;
+mod care;
+mod clean;
+mod cluster_lod;
+mod contract;
+mod correspondence;
+mod error;
+mod golden;
+mod guards;
+mod laws;
+mod lod;
+mod look;
+mod method_cluster;
+mod method_collapses;
+mod method_pairs;
+mod method_planar;
+mod method_remesh;
+mod method_unsubdivide;
+mod method_vertex_removal;
+mod method_voxel;
+mod methods;
+mod presets;
+mod progressive;
+mod progressive_attributes;
+mod progressive_scene;
+mod properties;
+mod proposals;
+mod reach;
+mod regressions;
+mod scene;
+mod sharp;
+mod support;
+mod two_sided;
+mod values;
