@@ -235,29 +235,6 @@ def test_results_own_their_memory(ball):
     vertices[0] = 5
 
 
-def test_missing_values_stay_missing_and_do_not_count(ball):
-    heat = ball.vertices[:, 2].copy()
-    full = lodsmith.simplify(ball.vertices, ball.faces, attributes={"heat": heat}, ratio=0.1)
-    heat[::7] = np.nan
-    with pytest.warns(lodsmith.LodsmithWarning, match="^366 values of attributes are NaN or infinite and did not count$"):
-        made = lodsmith.simplify(ball.vertices, ball.faces, attributes={"heat": heat}, ratio=0.1)
-    assert made.report["missing_values"] == 366
-    values = made.attributes["heat"]
-    is_missing = np.isnan(values)
-    assert 0 < is_missing.mean() < 0.4
-    assert np.abs(values[~is_missing] - made.vertices[~is_missing, 2]).max() < 0.03
-    rms = [lodsmith.compare(ball, mesh)["rms"]["symmetric"] for mesh in (full, made)]
-    assert rms[1] < 1.2 * rms[0]
-    # Levels, and any level of a progressive mesh.
-    with pytest.warns(lodsmith.LodsmithWarning, match="366 values"):
-        level = lodsmith.lod(ball.vertices, ball.faces, attributes={"heat": heat}, levels=[0.2, 0.1])[1]
-    assert 0 < np.isnan(level.attributes["heat"]).mean() < 0.4
-    every = lodsmith.Progressive(ball.vertices, ball.faces, attributes={"heat": heat})
-    some = every.level(faces=512).attributes
-    assert list(some) == ["heat"] and 0 < np.isnan(some["heat"]).mean() < 0.4
-    assert (np.isnan(every.level().attributes["heat"]) == np.isnan(heat)).all()
-
-
 def test_numbers_of_64_bits_are_exact_where_a_vertex_is_kept(ball):
     n = len(ball.vertices)
     # Coordinates of a country, times in seconds since 1970, and numbers of most different sizes.

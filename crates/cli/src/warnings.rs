@@ -43,12 +43,6 @@ pub(crate) fn warnings_of(report: &Report) -> Vec<Warning> {
     if report.sharp_relaxed {
         warnings.push(Warning::note("sharp edges were not all kept, to come nearer to the target"));
     }
-    if report.missing_values > 0 {
-        let count = grouped(report.missing_values);
-        warnings.push(Warning::note(format!(
-            "{count} values of attributes are NaN or infinite and did not count"
-        )));
-    }
     if report.gaps > 0 {
         let places = counted(report.gaps, "place", "places");
         warnings.push(Warning::lost(format!("meshes that touched came apart at {places}: gaps may show")));

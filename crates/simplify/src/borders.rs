@@ -37,9 +37,7 @@ pub(crate) fn rounding(positions: PositionsView<'_>) -> f64 {
 /// first of them; `None` if there are none. Cost: O(n), for a surface that is closed by its indices one pass over
 /// the faces.
 pub(crate) fn joined(surface: &Surface<'_>) -> Option<Weld> {
-    if unbalanced(surface, |v| v).is_none() {
-        return None;
-    }
+    unbalanced(surface, |v| v)?;
     let positions = surface.positions();
     let same = weld(positions);
     let distance = rounding(positions);

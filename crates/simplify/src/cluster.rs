@@ -431,7 +431,6 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
             seams_relaxed: false,
             sharp_relaxed: false,
             cleanup: self.model.cleanup,
-            missing_values: 0,
             dropped: self.input.mesh.map_or_else(Vec::new, |mesh| run::names_of_dropped(mesh, &made.mesh)),
             fitted: false,
             proposals: Vec::new(),

@@ -225,7 +225,7 @@ impl FlatParts {
             let (area, face) = (doubled.length(), doubled.normalize_or_zero().as_vec3());
             for w in t {
                 let bend = face.distance(Vec3::from(smooth[mesh.vertex_of(*w).index()]));
-                if area == 0.0 || !(bend > LEAST_BEND) {
+                if area == 0.0 || bend.is_nan() || bend <= LEAST_BEND {
                     continue;
                 }
                 let normal = Vec3::from(normals[w.index()]).normalize_or_zero();

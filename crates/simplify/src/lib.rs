@@ -19,7 +19,6 @@ mod input;
 mod lanes;
 pub mod lod;
 mod metric;
-mod missing;
 mod normals;
 pub mod options;
 mod ordered_input;
@@ -93,9 +92,8 @@ pub use two_sided::two_sided_faces;
 /// # Output
 /// [`Simplified::mesh`] has the units, the precision of positions and the attributes of the input (normals,
 /// texture coordinates, colours, skins, morph targets, named values; [`Report::dropped`] names the
-/// exceptions), and its regions. Values that are NaN or infinite are missing ([`Report::missing_values`]): they do
-/// not count, named values stay NaN, and others are continued from around them. Faces, vertices and wedges are
-/// numbered anew. [`Simplified::report`] says what was done; its lengths are in the units of the mesh.
+/// exceptions), and its regions. Faces, vertices and wedges are numbered anew. [`Simplified::report`] says
+/// what was done; its lengths are in the units of the mesh.
 ///
 /// # Promises
 /// - The stop is met if the report says so ([`Report::reached`]); otherwise [`Report::stopped_by`] and
@@ -120,8 +118,7 @@ pub use two_sided::two_sided_faces;
 /// with [`Method::Cluster`]; other methods take 195 to 630. Each value of an attribute adds 29 and 20,
 /// [`Measure::Always`] 100, and a stop at an error 150 to 760. (Measured: docs/decisions/0022.)
 ///
-/// A run uses one thread; [`Method::Cluster`], measuring and the repair of colours with
-/// [`SimplifyOptions::textures`] use the caller's rayon pool.
+/// A run uses one thread; [`Method::Cluster`] and measuring use the caller's rayon pool.
 ///
 /// # Data beside the mesh
 /// For data that the mesh does not hold, [`correspondence`](lodsmith_core::correspondence::correspondence)

@@ -203,10 +203,6 @@ pub struct Report {
     pub sharp_relaxed: bool,
     /// Repairs made before the run.
     pub cleanup: Cleanup,
-    /// Values of attributes that are NaN or infinite, which count as missing: named values of the result are NaN where
-    /// those of the input are; normals, texture coordinates and colours are continued from around the gaps. They
-    /// do not count in the cost.
-    pub missing_values: usize,
     /// Attributes of the input that the result does not carry: joints without weights of the same set, or
     /// weights without joints.
     #[cfg_attr(feature = "serde", serde(deserialize_with = "dropped_names"))]

@@ -417,12 +417,6 @@ fn warnings_of(report: &Report) -> Vec<String> {
     if report.sharp_relaxed {
         told.push("sharp edges were not all kept, to get closer to the target".to_owned());
     }
-    if report.missing_values > 0 {
-        told.push(format!(
-            "{} values of attributes are NaN or infinite and did not count",
-            report.missing_values
-        ));
-    }
     if report.gaps > 0 {
         told.push(format!("meshes that touched came apart at {} places: gaps may show", report.gaps));
     }

@@ -153,8 +153,6 @@ def _shortfalls(report: Dict[str, Any], options: Mapping[str, Any]) -> List[str]
         texts.append("seams were moved off their lines to come nearer to the target")
     if report["sharp_relaxed"]:
         texts.append("sharp edges were not all kept, to come nearer to the target")
-    if report["missing_values"]:
-        texts.append(f"{report['missing_values']:,} values of attributes are NaN or infinite and did not count")
     return texts
 
 

@@ -18,7 +18,6 @@ use crate::control::{Control, Stage};
 use crate::fit::Originals;
 use crate::input::Input;
 use crate::metric::{Dimension, Metric, VertexMemory, with_metric};
-use crate::missing::Completed;
 use crate::options::shared::COLLAPSE_METHODS;
 use crate::options::{Placement, SimplifyOptions, Stop};
 use crate::pipeline::prepare::{Prepared, lent_normals};
@@ -91,8 +90,6 @@ pub(super) fn build(
     if options.escalate {
         return Err(SimplifyError::NotTogether { first: "progressive", second: "escalate" });
     }
-    let completed = Completed::new(mesh)?;
-    let mesh = &*completed.mesh;
     let options = options.with_own_placement();
     let whole = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
     let lent = lent_normals(&whole, &options)?;

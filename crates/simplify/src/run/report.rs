@@ -76,7 +76,6 @@ pub(super) fn build_report(
         seams_relaxed: outcome.seams_relaxed,
         sharp_relaxed: outcome.sharp_relaxed,
         cleanup,
-        missing_values: 0,
         dropped,
         fitted: outcome.fitted,
         proposals: outcome.proposals,

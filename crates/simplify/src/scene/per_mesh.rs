@@ -110,7 +110,6 @@ fn sum(runs: Vec<WeightedReport>, diagonal: f64) -> Option<Report> {
     (report.collapses, report.parts_removed) = (0, 0);
     (report.necks_cut, report.pairs_contracted) = (0, 0);
     (report.seams_relaxed, report.sharp_relaxed, report.fitted) = (false, false, false);
-    report.missing_values = 0;
     report.dropped.clear();
     report.escalated.clear();
     for run in &runs {
@@ -125,7 +124,6 @@ fn sum(runs: Vec<WeightedReport>, diagonal: f64) -> Option<Report> {
         report.pruned.parts += times * r.pruned.parts;
         report.pruned.faces += times * r.pruned.faces;
         report.pruned.largest_kept |= r.pruned.largest_kept;
-        report.missing_values += r.missing_values;
         let (all, own) = (&mut report.cleanup, &r.cleanup);
         all.welded_vertices += own.welded_vertices;
         all.degenerate_faces += own.degenerate_faces;
