@@ -4,6 +4,7 @@
 
 mod cycles;
 mod float_functions;
+mod parallel_initialisers;
 mod type_names;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -184,6 +185,7 @@ const RULES: &[(&str, Rule)] = &[
     ("files do not use each other in cycles", file_cycles),
     ("a type name stands once in a crate", repeated_type_names),
     ("core and simplify take no functions of floats from the system", system_float_functions),
+    ("no initialiser of a shared cell waits for the threads of a pool", parallel_work_in_initialisers),
 ];
 
 /// Prints every rule.
@@ -599,6 +601,16 @@ fn system_float_functions() -> Result<Vec<String>> {
     Ok(findings)
 }
 
+fn parallel_work_in_initialisers() -> Result<Vec<String>> {
+    let mut files = Vec::new();
+    for folder in ["crates", "bindings"] {
+        files.extend(sources(folder)?);
+    }
+    files.retain(|path| path.components().any(|part| part.as_os_str() == "src"));
+    let found = parallel_initialisers::found(&files)?;
+    Ok(found.into_iter().map(|(file, work)| format!("{}: {work} in an initialiser", shown(file))).collect())
+}
+
 /// Returns the keys in a line, such as `[Name 1999]` or `[Name-Other 1999]`.
 fn keys(line: &str) -> impl Iterator<Item = &str> {
     line.split('[').skip(1).filter_map(|rest| rest.split_once(']')).map(|(key, _)| key).filter(|key| {
@@ -687,6 +699,10 @@ mod tests {
     #[test]
     fn no_function_of_floats_is_the_systems() {
         holds(system_float_functions);
+    }
+    #[test]
+    fn no_initialiser_waits_for_a_pool() {
+        holds(parallel_work_in_initialisers);
     }
     #[test]
     fn every_paper_named_is_known() {

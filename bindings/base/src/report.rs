@@ -60,6 +60,7 @@ pub fn report(r: &Report) -> Value {
         "locked": { "vertices": r.locked_vertices, "faces": r.locked_faces },
         "seams_relaxed": r.seams_relaxed,
         "sharp_relaxed": r.sharp_relaxed,
+        "missing_values": r.missing_values,
         "fitted": r.fitted,
         "dropped": r.dropped,
         "proposals": r.proposals.iter().map(|p| {

@@ -101,7 +101,9 @@ class Arrays:
             warnings.warn(f"attributes of edges and faces are not kept: {', '.join(lost)}", stacklevel=3)
 
     def _vertex_groups(self, of):
-        groups = [g.name for g in of.vertex_groups]
+        # (Of each group its name, and whether its weights are locked.)
+        groups = [(g.name, g.lock_weight) for g in of.vertex_groups]
+        self.active_group = of.vertex_groups.active_index
         weights = np.zeros((self.count, len(groups)), np.float32)
         if groups:
             for v in self.given.vertices:
@@ -242,9 +244,15 @@ class Arrays:
         return found
 
     def restore_groups(self, of, made):
-        """Set the weights of vertex groups of the object's new mesh."""
+        """Make the vertex groups of the object's new mesh, with their weights.
+
+        Their names are on the mesh, so each object that shares it has them.
+        """
         if not self.groups:
             return
+        for name, is_locked in self.groups:
+            of.vertex_groups.new(name=name).lock_weight = is_locked
+        of.vertex_groups.active_index = self.active_group
         weights = np.asarray(made.attributes["groups"]).reshape(len(made.vertices), -1)[self.row_of_vertex]
         edit = bmesh.new()
         edit.from_mesh(of.data)

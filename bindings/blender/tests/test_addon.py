@@ -86,6 +86,7 @@ def test_everything_of_a_mesh_comes_along():
     assert sides == {1} and {p.material_index for p in mesh.polygons} == {0, 1}
     assert all(p.use_smooth for p in mesh.polygons)
 
+    assert [g.name for g in o.vertex_groups] == ["right half"]
     for v in mesh.vertices:
         weight = {g.group: g.weight for g in v.groups}.get(0, 0.0)
         assert abs(weight - max(0.0, min(1.0, 0.5 + v.co.x / 2))) < 0.05
@@ -175,3 +176,51 @@ def test_the_menu_and_the_operator_are_there_and_go():
     assert bpy.ops.object.lodsmith.poll() is False
     select(sheet())
     assert bpy.ops.object.lodsmith.poll()
+
+
+def test_vertex_groups_keep_their_names_locks_and_order():
+    o = sheet()
+    for name in ("empty", "left half"):
+        o.vertex_groups.new(name=name)
+    o.vertex_groups["left half"].add([v.index for v in o.data.vertices if v.co.x < 0], 1.0, "REPLACE")
+    o.vertex_groups["empty"].lock_weight = True
+    o.vertex_groups.active_index = 2
+    twin = bpy.data.objects.new("twin", o.data)
+    bpy.context.scene.collection.objects.link(twin)
+    select(o, twin)
+    bpy.ops.object.lodsmith(ratio=0.1)
+    for each in (o, twin):
+        assert [(g.name, g.lock_weight) for g in each.vertex_groups] == [("right half", False), ("empty", True), ("left half", False)]
+        assert each.vertex_groups.active_index == 2
+    # The weights are those of the groups with these names.
+    for v in o.data.vertices:
+        weights = {o.vertex_groups[g.group].name: g.weight for g in v.groups}
+        assert "empty" not in weights
+        assert abs(weights.get("right half", 0.0) - max(0.0, min(1.0, 0.5 + v.co.x / 2))) < 0.05
+        if abs(v.co.x) > 0.3:
+            assert weights.get("left half", 0.0) == pytest.approx(float(v.co.x < 0), abs=0.05)
+
+
+def test_a_rig_deforms_and_masks_apply_afterwards():
+    o = sheet()
+    bpy.ops.object.armature_add(enter_editmode=True)
+    rig = bpy.context.object
+    rig.data.edit_bones[0].name = "right half"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    o.modifiers.new("rig", "ARMATURE").object = rig
+    lift = o.modifiers.new("lift", "DISPLACE")
+    lift.vertex_group, lift.direction, lift.mid_level = "right half", "X", 0.0
+    select(o)
+    bpy.ops.object.lodsmith(ratio=0.1)
+    # The bone points up; along it is up in the world.
+    rig.pose.bones["right half"].location = (0.0, 2.0, 0.0)
+    evaluated = o.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+    # (The armature's groups are shares: a vertex of weight 0 stays, any other follows its only bone.)
+    rest = np.array([v.co[:] for v in o.data.vertices])
+    raised = np.array([k.co[:] for k in o.data.shape_keys.key_blocks["raised"].data])
+    rest = rest + 0.25 * (raised - rest)
+    moved = np.array([v.co[:] for v in evaluated.vertices]) - rest
+    weight = np.array([sum(g.weight for g in v.groups) for v in o.data.vertices])
+    assert np.abs(moved[weight > 0.1][:, 2] - 2).max() < 1e-4
+    # Without its group the other modifier moves all alike.
+    assert np.abs(moved[:, 0] - weight * lift.strength).max() < 1e-4

@@ -492,6 +492,12 @@ typedef struct lodsmith_report {
   size_t proposals;
   // Time of the run in seconds.
   double seconds;
+  // Values of attributes that are NaN or infinite, which did not count.
+  size_t missing_values;
+  // 1 if vertices were merged across seams to reach the target, else 0.
+  int32_t seams_relaxed;
+  // 1 if sharp edges were not all kept, to reach the target, else 0.
+  int32_t sharp_relaxed;
 } lodsmith_report;
 
 #ifdef __cplusplus

@@ -93,6 +93,12 @@ pub struct LodsmithReport {
     pub proposals: usize,
     /// Time of the run in seconds.
     pub seconds: f64,
+    /// Values of attributes that are NaN or infinite, which did not count.
+    pub missing_values: usize,
+    /// 1 if vertices were merged across seams to reach the target, else 0.
+    pub seams_relaxed: i32,
+    /// 1 if sharp edges were not all kept, to reach the target, else 0.
+    pub sharp_relaxed: i32,
 }
 
 // SAFETY: `repr(C)`, all fields are numbers, and the first is a `usize`.
@@ -140,6 +146,9 @@ fn report(result: &LodsmithResult) -> LodsmithReport {
         dropped_faces: cleanup.degenerate_faces + cleanup.duplicate_faces + cleanup.non_finite_faces,
         proposals: r.proposals.len(),
         seconds: result.seconds,
+        missing_values: r.missing_values,
+        seams_relaxed: i32::from(r.seams_relaxed),
+        sharp_relaxed: i32::from(r.sharp_relaxed),
     }
 }
 

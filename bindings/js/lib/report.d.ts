@@ -39,6 +39,8 @@ export interface Report {
   locked: { vertices: number; faces: number };
   seams_relaxed: boolean;
   sharp_relaxed: boolean;
+  /** Values of attributes that are NaN or infinite. */
+  missing_values: number;
   fitted: boolean;
   dropped: string[];
   proposals: { changes: OptionChange[]; gain: number }[];

@@ -91,7 +91,7 @@ fn parts_of(meshes: &[SceneMesh]) -> (Vec<usize>, Vec<Part<'_>>) {
     let part = |placed: &PlacedMesh| {
         let m = &meshes[placed.index];
         let (instances, scale, stretch) = (m.instances, m.scale, m.stretch);
-        Part { mesh: &m.mesh, instances, scale, stretch, system: placed.system }
+        Part { mesh: &m.mesh, instances, scale, stretch, system: placed.system, places: &m.places }
     };
     let placed = placed_meshes(meshes);
     (placed.iter().map(|p| p.index).collect(), placed.iter().map(part).collect())

@@ -54,6 +54,7 @@ pub fn simplify_meshes(
             scale: number(said, "scale").unwrap_or(1.0),
             stretch: None,
             system: number(said, "system").map(|x| x as usize),
+            places: &[],
         })
         .collect();
     let done = simplify_scene(&parts, diagonal, &options, &mut Progress::new(progress));

@@ -191,7 +191,6 @@ def test_wrong_attributes(wave):
         ({"uvs": np.zeros((len(v), 5))}, ValueError, r"'uvs' has the shape \(3600, 5\), not \(n, 2\)"),
         ({"regions": np.zeros(len(v), int)}, ValueError, "faces"),
         ({"regions": np.zeros(len(f))}, ValueError, "'regions' wants one integer"),
-        ({"id": np.full(len(v), 1 << 30)}, ValueError, "'id' has integers beyond"),
         ({"name": np.full(len(v), "a")}, TypeError, "'name' has values of type"),
     ]:
         with pytest.raises(kind, match=text):
@@ -234,3 +233,104 @@ def test_results_own_their_memory(ball):
     del made
     assert vertices.flags.writeable and np.isfinite(vertices).all()
     vertices[0] = 5
+
+
+def test_missing_values_stay_missing_and_do_not_count(ball):
+    heat = ball.vertices[:, 2].copy()
+    full = lodsmith.simplify(ball.vertices, ball.faces, attributes={"heat": heat}, ratio=0.1)
+    heat[::7] = np.nan
+    with pytest.warns(lodsmith.LodsmithWarning, match="^366 values of attributes are NaN or infinite and did not count$"):
+        made = lodsmith.simplify(ball.vertices, ball.faces, attributes={"heat": heat}, ratio=0.1)
+    assert made.report["missing_values"] == 366
+    values = made.attributes["heat"]
+    is_missing = np.isnan(values)
+    assert 0 < is_missing.mean() < 0.4
+    assert np.abs(values[~is_missing] - made.vertices[~is_missing, 2]).max() < 0.03
+    rms = [lodsmith.compare(ball, mesh)["rms"]["symmetric"] for mesh in (full, made)]
+    assert rms[1] < 1.2 * rms[0]
+    # Levels, and any level of a progressive mesh.
+    with pytest.warns(lodsmith.LodsmithWarning, match="366 values"):
+        level = lodsmith.lod(ball.vertices, ball.faces, attributes={"heat": heat}, levels=[0.2, 0.1])[1]
+    assert 0 < np.isnan(level.attributes["heat"]).mean() < 0.4
+    every = lodsmith.Progressive(ball.vertices, ball.faces, attributes={"heat": heat})
+    some = every.level(faces=512).attributes
+    assert list(some) == ["heat"] and 0 < np.isnan(some["heat"]).mean() < 0.4
+    assert (np.isnan(every.level().attributes["heat"]) == np.isnan(heat)).all()
+
+
+def test_numbers_of_64_bits_are_exact_where_a_vertex_is_kept(ball):
+    n = len(ball.vertices)
+    # Coordinates of a country, times in seconds since 1970, and numbers of most different sizes.
+    attributes = {
+        "north": 4_649_776.22 + 100 * ball.vertices[:, 0],
+        "time": 1.7e9 + 0.001 * np.arange(n),
+        "size": 10.0 ** np.linspace(-200, 200, n),
+    }
+    made = lodsmith.simplify(ball.vertices, ball.faces, attributes=attributes, ratio=0.2, placement="endpoint")
+    rows = made.source.vertices
+    assert (rows >= 0).all()
+    for name, values in attributes.items():
+        assert made.attributes[name].dtype == np.float64 and (made.attributes[name] == values[rows]).all(), name
+    assert list(made.attributes) == list(attributes)
+
+
+def test_numbers_of_64_bits_are_blended_where_a_vertex_moves(ball):
+    north, time = 4_649_776.22 + 100 * ball.vertices[:, 0], 1.7e9 + 1000 * ball.vertices[:, 1]
+    small = {"x": 100 * ball.vertices[:, 0], "y": 1000 * ball.vertices[:, 1]}
+    made = lodsmith.simplify(ball.vertices, ball.faces, attributes={"north": north, "time": time}, ratio=0.1)
+    plain = lodsmith.simplify(ball.vertices, ball.faces, attributes=small, ratio=0.1)
+    assert (made.source.vertices < 0).any()
+    # As near as if the same numbers began at 0.
+    assert np.abs(made.attributes["north"] - 4_649_776.22 - 100 * made.vertices[:, 0]).max() < 2
+    assert np.abs(plain.attributes["x"] - 100 * plain.vertices[:, 0]).max() < 2
+    assert np.abs(made.attributes["time"] - 1.7e9 - 1000 * made.vertices[:, 1]).max() < 20
+    levels = lodsmith.lod(ball.vertices, ball.faces, attributes={"time": time}, levels=[0.5, 0.1])
+    for level in levels + [lodsmith.Progressive(ball.vertices, ball.faces, attributes={"time": time}).level(faces=512)]:
+        kept = level.source.vertices >= 0
+        assert (level.attributes["time"][kept] == time[level.source.vertices[kept]]).all()
+    carried = made.source.transfer(time)
+    assert np.abs(carried - 1.7e9 - 1000 * made.vertices[:, 1]).max() < 20
+
+
+def test_texture_coordinates_of_64_bits_are_exact_where_a_vertex_is_kept(ball):
+    uvs = np.pi * ball.vertices[:, :2]
+    made = lodsmith.simplify(ball.vertices, ball.faces, attributes={"uvs": uvs}, ratio=0.2, placement="endpoint")
+    assert (made.uvs == uvs[made.source.vertices]).all()
+
+
+def test_large_integers_are_carried_exactly(ball, tmp_path):
+    n = len(ball.vertices)
+    attributes = {
+        "id": np.arange(n, dtype=np.int64) + (1 << 60),
+        "hash": np.arange(n, dtype=np.uint64) * 0x9E3779B97F4A7C15 // 3,
+        "node": np.arange(n, dtype=np.int32) + (1 << 30),
+        "small": np.arange(n, dtype=np.int16),
+    }
+    given = lodsmith.Mesh(ball.vertices, ball.faces, attributes)
+    for made in (
+        lodsmith.simplify(given, ratio=0.1),
+        lodsmith.lod(given, levels=[0.1])[0],
+        lodsmith.Progressive(given).level(faces=512),
+        lodsmith.clean(given),
+    ):
+        row = made.attributes["id"] - (1 << 60)
+        # One row of the original each, near the place.
+        away = np.linalg.norm(ball.vertices[row] - made.vertices, axis=1)
+        assert list(made.attributes) == list(attributes) and away.max() < 0.15
+        for name in ("hash", "node"):
+            assert made.attributes[name].dtype == attributes[name].dtype
+            assert (made.attributes[name] == attributes[name][row]).all()
+    assert lodsmith.compare(given, given)["hausdorff"]["symmetric"] < 1e-7
+    with pytest.warns(lodsmith.LodsmithWarning, match="does not have id, hash, node: integers beyond 16,777,216"):
+        given.save(tmp_path / "ball.ply")
+
+
+def test_a_source_map_does_not_scale_large_numbers_and_leaves_missing_ones(ball):
+    made = lodsmith.simplify(ball, ratio=0.1)
+    assert np.abs(made.source.transfer(np.full(len(ball.vertices), 1.7e9)) - 1.7e9).max() == 0
+    heat = ball.vertices[:, 2].copy()
+    heat[::7] = np.nan
+    carried = made.source.transfer(heat)
+    is_missing = np.isnan(carried)
+    assert 0 < is_missing.mean() < 0.3
+    assert np.abs(carried[~is_missing] - made.vertices[~is_missing, 2]).max() < 0.15

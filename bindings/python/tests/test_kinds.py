@@ -45,6 +45,23 @@ class TestTrimesh:
         assert made.visual.material.main_color.tolist() == [10, 20, 30, 255]
         assert "vertex_normals" in made._cache.cache and len(made.vertex_normals) == len(made.vertices)
 
+    def test_normals_that_were_only_read_change_nothing(self, wave):
+        made = []
+        for reads in (False, True):
+            given = trimesh.Trimesh(wave.vertices, wave.faces, process=False)
+            if reads:
+                given.vertex_normals
+            made.append(lodsmith.simplify(given, ratio=0.1))
+        assert (made[0].vertices == made[1].vertices).all() and (made[0].faces == made[1].faces).all()
+        assert (made[0].vertex_normals == made[1].vertex_normals).all()
+        # Normals that differ from the shape were given, and count; so do those that are asked for.
+        turned = trimesh.Trimesh(wave.vertices, wave.faces, vertex_normals=-wave.normals, process=False)
+        assert lodsmith.simplify(turned, ratio=0.1).vertex_normals[:, 2].max() < 0
+        asked = lodsmith.Mesh.of(given)
+        assert asked.normals is None
+        asked.normals = given.vertex_normals
+        assert lodsmith.simplify(asked, ratio=0.1).normals is not None
+
     def test_face_colors_keep_their_border(self, wave):
         colors = np.where((wave.vertices[wave.faces].mean(axis=1)[:, 0] > 0.5)[:, None], [255, 0, 0, 255], [0, 0, 255, 255])
         given = trimesh.Trimesh(wave.vertices, wave.faces, face_colors=colors, process=False)

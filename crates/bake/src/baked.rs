@@ -133,6 +133,8 @@ pub fn bake(
         let rays = Rays::new(count, options.occlusion_distance, options.seed, bounds.diagonal());
         (rays, Occluders::new(&source.flat.corners, &bounds))
     });
+    let kinds: Vec<MapKind> = sets.iter().flat_map(|s| &s.maps).map(|job| job.kind).collect();
+    source.prepare_textures(&kinds);
     let curvature = options.maps.contains(&MapKind::Curvature).then(|| Curvature::new(&source.flat));
     let search = Search { source: &source, light: &light, link: &link };
     let baker =

@@ -1,15 +1,14 @@
 //! The detailed surface, and its properties at a point.
 
-use std::sync::OnceLock;
-
 use glam::{DVec3, Vec2, Vec3, Vec4, Vec4Swizzles};
 use lodsmith_core::geometry::triangle::double_area_normal;
 use lodsmith_core::model::{AlphaMode, Material, TextureRef, VertexColors};
 use lodsmith_core::spatial::Bvh;
 use lodsmith_core::{Model, Semantic, WedgeId};
-use lodsmith_render::{TexelKind, Texture, linear};
+use lodsmith_render::{TexelKind, TextureSet, linear};
 
 use crate::flat::{Flat, NO_MATERIAL};
+use crate::options::MapKind;
 use crate::tangents::corner_tangents;
 
 /// A point on the detailed surface.
@@ -34,8 +33,7 @@ pub(crate) struct Source<'a> {
     pub(crate) tree: Bvh,
     model: &'a Model,
     plain: Material,
-    /// Decoded textures: one slot for colours and one for numbers for each image.
-    textures: Vec<[OnceLock<Texture>; 2]>,
+    textures: TextureSet,
     /// Tangents at the corners of each face; empty if no material has a normal map.
     tangents: Vec<[Vec4; 3]>,
     /// First texture coordinates at the corners of each face; empty if there are none.
@@ -47,7 +45,7 @@ pub(crate) struct Source<'a> {
 impl<'a> Source<'a> {
     pub(crate) fn new(model: &'a Model, flat: Flat, needs_tangents: bool) -> Self {
         let tree = Bvh::new(&flat.mesh.surface());
-        let textures = model.images.iter().map(|_| Default::default()).collect();
+        let textures = TextureSet::new(&model.images);
         let has_normal_map = model.materials.iter().any(|m| m.normal_texture.is_some());
         let tangents = if has_normal_map && needs_tangents { tangents(model, &flat) } else { Vec::new() };
         let corner_uvs = |all: &[[f32; 2]]| {
@@ -57,6 +55,22 @@ impl<'a> Source<'a> {
         let uvs = flat.mesh.uvs().map(corner_uvs).unwrap_or_default();
         let face_normals = flat.corners.iter().map(|c| double_area_normal(*c).normalize_or_zero()).collect();
         Self { tree, model, plain: Material::default(), textures, tangents, uvs, face_normals, flat }
+    }
+
+    /// Makes the textures that maps of these kinds read, before the parallel work.
+    pub(crate) fn prepare_textures(&self, kinds: &[MapKind]) {
+        let reads = |of: &[MapKind]| of.iter().any(|kind| kinds.contains(kind));
+        let used = self.model.materials.iter().flat_map(|m| {
+            [
+                (&m.base_color_texture, TexelKind::Colors, &[MapKind::Color][..]),
+                (&m.metallic_roughness_texture, TexelKind::Numbers, &[MapKind::MetallicRoughness]),
+                (&m.normal_texture, TexelKind::Numbers, &[MapKind::Normal, MapKind::ObjectNormal]),
+                (&m.occlusion_texture, TexelKind::Numbers, &[MapKind::Occlusion]),
+                (&m.emissive_texture, TexelKind::Colors, &[MapKind::Emissive]),
+            ]
+        });
+        let used = used.filter(|(_, _, maps)| reads(maps));
+        self.textures.prepare(used.filter_map(|(reference, kind, _)| Some((reference.as_ref()?, kind))));
     }
 
     pub(crate) fn material(&self, face: usize) -> &Material {
@@ -175,8 +189,7 @@ impl<'a> Source<'a> {
             [a * u + b * v, c * u + d * v]
         };
         let (across, down) = (moved(footprint.across), moved(footprint.down));
-        let slot = &self.textures[map.image][usize::from(kind == TexelKind::Numbers)];
-        let texture = slot.get_or_init(|| Texture::new(&self.model.images[map.image], kind));
+        let texture = self.textures.get(map, kind)?;
         Some(texture.at(map.look_up(uv.to_array()), across, down, map.sampler))
     }
 

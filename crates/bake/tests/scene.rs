@@ -142,3 +142,41 @@ fn extensions_that_a_new_atlas_drops_are_named() {
     let [text] = &lost(AtlasMode::New)[..] else { panic!("one warning") };
     assert!(text.ends_with(": KHR_materials_clearcoat"), "{text}");
 }
+
+/// Sixteen textures, each on a square of its own: threads meet at them.
+#[test]
+fn many_threads_bake_many_textures_without_waiting_for_each_other() {
+    use lodsmith_core::model::{ModelMesh, Node, Sampler, TextureRef};
+    use lodsmith_core::{Model, Positions, TriMesh, VertexId};
+    let mut model = Model::default();
+    for i in 0..16 {
+        let y = i as f32;
+        let positions = vec![[0.0, y, 0.0], [1.0, y, 0.0], [1.0, y + 1.0, 0.0], [0.0, y + 1.0, 0.0]];
+        let faces = [[0, 1, 2], [0, 2, 3]].map(|f| f.map(VertexId)).to_vec();
+        let mut mesh = TriMesh::new(Positions::F32(positions), faces).unwrap();
+        mesh.set_uvs(Some(vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])).unwrap();
+        let (name, mesh, morph_weights) = (String::new(), std::sync::Arc::new(mesh), Vec::new());
+        model.meshes.push(ModelMesh { name, mesh, materials: vec![Some(i)], morph_weights });
+        model.nodes.push(Node { mesh: Some(i), ..Node::default() });
+        model.roots.push(i);
+        let (transform, sampler) = (TextureRef::PLAIN, Sampler::default());
+        let texture = TextureRef { image: i, uv_set: 0, transform, sampler };
+        model.materials.push(Material { base_color_texture: Some(texture), ..Material::default() });
+        model.images.push(std::sync::Arc::new(Image::filled(128, 128, [16 * i as u8, 0, 0, 255])));
+    }
+    let (done, is_done) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(8).build().unwrap();
+        let mut options = BakeOptions::new([MapKind::Color]);
+        (options.size, options.atlas) = (Some(64), AtlasMode::New);
+        let mut first = None;
+        for _ in 0..30 {
+            let baked =
+                pool.install(|| lodsmith_bake::bake(&model, &model, &options, &mut NoControl)).unwrap();
+            let maps: Vec<_> = baked.sets.into_iter().map(|set| set.maps).collect();
+            assert!(*first.get_or_insert_with(|| maps.clone()) == maps, "the same maps each time");
+        }
+        done.send(()).unwrap();
+    });
+    is_done.recv_timeout(std::time::Duration::from_secs(120)).expect("no thread waits for ever");
+}

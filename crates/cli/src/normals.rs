@@ -1,7 +1,7 @@
 //! Normals of results.
 
 use lodsmith::core::TriMesh;
-use lodsmith::core::mesh::normals::vertex_normals;
+use lodsmith::core::mesh::normals::wedge_normals;
 
 use crate::args::Normals;
 
@@ -15,13 +15,9 @@ pub(crate) fn set_normals(mesh: &mut TriMesh, wanted: Normals) -> anyhow::Result
     Ok(())
 }
 
-/// Sets the normal of every wedge to that of its vertex.
+/// Computes new normals from the faces; hard edges stay hard.
 fn recompute(mesh: &mut TriMesh) {
-    let of_vertex = vertex_normals(&mesh.surface(), |v| v);
-    let normals = match mesh.vertex_map() {
-        None => of_vertex,
-        Some(map) => map.iter().map(|v| of_vertex[v.index()]).collect(),
-    };
+    let normals = wedge_normals(mesh);
     mesh.set_normals(Some(normals)).expect("there is one for each wedge");
 }
 

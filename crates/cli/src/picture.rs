@@ -4,6 +4,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
+use lodsmith::core::mesh::creases::Creases;
 use lodsmith::core::{Bounds, Image, TriMesh};
 use lodsmith_render::{
     Background, Camera, Panel, PictureFormat, StandardView, Subject, View, encode, render,
@@ -62,14 +63,15 @@ pub(crate) fn camera(subject: &Subject, [width, height]: [usize; 2]) -> Camera {
     subject.framed(Camera::fitting(&bounds, StandardView::Iso, aspect), aspect, MARGIN)
 }
 
-/// Renders a mesh for a sheet, with its edges, through the camera of the first.
+/// Renders a mesh for a sheet, with its edges, through the camera of the first, and with sharp edges as that has them.
 pub(crate) fn render_panel(
     mesh: TriMesh,
-    first: &mut Option<Camera>,
+    first: &mut Option<(Camera, Creases)>,
     caption: Vec<String>,
 ) -> anyhow::Result<Panel> {
     let subject = Subject::of_mesh(mesh)?;
-    let camera = *first.get_or_insert_with(|| camera(&subject, PANEL_SIZE));
+    let (camera, creases) = *first.get_or_insert_with(|| (camera(&subject, PANEL_SIZE), subject.creases()));
+    let subject = subject.with_creases(creases);
     let mut view = View::new(camera, PANEL_SIZE[0], PANEL_SIZE[1]);
     view.background = Background::Transparent;
     view.look.wireframe = true;

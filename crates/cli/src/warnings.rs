@@ -5,7 +5,7 @@ use lodsmith::core::topology::Topology;
 use lodsmith::{MeshCounts, Report, SimplifyOptions, Starved};
 use lodsmith_io::Warning;
 
-use crate::numbers::grouped;
+use crate::numbers::{counted, grouped};
 use crate::output::{self, Output};
 use crate::proposals;
 
@@ -42,6 +42,16 @@ pub(crate) fn warnings_of(report: &Report) -> Vec<Warning> {
     }
     if report.sharp_relaxed {
         warnings.push(Warning::note("sharp edges were not all kept, to come nearer to the target"));
+    }
+    if report.missing_values > 0 {
+        let count = grouped(report.missing_values);
+        warnings.push(Warning::note(format!(
+            "{count} values of attributes are NaN or infinite and did not count"
+        )));
+    }
+    if report.gaps > 0 {
+        let places = counted(report.gaps, "place", "places");
+        warnings.push(Warning::lost(format!("meshes that touched came apart at {places}: gaps may show")));
     }
     warnings.extend(report.escalated.iter().map(|step| Warning::note(proposals::step_text(step))));
     if report.pruned.largest_kept {

@@ -356,9 +356,11 @@ fn info_has_the_promised_keys_in_their_order() {
             "non_manifold_vertices",
             "degenerate_faces",
             "duplicate_faces",
+            "two_sided_faces",
             "unused_vertices",
             "non_finite_vertices",
             "closed",
+            "closed_by_index",
             "manifold",
             "oriented",
             "genus",
@@ -678,4 +680,25 @@ fn nothing_is_drawn_on_a_pipe() {
     let ran = desk.run("simplify a.ply -o b.ply --ratio 0.1").with_status(0);
     assert!(!ran.stderr.contains('\x1b') && !ran.text().contains('\x1b'));
     assert!(Path::new(&desk.path("b.ply")).is_file());
+}
+
+/// A closed surface may be open for programs that join no vertices at equal positions.
+#[test]
+fn info_says_whether_a_surface_is_closed_by_its_indices() {
+    let desk = CliSandbox::new();
+    let corners = ["0 0 0\n", "1 0 0\n", "0 1 0\n", "0 0 1\n"];
+    let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+    let shared: String = faces.iter().map(|[a, b, c]| format!("3 {a} {b} {c}\n")).collect();
+    desk.put("shared.ply", &ply("", 4, 4, &corners.concat(), &shared));
+    let apart: String = faces.as_flattened().iter().map(|&i| corners[i]).collect();
+    let each: String = (0..4).map(|f| format!("3 {} {} {}\n", 3 * f, 3 * f + 1, 3 * f + 2)).collect();
+    desk.put("apart.ply", &ply("", 12, 4, &apart, &each));
+    let told = |name: &str| {
+        let info = desk.info(name);
+        (info["closed"].clone(), info["closed_by_index"].clone())
+    };
+    assert_eq!(told("shared.ply"), (true.into(), true.into()));
+    assert_eq!(told("apart.ply"), (true.into(), false.into()));
+    let text = desk.run("info apart.ply").with_status(0);
+    assert!(text.text().contains("closed, not by its indices"), "{}", text.text());
 }

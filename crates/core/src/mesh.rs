@@ -6,6 +6,7 @@ use crate::ids::{RegionId, VertexId, WedgeId};
 
 pub mod attributes;
 pub mod compact;
+pub mod creases;
 pub mod defects;
 pub mod normals;
 pub mod part;

@@ -46,8 +46,8 @@ pub use lpm::{Lpm, LpmOptions, LpmReader};
 pub use model::{BaseColor, ModelFile, ModelSource, read_model_bytes, read_model_path};
 pub use obj::{Regions, Textures};
 pub use read::{
-    Contents, Loaded, ReadOptions, read_bytes, read_path, read_scene_bytes, read_scene_path, read_stream,
-    sizes_of_path,
+    Contents, Loaded, ReadOptions, ReadProgress, read_bytes, read_path, read_scene_bytes, read_scene_path,
+    read_stream, sizes_of_path,
 };
 pub use sizes::Sizes;
 pub use write::{

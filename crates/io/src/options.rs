@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::assets::{AssetScope, Assets};
 use crate::format::Format;
@@ -26,6 +27,35 @@ pub struct ReadOptions {
     /// Names of vertex properties to return besides the mesh; see
     /// [`Loaded::properties`](crate::Loaded::properties).
     pub properties: Vec<String>,
+    /// Tells another thread how much of the file has been read.
+    pub progress: ReadProgress,
+}
+
+/// Number of records between two updates of the progress: some milliseconds.
+pub(crate) const PROGRESS_RECORDS: usize = 1 << 16;
+
+/// How much of a file has been read; clones share it.
+#[derive(Clone, Debug, Default)]
+pub struct ReadProgress(Arc<[AtomicU64; 2]>);
+
+impl ReadProgress {
+    /// Returns the part of the file that has been read, from 0 to 1; `None` where the reader does not count: that of OBJ
+    /// files from a megabyte on does, and those of PLY and binary STL.
+    pub fn done(&self) -> Option<f64> {
+        let [done, whole] = self.0.each_ref().map(|n| n.load(Ordering::Relaxed));
+        (whole > 0).then(|| (done as f64 / whole as f64).min(1.0))
+    }
+
+    /// Sets what has been read, and of how much.
+    pub(crate) fn set(&self, done: u64, whole: u64) {
+        self.0[0].store(done, Ordering::Relaxed);
+        self.0[1].store(whole, Ordering::Relaxed);
+    }
+
+    /// Adds to what has been read.
+    pub(crate) fn add(&self, more: u64) {
+        self.0[0].fetch_add(more, Ordering::Relaxed);
+    }
 }
 
 impl ReadOptions {

@@ -42,7 +42,7 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     let header = Header::parse(bytes)?;
     header.check_size(bytes.len())?;
     options.limits.check_memory("reading PLY", bytes.len() as u64 + header.mesh_bytes())?;
-    let body = Body::read(&header, bytes, &options.properties)?;
+    let body = Body::read(&header, bytes, &options.properties, &options.progress)?;
     assemble(&header, body)
 }
 
@@ -276,5 +276,18 @@ mod tests {
             "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n",
         );
         assert!(matches!(e, Err(ReadError::NoFaces { vertices: 1 })));
+    }
+
+    #[test]
+    fn the_progress_of_reading_is_told() {
+        let mesh = lodsmith_core::shapes::icosphere(3);
+        let mut files = vec![(Vec::new(), crate::Format::Ply), (Vec::new(), crate::Format::Stl)];
+        for (bytes, format) in &mut files {
+            crate::write_to(&mesh, *format, &WriteOptions::default(), bytes).unwrap();
+            let options = ReadOptions::default();
+            assert_eq!(options.progress.done(), None);
+            crate::read_bytes(bytes, &options).unwrap();
+            assert_eq!(options.progress.done(), Some(1.0), "{format:?}");
+        }
     }
 }

@@ -14,7 +14,7 @@ use lodsmith_core::{MeshError, Positions, TriMesh};
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::loaded::{Contents, Loaded};
-use crate::options::{ReadOptions, WriteOptions};
+use crate::options::{PROGRESS_RECORDS, ReadOptions, ReadProgress, WriteOptions};
 use soup::Soup;
 
 /// Size of the header and of a facet in a binary file, in bytes.
@@ -33,8 +33,7 @@ const FACET: usize = 50;
 /// Source: the format has no standard; 3D Systems' "StereoLithography Interface Specification" (1988) and practice.
 pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     // The caller that opens the file checks its size against the limits; memory here is proportional to it.
-    let _ = options;
-    let mut soup = if is_text(bytes) { text::read(bytes)? } else { read_binary(bytes)? };
+    let mut soup = if is_text(bytes) { text::read(bytes)? } else { read_binary(bytes, &options.progress)? };
     if soup.triangles.is_empty() {
         return Err(ReadError::NoFaces { vertices: 0 });
     }
@@ -85,7 +84,7 @@ fn is_text(bytes: &[u8]) -> bool {
     !head.contains(&0) && (begins || has_facet())
 }
 
-fn read_binary(bytes: &[u8]) -> Result<Soup, ReadError> {
+fn read_binary(bytes: &[u8], progress: &ReadProgress) -> Result<Soup, ReadError> {
     let present = bytes.len();
     let Some(count) = facet_count_in_header(bytes) else {
         return Err(ReadError::file(format!(
@@ -107,13 +106,17 @@ fn read_binary(bytes: &[u8]) -> Result<Soup, ReadError> {
     soup.solids = 1;
     let mut attributes = 0u8;
     let records = &bytes[HEADER..expected as usize];
-    for record in records.as_chunks::<FACET>().0 {
+    for (i, record) in records.as_chunks::<FACET>().0.iter().enumerate() {
+        if i.is_multiple_of(PROGRESS_RECORDS) {
+            progress.set(i as u64, count as u64);
+        }
         let float =
             |at: usize| f32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]);
         let triangle = [12, 24, 36].map(|at| soup.corner([float(at), float(at + 4), float(at + 8)]));
         soup.triangles.push(triangle);
         attributes |= record[48] | record[49];
     }
+    progress.set(count as u64, count as u64);
     if attributes != 0 {
         soup.warnings.push(Warning::lost("colours (attribute bytes) of facets are not carried: dropped"));
     }

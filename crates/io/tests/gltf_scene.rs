@@ -534,3 +534,24 @@ fn numbers(json: &mut Value, at: usize, new: &Value) -> usize {
     walk(json, &mut next, at, new);
     next
 }
+
+/// Where copies touch, a run keeps them together: it has to know where they stand.
+#[test]
+fn copies_of_a_mesh_say_where_they_stand() {
+    let (mut json, bin) = small();
+    json["meshes"] = json!([json["meshes"][0], json["meshes"][0], json["meshes"][0]]);
+    json["nodes"] = json!([
+        { "mesh": 0, "translation": [1, 2, 3] },
+        { "mesh": 0, "scale": [-1, 1, 1] },
+        { "mesh": 1, "skin": 0 },
+    ]);
+    json["skins"] = json!([{ "joints": [0] }]);
+    json["scenes"] = json!([{ "nodes": [0, 1, 2] }]);
+    json["scene"] = 0.into();
+    let scene = scene_of(&gltf(&json, &bin));
+    let [copied, skinned, unplaced] = scene.meshes() else { panic!("three meshes") };
+    let moved = [[1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 2.0], [0.0, 0.0, 1.0, 3.0]];
+    let mirrored = [[-1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+    assert_eq!((copied.instances, &copied.places), (2, &vec![moved, mirrored]));
+    assert!(skinned.places.is_empty() && unplaced.places.is_empty());
+}

@@ -38,6 +38,9 @@ pub fn render(subject: &Subject, view: &View) -> Result<Image, RenderError> {
         let vertices = subject.meshes[mesh].mesh.vertex_count();
         return Err(RenderError::Values { mesh, vertices, values: 0 });
     }
+    if view.look.shading == Shading::Textured {
+        subject.prepare_textures();
+    }
     let factor = if view.fine { 2 } else { 1 };
     let projection = Projection::new(&view.camera, width * factor, height * factor)?;
     let kinds = kinds(subject, view);

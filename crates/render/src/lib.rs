@@ -51,5 +51,5 @@ pub use light::{Ambient, Light, LightKind, Lighting};
 pub use look::{Background, Look, Shading};
 pub use sheet::{Legend, Panel, sheet};
 pub use subject::Subject;
-pub use texture::{TexelKind, Texture};
+pub use texture::{TexelKind, Texture, TextureSet};
 pub use view::{Ground, MAX_SIDE_PX, RenderError, View};

@@ -15,7 +15,7 @@ use crate::linear;
 use crate::look::Shading;
 use crate::projection::Projection;
 use crate::raster::{Corner, ProjectedMesh, Screen};
-use crate::subject::Subject;
+use crate::subject::{ShapeNormals, Subject};
 use crate::view::View;
 
 pub(crate) use simd::Batch;
@@ -77,7 +77,6 @@ const HEAT_EDGE_LIGHT: f32 = 0.35;
 
 /// Per-part shading data.
 struct PartShading<'a> {
-    /// One normal for each wedge, or for each vertex.
     normals: Normals<'a>,
     to_view: Mat3,
     is_mirrored: bool,
@@ -88,6 +87,8 @@ enum Normals<'a> {
     None,
     OfWedges(&'a [[f32; 3]]),
     OfVertices(&'a [[f32; 3]]),
+    /// Of the corners of each face.
+    OfCorners(&'a [[[f32; 3]; 3]]),
 }
 
 /// A point on a face.
@@ -112,11 +113,15 @@ impl<'a> Shader<'a> {
         let look = &view.look;
         let projection = &screen.projection;
         let needs_normals = look.shading != Shading::Flat;
+        let crease_deg = if needs_normals { subject.crease_deg() } else { None };
         let shaded = |placed: &'a ProjectedMesh<'a>| PartShading {
             normals: match placed.drawn.mesh.normals() {
                 _ if !needs_normals => Normals::None,
                 Some(own) => Normals::OfWedges(own),
-                None => Normals::OfVertices(placed.drawn.shape_normals()),
+                None => match placed.drawn.shape_normals(crease_deg) {
+                    ShapeNormals::OfVertices(all) => Normals::OfVertices(all),
+                    ShapeNormals::OfCorners(all) => Normals::OfCorners(all),
+                },
             },
             to_view: placed.to_view.of_normals(),
             is_mirrored: placed.to_view.is_mirrored(),
@@ -325,6 +330,7 @@ impl<'a> Shader<'a> {
             Normals::OfVertices(all) => {
                 hit.wedges.map(|w| Vec3::from(all[hit.placed.drawn.mesh.vertex_of(w).index()]))
             }
+            Normals::OfCorners(all) => all[hit.face].map(Vec3::from),
         };
         let n = shaded.to_view * (a * hit.b[0] + b * hit.b[1] + c * hit.b[2]);
         let length_sq = n.length_squared();

@@ -4,6 +4,7 @@ use std::mem::take;
 use std::sync::{Arc, OnceLock};
 
 use glam::{DMat4, DVec3};
+use lodsmith_core::mesh::creases::{Creases, corner_normals};
 use lodsmith_core::mesh::normals::vertex_normals;
 use lodsmith_core::mesh::weld::weld;
 use lodsmith_core::model::{Deformed, Pose, VertexColors};
@@ -25,6 +26,8 @@ pub struct Subject {
     pub(crate) surfaces: MaterialSet,
     pub(crate) vertex_colors: VertexColors,
     bounds: OnceLock<Option<Bounds>>,
+    creases: Creases,
+    crease_deg: OnceLock<Option<f64>>,
 }
 
 /// A mesh and data derived from it.
@@ -34,9 +37,17 @@ pub(crate) struct PreparedMesh {
     pub(crate) materials: Vec<Option<usize>>,
     /// Index of the model's mesh that this is a deformed version of.
     deformed_from: Option<usize>,
-    shape_normals: OnceLock<Vec<[f32; 3]>>,
+    shape_normals: OnceLock<ShapeNormals>,
     /// Heat-map values, one for each vertex.
     pub(crate) values: Option<Vec<f32>>,
+}
+
+/// Normals computed from the shape of a mesh.
+#[derive(Debug)]
+pub(crate) enum ShapeNormals {
+    OfVertices(Vec<[f32; 3]>),
+    /// Of the corners of each face.
+    OfCorners(Vec<[[f32; 3]; 3]>),
 }
 
 /// A mesh as placed by a node.
@@ -49,12 +60,15 @@ pub(crate) struct PlacedMesh {
 }
 
 impl PreparedMesh {
-    /// Normals computed from the shape, one for each vertex.
-    pub(crate) fn shape_normals(&self) -> &[[f32; 3]] {
+    /// Normals computed from the shape, smooth or broken at creases.
+    pub(crate) fn shape_normals(&self, crease_deg: Option<f64>) -> &ShapeNormals {
         self.shape_normals.get_or_init(|| {
             let surface = self.mesh.surface();
             let joined = weld(surface.positions());
-            vertex_normals(&surface, |v| joined.of(v))
+            match crease_deg {
+                None => ShapeNormals::OfVertices(vertex_normals(&surface, |v| joined.of(v))),
+                Some(angle) => ShapeNormals::OfCorners(corner_normals(&surface, |v| joined.of(v), angle)),
+            }
         })
     }
 }
@@ -100,7 +114,15 @@ impl Subject {
             }
         }
         let surfaces = MaterialSet::new(&model.materials, &model.images);
-        Ok(Self { meshes, parts, surfaces, vertex_colors: model.vertex_colors, bounds: OnceLock::new() })
+        Ok(Self {
+            meshes,
+            parts,
+            surfaces,
+            vertex_colors: model.vertex_colors,
+            bounds: OnceLock::new(),
+            creases: Creases::Auto,
+            crease_deg: OnceLock::new(),
+        })
     }
 
     /// Prepares a single mesh, with a plain surface.
@@ -109,6 +131,28 @@ impl Subject {
     /// [`RenderError::TooManyFaces`].
     pub fn of_mesh(mesh: impl Into<Arc<TriMesh>>) -> Result<Self, RenderError> {
         Self::new(&Model::of_mesh(mesh))
+    }
+
+    /// Sets where normals break that are computed from the shape: of meshes without their own. [`Creases::Auto`] unless
+    /// it is set. For pictures that are compared, see [`Subject::creases`].
+    pub fn with_creases(mut self, creases: Creases) -> Self {
+        self.creases = creases;
+        self.crease_deg = OnceLock::new();
+        self.meshes.iter_mut().for_each(|mesh| mesh.shape_normals = OnceLock::new());
+        self
+    }
+
+    /// Returns where the normals of this subject break, decided: for another subject that is to be shaded like it.
+    ///
+    /// Cost: O(n) the first time, for [`Creases::Auto`].
+    pub fn creases(&self) -> Creases {
+        self.crease_deg().map_or(Creases::Off, Creases::Above)
+    }
+
+    /// Returns the angle in degrees above which edges are sharp. The meshes at rest decide.
+    pub(crate) fn crease_deg(&self) -> Option<f64> {
+        let at_rest = || self.meshes.iter().filter(|m| m.deformed_from.is_none()).map(|m| &*m.mesh);
+        *self.crease_deg.get_or_init(|| self.creases.angle_deg(at_rest()))
     }
 
     /// Adds values for [`Shading::Heat`](crate::Shading::Heat): one for each vertex of each mesh of the
@@ -137,6 +181,12 @@ impl Subject {
     /// Number of faces to be drawn.
     pub fn face_count(&self) -> usize {
         self.parts.iter().map(|p| self.meshes[p.mesh].mesh.face_count()).sum()
+    }
+
+    /// Makes the textures that [`Shading::Textured`](crate::Shading::Textured) reads, before the parallel work.
+    pub(crate) fn prepare_textures(&self) {
+        let materials = self.parts.iter().flat_map(|part| &self.meshes[part.mesh].materials);
+        self.surfaces.prepare(materials.flatten().copied());
     }
 
     /// Returns the bounding box of everything placed; `None` if there is nothing.

@@ -1,31 +1,35 @@
-//! Materials, with textures prepared on first use.
+//! Materials and their textures.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use lodsmith_core::Image;
-use lodsmith_core::model::{Material, TextureRef};
+use lodsmith_core::model::Material;
 
-use crate::texture::{TexelKind, Texture};
+use crate::texture::{TexelKind, TextureSet};
 
 /// Materials and textures of a model.
 #[derive(Debug)]
 pub(crate) struct MaterialSet {
     pub(crate) materials: Vec<Material>,
-    images: Vec<Arc<Image>>,
-    /// For each image, as colours and as numbers.
-    textures: Vec<[OnceLock<Texture>; 2]>,
+    pub(crate) textures: TextureSet,
 }
 
 impl MaterialSet {
     pub(crate) fn new(materials: &[Material], images: &[Arc<Image>]) -> Self {
-        let textures = images.iter().map(|_| Default::default()).collect();
-        Self { materials: materials.to_vec(), images: images.to_vec(), textures }
+        Self { materials: materials.to_vec(), textures: TextureSet::new(images) }
     }
 
-    /// Returns the texture of a reference; `None` if there is none.
-    pub(crate) fn texture(&self, reference: &TextureRef, meaning: TexelKind) -> Option<&Texture> {
-        let slots = self.textures.get(reference.image)?;
-        let slot = &slots[usize::from(meaning == TexelKind::Numbers)];
-        Some(slot.get_or_init(|| Texture::new(&self.images[reference.image], meaning)))
+    /// Prepares the textures of these materials, before the parallel work that reads them.
+    pub(crate) fn prepare(&self, used: impl Iterator<Item = usize>) {
+        let used = used.filter_map(|material| self.materials.get(material)).flat_map(|m| {
+            [
+                (m.base_color_texture.as_ref(), TexelKind::Colors),
+                (m.metallic_roughness_texture.as_ref(), TexelKind::Numbers),
+                (m.normal_texture.as_ref(), TexelKind::Numbers),
+                (m.occlusion_texture.as_ref(), TexelKind::Numbers),
+                (m.emissive_texture.as_ref(), TexelKind::Colors),
+            ]
+        });
+        self.textures.prepare(used.filter_map(|(reference, kind)| Some((reference?, kind))));
     }
 }

@@ -1,7 +1,9 @@
 //! Textures with mipmaps, trilinear and anisotropic filtering.
 
+use std::sync::{Arc, OnceLock};
+
 use lodsmith_core::Image;
-use lodsmith_core::model::{Sampler, Wrap};
+use lodsmith_core::model::{Sampler, TextureRef, Wrap};
 use rayon::prelude::*;
 
 use crate::linear;
@@ -16,6 +18,59 @@ pub enum TexelKind {
     Colors,
     /// Linear values: normals, roughness.
     Numbers,
+}
+
+/// The textures of a model. They are made by [`prepare`](Self::prepare), before the parallel work that reads them.
+///
+/// Reading never makes a texture: a thread that made one would wait for the other threads of its pool, and could start
+/// on other work meanwhile that waits for the same texture, for ever.
+#[derive(Debug)]
+pub struct TextureSet {
+    images: Vec<Arc<Image>>,
+    /// For each image, as colours and as numbers.
+    slots: Vec<[OnceLock<Texture>; 2]>,
+}
+
+impl TextureSet {
+    /// Makes a set of the textures of these images, none of which is prepared yet.
+    pub fn new(images: &[Arc<Image>]) -> Self {
+        Self { images: images.to_vec(), slots: images.iter().map(|_| Default::default()).collect() }
+    }
+
+    /// Makes the textures that these references need and that are not there yet. References to images that do not
+    /// exist are ignored.
+    ///
+    /// Deterministic at any number of threads; uses the caller's thread pool. Several threads may call it at once; then
+    /// a texture may be made twice. Cost: O(pixels).
+    pub fn prepare<'r>(&self, used: impl IntoIterator<Item = (&'r TextureRef, TexelKind)>) {
+        let is_missing = |&(image, kind): &(usize, TexelKind)| {
+            self.slots.get(image).is_some_and(|slots| slots[kind.slot()].get().is_none())
+        };
+        let mut missing: Vec<(usize, TexelKind)> =
+            used.into_iter().map(|(reference, kind)| (reference.image, kind)).filter(is_missing).collect();
+        missing.sort_unstable_by_key(|&(image, kind)| (image, kind.slot()));
+        missing.dedup();
+        missing.par_iter().for_each(|&(image, kind)| {
+            let made = Texture::new(&self.images[image], kind);
+            // If another thread was faster, its texture is the same.
+            let _ = self.slots[image][kind.slot()].set(made);
+        });
+    }
+
+    /// Returns the texture of a reference; `None` if its image does not exist or was not prepared.
+    #[inline]
+    pub fn get(&self, reference: &TextureRef, kind: TexelKind) -> Option<&Texture> {
+        let texture = self.slots.get(reference.image)?[kind.slot()].get();
+        debug_assert!(texture.is_some(), "a texture is prepared before it is read");
+        texture
+    }
+}
+
+impl TexelKind {
+    /// Place of its texture among those of an image.
+    fn slot(self) -> usize {
+        usize::from(self == Self::Numbers)
+    }
 }
 
 /// An image and its mipmaps, each half as large as the previous one.
@@ -168,6 +223,37 @@ mod tests {
             let c = texture.at(uv, [0.25, 0.0], [0.0, 0.25], Sampler::default());
             assert!((c[0] - 0.5).abs() < 0.02 && c[3] == 1.0, "{c:?}");
         }
+    }
+
+    /// All threads of the pool ask for a texture while this one makes it, which is parallel work: neither may wait for
+    /// the other.
+    #[test]
+    fn a_texture_is_made_while_all_threads_of_the_pool_ask_for_it() {
+        let images = [Arc::new(checker(256))];
+        let reference =
+            TextureRef { image: 0, uv_set: 0, transform: TextureRef::PLAIN, sampler: Sampler::default() };
+        let set = TextureSet::new(&images);
+        let ask = move || {
+            set.prepare([(&reference, TexelKind::Colors)]);
+            assert!(set.get(&reference, TexelKind::Colors).is_some());
+        };
+        let (done, is_done) = std::sync::mpsc::channel();
+        std::thread::spawn(move || {
+            let held = std::sync::Barrier::new(rayon::current_num_threads() + 1);
+            std::thread::scope(|scope| {
+                scope.spawn(|| {
+                    rayon::broadcast(|_| {
+                        held.wait();
+                        std::thread::sleep(std::time::Duration::from_millis(200));
+                        ask();
+                    });
+                });
+                held.wait();
+                ask();
+            });
+            done.send(()).unwrap();
+        });
+        is_done.recv_timeout(std::time::Duration::from_secs(60)).expect("no thread waits for ever");
     }
 
     #[test]

@@ -587,3 +587,56 @@ fn surroundings_are_seen_behind_the_model() {
     let soft = render(&subject, &view).unwrap().at(10, 30);
     assert!(soft[0] > 120 && soft[1] > 120, "{soft:?}");
 }
+
+/// Sixteen textures, each on a square of its own, drawn by more threads than a picture of this size keeps busy: so that
+/// threads meet at the textures.
+#[test]
+fn many_threads_draw_many_textures_without_waiting_for_each_other() {
+    let square = |i: usize| {
+        let y = 8.0 * i as f32;
+        let mut square = rectangle([0.0, y, 64.0, y + 8.0], 0.0);
+        square.set_uvs(Some(vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])).unwrap();
+        let (transform, sampler) = (PLAIN, Sampler::default());
+        let texture = TextureRef { image: i, uv_set: 0, transform, sampler };
+        (square, Material { base_color_texture: Some(texture), ..unlit([1.0; 4]) })
+    };
+    let mut model = model((0..16).map(square).collect());
+    model.images = (0..16).map(|i| Arc::new(Image::filled(128, 128, [16 * i as u8, 0, 0, 255]))).collect();
+    let (done, is_done) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(8).build().unwrap();
+        for _ in 0..100 {
+            let picture = pool.install(|| draw(&model, &pixel_view(64, 128)));
+            assert_eq!([picture.at(9, 127), picture.at(9, 3)], [[0, 0, 0, 255], [240, 0, 0, 255]]);
+        }
+        done.send(()).unwrap();
+    });
+    is_done.recv_timeout(std::time::Duration::from_secs(120)).expect("no thread waits for ever");
+}
+
+/// Normals as colours: a face of a box has one, unless its edges are smooth.
+#[test]
+fn edges_of_a_box_without_normals_are_sharp() {
+    use lodsmith_core::mesh::creases::Creases;
+    let colors = |subject: &Subject| {
+        let bounds = subject.bounds().unwrap();
+        let mut view = View::of(&bounds, StandardView::Iso, 96, 96);
+        (view.background, view.look.shading) = (Background::Transparent, Shading::Normals);
+        let picture = render(subject, &view).unwrap();
+        // Of whole pixels, away from the edges of faces.
+        let mut colors: Vec<[u8; 4]> = picture.pixels().iter().copied().filter(|p| p[3] == 255).collect();
+        colors.sort_unstable();
+        let mut counts: Vec<usize> = colors.chunk_by(|a, b| a == b).map(<[_]>::len).collect();
+        counts.sort_unstable();
+        counts.iter().rev().take(3).sum::<usize>() as f64 / colors.len() as f64
+    };
+    let whole = Subject::of_mesh(shapes::cube(1)).unwrap();
+    assert!(colors(&whole) > 0.9, "three faces are seen: {}", colors(&whole));
+    // A result is shaded as its original is, whatever its own shape says.
+    let ball = Subject::of_mesh(shapes::icosphere(4)).unwrap();
+    assert_eq!(ball.creases(), Creases::Off);
+    let like_the_ball = Subject::of_mesh(shapes::cube(1)).unwrap().with_creases(ball.creases());
+    assert!(colors(&like_the_ball) < 0.2, "{}", colors(&like_the_ball));
+    let above = |angle| Subject::of_mesh(shapes::cube(1)).unwrap().with_creases(Creases::Above(angle));
+    assert!(colors(&above(89.0)) > 0.9 && colors(&above(91.0)) < 0.2);
+}

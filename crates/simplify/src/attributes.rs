@@ -3,6 +3,7 @@
 mod labels;
 pub(crate) mod ranges;
 mod recorded;
+pub(crate) mod sides;
 mod skin;
 
 use std::borrow::Cow;

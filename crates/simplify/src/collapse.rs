@@ -328,7 +328,7 @@ impl<M: Metric> LiveMesh<M> {
     /// Lets seams move at once, at the cost of their lines and attributes, instead of when nothing else is
     /// left.
     pub(crate) fn loosen_seams(&mut self) {
-        if self.values.attributes.is_some() {
+        if self.may_relax_seams() {
             self.constraints.looseness = Looseness::Seams;
         }
     }
@@ -349,6 +349,12 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
+    /// True if there are seams of attributes, and they may give way.
+    fn may_relax_seams(&self) -> bool {
+        let is_matched = |data: &Wedges| !data.has_seam_lines && !data.sides.is_empty();
+        self.values.attributes.is_some() || self.values.wedge_data.as_ref().is_some_and(is_matched)
+    }
+
     /// True if seams had to give way.
     pub(crate) fn has_relaxed_seams(&self) -> bool {
         matches!(self.constraints.looseness, Looseness::Seams | Looseness::Regions)
@@ -363,14 +369,16 @@ impl<M: Metric> LiveMesh<M> {
 impl<M: Metric> Engine<M> {
     /// Estimates the RMS distance of the result, in the unit frame: from that of the fit, or from the costs
     /// of all collapses. A collapse that lifts the tip of a star by h over triangles of area A adds A h² /
-    /// 6 to the integral of the squared distance, and costs 2 A h².
-    pub(crate) fn estimate(&self, fitted: Option<f64>) -> f64 {
+    /// 6 to the integral of the squared distance, and costs 2 A h². `removed` is that integral over the removed
+    /// parts, times two, if it was measured.
+    pub(crate) fn estimate(&self, fitted: Option<f64>, removed: Option<f64>) -> f64 {
         let area = self.mesh.cost.total_area.max(f64::MIN_POSITIVE);
         let kept = fitted.map_or(
             self.mesh.cost.metric.squared_rms_factor() * self.tally.collapse_cost / 6.0 / area,
             |rms| rms * rms,
         );
         // A part is not everywhere as far from the rest as it is large: a quarter, in squares. (Guessed.)
-        (kept + 0.25 * self.tally.removed_part_cost / area).sqrt()
+        let removed = removed.unwrap_or(0.25 * self.tally.removed_part_cost);
+        (kept + removed / area).sqrt()
     }
 }

@@ -133,6 +133,11 @@ impl InputComparer {
         Deviation { bound: Some(bound), measured: Some(measured) }
     }
 
+    /// Measures a result by samples; `None` if it has no face.
+    pub(crate) fn measured(&self, mesh: &TriMesh) -> Option<Comparison> {
+        PreparedResult::new(mesh).map(|result| self.compare(&result.0))
+    }
+
     /// Returns the RMS distance of a result, both ways, by this many samples each way; infinite if it has no
     /// face.
     pub(crate) fn rms(&self, mesh: &TriMesh, samples: usize) -> f64 {

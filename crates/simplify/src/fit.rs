@@ -26,7 +26,7 @@ use crate::tensor::Tensor;
 use faces::{FaceData, face_data};
 pub(crate) use move_guards::MoveGuards;
 use outliers::pull_in_outliers;
-use sampler::Sampler;
+use sampler::{Beside, Sampler};
 use solve::solve;
 use stars::CachedStar;
 pub(crate) use values::{Originals, Values};
@@ -78,14 +78,16 @@ pub(crate) fn fit<Q: VertexMemory>(
         robust_height_sq: (ROBUST_HEIGHT_SQ * (per_face * away).powi(2)).clamp(1e-30, 1e30) as f32,
         height_sq_sum: 0.0,
         weight: 0.0,
+        beside: Beside::default(),
     };
     sampler.take_samples(given, home, per_face, values);
-    let Sampler { mut loads, height_sq_sum: rr, weight, .. } = sampler;
+    let Sampler { mut loads, height_sq_sum: rr, weight, beside, .. } = sampler;
     let limit = MAX_OUTLIER_RMS * MAX_OUTLIER_RMS * (rr / weight.max(1e-30)) as f32;
     let suspects = solve(store, &mut loads, leeway, OUTLIER_CHECK_SHARE * limit, guards, tensor);
     let after = rr - loads.iter().map(|l| f64::from(l.gain())).sum::<f64>();
     pull_in_outliers(store, &loads, suspects, given, home, (limit, guards));
     // The mark still holds an index of an outlier: clear it, other code uses it as a stamp.
     store.v.iter_mut().for_each(|x| x.mark = 0);
-    Fitted { rms: (after.max(0.0) / weight.max(1e-30)).sqrt() }
+    let distance_sq_sum = after.max(0.0) + beside.distance_sq_sum;
+    Fitted { rms: (distance_sq_sum / (weight + beside.weight).max(1e-30)).sqrt() }
 }

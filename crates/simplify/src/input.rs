@@ -6,7 +6,8 @@ use lodsmith_core::{Surface, TriMesh, VertexId};
 pub(crate) struct Input<'a> {
     pub(crate) surface: Surface<'a>,
     pub(crate) mesh: Option<&'a TriMesh>,
-    /// The vertex that each vertex was merged with, if a weld came first.
+    /// The vertex that each vertex was merged with, if a weld came first. Before the preparation: that it is to be
+    /// merged with.
     pub(crate) joined: Option<Vec<VertexId>>,
 }
 

@@ -1,6 +1,7 @@
 //! Simplification of triangle meshes: the closest mesh for the count, at the speed of the fastest tool.
 
 mod attributes;
+mod borders;
 pub mod clean;
 mod cluster;
 pub mod cluster_lod;
@@ -12,11 +13,13 @@ mod deviation;
 mod error;
 mod escalate;
 mod fit;
+mod flat_shading;
 mod guard;
 mod input;
 mod lanes;
 pub mod lod;
 mod metric;
+mod missing;
 mod normals;
 pub mod options;
 mod ordered_input;
@@ -59,7 +62,7 @@ pub use proposal::{Change, Proposal};
 pub use prune::Pruned;
 pub use report::{Cleanup, Clustered, ErrorReport, Escalation, Refusal, Report, Simplified, StoppedBy};
 
-pub use scene::{MeshCounts, Part, SimplifiedScene, Starved, simplify_scene};
+pub use scene::{MeshCounts, Part, Place, SimplifiedScene, Starved, simplify_scene};
 pub use textures::{Texture, Textures};
 pub use two_sided::two_sided_faces;
 
@@ -81,7 +84,8 @@ pub use two_sided::two_sided_faces;
 ///
 /// # Input
 /// Any [`TriMesh`], in any unit and of either precision: open, closed or non-manifold, a triangle soup, with
-/// holes or unused vertices. Vertices at equal positions count as one; degenerate and duplicate faces and
+/// holes or unused vertices. Vertices at equal positions count as one, and so do those of two borders that differ
+/// by rounding (2^-22 of the largest coordinate, in double precision of the extent); degenerate and duplicate faces and
 /// faces with NaN or infinite positions are left out, and [`Report::cleanup`] counts them. Lengths among the
 /// options are in the units of the mesh or a share of the diagonal of its bounding box ([`Length`]); angles
 /// are in degrees.
@@ -89,8 +93,9 @@ pub use two_sided::two_sided_faces;
 /// # Output
 /// [`Simplified::mesh`] has the units, the precision of positions and the attributes of the input (normals,
 /// texture coordinates, colours, skins, morph targets, named values; [`Report::dropped`] names the
-/// exceptions), and its regions. Faces, vertices and wedges are numbered anew. [`Simplified::report`] says
-/// what was done; its lengths are in the units of the mesh.
+/// exceptions), and its regions. Values that are NaN or infinite are missing ([`Report::missing_values`]): they do
+/// not count, named values stay NaN, and others are continued from around them. Faces, vertices and wedges are
+/// numbered anew. [`Simplified::report`] says what was done; its lengths are in the units of the mesh.
 ///
 /// # Promises
 /// - The stop is met if the report says so ([`Report::reached`]); otherwise [`Report::stopped_by`] and
@@ -115,7 +120,8 @@ pub use two_sided::two_sided_faces;
 /// with [`Method::Cluster`]; other methods take 195 to 630. Each value of an attribute adds 29 and 20,
 /// [`Measure::Always`] 100, and a stop at an error 150 to 760. (Measured: docs/decisions/0022.)
 ///
-/// A run uses one thread; [`Method::Cluster`] and measuring use the caller's rayon pool.
+/// A run uses one thread; [`Method::Cluster`], measuring and the repair of colours with
+/// [`SimplifyOptions::textures`] use the caller's rayon pool.
 ///
 /// # Data beside the mesh
 /// For data that the mesh does not hold, [`correspondence`](lodsmith_core::correspondence::correspondence)

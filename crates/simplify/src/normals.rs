@@ -3,12 +3,16 @@
 //! If a hard-edged part of an asset loses an edge, the remaining wedge carries the mean of unrelated
 //! normals, and its face is shaded as if it faced elsewhere: a dark splinter. Such a wedge gets the normal of
 //! its own faces; if those face different ways themselves, it is split.
+//!
+//! A vertex whose origins in the input had one normal each keeps one: splitting it would open a surface that is
+//! closed by its indices. It gets the mean normal of its faces, if that fits more of them.
 
 use glam::Vec3;
-use lodsmith_core::{TriMesh, WedgeId};
+use lodsmith_core::{TriMesh, VertexId, WedgeId};
 
 use crate::attributes::Rows;
 use crate::collapse::attributes::Attributes;
+use crate::collapse::order::NONE;
 use crate::collapse::store::Store;
 use crate::metric::VertexMemory;
 
@@ -19,19 +23,30 @@ const FAR_COS: f32 = 0.5;
 /// If a larger share of the faces (by area) at a wedge of the input was far off its normal, this was
 /// intended. (The majority: a single sliver at a wedge proves nothing.)
 const INTENDED_SHARE: f32 = 0.5;
+/// Cosine of the smallest angle between two normals of one vertex that makes a hard edge: 2 degrees. (Guessed:
+/// normals with a byte for each coordinate are off by up to half a degree.)
+const HARD_COS: f32 = 0.9994;
+
+/// Where the vertices of the input went.
+pub(crate) struct Homes<'a, P: Fn(WedgeId) -> VertexId> {
+    /// The vertex of the ordered input that each wedge of the input is at, or [`NONE`].
+    pub(crate) place: P,
+    /// The vertex of the result that each vertex of the ordered input became, or [`NONE`].
+    pub(crate) home: &'a [VertexId],
+}
 
 /// Repairs the wedges whose normal is far off at least one of their faces, and was not in the input. Locked
-/// vertices keep theirs. Returns how many corners got another normal. Cost: O(faces of the result), and
-/// O(faces of the input) if there is something to repair.
+/// vertices keep theirs. Cost: O(faces of the result), and O(faces of the input) if there is something to
+/// repair.
 pub(crate) fn repair<Q: VertexMemory>(
     store: &mut Store<Q>,
     attributes: &mut Attributes,
     rows: &Rows,
     input: &TriMesh,
-) -> usize {
-    let (Some(at), Some(wedges)) = (rows.normals_at(), &store.wedges) else { return 0 };
+    homes: &Homes<'_, impl Fn(WedgeId) -> VertexId>,
+) {
+    let (Some(at), Some(wedges)) = (rows.normals_at(), &store.wedges) else { return };
     let faces: Vec<Vec3> = store.t.iter().map(|t| doubled_area(t.map(|v| store.v[v.index()].p))).collect();
-    let mut corners: Vec<WedgeCorner> = Vec::new();
     let mut is_far = vec![false; attributes.count()];
     for (f, t) in store.t.iter().enumerate() {
         for (k, &w) in wedges[f].iter().enumerate() {
@@ -41,16 +56,26 @@ pub(crate) fn repair<Q: VertexMemory>(
         }
     }
     if !is_far.contains(&true) {
-        return 0;
+        return;
     }
     let was_wanted = intended_far(attributes, rows, input, at, &is_far);
+    let is_hard = on_hard_edges(store, input, homes);
+    let mut corners: Vec<WedgeCorner> = Vec::new();
+    let mut is_turned = vec![false; store.v.len()];
     for (f, t) in wedges.iter().enumerate() {
         for (k, &wedge) in t.iter().enumerate() {
-            if is_far[wedge.index()] && !was_wanted[attributes.original(wedge).index()] {
+            let v = store.t[f][k].index();
+            if !is_far[wedge.index()] || was_wanted[attributes.original(wedge).index()] {
+                continue;
+            }
+            if is_hard[v] {
                 corners.push(WedgeCorner { wedge, face: f, k });
+            } else {
+                is_turned[v] = true;
             }
         }
     }
+    turn(store, attributes, at, &faces, &is_turned);
     corners.sort_unstable_by_key(|c| (c.wedge, c.face, c.k));
     let mut changes: Vec<(WedgeCorner, WedgeId)> = Vec::new();
     for of_wedge in corners.chunk_by(|a, b| a.wedge == b.wedge) {
@@ -61,7 +86,69 @@ pub(crate) fn repair<Q: VertexMemory>(
             wedges[corner.face][corner.k] = *wedge;
         }
     }
-    changes.len()
+}
+
+/// Returns the vertices of the result that have an origin with several normals in the input.
+fn on_hard_edges<Q: VertexMemory>(
+    store: &Store<Q>,
+    input: &TriMesh,
+    homes: &Homes<'_, impl Fn(WedgeId) -> VertexId>,
+) -> Vec<bool> {
+    let mut is_hard = vec![false; store.v.len()];
+    let Some(normals) = input.normals() else { return is_hard };
+    let mut first: Vec<Option<Vec3>> = vec![None; homes.home.len()];
+    let mut has_several = vec![false; homes.home.len()];
+    for (w, normal) in normals.iter().enumerate() {
+        let (place, normal) = ((homes.place)(WedgeId::new(w)), Vec3::from(*normal));
+        if place == NONE {
+            continue;
+        }
+        let known = *first[place.index()].get_or_insert(normal);
+        if known.dot(normal) < HARD_COS * known.length() * normal.length() {
+            has_several[place.index()] = true;
+        }
+    }
+    for (place, home) in homes.home.iter().enumerate() {
+        if *home != NONE && has_several[place] {
+            is_hard[home.index()] = true;
+        }
+    }
+    // Cuts add vertices, which have a place but are no home.
+    for (is_hard, x) in is_hard.iter_mut().zip(&store.v) {
+        *is_hard |= has_several.get(store.place_of(x.origin).index()) == Some(&true);
+    }
+    is_hard
+}
+
+/// Gives each of the vertices `is_turned` one normal, the mean of its faces by their areas, if less of them is
+/// far off it than off the present ones.
+fn turn<Q: VertexMemory>(
+    store: &Store<Q>,
+    attributes: &mut Attributes,
+    at: usize,
+    faces: &[Vec3],
+    is_turned: &[bool],
+) {
+    let Some(wedges) = &store.wedges else { return };
+    let mut corners: Vec<(VertexId, WedgeId, usize)> = Vec::new();
+    for (f, (t, wedges)) in store.t.iter().zip(wedges).enumerate() {
+        let of_face = t.iter().zip(wedges).filter(|(v, _)| is_turned[v.index()]);
+        corners.extend(of_face.map(|(&v, &w)| (v, w, f)));
+    }
+    corners.sort_unstable();
+    for star in corners.chunk_by(|a, b| a.0 == b.0) {
+        let mean = star.iter().map(|&(_, _, f)| faces[f]).sum::<Vec3>().normalize_or_zero();
+        let far_area = |normal: &dyn Fn(WedgeId) -> Vec3| -> f32 {
+            let far = star.iter().filter(|&&(_, w, f)| is_far_off(normal(w), faces[f]));
+            far.map(|&(_, _, f)| faces[f].length()).sum()
+        };
+        let present = far_area(&|w| normal_of(attributes, w, at));
+        if mean != Vec3::ZERO && far_area(&|_| mean) < present {
+            for &(_, w, _) in star {
+                attributes.values_mut(w)[at..at + 3].copy_from_slice(&mean.to_array());
+            }
+        }
+    }
 }
 
 /// A corner of the result.

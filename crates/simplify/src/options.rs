@@ -366,7 +366,8 @@ pub struct SimplifyOptions {
     pub bound: Bound,
     /// Measurement of the result.
     pub measure: Measure,
-    /// Vertices closer than this are merged first. Vertices at equal positions always are.
+    /// Vertices closer than this are merged first. Vertices at equal positions always are; without this, so are
+    /// those of borders that differ by rounding ([`simplify`](crate::simplify()) says how far).
     pub weld: Option<Length>,
     /// Connected parts whose bounding box has a smaller diagonal than this are removed first; the largest
     /// part is always kept. Distances are measured from the remaining parts. A share is of the diagonal of
@@ -412,6 +413,8 @@ pub struct SimplifyOptions {
     /// Keeps blended normals that deviate far from their faces: for lent normals, and where groups of
     /// clusters are joined again.
     pub(crate) keeps_blended_normals: bool,
+    /// True if borders that differ by rounding were found before: in a scene each mesh has its own precision.
+    pub(crate) knows_borders: bool,
     /// Makes one quick pass, if set.
     #[doc(hidden)]
     pub quick: Option<QuickPass>,

@@ -1,7 +1,9 @@
-//! One call of the library, from its input to its result, in four steps:
+//! One call of the library, from its input to its result, in six steps:
 //!
 //! ```text
-//! prepare   lend normals, remove small parts, join near vertices          `Prepared`
+//! complete  continue known attributes where values are missing            `missing`
+//! prepare   lend normals, leave out flat ones, remove small parts,
+//!           join near vertices                                            `FlatShading`, `Prepared`
 //! sheets    leave out the backs of two-sided sheets, and begin again      `TwoSidedInput`
 //! plan      the pass of the method, and looser options while needed       `pass_of`, `Escalation`
 //! run       order, collapse or rebuild, fit, measure                      `run`, `cluster`
@@ -11,12 +13,13 @@
 pub(crate) mod prepare;
 
 use crate::escalate::Attempts;
+use crate::flat_shading::FlatShading;
 use crate::input::Input;
 use crate::options::{Method, SimplifyOptions, Stop};
 use crate::report::Cleanup;
 use crate::run::{self, Done, Mergers, Pass};
 use crate::two_sided::TwoSidedInput;
-use crate::{Control, SimplifyError, cluster, constraints, rebuild, two_sided};
+use crate::{Control, SimplifyError, cluster, constraints, missing, rebuild, two_sided};
 use prepare::{Prepared, lent_normals};
 
 /// Runs with the options' method; again with looser options if requested and needed. Returns the locked
@@ -27,6 +30,9 @@ pub(crate) fn simplify(
     control: &mut dyn Control,
 ) -> Result<Done, SimplifyError> {
     check(input, options)?;
+    if let Some(completed) = missing::completed(input)? {
+        return Ok(completed.finished(simplify(&completed.input(input), options, control)?, input));
+    }
     let options = &options.with_own_placement();
     let mut attempts = Attempts::new(options, simplify_once(input, options, control)?);
     while let Some(change) = attempts.next_change() {
@@ -47,7 +53,8 @@ fn simplify_once(
     control: &mut dyn Control,
 ) -> Result<Done, SimplifyError> {
     let lent = lent_normals(input, options)?;
-    let prepared = Prepared::new(input, lent.as_ref(), options)?;
+    let flat = FlatShading::of(input, options);
+    let prepared = Prepared::new(input, lent.as_ref(), flat.as_ref(), options)?;
     let mut ordered = None;
     if two_sided::is_looked_for(&prepared.input.surface, options) {
         let own = ordered.insert(run::ordered(&prepared.input, control)?);
@@ -102,9 +109,15 @@ pub(crate) fn simplify_chain(
         SimplifyOptions { stop: *stop, ..options.clone() }.check()?;
     }
     constraints::check(options, input.surface.positions().len())?;
+    if let Some(completed) = missing::completed(input)? {
+        let made = simplify_chain(&completed.input(input), options, stops, is_traced, control)?;
+        let finished = |done| completed.finished(done, input);
+        return Ok(made.map(|(levels, mergers)| (levels.into_iter().map(finished).collect(), mergers)));
+    }
     let options = &options.with_own_placement();
     let lent = lent_normals(input, options)?;
-    let prepared = Prepared::new(input, lent.as_ref(), options)?;
+    let flat = FlatShading::of(input, options);
+    let prepared = Prepared::new(input, lent.as_ref(), flat.as_ref(), options)?;
     let ordered = run::ordered(&prepared.input, control)?;
     if let Some(sheets) = TwoSidedInput::find(input, &prepared.input, &ordered, options)? {
         let cleanup = ordered.cleanup;
@@ -112,7 +125,7 @@ pub(crate) fn simplify_chain(
         let Some(own) = sheets.chain_stops(stops) else { return Ok(None) };
         let made = simplify_chain(&sheets.input(), &sheets.own_options(options), &own, is_traced, control)?;
         let Some((levels, mergers)) = made else { return Ok(None) };
-        let (levels, mergers) = sheets.both_levels(levels, &mergers, stops)?;
+        let (levels, mergers) = sheets.both_levels(levels, &mergers, stops, options)?;
         let all = levels.into_iter().map(|done| with_sheets(done, &sheets, &prepared, cleanup));
         return Ok(Some((all.collect(), mergers)));
     }

@@ -103,7 +103,7 @@ fn outcome(
         fitted: false,
         tally,
         has_touching_vertices: false,
-        seams_relaxed: false,
+        seams_relaxed: made.seams_relaxed,
         kept_costly_seams: false,
         is_unproductive: false,
         kept_blocking_parts: false,

@@ -14,6 +14,7 @@ use lodsmith_core::geometry::triangle::{double_area_normal, weights_at};
 use lodsmith_core::spatial::Bvh;
 use lodsmith_core::{Attribute, FaceId, MeshError, Positions, RegionId, TriMesh, VertexId, WedgeId};
 
+use crate::cluster::chunks::each;
 use crate::constraints::HeldWedges;
 use crate::input::Input;
 use crate::options::SimplifyOptions;
@@ -44,6 +45,8 @@ const MAX_MIXED_SHARE: f64 = 0.25;
 const IMPROVEMENT_RATIO: [i64; 2] = [3, 4];
 /// Cosine beyond which a face of the input faces away from one of the result: it is another sheet.
 const MIN_FACING_COS: f64 = -0.2;
+/// Faces that a thread looks at in one piece. (Guessed: a lookup takes microseconds.)
+const CHUNK_FACES: usize = 256;
 
 type Color = [u8; 4];
 
@@ -69,7 +72,7 @@ pub(crate) fn recolored(
 
 /// Replaces texture coordinates of the result so that their colours match the source as far as possible. Held
 /// corners are kept. Cost: O(faces of the source) to detect palettes; if there is one, a lookup per face of
-/// the result and ten per face that differs.
+/// the result and ten per face that differs, shared by the threads of the caller's pool.
 fn repair(
     mesh: TriMesh,
     source: &TriMesh,
@@ -83,15 +86,21 @@ fn repair(
         return Ok(mesh);
     }
     let original = ColorSource { tree: Bvh::new(&source.surface()), mesh: source, uvs: source_uvs, parts };
-    let mut changes: HashMap<(usize, usize), [f32; 2]> = HashMap::new();
-    for f in 0..mesh.face_count() {
+    let corners_of = |f: usize| mesh.triangles()[f].map(|w| uvs[w.index()]);
+    let better_of = |f: usize| {
         let region = mesh.regions().map(|r| r[f]);
-        let Some(Some(texture)) = palettes.get(region.unwrap_or_default().index()) else { continue };
-        let corners = mesh.triangles()[f].map(|w| uvs[w.index()]);
-        if let Some(better) = original.recolored(&mesh, f, region, corners, texture) {
-            for k in (0..3).filter(|&k| better[k] != corners[k] && held.at(f, k).is_none()) {
-                changes.insert((f, k), better[k]);
-            }
+        let texture = palettes.get(region.unwrap_or_default().index())?.as_ref()?;
+        Some((f, original.recolored(&mesh, f, region, corners_of(f), texture)?))
+    };
+    let found: Vec<Vec<_>> = each(mesh.face_count().div_ceil(CHUNK_FACES), |i| {
+        let chunk = i * CHUNK_FACES..((i + 1) * CHUNK_FACES).min(mesh.face_count());
+        chunk.filter_map(better_of).collect()
+    });
+    let mut changes: HashMap<(usize, usize), [f32; 2]> = HashMap::new();
+    for (f, better) in found.into_iter().flatten() {
+        let corners = corners_of(f);
+        for k in (0..3).filter(|&k| better[k] != corners[k] && held.at(f, k).is_none()) {
+            changes.insert((f, k), better[k]);
         }
     }
     if changes.is_empty() { Ok(mesh) } else { with_uvs(&mesh, &changes) }
@@ -181,6 +190,10 @@ impl ColorSource<'_> {
         region: Option<RegionId>,
         part: Option<u32>,
     ) -> Option<[f32; 2]> {
+        // Nothing faces the way of a face without a normal.
+        if normal == DVec3::ZERO || normal.is_nan() {
+            return None;
+        }
         let view = self.mesh.positions().view();
         let corners = |f: FaceId| {
             self.mesh.triangles()[f.index()].map(|w| DVec3::from(view.get(self.mesh.vertex_of(w))))

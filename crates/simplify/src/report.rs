@@ -203,6 +203,10 @@ pub struct Report {
     pub sharp_relaxed: bool,
     /// Repairs made before the run.
     pub cleanup: Cleanup,
+    /// Values of attributes that are NaN or infinite, which count as missing: named values of the result are NaN where
+    /// those of the input are; normals, texture coordinates and colours are continued from around the gaps. They
+    /// do not count in the cost.
+    pub missing_values: usize,
     /// Attributes of the input that the result does not carry: joints without weights of the same set, or
     /// weights without joints.
     #[cfg_attr(feature = "serde", serde(deserialize_with = "dropped_names"))]
@@ -216,6 +220,9 @@ pub struct Report {
     pub escalated: Vec<Escalation>,
     /// Small parts that were removed first. Distances are measured from the remaining parts.
     pub pruned: Pruned,
+    /// In a scene, places where borders of meshes touched and came apart: they were simplified separately, or the
+    /// method did not keep their vertices.
+    pub gaps: usize,
     /// Pairs of faces of the input that lie on each other with opposite windings: the two sides of a sheet,
     /// reduced as one.
     pub two_sided_pairs: usize,

@@ -9,17 +9,17 @@ mod joined;
 mod layout;
 mod part;
 mod per_mesh;
+mod touching;
 
 use lodsmith_core::VertexId;
 
 use crate::control::Control;
-use crate::input::Input;
 use crate::options::{SimplifyOptions, Stop};
 use crate::run::{CountedGoal, is_chained};
 use crate::{SimplifyError, pipeline};
 use joined::JoinedScene;
 use layout::PartPlacement;
-pub use part::{MeshCounts, Part, SimplifiedScene, Starved};
+pub use part::{MeshCounts, Part, Place, SimplifiedScene, Starved};
 
 /// Reduces the number of triangles of several meshes under one budget: triangles are removed where that costs
 /// least, whichever mesh they belong to.
@@ -37,11 +37,12 @@ pub use part::{MeshCounts, Part, SimplifiedScene, Starved};
 /// units of the scene.
 ///
 /// With [`SimplifyOptions::per_mesh`] each part is simplified separately, and the stop applies to each, with
-/// its instances counted once; parts that touch then do not stay connected.
+/// its instances counted once; parts that touch then do not stay connected ([`Report::gaps`](crate::Report)).
 ///
 /// # Promises
 /// Those of [`simplify`](crate::simplify()), for all parts laid side by side. Parts of one
-/// [system](Part::system) that touch stay connected. A proven bound includes the rounding of the results to
+/// [system](Part::system) that touch stay connected, and so do all whose borders touch at their
+/// [places](Part::places), up to rounding; [`Report::gaps`](crate::Report) counts the exceptions. A proven bound includes the rounding of the results to
 /// the precision of their parts. Same parts, options and seed, same bytes.
 ///
 /// # Cost
@@ -93,8 +94,7 @@ pub(crate) fn chain_of_scene(
         return Ok(None);
     }
     let own: Vec<Stop> = goals.iter().map(|goal| whole.own_stop(goal, goal.wanted())).collect();
-    let input = Input { surface: whole.mesh.surface(), mesh: Some(&whole.mesh), joined: None };
-    let made = pipeline::simplify_chain(&input, &whole.options, &own, is_traced, control)?;
+    let made = pipeline::simplify_chain(&whole.input(), &whole.options, &own, is_traced, control)?;
     let Some((all, mergers)) = made else { return Ok(None) };
     let mut first = 0;
     let mut before: Vec<Vec<VertexId>> = Vec::with_capacity(parts.len());

@@ -24,8 +24,9 @@ use lodsmith_core::{Morphed, Positions, PositionsView, Semantic, Surface, TriMes
 
 use crate::SimplifyError;
 use crate::collapse::order::{NONE, Ordered, order};
+use crate::deviation::InputComparer;
 use crate::input::Input;
-use crate::options::{Method, SimplifyOptions, Stop};
+use crate::options::{Bound, Method, SimplifyOptions, Stop, TopologyPolicy};
 use crate::report::Report;
 use crate::run::{CountedGoal, Done, Mergers};
 use both::BothSides;
@@ -42,13 +43,21 @@ pub(crate) struct TwoSidedInput<'a> {
     duplicates: usize,
     /// True if each face belongs to a pair, with vertices that are shared or not throughout.
     is_uniform: bool,
+    /// True if the input can be put together again from the fronts.
+    is_exact: bool,
     /// Vertices of backs that are not those of the front, with the one of the front.
     own_vertices: Vec<[VertexId; 2]>,
+    /// The vertex that each one is to be merged with, as in the input.
+    joined: Option<Vec<VertexId>>,
 }
 
-/// True if a run is worth looking for sheets: not with voxels, whose surface encloses what is inside, and with
-/// clustering, which needs no order otherwise, only if a sample of the faces occurs twice.
+/// True if a run is worth looking for sheets: not with voxels, whose surface encloses what is inside, nor with
+/// pairs, which would join single cards to sheets that branch, unless the topology is free; and with clustering,
+/// which needs no order otherwise, only if a sample of the faces occurs twice.
 pub(crate) fn is_looked_for(surface: &Surface<'_>, options: &SimplifyOptions) -> bool {
+    if options.method_options.pairs.is_some() && options.topology != TopologyPolicy::Free {
+        return false;
+    }
     match options.method {
         Method::Remesh => options.method_options.voxel.is_none(),
         Method::Cluster => pairs::may_have_sheets(surface),
@@ -64,7 +73,7 @@ pub(crate) struct Sides {
 
 /// Returns the sides of the sheets of a surface. Cost: O(n log n).
 pub(crate) fn sides(surface: &Surface<'_>) -> Sides {
-    let found = pairs::find(surface, &order(surface), |_| true).unwrap_or_default();
+    let found = pairs::find(surface, &order(surface), pairs::MAX_BENT_GAP, |_| true).unwrap_or_default();
     let all = |side: fn(&Pair) -> &[u32]| {
         let mut faces: Vec<u32> = found.pairs.iter().flat_map(side).copied().collect();
         faces.sort_unstable();
@@ -113,7 +122,10 @@ impl<'a> TwoSidedInput<'a> {
                     is_whole(mesh, pair) && corners().all(|(a, b)| moves_alike(mesh, a, b))
                 })
         };
-        let Some(found) = pairs::find(surface, ordered, may_pair) else { return Ok(None) };
+        // A bent quad has a back of another shape: that may not be traded where a distance is promised.
+        let is_bound = options.stop.error.is_some() || options.effective_bound() != Bound::Estimate;
+        let bent = if is_bound { 0.0 } else { pairs::MAX_BENT_GAP };
+        let Some(found) = pairs::find(surface, ordered, bent, may_pair) else { return Ok(None) };
         let whole = match input.mesh {
             Some(mesh) => Cow::Borrowed(mesh),
             None => Cow::Owned(mesh_of(input)?),
@@ -142,8 +154,10 @@ impl<'a> TwoSidedInput<'a> {
             2 * pair_count + duplicates.len() == sound && (shared == 0 || own_vertices.is_empty());
         own_vertices.sort_unstable();
         own_vertices.dedup();
+        let is_exact = single.is_exact(&whole, &found, &own_vertices);
         let duplicates = duplicates.len();
-        Ok(Some(Self { whole, single, pair_count, duplicates, is_uniform, own_vertices }))
+        let joined = input.joined.clone();
+        Ok(Some(Self { whole, single, pair_count, duplicates, is_uniform, is_exact, own_vertices, joined }))
     }
 
     /// Runs on the fronts, with `run`, and returns both sides.
@@ -165,6 +179,7 @@ impl<'a> TwoSidedInput<'a> {
         let (both, mut report) =
             goal.search(self.is_uniform || goal.count.is_none(), 2.0, options.stop.error, once)?;
         goal.judge(&mut report);
+        self.measure(&both.mesh, &mut report, options);
         Ok((crate::Simplified { mesh: both.mesh, report }, both.held))
     }
 
@@ -185,6 +200,7 @@ impl<'a> TwoSidedInput<'a> {
         levels: Vec<Done>,
         mergers: &Mergers,
         stops: &[Stop],
+        options: &SimplifyOptions,
     ) -> Result<(Vec<Done>, Mergers), SimplifyError> {
         let mut all: Vec<Done> = Vec::with_capacity(levels.len());
         let mut both_mergers = Mergers::new();
@@ -197,6 +213,7 @@ impl<'a> TwoSidedInput<'a> {
         for (k, ((done, held), stop)) in levels.into_iter().zip(stops).enumerate() {
             let (both, mut report) = self.both_sides(&done.mesh, &held, done.report)?;
             self.goal(stop).judge(&mut report);
+            self.measure(&both.mesh, &mut report, options);
             let fronts = done.mesh.vertex_count();
             if let Some(into) = mergers.get(k) {
                 let mut copy = vec![NONE; fronts];
@@ -214,6 +231,11 @@ impl<'a> TwoSidedInput<'a> {
             all.push((crate::Simplified { mesh: both.mesh, report }, both.held));
         }
         Ok((all, both_mergers))
+    }
+
+    /// True if the full level of [`Self::both_splits`] is the input.
+    pub(crate) fn is_exact(&self) -> bool {
+        self.is_exact
     }
 
     /// Returns both sides of a progressive mesh of the fronts.
@@ -247,7 +269,8 @@ impl<'a> TwoSidedInput<'a> {
 
     /// The input without backs.
     pub(crate) fn input(&self) -> Input<'_> {
-        Input { surface: self.single.mesh.surface(), mesh: Some(&self.single.mesh), joined: None }
+        let joined = self.joined.clone();
+        Input { surface: self.single.mesh.surface(), mesh: Some(&self.single.mesh), joined }
     }
 
     /// Returns the options of a run on the fronts.
@@ -269,6 +292,15 @@ impl<'a> TwoSidedInput<'a> {
             own.importance = Some(all.into());
         }
         own
+    }
+
+    /// Measures a result with both sides, if the run was measured: by area, so that sheets count twice. A bound that is
+    /// proven for one side holds for both.
+    fn measure(&self, mesh: &TriMesh, report: &mut Report, options: &SimplifyOptions) {
+        if report.error.measured.is_some() {
+            let comparer = InputComparer::new(&self.whole.surface(), options);
+            report.error.measured = comparer.and_then(|comparer| comparer.measured(mesh));
+        }
     }
 
     fn goal(&self, stop: &Stop) -> CountedGoal {

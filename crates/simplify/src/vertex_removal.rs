@@ -16,6 +16,7 @@
 
 mod hole;
 mod parts;
+mod seams;
 mod star;
 mod store;
 
@@ -30,6 +31,7 @@ use crate::options::{BorderPolicy, TopologyPolicy};
 use crate::rebuild::{Ending, RebuiltSurface, Task};
 use crate::report::Refusal;
 use hole::{HoleFiller, HoleRing, Limits, RejectReasons};
+use seams::Seams;
 use star::{Class, MAX_STAR_FACES, OrderedStar};
 use store::{FaceStore, HUB_FACES};
 
@@ -52,6 +54,14 @@ const OUTSIDE: u8 = u8::MAX;
 pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<RebuiltSurface, SimplifyError> {
     let mut removal = Removal::new(task);
     let mut end = removal.run(control)?;
+    let mut seams_relaxed = false;
+    if end == Ending::Stuck && removal.refusals[Refusal::Seam as usize] > 0 && task.step.is_none() {
+        // A displaced seam is better than a removed part.
+        seams_relaxed = removal.relax_seams();
+        if seams_relaxed {
+            end = removal.run(control)?;
+        }
+    }
     let mut parts_removed = 0;
     if end == Ending::Stuck && task.options.topology != TopologyPolicy::Preserve && task.step.is_none() {
         parts_removed = parts::remove_cheapest(&mut removal.store, task);
@@ -59,7 +69,7 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Rebuilt
             end = Ending::Goal;
         }
     }
-    Ok(removal.made(end, parts_removed))
+    Ok(RebuiltSurface { seams_relaxed, ..removal.made(end, parts_removed) })
 }
 
 struct Removal<'a> {
@@ -98,7 +108,7 @@ impl<'a> Removal<'a> {
         let guards = &options.guards;
         Self {
             task,
-            store: FaceStore::new(ground),
+            store: FaceStore::new(ground, task.mesh.map_or_else(Seams::default, |m| Seams::new(ground, m))),
             bounds: vec![0.0; count],
             error: vec![0.0; count],
             number: vec![OUTSIDE; count],
@@ -119,6 +129,7 @@ impl<'a> Removal<'a> {
         }
         let count = self.bounds.len();
         let mut waiting: Vec<VertexId> = (0..count).map(VertexId::new).collect();
+        waiting.retain(|v| self.bounds[v.index()] != REMOVED_BOUND);
         // All costs are computed before the first removal.
         let mut limit = -1.0;
         let mut prices = Vec::with_capacity(count);
@@ -162,6 +173,13 @@ impl<'a> Removal<'a> {
         }
     }
 
+    /// Gives up the seams, if there are any, so that no vertex is refused for them.
+    fn relax_seams(&mut self) -> bool {
+        let seams = std::mem::take(&mut self.store.seams);
+        self.bounds.iter_mut().filter(|bound| **bound == f32::INFINITY).for_each(|bound| *bound = 0.0);
+        !seams.is_empty()
+    }
+
     /// Approximate number of vertices still to be removed.
     fn wanted(&self) -> usize {
         let goal = &self.task.goal;
@@ -189,7 +207,7 @@ impl<'a> Removal<'a> {
             return Err(Refusal::Locked);
         }
         self.star.gather(&mut self.store, v)?;
-        let class = self.star.class(&self.store, self.crease_cos)?;
+        let class = self.star.class(&self.store, v, self.crease_cos)?;
         let border = self.task.options.border;
         if class == Class::Border && border == BorderPolicy::Lock {
             return Err(Refusal::Border);
@@ -378,6 +396,12 @@ impl<'a> Removal<'a> {
 
     /// Carries out the last plan.
     fn remove(&mut self, v: VertexId, plan: &RemovalPlan) {
+        if let Class::Edge(a, b) = plan.class {
+            let [a, b] = [a, b].map(|i| self.star.ring[i]);
+            if self.store.seams.has(v, a) || self.store.seams.has(v, b) {
+                self.store.seams.add(a, b);
+            }
+        }
         for &f in &self.star.faces {
             self.store.remove(f);
         }

@@ -7,6 +7,7 @@ mod clean;
 mod cluster_lod;
 mod contract;
 mod correspondence;
+mod cracks;
 mod error;
 mod golden;
 mod guards;

@@ -5,7 +5,7 @@ use lodsmith::core::spatial::Bvh;
 use lodsmith::core::{
     Attribute, FaceId, Morphed, Positions, RegionId, Semantic, Topology, TriMesh, VertexId, WedgeId, shapes,
 };
-use lodsmith::{Fit, Length, NoControl, Refusal, Report, SimplifyOptions, Stop, simplify};
+use lodsmith::{Fit, Length, Method, NoControl, Placement, Refusal, Report, SimplifyOptions, Stop, simplify};
 
 use crate::support::charts::{place, two_charts, wedges};
 
@@ -329,5 +329,122 @@ fn where_seams_give_way_a_face_shows_the_piece_of_the_texture_under_it() {
         let [any, own] =
             [tree.closest(centre), tree.closest_of(centre, is_shown)].map(|h| h.unwrap().distance);
         assert!(own <= any + 1e-9, "{own} for {any}: {corners:?}");
+    }
+}
+
+/// A sheet of waves in 16 square patches, each of whose corners has a value of its patch beside its position: that is,
+/// texture coordinates of a second set, colours, named values or signs of tangents.
+fn patches(semantic: Semantic, width: usize) -> TriMesh {
+    let n = 24u32;
+    let plain = shapes::wavy_sheet(n);
+    let patch_of = |t: &[WedgeId; 3]| {
+        let middle = |k: usize| t.iter().map(|&w| place(&plain, w)[k]).sum::<f64>() / 3.0;
+        let bounds = plain.positions().view().bounds().unwrap();
+        let cell =
+            |k: usize| ((middle(k) - bounds.min[k]) / (bounds.max[k] - bounds.min[k]) * 4.0).min(3.9) as u32;
+        4 * cell(0) + cell(1)
+    };
+    let mut wedges_of = std::collections::BTreeMap::new();
+    let (mut vertex_of, mut patch_of_wedge, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+    for t in plain.triangles() {
+        let patch = patch_of(t);
+        triangles.push(t.map(|w| {
+            let v = plain.vertex_of(w);
+            *wedges_of.entry((v, patch)).or_insert_with(|| {
+                vertex_of.push(v);
+                patch_of_wedge.push(patch);
+                WedgeId::new(vertex_of.len() - 1)
+            })
+        }));
+    }
+    let mut mesh = TriMesh::with_wedges(plain.positions().clone(), vertex_of, triangles).unwrap();
+    // The first set has no seam.
+    mesh.set_uvs(Some(wedges(&mesh).map(|w| [0, 1].map(|k| place(&mesh, w)[k] as f32)).collect())).unwrap();
+    let value = |w: WedgeId, k: usize| match (&semantic, patch_of_wedge[w.index()]) {
+        (Semantic::Tangent, patch) => {
+            [1.0, 0.0, 0.0, if (patch / 4 + patch) % 2 == 0 { 1.0 } else { -1.0 }][k]
+        }
+        (Semantic::Uv(_), patch) => 10.0 * [patch / 4, patch % 4][k] as f32 + place(&mesh, w)[k] as f32,
+        (_, patch) => patch as f32 / 16.0,
+    };
+    let values =
+        wedges(&mesh).flat_map(|w| (0..width).map(move |k| (w, k))).map(|(w, k)| value(w, k)).collect();
+    mesh.add_attribute(Attribute { semantic, width, values }).unwrap();
+    mesh
+}
+
+/// Regression: methods that keep vertices of the input knew only seams of the first texture coordinates.
+#[test]
+fn seams_of_every_attribute_count_in_every_method() {
+    let kinds = [
+        (Semantic::Uv(1), 2),
+        (Semantic::Color(1), 4),
+        (Semantic::Custom("_PATCH".to_owned()), 1),
+        (Semantic::Tangent, 4),
+    ];
+    for (semantic, width) in kinds {
+        let mesh = patches(semantic.clone(), width);
+        // The values of a patch: the tens of a texture coordinate, a colour, a sign.
+        let patch = |m: &TriMesh, w: WedgeId| -> Vec<i32> {
+            let own = m.further_attributes()[0].of(w);
+            match &semantic {
+                Semantic::Uv(_) => own.iter().map(|x| (x / 10.0).round() as i32).collect(),
+                _ => own.iter().map(|x| (x * 16.0).round() as i32).collect(),
+            }
+        };
+        let tree = Bvh::new(&mesh.surface());
+        for (method, placement) in [
+            (Method::Melax, None),
+            (Method::VertexRemoval, None),
+            (Method::Memoryless, Some(Placement::Endpoint)),
+            (Method::Quadric, Some(Placement::Endpoint)),
+        ] {
+            let mut options = SimplifyOptions::new(Stop::ratio(0.3));
+            options.method = method;
+            options.placement = placement.unwrap_or(options.placement);
+            let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+            let what = format!("{semantic:?} {method:?}");
+            assert!(done.report.reached && !done.report.seams_relaxed, "{what}: {:?}", done.report.refusals);
+            let mut wrong = 0;
+            for t in done.mesh.triangles() {
+                let shown = patch(&done.mesh, t[0]);
+                assert!(t.iter().all(|&w| patch(&done.mesh, w) == shown), "{what}: a face across patches");
+                let corners = t.map(|w| place(&done.mesh, w));
+                let centre = [0, 1, 2].map(|k| corners.iter().map(|p| p[k]).sum::<f64>() / 3.0);
+                let under = mesh.triangles()[tree.closest(centre).unwrap().face.index()];
+                wrong += usize::from(patch(&mesh, under[0]) != shown);
+            }
+            assert!(
+                wrong * 100 <= 2 * done.mesh.face_count(),
+                "{what}: {wrong} of {}",
+                done.mesh.face_count()
+            );
+        }
+    }
+}
+
+/// Regression: the same methods lost the sides of seams without a word where these stood in the way of the target.
+#[test]
+fn methods_that_keep_vertices_say_when_seams_give_way() {
+    // Each pair of triangles has a colour of its own, so every second vertex is on seams all around.
+    let mut mesh = palette(0.0);
+    let colors = (0..mesh.wedge_count()).map(|i| [(i / 6 * 7 % 16) as f32 / 16.0, 0.5, 0.5, 1.0]).collect();
+    mesh.set_uvs(None).unwrap();
+    mesh.set_colors(Some(colors)).unwrap();
+    let known: Vec<[f32; 4]> = mesh.colors().unwrap().to_vec();
+    for method in [Method::Melax, Method::VertexRemoval] {
+        let mut options = SimplifyOptions::new(Stop::ratio(0.1));
+        options.method = method;
+        let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+        assert!(done.report.reached && done.report.seams_relaxed, "{method:?}: {:?}", done.report.refusals);
+        // Still each face has the colour of one patch.
+        let colors = done.mesh.colors().unwrap();
+        for t in done.mesh.triangles() {
+            let shown = t.map(|w| colors[w.index()]);
+            assert!(
+                shown.iter().all(|c| *c == shown[0]) && known.contains(&shown[0]),
+                "{method:?}: {shown:?}"
+            );
+        }
     }
 }

@@ -12,7 +12,7 @@ use lodsmith::core::{
 use lodsmith::{ClusterLodOptions, Control, NoControl, SimplifyError, Verdict, cluster_lod};
 use proptest::prelude::*;
 
-use crate::support::Complaints;
+use crate::support::{CaseFilter, Complaints, is_long, size};
 
 /// Small clusters and groups, so that small meshes have many of them.
 fn small() -> ClusterLodOptions {
@@ -31,20 +31,30 @@ fn place(mesh: &TriMesh, w: WedgeId) -> Place {
     mesh.positions().view().get(mesh.vertex_of(w)).map(|x| (x + 0.0).to_bits())
 }
 
-/// Returns the edges, by exact position, that are not traversed equally often in both directions.
-fn open_edges(mesh: &TriMesh) -> HashMap<[Place; 2], i32> {
-    let mut net = HashMap::new();
+/// Counts the edges, by exact position, that are not traversed equally often in both directions.
+fn open_edge_count(mesh: &TriMesh) -> usize {
+    let mut ids = HashMap::new();
+    let positions = mesh.positions().view();
+    let id_of: Vec<u32> = positions
+        .iter()
+        .map(|p| {
+            let next = ids.len() as u32;
+            *ids.entry(p.map(|x| (x + 0.0).to_bits())).or_insert(next)
+        })
+        .collect();
+    let mut edges = Vec::with_capacity(3 * mesh.face_count());
     for t in mesh.triangles() {
+        let corners = t.map(|w| id_of[mesh.vertex_of(w).index()]);
         for k in 0..3 {
-            let (a, b) = (place(mesh, t[k]), place(mesh, t[(k + 1) % 3]));
+            let (a, b) = (corners[k], corners[(k + 1) % 3]);
             if a != b {
-                let (edge, way) = if a < b { ([a, b], 1) } else { ([b, a], -1) };
-                *net.entry(edge).or_insert(0) += way;
+                edges.push((a.min(b), a.max(b), if a < b { 1 } else { -1 }));
             }
         }
     }
-    net.retain(|_, way| *way != 0);
-    net
+    edges.sort_unstable();
+    let groups = edges.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1));
+    groups.filter(|group| group.iter().map(|edge| edge.2).sum::<i32>() != 0).count()
 }
 
 /// A hash as a source of random numbers: equal inputs give equal values.
@@ -89,15 +99,16 @@ fn complaints(lod: &ClusterLod, options: &ClusterLodOptions, seed: u64) -> Vec<S
     }
     // A closed mesh stays closed; in an open one, any edge that was open at first may be open again.
     let finest = lod.mesh_of(&lod.cut_where(|_| false));
-    let is_closed = open_edges(&finest).is_empty();
+    let is_closed = open_edge_count(&finest) == 0;
     for (k, cut) in cuts(lod, seed).iter().enumerate() {
         let ids: HashSet<_> = cut.iter().collect();
         if ids.len() != cut.len() || cut.is_empty() {
             all.push(format!("cut {k} names clusters twice, or none"));
         }
         let surface = lod.mesh_of(cut);
-        if is_closed && !open_edges(&surface).is_empty() {
-            all.push(format!("cut {k} has {} open edges", open_edges(&surface).len()));
+        let open = if is_closed { open_edge_count(&surface) } else { 0 };
+        if open > 0 {
+            all.push(format!("cut {k} has {open} open edges"));
         }
         if surface.face_count() > finest.face_count() {
             all.push(format!("cut {k} has more faces than the original"));
@@ -152,8 +163,12 @@ fn no_cut_of_any_shape_has_a_crack() {
         ("tetrahedra", shapes::tetrahedra(500)),
         ("textured", textured(4)),
     ];
+    let mut cases = CaseFilter::every(3);
     for (name, mesh) in shapes::all().into_iter().chain(large) {
         for options in [small(), ClusterLodOptions::default()] {
+            if !cases.takes() {
+                continue;
+            }
             let got = complaints(&built(&mesh, &options), &options, 7);
             found.add(&format!("{name} in clusters of {}", options.triangles), got);
         }
@@ -162,7 +177,7 @@ fn no_cut_of_any_shape_has_a_crack() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(32))]
+    #![proptest_config(ProptestConfig::with_cases(size(32, 8)))]
 
     #[test]
     fn no_cut_of_a_random_mesh_has_a_crack(mesh in arbitrary::perturbed_shape(0.05), seed in any::<u64>()) {
@@ -210,11 +225,12 @@ fn the_finest_cut_is_the_input() {
 
 #[test]
 fn levels_go_down_to_one_cluster() {
-    let mesh = shapes::blob(6, 1);
+    let (n, levels) = size((6, 8), (5, 6));
+    let mesh = shapes::blob(n, 1);
     let lod = built(&mesh, &ClusterLodOptions::default());
     let roots: Vec<_> = lod.ids().filter(|&id| lod.parent_bound(id).is_none()).collect();
     assert_eq!(roots.len(), 1);
-    assert!(lod.level(roots[0]) >= 8, "{}", lod.level(roots[0]));
+    assert!(lod.level(roots[0]) >= levels, "{}", lod.level(roots[0]));
     let leaves = lod.ids().filter(|&id| lod.level(id) == 0).count();
     let fill = mesh.face_count() as f64 / (128 * leaves) as f64;
     assert!(fill > 0.95, "{fill}");
@@ -223,11 +239,15 @@ fn levels_go_down_to_one_cluster() {
 #[test]
 fn a_cut_is_no_farther_off_than_it_says() {
     let mut found = Complaints::default();
+    let mut cases = CaseFilter::every(4);
     for (name, mesh) in
         [("blob", shapes::blob(5, 4)), ("torus", shapes::torus(120, 60)), ("textured", textured(5))]
     {
         let lod = built(&mesh, &ClusterLodOptions::default());
         for k in 0..7 {
+            if !cases.takes() {
+                continue;
+            }
             let error = lod.coarsest_error() * 0.4f64.powi(k);
             let surface = lod.mesh_of(&lod.cut(error));
             let options = CompareOptions::default();
@@ -275,7 +295,7 @@ fn an_open_sheet_stays_one_sheet() {
 
 #[test]
 fn double_precision_and_far_places_keep_their_borders() {
-    let mut mesh = shapes::blob(5, 3);
+    let mut mesh = shapes::blob(size(5, 4), 3);
     let points = mesh.positions().view().iter().map(|p| [p[0] + 500_000.0, p[1] + 4e6, p[2]]).collect();
     let faces = mesh.triangles().iter().map(|t| t.map(|w| VertexId(w.0))).collect();
     mesh = TriMesh::new(Positions::F64(points), faces).unwrap();
@@ -301,14 +321,16 @@ fn a_soup_of_corners_is_joined_first() {
 
 #[test]
 fn the_same_bytes_at_any_number_of_threads() {
-    let mesh = textured(5);
+    let mesh = textured(size(5, 3));
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| cluster_lod(&mesh, &small(), &mut NoControl).unwrap())
     };
     let one = on(1);
     assert_eq!(one, on(3));
-    assert_eq!(one, on(4));
+    if is_long() {
+        assert_eq!(one, on(4));
+    }
 }
 
 #[test]
@@ -320,11 +342,11 @@ fn a_caller_ends_it_early_or_altogether() {
             if self.0 == 0 { self.1 } else { Verdict::Continue }
         }
     }
-    let mesh = shapes::icosphere(5);
+    let mesh = shapes::icosphere(size(5, 4));
     let early = cluster_lod(&mesh, &small(), &mut AnswerAfter(4, Verdict::Finish)).unwrap();
     assert!(early.report.ended_early && early.lod.groups().len() < built(&mesh, &small()).groups().len());
     for cut in cuts(&early.lod, 2) {
-        assert!(open_edges(&early.lod.mesh_of(&cut)).is_empty());
+        assert_eq!(open_edge_count(&early.lod.mesh_of(&cut)), 0);
     }
     let cancelled = cluster_lod(&mesh, &small(), &mut AnswerAfter(3, Verdict::Cancel));
     assert_eq!(cancelled.unwrap_err(), SimplifyError::Cancelled);

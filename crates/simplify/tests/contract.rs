@@ -10,7 +10,9 @@ use lodsmith::{
     SimplifyOptions, Stop, StoppedBy, TopologyPolicy, simplify, simplify_surface,
 };
 
-use crate::support::{Complaints, bits, bytes, complaints, options_text, places, run, topology_complaints};
+use crate::support::{
+    CaseFilter, Complaints, bits, bytes, complaints, options_text, places, run, size, topology_complaints,
+};
 
 const METHODS: [Method; 2] = [Method::Memoryless, Method::Quadric];
 const PLACEMENTS: [Placement; 3] = [Placement::Optimal, Placement::Endpoint, Placement::Midpoint];
@@ -96,10 +98,14 @@ fn tried(all: &mut Complaints, name: &str, mesh: &TriMesh, options: &SimplifyOpt
 
 fn each_policy(method: Method, placement: Placement) {
     let mut all = Complaints::default();
+    let mut cases = CaseFilter::every(5);
     for (name, mesh) in all_shapes() {
         for border in BORDERS {
             for topology in TOPOLOGIES {
                 for fit in FITS {
+                    if !cases.takes() {
+                        continue;
+                    }
                     let mut options = SimplifyOptions::new(Stop::faces(mesh.face_count() / 10));
                     (options.method, options.placement, options.fit) = (method, placement, fit);
                     (options.border, options.topology) = (border, topology);
@@ -139,10 +145,14 @@ fn every_policy_quadric_midpoint() {
 #[test]
 fn every_stop() {
     let mut all = Complaints::default();
+    let mut cases = CaseFilter::every(5);
     for (name, mesh) in all_shapes() {
         for stop in stops(&mesh) {
             for method in METHODS {
                 for topology in TOPOLOGIES {
+                    if !cases.takes() {
+                        continue;
+                    }
                     let mut options = SimplifyOptions::new(stop);
                     (options.method, options.topology) = (method, topology);
                     tried(&mut all, name, &mesh, &options);
@@ -156,10 +166,14 @@ fn every_stop() {
 #[test]
 fn every_guard() {
     let mut all = Complaints::default();
+    let mut cases = CaseFilter::every(5);
     for (name, mesh) in all_shapes() {
         for guards in guards() {
             for method in METHODS {
                 for placement in PLACEMENTS {
+                    if !cases.takes() {
+                        continue;
+                    }
                     let mut options = SimplifyOptions::new(Stop::faces(4));
                     (options.method, options.placement, options.guards) = (method, placement, guards);
                     options.fit = Fit::Off;
@@ -245,10 +259,14 @@ fn distance_to_edge(p: [f64; 3], [a, b]: [[f64; 3]; 2]) -> f64 {
 #[test]
 fn locked_borders_are_not_touched() {
     let mut all = Complaints::default();
+    let mut cases = CaseFilter::every(5);
     for (name, mesh) in all_shapes() {
         for method in METHODS {
             for placement in PLACEMENTS {
                 for fit in FITS {
+                    if !cases.takes() {
+                        continue;
+                    }
                     let mut options = SimplifyOptions::new(Stop::faces(mesh.face_count() / 10));
                     (options.method, options.placement, options.fit) = (method, placement, fit);
                     options.border = BorderPolicy::Lock;
@@ -271,11 +289,15 @@ fn locked_borders_are_not_touched() {
 #[test]
 fn sliding_borders_stay_on_themselves() {
     let mut all = Complaints::default();
+    let mut cases = CaseFilter::every(5);
     for (name, mesh) in all_shapes() {
         let before = border(&mesh);
         for method in METHODS {
             for placement in PLACEMENTS {
                 for fit in FITS {
+                    if !cases.takes() {
+                        continue;
+                    }
                     let mut options = SimplifyOptions::new(Stop::faces(mesh.face_count() / 4));
                     (options.method, options.placement, options.fit) = (method, placement, fit);
                     options.border = BorderPolicy::Slide;
@@ -339,12 +361,16 @@ fn wedges(mesh: &TriMesh) -> HashSet<Vec<u64>> {
 #[test]
 fn endpoints_keep_input_vertices_with_their_attributes() {
     let mut all = Complaints::default();
+    let mut cases = CaseFilter::every(5);
     for (name, plain) in all_shapes() {
         let rich = with_attributes(&plain);
         for (name, mesh) in [(name.to_owned(), &plain), (format!("{name} with attributes"), &rich)] {
             let before = wedges(mesh);
             for method in METHODS {
                 for (i, border) in BORDERS.into_iter().enumerate() {
+                    if !cases.takes() {
+                        continue;
+                    }
                     let faces = [mesh.face_count() / 3, 4][i % 2];
                     let mut options = SimplifyOptions::new(Stop::faces(faces));
                     (options.method, options.placement) = (method, Placement::Endpoint);
@@ -459,7 +485,7 @@ fn turned_to_least(p: [[f64; 3]; 3]) -> [[u64; 3]; 3] {
 #[test]
 fn the_measured_error_stays_within_the_stop() {
     let mut all = Complaints::default();
-    for (i, (name, mesh)) in shapes::all().into_iter().enumerate() {
+    for (i, (name, mesh)) in shapes::all().into_iter().enumerate().step_by(size(1, 5)) {
         let limit = [Length::OfDiagonal(0.01), Length::Units(0.05), Length::OfDiagonal(0.0)][i % 3];
         let mut options = SimplifyOptions::new(Stop::error(limit));
         options.method = METHODS[i % 2];
@@ -521,6 +547,7 @@ fn a_larger_error_never_means_more_faces() {
 #[test]
 fn clean_shapes_meet_easy_targets() {
     let mut all = Complaints::default();
+    let mut cases = CaseFilter::every(5);
     for name in ["fine_cube", "icosphere", "noisy_sphere", "blob", "torus", "grid", "wavy_sheet", "cylinder"]
     {
         let mesh = shapes::all().into_iter().find(|s| s.0 == name).unwrap().1;
@@ -528,6 +555,9 @@ fn clean_shapes_meet_easy_targets() {
             for placement in PLACEMENTS {
                 for topology in TOPOLOGIES {
                     for share in [0.5, 0.2] {
+                        if !cases.takes() {
+                            continue;
+                        }
                         let mut options = SimplifyOptions::new(Stop::ratio(share));
                         (options.method, options.placement, options.topology) = (method, placement, topology);
                         let Some(done) = tried(&mut all, name, &mesh, &options) else { continue };

@@ -257,7 +257,7 @@ fn what_cannot_be_is_said() {
 }
 
 fn part(mesh: &TriMesh, instances: usize) -> Part<'_> {
-    Part { mesh, instances, scale: 1.0, stretch: None, system: None }
+    Part { mesh, instances, scale: 1.0, stretch: None, system: None, places: &[] }
 }
 
 #[test]

@@ -72,7 +72,7 @@ fn faces_keep_the_colour_of_a_palette() {
 
     // The same as a part of a scene, beside a part without a texture.
     let other = shapes::icosphere(2);
-    let part = |mesh| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: None };
+    let part = |mesh| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: None, places: &[] };
     let scene = |textures| {
         let mut options = plain.clone();
         options.textures = Some(Arc::new(Textures::of_parts(vec![Vec::new(), textures])));
@@ -297,7 +297,8 @@ fn a_skin_keeps_its_zones() {
 #[test]
 fn joints_of_the_parts_of_a_scene_keep_their_numbers() {
     let tubes = [skinned_tube(0), skinned_tube(4)];
-    let part = |(i, mesh)| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: Some(i) };
+    let part =
+        |(i, mesh)| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: Some(i), places: &[] };
     let parts: Vec<_> = tubes.iter().enumerate().map(part).collect();
     let mut options = SimplifyOptions::new(Stop::ratio(0.1));
     options.weights.skin = 5.0;
@@ -308,4 +309,38 @@ fn joints_of_the_parts_of_a_scene_keep_their_numbers() {
         assert!(weight_error(mesh, joint) < 0.2);
     }
     assert!(done.meshes.iter().all(|m| m.regions().is_none_or(|r| r.iter().all(|r| *r == RegionId(0)))));
+}
+
+/// Regression: the search for a colour tested most of the scene for each face where many small parts are near each
+/// other. (`spatial::bvh` has the test of the work.)
+#[test]
+fn colours_of_many_small_parts_are_found_with_any_number_of_threads() {
+    let ball = painted_sphere();
+    let moved = |i: usize| {
+        let mut ball = ball.clone();
+        let at = [i % 3, i / 3 % 3, i / 9].map(|k| 1.5 * k as f64);
+        ball.map_positions(|p| [0, 1, 2].map(|k| 0.5 * p[k] + at[k]));
+        ball
+    };
+    let balls: Vec<TriMesh> = (0..6).map(moved).collect();
+    let parts: Vec<Part<'_>> = balls
+        .iter()
+        .map(|mesh| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: Some(0), places: &[] })
+        .collect();
+    let mut options = SimplifyOptions::new(Stop::ratio(0.1));
+    options.textures = Some(Arc::new(Textures::of_parts(vec![vec![Some(palette())]; parts.len()])));
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| simplify_scene(&parts, 5.0, &options, &mut NoControl).unwrap().meshes)
+    };
+    let (one, three) = (run(1), run(3));
+    assert_eq!(one, three);
+    let mixed = one.iter().map(share_of_mixed).sum::<f64>() / one.len() as f64;
+    let without = {
+        let mut plain = options.clone();
+        plain.textures = None;
+        let meshes = simplify_scene(&parts, 5.0, &plain, &mut NoControl).unwrap().meshes;
+        meshes.iter().map(share_of_mixed).sum::<f64>() / one.len() as f64
+    };
+    assert!(mixed < 0.5 * without, "{mixed} for {without}");
 }

@@ -11,7 +11,7 @@ use lodsmith::{
 };
 use proptest::prelude::*;
 
-use crate::support::{Complaints, bits, bytes, places, run};
+use crate::support::{Complaints, bits, bytes, places, run, size};
 
 fn options(stop: Stop) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(stop);
@@ -365,7 +365,7 @@ fn every_shape() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(128))]
+    #![proptest_config(ProptestConfig::with_cases(size(128, 32)))]
     #[test]
     fn any_mesh(
         mesh in prop_oneof![

@@ -10,7 +10,7 @@ use lodsmith::{
 };
 use proptest::prelude::*;
 
-use crate::support::{self, Complaints, counts, options_text};
+use crate::support::{self, CaseFilter, Complaints, counts, options_text};
 
 const POLICIES: [TopologyPolicy; 3] =
     [TopologyPolicy::Preserve, TopologyPolicy::Relaxed, TopologyPolicy::Free];
@@ -184,6 +184,7 @@ fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simplified) -> V
 #[test]
 fn every_shape_keeps_what_its_policy_promises() {
     let mut all = Complaints::default();
+    let mut cases = CaseFilter::every(5);
     let mut contracted = 0;
     let mut shapes = shapes::all();
     shapes.push(("cracked sheet", cracked_sheet(0.02)));
@@ -199,6 +200,9 @@ fn every_shape_keeps_what_its_policy_promises() {
                     (BorderPolicy::Free, Placement::Optimal),
                 ] {
                     for (stop, near) in [(Stop::ratio(0.5), 0.02), (Stop::faces(4), 0.2)] {
+                        if !cases.takes() {
+                            continue;
+                        }
                         let mut options = with_pairs(stop, Length::OfDiagonal(near));
                         (options.method, options.topology) = (method, topology);
                         (options.border, options.placement) = (border, placement);
@@ -217,12 +221,12 @@ fn every_shape_keeps_what_its_policy_promises() {
             }
         }
     }
-    assert!(contracted > 1000, "{contracted}");
+    assert!(contracted > support::size(1000, 200), "{contracted}");
     all.report_all();
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 32, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: support::size(32, 8), ..ProptestConfig::default() })]
 
     #[test]
     fn soups_keep_what_the_policy_promises(

@@ -225,7 +225,7 @@ fn the_caller_ends_it() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 48, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, cases: support::size(48, 12), ..ProptestConfig::default() })]
     #[test]
     fn any_mesh_is_answered(
         mesh in prop_oneof![

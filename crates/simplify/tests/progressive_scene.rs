@@ -10,7 +10,7 @@ use crate::support::laden::laden;
 use crate::support::{Random, bytes};
 
 fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
-    Part { mesh, instances, scale, stretch: None, system: None }
+    Part { mesh, instances, scale, stretch: None, system: None, places: &[] }
 }
 
 fn built(parts: &[Part<'_>], options: &SimplifyOptions) -> ProgressiveScene {

@@ -216,7 +216,7 @@ fn the_largest_part_stays_in_any_case() {
 }
 
 fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
-    Part { mesh, instances, scale, stretch: None, system: None }
+    Part { mesh, instances, scale, stretch: None, system: None, places: &[] }
 }
 
 #[test]

@@ -12,7 +12,7 @@ use crate::support::laden::{laden, laden_options};
 use crate::support::{Complaints, Random, bytes, options_text, scene_complaints};
 
 fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
-    Part { mesh, instances, scale, stretch: None, system: None }
+    Part { mesh, instances, scale, stretch: None, system: None, places: &[] }
 }
 
 #[test]
@@ -63,7 +63,7 @@ fn parts_that_touch_stay_together() {
     let bounds = left.positions().view().bounds().unwrap();
     let mut right = left.clone();
     right.map_positions(|p| [2.0 * bounds.max[0] - p[0], p[1], p[2]]);
-    let at = |mesh| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: Some(5) };
+    let at = |mesh| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: Some(5), places: &[] };
     let options = SimplifyOptions::new(Stop::ratio(0.2));
     let got = simplify_scene(&[at(&left), at(&right)], 3.0, &options, &mut NoControl).unwrap();
     // Positions that both have are those of the common line, which is the same in both, to the bit.
@@ -162,7 +162,14 @@ fn any_scene_gives_sound_results() {
         let (meshes, places) = any_parts(&mut random);
         let placed = meshes.iter().zip(&places);
         let parts: Vec<Part<'_>> = placed
-            .map(|(mesh, &(instances, scale, system))| Part { mesh, instances, scale, stretch: None, system })
+            .map(|(mesh, &(instances, scale, system))| Part {
+                mesh,
+                instances,
+                scale,
+                stretch: None,
+                system,
+                places: &[],
+            })
             .collect();
         let stop = random.pick(&[Stop::ratio(0.3), Stop::faces(40), Stop::vertices(30), Stop::ratio(0.02)]);
         let vertices = meshes.iter().map(TriMesh::vertex_count).sum();

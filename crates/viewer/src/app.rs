@@ -2,11 +2,14 @@
 
 mod actions;
 mod empty;
+mod outside;
 mod page;
 mod stage;
 
 use std::collections::{HashSet, VecDeque};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use eframe::egui::{self, Key, Modifiers, Theme, Ui};
@@ -19,7 +22,7 @@ use crate::command::Command;
 use crate::compare::{ComparisonView, Side};
 use crate::dialog::{Dialog, DialogState, Purpose};
 use crate::document::Document;
-use crate::gpu::{Gpu, GpuError};
+use crate::gpu::{Context, Gpu, GpuError};
 use crate::keys::{self, Action};
 use crate::orbit::Orbit;
 use crate::page::AroundPage;
@@ -31,6 +34,7 @@ use crate::target_scale::Unit;
 use crate::theme;
 use crate::up_axis::UpAxis;
 use empty::{drop_hint, first_hint, start_page};
+use outside::{OutsideAnswer, OutsideFiles};
 
 /// The application window.
 pub struct App {
@@ -44,6 +48,8 @@ pub struct App {
     panels_hidden: bool,
     is_help: bool,
     dialog: Option<Dialog>,
+    /// The question before a session reads files outside its folder.
+    outside_files: Option<OutsideFiles>,
     export: Option<export::ExportForm>,
     use_system_dialogs: bool,
     /// File on which the cameras were last framed.
@@ -61,6 +67,10 @@ pub struct App {
     last_play_time: Option<f64>,
     /// True if an animated file opened the timeline; the timeline then closes with that file.
     has_own_timeline: bool,
+    /// True while a file is read on a software adapter: then progress is drawn at [`LOADING_FRAME`] only.
+    spares_frames: Arc<AtomicBool>,
+    /// Unit of the target last seen.
+    unit_of_target: Option<Unit>,
     /// Target last seen while the pointer or a key was down, and since when it has been unchanged.
     held: Option<(Stop, Instant)>,
     page: Option<AroundPage>,
@@ -77,6 +87,9 @@ const MAX_HELD_SECS: f32 = 0.5;
 const TIMED_FRAMES: usize = 60;
 /// Delay after which an unchanged slider that is still held starts a run.
 const SLIDER_REST: Duration = Duration::from_millis(300);
+/// Time between frames that only show the progress of loading: on a software adapter, a frame takes the threads that
+/// load the file. (Five a second.)
+const LOADING_FRAME: Duration = Duration::from_millis(200);
 /// The sample model: the repository's own, in the public domain.
 const SAMPLE: &[u8] = include_bytes!("../assets/finial.ply");
 
@@ -95,13 +108,19 @@ impl App {
         cc.egui_ctx.set_theme(if is_light { Theme::Light } else { Theme::Dark });
         let ctx = cc.egui_ctx.clone();
         let context = gpu.as_ref().map(|g| g.context().clone());
+        let spares_frames = Arc::new(AtomicBool::new(false));
+        let spares = spares_frames.clone();
+        let wake = move || match spares.load(Ordering::Relaxed) {
+            true => ctx.request_repaint_after(LOADING_FRAME),
+            false => ctx.request_repaint(),
+        };
         let facts = WindowState {
             adapter: gpu.as_ref().map(Gpu::adapter_name).unwrap_or_default(),
             recent: memory.recent.clone(),
             ..WindowState::default()
         };
         let mut app = Self {
-            document: Document::new(context, move || ctx.request_repaint()),
+            document: Document::new(context, wake),
             pictures: ComparisonView::new(gpu),
             facts,
             prefs: memory,
@@ -110,6 +129,7 @@ impl App {
             panels_hidden: false,
             is_help: false,
             dialog: None,
+            outside_files: None,
             export: None,
             use_system_dialogs: options.use_system_dialogs,
             framed: None,
@@ -121,6 +141,8 @@ impl App {
             sample: None,
             last_play_time: None,
             has_own_timeline: false,
+            spares_frames,
+            unit_of_target: None,
             held: None,
             page: None,
         };
@@ -176,15 +198,32 @@ impl App {
         }
     }
 
+    /// Opens a session; asks before files outside its folder are read.
     fn open_session(&mut self, path: &Path) {
-        match Session::open(path, &self.document.assets) {
-            Ok(session) => {
-                self.pending_cameras = session.cameras;
-                self.pictures.stage.set_pending_pose(session.stage_camera);
-                self.framed = None;
-                self.document.run(Command::Session(Box::new(session.settings)));
+        match Session::read(path, &self.document.assets) {
+            Ok((session, files)) if files.is_empty() => self.take_session(session),
+            Ok((session, files)) => {
+                self.outside_files = Some(OutsideFiles { session, path: path.to_owned(), files });
             }
             Err(e) => self.fail(e.to_string()),
+        }
+    }
+
+    fn take_session(&mut self, session: Session) {
+        self.pending_cameras = session.cameras;
+        self.pictures.stage.set_pending_pose(session.stage_camera);
+        self.framed = None;
+        self.document.run(Command::Session(Box::new(session.settings)));
+    }
+
+    /// Shows the question whether a session may read files outside its folder.
+    fn ask_for_outside_files(&mut self, ctx: &egui::Context) {
+        let Some(asked) = self.outside_files.take() else { return };
+        match asked.show(ctx) {
+            OutsideAnswer::Open => self.outside_files = Some(asked),
+            OutsideAnswer::Refused => {}
+            // The models that it names keep to their own folders.
+            OutsideAnswer::Allowed => self.take_session(asked.session),
         }
     }
 
@@ -219,7 +258,9 @@ impl App {
     /// Frames a newly opened file.
     fn frame_new_file(&mut self, ctx: &egui::Context) {
         let Some(path) = self.document.original().map(|o| o.content.path.clone()) else {
-            self.framed = None;
+            if self.framed.take().is_some() {
+                ctx.send_viewport_cmd(egui::ViewportCommand::Title("Lodsmith".to_owned()));
+            }
             return;
         };
         if self.framed.as_ref() == Some(&path) {
@@ -355,7 +396,7 @@ impl App {
             None => self.open(dropped),
             Some(_) => self.take_files_of_page(),
         }
-        let is_modal = self.dialog.is_some() || self.export.is_some();
+        let is_modal = self.is_asking();
         if self.is_help && ctx.input_mut(|i| i.consume_key(Modifiers::NONE, Key::H)) {
             self.is_help = false;
         }
@@ -400,6 +441,11 @@ impl App {
         self.pictures.is_flickering = plain && is_space;
     }
 
+    /// Returns true while a dialog waits for an answer.
+    fn is_asking(&self) -> bool {
+        self.dialog.is_some() || self.export.is_some() || self.outside_files.is_some()
+    }
+
     /// Tells the document which results the panels need.
     fn request_results(&mut self) {
         let is_heat = self.document.settings().look.look.shading == Shading::Heat;
@@ -410,11 +456,11 @@ impl App {
     }
 
     fn panels(&mut self, ui: &mut Ui) {
-        let mut unit = self.facts.unit;
-        if let Some(of) = Unit::of(self.document.settings()) {
-            unit = of;
+        // The slider follows a new target's unit, and keeps the one that is chosen for it.
+        let of_target = Unit::of(self.document.settings());
+        if std::mem::replace(&mut self.unit_of_target, of_target) != of_target {
+            self.facts.unit = of_target.unwrap_or(self.facts.unit);
         }
-        self.facts.unit = unit;
         let docks = [Dock::Left, Dock::Right, Dock::Bottom, Dock::Middle].map(|dock| {
             let is_in = |p: &Panel| p.dock() == dock && self.is_shown(*p);
             Panel::ALL.into_iter().filter(is_in).collect::<Vec<_>>()
@@ -478,9 +524,6 @@ impl App {
         }
         let says = scope.requests;
         self.facts.unit = chosen;
-        if chosen != unit {
-            self.change_unit(chosen);
-        }
         for panel in closed {
             self.shown.remove(&panel);
         }
@@ -540,7 +583,7 @@ impl App {
         if !is_due || self.document.original().is_none() {
             return;
         }
-        let is_modal = self.dialog.is_some() || self.export.is_some() || self.is_help;
+        let is_modal = self.is_asking() || self.is_help;
         if self.document.lighter().is_some() || (!is_modal && first_hint(ctx)) {
             self.prefs.knows_hint = true;
             self.save_prefs();
@@ -602,6 +645,16 @@ impl App {
         }
     }
 
+    /// Keeps the clock of a file that is being read running, and leaves the processor to its reader otherwise.
+    fn follow_loading(&mut self, ctx: &egui::Context) {
+        let is_loading = self.document.opening().is_some();
+        let is_software = self.document.context().is_some_and(Context::is_software);
+        self.spares_frames.store(is_loading && is_software, Ordering::Relaxed);
+        if is_loading {
+            ctx.request_repaint_after(LOADING_FRAME);
+        }
+    }
+
     /// Takes over the CPU time of a frame.
     fn note_frame_time(&mut self, secs: f64) {
         self.frame_times.push_back(secs);
@@ -615,6 +668,7 @@ impl App {
     }
 
     fn dialogs(&mut self, ctx: &egui::Context) {
+        self.ask_for_outside_files(ctx);
         if self.is_help && panel::help::show(ctx) {
             self.is_help = false;
         }
@@ -676,6 +730,7 @@ impl eframe::App for App {
         self.dialogs(&ctx);
         drop_hint(&ctx);
         self.refine_at_rest(&ctx);
+        self.follow_loading(&ctx);
         let own = begin.elapsed().as_secs_f64();
         self.note_frame_time(frame.info().cpu_usage.map_or(own, f64::from));
     }

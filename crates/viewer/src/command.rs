@@ -16,10 +16,13 @@ use crate::up_axis::UpAxis;
 /// One change of a document.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Command {
-    /// Opens these files instead of those that are open, and resets the target.
+    /// Opens these files beside those that are open, shows the first of them, and resets the target. If no file is
+    /// open, cameras and stage are reset too.
     Open(Vec<PathBuf>),
     /// Shows another of the open files.
     Show(usize),
+    /// Closes one of the open files.
+    CloseFile(usize),
     /// Closes all files.
     Close,
     /// Sets the target.
@@ -82,6 +85,7 @@ impl Command {
         match self {
             Self::Open(_) => "open",
             Self::Show(_) => "switch file",
+            Self::CloseFile(_) => "close file",
             Self::Close => "close",
             Self::Target(_) => "simplification target",
             Self::Method(_) => "method",
@@ -102,21 +106,37 @@ impl Command {
     pub fn apply(&self, settings: &mut Settings) {
         match self {
             Self::Open(files) => {
-                settings.files.clone_from(files);
-                settings.shown = 0;
-                settings.simplify.options.stop = Stop::default();
-                (settings.up, settings.turn) = (UpAxis::default(), Turn::default());
-                settings.cameras = [None; 4];
-                // Positions of copies are in units of their model.
-                StageChange::Replace(Copies::default(), Motion::default()).apply(&mut settings.stage);
-                settings.stage.is_on = false;
-                settings.playback = settings.playback.reset();
+                if settings.files.is_empty() {
+                    settings.cameras = [None; 4];
+                    // Positions of copies are in units of their model.
+                    StageChange::Replace(Copies::default(), Motion::default()).apply(&mut settings.stage);
+                    settings.stage.is_on = false;
+                }
+                for file in files {
+                    if !settings.files.contains(file) {
+                        settings.files.push(file.clone());
+                    }
+                }
+                let first = settings.files.iter().position(|file| Some(file) == files.first());
+                settings.turn = Turn::default();
+                Self::Show(first.unwrap_or(settings.shown)).apply(settings);
             }
             Self::Show(which) => {
                 settings.shown = (*which).min(settings.files.len().saturating_sub(1));
                 settings.up = UpAxis::default();
                 settings.simplify.options.stop = Stop::default();
                 settings.playback = settings.playback.reset();
+            }
+            Self::CloseFile(which) => {
+                if *which < settings.files.len() {
+                    settings.files.remove(*which);
+                }
+                // The one after a shown file takes its place, else the one before it.
+                if *which == settings.shown {
+                    Self::Show(*which).apply(settings);
+                } else if *which < settings.shown {
+                    settings.shown -= 1;
+                }
             }
             Self::Close => {
                 settings.files.clear();
@@ -255,6 +275,27 @@ mod tests {
         assert_eq!(settings.playback, at(0.0));
         assert!(history.redo(&mut settings) && history.redo(&mut settings));
         assert_eq!((settings.playback, settings.simplify.options.stop.faces), (at(1.5), Some(900)));
+    }
+
+    #[test]
+    fn files_are_opened_beside_others_and_closed_one_by_one() {
+        let mut settings = Settings::default();
+        let files = |names: &[&str]| names.iter().map(PathBuf::from).collect::<Vec<_>>();
+        let pose = Pose { eye: [3.0; 3], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 };
+        let mut run = |command: Command, names: &[&str], shown: usize| {
+            command.apply(&mut settings);
+            assert_eq!((&settings.files, settings.shown), (&files(names), shown), "{command:?}");
+            settings.cameras[0].is_some()
+        };
+        run(Command::Open(files(&["a", "b"])), &["a", "b"], 0);
+        run(Command::KeepCamera(0, Some(pose)), &["a", "b"], 0);
+        assert!(run(Command::Open(files(&["c", "b"])), &["a", "b", "c"], 2));
+        run(Command::Open(files(&["b"])), &["a", "b", "c"], 1);
+        run(Command::CloseFile(0), &["b", "c"], 0);
+        run(Command::CloseFile(0), &["c"], 0);
+        run(Command::CloseFile(7), &["c"], 0);
+        run(Command::CloseFile(0), &[], 0);
+        assert!(!run(Command::Open(files(&["d"])), &["d"], 0), "cameras are those of other files");
     }
 
     #[test]

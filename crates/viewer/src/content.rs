@@ -12,12 +12,13 @@ use lodsmith::{
     SimplifyOptions, Starved, Stop, Textures,
 };
 use lodsmith_core::measure::{ComparedAttribute, Comparison, MeasureError, Prepared, wedge_differences};
-use lodsmith_core::mesh::normals::vertex_normals;
+use lodsmith_core::mesh::creases::Creases;
+use lodsmith_core::mesh::normals::{vertex_normals, wedge_normals};
 use lodsmith_core::mesh::weld::weld;
 use lodsmith_core::model::Pose;
 use lodsmith_core::{Bounds, Model, Topology, TriMesh, WedgeId};
 use lodsmith_io::gltf::{self, Scene};
-use lodsmith_io::{AssetScope, ModelFile, ModelSource, ReadError, ReadOptions};
+use lodsmith_io::{AssetScope, ModelFile, ModelSource, ReadError, ReadOptions, ReadProgress};
 use lodsmith_render::Shading;
 use serde::{Deserialize, Serialize};
 use web_time::Instant;
@@ -51,6 +52,8 @@ pub struct Original {
     pub non_finite_vertices: usize,
     /// Load time in seconds.
     pub read_secs: f64,
+    /// The angle of [`Creases::Auto`].
+    auto_crease_deg: Option<f64>,
     prepared: PreparedMeshes,
 }
 
@@ -60,9 +63,21 @@ impl Original {
     /// # Errors
     /// As [`lodsmith_io::read_model_path`].
     pub fn read(path: &Path, assets: AssetScope) -> Result<Self, ReadError> {
+        Self::read_watched(path, assets, ReadProgress::default())
+    }
+
+    /// Reads a file, and tells another thread how far it is.
+    ///
+    /// # Errors
+    /// As [`Original::read`].
+    pub(crate) fn read_watched(
+        path: &Path,
+        assets: AssetScope,
+        progress: ReadProgress,
+    ) -> Result<Self, ReadError> {
         let begin = Instant::now();
         let mut options = ReadOptions::default();
-        options.assets = assets.clone();
+        (options.assets, options.progress) = (assets.clone(), progress);
         if cfg!(target_arch = "wasm32") {
             options.limits.memory = BROWSER_MEMORY;
         }
@@ -80,6 +95,7 @@ impl Original {
         let non_finite_vertices = model.meshes.iter().map(|m| non_finite_vertices(&m.mesh)).sum();
         let assets = AssetScope::Folder;
         let guessed_up = up_axis::guessed(model, file.format, &bounds);
+        let auto_crease_deg = Creases::Auto.angle_deg(model.meshes.iter().map(|m| &*m.mesh));
         Self {
             path,
             assets,
@@ -90,7 +106,16 @@ impl Original {
             non_finite_vertices,
             file,
             read_secs,
+            auto_crease_deg,
             prepared,
+        }
+    }
+
+    /// Returns which edges of this file and its results are sharp, decided: [`Creases::Auto`] is what its shape says.
+    pub fn creases(&self, chosen: Creases) -> Creases {
+        match chosen {
+            Creases::Auto => self.auto_crease_deg.map_or(Creases::Off, Creases::Above),
+            chosen => chosen,
         }
     }
 
@@ -140,8 +165,14 @@ impl PreparedMeshes {
 
     /// Returns a mesh of the same model; `None` if it has no faces. It is prepared on the first call.
     fn get(&self, model: &Model, mesh: usize) -> Option<&Prepared> {
-        let make = || Prepared::new(&model.meshes[mesh].mesh.surface()).ok();
-        self.0[mesh].get_or_init(make).as_ref()
+        let slot = &self.0[mesh];
+        if let Some(prepared) = slot.get() {
+            return prepared.as_ref();
+        }
+        // Not within the slot: preparing is parallel work, and a thread that waits for it may do other work meanwhile
+        // that asks for the same mesh.
+        let prepared = Prepared::new(&model.meshes[mesh].mesh.surface()).ok();
+        slot.get_or_init(|| prepared).as_ref()
     }
 }
 
@@ -363,7 +394,7 @@ pub(crate) fn parts_of(scene: &Scene) -> Vec<Part<'_>> {
     let part = |placed: gltf::PlacedMesh| {
         let m = &scene.meshes()[placed.index];
         let (instances, scale, stretch) = (m.instances, m.scale, m.stretch);
-        Part { mesh: &m.mesh, instances, scale, stretch, system: placed.system }
+        Part { mesh: &m.mesh, instances, scale, stretch, system: placed.system, places: &m.places }
     };
     gltf::placed_meshes(scene.meshes()).into_iter().map(part).collect()
 }
@@ -386,19 +417,24 @@ fn warnings_of(report: &Report) -> Vec<String> {
     if report.sharp_relaxed {
         told.push("sharp edges were not all kept, to get closer to the target".to_owned());
     }
+    if report.missing_values > 0 {
+        told.push(format!(
+            "{} values of attributes are NaN or infinite and did not count",
+            report.missing_values
+        ));
+    }
+    if report.gaps > 0 {
+        told.push(format!("meshes that touched came apart at {} places: gaps may show", report.gaps));
+    }
     if report.pruned.largest_kept {
         told.push("all parts are smaller than the prune size: the largest was kept".to_owned());
     }
     told
 }
 
-/// Returns the mesh with recomputed normals.
+/// Returns the mesh with recomputed normals; hard edges stay hard.
 fn with_new_normals(mut mesh: TriMesh) -> TriMesh {
-    let of_vertex = vertex_normals(&mesh.surface(), |v| v);
-    let normals = match mesh.vertex_map() {
-        None => of_vertex,
-        Some(map) => map.iter().map(|v| of_vertex[v.index()]).collect(),
-    };
+    let normals = wedge_normals(&mesh);
     mesh.set_normals(Some(normals)).expect("there is one for each wedge");
     mesh
 }
@@ -696,5 +732,31 @@ mod tests {
         let anatomy = TopologySummary::of(sphere(&folder).model());
         assert!(anatomy.is_closed);
         assert_eq!((anatomy.components, anatomy.border_edges, anatomy.non_manifold_edges), (1, 0, 0));
+    }
+
+    /// All threads of the pool ask for a mesh while this one prepares it, which is parallel work: neither may wait for
+    /// the other.
+    #[test]
+    fn a_mesh_is_prepared_while_all_threads_of_the_pool_ask_for_it() {
+        let model = Model::of_mesh(shapes::icosphere(6));
+        let (done, is_done) = std::sync::mpsc::channel();
+        std::thread::spawn(move || {
+            let prepared = PreparedMeshes::of(&model);
+            let ask = || assert!(prepared.get(&model, 0).is_some());
+            let held = std::sync::Barrier::new(rayon::current_num_threads() + 1);
+            std::thread::scope(|scope| {
+                scope.spawn(|| {
+                    rayon::broadcast(|_| {
+                        held.wait();
+                        std::thread::sleep(std::time::Duration::from_millis(200));
+                        ask();
+                    });
+                });
+                held.wait();
+                ask();
+            });
+            done.send(()).unwrap();
+        });
+        is_done.recv_timeout(std::time::Duration::from_secs(60)).expect("no thread waits for ever");
     }
 }

@@ -4,6 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::DMat4;
 use lodsmith_core::Image;
+use lodsmith_core::mesh::creases::Creases;
 use lodsmith_core::model::Pose;
 use lodsmith_render::image_error::{PIXELS_PER_DEGREE, flip};
 use lodsmith_render::{Background, ColorMap, Environment, RenderError, Shading, Subject, View, render};
@@ -71,9 +72,9 @@ pub struct DrawnDifference {
 }
 
 /// Both models prepared for drawing, as long as they are the same.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(crate) struct PreparedSides {
-    of: Option<(Arc<Original>, Arc<Lighter>, Pose)>,
+    of: Option<(Arc<Original>, Arc<Lighter>, Pose, Creases)>,
     sides: Option<[Arc<Subject>; 2]>,
     studio: Option<Arc<Environment>>,
 }
@@ -83,15 +84,20 @@ pub(crate) type SharedSides = Arc<Mutex<PreparedSides>>;
 
 impl PreparedSides {
     fn sides(&mut self, view: &DifferenceView) -> Result<[Arc<Subject>; 2], RenderError> {
-        let is_same = self.of.as_ref().is_some_and(|(one, two, pose)| {
-            Arc::ptr_eq(one, &view.original) && Arc::ptr_eq(two, &view.lighter) && *pose == view.seen.pose
+        let creases = view.original.creases(view.seen.look.creases);
+        let is_same = self.of.as_ref().is_some_and(|(one, two, pose, edges)| {
+            Arc::ptr_eq(one, &view.original)
+                && Arc::ptr_eq(two, &view.lighter)
+                && (pose, edges) == (&view.seen.pose, &creases)
         });
         if let Some(sides) = self.sides.as_ref().filter(|_| is_same) {
             return Ok(sides.clone());
         }
-        let subject = |model| Subject::posed(model, &view.seen.pose).map(Arc::new);
+        let subject = |model| {
+            Ok::<_, RenderError>(Arc::new(Subject::posed(model, &view.seen.pose)?.with_creases(creases)))
+        };
         let sides = [subject(view.original.model())?, subject(&view.lighter.model)?];
-        self.of = Some((view.original.clone(), view.lighter.clone(), view.seen.pose.clone()));
+        self.of = Some((view.original.clone(), view.lighter.clone(), view.seen.pose.clone(), creases));
         self.sides = Some(sides.clone());
         Ok(sides)
     }
@@ -116,10 +122,11 @@ impl DifferencePicture {
         prepared: &SharedSides,
         go_on: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Option<Self>, RenderError> {
-        let (sides, studio) = {
-            let mut prepared = prepared.lock().unwrap_or_else(PoisonError::into_inner);
-            (prepared.sides(&of)?, prepared.studio(&of))
-        };
+        let lock = || prepared.lock().unwrap_or_else(PoisonError::into_inner);
+        // Unlocked while they are made: that is parallel work.
+        let mut kept = lock().clone();
+        let (sides, studio) = (kept.sides(&of)?, kept.studio(&of));
+        *lock() = kept;
         let seen = &of.seen;
         let camera = moved_camera(&seen.camera.camera(), &seen.world_from_model.inverse());
         let mut view = View::new(camera, seen.size[0], seen.size[1]);

@@ -1,6 +1,7 @@
 //! The document: open file, results and background work. Does not depend on the window.
 
 mod baking;
+mod creases;
 mod difference;
 mod engine;
 mod flaws;
@@ -13,13 +14,15 @@ mod queue;
 mod stage;
 mod wire;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::DQuat;
+use lodsmith_core::mesh::creases::Creases;
 use lodsmith_core::model::Pose;
-use lodsmith_io::AssetScope;
+use lodsmith_io::{AssetScope, ReadProgress};
 use lodsmith_render::Shading;
 use web_time::{Duration, Instant};
 
@@ -38,11 +41,11 @@ use crate::page::BrowserPage;
 use crate::settings::Settings;
 use crate::shown::ShownModel;
 use crate::slider_preview::Preview;
-use crate::target_scale::OriginalSize;
+use crate::target_scale::{OriginalSize, ResultSize};
 use crate::up_axis::UpAxis;
 
 pub use engine::Engine;
-use jobs::{Job, Measured, Outcome};
+use jobs::{Job, Measured, Outcome, READING};
 use page_queue::PageQueue;
 use queue::JobQueue;
 pub use stage::StageLevel;
@@ -83,6 +86,8 @@ pub struct Document {
     requested: Option<Simplification>,
     /// The file that is being read, and why.
     opening: Option<Opening>,
+    /// Files that could not be read when they were last opened, with the errors.
+    broken: BTreeMap<PathBuf, String>,
     /// True if a panel shows distances.
     wants_distances: bool,
     /// Borders and defects of the original and of the result.
@@ -112,6 +117,8 @@ pub struct Document {
     preview: Option<Preview>,
     /// Options of the last job to make a progressive mesh.
     requested_preview: Option<(usize, Simplification)>,
+    /// Which edges of the shown models are sharp, or will be once a job is done.
+    shaded: Creases,
     /// True while a preview level is shown and the exact run has not been started.
     needs_exact_run: bool,
 }
@@ -121,6 +128,9 @@ struct Opening {
     path: PathBuf,
     then: OpenReason,
     since: Instant,
+    read: ReadProgress,
+    /// Files that were tried before it, with the errors.
+    failed: Vec<(PathBuf, String)>,
 }
 
 /// Shadings that are replaced by the intended shading of a newly opened file.
@@ -174,6 +184,7 @@ impl Document {
             wants_flaws: false,
             requested: None,
             opening: None,
+            broken: BTreeMap::new(),
             wants_distances: false,
             wants_topology: false,
             assets: AssetScope::Folder,
@@ -188,6 +199,7 @@ impl Document {
             preview: None,
             requested_preview: None,
             needs_exact_run: false,
+            shaded: Creases::default(),
             log: Log::default(),
         }
     }
@@ -211,6 +223,12 @@ impl Document {
             vertices: o.content.vertices,
             diagonal: o.content.bounds.diagonal(),
         })
+    }
+    /// Returns the size of the latest result.
+    pub fn result_size(&self) -> Option<ResultSize> {
+        let (whole, result) = (self.original_size()?, &self.lighter.as_ref()?.content);
+        let largest = result.measured().map(|m| m.hausdorff.symmetric / whole.diagonal.max(1e-300));
+        Some(ResultSize { faces: result.faces, vertices: result.vertices, largest })
     }
     /// Returns the latest result; `None` while the original is requested.
     pub fn lighter(&self) -> Option<&ShownModel<Lighter>> {
@@ -288,10 +306,17 @@ impl Document {
     pub fn opening(&self) -> Option<&Path> {
         self.opening.as_ref().map(|o| o.path.as_path())
     }
-    /// Returns for how many seconds a file is being opened, and the present step.
-    pub fn opening_progress(&self) -> Option<(f64, &'static str)> {
-        let since = self.opening.as_ref()?.since;
-        Some((since.elapsed().as_secs_f64(), self.progress().map_or("", |p| p.stage)))
+    /// Returns why a file could not be read when it was last opened; `None` if it could, or was not opened.
+    pub fn fault_of(&self, file: &Path) -> Option<&str> {
+        self.broken.get(file).map(String::as_str)
+    }
+    /// Returns for how many seconds a file is being opened, the present step, and the part of it that is done, if that
+    /// is known.
+    pub fn opening_progress(&self) -> Option<(f64, &'static str, Option<f64>)> {
+        let opening = self.opening.as_ref()?;
+        let stage = self.progress().map_or("", |p| p.stage);
+        let done = opening.read.done().filter(|_| stage == READING);
+        Some((opening.since.elapsed().as_secs_f64(), stage, done))
     }
     /// Returns true while the result is older than the settings.
     pub fn is_outdated(&self) -> bool {
@@ -319,8 +344,8 @@ impl Document {
         }
     }
 
-    /// Runs a command. If it needs another file, it runs once that was read; if reading fails, nothing
-    /// changes.
+    /// Runs a command. If it needs another file, it runs once that was read. If reading fails, the next of several files
+    /// is shown instead; if none can be read, nothing changes.
     pub fn run(&mut self, command: Command) {
         let mut after = self.settings.clone();
         command.apply(&mut after);
@@ -479,8 +504,15 @@ impl Document {
     }
 
     fn open(&mut self, path: PathBuf, then: OpenReason) {
-        self.opening = Some(Opening { path: path.clone(), then, since: Instant::now() });
-        self.worker.submit(Job::Open { path, assets: self.assets.clone() });
+        let (since, read, failed) = (Instant::now(), ReadProgress::default(), Vec::new());
+        self.try_open(Opening { path, then, since, read, failed });
+    }
+
+    fn try_open(&mut self, opening: Opening) {
+        let (path, progress) = (opening.path.clone(), opening.read.clone());
+        self.shade_new_file();
+        self.opening = Some(opening);
+        self.worker.submit(Job::Open { path, assets: self.assets.clone(), progress });
     }
 
     fn take(&mut self, message: Message<Outcome>) {
@@ -488,16 +520,17 @@ impl Document {
             Message::Done(outcome) => self.take_outcome(outcome),
             Message::Panicked(kind) => {
                 let text = format!("{} failed unexpectedly: this is a bug in lodsmith", kind.title());
-                if kind == JobKind::Load {
-                    self.open_failed();
+                match kind {
+                    JobKind::Load => self.open_failed(text),
+                    _ => self.fail(text),
                 }
-                self.fail(text);
             }
             Message::Failed(kind, why) => {
-                if kind == JobKind::Load {
-                    self.open_failed();
+                let text = format!("{} failed: {why}", kind.title());
+                match kind {
+                    JobKind::Load => self.open_failed(text),
+                    _ => self.fail(text),
                 }
-                self.fail(format!("{} failed: {why}", kind.title()));
             }
             Message::Changed(path) if self.is_of_look(&path) => self.own_files_changed = true,
             Message::Changed(path) => {
@@ -515,10 +548,7 @@ impl Document {
                 }
                 match result {
                     Ok(original) => self.opened(original),
-                    Err(why) => {
-                        self.open_failed();
-                        self.fail(why);
-                    }
+                    Err(why) => self.open_failed(why),
                 }
             }
             Outcome::Lighter { how, result } => match result {
@@ -547,6 +577,7 @@ impl Document {
             Outcome::Benchmarked { is_whole: false } => self.log.note("benchmark cancelled"),
             Outcome::Preview { of, secs, result } => self.take_preview(&of, secs, result),
             Outcome::Level { how, change } => self.take_level(&how, change),
+            Outcome::Shaded => self.take_shaded(),
             Outcome::Exported { path, result } => match result {
                 Ok(written) => {
                     for warning in &written.warnings {
@@ -561,10 +592,13 @@ impl Document {
     }
 
     fn opened(&mut self, original: ShownModel<Original>) {
-        let Some(Opening { then, path, .. }) = self.opening.take() else { return };
+        let Some(Opening { then, path, failed, .. }) = self.opening.take() else { return };
         if let OpenReason::Run(command) = &then {
             self.history.seal();
             self.history.run(command, &mut self.settings);
+            // Files before it could not be read.
+            let shown = self.settings.files.iter().position(|file| *file == path);
+            self.settings.shown = shown.unwrap_or(self.settings.shown);
             let shading = &mut self.settings.look.look.shading;
             // Only plain shadings follow the file; a diagnostic shading stays.
             if matches!(command, Command::Open(_) | Command::Show(_)) && PLAIN_SHADINGS.contains(shading) {
@@ -584,6 +618,11 @@ impl Document {
         }
         self.watched.clear();
         (self.problem, self.changed) = (None, None);
+        self.broken.remove(&path);
+        if !failed.is_empty() {
+            let all: Vec<String> = failed.into_iter().map(|(_, why)| why).collect();
+            self.problem = Some(all.join("\n"));
+        }
         let count = content.non_finite_vertices;
         if count > 0 {
             let text = format!(
@@ -596,6 +635,7 @@ impl Document {
             self.problem = Some(text);
         }
         self.original = Some(original);
+        self.shaded = self.creases();
         self.is_playing &= matches!(then, OpenReason::Reloaded);
         (self.lighter, self.measured, self.requested) = (None, None, None);
         (self.topologies, self.flaws) = ([None, None], [None, None]);
@@ -603,13 +643,41 @@ impl Document {
         self.builder.end_worker();
     }
 
-    /// Handles a failed read: what is open stays.
-    fn open_failed(&mut self) {
-        match self.opening.take().map(|o| o.then) {
-            Some(OpenReason::Undone) => _ = self.history.redo(&mut self.settings),
-            Some(OpenReason::Redone) => _ = self.history.undo(&mut self.settings),
-            _ => {}
+    /// Handles a failed read: the next file is tried, or what is open stays.
+    fn open_failed(&mut self, why: String) {
+        let Some(mut opening) = self.opening.take() else { return self.fail(why) };
+        self.broken.insert(opening.path.clone(), why.clone());
+        opening.failed.push((opening.path.clone(), why.clone()));
+        match &opening.then {
+            OpenReason::Undone => _ = self.history.redo(&mut self.settings),
+            OpenReason::Redone => _ = self.history.undo(&mut self.settings),
+            OpenReason::Reloaded => {}
+            OpenReason::Run(command) => {
+                let mut files = match command {
+                    Command::Open(files) => files.clone(),
+                    Command::Session(settings) => settings.files.clone(),
+                    Command::CloseFile(_) => {
+                        let mut after = self.settings.clone();
+                        command.apply(&mut after);
+                        after.files
+                    }
+                    _ => Vec::new(),
+                };
+                files.retain(|file| opening.failed.iter().all(|(tried, _)| tried != file));
+                if let Some(next) = files.into_iter().next() {
+                    self.log.bad(why);
+                    return self.try_open(Opening { path: next, read: ReadProgress::default(), ..opening });
+                }
+            }
         }
+        self.log.bad(why);
+        if matches!(opening.then, OpenReason::Run(Command::CloseFile(_))) {
+            // None of the others can be shown.
+            self.history.run(&Command::Close, &mut self.settings);
+            return self.sync();
+        }
+        let all: Vec<&str> = opening.failed.iter().map(|(_, why)| why.as_str()).collect();
+        self.problem = Some(all.join("\n"));
     }
 
     fn fail(&mut self, why: String) {
@@ -645,6 +713,7 @@ impl Document {
                 self.simplify(original.clone(), how);
             }
         }
+        self.shade_edges(&original);
         self.start_preview(&original);
         self.make_levels(&original);
         self.inspect(&original);

@@ -1,6 +1,7 @@
 //! Open borders and defects of a model: lines to draw, counts, and places to look at.
 
 use std::collections::HashMap;
+use std::sync::PoisonError;
 
 use glam::{DMat4, DVec3};
 use lodsmith_core::disjoint_sets::DisjointSets;
@@ -9,6 +10,7 @@ use lodsmith_core::{Model, TriMesh, VertexId, WedgeId};
 use serde::{Deserialize, Serialize};
 
 use crate::gpu::Marks;
+use crate::shown::Drawing;
 
 /// Open borders and defects of a model.
 #[derive(Debug, Default, Serialize, Deserialize)]
@@ -62,6 +64,12 @@ impl Flaws {
         all.places.sort_by_key(|place| std::cmp::Reverse(place.edges));
         all.places.truncate(MAX_PLACES);
         all
+    }
+
+    /// Writes the lines into the buffers of their model.
+    pub(crate) fn show_in(&self, drawing: &Drawing) {
+        let mut drawing = drawing.lock().unwrap_or_else(PoisonError::into_inner);
+        self.marks.iter().enumerate().for_each(|(mesh, marks)| drawing.set_marks(mesh, marks));
     }
 
     /// Returns the places of borders, of defects, or of both.

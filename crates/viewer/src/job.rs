@@ -38,12 +38,15 @@ pub enum JobKind {
     Difference,
     /// Go to a level of a progressive mesh that a worker holds.
     Level,
+    /// Shade the edges of the shown models.
+    Shade,
 }
 
 impl JobKind {
     /// All kinds, in order of priority.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Load,
+        Self::Shade,
         Self::Simplify,
         Self::Export,
         Self::Bake,
@@ -72,6 +75,7 @@ impl JobKind {
             Self::Bake => "Baking",
             Self::Difference => "Comparing pictures",
             Self::Level => "Showing a level",
+            Self::Shade => "Shading edges",
         }
     }
 

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use lodsmith::{Method, NoControl, SimplifyOptions, Stop};
 use lodsmith_core::{Model, TriMesh};
 
-use crate::gpu::Context;
+use crate::gpu::{Context, DrawModel};
 use crate::shown::Drawing;
 
 /// Models with more triangles have a preview mesh: a software adapter takes most of a second to draw them.
@@ -17,17 +17,26 @@ const PREVIEW_FACES: usize = 60_000;
 
 /// Uploads a model, with a preview mesh if it needs one. Slow: meant for a worker thread.
 pub fn upload(context: &Context, model: &Model) -> Drawing {
+    Arc::new(Mutex::new(draw_model(context, model)))
+}
+
+/// Uploads a model like [`upload`].
+pub(crate) fn draw_model(context: &Context, model: &Model) -> DrawModel {
     let light = if context.is_software() { preview_of(model) } else { None };
-    upload_both(context, model, light.as_ref())
+    draw_both(context, model, light.as_ref())
 }
 
 /// Uploads a model and its preview mesh, if it has one.
 pub fn upload_both(context: &Context, model: &Model, light: Option<&Model>) -> Drawing {
+    Arc::new(Mutex::new(draw_both(context, model, light)))
+}
+
+fn draw_both(context: &Context, model: &Model, light: Option<&Model>) -> DrawModel {
     let mut drawn = context.upload(model);
     if let Some(light) = light {
-        drawn.set_preview(context.upload(light));
+        drawn.set_preview(context.upload_like(light, &drawn));
     }
-    Arc::new(Mutex::new(drawn))
+    drawn
 }
 
 /// Returns the preview mesh of a model; `None` if it is small, or clustering does not reduce it enough.

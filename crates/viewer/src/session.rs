@@ -49,15 +49,16 @@ pub enum SessionError {
         /// Description of the fault.
         reason: String,
     },
-    /// It refers to a file that it may not read.
+    /// It refers to files that it may not read.
     #[error(
-        "{path}: refers to {file}, which is outside its folder: start with --asset-root DIR or --allow-outside to allow it"
+        "{path}: refers to {}, outside its folder: start with --asset-root DIR or --allow-outside to allow it",
+        list_of(files)
     )]
     Outside {
         /// The file.
         path: PathBuf,
-        /// The file it refers to.
-        file: PathBuf,
+        /// The files it refers to.
+        files: Vec<PathBuf>,
     },
     /// Written by a newer version.
     #[error("{path}: saved by a newer lodsmith (session version {got}, supported up to {VERSION})")]
@@ -102,6 +103,18 @@ impl Session {
     /// # Errors
     /// Each [`SessionError`].
     pub fn open(path: &Path, scope: &AssetScope) -> Result<Self, SessionError> {
+        match Self::read(path, scope)? {
+            (session, files) if files.is_empty() => Ok(session),
+            (_, files) => Err(SessionError::Outside { path: path.to_owned(), files }),
+        }
+    }
+
+    /// Reads a session, and returns it with the files that it refers to and that the scope does not allow. None of them
+    /// is read here.
+    ///
+    /// # Errors
+    /// Each [`SessionError`] but [`SessionError::Outside`].
+    pub fn read(path: &Path, scope: &AssetScope) -> Result<(Self, Vec<PathBuf>), SessionError> {
         let text = read(path).map_err(|source| SessionError::Io { path: path.to_owned(), source })?;
         let malformed = |reason: String| SessionError::Malformed { path: path.to_owned(), reason };
         let version = serde_json::from_str::<serde_json::Value>(&text)
@@ -116,14 +129,20 @@ impl Session {
             return Err(malformed("the field `program` is missing or different".to_owned()));
         }
         let folder = folder_of(path);
+        let mut outside = Vec::new();
         for file in session.settings.all_files_mut() {
             *file = folder.join(&file);
-            if !scope.allows(&absolute(file), &folder) {
-                return Err(SessionError::Outside { path: path.to_owned(), file: file.clone() });
+            if !scope.allows(&absolute(file), &folder) && !outside.contains(file) {
+                outside.push(file.clone());
             }
         }
-        Ok(session)
+        Ok((session, outside))
     }
+}
+
+/// Formats a list of files: `a.glb, b.glb`.
+fn list_of(files: &[PathBuf]) -> String {
+    files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join(", ")
 }
 
 fn absolute(path: &Path) -> PathBuf {
@@ -274,6 +293,13 @@ mod tests {
         looks.settings.look.matcap = Some(folder.path().join("ball.png"));
         looks.save(&inside.join("s.json")).unwrap();
         assert!(open(AssetScope::Folder).unwrap_err().to_string().contains("ball.png"));
+        // All of them are named, each once.
+        looks.settings.files = ["b.glb", "a.glb", "b.glb"].map(|name| folder.path().join(name)).to_vec();
+        looks.save(&inside.join("s.json")).unwrap();
+        let Err(SessionError::Outside { files, .. }) = open(AssetScope::Folder) else {
+            panic!("it is refused")
+        };
+        assert_eq!(files, ["b.glb", "a.glb", "ball.png"].map(|name| folder.path().join(name)));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3, Vec3};
+use lodsmith_core::mesh::creases::Creases;
 use lodsmith_render::{
     Ambient, Background, Camera, ColorMap, Lens, Light, LightKind, Lighting, Look, Shading,
 };
@@ -165,6 +166,8 @@ pub struct Appearance {
     pub shader: Option<PathBuf>,
     /// Quantity of the heat map.
     pub heat_of: HeatOf,
+    /// Which edges are sharp if the file has no normals.
+    pub creases: Creases,
 }
 
 impl Default for Appearance {
@@ -180,6 +183,7 @@ impl Default for Appearance {
             matcap: None,
             shader: None,
             heat_of: HeatOf::default(),
+            creases: Creases::default(),
         }
     }
 }

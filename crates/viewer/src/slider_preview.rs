@@ -88,7 +88,7 @@ impl SliderPreview {
             _ => {
                 options.per_mesh = false;
                 let mesh: &TriMesh = &original.model().meshes[0].mesh;
-                let part = Part { mesh, instances: 1, scale: 1.0, stretch: None, system: None };
+                let part = Part { mesh, instances: 1, scale: 1.0, stretch: None, system: None, places: &[] };
                 let diagonal = mesh.positions().view().bounds().map_or(0.0, |b| b.diagonal());
                 (ProgressiveScene::build(&[part], diagonal, &options, control)?, vec![0], diagonal)
             }

@@ -1,7 +1,10 @@
 //! Units of the target, and its positions on a logarithmic slider.
 
+use lodsmith::Length;
+
 use crate::command::SimplifyTarget;
 use crate::numbers::{count_of, grouped, significant};
+use crate::option_words::length_text;
 use crate::settings::Settings;
 
 /// Unit of the slider.
@@ -51,6 +54,17 @@ pub struct OriginalSize {
     pub diagonal: f64,
 }
 
+/// Size of the shown result.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ResultSize {
+    /// Number of triangles.
+    pub faces: usize,
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Largest distance from the original, if it was measured, as a fraction of the diagonal.
+    pub largest: Option<f64>,
+}
+
 /// Smallest number of triangles of the slider: a tetrahedron.
 pub const MIN_FACES: f64 = 4.0;
 
@@ -87,29 +101,46 @@ impl OriginalSize {
         slider_position(faces, self.faces as f64)
     }
 
-    /// Returns the position of the target in the settings.
-    pub fn slider_position(&self, settings: &Settings) -> f64 {
+    /// Returns the position of the target in the settings, on a slider in this unit; `None` if nothing says where it
+    /// lies there. A target in other units lies where its result does.
+    pub fn slider_position(
+        &self,
+        settings: &Settings,
+        result: Option<&ResultSize>,
+        unit: Unit,
+    ) -> Option<f64> {
         let stop = &settings.simplify.options.stop;
-        if let Some(n) = stop.faces {
-            slider_position(n as f64, self.faces as f64)
-        } else if let Some(n) = stop.vertices {
-            slider_position(n as f64, self.vertices as f64)
-        } else if let Some(r) = stop.ratio {
-            slider_position(r * self.faces as f64, self.faces as f64)
-        } else if let Some(error) = stop.error {
-            let share = error.in_units(self.diagonal) / self.diagonal.max(1e-300);
-            ((share / ERROR_RANGE[1]).ln() / (ERROR_RANGE[0] / ERROR_RANGE[1]).ln()).clamp(0.0, 1.0)
-        } else {
-            1.0
+        if !settings.simplify.has_target() {
+            return Some(1.0);
         }
+        if unit == Unit::Error {
+            let share = self.error_share(settings).or_else(|| result?.largest)?;
+            return Some(
+                ((share / ERROR_RANGE[1]).ln() / (ERROR_RANGE[0] / ERROR_RANGE[1]).ln()).clamp(0.0, 1.0),
+            );
+        }
+        if let Some(n) = stop.faces {
+            Some(slider_position(n as f64, self.faces as f64))
+        } else if let Some(n) = stop.vertices {
+            Some(slider_position(n as f64, self.vertices as f64))
+        } else if let Some(r) = stop.ratio {
+            Some(slider_position(r * self.faces as f64, self.faces as f64))
+        } else {
+            Some(slider_position(result?.faces as f64, self.faces as f64))
+        }
+    }
+
+    /// Returns the error in the settings as a fraction of the diagonal.
+    fn error_share(&self, settings: &Settings) -> Option<f64> {
+        let error = settings.simplify.options.stop.error?;
+        Some(error.in_units(self.diagonal) / self.diagonal.max(1e-300))
     }
 
     /// Returns the target times a factor.
     pub fn scaled(&self, settings: &Settings, shown: usize, factor: f64) -> SimplifyTarget {
         let stop = &settings.simplify.options.stop;
-        if let Some(error) = stop.error {
-            let share = error.in_units(self.diagonal) / self.diagonal.max(1e-300);
-            return SimplifyTarget::Error((share / factor).clamp(1e-9, 1.0));
+        if let Some(share) = self.error_share(settings) {
+            return SimplifyTarget::Error(rounded((share / factor).clamp(1e-9, 1.0)));
         }
         let times = |n: f64, all: usize| {
             let wanted = (n * factor).max(MIN_FACES);
@@ -123,7 +154,7 @@ impl OriginalSize {
         if let Some(r) = stop.ratio {
             let ratio = r * factor;
             return if ratio < 1.0 {
-                SimplifyTarget::Ratio(ratio.max(1e-9))
+                SimplifyTarget::Ratio(rounded(ratio.max(1e-9)))
             } else {
                 SimplifyTarget::Original
             };
@@ -132,24 +163,28 @@ impl OriginalSize {
         times(from, self.faces).map_or(SimplifyTarget::Original, SimplifyTarget::Faces)
     }
 
-    /// Parses a typed target.
+    /// Parses a typed target. In every unit `10%` is a share and `20k` a count. A number alone is in the unit; but below
+    /// 1 it is no count, and above 100 it is no share: then it is a fraction or a number of triangles.
     pub fn typed(&self, unit: Unit, text: &str) -> Option<SimplifyTarget> {
-        let number =
-            || text.trim().trim_end_matches('%').trim().parse::<f64>().ok().filter(|x| x.is_finite());
-        match unit {
-            Unit::Faces => count_of(text).filter(|&n| n > 0).map(|n| match n < self.faces {
-                true => SimplifyTarget::Faces(n),
-                false => SimplifyTarget::Original,
-            }),
-            Unit::Vertices => count_of(text).filter(|&n| n > 0).map(|n| match n < self.vertices {
-                true => SimplifyTarget::Vertices(n),
-                false => SimplifyTarget::Original,
-            }),
-            Unit::Percent => number().filter(|&p| p > 0.0).map(|p| match p < 100.0 {
-                true => SimplifyTarget::Ratio(p / 100.0),
-                false => SimplifyTarget::Original,
-            }),
-            Unit::Error => number().filter(|&p| p > 0.0).map(|p| SimplifyTarget::Error(p / 100.0)),
+        let text = text.trim();
+        let (number, is_share) = match text.strip_suffix('%') {
+            Some(number) => (number.trim(), true),
+            None => (text, false),
+        };
+        let counted = if is_share { None } else { count_of(number).filter(|&n| n > 0) };
+        let plain = number.parse::<f64>().ok().filter(|x| x.is_finite() && *x > 0.0);
+        let or_original = |is_less: bool, target| if is_less { target } else { SimplifyTarget::Original };
+        let ratio = |r: f64| or_original(r < 1.0, SimplifyTarget::Ratio(r));
+        match (unit, plain, counted) {
+            (Unit::Error, Some(p), _) if is_share || p <= 100.0 => {
+                Some(SimplifyTarget::Error(times_ten(p, -2)))
+            }
+            (Unit::Percent, Some(p), _) if p <= 100.0 => Some(ratio(times_ten(p, -2))),
+            (_, Some(p), _) if is_share => Some(ratio(times_ten(p, -2))),
+            (Unit::Faces | Unit::Vertices, Some(r), _) if r < 1.0 => Some(ratio(r)),
+            (Unit::Vertices, _, Some(n)) => Some(or_original(n < self.vertices, SimplifyTarget::Vertices(n))),
+            (_, _, Some(n)) => Some(or_original(n < self.faces, SimplifyTarget::Faces(n))),
+            _ => None,
         }
     }
 }
@@ -167,17 +202,46 @@ fn rounded(x: f64) -> f64 {
     format!("{x:.2e}").parse().unwrap_or(x)
 }
 
-/// Formats the target of the settings.
-pub fn text_of(settings: &Settings, whole: &OriginalSize, unit: Unit) -> String {
+/// Multiplies by a power of ten without an error of rounding: the digits stay.
+fn times_ten(x: f64, power: i32) -> f64 {
+    format!("{x}e{power}").parse().unwrap_or(x)
+}
+
+/// Formats the target of the settings in a unit; `None` if nothing says what it is there. A target in other units is
+/// what its result is.
+pub fn text_of(
+    settings: &Settings,
+    whole: &OriginalSize,
+    result: Option<&ResultSize>,
+    unit: Unit,
+) -> Option<String> {
     let stop = &settings.simplify.options.stop;
+    let has_target = settings.simplify.has_target();
+    let faces = || match (stop.faces, stop.ratio) {
+        _ if !has_target => Some(whole.faces),
+        (Some(n), _) => Some(n),
+        (None, Some(ratio)) => Some((ratio * whole.faces as f64).round() as usize),
+        (None, None) => Some(result?.faces),
+    };
     match unit {
-        Unit::Faces => grouped(stop.faces.unwrap_or(whole.faces)),
-        Unit::Vertices => grouped(stop.vertices.unwrap_or(whole.vertices)),
-        Unit::Percent => format!("{}%", significant(100.0 * stop.ratio.unwrap_or(1.0), 3)),
-        Unit::Error => {
-            let share = stop.error.map_or(0.0, |e| e.in_units(whole.diagonal) / whole.diagonal.max(1e-300));
-            format!("{}%", significant(100.0 * share, 3))
-        }
+        Unit::Faces => faces().map(grouped),
+        Unit::Vertices if !has_target => Some(grouped(whole.vertices)),
+        Unit::Vertices => stop.vertices.or(result.map(|r| r.vertices)).map(grouped),
+        Unit::Percent => match stop.ratio {
+            // The digits of the command.
+            Some(ratio) => Some(format!("{}%", times_ten(ratio, 2))),
+            None => {
+                faces().map(|n| format!("{}%", significant(100.0 * n as f64 / whole.faces.max(1) as f64, 3)))
+            }
+        },
+        Unit::Error => match stop.error {
+            Some(error @ Length::OfDiagonal(_)) => Some(length_text(error)),
+            _ if !has_target => Some("0%".to_owned()),
+            _ => {
+                let share = whole.error_share(settings).or_else(|| result?.largest)?;
+                Some(format!("{}%", significant(100.0 * share, 3)))
+            }
+        },
     }
 }
 
@@ -188,16 +252,74 @@ mod tests {
 
     const WHOLE: OriginalSize = OriginalSize { faces: 100_000, vertices: 50_000, diagonal: 2.0 };
 
+    const RESULT: ResultSize = ResultSize { faces: 4000, vertices: 2002, largest: Some(0.0123) };
+
     #[test]
     fn a_place_is_that_of_its_target() {
         for (unit, _) in Unit::ALL {
             for at in [0.0, 0.3, 0.7, 0.95, 1.0] {
                 let mut settings = Settings::default();
                 Command::Target(WHOLE.target(unit, at)).apply(&mut settings);
-                let got = WHOLE.slider_position(&settings);
+                let got = WHOLE.slider_position(&settings, None, unit).unwrap();
                 assert!((got - at).abs() < 0.02, "{unit:?} {at}: {got}");
             }
         }
+    }
+
+    #[test]
+    fn a_target_has_a_text_in_every_unit() {
+        let mut settings = Settings::default();
+        let text = |settings: &Settings, result: Option<&ResultSize>| {
+            Unit::ALL.map(|(unit, _)| text_of(settings, &WHOLE, result, unit).unwrap_or_default())
+        };
+        assert_eq!(text(&settings, None), ["100,000", "50,000", "100%", "0%"]);
+        Command::Target(SimplifyTarget::Faces(4001)).apply(&mut settings);
+        assert_eq!(text(&settings, Some(&RESULT)), ["4,001", "2,002", "4.00%", "1.23%"]);
+        // The largest distance is not known, and no other stands for it.
+        assert_eq!(text(&settings, None), ["4,001", "", "4.00%", ""]);
+        assert_eq!(WHOLE.slider_position(&settings, None, Unit::Error), None);
+        Command::Target(SimplifyTarget::Error(0.0125)).apply(&mut settings);
+        assert_eq!(text(&settings, Some(&RESULT)), ["4,000", "2,002", "4.00%", "1.25%"]);
+    }
+
+    #[test]
+    fn the_digits_of_a_command_are_those_shown() {
+        let whole = OriginalSize { faces: 61_034, ..WHOLE };
+        let shown = |target: SimplifyTarget, unit: Unit| {
+            let mut settings = Settings::default();
+            Command::Target(target).apply(&mut settings);
+            let words = settings.simplify.words();
+            let at = words.iter().position(|w| w == "--ratio" || w == "--error").unwrap();
+            (text_of(&settings, &whole, None, unit).unwrap(), words[at + 1].clone())
+        };
+        for typed in ["6.55", "33.3333", "7", "0.29"] {
+            let target = whole.typed(Unit::Percent, typed).unwrap();
+            let (text, word) = shown(target, Unit::Percent);
+            assert_eq!(text, format!("{typed}%"));
+            assert_eq!(word, times_ten(typed.parse().unwrap(), -2).to_string());
+            let (text, word) = shown(whole.typed(Unit::Error, typed).unwrap(), Unit::Error);
+            assert_eq!([text, word], [(); 2].map(|()| format!("{typed}%")));
+        }
+        for at in [0.21, 0.5, 0.77] {
+            let mut settings = Settings::default();
+            Command::Target(whole.target(Unit::Percent, at)).apply(&mut settings);
+            let target = whole.scaled(&settings, 0, 0.9);
+            let (text, word) = shown(target, Unit::Percent);
+            assert_eq!(text, format!("{}%", times_ten(word.parse().unwrap(), 2)));
+            assert!(word.len() <= 12, "{word}");
+        }
+    }
+
+    #[test]
+    fn shares_fractions_and_counts_are_understood_in_every_unit() {
+        let meant = |text: &str| Unit::ALL.map(|(unit, _)| WHOLE.typed(unit, text).unwrap());
+        let (ratio, faces, error) = (SimplifyTarget::Ratio, SimplifyTarget::Faces, SimplifyTarget::Error);
+        let vertices = SimplifyTarget::Vertices;
+        assert_eq!(meant("10%"), [ratio(0.1), ratio(0.1), ratio(0.1), error(0.1)]);
+        assert_eq!(meant("0.1"), [ratio(0.1), ratio(0.1), ratio(0.001), error(0.001)]);
+        assert_eq!(meant("20k"), [faces(20_000), vertices(20_000), faces(20_000), faces(20_000)]);
+        assert_eq!(meant("4,000"), [faces(4000), vertices(4000), faces(4000), faces(4000)]);
+        assert_eq!(meant("100%")[..3], [SimplifyTarget::Original; 3]);
     }
 
     #[test]

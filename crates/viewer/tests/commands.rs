@@ -502,3 +502,101 @@ fn times_of_levels_fill_a_table_and_a_new_target_ends_it() {
 fn faces_of(document: &Document) -> Option<usize> {
     document.lighter().map(|l| l.content.faces)
 }
+
+#[test]
+fn the_next_file_is_shown_if_the_first_cannot_be_read() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name);
+    let broken = path("broken.off");
+    std::fs::write(&broken, "").unwrap();
+    let mut document = document();
+    document.run(Command::Open(vec![
+        broken.clone(),
+        path("nowhere.glb"),
+        path("sphere.ply"),
+        path("torus.obj"),
+    ]));
+    assert!(document.settle(TIMEOUT));
+    assert_eq!(document.original().unwrap().content.path, path("sphere.ply"));
+    assert_eq!((document.settings().files.len(), document.settings().shown), (4, 2));
+    assert!(document.fault_of(&broken).unwrap().contains("broken.off"));
+    assert!(
+        document.fault_of(&path("nowhere.glb")).is_some() && document.fault_of(&path("sphere.ply")).is_none()
+    );
+    let problem = document.problem.take().unwrap();
+    assert!(problem.contains("broken.off") && problem.contains("nowhere.glb"), "{problem}");
+    // One step, which is taken back and done again.
+    document.undo();
+    assert!(document.settle(TIMEOUT) && document.settings().files.is_empty());
+    document.redo();
+    assert!(document.settle(TIMEOUT));
+    assert_eq!(document.settings().file(), Some(&*path("sphere.ply")));
+    // A broken file stays where it is, and is shown once it is sound.
+    document.run(Command::Show(0));
+    assert!(document.settle(TIMEOUT) && document.problem.take().is_some());
+    assert_eq!(document.settings().file(), Some(&*path("sphere.ply")));
+    lodsmith_io::write_path(&shapes::icosphere(1), &broken, &Default::default()).unwrap();
+    document.run(Command::Show(0));
+    assert!(document.settle(TIMEOUT));
+    assert_eq!(document.original().unwrap().content.faces, 80);
+    assert_eq!((document.problem.as_deref(), document.fault_of(&broken)), (None, None));
+    // If none can be read, nothing changes.
+    let before = document.settings().clone();
+    document.run(Command::Open(vec![path("no.stl"), path("not.stl")]));
+    assert!(document.settle(TIMEOUT));
+    assert!(document.problem.as_ref().is_some_and(|p| p.contains("no.stl") && p.contains("not.stl")));
+    assert_eq!(document.settings(), &before);
+}
+
+#[test]
+fn a_session_whose_shown_file_is_gone_shows_another() {
+    let folder = folder();
+    let mut settings = lodsmith_viewer::settings::Settings::default();
+    settings.files = ["gone.ply", "torus.obj"].map(|name| folder.path().join(name)).to_vec();
+    let mut document = document();
+    document.run(Command::Session(Box::new(settings)));
+    assert!(document.settle(TIMEOUT));
+    assert_eq!(document.settings().file(), Some(&*folder.path().join("torus.obj")));
+    assert!(document.fault_of(&folder.path().join("gone.ply")).is_some());
+}
+
+#[test]
+fn opening_adds_files_and_closing_one_shows_its_neighbour() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name);
+    let mut document = opened(&path("sphere.ply"));
+    document.run(Command::Open(vec![path("torus.obj")]));
+    assert!(document.settle(TIMEOUT));
+    assert_eq!(document.settings().files, [path("sphere.ply"), path("torus.obj")]);
+    assert_eq!(document.original().unwrap().content.path, path("torus.obj"));
+    document.run(Command::CloseFile(1));
+    assert!(document.settle(TIMEOUT));
+    assert_eq!(document.settings().files, [path("sphere.ply")]);
+    assert_eq!(document.original().unwrap().content.path, path("sphere.ply"));
+    document.run(Command::CloseFile(0));
+    assert!(document.settle(TIMEOUT) && document.original().is_none());
+    document.undo();
+    assert!(document.settle(TIMEOUT));
+    assert_eq!(document.original().unwrap().content.path, path("sphere.ply"));
+}
+
+/// The original decides which edges are sharp, for its results too.
+#[test]
+fn sharp_edges_of_a_result_are_those_of_its_original() {
+    use lodsmith_core::mesh::creases::{CREASE_ANGLE_DEG, Creases};
+    let folder = folder();
+    let cube = folder.path().join("cube.stl");
+    lodsmith_io::write_path(&shapes::cube(6), &cube, &Default::default()).unwrap();
+    let mut document = opened(&folder.path().join("sphere.ply"));
+    assert_eq!(document.creases(), Creases::Off);
+    document.run(Command::Target(SimplifyTarget::Faces(20)));
+    assert!(document.settle(TIMEOUT));
+    assert_eq!(document.creases(), Creases::Off, "a coarse result decides nothing");
+    document.run(Command::Open(vec![cube]));
+    assert!(document.settle(TIMEOUT));
+    assert_eq!(document.creases(), Creases::Above(CREASE_ANGLE_DEG));
+    let mut look = document.settings().look.clone();
+    look.creases = Creases::Above(20.0);
+    document.run(Command::Look(look));
+    assert_eq!(document.creases(), Creases::Above(20.0));
+}

@@ -203,6 +203,13 @@ fn scenes() -> Vec<Scene> {
     let count = heat.model.meshes[0].mesh.vertex_count();
     heat.heat = Some((0..count).map(|i| (i as f32 * 0.05).sin().abs()).collect());
     all.push(heat);
+    // Without normals, and with sharp edges: wedges of the mesh have copies on the GPU.
+    for (name, shading) in [("sharp-edges", Shading::Smooth), ("sharp-edges-heat", Shading::Heat)] {
+        let mut sharp = Scene::new(name, shapes::cube(4), shading);
+        let count = sharp.model.meshes[0].mesh.vertex_count();
+        sharp.heat = (shading == Shading::Heat).then(|| (0..count).map(|i| (i % 9) as f32 / 8.0).collect());
+        all.push(sharp);
+    }
     let mut wire = Scene::new("wireframe", shapes::icosphere(2), Shading::Smooth);
     wire.look.wireframe = true;
     wire.look.wire_width_px = 1.5;

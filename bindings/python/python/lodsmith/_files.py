@@ -10,7 +10,7 @@ from typing import Any, Dict, List, Mapping, Optional, Sequence, Union
 from . import _lodsmith as _native
 from ._mesh import Mesh, from_native, to_native
 from ._progress import Reporting
-from ._run import LodsmithWarning, arguments
+from ._run import LodsmithWarning, arguments, warn_of_lost_integers
 
 Path = Union[str, "os.PathLike[str]"]
 
@@ -114,7 +114,9 @@ def save(
     """
     given = Mesh(*mesh) if isinstance(mesh, tuple) else arguments(mesh, None, None)[0]
     writing = _Writing(format, bool(ascii), textures, bool(force), compress, bool(quantize), given._materials)
-    for text in _native.save(to_native(given), os.fspath(path), writing):
+    sent = to_native(given)
+    warn_of_lost_integers(path, sent)
+    for text in _native.save(sent, os.fspath(path), writing):
         warnings.warn(f"{path}: {text}", LodsmithWarning, stacklevel=2)
 
 

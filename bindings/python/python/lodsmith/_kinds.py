@@ -39,10 +39,29 @@ def _lost(what: str) -> None:
 # trimesh
 
 
+#: Smallest cosine between normals that count as equal: an angle of 0.08 degrees, above all rounding.
+_SAME_NORMAL = 1 - 1e-6
+
+
+def _has_shape_normals(mesh: Any) -> bool:
+    """Whether the normals of a trimesh are those that it computes from the faces: reading them stores them like others."""
+    import trimesh
+
+    bare = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, validate=False)
+    given, own = np.asarray(mesh.vertex_normals), np.asarray(bare.vertex_normals)
+    if given.shape != own.shape:
+        return False
+    alike = (given * own).sum(axis=1) >= _SAME_NORMAL
+    # A vertex without faces has none.
+    unused = np.ones(len(given), bool)
+    unused[np.asarray(mesh.faces).reshape(-1)] = False
+    return bool((alike | unused | ~own.any(axis=1)).all())
+
+
 def _take_trimesh(mesh: Any) -> Mesh:
     taken = Mesh(mesh.vertices.view(np.ndarray), mesh.faces.view(np.ndarray))
-    # Normals that were not given are computed from the shape; these the result computes anew.
-    if "vertex_normals" in mesh._cache.cache:
+    # Normals that were computed from the shape the result computes anew.
+    if "vertex_normals" in mesh._cache.cache and not _has_shape_normals(mesh):
         taken.normals = np.asarray(mesh.vertex_normals)
     visual = mesh.visual
     if getattr(visual, "uv", None) is not None and len(visual.uv) == len(mesh.vertices):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any, Dict, Mapping, Optional, Tuple
+from typing import Any, Dict, Mapping, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -38,7 +38,8 @@ class Mesh:
         ``"vertex_map"``
             ``(n,)``, the number of the place of each row, where rows that differ in attributes share places.
         any other name
-            Numbers are blended; integers are not (they are labels, such as numbers of materials).
+            Numbers are blended; integers are not (they are labels, such as numbers of materials). NaN is a missing
+            value: it stays NaN and does not count.
 
     Attributes
     ----------
@@ -203,22 +204,78 @@ def _ids(name: str, array: np.ndarray) -> np.ndarray:
     return np.require(array, np.uint32, ["C", "A"])
 
 
-def _values(name: str, array: np.ndarray) -> Tuple[np.ndarray, Optional[str]]:
-    """Values for the engine, and their type if they are labels."""
+#: Numbers between these, and 0, are carried as they are: 32-bit floats hold their products too.
+_LEAST, _MOST = 1e-30, 1e30
+
+
+class _Scale(NamedTuple):
+    """How numbers of 64 bits are carried where 32-bit floats would round them: (x - shift) / unit."""
+
+    shift: float
+    unit: float
+
+    def carried(self, rows: np.ndarray) -> np.ndarray:
+        return (rows - self.shift) / self.unit
+
+    def given(self, rows: np.ndarray) -> np.ndarray:
+        return rows.astype(np.float64) * self.unit + self.shift
+
+
+_PLAIN = _Scale(0.0, 1.0)
+
+
+def _scale(rows: np.ndarray) -> _Scale:
+    """The scale at which 32-bit floats hold numbers best."""
+    finite = rows[np.isfinite(rows)]
+    if finite.size == 0:
+        return _PLAIN
+    low, high = float(finite.min()), float(finite.max())
+    most = max(abs(low), abs(high))
+    # Around 0 small numbers would lose digits to a shift; apart from it, all gain some.
+    shift = low / 2 + high / 2 if high / 2 - low / 2 < most / 4 else 0.0
+    largest = max(abs(low - shift), abs(high - shift))
+    in_range = largest == 0 or _LEAST < largest < _MOST
+    return _Scale(shift, 1.0 if in_range else float(2.0 ** np.frexp(largest)[1]))
+
+
+class _Carried(NamedTuple):
+    """Values for the engine."""
+
+    #: None for integers that 32-bit floats do not hold: these are fetched from the original afterwards.
+    rows: Optional[np.ndarray]
+    #: The type of labels.
+    label: Optional[str]
+    scale: _Scale
+    #: Whether the rows are the values, to the bit.
+    is_exact: bool
+
+
+def _values(name: str, array: np.ndarray, scaled: bool) -> _Carried:
     rows = array.reshape(len(array), -1)
-    label = None
     if rows.dtype.kind in "iub":
         low, high = (int(rows.min()), int(rows.max())) if rows.size else (0, 0)
         if low < -_EXACT or high > _EXACT:
-            raise ValueError(f"attributes: {name!r} has integers beyond {_EXACT}, which cannot be carried exactly")
+            return _Carried(None, None, _PLAIN, False)
         label = rows.dtype.name if rows.dtype.name in _INTEGERS else ("int32" if low < 0 else "uint32")
-    elif rows.dtype.kind != "f":
+        return _Carried(np.require(rows, np.float32, ["C", "A"]), label, _PLAIN, True)
+    if rows.dtype.kind != "f":
         raise TypeError(f"attributes: {name!r} has values of type {rows.dtype}, not numbers")
-    return np.require(rows, np.float32, ["C", "A"]), label
+    with np.errstate(over="ignore"):
+        carried = np.require(rows, np.float32, ["C", "A"])
+    if rows.dtype.itemsize <= 4 or np.array_equal(carried, rows, equal_nan=True):
+        return _Carried(carried, None, _PLAIN, True)
+    scale = _scale(rows) if scaled else _PLAIN
+    if scale != _PLAIN:
+        carried = np.require(scale.carried(rows), np.float32, ["C", "A"])
+    return _Carried(carried, None, scale, False)
 
 
-def to_native(mesh: Mesh) -> SimpleNamespace:
-    """The arrays of a mesh as the engine takes them."""
+def to_native(mesh: Mesh, scaled: bool = False) -> SimpleNamespace:
+    """The arrays of a mesh as the engine takes them.
+
+    ``scaled`` moves numbers of 64 bits to where 32-bit floats hold them best; :func:`from_native` moves them back.
+    """
+    carried = {name: _values(name, array, scaled) for name, array in mesh.attributes.items()}
     faces = mesh.faces
     if faces.dtype not in (np.int32, np.uint32, np.int64):
         if faces.dtype == np.uint64 and faces.size and int(faces.max()) >= 1 << 63:
@@ -232,7 +289,8 @@ def to_native(mesh: Mesh) -> SimpleNamespace:
         colors=None if mesh.colors is None else _colors(mesh.colors),
         regions=None if mesh.regions is None else _ids("regions", mesh.regions),
         vertex_map=None if mesh.vertex_map is None else _ids("vertex_map", mesh.vertex_map),
-        attributes={name: _values(name, array) for name, array in mesh.attributes.items()},
+        attributes={name: (c.rows, c.label) for name, c in carried.items() if c.rows is not None},
+        carried=carried,
     )
 
 
@@ -247,8 +305,8 @@ def _like(values: np.ndarray, model: np.ndarray) -> np.ndarray:
     return values.astype(model.dtype)
 
 
-def from_native(kind: type, made: Dict[str, Any], like: Optional[Mesh]) -> Any:
-    """A mesh of the arrays that the engine gave, in the types of those that it was given."""
+def from_native(kind: type, made: Dict[str, Any], like: Optional[Mesh], sent: Optional[SimpleNamespace] = None) -> Any:
+    """A mesh of the arrays that the engine gave, in the types of those that it was given (``like``, as ``sent``)."""
     mesh = kind.__new__(kind)
     mesh.vertices = made["vertices"]
     faces = made["faces"]
@@ -279,6 +337,8 @@ def from_native(kind: type, made: Dict[str, Any], like: Optional[Mesh]) -> Any:
     mesh.attributes = {}
     for name, (values, label) in made["attributes"].items():
         if like is not None and name in like.attributes:
+            if sent is not None and sent.carried[name].scale != _PLAIN:
+                values = sent.carried[name].scale.given(values)
             values = _like(values, like.attributes[name])
         else:
             values = values.astype(label) if label else values

@@ -42,18 +42,25 @@ class SourceMap:
     def transfer(self, values: Any) -> np.ndarray:
         """Blend values of the original's vertices, ``(n,)`` or ``(n, ...)``, for the vertices of the result.
 
-        Integers are taken from the corner with the largest weight. Rows without a source become NaN, or 0.
+        Integers are taken from the corner with the largest weight. Where that corner is NaN the result is, and other NaN
+        do not count. Rows without a source become NaN, or 0.
         """
         values = np.asarray(values)
         corners = self._corners[np.maximum(self.faces, 0)]
-        if values.dtype.kind in "iub":
-            nearest = np.take_along_axis(corners, self.weights.argmax(axis=1)[:, None], axis=1)[:, 0]
-            carried = values[nearest]
-            nowhere: Any = 0
-        else:
-            weights = self.weights.astype(values.dtype)
-            carried = np.einsum("kc,kc...->k...", weights, values[corners])
-            nowhere = np.nan
+        nearest = np.take_along_axis(corners, self.weights.argmax(axis=1)[:, None], axis=1)[:, 0]
+        carried = values[nearest]
+        nowhere: Any = 0
+        if values.dtype.kind not in "iub":
+            # From the nearest corner on, so that rounded weights do not scale large numbers; those that are NaN
+            # do not count.
+            wide = np.result_type(values.dtype, np.float64)
+            blended, shape = carried.astype(wide), (-1,) + (1,) * (values.ndim - 1)
+            for k in range(3):
+                weight, others = self.weights[:, k].reshape(shape), values[corners[:, k]].astype(wide)
+                with np.errstate(invalid="ignore"):
+                    change = weight.astype(wide) * (others - carried)
+                blended += np.where((weight > 0) & ~np.isnan(others), change, 0)
+            carried, nowhere = blended.astype(values.dtype), np.nan
         kept = self.vertices >= 0
         carried[kept] = values[self.vertices[kept]]
         carried[(self.faces < 0) & ~kept] = nowhere
@@ -122,8 +129,21 @@ def _back(result: Mesh, kind: Any, given: Any) -> Any:
     return result if kind is None else kind.give(result, given)
 
 
-def _tell(report: Dict[str, Any], options: Mapping[str, Any]) -> None:
-    """Warn if the run did not do what was asked for."""
+def warn_of_lost_integers(path: Any, sent: SimpleNamespace) -> None:
+    """Warn of attributes that no file can hold."""
+    lost = [name for name, carried in sent.carried.items() if carried.rows is None]
+    if lost:
+        text = f"{path}: the file does not have {', '.join(lost)}: integers beyond 16,777,216"
+        warnings.warn(text, LodsmithWarning, stacklevel=3)
+
+
+def _tell(reports: Sequence[Dict[str, Any]], options: Mapping[str, Any]) -> None:
+    """Warn if runs did not do what was asked for, once for all of them."""
+    for text in dict.fromkeys(text for report in reports for text in _shortfalls(report, options)):
+        warnings.warn(text, LodsmithWarning, stacklevel=3)
+
+
+def _shortfalls(report: Dict[str, Any], options: Mapping[str, Any]) -> List[str]:
     asked = [name for name in ("faces", "vertices", "ratio", "error") if options.get(name) is not None]
     texts = []
     if asked and not report["reached"]:
@@ -133,8 +153,9 @@ def _tell(report: Dict[str, Any], options: Mapping[str, Any]) -> None:
         texts.append("seams were moved off their lines to come nearer to the target")
     if report["sharp_relaxed"]:
         texts.append("sharp edges were not all kept, to come nearer to the target")
-    for text in texts:
-        warnings.warn(text, LodsmithWarning, stacklevel=3)
+    if report["missing_values"]:
+        texts.append(f"{report['missing_values']:,} values of attributes are NaN or infinite and did not count")
+    return texts
 
 
 def _not_reached(report: Dict[str, Any]) -> str:
@@ -148,12 +169,42 @@ def _not_reached(report: Dict[str, Any]) -> str:
     return text
 
 
-def _result(made: Dict[str, Any], original: Mesh, kind: type = Result) -> Any:
-    result = from_native(kind, made, original)
+def _result(made: Dict[str, Any], original: Mesh, sent: SimpleNamespace, kind: type = Result) -> Any:
+    result = from_native(kind, made, original, sent)
     result.report = made["report"]
     result._original = original
     result._source = None
+    _make_exact(result, original, sent)
     return result
+
+
+def _make_exact(result: Result, original: Mesh, sent: SimpleNamespace) -> None:
+    """Fetch from the original what the engine did not carry to the last bit."""
+    rounded = [name for name, carried in sent.carried.items() if not carried.is_exact]
+    own = [name for name in ("normals", "uvs", "colors") if _is_wide(getattr(original, name))]
+    if not rounded and not own:
+        return
+    kept = result.source.vertices >= 0
+    rows = result.source.vertices[kept]
+    for name in rounded:
+        values = original.attributes[name]
+        if name in result.attributes:
+            result.attributes[name][kept] = values[rows]
+        else:
+            result.attributes[name] = result.source.transfer(values)
+    result.attributes = {
+        name: result.attributes[name] for name in {**original.attributes, **result.attributes} if name in result.attributes
+    }
+    for name in own:
+        # A run may have changed these where the vertex stayed: normals are of length 1, say.
+        got, given = getattr(result, name), getattr(original, name)[rows]
+        if got is not None and got.shape[1:] == given.shape[1:]:
+            same = (got[kept].astype(np.float32) == given.astype(np.float32)).all(axis=1)
+            got[np.flatnonzero(kept)[same]] = given[same]
+
+
+def _is_wide(values: Optional[np.ndarray]) -> bool:
+    return values is not None and values.dtype.kind == "f" and values.dtype.itemsize > 4 and values.ndim == 2
 
 
 def _check_target(options: Mapping[str, Any]) -> None:
@@ -243,9 +294,10 @@ def simplify(
     given, kind, own = arguments(mesh, triangles, attributes)
     with Reporting(progress) as reporting:
         keywords = keywords_of(options, locked, importance, reporting.callback, time_limit, given)
-        made = _native.simplify(to_native(given), keywords)
-    result = _result(made, given)
-    _tell(result.report, options)
+        sent = to_native(given, scaled=True)
+        made = _native.simplify(sent, keywords)
+    result = _result(made, given, sent)
+    _tell([result.report], options)
     return _back(result, kind, own)
 
 
@@ -316,10 +368,12 @@ def lod(
     )
     with Reporting(progress) as reporting:
         keywords = keywords_of(options, locked, importance, reporting.callback, time_limit, given)
-        made, geomorphs = _native.lod(to_native(given), wanted, keywords)
+        sent = to_native(given, scaled=True)
+        made, geomorphs = _native.lod(sent, wanted, keywords)
+    _tell([one["report"] for one in made], {})
     results = []
     for i, one in enumerate(made):
-        level = _result(one, given, Level)
+        level = _result(one, given, sent, Level)
         level.distance = one["distance"]
         # Geomorphs begin with the original.
         level.geomorph = _by_row(geomorphs[i + 1], level) if i + 1 < len(geomorphs) else None
@@ -362,7 +416,9 @@ class Progressive:
         given, self._kind, self._own = arguments(mesh, triangles, attributes)
         with Reporting(progress) as reporting:
             keywords = keywords_of(options, locked, importance, reporting.callback, None, given)
-            self._mesh = _native.ProgressiveMesh.build(to_native(given), keywords)
+            # (Not scaled: a file has the values as they are.)
+            self._sent = to_native(given)
+            self._mesh = _native.ProgressiveMesh.build(self._sent, keywords)
         self._original: Optional[Mesh] = given
 
     @classmethod
@@ -372,13 +428,15 @@ class Progressive:
 
         made = cls.__new__(cls)
         made._mesh = _native.ProgressiveMesh.read(os.fspath(path))
-        made._kind = made._own = made._original = None
+        made._kind = made._own = made._original = made._sent = None
         return made
 
     def save(self, path: Any, *, bits: Optional[int] = None) -> None:
         """Write a ``.lpm`` file; ``bits`` rounds coordinates and makes it smaller."""
         import os
 
+        if self._sent is not None:
+            warn_of_lost_integers(path, self._sent)
         self._mesh.write(os.fspath(path), bits)
 
     @property
@@ -406,13 +464,15 @@ class Progressive:
             raise TypeError("level() takes the number of a level, or faces=, vertices= and error=")
         level = min(max(int(level), 0), self.top)
         made = self._mesh.mesh(level, bool(fit))
-        result = from_native(Result, made, self._original)
+        result = from_native(Result, made, self._original, self._sent)
         result.report = {
             "level": level,
             "output": {"faces": len(result.faces), "vertices": len(result.vertices)},
             "error": {"estimate": made["error"], "unit": "model"},
         }
         result._original, result._source = self._original, None
+        if self._original is not None:
+            _make_exact(result, self._original, self._sent)
         return _back(result, self._kind, self._own)
 
     def __len__(self) -> int:
@@ -503,8 +563,9 @@ def clean(
     given, kind, own = arguments(mesh, triangles, attributes)
     with Reporting(progress) as reporting:
         keywords = keywords_of({"weld": weld, "prune": prune}, None, None, reporting.callback, None, given)
-        made = _native.clean(to_native(given), non_manifold, keywords)
-    return _back(_result(made, given), kind, own)
+        sent = to_native(given)
+        made = _native.clean(sent, non_manifold, keywords)
+    return _back(_result(made, given, sent), kind, own)
 
 
 def icosphere(subdivisions: int = 3) -> Mesh:

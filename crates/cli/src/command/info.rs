@@ -4,9 +4,9 @@ use std::time::Instant;
 
 use lodsmith::core::mesh::weld::weld;
 use lodsmith::core::topology::{Size, Topology, TopologyCounts, size_of};
-use lodsmith::core::{Bounds, Surface, VertexId};
+use lodsmith::core::{Bounds, PositionsView, Surface, VertexId};
 use lodsmith_io::vertex_cache::CacheUse;
-use lodsmith_io::{Loaded, Sizes};
+use lodsmith_io::{Format, Loaded, Sizes};
 use serde_json::{Value, json};
 
 use crate::args::InfoArgs;
@@ -56,6 +56,9 @@ struct Facts {
     loaded: Loaded,
     places: usize,
     topology: TopologyCounts,
+    /// True if it is closed where only vertices with the same index are joined; `None` for a format without
+    /// indices.
+    closed_by_index: Option<bool>,
     duplicate_faces: usize,
     two_sided_faces: usize,
     unused_vertices: usize,
@@ -85,6 +88,7 @@ fn inspect(source: &Source, args: &InfoArgs, progress: &Progress) -> anyhow::Res
     }
     let places = weld.distinct_count;
     let topology = Topology::new(&surface).counts();
+    let closed_by_index = is_closed_by_index(&loaded);
     let duplicate_faces = duplicate_faces(&surface, &weld.representative);
     let two_sided_faces = lodsmith::two_sided_faces(&surface);
     let unused_vertices = is_used.iter().filter(|used| !**used).count();
@@ -99,6 +103,7 @@ fn inspect(source: &Source, args: &InfoArgs, progress: &Progress) -> anyhow::Res
         loaded,
         places,
         topology,
+        closed_by_index,
         duplicate_faces,
         two_sided_faces,
         unused_vertices,
@@ -108,6 +113,25 @@ fn inspect(source: &Source, args: &InfoArgs, progress: &Progress) -> anyhow::Res
         sizes,
         cache,
         secs,
+    })
+}
+
+/// True if a surface is closed even if vertices at one position stay apart; `None` if the format has no indices.
+/// In glTF a vertex is a position with its attributes.
+fn is_closed_by_index(loaded: &Loaded) -> Option<bool> {
+    if loaded.format == Format::Stl {
+        return None;
+    }
+    let mesh = &loaded.mesh;
+    Some(match (loaded.format, mesh.vertex_map()) {
+        (Format::Gltf | Format::Glb, Some(map)) => {
+            let places = mesh.positions().view();
+            let places: Vec<[f64; 3]> = map.iter().map(|v| places.get(*v)).collect();
+            let faces = mesh.triangles().iter().map(|t| t.map(|w| VertexId(w.0))).collect();
+            let surface = Surface::with_triangles(PositionsView::F64(&places), faces);
+            surface.is_ok_and(|surface| Topology::unwelded(&surface).counts().is_closed())
+        }
+        _ => Topology::unwelded(&mesh.surface()).counts().is_closed(),
     })
 }
 
@@ -147,6 +171,7 @@ impl Facts {
             "unused_vertices": self.unused_vertices,
             "non_finite_vertices": self.non_finite_vertices,
             "closed": t.is_closed(),
+            "closed_by_index": self.closed_by_index,
             "manifold": t.is_manifold(),
             "oriented": t.is_oriented(),
             "genus": t.genus(),
@@ -213,8 +238,12 @@ impl Facts {
             row("attributes", c.attributes.join(", "));
         }
         let is = |yes: bool, word: &str| if yes { word.to_owned() } else { format!("not {word}") };
-        let kinds =
-            [is(t.is_closed(), "closed"), is(t.is_manifold(), "manifold"), is(t.is_oriented(), "oriented")];
+        let closed = match (t.is_closed(), self.closed_by_index) {
+            (true, Some(true)) => "closed by its indices".to_owned(),
+            (true, Some(false)) => "closed, not by its indices".to_owned(),
+            (is_closed, _) => is(is_closed, "closed"),
+        };
+        let kinds = [closed, is(t.is_manifold(), "manifold"), is(t.is_oriented(), "oriented")];
         let genus = t.genus().map_or(String::new(), |g| format!(", genus {g}"));
         row("surface", kinds.join(", ") + &genus);
         let defects = [

@@ -114,12 +114,12 @@ fn try_all(
     bar.end();
     let mut rows = Vec::with_capacity(jobs.len());
     let mut panels = Vec::new();
-    let mut camera = None;
+    let mut first = None;
     if args.sheet.is_some() {
         let faces = format!("{} faces", grouped(model.mesh.face_count()));
         panels.push(picture::render_panel(
             model.mesh.clone(),
-            &mut camera,
+            &mut first,
             vec!["original".to_owned(), faces],
         )?);
     }
@@ -133,7 +133,7 @@ fn try_all(
             bar.stage(Stage::Measure);
             let mut judged = model.judged(&made);
             if args.sheet.is_some() {
-                panels.push(picture::render_panel(made.mesh.clone(), &mut camera, judged.caption(method))?);
+                panels.push(picture::render_panel(made.mesh.clone(), &mut first, judged.caption(method))?);
             }
             if let Some(to) = &to {
                 bar.write();

@@ -335,9 +335,12 @@ impl<'a> Drawing<'a> {
             if let Some(distances) = item.distances.as_ref().filter(|_| shading == Shading::Heat) {
                 subject = subject.with_values(distances.clone())?;
             }
-            // Items that are compared have the same camera.
+            // Items that are compared have the same camera, and edges that are sharp in the same cases.
             let camera = match item.reference {
-                Some(of) => all[of].camera,
+                Some(of) => {
+                    subject = subject.with_creases(all[of].subject.creases());
+                    all[of].camera
+                }
                 None => self.camera(&subject, item),
             };
             all.push(ShownItem { item, subject, shading, camera });

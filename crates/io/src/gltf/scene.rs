@@ -86,6 +86,9 @@ pub struct SceneMesh {
     /// Rows of its world transform, if it is placed exactly once; of a skinned mesh, that of one of the joints. Meshes with
     /// equal transforms share a coordinate system.
     pub world_from_mesh: Option<[[f64; 4]; 3]>,
+    /// Rows of the world transform of each instance; empty if they are not known: for a skinned mesh, and beyond 65,536
+    /// instances.
+    pub places: Vec<[[f64; 4]; 3]>,
     /// True if a node places it with a skin.
     pub skinned: bool,
 }
@@ -173,6 +176,7 @@ impl Scene {
                     scale: 1.0,
                     stretch: None,
                     world_from_mesh: None,
+                    places: Vec::new(),
                     skinned: false,
                 });
             }
@@ -454,6 +458,7 @@ fn place(
         mesh.scale = of_mesh.lengths.scale().unwrap_or(1.0);
         mesh.stretch = of_mesh.lengths.stretch();
         mesh.world_from_mesh = of_mesh.only.map(|place| place.0);
+        mesh.places = of_mesh.known_places();
     }
     for node in list(json, "nodes") {
         let mesh = whole(node, "mesh", "a node")?.and_then(|m| meshes.get_mut(m));

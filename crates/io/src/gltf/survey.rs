@@ -18,12 +18,27 @@ pub(super) struct MeshPlaces {
     pub(super) lengths: Lengths,
     /// Its transform, if it stands in one place.
     pub(super) only: Option<Affine>,
+    /// The transforms of its first places without a skin.
+    rigid: Vec<Affine>,
+}
+
+/// Largest number of places of one mesh that are kept. (Guessed: parts that touch are placed thousands of times at most.)
+const MAX_KEPT_PLACES: usize = 1 << 16;
+
+impl MeshPlaces {
+    /// Returns the rows of the transforms of all places, if they are kept.
+    pub(super) fn known_places(&self) -> Vec<[[f64; 4]; 3]> {
+        match self.rigid.len() == self.instances {
+            true => self.rigid.iter().map(|place| place.0).collect(),
+            false => Vec::new(),
+        }
+    }
 }
 
 /// Returns where each mesh stands, and the bounding box of what is shown, from the boxes of the meshes (of skinned ones
 /// from their vertices). `size` is that of the file, or of its buffers if they are larger.
 ///
-/// Cost: O(nodes + copies + vertices of skinned meshes); no copy is held in memory.
+/// Cost: O(nodes + copies + vertices of skinned meshes); few copies are held in memory.
 pub(super) fn survey(
     json: &Value,
     buffers: &Buffers<'_>,
@@ -64,6 +79,9 @@ pub(super) fn survey(
         let own = *own.entry(placement.mesh).or_insert_with(|| mesh.positions().view().bounds());
         for place in of_node.rigid() {
             of_mesh.lengths.add(&place);
+            if of_mesh.rigid.len() < MAX_KEPT_PLACES {
+                of_mesh.rigid.push(place);
+            }
             let Some(Bounds { min, max }) = own.filter(|_| !placement.is_hidden) else { continue };
             for corner in 0..8 {
                 let p = [0, 1, 2].map(|k| if corner >> k & 1 == 0 { min[k] } else { max[k] });

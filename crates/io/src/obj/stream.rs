@@ -14,7 +14,7 @@ use crate::drive::File;
 use crate::error::ReadError;
 use crate::lines::ends_line;
 use crate::loaded::Loaded;
-use crate::options::ReadOptions;
+use crate::options::{ReadOptions, ReadProgress};
 
 /// Bytes per read. Guessed: enough for a system call, and within the cache of a core.
 const PIECE: usize = 1 << 18;
@@ -28,9 +28,10 @@ pub(crate) fn read_file(path: &Path, size: u64, options: &ReadOptions) -> Result
     let Ok(Some(ranges)) = ranges(path, size) else { return Ok(None) };
     let read_all = |precise: bool| {
         let last = ranges.len() - 1;
+        options.progress.set(0, size);
         let read = |(i, range): (usize, &Range<u64>)| {
             let section = Section::new(i == 0, precise);
-            read_range(path, range.clone(), section, i == last)
+            read_range(path, range.clone(), section, i == last, &options.progress)
         };
         let sections: Option<Vec<Section>> = ranges.par_iter().enumerate().map(read).collect();
         sections.and_then(Section::joined)
@@ -69,7 +70,13 @@ fn ranges(path: &Path, size: u64) -> io::Result<Option<Vec<Range<u64>>>> {
 }
 
 /// Parses a range into an empty section; stops early if the section must be parsed again anyway.
-fn read_range(path: &Path, range: Range<u64>, mut section: Section, is_last: bool) -> Option<Section> {
+fn read_range(
+    path: &Path,
+    range: Range<u64>,
+    mut section: Section,
+    is_last: bool,
+    progress: &ReadProgress,
+) -> Option<Section> {
     let mut file = File::open(path).ok()?;
     file.seek(SeekFrom::Start(range.start)).ok()?;
     let length = range.end - range.start;
@@ -79,7 +86,10 @@ fn read_range(path: &Path, range: Range<u64>, mut section: Section, is_last: boo
     loop {
         match left.read(&mut buffer[filled..]) {
             Ok(0) => break,
-            Ok(count) => (filled, taken) = (filled + count, taken + count as u64),
+            Ok(count) => {
+                (filled, taken) = (filled + count, taken + count as u64);
+                progress.add(count as u64);
+            }
             Err(e) if e.kind() == io::ErrorKind::Interrupted => continue,
             Err(_) => return None,
         }

@@ -6,6 +6,7 @@ use super::header::{Element, Encoding, Header, PropertyType, Scalar};
 use super::source::{Binary, Fault, NumberSource, Text, triangle_record};
 use crate::error::{ReadError, Warning};
 use crate::limits::try_with_capacity;
+use crate::options::{PROGRESS_RECORDS, ReadProgress};
 
 /// The contents of the body.
 pub(super) struct Body {
@@ -54,11 +55,17 @@ pub(super) struct Corners {
 
 impl Body {
     /// Reads the records; `wanted` names vertex properties to return besides the mesh.
-    pub(super) fn read(header: &Header, bytes: &[u8], wanted: &[String]) -> Result<Self, ReadError> {
+    pub(super) fn read(
+        header: &Header,
+        bytes: &[u8],
+        wanted: &[String],
+        progress: &ReadProgress,
+    ) -> Result<Self, ReadError> {
+        let at = header.body;
         match header.encoding {
-            Encoding::Ascii => Self::read_from(header, Text { bytes, at: header.body }, wanted),
-            Encoding::Little => Self::read_from(header, Binary::<false> { bytes, at: header.body }, wanted),
-            Encoding::Big => Self::read_from(header, Binary::<true> { bytes, at: header.body }, wanted),
+            Encoding::Ascii => Self::read_from(header, Text { bytes, at }, wanted, progress),
+            Encoding::Little => Self::read_from(header, Binary::<false> { bytes, at }, wanted, progress),
+            Encoding::Big => Self::read_from(header, Binary::<true> { bytes, at }, wanted, progress),
         }
     }
 
@@ -66,6 +73,7 @@ impl Body {
         header: &Header,
         mut source: S,
         wanted: &[String],
+        progress: &ReadProgress,
     ) -> Result<Self, ReadError> {
         let vertex_count = header
             .element("vertex")
@@ -77,10 +85,10 @@ impl Body {
         for element in &header.elements {
             match element.name.as_str() {
                 "vertex" => {
-                    vertices = Some(read_vertices(element, wanted, &mut source, &mut warnings)?);
+                    vertices = Some(read_vertices(element, wanted, &mut source, &mut warnings, progress)?);
                 }
                 "face" => {
-                    let more = read_faces(element, vertex_count, &mut source, &mut warnings)?;
+                    let more = read_faces(element, vertex_count, &mut source, &mut warnings, progress)?;
                     faces = Some(join(faces, more));
                 }
                 "tristrips" => {
@@ -98,6 +106,7 @@ impl Body {
                 }
             }
         }
+        progress.set(1, 1);
         let vertices = vertices.ok_or_else(|| ReadError::file("the header declares no element vertex"))?;
         Ok(Self { vertices, faces: faces.unwrap_or(Faces::Triangles(Vec::new())), warnings })
     }
@@ -218,6 +227,7 @@ fn read_vertices<S: NumberSource>(
     wanted: &[String],
     source: &mut S,
     warnings: &mut Vec<Warning>,
+    progress: &ReadProgress,
 ) -> Result<VertexBuffers, ReadError> {
     let (targets, mut discrete, aside) = targets(element, wanted);
     if !targets.contains(&PropertyTarget::Position(0)) {
@@ -263,6 +273,7 @@ fn read_vertices<S: NumberSource>(
         skip(element, source)?;
     } else {
         for record in 0..count {
+            follow(progress, source, record);
             let (mut p, mut n, mut c, mut uv) = ([0f64; 3], [0f32; 3], [1f32; 4], [0f32; 2]);
             for (property, target) in element.properties.iter().zip(&targets) {
                 let read = match property.kind {
@@ -342,6 +353,7 @@ fn read_faces<S: NumberSource>(
     vertex_count: usize,
     source: &mut S,
     warnings: &mut Vec<Warning>,
+    progress: &ReadProgress,
 ) -> Result<Faces, ReadError> {
     if element.count == 0 {
         return Ok(Faces::Triangles(Vec::new()));
@@ -368,6 +380,7 @@ fn read_faces<S: NumberSource>(
     corners.ends = try_with_capacity(element.count)?;
     corners.indices = try_with_capacity(element.count * 3)?;
     for face in 0..element.count {
+        follow(progress, source, face);
         let start = corners.indices.len();
         let mut uv_numbers = 0;
         for (k, property) in element.properties.iter().enumerate() {
@@ -415,6 +428,14 @@ fn read_faces<S: NumberSource>(
         corners.ends.push(corners.indices.len());
     }
     Ok(Faces::Polygons(corners))
+}
+
+/// Reports how far a source is, now and then.
+fn follow<S: NumberSource>(progress: &ReadProgress, source: &S, record: usize) {
+    if record.is_multiple_of(PROGRESS_RECORDS) {
+        let (bytes, at) = source.bytes();
+        progress.set(at as u64, bytes.len() as u64);
+    }
 }
 
 fn skip_bytes_of_triangles<S: NumberSource>(element: &Element, source: &mut S) {

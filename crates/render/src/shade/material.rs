@@ -177,7 +177,7 @@ impl Shader<'_> {
         meaning: TexelKind,
     ) -> Option<[f32; 4]> {
         let image = image.as_ref()?;
-        let texture = self.subject.surfaces.texture(image, meaning)?;
+        let texture = self.subject.surfaces.textures.get(image, meaning)?;
         let spot = self.spot(hit, image)?;
         Some(texture.at(spot.uv, spot.across, spot.down, image.sampler))
     }

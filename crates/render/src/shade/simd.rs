@@ -184,7 +184,8 @@ impl Shader<'_> {
         let placed = &self.screen.placed[part];
         let shaded = &self.meshes[part];
         let mesh = &placed.drawn.mesh;
-        let wedges = wanted.each_ref().map(|w| mesh.triangles()[(w.face - placed.first_face) as usize]);
+        let faces = wanted.each_ref().map(|w| (w.face - placed.first_face) as usize);
+        let wedges = faces.map(|face| mesh.triangles()[face]);
         let vertices = wedges.map(|of_face| of_face.map(|w| mesh.vertex_of(w).index()));
         let corners = transpose_corners(|i, k| placed.corners[vertices[i][k]]);
         let [a, b, c] = corners;
@@ -210,15 +211,16 @@ impl Shader<'_> {
         let is_front = if shaded.is_mirrored { is_front } else { !is_front };
         let mut places = PointLanes { wedges, b, at, normal: Vec3Lanes::splat(Vec3::Z) };
         let mut is_odd = !(near.simd_gt(f32x4::splat(0.0)) & (near * 0.0).simd_eq(f32x4::splat(0.0)));
-        let of_shape = |all: &[[f32; 3]], of: &[[usize; 3]; 4]| {
-            let corner = |k: usize| Vec3Lanes::of(of.map(|v| Vec3::from(all[v[k]]))).times(b[k]);
+        let blended = |of: [[[f32; 3]; 3]; 4]| {
+            let corner = |k: usize| Vec3Lanes::of(of.map(|of_face| Vec3::from(of_face[k]))).times(b[k]);
             corner(0).plus(corner(1)).plus(corner(2)).turned(&shaded.to_view)
         };
         let (normal, other) = match shaded.normals {
             Normals::None => (outer_normals(placed, vertices).turned(&shaded.to_view), !is_front),
-            Normals::OfVertices(all) => (of_shape(all, &vertices), !is_front),
+            Normals::OfVertices(all) => (blended(vertices.map(|of_face| of_face.map(|v| all[v]))), !is_front),
+            Normals::OfCorners(all) => (blended(faces.map(|face| all[face])), !is_front),
             Normals::OfWedges(all) => {
-                let own = of_shape(all, &wedges.map(|of_face| of_face.map(WedgeId::index)));
+                let own = blended(wedges.map(|of_face| of_face.map(|w| all[w.index()])));
                 // Normals from a file may point to either side of a face.
                 let outer = outer_normals(placed, vertices).turned(&shaded.to_view);
                 let is_inner = own.dot(outer.0).simd_lt(f32x4::splat(0.0));

@@ -16,7 +16,7 @@ const MIN_GRAM: f32 = 1e-4;
 impl<M: Metric> LiveMesh<M> {
     /// Returns the corners of the end whose position is removed, with the wedges of the other end that
     /// replace theirs. Wedges are paired where a triangle contains both; a wedge without a partner would be
-    /// separated from its side of a seam, so the collapse is refused.
+    /// separated from its side of a seam, so the collapse is refused until seams have to give way.
     #[inline(always)]
     pub(crate) fn wedges_to_hand_over(
         &self,
@@ -60,9 +60,10 @@ impl<M: Metric> LiveMesh<M> {
             let Some(old) = at(r, gone) else { continue };
             let same = pairs.iter().find(|p| p.0 == old).map(|p| p.1);
             let new = same.or_else(|| {
-                let side = pairs.iter().find(|p| data.same_uv(p.0, old))?;
-                data.best(&choices, side.1, old)
+                let side = pairs.iter().find(|p| data.sides.same(p.0, old))?;
+                data.best(&choices, Some(side.1), old)
             });
+            let new = new.or_else(|| data.best(&choices, None, old).filter(|_| self.has_relaxed_seams()));
             match new {
                 Some(new) => changes.push((r.corner, new)),
                 None => return Err(Refusal::Seam),
@@ -130,7 +131,9 @@ impl<M: Metric> LiveMesh<M> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::attributes::sides::SideValues;
     use crate::collapse::Engine;
+    use crate::collapse::star_edges::Looseness;
     use crate::collapse::test_support::{assert_near, cost_at, engine_of, ring_of, without_lines};
     use crate::metric::Memoryless;
     use crate::test_support::sheet;
@@ -145,7 +148,7 @@ mod tests {
         engine.mesh.store.wedges = Some(wedges.collect());
         let side = |w: usize| usize::from(w >= 25);
         engine.mesh.values.wedge_data = Some(Wedges {
-            uvs: Some((0..50).map(|w| uvs[side(w)]).collect()),
+            sides: SideValues::of_uvs(&(0..50).map(|w| uvs[side(w)]).collect::<Vec<_>>()),
             normals: Some((0..50).map(|w| [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]][side(w)]).collect()),
             ..Wedges::default()
         });
@@ -174,6 +177,10 @@ mod tests {
         assert_eq!(handed_over(&engine, 12, 17), Ok(vec![[17, 12], [42, 37]]));
         // From the seam into a chart it would tear: nothing on the left is of the right piece of the texture.
         assert_eq!(handed_over(&engine, 11, 12), Err(Refusal::Seam));
+        // When seams have to give way, the nearest normal is taken.
+        let mut engine = engine;
+        engine.mesh.constraints.looseness = Looseness::Seams;
+        assert_eq!(handed_over(&engine, 11, 12), Ok(vec![[12, 11], [37, 11]]));
     }
 
     #[test]
@@ -257,7 +264,7 @@ mod tests {
         let data = engine.mesh.values.wedge_data.as_ref().expect("there is some");
         let best = |choices: &[u32], of: u32| {
             let choices: Vec<WedgeId> = choices.iter().copied().map(WedgeId).collect();
-            data.best(&choices, WedgeId(0), WedgeId(of)).map(|w| w.0)
+            data.best(&choices, Some(WedgeId(0)), WedgeId(of)).map(|w| w.0)
         };
         assert_eq!(
             [best(&[3, 30], 37), best(&[30, 3], 12), best(&[4, 3], 12), best(&[], 12)],

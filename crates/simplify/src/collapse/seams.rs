@@ -53,7 +53,7 @@ impl<M: Metric> LiveMesh<M> {
             return true;
         }
         if let (Some(data), Some(_)) = (&self.values.wedge_data, self.split_vertices()) {
-            return !(data.same_uv(s.here, t.here) && data.same_uv(s.there, t.there));
+            return !(data.sides.same(s.here, t.here) && data.sides.same(s.there, t.there));
         }
         if self.constraints.rules.is_quick {
             return true;

@@ -8,11 +8,13 @@ use wide::f32x8;
 use super::bound::Histogram;
 use super::candidate::{Attempt, CollapseOutcome};
 use super::star_data::PREFETCH_MIN_VERTICES;
+use super::star_edges::Looseness;
 use super::visit::VisitScratch;
 use super::{Engine, Goal, LiveMesh, StopReason, record, samples};
 use crate::control::{Control, Verdict};
 use crate::metric::Metric;
 use crate::ordered_input::OriginalInput;
+use crate::report::Refusal;
 
 /// Share of the bounds that one sweep takes. (.4 and .7 give equal errors, .7 fewer sweeps: docs/decisions/0002.)
 pub(super) const QUANTILE: f64 = 0.7;
@@ -472,6 +474,9 @@ impl<M: Metric> Engine<M> {
     /// Relaxes a constraint after a sweep that left no edge possible, and probes again; or ends the run.
     fn relax_or_stop(&mut self, sweeps: &mut Sweeps, goal: &Goal, refused: u64) -> ControlFlow<Halt> {
         let was = std::mem::replace(&mut sweeps.phase, Phase::Probe);
+        let may_blend = self.mesh.values.attributes.is_some();
+        let seams_refused = self.tally.refusals[Refusal::Seam as usize] > 0;
+        let may_relax = self.mesh.may_relax_seams() && (may_blend || seams_refused);
         let constraints = &mut self.mesh.constraints;
         let has_limit = constraints.rules.max_cost.is_finite();
         match was {
@@ -494,7 +499,9 @@ impl<M: Metric> Engine<M> {
             return ControlFlow::Continue(());
         }
         let has_creases = self.mesh.store.creases.is_some();
-        let looser = constraints.looseness.looser(has_creases, self.mesh.values.attributes.is_some());
+        // (Wedges that are matched stay in their region.)
+        let keeps_regions = |looser: &Looseness| *looser != Looseness::Regions || may_blend;
+        let looser = constraints.looseness.looser(has_creases, may_relax).filter(keeps_regions);
         if let Some(looser) = looser {
             // A displaced seam is better than a removed part.
             constraints.looseness = looser;

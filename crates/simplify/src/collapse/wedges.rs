@@ -7,20 +7,21 @@ use lodsmith_core::{VertexId, WedgeId};
 
 use super::ring::Corner;
 use super::store::Store;
+use crate::attributes::sides::SideValues;
 use crate::metric::VertexMemory;
 
 /// Attributes of the input's wedges that matching needs.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Wedges {
-    pub(crate) uvs: Option<Vec<[f32; 2]>>,
+    pub(crate) sides: SideValues,
     pub(crate) normals: Option<Vec<[f32; 3]>>,
     /// Values that count in the cost, `width` for each wedge, as lengths in the unit frame.
     pub(crate) values: Option<Arc<[f32]>>,
     pub(crate) width: usize,
-    /// True if seams of texture coordinates have lines.
+    /// True if seams have lines; then they do not give way either.
     pub(crate) has_seam_lines: bool,
-    /// True for vertices of the ordered input whose wedges have several texture coordinates, if seams have lines
-    /// and there are any.
+    /// True for vertices of the ordered input whose wedges lie on several sides of a seam, if seams have lines and
+    /// there are any.
     pub(crate) is_split: Option<Vec<bool>>,
 }
 
@@ -42,22 +43,19 @@ impl Wedges {
         for (v, &w) in store.t.as_flattened().iter().zip(wedges.as_flattened()) {
             let origin = store.v[v.index()].origin.index();
             let known = *first[origin].get_or_insert(w);
-            is_split[origin] |= known != w && !self.same_uv(known, w);
+            is_split[origin] |= !self.sides.same(known, w);
         }
         self.is_split = is_split.contains(&true).then_some(is_split);
     }
 
-    pub(super) fn same_uv(&self, a: WedgeId, b: WedgeId) -> bool {
-        self.uvs.as_ref().is_none_or(|uv| uv[a.index()] == uv[b.index()])
-    }
-    /// Returns the one among `choices` on the same side of every UV seam as `like`, with the closest normal
-    /// to `of`.
-    pub(super) fn best(&self, choices: &[WedgeId], like: WedgeId, of: WedgeId) -> Option<WedgeId> {
+    /// Returns the one among `choices` on the same side of every seam as `like`, or on any side without it, with the
+    /// closest normal to `of`.
+    pub(super) fn best(&self, choices: &[WedgeId], like: Option<WedgeId>, of: WedgeId) -> Option<WedgeId> {
         let turn = |w: WedgeId| match &self.normals {
             None => 0.0,
             Some(n) => -Vec3::from(n[w.index()]).dot(Vec3::from(n[of.index()])),
         };
-        let sides = choices.iter().copied().filter(|&w| self.same_uv(w, like));
+        let sides = choices.iter().copied().filter(|&w| like.is_none_or(|like| self.sides.same(w, like)));
         sides.min_by(|&a, &b| turn(a).total_cmp(&turn(b)).then(a.cmp(&b)))
     }
 }

@@ -18,6 +18,9 @@ use crate::ordered_input::OrderedInput;
 const MAX_LATERAL_SQ: f32 = 0.01;
 /// Largest number of samples for each final triangle. (More brings less than 1 %.)
 const MAX_SAMPLES_PER_FACE: usize = 16;
+/// Steps of the walk to the nearest triangle of a sample that lies beside those of its star. (Guessed: long triangles of
+/// CAD parts are a few stars away.)
+const MAX_WALKED_STARS: usize = 16;
 /// Prefetch distance for positions, in samples. (Guessed.)
 const PREFETCH_DISTANCE: usize = 8;
 
@@ -39,6 +42,15 @@ pub(super) struct Sampler<'a, Q: VertexMemory> {
     /// Squared height above which samples count less.
     pub(super) robust_height_sq: f32,
     pub(super) height_sq_sum: f64,
+    pub(super) weight: f64,
+    /// Squared distances and weights of samples that lie beside all triangles: beyond a border that moved.
+    pub(super) beside: Beside,
+}
+
+/// Samples that cannot be fitted: sums of their weighted squared distances and of their weights.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Beside {
+    pub(super) distance_sq_sum: f64,
     pub(super) weight: f64,
 }
 
@@ -135,6 +147,37 @@ impl<Q: VertexMemory> Sampler<'_, Q> {
         star.nearest_facing(q, normal, within)
     }
 
+    /// Counts a sample that cannot be fitted since its border moved, at its distance to the nearest triangle, whichever way
+    /// that faces: a walk from star to star, while they come nearer. (Inside a surface such a sample lies over an edge, at
+    /// about the distance of others.)
+    #[cold]
+    fn add_beside(&mut self, p: Vec3A, weight: f32, home: VertexId) {
+        if !self.vertices[home.index()].kind.is_border() {
+            return;
+        }
+        let mut distance_sq = (p - in_register(self.vertices[home.index()].p)).length_squared();
+        let mut open = [Some(home), None];
+        for _ in 0..MAX_WALKED_STARS {
+            let from = open;
+            open = [None, None];
+            for u in from.into_iter().flatten() {
+                let slot = u.index() & (self.cache.len() - 1);
+                let star = &mut self.cache[slot];
+                if star.of != u {
+                    star.make(self.store, u);
+                }
+                let q = p - in_register(self.vertices[u.index()].p);
+                if let Some(found) = star.nearest(q, distance_sq) {
+                    distance_sq = found.distance_sq;
+                    let (second, third) = self.store.others_at(found.corner);
+                    open = [Some(second), Some(third)];
+                }
+            }
+        }
+        self.beside.distance_sq_sum += f64::from(weight * distance_sq);
+        self.beside.weight += f64::from(weight);
+    }
+
     /// Adds a sample at the position of a final vertex, which holds the vertex in place.
     #[inline(always)]
     fn assign_to_home(&mut self, weight: f32, home: VertexId) {
@@ -187,7 +230,10 @@ impl<Q: VertexMemory> Sampler<'_, Q> {
         weight: f32,
         home: VertexId,
     ) -> Option<AssignedSample> {
-        let mut best = self.nearest(home, p, normal, f32::INFINITY)?;
+        let Some(mut best) = self.nearest(home, p, normal, f32::INFINITY) else {
+            self.add_beside(p, weight, home);
+            return None;
+        };
         if best.second + best.third > 1.0 {
             let (second, third) = self.store.others_at(best.corner);
             let next = if best.second > best.third { second } else { third };
@@ -196,6 +242,7 @@ impl<Q: VertexMemory> Sampler<'_, Q> {
             }
         }
         if best.lateral * best.lateral > MAX_LATERAL_SQ * best.height * best.height {
+            self.add_beside(p, weight, home);
             return None;
         }
         let (v, w) = (max(best.second, 0.0), max(best.third, 0.0));
@@ -261,6 +308,7 @@ mod tests {
             robust_height_sq: 1.0,
             height_sq_sum: 0.0,
             weight: 0.0,
+            beside: Beside::default(),
         };
         // Nearer to the lower side.
         let sample = Vec3A::new(0.6, 0.1, -0.03);

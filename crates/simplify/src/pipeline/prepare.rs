@@ -1,15 +1,16 @@
-//! Preparation of the input before a run (lent normals, pruning, welding), and its part of the report.
+//! Preparation of the input before a run (lent and flat normals, pruning, welding), and its part of the report.
 
-use lodsmith_core::mesh::weld;
+use lodsmith_core::mesh::weld::{self, Weld};
 use lodsmith_core::{MeshError, Surface, TriMesh};
 
 use crate::SimplifyError;
+use crate::flat_shading::FlatShading;
 use crate::input::Input;
 use crate::options::{Length, SimplifyOptions};
 use crate::prune::Pruned;
 use crate::report::Report;
 use crate::run::Done;
-use crate::{constraints, prune, shading};
+use crate::{borders, constraints, prune, shading};
 
 /// Returns the mesh with normals computed from its shape, if the options ask that they count and it has none.
 pub(crate) fn lent_normals(
@@ -31,19 +32,22 @@ pub(crate) struct Prepared<'a> {
     unused: usize,
     /// Vertices that were joined with others.
     welded: usize,
+    /// Where normals were left out, and the mesh with them.
+    flat: Option<(&'a FlatShading, &'a TriMesh)>,
     /// For lent normals, true if the input has attributes or regions of its own.
     lent: Option<bool>,
 }
 
 impl<'a> Prepared<'a> {
-    /// Prepares an input as the options ask; `lent` is its mesh with [`lent_normals`]. Small parts go before
-    /// near vertices are joined. Cost: O(n), with a weld O(n log n).
+    /// Prepares an input as the options ask; `lent` is its mesh with [`lent_normals`], and `flat` the one without
+    /// normals where they are flat. Small parts go before near vertices are joined. Cost: O(n), with a weld O(n log n).
     pub(crate) fn new(
         input: &'a Input<'_>,
         lent: Option<&'a TriMesh>,
+        flat: Option<&'a FlatShading>,
         options: &SimplifyOptions,
     ) -> Result<Self, SimplifyError> {
-        let (surface, mesh) = match lent {
+        let (surface, mesh) = match lent.or(flat.map(|flat| &flat.mesh)) {
             Some(mesh) => (mesh.surface(), Some(mesh)),
             None => (input.surface.clone(), input.mesh),
         };
@@ -54,14 +58,21 @@ impl<'a> Prepared<'a> {
             diagonal: None,
             unused: 0,
             welded: 0,
+            flat: flat.zip(input.mesh),
             lent: lent.map(|_| input.mesh.is_some_and(|m| m.has_attributes() || m.regions().is_some())),
         };
         prepared.options.keeps_blended_normals |= lent.is_some();
         if let Some(size) = options.prune {
             prepared.prune(size)?;
         }
-        if let Some(distance) = prepared.options.weld {
-            prepared.weld(distance)?;
+        let weld = match (prepared.options.weld, &input.joined) {
+            (Some(distance), _) => Some(prepared.weld_within(distance)),
+            (None, Some(joined)) => Some(Weld::from_representatives(joined.clone())),
+            (None, None) if prepared.options.knows_borders => None,
+            (None, None) => borders::joined(&prepared.input.surface),
+        };
+        if let Some(weld) = weld {
+            prepared.join(&weld)?;
         }
         Ok(prepared)
     }
@@ -84,25 +95,33 @@ impl<'a> Prepared<'a> {
         Ok(())
     }
 
-    /// Joins vertices nearer to each other than `distance`.
-    fn weld(&mut self, distance: Length) -> Result<(), SimplifyError> {
+    /// Finds vertices nearer to each other than `distance`.
+    fn weld_within(&self, distance: Length) -> Weld {
+        let positions = self.input.surface.positions();
+        let diagonal = positions.bounds().map_or(0.0, |b| b.diagonal());
+        weld::weld_within(positions, distance.in_units(diagonal))
+    }
+
+    /// Joins vertices; those at locked ones go there.
+    fn join(&mut self, weld: &Weld) -> Result<(), SimplifyError> {
         let surface = &self.input.surface;
         let positions = surface.positions();
-        let diagonal = positions.bounds().map_or(0.0, |b| b.diagonal());
-        let weld = weld::weld_within(positions, distance.in_units(diagonal));
-        let (joined, merged) = constraints::weld_onto_locked(&weld, positions, &self.options);
+        let (joined, merged) = constraints::weld_onto_locked(weld, positions, &self.options);
         let triangles = surface.triangles().iter().map(|t| t.map(|v| joined[v.index()])).collect();
         self.input.surface = Surface::with_triangles(positions, triangles)?;
         (self.input.joined, self.welded) = (Some(joined), merged);
         Ok(())
     }
 
-    /// Returns the result without lent normals, and with the preparation in its report.
+    /// Returns the result with flat normals, without lent ones, and with the preparation in its report.
     pub(crate) fn finish(&self, (mut done, held): Done) -> Result<Done, SimplifyError> {
         self.report(&mut done.report);
         if let Some(has_seams) = self.lent {
             done.report.seams_relaxed &= has_seams;
             done.mesh = shading::without_lent_normals(done.mesh)?;
+        }
+        if let Some((flat, input)) = self.flat {
+            done.mesh = flat.with_normals(&done.mesh, &held, input)?;
         }
         Ok((done, held))
     }
@@ -134,7 +153,7 @@ mod tests {
         let mesh = small.mesh();
         let whole = Input { surface: mesh.surface(), mesh: Some(&mesh), joined: None };
         let prepared =
-            |options: &SimplifyOptions| Prepared::new(&whole, None, options).expect("a mesh").input;
+            |options: &SimplifyOptions| Prepared::new(&whole, None, None, options).expect("a mesh").input;
         let mut options = SimplifyOptions::default();
         let plain = prepared(&options);
         assert_eq!((plain.surface.triangles().len(), plain.joined.is_none()), (8, true));

@@ -18,6 +18,7 @@ use crate::control::{Control, Stage};
 use crate::fit::Originals;
 use crate::input::Input;
 use crate::metric::{Dimension, Metric, VertexMemory, with_metric};
+use crate::missing::Completed;
 use crate::options::shared::COLLAPSE_METHODS;
 use crate::options::{Placement, SimplifyOptions, Stop};
 use crate::pipeline::prepare::{Prepared, lent_normals};
@@ -90,12 +91,15 @@ pub(super) fn build(
     if options.escalate {
         return Err(SimplifyError::NotTogether { first: "progressive", second: "escalate" });
     }
+    let completed = Completed::new(mesh)?;
+    let mesh = &*completed.mesh;
     let options = options.with_own_placement();
     let whole = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
     let lent = lent_normals(&whole, &options)?;
-    let Prepared { input, options, .. } = &Prepared::new(&whole, lent.as_ref(), &options)?;
+    let Prepared { input, options, .. } = &Prepared::new(&whole, lent.as_ref(), None, &options)?;
     let mut ordered = run::ordered(input, control)?;
-    if let Some(sheets) = TwoSidedInput::find(&whole, input, &ordered, options)? {
+    let sheets = TwoSidedInput::find(&whole, input, &ordered, options)?;
+    if let Some(sheets) = sheets.filter(TwoSidedInput::is_exact) {
         drop(ordered);
         return build_both_sides(&sheets, options, control);
     }

@@ -4,6 +4,7 @@ use lodsmith_core::splits::NO_ORIGINAL;
 use lodsmith_core::{Attribute, FaceId, MeshError, Positions, PositionsView, TriMesh, VertexId, WedgeId};
 
 use super::Progressive;
+use crate::missing;
 
 /// Elements in the order of a result, and the index of each in it.
 struct ElementNumbering {
@@ -69,7 +70,7 @@ impl Progressive {
         self.set_attributes(&mut mesh, values, wedges.chosen.iter().copied())?;
         let regions = self.sequence.splits.regions.as_ref();
         mesh.set_regions(regions.map(|r| faces.iter().map(|&f| r[FaceId::new(f).index()]).collect()))?;
-        Ok(mesh)
+        Ok(missing::restored(mesh))
     }
 
     /// Returns the mesh of the present level with the fit of the checkpoints, in the numbering of this
@@ -91,7 +92,7 @@ impl Progressive {
         };
         self.set_attributes(&mut mesh, &values, 0..self.counts().wedges as usize)?;
         mesh.set_regions(self.regions().map(<[_]>::to_vec))?;
-        Ok(mesh)
+        Ok(missing::restored(mesh))
     }
 
     /// Sets the attributes of a mesh with these wedges.

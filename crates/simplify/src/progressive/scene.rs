@@ -23,7 +23,7 @@ use crate::scene::Part;
 /// use lodsmith::{NoControl, Part, ProgressiveScene, SimplifyOptions};
 ///
 /// let (a, b) = (shapes::icosphere(3), shapes::torus(24, 12));
-/// let part = |mesh, instances| Part { mesh, instances, scale: 1.0, stretch: None, system: None };
+/// let part = |mesh, instances| Part { mesh, instances, scale: 1.0, stretch: None, system: None, places: &[] };
 /// let parts = [part(&a, 1), part(&b, 3)];
 /// let mut scene = ProgressiveScene::build(&parts, 10.0, &SimplifyOptions::default(), &mut NoControl)?;
 /// scene.to_faces(500);
@@ -304,7 +304,7 @@ mod tests {
     use crate::test_support::{octahedron, tetrahedron};
 
     fn part(mesh: &lodsmith_core::TriMesh, instances: usize, scale: f64) -> Part<'_> {
-        Part { mesh, instances, scale, stretch: None, system: None }
+        Part { mesh, instances, scale, stretch: None, system: None, places: &[] }
     }
 
     #[test]

@@ -111,6 +111,8 @@ pub(crate) struct RebuiltSurface {
     pub(crate) refusals: [u64; Refusal::ALL.len()],
     pub(crate) parts_removed: usize,
     pub(crate) necks_cut: usize,
+    /// True if seams had to give way.
+    pub(crate) seams_relaxed: bool,
     /// RMS distance in the unit frame, if the method knows it; otherwise measured with few samples.
     pub(crate) estimate: Option<f64>,
 }

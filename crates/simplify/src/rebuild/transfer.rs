@@ -59,15 +59,18 @@ struct TransferredAttributes {
 
 /// Transfers the input's attributes to a mesh without any.
 pub(crate) fn transfer_to_bare_mesh(input: &Input<'_>, mesh: &TriMesh) -> Result<TriMesh, SimplifyError> {
-    transfer_to_mesh(input, &order::order(&input.surface), mesh, None)
+    let kept = vec![NONE; mesh.vertex_count()];
+    transfer_to_mesh(input, &order::order(&input.surface), mesh, kept, None)
 }
 
-/// Transfers the input's attributes to a mesh; the shading is kept if it is given. This is also for results whose
+/// Transfers the input's attributes to a mesh; `kept` has for each of its vertices the one of the ordered input that it
+/// still is, or [`NONE`]; the shading is kept if it is given. This is also for results whose
 /// seams were relaxed: a face across a seam would show what lies between two pieces of the texture.
 pub(crate) fn transfer_to_mesh(
     input: &Input<'_>,
     ordered: &Ordered,
     mesh: &TriMesh,
+    kept: Vec<VertexId>,
     shading: Option<Shading<'_>>,
 ) -> Result<TriMesh, SimplifyError> {
     let prepared = PreparedInput::of(input, ordered);
@@ -75,7 +78,7 @@ pub(crate) fn transfer_to_mesh(
     let view = surface.positions();
     let points: Vec<DVec3> = view.iter().map(|p| prepared.frame.unit_from_user(p)).collect();
     let made = RebuiltSurface {
-        kept: vec![NONE; points.len()],
+        kept,
         points,
         faces: surface.triangles().to_vec(),
         regions: mesh.regions().map(<[_]>::to_vec),

@@ -120,7 +120,11 @@ impl CountedGoal {
         ];
         if stop.error.is_none() && self.count.is_some() && report.stopped_by != StoppedBy::Caller {
             report.reached = by_faces || by_vertices || by_ratio;
-            if report.reached {
+            let by_count = [StoppedBy::Faces, StoppedBy::Vertices, StoppedBy::Ratio];
+            if !report.reached && by_count.contains(&report.stopped_by) {
+                // The run met its share, but the whole has more: no step is left that takes as little as is asked for.
+                report.stopped_by = StoppedBy::Refusals;
+            } else if report.reached {
                 report.proposals.clear();
                 report.stopped_by = match () {
                     () if by_faces => StoppedBy::Faces,

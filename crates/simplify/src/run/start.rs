@@ -8,6 +8,7 @@ use lodsmith_core::{RegionId, VertexId, WedgeId};
 
 use super::context::Run;
 use crate::SimplifyError;
+use crate::attributes::sides::SideValues;
 use crate::attributes::{Rows, WeightContext};
 use crate::collapse::attributes::Attributes;
 use crate::collapse::creases::sharp_edges;
@@ -185,11 +186,15 @@ impl Run<'_, '_> {
         let mut wedges = self.ordered.wedges(&self.input.surface, mesh);
         debug_assert_eq!(wedges.len(), faces.len());
         if self.options.placement == Placement::Endpoint {
-            let uvs = mesh.uvs().map(<[_]>::to_vec);
+            // (A quick pass tells the sides by texture coordinates alone.)
+            let sides = match (&self.options.quick, mesh.uvs()) {
+                (None, _) => SideValues::new(mesh),
+                (Some(_), uvs) => SideValues::of_uvs(uvs.unwrap_or_default()),
+            };
             let values = self.options.quick.as_ref().and_then(|quick| quick.wedge_values.clone());
             let width = values.as_ref().map_or(0, |values| values.len() / mesh.wedge_count().max(1));
             let endpoints = Wedges {
-                uvs,
+                sides,
                 normals: mesh.normals().map(<[_]>::to_vec),
                 values,
                 width,

@@ -4,6 +4,7 @@ use std::rc::Rc;
 
 use glam::Vec3;
 use lodsmith_core::mesh::weld;
+use lodsmith_core::spatial::Bvh;
 use lodsmith_core::{TriMesh, VertexId};
 
 use super::context::{Run, RunOutcome, TopologyChanges, Trace};
@@ -13,6 +14,7 @@ use crate::attributes::Rows;
 use crate::collapse::attributes::Attributes;
 use crate::collapse::components;
 use crate::collapse::cut::may_cut;
+use crate::collapse::order::NONE;
 use crate::collapse::store::Store;
 use crate::collapse::vertex::Vertex;
 use crate::collapse::{Engine, Goal, StopReason, Sweeps};
@@ -21,11 +23,15 @@ use crate::control::{Control, Stage, Verdict};
 use crate::fit::{self, MoveGuards};
 use crate::guard::Rules;
 use crate::metric::Metric;
-use crate::normals;
+use crate::normals::{self, Homes};
 use crate::options::TopologyPolicy;
 use crate::ordered_input::{KeptInput, OriginalInput};
 use crate::rebuild::transfer_to_mesh;
 use crate::recolor::{self, OwnParts};
+
+/// Largest number of faces of removed parts whose distance to the result is measured. (Guessed: the RMS is then known
+/// to some percent.)
+const MAX_REMOVED_SAMPLES: usize = 2000;
 
 /// An engine, and the data that each result of it needs.
 pub(super) struct Trunk<M: Metric> {
@@ -112,26 +118,34 @@ impl Run<'_, '_> {
         let spares_necks = may_relax && may_cut && engine.has_blocking_necks();
         let mut fitted = None;
         let wants_fit = self.wants_fit(engine.mesh.cost.metric.cost_source()) && engine.tally.collapses > 0;
-        if wants_fit {
+        let normals = root.rows.as_ref().filter(|_| !self.options.keeps_blended_normals);
+        let repairs_normals = normals.is_some_and(|rows| rows.normals_at().is_some());
+        let home = (wants_fit || repairs_normals).then(|| {
+            // Later steps need the final vertices only for the trace, or to separate touching vertices.
+            let is_last = !self.is_traced && engine.tally.necks_cut == 0;
+            if is_last { engine.mesh.store.take_homes() } else { engine.mesh.store.homes() }
+        });
+        if let Some(home) = home.as_deref().filter(|_| wants_fit) {
             control.stage(Stage::Fit);
             if control.progress(0.0) == Verdict::Cancel {
                 return Err(SimplifyError::Cancelled);
             }
-            let away = engine.estimate(None);
-            // Later steps need the final vertices only for the trace, or to separate touching vertices.
-            let is_last = !self.is_traced && engine.tally.necks_cut == 0;
-            let home = if is_last { engine.mesh.store.take_homes() } else { engine.mesh.store.homes() };
+            let away = engine.estimate(None, None);
             let mesh = &mut engine.mesh;
-            fitted = Some(self.fit::<M>(&mut mesh.store, &mut mesh.values.attributes, root, &home, away));
+            fitted = Some(self.fit::<M>(&mut mesh.store, &mut mesh.values.attributes, root, home, away));
         }
-        let (mesh, held) = self.finished_mesh(engine, root)?;
+        let (mesh, held) = self.finished_mesh(engine, root, home.as_deref())?;
+        let removed = (engine.tally.parts_removed > 0).then(|| {
+            let homes = home.unwrap_or_else(|| engine.mesh.store.homes());
+            self.removed_distance_sq(&mesh, root, &homes)
+        });
         let trace = self.is_traced.then(|| Trace {
             origins: engine.mesh.store.v.iter().map(|x| x.origin).collect(),
             places: engine.mesh.store.v.iter().map(|x| engine.mesh.store.place_of(x.origin)).collect(),
             homes: engine.mesh.store.homes(),
         });
         Ok(RunOutcome {
-            estimate: frame.user_length(engine.estimate(fitted)),
+            estimate: frame.user_length(engine.estimate(fitted, removed)),
             end,
             fitted: wants_fit,
             tally: engine.tally.clone(),
@@ -151,27 +165,55 @@ impl Run<'_, '_> {
         })
     }
 
-    /// Builds the mesh of a fitted engine, and the locked wedges at its corners.
+    /// Returns twice the integral of the squared distance between the result and the parts of the input that
+    /// were removed, in the unit frame, from samples. `homes` are the vertices of the result that those of
+    /// the ordered input were merged into. Cost: a tree of the result.
+    fn removed_distance_sq(&self, mesh: &TriMesh, root: &Root, homes: &[VertexId]) -> f64 {
+        let frame = self.ordered.frame;
+        let tree = Bvh::new(&mesh.surface());
+        self.source(root).visit(|points, faces| {
+            let is_removed = |t: &&[VertexId; 3]| t.iter().all(|v| homes[v.index()] == NONE);
+            let count = faces.iter().filter(is_removed).count();
+            let stride = count.div_ceil(MAX_REMOVED_SAMPLES).max(1);
+            let sample = |t: &[VertexId; 3]| {
+                let [a, b, c] = t.map(|v| points[v.index()].as_dvec3());
+                let hit = tree.closest(frame.user_from_unit((a + b + c) / 3.0));
+                let distance = hit.map_or(0.0, |hit| frame.unit_length(hit.distance));
+                stride as f64 * (b - a).cross(c - a).length() * distance * distance
+            };
+            faces.iter().filter(is_removed).step_by(stride).map(sample).sum()
+        })
+    }
+
+    /// Builds the mesh of a fitted engine, and the locked wedges at its corners. `home` is the vertex that each one
+    /// of the ordered input became, if normals are to be repaired.
     fn finished_mesh<M: Metric>(
         &self,
         engine: &mut Engine<M>,
         root: &Root,
+        home: Option<&[VertexId]>,
     ) -> Result<(TriMesh, HeldWedges), SimplifyError> {
         if engine.tally.necks_cut > 0 && self.options.topology == TopologyPolicy::Relaxed {
             engine.mesh.separate_touching();
         }
         let rows = root.rows.as_ref();
         if !self.options.keeps_blended_normals
-            && let (Some(attributes), Some(rows), Some(input)) =
-                (&mut engine.mesh.values.attributes, rows, self.input.mesh)
+            && let (Some(attributes), Some(rows), Some(input), Some(home)) =
+                (&mut engine.mesh.values.attributes, rows, self.input.mesh, home)
         {
-            normals::repair(&mut engine.mesh.store, attributes, rows, input);
+            let homes = Homes { place: |w| self.place(input, w), home };
+            normals::repair(&mut engine.mesh.store, attributes, rows, input, &homes);
         }
         let mut mesh = self.result(&engine.mesh.store, engine.mesh.values.attributes.as_ref(), rows)?;
-        if let (true, Some(attributes), Some(wedges)) =
-            (engine.mesh.has_relaxed_seams(), &engine.mesh.values.attributes, &engine.mesh.store.wedges)
-        {
-            mesh = transfer_to_mesh(self.input, self.ordered, &mesh, Some((attributes, wedges)))?;
+        if let (true, Some(wedges)) = (engine.mesh.has_relaxed_seams(), &engine.mesh.store.wedges) {
+            // A run that blends has shading of its own; one that matches has vertices of the input.
+            let shading = engine.mesh.values.attributes.as_ref().map(|attributes| (attributes, &wedges[..]));
+            let kept = |v: &Vertex<M::Memory>| engine.mesh.store.place_of(v.origin);
+            let kept = match shading {
+                Some(_) => vec![NONE; mesh.vertex_count()],
+                None => engine.mesh.store.v.iter().map(kept).collect(),
+            };
+            mesh = transfer_to_mesh(self.input, self.ordered, &mesh, kept, shading)?;
         }
         let held = self.held(&engine.mesh.store, rows);
         let own_parts = self.own_parts(engine, root);

@@ -7,6 +7,7 @@ use lodsmith_core::{MeshError, Positions, RegionId, TriMesh, VertexId};
 
 use super::layout::{Layout, RegionTable};
 use super::part::{MeshCounts, Part, SimplifiedScene};
+use super::touching::Touching;
 use crate::constraints::HeldWedges;
 use crate::control::Control;
 use crate::input::Input;
@@ -14,7 +15,7 @@ use crate::options::{Length, SimplifyOptions, Stop};
 use crate::report::Report;
 use crate::run::CountedGoal;
 use crate::textures::Textures;
-use crate::{Simplified, SimplifyError, pipeline, prune};
+use crate::{Simplified, SimplifyError, borders, pipeline, prune};
 
 /// Rounding of single-precision coordinates of a scene, as a share of its diagonal, four times over.
 const SCENE_ROUNDING: f64 = 2.5e-7;
@@ -28,6 +29,10 @@ pub(super) struct JoinedScene<'a> {
     pub(super) options: SimplifyOptions,
     diagonal: f64,
     is_placed: bool,
+    /// Where parts touch, if they do.
+    touching: Option<Touching>,
+    /// The vertex of the mesh that each one is joined with, if borders of parts differ by rounding.
+    borders: Option<Vec<VertexId>>,
     /// Largest distance, in the scene, by which rounding to single precision moves a position of the result.
     output_rounding: f64,
 }
@@ -39,7 +44,9 @@ impl<'a> JoinedScene<'a> {
         options: &SimplifyOptions,
     ) -> Result<Self, MeshError> {
         let joining = options.weld.into_iter().chain(options.method_options.pairs);
-        let layout = Layout::new(parts, joining.map(|d| d.in_units(diagonal)).fold(0.0, f64::max));
+        let touching = Touching::find(parts, options.per_mesh);
+        let near = joining.map(|d| d.in_units(diagonal)).fold(0.0, f64::max);
+        let layout = Layout::new(parts, near, touching.as_ref());
         let is_placed = parts.iter().any(|p| p.instances > 0);
         let (mesh, table) = layout.join_parts(parts)?;
         let mut options = options.clone();
@@ -48,18 +55,41 @@ impl<'a> JoinedScene<'a> {
             let of = |&(part, region): &(usize, Option<RegionId>)| all.of(part, region).cloned();
             Arc::new(Textures::of_regions(table.iter().map(of).collect()))
         });
+        if let Some(touching) = &touching {
+            options.locked = touching.add_locks(parts, options.locked.as_deref()).map(Into::into);
+        }
         options.lengths_to_units(diagonal);
         // The error must still be kept after rounding to single precision.
         let written = parts.iter().map(rounding_of).fold(0.0, f64::max);
         options.stop.error =
             options.stop.error.map(|e| Length::Units((e.in_units(diagonal) - written).max(0.0)));
         // Parts of one system often were one mesh, and differ in the last digits where they touched.
-        let rounding = SCENE_ROUNDING * diagonal;
+        let of_touching = touching.as_ref().filter(|t| t.joins()).map_or(0.0, |t| t.rounding);
+        let rounding = (SCENE_ROUNDING * diagonal).max(of_touching);
         options.weld = match options.weld {
             Some(weld) => Some(Length::Units(weld.in_units(diagonal).max(rounding))),
             None => layout.has_neighbours.then_some(Length::Units(rounding)),
         };
-        Ok(Self { parts, layout, mesh, table, options, diagonal, is_placed, output_rounding: written })
+        options.knows_borders = true;
+        let borders = if options.weld.is_none() { joined_borders(parts) } else { None };
+        let output_rounding = written;
+        Ok(Self {
+            parts,
+            layout,
+            mesh,
+            table,
+            options,
+            diagonal,
+            is_placed,
+            touching,
+            borders,
+            output_rounding,
+        })
+    }
+
+    /// Returns the input of a run.
+    pub(super) fn input(&self) -> Input<'_> {
+        Input { surface: self.mesh.surface(), mesh: Some(&self.mesh), joined: self.borders.clone() }
     }
 
     fn instances_of(&self, part: &Part<'_>) -> usize {
@@ -103,8 +133,7 @@ impl<'a> JoinedScene<'a> {
         let mut options = self.options.clone();
         let run = |stop| {
             options.stop = stop;
-            let input = Input { surface: self.mesh.surface(), mesh: Some(&self.mesh), joined: None };
-            let (Simplified { mesh, report }, held) = pipeline::simplify(&input, &options, control)?;
+            let (Simplified { mesh, report }, held) = pipeline::simplify(&self.input(), &options, control)?;
             let (meshes, _) = self.split_parts(&mesh, &held)?;
             let (got, reached) = (self.count_of_instances(goal.counted, &meshes), report.reached);
             Ok(((report, meshes), got, reached))
@@ -133,6 +162,7 @@ impl<'a> JoinedScene<'a> {
         report.input_vertices = self.count(TriMesh::vertex_count);
         report.faces = self.count_of_instances(TriMesh::face_count, &meshes);
         report.vertices = self.count_of_instances(TriMesh::vertex_count, &meshes);
+        report.gaps = self.touching.as_ref().map_or(0, |touching| touching.gaps(self.parts, &meshes));
         report.error.diagonal = self.diagonal;
         report.error.bound = report.error.bound.map(|bound| bound + self.output_rounding);
         goal.judge(&mut report);
@@ -155,6 +185,19 @@ impl<'a> JoinedScene<'a> {
         let counts = self.parts.iter().zip(&meshes).map(count).collect();
         SimplifiedScene { meshes, report, counts }
     }
+}
+
+/// Returns the vertex of the joined mesh that each one is joined with, if borders of a part differ by rounding.
+fn joined_borders(parts: &[Part<'_>]) -> Option<Vec<VertexId>> {
+    let (mut all, mut is_any) = (Vec::new(), false);
+    for part in parts {
+        let (first, count) = (all.len(), part.mesh.vertex_count());
+        let joined = borders::joined(&part.mesh.surface());
+        is_any |= joined.is_some();
+        let own = |v| joined.as_ref().map_or(v, |joined| joined.of(v));
+        all.extend((0..count).map(|v| VertexId::new(first + own(VertexId::new(v)).index())));
+    }
+    is_any.then_some(all)
 }
 
 /// Returns the classes of the joined mesh's regions, from those of the parts.

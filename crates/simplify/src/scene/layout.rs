@@ -7,6 +7,7 @@ use lodsmith_core::{
 };
 
 use super::part::{Part, PartMap};
+use super::touching::Touching;
 use crate::attributes::ranges::{has_ranges, ranges, within};
 use crate::constraints::{self, HeldWedges};
 
@@ -70,30 +71,36 @@ fn map_rows<const N: usize>(values: &mut [f32], map: impl Fn([f32; 3]) -> [f32; 
 pub(super) type RegionTable = Vec<(usize, Option<RegionId>)>;
 
 impl Layout {
-    /// Places groups so far apart that no distance up to `near` connects one with another.
-    pub(super) fn new(parts: &[Part<'_>], near: f64) -> Self {
+    /// Places groups so far apart that no distance up to `near` connects one with another. Systems that touch are one
+    /// group.
+    pub(super) fn new(parts: &[Part<'_>], near: f64, touching: Option<&Touching>) -> Self {
         // The group of each part, and the bounding box of each group.
         let mut groups: BTreeMap<usize, usize> = BTreeMap::new();
         let mut boxes: Vec<Option<Bounds>> = Vec::new();
         let mut maps: Vec<PartMap> = Vec::new();
         let mut group_of = Vec::with_capacity(parts.len());
+        let mut origins = Vec::with_capacity(parts.len());
         for p in parts {
             let mut fresh = || {
                 boxes.push(None);
                 maps.push(PartMap::new(p));
                 boxes.len() - 1
             };
-            let group = match p.system {
-                Some(system) => *groups.entry(system).or_insert_with(fresh),
-                None => fresh(),
+            let root = p.system.map(|s| touching.map_or((s, [0.0; 3]), |touching| touching.root(s)));
+            let (group, origin) = match root {
+                Some((system, origin)) => (*groups.entry(system).or_insert_with(fresh), origin),
+                None => (fresh(), [0.0; 3]),
             };
             group_of.push(group);
             // All parts of a system use one map, to the bit.
             let map = maps[group];
+            let origin = map.to_scene(origin);
+            origins.push(origin);
             if let Some(own) = p.mesh.positions().view().bounds() {
                 for corner in 0..8 {
                     let p = [0, 1, 2].map(|k| if corner >> k & 1 == 0 { own.min[k] } else { own.max[k] });
                     let p = map.to_scene(p);
+                    let p = [0, 1, 2].map(|k| p[k] + origin[k]);
                     boxes[group] = Some(boxes[group].unwrap_or(Bounds { min: p, max: p }).with(p));
                 }
             }
@@ -109,7 +116,10 @@ impl Layout {
             // A single group keeps its position.
             [0, 1, 2].map(|k| if boxes.len() > 1 { at[k] as f64 * cell - min[k] } else { 0.0 })
         };
-        let place = |&group: &usize| PartPlacement { map: maps[group], offset: offset(group) };
+        let place = |(&group, origin): (&usize, &[f64; 3])| {
+            let offset = offset(group);
+            PartPlacement { map: maps[group], offset: [0, 1, 2].map(|k| offset[k] + origin[k]) }
+        };
         let has_neighbours = boxes.len() < parts.len();
         let mut joints = vec![0f32; boxes.len()];
         for (part, &group) in parts.iter().zip(&group_of) {
@@ -121,7 +131,8 @@ impl Layout {
             if first + MAX_JOINTS < 16_777_216.0 { first } else { 0.0 }
         };
         let first_joints = group_of.iter().map(first).collect();
-        Self { places: group_of.iter().map(place).collect(), first_joints, has_neighbours }
+        let places = group_of.iter().zip(&origins).map(place).collect();
+        Self { places, first_joints, has_neighbours }
     }
 
     /// Returns the offset of the joint indices of a part; 0 for other attributes.

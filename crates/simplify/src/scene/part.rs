@@ -10,6 +10,9 @@ use lodsmith_core::{PositionsView, Surface, TriMesh};
 
 use crate::report::Report;
 
+/// A transform: three rows, each of three factors and a translation.
+pub type Place = [[f64; 4]; 3];
+
 /// A mesh of a scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Part<'a> {
@@ -25,8 +28,11 @@ pub struct Part<'a> {
     /// instances are stretched in different ways, their bound. A map without an inverse counts as `None`.
     pub stretch: Option<[[f64; 3]; 3]>,
     /// Number of the coordinate system of the mesh, if it has one instance. Parts of one system that touch
-    /// stay connected; others keep their borders separately.
+    /// stay connected.
     pub system: Option<usize>,
+    /// Where its instances stand in the scene, if that is known. Borders of two parts that touch there stay connected
+    /// too, those of instances by keeping the vertices at which they touch.
+    pub places: &'a [Place],
 }
 
 /// The simplified meshes of a scene and the report of the run.

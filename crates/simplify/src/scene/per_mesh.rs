@@ -7,6 +7,7 @@ use lodsmith_core::measure::{Comparison, TwoWay};
 
 use super::joined::JoinedScene;
 use super::part::{MeshCounts, Part, SimplifiedScene};
+use super::touching::Touching;
 use crate::SimplifyError;
 use crate::constraints;
 use crate::control::{Control, ProgressShare};
@@ -38,7 +39,7 @@ pub(super) fn simplify_each(
     let (locked, importance) = (options.locked.take(), options.importance.take());
     let textures = options.textures.take();
     for (i, part) in parts.iter().enumerate() {
-        let alone = Part { instances: 1, system: None, ..*part };
+        let alone = Part { instances: 1, system: None, places: &[], ..*part };
         let share = |n: usize| n as f64 / all.max(1) as f64;
         let mut own = ProgressShare { control, begin: share(begun), length: share(part.mesh.face_count()) };
         begun += part.mesh.face_count();
@@ -73,6 +74,7 @@ pub(super) fn simplify_each(
     report.input_vertices = count(&|i| parts[i].mesh.vertex_count());
     report.faces = count(&|i| TriMesh::face_count(&meshes[i]));
     report.vertices = count(&|i| TriMesh::vertex_count(&meshes[i]));
+    report.gaps = Touching::find(parts, true).map_or(0, |touching| touching.gaps(parts, &meshes));
     Ok(SimplifiedScene { meshes, report, counts })
 }
 
@@ -108,6 +110,7 @@ fn sum(runs: Vec<WeightedReport>, diagonal: f64) -> Option<Report> {
     (report.collapses, report.parts_removed) = (0, 0);
     (report.necks_cut, report.pairs_contracted) = (0, 0);
     (report.seams_relaxed, report.sharp_relaxed, report.fitted) = (false, false, false);
+    report.missing_values = 0;
     report.dropped.clear();
     report.escalated.clear();
     for run in &runs {
@@ -122,6 +125,7 @@ fn sum(runs: Vec<WeightedReport>, diagonal: f64) -> Option<Report> {
         report.pruned.parts += times * r.pruned.parts;
         report.pruned.faces += times * r.pruned.faces;
         report.pruned.largest_kept |= r.pruned.largest_kept;
+        report.missing_values += r.missing_values;
         let (all, own) = (&mut report.cleanup, &r.cleanup);
         all.welded_vertices += own.welded_vertices;
         all.degenerate_faces += own.degenerate_faces;

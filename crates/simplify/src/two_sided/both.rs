@@ -1,6 +1,6 @@
 //! Both sides of a result that was reduced as one.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use lodsmith_core::{Attribute, MeshError, Positions, Semantic, TriMesh, VertexId, WedgeId};
 
@@ -38,8 +38,19 @@ impl SingleSided {
         let shares_values = self.plan.is_same();
         let mut own_regions: Vec<_> = (0..regions.len()).map(|f| kind(f).front.unwrap_or_default()).collect();
         let mut back_faces: Vec<usize> = Vec::new();
+        // Where fronts came to lie on each other, a back is there already.
+        let key = |corners: [VertexId; 3]| {
+            let least = (0..3).min_by_key(|&k| corners[k]).unwrap_or(0);
+            [0, 1, 2].map(|k| corners[(least + k) % 3])
+        };
+        let places = |t: &[WedgeId; 3]| t.map(|w| single.vertex_of(w));
+        let mut known: HashSet<[VertexId; 3]> = single.triangles().iter().map(|t| key(places(t))).collect();
         for (f, t) in single.triangles().iter().enumerate() {
             let Some(back) = kind(f).back else { continue };
+            let [a, b, c] = places(t);
+            if !known.insert(key([a, c, b])) {
+                continue;
+            }
             let corners = t.map(|w| {
                 if shares_values && !back.has_own_vertices {
                     return w;
@@ -70,6 +81,7 @@ impl SingleSided {
         mesh.set_regions(input.regions().map(|_| own_regions))?;
         self.set_attributes(&mut mesh, input, single, &back_wedges)?;
         let held = self.held(single.face_count(), held, &back_faces);
+        held.restore(&mut mesh, input);
         Ok(BothSides { mesh, held, vertices })
     }
 

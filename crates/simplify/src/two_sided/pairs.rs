@@ -64,7 +64,7 @@ const QUAD_MAX_FACES: usize = 64;
 const MAX_GAP: f32 = 1.7e-6;
 /// Largest distance between the sides of a quad that is connected with others, in its longest edges: exporters cut the
 /// two sides of a bent quad along different diagonals. (Guessed: a bend of some ten degrees.)
-const MAX_BENT_GAP: f32 = 0.1;
+pub(super) const MAX_BENT_GAP: f32 = 0.1;
 
 /// Calls `group` with the range of the faces of each lowest vertex that several faces have, until it returns
 /// false.
@@ -162,11 +162,13 @@ fn has_sheets(faces: &[[VertexId; 3]]) -> bool {
 }
 
 /// Returns the pairs of an ordered input that still has its faces and points, if there are any. `may_pair`
-/// decides whether some faces of the input may be the front of others. Cost: O(F) in the order of the faces,
+/// decides whether some faces of the input may be the front of others; `max_bent_gap` is the largest distance between
+/// the sides of a bent quad, in its longest edges. Cost: O(F) in the order of the faces,
 /// and O(n log n) of the pairs.
 pub(super) fn find(
     surface: &Surface<'_>,
     ordered: &Ordered,
+    max_bent_gap: f32,
     may_pair: impl Fn(&Pair) -> bool,
 ) -> Option<Pairs> {
     let faces = &ordered.faces;
@@ -202,7 +204,7 @@ pub(super) fn find(
         });
         true
     });
-    for quad in quads(faces, &ordered.points, &fans) {
+    for quad in quads(faces, &ordered.points, &fans, max_bent_gap) {
         let pair = Pair { sides: quad.map(|side| side.map(|f| index[f])) };
         if quad.iter().flatten().all(|f| !is_taken[*f]) && may_pair(&pair) {
             quad.iter().flatten().for_each(|f| is_taken[*f] = true);
@@ -214,11 +216,16 @@ pub(super) fn find(
         return None;
     }
     orient(&mut found, &borders, surface, ordered);
-    Some(found)
+    (!found.pairs.is_empty()).then_some(found)
 }
 
 /// Returns the two sides of the quads among tetrahedra of which three faces are known.
-fn quads(faces: &[[VertexId; 3]], points: &[Vec3], fans: &[[usize; 3]]) -> Vec<[[usize; 2]; 2]> {
+fn quads(
+    faces: &[[VertexId; 3]],
+    points: &[Vec3],
+    fans: &[[usize; 3]],
+    max_bent_gap: f32,
+) -> Vec<[[usize; 2]; 2]> {
     if fans.is_empty() {
         return Vec::new();
     }
@@ -280,7 +287,7 @@ fn quads(faces: &[[VertexId; 3]], points: &[Vec3], fans: &[[usize; 3]]) -> Vec<[
         let is_connected = all
             .iter()
             .any(|f| edges(faces[*f]).iter().any(|(edge, _)| uses.get(edge).is_some_and(|n| *n > 2)));
-        let is_flat = gap <= MAX_GAP || is_connected && gap <= MAX_BENT_GAP * longest;
+        let is_flat = gap <= MAX_GAP || is_connected && gap <= max_bent_gap * longest;
         is_flat.then(|| [[sides.0[0], sides.0[1]], [sides.1[0], sides.1[1]]])
     };
     fans.iter().filter_map(quad).collect()
@@ -302,8 +309,8 @@ fn border_of(faces: &[[VertexId; 3]]) -> Border {
     all.iter().filter(|e| is_single(&e.0)).copied().collect()
 }
 
-/// Chooses the fronts: consistent among pairs that meet at an edge of two pairs, then consistent with the
-/// single faces that continue a sheet beyond its border, then the side of the first face of the input.
+/// Chooses the fronts: consistent among pairs that meet at an edge of two pairs, on the side of the first face of the
+/// input. Leaves out sheets that touch an open surface.
 fn orient(found: &mut Pairs, borders: &[Border], surface: &Surface<'_>, ordered: &Ordered) {
     // The pairs at each edge, with the direction that the first side of each has there.
     let mut at: HashMap<[VertexId; 2], Vec<(u32, bool)>> = HashMap::with_capacity(2 * borders.len());
@@ -337,23 +344,29 @@ fn orient(found: &mut Pairs, borders: &[Border], surface: &Surface<'_>, ordered:
         }
         sheets += 1;
     }
-    // Edges where exactly one pair and one single face meet: positive if the windings agree.
-    let mut votes = vec![0i64; sheets as usize];
+    // Sheets that touch single faces are left out if these have borders: a border of the whole could then come to be where a
+    // sheet ends. (Collapses map closed surfaces to closed ones.)
+    let mut is_joined = vec![false; sheets as usize];
     let mut is_paired = vec![false; surface.triangles().len()];
     let members = found.pairs.iter().flat_map(|p| p.fronts().iter().chain(p.backs()));
     for f in members.chain(&found.duplicates) {
         is_paired[*f as usize] = true;
     }
-    for (f, t) in surface.triangles().iter().enumerate() {
-        let Some(t) = ordered.face(t).filter(|_| !is_paired[f]) else { continue };
-        for (edge, ascends) in edges(t) {
-            if let Some(&[(i, there)]) = at.get(&edge).map(Vec::as_slice) {
-                let agrees = (ascends != there) ^ is_flipped[i as usize];
-                votes[sheet[i as usize] as usize] += if agrees { 1 } else { -1 };
-            }
+    let single = |(f, t): (usize, &[VertexId; 3])| ordered.face(t).filter(|_| !is_paired[f]);
+    let singles = || surface.triangles().iter().enumerate().filter_map(single);
+    let mut is_odd: HashMap<[VertexId; 2], bool> = HashMap::new();
+    for (edge, _) in singles().flat_map(edges) {
+        let is_odd = is_odd.entry(edge).or_default();
+        *is_odd = !*is_odd;
+    }
+    if is_odd.into_values().any(|is_odd| is_odd) {
+        let touched: HashSet<VertexId> = singles().flatten().collect();
+        for (i, border) in borders.iter().enumerate() {
+            is_joined[sheet[i] as usize] |=
+                border.iter().flat_map(|(edge, _)| edge).any(|v| touched.contains(v));
         }
     }
-    // Without votes the side of the lowest face of the input is the front.
+    // The side of the lowest face of the input is the front.
     let mut lowest = vec![(u32::MAX, false); sheets as usize];
     for (i, pair) in found.pairs.iter().enumerate() {
         let [a, b] = [pair.fronts(), pair.backs()].map(|side| side.iter().copied().min().unwrap_or(u32::MAX));
@@ -361,13 +374,10 @@ fn orient(found: &mut Pairs, borders: &[Border], surface: &Surface<'_>, ordered:
         *own = (*own).min((a.min(b), (b < a) ^ is_flipped[i]));
     }
     for (i, pair) in found.pairs.iter_mut().enumerate() {
-        let number = sheet[i] as usize;
-        let is_turned = match votes[number] {
-            0 => lowest[number].1,
-            votes => votes < 0,
-        };
-        if is_flipped[i] ^ is_turned {
+        if is_flipped[i] ^ lowest[sheet[i] as usize].1 {
             pair.sides.reverse();
         }
     }
+    let mut sheet_of = sheet.iter();
+    found.pairs.retain(|_| sheet_of.next().is_some_and(|s| !is_joined[*s as usize]));
 }

@@ -109,7 +109,7 @@ enum Relation {
 fn relation(values: &[f32], width: usize, signs: &[f32], corners: &[[WedgeId; 2]]) -> Relation {
     let of = |w: WedgeId| &values[w.index() * width..][..width];
     let is_same = |[front, back]: &[WedgeId; 2]| {
-        front == back || of(*front).iter().zip(of(*back)).all(|(a, b)| a == b || a.to_bits() == b.to_bits())
+        front == back || of(*front).iter().zip(of(*back)).all(|(a, b)| a.to_bits() == b.to_bits())
     };
     if corners.iter().all(is_same) {
         return Relation::Same;

@@ -111,6 +111,44 @@ impl SingleSided {
         Ok(Self { mesh, plan, table, wedges, faces: sources })
     }
 
+    /// True if the input can be put together again from this mesh, element by element: each wedge and vertex is that of
+    /// one front or of one back, or of no face, and no face was left out.
+    pub(super) fn is_exact(&self, input: &TriMesh, pairs: &Pairs, own: &[[VertexId; 2]]) -> bool {
+        let is_plain = pairs.duplicates.is_empty() && pairs.pairs.iter().all(|p| p.fronts().len() == 1);
+        let mut uses = vec![0u8; input.wedge_count()];
+        for [front, back] in &self.wedges {
+            let shares = front == back;
+            for w in front.iter().chain(back.iter().filter(|_| !shares)) {
+                uses[w.index()] = uses[w.index()].saturating_add(1);
+            }
+        }
+        let are_own = own.is_empty() || self.table.iter().filter_map(|r| r.back).all(|b| b.has_own_vertices);
+        let shares_wedge = self.wedges.iter().any(|[front, back]| front == back);
+        let differs = self.wedges.iter().any(|[front, back]| back.is_some() && front != back);
+        // Each vertex of a back belongs to one front, and to no front itself.
+        let (mut is_front, mut is_back) =
+            (vec![false; input.vertex_count()], vec![false; input.vertex_count()]);
+        let is_matched = own.iter().all(|[back, front]| {
+            !std::mem::replace(&mut is_back[back.index()], true)
+                && !std::mem::replace(&mut is_front[front.index()], true)
+        });
+        let view = input.positions().view();
+        let are_at_one_place = own
+            .iter()
+            .all(|[back, front]| view.get(*back).map(f64::to_bits) == view.get(*front).map(f64::to_bits));
+        let front_of_none = self.wedges.iter().all(|w| {
+            let v = input.vertex_of(w[0].unwrap_or_default());
+            !is_back[v.index()]
+        });
+        is_plain
+            && uses.iter().all(|n| *n == 1)
+            && are_own
+            && !(shares_wedge && differs)
+            && is_matched
+            && are_at_one_place
+            && front_of_none
+    }
+
     /// Adapts options that go by regions.
     pub(super) fn adapt_options(&self, options: &mut SimplifyOptions) {
         options.textures = options.textures.take().map(|all| {

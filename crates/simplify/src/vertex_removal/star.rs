@@ -75,15 +75,20 @@ impl OrderedStar {
         if (1..self.ring.len()).any(repeats) { Err(Refusal::NonManifold) } else { Ok(()) }
     }
 
-    /// Classifies the vertex. Creases are edges whose normals differ by more than an angle with this cosine;
-    /// borders of regions are creases that must be kept.
-    pub(super) fn class(&self, store: &FaceStore<'_>, crease_cos: f64) -> Result<Class, Refusal> {
+    /// Classifies the vertex `v`. Creases are edges whose normals differ by more than an angle with this cosine;
+    /// borders of regions and seams are creases that must be kept.
+    pub(super) fn class(
+        &self,
+        store: &FaceStore<'_>,
+        v: VertexId,
+        crease_cos: f64,
+    ) -> Result<Class, Refusal> {
         let count = self.faces.len();
         let inner = usize::from(!self.is_closed)..count;
         let before = |i: usize| (i + count - 1) % count;
         let mut borders = inner.clone().filter(|&i| {
             let [a, b] = [before(i), i].map(|i| store.region(self.faces[i]));
-            a != b
+            a != b || store.seams.has(v, self.ring[i])
         });
         match [borders.next(), borders.next(), borders.next()] {
             [None, ..] => {}

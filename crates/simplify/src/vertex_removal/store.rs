@@ -3,6 +3,7 @@
 use glam::DVec3;
 use lodsmith_core::{FaceId, RegionId, VertexId};
 
+use super::seams::Seams;
 use crate::collapse::Goal;
 use crate::collapse::order::NONE;
 use crate::rebuild::PreparedInput;
@@ -31,7 +32,9 @@ const NO_CORNER: IncidentFace = IncidentFace { next: NONE, last: NONE, face: Fac
 pub(super) struct FaceStore<'a> {
     pub(super) points: &'a [DVec3],
     faces: Vec<[VertexId; 3]>,
-    /// The input face that each face replaces, if there are regions.
+    /// Seams of attributes that are kept.
+    pub(super) seams: Seams,
+    /// The input face that each face replaces, if there are regions or seams.
     stands_for: Option<Vec<u32>>,
     regions: Option<&'a [RegionId]>,
     lists: Vec<List>,
@@ -50,7 +53,7 @@ struct List {
 }
 
 impl<'a> FaceStore<'a> {
-    pub(super) fn new(ground: &'a PreparedInput) -> Self {
+    pub(super) fn new(ground: &'a PreparedInput, seams: Seams) -> Self {
         let faces = ground.faces.clone();
         let mut lists = vec![List::default(); ground.points.len()];
         for v in faces.iter().flatten() {
@@ -72,7 +75,8 @@ impl<'a> FaceStore<'a> {
         let regions = ground.regions.as_deref();
         Self {
             points: &ground.points,
-            stands_for: regions.map(|_| (0..faces.len() as u32).collect()),
+            stands_for: (regions.is_some() || !seams.is_empty()).then(|| (0..faces.len() as u32).collect()),
+            seams,
             regions,
             face_count: faces.len(),
             vertex_count: lists.iter().filter(|l| l.live > 0).count(),

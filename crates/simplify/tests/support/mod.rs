@@ -16,6 +16,34 @@ use lodsmith::{
     TopologyPolicy, simplify,
 };
 
+/// Returns true if long products are to be run whole, as `.ci/run` asks with `LODSMITH_LONG=1`.
+pub(crate) fn is_long() -> bool {
+    std::env::var_os("LODSMITH_LONG").is_some()
+}
+
+/// Returns the size of a long product: `whole`, or `part` unless the whole is asked for.
+pub(crate) fn size<T>(whole: T, part: T) -> T {
+    if is_long() { whole } else { part }
+}
+
+/// Chooses the cases of a long product: all, or every `n`th. Where `n` has no factor in common with the numbers of options,
+/// every option is met in some cases.
+pub(crate) struct CaseFilter {
+    n: usize,
+    seen: usize,
+}
+
+impl CaseFilter {
+    pub(crate) fn every(n: usize) -> Self {
+        Self { n: if is_long() { 1 } else { n }, seen: 0 }
+    }
+    /// Returns true if the next case is among them.
+    pub(crate) fn takes(&mut self) -> bool {
+        self.seen += 1;
+        (self.seen - 1).is_multiple_of(self.n)
+    }
+}
+
 /// Complaints about many cases, reported together at the end.
 #[derive(Default)]
 pub(crate) struct Complaints(Vec<String>);

@@ -16,7 +16,6 @@ use crate::orbit::Orbit;
 use crate::panel::look::SHADINGS;
 use crate::panel::{self, Panel, export};
 use crate::settings::{Layout, Pose, Sides, Turn};
-use crate::target_scale::Unit;
 use crate::viewport::KEY_TURN_RAD;
 
 /// Fraction of the faces that remains after one key press.
@@ -44,11 +43,7 @@ impl App {
             Action::SaveSession => return self.choose_session_to_save(ctx),
             Action::Export => return self.open_export_form(),
             Action::Reload => return self.document.reload(),
-            Action::Close => {
-                self.document.run(Command::Close);
-                ctx.send_viewport_cmd(egui::ViewportCommand::Title("Lodsmith".to_owned()));
-                return;
-            }
+            Action::Close => return self.document.run(Command::CloseFile(settings.shown)),
             Action::Quit => return ctx.send_viewport_cmd(egui::ViewportCommand::Close),
             Action::Undo => return self.document.undo(),
             Action::Redo => return self.document.redo(),
@@ -238,24 +233,6 @@ impl App {
         };
         ctx.send_viewport_cmd(egui::ViewportCommand::Screenshot(egui::ScreenshotCallback::new(save)));
         ctx.request_repaint();
-    }
-
-    /// Keeps the same target, in another unit.
-    pub(super) fn change_unit(&mut self, unit: Unit) {
-        let (Some(whole), Some(lighter)) = (self.document.original_size(), self.document.lighter()) else {
-            return;
-        };
-        let l = &lighter.content;
-        let target = match unit {
-            Unit::Faces => SimplifyTarget::Faces(l.faces),
-            Unit::Vertices => SimplifyTarget::Vertices(l.vertices),
-            Unit::Percent => whole.target(unit, whole.slider_position_of_faces(l.faces as f64)),
-            Unit::Error => {
-                let d = l.measured().map_or(l.error(), |m| m.hausdorff.symmetric);
-                SimplifyTarget::Error((d / whole.diagonal.max(1e-300)).clamp(1e-6, 0.1))
-            }
-        };
-        self.document.run(Command::Target(target));
     }
 }
 

@@ -19,11 +19,15 @@ pub(super) fn start_page(ui: &mut Ui, document: &Document, facts: &WindowState, 
         ui.vertical_centered(|ui| {
             if let Some(path) = document.opening() {
                 ui.add_space(size.y * 0.4);
-                ui.spinner();
+                // Nothing that moves by itself: its frames would take the time of the reader.
                 ui.label(theme::weak(ui, format!("Opening {}", panel::files::name(path))));
-                if let Some((secs, stage)) = document.opening_progress() {
+                if let Some((secs, stage, done)) = document.opening_progress() {
                     let size = std::fs::metadata(path).map_or(0.0, |m| m.len() as f64 / 1e6);
-                    let text = format!("{stage} {} MB, {} s", significant(size, 2), secs.round());
+                    let size = significant(size, 2);
+                    let text = match done {
+                        Some(done) => format!("{stage} {size} MB: {} %, {} s", (100.0 * done).floor(), secs.round()),
+                        None => format!("{stage} {size} MB, {} s", secs.round()),
+                    };
                     ui.label(theme::weak(ui, text));
                 }
                 if ui.button("Stop").clicked() {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use lodsmith_core::Model;
-use lodsmith_io::AssetScope;
+use lodsmith_io::{AssetScope, ReadProgress};
 use web_time::Instant;
 
 use crate::bake_settings::BakeSettings;
@@ -30,7 +30,7 @@ pub(crate) const PREPARING: &str = "preparing pictures";
 /// A job for a worker.
 pub(crate) enum Job {
     /// Reads a file.
-    Open { path: PathBuf, assets: AssetScope },
+    Open { path: PathBuf, assets: AssetScope, progress: ReadProgress },
     /// Simplifies the original.
     Simplify { original: ShownModel<Original>, how: Simplification },
     /// Counts the topology of the original, or of a result.
@@ -64,6 +64,8 @@ pub(crate) enum Job {
     Benchmark { original: Arc<Original>, settings: Box<Settings>, filling: SharedTable },
     /// Makes the progressive mesh of the slider.
     Preview { original: Arc<Original>, of: (usize, Simplification) },
+    /// Uploads shown models again, after it changed which of their edges are sharp.
+    Shade { shown: Vec<(Drawing, Model)> },
     /// Goes to a level of a progressive mesh that a worker holds.
     Level { original: Arc<Original>, how: Simplification, peak_ratio: Option<f64> },
 }
@@ -82,6 +84,7 @@ pub(crate) enum Outcome {
     Benchmarked { is_whole: bool },
     Preview { of: (usize, Simplification), secs: f64, result: Result<PreviewMade, Failure> },
     Level { how: Simplification, change: LevelChange },
+    Shaded,
 }
 
 /// A progressive mesh that was made.
@@ -114,6 +117,7 @@ impl Job {
             Self::Benchmark { .. } => JobKind::Benchmark,
             Self::Preview { .. } => JobKind::Preview,
             Self::Level { .. } => JobKind::Level,
+            Self::Shade { .. } => JobKind::Shade,
         }
     }
 
@@ -121,9 +125,9 @@ impl Job {
     /// and nobody needs to know.
     pub(crate) fn run(self, context: Option<&Context>, watch: &mut JobControl) -> Option<Outcome> {
         Some(match self {
-            Self::Open { path, assets } => {
+            Self::Open { path, assets, progress } => {
                 watch.enter_stage(READING);
-                let result = Original::read(&path, assets).map_err(|e| e.to_string());
+                let result = Original::read_watched(&path, assets, progress).map_err(|e| e.to_string());
                 watch.enter_stage(PREPARING);
                 let result = result.map(|original| {
                     let draw = context.map(|c| preview_mesh::upload(c, original.model()));
@@ -197,6 +201,14 @@ impl Job {
                 let result = made.map(|made| PreviewMade::Here(Box::new(made))).map_err(Failure::from);
                 Outcome::Preview { of, secs: begin.elapsed().as_secs_f64(), result }
             }
+            Self::Shade { shown } => {
+                for (drawing, model) in shown {
+                    let Some(new) = context.map(|c| preview_mesh::draw_model(c, &model)) else { continue };
+                    // Locked only now: the window draws it meanwhile.
+                    *drawing.lock().unwrap_or_else(PoisonError::into_inner) = new;
+                }
+                Outcome::Shaded
+            }
             // Whoever holds the progressive mesh answers.
             Self::Level { .. } => return None,
         })
@@ -225,8 +237,7 @@ pub(crate) fn found(
 ) -> Outcome {
     let (which, key) = inspected(original, result);
     if let Some(drawing) = result.map_or(&original.draw, |r| &r.draw) {
-        let mut drawing = drawing.lock().unwrap_or_else(PoisonError::into_inner);
-        flaws.marks.iter().enumerate().for_each(|(mesh, marks)| drawing.set_marks(mesh, marks));
+        flaws.show_in(drawing);
     }
     Outcome::Flaws { which, key, flaws: Arc::new(flaws) }
 }
@@ -244,7 +255,7 @@ pub(crate) fn measured(
 }
 
 /// Writes the values of the heat map into the buffers: distances of vertices, or differences at wedges.
-fn show_heat(drawing: Option<&Drawing>, model: &Model, values: &[Vec<f32>], quantity: HeatOf) {
+pub(crate) fn show_heat(drawing: Option<&Drawing>, model: &Model, values: &[Vec<f32>], quantity: HeatOf) {
     let Some(drawing) = drawing else { return };
     for (i, (mesh, values)) in model.meshes.iter().zip(values).enumerate() {
         let mesh = &mesh.mesh;

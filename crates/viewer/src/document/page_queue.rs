@@ -11,7 +11,7 @@ use web_time::{Duration, Instant};
 use super::jobs::{Job, Outcome, PREPARING, READING};
 use super::wire::WrittenFile;
 use crate::gpu::Context;
-use crate::job::{JobKind, Message, Progress};
+use crate::job::{JobControl, JobKind, Message, Progress};
 use crate::page::{BrowserPage, PageWorker, WorkerMessage};
 
 /// The queue.
@@ -60,6 +60,12 @@ impl PageQueue {
         }
         state.waiting.push(job);
         self.go_on(&mut state);
+    }
+
+    /// Does a job at once, without a worker.
+    pub(super) fn do_here(&self, job: Job) {
+        let outcome = job.run(self.context.as_ref(), &mut JobControl::new(|_, _| true));
+        self.state.borrow_mut().ready.extend(outcome.map(Message::Done));
     }
 
     /// As [`JobQueue::cancel`](super::JobQueue::cancel).

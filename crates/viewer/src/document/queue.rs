@@ -30,6 +30,8 @@ impl JobQueue {
                 let context = context.clone();
                 worker.submit(job.kind(), move |watch| job.run(context.as_ref(), watch));
             }
+            // Its drawings are here.
+            Self::Page(queue) if matches!(job, Job::Shade { .. }) => queue.do_here(job),
             Self::Page(queue) => queue.submit(job),
         }
     }

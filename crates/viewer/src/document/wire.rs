@@ -109,7 +109,7 @@ impl Job {
             task: Box::new(task),
         };
         Some(match self {
-            Self::Open { path, assets } => {
+            Self::Open { path, assets, .. } => {
                 Request { path: path.clone(), assets: assets.clone(), has_light, task: Box::new(Task::Open) }
             }
             Self::Simplify { original, how } => of(&original.content, Task::Simplify(how.clone())),
@@ -143,7 +143,7 @@ impl Job {
             Self::Difference { view, .. } => {
                 of(&view.original, Task::Difference(view.lighter.how.clone(), Box::new(view.seen.clone())))
             }
-            Self::Benchmark { .. } | Self::Bake { .. } => return None,
+            Self::Benchmark { .. } | Self::Bake { .. } | Self::Shade { .. } => return None,
         })
     }
 
@@ -159,7 +159,7 @@ impl Job {
     ) -> Result<Option<Outcome>, String> {
         let answer: Answer = rmp_serde::from_slice(answer).map_err(|e| e.to_string())?;
         Ok(Some(match (self, answer) {
-            (Self::Open { path, assets }, Answer::Opened(result)) => {
+            (Self::Open { path, assets, .. }, Answer::Opened(result)) => {
                 let result = result.map(|parts| {
                     let (original, light) = parts.into_original(path.clone(), assets);
                     let draw = context.map(|c| upload_both(c, original.model(), light.as_ref()));

@@ -1,8 +1,9 @@
 //! The GPU device and its capabilities.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use egui_wgpu::wgpu;
+use lodsmith_core::mesh::creases::Creases;
 
 use super::layout::Layouts;
 
@@ -63,6 +64,8 @@ pub struct Context {
     pub(super) has_views: bool,
     info: Arc<wgpu::AdapterInfo>,
     instance: wgpu::Instance,
+    /// Which edges of models without normals are sharp. Shared by all clones.
+    creases: Arc<Mutex<Creases>>,
 }
 
 impl Context {
@@ -104,7 +107,8 @@ impl Context {
         let flags = adapter.get_downlevel_capabilities().flags;
         let has_views = flags.contains(wgpu::DownlevelFlags::VIEW_FORMATS);
         let buffer_limits = buffer_limits(&limits, pulls_textures);
-        Self { device, queue, layouts, buffer_limits, pulls_textures, has_views, info, instance }
+        let creases = Arc::default();
+        Self { device, queue, layouts, buffer_limits, pulls_textures, has_views, info, instance, creases }
     }
 
     /// Lets vertices pull their values from textures even if the adapter has storage buffers.
@@ -125,6 +129,15 @@ impl Context {
     /// Sets smaller buffers than the adapter requires; meshes are split to fit them.
     pub fn with_buffer_limits(self, split: BufferLimits) -> Self {
         Self { buffer_limits: split, ..self }
+    }
+
+    /// Returns which edges of uploaded models without normals are sharp.
+    pub fn creases(&self) -> Creases {
+        *self.creases.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+    /// Sets this for what is uploaded from now on, through any clone.
+    pub fn set_creases(&self, creases: Creases) {
+        *self.creases.lock().unwrap_or_else(PoisonError::into_inner) = creases;
     }
 
     /// Returns true for a software renderer, whose cost depends on every pixel.

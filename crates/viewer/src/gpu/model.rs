@@ -7,6 +7,7 @@ use egui_wgpu::wgpu;
 use egui_wgpu::wgpu::util::DeviceExt;
 use glam::DMat4;
 use lodsmith_core::geometry::UnitFrame;
+use lodsmith_core::mesh::creases::with_copies;
 use lodsmith_core::model::{Instance, ModelMesh, Pose, Skin};
 use lodsmith_core::{Model, TriMesh, WedgeId};
 use rayon::prelude::*;
@@ -14,7 +15,7 @@ use rayon::prelude::*;
 use super::buffer::{Item, Storage};
 use super::context::Context;
 use super::marks::Marks;
-use super::pack::{self, AttributeLayout};
+use super::pack::{self, AttributeLayout, ShadedMesh};
 use super::texture::Surfaces;
 
 /// A model on the GPU: its meshes, their placement and their materials.
@@ -31,6 +32,8 @@ pub struct DrawModel {
     pub(super) surfaces: Surfaces,
     pub(super) has_linear_colors: bool,
     preview: Option<Box<Self>>,
+    /// The angle in degrees above which edges of meshes without normals are sharp.
+    crease_deg: Option<f64>,
 }
 
 /// A mesh on the GPU.
@@ -53,7 +56,10 @@ pub(super) struct DrawMesh {
     frame: UnitFrame,
     row: AttributeLayout,
     face_count: usize,
+    /// Number of wedges of the mesh, without copies.
     wedge_count: usize,
+    /// The originals of the wedges that follow: copies with other normals.
+    copies: Vec<WedgeId>,
 }
 
 /// Triangles of one draw call.
@@ -109,15 +115,24 @@ static NEXT_ID: AtomicU64 = AtomicU64::new(0);
 impl Context {
     /// Uploads a model to the GPU. Slow for a large model; may run on a worker thread.
     ///
-    /// Cost: O(n). A mesh without normals gets computed ones.
+    /// Cost: O(n). Meshes without normals get computed ones, which break at the edges of [`Context::creases`].
     pub fn upload(&self, model: &Model) -> DrawModel {
+        self.upload_with(model, self.creases().angle_deg(model.meshes.iter().map(|m| &*m.mesh)))
+    }
+
+    /// Uploads a model to the GPU, with edges that are sharp where those of another one are.
+    pub(crate) fn upload_like(&self, model: &Model, other: &DrawModel) -> DrawModel {
+        self.upload_with(model, other.crease_deg)
+    }
+
+    fn upload_with(&self, model: &Model, crease_deg: Option<f64>) -> DrawModel {
         let hierarchy = Model {
             nodes: model.nodes.clone(),
             roots: model.roots.clone(),
             skins: model.skins.clone(),
             ..Model::default()
         };
-        let meshes = model.meshes.iter().map(|m| DrawMesh::new(self, m)).collect();
+        let meshes = model.meshes.iter().map(|m| DrawMesh::new(self, m, crease_deg)).collect();
         let at_rest = hierarchy.instances(&Pose::default());
         let id = NEXT_ID.fetch_add(1, Ordering::Relaxed);
         let surfaces = Surfaces::new(self, &model.materials, &model.images);
@@ -131,6 +146,7 @@ impl Context {
             surfaces,
             has_linear_colors: false,
             preview: None,
+            crease_deg,
         }
     }
 }
@@ -177,7 +193,7 @@ impl DrawModel {
     /// # Panics
     /// If there is no such mesh.
     pub fn replace_mesh(&mut self, mesh: usize, geometry: &TriMesh) {
-        self.meshes[mesh].replace(&self.context, geometry, &pack::normals(geometry));
+        self.meshes[mesh].replace(&self.context, &pack::shaded(geometry, self.crease_deg, false));
         self.revision += 1;
     }
 
@@ -186,8 +202,8 @@ impl DrawModel {
     /// are rewritten. Coincident vertices must already be welded: normals are recomputed without searching
     /// for them. Heat values and marks are dropped.
     ///
-    /// Returns true if writing ranges was enough. A mesh with several regions or buffers, with morph targets
-    /// or with attributes other than before is replaced as a whole.
+    /// Returns true if writing ranges was enough. A mesh with several regions or buffers, with morph targets,
+    /// with creases or with attributes other than before is replaced as a whole.
     ///
     /// # Panics
     /// If there is no such mesh, or a range goes beyond it.
@@ -198,9 +214,10 @@ impl DrawModel {
         faces: &[Range<usize>],
         wedges: &[Range<usize>],
     ) -> bool {
-        let is_enough = self.meshes[mesh].patch(&self.context, geometry, faces, wedges);
+        let has_creases = self.crease_deg.is_some() && geometry.normals().is_none();
+        let is_enough = !has_creases && self.meshes[mesh].patch(&self.context, geometry, faces, wedges);
         if !is_enough {
-            self.meshes[mesh].replace(&self.context, geometry, &pack::quick_normals(geometry));
+            self.meshes[mesh].replace(&self.context, &pack::shaded(geometry, self.crease_deg, true));
         }
         self.revision += 1;
         is_enough
@@ -250,27 +267,26 @@ impl DrawModel {
 }
 
 impl DrawMesh {
-    fn new(context: &Context, mesh: &ModelMesh) -> Self {
-        let normals = pack::normals(&mesh.mesh);
-        let mut new = Self::of(context, &mesh.mesh, &normals, &mesh.materials, None);
+    fn new(context: &Context, mesh: &ModelMesh, crease_deg: Option<f64>) -> Self {
+        let shaded = pack::shaded(&mesh.mesh, crease_deg, false);
+        let mut new = Self::of(context, &shaded, &mesh.materials, None);
         new.morph_weights.clone_from(&mesh.morph_weights);
         new
     }
 
-    fn replace(&mut self, context: &Context, mesh: &TriMesh, normals: &[[f32; 3]]) {
+    fn replace(&mut self, context: &Context, mesh: &ShadedMesh<'_>) {
         let materials = std::mem::take(&mut self.materials);
         let morph_weights = std::mem::take(&mut self.morph_weights);
         let pages = std::mem::take(&mut self.pages);
         let chunks = std::mem::take(&mut self.chunks);
-        *self = Self::of(context, mesh, normals, &materials, Some((pages, chunks)));
+        *self = Self::of(context, mesh, &materials, Some((pages, chunks)));
         self.morph_weights = morph_weights;
     }
 
     /// Builds a mesh, reusing the buffers of an older one if there is one.
     fn of(
         context: &Context,
-        mesh: &TriMesh,
-        normals: &[[f32; 3]],
+        ShadedMesh { mesh, normals, copies }: &ShadedMesh<'_>,
         materials: &[Option<usize>],
         old: Option<(Vec<Page>, Vec<Chunk>)>,
     ) -> Self {
@@ -311,7 +327,8 @@ impl DrawMesh {
             frame,
             row,
             face_count: mesh.face_count(),
-            wedge_count: mesh.wedge_count(),
+            wedge_count: mesh.wedge_count() - copies.len(),
+            copies: copies.clone(),
         }
     }
 
@@ -365,6 +382,7 @@ impl DrawMesh {
             return;
         };
         assert_eq!(values.len(), self.wedge_count, "one value for each wedge");
+        let values = &with_copies(values, 1, &self.copies);
         for k in 0..self.pages.len() {
             let page = &mut self.pages[k];
             let moved = match &page.wedges {
@@ -388,7 +406,9 @@ impl DrawMesh {
                 None => marks.edges.clone(),
                 Some(wedges) => {
                     let mut local = vec![pack::NO_OFFSET; self.wedge_count];
-                    wedges.iter().enumerate().for_each(|(k, w)| local[w.index()] = k as u32);
+                    let original =
+                        |w: WedgeId| w.index().checked_sub(self.wedge_count).map_or(w, |k| self.copies[k]);
+                    wedges.iter().enumerate().for_each(|(k, w)| local[original(*w).index()] = k as u32);
                     let here = |e: &[u32; 3]| [local[e[0] as usize], local[e[1] as usize], e[2]];
                     marks
                         .edges

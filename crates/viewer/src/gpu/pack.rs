@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use glam::{DVec3, Vec2, Vec3};
 use lodsmith_core::geometry::UnitFrame;
+use lodsmith_core::mesh::creases::split_at_creases;
 use lodsmith_core::mesh::normals::vertex_normals;
 use lodsmith_core::mesh::weld::weld;
 use lodsmith_core::{Attribute, Morphed, RegionId, Semantic, TriMesh, VertexId, WedgeId};
@@ -66,6 +67,31 @@ pub(super) struct Corner {
 pub(super) fn frame_of(mesh: &TriMesh) -> UnitFrame {
     let nowhere = lodsmith_core::Bounds { min: [0.0; 3], max: [0.0; 3] };
     UnitFrame::of(&mesh.positions().view().bounds().unwrap_or(nowhere))
+}
+
+/// A mesh as it is drawn.
+pub(super) struct ShadedMesh<'a> {
+    pub(super) mesh: Cow<'a, TriMesh>,
+    /// The normal of each wedge.
+    pub(super) normals: Cow<'a, [[f32; 3]]>,
+    /// The originals of the wedges behind those of the mesh.
+    pub(super) copies: Vec<WedgeId>,
+}
+
+/// Returns a mesh with normals for all wedges: its own, or else normals computed from its faces, which break at edges
+/// above an angle in degrees. Quick ones are those of [`quick_normals`] where none break.
+pub(super) fn shaded(mesh: &TriMesh, crease_deg: Option<f64>, is_quick: bool) -> ShadedMesh<'_> {
+    if let Some(angle) = crease_deg.filter(|_| mesh.normals().is_none())
+        && let Ok(split) = split_at_creases(mesh, angle)
+    {
+        return ShadedMesh {
+            mesh: Cow::Owned(split.mesh),
+            normals: split.normals.into(),
+            copies: split.copies,
+        };
+    }
+    let normals = if is_quick { quick_normals(mesh) } else { normals(mesh) };
+    ShadedMesh { mesh: Cow::Borrowed(mesh), normals, copies: Vec::new() }
 }
 
 /// Returns normals for all wedges: the mesh's own, or else vertex normals computed from the faces.

@@ -5,7 +5,7 @@ use eframe::egui::{self, Ui};
 use super::{PanelContext, UiRequest, widgets};
 use crate::command::Command;
 use crate::keys::Action;
-use crate::theme::weak;
+use crate::theme::{palette, weak};
 
 /// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
@@ -30,11 +30,28 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         widgets::empty_note(ui, "No file open");
     }
     for (i, file) in settings.files.clone().into_iter().enumerate() {
-        let name = name(&file);
-        let tip = file.display().to_string();
-        if ui.selectable_label(i == settings.shown, name).on_hover_text(tip).clicked() && i != settings.shown
-        {
-            scope.command(Command::Show(i));
+        let fault = scope.document.fault_of(&file).map(str::to_owned);
+        ui.horizontal(|ui| {
+            let mut text = egui::RichText::new(name(&file));
+            let mut tip = file.display().to_string();
+            if let Some(fault) = &fault {
+                text = egui::RichText::new(format!("⚠ {}", name(&file))).color(palette(ui).error);
+                tip = fault.clone();
+            }
+            if ui.selectable_label(i == settings.shown, text).on_hover_text(tip).clicked()
+                && i != settings.shown
+            {
+                scope.command(Command::Show(i));
+            }
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let close = egui::Button::new("×").frame(false).small();
+                if ui.add(close).on_hover_text(format!("Close {}", name(&file))).clicked() {
+                    scope.command(Command::CloseFile(i));
+                }
+            });
+        });
+        if let Some(fault) = fault {
+            ui.add(egui::Label::new(weak(ui, fault).small()).wrap());
         }
     }
     let recent: Vec<_> =

@@ -1,6 +1,7 @@
 //! Look panel: appearance of surfaces, light and background.
 
 use eframe::egui::{self, Ui};
+use lodsmith_core::mesh::creases::{CREASE_ANGLE_DEG, Creases};
 use lodsmith_render::{ColorMap, Shading};
 
 use super::{PanelContext, UiRequest, files, widgets};
@@ -42,6 +43,14 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     }
     let look = &mut all.look;
     widgets::choose(ui, "Shading", "How the surface is coloured", &SHADINGS, &mut look.shading);
+    let no_normals = scope
+        .document
+        .original()
+        .filter(|o| o.content.model().meshes.iter().any(|m| m.mesh.normals().is_none()));
+    if let Some(original) = no_normals {
+        creases(ui, &mut all.creases, original.content.creases(Creases::Auto));
+    }
+    let look = &mut all.look;
     widgets::field(ui, "Surface", "Surface colour for shadings without their own", |ui| {
         widgets::color(ui, &mut look.surface);
     });
@@ -126,6 +135,28 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     user_files(ui, scope, &mut all);
     if all != before {
         scope.command(Command::Look(all));
+    }
+}
+
+/// Draws the choice of sharp edges, for files without normals.
+fn creases(ui: &mut Ui, chosen: &mut Creases, auto: Creases) {
+    let auto = match auto {
+        Creases::Above(angle) => format!("Auto (above {angle}°)"),
+        _ => "Auto (none)".to_owned(),
+    };
+    let angle = match chosen {
+        Creases::Above(angle) => *angle,
+        _ => CREASE_ANGLE_DEG,
+    };
+    let tip = "Edges drawn sharp, as the file has no normals: those whose faces differ by more than an angle. Auto: if the \
+        original is made of surfaces that meet in sharp edges, like most CAD models. The same for the result";
+    let choices =
+        [(Creases::Auto, auto.as_str()), (Creases::Off, "None"), (Creases::Above(angle), "Above an angle")];
+    widgets::choose(ui, "Sharp edges", tip, &choices, chosen);
+    if let Creases::Above(angle) = chosen {
+        widgets::field(ui, "Angle", "Edges between faces that differ by more are sharp", |ui| {
+            ui.add(egui::DragValue::new(angle).range(0.0..=180.0).speed(0.5).suffix("°").max_decimals(1));
+        });
     }
 }
 

@@ -36,10 +36,11 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) -> Unit {
             ui.add_space(8.0);
         }
         if let Some(whole) = &whole {
-            let now = text_of(document.settings(), whole, unit);
+            let result = document.result_size();
+            let now = text_of(document.settings(), whole, result.as_ref(), unit).unwrap_or_default();
             let is_good = |t: &str| whole.typed(unit, t).is_some();
             let width = if is_narrow { 84.0 } else { 120.0 };
-            if let Some(text) = widgets::text_field(ui, "Target", &now, "", width, is_good)
+            if let Some(text) = widgets::text_field(ui, "Target", &now, "not measured", width, is_good)
                 && let Some(target) = whole.typed(unit, &text)
             {
                 scope.command(Command::Target(target));
@@ -103,7 +104,9 @@ fn status(ui: &mut Ui, scope: &mut PanelContext<'_>) {
             scope.action(Action::Cancel);
         }
         let width = (ui.available_width() - 120.0).clamp(24.0, 120.0);
-        let bar = egui::ProgressBar::new(progress.done).desired_width(width).desired_height(8.0);
+        let read = document.opening_progress().and_then(|(_, _, done)| done);
+        let done = read.map_or(progress.done, |done| done as f32);
+        let bar = egui::ProgressBar::new(done).desired_width(width).desired_height(8.0);
         ui.add(bar.fill(palette(ui).accent));
         let stage = if progress.stage.is_empty() { String::new() } else { format!(": {}", progress.stage) };
         text(ui, format!("{}{stage}", progress.kind.title()));
@@ -132,14 +135,17 @@ fn slider(ui: &mut Ui, scope: &mut PanelContext<'_>, whole: Option<&OriginalSize
     let rail =
         Rect::from_min_max(rect.min + Vec2::new(10.0, 10.0), pos2(rect.right() - 10.0, rect.top() + 16.0));
     let settings = scope.document.settings();
-    let at = whole.map_or(1.0, |w| w.slider_position(settings));
+    let result = scope.document.result_size();
+    let at = whole.map_or(Some(1.0), |w| w.slider_position(settings, result.as_ref(), unit));
     let p = palette(ui);
     let enabled = ui.is_enabled();
     let painter = ui.painter();
     painter.rect_filled(rail, 3.0, p.button);
     let x_of = |at: f64| rail.left() + rail.width() * at as f32;
-    let done = Rect::from_min_max(rail.min, pos2(x_of(at), rail.bottom()));
-    painter.rect_filled(done, 3.0, if enabled { p.accent } else { p.hovered });
+    if let Some(at) = at {
+        let done = Rect::from_min_max(rail.min, pos2(x_of(at), rail.bottom()));
+        painter.rect_filled(done, 3.0, if enabled { p.accent } else { p.hovered });
+    }
     let font = egui::TextStyle::Small.resolve(ui.style());
     if let Some(whole) = whole {
         let mut free = f32::INFINITY;
@@ -173,7 +179,7 @@ fn slider(ui: &mut Ui, scope: &mut PanelContext<'_>, whole: Option<&OriginalSize
         // Mark of the result, if it differs from the target.
         if let Some(lighter) = scope.document.lighter() {
             let x = x_of(whole.slider_position_of_faces(lighter.content.faces as f64));
-            if unit == Unit::Error || (x - x_of(at)).abs() > 3.0 {
+            if unit != Unit::Error && at.is_some_and(|at| (x - x_of(at)).abs() > 3.0) {
                 let mark = [
                     pos2(x, rail.top() - 1.0),
                     pos2(x - 4.0, rail.top() - 8.0),
@@ -183,7 +189,6 @@ fn slider(ui: &mut Ui, scope: &mut PanelContext<'_>, whole: Option<&OriginalSize
             }
         }
     }
-    let knob = pos2(x_of(at), rail.center().y);
     let fill = if !enabled {
         p.hovered
     } else if response.hovered() || response.dragged() {
@@ -191,11 +196,15 @@ fn slider(ui: &mut Ui, scope: &mut PanelContext<'_>, whole: Option<&OriginalSize
     } else {
         p.accent
     };
-    painter.circle(knob, 8.0, fill, egui::Stroke::new(2.0, p.panel));
-    if response.has_focus() {
-        painter.circle_stroke(knob, 11.0, egui::Stroke::new(1.5, p.accent));
+    // Where nothing says what the target is in this unit there is no knob, until the slider is pressed.
+    if let Some(at) = at {
+        let knob = pos2(x_of(at), rail.center().y);
+        painter.circle(knob, 8.0, fill, egui::Stroke::new(2.0, p.panel));
+        if response.has_focus() {
+            painter.circle_stroke(knob, 11.0, egui::Stroke::new(1.5, p.accent));
+        }
     }
-    response.widget_info(|| egui::WidgetInfo::slider(enabled, at, "Target slider"));
+    response.widget_info(|| egui::WidgetInfo::slider(enabled, at.unwrap_or(1.0), "Target slider"));
 
     let Some(whole) = whole else { return };
     // A press counts before it is known whether it becomes a click or a drag.

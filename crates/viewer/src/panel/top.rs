@@ -48,6 +48,9 @@ fn menus(ui: &mut Ui, scope: &mut PanelContext<'_>, is_shown: &dyn Fn(Panel) -> 
         });
         item(ui, scope, Action::Reload, "Reload", has_file);
         item(ui, scope, Action::Close, "Close", has_file);
+        if scope.document.settings().files.len() > 1 && ui.button("Close all").clicked() {
+            scope.command(Command::Close);
+        }
         ui.separator();
         item(ui, scope, Action::OpenSession, "Open session…", true);
         item(ui, scope, Action::SaveSession, "Save session…", has_file);

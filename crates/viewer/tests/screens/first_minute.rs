@@ -280,3 +280,90 @@ fn overlaps_of(boxes: &[(String, egui::Rect)]) -> Vec<String> {
     }
     found
 }
+
+#[test]
+fn another_unit_changes_the_label_and_nothing_else() {
+    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
+    desk.write("Target", "4000");
+    desk.press(Key::Enter);
+    let before = desk.app().document().settings().clone();
+    let (faces, line) = (desk.faces().unwrap(), desk.app().command_line());
+    let text = |desk: &AppHarness| {
+        desk.harness.get_by_role_and_label(Role::TextInput, "Target").value().unwrap_or_default()
+    };
+    assert_eq!(text(&desk), "4,000");
+    // (4,000 of 20,480; vertices are counted, and the largest error was not measured.)
+    for (unit, wanted) in [("Percent", "19.5%"), ("Vertices", "2,0"), ("Error", ""), ("Faces", "4,000")] {
+        desk.click(unit);
+        assert!(
+            text(&desk).starts_with(wanted) && text(&desk).is_empty() == wanted.is_empty(),
+            "{}",
+            text(&desk)
+        );
+        assert_eq!((desk.app().document().settings(), desk.faces()), (&before, Some(faces)), "{unit}");
+        assert_eq!(desk.app().command_line(), line);
+    }
+    // What is typed in another unit is understood, and the slider follows it.
+    desk.write("Target", "10%");
+    desk.press(Key::Enter);
+    assert_eq!(desk.app().document().settings().simplify.options.stop.ratio, Some(0.1));
+    assert_eq!(text(&desk), "10%");
+    assert!(
+        desk.app().command_line().contains("--ratio 0.1 ")
+            || desk.app().command_line().ends_with("--ratio 0.1")
+    );
+    desk.write("Target", "2k");
+    desk.press(Key::Enter);
+    assert_eq!(desk.app().document().settings().simplify.options.stop.faces, Some(2000));
+    assert_eq!(text(&desk), "2,000");
+}
+
+#[test]
+fn a_broken_file_is_marked_and_the_next_one_is_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let [broken, sound] = ["broken.off", "sound.ply"].map(|name| folder.path().join(name));
+    std::fs::write(&broken, "").unwrap();
+    lodsmith_io::write_path(&shapes::icosphere(3), &sound, &Default::default()).unwrap();
+    let Some(mut desk) = AppHarness::within(false, vec![broken, sound.clone()], folder) else { return };
+    assert_eq!(desk.app().document().original().unwrap().content.path, sound);
+    assert!(desk.app().document().problem.as_ref().is_some_and(|p| p.contains("broken.off")));
+    if !desk.app().is_shown(lodsmith_viewer::panel::Panel::Files) {
+        desk.act(lodsmith_viewer::keys::Action::Panel(lodsmith_viewer::panel::Panel::Files));
+    }
+    desk.harness.get_by_label("⚠ broken.off");
+    desk.picture("files_broken");
+    desk.act(lodsmith_viewer::keys::Action::Close);
+    assert!(desk.app().document().original().is_none(), "the other one cannot be read");
+    desk.harness.get_by_label("Drop a model here");
+}
+
+#[test]
+fn a_session_of_two_folders_is_opened_after_a_question() {
+    let [one, two] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    let models = [one.path().join("here.ply"), two.path().join("there.ply")];
+    for model in &models {
+        lodsmith_io::write_path(&shapes::icosphere(3), model, &Default::default()).unwrap();
+    }
+    let settings = lodsmith_viewer::settings::Settings { files: models.to_vec(), ..Default::default() };
+    let pose = lodsmith_viewer::settings::Pose {
+        eye: [3.0; 3],
+        target: [0.0; 3],
+        up: [0.0, 1.0, 0.0],
+        fov_y_rad: 0.6,
+    };
+    let session = one.path().join("work.lodsmith.json");
+    lodsmith_viewer::session::Session::new(settings, [pose; 2]).save(&session).unwrap();
+    for answer in ["Cancel", "Open anyway"] {
+        let folder = tempfile::tempdir().unwrap();
+        let Some(mut desk) = AppHarness::within(false, vec![session.clone()], folder) else { return };
+        assert!(desk.app().document().original().is_none());
+        desk.harness.get_by_label_contains("there.ply");
+        desk.picture("session_outside");
+        desk.click(answer);
+        let document = desk.app().document();
+        assert_eq!(document.original().is_some(), answer == "Open anyway");
+        assert_eq!(document.settings().files.len(), if answer == "Cancel" { 0 } else { 2 });
+        assert_eq!(document.problem, None);
+        assert!(desk.harness.query_by_label_contains("there.ply").is_none() || answer != "Cancel");
+    }
+}

@@ -46,7 +46,9 @@ pub(super) fn compare_views(
     let pictures = if format.is_some() { 2 * count } else { 2 };
     memory::check("compare --views", memory_need::render(Size::of_all(meshes), args.size, pictures, false))?;
     let shading = shading_of(&models[0]);
-    let subjects = [Subject::new(&models[0])?, Subject::new(&models[1])?];
+    let reference = Subject::new(&models[0])?;
+    let candidate = Subject::new(&models[1])?.with_creases(reference.creases());
+    let subjects = [reference, candidate];
     let bounds = subjects[0].bounds().ok_or_else(|| usage(format!("{}: nothing to see", args.reference)))?;
     let [width, height] = args.size;
     let mut seen = ViewComparison { views: Vec::new(), size: args.size, shading, draw_seconds: [0.0; 2] };

@@ -131,6 +131,7 @@ fn to_json(made: &LodResult, path: &str, plan: &Plan) -> Value {
             "two_sided_pairs": r.two_sided_pairs,
             "seams_relaxed": r.seams_relaxed,
             "sharp_relaxed": r.sharp_relaxed,
+            "missing_values": r.missing_values,
         });
         if let Some(file) = made.written.get(k + 1) {
             set_written(&mut object, file);

@@ -174,6 +174,7 @@ impl SimplifyOutcome {
             "pruned": { "parts": r.pruned.parts, "faces": r.pruned.faces },
             "seams_relaxed": r.seams_relaxed,
             "sharp_relaxed": r.sharp_relaxed,
+            "missing_values": r.missing_values,
             "proposals": proposals::to_json(r, &options),
             "escalated": proposals::steps_json(r),
             "cleanup": cleanup,
