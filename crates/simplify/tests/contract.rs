@@ -377,6 +377,10 @@ fn endpoints_keep_input_vertices_with_their_attributes() {
                     (options.border, options.fit) = (border, Fit::On);
                     let Some(done) = tried(&mut all, &name, mesh, &options) else { continue };
                     let case = format!("{name}, {}", options_text(&options));
+                    // Where seams gave way, and the report says so, corners show what was under them.
+                    if done.report.seams_relaxed {
+                        continue;
+                    }
                     let strange = wedges(&done.mesh).difference(&before).count();
                     all.check(&case, strange == 0, &format!("{strange} wedges are not of the input"));
                     let kept = done.mesh.has_attributes() == mesh.has_attributes();

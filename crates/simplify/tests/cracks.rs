@@ -246,7 +246,14 @@ fn meshes_with_origins_of_their_own_stay_together() {
     let mut right = tile(16);
     right.map_positions(|p| [p[0] - 7.0, p[1], p[2]]);
     let places = [[moved_by(0.0, 0.0)], [moved_by(8.0, 0.0)]];
-    let part = |(i, mesh)| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: Some(i), places: &places[i] };
+    let part = |(i, mesh)| Part {
+        mesh,
+        instances: 1,
+        scale: 1.0,
+        stretch: None,
+        system: Some(i),
+        places: &places[i],
+    };
     let parts = [part((0, &left)), part((1, &right))];
     let options = SimplifyOptions::new(Stop::ratio(0.2));
     let got = simplify_scene(&parts, 2.5, &options, &mut NoControl).unwrap();

@@ -106,7 +106,9 @@ pub fn split_at_creases(mesh: &TriMesh, angle_deg: f64) -> Result<SplitMesh, Mes
         while normals[wedge.index()] != normal {
             if next[wedge.index()] == NONE {
                 next[wedge.index()] = normals.len() as u32;
-                (normals.push(normal), next.push(NONE), copies.push(original));
+                normals.push(normal);
+                next.push(NONE);
+                copies.push(original);
             }
             *wedge = WedgeId(next[wedge.index()]);
         }
