@@ -137,6 +137,6 @@ fn meshes_that_starve_under_a_common_target_are_told() {
     assert!(ran.stderr.contains(told) && ran.stderr.contains("--per-mesh"), "{}", ran.stderr);
     let each = desk.run("simplify props.gltf -o b.glb --ratio .2 --per-mesh").with_status(0);
     assert!(!each.stderr.contains("small in the scene"), "{}", each.stderr);
-    let ran = desk.run("lod props.gltf -o lod.glb --ratio .5,.2 --force");
+    let ran = desk.run("lod props.gltf -o lod.glb --levels .5,.2");
     assert!(ran.stderr.contains("small in the scene"), "{}", ran.stderr);
 }
