@@ -105,7 +105,10 @@ fn hard_edges_stay_split() {
     let mut mesh = with_face_normals(&shapes::cube(6));
     // One normal that is no face's keeps the others from being left out of the run.
     let mut normals = mesh.normals().expect("they are set").to_vec();
-    normals.iter_mut().take(20).for_each(|n| *n = Vec3::from(*n).lerp(Vec3::ONE, 0.3).normalize().to_array());
+    normals
+        .iter_mut()
+        .take(20)
+        .for_each(|n| *n = Vec3::from(*n).lerp(Vec3::ONE, 0.3).normalize_or_zero().to_array());
     mesh.set_normals(Some(normals)).unwrap();
     let got = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.2)), &mut NoControl).unwrap().mesh;
     assert!(got.wedge_count() > got.vertex_count() && off_faces(&got) < 0.8, "{}", off_faces(&got));

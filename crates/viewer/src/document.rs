@@ -137,7 +137,7 @@ struct Opening {
 const PLAIN_SHADINGS: [Shading; 3] = [Shading::Smooth, Shading::Textured, Shading::VertexColors];
 
 enum OpenReason {
-    Run(Command),
+    Run(Box<Command>),
     Undone,
     Redone,
     Reloaded,
@@ -351,7 +351,7 @@ impl Document {
         command.apply(&mut after);
         let is_other = after.file() != self.settings.file();
         match after.file().filter(|_| is_other || matches!(command, Command::Open(_))) {
-            Some(path) => self.open(path.to_owned(), OpenReason::Run(command)),
+            Some(path) => self.open(path.to_owned(), OpenReason::Run(Box::new(command))),
             None => {
                 self.history.run(&command, &mut self.settings);
                 self.sync();
@@ -601,7 +601,7 @@ impl Document {
             self.settings.shown = shown.unwrap_or(self.settings.shown);
             let shading = &mut self.settings.look.look.shading;
             // Only plain shadings follow the file; a diagnostic shading stays.
-            if matches!(command, Command::Open(_) | Command::Show(_)) && PLAIN_SHADINGS.contains(shading) {
+            if matches!(**command, Command::Open(_) | Command::Show(_)) && PLAIN_SHADINGS.contains(shading) {
                 *shading = original.content.intended_shading();
             }
             self.history.seal();
@@ -653,7 +653,7 @@ impl Document {
             OpenReason::Redone => _ = self.history.undo(&mut self.settings),
             OpenReason::Reloaded => {}
             OpenReason::Run(command) => {
-                let mut files = match command {
+                let mut files = match &**command {
                     Command::Open(files) => files.clone(),
                     Command::Session(settings) => settings.files.clone(),
                     Command::CloseFile(_) => {
@@ -671,7 +671,7 @@ impl Document {
             }
         }
         self.log.bad(why);
-        if matches!(opening.then, OpenReason::Run(Command::CloseFile(_))) {
+        if matches!(&opening.then, OpenReason::Run(command) if matches!(**command, Command::CloseFile(_))) {
             // None of the others can be shown.
             self.history.run(&Command::Close, &mut self.settings);
             return self.sync();

@@ -190,7 +190,7 @@ impl Calls<'_> {
             }
             [.., of, name] if of == "Self" => drop(self.names.insert(format!("{}::{name}", self.own_type))),
             [.., of, name] if of.starts_with(char::is_uppercase) => {
-                drop(self.names.insert(format!("{of}::{name}")))
+                _ = self.names.insert(format!("{of}::{name}"))
             }
             [.., name] => drop(self.names.insert(name.clone())),
             [] => {}
