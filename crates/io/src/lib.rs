@@ -46,7 +46,7 @@ pub use lpm::{Lpm, LpmOptions, LpmReader};
 pub use model::{BaseColor, ModelFile, ModelSource, read_model_bytes, read_model_path};
 pub use obj::{Regions, Textures};
 pub use read::{
-    Contents, Loaded, ReadOptions, ReadProgress, read_bytes, read_path, read_scene_bytes, read_scene_path,
+    Contents, Loaded, ReadOptions, SharedProgress, read_bytes, read_path, read_scene_bytes, read_scene_path,
     read_stream, sizes_of_path,
 };
 pub use sizes::Sizes;

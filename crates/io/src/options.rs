@@ -28,7 +28,7 @@ pub struct ReadOptions {
     /// [`Loaded::properties`](crate::Loaded::properties).
     pub properties: Vec<String>,
     /// Tells another thread how much of the file has been read.
-    pub progress: ReadProgress,
+    pub progress: SharedProgress,
 }
 
 /// Number of records between two updates of the progress: some milliseconds.
@@ -36,9 +36,9 @@ pub(crate) const PROGRESS_RECORDS: usize = 1 << 16;
 
 /// How much of a file has been read; clones share it.
 #[derive(Clone, Debug, Default)]
-pub struct ReadProgress(Arc<[AtomicU64; 2]>);
+pub struct SharedProgress(Arc<[AtomicU64; 2]>);
 
-impl ReadProgress {
+impl SharedProgress {
     /// Returns the part of the file that has been read, from 0 to 1; `None` where the reader does not count: that of OBJ
     /// files from a megabyte on does, and those of PLY and binary STL.
     pub fn done(&self) -> Option<f64> {

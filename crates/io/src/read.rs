@@ -11,7 +11,7 @@ use crate::gltf::Scene;
 use crate::limits::{Limits, out_of_memory};
 use crate::lines::utf8_of;
 pub use crate::loaded::{Contents, Loaded};
-pub use crate::options::{ReadOptions, ReadProgress};
+pub use crate::options::{ReadOptions, SharedProgress};
 
 use crate::sizes::Sizes;
 use crate::sniff::{self, hint_of, is_binary_stl, looks_like_text, sniff};

@@ -14,7 +14,7 @@ use lodsmith_core::{MeshError, Positions, TriMesh};
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::loaded::{Contents, Loaded};
-use crate::options::{PROGRESS_RECORDS, ReadOptions, ReadProgress, WriteOptions};
+use crate::options::{PROGRESS_RECORDS, ReadOptions, SharedProgress, WriteOptions};
 use soup::Soup;
 
 /// Size of the header and of a facet in a binary file, in bytes.
@@ -84,7 +84,7 @@ fn is_text(bytes: &[u8]) -> bool {
     !head.contains(&0) && (begins || has_facet())
 }
 
-fn read_binary(bytes: &[u8], progress: &ReadProgress) -> Result<Soup, ReadError> {
+fn read_binary(bytes: &[u8], progress: &SharedProgress) -> Result<Soup, ReadError> {
     let present = bytes.len();
     let Some(count) = facet_count_in_header(bytes) else {
         return Err(ReadError::file(format!(

@@ -30,14 +30,14 @@ use crate::options::{Bound, Method, SimplifyOptions, Stop, TopologyPolicy};
 use crate::report::Report;
 use crate::run::{CountedGoal, Done, Mergers};
 use both::BothSides;
-use pairs::{Pair, Pairs};
+use pairs::{FacePair, FacePairs};
 use single::{SingleSided, back_corners};
 
 /// An input with two-sided sheets, and the same without their backs.
 pub(crate) struct TwoSidedInput<'a> {
     whole: Cow<'a, TriMesh>,
     single: SingleSided,
-    /// Pairs of faces.
+    /// FacePairs of faces.
     pair_count: usize,
     /// Faces that repeated one of a pair.
     duplicates: usize,
@@ -74,12 +74,12 @@ pub(crate) struct Sides {
 /// Returns the sides of the sheets of a surface. Cost: O(n log n).
 pub(crate) fn sides(surface: &Surface<'_>) -> Sides {
     let found = pairs::find(surface, &order(surface), pairs::MAX_BENT_GAP, |_| true).unwrap_or_default();
-    let all = |side: fn(&Pair) -> &[u32]| {
+    let all = |side: fn(&FacePair) -> &[u32]| {
         let mut faces: Vec<u32> = found.pairs.iter().flat_map(side).copied().collect();
         faces.sort_unstable();
         faces
     };
-    Sides { fronts: all(Pair::fronts), backs: all(Pair::backs) }
+    Sides { fronts: all(FacePair::fronts), backs: all(FacePair::backs) }
 }
 
 /// Counts the faces of a surface that lie on a face of opposite winding, on both sides: those that
@@ -103,7 +103,7 @@ impl<'a> TwoSidedInput<'a> {
         let places = |f: u32| surface.triangles()[f as usize].map(|v| ordered.rank[v.index()]);
         let own = |f: u32, k: usize| input.surface.triangles()[f as usize][k];
         let at = |f: u32, k: usize| input.surface.positions().get(own(f, k));
-        let may_pair = |pair: &Pair| {
+        let may_pair = |pair: &FacePair| {
             let is_locked = |f: &u32| {
                 options.locked.as_deref().is_some_and(|locked| (0..3).any(|k| locked[own(*f, k).index()]))
             };
@@ -132,7 +132,7 @@ impl<'a> TwoSidedInput<'a> {
         };
         let rank = |v: VertexId| ordered.rank[prepared.joined(v).index()];
         let single = SingleSided::new(&whole, &found, rank)?;
-        let Pairs { pairs, duplicates } = &found;
+        let FacePairs { pairs, duplicates } = &found;
         let mut own_vertices = Vec::new();
         let (mut pair_count, mut shared) = (0, 0);
         for pair in pairs {
@@ -334,7 +334,7 @@ fn mesh_of(input: &Input<'_>) -> Result<TriMesh, SimplifyError> {
 }
 
 /// True if each side of a pair has one region, and one wedge at each corner of a quad.
-fn is_whole(mesh: &TriMesh, pair: &Pair) -> bool {
+fn is_whole(mesh: &TriMesh, pair: &FacePair) -> bool {
     [pair.fronts(), pair.backs()].into_iter().all(|side| {
         let [a, b] = [side[0], side[side.len() - 1]].map(|f| f as usize);
         let (own, other) = (mesh.triangles()[a], mesh.triangles()[b]);

@@ -18,7 +18,7 @@ use lodsmith_core::mesh::weld::weld;
 use lodsmith_core::model::Pose;
 use lodsmith_core::{Bounds, Model, Topology, TriMesh, WedgeId};
 use lodsmith_io::gltf::{self, Scene};
-use lodsmith_io::{AssetScope, ModelFile, ModelSource, ReadError, ReadOptions, ReadProgress};
+use lodsmith_io::{AssetScope, ModelFile, ModelSource, ReadError, ReadOptions, SharedProgress};
 use lodsmith_render::Shading;
 use serde::{Deserialize, Serialize};
 use web_time::Instant;
@@ -63,7 +63,7 @@ impl Original {
     /// # Errors
     /// As [`lodsmith_io::read_model_path`].
     pub fn read(path: &Path, assets: AssetScope) -> Result<Self, ReadError> {
-        Self::read_watched(path, assets, ReadProgress::default())
+        Self::read_watched(path, assets, SharedProgress::default())
     }
 
     /// Reads a file, and tells another thread how far it is.
@@ -73,7 +73,7 @@ impl Original {
     pub(crate) fn read_watched(
         path: &Path,
         assets: AssetScope,
-        progress: ReadProgress,
+        progress: SharedProgress,
     ) -> Result<Self, ReadError> {
         let begin = Instant::now();
         let mut options = ReadOptions::default();

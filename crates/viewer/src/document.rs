@@ -22,7 +22,7 @@ use std::sync::Arc;
 use glam::DQuat;
 use lodsmith_core::mesh::creases::Creases;
 use lodsmith_core::model::Pose;
-use lodsmith_io::{AssetScope, ReadProgress};
+use lodsmith_io::{AssetScope, SharedProgress};
 use lodsmith_render::Shading;
 use web_time::{Duration, Instant};
 
@@ -128,7 +128,7 @@ struct Opening {
     path: PathBuf,
     then: OpenReason,
     since: Instant,
-    read: ReadProgress,
+    read: SharedProgress,
     /// Files that were tried before it, with the errors.
     failed: Vec<(PathBuf, String)>,
 }
@@ -504,7 +504,7 @@ impl Document {
     }
 
     fn open(&mut self, path: PathBuf, then: OpenReason) {
-        let (since, read, failed) = (Instant::now(), ReadProgress::default(), Vec::new());
+        let (since, read, failed) = (Instant::now(), SharedProgress::default(), Vec::new());
         self.try_open(Opening { path, then, since, read, failed });
     }
 
@@ -666,7 +666,7 @@ impl Document {
                 files.retain(|file| opening.failed.iter().all(|(tried, _)| tried != file));
                 if let Some(next) = files.into_iter().next() {
                     self.log.bad(why);
-                    return self.try_open(Opening { path: next, read: ReadProgress::default(), ..opening });
+                    return self.try_open(Opening { path: next, read: SharedProgress::default(), ..opening });
                 }
             }
         }

@@ -551,8 +551,8 @@ fn the_next_file_is_shown_if_the_first_cannot_be_read() {
 #[test]
 fn a_session_whose_shown_file_is_gone_shows_another() {
     let folder = folder();
-    let mut settings = lodsmith_viewer::settings::Settings::default();
-    settings.files = ["gone.ply", "torus.obj"].map(|name| folder.path().join(name)).to_vec();
+    let files = ["gone.ply", "torus.obj"].map(|name| folder.path().join(name)).to_vec();
+    let settings = lodsmith_viewer::settings::Settings { files, ..Default::default() };
     let mut document = document();
     document.run(Command::Session(Box::new(settings)));
     assert!(document.settle(TIMEOUT));

@@ -24,8 +24,8 @@ const STANDARD_METHODS: &[&str] = &["map", "join"];
 
 /// Returns each initialiser in these files that does parallel work, with the name of that work.
 ///
-/// Functions are told apart by their name and the type that they belong to. A call of a method is parallel work if all
-/// methods of that name are. Tests do not count.
+/// Functions are told apart by their name and the type that they belong to. A call is parallel work if all functions, or
+/// methods, of that name are. Tests do not count.
 pub(super) fn found(files: &[PathBuf]) -> Result<Vec<(&Path, String)>> {
     let mut reader = FunctionReader::default();
     let mut initialisers = Vec::new();
@@ -51,14 +51,9 @@ fn parallel(functions: &BTreeMap<String, Vec<BTreeSet<String>>>) -> BTreeSet<Str
     let mut parallel = BTreeSet::from([POOL.to_owned()]);
     loop {
         let is_parallel = |calls: &BTreeSet<String>| !calls.is_disjoint(&parallel);
-        let new = functions.iter().filter(|(name, bodies)| {
-            !parallel.contains(*name)
-                && if name.starts_with('.') {
-                    bodies.iter().all(is_parallel)
-                } else {
-                    bodies.iter().any(is_parallel)
-                }
-        });
+        let new = functions
+            .iter()
+            .filter(|(name, bodies)| !parallel.contains(*name) && bodies.iter().all(is_parallel));
         let new: Vec<String> = new.map(|(name, _)| name.clone()).collect();
         if new.is_empty() {
             return parallel;

@@ -14,7 +14,7 @@ use crate::drive::File;
 use crate::error::ReadError;
 use crate::lines::ends_line;
 use crate::loaded::Loaded;
-use crate::options::{ReadOptions, ReadProgress};
+use crate::options::{ReadOptions, SharedProgress};
 
 /// Bytes per read. Guessed: enough for a system call, and within the cache of a core.
 const PIECE: usize = 1 << 18;
@@ -75,7 +75,7 @@ fn read_range(
     range: Range<u64>,
     mut section: Section,
     is_last: bool,
-    progress: &ReadProgress,
+    progress: &SharedProgress,
 ) -> Option<Section> {
     let mut file = File::open(path).ok()?;
     file.seek(SeekFrom::Start(range.start)).ok()?;

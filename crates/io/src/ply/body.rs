@@ -6,7 +6,7 @@ use super::header::{Element, Encoding, Header, PropertyType, Scalar};
 use super::source::{Binary, Fault, NumberSource, Text, triangle_record};
 use crate::error::{ReadError, Warning};
 use crate::limits::try_with_capacity;
-use crate::options::{PROGRESS_RECORDS, ReadProgress};
+use crate::options::{PROGRESS_RECORDS, SharedProgress};
 
 /// The contents of the body.
 pub(super) struct Body {
@@ -59,7 +59,7 @@ impl Body {
         header: &Header,
         bytes: &[u8],
         wanted: &[String],
-        progress: &ReadProgress,
+        progress: &SharedProgress,
     ) -> Result<Self, ReadError> {
         let at = header.body;
         match header.encoding {
@@ -73,7 +73,7 @@ impl Body {
         header: &Header,
         mut source: S,
         wanted: &[String],
-        progress: &ReadProgress,
+        progress: &SharedProgress,
     ) -> Result<Self, ReadError> {
         let vertex_count = header
             .element("vertex")
@@ -227,7 +227,7 @@ fn read_vertices<S: NumberSource>(
     wanted: &[String],
     source: &mut S,
     warnings: &mut Vec<Warning>,
-    progress: &ReadProgress,
+    progress: &SharedProgress,
 ) -> Result<VertexBuffers, ReadError> {
     let (targets, mut discrete, aside) = targets(element, wanted);
     if !targets.contains(&PropertyTarget::Position(0)) {
@@ -353,7 +353,7 @@ fn read_faces<S: NumberSource>(
     vertex_count: usize,
     source: &mut S,
     warnings: &mut Vec<Warning>,
-    progress: &ReadProgress,
+    progress: &SharedProgress,
 ) -> Result<Faces, ReadError> {
     if element.count == 0 {
         return Ok(Faces::Triangles(Vec::new()));
@@ -431,7 +431,7 @@ fn read_faces<S: NumberSource>(
 }
 
 /// Reports how far a source is, now and then.
-fn follow<S: NumberSource>(progress: &ReadProgress, source: &S, record: usize) {
+fn follow<S: NumberSource>(progress: &SharedProgress, source: &S, record: usize) {
     if record.is_multiple_of(PROGRESS_RECORDS) {
         let (bytes, at) = source.bytes();
         progress.set(at as u64, bytes.len() as u64);

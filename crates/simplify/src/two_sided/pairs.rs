@@ -11,12 +11,12 @@ use crate::collapse::order::{NONE, Ordered};
 
 /// Faces with a back: a triangle, or two triangles that make a quad whose back is cut along the other diagonal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Pair {
+pub(super) struct FacePair {
     /// Faces of the input: those of the front, those of the back. Of a triangle, the same one twice.
     sides: [[u32; 2]; 2],
 }
 
-impl Pair {
+impl FacePair {
     fn side(&self, side: usize) -> &[u32] {
         let faces = &self.sides[side];
         if faces[0] == faces[1] { &faces[..1] } else { faces }
@@ -31,8 +31,8 @@ impl Pair {
 
 /// The pairs of an input. The fronts of connected pairs have consistent windings.
 #[derive(Debug, Default, PartialEq)]
-pub(super) struct Pairs {
-    pub(super) pairs: Vec<Pair>,
+pub(super) struct FacePairs {
+    pub(super) pairs: Vec<FacePair>,
     /// Faces that repeat a face of a pair.
     pub(super) duplicates: Vec<u32>,
 }
@@ -169,16 +169,16 @@ pub(super) fn find(
     surface: &Surface<'_>,
     ordered: &Ordered,
     max_bent_gap: f32,
-    may_pair: impl Fn(&Pair) -> bool,
-) -> Option<Pairs> {
+    may_pair: impl Fn(&FacePair) -> bool,
+) -> Option<FacePairs> {
     let faces = &ordered.faces;
     if !has_sheets(faces) {
         return None;
     }
     let index = ordered.of_faces(surface, |i| i as u32);
-    let mut found = Pairs::default();
+    let mut found = FacePairs::default();
     // The border of the first side of each pair.
-    let mut borders: Vec<Border> = Vec::new();
+    let mut borders: Vec<PairBorder> = Vec::new();
     let mut is_taken = vec![false; faces.len()];
     let mut keys: Vec<Keyed> = Vec::new();
     let mut fans: Vec<[usize; 3]> = Vec::new();
@@ -189,7 +189,7 @@ pub(super) fn find(
             let split = same.partition_point(|x| !x.1);
             let (descending, ascending) = same.split_at(split);
             let (Some(a), Some(b)) = (descending.first(), ascending.first()) else { continue };
-            let pair = Pair { sides: [[index[a.2]; 2], [index[b.2]; 2]] };
+            let pair = FacePair { sides: [[index[a.2]; 2], [index[b.2]; 2]] };
             if may_pair(&pair) {
                 found.pairs.push(pair);
                 borders.push(border_of(&[faces[a.2]]));
@@ -205,7 +205,7 @@ pub(super) fn find(
         true
     });
     for quad in quads(faces, &ordered.points, &fans, max_bent_gap) {
-        let pair = Pair { sides: quad.map(|side| side.map(|f| index[f])) };
+        let pair = FacePair { sides: quad.map(|side| side.map(|f| index[f])) };
         if quad.iter().flatten().all(|f| !is_taken[*f]) && may_pair(&pair) {
             quad.iter().flatten().for_each(|f| is_taken[*f] = true);
             borders.push(border_of(&quad[0].map(|f| faces[f])));
@@ -294,7 +294,7 @@ fn quads(
 }
 
 /// The edges round one side of a pair, in its winding.
-type Border = Vec<([VertexId; 2], bool)>;
+type PairBorder = Vec<([VertexId; 2], bool)>;
 
 /// Returns the edges of a face, each with its lower vertex first, and true if that is its direction.
 fn edges(t: [VertexId; 3]) -> [([VertexId; 2], bool); 3] {
@@ -303,15 +303,15 @@ fn edges(t: [VertexId; 3]) -> [([VertexId; 2], bool); 3] {
 }
 
 /// Returns the edges of one or two faces that only one of them has.
-fn border_of(faces: &[[VertexId; 3]]) -> Border {
-    let all: Border = faces.iter().flat_map(|t| edges(*t)).collect();
+fn border_of(faces: &[[VertexId; 3]]) -> PairBorder {
+    let all: PairBorder = faces.iter().flat_map(|t| edges(*t)).collect();
     let is_single = |edge: &[VertexId; 2]| all.iter().filter(|e| e.0 == *edge).count() == 1;
     all.iter().filter(|e| is_single(&e.0)).copied().collect()
 }
 
 /// Chooses the fronts: consistent among pairs that meet at an edge of two pairs, on the side of the first face of the
 /// input. Leaves out sheets that touch an open surface.
-fn orient(found: &mut Pairs, borders: &[Border], surface: &Surface<'_>, ordered: &Ordered) {
+fn orient(found: &mut FacePairs, borders: &[PairBorder], surface: &Surface<'_>, ordered: &Ordered) {
     // The pairs at each edge, with the direction that the first side of each has there.
     let mut at: HashMap<[VertexId; 2], Vec<(u32, bool)>> = HashMap::with_capacity(2 * borders.len());
     for (i, border) in borders.iter().enumerate() {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use lodsmith_core::{Attribute, MeshError, RegionId, Semantic, TriMesh, VertexId, WedgeId};
 
-use super::pairs::Pairs;
+use super::pairs::FacePairs;
 use super::plan::{BackValues, Plan, tangent_sign};
 use crate::options::SimplifyOptions;
 use crate::textures::Textures;
@@ -55,7 +55,7 @@ impl SingleSided {
     /// Leaves the backs out of a mesh. `rank` gives the place of a vertex: equal for vertices of both sides.
     pub(super) fn new(
         input: &TriMesh,
-        pairs: &Pairs,
+        pairs: &FacePairs,
         rank: impl Fn(VertexId) -> VertexId,
     ) -> Result<Self, MeshError> {
         let triangles = input.triangles();
@@ -113,7 +113,7 @@ impl SingleSided {
 
     /// True if the input can be put together again from this mesh, element by element: each wedge and vertex is that of
     /// one front or of one back, or of no face, and no face was left out.
-    pub(super) fn is_exact(&self, input: &TriMesh, pairs: &Pairs, own: &[[VertexId; 2]]) -> bool {
+    pub(super) fn is_exact(&self, input: &TriMesh, pairs: &FacePairs, own: &[[VertexId; 2]]) -> bool {
         let is_plain = pairs.duplicates.is_empty() && pairs.pairs.iter().all(|p| p.fronts().len() == 1);
         let mut uses = vec![0u8; input.wedge_count()];
         for [front, back] in &self.wedges {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use lodsmith_io::{AssetScope, ReadProgress};
+use lodsmith_io::{AssetScope, SharedProgress};
 
 use super::jobs::{Job, Outcome, PreviewMade};
 use super::wire::{Answer, ExportSource, Request, Task, WrittenFile};
@@ -96,7 +96,7 @@ impl Engine {
         // What there was is freed first.
         *self = Self::default();
         let (path, assets): (_, AssetScope) = (request.path.clone(), request.assets.clone());
-        match (Job::Open { path, assets, progress: ReadProgress::default() }).run(None, watch) {
+        match (Job::Open { path, assets, progress: SharedProgress::default() }).run(None, watch) {
             Some(Outcome::Opened { result, .. }) => self.original = Some(result?.content),
             _ => return Err("opening was cancelled".to_owned()),
         }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use lodsmith_core::Model;
-use lodsmith_io::{AssetScope, ReadProgress};
+use lodsmith_io::{AssetScope, SharedProgress};
 use web_time::Instant;
 
 use crate::bake_settings::BakeSettings;
@@ -30,7 +30,7 @@ pub(crate) const PREPARING: &str = "preparing pictures";
 /// A job for a worker.
 pub(crate) enum Job {
     /// Reads a file.
-    Open { path: PathBuf, assets: AssetScope, progress: ReadProgress },
+    Open { path: PathBuf, assets: AssetScope, progress: SharedProgress },
     /// Simplifies the original.
     Simplify { original: ShownModel<Original>, how: Simplification },
     /// Counts the topology of the original, or of a result.
