@@ -464,6 +464,9 @@ fn place(
         let mesh = whole(node, "mesh", "a node")?.and_then(|m| meshes.get_mut(m));
         if let Some(mesh) = mesh {
             mesh.skinned |= !node["skin"].is_null();
+            if mesh.skinned {
+                mesh.places.clear();
+            }
         }
     }
     let (mut contents, _) = inventory::take(json, &nodes.placements, inventory::Kept::Nodes);

@@ -96,7 +96,8 @@ pub(super) fn build(
     let Prepared { input, options, .. } = &Prepared::new(&whole, lent.as_ref(), None, &options)?;
     let mut ordered = run::ordered(input, control)?;
     let sheets = TwoSidedInput::find(&whole, input, &ordered, options)?;
-    if let Some(sheets) = sheets.filter(TwoSidedInput::is_exact) {
+    // (Vertices that were welded come back as they were only from a record of the whole.)
+    if let Some(sheets) = sheets.filter(|sheets| sheets.is_exact() && options.weld.is_none()) {
         drop(ordered);
         return build_both_sides(&sheets, options, control);
     }
