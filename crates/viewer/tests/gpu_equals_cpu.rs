@@ -6,6 +6,7 @@ mod adapter;
 use std::sync::Arc;
 
 use glam::{DMat4, DQuat, DVec3};
+use lodsmith_core::mesh::creases::Creases;
 use lodsmith_core::model::{AlphaMode, Material, Node, Pose, Skin, TextureRef, Transform};
 use lodsmith_core::{
     Attribute, Bounds, Image, Model, Morphed, RegionId, Semantic, TriMesh, VertexId, shapes,
@@ -383,6 +384,8 @@ fn a_patched_mesh_looks_like_a_new_one() {
 }
 
 fn a_patched_mesh_looks_like_a_new_one_on(mut gpu: Gpu) {
+    // (Whether edges are sharp is decided once, for the original.)
+    gpu.context().set_creases(Creases::Off);
     let own = |mut mesh: TriMesh| {
         let view = mesh.positions().view();
         let outward = |p| DVec3::from(p).normalize_or_zero().as_vec3().to_array();

@@ -35,7 +35,8 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
             let mut text = egui::RichText::new(name(&file));
             let mut tip = file.display().to_string();
             if let Some(fault) = &fault {
-                text = egui::RichText::new(format!("⚠ {}", name(&file))).color(palette(ui).error);
+                text =
+                    egui::RichText::new(format!("{} (cannot be read)", name(&file))).color(palette(ui).error);
                 tip = fault.clone();
             }
             if ui.selectable_label(i == settings.shown, text).on_hover_text(tip).clicked()

@@ -330,7 +330,7 @@ fn a_broken_file_is_marked_and_the_next_one_is_shown() {
     if !desk.app().is_shown(lodsmith_viewer::panel::Panel::Files) {
         desk.act(lodsmith_viewer::keys::Action::Panel(lodsmith_viewer::panel::Panel::Files));
     }
-    desk.harness.get_by_label("⚠ broken.off");
+    desk.harness.get_by_label("broken.off (cannot be read)");
     desk.picture("files_broken");
     desk.act(lodsmith_viewer::keys::Action::Close);
     assert!(desk.app().document().original().is_none(), "the other one cannot be read");
