@@ -24,36 +24,58 @@ const STANDARD_METHODS: &[&str] = &["map", "join"];
 
 /// Returns each initialiser in these files that does parallel work, with the name of that work.
 ///
-/// Functions are told apart by their name and the type that they belong to. A call is parallel work if all functions, or
-/// methods, of that name are. Tests do not count.
+/// Functions are told apart by their name and the type that they belong to; a function of the same file comes before
+/// others of its name. A call of a method is parallel work if all methods of that name are. Tests do not count.
 pub(super) fn found(files: &[PathBuf]) -> Result<Vec<(&Path, String)>> {
-    let mut reader = FunctionReader::default();
+    let mut functions: Functions = BTreeMap::new();
     let mut initialisers = Vec::new();
-    for file in files {
+    for (number, file) in files.iter().enumerate() {
         let text = std::fs::read_to_string(file).with_context(|| file.display().to_string())?;
         let parsed = syn::parse_file(&text).with_context(|| file.display().to_string())?;
+        let mut reader = FunctionReader::default();
         reader.visit_file(&parsed);
-        initialisers.extend(reader.initialisers.drain(..).map(|calls| (&**file, calls)));
+        let is_free = |name: &str| !name.contains([':', '.']);
+        let of_file = |name: &str| format!("{name}@{number}");
+        let resolved = |calls: BTreeSet<String>| -> BTreeSet<String> {
+            let is_own = |name: &str| is_free(name) && reader.functions.contains_key(name);
+            calls.into_iter().map(|name| if is_own(&name) { of_file(&name) } else { name }).collect()
+        };
+        initialisers.extend(reader.initialisers.iter().map(|calls| (&**file, resolved(calls.clone()))));
+        for (name, bodies) in &reader.functions {
+            let bodies: Vec<_> = bodies.iter().cloned().map(resolved).collect();
+            if is_free(name) {
+                functions.entry(of_file(name)).or_default().extend(bodies.clone());
+            }
+            functions.entry(name.clone()).or_default().extend(bodies);
+        }
     }
-    let parallel = parallel(&reader.functions);
+    let parallel = parallel(&functions);
     let broken = |(file, calls): (_, BTreeSet<String>)| {
         let name = calls.into_iter().find(|call| parallel.contains(call))?;
-        Some((file, name))
+        Some((file, name.split('@').next().unwrap_or_default().to_owned()))
     };
     Ok(initialisers.into_iter().filter_map(broken).collect())
 }
+
+/// The names that each function calls, by its name: `f`, `f@N` in file N, `Type::f`, and `.f` for methods.
+type Functions = BTreeMap<String, Vec<BTreeSet<String>>>;
 
 /// The name of all that waits for the threads of a pool.
 const POOL: &str = "rayon";
 
 /// Returns the names that stand for parallel work, directly or through other functions.
-fn parallel(functions: &BTreeMap<String, Vec<BTreeSet<String>>>) -> BTreeSet<String> {
+fn parallel(functions: &Functions) -> BTreeSet<String> {
     let mut parallel = BTreeSet::from([POOL.to_owned()]);
     loop {
         let is_parallel = |calls: &BTreeSet<String>| !calls.is_disjoint(&parallel);
-        let new = functions
-            .iter()
-            .filter(|(name, bodies)| !parallel.contains(*name) && bodies.iter().all(is_parallel));
+        let new = functions.iter().filter(|(name, bodies)| {
+            !parallel.contains(*name)
+                && if name.starts_with('.') {
+                    bodies.iter().all(is_parallel)
+                } else {
+                    bodies.iter().any(is_parallel)
+                }
+        });
         let new: Vec<String> = new.map(|(name, _)| name.clone()).collect();
         if new.is_empty() {
             return parallel;
@@ -65,31 +87,46 @@ fn parallel(functions: &BTreeMap<String, Vec<BTreeSet<String>>>) -> BTreeSet<Str
 /// Reads functions and initialisers.
 #[derive(Default)]
 struct FunctionReader {
-    /// The names that each function calls, by its name: `f`, `Type::f`, and `.f` for methods.
-    functions: BTreeMap<String, Vec<BTreeSet<String>>>,
+    functions: Functions,
     /// The names that each initialiser calls.
     initialisers: Vec<BTreeSet<String>>,
     /// The type whose functions are read.
     own_type: String,
     /// Names that the closures of the function call, by the name of their variable.
     closures: BTreeMap<String, BTreeSet<String>>,
+    /// Parameters and variables of the function.
+    variables: BTreeSet<String>,
 }
 
 impl FunctionReader {
     fn calls(&self, read: impl FnOnce(&mut Calls<'_>)) -> BTreeSet<String> {
         let mut calls = Calls { own_type: &self.own_type, names: BTreeSet::new() };
         read(&mut calls);
+        // What a variable calls is known only for closures, which are read where they stand.
+        calls.names.retain(|name| !self.variables.contains(name));
         calls.names
+    }
+
+    fn enter_function(&mut self, read: impl FnOnce(&mut Variables)) {
+        let mut variables = Variables(BTreeSet::new());
+        read(&mut variables);
+        self.variables = variables.0;
+        self.closures.clear();
     }
 
     /// Adds the argument of an initialising call: a closure, or the name of one or of a function.
     fn add_initialiser(&mut self, argument: &Expr) {
-        let mut calls = self.calls(|calls| match argument {
-            Expr::Path(path) => calls.add_path(&path.path),
-            other => calls.visit_expr(other),
-        });
-        let named: Vec<_> =
-            calls.iter().filter_map(|name| self.closures.get(name)).flatten().cloned().collect();
+        let mut named = BTreeSet::new();
+        let mut all = Calls { own_type: &self.own_type, names: BTreeSet::new() };
+        match argument {
+            Expr::Path(path) => all.add_path(&path.path),
+            other => all.visit_expr(other),
+        }
+        for name in &all.names {
+            named.extend(self.closures.get(name).into_iter().flatten().cloned());
+        }
+        all.names.retain(|name| !self.variables.contains(name));
+        let mut calls = all.names;
         calls.extend(named);
         self.initialisers.push(calls);
     }
@@ -113,9 +150,9 @@ impl<'ast> Visit<'ast> for FunctionReader {
     }
 
     fn visit_item_fn(&mut self, item: &'ast ItemFn) {
+        self.enter_function(|variables| variables.visit_item_fn(item));
         let calls = self.calls(|calls| calls.visit_block(&item.block));
         self.functions.entry(item.sig.ident.to_string()).or_default().push(calls);
-        self.closures.clear();
         visit::visit_item_fn(self, item);
     }
 
@@ -123,13 +160,13 @@ impl<'ast> Visit<'ast> for FunctionReader {
         if is_test(&item.attrs) {
             return;
         }
+        self.enter_function(|variables| variables.visit_impl_item_fn(item));
         let calls = self.calls(|calls| calls.visit_block(&item.block));
         let name = &item.sig.ident;
         if item.sig.receiver().is_some() {
             self.functions.entry(format!(".{name}")).or_default().push(calls.clone());
         }
         self.functions.entry(format!("{}::{name}", self.own_type)).or_default().push(calls);
-        self.closures.clear();
         visit::visit_impl_item_fn(self, item);
     }
 
@@ -166,6 +203,16 @@ impl<'ast> Visit<'ast> for FunctionReader {
     }
 }
 
+/// Collects parameters and variables.
+struct Variables(BTreeSet<String>);
+
+impl<'ast> Visit<'ast> for Variables {
+    fn visit_pat_ident(&mut self, name: &'ast syn::PatIdent) {
+        self.0.insert(name.ident.to_string());
+        visit::visit_pat_ident(self, name);
+    }
+}
+
 /// Collects the names that code calls.
 struct Calls<'a> {
     own_type: &'a str,
@@ -185,7 +232,7 @@ impl Calls<'_> {
             }
             [.., of, name] if of == "Self" => drop(self.names.insert(format!("{}::{name}", self.own_type))),
             [.., of, name] if of.starts_with(char::is_uppercase) => {
-                _ = self.names.insert(format!("{of}::{name}"))
+                _ = self.names.insert(format!("{of}::{name}"));
             }
             [.., name] => drop(self.names.insert(name.clone())),
             [] => {}
@@ -200,9 +247,18 @@ impl<'ast> Visit<'ast> for Calls<'_> {
         }
     }
 
-    /// Functions are named to be called, or passed on to be called.
+    fn visit_expr_call(&mut self, call: &'ast ExprCall) {
+        if let Expr::Path(path) = &*call.func {
+            self.add_path(&path.path);
+        }
+        visit::visit_expr_call(self, call);
+    }
+
+    /// Functions are also passed on to be called; a name alone is mostly a variable.
     fn visit_expr_path(&mut self, path: &'ast syn::ExprPath) {
-        self.add_path(&path.path);
+        if path.path.segments.len() > 1 {
+            self.add_path(&path.path);
+        }
         visit::visit_expr_path(self, path);
     }
 
@@ -275,6 +331,10 @@ mod tests {
             "fn f(c: &C) { let made = v.par_iter().sum(); c.get_or_init(|| made); }",
             "fn f(c: &C) { c.get_or_init(|| rayon::current_num_threads()); }",
             "fn f(c: &C) { c.get_or_init(|| v.iter().sum()); v.par_iter().sum() }",
+            // A variable, and a function of the same file, with the name of one elsewhere.
+            "fn sort() { v.par_sort() } fn f(c: &C) { let sort = 1; c.get_or_init(|| g(sort)); }",
+            "mod a { fn f(c: &C) { c.get_or_init(|| Plain::sort()); } } impl Tree { fn sort() { v.par_sort() } }",
+            "fn sort() { v.par_sort() } fn f(c: &C, sort: impl Fn()) { c.get_or_init(|| sort()); }",
             // One method of this name is not parallel.
             "impl A { fn go(&self) { v.par_iter(); } } impl B { fn go(&self) {} } fn f(c: &C) { c.get_or_init(|| b.go()); }",
             "#[cfg(test)] mod tests { fn f(c: &C) { c.get_or_init(|| v.par_iter().sum()); } }",
