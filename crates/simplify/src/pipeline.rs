@@ -56,9 +56,11 @@ fn simplify_once(
         let own = ordered.insert(run::ordered(&prepared.input, control)?);
         if let Some(sheets) = TwoSidedInput::find(input, &prepared.input, own, options)? {
             let cleanup = own.cleanup;
-            drop(ordered);
+            ordered = None;
             let done = sheets.simplify(options, |single, options| simplify_once(single, options, control))?;
-            return Ok(with_sheets(done, &sheets, &prepared, cleanup));
+            if sheets.has_no_more_opposite(&done.0.mesh) {
+                return Ok(with_sheets(done, &sheets, &prepared, cleanup));
+            }
         }
     }
     prepared.finish(match options.method {

@@ -19,6 +19,7 @@ mod splits;
 
 use std::borrow::Cow;
 
+use lodsmith_core::mesh::defects::defects;
 use lodsmith_core::splits::SplitData;
 use lodsmith_core::{Morphed, Positions, PositionsView, Semantic, Surface, TriMesh, VertexId, WedgeId};
 
@@ -181,6 +182,13 @@ impl<'a> TwoSidedInput<'a> {
         goal.judge(&mut report);
         self.measure(&both.mesh, &mut report, options);
         Ok((crate::Simplified { mesh: both.mesh, report }, both.held))
+    }
+
+    /// True if a result has no more faces back to back than the input. (In heaps of loose faces, others can come to lie on a
+    /// sheet.)
+    pub(crate) fn has_no_more_opposite(&self, result: &TriMesh) -> bool {
+        let count = |mesh: &TriMesh| defects(&mesh.surface()).opposite_duplicate_count;
+        count(result) <= count(&self.whole)
     }
 
     /// Returns the stops of a chain of runs on the fronts, if counts of both sides follow from theirs.
