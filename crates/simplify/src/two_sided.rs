@@ -188,7 +188,7 @@ impl<'a> TwoSidedInput<'a> {
     /// sheet.)
     pub(crate) fn has_no_more_opposite(&self, result: &TriMesh) -> bool {
         let count = |mesh: &TriMesh| defects(&mesh.surface()).opposite_duplicate_count;
-        count(result) <= count(&self.whole)
+        count(result) <= count(&self.whole).max(self.pair_count)
     }
 
     /// Returns the stops of a chain of runs on the fronts, if counts of both sides follow from theirs.

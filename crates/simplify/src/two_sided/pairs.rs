@@ -65,6 +65,8 @@ const MAX_GAP: f32 = 1.7e-6;
 /// Largest distance between the sides of a quad that is connected with others, in its longest edges: exporters cut the
 /// two sides of a bent quad along different diagonals. (Guessed: a bend of some ten degrees.)
 pub(super) const MAX_BENT_GAP: f32 = 0.1;
+/// Least number of such quads in an input: fewer are chance, as in heaps of loose faces. (Guessed.)
+const MIN_BENT_QUADS: usize = 6;
 
 /// Calls `group` with the range of the faces of each lowest vertex that several faces have, until it returns
 /// false.
@@ -287,7 +289,8 @@ fn quads(
         let is_connected = all
             .iter()
             .any(|f| edges(faces[*f]).iter().any(|(edge, _)| uses.get(edge).is_some_and(|n| *n > 2)));
-        let is_flat = gap <= MAX_GAP || is_connected && gap <= max_bent_gap * longest;
+        let is_flat =
+            gap <= MAX_GAP || is_connected && fans.len() >= MIN_BENT_QUADS && gap <= max_bent_gap * longest;
         is_flat.then(|| [[sides.0[0], sides.0[1]], [sides.1[0], sides.1[1]]])
     };
     fans.iter().filter_map(quad).collect()
