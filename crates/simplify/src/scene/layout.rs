@@ -221,7 +221,7 @@ impl Layout {
         }
         let mut number_of_wedge = vec![u32::MAX; all.wedge_count()];
         let mut number_of_vertex = vec![u32::MAX; all.vertex_count()];
-        let view = all.positions().view();
+        let positions = self.settled_positions(parts, all, &faces_of);
         let (mut meshes, mut numbers) = (Vec::with_capacity(parts.len()), Vec::with_capacity(parts.len()));
         let mut first_wedge = 0;
         for (i, ((part, place), faces)) in parts.iter().zip(&self.places).zip(&faces_of).enumerate() {
@@ -245,7 +245,7 @@ impl Layout {
                 }
             }
             first_wedge += part.mesh.wedge_count();
-            let places = vertices.iter().map(|&v| place.to_part(view.get(v))).zip(&own_vertices);
+            let places = vertices.iter().map(|&v| place.to_part(positions[v.index()])).zip(&own_vertices);
             let positions = match part.mesh.positions() {
                 Positions::F32(own) => Positions::F32(
                     places.map(|(p, v)| v.map_or_else(|| p.map(|x| x as f32), |v| own[v.index()])).collect(),
@@ -273,6 +273,35 @@ impl Layout {
             numbers.push(vertices);
         }
         Ok((meshes, numbers))
+    }
+
+    /// Returns the positions of a result, those of vertices that parts with different origins share moved to where all
+    /// of these can have them in single precision: else each would round them in its own way, and they would no longer
+    /// be at one place in the scene.
+    fn settled_positions(&self, parts: &[Part<'_>], all: &TriMesh, faces_of: &[Vec<usize>]) -> Vec<[f64; 3]> {
+        let mut positions: Vec<[f64; 3]> = all.positions().view().iter().collect();
+        let mut users = vec![None; positions.len()];
+        let mut is_shared = vec![false; positions.len()];
+        let vertices_of =
+            |i: usize| faces_of[i].iter().flat_map(|&f| all.triangles()[f].map(|w| all.vertex_of(w).index()));
+        for (i, place) in self.places.iter().enumerate() {
+            for v in vertices_of(i) {
+                let first = *users[v].get_or_insert(i);
+                is_shared[v] |= self.places[first].offset != place.offset;
+            }
+        }
+        if !is_shared.contains(&true) {
+            return positions;
+        }
+        // Numbers that one origin allows may be more than another one does: the second round finds those of both.
+        for i in (0..parts.len()).chain(0..parts.len()) {
+            let Positions::F32(_) = parts[i].mesh.positions() else { continue };
+            for v in vertices_of(i).filter(|&v| is_shared[v]) {
+                let own = self.places[i].to_part(positions[v]).map(|x| f64::from(x as f32));
+                positions[v] = self.places[i].to_scene(own);
+            }
+        }
+        positions
     }
 
     /// Gives a part of the result the attributes that it had, from its `wedges` in the joined mesh.
