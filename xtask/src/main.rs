@@ -18,8 +18,8 @@ use serde_json::Value;
 
 const HELP: &str = "\
 cargo xtask bench [rivals|attributes|cluster|cluster_lod|io_speed|memory|render|progressive|all] [OPTIONS]   Lodsmith beside its rivals (needs a C++ compiler)
-cargo xtask corpus DIR [--limit SECONDS] [--only TEXT]     every model under DIR through the release command
-cargo xtask corpus DIR --methods [--largest FACES] [...]   every method over every model that is not larger
+cargo xtask corpus [DIR...] [--limit SECONDS] [--only TEXT] [--largest FACES]   every model under the folders through the release command; errors of larger ones are not measured
+cargo xtask corpus [DIR...] --methods [--largest FACES] [...]   every method over every model that is not larger
 cargo xtask dist [--out FOLDER] [--target TRIPLE] [--binary FILE] [command|python|c|js|blender]...   what is given away: archives, wheel, packages
 cargo xtask faults [--quick] [--strict] [--only NAME] [--binary FILE]   disks that fill up, kills, closed pipes: what the command leaves behind
 cargo xtask tidy                                           the rules of the house; also part of `cargo test`

@@ -211,6 +211,21 @@ impl Subject {
         whole.map(|[min, max]| Bounds { min: min.to_array(), max: max.to_array() })
     }
 
+    /// Returns the bounding box of the corners of all faces, where they are drawn; `None` without faces.
+    /// [`Self::bounds`] may be larger: it is made of the boxes of the meshes, which may be turned.
+    ///
+    /// Cost: O(n).
+    pub fn exact_bounds(&self) -> Option<Bounds> {
+        let mut bounds: Option<Bounds> = None;
+        self.for_each_corner(|p| {
+            if p.is_finite() {
+                let p = p.to_array();
+                bounds = Some(bounds.unwrap_or(Bounds { min: p, max: p }).with(p));
+            }
+        });
+        bounds
+    }
+
     /// Calls a function with each corner of each face, where it is placed.
     pub(crate) fn for_each_corner(&self, mut of: impl FnMut(DVec3)) {
         for part in &self.parts {

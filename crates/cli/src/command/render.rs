@@ -182,6 +182,8 @@ struct RenderResult {
 struct PictureRow {
     path: String,
     faces: usize,
+    /// Where the faces are drawn.
+    bounds: Option<Bounds>,
     level: Option<usize>,
     largest: Option<f64>,
     shading: Shading,
@@ -195,6 +197,7 @@ impl PictureRow {
         json!({
             "path": self.path,
             "faces": self.faces,
+            "bounds": self.bounds.map(|b| json!({ "min": b.min, "max": b.max })),
             "level": self.level,
             "shading": self.shading.name(),
             "clip": self.moment.as_ref().map(|m| &m.0),
@@ -377,6 +380,7 @@ impl<'a> Drawing<'a> {
                 rows.push(PictureRow {
                     path: item.path.clone(),
                     faces: item.model.face_count(),
+                    bounds: subject.exact_bounds(),
                     level: item.level,
                     largest: item.distances.as_ref().map(|d| largest(d)),
                     shading: *shading,
