@@ -311,3 +311,18 @@ def test_a_source_map_does_not_scale_large_numbers_and_leaves_missing_ones(ball)
     is_missing = np.isnan(carried)
     assert 0 < is_missing.mean() < 0.3
     assert np.abs(carried[~is_missing] - made.vertices[~is_missing, 2]).max() < 0.15
+
+
+def test_missing_values_stay_missing_and_do_not_count(ball):
+    heat = ball.vertices[:, 2].copy()
+    full = lodsmith.simplify(ball.vertices, ball.faces, attributes={"heat": heat}, ratio=0.1)
+    heat[::7] = np.nan
+    made = lodsmith.simplify(ball.vertices, ball.faces, attributes={"heat": heat}, ratio=0.1)
+    levels = lodsmith.lod(ball.vertices, ball.faces, attributes={"heat": heat}, levels=[0.2, 0.1])
+    for mesh in (made, levels[1]):
+        values = np.asarray(mesh.attributes["heat"])
+        is_missing = np.isnan(values)
+        assert 0 < is_missing.mean() < 0.4
+        assert np.abs(values[~is_missing] - np.asarray(mesh.vertices)[~is_missing, 2]).max() < 0.03
+    rms = [lodsmith.compare(ball, mesh)["rms"]["symmetric"] for mesh in (full, made)]
+    assert rms[1] < 1.2 * rms[0]

@@ -19,6 +19,7 @@ mod input;
 mod lanes;
 pub mod lod;
 mod metric;
+mod missing;
 mod normals;
 pub mod options;
 mod ordered_input;

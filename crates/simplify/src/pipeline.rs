@@ -1,6 +1,7 @@
-//! One call of the library, from its input to its result, in five steps:
+//! One call of the library, from its input to its result, in six steps:
 //!
 //! ```text
+//! complete  continue known attributes where values are missing            `missing`
 //! prepare   lend normals, leave out flat ones, remove small parts,
 //!           join near vertices                                            `FlatShading`, `Prepared`
 //! sheets    leave out the backs of two-sided sheets, and begin again      `TwoSidedInput`
@@ -18,7 +19,7 @@ use crate::options::{Method, SimplifyOptions, Stop};
 use crate::report::Cleanup;
 use crate::run::{self, Done, Mergers, Pass};
 use crate::two_sided::TwoSidedInput;
-use crate::{Control, SimplifyError, cluster, constraints, rebuild, two_sided};
+use crate::{Control, SimplifyError, cluster, constraints, missing, rebuild, two_sided};
 use prepare::{Prepared, lent_normals};
 
 /// Runs with the options' method; again with looser options if requested and needed. Returns the locked
@@ -29,6 +30,9 @@ pub(crate) fn simplify(
     control: &mut dyn Control,
 ) -> Result<Done, SimplifyError> {
     check(input, options)?;
+    if let Some(completed) = missing::completed(input)? {
+        return Ok(completed.finished(simplify(&completed.input(input), options, control)?, input));
+    }
     let options = &options.with_own_placement();
     let mut attempts = Attempts::new(options, simplify_once(input, options, control)?);
     while let Some(change) = attempts.next_change() {
@@ -107,6 +111,13 @@ pub(crate) fn simplify_chain(
         SimplifyOptions { stop: *stop, ..options.clone() }.check()?;
     }
     constraints::check(options, input.surface.positions().len())?;
+    if let Some(completed) = missing::completed(input)? {
+        let made = simplify_chain(&completed.input(input), options, stops, is_traced, control)?;
+        let finish = |(levels, mergers): (Vec<Done>, Mergers)| {
+            (levels.into_iter().map(|done| completed.finished(done, input)).collect(), mergers)
+        };
+        return Ok(made.map(finish));
+    }
     let options = &options.with_own_placement();
     let lent = lent_normals(input, options)?;
     let flat = FlatShading::of(input, options);

@@ -427,10 +427,12 @@ fn attribute_complaints(mesh: &TriMesh, promise: &Promise, done: &Simplified) ->
         }
         let own = old.iter().find(|k| k.0 == *name).map(|k| &k.2);
         let was_finite = own.is_some_and(|v| v.iter().all(|x| x.is_finite()));
+        // Named values that are missing in the input are missing in the result.
+        let may_miss = !was_finite && name.starts_with("Custom");
         // A vertex of the input keeps its attributes, sound or not.
         let keeps_some = promise.is_subset || promise.method == Method::Remesh;
         if (was_finite || !keeps_some)
-            && let Some(i) = values.iter().position(|x| !x.is_finite())
+            && let Some(i) = values.iter().position(|x| !(x.is_finite() || x.is_nan() && may_miss))
         {
             found.push(format!("{name} of wedge {} are {}", i / width, values[i]));
         }

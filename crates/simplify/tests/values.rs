@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 
 use lodsmith::core::{Attribute, IntegerType, Morphed, Semantic, TriMesh, WedgeId, shapes};
 use lodsmith::{
-    Length, Method, NoControl, Part, Placement, Progressive, SimplifyOptions, Stop, simplify, simplify_scene,
+    Length, Levels, LodOptions, Method, NoControl, Part, Placement, Progressive, SimplifyOptions, Stop, lod,
+    simplify, simplify_scene,
 };
 
 use crate::support::charts::{place, two_charts, wedges};
@@ -211,4 +212,75 @@ fn ids_of_scenes_and_levels_are_those_of_the_source() {
         road.to_level(road.top());
         assert_eq!(road.fitted_mesh().unwrap(), mesh);
     }
+}
+
+/// A ball with a named value, its height, which is missing at each seventh vertex; and a second one that misses nothing.
+fn ball_with_gaps(is_gap: impl Fn(usize) -> bool) -> TriMesh {
+    let mut mesh = shapes::icosphere(4);
+    for (name, gaps) in [("height", true), ("width", false)] {
+        let value = |w: WedgeId| match gaps && is_gap(w.index()) {
+            true => f32::NAN,
+            false => place(&mesh, w)[if gaps { 2 } else { 0 }] as f32,
+        };
+        let values = wedges(&mesh).map(value).collect();
+        mesh.add_attribute(Attribute { semantic: Semantic::Custom(name.into()), width: 1, values }).unwrap();
+    }
+    mesh
+}
+
+/// Regression: missing values counted as 0, were blended with their neighbours, and drew triangles to them.
+#[test]
+fn missing_values_stay_missing_and_do_not_count() {
+    let (mesh, full) = (ball_with_gaps(|i| i % 7 == 0), ball_with_gaps(|_| false));
+    let rms = |m: &TriMesh| {
+        let found = lodsmith::core::measure::compare(&full.surface(), &m.surface(), &Default::default());
+        found.unwrap().rms.symmetric
+    };
+    for method in Method::ALL {
+        let mut options = SimplifyOptions::new(Stop::ratio(0.2));
+        options.method = method;
+        let run = |mesh: &TriMesh| simplify(mesh, &options, &mut NoControl).unwrap();
+        let (done, whole) = (run(&mesh), run(&full));
+        let further = done.mesh.further_attributes();
+        let names: Vec<_> = further.iter().map(|a| a.semantic.name()).collect();
+        assert_eq!(names, [Some("height"), Some("width")], "{method:?}");
+        let [heights, widths] = [0, 1].map(|i| &further[i].values);
+        assert!(widths.iter().all(|x| x.is_finite()), "{method:?}");
+        let gone = heights.iter().filter(|x| x.is_nan()).count();
+        assert!(gone > 0 && 5 * gone < 2 * heights.len(), "{method:?}: {gone} of {}", heights.len());
+        for w in wedges(&done.mesh).filter(|w| !heights[w.index()].is_nan()) {
+            let (got, wanted) = (heights[w.index()], place(&done.mesh, w)[2] as f32);
+            assert!((got - wanted).abs() < 0.1, "{method:?}: {got} for {wanted}");
+        }
+        let (with, without) = (rms(&done.mesh), rms(&whole.mesh));
+        assert!(with < 1.2 * without + 1e-9, "{method:?}: {with} for {without}");
+    }
+}
+
+/// Regression: as above, for scenes and levels, with steps of escalation, and where locked vertices keep their bits.
+#[test]
+fn missing_values_stay_missing_in_scenes_and_levels() {
+    let mesh = ball_with_gaps(|i| i % 7 == 0);
+    let gaps = |m: &TriMesh| m.further_attributes()[0].values.iter().filter(|x| x.is_nan()).count();
+    let is_right = |m: &TriMesh| {
+        let share = gaps(m) as f64 / m.wedge_count() as f64;
+        m.further_attributes().len() == 2 && share > 0.0 && share < 0.4
+    };
+    let mut options = SimplifyOptions::new(Stop::ratio(0.2));
+    let part = Part { mesh: &mesh, instances: 1, scale: 1.0, stretch: None, system: None, places: &[] };
+    let scene = simplify_scene(&[part, part], 2.0, &options, &mut NoControl).unwrap();
+    assert!(scene.meshes.iter().all(is_right));
+    options.per_mesh = true;
+    let scene = simplify_scene(&[part, part], 2.0, &options, &mut NoControl).unwrap();
+    assert!(scene.meshes.iter().all(is_right));
+    options.per_mesh = false;
+    options.escalate = true;
+    assert!(is_right(&simplify(&mesh, &options, &mut NoControl).unwrap().mesh));
+    options.escalate = false;
+    let chain = lod(&mesh, &LodOptions::new(Levels::Ratios(vec![0.5, 0.2])), &mut NoControl).unwrap();
+    assert!(chain.levels.iter().all(|level| is_right(&level.mesh)));
+
+    options.locked = Some((0..mesh.vertex_count()).map(|v| v % 7 == 0).collect());
+    let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+    assert!(gaps(&done.mesh) >= gaps(&mesh));
 }

@@ -38,7 +38,8 @@ class Mesh:
         ``"vertex_map"``
             ``(n,)``, the number of the place of each row, where rows that differ in attributes share places.
         any other name
-            Numbers are blended; integers are not (they are labels, such as numbers of materials).
+            Numbers are blended; integers are not (they are labels, such as numbers of materials). NaN is a missing
+            value: it stays NaN and does not count.
 
     Attributes
     ----------

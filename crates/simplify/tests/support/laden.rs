@@ -257,7 +257,13 @@ pub(crate) fn attribute_complaints(
         (0..mesh.vertex_count()).filter(|&v| locked.is_some_and(|l| l[v])).map(|v| place(mesh, v)).collect();
     let is_free = |w: usize| !held.contains(&place(result, result.vertex_of(WedgeId::new(w)).index()));
     for (name, width, values) in &new {
-        let bad = |x: &(usize, &[f32])| is_free(x.0) && x.1.iter().any(|x| !x.is_finite());
+        // Named values that are missing in the input are missing in the result: NaN, and nowhere else.
+        let source =
+            old.iter().find(|x| x.0 == *name && x.1 == *width).filter(|_| name.starts_with("Custom"));
+        let missing =
+            |k: usize| source.is_some_and(|x| x.2.iter().skip(k).step_by(*width).any(|x| !x.is_finite()));
+        let is_valid = |(k, x): (usize, &f32)| x.is_finite() || x.is_nan() && missing(k);
+        let bad = |x: &(usize, &[f32])| is_free(x.0) && !x.1.iter().enumerate().all(is_valid);
         if let Some((w, bad)) = values.chunks_exact(*width).enumerate().find(bad) {
             found.push(format!("{name} of wedge {w} are {bad:?}"));
         }
