@@ -248,4 +248,72 @@ mod tests {
         }
         assert_eq!(run(500, Some(0.0)).error, 0.0);
     }
+
+    /// A vertex that was on no seam came onto one when a vertex with several names was merged beside it, and was not
+    /// marked. (Checked in debug builds after each sweep.)
+    #[test]
+    fn a_vertex_may_come_onto_a_seam() {
+        let corner = [3.5; 3];
+        let places = [
+            (1, [3.25, 1.75, 3.5]),
+            (9, [1.25, 2.25, 3.75]),
+            (11, [2.25, 3.5, 1.75]),
+            (12, [0.75, 0.0, 1.5]),
+            (13, [3.0, 0.75, 3.5]),
+            (45, [1.25, 2.25, 3.75]),
+            (47, [2.25, 3.5, 1.75]),
+            (49, [3.0, 0.75, 3.5]),
+        ];
+        let mut positions = vec![corner; 53];
+        places.iter().for_each(|&(i, p): &(usize, [f32; 3])| positions[i] = p);
+        let [fan, sheet]: [&[u32]; 2] = [
+            &[18, 13, 47, 1, 52, 12, 18, 6, 3, 50, 35, 47, 41, 39],
+            &[19, 2, 49, 32, 24, 40, 30, 11, 27, 49, 45, 29],
+        ];
+        let same = |count| vec![9; count];
+        let indices: Vec<u32> =
+            [fan, fan, &fan[..10], sheet, &same(49), sheet, &same(24), &sheet[..7]].concat();
+        let triangles = indices.as_chunks::<3>().0.iter().map(|t| t.map(VertexId)).collect();
+        let input = QuickInput {
+            positions,
+            triangles,
+            values: None,
+            flags: None,
+            target_faces: 0,
+            error_limit: None,
+            extent: 3.5,
+            rules: QuickRules::default(),
+        };
+        assert!(input.run().unwrap().faces.len() < 10);
+    }
+
+    /// A back goes with its front, whatever else is in the call.
+    #[test]
+    fn sheets_with_two_sides_are_simplified() {
+        // Two sheets, one of them with a back.
+        let mesh = shapes::grid(8);
+        let count = mesh.vertex_count() as u32;
+        let fronts = mesh.surface().triangles().to_vec();
+        let backs = fronts.iter().map(|&[a, b, c]| [a, c, b]);
+        let others = fronts.iter().map(|t| t.map(|v| VertexId(v.0 + count)));
+        let near: Vec<[f32; 3]> = mesh.positions().view().iter().map(|p| p.map(|x| x as f32)).collect();
+        let far = near.iter().map(|p| [p[0], p[1], p[2] + 5.0]);
+        let input = QuickInput {
+            positions: near.iter().copied().chain(far).collect(),
+            triangles: fronts.iter().copied().chain(backs).chain(others).collect(),
+            values: None,
+            flags: Some(vec![VERTEX_PRIORITY; 2 * near.len()]),
+            target_faces: fronts.len(),
+            error_limit: None,
+            extent: 5.0,
+            rules: QuickRules::default(),
+        };
+        let got = input.run().unwrap().faces;
+        assert!(got.len() <= fronts.len() && got.len() > fronts.len() / 2, "{} faces", got.len());
+        let is_paired = |f: &[u32; 3]| {
+            let turned = [[f[0], f[2], f[1]], [f[2], f[1], f[0]], [f[1], f[0], f[2]]];
+            f[0] >= count || turned.iter().any(|t| got.contains(t))
+        };
+        assert!(got.iter().all(is_paired), "{got:?}");
+    }
 }

@@ -31,7 +31,7 @@ impl SideValues {
         Self::of(&columns, mesh.wedge_count())
     }
 
-    /// Takes texture coordinates.
+    /// Takes texture coordinates; none are those of a mesh without any, where nothing tells sides apart.
     pub(crate) fn of_uvs(uvs: &[[f32; 2]]) -> Self {
         Self::of(&[(uvs.as_flattened(), 2, 0)], uvs.len())
     }
@@ -57,7 +57,7 @@ impl SideValues {
     #[inline(always)]
     pub(crate) fn same(&self, a: WedgeId, b: WedgeId) -> bool {
         let of = |w: WedgeId| &self.values[w.index() * self.width..(w.index() + 1) * self.width];
-        a == b || self.width == 0 || of(a) == of(b)
+        a == b || self.is_empty() || of(a) == of(b)
     }
 }
 
@@ -66,6 +66,13 @@ mod tests {
     use lodsmith_core::{IntegerType, shapes};
 
     use super::*;
+
+    /// A quick run on sheets without texture coordinates ended in a panic.
+    #[test]
+    fn without_values_all_wedges_are_on_one_side() {
+        let sides = SideValues::of_uvs(&[]);
+        assert!(sides.is_empty() && sides.same(WedgeId(0), WedgeId(9)));
+    }
 
     #[test]
     fn every_attribute_but_directions_tells_sides_apart() {

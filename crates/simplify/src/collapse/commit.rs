@@ -430,7 +430,7 @@ impl<M: Metric> LiveMesh<M> {
         self.store.bound[v.index()] = f32::INFINITY;
         self.store.live_vertices -= 1;
         tally.collapses += 1;
-        if kind.is_complex() {
+        if kind.is_complex() || self.brings_seams(u) {
             self.refresh_around(u);
         }
         [origin, merged]
@@ -512,8 +512,23 @@ impl<M: Metric> LiveMesh<M> {
         self.constraints.rules.border != BorderPolicy::Free || self.store.creases.is_some()
     }
 
+    /// True if a vertex at or around `u`, which was just merged, has come onto a seam: in a run onto endpoints the
+    /// merged vertex may have the sides of either end.
+    fn brings_seams(&self, u: VertexId) -> bool {
+        let is_split = |all: &[bool]| all[self.store.v[u.index()].origin.index()];
+        if !self.split_vertices().is_some_and(is_split) {
+            return false;
+        }
+        let (mut around, mut ring) = (Ring::default(), Ring::default());
+        self.store.ring(u, &mut around);
+        distinct(&around).chain([u]).any(|w| {
+            self.store.ring(w, &mut ring);
+            !self.store.v[w.index()].kind.is_seam() && self.current_kind(w, &ring).is_seam()
+        })
+    }
+
     /// Recomputes kinds and tensors of `u` and of the vertices around it: after a change on a non-manifold
-    /// curve, where counts of faces at edges add up.
+    /// curve, where counts of faces at edges add up, or if seams reach other vertices.
     #[inline(never)]
     fn refresh_around(&mut self, u: VertexId) {
         let mut ring = Ring::default();
