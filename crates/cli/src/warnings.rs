@@ -47,6 +47,12 @@ pub(crate) fn warnings_of(report: &Report) -> Vec<Warning> {
         let places = counted(report.gaps, "place", "places");
         warnings.push(Warning::lost(format!("meshes that touched came apart at {places}: gaps may show")));
     }
+    if report.unpaired_sheets > 0 {
+        let sheets = counted(report.unpaired_sheets, "sheet", "sheets");
+        warnings.push(Warning::lost(format!(
+            "{sheets} with two sides could not be reduced as one, because the sides have different triangles: area may be missing"
+        )));
+    }
     warnings.extend(report.escalated.iter().map(|step| Warning::note(proposals::step_text(step))));
     if report.pruned.largest_kept {
         warnings.push(Warning::note("all parts are smaller than --prune: the largest was kept"));

@@ -17,6 +17,7 @@ mod options;
 mod places;
 mod progressive;
 mod render;
+mod sheets;
 mod three_mf;
 mod trust;
 mod words;

@@ -438,6 +438,7 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
             pruned: Pruned::default(),
             gaps: 0,
             two_sided_pairs: 0,
+            unpaired_sheets: 0,
             clustered: Some(clustered(&made)),
             faces_visited: 0,
         };

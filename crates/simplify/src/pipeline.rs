@@ -67,7 +67,8 @@ fn simplify_once(
             }
         }
     }
-    prepared.finish(match options.method {
+    let unpaired = ordered.as_ref().map_or(0, two_sided::unpaired_sheets);
+    let (mut done, held) = prepared.finish(match options.method {
         Method::Cluster => cluster::run(&prepared.input, &prepared.options, control)?,
         method => {
             let ordered = match ordered {
@@ -76,7 +77,9 @@ fn simplify_once(
             };
             run::run_ordered(pass_of(method), &prepared.input, &prepared.options, ordered, control)?
         }
-    })
+    })?;
+    done.report.unpaired_sheets = unpaired;
+    Ok((done, held))
 }
 
 /// Returns a result with both sides of sheets, and what was done to the whole input in its report.
@@ -133,9 +136,14 @@ pub(crate) fn simplify_chain(
         let all = levels.into_iter().map(|done| with_sheets(done, &sheets, &prepared, cleanup));
         return Ok(Some((all.collect(), mergers)));
     }
+    let unpaired = two_sided::unpaired_sheets(&ordered);
     let (levels, mergers) =
         run::chain(&prepared.input, &prepared.options, stops, is_traced, ordered, control)?;
-    let levels: Result<Vec<Done>, SimplifyError> =
-        levels.into_iter().map(|done| prepared.finish(done)).collect();
+    let finish = |done| {
+        let (mut done, held) = prepared.finish(done)?;
+        done.report.unpaired_sheets = unpaired;
+        Ok((done, held))
+    };
+    let levels: Result<Vec<Done>, SimplifyError> = levels.into_iter().map(finish).collect();
     Ok(Some((levels?, mergers)))
 }

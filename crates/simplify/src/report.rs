@@ -222,6 +222,10 @@ pub struct Report {
     /// Pairs of faces of the input that lie on each other with opposite windings: the two sides of a sheet,
     /// reduced as one.
     pub two_sided_pairs: usize,
+    /// Connected parts that are sheets with two sides as well, but were reduced as closed surfaces and may lose
+    /// area, because the sides have different triangles. (Flat ones: bent sides with different triangles are not
+    /// told from thin solids.)
+    pub unpaired_sheets: usize,
     /// Outcome of the clustering stage, if there was one.
     pub clustered: Option<Clustered>,
     /// Number of face visits by collapses and their costs, as a measure of the work done; 0 for methods that

@@ -12,10 +12,12 @@
 //! its outline two, as if it were closed there.
 
 mod both;
+mod near;
 mod pairs;
 mod plan;
 mod single;
 mod splits;
+mod unpaired;
 
 use std::borrow::Cow;
 
@@ -74,7 +76,10 @@ pub(crate) struct Sides {
 
 /// Returns the sides of the sheets of a surface. Cost: O(n log n).
 pub(crate) fn sides(surface: &Surface<'_>) -> Sides {
-    let found = pairs::find(surface, &order(surface), pairs::MAX_BENT_GAP, |_| true).unwrap_or_default();
+    let ordered = order(surface);
+    let near = near::joined(surface, &ordered, pairs::MAX_BENT_GAP, |_, _| true);
+    let (surface, ordered) = near.as_ref().map_or((surface, &ordered), |near| (&near.surface, &near.ordered));
+    let found = pairs::find(surface, ordered, pairs::MAX_BENT_GAP, |_| true).unwrap_or_default();
     let all = |side: fn(&FacePair) -> &[u32]| {
         let mut faces: Vec<u32> = found.pairs.iter().flat_map(side).copied().collect();
         faces.sort_unstable();
@@ -85,10 +90,16 @@ pub(crate) fn sides(surface: &Surface<'_>) -> Sides {
 
 /// Counts the faces of a surface that lie on a face of opposite winding, on both sides: those that
 /// [`simplify`](crate::simplify()) reduces as one sheet. Quads whose sides are cut along different diagonals
-/// count too. Cost: O(n log n).
+/// count too, and sides up to a millionth of the diagonal apart. Cost: O(n log n).
 pub fn two_sided_faces(surface: &Surface<'_>) -> usize {
     let Sides { fronts, backs } = sides(surface);
     fronts.len() + backs.len()
+}
+
+/// Counts the parts of an input that are sheets with two sides, but cannot be reduced as one because the sides
+/// have different triangles: see [`Report::unpaired_sheets`]. Cost: O(n).
+pub(crate) fn unpaired_sheets(ordered: &Ordered) -> usize {
+    unpaired::count(&ordered.points, &ordered.faces)
 }
 
 impl<'a> TwoSidedInput<'a> {
@@ -101,37 +112,30 @@ impl<'a> TwoSidedInput<'a> {
         options: &SimplifyOptions,
     ) -> Result<Option<Self>, SimplifyError> {
         let surface = &prepared.surface;
-        let places = |f: u32| surface.triangles()[f as usize].map(|v| ordered.rank[v.index()]);
-        let own = |f: u32, k: usize| input.surface.triangles()[f as usize][k];
-        let at = |f: u32, k: usize| input.surface.positions().get(own(f, k));
-        let may_pair = |pair: &FacePair| {
-            let is_locked = |f: &u32| {
-                options.locked.as_deref().is_some_and(|locked| (0..3).any(|k| locked[own(*f, k).index()]))
-            };
-            let must_be_exact = pair.fronts().iter().chain(pair.backs()).any(is_locked);
-            let corners = || {
-                let of_front = |front: u32| {
-                    (0..3)
-                        .zip(back_corners(front, pair.backs(), places))
-                        .map(move |(k, back)| ((front, k), back))
-                };
-                pair.fronts().iter().flat_map(move |f| of_front(*f))
-            };
-            let is_exact = || corners().all(|(front, back)| at(front.0, front.1) == at(back.0, back.1));
-            (!must_be_exact || is_exact())
-                && input.mesh.is_none_or(|mesh| {
-                    is_whole(mesh, pair) && corners().all(|(a, b)| moves_alike(mesh, a, b))
-                })
-        };
         // A bent quad has a back of another shape: that may not be traded where a distance is promised.
         let is_bound = options.stop.error.is_some() || options.effective_bound() != Bound::Estimate;
         let bent = if is_bound { 0.0 } else { pairs::MAX_BENT_GAP };
-        let Some(found) = pairs::find(surface, ordered, bent, may_pair) else { return Ok(None) };
+        let may_pair = |pair: &FacePair, places: &dyn Fn(u32) -> [VertexId; 3]| {
+            may_pair(input, options.locked.as_deref(), pair, places)
+        };
+        // (Whoever asks for a weld has said what is joined.)
+        let near = match options.weld {
+            None => near::joined(surface, ordered, bent, may_pair),
+            Some(_) => None,
+        };
+        let (surface, ordered) = near.as_ref().map_or((surface, ordered), |n| (&n.surface, &n.ordered));
+        let places = |f: u32| surface.triangles()[f as usize].map(|v| ordered.rank[v.index()]);
+        let Some(found) = pairs::find(surface, ordered, bent, |pair| may_pair(pair, &places)) else {
+            return Ok(None);
+        };
         let whole = match input.mesh {
             Some(mesh) => Cow::Borrowed(mesh),
             None => Cow::Owned(mesh_of(input)?),
         };
-        let rank = |v: VertexId| ordered.rank[prepared.joined(v).index()];
+        let rank = |v: VertexId| {
+            let v = prepared.joined(v);
+            ordered.rank[near.as_ref().map_or(v, |near| near.to[v.index()]).index()]
+        };
         let single = SingleSided::new(&whole, &found, rank)?;
         let FacePairs { pairs, duplicates } = &found;
         let mut own_vertices = Vec::new();
@@ -339,6 +343,31 @@ fn mesh_of(input: &Input<'_>) -> Result<TriMesh, SimplifyError> {
         PositionsView::F64(p) => Positions::F64(p.to_vec()),
     };
     Ok(TriMesh::new(positions, input.surface.triangles().to_vec())?)
+}
+
+/// True if the back of a pair may be left out of a run on an input: nothing but its winding and its values tells it from
+/// the front, and locked vertices come back bit for bit. `places` gives the places of the corners of a face.
+fn may_pair(
+    input: &Input<'_>,
+    locked: Option<&[bool]>,
+    pair: &FacePair,
+    places: &dyn Fn(u32) -> [VertexId; 3],
+) -> bool {
+    let own = |f: u32, k: usize| input.surface.triangles()[f as usize][k];
+    let at = |f: u32, k: usize| input.surface.positions().get(own(f, k));
+    let is_locked = |f: &u32| locked.is_some_and(|locked| (0..3).any(|k| locked[own(*f, k).index()]));
+    let must_be_exact = pair.fronts().iter().chain(pair.backs()).any(is_locked);
+    let corners = || {
+        let of_front = |front: u32| {
+            (0..3).zip(back_corners(front, pair.backs(), places)).map(move |(k, back)| ((front, k), back))
+        };
+        pair.fronts().iter().flat_map(move |f| of_front(*f))
+    };
+    let is_exact = || corners().all(|(front, back)| at(front.0, front.1) == at(back.0, back.1));
+    (!must_be_exact || is_exact())
+        && input
+            .mesh
+            .is_none_or(|mesh| is_whole(mesh, pair) && corners().all(|(a, b)| moves_alike(mesh, a, b)))
 }
 
 /// True if each side of a pair has one region, and one wedge at each corner of a quad.

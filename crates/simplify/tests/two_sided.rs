@@ -122,6 +122,15 @@ fn unpaired(mesh: &TriMesh) -> usize {
     keys.values().filter(|n| **n != 0).count()
 }
 
+/// Faces of the fins of [`box_with_fins`] without an opposite one: those of the box have none.
+fn unpaired_faces_of_sheets(mesh: &TriMesh) -> usize {
+    let view = mesh.positions().view();
+    let on_fin = |t: &[WedgeId; 3]| t.iter().any(|w| view.get(mesh.vertex_of(*w))[2] > 0.51);
+    let fins = mesh.triangles().iter().filter(|t| on_fin(t)).copied().collect();
+    let vertices = (0..mesh.wedge_count()).map(WedgeId::new).map(|w| mesh.vertex_of(w)).collect();
+    unpaired(&TriMesh::with_wedges(mesh.positions().clone(), vertices, fins).unwrap())
+}
+
 #[test]
 fn cards_with_two_sides_keep_the_area_of_cards_with_one() {
     for count in [20, 150] {
@@ -224,6 +233,138 @@ fn fins_on_a_closed_solid_keep_both_sides() {
         let fins = area(&got.mesh) - 4.0 * std::f64::consts::PI;
         assert!((fins / cards - 1.0).abs() < 0.05, "{ratio}: {fins} of {cards}");
     }
+}
+
+/// A closed box with bent fins that stand on its upper side, on the vertices there.
+fn box_with_fins(backs: Backs) -> TriMesh {
+    const CELLS: usize = 12;
+    let cube = lodsmith::core::shapes::cube(CELLS as u32);
+    let view = cube.positions().view();
+    let mut points: Vec<[f64; 3]> = view.iter().collect();
+    let mut faces: Vec<[u32; 3]> = cube.triangles().iter().map(|t| t.map(|w| w.0)).collect();
+    let upper = |i: usize, j: usize| {
+        let place = [i, j].map(|k| k as f64 / CELLS as f64 - 0.5);
+        let place = glam::DVec3::new(place[0], place[1], 0.5);
+        let is_there = |p: &[f64; 3]| glam::DVec3::from(*p).distance(place) < 1e-6;
+        points.iter().position(is_there).expect("a vertex of the grid") as u32
+    };
+    let feet: Vec<Vec<u32>> =
+        (0..4).map(|fin| (2..CELLS - 1).map(|i| upper(i, 3 * fin + 1)).collect()).collect();
+    for foot in feet {
+        let mut side = |is_back: bool| {
+            let mut below = foot.clone();
+            for row in 1..=8 {
+                let height = f64::from(row) / 8.0;
+                let above: Vec<u32> = (0..foot.len())
+                    .map(|i| {
+                        let [x, y, z] = points[foot[i] as usize];
+                        points.push([x, y + 0.15 * height * height, z + height]);
+                        points.len() as u32 - 1
+                    })
+                    .collect();
+                for i in 1..foot.len() {
+                    let [a, b, c, d] = [below[i - 1], below[i], above[i], above[i - 1]];
+                    let two = [[a, b, c], [a, c, d]];
+                    faces.extend(two.map(|t| if is_back { [t[0], t[2], t[1]] } else { t }));
+                }
+                below = above;
+            }
+        };
+        side(false);
+        if backs != Backs::None {
+            side(true);
+        }
+    }
+    TriMesh::new(Positions::F64(points), faces.into_iter().map(|t| t.map(VertexId)).collect()).unwrap()
+}
+
+#[test]
+fn fins_that_stand_on_a_closed_box_keep_their_area() {
+    let [single, both] = [Backs::None, Backs::Own].map(box_with_fins);
+    let fins = |mesh: &TriMesh| area(mesh) - 6.0;
+    assert!((fins(&both) / fins(&single) - 2.0).abs() < 1e-9);
+    for ratio in [0.5, 0.25, 0.1] {
+        let options = SimplifyOptions::new(Stop::ratio(ratio));
+        let [wanted, got] = [run(&single, &options), run(&both, &options)];
+        assert!(got.report.reached, "{ratio}");
+        assert_eq!(got.report.two_sided_pairs, 4 * 8 * 8 * 2);
+        assert_eq!(unpaired_faces_of_sheets(&got.mesh), 0, "{ratio}");
+        let (a, b) = (2.0 * fins(&wanted.mesh), fins(&got.mesh));
+        assert!((b / a - 1.0).abs() < 0.02, "{ratio}: {b} for {a}");
+    }
+}
+
+/// Moves the vertices of the backs, which are the second half of the vertices of each card, by up to `gap`.
+fn with_gap(mesh: &TriMesh, vertices_of_side: usize, gap: f64) -> TriMesh {
+    let mut mesh = mesh.clone();
+    mesh.map_vertices(|v, p| {
+        let random = |k: usize| {
+            let mixed = (3 * v.index() as u64 + k as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            (mixed >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
+        };
+        let is_back = v.index() / vertices_of_side % 2 == 1;
+        [0, 1, 2].map(|k| if is_back { p[k] + gap * random(k) / 3f64.sqrt() } else { p[k] })
+    });
+    mesh
+}
+
+#[test]
+fn sides_up_to_a_millionth_of_the_diagonal_apart_are_one_sheet() {
+    let [single, both] = [Backs::None, Backs::Own].map(|backs| cards(20, [2, 6], backs, 0, true));
+    let diagonal = both.positions().view().bounds().unwrap().diagonal();
+    for share in [1e-8, 1e-7, 5e-7, 1e-6] {
+        let near = with_gap(&both, 3 * 7, share * diagonal);
+        assert_eq!(two_sided_faces(&near.surface()), near.face_count(), "{share}");
+        for ratio in [0.5, 0.25, 0.1] {
+            let options = SimplifyOptions::new(Stop::ratio(ratio));
+            let [wanted, got] = [run(&single, &options), run(&near, &options)];
+            assert_eq!(got.report.two_sided_pairs, single.face_count(), "{share} at {ratio}");
+            assert_eq!(unpaired(&got.mesh), 0, "{share} at {ratio}");
+            let (a, b) = (2.0 * area(&wanted.mesh), area(&got.mesh));
+            assert!((b / a - 1.0).abs() < 0.02, "{share} at {ratio}: {b} for {a}");
+        }
+    }
+    // Farther apart they are two surfaces.
+    let apart = with_gap(&both, 3 * 7, 1e-4 * diagonal);
+    assert_eq!(two_sided_faces(&apart.surface()), 0);
+}
+
+#[test]
+fn sheets_whose_sides_have_other_triangles_are_counted() {
+    // Flat cards: twelve cells in front, three at the back.
+    let side = |n: usize, m: usize, is_back: bool, at: f64| {
+        let grid = (0..=m).flat_map(move |j| (0..=n).map(move |i| (i, j)));
+        let points: Vec<[f64; 3]> =
+            grid.map(|(i, j)| [at + i as f64 / n as f64, j as f64 / m as f64, 0.5 * at]).collect();
+        let cells = (0..m).flat_map(move |j| (0..n).map(move |i| (j * (n + 1) + i) as u32));
+        let faces: Vec<[u32; 3]> = cells
+            .flat_map(|a| {
+                let [b, c, d] = [a + 1, a + n as u32 + 2, a + n as u32 + 1];
+                [[a, b, c], [a, c, d]].map(|t| if is_back { [t[0], t[2], t[1]] } else { t })
+            })
+            .collect();
+        (points, faces)
+    };
+    let mesh = |backs: &[(usize, usize)]| {
+        let (mut points, mut faces) = (Vec::new(), Vec::new());
+        let mut add = |(p, f): (Vec<[f64; 3]>, Vec<[u32; 3]>)| {
+            let first = points.len() as u32;
+            points.extend(p);
+            faces.extend(f.into_iter().map(|t| t.map(|v| VertexId(v + first))));
+        };
+        for (k, (n, m)) in backs.iter().enumerate() {
+            add(side(4, 3, false, 2.0 * k as f64));
+            add(side(*n, *m, true, 2.0 * k as f64));
+        }
+        TriMesh::new(Positions::F64(points), faces).unwrap()
+    };
+    let options = SimplifyOptions::new(Stop::ratio(0.5));
+    let unlike = run(&mesh(&[(1, 3), (2, 1), (4, 3)]), &options).report;
+    assert_eq!((unlike.unpaired_sheets, unlike.two_sided_pairs), (2, 4 * 3 * 2));
+    let alike = run(&mesh(&[(4, 3), (4, 3)]), &options).report;
+    assert_eq!((alike.unpaired_sheets, alike.two_sided_pairs), (0, 2 * 4 * 3 * 2));
+    let solid = run(&lodsmith::core::shapes::cube(4), &options).report;
+    assert_eq!(solid.unpaired_sheets, 0);
 }
 
 #[test]

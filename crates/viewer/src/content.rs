@@ -420,6 +420,12 @@ fn warnings_of(report: &Report) -> Vec<String> {
     if report.gaps > 0 {
         told.push(format!("meshes that touched came apart at {} places: gaps may show", report.gaps));
     }
+    if report.unpaired_sheets > 0 {
+        told.push(format!(
+            "{} sheets with two sides could not be reduced as one, because the sides have different triangles: area may be missing",
+            report.unpaired_sheets
+        ));
+    }
     if report.pruned.largest_kept {
         told.push("all parts are smaller than the prune size: the largest was kept".to_owned());
     }

@@ -215,6 +215,19 @@ impl AttributeSource<'_> {
             .map(|shading| has[usize::from(shading)].then(|| SourcePatch::new(links(shading), prepared)))
     }
 
+    /// True if no vertex has several rows.
+    fn has_one_row_each(&self) -> bool {
+        let mut row_of = vec![WedgeId(NO_ROW); self.prepared.points.len()];
+        let corners = self.prepared.faces.iter().zip(self.corners).flat_map(|(t, rows)| t.iter().zip(rows));
+        corners.into_iter().all(|(v, row)| {
+            let known = &mut row_of[v.index()];
+            if known.0 == NO_ROW {
+                *known = *row;
+            }
+            known == row
+        })
+    }
+
     /// Reads the attributes at a point of each patch into `row`. Returns the input wedge that has exactly
     /// these attributes, if the vertex is one of the input's.
     fn read_row(
@@ -260,6 +273,8 @@ struct NewRows {
     values: Vec<f32>,
     pulls: Vec<JointWeights>,
     labels: Vec<u32>,
+    /// True if a vertex has one row only: as all of the input, so that what is closed by its indices stays so.
+    has_one_each: bool,
     /// Last row of each new vertex, the head of a linked list.
     first: Vec<u32>,
     next: Vec<u32>,
@@ -274,6 +289,7 @@ impl NewRows {
             values: Vec::new(),
             pulls: Vec::new(),
             labels: Vec::new(),
+            has_one_each: source.has_one_row_each(),
             first: vec![NO_ROW; vertices],
             next: Vec::new(),
         }
@@ -283,7 +299,7 @@ impl NewRows {
     fn find_or_add(&mut self, v: VertexId, row: &Row) -> WedgeId {
         let mut known = self.first[v.index()];
         while known != NO_ROW {
-            if self.is_alike(known as usize, row) {
+            if self.has_one_each || self.is_alike(known as usize, row) {
                 return WedgeId(known);
             }
             known = self.next[known as usize];

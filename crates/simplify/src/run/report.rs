@@ -83,6 +83,7 @@ pub(super) fn build_report(
         pruned: Pruned::default(),
         gaps: 0,
         two_sided_pairs: 0,
+        unpaired_sheets: 0,
         clustered: None,
         faces_visited: outcome.tally.faces_visited,
     };

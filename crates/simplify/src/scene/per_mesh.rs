@@ -109,6 +109,7 @@ fn sum(runs: Vec<WeightedReport>, diagonal: f64) -> Option<Report> {
     report.pruned = Default::default();
     (report.collapses, report.parts_removed) = (0, 0);
     (report.necks_cut, report.pairs_contracted) = (0, 0);
+    (report.two_sided_pairs, report.unpaired_sheets) = (0, 0);
     (report.seams_relaxed, report.sharp_relaxed, report.fitted) = (false, false, false);
     report.dropped.clear();
     report.escalated.clear();
@@ -118,6 +119,8 @@ fn sum(runs: Vec<WeightedReport>, diagonal: f64) -> Option<Report> {
         report.parts_removed += r.parts_removed;
         report.necks_cut += r.necks_cut;
         report.pairs_contracted += r.pairs_contracted;
+        report.two_sided_pairs += times * r.two_sided_pairs;
+        report.unpaired_sheets += times * r.unpaired_sheets;
         report.seams_relaxed |= r.seams_relaxed;
         report.sharp_relaxed |= r.sharp_relaxed;
         report.fitted |= r.fitted;

@@ -129,6 +129,7 @@ fn to_json(made: &LodResult, path: &str, plan: &Plan) -> Value {
             "warnings": texts(&warnings_of(r)),
             "collapses": r.collapses, "parts_removed": r.parts_removed, "necks_cut": r.necks_cut,
             "two_sided_pairs": r.two_sided_pairs,
+            "unpaired_sheets": r.unpaired_sheets,
             "seams_relaxed": r.seams_relaxed,
             "sharp_relaxed": r.sharp_relaxed,
         });

@@ -171,6 +171,7 @@ impl SimplifyOutcome {
             "necks_cut": r.necks_cut,
             "pairs_contracted": r.pairs_contracted,
             "two_sided_pairs": r.two_sided_pairs,
+            "unpaired_sheets": r.unpaired_sheets,
             "pruned": { "parts": r.pruned.parts, "faces": r.pruned.faces },
             "seams_relaxed": r.seams_relaxed,
             "sharp_relaxed": r.sharp_relaxed,

@@ -1,0 +1,119 @@
+//! Two-sided sheets in files of several formats: their area stays what that of sheets with one side is.
+
+use std::fmt::Write as _;
+
+use crate::desk::CliSandbox;
+
+/// An OBJ file of bent cards, with or without backs of another material.
+struct Cards {
+    text: String,
+    vertices: usize,
+    fronts: Vec<[usize; 3]>,
+    backs: Vec<[usize; 3]>,
+}
+
+impl Cards {
+    fn new() -> Self {
+        Self { text: String::new(), vertices: 0, fronts: Vec::new(), backs: Vec::new() }
+    }
+    fn vertex(&mut self, [x, y, z]: [f64; 3]) -> usize {
+        writeln!(self.text, "v {x:.6} {y:.6} {z:.6}").expect("text takes lines");
+        self.vertices += 1;
+        self.vertices
+    }
+    /// Adds a card that stands on a row of vertices, which both of its sides use.
+    fn stand(&mut self, foot: &[(usize, [f64; 3])], rows: u32) {
+        let mut add = |cards: &mut Self, is_back: bool| {
+            let mut below: Vec<usize> = foot.iter().map(|(v, _)| *v).collect();
+            for row in 1..=rows {
+                let height = f64::from(row) / f64::from(rows);
+                let above: Vec<usize> = foot
+                    .iter()
+                    .map(|(_, [x, y, z])| cards.vertex([*x, y + 0.15 * height * height, z + height]))
+                    .collect();
+                for i in 1..foot.len() {
+                    let [a, b, c, d] = [below[i - 1], below[i], above[i], above[i - 1]];
+                    for t in [[a, b, c], [a, c, d]] {
+                        match is_back {
+                            true => cards.backs.push([t[0], t[2], t[1]]),
+                            false => cards.fronts.push(t),
+                        }
+                    }
+                }
+                below = above;
+            }
+        };
+        add(self, false);
+        add(self, true);
+    }
+    fn of(count: usize, [n, m]: [usize; 2]) -> Self {
+        let mut cards = Self::new();
+        for k in 0..count {
+            let at = [1.5 * (k % 12) as f64, (k / 12) as f64, 0.3 * (k % 3) as f64];
+            let foot: Vec<_> = (0..=n)
+                .map(|i| {
+                    let place = [at[0] + 0.4 * i as f64 / n as f64, at[1], at[2]];
+                    (cards.vertex(place), place)
+                })
+                .collect();
+            cards.stand(&foot, m as u32);
+        }
+        cards
+    }
+    /// Fins on the upper side of a closed box of eight cells a side.
+    fn on_a_box() -> Self {
+        let cube = lodsmith::core::shapes::cube(8);
+        let mut cards = Self::new();
+        let places: Vec<_> = cube.positions().view().iter().collect();
+        let numbers: Vec<usize> = places.iter().map(|p| cards.vertex(*p)).collect();
+        cards.fronts = cube.triangles().iter().map(|t| t.map(|w| numbers[w.index()])).collect();
+        for y in [-0.25, 0.25] {
+            let mut foot: Vec<_> = numbers.iter().copied().zip(places.iter().copied()).collect();
+            foot.retain(|(_, p)| p[2] == 0.5 && p[1] == y && p[0].abs() < 0.4);
+            foot.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
+            assert_eq!(foot.len(), 7);
+            cards.stand(&foot, 8);
+        }
+        cards
+    }
+    fn obj(&self, has_backs: bool) -> String {
+        let face = |[a, b, c]: &[usize; 3]| format!("f {a} {b} {c}\n");
+        let fronts: String = self.fronts.iter().map(face).collect();
+        let backs: String = self.backs.iter().filter(|_| has_backs).map(face).collect();
+        format!("mtllib two.mtl\n{}usemtl front\n{fronts}usemtl back\n{backs}", self.text)
+    }
+}
+
+#[test]
+fn sheets_with_two_sides_keep_their_area_in_every_format() {
+    let desk = CliSandbox::new();
+    desk.put("two.mtl", "newmtl front\nKd 0 1 0\nnewmtl back\nKd 0 0.5 0\n");
+    let models = [
+        ("cards", Cards::of(20, [2, 6]), 0.0),
+        ("many", Cards::of(150, [1, 6]), 0.0),
+        ("fins", Cards::on_a_box(), 6.0),
+    ];
+    for (name, cards, solid) in models {
+        desk.put(&format!("{name}_single.obj"), &cards.obj(false));
+        desk.put(&format!("{name}_both.obj"), &cards.obj(true));
+        for format in ["glb", "stl", "ply"] {
+            for side in ["single", "both"] {
+                desk.run(&format!("convert {name}_{side}.obj -o {name}_{side}.{format}")).with_status(0);
+            }
+            let two_sided = &desk.info(&format!("{name}_both.{format}"))["two_sided_faces"];
+            assert_eq!(*two_sided, 2 * cards.backs.len(), "{name}.{format}");
+            for ratio in [0.5, 0.25, 0.1] {
+                let [single, both] = ["single", "both"].map(|side| {
+                    let words = format!("simplify {name}_{side}.{format} --ratio {ratio} -o out.{format}");
+                    desk.run(&format!("{words} --strict")).with_status(0);
+                    desk.info(&format!("out.{format}"))["area"].as_f64().expect("an area")
+                });
+                let wanted = 2.0 * single - solid;
+                assert!(
+                    (both / wanted - 1.0).abs() < 0.02,
+                    "{name}.{format} at {ratio}: {both} for {wanted}"
+                );
+            }
+        }
+    }
+}
