@@ -77,7 +77,7 @@ pub(crate) struct Sides {
 /// Returns the sides of the sheets of a surface. Cost: O(n log n).
 pub(crate) fn sides(surface: &Surface<'_>) -> Sides {
     let ordered = order(surface);
-    let near = near::joined(surface, &ordered, pairs::MAX_BENT_GAP, |_, _| true);
+    let near = near::joined(surface, &ordered, surface.triangles(), pairs::MAX_BENT_GAP, |_, _| true);
     let (surface, ordered) = near.as_ref().map_or((surface, &ordered), |near| (&near.surface, &near.ordered));
     let found = pairs::find(surface, ordered, pairs::MAX_BENT_GAP, |_| true).unwrap_or_default();
     let all = |side: fn(&FacePair) -> &[u32]| {
@@ -120,7 +120,7 @@ impl<'a> TwoSidedInput<'a> {
         };
         // (Whoever asks for a weld has said what is joined.)
         let near = match options.weld {
-            None => near::joined(surface, ordered, bent, may_pair),
+            None => near::joined(surface, ordered, input.surface.triangles(), bent, may_pair),
             Some(_) => None,
         };
         let (surface, ordered) = near.as_ref().map_or((surface, ordered), |n| (&n.surface, &n.ordered));

@@ -140,6 +140,51 @@ fn a_small_part_of_another_colour_keeps_its_area() {
     left(8, textures());
 }
 
+/// A statue on a plinth with a thin plate on its front, each with a cell of the palette.
+fn statue_on_a_plinth() -> TriMesh {
+    let (mut points, mut faces, mut uvs) = (Vec::new(), Vec::new(), Vec::new());
+    let mut add = |mesh: TriMesh, scale: [f64; 3], centre: [f64; 3], cell: [f32; 2]| {
+        let first = points.len() as u32;
+        let view = mesh.positions().view();
+        points.extend(view.iter().map(|p| [0, 1, 2].map(|k| centre[k] + scale[k] * p[k])));
+        faces.extend(mesh.triangles().iter().map(|t| t.map(|w| VertexId(first + w.0))));
+        uvs.resize(points.len(), cell);
+    };
+    add(shapes::blob(4, 5), [1.0; 3], [0.0, 2.2, 0.0], [0.1, 0.1]);
+    add(shapes::cube(12), [2.4, 1.2, 2.4], [0.0, 0.4, 0.0], [0.6, 0.6]);
+    add(shapes::cube(8), [1.2, 0.5, 0.03], [0.0, 0.4, 1.215], [0.9, 0.1]);
+    let mut mesh = TriMesh::new(Positions::F64(points), faces).unwrap();
+    mesh.set_uvs(Some(uvs)).unwrap();
+    mesh
+}
+
+/// Fault D14: a plate turned the colour of the plinth below it.
+#[test]
+fn a_plate_on_a_plinth_stays_before_it_in_its_own_colour() {
+    let mesh = statue_on_a_plinth();
+    for ratio in [0.04, 0.02] {
+        let mut options = SimplifyOptions::new(Stop::ratio(ratio));
+        options.textures = Some(Arc::new(Textures::of_regions(vec![Some(palette())])));
+        let got = simplify(&mesh, &options, &mut NoControl).unwrap().mesh;
+        let (view, uvs) = (got.positions().view(), got.uvs().unwrap());
+        let (mut before, mut plinth) = (0.0, f64::MIN);
+        for t in got.triangles() {
+            let [a, b, c] = t.map(|w| view.get(got.vertex_of(w)));
+            let own = t.map(|w| cell(uvs[w.index()]));
+            assert!(own.iter().all(|x| *x == own[0]), "{ratio}: a face shows several colours");
+            match own[0] {
+                [3, 0] if a[2].min(b[2]).min(c[2]) > 1.2 => {
+                    before += 0.5 * cross(sub(b, a), sub(c, a))[2].max(0.0);
+                }
+                [2, 2] => plinth = plinth.max(a[2]).max(b[2]).max(c[2]),
+                _ => {}
+            }
+        }
+        assert!((before / (1.2 * 0.5) - 1.0).abs() < 0.1, "{ratio}: {before} of the plate is left");
+        assert!(plinth < 1.21, "{ratio}: the plinth comes through at {plinth}");
+    }
+}
+
 /// Images that vary within faces are no palettes: the result is the same with them as without, to the bit.
 #[test]
 fn a_painted_texture_changes_nothing() {

@@ -324,6 +324,10 @@ fn sides_up_to_a_millionth_of_the_diagonal_apart_are_one_sheet() {
             assert!((b / a - 1.0).abs() < 0.02, "{share} at {ratio}: {b} for {a}");
         }
     }
+    // What is closed by its indices is a solid, however thin.
+    let mut lens = lodsmith::core::shapes::icosphere(3);
+    lens.map_positions(|[x, y, z]| [x, y, 1e-7 * z]);
+    assert_eq!(two_sided_faces(&lens.surface()), 0);
     // Farther apart they are two surfaces.
     let apart = with_gap(&both, 3 * 7, 1e-4 * diagonal);
     assert_eq!(two_sided_faces(&apart.surface()), 0);

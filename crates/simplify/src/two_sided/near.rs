@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use glam::Vec3;
 use lodsmith_core::mesh::weld::weld_within;
-use lodsmith_core::{Surface, VertexId};
+use lodsmith_core::{DisjointSets, Surface, VertexId};
 
 use super::pairs::{self, FacePair};
 use crate::borders::LEAST_EDGE;
@@ -25,13 +25,16 @@ pub(super) struct NearSides<'a> {
     pub(super) to: Vec<VertexId>,
 }
 
-/// Joins the vertices of sheets whose sides are apart, if a surface has any; `ordered` is its order. `may_pair` decides
+/// Joins the vertices of sheets whose sides are apart, if a surface has any; `ordered` is its order, and `own` are its
+/// faces as they were given, before anything was joined: sides that hang together there are those of a thin solid.
+/// `may_pair` decides
 /// whether some faces of the input may be the front of others, from the places of the corners of faces;
 /// `max_bent_gap` is that of [`pairs::find`]. Vertices that belong to no such sheet stay as they are. Cost: O(V), a
 /// pass over the ordered points; O(n log n) if any are near.
 pub(super) fn joined<'a>(
     surface: &Surface<'a>,
     ordered: &Ordered,
+    own: &[[VertexId; 3]],
     max_bent_gap: f32,
     may_pair: impl Fn(&FacePair, &dyn Fn(u32) -> [VertexId; 3]) -> bool,
 ) -> Option<NearSides<'a>> {
@@ -50,6 +53,11 @@ pub(super) fn joined<'a>(
     let (merged, merged_order) = moved(&|v| weld.of(v))?;
     let places = |f: u32| merged.triangles()[f as usize].map(|v| merged_order.rank[v.index()]);
     let found = pairs::find(&merged, &merged_order, max_bent_gap, |pair| may_pair(pair, &places))?;
+    let mut parts = DisjointSets::new(positions.len());
+    for [a, b, c] in own {
+        parts.join(a.0, b.0);
+        parts.join(b.0, c.0);
+    }
     // Places of the given surface at pairs that come to be by joining. (Faces of the size of the gap are no sheet.)
     let mut is_joined = vec![false; ordered.point_count];
     let mut any = false;
@@ -73,7 +81,8 @@ pub(super) fn joined<'a>(
             distinct.dedup();
             distinct.len() > 2 + pair.fronts().len()
         };
-        if is_wide && is_apart {
+        let [front, back] = [pair.fronts()[0], pair.backs()[0]].map(|f| parts.find(own[f as usize][0].0));
+        if is_wide && is_apart && front != back {
             places.iter().for_each(|p| is_joined[p.index()] = true);
             any = true;
         }

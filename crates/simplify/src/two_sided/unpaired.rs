@@ -1,8 +1,7 @@
 //! Sheets whose two sides have different triangles, so that none lies on another.
 
 use glam::{DVec3, Vec3};
-use lodsmith_core::VertexId;
-use lodsmith_core::disjoint_sets::DisjointSets;
+use lodsmith_core::{DisjointSets, VertexId};
 
 /// Largest mean distance between the sides, in the unit frame: about a millionth of the diagonal.
 const MAX_GAP: f64 = 1.7e-6;
