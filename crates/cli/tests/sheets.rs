@@ -23,7 +23,7 @@ impl Cards {
     }
     /// Adds a card that stands on a row of vertices, which both of its sides use.
     fn stand(&mut self, foot: &[(usize, [f64; 3])], rows: u32) {
-        let mut add = |cards: &mut Self, is_back: bool| {
+        let add = |cards: &mut Self, is_back: bool| {
             let mut below: Vec<usize> = foot.iter().map(|(v, _)| *v).collect();
             for row in 1..=rows {
                 let height = f64::from(row) / f64::from(rows);
@@ -98,7 +98,7 @@ fn sheets_with_two_sides_keep_their_area_in_every_format() {
         desk.put(&format!("{name}_both.obj"), &cards.obj(true));
         for format in ["glb", "stl", "ply"] {
             for side in ["single", "both"] {
-                desk.run(&format!("convert {name}_{side}.obj -o {name}_{side}.{format}")).with_status(0);
+                desk.run(&format!("convert {name}_{side}.obj {name}_{side}.{format}")).with_status(0);
             }
             let two_sided = &desk.info(&format!("{name}_both.{format}"))["two_sided_faces"];
             assert_eq!(*two_sided, 2 * cards.backs.len(), "{name}.{format}");
