@@ -50,7 +50,7 @@ pub(crate) fn warnings_of(report: &Report) -> Vec<Warning> {
     if report.unpaired_sheets > 0 {
         let sheets = counted(report.unpaired_sheets, "sheet", "sheets");
         warnings.push(Warning::lost(format!(
-            "{sheets} with two sides could not be reduced as one, because the sides have different triangles: area may be missing"
+            "{sheets} with two sides not reduced as one, because the sides have different triangles: area may be missing"
         )));
     }
     warnings.extend(report.escalated.iter().map(|step| Warning::note(proposals::step_text(step))));

@@ -60,20 +60,13 @@ impl Cards {
         }
         cards
     }
-    /// Fins on the upper side of a closed box of eight cells a side.
+    /// A closed box with fins, the backs of which are the last faces.
     fn on_a_box() -> Self {
-        let cube = lodsmith::core::shapes::cube(8);
+        let [single, both] = [false, true].map(lodsmith::core::shapes::box_with_fins);
         let mut cards = Self::new();
-        let places: Vec<_> = cube.positions().view().iter().collect();
-        let numbers: Vec<usize> = places.iter().map(|p| cards.vertex(*p)).collect();
-        cards.fronts = cube.triangles().iter().map(|t| t.map(|w| numbers[w.index()])).collect();
-        for y in [-0.25, 0.25] {
-            let mut foot: Vec<_> = numbers.iter().copied().zip(places.iter().copied()).collect();
-            foot.retain(|(_, p)| p[2] == 0.5 && p[1] == y && p[0].abs() < 0.4);
-            foot.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
-            assert_eq!(foot.len(), 7);
-            cards.stand(&foot, 8);
-        }
+        let numbers: Vec<usize> = both.positions().view().iter().map(|p| cards.vertex(p)).collect();
+        cards.fronts = both.triangles().iter().map(|t| t.map(|w| numbers[w.index()])).collect();
+        cards.backs = cards.fronts.split_off(single.face_count());
         cards
     }
     fn obj(&self, has_backs: bool) -> String {

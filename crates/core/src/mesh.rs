@@ -477,17 +477,9 @@ impl TriMesh {
 
     /// Replaces every position by a function of it; the precision stays.
     pub fn map_positions(&mut self, map: impl Fn([f64; 3]) -> [f64; 3]) {
-        self.map_vertices(|_, p| map(p));
-    }
-
-    /// Replaces every position by a function of its vertex and of it; the precision stays.
-    pub fn map_vertices(&mut self, map: impl Fn(VertexId, [f64; 3]) -> [f64; 3]) {
-        let single = |(v, p): (usize, &mut [f32; 3])| {
-            *p = map(VertexId::new(v), p.map(f64::from)).map(|x| x as f32);
-        };
         match &mut self.positions {
-            Positions::F32(p) => p.iter_mut().enumerate().for_each(single),
-            Positions::F64(p) => p.iter_mut().enumerate().for_each(|(v, p)| *p = map(VertexId::new(v), *p)),
+            Positions::F32(p) => p.iter_mut().for_each(|p| *p = map(p.map(f64::from)).map(|x| x as f32)),
+            Positions::F64(p) => p.iter_mut().for_each(|p| *p = map(*p)),
         }
     }
 

@@ -278,6 +278,42 @@ pub fn doubled_sheet(n: u32) -> TriMesh {
     mesh(points, triangles)
 }
 
+/// A [`cube`] of 12 by 12 squares a side, with four bent fins on its upper side that stand on vertices of it. Backs of the
+/// fins are the last faces, on vertices of their own above the feet. 866 + 288 vertices and 1,728 + 512 faces; with
+/// backs 288 and 512 more.
+pub fn box_with_fins(has_backs: bool) -> TriMesh {
+    const SQUARES: u32 = 12;
+    const ROWS: u32 = 8;
+    let cube = cube(SQUARES);
+    let mut points: Vec<[f64; 3]> = cube.positions().view().iter().collect();
+    let mut triangles: Vec<[u32; 3]> = cube.triangles().iter().map(|t| t.map(|w| w.0)).collect();
+    // Vertices of the upper side, by their place among its squares.
+    let place = |p: &[f64; 3]| p.map(|x| libm::round((x + 0.5) * f64::from(SQUARES)) as u32);
+    let upper: HashMap<[u32; 3], u32> = (0..).zip(&points).map(|(v, p)| (place(p), v)).collect();
+    for is_back in [false, true].into_iter().filter(|is_back| has_backs || !is_back) {
+        for fin in 0..4 {
+            let foot: Vec<u32> = (2..SQUARES - 1).map(|i| upper[&[i, 3 * fin + 1, SQUARES]]).collect();
+            let mut below = foot.clone();
+            for row in 1..=ROWS {
+                let height = f64::from(row) / f64::from(ROWS);
+                let first = points.len() as u32;
+                for v in &foot {
+                    let [x, y, z] = points[*v as usize];
+                    points.push([x, y + 0.15 * height * height, z + height]);
+                }
+                let above: Vec<u32> = (first..points.len() as u32).collect();
+                for i in 1..foot.len() {
+                    let [a, b, c, d] = [below[i - 1], below[i], above[i], above[i - 1]];
+                    let two = [[a, b, c], [a, c, d]];
+                    triangles.extend(two.map(|t| if is_back { [t[0], t[2], t[1]] } else { t }));
+                }
+                below = above;
+            }
+        }
+    }
+    mesh(points, triangles)
+}
+
 /// Two small spheres a thousand units apart: 84 vertices, 160 faces.
 pub fn two_far_parts() -> TriMesh {
     let (mut points, mut triangles) = icosphere_parts(1);

@@ -54,7 +54,7 @@ fn simplify_once(
 ) -> Result<Done, SimplifyError> {
     let lent = lent_normals(input, options)?;
     let flat = FlatShading::of(input, options);
-    let prepared = Prepared::new(input, lent.as_ref(), flat.as_ref(), options)?;
+    let mut prepared = Prepared::new(input, lent.as_ref(), flat.as_ref(), options)?;
     let mut ordered = None;
     if two_sided::is_looked_for(&prepared.input.surface, options) {
         let own = ordered.insert(run::ordered(&prepared.input, control)?);
@@ -67,8 +67,8 @@ fn simplify_once(
             }
         }
     }
-    let unpaired = ordered.as_ref().map_or(0, two_sided::unpaired_sheets);
-    let (mut done, held) = prepared.finish(match options.method {
+    prepared.unpaired_sheets = ordered.as_ref().map_or(0, two_sided::unpaired_sheets);
+    prepared.finish(match options.method {
         Method::Cluster => cluster::run(&prepared.input, &prepared.options, control)?,
         method => {
             let ordered = match ordered {
@@ -77,9 +77,7 @@ fn simplify_once(
             };
             run::run_ordered(pass_of(method), &prepared.input, &prepared.options, ordered, control)?
         }
-    })?;
-    done.report.unpaired_sheets = unpaired;
-    Ok((done, held))
+    })
 }
 
 /// Returns a result with both sides of sheets, and what was done to the whole input in its report.
@@ -124,7 +122,7 @@ pub(crate) fn simplify_chain(
     let options = &options.with_own_placement();
     let lent = lent_normals(input, options)?;
     let flat = FlatShading::of(input, options);
-    let prepared = Prepared::new(input, lent.as_ref(), flat.as_ref(), options)?;
+    let mut prepared = Prepared::new(input, lent.as_ref(), flat.as_ref(), options)?;
     let ordered = run::ordered(&prepared.input, control)?;
     if let Some(sheets) = TwoSidedInput::find(input, &prepared.input, &ordered, options)? {
         let cleanup = ordered.cleanup;
@@ -136,14 +134,10 @@ pub(crate) fn simplify_chain(
         let all = levels.into_iter().map(|done| with_sheets(done, &sheets, &prepared, cleanup));
         return Ok(Some((all.collect(), mergers)));
     }
-    let unpaired = two_sided::unpaired_sheets(&ordered);
+    prepared.unpaired_sheets = two_sided::unpaired_sheets(&ordered);
     let (levels, mergers) =
         run::chain(&prepared.input, &prepared.options, stops, is_traced, ordered, control)?;
-    let finish = |done| {
-        let (mut done, held) = prepared.finish(done)?;
-        done.report.unpaired_sheets = unpaired;
-        Ok((done, held))
-    };
-    let levels: Result<Vec<Done>, SimplifyError> = levels.into_iter().map(finish).collect();
+    let levels: Result<Vec<Done>, SimplifyError> =
+        levels.into_iter().map(|done| prepared.finish(done)).collect();
     Ok(Some((levels?, mergers)))
 }

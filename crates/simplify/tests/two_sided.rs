@@ -1,7 +1,9 @@
 //! Sheets with two sides at one place: cards of foliage and hair, fins on a solid.
 
 use lodsmith::core::topology::size_of;
-use lodsmith::core::{Attribute, IntegerType, Positions, RegionId, Semantic, TriMesh, VertexId, WedgeId};
+use lodsmith::core::{
+    Attribute, IntegerType, Positions, RegionId, Semantic, TriMesh, VertexId, WedgeId, shapes,
+};
 use lodsmith::{
     CleanOptions, Length, Levels, LodOptions, Method, NoControl, Placement, Progressive, Sheets, Simplified,
     SimplifyOptions, Stop, clean, lod, simplify, two_sided_faces,
@@ -29,6 +31,13 @@ struct Builder {
     wedges: Vec<u32>,
     faces: Vec<[u32; 3]>,
     regions: Vec<u32>,
+    /// Largest distance of vertices of backs from those of the front.
+    gap: f64,
+}
+
+/// Returns a number between -1 and 1 that looks random.
+fn scattered(seed: u64) -> f64 {
+    ((seed + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
 }
 
 impl Builder {
@@ -47,7 +56,12 @@ impl Builder {
         let grid = || (0..=m).flat_map(|j| (0..=n).map(move |i| (i, j)));
         self.points.extend(grid().map(|(i, j)| point(i, j)));
         if [Backs::Own, Backs::OtherDiagonals].contains(&backs) {
-            self.points.extend(grid().map(|(i, j)| point(i, j)));
+            let first = self.points.len() as u64;
+            let apart = |(v, p): (u64, [f64; 3])| {
+                [0, 1, 2].map(|k| p[k] + self.gap / 3f64.sqrt() * scattered(3 * (first + v) + k as u64))
+            };
+            let backs: Vec<_> = (0..).zip(grid().map(|(i, j)| point(i, j))).map(apart).collect();
+            self.points.extend(backs);
         }
         let mut side = |is_back: bool, first_vertex: u32, region: u32| {
             let first = self.wedges.len() as u32;
@@ -122,7 +136,7 @@ fn unpaired(mesh: &TriMesh) -> usize {
     keys.values().filter(|n| **n != 0).count()
 }
 
-/// Faces of the fins of [`box_with_fins`] without an opposite one: those of the box have none.
+/// Faces of the fins of [`shapes::box_with_fins`] without an opposite one: those of the box have none.
 fn unpaired_faces_of_sheets(mesh: &TriMesh) -> usize {
     let view = mesh.positions().view();
     let on_fin = |t: &[WedgeId; 3]| t.iter().any(|w| view.get(mesh.vertex_of(*w))[2] > 0.51);
@@ -212,7 +226,7 @@ fn all_methods_keep_both_sides_together() {
 #[test]
 fn fins_on_a_closed_solid_keep_both_sides() {
     let mesh = |has_backs: bool| {
-        let sphere = lodsmith::core::shapes::icosphere(4);
+        let sphere = shapes::icosphere(4);
         let mut all = Builder::default();
         for i in 0..6 {
             all.card(i, [4, 8], if has_backs { Backs::Own } else { Backs::None }, 0);
@@ -235,54 +249,11 @@ fn fins_on_a_closed_solid_keep_both_sides() {
     }
 }
 
-/// A closed box with bent fins that stand on its upper side, on the vertices there.
-fn box_with_fins(backs: Backs) -> TriMesh {
-    const CELLS: usize = 12;
-    let cube = lodsmith::core::shapes::cube(CELLS as u32);
-    let view = cube.positions().view();
-    let mut points: Vec<[f64; 3]> = view.iter().collect();
-    let mut faces: Vec<[u32; 3]> = cube.triangles().iter().map(|t| t.map(|w| w.0)).collect();
-    let upper = |i: usize, j: usize| {
-        let place = [i, j].map(|k| k as f64 / CELLS as f64 - 0.5);
-        let place = glam::DVec3::new(place[0], place[1], 0.5);
-        let is_there = |p: &[f64; 3]| glam::DVec3::from(*p).distance(place) < 1e-6;
-        points.iter().position(is_there).expect("a vertex of the grid") as u32
-    };
-    let feet: Vec<Vec<u32>> =
-        (0..4).map(|fin| (2..CELLS - 1).map(|i| upper(i, 3 * fin + 1)).collect()).collect();
-    for foot in feet {
-        let mut side = |is_back: bool| {
-            let mut below = foot.clone();
-            for row in 1..=8 {
-                let height = f64::from(row) / 8.0;
-                let above: Vec<u32> = (0..foot.len())
-                    .map(|i| {
-                        let [x, y, z] = points[foot[i] as usize];
-                        points.push([x, y + 0.15 * height * height, z + height]);
-                        points.len() as u32 - 1
-                    })
-                    .collect();
-                for i in 1..foot.len() {
-                    let [a, b, c, d] = [below[i - 1], below[i], above[i], above[i - 1]];
-                    let two = [[a, b, c], [a, c, d]];
-                    faces.extend(two.map(|t| if is_back { [t[0], t[2], t[1]] } else { t }));
-                }
-                below = above;
-            }
-        };
-        side(false);
-        if backs != Backs::None {
-            side(true);
-        }
-    }
-    TriMesh::new(Positions::F64(points), faces.into_iter().map(|t| t.map(VertexId)).collect()).unwrap()
-}
-
 #[test]
 fn fins_that_stand_on_a_closed_box_keep_their_area() {
-    let [single, both] = [Backs::None, Backs::Own].map(box_with_fins);
+    let [single, both] = [false, true].map(shapes::box_with_fins);
     let fins = |mesh: &TriMesh| area(mesh) - 6.0;
-    assert!((fins(&both) / fins(&single) - 2.0).abs() < 1e-9);
+    assert!((fins(&both) / fins(&single) - 2.0).abs() < 1e-6);
     for ratio in [0.5, 0.25, 0.1] {
         let options = SimplifyOptions::new(Stop::ratio(ratio));
         let [wanted, got] = [run(&single, &options), run(&both, &options)];
@@ -294,26 +265,17 @@ fn fins_that_stand_on_a_closed_box_keep_their_area() {
     }
 }
 
-/// Moves the vertices of the backs, which are the second half of the vertices of each card, by up to `gap`.
-fn with_gap(mesh: &TriMesh, vertices_of_side: usize, gap: f64) -> TriMesh {
-    let mut mesh = mesh.clone();
-    mesh.map_vertices(|v, p| {
-        let random = |k: usize| {
-            let mixed = (3 * v.index() as u64 + k as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-            (mixed >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
-        };
-        let is_back = v.index() / vertices_of_side % 2 == 1;
-        [0, 1, 2].map(|k| if is_back { p[k] + gap * random(k) / 3f64.sqrt() } else { p[k] })
-    });
-    mesh
-}
-
 #[test]
 fn sides_up_to_a_millionth_of_the_diagonal_apart_are_one_sheet() {
-    let [single, both] = [Backs::None, Backs::Own].map(|backs| cards(20, [2, 6], backs, 0, true));
-    let diagonal = both.positions().view().bounds().unwrap().diagonal();
+    let single = cards(20, [2, 6], Backs::None, 0, true);
+    let diagonal = single.positions().view().bounds().unwrap().diagonal();
+    let with_gap = |share: f64| {
+        let mut all = Builder { gap: share * diagonal, ..Builder::default() };
+        (0..20).for_each(|i| all.card(i, [2, 6], Backs::Own, 0));
+        all.mesh(true)
+    };
     for share in [1e-8, 1e-7, 5e-7, 1e-6] {
-        let near = with_gap(&both, 3 * 7, share * diagonal);
+        let near = with_gap(share);
         assert_eq!(two_sided_faces(&near.surface()), near.face_count(), "{share}");
         for ratio in [0.5, 0.25, 0.1] {
             let options = SimplifyOptions::new(Stop::ratio(ratio));
@@ -325,11 +287,11 @@ fn sides_up_to_a_millionth_of_the_diagonal_apart_are_one_sheet() {
         }
     }
     // What is closed by its indices is a solid, however thin.
-    let mut lens = lodsmith::core::shapes::icosphere(3);
+    let mut lens = shapes::icosphere(3);
     lens.map_positions(|[x, y, z]| [x, y, 1e-7 * z]);
     assert_eq!(two_sided_faces(&lens.surface()), 0);
     // Farther apart they are two surfaces.
-    let apart = with_gap(&both, 3 * 7, 1e-4 * diagonal);
+    let apart = with_gap(1e-4);
     assert_eq!(two_sided_faces(&apart.surface()), 0);
 }
 
@@ -367,7 +329,7 @@ fn sheets_whose_sides_have_other_triangles_are_counted() {
     assert_eq!((unlike.unpaired_sheets, unlike.two_sided_pairs), (2, 4 * 3 * 2));
     let alike = run(&mesh(&[(4, 3), (4, 3)]), &options).report;
     assert_eq!((alike.unpaired_sheets, alike.two_sided_pairs), (0, 2 * 4 * 3 * 2));
-    let solid = run(&lodsmith::core::shapes::cube(4), &options).report;
+    let solid = run(&shapes::cube(4), &options).report;
     assert_eq!(solid.unpaired_sheets, 0);
 }
 

@@ -422,7 +422,7 @@ fn warnings_of(report: &Report) -> Vec<String> {
     }
     if report.unpaired_sheets > 0 {
         told.push(format!(
-            "{} sheets with two sides could not be reduced as one, because the sides have different triangles: area may be missing",
+            "two-sided sheets whose sides have different triangles were not reduced as one ({}): area may be missing",
             report.unpaired_sheets
         ));
     }

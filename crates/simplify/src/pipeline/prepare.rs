@@ -32,6 +32,8 @@ pub(crate) struct Prepared<'a> {
     unused: usize,
     /// Vertices that were joined with others.
     welded: usize,
+    /// Sheets that are reduced as closed surfaces: see [`Report::unpaired_sheets`].
+    pub(crate) unpaired_sheets: usize,
     /// Where normals were left out, and the mesh with them.
     flat: Option<(&'a FlatShading, &'a TriMesh)>,
     /// For lent normals, true if the input has attributes or regions of its own.
@@ -58,6 +60,7 @@ impl<'a> Prepared<'a> {
             diagonal: None,
             unused: 0,
             welded: 0,
+            unpaired_sheets: 0,
             flat: flat.zip(input.mesh),
             lent: lent.map(|_| input.mesh.is_some_and(|m| m.has_attributes() || m.regions().is_some())),
         };
@@ -137,6 +140,7 @@ impl<'a> Prepared<'a> {
             None => 0,
         });
         report.pruned = self.pruned;
+        report.unpaired_sheets += self.unpaired_sheets;
         report.error.diagonal = self.diagonal.unwrap_or(report.error.diagonal);
     }
 }

@@ -218,8 +218,9 @@ impl AttributeSource<'_> {
     /// True if no vertex has several rows.
     fn has_one_row_each(&self) -> bool {
         let mut row_of = vec![WedgeId(NO_ROW); self.prepared.points.len()];
-        let corners = self.prepared.faces.iter().zip(self.corners).flat_map(|(t, rows)| t.iter().zip(rows));
-        corners.into_iter().all(|(v, row)| {
+        let mut corners =
+            self.prepared.faces.iter().zip(self.corners).flat_map(|(t, rows)| t.iter().zip(rows));
+        corners.all(|(v, row)| {
             let known = &mut row_of[v.index()];
             if known.0 == NO_ROW {
                 *known = *row;

@@ -1,5 +1,4 @@
-//! Sides of sheets that are a hair's breadth apart: up to a millionth of the diagonal, as where each side was
-//! computed for itself.
+//! Sheets whose sides are apart, by up to a millionth of the diagonal, as where each side was computed for itself.
 
 use std::collections::HashMap;
 
@@ -13,24 +12,22 @@ use crate::collapse::order::{NONE, Ordered, order};
 
 /// Largest distance between the sides of a sheet, as a share of the diagonal.
 const MAX_GAP_SHARE: f64 = 1e-6;
-/// Points along the order that are looked at for near ones: vertices of two sides are mostly in one cell of the curve,
-/// and one such pair is enough.
+/// Points along the order that are looked at for near ones: vertices of two sides are mostly in one cell of the curve.
 const NEXT_POINTS: usize = 3;
 
 /// A surface whose near sides are on the same vertices.
 pub(super) struct NearSides<'a> {
     pub(super) surface: Surface<'a>,
     pub(super) ordered: Ordered,
-    /// What each vertex was joined with.
+    /// The vertex that stands for each vertex: itself, unless it was joined with others.
     pub(super) to: Vec<VertexId>,
 }
 
-/// Joins the vertices of sheets whose sides are apart, if a surface has any; `ordered` is its order, and `own` are its
-/// faces as they were given, before anything was joined: sides that hang together there are those of a thin solid.
-/// `may_pair` decides
-/// whether some faces of the input may be the front of others, from the places of the corners of faces;
-/// `max_bent_gap` is that of [`pairs::find`]. Vertices that belong to no such sheet stay as they are. Cost: O(V), a
-/// pass over the ordered points; O(n log n) if any are near.
+/// Joins the vertices of sheets whose sides are apart, if a surface has any; all others stay as they are. `ordered` is
+/// the order of the surface, and `own` has its faces as they were given, before anything was joined: sides that share
+/// vertices there are those of a thin solid. `may_pair` decides whether some faces may be the front of others, from
+/// the places of the corners of faces; `max_bent_gap` is that of [`pairs::find`]. Cost: two passes over the ordered
+/// points and faces; O(n log n) if there may be such sheets.
 pub(super) fn joined<'a>(
     surface: &Surface<'a>,
     ordered: &Ordered,
@@ -39,10 +36,23 @@ pub(super) fn joined<'a>(
     may_pair: impl Fn(&FacePair, &dyn Fn(u32) -> [VertexId; 3]) -> bool,
 ) -> Option<NearSides<'a>> {
     let gap = MAX_GAP_SHARE * ordered.diagonal;
-    if !has_near(&ordered.points, ordered.frame.unit_length(gap) as f32) {
+    let unit_gap = ordered.frame.unit_length(gap) as f32;
+    let (positions, triangles) = (surface.positions(), surface.triangles());
+    let places = |f: &u32| triangles[*f as usize].map(|v| ordered.rank[v.index()]);
+    let near = first_near(&ordered.points, unit_gap)?;
+    let candidates = coincident(&near, (0..triangles.len() as u32).map(|f| (f, places(&f))));
+    if candidates.is_empty() {
         return None;
     }
-    let (positions, triangles) = (surface.positions(), surface.triangles());
+    let mut parts = DisjointSets::new(positions.len());
+    for [a, b, c] in own {
+        parts.join(a.0, b.0);
+        parts.join(b.0, c.0);
+    }
+    let mut part = |f: u32| parts.find(own[f as usize][0].0);
+    if candidates.iter().all(|[f, g]| part(*f) == part(*g)) {
+        return None;
+    }
     let weld = weld_within(positions, gap);
     let moved = |to: &dyn Fn(VertexId) -> VertexId| {
         let triangles = triangles.iter().map(|t| t.map(to)).collect();
@@ -51,43 +61,28 @@ pub(super) fn joined<'a>(
         Some((surface, ordered))
     };
     let (merged, merged_order) = moved(&|v| weld.of(v))?;
-    let places = |f: u32| merged.triangles()[f as usize].map(|v| merged_order.rank[v.index()]);
-    let found = pairs::find(&merged, &merged_order, max_bent_gap, |pair| may_pair(pair, &places))?;
-    let mut parts = DisjointSets::new(positions.len());
-    for [a, b, c] in own {
-        parts.join(a.0, b.0);
-        parts.join(b.0, c.0);
-    }
-    // Places of the given surface at pairs that come to be by joining. (Faces of the size of the gap are no sheet.)
+    let merged_places = |f: u32| merged.triangles()[f as usize].map(|v| merged_order.rank[v.index()]);
+    let found = pairs::find(&merged, &merged_order, max_bent_gap, |pair| may_pair(pair, &merged_places))?;
+    // (A face with edges of the size of the gap is no sheet.)
+    let is_wide = |f: &u32| {
+        let at = places(f);
+        at.iter().all(|p| *p != NONE) && {
+            let p = at.map(|p| ordered.points[p.index()]);
+            (0..3).all(|k| p[k].distance(p[(k + 1) % 3]) > LEAST_EDGE as f32 * unit_gap)
+        }
+    };
+    // The places of pairs that come to be by joining.
     let mut is_joined = vec![false; ordered.point_count];
-    let mut any = false;
     for pair in &found.pairs {
-        let corners = || {
-            let faces = pair.fronts().iter().chain(pair.backs());
-            faces.flat_map(|f| triangles[*f as usize]).map(|v| ordered.rank[v.index()])
-        };
-        if corners().any(|rank| rank == NONE) {
-            continue;
-        }
-        let is_wide = pair.fronts().iter().chain(pair.backs()).all(|f| {
-            let p = triangles[*f as usize].map(|v| ordered.points[ordered.rank[v.index()].index()]);
-            let least = LEAST_EDGE as f32 * ordered.frame.unit_length(gap) as f32;
-            (0..3).all(|k| p[k].distance(p[(k + 1) % 3]) > least)
-        });
-        let places: Vec<VertexId> = corners().collect();
-        let is_apart = {
-            let mut distinct = places.clone();
-            distinct.sort_unstable();
-            distinct.dedup();
-            distinct.len() > 2 + pair.fronts().len()
-        };
-        let [front, back] = [pair.fronts()[0], pair.backs()[0]].map(|f| parts.find(own[f as usize][0].0));
-        if is_wide && is_apart && front != back {
-            places.iter().for_each(|p| is_joined[p.index()] = true);
-            any = true;
+        let all = || pair.fronts().iter().chain(pair.backs());
+        let fronts: Vec<VertexId> = pair.fronts().iter().flat_map(places).collect();
+        let is_apart = pair.backs().iter().flat_map(places).any(|p| !fronts.contains(&p));
+        let [front, back] = [pair.fronts()[0], pair.backs()[0]].map(&mut part);
+        if is_apart && front != back && all().all(is_wide) {
+            all().flat_map(places).for_each(|p| is_joined[p.index()] = true);
         }
     }
-    if !any {
+    if !is_joined.contains(&true) {
         return None;
     }
     let mut first: HashMap<VertexId, VertexId> = HashMap::new();
@@ -102,8 +97,39 @@ pub(super) fn joined<'a>(
     Some(NearSides { surface, ordered, to })
 }
 
-/// True if points that follow on each other in the order are at most `gap` apart.
-fn has_near(points: &[Vec3], gap: f32) -> bool {
-    let is_near = |p: &Vec3, q: &Vec3| p.distance_squared(*q) <= gap * gap;
-    points.windows(1 + NEXT_POINTS).any(|few| few[1..].iter().any(|q| is_near(&few[0], q)))
+/// The first of the points near each point, as far as points next to each other in the order tell; nothing if none are
+/// near.
+fn first_near(points: &[Vec3], gap: f32) -> Option<Vec<VertexId>> {
+    let mut near: Vec<VertexId> = Vec::new();
+    for i in 0..points.len() {
+        for j in i + 1..points.len().min(i + 1 + NEXT_POINTS) {
+            if points[i].distance_squared(points[j]) <= gap * gap {
+                if near.is_empty() {
+                    near = (0..points.len()).map(VertexId::new).collect();
+                }
+                near[j] = near[i];
+            }
+        }
+    }
+    (!near.is_empty()).then_some(near)
+}
+
+/// Pairs of faces on the same points, if near points count as one; `faces` have their places among the points.
+fn coincident(near: &[VertexId], faces: impl Iterator<Item = (u32, [VertexId; 3])>) -> Vec<[u32; 2]> {
+    let mut has_near = vec![false; near.len()];
+    for (v, first) in near.iter().enumerate().filter(|(v, first)| first.index() != *v) {
+        (has_near[v], has_near[first.index()]) = (true, true);
+    }
+    let mut first_face = HashMap::new();
+    // (Sides may share vertices: those of their outlines, where borders have been joined.)
+    let may_pair = |t: &[VertexId; 3]| t.iter().all(|p| *p != NONE) && t.iter().any(|p| has_near[p.index()]);
+    let candidates = faces.filter(|(_, t)| may_pair(t)).filter_map(|(f, t)| {
+        let mut points = t.map(|p| near[p.index()]);
+        points.sort_unstable();
+        // (Faces of the size of the gap shrink to edges.)
+        let is_face = points[0] != points[1] && points[1] != points[2];
+        let first = is_face.then(|| *first_face.entry(points).or_insert(f))?;
+        (first != f).then_some([first, f])
+    });
+    candidates.collect()
 }

@@ -7,7 +7,7 @@ use std::ops::Range;
 use glam::Vec3;
 use lodsmith_core::{Surface, VertexId};
 
-use crate::collapse::order::{NONE, Ordered};
+use crate::collapse::order::Ordered;
 
 /// Faces with a back: a triangle, or two triangles that make a quad whose back is cut along the other diagonal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,22 +37,13 @@ pub(super) struct FacePairs {
     pub(super) duplicates: Vec<u32>,
 }
 
-/// An ordered face, rotated so that its lowest vertex comes first.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-struct SortedFace {
-    low: VertexId,
-    middle: VertexId,
-    high: VertexId,
-}
-
-/// Returns the face without its winding, and true if its vertices ascend.
-fn sorted_face(t: [VertexId; 3]) -> (SortedFace, bool) {
-    let [low, a, b] = match t.iter().min() {
-        Some(m) if *m == t[0] => t,
-        Some(m) if *m == t[1] => [t[1], t[2], t[0]],
-        _ => [t[2], t[0], t[1]],
-    };
-    (SortedFace { low, middle: a.min(b), high: a.max(b) }, a < b)
+/// Returns the two vertices of a face other than its lowest, as the face winds.
+fn link(t: &[VertexId; 3]) -> [VertexId; 2] {
+    match lowest(t) {
+        low if low == t[0] => [t[1], t[2]],
+        low if low == t[1] => [t[2], t[0]],
+        _ => [t[0], t[1]],
+    }
 }
 
 /// Faces at one lowest vertex up to which all are compared with each other.
@@ -68,14 +59,18 @@ pub(super) const MAX_BENT_GAP: f32 = 0.1;
 /// Least number of such quads in an input: fewer are chance, as in heaps of loose faces. (Guessed.)
 const MIN_BENT_QUADS: usize = 6;
 
+/// Returns the lowest vertex of a face, by which the faces of the ordered input are sorted.
+pub(super) fn lowest(t: &[VertexId; 3]) -> VertexId {
+    t[0].min(t[1]).min(t[2])
+}
+
 /// Calls `group` with the range of the faces of each lowest vertex that several faces have, until it returns
 /// false.
 fn each_group(faces: &[[VertexId; 3]], mut group: impl FnMut(Range<usize>) -> bool) {
-    let low = |t: &[VertexId; 3]| t[0].min(t[1]).min(t[2]);
     let mut first = 0;
     while first < faces.len() {
-        let own = low(&faces[first]);
-        let next = first + faces[first..].iter().take_while(|t| low(t) == own).count();
+        let own = lowest(&faces[first]);
+        let next = first + faces[first..].iter().take_while(|t| lowest(t) == own).count();
         if next - first > 1 && !group(first..next) {
             return;
         }
@@ -83,41 +78,52 @@ fn each_group(faces: &[[VertexId; 3]], mut group: impl FnMut(Range<usize>) -> bo
     }
 }
 
-/// A sorted face, true if its vertices ascend, and its index.
-type Keyed = (SortedFace, bool, usize);
+/// A face of a group with one lowest vertex.
+#[derive(Clone, Copy)]
+struct GroupFace {
+    /// The other two vertices, as the face winds.
+    link: [VertexId; 2],
+    face: usize,
+}
 
-fn key_group(faces: &[[VertexId; 3]], range: Range<usize>, keys: &mut Vec<Keyed>) {
-    keys.clear();
-    keys.extend(range.map(|i| {
-        let (key, ascends) = sorted_face(faces[i]);
-        (key, ascends, i)
-    }));
+impl GroupFace {
+    fn is_opposite(&self, other: &Self) -> bool {
+        self.link == [other.link[1], other.link[0]]
+    }
+    /// The other two vertices, whatever the winding, and true if they ascend.
+    fn key(&self) -> ([VertexId; 2], bool) {
+        let [a, b] = self.link;
+        ([a.min(b), a.max(b)], a < b)
+    }
+}
+
+fn group_faces(faces: &[[VertexId; 3]], range: Range<usize>, group: &mut Vec<GroupFace>) {
+    group.clear();
+    group.extend(range.map(|face| GroupFace { link: link(&faces[face]), face }));
 }
 
 /// True if two faces of a group are opposite. Sorts large groups.
-fn has_opposite(keys: &mut [Keyed]) -> bool {
-    let is_pair = |a: &Keyed, b: &Keyed| a.0 == b.0 && a.1 != b.1;
-    if keys.len() <= COMPARE_ALL_MAX_FACES {
-        return keys.iter().enumerate().any(|(i, a)| keys[..i].iter().any(|b| is_pair(a, b)));
+fn has_opposite(group: &mut [GroupFace]) -> bool {
+    if group.len() <= COMPARE_ALL_MAX_FACES {
+        return group.iter().enumerate().any(|(i, a)| group[..i].iter().any(|b| a.is_opposite(b)));
     }
-    keys.sort_unstable();
-    keys.windows(2).any(|two| is_pair(&two[0], &two[1]))
+    group.sort_unstable_by_key(GroupFace::key);
+    group.windows(2).any(|two| two[0].is_opposite(&two[1]))
 }
 
 /// Calls `found` with each three faces of a group that close up round its lowest vertex: with a fourth they
 /// bound a tetrahedron, which is a quad with two sides if it is flat. It returns true to end the search.
-fn each_closed_fan(keys: &[Keyed], mut found: impl FnMut([usize; 3]) -> bool) -> bool {
-    if !(3..=QUAD_MAX_FACES).contains(&keys.len()) {
+fn each_closed_fan(group: &[GroupFace], mut found: impl FnMut([usize; 3]) -> bool) -> bool {
+    if !(3..=QUAD_MAX_FACES).contains(&group.len()) {
         return false;
     }
-    let link = |k: &Keyed| if k.1 { [k.0.middle, k.0.high] } else { [k.0.high, k.0.middle] };
-    for (i, a) in keys.iter().enumerate() {
-        let [b, c] = link(a);
+    for (i, a) in group.iter().enumerate() {
+        let [b, c] = a.link;
         // (Each fan is met at its lowest index.)
-        for second in keys[i + 1..].iter().filter(|k| link(k)[0] == c) {
-            let d = link(second)[1];
-            if let Some(third) = keys[i + 1..].iter().find(|k| link(k) == [d, b] && d != b)
-                && found([a.2, second.2, third.2])
+        for second in group[i + 1..].iter().filter(|x| x.link[0] == c) {
+            let d = second.link[1];
+            if let Some(third) = group[i + 1..].iter().find(|x| x.link == [d, b] && d != b)
+                && found([a.face, second.face, third.face])
             {
                 return true;
             }
@@ -154,10 +160,10 @@ pub(super) fn may_have_sheets(surface: &Surface<'_>) -> bool {
 /// True if any faces lie on each other with opposite windings. Cost: O(F), in the order of the faces.
 fn has_sheets(faces: &[[VertexId; 3]]) -> bool {
     let mut any = false;
-    let mut keys: Vec<Keyed> = Vec::new();
+    let mut group: Vec<GroupFace> = Vec::new();
     each_group(faces, |range| {
-        key_group(faces, range, &mut keys);
-        any = has_opposite(&mut keys) || each_closed_fan(&keys, |_| true);
+        group_faces(faces, range, &mut group);
+        any = has_opposite(&mut group) || each_closed_fan(&group, |_| true);
         !any
     });
     any
@@ -182,25 +188,25 @@ pub(super) fn find(
     // The border of the first side of each pair.
     let mut borders: Vec<PairBorder> = Vec::new();
     let mut is_taken = vec![false; faces.len()];
-    let mut keys: Vec<Keyed> = Vec::new();
+    let mut group: Vec<GroupFace> = Vec::new();
     let mut fans: Vec<[usize; 3]> = Vec::new();
     each_group(faces, |range| {
-        key_group(faces, range, &mut keys);
-        keys.sort_unstable_by_key(|k| (k.0, k.1, index[k.2]));
-        for same in keys.chunk_by(|a, b| a.0 == b.0) {
-            let split = same.partition_point(|x| !x.1);
-            let (descending, ascending) = same.split_at(split);
+        group_faces(faces, range, &mut group);
+        group.sort_unstable_by_key(|x| (x.key(), index[x.face]));
+        for same in group.chunk_by(|a, b| a.key().0 == b.key().0) {
+            let (descending, ascending) = same.split_at(same.partition_point(|x| !x.key().1));
             let (Some(a), Some(b)) = (descending.first(), ascending.first()) else { continue };
-            let pair = FacePair { sides: [[index[a.2]; 2], [index[b.2]; 2]] };
+            let pair = FacePair { sides: [[index[a.face]; 2], [index[b.face]; 2]] };
             if may_pair(&pair) {
                 found.pairs.push(pair);
-                borders.push(border_of(&[faces[a.2]]));
-                found.duplicates.extend(descending[1..].iter().chain(&ascending[1..]).map(|x| index[x.2]));
-                same.iter().for_each(|k| is_taken[k.2] = true);
+                borders.push(border_of(&[faces[a.face]]));
+                let others = descending[1..].iter().chain(&ascending[1..]);
+                found.duplicates.extend(others.map(|x| index[x.face]));
+                same.iter().for_each(|x| is_taken[x.face] = true);
             }
         }
-        keys.retain(|k| !is_taken[k.2]);
-        each_closed_fan(&keys, |fan| {
+        group.retain(|x| !is_taken[x.face]);
+        each_closed_fan(&group, |fan| {
             fans.push(fan);
             false
         });
@@ -231,51 +237,56 @@ fn quads(
     if fans.is_empty() {
         return Vec::new();
     }
-    // The fourth face of each, with the opposite winding of the link.
-    let links = |fan: &[usize; 3]| {
-        let low = faces[fan[0]].into_iter().min().unwrap_or(NONE);
-        fan.map(|f| {
-            let t = faces[f];
-            let at = t.iter().position(|v| *v == low).unwrap_or(0);
-            t[(at + 1) % 3]
-        })
+    // The fourth face of each has the opposite winding of the links of the three.
+    let rotated = |t: [VertexId; 3]| {
+        let [a, b] = link(&t);
+        [lowest(&t), a, b]
     };
-    let mut wanted: HashMap<(SortedFace, bool), Option<usize>> = HashMap::new();
-    let mut uses: HashMap<[VertexId; 2], usize> = HashMap::new();
-    for fan in fans {
-        let [b, c, d] = links(fan);
-        wanted.insert(sorted_face([b, d, c]), None);
-        for f in fan {
-            uses.extend(edges(faces[*f]).map(|(edge, _)| (edge, 0)));
-        }
-    }
-    for (f, t) in faces.iter().enumerate() {
-        if let Some(place) = wanted.get_mut(&sorted_face(*t)) {
-            place.get_or_insert(f);
-        }
-        for (edge, _) in edges(*t) {
-            if let Some(count) = uses.get_mut(&edge) {
-                *count += 1;
+    let fourth = |fan: &[usize; 3]| {
+        let [b, c, d] = fan.map(|f| link(&faces[f])[0]);
+        rotated([b, d, c])
+    };
+    let mut known: HashMap<[VertexId; 3], Option<usize>> =
+        fans.iter().map(|fan| (fourth(fan), None)).collect();
+    let mut lows: Vec<VertexId> = known.keys().map(|face| face[0]).collect();
+    lows.sort_unstable();
+    lows.dedup();
+    for low in lows {
+        let first = faces.partition_point(|t| lowest(t) < low);
+        for (f, t) in faces.iter().enumerate().skip(first).take_while(|(_, t)| lowest(t) == low) {
+            if let Some(place) = known.get_mut(&rotated(*t)) {
+                place.get_or_insert(f);
             }
         }
     }
-    let quad = |fan: &[usize; 3]| {
-        let [b, c, d] = links(fan);
-        let fourth = wanted.get(&sorted_face([b, d, c])).copied().flatten()?;
-        let all = [fan[0], fan[1], fan[2], fourth];
+    let tetrahedra: Vec<[usize; 4]> = fans
+        .iter()
+        .filter_map(|fan| Some([fan[0], fan[1], fan[2], known.get(&fourth(fan)).copied().flatten()?]))
+        .collect();
+    if tetrahedra.is_empty() {
+        return Vec::new();
+    }
+    let six_edges = |all: &[usize; 4]| all.map(|f| edges(faces[f])).into_iter().flatten();
+    let mut uses: HashMap<[VertexId; 2], usize> =
+        tetrahedra.iter().flat_map(six_edges).map(|(edge, _)| (edge, 0)).collect();
+    for (edge, _) in faces.iter().flat_map(|t| edges(*t)) {
+        if let Some(count) = uses.get_mut(&edge) {
+            *count += 1;
+        }
+    }
+    let quad = |all: &[usize; 4]| {
         let normal = |f: usize| {
             let [a, b, c] = faces[f].map(|v| points[v.index()]);
             (b - a).cross(c - a)
         };
-        let reference = normal(fan[0]);
-        let mut sides = all.into_iter().partition::<Vec<usize>, _>(|f| normal(*f).dot(reference) > 0.0);
+        let reference = normal(all[0]);
+        let mut sides = all.iter().copied().partition::<Vec<usize>, _>(|f| normal(*f).dot(reference) > 0.0);
         if sides.0.len() != 2 {
             return None;
         }
         sides.0.sort_unstable();
         // The distance of two opposite edges of the tetrahedron: the diagonals of the quad.
-        let corners = faces[fan[0]].into_iter().chain([b, c, d]);
-        let mut corners: Vec<VertexId> = corners.collect();
+        let mut corners: Vec<VertexId> = all.iter().flat_map(|f| faces[*f]).collect();
         corners.sort_unstable();
         corners.dedup();
         let p: Vec<Vec3> = corners.iter().map(|v| points[v.index()]).collect();
@@ -286,14 +297,12 @@ fn quads(
             .map(|(i, j)| p[i].distance(p[j]))
             .fold(0f32, f32::max);
         let gap = volume / area;
-        let is_connected = all
-            .iter()
-            .any(|f| edges(faces[*f]).iter().any(|(edge, _)| uses.get(edge).is_some_and(|n| *n > 2)));
+        let is_connected = six_edges(all).any(|(edge, _)| uses.get(&edge).is_some_and(|n| *n > 2));
         let is_flat =
             gap <= MAX_GAP || is_connected && fans.len() >= MIN_BENT_QUADS && gap <= max_bent_gap * longest;
         is_flat.then(|| [[sides.0[0], sides.0[1]], [sides.1[0], sides.1[1]]])
     };
-    fans.iter().filter_map(quad).collect()
+    tetrahedra.iter().filter_map(quad).collect()
 }
 
 /// The edges round one side of a pair, in its winding.

@@ -1,7 +1,9 @@
 //! Sheets whose two sides have different triangles, so that none lies on another.
 
 use glam::{DVec3, Vec3};
-use lodsmith_core::{DisjointSets, VertexId};
+use lodsmith_core::VertexId;
+
+use crate::collapse::components;
 
 /// Largest mean distance between the sides, in the unit frame: about a millionth of the diagonal.
 const MAX_GAP: f64 = 1.7e-6;
@@ -12,43 +14,53 @@ const MIN_AREA_GAPS: f64 = 1e6;
 
 /// Counts the connected parts whose sides lie on each other: faces of opposite windings that enclose nothing. Cost: O(n).
 pub(super) fn count(points: &[Vec3], faces: &[[VertexId; 3]]) -> usize {
-    let mut parts = DisjointSets::new(points.len());
-    for [a, b, c] in faces {
-        parts.join(a.0, b.0);
-        parts.join(b.0, c.0);
-    }
-    let mut sums: Vec<Sums> = vec![Sums::default(); points.len()];
+    let part_of = components::labels(points.len(), faces);
+    let part = |t: &[VertexId; 3]| part_of[t[0].index()] as usize;
+    let mut sums: Vec<Sums> = Vec::new();
     for t in faces {
-        let part = parts.find(t[0].0) as usize;
-        // From a point of the part, so that small ones far from the origin lose nothing.
-        let origin = points[part];
-        let [a, b, c] = t.map(|v| (points[v.index()] - origin).as_dvec3());
-        sums[part].add(a, (b - a).cross(c - a));
+        if part(t) >= sums.len() {
+            sums.resize(part(t) + 1, Sums::default());
+        }
+        sums[part(t)].add(t.map(|v| points[v.index()]));
     }
-    sums.iter().filter(|part| part.is_flat()).count()
+    let is_thin: Vec<bool> = sums.iter().map(Sums::is_thin).collect();
+    if !is_thin.contains(&true) {
+        return 0;
+    }
+    let mut normals = vec![(DVec3::ZERO, 0.0); sums.len()];
+    for t in faces.iter().filter(|t| is_thin[part(t)]) {
+        let [a, b, c] = t.map(|v| points[v.index()].as_dvec3());
+        let normal = (b - a).cross(c - a);
+        let own = &mut normals[part(t)];
+        *own = (own.0 + normal, own.1 + normal.length());
+    }
+    let is_sheet = |(net, area): &(DVec3, f64)| {
+        *area > MIN_AREA_GAPS * MAX_GAP * MAX_GAP && net.length() <= MAX_NET_AREA_SHARE * area
+    };
+    normals.iter().filter(|part| is_sheet(part)).count()
 }
 
-/// Sums over the faces of a part.
+/// Sums over the faces of a part, with few operations for each.
 #[derive(Clone, Copy, Default)]
 struct Sums {
-    /// Normals of double area.
-    normal: DVec3,
-    /// Twice the area.
+    /// A point of the part, so that small ones far from the origin lose no digits.
+    origin: Option<Vec3>,
+    /// Twice the area, or more, by up to √3.
     area: f64,
     /// Six times the volume between the faces and the origin.
     volume: f64,
 }
 
 impl Sums {
-    fn add(&mut self, point: DVec3, normal: DVec3) {
-        self.normal += normal;
-        self.area += normal.length();
-        self.volume += normal.dot(point);
+    #[inline(always)]
+    fn add(&mut self, [a, b, c]: [Vec3; 3]) {
+        let origin = *self.origin.get_or_insert(a);
+        let normal = (b - a).cross(c - a);
+        self.area += f64::from(normal.abs().element_sum());
+        self.volume += f64::from(normal.dot(a - origin));
     }
-    fn is_flat(&self) -> bool {
-        let is_large = self.area > MIN_AREA_GAPS * MAX_GAP * MAX_GAP;
-        // A volume between two sides of half of the area each.
-        let gap = 2.0 / 3.0 * self.volume.abs() / self.area;
-        is_large && self.normal.length() <= MAX_NET_AREA_SHARE * self.area && gap <= MAX_GAP
+    /// True if the sides are hardly apart, if there are two of half of the area each.
+    fn is_thin(&self) -> bool {
+        2.0 / 3.0 * self.volume.abs() <= MAX_GAP * self.area
     }
 }
