@@ -18,6 +18,7 @@ pub mod numbers;
 pub mod polygon;
 pub mod sampling;
 pub mod shapes;
+pub mod sorted;
 pub mod spatial;
 pub mod splits;
 pub mod topology;

@@ -10,6 +10,7 @@ use glam::{DVec3, Vec3};
 use lodsmith_core::disjoint_sets::DisjointSets;
 use lodsmith_core::mesh::normals::vertex_normals;
 use lodsmith_core::mesh::weld::weld;
+use lodsmith_core::sorted::{indices_by_key, key_of};
 use lodsmith_core::{Attribute, MeshError, TriMesh, VertexId, WedgeId};
 
 use crate::constraints::HeldWedges;
@@ -90,10 +91,9 @@ impl FlatShading {
             corners.extend(flat.map(|(k, w)| (mesh.vertex_of(*w), f, k)));
         }
         // At a vertex the largest face of several that are alike gives all of them its normal.
-        let area = |f: usize| faces[f].length_squared();
-        corners.sort_unstable_by(|a, b| {
-            a.0.cmp(&b.0).then(area(b.1).total_cmp(&area(a.1))).then((a.1, a.2).cmp(&(b.1, b.2)))
-        });
+        let by_area = indices_by_key(corners.iter().map(|c| !key_of(faces[c.1].length_squared())));
+        let by_vertex = indices_by_key(by_area.iter().map(|&i| u64::from(corners[i].0.0)));
+        let corners: Vec<_> = by_vertex.into_iter().map(|i| corners[by_area[i]]).collect();
         let mut own: Vec<[Option<Vec3>; 3]> = vec![[None; 3]; mesh.face_count()];
         let given = input.normals().unwrap_or_default();
         for vertex in corners.chunk_by(|a, b| a.0 == b.0) {

@@ -8,6 +8,7 @@
 //! closed by its indices. It gets the mean normal of its faces, if that fits more of them.
 
 use glam::Vec3;
+use lodsmith_core::sorted::{indices_by_key, key_of};
 use lodsmith_core::{TriMesh, VertexId, WedgeId};
 
 use crate::attributes::Rows;
@@ -76,7 +77,8 @@ pub(crate) fn repair<Q: VertexMemory>(
         }
     }
     turn(store, attributes, at, &faces, &is_turned);
-    corners.sort_unstable_by_key(|c| (c.wedge, c.face, c.k));
+    let by_wedge = indices_by_key(corners.iter().map(|c| u64::from(c.wedge.0)));
+    let corners: Vec<WedgeCorner> = by_wedge.into_iter().map(|i| corners[i]).collect();
     let mut changes: Vec<(WedgeCorner, WedgeId)> = Vec::new();
     for of_wedge in corners.chunk_by(|a, b| a.wedge == b.wedge) {
         split(attributes, at, &faces, of_wedge, &mut changes);
@@ -170,14 +172,12 @@ fn split(
 ) {
     let wedge = corners[0].wedge;
     let own = normal_of(attributes, wedge, at);
-    let mut far: Vec<WedgeCorner> =
-        corners.iter().filter(|c| is_far_off(own, faces[c.face])).copied().collect();
+    let far: Vec<&WedgeCorner> = corners.iter().filter(|c| is_far_off(own, faces[c.face])).collect();
     // The largest face determines the direction of a group.
-    far.sort_by(|a, b| {
-        faces[b.face].length_squared().total_cmp(&faces[a.face].length_squared()).then(a.face.cmp(&b.face))
-    });
+    let area = |c: &WedgeCorner| f64::from(faces[c.face].length_squared());
+    let largest_first = indices_by_key(far.iter().map(|c| !key_of(area(c))));
     let mut groups: Vec<(Vec3, Vec<WedgeCorner>)> = Vec::new();
-    for c in &far {
+    for c in largest_first.into_iter().map(|i| far[i]) {
         let face = faces[c.face];
         match groups.iter_mut().find(|(sum, _)| !is_far_off(*sum, face)) {
             Some((sum, members)) => {

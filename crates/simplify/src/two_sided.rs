@@ -79,7 +79,7 @@ pub(crate) fn sides(surface: &Surface<'_>) -> Sides {
     let ordered = order(surface);
     let near = near::joined(surface, &ordered, surface.triangles(), pairs::MAX_BENT_GAP, |_, _| true);
     let (surface, ordered) = near.as_ref().map_or((surface, &ordered), |near| (&near.surface, &near.ordered));
-    let found = pairs::find(surface, ordered, pairs::MAX_BENT_GAP, |_| true).unwrap_or_default();
+    let found = pairs::find(surface, ordered, pairs::MAX_BENT_GAP, &|_| true).unwrap_or_default();
     let all = |side: fn(&FacePair) -> &[u32]| {
         let mut faces: Vec<u32> = found.pairs.iter().flat_map(side).copied().collect();
         faces.sort_unstable();
@@ -125,7 +125,7 @@ impl<'a> TwoSidedInput<'a> {
         };
         let (surface, ordered) = near.as_ref().map_or((surface, ordered), |n| (&n.surface, &n.ordered));
         let places = |f: u32| surface.triangles()[f as usize].map(|v| ordered.rank[v.index()]);
-        let Some(found) = pairs::find(surface, ordered, bent, |pair| may_pair(pair, &places)) else {
+        let Some(found) = pairs::find(surface, ordered, bent, &|pair| may_pair(pair, &places)) else {
             return Ok(None);
         };
         let whole = match input.mesh {

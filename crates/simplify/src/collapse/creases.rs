@@ -3,10 +3,9 @@
 //! A bit stays with its face, so collapses need no update: when two edges become one, each of the two
 //! remaining faces brings the bit of its own edge, and either of them makes the new edge a feature.
 
-use std::cmp::Ordering;
-
 use glam::{DVec3, Vec3};
 use lodsmith_core::VertexId;
+use lodsmith_core::sorted::sort_pairs;
 
 use super::ring::{Corner, Spoke};
 use super::store::Store;
@@ -20,22 +19,22 @@ const MIN_NORMAL_SHAPE: f64 = 1e-6;
 /// k is the edge from corner k to the next one. `None` if there are none. Edges of other than two faces
 /// have no bits: they are features anyway. Cost: O(n log n).
 pub(crate) fn sharp_edges(points: &[Vec3], faces: &[[VertexId; 3]], deg: f64) -> Option<Vec<u8>> {
-    let mut edges: Vec<([VertexId; 2], Corner)> = Vec::with_capacity(3 * faces.len());
+    // The ends of each edge, and its corner.
+    let mut edges: Vec<(u64, u32)> = Vec::with_capacity(3 * faces.len());
     for (f, t) in faces.iter().enumerate() {
         for k in 0..3 {
             let (a, b) = (t[k], t[(k + 1) % 3]);
-            edges.push(([a.min(b), a.max(b)], Corner::new(f, k)));
+            edges.push((u64::from(a.min(b).0) << 32 | u64::from(a.max(b).0), (3 * f + k) as u32));
         }
     }
-    edges.sort_unstable_by(|a, b| match a.0.cmp(&b.0) {
-        Ordering::Equal => (a.1.face(), a.1.k()).cmp(&(b.1.face(), b.1.k())),
-        order => order,
-    });
+    sort_pairs(&mut edges);
+    let corner = |c: u32| Corner::new(c as usize / 3, c as usize % 3);
     let cos = libm::cos(deg.to_radians());
     let mut bits = vec![0u8; faces.len()];
     let mut any = false;
     for sides in edges.chunk_by(|a, b| a.0 == b.0) {
         let &[(_, one), (_, other)] = sides else { continue };
+        let [one, other] = [one, other].map(corner);
         let [Some(n), Some(m)] = [one, other].map(|c| normal(points, &faces[c.face()])) else { continue };
         // Faces of opposite winding have their common edge in the same direction.
         let is_turned = faces[one.face()][one.k()] == faces[other.face()][other.k()];

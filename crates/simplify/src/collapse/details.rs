@@ -6,6 +6,7 @@
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
+use lodsmith_core::sorted::{indices_by_key, key_of};
 
 use super::components::{Component, Details, measure_parts};
 use super::ring::Ring;
@@ -53,8 +54,7 @@ impl<M: Metric> LiveMesh<M> {
             part_of[x.origin.index()] = label;
         }
         let colors = colors(&part_of, parts);
-        let mut largest: Vec<usize> = (0..parts).collect();
-        largest.sort_by(|&i, &j| extents[j].area.total_cmp(&extents[i].area).then(i.cmp(&j)));
+        let mut largest = indices_by_key(extents.iter().map(|x| !key_of(f64::from(x.area))));
         largest.truncate(MAX_CARRIERS);
         let are_apart = |i: usize, j: usize| match (colors[i], colors[j]) {
             (Some(a), Some(b)) => (a - b).abs().max_element() > MIN_COLOR_CONTRAST,

@@ -7,6 +7,7 @@
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
+use lodsmith_core::sorted::{indices_by_key, key_of};
 
 use super::components::{Component, Parts, labels, measure_parts};
 use super::invariants::need;
@@ -35,11 +36,11 @@ const MAX_OVERSHOOT: f64 = 0.1;
 /// a result above the target is nearer to it.)
 const MAX_LAST_OVERSHOOT: f64 = 0.5;
 
-/// Sorts by cost, the cheapest first, and drops the last.
-fn all_but_most_expensive(mut order: Vec<usize>, cost: &[f32]) -> Vec<usize> {
-    order.sort_by(|&i, &j| cost[i].total_cmp(&cost[j]).then(i.cmp(&j)));
+/// Sorts ascending indices by cost, the cheapest first, and drops the last.
+fn all_but_most_expensive(all: Vec<usize>, cost: &[f32]) -> Vec<usize> {
+    let mut order = indices_by_key(all.iter().map(|&i| key_of(f64::from(cost[i]))));
     order.pop();
-    order
+    order.into_iter().map(|k| all[k]).collect()
 }
 
 impl<M: Metric> Engine<M> {

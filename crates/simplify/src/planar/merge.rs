@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use glam::DVec3;
+use lodsmith_core::sorted::indices_by_key;
 use lodsmith_core::topology::EdgeKind;
 use lodsmith_core::{HalfEdgeId, PositionsView, Surface, Topology, VertexId};
 
@@ -144,8 +145,10 @@ impl<'a> RegionMerge<'a> {
             }
         }
         let savings: Vec<i64> = (0..count).map(|r| merge.savings(r)).collect();
-        merge.order = (0..count).filter(|&r| merge.level[r] == RefillLevel::Free && savings[r] > 0).collect();
-        merge.order.sort_by_key(|&r| (-savings[r], r));
+        let is_merged = |&r: &usize| merge.level[r] == RefillLevel::Free && savings[r] > 0;
+        let free: Vec<usize> = (0..count).filter(is_merged).collect();
+        let most_first = indices_by_key(free.iter().map(|&r| !savings[r].unsigned_abs()));
+        merge.order = most_first.into_iter().map(|k| free[k]).collect();
         merge
     }
 

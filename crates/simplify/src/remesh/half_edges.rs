@@ -105,24 +105,27 @@ impl HalfEdges {
             sorted[*slot as usize] = h;
             *slot += 1;
         }
-        let mut here = Vec::new();
+        // The other end of each half-edge, and the half-edge.
+        let mut here: Vec<(u32, u32)> = Vec::new();
         for w in start.windows(2) {
             here.clear();
             here.extend(
-                sorted[w[0] as usize..w[1] as usize].iter().map(|&h| (self.from(h).max(self.to(h)), h)),
+                sorted[w[0] as usize..w[1] as usize].iter().map(|&h| (self.from(h).max(self.to(h)).0, h.0)),
             );
             here.sort_unstable();
             for edge in here.chunk_by(|a, b| a.0 == b.0) {
-                match *edge {
-                    [(_, h)] => self.line[h.index()] = LineKind::Border,
-                    [(_, h), (_, t)] if self.from(h) != self.from(t) => {
+                let half_edge = |x: &(u32, u32)| HalfEdgeId(x.1);
+                match edge {
+                    [h] => self.line[half_edge(h).index()] = LineKind::Border,
+                    [h, t] if self.from(half_edge(h)) != self.from(half_edge(t)) => {
+                        let [h, t] = [h, t].map(half_edge);
                         (self.twin[h.index()], self.twin[t.index()]) = (t, h);
                         let between = |r: &Vec<RegionId>| r[h.face().index()] != r[t.face().index()];
                         if self.regions.as_ref().is_some_and(between) {
                             self.set_line(h, LineKind::Seam);
                         }
                     }
-                    _ => edge.iter().for_each(|x| self.line[x.1.index()] = LineKind::Fixed),
+                    _ => edge.iter().for_each(|x| self.line[half_edge(x).index()] = LineKind::Fixed),
                 }
             }
         }

@@ -13,6 +13,7 @@
 //! ```
 
 use glam::DVec3;
+use lodsmith_core::sorted::{key_of, sort_pairs};
 use lodsmith_core::{HalfEdgeId, Positions, TriMesh, VertexId};
 
 use super::half_edges::{HalfEdges, LineKind, OPEN, gather};
@@ -411,7 +412,7 @@ impl<'a> Remesher<'a> {
             if long.is_empty() {
                 return;
             }
-            for (_, h) in long {
+            for h in long {
                 if self.mesh.face_count > self.most_faces {
                     return;
                 }
@@ -426,21 +427,22 @@ impl<'a> Remesher<'a> {
     }
 
     /// The edges that may change and whose relative length, squared, satisfies `wanted`; shortest first.
-    fn by_length(&self, wanted: impl Fn(f64) -> bool) -> Vec<(f64, HalfEdgeId)> {
-        let mut all: Vec<(f64, HalfEdgeId)> = self
+    fn by_length(&self, wanted: impl Fn(f64) -> bool) -> Vec<HalfEdgeId> {
+        let mut all: Vec<(u64, u32)> = self
             .mesh
             .half_edges()
             .filter(|&h| self.mesh.is_first(h) && self.mesh.line[h.index()] != LineKind::Fixed)
             .map(|h| (self.relative_sq(h), h))
             .filter(|x| wanted(x.0))
+            .map(|(length, h)| (key_of(length), h.0))
             .collect();
-        all.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        all
+        sort_pairs(&mut all);
+        all.into_iter().map(|(_, h)| HalfEdgeId(h)).collect()
     }
 
     /// Splits the relatively longest edges until the count is met.
     fn split_longest(&mut self) {
-        for (_, h) in self.by_length(|_| true).into_iter().rev() {
+        for h in self.by_length(|_| true).into_iter().rev() {
             let more = 2;
             let full = |count: usize, n: Option<usize>| n.is_some_and(|n| count + more > n);
             if full(self.mesh.face_count, self.goal.faces) || full(self.mesh.vertex_count, self.goal.vertices)
@@ -456,7 +458,7 @@ impl<'a> Remesher<'a> {
             CollapsePass::ByLength => COLLAPSE_LENGTH * COLLAPSE_LENGTH,
             CollapsePass::ToGoal => f64::INFINITY,
         };
-        for (_, h) in self.by_length(|x| x < short) {
+        for h in self.by_length(|x| x < short) {
             if pass == CollapsePass::ToGoal && self.excess() <= 1.0 {
                 return;
             }

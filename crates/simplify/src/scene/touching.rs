@@ -9,6 +9,7 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 use glam::{DMat3, DVec3};
 use lodsmith_core::mesh::weld::weld_within;
+use lodsmith_core::sorted::indices_by_key;
 use lodsmith_core::{DisjointSets, Positions, TriMesh, VertexId};
 
 use super::part::{Part, Place};
@@ -68,9 +69,10 @@ impl Touching {
             let (c, b) = owners[i];
             b.shortest_edge * parts[copies[c].part].scale > LEAST_EDGE * rounding
         };
-        let mut at: Vec<usize> = (0..owners.len()).filter(is_coarse).collect();
+        let coarse: Vec<usize> = (0..owners.len()).filter(is_coarse).collect();
         let place_of = |i: usize| near.of(VertexId::new(i));
-        at.sort_by_key(|&i| place_of(i));
+        let by_place = indices_by_key(coarse.iter().map(|&i| u64::from(place_of(i).0)));
+        let at: Vec<usize> = by_place.into_iter().map(|k| coarse[k]).collect();
         let is_met = |at: &&[usize]| at.iter().any(|&i| owners[i].0 != owners[at[0]].0);
         let met: Vec<&[usize]> = at.chunk_by(|&i, &j| place_of(i) == place_of(j)).filter(is_met).collect();
         if met.is_empty() {

@@ -62,7 +62,7 @@ pub(super) fn joined<'a>(
     };
     let (merged, merged_order) = moved(&|v| weld.of(v))?;
     let merged_places = |f: u32| merged.triangles()[f as usize].map(|v| merged_order.rank[v.index()]);
-    let found = pairs::find(&merged, &merged_order, max_bent_gap, |pair| may_pair(pair, &merged_places))?;
+    let found = pairs::find(&merged, &merged_order, max_bent_gap, &|pair| may_pair(pair, &merged_places))?;
     // (A face with edges of the size of the gap is no sheet.)
     let is_wide = |f: &u32| {
         let at = places(f);

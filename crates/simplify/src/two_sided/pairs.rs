@@ -90,10 +90,13 @@ impl GroupFace {
     fn is_opposite(&self, other: &Self) -> bool {
         self.link == [other.link[1], other.link[0]]
     }
-    /// The other two vertices, whatever the winding, and true if they ascend.
-    fn key(&self) -> ([VertexId; 2], bool) {
-        let [a, b] = self.link;
-        ([a.min(b), a.max(b)], a < b)
+    /// The edge of the other two vertices, whatever the winding.
+    fn edge(&self) -> u64 {
+        let [a, b] = self.link.map(|v| u64::from(v.0));
+        a.min(b) << 32 | a.max(b)
+    }
+    fn ascends(&self) -> bool {
+        self.link[0] < self.link[1]
     }
 }
 
@@ -102,13 +105,20 @@ fn group_faces(faces: &[[VertexId; 3]], range: Range<usize>, group: &mut Vec<Gro
     group.extend(range.map(|face| GroupFace { link: link(&faces[face]), face }));
 }
 
+/// Puts faces at one edge next to each other. (Not inlined, so that there is one.)
+#[inline(never)]
+fn sort_by_edge(group: &mut [GroupFace]) {
+    group.sort_unstable_by_key(GroupFace::edge);
+}
+
 /// True if two faces of a group are opposite. Sorts large groups.
 fn has_opposite(group: &mut [GroupFace]) -> bool {
     if group.len() <= COMPARE_ALL_MAX_FACES {
         return group.iter().enumerate().any(|(i, a)| group[..i].iter().any(|b| a.is_opposite(b)));
     }
-    group.sort_unstable_by_key(GroupFace::key);
-    group.windows(2).any(|two| two[0].is_opposite(&two[1]))
+    sort_by_edge(group);
+    let has_both = |same: &[GroupFace]| same.iter().any(|x| x.ascends() != same[0].ascends());
+    group.chunk_by(|a, b| a.edge() == b.edge()).any(has_both)
 }
 
 /// Calls `found` with each three faces of a group that close up round its lowest vertex: with a fourth they
@@ -177,7 +187,7 @@ pub(super) fn find(
     surface: &Surface<'_>,
     ordered: &Ordered,
     max_bent_gap: f32,
-    may_pair: impl Fn(&FacePair) -> bool,
+    may_pair: &dyn Fn(&FacePair) -> bool,
 ) -> Option<FacePairs> {
     let faces = &ordered.faces;
     if !has_sheets(faces) {
@@ -192,15 +202,17 @@ pub(super) fn find(
     let mut fans: Vec<[usize; 3]> = Vec::new();
     each_group(faces, |range| {
         group_faces(faces, range, &mut group);
-        group.sort_unstable_by_key(|x| (x.key(), index[x.face]));
-        for same in group.chunk_by(|a, b| a.key().0 == b.key().0) {
-            let (descending, ascending) = same.split_at(same.partition_point(|x| !x.key().1));
-            let (Some(a), Some(b)) = (descending.first(), ascending.first()) else { continue };
+        sort_by_edge(&mut group);
+        for same in group.chunk_by(|a, b| a.edge() == b.edge()) {
+            // The first in the input of those that are alike.
+            let first =
+                |ascends: bool| same.iter().filter(|x| x.ascends() == ascends).min_by_key(|x| index[x.face]);
+            let (Some(a), Some(b)) = (first(false), first(true)) else { continue };
             let pair = FacePair { sides: [[index[a.face]; 2], [index[b.face]; 2]] };
             if may_pair(&pair) {
                 found.pairs.push(pair);
                 borders.push(border_of(&[faces[a.face]]));
-                let others = descending[1..].iter().chain(&ascending[1..]);
+                let others = same.iter().filter(|x| ![a.face, b.face].contains(&x.face));
                 found.duplicates.extend(others.map(|x| index[x.face]));
                 same.iter().for_each(|x| is_taken[x.face] = true);
             }

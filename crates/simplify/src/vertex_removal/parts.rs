@@ -1,6 +1,7 @@
 //! Removal of whole components, when no vertex can be removed any more.
 
 use lodsmith_core::VertexId;
+use lodsmith_core::sorted::{indices_by_key, key_of};
 
 use super::store::FaceStore;
 use crate::rebuild::Task;
@@ -25,7 +26,7 @@ pub(super) fn remove_cheapest(store: &mut FaceStore<'_>, task: &Task<'_>) -> usi
     let mut faces: Vec<_> = store.faces().map(|(f, t)| (find(&mut root, t[0]), f)).collect();
     faces.sort_unstable();
     let locked = task.input.locked.as_deref();
-    let mut parts: Vec<_> = faces
+    let parts: Vec<_> = faces
         .chunk_by(|a, b| a.0 == b.0)
         .map(|part| {
             let corners = || part.iter().flat_map(|x| store.face(x.1));
@@ -36,10 +37,10 @@ pub(super) fn remove_cheapest(store: &mut FaceStore<'_>, task: &Task<'_>) -> usi
             ((max - min).length(), is_held, part)
         })
         .collect();
-    parts.sort_by(|a, b| a.0.total_cmp(&b.0));
-    parts.pop();
+    let mut smallest_first = indices_by_key(parts.iter().map(|p| key_of(p.0)));
+    smallest_first.pop();
     let mut removed = 0;
-    for (_, _, part) in parts.iter().filter(|p| !p.1) {
+    for (_, _, part) in smallest_first.into_iter().map(|i| &parts[i]).filter(|p| !p.1) {
         if store.meets(&task.goal) {
             break;
         }
