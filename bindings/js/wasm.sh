@@ -58,11 +58,13 @@ features_of_wasm=(
     --enable-sign-ext --enable-mutable-globals --enable-reference-types --enable-multivalue
 )
 
-# Makes the module NAME and its JavaScript in a folder from what the compiler has made, optimised at a level (such as -O3).
+# Makes the module NAME and its JavaScript in a folder from what the compiler has made: finish_module MADE FOLDER NAME
+# OPTION..., with options of wasm-opt (such as -O3).
 finish_module() {
-    local made=$1 folder=$2 name=$3 level=$4
+    local made=$1 folder=$2 name=$3
+    shift 3
     "$bindgen" --target web --out-dir "$folder" --out-name "$name" --remove-name-section --remove-producers-section "$made"
-    node "$wasm_opt" "$level" "${features_of_wasm[@]}" --strip-debug --strip-producers \
+    node "$wasm_opt" "$@" "${features_of_wasm[@]}" --strip-debug --strip-producers \
         -o "$folder/${name}_bg.wasm" "$folder/${name}_bg.wasm"
 }
 
