@@ -157,7 +157,9 @@ test('formats of models are opened by the page, and broken ones refused', option
   }
 });
 
-test('the page works with WebGPU', options, async () => {
+const ofWebGpu = { ...options, skip: options.skip || (process.env.LODSMITH_NO_WEBGPU ? 'no adapter for WebGPU' : false) };
+
+test('the page works with WebGPU', ofWebGpu, async () => {
   const user = await openPage({ flags: WEBGPU });
   try {
     await user.until((s) => s.original === null, 'empty');
