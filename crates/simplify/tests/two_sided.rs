@@ -269,13 +269,20 @@ fn fins_that_stand_on_a_closed_box_keep_their_area() {
 fn sides_up_to_a_millionth_of_the_diagonal_apart_are_one_sheet() {
     let single = cards(20, [2, 6], Backs::None, 0, true);
     let diagonal = single.positions().view().bounds().unwrap().diagonal();
-    let with_gap = |share: f64| {
+    let with_gap = |share: f64, backs: Backs| {
         let mut all = Builder { gap: share * diagonal, ..Builder::default() };
-        (0..20).for_each(|i| all.card(i, [2, 6], Backs::Own, 0));
+        (0..20).for_each(|i| all.card(i, [2, 6], backs, 0));
         all.mesh(true)
     };
+    // Sides that are cut along other diagonals have no triangle in common.
+    for share in [1e-8, 1e-7, 1e-6] {
+        let near = with_gap(share, Backs::OtherDiagonals);
+        assert_eq!(two_sided_faces(&near.surface()), near.face_count(), "{share}");
+        let got = run(&near, &SimplifyOptions::new(Stop::ratio(0.25)));
+        assert_eq!(got.report.two_sided_pairs, single.face_count(), "{share}");
+    }
     for share in [1e-8, 1e-7, 5e-7, 1e-6] {
-        let near = with_gap(share);
+        let near = with_gap(share, Backs::Own);
         assert_eq!(two_sided_faces(&near.surface()), near.face_count(), "{share}");
         for ratio in [0.5, 0.25, 0.1] {
             let options = SimplifyOptions::new(Stop::ratio(ratio));
@@ -291,7 +298,7 @@ fn sides_up_to_a_millionth_of_the_diagonal_apart_are_one_sheet() {
     lens.map_positions(|[x, y, z]| [x, y, 1e-7 * z]);
     assert_eq!(two_sided_faces(&lens.surface()), 0);
     // Farther apart they are two surfaces.
-    let apart = with_gap(1e-4);
+    let apart = with_gap(1e-4, Backs::Own);
     assert_eq!(two_sided_faces(&apart.surface()), 0);
 }
 

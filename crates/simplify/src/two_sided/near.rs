@@ -6,7 +6,7 @@ use glam::Vec3;
 use lodsmith_core::mesh::weld::weld_within;
 use lodsmith_core::{DisjointSets, Surface, VertexId};
 
-use super::pairs::{self, FacePair};
+use super::pairs::{self, FacePair, edges};
 use crate::borders::LEAST_EDGE;
 use crate::collapse::order::{NONE, Ordered, order};
 
@@ -40,17 +40,14 @@ pub(super) fn joined<'a>(
     let (positions, triangles) = (surface.positions(), surface.triangles());
     let places = |f: &u32| triangles[*f as usize].map(|v| ordered.rank[v.index()]);
     let near = first_near(&ordered.points, unit_gap)?;
-    let candidates = coincident(&near, (0..triangles.len() as u32).map(|f| (f, places(&f))));
-    if candidates.is_empty() {
-        return None;
-    }
     let mut parts = DisjointSets::new(positions.len());
     for [a, b, c] in own {
         parts.join(a.0, b.0);
         parts.join(b.0, c.0);
     }
     let mut part = |f: u32| parts.find(own[f as usize][0].0);
-    if candidates.iter().all(|[f, g]| part(*f) == part(*g)) {
+    let faces = (0..triangles.len() as u32).map(|f| (f, places(&f)));
+    if !may_have_near_sides(&near, faces, &mut part) {
         return None;
     }
     let weld = weld_within(positions, gap);
@@ -114,22 +111,35 @@ fn first_near(points: &[Vec3], gap: f32) -> Option<Vec<VertexId>> {
     (!near.is_empty()).then_some(near)
 }
 
-/// Pairs of faces on the same points, if near points count as one; `faces` have their places among the points.
-fn coincident(near: &[VertexId], faces: impl Iterator<Item = (u32, [VertexId; 3])>) -> Vec<[u32; 2]> {
+/// True if a face may lie on faces of another part, if near points count as one: parts share two of its edges, or all
+/// three, unless the sides are cut along other diagonals. `faces` have their places among the points.
+fn may_have_near_sides(
+    near: &[VertexId],
+    faces: impl Iterator<Item = (u32, [VertexId; 3])>,
+    part: &mut impl FnMut(u32) -> u32,
+) -> bool {
     let mut has_near = vec![false; near.len()];
     for (v, first) in near.iter().enumerate().filter(|(v, first)| first.index() != *v) {
         (has_near[v], has_near[first.index()]) = (true, true);
     }
-    let mut first_face = HashMap::new();
-    // (Sides may share vertices: those of their outlines, where borders have been joined.)
-    let may_pair = |t: &[VertexId; 3]| t.iter().all(|p| *p != NONE) && t.iter().any(|p| has_near[p.index()]);
-    let candidates = faces.filter(|(_, t)| may_pair(t)).filter_map(|(f, t)| {
-        let mut points = t.map(|p| near[p.index()]);
-        points.sort_unstable();
+    // (Not all corners are near others where borders have been joined: the outlines of sides are on the same points then.)
+    let is_near = |t: &[VertexId; 3]| t.iter().all(|p| *p != NONE) && t.iter().any(|p| has_near[p.index()]);
+    let mut candidates: Vec<[VertexId; 3]> = Vec::new();
+    // The part of the faces at each edge, if it is one.
+    let mut part_at: HashMap<[VertexId; 2], Option<u32>> = HashMap::new();
+    for (f, t) in faces.filter(|(_, t)| is_near(t)) {
+        let t = t.map(|p| near[p.index()]);
         // (Faces of the size of the gap shrink to edges.)
-        let is_face = points[0] != points[1] && points[1] != points[2];
-        let first = is_face.then(|| *first_face.entry(points).or_insert(f))?;
-        (first != f).then_some([first, f])
-    });
-    candidates.collect()
+        if t[0] == t[1] || t[1] == t[2] || t[2] == t[0] {
+            continue;
+        }
+        let own = Some(part(f));
+        for (edge, _) in edges(t) {
+            let known = part_at.entry(edge).or_insert(own);
+            *known = known.filter(|_| *known == own);
+        }
+        candidates.push(t);
+    }
+    let shared = |t: &[VertexId; 3]| edges(*t).iter().filter(|(edge, _)| part_at[edge].is_none()).count();
+    candidates.iter().any(|t| shared(t) > 1)
 }

@@ -321,7 +321,7 @@ fn quads(
 type PairBorder = Vec<([VertexId; 2], bool)>;
 
 /// Returns the edges of a face, each with its lower vertex first, and true if that is its direction.
-fn edges(t: [VertexId; 3]) -> [([VertexId; 2], bool); 3] {
+pub(super) fn edges(t: [VertexId; 3]) -> [([VertexId; 2], bool); 3] {
     [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]
         .map(|[a, b]| if a < b { ([a, b], true) } else { ([b, a], false) })
 }
