@@ -2,7 +2,7 @@
 //! valid mesh, the full one is bit-identical to the input, and a file of it gives the same.
 #![no_main]
 
-use lodsmith::{NoControl, Progressive, Stop};
+use lodsmith::{Input, NoControl, Progressive, Stop};
 use lodsmith_core::Topology;
 use lodsmith_fuzz::soup::{self, Bytes};
 use lodsmith_io::{LpmOptions, ReadOptions, lpm};
@@ -10,11 +10,12 @@ use lodsmith_io::{LpmOptions, ReadOptions, lpm};
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let mut bytes = Bytes(bytes);
     let mesh = soup::mesh(&mut bytes);
-    let mut options = soup::options(&mut bytes, &mesh);
+    let (mut options, data) = soup::options(&mut bytes, &mesh);
     if bytes.next() % 2 == 0 {
         options.stop = Stop { faces: None, vertices: None, ratio: None, error: None };
     }
-    let Ok(mut road) = Progressive::build(&mesh, &options, &mut NoControl) else { return };
+    let input = Input::new(&mesh).with(data.view());
+    let Ok(mut road) = Progressive::build(input, &options, &mut NoControl) else { return };
     let same = |other: &lodsmith_core::TriMesh| format!("{other:?}") == format!("{mesh:?}");
     assert!(same(&road.mesh().expect("the full level is a mesh")), "the full level is not the input");
     for _ in 0..16 {

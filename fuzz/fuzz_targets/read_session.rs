@@ -6,7 +6,7 @@
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
-use lodsmith::{Method, NoControl, simplify};
+use lodsmith::{Method, simplify};
 use lodsmith_core::{Bounds, shapes};
 use lodsmith_io::AssetScope;
 use lodsmith_viewer::orbit::Orbit;
@@ -57,7 +57,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let options = &settings.simplify.options;
     // (The face count of a new mesh depends on its edge length only.)
     if options.method != Method::Remesh {
-        let _ = simplify(&shapes::cube(2), options, &mut NoControl);
+        let _ = simplify(&shapes::cube(2), options);
     }
 
     session.save(&again).expect("there is room for a file");

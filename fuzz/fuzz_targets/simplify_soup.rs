@@ -2,14 +2,15 @@
 //! panic; and a result keeps its guarantees.
 #![no_main]
 
-use lodsmith::{Method, NoControl, simplify};
+use lodsmith::{Input, Method, NoControl, simplify_with};
 use lodsmith_fuzz::soup::{self, Bytes};
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let mut bytes = Bytes(bytes);
     let mesh = soup::mesh(&mut bytes);
-    let options = soup::options(&mut bytes, &mesh);
-    let Ok(result) = simplify(&mesh, &options, &mut NoControl) else { return };
+    let (options, data) = soup::options(&mut bytes, &mesh);
+    let input = Input::new(&mesh).with(data.view());
+    let Ok(result) = simplify_with(&input, &options, &mut NoControl) else { return };
     let (out, report) = (&result.mesh, &result.report);
     // The face count of a new mesh depends on its edge length only.
     if options.method != Method::Remesh {
@@ -25,7 +26,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
         assert!(t.iter().all(|v| v.index() < out.vertex_count()), "an index beyond the vertices");
         assert!(t[0] != t[1] && t[1] != t[2] && t[2] != t[0], "a face names a vertex twice");
     }
-    let again = simplify(&mesh, &options, &mut NoControl).expect("it was done before");
+    let again = simplify_with(&input, &options, &mut NoControl).expect("it was done before");
     // (Compared as text: attributes may be NaN.)
     assert_eq!(format!("{result:?}"), format!("{again:?}"), "the same bytes again");
 });

@@ -1,9 +1,7 @@
 //! Small random triangle soups, with random options.
 
-use std::sync::Arc;
-
 use lodsmith::{
-    BorderPolicy, Bound, Fit, Length, Measure, Method, Placement, SimplifyOptions, Stop, TopologyPolicy,
+    BorderPolicy, Bound, Fit, Length, Measure, Method, OwnedMeshData, Placement, SimplifyOptions, Stop, TopologyPolicy,
 };
 use lodsmith_core::{Positions, RegionId, TriMesh, VertexId, WedgeId};
 
@@ -93,7 +91,7 @@ pub fn mesh(bytes: &mut Bytes<'_>) -> TriMesh {
 }
 
 /// Returns options of any method, most of them valid for it.
-pub fn options(bytes: &mut Bytes<'_>, mesh: &TriMesh) -> SimplifyOptions {
+pub fn options(bytes: &mut Bytes<'_>, mesh: &TriMesh) -> (SimplifyOptions, OwnedMeshData) {
     let amount = usize::from(bytes.next());
     let stop = match bytes.next() % 8 {
         0..=2 => Stop::faces(amount % (mesh.face_count() + 1)),
@@ -154,15 +152,16 @@ pub fn options(bytes: &mut Bytes<'_>, mesh: &TriMesh) -> SimplifyOptions {
     options.prune = (guards & 32 != 0).then_some(Length::OfDiagonal(0.1));
     options.escalate = guards & 64 != 0;
     options.shape_normals = guards & 128 != 0;
+    let mut data = OwnedMeshData::default();
     let care = bytes.next();
     if care & 1 != 0 {
         let locked: Vec<bool> = (0..mesh.vertex_count()).map(|_| bytes.next() % 4 == 0).collect();
-        options.locked = Some(Arc::from(locked));
+        data.locked = Some(locked);
     }
     if care & 2 != 0 {
         let importance: Vec<f32> =
             (0..mesh.vertex_count()).map(|_| 1.0 + 4.0 * bytes.part() as f32).collect();
-        options.importance = Some(Arc::from(importance));
+        data.importance = Some(importance);
     }
-    options
+    (options, data)
 }

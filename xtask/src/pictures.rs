@@ -12,7 +12,7 @@ use lodsmith::core::measure::{Prepared, vertex_distances};
 use lodsmith::core::model::{Material, Sampler, TextureRef, Wrap};
 use lodsmith::core::{Image, Model, Positions, TriMesh, VertexId};
 use lodsmith::lod::error_of;
-use lodsmith::{Levels, LodOptions, Measure, Method, NoControl, Screen, SimplifyOptions, Stop, lod};
+use lodsmith::{Levels, LodOptions, Measure, Method, Screen, SimplifyOptions, Stop, lod};
 use lodsmith_render::{
     Ambient, Background, Camera, ColorMap, DVec3, Ground, Legend, Lens, Light, LightKind, Lighting, Panel,
     Shading, Subject, View, render, sheet,
@@ -99,7 +99,7 @@ fn finial(whole: &TriMesh) -> Result<()> {
 fn levels(whole: &TriMesh) -> Result<()> {
     let mut options = LodOptions::new(Levels::Steps { count: LEVELS, factor: 0.5 });
     options.simplify.measure = Measure::Always;
-    let chain = lod(whole, &options, &mut NoControl)?;
+    let chain = lod(whole, &options)?;
     let screen = Screen::default();
     let mut panels = vec![panel(whole, vec!["original".to_owned()])?];
     for level in &chain.levels {
@@ -215,7 +215,7 @@ fn simplified(whole: &TriMesh, method: Method, faces: usize) -> Result<(TriMesh,
     let mut options = SimplifyOptions::new(Stop::faces(faces));
     options.method = method;
     options.measure = Measure::Always;
-    let done = lodsmith::simplify(whole, &options, &mut NoControl)?;
+    let done = lodsmith::simplify(whole, &options)?;
     let error = &done.report.error;
     let measured = error.measured.as_ref().context("the result was not measured")?;
     let below = format!("max {} %", two_digits(100.0 * measured.hausdorff.symmetric / error.diagonal));

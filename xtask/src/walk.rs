@@ -144,7 +144,7 @@ fn walk(program: &Path, model: &Path, preset: &str) -> Result<Option<Vec<Reducti
 mod tests {
     use lodsmith::core::measure::{CompareOptions, compare};
     use lodsmith::core::{Positions, TriMesh, VertexId, WedgeId, shapes};
-    use lodsmith::{NoControl, Preset, SimplifyOptions, Stop, simplify};
+    use lodsmith::{Preset, SimplifyOptions, Stop, simplify};
 
     use super::*;
 
@@ -153,8 +153,7 @@ mod tests {
         let mut options = CompareOptions::default();
         options.samples = 10_000;
         let step = |faces: usize| {
-            let done =
-                simplify(mesh, &SimplifyOptions::preset(preset, Stop::faces(faces)), &mut NoControl).unwrap();
+            let done = simplify(mesh, &SimplifyOptions::preset(preset, Stop::faces(faces))).unwrap();
             let off = compare(&mesh.surface(), &done.mesh.surface(), &options).unwrap();
             ReductionStep { faces: done.mesh.face_count() as u64, rms: off.rms.symmetric / off.diagonal }
         };

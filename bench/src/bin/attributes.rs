@@ -10,7 +10,7 @@ use anyhow::Context as _;
 use lodsmith::core::TriMesh;
 use lodsmith::core::measure::{self, CompareOptions};
 use lodsmith::core::mesh::weld;
-use lodsmith::{NoControl, SimplifyOptions, Stop};
+use lodsmith::{SimplifyOptions, Stop};
 use lodsmith_bench::VertexBuffers;
 use lodsmith_io::{ReadOptions, read_path};
 use meshopt::{SimplifyOptions as MeshoptOptions, VertexDataAdapter};
@@ -35,7 +35,7 @@ fn main() -> anyhow::Result<()> {
             let target = (mesh.face_count() * percent / 100).max(4);
             let (own, own_time) = best_of(5, || {
                 let options = SimplifyOptions::new(Stop::faces(target));
-                Ok(lodsmith::simplify(&mesh, &options, &mut NoControl)?.mesh)
+                Ok(lodsmith::simplify(&mesh, &options)?.mesh)
             })?;
             let (other, other_time) = best_of(5, || rival(&mesh, target))?;
             let errors = |m: &TriMesh| -> anyhow::Result<_> {

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
-use lodsmith::{Method, NoControl, SimplifyOptions, Stop, simplify_surface};
+use lodsmith::{Method, NoControl, SimplifyOptions, Stop, simplify_with};
 use lodsmith_bench::cases::{self, Target};
 use lodsmith_bench::{Soup, process, stats};
 use lodsmith_core::measure::{CompareOptions, Prepared, compare_prepared};
@@ -84,7 +84,7 @@ fn ours(mesh: &Soup, target: usize, method: Method, two_stage: bool) -> Result<(
     options.method = method;
     options.method_options.two_stage = two_stage;
     let clock = CpuAndWallClock::start();
-    let result = simplify_surface(&mesh.surface()?, &options, &mut NoControl)?;
+    let result = simplify_with(mesh.surface()?, &options, &mut NoControl)?;
     Ok((clock.seconds(), Soup::of_mesh(&result.mesh)))
 }
 

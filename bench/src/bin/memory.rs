@@ -12,7 +12,7 @@ use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
-use lodsmith::{Fit, NoControl, SimplifyOptions, Stop, simplify_surface};
+use lodsmith::{Fit, NoControl, SimplifyOptions, Stop, simplify_with};
 use lodsmith_bench::cases::Target;
 use lodsmith_bench::{Soup, lab, process};
 
@@ -72,7 +72,7 @@ fn measure(args: &Args) -> Result<()> {
         options.fit = Fit::Off;
     }
     let base = process::reset_peak_kb()?;
-    let result = simplify_surface(&surface, &options, &mut NoControl)?;
+    let result = simplify_with(surface.clone(), &options, &mut NoControl)?;
     let beyond = process::peak_kb()?.saturating_sub(base);
     println!(
         "{faces} -> {} faces, fit {}, {} thread(s): mesh loaded {:.1} MB, peak beyond it {:.1} MB, {:.1} bytes a triangle",

@@ -65,7 +65,7 @@ fn report(name: &str, mesh: &TriMesh, options: &SimplifyOptions, between: bool) 
     let mut road = Progressive::build(mesh, options, &mut NoControl)?;
     let secs = start.elapsed().as_secs_f64();
     let start = Instant::now();
-    simplify(mesh, &with_face_stop(options, 1), &mut NoControl)?;
+    simplify(mesh, &with_face_stop(options, 1))?;
     let single = start.elapsed().as_secs_f64();
     let data = road.splits();
     let fits: usize = data.checkpoints.iter().map(|c| c.vertices.len()).sum();
@@ -94,7 +94,7 @@ fn report(name: &str, mesh: &TriMesh, options: &SimplifyOptions, between: bool) 
             continue;
         }
         road.to_faces(goal);
-        let single = simplify(mesh, &with_face_stop(options, goal), &mut NoControl)?;
+        let single = simplify(mesh, &with_face_stop(options, goal))?;
         let rms = |m: &TriMesh| -> Result<f64> {
             let compared =
                 compare_prepared(&reference, &Prepared::new(&m.surface())?, &CompareOptions::default());

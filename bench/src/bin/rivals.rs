@@ -19,7 +19,7 @@ use std::sync::OnceLock;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
-use lodsmith::{NoControl, SimplifyOptions, Stop, simplify_surface};
+use lodsmith::{NoControl, SimplifyOptions, Stop, simplify_with};
 use lodsmith_bench::cases::{self, Target};
 use lodsmith_bench::order::Order;
 use lodsmith_bench::{Soup, process, stats};
@@ -130,7 +130,7 @@ const ANY_ERROR: f32 = 1e10;
 fn lodsmith_run(mesh: &Soup, target: usize) -> Result<(f64, Soup)> {
     let options = SimplifyOptions::new(Stop::faces(target));
     let clock = Clock::start();
-    let result = simplify_surface(&mesh.surface()?, &options, &mut NoControl)?;
+    let result = simplify_with(mesh.surface()?, &options, &mut NoControl)?;
     let seconds = clock.seconds();
     Ok((seconds, Soup::of_mesh(&result.mesh)))
 }

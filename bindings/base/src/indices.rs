@@ -109,7 +109,7 @@ pub fn simplify_indices(call: &IndexCall<'_>) -> Result<IndexResult, IndexError>
         return Ok(IndexResult { indices: Vec::new(), error: 0.0 });
     }
     let (mut input, frame) = call.prepare()?;
-    input.values = call.columns()?.map(|columns| columns.of(&frame.used, |weight| weight).into());
+    input.values = call.columns()?.map(|columns| columns.of(&frame.used, |weight| weight));
     let result = input.run()?;
     Ok(IndexResult { indices: frame.of_input(&result.faces), error: frame.error(result.error) })
 }

@@ -3,7 +3,7 @@
 use std::ffi::{CStr, c_char, c_void};
 use std::time::Instant;
 
-use lodsmith::{Control, NoControl, Stage, Verdict, simplify};
+use lodsmith::{Control, Input, NoControl, Stage, Verdict, simplify_with};
 use lodsmith_core::Attribute;
 
 use crate::fault::{Fault, code, guarded};
@@ -80,17 +80,19 @@ pub unsafe extern "C" fn lodsmith_simplify(
             return Err(Fault::argument("there is no place for the result"));
         }
         // SAFETY: the caller promises a pointer that may be written, and structures and buffers of their extents.
-        let (mesh, options) = unsafe {
+        let (mesh, options, data) = unsafe {
             result.write_unaligned(std::ptr::null_mut());
             let view = memory::sized(mesh, LodsmithMeshView::EMPTY)?;
-            let mut options = memory::sized(options, LodsmithOptions::default())?.get()?;
-            view.set_options(&mut options)?;
-            (view.mesh()?, options)
+            let options = memory::sized(options, LodsmithOptions::default())?;
+            let mut data = options.data()?;
+            view.add_data(&mut data)?;
+            (view.mesh()?, options.get()?, data)
         };
+        let input = Input::new(&mesh).with(data.view());
         let started = Instant::now();
         let done = match progress {
-            Some(call) => simplify(&mesh, &options, &mut Callback { call, user, stage: 0 }),
-            None => simplify(&mesh, &options, &mut NoControl),
+            Some(call) => simplify_with(&input, &options, &mut Callback { call, user, stage: 0 }),
+            None => simplify_with(&input, &options, &mut NoControl),
         }?;
         let seconds = started.elapsed().as_secs_f64();
         let attributes = mesh.further_attributes().iter().map(|a: &Attribute| a.semantic.clone()).collect();

@@ -3,7 +3,7 @@
 use std::ffi::c_char;
 use std::ptr;
 
-use lodsmith::SimplifyOptions;
+use lodsmith::OwnedMeshData;
 use lodsmith_core::mesh::{IntegerType, Morphed};
 use lodsmith_core::{Attribute, Positions, RegionId, Semantic, TriMesh, VertexId};
 
@@ -192,17 +192,17 @@ impl LodsmithMeshView {
         Ok(all)
     }
 
-    /// Sets what the view says of vertices beside the mesh.
+    /// Adds what the view says of vertices beside the mesh.
     ///
     /// # Safety
     /// All buffers that are not null must have their extents.
-    pub(crate) unsafe fn set_options(&self, options: &mut SimplifyOptions) -> Result<(), Fault> {
+    pub(crate) unsafe fn add_data(&self, data: &mut OwnedMeshData) -> Result<(), Fault> {
         // SAFETY: promised by the caller.
         unsafe {
             let locked = Rows::new("locked", self.locked, [self.vertex_count, 1, 1])?;
-            options.locked = locked.map(|rows| rows.numbers().into_iter().map(|x| x != 0).collect());
+            data.locked = locked.map(|rows| rows.numbers().into_iter().map(|x| x != 0).collect());
             let importance = Rows::new("importance", self.importance, [self.vertex_count, 1, 4])?;
-            options.importance = importance.map(|rows| rows.numbers().into());
+            data.importance = importance.map(|rows| rows.numbers());
         }
         Ok(())
     }

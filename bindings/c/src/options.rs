@@ -1,10 +1,8 @@
 //! `lodsmith_options`, and its conversion.
 
-use std::sync::Arc;
-
 use lodsmith::{
-    AttributeWeights, BorderPolicy, Bound, Fit, Guards, Length, Measure, Method, MethodOptions, Placement,
-    Preset, SimplifyOptions, Stop, Texture, Textures, TopologyPolicy,
+    AttributeWeights, BorderPolicy, Bound, Fit, Guards, Length, Measure, Method, MethodOptions,
+    OwnedMeshData, Placement, Preset, SimplifyOptions, Stop, Texture, Textures, TopologyPolicy,
 };
 use lodsmith_core::{Image, RegionId};
 
@@ -349,13 +347,22 @@ impl LodsmithOptions {
         o.weld = self.weld.get("weld")?;
         o.prune = self.prune.get("prune")?;
         o.seed = self.seed;
-        // SAFETY: the caller promises the lengths of the lists.
+        Ok(o)
+    }
+
+    /// Returns what the options say of the regions of the mesh.
+    ///
+    /// # Safety
+    /// The lists must have their lengths, and each image its pixels.
+    pub(crate) unsafe fn data(&self) -> Result<OwnedMeshData, Fault> {
+        let mut data = OwnedMeshData::default();
+        // SAFETY: promised by the caller.
         unsafe {
             let classes = memory::numbers("region_classes", self.region_classes, self.region_class_count)?;
-            o.region_classes = (!classes.is_empty()).then(|| classes.into_iter().map(RegionId).collect());
-            o.textures = self.textures()?.map(Arc::new);
+            data.region_classes = (!classes.is_empty()).then(|| classes.into_iter().map(RegionId).collect());
+            data.textures = self.textures()?;
         }
-        Ok(o)
+        Ok(data)
     }
 
     fn method_options(&self) -> Result<MethodOptions, Fault> {

@@ -1,15 +1,13 @@
 //! Whole GLB files, with the bytes of the command.
 
-use std::sync::Arc;
-
 use js_sys::{Array, Function, Object, Uint8Array};
-use lodsmith::{Part, SimplifiedScene, Starved, Texture, Textures, simplify_scene};
+use lodsmith::{OwnedMeshData, Part, SimplifiedScene, Starved, Texture, Textures, simplify_scene};
 use lodsmith_io::gltf::{Compression, Packing, PlacedMesh, Scene, SceneFormat, SceneMesh, placed_meshes};
 use lodsmith_io::{BaseColor, Format, ReadOptions, Warning};
 use wasm_bindgen::prelude::*;
 
 use crate::errors::{run_error, wrong_type, wrong_value};
-use crate::options::options_of;
+use crate::options::{data_of_meshes, options_of};
 use crate::progress::Progress;
 use crate::report::{report, set};
 
@@ -28,17 +26,19 @@ pub fn simplify_glb(
     quantize: &JsValue,
     progress: Option<Function>,
 ) -> Result<Object, JsValue> {
-    let mut options = options_of(options)?;
+    let (options, data) = options_of(options)?;
     let packing = packing_of(compress, quantize)?;
     let mut reading = ReadOptions::default();
     reading.limits.memory = MEMORY;
     let scene = lodsmith_io::read_scene_bytes(bytes, &reading).map_err(|e| wrong_value(&e.to_string()))?;
     let scene = scene.ok_or_else(|| wrong_value("not a file of glTF 2.0"))?;
     let meshes = scene.meshes().to_vec();
-    let (taken, parts) = parts_of(&meshes);
+    let placed = placed_meshes(&meshes);
+    let taken: Vec<usize> = placed.iter().map(|p| p.index).collect();
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
-    let (textures, left_out) = palettes(&scene, &taken);
-    options.textures = textures;
+    let mut data = data_of_meshes(&data, taken.iter().map(|&i| meshes[i].mesh.vertex_count()))?;
+    let left_out = add_palettes(&scene, &taken, &mut data);
+    let parts = parts_of(&meshes, &placed, &data);
     let done = simplify_scene(&parts, diagonal, &options, &mut Progress::new(progress));
     let SimplifiedScene { meshes: lighter, report: mut told, counts } = done.map_err(|e| run_error(&e))?;
     let starved = Starved::of(&counts).map(|s| Warning::note(format!("{s}; perMesh gives each its own")));
@@ -86,27 +86,28 @@ fn wedge_count(parts: &[Part<'_>]) -> usize {
     parts.iter().map(|p| p.mesh.wedge_count() * if is_placed { p.instances } else { 1 }).sum()
 }
 
-/// Returns the meshes of a scene to simplify, as numbers and as parts.
-fn parts_of(meshes: &[SceneMesh]) -> (Vec<usize>, Vec<Part<'_>>) {
-    let part = |placed: &PlacedMesh| {
+/// Returns the meshes of a scene to simplify, with their data, as parts.
+fn parts_of<'a>(meshes: &'a [SceneMesh], placed: &[PlacedMesh], data: &'a [OwnedMeshData]) -> Vec<Part<'a>> {
+    let part = |(placed, data): (&PlacedMesh, &'a OwnedMeshData)| {
         let m = &meshes[placed.index];
         let (instances, scale, stretch) = (m.instances, m.scale, m.stretch);
-        Part { mesh: &m.mesh, instances, scale, stretch, system: placed.system, places: &m.places }
+        let (system, places, data) = (placed.system, &m.places, data.view());
+        Part { mesh: &m.mesh, instances, scale, stretch, system, places, data }
     };
-    let placed = placed_meshes(meshes);
-    (placed.iter().map(|p| p.index).collect(), placed.iter().map(part).collect())
+    placed.iter().zip(data).map(part).collect()
 }
 
-/// Returns the base-colour textures of some meshes of a scene, whose colours the engine keeps in place, and warns of those
+/// Adds the base-colour textures of some meshes of a scene, whose colours the engine keeps in place, and warns of those
 /// that are left out.
-fn palettes(scene: &Scene, taken: &[usize]) -> (Option<Arc<Textures>>, Vec<Warning>) {
+fn add_palettes(scene: &Scene, taken: &[usize], data: &mut [OwnedMeshData]) -> Vec<Warning> {
     if taken.iter().all(|&i| scene.meshes()[i].mesh.uvs().is_none()) {
-        return (None, Vec::new());
+        return Vec::new();
     }
     let (all, warnings) = scene.base_colors();
-    let of_mesh = |&i: &usize| all.get(i).into_iter().flatten().map(texture).collect();
-    let textures = Textures::of_parts(taken.iter().map(of_mesh).collect());
-    ((!textures.is_empty()).then(|| Arc::new(textures)), warnings)
+    for (&i, own) in taken.iter().zip(data) {
+        own.textures = Some(Textures::of_regions(all.get(i).into_iter().flatten().map(texture).collect()));
+    }
+    warnings
 }
 
 /// Returns a texture that uses the mesh's own texture coordinates.

@@ -2,12 +2,12 @@
 
 use js_sys::{Array, Float32Array, Object, Uint8Array};
 use lodsmith::options::by_name::{self, OptionValue};
-use lodsmith::{SimplifyOptions, Stop};
+use lodsmith::{OwnedMeshData, SimplifyError, SimplifyOptions, Stop};
 use wasm_bindgen::prelude::*;
 
 #[cfg(not(feature = "formats"))]
 use crate::errors::camel_case;
-use crate::errors::{dashed, option_error, wrong_type, wrong_value};
+use crate::errors::{dashed, option_error, run_error, wrong_type, wrong_value};
 #[cfg(not(feature = "formats"))]
 use crate::report::object;
 
@@ -75,24 +75,24 @@ pub(crate) fn property(of: &JsValue, name: &str) -> Option<JsValue> {
     (!value.is_undefined() && !value.is_null()).then_some(value)
 }
 
-/// Converts an object to options of the engine.
-pub(crate) fn options_of(object: &JsValue) -> Result<SimplifyOptions, JsValue> {
+/// Converts an object to options of the engine, and data of the vertices of all meshes together.
+pub(crate) fn options_of(object: &JsValue) -> Result<(SimplifyOptions, OwnedMeshData), JsValue> {
     if !object.is_object() {
         return Err(wrong_type("an object of options is expected, such as { ratio: 0.1 }"));
     }
-    let (mut locked, mut importance) = (None, None);
+    let mut data = OwnedMeshData::default();
     let mut given = Vec::new();
     for (name, value) in entries(object) {
         match name.as_str() {
             "locked" => {
                 let flags = value.dyn_ref::<Uint8Array>().map(Uint8Array::to_vec);
                 let flags = flags.ok_or_else(|| wrong_type("locked: a Uint8Array is expected"))?;
-                locked = Some(flags.iter().map(|x| *x != 0).collect());
+                data.locked = Some(flags.iter().map(|x| *x != 0).collect());
             }
             "importance" => {
                 let factors = value.dyn_ref::<Float32Array>().map(Float32Array::to_vec);
-                importance =
-                    Some(factors.ok_or_else(|| wrong_type("importance: a Float32Array is expected"))?.into());
+                data.importance =
+                    Some(factors.ok_or_else(|| wrong_type("importance: a Float32Array is expected"))?);
             }
             _ => {
                 let value = Given::of(&name, &value)?;
@@ -101,13 +101,40 @@ pub(crate) fn options_of(object: &JsValue) -> Result<SimplifyOptions, JsValue> {
         }
     }
     let given: Vec<_> = given.iter().map(|(name, value)| (name.as_str(), value.value())).collect();
-    let mut options = by_name::from_names(&given).map_err(|e| option_error(&e))?;
-    (options.locked, options.importance) = (locked, importance);
+    let options = by_name::from_names(&given).map_err(|e| option_error(&e))?;
     if options.stop == Stop::default() && !options.method_options.ends_without_stop(options.method) {
         let text = "a target is needed: faces, vertices, ratio, error, or what the method ends by";
         return Err(wrong_value(text));
     }
-    Ok(options)
+    Ok((options, data))
+}
+
+/// Returns the data of each mesh of a scene, from lists that name the vertices of one after the other.
+///
+/// # Errors
+/// A list that does not have one entry for each vertex of all meshes.
+pub(crate) fn data_of_meshes(
+    all: &OwnedMeshData,
+    counts: impl Iterator<Item = usize> + Clone,
+) -> Result<Vec<OwnedMeshData>, JsValue> {
+    let wanted: usize = counts.clone().sum();
+    let lengths = [
+        ("locked", all.locked.as_ref().map(Vec::len)),
+        ("importance", all.importance.as_ref().map(Vec::len)),
+    ];
+    if let Some((option, Some(got))) = lengths.into_iter().find(|(_, got)| got.is_some_and(|n| n != wanted)) {
+        return Err(run_error(&SimplifyError::WrongLength { option, wanted, got }));
+    }
+    let mut first = 0;
+    let part = |count: usize| {
+        let own = first..first + count;
+        first = own.end;
+        let mut data = OwnedMeshData::default();
+        data.locked = all.locked.as_ref().map(|list| list[own.clone()].to_vec());
+        data.importance = all.importance.as_ref().map(|list| list[own].to_vec());
+        data
+    };
+    Ok(counts.map(part).collect())
 }
 
 /// Returns the table of the options: name, kind, words, default and help.

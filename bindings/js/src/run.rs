@@ -1,12 +1,12 @@
 //! Simplification of meshes and scenes.
 
 use js_sys::{Array, Function, Object};
-use lodsmith::{Part, SimplifiedScene, simplify, simplify_scene};
+use lodsmith::{Input, Part, SimplifiedScene, simplify_scene, simplify_with};
 use wasm_bindgen::prelude::*;
 
 use crate::errors::run_error;
 use crate::mesh::{GivenMesh, list_of};
-use crate::options::{options_of, property};
+use crate::options::{data_of_meshes, options_of, property};
 use crate::progress::Progress;
 use crate::report::{object, report, set};
 
@@ -20,9 +20,10 @@ pub fn simplify_mesh(
     options: &JsValue,
     progress: Option<Function>,
 ) -> Result<Object, JsValue> {
-    let options = options_of(options)?;
+    let (options, data) = options_of(options)?;
     let given = GivenMesh::of(mesh)?;
-    let done = simplify(&given.mesh, &options, &mut Progress::new(progress)).map_err(|e| run_error(&e))?;
+    let input = Input::new(&given.mesh).with(data.view());
+    let done = simplify_with(&input, &options, &mut Progress::new(progress)).map_err(|e| run_error(&e))?;
     let arrays = given.arrays_of(done.mesh);
     set(&arrays, "report", &report(&done.report));
     Ok(arrays)
@@ -40,21 +41,22 @@ pub fn simplify_meshes(
     options: &JsValue,
     progress: Option<Function>,
 ) -> Result<Object, JsValue> {
-    let options = options_of(options)?;
+    let (options, data) = options_of(options)?;
     let said: Vec<JsValue> = list_of(meshes)?.iter().collect();
     let given: Result<Vec<GivenMesh>, JsValue> = said.iter().map(GivenMesh::of).collect();
     let given = given?;
+    let data = data_of_meshes(&data, given.iter().map(|own| own.mesh.vertex_count()))?;
     let number = |of: &JsValue, name: &str| property(of, name).and_then(|x| x.as_f64());
     let parts: Vec<Part<'_>> = said
         .iter()
         .zip(&given)
-        .map(|(said, given)| Part {
-            mesh: &given.mesh,
+        .zip(&data)
+        .map(|((said, given), data)| Part {
             instances: number(said, "instances").map_or(1, |x| x as usize),
             scale: number(said, "scale").unwrap_or(1.0),
-            stretch: None,
             system: number(said, "system").map(|x| x as usize),
-            places: &[],
+            data: data.view(),
+            ..Part::new(&given.mesh)
         })
         .collect();
     let done = simplify_scene(&parts, diagonal, &options, &mut Progress::new(progress));

@@ -5,7 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use lodsmith::core::TriMesh;
 use lodsmith::options::by_name::{OptionValue, from_names};
-use lodsmith::{Length, Levels, LodOptions, Measure, Progressive, Screen};
+use lodsmith::{Input, Length, Levels, LodOptions, Measure, Progressive, Screen};
 use lodsmith_io::ReadOptions;
 use lodsmith_io::lpm::{self, LpmOptions};
 use pyo3::exceptions::{PyOSError, PyValueError};
@@ -71,8 +71,9 @@ pub(crate) fn lod<'py>(
     let screen = Screen::new(fov, height, pixels).ok_or_else(|| {
         PyValueError::new_err("fov, height, pixels: a field of view below 180 and sizes above 0")
     })?;
-    let mesh = mesh.mesh(py)?;
-    let chain = keywords.run(py, |run| lodsmith::lod(&mesh, &options, run))?;
+    let (mesh, data) = (mesh.mesh(py)?, keywords.data()?);
+    let input = Input::new(&mesh).with(data.view());
+    let chain = keywords.run(py, |run| lodsmith::lod_with(&input, &options, run))?;
     let geomorphs = PyList::empty(py);
     for level in 0..=chain.levels.len() {
         if let Some(positions) = chain.geomorph(level) {
@@ -105,8 +106,9 @@ impl ProgressiveMesh {
     #[staticmethod]
     fn build<'py>(py: Python<'py>, mesh: MeshArrays<'py>, keywords: RunKeywords<'py>) -> PyResult<Self> {
         let options = keywords.options()?;
-        let mesh = mesh.mesh(py)?;
-        keywords.run(py, |run| Progressive::build(&mesh, &options, run)).map(|made| Self(Mutex::new(made)))
+        let (mesh, data) = (mesh.mesh(py)?, keywords.data()?);
+        let input = Input::new(&mesh).with(data.view());
+        keywords.run(py, |run| Progressive::build(&input, &options, run)).map(|made| Self(Mutex::new(made)))
     }
 
     /// Reads a file.

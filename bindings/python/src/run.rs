@@ -1,9 +1,7 @@
 //! Options and control of a run, and `simplify`.
 
-use std::sync::Arc;
-
 use lodsmith::options::by_name::{self, OptionError, OptionKind, OptionValue};
-use lodsmith::{Simplified, SimplifyError, SimplifyOptions};
+use lodsmith::{Input, OwnedMeshData, Simplified, SimplifyError, SimplifyOptions};
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -83,20 +81,22 @@ impl RunKeywords<'_> {
             given.push((name, value));
         }
         let given: Vec<_> = given.iter().map(|(name, value)| (name.as_str(), value.value())).collect();
-        let mut options = by_name::from_names(&given).map_err(|e| match e {
+        by_name::from_names(&given).map_err(|e| match e {
             OptionError::Unknown { .. } => PyTypeError::new_err(e.to_string()),
             OptionError::Value { option, why } => {
                 PyValueError::new_err(format!("{}: {why}", option.replace('-', "_")))
             }
             other => PyValueError::new_err(other.to_string()),
-        })?;
-        if let Some(locked) = &self.locked {
-            options.locked = Some(Arc::from(locked.as_slice()?));
-        }
-        if let Some(importance) = &self.importance {
-            options.importance = Some(Arc::from(importance.as_slice()?));
-        }
-        Ok(options)
+        })
+    }
+
+    /// Returns what the keywords say of vertices of the mesh.
+    pub(crate) fn data(&self) -> PyResult<OwnedMeshData> {
+        let mut data = OwnedMeshData::default();
+        data.locked = self.locked.as_ref().map(|own| own.as_slice().map(<[bool]>::to_vec)).transpose()?;
+        data.importance =
+            self.importance.as_ref().map(|own| own.as_slice().map(<[f32]>::to_vec)).transpose()?;
+        Ok(data)
     }
 
     /// Does a run of the engine with these keywords.
@@ -126,15 +126,17 @@ pub(crate) fn simplify<'py>(
     mesh: MeshArrays<'py>,
     keywords: RunKeywords<'py>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let options = keywords.options()?;
+    let (options, data) = (keywords.options()?, keywords.data()?);
     let done = if mesh.is_bare() {
         let typed = mesh.typed()?;
         let arrays = typed.surface(py)?;
         let surface = arrays.surface().map_err(|e| mesh_error(py, &e))?;
-        keywords.run(py, |run| lodsmith::simplify_surface(&surface, &options, run))?
+        let input = Input::of_surface(surface).with(data.view());
+        keywords.run(py, |run| lodsmith::simplify_with(&input, &options, run))?
     } else {
         let mesh = mesh.mesh(py)?;
-        keywords.run(py, |run| lodsmith::simplify(&mesh, &options, run))?
+        let input = Input::new(&mesh).with(data.view());
+        keywords.run(py, |run| lodsmith::simplify_with(&input, &options, run))?
     };
     simplified(py, done)
 }

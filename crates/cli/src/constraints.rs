@@ -1,9 +1,7 @@
 //! Resolution of the names in `--lock` and `--importance` to vertices of the input.
 
-use std::sync::Arc;
-
 use anyhow::anyhow;
-use lodsmith::SimplifyOptions;
+use lodsmith::OwnedMeshData;
 use lodsmith::core::{RegionId, Semantic, TriMesh, WedgeId};
 use lodsmith_io::Loaded;
 use lodsmith_io::gltf::Scene;
@@ -30,12 +28,11 @@ pub(crate) fn properties(how: &How) -> Vec<String> {
     how.lock.iter().cloned().chain(importance).collect()
 }
 
-/// Sets locks, importance and region classes of a mesh in the options.
+/// Returns locks, importance and region classes of a mesh.
 ///
 /// # Errors
 /// If a name is not found; the error lists the names that exist.
-pub(crate) fn of_mesh(how: &How, loaded: &Loaded, options: &mut SimplifyOptions) -> anyhow::Result<()> {
-    options.region_classes = Some(loaded.regions.classes().into());
+pub(crate) fn of_mesh(how: &How, loaded: &Loaded) -> anyhow::Result<OwnedMeshData> {
     let text = |name: &[u8]| String::from_utf8_lossy(name).into_owned();
     let regions = loaded.regions.iter().map(|region| {
         let groups = region.groups.into_iter().flat_map(|all| {
@@ -52,25 +49,23 @@ pub(crate) fn of_mesh(how: &How, loaded: &Loaded, options: &mut SimplifyOptions)
         properties: &loaded.properties,
     };
     let other = loaded.contents.attributes.iter().filter(|a| !VECTOR_ATTRIBUTES.contains(&a.as_str()));
-    set_constraints(how, &[named], other.cloned().collect(), options).map_err(|e| {
+    let mut all = constraints(how, &[named], other.cloned().collect()).map_err(|e| {
         if loaded.format.is_scene() {
             anyhow!("{e} (meshes and nodes have names only where the output is glTF)")
         } else {
             e
         }
-    })
+    })?;
+    let mut own = all.swap_remove(0);
+    own.region_classes = Some(loaded.regions.classes());
+    Ok(own)
 }
 
-/// Sets locks and importance of the meshes of a scene with these numbers.
+/// Returns locks and importance of the meshes of a scene with these numbers.
 ///
 /// # Errors
 /// Those of [`of_mesh`].
-pub(crate) fn of_scene(
-    how: &How,
-    scene: &Scene,
-    taken: &[usize],
-    options: &mut SimplifyOptions,
-) -> anyhow::Result<()> {
+pub(crate) fn of_scene(how: &How, scene: &Scene, taken: &[usize]) -> anyhow::Result<Vec<OwnedMeshData>> {
     let names = scene.names();
     let all: Vec<_> = taken
         .iter()
@@ -81,7 +76,7 @@ pub(crate) fn of_scene(
             NamedMesh { mesh: &mesh.mesh, whole, regions, properties: &[] }
         })
         .collect();
-    set_constraints(how, &all, Vec::new(), options)
+    constraints(how, &all, Vec::new())
 }
 
 /// Names of attributes in lists of a file's content that do not have a single number for each vertex.
@@ -89,12 +84,12 @@ const VECTOR_ATTRIBUTES: [&str; 3] = ["normals", "uvs", "colors"];
 /// Names of colour channels on the command line.
 const CHANNELS: [&str; 4] = ["color.r", "color.g", "color.b", "color.a"];
 
-fn set_constraints(
+fn constraints(
     how: &How,
     all: &[NamedMesh<'_>],
     other_names: Vec<String>,
-    options: &mut SimplifyOptions,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<OwnedMeshData>> {
+    let mut data = vec![OwnedMeshData::default(); all.len()];
     let unknown = |option: &str, name: &str, mut names: Vec<String>| {
         names.extend(all.iter().flat_map(NamedMesh::values_names).chain(other_names.iter().cloned()));
         let mut known = Vec::new();
@@ -113,18 +108,17 @@ fn set_constraints(
         anyhow!("{option} {name}: nothing has this name; {what}")
     };
     if !how.lock.is_empty() {
-        let mut locked: Vec<Vec<bool>> = all.iter().map(|n| vec![false; n.mesh.vertex_count()]).collect();
         for name in &how.lock {
             let mut found = false;
-            for (named, locked) in all.iter().zip(&mut locked) {
-                found |= named.lock(name, locked);
+            for (named, own) in all.iter().zip(&mut data) {
+                let none = || vec![false; named.mesh.vertex_count()];
+                found |= named.lock(name, own.locked.get_or_insert_with(none));
             }
             if !found {
                 let names = all.iter().flat_map(|n| n.whole.iter().chain(n.regions.iter().flatten()));
                 return Err(unknown("--lock", name, names.cloned().collect()));
             }
         }
-        options.locked = Some(locked.into_iter().flatten().collect());
     }
     if let Some(Importance { name, strength }) = &how.importance {
         let values: Vec<_> = all.iter().map(|n| n.values(name)).collect();
@@ -133,14 +127,11 @@ fn set_constraints(
         }
         let largest = values.iter().flatten().flatten().fold(1f32, |m, x| m.max(*x));
         let density = |x: f32| strength.powf(x.max(0.0) / largest);
-        let of_mesh = |(named, values): (&NamedMesh<'_>, Option<Vec<f32>>)| {
-            let count = named.mesh.vertex_count();
-            values.map_or_else(|| vec![1.0; count], |v| v.into_iter().map(density).collect())
-        };
-        let densities: Vec<f32> = all.iter().zip(values).flat_map(of_mesh).collect();
-        options.importance = Some(Arc::from(densities));
+        for (own, values) in data.iter_mut().zip(values) {
+            own.importance = values.map(|v| v.into_iter().map(density).collect());
+        }
     }
-    Ok(())
+    Ok(data)
 }
 
 impl NamedMesh<'_> {

@@ -1,13 +1,13 @@
-//! A mesh as the engine gets it, and the options that depend on it.
+//! A mesh as the engine gets it, and the data that belong to it.
 
-use lodsmith::SimplifyOptions;
+use lodsmith::{OwnedMeshData, SimplifyOptions};
 use lodsmith_io::{Loaded, Warning};
 
 use crate::args::How;
 use crate::file::Destination;
 use crate::{constraints, palettes};
 
-/// Sets the options that depend on a mesh, and removes from it what the output cannot hold.
+/// Returns the data of a mesh, and removes from it what the output cannot hold.
 ///
 /// # Errors
 /// If a name on the command line is not found.
@@ -15,11 +15,10 @@ pub(crate) fn prepare(
     loaded: &mut Loaded,
     how: &How,
     to: Option<&Destination>,
-    options: &mut SimplifyOptions,
-) -> anyhow::Result<()> {
-    constraints::of_mesh(how, loaded, options)?;
-    let (textures, left_out) = palettes::of_mesh(loaded);
-    options.textures = textures;
+    options: &SimplifyOptions,
+) -> anyhow::Result<OwnedMeshData> {
+    let mut data = constraints::of_mesh(how, loaded)?;
+    let left_out = palettes::add_of_mesh(loaded, &mut data);
     loaded.warnings.extend(left_out);
     if loaded.format.is_scene() && !to.is_some_and(Destination::keeps_materials) {
         // If materials are not written, their borders need not be preserved.
@@ -29,5 +28,5 @@ pub(crate) fn prepare(
         let text = "--per-mesh: the meshes become one on this way, and share the target";
         loaded.warnings.push(Warning::note(text));
     }
-    Ok(())
+    Ok(data)
 }

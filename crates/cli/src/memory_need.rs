@@ -4,7 +4,7 @@
 use lodsmith::core::measure::CompareOptions;
 use lodsmith::core::topology::size_of;
 use lodsmith::core::{Splits, TriMesh};
-use lodsmith::{Bound, Length, Measure, Method, SimplifyOptions};
+use lodsmith::{Bound, Length, Measure, Method, OwnedMeshData, SimplifyOptions, Textures};
 use lodsmith_io::gltf::SceneMesh;
 
 /// Number of faces above which copies are made when needed instead of kept.
@@ -95,14 +95,14 @@ fn remesh_bytes(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
 }
 
 /// Returns the bytes of the images whose colours a run keeps in place.
-fn image_bytes(options: &SimplifyOptions) -> u64 {
-    options.textures.as_ref().map_or(0, |textures| textures.bytes())
+pub(crate) fn images(data: &[OwnedMeshData]) -> u64 {
+    Textures::bytes_of_all(data.iter().filter_map(|own| own.textures.as_ref()))
 }
 
 /// Returns the need of simplifying a mesh.
 pub(crate) fn simplify(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
     let own = Size::of(mesh).bytes_at(face_of(options), VALUE_BYTES);
-    own.saturating_add(remesh_bytes(mesh, options)).saturating_add(image_bytes(options))
+    own.saturating_add(remesh_bytes(mesh, options))
 }
 
 /// Returns the need of simplifying the meshes of a scene: they are joined, and the buffers of the file stay
@@ -110,19 +110,17 @@ pub(crate) fn simplify(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
 pub(crate) fn simplify_scene(meshes: &[SceneMesh], buffers: u64, options: &SimplifyOptions) -> u64 {
     let size = Size::of_all(meshes.iter().map(|m| &*m.mesh));
     let own = size.bytes_at(face_of(options).map(|n| n + 60), VALUE_BYTES);
-    own.saturating_add(buffers).saturating_add(image_bytes(options))
+    own.saturating_add(buffers)
 }
 
 /// Returns the need of a chain of levels, all of which are kept.
 pub(crate) fn lod(size: Size, options: &SimplifyOptions) -> u64 {
-    let own = size.bytes_at(face_of(options).map(|n| n + 140), VALUE_BYTES.map(|n| n + 10));
-    own.saturating_add(image_bytes(options))
+    size.bytes_at(face_of(options).map(|n| n + 140), VALUE_BYTES.map(|n| n + 10))
 }
 
 /// Returns the need of a chain of levels that becomes one scene.
 pub(crate) fn lod_scene(size: Size, options: &SimplifyOptions) -> u64 {
-    let own = size.bytes_at(face_of(options).map(|n| n + 330), VALUE_BYTES.map(|n| n + 10));
-    own.saturating_add(image_bytes(options))
+    size.bytes_at(face_of(options).map(|n| n + 330), VALUE_BYTES.map(|n| n + 10))
 }
 
 /// Returns the need of cleaning a mesh, including the result.

@@ -1,9 +1,8 @@
 //! A mesh as a glTF scene, with locks and importance mapped to its vertices.
 
 use std::collections::HashMap;
-use std::sync::Arc;
 
-use lodsmith::SimplifyOptions;
+use lodsmith::OwnedMeshData;
 use lodsmith::core::TriMesh;
 use lodsmith_io::gltf::{Scene, SceneMesh};
 use lodsmith_io::{Loaded, Warning};
@@ -16,41 +15,31 @@ use crate::orient::orient;
 /// A mesh that has become a scene.
 pub(crate) struct MeshScene {
     pub(crate) scene: Scene,
-    pub(crate) constraints: VertexConstraints,
+    /// Locks and importance of the vertices of its only mesh.
+    pub(crate) data: OwnedMeshData,
     pub(crate) warnings: Vec<Warning>,
 }
 
-/// Locks and importance of the vertices of a scene's only mesh.
-#[derive(Default)]
-pub(crate) struct VertexConstraints {
-    pub(crate) locked: Option<Arc<[bool]>>,
-    pub(crate) importance: Option<Arc<[f32]>>,
-}
-
 impl MeshScene {
-    /// Converts a mesh; `own` are the options of the run.
+    /// Converts a mesh.
     ///
     /// # Errors
     /// If a name on the command line is not found.
-    pub(crate) fn new(
-        loaded: Loaded,
-        how: &How,
-        to: &Destination,
-        mut own: SimplifyOptions,
-    ) -> anyhow::Result<Self> {
-        constraints::of_mesh(how, &loaded, &mut own)?;
+    pub(crate) fn new(loaded: Loaded, how: &How, to: &Destination) -> anyhow::Result<Self> {
+        let own = constraints::of_mesh(how, &loaded)?;
         let Loaded { mut mesh, regions, mut warnings, .. } = loaded;
         orient(&mut mesh, &to.writing);
         let (scene, lost) = to.as_scene(&mesh, regions)?;
         warnings.extend(lost);
         let of_vertices = scene.meshes().first().map(|there| vertices_of(there, &mesh));
-        let carried = of_vertices.map(|of| VertexConstraints {
-            locked: own.locked.as_deref().map(|all| of.iter().map(|v| v.iter().any(|&v| all[v])).collect()),
-            importance: own.importance.as_deref().map(|all| {
+        let mut data = OwnedMeshData::default();
+        if let Some(of) = of_vertices {
+            data.locked = own.locked.map(|all| of.iter().map(|v| v.iter().any(|&v| all[v])).collect());
+            data.importance = own.importance.map(|all| {
                 of.iter().map(|v| v.iter().map(|&v| all[v]).reduce(f32::max).unwrap_or(1.0)).collect()
-            }),
-        });
-        Ok(Self { scene, constraints: carried.unwrap_or_default(), warnings })
+            });
+        }
+        Ok(Self { scene, data, warnings })
     }
 }
 

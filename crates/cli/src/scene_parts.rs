@@ -1,18 +1,23 @@
 //! Meshes of a scene as parts of one run.
 
-use lodsmith::Part;
 use lodsmith::core::TriMesh;
+use lodsmith::{OwnedMeshData, Part};
 use lodsmith_io::gltf::{PlacedMesh, SceneMesh, placed_meshes};
 
-/// Returns the meshes of a scene to simplify, as numbers and as parts.
-pub(crate) fn parts_of(meshes: &[SceneMesh]) -> (Vec<usize>, Vec<Part<'_>>) {
-    let part = |placed: &PlacedMesh| {
+/// Returns the numbers of the meshes of a scene that are simplified.
+pub(crate) fn taken(meshes: &[SceneMesh]) -> Vec<usize> {
+    placed_meshes(meshes).iter().map(|placed| placed.index).collect()
+}
+
+/// Returns the meshes of a scene that are simplified, with their data, as parts.
+pub(crate) fn parts_of<'a>(meshes: &'a [SceneMesh], data: &'a [OwnedMeshData]) -> Vec<Part<'a>> {
+    let part = |(placed, data): (&PlacedMesh, &'a OwnedMeshData)| {
         let m = &meshes[placed.index];
         let (instances, scale, stretch) = (m.instances, m.scale, m.stretch);
-        Part { mesh: &m.mesh, instances, scale, stretch, system: placed.system, places: &m.places }
+        let (system, places, data) = (placed.system, &m.places, data.view());
+        Part { mesh: &m.mesh, instances, scale, stretch, system, places, data }
     };
-    let placed = placed_meshes(meshes);
-    (placed.iter().map(|p| p.index).collect(), placed.iter().map(part).collect())
+    placed_meshes(meshes).iter().zip(data).map(part).collect()
 }
 
 /// Returns a count over all instances of the meshes; each counts once if none is placed.

@@ -48,6 +48,12 @@ pub enum MeshError {
         /// The number of wedges, or faces.
         wanted: usize,
     },
+    /// A list of indices does not have three for each triangle.
+    #[error("{count} indices are no whole number of triangles")]
+    NotTriangles {
+        /// Number of indices.
+        count: usize,
+    },
     /// More elements than 32-bit ids can name.
     #[error("{count} {what} are more than 32-bit ids can name")]
     TooLarge {
@@ -293,6 +299,41 @@ impl TriMesh {
         check_triangles(bytemuck::cast_slice(&triangles), positions.len())?;
         let triangles = bytemuck::allocation::cast_vec(triangles);
         Ok(Self::without_attributes(positions, None, triangles))
+    }
+
+    /// Makes a mesh of an index buffer: positions, and three of their numbers for each triangle, counter-clockwise
+    /// seen from outside. Copies both.
+    ///
+    /// ```
+    /// use lodsmith_core::TriMesh;
+    ///
+    /// let mut mesh = TriMesh::from_indexed(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[0, 1, 2])?;
+    /// mesh.set_uvs(Some(vec![[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))?;
+    ///
+    /// let (positions, indices) = mesh.to_indexed();
+    /// assert_eq!((positions.len(), &indices[..]), (3, &[0, 1, 2][..]));
+    /// # Ok::<(), lodsmith_core::MeshError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`MeshError::NotTriangles`] if the number of indices is no multiple of three,
+    /// [`MeshError::IndexOutOfRange`], [`MeshError::TooLarge`].
+    pub fn from_indexed(positions: &[[f32; 3]], indices: &[u32]) -> Result<Self, MeshError> {
+        let (triangles, []) = indices.as_chunks::<3>() else {
+            return Err(MeshError::NotTriangles { count: indices.len() });
+        };
+        let triangles = triangles.iter().map(|t| t.map(VertexId)).collect();
+        Self::new(Positions::F32(positions.to_vec()), triangles)
+    }
+
+    /// Returns an index buffer: the position of each wedge in single precision, and three wedges for each triangle.
+    ///
+    /// Normals, texture coordinates, colours and other attributes have the numbers of the wedges too. Without
+    /// attributes, the wedges are the vertices, unless the mesh was made with others.
+    pub fn to_indexed(&self) -> (Vec<[f32; 3]>, Vec<u32>) {
+        let view = self.positions.view();
+        let at = |w: usize| view.get(self.vertex_of(WedgeId::new(w))).map(|x| x as f32);
+        ((0..self.wedge_count()).map(at).collect(), self.triangles.iter().flatten().map(|w| w.0).collect())
     }
 
     /// Makes a mesh with several wedges per vertex: `vertex_of[w]` is the vertex of wedge w.
@@ -562,6 +603,24 @@ mod tests {
             vec![[VertexId(0), VertexId(1), VertexId(2)], [VertexId(0), VertexId(3), VertexId(1)]],
         );
         assert_eq!(got.unwrap_err(), MeshError::IndexOutOfRange { face: 1, index: 3, count: 3 });
+    }
+
+    #[test]
+    fn an_index_buffer_comes_back_with_a_position_for_each_wedge() {
+        let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
+        let mesh = TriMesh::from_indexed(&points, &[0, 1, 2, 2, 1, 3]).unwrap();
+        assert_eq!(mesh.to_indexed(), (points.to_vec(), vec![0, 1, 2, 2, 1, 3]));
+        let not_three = TriMesh::from_indexed(&points, &[0, 1, 2, 3]);
+        assert_eq!(not_three.unwrap_err(), MeshError::NotTriangles { count: 4 });
+        let beyond = TriMesh::from_indexed(&points, &[0, 1, 4]);
+        assert_eq!(beyond.unwrap_err(), MeshError::IndexOutOfRange { face: 0, index: 4, count: 4 });
+        // Two wedges at vertex 1.
+        let (vertex_of, faces) =
+            (vec![0, 1, 2, 1, 3].into_iter().map(VertexId).collect(), [[0, 1, 2], [2, 3, 4]]);
+        let faces = faces.map(|t: [u32; 3]| t.map(WedgeId)).to_vec();
+        let split = TriMesh::with_wedges(mesh.positions().clone(), vertex_of, faces).unwrap();
+        let (positions, indices) = split.to_indexed();
+        assert_eq!((positions.len(), positions[3], indices), (5, points[1], vec![0, 1, 2, 2, 3, 4]));
     }
 
     #[test]

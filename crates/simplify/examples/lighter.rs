@@ -3,7 +3,7 @@
 #![allow(clippy::print_stdout, reason = "an example shows what it does")]
 
 use lodsmith::core::shapes;
-use lodsmith::{Control, Measure, SimplifyError, SimplifyOptions, Stage, Stop, Verdict, simplify};
+use lodsmith::{Control, Measure, SimplifyError, SimplifyOptions, Stage, Stop, Verdict, simplify_with};
 
 /// A control that prints the stages; the caller could also measure time and end the run here.
 struct Stages;
@@ -21,7 +21,7 @@ fn main() -> Result<(), SimplifyError> {
     let mesh = shapes::blob(5, 1);
     let mut options = SimplifyOptions::new(Stop::ratio(0.1));
     options.measure = Measure::Always;
-    let done = simplify(&mesh, &options, &mut Stages)?;
+    let done = simplify_with(&mesh, &options, &mut Stages)?;
 
     let report = &done.report;
     println!("{} -> {} faces, stopped by {}", report.input_faces, report.faces, report.stopped_by.name());

@@ -5,7 +5,7 @@
 use std::time::Instant;
 
 use lodsmith::core::shapes;
-use lodsmith::{NoControl, SimplifyOptions, Stop, simplify_surface};
+use lodsmith::{NoControl, SimplifyOptions, Stop, simplify_with};
 
 fn main() {
     let runs = std::env::args().nth(1).and_then(|n| n.parse().ok()).unwrap_or(5);
@@ -13,7 +13,7 @@ fn main() {
     let surface = mesh.surface();
     for _ in 0..runs {
         let begin = Instant::now();
-        let done = simplify_surface(&surface, &SimplifyOptions::new(Stop::ratio(0.1)), &mut NoControl);
+        let done = simplify_with(surface.clone(), &SimplifyOptions::new(Stop::ratio(0.1)), &mut NoControl);
         let seconds = begin.elapsed().as_secs_f64();
         assert!(done.is_ok_and(|done| done.report.reached), "a ball has any number of triangles");
         println!("{seconds}");

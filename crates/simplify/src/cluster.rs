@@ -24,8 +24,6 @@ mod sample;
 mod search;
 mod two_stage;
 
-use std::sync::Arc;
-
 use lodsmith_core::{PositionsView, RegionId, Surface, TriMesh, VertexId};
 
 use crate::collapse::Goal;
@@ -82,7 +80,7 @@ struct ClusterRun<'a, P> {
 struct ClusteredMesh {
     mesh: TriMesh,
     /// True for each locked vertex of the mesh, if any is locked.
-    locked: Option<Arc<[bool]>>,
+    locked: Option<Vec<bool>>,
     held: HeldWedges,
     estimate: f64,
     cell: f64,
@@ -103,7 +101,7 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
         }
         let model = ClusterInput::new(points, &input.surface)?;
         let diagonal = model.diagonal();
-        let locked = match options.locked.as_ref().filter(|l| l.contains(&true)) {
+        let locked = match input.data.locked.filter(|l| l.contains(&true)) {
             Some(own) => {
                 let mut is_locked = vec![false; points.len()];
                 (0..own.len()).for_each(|i| is_locked[input.joined(VertexId::new(i)).index()] |= own[i]);

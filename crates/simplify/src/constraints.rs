@@ -7,7 +7,7 @@ use lodsmith_core::{PositionsView, RegionId, TriMesh, VertexId, WedgeId};
 
 use crate::SimplifyError;
 use crate::collapse::order::{NONE, Ordered};
-use crate::options::SimplifyOptions;
+use crate::input::MeshData;
 
 /// Range that densities are clamped to. (Their cost factors must leave room in single precision.)
 const DENSITY_RANGE: [f32; 2] = [1e-3, 1e3];
@@ -22,19 +22,15 @@ pub(crate) struct Constraints {
 impl Constraints {
     /// Builds locks and cost factors. `joined` returns the vertex that each vertex was merged with before the
     /// input was ordered.
-    pub(crate) fn new(
-        options: &SimplifyOptions,
-        ordered: &Ordered,
-        joined: impl Fn(VertexId) -> VertexId,
-    ) -> Self {
+    pub(crate) fn new(data: &MeshData<'_>, ordered: &Ordered, joined: impl Fn(VertexId) -> VertexId) -> Self {
         let place = |i: usize| ordered.rank[joined(VertexId::new(i)).index()];
         let places = || (0..ordered.rank.len()).map(|i| (i, place(i))).filter(|x| x.1 != NONE);
-        let locked = options.locked.as_ref().filter(|l| l.contains(&true)).map(|own| {
+        let locked = data.locked.filter(|l| l.contains(&true)).map(|own| {
             let mut locked = vec![false; ordered.point_count];
             places().for_each(|(i, place)| locked[place.index()] |= own[i]);
             locked
         });
-        let factors = options.importance.as_ref().filter(|x| x.iter().any(|x| *x != 1.0)).map(|own| {
+        let factors = data.importance.filter(|x| x.iter().any(|x| *x != 1.0)).map(|own| {
             let mut factors = vec![0f32; ordered.point_count];
             for (i, place) in places() {
                 let density = own[i].clamp(DENSITY_RANGE[0], DENSITY_RANGE[1]);
@@ -68,19 +64,17 @@ impl Constraints {
     }
 }
 
-/// Checks the lists of the options against the number of vertices.
-pub(crate) fn check(options: &SimplifyOptions, wanted: usize) -> Result<(), SimplifyError> {
-    let lists = [
-        ("locked", options.locked.as_ref().map(|x| x.len())),
-        ("importance", options.importance.as_ref().map(|x| x.len())),
-    ];
+/// Checks the lists of a mesh against the number of vertices.
+pub(crate) fn check(data: &MeshData<'_>, wanted: usize) -> Result<(), SimplifyError> {
+    let lists =
+        [("locked", data.locked.map(<[bool]>::len)), ("importance", data.importance.map(<[f32]>::len))];
     for (option, got) in lists {
         if let Some(got) = got.filter(|&got| got != wanted) {
             return Err(SimplifyError::WrongLength { option, wanted, got });
         }
     }
     let bad = |x: &&f32| !(x.is_finite() && **x > 0.0);
-    if let Some(got) = options.importance.as_ref().and_then(|all| all.iter().find(bad)) {
+    if let Some(got) = data.importance.and_then(|all| all.iter().find(bad)) {
         let wanted = "a number above 0 for each vertex";
         return Err(SimplifyError::BadOption { option: "importance", wanted, got: f64::from(*got) });
     }
@@ -93,11 +87,11 @@ pub(crate) fn check(options: &SimplifyOptions, wanted: usize) -> Result<(), Simp
 pub(crate) fn weld_onto_locked(
     weld: &Weld,
     positions: PositionsView<'_>,
-    options: &SimplifyOptions,
+    locked: Option<&[bool]>,
 ) -> (Vec<VertexId>, usize) {
     let vertices = positions.len();
     let mut joined: Vec<VertexId> = (0..vertices as u32).map(|v| weld.of(VertexId(v))).collect();
-    if let Some(locked) = &options.locked {
+    if let Some(locked) = locked {
         let same = weld::weld(positions);
         let (mut locked_near, mut locked_at) = (vec![NONE; vertices], vec![NONE; vertices]);
         for v in (0..vertices).rev().filter(|&v| locked[v]).map(VertexId::new) {
@@ -197,8 +191,6 @@ pub(crate) fn restore(result: &mut TriMesh, input: &TriMesh, source: &[Option<We
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
 
     #[test]
@@ -206,11 +198,10 @@ mod tests {
         // Vertices 0, 1 and 2 lie within the distance, 3 far away.
         let points = [[0f32, 0.0, 0.0], [0.01, 0.0, 0.0], [0.02, 0.0, 0.0], [1.0, 0.0, 0.0]];
         let weld = weld::weld_within(PositionsView::F32(&points), 0.05);
-        let mut options = SimplifyOptions::default();
-        let all = weld_onto_locked(&weld, PositionsView::F32(&points), &options);
+        let all = weld_onto_locked(&weld, PositionsView::F32(&points), None);
         assert_eq!((all.0[1], all.0[2], all.1), (all.0[0], all.0[0], 2));
-        options.locked = Some(Arc::from([false, true, true, false]));
-        let (joined, merged) = weld_onto_locked(&weld, PositionsView::F32(&points), &options);
+        let locked = [false, true, true, false];
+        let (joined, merged) = weld_onto_locked(&weld, PositionsView::F32(&points), Some(&locked));
         assert_eq!((joined, merged), ([1, 1, 2, 3].map(VertexId).to_vec(), 1));
     }
     #[test]
@@ -218,8 +209,8 @@ mod tests {
         // Vertices 0 and 1 are locked, 2 has the position of 1.
         let points = [[0f32, 0.0, 0.0], [0.01, 0.0, 0.0], [0.01, 0.0, 0.0]];
         let weld = weld::weld_within(PositionsView::F32(&points), 0.05);
-        let options = SimplifyOptions { locked: Some(Arc::from([true, true, false])), ..Default::default() };
-        let (joined, merged) = weld_onto_locked(&weld, PositionsView::F32(&points), &options);
+        let locked = [true, true, false];
+        let (joined, merged) = weld_onto_locked(&weld, PositionsView::F32(&points), Some(&locked));
         assert_eq!((joined, merged), ([0, 1, 1].map(VertexId).to_vec(), 1));
     }
 }

@@ -1,4 +1,56 @@
 //! Simplification of triangle meshes: the closest mesh for the count, at the speed of the fastest tool.
+//!
+//! A mesh from slices, to a tenth of its triangles, and back:
+//!
+//! ```
+//! # let ball = lodsmith::core::shapes::icosphere(4);
+//! # let (positions, indices) = ball.to_indexed();
+//! use lodsmith::core::TriMesh;
+//! use lodsmith::{SimplifyOptions, Stop, simplify};
+//!
+//! let mesh = TriMesh::from_indexed(&positions, &indices)?; // &[[f32; 3]], &[u32]
+//! let lighter = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.1)))?;
+//!
+//! let (positions, indices) = lighter.mesh.to_indexed();
+//! assert!(indices.len() / 3 <= mesh.face_count() / 10);
+//! assert_eq!(positions.len(), lighter.report.vertices);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! With texture coordinates, which seams keep; with vertices that stay as they are; within a distance of the
+//! original that is proven both ways; and with a control that sees the progress and can end the run:
+//!
+//! ```
+//! use lodsmith::core::shapes;
+//! use lodsmith::{Input, Length, NoControl, SimplifyOptions, Stop, simplify_with};
+//!
+//! let mut mesh = shapes::grid(32);
+//! let uvs = mesh.positions().view().iter().map(|p| [p[0] as f32, p[1] as f32]).collect();
+//! mesh.set_uvs(Some(uvs))?;
+//! let locked: Vec<bool> = mesh.positions().view().iter().map(|p| p[0] == 0.0).collect();
+//!
+//! let options = SimplifyOptions::new(Stop::error(Length::OfDiagonal(0.001)));
+//! let lighter = simplify_with(Input::new(&mesh).locked(&locked), &options, &mut NoControl)?;
+//! assert!(lighter.report.error.bound.is_some_and(|bound| bound <= 0.001 * lighter.report.error.diagonal));
+//! assert!(lighter.mesh.uvs().is_some() && lighter.report.locked_vertices == 33);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! A chain of levels of detail in one run, and the distances from which each may be shown:
+//!
+//! ```
+//! use lodsmith::lod::error_of;
+//! use lodsmith::{Levels, LodOptions, Screen, lod};
+//!
+//! let mesh = lodsmith::core::shapes::icosphere(5);
+//! let chain = lod(&mesh, &LodOptions::new(Levels::Steps { count: 3, factor: 0.5 }))?;
+//! let from: Vec<f64> = chain.levels.iter().map(|l| Screen::default().distance(error_of(&l.report))).collect();
+//! assert!(from.is_sorted() && chain.levels[2].report.faces <= mesh.face_count() / 8);
+//! # Ok::<(), lodsmith::SimplifyError>(())
+//! ```
+//!
+//! Several meshes under one budget: [`simplify_scene`]. All levels in one structure: [`Progressive`]. Repair:
+//! [`clean()`]. What can be set: [`SimplifyOptions`]; what was done: [`Report`].
 
 mod attributes;
 mod borders;
@@ -48,11 +100,11 @@ pub use clean::{CleanOptions, CleanReport, Cleaned, NonManifold, Sheets, clean};
 pub use cluster_lod::{BuiltClusterLod, ClusterLodOptions, ClusterLodReport, cluster_lod};
 pub use control::{Control, NoControl, Stage, Verdict};
 pub use error::SimplifyError;
-pub use lod::{Levels, LodChain, LodOptions, SceneChain, Screen, lod, lod_scene};
+pub use lod::{Levels, LodChain, LodOptions, SceneChain, Screen, lod, lod_scene, lod_with};
 pub use lodsmith_core as core;
-use lodsmith_core::{Surface, TriMesh};
+use lodsmith_core::TriMesh;
 
-use input::Input;
+pub use input::{Input, MeshData, OwnedMeshData};
 pub use options::{
     AttributeWeights, BorderPolicy, Bound, Fit, Guards, Length, Measure, Method, MethodOptions, Placement,
     Preset, SimplifyOptions, Stop, TopologyPolicy,
@@ -127,13 +179,13 @@ pub use two_sided::two_sided_faces;
 ///
 /// ```
 /// use lodsmith::core::{correspondence, shapes};
-/// use lodsmith::{NoControl, SimplifyOptions, Stop, simplify};
+/// use lodsmith::{SimplifyOptions, Stop, simplify};
 ///
 /// let mesh = shapes::icosphere(4);
 /// // Whatever an engine keeps at vertices: here the height, as a stand-in for light that was baked.
 /// let light: Vec<f32> = mesh.positions().view().iter().map(|p| p[2] as f32).collect();
 ///
-/// let lighter = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.2)), &mut NoControl)?.mesh;
+/// let lighter = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.2)))?.mesh;
 /// let carried = correspondence(&mesh, &lighter)?.transfer(&light, 1)?;
 ///
 /// assert_eq!(carried.len(), lighter.wedge_count());
@@ -148,11 +200,8 @@ pub use two_sided::two_sided_faces;
 /// - [`SimplifyError::BadOption`] if a number of the options is out of range, or if [`MethodOptions::cell`],
 ///   [`MethodOptions::voxel`], [`MethodOptions::edge_length`] or [`MethodOptions::subdivisions`] does not
 ///   suit this mesh (a grid that is too fine, or one in which no face is left).
-/// - [`SimplifyError::WrongLength`] if [`SimplifyOptions::locked`] or [`SimplifyOptions::importance`] does
-///   not have one entry for each vertex.
 /// - [`SimplifyError::NotOfMethod`] if an option is set that the method does not have.
 /// - [`SimplifyError::NotTogether`] if two options exclude each other.
-/// - [`SimplifyError::Cancelled`] if the control answered [`Verdict::Cancel`].
 /// - [`SimplifyError::Mesh`] if the result is not a valid mesh, such as one with more elements than 32-bit
 ///   ids can name.
 ///
@@ -162,29 +211,20 @@ pub use two_sided::two_sided_faces;
 /// # Source
 /// Costs without memory: [Lindstrom-Turk 1998]; the link condition: [Dey 1999]; attributes: [Hoppe 1999],
 /// without memory. The variants of [`Method`] name the sources of the other methods.
-pub fn simplify(
-    mesh: &TriMesh,
-    options: &SimplifyOptions,
-    control: &mut dyn Control,
-) -> Result<Simplified, SimplifyError> {
-    pipeline::simplify(&Input { surface: mesh.surface(), mesh: Some(mesh), joined: None }, options, control)
-        .map(|done| done.0)
+pub fn simplify(mesh: &TriMesh, options: &SimplifyOptions) -> Result<Simplified, SimplifyError> {
+    simplify_with(mesh, options, &mut NoControl)
 }
 
-/// Reduces the number of triangles of a borrowed surface: positions and triangles, without attributes and
-/// regions.
-///
-/// Units, promises, cost, determinism, panics and sources are those of [`simplify`]. The surface is read
-/// only; the result owns its buffers, has positions of the precision of the surface, and one wedge for each
-/// vertex.
+/// [`simplify`] with data of the mesh (locked vertices, importance, images), or of a borrowed surface, and with a
+/// [`Control`] that sees the progress and can end the run.
 ///
 /// # Errors
-/// Those of [`simplify`]; lists of the options have one entry for each position of the surface.
-pub fn simplify_surface(
-    surface: &Surface<'_>,
+/// Those of [`simplify`]; [`SimplifyError::WrongLength`] if [`MeshData::locked`] or [`MeshData::importance`] does
+/// not have one entry for each vertex, [`SimplifyError::Cancelled`] if the control answered [`Verdict::Cancel`].
+pub fn simplify_with<'a>(
+    input: impl Into<Input<'a>>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<Simplified, SimplifyError> {
-    pipeline::simplify(&Input { surface: surface.clone(), mesh: None, joined: None }, options, control)
-        .map(|done| done.0)
+    pipeline::simplify(&input.into(), options, control).map(|done| done.0)
 }

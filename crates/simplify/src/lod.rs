@@ -4,13 +4,13 @@ mod geomorph;
 
 use lodsmith_core::{Positions, TriMesh};
 
-use crate::control::{Control, ProgressShare};
+use crate::control::{Control, NoControl, ProgressShare};
 use crate::input::Input;
 use crate::options::{Length, SimplifyOptions, Stop};
 use crate::report::Report;
 use crate::run::is_chained;
 use crate::scene::{self, Part, SimplifiedScene};
-use crate::{Simplified, SimplifyError, pipeline, simplify};
+use crate::{Simplified, SimplifyError, pipeline, simplify_with};
 
 /// The levels to make besides the original, each lighter than the one before.
 #[derive(Clone, Debug, PartialEq)]
@@ -153,10 +153,10 @@ impl LodChain {
 ///
 /// ```
 /// use lodsmith::core::shapes;
-/// use lodsmith::{Levels, LodOptions, NoControl, lod};
+/// use lodsmith::{Levels, LodOptions, lod};
 ///
 /// let mesh = shapes::icosphere(4);
-/// let chain = lod(&mesh, &LodOptions::new(Levels::Ratios(vec![0.5, 0.1])), &mut NoControl)?;
+/// let chain = lod(&mesh, &LodOptions::new(Levels::Ratios(vec![0.5, 0.1])))?;
 /// assert!(chain.levels[0].mesh.face_count() > 4 * chain.levels[1].mesh.face_count());
 /// # Ok::<(), lodsmith::SimplifyError>(())
 /// ```
@@ -164,15 +164,30 @@ impl LodChain {
 /// # Errors
 /// Those of [`simplify`](crate::simplify()); [`SimplifyError::BadOption`] for levels that are out of order or
 /// more than 64, [`SimplifyError::NotTogether`] for a stop among the options of the levels.
-pub fn lod(
-    mesh: &TriMesh,
+pub fn lod(mesh: &TriMesh, options: &LodOptions) -> Result<LodChain, SimplifyError> {
+    lod_with(mesh, options, &mut NoControl)
+}
+
+/// [`lod`] with data of the mesh, and with a control; as [`simplify_with`].
+///
+/// # Errors
+/// Those of [`lod`] and of [`simplify_with`].
+pub fn lod_with<'a>(
+    input: impl Into<Input<'a>>,
+    options: &LodOptions,
+    control: &mut dyn Control,
+) -> Result<LodChain, SimplifyError> {
+    chain(&input.into(), options, control)
+}
+
+fn chain(
+    input: &Input<'_>,
     options: &LodOptions,
     control: &mut dyn Control,
 ) -> Result<LodChain, SimplifyError> {
     let stops = options.stops()?;
-    let input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
     let chain = if is_chained(&options.simplify, &stops) {
-        pipeline::simplify_chain(&input, &options.simplify, &stops, options.geomorph, control)?
+        pipeline::simplify_chain(input, &options.simplify, &stops, options.geomorph, control)?
     } else {
         None
     };
@@ -180,14 +195,19 @@ pub fn lod(
         Some((all, mergers)) => (all.into_iter().map(|done| done.0).collect::<Vec<_>>(), mergers),
         None => {
             let one = |(i, stop): (usize, &Stop)| {
-                simplify(mesh, &options.of_level(*stop), &mut ProgressShare::of(control, i, stops.len()))
+                simplify_with(
+                    input,
+                    &options.of_level(*stop),
+                    &mut ProgressShare::of(control, i, stops.len()),
+                )
             };
             (stops.iter().enumerate().map(one).collect::<Result<_, _>>()?, Vec::new())
         }
     };
     let mut geomorphs = Vec::new();
     if options.geomorph {
-        let mut own = mesh;
+        let whole = input.to_mesh()?;
+        let mut own = &*whole;
         for (k, level) in levels.iter().enumerate() {
             let view = level.mesh.positions().view();
             let merged = |v: usize| {

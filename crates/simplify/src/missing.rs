@@ -66,11 +66,7 @@ impl<'a> Completed<'a> {
 
     /// Returns the input of a run with the completed mesh in place of its own.
     pub(crate) fn input<'b>(&'b self, own: &Input<'b>) -> Input<'b> {
-        Input {
-            surface: own.surface.clone(),
-            mesh: own.mesh.map(|_| &*self.mesh),
-            joined: own.joined.clone(),
-        }
+        Input { mesh: own.mesh.map(|_| &*self.mesh), ..own.clone() }
     }
 }
 

@@ -6,12 +6,6 @@ mod check;
 pub(crate) mod names;
 pub(crate) mod shared;
 
-use std::sync::Arc;
-
-use lodsmith_core::RegionId;
-
-use crate::textures::Textures;
-
 /// Method of simplification.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
@@ -330,9 +324,6 @@ pub struct QuickPass {
     /// Weight of the squared step of a vertex along the surface, against the squared distance from it: above 0, faces
     /// are more regular.
     pub move_weight: f32,
-    /// With [`Placement::Endpoint`]: values of the wedges that count in the cost, as many for each; a
-    /// difference of 1 across a length counts like a distance of that length.
-    pub wedge_values: Option<Arc<[f32]>>,
 }
 
 /// All options of a run.
@@ -381,40 +372,6 @@ pub struct SimplifyOptions {
     /// Counts the shape normals of the surface in the cost if the mesh has no normals. The result does not
     /// carry them. (In a scene, if no mesh has any.)
     pub shape_normals: bool,
-    /// Class of each region of the mesh, given as the first region of the class: where two regions of one
-    /// class meet, the border is a crease that may move, as between smoothing groups. Without the list, and
-    /// for regions beyond its end, each region is a class of its own, and borders are exact. (In a scene the
-    /// regions are those of each part.)
-    pub region_classes: Option<Arc<[RegionId]>>,
-    /// Lock of each vertex of the input, if any is locked; for a scene, of all parts one after the other.
-    ///
-    /// A locked vertex keeps its position and its attributes, to the bit, and a face whose vertices are all
-    /// locked is kept. (Clustering can leave a locked vertex without faces; then it is dropped.) The faces
-    /// around are simplified up to it and stay connected to it; a part with a locked vertex is never removed.
-    /// Vertices at one position are locked together; a weld moves others onto locked vertices, never a locked
-    /// one. Of duplicate faces one is removed even if locked.
-    pub locked: Option<Arc<[bool]>>,
-    /// Importance of each vertex of the input: the density of triangles that it is to have, relative to a
-    /// place of the same shape elsewhere; for a scene, of all parts one after the other. 1 is neutral; values
-    /// are clamped to 0.001 to 1000.
-    ///
-    /// The cost of a collapse is multiplied by the importance to the power 2.5, and the merged vertex keeps
-    /// the larger value of its two ends. Costs fall with the third power of the density of triangles where
-    /// the surface is smooth and with its square where it is rough, so 4 means about 3 on the one and 6 on
-    /// the other. Flat places need no triangles, however important they are. The total is that of the stop.
-    /// (docs/decisions/0013)
-    pub importance: Option<Arc<[f32]>>,
-    /// Base-colour images of the surface: for the regions of the mesh, or those of each part of a scene. If
-    /// one is a palette (almost every face of the input shows one colour), a face of the result whose blended
-    /// texture coordinates show other colours than the input there takes some of the input's coordinates.
-    /// Nothing else in a run reads images, and [`Method::Cluster`] and progressive meshes do not read them at
-    /// all.
-    pub textures: Option<Arc<Textures>>,
-    /// Keeps blended normals that deviate far from their faces: for lent normals, and where groups of
-    /// clusters are joined again.
-    pub(crate) keeps_blended_normals: bool,
-    /// True if borders that differ by rounding were found before: in a scene each mesh has its own precision.
-    pub(crate) knows_borders: bool,
     /// Makes one quick pass, if set.
     #[doc(hidden)]
     pub quick: Option<QuickPass>,

@@ -43,8 +43,8 @@ pub(crate) fn simplify(
 }
 
 fn check(input: &Input<'_>, options: &SimplifyOptions) -> Result<(), SimplifyError> {
-    options.check()?;
-    constraints::check(options, input.surface.positions().len())
+    options.check(&input.data)?;
+    constraints::check(&input.data, input.surface.positions().len())
 }
 
 fn simplify_once(
@@ -109,9 +109,9 @@ pub(crate) fn simplify_chain(
     control: &mut dyn Control,
 ) -> Result<Option<(Vec<Done>, Mergers)>, SimplifyError> {
     for stop in stops {
-        SimplifyOptions { stop: *stop, ..options.clone() }.check()?;
+        SimplifyOptions { stop: *stop, ..options.clone() }.check(&input.data)?;
     }
-    constraints::check(options, input.surface.positions().len())?;
+    constraints::check(&input.data, input.surface.positions().len())?;
     if let Some(completed) = missing::completed(input)? {
         let made = simplify_chain(&completed.input(input), options, stops, is_traced, control)?;
         let finish = |(levels, mergers): (Vec<Done>, Mergers)| {
@@ -128,7 +128,7 @@ pub(crate) fn simplify_chain(
         let cleanup = ordered.cleanup;
         drop(ordered);
         let Some(own) = sheets.chain_stops(stops) else { return Ok(None) };
-        let made = simplify_chain(&sheets.input(), &sheets.own_options(options), &own, is_traced, control)?;
+        let made = simplify_chain(&sheets.input(), options, &own, is_traced, control)?;
         let Some((levels, mergers)) = made else { return Ok(None) };
         let (levels, mergers) = sheets.both_levels(levels, &mergers, stops, options)?;
         let all = levels.into_iter().map(|done| with_sheets(done, &sheets, &prepared, cleanup));

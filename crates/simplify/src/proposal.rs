@@ -42,7 +42,7 @@ pub struct Proposal {
 
 impl Change {
     /// Returns the options with this change. A guard is switched off: its best limit is for the user to
-    /// choose.
+    /// choose. [`Change::Locked`] changes nothing: locks are data of the mesh.
     pub fn apply(self, options: &SimplifyOptions) -> SimplifyOptions {
         let mut options = options.clone();
         match self {
@@ -53,7 +53,8 @@ impl Change {
             Self::MinQuality => options.guards.min_quality = None,
             Self::MaxValence => options.guards.max_valence = None,
             Self::MaxEdge => options.guards.max_edge = None,
-            Self::Locked => options.locked = None,
+            // (Locks are data of the mesh.)
+            Self::Locked => {}
             Self::Pairs(reach) => options.method_options.pairs = Some(reach),
         }
         options
@@ -67,7 +68,7 @@ impl Change {
     }
 
     /// Returns the changes that would relax these options: one list for each option, mildest change first.
-    pub(crate) fn relaxations(options: &SimplifyOptions) -> Vec<Vec<Self>> {
+    pub(crate) fn relaxations(options: &SimplifyOptions, has_locks: bool) -> Vec<Vec<Self>> {
         let guards = &options.guards;
         let mut all: Vec<Vec<Self>> = Vec::new();
         let mut guard = |is_on: bool, change| all.extend(is_on.then(|| vec![change]));
@@ -75,7 +76,7 @@ impl Change {
         guard(guards.min_quality.is_some_and(|q| q > 0.0), Self::MinQuality);
         guard(guards.max_valence.is_some(), Self::MaxValence);
         guard(guards.max_edge.is_some(), Self::MaxEdge);
-        guard(options.locked.is_some(), Self::Locked);
+        guard(has_locks, Self::Locked);
         all.push(match options.border {
             BorderPolicy::Lock => vec![Self::Border(BorderPolicy::Slide), Self::Border(BorderPolicy::Keep)],
             BorderPolicy::Slide => vec![Self::Border(BorderPolicy::Keep)],

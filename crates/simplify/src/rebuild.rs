@@ -92,7 +92,7 @@ fn outcome(
         Ending::Finish => StopReason::Finish,
     };
     let (mesh, held) = with_transferred_attributes(run.input, run.ordered, prepared, &made, positions, None)?;
-    let mesh = recolor::recolored(mesh, run.input, run.options, &held, None)?;
+    let mesh = recolor::recolored(mesh, run.input, &held, None)?;
     let mut tally = Tally::default();
     (tally.refusals, tally.collapses) = (made.refusals, made.steps);
     (tally.parts_removed, tally.necks_cut) = (made.parts_removed, made.necks_cut);
@@ -171,7 +171,7 @@ mod tests {
     }
 
     fn rebuilt(mesh: &TriMesh, pass: run::Pass) -> TriMesh {
-        let input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
+        let input = Input::new(mesh);
         let options = SimplifyOptions { measure: crate::Measure::Auto, ..SimplifyOptions::default() };
         run::run_with(pass, &input, &options, &mut NoControl).unwrap().0.mesh
     }

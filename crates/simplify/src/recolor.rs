@@ -17,7 +17,6 @@ use lodsmith_core::{Attribute, FaceId, MeshError, Positions, RegionId, TriMesh, 
 use crate::cluster::chunks::each;
 use crate::constraints::HeldWedges;
 use crate::input::Input;
-use crate::options::SimplifyOptions;
 use crate::textures::{Texture, Textures};
 
 /// Barycentric sample points of a face: the centre, near the corners, in between, near the edges.
@@ -56,15 +55,14 @@ pub(crate) struct OwnParts {
     pub(crate) of_result: Vec<Option<u32>>,
 }
 
-/// Repairs the colours of a result, if the options have textures.
+/// Repairs the colours of a result, if the mesh has textures.
 pub(crate) fn recolored(
     mesh: TriMesh,
     input: &Input<'_>,
-    options: &SimplifyOptions,
     held: &HeldWedges,
     parts: Option<&OwnParts>,
 ) -> Result<TriMesh, MeshError> {
-    match (&options.textures, input.mesh) {
+    match (input.data.textures, input.mesh) {
         (Some(textures), Some(source)) => repair(mesh, source, textures, held, parts),
         _ => Ok(mesh),
     }
@@ -109,7 +107,7 @@ fn repair(
 /// Returns the textures of the regions that are palettes: almost all of their faces show a single colour.
 fn palettes<'a>(source: &TriMesh, uvs: &[[f32; 2]], textures: &'a Textures) -> Vec<Option<&'a Texture>> {
     let count = source.regions().map_or(1, |r| r.iter().map(|r| r.index() + 1).max().unwrap_or(0));
-    let of: Vec<_> = (0..count).map(|r| textures.of(0, Some(RegionId::new(r)))).collect();
+    let of: Vec<_> = (0..count).map(|r| textures.of(Some(RegionId::new(r)))).collect();
     // Area of all faces, and of those with several colours.
     let mut areas = vec![[0f64; 2]; count];
     let view = source.positions().view();
@@ -137,7 +135,7 @@ pub(crate) fn mean_colors(
     let mut sums = vec![Vec4::ZERO; parts];
     let (Some(uvs), view) = (mesh.uvs(), mesh.positions().view()) else { return vec![None; parts] };
     for (f, t) in mesh.triangles().iter().enumerate() {
-        let texture = textures.of(0, mesh.regions().map(|r| r[f]));
+        let texture = textures.of(mesh.regions().map(|r| r[f]));
         let color = texture
             .and_then(|texture| texture.color(interpolate(t.map(|w| uvs[w.index()]), SAMPLE_POINTS[0])));
         let sum = part_of_face(f).and_then(|part| sums.get_mut(part));

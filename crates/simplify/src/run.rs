@@ -53,8 +53,8 @@ pub(crate) fn run_collapses(
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<Done, SimplifyError> {
-    options.check()?;
-    constraints::check(options, input.surface.positions().len())?;
+    options.check(&input.data)?;
+    constraints::check(&input.data, input.surface.positions().len())?;
     run_by_collapses(input, &options.with_own_placement(), control)
 }
 
@@ -92,7 +92,7 @@ pub(crate) fn run_ordered(
     control: &mut dyn Control,
 ) -> Result<Done, SimplifyError> {
     let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
-    let constraints = Constraints::new(options, &ordered, |v| input.joined(v));
+    let constraints = Constraints::new(&input.data, &ordered, |v| input.joined(v));
     let run = Run::new(input, options, &mut ordered, &constraints, pass);
     let finished = match limit {
         Some(limit) if options.method.limits_error_by_step() => run.run_within_step(limit, control)?,

@@ -27,9 +27,7 @@ pub use part::{MeshCounts, Part, Place, SimplifiedScene, Starved};
 /// # Input
 /// Each [`Part`] is a mesh in its own coordinates, with a scale and a number of instances. Counts of the stop
 /// are of all instances together. `diagonal` is the diagonal of the scene's bounding box, in the units of the
-/// scene, and the one that lengths given as shares refer to. Lists over vertices
-/// ([`SimplifyOptions::locked`], [`SimplifyOptions::importance`]) have one entry for each vertex of each
-/// part, part after part; region classes and textures are those of each part.
+/// scene, and the one that lengths given as shares refer to.
 ///
 /// # Output
 /// One mesh for each part, in the same order and in the units, precision, attributes and regions of that
@@ -52,8 +50,8 @@ pub use part::{MeshCounts, Part, Place, SimplifiedScene, Starved};
 ///
 /// # Errors
 /// Those of [`simplify`](crate::simplify()): [`SimplifyError::NoFaces`] if no part has a face with an area
-/// (with `per_mesh`, a part without one stays as it is), [`SimplifyError::WrongLength`] if a list does not
-/// have one entry for each vertex of all parts together, [`SimplifyError::Mesh`] if all parts together have
+/// (with `per_mesh`, a part without one stays as it is), [`SimplifyError::WrongLength`] if a list of
+/// a part does not have one entry for each of its vertices, [`SimplifyError::Mesh`] if all parts together have
 /// more elements than 32-bit ids can name.
 ///
 /// # Panics

@@ -50,9 +50,9 @@ pub(crate) fn with_engine<M: Metric>(
     options: &SimplifyOptions,
     act: &mut dyn FnMut(&mut Engine<M>, &Run<'_, '_>),
 ) {
-    let input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
+    let input = Input::new(mesh);
     let Ok(mut in_order) = ordered(&input, &mut NoControl) else { return };
-    let constraints = Constraints::new(options, &in_order, |v| v);
+    let constraints = Constraints::new(&input.data, &in_order, |v| v);
     let pass = collapses(options.method).expect("a method that collapses edges");
     let mut run = Run::new(&input, options, &mut in_order, &constraints, pass);
     let mut started = run.start(metric, None, false, (&[], 0)).expect("the options are sound");

@@ -50,43 +50,38 @@ fn pixel(at: f32, n: usize, wrap: Wrap) -> usize {
     ((inside * n as f32) as usize).min(n - 1)
 }
 
-/// The colour image of each region of a mesh, or of each part of a scene: see
-/// [`SimplifyOptions::textures`](crate::SimplifyOptions::textures).
+/// The colour image of each region of a mesh: see [`MeshData::textures`](crate::MeshData::textures).
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Textures(Vec<Vec<Option<Texture>>>);
+pub struct Textures(Vec<Option<Texture>>);
 
 impl Textures {
     /// Takes the textures of the regions of one mesh, by index; the first is that of a mesh without regions.
     pub fn of_regions(regions: Vec<Option<Texture>>) -> Self {
-        Self(vec![regions])
+        Self(regions)
     }
 
-    /// Takes the textures of the regions of each part of a scene, in order.
-    pub fn of_parts(parts: Vec<Vec<Option<Texture>>>) -> Self {
-        Self(parts)
-    }
-
-    /// Takes the base colour textures of some meshes of a model, given by index, as parts of a scene in this
-    /// order. Textures that use another set than the first of texture coordinates are left out.
+    /// Takes the base colour textures of a mesh of a model, given by index. Textures that use another set than the
+    /// first of texture coordinates are left out.
     ///
-    /// # Panics If the model has no mesh with such an index.
-    pub fn of_model(model: &Model, meshes: impl IntoIterator<Item = usize>) -> Self {
+    /// # Panics
+    /// If the model has no mesh with this index.
+    pub fn of_model(model: &Model, mesh: usize) -> Self {
         let texture = |material: &Option<usize>| {
             let at = model.materials.get((*material)?)?.base_color_texture?;
             let image = model.images.get(at.image).filter(|_| at.uv_set == 0)?;
             Some(Texture { image: image.clone(), transform: at.transform, sampler: at.sampler })
         };
-        Self(meshes.into_iter().map(|i| model.meshes[i].materials.iter().map(texture).collect()).collect())
+        Self(model.meshes[mesh].materials.iter().map(texture).collect())
     }
 
-    /// True if no surface has a texture.
+    /// True if no region has a texture.
     pub fn is_empty(&self) -> bool {
-        self.0.iter().flatten().all(Option::is_none)
+        self.0.iter().all(Option::is_none)
     }
 
-    /// Returns the bytes of the images, each counted once.
-    pub fn bytes(&self) -> u64 {
-        let images = self.0.iter().flatten().flatten().map(|texture| &texture.image);
+    /// Returns the bytes of the images of several meshes, each image counted once.
+    pub fn bytes_of_all<'a>(all: impl IntoIterator<Item = &'a Self>) -> u64 {
+        let images = all.into_iter().flat_map(|own| own.0.iter().flatten()).map(|texture| &texture.image);
         let mut known: Vec<*const Image> = Vec::new();
         let mut bytes = 0;
         for image in images {
@@ -99,14 +94,9 @@ impl Textures {
         bytes
     }
 
-    /// Returns the texture of a region of a part.
-    pub(crate) fn of(&self, part: usize, region: Option<RegionId>) -> Option<&Texture> {
-        self.0.get(part)?.get(region.unwrap_or_default().index())?.as_ref()
-    }
-
-    /// Returns the textures of one part alone.
-    pub(crate) fn part(&self, part: usize) -> Self {
-        Self(vec![self.0.get(part).cloned().unwrap_or_default()])
+    /// Returns the texture of a region.
+    pub(crate) fn of(&self, region: Option<RegionId>) -> Option<&Texture> {
+        self.0.get(region.unwrap_or_default().index())?.as_ref()
     }
 }
 

@@ -23,12 +23,12 @@ use std::borrow::Cow;
 
 use lodsmith_core::mesh::defects::defects;
 use lodsmith_core::splits::SplitData;
-use lodsmith_core::{Morphed, Positions, PositionsView, Semantic, Surface, TriMesh, VertexId, WedgeId};
+use lodsmith_core::{Morphed, Semantic, Surface, TriMesh, VertexId, WedgeId};
 
 use crate::SimplifyError;
 use crate::collapse::order::{NONE, Ordered, order};
 use crate::deviation::InputComparer;
-use crate::input::Input;
+use crate::input::{Input, OwnedMeshData};
 use crate::options::{Bound, Method, SimplifyOptions, Stop, TopologyPolicy};
 use crate::report::Report;
 use crate::run::{CountedGoal, Done, Mergers};
@@ -52,6 +52,8 @@ pub(crate) struct TwoSidedInput<'a> {
     own_vertices: Vec<[VertexId; 2]>,
     /// The vertex that each one is to be merged with, as in the input.
     joined: Option<Vec<VertexId>>,
+    /// Data of the input without backs.
+    data: OwnedMeshData,
 }
 
 /// True if a run is worth looking for sheets: not with voxels, whose surface encloses what is inside, nor with
@@ -116,7 +118,7 @@ impl<'a> TwoSidedInput<'a> {
         let is_bound = options.stop.error.is_some() || options.effective_bound() != Bound::Estimate;
         let bent = if is_bound { 0.0 } else { pairs::MAX_BENT_GAP };
         let may_pair = |pair: &FacePair, places: &dyn Fn(u32) -> [VertexId; 3]| {
-            may_pair(input, options.locked.as_deref(), pair, places)
+            may_pair(input, input.data.locked, pair, places)
         };
         // (Whoever asks for a weld has said what is joined.)
         let near = match options.weld {
@@ -128,10 +130,7 @@ impl<'a> TwoSidedInput<'a> {
         let Some(found) = pairs::find(surface, ordered, bent, &|pair| may_pair(pair, &places)) else {
             return Ok(None);
         };
-        let whole = match input.mesh {
-            Some(mesh) => Cow::Borrowed(mesh),
-            None => Cow::Owned(mesh_of(input)?),
-        };
+        let whole = input.to_mesh()?;
         let rank = |v: VertexId| {
             let v = prepared.joined(v);
             ordered.rank[near.as_ref().map_or(v, |near| near.to[v.index()]).index()]
@@ -162,7 +161,18 @@ impl<'a> TwoSidedInput<'a> {
         let is_exact = single.is_exact(&whole, &found, &own_vertices);
         let duplicates = duplicates.len();
         let joined = input.joined.clone();
-        Ok(Some(Self { whole, single, pair_count, duplicates, is_uniform, is_exact, own_vertices, joined }))
+        let data = single.data_of(&input.data, &own_vertices, whole.wedge_count());
+        Ok(Some(Self {
+            whole,
+            single,
+            pair_count,
+            duplicates,
+            is_uniform,
+            is_exact,
+            own_vertices,
+            joined,
+            data,
+        }))
     }
 
     /// Runs on the fronts, with `run`, and returns both sides.
@@ -171,7 +181,7 @@ impl<'a> TwoSidedInput<'a> {
         options: &SimplifyOptions,
         mut run: impl FnMut(&Input<'_>, &SimplifyOptions) -> Result<Done, SimplifyError>,
     ) -> Result<Done, SimplifyError> {
-        let mut own = self.own_options(options);
+        let mut own = options.clone();
         let goal = self.goal(&options.stop);
         let once = |stop| {
             own.stop = stop;
@@ -269,11 +279,6 @@ impl<'a> TwoSidedInput<'a> {
         &self.whole
     }
 
-    /// The mesh without backs.
-    pub(crate) fn fronts(&self) -> &TriMesh {
-        &self.single.mesh
-    }
-
     /// The number of faces that repeated one of a pair.
     pub(crate) fn duplicates(&self) -> usize {
         self.duplicates
@@ -282,28 +287,7 @@ impl<'a> TwoSidedInput<'a> {
     /// The input without backs.
     pub(crate) fn input(&self) -> Input<'_> {
         let joined = self.joined.clone();
-        Input { surface: self.single.mesh.surface(), mesh: Some(&self.single.mesh), joined }
-    }
-
-    /// Returns the options of a run on the fronts.
-    pub(crate) fn own_options(&self, options: &SimplifyOptions) -> SimplifyOptions {
-        let mut own = options.clone();
-        self.single.adapt_options(&mut own);
-        if let Some(locked) = &options.locked {
-            let mut all = locked.to_vec();
-            for [back, front] in &self.own_vertices {
-                all[front.index()] |= locked[back.index()];
-            }
-            own.locked = Some(all.into());
-        }
-        if let Some(importance) = &options.importance {
-            let mut all = importance.to_vec();
-            for [back, front] in &self.own_vertices {
-                all[front.index()] = all[front.index()].max(importance[back.index()]);
-            }
-            own.importance = Some(all.into());
-        }
-        own
+        Input { joined, ..Input::new(&self.single.mesh).with(self.data.view()) }
     }
 
     /// Measures a result with both sides, if the run was measured: by area, so that sheets count twice. A bound that is
@@ -334,15 +318,6 @@ impl<'a> TwoSidedInput<'a> {
         report.two_sided_pairs = self.pair_count;
         Ok((both, report))
     }
-}
-
-/// Returns a mesh of a surface that has no attributes.
-fn mesh_of(input: &Input<'_>) -> Result<TriMesh, SimplifyError> {
-    let positions = match input.surface.positions() {
-        PositionsView::F32(p) => Positions::F32(p.to_vec()),
-        PositionsView::F64(p) => Positions::F64(p.to_vec()),
-    };
-    Ok(TriMesh::new(positions, input.surface.triangles().to_vec())?)
 }
 
 /// True if the back of a pair may be left out of a run on an input: nothing but its winding and its values tells it from

@@ -5,12 +5,15 @@ use lodsmith::core::spatial::Bvh;
 use lodsmith::core::{
     Attribute, FaceId, Morphed, Positions, RegionId, Semantic, Topology, TriMesh, VertexId, WedgeId, shapes,
 };
-use lodsmith::{Fit, Length, Method, NoControl, Placement, Refusal, Report, SimplifyOptions, Stop, simplify};
+use lodsmith::{
+    Fit, Input, Length, Method, NoControl, Placement, Refusal, Report, SimplifyOptions, Stop, simplify,
+    simplify_with,
+};
 
 use crate::support::charts::{place, two_charts, wedges};
 
 fn lighter(mesh: &TriMesh, ratio: f64) -> TriMesh {
-    simplify(mesh, &SimplifyOptions::new(Stop::ratio(ratio)), &mut NoControl).unwrap().mesh
+    simplify(mesh, &SimplifyOptions::new(Stop::ratio(ratio))).unwrap().mesh
 }
 
 #[test]
@@ -70,7 +73,7 @@ fn a_weld_keeps_the_attributes_of_what_it_joins() {
     soup.set_uvs(Some(uvs)).unwrap();
     let mut options = SimplifyOptions::new(Stop::ratio(0.9));
     options.weld = Some(Length::Units(1e-3));
-    let done = simplify(&soup, &options, &mut NoControl).unwrap();
+    let done = simplify(&soup, &options).unwrap();
     assert!(done.report.cleanup.welded_vertices > 100);
     let uvs = done.mesh.uvs().unwrap();
     for w in wedges(&done.mesh) {
@@ -208,7 +211,7 @@ fn the_fit_brings_values_closer() {
     let error = |fit: Fit| {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
         options.fit = fit;
-        let got = simplify(&mesh, &options, &mut NoControl).unwrap().mesh;
+        let got = simplify(&mesh, &options).unwrap().mesh;
         let found = compare_attributes(&mesh, &got, &CompareOptions::default()).unwrap();
         found.uvs.unwrap().rms.symmetric
     };
@@ -243,7 +246,7 @@ fn endpoints_carry_every_attribute_as_it_was() {
     }
     let mut options = SimplifyOptions::new(Stop::ratio(0.3));
     options.placement = lodsmith::Placement::Endpoint;
-    let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+    let done = simplify(&mesh, &options).unwrap();
     assert!(done.report.dropped.is_empty() && done.mesh.face_count() < mesh.face_count() / 3 + 2);
     let got = done.mesh.further_attributes();
     let shape = |a: &Attribute| (a.semantic.clone(), a.width);
@@ -263,7 +266,7 @@ fn half_a_skin_is_dropped_and_told() {
     let mut mesh = shapes::blob(2, 1);
     let values = vec![1.0; mesh.wedge_count() * 4];
     mesh.add_attribute(Attribute { semantic: Semantic::Joints(0), width: 4, values }).unwrap();
-    let done = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.5)), &mut NoControl).unwrap();
+    let done = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.5))).unwrap();
     assert!(done.mesh.further_attributes().is_empty());
     assert_eq!(done.report.dropped, ["joints"]);
 }
@@ -273,11 +276,11 @@ fn borders_within_a_class_of_regions_are_creases() {
     let mut mesh = shapes::wavy_sheet(24);
     let squares = (0..mesh.face_count()).map(|f| RegionId::new(f / 4)).collect();
     mesh.set_regions(Some(squares)).unwrap();
-    let mut options = SimplifyOptions::new(Stop::ratio(0.1));
-    let exact = simplify(&mesh, &options, &mut NoControl).unwrap();
+    let options = SimplifyOptions::new(Stop::ratio(0.1));
+    let exact = simplify(&mesh, &options).unwrap();
     assert!(exact.report.seams_relaxed, "{:?}", exact.report.refusals);
-    options.region_classes = Some(vec![RegionId::new(0); mesh.face_count()].into());
-    let free = simplify(&mesh, &options, &mut NoControl).unwrap();
+    let classes = vec![RegionId::new(0); mesh.face_count()];
+    let free = simplify_with(Input::new(&mesh).region_classes(&classes), &options, &mut NoControl).unwrap();
     assert!(free.report.reached && !free.report.seams_relaxed, "{:?}", free.report.refusals);
     assert!(free.mesh.regions().is_some());
     let rms = |m: &TriMesh| {
@@ -303,9 +306,7 @@ fn palette(step: f32) -> TriMesh {
 
 #[test]
 fn seams_within_one_piece_of_a_texture_are_soft() {
-    let run = |mesh: &TriMesh| {
-        simplify(mesh, &SimplifyOptions::new(Stop::ratio(0.2)), &mut NoControl).unwrap().report
-    };
+    let run = |mesh: &TriMesh| simplify(mesh, &SimplifyOptions::new(Stop::ratio(0.2))).unwrap().report;
     let (near, far) = (run(&palette(0.0)), run(&palette(100.0)));
     let refused = |r: &Report| r.refusals.iter().any(|r| r.0 == Refusal::Seam);
     assert!(near.reached && !near.seams_relaxed && !refused(&near), "{:?}", near.refusals);
@@ -315,7 +316,7 @@ fn seams_within_one_piece_of_a_texture_are_soft() {
 #[test]
 fn where_seams_give_way_a_face_shows_the_piece_of_the_texture_under_it() {
     let mesh = palette(100.0);
-    let done = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.1)), &mut NoControl).unwrap();
+    let done = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.1))).unwrap();
     assert!(done.report.reached && done.report.seams_relaxed, "{:?}", done.report.refusals);
     let tree = Bvh::new(&mesh.surface());
     let piece = |m: &TriMesh, w: WedgeId| m.uvs().unwrap()[w.index()].map(|x| (x / 100.0).round());
@@ -402,7 +403,7 @@ fn seams_of_every_attribute_count_in_every_method() {
             let mut options = SimplifyOptions::new(Stop::ratio(0.3));
             options.method = method;
             options.placement = placement.unwrap_or(options.placement);
-            let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+            let done = simplify(&mesh, &options).unwrap();
             let what = format!("{semantic:?} {method:?}");
             assert!(done.report.reached && !done.report.seams_relaxed, "{what}: {:?}", done.report.refusals);
             let mut wrong = 0;
@@ -435,7 +436,7 @@ fn methods_that_keep_vertices_say_when_seams_give_way() {
     for method in [Method::Melax, Method::VertexRemoval] {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
         options.method = method;
-        let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+        let done = simplify(&mesh, &options).unwrap();
         assert!(done.report.reached && done.report.seams_relaxed, "{method:?}: {:?}", done.report.refusals);
         // Still each face has the colour of one patch.
         let colors = done.mesh.colors().unwrap();

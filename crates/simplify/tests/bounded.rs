@@ -44,7 +44,7 @@ fn stack(n: u32, has_own: bool) -> TriMesh {
 fn report(mesh: &TriMesh, method: Method, keep: f64) -> Report {
     let mut options = SimplifyOptions::new(Stop::ratio(keep));
     options.method = method;
-    simplify(mesh, &options, &mut NoControl).unwrap().report
+    simplify(mesh, &options).unwrap().report
 }
 
 const JUDGED_BY_STARS: [Method; 2] = [Method::Melax, Method::LindstromTurk];
@@ -150,7 +150,7 @@ proptest! {
         let method = [Method::Memoryless, Method::Melax, Method::LindstromTurk][method];
         let mut options = SimplifyOptions::new(Stop::ratio(keep));
         options.method = method;
-        let report = simplify(&mesh, &options, &mut NoControl).unwrap().report;
+        let report = simplify(&mesh, &options).unwrap().report;
         prop_assert!(report.faces_visited <= 1 << 28, "{report:?}");
     }
 

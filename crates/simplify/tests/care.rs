@@ -1,20 +1,19 @@
 //! Locked vertices and importance.
 
 use std::collections::HashSet;
-use std::sync::Arc;
 
 use lodsmith::core::{
     Attribute, Positions, RegionId, Semantic, Topology, TriMesh, VertexId, WedgeId, shapes,
 };
 use lodsmith::{
-    BorderPolicy, Length, Method, NoControl, Part, Placement, Refusal, SimplifyError, SimplifyOptions, Stop,
-    StoppedBy, simplify, simplify_scene,
+    BorderPolicy, Input, Length, Method, NoControl, Part, Placement, Refusal, SimplifyError, SimplifyOptions,
+    Stop, StoppedBy, simplify, simplify_scene, simplify_with,
 };
 
 use crate::support::{CaseFilter, Complaints, bits, complaints, topology_complaints};
 
 /// Returns one entry for each vertex.
-fn of_vertices<T>(mesh: &TriMesh, of: impl Fn([f64; 3]) -> T) -> Arc<[T]> {
+fn of_vertices<T>(mesh: &TriMesh, of: impl Fn([f64; 3]) -> T) -> Vec<T> {
     mesh.positions().view().iter().map(of).collect()
 }
 
@@ -119,8 +118,8 @@ fn what_is_locked_stays_to_the_bit() {
                         }
                         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
                         (options.method, options.placement) = (method, placement);
-                        options.locked = Some(locked.clone());
-                        let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+                        let input = Input::new(&mesh).locked(&locked);
+                        let done = simplify_with(input, &options, &mut NoControl).unwrap();
                         let laden = if mesh.has_attributes() { "laden" } else { "plain" };
                         let case = format!("{laden} {name}, {kind}, {method:?}, {placement:?}");
                         // Endpoint placement drops the rest; then positions and faces are compared with the
@@ -150,9 +149,8 @@ fn what_is_locked_stays_to_the_bit() {
 fn the_locked_area_and_the_rest_stay_one_surface() {
     let mesh = shapes::blob(4, 2);
     let locked = of_vertices(&mesh, |p| p[2] > 0.2);
-    let mut options = SimplifyOptions::new(Stop::faces(10));
-    options.locked = Some(locked.clone());
-    let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+    let input = Input::new(&mesh).locked(&locked);
+    let done = simplify_with(input, &SimplifyOptions::new(Stop::faces(10)), &mut NoControl).unwrap();
     let all = |t: &&[WedgeId; 3]| t.iter().all(|w| locked[w.index()]);
     let locked_faces = mesh.triangles().iter().filter(all).count();
     assert_eq!(done.report.locked_faces, locked_faces);
@@ -169,10 +167,9 @@ fn the_locked_area_and_the_rest_stay_one_surface() {
 #[test]
 fn a_part_with_a_locked_vertex_never_goes() {
     let mesh = shapes::tetrahedra(40);
-    let mut options = SimplifyOptions::new(Stop::faces(8));
-    let locked: Arc<[bool]> = (0..mesh.vertex_count()).map(|i| i < 4 || i == 9).collect();
-    options.locked = Some(locked.clone());
-    let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+    let locked: Vec<bool> = (0..mesh.vertex_count()).map(|i| i < 4 || i == 9).collect();
+    let input = Input::new(&mesh).locked(&locked);
+    let done = simplify_with(input, &SimplifyOptions::new(Stop::faces(8)), &mut NoControl).unwrap();
     assert!(done.report.reached && done.report.faces == 8, "{}", done.report.faces);
     assert_eq!(touched(&mesh, &locked, &done.mesh), Vec::<String>::new());
     assert_eq!((done.report.locked_vertices, done.report.locked_faces), (5, 4));
@@ -191,12 +188,11 @@ fn nothing_is_welded_off_its_locked_place() {
     let right = faces.iter().map(|t| [t[0], t[2], t[1]].map(|v| VertexId(v.0 + count)));
     let both = faces.iter().copied().chain(right).collect();
     let mesh = TriMesh::new(Positions::F64(points), both).unwrap();
-    let locked: Arc<[bool]> = (0..2 * count).map(|v| v >= count).collect();
+    let locked: Vec<bool> = (0..2 * count).map(|v| v >= count).collect();
     let mut options = SimplifyOptions::new(Stop::ratio(0.6));
-    options.locked = Some(locked.clone());
     options.weld = Some(Length::Units(2.0 * gap));
     options.border = BorderPolicy::Free;
-    let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+    let done = simplify_with(Input::new(&mesh).locked(&locked), &options, &mut NoControl).unwrap();
     assert_eq!(touched(&mesh, &locked, &done.mesh), Vec::<String>::new());
     assert_eq!(Topology::new(&done.mesh.surface()).counts().component_count, 1);
 }
@@ -217,7 +213,7 @@ fn attributes_survive_a_weld() {
     mesh.set_colors(Some(ramp)).unwrap();
     let mut options = SimplifyOptions::new(Stop::ratio(1.0));
     options.weld = Some(Length::Units(1e-5));
-    let got = simplify(&mesh, &options, &mut NoControl).unwrap().mesh;
+    let got = simplify(&mesh, &options).unwrap().mesh;
     for (p, c) in got
         .triangles()
         .iter()
@@ -235,14 +231,15 @@ fn locked_vertices_of_a_scene_come_back_as_they_were() {
     b.map_positions(|p| [0.001 * p[0], 1e-9 * p[1], p[2]]);
     let regions = (0..b.face_count()).map(|f| RegionId::new(f % 2)).collect();
     b.set_regions(Some(regions)).unwrap();
-    let lock = |m: &TriMesh| of_vertices(m, |p| p[2] > 0.1);
+    let lock = |m: &TriMesh| -> Vec<bool> { of_vertices(m, |p| p[2] > 0.1) };
     let (of_a, of_b) = (lock(&a), lock(&b));
-    let mut options = SimplifyOptions::new(Stop::ratio(0.3));
-    options.locked = Some(of_a.iter().chain(of_b.iter()).copied().collect());
-    let part = |mesh, scale| Part { mesh, instances: 1, scale, stretch: None, system: None, places: &[] };
-    let got = simplify_scene(&[part(&a, 0.37), part(&b, 3.3)], 3.0, &options, &mut NoControl).unwrap();
-    for (name, mesh, locked, result) in [("a", &a, of_a, &got.meshes[0]), ("b", &b, of_b, &got.meshes[1])] {
-        assert_eq!(touched(mesh, &locked, result), Vec::<String>::new(), "{name}");
+    let options = SimplifyOptions::new(Stop::ratio(0.3));
+    let mut parts = [Part { scale: 0.37, ..Part::new(&a) }, Part { scale: 3.3, ..Part::new(&b) }];
+    parts[0].data.locked = Some(&of_a);
+    parts[1].data.locked = Some(&of_b);
+    let got = simplify_scene(&parts, 3.0, &options, &mut NoControl).unwrap();
+    for (name, mesh, locked, result) in [("a", &a, &of_a, &got.meshes[0]), ("b", &b, &of_b, &got.meshes[1])] {
+        assert_eq!(touched(mesh, locked, result), Vec::<String>::new(), "{name}");
     }
     assert!(got.meshes[0].face_count() < a.face_count());
 }
@@ -280,8 +277,9 @@ fn importance_is_density() {
             for ratio in [0.25, 0.05] {
                 let mut options = SimplifyOptions::new(Stop::ratio(ratio));
                 options.method = method;
-                options.importance = Some(of_vertices(&mesh, |p| if p[2] > 0.0 { wanted } else { 1.0 }));
-                let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+                let importance = of_vertices(&mesh, |p| if p[2] > 0.0 { wanted } else { 1.0 });
+                let input = Input::new(&mesh).importance(&importance);
+                let done = simplify_with(input, &options, &mut NoControl).unwrap();
                 assert!(done.report.reached);
                 let [above, below] = densities(&done.mesh);
                 let got = above / below / f64::from(wanted);
@@ -294,28 +292,26 @@ fn importance_is_density() {
 #[test]
 fn equal_importance_changes_nothing() {
     let mesh = shapes::blob(3, 5);
-    let mut options = SimplifyOptions::new(Stop::ratio(0.2));
-    let plain = simplify(&mesh, &options, &mut NoControl).unwrap();
+    let options = SimplifyOptions::new(Stop::ratio(0.2));
+    let plain = simplify(&mesh, &options).unwrap();
     for all in [1.0, 7.5] {
-        options.importance = Some(of_vertices(&mesh, |_| all));
-        assert_eq!(simplify(&mesh, &options, &mut NoControl).unwrap(), plain);
+        let importance = of_vertices(&mesh, |_| all);
+        let input = Input::new(&mesh).importance(&importance);
+        assert_eq!(simplify_with(input, &options, &mut NoControl).unwrap(), plain);
     }
 }
 
 #[test]
 fn lists_have_one_entry_for_each_vertex() {
     let mesh = shapes::cube(2);
-    let mut options = SimplifyOptions::new(Stop::ratio(0.5));
-    options.locked = Some(Arc::from([true]));
+    let options = SimplifyOptions::new(Stop::ratio(0.5));
+    let run = |input: Input<'_>| simplify_with(input, &options, &mut NoControl);
     let wanted = mesh.vertex_count();
     let wrong = |option| Err(SimplifyError::WrongLength { option, wanted, got: 1 });
-    assert_eq!(simplify(&mesh, &options, &mut NoControl), wrong("locked"));
-    options.locked = None;
-    options.importance = Some(Arc::from([1.0]));
-    assert_eq!(simplify(&mesh, &options, &mut NoControl), wrong("importance"));
+    assert_eq!(run(Input::new(&mesh).locked(&[true])), wrong("locked"));
+    assert_eq!(run(Input::new(&mesh).importance(&[1.0])), wrong("importance"));
     for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
-        options.importance = Some(of_vertices(&mesh, |_| bad));
-        let got = simplify(&mesh, &options, &mut NoControl);
+        let got = run(Input::new(&mesh).importance(&of_vertices(&mesh, |_| bad)));
         assert!(matches!(got, Err(SimplifyError::BadOption { option: "importance", .. })), "{got:?}");
     }
 }

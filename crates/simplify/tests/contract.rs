@@ -7,7 +7,7 @@ use lodsmith::core::topology::EdgeKind;
 use lodsmith::core::{Attribute, Semantic, Topology, TriMesh, VertexId, WedgeId, shapes};
 use lodsmith::{
     BorderPolicy, Fit, Guards, Length, Measure, Method, NoControl, Placement, Simplified, SimplifyError,
-    SimplifyOptions, Stop, StoppedBy, TopologyPolicy, simplify, simplify_surface,
+    SimplifyOptions, Stop, StoppedBy, TopologyPolicy, simplify, simplify_with,
 };
 
 use crate::support::{
@@ -404,7 +404,7 @@ fn attributes_come_along_and_what_goes_is_named() {
             let mut options = SimplifyOptions::new(Stop::ratio(0.5));
             (options.method, options.placement) = (method, placement);
             for (mesh, dropped) in [(&whole, &[][..]), (&half, &["joints"][..])] {
-                let done = simplify(mesh, &options, &mut NoControl).unwrap();
+                let done = simplify(mesh, &options).unwrap();
                 assert!(done.report.collapses > 0);
                 assert_eq!(done.report.dropped, dropped, "{}", options_text(&options));
                 let mesh = &done.mesh;
@@ -422,7 +422,7 @@ fn midpoints_lie_in_the_middle() {
         for (name, mesh) in shapes::all().into_iter().filter(|x| x.1.face_count() > 100) {
             let mut options = SimplifyOptions::new(Stop::vertices(mesh.vertex_count() - 1));
             (options.method, options.placement, options.fit) = (method, Placement::Midpoint, Fit::Off);
-            let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+            let done = simplify(&mesh, &options).unwrap();
             if done.report.collapses != 1 {
                 continue; // unused vertices counted towards the stop
             }
@@ -453,7 +453,7 @@ fn no_collapse_turns_a_face_beyond_the_guard() {
             let mut options = SimplifyOptions::new(Stop::vertices(mesh.vertex_count() - 1));
             (options.method, options.placement) = (method, Placement::Endpoint);
             options.guards.max_normal_deg = Some(DEG);
-            let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+            let done = simplify(&mesh, &options).unwrap();
             if done.report.collapses == 0 {
                 break;
             }
@@ -522,7 +522,7 @@ fn an_error_and_a_count_stop_at_the_first() {
         let limit = Length::OfDiagonal(percent);
         let options =
             SimplifyOptions::new(Stop { faces: Some(faces), error: Some(limit), ..Stop::default() });
-        let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+        let done = simplify(&mesh, &options).unwrap();
         let measured = done.report.error.measured.as_ref().unwrap().hausdorff.symmetric;
         assert!(measured <= limit.in_units(done.report.error.diagonal));
         assert!(done.report.reached);
@@ -542,7 +542,7 @@ fn a_larger_error_never_means_more_faces() {
     let mesh = shapes::blob(3, 2);
     let faces = [0.002, 0.01, 0.05].map(|e| {
         let options = SimplifyOptions::new(Stop::error(Length::OfDiagonal(e)));
-        simplify(&mesh, &options, &mut NoControl).unwrap().mesh.face_count()
+        simplify(&mesh, &options).unwrap().mesh.face_count()
     });
     assert!(faces[0] > faces[1] && faces[1] > faces[2], "{faces:?}");
     assert!(faces[0] < mesh.face_count(), "a fifth of a percent lets something go");
@@ -584,8 +584,8 @@ fn clean_shapes_meet_easy_targets() {
 fn buffers_and_meshes_give_the_same() {
     for (name, mesh) in shapes::all() {
         let options = SimplifyOptions::new(Stop::ratio(0.3));
-        let a = simplify(&mesh, &options, &mut NoControl).unwrap();
-        let b = simplify_surface(&mesh.surface(), &options, &mut NoControl).unwrap();
+        let a = simplify(&mesh, &options).unwrap();
+        let b = simplify_with(mesh.surface(), &options, &mut NoControl).unwrap();
         assert_eq!(a, b, "{name}");
     }
 }
@@ -598,8 +598,7 @@ fn threads_never_change_the_result_nor_what_is_measured() {
     for method in [Method::Memoryless, Method::Cluster, Method::Remesh] {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
         (options.method, options.measure) = (method, Measure::Always);
-        let [one, three] =
-            pools.each_ref().map(|pool| pool.install(|| simplify(&mesh, &options, &mut NoControl).unwrap()));
+        let [one, three] = pools.each_ref().map(|pool| pool.install(|| simplify(&mesh, &options).unwrap()));
         assert!(one.report.error.measured.is_some());
         assert_eq!(one, three, "{}", method.name());
     }
@@ -630,7 +629,7 @@ fn options_out_of_range_are_refused_by_name() {
         ("weld", weld),
     ];
     for (name, options) in cases {
-        match simplify(&mesh, &options, &mut NoControl) {
+        match simplify(&mesh, &options) {
             Err(SimplifyError::BadOption { option, .. }) => assert_eq!(option, name),
             other => panic!("{name}: {other:?}"),
         }

@@ -1,7 +1,7 @@
 //! Transfer of data that is not part of the mesh from the original to the result.
 
 use lodsmith::core::{Source, TriMesh, VertexId, WedgeId, correspondence, shapes};
-use lodsmith::{Fit, Length, Method, NoControl, Placement, SimplifyOptions, Stop, simplify};
+use lodsmith::{Fit, Length, Method, Placement, SimplifyOptions, Stop, simplify};
 
 use crate::support::charts::{place, two_charts, wedges};
 
@@ -10,7 +10,7 @@ fn sources_lie_on_the_side_of_their_wedge_also_after_the_fit() {
     let mesh = two_charts(24);
     let is_right = |w: WedgeId| mesh.uvs().unwrap()[w.index()][0] > 5.0;
     for ratio in [0.5, 0.2, 0.05] {
-        let done = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(ratio)), &mut NoControl).unwrap();
+        let done = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(ratio))).unwrap();
         assert!(done.report.fitted);
         let found = correspondence(&mesh, &done.mesh).unwrap();
         for w in wedges(&done.mesh) {
@@ -28,7 +28,7 @@ fn what_is_carried_is_what_the_run_carries() {
     let flat = normals.as_flattened().to_vec();
     mesh.set_normals(Some(normals)).unwrap();
     for (ratio, most_deg) in [(0.5, 1.5), (0.1, 4.0)] {
-        let got = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(ratio)), &mut NoControl).unwrap().mesh;
+        let got = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(ratio))).unwrap().mesh;
         let carried = correspondence(&mesh, &got).unwrap().transfer(&flat, 3).unwrap();
         for (own, from) in got.normals().unwrap().iter().zip(carried.as_chunks::<3>().0) {
             let dot: f32 = own.iter().zip(from).map(|(a, b)| a * b).sum();
@@ -54,7 +54,7 @@ fn endpoints_are_kept_and_ids_are_those_of_the_input() {
         options.placement = Placement::Endpoint;
         options.fit = Fit::Off;
         options.weld = Some(Length::OfDiagonal(1e-9));
-        let got = simplify(&soup, &options, &mut NoControl).unwrap().mesh;
+        let got = simplify(&soup, &options).unwrap().mesh;
         for (w, source) in wedges(&got).zip(correspondence(&soup, &got).unwrap().sources()) {
             let Source::Wedge(from) = *source else { panic!("{w} is not kept: {source:?}") };
             assert_eq!(place(&got, w), place(&soup, from));

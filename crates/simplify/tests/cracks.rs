@@ -41,8 +41,7 @@ fn what_is_closed_by_its_indices_stays_so_with_normals() {
     assert_eq!(open_by_index(&mesh), 0);
     for preset in [Preset::Auto, Preset::Print, Preset::Scan, Preset::Visual] {
         for ratio in [0.5, 0.1, 0.04] {
-            let got = simplify(&mesh, &SimplifyOptions::preset(preset, Stop::ratio(ratio)), &mut NoControl)
-                .unwrap();
+            let got = simplify(&mesh, &SimplifyOptions::preset(preset, Stop::ratio(ratio))).unwrap();
             let open = (open_by_position(&got.mesh), open_by_index(&got.mesh));
             assert_eq!(open, (0, 0), "{preset:?} at {ratio}");
             assert_eq!(got.mesh.wedge_count(), got.mesh.vertex_count());
@@ -51,14 +50,14 @@ fn what_is_closed_by_its_indices_stays_so_with_normals() {
     for method in [Method::Quadric, Method::LindstromTurk, Method::Melax] {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
         options.method = method;
-        let got = simplify(&mesh, &options, &mut NoControl).unwrap();
+        let got = simplify(&mesh, &options).unwrap();
         assert_eq!(open_by_index(&got.mesh) - open_by_position(&got.mesh), 0, "{method:?}");
     }
     // Methods that make new surfaces take the values of a vertex from one sheet where they could come from several.
     for method in [Method::VertexRemoval, Method::Cluster, Method::Planar, Method::Remesh] {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
         options.method = method;
-        let got = simplify(&mesh, &options, &mut NoControl).unwrap();
+        let got = simplify(&mesh, &options).unwrap();
         assert_eq!(open_by_index(&got.mesh) - open_by_position(&got.mesh), 0, "{method:?}");
     }
 }
@@ -110,7 +109,7 @@ fn hard_edges_stay_split() {
         .take(20)
         .for_each(|n| *n = Vec3::from(*n).lerp(Vec3::ONE, 0.3).normalize_or_zero().to_array());
     mesh.set_normals(Some(normals)).unwrap();
-    let got = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.2)), &mut NoControl).unwrap().mesh;
+    let got = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.2))).unwrap().mesh;
     assert!(got.wedge_count() > got.vertex_count() && off_faces(&got) < 0.8, "{}", off_faces(&got));
 }
 
@@ -136,8 +135,8 @@ fn flat_normals_do_not_count_and_are_those_of_the_result() {
     };
     let (flat, bare) = (colored(flat), colored(ball.clone()));
     let options = SimplifyOptions::new(Stop::ratio(0.1));
-    let got = simplify(&flat, &options, &mut NoControl).unwrap().mesh;
-    let wanted = simplify(&bare, &options, &mut NoControl).unwrap().mesh;
+    let got = simplify(&flat, &options).unwrap().mesh;
+    let wanted = simplify(&bare, &options).unwrap().mesh;
     assert_eq!(got.positions(), wanted.positions());
     assert_eq!(got.surface().triangles(), wanted.surface().triangles());
     assert!(off_faces(&got) < 0.01, "{}", off_faces(&got));
@@ -145,14 +144,14 @@ fn flat_normals_do_not_count_and_are_those_of_the_result() {
     let mut smooth = ball.clone();
     let normals = vertex_normals(&smooth.surface(), |v| v);
     smooth.set_normals(Some(normals)).unwrap();
-    let part = |mesh| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: None, places: &[] };
+    let part = |mesh| Part::new(mesh);
     let scene =
         simplify_scene(&[part(&flat), part(&smooth), part(&ball)], 9.0, &options, &mut NoControl).unwrap();
     assert!(off_faces(&scene.meshes[0]) < 0.01 && off_faces(&scene.meshes[1]) > 0.1);
     assert!(scene.meshes[2].normals().is_none());
     assert!(scene.meshes[1..].iter().all(|mesh| mesh.wedge_count() == mesh.vertex_count()));
     // A smooth mesh keeps its normals, however fine it is.
-    let got = simplify(&smooth, &SimplifyOptions::new(Stop::ratio(0.5)), &mut NoControl).unwrap().mesh;
+    let got = simplify(&smooth, &SimplifyOptions::new(Stop::ratio(0.5))).unwrap().mesh;
     assert_eq!(got.wedge_count(), got.vertex_count());
     assert!(off_faces(&got) > 0.05);
 }
@@ -193,16 +192,16 @@ fn a_seam_whose_sides_differ_by_rounding_does_not_crack() {
     let mesh = bottle();
     assert!(open_by_position(&mesh) > 20, "the two sides are equal to the bit");
     let options = SimplifyOptions::new(Stop::ratio(0.05));
-    let got = simplify(&mesh, &options, &mut NoControl).unwrap();
+    let got = simplify(&mesh, &options).unwrap();
     assert_eq!(open_by_position(&got.mesh), 0);
     assert!(got.mesh.wedge_count() > got.mesh.vertex_count(), "the seam of the texture is gone");
-    let part = Part { mesh: &mesh, instances: 1, scale: 0.01, stretch: None, system: None, places: &[] };
+    let part = Part { scale: 0.01, ..Part::new(&mesh) };
     let far = Part { scale: 5.0, ..part };
     let scene = simplify_scene(&[part, far], 20.0, &options, &mut NoControl).unwrap();
     assert_eq!([0, 1].map(|i: usize| open_by_position(&scene.meshes[i])), [0, 0]);
     // What has not moved has the bits of one side.
     let given: BTreeSet<[u64; 3]> = bits(&mesh, [0.0; 3]).collect();
-    let half = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(1.0)), &mut NoControl).unwrap();
+    let half = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(1.0))).unwrap();
     assert!(bits(&half.mesh, [0.0; 3]).all(|p| given.contains(&p)));
 }
 
@@ -249,14 +248,7 @@ fn meshes_with_origins_of_their_own_stay_together() {
     let mut right = tile(16);
     right.map_positions(|p| [p[0] - 7.0, p[1], p[2]]);
     let places = [[moved_by(0.0, 0.0)], [moved_by(8.0, 0.0)]];
-    let part = |(i, mesh)| Part {
-        mesh,
-        instances: 1,
-        scale: 1.0,
-        stretch: None,
-        system: Some(i),
-        places: &places[i],
-    };
+    let part = |(i, mesh)| Part { system: Some(i), places: &places[i], ..Part::new(mesh) };
     let parts = [part((0, &left)), part((1, &right))];
     let options = SimplifyOptions::new(Stop::ratio(0.2));
     let got = simplify_scene(&parts, 2.5, &options, &mut NoControl).unwrap();
@@ -282,7 +274,7 @@ fn meshes_with_origins_of_their_own_stay_together() {
 fn copies_stay_together_where_they_meet() {
     let mesh = tile(16);
     let row = [moved_by(0.0, 0.0), moved_by(1.0, 0.0), moved_by(2.0, 0.0)];
-    let copies = Part { mesh: &mesh, instances: 3, scale: 1.0, stretch: None, system: None, places: &row };
+    let copies = Part { instances: 3, places: &row, ..Part::new(&mesh) };
     let got =
         simplify_scene(&[copies], 3.5, &SimplifyOptions::new(Stop::ratio(0.3)), &mut NoControl).unwrap();
     let meshes: Vec<_> = [0.0, 1.0, 2.0].map(|x| (&got.meshes[0], [x, 0.0, 0.0])).to_vec();

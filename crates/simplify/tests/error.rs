@@ -4,12 +4,12 @@
 use lodsmith::core::measure::Prepared;
 use lodsmith::core::measure::proof::{WithinResult, prove_within};
 use lodsmith::core::{TriMesh, shapes};
-use lodsmith::{Bound, Length, Method, NoControl, Report, Simplified, SimplifyOptions, Stop, simplify};
+use lodsmith::{Bound, Length, Method, Report, Simplified, SimplifyOptions, Stop, simplify};
 
 use crate::support::{CaseFilter, size};
 
 fn run(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
-    simplify(mesh, options, &mut NoControl).unwrap()
+    simplify(mesh, options).unwrap()
 }
 
 fn within(share: f64) -> SimplifyOptions {

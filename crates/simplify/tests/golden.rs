@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use lodsmith::core::shapes;
-use lodsmith::{Measure, Method, NoControl, SimplifyOptions, Stop, simplify};
+use lodsmith::{Measure, Method, SimplifyOptions, Stop, simplify};
 
 #[test]
 fn golden_reports() {
@@ -14,7 +14,7 @@ fn golden_reports() {
             for share in [0.5, 0.1] {
                 let mut options = SimplifyOptions::new(Stop::ratio(share));
                 (options.method, options.measure) = (method, Measure::Always);
-                let report = simplify(&mesh, &options, &mut NoControl).unwrap().report;
+                let report = simplify(&mesh, &options).unwrap().report;
                 let percent = |x: f64| format!("{:.2}", x / report.error.diagonal * 100.0);
                 let measured = report.error.measured.as_ref().unwrap();
                 writeln!(

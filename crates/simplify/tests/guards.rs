@@ -61,7 +61,7 @@ fn both(name: &str, mesh: &TriMesh, guards: Guards, ratio: f64) -> [Vec<Face>; 2
     let run = |fit| {
         let mut options = SimplifyOptions::new(Stop::ratio(ratio));
         (options.guards, options.fit) = (guards, fit);
-        faces(&simplify(mesh, &options, &mut NoControl).unwrap().mesh)
+        faces(&simplify(mesh, &options).unwrap().mesh)
     };
     let [off, on] = [Fit::Off, Fit::On].map(run);
     assert_eq!(off.len(), on.len(), "{name}");
@@ -131,7 +131,7 @@ fn guards_hold_together_for_every_method_with_a_fit() {
         let run = |fit| {
             let mut options = SimplifyOptions::new(Stop::ratio(0.15));
             (options.guards, options.fit, options.method) = (guards, fit, method);
-            simplify(&mesh, &options, &mut NoControl).unwrap().mesh
+            simplify(&mesh, &options).unwrap().mesh
         };
         let [off, on] = [Fit::Off, Fit::On].map(run);
         let mut valence = vec![0; on.vertex_count()];
@@ -179,7 +179,7 @@ fn borders_that_may_not_move_do_not() {
     for border in [BorderPolicy::Lock, BorderPolicy::Slide] {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
         (options.border, options.fit) = (border, Fit::On);
-        let got = simplify(&mesh, &options, &mut NoControl).unwrap().mesh;
+        let got = simplify(&mesh, &options).unwrap().mesh;
         let bits = |p: [f64; 3]| p.map(f64::to_bits);
         let old: Vec<_> = mesh.positions().view().iter().map(bits).collect();
         let topology = lodsmith::core::Topology::new(&got.surface());

@@ -2,15 +2,14 @@
 //! progressive meshes can be restored, and position, size and file order of a mesh change little.
 
 use std::collections::{HashMap, HashSet};
-use std::sync::Arc;
 
 use lodsmith::core::arbitrary::{Coordinates, perturbed_shape, soup};
 use lodsmith::core::measure::proof::{WithinResult, prove_within};
 use lodsmith::core::measure::{CompareOptions, Prepared, compare};
 use lodsmith::core::{Topology, TriMesh, VertexId};
 use lodsmith::{
-    Fit, Guards, Length, Levels, LodOptions, Method, NoControl, Progressive, SimplifyError, SimplifyOptions,
-    Stop, lod, simplify,
+    Fit, Guards, Input, Length, Levels, LodOptions, Method, NoControl, Progressive, SimplifyError,
+    SimplifyOptions, Stop, lod, simplify,
 };
 use proptest::prelude::*;
 
@@ -150,7 +149,7 @@ proptest! {
             max_valence: Some(6 + random.below(8) as usize),
             ..Guards::default()
         };
-        let locked: Arc<[bool]> = (0..mesh.vertex_count()).map(|_| random.below(4) == 0).collect();
+        let locked: Vec<bool> = (0..mesh.vertex_count()).map(|_| random.below(4) == 0).collect();
         let has_specks = has_specks(&mesh);
         let mut all = Complaints::default();
         for method in Method::ALL {
@@ -158,32 +157,31 @@ proptest! {
             plain.fit = random.pick(&[Fit::Auto, Fit::On, Fit::Off]);
             let mut guarded = plain.clone();
             guarded.guards = guards;
-            let mut held = plain.clone();
-            held.locked = Some(Arc::clone(&locked));
-            for options in [plain, guarded, held] {
-                let done = match run(&mesh, &options) {
+            let (free, held) = (Input::new(&mesh), Input::new(&mesh).locked(&locked));
+            for (input, options) in [(&free, &plain), (&free, &guarded), (&held, &plain)] {
+                let done = match run(input, options) {
                     Ok(Ok(done)) => done,
                     Ok(Err(error)) if is_refusal(&error) => continue,
                     Ok(Err(error)) => {
-                        all.add(&case(&options), [format!("fails: {error}")]);
+                        all.add(&case(options), [format!("fails: {error}")]);
                         continue;
                     }
                     Err(panic) => {
-                        all.add(&case(&options), [panic]);
+                        all.add(&case(options), [panic]);
                         continue;
                     }
                 };
-                let mut found = complaints(&mesh, &options, &done);
+                let mut found = complaints(&mesh, options, &done);
                 found.extend(guard_complaints(&mesh, &options.guards, &done.mesh));
                 // A face that is a speck beside the bounding box has no area to remesh, and is removed.
-                if let Some(locked) = &options.locked
+                if let Some(locked) = input.data().locked
                     && !(has_specks && method == Method::Remesh)
                 {
                     // Clustering can leave a single locked vertex without any face; then it is dropped.
                     let may_go = method == Method::Cluster;
                     found.extend(locked_complaints(&mesh, locked, (may_go, false), &done.mesh));
                 }
-                all.add(&case(&options), found);
+                all.add(&case(options), found);
             }
         }
         all.report_all();
@@ -232,7 +230,7 @@ proptest! {
             chain.simplify.method = method;
             chain.geomorph = geomorph;
             let case = format!("{}, blending {geomorph}", method.name());
-            let levels = match lod(&mesh, &chain, &mut NoControl) {
+            let levels = match lod(&mesh, &chain) {
                 Ok(chain) => chain.levels,
                 Err(error) if is_refusal(&error) => continue,
                 Err(error) => {
@@ -312,7 +310,7 @@ fn place_size_and_order_change_little_for_any_method() {
         // Two of the shapes: each is run seven times with every method.
         for (name, mesh) in untied().into_iter().skip(1) {
             let options = options(method, Stop::ratio(0.3));
-            let light = |mesh: &TriMesh| simplify(mesh, &options, &mut NoControl).map(|d| d.mesh);
+            let light = |mesh: &TriMesh| simplify(mesh, &options).map(|d| d.mesh);
             let mesh = moved(&mesh, |p| p);
             let base = light(&mesh).expect("a shape can be simplified");
             let error = rms(&mesh, &base);

@@ -5,7 +5,7 @@ use lodsmith::core::spatial::Bvh;
 use lodsmith::core::{Positions, TriMesh, shapes};
 use lodsmith::{
     BorderPolicy, Control, Length, Levels, LodOptions, Measure, Method, NoControl, Part, SimplifyError,
-    SimplifyOptions, Stop, StoppedBy, Verdict, lod, lod_scene, simplify, simplify_scene,
+    SimplifyOptions, Stop, StoppedBy, Verdict, lod, lod_scene, lod_with, simplify, simplify_scene,
 };
 
 use crate::support::bytes;
@@ -33,10 +33,10 @@ fn levels_are_as_near_as_single_runs() {
         ("charts", two_charts(48)),
     ] {
         let reference = Prepared::new(&mesh.surface()).unwrap();
-        let chain = lod(&mesh, &ratios(&RATIOS), &mut NoControl).unwrap();
+        let chain = lod(&mesh, &ratios(&RATIOS)).unwrap();
         assert_eq!(chain.levels.len(), RATIOS.len());
         for (level, ratio) in chain.levels.iter().zip(RATIOS) {
-            let single = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(ratio)), &mut NoControl).unwrap();
+            let single = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(ratio))).unwrap();
             assert_eq!(level.report.stopped_by, StoppedBy::Ratio, "{name} at {ratio}");
             assert!(level.mesh.face_count() <= (mesh.face_count() as f64 * ratio).round() as usize);
             let (own, other) = (rms(&reference, &level.mesh), rms(&reference, &single.mesh));
@@ -59,8 +59,8 @@ fn a_chain_of_one_level_is_a_single_run() {
         options.simplify.method = method;
         let mut alone = SimplifyOptions::new(Stop::faces(200));
         alone.method = method;
-        let single = simplify(&mesh, &alone, &mut NoControl).unwrap();
-        let chain = lod(&mesh, &options, &mut NoControl).unwrap();
+        let single = simplify(&mesh, &alone).unwrap();
+        let chain = lod(&mesh, &options).unwrap();
         assert_eq!(bytes(&chain.levels[0].mesh), bytes(&single.mesh), "{}", method.name());
         assert_eq!(chain.levels[0].report, single.report, "{}", method.name());
     }
@@ -73,7 +73,7 @@ fn one_mesh_gives_any_number_of_chains_and_the_same_ones_again() {
     first.geomorph = true;
     let faces = LodOptions::new(Levels::Faces(vec![300, 100]));
     let steps = LodOptions::new(Levels::Steps { count: 3, factor: 0.4 });
-    let chains = [&first, &faces, &steps, &first].map(|o| lod(&mesh, o, &mut NoControl).unwrap());
+    let chains = [&first, &faces, &steps, &first].map(|o| lod(&mesh, o).unwrap());
     assert_eq!(chains[0], chains[3]);
     assert_eq!(chains[1].levels.len(), 2);
     assert!(chains[2].levels[2].mesh.face_count() <= (mesh.face_count() as f64 * 0.064).round() as usize);
@@ -84,7 +84,7 @@ fn locked_borders_are_the_same_in_all_levels() {
     let mesh = shapes::wavy_sheet(32);
     let mut options = ratios(&[0.5, 0.2]);
     options.simplify.border = BorderPolicy::Lock;
-    let chain = lod(&mesh, &options, &mut NoControl).unwrap();
+    let chain = lod(&mesh, &options).unwrap();
     let on_border = |p: &[f64; 3], all: &TriMesh| {
         let b = all.positions().view().bounds().unwrap();
         (0..2).any(|k| p[k] == b.min[k] || p[k] == b.max[k])
@@ -126,7 +126,7 @@ fn blending_ends_on_the_coarser_level() {
     ] {
         let mut options = options;
         options.geomorph = true;
-        let chain = lod(&mesh, &options, &mut NoControl).unwrap();
+        let chain = lod(&mesh, &options).unwrap();
         let diagonal = mesh.positions().view().bounds().unwrap().diagonal();
         let mut own = &mesh;
         for (k, level) in chain.levels.iter().enumerate() {
@@ -148,7 +148,7 @@ fn of_one_run_blending_ends_as_the_coarser_level_itself() {
     let mesh = shapes::blob(5, 3);
     let mut options = ratios(&[0.5, 0.2, 0.05]);
     options.geomorph = true;
-    let chain = lod(&mesh, &options, &mut NoControl).unwrap();
+    let chain = lod(&mesh, &options).unwrap();
     let faces = |m: &TriMesh| {
         let view = m.positions().view();
         let mut all: Vec<_> = m
@@ -177,7 +177,7 @@ fn of_one_run_blending_ends_as_the_coarser_level_itself() {
 #[test]
 fn attributes_come_along_in_every_level() {
     let mesh = two_charts(32);
-    let chain = lod(&mesh, &ratios(&[0.5, 0.2]), &mut NoControl).unwrap();
+    let chain = lod(&mesh, &ratios(&[0.5, 0.2])).unwrap();
     for level in &chain.levels {
         assert_eq!(level.mesh.uvs().is_some(), mesh.uvs().is_some());
         assert_eq!(level.mesh.normals().is_some(), mesh.normals().is_some());
@@ -190,7 +190,7 @@ fn levels_are_measured_where_asked() {
     let mesh = shapes::blob(4, 1);
     let mut options = ratios(&[0.5, 0.1]);
     options.simplify.measure = Measure::Always;
-    let chain = lod(&mesh, &options, &mut NoControl).unwrap();
+    let chain = lod(&mesh, &options).unwrap();
     let reference = Prepared::new(&mesh.surface()).unwrap();
     let errors: Vec<f64> =
         chain.levels.iter().map(|l| l.report.error.measured.unwrap().rms.symmetric).collect();
@@ -204,7 +204,7 @@ fn levels_are_measured_where_asked() {
 fn levels_by_errors_keep_them() {
     let mesh = shapes::blob(4, 1);
     let limits = [0.002, 0.01].map(Length::OfDiagonal);
-    let chain = lod(&mesh, &LodOptions::new(Levels::Errors(limits.to_vec())), &mut NoControl).unwrap();
+    let chain = lod(&mesh, &LodOptions::new(Levels::Errors(limits.to_vec()))).unwrap();
     let faces: Vec<usize> = chain.levels.iter().map(|l| l.mesh.face_count()).collect();
     assert!(faces[0] > faces[1], "{faces:?}");
     for (level, limit) in chain.levels.iter().zip(limits) {
@@ -216,9 +216,9 @@ fn levels_by_errors_keep_them() {
 #[test]
 fn parts_go_in_their_turn_in_a_chain_too() {
     let mesh = shapes::tetrahedra(60);
-    let chain = lod(&mesh, &ratios(&[0.5, 0.25]), &mut NoControl).unwrap();
+    let chain = lod(&mesh, &ratios(&[0.5, 0.25])).unwrap();
     for (level, ratio) in chain.levels.iter().zip([0.5, 0.25]) {
-        let single = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(ratio)), &mut NoControl).unwrap();
+        let single = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(ratio))).unwrap();
         assert_eq!(level.mesh.face_count(), single.mesh.face_count());
         assert!(level.report.parts_removed > 0);
     }
@@ -238,10 +238,10 @@ impl Control for CancelAt {
 fn a_chain_can_be_ended() {
     let mesh = shapes::blob(4, 1);
     for after in [1, 3, 6] {
-        let ended = lod(&mesh, &ratios(&RATIOS), &mut CancelAt(after, Verdict::Cancel));
+        let ended = lod_with(&mesh, &ratios(&RATIOS), &mut CancelAt(after, Verdict::Cancel));
         assert_eq!(ended.unwrap_err(), SimplifyError::Cancelled);
     }
-    let chain = lod(&mesh, &ratios(&RATIOS), &mut CancelAt(4, Verdict::Finish)).unwrap();
+    let chain = lod_with(&mesh, &ratios(&RATIOS), &mut CancelAt(4, Verdict::Finish)).unwrap();
     assert!(chain.levels.len() < RATIOS.len());
     assert_eq!(chain.levels.last().unwrap().report.stopped_by, StoppedBy::Caller);
 }
@@ -252,12 +252,12 @@ fn what_cannot_be_is_said() {
     let mut stopped = ratios(&[0.5]);
     stopped.simplify.stop = Stop::faces(3);
     for options in [ratios(&[0.5, 0.6]), ratios(&[]), ratios(&[1.5]), stopped] {
-        assert!(lod(&mesh, &options, &mut NoControl).is_err(), "{:?}", options.levels);
+        assert!(lod(&mesh, &options).is_err(), "{:?}", options.levels);
     }
 }
 
 fn part(mesh: &TriMesh, instances: usize) -> Part<'_> {
-    Part { mesh, instances, scale: 1.0, stretch: None, system: None, places: &[] }
+    Part { instances, ..Part::new(mesh) }
 }
 
 #[test]

@@ -1,9 +1,9 @@
 //! Appearance of game assets: palette colours, shading, poses. Regressions, by name.
 
-use std::sync::Arc;
-
 use lodsmith::core::{Attribute, Image, Positions, RegionId, Semantic, TriMesh, VertexId, WedgeId, shapes};
-use lodsmith::{NoControl, Part, SimplifyOptions, Stop, Texture, Textures, simplify, simplify_scene};
+use lodsmith::{
+    Input, NoControl, Part, SimplifyOptions, Stop, Texture, Textures, simplify, simplify_scene, simplify_with,
+};
 
 /// Cells along a side of the palette.
 const CELLS: usize = 4;
@@ -61,10 +61,9 @@ fn faces_keep_the_colour_of_a_palette() {
     let mesh = painted_sphere();
     assert_eq!(share_of_mixed(&mesh), 0.0);
     let plain = SimplifyOptions::new(Stop::ratio(0.05));
-    let mut options = plain.clone();
-    options.textures = Some(Arc::new(Textures::of_regions(vec![Some(palette())])));
-    let without = simplify(&mesh, &plain, &mut NoControl).unwrap().mesh;
-    let with = simplify(&mesh, &options, &mut NoControl).unwrap().mesh;
+    let textures = Textures::of_regions(vec![Some(palette())]);
+    let without = simplify(&mesh, &plain).unwrap().mesh;
+    let with = simplify_with(Input::new(&mesh).textures(&textures), &plain, &mut NoControl).unwrap().mesh;
     assert_eq!(with.face_count(), without.face_count());
     assert_eq!(with.positions(), without.positions());
     let shares = [&without, &with].map(share_of_mixed);
@@ -72,11 +71,11 @@ fn faces_keep_the_colour_of_a_palette() {
 
     // The same as a part of a scene, beside a part without a texture.
     let other = shapes::icosphere(2);
-    let part = |mesh| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: None, places: &[] };
     let scene = |textures| {
-        let mut options = plain.clone();
-        options.textures = Some(Arc::new(Textures::of_parts(vec![Vec::new(), textures])));
-        let done = simplify_scene(&[part(&other), part(&mesh)], 4.0, &options, &mut NoControl).unwrap();
+        let own = Textures::of_regions(textures);
+        let mut parts = [Part::new(&other), Part::new(&mesh)];
+        parts[1].data.textures = Some(&own);
+        let done = simplify_scene(&parts, 4.0, &plain, &mut NoControl).unwrap();
         share_of_mixed(&done.meshes[1])
     };
     let shares = [scene(Vec::new()), scene(vec![Some(palette())])];
@@ -124,9 +123,9 @@ fn a_small_part_of_another_colour_keeps_its_area() {
     let mesh = face_with_an_eye();
     let whole = area_of_the_eye(&mesh);
     let left = |faces: usize, textures: Option<Textures>| {
-        let mut options = SimplifyOptions::new(Stop::faces(faces));
-        options.textures = textures.map(Arc::new);
-        let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+        let options = SimplifyOptions::new(Stop::faces(faces));
+        let textures = textures.unwrap_or_default();
+        let done = simplify_with(Input::new(&mesh).textures(&textures), &options, &mut NoControl).unwrap();
         assert!(done.report.reached && done.mesh.face_count() + 1 >= faces, "{faces}: {:?}", done.report);
         area_of_the_eye(&done.mesh) / whole
     };
@@ -163,9 +162,10 @@ fn statue_on_a_plinth() -> TriMesh {
 fn a_plate_on_a_plinth_stays_before_it_in_its_own_colour() {
     let mesh = statue_on_a_plinth();
     for ratio in [0.04, 0.02] {
-        let mut options = SimplifyOptions::new(Stop::ratio(ratio));
-        options.textures = Some(Arc::new(Textures::of_regions(vec![Some(palette())])));
-        let got = simplify(&mesh, &options, &mut NoControl).unwrap().mesh;
+        let options = SimplifyOptions::new(Stop::ratio(ratio));
+        let textures = Textures::of_regions(vec![Some(palette())]);
+        let input = Input::new(&mesh).textures(&textures);
+        let got = simplify_with(input, &options, &mut NoControl).unwrap().mesh;
         let (view, uvs) = (got.positions().view(), got.uvs().unwrap());
         let (mut before, mut plinth) = (0.0, f64::MIN);
         for t in got.triangles() {
@@ -194,10 +194,11 @@ fn a_painted_texture_changes_nothing() {
     let side = 64;
     let check = |i: usize| if (i % side + i / side).is_multiple_of(2) { [255; 4] } else { [0, 0, 0, 255] };
     let texture = Texture::new(Image::new(side, side, (0..side * side).map(check).collect()));
-    let mut options = SimplifyOptions::new(Stop::ratio(0.1));
-    let without = simplify(&mesh, &options, &mut NoControl).unwrap().mesh;
-    options.textures = Some(Arc::new(Textures::of_regions(vec![Some(texture)])));
-    assert!(simplify(&mesh, &options, &mut NoControl).unwrap().mesh == without);
+    let options = SimplifyOptions::new(Stop::ratio(0.1));
+    let without = simplify(&mesh, &options).unwrap().mesh;
+    let textures = Textures::of_regions(vec![Some(texture)]);
+    let input = Input::new(&mesh).textures(&textures);
+    assert!(simplify_with(input, &options, &mut NoControl).unwrap().mesh == without);
 }
 
 /// Boxes on a plate, each with hard edges, in one mesh: wedges of the result come from several sides.
@@ -259,7 +260,7 @@ fn normals_stay_near_their_faces() {
     let mesh = studded_plate();
     assert_eq!(far_off(&mesh), 0);
     for ratio in [0.5, 0.25, 0.1] {
-        let done = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(ratio)), &mut NoControl).unwrap();
+        let done = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(ratio))).unwrap();
         assert_eq!(far_off(&done.mesh), 0, "at {ratio}, of {} faces", done.mesh.face_count());
     }
 }
@@ -272,7 +273,7 @@ fn normals_that_were_meant_to_be_far_off_stay() {
     let up = |p: [f64; 3]| [0.999, 0.001 * p[0] as f32, 0.03];
     let normals = mesh.positions().view().iter().map(up).collect();
     mesh.set_normals(Some(normals)).unwrap();
-    let done = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.1)), &mut NoControl).unwrap().mesh;
+    let done = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.1))).unwrap().mesh;
     assert_eq!(far_off(&done), 3 * done.face_count());
 }
 
@@ -332,9 +333,9 @@ fn a_skin_keeps_its_zones() {
     let mesh = skinned_tube(0);
     let mut options = SimplifyOptions::new(Stop::ratio(0.08));
     options.weights.skin = 5.0;
-    let with = weight_error(&simplify(&mesh, &options, &mut NoControl).unwrap().mesh, 1.0);
+    let with = weight_error(&simplify(&mesh, &options).unwrap().mesh, 1.0);
     options.weights.skin = 0.0;
-    let without = weight_error(&simplify(&mesh, &options, &mut NoControl).unwrap().mesh, 1.0);
+    let without = weight_error(&simplify(&mesh, &options).unwrap().mesh, 1.0);
     assert!(with < 0.2 && 2.0 * with < without, "{with} of {without}");
 }
 
@@ -342,8 +343,7 @@ fn a_skin_keeps_its_zones() {
 #[test]
 fn joints_of_the_parts_of_a_scene_keep_their_numbers() {
     let tubes = [skinned_tube(0), skinned_tube(4)];
-    let part =
-        |(i, mesh)| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: Some(i), places: &[] };
+    let part = |(i, mesh)| Part { system: Some(i), ..Part::new(mesh) };
     let parts: Vec<_> = tubes.iter().enumerate().map(part).collect();
     let mut options = SimplifyOptions::new(Stop::ratio(0.1));
     options.weights.skin = 5.0;
@@ -368,12 +368,11 @@ fn colours_of_many_small_parts_are_found_with_any_number_of_threads() {
         ball
     };
     let balls: Vec<TriMesh> = (0..6).map(moved).collect();
-    let parts: Vec<Part<'_>> = balls
-        .iter()
-        .map(|mesh| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: Some(0), places: &[] })
-        .collect();
-    let mut options = SimplifyOptions::new(Stop::ratio(0.1));
-    options.textures = Some(Arc::new(Textures::of_parts(vec![vec![Some(palette())]; parts.len()])));
+    let textures = Textures::of_regions(vec![Some(palette())]);
+    let mut parts: Vec<Part<'_>> =
+        balls.iter().map(|mesh| Part { system: Some(0), ..Part::new(mesh) }).collect();
+    parts.iter_mut().for_each(|part| part.data.textures = Some(&textures));
+    let options = SimplifyOptions::new(Stop::ratio(0.1));
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| simplify_scene(&parts, 5.0, &options, &mut NoControl).unwrap().meshes)
@@ -382,9 +381,9 @@ fn colours_of_many_small_parts_are_found_with_any_number_of_threads() {
     assert_eq!(one, three);
     let mixed = one.iter().map(share_of_mixed).sum::<f64>() / one.len() as f64;
     let without = {
-        let mut plain = options.clone();
-        plain.textures = None;
-        let meshes = simplify_scene(&parts, 5.0, &plain, &mut NoControl).unwrap().meshes;
+        let mut plain = parts.clone();
+        plain.iter_mut().for_each(|part| part.data.textures = None);
+        let meshes = simplify_scene(&plain, 5.0, &options, &mut NoControl).unwrap().meshes;
         meshes.iter().map(share_of_mixed).sum::<f64>() / one.len() as f64
     };
     assert!(mixed < 0.5 * without, "{mixed} for {without}");

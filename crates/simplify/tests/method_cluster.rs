@@ -1,13 +1,12 @@
 //! Vertex clustering: known results, and laws for every mesh.
 
 use std::collections::HashSet;
-use std::sync::Arc;
 
 use lodsmith::core::arbitrary::{Coordinates, perturbed_shape, soup};
 use lodsmith::core::{Positions, RegionId, Topology, TriMesh, VertexId, shapes};
 use lodsmith::{
-    BorderPolicy, Control, Fit, Guards, Length, Measure, Method, NoControl, Placement, SimplifyError,
-    SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
+    BorderPolicy, Control, Fit, Guards, Input, Length, Measure, Method, NoControl, Placement, SimplifyError,
+    SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict, simplify, simplify_with,
 };
 use proptest::prelude::*;
 
@@ -39,13 +38,13 @@ fn sheet(n: u32) -> TriMesh {
 fn counts_are_met_from_below_and_nearly() {
     let sphere = shapes::icosphere(6);
     for wanted in [20_000, 8000, 2000, 500] {
-        let done = simplify(&sphere, &options(Stop::faces(wanted)), &mut NoControl).unwrap();
+        let done = simplify(&sphere, &options(Stop::faces(wanted))).unwrap();
         let faces = done.mesh.face_count();
         // The octants of the sphere change together, so the count has few steps.
         let near = if wanted > 500 { 0.93 } else { 0.85 };
         assert!(faces <= wanted && faces as f64 > near * wanted as f64, "{faces} of {wanted}");
         assert_eq!((done.report.stopped_by, done.report.reached), (StoppedBy::Faces, true));
-        let done = simplify(&sphere, &options(Stop::vertices(wanted / 2)), &mut NoControl).unwrap();
+        let done = simplify(&sphere, &options(Stop::vertices(wanted / 2))).unwrap();
         let vertices = done.mesh.vertex_count();
         assert!(
             vertices <= wanted / 2 && vertices as f64 > 0.45 * wanted as f64,
@@ -59,7 +58,7 @@ fn counts_are_met_from_below_and_nearly() {
 fn sharp_corners_stay_sharp() {
     // The mean of the vertices in a cell would lie inside the cube by a third of a cell and more.
     let (_, cube) = shapes::all().into_iter().find(|x| x.0 == "fine_cube").unwrap();
-    let done = simplify(&cube, &options(Stop::ratio(0.2)), &mut NoControl).unwrap();
+    let done = simplify(&cube, &options(Stop::ratio(0.2))).unwrap();
     let bounds = cube.positions().view().bounds().unwrap();
     let near = 0.02 * (bounds.max[0] - bounds.min[0]);
     for corner in 0..8 {
@@ -72,7 +71,7 @@ fn sharp_corners_stay_sharp() {
 #[test]
 fn a_flat_sheet_stays_flat_and_keeps_its_outline() {
     let mesh = sheet(40);
-    let done = simplify(&mesh, &by_cell(Length::Units(4.0)), &mut NoControl).unwrap();
+    let done = simplify(&mesh, &by_cell(Length::Units(4.0))).unwrap();
     let view = done.mesh.positions().view();
     assert!(view.iter().all(|p| p[2].abs() < 1e-5));
     let side = |k: usize| view.iter().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max);
@@ -80,7 +79,7 @@ fn a_flat_sheet_stays_flat_and_keeps_its_outline() {
     assert!(side(0) > 39.8 && side(1) > 39.8, "{} {}", side(0), side(1));
     let mut free = by_cell(Length::Units(4.0));
     free.border = BorderPolicy::Free;
-    let free = simplify(&mesh, &free, &mut NoControl).unwrap();
+    let free = simplify(&mesh, &free).unwrap();
     let inside = free.mesh.positions().view().iter().map(|p| p[0]).fold(f64::NEG_INFINITY, f64::max);
     assert!(inside < 39.5, "{inside}");
     assert_eq!(Topology::new(&done.mesh.surface()).counts().border_loop_count, 1);
@@ -95,8 +94,8 @@ fn faces_that_share_no_vertices_become_the_same() {
         mesh.surface().triangles().as_flattened().iter().map(|v| view.get(*v).map(|x| x as f32)).collect();
     let faces = (0..mesh.face_count() as u32).map(|f| [3 * f, 3 * f + 1, 3 * f + 2].map(VertexId)).collect();
     let apart = TriMesh::new(Positions::F32(corners), faces).unwrap();
-    let [whole, apart] = [&mesh, &apart]
-        .map(|mesh| simplify(mesh, &by_cell(Length::Units(4.0)), &mut NoControl).unwrap().mesh);
+    let [whole, apart] =
+        [&mesh, &apart].map(|mesh| simplify(mesh, &by_cell(Length::Units(4.0))).unwrap().mesh);
     assert_eq!(whole.triangles(), apart.triangles());
     for (p, q) in whole.positions().view().iter().zip(apart.positions().view().iter()) {
         assert!((0..3).all(|k| (p[k] - q[k]).abs() < 1e-3), "{p:?} {q:?}");
@@ -107,7 +106,7 @@ fn faces_that_share_no_vertices_become_the_same() {
 fn no_vertex_is_farther_than_a_diagonal_of_a_cell() {
     for (name, mesh) in shapes::all() {
         for share in [0.02, 0.1, 0.3] {
-            let Ok(done) = simplify(&mesh, &by_cell(Length::OfDiagonal(share)), &mut NoControl) else {
+            let Ok(done) = simplify(&mesh, &by_cell(Length::OfDiagonal(share))) else {
                 continue;
             };
             let cell = done.report.clustered.unwrap().cell;
@@ -132,7 +131,7 @@ fn a_plate_that_falls_together_keeps_both_sides() {
     let bottom = top.iter().map(|t| [t[0], t[2], t[1]].map(|v| VertexId(v.0 + n)));
     let faces = top.iter().copied().chain(bottom).collect();
     let plate = TriMesh::new(Positions::F32(points), faces).unwrap();
-    let done = simplify(&plate, &by_cell(Length::Units(2.0)), &mut NoControl).unwrap();
+    let done = simplify(&plate, &by_cell(Length::Units(2.0))).unwrap();
     let faces: HashSet<[u32; 3]> = done.mesh.triangles().iter().map(|t| turned(t.map(|w| w.0))).collect();
     assert_eq!(faces.len(), done.mesh.face_count(), "no face stands twice");
     assert!(
@@ -152,7 +151,7 @@ fn turned(t: [u32; 3]) -> [u32; 3] {
 #[test]
 fn an_error_is_kept_by_measure() {
     for (mesh, share) in [(shapes::icosphere(5), 0.005), (sheet(60), 0.01), (shapes::icosphere(4), 1e-9)] {
-        let done = simplify(&mesh, &options(Stop::error(Length::OfDiagonal(share))), &mut NoControl).unwrap();
+        let done = simplify(&mesh, &options(Stop::error(Length::OfDiagonal(share)))).unwrap();
         let error = &done.report.error;
         let got = error.measured.as_ref().unwrap().hausdorff.symmetric;
         assert!(got <= share * error.diagonal * (1.0 + 1e-6) + 1e-12, "{got}");
@@ -165,7 +164,7 @@ fn an_error_is_kept_by_measure() {
 fn cells_that_are_no_use_are_refused() {
     let mesh = shapes::icosphere(3);
     for cell in [10.0, 1e-9] {
-        let got = simplify(&mesh, &by_cell(Length::Units(cell)), &mut NoControl);
+        let got = simplify(&mesh, &by_cell(Length::Units(cell)));
         assert!(matches!(got, Err(SimplifyError::BadOption { option: "cell", .. })), "{cell}");
     }
 }
@@ -177,12 +176,14 @@ fn what_clusters_cannot_do_is_refused() {
         let mut options = options(Stop::ratio(0.5));
         options.method_options.two_stage = two_stage;
         change(&mut options);
-        matches!(simplify(&mesh, &options, &mut NoControl), Err(SimplifyError::NotOfMethod { .. }))
+        matches!(simplify(&mesh, &options), Err(SimplifyError::NotOfMethod { .. }))
     };
-    let vertices = mesh.vertex_count();
-    let importance = |o: &mut SimplifyOptions| o.importance = Some(vec![1.0; vertices].into());
     assert!(refused(&|o| o.topology = TopologyPolicy::Preserve, true));
-    assert!(refused(&importance, true));
+    let mut two_stage = options(Stop::ratio(0.5));
+    two_stage.method_options.two_stage = true;
+    let importance = vec![1.0; mesh.vertex_count()];
+    let got = simplify_with(Input::new(&mesh).importance(&importance), &two_stage, &mut NoControl);
+    assert!(matches!(got, Err(SimplifyError::NotOfMethod { .. })));
     let of_steps: [&dyn Fn(&mut SimplifyOptions); 4] = [
         &|o| o.placement = Placement::Endpoint,
         &|o| o.fit = Fit::On,
@@ -198,12 +199,11 @@ fn what_clusters_cannot_do_is_refused() {
 fn locked_vertices_stay_to_the_bit() {
     let mesh = shapes::icosphere(4);
     let view = mesh.positions().view();
-    let locked: Arc<[bool]> = view.iter().map(|p| p[2] > 0.8).collect();
+    let locked: Vec<bool> = view.iter().map(|p| p[2] > 0.8).collect();
     for two_stage in [false, true] {
         let mut options = options(Stop::faces(1200));
-        options.locked = Some(locked.clone());
         options.method_options.two_stage = two_stage;
-        let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+        let done = simplify_with(Input::new(&mesh).locked(&locked), &options, &mut NoControl).unwrap();
         let there = places(&done.mesh);
         let held: Vec<_> = view.iter().zip(locked.iter()).filter(|x| *x.1).map(|x| bits(x.0)).collect();
         assert!(held.iter().all(|p| there.contains(p)), "two stages: {two_stage}");
@@ -216,7 +216,7 @@ fn faces_keep_their_region() {
     let mut mesh = sheet(20);
     let regions = mesh.surface().triangles().iter().map(|t| RegionId(u32::from(t[0].0 >= 10 * 21))).collect();
     mesh.set_regions(Some(regions)).unwrap();
-    let done = simplify(&mesh, &options(Stop::ratio(0.2)), &mut NoControl).unwrap();
+    let done = simplify(&mesh, &options(Stop::ratio(0.2))).unwrap();
     let view = done.mesh.positions().view();
     for (t, r) in done.mesh.triangles().iter().zip(done.mesh.regions().unwrap()) {
         let x = t.iter().map(|w| view.get(VertexId(w.0))[0]).sum::<f64>() / 3.0;
@@ -231,7 +231,7 @@ fn two_stages_come_nearer_than_one() {
     one.measure = Measure::Always;
     let mut two = one.clone();
     two.method_options.two_stage = true;
-    let [one, two] = [one, two].map(|o| simplify(&mesh, &o, &mut NoControl).unwrap().report);
+    let [one, two] = [one, two].map(|o| simplify(&mesh, &o).unwrap().report);
     let rms = |r: &lodsmith::Report| r.error.measured.as_ref().unwrap().rms.symmetric;
     assert!(rms(&two) < 0.8 * rms(&one), "{} {}", rms(&two), rms(&one));
     let clustered = two.clustered.unwrap();
@@ -252,7 +252,7 @@ fn a_second_stage_that_is_stuck_starts_from_the_input() {
     let mesh = TriMesh::new(Positions::F32(points), faces).unwrap();
     let mut options = options(Stop::ratio(0.02));
     options.method_options.two_stage = true;
-    let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+    let done = simplify(&mesh, &options).unwrap();
     assert!(done.report.reached, "{:?} at {} faces", done.report.stopped_by, done.report.faces);
 }
 
@@ -264,7 +264,7 @@ fn threads_do_not_change_the_result() {
     {
         let with = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| simplify(mesh, &options(stop), &mut NoControl).unwrap())
+            pool.install(|| simplify(mesh, &options(stop)).unwrap())
         };
         let one = with(1);
         for threads in [2, 3, 7] {
@@ -291,10 +291,10 @@ fn a_caller_ends_a_run() {
         let mut options = options(Stop::faces(500));
         options.method_options.two_stage = two_stage;
         for asked in [1, 2] {
-            let got = simplify(&mesh, &options, &mut AnswerAfter(asked, Verdict::Cancel));
+            let got = simplify_with(&mesh, &options, &mut AnswerAfter(asked, Verdict::Cancel));
             assert_eq!(got.err(), Some(SimplifyError::Cancelled));
         }
-        let done = simplify(&mesh, &options, &mut AnswerAfter(2, Verdict::Finish)).unwrap();
+        let done = simplify_with(&mesh, &options, &mut AnswerAfter(2, Verdict::Finish)).unwrap();
         assert_eq!((done.report.stopped_by, done.report.reached), (StoppedBy::Caller, false));
         assert!(done.mesh.face_count() > 0 && done.mesh.face_count() < mesh.face_count());
     }

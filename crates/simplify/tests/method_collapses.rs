@@ -6,8 +6,9 @@ use lodsmith::core::arbitrary::{Coordinates, perturbed_shape, soup};
 use lodsmith::core::topology::size_of;
 use lodsmith::core::{TriMesh, shapes};
 use lodsmith::{
-    BorderPolicy, Control, Fit, Guards, Length, Measure, Method, NoControl, Placement, Refusal, Report,
-    Simplified, SimplifyError, SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
+    BorderPolicy, Control, Fit, Guards, Input, Length, Measure, Method, NoControl, OwnedMeshData, Placement,
+    Refusal, Report, Simplified, SimplifyError, SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict,
+    simplify, simplify_with,
 };
 use proptest::prelude::*;
 
@@ -34,8 +35,8 @@ fn by(method: Method, stop: Stop) -> SimplifyOptions {
     options
 }
 
-fn done(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
-    simplify(mesh, options, &mut NoControl).unwrap()
+fn done<'a>(input: impl Into<Input<'a>>, options: &SimplifyOptions) -> Simplified {
+    simplify_with(input, options, &mut NoControl).unwrap()
 }
 
 fn shorter_than(edge: f64) -> SimplifyOptions {
@@ -130,7 +131,7 @@ fn any_mesh() -> impl Strategy<Value = TriMesh> {
     })
 }
 
-fn any_options(seed: u64, vertices: usize) -> SimplifyOptions {
+fn any_options(seed: u64, vertices: usize) -> (SimplifyOptions, OwnedMeshData) {
     let mut random = Random(seed | 1);
     for _ in 0..4 {
         random.below(2);
@@ -141,14 +142,14 @@ fn any_options(seed: u64, vertices: usize) -> SimplifyOptions {
         1 => Stop::vertices(random.below(20) as usize),
         _ => Stop::ratio(random.unit().max(1e-3)),
     };
-    let mut options = laden_options(by(method, stop), &mut random, vertices);
+    let (mut options, data) = laden_options(by(method, stop), &mut random, vertices);
     options.placement = random.pick(placements);
     options.border = random.pick(&BORDERS);
     options.topology = random.pick(&TOPOLOGIES);
     if method != Method::Melax {
         options.fit = random.pick(&[Fit::Auto, Fit::On, Fit::Off]);
     }
-    options
+    (options, data)
 }
 
 proptest! {
@@ -156,17 +157,18 @@ proptest! {
 
     #[test]
     fn any_mesh_gives_a_sound_result(mesh in any_mesh(), seed in any::<u64>()) {
-        let options = any_options(seed, mesh.vertex_count());
-        let found = match run(&mesh, &options) {
+        let (options, data) = any_options(seed, mesh.vertex_count());
+        let input = Input::new(&mesh).with(data.view());
+        let found = match run(&input, &options) {
             Ok(Ok(got)) => {
                 let mut found = complaints(&mesh, &options, &got);
-                let locked = options.locked.as_deref();
+                let locked = data.locked.as_deref();
                 found.extend(attribute_complaints(&mesh, options.placement, locked, &got.mesh));
                 if let Some(locked) = locked {
                     found.extend(locked_complaints(&mesh, locked, (options.weld.is_some(), false), &got.mesh));
                 }
                 let is_same = |a: &Simplified| bytes(&a.mesh) == bytes(&got.mesh) && a.report == got.report;
-                if !matches!(run(&mesh, &options), Ok(Ok(again)) if is_same(&again)) {
+                if !matches!(run(&input, &options), Ok(Ok(again)) if is_same(&again)) {
                     found.push("another result when run again".to_owned());
                 }
                 found
@@ -222,9 +224,9 @@ fn a_run_can_be_cancelled_or_finished_early() {
     let mesh = shapes::blob(5, 1);
     for (method, _) in METHODS {
         let options = by(method, Stop::faces(100));
-        let cancelled = simplify(&mesh, &options, &mut AnswerAfter(4, Verdict::Cancel));
+        let cancelled = simplify_with(&mesh, &options, &mut AnswerAfter(4, Verdict::Cancel));
         assert_eq!(cancelled.unwrap_err(), SimplifyError::Cancelled);
-        let finished = simplify(&mesh, &options, &mut AnswerAfter(4, Verdict::Finish)).unwrap();
+        let finished = simplify_with(&mesh, &options, &mut AnswerAfter(4, Verdict::Finish)).unwrap();
         assert_eq!(finished.report.stopped_by, StoppedBy::Caller);
         assert!((101..mesh.face_count()).contains(&finished.mesh.face_count()));
     }
@@ -236,9 +238,9 @@ fn importance_draws_triangles() {
     let mesh = shapes::icosphere(4);
     let heights: Vec<f64> = mesh.positions().view().iter().map(|p| p[2]).collect();
     for (method, _) in METHODS {
-        let mut options = by(method, Stop::faces(1000));
-        options.importance = Some(heights.iter().map(|&z| if z > 0.0 { 4.0 } else { 1.0 }).collect());
-        let got = done(&mesh, &options).mesh;
+        let importance: Vec<f32> = heights.iter().map(|&z| if z > 0.0 { 4.0 } else { 1.0 }).collect();
+        let input = Input::new(&mesh).importance(&importance);
+        let got = done(&input, &by(method, Stop::faces(1000))).mesh;
         let above = corners(&got).iter().filter(|t| t.iter().map(|p| p[2]).sum::<f64>() > 0.0).count();
         let share = above as f64 / (got.face_count() - above) as f64;
         assert!((1.7..9.0).contains(&share), "{method:?}: {share}");
@@ -248,7 +250,7 @@ fn importance_draws_triangles() {
 #[test]
 fn what_a_method_has_no_use_for_is_refused() {
     let mesh = shapes::icosphere(1);
-    let refused = |options: &SimplifyOptions| match simplify(&mesh, options, &mut NoControl) {
+    let refused = |options: &SimplifyOptions| match simplify(&mesh, options) {
         Err(SimplifyError::NotOfMethod { option, .. }) => option,
         other => panic!("{:?}", other.map(|d| d.report)),
     };

@@ -5,8 +5,8 @@ use lodsmith::core::arbitrary::{self, Coordinates};
 use lodsmith::core::mesh::defects::defects;
 use lodsmith::core::{Positions, TriMesh, VertexId, shapes};
 use lodsmith::{
-    BorderPolicy, Change, Control, Length, Method, NoControl, Placement, Simplified, SimplifyError,
-    SimplifyOptions, Stop, TopologyPolicy, Verdict, simplify,
+    BorderPolicy, Change, Control, Input, Length, Method, NoControl, Placement, Simplified, SimplifyError,
+    SimplifyOptions, Stop, TopologyPolicy, Verdict, simplify_with,
 };
 use proptest::prelude::*;
 
@@ -28,8 +28,8 @@ fn without_pairs(options: &SimplifyOptions) -> SimplifyOptions {
     options
 }
 
-fn run(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
-    simplify(mesh, options, &mut NoControl).unwrap()
+fn run<'a>(input: impl Into<Input<'a>>, options: &SimplifyOptions) -> Simplified {
+    simplify_with(input, options, &mut NoControl).unwrap()
 }
 
 /// Joins meshes side by side, each moved.
@@ -265,10 +265,9 @@ proptest! {
 fn locked_vertices_stay_and_others_come_to_them() {
     let mesh = cracked_sheet(0.004);
     let half = mesh.vertex_count() / 2;
-    let mut options = with_pairs(Stop::ratio(0.3), Length::Units(0.01));
+    let options = with_pairs(Stop::ratio(0.3), Length::Units(0.01));
     let locked: Vec<bool> = (0..mesh.vertex_count()).map(|i| i < half).collect();
-    options.locked = Some(locked.into());
-    let done = run(&mesh, &options);
+    let done = run(Input::new(&mesh).locked(&locked), &options);
     assert!(done.report.pairs_contracted > 0);
     let places = support::places(&done.mesh);
     let held = (0..half).map(|i| support::bits(mesh.positions().view().get(VertexId(i as u32))));
@@ -338,9 +337,10 @@ fn a_run_with_pairs_can_be_ended() {
     let mesh = shrunk(&shapes::icosphere(4), 0.9);
     let options = with_pairs(Stop::ratio(0.1), Length::OfDiagonal(0.02));
     for left in [2, 3, 5, 8] {
-        let cancelled = simplify(&mesh, &options, &mut AnswerAfter { left, with: Verdict::Cancel });
+        let cancelled = simplify_with(&mesh, &options, &mut AnswerAfter { left, with: Verdict::Cancel });
         assert_eq!(cancelled.map(|d| d.mesh), Err(SimplifyError::Cancelled));
-        let finished = simplify(&mesh, &options, &mut AnswerAfter { left, with: Verdict::Finish }).unwrap();
+        let finished =
+            simplify_with(&mesh, &options, &mut AnswerAfter { left, with: Verdict::Finish }).unwrap();
         assert!(finished.mesh.face_count() > mesh.face_count() / 10);
         assert_eq!(finished.report.stopped_by, lodsmith::StoppedBy::Caller);
     }

@@ -1,15 +1,14 @@
 //! Coplanar regions: known counts, laws, and regressions.
 
 use std::collections::HashMap;
-use std::sync::Arc;
 
 use lodsmith::core::arbitrary::{Coordinates, perturbed_shape, soup};
 use lodsmith::core::measure::{CompareOptions, compare};
 use lodsmith::core::topology::size_of;
 use lodsmith::core::{Positions, RegionId, TriMesh, VertexId, shapes};
 use lodsmith::{
-    BorderPolicy, Control, Fit, Guards, Length, Method, NoControl, Placement, Simplified, SimplifyError,
-    SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
+    BorderPolicy, Control, Fit, Guards, Input, Length, Method, NoControl, Placement, Simplified,
+    SimplifyError, SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict, simplify, simplify_with,
 };
 use proptest::prelude::*;
 
@@ -29,7 +28,7 @@ fn planar(stop: Stop) -> SimplifyOptions {
 }
 
 fn merged(mesh: &TriMesh) -> Simplified {
-    simplify(mesh, &planar(Stop::default()), &mut NoControl).unwrap()
+    simplify(mesh, &planar(Stop::default())).unwrap()
 }
 
 /// Checks all promises for any result.
@@ -42,12 +41,19 @@ fn wrongs(mesh: &TriMesh, options: &SimplifyOptions, done: &Simplified) -> Vec<S
     found
 }
 
-fn tried(all: &mut Complaints, name: &str, mesh: &TriMesh, options: &SimplifyOptions) -> Option<Simplified> {
+fn tried<'a>(
+    all: &mut Complaints,
+    name: &str,
+    input: impl Into<Input<'a>>,
+    options: &SimplifyOptions,
+) -> Option<Simplified> {
+    let input = input.into();
+    let mesh = input.mesh().unwrap();
     let case = format!("{name}, {}, {:?}", options_text(options), options.method_options);
-    match run(mesh, options) {
+    match run(&input, options) {
         Ok(Ok(done)) => {
             all.add(&case, wrongs(mesh, options, &done));
-            let again = matches!(run(mesh, options), Ok(Ok(a)) if bytes(&a.mesh) == bytes(&done.mesh) && a.report == done.report);
+            let again = matches!(run(&input, options), Ok(Ok(a)) if bytes(&a.mesh) == bytes(&done.mesh) && a.report == done.report);
             all.check(&case, again, "another result when run again");
             Some(done)
         }
@@ -221,18 +227,18 @@ fn a_count_is_met_closely() {
             // Corners removed from an outline cannot be restored one by one.
             assert!(got + 2 * 160 >= faces && got <= faces, "{got} of {faces}");
             let vertices = mesh.vertex_count() / 2;
-            let done = simplify(&mesh, &planar(Stop::vertices(vertices)), &mut NoControl).unwrap();
+            let done = simplify(&mesh, &planar(Stop::vertices(vertices))).unwrap();
             assert!(done.mesh.vertex_count() <= vertices && done.mesh.vertex_count() + 160 >= vertices);
         }
     }
     all.report_all();
-    let done = simplify(&shapes::grid(40), &planar(Stop::faces(300)), &mut NoControl).unwrap();
+    let done = simplify(&shapes::grid(40), &planar(Stop::faces(300))).unwrap();
     assert!((299..=300).contains(&done.mesh.face_count()), "{}", done.mesh.face_count());
 }
 
 #[test]
 fn out_of_reach_is_said() {
-    let done = simplify(&shapes::cube(5), &planar(Stop::faces(11)), &mut NoControl).unwrap();
+    let done = simplify(&shapes::cube(5), &planar(Stop::faces(11))).unwrap();
     assert_eq!((done.mesh.face_count(), done.report.reached), (12, false));
     assert_eq!(done.report.stopped_by, StoppedBy::Exhausted);
 }
@@ -263,12 +269,12 @@ fn neither_angle_nor_distance_drifts_along_a_curve() {
     let mut options = planar(Stop::default());
     (options.method_options.angle_deg, options.method_options.flat) =
         (Some(5.0), Some(Length::OfDiagonal(1.0)));
-    let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+    let done = simplify(&mesh, &options).unwrap();
     let sides = done.mesh.face_count() / 2;
     assert!((30..=45).contains(&sides), "{sides} sides");
     // A distance limit alone has the same effect.
     (options.method_options.angle_deg, options.method_options.flat) = (Some(89.0), Some(Length::Units(1e-3)));
-    let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+    let done = simplify(&mesh, &options).unwrap();
     let error = compare(&mesh.surface(), &done.mesh.surface(), &CompareOptions::default()).unwrap();
     assert!(error.hausdorff.symmetric <= 2e-3, "{}", error.hausdorff.symmetric);
     assert!(done.mesh.face_count() < mesh.face_count() / 3);
@@ -281,9 +287,8 @@ fn locked_vertices_and_faces_stay() {
         for part in [2, 5, 30] {
             let mut random = Random(part);
             let locked: Vec<bool> = (0..mesh.vertex_count()).map(|_| random.below(part) == 0).collect();
-            let mut options = planar(Stop::default());
-            options.locked = Some(Arc::from(&locked[..]));
-            if let Some(done) = tried(&mut all, name, &mesh, &options) {
+            let input = Input::new(&mesh).locked(&locked);
+            if let Some(done) = tried(&mut all, name, &input, &planar(Stop::default())) {
                 all.add(name, locked_complaints(&mesh, &locked, (false, false), &done.mesh));
             }
         }
@@ -292,9 +297,10 @@ fn locked_vertices_and_faces_stay() {
     // A vertex in the middle with four triangles.
     let mesh = shapes::grid(6);
     let middle = mesh.positions().view().iter().position(|p| p[0] == 0.5 && p[1] == 0.5).unwrap();
-    let mut options = planar(Stop::default());
-    options.locked = Some((0..mesh.vertex_count()).map(|v| v == middle).collect());
-    assert_eq!(simplify(&mesh, &options, &mut NoControl).unwrap().mesh.face_count(), 4);
+    let locked: Vec<bool> = (0..mesh.vertex_count()).map(|v| v == middle).collect();
+    let input = Input::new(&mesh).locked(&locked);
+    let done = simplify_with(input, &planar(Stop::default()), &mut NoControl).unwrap();
+    assert_eq!(done.mesh.face_count(), 4);
 }
 
 #[test]
@@ -302,7 +308,7 @@ fn locked_borders_stay() {
     let mesh = shapes::grid_with_holes(12);
     let mut options = planar(Stop::default());
     options.border = BorderPolicy::Lock;
-    let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+    let done = simplify(&mesh, &options).unwrap();
     assert_eq!(counts(&done.mesh).border_edge_count, counts(&mesh).border_edge_count);
     assert!(done.mesh.face_count() < mesh.face_count());
 }
@@ -348,7 +354,7 @@ fn textures_that_bend_are_kept() {
     assert!(merged(&mesh).mesh.face_count() > 16);
     let mut options = planar(Stop::default());
     options.weights.color = 0.0;
-    assert_eq!(simplify(&mesh, &options, &mut NoControl).unwrap().mesh.face_count(), 2);
+    assert_eq!(simplify(&mesh, &options).unwrap().mesh.face_count(), 2);
 }
 
 #[test]
@@ -381,7 +387,7 @@ fn faces_that_stand_twice_are_left_out_and_counted() {
     twice.extend(again);
     let mesh = TriMesh::new(mesh.positions().clone(), twice).unwrap();
     for stop in [Stop::default(), Stop::faces(18), Stop::ratio(1.0)] {
-        let done = simplify(&mesh, &planar(stop), &mut NoControl).unwrap();
+        let done = simplify(&mesh, &planar(stop)).unwrap();
         assert_eq!(done.report.cleanup.duplicate_faces, 5);
         assert_eq!(done.mesh.face_count(), if stop == Stop::default() { 2 } else { 18 });
     }
@@ -393,7 +399,7 @@ fn what_cannot_be_done_is_an_error() {
     let fails = |change: &dyn Fn(&mut SimplifyOptions)| {
         let mut options = planar(Stop::default());
         change(&mut options);
-        matches!(simplify(&mesh, &options, &mut NoControl), Err(SimplifyError::NotOfMethod { .. }))
+        matches!(simplify(&mesh, &options), Err(SimplifyError::NotOfMethod { .. }))
     };
     assert!(!fails(&|_| {}));
     assert!(!fails(&|o| o.placement = Placement::Endpoint));
@@ -403,7 +409,10 @@ fn what_cannot_be_done_is_an_error() {
     assert!(fails(&|o| o.guards = Guards { max_valence: Some(8), ..Guards::default() }));
     assert!(fails(&|o| o.guards = Guards { min_quality: Some(0.1), ..Guards::default() }));
     assert!(fails(&|o| o.guards.max_edge = Some(Length::Units(1.0))));
-    assert!(fails(&|o| o.importance = Some(vec![1.0; mesh.vertex_count()].into())));
+    let importance = vec![1.0; mesh.vertex_count()];
+    let input = Input::new(&mesh).importance(&importance);
+    let got = simplify_with(input, &planar(Stop::default()), &mut NoControl);
+    assert!(matches!(got, Err(SimplifyError::NotOfMethod { option: "importance", .. })));
 }
 
 /// A control that gives an answer after a number of calls, and checks that progress never decreases.
@@ -426,16 +435,16 @@ fn a_caller_may_end_it_at_any_time() {
     let mesh = shapes::cube(60);
     let options = planar(Stop::default());
     let mut asked = AnswerAfter(usize::MAX, Verdict::Continue, 0.0);
-    simplify(&mesh, &options, &mut asked).unwrap();
+    simplify_with(&mesh, &options, &mut asked).unwrap();
     let questions = usize::MAX - asked.0;
     assert!(questions >= 10, "{questions}");
     for n in 1..=questions {
-        let cancelled = simplify(&mesh, &options, &mut AnswerAfter(n, Verdict::Cancel, 0.0));
+        let cancelled = simplify_with(&mesh, &options, &mut AnswerAfter(n, Verdict::Cancel, 0.0));
         assert_eq!(cancelled.unwrap_err(), SimplifyError::Cancelled);
     }
     let mut last = usize::MAX;
     for n in [2, 5, 8, questions] {
-        let done = simplify(&mesh, &options, &mut AnswerAfter(n, Verdict::Finish, 0.0)).unwrap();
+        let done = simplify_with(&mesh, &options, &mut AnswerAfter(n, Verdict::Finish, 0.0)).unwrap();
         let mut found = wrongs(&mesh, &options, &done);
         found.retain(|w| !w.starts_with("stopped by"));
         assert_eq!(found, Vec::<String>::new());
@@ -475,23 +484,24 @@ proptest! {
             Stop::faces(1),
         ]));
         options.topology = random.pick(&TOPOLOGIES);
-        options = laden_options(options, &mut random, mesh.vertex_count());
-        options.importance = None;
+        let (mut options, mut data) = laden_options(options, &mut random, mesh.vertex_count());
+        data.importance = None;
+        let input = Input::new(&mesh).with(data.view());
         options.prune = None;
         options.method_options.flat = random.pick(&[None, Some(Length::OfDiagonal(0.0)), Some(Length::OfDiagonal(0.1))]);
         options.method_options.angle_deg = random.pick(&[None, Some(0.0), Some(40.0), Some(89.0)]);
-        match run(&mesh, &options) {
+        match run(&input, &options) {
             Ok(Ok(done)) => {
                 let mut found = complaints(&mesh, &options, &done);
                 if options.weld.is_none() {
                     found.extend(topology_complaints(&mesh, &options, &done));
                 }
-                if let Some(locked) = &options.locked {
+                if let Some(locked) = &data.locked {
                     let welded = true;
                     found.extend(locked_complaints(&mesh, locked, (welded, false), &done.mesh));
                 }
                 prop_assert!(found.is_empty(), "{}: {found:?}", options_text(&options));
-                let again = run(&mesh, &options);
+                let again = run(&input, &options);
                 prop_assert!(matches!(again, Ok(Ok(a)) if bytes(&a.mesh) == bytes(&done.mesh)));
             }
             Ok(Err(SimplifyError::NoFaces { .. })) => {}

@@ -7,8 +7,8 @@ use lodsmith::core::measure::{CompareOptions, compare};
 use lodsmith::core::topology::TopologyCounts;
 use lodsmith::core::{Topology, TriMesh, shapes};
 use lodsmith::{
-    BorderPolicy, Control, Length, Method, NoControl, Placement, SimplifyError, SimplifyOptions, Stop,
-    StoppedBy, Verdict, simplify,
+    BorderPolicy, Control, Input, Length, Method, NoControl, Placement, SimplifyError, SimplifyOptions, Stop,
+    StoppedBy, Verdict, simplify, simplify_with,
 };
 use proptest::prelude::*;
 
@@ -82,7 +82,7 @@ fn any_shape_to_any_count() {
 #[test]
 fn triangles_are_even_and_the_count_is_close() {
     for (mesh, target) in [(shapes::icosphere(5), 2000), (shapes::torus(80, 60), 1500)] {
-        let done = simplify(&mesh, &remesh(Stop::faces(target)), &mut NoControl).unwrap();
+        let done = simplify(&mesh, &remesh(Stop::faces(target))).unwrap();
         assert_eq!(done.report.stopped_by, StoppedBy::Faces);
         assert!(done.mesh.face_count() as f64 >= 0.97 * target as f64, "{}", done.mesh.face_count());
         let q = qualities(&done.mesh);
@@ -96,18 +96,18 @@ fn triangles_are_even_and_the_count_is_close() {
 #[test]
 fn creases_and_corners_of_a_cube_stay() {
     let mesh = shapes::cube(16);
-    let done = simplify(&mesh, &remesh(Stop::faces(600)), &mut NoControl).unwrap();
+    let done = simplify(&mesh, &remesh(Stop::faces(600))).unwrap();
     assert!(error(&mesh, &done.mesh) < 1e-9, "{}", error(&mesh, &done.mesh));
 }
 
 #[test]
 fn a_border_stays_on_its_curve() {
     let mesh = shapes::cylinder(64, 32);
-    let done = simplify(&mesh, &remesh(Stop::ratio(0.3)), &mut NoControl).unwrap();
+    let done = simplify(&mesh, &remesh(Stop::ratio(0.3))).unwrap();
     assert_eq!(counts(&done.mesh).border_loop_count, counts(&mesh).border_loop_count);
     let mut locked = remesh(Stop::ratio(0.5));
     locked.border = BorderPolicy::Lock;
-    let done = simplify(&mesh, &locked, &mut NoControl).unwrap();
+    let done = simplify(&mesh, &locked).unwrap();
     let border = |m: &TriMesh| {
         let topology = Topology::new(&m.surface());
         let positions = m.surface().positions();
@@ -132,7 +132,7 @@ fn adaptive_is_closer_at_the_same_count() {
         .take(2)
         .map(|(_, mut options)| {
             options.method_options.iterations = Some(5);
-            simplify(&mesh, &options, &mut NoControl).unwrap().mesh
+            simplify(&mesh, &options).unwrap().mesh
         })
         .collect();
     let [even, adaptive] = [error(&mesh, &done[0]), error(&mesh, &done[1])];
@@ -144,7 +144,7 @@ fn an_edge_length_is_kept() {
     let mesh = shapes::icosphere(5);
     let mut options = remesh(Stop::default());
     options.method_options.edge_length = Some(Length::Units(0.15));
-    let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+    let done = simplify(&mesh, &options).unwrap();
     assert_eq!(done.report.stopped_by, StoppedBy::Exhausted);
     let surface = done.mesh.surface();
     let lengths: Vec<f64> = surface
@@ -158,7 +158,7 @@ fn an_edge_length_is_kept() {
     let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
     assert!((mean / 0.15 - 1.0).abs() < 0.1, "{mean}");
     options.method_options.edge_length = Some(Length::Units(1e-6));
-    let error = simplify(&mesh, &options, &mut NoControl).unwrap_err();
+    let error = simplify(&mesh, &options).unwrap_err();
     assert!(matches!(error, SimplifyError::BadOption { option: "edge-length", .. }), "{error}");
 }
 
@@ -167,7 +167,7 @@ fn what_it_cannot_do_is_refused() {
     let mesh = shapes::icosphere(3);
     let mut options = remesh(Stop::faces(100));
     options.placement = Placement::Endpoint;
-    let error = simplify(&mesh, &options, &mut NoControl).unwrap_err();
+    let error = simplify(&mesh, &options).unwrap_err();
     assert!(matches!(error, SimplifyError::NotOfMethod { option: "placement endpoint", .. }), "{error}");
 }
 
@@ -176,7 +176,7 @@ fn levels_share_their_vertices() {
     let mesh = shapes::icosphere(5);
     let mut options = remesh(Stop::faces(5000));
     options.method_options.subdivisions = Some(3);
-    let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+    let done = simplify(&mesh, &options).unwrap();
     let levels = lodsmith::remesh::levels(&done.mesh, 3);
     assert_eq!(levels.len(), 4);
     assert_eq!(levels[3], done.mesh);
@@ -194,11 +194,10 @@ fn levels_share_their_vertices() {
 #[test]
 fn locked_vertices_keep_their_places() {
     let mesh = shapes::icosphere(4);
-    let mut options = remesh(Stop::ratio(0.3));
+    let options = remesh(Stop::ratio(0.3));
     let positions = mesh.positions().view();
     let locked: Vec<bool> = positions.iter().map(|p| p[2] > 0.9).collect();
-    options.locked = Some(locked.clone().into());
-    let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+    let done = simplify_with(Input::new(&mesh).locked(&locked), &options, &mut NoControl).unwrap();
     let there = support::places(&done.mesh);
     let held = positions.iter().zip(&locked).filter(|x| *x.1).map(|x| support::bits(x.0));
     let held: Vec<[u64; 3]> = held.collect();
@@ -218,8 +217,8 @@ impl Control for Once {
 fn the_caller_ends_it() {
     let mesh = shapes::icosphere(5);
     for (_, options) in ways(Stop::ratio(0.2)) {
-        assert_eq!(simplify(&mesh, &options, &mut Once(Verdict::Cancel)), Err(SimplifyError::Cancelled));
-        let done = simplify(&mesh, &options, &mut Once(Verdict::Finish)).unwrap();
+        assert_eq!(simplify_with(&mesh, &options, &mut Once(Verdict::Cancel)), Err(SimplifyError::Cancelled));
+        let done = simplify_with(&mesh, &options, &mut Once(Verdict::Finish)).unwrap();
         assert!(done.mesh.face_count() <= mesh.face_count());
     }
 }

@@ -1,12 +1,11 @@
 //! Promises of un-subdivision: a subdivided mesh is restored, all else is kept.
 
 use std::collections::{BTreeSet, HashMap};
-use std::sync::Arc;
 
 use lodsmith::core::{Positions, RegionId, TriMesh, VertexId, arbitrary, shapes};
 use lodsmith::{
-    BorderPolicy, Fit, Length, Method, NoControl, Refusal, Simplified, SimplifyError, SimplifyOptions, Stop,
-    StoppedBy, simplify,
+    BorderPolicy, Fit, Input, Length, Method, NoControl, Refusal, Simplified, SimplifyError, SimplifyOptions,
+    Stop, StoppedBy, simplify, simplify_with,
 };
 use proptest::prelude::*;
 
@@ -24,8 +23,10 @@ fn one_level() -> SimplifyOptions {
     options
 }
 
-fn undone(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
-    let done = simplify(mesh, options, &mut NoControl).expect("shapes can be simplified");
+fn undone<'a>(input: impl Into<Input<'a>>, options: &SimplifyOptions) -> Simplified {
+    let input = input.into();
+    let mesh = input.mesh().expect("it is a mesh");
+    let done = simplify_with(&input, options, &mut NoControl).expect("shapes can be simplified");
     let mut wrong = complaints(mesh, options, &done);
     wrong.extend(topology_complaints(mesh, options, &done));
     assert!(wrong.is_empty(), "{wrong:?}");
@@ -152,12 +153,11 @@ fn locks_borders_and_regions_hold() {
     let stays: BTreeSet<_> = coarse.iter().flatten().copied().collect();
     let is_even: Vec<bool> =
         fine.positions().view().iter().map(|p| stays.contains(&bits(p.map(|x| x + 0.0)))).collect();
-    let mut with = one_level();
-    with.locked = Some(Arc::from(is_even.clone()));
-    assert_eq!(faces_by_place(&undone(&fine, &with).mesh), coarse);
+    let input = Input::new(&fine).locked(&is_even);
+    assert_eq!(faces_by_place(&undone(input, &one_level()).mesh), coarse);
     let odd = (0..middle).find(|&i| !is_even[i]).expect("there are odd ones");
-    with.locked = Some((0..middle).map(|i| i == odd).collect());
-    let done = undone(&fine, &with);
+    let locked: Vec<bool> = (0..middle).map(|i| i == odd).collect();
+    let done = undone(Input::new(&fine).locked(&locked), &one_level());
     assert_eq!(
         (done.report.faces, &done.report.refusals[..]),
         (fine.face_count(), &[(Refusal::Locked, 1)][..])
@@ -197,12 +197,12 @@ fn what_it_cannot_do_is_said() {
     let mut with = one_level();
     with.fit = Fit::On;
     assert!(matches!(
-        simplify(&mesh, &with, &mut NoControl),
+        simplify(&mesh, &with),
         Err(SimplifyError::NotOfMethod { option: "fit on", method: Method::Unsubdivide, .. })
     ));
     let mut with = one_level();
     with.guards.max_valence = Some(7);
-    assert!(matches!(simplify(&mesh, &with, &mut NoControl), Err(SimplifyError::NotOfMethod { .. })));
+    assert!(matches!(simplify(&mesh, &with), Err(SimplifyError::NotOfMethod { .. })));
 }
 
 proptest! {

@@ -1,13 +1,12 @@
 //! Promises of vertex removal.
 
 use std::collections::HashMap;
-use std::sync::Arc;
 
 use lodsmith::core::measure::{CompareOptions, compare};
 use lodsmith::core::{Positions, RegionId, TriMesh, VertexId, arbitrary, shapes};
 use lodsmith::{
-    BorderPolicy, Control, Guards, Length, Method, NoControl, Placement, Refusal, Simplified, SimplifyError,
-    SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
+    BorderPolicy, Control, Guards, Input, Length, Method, NoControl, Placement, Refusal, Simplified,
+    SimplifyError, SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict, simplify, simplify_with,
 };
 use proptest::prelude::*;
 
@@ -19,8 +18,10 @@ fn options(stop: Stop) -> SimplifyOptions {
     options
 }
 
-fn removed(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
-    let done = simplify(mesh, options, &mut NoControl).expect("shapes can be simplified");
+fn removed<'a>(input: impl Into<Input<'a>>, options: &SimplifyOptions) -> Simplified {
+    let input = input.into();
+    let mesh = input.mesh().expect("it is a mesh");
+    let done = simplify_with(&input, options, &mut NoControl).expect("shapes can be simplified");
     let mut wrong = complaints(mesh, options, &done);
     wrong.extend(topology_complaints(mesh, options, &done));
     assert!(wrong.is_empty(), "{}: {wrong:?}", options_text(options));
@@ -159,17 +160,15 @@ fn whole_parts_go_only_where_the_topology_may_change() {
     let done = removed(&many, &with);
     assert_eq!((done.report.faces, done.report.stopped_by), (many.face_count(), StoppedBy::Refusals));
     with.topology = TopologyPolicy::Relaxed;
-    with.locked = Some((0..many.vertex_count()).map(|i| i < 4 * 9).collect());
-    assert!(removed(&many, &with).report.faces >= 36);
+    let locked: Vec<bool> = (0..many.vertex_count()).map(|i| i < 4 * 9).collect();
+    assert!(removed(Input::new(&many).locked(&locked), &with).report.faces >= 36);
 }
 
 #[test]
 fn locked_vertices_stay() {
     let mesh = shapes::icosphere(4);
     let is_locked: Vec<bool> = mesh.positions().view().iter().map(|p| p[2] > 0.3).collect();
-    let mut with = options(Stop::ratio(0.01));
-    with.locked = Some(Arc::from(is_locked.clone()));
-    let done = removed(&mesh, &with);
+    let done = removed(Input::new(&mesh).locked(&is_locked), &options(Stop::ratio(0.01)));
     let left = places(&done.mesh);
     let all = mesh.positions().view();
     assert!(
@@ -184,10 +183,9 @@ fn locked_vertices_stay() {
 fn what_is_important_keeps_more() {
     let mesh = shapes::icosphere(5);
     let above = |m: &TriMesh| m.positions().view().iter().filter(|p| p[2] > 0.0).count() as f64;
-    let mut with = options(Stop::ratio(0.1));
-    with.importance =
-        Some(mesh.positions().view().iter().map(|p| if p[2] > 0.0 { 4.0 } else { 1.0 }).collect());
-    let done = removed(&mesh, &with);
+    let factor = |p: [f64; 3]| if p[2] > 0.0 { 4.0 } else { 1.0 };
+    let importance: Vec<f32> = mesh.positions().view().iter().map(factor).collect();
+    let done = removed(Input::new(&mesh).importance(&importance), &options(Stop::ratio(0.1)));
     let share = above(&done.mesh) / (done.mesh.vertex_count() as f64 - above(&done.mesh));
     assert!((2.0..8.0).contains(&share), "{share}");
 }
@@ -247,10 +245,10 @@ fn the_caller_may_end_it() {
     let mesh = shapes::icosphere(5);
     let with = options(Stop::faces(4));
     for looks in 1..40 {
-        let cancelled = simplify(&mesh, &with, &mut AnswerAfter(looks, Verdict::Cancel));
+        let cancelled = simplify_with(&mesh, &with, &mut AnswerAfter(looks, Verdict::Cancel));
         assert_eq!(cancelled.unwrap_err(), SimplifyError::Cancelled, "{looks}");
     }
-    let done = simplify(&mesh, &with, &mut AnswerAfter(70, Verdict::Finish)).expect("what there is");
+    let done = simplify_with(&mesh, &with, &mut AnswerAfter(70, Verdict::Finish)).expect("what there is");
     assert_eq!(done.report.stopped_by, StoppedBy::Caller);
     assert!(done.report.faces < mesh.face_count());
 }
@@ -259,7 +257,7 @@ fn the_caller_may_end_it() {
 fn what_it_cannot_do_is_said() {
     let mut with = options(Stop::faces(4));
     with.placement = Placement::Midpoint;
-    let error = simplify(&shapes::icosphere(2), &with, &mut NoControl).unwrap_err();
+    let error = simplify(&shapes::icosphere(2), &with).unwrap_err();
     assert!(matches!(error, SimplifyError::NotOfMethod { option: "placement midpoint", .. }));
 }
 

@@ -4,7 +4,8 @@ use lodsmith::core::measure::{CompareOptions, compare};
 use lodsmith::core::topology::{Topology, size_of};
 use lodsmith::core::{Positions, TriMesh, VertexId, arbitrary, shapes};
 use lodsmith::{
-    Control, Length, Method, NoControl, Simplified, SimplifyError, SimplifyOptions, Stop, Verdict, simplify,
+    Control, Input, Length, Method, NoControl, Simplified, SimplifyError, SimplifyOptions, Stop, Verdict,
+    simplify, simplify_with,
 };
 use proptest::prelude::*;
 
@@ -16,7 +17,7 @@ fn options(voxel: Length) -> SimplifyOptions {
 }
 
 fn run(mesh: &TriMesh, options: &SimplifyOptions) -> Result<Simplified, SimplifyError> {
-    simplify(mesh, options, &mut NoControl)
+    simplify(mesh, options)
 }
 
 #[track_caller]
@@ -127,9 +128,10 @@ fn voxels_too_small_are_an_error_before_memory_is_gone() {
 #[test]
 fn what_it_cannot_honour_is_an_error_and_a_cancel_is_heard() {
     let sphere = shapes::icosphere(2);
-    let mut locked = options(Length::OfDiagonal(0.1));
-    locked.locked = Some(vec![true; sphere.vertex_count()].into());
-    assert!(matches!(run(&sphere, &locked), Err(SimplifyError::NotTogether { second: "lock", .. })));
+    let locked = vec![true; sphere.vertex_count()];
+    let input = Input::new(&sphere).locked(&locked);
+    let got = simplify_with(&input, &options(Length::OfDiagonal(0.1)), &mut NoControl);
+    assert!(matches!(got, Err(SimplifyError::NotTogether { second: "lock", .. })));
     struct Never(usize);
     impl Control for Never {
         fn progress(&mut self, _: f64) -> Verdict {
@@ -138,7 +140,7 @@ fn what_it_cannot_honour_is_an_error_and_a_cancel_is_heard() {
         }
     }
     for n in 1..6 {
-        let got = simplify(&sphere, &options(Length::OfDiagonal(0.05)), &mut Never(n));
+        let got = simplify_with(&sphere, &options(Length::OfDiagonal(0.05)), &mut Never(n));
         assert_eq!(got, Err(SimplifyError::Cancelled), "{n}");
     }
 }

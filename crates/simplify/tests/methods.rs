@@ -4,15 +4,14 @@ mod control;
 mod own_options;
 
 use std::collections::HashSet;
-use std::sync::Arc;
 
 use lodsmith::core::arbitrary::{Coordinates, perturbed_shape, soup};
 use lodsmith::core::mesh::defects::defects;
 use lodsmith::core::topology::EdgeKind;
 use lodsmith::core::{Positions, Topology, TriMesh, VertexId, shapes};
 use lodsmith::{
-    BorderPolicy, Control, Fit, Guards, Length, Method, MethodOptions, NoControl, Placement, Simplified,
-    SimplifyError, SimplifyOptions, Stage, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
+    BorderPolicy, Control, Fit, Guards, Input, Length, Method, MethodOptions, Placement, Simplified,
+    SimplifyError, SimplifyOptions, Stage, Stop, StoppedBy, TopologyPolicy, Verdict, simplify, simplify_with,
 };
 use proptest::prelude::*;
 
@@ -135,15 +134,17 @@ fn is_refusal(error: &SimplifyError, method: Method) -> bool {
 
 /// Runs and checks all promises. `None` if the method refuses an option that it does not have, or a promise
 /// is broken.
-fn tried(
+fn tried<'a>(
     all: &mut Complaints,
     name: &str,
-    mesh: &TriMesh,
+    input: impl Into<Input<'a>>,
     promise: &Promise,
     options: &SimplifyOptions,
 ) -> Option<Simplified> {
+    let input = input.into();
+    let mesh = input.mesh().unwrap();
     let case = case(name, options);
-    match run(mesh, options) {
+    match run(&input, options) {
         Ok(Ok(done)) => {
             all.add(&case, complaints(mesh, options, &done));
             all.add(&case, defect_complaints(mesh, options, promise, &done));
@@ -482,14 +483,14 @@ fn size_and_place_change_nothing() {
         for (name, mesh) in shapes::all() {
             let options = options(promise.method, Stop::ratio(0.3));
             let plain = gridded(&mesh, 1.0, [0.0; 3]);
-            let Ok(near) = simplify(&plain, &options, &mut NoControl) else {
+            let Ok(near) = simplify(&plain, &options) else {
                 all.add(&case(name, &options), ["fails".to_owned()]);
                 continue;
             };
             for (how, scale, shift) in cases {
                 let case = format!("{}, {how}", case(name, &options));
                 let moved = gridded(&mesh, scale, shift);
-                let Ok(done) = simplify(&moved, &options, &mut NoControl) else {
+                let Ok(done) = simplify(&moved, &options) else {
                     all.add(&case, ["fails".to_owned()]);
                     continue;
                 };

@@ -4,11 +4,11 @@ use lodsmith::core::measure::{CompareOptions, Comparison, compare};
 use lodsmith::core::{TriMesh, shapes};
 use lodsmith::{
     BorderPolicy, Fit, NoControl, Preset, SimplifyError, SimplifyOptions, Stop, TopologyPolicy, simplify,
-    simplify_surface,
+    simplify_with,
 };
 
 fn run(mesh: &TriMesh, options: &SimplifyOptions) -> TriMesh {
-    simplify(mesh, options, &mut NoControl).unwrap().mesh
+    simplify(mesh, options).unwrap().mesh
 }
 
 fn apart(reference: &TriMesh, candidate: &TriMesh) -> Comparison {
@@ -41,7 +41,7 @@ fn the_normals_of_the_shape_count_and_are_not_carried() {
     let shaded = run(&mesh, &options);
     assert!(!shaded.has_attributes() && shaded.vertex_map().is_none());
     assert!(shaded.face_count() <= 1024 && shaded != plain);
-    let of_surface = simplify_surface(&mesh.surface(), &options, &mut NoControl).unwrap().mesh;
+    let of_surface = simplify_with(mesh.surface(), &options, &mut NoControl).unwrap().mesh;
     assert_eq!(of_surface, shaded, "buffers and meshes give the same");
     let (near, plain) = (apart(&mesh, &shaded), apart(&mesh, &plain));
     assert!(near.rms.symmetric < 2.0 * plain.rms.symmetric);
@@ -78,7 +78,7 @@ fn borders_count_as_much_as_they_are_told() {
     for bad in [-1.0, f64::NAN, f64::INFINITY] {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
         options.weights.border = bad;
-        let got = simplify(&mesh, &options, &mut NoControl);
+        let got = simplify(&mesh, &options);
         assert!(matches!(got, Err(SimplifyError::BadOption { option: "weight", .. })), "{got:?}");
     }
 }

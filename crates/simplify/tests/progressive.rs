@@ -6,8 +6,8 @@ use std::ops::Range;
 use lodsmith::core::measure::{CompareOptions, Prepared, compare_prepared};
 use lodsmith::core::{Positions, Splits, Topology, TriMesh, WedgeId, shapes};
 use lodsmith::{
-    BorderPolicy, Control, Length, Method, NoControl, Placement, Progressive, SimplifyError, SimplifyOptions,
-    Stage, Stop, TopologyPolicy, Verdict, simplify,
+    BorderPolicy, Control, Input, Length, Method, NoControl, Placement, Progressive, SimplifyError,
+    SimplifyOptions, Stage, Stop, TopologyPolicy, Verdict, simplify,
 };
 
 use crate::support::laden::laden;
@@ -31,8 +31,10 @@ fn is_same(a: &TriMesh, b: &TriMesh) -> bool {
 }
 
 /// Goes down and up one level at a time: complains if a level differs from before, or is no sound mesh.
-fn walk(mesh: &TriMesh, options: &SimplifyOptions) -> Vec<String> {
-    let mut road = built(mesh, options);
+fn walk<'a>(input: impl Into<Input<'a>>, options: &SimplifyOptions) -> Vec<String> {
+    let input = input.into();
+    let mesh = input.mesh().unwrap();
+    let mut road = Progressive::build(&input, options, &mut NoControl).unwrap();
     let mut wrong = Vec::new();
     if !is_same(&road.mesh().unwrap(), mesh) {
         wrong.push("the full level is not the input".to_owned());
@@ -157,12 +159,16 @@ fn laden_meshes_go_both_ways() {
         }
         options.weld = (random.below(4) == 0).then_some(Length::OfDiagonal(0.01));
         options.prune = (random.below(4) == 0).then(|| Length::OfDiagonal(0.3 * random.unit()));
-        if random.below(3) == 0 {
-            options.locked = Some((0..mesh.vertex_count()).map(|_| random.below(5) == 0).collect());
+        let has_locks = random.below(3) == 0;
+        let mut lock = || (0..mesh.vertex_count()).map(|_| random.below(5) == 0).collect();
+        let locked: Vec<bool> = if has_locks { lock() } else { Vec::new() };
+        let mut input = Input::new(&mesh);
+        if has_locks {
+            input = input.locked(&locked);
         }
         let case = format!("{round}: {name}, {}", support::options_text(&options));
-        match Progressive::build(&mesh, &options, &mut NoControl) {
-            Ok(_) => complaints.add(&case, walk(&mesh, &options)),
+        match Progressive::build(&input, &options, &mut NoControl) {
+            Ok(_) => complaints.add(&case, walk(&input, &options)),
             Err(SimplifyError::NoFaces { .. }) => {}
             Err(why) => complaints.add(&case, [why.to_string()]),
         }
@@ -351,7 +357,7 @@ fn levels_are_as_near_as_single_runs() {
         for share in [0.6, 0.42, 0.25, 0.1, 0.03] {
             let goal = (mesh.face_count() as f64 * share) as usize;
             road.to_faces(goal);
-            let single = simplify(&mesh, &SimplifyOptions::new(Stop::faces(goal)), &mut NoControl).unwrap();
+            let single = simplify(&mesh, &SimplifyOptions::new(Stop::faces(goal))).unwrap();
             let (one, fitted) = (rms(&single.mesh), rms(&road.fitted_mesh().unwrap()));
             assert!(fitted <= 1.05 * one, "{name} at {share}: {fitted} for {one}");
             let estimate = road.error() / fitted;
@@ -408,8 +414,8 @@ fn locked_vertices_stay_at_all_levels() {
     let mut random = Random(5);
     let mesh = laden(&shapes::torus(20, 12), &mut random);
     let locked: Vec<bool> = (0..mesh.vertex_count()).map(|_| random.below(6) == 0).collect();
-    let options = with(|o| o.locked = Some(locked.clone().into()));
-    let mut road = built(&mesh, &options);
+    let input = Input::new(&mesh).locked(&locked);
+    let mut road = Progressive::build(input, &SimplifyOptions::default(), &mut NoControl).unwrap();
     let view = mesh.positions().view();
     let held: HashSet<_> = (0..locked.len())
         .filter(|&v| locked[v])

@@ -26,7 +26,7 @@ fn values_of_levels_are_as_near_as_those_of_single_runs() {
     for share in [0.5, 0.2, 0.1, 0.03] {
         let goal = (mesh.face_count() as f64 * share) as usize;
         road.to_faces(goal);
-        let single = simplify(&mesh, &SimplifyOptions::new(Stop::faces(goal)), &mut NoControl).unwrap().mesh;
+        let single = simplify(&mesh, &SimplifyOptions::new(Stop::faces(goal))).unwrap().mesh;
         let [one, plain, fitted] =
             [single, road.mesh().unwrap(), road.fitted_mesh().unwrap()].map(|m| off(&mesh, &m));
         assert!(fitted <= 1.08 * one, "{share}: {fitted} for {one}");

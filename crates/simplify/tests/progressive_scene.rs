@@ -10,7 +10,7 @@ use crate::support::laden::laden;
 use crate::support::{Random, bytes};
 
 fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
-    Part { mesh, instances, scale, stretch: None, system: None, places: &[] }
+    Part { instances, scale, ..Part::new(mesh) }
 }
 
 fn built(parts: &[Part<'_>], options: &SimplifyOptions) -> ProgressiveScene {
@@ -173,8 +173,11 @@ fn what_cannot_be_is_said() {
     assert!(why(&|o| o.method = Method::Planar).contains("planar"));
     assert!(why(&|o| o.per_mesh = true).contains("per-mesh"));
     assert!(why(&|o| o.escalate = true).contains("escalate"));
-    let half = vec![false; mesh.vertex_count()];
-    assert!(why(&|o| o.locked = Some(half.clone().into())).contains("locked"));
+    let mut few = parts;
+    let locked = vec![false; mesh.vertex_count() - 1];
+    few[1].data.locked = Some(&locked);
+    let refused = ProgressiveScene::build(&few, 10.0, &SimplifyOptions::default(), &mut NoControl);
+    assert!(refused.unwrap_err().to_string().contains("locked"));
     let options = SimplifyOptions::default();
     let refused = ProgressiveScene::build(&[part(&empty, 1, 1.0)], 1.0, &options, &mut NoControl);
     assert!(matches!(refused, Err(SimplifyError::NoFaces { faces: 0 })));
@@ -185,12 +188,10 @@ fn what_cannot_be_is_said() {
 #[test]
 fn locks_are_those_of_each_mesh() {
     let (a, b) = (shapes::blob(3, 1), shapes::blob(3, 2));
-    let parts = [part(&a, 1, 1.0), part(&b, 1, 1.0)];
-    let mut locked = vec![false; a.vertex_count()];
-    locked.resize(a.vertex_count() + b.vertex_count(), true);
-    let mut options = SimplifyOptions::default();
-    options.locked = Some(locked.into());
-    let mut scene = built(&parts, &options);
+    let mut parts = [part(&a, 1, 1.0), part(&b, 1, 1.0)];
+    let locked = vec![true; b.vertex_count()];
+    parts[1].data.locked = Some(&locked);
+    let mut scene = built(&parts, &SimplifyOptions::default());
     scene.to_level(0);
     assert_eq!(scene.meshes()[1].face_count(), b.face_count());
     assert!(scene.meshes()[0].face_count() * 4 < a.face_count());

@@ -4,8 +4,8 @@ use lodsmith::core::arbitrary::{Coordinates, perturbed_shape, soup};
 use lodsmith::core::measure::{CompareOptions, compare};
 use lodsmith::core::{Positions, TriMesh, VertexId, shapes};
 use lodsmith::{
-    BorderPolicy, Fit, Guards, Length, Method, NoControl, Placement, SimplifyError, SimplifyOptions, Stop,
-    TopologyPolicy, simplify,
+    BorderPolicy, Fit, Guards, Input, Length, Method, OwnedMeshData, Placement, SimplifyError,
+    SimplifyOptions, Stop, TopologyPolicy, simplify,
 };
 use proptest::prelude::*;
 
@@ -61,22 +61,24 @@ fn random_options(seed: u64) -> SimplifyOptions {
 }
 
 /// Random options, and all rare ones.
-fn any_options(seed: u64, mesh: &TriMesh) -> SimplifyOptions {
+fn any_options(seed: u64, mesh: &TriMesh) -> (SimplifyOptions, OwnedMeshData) {
     laden_options(random_options(seed), &mut Random(seed.rotate_left(32) | 1), mesh.vertex_count())
 }
 
 /// Returns what is wrong with a run; a mesh without faces is not wrong.
-fn wrongs(mesh: &TriMesh, options: &SimplifyOptions) -> Vec<String> {
-    match run(mesh, options) {
+fn wrongs<'a>(input: impl Into<Input<'a>>, options: &SimplifyOptions) -> Vec<String> {
+    let input = input.into();
+    let mesh = input.mesh().unwrap();
+    match run(&input, options) {
         Ok(Ok(done)) => {
             let mut found = complaints(mesh, options, &done);
-            let locked = options.locked.as_deref();
+            let locked = input.data().locked;
             found.extend(attribute_complaints(mesh, options.placement, locked, &done.mesh));
             if let Some(locked) = locked {
                 let paired = done.report.pairs_contracted > 0;
                 found.extend(locked_complaints(mesh, locked, (options.weld.is_some(), paired), &done.mesh));
             }
-            match run(mesh, options) {
+            match run(&input, options) {
                 Ok(Ok(again)) if bytes(&again.mesh) == bytes(&done.mesh) && again.report == done.report => {}
                 _ => found.push("another result when run again".to_owned()),
             }
@@ -93,8 +95,8 @@ proptest! {
 
     #[test]
     fn any_mesh_gives_a_sound_result(mesh in any_mesh(), seed in any::<u64>()) {
-        let options = any_options(seed, &mesh);
-        let found = wrongs(&mesh, &options);
+        let (options, data) = any_options(seed, &mesh);
+        let found = wrongs(Input::new(&mesh).with(data.view()), &options);
         prop_assert!(found.is_empty(), "{}: {found:?}", options_text(&options));
     }
 }
@@ -174,11 +176,12 @@ fn nasty_soups_give_sound_results() {
     let mut all = support::Complaints::default();
     for seed in 0..size(1500, 400) {
         let (mut mesh, mut options) = (nasty(seed), random_options(seed ^ 0xABCD_EF01_2345));
+        let mut data = OwnedMeshData::default();
         if seed.is_multiple_of(2) {
             mesh = laden(&mesh, &mut Random(seed | 1));
-            options = any_options(seed ^ 0xABCD_EF01_2345, &mesh);
+            (options, data) = any_options(seed ^ 0xABCD_EF01_2345, &mesh);
         }
-        let found = wrongs(&mesh, &options);
+        let found = wrongs(Input::new(&mesh).with(data.view()), &options);
         all.add(&format!("seed {seed}, {} faces, {}", mesh.face_count(), options_text(&options)), found);
     }
     all.report_all();
@@ -209,7 +212,7 @@ fn soups_keep_what_the_topology_policy_promises() {
 }
 
 fn light(mesh: &TriMesh, share: f64) -> TriMesh {
-    simplify(mesh, &SimplifyOptions::new(Stop::ratio(share)), &mut NoControl).unwrap().mesh
+    simplify(mesh, &SimplifyOptions::new(Stop::ratio(share))).unwrap().mesh
 }
 
 /// Returns the largest and the RMS distance between two meshes, as shares of the diagonal of the first.
@@ -316,7 +319,7 @@ fn what_is_light_enough_stays_as_it_is() {
         let mut options = SimplifyOptions::new(Stop::faces(first.face_count()));
         for stop in [Stop::faces(first.face_count()), Stop::ratio(1.0), Stop::default()] {
             options.stop = stop;
-            let again = simplify(&first, &options, &mut NoControl).unwrap();
+            let again = simplify(&first, &options).unwrap();
             assert_eq!(again.report.collapses, 0, "{name}");
             assert_eq!(again.mesh.face_count(), first.face_count(), "{name}");
             assert_eq!(support::places(&again.mesh), support::places(&first), "{name}");

@@ -2,14 +2,14 @@
 
 use lodsmith::core::{TriMesh, shapes};
 use lodsmith::{
-    BorderPolicy, Change, Guards, Length, Method, NoControl, Placement, Simplified, SimplifyOptions, Stop,
+    BorderPolicy, Change, Guards, Length, Method, Placement, Simplified, SimplifyOptions, Stop,
     TopologyPolicy, simplify,
 };
 
 use crate::support::{Complaints, options_text};
 
 fn run(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
-    simplify(mesh, options, &mut NoControl).unwrap()
+    simplify(mesh, options).unwrap()
 }
 
 /// Options that keep a run from its target, alone and together.

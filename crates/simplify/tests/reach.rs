@@ -9,7 +9,7 @@ use lodsmith::{
 use crate::support::{bytes, counts, places};
 
 fn run(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
-    simplify(mesh, options, &mut NoControl).unwrap()
+    simplify(mesh, options).unwrap()
 }
 
 /// Joins several meshes in one, each moved along x.
@@ -210,13 +210,13 @@ fn the_largest_part_stays_in_any_case() {
     assert_eq!(report.faces, b.face_count());
     for bad in [f64::NAN, -1.0, f64::INFINITY] {
         options.prune = Some(Length::Units(bad));
-        let refused = simplify(&mesh, &options, &mut NoControl);
+        let refused = simplify(&mesh, &options);
         assert!(matches!(refused, Err(SimplifyError::BadOption { option: "prune", .. })));
     }
 }
 
 fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
-    Part { mesh, instances, scale, stretch: None, system: None, places: &[] }
+    Part { instances, scale, ..Part::new(mesh) }
 }
 
 #[test]

@@ -1,12 +1,10 @@
 //! Regressions, and cases that are hard for every simplifier, each by name.
 
-use std::sync::Arc;
-
 use lodsmith::core::mesh::defects::defects;
 use lodsmith::core::{Attribute, Positions, Semantic, TriMesh, VertexId, shapes};
 use lodsmith::{
-    BorderPolicy, Control, Fit, Length, Method, NoControl, Placement, Preset, Simplified, SimplifyError,
-    SimplifyOptions, Stage, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
+    BorderPolicy, Control, Fit, Input, Length, Method, NoControl, Placement, Preset, Simplified,
+    SimplifyError, SimplifyOptions, Stage, Stop, StoppedBy, TopologyPolicy, Verdict, simplify, simplify_with,
 };
 
 use crate::support::laden::{attribute_complaints, laden, locked_complaints};
@@ -16,7 +14,7 @@ const METHODS: [Method; 2] = [Method::Memoryless, Method::Quadric];
 
 /// Runs and checks that the result is sound.
 fn sound(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
-    let done = simplify(mesh, options, &mut NoControl).unwrap();
+    let done = simplify(mesh, options).unwrap();
     let mut found = complaints(mesh, options, &done);
     found.extend(topology_complaints(mesh, options, &done));
     assert!(found.is_empty(), "{}: {found:?}", support::options_text(options));
@@ -162,7 +160,7 @@ fn a_mesh_without_a_sound_face_is_an_error() {
     let cases: [&[[u32; 3]]; 4] =
         [&[], &[[0, 0, 1], [1, 1, 1]], &[[0, 1, 3], [3, 1, 2]], &[[0, 4, 1], [0, 1, 3], [2, 2, 0]]];
     for triangles in cases {
-        let got = simplify(&mesh(&p, triangles), &options, &mut NoControl);
+        let got = simplify(&mesh(&p, triangles), &options);
         assert_eq!(got.unwrap_err(), SimplifyError::NoFaces { faces: triangles.len() });
     }
 }
@@ -202,7 +200,7 @@ fn a_weld_joins_what_lies_close() {
     let mut options = SimplifyOptions::new(Stop::faces(16));
     let apart = sound(&soup, &options);
     options.weld = Some(Length::Units(1e-3));
-    let joined = simplify(&soup, &options, &mut NoControl).unwrap();
+    let joined = simplify(&soup, &options).unwrap();
     assert_eq!(complaints(&soup, &options, &joined), [""; 0]);
     assert_eq!(joined.report.parts_removed, 0);
     assert_eq!(counts(&joined.mesh).component_count, 1);
@@ -242,7 +240,7 @@ fn progress_never_goes_back_within_a_stage() {
             let mut options = SimplifyOptions::new(stop);
             options.method = method;
             let mut watcher = Watcher::new(usize::MAX, Verdict::Continue);
-            let done = simplify(&shapes::blob(4, 5), &options, &mut watcher).unwrap();
+            let done = simplify_with(&Input::new(&shapes::blob(4, 5)), &options, &mut watcher).unwrap();
             for (stage, told) in &watcher.seen {
                 assert!(told.iter().all(|x| (0.0..=1.0).contains(x)), "{stage:?}: {told:?}");
                 assert!(told.is_sorted(), "{method:?}, {stage:?}: {told:?}");
@@ -261,11 +259,11 @@ fn a_caller_may_cancel_at_any_question() {
     let options = SimplifyOptions::new(Stop::ratio(0.02));
     let mesh = shapes::blob(4, 5);
     let mut all = Watcher::new(usize::MAX, Verdict::Continue);
-    simplify(&mesh, &options, &mut all).unwrap();
+    simplify_with(&mesh, &options, &mut all).unwrap();
     assert!(all.questions >= 3);
     for from in 0..all.questions {
         let mut watcher = Watcher::new(from, Verdict::Cancel);
-        assert_eq!(simplify(&mesh, &options, &mut watcher).unwrap_err(), SimplifyError::Cancelled);
+        assert_eq!(simplify_with(&mesh, &options, &mut watcher).unwrap_err(), SimplifyError::Cancelled);
         assert_eq!(watcher.questions, from + 1, "nothing is done after a cancel");
     }
 }
@@ -277,7 +275,7 @@ fn a_caller_may_take_the_best_so_far() {
         let options = SimplifyOptions::new(stop);
         // From the second call of the collapse stage on.
         let mut watcher = Watcher::new(2, Verdict::Finish);
-        let done = simplify(&mesh, &options, &mut watcher).unwrap();
+        let done = simplify_with(&mesh, &options, &mut watcher).unwrap();
         assert_eq!(done.report.stopped_by, StoppedBy::Caller, "{stop:?}");
         assert!(!done.report.reached);
         assert!(done.mesh.face_count() > 50 && done.mesh.face_count() <= mesh.face_count());
@@ -444,7 +442,7 @@ fn a_level_whose_parts_must_stay_gives_way_at_its_seams() {
 fn a_chain_does_not_destroy_a_level_to_spare_its_parts() {
     let mesh = shapes::level(24, 200);
     let levels = lodsmith::Levels::Ratios(vec![0.5, 0.3, 0.15]);
-    let chain = lodsmith::lod(&mesh, &lodsmith::LodOptions::new(levels), &mut NoControl).unwrap();
+    let chain = lodsmith::lod(&mesh, &lodsmith::LodOptions::new(levels)).unwrap();
     for (level, most) in chain.levels.iter().zip([0.001, 0.001, 0.002]) {
         let off = rms(&mesh, &level.mesh);
         assert!(off < most, "{} faces: {off}", level.mesh.face_count());
@@ -552,11 +550,11 @@ fn a_locked_vertex_keeps_its_values_where_every_edge_is_a_seam() {
     let mut all = support::Complaints::default();
     for seed in 1..4 {
         let mesh = laden(&shapes::blob(2, seed), &mut support::Random(seed));
-        let locked: Arc<[bool]> = (0..mesh.vertex_count()).map(|v| v % 5 == 0).collect();
+        let locked: Vec<bool> = (0..mesh.vertex_count()).map(|v| v % 5 == 0).collect();
         for method in Method::ALL {
             let mut options = SimplifyOptions::new(Stop::ratio(0.1));
-            (options.method, options.locked) = (method, Some(Arc::clone(&locked)));
-            let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+            options.method = method;
+            let done = simplify_with(Input::new(&mesh).locked(&locked), &options, &mut NoControl).unwrap();
             let may_go = method == Method::Cluster;
             let found = locked_complaints(&mesh, &locked, (may_go, false), &done.mesh);
             all.add(&format!("{}, seed {seed}", method.name()), found);
@@ -576,7 +574,7 @@ fn attributes_with_subnormal_values_are_summed_within_rounding() {
         let values = (0..count).map(|_| f32::from_bits(random.below(12) as u32)).collect();
         let semantic = Semantic::Custom("_TINY".into());
         mesh.add_attribute(Attribute { semantic, width: 1, values }).unwrap();
-        let done = simplify(&mesh, &SimplifyOptions::new(Stop::faces(40)), &mut NoControl).unwrap();
+        let done = simplify(&mesh, &SimplifyOptions::new(Stop::faces(40))).unwrap();
         assert!(done.report.reached);
     }
 }

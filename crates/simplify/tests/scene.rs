@@ -12,7 +12,7 @@ use crate::support::laden::{laden, laden_options};
 use crate::support::{Complaints, Random, bytes, options_text, scene_complaints};
 
 fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
-    Part { mesh, instances, scale, stretch: None, system: None, places: &[] }
+    Part { instances, scale, ..Part::new(mesh) }
 }
 
 #[test]
@@ -63,7 +63,7 @@ fn parts_that_touch_stay_together() {
     let bounds = left.positions().view().bounds().unwrap();
     let mut right = left.clone();
     right.map_positions(|p| [2.0 * bounds.max[0] - p[0], p[1], p[2]]);
-    let at = |mesh| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: Some(5), places: &[] };
+    let at = |mesh| Part { system: Some(5), ..Part::new(mesh) };
     let options = SimplifyOptions::new(Stop::ratio(0.2));
     let got = simplify_scene(&[at(&left), at(&right)], 3.0, &options, &mut NoControl).unwrap();
     // Positions that both have are those of the common line, which is the same in both, to the bit.
@@ -160,20 +160,20 @@ fn any_scene_gives_sound_results() {
     for seed in 0..300u64 {
         let mut random = Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
         let (meshes, places) = any_parts(&mut random);
-        let placed = meshes.iter().zip(&places);
+        let stop = random.pick(&[Stop::ratio(0.3), Stop::faces(40), Stop::vertices(30), Stop::ratio(0.02)]);
+        let (mut options, _) = laden_options(SimplifyOptions::new(stop), &mut random, 0);
+        let of_mesh = |mesh: &TriMesh| laden_options(options.clone(), &mut random, mesh.vertex_count()).1;
+        let data: Vec<_> = meshes.iter().map(of_mesh).collect();
+        let placed = meshes.iter().zip(&places).zip(&data);
         let parts: Vec<Part<'_>> = placed
-            .map(|(mesh, &(instances, scale, system))| Part {
-                mesh,
+            .map(|((mesh, &(instances, scale, system)), data)| Part {
                 instances,
                 scale,
-                stretch: None,
                 system,
-                places: &[],
+                data: data.view(),
+                ..Part::new(mesh)
             })
             .collect();
-        let stop = random.pick(&[Stop::ratio(0.3), Stop::faces(40), Stop::vertices(30), Stop::ratio(0.02)]);
-        let vertices = meshes.iter().map(TriMesh::vertex_count).sum();
-        let mut options = laden_options(SimplifyOptions::new(stop), &mut random, vertices);
         options.placement = random.pick(&[Placement::Optimal, Placement::Endpoint, Placement::Midpoint]);
         options.topology =
             random.pick(&[TopologyPolicy::Relaxed, TopologyPolicy::Preserve, TopologyPolicy::Free]);

@@ -12,7 +12,7 @@ const COLLAPSES: [Method; 5] =
 fn done(mesh: &TriMesh, method: Method, ratio: f64, sharp_deg: Option<f64>) -> Simplified {
     let mut options = SimplifyOptions::new(Stop::ratio(ratio));
     (options.method, options.sharp_deg) = (method, sharp_deg);
-    simplify(mesh, &options, &mut NoControl).unwrap()
+    simplify(mesh, &options).unwrap()
 }
 
 /// Returns the point on the crest of the ridge at `x`.
@@ -77,7 +77,7 @@ fn features_leave_any_shape_sound() {
                 let mut options = SimplifyOptions::new(Stop::ratio(ratio));
                 (options.method, options.sharp_deg) = (method, Some(25.0));
                 let case = format!("{name}, {method:?}, {ratio}");
-                match simplify(&mesh, &options, &mut NoControl) {
+                match simplify(&mesh, &options) {
                     Ok(done) => {
                         all.add(&case, complaints(&mesh, &options, &done));
                         all.add(&case, topology_complaints(&mesh, &options, &done));
@@ -122,7 +122,7 @@ fn angles_out_of_range_and_methods_without_features_are_told() {
     let run = |method: Method, deg: f64| {
         let mut options = SimplifyOptions::new(Stop::faces(10));
         (options.method, options.sharp_deg) = (method, Some(deg));
-        simplify(&mesh, &options, &mut NoControl).map(|_| ())
+        simplify(&mesh, &options).map(|_| ())
     };
     for deg in [0.0, -1.0, 180.0, f64::NAN] {
         let told = run(Method::Memoryless, deg);

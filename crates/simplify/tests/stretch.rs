@@ -16,7 +16,7 @@ fn map([x, y, z]: [f64; 3]) -> [f64; 3] {
 
 fn part(mesh: &TriMesh, stretch: Option<[[f64; 3]; 3]>) -> Part<'_> {
     let scale = if stretch.is_some() { 12.5 } else { 1.0 };
-    Part { mesh, instances: 1, scale, stretch, system: None, places: &[] }
+    Part { scale, stretch, ..Part::new(mesh) }
 }
 
 fn diagonal(mesh: &TriMesh) -> f64 {
@@ -110,7 +110,7 @@ fn a_stretch_that_flattens_counts_as_its_largest_scale() {
 #[test]
 fn small_meshes_that_lose_their_shape_are_counted() {
     let (ground, prop, tile) = (shapes::wavy_sheet(64), shapes::blob(4, 1), shapes::grid(16));
-    let small = |mesh, scale| Part { mesh, instances: 2, scale, stretch: None, system: None, places: &[] };
+    let small = |mesh, scale| Part { instances: 2, scale, ..Part::new(mesh) };
     let parts = [part(&ground, None), small(&prop, 1e-3), small(&prop, 2e-3), small(&tile, 1e-3)];
     let count = |options: &SimplifyOptions| {
         let done = simplify_scene(&parts, diagonal(&ground), options, &mut NoControl).unwrap();

@@ -5,8 +5,8 @@ use lodsmith::core::{
     Attribute, IntegerType, Positions, RegionId, Semantic, TriMesh, VertexId, WedgeId, shapes,
 };
 use lodsmith::{
-    CleanOptions, Length, Levels, LodOptions, Method, NoControl, Placement, Progressive, Sheets, Simplified,
-    SimplifyOptions, Stop, clean, lod, simplify, two_sided_faces,
+    CleanOptions, Input, Length, Levels, LodOptions, Method, NoControl, Placement, Progressive, Sheets,
+    Simplified, SimplifyOptions, Stop, clean, lod, simplify, simplify_with, two_sided_faces,
 };
 
 /// How the backs of cards are made.
@@ -118,7 +118,7 @@ fn area(mesh: &TriMesh) -> f64 {
 }
 
 fn run(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
-    simplify(mesh, options, &mut NoControl).expect("cards can be simplified")
+    simplify(mesh, options).expect("cards can be simplified")
 }
 
 /// Faces by their positions: each must have an opposite one, as often.
@@ -357,7 +357,7 @@ fn levels_keep_both_sides() {
         let mesh = cards(count, [4, 12], backs, 0, true);
         let mut options = LodOptions::new(Levels::Ratios(vec![0.5, 0.2]));
         options.geomorph = true;
-        let chain = lod(&mesh, &options, &mut NoControl).unwrap();
+        let chain = lod(&mesh, &options).unwrap();
         let mut before = mesh.vertex_count();
         for (k, level) in chain.levels.iter().enumerate() {
             assert_eq!(unpaired(&level.mesh), 0);
@@ -377,9 +377,8 @@ fn locked_backs_keep_their_bits() {
     // The vertices of the back of the first card.
     let of_back = 28..56;
     let locked: Vec<bool> = (0..mesh.vertex_count()).map(|v| of_back.contains(&v)).collect();
-    let mut options = SimplifyOptions::new(Stop::ratio(0.3));
-    options.locked = Some(locked.into());
-    let got = run(&mesh, &options).mesh;
+    let input = Input::new(&mesh).locked(&locked);
+    let got = simplify_with(input, &SimplifyOptions::new(Stop::ratio(0.3)), &mut NoControl).unwrap().mesh;
     let view = got.positions().view();
     for v in of_back {
         let p = mesh.positions().view().get(VertexId::new(v));

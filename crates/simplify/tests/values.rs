@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use lodsmith::core::{Attribute, IntegerType, Morphed, Semantic, TriMesh, WedgeId, shapes};
 use lodsmith::{
-    Length, Levels, LodOptions, Method, NoControl, Part, Placement, Progressive, SimplifyOptions, Stop, lod,
-    simplify, simplify_scene,
+    Input, Length, Levels, LodOptions, Method, NoControl, Part, Placement, Progressive, SimplifyOptions,
+    Stop, lod, simplify, simplify_scene, simplify_with,
 };
 
 use crate::support::charts::{place, two_charts, wedges};
@@ -80,7 +80,7 @@ fn options(method: Method) -> SimplifyOptions {
 fn no_value_leaves_the_range_of_its_source() {
     let mesh = waved(shapes::blob(4, 3), 0.0, 1.0);
     for method in [Method::Memoryless, Method::Quadric, Method::Cluster, Method::Remesh] {
-        let got = simplify(&mesh, &options(method), &mut NoControl).unwrap().mesh;
+        let got = simplify(&mesh, &options(method)).unwrap().mesh;
         assert!(got.face_count() > 50);
         assert_within(&format!("{method:?}"), &mesh, &got);
     }
@@ -90,7 +90,7 @@ fn no_value_leaves_the_range_of_its_source() {
 #[test]
 fn no_value_of_a_scene_leaves_the_range_of_its_mesh() {
     let (a, b) = (waved(shapes::blob(4, 3), 0.0, 1.0), waved(shapes::torus(48, 24), -20.0, 30.0));
-    let part = |mesh| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: None, places: &[] };
+    let part = |mesh| Part::new(mesh);
     let options = SimplifyOptions::new(Stop::ratio(0.2));
     let got = simplify_scene(&[part(&a), part(&b)], 4.0, &options, &mut NoControl).unwrap();
     assert_within("the first", &a, &got.meshes[0]);
@@ -151,19 +151,19 @@ fn ids_are_those_of_the_source() {
             Method::VertexRemoval,
             Method::Planar,
         ] {
-            let got = simplify(mesh, &options(method), &mut NoControl).unwrap();
+            let got = simplify(mesh, &options(method)).unwrap();
             assert!(got.report.dropped.is_empty());
             assert_known(&format!("{method:?}"), mesh, &got.mesh);
         }
         for placement in [Placement::Midpoint, Placement::Endpoint] {
             let mut options = options(Method::Memoryless);
             options.placement = placement;
-            let got = simplify(mesh, &options, &mut NoControl).unwrap().mesh;
+            let got = simplify(mesh, &options).unwrap().mesh;
             assert_known(&format!("{placement:?}"), mesh, &got);
         }
     }
     // Close to the original: a band is .33 wide.
-    let got = simplify(&plain, &options(Method::Memoryless), &mut NoControl).unwrap().mesh;
+    let got = simplify(&plain, &options(Method::Memoryless)).unwrap().mesh;
     let far = wedges(&got).zip(ids(&got)).filter(|(w, id)| {
         let near = |d: f64| 7.0 + 1000.0 * ((place(&got, *w)[0] + d) * 3.0).floor().abs() as f32;
         ![-0.1, 0.0, 0.1].map(near).contains(id)
@@ -180,7 +180,7 @@ fn faces_of_two_features_stay_faces_of_one() {
     let values = right.iter().map(|r| if *r { 3.0 } else { 9.0 }).collect();
     mesh.add_attribute(Attribute { semantic: id(), width: 1, values }).unwrap();
     for method in [Method::Memoryless, Method::Cluster] {
-        let got = simplify(&mesh, &options(method), &mut NoControl).unwrap().mesh;
+        let got = simplify(&mesh, &options(method)).unwrap().mesh;
         let ids = ids(&got);
         let mut count = [0, 0];
         for t in got.triangles() {
@@ -195,7 +195,7 @@ fn faces_of_two_features_stay_faces_of_one() {
 #[test]
 fn ids_of_scenes_and_levels_are_those_of_the_source() {
     let (a, b) = (banded(shapes::blob(4, 3)), waved(shapes::torus(48, 24), 0.0, 1.0));
-    let part = |mesh| Part { mesh, instances: 1, scale: 1.0, stretch: None, system: None, places: &[] };
+    let part = |mesh| Part::new(mesh);
     let options = SimplifyOptions::new(Stop::ratio(0.2));
     let got = simplify_scene(&[part(&a), part(&b)], 4.0, &options, &mut NoControl).unwrap();
     assert_known("of a scene", &a, &got.meshes[0]);
@@ -239,7 +239,7 @@ fn missing_values_stay_missing_and_do_not_count() {
     for method in Method::ALL {
         let mut options = SimplifyOptions::new(Stop::ratio(0.2));
         options.method = method;
-        let run = |mesh: &TriMesh| simplify(mesh, &options, &mut NoControl).unwrap();
+        let run = |mesh: &TriMesh| simplify(mesh, &options).unwrap();
         let (done, whole) = (run(&mesh), run(&full));
         let further = done.mesh.further_attributes();
         let names: Vec<_> = further.iter().map(|a| a.semantic.name()).collect();
@@ -267,7 +267,7 @@ fn missing_values_stay_missing_in_scenes_and_levels() {
         m.further_attributes().len() == 2 && share > 0.0 && share < 0.4
     };
     let mut options = SimplifyOptions::new(Stop::ratio(0.2));
-    let part = Part { mesh: &mesh, instances: 1, scale: 1.0, stretch: None, system: None, places: &[] };
+    let part = Part::new(&mesh);
     let scene = simplify_scene(&[part, part], 2.0, &options, &mut NoControl).unwrap();
     assert!(scene.meshes.iter().all(is_right));
     options.per_mesh = true;
@@ -275,12 +275,12 @@ fn missing_values_stay_missing_in_scenes_and_levels() {
     assert!(scene.meshes.iter().all(is_right));
     options.per_mesh = false;
     options.escalate = true;
-    assert!(is_right(&simplify(&mesh, &options, &mut NoControl).unwrap().mesh));
+    assert!(is_right(&simplify(&mesh, &options).unwrap().mesh));
     options.escalate = false;
-    let chain = lod(&mesh, &LodOptions::new(Levels::Ratios(vec![0.5, 0.2])), &mut NoControl).unwrap();
+    let chain = lod(&mesh, &LodOptions::new(Levels::Ratios(vec![0.5, 0.2]))).unwrap();
     assert!(chain.levels.iter().all(|level| is_right(&level.mesh)));
 
-    options.locked = Some((0..mesh.vertex_count()).map(|v| v % 7 == 0).collect());
-    let done = simplify(&mesh, &options, &mut NoControl).unwrap();
+    let locked: Vec<bool> = (0..mesh.vertex_count()).map(|v| v % 7 == 0).collect();
+    let done = simplify_with(Input::new(&mesh).locked(&locked), &options, &mut NoControl).unwrap();
     assert!(gaps(&done.mesh) >= gaps(&mesh));
 }

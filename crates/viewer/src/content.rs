@@ -8,8 +8,8 @@ use std::sync::{Arc, OnceLock};
 
 use glam::{DMat4, DVec3};
 use lodsmith::{
-    Control, Levels, LodOptions, MeshCounts, Part, Report, Simplified, SimplifiedScene, SimplifyError,
-    SimplifyOptions, Starved, Stop, Textures,
+    Control, Input, Levels, LodOptions, MeshCounts, OwnedMeshData, Part, Report, Simplified, SimplifiedScene,
+    SimplifyError, Starved, Stop, Textures,
 };
 use lodsmith_core::measure::{ComparedAttribute, Comparison, MeasureError, Prepared, wedge_differences};
 use lodsmith_core::mesh::creases::Creases;
@@ -215,15 +215,16 @@ impl Lighter {
         let (meshes, report, counts) = match &original.file.source {
             ModelSource::Scene(scene) => {
                 let taken = placed_meshes(scene);
-                let parts = parts_of(scene);
-                let options = with_textures(&how.options, original.model(), &taken);
-                let done = lodsmith::simplify_scene(&parts, diagonal_of(scene), &options, control)?;
+                let data = textures_of(original.model(), &taken);
+                let parts = parts_of(scene, &data);
+                let done = lodsmith::simplify_scene(&parts, diagonal_of(scene), &how.options, control)?;
                 of_scene(scene, &taken, done)
             }
             _ => {
                 let mesh = &original.model().meshes[0].mesh;
-                let options = with_textures(&how.options, original.model(), &[0]);
-                of_mesh(lodsmith::simplify(mesh, &options, control)?)
+                let data = textures_of(original.model(), &[0]);
+                let input = Input::new(mesh).with(data[0].view());
+                of_mesh(lodsmith::simplify_with(&input, &how.options, control)?)
             }
         };
         Self::of(original, how, (meshes, report, counts), begin.elapsed().as_secs_f64())
@@ -247,14 +248,15 @@ impl Lighter {
         let all: Vec<SimplifiedMeshes> = match &original.file.source {
             ModelSource::Scene(scene) => {
                 let taken = placed_meshes(scene);
-                let parts = parts_of(scene);
-                options.simplify = with_textures(&options.simplify, original.model(), &taken);
+                let data = textures_of(original.model(), &taken);
+                let parts = parts_of(scene, &data);
                 let chain = lodsmith::lod_scene(&parts, diagonal_of(scene), &options, control)?;
                 chain.levels.into_iter().map(|done| of_scene(scene, &taken, done)).collect()
             }
             _ => {
-                options.simplify = with_textures(&options.simplify, original.model(), &[0]);
-                let chain = lodsmith::lod(&original.model().meshes[0].mesh, &options, control)?;
+                let data = textures_of(original.model(), &[0]);
+                let input = Input::new(&original.model().meshes[0].mesh).with(data[0].view());
+                let chain = lodsmith::lod_with(&input, &options, control)?;
                 chain.levels.into_iter().map(of_mesh).collect()
             }
         };
@@ -389,21 +391,25 @@ pub fn placed_meshes(scene: &Scene) -> Vec<usize> {
     gltf::placed_meshes(scene.meshes()).iter().map(|placed| placed.index).collect()
 }
 
-/// Returns the meshes that a run simplifies as parts for the engine.
-pub(crate) fn parts_of(scene: &Scene) -> Vec<Part<'_>> {
-    let part = |placed: gltf::PlacedMesh| {
+/// Returns the meshes that a run simplifies, with their data, as parts for the engine.
+pub(crate) fn parts_of<'a>(scene: &'a Scene, data: &'a [OwnedMeshData]) -> Vec<Part<'a>> {
+    let part = |(placed, data): (gltf::PlacedMesh, &'a OwnedMeshData)| {
         let m = &scene.meshes()[placed.index];
         let (instances, scale, stretch) = (m.instances, m.scale, m.stretch);
-        Part { mesh: &m.mesh, instances, scale, stretch, system: placed.system, places: &m.places }
+        let (system, places, data) = (placed.system, &m.places, data.view());
+        Part { mesh: &m.mesh, instances, scale, stretch, system, places, data }
     };
-    gltf::placed_meshes(scene.meshes()).into_iter().map(part).collect()
+    gltf::placed_meshes(scene.meshes()).into_iter().zip(data).map(part).collect()
 }
 
-/// Adds the images of these meshes to the options, so that palette textures keep their colours.
-fn with_textures(options: &SimplifyOptions, model: &Model, meshes: &[usize]) -> SimplifyOptions {
-    let mut options = options.clone();
-    options.textures = Some(Arc::new(Textures::of_model(model, meshes.iter().copied())));
-    options
+/// Returns the images of these meshes as their data, so that palette textures keep their colours.
+fn textures_of(model: &Model, meshes: &[usize]) -> Vec<OwnedMeshData> {
+    let data = |&mesh: &usize| {
+        let mut data = OwnedMeshData::default();
+        data.textures = Some(Textures::of_model(model, mesh));
+        data
+    };
+    meshes.iter().map(data).collect()
 }
 
 /// Returns the warnings of a run.

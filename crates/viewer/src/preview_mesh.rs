@@ -3,7 +3,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use lodsmith::{Method, NoControl, SimplifyOptions, Stop};
+use lodsmith::{Method, SimplifyOptions, Stop};
 use lodsmith_core::{Model, TriMesh};
 
 use crate::gpu::{Context, DrawModel};
@@ -49,7 +49,7 @@ pub fn preview_of(model: &Model) -> Option<Model> {
     let clustered = |mesh: &Arc<TriMesh>| {
         let mut options = SimplifyOptions::new(Stop::ratio(ratio));
         options.method = Method::Cluster;
-        let done = lodsmith::simplify(mesh, &options, &mut NoControl);
+        let done = lodsmith::simplify(mesh, &options);
         done.map_or_else(|_| mesh.clone(), |done| Arc::new(without_normals(done.mesh)))
     };
     let light = model.with_meshes(model.meshes.iter().map(|m| clustered(&m.mesh)).collect());

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use lodsmith::{Control, Length, Part, ProgressiveScene, SimplifyError, Stop};
+use lodsmith::{Control, Length, OwnedMeshData, Part, ProgressiveScene, SimplifyError, Stop};
 use lodsmith_core::{MeshError, Model, TriMesh};
 use lodsmith_io::ModelSource;
 use serde::{Deserialize, Serialize};
@@ -82,13 +82,14 @@ impl SliderPreview {
         let (scene, meshes, diagonal) = match &original.file.source {
             ModelSource::Scene(scene) => {
                 let (taken, diagonal) = (placed_meshes(scene), diagonal_of(scene));
-                let parts = parts_of(scene);
+                let data = vec![OwnedMeshData::default(); taken.len()];
+                let parts = parts_of(scene, &data);
                 (ProgressiveScene::build(&parts, diagonal, &options, control)?, taken, diagonal)
             }
             _ => {
                 options.per_mesh = false;
                 let mesh: &TriMesh = &original.model().meshes[0].mesh;
-                let part = Part { mesh, instances: 1, scale: 1.0, stretch: None, system: None, places: &[] };
+                let part = Part::new(mesh);
                 let diagonal = mesh.positions().view().bounds().map_or(0.0, |b| b.diagonal());
                 (ProgressiveScene::build(&[part], diagonal, &options, control)?, vec![0], diagonal)
             }

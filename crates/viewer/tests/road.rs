@@ -5,7 +5,7 @@ mod adapter;
 use std::path::Path;
 use std::time::Duration;
 
-use lodsmith::{Method, NoControl, SimplifyOptions, Stop, simplify};
+use lodsmith::{Method, SimplifyOptions, Stop, simplify};
 use lodsmith_core::{TriMesh, shapes};
 use lodsmith_io::{Format, Textures};
 use lodsmith_viewer::command::{Command, SimplifyTarget};
@@ -66,7 +66,7 @@ fn a_drag_shows_levels_at_once_and_ends_with_a_run() {
     document.seal();
     assert!(document.settle(TIMEOUT));
     let original = document.original().unwrap().content.model().meshes[0].mesh.clone();
-    let run = simplify(&original, &SimplifyOptions::new(Stop::faces(700)), &mut NoControl).unwrap();
+    let run = simplify(&original, &SimplifyOptions::new(Stop::faces(700))).unwrap();
     let shown = &document.lighter().unwrap().content;
     assert_eq!(*shown.model.meshes[0].mesh, run.mesh, "the result is that of a plain run");
     assert_eq!(shown.report.as_ref(), Some(&run.report));
@@ -159,7 +159,7 @@ fn what_is_written_is_the_result_and_no_level() {
     document.export(Export { path: path.clone(), format, ascii: false, textures, levels: Vec::new() }, 0.0);
     assert!(document.settle(TIMEOUT));
     let original = document.original().unwrap().content.model().meshes[0].mesh.clone();
-    let run = simplify(&original, &SimplifyOptions::new(Stop::faces(600)), &mut NoControl).unwrap();
+    let run = simplify(&original, &SimplifyOptions::new(Stop::faces(600))).unwrap();
     let read = lodsmith_io::read_path(&path, &Default::default()).unwrap();
     assert_eq!(read.mesh, run.mesh);
 }

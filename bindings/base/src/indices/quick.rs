@@ -1,11 +1,9 @@
 //! Simplification of an index buffer onto its own vertices, in one quick pass.
 
-use std::sync::Arc;
-
 use lodsmith::options::QuickPass;
 use lodsmith::{
-    BorderPolicy, Length, NoControl, Placement, Simplified, SimplifyOptions, Stop, TopologyPolicy, simplify,
-    simplify_surface,
+    BorderPolicy, Input, Length, MeshData, NoControl, OwnedMeshData, Placement, Simplified, SimplifyOptions,
+    Stop, TopologyPolicy, simplify_with,
 };
 use lodsmith_core::{Attribute, Positions, PositionsView, Semantic, Surface, TriMesh, VertexId, WedgeId};
 
@@ -57,7 +55,7 @@ pub(crate) struct QuickInput {
     /// Three vertices for each face.
     pub(crate) triangles: Vec<[VertexId; 3]>,
     /// Weighted attributes, as many for each vertex, in shares of the largest extent.
-    pub(crate) values: Option<Arc<[f32]>>,
+    pub(crate) values: Option<Vec<f32>>,
     /// Flags of each vertex: `VERTEX_...`.
     pub(crate) flags: Option<Vec<u8>>,
     /// Number of faces to reach.
@@ -92,9 +90,11 @@ impl QuickInput {
         let places = Places::new(&self.positions);
         let mesh = (places.has_twins || self.values.is_some()).then(|| self.mesh()).transpose()?;
         let options = self.options();
+        let mut data = data_of_flags(self.flags.as_deref());
+        data.wedge_values = self.values.clone();
         let mut result = match &mesh {
-            Some(mesh) => self.pass_by_name(mesh, &options)?,
-            None => self.pass_by_place(&places, &options)?,
+            Some(mesh) => self.pass_by_name(mesh, data.view(), &options)?,
+            None => self.pass_by_place(&places, data.view(), &options)?,
         };
         // (The last collapse may exceed the limit by its own cost.)
         result.error = result.error.min(self.error_limit.unwrap_or(f64::INFINITY));
@@ -116,15 +116,25 @@ impl QuickInput {
     }
 
     /// Runs one pass over a mesh whose wedges have names.
-    fn pass_by_name(&self, mesh: &TriMesh, options: &SimplifyOptions) -> Result<QuickResult, IndexError> {
-        let done = simplify(mesh, options, &mut NoControl)?;
+    fn pass_by_name(
+        &self,
+        mesh: &TriMesh,
+        data: MeshData<'_>,
+        options: &SimplifyOptions,
+    ) -> Result<QuickResult, IndexError> {
+        let done = simplify_with(&Input::new(mesh).with(data), options, &mut NoControl)?;
         Ok(QuickResult { faces: faces_by_name(&done)?, error: self.error(done.report.error.estimate) })
     }
 
     /// Runs one pass over positions that all differ.
-    fn pass_by_place(&self, places: &Places, options: &SimplifyOptions) -> Result<QuickResult, IndexError> {
+    fn pass_by_place(
+        &self,
+        places: &Places,
+        data: MeshData<'_>,
+        options: &SimplifyOptions,
+    ) -> Result<QuickResult, IndexError> {
         let surface = Surface::new(PositionsView::F32(&self.positions), &self.triangles)?;
-        let done = simplify_surface(&surface, options, &mut NoControl)?;
+        let done = simplify_with(Input::of_surface(surface).with(data), options, &mut NoControl)?;
         let faces = self.faces_by_place(&done, places)?;
         Ok(QuickResult { faces, error: self.error(done.report.error.estimate) })
     }
@@ -137,15 +147,10 @@ impl QuickInput {
         let mut options = SimplifyOptions::new(Stop::faces(self.target_faces));
         options.placement = Placement::Endpoint;
         let max_estimate = self.largest_estimate(1.0);
-        options.quick = Some(QuickPass {
-            max_estimate,
-            move_weight: self.rules.move_weight(),
-            wedge_values: self.values.clone(),
-        });
+        options.quick = Some(QuickPass { max_estimate, move_weight: self.rules.move_weight() });
         let QuickRules { locks_border, prunes, .. } = self.rules;
         options.border = if locks_border { BorderPolicy::Lock } else { BorderPolicy::Keep };
         options.topology = if prunes { TopologyPolicy::Free } else { TopologyPolicy::Preserve };
-        set_flags(&mut options, self.flags.as_deref());
         options
     }
 
@@ -178,12 +183,14 @@ impl QuickInput {
     }
 }
 
-/// Locks vertices and makes others important, as their flags say.
-pub(crate) fn set_flags(options: &mut SimplifyOptions, flags: Option<&[u8]>) {
+/// Returns which vertices are locked and which are important, as their flags say.
+pub(crate) fn data_of_flags(flags: Option<&[u8]>) -> OwnedMeshData {
+    let mut data = OwnedMeshData::default();
     let has = |flag: u8| flags.filter(|flags| flags.iter().any(|f| f & flag != 0));
-    options.locked = has(VERTEX_LOCK).map(|flags| flags.iter().map(|f| f & VERTEX_LOCK != 0).collect());
+    data.locked = has(VERTEX_LOCK).map(|flags| flags.iter().map(|f| f & VERTEX_LOCK != 0).collect());
     let importance = |f: &u8| if f & VERTEX_PRIORITY != 0 { PRIORITY_IMPORTANCE } else { 1.0 };
-    options.importance = has(VERTEX_PRIORITY).map(|flags| flags.iter().map(importance).collect());
+    data.importance = has(VERTEX_PRIORITY).map(|flags| flags.iter().map(importance).collect());
+    data
 }
 
 /// The attribute that holds the number of each wedge.

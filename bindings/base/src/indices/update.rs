@@ -1,13 +1,13 @@
 //! Simplification of an index buffer with vertices that move, as do their attributes.
 
 use lodsmith::options::QuickPass;
-use lodsmith::{BorderPolicy, NoControl, SimplifyOptions, Stop, TopologyPolicy, simplify};
+use lodsmith::{BorderPolicy, Input, NoControl, SimplifyOptions, Stop, TopologyPolicy, simplify_with};
 use lodsmith_core::correspondence::{Source, correspondence};
 use lodsmith_core::mesh::Morphed;
 use lodsmith_core::{Attribute, Positions, Semantic, TriMesh, WedgeId};
 
 use super::IndexError;
-use super::quick::{QuickInput, set_flags};
+use super::quick::{QuickInput, data_of_flags};
 
 /// Values per morph target.
 const TARGET_WIDTH: usize = 3;
@@ -39,7 +39,9 @@ pub(crate) struct MovedValues {
 pub(crate) fn run(input: &QuickInput, moved: &MovedValues) -> Result<UpdateResult, IndexError> {
     let mesh = with_values(input, moved)?;
     let limit = input.error_limit;
-    let done = simplify(&mesh, &options(input), &mut NoControl)?;
+    let data = data_of_flags(input.flags.as_deref());
+    let run = Input::new(&mesh).with(data.view());
+    let done = simplify_with(&run, &options(input), &mut NoControl)?;
     let error = input.error(ESTIMATE_FACTOR * done.report.error.estimate).min(limit.unwrap_or(f64::INFINITY));
     stored(&mesh, &done.mesh, moved, error)
 }
@@ -49,11 +51,9 @@ fn options(input: &QuickInput) -> SimplifyOptions {
     options.quick = Some(QuickPass {
         max_estimate: input.largest_estimate(1.0 / ESTIMATE_FACTOR),
         move_weight: input.rules.move_weight(),
-        wedge_values: None,
     });
     options.border = if input.rules.locks_border { BorderPolicy::Lock } else { BorderPolicy::Keep };
     options.topology = if input.rules.prunes { TopologyPolicy::Free } else { TopologyPolicy::Preserve };
-    set_flags(&mut options, input.flags.as_deref());
     options
 }
 

@@ -60,12 +60,14 @@ fn of_mesh(
     mut watch: RunControl<'_>,
 ) -> anyhow::Result<LodResult> {
     let sizes_before = sizes::of_input(&args.input, &args.reading, sizes::of_loaded(&loaded));
-    let mut options = args.options();
+    let options = args.options();
     let to = plan.job.output.as_ref();
-    engine_input::prepare(&mut loaded, &args.engine.how, to, &mut options.simplify)?;
+    let data = engine_input::prepare(&mut loaded, &args.engine.how, to, &options.simplify)?;
     let Loaded { mesh, regions, mut warnings, format, .. } = loaded;
-    memory::check("lod", memory_need::lod(Size::of(&mesh), &options.simplify))?;
-    let chain = not_interrupted(lodsmith::lod(&mesh, &options, &mut watch))?;
+    let need = memory_need::lod(Size::of(&mesh), &options.simplify);
+    memory::check("lod", need.saturating_add(memory_need::images(std::slice::from_ref(&data))))?;
+    let engine_input = lodsmith::Input::new(&mesh).with(data.view());
+    let chain = not_interrupted(lodsmith::lod_with(&engine_input, &options, &mut watch))?;
     watch.write();
     let counts = [mesh.face_count(), mesh.vertex_count()];
     let diagonal = chain.levels.first().map_or(0.0, |l| l.report.error.diagonal);

@@ -228,7 +228,7 @@ impl PreparedModel {
         let options = args.options(method);
         let mut watch = RunControl::new(bar, args.run.time_limit);
         watch.prepare();
-        let done = lodsmith::simplify(&self.mesh, &options, &mut watch);
+        let done = lodsmith::simplify_with(&self.mesh, &options, &mut watch);
         let clock = watch.end();
         let Simplified { mesh, report } = not_interrupted(done)?;
         Ok(MethodResult { mesh, report, clock })

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use lodsmith::core::Splits;
-use lodsmith::{Control, Progressive};
+use lodsmith::{Control, Input, Progressive};
 use lodsmith_io::lpm::LpmSizes;
 use lodsmith_io::{Format, Warning};
 use serde_json::{Map, Value, json};
@@ -58,21 +58,22 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         let mut options = args.options();
         // Measured afterwards, like the levels of `extract`.
         let limit = options.stop.error.take();
-        constraints::of_mesh(&args.engine.how, &loaded, &mut options)?;
+        let data = constraints::of_mesh(&args.engine.how, &loaded)?;
         let mut warnings = loaded.warnings;
         if loaded.format.is_scene() && loaded.contents.meshes > 1 {
             warnings.push(Warning::lost("the meshes of the scene become one: nodes are not kept"));
         }
         watch.prepare();
         memory::check("progressive build", memory_need::progressive(Size::of(&loaded.mesh), &options))?;
-        let mut road = not_interrupted(Progressive::build(&loaded.mesh, &options, &mut watch))?;
+        let input = Input::new(&loaded.mesh).with(data.view());
+        let mut levels = not_interrupted(Progressive::build(&input, &options, &mut watch))?;
         if let Some(limit) = limit {
-            let diagonal = road.positions().bounds().map_or(0.0, |b| b.diagonal());
-            let found = road.level_of_deviation(limit.in_units(diagonal), true, &mut watch);
-            road = road.without_below(not_interrupted(found)?);
+            let diagonal = levels.positions().bounds().map_or(0.0, |b| b.diagonal());
+            let found = levels.level_of_deviation(limit.in_units(diagonal), true, &mut watch);
+            levels = levels.without_below(not_interrupted(found)?);
         }
         watch.write();
-        let splits = road.into_splits();
+        let splits = levels.into_splits();
         let written = file::write_lpm(&splits, &loaded.regions, &args.output, &args.writing())?;
         warnings.extend(written.warnings.iter().cloned());
         Ok((splits, loaded.format, written.sizes, warnings, watch.end()))

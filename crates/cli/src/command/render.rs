@@ -9,7 +9,7 @@ use anyhow::Context as _;
 use lodsmith::core::measure::{MeasureError, Prepared, vertex_distances};
 use lodsmith::core::model::{Instance, Node, Pose, Transform};
 use lodsmith::core::{Bounds, Image, Model, Positions, TriMesh, VertexId};
-use lodsmith::{Simplified, SimplifyOptions, Stop, Textures, simplify_scene};
+use lodsmith::{Input, OwnedMeshData, Simplified, SimplifyOptions, Stop, Textures, simplify_scene};
 use lodsmith_io::{ModelFile, ModelSource, Warning};
 use lodsmith_render::{
     Background, Camera, DMat4, DQuat, DVec3, Environment, Ground, Legend, Lens, Light, LightKind, Panel,
@@ -27,7 +27,7 @@ use crate::paths::{self, Source};
 use crate::picture::MARGIN;
 use crate::progress::{FileProgress, Progress};
 use crate::run_control::{RunControl, not_interrupted};
-use crate::scene_parts::parts_of;
+use crate::scene_parts::{parts_of, taken};
 use crate::status::{Status, usage};
 use crate::warnings::{show_warnings, viewing_warnings};
 use crate::{memory, memory_need};
@@ -497,22 +497,24 @@ impl<'a> Drawing<'a> {
 fn lighter(item: &Item, options: &SimplifyOptions, watch: &mut RunControl<'_>) -> anyhow::Result<Model> {
     let model = &item.model;
     let mut meshes: Vec<Arc<TriMesh>> = model.meshes.iter().map(|m| m.mesh.clone()).collect();
-    let with_textures = |taken: &[usize]| {
-        let mut options = options.clone();
-        options.textures = Some(Arc::new(Textures::of_model(model, taken.iter().copied())));
-        options
+    let data_of = |mesh: usize| {
+        let mut data = OwnedMeshData::default();
+        data.textures = Some(Textures::of_model(model, mesh));
+        data
     };
     if let Some(ModelSource::Scene(scene)) = &item.source {
-        let (taken, parts) = parts_of(scene.meshes());
-        let options = &with_textures(&taken);
+        let taken = taken(scene.meshes());
+        let data: Vec<_> = taken.iter().copied().map(data_of).collect();
+        let parts = parts_of(scene.meshes(), &data);
         let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
         let done = not_interrupted(simplify_scene(&parts, diagonal, options, watch))?;
         for (i, mesh) in taken.into_iter().zip(done.meshes) {
             meshes[i] = Arc::new(mesh);
         }
     } else {
-        let Simplified { mesh, .. } =
-            not_interrupted(lodsmith::simplify(&meshes[0], &with_textures(&[0]), watch))?;
+        let data = data_of(0);
+        let input = Input::new(&meshes[0]).with(data.view());
+        let Simplified { mesh, .. } = not_interrupted(lodsmith::simplify_with(&input, options, watch))?;
         meshes[0] = Arc::new(mesh);
     }
     Ok(model.with_meshes(meshes))

@@ -69,11 +69,12 @@ fn simplify_mesh(
     turn: &Turn<'_>,
 ) -> anyhow::Result<SimplifyOutcome> {
     let sizes_before = sizes::of_input(source, &args.reading, sizes::of_loaded(&loaded));
-    let mut options = args.options();
-    engine_input::prepare(&mut loaded, &args.engine.how, to, &mut options)?;
+    let options = args.options();
+    let data = engine_input::prepare(&mut loaded, &args.engine.how, to, &options)?;
     let Loaded { mesh, regions, mut warnings, format, .. } = loaded;
-    memory::check("simplify", memory_need::simplify(&mesh, &options))?;
-    let done = lodsmith::simplify(&mesh, &options, &mut watch);
+    let need = memory_need::simplify(&mesh, &options);
+    memory::check("simplify", need.saturating_add(memory_need::images(std::slice::from_ref(&data))))?;
+    let done = lodsmith::simplify_with(&lodsmith::Input::new(&mesh).with(data.view()), &options, &mut watch);
     let Simplified { mesh: mut lighter, report } = not_interrupted(done)?;
     drop(mesh);
     let not_reached = not_reached(&report, &options, watch.time_limit, [&lighter]);

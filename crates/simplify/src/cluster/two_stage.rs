@@ -9,7 +9,7 @@ use crate::collapse::Goal;
 use crate::constraints::HeldWedges;
 use crate::control::{Control, Stage};
 use crate::deviation::{self, Deviation};
-use crate::input::Input;
+use crate::input::{Input, MeshData};
 use crate::options::{Bound, Length, Measure, Method, MethodOptions, SimplifyOptions, Stop};
 use crate::report::{Clustered, Report, StoppedBy};
 use crate::run;
@@ -57,11 +57,11 @@ impl<P: ClusterPosition> ClusterRun<'_, P> {
         let first = self.reach_goal(control)?;
         let clusters = clustered(&first);
         let mesh = &first.mesh;
-        let input = Input { surface: mesh.surface(), mesh: mesh.regions().map(|_| mesh), joined: None };
+        let data = MeshData { locked: first.locked.as_deref(), ..self.input.data };
+        let input = Input { mesh: mesh.regions().map(|_| mesh), ..Input::new(mesh).with(data) };
         let mut options = SimplifyOptions {
             stop: Stop { faces: goal.faces, vertices: goal.vertices, ..Stop::default() },
             measure: Measure::Auto,
-            locked: first.locked.clone(),
             ..memoryless.clone()
         };
         options.guards.max_edge = options.guards.max_edge.map(|l| Length::Units(l.in_units(self.diagonal)));

@@ -1,7 +1,6 @@
 //! Simplification of one group: halves its faces, re-clusters them, and verifies the border.
 
 use std::collections::HashMap;
-use std::sync::Arc;
 
 use lodsmith_core::mesh::part::{Part, SharedIds, extract_faces};
 use lodsmith_core::{FaceId, TriMesh, VertexId};
@@ -12,8 +11,9 @@ use super::hierarchy::{Build, Front, SimplifiedGroup, arranged};
 use super::options::ClusterLodOptions;
 use super::split::{Budget, split};
 use crate::control::NoControl;
+use crate::input::Input;
 use crate::options::{SimplifyOptions, Stop};
-use crate::{Simplified, SimplifyError, simplify};
+use crate::{Simplified, SimplifyError, simplify_with};
 
 /// Target fraction of the faces of a group.
 const TARGET_FRACTION: f64 = 0.5;
@@ -48,18 +48,15 @@ pub(super) fn simplify_group(
     let full = budget.faces(group.wedges.len(), faces.len());
     let wanted = full * ((faces.len() as f64 * TARGET_FRACTION / full as f64).round() as usize).max(1);
     let wanted = wanted.min((faces.len() as f64 * MAX_TARGET_FRACTION) as usize).max(1);
-    let mut inner = SimplifyOptions {
-        locked: Some(Arc::from(locked)),
-        weights: options.weights,
-        border: options.border,
-        keeps_blended_normals: true,
-        region_classes: options.region_classes.clone(),
-        ..SimplifyOptions::default()
-    };
+    let mut inner =
+        SimplifyOptions { weights: options.weights, border: options.border, ..SimplifyOptions::default() };
+    let mut input = Input::new(&group.mesh).locked(&locked);
+    input.data.region_classes = options.region_classes.as_deref();
+    input.keeps_blended_normals = true;
     let max_faces = (options.keep_at_most * faces.len() as f64) as usize;
     let mut to = |wanted| {
         inner.stop = Stop::faces(wanted);
-        match simplify(&group.mesh, &inner, &mut NoControl) {
+        match simplify_with(&input, &inner, &mut NoControl) {
             // Only zero-area faces: nothing can be simplified.
             Err(SimplifyError::NoFaces { .. }) => Ok(None),
             done => done.map(Some),

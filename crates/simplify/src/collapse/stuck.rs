@@ -26,11 +26,12 @@ impl<M: Metric> Engine<M> {
     pub(crate) fn proposals(
         &mut self,
         options: &SimplifyOptions,
+        has_locks: bool,
         rules: impl Fn(&SimplifyOptions) -> Rules,
         reach: impl Fn(Length) -> f32,
     ) -> Vec<Proposal> {
         let part_count = self.mesh.part_count();
-        let mut open = Change::relaxations(options);
+        let mut open = Change::relaxations(options, has_locks);
         // A single part has no other part to be joined to.
         open.extend(Change::pairs_change(options).filter(|_| part_count > 1).map(|change| vec![change]));
         if open.is_empty() {
@@ -44,7 +45,7 @@ impl<M: Metric> Engine<M> {
             let changed = changes.iter().fold(options.clone(), |o, c| c.apply(&o));
             self.mesh.constraints.rules = rules(&changed);
             self.mesh.constraints.cuts_necks = may_cut(&changed);
-            if changed.locked.is_none() {
+            if !has_locks || changes.contains(&Change::Locked) {
                 self.mesh.store.v.iter_mut().for_each(|x| x.kind = x.kind.locked(false));
             }
             if changed.border != options.border {

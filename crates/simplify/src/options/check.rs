@@ -2,10 +2,11 @@
 
 use super::{Length, SimplifyOptions};
 use crate::SimplifyError;
+use crate::input::MeshData;
 
 impl SimplifyOptions {
-    /// Returns an error if a value is out of range, or an option is not one of the method.
-    pub(crate) fn check(&self) -> Result<(), SimplifyError> {
+    /// Returns an error if a value is out of range, or an option or the data of the mesh are not for the method.
+    pub(crate) fn check(&self, data: &MeshData<'_>) -> Result<(), SimplifyError> {
         let options = self;
         let bad = |option, wanted, got| Err(SimplifyError::BadOption { option, wanted, got });
         let length = |l: Length| match l {
@@ -42,7 +43,7 @@ impl SimplifyOptions {
         if let Some(&x) = weights.iter().find(|x| !(x.is_finite() && **x >= 0.0)) {
             return bad("weight", "0 or more", x);
         }
-        options.check_method()?;
+        options.check_method(data)?;
         let own = &options.method_options;
         for (option, given) in [
             ("pairs", own.pairs),

@@ -3,6 +3,7 @@
 
 use super::{BorderPolicy, Fit, Guards, Method, Placement, SimplifyOptions, TopologyPolicy};
 use crate::SimplifyError;
+use crate::input::MeshData;
 
 use Method::{
     Cluster, LindstromTurk, Melax, Memoryless, Planar, Quadric, Remesh, ShortestEdge, Unsubdivide,
@@ -27,7 +28,7 @@ const BORDER_METHODS: &[Method] =
 
 impl SimplifyOptions {
     /// Returns an error unless all options are of the method and compatible with each other.
-    pub(super) fn check_method(&self) -> Result<(), SimplifyError> {
+    pub(super) fn check_method(&self, data: &MeshData<'_>) -> Result<(), SimplifyError> {
         let method = self.method;
         let not = |option, takers| Err(SimplifyError::NotOfMethod { option, takers, method });
         let own = &self.method_options;
@@ -53,7 +54,7 @@ impl SimplifyOptions {
             () if own.two_stage => takers.contains(&Memoryless),
             () => takers.contains(&method),
         };
-        for (option, is_given, takers) in self.shared() {
+        for (option, is_given, takers) in self.shared(data) {
             if is_given && is_voxel {
                 return Err(SimplifyError::NotTogether { first: "voxel", second: option });
             }
@@ -65,7 +66,7 @@ impl SimplifyOptions {
         let keeps_topology = self.topology == TopologyPolicy::Preserve;
         for (option, is_unknown, takers) in [
             ("topology preserve", keeps_topology && clusters, BORDER_METHODS),
-            ("importance", clusters && self.importance.is_some(), GUARDED_METHODS),
+            ("importance", clusters && data.importance.is_some(), GUARDED_METHODS),
         ] {
             if is_unknown {
                 return not(option, takers);
@@ -73,14 +74,14 @@ impl SimplifyOptions {
         }
         let second = match () {
             () if is_voxel && keeps_topology => "topology preserve",
-            () if is_voxel && self.locked.is_some() => "lock",
+            () if is_voxel && data.locked.is_some() => "lock",
             () => return Ok(()),
         };
         Err(SimplifyError::NotTogether { first: "voxel", second })
     }
 
     /// Returns the options that most methods share: name, whether it is set, and the methods that have it.
-    fn shared(&self) -> [(&'static str, bool, &'static [Method]); 10] {
+    fn shared(&self, data: &MeshData<'_>) -> [(&'static str, bool, &'static [Method]); 10] {
         let guards = &self.guards;
         let Guards { max_normal_deg, min_quality, max_valence, max_edge } = guards;
         [
@@ -90,7 +91,7 @@ impl SimplifyOptions {
             ("border slide", self.border == BorderPolicy::Slide, BORDER_METHODS),
             ("border lock", self.border == BorderPolicy::Lock, BORDER_METHODS),
             ("max-normal", max_normal_deg.is_some(), NORMAL_GUARDED_METHODS),
-            ("importance", self.importance.is_some(), GUARDED_METHODS),
+            ("importance", data.importance.is_some(), GUARDED_METHODS),
             ("sharp", self.sharp_deg.is_some(), COLLAPSE_METHODS),
             ("min-quality or max-valence", min_quality.is_some() || max_valence.is_some(), GUARDED_METHODS),
             ("max-edge", max_edge.is_some(), GUARDED_METHODS),

@@ -54,7 +54,13 @@ impl<'a> Prepared<'a> {
             None => (input.surface.clone(), input.mesh),
         };
         let mut prepared = Self {
-            input: Input { surface, mesh, joined: None },
+            input: Input {
+                surface,
+                mesh,
+                joined: None,
+                keeps_blended_normals: input.keeps_blended_normals || lent.is_some(),
+                ..*input
+            },
             options: options.clone(),
             pruned: Pruned::default(),
             diagonal: None,
@@ -64,14 +70,13 @@ impl<'a> Prepared<'a> {
             flat: flat.zip(input.mesh),
             lent: lent.map(|_| input.mesh.is_some_and(|m| m.has_attributes() || m.regions().is_some())),
         };
-        prepared.options.keeps_blended_normals |= lent.is_some();
         if let Some(size) = options.prune {
             prepared.prune(size)?;
         }
         let weld = match (prepared.options.weld, &input.joined) {
             (Some(distance), _) => Some(prepared.weld_within(distance)),
             (None, Some(joined)) => Some(Weld::from_representatives(joined.clone())),
-            (None, None) if prepared.options.knows_borders => None,
+            (None, None) if input.knows_borders => None,
             (None, None) => borders::joined(&prepared.input.surface),
         };
         if let Some(weld) = weld {
@@ -88,7 +93,7 @@ impl<'a> Prepared<'a> {
         self.options.lengths_to_units(diagonal);
         let options = &self.options;
         let near = options.weld.map(|d| d.in_units(diagonal));
-        let small = prune::small_parts(surface, size.in_units(diagonal), near, options.locked.as_deref());
+        let small = prune::small_parts(surface, size.in_units(diagonal), near, self.input.data.locked);
         self.pruned = small.pruned;
         if small.pruned.parts > 0 {
             let (triangles, unused) = prune::without_small(surface, &small.is_small);
@@ -109,7 +114,7 @@ impl<'a> Prepared<'a> {
     fn join(&mut self, weld: &Weld) -> Result<(), SimplifyError> {
         let surface = &self.input.surface;
         let positions = surface.positions();
-        let (joined, merged) = constraints::weld_onto_locked(weld, positions, &self.options);
+        let (joined, merged) = constraints::weld_onto_locked(weld, positions, self.input.data.locked);
         let triangles = surface.triangles().iter().map(|t| t.map(|v| joined[v.index()])).collect();
         self.input.surface = Surface::with_triangles(positions, triangles)?;
         (self.input.joined, self.welded) = (Some(joined), merged);
@@ -155,7 +160,7 @@ mod tests {
         use glam::Vec3;
         let small = tetrahedron().and(&tetrahedron().scaled(0.01), Vec3::X * 1.005);
         let mesh = small.mesh();
-        let whole = Input { surface: mesh.surface(), mesh: Some(&mesh), joined: None };
+        let whole = Input::new(&mesh);
         let prepared =
             |options: &SimplifyOptions| Prepared::new(&whole, None, None, options).expect("a mesh").input;
         let mut options = SimplifyOptions::default();

@@ -65,22 +65,22 @@ impl Progressive {
     /// # Errors
     /// Those of [`simplify`](crate::simplify()); [`SimplifyError::NotOfMethod`] for a method without
     /// contractions, [`SimplifyError::NotTogether`] with [`SimplifyOptions::escalate`].
-    pub fn build(
-        mesh: &TriMesh,
+    pub fn build<'a>(
+        input: impl Into<Input<'a>>,
         options: &SimplifyOptions,
         control: &mut dyn Control,
     ) -> Result<Self, SimplifyError> {
-        build(mesh, options, control).map(|built| built.mesh)
+        build(&input.into(), options, control).map(|built| built.mesh)
     }
 }
 
 pub(super) fn build(
-    mesh: &TriMesh,
+    whole: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<RecordedMesh, SimplifyError> {
-    options.check()?;
-    constraints::check(options, mesh.vertex_count())?;
+    options.check(&whole.data)?;
+    constraints::check(&whole.data, whole.surface.positions().len())?;
     let method = options.method;
     let walk: Option<RecordedRun> =
         with_metric!(method, METRIC => |run, mesh, control| record_run(METRIC, run, mesh, control));
@@ -91,11 +91,10 @@ pub(super) fn build(
         return Err(SimplifyError::NotTogether { first: "progressive", second: "escalate" });
     }
     let options = options.with_own_placement();
-    let whole = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
-    let lent = lent_normals(&whole, &options)?;
-    let Prepared { input, options, .. } = &Prepared::new(&whole, lent.as_ref(), None, &options)?;
+    let lent = lent_normals(whole, &options)?;
+    let Prepared { input, options, .. } = &Prepared::new(whole, lent.as_ref(), None, &options)?;
     let mut ordered = run::ordered(input, control)?;
-    let sheets = TwoSidedInput::find(&whole, input, &ordered, options)?;
+    let sheets = TwoSidedInput::find(whole, input, &ordered, options)?;
     // (Vertices that were welded come back as they were only from a record of the whole.)
     if let Some(sheets) = sheets.filter(|sheets| sheets.is_exact() && options.weld.is_none()) {
         drop(ordered);
@@ -105,21 +104,21 @@ pub(super) fn build(
     let counts = stop.faces.is_some() || stop.vertices.is_some() || stop.ratio.is_some();
     let has_end = counts || options.method_options.ends_without_stop(options.method);
     let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
-    let constraints = Constraints::new(options, &ordered, |v| input.joined(v));
+    let constraints = Constraints::new(&input.data, &ordered, |v| input.joined(v));
     let mut run = Run::new(input, options, &mut ordered, &constraints, pass);
     if !has_end {
         run.goal = Goal { faces: Some(1), vertices: None };
     }
-    let built = walk(&mut run, mesh, control)?;
-    let RecordedMesh { mesh: mut road, mut costs } = built;
+    let mesh = whole.to_mesh()?;
+    let RecordedMesh { mesh: mut recorded, mut costs } = walk(&mut run, &mesh, control)?;
     if let Some(limit) = limit {
-        let level = road.level_of_error(limit);
-        road = road.without_below(level);
+        let level = recorded.level_of_error(limit);
+        recorded = recorded.without_below(level);
         costs.of_split.drain(..level);
         costs.late = costs.late.saturating_sub(level);
     }
-    road.to_level(road.top());
-    Ok(RecordedMesh { mesh: road, costs })
+    recorded.to_level(recorded.top());
+    Ok(RecordedMesh { mesh: recorded, costs })
 }
 
 /// Records the fronts of an input with two-sided sheets, and adds their backs to each level.
@@ -128,9 +127,8 @@ fn build_both_sides(
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<RecordedMesh, SimplifyError> {
-    let mut own = sheets.own_options(options);
-    own.stop = sheets.lowest_stop(&options.stop);
-    let RecordedMesh { mesh, mut costs } = build(sheets.fronts(), &own, control)?;
+    let own = SimplifyOptions { stop: sheets.lowest_stop(&options.stop), ..options.clone() };
+    let RecordedMesh { mesh, mut costs } = build(&sheets.input(), &own, control)?;
     let data = sheets.both_splits(mesh.into_splits().into_data());
     let mut mesh = Progressive::new(Splits::new(data).expect("both sides name what is there"));
     // Counts of both sides are known only now.
@@ -326,7 +324,8 @@ mod tests {
     fn costs_never_rise_from_the_base_on_and_part_removals_are_late() {
         let two = octahedron().and(&tetrahedron(), glam::Vec3::X * 3.0);
         let options = SimplifyOptions::default();
-        let RecordedMesh { mesh, costs } = build(&two.mesh(), &options, &mut NoControl).expect("two parts");
+        let RecordedMesh { mesh, costs } =
+            build(&Input::new(&two.mesh()), &options, &mut NoControl).expect("two parts");
         assert_eq!(costs.of_split.len(), mesh.top());
         assert!(costs.of_split.is_sorted_by(|a, b| a >= b), "{:?}", costs.of_split);
         // At last one of the two parts is removed, when no collapse is left.
@@ -338,10 +337,10 @@ mod tests {
     #[test]
     fn a_stop_at_an_error_makes_its_level_the_base() {
         let mesh = shapes::icosphere(2);
-        let whole = build(&mesh, &SimplifyOptions::default(), &mut NoControl).expect("a sphere");
+        let whole = build(&Input::new(&mesh), &SimplifyOptions::default(), &mut NoControl).expect("a sphere");
         let limit = 0.5 * whole.mesh.splits().checkpoints[0].error;
         let options = SimplifyOptions::new(Stop::error(Length::Units(limit)));
-        let part = build(&mesh, &options, &mut NoControl).expect("a sphere");
+        let part = build(&Input::new(&mesh), &options, &mut NoControl).expect("a sphere");
         let gone = whole.mesh.top() - part.mesh.top();
         assert_eq!(gone, whole.mesh.level_of_error(limit));
         assert!(gone > 0);
@@ -354,7 +353,7 @@ mod tests {
         let run = |set: &dyn Fn(&mut SimplifyOptions), mesh: &TriMesh| {
             let mut options = SimplifyOptions::default();
             set(&mut options);
-            build(mesh, &options, &mut NoControl).err()
+            build(&Input::new(mesh), &options, &mut NoControl).err()
         };
         let sphere = shapes::icosphere(1);
         let method = run(&|o| o.method = Method::Remesh, &sphere);

@@ -9,6 +9,7 @@ use super::{ChangedRanges, Progressive, arrange};
 use crate::SimplifyError;
 use crate::constraints;
 use crate::control::{Control, ProgressShare};
+use crate::input::Input;
 use crate::options::{Length, SimplifyOptions, Stop};
 use crate::scene::Part;
 
@@ -23,7 +24,7 @@ use crate::scene::Part;
 /// use lodsmith::{NoControl, Part, ProgressiveScene, SimplifyOptions};
 ///
 /// let (a, b) = (shapes::icosphere(3), shapes::torus(24, 12));
-/// let part = |mesh, instances| Part { mesh, instances, scale: 1.0, stretch: None, system: None, places: &[] };
+/// let part = |mesh, instances| Part { instances, ..Part::new(mesh) };
 /// let parts = [part(&a, 1), part(&b, 3)];
 /// let mut scene = ProgressiveScene::build(&parts, 10.0, &SimplifyOptions::default(), &mut NoControl)?;
 /// scene.to_faces(500);
@@ -68,22 +69,22 @@ impl ProgressiveScene {
         if options.per_mesh {
             return Err(SimplifyError::NotTogether { first: "progressive", second: "per-mesh" });
         }
-        options.check()?;
-        constraints::check(options, parts.iter().map(|p| p.mesh.vertex_count()).sum())?;
+        for part in parts {
+            options.check(&part.data)?;
+            constraints::check(&part.data, part.mesh.vertex_count())?;
+        }
         let faces = parts.iter().map(|p| p.mesh.face_count()).sum::<usize>();
         let share = |n: usize| n as f64 / faces.max(1) as f64;
-        let (mut begun, mut first) = (0, 0);
+        let mut begun = 0;
         let (mut meshes, mut all) = (Vec::with_capacity(parts.len()), Vec::new());
         let mut is_any = false;
         for (number, part) in parts.iter().enumerate() {
             let mut own =
                 ProgressShare { control, begin: share(begun), length: share(part.mesh.face_count()) };
             begun += part.mesh.face_count();
-            let vertices = first..first + part.mesh.vertex_count();
-            first = vertices.end;
             let scale = scale_of(part);
-            let options = of_part(options, vertices, diagonal, scale);
-            match build::build(part.mesh, &options, &mut own) {
+            let options = of_part(options, diagonal, scale);
+            match build::build(&Input::new(part.mesh).with(part.data), &options, &mut own) {
                 Ok(RecordedMesh { mesh: progressive, costs }) => {
                     let factor = costs.factor(scale);
                     let step = |(i, cost): (usize, &f32)| SceneSplit {
@@ -260,19 +261,11 @@ fn scale_of(part: &Part<'_>) -> f64 {
     if part.scale.is_finite() && part.scale > 0.0 { part.scale } else { 1.0 }
 }
 
-/// Returns the options for one mesh: no stops, lengths in its units, and its own entries of lists over
-/// vertices.
-fn of_part(
-    options: &SimplifyOptions,
-    vertices: std::ops::Range<usize>,
-    diagonal: f64,
-    scale: f64,
-) -> SimplifyOptions {
+/// Returns the options for one mesh: no stops, and lengths in its units.
+fn of_part(options: &SimplifyOptions, diagonal: f64, scale: f64) -> SimplifyOptions {
     let mut own = options.clone();
     let units = |length: Length| Length::Units(length.in_units(diagonal) / scale);
     own.stop = Stop::default();
-    own.locked = options.locked.as_deref().and_then(|l| l.get(vertices.clone())).map(Into::into);
-    own.importance = options.importance.as_deref().and_then(|l| l.get(vertices)).map(Into::into);
     own.weld = options.weld.map(units);
     own.prune = options.prune.map(units);
     own.guards.max_edge = options.guards.max_edge.map(units);
@@ -304,7 +297,7 @@ mod tests {
     use crate::test_support::{octahedron, tetrahedron};
 
     fn part(mesh: &lodsmith_core::TriMesh, instances: usize, scale: f64) -> Part<'_> {
-        Part { mesh, instances, scale, stretch: None, system: None, places: &[] }
+        Part { instances, scale, ..Part::new(mesh) }
     }
 
     #[test]
@@ -335,14 +328,12 @@ mod tests {
     }
 
     #[test]
-    fn options_of_a_mesh_are_in_its_units_and_of_its_vertices() {
+    fn options_of_a_mesh_are_in_its_units() {
         let mut options = SimplifyOptions::new(Stop::faces(10));
-        options.locked = Some(vec![false, true, true, false].into());
         options.weld = Some(Length::OfDiagonal(0.1));
         options.guards.max_edge = Some(Length::Units(3.0));
-        let own = of_part(&options, 1..3, 20.0, 4.0);
+        let own = of_part(&options, 20.0, 4.0);
         assert_eq!(own.stop, Stop::default());
-        assert_eq!(own.locked.as_deref(), Some(&[true, true][..]));
         assert_eq!((own.weld, own.guards.max_edge), (Some(Length::Units(0.5)), Some(Length::Units(0.75))));
     }
 

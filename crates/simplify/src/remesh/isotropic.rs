@@ -25,6 +25,7 @@ use crate::SimplifyError;
 use crate::collapse::Goal;
 use crate::collapse::order::NONE;
 use crate::control::{Control, Verdict};
+use crate::input::{Input, MeshData};
 use crate::options::{Fit, TopologyPolicy};
 use crate::rebuild::{Ending, PreparedInput, RebuiltSurface, Task};
 use crate::report::Refusal;
@@ -174,10 +175,13 @@ fn finish_by_engine(
     let mut options = reference::engine_options(task.options, 0);
     options.stop.faces = task.goal.faces;
     options.stop.vertices = task.goal.vertices;
-    options.locked = task.input.locked.as_ref().map(|locked| {
-        made.kept.iter().map(|v| *v != NONE && locked[v.index()]).collect::<Vec<bool>>().into()
-    });
-    let lighter = reference::run_engine(&mesh, &options, control)?;
+    let locked: Option<Vec<bool>> = task
+        .input
+        .locked
+        .as_ref()
+        .map(|locked| made.kept.iter().map(|v| *v != NONE && locked[v.index()]).collect());
+    let data = MeshData { locked: locked.as_deref(), ..MeshData::default() };
+    let lighter = reference::run_engine(&Input::new(&mesh).with(data), &options, control)?;
     let places: std::collections::HashMap<[u64; 3], VertexId> =
         made.points.iter().zip(&made.kept).map(|(p, v)| (p.to_array().map(f64::to_bits), *v)).collect();
     let positions = lighter.mesh.positions().view();

@@ -10,7 +10,7 @@ use lodsmith_core::{DisjointSets, HalfEdgeId, Positions, PositionsView, Surface,
 use super::half_edges::{HalfEdges, LineKind, OPEN, gather};
 use crate::collapse::order::NONE;
 use crate::control::{Control, Stage, Verdict};
-use crate::input::Input;
+use crate::input::{Input, MeshData};
 use crate::options::{BorderPolicy, Fit, Length, SimplifyOptions, Stop, TopologyPolicy};
 use crate::rebuild::{PreparedInput, Task};
 use crate::run::run_collapses;
@@ -101,8 +101,8 @@ impl<'a> ReferenceSurface<'a> {
         mesh.set_regions(prepared.regions.clone())?;
         let mut options = engine_options(task.options, wanted);
         options.topology = topology;
-        options.locked = prepared.locked.clone().map(Into::into);
-        let lighter = run_engine(&mesh, &options, control)?;
+        let data = MeshData { locked: prepared.locked.as_deref(), ..MeshData::default() };
+        let lighter = run_engine(&Input::new(&mesh).with(data), &options, control)?;
         let points: Vec<DVec3> = lighter.mesh.positions().view().iter().map(DVec3::from).collect();
         let places: HashMap<[u64; 3], VertexId> =
             prepared.points.iter().zip(0..).map(|(p, v)| (bits(*p), VertexId(v))).collect();
@@ -199,12 +199,11 @@ pub(super) fn engine_options(of: &SimplifyOptions, faces: usize) -> SimplifyOpti
 
 /// Runs the engine once, controlled by the caller of the remesh.
 pub(super) fn run_engine(
-    mesh: &TriMesh,
+    input: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<Simplified, SimplifyError> {
-    let input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
-    Ok(run_collapses(&input, options, &mut NestedControl(control))?.0)
+    Ok(run_collapses(input, options, &mut NestedControl(control))?.0)
 }
 
 /// Control of a nested run: forwards requests to stop, reports no stages.

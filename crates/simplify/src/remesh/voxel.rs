@@ -447,7 +447,7 @@ fn collapse_to_goal(
     options.method = Method::Memoryless;
     options.topology = TopologyPolicy::Preserve;
     let mesh = TriMesh::new(Positions::F64(points.iter().map(|p| p.to_array()).collect()), faces)?;
-    let input = Input { surface: mesh.surface(), mesh: None, joined: None };
+    let input = Input::of_surface(mesh.surface());
     let (mut done, _) = run_collapses(&input, &options, control)?;
     if !done.report.reached && done.report.stopped_by != StoppedBy::Caller {
         // Cuts handles and drops components only if necessary; no borders arise.

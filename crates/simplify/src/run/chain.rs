@@ -62,7 +62,7 @@ pub(crate) fn chain(
         stops.iter().map(|stop| SimplifyOptions { stop: *stop, ..options.clone() }).collect();
     let faces = input.surface.triangles().len();
     let goals: Vec<Goal> = of_levels.iter().map(|own| goal(own, faces)).collect();
-    let constraints = Constraints::new(options, &in_order, |v| input.joined(v));
+    let constraints = Constraints::new(&input.data, &in_order, |v| input.joined(v));
     let first = goals.first().copied().unwrap_or_default();
     let pass = collapses(options.method).expect("only methods that collapse edges come here");
     let mut run = Run::new(input, options, &mut in_order, &constraints, pass);
@@ -231,7 +231,7 @@ mod tests {
     use crate::options::{BorderPolicy, Length, Placement};
 
     fn input(mesh: &TriMesh) -> Input<'_> {
-        Input { surface: mesh.surface(), mesh: Some(mesh), joined: None }
+        Input::new(mesh)
     }
 
     fn chain(

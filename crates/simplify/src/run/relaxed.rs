@@ -189,10 +189,10 @@ mod tests {
 
     /// Calls `act` with a run on a mesh to a number of faces.
     fn with_run(mesh: &TriMesh, faces: usize, act: &mut dyn FnMut(&mut Run<'_, '_>)) {
-        let input = Input { surface: mesh.surface(), mesh: Some(mesh), joined: None };
+        let input = Input::new(mesh);
         let options = SimplifyOptions::new(Stop::faces(faces));
         let mut in_order = ordered(&input, &mut NoControl).unwrap();
-        let constraints = Constraints::new(&options, &in_order, |v| v);
+        let constraints = Constraints::new(&input.data, &in_order, |v| v);
         let pass = collapses(options.method).unwrap();
         act(&mut Run::new(&input, &options, &mut in_order, &constraints, pass));
     }

@@ -67,7 +67,7 @@ impl Run<'_, '_> {
             self.basis(metric.cost_source(), step, recorded, (goals, level));
         let (mut engine, duplicate_faces) = Engine::new(metric, store, rules, endpoints, attributes);
         // (Runs to an error limit preserve details anyway; recorded ones have no goal yet.)
-        if let (Some(textures), Some(mesh)) = (&self.options.textures, self.input.mesh)
+        if let (Some(textures), Some(mesh)) = (self.input.data.textures, self.input.mesh)
             && !recorded
             && step.is_none()
             && self.options.stop.error.is_none()
@@ -148,7 +148,7 @@ impl Run<'_, '_> {
         if recorded {
             store.names = Some((0..store.t.len() as u32).collect());
         }
-        if let Some(classes) = &self.options.region_classes {
+        if let Some(classes) = self.input.data.region_classes {
             store.classes = classes.to_vec();
         }
         if let Some(locked) = self.constraints.locked() {
@@ -191,12 +191,12 @@ impl Run<'_, '_> {
                 (None, _) => SideValues::new(mesh),
                 (Some(_), uvs) => SideValues::of_uvs(uvs.unwrap_or_default()),
             };
-            let values = self.options.quick.as_ref().and_then(|quick| quick.wedge_values.clone());
-            let width = values.as_ref().map_or(0, |values| values.len() / mesh.wedge_count().max(1));
+            let values = self.input.data.wedge_values.filter(|_| self.options.quick.is_some());
+            let width = values.map_or(0, |values| values.len() / mesh.wedge_count().max(1));
             let endpoints = Wedges {
                 sides,
                 normals: mesh.normals().map(<[_]>::to_vec),
-                values,
+                values: values.map(Into::into),
                 width,
                 has_seam_lines: self.options.quick.is_some(),
                 ..Wedges::default()

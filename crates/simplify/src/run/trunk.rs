@@ -107,6 +107,7 @@ impl Run<'_, '_> {
         let proposals = match proposes {
             true => engine.proposals(
                 self.options,
+                self.constraints.locked().is_some(),
                 |o| Rules::new(o, frame, self.ordered.diagonal),
                 |d| pairs_reach(d, frame, self.ordered.diagonal),
             ),
@@ -118,7 +119,7 @@ impl Run<'_, '_> {
         let spares_necks = may_relax && may_cut && engine.has_blocking_necks();
         let mut fitted = None;
         let wants_fit = self.wants_fit(engine.mesh.cost.metric.cost_source()) && engine.tally.collapses > 0;
-        let normals = root.rows.as_ref().filter(|_| !self.options.keeps_blended_normals);
+        let normals = root.rows.as_ref().filter(|_| !self.input.keeps_blended_normals);
         let repairs_normals = normals.is_some_and(|rows| rows.normals_at().is_some());
         let home = (wants_fit || repairs_normals).then(|| {
             // Later steps need the final vertices only for the trace, or to separate touching vertices.
@@ -197,7 +198,7 @@ impl Run<'_, '_> {
             engine.mesh.separate_touching();
         }
         let rows = root.rows.as_ref();
-        if !self.options.keeps_blended_normals
+        if !self.input.keeps_blended_normals
             && let (Some(attributes), Some(rows), Some(input), Some(home)) =
                 (&mut engine.mesh.values.attributes, rows, self.input.mesh, home)
         {
@@ -217,7 +218,7 @@ impl Run<'_, '_> {
         }
         let held = self.held(&engine.mesh.store, rows);
         let own_parts = self.own_parts(engine, root);
-        mesh = recolor::recolored(mesh, self.input, self.options, &held, own_parts.as_ref())?;
+        mesh = recolor::recolored(mesh, self.input, &held, own_parts.as_ref())?;
         if let Some(input) = self.input.mesh {
             held.restore(&mut mesh, input);
         }
@@ -230,7 +231,7 @@ impl Run<'_, '_> {
         let mesh = self
             .input
             .mesh
-            .filter(|_| self.options.textures.is_some() && engine.tally.pairs_contracted == 0)?;
+            .filter(|_| self.input.data.textures.is_some() && engine.tally.pairs_contracted == 0)?;
         let of = self.source(root).visit(|points, faces| components::labels(points.len(), faces));
         let of_vertex = |v: VertexId| {
             let place = self.ordered.rank[self.input.joined(v).index()];

@@ -1,7 +1,6 @@
 //! A run on all parts of a scene as one mesh.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use lodsmith_core::{MeshError, Positions, RegionId, TriMesh, VertexId};
 
@@ -10,12 +9,12 @@ use super::part::{MeshCounts, Part, SimplifiedScene};
 use super::touching::Touching;
 use crate::constraints::HeldWedges;
 use crate::control::Control;
-use crate::input::Input;
+use crate::input::{Input, MeshData, OwnedMeshData};
 use crate::options::{Length, SimplifyOptions, Stop};
 use crate::report::Report;
 use crate::run::CountedGoal;
 use crate::textures::Textures;
-use crate::{Simplified, SimplifyError, borders, pipeline, prune};
+use crate::{Simplified, SimplifyError, borders, constraints, pipeline, prune};
 
 /// Rounding of single-precision coordinates of a scene, as a share of its diagonal, four times over.
 const SCENE_ROUNDING: f64 = 2.5e-7;
@@ -27,6 +26,7 @@ pub(super) struct JoinedScene<'a> {
     table: RegionTable,
     /// Options with all lengths in units.
     pub(super) options: SimplifyOptions,
+    data: OwnedMeshData,
     diagonal: f64,
     is_placed: bool,
     /// Where parts touch, if they do.
@@ -42,7 +42,10 @@ impl<'a> JoinedScene<'a> {
         parts: &'a [Part<'a>],
         diagonal: f64,
         options: &SimplifyOptions,
-    ) -> Result<Self, MeshError> {
+    ) -> Result<Self, SimplifyError> {
+        for part in parts {
+            constraints::check(&part.data, part.mesh.vertex_count())?;
+        }
         let joining = options.weld.into_iter().chain(options.method_options.pairs);
         let touching = Touching::find(parts, options.per_mesh);
         let near = joining.map(|d| d.in_units(diagonal)).fold(0.0, f64::max);
@@ -50,13 +53,9 @@ impl<'a> JoinedScene<'a> {
         let is_placed = parts.iter().any(|p| p.instances > 0);
         let (mesh, table) = layout.join_parts(parts)?;
         let mut options = options.clone();
-        options.region_classes = options.region_classes.map(|own| classes(&own, &table));
-        options.textures = options.textures.map(|all| {
-            let of = |&(part, region): &(usize, Option<RegionId>)| all.of(part, region).cloned();
-            Arc::new(Textures::of_regions(table.iter().map(of).collect()))
-        });
+        let mut data = joined_data(parts, &table);
         if let Some(touching) = &touching {
-            options.locked = touching.add_locks(parts, options.locked.as_deref()).map(Into::into);
+            data.locked = touching.add_locks(parts, data.locked.take());
         }
         options.lengths_to_units(diagonal);
         // The error must still be kept after rounding to single precision.
@@ -70,7 +69,6 @@ impl<'a> JoinedScene<'a> {
             Some(weld) => Some(Length::Units(weld.in_units(diagonal).max(rounding))),
             None => layout.has_neighbours.then_some(Length::Units(rounding)),
         };
-        options.knows_borders = true;
         let borders = if options.weld.is_none() { joined_borders(parts) } else { None };
         let output_rounding = written;
         Ok(Self {
@@ -79,6 +77,7 @@ impl<'a> JoinedScene<'a> {
             mesh,
             table,
             options,
+            data,
             diagonal,
             is_placed,
             touching,
@@ -89,7 +88,8 @@ impl<'a> JoinedScene<'a> {
 
     /// Returns the input of a run.
     pub(super) fn input(&self) -> Input<'_> {
-        Input { surface: self.mesh.surface(), mesh: Some(&self.mesh), joined: self.borders.clone() }
+        let joined = self.borders.clone();
+        Input { joined, knows_borders: true, ..Input::new(&self.mesh).with(self.data.view()) }
     }
 
     fn instances_of(&self, part: &Part<'_>) -> usize {
@@ -168,7 +168,7 @@ impl<'a> JoinedScene<'a> {
         goal.judge(&mut report);
         if let Some(size) = self.options.prune.filter(|_| report.pruned.parts > 0) {
             let near = self.options.weld.map(|d| d.in_units(self.diagonal));
-            let locked = self.options.locked.as_deref();
+            let locked = self.data.locked.as_deref();
             let small = prune::small_parts(&self.mesh.surface(), size.in_units(self.diagonal), near, locked);
             let regions = self.mesh.regions().unwrap_or_default();
             let times_of = |f: usize| self.instances_of(&self.parts[self.table[regions[f].index()].0]);
@@ -200,14 +200,40 @@ fn joined_borders(parts: &[Part<'_>]) -> Option<Vec<VertexId>> {
     is_any.then_some(all)
 }
 
-/// Returns the classes of the joined mesh's regions, from those of the parts.
-fn classes(own: &[RegionId], table: &RegionTable) -> Arc<[RegionId]> {
+/// Returns the data of the joined mesh.
+fn joined_data(parts: &[Part<'_>], table: &RegionTable) -> OwnedMeshData {
+    /// Returns the values of all parts, if any part has values; those of the others are `neutral`.
+    fn all<'a, T: Copy + 'a>(
+        parts: &'a [Part<'_>],
+        of: impl Fn(&MeshData<'a>) -> Option<&'a [T]>,
+        neutral: T,
+    ) -> Option<Vec<T>> {
+        parts.iter().any(|p| of(&p.data).is_some()).then(|| {
+            let own = |p: &Part<'a>| match of(&p.data) {
+                Some(own) => own.to_vec(),
+                None => vec![neutral; p.mesh.vertex_count()],
+            };
+            parts.iter().flat_map(own).collect()
+        })
+    }
+    let of_regions = |(part, region): (usize, Option<RegionId>)| {
+        parts[part].data.textures.and_then(|own| own.of(region).cloned())
+    };
+    let textures: Vec<_> = table.iter().copied().map(of_regions).collect();
     let mut first: BTreeMap<(usize, Option<RegionId>), RegionId> = BTreeMap::new();
     let class = |(i, &(part, region)): (usize, &(usize, Option<RegionId>))| {
+        let own = parts[part].data.region_classes.unwrap_or_default();
         let class = region.map(|r| own.get(r.index()).copied().unwrap_or(r));
         *first.entry((part, class)).or_insert_with(|| RegionId::new(i))
     };
-    table.iter().enumerate().map(class).collect()
+    let has_classes = parts.iter().any(|p| p.data.region_classes.is_some());
+    OwnedMeshData {
+        locked: all(parts, |data| data.locked, false),
+        importance: all(parts, |data| data.importance, 1.0),
+        textures: textures.iter().any(Option::is_some).then(|| Textures::of_regions(textures)),
+        region_classes: has_classes.then(|| table.iter().enumerate().map(class).collect()),
+        wedge_values: None,
+    }
 }
 
 /// Returns the largest distance, in the scene, by which rounding to single precision moves a position of a

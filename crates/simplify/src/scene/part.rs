@@ -8,6 +8,7 @@ use lodsmith_core::numbers::{grouped, significant};
 use lodsmith_core::topology::size_of;
 use lodsmith_core::{PositionsView, Surface, TriMesh};
 
+use crate::input::MeshData;
 use crate::report::Report;
 
 /// A transform: three rows, each of three factors and a translation.
@@ -33,6 +34,16 @@ pub struct Part<'a> {
     /// Where its instances stand in the scene, if that is known. Borders of two parts that touch there stay connected
     /// too, those of instances by keeping the vertices at which they touch.
     pub places: &'a [Place],
+    /// Locked vertices, importance, images and classes of regions of the mesh.
+    pub data: MeshData<'a>,
+}
+
+impl<'a> Part<'a> {
+    /// Takes a mesh with one instance, in the size that it has, at no known place.
+    pub fn new(mesh: &'a TriMesh) -> Self {
+        let data = MeshData::default();
+        Self { mesh, instances: 1, scale: 1.0, stretch: None, system: None, places: &[], data }
+    }
 }
 
 /// The simplified meshes of a scene and the report of the run.

@@ -1,7 +1,5 @@
 //! Simplification of each mesh of a scene separately.
 
-use std::sync::Arc;
-
 use lodsmith_core::TriMesh;
 use lodsmith_core::measure::{Comparison, TwoWay};
 
@@ -9,7 +7,6 @@ use super::joined::JoinedScene;
 use super::part::{MeshCounts, Part, SimplifiedScene};
 use super::touching::Touching;
 use crate::SimplifyError;
-use crate::constraints;
 use crate::control::{Control, ProgressShare};
 use crate::options::SimplifyOptions;
 use crate::report::{Escalation, Refusal, Report, StoppedBy};
@@ -30,27 +27,17 @@ pub(super) fn simplify_each(
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<SimplifiedScene, SimplifyError> {
-    let mut options = options.clone();
     let is_placed = parts.iter().any(|p| p.instances > 0);
     let all: usize = parts.iter().map(|p| p.mesh.face_count()).sum();
     let (mut meshes, mut counts, mut runs) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut begun, mut first) = (0usize, 0usize);
-    constraints::check(&options, parts.iter().map(|p| p.mesh.vertex_count()).sum())?;
-    let (locked, importance) = (options.locked.take(), options.importance.take());
-    let textures = options.textures.take();
-    for (i, part) in parts.iter().enumerate() {
+    let mut begun = 0usize;
+    for part in parts {
         let alone = Part { instances: 1, system: None, places: &[], ..*part };
         let share = |n: usize| n as f64 / all.max(1) as f64;
         let mut own = ProgressShare { control, begin: share(begun), length: share(part.mesh.face_count()) };
         begun += part.mesh.face_count();
-        // Lists over vertices are concatenated, part after part.
-        let own_vertices = first..first + part.mesh.vertex_count();
-        first = own_vertices.end;
-        options.locked = locked.as_deref().and_then(|l| l.get(own_vertices.clone())).map(Into::into);
-        options.textures = textures.as_ref().map(|all| Arc::new(all.part(i)));
-        options.importance = importance.as_deref().and_then(|l| l.get(own_vertices)).map(Into::into);
         let alone = [alone];
-        let joined = JoinedScene::new(&alone, diagonal, &options)?;
+        let joined = JoinedScene::new(&alone, diagonal, options)?;
         let (mesh, reached) = match joined.run_to(&options.stop, &mut own) {
             Ok(SimplifiedScene { mut meshes, report, .. }) => {
                 let times = if is_placed { part.instances } else { 1 };

@@ -119,12 +119,12 @@ impl Touching {
     }
 
     /// Adds the vertices at which meshes touch that do not run together to a list over all vertices, part after part.
-    pub(super) fn add_locks(&self, parts: &[Part<'_>], locked: Option<&[bool]>) -> Option<Vec<bool>> {
-        let count = parts.iter().map(|p| p.mesh.vertex_count()).sum();
-        if self.apart.is_empty() || locked.is_some_and(|locked| locked.len() != count) {
-            return locked.map(<[bool]>::to_vec);
+    pub(super) fn add_locks(&self, parts: &[Part<'_>], locked: Option<Vec<bool>>) -> Option<Vec<bool>> {
+        if self.apart.is_empty() {
+            return locked;
         }
-        let mut all = locked.map_or_else(|| vec![false; count], <[bool]>::to_vec);
+        let count = parts.iter().map(|p| p.mesh.vertex_count()).sum();
+        let mut all = locked.unwrap_or_else(|| vec![false; count]);
         let mut first = Vec::with_capacity(parts.len());
         let mut next = 0;
         for part in parts {
@@ -251,7 +251,7 @@ mod tests {
     }
 
     fn part<'a>(mesh: &'a TriMesh, places: &'a [Place], system: Option<usize>) -> Part<'a> {
-        Part { mesh, instances: places.len(), scale: 1.0, stretch: None, system, places }
+        Part { instances: places.len(), system, places, ..Part::new(mesh) }
     }
 
     /// Width of a grid.

@@ -1,13 +1,12 @@
 //! A mesh without the backs of its sheets: the values of the backs travel as further attributes.
 
 use std::collections::{BTreeMap, HashMap};
-use std::sync::Arc;
 
 use lodsmith_core::{Attribute, MeshError, RegionId, Semantic, TriMesh, VertexId, WedgeId};
 
 use super::pairs::FacePairs;
 use super::plan::{BackValues, Plan, tangent_sign};
-use crate::options::SimplifyOptions;
+use crate::input::{MeshData, OwnedMeshData};
 use crate::textures::Textures;
 
 /// What the faces of a region of the single-sided mesh stand for.
@@ -149,12 +148,24 @@ impl SingleSided {
             && front_of_none
     }
 
-    /// Adapts options that go by regions.
-    pub(super) fn adapt_options(&self, options: &mut SimplifyOptions) {
-        options.textures = options.textures.take().map(|all| {
-            Arc::new(Textures::of_regions(self.table.iter().map(|r| all.of(0, r.front).cloned()).collect()))
-        });
-        options.region_classes = options.region_classes.take().map(|own| {
+    /// Returns the data of this mesh from the data of the input, which has `wedge_count` wedges. `own` pairs the vertices of
+    /// backs with those of the fronts: what is locked or important on one side is so on both.
+    pub(super) fn data_of(
+        &self,
+        data: &MeshData<'_>,
+        own: &[[VertexId; 2]],
+        wedge_count: usize,
+    ) -> OwnedMeshData {
+        let mut locked = data.locked.map(<[bool]>::to_vec);
+        let mut importance = data.importance.map(<[f32]>::to_vec);
+        for [back, front] in own.iter().map(|both| both.map(VertexId::index)) {
+            locked.iter_mut().for_each(|all| all[front] |= all[back]);
+            importance.iter_mut().for_each(|all| all[front] = all[front].max(all[back]));
+        }
+        let textures = data
+            .textures
+            .map(|all| Textures::of_regions(self.table.iter().map(|r| all.of(r.front).cloned()).collect()));
+        let region_classes = data.region_classes.map(|own| {
             let mut first: BTreeMap<(Option<RegionId>, Option<Back>), RegionId> = BTreeMap::new();
             let class = |(i, region): (usize, &SheetRegion)| {
                 let front = region.front.map(|r| own.get(r.index()).copied().unwrap_or(r));
@@ -162,6 +173,15 @@ impl SingleSided {
             };
             self.table.iter().enumerate().map(class).collect()
         });
+        let wedge_values = data.wedge_values.map(|all| {
+            let width = all.len() / wedge_count.max(1);
+            let of_front = |w: &[Option<WedgeId>; 2]| {
+                let first = w[0].unwrap_or_default().index() * width;
+                &all[first..first + width]
+            };
+            self.wedges.iter().flat_map(of_front).copied().collect()
+        });
+        OwnedMeshData { locked, importance, textures, region_classes, wedge_values }
     }
 }
 

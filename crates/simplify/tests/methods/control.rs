@@ -16,7 +16,7 @@ fn the_same_bytes_again_and_with_any_threads() {
             for stop in [Stop::ratio(0.3), Stop::faces(12)] {
                 let options = options(promise.method, stop);
                 let case = case(name, &options);
-                let results = [1, 2, 1].map(|n| in_threads(n, || simplify(&mesh, &options, &mut NoControl)));
+                let results = [1, 2, 1].map(|n| in_threads(n, || simplify(&mesh, &options)));
                 let [Ok(one), Ok(two), Ok(again)] = results else {
                     all.add(&case, ["fails".to_owned()]);
                     continue;
@@ -76,7 +76,7 @@ fn callers_are_asked_and_obeyed() {
         let options = options(promise.method, Stop::ratio(0.05));
         let case = case("a large blob", &options);
         let mut watching = CheckingControl::new(usize::MAX, Verdict::Continue);
-        let Ok(whole) = simplify(&mesh, &options, &mut watching) else {
+        let Ok(whole) = simplify_with(&mesh, &options, &mut watching) else {
             all.add(&case, ["fails".to_owned()]);
             continue;
         };
@@ -88,13 +88,13 @@ fn callers_are_asked_and_obeyed() {
         all.check(&case, asked >= least, &text);
         for from in [0, 1, asked / 2, asked.saturating_sub(1)] {
             let mut control = CheckingControl::new(from, Verdict::Cancel);
-            let done = simplify(&mesh, &options, &mut control);
+            let done = simplify_with(&mesh, &options, &mut control);
             let text = format!("cancelled at question {} of {asked}, it goes on", from + 1);
             all.check(&case, matches!(done, Err(SimplifyError::Cancelled)), &text);
 
             let mut control = CheckingControl::new(from, Verdict::Finish);
             let case = format!("{case}, finished at question {} of {asked}", from + 1);
-            let done = match simplify(&mesh, &options, &mut control) {
+            let done = match simplify_with(&mesh, &options, &mut control) {
                 Ok(done) => done,
                 Err(error) => {
                     all.add(&case, [format!("fails: {error}")]);
@@ -126,15 +126,16 @@ fn cancelling_while_an_error_is_searched_for() {
         let options = options(promise.method, Stop::error(Length::OfDiagonal(0.005)));
         let case = case("a blob", &options);
         let mut watching = CheckingControl::new(usize::MAX, Verdict::Continue);
-        let whole = simplify(&mesh, &options, &mut watching);
+        let whole = simplify_with(&mesh, &options, &mut watching);
         all.check(&case, whole.is_ok(), "fails");
         for from in [0, watching.questions / 2, watching.questions.saturating_sub(1)] {
-            let done = simplify(&mesh, &options, &mut CheckingControl::new(from, Verdict::Cancel));
+            let done = simplify_with(&mesh, &options, &mut CheckingControl::new(from, Verdict::Cancel));
             let text = format!("cancelled at question {} of {}, it goes on", from + 1, watching.questions);
             all.check(&case, matches!(done, Err(SimplifyError::Cancelled)), &text);
         }
         let from = watching.questions / 2;
-        let Ok(done) = simplify(&mesh, &options, &mut CheckingControl::new(from, Verdict::Finish)) else {
+        let Ok(done) = simplify_with(&mesh, &options, &mut CheckingControl::new(from, Verdict::Finish))
+        else {
             all.add(&case, [format!("finished at question {}, it fails", from + 1)]);
             continue;
         };

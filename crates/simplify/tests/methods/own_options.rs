@@ -35,7 +35,7 @@ fn options_of_other_methods_are_refused_by_name() {
             }
             let mut options = options(promise.method, Stop::ratio(0.5));
             options.method_options = own;
-            match simplify(&mesh, &options, &mut NoControl) {
+            match simplify(&mesh, &options) {
                 Err(SimplifyError::NotOfMethod { option, takers: told, method }) => {
                     assert_eq!((option, told, method), (name, takers, promise.method));
                 }
@@ -98,31 +98,38 @@ fn border(mesh: &TriMesh) -> HashSet<[u64; 3]> {
 /// Options that many methods share, and the promises of methods that have them.
 #[test]
 fn shared_options_are_honoured_or_refused() {
-    type Set = fn(&mut SimplifyOptions, &TriMesh);
+    type Set = fn(&mut SimplifyOptions);
     let shared: [(&str, Set); 12] = [
-        ("placement endpoint", |o, _| o.placement = Placement::Endpoint),
-        ("placement midpoint", |o, _| o.placement = Placement::Midpoint),
-        ("fit on", |o, _| o.fit = Fit::On),
-        ("fit off", |o, _| o.fit = Fit::Off),
-        ("border lock", |o, _| o.border = BorderPolicy::Lock),
-        ("border slide", |o, _| o.border = BorderPolicy::Slide),
-        ("border free", |o, _| o.border = BorderPolicy::Free),
-        ("guards", |o, _| {
+        ("placement endpoint", |o| o.placement = Placement::Endpoint),
+        ("placement midpoint", |o| o.placement = Placement::Midpoint),
+        ("fit on", |o| o.fit = Fit::On),
+        ("fit off", |o| o.fit = Fit::Off),
+        ("border lock", |o| o.border = BorderPolicy::Lock),
+        ("border slide", |o| o.border = BorderPolicy::Slide),
+        ("border free", |o| o.border = BorderPolicy::Free),
+        ("guards", |o| {
             o.guards = Guards { max_edge: Some(Length::OfDiagonal(0.5)), ..Guards::default() };
         }),
-        ("locked", |o, m| o.locked = Some((0..m.vertex_count()).map(|v| v % 7 == 0).collect())),
-        ("importance", |o, m| o.importance = Some(Arc::from(vec![2f32; m.vertex_count()]))),
-        ("weld", |o, _| o.weld = Some(Length::OfDiagonal(1e-4))),
-        ("prune", |o, _| o.prune = Some(Length::OfDiagonal(0.01))),
+        ("locked", |_| {}),
+        ("importance", |_| {}),
+        ("weld", |o| o.weld = Some(Length::OfDiagonal(1e-4))),
+        ("prune", |o| o.prune = Some(Length::OfDiagonal(0.01))),
     ];
     let mut all = Complaints::default();
     for promise in PROMISES.iter() {
         for (what, set) in shared {
             for (name, mesh) in shapes::all() {
                 let mut options = options(promise.method, Stop::ratio(0.3));
-                set(&mut options, &mesh);
+                set(&mut options);
+                let locked: Vec<bool> = (0..mesh.vertex_count()).map(|v| v % 7 == 0).collect();
+                let importance = vec![2f32; mesh.vertex_count()];
+                let input = match what {
+                    "locked" => Input::new(&mesh).locked(&locked),
+                    "importance" => Input::new(&mesh).importance(&importance),
+                    _ => Input::new(&mesh),
+                };
                 let case = case(name, &options);
-                let Some(done) = tried(&mut all, name, &mesh, promise, &options) else { continue };
+                let Some(done) = tried(&mut all, name, input, promise, &options) else { continue };
                 let here = places(&done.mesh);
                 match what {
                     "placement endpoint" => {
@@ -134,10 +141,9 @@ fn shared_options_are_honoured_or_refused() {
                         all.check(&case, gone == 0, &format!("{gone} border vertices are gone"));
                     }
                     "locked" => {
-                        let locked = options.locked.as_deref().unwrap_or_default();
                         // Clustering can leave a single locked vertex without any face; then it is dropped.
                         let may_go = promise.method == Method::Cluster;
-                        all.add(&case, laden::locked_complaints(&mesh, locked, (may_go, false), &done.mesh));
+                        all.add(&case, laden::locked_complaints(&mesh, &locked, (may_go, false), &done.mesh));
                     }
                     _ => {}
                 }

@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use lodsmith::core::mesh::normals::vertex_normals;
 use lodsmith::core::{Attribute, Morphed, RegionId, Semantic, TriMesh, VertexId, WedgeId};
-use lodsmith::{AttributeWeights, Length, Placement, Preset, SimplifyOptions};
+use lodsmith::{AttributeWeights, Length, OwnedMeshData, Placement, Preset, SimplifyOptions};
 
 use super::Random;
 
@@ -109,12 +109,13 @@ pub(crate) fn laden(plain: &TriMesh, random: &mut Random) -> TriMesh {
     mesh
 }
 
-/// Random options of the kind that is rarely used.
+/// Random options of the kind that is rarely used, and locks and importance of vertices.
 pub(crate) fn laden_options(
     mut options: SimplifyOptions,
     random: &mut Random,
     vertices: usize,
-) -> SimplifyOptions {
+) -> (SimplifyOptions, OwnedMeshData) {
+    let mut data = OwnedMeshData::default();
     let shape = [Preset::Auto, Preset::Auto, Preset::Scan, Preset::Cad, Preset::Visual, Preset::Print];
     let preset = SimplifyOptions::preset(random.pick(&shape), options.stop);
     options.weights = preset.weights;
@@ -130,13 +131,13 @@ pub(crate) fn laden_options(
     }
     if random.below(3) == 0 {
         let one_in = random.pick(&[1, 2, 4, 20]);
-        options.locked = Some((0..vertices).map(|_| random.below(one_in) == 0).collect());
+        data.locked = Some((0..vertices).map(|_| random.below(one_in) == 0).collect());
     }
     if random.below(3) == 0 {
         let of = random.pick(&[[1.0f32, 4.0], [1e-30, 1e30], [0.1, 1.0], [2.0, 2.0]]);
-        options.importance = Some((0..vertices).map(|_| random.pick(&of)).collect());
+        data.importance = Some((0..vertices).map(|_| random.pick(&of)).collect());
     }
-    options
+    (options, data)
 }
 
 /// Returns the same faces on wedges: one for each vertex, for each chart of it or for each corner; with

@@ -6,14 +6,13 @@ pub(crate) mod untied;
 
 use std::collections::HashSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
 
 use lodsmith::core::mesh::defects::{clean_surface, defects};
 use lodsmith::core::topology::TopologyCounts;
 use lodsmith::core::{Positions, Surface, Topology, TriMesh, VertexId};
 use lodsmith::{
-    NoControl, Part, Refusal, Simplified, SimplifiedScene, SimplifyError, SimplifyOptions, StoppedBy,
-    TopologyPolicy, simplify,
+    Input, NoControl, Part, Refusal, Simplified, SimplifiedScene, SimplifyError, SimplifyOptions, StoppedBy,
+    TopologyPolicy, simplify_with,
 };
 
 /// Returns true if long products are to be run whole, as `.ci/run` asks with `LODSMITH_LONG=1`.
@@ -88,19 +87,17 @@ pub(crate) fn options_text(options: &SimplifyOptions) -> String {
     word(options.shape_normals, "normals of the shape".into());
     word(options.weights != d.weights, format!("{:?}", options.weights));
     word(options.measure != d.measure, "measured".into());
-    let count = |l: &Option<Arc<[bool]>>| l.iter().flat_map(|l| l.iter()).filter(|l| **l).count();
-    word(options.locked.is_some(), format!("{} locked", count(&options.locked)));
-    word(options.importance.is_some(), "importance".into());
     word(options.seed != d.seed, format!("seed {}", options.seed));
     words.join(", ")
 }
 
 /// Runs; a panic becomes a complaint.
-pub(crate) fn run(
-    mesh: &TriMesh,
+pub(crate) fn run<'a>(
+    input: impl Into<Input<'a>>,
     options: &SimplifyOptions,
 ) -> Result<Result<Simplified, SimplifyError>, String> {
-    catch_unwind(AssertUnwindSafe(|| simplify(mesh, options, &mut NoControl))).map_err(|cause| {
+    let input = input.into();
+    catch_unwind(AssertUnwindSafe(|| simplify_with(input, options, &mut NoControl))).map_err(|cause| {
         let text = cause.downcast_ref::<String>().cloned();
         let text = text.or_else(|| cause.downcast_ref::<&str>().map(|s| (*s).to_owned()));
         format!("panics: {}", text.unwrap_or_default())
@@ -269,7 +266,6 @@ pub(crate) fn scene_complaints(
         };
         check(report.reached == reached, format!("reached is {} at {faces} faces", report.reached));
     }
-    let mut first = 0;
     for (i, (part, mesh)) in parts.iter().zip(&done.meshes).enumerate() {
         let c = &done.counts[i];
         let told = [c.instances, c.input_faces, c.input_vertices, c.faces, c.vertices];
@@ -282,14 +278,13 @@ pub(crate) fn scene_complaints(
             own.vertex_count(),
         ];
         check(told == is, format!("part {i}: counts {told:?} for {is:?}"));
-        let last = first + before.vertex_count();
-        let locked = options.locked.as_deref().map(|l| &l[first..last]);
-        first = last;
+        let locked = part.data.locked;
         let mut wrongs = if is_left(i) { Vec::new() } else { mesh_complaints(before, own) };
         if !is_left(i) {
             // A position that is locked in one part is locked in its neighbours.
             let near = vec![true; before.vertex_count()];
-            let held = locked.filter(|_| part.system.is_none()).or(locked.map(|_| &near[..]));
+            let is_near = part.system.is_some() && parts.iter().any(|p| p.data.locked.is_some());
+            let held = if is_near { Some(&near[..]) } else { locked };
             wrongs.extend(laden::attribute_complaints(before, options.placement, held, own));
         }
         if let Some(locked) = locked {

@@ -1,7 +1,7 @@
 //! Levels of detail of a scene, or of a mesh that becomes one.
 
-use lodsmith::SceneChain;
 use lodsmith::core::{Positions, TriMesh};
+use lodsmith::{OwnedMeshData, SceneChain};
 use lodsmith_bake::MapKind;
 use lodsmith_io::gltf::{Scene, SceneMesh};
 use lodsmith_io::{Loaded, Warning};
@@ -12,10 +12,10 @@ use super::report::{self, Level, LodResult};
 use crate::args::LodArgs;
 use crate::file::Destination;
 use crate::memory_need::Size;
-use crate::mesh_scene::{MeshScene, VertexConstraints};
+use crate::mesh_scene::MeshScene;
 use crate::normals::set_normals;
 use crate::run_control::{RunControl, not_interrupted};
-use crate::scene_parts::{self, parts_of};
+use crate::scene_parts::{self, parts_of, taken};
 use crate::warnings::{not_reached, starved};
 use crate::{baking, constraints, images, memory, memory_need, palettes, sizes};
 
@@ -28,9 +28,9 @@ pub(super) fn of_mesh(
     watch: RunControl<'_>,
 ) -> anyhow::Result<LodResult> {
     let (format, count) = (loaded.format, [loaded.mesh.face_count(), loaded.mesh.vertex_count()]);
-    let own = MeshScene::new(loaded, &args.engine.how, to, args.options().simplify)?;
+    let own = MeshScene::new(loaded, &args.engine.how, to)?;
     let mut warnings = own.warnings;
-    let mut made = of_scene(own.scene, args, plan, to, watch, Some(own.constraints))?;
+    let mut made = of_scene(own.scene, args, plan, to, watch, Some(own.data))?;
     (made.format, made.counts) = (format, count);
     warnings.append(&mut made.warnings);
     made.warnings = warnings;
@@ -44,29 +44,25 @@ pub(super) fn of_scene(
     plan: &Plan,
     to: &Destination,
     mut watch: RunControl<'_>,
-    cared: Option<VertexConstraints>,
+    own: Option<OwnedMeshData>,
 ) -> anyhow::Result<LodResult> {
     if scene.has_levels() {
         anyhow::bail!("the scene has levels of detail already (MSFT_lod): start from a file without");
     }
     let sizes_before = sizes::of_input(&plan.job.source, &args.reading, scene.sizes());
     let meshes: Vec<SceneMesh> = scene.meshes().to_vec();
-    let (taken, parts) = parts_of(&meshes);
+    let taken = taken(&meshes);
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
-    let mut options = args.options();
-    match cared {
-        Some(cared) => {
-            (options.simplify.locked, options.simplify.importance) = (cared.locked, cared.importance);
-        }
-        None => constraints::of_scene(&args.engine.how, &scene, &taken, &mut options.simplify)?,
-    }
-    let (textures, left_out) = palettes::of_scene(&scene, &taken);
-    options.simplify.textures = textures;
+    let options = args.options();
+    let mut data = match own {
+        Some(own) => vec![own],
+        None => constraints::of_scene(&args.engine.how, &scene, &taken)?,
+    };
+    let left_out = palettes::add_of_scene(&scene, &taken, &mut data);
+    let parts = parts_of(&meshes, &data);
     let size = Size::of_all(meshes.iter().map(|m| &*m.mesh));
-    memory::check(
-        "lod",
-        memory_need::lod_scene(size, &options.simplify).saturating_add(scene.buffer_bytes()),
-    )?;
+    let need = memory_need::lod_scene(size, &options.simplify).saturating_add(scene.buffer_bytes());
+    memory::check("lod", need.saturating_add(memory_need::images(&data)))?;
     let chain = not_interrupted(lodsmith::lod_scene(&parts, diagonal, &options, &mut watch))?;
     let mut replaced = vec![vec![None; meshes.len()]];
     let mut told = Vec::with_capacity(chain.levels.len());

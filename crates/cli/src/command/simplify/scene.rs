@@ -1,7 +1,7 @@
 //! Simplification of a scene that stays one.
 
-use lodsmith::SimplifiedScene;
 use lodsmith::core::TriMesh;
+use lodsmith::{OwnedMeshData, SimplifiedScene};
 use lodsmith_io::Loaded;
 use lodsmith_io::gltf::Scene;
 
@@ -9,11 +9,11 @@ use super::report::SimplifyOutcome;
 use crate::args::SimplifyArgs;
 use crate::baking::{self, BakedScene};
 use crate::file::Destination;
-use crate::mesh_scene::{MeshScene, VertexConstraints};
+use crate::mesh_scene::MeshScene;
 use crate::normals::set_normals;
 use crate::paths::Source;
 use crate::run_control::{RunControl, not_interrupted};
-use crate::scene_parts::{self, parts_of};
+use crate::scene_parts::{self, parts_of, taken};
 use crate::warnings::{not_reached, starved, warnings_of};
 use crate::{constraints, images, memory, memory_need, palettes, sizes};
 
@@ -26,35 +26,36 @@ pub(super) fn simplify_mesh(
     watch: RunControl<'_>,
 ) -> anyhow::Result<SimplifyOutcome> {
     let format = loaded.format;
-    let own = MeshScene::new(loaded, &args.engine.how, to, args.options())?;
-    let mut done = simplify_scene(own.scene, source, to, args, Some(own.constraints), watch)?;
+    let own = MeshScene::new(loaded, &args.engine.how, to)?;
+    let mut done = simplify_scene(own.scene, source, to, args, Some(own.data), watch)?;
     done.input_format = format;
     done.warnings.splice(0..0, own.warnings);
     Ok(done)
 }
 
 /// Simplifies all meshes of a scene under one budget; the rest of the scene is not changed, unless maps are baked.
-/// `cared` has the locks of a mesh that became a scene.
+/// `own` has the data of a mesh that became a scene.
 pub(super) fn simplify_scene(
     mut scene: Scene,
     source: &Source,
     to: &Destination,
     args: &SimplifyArgs,
-    cared: Option<VertexConstraints>,
+    own: Option<OwnedMeshData>,
     mut watch: RunControl<'_>,
 ) -> anyhow::Result<SimplifyOutcome> {
     let sizes_before = sizes::of_input(source, &args.reading, scene.sizes());
     let meshes = scene.meshes().to_vec();
-    let (taken, parts) = parts_of(&meshes);
+    let taken = taken(&meshes);
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
-    let mut options = args.options();
-    match cared {
-        Some(cared) => (options.locked, options.importance) = (cared.locked, cared.importance),
-        None => constraints::of_scene(&args.engine.how, &scene, &taken, &mut options)?,
-    }
-    let (textures, left_out) = palettes::of_scene(&scene, &taken);
-    options.textures = textures;
-    memory::check("simplify", memory_need::simplify_scene(&meshes, scene.buffer_bytes(), &options))?;
+    let options = args.options();
+    let mut data = match own {
+        Some(own) => vec![own],
+        None => constraints::of_scene(&args.engine.how, &scene, &taken)?,
+    };
+    let left_out = palettes::add_of_scene(&scene, &taken, &mut data);
+    let parts = parts_of(&meshes, &data);
+    let need = memory_need::simplify_scene(&meshes, scene.buffer_bytes(), &options);
+    memory::check("simplify", need.saturating_add(memory_need::images(&data)))?;
     let done = lodsmith::simplify_scene(&parts, diagonal, &options, &mut watch);
     let SimplifiedScene { meshes: mut lighter, mut report, mut counts } = not_interrupted(done)?;
     // As in the file: the reader merges vertices at one place.
