@@ -1,4 +1,4 @@
-//! One call of the library, from its input to its result, in six steps:
+//! One call of the library, from its input to its result, in six steps.
 //!
 //! ```text
 //! complete  continue known attributes where values are missing            `missing`

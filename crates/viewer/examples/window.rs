@@ -1,4 +1,4 @@
-//! Opens the window from another program: `cargo run -p lodsmith-viewer --example window -- FILE...`
+//! Opens the window from another program: `cargo run -p lodsmith-viewer --example window -- FILE...`.
 
 use lodsmith_viewer::{ViewError, ViewOptions, run};
 

@@ -1,4 +1,4 @@
-//! The page as the viewer sees it.
+//! The viewer's calls to the page: files, workers and downloads, by functions of JavaScript.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! FbxMaterials and textures.
+//! Materials and textures.
 
 use std::collections::HashMap;
 

@@ -1,4 +1,4 @@
-//! Options of [`cluster_lod`](crate::cluster_lod()).
+//! Options of cluster levels of detail.
 
 use std::sync::Arc;
 

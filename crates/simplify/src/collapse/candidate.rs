@@ -1,4 +1,4 @@
-//! Candidates for a collapse: as they are evaluated, tried, and what comes of it.
+//! Candidates for a collapse: their evaluation, and the outcome of trying one.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;

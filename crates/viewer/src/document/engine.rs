@@ -1,4 +1,4 @@
-//! The other end of a [page's](crate::page) workers: answers requests.
+//! The engine in a worker of a page: does the jobs of a document whose window is elsewhere.
 
 use std::sync::Arc;
 
