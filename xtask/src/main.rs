@@ -4,6 +4,7 @@
 mod corpus;
 mod dist;
 mod faults;
+mod map;
 mod pictures;
 mod sample;
 mod seeds;
@@ -22,6 +23,7 @@ cargo xtask corpus [DIR...] [--limit SECONDS] [--only TEXT] [--largest FACES]   
 cargo xtask corpus [DIR...] --methods [--largest FACES] [...]   every method over every model that is not larger
 cargo xtask dist [--out FOLDER] [--target TRIPLE] [--binary FILE] [command|python|c|js|blender]...   what is given away: archives, wheel, packages
 cargo xtask faults [--quick] [--strict] [--only NAME] [--binary FILE]   disks that fill up, kills, closed pipes: what the command leaves behind
+cargo xtask map [CRATE|FOLDER]                             prints the source files as a tree, each with the first sentence of its head
 cargo xtask tidy                                           the rules of the house; also part of `cargo test`
 cargo xtask goldens [FILTER]                               writes the recorded answers of tests afresh and shows what changed
 cargo xtask walk [MODEL...] [--preset NAME]...             lighter and lighter, with every preset: fails where a heavier result is farther off
@@ -39,6 +41,7 @@ fn main() -> ExitCode {
         "dist" => dist::run(rest),
         "corpus" => corpus::run(rest),
         "faults" => faults::run(rest),
+        "map" => map::run(rest),
         "walk" => walk::run(rest),
         "tidy" => tidy::run(),
         "goldens" => goldens(rest),

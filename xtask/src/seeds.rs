@@ -1,6 +1,6 @@
-//! Initial corpus of the fuzz targets, in addition to the files in `fuzz/seeds`: small shapes in every format
-//! that the command writes, sessions and layouts of the viewer, the small files of `testdata`, and random
-//! bytes for the targets that make soups of them.
+//! Initial corpus of the fuzz targets, in addition to the files in `fuzz/seeds`. It has small shapes in every
+//! format that the command writes, sessions and layouts of the viewer, the small files of `testdata`, and
+//! random bytes for the targets that make soups of them.
 
 use std::fmt::Write as _;
 use std::io::{Read as _, Write as _};

@@ -14,7 +14,7 @@ use std::process::Command;
 use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 
-use crate::{cargo, root};
+use crate::{cargo, map, root};
 
 /// A package, the packages of this workspace that it may use, and crates that it must never depend on, even
 /// indirectly.
@@ -178,6 +178,7 @@ const RULES: &[(&str, Rule)] = &[
     ("crates include only their own files", foreign_files),
     ("modules are concepts", vague_names),
     ("files are not too long", long_files),
+    ("every file has a head that serves as its entry in the map", heads),
     ("testdata is small and has an origin", testdata),
     ("every file of tests belongs to a program", test_files),
     ("nothing names a machine", machine_paths),
@@ -379,7 +380,7 @@ fn files_under(folder: &Path) -> Result<Vec<PathBuf>> {
 }
 
 /// Returns all files that Git tracks or would track; without Git, all files.
-fn tree() -> Result<Vec<PathBuf>> {
+pub(crate) fn tree() -> Result<Vec<PathBuf>> {
     let git = Command::new("git")
         .args(["ls-files", "-z", "--cached", "--others", "--exclude-standard"])
         .current_dir(root())
@@ -399,7 +400,8 @@ fn sources(folder: &str) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-fn shown(path: &Path) -> String {
+/// Returns a path as it is from the root of the workspace, with slashes.
+pub(crate) fn shown(path: &Path) -> String {
     path.strip_prefix(root()).unwrap_or(path).display().to_string().replace('\\', "/")
 }
 
@@ -487,6 +489,16 @@ fn long_files() -> Result<Vec<String>> {
                 findings.push(format!("{} has {lines} lines of at most {LINES_MAX}", shown(&path)));
             }
         }
+    }
+    Ok(findings)
+}
+
+/// Finds sources without a head that `cargo xtask map` can print.
+fn heads() -> Result<Vec<String>> {
+    let mut findings = Vec::new();
+    for path in tree()?.iter().filter(|path| path.extension().is_some_and(|e| e == "rs")) {
+        let text = std::fs::read_to_string(path)?;
+        findings.extend(map::fault(&text).map(|fault| format!("{} {fault}", shown(path))));
     }
     Ok(findings)
 }
@@ -678,6 +690,10 @@ mod tests {
     #[test]
     fn files_are_not_too_long() {
         holds(long_files);
+    }
+    #[test]
+    fn every_file_has_a_head_for_the_map() {
+        holds(heads);
     }
     #[test]
     fn testdata_is_small_and_has_an_origin() {
