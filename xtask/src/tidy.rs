@@ -166,6 +166,8 @@ const VAGUE_NAMES: &[&str] = &["utils", "util", "helpers", "helper", "common", "
 const TESTDATA_MAX: u64 = 300_000;
 /// Maximum lines of a file; one that is nearly as long already holds two concepts.
 const LINES_MAX: usize = 2000;
+/// Maximum bytes of ARCHITECTURE.md: what a newcomer reads in a quarter of an hour. The files are in the map.
+const ARCHITECTURE_MAX: usize = 16_000;
 
 type Rule = fn() -> Result<Vec<String>>;
 
@@ -179,6 +181,7 @@ const RULES: &[(&str, Rule)] = &[
     ("modules are concepts", vague_names),
     ("files are not too long", long_files),
     ("every file has a head that serves as its entry in the map", heads),
+    ("ARCHITECTURE.md is short, and names every package and only files that exist", architecture),
     ("testdata is small and has an origin", testdata),
     ("every file of tests belongs to a program", test_files),
     ("nothing names a machine", machine_paths),
@@ -503,6 +506,36 @@ fn heads() -> Result<Vec<String>> {
     Ok(findings)
 }
 
+fn architecture() -> Result<Vec<String>> {
+    let page = std::fs::read_to_string(root().join("ARCHITECTURE.md"))?;
+    // The package of the fuzz targets is outside the workspace.
+    let mut folders = vec!["fuzz".to_owned()];
+    for package in packages()? {
+        let manifest = Path::new(package["manifest_path"].as_str().unwrap_or_default());
+        folders.extend(manifest.parent().map(shown));
+    }
+    let mut findings: Vec<String> = folders
+        .iter()
+        .filter(|folder| !page.contains(&format!("`{folder}`")))
+        .map(|folder| format!("ARCHITECTURE.md does not name `{folder}`"))
+        .collect();
+    let gone = paths_in(&page).filter(|path| !root().join(path).exists());
+    findings.extend(gone.map(|path| format!("ARCHITECTURE.md names {path}, which does not exist")));
+    if page.len() > ARCHITECTURE_MAX {
+        findings.push(format!("ARCHITECTURE.md has {} bytes of at most {ARCHITECTURE_MAX}", page.len()));
+    }
+    Ok(findings)
+}
+
+/// Returns the paths in the code spans of a page: those that begin with a folder of the workspace.
+fn paths_in(page: &str) -> impl Iterator<Item = &str> {
+    let folders = [".ci/", "bench/", "bindings/", "crates/", "docs/", "fuzz/", "testdata/", "xtask/"];
+    page.split('`')
+        .skip(1)
+        .step_by(2)
+        .filter(move |span| folders.iter().any(|folder| span.starts_with(folder)))
+}
+
 fn testdata() -> Result<Vec<String>> {
     let mut findings = Vec::new();
     let mut sum = 0;
@@ -694,6 +727,12 @@ mod tests {
     #[test]
     fn every_file_has_a_head_for_the_map() {
         holds(heads);
+    }
+    #[test]
+    fn the_architecture_is_short_and_true() {
+        holds(architecture);
+        let page = "```text\ncrates/a\n```\n`crates/b.rs`, crates/c and `d/e`, `docs/f/`\n";
+        assert_eq!(paths_in(page).collect::<Vec<_>>(), ["crates/b.rs", "docs/f/"]);
     }
     #[test]
     fn testdata_is_small_and_has_an_origin() {
