@@ -1,9 +1,9 @@
 //! Nearest-point queries and whole comparisons, per second: `cargo bench -p lodsmith-core --bench measure`.
 //!
-//! The mesh is a bumpy sphere of about 100,000 faces, compared with one of a tenth as many. Set
+//! The mesh is a bumpy sphere of about 100,000 faces, compared with a sphere of a tenth as many. Set
 //! `LODSMITH_BENCH_STRIPS` (default 224) for other sizes: the face count is about twice its square.
-#![allow(clippy::print_stdout, reason = "a bench tells its figures")]
-#![allow(missing_docs, reason = "a bench has no readers of its interface")]
+#![allow(clippy::print_stdout, reason = "a benchmark prints its results")]
+#![allow(missing_docs, reason = "a benchmark has no public interface")]
 
 use std::time::Instant;
 
@@ -38,7 +38,7 @@ fn bumpy_sphere(strips: u32) -> Buffers {
 }
 
 fn surface(buffers: &Buffers) -> Surface<'_> {
-    Surface::new(PositionsView::F64(&buffers.0), &buffers.1).expect("the sphere names its own vertices")
+    Surface::new(PositionsView::F64(&buffers.0), &buffers.1).expect("the indices of the sphere are in range")
 }
 
 /// Returns the shortest of several runs, in seconds; does not repeat runs of 3 s or more.
@@ -91,7 +91,7 @@ fn main() {
     println!("{} faces against {}", fine.triangles().len(), coarse.triangles().len());
 
     let (secs, _) = shortest(5, || Bvh::new(&fine));
-    println!("tree of the fine one: {:.1} ms", secs * 1e3);
+    println!("tree of the fine sphere: {:.1} ms", secs * 1e3);
     queries("coarse to fine", &coarse, &fine);
     queries("fine to coarse", &fine, &coarse);
     queries("fine to itself", &fine, &fine);

@@ -9,9 +9,10 @@
 //! level 0   [e][f][g]  [h][i]              the original triangles
 //! ```
 //!
-//! The clusters that go into a group and those that come out of it have the same border, vertex by vertex, so
-//! one set can replace the other whatever is drawn around it. A *cut* is a choice of groups; if a group is
-//! taken, all groups below it are, so no two clusters of a cut cover the same place and none leaves a crack.
+//! The clusters that go into a group and the clusters that come out of it have the same border, vertex by
+//! vertex, so one set can replace the other whatever is drawn around it. A *cut* is a choice of groups; if a
+//! group is taken, all groups below it are, so no two clusters of a cut cover the same place and none leaves
+//! a crack.
 
 use crate::ids::{ClusterId, FaceId, GroupId};
 use crate::mesh::part::extract_faces;
@@ -42,17 +43,19 @@ pub enum ClusterError {
         /// Its number of wedges.
         wedges: usize,
     },
-    /// The face counts of the clusters do not add up to that of the mesh.
-    #[error("the clusters have {got} faces, their mesh has {wanted}")]
+    /// The face counts of the clusters do not add up to the face count of the mesh.
+    #[error("the clusters have {got} faces in total, but their mesh has {wanted}")]
     Faces {
         /// Number of faces of all clusters.
         got: usize,
         /// Number of faces of the mesh.
         wanted: usize,
     },
-    /// A cluster names a group that does not exist, or goes into a group that is not above the one it comes
-    /// from.
-    #[error("cluster {cluster} names group {group}, but there are {count}, and a cluster goes up")]
+    /// A cluster refers to a group that does not exist, or goes into a group that is not above the group that
+    /// it comes from.
+    #[error(
+        "cluster {cluster} refers to group {group}, which does not exist (there are {count}) or is not above its own group"
+    )]
     Order {
         /// The cluster.
         cluster: usize,
@@ -61,7 +64,8 @@ pub enum ClusterError {
         /// Number of groups.
         count: usize,
     },
-    /// The error or sphere of a group is not finite, is negative, or is smaller than one below it.
+    /// The error or sphere of a group is not finite, is negative, or is smaller than that of a group below
+    /// it.
     #[error("{what} of group {group} is {problem}")]
     Group {
         /// The group.
@@ -72,7 +76,7 @@ pub enum ClusterError {
         problem: &'static str,
     },
     /// The sphere of a cluster is not finite, or has a negative radius.
-    #[error("the sphere of cluster {cluster} is no number")]
+    #[error("the sphere of cluster {cluster} is not finite or has a negative radius")]
     Sphere {
         /// The cluster.
         cluster: usize,
@@ -129,7 +133,8 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     largest * d.iter().map(|x| (x / largest) * (x / largest)).sum::<f64>().sqrt()
 }
 
-/// Error of a cluster or group and the sphere it holds in: what a level-of-detail choice is based on.
+/// Error of a cluster or group, and the sphere within which it applies: the basis of a level-of-detail
+/// choice.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Bound {
     /// Contains everything chosen together and everything that it replaces.
@@ -141,7 +146,7 @@ pub struct Bound {
 /// A few neighbouring triangles of one level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cluster {
-    /// Number of faces of the mesh that belong to it; they follow those of the previous cluster.
+    /// Number of faces of the mesh that belong to it; they follow the faces of the previous cluster.
     pub face_count: usize,
     /// Bounding sphere of its triangles.
     pub sphere: Sphere,
@@ -189,7 +194,7 @@ pub struct LevelCounts {
     pub coarsest_clusters: usize,
     /// Number of triangles.
     pub faces: usize,
-    /// Number of wedges; those shared by several clusters count once for each.
+    /// Number of wedges; a wedge shared by several clusters counts once for each.
     pub wedges: usize,
     /// The smallest error among them.
     pub least_error: f64,
@@ -199,7 +204,8 @@ pub struct LevelCounts {
 
 /// A mesh at many levels of detail: clusters, and the groups that link finer to coarser ones.
 ///
-/// Groups are numbered so that a cluster comes out of a group with a lower number than the one it goes into.
+/// Groups are numbered so that a cluster comes out of a group with a lower number than the group it goes
+/// into.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClusterLod {
     mesh: TriMesh,
@@ -236,10 +242,10 @@ impl ClusterLod {
         let bad = |group, what, problem| Err(ClusterError::Group { group, what, problem });
         for (group, g) in groups.iter().enumerate() {
             if !(g.error.is_finite() && g.error >= 0.0) {
-                return bad(group, "the error", "no distance");
+                return bad(group, "the error", "negative or not finite");
             }
             if !g.sphere.is_sound() {
-                return bad(group, "the sphere", "no sphere");
+                return bad(group, "the sphere", "not finite or has a negative radius");
             }
         }
         let count = groups.len();
@@ -256,11 +262,11 @@ impl ClusterLod {
             let (group, above) = (into.index(), &groups[into.index()]);
             let below = c.from.map_or(Bound { sphere: c.sphere, error: 0.0 }, |f| groups[f.index()]);
             if above.error < below.error {
-                return bad(group, "the error", "smaller than one below it");
+                return bad(group, "the error", "smaller than the error below it");
             }
             let reach = distance(above.sphere.center, below.sphere.center) + below.sphere.radius;
             if reach > above.sphere.radius * (1.0 + SPHERE_TOLERANCE) {
-                return bad(group, "the sphere", "not round those below it");
+                return bad(group, "the sphere", "too small to contain the spheres below it");
             }
             levels[group] = levels[group].max(1 + c.from.map_or(0, |f| levels[f.index()]));
         }
@@ -288,7 +294,7 @@ impl ClusterLod {
     pub fn mesh(&self) -> &TriMesh {
         &self.mesh
     }
-    /// All clusters: those of the original first, then ordered by the group that they came out of.
+    /// All clusters: first the clusters of the original, then ordered by the group that they came out of.
     pub fn clusters(&self) -> &[Cluster] {
         &self.clusters
     }
@@ -323,8 +329,8 @@ impl ClusterLod {
         let c = &self.clusters[id.index()];
         c.from.map_or(Bound { sphere: c.sphere, error: 0.0 }, |g| self.groups[g.index()])
     }
-    /// Returns the error and sphere of the clusters that replace a cluster; `None` for one of the coarsest.
-    /// The cluster is drawn only where these are not good enough.
+    /// Returns the error and sphere of the clusters that replace a cluster; `None` for one of the coarsest
+    /// clusters. The cluster is drawn only where its replacement is not good enough.
     ///
     /// # Panics
     /// If there is no such cluster.
@@ -371,7 +377,7 @@ impl ClusterLod {
     /// A group is taken only if all groups below it are, so every `is_good` gives a surface without cracks.
     pub fn cut_where(&self, is_good: impl Fn(&Bound) -> bool) -> Vec<ClusterId> {
         let mut taken: Vec<bool> = self.groups.iter().map(&is_good).collect();
-        // A group that is not taken keeps those above it from being taken; groups ascend.
+        // A group that is not taken prevents all groups above it from being taken; groups ascend.
         let mut links: Vec<(GroupId, GroupId)> =
             self.clusters.iter().filter_map(|c| Some((c.into?, c.from?))).collect();
         links.sort_unstable();
@@ -466,7 +472,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_contradict_each_other_are_refused() {
+    fn inconsistent_numbers_are_refused() {
         let refused = |change: &dyn Fn(&mut Vec<Cluster>, &mut Vec<Bound>)| {
             let (mesh, mut clusters, mut groups) = square();
             change(&mut clusters, &mut groups);
@@ -496,7 +502,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sphere_holds_those_it_is_made_round() {
+    fn a_sphere_around_others_contains_them() {
         let a = Sphere { center: [1.0, 0.0, 0.0], radius: 1.0 };
         let b = Sphere { center: [-3.0, 1.0, 0.0], radius: 0.25 };
         let around = Sphere::around([a, b].into_iter());

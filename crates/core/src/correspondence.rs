@@ -6,11 +6,11 @@
 //! by a distance:
 //!
 //! ```text
-//! side told by                          outweighed by a distance of (in reaches of the wedge)
-//! region, the way its faces look        1
+//! property that decides the side        outweighed by a distance of (in reaches of the wedge)
+//! region, direction of its faces        1
 //! texture coordinates                   1
 //! normals                               1/10
-//! where its faces lie                   nothing: decides between equally near places
+//! position of its faces                 nothing: decides between equally near places
 //! ```
 
 use glam::DVec3;
@@ -21,7 +21,7 @@ use crate::measure::{MeasureError, chunks};
 use crate::mesh::{MeshError, TriMesh};
 use crate::spatial::{Bvh, Hint};
 
-/// The source of a wedge. Ids are those of the original.
+/// The source of a wedge. Ids refer to the original.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Source {
@@ -48,10 +48,10 @@ pub struct Correspondence<'a> {
 /// Finds the source of each wedge of `result` on `original`.
 ///
 /// The original is the mesh as it was given to the run, before any welding or repair, and the ids are its
-/// own. A wedge whose position is bit for bit that of a vertex of the original gets a wedge of that vertex;
-/// others get the nearest point of the surface, on the side of sheets and seams that the wedge's regions,
-/// texture coordinates and normals decide, if both meshes have them. Other attributes do not decide sides; a
-/// wedge of a mesh without the original's seams gets one of the sides. Faces of the original with a
+/// own. A wedge whose position is bit for bit equal to that of a vertex of the original gets a wedge of that
+/// vertex; others get the nearest point of the surface, on the side of sheets and seams that the wedge's
+/// regions, texture coordinates and normals decide, if both meshes have them. Other attributes do not decide
+/// sides; a wedge of a mesh without the original's seams gets one of the sides. Faces of the original with a
 /// non-finite corner are not used. Deterministic at any number of threads. Cost: O(n log n) for n faces of
 /// the original, then O(log n) for each wedge; 0.6 s for 588,000 faces and 147,000 wedges on two cores
 /// (measured).
@@ -131,7 +131,7 @@ impl<'a> Correspondence<'a> {
     pub fn transfer(&self, values: &[f32], width: usize) -> Result<Vec<f32>, MeshError> {
         let wanted = width * self.original.wedge_count();
         if values.len() != wanted {
-            return Err(MeshError::WrongLength { name: "values to carry", got: values.len(), wanted });
+            return Err(MeshError::WrongLength { name: "values to transfer", got: values.len(), wanted });
         }
         let mut carried = Vec::with_capacity(width * self.sources.len());
         for w in 0..self.sources.len() {
@@ -154,7 +154,7 @@ impl<'a> Correspondence<'a> {
     pub fn transfer_discrete<T: Clone>(&self, values: &[T]) -> Result<Vec<Option<T>>, MeshError> {
         let wanted = self.original.wedge_count();
         if values.len() != wanted {
-            return Err(MeshError::WrongLength { name: "values to carry", got: values.len(), wanted });
+            return Err(MeshError::WrongLength { name: "values to transfer", got: values.len(), wanted });
         }
         let heaviest = |blend: [(WedgeId, f32); 3]| {
             let [a, b, c] = blend;
@@ -174,7 +174,8 @@ struct WedgeSide {
     normal: DVec3,
     /// The mean of the centres of its faces, relative to its position.
     inward: DVec3,
-    /// The mean distance to those centres, and of the texture coordinates to those at the centres.
+    /// The mean distance to those centres, and the mean distance between the texture coordinates here and
+    /// there.
     reach: f64,
     uv_reach: f64,
     region: Option<RegionId>,
@@ -218,17 +219,17 @@ fn wedge_sides(result: &TriMesh, tree: &Bvh) -> Vec<WedgeSide> {
 const OTHER_SHEET_PENALTY: f64 = 1.0;
 const OTHER_CHART_PENALTY: f64 = 1.0;
 const OTHER_NORMAL_PENALTY: f64 = 0.01;
-/// Texture coordinates count as equal if they differ by less than this share of their change over a reach;
-/// from the whole change on they are of another chart, with a linear ramp between. (Coordinates that a run
-/// has blended are off by up to a third of a reach at the ends of seams, as measured on a model of 5,856
-/// faces at 20 %.)
+/// Texture coordinates count as equal if they differ by less than this share of their change over a reach; if
+/// they differ by the whole change, they belong to another chart; between the two the penalty grows linearly.
+/// (Coordinates that a run has blended are off by up to a third of a reach at the ends of seams, as measured
+/// on a model of 5,856 faces at 20 %.)
 const SAME_CHART_TOLERANCE: f64 = 0.5;
-/// Cosine of 25°: normals that differ by more are of another side of a crease. (Guessed.)
+/// Cosine of 25°: normals that differ by more belong to another side of a crease. (Guessed.)
 const SAME_NORMAL_COS: f64 = 0.906;
 /// Positions whose squared distances, in squared reaches, differ by less are equally near.
 const EQUAL_DISTANCE_SQ: f64 = 1e-12;
-/// Length of the step from the wedge towards its faces that decides between equally near faces, as a share of
-/// the reach.
+/// Length of the step from the wedge towards its own faces that decides between equally near faces, as a
+/// share of the reach.
 const INWARD_STEP: f64 = 0.05;
 
 struct SourceSearch<'a> {
@@ -395,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sheet_that_looks_the_same_way_is_taken_though_the_other_is_nearer() {
+    fn a_sheet_that_faces_the_same_way_wins_over_a_nearer_one() {
         let mesh = sheets(0.02, true);
         let (low, high) = ([[0.2, 0.2], [0.8, 0.3], [0.7, 0.7]], 0.018);
         let at = |[x, y]: [f64; 2]| [x, y, high];
@@ -413,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn regions_and_texture_coordinates_tell_sheets_apart() {
+    fn regions_and_texture_coordinates_distinguish_sheets() {
         let at = |[x, y]: [f64; 2]| [x, y, 0.018];
         let mut mesh = sheets(0.02, false);
         let mut part = triangle([[0.2, 0.2], [0.8, 0.3], [0.7, 0.7]].map(at));
@@ -459,7 +460,7 @@ mod tests {
     }
 
     #[test]
-    fn strange_places_come_from_nowhere_and_no_face_is_an_error() {
+    fn non_finite_positions_have_no_source_and_no_face_is_an_error() {
         let mesh = sheets(0.5, false);
         let invalid = triangle([[f64::NAN, 0.0, 0.0], [1e200, 0.0, 0.0], [0.25, 0.5, 0.1]]);
         let found = correspondence(&mesh, &invalid).unwrap();
@@ -467,11 +468,11 @@ mod tests {
         let heights: Vec<f32> = mesh.positions().view().iter().map(|p| p[0] as f32 + 1.0).collect();
         let carried = found.transfer(&heights, 1).unwrap();
         assert!(carried[0].is_nan() && carried[1].is_nan() && (carried[2] - 1.25).abs() < 1e-6);
-        let wrong = MeshError::WrongLength { name: "values to carry", got: 8, wanted: 16 };
+        let wrong = MeshError::WrongLength { name: "values to transfer", got: 8, wanted: 16 };
         assert_eq!(found.transfer(&heights, 2), Err(wrong));
         assert_eq!(
             found.transfer_discrete(&['a'; 3]).unwrap_err().to_string(),
-            "values to carry has 3 entries for 8"
+            "values to transfer: 3 entries, expected 8"
         );
         let names: Vec<usize> = (0..8).collect();
         let whole = found.transfer_discrete(&names).unwrap();

@@ -34,7 +34,7 @@ impl DisjointSets {
     /// If there is no such member.
     #[inline]
     pub fn join(&mut self, a: u32, b: u32) -> bool {
-        // (Neighbours on a surface mostly are in one set already.)
+        // (Neighbours on a surface are mostly in one set already.)
         if self.lower[a as usize] == self.lower[b as usize] {
             return false;
         }
@@ -45,7 +45,7 @@ impl DisjointSets {
 
     /// Returns the representative of each member.
     pub fn into_representatives(mut self) -> Vec<u32> {
-        // In ascending order, those of lower members are known already.
+        // In ascending order: the representatives of lower members are already known.
         for member in 0..self.lower.len() {
             self.lower[member] = self.lower[self.lower[member] as usize];
         }

@@ -17,7 +17,7 @@ impl Image {
     /// # Panics
     /// If there are not `width * height` pixels.
     pub fn new(width: usize, height: usize, pixels: Vec<[u8; 4]>) -> Self {
-        assert_eq!(pixels.len(), width * height, "one pixel for each place");
+        assert_eq!(pixels.len(), width * height, "an image of {width} by {height} needs as many pixels");
         Self { width, height, pixels }
     }
 

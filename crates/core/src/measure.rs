@@ -30,7 +30,8 @@ pub struct TwoWay {
     pub forward: f64,
     /// Candidate to reference.
     pub backward: f64,
-    /// Both: the larger of two maxima, the mean of two means, the root of the mean square of two RMS, the larger p99.
+    /// Both: the larger of two maxima, the mean of two means, the root of the mean square of two RMS values, the larger
+    /// p99.
     pub symmetric: f64,
 }
 

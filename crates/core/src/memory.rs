@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_too_much_is_said_in_one_line() {
+    fn the_error_is_one_line() {
         assert_eq!(check("reading", 10, 10), Ok(()));
         let error = check("reading", 3 << 30, 1 << 30).unwrap_err().to_string();
         let wanted =
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mesh_has_the_bytes_of_its_buffers() {
+    fn bytes_of_a_mesh_are_those_of_its_buffers() {
         let mut mesh = shapes::icosphere(2);
         let (vertices, faces) = (mesh.vertex_count() as u64, mesh.face_count() as u64);
         let position = if matches!(mesh.positions(), Positions::F32(_)) { 12 } else { 24 };

@@ -18,7 +18,7 @@ pub use attributes::{Attribute, IntegerType, Morphed, Semantic};
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeshError {
-    /// A triangle names a wedge or vertex that does not exist.
+    /// A triangle refers to a wedge or vertex that does not exist.
     #[error("face {face} uses vertex {index}, but the mesh has {count}")]
     IndexOutOfRange {
         /// Index of the triangle.
@@ -28,18 +28,18 @@ pub enum MeshError {
         /// Number of wedges or vertices.
         count: usize,
     },
-    /// A wedge names a vertex that does not exist.
+    /// A wedge refers to a vertex that does not exist.
     #[error("wedge {wedge} belongs to vertex {index}, but the mesh has {count}")]
     WedgeOutOfRange {
         /// Index of the wedge.
         wedge: usize,
-        /// The vertex that it names.
+        /// The vertex that it refers to.
         index: u32,
         /// Number of vertices.
         count: usize,
     },
     /// A buffer does not have one entry for each wedge (regions: for each face).
-    #[error("{name} has {got} entries for {wanted}")]
+    #[error("{name}: {got} entries, expected {wanted}")]
     WrongLength {
         /// Name of the buffer.
         name: &'static str,
@@ -49,13 +49,13 @@ pub enum MeshError {
         wanted: usize,
     },
     /// A list of indices does not have three for each triangle.
-    #[error("{count} indices are no whole number of triangles")]
+    #[error("{count} indices are not a whole number of triangles")]
     NotTriangles {
         /// Number of indices.
         count: usize,
     },
-    /// More elements than 32-bit ids can name.
-    #[error("{count} {what} are more than 32-bit ids can name")]
+    /// More elements than 32-bit ids can number.
+    #[error("{count} {what} are too many for 32-bit ids")]
     TooLarge {
         /// Name of the elements.
         what: &'static str,
@@ -187,7 +187,7 @@ impl<'a> Surface<'a> {
     /// Makes a surface over borrowed buffers; vertices of a triangle counter-clockwise seen from outside.
     ///
     /// # Errors
-    /// [`MeshError::IndexOutOfRange`] if a triangle names a vertex beyond the positions, [`MeshError::TooLarge`].
+    /// [`MeshError::IndexOutOfRange`] if a triangle refers to a vertex beyond the positions, [`MeshError::TooLarge`].
     pub fn new(positions: PositionsView<'a>, triangles: &'a [[VertexId; 3]]) -> Result<Self, MeshError> {
         check_size("vertices", positions.len())?;
         check_triangles(bytemuck::cast_slice(triangles), positions.len())?;
@@ -217,7 +217,7 @@ impl<'a> Surface<'a> {
     }
 }
 
-/// The buffers of a mesh, taken apart: what the methods of [`TriMesh`] with these names borrow.
+/// The owned buffers of a mesh; the methods of [`TriMesh`] with the same names borrow them.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -248,8 +248,9 @@ pub struct MeshBuffers {
 
 /// A triangle mesh with wedges.
 ///
-/// A *vertex* is a place; a *wedge* is one set of attributes at a vertex. Triangles name wedges, counter-clockwise seen
-/// from outside. A mesh without seams has one wedge for each vertex, with the same number, and stores no map.
+/// A *vertex* is a position; a *wedge* is one set of attributes at a vertex. Triangles refer to wedges,
+/// counter-clockwise seen from outside. A mesh without seams has one wedge for each vertex, with the same number, and
+/// stores no map.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "MeshBuffers"))]
 pub struct TriMesh {
@@ -458,8 +459,8 @@ impl TriMesh {
     pub fn uvs(&self) -> Option<&[[f32; 2]]> {
         self.uvs.as_deref()
     }
-    /// Colours, one for each wedge: red, green and blue in sRGB, as displayed, and opacity, from 0 to 1. Only meshes of a
-    /// scene of glTF have linear ones, see [`VertexColors`](crate::model::VertexColors).
+    /// Colours, one for each wedge: red, green and blue in sRGB, as displayed, and opacity, from 0 to 1. Only meshes of
+    /// a glTF scene have linear colours, see [`VertexColors`](crate::model::VertexColors).
     pub fn colors(&self) -> Option<&[[f32; 4]]> {
         self.colors.as_deref()
     }
@@ -510,7 +511,7 @@ impl TriMesh {
         Surface { positions: self.positions.view(), triangles }
     }
 
-    /// Takes the mesh apart without copying its buffers.
+    /// Converts the mesh to its buffers, without copying them.
     pub fn into_buffers(self) -> MeshBuffers {
         let Self { triangles, vertex_of, positions, normals, uvs, colors, further, regions } = self;
         MeshBuffers { triangles, vertex_map: vertex_of, positions, normals, uvs, colors, further, regions }

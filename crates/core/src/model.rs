@@ -28,7 +28,7 @@ pub use material::{AlphaMode, Material, Sampler, TextureRef, Wrap};
 pub struct Model {
     /// The meshes, each stored once however often it is placed.
     pub meshes: Vec<ModelMesh>,
-    /// Nodes that place meshes. Children are given by index; roots are those of [`Model::roots`].
+    /// Nodes that place meshes. Children are given by index; the roots are in [`Model::roots`].
     pub nodes: Vec<Node>,
     /// Nodes without a parent that are drawn.
     pub roots: Vec<usize>,
@@ -86,7 +86,7 @@ pub struct Node {
     pub mesh: Option<usize>,
     /// Index of the skin that deforms the mesh.
     pub skin: Option<usize>,
-    /// Weights of the morph targets here, if they differ from those of the mesh.
+    /// Weights of the morph targets here, if they differ from the weights of the mesh.
     pub morph_weights: Option<Vec<f32>>,
 }
 
@@ -117,14 +117,14 @@ impl Model {
     }
 
     /// Returns the model with its meshes replaced by others in the same order, such as simplified ones.
-    /// Nodes, materials, skins and animations stay, so the meshes must have the regions, joints and morph
-    /// targets of those before them.
+    /// Nodes, materials, skins and animations stay, so the new meshes must have the same regions, joints and
+    /// morph targets as the old ones.
     ///
     /// # Panics
     /// If the number of meshes differs.
     #[must_use]
     pub fn with_meshes(&self, meshes: Vec<Arc<TriMesh>>) -> Self {
-        assert_eq!(meshes.len(), self.meshes.len(), "one mesh for each place");
+        assert_eq!(meshes.len(), self.meshes.len(), "the model needs one mesh for each of its meshes");
         let meshes = self.meshes.iter().zip(meshes).map(|(old, mesh)| ModelMesh { mesh, ..old.clone() });
         Self { meshes: meshes.collect(), ..self.clone() }
     }
@@ -166,7 +166,7 @@ impl Model {
         world
     }
 
-    /// Number of triangles drawn: those of a mesh count once for each node that places it.
+    /// Number of triangles drawn: the triangles of a mesh count once for each node that places it.
     pub fn face_count(&self) -> usize {
         self.instances(&Pose::default()).iter().map(|i| self.meshes[i.mesh].mesh.face_count()).sum()
     }

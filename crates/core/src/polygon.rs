@@ -29,9 +29,9 @@ impl Triangulator {
     /// along the shorter one if both do. Larger polygons are cut in the plane of their average normal; holes
     /// connected to the outer boundary by a bridge edge used in both directions are supported.
     /// Self-intersecting or non-finite polygons get the same number of triangles, which may overlap. The sum
-    /// of the signed areas is always that of the polygon. Repeated and collinear corners are used too, in
-    /// triangles without area if nothing else is possible. Cost: O(n) for convex polygons, else about O(n log
-    /// n), O(n²) in the worst case; the work is limited, and what remains then is cut as a fan.
+    /// of the signed areas always equals the area of the polygon. Repeated and collinear corners are used
+    /// too, in triangles without area if nothing else is possible. Cost: O(n) for convex polygons, else about
+    /// O(n log n), O(n²) in the worst case; the work is limited, and what remains then is cut as a fan.
     ///
     /// # Panics
     /// If the number of corners does not fit 32 bits.
@@ -60,8 +60,8 @@ impl Triangulator {
 
     /// Projects the corners to a plane, counter-clockwise; returns false if they have no plane.
     ///
-    /// The plane is that of two axes: dropping a coordinate keeps the others exact, and ears stay ears in any
-    /// projection.
+    /// The plane is spanned by two of the axes: dropping a coordinate keeps the others exact, and ears stay
+    /// ears in any projection.
     fn flatten(&mut self, points: &[[f64; 3]]) -> bool {
         let Some(scale) = scale_of(points) else { return false };
         let at = |i: usize| [0, 1, 2].map(|k| (points[i][k] - points[0][k]) * scale);
@@ -137,10 +137,10 @@ impl Triangulator {
 
         // A second of work at most; polygons of ten thousand corners reach it only if constructed to.
         let mut budget = 100_000_000u64 + 100 * u64::from(n);
-        let mut patience = EarCriterion::Strict;
+        let mut criterion = EarCriterion::Strict;
         let mut tried = 0;
         while left > 3 {
-            let is_ear = self.is_ear(at, patience, &mut budget);
+            let is_ear = self.is_ear(at, criterion, &mut budget);
             if budget == 0 {
                 break;
             }
@@ -149,16 +149,16 @@ impl Triangulator {
                 out.push([b, at, a]);
                 self.unlink(at);
                 left -= 1;
-                self.grid.forget(&mut self.blocks, at);
+                self.grid.remove(&mut self.blocks, at);
                 for corner in [b, a] {
                     if self.blocks[corner as usize] && self.turn_at(corner) > 0.0 {
-                        self.grid.forget(&mut self.blocks, corner);
+                        self.grid.remove(&mut self.blocks, corner);
                     }
                 }
                 if self.grid.is_stale() {
                     self.grid.build(&self.flat, &self.blocks);
                 }
-                patience = EarCriterion::Strict;
+                criterion = EarCriterion::Strict;
                 tried = 0;
                 // Skipping the next corner gives better shapes than a fan around one.
                 at = self.after[a as usize];
@@ -167,7 +167,7 @@ impl Triangulator {
                 at = self.after[at as usize];
                 if tried > left {
                     tried = 0;
-                    patience = match patience {
+                    criterion = match criterion {
                         EarCriterion::Strict => EarCriterion::Touching,
                         EarCriterion::Touching => EarCriterion::Straight,
                         EarCriterion::Straight => EarCriterion::Any,
@@ -197,14 +197,14 @@ impl Triangulator {
         turn(p(self.before[at as usize]), p(at), p(self.after[at as usize]))
     }
 
-    fn is_ear(&self, at: u32, patience: EarCriterion, budget: &mut u64) -> bool {
+    fn is_ear(&self, at: u32, criterion: EarCriterion, budget: &mut u64) -> bool {
         *budget = budget.saturating_sub(1);
         let t = self.turn_at(at);
-        match patience {
+        match criterion {
             EarCriterion::Straight => t == 0.0,
             EarCriterion::Any => t > 0.0,
             EarCriterion::Strict | EarCriterion::Touching => {
-                t > 0.0 && !self.is_blocked(at, patience == EarCriterion::Touching, budget)
+                t > 0.0 && !self.is_blocked(at, criterion == EarCriterion::Touching, budget)
             }
         }
     }
@@ -310,7 +310,7 @@ impl Grid {
         self.column(p[1], 1) * self.side + self.column(p[0], 0)
     }
 
-    fn forget(&mut self, blocks: &mut [bool], corner: u32) {
+    fn remove(&mut self, blocks: &mut [bool], corner: u32) {
         if std::mem::take(&mut blocks[corner as usize]) {
             self.live -= 1;
         }
@@ -540,7 +540,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_polygons_get_an_answer() {
+    fn bad_polygons_are_triangulated_too() {
         cut(&[[0.0; 3]; 7]);
         cut(&[[f64::NAN; 3]; 5]);
         cut(&[[f64::INFINITY, 0.0, 0.0]; 5]);

@@ -137,7 +137,7 @@ impl SurfaceSampler {
         range.map(move |number| {
             let at = (number as f64 + random(seed, number, 0)) / count as f64 * total;
             // The first face is found by binary search, the next ones by stepping; faces without weight end
-            // where they begin.
+            // where they start.
             let mut f = face.unwrap_or_else(|| self.ends.partition_point(|&end| end <= at));
             while f + 1 < self.ends.len() && self.ends[f] <= at {
                 f += 1;
@@ -222,7 +222,7 @@ mod tests {
         [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [f64::NAN, 0.0, 0.0]];
 
     #[test]
-    fn numbers_by_chance_are_those_of_the_paper() {
+    fn random_numbers_match_the_reference_program() {
         // The first outputs of the reference program for the seed 1234567.
         let mut random = Random::new(1_234_567);
         let first = [6_457_827_717_110_365_317, 3_203_168_211_198_807_973, 9_817_491_932_198_370_423];
@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn without_area_edges_count_and_without_edges_faces() {
+    fn without_area_faces_are_weighted_by_perimeter_then_equally() {
         let lines = sampler(&SQUARE, &[[0, 1, 1], [0, 0, 3], [2, 2, 2]]).unwrap();
         let mut counts = [0u32; 3];
         lines.samples(0..1000, 1000, 0).for_each(|x| counts[x.face.index()] += 1);

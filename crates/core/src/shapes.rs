@@ -50,7 +50,7 @@ pub fn tetrahedron() -> TriMesh {
 /// # Panics
 /// If `n` is zero.
 pub fn cube(n: u32) -> TriMesh {
-    assert!(n > 0, "a cube has at least one square a side");
+    assert!(n > 0, "a cube needs at least one square on each side");
     let mut numbers = HashMap::new();
     let mut points = Vec::new();
     let mut triangles = Vec::new();
@@ -135,7 +135,7 @@ pub fn blob(n: u32, seed: u64) -> TriMesh {
 /// # Panics
 /// If `m` or `n` is below three.
 pub fn torus(m: u32, n: u32) -> TriMesh {
-    assert!(m >= 3 && n >= 3, "a torus takes three steps each way");
+    assert!(m >= 3 && n >= 3, "a torus needs at least three steps in each direction");
     let mut points = Vec::new();
     let mut triangles = Vec::new();
     for i in 0..m {
@@ -157,7 +157,7 @@ pub fn torus(m: u32, n: u32) -> TriMesh {
 /// # Panics
 /// If `around` is below three or `up` is zero.
 pub fn cylinder(around: u32, up: u32) -> TriMesh {
-    assert!(around >= 3 && up > 0, "a tube takes three steps round and one up");
+    assert!(around >= 3 && up > 0, "a tube needs at least three steps around and one up");
     let mut points = Vec::new();
     let mut triangles = Vec::new();
     for j in 0..=up {
@@ -174,7 +174,8 @@ pub fn cylinder(around: u32, up: u32) -> TriMesh {
     mesh(points, triangles)
 }
 
-/// The flat unit square, `n` by `n` squares: (n + 1)² vertices, 2 n² faces, 4 n border edges. For zero a triangle.
+/// The flat unit square, `n` by `n` squares: (n + 1)² vertices, 2 n² faces, 4 n border edges. A single triangle if `n`
+/// is zero.
 pub fn grid(n: u32) -> TriMesh {
     if n == 0 {
         return mesh(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]]);
@@ -201,7 +202,7 @@ pub fn wavy_sheet(n: u32) -> TriMesh {
 /// # Panics
 /// If `n` is below eight.
 pub fn grid_with_holes(n: u32) -> TriMesh {
-    assert!(n >= 8, "two holes need eight squares");
+    assert!(n >= 8, "two holes need at least eight squares");
     let hole = n / 4;
     let is_in = |x: u32, from: u32| (from..from + hole).contains(&x);
     let (points, triangles) = grid_parts(n, |i, j| {
@@ -218,7 +219,7 @@ pub fn grid_with_holes(n: u32) -> TriMesh {
 /// # Panics
 /// If `n` is below three.
 pub fn mobius_strip(n: u32) -> TriMesh {
-    assert!(n >= 3, "a strip takes three steps");
+    assert!(n >= 3, "a strip needs at least three squares");
     let mut points = Vec::new();
     let mut triangles = Vec::new();
     for i in 0..n {
@@ -278,16 +279,16 @@ pub fn doubled_sheet(n: u32) -> TriMesh {
     mesh(points, triangles)
 }
 
-/// A [`cube`] of 12 by 12 squares a side, with four bent fins on its upper side that stand on vertices of it. Backs of the
-/// fins are the last faces, on vertices of their own above the feet. 866 + 288 vertices and 1,728 + 512 faces; with
-/// backs 288 and 512 more.
+/// A [`cube`] of 12 by 12 squares a side, with four bent fins on its upper side that share vertices with it. The backs
+/// of the fins are the last faces; except at their feet they have vertices of their own. 866 + 288 vertices and 1,728 +
+/// 512 faces; with backs 288 and 512 more.
 pub fn box_with_fins(has_backs: bool) -> TriMesh {
     const SQUARES: u32 = 12;
     const ROWS: u32 = 8;
     let cube = cube(SQUARES);
     let mut points: Vec<[f64; 3]> = cube.positions().view().iter().collect();
     let mut triangles: Vec<[u32; 3]> = cube.triangles().iter().map(|t| t.map(|w| w.0)).collect();
-    // Vertices of the upper side, by their place among its squares.
+    // Vertices of the upper side, by their column and row.
     let place = |p: &[f64; 3]| p.map(|x| libm::round((x + 0.5) * f64::from(SQUARES)) as u32);
     let upper: HashMap<[u32; 3], u32> = (0..).zip(&points).map(|(v, p)| (place(p), v)).collect();
     for is_back in [false, true].into_iter().filter(|is_back| has_backs || !is_back) {
@@ -393,13 +394,13 @@ pub fn level(n: u32, boxes: u32) -> TriMesh {
 fn mesh(points: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> TriMesh {
     let positions = Positions::F32(points.iter().map(|p| p.map(|x| x as f32)).collect());
     let triangles = triangles.into_iter().map(|t| t.map(VertexId)).collect();
-    TriMesh::new(positions, triangles).expect("shapes use the vertices they have")
+    TriMesh::new(positions, triangles).expect("shapes use existing vertices")
 }
 
 type Parts = (Vec<[f64; 3]>, Vec<[u32; 3]>);
 
 fn grid_parts(n: u32, stays: impl Fn(u32, u32) -> bool) -> Parts {
-    assert!(n > 0, "a sheet has at least one square a side");
+    assert!(n > 0, "a sheet needs at least one square on each side");
     let mut points = Vec::new();
     let mut triangles = Vec::new();
     for j in 0..=n {

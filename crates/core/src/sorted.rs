@@ -1,13 +1,13 @@
 //! Sorting by integer keys: one piece of machine code serves many lists, which keeps WebAssembly modules small.
 
-/// An integer that sorts as a number does in the order of [`f64::total_cmp`].
+/// Returns an integer that sorts as the number does in the order of [`f64::total_cmp`].
 pub fn key_of(x: f64) -> u64 {
     let bits = x.to_bits();
-    // Negative numbers descend with their bits.
+    // Negative numbers get smaller as their bits grow.
     if bits >> 63 == 0 { bits | 1 << 63 } else { !bits }
 }
 
-/// Returns the indices of keys in the order of the keys, those of equal ones ascending. Cost: O(n log n), 24 bytes per
+/// Returns the indices of keys in the order of the keys; indices of equal keys ascend. Cost: O(n log n), 24 bytes per
 /// key.
 ///
 /// # Panics
@@ -19,7 +19,7 @@ pub fn indices_by_key(keys: impl IntoIterator<Item = u64>) -> Vec<usize> {
     all.into_iter().map(|(_, i)| i as usize).collect()
 }
 
-/// Sorts pairs of numbers. (Not inlined, so that there is one.)
+/// Sorts pairs of numbers. (Not inlined, so that the code exists once.)
 #[inline(never)]
 pub fn sort_pairs(all: &mut [(u64, u32)]) {
     all.sort_unstable();

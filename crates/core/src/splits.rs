@@ -6,7 +6,7 @@
 //!            <-contraction 0-           <-contraction n-1-
 //! ```
 //!
-//! Elements are numbered in the order of their creation, from the base on: at any level those below
+//! Elements are numbered in the order of their creation, from the base on: at any level the elements below
 //! [`Counts`] exist, and those beyond do not exist yet. All arrays hold an element *as it is right after the
 //! split that creates it*. Changes of older elements by a split are in [`Changes`], each with the value
 //! *after* the split; the value before it is the current one of the decoder. So nothing is stored twice, and
@@ -29,7 +29,7 @@ use crate::mesh::{Positions, Semantic};
 #[non_exhaustive]
 pub enum SplitsError {
     /// An array does not have the length that other arrays require.
-    #[error("{array} has {got} entries for {wanted}")]
+    #[error("{array}: {got} entries, expected {wanted}")]
     WrongLength {
         /// The array.
         array: &'static str,
@@ -39,27 +39,27 @@ pub enum SplitsError {
         wanted: usize,
     },
     /// A number that must not decrease does, or exceeds the limit.
-    #[error("{array} is out of order at entry {entry}")]
+    #[error("{array}: out of order at entry {entry}")]
     OutOfOrder {
         /// The array.
         array: &'static str,
         /// Index of the entry.
         entry: usize,
     },
-    /// An entry names an element that does not exist at its level.
-    #[error("{array}, entry {entry}: {index} is named where {count} are there")]
+    /// An entry refers to an element that does not exist at its level.
+    #[error("{array}, entry {entry}: index {index} is out of range, {count} exist at this level")]
     OutOfRange {
         /// The array.
         array: &'static str,
         /// Index of the entry.
         entry: usize,
-        /// The number that it names.
+        /// The number that it refers to.
         index: u32,
         /// Number of elements at that level.
         count: usize,
     },
-    /// Single and double precision are mixed, or wedges belong to vertices in two ways.
-    #[error("{array} does not fit the mesh: {wanted}")]
+    /// Single and double precision are mixed, or the map from wedges to vertices is stored twice.
+    #[error("{array}: does not fit the mesh, expected {wanted}")]
     Unfit {
         /// The array.
         array: &'static str,
@@ -67,7 +67,7 @@ pub enum SplitsError {
         wanted: &'static str,
     },
     /// More entries than 32-bit numbers can count.
-    #[error("{array} has {count} entries, more than can be counted")]
+    #[error("{array}: {count} entries, too many for 32-bit numbers")]
     TooLarge {
         /// The array.
         array: &'static str,
@@ -111,7 +111,7 @@ impl Layout {
 }
 
 /// Changes that splits make to existing elements: `at[i]` becomes `to[i]`, for split s with i from `ends[s]`
-/// to `ends[s + 1]`. If one split names an element twice, the later entry counts.
+/// to `ends[s + 1]`. If one split changes an element twice, the later entry counts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Changes<A, T> {
     /// End offsets of the splits, one more than there are splits; the first is 0.
@@ -424,7 +424,7 @@ mod tests {
 
     /// ```text
     ///   2         2-3
-    ///  / \   ->  / \|      vertex 3 is born with face 1; vertex 1 moves
+    ///  / \   ->  / \|      vertex 3 is created with face 1; vertex 1 moves
     /// 0---1     0---1
     /// ```
     fn one_split() -> SplitData {
@@ -459,17 +459,17 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_there_yet_is_named() {
-        let refused = |spoil: fn(&mut SplitData)| {
+    fn references_to_later_elements_are_errors() {
+        let refused = |corrupt: fn(&mut SplitData)| {
             let mut data = one_split();
-            spoil(&mut data);
+            corrupt(&mut data);
             Splits::new(data).unwrap_err()
         };
         let early = refused(|d| d.faces[0][2] = WedgeId(3));
         assert_eq!(early, SplitsError::OutOfRange { array: "faces", entry: 0, index: 3, count: 3 });
-        let young = refused(|d| d.places.at[0] = VertexId(3));
+        let too_new = refused(|d| d.places.at[0] = VertexId(3));
         assert_eq!(
-            young,
+            too_new,
             SplitsError::OutOfRange { array: "changes of places", entry: 0, index: 3, count: 3 }
         );
         assert!(matches!(refused(|d| d.counts.clear()), SplitsError::WrongLength { .. }));
@@ -490,7 +490,7 @@ mod tests {
     }
 
     #[test]
-    fn an_original_names_each_number_once() {
+    fn an_original_has_each_number_once() {
         let with = |vertices: [u32; 4]| {
             let mut data = one_split();
             let ids = vertices.to_vec();

@@ -18,9 +18,9 @@ pub use size::{Size, size_of};
 
 /// Adjacency of the faces of a surface.
 ///
-/// Each corner of each face names the half-edge that leaves it. The half-edges over the same two vertices, in
-/// either direction, form a ring: one on a border, two inside a manifold surface, more on a non-manifold
-/// edge. Faces that name a vertex twice keep their number but are not part of it.
+/// Each corner of each face identifies the half-edge that leaves it. The half-edges over the same two
+/// vertices, in either direction, form a ring: one on a border, two inside a manifold surface, more on a
+/// non-manifold edge. Faces that use a vertex twice keep their number but are not part of the topology.
 ///
 /// ```text
 ///        2                half-edge h leaves corner h of face h / 3;
@@ -68,7 +68,7 @@ impl Topology {
     /// face, 45 during construction.
     ///
     /// # Panics
-    /// If there are more corners than 32-bit ids can name.
+    /// If there are more corners than 32-bit ids can number.
     pub fn new(surface: &Surface<'_>) -> Self {
         let welded = weld(surface.positions());
         Self::build(surface, |v| welded.of(v))
@@ -105,8 +105,8 @@ impl Topology {
     fn link_edges(&mut self, vertex_count: usize) {
         let live = |h: &HalfEdgeId| !self.is_degenerate(h.face());
         let half_edges = || (0..self.origin.len() as u32).map(HalfEdgeId).filter(live);
-        let lesser = |h: HalfEdgeId| self.origin(h).min(self.target(h));
-        let (start, sorted) = bucket(vertex_count, half_edges, lesser);
+        let lower_end = |h: HalfEdgeId| self.origin(h).min(self.target(h));
+        let (start, sorted) = bucket(vertex_count, half_edges, lower_end);
         let mut ring = vec![NO_RING; self.origin.len()];
         let (mut edges, mut first_of_many) = (Vec::new(), Vec::new());
         for at in start.windows(2).map(|w| &sorted[w[0] as usize..w[1] as usize]) {
@@ -158,7 +158,7 @@ impl Topology {
     pub fn face_count(&self) -> usize {
         self.origin.len() / 3
     }
-    /// True if a face names a vertex twice, and so is not part of the topology.
+    /// True if a face uses a vertex twice, and so is not part of the topology.
     #[inline]
     pub fn is_degenerate(&self, face: FaceId) -> bool {
         let h = face.index() * 3;

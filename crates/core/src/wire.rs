@@ -1,8 +1,8 @@
 //! Fields of types that serde sends to another process: shared values, and long lists of numbers as bytes.
 //!
-//! For a process of the same program on the same machine: the bytes are in its own order.
+//! For a process of the same program on the same machine: the bytes are in native order.
 
-/// A value that is shared, which is sent as itself.
+/// A shared value (`Arc`), sent as a plain value.
 pub mod shared {
     use std::sync::Arc;
 
@@ -11,7 +11,7 @@ pub mod shared {
     /// Writes the value.
     ///
     /// # Errors
-    /// Those of the format.
+    /// Errors of the format.
     pub fn serialize<T: Serialize, S: Serializer>(value: &Arc<T>, to: S) -> Result<S::Ok, S::Error> {
         T::serialize(value, to)
     }
@@ -19,7 +19,7 @@ pub mod shared {
     /// Reads a value.
     ///
     /// # Errors
-    /// Those of the format.
+    /// Errors of the format.
     pub fn deserialize<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<Arc<T>, D::Error> {
         T::deserialize(from).map(Arc::new)
     }
@@ -59,7 +59,7 @@ pub mod plain {
     /// Writes the bytes of all values.
     ///
     /// # Errors
-    /// Those of the format.
+    /// Errors of the format.
     pub fn serialize<T: Pod, S: Serializer>(values: &[T], to: S) -> Result<S::Ok, S::Error> {
         to.serialize_bytes(bytemuck::cast_slice(values))
     }
@@ -67,7 +67,7 @@ pub mod plain {
     /// Reads values.
     ///
     /// # Errors
-    /// Those of the format, and a number of bytes that does not fit.
+    /// Errors of the format, and a number of bytes that does not fit.
     pub fn deserialize<'de, T: Pod, D: Deserializer<'de>>(from: D) -> Result<Vec<T>, D::Error> {
         from.deserialize_bytes(Bytes(PhantomData))
     }

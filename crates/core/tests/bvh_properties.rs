@@ -1,4 +1,4 @@
-//! Property tests of the tree: it finds the same as testing every face.
+//! Property tests of the tree: it finds the same result as testing every face.
 
 use glam::DVec3;
 use lodsmith_core::geometry::triangle;

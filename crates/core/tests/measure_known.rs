@@ -101,7 +101,7 @@ fn assert_same_but_for_scale(a: &Comparison, b: &Comparison, scale: f64, part: f
 }
 
 #[test]
-fn a_larger_sphere_lies_the_difference_of_radii_away() {
+fn the_distance_of_concentric_spheres_is_the_difference_of_radii() {
     let (small, large) = (sphere(40), sphere(40).map(|p| p.map(|x| 1.1 * x)));
     let c = measure(&small, &large);
     // Facets of 1/40 of a quarter turn deviate by less than 3e-4 of the radius.
@@ -127,7 +127,7 @@ fn a_shifted_plane_lies_the_shift_away() {
 
 #[test]
 fn a_tilted_plane_has_the_angle_and_the_integral() {
-    // Hinged at x = 0: the height above the flat one rises linearly from 0 to the sine.
+    // Hinged at x = 0: the height above the flat plane rises linearly from 0 to the sine.
     let angle = 0.01f64;
     let tilted = plane(4).map(|[x, y, _]| [x * angle.cos(), y, x * angle.sin()]);
     let c = compare(&plane(9).surface(), &tilted.surface(), &options(50_000, 3)).unwrap();
@@ -278,7 +278,7 @@ fn meshes_without_area_have_distances_all_the_same() {
 }
 
 #[test]
-fn what_has_no_face_is_named() {
+fn the_error_says_which_mesh_has_no_face() {
     let none = Mesh { positions: vec![[0.0; 3]], triangles: vec![] };
     let broken = Mesh { positions: vec![[f64::NAN; 3]], triangles: vec![[0, 0, 0]] };
     let good = plane(1);

@@ -49,7 +49,7 @@ fn check(from: &Prepared, to: &Prepared, wanted: f64) {
 }
 
 #[test]
-fn planes_lie_as_far_apart_as_they_do() {
+fn parallel_planes_have_their_distance() {
     for n in [1, 2, 7, 40] {
         for m in [1, 3, 8, 33] {
             let (a, b) = (prepared(&square(n, |_, _| 0.0)), prepared(&square(m, |_, _| 0.1)));
@@ -109,7 +109,7 @@ fn points_segments_and_needles_are_proven_too() {
 }
 
 #[test]
-fn places_of_the_range_of_doubles_end() {
+fn extreme_coordinates_give_a_result() {
     let near = prepared(&square(2, |_, _| 0.0));
     let far = prepared(&[[[1e200, 0.0, 0.0], [0.0, 1e200, 0.0], [0.0, 0.0, 1e200]]]);
     assert!(matches!(prove_within(&far, &near, 1.0), WithinResult::No(_)));
@@ -171,7 +171,7 @@ fn no_sample_of_a_soup_lies_beyond_its_bound() {
 }
 
 #[test]
-fn answers_do_not_hang_on_the_order_of_the_faces() {
+fn results_do_not_depend_on_the_order_of_the_faces() {
     // Threads take pieces of fixed size; the tree sorts the faces.
     let state = &mut 3;
     let (mut a, b) = (soup(3000, state), soup(500, state));

@@ -109,7 +109,7 @@ proptest! {
     }
 
     #[test]
-    fn a_weld_within_a_distance_keeps_its_word(mesh in any_soup(), distance in 0.0..2.0f64) {
+    fn a_weld_within_a_distance_follows_its_rule(mesh in any_soup(), distance in 0.0..2.0f64) {
         let positions = mesh.positions().view();
         let got = weld_within(positions, distance);
         // The documented rule: the lowest representative within the distance.

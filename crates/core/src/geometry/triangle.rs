@@ -107,8 +107,8 @@ pub fn double_area_normal(corners: [DVec3; 3]) -> DVec3 {
     if normal.length() > 1e-14 * longest_sq { normal } else { DVec3::ZERO }
 }
 
-/// Returns the barycentric coordinates of a point on a triangle; those of the nearest corner if it has no
-/// area.
+/// Returns the barycentric coordinates of a point on a triangle; the coordinates of the nearest corner if it
+/// has no area.
 pub fn weights_at(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
     let n = (b - a).cross(c - a);
     let area = n.length_squared();
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn the_area_of_a_needle_is_none() {
+    fn a_needle_has_no_area() {
         let t = [DVec3::ZERO, DVec3::X, DVec3::Y * 2.0];
         assert_eq!(double_area_normal(t), DVec3::Z * 2.0);
         let third = DVec3::ONE / 3.0;

@@ -42,13 +42,13 @@ pub struct AttributeErrors {
     pub colors: Option<AttributeError>,
 }
 
-/// Compares attributes at the samples of each mesh with those at the nearest points of the other.
+/// Compares attributes at the samples of each mesh with the attributes at the nearest points of the other.
 ///
-/// If the nearest point lies on another texture chart, or on a sheet that faces the other way, a point on
-/// the right one is used instead if it is farther away by no more than 0.2 % of the reference's diagonal: a
-/// seam that has moved by so little is not a texture error. Of each chart only the nearest point counts, and
-/// of these the one whose texture coordinates agree best. A seam that has moved farther is an error over the
-/// whole area between. Cost: as [`super::compare`] without vertices.
+/// If the nearest point lies on another texture chart, or on a sheet that faces the other way, a point on the
+/// right one is used instead if it is farther away by no more than 0.2 % of the reference's diagonal: a seam
+/// that has moved by so little is not a texture error. Only the nearest point of each chart counts, and of
+/// these points the one whose texture coordinates agree best. A seam that has moved farther is an error over
+/// the whole area between. Cost: as [`super::compare`] without vertices.
 ///
 /// # Errors
 /// [`MeasureError::Empty`] if either mesh has no face with finite corners.
@@ -113,8 +113,8 @@ impl AttributeError {
 /// Maximum extra distance of the right side of a seam over the nearest point, as a share of the diagonal.
 /// (Chosen on three textured models at 50 to 5 %: seams of good results move by less.)
 const SEAM_TOLERANCE: f64 = 2e-3;
-/// Texture coordinates that differ by less are of the same chart, and no other is searched for. (Guessed: ten
-/// texels of 1,024.)
+/// Texture coordinates that differ by less belong to the same chart, and no other chart is searched for.
+/// (Guessed: ten texels of 1,024.)
 const SAME_CHART_UV: f64 = 0.01;
 /// Maximum number of faces examined in the search for another chart. (Guessed: a surface within `SEAM_TOLERANCE` has
 /// some hundred at ten million faces; only a point far from everything is as near to more.)
@@ -294,7 +294,7 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
-/// Returns the chart of each face: faces that share a position with equal texture coordinates are of one
+/// Returns the chart of each face: faces that share a position with equal texture coordinates belong to one
 /// chart. Empty without texture coordinates.
 fn charts(mesh: &TriMesh) -> Vec<u32> {
     let Some(uvs) = mesh.uvs() else { return Vec::new() };
@@ -410,7 +410,7 @@ mod tests {
     }
 
     #[test]
-    fn charts_are_told_apart_and_soups_join() {
+    fn charts_are_separate_and_soups_are_joined() {
         assert_eq!(charts(&two_charts(1.0)), [0, 0, 2, 2]);
         let mut plain = two_charts(1.0);
         plain.set_uvs(None).unwrap();

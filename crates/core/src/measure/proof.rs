@@ -7,8 +7,8 @@
 //! ```
 //!
 //! The distance to a face is convex because the face is, so over a convex piece it is largest at a corner. A
-//! piece is cut along the prism over the face nearest to its middle, a little outside of it, so the number of
-//! parts is about that of the faces below the piece; a piece much larger than that face is halved.
+//! piece is cut along the prism over the face nearest to its middle, a little outside of it, so there are
+//! about as many parts as faces below the piece; a piece much larger than that face is halved.
 
 mod piece;
 
@@ -129,8 +129,8 @@ const FACE_SAMPLES: [[f64; 3]; 7] = {
         [SIXTH, SIXTH, TWO_THIRDS],
     ]
 };
-/// With more faces than this no points inside faces are tested, with more than a fifth of it only the first
-/// four. (Guessed: few enough that a run to a count takes longer.)
+/// With more faces than this no points inside faces are tested, with more than a fifth of this number only
+/// the first four. (Guessed: few enough that simplifying to a face count takes longer.)
 const MAX_FACES_FOR_MIDDLES: usize = 50_000;
 
 /// True if all tested places of `from` lie within a distance of `to`: the vertices, and up to seven points of
@@ -222,13 +222,13 @@ struct ProofState {
     left: Vec<Piece>,
 }
 
-fn all_within(from: &Prepared, to: &Prepared, mut rule: ProofLimits<'_>) -> ProofState {
+fn all_within(from: &Prepared, to: &Prepared, mut limits: ProofLimits<'_>) -> ProofState {
     let (source, target) = (from.tree(), to.tree());
     let count = source.face_count();
     let max_steps = BASE_STEPS.saturating_add(MAX_STEPS_PER_FACE.saturating_mul(count + target.face_count()));
     let mut all = ProofState::default();
     let first = chunks::map_by(FACES_PER_TASK, count, |faces| {
-        let mut search = PieceSearch::new(target, rule);
+        let mut search = PieceSearch::new(target, limits);
         let mut hint = u32::MAX;
         for slot in faces {
             let corners = source.slot_corners(slot as u32).map(|p| source.frame().to(target.frame(), p));
@@ -238,14 +238,14 @@ fn all_within(from: &Prepared, to: &Prepared, mut rule: ProofLimits<'_>) -> Proo
         search.found()
     });
     all.add(first);
-    while !all.left.is_empty() && !rule.is_over.load(Ordering::Relaxed) {
-        if let Some(tolerance) = rule.tolerance {
-            rule.limit = rule.limit.max(all.seen * (1.0 + tolerance));
+    while !all.left.is_empty() && !limits.is_over.load(Ordering::Relaxed) {
+        if let Some(tolerance) = limits.tolerance {
+            limits.limit = limits.limit.max(all.seen * (1.0 + tolerance));
         }
         let pieces = std::mem::take(&mut all.left);
         let is_last = all.steps > max_steps;
         let parts = chunks::map_by(PIECES_PER_TASK, pieces.len(), |range| {
-            let mut search = PieceSearch::new(target, rule);
+            let mut search = PieceSearch::new(target, limits);
             if is_last {
                 pieces[range].iter().for_each(|piece| search.bound_piece(piece));
             } else {
@@ -277,7 +277,7 @@ impl ProofState {
 /// A depth-first search; the last piece is handled first.
 struct PieceSearch<'a> {
     to: &'a Bvh,
-    rule: ProofLimits<'a>,
+    limits: ProofLimits<'a>,
     pieces: Vec<Piece>,
     seen: f64,
     bound: f64,
@@ -287,8 +287,8 @@ struct PieceSearch<'a> {
 }
 
 impl<'a> PieceSearch<'a> {
-    fn new(to: &'a Bvh, rule: ProofLimits<'a>) -> Self {
-        Self { to, rule, pieces: Vec::new(), seen: 0.0, bound: 0.0, steps: 0, near: u32::MAX }
+    fn new(to: &'a Bvh, limits: ProofLimits<'a>) -> Self {
+        Self { to, limits, pieces: Vec::new(), seen: 0.0, bound: 0.0, steps: 0, near: u32::MAX }
     }
 
     fn found(self) -> ProofState {
@@ -298,7 +298,7 @@ impl<'a> PieceSearch<'a> {
     /// Runs until no piece is left, or `steps` steps are taken in total. Returns the face that was nearest
     /// last.
     fn run(&mut self, steps: usize) -> u32 {
-        while self.steps < steps && !self.rule.is_over.load(Ordering::Relaxed) {
+        while self.steps < steps && !self.limits.is_over.load(Ordering::Relaxed) {
             let Some(piece) = self.pieces.pop() else { break };
             self.steps += 1;
             self.process_piece(piece);
@@ -328,7 +328,7 @@ impl<'a> PieceSearch<'a> {
     /// True if all corners lie within the limit of one face. Most faces fail at the first corner.
     fn is_near(&mut self, piece: &Piece, slot: u32) -> bool {
         let face = self.to.slot_corners(slot);
-        let limit_sq = self.rule.limit * self.rule.limit;
+        let limit_sq = self.limits.limit * self.limits.limit;
         let mut far = 0f64;
         for p in piece.corners() {
             far = far.max(triangle::nearest(*p, face).distance_sq);
@@ -342,7 +342,7 @@ impl<'a> PieceSearch<'a> {
 
     fn accept(&mut self, bound: f64, slot: u32) {
         // The root of a number below the square of the limit may round to above the limit.
-        self.bound = self.bound.max(bound.min(self.rule.limit));
+        self.bound = self.bound.max(bound.min(self.limits.limit));
         self.near = slot;
     }
 
@@ -355,7 +355,7 @@ impl<'a> PieceSearch<'a> {
         let middle = piece.middle();
         let to = self.to;
         // Faces within the limit of the middle, nearest first: one of them may suffice for the whole piece.
-        let limit_sq = self.rule.limit * self.rule.limit;
+        let limit_sq = self.limits.limit * self.limits.limit;
         let (mut nearest_sq, mut slot, mut is_done) = (f64::INFINITY, u32::MAX, false);
         to.visit(middle, limit_sq, |near| {
             let distance_sq = triangle::nearest(middle, to.slot_corners(near)).distance_sq;
@@ -375,7 +375,7 @@ impl<'a> PieceSearch<'a> {
             let Some(hit) = to.closest_slot(middle, f64::INFINITY, &mut Hint::at(tried)) else {
                 // Too far away for the square to fit a double.
                 (self.seen, self.bound) = (f64::INFINITY, f64::INFINITY);
-                self.rule.is_over.store(true, Ordering::Relaxed);
+                self.limits.is_over.store(true, Ordering::Relaxed);
                 return;
             };
             (nearest_sq, slot) = (hit.distance_sq, hit.slot);
@@ -387,18 +387,18 @@ impl<'a> PieceSearch<'a> {
         let height = nearest_sq.sqrt();
         self.seen = self.seen.max(height);
         if nearest_sq > limit_sq {
-            match self.rule.tolerance {
-                Some(tolerance) => self.rule.limit = height * (1.0 + tolerance),
+            match self.limits.tolerance {
+                Some(tolerance) => self.limits.limit = height * (1.0 + tolerance),
                 None => {
                     // The root may have been rounded down.
-                    self.seen = self.seen.max(self.rule.limit.next_up());
-                    return self.rule.is_over.store(true, Ordering::Relaxed);
+                    self.seen = self.seen.max(self.limits.limit.next_up());
+                    return self.limits.is_over.store(true, Ordering::Relaxed);
                 }
             }
         }
         let radius = piece.radius(middle);
         let bound = height + radius;
-        if bound <= self.rule.limit || radius <= MIN_PIECE_RADIUS {
+        if bound <= self.limits.limit || radius <= MIN_PIECE_RADIUS {
             self.bound = self.bound.max(bound);
             self.near = slot;
             return;
@@ -411,7 +411,7 @@ impl<'a> PieceSearch<'a> {
         let face = self.to.slot_corners(slot);
         let normal = double_area_normal(face).normalize_or_zero();
         let longest = (0..3).map(|k| face[k].distance(face[(k + 1) % 3])).fold(0.0, f64::max);
-        let limit = self.rule.limit;
+        let limit = self.limits.limit;
         let is_useful =
             piece.cut_by != slot && longest >= MIN_CUT_FACE * limit && radius <= MAX_CUT_RADIUS * longest;
         if !is_useful || normal == glam::DVec3::ZERO || !piece.has_room() {

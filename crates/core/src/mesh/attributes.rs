@@ -48,7 +48,7 @@ pub enum Semantic {
     /// Any number of values under a name, which may be blended.
     Custom(String),
     /// Whole numbers under a name that identify something: a feature, a label, a row of a table. They are
-    /// never blended: a wedge of a result has those of one wedge of its source, and writers keep their type.
+    /// never blended: a wedge of a result has the values of one source wedge, and writers keep their type.
     /// Values are exact up to 16,777,216.
     Discrete {
         /// The name.

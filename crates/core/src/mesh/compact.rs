@@ -8,7 +8,7 @@ use crate::mesh::weld::{kept, renumbered};
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Compacted {
-    /// The mesh; its triangles are those of the source, in their order.
+    /// The mesh, with all triangles of the source in the same order.
     pub mesh: TriMesh,
     /// Number of vertices that no face used.
     pub dropped_vertex_count: usize,

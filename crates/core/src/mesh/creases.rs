@@ -7,8 +7,8 @@ use crate::mesh::{Attribute, MeshError, Surface, TriMesh};
 use super::normals::{cross, dot, sub, unit};
 use super::weld::weld;
 
-/// Number of faces of a mesh whose edges are looked at for [`Creases::Auto`]; of larger ones some are left out.
-/// (Guessed: hundreds of thousands of edges are enough for a share in percent.)
+/// Number of faces of a mesh from which [`Creases::Auto`] examines only some of the edges. (Guessed: hundreds of
+/// thousands of edges are enough for a share in percent.)
 const SAMPLED_FACES: usize = 1 << 18;
 /// No wedge.
 const NONE: u32 = u32::MAX;
@@ -17,19 +17,19 @@ const NONE: u32 = u32::MAX;
 /// sides or more are round. (Between the 30° of Blender's "Shade Auto Smooth" and the 40° of CAD viewers.)
 pub const CREASE_ANGLE_DEG: f64 = 35.0;
 
-/// A face whose height is less than this part of the largest coordinate has no normal of its own: that of its corners'
-/// rounding is as large. (Six digits, which text formats commonly have.)
+/// A face whose height is less than this fraction of the largest coordinate has no reliable normal: the rounding of its
+/// corners is as large. (Six digits, which text formats commonly have.)
 const MIN_HEIGHT: f64 = 1e-6;
-/// Rounds in which such faces take the normal of a neighbour. (Guessed: they seldom lie together.)
+/// Number of rounds in which such faces take the normal of a neighbour. (Guessed: they are seldom adjacent.)
 const NEIGHBOUR_ROUNDS: usize = 3;
 
 /// Computes a normal for each corner of each face: the mean of the normals of the faces around its vertex, weighted by
-/// their angles there, over those faces that are reached from it without crossing a crease: an edge whose faces differ
-/// by more than `angle_deg` degrees.
+/// their angles there. Only faces count that can be reached from it without crossing a crease: an edge whose face
+/// normals differ by more than `angle_deg` degrees.
 ///
 /// `place` returns the representative of all vertices at the same position; the identity if vertices are already
-/// welded. Normals are of unit length. A face whose normal is lost in the rounding of its positions takes that of a
-/// neighbour, else the z axis. Cost: O(n), and O(v log v) at a vertex of v faces; some 150 bytes per face.
+/// welded. Normals are of unit length. A face whose normal is lost in the rounding of its positions takes the normal of
+/// a neighbour, else the z axis. Cost: O(n), and O(v log v) at a vertex of v faces; some 150 bytes per face.
 pub fn corner_normals(
     surface: &Surface<'_>,
     place: impl Fn(VertexId) -> VertexId,
@@ -68,7 +68,7 @@ pub fn corner_normals(
     (0..normals.len()).map(|face| [0, 1, 2].map(|corner| of_corner(face, corner))).collect()
 }
 
-/// A mesh whose wedges are split where its normals break.
+/// A mesh whose wedges are split where its normals are discontinuous.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct SplitMesh {
@@ -128,7 +128,7 @@ pub fn split_at_creases(mesh: &TriMesh, angle_deg: f64) -> Result<SplitMesh, Mes
     Ok(SplitMesh { mesh: split, copies, normals })
 }
 
-/// Returns values of which each wedge has `width`, with those of the copies.
+/// Returns per-wedge values, `width` for each wedge, followed by the values of the copies.
 pub fn with_copies<T: Copy>(values: &[T], width: usize, copies: &[WedgeId]) -> Vec<T> {
     let of_copies = copies.iter().flat_map(|w| &values[w.index() * width..][..width]);
     values.iter().chain(of_copies).copied().collect()
@@ -170,25 +170,26 @@ impl Creases {
     }
 }
 
-/// How much of the edges of meshes is flat and how much is sharp.
+/// The shares of flat and of sharp edges in meshes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct EdgeAngles {
     /// Length of all edges, relative to their mesh.
     all: f64,
-    /// Length of those between faces of one plane.
+    /// Length of the edges between coplanar faces.
     flat: f64,
-    /// Length of those above [`CREASE_ANGLE_DEG`].
+    /// Length of the edges above [`CREASE_ANGLE_DEG`].
     sharp: f64,
 }
 
-/// The angle in degrees below which two faces lie in one plane.
+/// The angle in degrees below which two faces count as coplanar.
 const FLAT_DEG: f64 = 0.5;
-/// Share of flat edges from which a shape is made of surfaces that meet in sharp edges, if there are any. (Measured with
-/// the test models: CAD models and other constructed ones have 35 to 92 %; scans and terrains 0.6 to 14 %, and fewer
-/// once they are reduced. The share of sharp edges says little: it falls as the triangles become smaller.)
+/// Share of flat edges from which a shape counts as made of surfaces that meet in sharp edges, if there are sharp
+/// edges. (Measured with the test models: CAD models and other constructed models have 35 to 92 %; scans and terrains
+/// 0.6 to 14 %, and less once they are simplified. The share of sharp edges says little: it falls as the triangles
+/// become smaller.)
 const MIN_FLAT_SHARE: f64 = 0.2;
-/// Share of sharp edges from which all are meant to be sharp: those of a box, a pyramid, an icosahedron. (Guessed;
-/// organic shapes reduced to a hundred triangles have up to 72 %.)
+/// Share of sharp edges from which all edges are meant to be sharp: a box, a pyramid, an icosahedron. (Guessed; organic
+/// shapes reduced to a hundred triangles have up to 72 %.)
 const ALL_SHARP_SHARE: f64 = 0.95;
 
 impl EdgeAngles {
@@ -282,7 +283,8 @@ impl Edges {
         Self { sides, starts }
     }
 
-    /// Calls a function with the sides of each edge, two at a time: of more than two, each with the next.
+    /// Calls a function with pairs of sides of each edge: if an edge has more than two sides, each side with
+    /// the next.
     fn for_each_pair(&self, mut of: impl FnMut(Side, Side)) {
         for range in self.starts.windows(2) {
             for pair in self.sides[range[0] as usize..range[1] as usize].windows(2) {
@@ -293,7 +295,7 @@ impl Edges {
         }
     }
 
-    /// Returns the normal of each face; of one without its own that of a neighbour.
+    /// Returns the normal of each face; a face without a normal takes that of a neighbour.
     fn face_normals(&self, surface: &Surface<'_>) -> Vec<Option<[f64; 3]>> {
         let extent = extent(surface);
         let mut normals: Vec<Option<[f64; 3]>> =
@@ -382,7 +384,7 @@ mod tests {
     }
 
     #[test]
-    fn without_creases_they_are_the_normals_of_vertices() {
+    fn without_creases_corner_normals_are_vertex_normals() {
         for mesh in [shapes::cube(3), shapes::blob(3, 4), shapes::torus(20, 12)] {
             let of_vertex = super::super::normals::vertex_normals(&mesh.surface(), |v| v);
             for (vertices, corners) in mesh.surface().triangles().iter().zip(normals(&mesh, 180.0)) {
@@ -458,7 +460,7 @@ mod tests {
         given.set_normals(Some(vec![[0.0, 0.0, 1.0]; given.wedge_count()])).unwrap();
         assert_eq!(auto(&given), None);
         assert_eq!(Creases::Above(20.0).angle_deg([&given]), Some(20.0));
-        // Of a large mesh some edges are looked at.
+        // Only some edges of a large mesh are examined.
         assert_eq!(auto(&shapes::cube(160)), Some(CREASE_ANGLE_DEG));
     }
 

@@ -1,4 +1,4 @@
-//! Defects of a mesh: counting them, and removing those that engines cannot work on.
+//! Defects of a mesh: counting them, and removing defects that engines cannot handle.
 
 use crate::ids::{FaceId, VertexId};
 use crate::mesh::weld::{Weld, weld, weld_within};
@@ -13,7 +13,7 @@ pub const ZERO_AREA: f64 = 1e-14;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Defects {
-    /// Faces that name a vertex twice.
+    /// Faces that use a vertex twice.
     pub degenerate_face_count: usize,
     /// Faces without area (see [`ZERO_AREA`]), including the degenerate ones.
     pub zero_area_face_count: usize,
@@ -26,7 +26,7 @@ pub struct Defects {
     pub non_finite_face_count: usize,
     /// Vertices with a non-finite coordinate, counted before welding.
     pub non_finite_vertex_count: usize,
-    /// Vertices that no face names, counted before welding.
+    /// Vertices that no face uses, counted before welding.
     pub unused_vertex_count: usize,
 }
 
@@ -107,7 +107,7 @@ pub struct Duplicates {
 /// vertex.
 ///
 /// # Panics
-/// If a triangle names a vertex beyond `vertex_count`.
+/// If a triangle refers to a vertex beyond `vertex_count`.
 pub fn duplicates(triangles: &[[VertexId; 3]], vertex_count: usize) -> Duplicates {
     let mut found = Duplicates::default();
     // Faces by their lowest vertex: equal faces fall into the same bucket, and buckets are small.
@@ -161,11 +161,11 @@ pub struct CleanSurface {
     /// The remaining faces, in their order, over vertices that represent themselves in `weld`; each starts
     /// with the same corner as in the source.
     pub triangles: Vec<[VertexId; 3]>,
-    /// The weld. Numbers are those of the source's positions: nothing is moved.
+    /// The weld. It uses the numbers of the source positions: nothing is moved.
     pub weld: Weld,
     /// Number of vertices that the faces use.
     pub vertex_count: usize,
-    /// Faces dropped because they name a vertex twice, once welded.
+    /// Faces dropped because they use a vertex twice after welding.
     pub degenerate_count: usize,
     /// Faces dropped because an earlier one has the same vertices and winding.
     pub duplicate_count: usize,
@@ -241,7 +241,7 @@ fn non_finite(positions: PositionsView<'_>) -> impl Iterator<Item = VertexId> + 
         .filter(move |&v| positions.get(v).iter().any(|x| !x.is_finite()))
 }
 
-/// True if a triangle names a vertex twice.
+/// True if a triangle uses a vertex twice.
 #[inline]
 pub(crate) fn repeats(t: [VertexId; 3]) -> bool {
     t[0] == t[1] || t[1] == t[2] || t[2] == t[0]

@@ -20,12 +20,12 @@ pub fn vertex_normals(surface: &Surface<'_>, place: impl Fn(VertexId) -> VertexI
     (0..count).map(|v| normals[place(VertexId::new(v)).index()]).collect()
 }
 
-/// Computes new normals for the wedges of a mesh from its faces. Where the mesh has a hard edge it keeps one: two faces at
-/// an edge share their normals there unless those that the mesh has differ by more than half the angle between the
-/// faces. A mesh without normals has no hard edges.
+/// Computes new normals for the wedges of a mesh from its faces. Hard edges of the mesh stay hard: two faces at an edge
+/// share their new normals there unless the current normals differ by more than half the angle between the faces. A
+/// mesh without normals has no hard edges.
 ///
-/// Vertices at the same position are different ones. Weights, faces without area and wedges without faces are as for
-/// [`vertex_normals`]. Cost: O(n log k), where k is the number of edges at a vertex.
+/// Vertices at the same position count as different. Weights, faces without area and wedges without faces are treated
+/// as in [`vertex_normals`]. Cost: O(n log k), where k is the number of edges at a vertex.
 pub fn wedge_normals(mesh: &TriMesh) -> Vec<[f32; 3]> {
     let surface = mesh.surface();
     let Some(own) = mesh.normals() else {
@@ -54,8 +54,8 @@ pub fn wedge_normals(mesh: &TriMesh) -> Vec<[f32; 3]> {
             length(sub(m, n))
         });
         let jump = jump[0].max(jump[1]);
-        // (A normal that is no number makes no hard edge.)
-        if jump > LEAST_JUMP && 2.0 * jump > bend {
+        // (A NaN normal does not make an edge hard.)
+        if jump > MIN_JUMP && 2.0 * jump > bend {
             continue;
         }
         sets.join(here[0].0, there[0].0);
@@ -67,12 +67,12 @@ pub fn wedge_normals(mesh: &TriMesh) -> Vec<[f32; 3]> {
     set.iter().map(|&set| of_set[set as usize]).collect()
 }
 
-/// Smaller differences between two unit normals make no hard edge: half a degree, which normals with a byte for each
-/// coordinate may be off.
-const LEAST_JUMP: f64 = 0.01;
+/// Smaller differences between two unit normals do not make an edge hard: half a degree, the possible error of normals
+/// with one byte per coordinate.
+const MIN_JUMP: f64 = 0.01;
 
-/// Returns the mean of the normals of the corners with each number, weighted by their angles; the z axis where there are
-/// none.
+/// Returns, for each number, the mean normal of the corners that have it, weighted by their angles; the z axis if there
+/// are none.
 fn normals_of(surface: &Surface<'_>, count: usize, number: impl Fn(usize, usize) -> usize) -> Vec<[f32; 3]> {
     let positions = surface.positions();
     let mut sums = vec![[0f64; 3]; count];

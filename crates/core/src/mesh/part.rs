@@ -36,8 +36,8 @@ pub fn extract_faces(whole: &TriMesh, faces: &[FaceId]) -> Part {
     sorted_once(&mut wedges);
     let mut vertices: Vec<VertexId> = wedges.iter().map(|&w| whole.vertex_of(w)).collect();
     sorted_once(&mut vertices);
-    let wedge = |w: WedgeId| WedgeId::new(wedges.binary_search(&w).expect("it was put there"));
-    let vertex = |v: VertexId| VertexId::new(vertices.binary_search(&v).expect("it was put there"));
+    let wedge = |w: WedgeId| WedgeId::new(wedges.binary_search(&w).expect("it was collected above"));
+    let vertex = |v: VertexId| VertexId::new(vertices.binary_search(&v).expect("it was collected above"));
     let vertex_of = whole
         .vertex_of
         .as_ref()
@@ -114,13 +114,13 @@ fn counterparts(of: &TriMesh, on: &TriMesh) -> Vec<Option<usize>> {
     of.further.iter().map(|a| on.further.iter().position(|b| alike(a, b))).collect()
 }
 
-/// Appends the faces of `more` to those of `whole`; vertices and wedges in `known` are reused.
+/// Appends the faces of `more` to `whole`; vertices and wedges in `known` are reused.
 ///
 /// `more` must have the same normals, texture coordinates, colours and regions as `whole`, and all its
 /// further attributes. If `whole` has no attributes, wedges stay identical to vertices.
 ///
 /// # Errors
-/// [`MeshError::WrongLength`] if something is missing, [`MeshError::TooLarge`]; then `whole` is unchanged.
+/// [`MeshError::WrongLength`] if an attribute is missing, [`MeshError::TooLarge`]; then `whole` is unchanged.
 pub fn append(whole: &mut TriMesh, more: &TriMesh, known: &SharedIds) -> Result<(), MeshError> {
     check_size("corners", (whole.triangles.len() + more.triangles.len()).saturating_mul(3))?;
     check_size("vertices", whole.vertex_count() + more.vertex_count())?;
@@ -178,7 +178,7 @@ pub fn append(whole: &mut TriMesh, more: &TriMesh, known: &SharedIds) -> Result<
         push(&mut whole.uvs, more.uvs(), w);
         push(&mut whole.colors, more.colors(), w);
         for (a, at) in whole.further.iter_mut().zip(&counterparts) {
-            let from = &more.further[at.expect("a missing one was refused")];
+            let from = &more.further[at.expect("missing attributes were rejected above")];
             a.values.extend_from_slice(from.of(WedgeId::new(w)));
         }
     }

@@ -21,7 +21,10 @@ impl Weld {
     /// If a representative has a higher number than its vertex, or does not represent itself.
     pub fn from_representatives(representative: Vec<VertexId>) -> Self {
         let is_valid = |(i, r): (usize, &VertexId)| r.index() <= i && representative[r.index()] == *r;
-        assert!(representative.iter().enumerate().all(is_valid), "the lowest of a group stands for it");
+        assert!(
+            representative.iter().enumerate().all(is_valid),
+            "the lowest vertex of a group represents it"
+        );
         let distinct_count = representative.iter().enumerate().filter(|(i, r)| r.index() == *i).count();
         Self { representative, distinct_count }
     }
@@ -121,7 +124,7 @@ pub fn weld_within(positions: PositionsView<'_>, distance: f64) -> Weld {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct WeldedMesh {
-    /// The mesh; its triangles are those of the source, in their order.
+    /// The mesh, with all triangles of the source in the same order.
     pub mesh: TriMesh,
     /// Number of vertices that were merged into another.
     pub merged_vertex_count: usize,
@@ -148,7 +151,7 @@ pub fn weld_mesh(mesh: &TriMesh, distance: Option<f64>) -> WeldedMesh {
 /// # Panics
 /// If the weld is for a different number of vertices.
 pub fn weld_mesh_by(mesh: &TriMesh, welded: &Weld) -> WeldedMesh {
-    assert_eq!(welded.representative.len(), mesh.vertex_count(), "a weld is of all vertices");
+    assert_eq!(welded.representative.len(), mesh.vertex_count(), "a weld has one entry per vertex");
     let vertex = |w: usize| welded.of(mesh.vertex_of(WedgeId(w as u32)));
     let (first_wedge, wedge_count) = if mesh.has_attributes() {
         let attributes = |w: usize| {
@@ -390,7 +393,7 @@ mod tests {
     }
 
     #[test]
-    fn zeros_are_one_place_and_nans_are_theirs() {
+    fn zeros_are_equal_and_nans_only_to_themselves() {
         let quiet = f32::from_bits(0x7FC0_0000);
         let other = f32::from_bits(0x7FC0_0001);
         let p = [[0.0, 1.0, 2.0], [-0.0, 1.0, 2.0], [quiet, 0.0, 0.0], [other, 0.0, 0.0], [quiet, -0.0, 0.0]];

@@ -43,7 +43,7 @@ impl Transform {
 pub struct Skin {
     /// Node indices; [`Semantic::Joints`](crate::Semantic::Joints) are indices into this list.
     pub joints: Vec<usize>,
-    /// Transform from mesh coordinates to those of each joint, in the bind pose.
+    /// Transform from mesh to joint coordinates, for each joint in the bind pose.
     pub joint_from_mesh: Vec<DMat4>,
 }
 
@@ -120,6 +120,6 @@ pub enum Interpolation {
 pub struct Pose {
     /// Transform of each node to its parent's coordinates; empty at rest.
     pub transforms: Vec<Transform>,
-    /// Morph weights of each node, if they differ from those at rest; empty at rest.
+    /// Morph weights of each node, if they differ from the rest weights; empty at rest.
     pub morph_weights: Vec<Option<Vec<f32>>>,
 }

@@ -31,9 +31,9 @@ impl Model {
     /// Deforms the mesh of an instance. Returns `false` and does nothing if nothing deforms it: it has no
     /// skin, and all morph weights are zero.
     ///
-    /// `world_from_nodes` is that of [`Model::world_from_nodes`] in the same pose. Morph targets are applied
-    /// first, then joints. Cost: O(wedges · joints of each), on one thread, without allocation once `out` is
-    /// large enough.
+    /// `world_from_nodes` is the result of [`Model::world_from_nodes`] in the same pose. Morph targets are
+    /// applied first, then joints. Cost: O(wedges · joints of each), on one thread, without allocation once
+    /// `out` is large enough.
     pub fn deform(
         &self,
         instance: &Instance,
@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_has_to_see_what_moves_on_all_of_its_way() {
+    fn bounds_over_an_animation_contain_all_of_its_motion() {
         let mut model = arm();
         let root = std::f32::consts::FRAC_1_SQRT_2;
         let track = Track::Rotation(vec![[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, root, root], [0.0, 0.0, 0.0, 1.0]]);
@@ -419,7 +419,7 @@ mod tests {
     }
 
     #[test]
-    fn joints_that_are_not_there_and_no_weights_fall_to_the_first() {
+    fn missing_joints_and_missing_weights_use_the_first_joint() {
         let mut model = arm();
         let mut mesh = TriMesh::clone(&model.meshes[0].mesh);
         mesh.further_values_mut(0)[16..20].fill(9.0);

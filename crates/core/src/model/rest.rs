@@ -10,9 +10,9 @@ use crate::ids::VertexId;
 use crate::mesh::{Positions, TriMesh};
 
 impl Model {
-    /// Returns the model at rest without skins: each mesh that a skin places stands where the joints put its vertices, as a
-    /// further mesh in a root without a transform. The meshes before keep their indices, and a mesh that the joints leave
-    /// where its node is keeps its node. Morph targets are at zero.
+    /// Returns the model at rest without skins. For each skinned mesh a further mesh, with its vertices where the
+    /// joints put them, is added under a new root without a transform. Existing meshes keep their indices; a skinned
+    /// mesh that the joints leave at the place of its node keeps that node. Morph targets are at zero.
     ///
     /// Cost: O(nodes + vertices of skinned meshes, once for each skin).
     #[must_use]
@@ -44,7 +44,7 @@ impl Model {
     }
 }
 
-/// Returns a mesh whose vertices are where these matrices of joints put them. Wedges of one vertex stay together.
+/// Returns the mesh with its vertices where these joint matrices put them. Wedges of one vertex stay together.
 fn deformed(mesh: &TriMesh, palette: &[DMat4]) -> TriMesh {
     let single: Vec<Mat4> = palette.iter().map(DMat4::as_mat4).collect();
     let (mut of_wedges, mut normals) = (Vec::new(), Vec::new());
@@ -61,7 +61,7 @@ fn deformed(mesh: &TriMesh, palette: &[DMat4]) -> TriMesh {
         triangles.iter_mut().for_each(|t| t.swap(1, 2));
     }
     let made = TriMesh::with_wedges(Positions::F32(positions), vertex_of, triangles);
-    let mut made = made.expect("it has the elements of the mesh");
+    let mut made = made.expect("it has the same elements as the mesh");
     let fits = "there is one for each element of the mesh";
     made.set_regions(mesh.regions().map(<[_]>::to_vec)).expect(fits);
     made.set_normals(Some(normals).filter(|n| !n.is_empty())).expect(fits);
@@ -82,7 +82,7 @@ mod tests {
     use crate::model::{Skin, Transform};
 
     #[test]
-    fn skinned_meshes_stand_where_a_picture_shows_them() {
+    fn skinned_meshes_are_where_a_renderer_shows_them() {
         let positions = Positions::F32(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
         let mut mesh = TriMesh::new(positions, vec![[VertexId(0), VertexId(1), VertexId(2)]]).unwrap();
         let set = |semantic, values: [f32; 4]| Attribute { semantic, width: 4, values: values.repeat(3) };

@@ -196,7 +196,7 @@ impl Bvh {
         }
     }
 
-    /// Number of faces in the tree: those of the surface without those with a non-finite corner.
+    /// Number of faces in the tree: all faces of the surface except those with a non-finite corner.
     pub fn face_count(&self) -> usize {
         self.faces.len()
     }
@@ -236,8 +236,8 @@ impl Bvh {
 
     /// Like [`Bvh::closest`], among the faces for which `accept` is true.
     ///
-    /// Cost: that of [`Bvh::closest`], and about four times the number of faces that are nearer than the answer,
-    /// counting those that are not accepted; all faces if none is accepted.
+    /// Cost: as [`Bvh::closest`], plus about four tests for each face that is nearer than the answer, accepted or not;
+    /// all faces if none is accepted.
     pub fn closest_of(&self, point: [f64; 3], accept: impl Fn(FaceId) -> bool) -> Option<Hit> {
         self.closest_of_within(point, f64::INFINITY, accept)
     }
@@ -260,8 +260,8 @@ impl Bvh {
         if accept(self.slot_face(nearest.slot)) {
             return Some(self.hit_of(p, nearest));
         }
-        // Without a bound the search would test most of the faces that are not accepted, wherever they are, before it
-        // meets one that is: so it looks in spheres that grow.
+        // Without a bound the search would test most of the rejected faces, wherever they are, before it finds an
+        // accepted one: so it searches in growing spheres.
         let [a, b, c] = self.slot_corners(nearest.slot);
         let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
         let mut radius = (nearest.distance_sq.sqrt() + longest).max(MIN_SEARCH_RADIUS);
@@ -277,8 +277,8 @@ impl Bvh {
         }
     }
 
-    /// Returns the nearest accepted slot below a squared distance of a point of the unit frame; of equally near ones,
-    /// the one that is visited first, whatever the bound.
+    /// Returns the nearest accepted slot below a squared distance of a point of the unit frame; of equally near slots,
+    /// the first visited, whatever the bound.
     fn closest_accepted(&self, p: DVec3, bound_sq: f64, accept: impl Fn(FaceId) -> bool) -> Option<SlotHit> {
         let mut best = SlotHit { slot: u32::MAX, distance_sq: bound_sq };
         self.visit(p, bound_sq, |slot| {
@@ -318,8 +318,8 @@ impl Bvh {
         Some(best)
     }
 
-    /// Calls `look` for the slots whose box lies within a squared distance of a point of the unit frame; a
-    /// returned value is the new squared distance. Near boxes are visited first.
+    /// Calls `visit_face` for the slots whose box lies within a squared distance of a point of the unit
+    /// frame; a returned value is the new squared distance. Near boxes are visited first.
     #[inline(always)]
     pub(crate) fn visit(&self, p: DVec3, bound_sq: f64, mut visit_face: impl FnMut(u32) -> Option<f64>) {
         if self.is_empty() {
@@ -537,7 +537,7 @@ mod tests {
     }
 
     #[test]
-    fn a_face_that_is_not_finite_is_passed_by() {
+    fn a_face_that_is_not_finite_is_skipped() {
         let positions =
             [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, f64::INFINITY], [5.0, 5.0, 5.0]];
         let t = tree(&positions, &[[0, 1, 3], [0, 1, 2], [4, 4, 4]]);
@@ -584,7 +584,7 @@ mod tests {
             assert!(hit.face.index() >= each && (hit.distance - 1.25).abs() < 1e-12, "{hit:?}");
             assert!(tested.get() < 400, "{} of {} faces tested at {x}, {y}", tested.get(), 2 * each);
         }
-        // A limit holds as without the spheres, and so does a search for what is not there.
+        // With a distance limit, or if no face is accepted, the result is the same as without the spheres.
         assert!(t.closest_of_within([50.0, 50.0, -0.25], 1.25, |f| f.index() >= each).is_none());
         assert!(t.closest_of_within([50.0, 50.0, -0.25], 1.26, |f| f.index() >= each).is_some());
         assert!(t.closest_of([50.0, 50.0, -0.25], |_| false).is_none());
@@ -600,7 +600,7 @@ mod tests {
     }
 
     #[test]
-    fn points_far_away_find_their_face_and_strange_points_none() {
+    fn far_points_find_a_face_and_non_finite_points_none() {
         let t = tree(
             &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 1.0], [9.0, 9.0, 9.0]],
             &[[0, 1, 2], [2, 1, 3], [3, 4, 1]],

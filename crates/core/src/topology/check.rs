@@ -12,26 +12,22 @@ impl Topology {
     /// If one does not hold, with a message that names it.
     pub fn check(&self) {
         let half_edges = || (0..self.origin.len() as u32).map(HalfEdgeId);
-        assert_eq!(self.ring.len(), self.origin.len(), "each half-edge has its place in a ring");
+        assert_eq!(self.ring.len(), self.origin.len(), "each half-edge has an entry in the ring table");
         for h in half_edges() {
             let is_live = !self.is_degenerate(h.face());
-            assert_eq!(
-                self.ring[h.index()] != NO_RING,
-                is_live,
-                "just the live half-edges have rings, not {h}"
-            );
+            assert_eq!(self.ring[h.index()] != NO_RING, is_live, "only live half-edges have rings: {h}");
             let ends = [self.origin(h), self.target(h)];
             let mut length = 0;
             for g in self.edge(h) {
                 let other = [self.origin(g), self.target(g)];
                 assert!(
                     other == ends || other == [ends[1], ends[0]],
-                    "{g} has the ends of {h}, in whose ring it is"
+                    "{g} has the same ends as {h}, whose ring contains it"
                 );
                 length += 1;
                 assert!(length <= self.origin.len(), "the ring of {h} closes");
             }
-            assert_eq!(length == 0, !is_live, "the ring of {h} holds it");
+            assert_eq!(length == 0, !is_live, "the ring of {h} contains it");
         }
         // Two rings over the same vertices would make one edge count as two.
         let mut edges: Vec<[VertexId; 2]> = self
@@ -63,14 +59,10 @@ impl Topology {
             around.dedup();
             let mut ring: Vec<VertexId> = view.one_ring().collect();
             ring.sort_unstable();
-            assert_eq!(ring, around, "the one-ring of {v} tells each neighbour once");
+            assert_eq!(ring, around, "the one-ring of {v} lists each neighbour once");
         }
         for h in half_edges() {
-            assert_eq!(
-                seen[h.index()],
-                !self.is_degenerate(h.face()),
-                "just the live corners are listed, not {h}"
-            );
+            assert_eq!(seen[h.index()], !self.is_degenerate(h.face()), "only live corners are listed: {h}");
         }
     }
 }

@@ -14,7 +14,7 @@ pub struct TopologyCounts {
     pub edge_count: usize,
     /// Faces that are not degenerate.
     pub face_count: usize,
-    /// Faces that name a vertex twice.
+    /// Faces that use a vertex twice.
     pub degenerate_face_count: usize,
     /// Connected components: faces that share a vertex are connected.
     pub component_count: usize,

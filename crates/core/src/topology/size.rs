@@ -8,8 +8,8 @@ use crate::mesh::Surface;
 pub struct Size {
     /// Sum of the areas of the faces, in squared units of the positions.
     pub area: f64,
-    /// Signed enclosed volume, in cubed units: positive if faces face outward. For an open surface it is that
-    /// of the cone over it from the middle of its box, and of little use.
+    /// Signed enclosed volume, in cubed units: positive if faces face outward. For an open surface it is the
+    /// volume of the cone over it from the middle of its box, and of little use.
     pub volume: f64,
 }
 

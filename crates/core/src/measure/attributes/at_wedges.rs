@@ -26,8 +26,8 @@ const INSET: f64 = 0.05;
 /// Number of wedges between two calls for progress. (About 20 ms.)
 const PROGRESS_WEDGES: usize = 1 << 14;
 
-/// Returns for each wedge of `mesh` how much an attribute differs from that of `other` at the nearest point;
-/// `None` if `go_on` returns false. `go_on` receives the progress, from 0 to 1.
+/// Returns for each wedge of `mesh` how much an attribute differs from the attribute of `other` at the
+/// nearest point; `None` if `go_on` returns false. `go_on` receives the progress, from 0 to 1.
 ///
 /// A wedge is compared a twentieth of the way from its corner to the centre of a face that uses it, with the
 /// rules of [`compare_attributes`](super::compare_attributes) for seams and sheets. Wedges that no face uses,
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn each_attribute_is_off_by_what_it_was_changed() {
+    fn the_difference_of_each_attribute_is_its_change() {
         let mut a = shapes::grid(8);
         let uvs: Vec<[f32; 2]> = a.positions().view().iter().map(|p| [p[0] as f32, p[1] as f32]).collect();
         let count = uvs.len();
