@@ -15,7 +15,7 @@ def files(tmp_path, wave, ball):
     return tmp_path
 
 
-@pytest.mark.filterwarnings("ignore:.*glTF holds single precision")
+@pytest.mark.filterwarnings("ignore:.*glTF stores positions in single precision")
 def test_a_mesh_survives_a_file(tmp_path, wave):
     for name in ("wave.ply", "wave.glb", "wave.obj"):
         wave.save(tmp_path / name)
@@ -25,7 +25,7 @@ def test_a_mesh_survives_a_file(tmp_path, wave):
         assert back.uvs is not None and back.normals is not None
 
 
-@pytest.mark.filterwarnings("ignore:.*glTF holds single precision")
+@pytest.mark.filterwarnings("ignore:.*glTF stores positions in single precision")
 def test_files_are_written_smaller(tmp_path, wave):
     wave.save(tmp_path / "plain.glb")
     with pytest.warns(lodsmith.LodsmithWarning, match="quantization changes"):
@@ -80,7 +80,7 @@ def same_bytes(program, folder, words, options, name):
     return report
 
 
-@pytest.mark.filterwarnings("ignore:.*glTF holds single precision")
+@pytest.mark.filterwarnings("ignore:.*glTF stores positions in single precision")
 def test_whole_files_have_the_bytes_of_the_command(program, files, root):
     report = same_bytes(program, files, ["simplify", "wave.ply", "--ratio=0.1"], {"ratio": 0.1}, "low.ply")
     assert report["reached"] and report["output"]["faces"] <= 0.1 * report["input"]["faces"]
@@ -141,7 +141,7 @@ def test_progress_of_a_file(files):
     assert seen == sorted(seen) and len(seen) > 3 and seen[-1] == 1.0
 
 
-@pytest.mark.filterwarnings("ignore:.*glTF holds single precision")
+@pytest.mark.filterwarnings("ignore:.*glTF stores positions in single precision")
 def test_levels_conversion_repair_and_information(files):
     made = lodsmith.lod_file(files / "ball.obj", files / "levels.glb", levels=[0.5, 0.25])
     assert (files / "levels.glb").exists() and len(made["levels"]) == 2

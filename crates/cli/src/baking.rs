@@ -201,7 +201,7 @@ pub(crate) fn write_baked(
 
 /// Removes the warnings that vertex colours are gone, if they are in a map.
 pub(crate) fn forgive_colors(warnings: &mut Vec<Warning>, has_color: bool) {
-    warnings.retain(|w| !(has_color && w.text.ends_with("does not have its COLOR_0 any more")));
+    warnings.retain(|w| !(has_color && w.text.ends_with("no longer has its COLOR_0")));
 }
 
 /// Returns the model of a scene.

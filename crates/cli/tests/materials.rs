@@ -208,8 +208,7 @@ fn compare_tells_texels_where_there_is_an_image() {
     fs::write(desk.path("in/grain.png"), "no image").expect("there is room for a file");
     let (errors, told) = compared("in/table.obj in/moved.obj");
     assert!(errors["uvs_texels"].is_null() && !errors["uvs"].is_null());
-    let wanted =
-        "in/table.obj: texture grain.png is no image of a known kind: no errors in texels on what it covers";
+    let wanted = "in/table.obj: texture grain.png is not an image of a known type: errors in texels are not measured where it is used";
     assert_eq!(told, serde_json::json!([wanted]));
     let (_, _, told) = desk.run("compare in/table.obj in/moved.obj --samples 2000");
     assert_eq!(told, format!("warning: {wanted}\n"));
@@ -222,7 +221,7 @@ fn highlights_are_no_loss_on_the_way_to_gltf() {
     desk.put("in/table.obj", &desk.text("in/table.obj").replace("g top\n", "").replace("g rim\n", ""));
     let (status, _, note) = desk.run("convert in/table.obj out/a.glb --strict");
     assert_eq!(status, 0);
-    assert_eq!(note, "warning: in/table.obj: glTF shades in another way: ks, ns left out\n");
+    assert_eq!(note, "warning: in/table.obj: glTF has another shading model: ks, ns left out\n");
 }
 
 #[test]
@@ -253,7 +252,7 @@ fn a_scene_becomes_an_obj_with_library_and_images() {
     let (status, _, told) = desk.run("convert in/table.glb out/a.ply --strict");
     assert_eq!((status, told.as_str()), (3, "error: in/table.glb: PLY cannot carry materials: dropped\n"));
     let (status, out, told) = desk.run("convert in/table.glb - --to obj");
-    let wanted = "a stream has no place beside it for materials: only their names are written";
+    let wanted = "a stream cannot have material files beside it: only the names of materials are written";
     assert!(status == 0 && out.contains("usemtl iron\n") && told.contains(wanted), "{told}");
 }
 

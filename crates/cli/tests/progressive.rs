@@ -101,7 +101,7 @@ fn a_beginning_is_a_coarser_mesh_and_says_so() {
     desk.run("progressive extract cut.lpm -o cut.ply --strict").with_status(3);
     fs::write(desk.path("none.lpm"), &bytes[..60]).expect("there is room");
     let ran = desk.run("progressive info none.lpm").with_status(1).with_one_error();
-    assert!(ran.stderr.contains("before the base mesh is there"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("before the end of the base mesh"), "{}", ran.stderr);
 }
 
 #[test]
@@ -137,7 +137,7 @@ fn materials_and_images_go_along() {
     let bare = obj.text().replacen("\nf ", "\nmtllib m.mtl\nusemtl red\nf ", 1);
     desk.put("hills.obj", &(bare + "usemtl blue\nf 1 2 40\n"));
     let ran = desk.run("progressive build hills.obj -o hills.lpm").with_status(0);
-    assert!(ran.stderr.contains("texture gone.png is not there: left out"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("texture gone.png was not found: left out"), "{}", ran.stderr);
     fs::create_dir(desk.path("out")).expect("there is room");
     desk.run("progressive extract hills.lpm -o out/low.obj --ratio 0.5").with_status(0);
     assert_eq!(desk.names("out"), ["a.png", "low.mtl", "low.obj"]);
@@ -153,7 +153,7 @@ fn materials_and_images_go_along() {
 fn what_cannot_be_is_told_in_one_line() {
     let (desk, _) = with_hills();
     for (words, status, told) in [
-        ("convert hills.ply out.lpm", 2, "`lodsmith progressive build` writes one"),
+        ("convert hills.ply out.lpm", 2, "write it with `lodsmith progressive build`"),
         ("progressive build hills.ply -o out.ply", 2, "the ending is that of PLY"),
         ("progressive build none.ply -o out.lpm", 1, "no such file"),
         ("progressive extract hills.ply -o out.ply", 1, "no LPM file"),

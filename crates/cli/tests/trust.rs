@@ -5,8 +5,7 @@ use std::fs;
 
 use crate::desk::{CliSandbox, hills};
 
-const OUTSIDE: &str =
-    "lies outside of the folder of the model (--asset-root DIR or --allow-outside lets it in)";
+const OUTSIDE: &str = "is outside the folder of the model (--asset-root DIR or --allow-outside permits it)";
 const IMAGE: &str = "P3 1 1 255 120 80 40";
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n";
 
@@ -88,7 +87,7 @@ fn a_scene_takes_in_only_images_of_its_folder() {
     };
     desk.put("in/a.gltf", &gltf("a.bin", "note.txt"));
     let ran = desk.run("convert in/a.gltf a.glb").with_status(0);
-    assert!(ran.stderr.contains("the file note.txt is no image of a known type"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("the file note.txt is not an image of a known type"), "{}", ran.stderr);
     assert!(!holds("a.glb", secret));
     desk.put("in/a.gltf", &gltf("a.bin", "../secret.ppm"));
     let ran = desk.run("convert in/a.gltf a.glb").with_status(0);

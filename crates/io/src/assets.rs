@@ -1,5 +1,5 @@
-//! Finds the files that a model names (material libraries, textures, buffers, images), refuses those outside
-//! its folder, and reads them within limits.
+//! Finds the files that a model refers to (material libraries, textures, buffers, images), refuses files
+//! outside its folder, and reads the others within limits.
 //!
 //! All readers use this module for such files, so an untrusted model can only read and copy files that came
 //! with it.
@@ -10,11 +10,12 @@ use std::path::{Component, Path, PathBuf};
 
 use crate::drive::{self, File};
 
-/// Maximum total bytes of the images that one model names and that are not decoded. Guessed: half of what a
-/// GLB can hold.
+/// Maximum total bytes of the images of one model that are kept encoded. Guessed: half of what a GLB can
+/// hold.
 pub(crate) const MAX_IMAGE_BYTES: u64 = 2 << 30;
 
-/// The folder that limits which files a model may name: its material libraries, textures, buffers and images.
+/// The folder that limits which files a model may refer to: its material libraries, textures, buffers and
+/// images.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
@@ -29,14 +30,14 @@ pub enum AssetScope {
 }
 
 impl AssetScope {
-    /// Returns true if a file in `folder` may name the file at `path`; for files other than models, such as
-    /// sessions.
+    /// Returns true if a file in `folder` may refer to the file at `path`; for files other than models, such
+    /// as sessions.
     pub fn allows(&self, path: &Path, folder: &Path) -> bool {
         Assets::new(folder, self).find(path) != Err(Refusal::Outside)
     }
 }
 
-/// Reason not to use a file that a model names. If several apply, the last one listed here is shown.
+/// Reason not to use a file that a model refers to. If several apply, the last one listed here is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Refusal {
     Absent,
@@ -48,16 +49,16 @@ impl Refusal {
     /// The end of a sentence that begins with the name of the file.
     pub(crate) fn reason(self) -> &'static str {
         match self {
-            Self::Absent => "is not there",
-            Self::NotAFile => "is no regular file",
+            Self::Absent => "was not found",
+            Self::NotAFile => "is not a regular file",
             Self::Outside => {
-                "lies outside of the folder of the model (--asset-root DIR or --allow-outside lets it in)"
+                "is outside the folder of the model (--asset-root DIR or --allow-outside permits it)"
             }
         }
     }
 }
 
-/// The folders in which the files that a model names are looked up.
+/// The folders that are searched for the files that a model refers to.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Assets {
     /// Search folders, in this order.
@@ -66,7 +67,7 @@ pub(crate) struct Assets {
     root: Option<[PathBuf; 2]>,
 }
 
-/// A file that a model names, found inside the allowed folder.
+/// A file that a model refers to, found inside the allowed folder.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Asset {
     /// The path as the model has it; a link keeps its own name here.
@@ -142,7 +143,7 @@ impl Asset {
         self.path.parent().unwrap_or(Path::new(""))
     }
 
-    /// Its file name; that of the link if it is one.
+    /// Its file name; for a link, the name of the link.
     pub(crate) fn name(&self) -> &OsStr {
         self.path.file_name().unwrap_or_default()
     }
@@ -161,12 +162,12 @@ impl Asset {
     ///
     /// # Errors
     /// The end of a sentence that begins with its name.
-    pub(crate) fn read(&self, most: u64) -> Result<Vec<u8>, String> {
+    pub(crate) fn read(&self, max_bytes: u64) -> Result<Vec<u8>, String> {
         let mut bytes = Vec::new();
-        let read = self.open()?.take(most.saturating_add(1)).read_to_end(&mut bytes);
+        let read = self.open()?.take(max_bytes.saturating_add(1)).read_to_end(&mut bytes);
         read.map_err(|e| format!("cannot be read: {e}"))?;
-        if bytes.len() as u64 > most {
-            return Err(format!("is too large: {most} bytes are left for it"));
+        if bytes.len() as u64 > max_bytes {
+            return Err(format!("is too large: only {max_bytes} bytes of the limit are left"));
         }
         Ok(bytes)
     }
@@ -178,7 +179,7 @@ impl Asset {
     pub(crate) fn read_image(&self, left: &mut u64) -> Result<Vec<u8>, String> {
         let bytes = self.read(*left)?;
         if !is_image(&bytes, &self.path) {
-            return Err("is no image of a known type".to_owned());
+            return Err("is not an image of a known type".to_owned());
         }
         *left -= bytes.len() as u64;
         Ok(bytes)
@@ -230,7 +231,7 @@ fn is_image(bytes: &[u8], name: &Path) -> bool {
 /// Returns true if the rest of a PBM, PGM or PPM header is valid: width, height and, unless black and white,
 /// the maximum value.
 fn is_portable_map(header: &[u8], kind: u8) -> bool {
-    // Comments may come between; a header longer than this was not written by a program. Guessed.
+    // Comments may come between; no program writes a longer header. Guessed.
     let header = &header[..header.len().min(4096)];
     let words = header
         .split(|&b| b == b'\n')
@@ -314,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn only_headers_of_images_pass_for_images() {
+    fn only_files_with_image_headers_are_images() {
         let is = |bytes: &[u8], name: &str| is_image(bytes, Path::new(name));
         let png = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x02\0\0\0\x03\x08\x02\0\0\0";
         assert!(is(png, "a.png") && is(png, "a") && !is(&png[..12], "a.png"));

@@ -23,8 +23,8 @@ pub(crate) fn rounding_warning(mesh: &TriMesh, format: &str, from: Option<[f64; 
     if most == 0.0 {
         return None;
     }
-    let measured = if from.is_some() { ", measured from the centre of the mesh" } else { "" };
-    let text = format!("{format} holds single precision: positions are rounded to it{measured}");
+    let measured = if from.is_some() { ", relative to the centre of the mesh" } else { "" };
+    let text = format!("{format} stores positions in single precision{measured}: they are rounded");
     let diagonal = mesh.positions().view().bounds().map_or(0.0, |b| b.diagonal());
     if most <= MAX_RELATIVE_MOVE * diagonal {
         return Some(Warning::note(text));
@@ -32,7 +32,8 @@ pub(crate) fn rounding_warning(mesh: &TriMesh, format: &str, from: Option<[f64; 
     Some(Warning::lost(format!("{text}, which moves some by {most:.1e}")))
 }
 
-/// Normalises normals to unit length; nearly unit ones stay unchanged, those without a direction become zero.
+/// Normalises normals to unit length; nearly unit normals stay unchanged, normals without a direction become
+/// zero.
 pub(crate) fn unit_normals(normals: &mut [[f32; 3]]) {
     for normal in normals {
         let [x, y, z] = normal.map(f64::from);
@@ -49,7 +50,7 @@ pub(crate) fn unit_normals(normals: &mut [[f32; 3]]) {
 /// Scales colours from 0..255 down to 0..1 and returns true if it did. A negative alpha means no alpha, and
 /// becomes 1.
 ///
-/// The formats do not name the range; a value above 1 reveals it.
+/// The formats do not declare the range; a value above 1 reveals it.
 pub(crate) fn unit_colors(colors: &mut [[f32; 4]]) -> bool {
     let counts = colors.iter().flatten().any(|&c| c > 1.0);
     let scale = if counts { 255.0 } else { 1.0 };
@@ -67,7 +68,7 @@ pub(crate) fn unit_colors(colors: &mut [[f32; 4]]) -> bool {
     counts
 }
 
-/// Converts colours from sRGB, which meshes have, to linear ones, which glTF has. Alpha stays as it is.
+/// Converts colours from sRGB, as in meshes, to linear, as in glTF. Alpha stays as it is.
 pub(crate) fn linear_colors(colors: &[[f32; 4]]) -> Vec<[f32; 4]> {
     colors.iter().map(|&[r, g, b, a]| [linear_of_srgb(r), linear_of_srgb(g), linear_of_srgb(b), a]).collect()
 }
@@ -78,19 +79,19 @@ pub(crate) fn srgb_colors(colors: &[[f32; 4]]) -> Vec<[f32; 4]> {
 }
 
 /// Tolerances of the two conversions, relative: above the rounding of single precision in both. Every byte of sRGB and
-/// every linear value of 8 or 16 bits survives the way there and back with these, found by trying all of them; with
-/// half or twice of either some do not.
+/// every linear value of 8 or 16 bits survives the round trip with these tolerances, found by trying all of them; with
+/// half or twice of either, some do not.
 const LINEAR_TOLERANCE: f64 = 3e-7;
 const SRGB_TOLERANCE: f64 = 1.5e-7;
 
-/// Converts a colour value from sRGB to linear, to a value of 16 bits if it is that up to rounding.
+/// Converts a colour value from sRGB to linear, snapped to a 16-bit value if it equals one up to rounding.
 pub(crate) fn linear_of_srgb(x: f32) -> f32 {
     let x = f64::from(x);
     let y = if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
     snapped(y, 65535.0, LINEAR_TOLERANCE)
 }
 
-/// Converts a colour value from linear to sRGB, to a byte if it is that up to rounding.
+/// Converts a colour value from linear to sRGB, snapped to a byte if it equals one up to rounding.
 pub(crate) fn srgb_of_linear(x: f32) -> f32 {
     let x = f64::from(x);
     let y = if x <= 0.003_130_8 { x * 12.92 } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
@@ -114,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rounding_is_a_loss_where_it_shows() {
+    fn rounding_is_a_loss_if_it_is_large() {
         let at = |x: f64| {
             let corners = vec![[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, 0.0]];
             TriMesh::new(Positions::F64(corners), vec![[0, 1, 2].map(lodsmith_core::VertexId)]).unwrap()
@@ -126,7 +127,10 @@ mod tests {
         assert_eq!(lost(1000.1, Some([1000.0, 0.0, 0.0])), Some(false));
         assert_eq!(lost(1e300, None), Some(true));
         let text = rounding_warning(&at(1000.1), "X", None).unwrap().text;
-        assert_eq!(text, "X holds single precision: positions are rounded to it, which moves some by 2.4e-5");
+        assert_eq!(
+            text,
+            "X stores positions in single precision: they are rounded, which moves some by 2.4e-5"
+        );
     }
 
     #[test]
@@ -155,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn colors_count_to_one() {
+    fn colors_are_scaled_to_one() {
         let mut colors = [[255.0, 0.0, 51.0, NO_ALPHA], [0.0, 0.0, 0.0, 255.0], NO_COLOR];
         assert!(unit_colors(&mut colors));
         assert_eq!(colors, [[1.0, 0.0, 0.2, 1.0], [0.0, 0.0, 0.0, 1.0], [1.0; 4]]);

@@ -17,7 +17,7 @@ pub(crate) const NONE: u32 = u32::MAX;
 /// Indices of a corner, by kind, into the values of that kind.
 pub(crate) type Corner = [u32; KINDS];
 
-/// A mesh of corners. `M` names the material of a primitive.
+/// A mesh of corners. `M` identifies the material of a primitive.
 #[derive(Default)]
 pub(crate) struct CornerMesh<M> {
     pub(crate) name: String,

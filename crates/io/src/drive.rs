@@ -1,5 +1,4 @@
-//! The files that readers and writers use: those of the system, or in a browser, which has none, those in
-//! memory.
+//! The files that readers and writers use: the files of the system or, in a browser, files in memory.
 
 #[cfg(any(target_arch = "wasm32", test))]
 pub mod memory;

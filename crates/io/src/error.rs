@@ -63,8 +63,8 @@ pub enum ReadError {
     /// Reading would take more memory than [`Limits::memory`](crate::Limits::memory).
     #[error(transparent)]
     Memory(#[from] TooMuchMemory),
-    /// The data would unpack to far more bytes than any mesh does: it was crafted to fill the memory.
-    #[error("{what} would become more than {}, above {times} times its size: no mesh is packed so well", format_bytes(*limit))]
+    /// The data would unpack to far more bytes than any real mesh: they were crafted to fill the memory.
+    #[error("{what} would unpack to more than {}, over {times} times its size: implausible compression ratio, file rejected", format_bytes(*limit))]
     Ratio {
         /// The packed object.
         what: &'static str,
@@ -134,17 +134,17 @@ pub enum WriteError {
         /// The cause.
         source: std::io::Error,
     },
-    /// The extension of the path names no format.
-    #[error("{}: the ending names no format; use one of .obj .off .ply .stl .gltf .glb .3mf, or say which with --to", path.display())]
+    /// The extension of the path does not belong to a format.
+    #[error("{}: the extension does not belong to a known format; use .obj, .off, .ply, .stl, .gltf, .glb or .3mf, or set the format with --to", path.display())]
     UnknownFormat {
         /// The path of the output.
         path: PathBuf,
     },
     /// The format needs more than a mesh.
-    #[error("LPM holds a progressive mesh, not a mesh alone: `lodsmith progressive build` writes one")]
+    #[error("LPM stores progressive meshes, not plain ones: write it with `lodsmith progressive build`")]
     NeedsSplits,
     /// The format is read only.
-    #[error("{format} is not written; use one of .obj .off .ply .stl .gltf .glb .3mf")]
+    #[error("{format} files can be read but not written; use .obj, .off, .ply, .stl, .gltf, .glb or .3mf")]
     ReadOnly {
         /// The format's name.
         format: &'static str,

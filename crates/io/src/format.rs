@@ -82,7 +82,7 @@ impl Format {
         matches!(self, Self::Gltf | Self::Glb | Self::ThreeMf | Self::Dae | Self::Fbx)
     }
 
-    /// Returns true if whole scenes are written to this format; other formats get all meshes in one.
+    /// Returns true if whole scenes are written to this format; other formats get all meshes merged into one.
     pub const fn keeps_scenes(self) -> bool {
         matches!(self, Self::Gltf | Self::Glb | Self::ThreeMf)
     }

@@ -79,18 +79,18 @@ use placements::PlacedNodes;
 
 /// Reads a glTF 2.0 file, JSON or GLB.
 ///
-/// Merges all meshes of the default scene into one, each as often as it stands there: placed by its nodes, by instances of
-/// nodes, or by the joints of its skin at rest. Hidden nodes are left out, with a warning; if no node refers to a mesh, all
-/// meshes are read untransformed. Triangles, strips and fans are read; so are normals, the first set of
-/// texture coordinates (flipped to our lower-left origin) and colours (converted from linear to sRGB). Each vertex of the file stays one
-/// vertex: nothing is welded. Positions are single precision unless a node moves a mesh so far that half of
-/// its digits would be lost. Each material that faces use becomes a region, described by a material library
-/// in memory. Buffers in separate files are searched in the folder of the options, as far as
+/// Merges all meshes of the default scene into one, each as often as it is placed there: placed by its nodes, by
+/// instances of nodes, or by the joints of its skin at rest. Hidden nodes are left out, with a warning; if no node
+/// refers to a mesh, all meshes are read untransformed. Triangles, strips and fans are read; so are normals, the first
+/// set of texture coordinates (flipped to our lower-left origin) and colours (converted from linear to sRGB). Each
+/// vertex of the file stays one vertex: nothing is welded. Positions are single precision unless a node moves a mesh so
+/// far that half of its digits would be lost. Each material that faces use becomes a region, described by a material
+/// library in memory. Buffers in separate files are searched in the folder of the options, as far as
 /// [`ReadOptions::assets`] allows. Cost: O(bytes + placed triangles).
 ///
 /// # Errors
 /// [`ReadError::Unsupported`] for glTF 1.0 and for unsupported required extensions, by name;
-/// [`ReadError::Malformed`] with the element at fault; [`ReadError::Limit`] if a small file asks for too
+/// [`ReadError::Malformed`] with the element at fault; [`ReadError::Limit`] if a small file requests too
 /// much.
 ///
 /// Source: Khronos, "glTF 2.0 Specification" (2.0.1, 2021).
@@ -136,7 +136,7 @@ fn merged(
     let (mut contents, mut warnings) =
         inventory::take(&document.json, &nodes.placements, inventory::Kept::Mesh);
     let gathered = geometry::gather(&document.json, &buffers, &nodes, size, options.limits)?;
-    let geometry::Gathered { mut mesh, runs, warnings: told, bases } = gathered;
+    let geometry::Gathered { mut mesh, runs, warnings: merge_warnings, bases } = gathered;
     if !source_vertices.is_empty() {
         mesh = geometry::with_source_vertices(&mesh, &bases, source_vertices);
     }
@@ -146,7 +146,7 @@ fn merged(
         mesh.set_colors(Some(srgb_colors(colors)))?;
     }
     contents.polygons = mesh.face_count();
-    warnings.extend(told);
+    warnings.extend(merge_warnings);
     let regions = regions.with_frame(Frame::GLTF);
     Ok(Loaded { regions, ..Loaded::new(mesh, format, contents, warnings) })
 }

@@ -5,9 +5,9 @@ use lodsmith_core::memory;
 
 use crate::error::ReadError;
 
-/// Maximum bytes that a packed byte may unpack to, and that any file may unpack to. Deflate reaches a ratio of
-/// 1032 at most; meshes, text or binary, reach 3 to 20 (a flat grid of equal squares as text 60), so a ratio
-/// above 200 means nothing but repetition; up to 64 MiB that is allowed, since it does no harm.
+/// Maximum bytes that a packed byte may unpack to, and that any file may unpack to. Deflate reaches a ratio of 1032 at
+/// most; meshes, text or binary, reach 3 to 20 (a flat grid of equal squares as text 60), so a ratio above 200 means
+/// pure repetition; up to 64 MiB that is allowed, since it is harmless.
 const MAX_UNPACK_RATIO: u64 = 200;
 const MIN_UNPACK_LIMIT: u64 = 64 << 20;
 

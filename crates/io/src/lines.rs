@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rest_of_a_line_may_stand_in_the_next() {
+    fn a_line_may_continue_in_the_next() {
         let rest = |text: &'static str| Lines::new(text.as_bytes()).rest_with_continuations();
         assert_eq!(&*rest("g a \r\nb"), b"g a");
         assert_eq!(&*rest("g a\\\nb\\\r\n c\nd"), b"g a b  c");

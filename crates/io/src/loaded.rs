@@ -7,7 +7,7 @@ use crate::format::Format;
 use crate::limits::Limits;
 use crate::material::Regions;
 
-/// Counts of what a file holds besides the mesh, for reports.
+/// Counts of the contents of a file besides the mesh, for reports.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -16,13 +16,13 @@ pub struct Contents {
     pub meshes: usize,
     /// Meshes that are placed in a scene, however often; 0 for formats without scenes.
     pub distinct_meshes: usize,
-    /// Instances of these meshes, including those of `EXT_mesh_gpu_instancing`; 0 for formats without scenes.
+    /// Instances of these meshes, including `EXT_mesh_gpu_instancing`; 0 for formats without scenes.
     pub instances: usize,
     /// Faces as in the file; polygons count once.
     pub polygons: usize,
-    /// Materials; for an OBJ those that it or its libraries name.
+    /// Materials; for an OBJ, all that it or its libraries name.
     pub materials: usize,
-    /// Textures or images; for an OBJ the paths that its libraries name.
+    /// Textures or images; for an OBJ, the paths that its libraries name.
     pub textures: usize,
     /// Skins.
     pub skins: usize,

@@ -1,5 +1,5 @@
-//! LPM, a format of progressive meshes: a base mesh, and all vertex splits that lead to the full one. Any
-//! prefix of the file that has the base is a coarser mesh. The format is specified in `docs/lpm.md`.
+//! LPM, a format of progressive meshes: a base mesh, and all vertex splits that lead to the full mesh. Any
+//! prefix of the file that contains the base is a coarser mesh. The format is specified in `docs/lpm.md`.
 
 mod checkpoint;
 mod container;
@@ -24,7 +24,7 @@ use crate::options::ReadOptions;
 
 /// Minimum bits of a quantized coordinate. Guessed: fewer give no usable mesh.
 pub const MIN_BITS: u8 = 6;
-/// Maximum bits of a quantized coordinate: those of single precision.
+/// Maximum bits of a quantized coordinate: the bits of a single-precision mantissa.
 pub const MAX_BITS: u8 = 24;
 
 /// Options for writing a file.

@@ -49,7 +49,7 @@ fn parse_address_space_limit(limits: &str) -> Option<u64> {
 }
 
 /// Returns the files with the limits of the cgroups of a process, and of their ancestors. In a container the
-/// path may be that of the host, and then the group itself is at the top.
+/// path may be the host's, and then the group itself is at the top.
 fn group_files(cgroup: &str) -> Vec<PathBuf> {
     let mut files = Vec::new();
     for line in cgroup.lines() {
@@ -75,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_of_the_system_are_understood() {
+    fn system_files_are_parsed() {
         assert_eq!(machine_bytes("MemTotal:       24689764 kB\nMemFree: 1 kB\n"), Some(24_689_764 << 10));
         assert_eq!(resident("Name:\tx\nVmRSS:\t    2048 kB\n"), Some(2 << 20));
         let limits =
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn limits_of_a_group_and_of_those_round_it() {
+    fn limits_of_a_group_and_its_ancestors_apply() {
         let names = |text: &str| {
             group_files(text).into_iter().map(|p| p.to_string_lossy().into_owned()).collect::<Vec<_>>()
         };
@@ -102,8 +102,9 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn this_machine_tells() {
-        let (all, taken) = (memory_limit().expect("Linux tells"), resident_bytes().expect("Linux tells"));
+    fn this_machine_reports_its_memory() {
+        let (all, taken) =
+            (memory_limit().expect("Linux reports it"), resident_bytes().expect("Linux reports it"));
         assert!(taken > 0 && all > taken, "{taken} of {all}");
     }
 }

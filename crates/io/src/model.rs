@@ -28,7 +28,7 @@ pub(crate) use decode::{ImageQueue, decode_image};
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct ModelFile {
-    /// The model. Its meshes are those of the source, in their order.
+    /// The model, with the meshes of the source in their order.
     pub model: Model,
     /// The format of the file.
     pub format: Format,
@@ -49,12 +49,12 @@ pub enum ModelSource {
     Scene(Box<Scene>),
     /// One mesh: its regions, for [`WriteOptions::regions`](crate::WriteOptions::regions).
     Mesh(Arc<Regions>),
-    /// None here: another process has it, which also writes. See [`ModelFile::for_display`].
+    /// None here: another process has the source, and writes the files. See [`ModelFile::for_display`].
     Elsewhere,
 }
 
 impl ModelFile {
-    /// Makes one of a model that another process has read. It can be shown, and not written.
+    /// Wraps a model that another process has read. It can be shown but not written.
     pub fn for_display(model: Model, format: Format, contents: Contents, warnings: Vec<Warning>) -> Self {
         Self { model, format, contents, warnings, source: ModelSource::Elsewhere }
     }
@@ -64,8 +64,8 @@ impl Loaded {
     /// Returns the base colour images of the regions of the mesh (one if it has no regions), as named by the
     /// materials of its libraries.
     ///
-    /// Only base colours are decoded. Images that cannot be decoded are left out; so are those for which the limits of
-    /// reading leave no room (an eighth of the memory), with a warning. Cost: O(bytes of all images + pixels).
+    /// Only base colours are decoded. Images that cannot be decoded are left out; so are images that exceed what the
+    /// reading limits leave for them (an eighth of the memory), with a warning. Cost: O(bytes of all images + pixels).
     pub fn base_colors(&self) -> (Vec<Option<BaseColor>>, Vec<Warning>) {
         plain::base_colors(&self.mesh, &self.regions, self.limits)
     }
@@ -74,7 +74,7 @@ impl Loaded {
 /// Reads a file as a model.
 ///
 /// Otherwise like [`read_path`]; for glTF and GLB like [`read_scene_path`]. Image files are searched for in
-/// the folder of the options, else in that of the file. Cost: O(bytes + triangles + pixels).
+/// the folder of the options, else in the folder of the file. Cost: O(bytes + triangles + pixels).
 ///
 /// # Errors
 /// [`ReadError::File`] with the path and the reason. A file without faces is [`ReadError::NoFaces`]; one
@@ -110,9 +110,9 @@ fn of_scene(scene: Scene) -> Result<ModelFile, ReadError> {
 
 impl From<Scene> for ModelFile {
     fn from(scene: Scene) -> Self {
-        let (model, looks) = scene.model();
+        let (model, appearance_warnings) = scene.model();
         let mut warnings = scene.warnings().to_vec();
-        warnings.extend(looks);
+        warnings.extend(appearance_warnings);
         let (format, contents) = (scene.format(), scene.contents().clone());
         Self { model, format, contents, warnings, source: ModelSource::Scene(Box::new(scene)) }
     }
@@ -121,8 +121,8 @@ impl From<Scene> for ModelFile {
 impl From<Loaded> for ModelFile {
     fn from(loaded: Loaded) -> Self {
         let Loaded { mesh, format, contents, mut warnings, regions, limits, .. } = loaded;
-        let (model, looks) = plain::model(mesh, &regions, limits);
-        warnings.extend(looks);
+        let (model, appearance_warnings) = plain::model(mesh, &regions, limits);
+        warnings.extend(appearance_warnings);
         Self { model, format, contents, warnings, source: ModelSource::Mesh(Arc::new(regions)) }
     }
 }

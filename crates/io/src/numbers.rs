@@ -79,7 +79,7 @@ impl Decimal {
 }
 
 /// Numbers of fewer digits than this need no `f64`: an `f32` distinguishes any two of them (except for some
-/// of seven digits, whose last digit is noise).
+/// numbers of seven digits, whose last digit is noise).
 const MIN_F64_DIGITS: u32 = 8;
 
 /// The smallest number with this many digits.
@@ -354,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_none_and_what_follows_is_left() {
+    fn other_text_is_none_and_the_rest_is_not_consumed() {
         for text in ["", "-", "+", ".", "abc", "e5", "-e5"] {
             assert_eq!(value(text), None, "{text}");
         }

@@ -4,8 +4,8 @@
 //! indices, `o`, `g`, `usemtl` and `s`, which make regions of the faces, and `mtllib`. Lines and points are
 //! dropped with a warning. A large file is read in pieces and never held in memory as a whole.
 //!
-//! Material libraries (MTL) are read too, but only for the textures that they name: they are written beside
-//! the output OBJ unchanged except for the paths of textures ([`Textures`]).
+//! Material libraries (MTL) are read too, but only for the textures that they name: the libraries are written
+//! beside the output OBJ unchanged except for the paths of textures ([`Textures`]).
 //!
 //! Positions are kept in double precision if any coordinate of the file needs it: it has at least 8
 //! significant digits, and the nearest `f32` printed with as many digits would be another number.

@@ -18,7 +18,7 @@ pub struct ReadOptions {
     pub format: Option<Format>,
     /// Limits on the resources that the file may use.
     pub limits: Limits,
-    /// Folder that is searched for the files that the file names (glTF buffers, OBJ material libraries);
+    /// Folder that is searched for the files that the file refers to (glTF buffers, OBJ material libraries);
     /// `None` reads none of them.
     pub folder: Option<PathBuf>,
     /// The folder that limits which of these files may be read; by default the folder above and its
@@ -27,7 +27,7 @@ pub struct ReadOptions {
     /// Names of vertex properties to return besides the mesh; see
     /// [`Loaded::properties`](crate::Loaded::properties).
     pub properties: Vec<String>,
-    /// Tells another thread how much of the file has been read.
+    /// Reports to another thread how much of the file has been read.
     pub progress: SharedProgress,
 }
 
@@ -39,20 +39,20 @@ pub(crate) const PROGRESS_RECORDS: usize = 1 << 16;
 pub struct SharedProgress(Arc<[AtomicU64; 2]>);
 
 impl SharedProgress {
-    /// Returns the part of the file that has been read, from 0 to 1; `None` where the reader does not count: that of OBJ
-    /// files from a megabyte on does, and those of PLY and binary STL.
+    /// Returns the part of the file that has been read, from 0 to 1; `None` if the reader does not count. The readers
+    /// of OBJ (files from a megabyte on), PLY and binary STL do.
     pub fn done(&self) -> Option<f64> {
         let [done, whole] = self.0.each_ref().map(|n| n.load(Ordering::Relaxed));
         (whole > 0).then(|| (done as f64 / whole as f64).min(1.0))
     }
 
-    /// Sets what has been read, and of how much.
+    /// Sets the amount that has been read, and the total.
     pub(crate) fn set(&self, done: u64, whole: u64) {
         self.0[0].store(done, Ordering::Relaxed);
         self.0[1].store(whole, Ordering::Relaxed);
     }
 
-    /// Adds to what has been read.
+    /// Adds to the amount that has been read.
     pub(crate) fn add(&self, more: u64) {
         self.0[0].fetch_add(more, Ordering::Relaxed);
     }

@@ -46,7 +46,7 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     assemble(&header, body)
 }
 
-/// Writes a mesh as PLY: little-endian binary, or text if the options ask for it.
+/// Writes a mesh as PLY: little-endian binary, or text if the options request it.
 ///
 /// A mesh with wedges is written with one vertex per wedge. Colours are bytes if that is lossless, else
 /// floats. Returns notes; nothing is lost.
@@ -98,7 +98,7 @@ fn assemble(header: &Header, body: Body) -> Result<Loaded, ReadError> {
         Some(corner_uvs) => {
             if vertices.uvs.is_some() {
                 warnings.push(Warning::lost(
-                    "texture coordinates stand on vertices and on face corners: those of the vertices are dropped",
+                    "both vertices and face corners have texture coordinates: those of the vertices are dropped",
                 ));
             }
             with_corner_uvs(positions, vertices.normals, vertices.colors, &triangles, &corner_uvs)?
@@ -112,7 +112,7 @@ fn assemble(header: &Header, body: Body) -> Result<Loaded, ReadError> {
         mesh.add_attribute(Attribute { semantic: Semantic::Discrete { name, of }, width: 1, values })?;
     }
     if header.texture_files > 0 {
-        warnings.push(Warning::lost("names of texture files are not carried: dropped"));
+        warnings.push(Warning::lost("names of texture files are not kept: dropped"));
     }
     let loaded = Loaded::new(mesh, Format::Ply, contents, warnings);
     Ok(Loaded { properties: vertices.wanted, ..loaded })
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn line_ends_of_all_machines() {
+    fn line_ends_of_all_systems() {
         for end in ["\r\n", "\r"] {
             assert_eq!(text(&QUAD.replace('\n', end)).unwrap().mesh, text(QUAD).unwrap().mesh, "{end:?}");
         }
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn the_largest_number_of_a_type_is_a_vertex_if_there_are_so_many() {
+    fn the_largest_number_of_a_type_is_a_vertex_in_large_meshes() {
         let vertices = "0 0 0\n1 0 0\n0 1 0\n".repeat(100);
         let got = text(&format!(
             "ply\nformat ascii 1.0\nelement vertex 300\nproperty float x\nproperty float y\n\
@@ -264,14 +264,14 @@ mod tests {
         assert_eq!(
             said,
             [
-                "properties of faces are not carried: texnumber dropped",
-                "names of texture files are not carried: dropped"
+                "face properties are not supported: texnumber dropped",
+                "names of texture files are not kept: dropped"
             ]
         );
     }
 
     #[test]
-    fn points_alone_are_no_mesh() {
+    fn point_clouds_are_errors() {
         let e = text(
             "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n",
         );
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn the_progress_of_reading_is_told() {
+    fn reading_reports_progress() {
         let mesh = lodsmith_core::shapes::icosphere(3);
         let mut files = vec![(Vec::new(), crate::Format::Ply), (Vec::new(), crate::Format::Stl)];
         for (bytes, format) in &mut files {

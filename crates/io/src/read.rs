@@ -47,8 +47,8 @@ pub fn read_bytes(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadErr
     read_hinted(bytes, None, options)
 }
 
-/// Reads a file as a whole scene, if its format has scenes ([`Format::is_scene`]); returns `None` for other content, which is read only
-/// as far as needed to tell.
+/// Reads a file as a whole scene, if its format has scenes ([`Format::is_scene`]); returns `None` for other content, of
+/// which only as much is read as needed to detect that.
 ///
 /// Otherwise like [`read_path`], but a scene without faces is not an error.
 ///
@@ -74,8 +74,8 @@ pub fn read_scene_path(path: &Path, options: &ReadOptions) -> Result<Option<Scen
     read().map_err(|e: ReadError| e.at(path))
 }
 
-/// Returns the sizes of a glTF file; of other files, the bytes of the file alone. `None` for what is no file,
-/// or cannot be read. No geometry is decoded.
+/// Returns the sizes of a glTF file; for other files, only the bytes of the file. `None` if the path is not a
+/// file, or cannot be read. No geometry is decoded.
 pub fn sizes_of_path(path: &Path, options: &ReadOptions) -> Option<Sizes> {
     let about = std::fs::metadata(path).ok().filter(std::fs::Metadata::is_file)?;
     let of_file = Sizes { file_bytes: Some(about.len()), ..Sizes::default() };
@@ -184,14 +184,14 @@ fn read_hinted(bytes: &[u8], hint: Option<Format>, options: &ReadOptions) -> Res
     with_hint(loaded, hint, options)
 }
 
-/// Returns the bytes that the mesh takes during construction from this many bytes of text; a face in 8 bytes
+/// Returns the bytes that the mesh takes during construction from this many bytes of text; a face of 8 bytes
 /// would be the worst case. (Measured: 0.9 for OBJ without attributes, 0.45 with them.)
 fn text_mesh_bytes(bytes: u64) -> u64 {
     bytes
 }
 
-/// Returns an error if the mesh of these unpacked bytes would not fit in memory besides them. The others
-/// check that themselves, by their counts.
+/// Returns an error if the mesh of these unpacked bytes would not fit in memory besides them. The other
+/// formats check that themselves, by their counts.
 fn check_parsing(format: Format, bytes: &[u8], limits: Limits) -> Result<(), ReadError> {
     let size = bytes.len() as u64;
     let mesh = match format {
@@ -205,11 +205,11 @@ fn check_parsing(format: Format, bytes: &[u8], limits: Limits) -> Result<(), Rea
 
 #[cfg(not(feature = "fbx"))]
 fn without_fbx() -> ReadError {
-    let text = "it is FBX, which this build does not read: take the packaged program, or build with `--features fbx`";
+    let text = "it is FBX, which this build does not support: use the packaged program, or build with `--features fbx`";
     ReadError::Unsupported(text.to_owned())
 }
 
-/// Refuses a mesh without faces, and adds a warning if the extension of the path names another format.
+/// Refuses a mesh without faces, and adds a warning if the extension of the path belongs to another format.
 fn with_hint(mut loaded: Loaded, hint: Option<Format>, options: &ReadOptions) -> Result<Loaded, ReadError> {
     loaded.limits = options.limits;
     if loaded.mesh.face_count() == 0 {
@@ -221,7 +221,7 @@ fn with_hint(mut loaded: Loaded, hint: Option<Format>, options: &ReadOptions) ->
     Ok(loaded)
 }
 
-/// Returns the warning that the extension of the path names another format.
+/// Returns the warning that the extension of the path belongs to another format.
 fn extension_mismatch_warning(
     format: Format,
     hint: Option<Format>,
@@ -229,7 +229,7 @@ fn extension_mismatch_warning(
 ) -> Option<Warning> {
     let hint = hint.filter(|&hint| options.format.is_none() && hint != format)?;
     let [hint, format] = [hint, format].map(Format::title);
-    Some(Warning::note(format!("the ending says {hint}, the content is {format}: read as {format}")))
+    Some(Warning::note(format!("the extension says {hint}, but the content is {format}: read as {format}")))
 }
 
 /// Returns the bytes, decompressed if they are gzip.
@@ -303,15 +303,15 @@ fn gunzip(bytes: &[u8], limits: Limits) -> Result<Vec<u8>, ReadError> {
 }
 
 fn unknown(text: &[u8]) -> ReadError {
-    if let Some((name, way_out)) = sniff::unsupported_format(text) {
-        return ReadError::Unknown(format!("it is {name}, which is not read; {way_out}"));
+    if let Some((name, advice)) = sniff::unsupported_format(text) {
+        return ReadError::Unknown(format!("it is {name}, which is not supported; {advice}"));
     }
     let what = if text.iter().all(u8::is_ascii_whitespace) {
-        "it holds nothing but blanks"
+        "it contains only white space"
     } else if looks_like_text(text) {
-        "it is text, but no line of it is of a mesh"
+        "it is text, but no line looks like a mesh format"
     } else {
-        "its first bytes are of none of them"
+        "its first bytes match none of them"
     };
     ReadError::Unknown(what.to_owned())
 }

@@ -10,7 +10,7 @@ use crate::material::Regions;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Sizes {
-    /// Triangles that are drawn, those of all instances.
+    /// Triangles that are drawn, in all instances.
     pub triangles: u64,
     /// Draw calls: one for each primitive that a node places, or each material of a mesh.
     pub draw_calls: u64,

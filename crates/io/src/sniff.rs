@@ -6,8 +6,8 @@ use crate::format::Format;
 
 /// Returns the format of a file by its content; the hint from its extension decides only ambiguous cases.
 ///
-/// These are damaged binary files, files of comments only, and text that only the extension gives a meaning.
-/// Text without any line of a mesh format is `None`, whatever the hint. Examines the first 64 kB.
+/// Ambiguous are damaged binary files, files with only comments, and text whose meaning depends on the
+/// extension. Text without any line of a mesh format is `None`, whatever the hint. Examines the first 64 kB.
 pub fn sniff(bytes: &[u8], hint: Option<Format>) -> Option<Format> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     if bytes.starts_with(b"glTF") {
@@ -69,7 +69,7 @@ pub fn hint_of(path: &Path) -> Option<Format> {
     Format::from_name(&last)
 }
 
-/// Returns true if the size is that of a binary STL with its number of triangles, or slightly more after a
+/// Returns true if the size matches a binary STL with its number of triangles, or is slightly larger after a
 /// header that is not text. The header may begin with `solid`.
 pub(crate) fn is_binary_stl(bytes: &[u8]) -> bool {
     let Some(count) = bytes.get(80..84) else { return false };
@@ -97,7 +97,7 @@ fn front(bytes: &[u8]) -> &[u8] {
 fn is_three_mf(bytes: &[u8], hint: Option<Format>) -> bool {
     let has = |word: &[u8]| memchr::memmem::find(front(bytes), word).is_some();
     let ends_with_names = || {
-        // A large part may come first; the names of all stand at the end.
+        // A large part may come first; the list of all names is at the end.
         let end = &bytes[bytes.len().saturating_sub(SNIFFED_BYTES)..];
         memchr::memmem::find(end, b"3D/").is_some()
     };
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn prose_is_nothing_whatever_its_name() {
+    fn prose_has_no_format_whatever_its_name() {
         let prose = "Dear colleague,\nplease find the mesh attached.\n";
         assert_eq!(by_content(prose), None);
         for hint in Format::ALL {

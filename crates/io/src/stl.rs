@@ -42,7 +42,7 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
         soup.corners.into_keys().into_iter().map(|key| key.map(f32::from_bits)).collect();
     if positions.len() < corners {
         soup.warnings.push(Warning::note(format!(
-            "STL names no vertices: {corners} corners of facets were joined to {} vertices of equal position",
+            "STL has no vertex indices: {corners} facet corners were merged into {} vertices by equal position",
             positions.len()
         )));
     }
@@ -52,7 +52,7 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     Ok(Loaded::new(mesh, Format::Stl, contents, soup.warnings))
 }
 
-/// Writes a mesh as STL: binary, or text if the options ask for it.
+/// Writes a mesh as STL: binary, or text if the options request it.
 ///
 /// Facet normals are computed from the positions, zero for facets without area. Returns a warning for each
 /// thing that STL cannot carry: attributes, and double precision if rounding changes a position.
@@ -88,7 +88,7 @@ fn read_binary(bytes: &[u8], progress: &SharedProgress) -> Result<Soup, ReadErro
     let present = bytes.len();
     let Some(count) = facet_count_in_header(bytes) else {
         return Err(ReadError::file(format!(
-            "{present} bytes are no STL file: a binary one has at least {HEADER}, a text begins with `solid`"
+            "{present} bytes are not an STL file: a binary file has at least {HEADER}, a text file begins with `solid`"
         )));
     };
     let expected = HEADER as u64 + FACET as u64 * u64::from(count);
@@ -118,7 +118,7 @@ fn read_binary(bytes: &[u8], progress: &SharedProgress) -> Result<Soup, ReadErro
     }
     progress.set(count as u64, count as u64);
     if attributes != 0 {
-        soup.warnings.push(Warning::lost("colours (attribute bytes) of facets are not carried: dropped"));
+        soup.warnings.push(Warning::lost("facet colours (attribute bytes) are not supported: dropped"));
     }
     if present as u64 > expected {
         let more = present as u64 - expected;
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_cut_off_says_how_much_is_missing() {
+    fn the_error_of_a_truncated_file_has_both_sizes() {
         let bytes = binary("solid", &TWO);
         let e = read(&bytes[..150], &ReadOptions::default()).unwrap_err().to_string();
         assert_eq!(

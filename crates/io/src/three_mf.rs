@@ -46,7 +46,8 @@ pub(crate) fn scene(bytes: &[u8], options: &ReadOptions) -> Result<BuiltScene, R
 
 /// Writes a mesh as 3MF: one object, with colours of vertices, materials and textures.
 ///
-/// The unit is that of [`WriteOptions::regions`], else the millimetre. Returns warnings about what 3MF cannot hold.
+/// The unit is taken from [`WriteOptions::regions`], else it is the millimetre. Returns warnings about what 3MF cannot
+/// hold.
 ///
 /// # Errors
 /// I/O errors of the stream.
@@ -54,10 +55,10 @@ pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io:
     write::write(mesh, options, out)
 }
 
-/// Writes a scene as 3MF, with some meshes replaced: one object for each mesh that is placed, one of components for each
-/// node with children, and an item of the build for each root. Returns warnings about what 3MF cannot hold.
+/// Writes a scene as 3MF, with some meshes replaced: one object for each placed mesh, one object of components for each
+/// node with children, and one build item for each root. Returns warnings about what 3MF cannot hold.
 ///
-/// The unit is that of the 3MF file that was read, else the metre.
+/// The unit is taken from the 3MF file that was read, else it is the metre.
 ///
 /// # Errors
 /// I/O errors of the stream.

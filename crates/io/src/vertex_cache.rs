@@ -1,6 +1,6 @@
-//! Order of triangles and vertices for the caches of GPUs, and measures of it.
+//! Order of triangles and vertices for GPU caches, and measures of such orders.
 //!
-//! Sources: T. Forsyth, "Linear-speed vertex cache optimisation", 2006; the measures are those of
+//! Sources: T. Forsyth, "Linear-speed vertex cache optimisation", 2006; the measures are the same as in
 //! meshoptimizer.
 
 use std::ops::Range;
@@ -25,14 +25,14 @@ pub enum OrderFor {
     Size,
 }
 
-/// Scores of vertices, by their place in the cache and by the number of their triangles that are left.
+/// Scores of vertices, by their position in the cache and by their number of remaining triangles.
 struct Scores {
     cached: [f32; CACHE],
     left: [f32; 9],
 }
 
-/// Vertices of the last triangle score alike, others less with their age; a vertex with few triangles left is
-/// finished first. (Formulas and constants of the paper: ¾, (1 - age)^1.5, and 2 / √n.)
+/// Vertices of the last triangle have equal scores, others less with their age; a vertex with few remaining
+/// triangles is finished first. (Formulas and constants of the paper: ¾, (1 - age)^1.5, and 2 / √n.)
 const GPU: Scores = Scores {
     cached: [
         0.75, 0.75, 0.75, 1.0, 0.887, 0.779, 0.675, 0.577, 0.484, 0.398, 0.316, 0.242, 0.174, 0.114, 0.0604,
@@ -55,15 +55,16 @@ struct Ordering<'t> {
     /// Start of the triangles of each vertex in `around`; the end is the next start.
     starts: Vec<u32>,
     around: Vec<u32>,
-    /// Number of triangles of each vertex that are left: the first of its list; of a hub, the list from here.
+    /// Number of remaining triangles of each vertex: the first of its list. For a hub, the start of the rest
+    /// of its list.
     left: Vec<u32>,
     score_of_vertex: Vec<f32>,
     score_of_triangle: Vec<f32>,
     is_done: Vec<bool>,
 }
 
-/// Returns the triangles in an order that reuses vertices while they are in a cache. Each keeps its corners
-/// and their order. Cost: O(triangles + vertices).
+/// Returns the triangles in an order that reuses vertices while they are in a cache. Each triangle keeps its
+/// corners and their order. Cost: O(triangles + vertices).
 ///
 /// # Panics
 /// If a triangle refers to a vertex from `vertices` on.
@@ -155,7 +156,7 @@ impl<'t> Ordering<'t> {
         }
     }
 
-    /// Returns the places in `around` of the triangles of a vertex that are left; of a hub, of a few.
+    /// Returns the range in `around` of the remaining triangles of a vertex; for a hub, of a few of them.
     fn candidates(&self, v: usize) -> Range<usize> {
         let (start, end, left) =
             (self.starts[v] as usize, self.starts[v + 1] as usize, self.left[v] as usize);
@@ -258,7 +259,7 @@ impl CacheUse {
         Self::of(bytemuck::cast_slice(mesh.triangles()), mesh.wedge_count(), stride)
     }
 
-    /// Adds the figures of another mesh.
+    /// Adds the counts of another mesh.
     pub fn add(&mut self, other: Self) {
         self.triangles += other.triangles;
         self.vertices += other.vertices;
@@ -289,7 +290,7 @@ mod tests {
 
     use super::*;
 
-    /// Triangles of a grid of n × n squares, in an order that no cache likes.
+    /// Triangles of a grid of n × n squares, in an order that suits no cache.
     fn shuffled_grid(n: u32) -> (Vec<[u32; 3]>, usize) {
         let at = |x: u32, y: u32| y * (n + 1) + x;
         let mut all = Vec::new();

@@ -60,12 +60,11 @@ fn format_of(path: &Path, options: &WriteOptions) -> Result<Format, WriteError> 
     format.ok_or_else(|| WriteError::UnknownFormat { path: path.to_owned() })
 }
 
-/// Writes a whole scene to a file, with some meshes replaced; see [`Scene::write`]. Otherwise like
-/// [`write_path`]. The format is glTF, GLB or 3MF, which gets an object for each mesh and the nodes as components and
-/// items.
+/// Writes a whole scene to a file, with some meshes replaced; see [`Scene::write`]. Otherwise like [`write_path`]. The
+/// format is glTF, GLB or 3MF; 3MF gets an object for each mesh, and the nodes become components and items.
 ///
-/// With [`Textures::Copy`], separate images of a `.gltf` are copied beside it, as far as they may be read;
-/// `relink` is for the other files.
+/// With [`Textures::Copy`], separate images of a `.gltf` are copied beside it if they may be read; `relink`
+/// is for the other files.
 ///
 /// # Errors
 /// [`WriteError`], which names the path; no partial output is left.
@@ -104,7 +103,7 @@ pub fn write_levels_path(
     write_with_images(scene, path, format, options, relink, write)
 }
 
-/// Writes a scene to a file, with its separate images copied beside it if the options ask for that.
+/// Writes a scene to a file, with its separate images copied beside it if the options request that.
 fn write_with_images(
     scene: &Scene,
     path: &Path,
@@ -236,8 +235,8 @@ fn write_stream(
     result.map_err(|e| named(e, Path::new("output stream")))
 }
 
-/// Compression level. Measured on an OBJ of 2 million triangles (73 MB): 0.8 s to 16 MB; the default level 6
-/// takes 6.2 s to get to 15 MB.
+/// Compression level. Measured on an OBJ of 2 million triangles (73 MB): 0.8 s for 16 MB; the default level 6
+/// takes 6.2 s for 15 MB.
 const COMPRESSION: Compression = Compression::new(3);
 
 fn write_format(
@@ -282,7 +281,7 @@ fn write_format(
     Ok(written)
 }
 
-/// Returns the note that a format is not packed, if that was asked for.
+/// Returns the note that a format cannot be packed, if packing was requested.
 fn not_packed_warning(format: Format, packing: Packing) -> Option<Warning> {
     let text = format!("{} is neither compressed nor quantized: only glTF and GLB are", format.title());
     packing.is_needed().then(|| Warning::note(text))

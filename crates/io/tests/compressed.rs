@@ -63,7 +63,7 @@ fn glb(json: &Value, bin: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn compressed_meshes_are_those_that_they_were() {
+fn compressed_meshes_equal_the_originals() {
     let plain = faces(&read(PLAIN));
     for (name, bytes, [position, normal, uv]) in FILES {
         let got = faces(&read(bytes));
@@ -157,7 +157,7 @@ fn primitives_may_share_a_stream_of_draco() {
 }
 
 #[test]
-fn what_is_wrong_is_named() {
+fn errors_name_the_problem() {
     let said = |bytes: &[u8]| match read_bytes(bytes, &ReadOptions::default()) {
         Ok(_) => "nothing".to_owned(),
         Err(e) => e.to_string(),
@@ -170,21 +170,13 @@ fn what_is_wrong_is_named() {
     };
     let extension = "/bufferViews/0/extensions/KHR_meshopt_compression";
     for (pointer, value, wanted) in [
-        (
-            "mode",
-            json!("POINTS"),
-            "bufferViews[0].KHR_meshopt_compression: the mode POINTS is not known here",
-        ),
+        ("mode", json!("POINTS"), "bufferViews[0].KHR_meshopt_compression: the mode POINTS is unknown"),
         ("mode", json!("INDICES"), "bufferViews[0]: has a byteStride of 12, and indices need 2 or 4"),
-        (
-            "filter",
-            json!("BLUR"),
-            "bufferViews[0].KHR_meshopt_compression: the filter BLUR is not known here",
-        ),
+        ("filter", json!("BLUR"), "bufferViews[0].KHR_meshopt_compression: the filter BLUR is unknown"),
         ("filter", json!("QUATERNION"), "bufferViews[0]: has a byteStride of 12, and its filter needs 8"),
         ("count", json!(80), "bufferViews[0]: byteLength is 972, but it holds 80 elements of 12 bytes"),
         ("count", Value::Null, "bufferViews[0].KHR_meshopt_compression: count is missing"),
-        ("buffer", json!(7), "bufferViews[0]: names buffers[7], but the file has 2"),
+        ("buffer", json!(7), "bufferViews[0]: refers to buffers[7], but the file has 2"),
         (
             "byteLength",
             json!(2000),
@@ -193,12 +185,12 @@ fn what_is_wrong_is_named() {
         (
             "byteLength",
             json!(30),
-            "bufferViews[0]: is damaged: a channel of its compressed bytes has no known mode",
+            "bufferViews[0]: is damaged: a channel of its compressed bytes has an unknown mode",
         ),
         (
             "byteOffset",
             json!(1),
-            "bufferViews[0]: is damaged: its compressed bytes begin with no known version",
+            "bufferViews[0]: is damaged: its compressed bytes begin with an unknown version",
         ),
     ] {
         assert_eq!(meshopt(&format!("{extension}/{pointer}"), value), wanted);
@@ -232,12 +224,12 @@ fn what_is_wrong_is_named() {
         (
             &format!("{extension}/attributes/NORMAL"),
             json!(9),
-            format!("{primitive}: NORMAL is said to be attribute 9 of the Draco stream, which has none"),
+            format!("{primitive}: NORMAL refers to attribute 9 of the Draco stream, which does not exist"),
         ),
         (
             &format!("{extension}/bufferView"),
             json!(9),
-            format!("{primitive}: names bufferViews[9], but the file has 1"),
+            format!("{primitive}: refers to bufferViews[9], but the file has 1"),
         ),
     ] {
         assert_eq!(draco(&|json| *json.pointer_mut(pointer).unwrap() = value.clone()), wanted);
@@ -247,7 +239,7 @@ fn what_is_wrong_is_named() {
 }
 
 #[test]
-fn few_bytes_do_not_become_very_many() {
+fn a_few_bytes_do_not_unpack_to_very_many() {
     // A version 1 stream of constant values: each block of 256 elements is one byte.
     let blocks = 200_000;
     let mut stream = vec![0xaa; blocks + 1];

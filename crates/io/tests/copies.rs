@@ -31,7 +31,7 @@ fn written(scene: &Scene) -> Vec<u8> {
 }
 
 #[test]
-fn copies_share_what_is_heavy_and_have_nodes_of_their_own() {
+fn copies_share_large_data_and_have_their_own_nodes() {
     let source = scene(everything());
     let copied = source.with_copies(&places(3)).unwrap();
     let faces = |s: &Scene| s.meshes().iter().map(|m| m.instances * m.mesh.face_count()).sum::<usize>();
@@ -173,7 +173,7 @@ fn motion() -> SceneMotion {
 }
 
 #[test]
-fn what_stands_in_a_scene_moves_by_nodes_over_it() {
+fn a_scene_is_moved_by_nodes_above_it() {
     for source in [everything(), small()] {
         let source = scene(source);
         let copied = source.with_copies(&places(3)).unwrap();
@@ -204,7 +204,7 @@ fn what_stands_in_a_scene_moves_by_nodes_over_it() {
 }
 
 #[test]
-fn what_stands_in_a_file_without_scenes_stays_in_view_beside_what_moves() {
+fn nodes_of_a_file_without_scenes_stay_visible_beside_moved_ones() {
     for scenes in [json!([]), Value::Null] {
         let (mut json, bin) = small();
         json["nodes"] = json!([{"mesh": 0, "name": "still"}]);

@@ -123,8 +123,8 @@ fn integers_of_vertices_go_through_ply_in_their_type() {
     assert_eq!(loaded.properties, [("id".to_owned(), vec![-70000.0, 16777216.0, 3.0])]);
     // Single precision cannot hold the first hash.
     assert_eq!(discrete(&mesh, "hash"), None);
-    let said: Vec<String> = loaded.warnings.iter().map(|w| w.text.clone()).collect();
-    assert_eq!(said, ["properties of vertices are not carried: heat, hash dropped"]);
+    let texts: Vec<String> = loaded.warnings.iter().map(|w| w.text.clone()).collect();
+    assert_eq!(texts, ["vertex properties are not supported: heat, hash dropped"]);
     for ascii in [true, false] {
         let mut bytes = Vec::new();
         let mut options = WriteOptions::default();
@@ -141,9 +141,9 @@ fn formats_without_integers_say_so() {
     let body = "0 0 0 1 1 0.5 1\n1 0 0 255 2 0.5 1\n0 1 0 0 3 0.5 2\n3 0 1 2\n";
     let mesh = read_bytes(format!("{HEADER}{body}").as_bytes(), &ReadOptions::default()).unwrap().mesh;
     for (format, name) in [(Format::Obj, "OBJ"), (Format::Off, "OFF"), (Format::Glb, "GLB")] {
-        let told = write_to(&mesh, format, &WriteOptions::default(), &mut Vec::new()).unwrap().warnings;
-        let said: Vec<String> = told.into_iter().map(|w| w.text).collect();
-        assert_eq!(said, [format!("{name} cannot carry label, id, hash of vertices: dropped")]);
+        let warnings = write_to(&mesh, format, &WriteOptions::default(), &mut Vec::new()).unwrap().warnings;
+        let texts: Vec<String> = warnings.into_iter().map(|w| w.text).collect();
+        assert_eq!(texts, [format!("{name} cannot carry label, id, hash of vertices: dropped")]);
     }
 }
 

@@ -160,8 +160,8 @@ fn what_is_not_replaced_stays() {
     assert_eq!(accessor("WEIGHTS_0", 0)["componentType"], 5121);
     assert_eq!(accessor("WEIGHTS_0", 0)["normalized"], true);
     assert_eq!(accessor("COLOR_0", 2)["type"], "VEC3");
-    // The line primitive still uses the positions of the first primitive; those of the last are replaced in
-    // place.
+    // The line primitive still uses the positions of the first primitive; the positions of the last are
+    // replaced in place.
     assert_eq!(accessor("POSITION", 0)["name"], Value::Null);
     assert_eq!(accessor("POSITION", 2)["name"], "corners");
     assert_eq!(accessor("POSITION", 2)["count"], 3);
@@ -181,7 +181,7 @@ fn a_primitive_without_faces_goes() {
     let mesh = &scene.meshes()[0].mesh;
     let (got, bytes, warnings) = written(&scene, &[Some(only(mesh, |i| i < 2))], Format::Glb);
     assert_eq!(got["meshes"][0]["primitives"].as_array().unwrap().len(), 2);
-    assert!(warnings[0].starts_with("meshes[0].primitives[2] has no face any more"), "{warnings:?}");
+    assert!(warnings[0].starts_with("meshes[0].primitives[2] has no faces left"), "{warnings:?}");
     // The renumbered references still refer to the same data.
     assert_eq!(view_of_accessor(&got, &bytes, &got["skins"][0]["inverseBindMatrices"]).len(), 128);
     let image = got["images"][0]["bufferView"].as_u64().unwrap() as usize;
@@ -200,7 +200,7 @@ fn many_without_faces_are_one_warning() {
     let (.., warnings) = written(&scene, &[Some(only(&scene.meshes()[0].mesh, |i| i == 1))], Format::Glb);
     assert_eq!(
         warnings,
-        ["5 primitives have no face any more: left out, with their materials: meshes[0].primitives[0], \
+        ["5 primitives have no faces left: removed, with their materials: meshes[0].primitives[0], \
           meshes[0].primitives[2], meshes[0].primitives[3] and 2 more"]
     );
 }
@@ -216,7 +216,7 @@ fn a_mesh_without_faces_goes_with_its_name_on_nodes() {
     assert_eq!(got["meshes"].as_array().unwrap().len(), 1);
     assert!(got["nodes"].as_array().unwrap().iter().all(|n| n["mesh"].is_null() || n["mesh"] == 0));
     assert!(got["nodes"][0]["skin"].is_null());
-    assert!(warnings.last().unwrap().starts_with("meshes[0] has no face any more"));
+    assert!(warnings.last().unwrap().starts_with("meshes[0] has no faces left"));
     assert_eq!(scene_of(&glb(&got, &bytes)).meshes()[0].mesh, scene.meshes()[1].mesh);
 
     let all: Vec<_> = scene.meshes().iter().map(|m| Some(only(&m.mesh, |_| false))).collect();
@@ -225,7 +225,7 @@ fn a_mesh_without_faces_goes_with_its_name_on_nodes() {
 }
 
 #[test]
-fn attributes_that_are_gone_are_named_and_new_ones_come_along() {
+fn removed_attributes_are_reported_and_new_ones_are_written() {
     let (json, bin) = everything();
     let scene = scene_of(&glb(&json, &bin));
     let whole = &scene.meshes()[0].mesh;
@@ -237,7 +237,7 @@ fn attributes_that_are_gone_are_named_and_new_ones_come_along() {
     .unwrap();
     bare.set_regions(whole.regions().map(<[_]>::to_vec)).unwrap();
     let (got, bytes, warnings) = written(&scene, &[Some(bare)], Format::Glb);
-    let lost = warnings.iter().find(|w| w.contains("any more")).unwrap();
+    let lost = warnings.iter().find(|w| w.contains("no longer has")).unwrap();
     for name in ["NORMAL", "JOINTS_0", "_HEAT", "targets[0].POSITION"] {
         assert!(lost.contains(name), "{lost}");
     }
@@ -338,7 +338,7 @@ fn quantised_numbers_stay_so_where_they_can() {
 }
 
 #[test]
-fn files_outside_are_named_and_linked_anew() {
+fn external_files_are_listed_and_relinked() {
     let (mut json, bin) = small();
     json["images"] = json!([{"uri": "a%20b/c.png"}, {"uri": "data:image/png;base64,AA=="}, {"uri": "https://x/y.png"},
         {"uri": "a%20b/c.png"}]);
@@ -396,7 +396,7 @@ fn a_file_of_another_format_is_no_scene() {
     let path = folder.path().join("c.ply");
     std::fs::write(&path, gltf(&json, &bin)).unwrap();
     let again = lodsmith_io::read_scene_path(&path, &ReadOptions::default()).unwrap().unwrap();
-    assert!(again.warnings()[0].text.starts_with("the ending says PLY"));
+    assert!(again.warnings()[0].text.starts_with("the extension says PLY"));
     std::fs::write(&path, b"glTF\x02").unwrap();
     let error = lodsmith_io::read_scene_path(&path, &ReadOptions::default()).unwrap_err().to_string();
     assert!(error.contains("c.ply: the GLB is cut off"), "{error}");
@@ -443,7 +443,7 @@ fn instances_of_an_extension_are_counted() {
 }
 
 #[test]
-fn what_cannot_be_read_or_written_is_named() {
+fn errors_name_what_cannot_be_read_or_written() {
     let (mut json, bin) = small();
     let refused =
         |json: &Value| Scene::read(&glb(json, &bin), &ReadOptions::default()).unwrap_err().to_string();
@@ -535,9 +535,9 @@ fn numbers(json: &mut Value, at: usize, new: &Value) -> usize {
     next
 }
 
-/// Where copies touch, a run keeps them together: it has to know where they stand.
+/// Where copies touch, a run keeps them together: it needs their placements.
 #[test]
-fn copies_of_a_mesh_say_where_they_stand() {
+fn copies_of_a_mesh_have_their_placements() {
     let (mut json, bin) = small();
     json["meshes"] = json!([json["meshes"][0], json["meshes"][0], json["meshes"][0]]);
     json["nodes"] = json!([

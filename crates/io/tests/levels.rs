@@ -107,8 +107,8 @@ fn readers_without_the_extension_see_level_0() {
     assert_eq!(placed(&again), placed(&scene));
     let loaded = read_bytes(&bytes, &ReadOptions::default()).unwrap();
     assert_eq!(loaded.mesh.face_count(), scene.contents().polygons);
-    // One mesh was not instantiated before; those of levels are not counted with it.
-    let unplaced = "1 meshes stand in no place of the default scene: dropped";
+    // One mesh was not instantiated before; meshes of levels are not counted with it.
+    let unplaced = "1 meshes are not placed in the default scene: dropped";
     assert!(loaded.warnings.iter().any(|w| w.text == unplaced), "{:?}", loaded.warnings);
 }
 
@@ -119,7 +119,7 @@ fn levels_of_levels_are_refused() {
     scene.write_levels(&levels, Format::Glb, &|_| None, &mut bytes).unwrap();
     let again = Scene::read(&bytes, &ReadOptions::default()).unwrap();
     let got = again.write_levels(&levels, Format::Glb, &|_| None, &mut Vec::new());
-    assert!(got.unwrap_err().to_string().contains("levels of detail already"));
+    assert!(got.unwrap_err().to_string().contains("already has levels of detail"));
 }
 
 #[test]

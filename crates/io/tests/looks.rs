@@ -95,19 +95,19 @@ fn one_material_is_one_primitive() {
 }
 
 #[test]
-fn what_does_not_go_along_is_named() {
+fn dropped_properties_are_reported() {
     let library =
         "newmtl wood\nKs 1 1 1\nNs 20\nmap_Ks y.png\nmap_d x.png\nmap_Kd -s 2 2 2 old.ppm\nbump none.png\n";
     let folder = folder(FACES, library);
     let (json, _, warnings) = written(folder.path(), Textures::Copy);
-    let told: Vec<&str> = warnings.iter().map(|w| w.text.as_str()).collect();
+    let texts: Vec<&str> = warnings.iter().map(|w| w.text.as_str()).collect();
     assert_eq!(
-        told,
+        texts,
         [
             "texture old.ppm is neither PNG nor JPEG: left out",
-            "texture none.png is not there: left out",
-            "glTF has no word for these of the materials: map_d, map_kd -s, map_ks",
-            "glTF shades in another way: ks, ns left out",
+            "texture none.png was not found: left out",
+            "glTF cannot represent these material properties: map_d, map_kd -s, map_ks",
+            "glTF has another shading model: ks, ns left out",
         ]
     );
     // Highlights are no data of the mesh.

@@ -149,7 +149,7 @@ fn it_is_read_as_a_mesh_like_any_other_format() {
 }
 
 #[test]
-fn a_hundred_beginnings_are_meshes() {
+fn a_hundred_prefixes_are_meshes() {
     for (mesh, seed) in [(rich(false), 3), (shapes::torus(24, 16), 4), (shapes::soup(80, 2), 5)] {
         let splits = record(&mesh, mesh.face_count() / 10, seed);
         for positions_bits in [None, Some(12)] {
@@ -254,12 +254,12 @@ fn fits_are_rounded_by_their_error_unless_every_bit_is_asked_for() {
 }
 
 #[test]
-fn what_has_no_place_on_a_grid_is_refused() {
+fn positions_that_do_not_fit_a_grid_are_refused() {
     let positions = Positions::F32(vec![[0.0; 3], [f32::NAN, 0.0, 0.0], [0.0, 1.0, 0.0]]);
     let mesh = TriMesh::new(positions, vec![[0, 1, 2].map(VertexId)]).unwrap();
     let splits = record(&mesh, 1, 0);
     let mut options = LpmOptions::default();
-    for (wrong, word) in [(16, "no numbers"), (5, "6 to 24"), (25, "6 to 24")] {
+    for (wrong, word) in [(16, "not finite"), (5, "6 to 24"), (25, "6 to 24")] {
         options.bits = Some(wrong);
         let error = lpm::write(&splits, None, &options, &mut Vec::new()).unwrap_err();
         assert!(error.to_string().contains(word), "{error}");
@@ -542,7 +542,7 @@ fn empty_splits_and_checkpoints_count_toward_the_limit() {
 }
 
 #[test]
-fn bytes_of_strangers_do_no_harm() {
+fn untrusted_bytes_do_no_harm() {
     let mut dice = Random(17);
     for mesh in [shapes::icosphere(2), rich(false), shapes::soup(30, 3)] {
         for positions_bits in [None, Some(10)] {
@@ -585,13 +585,13 @@ fn chunks_that_are_not_known_are_skipped_or_refused_by_their_first_letter() {
         match lpm::read(&with(at, b"NOTE")[..], &ReadOptions::default()) {
             Ok(part) => panic!("{} splits of a chunk that is not known", part.splits.len()),
             Err(e) if at == base => assert!(e.to_string().contains("base mesh is missing"), "{e}"),
-            Err(e) => assert!(e.to_string().contains("a kind that is not known here"), "{e}"),
+            Err(e) => assert!(e.to_string().contains("an unknown kind"), "{e}"),
         }
     }
 }
 
 #[test]
-fn lengths_that_lie_cost_nothing() {
+fn wrong_lengths_reserve_no_memory() {
     let bytes = written(&record(&shapes::cube(3), 20, 1), None);
     for at in chunks(&bytes) {
         let mut lying = bytes.clone();
@@ -599,7 +599,7 @@ fn lengths_that_lie_cost_nothing() {
         let base = chunks(&bytes)[1];
         match lpm::read(&lying[..], &ReadOptions::default()) {
             Ok(part) => assert!(at > base && !part.is_complete),
-            Err(e) => assert!(at <= base && e.to_string().contains("before the base mesh"), "{e}"),
+            Err(e) => assert!(at <= base && e.to_string().contains("before the end of the base mesh"), "{e}"),
         }
         let mut options = ReadOptions::default();
         options.limits.bytes = 1 << 20;

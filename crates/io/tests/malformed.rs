@@ -11,24 +11,24 @@ const THREE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
 #[test]
 fn obj_errors_name_the_line_and_the_word() {
     for (lines, wanted) in [
-        ("f 0 1 2", "line 4: the face names vertex 0, but OBJ counts from 1"),
-        ("f 1 2 99", "line 4: the face names vertex 99, but the file has 3"),
-        ("f 1 2 3\n\nf 1 2 -4", "line 6: the face names vertex -4, but only 3 stand before it"),
-        ("f 1/1 2/1 3/1", "line 4: the face names texture coordinate 1, but the file has 0"),
-        ("vn 0 0 1\nf 1//1 2//2 3//1", "line 5: the face names normal 2, but the file has 1"),
-        ("f 1/0 2/0 3/0", "line 4: the face names texture coordinate 0, but OBJ counts from 1"),
+        ("f 0 1 2", "line 4: the face refers to vertex 0, but OBJ counts from 1"),
+        ("f 1 2 99", "line 4: the face refers to vertex 99, but the file has 3"),
+        ("f 1 2 3\n\nf 1 2 -4", "line 6: the face refers to vertex -4, but only 3 come before it"),
+        ("f 1/1 2/1 3/1", "line 4: the face refers to texture coordinate 1, but the file has 0"),
+        ("vn 0 0 1\nf 1//1 2//2 3//1", "line 5: the face refers to normal 2, but the file has 1"),
+        ("f 1/0 2/0 3/0", "line 4: the face refers to texture coordinate 0, but OBJ counts from 1"),
         (
             "f 1 2 99999999999999999999",
-            "line 4: the face names vertex 9223372036854775807, more than a mesh can have",
+            "line 4: the face refers to vertex 9223372036854775807, more than a mesh can have",
         ),
         ("f 1 2 x", "line 4: `x` is not a whole number"),
         ("f 1 2 3.5", "line 4: `.5` is not a corner of a face"),
         ("f 1/2/3/4 2 3", "line 4: `/4` is not a corner of a face"),
         ("v 1 2 3.1+e2", "line 4: `3.1+e2` is not a number"),
-        ("v 1 2", "line 4: a position has 3 numbers, here are 2"),
-        ("vn 1 2", "line 4: a normal has 3 numbers, here are 2"),
+        ("v 1 2", "line 4: a position needs 3 numbers, but has 2"),
+        ("vn 1 2", "line 4: a normal needs 3 numbers, but has 2"),
         ("vt", "no faces in the file (3 vertices): nothing to work on"),
-        ("vt \\\n", "line 5: a texture coordinate has 1 number, here are 0"),
+        ("vt \\\n", "line 5: a texture coordinate needs 1 number, but has 0"),
         ("v 1 2 \u{1b}[31m", "line 4: `\\u{1b}[31m` is not a number"),
         ("v 1,5 2 3", "line 4: `1,5` is not a number"),
     ] {
@@ -45,15 +45,15 @@ fn off_errors_name_the_line() {
         ),
         (
             "OFF\n3 4\n0.1 0.2 0.3\n0.2 0.3 0.4\n",
-            "line 5: the file ends at vertex 2 of the 3 that its header says",
+            "line 5: the file ends at vertex 2 of the 3 declared in the header",
         ),
         (
             "OFF\n3 1 0\n0 0 0\n1 0 0\n# a comment to make room for one more\n",
-            "line 6: the file ends at vertex 2 of the 3 that its header says",
+            "line 6: the file ends at vertex 2 of the 3 declared in the header",
         ),
         (
             "OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
-            "line 7: the file ends at face 1 of the 2 that its header says",
+            "line 7: the file ends at face 1 of the 2 declared in the header",
         ),
         (
             "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n",
@@ -69,14 +69,14 @@ fn off_errors_name_the_line() {
         ),
         (
             "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n4000000000 0 1 2\n",
-            "line 7: the file ends at face 0 of the 1 that its header says",
+            "line 7: the file ends at face 0 of the 1 declared in the header",
         ),
         ("OFF\n3 1 0\n0 0 x\n1 0 0\n0 1 0\n3 0 1 2\n", "line 3: `x` is not a number"),
-        ("OFF\n-3 1 0\n", "line 2: the header says -3 vertices, which cannot be"),
+        ("OFF\n-3 1 0\n", "line 2: the header says -3 vertices, which is impossible"),
         ("OFF\n3.5 1 0\n", "line 2: `.5` is not a whole number"),
         ("OFF\n", "line 2: the file ends before its number of vertices"),
         ("OFF BINARY\n", "binary OFF is not read; save it as text"),
-        ("nOFF 5\n3 1 0\n", "OFF of 5 dimensions is not read, only of 3"),
+        ("nOFF 5\n3 1 0\n", "OFF of 5 dimensions is not supported, only of 3"),
     ] {
         let got = error_of(text);
         assert!(got.starts_with(wanted), "{text}: {got}");
@@ -87,9 +87,12 @@ fn off_errors_name_the_line() {
 fn what_is_no_mesh_is_refused() {
     for (text, wanted) in [
         ("", "the file is empty"),
-        (" \n\t\n", "it holds nothing but blanks"),
-        ("Dear colleague,\nplease find the mesh attached.\n", "it is text, but no line of it is of a mesh"),
-        ("\u{1}\u{2}\u{3}", "its first bytes are of none of them"),
+        (" \n\t\n", "it contains only white space"),
+        (
+            "Dear colleague,\nplease find the mesh attached.\n",
+            "it is text, but no line looks like a mesh format",
+        ),
+        ("\u{1}\u{2}\u{3}", "its first bytes match none of them"),
     ] {
         let got = error_of(text);
         assert_eq!(
@@ -111,7 +114,7 @@ fn errors_of_files_carry_their_path() {
     std::fs::write(&path, format!("{THREE}f 1 2 4\n")).unwrap();
     assert_eq!(
         error(&path),
-        format!("{}: line 4: the face names vertex 4, but the file has 3", path.display())
+        format!("{}: line 4: the face refers to vertex 4, but the file has 3", path.display())
     );
     std::fs::write(&path, "# nothing here\n").unwrap();
     assert!(error(&path).ends_with("no faces in the file (0 vertices): nothing to work on"));
@@ -126,6 +129,6 @@ fn a_wrong_ending_is_a_note() {
     std::fs::write(&path, format!("{THREE}f 1 2 3\n")).unwrap();
     let got = read_path(&path, &ReadOptions::default()).unwrap();
     assert_eq!(got.format, Format::Obj);
-    assert_eq!(got.warnings[0].text, "the ending says OFF, the content is OBJ: read as OBJ");
+    assert_eq!(got.warnings[0].text, "the extension says OFF, but the content is OBJ: read as OBJ");
     assert!(!got.warnings[0].data_lost);
 }

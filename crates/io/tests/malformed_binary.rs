@@ -91,8 +91,8 @@ fn ply_faces_that_are_wrong_are_named() {
 fn ply_text_that_is_wrong_is_named_with_its_line() {
     let body = "0 0 0\n1 0 0\n0 1 0\n";
     let with = |face: &str| ply_error(&ply_text("3", "1", &format!("{body}{face}")));
-    assert_eq!(with("3 0 1 x"), "line 13: `x` is no number (vertex_indices of face 0)");
-    assert_eq!(with("3 0 1 1.5"), "face 0: vertex_indices holds 1.5 where a whole number is needed");
+    assert_eq!(with("3 0 1 x"), "line 13: `x` is not a number (vertex_indices of face 0)");
+    assert_eq!(with("3 0 1 1.5"), "face 0: vertex_indices is 1.5, but must be a whole number");
     for (face, claims, left) in [("3 0 1", 3, 4), ("-3 0 1 2", -3, 6)] {
         assert_eq!(
             with(face),
@@ -104,19 +104,19 @@ fn ply_text_that_is_wrong_is_named_with_its_line() {
     }
     assert_eq!(with("2 0 1"), "no faces in the file (3 vertices): nothing to work on");
     let bad = ply_text("3", "1", "0 0 0\n1 ? 0\n0 1 0\n3 0 1 2");
-    assert_eq!(ply_error(&bad), "line 11: `?` is no number (y of vertex 1)");
+    assert_eq!(ply_error(&bad), "line 11: `?` is not a number (y of vertex 1)");
 }
 
 #[test]
 fn ply_elements_that_lack_something() {
     let start = "ply\nformat ascii 1.0\n";
     for (rest, wanted) in [
-        ("end_header\n", "the header declares no element vertex"),
+        ("end_header\n", "the header does not declare an element `vertex`"),
         (
             "element vertex 1\nproperty float x\nend_header\n0\n",
             "element vertex: lacks one of the properties x, y, z",
         ),
-        ("element vertex 1\nproperty quad x\n", "line 4: `quad` is no PLY type of numbers"),
+        ("element vertex 1\nproperty quad x\n", "line 4: `quad` is not a PLY number type"),
         ("element vertex 1\nelement vertex 1\n", "line 4: element vertex is declared twice"),
     ] {
         assert_eq!(ply_error(format!("{start}{rest}").as_bytes()), wanted);
@@ -151,9 +151,9 @@ fn ply_of_every_type_and_order_with_unknown_things() {
     assert_eq!(
         said,
         [
-            "properties of vertices are not carried: tags dropped",
-            "element camera is not carried: 1 records dropped",
-            "properties of faces are not carried: kind dropped"
+            "vertex properties are not supported: tags dropped",
+            "element camera is not supported: 1 records dropped",
+            "face properties are not supported: kind dropped"
         ]
     );
 }
@@ -170,7 +170,8 @@ fn stl_counts_that_are_too_large() {
         "the header claims 4000000000 facets, which take 200000000084 bytes, but the file has 184: it is cut off, or \
          the header is wrong"
     );
-    let short = "30 bytes are no STL file: a binary one has at least 84, a text begins with `solid`";
+    let short =
+        "30 bytes are not an STL file: a binary file has at least 84, a text file begins with `solid`";
     assert_eq!(stl_error(&[0; 30]), short);
     let empty = "no faces in the file (0 vertices): nothing to work on";
     assert_eq!(stl_error(&[0; 84]), empty);
@@ -249,19 +250,19 @@ fn gltf_numbers_that_are_wrong_are_named() {
         (
             "/accessors/0/componentType",
             json!(5130),
-            "accessors[0]: componentType is 5130; 5120 to 5123, 5125 or 5126 is needed".into(),
+            "accessors[0]: componentType is 5130, expected 5120 to 5123, 5125 or 5126".into(),
         ),
         (
             "/accessors/0/type",
             json!("VEC2"),
-            format!("accessors[0]: POSITION of {primitive} is of type VEC2; VEC3 is needed"),
+            format!("accessors[0]: POSITION of {primitive} is of type VEC2, expected VEC3"),
         ),
         (
             "/accessors/0/type",
             json!("MAT4"),
-            "accessors[0]: the type is MAT4; SCALAR or VEC2 to VEC4 is needed".into(),
+            "accessors[0]: the type is MAT4, expected SCALAR or VEC2 to VEC4".into(),
         ),
-        ("/accessors/0/bufferView", json!(2), "accessors[0]: names bufferViews[2], but the file has 2".into()),
+        ("/accessors/0/bufferView", json!(2), "accessors[0]: refers to bufferViews[2], but the file has 2".into()),
         (
             "/bufferViews/0/byteLength",
             json!(45),
@@ -278,7 +279,7 @@ fn gltf_numbers_that_are_wrong_are_named() {
             "bufferViews[0]: byteStride is 8, but an element of accessors[0] has 12 bytes".into(),
         ),
         ("/bufferViews/0/byteStride", json!(max), view0("3 elements of 12 bytes from byte 0")),
-        ("/bufferViews/0/buffer", json!(1), "bufferViews[0]: names buffers[1], but the file has 1".into()),
+        ("/bufferViews/0/buffer", json!(1), "bufferViews[0]: refers to buffers[1], but the file has 1".into()),
         (
             "/buffers/0/byteLength",
             json!(big),
@@ -287,12 +288,12 @@ fn gltf_numbers_that_are_wrong_are_named() {
         (
             "/meshes/0/primitives/0/indices",
             json!(9),
-            format!("{primitive}: names accessors[9], but the file has 2"),
+            format!("{primitive}: refers to accessors[9], but the file has 2"),
         ),
         (
             "/meshes/0/primitives/0/mode",
             json!(7),
-            format!("{primitive}: mode 7 is not known: 0 to 6 are"),
+            format!("{primitive}: mode 7 is unknown: 0 to 6 are valid"),
         ),
         (
             "/meshes/0/primitives/0/mode",
@@ -302,22 +303,22 @@ fn gltf_numbers_that_are_wrong_are_named() {
         (
             "/meshes/0/primitives/0/attributes/NORMAL",
             json!(1),
-            format!("accessors[1]: NORMAL of {primitive} is of type SCALAR; VEC3 is needed"),
+            format!("accessors[1]: NORMAL of {primitive} is of type SCALAR, expected VEC3"),
         ),
-        ("/nodes/0/mesh", json!(3), "nodes[0]: names meshes[3], but the file has 1".into()),
+        ("/nodes/0/mesh", json!(3), "nodes[0]: refers to meshes[3], but the file has 1".into()),
         ("/nodes/0/matrix", json!([1, 2]), "nodes[0]: matrix is not 16 numbers".into()),
         (
             "/nodes/0/children",
             json!([0]),
-            "nodes[0]: is met twice: nodes must form a tree, and this one has two parents or is its own ancestor".into(),
+            "nodes[0]: is reached twice: nodes must form a tree, but this one has two parents or is its own ancestor".into(),
         ),
-        ("/scene", json!(1), "scene: names scenes[1], but the file has 1".into()),
+        ("/scene", json!(1), "scene: refers to scenes[1], but the file has 1".into()),
         ("/asset/version", json!("1.1"), "glTF 1.0 is not read: convert the file to glTF 2.0 first".into()),
-        ("/asset/version", Value::Null, "asset: the version is missing; a glTF file has one".into()),
+        ("/asset/version", Value::Null, "asset: the version is missing".into()),
         (
             "/extensionsRequired",
             json!(["VENDOR_x"]),
-            "the file requires the extension VENDOR_x: it is not known here".into(),
+            "the file requires the extension VENDOR_x, which is not supported".into(),
         ),
     ];
     for (pointer, value, wanted) in cases {
@@ -334,7 +335,7 @@ fn gltf_indices_that_are_floats_or_beyond_the_vertices() {
     json["accessors"][1] = json!({"bufferView": 0, "componentType": 5126, "count": 9, "type": "SCALAR"});
     assert_eq!(
         error_text(read_glb(&json, &bin)),
-        "accessors[1]: indices must be integers without sign, not floats"
+        "accessors[1]: indices must be unsigned integers, not floats"
     );
     let (json, _) = triangle();
     bin[38] = 3;
@@ -432,13 +433,13 @@ fn glb_containers_that_are_wrong() {
         format!("byte 12: a chunk claims 4294967295 bytes, but {left} are left of the GLB")
     );
     assert_eq!(with(4, 1), "glTF 1.0 is not read: convert the file to glTF 2.0 first");
-    assert_eq!(with(4, 3), "byte 4: GLB version 3 is not known: 2 is read");
+    assert_eq!(with(4, 3), "byte 4: GLB version 3 is not supported: only 2 is");
     assert_eq!(with(16, 0), "byte 12: the GLB has no JSON chunk");
     assert_eq!(with(8, 12), "byte 12: the GLB has no JSON chunk");
-    assert_eq!(with(20, 0), "no glTF: the JSON chunk is no JSON object");
+    assert_eq!(with(20, 0), "not glTF: the JSON chunk is not a JSON object");
     assert!(with(24, 0).starts_with("the JSON is damaged: "));
-    assert_eq!(read(&good[..7]), "the GLB is cut off: 7 bytes, and 12 are its header");
-    assert_eq!(read(b"hello"), "no glTF: neither `glTF` nor a JSON object at its begin");
+    assert_eq!(read(&good[..7]), "the GLB is cut off: it has 7 bytes, and its header alone takes 12");
+    assert_eq!(read(b"hello"), "not glTF: it begins with neither `glTF` nor a JSON object");
     let deep = "{\"a\":".repeat(100_000);
     assert!(read(deep.as_bytes()).starts_with("the JSON is damaged: recursion"));
 }
@@ -458,20 +459,20 @@ fn gltf_buffers_beside_the_file() {
     assert_eq!(read("a%20b.bin", here), "read without an error");
     assert_eq!(
         read("a b.bin", None),
-        "buffers[0]: the file a b.bin is wanted, and no folder is known to look for it"
+        "buffers[0]: the file a b.bin is needed, but no folder is known to search for it"
     );
-    assert_eq!(read("none.bin", here), "buffers[0]: the file none.bin is not there");
-    let leaves = "lies outside of the folder of the model (--asset-root DIR or --allow-outside lets it in)";
+    assert_eq!(read("none.bin", here), "buffers[0]: the file none.bin was not found");
+    let leaves = "is outside the folder of the model (--asset-root DIR or --allow-outside permits it)";
     for uri in ["../a b.bin", "/etc/passwd", "%2e%2e/x.bin", "x/../../y.bin", "..\\x.bin"] {
         let path = uri.replace("%2e", ".").replace('\\', "/");
         assert_eq!(read(uri, here), format!("buffers[0]: the file {path} {leaves}"));
     }
     assert_eq!(
         read("https://example.org/a.bin", here),
-        "buffers[0]: the uri `https://example.org/a.bin` is an address, and only files are read"
+        "buffers[0]: the uri `https://example.org/a.bin` is a network address; only files are read"
     );
     assert_eq!(read("data:;base64,AAAA", here), "buffers[0]: byteLength is 44, but there are 3 bytes");
-    assert_eq!(read(".", here), "buffers[0]: the file . is no regular file");
+    assert_eq!(read(".", here), "buffers[0]: the file . is not a regular file");
 }
 
 #[test]

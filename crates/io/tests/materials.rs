@@ -140,7 +140,7 @@ fn faces_are_written_by_region_and_lines_only_where_they_change() {
 }
 
 #[test]
-fn a_lone_region_keeps_its_names_and_none_writes_as_ever() {
+fn a_single_region_keeps_its_names() {
     let plain = read_bytes(format!("{SQUARE}f 1 2 3\n").as_bytes(), &ReadOptions::default()).unwrap();
     let mut bytes = Vec::new();
     write_to(&plain.mesh, Format::Obj, &WriteOptions::default(), &mut bytes).unwrap();
@@ -152,14 +152,15 @@ fn a_lone_region_keeps_its_names_and_none_writes_as_ever() {
 }
 
 #[test]
-fn what_regions_share_is_left_where_the_mesh_has_none() {
+fn names_shared_by_all_regions_are_kept_without_regions() {
     let mut loaded = read_bytes(chair().as_bytes(), &ReadOptions::default()).unwrap();
     loaded.mesh.set_regions(None).unwrap();
     let mut bytes = Vec::new();
     let warnings = write_to(&loaded.mesh, Format::Obj, &options_of(&loaded, Textures::Copy), &mut bytes)
         .unwrap()
         .warnings;
-    let lost = "groups, materials, smoothing groups dropped: the mesh does not say which faces have which";
+    let lost =
+        "groups, materials, smoothing groups dropped: the mesh does not store which faces they belong to";
     assert_eq!(warnings, [Warning::lost(lost)]);
     let text = String::from_utf8(bytes).unwrap();
     assert!(text.contains("\no chair\nf ") && !text.contains("mtl"), "{text}");
@@ -192,15 +193,15 @@ fn libraries_and_textures_are_counted() {
     shop.put("in/my lib.mtl", "newmtl x\nmap_Kd a.png\nnewmtl y\nmap_Kd a.png");
     let loaded = read(&shop.path("in/two.obj"));
     assert_eq!((loaded.contents.materials, loaded.contents.textures), (2, 1));
-    let told = "material library none.mtl is not there: its materials are not known";
-    assert_eq!(loaded.warnings, [Warning::note(told)]);
+    let wanted = "material library none.mtl was not found: its materials are unknown";
+    assert_eq!(loaded.warnings, [Warning::note(wanted)]);
 }
 
 #[test]
 fn copies_lie_beside_the_output_and_the_rest_is_kept() {
     let shop = MaterialFolder::new();
     let warnings = shop.convert("in/chair.obj", "out/my seat.obj", Textures::Copy);
-    assert_eq!(warnings, ["texture gone.png is not there: its name is kept"]);
+    assert_eq!(warnings, ["texture gone.png was not found: its name is kept"]);
     assert_eq!(shop.names("out"), ["cloth.png", "my seat.mtl", "my seat.obj", "wood grain.png"]);
     let wanted = LIBRARY.replace("tex\\wood", "wood").replace("tex/wood", "wood");
     assert_eq!(shop.text("out/my seat.mtl"), format!("# Lodsmith\n{wanted}"));
@@ -248,15 +249,15 @@ fn in_its_own_folder_everything_stays_where_it_is() {
 }
 
 #[test]
-fn links_lead_back_and_none_is_none() {
+fn linked_paths_are_relative_and_none_drops_materials() {
     let shop = MaterialFolder::new();
     shop.convert("in/chair.obj", "out/linked.obj", Textures::Link);
     assert_eq!(shop.names("out"), ["linked.mtl", "linked.obj"]);
     let library = shop.text("out/linked.mtl");
     assert!(library.contains("map_Kd -s 1 1 1 -bm 0.5 ../in/tex/wood grain.png\r\n"), "{library}");
     assert!(library.contains("map_Kd ../in/cloth.png\nnorm gone.png\n"), "{library}");
-    let told = shop.convert("in/chair.obj", "out/bare.obj", Textures::None);
-    assert_eq!(told, ["materials dropped: --textures none"]);
+    let warnings = shop.convert("in/chair.obj", "out/bare.obj", Textures::None);
+    assert_eq!(warnings, ["materials dropped: --textures none"]);
     let text = shop.text("out/bare.obj");
     assert!(!text.contains("mtl") && text.contains("g seat\n"), "{text}");
     assert_eq!(shop.names("out"), ["bare.obj", "linked.mtl", "linked.obj"]);
@@ -266,8 +267,8 @@ fn links_lead_back_and_none_is_none() {
 fn names_of_what_is_missing_are_kept() {
     let shop = MaterialFolder::new();
     fs::remove_file(shop.path("in/chair.mtl")).unwrap();
-    let told = shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
-    assert!(told.is_empty(), "{told:?}");
+    let warnings = shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
+    assert!(warnings.is_empty(), "{warnings:?}");
     let text = shop.text("out/chair.obj");
     assert!(text.contains("mtllib chair.mtl\n") && text.contains("usemtl my wood\n"), "{text}");
     assert_eq!(shop.names("out"), ["chair.obj"]);
@@ -278,8 +279,8 @@ fn only_files_are_copied_and_a_failure_leaves_nothing() {
     let shop = MaterialFolder::new();
     fs::remove_file(shop.path("in/cloth.png")).unwrap();
     fs::create_dir(shop.path("in/cloth.png")).unwrap();
-    let told = shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
-    assert_eq!(told[0], "texture cloth.png is no regular file: its name is kept");
+    let warnings = shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
+    assert_eq!(warnings[0], "texture cloth.png is not a regular file: its name is kept");
     let loaded = read(&shop.path("in/chair.obj"));
     fs::create_dir(shop.path("out/folder.obj")).unwrap();
     for (name, wanted) in [("none/a.obj", "there is no folder"), ("out/folder.obj", "it is a folder")] {
@@ -301,8 +302,7 @@ fn a_link_is_copied_under_its_own_name() {
     assert!(fs::symlink_metadata(shop.path("out/cloth.png")).unwrap().is_file());
 }
 
-const OUTSIDE: &str =
-    "lies outside of the folder of the model (--asset-root DIR or --allow-outside lets it in)";
+const OUTSIDE: &str = "is outside the folder of the model (--asset-root DIR or --allow-outside permits it)";
 
 /// Returns asset scopes, and whether a file outside the folder is in each.
 fn scopes(shop: &MaterialFolder) -> [(AssetScope, bool); 4] {
@@ -329,8 +329,8 @@ fn a_material_library_outside_the_folder_is_left_out() {
         shop.put("in/chair.obj", &chair().replace("chair.mtl", &name));
         for (scope, is_read) in scopes(&shop) {
             let loaded = read_within(&shop, scope);
-            let told: Vec<_> = loaded.warnings.iter().filter(|w| w.text.contains(OUTSIDE)).collect();
-            assert_eq!(told.is_empty(), is_read, "{told:?}");
+            let warnings: Vec<_> = loaded.warnings.iter().filter(|w| w.text.contains(OUTSIDE)).collect();
+            assert_eq!(warnings.is_empty(), is_read, "{warnings:?}");
             write_path(&loaded.mesh, &shop.path("out/a.obj"), &options_of(&loaded, Textures::Copy)).unwrap();
             let written =
                 shop.names("out").iter().any(|name| shop.text(&format!("out/{name}")).contains("nobody"));
@@ -351,22 +351,22 @@ fn a_texture_outside_the_folder_is_not_copied() {
             // (From here the relative path leads elsewhere.)
             fs::create_dir(shop.path("out/deep")).unwrap();
             let loaded = read_within(&shop, scope);
-            let told =
+            let warnings =
                 write_path(&loaded.mesh, &shop.path("out/deep/a.obj"), &options_of(&loaded, Textures::Copy))
                     .unwrap()
                     .warnings;
             assert_eq!(shop.path("out/deep/secret.ppm").exists(), is_copied);
-            let told: Vec<_> = told.iter().filter(|w| w.text.contains(OUTSIDE)).collect();
-            assert_eq!(told.is_empty(), is_copied, "{told:?}");
+            let warnings: Vec<_> = warnings.iter().filter(|w| w.text.contains(OUTSIDE)).collect();
+            assert_eq!(warnings.is_empty(), is_copied, "{warnings:?}");
             fs::remove_dir_all(shop.path("out/deep")).unwrap();
         }
     }
     // It is not embedded in a glTF file either.
     let loaded = read_within(&shop, AssetScope::Folder);
     let mut glb = Vec::new();
-    let told =
+    let warnings =
         write_to(&loaded.mesh, Format::Glb, &options_of(&loaded, Textures::Copy), &mut glb).unwrap().warnings;
-    assert!(told.iter().any(|w| w.text.contains(OUTSIDE)), "{told:?}");
+    assert!(warnings.iter().any(|w| w.text.contains(OUTSIDE)), "{warnings:?}");
     assert!(!glb.windows(WOOD.len()).any(|bytes| bytes == WOOD.as_bytes()));
 }
 
@@ -377,8 +377,8 @@ fn a_link_out_of_the_folder_is_not_followed() {
     shop.put("secret.ppm", WOOD);
     fs::remove_file(shop.path("in/cloth.png")).unwrap();
     std::os::unix::fs::symlink("../secret.ppm", shop.path("in/cloth.png")).unwrap();
-    let told = shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
-    assert_eq!(told[0], format!("texture cloth.png {OUTSIDE}: its name is kept"));
+    let warnings = shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
+    assert_eq!(warnings[0], format!("texture cloth.png {OUTSIDE}: its name is kept"));
     assert_eq!(shop.names("out"), ["chair.mtl", "chair.obj", "wood grain.png"]);
 }
 
@@ -386,8 +386,8 @@ fn a_link_out_of_the_folder_is_not_followed() {
 fn a_text_is_not_copied_as_a_texture() {
     let shop = MaterialFolder::new();
     shop.put("in/cloth.png", "user = me\npassword = tree\n");
-    let told = shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
-    assert_eq!(told[0], "texture cloth.png is no image of a known type: its name is kept");
+    let warnings = shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
+    assert_eq!(warnings[0], "texture cloth.png is not an image of a known type: its name is kept");
     assert_eq!(shop.names("out"), ["chair.mtl", "chair.obj", "wood grain.png"]);
 }
 
@@ -396,21 +396,24 @@ fn a_text_without_materials_is_no_material_library() {
     let shop = MaterialFolder::new();
     shop.put("in/chair.mtl", "user = me\npassword = tree\n");
     let loaded = read(&shop.path("in/chair.obj"));
-    let told = "material library chair.mtl has no line that begins with newmtl, so it is no material library: its \
-                materials are not known";
-    assert!(loaded.warnings.contains(&Warning::note(told)), "{:?}", loaded.warnings);
+    let wanted = "material library chair.mtl has no line that begins with newmtl, so it is not a material library: its \
+                materials are unknown";
+    assert!(loaded.warnings.contains(&Warning::note(wanted)), "{:?}", loaded.warnings);
     shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
     assert_eq!(shop.names("out"), ["chair.obj"]);
 }
 
 #[test]
-fn very_many_missing_textures_are_told_in_few_words() {
+fn very_many_missing_textures_give_few_warnings() {
     let shop = MaterialFolder::new();
     let many: String = (0..20_000).map(|i| format!("map_Kd {i}.png\n")).collect();
     let many = format!("newmtl my wood\n{many}");
     shop.put("in/chair.mtl", &many);
-    let told = shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
-    assert_eq!((told.len(), told[16].as_str()), (17, "19984 more textures cannot be brought along"));
+    let warnings = shop.convert("in/chair.obj", "out/chair.obj", Textures::Copy);
+    assert_eq!(
+        (warnings.len(), warnings[16].as_str()),
+        (17, "19984 more textures cannot be copied or linked")
+    );
     assert_eq!(shop.text("out/chair.mtl"), format!("# Lodsmith\n{many}"));
 }
 

@@ -82,7 +82,11 @@ fn a_scene_keeps_its_nodes_skins_and_animations() {
     assert_eq!((model.face_count(), file.contents.polygons), (8, 8));
     // Its image cannot be decoded.
     assert!(model.images.is_empty() && model.materials[1].base_color_texture.is_none());
-    assert!(warning_texts(&file)[0].starts_with("image 0 is of no type"), "{:?}", warning_texts(&file));
+    assert!(
+        warning_texts(&file)[0].starts_with("image 0 has an unsupported type"),
+        "{:?}",
+        warning_texts(&file)
+    );
     // Meshes are shared, not copied.
     let ModelSource::Scene(scene) = source else { panic!("no scene") };
     assert!(Arc::ptr_eq(&scene.meshes()[0].mesh, &model.meshes[0].mesh));
@@ -94,7 +98,7 @@ fn a_scene_keeps_its_nodes_skins_and_animations() {
 }
 
 #[test]
-fn materials_say_what_the_file_says() {
+fn materials_match_the_file() {
     let material = json!({
         "name": "all", "doubleSided": true, "alphaMode": "MASK", "alphaCutoff": 0.25,
         "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.2, 0.3, 0.4], "metallicFactor": 0.5,
@@ -137,7 +141,7 @@ fn materials_say_what_the_file_says() {
         ([255, 0, 0, 255], [0, 255, 0, 255], [255, 255, 255, 128])
     );
     assert_eq!(a, b);
-    // The lower left corner of the image is that of the square.
+    // The lower left corner of the image is the lower left corner of the square.
     assert_eq!(file.model.meshes[0].mesh.uvs().unwrap()[0], [0.0, 0.0]);
     assert_eq!(file.model.meshes[0].materials, [Some(0)]);
 }
@@ -170,12 +174,12 @@ fn images_beside_the_file_are_found_and_never_above_it() {
     let m = &got.model.materials[0];
     assert_eq!((m.base_color_texture.map(|t| t.image), got.model.images.len()), (Some(0), 1));
     assert!(m.emissive_texture.is_none() && m.normal_texture.is_none());
-    let said = warning_texts(&got);
+    let texts = warning_texts(&got);
     assert!(
-        said.len() == 2
-            && said[1].starts_with("image 1 (../x.png) lies outside")
-            && said[0].starts_with("image 2 (none.png)"),
-        "{said:?}"
+        texts.len() == 2
+            && texts[1].starts_with("image 1 (../x.png) is outside")
+            && texts[0].starts_with("image 2 (none.png)"),
+        "{texts:?}"
     );
     // Bytes without a path have no folder.
     assert!(read(&file).model.images.is_empty());
@@ -246,14 +250,14 @@ fn materials_of_obj_are_seen() {
         "one and the same picture in two formats"
     );
     assert_eq!(model.images[0].at(1, 0)[..3], [0, 255, 0]);
-    let said = warning_texts(&file);
-    assert!(said.len() == 1 && said[0].contains("cannot be decoded"), "{said:?}");
+    let texts = warning_texts(&file);
+    assert!(texts.len() == 1 && texts[0].contains("cannot be decoded"), "{texts:?}");
     let ModelSource::Mesh(regions) = &file.source else { panic!("no mesh") };
     assert_eq!(regions.len(), 4);
 }
 
 #[test]
-fn meshes_that_stand_nowhere_and_copies_are_placed() {
+fn unplaced_meshes_and_copies_are_placed() {
     let (json, bin) = small();
     let file = read(&gltf(&json, &bin));
     assert_eq!((file.model.nodes.len(), &file.model.roots[..], file.model.face_count()), (1, &[0][..], 1));
@@ -273,7 +277,7 @@ fn meshes_that_stand_nowhere_and_copies_are_placed() {
 }
 
 #[test]
-fn what_cannot_move_is_told_and_stands_still() {
+fn invalid_animations_are_reported_and_ignored() {
     let (mut json, bin) = everything();
     // Too few values, a missing node, and decreasing times.
     let weights = json["animations"][0]["samplers"][0].clone();
@@ -293,27 +297,27 @@ fn what_cannot_move_is_told_and_stands_still() {
     let file = read(&glb(&json, &bin));
     assert_eq!((file.model.animations[0].channels.len(), file.model.skins.len()), (1, 0));
     assert!(file.model.nodes.iter().all(|n| n.skin.is_none()));
-    let said = warning_texts(&file);
+    let texts = warning_texts(&file);
     for (i, wanted) in [
         "skins[0] is left out",
-        "2 values; 6 are needed",
-        "node is not there",
-        "interpolation is not known",
+        "2 values, expected 6",
+        "node is missing",
+        "interpolation is unknown",
         "KHR_animation_pointer",
         "no morph targets",
     ]
     .into_iter()
     .enumerate()
     {
-        assert!(said[i].contains(wanted), "{wanted}: {said:?}");
+        assert!(texts[i].contains(wanted), "{wanted}: {texts:?}");
     }
-    assert_eq!(said.len(), 6);
+    assert_eq!(texts.len(), 6);
     // A region may still refer to a removed material.
     assert_eq!(file.model.meshes[0].materials, [None; 3]);
 }
 
 #[test]
-fn lighter_meshes_take_the_places_of_their_own() {
+fn simplified_meshes_replace_their_originals() {
     let file = read(&square(json!({"name": "m"}), &[], |_| {}));
     let whole = &file.model.meshes[0].mesh;
     let half = TriMesh::new(whole.positions().clone(), whole.surface().triangles()[..1].to_vec()).unwrap();
@@ -361,7 +365,7 @@ fn check(model: &Model) {
 }
 
 #[test]
-fn numbers_that_name_nothing_lead_nowhere() {
+fn invalid_indices_are_harmless() {
     let (json, bin) = everything();
     let text = json.to_string();
     check(&read(&glb(&json, &bin)).model);

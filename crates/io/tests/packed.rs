@@ -136,7 +136,7 @@ fn positions_are_as_near_as_the_report_says() {
 }
 
 #[test]
-fn sentences_tell_the_error() {
+fn the_sentence_contains_the_errors() {
     let (_, written) = packed(WAVE, Compression::None, true);
     assert_eq!(written.warnings.len(), 1);
     let text = &written.warnings[0].text;

@@ -64,10 +64,10 @@ fn near(a: &TriMesh, b: &TriMesh) -> bool {
         && m.iter().zip(n).all(|(a, b)| close(a.map(f64::from), b.map(f64::from)))
 }
 
-/// Of twenty copies one was read, a file that requires the extension was refused, and the box was that of one mesh at the
-/// origin.
+/// Regression: only one of twenty copies was read, a file that requires the extension was refused, and the box
+/// contained one mesh at the origin.
 #[test]
-fn instances_stand_where_nodes_of_the_same_transforms_do() {
+fn instances_are_placed_like_nodes_with_the_same_transforms() {
     let (instances, nodes) = (three_times(true), three_times(false));
     let (of_instances, of_nodes) = (mesh_of(&instances), mesh_of(&nodes));
     assert_eq!(of_instances.mesh.face_count(), 3);
@@ -113,7 +113,7 @@ fn skinned(ibm_scale: f32, weights: [f32; 2], world: &Value, pack: &mut Pack) ->
 
 /// A skinned mesh was measured, and written to formats without skins, as if its node placed it: here 100 times too large.
 #[test]
-fn skinned_meshes_stand_where_their_joints_are() {
+fn skinned_meshes_are_placed_by_their_joints() {
     let mut pack = Pack::default();
     let world = json!({"translation": [0.0, 5.0, 0.0]});
     let json = skinned(0.01, [1.0, 0.0], &world, &mut pack);
@@ -133,7 +133,7 @@ fn skinned_meshes_stand_where_their_joints_are() {
     assert!((at(0, 0) - 0.01).abs() < 1e-6 && (at(1, 3) - 5.0).abs() < 1e-6, "{rows:?}");
 }
 
-/// Joints that nothing follows do not count; those that mirror turn the faces.
+/// Joints without vertices do not count; joints that mirror flip the faces.
 #[test]
 fn only_joints_in_use_place_a_skinned_mesh() {
     let mut pack = Pack::default();
@@ -198,7 +198,7 @@ fn pack_json(pack: &mut Pack) -> Value {
 
 /// `info`, `compare` and mesh formats refused files that require these, though nothing of them places a vertex.
 #[test]
-fn extensions_that_describe_or_choose_are_no_obstacle_to_a_mesh() {
+fn extensions_that_describe_or_choose_do_not_prevent_reading_a_mesh() {
     let (mut json, bin) = scenes::small();
     for name in ["EXT_mesh_features", "EXT_instance_features", "EXT_structural_metadata", "MSFT_lod"] {
         (json["extensionsUsed"], json["extensionsRequired"]) = (json!([name]), json!([name]));
@@ -208,7 +208,7 @@ fn extensions_that_describe_or_choose_are_no_obstacle_to_a_mesh() {
 }
 
 #[test]
-fn a_stretch_is_told_if_all_places_have_it() {
+fn a_stretch_is_known_if_all_placements_share_it() {
     let mut pack = Pack::default();
     let mut json = pack_json(&mut pack);
     let mut of = |first: Value, second: Value| {
@@ -230,9 +230,9 @@ fn a_stretch_is_told_if_all_places_have_it() {
     assert!((scale - 2.0).abs() < 1e-9 && stretch.is_none());
 }
 
-/// Few bytes may name very many copies: they are counted without being written out, and refused where each is needed.
+/// A few bytes may place very many copies: they are counted without being stored, and refused where each is needed.
 #[test]
-fn copies_beyond_measure_take_no_memory() {
+fn very_many_copies_take_no_memory() {
     let many = |nodes: usize, count: usize| {
         let mut pack = Pack::default();
         let rest = hidden(&mut pack);
@@ -257,7 +257,7 @@ fn copies_beyond_measure_take_no_memory() {
 
 /// Command and JavaScript decoded four million pixels of base colours, the viewer all of them: other results for one file.
 #[test]
-fn colors_of_large_images_are_those_of_the_model() {
+fn colors_of_large_images_are_the_same_as_in_the_model() {
     let mut pack = Pack::default();
     let positions = pack.positions(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
     let uvs = pack.floats("VEC2", 2, &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
@@ -277,7 +277,7 @@ fn colors_of_large_images_are_those_of_the_model() {
     let (colors, warnings) = scene.base_colors();
     assert!(warnings.is_empty(), "{warnings:?}");
     assert_eq!(colors[0][0].as_ref().unwrap().0, scene.model().0.images[0]);
-    // What does not fit the memory is told.
+    // Images that do not fit the memory are reported.
     let mut options = ReadOptions::default();
     options.limits.memory = 64 << 20;
     let (colors, warnings) = Scene::read(&file, &options).unwrap().base_colors();

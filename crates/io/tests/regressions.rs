@@ -47,8 +47,8 @@ fn files_of_several_sections_are_read_as_one() {
     }
     let line = 3 * count + (count - 2) + 2;
     for (wrong, wanted) in [
-        ("f 1 2 0", format!("line {line}: the face names vertex 0, but OBJ counts from 1")),
-        ("f 1 2 400001", format!("line {line}: the face names vertex 400001, but the file has 400000")),
+        ("f 1 2 0", format!("line {line}: the face refers to vertex 0, but OBJ counts from 1")),
+        ("f 1 2 400001", format!("line {line}: the face refers to vertex 400001, but the file has 400000")),
         ("v 1 2 x", format!("line {line}: `x` is not a number")),
     ] {
         let text = format!("{text}\n{wrong}\n");

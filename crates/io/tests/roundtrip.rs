@@ -90,7 +90,7 @@ fn seams_keep_the_values_at_every_corner() {
 }
 
 #[test]
-fn what_a_format_drops_is_said() {
+fn dropped_content_is_reported() {
     let map = [0, 1, 2, 2].map(VertexId).to_vec();
     let faces = [[0, 1, 2], [0, 1, 3]].map(|t| t.map(WedgeId)).to_vec();
     let mut mesh = TriMesh::with_wedges(square().positions().clone(), map, faces).unwrap();
@@ -101,7 +101,7 @@ fn what_a_format_drops_is_said() {
         texts,
         [
             ("OBJ cannot carry the alpha of colours: dropped", true),
-            ("OBJ carries one colour for each vertex: those of 1 wedges that differ are dropped", true),
+            ("OBJ has one colour per vertex: those of 1 wedges that differ are dropped", true),
         ]
     );
     let (loaded, warnings) = there_and_back(&mesh, Format::Off);
@@ -137,7 +137,7 @@ fn files_are_packed_replaced_and_left_alone() {
     for (name, wanted) in [
         ("", "cannot write: it is a folder"),
         ("none/a.obj", "cannot write: there is no folder"),
-        ("a.xyz", "the ending names no format"),
+        ("a.xyz", "the extension does not belong to a known format"),
     ] {
         let path = folder.path().join(name);
         let options = if name.is_empty() { "obj" } else { "" };
@@ -151,7 +151,7 @@ fn files_are_packed_replaced_and_left_alone() {
 
 #[cfg(unix)]
 #[test]
-fn permissions_are_those_of_the_old_file_or_of_any_new_one() {
+fn permissions_are_kept_or_default() {
     use std::os::unix::fs::PermissionsExt;
     let folder = tempfile::tempdir().unwrap();
     let mode = |p: &std::path::Path| std::fs::metadata(p).unwrap().permissions().mode() & 0o777;

@@ -124,14 +124,14 @@ fn ply_colours_are_bytes_where_that_loses_nothing() {
 }
 
 #[test]
-fn double_precision_survives_in_ply_and_is_rounded_aloud_in_stl() {
+fn double_precision_survives_in_ply_and_is_rounded_with_a_warning_in_stl() {
     let mesh = far(1.0);
     for ascii in [false, true] {
         assert_eq!(again(&mesh, (Format::Ply, ascii)).positions(), mesh.positions());
         let (_, warnings) = written(&mesh, (Format::Stl, ascii));
         assert_eq!(
             warnings,
-            ["STL holds single precision: positions are rounded to it, which moves some by 2.5e-1"]
+            ["STL stores positions in single precision: they are rounded, which moves some by 2.5e-1"]
         );
     }
 }
@@ -142,7 +142,7 @@ fn gltf_keeps_the_precision_of_far_positions_in_its_node() {
     for format in [Format::Glb, Format::Gltf] {
         let (bytes, warnings) = written(&mesh, (format, false));
         let said =
-            "glTF holds single precision: positions are rounded to it, measured from the centre of the mesh";
+            "glTF stores positions in single precision, relative to the centre of the mesh: they are rounded";
         assert_eq!(warnings, [said]);
         let got = read(&bytes, format).unwrap().mesh;
         assert!(matches!(got.positions(), Positions::F64(_)));
@@ -154,7 +154,7 @@ fn gltf_keeps_the_precision_of_far_positions_in_its_node() {
 }
 
 #[test]
-fn stl_says_what_it_cannot_carry() {
+fn stl_warns_of_what_it_cannot_carry() {
     let mut mesh = seam();
     mesh.set_colors(Some(colors(true))).unwrap();
     let (bytes, warnings) = written(&mesh, (Format::Stl, false));

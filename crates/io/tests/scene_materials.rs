@@ -127,7 +127,7 @@ fn an_obj_gets_a_library_and_the_images() {
 fn images_that_are_files_are_copied_or_linked() {
     let materials = json!([{}, {"pbrMetallicRoughness": {"baseColorTexture": {"index": 2}}}, {}]);
     let (folder, warnings) = to_obj(&materials, Textures::Copy);
-    assert_eq!(texts(&warnings), ["not carried of the materials: clamped or mirrored textures"]);
+    assert_eq!(texts(&warnings), ["dropped from the materials: clamped or mirrored textures"]);
     assert!(warnings[0].data_lost);
     assert_eq!(names(&folder), ["a.mtl", "a.obj", "outside it.png"]);
     let (folder, _) = to_obj(&materials, Textures::Link);
@@ -151,7 +151,7 @@ fn showing(texture: usize) -> Value {
 }
 
 #[test]
-fn what_a_library_cannot_say_is_named() {
+fn properties_that_a_library_cannot_store_are_reported() {
     let materials = json!([
         {"extensions": {"KHR_materials_ior": {}}},
         {
@@ -169,12 +169,12 @@ fn what_a_library_cannot_say_is_named() {
         },
     ]);
     let (folder, warnings) = to_obj(&materials, Textures::Copy);
-    let told = "not carried of the materials: KHR_materials_clearcoat, KHR_materials_pbrSpecularGlossiness, \
-        KHR_texture_transform, emissiveTexture by another set of coordinates, \
+    let dropped = "dropped from the materials: KHR_materials_clearcoat, KHR_materials_pbrSpecularGlossiness, \
+        KHR_texture_transform, emissiveTexture with another set of texture coordinates, \
         metallicRoughnessTexture, occlusionTexture, scale of normalTexture";
-    let left = "texture images[3] lies outside of the folder of the model (--asset-root DIR or --allow-outside lets it \
-        in): left out";
-    assert_eq!(texts(&warnings), [left, told]);
+    let left = "texture images[3] is outside the folder of the model (--asset-root DIR or --allow-outside permits it): \
+        left out";
+    assert_eq!(texts(&warnings), [left, dropped]);
     assert!(warnings.iter().all(|w| w.data_lost));
     let library = fs::read_to_string(folder.path().join("out/a.mtl")).unwrap();
     assert_eq!(
@@ -191,7 +191,7 @@ fn alpha_of_images_is_named_where_they_can_have_any() {
         let text = fs::read_to_string(folder.path().join("out/a.mtl")).unwrap();
         (text.contains("map_d"), texts(&warnings).join(""))
     };
-    assert_eq!(library(0), (true, "not carried of the materials: alphaMode MASK".to_owned()));
+    assert_eq!(library(0), (true, "dropped from the materials: alphaMode MASK".to_owned()));
     assert_eq!(library(1), (false, String::new()));
 }
 
@@ -203,7 +203,7 @@ fn a_stream_has_the_names_only() {
         write_to(&loaded.mesh, Format::Obj, &options(&loaded, Textures::Copy), &mut bytes).unwrap().warnings;
     assert_eq!(
         texts(&warnings),
-        ["a stream has no place beside it for materials: only their names are written"]
+        ["a stream cannot have material files beside it: only the names of materials are written"]
     );
     let text = String::from_utf8(bytes).unwrap();
     assert!(text.contains("\nusemtl wood\n") && !text.contains("mtllib"), "{text}");
@@ -245,11 +245,7 @@ fn bytes_that_many_images_show_are_kept_once() {
     let warnings =
         write_to(&loaded.mesh, Format::Obj, &options(&loaded, Textures::Copy), &mut bytes).unwrap().warnings;
     assert_eq!(warnings.len(), 18);
-    assert!(
-        warnings[15].text.ends_with("shows bytes that other images show too: left out"),
-        "{}",
-        warnings[15]
-    );
+    assert!(warnings[15].text.ends_with("uses the same bytes as other images: left out"), "{}", warnings[15]);
     assert!(warnings[16].text.ends_with("more textures are left out"), "{}", warnings[16]);
 }
 
@@ -274,7 +270,7 @@ fn very_many_materials_of_one_name_take_no_square_time() {
 }
 
 #[test]
-fn materials_that_are_not_there_are_none() {
+fn missing_materials_are_ignored() {
     let loaded = read_bytes(&scene(&json!([])), &ReadOptions::default()).unwrap();
     assert!(loaded.regions.is_empty() && loaded.mesh.regions().is_none());
 }

@@ -230,7 +230,8 @@ fn faults_are_named() {
         |objects: &str| format!(r#"<resources>{objects}</resources><build><item objectid="1"/></build>"#);
     let bad_vertex = object(1, "", r#"<triangle v1="0" v2="1" v3="4"/></triangles></mesh>"#);
     assert!(
-        error(&file(&in_build(&bad_vertex))).contains("object 1, triangle 0: it names a vertex beyond the 4")
+        error(&file(&in_build(&bad_vertex)))
+            .contains("object 1, triangle 0: it refers to a vertex beyond the 4")
     );
     let cycle = r#"<object id="1"><components><component objectid="1"/></components></object>"#;
     assert!(error(&file(&in_build(cycle))).contains("object 1: it contains itself"));
@@ -277,7 +278,7 @@ fn components_that_multiply_without_end_are_refused() {
     }
     let text =
         error(&file(&format!(r#"<resources>{objects}</resources><build><item objectid="39"/></build>"#)));
-    assert!(text.contains("more objects than a file of this size may"), "{text}");
+    assert!(text.contains("more objects than allowed for a file of this size"), "{text}");
 }
 
 #[test]

@@ -272,13 +272,13 @@ fn losses_are_named() {
         [
             "animations are not carried: only glTF and GLB keep them",
             "extensions KHR_materials_clearcoat are not carried: only glTF and GLB keep them",
-            "nodes that flatten what they place, which 3MF advises against, are left out: 1",
+            "1 nodes flatten their content, which 3MF advises against: left out",
             "3MF cannot carry normal maps: dropped",
         ]
     );
     let notes: Vec<&str> = warnings.iter().filter(|w| !w.data_lost).map(|w| &*w.text).collect();
     assert!(notes.iter().any(|n| n.contains("metadata vendor:x: left out")), "{notes:?}");
-    assert!(notes.iter().any(|n| n.contains("meshes with others: 1")), "{notes:?}");
+    assert!(notes.iter().any(|n| n.contains("other names were dropped for 1 meshes")), "{notes:?}");
 }
 
 #[test]
@@ -311,7 +311,7 @@ fn replaced_meshes_are_written_and_empty_ones_are_not() {
     let (bytes, warnings) = written(&scene, &[Some(lighter(0)), Some(lighter(2))]);
     let text = model_of(&bytes);
     assert_eq!((elements(&text, "<object").len(), elements(&text, "<triangle ").len()), (4, 6));
-    let emptied = "meshes that have no face any more, such as wheel, are left out: 1";
+    let emptied = "meshes without faces, such as wheel, are left out: 1";
     assert!(warnings.iter().any(|w| w.data_lost && w.text == emptied), "{warnings:?}");
     // It has no texture coordinates any more, but its material.
     assert!(!text.contains("texture2d"), "{text}");

@@ -33,7 +33,7 @@ pub(super) fn parse(text: &str, limits: Limits) -> Result<Document<'_>, ReadErro
         let line = e.pos().row as usize;
         let problem = match e {
             roxmltree::Error::DtdDetected => {
-                "the XML has a document type, which is not read: remove the line".to_owned()
+                "the XML has a document type declaration, which is not supported: remove that line".to_owned()
             }
             e => format!("the XML is damaged: {e}"),
         };
@@ -55,7 +55,7 @@ impl<'a> Ids<'a> {
         Self(ids)
     }
 
-    /// Returns the element that a reference (`#id`) names.
+    /// Returns the element with the id of a reference (`#id`).
     pub(super) fn find(&self, reference: &str) -> Option<DaeElement<'a>> {
         self.0.get(reference.strip_prefix('#')?).copied()
     }

@@ -20,7 +20,7 @@ struct Pools {
     starts: HashMap<(String, usize), (u32, u32)>,
 }
 
-/// An input of a primitive: the place of its index in a corner, its kind, and the range of its source.
+/// An input of a primitive: the position of its index in a corner, its kind, and the range of its source.
 struct CornerInput {
     offset: usize,
     kind: usize,
@@ -39,7 +39,7 @@ pub(super) fn read<'a>(
     let mut pools = Pools::default();
     for kind in ["convex_mesh", "spline", "brep"] {
         if child(element, kind).is_some() {
-            scene.warn(Warning::lost(format!("geometries of the kind `{kind}` are not read: dropped")));
+            scene.warn(Warning::lost(format!("geometries of type `{kind}` are not read: dropped")));
         }
     }
     let Some(mesh) = child(element, "mesh") else { return Ok(geometry) };
@@ -62,7 +62,7 @@ pub(super) fn read<'a>(
     Ok(geometry)
 }
 
-/// Returns the inputs of a primitive whose values are read; those of its vertices have the same offset.
+/// Returns the inputs of a primitive whose values are read; the inputs of its vertices have the same offset.
 fn inputs<'a>(
     ids: &Ids<'a>,
     primitive: DaeElement<'a>,
@@ -75,8 +75,9 @@ fn inputs<'a>(
     for input in children(primitive, "input") {
         let offset = input.attribute("offset").map_or(Some(0), |o| o.trim().parse::<usize>().ok());
         // Guessed: no file has more.
-        let offset =
-            offset.filter(|&o| o < 256).ok_or_else(|| error(input, "the offset is not a small number"))?;
+        let offset = offset
+            .filter(|&o| o < 256)
+            .ok_or_else(|| error(input, "the offset is not a whole number below 256"))?;
         if input.attribute("semantic") == Some("VERTEX") {
             let vertices = ids.target(input, "source", "vertices")?;
             found.extend(children(vertices, "input").map(|i| (i, offset)));
@@ -103,7 +104,7 @@ fn inputs<'a>(
                 }
                 FIRST_UV + at
             }
-            // Tangents are computed again by those who need them.
+            // Tangents are recomputed where they are needed.
             _ => {
                 all.push(CornerInput { offset, kind: KINDS, start: 0, count: NONE });
                 continue;
@@ -116,7 +117,7 @@ fn inputs<'a>(
         all.push(CornerInput { offset, kind, start, count });
     }
     if !all.iter().any(|i| i.kind == POSITION) {
-        return Err(error(primitive, "it has no input of positions"));
+        return Err(error(primitive, "it has no input with positions"));
     }
     Ok(all)
 }

@@ -8,7 +8,7 @@ use super::document::{DaeElement, Ids, child, children, descend, error, numbers,
 use crate::error::{ReadError, Warning};
 use crate::gltf::{BroughtImages, SceneBuilder, file_path_of_uri};
 
-/// DaeMaterials and images of a file, added to the scene when they are first used.
+/// The materials and images of a file, added to the scene when they are first used.
 pub(super) struct DaeMaterials<'a> {
     pub(super) images: BroughtImages,
     known: HashMap<&'a str, usize>,
@@ -86,7 +86,8 @@ impl<'a> DaeMaterials<'a> {
         if shading.tag_name().name() != "lambert"
             && let Some(exponent) = float(shading, "shininess")?
         {
-            // The roughness of a highlight of the same width; shading uses its square. (Some programs write a part of one.)
+            // The roughness that gives a highlight of the same width; shading uses its square. (Some programs write a
+            // fraction of 1.)
             let exponent = if exponent <= 1.0 { exponent * 128.0 } else { exponent };
             made["pbrMetallicRoughness"]["roughnessFactor"] =
                 (2.0 / (exponent.max(0.0) + 2.0)).powf(0.25).into();
@@ -187,7 +188,7 @@ fn float(shading: DaeElement<'_>, name: &'static str) -> Result<Option<f64>, Rea
     Ok(numbers(value)?.first().copied().filter(|x| x.is_finite()))
 }
 
-/// Returns the opacity of a material, and true if the image of its colour holds it.
+/// Returns the opacity of a material, and true if it is stored in the image of its colour.
 fn opacity<'a>(
     ids: &Ids<'a>,
     (profile, effect): (DaeElement<'a>, DaeElement<'a>),
@@ -220,7 +221,7 @@ fn opacity<'a>(
     };
     if opacity <= 0.0 || !opacity.is_finite() {
         scene.warn(Warning::note(
-            "materials that would be invisible are opaque: programs disagree on transparency",
+            "fully transparent materials were made opaque (exporters disagree on what transparency means)",
         ));
         return Ok((1.0, false));
     }

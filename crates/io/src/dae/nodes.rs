@@ -15,12 +15,12 @@ use crate::format::Format;
 use crate::gltf::{BroughtImages, BuiltScene, SceneBuilder, matrix_of_node};
 use crate::options::ReadOptions;
 
-/// Limits on the nodes that instances become: each may place any other several times. Guessed: more than any file has,
-/// and within memory.
+/// Limits on the nodes that instances create: each may place any other node several times. Guessed: more than any file
+/// has, and within memory.
 const ALWAYS_ALLOWED_NODES: usize = 1 << 16;
 const MAX_NODES: usize = 1 << 21;
 const MAX_DEPTH: usize = 256;
-/// Number of bytes of the file for each further node.
+/// Number of file bytes that allow one more node.
 const BYTES_PER_NODE: usize = 16;
 
 /// Builds the scene of a file.
@@ -28,12 +28,14 @@ pub(super) fn build(text: &str, options: &ReadOptions) -> Result<BuiltScene, Rea
     let document = parse(text, options.limits)?;
     let root = document.root_element();
     if root.tag_name().name() != "COLLADA" {
-        return Err(ReadError::file("it is XML, but no COLLADA document"));
+        return Err(ReadError::file("it is XML, but not a COLLADA document"));
     }
     let version = root.attribute("version").unwrap_or("1.4");
     if !version.starts_with("1.4") && !version.starts_with("1.5") {
         let version = excerpt(version);
-        return Err(ReadError::Unsupported(format!("COLLADA {version} is not known: 1.4 and 1.5 are read")));
+        return Err(ReadError::Unsupported(format!(
+            "COLLADA {version} is not supported: only 1.4 and 1.5 are"
+        )));
     }
     let ids = Ids::new(&document);
     let images = BroughtImages::new(options.files(), options.limits);
@@ -61,11 +63,11 @@ struct DaeScene<'a, 'i> {
     geometries: HashMap<&'a str, Geometry>,
     /// Meshes by their geometry and the materials that its symbols are bound to.
     meshes: HashMap<(&'a str, Vec<Option<usize>>), Option<usize>>,
-    /// Nodes of skinned meshes, which no node moves.
+    /// Nodes of skinned meshes, which are not moved by other nodes.
     at_root: Vec<usize>,
-    /// The nodes that contain the one that is being placed.
+    /// The ancestors of the node that is being placed.
     open: Vec<roxmltree::NodeId>,
-    /// Number of nodes that may still be made.
+    /// Number of nodes that may still be created.
     nodes: usize,
 }
 
@@ -93,7 +95,7 @@ impl<'a> DaeScene<'a, '_> {
         if let Some(scene) = scene {
             return children(scene, "node").map(|node| self.node(node)).collect();
         }
-        // A library of geometries: each stands at the origin.
+        // A library of geometries: each is placed at the origin.
         let all: Vec<_> =
             children(root, "library_geometries").flat_map(|l| children(l, "geometry")).collect();
         let mut roots = Vec::new();
@@ -105,7 +107,7 @@ impl<'a> DaeScene<'a, '_> {
         Ok(roots)
     }
 
-    /// Returns the roots under a node that converts units and axes, if these differ from those of glTF.
+    /// Returns the roots, below a node that converts units and axes if these differ from glTF.
     fn in_gltf_axes(&mut self, root: DaeElement<'a>, roots: Vec<usize>) -> Result<Vec<usize>, ReadError> {
         let unit = descend(root, &["asset", "unit"]).and_then(|u| Some((u, u.attribute("meter")?)));
         let scale = match unit {
@@ -149,11 +151,11 @@ impl<'a> DaeScene<'a, '_> {
             self.scene.entry("nodes", index)["matrix"] = matrix;
         }
         self.open.push(element.id());
-        let (mut kids, mut meshes) = (Vec::new(), Vec::new());
+        let (mut child_nodes, mut meshes) = (Vec::new(), Vec::new());
         for part in element.children().filter(Node::is_element) {
             match part.tag_name().name() {
-                "node" => kids.push(self.node(part)?),
-                "instance_node" => kids.push(self.node(self.ids.target(part, "url", "node")?)?),
+                "node" => child_nodes.push(self.node(part)?),
+                "instance_node" => child_nodes.push(self.node(self.ids.target(part, "url", "node")?)?),
                 "instance_geometry" => {
                     let geometry = self.ids.target(part, "url", "geometry")?;
                     meshes.extend(self.mesh(geometry, Some(part))?);
@@ -169,19 +171,20 @@ impl<'a> DaeScene<'a, '_> {
         } else {
             for mesh in meshes {
                 self.count_node(element)?;
-                kids.push(self.scene.add("nodes", json!({ "mesh": mesh })));
+                child_nodes.push(self.scene.add("nodes", json!({ "mesh": mesh })));
             }
         }
-        if !kids.is_empty() {
-            self.scene.entry("nodes", index)["children"] = kids.into();
+        if !child_nodes.is_empty() {
+            self.scene.entry("nodes", index)["children"] = child_nodes.into();
         }
         Ok(index)
     }
 
     fn count_node(&mut self, element: DaeElement<'a>) -> Result<(), ReadError> {
         let left = self.nodes.checked_sub(1);
-        self.nodes =
-            left.ok_or_else(|| error(element, "instances make more nodes than a file of this size may"))?;
+        self.nodes = left.ok_or_else(|| {
+            error(element, "instances create more nodes than allowed for a file of this size")
+        })?;
         Ok(())
     }
 
@@ -209,7 +212,7 @@ impl<'a> DaeScene<'a, '_> {
             }
             let mesh = self.mesh(source, Some(instance))?;
             let (Some(mesh), Some(bind)) = (mesh, bind) else { return Ok(mesh) };
-            // A skinned mesh stands where its joints are; in the pose of its binding that is at the root.
+            // A skinned mesh is placed by its joints; in the bind pose that is at the root.
             self.count_node(instance)?;
             let mut node = json!({ "mesh": mesh });
             if let Some(matrix) = matrix_of_node(bind, &mut self.scene) {
@@ -248,7 +251,9 @@ impl<'a> DaeScene<'a, '_> {
             return Ok(known);
         }
         if geometry.primitives.iter().any(|(symbol, _)| symbol.is_some() && bound_to(symbol).is_none()) {
-            self.scene.warn(Warning::note("some faces name materials that nothing binds: they have none"));
+            self.scene.warn(Warning::note(
+                "some faces use material symbols that are not bound: they get no material",
+            ));
         }
         let split = geometry.split(bound_to);
         if split.lost_normals {
@@ -291,7 +296,7 @@ fn transform(node: DaeElement<'_>) -> Result<DMat4, ReadError> {
             _ => {
                 return Err(error(
                     element,
-                    format!("it has {} numbers, which is not as many as it needs", values.len()),
+                    format!("it has {} numbers, which is the wrong count", values.len()),
                 ));
             }
         };

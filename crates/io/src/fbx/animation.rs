@@ -99,7 +99,7 @@ impl Animation {
         keys: &[(f64, [f32; N])],
         scene: &mut SceneBuilder,
     ) {
-        // Keys closer than a float distinguishes are steps: the last one counts.
+        // Keys whose times are equal as floats are steps: the last one counts.
         let mut kept: Vec<(f32, [f32; N])> = Vec::with_capacity(keys.len());
         for &(time, value) in keys {
             let time = (time as f32).max(0.0);
@@ -179,7 +179,7 @@ fn value_at(keys: &[BakedVec3], time: f64) -> Option<f64> {
     }
 }
 
-/// Returns a quaternion of length one; the identity for one without length.
+/// Returns a quaternion of length one; the identity if its length is zero.
 pub(super) fn unit_quaternion(q: [f64; 4]) -> [f64; 4] {
     let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
     if length > 0.0 && length.is_finite() { q.map(|x| x / length) } else { [0.0, 0.0, 0.0, 1.0] }

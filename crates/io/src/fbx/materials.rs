@@ -8,7 +8,7 @@ use ufbx::{Material, MaterialMap, Mesh, Texture, TextureType, WrapMode};
 use crate::error::Warning;
 use crate::gltf::{BroughtImages, SceneBuilder};
 
-/// FbxMaterials and images of a file, added to the scene when they are first used.
+/// The materials and images of a file, added to the scene when they are first used.
 pub(super) struct FbxMaterials {
     images: BroughtImages,
     known: HashMap<u32, usize>,

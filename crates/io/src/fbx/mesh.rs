@@ -149,7 +149,7 @@ fn add_joints(
         scene.warn(Warning::lost(text));
     }
     if skin.skinning_method as u32 == ufbx::SkinningMethod::DualQuaternion as u32 {
-        scene.warn(Warning::note("skins by dual quaternions become linear: joints that twist look thinner"));
+        scene.warn(Warning::note("dual-quaternion skinning becomes linear: twisted joints look thinner"));
     }
     let sets = skin.max_weights_per_vertex.min(MAX_JOINTS).div_ceil(4).max(1);
     parts.joints = vec![(Vec::with_capacity(position_of.len()), Vec::with_capacity(position_of.len())); sets];
@@ -184,7 +184,7 @@ fn add_joints(
 fn add_targets(mesh: &Mesh, position_of: &[u32], parts: &mut MeshParts, scene: &mut SceneBuilder) {
     for channel in mesh.blend_deformers.iter().flat_map(|b| b.channels.iter()) {
         if channel.keyframes.len() > 1 {
-            scene.warn(Warning::lost("shapes in between of morph targets are not read: dropped"));
+            scene.warn(Warning::lost("in-between shapes of morph targets are not read: dropped"));
         }
         let last = channel.keyframes.iter().next_back().map(|k| &k.shape);
         let shape = channel.target_shape.as_ref().or(last);

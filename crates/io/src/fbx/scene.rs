@@ -63,8 +63,8 @@ fn load_options<'a>(memory_limit: u64) -> LoadOpts<'a> {
             front: CoordinateAxis::PositiveZ,
         },
         target_unit_meters: 1.0,
-        // glTF has neither geometric transforms nor scale that children do not inherit; helper nodes stand for what
-        // cannot be put into vertices.
+        // glTF has neither geometric transforms nor scale that children do not inherit; helper nodes represent what
+        // cannot be applied to vertices.
         space_conversion: SpaceConversion::ModifyGeometry,
         geometry_transform_handling: GeometryTransformHandling::ModifyGeometry,
         inherit_mode_handling: InheritModeHandling::Compensate,
@@ -104,12 +104,12 @@ struct FbxScene<'a> {
     fbx: &'a Scene,
     scene: SceneBuilder,
     materials: FbxMaterials,
-    /// Nodes of the scene by the numbers of those of the file.
+    /// Nodes of the scene, by the numbers of the nodes in the file.
     node_of: HashMap<u32, usize>,
     /// Meshes by their number in the file and the materials of the node.
     meshes: HashMap<(u32, Vec<u32>), Option<mesh::Added>>,
     limits: Limits,
-    /// Number of bytes that the file and what it was parsed to take.
+    /// Bytes of memory of the file and of the parsed data.
     held: u64,
 }
 

@@ -84,14 +84,14 @@ fn target_of(path: &Path) -> io::Result<PathBuf> {
         let Ok(next) = fs::read_link(&target) else { return Ok(target) };
         target = target.parent().unwrap_or(Path::new("")).join(next);
     }
-    Err(io::Error::other("it is a link that leads through too many others"))
+    Err(io::Error::other("too many levels of symbolic links"))
 }
 
 const PART_PREFIX: &str = ".lodsmith-";
 const PART_SUFFIX: &str = ".part";
 
-/// Creates a temporary file that is deleted unless it is renamed. Removes those that killed processes left
-/// behind.
+/// Creates a temporary file that is deleted unless it is renamed. Removes temporary files that killed
+/// processes left behind.
 fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
     remove_stale_parts(folder);
     let mut builder = tempfile::Builder::new();
@@ -144,7 +144,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_part_that_nobody_holds_is_removed_and_a_held_one_is_not() {
+    fn stale_temporary_files_are_removed_and_locked_ones_are_not() {
         let folder = tempfile::tempdir().unwrap();
         let [left, held, other] =
             [".lodsmith-a.part", ".lodsmith-b.part", "a.part"].map(|n| folder.path().join(n));
@@ -162,7 +162,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_link_to_a_file_that_is_not_there_stays_a_link() {
+    fn a_link_to_a_missing_file_stays_a_link() {
         use std::os::unix::fs::symlink;
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);

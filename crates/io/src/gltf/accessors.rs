@@ -91,9 +91,9 @@ impl Component {
 
     const fn name(self) -> &'static str {
         match self {
-            Self::I8 => "bytes with sign",
+            Self::I8 => "signed bytes",
             Self::U8 => "bytes",
-            Self::I16 => "16-bit integers with sign",
+            Self::I16 => "signed 16-bit integers",
             Self::U16 => "16-bit integers",
             Self::U32 => "32-bit integers",
             Self::F32 => "floats",
@@ -142,7 +142,7 @@ impl AccessorShape {
         let Some(&(_, width)) = types.iter().find(|(name, _)| Some(*name) == of_type) else {
             let other = excerpt(of_type.unwrap_or("missing"));
             let wanted = if types.len() > 1 { "SCALAR or VEC2 to VEC4" } else { types[0].0 };
-            return Err(ReadError::element(at, format!("the type is {other}; {wanted} is needed")));
+            return Err(ReadError::element(at, format!("the type is {other}, expected {wanted}")));
         };
         Ok(Self { count, kind, width })
     }
@@ -219,7 +219,7 @@ impl<'b> Accessor<'b> {
     }
 
     /// Decodes the elements as floats; integers are normalized to 0..1 or -1..1 if the accessor or the caller
-    /// asks for it.
+    /// requests it.
     ///
     /// Components of `N` that the accessor lacks are zero; surplus ones are dropped.
     pub(super) fn floats<const N: usize>(&self, normalized: bool) -> Result<Vec<[f32; N]>, ReadError> {
@@ -262,7 +262,7 @@ impl<'b> Accessor<'b> {
     }
 
     /// Decodes the chosen elements as floats, `width` numbers of `out` each; numbers that the accessor lacks
-    /// stay unchanged there. Integers are normalized to 0..1 or -1..1 if the accessor or the caller asks for
+    /// stay unchanged there. Integers are normalized to 0..1 or -1..1 if the accessor or the caller requests
     /// it.
     ///
     /// # Panics
@@ -285,7 +285,7 @@ impl<'b> Accessor<'b> {
             }
         };
         for (element, &i) in out.chunks_exact_mut(width).zip(chosen) {
-            assert!((i as usize) < self.count, "callers choose among the elements that are there");
+            assert!((i as usize) < self.count, "callers have checked the indices");
             match &self.elements {
                 Some(e) => fill(element, &e.bytes[i as usize * e.stride..]),
                 None => element[..used].fill(0.0),
@@ -351,7 +351,7 @@ impl<'b> Accessor<'b> {
             Component::U32 => self.decode_packed(u32::from_le_bytes).map(flat),
             other => Err(ReadError::element(
                 self.name.as_str(),
-                format!("indices must be integers without sign, not {}", other.name()),
+                format!("indices must be unsigned integers, not {}", other.name()),
             )),
         }
     }
@@ -407,14 +407,14 @@ impl<'b> Sparse<'b> {
         let part = |name: &str, size: usize| {
             let part = &sparse[name];
             let Some(view) = whole(part, "bufferView", at)? else {
-                return Err(ReadError::element(at, format!("sparse.{name} names no bufferView")));
+                return Err(ReadError::element(at, format!("sparse.{name} has no bufferView")));
             };
             let offset = whole(part, "byteOffset", at)?.unwrap_or(0);
             slice(buffers.view(view, at)?, offset, count, size, at)
         };
         let index_kind = component(&sparse["indices"], at)?;
         if !matches!(index_kind, Component::U8 | Component::U16 | Component::U32) {
-            let problem = format!("sparse indices must be integers without sign, not {}", index_kind.name());
+            let problem = format!("sparse indices must be unsigned integers, not {}", index_kind.name());
             return Err(ReadError::element(at, problem));
         }
         Ok(Self {
@@ -435,17 +435,17 @@ impl<'b> Sparse<'b> {
     }
 }
 
-/// Returns the first bytes of a component, as many as its kind has.
+/// Returns the first bytes of a component, as many as its type has.
 #[inline(always)]
 fn first<const S: usize>(bytes: &[u8]) -> [u8; S] {
-    *bytes.first_chunk().expect("as many bytes as its kind has")
+    *bytes.first_chunk().expect("at least as many bytes as its type has")
 }
 
 fn component(object: &Value, at: &str) -> Result<Component, ReadError> {
     let code = whole(object, "componentType", at)?;
     code.and_then(Component::from_code).ok_or_else(|| {
         let shown = code.map_or("missing".to_owned(), |c| c.to_string());
-        ReadError::element(at, format!("componentType is {shown}; 5120 to 5123, 5125 or 5126 is needed"))
+        ReadError::element(at, format!("componentType is {shown}, expected 5120 to 5123, 5125 or 5126"))
     })
 }
 

@@ -1,4 +1,4 @@
-//! Affine maps, and the lengths that a mesh has where several of them place it.
+//! Affine maps, and the scale of a mesh that several of them place.
 
 /// An affine map: three rows of four.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,13 +98,13 @@ impl Affine {
     }
 }
 
-/// The lengths of a mesh at all places where it stands.
+/// The scale of a mesh over all its placements.
 #[derive(Default)]
 pub(super) struct Lengths {
     largest: f64,
     /// Dot products of the columns of the first map, divided by its largest scale squared.
     shape: Option<Symmetric>,
-    /// False if another map stretches the mesh in another way.
+    /// False if the maps stretch the mesh in different ways.
     is_one_shape: bool,
 }
 
@@ -116,8 +116,8 @@ const UNSTRETCHED: Symmetric = [1.0, 1.0, 1.0, 0.0, 0.0, 0.0];
 /// Two maps stretch alike if these dot products differ by less: by a thousandth of the lengths. (Guessed: far above the
 /// rounding of files, and no distance in a report is that precise.)
 const SAME_SHAPE: f64 = 2e-3;
-/// A map whose determinant is below this, with a largest scale of one, flattens. (Guessed: what it takes away can be
-/// brought back with half of the digits of double precision.)
+/// A map whose determinant is below this, with a largest scale of one, flattens. (Guessed: the flattened direction
+/// keeps half of the digits of double precision.)
 const MIN_DETERMINANT: f64 = 1e-6;
 
 impl Lengths {
@@ -138,9 +138,9 @@ impl Lengths {
         self.shape.map(|_| self.largest)
     }
 
-    /// Returns a map under which the mesh has the lengths that it has at the place where it is largest, as the rows of an
-    /// upper triangular matrix. `None` if one factor describes all lengths, if the places stretch the mesh in different
-    /// ways, and if they flatten it.
+    /// Returns a map under which the mesh has the same lengths as at its largest placement, as the rows of an upper
+    /// triangular matrix. `None` if one factor describes all lengths, if the places stretch the mesh in different ways,
+    /// and if they flatten it.
     pub(super) fn stretch(&self) -> Option<[[f64; 3]; 3]> {
         let shape = self.shape.filter(|shape| self.is_one_shape && !is_near(shape, &UNSTRETCHED))?;
         // The Cholesky factor of the matrix of dot products.
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn lengths_are_those_of_all_places() {
+    fn lengths_cover_all_placements() {
         let lengths = |places: &[Affine]| {
             let mut lengths = Lengths::default();
             places.iter().for_each(|place| lengths.add(place));
@@ -202,7 +202,7 @@ mod tests {
         let other = lengths(&[at([1.0, 4.0, 2.0]), at([4.0, 1.0, 2.0])]);
         assert!((other.scale().unwrap() - 4.0).abs() < 1e-12 && other.stretch().is_none());
         assert!(lengths(&[at([1.0, 1.0, 0.0])]).stretch().is_none());
-        // A shear keeps the lengths of what it maps.
+        // Lengths under a shear are preserved.
         let shear = Affine([[1.0, 2.0, 0.0, 0.0], [0.0, 1.0, 0.5, 0.0], [0.0, 0.0, 3.0, 0.0]]);
         let upper = lengths(&[shear]).stretch().unwrap();
         for p in [[1.0, 2.0, 3.0], [-3.0, 0.5, 1.0]] {

@@ -1,4 +1,4 @@
-//! Images that another format names or embeds, brought into a scene as PNG or JPEG.
+//! Images that another format refers to or embeds, added to a scene as PNG or JPEG.
 
 use std::borrow::Cow;
 use std::io::Cursor;
@@ -12,7 +12,7 @@ use crate::limits::Limits;
 use crate::material::image_type;
 use crate::model::decode_image;
 
-/// Brings images into a scene, within the limits of the file.
+/// Adds images to a scene, within the limits of the file.
 pub(crate) struct BroughtImages {
     assets: Assets,
     limits: Limits,
@@ -45,7 +45,7 @@ impl BroughtImages {
         }
     }
 
-    /// Adds an image from its bytes; returns its index. Types that glTF does not have become PNG.
+    /// Adds an image from its bytes; returns its index. Types that glTF does not allow become PNG.
     pub(crate) fn bytes(&mut self, name: &str, bytes: &[u8], scene: &mut SceneBuilder) -> Option<usize> {
         if let Some(kind @ ("image/png" | "image/jpeg")) = image_type(bytes) {
             return Some(scene.image(name, kind, bytes));

@@ -48,14 +48,15 @@ impl<'a> Buffers<'a> {
         }
     }
 
-    /// Wraps buffers that are loaded already; `unpacked` of their bytes were decoded from compressed streams.
+    /// Wraps buffers that are already loaded; `unpacked` is the number of their bytes that were decoded from
+    /// compressed streams.
     pub(super) fn loaded(json: &'a Value, bytes: &'a [Arc<Vec<u8>>], unpacked: usize) -> Self {
         let cell = |b: &'a Arc<Vec<u8>>| OnceCell::from(Cow::Borrowed(b.as_slice()));
         let loaded = bytes.iter().map(cell).collect();
         Self { json, bin: None, assets: Assets::default(), limit: 0, loaded, unpacked }
     }
 
-    /// Loads every buffer; those that are fallbacks for readers without an extension stay empty.
+    /// Loads every buffer; fallback buffers for readers without an extension stay empty.
     pub(super) fn load_all(&self) -> Result<Vec<Arc<Vec<u8>>>, ReadError> {
         // Several buffers may name the same file.
         let mut known: HashMap<(&str, &Value), Arc<Vec<u8>>> = HashMap::new();
@@ -91,7 +92,7 @@ impl<'a> Buffers<'a> {
         self.loaded.iter().filter_map(OnceCell::get).map(|b| b.len()).sum()
     }
 
-    /// Returns the number of bytes of all loaded buffers, as a measure of what the file may ask for: sixteen
+    /// Returns the number of bytes of all loaded buffers, as a measure of what the file may request: sixteen
     /// bytes decoded from a compressed stream count as one.
     pub(super) fn total(&self) -> usize {
         self.opened_bytes().saturating_sub(self.unpacked) + self.unpacked / 16
@@ -101,7 +102,7 @@ impl<'a> Buffers<'a> {
     pub(super) fn view(&self, index: usize, from: &str) -> Result<View<'_>, ReadError> {
         let (view, name) = entry(self.json, "bufferViews", index, from)?;
         let Some(buffer) = whole(view, "buffer", &name)? else {
-            return Err(ReadError::element(name, "names no buffer"));
+            return Err(ReadError::element(name, "does not refer to a buffer"));
         };
         let offset = whole(view, "byteOffset", &name)?.unwrap_or(0);
         let length = whole(view, "byteLength", &name)?
@@ -165,7 +166,7 @@ impl<'a> Buffers<'a> {
         let shown = excerpt(&path.to_string_lossy());
         let fails = |why: &str| ReadError::element(name, format!("the file {shown} {why}"));
         if !self.assets.has_folder() {
-            return Err(fails("is wanted, and no folder is known to look for it"));
+            return Err(fails("is needed, but no folder is known to search for it"));
         }
         let file = self.assets.find(&path).map_err(|refusal| fails(Refusal::reason(refusal)))?;
         file.read(self.limit).map_err(|why| fails(&why))
@@ -185,7 +186,8 @@ pub(super) fn data_uri(data: &str, name: &str) -> Result<Vec<u8>, ReadError> {
     if kind.ends_with(";base64") {
         LENIENT.decode(content).map_err(|e| ReadError::element(name, format!("the data uri is damaged: {e}")))
     } else {
-        percent_decoded(content).ok_or_else(|| ReadError::element(name, "the data uri has a damaged % sign"))
+        percent_decoded(content)
+            .ok_or_else(|| ReadError::element(name, "the data uri has an invalid % escape"))
     }
 }
 
@@ -196,17 +198,17 @@ pub(super) fn path_of(uri: &str) -> Result<PathBuf, &'static str> {
     if scheme
         .is_some_and(|s| !s.is_empty() && s.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c)))
     {
-        return Err("is an address, and only files are read");
+        return Err("is a network address; only files are read");
     }
     let text = percent_decoded(uri).and_then(|b| String::from_utf8(b).ok());
-    let text = text.ok_or("has a damaged % sign")?;
+    let text = text.ok_or("has an invalid % escape")?;
     if text.contains('\0') || text.is_empty() {
-        return Err("names no file");
+        return Err("is not a file name");
     }
     // Windows accepts both kinds of slash, and drive letters.
     let text = text.replace('\\', "/");
     if text.contains(':') {
-        return Err("is an address, and only files are read");
+        return Err("is a network address; only files are read");
     }
     Ok(PathBuf::from(text))
 }
@@ -218,12 +220,12 @@ pub(crate) fn file_path_of_uri(uri: &str) -> Result<String, &'static str> {
     let drive = |path: &str| path.as_bytes().get(2) == Some(&b':');
     let plain = plain.strip_prefix('/').filter(|_| drive(plain)).unwrap_or(plain);
     if plain.contains("://") {
-        return Err("is an address, and only files are read");
+        return Err("is a network address; only files are read");
     }
     let text = percent_decoded(plain).and_then(|b| String::from_utf8(b).ok());
     // Some programs write paths as they are.
     let text = text.unwrap_or_else(|| plain.to_owned()).replace('\\', "/");
-    if text.is_empty() || text.contains('\0') { Err("names no file") } else { Ok(text) }
+    if text.is_empty() || text.contains('\0') { Err("is not a file name") } else { Ok(text) }
 }
 
 fn percent_decoded(text: &str) -> Option<Vec<u8>> {
@@ -253,7 +255,7 @@ mod tests {
             assert_eq!(path_of(up), Ok(PathBuf::from("../x")), "{up}");
         }
         for bad in ["http://a/b", "file:///a", "C:\\a", "c:a", "%43:/a", "a:b/c"] {
-            assert!(path_of(bad).unwrap_err().starts_with("is an address"), "{bad}");
+            assert!(path_of(bad).unwrap_err().starts_with("is a network address"), "{bad}");
         }
         assert!(path_of("a%2").is_err());
         assert!(path_of("").is_err());

@@ -45,7 +45,7 @@ pub(crate) struct MeshParts {
     /// Sets of four joints of each vertex with their weights.
     pub(crate) joints: Vec<JointSet>,
     pub(crate) targets: Vec<MorphTarget>,
-    /// The vertex in the source of each of these vertices, if several have the same.
+    /// The source vertex of each of these vertices, if several share one.
     pub(crate) source_vertices: Option<Vec<u32>>,
     /// Material and triangles of each primitive.
     pub(crate) primitives: Vec<(Option<usize>, Vec<[u32; 3]>)>,
@@ -237,7 +237,7 @@ pub(crate) fn matrix_of_node(matrix: DMat4, scene: &mut SceneBuilder) -> Option<
     let axes = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|a| a.truncate().normalize_or_zero());
     let skew =
         [(0, 1), (1, 2), (2, 0)].map(|(i, j)| axes[i].dot(axes[j]).abs()).into_iter().fold(0.0, f64::max);
-    // The tolerance is that of rounding in files of single precision.
+    // The tolerance covers the rounding of single-precision files.
     if skew > 1e-4 {
         scene.warn(Warning::note(
             "nodes are sheared, which glTF does not allow: some viewers show them differently",

@@ -42,8 +42,8 @@ const SUPPORTED_EXTENSIONS: [&str; 4] = [
     "KHR_draco_mesh_compression",
 ];
 
-/// Extensions that affect only appearance or behaviour, without which a mesh can be read; those that begin
-/// with `KHR_materials_` are of this kind too.
+/// Extensions that affect only appearance or behaviour, without which a mesh can be read; extensions that
+/// begin with `KHR_materials_` are of this kind too.
 pub(super) const IGNORABLE_EXTENSIONS: [&str; 9] = [
     "KHR_texture_transform",
     "KHR_texture_basisu",
@@ -74,11 +74,11 @@ impl<'a> Document<'a> {
         let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
         if !text.trim_ascii_start().starts_with(b"{") {
             let what = if is_glb {
-                "the JSON chunk is no JSON object"
+                "the JSON chunk is not a JSON object"
             } else {
-                "neither `glTF` nor a JSON object at its begin"
+                "it begins with neither `glTF` nor a JSON object"
             };
-            return Err(ReadError::file(format!("no glTF: {what}")));
+            return Err(ReadError::file(format!("not glTF: {what}")));
         }
         let parsed = parsed_bytes(text);
         if parsed > ALWAYS_ALLOWED_MEMORY && parsed / MEMORY_PER_JSON_BYTE > text.len() as u64 {
@@ -100,11 +100,11 @@ impl<'a> Document<'a> {
             Some(v) if v.starts_with("1.") || v.starts_with("0.") || v == "1" => Err(old()),
             Some(v) => {
                 let v = excerpt(v);
-                Err(ReadError::Unsupported(format!("glTF {v} is not known: 2.0 is read")))
+                Err(ReadError::Unsupported(format!("glTF {v} is not supported: only 2.0 is")))
             }
             // In version 1 the lists were maps.
             None if self.json["meshes"].is_object() || self.json["accessors"].is_object() => Err(old()),
-            None => Err(ReadError::element("asset", "the version is missing; a glTF file has one")),
+            None => Err(ReadError::element("asset", "the version is missing")),
         }
     }
 
@@ -119,7 +119,7 @@ impl<'a> Document<'a> {
             if !fine {
                 let name = excerpt(name);
                 return Err(ReadError::Unsupported(format!(
-                    "the file requires the extension {name}: it is not known here"
+                    "the file requires the extension {name}, which is not supported"
                 )));
             }
         }
@@ -152,7 +152,7 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), ReadError> {
     let word = |at: usize| bytes.get(at..)?.first_chunk().map(|b| u32::from_le_bytes(*b));
     let (Some(version), Some(length)) = (word(4), word(8)) else {
         return Err(ReadError::file(format!(
-            "the GLB is cut off: {} bytes, and 12 are its header",
+            "the GLB is cut off: it has {} bytes, and its header alone takes 12",
             bytes.len()
         )));
     };
@@ -162,7 +162,7 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), ReadError> {
         ));
     }
     if version != 2 {
-        return Err(ReadError::byte(4, format!("GLB version {version} is not known: 2 is read")));
+        return Err(ReadError::byte(4, format!("GLB version {version} is not supported: only 2 is")));
     }
     let length = length as usize;
     if length > bytes.len() {
@@ -275,7 +275,7 @@ pub(super) fn entry<'v>(
 ) -> Result<(&'v Value, String), ReadError> {
     let all = list(json, name);
     let found = all.get(index).ok_or_else(|| {
-        ReadError::element(from, format!("names {name}[{index}], but the file has {}", all.len()))
+        ReadError::element(from, format!("refers to {name}[{index}], but the file has {}", all.len()))
     })?;
     Ok((found, format!("{name}[{index}]")))
 }

@@ -19,9 +19,8 @@ pub(crate) struct CopiedImages {
 }
 
 impl CopiedImages {
-    /// Copies the separate images of a scene into the folder of its output at `target`, as far as they may be
-    /// read, under their own names or numbered ones. Images that lie in the folder or below stay where they
-    /// are.
+    /// Copies the separate images of a scene into the folder of its output at `target`, if they may be read,
+    /// under their own or numbered names. Images that are in the folder or below it stay where they are.
     ///
     /// # Errors
     /// If the system cannot write; the created files are removed then. Images that cannot be read are
@@ -46,7 +45,7 @@ impl CopiedImages {
             if failure.is_some() || is_there(uri, file.real_path()) {
                 return Ok(());
             }
-            // A link is copied under its own name, not that of its target.
+            // A link is copied under its own name, not the name of its target.
             match copy_into(folder, file.name(), &file.read_image(left)?, &mut copied.files) {
                 Ok(name) => _ = copied.uris.insert(uri.to_owned(), uri_of(&bytes_of_path(Path::new(&name)))),
                 Err(error) => failure = Some(error),

@@ -71,7 +71,7 @@ pub(super) fn with_copies(source: &Value, places: &[CopyPlace]) -> Result<Value,
 
 /// Returns the nodes of the trees under `roots`, parents first, and the trees of their levels of detail.
 fn descendants(json: &Value, roots: &[usize]) -> Vec<usize> {
-    // Levels may refer to each other, or to nodes that do not exist: only children are checked before.
+    // Levels may refer to each other, or to nodes that do not exist: only children have been checked.
     let mut is_new = vec![true; list(json, "nodes").len()];
     let mut all = Vec::new();
     let mut open: Vec<usize> = roots.iter().rev().copied().collect();

@@ -100,7 +100,7 @@ pub(super) fn unit_directions(values: &mut [f32], width: usize, instead: [f32; 3
     for element in values.chunks_exact_mut(width) {
         let [x, y, z] = [0, 1, 2].map(|k| f64::from(element[k]));
         let length = (x * x + y * y + z * z).sqrt();
-        // The tolerance is well within that of the glTF validator.
+        // The tolerance is well within the tolerance of the glTF validator.
         if (length - 1.0).abs() <= 1e-4 {
             continue;
         }

@@ -44,7 +44,7 @@ pub(super) fn relink(json: &mut Value, depth: usize, new: &dyn Fn(&str) -> Optio
     }
 }
 
-/// Returns the URI of a file beside the scene, with all other characters than those of plain names escaped.
+/// Returns the URI of a file beside the scene, with all characters that are special in a URI escaped.
 pub(super) fn uri_of(name: &[u8]) -> String {
     let mut uri = String::with_capacity(name.len());
     for &byte in name {

@@ -32,8 +32,8 @@ pub(super) struct Gathered {
     pub(super) bases: Vec<(usize, usize)>,
 }
 
-/// Joins the vertices that have the same vertex in the source, for the accessors of positions that have such
-/// vertices; their attributes stay apart as wedges.
+/// Joins vertices with the same source vertex, for position accessors that have source vertices; their
+/// attributes stay separate as wedges.
 pub(super) fn with_source_vertices(
     mesh: &TriMesh,
     bases: &[(usize, usize)],
@@ -50,7 +50,7 @@ pub(super) fn with_source_vertices(
     weld_mesh_by(mesh, &Weld::from_representatives(representative)).mesh
 }
 
-/// Merges all placed meshes into one, each as often as it stands in the scene. Hidden ones are left out.
+/// Merges all placed meshes into one, each as often as it is placed in the scene. Hidden meshes are left out.
 pub(super) fn gather(
     json: &Value,
     buffers: &Buffers<'_>,
@@ -58,12 +58,12 @@ pub(super) fn gather(
     file_bytes: usize,
     limits: Limits,
 ) -> Result<Gathered, ReadError> {
-    let mut told = MergeNotes::default();
+    let mut notes = MergeNotes::default();
     let bytes = file_bytes.max(buffers.total());
     let shown: Vec<&Placement> = nodes.placements.iter().filter(|p| !p.is_hidden).collect();
     let mut places = Places::new(json, buffers, nodes, bytes);
     let of_nodes: Vec<NodePlaces> = shown.iter().map(|p| places.of(p)).collect::<Result<_, _>>()?;
-    let meshes = plan(json, buffers, shown.iter().copied().zip(&of_nodes), &mut told)?;
+    let meshes = plan(json, buffers, shown.iter().copied().zip(&of_nodes), &mut notes)?;
     let placed = || {
         let groups = |p: &Placement| meshes.get(p.mesh)?.as_ref();
         shown.iter().zip(&of_nodes).filter_map(move |(p, of_node)| Some((of_node, groups(p)?)))
@@ -75,7 +75,7 @@ pub(super) fn gather(
         let copies = of_node.count() as u64;
         for g in groups {
             vertices = vertices.saturating_add(copies.saturating_mul(g.vertices as u64));
-            let more = |sum: u64, p: &Primitive| sum.saturating_add(p.most_faces() as u64);
+            let more = |sum: u64, p: &Primitive| sum.saturating_add(p.max_faces() as u64);
             let each = g.primitives.iter().fold(0, more);
             faces = faces.saturating_add(copies.saturating_mul(each));
         }
@@ -103,7 +103,7 @@ pub(super) fn gather(
         for place in of_node.rigid() {
             for group in groups {
                 bases.push((out.positions.len(), group.positions));
-                out.add(json, buffers, group, (&place, skin), &mut told)?;
+                out.add(json, buffers, group, (&place, skin), &mut notes)?;
             }
         }
     }
@@ -114,7 +114,7 @@ pub(super) fn gather(
     mesh.set_normals(out.normals)?;
     mesh.set_uvs(out.uvs)?;
     mesh.set_colors(out.colors)?;
-    Ok(Gathered { mesh, runs: out.runs, warnings: told.warnings(), bases })
+    Ok(Gathered { mesh, runs: out.runs, warnings: notes.warnings(), bases })
 }
 
 /// Irregularities that were found, for one warning each.
@@ -144,7 +144,7 @@ impl MergeNotes {
         }
         if self.normals_made {
             warnings.push(Warning::note(
-                "parts without normals got those of their faces, since other parts have normals",
+                "parts without normals got normals computed from their faces, since other parts have normals",
             ));
         }
         warnings
@@ -171,7 +171,7 @@ fn plan<'p>(
     json: &Value,
     buffers: &Buffers<'_>,
     placed: impl Iterator<Item = (&'p Placement, &'p NodePlaces)> + Clone,
-    told: &mut MergeNotes,
+    notes: &mut MergeNotes,
 ) -> Result<Vec<Option<Vec<VertexGroup>>>, ReadError> {
     let meshes = list(json, "meshes");
     let mut is_skinned = vec![false; meshes.len()];
@@ -188,13 +188,13 @@ fn plan<'p>(
         for (i, primitive) in list(mesh, "primitives").iter().enumerate() {
             let name = format!("{mesh_name}.primitives[{i}]");
             if !Primitive::has_faces(primitive, &name)? {
-                told.points_or_lines += 1;
+                notes.points_or_lines += 1;
                 continue;
             }
             let attributes = &primitive["attributes"];
             let attribute = |what: &str| whole(attributes, what, &name);
             let Some(positions) = attribute("POSITION")? else {
-                told.without_positions += 1;
+                notes.without_positions += 1;
                 continue;
             };
             let joints = if is_skinned[placement.mesh] { joint_sets(attributes, &name)? } else { Vec::new() };
@@ -222,7 +222,7 @@ type Key = (usize, Option<usize>, Option<usize>, Option<usize>, Vec<(usize, usiz
 /// Returns the accessors of joints and weights of a primitive, from the first set to the last that has both.
 fn joint_sets(attributes: &Value, name: &str) -> Result<Vec<(usize, usize)>, ReadError> {
     let mut sets = Vec::new();
-    // (There are no more in the mesh of a scene.)
+    // (Meshes of a scene have no more sets.)
     for i in 0..=u8::MAX {
         let of = |what: &str| whole(attributes, &format!("{what}_{i}"), name);
         let (Some(joints), Some(weights)) = (of("JOINTS")?, of("WEIGHTS")?) else { break };
@@ -255,14 +255,11 @@ fn group(
         let a = Accessor::new(json, buffers, index, name)?;
         if !widths.contains(&a.width) {
             let (wanted, got) = (TYPE_NAMES[*widths.start()], TYPE_NAMES[a.width]);
-            let problem = format!("{what} of {name} is of type {got}; {wanted} is needed");
+            let problem = format!("{what} of {name} is of type {got}, expected {wanted}");
             return Err(ReadError::element(a.name, problem));
         }
         if a.kind == Component::U32 {
-            return Err(ReadError::element(
-                a.name,
-                format!("{what} of {name} may not be of 32-bit integers"),
-            ));
+            return Err(ReadError::element(a.name, format!("{what} of {name} must not be 32-bit integers")));
         }
         if a.count != vertices {
             let (count, got) = (vertices, a.count);
@@ -334,14 +331,14 @@ impl MergedMesh {
         }
     }
 
-    /// Adds a group, transformed by a place, or by the joints of a skin in its stead.
+    /// Adds a group, transformed by its placement or, if it has a skin, by the joints.
     fn add(
         &mut self,
         json: &Value,
         buffers: &Buffers<'_>,
         group: &VertexGroup,
         (place, skin): (&Affine, Option<&SkinAtRest>),
-        told: &mut MergeNotes,
+        notes: &mut MergeNotes,
     ) -> Result<(), ReadError> {
         let floats3 = |index: usize| Accessor::new(json, buffers, index, &group.name)?.floats::<3>(false);
         let base = self.positions.len();
@@ -357,7 +354,7 @@ impl MergedMesh {
         }
         let mirrored = skinned.as_ref().map_or(place.determinant() < 0.0, |skinned| skinned.1);
         for primitive in &group.primitives {
-            self.add_triangles(json, buffers, primitive, (base, local.len()), mirrored, told)?;
+            self.add_triangles(json, buffers, primitive, (base, local.len()), mirrored, notes)?;
         }
 
         if let Some(normals) = &mut self.normals {
@@ -365,7 +362,7 @@ impl MergedMesh {
                 (Some(_), Some((normals, _))) => normals,
                 (Some(index), None) => floats3(index)?,
                 (None, _) => {
-                    told.normals_made = true;
+                    notes.normals_made = true;
                     smooth_normals(&local, base, &self.triangles[first_face..], mirrored)
                 }
             };
@@ -429,7 +426,7 @@ impl MergedMesh {
         primitive: &Primitive,
         (base, count): (usize, usize),
         mirrored: bool,
-        told: &mut MergeNotes,
+        notes: &mut MergeNotes,
     ) -> Result<(), ReadError> {
         let beyond = base.saturating_add(count);
         if beyond >= u32::MAX as usize {
@@ -437,7 +434,7 @@ impl MergedMesh {
         }
         let shift = base as u32;
         let (mut more, is_ragged) = primitive.triangles(json, buffers, count)?;
-        told.ragged += usize::from(is_ragged);
+        notes.ragged += usize::from(is_ragged);
         if shift > 0 {
             more.as_flattened_mut().iter_mut().for_each(|c| *c += shift);
         }

@@ -12,7 +12,7 @@ use crate::error::ReadError;
 
 /// Name of the extension.
 pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
-/// The attributes that place a copy.
+/// The attributes that define the placement of a copy.
 const PLACING: [&str; 3] = ["TRANSLATION", "ROTATION", "SCALE"];
 
 /// The transforms of the copies of a node's mesh, relative to the node.

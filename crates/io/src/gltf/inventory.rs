@@ -20,15 +20,15 @@ const NAMES: [(&str, &str); 6] = [
     ("WEIGHTS_0", "weights"),
 ];
 
-/// Ends of the names of extensions that [`Model`](lodsmith_core::Model) has.
+/// Suffixes of the names of the material extensions that [`Model`](lodsmith_core::Model) represents.
 pub(super) const MATERIALS_OF_MODELS: [&str; 3] = ["unlit", "emissive_strength", "pbrSpecularGlossiness"];
 
-/// The part of a file that is kept, which is what the warnings leave out.
+/// The part of a file that is kept, and so needs no warnings.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kept {
     /// The mesh of all instances.
     Mesh,
-    /// Meshes, nodes with their names, and what describes the file (`asset`).
+    /// Meshes, nodes with their names, and the description of the file (`asset`).
     Nodes,
 }
 
@@ -64,7 +64,7 @@ pub(super) fn take(json: &Value, placements: &[Placement], kept: Kept) -> (Conte
                 }
                 let ours = NAMES.iter().find(|(gltf, _)| gltf == name);
                 let shown = ours.map_or_else(|| excerpt(name), |(_, ours)| (*ours).to_owned());
-                // A file may hold any number of names; a report needs no more than these.
+                // A file may have any number of names; these are enough for a report.
                 if contents.attributes.len() < 64 && !contents.attributes.contains(&shown) {
                     contents.attributes.push(shown);
                     if !["NORMAL", "TEXCOORD_0", "COLOR_0"].contains(&name.as_str()) {
@@ -92,7 +92,7 @@ pub(super) fn take(json: &Value, placements: &[Placement], kept: Kept) -> (Conte
             });
         }
     };
-    // (The name of a single mesh is that of the file, more or less.)
+    // (The name of a single mesh is usually the name of the file.)
     let is_named = ["nodes", "meshes"].iter().flat_map(|kind| list(json, kind)).any(|x| !x["name"].is_null());
     not_carried(is_merged && contents.meshes > 1 && is_named, "names of nodes and meshes");
     not_carried(contents.skins > 0, "skins");
@@ -110,7 +110,7 @@ pub(super) fn take(json: &Value, placements: &[Placement], kept: Kept) -> (Conte
         .iter()
         .filter_map(Value::as_str)
         .filter(|e| match e.strip_prefix("KHR_materials_") {
-            // (Who merges meshes tells it of each material.)
+            // (When meshes are merged, there are warnings for each material.)
             Some(kind) => !is_merged && !MATERIALS_OF_MODELS.contains(&kind),
             None => {
                 let is_followed = ["KHR_mesh_quantization", "KHR_node_visibility", INSTANCING].contains(e);
@@ -123,7 +123,7 @@ pub(super) fn take(json: &Value, placements: &[Placement], kept: Kept) -> (Conte
     if !unknown.is_empty() {
         not_carried(true, &format!("extensions {}", unknown.join(", ")));
     }
-    // Meshes of lower levels are dropped with the extension, which is named above.
+    // Meshes of lower levels are dropped with the extension, for which there is a warning already.
     for level in nodes_of_levels(json) {
         if let Some(flag) = number(&json["nodes"][level]["mesh"]).and_then(|m| placed.get_mut(m)) {
             *flag = true;
@@ -131,8 +131,7 @@ pub(super) fn take(json: &Value, placements: &[Placement], kept: Kept) -> (Conte
     }
     let left = placed.iter().filter(|p| !**p).count();
     if left > 0 {
-        warnings
-            .push(Warning::lost(format!("{left} meshes stand in no place of the default scene: dropped")));
+        warnings.push(Warning::lost(format!("{left} meshes are not placed in the default scene: dropped")));
     }
     (contents, warnings)
 }

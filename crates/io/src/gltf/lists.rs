@@ -101,7 +101,7 @@ pub(super) fn move_view(view: &mut Value, repacked: &Repacked) {
     }
 }
 
-/// Removes those of these extensions that are no longer used from the lists of the file.
+/// Removes those of the given extensions that are no longer used from the lists of the file.
 pub(super) fn drop_unused_extensions(json: &mut Value, names: &[&str]) {
     let gone: Vec<&str> = names.iter().copied().filter(|e| !has_extension(json, e)).collect();
     for name in ["extensionsUsed", "extensionsRequired"] {
@@ -120,7 +120,7 @@ pub(super) fn set_extension(json: &mut Value, extension: &str, is_needed: bool) 
     }
 }
 
-/// Adds an extension to one of the lists of the file, unless it is there.
+/// Adds an extension to one of the lists of the file, unless it is already there.
 pub(super) fn add_extension(json: &mut Value, name: &str, extension: &str) {
     if !json[name].is_array() {
         json[name] = json!([]);

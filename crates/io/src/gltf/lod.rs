@@ -6,8 +6,8 @@
 //!   animation, or a joint
 //! ```
 //!
-//! A reader without the extension sees only level 0: no scene contains the other nodes. They have the parent
-//! and the transform of the node with the extension. So a node that has children, a camera or other
+//! A reader without the extension sees only level 0: no scene contains the other nodes. Those nodes have the
+//! same parent and transform as the node with the extension. So a node that has children, a camera or other
 //! extensions, is animated or is a joint gets a new child, which takes over the mesh and its levels.
 //!
 //! Source: Khronos, "MSFT_lod" (vendor extension of glTF 2.0).
@@ -45,8 +45,8 @@ pub struct SceneLevels {
     pub numbers_level_0: bool,
     /// Name of the only mesh and the only node of the scene, if these have none.
     pub default_name: Option<String>,
-    /// For each level from 1 on, and each mesh, the materials of its primitives, as indices in the scene; a single one
-    /// is for all primitives, and an empty list keeps those of level 0.
+    /// For each level from 1 on, and each mesh, the materials of its primitives, as indices in the scene; a single
+    /// index applies to all primitives, and an empty list keeps the materials of level 0.
     pub materials: Vec<Vec<Vec<usize>>>,
 }
 
@@ -60,7 +60,7 @@ impl SceneLevels {
 /// Returns the JSON with nodes and meshes for all levels, and the replacement of each of its meshes.
 pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(Value, Vec<Option<TriMesh>>)> {
     if nodes_of_levels(source).next().is_some() {
-        let problem = "the scene has levels of detail already (MSFT_lod): start from a file without";
+        let problem = "the scene already has levels of detail (MSFT_lod): use a file without them";
         return Err(io::Error::new(io::ErrorKind::InvalidInput, problem));
     }
     let source = &with_default_name(source, levels.default_name.as_deref());

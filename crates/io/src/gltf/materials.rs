@@ -46,15 +46,15 @@ pub(super) fn regions(
     if order.iter().all(Option::is_none) {
         return (Regions::default(), None);
     }
-    let mut scribe = LibraryBuilder::new(json, buffers, file_bytes);
-    let names: Vec<Option<String>> = order.iter().map(|m| m.map(|m| scribe.material(m, &all[m]))).collect();
+    let mut builder = LibraryBuilder::new(json, buffers, file_bytes);
+    let names: Vec<Option<String>> = order.iter().map(|m| m.map(|m| builder.material(m, &all[m]))).collect();
     let made = GeneratedLibrary {
-        images: scribe.images,
-        unsupported: scribe.left_out.into_iter().collect(),
-        missing: scribe.missing,
+        images: builder.images,
+        unsupported: builder.left_out.into_iter().collect(),
+        missing: builder.missing,
         tints_images: true,
     };
-    let library = Library::generated(scribe.text, assets, made);
+    let library = Library::generated(builder.text, assets, made);
     let mut ids = Vec::new();
     if order.len() > 1 {
         for run in runs {
@@ -74,7 +74,7 @@ struct LibraryBuilder<'a, 'b> {
     /// Names of files that are taken.
     files: UsedNames,
     images: Vec<Image>,
-    /// Names of images, by index; `None` for those that are left out.
+    /// Names of images, by index; `None` for images that are left out.
     known: HashMap<usize, Option<String>>,
     left_out: BTreeSet<String>,
     missing: Vec<String>,
@@ -183,7 +183,7 @@ impl<'a, 'b> LibraryBuilder<'a, 'b> {
     }
 
     fn leave_out(&mut self, word: &str) {
-        // A file may hold any number of extensions; a warning needs no more.
+        // A file may have any number of extensions; these are enough for a warning.
         if self.left_out.len() < 16 {
             self.left_out.insert(excerpt(word));
         }
@@ -195,7 +195,7 @@ impl<'a, 'b> LibraryBuilder<'a, 'b> {
         let transform = &slot["extensions"]["KHR_texture_transform"];
         let set = if transform["texCoord"].is_null() { &slot["texCoord"] } else { &transform["texCoord"] };
         if number(set).is_some_and(|set| set != 0) {
-            self.leave_out(&format!("{what} by another set of coordinates"));
+            self.leave_out(&format!("{what} with another set of texture coordinates"));
             return None;
         }
         if !transform.is_null() {
@@ -208,7 +208,7 @@ impl<'a, 'b> LibraryBuilder<'a, 'b> {
             self.leave_out("clamped or mirrored textures");
         }
         let others = texture["extensions"].as_object().into_iter().flat_map(|e| e.values());
-        // All programs read the plain image; few read one in an extension.
+        // All programs read the plain image; few read an image in an extension.
         let source = std::iter::once(*texture).chain(others).find_map(|t| number(&t["source"]))?;
         if let Some(known) = self.known.get(&source) {
             return known.clone();
@@ -226,7 +226,7 @@ impl<'a, 'b> LibraryBuilder<'a, 'b> {
 
     /// Returns the file name of an image; keeps its bytes unless it is a separate file.
     fn image(&mut self, index: usize) -> Result<String, String> {
-        let image = list(self.json, "images").get(index).ok_or("is not there")?;
+        let image = list(self.json, "images").get(index).ok_or("does not exist")?;
         let at = format!("images[{index}]");
         let bytes = match image["uri"].as_str() {
             Some(uri) => match uri.strip_prefix("data:") {
@@ -238,7 +238,10 @@ impl<'a, 'b> LibraryBuilder<'a, 'b> {
                     }
                     let is_fine =
                         |path: &&str| path.len() <= MAX_PATH_BYTES && !path.contains(char::is_control);
-                    let path = path.to_str().filter(is_fine).ok_or("has a name that no line can hold")?;
+                    let path = path
+                        .to_str()
+                        .filter(is_fine)
+                        .ok_or("has a name that a material library cannot store")?;
                     self.files.take(path);
                     return Ok(path.to_owned());
                 }
@@ -252,9 +255,9 @@ impl<'a, 'b> LibraryBuilder<'a, 'b> {
         };
         self.taken = self.taken.saturating_add(bytes.len());
         if self.taken > self.room {
-            return Err("shows bytes that other images show too".to_owned());
+            return Err("uses the same bytes as other images".to_owned());
         }
-        let kind = image_type(&bytes).ok_or("is of no known type")?;
+        let kind = image_type(&bytes).ok_or("has an unknown type")?;
         let name = image["name"].as_str().map(file_stem).filter(|name| !name.is_empty());
         let ending = match kind {
             "image/jpeg" => ".jpg",

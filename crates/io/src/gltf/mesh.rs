@@ -152,8 +152,8 @@ pub(super) fn read(
     Ok((out, ragged))
 }
 
-/// Returns the vertex in the source of each wedge of a mesh; see [`BuiltScene`](super::BuiltScene). An accessor of positions
-/// without an entry has the vertices of the source.
+/// Returns the vertex in the source of each wedge of a mesh; see [`BuiltScene`](super::BuiltScene). For a position
+/// accessor without an entry, the vertices are those of the source.
 pub(super) fn source_vertices(
     json: &Value,
     buffers: &Buffers<'_>,
@@ -199,7 +199,7 @@ fn decode_primitive(
         return Err(MeshError::TooLarge { what: "vertices", count: vertices }.into());
     }
     let faces = Primitive::new(json, buffers, primitive, name, vertices)?;
-    budget.faces.take(faces.most_faces().max(faces.corners / 3) as u64)?;
+    budget.faces.take(faces.max_faces().max(faces.corners / 3) as u64)?;
     let (triangles, is_ragged) = faces.triangles(json, buffers, vertices)?;
     let used = used(&triangles, vertices);
     let (region, name) = (RegionId::new(region), faces.name);
@@ -235,11 +235,11 @@ fn check(accessor: &Accessor<'_>, slot: &Slot, name: &str) -> Result<(), ReadErr
         let (wanted, got) = (TYPE_NAMES[*widths.start()], TYPE_NAMES[accessor.width]);
         return Err(ReadError::element(
             accessor.name.as_str(),
-            format!("an attribute of {name} is of type {got}; {wanted} is needed"),
+            format!("an attribute of {name} is of type {got}, expected {wanted}"),
         ));
     }
     if accessor.kind == Component::U32 && widths != (1..=4) {
-        let problem = format!("an attribute of {name} may not be of 32-bit integers");
+        let problem = format!("an attribute of {name} must not be 32-bit integers");
         return Err(ReadError::element(accessor.name.as_str(), problem));
     }
     Ok(())

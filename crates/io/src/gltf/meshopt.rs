@@ -1,6 +1,6 @@
 //! Decoder and encoder of `EXT_meshopt_compression` and `KHR_meshopt_compression` streams.
 //!
-//! Of the decoder, memory is only reserved once the stream is known to be long enough: each decoder grows its output as it
+//! The decoder reserves memory only once the stream is known to be long enough: each decoder grows its output as it
 //! decodes, or first counts how many bytes the stream must have.
 //!
 //! Source: Khronos, "KHR_meshopt_compression" (appendices A and B), of which the older extension is a part.
@@ -61,7 +61,7 @@ impl Layout {
                 return needs("indices need 2 or 4");
             }
             StreamMode::Triangles if !count.is_multiple_of(3) => {
-                return Err(format!("has {count} indices, which make no whole triangles"));
+                return Err(format!("has {count} indices, which is not a multiple of three"));
             }
             StreamMode::Triangles | StreamMode::Indices if filter != Filter::None => {
                 return Err("has a filter, which indices cannot have".to_owned());
@@ -132,7 +132,7 @@ mod tests {
 
     use super::*;
 
-    /// Returns the layout and bytes of elements that change slowly, as those of meshes do, or not at all.
+    /// Returns the layout and bytes of elements that change slowly, as in meshes, or not at all.
     fn elements() -> impl Strategy<Value = (usize, Vec<u8>)> {
         let step = prop_oneof![Just(0i32), -2i32..3, -40i32..40, any::<i32>()];
         (1usize..9, 0usize..700, 0u32..4).prop_flat_map(move |(words, count, _)| {
@@ -149,7 +149,7 @@ mod tests {
         })
     }
 
-    /// Returns the triangles with the lowest corner first: the encoder may turn them.
+    /// Returns the triangles with the lowest corner first: the encoder may rotate them.
     fn turned(indices: &[u32]) -> Vec<[u32; 3]> {
         let turn = |t: &[u32; 3]| {
             let [a, b, c] = *t;
@@ -172,7 +172,7 @@ mod tests {
             picks in prop::collection::vec(prop_oneof![0u32..30, any::<u32>()], 0..300),
             small in any::<bool>(),
         ) {
-            // Most corners are near the end of those used before.
+            // Most corners are near the end of the used indices.
             let mut indices = Vec::new();
             let mut next = 0u32;
             for pick in &picks[..picks.len() / 3 * 3] {
@@ -208,14 +208,14 @@ mod tests {
         let layout =
             Layout { mode: StreamMode::Triangles, filter: Filter::None, count: indices.len(), stride: 4 };
         let stream = encode(&narrow(&indices, 4), layout, StreamVersion::V0);
-        assert!(stream.len() < 200 + 40, "a byte for each triangle, and little more: {}", stream.len());
+        assert!(stream.len() < 200 + 40, "little more than a byte per triangle: {}", stream.len());
         let got = decode(&stream, layout).unwrap();
         let got: Vec<u32> = got.as_chunks::<4>().0.iter().map(|b| u32::from_le_bytes(*b)).collect();
         assert_eq!(turned(&got), turned(&indices));
     }
 
     #[test]
-    fn layouts_that_are_none() {
+    fn invalid_layouts_are_refused() {
         let layout = |mode, filter, count, stride| Layout { mode, filter, count, stride }.check();
         assert!(layout(StreamMode::Attributes, Filter::None, 1, 256).is_ok());
         for stride in [0, 2, 6, 260] {

@@ -23,13 +23,12 @@ use crate::model::BaseColor;
 impl Scene {
     /// Returns the scene as a model, and warnings on what cannot be shown.
     ///
-    /// Meshes are shared with [`Scene::meshes`]. Nodes are those of the file, under the roots of the default
-    /// scene; instances of `EXT_mesh_gpu_instancing` are further nodes, and so are all meshes if no node
-    /// refers to one. Hidden nodes have no mesh. Images that materials use are decoded; separate files are read as far as
-    /// [`ReadOptions::assets`](crate::ReadOptions::assets) allows. Extensions other than
-    /// `KHR_materials_unlit`, `KHR_materials_emissive_strength`, `KHR_texture_transform`, `EXT_texture_webp`
-    /// and the older `KHR_materials_pbrSpecularGlossiness` (without its highlights) are ignored. Cost:
-    /// O(nodes + pixels + keyframes).
+    /// Meshes are shared with [`Scene::meshes`]. The nodes are the nodes of the file below the roots of the default
+    /// scene; instances of `EXT_mesh_gpu_instancing` are further nodes, and so are all meshes if no node refers to one.
+    /// Hidden nodes have no mesh. Images that materials use are decoded; separate files are read as far as
+    /// [`ReadOptions::assets`](crate::ReadOptions::assets) allows. Extensions other than `KHR_materials_unlit`,
+    /// `KHR_materials_emissive_strength`, `KHR_texture_transform`, `EXT_texture_webp` and the older
+    /// `KHR_materials_pbrSpecularGlossiness` (without its highlights) are ignored. Cost: O(nodes + pixels + keyframes).
     pub fn model(&self) -> (Model, Vec<Warning>) {
         let buffers = Buffers::loaded(&self.json, &self.buffers, self.unpacked);
         let json = &self.json;
@@ -56,7 +55,7 @@ impl Scene {
             other.iter().for_each(|other| mesh.mesh = Arc::new(other.clone()));
         }
         let mut rest = model.without_skins();
-        // The name of a mesh without one is its number, which those at rest do not have.
+        // A mesh without a name is named by its number, which the meshes at rest do not have.
         let made = rest.meshes.iter_mut().skip(model.meshes.len());
         made.filter(|m| m.name.starts_with("meshes[")).for_each(|m| m.name.clear());
         (rest, warnings)
@@ -68,7 +67,7 @@ impl Scene {
         MAX_IMAGE_BYTES.min(self.limits.max_bytes()).min(self.limits.memory / 4)
     }
 
-    /// Returns the bytes of an image of the file, and takes them from those that are left for all images.
+    /// Returns the bytes of an image of the file, and subtracts them from the bytes left for all images.
     ///
     /// # Errors
     /// The end of a sentence that begins with its name.
@@ -135,8 +134,8 @@ impl Scene {
     /// Returns the base colour images for each of [`Scene::meshes`] and each of its regions (one, if it has
     /// none), and the mapping of texture coordinates to them.
     ///
-    /// Only base colours are decoded. Images that cannot be decoded are left out; so are those for which the limits of
-    /// reading leave no room (an eighth of the memory), with a warning. Cost: O(pixels).
+    /// Only base colours are decoded. Images that cannot be decoded are left out; so are images that exceed what the
+    /// reading limits leave for them (an eighth of the memory), with a warning. Cost: O(pixels).
     pub fn base_colors(&self) -> (Vec<Vec<Option<BaseColor>>>, Vec<Warning>) {
         let buffers = Buffers::loaded(&self.json, &self.buffers, self.unpacked);
         let (of_materials, images, warnings) = appearance::base_colors(self, &buffers);

@@ -1,4 +1,5 @@
-//! Export of node and camera animations: new nodes above those of a scene, and an animation that moves them.
+//! Export of node and camera animations: new nodes above the nodes of a scene, and an animation that moves
+//! them.
 //!
 //! ```text
 //! scene ─┬─ "a"            scene ─┬─ "a_moves" ── "a"
@@ -104,7 +105,7 @@ pub(super) fn with_motion(
                 children.push(added);
                 parent["children"] = children.into();
             }
-            // It takes the place of its child among the roots.
+            // It replaces its child among the roots.
             None => match below {
                 Some(over) => roots[over] = json!([added]),
                 None => roots.push(added),

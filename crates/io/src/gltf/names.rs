@@ -8,9 +8,9 @@ use super::container::list;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct MeshNames {
-    /// Names of the nodes that hold the mesh and of the nodes above them, each once.
+    /// Names of the nodes that place the mesh and of their ancestors, each once.
     pub nodes: Vec<String>,
-    /// Name of the material of each primitive, whose index is that of its region; `None` if it has none.
+    /// Name of the material of each primitive, indexed by region; `None` if it has none.
     pub materials: Vec<Option<String>>,
 }
 
@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nodes_above_count_and_circles_end() {
+    fn ancestors_are_included_and_cycles_end() {
         let file = json!({
             "nodes": [
                 { "name": "car", "children": [1, 2] },

@@ -4,7 +4,7 @@
 //! choose a grid for the positions of each mesh
 //! for each primitive: round its attributes, merge equal vertices, order triangles and vertices
 //! round animations, and give constant tracks one keyframe; everything else that accessors hold stays as it is
-//! bring the positions back to their places by nodes, skins and instances
+//! transform the positions back by nodes, skins and instances
 //! put all streams of one kind into one view, and compress it
 //! ```
 //!
@@ -43,14 +43,14 @@ use streams::{Output, PackedBuffers};
 const ORDER_INDEPENDENT: [&str; 3] =
     ["KHR_materials_variants", "EXT_mesh_features", "EXT_structural_metadata"];
 
-/// Meshes smaller than this share of the largest one have a grid of their own. (Guessed: they have 64 steps
-/// in the common one.)
+/// Meshes smaller than this share of the largest mesh have their own grid. (Guessed: in the shared grid they
+/// span 64 steps.)
 const OWN_GRID: f32 = 1.0 / 256.0;
 
 /// A packed file: the bytes of its first buffer, the report, and warnings.
 pub(super) type Packed = (Vec<u8>, PackReport, Vec<Warning>);
 
-/// Packs a file whose only buffer has these bytes. Cost: O(bytes), and memory of about three times them.
+/// Packs a file whose only buffer has these bytes. Cost: O(bytes); memory is about three times the bytes.
 pub(super) fn pack(json: &mut Value, bytes: Vec<u8>, packing: Packing) -> io::Result<Packed> {
     let buffers = [Arc::new(bytes)];
     let source = json.clone();
@@ -122,13 +122,13 @@ impl PackTask<'_, '_> {
     }
 
     /// Returns the grid of each mesh; `None` if its positions stay as they are. Meshes of similar size share
-    /// one, so that parts that touch each other still do.
+    /// a grid, so that parts that touch each other still do.
     fn grids(&self) -> Result<Vec<Option<Grid>>, ReadError> {
         let meshes = list(self.source, "meshes");
         if !self.packing.quantize {
             return Ok(vec![None; meshes.len()]);
         }
-        // Without a node, nothing brings positions back to their places.
+        // Without a node, nothing transforms positions back.
         let placed: HashSet<usize> =
             list(self.source, "nodes").iter().filter_map(|n| number(&n["mesh"])).collect();
         let own_box = |(m, mesh)| if placed.contains(&m) { self.position_box(mesh) } else { Ok(None) };
@@ -238,7 +238,7 @@ impl PackTask<'_, '_> {
     }
 
     /// Appends the accessors that the rest of the file refers to, and renumbers the references. Returns the
-    /// numbers of the views that it refers to, among those that are copied.
+    /// indices of the views that it refers to among the copied views.
     fn others(
         &self,
         json: &mut Value,
@@ -324,7 +324,7 @@ fn primitives_mut(json: &mut Value) -> impl Iterator<Item = &mut Value> {
     meshes.flat_map(|mesh| list_mut(mesh, "primitives").iter_mut())
 }
 
-/// Makes the references of a primitive null, if it will get others.
+/// Sets the references of a primitive to null if they will be replaced.
 fn release(primitive: &mut Value) {
     if primitive["attributes"]["POSITION"].is_null() {
         return;

@@ -1,15 +1,15 @@
-//! The meshes of a scene that a simplification takes, and those that share a coordinate system.
+//! The meshes of a scene that are simplified, and which of them share a coordinate system.
 
 use super::scene::SceneMesh;
 
-/// A mesh of a scene that a simplification takes.
+/// A mesh of a scene that is simplified.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct PlacedMesh {
     /// Its number in the scene.
     pub index: usize,
-    /// Equal for meshes whose coordinates mean the same places: those with one instance and equal transforms. `None` for
-    /// a mesh without one place.
+    /// Equal for meshes that share a coordinate system: with one instance each, and equal transforms. `None` for a mesh
+    /// without a single placement.
     pub system: Option<usize>,
 }
 

@@ -12,7 +12,7 @@ use crate::error::ReadError;
 const MAX_PLACED: u64 = 1 << 28;
 
 /// Maximum number of placed faces, and of vertices, per byte of the file, or of its buffers if they are
-/// larger: a few kilobytes must not ask for gigabytes. Guessed: a mesh has some 20 bytes per triangle, so
+/// larger: a few kilobytes must not request gigabytes. Guessed: a mesh has some 20 bytes per triangle, so
 /// this allows a thousand copies; a million faces are always allowed.
 const MAX_PLACED_PER_BYTE: u64 = 64;
 const ALWAYS_PLACED: u64 = 1 << 20;
@@ -41,19 +41,19 @@ pub(super) fn check_placed(faces: u64, vertices: u64, bytes: usize) -> Result<()
 /// A node that places a mesh.
 #[derive(Clone, Debug)]
 pub(super) struct Placement {
-    /// `None` for a mesh of a file in which no node places one.
+    /// `None` if no node of the file places a mesh.
     pub(super) node: Option<usize>,
     pub(super) mesh: usize,
     pub(super) world_from_node: Affine,
-    /// True if it is not shown, though others are (`KHR_node_visibility`).
+    /// True if it is hidden while others are shown (`KHR_node_visibility`).
     pub(super) is_hidden: bool,
 }
 
 /// The nodes of a file.
 pub(super) struct PlacedNodes {
-    /// Those of the default scene that place meshes; of all roots if there is no scene.
+    /// The nodes of the default scene that place meshes; below all roots if there is no scene.
     pub(super) placements: Vec<Placement>,
-    /// The transform of each node of the file; those that no root reaches count as roots.
+    /// The transform of each node of the file; nodes that no root reaches count as roots.
     pub(super) world_from_nodes: Vec<Affine>,
 }
 
@@ -72,7 +72,7 @@ impl PlacedNodes {
             if world[index].replace(world_from_node).is_some() {
                 return Err(ReadError::element(
                     name,
-                    "is met twice: nodes must form a tree, and this one has two parents or is its own ancestor",
+                    "is reached twice: nodes must form a tree, but this one has two parents or is its own ancestor",
                 ));
             }
             let is_hidden = is_hidden || node["extensions"]["KHR_node_visibility"]["visible"] == false;
@@ -136,7 +136,9 @@ pub(super) fn roots(json: &Value) -> Result<Vec<usize>, ReadError> {
 fn indices(object: &Value, list_name: &str, at: &str) -> Result<Vec<usize>, ReadError> {
     let number = |v: &Value| {
         let number = v.as_u64().and_then(|n| usize::try_from(n).ok());
-        number.ok_or_else(|| ReadError::element(at, format!("{list_name} holds something else than indices")))
+        number.ok_or_else(|| {
+            ReadError::element(at, format!("{list_name} contains values that are not indices"))
+        })
     };
     list(object, list_name).iter().map(number).collect()
 }
@@ -207,13 +209,13 @@ mod tests {
     }
 
     #[test]
-    fn nodes_that_form_no_tree_are_named() {
+    fn nodes_that_do_not_form_a_tree_are_errors() {
         let twice = json!({"scenes": [{"nodes": [0, 1]}], "nodes": [{"children": [1]}, {}]});
         let cycle = json!({"scenes": [{"nodes": [0]}], "nodes": [{"children": [1]}, {"children": [0]}]});
-        assert!(refusal(&twice).starts_with("nodes[1]: is met twice"));
-        assert!(refusal(&cycle).starts_with("nodes[0]: is met twice"));
+        assert!(refusal(&twice).starts_with("nodes[1]: is reached twice"));
+        assert!(refusal(&cycle).starts_with("nodes[0]: is reached twice"));
         let beyond = json!({"nodes": [{"children": [7]}]});
-        assert_eq!(refusal(&beyond), "the scene: names nodes[7], but the file has 1");
+        assert_eq!(refusal(&beyond), "the scene: refers to nodes[7], but the file has 1");
     }
 
     #[test]
@@ -222,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn what_hangs_on_a_hidden_node_is_hidden_unless_all_is() {
+    fn nodes_below_a_hidden_node_are_hidden_unless_all_are() {
         let hidden = json!({"KHR_node_visibility": {"visible": false}});
         let mut json = json!({"scenes": [{"nodes": [0, 2]}], "meshes": [{}], "nodes": [
             {"children": [1], "extensions": hidden}, {"mesh": 0}, {"mesh": 0},

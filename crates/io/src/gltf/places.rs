@@ -1,4 +1,4 @@
-//! Where each copy of each mesh stands, for everything that merges, measures, counts or draws a scene: by nodes, by
+//! The placement of each copy of each mesh, for everything that merges, measures, counts or draws a scene: by nodes, by
 //! instances of nodes, and by the joints of skins.
 
 use std::collections::HashMap;
@@ -18,7 +18,7 @@ use super::placements::{PlacedNodes, Placement};
 use super::skins::{SkinAtRest, affine_of};
 use crate::error::ReadError;
 
-/// Finds where meshes stand. What several nodes share is decoded once, and no copy is written out.
+/// Finds the placements of meshes. Data that several nodes share are decoded once, and copies are not stored.
 pub(super) struct Places<'a, 'b> {
     json: &'a Value,
     buffers: &'a Buffers<'b>,
@@ -50,8 +50,8 @@ impl<'a, 'b> Places<'a, 'b> {
         Self { json, buffers, copies: HashMap::new(), skins, budget }
     }
 
-    /// Returns where a node places its mesh. Few bytes may place very many copies: an error beyond a number that is in
-    /// proportion to the file.
+    /// Returns where a node places its mesh. A few bytes may place very many copies: it is an error if their number is
+    /// out of proportion to the file.
     pub(super) fn of(&mut self, placement: &Placement) -> Result<NodePlaces, ReadError> {
         let world_from_node = placement.world_from_node;
         let Some(node) = placement.node.map(|n| &self.json["nodes"][n]) else {
@@ -79,7 +79,7 @@ impl<'a, 'b> Places<'a, 'b> {
         Ok(places)
     }
 
-    /// Takes from what may be computed for a file of this size: `vertices` moved by joints.
+    /// Counts `vertices` moved by joints against the limit for a file of this size.
     pub(super) fn take_vertices(&mut self, vertices: usize) -> Result<(), ReadError> {
         self.budget.copies.take(vertices as u64)
     }
@@ -102,7 +102,7 @@ impl NodePlaces {
         })
     }
 
-    /// Returns the joints of its skin, which place a mesh that has joints too.
+    /// Returns the joints of its skin, which place the mesh if that has joint attributes.
     pub(super) fn skin(&self) -> Option<&SkinAtRest> {
         self.skin.as_ref().map(|(_, skin)| &**skin)
     }
@@ -112,7 +112,8 @@ impl NodePlaces {
         self.skin.clone().filter(|_| has_joints(mesh))
     }
 
-    /// Returns the only transform of the mesh, which skins with the same coordinates share; `None` for several copies.
+    /// Returns the only transform of the mesh, which is equal for skins with the same coordinate system; `None` for
+    /// several copies.
     pub(super) fn only(&self, is_skinned: bool) -> Option<Affine> {
         match &self.skin {
             _ if self.count() != 1 => None,
@@ -134,7 +135,7 @@ impl SkinAtRest {
         self.of_joints(mesh).next().is_some_and(|place| place.determinant() < 0.0)
     }
 
-    /// Returns positions and normals of the wedges of a mesh in the scene, as a picture shows them.
+    /// Returns positions and normals of the wedges of a mesh in the scene, as rendered.
     pub(super) fn deformed(&self, mesh: &TriMesh) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
         let palette: Vec<Mat4> = self.world_from_mesh.iter().map(|m| m.as_mat4()).collect();
         let (mut positions, mut normals) = (Vec::new(), Vec::new());

@@ -50,7 +50,7 @@ impl Primitive {
         Ok(Self { name, mode, indices, corners, material: number(&primitive["material"]) })
     }
 
-    pub(super) fn most_faces(&self) -> usize {
+    pub(super) fn max_faces(&self) -> usize {
         match self.mode {
             TriangleMode::Triangles => self.corners / 3,
             TriangleMode::Strip | TriangleMode::Fan => self.corners.saturating_sub(2),
@@ -115,7 +115,7 @@ fn mode(primitive: &Value, name: &str) -> Result<Option<TriangleMode>, ReadError
         6 => TriangleMode::Fan,
         0..=3 => return Ok(None),
         other => {
-            return Err(ReadError::element(name, format!("mode {other} is not known: 0 to 6 are")));
+            return Err(ReadError::element(name, format!("mode {other} is unknown: 0 to 6 are valid")));
         }
     }))
 }

@@ -1,4 +1,4 @@
-//! Materials of a scene, replaced by others with images of their own.
+//! Replacement of the materials of a scene by materials with their own images.
 
 use std::collections::{BTreeSet, HashSet};
 use std::sync::Arc;
@@ -59,14 +59,14 @@ impl NewMaterial {
     }
 }
 
-/// The older workflow, whose textures take the place of the core ones.
+/// The older workflow, whose textures replace the core textures.
 const OLDER: &str = "KHR_materials_pbrSpecularGlossiness";
 const UNLIT: &str = "KHR_materials_unlit";
 /// Emission above 1.
 const STRENGTH: &str = "KHR_materials_emissive_strength";
 
 impl Scene {
-    /// Adds a material with its images, those that share their bytes once; returns its index.
+    /// Adds a material with its images, identical images once; returns its index.
     pub fn add_material(&mut self, new: &NewMaterial) -> usize {
         let kept = new.base.and_then(|m| list(&self.json, "materials").get(m)).cloned();
         let mut material = kept.unwrap_or_else(|| made(&new.look));
@@ -108,8 +108,8 @@ impl Scene {
         }
     }
 
-    /// Makes the material of a primitive of a mesh visible from both sides, whoever else uses it; a primitive without
-    /// one gets one.
+    /// Makes the material of a primitive of a mesh double-sided, also for other primitives that use it; a primitive
+    /// without a material gets one.
     pub fn set_double_sided(&mut self, mesh: usize, primitive: usize) {
         let entry = list(&self.json, "meshes").get(mesh).and_then(|m| list(m, "primitives").get(primitive));
         let Some(entry) = entry else { return };
@@ -181,7 +181,7 @@ impl Scene {
         drop_unused_extensions(json, &names);
     }
 
-    /// Adds a texture with an image; one that is there already is used again.
+    /// Adds a texture with an image; an existing one is reused.
     fn add_texture(&mut self, image: &SlotImage) -> usize {
         let buffer = self.buffers.iter().position(|b| Arc::ptr_eq(b, &image.png));
         let known = buffer.and_then(|b| {
@@ -200,7 +200,7 @@ impl Scene {
         self.buffers.push(image.png.clone());
         let entry = json!({ "name": image.name, "mimeType": "image/png", "bufferView": view });
         let source = append(&mut self.json, "images", entry);
-        // Linear filtering between texels and between smaller copies.
+        // Linear filtering between texels and between mipmaps.
         let sampler = append(&mut self.json, "samplers", json!({ "magFilter": 9729, "minFilter": 9987 }));
         append(&mut self.json, "textures", json!({ "sampler": sampler, "source": source }))
     }

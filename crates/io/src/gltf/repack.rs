@@ -48,7 +48,7 @@ impl Repacked {
             // A few zeros between two spans are padding.
             let is_padding = |gap: Range<usize>| gap.len() < ALIGNMENT && buffer[gap].iter().all(|b| *b == 0);
             let mut freed = merge_spans(freed, is_padding);
-            // So are those before the end of the buffer.
+            // So are zeros before the end of the buffer.
             if let Some(last) = freed.last_mut().filter(|last| is_padding(last.end..buffer.len())) {
                 last.end = buffer.len();
             }
@@ -86,7 +86,7 @@ impl Repacked {
     }
 }
 
-/// Returns the spans sorted; those that touch, or whose gap `may_go`, are merged.
+/// Returns the spans sorted; spans that touch, or whose gap `may_go`, are merged.
 fn merge_spans(mut spans: Vec<Range<usize>>, may_go: impl Fn(Range<usize>) -> bool) -> Vec<Range<usize>> {
     spans.retain(|s| s.start < s.end);
     spans.sort_unstable_by_key(|s| (s.start, s.end));
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_kept_stays_in_step() {
+    fn kept_bytes_stay_aligned() {
         let buffer = Arc::new((1..=100u8).collect::<Vec<_>>());
         let kept = [span(0, 40..60), span(0, 50..64), span(0, 90..1000)];
         let got = Repacked::new(std::slice::from_ref(&buffer), &kept, &[span(0, 3..70), span(0, 61..99)]);
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn padding_goes_with_what_it_pads() {
+    fn padding_is_removed_with_its_data() {
         let mut bytes = vec![7u8; 32];
         bytes[13..16].fill(0);
         bytes[29..].fill(0);

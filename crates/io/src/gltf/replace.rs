@@ -1,11 +1,11 @@
 //! Writer of a scene with some meshes replaced.
 //!
 //! ```text
-//! for each replaced mesh:  its primitives let go of their accessors; the new numbers become pieces
-//! free = let go, and named by nothing else
-//! cut the bytes of free views out; append those of the pieces
-//! a piece takes the numbers of the accessor and view that it replaces, if they are free; else another free one; else a new one
-//! what is still free goes, and all references are renumbered
+//! for each replaced mesh:  its primitives release their accessors; the new data become pieces
+//! free = released, and not referred to by anything else
+//! cut out the bytes of free views; append the bytes of the pieces
+//! a piece takes the indices of the accessor and view that it replaces, if they are free; else other free ones; else new
+//! accessors and views that are still free are removed, and all references are renumbered
 //! ```
 
 mod edit;
@@ -128,7 +128,7 @@ impl Edit<'_> {
             let Some(list) = list else {
                 let region = region.map_or("none".to_owned(), |r| r.to_string());
                 return Err(invalid(format!(
-                    "face {i} of {name} is of region {region}, which is no primitive with triangles"
+                    "face {i} of {name} has region {region}, which is not a primitive with triangles"
                 )));
             };
             list.push(triangle);
@@ -168,11 +168,11 @@ impl Edit<'_> {
         }
         if !task.lost.is_empty() {
             let lost: Vec<String> = task.lost.into_iter().collect();
-            self.warnings
-                .push(Warning::lost(format!("{name} does not have its {} any more", lost.join(", "))));
+            self.warnings.push(Warning::lost(format!("{name} no longer has its {}", lost.join(", "))));
         }
         if task.no_direction > 0 {
-            let text = format!("{name}: {} normals or tangents have no length: replaced", task.no_direction);
+            let text =
+                format!("{name}: {} normals or tangents have length zero: replaced", task.no_direction);
             self.warnings.push(Warning::note(text));
         }
         Ok(())
@@ -207,7 +207,7 @@ impl Edit<'_> {
         let unknown = primitive["extensions"].as_object().into_iter().flat_map(|e| e.keys());
         for extension in unknown.filter(|e| !VERTEX_INDEPENDENT_EXTENSIONS.contains(&e.as_str())) {
             let text = format!(
-                "the extension {extension} of meshes[{mesh}] stays as it is, though its vertices are others"
+                "the extension {extension} of meshes[{mesh}] is kept unchanged, although the vertices have changed"
             );
             if !self.warnings.iter().any(|w| w.text == text) {
                 self.warnings.push(Warning::note(text));
@@ -258,7 +258,7 @@ impl Edit<'_> {
             let encoded = encode(&values, width, kind, matches!(slot, Slot::Further(Semantic::Joints(_))));
             self.dense(at(AccessorRole::Attribute(name)), None, encoded, Some(VERTEX_TARGET));
         }
-        // A target can only move what the primitive has.
+        // A target can only move attributes that the primitive has.
         let names: HashSet<String> = self.pieces[first..].iter().filter_map(|p| p.spot.attribute()).collect();
         for (t, target) in list(source, "targets").iter().enumerate() {
             let before = self.pieces.len();
@@ -340,7 +340,7 @@ struct Replacement<'m> {
     values: HashMap<Slot, (usize, &'m [f32])>,
     /// For each wedge, its vertex in the current primitive.
     local: Vec<u32>,
-    /// Attributes that the mesh does not have any more.
+    /// Attributes that the mesh no longer has.
     lost: BTreeSet<String>,
     /// Number of normals and tangents without length.
     no_direction: usize,
@@ -348,7 +348,7 @@ struct Replacement<'m> {
 
 impl Replacement<'_> {
     /// Returns the number of components and the values of some wedges, in glTF conventions. The number is
-    /// that of the accessor before (`width`), or that of the mesh. `None` if the mesh lacks the attribute.
+    /// `width`, from the previous accessor, or else that of the mesh. `None` if the mesh lacks the attribute.
     fn gather(&mut self, slot: &Slot, width: Option<usize>, used: &[WedgeId]) -> Option<(usize, Vec<f32>)> {
         if *slot == Slot::Position {
             let place = |w: &WedgeId| -> [f32; 3] {
@@ -381,8 +381,8 @@ impl Replacement<'_> {
     }
 }
 
-/// Returns the type for integers of a mesh: their own, or, as glTF has no 32-bit integer attributes, the
-/// first that holds the values.
+/// Returns the type for integers of a mesh: their own type or, as glTF has no 32-bit integer attributes, the
+/// first type that holds the values.
 fn fitting_type(of: IntegerType, values: &[f32]) -> Option<NumberType> {
     let all = [Component::U8, Component::I8, Component::U16, Component::I16];
     let is_own = |c: &Component| c.integer() == Some(of);
@@ -391,7 +391,7 @@ fn fitting_type(of: IntegerType, values: &[f32]) -> Option<NumberType> {
     Some(NumberType { component, normalized: false })
 }
 
-/// Returns the type to write: that of the source, if glTF allows it for this attribute.
+/// Returns the type to write: the type of the source, if glTF allows it for this attribute.
 fn output_type(slot: &Slot, source: Option<NumberType>, values: &[f32]) -> NumberType {
     let component = source.map_or(Component::F32, |k| k.component);
     match slot {

@@ -44,7 +44,7 @@ pub struct Scene {
     contents: Contents,
     warnings: Vec<Warning>,
     format: Format,
-    /// See [`BuiltScene::source_vertices`]; of 3MF, where the numbers of vertices decide which triangles are neighbours.
+    /// See [`BuiltScene::source_vertices`]; for 3MF, in which vertex indices decide which triangles are neighbours.
     source_vertices: Option<Arc<BTreeMap<usize, Vec<u32>>>>,
     /// Number of bytes of the buffers that were decoded from compressed streams.
     pub(super) unpacked: usize,
@@ -66,7 +66,7 @@ fn bytes_of_images(json: &Value) -> u64 {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct SceneMesh {
-    /// Its name; for one without, its index, as in `meshes[2]`.
+    /// Its name; without a name, its index, as in `meshes[2]`.
     pub name: String,
     /// Its triangles, in local coordinates. Faces of primitive i have `RegionId(i)`; a mesh with one
     /// primitive has no regions. Vertices at equal positions are welded, across primitives too; wedges are
@@ -77,14 +77,15 @@ pub struct SceneMesh {
     pub mesh: Arc<TriMesh>,
     /// Number of instances in the default scene (under all roots if there is no scene).
     pub instances: usize,
-    /// Largest factor by which one of its places scales lengths; 1 if it has none. A skinned mesh is placed by its joints
-    /// at rest.
+    /// Largest factor by which one of its placements scales lengths; 1 if it has none. A skinned mesh is placed by its
+    /// joints at rest.
     pub scale: f64,
-    /// The rows of a linear map under which the mesh has the lengths that it has where it is largest; `None` if
-    /// [`SceneMesh::scale`] says that of all lengths, and if its places stretch it in different ways, or flatten it.
+    /// The rows of a linear map under which the mesh has the same lengths as at its largest placement; `None` if
+    /// [`SceneMesh::scale`] alone describes all lengths, or if its placements stretch it in different ways, or flatten
+    /// it.
     pub stretch: Option<[[f64; 3]; 3]>,
-    /// Rows of its world transform, if it is placed exactly once; of a skinned mesh, that of one of the joints. Meshes with
-    /// equal transforms share a coordinate system.
+    /// Rows of its world transform, if it is placed exactly once; for a skinned mesh, the transform of one of the
+    /// joints. Meshes with equal transforms share a coordinate system.
     pub world_from_mesh: Option<[[f64; 4]; 3]>,
     /// Rows of the world transform of each instance; empty if they are not known: for a skinned mesh, and beyond 65,536
     /// instances.
@@ -240,8 +241,8 @@ impl Scene {
         self.bounds
     }
 
-    /// Passes each external file that a model may use to `take`, with the number of bytes that are left for all of
-    /// them. Returns a warning for each of the others, and for each file that `take` refuses with a reason.
+    /// Passes each external file that a model may use to `take`, with the number of bytes left for all files. Returns a
+    /// warning for each file that may not be used, and for each that `take` refuses with a reason.
     pub(super) fn for_each_file(
         &self,
         mut take: impl FnMut(&str, &Asset, &mut u64) -> Result<(), String>,
@@ -262,7 +263,7 @@ impl Scene {
             }
         }
         if more > 0 {
-            warnings.push(Warning::note(format!("{more} more files cannot be brought along")));
+            warnings.push(Warning::note(format!("{more} more files cannot be included")));
         }
         warnings
     }
@@ -283,12 +284,12 @@ impl Scene {
     }
 
     /// Writes the scene with some meshes replaced, as JSON with an embedded buffer or as GLB, packed if
-    /// [`SceneFormat::packing`] asks for it.
+    /// [`SceneFormat::packing`] requests it.
     ///
-    /// `replaced[i]` replaces mesh i; if it is `None`, or if the list is shorter, the mesh stays the same to
-    /// the byte. The regions of a replacement's faces select their primitives; without regions, all faces go
-    /// to the first primitive with triangles. A primitive keeps its attributes if the mesh has them, and
-    /// their types if these represent the values; an attribute that no primitive had is added to all.
+    /// `replaced[i]` replaces mesh i; if it is `None`, or if the list is shorter, the mesh stays identical
+    /// byte for byte. The regions of a replacement's faces select their primitives; without regions, all
+    /// faces go to the first primitive with triangles. A primitive keeps its attributes if the mesh has them,
+    /// and their types if these represent the values; an attribute that no primitive had is added to all.
     /// Primitives without faces are removed, and so are meshes without primitives. All buffers of a file are
     /// merged into one; their bytes keep their order, and unused ones are left out.
     ///
@@ -308,7 +309,7 @@ impl Scene {
     }
 
     /// Writes the scene with levels of detail, by the extension `MSFT_lod`: every node whose mesh has levels
-    /// refers to nodes with those, which are in no scene. Levels share materials, textures, skins and
+    /// refers to nodes with the levels, which are in no scene. Levels share materials, textures, skins and
     /// everything else they refer to; their meshes have the primitives of level 0. Morph targets and their
     /// animations are kept. Otherwise as [`Scene::write`].
     ///
@@ -327,7 +328,7 @@ impl Scene {
 
     /// Returns the scene with a copy of its contents at each of these places, under its own node. Copies
     /// share meshes, materials and all data in buffers; each has its own nodes and skins, and animations move
-    /// all of them. Nodes of other scenes of the file are in no scene any more.
+    /// all of them. Nodes of other scenes of the file are no longer in any scene.
     ///
     /// # Errors
     /// [`ReadError::Malformed`] if the nodes do not form trees.
@@ -388,8 +389,8 @@ impl Scene {
         true
     }
 
-    /// Embeds separate image files, as far as they may be read. Returns a warning for each external file that
-    /// is not an image, or not where a model may look for it; such a file stays external.
+    /// Embeds separate image files that may be read. Returns a warning for each external file that is not an
+    /// image, or not where a model may read files; such a file stays external.
     pub fn embed_files(&mut self) -> Vec<Warning> {
         let mut read = Vec::new();
         let warnings = self.for_each_file(|uri, file, left| {
@@ -409,15 +410,15 @@ impl Scene {
         inventory::take(&self.json, &placed, inventory::Kept::Nodes).1
     }
 
-    /// Returns what the file says of itself, as names and texts.
+    /// Returns the description of the file (metadata), as names and texts.
     pub(crate) fn description(&self) -> Vec<(String, String)> {
         let extras = self.json["asset"]["extras"].as_object();
         let text = |(name, value): (&String, &Value)| Some((name.clone(), value.as_str()?.to_owned()));
         extras.into_iter().flatten().filter_map(text).collect()
     }
 
-    /// Returns the vertex in the file of each wedge of a mesh, if the file was of a format that counts vertices at equal
-    /// positions as several, and `None` if [`SceneMesh::mesh`] has all there is to know.
+    /// Returns the source vertex of each wedge of a mesh, if the format of the file distinguishes vertices at equal
+    /// positions; `None` if [`SceneMesh::mesh`] has the same vertices.
     pub(crate) fn source_vertices(&self, mesh: usize) -> Option<Vec<u32>> {
         let sources = self.source_vertices.as_ref()?;
         let buffers = Buffers::loaded(&self.json, &self.buffers, self.unpacked);
@@ -442,8 +443,8 @@ impl Scene {
     }
 }
 
-/// Sets where each mesh stands; returns the contents of the file, with meshes and faces counted once per instance, and the
-/// bounding box. `size` is that of the file, or of its buffers if they are larger.
+/// Sets the placements of each mesh; returns the contents of the file, with meshes and faces counted once per instance,
+/// and the bounding box. `size` is the size of the file, or of its buffers if they are larger.
 fn place(
     json: &Value,
     buffers: &Buffers<'_>,

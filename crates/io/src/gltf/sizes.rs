@@ -28,7 +28,7 @@ pub fn sizes(bytes: &[u8], options: &ReadOptions) -> Result<Sizes, ReadError> {
 }
 
 impl Scene {
-    /// Returns what the scene asks of a GPU, without the bytes of its file. Images in files beside it do not count.
+    /// Returns what the scene costs on a GPU, without the bytes of its file. Images in separate files do not count.
     pub fn sizes(&self) -> Option<Sizes> {
         of_parts(&self.json, &Buffers::loaded(&self.json, &self.buffers, 0)).ok()
     }

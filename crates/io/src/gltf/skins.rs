@@ -1,4 +1,4 @@
-//! Skins: their joints, and the matrices that take a mesh to each of them.
+//! Skins: their joints, and the matrices from mesh to joint coordinates.
 
 use std::collections::HashMap;
 
@@ -14,7 +14,7 @@ use super::container::{list, number};
 use super::mesh::Budget;
 use crate::error::ReadError;
 
-/// Reads a skin: its joints, and where a mesh lies beside each of them.
+/// Reads a skin: its joints, and the transform from mesh coordinates to each of them.
 pub(super) fn read(
     json: &Value,
     buffers: &Buffers<'_>,
@@ -50,7 +50,7 @@ pub(super) fn read(
 pub(super) struct SkinAtRest {
     /// The transform of a mesh that follows one joint alone, for each joint.
     pub(super) world_from_mesh: Vec<DMat4>,
-    /// One of them, the same for skins whose meshes have one coordinate system.
+    /// One of them; equal for skins whose meshes share a coordinate system.
     pub(super) of_system: Affine,
 }
 
@@ -61,7 +61,8 @@ impl SkinAtRest {
         self.world_from_mesh.iter().all(|joint| are_near(joint, &node))
     }
 
-    /// Reads all skins of a file; `None` for one that cannot be read, whose meshes stand as if they had none.
+    /// Reads all skins of a file; `None` for a skin that cannot be read, whose meshes are placed as if they
+    /// had none.
     pub(super) fn all(
         json: &Value,
         buffers: &Buffers<'_>,
@@ -83,8 +84,8 @@ impl SkinAtRest {
     }
 }
 
-/// Returns for each skin the first of those with the same coordinate system: a mesh lies in the same way beside a joint
-/// that they share.
+/// Returns for each skin the first skin with the same coordinate system: the transform from mesh to a shared joint is
+/// equal.
 fn systems(skins: &[Option<Skin>]) -> Vec<u32> {
     let mut sets = DisjointSets::new(skins.len());
     let mut known: HashMap<usize, (usize, &DMat4)> = HashMap::new();

@@ -99,8 +99,8 @@ impl Slot {
         self.is_color() || matches!(self, Self::Further(Semantic::Weights(_)))
     }
 
-    /// Returns true if it holds integer ids, whatever their type: those of `EXT_mesh_features`, which may be
-    /// floats, and the older batch ids of 3D Tiles.
+    /// Returns true if it holds integer ids, whatever their type: feature ids of `EXT_mesh_features`, which
+    /// may be floats, and the older batch ids of 3D Tiles.
     pub(super) fn holds_ids(&self) -> bool {
         let Self::Further(Semantic::Custom(name)) = self else { return false };
         name.starts_with("_FEATURE_ID_") || name == "_BATCHID"
@@ -152,7 +152,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_and_slots_belong_together() {
+    fn names_and_slots_correspond() {
         for name in ["NORMAL", "TEXCOORD_0", "TEXCOORD_12", "COLOR_0", "COLOR_1", "TANGENT", "JOINTS_0", "_A"]
         {
             assert_eq!(Slot::of(None, name).name().as_deref(), Some(name));

@@ -1,4 +1,4 @@
-//! Where the meshes of a scene stand: how often, how large, and the box around all.
+//! The placements of the meshes of a scene: how often, how large, and the box around all.
 
 use std::collections::HashMap;
 
@@ -11,22 +11,23 @@ use super::placements::PlacedNodes;
 use super::places::Places;
 use crate::error::ReadError;
 
-/// Where a mesh stands.
+/// The placements of a mesh.
 #[derive(Default)]
 pub(super) struct MeshPlaces {
     pub(super) instances: usize,
     pub(super) lengths: Lengths,
-    /// Its transform, if it stands in one place.
+    /// Its transform, if it is placed once.
     pub(super) only: Option<Affine>,
-    /// The transforms of its first places without a skin.
+    /// The transforms of its first placements without a skin.
     rigid: Vec<Affine>,
 }
 
-/// Largest number of places of one mesh that are kept. (Guessed: parts that touch are placed thousands of times at most.)
+/// Maximum number of placements of one mesh that are kept. (Guessed: parts that touch are placed thousands of times at
+/// most.)
 const MAX_KEPT_PLACES: usize = 1 << 16;
 
 impl MeshPlaces {
-    /// Returns the rows of the transforms of all places, if they are kept.
+    /// Returns the rows of the transforms of all placements, if they are kept.
     pub(super) fn known_places(&self) -> Vec<[[f64; 4]; 3]> {
         match self.rigid.len() == self.instances {
             true => self.rigid.iter().map(|place| place.0).collect(),
@@ -35,8 +36,8 @@ impl MeshPlaces {
     }
 }
 
-/// Returns where each mesh stands, and the bounding box of what is shown, from the boxes of the meshes (of skinned ones
-/// from their vertices). `size` is that of the file, or of its buffers if they are larger.
+/// Returns the placements of each mesh, and the bounding box of what is shown, from the boxes of the meshes (for
+/// skinned meshes from their vertices). `size` is the size of the file, or of its buffers if they are larger.
 ///
 /// Cost: O(nodes + copies + vertices of skinned meshes); few copies are held in memory.
 pub(super) fn survey(

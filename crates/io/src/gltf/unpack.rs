@@ -1,9 +1,9 @@
 //! Decoding of compressed geometry: afterwards the file is as if it had never been compressed.
 //!
 //! ```text
-//! decode each stream, within what a file of this size may ask for
-//! cut the streams out of the buffers, append what they held: one buffer, which the views name
-//! take the extensions off elements and lists
+//! decode each stream, within the limit for a file of this size
+//! cut the streams out of the buffers, append their decoded bytes: one buffer, which the views refer to
+//! remove the extensions from elements and lists
 //! ```
 
 mod decoded;
@@ -36,7 +36,7 @@ pub(super) fn is_needed(json: &Value) -> bool {
         || primitives.any(|p| !p["extensions"][DRACO].is_null())
 }
 
-/// Decodes all compressed streams; returns the number of bytes of the buffers that came out of them.
+/// Decodes all compressed streams; returns the number of decoded bytes.
 pub(super) fn unpack(
     json: &mut Value,
     buffers: &mut Vec<Arc<Vec<u8>>>,
@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn buffers_that_are_spare() {
+    fn fallback_buffers_are_found() {
         let compressed = |buffer: usize, of: usize| json!({ "buffer": buffer, "extensions": { "EXT_meshopt_compression": { "buffer": of } } });
         let json = json!({
             "buffers": [{}, {}, {}, { "extensions": { "KHR_meshopt_compression": { "fallback": true } } }],
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn room_is_for_all_together() {
+    fn the_limit_is_shared_by_all_streams() {
         let mut room = DecodeBudget { limit: 10, used: 0 };
         assert!(room.take(6).is_ok());
         assert!(room.take(5).is_err());

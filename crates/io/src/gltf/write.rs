@@ -33,7 +33,7 @@ pub(super) fn write(
 ) -> io::Result<Written> {
     let mut warnings = std::mem::take(&mut looks.warnings);
     let mut file = GltfBuilder::default();
-    // Without attributes, wedges are of no use: the vertices are written as they are.
+    // Without attributes, wedges carry no information: the vertices are written as they are.
     let split = mesh.has_attributes() && mesh.vertex_map().is_some();
     let surface;
     let (count, triangles): (usize, &[[u32; 3]]) = if split {
@@ -238,7 +238,7 @@ impl GltfBuilder {
         let mut replaced = 0usize;
         for &n in normals {
             let length = n.iter().map(|&x| f64::from(x) * f64::from(x)).sum::<f64>().sqrt();
-            // glTF requires unit length; the tolerance is well within that of its validator.
+            // glTF requires unit length; the tolerance is well within that of the glTF validator.
             let n = if (length - 1.0).abs() <= 1e-4 {
                 n
             } else if length > 0.0 && length.is_finite() {
@@ -250,7 +250,8 @@ impl GltfBuilder {
             self.floats(&n);
         }
         if replaced > 0 {
-            warnings.push(Warning::note(format!("{replaced} normals have no length: written as (0, 0, 1)")));
+            warnings
+                .push(Warning::note(format!("{replaced} normals have length zero: written as (0, 0, 1)")));
         }
         self.end()
     }

@@ -10,7 +10,7 @@ use super::level_mesh::LevelMesh;
 use super::streams::{Coded, Damaged, NO_ELEMENT, Streams};
 use super::values::{PlaceCode, code_f32, value_f32};
 
-// The streams of a checkpoint; the first one is that of the low bits.
+// The streams of a checkpoint; the first one holds the low bits.
 const VERTICES: usize = 1;
 const WEDGES: usize = 2;
 const MOVES: usize = 3;
@@ -85,12 +85,12 @@ pub(super) fn write_checkpoint(head: &Head, checkpoint: &Checkpoint, exact: bool
     powers.iter().for_each(|p| bytes.extend(p.to_le_bytes()));
     let mut streams = Streams::default();
     let coded = code_fit(&mut streams, head.width(), fit, checkpoint, &mut Checkpoint::default());
-    assert!(coded.is_ok(), "what is written is not damaged");
+    assert!(coded.is_ok(), "damage is only found when reading");
     bytes.extend(streams.pack()?);
     Ok(bytes)
 }
 
-/// A checkpoint without its fit, and the packed streams of that.
+/// A checkpoint without its fit, and the packed streams of the fit.
 pub(super) struct CheckpointHead<'a> {
     checkpoint: Checkpoint,
     fit: FitCode,
@@ -143,27 +143,27 @@ fn code_fit(
     Ok(())
 }
 
-// The streams of the numbering of the original; the first one is that of the low bits.
+// The streams of the numbering of the original; the first one holds the low bits.
 const HAS_VERTEX_MAP: usize = 1;
 const FACE_ORDER: usize = 2;
 const VERTEX_ORDER: usize = 3;
 const WEDGE_ORDER: usize = 4;
 
-pub(super) fn write_original(walk: &LevelMesh, original: &Original) -> io::Result<Vec<u8>> {
+pub(super) fn write_original(level: &LevelMesh, original: &Original) -> io::Result<Vec<u8>> {
     let mut streams = Streams::default();
-    let coded = code_original(&mut streams, walk, Some(original));
-    assert!(coded.is_ok(), "what is written is not damaged");
+    let coded = code_original(&mut streams, level, Some(original));
+    assert!(coded.is_ok(), "damage is only found when reading");
     streams.pack()
 }
 
-pub(super) fn code_original(io: &mut Streams, walk: &LevelMesh, want: Option<&Original>) -> Coded<Original> {
-    let Counts { faces, wedges, vertices } = walk.counts();
+pub(super) fn code_original(io: &mut Streams, level: &LevelMesh, want: Option<&Original>) -> Coded<Original> {
+    let Counts { faces, wedges, vertices } = level.counts();
     let has_vertex_map = io.flag(HAS_VERTEX_MAP, want.is_some_and(|w| w.has_vertex_map))?;
     let wanted = |ids: fn(&Original) -> &[u32]| want.map(|w| order_of(ids(w)));
     let face_order = code_order(io, FACE_ORDER, faces, wanted(|o| bytemuck::cast_slice(&o.faces)), &[])?;
-    let met: Vec<u32> = face_order.iter().flat_map(|&f| walk.faces[f as usize]).collect();
+    let met: Vec<u32> = face_order.iter().flat_map(|&f| level.faces[f as usize]).collect();
     let wedge_order = code_order(io, WEDGE_ORDER, wedges, wanted(|o| bytemuck::cast_slice(&o.wedges)), &met)?;
-    let met: Vec<u32> = wedge_order.iter().map(|&w| walk.vertex_of[w as usize]).collect();
+    let met: Vec<u32> = wedge_order.iter().map(|&w| level.vertex_of[w as usize]).collect();
     let vertex_order =
         code_order(io, VERTEX_ORDER, vertices, wanted(|o| bytemuck::cast_slice(&o.vertices)), &met)?;
     let numbers = |order: &[u32], count: u32| {
@@ -179,8 +179,8 @@ pub(super) fn code_original(io: &mut Streams, walk: &LevelMesh, want: Option<&Or
     })
 }
 
-/// Codes elements in the order of the original: 0 for the next one of `met` that has not been coded, else the
-/// element plus 1.
+/// Codes elements in the order of the original: 0 for the next element of `met` that has not been coded, else
+/// the element plus 1.
 fn code_order(
     io: &mut Streams,
     stream: usize,
@@ -205,7 +205,7 @@ fn code_order(
         };
         let now = now.ok_or(NO_ELEMENT)?;
         if std::mem::replace(&mut is_coded[now as usize], true) {
-            return Err(Damaged("an element of the original is named twice"));
+            return Err(Damaged("an element of the original appears twice"));
         }
         order.push(now);
     }

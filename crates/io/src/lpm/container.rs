@@ -59,10 +59,10 @@ pub(super) struct ChunkReader<R> {
 }
 
 impl<R: Read> ChunkReader<R> {
-    pub(super) fn new(from: R, most: u64) -> Self {
-        Self { from, at: 0, max_bytes: most }
+    pub(super) fn new(from: R, max_bytes: u64) -> Self {
+        Self { from, at: 0, max_bytes }
     }
-    /// Reads the first bytes; returns true if they are those of the format.
+    /// Reads the first bytes; returns true if they match the format.
     pub(super) fn magic(&mut self) -> io::Result<bool> {
         Ok(self.take(MAGIC.len() as u64)? == MAGIC)
     }

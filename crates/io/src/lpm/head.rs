@@ -11,7 +11,8 @@ use crate::error::ReadError;
 /// The version of the format.
 pub(super) const VERSION: u16 = 2;
 
-/// Maximum number of values of a wedge. Guessed: no mesh has as many, and a few bytes could ask for them all.
+/// Maximum number of values of a wedge. Guessed: no mesh has as many, and a few bytes could request all of
+/// them.
 pub(super) const MAX_VALUES_PER_WEDGE: usize = 4096;
 /// Maximum number of bytes in the name of an attribute.
 pub(super) const MAX_NAME_BYTES: usize = u16::MAX as usize;
@@ -164,7 +165,7 @@ impl Head {
         }
         if version != VERSION {
             return Err(ReadError::Unsupported(format!(
-                "version {version} of LPM is not known here, only {VERSION}: a newer lodsmith reads it"
+                "LPM version {version} is not supported, only {VERSION}: use a newer lodsmith"
             )));
         }
         let flags = u16::from_le_bytes(bytes.take()?);
@@ -202,7 +203,7 @@ impl Head {
         let wanted = column_kinds(&head.layout());
         match head.columns.iter().map(|c| (&c.kind, c.width)).eq(wanted.iter().map(|(k, w)| (k, *w))) {
             true => Ok(head),
-            false => Err(head_error("its attributes stand in an order that cannot be")),
+            false => Err(head_error("its attributes are in an invalid order")),
         }
     }
 }
@@ -214,7 +215,8 @@ fn column(bytes: &mut HeadBytes<'_>) -> Result<Column, ReadError> {
     let name = String::from_utf8(bytes.slice(usize::from(name))?.to_vec())
         .map_err(|_| head_error("the name of an attribute is not UTF-8"))?;
     let width = u32::from_le_bytes(bytes.take()?) as usize;
-    let kind = kind_of(kind, set, name).ok_or_else(|| head_error("it has an attribute of no known kind"))?;
+    let kind =
+        kind_of(kind, set, name).ok_or_else(|| head_error("it has an attribute of an unknown kind"))?;
     if width == 0 || width > MAX_VALUES_PER_WEDGE {
         return Err(head_error("an attribute has no values, or too many"));
     }
@@ -227,7 +229,7 @@ fn column(bytes: &mut HeadBytes<'_>) -> Result<Column, ReadError> {
         }
         2 if width == 3 => ValueCode::Direction { bits: bytes.direction_bits()? },
         3 if width == 4 => ValueCode::Tangent { bits: bytes.direction_bits()? },
-        _ => return Err(head_error("the values of an attribute are coded in no known way")),
+        _ => return Err(head_error("the values of an attribute have an unknown coding")),
     };
     Ok(Column { kind, width, code })
 }
@@ -296,7 +298,7 @@ impl<'a> HeadBytes<'a> {
     }
     fn float(&mut self) -> Result<f64, ReadError> {
         let x = f64::from_le_bytes(self.take()?);
-        if x.is_finite() { Ok(x) } else { Err(head_error("a grid begins nowhere")) }
+        if x.is_finite() { Ok(x) } else { Err(head_error("the origin of a grid is not finite")) }
     }
     fn positive(&mut self) -> Result<f64, ReadError> {
         let x = self.float()?;
@@ -307,7 +309,7 @@ impl<'a> HeadBytes<'a> {
         if (2..=24).contains(&bits) {
             Ok(bits)
         } else {
-            Err(head_error("a direction has no such number of bits"))
+            Err(head_error("a direction has an invalid number of bits"))
         }
     }
 }
@@ -360,7 +362,7 @@ mod tests {
         for end in 0..bytes.len() {
             assert!(Head::from_bytes(&bytes[..end]).is_err(), "{end}");
         }
-        for (version, advice) in [(0, "not known"), (1, "progressive build"), (3, "a newer lodsmith")] {
+        for (version, advice) in [(0, "not supported"), (1, "progressive build"), (3, "a newer lodsmith")] {
             let mut other = bytes.clone();
             other[0] = version;
             let Err(ReadError::Unsupported(text)) = Head::from_bytes(&other) else { panic!("{version}") };

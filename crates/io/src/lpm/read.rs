@@ -26,7 +26,7 @@ pub struct LpmReader<R> {
     limits: Limits,
     unpacked: u64,
     state: ReadProgress,
-    walk: LevelMesh,
+    level_mesh: LevelMesh,
     data: SplitData,
 }
 
@@ -50,7 +50,7 @@ impl From<ReadError> for ChunkError {
 
 /// Memory of a split without any change: its counts, and the ends of four lists.
 const BYTES_PER_STEP: usize = 28;
-/// Memory of an element of the original: its number, and its place in the order.
+/// Memory of an element of the original: its number, and its position in the order.
 const BYTES_PER_ORIGINAL: u64 = 8;
 
 /// Progress of reading.
@@ -76,7 +76,7 @@ impl<R: Read> LpmReader<R> {
     pub fn new(from: R, limits: Limits) -> Result<Self, ReadError> {
         let mut chunks = ChunkReader::new(from, limits.max_bytes());
         if !chunks.magic()? {
-            return Err(ReadError::byte(0, "this is no LPM file: its first bytes are others"));
+            return Err(ReadError::byte(0, "this is not an LPM file: its first bytes do not match"));
         }
         let (kind, bytes) = required_chunk(&mut chunks, limits)?;
         if kind != container::HEAD {
@@ -107,7 +107,7 @@ impl<R: Read> LpmReader<R> {
             limits,
             unpacked: 0,
             state: ReadProgress::Open,
-            walk: LevelMesh::default(),
+            level_mesh: LevelMesh::default(),
             data,
         };
         reader.sizes.head = reader.chunks.at;
@@ -129,9 +129,7 @@ impl<R: Read> LpmReader<R> {
                     (reader.regions, reader.warnings) = (regions, warnings);
                 }
                 kind if is_critical(kind) => {
-                    return Err(ReadError::file(
-                        "the base mesh is missing: another chunk stands in its place",
-                    ));
+                    return Err(ReadError::file("the base mesh is missing: another chunk is in its place"));
                 }
                 _ => reader.sizes.others += size,
             }
@@ -144,7 +142,7 @@ impl<R: Read> LpmReader<R> {
     }
     /// Returns the number of elements of the current mesh, holes included.
     pub fn counts(&self) -> Counts {
-        self.walk.counts()
+        self.level_mesh.counts()
     }
     /// Returns the number of splits and elements of the full mesh, as declared in the head; they are not
     /// checked.
@@ -191,7 +189,7 @@ impl<R: Read> LpmReader<R> {
             NextChunk::Damaged => {
                 self.stop(
                     ReadProgress::Damaged,
-                    &format!("byte {at}: the checksum does not fit, the file is damaged"),
+                    &format!("byte {at}: the checksum does not match, the file is damaged"),
                 );
             }
             NextChunk::TooLarge => return Err(too_large(&self.chunks, self.limits)),
@@ -253,22 +251,22 @@ impl<R: Read> LpmReader<R> {
             container::ORIGINAL => {
                 self.sizes.original += size;
                 let mut streams = self.unpack(bytes)?;
-                let Counts { faces, wedges, vertices } = self.walk.counts();
+                let Counts { faces, wedges, vertices } = self.level_mesh.counts();
                 let elements = u64::from(faces) + u64::from(wedges) + u64::from(vertices);
                 self.add_unpacked(elements * BYTES_PER_ORIGINAL)?;
-                let original = code_original(&mut streams, &self.walk, None)?;
+                let original = code_original(&mut streams, &self.level_mesh, None)?;
                 streams.check_end()?;
                 self.data.original = Some(original);
             }
             container::DONE => {
                 self.sizes.others += size;
                 if !bytes.try_into().is_ok_and(|n| u32::from_le_bytes(n) as usize == self.level()) {
-                    return Err(Damaged("not all splits are there").into());
+                    return Err(Damaged("splits are missing").into());
                 }
                 self.state = ReadProgress::Complete;
             }
             kind if is_critical(kind) => {
-                return Err(Damaged("a chunk of a kind that is not known here").into());
+                return Err(Damaged("a chunk has an unknown kind").into());
             }
             _ => self.sizes.others += size,
         }
@@ -289,7 +287,7 @@ impl<R: Read> LpmReader<R> {
         let mut streams = self.unpack(packed)?;
         let nothing = SplitChanges::default();
         for _ in 0..count {
-            let step = code_step(self.head.split_format(), &mut streams, &self.walk, &nothing)?;
+            let step = code_step(self.head.split_format(), &mut streams, &self.level_mesh, &nothing)?;
             let row = 16 + 8 * self.head.width();
             let size = BYTES_PER_STEP
                 + step.faces.len() * 24
@@ -313,7 +311,7 @@ impl<R: Read> LpmReader<R> {
         let last = self.data.checkpoints.last();
         let is_after = last.is_none_or(|c| c.level < checkpoint.level && c.error >= checkpoint.error);
         if checkpoint.level as usize > self.level() || !is_after {
-            return Err(Damaged("a checkpoint stands at the wrong place").into());
+            return Err(Damaged("a checkpoint is at the wrong level").into());
         }
         self.data.checkpoints.push(checkpoint);
         Ok(())
@@ -337,13 +335,13 @@ impl<R: Read> LpmReader<R> {
     }
 
     fn keep(&mut self, step: &SplitChanges) -> Result<(), Damaged> {
-        let Self { data, head, walk, .. } = self;
+        let Self { data, head, level_mesh, .. } = self;
         let has_more_than_numbers = |n: usize| n >= u32::MAX as usize;
         let changes = [data.corners.at.len(), data.owners.at.len(), data.rows.at.len(), data.places.at.len()];
         if changes.into_iter().any(has_more_than_numbers) {
-            return Err(Damaged("more changes than numbers can name"));
+            return Err(Damaged("more changes than 32-bit numbers can count"));
         }
-        walk.apply(step);
+        level_mesh.apply(step);
         data.faces.extend(step.faces.iter().map(|f| f.map(WedgeId)));
         if let Some(regions) = &mut data.regions {
             regions.extend(step.regions.iter().map(|&r| RegionId(r)));
@@ -356,7 +354,7 @@ impl<R: Read> LpmReader<R> {
             head.decode_row(row, &mut data.values);
         }
         step.places.iter().for_each(|&p| head.places.push(p, &mut data.positions));
-        data.counts.push(walk.counts());
+        data.counts.push(level_mesh.counts());
         if data.counts.len() == 1 {
             return Ok(());
         }
@@ -382,9 +380,9 @@ impl<R: Read> LpmReader<R> {
     /// Stops reading; adds a warning with the reason and with how much was read.
     fn stop(&mut self, state: ReadProgress, why: &str) {
         self.state = state;
-        let counts = self.walk.counts();
+        let counts = self.level_mesh.counts();
         let text = format!(
-            "{why}: incomplete, {} of {} splits are there, {} of {} faces",
+            "{why}: incomplete, {} of {} splits and {} of {} faces were read",
             self.level(),
             self.head.splits,
             counts.faces,
@@ -400,12 +398,12 @@ impl<R: Read> LpmReader<R> {
     /// [`ReadError::Mesh`] if the file describes an invalid mesh.
     pub fn mesh(&self) -> Result<TriMesh, ReadError> {
         let original = self.data.original.as_ref().filter(|_| self.state == ReadProgress::Complete);
-        mesh_of(&self.head, &self.walk, original)
+        mesh_of(&self.head, &self.level_mesh, original)
     }
 }
 
-fn mesh_of(head: &Head, walk: &LevelMesh, original: Option<&Original>) -> Result<TriMesh, ReadError> {
-    let Counts { faces, wedges, vertices } = walk.counts();
+fn mesh_of(head: &Head, level_mesh: &LevelMesh, original: Option<&Original>) -> Result<TriMesh, ReadError> {
+    let Counts { faces, wedges, vertices } = level_mesh.counts();
     let (vertex_order, wedge_order, face_order) = match original {
         Some(o) => (
             order_of(bytemuck::cast_slice(&o.vertices)),
@@ -414,10 +412,10 @@ fn mesh_of(head: &Head, walk: &LevelMesh, original: Option<&Original>) -> Result
         ),
         None => {
             let mut is_used = vec![false; wedges as usize];
-            walk.faces.as_flattened().iter().for_each(|&w| is_used[w as usize] = true);
+            level_mesh.faces.as_flattened().iter().for_each(|&w| is_used[w as usize] = true);
             let used: Vec<u32> = (0..wedges).filter(|&w| is_used[w as usize]).collect();
             let mut has_wedge = vec![false; vertices as usize];
-            used.iter().for_each(|&w| has_wedge[walk.vertex_of[w as usize] as usize] = true);
+            used.iter().for_each(|&w| has_wedge[level_mesh.vertex_of[w as usize] as usize] = true);
             let all = (0..vertices).filter(|&v| has_wedge[v as usize]).collect();
             (all, used, (0..faces).collect())
         }
@@ -429,11 +427,13 @@ fn mesh_of(head: &Head, walk: &LevelMesh, original: Option<&Original>) -> Result
     };
     let (vertex_at, wedge_at) = (places(&vertex_order, vertices), places(&wedge_order, wedges));
     let mut positions = head.no_positions();
-    vertex_order.iter().for_each(|&v| head.places.push(walk.places[v as usize], &mut positions));
+    vertex_order.iter().for_each(|&v| head.places.push(level_mesh.places[v as usize], &mut positions));
     let owners: Vec<VertexId> =
-        wedge_order.iter().map(|&w| VertexId(vertex_at[walk.vertex_of[w as usize] as usize])).collect();
-    let triangles: Vec<[WedgeId; 3]> =
-        face_order.iter().map(|&f| walk.faces[f as usize].map(|w| WedgeId(wedge_at[w as usize]))).collect();
+        wedge_order.iter().map(|&w| VertexId(vertex_at[level_mesh.vertex_of[w as usize] as usize])).collect();
+    let triangles: Vec<[WedgeId; 3]> = face_order
+        .iter()
+        .map(|&f| level_mesh.faces[f as usize].map(|w| WedgeId(wedge_at[w as usize])))
+        .collect();
     let is_plain = owners.len() == vertex_order.len() && (0..).zip(&owners).all(|(i, v)| v.0 == i);
     let keeps_map = original.map_or(head.has_vertex_map, |o| o.has_vertex_map);
     let mut mesh = match is_plain && !keeps_map {
@@ -443,7 +443,7 @@ fn mesh_of(head: &Head, walk: &LevelMesh, original: Option<&Original>) -> Result
     let mut values = Vec::new();
     let channels = head.channels();
     for &w in &wedge_order {
-        head.decode_row(&walk.rows[w as usize * channels..][..channels], &mut values);
+        head.decode_row(&level_mesh.rows[w as usize * channels..][..channels], &mut values);
     }
     let width = head.width();
     let mut begin = 0;
@@ -463,7 +463,9 @@ fn mesh_of(head: &Head, walk: &LevelMesh, original: Option<&Original>) -> Result
         }
     }
     if head.has_regions {
-        mesh.set_regions(Some(face_order.iter().map(|&f| RegionId(walk.regions[f as usize])).collect()))?;
+        mesh.set_regions(Some(
+            face_order.iter().map(|&f| RegionId(level_mesh.regions[f as usize])).collect(),
+        ))?;
     }
     Ok(mesh)
 }
@@ -477,10 +479,10 @@ fn required_chunk<R: Read>(
     match chunks.next()? {
         NextChunk::Chunk { kind, bytes } => Ok((kind, bytes)),
         NextChunk::End => {
-            let text = format!("the file ends at byte {}, before the base mesh is there", chunks.at);
+            let text = format!("the file ends at byte {}, before the end of the base mesh", chunks.at);
             Err(ReadError::file(text))
         }
-        NextChunk::Damaged => Err(ReadError::byte(at, "the checksum does not fit, the file is damaged")),
+        NextChunk::Damaged => Err(ReadError::byte(at, "the checksum does not match, the file is damaged")),
         NextChunk::TooLarge => Err(too_large(chunks, limits)),
     }
 }

@@ -1,8 +1,8 @@
 //! Codec of vertex splits, relative to the ring of the vertex that is split.
 //!
 //! ```text
-//!      x               x          corners of the ring go over to the new vertex v or stay at u; where they
-//!    / | \           / | \        change sides, at an edge to some x, a new face (u, x, v) stands
+//!      x               x          corners of the ring move to the new vertex v or stay at u; where they
+//!    / | \           / | \        change sides, at an edge to some x, a new face (u, x, v) is added
 //!   a  u  b   ->    a  u--v b
 //!    \ | /           \ | /
 //! ```
@@ -13,7 +13,7 @@
 use super::level_mesh::{LevelMesh, RingCorner, SplitChanges};
 use super::streams::{Coded, Damaged, NO_ELEMENT, Streams};
 
-// The streams of a chunk of splits; the first one is that of the low bits.
+// The streams of a chunk of splits; the first one holds the low bits.
 const NEW_FACES: usize = 1;
 const NEW_VERTICES: usize = 2;
 const NEW_WEDGES: usize = 3;
@@ -35,7 +35,7 @@ const ROW_CHANGES: usize = 18;
 /// Two for each channel.
 const ROWS: usize = 19;
 
-/// Number of wedges near a face that a single byte tells apart: 6 · 6 · 6 is below 256.
+/// Number of wedges near a face that a single byte can distinguish: 6 · 6 · 6 is below 256.
 const NEAR_WEDGES: usize = 6;
 /// Marks a face that has other wedges.
 const FAR_FACE: u8 = 216;
@@ -48,7 +48,7 @@ pub(super) struct SplitFormat {
     pub(super) channels: usize,
 }
 
-/// Codec of a split: the ring of its vertex, and what is known of the split so far.
+/// Codec of a split: the ring of its vertex, and the part of the split coded so far.
 struct StepCodec<'a> {
     shape: SplitFormat,
     io: &'a mut Streams,
@@ -108,7 +108,8 @@ impl<'a> StepCodec<'a> {
             let after = u64::from(before) + more as u64;
             // The largest number is reserved.
             let fits = after * times < u64::from(u32::MAX);
-            fits.then_some([before, after as u32]).ok_or(Damaged("more elements than numbers can name"))
+            fits.then_some([before, after as u32])
+                .ok_or(Damaged("more elements than 32-bit numbers can count"))
         };
         // The wanted focus, plus one.
         let of_wedge = |w: u32| mesh.vertex_of[w as usize] + 1;
@@ -133,7 +134,7 @@ impl<'a> StepCodec<'a> {
         })
     }
 
-    /// Codes which elements change: a mark for each of some near ones, and the indices of others.
+    /// Codes which elements change: a mark for each of some near elements, and the indices of others.
     fn changes(
         &mut self,
         stream: usize,
@@ -204,8 +205,8 @@ impl<'a> StepCodec<'a> {
         }
     }
 
-    /// Returns the wedges that new faces probably have: those at edges of the ring where sides change, those
-    /// at its open ends, and the first new one.
+    /// Returns the wedges that new faces probably have: wedges at edges of the ring where sides change,
+    /// wedges at its open ends, and the first new wedge.
     fn near_wedges(&self, got: &SplitChanges) -> Vec<u32> {
         let mut near = Vec::new();
         let add = |wedges: &[u32], near: &mut Vec<u32>| {
@@ -292,7 +293,7 @@ impl<'a> StepCodec<'a> {
         Ok(now)
     }
 
-    /// Codes the positions of new vertices, and of those that move.
+    /// Codes the positions of new and of moved vertices.
     fn places(&mut self, got: &mut SplitChanges) -> Coded<()> {
         let (mesh, want) = (self.mesh, self.want);
         for i in 0..(self.vertices[1] - self.vertices[0]) as usize {
@@ -323,11 +324,11 @@ impl<'a> StepCodec<'a> {
         Ok(())
     }
 
-    /// Codes the rows of new wedges, and of those that change.
+    /// Codes the rows of new and of changed wedges.
     fn rows(&mut self, got: &mut SplitChanges) -> Coded<()> {
         let (mesh, want, channels) = (self.mesh, self.want, self.shape.channels);
         let row = |rows: &[i32], i: usize| rows.get(i * channels..(i + 1) * channels).map(<[i32]>::to_vec);
-        // New wedges, each with the old one whose first corner it took, and the other way round.
+        // New wedges, each with the old wedge whose first corner it took, and vice versa.
         let new = got.corners.iter().filter(|x| x.1 >= self.wedges[0]);
         let mut parents: Vec<(u32, u32)> = new.map(|&(c, to)| (to, mesh.corner(c))).collect();
         parents.sort_by_key(|p| p.0);

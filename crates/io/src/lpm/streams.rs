@@ -1,7 +1,7 @@
 //! Numbers of a chunk, as one stream of bytes for each kind, compressed together.
 //!
-//! One function defines the coding in both directions: [`Streams`] that write return the value that they are
-//! given, those that read return the value in the bytes.
+//! One function defines the coding in both directions: a writing [`Streams`] returns the value that it is
+//! given, a reading one returns the value in the bytes.
 
 use std::io::{self, Read, Write};
 
@@ -17,13 +17,13 @@ pub(super) struct Damaged(pub(super) &'static str);
 
 pub(super) type Coded<T> = Result<T, Damaged>;
 
-/// Numbers below this are one byte; of a larger one the byte has the size and the two bits after the highest,
-/// and the bits below follow in the stream of bits.
+/// Numbers below this are one byte; for a larger number the byte has the size and the two bits after the
+/// highest, and the lower bits follow in the stream of bits.
 const PLAIN_NUMBERS: u64 = 16;
 /// The stream of bits.
 const BITS: usize = 0;
-/// Shorter streams share a deflate block with the next one. Measured: 64 to 512 differ by 0.1 %, but without
-/// any blocks of their own files grow by 6 %.
+/// Shorter streams share a deflate block with the next one. Measured: 64 to 512 differ by 0.1 %, but if no
+/// stream has its own block, files grow by 6 %.
 const SMALL_STREAM: usize = 256;
 
 /// Streams of numbers; the first one holds the low bits of all others.
@@ -43,16 +43,16 @@ struct Stream {
 
 const TOO_SHORT: Damaged = Damaged("a chunk has fewer bytes than its contents need");
 const UNUSED_BYTES: Damaged = Damaged("a chunk has bytes that are not used");
-pub(super) const NO_ELEMENT: Damaged = Damaged("an element is named that is not there");
+pub(super) const NO_ELEMENT: Damaged = Damaged("a reference to an element that does not exist");
 
 impl Streams {
-    /// Unpacks the streams of a chunk; `None` if they have more than `most` bytes. Memory grows with the bytes
+    /// Unpacks the streams of a chunk; `None` if they have more bytes than `max_bytes`. Memory grows with the bytes
     /// that are unpacked.
-    pub(super) fn unpack(packed: &[u8], most: u64) -> Coded<Option<Self>> {
+    pub(super) fn unpack(packed: &[u8], max_bytes: u64) -> Coded<Option<Self>> {
         let mut plain = Vec::new();
-        let mut from = DeflateDecoder::new(packed).take(most.saturating_add(1));
+        let mut from = DeflateDecoder::new(packed).take(max_bytes.saturating_add(1));
         from.read_to_end(&mut plain).map_err(|_| Damaged("a chunk cannot be unpacked"))?;
-        if plain.len() as u64 > most {
+        if plain.len() as u64 > max_bytes {
             return Ok(None);
         }
         if from.into_inner().total_in() != packed.len() as u64 {
@@ -77,7 +77,7 @@ impl Streams {
     pub(super) fn pack(&self) -> io::Result<Vec<u8>> {
         let packed = self.deflate(Compression::best())?;
         let size = self.streams.iter().map(|s| s.bytes.len() as u64 + 4).sum::<u64>() + 4;
-        // What no reader would unpack is not packed.
+        // Streams that no reader would unpack are not packed.
         match size <= Limits::default().max_unpacked_bytes(packed.len()) {
             true => Ok(packed),
             false => self.deflate(Compression::none()),
@@ -92,7 +92,7 @@ impl Streams {
         for stream in &self.streams {
             out.write_all(&stream.bytes)?;
             if stream.bytes.len() >= SMALL_STREAM {
-                // Ends the block, so that the next stream has codes of its own.
+                // Ends the block, so that the next stream has its own codes.
                 out.flush()?;
             }
         }
@@ -179,7 +179,7 @@ impl Streams {
     pub(super) fn count(&mut self, stream: usize, count: usize) -> Coded<usize> {
         match self.number(stream, count as u64)? {
             count if count < u64::from(u32::MAX) => Ok(count as usize),
-            _ => Err(Damaged("a count beyond all bounds")),
+            _ => Err(Damaged("a count is too large")),
         }
     }
     /// Codes an element as its distance from another; it has to be below a count.
@@ -188,7 +188,7 @@ impl Streams {
         let now = u32::try_from(by.wrapping_add(from.into())).ok().filter(|&now| now < count);
         now.ok_or(NO_ELEMENT)
     }
-    /// Codes ascending elements below a count, each as the number of those skipped before it.
+    /// Codes ascending elements below a count, each as the number of elements skipped before it.
     pub(super) fn ascending(&mut self, stream: usize, values: &[u32], count: u32) -> Coded<Vec<u32>> {
         let (mut got, mut next) = (Vec::new(), 0);
         for i in 0..self.count(stream, values.len())? {
@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn what_would_unpack_to_more_than_a_reader_allows_is_stored() {
+    fn streams_beyond_the_unpack_limit_are_stored_uncompressed() {
         let mut io = Streams::default();
         for _ in 0..(64 << 20) {
             io.byte(1, 0).unwrap();

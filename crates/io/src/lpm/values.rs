@@ -122,7 +122,8 @@ fn half_axis(bits: u8) -> f64 {
     f64::from((1u32 << (bits - 1)) - 1)
 }
 
-/// Encodes a direction: maps the sphere to an octahedron, and that to a square [Cigolle et al. 2014].
+/// Encodes a direction: maps the sphere to an octahedron, and the octahedron to a square [Cigolle et al.
+/// 2014].
 fn onto_octahedron(n: [f32; 3], bits: u8) -> [i32; 2] {
     let n = n.map(f64::from);
     let sum = n[0].abs() + n[1].abs() + n[2].abs();

@@ -27,23 +27,24 @@ use crate::write::write_file;
 /// a second. Measured: with twice as many files shrink by 0.2 %, with half as many they grow by 0.4 %.
 const SPLITS_PER_CHUNK: usize = 2048;
 
-/// Minimum number of splits in a chunk that ends at a checkpoint. Measured: without it small files grow by 8 to
-/// 20 %, since each chunk has codes of its own.
+/// Minimum number of splits in a chunk that ends at a checkpoint. Measured: without it small files grow by 8 to 20 %,
+/// since each chunk has its own codes.
 const MIN_SPLITS_PER_CHUNK: usize = 256;
 
 /// Bits of a value of texture coordinates, weights, joints and morph targets.
 const VALUE_BITS: u8 = 16;
 /// Bits of a component of a colour.
 const COLOR_BITS: u8 = 8;
-/// A normal gets this many bits fewer than a position, within bounds: 12 for 16, which is 0.04 degrees.
+/// A normal gets this many bits fewer than a position, within bounds: 12 bits if positions have 16, which is
+/// 0.04 degrees.
 const FEWER_NORMAL_BITS: u8 = 4;
 
 /// Writes a file.
 ///
-/// Within a split, changes are written in the order of their elements; of several changes of one element the
-/// last. Splits in that order survive a round trip bit for bit unless [`LpmOptions::bits`] is given, except
-/// for the fits of checkpoints, which are rounded to a quarter of their residual error. With bits, positions
-/// and attributes are rounded, and the numbering of the original is left out.
+/// Within a split, changes are written in the order of their elements; of several changes of one element,
+/// only the last. Splits in that order survive a round trip bit for bit unless [`LpmOptions::bits`] is given,
+/// except for the fits of checkpoints, which are rounded to a quarter of their residual error. With bits,
+/// positions and attributes are rounded, and the numbering of the original is left out.
 ///
 /// Cost: O(n).
 ///
@@ -159,7 +160,8 @@ fn fill_step(data: &SplitData, head: &Head, s: usize, step: &mut SplitChanges) {
     }
 }
 
-/// Visits the changes of a split in the order of their elements; of several of one element only the last.
+/// Visits the changes of a split in the order of their elements; of several changes of one element, only the
+/// last.
 fn in_order<A, T>(
     changes: &Changes<A, T>,
     split: usize,
@@ -184,7 +186,7 @@ fn head_of(data: &SplitData, options: &LpmOptions) -> Result<Head, String> {
     };
     if let Some(bits) = options.bits {
         if !(MIN_BITS..=MAX_BITS).contains(&bits) {
-            return Err(format!("{bits} bits for a coordinate: it has to be {MIN_BITS} to {MAX_BITS}"));
+            return Err(format!("{bits} bits for a coordinate: must be {MIN_BITS} to {MAX_BITS}"));
         }
         places = grid_of(data, bits)?;
     }
@@ -232,7 +234,7 @@ fn grid_of(data: &SplitData, bits: u8) -> Result<PlaceCode, String> {
     for p in all() {
         if !p.iter().all(|x| x.is_finite()) {
             return Err(
-                "positions that are no numbers have no place on a grid: write without --bits".to_owned()
+                "positions that are not finite cannot be put on a grid: write without --bits".to_owned()
             );
         }
         for k in 0..3 {

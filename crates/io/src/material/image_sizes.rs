@@ -25,7 +25,8 @@ impl Regions {
                 let keyword = &line[word];
                 if keyword.eq_ignore_ascii_case(b"newmtl") {
                     let name = line[rest..].trim_ascii();
-                    // The first of two descriptions counts; materials that no face uses are skipped.
+                    // If a material is described twice, the first description counts; materials that no face
+                    // uses are skipped.
                     present =
                         Some(name).filter(|name| of_material.contains_key(name) && described.insert(*name));
                 } else if let (Some(name), true) = (present, keyword.eq_ignore_ascii_case(b"map_kd"))
@@ -82,7 +83,9 @@ fn unknown_size_warnings(unknown: &[(&[u8], &str)]) -> Vec<Warning> {
     let Some(((path, why), others)) = unknown.split_first() else { return Vec::new() };
     let more = if others.is_empty() { String::new() } else { format!(", and {} more", others.len()) };
     let path = excerpt_of_bytes(path);
-    vec![Warning::note(format!("texture {path} {why}: no errors in texels on what it covers{more}"))]
+    vec![Warning::note(format!(
+        "texture {path} {why}: errors in texels are not measured where it is used{more}"
+    ))]
 }
 
 fn size_in(library: &Library, path: &[u8]) -> Result<[u32; 2], &'static str> {
@@ -109,10 +112,10 @@ pub(crate) fn size_of_file(file: &mut impl Read) -> Result<[u32; 2], &'static st
 
 pub(crate) fn size_of(bytes: &[u8]) -> Result<[u32; 2], &'static str> {
     // No program displays an image with a longer edge than this, so the header is damaged. Guessed.
-    const MOST: usize = 1 << 20;
-    let size = imagesize::blob_size(bytes).map_err(|_| "is no image of a known kind")?;
-    let edge = |texels: usize| u32::try_from(texels).ok().filter(|_| (1..=MOST).contains(&texels));
-    edge(size.width).zip(edge(size.height)).map(|(w, h)| [w, h]).ok_or("has no size")
+    const MAX_EDGE_TEXELS: usize = 1 << 20;
+    let size = imagesize::blob_size(bytes).map_err(|_| "is not an image of a known type")?;
+    let edge = |texels: usize| u32::try_from(texels).ok().filter(|_| (1..=MAX_EDGE_TEXELS).contains(&texels));
+    edge(size.width).zip(edge(size.height)).map(|(w, h)| [w, h]).ok_or("has no valid size")
 }
 
 #[cfg(test)]
@@ -135,12 +138,12 @@ mod tests {
             bytes
         };
         assert_eq!(size_of(&png(640, 480)), Ok([640, 480]));
-        assert_eq!(size_of(&png(0, 480)), Err("has no size"));
-        assert_eq!(size_of(&png(u32::MAX, 1)), Err("has no size"));
+        assert_eq!(size_of(&png(0, 480)), Err("has no valid size"));
+        assert_eq!(size_of(&png(u32::MAX, 1)), Err("has no valid size"));
         for end in 0..23 {
             assert!(size_of(&png(640, 480)[..end]).is_err(), "{end}");
         }
-        assert_eq!(size_of(b"P3 1 1"), Err("is no image of a known kind"));
+        assert_eq!(size_of(b"P3 1 1"), Err("is not an image of a known type"));
         // A frame of 2 by 3 after a comment longer than the first read.
         let mut jpeg = b"\xff\xd8".to_vec();
         for _ in 0..3 {

@@ -1,7 +1,8 @@
-//! Material libraries of an OBJ (MTL): finding and reading them, and locating the textures that they name.
+//! Material libraries of an OBJ (MTL): finding and reading them, and locating the textures that they refer
+//! to.
 //!
-//! Nothing else in a library is parsed; writers copy every other byte. A format with its own materials gets a
-//! library generated from them, with its images in memory ([`Library::made`]).
+//! Nothing else in a library is parsed; writers copy every other byte. For a format with its own materials a
+//! library is generated from them, with its images in memory ([`Library::generated`]).
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -22,7 +23,7 @@ const MAX_LIBRARY_BYTES: u64 = 64 << 20;
 pub struct Library {
     name: Arc<[u8]>,
     text: Option<Arc<[u8]>>,
-    /// The folders searched for its textures: its own, then that of the OBJ.
+    /// The folders searched for its textures: its own, then the folder of the OBJ.
     assets: Assets,
     /// The data of a library that is not a file.
     generated: Option<Arc<GeneratedLibrary>>,
@@ -100,7 +101,7 @@ impl Library {
         let Some(made) = &self.generated else { return Vec::new() };
         let mut warnings = left_out_warnings(&made.missing);
         if !made.unsupported.is_empty() {
-            let text = format!("not carried of the materials: {}", made.unsupported.join(", "));
+            let text = format!("dropped from the materials: {}", made.unsupported.join(", "));
             warnings.push(Warning::lost(text));
         }
         warnings
@@ -129,7 +130,7 @@ pub(crate) fn read_libraries(libraries: &mut [Library], assets: &Assets, limits:
     let mut read = |library: &mut Library| {
         let why = read_library(library, assets, &mut left).err()?;
         let name = excerpt_of_bytes(&library.name);
-        Some(Warning::note(format!("material library {name} {why}: its materials are not known")))
+        Some(Warning::note(format!("material library {name} {why}: its materials are unknown")))
     };
     libraries.iter_mut().filter_map(&mut read).collect()
 }
@@ -139,10 +140,10 @@ fn read_library(library: &mut Library, assets: &Assets, left: &mut u64) -> Resul
     let bytes = file.read(*left)?;
     *left -= bytes.len() as u64;
     let text = utf8_of(&bytes);
-    // Any text file of the folder could be named, and the library written with an output copies every line of
-    // it.
+    // A model could name any text file of the folder, and the library written with an output copies every
+    // line of it.
     if !lines_of(&text).any(|line| material_in(line).is_some()) {
-        return Err("has no line that begins with newmtl, so it is no material library".to_owned());
+        return Err("has no line that begins with newmtl, so it is not a material library".to_owned());
     }
     library.text = Some(text.into());
     library.assets = assets.searched_from(file.folder());
@@ -173,7 +174,7 @@ pub(crate) fn material_in(line: &[u8]) -> Option<&[u8]> {
     line[word].eq_ignore_ascii_case(b"newmtl").then(|| line[rest..].trim_ascii())
 }
 
-/// Options that may come before the path of a texture: the name, and the maximum number of arguments. Those
+/// Options that may come before the path of a texture: the name, and the maximum number of arguments. Options
 /// with several arguments take only numbers.
 const OPTIONS: [(&[u8], usize); 14] = [
     (b"-blendu", 1),
@@ -337,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn files_are_found_in_many_a_spelling() {
+    fn files_are_found_in_many_spellings() {
         let folder = tempfile::tempdir().unwrap();
         let assets = Assets::new(folder.path(), &crate::assets::AssetScope::Folder);
         std::fs::create_dir(folder.path().join("tex")).unwrap();

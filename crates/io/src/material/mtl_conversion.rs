@@ -1,4 +1,4 @@
-//! Conversion of MTL materials to the properties that glTF has too.
+//! Conversion of MTL materials to properties that glTF also has.
 
 use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
@@ -29,7 +29,7 @@ pub(crate) enum Purpose {
 pub(crate) struct ConvertedMaterial {
     pub(crate) name: String,
     pub(crate) color: [f64; 3],
-    /// True if the colour also applies where there is an image; many programs write one that does not.
+    /// True if the colour also applies where there is an image; many programs write colours that do not.
     pub(crate) is_tinted: bool,
     pub(crate) alpha: f64,
     /// True if the alpha of the base colour image is the opacity.
@@ -112,15 +112,15 @@ impl ConvertedMaterial {
 /// State of reading the libraries.
 struct MtlReader {
     purpose: Purpose,
-    /// Images by path; `None` for those that are left out.
+    /// Images by path; `None` for images that are left out.
     images: HashMap<PathBuf, Option<usize>>,
     /// Number of bytes left for images.
     left: u64,
-    /// Materials with a description: the first of two counts.
+    /// Materials with a description: if there are two, the first counts.
     described: BTreeSet<usize>,
     /// Statements that glTF has no equivalent for.
     unsupported: BTreeSet<String>,
-    /// The statements about Phong highlights: a way of shading, which glTF replaces by another one.
+    /// The statements about Phong highlights, a shading model that glTF does not have.
     highlights: BTreeSet<String>,
     /// Images that are left out, and why.
     missing: Vec<String>,
@@ -227,7 +227,7 @@ impl MtlReader {
     }
 
     fn leave_out(&mut self, statement: &str) {
-        // A library may hold any number of words; a warning needs only some.
+        // A library may have any number of statements; a warning needs only some.
         if self.unsupported.len() < 16 {
             self.unsupported.insert(statement.to_owned());
         }
@@ -298,11 +298,12 @@ impl MtlReader {
         }
         let listed = |words: BTreeSet<String>| words.into_iter().collect::<Vec<_>>().join(", ");
         if !self.unsupported.is_empty() {
-            let text = format!("glTF has no word for these of the materials: {}", listed(self.unsupported));
+            let text =
+                format!("glTF cannot represent these material properties: {}", listed(self.unsupported));
             warnings.push(Warning::lost(text));
         }
         if !self.highlights.is_empty() {
-            let text = format!("glTF shades in another way: {} left out", listed(self.highlights));
+            let text = format!("glTF has another shading model: {} left out", listed(self.highlights));
             warnings.push(Warning::note(text));
         }
         warnings

@@ -85,14 +85,14 @@ impl Regions {
                 *name = rest.number().ok_or_else(short)?;
             }
             if entry.iter().any(|&name| name >= known && name != super::regions::NONE) {
-                return Err(bad("a region has a name that is not there"));
+                return Err(bad("a region refers to a name that does not exist"));
             }
             regions.entries.push(entry);
         }
         for _ in 0..rest.number().ok_or_else(short)? {
             let name = rest.number().ok_or_else(short)?;
             if name >= known {
-                return Err(bad("a material has a name that is not there"));
+                return Err(bad("a material refers to a name that does not exist"));
             }
             regions.materials.push(name);
         }
@@ -110,7 +110,7 @@ impl Regions {
                 let bytes = rest.bytes().ok_or_else(short)?.to_vec();
                 let Some(name) = plain_name(name) else {
                     // Another name could be written outside the target folder.
-                    warnings.push(Warning::lost("an image of the file has no plain name: left out"));
+                    warnings.push(Warning::lost("an image of the file has an unsafe name: left out"));
                     continue;
                 };
                 let kind = image_type(&bytes).unwrap_or("application/octet-stream");

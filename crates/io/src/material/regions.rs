@@ -1,7 +1,7 @@
 //! Regions of an OBJ: the object, the groups, the material and the smoothing group of the faces.
 //!
 //! A line `o`, `g`, `usemtl` or `s` applies to the faces below it until the next of its kind. Each section of
-//! a file records the positions of such lines ([`Headings`]); the region of each face is resolved when all
+//! a file records the positions of such lines ([`Headings`]); the regions of faces are resolved when all
 //! sections are joined.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -428,7 +428,7 @@ mod tests {
     }
 
     #[test]
-    fn faces_stand_under_the_last_line_of_each_kind() {
+    fn the_last_line_of_each_kind_applies_to_a_face() {
         let mut headings = Headings::default();
         headings.add_heading(Heading::Groups, b"a", at(1, 0));
         headings.add_heading(Heading::Material, b"wood", at(1, 0));
@@ -459,7 +459,7 @@ mod tests {
     }
 
     #[test]
-    fn sections_go_on_from_those_before_them() {
+    fn sections_continue_earlier_sections() {
         let mut first = Headings::default();
         first.add_heading(Heading::Material, b"x", at(0, 0));
         first.add_heading(Heading::Groups, b"a", at(2, 0));
@@ -474,7 +474,7 @@ mod tests {
     }
 
     #[test]
-    fn a_group_for_each_face_is_no_trouble() {
+    fn a_group_for_each_face_is_fast() {
         let mut headings = Headings::default();
         let count = 200_000;
         let long = "x".repeat(10_000);

@@ -1,5 +1,4 @@
-//! Writing of the material library of an OBJ, with its textures copied beside it or referred to where they
-//! are.
+//! Writing of the material library of an OBJ, with its textures copied beside it or linked.
 
 use std::collections::{BTreeSet, HashMap};
 use std::ffi::{OsStr, OsString};
@@ -156,7 +155,7 @@ fn library_text(
     Ok(text)
 }
 
-/// Returns the image type that the extension of a texture's path means, if readers of material libraries rarely know it.
+/// Returns the image type by the extension of a texture path, if readers of material libraries rarely support it.
 fn unusual_image_type(path: &[u8]) -> Option<&'static str> {
     let extension = path.rsplit(|b| *b == b'.').next()?.to_ascii_lowercase();
     match &extension[..] {
@@ -180,7 +179,7 @@ fn path_from(
     beside: &mut SidecarFiles,
 ) -> Result<Vec<u8>, WriteError> {
     if missing.count >= MAX_MISSING_TEXTURES {
-        missing.add(old, "is not looked for");
+        missing.add(old, "was not searched for");
         return Ok(old.to_vec());
     }
     let found = match library.find_texture(old) {
@@ -210,13 +209,12 @@ fn path_from(
             return Ok(old.to_vec());
         }
     };
-    // A link is copied under its own name, not that of its target.
+    // A link is copied under its own name, not the name of its target.
     let name = copy_into(folder, found.name(), &bytes, beside)?;
     Ok(bytes_of_path(Path::new(&name)))
 }
 
-/// Writes an image into a folder under its own name, or a numbered one if another file has that; returns the
-/// name.
+/// Writes an image into a folder under its own name, or a numbered name if that is taken; returns the name.
 pub(crate) fn copy_into(
     folder: &Path,
     own: &OsStr,
@@ -247,7 +245,7 @@ pub(crate) fn copy_into(
             Err(e) => return Err(named(&target, e)),
         }
     }
-    unreachable!("some number is free")
+    unreachable!("there is a free number")
 }
 
 /// Writes the library beside the OBJ; returns its name.
@@ -295,7 +293,7 @@ fn write_library(
         }
         return Ok(bytes_of_path(Path::new(&name)));
     }
-    unreachable!("some number is free")
+    unreachable!("there is a free number")
 }
 
 /// Inserts a number before the extension, except for number 0.
@@ -324,8 +322,8 @@ fn is_file_of(bytes: &[u8], target: &Path) -> io::Result<bool> {
     Ok(there == bytes)
 }
 
-/// Returns the relative path from a folder to a file, both with links resolved; the file's own path if there
-/// is none, as between drives.
+/// Returns the relative path from a folder to a file, both with links resolved; the absolute path if there is
+/// no relative path, as between drives.
 fn relative(file: &Path, folder: &Path) -> PathBuf {
     let shared = file.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
     if shared == 0 {
@@ -364,7 +362,7 @@ impl MissingTextures {
         let more = self.count - self.warnings.len();
         let mut warnings = self.warnings;
         if more > 0 {
-            warnings.push(Warning::note(format!("{more} more textures cannot be brought along")));
+            warnings.push(Warning::note(format!("{more} more textures cannot be copied or linked")));
         }
         warnings
     }
@@ -385,7 +383,7 @@ mod tests {
     }
 
     #[test]
-    fn ways_lead_up_and_down() {
+    fn relative_paths_lead_up_and_down() {
         let way = |file: &str, folder: &str| {
             bytes_of_path(&relative(Path::new(file), Path::new(folder))).escape_ascii().to_string()
         };

@@ -55,13 +55,13 @@ impl ImageQueue {
         encoded: impl Fn(usize) -> EncodedImage<'a>,
         fits: impl Fn(usize, &Image) -> bool,
     ) -> (Vec<Arc<Image>>, Vec<Warning>) {
-        let (images, missing) = self.decode_within(most_pixels(limits), materials, encoded, fits);
+        let (images, missing) = self.decode_within(max_pixels(limits), materials, encoded, fits);
         let text = |Missing { number, why }| format!("image {number} {why}: surfaces are shown without it");
         (images, summarize_warnings(missing.into_iter().map(text).collect()))
     }
 
-    /// Decodes the registered images for a run, which keeps their colours in place. Warns of those that are too large for
-    /// that; others that cannot be decoded have no colours either way.
+    /// Decodes the registered images for a run, which keeps their colours in place. Warns of images that are too large
+    /// for that; images that cannot be decoded have no colours in any case.
     pub(crate) fn decode_colors<'a>(
         self,
         materials: &mut [Material],
@@ -69,7 +69,7 @@ impl ImageQueue {
         encoded: impl Fn(usize) -> EncodedImage<'a>,
     ) -> (Vec<Arc<Image>>, Vec<Warning>) {
         // Guessed: they may take an eighth of the memory, beside the meshes and the run.
-        let most = most_pixels(Limits { memory: limits.memory / 4, ..limits });
+        let most = max_pixels(Limits { memory: limits.memory / 4, ..limits });
         let (images, missing) = self.decode_within(most, materials, encoded, |_, _| true);
         let too_large = |m: &Missing| matches!(m.why, NoImage::TooLarge(..));
         let text =
@@ -146,7 +146,7 @@ impl From<&str> for NoImage {
 }
 
 /// Returns the largest number of pixels of all images together: four bytes each, and as many again during decoding.
-fn most_pixels(limits: Limits) -> u64 {
+fn max_pixels(limits: Limits) -> u64 {
     limits.pixels.min(limits.memory / 8)
 }
 
@@ -155,7 +155,7 @@ fn most_pixels(limits: Limits) -> u64 {
 /// # Errors
 /// The end of a sentence that begins with its name.
 pub(crate) fn decode_image(encoded: EncodedImage<'_>, limits: Limits) -> Result<Image, String> {
-    let image = check_image(encoded, &mut most_pixels(limits)).and_then(CheckedImage::decode);
+    let image = check_image(encoded, &mut max_pixels(limits)).and_then(CheckedImage::decode);
     image.map_err(|why| why.to_string())
 }
 
@@ -183,7 +183,7 @@ fn check_image<'a>(encoded: EncodedImage<'a>, left: &mut u64) -> Result<CheckedI
     // A type without a signature is recognised by the extension.
     let by_name = || ImageFormat::from_path(Path::new(&name)).ok().filter(|f| *f == ImageFormat::Tga);
     let format = image::guess_format(&bytes).ok().or_else(by_name);
-    let format = format.ok_or("is of no type that is decoded here (PNG, JPEG, WebP, BMP, TGA)")?;
+    let format = format.ok_or("has an unsupported type (PNG, JPEG, WebP, BMP and TGA are supported)")?;
     let (width, height) = size_of(&bytes, format).ok_or("cannot be decoded: its header is damaged")?;
     let pixels = u64::from(width) * u64::from(height);
     if width.max(height) > MAX_EDGE_PIXELS || pixels > *left {

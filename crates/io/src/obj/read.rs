@@ -45,7 +45,9 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     }
     if !section.indices_in_range() {
         let named = Section::read(bytes, section.counts(), true, true).err();
-        return Err(named.unwrap_or_else(|| ReadError::file("a face names what is not there")));
+        return Err(
+            named.unwrap_or_else(|| ReadError::file("a face refers to an element that does not exist"))
+        );
     }
     section.finish(options)
 }
@@ -103,7 +105,7 @@ pub(super) struct Section {
     polygon_corners: Vec<[u32; 3]>,
     /// The largest index of each kind, plus one.
     ends: [u32; 3],
-    /// True if the file begins with this section, so that its counts are those of the file.
+    /// True if the file begins with this section, so that its counts are the counts of the file.
     is_first: bool,
     line_count: usize,
     notes: ObjNotes,
@@ -397,8 +399,8 @@ impl Section {
         self.storage[kind] = Storage::Own;
     }
 
-    /// Parses an index. `lengths` are those of the last index of each kind: the next one mostly has the same
-    /// length, so its end can be predicted before its digits are examined.
+    /// Parses an index. `lengths` has the length of the last index of each kind: the next index mostly has
+    /// the same length, so its end can be predicted before its digits are examined.
     #[inline(always)]
     fn index(
         &self,
@@ -500,23 +502,23 @@ fn coordinates<const N: usize>(
 #[cold]
 fn too_few(lines: &Lines<'_>, what: &str, wanted: usize, got: usize) -> ReadError {
     let numbers = if wanted == 1 { "number" } else { "numbers" };
-    lines.error(format!("{what} has {wanted} {numbers}, here are {got}"))
+    lines.error(format!("{what} needs {wanted} {numbers}, but has {got}"))
 }
 
 #[cold]
 fn bad_index(lines: &Lines<'_>, number: i64, kind: usize, have: [usize; 3], counts: [usize; 3]) -> ReadError {
     let what = INDEX_KINDS[kind];
     if number == 0 {
-        return lines.error(format!("the face names {what} 0, but OBJ counts from 1"));
+        return lines.error(format!("the face refers to {what} 0, but OBJ counts from 1"));
     }
     if number < 0 {
         return lines
-            .error(format!("the face names {what} {number}, but only {} stand before it", have[kind]));
+            .error(format!("the face refers to {what} {number}, but only {} come before it", have[kind]));
     }
     if counts[kind] == UNKNOWN_COUNTS[kind] {
-        return lines.error(format!("the face names {what} {number}, more than a mesh can have"));
+        return lines.error(format!("the face refers to {what} {number}, more than a mesh can have"));
     }
-    lines.error(format!("the face names {what} {number}, but the file has {}", counts[kind]))
+    lines.error(format!("the face refers to {what} {number}, but the file has {}", counts[kind]))
 }
 
 #[cfg(test)]
@@ -565,7 +567,7 @@ mod tests {
         let got = read_text(&format!("{SQUARE}f 1 2 3\nvn 0 0 2\nf 1//1 3//1 4//-1\n")).unwrap();
         assert_eq!(got.mesh.normals().unwrap()[0], [0.0; 3]);
         assert_eq!(got.mesh.normals().unwrap()[3], [0.0, 0.0, 1.0]);
-        assert_eq!(got.warnings[0].text, "3 corners without a normal: zeros were put there");
+        assert_eq!(got.warnings[0].text, "3 corners without a normal: filled with zeros");
         assert_eq!(got.contents.attributes, ["normals"]);
     }
 
@@ -590,7 +592,7 @@ mod tests {
     }
 
     #[test]
-    fn texts_of_every_style_are_read() {
+    fn text_of_every_style_is_read() {
         let wanted = triangles(&read_text(&format!("{SQUARE}f 1 2 3\n")).unwrap());
         for text in [
             format!("\u{feff}{SQUARE}f 1 2 3"),
@@ -606,7 +608,7 @@ mod tests {
     }
 
     #[test]
-    fn precision_is_that_of_the_file() {
+    fn precision_follows_the_file() {
         let read_x = |x: &str| read_text(&format!("v {x} 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")).unwrap().mesh;
         assert!(matches!(read_x("0.1").positions(), Positions::F32(_)));
         assert!(matches!(read_x("0.100000001").positions(), Positions::F32(_)));
@@ -628,7 +630,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_carried_is_said() {
+    fn dropped_content_is_reported() {
         let got = read_text(&format!(
             "mtllib a.mtl\no a\nusemtl x\n{SQUARE}usemtl y\nusemtl x\nf 1 2 3\nl 1 2\nhello\n"
         ));
@@ -640,7 +642,7 @@ mod tests {
             texts,
             [
                 "1 elements of lines or points: dropped",
-                "1 lines begin with a word that OBJ does not have, such as `hello` in line 12: passed over",
+                "1 lines begin with an unknown keyword, such as `hello` in line 12: skipped",
             ]
         );
         assert!(got.warnings[0].data_lost);

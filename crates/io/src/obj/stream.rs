@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn pieces_give_what_the_whole_gives() {
+    fn pieces_give_the_same_result_as_the_whole() {
         let mut text = text(400, "vn 0 0 1\nvn 0 1 0\nusemtl a\nwhat is this\n");
         // Regions that begin within the later pieces, after faces of the earlier ones.
         let half = text.rfind("f 150001").unwrap();
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_left_to_the_whole() {
+    fn files_with_errors_are_left_to_the_reader_of_whole_files() {
         assert!(streamed(&text(40, "vn 0 0 1\n"), 2).unwrap().is_none());
         assert!(streamed(&text(40, "v 0 0 x\n"), 2).unwrap().is_none());
         assert!(streamed("v 0 0 0\n", 2).unwrap().is_some());

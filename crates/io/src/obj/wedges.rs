@@ -112,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn corners_alike_share_a_wedge() {
+    fn equal_corners_share_a_wedge() {
         let mut triangles = [[0, 1, 2], [0, 2, 3]];
         let uvs = [[5, 6, 7], [5, 8, 9]];
         let wedges = number_wedges(&mut triangles, Indices::Own(&uvs), Indices::Absent, 4);
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn a_position_with_very_many_wedges_takes_no_square_time() {
+    fn a_position_with_very_many_wedges_does_not_take_quadratic_time() {
         let count = 200_000;
         let mut triangles = vec![[0, 1, 2]; count];
         let uvs: Vec<_> = (0..count as u32).map(|i| [i / 2, 0, 0]).collect();

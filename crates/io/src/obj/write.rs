@@ -14,8 +14,8 @@ use crate::options::WriteOptions;
 ///
 /// Every number is the shortest decimal that reads back the same, in the precision of the mesh. Equal texture
 /// coordinates and equal normals are written once. Colours follow the positions, as many programs read them;
-/// there they belong to vertices, so if the wedges of a vertex differ, the first one's is written, and alpha
-/// is dropped: there are warnings about both.
+/// there they belong to vertices, so if the wedges of a vertex differ, the colour of the first is written,
+/// and alpha is dropped: there are warnings about both.
 ///
 /// With regions in the options, faces are written in the order of their regions, in mesh order within each,
 /// under lines `o`, `g`, `usemtl` and `s`. If the mesh has no regions but the options have several, only the
@@ -46,7 +46,8 @@ pub(crate) fn write_with_libraries(
             && options.beside.is_none()
             && regions.libraries().iter().any(Library::is_generated)
         {
-            let text = "a stream has no place beside it for materials: only their names are written";
+            let text =
+                "a stream cannot have material files beside it: only the names of materials are written";
             warnings.push(Warning::lost(text));
         }
     }
@@ -160,7 +161,7 @@ impl HeadingWriter<'_> {
         }
         let is_ours = |heading: &Heading| self.with_materials || *heading != Heading::Material;
         let lost = join_titles(self.regions.differing().filter(is_ours))?;
-        Some(Warning::lost(format!("{lost} dropped: the mesh does not say which faces have which")))
+        Some(Warning::lost(format!("{lost} dropped: the mesh does not store which faces they belong to")))
     }
 }
 
@@ -227,7 +228,7 @@ fn vertex_colors(mesh: &TriMesh, colors: &[[f32; 4]], warnings: &mut Vec<Warning
     }
     if differing > 0 {
         warnings.push(Warning::lost(format!(
-            "OBJ carries one colour for each vertex: those of {differing} wedges that differ are dropped"
+            "OBJ has one colour per vertex: those of {differing} wedges that differ are dropped"
         )));
     }
     of_vertex.into_iter().map(|c| c.unwrap_or([1.0; 3])).collect()

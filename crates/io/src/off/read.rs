@@ -76,7 +76,7 @@ fn go_to_word(lines: &mut Lines<'_>) -> bool {
 
 fn header(lines: &mut Lines<'_>) -> Result<VertexLayout, ReadError> {
     if !go_to_word(lines) {
-        return Err(ReadError::file("no OFF header: the file holds nothing"));
+        return Err(ReadError::file("no OFF header: the file is empty"));
     }
     let word = lines.word();
     // A comment may follow without a blank.
@@ -85,7 +85,7 @@ fn header(lines: &mut Lines<'_>) -> Result<VertexLayout, ReadError> {
         if word.iter().all(u8::is_ascii_digit) {
             return Ok(VertexLayout::default());
         }
-        return Err(lines.error(format!("`{}` is no OFF header", excerpt_of_bytes(word))));
+        return Err(lines.error(format!("`{}` is not an OFF header", excerpt_of_bytes(word))));
     };
     lines.skip_bytes(word.len());
     if !lines.at_line_end() && lines.word().eq_ignore_ascii_case(b"BINARY") {
@@ -96,7 +96,7 @@ fn header(lines: &mut Lines<'_>) -> Result<VertexLayout, ReadError> {
         let dimension = lines.whole()?;
         if dimension != 3 {
             return Err(ReadError::Unsupported(format!(
-                "OFF of {dimension} dimensions is not read, only of 3"
+                "OFF of {dimension} dimensions is not supported, only of 3"
             )));
         }
     }
@@ -120,7 +120,7 @@ fn counts(lines: &mut Lines<'_>, kind: &VertexLayout) -> Result<[usize; 2], Read
             return Err(lines.expected_error("whole number"));
         }
         *count = usize::try_from(number)
-            .map_err(|_| lines.error(format!("the header says {number} {what}, which cannot be")))?;
+            .map_err(|_| lines.error(format!("the header says {number} {what}, which is impossible")))?;
     }
     // A number takes a digit and a blank; a face has at least its corner count.
     for (count, what, bytes) in [(counts[0], "vertices", 2 * kind.numbers()), (counts[1], "faces", 2)] {
@@ -153,7 +153,7 @@ fn vertices(
     let mut vertices = OffVertices::default();
     for vertex in 0..count {
         let missing = |lines: &Lines<'_>| {
-            lines.error(format!("the file ends at vertex {vertex} of the {count} that its header says"))
+            lines.error(format!("the file ends at vertex {vertex} of the {count} declared in the header"))
         };
         let mut position = [0.0; 3];
         for coordinate in &mut position {
@@ -223,7 +223,7 @@ fn faces(
     let (mut corners, mut points, mut cut) = (Vec::new(), Vec::new(), Vec::new());
     for face in 0..count {
         let missing = |lines: &Lines<'_>| {
-            lines.error(format!("the file ends at face {face} of the {count} that its header says"))
+            lines.error(format!("the file ends at face {face} of the {count} declared in the header"))
         };
         if !go_to_word(lines) {
             return Err(missing(lines));
@@ -278,12 +278,14 @@ fn finish(
 ) -> Result<Loaded, ReadError> {
     let mut warnings = Vec::new();
     if notes.long_vertices > 0 {
-        let text =
-            format!("{} vertices with more numbers than the header says: passed over", notes.long_vertices);
+        let text = format!(
+            "{} vertices with more numbers than the header declares: the rest was skipped",
+            notes.long_vertices
+        );
         warnings.push(Warning::lost(text));
     }
     if notes.colored_faces > 0 {
-        warnings.push(Warning::note(format!("colours of {} faces: passed over", notes.colored_faces)));
+        warnings.push(Warning::note(format!("colours of {} faces: skipped", notes.colored_faces)));
     }
     if notes.small_faces > 0 {
         let text = format!("{} faces of fewer than three corners: dropped", notes.small_faces);
@@ -344,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn attributes_stand_in_the_order_of_the_format() {
+    fn attributes_are_in_the_order_of_the_format() {
         let got = read_text(
             "STCNOFF\n3 1 0\n0 0 0 0 0 1 255 0 51 0.5 0.25\n1 0 0 0 0 1 0 0 0 255 0 0\n0 1 0 0 0 1 0 0 0 0 0\n3 0 1 2\n",
         );
@@ -360,10 +362,10 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_behind_a_face_is_its_colour() {
+    fn numbers_after_a_face_are_its_colour() {
         let got = read_text("OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3 255 0 0\n2 0 1\n");
         assert_eq!((got.mesh.face_count(), got.contents.polygons), (2, 1));
-        assert_eq!(got.warnings[0].text, "colours of 1 faces: passed over");
+        assert_eq!(got.warnings[0].text, "colours of 1 faces: skipped");
         assert_eq!(got.warnings[1].text, "1 faces of fewer than three corners: dropped");
     }
 }

@@ -23,9 +23,8 @@ pub fn write(mesh: &TriMesh, _options: &WriteOptions, out: &mut dyn Write) -> io
     let count = if is_split { mesh.wedge_count() } else { mesh.vertex_count() };
     if is_split && mesh.wedge_count() > mesh.vertex_count() {
         let more = mesh.wedge_count() - mesh.vertex_count();
-        let text = format!(
-            "OFF carries one set of attributes for each vertex: {more} vertices on seams are doubled"
-        );
+        let text =
+            format!("OFF has one set of attributes per vertex: {more} vertices on seams are duplicated");
         warnings.push(Warning::note(text));
     }
     let mut out = TextOut::new(out);

@@ -77,7 +77,7 @@ impl Body {
     ) -> Result<Self, ReadError> {
         let vertex_count = header
             .element("vertex")
-            .ok_or_else(|| ReadError::file("the header declares no element vertex"))?
+            .ok_or_else(|| ReadError::file("the header does not declare an element `vertex`"))?
             .count;
         let mut warnings = Vec::new();
         let mut vertices = None;
@@ -99,7 +99,7 @@ impl Body {
                     skip(element, &mut source)?;
                     if element.count > 0 {
                         warnings.push(Warning::lost(format!(
-                            "element {} is not carried: {} records dropped",
+                            "element {} is not supported: {} records dropped",
                             element.name, element.count
                         )));
                     }
@@ -107,7 +107,8 @@ impl Body {
             }
         }
         progress.set(1, 1);
-        let vertices = vertices.ok_or_else(|| ReadError::file("the header declares no element vertex"))?;
+        let vertices =
+            vertices.ok_or_else(|| ReadError::file("the header does not declare an element `vertex`"))?;
         Ok(Self { vertices, faces: faces.unwrap_or(Faces::Triangles(Vec::new())), warnings })
     }
 }
@@ -303,12 +304,12 @@ fn read_vertices<S: NumberSource>(
         }
     }
     let positions = if wide { Positions::F64(double) } else { Positions::F32(narrow) };
-    // An inexact integer identifies something else, so it is useless.
+    // An inexact integer would identify something else, so it is useless.
     unknown.extend(discrete.iter().filter(|d| !d.is_exact).map(|d| d.name.clone()));
     discrete.retain(|d| d.is_exact);
     if !unknown.is_empty() {
         warnings.push(Warning::lost(format!(
-            "properties of vertices are not carried: {} dropped",
+            "vertex properties are not supported: {} dropped",
             some_names(&unknown)
         )));
     }
@@ -458,11 +459,11 @@ fn warn_of_face_properties(
         .map(|(_, p)| p.name.clone())
         .partition(|name| is_color(name));
     if !colors.is_empty() {
-        warnings.push(Warning::lost("colours of faces are not carried: dropped"));
+        warnings.push(Warning::lost("face colours are not supported: dropped"));
     }
     if !others.is_empty() {
         warnings.push(Warning::lost(format!(
-            "properties of faces are not carried: {} dropped",
+            "face properties are not supported: {} dropped",
             some_names(&others)
         )));
     }
@@ -522,7 +523,7 @@ fn is_restart(index: i64, kind: Scalar, vertex_count: usize) -> bool {
         Scalar::U32 => u32::MAX.into(),
         _ => -1,
     };
-    // In a large mesh, the largest number may be that of a vertex.
+    // In a large mesh, the largest number may be a vertex index.
     index == -1 || (index == largest && index >= vertex_count as i64)
 }
 
@@ -554,7 +555,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_normal_gets_length_one_unless_it_has_it() {
+    fn normals_are_normalised_unless_they_are_unit_length() {
         assert_eq!(normalized([0.0, 3.0, 4.0]), [0.0, 0.6, 0.8]);
         assert_eq!(normalized([0.6, 0.8, 1e-4]), [0.6, 0.8, 1e-4]);
         assert_eq!(normalized([0.0; 3]), [0.0; 3]);

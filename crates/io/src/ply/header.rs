@@ -144,7 +144,7 @@ impl Header {
                         return Err(ReadError::line(number, format!("element {name} is declared twice")));
                     }
                     let count = count.parse().map_err(|_| {
-                        ReadError::line(number, format!("`{}` is no count of records", excerpt(count)))
+                        ReadError::line(number, format!("`{}` is not a number of records", excerpt(count)))
                     })?;
                     elements.push(Element { name: excerpt(name), count, properties: Vec::new() });
                 }
@@ -161,13 +161,13 @@ impl Header {
                 }
                 ["end_header"] => {
                     let encoding = encoding.ok_or_else(|| {
-                        ReadError::line(number, "the header names no format (ascii, binary_...)")
+                        ReadError::line(number, "the header has no format line (ascii, binary_...)")
                     })?;
                     return Ok(Self { encoding, elements, body: lines.at, texture_files });
                 }
                 _ => {
                     let line = excerpt(line.trim());
-                    return Err(ReadError::line(number, format!("`{line}` is no line of a PLY header")));
+                    return Err(ReadError::line(number, format!("`{line}` is not a line of a PLY header")));
                 }
             }
         }
@@ -238,14 +238,17 @@ fn encoding_named(number: usize, name: &str) -> Result<Encoding, ReadError> {
         "binary_big_endian" => Ok(Encoding::Big),
         _ => Err(ReadError::line(
             number,
-            format!("`{}` is no PLY format (ascii, binary_little_endian, binary_big_endian)", excerpt(name)),
+            format!(
+                "`{}` is not a PLY format (ascii, binary_little_endian, binary_big_endian)",
+                excerpt(name)
+            ),
         )),
     }
 }
 
 fn scalar_named(number: usize, name: &str) -> Result<Scalar, ReadError> {
     Scalar::from_name(name)
-        .ok_or_else(|| ReadError::line(number, format!("`{}` is no PLY type of numbers", excerpt(name))))
+        .ok_or_else(|| ReadError::line(number, format!("`{}` is not a PLY number type", excerpt(name))))
 }
 
 /// An iterator over header lines: their number from 1, and their text. The first line decides the line
@@ -294,7 +297,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_header_is_understood() {
+    fn a_header_is_parsed() {
         let h = Header::parse(
             b"ply\r\nformat binary_big_endian 1.0\r\nobj_info x\r\ncomment \xff\r\nelement vertex 2\r\n\
               property float64 x\r\nelement face 1\r\nproperty list uint8 int16 vertex_index\r\nend_header\r\n\n\n",
@@ -308,14 +311,14 @@ mod tests {
     }
 
     #[test]
-    fn headers_that_are_none_say_where() {
-        let said = |text: &str| Header::parse(text.as_bytes()).unwrap_err().to_string();
-        assert_eq!(said("plx\n"), "line 1: a PLY file begins with a line `ply`");
-        assert_eq!(said("ply\nelement vertex -3\n"), "line 2: `-3` is no count of records");
-        assert_eq!(said("ply\nproperty float x\n"), "line 2: property x belongs to no element");
-        assert_eq!(said("ply\nformat ascii 1.0\n"), "the header has no end: a line `end_header` is missing");
-        assert_eq!(said("ply\nend_header\n"), "line 2: the header names no format (ascii, binary_...)");
-        assert_eq!(said("ply\n\u{1b}[2J\n"), "line 2: `\\u{1b}[2J` is no line of a PLY header");
-        assert_eq!(said("ply\nhello\n"), "line 2: `hello` is no line of a PLY header");
+    fn errors_of_headers_name_the_line() {
+        let error = |text: &str| Header::parse(text.as_bytes()).unwrap_err().to_string();
+        assert_eq!(error("plx\n"), "line 1: a PLY file begins with a line `ply`");
+        assert_eq!(error("ply\nelement vertex -3\n"), "line 2: `-3` is not a number of records");
+        assert_eq!(error("ply\nproperty float x\n"), "line 2: property x belongs to no element");
+        assert_eq!(error("ply\nformat ascii 1.0\n"), "the header has no end: a line `end_header` is missing");
+        assert_eq!(error("ply\nend_header\n"), "line 2: the header has no format line (ascii, binary_...)");
+        assert_eq!(error("ply\n\u{1b}[2J\n"), "line 2: `\\u{1b}[2J` is not a line of a PLY header");
+        assert_eq!(error("ply\nhello\n"), "line 2: `hello` is not a line of a PLY header");
     }
 }

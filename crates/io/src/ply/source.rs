@@ -60,10 +60,10 @@ pub(super) trait NumberSource {
             Fault::Word(from, to) => {
                 let line = 1 + count_lines(&bytes[..from]);
                 let word = excerpt(&String::from_utf8_lossy(&bytes[from..to.min(from + 200)]));
-                ReadError::line(line, format!("`{word}` is no number ({property} of {element})"))
+                ReadError::line(line, format!("`{word}` is not a number ({property} of {element})"))
             }
             Fault::Fraction(x) => {
-                ReadError::element(element, format!("{property} holds {x} where a whole number is needed"))
+                ReadError::element(element, format!("{property} is {x}, but must be a whole number"))
             }
             Fault::Length(n, left) => ReadError::element(
                 element,

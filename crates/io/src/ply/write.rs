@@ -87,7 +87,7 @@ struct Colors<'a> {
     alpha: bool,
 }
 
-/// Returns the integer type to write an attribute as: its own, if that holds all its values.
+/// Returns the integer type to write an attribute as: its own type, if that holds all its values.
 fn integers_of(a: &Attribute) -> Option<IntegerType> {
     let Semantic::Discrete { of, .. } = a.semantic else { return None };
     a.values.iter().all(|&x| of.holds(x)).then_some(of)
@@ -258,7 +258,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bytes_hold_a_colour_or_not() {
+    fn colours_are_bytes_if_that_is_exact() {
         let k = |k: u8| f32::from(k) / 255.0;
         assert!((0..=255).all(|i| are_bytes(&[[k(i), k(255 - i), 0.0, 1.0]])));
         assert!(!are_bytes(&[[0.3, 0.0, 0.0, 1.0]]));

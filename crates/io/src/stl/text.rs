@@ -43,7 +43,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Soup, ReadError> {
                         return Err(words.error("the file ends within a vertex: it is cut off"));
                     };
                     *x = number(word).ok_or_else(|| {
-                        words.error(format!("`{}` is no coordinate", excerpt_of_bytes(word)))
+                        words.error(format!("`{}` is not a coordinate", excerpt_of_bytes(word)))
                     })?;
                 }
                 facet.push(soup.corner(position));
@@ -63,7 +63,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Soup, ReadError> {
             }
             Some(Keyword::Other) => {}
             None => {
-                return Err(words.error(format!("`{}` is no word of an STL file", excerpt_of_bytes(word))));
+                return Err(words.error(format!("`{}` is not an STL keyword", excerpt_of_bytes(word))));
             }
         }
     }
@@ -161,9 +161,9 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said_with_its_line() {
+    fn errors_name_the_line() {
         let start = "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\n";
-        assert_eq!(faces(&format!("{start}vertex 1 x 0")), Err("line 5: `x` is no coordinate".into()));
+        assert_eq!(faces(&format!("{start}vertex 1 x 0")), Err("line 5: `x` is not a coordinate".into()));
         assert_eq!(
             faces(&format!("{start}vertex 1")),
             Err("line 5: the file ends within a vertex: it is cut off".into())
@@ -173,6 +173,6 @@ mod tests {
             faces(&format!("{start}endloop")),
             Err("line 5: the facet has 1 corners; three are needed".into())
         );
-        assert_eq!(faces("solid\nhello"), Err("line 2: `hello` is no word of an STL file".into()));
+        assert_eq!(faces("solid\nhello"), Err("line 2: `hello` is not an STL keyword".into()));
     }
 }

@@ -1,4 +1,4 @@
-//! The objects that place others, and the items of the build, from the nodes of a model.
+//! The objects of components and the build items, made from the nodes of a model.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -43,10 +43,10 @@ pub(super) struct Assembly {
 #[derive(Debug)]
 pub(super) struct Assemblies {
     pub(super) unit: Unit,
-    /// Objects of components; each places only meshes and those before it.
+    /// Objects of components; each places only meshes and earlier objects.
     pub(super) all: Vec<Assembly>,
     pub(super) items: Vec<ObjectPlace>,
-    /// Meshes that are placed, each with the node that places it if that has no children.
+    /// Placed meshes, each with the node that places it if that has no children.
     places: Vec<(usize, Option<usize>)>,
     /// Number of nodes that were left out because they flatten what they place.
     pub(super) flattened: usize,
@@ -71,8 +71,9 @@ impl Assemblies {
         Self { unit: frame.unit, all: Vec::new(), items, places: Vec::new(), flattened: 0 }
     }
 
-    /// Takes the nodes of a model in the coordinates of glTF. A node with a mesh alone is a place of its object, one with
-    /// children an object of components; equal ones are one object. Meshes without faces are left out.
+    /// Takes the nodes of a model in the coordinates of glTF. A node with only a mesh places the object of that mesh, a
+    /// node with children becomes an object of components; equal nodes share an object. Meshes without faces are left
+    /// out.
     pub(super) fn new(model: &Model, has_faces: impl Fn(usize) -> bool) -> Self {
         let (unit, roots, first) = match build_of(model) {
             Some((unit, build)) => (unit, &model.nodes[build].children, DMat4::IDENTITY),
@@ -83,7 +84,7 @@ impl Assemblies {
         let placed = new.placed_nodes(&model.nodes, roots, first);
         let mut parts: Vec<Vec<ObjectPlace>> = placed.iter().map(|_| Vec::new()).collect();
         let mut known: HashMap<(String, Vec<PlaceBits>), usize> = HashMap::new();
-        // Children follow their parents, so all components of a node are known when it comes.
+        // Children follow their parents, so all components of a node are known when it is reached.
         for (at, PlacedNode { parent, node: index, transform }) in placed.iter().enumerate().rev() {
             let node = &model.nodes[*index];
             let mut components = std::mem::take(&mut parts[at]);
@@ -119,8 +120,8 @@ impl Assemblies {
         self.places.iter().map(|(mesh, _)| *mesh)
     }
 
-    /// Returns the meshes that are placed, with names for their objects: of the only node that places it, else of the
-    /// mesh, else of the first node. Also returns the number of names that are left out.
+    /// Returns the placed meshes with names for their objects: the name of the only node that places the mesh, else of
+    /// the mesh, else of the first node. Also returns the number of meshes for which other names are left out.
     pub(super) fn names(&self, model: &Model) -> (BTreeMap<usize, String>, usize) {
         let mut nodes: BTreeMap<usize, Vec<&str>> = BTreeMap::new();
         for &(mesh, node) in &self.places {
@@ -178,7 +179,7 @@ fn z_up_from_gltf() -> DMat4 {
     DMat4::from_mat3(DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y))
 }
 
-/// Returns true if a matrix has no inverse, or nearly none. (3MF says of such ones that there should be none.)
+/// Returns true if a matrix has no inverse, or nearly none. (3MF advises against such matrices.)
 fn is_flat(matrix: &DMat4) -> bool {
     let axes = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|a| a.truncate());
     let size: f64 = axes.iter().map(|a| a.length()).product();

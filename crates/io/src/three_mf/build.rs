@@ -1,4 +1,4 @@
-//! From the parts of a file to a scene.
+//! Construction of a scene from the parts of a file.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
@@ -22,7 +22,7 @@ use crate::options::ReadOptions;
 /// The coordinates of the result.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Coordinates {
-    /// Those of the file.
+    /// The coordinates of the file.
     File,
     /// Metres, y up: nodes of the scene convert them.
     Gltf,
@@ -31,12 +31,12 @@ pub(super) enum Coordinates {
 /// The name of the node above the items of a build, which has their unit and axes.
 pub(super) const BUILD_NODE: &str = "3MF build";
 
-/// Limits on the nodes that components become: each may place any other several times. Guessed: more than any file has,
-/// and within memory.
+/// Limits on the nodes that components create: each may place any other object several times. Guessed: more than any
+/// file has, and within memory.
 const ALWAYS_ALLOWED_NODES: usize = 1 << 16;
 const MAX_NODES: usize = 1 << 21;
 const MAX_DEPTH: usize = 256;
-/// Number of bytes of XML for each further node.
+/// Number of bytes of XML that allow one more node.
 const BYTES_PER_NODE: usize = 16;
 
 /// Numbers of parts by their names.
@@ -53,7 +53,7 @@ pub(super) fn build(
 ) -> Result<(BuiltScene, Frame), ReadError> {
     let mut package = Package::open(bytes, options.limits)?;
     let (parts, paths) = read_parts(&mut package)?;
-    // The parsed meshes, and those of the scene with their wedges, beside the XML.
+    // The parsed meshes, and the meshes of the scene with their wedges, besides the XML.
     let unpacked = package.unpacked;
     options
         .limits
@@ -105,12 +105,12 @@ struct ThreeMfScene<'a> {
     paths: HashMap<String, usize>,
     /// Meshes of objects; `None` for those without triangles.
     meshes: HashMap<Id, Option<usize>>,
-    /// Materials by group, and by entry for those that have one for each.
+    /// Materials by group, and by entry for groups that have a material for each.
     materials: HashMap<(Id, Option<u32>), Option<usize>>,
     textures: HashMap<Id, Option<usize>>,
-    /// The objects that contain the one that is being placed.
+    /// The objects that contain the object that is being placed.
     open: Vec<Id>,
-    /// Number of nodes that may still be made.
+    /// Number of nodes that may still be created.
     nodes: usize,
 }
 
@@ -170,7 +170,7 @@ impl ThreeMfScene<'_> {
         if self.nodes == 0 {
             return Err(ReadError::element(
                 name(),
-                "components place more objects than a file of this size may",
+                "components place more objects than allowed for a file of this size",
             ));
         }
         self.nodes -= 1;
@@ -209,7 +209,7 @@ impl ThreeMfScene<'_> {
             let element = format!("object {}, triangle {at}", id.1);
             return Err(ReadError::element(
                 element,
-                format!("it names a vertex beyond the {count} of the object"),
+                format!("it refers to a vertex beyond the {count} of the object"),
             ));
         }
         let mut parts = MeshParts { name: object.name.clone(), ..MeshParts::default() };
@@ -234,7 +234,7 @@ impl ThreeMfScene<'_> {
             let own = object.properties.get(at).and_then(|p| Some((p.group?, p.corners)));
             let property = own.or(object.property.map(|(group, entry)| (group, [entry; 3])));
             let key = property.map(|(group, corners)| {
-                // Only materials have one look for each entry.
+                // Only material groups have a separate look for each entry.
                 let is_material = matches!(owner.groups.get(&group), Some(Group::Materials(..)));
                 (group, is_material.then_some(corners[0]), self.layer(&owner, group))
             });
@@ -304,7 +304,7 @@ impl ThreeMfScene<'_> {
                 format!("the property group {group} contains another of its kind"),
             )),
             None => {
-                let text = "some triangles name properties that are not in the file or not read: dropped";
+                let text = "some triangles use properties that are missing or not supported: dropped";
                 self.scene.warn(Warning::lost(text));
                 Ok(Look::Plain(None))
             }
@@ -338,7 +338,8 @@ impl ThreeMfScene<'_> {
             self.scene.add("materials", material)
         });
         if material.is_none() {
-            self.scene.warn(Warning::lost("some triangles name materials beyond their group: dropped"));
+            self.scene
+                .warn(Warning::lost("some triangles use materials beyond the end of their group: dropped"));
         }
         self.materials.insert((group, Some(entry)), material);
         material
@@ -441,7 +442,8 @@ impl Look {
     }
 }
 
-/// Returns the values that entries of several properties mean; without those, the values themselves.
+/// Returns the values at the given indices (entries of several properties); without indices, the values
+/// themselves.
 fn picked<T: Copy + Default>(values: &[T], indices: Option<Vec<u32>>) -> Vec<T> {
     match indices {
         None => values.to_vec(),

@@ -20,7 +20,7 @@ pub(super) struct MeshObject<'a> {
     pub(super) mesh: &'a TriMesh,
     /// The material of each region; one entry for a mesh without regions.
     pub(super) of_region: Vec<Option<usize>>,
-    /// The vertex of each wedge in the file that was read, if it says more than equal positions do.
+    /// The source vertex of each wedge, if the file distinguished vertices at equal positions.
     pub(super) sources: Option<Vec<u32>>,
 }
 
@@ -81,7 +81,7 @@ impl<'a> ModelPart<'a> {
         self.textures.iter().map(|texture| texture.image).collect()
     }
 
-    /// Returns the sizes of these meshes, each as often as it is there.
+    /// Returns the sizes of these meshes, each counted as often as it is listed.
     pub(super) fn sizes(&self, meshes: impl Iterator<Item = usize>) -> Sizes {
         let mut sizes = Sizes::default();
         for properties in meshes.filter_map(|mesh| self.properties[mesh].as_ref()) {
@@ -254,7 +254,8 @@ impl<'a> ModelPart<'a> {
         let property = |face: usize| self.property(properties, ids, face);
         out.text(&format!("  <object id=\"{}\" type=\"model\"", ids.object));
         write_name(&object.name, out);
-        // An object whose triangles have properties must have one itself, which is that of the others.
+        // An object whose triangles have properties must have a property itself, which applies to the other
+        // triangles.
         let own =
             (mesh.face_count() > 0).then(|| property(0)).flatten().map(|(group, [first, ..])| (group, first));
         if let Some((group, entry)) = own {

@@ -1,4 +1,4 @@
-//! Materials as 3MF has them: a colour and its shine, or a texture.
+//! Materials as in 3MF: a colour with metalness and roughness, or a texture.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -13,7 +13,7 @@ pub(super) struct Looks {
     pub(super) all: Vec<MaterialLook>,
     pub(super) pictures: Vec<Picture>,
     /// True if colours of vertices are linear factors of the colours of materials, as in glTF; else they are sRGB, and
-    /// shown alone.
+    /// shown instead of the material.
     pub(super) has_linear_colors: bool,
     pub(super) lost: LostParts,
 }
@@ -69,12 +69,12 @@ impl LostParts {
 }
 
 impl MaterialLook {
-    /// Returns true if it reflects light like paper, as all surfaces do that are not described further.
+    /// Returns true if it is matt, like all surfaces without further description.
     pub(super) fn is_dull(&self) -> bool {
         self.metalness == 0.0 && self.roughness == 1.0
     }
 
-    /// Returns true if it looks as no material does.
+    /// Returns true if it looks the same as no material.
     pub(super) fn is_plain(&self) -> bool {
         self.is_dull() && self.color == [1.0; 4]
     }
@@ -138,8 +138,8 @@ impl Looks {
         Self { all, pictures, has_linear_colors: false, lost }
     }
 
-    /// Returns the materials of a model, in their order. Images are only taken of those that are used; an image that
-    /// cannot be taken is a warning.
+    /// Returns the materials of a model, in their order. Only images of used materials are loaded; an image that cannot
+    /// be loaded is a warning.
     pub(super) fn of_model(
         materials: &[Material],
         used: &BTreeSet<usize>,

@@ -20,7 +20,8 @@ const REPEAT: u32 = 10497;
 const MIRROR: u32 = 33648;
 const CLAMP: u32 = 33071;
 
-/// Namespaces of extensions that a reader may be required to know, by the ends of their names, and what is lost of them.
+/// Namespaces of extensions that a reader may be required to know, by the ends of their names, and which of their
+/// contents are lost.
 const EXTENSIONS: &[(&str, Option<&str>)] = &[
     ("material/2015/02", None),
     ("production/2015/06", None),
@@ -88,7 +89,7 @@ pub(super) fn parse(path: &str, text: &[u8]) -> Result<Part, ReadError> {
             }
             Ok(())
         }
-        // The reader gives `&lt;` and its kind apart from the text around it.
+        // The reader returns `&lt;` and other entities separately from the text around them.
         Event::GeneralRef(name) => {
             if let (Some((_, value)), Ok(name)) = (&mut parser.metadata, name.decode()) {
                 let text = format!("&{name};");
@@ -214,7 +215,7 @@ impl ModelParser {
                 None => {
                     let name = if namespace.is_empty() { prefix } else { &namespace };
                     return Err(format!(
-                        "the file requires the extension {}: it is not known here",
+                        "the file requires the extension {}, which is not supported",
                         excerpt(name)
                     ));
                 }
@@ -361,7 +362,7 @@ fn transform(text: &str) -> Result<Transform, Problem> {
     for word in text.split_ascii_whitespace().take(13) {
         values.push(float(word.as_bytes())?);
     }
-    values.try_into().map_err(|_| format!("the transform `{}` has not 12 numbers", excerpt(text)))
+    values.try_into().map_err(|_| format!("the transform `{}` does not have 12 numbers", excerpt(text)))
 }
 
 /// Returns the namespace of a prefix, as this element declares it.

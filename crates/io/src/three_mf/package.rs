@@ -94,7 +94,7 @@ impl<'a> Package<'a> {
     }
 }
 
-/// Returns the name of a part without the slash at its begin, in lower case.
+/// Returns the name of a part without its leading slash, in lower case.
 pub(super) fn name_of(path: &str) -> String {
     path.trim_start_matches('/').to_ascii_lowercase()
 }

@@ -15,10 +15,11 @@ pub(super) struct Properties<'a> {
     looks: &'a Looks,
     /// The material of each region; one entry for a mesh without regions.
     of_region: &'a [Option<usize>],
-    /// Distinct colours of wedges in sRGB, and that of each wedge; empty if no triangle shows any.
+    /// Distinct colours of wedges in sRGB, and the index of each wedge's colour; empty if no triangle shows
+    /// any.
     pub(super) colors: Vec<[u8; 4]>,
     color_of: Vec<u32>,
-    /// TextureCoordinates by texture.
+    /// Texture coordinates by texture.
     pub(super) coordinates: Vec<TextureCoordinates>,
     /// Materials with a texture, and their entries of `coordinates`.
     textured: BTreeMap<usize, usize>,
@@ -151,8 +152,8 @@ impl<'a> Properties<'a> {
         }
     }
 
-    /// Returns the factor of the colour of each wedge, if the materials of coloured triangles have any. A wedge of
-    /// several materials has that of the last.
+    /// Returns the colour factor of each wedge, if the materials of coloured triangles have any. A wedge of several
+    /// materials gets the factor of the last.
     fn tints(&self) -> Option<Vec<[f32; 4]>> {
         let is_tinting = |m: &usize| self.looks.all[*m].color != [1.0; 4];
         if !self.looks.has_linear_colors || !self.of_region.iter().flatten().any(is_tinting) {
@@ -196,7 +197,7 @@ impl<'a> Properties<'a> {
         }
     }
 
-    /// Returns the number of kinds of triangles: of materials, textures, and those with colours and with nothing.
+    /// Returns the number of kinds of triangles: by material, by texture, with colours, and without properties.
     pub(super) fn kind_count(&self) -> usize {
         let others = usize::from(!self.colors.is_empty()) + usize::from(self.has_bare);
         self.materials.len() + self.used_coordinates().count() + others
@@ -216,7 +217,7 @@ impl<'a> Properties<'a> {
 impl TextureCoordinates {
     /// Returns the entry of a wedge that uses the texture.
     pub(super) fn entry(&self, wedge: WedgeId) -> u32 {
-        // If all wedges use it, the entries are theirs.
+        // If all wedges use it, entry and wedge numbers are equal.
         if self.wedges.get(wedge.index()) == Some(&wedge.0) {
             return wedge.0;
         }

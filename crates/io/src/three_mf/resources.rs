@@ -11,7 +11,7 @@ pub(super) type Transform = [f64; 12];
 /// A model part.
 #[derive(Default)]
 pub(super) struct Part {
-    /// The millimetre, if there is none.
+    /// The unit; the millimetre if there is none.
     pub(super) unit: Option<Unit>,
     pub(super) objects: BTreeMap<u32, Object>,
     pub(super) groups: BTreeMap<u32, Group>,
@@ -27,7 +27,7 @@ pub(super) struct Part {
 #[derive(Default)]
 pub(super) struct Object {
     pub(super) name: String,
-    /// Property of the triangles that have none of their own.
+    /// Property of the triangles without one of their own.
     pub(super) property: Option<(u32, u32)>,
     pub(super) vertices: Vec<[f32; 3]>,
     pub(super) triangles: Vec<[u32; 3]>,
@@ -75,7 +75,7 @@ impl Part {
         self.unit.unwrap_or(Unit::Millimeter)
     }
 
-    /// Adds a kind of content to those that are dropped.
+    /// Records that a kind of content is dropped.
     pub(super) fn drop_content(&mut self, what: &'static str) {
         if !self.dropped.contains(&what) {
             self.dropped.push(what);

@@ -32,9 +32,9 @@ const MODEL_TYPE: &str = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3
 const TEXTURE_TYPE: &str = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dtexture";
 /// Level of compression; see the constant of the same kind for `.gz`.
 const COMPRESSION: i64 = 3;
-/// Names of metadata that the core specification gives, about a model. Others need a namespace, which is not known.
+/// Names of metadata about a model, from the core specification. Others need a namespace, which is not known.
 const METADATA: [&str; 6] = ["Title", "Designer", "Description", "Copyright", "LicenseTerms", "Rating"];
-/// Names that it gives for metadata about a file: they are not true of another file.
+/// Names of metadata about a file, from the same specification: they do not apply to another file.
 const FILE_METADATA: [&str; 3] = ["Application", "CreationDate", "ModificationDate"];
 
 type Archive<'a> = ZipWriter<StreamWriter<&'a mut dyn Write>>;
@@ -68,16 +68,14 @@ pub(super) fn write_scene(
     warnings.extend(scene.lost_beside_nodes());
     if placed.flattened > 0 {
         let n = placed.flattened;
-        let text =
-            format!("nodes that flatten what they place, which 3MF advises against, are left out: {n}");
+        let text = format!("{n} nodes flatten their content, which 3MF advises against: left out");
         warnings.push(Warning::lost(text));
     }
     let is_emptied = |&i: &usize| scene.meshes()[i].mesh.face_count() > 0 && mesh_of(i).face_count() == 0;
     let emptied: Vec<usize> = (0..scene.meshes().len()).filter(is_emptied).collect();
     if let Some(first) = emptied.first() {
         let name = excerpt(&model.meshes[*first].name);
-        let text =
-            format!("meshes that have no face any more, such as {name}, are left out: {}", emptied.len());
+        let text = format!("meshes without faces, such as {name}, are left out: {}", emptied.len());
         warnings.push(Warning::lost(text));
     }
     let with_materials = textures != Textures::None;
@@ -85,7 +83,9 @@ pub(super) fn write_scene(
     let mut objects: Vec<Option<MeshObject<'_>>> = model.meshes.iter().map(|_| None).collect();
     let (names, left_out) = placed.names(&model);
     if left_out > 0 {
-        let text = format!("3MF has one name for a mesh and its nodes; meshes with others: {left_out}");
+        let text = format!(
+            "3MF has one name for a mesh and its nodes: other names were dropped for {left_out} meshes"
+        );
         warnings.push(Warning::note(text));
     }
     for (mesh, name) in names {
@@ -124,7 +124,7 @@ fn metadata(scene: &Scene, warnings: &mut Vec<Warning>) -> Vec<(String, String)>
     kept
 }
 
-/// Writes the archive; adds to the warnings. Also returns the sizes of what is placed.
+/// Writes the archive; adds to the warnings. Also returns the sizes of the placed objects.
 fn write_objects(
     mut looks: Looks,
     objects: &[Option<MeshObject<'_>>],
@@ -149,7 +149,7 @@ fn write_objects(
     zip.write_all(TYPES.as_bytes())?;
     start(&mut zip, "_rels/.rels", 0)?;
     zip.write_all(relations(MODEL_TYPE, &["/3D/3dmodel.model".to_owned()]).as_bytes())?;
-    // A triangle with properties takes less than this as text, and a vertex too.
+    // A triangle with properties, or a vertex, takes less than this as text.
     let elements: usize = all().map(|o| o.mesh.face_count() + o.mesh.wedge_count()).sum();
     start(&mut zip, "3D/3dmodel.model", 128 * elements)?;
     let skipped = document.write(placed, metadata, &mut TextOut::new(&mut zip))?;

@@ -47,7 +47,7 @@ pub(super) fn decode(stream: &[u8], count: usize, stride: usize) -> Result<Vec<u
     let (modes_length, least_tail) = match header {
         0xa0 => (0, 32),
         0xa1 => (channels, 24),
-        _ => return Err("is damaged: its compressed bytes begin with no known version"),
+        _ => return Err("is damaged: its compressed bytes begin with an unknown version"),
     };
     let tail = stride + modes_length;
     let body_length = rest.len().checked_sub(tail.max(least_tail)).ok_or(ENDS_TOO_EARLY)?;
@@ -96,7 +96,7 @@ impl Channel {
             (0, 0) => Ok(Self::Bytes),
             (1, 0) => Ok(Self::Words),
             (2, turn) => Ok(Self::Xor(turn.into())),
-            _ => Err("is damaged: a channel of its compressed bytes has no known mode"),
+            _ => Err("is damaged: a channel of its compressed bytes has an unknown mode"),
         }
     }
 
@@ -165,7 +165,7 @@ fn groups(input: &mut Input<'_>, bits: [u32; 4], out: &mut [u8]) -> Result<(), &
     Ok(())
 }
 
-/// Decodes differences of 1, 2 or 4 bits; those that do not fit are stored behind them.
+/// Decodes differences of 1, 2 or 4 bits; larger differences are stored after them.
 fn short(input: &mut Input<'_>, bits: u32, group: &mut [u8; GROUP]) -> Result<(), &'static str> {
     let packed = input.take(GROUP / 8 * bits as usize)?;
     let per_byte = 8 / bits;

@@ -10,9 +10,9 @@ use super::attributes::{Channel, GROUP, block_elements, widths};
 /// Version of an attribute stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in super::super) enum StreamVersion {
-    /// That of `EXT_meshopt_compression`.
+    /// The version of `EXT_meshopt_compression`.
     V0,
-    /// That of `KHR_meshopt_compression`, with more kinds of differences.
+    /// The version of `KHR_meshopt_compression`, with more kinds of differences.
     V1,
 }
 
@@ -59,7 +59,7 @@ pub(super) fn encode(elements: &[u8], stride: usize, version: StreamVersion) -> 
         StreamVersion::V0 => Vec::new(),
         StreamVersion::V1 => modes.into_iter().map(Channel::code).collect(),
     };
-    // Decoders may read that far behind the last group.
+    // Decoders may read that far beyond the last group.
     let least: usize = if version == StreamVersion::V0 { 32 } else { 24 };
     let padding = least.saturating_sub(stride + modes.len());
     out.resize(out.len() + padding, 0);
@@ -162,7 +162,7 @@ fn groups(plane: &[u8], widths: [u32; 4], out: &mut Vec<u8>) {
     }
 }
 
-/// Appends differences of 1, 2 or 4 bits; those that do not fit follow as bytes.
+/// Appends differences of 1, 2 or 4 bits; larger differences follow as bytes.
 fn short(group: &[u8; GROUP], bits: u32, out: &mut Vec<u8>) {
     let start = out.len();
     out.resize(start + GROUP / 8 * bits as usize, 0);

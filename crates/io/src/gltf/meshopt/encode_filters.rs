@@ -1,15 +1,15 @@
-//! Filters that round elements and encode them, so that they take fewer bytes. What each makes of its values
-//! is defined by its decoder.
+//! Filters that round elements and encode them, so that they take fewer bytes. Each encoding is defined by
+//! its decoder.
 
-/// Least exponent of a number: decoders agree on those from here on.
-const LEAST_EXPONENT: i32 = -100;
+/// Smallest exponent of a number: decoders agree from here on.
+const MIN_EXPONENT: i32 = -100;
 
 fn rounded(n: f32, one: i32) -> i16 {
     (n * one as f32).round().clamp(-one as f32, one as f32) as i16
 }
 
 /// Encodes a direction as a point of the octahedron, with `bits` for each of its two numbers, and a fourth
-/// number with eight bits. A direction without length becomes one along z.
+/// number with eight bits. A direction of length zero becomes the z axis.
 pub(in super::super) fn octahedral([x, y, z, w]: [f32; 4], bits: u32) -> [i8; 4] {
     let sum = x.abs() + y.abs() + z.abs();
     let scale = if sum > 0.0 && sum.is_finite() { 1.0 / sum } else { 0.0 };
@@ -31,18 +31,18 @@ pub(in super::super) fn quaternion(q: [f32; 4], bits: u32) -> [i16; 4] {
 
 /// Encodes finite floats that share one power of two, with `bits` for the largest of them.
 pub(in super::super) fn exponential(values: &[f32], bits: u32, out: &mut Vec<u8>) {
-    let exponent = |x: f32| if x == 0.0 { LEAST_EXPONENT } else { (x.to_bits() >> 23 & 0xff) as i32 - 126 };
-    let shared = values.iter().map(|x| exponent(*x)).fold(LEAST_EXPONENT, i32::max);
+    let exponent = |x: f32| if x == 0.0 { MIN_EXPONENT } else { (x.to_bits() >> 23 & 0xff) as i32 - 126 };
+    let shared = values.iter().map(|x| exponent(*x)).fold(MIN_EXPONENT, i32::max);
     multiples(values, shared - (bits as i32 - 1), out);
 }
 
 /// Encodes finite floats as multiples of a power of two, up to 2²³ of them.
 pub(in super::super) fn multiples(values: &[f32], exponent: i32, out: &mut Vec<u8>) {
-    const MOST: f64 = 0x7f_ffff as f64;
-    let exponent = exponent.clamp(LEAST_EXPONENT, 127);
+    const MAX_MULTIPLE: f64 = 0x7f_ffff as f64;
+    let exponent = exponent.clamp(MIN_EXPONENT, 127);
     let factor = f64::from_bits(((1023 - exponent) as u64) << 52);
     for x in values {
-        let multiple = (f64::from(*x) * factor).round().clamp(-MOST, MOST) as i32;
+        let multiple = (f64::from(*x) * factor).round().clamp(-MAX_MULTIPLE, MAX_MULTIPLE) as i32;
         out.extend_from_slice(&((exponent << 24) | (multiple & 0xff_ffff)).to_le_bytes());
     }
 }

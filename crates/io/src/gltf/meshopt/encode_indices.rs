@@ -92,7 +92,7 @@ impl TriangleEncoder {
         let restarts = triangle == [0, 1, 2] && self.next > 0;
         if restarts {
             self.next = 0;
-            // Vertices of another mesh would be taken for those of this one.
+            // Vertices of another mesh would be mistaken for vertices of this mesh.
             self.vertices = Latest::new();
         }
         let mut codes = [0; 3];

@@ -73,8 +73,8 @@ fn each_of_four(elements: &mut [u8], change: impl Fn([i16; 4]) -> [i16; 4]) {
     }
 }
 
-/// Decodes a direction; `input[2]` represents 1 in the input, and `most` in the result. Zero stays zero.
-fn octahedral(input: [i16; 3], most: f32) -> [i16; 3] {
+/// Decodes a direction; `input[2]` represents 1 in the input, and `max` in the result. Zero stays zero.
+fn octahedral(input: [i16; 3], max: f32) -> [i16; 3] {
     let one = f32::from(input[2]);
     let [x, y] = [input[0], input[1]].map(|n| f32::from(n) / one);
     let z = 1.0 - x.abs() - y.abs();
@@ -83,7 +83,7 @@ fn octahedral(input: [i16; 3], most: f32) -> [i16; 3] {
     let [x, y] = [x, y].map(|n| n - fold.copysign(n));
     let length = (x * x + y * y + z * z).sqrt();
     // The conversion turns NaN into zero.
-    [x, y, z].map(|n| (n / length * most).round() as i16)
+    [x, y, z].map(|n| (n / length * max).round() as i16)
 }
 
 /// Decodes a rotation; the last number holds the index of its largest component, and represents 1 in the
@@ -112,15 +112,15 @@ fn exponential(input: i32) -> f32 {
     }
 }
 
-/// Converts luma, two chroma differences and alpha to red, green, blue and alpha; `most` represents 1 in the
+/// Converts luma, two chroma differences and alpha to red, green, blue and alpha; `max` represents 1 in the
 /// result.
-fn color([y, co, cg, a]: [i32; 4], most: f32) -> [i32; 4] {
+fn color([y, co, cg, a]: [i32; 4], max: f32) -> [i32; 4] {
     // The highest set bit of alpha gives the number of bits of the others; without one, the colour is black.
     let one = (1i64 << (32 - a.leading_zeros())) as i32 - 1;
-    let scale = if one > 0 { most / one as f32 } else { 0.0 };
+    let scale = if one > 0 { max / one as f32 } else { 0.0 };
     let alpha = a & (one >> 1);
     let all = [y + co - cg, y + cg, y - co - cg, alpha << 1 | alpha & 1];
-    all.map(|n| (n as f32 * scale).round().clamp(0.0, most) as i32)
+    all.map(|n| (n as f32 * scale).round().clamp(0.0, max) as i32)
 }
 
 #[cfg(test)]

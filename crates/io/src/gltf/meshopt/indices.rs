@@ -114,7 +114,7 @@ pub(super) fn triangles(stream: &[u8], count: usize) -> Result<Vec<u32>, &'stati
     let (codes, rest) = after_header(stream, TRIANGLES)?.split_at_checked(count).ok_or(ENDS_TOO_EARLY)?;
     let (data, table) = rest.split_last_chunk::<16>().ok_or(ENDS_TOO_EARLY)?;
     if table[14..] != [0, 0] || table.iter().any(|t| t >> 4 == 15 || t & 15 == 15) {
-        return Err("is damaged: the table at the end of its compressed bytes is none");
+        return Err("is damaged: the table at the end of its compressed bytes is invalid");
     }
     let mut state = TriangleDecoder {
         data: Input { bytes: data },
@@ -165,7 +165,7 @@ pub(super) fn sequence(stream: &[u8], count: usize) -> Result<Vec<u32>, &'static
 fn after_header(stream: &[u8], header: u8) -> Result<&[u8], &'static str> {
     match stream.split_first() {
         Some((first, rest)) if *first == header => Ok(rest),
-        Some(_) => Err("is damaged: its compressed bytes begin with no known version"),
+        Some(_) => Err("is damaged: its compressed bytes begin with an unknown version"),
         None => Err(ENDS_TOO_EARLY),
     }
 }
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_not_there_before() {
+    fn references_to_missing_entries_are_errors() {
         for codes in [&[0x00][..], &[0xf1], &[0xf0, 0x30], &[0xf0, 0x04]] {
             assert_eq!(triangles(&stream(codes, &[]), codes.len()), Err(BAD_REFERENCE), "{codes:x?}");
         }

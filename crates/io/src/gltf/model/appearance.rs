@@ -22,7 +22,7 @@ pub(super) fn read(scene: &Scene, buffers: &Buffers<'_>) -> (Vec<Material>, Vec<
     let encoded = |index| {
         let bytes = bytes_of(scene, buffers, index)?;
         if image_type(&bytes) == Some("image/ktx2") {
-            return Err("is a KTX2 image, which is not decoded here".to_owned());
+            return Err("is a KTX2 image, which is not supported".to_owned());
         }
         Ok((bytes, String::new()))
     };
@@ -30,7 +30,7 @@ pub(super) fn read(scene: &Scene, buffers: &Buffers<'_>) -> (Vec<Material>, Vec<
     (materials, images, warnings)
 }
 
-/// Returns the materials; the images of their textures are those of the file, by their index there.
+/// Returns the materials; their textures refer to images by index in the file.
 pub(super) fn encoded(scene: &Scene) -> Vec<Material> {
     let mut pictures = ImageQueue::default();
     let all = list(&scene.json, "materials").iter();
@@ -157,7 +157,7 @@ pub(super) fn bytes_of<'b>(
     buffers: &'b Buffers<'_>,
     index: usize,
 ) -> Result<Cow<'b, [u8]>, String> {
-    let image = list(&scene.json, "images").get(index).ok_or("is not there")?;
+    let image = list(&scene.json, "images").get(index).ok_or("does not exist")?;
     let at = format!("images[{index}]");
     let Some(uri) = image["uri"].as_str() else {
         let view = number(&image["bufferView"]).ok_or("has neither a uri nor a view")?;
@@ -168,7 +168,7 @@ pub(super) fn bytes_of<'b>(
     }
     let path = path_of(uri)?;
     if !scene.assets.has_folder() {
-        return Err("is a file, and no folder is known to look for it".to_owned());
+        return Err("is a file, but no folder is known to search for it".to_owned());
     }
     let shown = excerpt(uri);
     let file = scene.assets.find(&path).map_err(|refusal| format!("({shown}) {}", refusal.reason()))?;
@@ -182,7 +182,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn transforms_count_from_below() {
+    fn transforms_start_at_the_lower_left() {
         let plain = transform(&json!({}));
         assert_eq!(plain, TextureRef::PLAIN);
         // The upper left quarter of the image: from the lower left, v goes from a half to one.

@@ -42,7 +42,7 @@ pub(super) fn skins(
                 Some(found.all.len() - 1)
             }
             Err(e) => {
-                let text = format!("{name} is left out, its meshes are shown stiff: {e}");
+                let text = format!("{name} is left out, its meshes are shown undeformed: {e}");
                 warnings.push(Warning::note(text));
                 None
             }
@@ -62,7 +62,7 @@ pub(super) fn animations(
 ) -> Vec<Animation> {
     let mut animations = Vec::new();
     // Number of skipped channels for each reason.
-    let mut still: HashMap<String, usize> = HashMap::new();
+    let mut ignored: HashMap<String, usize> = HashMap::new();
     let mut order = Vec::new();
     for (i, value) in list(json, "animations").iter().enumerate() {
         let mut channels = Vec::new();
@@ -72,7 +72,7 @@ pub(super) fn animations(
                 Ok(channel) => channels.extend(channel),
                 Err(e) => {
                     let text = e.to_string();
-                    let count = still.entry(text.clone()).or_insert_with(|| {
+                    let count = ignored.entry(text.clone()).or_insert_with(|| {
                         order.push(text);
                         0
                     });
@@ -86,12 +86,12 @@ pub(super) fn animations(
     // Guessed: more warnings would not help.
     const MAX_WARNINGS: usize = 16;
     for text in order.iter().take(MAX_WARNINGS) {
-        let count = still[text];
-        warnings.push(Warning::note(format!("{count} channels of animations stand still: {text}")));
+        let count = ignored[text];
+        warnings.push(Warning::note(format!("{count} animation channels are ignored: {text}")));
     }
     if order.len() > MAX_WARNINGS {
-        let more: usize = order[MAX_WARNINGS..].iter().map(|text| still[text]).sum();
-        warnings.push(Warning::note(format!("{more} more channels of animations stand still")));
+        let more: usize = order[MAX_WARNINGS..].iter().map(|text| ignored[text]).sum();
+        warnings.push(Warning::note(format!("{more} more animation channels are ignored")));
     }
     animations
 }
@@ -109,11 +109,11 @@ fn read_channel(
     let target = &channel["target"];
     let path = target["path"].as_str().unwrap_or_default();
     if path == "pointer" {
-        return Err(ReadError::Unsupported("KHR_animation_pointer is not shown".to_owned()));
+        return Err(ReadError::Unsupported("KHR_animation_pointer is not supported".to_owned()));
     }
-    // A target without a node is for extensions.
+    // Only extensions have targets without a node.
     let Some(node) = number(&target["node"]) else { return Ok(None) };
-    let missing = |what: &str| ReadError::element(name, format!("its {what} is not there"));
+    let missing = |what: &str| ReadError::element(name, format!("its {what} is missing"));
     let of = nodes.get(node).ok_or_else(|| missing("node"))?;
     let sampler = number(&channel["sampler"]).and_then(|s| list(animation, "samplers").get(s));
     let sampler = sampler.ok_or_else(|| missing("sampler"))?;
@@ -121,7 +121,7 @@ fn read_channel(
         None | Some("LINEAR") => Interpolation::Linear,
         Some("STEP") => Interpolation::Step,
         Some("CUBICSPLINE") => Interpolation::Cubic,
-        Some(_) => return Err(ReadError::element(name, "its interpolation is not known")),
+        Some(_) => return Err(ReadError::element(name, "its interpolation is unknown")),
     };
     let mut accessor = |what: &str| {
         let index = number(&sampler[what]).ok_or_else(|| missing(what))?;
@@ -131,9 +131,9 @@ fn read_channel(
     };
     let (input, output) = (accessor("input")?, accessor("output")?);
     let times: Vec<f32> = input.floats::<1>(false)?.into_iter().flatten().collect();
-    let rises = times.windows(2).all(|w| w[0] <= w[1]) && times.iter().all(|t| t.is_finite());
-    if times.is_empty() || !rises {
-        return Err(ReadError::element(name, "its times do not rise"));
+    let is_ascending = times.windows(2).all(|w| w[0] <= w[1]) && times.iter().all(|t| t.is_finite());
+    if times.is_empty() || !is_ascending {
+        return Err(ReadError::element(name, "its times are not ascending"));
     }
     let (track, each) = match path {
         "translation" => (Track::Translation(output.floats(false)?), 1),
@@ -146,12 +146,12 @@ fn read_channel(
             }
             (Track::MorphWeights(output.floats::<1>(true)?.into_iter().flatten().collect()), targets)
         }
-        _ => return Err(ReadError::element(name, "its path is not known")),
+        _ => return Err(ReadError::element(name, "its path is unknown")),
     };
     let for_each_time = if interpolation == Interpolation::Cubic { 3 } else { 1 };
     let wanted = times.len().saturating_mul(for_each_time).saturating_mul(each);
     if track.len() < wanted {
-        let text = format!("it has {} values; {wanted} are needed", track.len());
+        let text = format!("it has {} values, expected {wanted}", track.len());
         return Err(ReadError::element(name, text));
     }
     Ok(Some(Channel { node, track, times, interpolation }))

@@ -16,12 +16,12 @@ use super::streams::{PackedStream, StreamKind};
 use crate::error::ReadError;
 use crate::vertex_cache::{CacheUse, OrderFor, fetch_order, ordered};
 
-/// Location of a reference of a primitive: the target, if it is of one, and the name of the attribute.
+/// Location of a reference of a primitive: the morph target, if any, and the name of the attribute.
 pub(super) type AttributePlace = (Option<usize>, String);
 
 /// Data of a primitive.
 pub(super) struct PackedGeometry {
-    /// Each with the accessor that it comes from.
+    /// Each stream with its source accessor.
     pub(super) streams: Vec<(AttributePlace, usize, PackedStream)>,
     pub(super) indices: Option<PackedStream>,
     /// The accessor of the indices.

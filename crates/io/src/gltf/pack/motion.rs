@@ -1,4 +1,4 @@
-//! Purposes of the accessors that are not of meshes, and their streams.
+//! Purposes of the accessors that do not belong to meshes, and their streams.
 
 use std::collections::HashMap;
 
@@ -45,7 +45,8 @@ impl Role {
     }
 }
 
-/// Returns the purposes of accessors by animations and skins; those used for different purposes are `Other`.
+/// Returns the purposes of accessors by animations and skins; accessors used for different purposes are
+/// `Other`.
 pub(super) fn roles(json: &Value) -> HashMap<usize, Role> {
     let mut roles = HashMap::new();
     let mut add = |value: &Value, role: Role| {

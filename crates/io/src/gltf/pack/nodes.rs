@@ -1,4 +1,4 @@
-//! Transforms that bring rounded positions back to their places: of nodes, of skins, and of instances.
+//! Transforms that undo the quantization of positions: of nodes, skins and instances.
 
 use std::collections::HashMap;
 
@@ -19,7 +19,7 @@ use crate::error::ReadError;
 pub(super) struct GridNodes<'a, 'b> {
     pub(super) source: &'a Value,
     pub(super) buffers: &'a Buffers<'b>,
-    /// Of each mesh.
+    /// The grid of each mesh.
     pub(super) grids: &'a [Option<Grid>],
 }
 
@@ -207,7 +207,8 @@ fn rotated([x, y, z, w]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|k| v[k] + w * t[k] + u[k])
 }
 
-/// Returns for each node whether nothing but its mesh depends on its transform, and nobody may look for it.
+/// Returns for each node whether only its mesh depends on its transform, and it has no name that a user could
+/// look for.
 fn plain_nodes(json: &Value) -> Vec<bool> {
     let is_plain = |node: &Value| {
         let bare = |key: &str| node[key].is_null();
@@ -222,7 +223,7 @@ fn plain_nodes(json: &Value) -> Vec<bool> {
             *plain = false;
         }
     }
-    // Pointers into nodes are strings of any extension.
+    // Any extension may have strings that point into nodes.
     if list(json, "extensionsUsed").iter().any(|e| e == POINTERS) {
         plain.fill(false);
     }

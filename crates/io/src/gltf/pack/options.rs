@@ -99,8 +99,8 @@ pub struct Written {
     pub warnings: Vec<Warning>,
     /// Results of packing; `None` without it.
     pub packed: Option<PackReport>,
-    /// Costs of drawing the file, without the bytes of the file; `None` where the file itself tells it
-    /// ([`sizes_of_path`](crate::sizes_of_path)) or the mesh does.
+    /// Costs of drawing the file, without the bytes of the file; `None` if they can be read from the file
+    /// ([`sizes_of_path`](crate::sizes_of_path)) or computed from the mesh.
     pub sizes: Option<Sizes>,
 }
 
@@ -126,9 +126,9 @@ impl IntoIterator for Written {
 pub struct PackReport {
     /// Largest differences by quantization; `None` without it.
     pub errors: Option<QuantizationErrors>,
-    /// Order of the triangles and vertices before.
+    /// Cache use of the order of triangles and vertices before.
     pub cache_before: CacheUse,
-    /// Order of the triangles and vertices in the file.
+    /// Cache use of the order of triangles and vertices in the file.
     pub cache: CacheUse,
     /// Bytes of the compressed streams before compression; 0 without it.
     pub stream_bytes: u64,
@@ -163,7 +163,7 @@ pub struct QuantizationErrors {
 }
 
 impl QuantizationErrors {
-    /// Takes the larger of each two.
+    /// Raises each value to the one in another report if that is larger.
     pub(super) fn raise(&mut self, other: Self) {
         let Self { position, position_share, normal, tangent, uv, .. } = self;
         for (mine, other) in [
@@ -182,7 +182,7 @@ impl QuantizationErrors {
         }
     }
 
-    /// Returns a sentence for people; `None` if nothing was rounded.
+    /// Returns a sentence for users; `None` if nothing was rounded.
     pub fn sentence(&self) -> Option<String> {
         let mut parts = Vec::new();
         if self.position > 0.0 {

@@ -8,8 +8,8 @@ use super::options::{Compression, QuantizationErrors};
 use super::streams::{PackedStream, StreamKind, bounds};
 use crate::error::ReadError;
 
-/// Bits of positions, within the box of all meshes, and of other values: those of gltfpack, so that files can
-/// be compared.
+/// Bits of positions, within the box of all meshes, and of other values: as in gltfpack, so that files can be
+/// compared.
 const POSITION_BITS: u32 = 14;
 const NORMAL_BITS: u32 = 8;
 const UV_BITS: i32 = 12;
@@ -21,7 +21,7 @@ const VECTOR_BITS: u32 = 16;
 pub(super) struct Grid {
     pub(super) offset: [f32; 3],
     pub(super) step: f32,
-    /// Of the box of the mesh.
+    /// Diagonal of the box of the mesh.
     pub(super) diagonal: f32,
 }
 
@@ -144,7 +144,7 @@ impl Rounding {
         Ok(made.map(|mut stream| {
             stream.kind = kind.clone();
             let PackedStream { number, width, stride, .. } = stream;
-            // glTF asks for them.
+            // glTF requires bounds of positions.
             stream.bounds = (name == "POSITION").then(|| bounds(&stream.bytes, number, width, stride));
             stream
         }))
@@ -293,7 +293,7 @@ impl Rounding {
         Some(self.made(fractions(Component::U8), width, 4, bytes, filter))
     }
 
-    /// Rounds weights of joints, of which all sets of a vertex together have the sum 1.
+    /// Rounds joint weights; over all sets of a vertex their sum is 1.
     pub(super) fn weights(&mut self, exact: &[[f32; 4]], normalized: &[f32]) -> PackedStream {
         let mut bytes = Vec::with_capacity(normalized.len());
         for (x, exact) in normalized.iter().zip(exact.as_flattened()) {
@@ -355,7 +355,7 @@ impl Rounding {
         Some(self.made(NumberType::FLOAT, width, stride, bytes, Filter::Exponential))
     }
 
-    /// Raises a largest difference by those of filtered floats.
+    /// Raises a largest difference by comparing filtered floats.
     fn compare(
         &mut self,
         exact: &[f32],

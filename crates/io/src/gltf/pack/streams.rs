@@ -22,7 +22,7 @@ pub(super) enum StreamKind {
     Triangles,
     /// Other indices.
     Indices,
-    /// Numbers of animations, skins and others, named for what they are.
+    /// Data of animations, skins and others, by name.
     Other(&'static str),
 }
 
@@ -79,9 +79,9 @@ pub(super) struct Output {
     of_stream: Vec<(usize, usize)>,
     /// Views that are copied as they are, with their bytes.
     copied: Vec<(Value, Vec<u8>)>,
-    /// Their numbers among those, by their numbers in the source.
+    /// Indices of copied views, by their indices in the source.
     copied_of: HashMap<usize, usize>,
-    /// Accessors of data that are not of vertices, by their view and a hash of their elements.
+    /// Accessors of non-vertex data, by their view and a hash of their elements.
     equal: HashMap<(usize, u64), Vec<Placed>>,
     /// Accessors by copied view, and the pointer to the property that names it.
     of_copied: Vec<(usize, &'static str, usize)>,
@@ -187,8 +187,8 @@ impl Output {
         view
     }
 
-    /// Adds a view that stays as it is, unless this number of the source was added before; returns its number among
-    /// those.
+    /// Adds a view that stays as it is, unless the view with this source index was added before; returns its index
+    /// among the copied views.
     pub(super) fn copy_view(&mut self, number: usize, view: &Value, bytes: &[u8]) -> usize {
         *self.copied_of.entry(number).or_insert_with(|| {
             self.copied.push((view.clone(), bytes.to_vec()));
@@ -293,7 +293,7 @@ impl Output {
         if let Some(target) = kind.target() {
             view.insert("target".to_owned(), target.into());
         }
-        // Only now in the usual order of keys.
+        // Set last, for the usual order of keys.
         Value::Object(view)
     }
 }
@@ -317,7 +317,7 @@ fn put_list(json: &mut Value, name: &str, entries: Vec<Value>) {
 }
 
 /// Returns the least and the largest values of each component of elements without a filter, as an accessor
-/// tells them.
+/// declares them.
 pub(super) fn bounds(bytes: &[u8], number: NumberType, width: usize, stride: usize) -> [Vec<Value>; 2] {
     let size = number.component.size();
     let mut found = vec![(f32::INFINITY, f32::NEG_INFINITY); width];

@@ -56,7 +56,7 @@ pub(super) enum AccessorRole {
 pub(super) enum Data {
     /// All are zero.
     Zeros,
-    /// Those of this earlier piece, which replaces the same accessor.
+    /// Shared with this earlier piece, which replaces the same accessor.
     Shared(usize),
     Dense(NewView),
     /// Non-zero elements: their number, the type of their indices, and the bytes of indices and values.
@@ -81,7 +81,7 @@ pub(super) struct Edit<'s> {
     pub(super) fresh: Vec<u8>,
     /// Accessors that replaced primitives referred to.
     pub(super) released: BTreeSet<usize>,
-    /// Names of primitives that have no face any more.
+    /// Names of primitives that have no faces left.
     pub(super) emptied: Vec<String>,
     pub(super) warnings: Vec<Warning>,
 }

@@ -53,8 +53,8 @@ impl Edit<'_> {
         let pieces = std::mem::take(&mut self.pieces);
         let mut accessors: Vec<Option<usize>> = Vec::with_capacity(pieces.len());
         for piece in &pieces {
-            let heir = piece.old.filter(|_| !matches!(piece.data, Data::Shared(_)));
-            accessors.push(heir.filter(|old| free.accessors.remove(old)));
+            let reused = piece.old.filter(|_| !matches!(piece.data, Data::Shared(_)));
+            accessors.push(reused.filter(|old| free.accessors.remove(old)));
         }
         let mut views: Vec<Vec<Option<usize>>> = Vec::with_capacity(pieces.len());
         for (piece, accessor) in pieces.iter().zip(&accessors) {

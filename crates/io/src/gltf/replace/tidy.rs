@@ -27,11 +27,11 @@ impl Edit<'_> {
         match self.emptied.as_slice() {
             [] => {}
             [name] => {
-                let text = format!("{name} has no face any more: left out, with its material");
+                let text = format!("{name} has no faces left: removed, with its material");
                 self.warnings.push(Warning::lost(text));
             }
             names => self.warnings.push(Warning::lost(format!(
-                "{} primitives have no face any more: left out, with their materials: {}",
+                "{} primitives have no faces left: removed, with their materials: {}",
                 names.len(),
                 first_few(names)
             ))),
@@ -66,10 +66,11 @@ impl Edit<'_> {
         let has_joints =
             |mesh: &Value| list(mesh, "primitives").iter().any(|p| !p["attributes"]["JOINTS_0"].is_null());
         let meshes = list(self.source, "meshes").iter().zip(list(&self.json, "meshes"));
-        let stiff: Vec<bool> = meshes.map(|(before, now)| has_joints(before) && !has_joints(now)).collect();
+        let lost_joints: Vec<bool> =
+            meshes.map(|(before, now)| has_joints(before) && !has_joints(now)).collect();
         for node in list_mut(&mut self.json, "nodes").iter_mut().filter_map(Value::as_object_mut) {
             let mesh = node.get("mesh").and_then(number);
-            if mesh.is_some_and(|m| stiff.get(m) == Some(&true)) {
+            if mesh.is_some_and(|m| lost_joints.get(m) == Some(&true)) {
                 node.shift_remove("skin");
             }
         }
@@ -79,9 +80,9 @@ impl Edit<'_> {
     fn remove_meshes(&mut self, emptied: &BTreeSet<usize>) {
         let names: Vec<String> = emptied.iter().map(|m| format!("meshes[{m}]")).collect();
         self.warnings.push(Warning::lost(match names.as_slice() {
-            [name] => format!("{name} has no face any more: left out, and its nodes are empty"),
+            [name] => format!("{name} has no faces left: removed, its nodes are empty"),
             _ => format!(
-                "{} meshes have no face any more: left out, and their nodes are empty: {}",
+                "{} meshes have no faces left: removed, their nodes are empty: {}",
                 names.len(),
                 first_few(&names)
             ),
@@ -99,7 +100,7 @@ impl Edit<'_> {
                 ["mesh", "skin", "weights"].iter().for_each(|key| drop(node.shift_remove(*key)));
             }
         }
-        // Such a channel has nothing left to morph.
+        // Such a channel no longer has a mesh to morph.
         let is_idle = |channel: &Value| {
             let target = &channel["target"];
             target["path"] == "weights" && number(&target["node"]).is_some_and(|n| bare.contains(&n))

@@ -26,7 +26,7 @@ impl DecodeBudget {
     pub(super) fn take(&mut self, bytes: u64) -> Result<(), ReadError> {
         let size = self.used.saturating_add(bytes);
         if size > self.limit {
-            let what = "size of what is compressed, for a file of this size,";
+            let what = "unpacked size of compressed data, for a file of this size,";
             return Err(ReadError::Limit { what, size, limit: self.limit });
         }
         self.used = size;
@@ -53,7 +53,7 @@ impl DecodedBytes {
         self.placed.push((view, start..self.bytes.len()));
     }
 
-    /// Merges the bytes that stay and the decoded ones into one buffer.
+    /// Merges the remaining bytes and the decoded bytes into one buffer.
     pub(super) fn finish(self, json: &mut Value, buffers: &mut Vec<Arc<Vec<u8>>>) {
         let new: HashSet<usize> = self.placed.iter().map(|(view, _)| *view).collect();
         let views = || list(json, "bufferViews").iter().enumerate().filter(|(i, _)| !new.contains(i));

@@ -80,7 +80,7 @@ impl DracoPrimitive {
             return Err(ReadError::element(name, problem));
         }
         let Some(view) = whole(extension, "bufferView", &name)? else {
-            return Err(ReadError::element(name, format!("{DRACO} names no bufferView")));
+            return Err(ReadError::element(name, format!("{DRACO} has no bufferView")));
         };
         let mut attributes = Vec::new();
         for (key, _) in primitive["attributes"].as_object().into_iter().flatten() {
@@ -118,9 +118,9 @@ fn decode(
 /// State of the conversion to uncompressed geometry.
 struct DracoOutput {
     fresh: DecodedBytes,
-    /// New accessor of each part and source accessor.
+    /// The new accessor, by part and source accessor.
     known: HashMap<(StreamPart, usize), usize>,
-    /// Accessors that parts have taken over, and those that something else refers to.
+    /// Accessors whose indices parts have reused, and accessors that something else refers to.
     taken: HashSet<usize>,
     plain: HashSet<usize>,
     /// Views that may have become unused.
@@ -173,8 +173,9 @@ impl DracoOutput {
                         return Err(ReadError::element(name, problem));
                     }
                     let Some(attribute) = mesh.attribute_by_unique_id(*id) else {
-                        let problem =
-                            format!("{key} is said to be attribute {id} of the Draco stream, which has none");
+                        let problem = format!(
+                            "{key} refers to attribute {id} of the Draco stream, which does not exist"
+                        );
                         return Err(ReadError::element(job.name.as_str(), problem));
                     };
                     let width = usize::from(attribute.num_components());
@@ -276,7 +277,7 @@ impl DracoOutput {
         at
     }
 
-    /// Removes the streams, and views that are only for readers without the extension.
+    /// Removes the streams, and views that only readers without the extension need.
     fn finish(mut self, json: &mut Value, buffers: &mut Vec<Arc<Vec<u8>>>) {
         let mut named = BTreeSet::new();
         each_reference(json, &mut |kind, value| {
@@ -295,7 +296,7 @@ impl DracoOutput {
     }
 }
 
-/// Returns the float weights of a primitive, scaled to the sum one again: the stream has rounded them.
+/// Returns the float weights of a primitive, rescaled to the sum one, since the stream has rounded them.
 fn weights(json: &Value, job: &DracoPrimitive, mesh: &Mesh) -> HashMap<String, Vec<f32>> {
     let (mut keys, mut sets) = (Vec::new(), Vec::new());
     for (key, accessor, id) in &job.attributes {

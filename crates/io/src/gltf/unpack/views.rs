@@ -43,7 +43,7 @@ pub(super) fn unpack(
         room.take(size as u64)?;
         let ByteSpan { buffer, bytes } = &source;
         let Some(whole_buffer) = buffers.get(*buffer) else {
-            let problem = format!("names buffers[{buffer}], but the file has {}", buffers.len());
+            let problem = format!("refers to buffers[{buffer}], but the file has {}", buffers.len());
             return Err(ReadError::element(at, problem));
         };
         let stream = whole_buffer.get(bytes.clone()).ok_or_else(|| {
@@ -75,11 +75,11 @@ fn layout(extension: &Value, at: &str) -> Result<(Layout, ByteSpan), ReadError> 
         Value::Null => Ok(None),
         Value::String(word) => Ok(Some(word.as_str())),
         other => {
-            Err(ReadError::element(at, format!("{name} is {}, not a word", excerpt(&other.to_string()))))
+            Err(ReadError::element(at, format!("{name} is {}, not a string", excerpt(&other.to_string()))))
         }
     };
     let unknown = |name: &str, word: &str| {
-        ReadError::Unsupported(format!("{at}: the {name} {} is not known here", excerpt(word)))
+        ReadError::Unsupported(format!("{at}: the {name} {} is unknown", excerpt(word)))
     };
     let mode = match word("mode")? {
         Some("ATTRIBUTES") => StreamMode::Attributes,

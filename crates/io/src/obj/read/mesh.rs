@@ -76,7 +76,7 @@ impl Section {
                 warnings.push(Warning::note(format!("{bare} vertices without a colour: made white")));
             }
             if unit_colors(&mut self.colors) {
-                warnings.push(Warning::note("colours count to 255: divided by 255"));
+                warnings.push(Warning::note("colours range up to 255: divided by 255"));
             }
         }
         let is_same =
@@ -93,8 +93,7 @@ impl Section {
             for (buffer, what) in [(&uv_of, "texture coordinates"), (&normal_of, "a normal")] {
                 let bare = buffer.iter().flatten().filter(|&&i| i == NONE).count();
                 if bare > 0 {
-                    warnings
-                        .push(Warning::note(format!("{bare} corners without {what}: zeros were put there")));
+                    warnings.push(Warning::note(format!("{bare} corners without {what}: filled with zeros")));
                 }
             }
             let indices = |kind: usize, buffer| match self.storage[kind] {

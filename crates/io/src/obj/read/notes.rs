@@ -1,4 +1,4 @@
-//! Counts of what an OBJ file has besides the mesh, for warnings.
+//! Counts of the contents of an OBJ file besides the mesh, for warnings.
 
 use crate::error::Warning;
 use crate::excerpt::excerpt_of_bytes;
@@ -49,10 +49,10 @@ impl ObjNotes {
         }
         if let Some((count, line, word)) = &self.unknown_lines {
             let text = format!(
-                "{count} lines begin with a word that OBJ does not have, such as `{}` in line {line}",
+                "{count} lines begin with an unknown keyword, such as `{}` in line {line}",
                 excerpt_of_bytes(word)
             );
-            warnings.push(Warning::note(text + ": passed over"));
+            warnings.push(Warning::note(text + ": skipped"));
         }
         warnings
     }
