@@ -7,20 +7,20 @@ use uvunwrap::{Atlas, Density, Error, MeshInput, Options, generate_with_progress
 use crate::error::BakeError;
 use crate::flat::Flat;
 
-/// Texels between a chart and the border of its cell, for a map of a size: enough for four mip levels to stay apart at
-/// 2048.
+/// Texels between a chart and the border of its cell, for a map of this size: enough to keep charts separate in four
+/// mip levels at 2048.
 pub(crate) fn padding(size: usize) -> usize {
     (size / 256).clamp(2, 16)
 }
 
-/// Charts are packed in cells of the map, at most this many in a row. (Measured with 10,000 faces of a brain on a map of
-/// 2048²: with as many cells as texels packing takes half of a bake's time.)
-const MOST_CELLS: usize = 1024;
+/// Charts are packed in a grid of cells, with at most this many cells in a row. (Measured with 10,000 faces of a brain
+/// on a map of 2048²: with a cell for each texel, packing takes half of the time of a bake.)
+const MAX_CELLS: usize = 1024;
 
 /// Share of the map that charts usually fill.
 pub(crate) const USUAL_FILL: f64 = 0.65;
 
-/// Returns texture coordinates at the corners of some faces, in a common atlas; v grows upwards. `proceed` is asked
+/// Returns texture coordinates at the corners of some faces, in a common atlas; v grows upwards. `proceed` is called
 /// often, and returns false to cancel.
 pub(crate) fn unwrap(
     light: &Flat,
@@ -49,7 +49,7 @@ pub(crate) fn unwrap(
             indices.push(*n);
         }
     }
-    let cells = size.min(MOST_CELLS);
+    let cells = size.min(MAX_CELLS);
     let mut pad = (padding(size) * cells).div_ceil(size) as u32;
     loop {
         let density = Density::Auto { page_size: cells as u32 };
@@ -59,7 +59,7 @@ pub(crate) fn unwrap(
         match made {
             Ok(atlas) if atlas.page_count <= 1 => return Ok(corner_uvs(&atlas, cells)),
             Err(Error::Cancelled) => return Err(BakeError::Cancelled),
-            // Many small charts: less room between them may be enough.
+            // Many small charts: less padding between them may be enough.
             _ if pad > 1 => pad /= 2,
             Ok(_) => return Err(failed("its charts do not fit; use a larger --texture-size".to_owned())),
             Err(e) => return Err(failed(format!("{e}; use a larger --texture-size"))),

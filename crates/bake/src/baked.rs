@@ -1,4 +1,4 @@
-//! One bake from beginning to end.
+//! A whole bake, from two models to maps.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -30,7 +30,7 @@ use crate::wedges::with_corners;
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Baked {
-    /// The meshes of the lighter model, in its order, with normals, texture coordinates and tangents; `None` for those
+    /// The meshes of the lighter model, in its order, with normals, texture coordinates and tangents; `None` for meshes
     /// that no node places.
     pub meshes: Vec<Option<TriMesh>>,
     /// For each mesh and each of its regions, the index of the set whose maps it uses; empty for meshes that no node
@@ -38,7 +38,7 @@ pub struct Baked {
     pub set_of_region: Vec<Vec<usize>>,
     /// The maps.
     pub sets: Vec<BakedSet>,
-    /// Counts of the ways in which sources were found.
+    /// Counts of how source points were found.
     pub found: Found,
     /// Notes for the user: coordinates that could not be used.
     pub notes: Vec<String>,
@@ -48,13 +48,13 @@ pub struct Baked {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct BakedSet {
-    /// Name, for files: that of the material.
+    /// Name for files: the name of the material.
     pub name: String,
     /// The material of the lighter model that gets the maps; `None` if `look` is a new one.
     pub material: Option<usize>,
-    /// Materials of the lighter model that a new one replaces.
+    /// Materials of the lighter model that the new material replaces.
     pub replaced: Vec<usize>,
-    /// The material, without textures. Factors are those that belong to the baked maps.
+    /// The material, without textures. Its factors match the baked maps.
     pub look: Material,
     /// Width and height of the maps, in texels.
     pub size: usize,
@@ -66,7 +66,7 @@ pub struct BakedSet {
 
 /// Bakes maps of a lighter model from a detailed one.
 ///
-/// Both lie in the same place, at rest; of a mesh that is placed several times in the lighter model, the first instance
+/// Both must be in the same place, at rest; if a mesh is placed several times in the lighter model, the first instance
 /// counts. The lighter model's meshes without normals get smooth ones. Maps are baked with four samples per texel; the
 /// same input and options give the same result at any number of threads. Cost: O(texels · log faces), times the rays
 /// for occlusion; 2048 x 2048 texels of normals and colours from 500,000 faces take some ten seconds on two cores.
@@ -74,8 +74,8 @@ pub struct BakedSet {
 /// Tangents follow MikkTSpace, whose author is Morten S. Mikkelsen.
 ///
 /// # Errors
-/// [`BakeError::Empty`], [`BakeError::Option`], [`BakeError::Memory`], [`BakeError::Atlas`]; [`BakeError::Cancelled`] if the control asks for
-/// the end: there is no partial result.
+/// [`BakeError::Empty`], [`BakeError::Option`], [`BakeError::Memory`], [`BakeError::Atlas`]; [`BakeError::Cancelled`]
+/// if the control requests it: there is no partial result.
 pub fn bake(
     detailed: &Model,
     lighter: &Model,
@@ -173,8 +173,8 @@ fn check(options: &BakeOptions) -> Result<(), BakeError> {
     Ok(())
 }
 
-/// Returns the memory that a bake takes: the program, two trees, the textures of the detailed model with their smaller
-/// copies, the texels in work of the largest set, and the maps of all sets with their PNGs.
+/// Returns the memory that a bake takes: the program, two trees, the textures of the detailed model with their mipmaps,
+/// the texels being baked of the largest set, and the maps of all sets with their PNGs.
 fn memory_need(detailed: &Model, lighter: &Model, sets: &[FaceSet]) -> u64 {
     let faces = |model: &Model| model.meshes.iter().map(|m| m.mesh.face_count() as u64).sum::<u64>();
     let pixels: u64 = detailed.images.iter().map(|i| (i.width() * i.height()) as u64).sum();
@@ -189,7 +189,8 @@ fn proceed(control: &mut dyn Control, done: f64) -> Result<(), BakeError> {
     if control.progress(done) == Verdict::Continue { Ok(()) } else { Err(BakeError::Cancelled) }
 }
 
-/// Does work on another thread, and asks the control whenever that thread asks whether to proceed: only this thread may.
+/// Runs work on another thread, and forwards its questions whether to proceed to the control, which only this thread
+/// may call.
 fn watched<T: Send>(
     control: &mut dyn Control,
     done: f64,
@@ -256,7 +257,7 @@ fn finished_meshes(model: &Model, flat: &Flat, sets: &[FaceSet], uvs: &[[[f32; 2
         let tangents = needs_tangents.then(|| corner_tangents(mesh, &normal, &|f, k| own_uvs[f][k]));
         let mut made = with_corners(mesh, Some(&own_uvs), tangents.as_deref());
         if faces.clone().all(|f| bakes(set_of_face[f], MapKind::Color)) {
-            // They are in the map, and would count twice.
+            // Vertex colours are in the map, and would count twice.
             made.set_colors(None).expect("removing cannot fail");
         }
         let regions = mesh.regions().map_or(1, |r| r.iter().map(|r| r.index() + 1).max().unwrap_or(1));
@@ -285,7 +286,7 @@ fn world_tangents(model: &Model, flat: &Flat) -> Vec<[Vec4; 3]> {
         let stored = mesh.further_attributes().iter().find(|a| a.semantic == Semantic::Tangent);
         let Some(stored) = stored else { continue };
         let faces = piece.first_face..piece.first_face + mesh.face_count();
-        // The bitangent is that of the mesh, transformed: in a mirror its side changes.
+        // The bitangent of the mesh is transformed: a mirror flips its side.
         let side = if piece.linear.determinant() < 0.0 { -1.0 } else { 1.0 };
         for (own, wedges) in all[faces.clone()].iter_mut().zip(&flat.mesh.triangles()[faces]) {
             *own = wedges.map(|w| {

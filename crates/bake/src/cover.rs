@@ -8,7 +8,7 @@ pub(crate) const GRID: usize = 2;
 pub(crate) const SAMPLES: usize = GRID * GRID;
 /// Marks a sample or texel without a face.
 pub(crate) const NOTHING: u32 = u32::MAX;
-/// Texels beyond the edge of a chart that get values of their own: filtering reads the next one, and its neighbour at
+/// Width in texels of the ring around a chart that is baked too: filtering reads the next texel, and its neighbour at
 /// corners.
 const RING: f64 = 1.6;
 
@@ -21,7 +21,7 @@ pub(crate) struct TexelFace {
 }
 
 impl TexelFace {
-    /// Returns a face from its texture coordinates, in a map of this size. A whole number of tiles is taken off, so
+    /// Returns a face from its texture coordinates, in a map of this size. A whole number of tiles is subtracted, so
     /// that the face begins in the map.
     pub(crate) fn new(face: u32, uvs: [[f32; 2]; 3], size: usize) -> Self {
         let size = size as f64;
@@ -69,7 +69,8 @@ impl TexelFace {
 /// A texel that a face covers or comes near to.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Texel {
-    /// For each sample an index into the faces, or [`NOTHING`]. All are the nearest face beside a chart.
+    /// For each sample an index into the faces, or [`NOTHING`]. Beside a chart all samples have the nearest
+    /// face.
     pub(crate) faces: [u32; SAMPLES],
     /// Squared distance of the nearest face; -1 if a sample is covered.
     distance_sq: f32,
@@ -106,8 +107,8 @@ pub(crate) struct Cover {
 pub(crate) const BAND_ROWS: usize = 8;
 
 impl Cover {
-    /// Sorts faces into bands. Those without area in the map, with coordinates that are not finite, or that cover more
-    /// than a few tiles are left out.
+    /// Sorts faces into bands. Faces without area in the map, with non-finite coordinates, or that cover more than a
+    /// few tiles are left out.
     pub(crate) fn new(size: usize, faces: impl Iterator<Item = TexelFace>) -> Self {
         let faces: Vec<TexelFace> = faces.filter(|f| is_usable(f, size)).collect();
         let mut bands = vec![Vec::new(); size.div_ceil(BAND_ROWS)];
@@ -151,7 +152,8 @@ impl Cover {
         texels
     }
 
-    /// Returns the place of a sample on its face: the copy of the map whose texel is nearest to the face.
+    /// Returns the barycentric weights of a sample on its face, for the copy of the map whose texel is
+    /// nearest to the face.
     pub(crate) fn weights(&self, face: &TexelFace, x: usize, y: usize, offset: DVec2) -> [f64; 3] {
         let size = self.size as f64;
         let first = face.weights(DVec2::new(x as f64, y as f64) + offset);
@@ -273,7 +275,7 @@ mod tests {
         let mut two = square(size, [0.0, 0.0], 0.5);
         two.extend(square(size, [7.25, 0.0], 0.5));
         let overlap = Cover::new(size, two.into_iter()).overlap();
-        // Texels on the diagonals are in doubt.
+        // Texels on the diagonals may go either way.
         assert!((overlap - 1.0 / 3.0).abs() < 0.04, "{overlap}");
     }
 }

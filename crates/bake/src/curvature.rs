@@ -10,7 +10,7 @@ use crate::source::SourcePoint;
 /// Curvatures, scaled so that most lie between -1 (concave) and 1.
 pub(crate) struct Curvature {
     of_vertex: Vec<f32>,
-    /// The curvature that 1 stands for, in one over the units of the model.
+    /// The curvature that is stored as 1, in one over the units of the model.
     pub(crate) range: f64,
 }
 

@@ -25,7 +25,7 @@ pub(crate) struct Piece {
 
 /// A model as one surface.
 pub(crate) struct Flat {
-    /// Positions in double precision; texture coordinates and colours if any mesh has them. Faces are those of the
+    /// Positions in double precision; texture coordinates and colours if any mesh has them. Faces are the faces of the
     /// pieces in their order; if a transform mirrors, their last two corners are exchanged.
     pub(crate) mesh: TriMesh,
     /// Positions of the corners of each face.
@@ -37,10 +37,10 @@ pub(crate) struct Flat {
     pub(crate) pieces: Vec<Piece>,
 }
 
-/// Instances and coordinates to take.
+/// Which instances and coordinates to use.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Taken {
-    /// The first instance of each mesh. Skinned meshes and those with morph targets are in mesh coordinates.
+    /// The first instance of each mesh. Meshes with skins or morph targets are in mesh coordinates.
     FirstInMeshCoordinates,
     /// The first instance of each mesh, as placed and deformed at rest.
     First,
@@ -173,7 +173,7 @@ impl<'a> FlatBuilder<'a> {
             };
             self.normals.push(order.map(|k| (normal * at(k).as_dvec3()).normalize_or_zero().as_vec3()));
         }
-        // A normal without length is that of the face.
+        // A normal of length zero is replaced by the face normal.
         for face in first_face..self.triangles.len() {
             if self.normals[face].contains(&Vec3::ZERO) {
                 let corners = self.triangles[face].map(|w| self.positions[self.vertex_of[w.index()].index()]);
@@ -187,7 +187,7 @@ impl<'a> FlatBuilder<'a> {
 
     fn finish(self) -> Flat {
         let mut mesh = TriMesh::with_wedges(Positions::F64(self.positions), self.vertex_of, self.triangles)
-            .expect("indices are those of valid meshes, moved");
+            .expect("indices are those of valid meshes, with an offset");
         mesh.set_uvs(self.uvs).expect("there is one for each wedge");
         mesh.set_colors(self.colors).expect("there is one for each wedge");
         mesh.set_regions(Some(self.regions)).expect("there is one for each face");

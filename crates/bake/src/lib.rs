@@ -1,4 +1,4 @@
-//! Baking: the detail of a surface goes into textures of a lighter one.
+//! Baking: the detail of a surface is stored in textures of a lighter surface.
 //!
 //! [`bake`] takes two models, which may be any: the lighter one is often made from the detailed one by
 //! [`lodsmith::simplify`]. It returns the meshes of the lighter model with texture coordinates and tangents, and the

@@ -1,9 +1,9 @@
 //! Correspondence of the two surfaces: parts, equal faces, and the cage.
 //!
-//! The correspondence of the vertices says which parts of the detailed surface each part of the lighter one was made
-//! from. A sample never takes its values from another part, unless that part has no counterpart at all (a rivet that
-//! is gone). The cage has the directions of averaged normals, which have no gaps at sharp edges, and reaches just far
-//! enough at each vertex to hold the detailed surface around it.
+//! The correspondence of the vertices determines which parts of the detailed surface each part of the lighter surface
+//! was made from. A sample never takes its values from any other part, unless that part has no counterpart at all (a
+//! rivet that was removed). The cage has the directions of averaged normals, which have no gaps at sharp edges, and
+//! reaches just far enough at each vertex to contain the detailed surface around it.
 
 use std::collections::HashMap;
 
@@ -28,11 +28,11 @@ pub(crate) struct Cage {
     pub(crate) inwards: f64,
 }
 
-/// A face of the detailed surface that holds all corners of a face of the lighter one.
+/// A face of the detailed surface that contains all corners of a face of the lighter surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SameFace {
     pub(crate) face: usize,
-    /// Barycentric weights there of each corner.
+    /// Barycentric weights of each corner on that face.
     pub(crate) weights: [[f64; 3]; 3],
 }
 
@@ -42,7 +42,8 @@ pub(crate) struct Link {
     part_of: Vec<u32>,
     /// The part of each face of the lighter surface.
     light_part_of: Vec<u32>,
-    /// For each part of the lighter surface, those of the detailed one that it was made from, ascending.
+    /// For each part of the lighter surface, the parts of the detailed surface that it was made from,
+    /// ascending.
     origins: Vec<Vec<u32>>,
     /// True for parts of the detailed surface that nothing was made from.
     is_orphan: Vec<bool>,
@@ -52,7 +53,7 @@ pub(crate) struct Link {
 }
 
 impl Link {
-    /// Connects two surfaces. Texture coordinates and regions tell sides apart if both surfaces have the same ones.
+    /// Connects two surfaces. Texture coordinates and regions distinguish sides if both surfaces have the same ones.
     pub(crate) fn new(source: &Source<'_>, light: &Flat, is_same_model: bool) -> Result<Self, BakeError> {
         let strip = |mesh: &TriMesh| {
             let mut mesh = mesh.clone();
@@ -100,11 +101,11 @@ impl Link {
             })
             .collect();
         let diagonal = source.tree.bounds().map_or(1.0, |b| b.diagonal());
-        let (least, most) = (MIN_REACH * diagonal, MAX_REACH * diagonal);
-        let mut reach = vec![[least; 2]; light.mesh.vertex_count()];
+        let (min_reach, max_reach) = (MIN_REACH * diagonal, MAX_REACH * diagonal);
+        let mut reach = vec![[min_reach; 2]; light.mesh.vertex_count()];
         let mut widen = |v: VertexId, height: f64| {
             let at = &mut reach[welded.of(v).index()][usize::from(height < 0.0)];
-            *at = at.max(height.abs() * REACH_SLACK).min(most);
+            *at = at.max(height.abs() * REACH_SLACK).min(max_reach);
         };
         // From the lighter surface: its own vertices.
         let view = source.flat.mesh.positions().view();
@@ -115,11 +116,11 @@ impl Link {
             let v = light.mesh.vertex_of(w);
             let here = DVec3::from(surface.positions().get(v));
             let height = (there - here).length();
-            // In doubt on both sides.
+            // The sign is unknown: both sides are widened.
             widen(v, height);
             widen(v, -height);
         }
-        // And from the detailed one.
+        // And from the detailed surface.
         for (face, height) in self.heights(source, light, &directions).into_iter().flatten() {
             surface.triangles()[face as usize].iter().for_each(|v| widen(*v, height));
         }
@@ -130,8 +131,8 @@ impl Link {
         (0..light.mesh.face_count()).map(|f| [0, 1, 2].map(|k| cage(f, k))).collect()
     }
 
-    /// Returns for the centre and the vertices of each face of the detailed surface the nearest face of the lighter
-    /// one that may take from it, with the distance along the direction there.
+    /// Returns, for the centre and the vertices of each face of the detailed surface, the nearest face of the lighter
+    /// surface that may take values from it, with the distance along the cage direction there.
     fn heights(
         &self,
         source: &Source<'_>,
@@ -172,24 +173,24 @@ impl Link {
 const CHUNK_LENGTH: usize = 4096;
 /// The direction of the cage is at least this cosine from the normal of the face: 84°. (Guessed.)
 const MIN_CAGE_COS: f64 = 0.1;
-/// Smallest and largest reach of the cage, of the diagonal. (Guessed: a lighter mesh that is farther off is another
-/// model.)
+/// Smallest and largest reach of the cage, as fractions of the diagonal. (Guessed: a lighter mesh that is farther away
+/// is another model.)
 const MIN_REACH: f64 = 5e-4;
 const MAX_REACH: f64 = 0.1;
 /// Factor on the reach: the cage interpolates, and heights are measured at vertices and centres only. (Guessed.)
 const REACH_SLACK: f64 = 1.5;
 
-/// Returns the connected part of each face; a face without area is a part with the first.
+/// Returns the connected part of each face; faces without area belong to the first part.
 fn parts(flat: &Flat) -> Vec<u32> {
     let components = Topology::new(&flat.mesh.surface()).components();
     (0..flat.mesh.face_count()).map(|f| components.of_face(FaceId::new(f)).unwrap_or(0) as u32).collect()
 }
 
-/// A part is an origin of another if at least this share of the vertices comes from it. (Guessed: a few vertices of
-/// a part that touches another may seem to come from that.)
+/// A part is an origin of another if at least this share of the vertices comes from it. (Guessed: a few vertices of a
+/// part that touches another may seem to come from the other.)
 const MIN_ORIGIN_SHARE: f64 = 0.05;
 
-/// Returns for each part of the lighter surface those of the detailed one that it was made from.
+/// Returns for each part of the lighter surface the parts of the detailed surface that it was made from.
 fn origins(
     known: &Correspondence<'_>,
     light: &Flat,
@@ -205,7 +206,7 @@ fn origins(
     let part_count = |parts: &[u32]| parts.iter().max().map_or(0, |m| *m as usize + 1);
     let mut votes: Vec<HashMap<u32, usize>> = vec![HashMap::new(); part_count(light_part_of)];
     // The part of the lighter surface with most votes for a part of the detailed one.
-    let mut favourite: Vec<(usize, u32)> = vec![(0, u32::MAX); part_count(part_of)];
+    let mut best_light_part: Vec<(usize, u32)> = vec![(0, u32::MAX); part_count(part_of)];
     for (f, wedges) in light.mesh.triangles().iter().enumerate() {
         for w in wedges {
             let Some(blend) = known.blend(*w) else { continue };
@@ -213,7 +214,7 @@ fn origins(
             let Some(&part) = wedge_part.get(&heaviest.0) else { continue };
             let count = votes[light_part_of[f] as usize].entry(part).or_default();
             *count += 1;
-            let best = &mut favourite[part as usize];
+            let best = &mut best_light_part[part as usize];
             if *count > best.0 {
                 *best = (*count, light_part_of[f]);
             }
@@ -222,7 +223,7 @@ fn origins(
     let of_part = |(light_part, votes): (usize, &HashMap<u32, usize>)| {
         let least = votes.values().sum::<usize>() as f64 * MIN_ORIGIN_SHARE;
         let is_origin = |part: u32, count: usize| {
-            count as f64 >= least || favourite[part as usize].1 == light_part as u32
+            count as f64 >= least || best_light_part[part as usize].1 == light_part as u32
         };
         let mut all: Vec<u32> = votes.iter().filter(|(p, n)| is_origin(**p, **n)).map(|(p, _)| *p).collect();
         all.sort_unstable();

@@ -12,8 +12,8 @@ pub struct BakedMap {
     pub kind: MapKind,
     /// Its texels.
     pub texels: Texels,
-    /// For heights the distance that white stands for (black is its negative), in units of the model; for curvature
-    /// the curvature, in one over these units; for emitted light the value of white, if it is above 1.
+    /// The value of white. For heights a distance in units of the model (black is its negative); for curvature one over
+    /// these units; for emitted light the intensity, if it is above 1.
     pub range: Option<f64>,
 }
 
@@ -49,8 +49,8 @@ impl BakedMap {
     }
 }
 
-/// Fills the texels that nothing was baked for: those near a chart with the values of the chart, those farther away
-/// with ever coarser means, so that smaller copies of the map keep the colours of the charts up to their edges.
+/// Fills the texels that were not baked: near a chart with the values of the chart, farther away with ever coarser
+/// means, so that mipmaps keep the colours of the charts up to their edges.
 ///
 /// `is_known` marks the texels that have values. Cost: O(texels).
 pub(crate) fn fill(values: &mut [[f32; 4]], is_known: &[bool], width: usize, height: usize, blank: [f32; 4]) {

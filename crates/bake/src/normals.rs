@@ -1,18 +1,18 @@
-//! Normals of meshes without any.
+//! Normals of meshes without normals.
 
 use glam::{DVec3, Vec3};
 use lodsmith_core::Surface;
 use lodsmith_core::geometry::triangle::double_area_normal;
 
-/// Cosine of the angle between two faces from which on the edge between them is sharp: 40°. (Guessed: machine
-/// parts keep their edges, and scans are smooth.)
+/// Cosine of the angle between two faces above which their edge is sharp: 40°. (Guessed: machine parts keep
+/// their edges, and scans are smooth.)
 const CREASE_COS: f64 = 0.766;
 
 /// Computes normals at the corners of each face of a surface without normals: the mean of the normals of the
-/// faces around the vertex that turn by less than 40° from this one, weighted by area.
+/// faces around the vertex that differ by less than 40° from this face, weighted by area.
 ///
-/// Cost: O(faces · faces at a vertex); the faces of a vertex that more than 64 share are not compared, and its
-/// normal is their mean.
+/// Cost: O(faces · faces at a vertex); at a vertex with more than 64 faces they are not compared, and its normal is
+/// their mean.
 pub(crate) fn creased_normals(surface: &Surface<'_>) -> Vec<[Vec3; 3]> {
     let view = surface.positions();
     let triangles = surface.triangles();
@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cube_has_edges_and_a_ball_has_none() {
+    fn a_cube_has_sharp_edges_and_a_sphere_has_none() {
         let cube = shapes::cube(2);
         for (f, normals) in creased_normals(&cube.surface()).iter().enumerate() {
             let corners = cube.surface().triangles()[f].map(|v| DVec3::from(cube.positions().view().get(v)));

@@ -1,5 +1,5 @@
-//! A bounding volume hierarchy that only tells whether something lies on a ray: eight boxes per node, eight faces per
-//! leaf, in single precision.
+//! A bounding volume hierarchy that only answers whether a ray is blocked: eight boxes per node, eight faces per leaf,
+//! in single precision.
 //!
 //! ```text
 //! split the faces in two by the surface area heuristic, again and again, down to leaves of up to eight
@@ -15,13 +15,13 @@ use wide::f32x8;
 
 /// Boxes of a node, and faces of a leaf.
 const WIDTH: usize = 8;
-/// Places along the longest axis where a split is tried.
+/// Number of bins along the longest axis; splits are tried between them.
 const BINS: usize = 16;
-/// Boxes are that much larger on each side, in the unit frame: twice the rounding error of their tests.
+/// Boxes are enlarged by this on each side, in the unit frame: twice the rounding error of their tests.
 const BOX_MARGIN: f32 = 1e-6;
 /// Bit of a child that is a leaf.
 const LEAF: u32 = 1 << 31;
-/// Levels of splits by the heuristic; below, faces are halved, so that a tree of any surface stays flat.
+/// Levels of splits by the heuristic; below, faces are halved, so that the depth of any tree is limited.
 const SPLIT_LEVELS: usize = 48;
 /// Each level has up to seven waiting children; 2³² faces are halved 32 times.
 const STACK_SIZE: usize = 7 * (SPLIT_LEVELS + 32) + 1;
@@ -33,7 +33,7 @@ struct Node {
     children: [u32; WIDTH],
 }
 
-/// A corner and two edges of each face; those of missing faces are zero, so that no ray hits them.
+/// A corner and two edges of each face; missing faces are zero, so that no ray hits them.
 struct Leaf {
     corner: [f32x8; 3],
     edges: [[f32x8; 3]; 2],
@@ -110,7 +110,8 @@ impl Occluders {
         tree
     }
 
-    /// Adds a node with these children, of which those with the largest boxes are opened; returns its number.
+    /// Adds a node with these children, replacing the largest by their own children while there is room;
+    /// returns its number.
     fn add(&mut self, mut children: Vec<(Box3, Split)>) -> u32 {
         while children.len() < WIDTH {
             let opened = |(_, child): &(Box3, Split)| matches!(child, Split::Two(_));
@@ -150,7 +151,7 @@ impl Occluders {
     pub(crate) fn ray(&self, from: DVec3, direction: Vec3, length: f64) -> Ray {
         let origin = self.frame.unit_from_user(from.to_array()).as_vec3().to_array();
         let direction = direction.to_array();
-        // A component of zero has a finite inverse too.
+        // Keeps the inverse of a zero component finite.
         let inverse = direction.map(|x| 1.0 / if x.abs() < 1e-18 { 1e-18f32.copysign(x) } else { x });
         Ray {
             origin: origin.map(f32x8::splat),
@@ -161,7 +162,7 @@ impl Occluders {
         }
     }
 
-    /// True if a face lies on a ray. `latest` is the leaf that blocked a similar ray: it is tried first, and set.
+    /// True if a face lies on a ray. `latest` is the leaf that blocked a similar ray: it is tried first, and updated.
     pub(crate) fn is_blocked(&self, ray: &Ray, latest: &mut u32) -> bool {
         if self.leaves.get(*latest as usize).is_some_and(|leaf| leaf.is_hit(ray)) {
             return true;
@@ -238,7 +239,7 @@ impl Leaf {
         let r = cross(s, ab);
         let v = dot(ray.direction, r) * inverse;
         let t = dot(ac, r) * inverse;
-        // Faces without area have numbers that are not, for which all of these are false.
+        // Faces without area give NaN, for which all of these are false.
         let edge = f32x8::splat(-1e-6);
         let is_inside = u.simd_gt(edge) & v.simd_gt(edge) & (u + v).simd_lt(f32x8::ONE - edge);
         (is_inside & t.simd_gt(f32x8::ZERO) & t.simd_le(ray.length)).to_bitmask() != 0
@@ -361,7 +362,7 @@ mod tests {
     }
 
     #[test]
-    fn faces_that_lie_together_or_far_apart_make_a_flat_tree() {
+    fn coincident_and_distant_faces_do_not_make_a_deep_tree() {
         // Distances that double let the heuristic split off one face at a time.
         let far = |k: i32| 2f64.powf(f64::from(k) / 40.0);
         let corners: Vec<[DVec3; 3]> = (0..400)

@@ -6,10 +6,10 @@ use glam::{DVec3, Vec3};
 
 use crate::occluders::Occluders;
 
-/// Number of sets of directions; each texel takes one, and turns it.
+/// Number of sets of directions; each texel uses one of them, rotated.
 const SETS: usize = 64;
-/// The start of a ray is lifted off the surface by this part of the diagonal. (Guessed: some sixteen rounding errors of
-/// the tree, which has single precision, and far below any detail.)
+/// The start of a ray is lifted off the surface by this fraction of the diagonal. (Guessed: some sixteen rounding
+/// errors of the tree, which has single precision, and far below any detail.)
 const LIFT: f64 = 1e-6;
 
 /// Directions of rays.
@@ -42,7 +42,7 @@ impl Rays {
         Self { directions, count, seed, length, lift: LIFT * diagonal }
     }
 
-    /// Returns the share of the rays from a point that nothing blocks. `key` selects the directions; `flat` is the
+    /// Returns the share of the rays from a point that are not blocked. `key` selects the directions; `flat` is the
     /// normal of the face, below which no ray begins.
     pub(crate) fn open_share(
         &self,
@@ -64,7 +64,7 @@ impl Rays {
             let mut direction = x * turned.x + y * turned.y + normal * turned.z;
             let below = direction.dot(flat);
             if below < 0.0 {
-                // A smooth normal leans over its face: mirrored back above it.
+                // With a smooth normal a ray may point below its face: it is mirrored to above.
                 direction -= flat * (2.0 * below);
             }
             let ray = occluders.ray(origin, direction, self.length);
@@ -74,7 +74,7 @@ impl Rays {
     }
 }
 
-/// A point that looks at the sky.
+/// A point whose occlusion is computed.
 #[derive(Clone, Copy)]
 pub(crate) struct Place {
     pub(crate) point: DVec3,
@@ -120,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_ball_is_open_and_the_floor_below_a_lid_is_not() {
+    fn a_sphere_is_unoccluded_and_a_floor_below_a_lid_is_occluded() {
         let ball = shapes::icosphere(4);
         let at = |v| DVec3::from(ball.positions().view().get(v));
         let corners: Vec<[DVec3; 3]> = ball.surface().triangles().iter().map(|t| t.map(at)).collect();

@@ -76,7 +76,7 @@ impl MapKind {
 /// Texture coordinates of the baked maps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum AtlasMode {
-    /// Those of the lighter mesh, wherever they exist and do not overlap; a new atlas elsewhere.
+    /// The coordinates of the lighter mesh, wherever they exist and do not overlap; a new atlas elsewhere.
     #[default]
     Keep,
     /// A new atlas, and one material for all of it.

@@ -17,28 +17,27 @@ use crate::search::Found;
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct BakedScene {
-    /// The meshes of the scene, with texture coordinates and tangents; `None` for those that no node places.
+    /// The meshes of the scene, with texture coordinates and tangents; `None` for meshes that no node places.
     pub meshes: Vec<Option<TriMesh>>,
     /// For each mesh and primitive (one entry for all), its material in the scene.
     pub materials: Vec<Vec<usize>>,
-    /// Maps as PNG that have no place in a material, or all of them, by the ends of their names: `_height.png`.
+    /// Maps as PNG that a material has no slot for, or all maps, by the suffixes of their names: `_height.png`.
     pub files: Vec<(String, Arc<Vec<u8>>)>,
     /// The maps.
     pub sets: Vec<BakedSet>,
-    /// Counts of the ways in which sources were found.
+    /// Counts of how source points were found.
     pub found: Found,
-    /// Coordinates that could not be used, models that lie in different places, and data of materials that are lost.
+    /// Warnings: coordinates that could not be used, models in different places, and lost data of materials.
     pub warnings: Vec<Warning>,
 }
 
-/// Share of samples without a counterpart from which on a note is due. (Guessed.)
-const MAX_ASTRAY: f64 = 0.2;
+/// Share of samples without a counterpart above which there is a note. (Guessed.)
+const MAX_UNMATCHED: f64 = 0.2;
 
-/// Bakes maps of a lighter model from a detailed one, and adds their materials to the scene of the lighter one. Which
-/// meshes use them is for the caller to set, with [`set_materials`]. With `all_files` the maps of materials are among
-/// the files too.
+/// Bakes maps of a lighter model from a detailed one, and adds their materials to the scene of the lighter one. The
+/// caller assigns them to meshes with [`set_materials`]. With `all_files` the files also include the maps of materials.
 ///
-/// Cost: that of [`bake`] and of writing PNG.
+/// Cost: [`bake`], and writing PNG.
 ///
 /// # Errors
 /// As [`bake`]; [`BakeError::Picture`] if a map is too large for PNG.
@@ -59,7 +58,7 @@ pub fn bake_scene(
         let lost = scene.further_extensions(&set.replaced);
         if !lost.is_empty() {
             warnings.push(Warning::lost(format!(
-                "the material of the new atlas lacks extensions of those that it replaces: {}",
+                "the material of the new atlas drops extensions of the materials that it replaces: {}",
                 lost.join(", ")
             )));
         }
@@ -67,17 +66,17 @@ pub fn bake_scene(
     }
     let materials = set_of_region.iter().map(|all| all.iter().map(|s| numbers[*s]).collect()).collect();
     let total = found.by_correspondence + found.by_ray + found.by_distance + found.elsewhere;
-    let astray = found.elsewhere as f64 / total.max(1) as f64;
-    if astray > MAX_ASTRAY {
+    let unmatched = found.elsewhere as f64 / total.max(1) as f64;
+    if unmatched > MAX_UNMATCHED {
         warnings.push(Warning::note(format!(
-            "{:.0} % of the texels have no counterpart within reach: do both models lie in the same place?",
-            100.0 * astray
+            "{:.0} % of the texels have no counterpart within reach: are both models in the same place?",
+            100.0 * unmatched
         )));
     }
     Ok(BakedScene { meshes, materials, files, sets, found, warnings })
 }
 
-/// Lets the meshes of a scene use their baked materials.
+/// Assigns their baked materials to the meshes of a scene.
 pub fn set_materials(scene: &mut Scene, materials: &[Vec<usize>]) {
     for (mesh, own) in materials.iter().enumerate() {
         for (primitive, material) in own.iter().enumerate() {
@@ -86,7 +85,7 @@ pub fn set_materials(scene: &mut Scene, materials: &[Vec<usize>]) {
     }
 }
 
-/// Returns a model with other meshes in the places of some.
+/// Returns a model with some meshes replaced.
 pub fn model_with(model: &Model, replaced: &[Option<TriMesh>]) -> Model {
     let meshes = model.meshes.iter().enumerate().map(|(i, old)| match replaced.get(i) {
         Some(Some(mesh)) => Arc::new(mesh.clone()),
@@ -95,7 +94,7 @@ pub fn model_with(model: &Model, replaced: &[Option<TriMesh>]) -> Model {
     model.with_meshes(meshes.collect())
 }
 
-/// Returns the material of a set; maps that are files are added to `files`, with `own` in the ends of their names.
+/// Returns the material of a set; maps that are files are added to `files`, with `own` in the suffixes of their names.
 fn material_of(
     set: &BakedSet,
     all_files: bool,
@@ -136,8 +135,8 @@ fn slot_of(kind: MapKind) -> Option<TextureSlot> {
     }
 }
 
-/// Returns for each set the part of its file names that tells it from the others: nothing for the only one, else the
-/// name of the material, with the number of the set where several have the same.
+/// Returns for each set the part of its file names that distinguishes it from the others: nothing for a single set,
+/// else the name of the material, with the number of the set if several share a name.
 fn name_parts(sets: &[BakedSet]) -> Vec<String> {
     let mut taken = HashSet::new();
     let part = |(i, set): (usize, &BakedSet)| {
@@ -147,7 +146,7 @@ fn name_parts(sets: &[BakedSet]) -> Vec<String> {
             name => format!("_{}", safe(name)),
         };
         let mut own = name.clone();
-        // Some file systems do not tell small letters from capitals.
+        // Some file systems are case-insensitive.
         for number in i + 1.. {
             if taken.insert(own.to_lowercase()) {
                 break;

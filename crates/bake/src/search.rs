@@ -7,8 +7,8 @@ use crate::flat::Flat;
 use crate::link::{Cage, Link};
 use crate::source::{Source, SourcePoint};
 
-/// A sample on the lighter surface. The weights may be negative: beyond the edge of a chart the face goes on in its
-/// plane, so that filtering across the edge finds what belongs there.
+/// A sample on the lighter surface. The weights may be negative: beyond the edge of a chart the face is extended in its
+/// plane, so that filtering across the edge reads matching values.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sample {
     pub(crate) face: usize,
@@ -32,16 +32,16 @@ fn reach(sample: &Sample, cages: &[Cage; 3]) -> [f64; 2] {
     [inwards, outwards]
 }
 
-/// Counts of the ways in which source points were found, for the report.
+/// Counts of how source points were found, for the report.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Found {
     /// On a face that both surfaces share.
     pub by_correspondence: usize,
     /// By a ray within the cage.
     pub by_ray: usize,
-    /// As the closest point of the parts that belong together.
+    /// As the closest point of the corresponding parts.
     pub by_distance: usize,
-    /// On any part: nothing else was found.
+    /// On any part, as nothing else was found.
     pub elsewhere: usize,
 }
 
@@ -108,8 +108,8 @@ impl Search<'_> {
         });
         crossings.sort_unstable_by(|a, b| a.along.total_cmp(&b.along).then(a.face.cmp(&b.face)));
         let height = |c: &Crossing| c.along * (inwards + outwards) - inwards;
-        // The ray runs outwards: it leaves the body through the back of a face. The nearest such crossing is that of
-        // the surface itself. What lies on it without a gap between (a rivet, a decal) covers it; what the ray enters
+        // The ray runs outwards: it leaves the body through the back of a face. The nearest such crossing is the
+        // surface itself. Faces that touch it without a gap (a rivet, a decal) cover it; a face that the ray enters
         // from the front is another wall or fold.
         let leaves = (0..crossings.len()).filter(|&i| !crossings[i].is_front);
         let mut at =
@@ -139,7 +139,7 @@ impl Search<'_> {
         if fits(nearest.face.index()) {
             found.by_distance += 1;
         } else {
-            // Only near by: a far search costs much, and finds nothing that belongs here.
+            // Only nearby: a far search is expensive, and finds unrelated points.
             let reach = cages.iter().map(|c| c.outwards.max(c.inwards)).fold(0.0, f64::max) * 4.0;
             match tree.closest_of_within(point.to_array(), reach, |f| fits(f.index())) {
                 Some(other) => {
@@ -154,7 +154,8 @@ impl Search<'_> {
         let weights = lodsmith_core::geometry::triangle::weights_at(there, corners);
         let mut height = (there - point).dot(direction);
         if !sample.is_inside() {
-            // A face that is narrow in the map goes on far beyond the surface within a texel.
+            // The extension of a face that is narrow in the map reaches far beyond the surface within a
+            // texel.
             let [inwards, outwards] = reach(sample, cages);
             height = height.max(-inwards).min(outwards);
         }

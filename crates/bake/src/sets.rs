@@ -18,7 +18,7 @@ pub(crate) struct FaceSet {
     pub(crate) name: String,
     /// The material of the lighter model that gets the maps; `None` for a new one.
     pub(crate) material: Option<usize>,
-    /// Materials of the lighter model that the set replaces, or is.
+    /// Materials of the lighter model that the set replaces or belongs to.
     pub(crate) materials: BTreeSet<u32>,
     /// Numbers of faces in the flat lighter surface, ascending.
     pub(crate) faces: Vec<usize>,
@@ -35,8 +35,8 @@ pub(crate) struct MapJob {
     pub(crate) is_copied: bool,
 }
 
-/// Texels that more than one face covers, of all covered ones, up to which coordinates count as free of overlaps: at
-/// the edges of charts that touch, and for faces that a run has folded over. (Guessed.)
+/// Share of covered texels that may have more than one face before coordinates count as overlapping: allows for
+/// touching edges of charts, and for faces that a run has folded over. (Guessed.)
 const MAX_OVERLAP: f64 = 0.005;
 /// Size at which overlaps are searched for.
 const OVERLAP_SIZE: usize = 1024;
@@ -60,12 +60,12 @@ pub(crate) fn split(
         let problem = match mode {
             AtlasMode::New => Some(None),
             AtlasMode::Keep if faces.iter().all(|&f| has_uvs(f)) => overlap_problem(light, &faces).map(Some),
-            AtlasMode::Keep => Some(Some("there are no texture coordinates".to_owned())),
+            AtlasMode::Keep => Some(Some("they have no texture coordinates".to_owned())),
         };
         if let Some(problem) = problem {
             if let Some(problem) = problem {
                 let title = if name.is_empty() { String::new() } else { format!(" of material {name}") };
-                notes.push(format!("a new atlas for the faces{title}: {problem}"));
+                notes.push(format!("faces{title} get a new atlas: {problem}"));
             }
             rest.extend(faces);
             replaced.insert(material);
@@ -106,7 +106,7 @@ pub(crate) fn face_uvs(light: &Flat, face: usize) -> [[f32; 2]; 3] {
     light.mesh.triangles()[face].map(|w| uvs.get(w.index()).copied().unwrap_or_default())
 }
 
-/// Returns why coordinates cannot be baked for.
+/// Returns why coordinates cannot be used for baking.
 fn overlap_problem(light: &Flat, faces: &[usize]) -> Option<String> {
     let side = |uvs: &[[f32; 2]; 3], k: usize| {
         let of = |f: fn(f32, f32) -> f32| uvs.iter().map(|uv| uv[k]).reduce(f).unwrap_or(0.0);
@@ -117,7 +117,7 @@ fn overlap_problem(light: &Flat, faces: &[usize]) -> Option<String> {
     if all().any(|uvs| is_wide(&uvs)) {
         return Some("a texture is repeated over a face".to_owned());
     }
-    // Twice the area of the tile cannot lie in it once.
+    // Twice the area of the tile cannot fit into it without overlaps.
     let area: f64 = all().map(|uvs| TexelFace::new(0, uvs, 1).double_area().abs() / 2.0).sum();
     if area > 1.0 + MAX_OVERLAP {
         return Some(format!("texture coordinates overlap: they cover {area:.1} times the texture"));
@@ -131,7 +131,7 @@ fn overlap_problem(light: &Flat, faces: &[usize]) -> Option<String> {
         .then(|| format!("texture coordinates overlap in {:.1} % of their area", 100.0 * overlap))
 }
 
-/// Chooses the maps of a set: those asked for, and for a new atlas also those that its materials have.
+/// Chooses the maps of a set: the requested maps, and for a new atlas also the maps that its materials have.
 pub(crate) fn maps_of(set: &FaceSet, model: &Model, options: &BakeOptions) -> Vec<MapJob> {
     let mut jobs: Vec<MapJob> = options.maps.iter().map(|&kind| MapJob { kind, is_copied: false }).collect();
     jobs.sort_by_key(|j| j.kind);
@@ -146,7 +146,7 @@ pub(crate) fn maps_of(set: &FaceSet, model: &Model, options: &BakeOptions) -> Ve
     let differs = |of: &dyn Fn(&Material) -> [f32; 4]| own.iter().any(|m| of(m) != of(first));
     let has = |of: &dyn Fn(&Material) -> bool| own.iter().any(|m| of(m));
     let needed = [
-        // A normal map of the source can be carried over only with the geometry that it belongs to.
+        // A normal map of the source can only be baked together with its geometry.
         (MapKind::Normal, has(&|m| m.normal_texture.is_some())),
         (MapKind::Color, has(&|m| m.base_color_texture.is_some()) || differs(&|m| m.base_color)),
         (
@@ -170,7 +170,7 @@ pub(crate) fn maps_of(set: &FaceSet, model: &Model, options: &BakeOptions) -> Ve
     jobs
 }
 
-/// Returns the material that a set without one of its own gets.
+/// Returns the material for a set without its own.
 pub(crate) fn material_of(set: &FaceSet, model: &Model) -> Material {
     let known: Vec<&Material> =
         set.materials.iter().filter_map(|&m| model.materials.get(m as usize)).collect();
@@ -185,7 +185,7 @@ pub(crate) fn material_of(set: &FaceSet, model: &Model) -> Material {
     made
 }
 
-/// Smallest and largest size that is chosen, rather than asked for.
+/// Smallest and largest size that is chosen automatically.
 const CHOSEN_SIZES: [f64; 2] = [256.0, 4096.0];
 /// Texels for each face of the source, so that its normals are not lost. (Guessed.)
 const TEXELS_PER_FACE: f64 = 4.0;
@@ -219,7 +219,7 @@ pub(crate) fn chosen_size(set: &FaceSet, light: &Flat, source: &Flat, model: &Mo
     1 << libm::round(libm::log2(clamped)) as u32
 }
 
-/// Returns the coordinates at the corners of all faces: those of the lighter surface, and those of new atlases.
+/// Returns the coordinates at the corners of all faces: of the lighter surface, or of new atlases.
 pub(crate) fn all_uvs(
     light: &Flat,
     sets: &[FaceSet],

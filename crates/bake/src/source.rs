@@ -20,7 +20,7 @@ pub(crate) struct SourcePoint {
     pub(crate) height: f64,
 }
 
-/// Vectors on the surface between a sample and its neighbours in the two directions of a map.
+/// Vectors on the surface from a sample to its neighbours in the two directions of a map.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Footprint {
     pub(crate) across: DVec3,
@@ -57,7 +57,7 @@ impl<'a> Source<'a> {
         Self { tree, model, plain: Material::default(), textures, tangents, uvs, face_normals, flat }
     }
 
-    /// Makes the textures that maps of these kinds read, before the parallel work.
+    /// Builds the textures that maps of these kinds read, before the parallel work.
     pub(crate) fn prepare_textures(&self, kinds: &[MapKind]) {
         let reads = |of: &[MapKind]| of.iter().any(|kind| kinds.contains(kind));
         let used = self.model.materials.iter().flat_map(|m| {
@@ -223,7 +223,7 @@ fn uv_gradient([a, b, c]: [DVec3; 3], uvs: [Vec2; 3]) -> [DVec3; 2] {
     [gradient(d1.x, d2.x), gradient(d1.y, d2.y)]
 }
 
-/// Returns the tangents at the corners of all faces: those of the file where it has them, else by MikkTSpace.
+/// Returns the tangents at the corners of all faces: from the file if it has them, else by MikkTSpace.
 fn tangents(model: &Model, flat: &Flat) -> Vec<[Vec4; 3]> {
     let mut all = Vec::with_capacity(flat.mesh.face_count());
     for (i, piece) in flat.pieces.iter().enumerate() {

@@ -18,7 +18,7 @@ use crate::search::{Found, Sample, Search};
 use crate::sets::{FaceSet, MapJob, texel_steps};
 use crate::source::{Footprint, SourcePoint};
 
-/// The lighter surface's frames and what the maps of all sets need.
+/// The tangent frames of the lighter surface, and other data for the maps of all sets.
 pub(crate) struct Baker<'a> {
     pub(crate) search: Search<'a>,
     /// Tangents at the corners of each face of the lighter surface, in model coordinates; empty without normal maps.
@@ -43,7 +43,7 @@ struct Band {
 const BANDS_PER_REPORT: usize = 8;
 
 impl Baker<'_> {
-    /// Bakes the maps of a set. `share` converts its progress to that of the run.
+    /// Bakes the maps of a set. `share` converts its progress to the progress of the run.
     pub(crate) fn bake(
         &self,
         set: &FaceSet,
@@ -215,7 +215,7 @@ fn brightest(values: &[[f32; 4]]) -> Option<f32> {
     values.iter().map(of_texel).reduce(f32::max).filter(|x| *x > 1.0)
 }
 
-/// Least z of a stored normal: 87° off the frame. Beyond, 8 bits say little. (Guessed.)
+/// Smallest z of a stored normal: 87° from the frame's normal. Beyond, 8 bits are too coarse. (Guessed.)
 const MIN_NORMAL_Z: f64 = 0.05;
 
 /// The samples of a texel.
@@ -225,8 +225,8 @@ struct Samples {
     count: usize,
 }
 
-/// Returns the samples of a texel: those outside of a chart lie on the continuation of a face, so that the value stands
-/// for the whole texel. Beside a chart, one sample in the middle is enough.
+/// Returns the samples of a texel: samples outside of a chart are on the extension of a face, so that the value
+/// represents the whole texel. Beside a chart, one sample in the middle is enough.
 fn samples_of(texel: &Texel) -> Samples {
     let centre = glam::DVec2::splat(0.5);
     if !texel.is_covered() {
@@ -238,7 +238,7 @@ fn samples_of(texel: &Texel) -> Samples {
 }
 
 fn premultiplied([r, g, b, a]: [f32; 4]) -> [f32; 4] {
-    // A transparent place keeps a trace of its colour, which filtering shows at its edges.
+    // A transparent texel keeps a trace of its colour, which filtering shows at edges.
     let a = a.clamp(1.0 / 1024.0, 1.0);
     [r * a, g * a, b * a, a]
 }

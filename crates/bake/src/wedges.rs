@@ -1,4 +1,4 @@
-//! Meshes with other texture coordinates and tangents at their corners.
+//! Meshes with new texture coordinates and tangents at their corners.
 
 use std::collections::HashMap;
 

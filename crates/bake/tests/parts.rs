@@ -64,9 +64,9 @@ fn each_color(baked: &Baked, check: impl Fn(usize, DVec3, [u8; 4])) {
 }
 
 #[test]
-fn a_shirt_keeps_its_colour_below_a_coat_that_touches_it() {
+fn touching_layers_keep_their_colours() {
     // The waves are higher than the gap, so the sheets cross. The vertices of the lighter mesh are some of the detailed
-    // one, as after a collapse, and tell which sheet is which.
+    // one, as after a collapse, and identify the sheets.
     let sheets = |n: usize, waves: f64| {
         let shirt = Sheet { n, height: 0.0, waves, faces_up: true, color: RED };
         mesh_of(&[shirt, Sheet { n, height: 0.01, waves: -waves, faces_up: true, color: BLUE }])
@@ -93,7 +93,7 @@ fn the_sides_of_a_thin_wall_do_not_mix() {
 }
 
 #[test]
-fn a_rivet_that_is_gone_is_seen_on_the_plate() {
+fn a_removed_part_is_baked_onto_the_plate_below() {
     let plate = |n: usize| Sheet { n, height: 0.0, waves: 0.0, faces_up: true, color: RED };
     let mut high =
         mesh_of(&[plate(16), Sheet { n: 4, height: 0.003, waves: 0.0, faces_up: true, color: BLUE }]);
@@ -116,7 +116,7 @@ fn a_rivet_that_is_gone_is_seen_on_the_plate() {
 }
 
 #[test]
-fn strange_models_end_with_a_result_or_an_error() {
+fn degenerate_models_give_a_result_or_an_error() {
     let square = || mesh_of(&[Sheet { n: 2, height: 0.0, waves: 0.0, faces_up: true, color: RED }]);
     let mut options = BakeOptions::new(MapKind::ALL);
     (options.size, options.rays) = (Some(16), 4);
@@ -145,9 +145,9 @@ fn strange_models_end_with_a_result_or_an_error() {
 }
 
 #[test]
-fn a_face_that_is_narrow_in_the_map_leaves_the_heights_of_the_others() {
-    // A square with one half folded up. In the map that half is a needle, which goes on far beyond the surface within
-    // a texel.
+fn a_face_that_is_narrow_in_the_map_does_not_change_the_heights_of_others() {
+    // A square with one half folded up. In the map that half is a needle, whose extension reaches far beyond the
+    // surface within a texel.
     let corners = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 1.0]];
     let faces = [[0, 1, 2], [0, 2, 3]].map(|t| t.map(VertexId::new));
     let mut mesh = TriMesh::new(Positions::F64(corners), faces.to_vec()).unwrap();

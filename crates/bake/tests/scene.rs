@@ -143,7 +143,7 @@ fn extensions_that_a_new_atlas_drops_are_named() {
     assert!(text.ends_with(": KHR_materials_clearcoat"), "{text}");
 }
 
-/// Sixteen textures, each on a square of its own: threads meet at them.
+/// Sixteen textures, each on a square of its own: several threads need each of them.
 #[test]
 fn many_threads_bake_many_textures_without_waiting_for_each_other() {
     use lodsmith_core::model::{ModelMesh, Node, Sampler, TextureRef};
@@ -178,5 +178,5 @@ fn many_threads_bake_many_textures_without_waiting_for_each_other() {
         }
         done.send(()).unwrap();
     });
-    is_done.recv_timeout(std::time::Duration::from_secs(120)).expect("no thread waits for ever");
+    is_done.recv_timeout(std::time::Duration::from_secs(120)).expect("there is no deadlock");
 }

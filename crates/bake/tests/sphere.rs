@@ -1,4 +1,4 @@
-//! Figures of a bake whose result is known: a ball with bumps given by a formula, onto a ball of few faces.
+//! A bake with a known result: a sphere with bumps given by a formula, onto a sphere of few faces.
 
 use std::collections::HashMap;
 
@@ -65,7 +65,7 @@ fn filtered(image: &Image, uv: DVec2) -> Vec4 {
     upper.lerp(at(x, y + 1.0).lerp(at(x + 1.0, y + 1.0), fx), fy)
 }
 
-/// A mesh with what a renderer interpolates.
+/// A mesh with the data that a renderer interpolates.
 struct ShownMesh<'a> {
     mesh: &'a TriMesh,
     tangents: Option<&'a [f32]>,
@@ -99,7 +99,7 @@ impl<'a> ShownMesh<'a> {
 }
 
 #[test]
-fn baked_normals_are_those_of_the_formula() {
+fn baked_normals_match_the_formula() {
     let baked = baked(&[MapKind::Normal], 512);
     let mesh = baked.meshes[0].as_ref().unwrap();
     let corners = ShownMesh::new(mesh);
@@ -175,7 +175,7 @@ fn both_sides_of_a_seam_look_the_same() {
 }
 
 #[test]
-fn heights_are_those_of_the_formula() {
+fn heights_match_the_formula() {
     let baked = baked(&[MapKind::Height], 256);
     let map = &baked.sets[0].maps[0];
     let Texels::Gray16 { width, height, values } = &map.texels else { panic!("{map:?}") };
@@ -205,7 +205,7 @@ fn the_number_of_threads_changes_nothing() {
     assert!(one.sets[0].maps == three.sets[0].maps);
 }
 
-/// Cancels the second time that it is asked at the progress of the unwrapping.
+/// Cancels at the second call with the progress of the unwrapping.
 struct Impatient(usize);
 
 impl lodsmith::Control for Impatient {
