@@ -21,20 +21,20 @@ pub enum AnimationError {
     /// Error of the encoder.
     #[error("{0}")]
     Codec(#[from] EncodingError),
-    /// A frame does not have the size of the first, or there are more or fewer frames than announced.
-    #[error("the frames of an animation must have one size, and be as many as announced")]
+    /// A frame does not have the size of the first, or the number of frames is not the declared one.
+    #[error("all frames of an animation must have the same size, and their number must be the declared one")]
     Frames,
 }
 
 /// Encodes frames as an animated PNG that repeats forever.
 ///
-/// Each frame after the first stores only the rectangle that differs from the one before, so a still
-/// background costs nothing. Programs that do not know animations show the first frame. Only two frames are in
-/// memory at a time, beside the file. Deterministic.
+/// Each frame after the first stores only the rectangle that differs from the previous frame, so a still background
+/// costs nothing. Programs that do not know animations show the first frame. Only two frames are in memory at a time,
+/// beside the file. Deterministic.
 ///
 /// # Errors
-/// The first error of a frame; [`AnimationError`] if there is none, if the sizes differ, or if they are not as
-/// many as `options` says.
+/// The first error of a frame; [`AnimationError`] if there is none, if the sizes differ, or if their number is not that
+/// of `options`.
 pub fn encode_animation<E: From<AnimationError>>(
     options: AnimationOptions,
     frames: impl IntoIterator<Item = Result<Image, E>>,
@@ -79,7 +79,7 @@ pub fn encode_animation<E: From<AnimationError>>(
     Ok(file)
 }
 
-/// Replaces the contents of a buffer by the pixels of a part of an image: left, top, width, height.
+/// Replaces the contents of a buffer by the pixels of a rectangle of an image: left, top, width, height.
 fn pixels(image: &Image, [left, top, width, height]: [usize; 4], has_alpha: bool, buffer: &mut Vec<u8>) {
     let channels = if has_alpha { 4 } else { 3 };
     buffer.clear();

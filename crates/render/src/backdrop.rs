@@ -1,4 +1,4 @@
-//! Background, surroundings and ground plane of a picture.
+//! Background, environment and ground plane of a picture.
 
 use std::sync::Arc;
 
@@ -24,8 +24,7 @@ const SHADOW_HEIGHT: f32 = 0.30;
 const SHADOW_STRENGTH: f32 = 0.62;
 /// Approximate number of grid lines per radius.
 const GRID_LINES_PER_RADIUS: f64 = 4.0;
-/// Half the height of the part of the surroundings that a parallel view shows, at a distance of one.
-/// (By eye.)
+/// Half the height of the part of the environment that a parallel view shows, at a distance of one. (By eye.)
 const PARALLEL_SKY_HALF_HEIGHT: f32 = 0.31;
 /// Extent of the grid, in radii.
 const GRID_RADII: f64 = 6.0;
@@ -33,7 +32,7 @@ const GRID_RADII: f64 = 6.0;
 pub(crate) struct Backdrop {
     /// Linear background colour of each row; `None` if transparent.
     rows: Option<Vec<Vec3>>,
-    /// `rows` as bytes, for pixels without anything else.
+    /// `rows` as bytes, for pixels that show only the background.
     plain: Vec<[u8; 4]>,
     floor: Option<GroundPlane>,
     sky: Option<Sky>,
@@ -228,7 +227,7 @@ fn round_step(x: f64) -> f64 {
         }
 }
 
-/// Computes the shadow map as seen from below: the lower a face hangs over the floor, the darker.
+/// Computes the shadow map as seen from below: the closer a face is to the floor, the darker.
 fn shadow(subject: &Subject, centre: DVec3, radius: f64) -> Result<(Projection, Vec<f32>), RenderError> {
     let camera = Camera {
         eye: centre - DVec3::Y * radius,

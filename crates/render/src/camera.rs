@@ -3,7 +3,7 @@
 use glam::{DMat4, DVec3};
 use lodsmith_core::Bounds;
 
-/// A camera: right-handed, looking along -z, y up in its own coordinates. Lengths are those of the model.
+/// A camera: right-handed, looking along -z, y up in its own coordinates. Lengths are in model units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// Position of the camera.
@@ -87,8 +87,8 @@ impl StandardView {
 }
 
 impl Camera {
-    /// Makes a camera whose view just fits a box into a picture of `aspect` (width over height), however the
-    /// box is rotated.
+    /// Makes a camera whose view fits a box into a picture of `aspect` (width over height), however the box
+    /// is rotated.
     pub fn fitting(bounds: &Bounds, view: StandardView, aspect: f64) -> Self {
         let (to_eye, up) = view.directions();
         let [min, max] = [bounds.min, bounds.max].map(DVec3::from);
@@ -102,7 +102,7 @@ impl Camera {
     pub fn framing(self, bounds: &Bounds, aspect: f64) -> Self {
         let [min, max] = [bounds.min, bounds.max].map(DVec3::from);
         let target = 0.5 * min + 0.5 * max;
-        // Halved first: the box may be as large as a double allows. A point gets some room too.
+        // Halved first: the box may be as large as a double allows. A single point gets some space too.
         let radius = length(0.5 * max - 0.5 * min).max(1e-12 * length(target)).max(1e-290);
         let narrow = aspect.min(1.0);
         let to_eye = unit(self.eye - self.target).unwrap_or(DVec3::Z);

@@ -3,7 +3,7 @@
 /// A colour map for numbers from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColorMap {
-    /// Blue, green, yellow, red: the usual one for distances; redesigned with even steps of lightness.
+    /// Blue, green, yellow, red: the usual map for distances; redesigned with even steps of lightness.
     #[default]
     Turbo,
     /// Dark violet to yellow; suitable for most colour-blind people.
@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_ends_are_the_first_and_last_colour_and_no_number_is_grey() {
+    fn the_ends_are_the_first_and_last_colour_and_nan_is_grey() {
         for map in ColorMap::ALL {
             assert_eq!(map.color(-3.0), map.stops()[0]);
             assert_eq!(map.color(0.0), map.stops()[0]);

@@ -18,7 +18,7 @@ use crate::view::{MAX_SIDE_PX, RenderError, View};
 /// Draws a subject.
 ///
 /// Takes four samples per pixel (sixteen with [`View::fine`]), each of which sees the nearest face; samples
-/// of a pixel that see the same face are shaded once. Faces are seen from both sides, except those of a
+/// of a pixel that see the same face are shaded once. Faces are seen from both sides, except faces with a
 /// single-sided material in [`Shading::Textured`], and with [`Look::cull_back`](crate::Look::cull_back).
 /// Faces with a non-finite corner and faces without area are left out. An empty subject gives a picture of
 /// the background.
@@ -178,8 +178,8 @@ impl Frame<'_> {
         }
     }
 
-    /// Blends transparent faces over the colours. Each sample keeps its own transmittance: neighbours that
-    /// share a pixel neither hide nor add to each other.
+    /// Blends transparent faces over the colours. Each sample keeps its own transmittance: adjacent faces in
+    /// one pixel neither hide each other nor add up.
     fn blend(&self, index: usize, band: &Band, colors: &mut [[f32; 4]]) {
         let mut through = vec![[1f32; 4]; colors.len()];
         let mut glass = vec![[0f32; 4]; colors.len()];

@@ -71,8 +71,8 @@ impl Environment {
         Ok(Self::of_light(width as usize, height as usize, &pixels))
     }
 
-    /// Makes an environment from linear light by rows, from straight up to straight down. NaN and negative
-    /// values count as dark.
+    /// Makes an environment from an image of linear light, with rows from straight up to straight down. NaN
+    /// and negative values count as dark.
     ///
     /// # Panics
     /// If there are not `width * height` pixels, or none.
@@ -153,7 +153,7 @@ impl Environment {
         Self { maps, matt, sky }
     }
 
-    /// Diffuse irradiance on a matt surface, scaled so that it is the brightness of white paper.
+    /// Diffuse irradiance on a matt surface, scaled to the brightness of white paper.
     pub(crate) fn matt(&self, n: Vec3) -> Vec3 {
         let sum = basis(n).iter().zip(&self.matt).fold(Vec3::ZERO, |sum, (b, c)| sum + *c * *b);
         sum.max(Vec3::ZERO)
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn a_white_sky_over_black_lights_by_the_share_of_it_that_is_seen() {
+    fn a_white_sky_over_black_lights_by_its_visible_share() {
         let sky: Vec<Vec3> = (0..8).map(|i| Vec3::splat(f32::from(u8::from(i < 4)))).collect();
         let half = Environment::of_light(1, 8, &sky);
         for d in directions() {
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn directions_are_found_where_they_were_put() {
+    fn directions_and_pixels_correspond() {
         let mut map = vec![Vec3::ZERO; MAP_WIDTH * MAP_HEIGHT];
         let at = 20 * MAP_WIDTH + 77;
         map[at] = Vec3::ONE;
@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_seen_is_as_fine_as_the_picture_and_blurred_where_asked() {
+    fn the_background_has_the_resolution_of_the_image_or_is_blurred() {
         let (width, height) = (512, 256);
         let light = |i: usize| Vec3::splat(f32::from(u8::from((i % width / 8).is_multiple_of(2))));
         let stripes: Vec<Vec3> = (0..width * height).map(light).collect();

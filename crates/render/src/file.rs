@@ -98,7 +98,7 @@ pub fn encode(picture: &Image, format: PictureFormat) -> Result<Vec<u8>, Picture
 /// # Panics
 /// If there are not `width * height` values.
 pub fn encode_gray16(width: usize, height: usize, values: &[u16]) -> Result<Vec<u8>, PictureError> {
-    assert_eq!(values.len(), width * height, "one value for each place");
+    assert_eq!(values.len(), width * height, "a picture of {width} by {height} needs as many values");
     // (The encoder takes the byte order of the machine.)
     let bytes: Vec<u8> = values.iter().flat_map(|x| x.to_ne_bytes()).collect();
     let mut file = Vec::new();
@@ -137,7 +137,7 @@ mod tests {
         }
         let jpeg =
             decode(&encode(&Image::filled(16, 16, [200, 100, 50, 0]), PictureFormat::Jpeg).unwrap()).unwrap();
-        assert!(jpeg.pixels().iter().flatten().all(|&c| c > 250), "see-through is white in a JPEG");
+        assert!(jpeg.pixels().iter().flatten().all(|&c| c > 250), "transparent pixels are white in a JPEG");
         for format in PictureFormat::ALL {
             assert_eq!(PictureFormat::from_extension(format.name()), Some(format));
         }

@@ -27,8 +27,8 @@ pub struct Framing {
 const NO_SIDES: [f64; 5] = [f64::NEG_INFINITY; 5];
 
 impl Framing {
-    /// Starts with no points. Direction and lens are those of `camera`; `aspect` is width over height, `margin`
-    /// stays free on each side, as a fraction of the picture. `bounds` is a box around all points.
+    /// Starts with no points. Direction and lens are taken from `camera`; `aspect` is width over height, `margin` stays
+    /// free on each side, as a fraction of the picture. `bounds` is a box around all points.
     pub fn new(camera: Camera, bounds: &Bounds, aspect: f64, margin: f64) -> Self {
         let camera = camera.framing(bounds, aspect);
         let room = 1.0 - 2.0 * margin.clamp(0.0, 0.45);
@@ -58,7 +58,7 @@ impl Framing {
         self.outside([x + sx, -x + sx, y + sy, -y + sy, z])
     }
 
-    /// Adds the points of another one that was started in the same way.
+    /// Adds the points of another framing that was started in the same way.
     #[must_use]
     pub fn merged(self, other: Self) -> Self {
         self.outside(other.sides)
@@ -68,7 +68,7 @@ impl Framing {
         Self { sides: [0, 1, 2, 3, 4].map(|k| self.sides[k].max(sides[k])), ..self }
     }
 
-    /// Returns the camera; without points, the one that shows the bounding sphere of the box.
+    /// Returns the camera; without points, a camera that shows the bounding sphere of the box.
     pub fn camera(&self) -> Camera {
         let (camera, unit, room) = (self.camera, self.unit, self.room);
         if !self.sides.iter().all(|s| s.is_finite()) {

@@ -30,7 +30,7 @@ pub struct ImageError {
     /// Mean squared difference of the three channels over the same pixels, with a range of 0 to 1; see
     /// [`ImageError::psnr_db`].
     pub mean_square: f64,
-    /// Area covered in only one of them, as a fraction of the area that the reference covers.
+    /// Area covered in only one of the pictures, as a fraction of the area that the reference covers.
     pub silhouette: f64,
 }
 
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_beside_counts_by_its_area() {
+    fn pixels_of_one_picture_count_by_their_area() {
         // Areas scale with the squared radius: 0.64 and 0.36.
         let smaller = image_error(&ball(0.8, 0), &ball(0.6, 0)).unwrap();
         assert!((smaller.silhouette - 0.28 / 0.64).abs() < 0.01, "{smaller:?}");
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn room_round_a_model_does_not_matter() {
+    fn empty_space_around_a_model_does_not_matter() {
         let framed = |image: &Image, room: usize| {
             let side = image.width() + 2 * room;
             let mut wide = Image::filled(side, side, [0; 4]);

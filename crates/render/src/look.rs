@@ -53,7 +53,7 @@ impl Shading {
 pub struct Look {
     /// Source of the colour.
     pub shading: Shading,
-    /// Colour for shadings without their own.
+    /// Colour for shadings without colours of their own.
     pub surface: [f32; 3],
     /// Lines along the edges of all faces.
     pub wireframe: bool,
@@ -71,8 +71,7 @@ pub struct Look {
     pub color_map: ColorMap,
     /// Values at the ends of the colour map, in the units of the model; `None` for 0 to the largest.
     pub heat_range: Option<[f32; 2]>,
-    /// Values between which the surface has its colour in [`Shading::Heat`]; other places are grey. `None` for
-    /// all values.
+    /// Range of values that are coloured in [`Shading::Heat`]; others are grey. `None` for all values.
     pub heat_brush: Option<[f32; 2]>,
 }
 
@@ -118,7 +117,7 @@ impl Default for Background {
 
 impl Background {
     /// Colours of the upper and the lower edge, with a linear gradient between them; `None` if transparent.
-    /// For surroundings, the fallback gradient.
+    /// For an environment, the fallback gradient.
     pub fn edges(self) -> Option<[[f32; 3]; 2]> {
         match self {
             Self::Transparent => None,

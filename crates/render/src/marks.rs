@@ -20,7 +20,7 @@ pub const ZERO_AREA_COLOR: [f32; 3] = [1.0, 0.85, 0.10];
 /// Duplicate faces.
 pub const DUPLICATE_COLOR: [f32; 3] = [0.10, 0.80, 0.95];
 
-/// Line width in pixels, in addition to that of the wireframe.
+/// Line width in pixels, in addition to the width of wireframe lines.
 const WIDTH_PX: f32 = 2.2;
 /// Relative depth tolerance for lines on a surface. (Guessed.)
 const DEPTH_TOLERANCE: f32 = 3e-3;

@@ -1,7 +1,7 @@
 //! Screen-space ambient occlusion from the depth of the picture alone.
 //!
 //! Compares each pixel with pairs of opposite points around it: if it lies deeper than their middle, the
-//! surface is concave there. On a plane the middle is as near as the pixel itself, so flat parts do not
+//! surface is concave there. On a plane the middle is at the same depth as the pixel, so flat parts do not
 //! change.
 
 use rayon::prelude::*;
@@ -54,7 +54,7 @@ pub(crate) fn ambient_occlusion(
                 }
                 let length = r * pixel * if projection.is_perspective { distance } else { 1.0 };
                 let deeper = |n: f32| distance - projection.distance(n);
-                // Points far in front belong to another part, and count no more than an edge would.
+                // Points far in front belong to another part, and count no more than an edge.
                 let depth = 0.5
                     * (deeper(pair[0]).clamp(-2.0 * length, 2.0 * length)
                         + deeper(pair[1]).clamp(-2.0 * length, 2.0 * length));

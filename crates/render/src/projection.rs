@@ -99,7 +99,7 @@ impl Projection {
         let numbers = [camera.eye, camera.target, camera.up];
         let unit = length(camera.eye - camera.target);
         if numbers.iter().any(|v| !v.is_finite()) || !(unit > 0.0 && unit.is_finite()) {
-            return Err(RenderError::Camera { what: "its eye and target are not two places" });
+            return Err(RenderError::Camera { what: "its eye and target coincide or are not finite" });
         }
         let aspect = width as f64 / height as f64;
         let (half_height, is_perspective) = match camera.lens {
@@ -107,7 +107,11 @@ impl Projection {
                 ((0.5 * fov_y_rad).tan(), true)
             }
             Lens::Parallel { height } if height > 0.0 && height.is_finite() => (0.5 * height / unit, false),
-            _ => return Err(RenderError::Camera { what: "its lens sees nothing" }),
+            _ => {
+                return Err(RenderError::Camera {
+                    what: "its lens has an angle of view or a height out of range",
+                });
+            }
         };
         let [right, up, back] = camera.axes();
         let half = [half_height * aspect, half_height];

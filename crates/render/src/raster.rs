@@ -137,7 +137,7 @@ struct BackFace {
 struct BinnedFaces {
     part: usize,
     bands: Vec<Vec<u32>>,
-    /// Back faces, drawn after the others, which hide most of them.
+    /// Back faces, drawn after the front faces, which hide most of them.
     backs: Vec<Vec<BackFace>>,
     cuts: Vec<ClippedTriangle>,
     /// Blended faces with their distance.
@@ -443,8 +443,8 @@ impl<'a> Screen<'a> {
         !self.blended[index].is_empty()
     }
 
-    /// Visits the blended faces of a band, nearest first: the face, the pixel, and a mask of the samples that
-    /// see it.
+    /// Visits the blended faces of a band, nearest first, with the face, the pixel, and a mask of the samples
+    /// that see it.
     pub(crate) fn walk_blended(
         &self,
         index: usize,

@@ -71,8 +71,8 @@ struct HeatColors {
 
 /// Linear grey of values outside [`Look::heat_brush`](crate::Look::heat_brush). (By eye.)
 const UNBRUSHED: f32 = 0.13;
-/// Brightness of a heat map where the surface is seen edge-on, relative to where it faces the eye: enough for
-/// its shape to show, too little to mistake the colour. (By eye.)
+/// Brightness of a heat map where the surface is seen edge-on, relative to where it faces the eye: dark
+/// enough to show the shape, bright enough to read the colour. (By eye.)
 const HEAT_EDGE_LIGHT: f32 = 0.35;
 
 /// Per-part shading data.
@@ -87,7 +87,7 @@ enum Normals<'a> {
     None,
     OfWedges(&'a [[f32; 3]]),
     OfVertices(&'a [[f32; 3]]),
-    /// Of the corners of each face.
+    /// Normals at the corners of each face.
     OfCorners(&'a [[[f32; 3]; 3]]),
 }
 
@@ -412,7 +412,7 @@ impl<'a> Shader<'a> {
 
     fn matcap(&self, n: Vec3) -> Vec3 {
         let Some(image) = &self.matcap else { return clay(n) };
-        // The rim of the sphere is left out: images of spheres are seldom cropped to the pixel.
+        // The rim of the sphere is not used: images of spheres are seldom cropped exactly.
         let (w, h) = (image.width(), image.height());
         let x = (0.5 + 0.49 * n.x) * w as f32 - 0.5;
         let y = (0.5 - 0.49 * n.y) * h as f32 - 0.5;
@@ -478,11 +478,11 @@ fn clay(n: Vec3) -> Vec3 {
     let key = n.dot(Vec3::new(-0.42, 0.62, 0.66)).max(0.0);
     let fill = n.dot(Vec3::new(0.80, -0.15, 0.58)).max(0.0);
     let rim = (1.0 - n.z.clamp(0.0, 1.0)).powi(3);
-    let gleam = n.dot(Vec3::new(-0.26, 0.38, 0.886)).max(0.0).powi(40);
+    let specular = n.dot(Vec3::new(-0.26, 0.38, 0.886)).max(0.0).powi(40);
     let shade = Vec3::new(0.050, 0.030, 0.027);
     shade
         + Vec3::new(0.62, 0.31, 0.19) * key * key.sqrt()
         + Vec3::new(0.05, 0.07, 0.12) * fill
         + Vec3::new(0.13, 0.12, 0.14) * rim
-        + Vec3::splat(0.16) * gleam
+        + Vec3::splat(0.16) * specular
 }

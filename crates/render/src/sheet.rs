@@ -25,7 +25,7 @@ const STROKE_HALF_WIDTH: f32 = 0.062;
 /// A picture with a caption.
 #[derive(Clone, Debug)]
 pub struct Panel {
-    /// The picture; transparent where the sheet should show.
+    /// The picture; the sheet shows through where it is transparent.
     pub picture: Image,
     /// Lines below it; the first is larger.
     pub caption: Vec<String>,
@@ -92,7 +92,7 @@ impl Canvas {
         let pixels = (0..height).flat_map(|y| std::iter::repeat_n(row(y), width)).collect();
         let [r, g, b, a] = row(height / 2);
         let (ink, faint) = match 0.21 * r + 0.72 * g + 0.07 * b {
-            // Grey is visible on any page.
+            // Grey is visible on any background.
             _ if a == 0.0 => (0.5, 0.5),
             light if light > 0.25 => (0.12, 0.32),
             _ => (0.93, 0.72),
@@ -196,7 +196,7 @@ impl std::fmt::Debug for Canvas {
     }
 }
 
-/// Truncates a text to a width in heights of a capital.
+/// Truncates a text to a width, in heights of a capital.
 fn truncate(text: &str, longest: f32) -> String {
     if font::length(text) <= longest {
         return text.to_owned();
@@ -236,7 +236,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn figures_have_three_digits_that_say_something() {
+    fn numbers_have_three_significant_digits() {
         assert_eq!(
             [0.0, 0.25, 12.3456, 1234.0, 2.5e-7, 0.0312].map(figure),
             ["0", "0.25", "12.3", "1234", "2.5e-7", "0.0312"]
@@ -262,6 +262,6 @@ mod tests {
         assert_eq!(picture.at(MARGIN_PX + 5, MARGIN_PX + 5), [255, 0, 0, 255]);
         assert_eq!(picture.at(MARGIN_PX / 2, MARGIN_PX / 2), [255; 4]);
         let is_dark = |p: &&[u8; 4]| p[0] < 100 && p[1] < 100;
-        assert!(picture.pixels().iter().filter(is_dark).count() > 50, "there is ink");
+        assert!(picture.pixels().iter().filter(is_dark).count() > 50, "the caption is drawn");
     }
 }

@@ -46,7 +46,7 @@ pub(crate) struct PreparedMesh {
 #[derive(Debug)]
 pub(crate) enum ShapeNormals {
     OfVertices(Vec<[f32; 3]>),
-    /// Of the corners of each face.
+    /// Normals at the corners of each face.
     OfCorners(Vec<[[f32; 3]; 3]>),
 }
 
@@ -60,7 +60,7 @@ pub(crate) struct PlacedMesh {
 }
 
 impl PreparedMesh {
-    /// Normals computed from the shape, smooth or broken at creases.
+    /// Normals computed from the shape, smooth or discontinuous at creases.
     pub(crate) fn shape_normals(&self, crease_deg: Option<f64>) -> &ShapeNormals {
         self.shape_normals.get_or_init(|| {
             let surface = self.mesh.surface();
@@ -133,8 +133,8 @@ impl Subject {
         Self::new(&Model::of_mesh(mesh))
     }
 
-    /// Sets where normals break that are computed from the shape: of meshes without their own. [`Creases::Auto`] unless
-    /// it is set. For pictures that are compared, see [`Subject::creases`].
+    /// Sets which edges are sharp in computed normals (for meshes without normals). The default is [`Creases::Auto`].
+    /// For pictures that are compared, see [`Subject::creases`].
     pub fn with_creases(mut self, creases: Creases) -> Self {
         self.creases = creases;
         self.crease_deg = OnceLock::new();
@@ -142,14 +142,14 @@ impl Subject {
         self
     }
 
-    /// Returns where the normals of this subject break, decided: for another subject that is to be shaded like it.
+    /// Returns the resolved setting (never [`Creases::Auto`]): for shading another subject in the same way.
     ///
     /// Cost: O(n) the first time, for [`Creases::Auto`].
     pub fn creases(&self) -> Creases {
         self.crease_deg().map_or(Creases::Off, Creases::Above)
     }
 
-    /// Returns the angle in degrees above which edges are sharp. The meshes at rest decide.
+    /// Returns the angle in degrees above which edges are sharp, determined from the meshes at rest.
     pub(crate) fn crease_deg(&self) -> Option<f64> {
         let at_rest = || self.meshes.iter().filter(|m| m.deformed_from.is_none()).map(|m| &*m.mesh);
         *self.crease_deg.get_or_init(|| self.creases.angle_deg(at_rest()))
@@ -183,7 +183,7 @@ impl Subject {
         self.parts.iter().map(|p| self.meshes[p.mesh].mesh.face_count()).sum()
     }
 
-    /// Makes the textures that [`Shading::Textured`](crate::Shading::Textured) reads, before the parallel work.
+    /// Builds the textures that [`Shading::Textured`](crate::Shading::Textured) reads, before the parallel work.
     pub(crate) fn prepare_textures(&self) {
         let materials = self.parts.iter().flat_map(|part| &self.meshes[part.mesh].materials);
         self.surfaces.prepare(materials.flatten().copied());
@@ -212,7 +212,7 @@ impl Subject {
     }
 
     /// Returns the bounding box of the corners of all faces, where they are drawn; `None` without faces.
-    /// [`Self::bounds`] may be larger: it is made of the boxes of the meshes, which may be turned.
+    /// [`Self::bounds`] may be larger: it is computed from the boxes of the meshes, which may be rotated.
     ///
     /// Cost: O(n).
     pub fn exact_bounds(&self) -> Option<Bounds> {
@@ -261,10 +261,10 @@ impl Subject {
         all.camera()
     }
 
-    /// Returns the values at the ends of the colour map: those asked for, or the range of the values
+    /// Returns the values at the ends of the colour map: the requested ones, or the range of the values
     /// including 0.
-    pub fn heat_range(&self, asked: Option<[f32; 2]>) -> [f32; 2] {
-        if let Some(range) = asked {
+    pub fn heat_range(&self, requested: Option<[f32; 2]>) -> [f32; 2] {
+        if let Some(range) = requested {
             return range;
         }
         let all = self.meshes.iter().flat_map(|m| m.values.iter().flatten());
@@ -286,7 +286,7 @@ fn deformed_mesh(mesh: &TriMesh, deformed: &mut Deformed) -> TriMesh {
 /// Transfers the values of a mesh at rest to the vertices of its deformed version.
 fn transferred_values(rest: &PreparedMesh, deformed: &TriMesh) -> Vec<f32> {
     let mut values = rest.values.clone().unwrap_or_default();
-    // Deformation may split a vertex: all its copies get its value.
+    // Deformation may split a vertex: all copies get its value.
     values.resize(deformed.vertex_count(), 0.0);
     for wedge in (0..deformed.wedge_count()).map(WedgeId::new) {
         values[deformed.vertex_of(wedge).index()] = values[rest.mesh.vertex_of(wedge).index()];
@@ -294,7 +294,7 @@ fn transferred_values(rest: &PreparedMesh, deformed: &TriMesh) -> Vec<f32> {
     values
 }
 
-/// Returns the bounding box of the vertices that faces use: a stray vertex must not move the camera away.
+/// Returns the bounding box of the vertices that faces use: an unused vertex must not move the camera away.
 fn used_bounds(mesh: &TriMesh) -> Option<Bounds> {
     let positions = mesh.positions().view();
     Bounds::of(mesh.triangles().iter().flatten().map(|&w| positions.get(mesh.vertex_of(w))))

@@ -20,10 +20,10 @@ pub enum TexelKind {
     Numbers,
 }
 
-/// The textures of a model. They are made by [`prepare`](Self::prepare), before the parallel work that reads them.
+/// The textures of a model. They are built by [`prepare`](Self::prepare), before the parallel work that reads them.
 ///
-/// Reading never makes a texture: a thread that made one would wait for the other threads of its pool, and could start
-/// on other work meanwhile that waits for the same texture, for ever.
+/// Reading never builds a texture: a thread that builds a texture waits for other threads of its pool, and could
+/// meanwhile start other work that waits for the same texture: a deadlock.
 #[derive(Debug)]
 pub struct TextureSet {
     images: Vec<Arc<Image>>,
@@ -32,16 +32,16 @@ pub struct TextureSet {
 }
 
 impl TextureSet {
-    /// Makes a set of the textures of these images, none of which is prepared yet.
+    /// Makes a set for these images; no texture is prepared yet.
     pub fn new(images: &[Arc<Image>]) -> Self {
         Self { images: images.to_vec(), slots: images.iter().map(|_| Default::default()).collect() }
     }
 
-    /// Makes the textures that these references need and that are not there yet. References to images that do not
-    /// exist are ignored.
+    /// Builds the textures that these references need and that do not exist yet. References to images that do not exist
+    /// are ignored.
     ///
     /// Deterministic at any number of threads; uses the caller's thread pool. Several threads may call it at once; then
-    /// a texture may be made twice. Cost: O(pixels).
+    /// a texture may be built twice. Cost: O(pixels).
     pub fn prepare<'r>(&self, used: impl IntoIterator<Item = (&'r TextureRef, TexelKind)>) {
         let is_missing = |&(image, kind): &(usize, TexelKind)| {
             self.slots.get(image).is_some_and(|slots| slots[kind.slot()].get().is_none())
@@ -67,7 +67,7 @@ impl TextureSet {
 }
 
 impl TexelKind {
-    /// Place of its texture among those of an image.
+    /// Index of its texture among the textures of an image.
     fn slot(self) -> usize {
         usize::from(self == Self::Numbers)
     }
@@ -225,10 +225,10 @@ mod tests {
         }
     }
 
-    /// All threads of the pool ask for a texture while this one makes it, which is parallel work: neither may wait for
+    /// All threads of the pool request a texture while this one builds it, which is parallel work: neither may wait for
     /// the other.
     #[test]
-    fn a_texture_is_made_while_all_threads_of_the_pool_ask_for_it() {
+    fn a_texture_is_built_while_all_threads_of_the_pool_request_it() {
         let images = [Arc::new(checker(256))];
         let reference =
             TextureRef { image: 0, uv_set: 0, transform: TextureRef::PLAIN, sampler: Sampler::default() };
@@ -253,11 +253,11 @@ mod tests {
             });
             done.send(()).unwrap();
         });
-        is_done.recv_timeout(std::time::Duration::from_secs(60)).expect("no thread waits for ever");
+        is_done.recv_timeout(std::time::Duration::from_secs(60)).expect("there is no deadlock");
     }
 
     #[test]
-    fn the_lower_left_corner_is_the_origin_and_edges_go_on_as_asked() {
+    fn the_lower_left_corner_is_the_origin_and_edges_wrap_as_requested() {
         let red_below = Image::new(1, 2, vec![[0, 0, 0, 255], [255, 0, 0, 255]]);
         let texture = Texture::new(&red_below, TexelKind::Numbers);
         let red = |v: f32, wrap_v| {

@@ -1,4 +1,4 @@
-//! Cameras that go around a model.
+//! Cameras that orbit a model.
 
 use glam::{DQuat, DVec3};
 use lodsmith_core::{Bounds, Positions, TriMesh, VertexId};
@@ -13,7 +13,7 @@ const SLICES: usize = 128;
 const RING_CORNERS: usize = 48;
 
 impl Camera {
-    /// Returns the camera after a turn around a vertical axis, to the right as seen from the camera.
+    /// Returns the camera rotated around a vertical axis, to the right as seen from the camera.
     pub fn turned_around(self, axis: DVec3, angle_rad: f64) -> Self {
         let turn = DQuat::from_rotation_y(angle_rad);
         let moved = |p: DVec3| axis + turn * (p - axis);
@@ -28,8 +28,8 @@ impl Subject {
         self.bounds().map_or(DVec3::ZERO, |b| 0.5 * DVec3::from(b.min) + 0.5 * DVec3::from(b.max))
     }
 
-    /// Returns a camera like [`Subject::framed`] that has all of the subject in the picture from every side as
-    /// it goes around [`Subject::centre`] by [`Camera::turned_around`].
+    /// Returns a camera like [`Subject::framed`] that keeps all of the subject in the picture as it orbits
+    /// [`Subject::centre`] by [`Camera::turned_around`].
     ///
     /// Cost: O(n).
     pub fn framed_all_round(&self, camera: Camera, aspect: f64, margin: f64) -> Camera {

@@ -79,7 +79,7 @@ impl View {
 #[non_exhaustive]
 pub enum RenderError {
     /// The picture has no pixels, or too many.
-    #[error("a picture of {width} x {height} pixels: 1 to {MAX_SIDE_PX} a side can be drawn")]
+    #[error("a picture of {width} x {height} pixels cannot be drawn: each side must have 1 to {MAX_SIDE_PX}")]
     Size {
         /// Number of pixels in a row.
         width: usize,
@@ -93,13 +93,13 @@ pub enum RenderError {
         what: &'static str,
     },
     /// More faces than ids can number.
-    #[error("{faces} faces are more than one picture can hold")]
+    #[error("{faces} faces are too many for one picture")]
     TooManyFaces {
         /// Number of faces.
         faces: usize,
     },
     /// The number of values for a heat map is not the number of vertices.
-    #[error("mesh {mesh} has {vertices} vertices, but {values} values to show")]
+    #[error("mesh {mesh} has {vertices} vertices, but {values} values")]
     Values {
         /// Index of the mesh.
         mesh: usize,

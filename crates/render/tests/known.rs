@@ -114,7 +114,7 @@ fn what_is_nearer_hides_what_is_behind_in_any_order() {
 }
 
 #[test]
-fn what_is_seen_through_blends_from_the_back() {
+fn transparent_faces_blend_from_the_back() {
     let glass =
         |color: [f32; 3]| Material { alpha: AlphaMode::Blend, ..unlit([color[0], color[1], color[2], 0.5]) };
     let parts = vec![
@@ -260,7 +260,7 @@ fn size_and_place_of_the_numbers_do_not_matter() {
 }
 
 #[test]
-fn what_comes_from_behind_the_eye_is_cut() {
+fn faces_that_reach_behind_the_eye_are_clipped() {
     // An endless floor: the eye is above it, its corners are far away on all sides.
     let r = 1e6;
     let floor = mesh(&[[-r, 0.0, r], [r, 0.0, r], [r, 0.0, -r], [-r, 0.0, -r]], &[[0, 1, 2], [0, 2, 3]]);
@@ -328,7 +328,7 @@ fn broken_faces_are_left_out_and_marked() {
 }
 
 #[test]
-fn what_cannot_be_drawn_says_why() {
+fn errors_say_why_a_picture_cannot_be_drawn() {
     let subject = Subject::of_mesh(shapes::cube(1)).unwrap();
     let view = pixel_view(4, 4);
     let with = |change: &dyn Fn(&mut View)| {
@@ -371,7 +371,7 @@ fn lights_shine_where_they_point() {
 }
 
 #[test]
-fn faces_of_one_side_are_seen_from_there_only() {
+fn single_sided_faces_are_visible_from_the_front_only() {
     let one_sided = Material { double_sided: false, ..unlit([1.0; 4]) };
     let front = model(vec![(rectangle([0.0, 0.0, 4.0, 4.0], 0.0), one_sided.clone())]);
     let back = model(vec![(mesh(&[[0.0; 3], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]], &[[0, 2, 1]]), one_sided)]);
@@ -444,7 +444,7 @@ fn morph_targets_move_what_is_drawn() {
     let moved = Subject::new(&model).unwrap();
     let top = moved.bounds().unwrap();
     assert_eq!((top.min, top.max), ([5.0, 1.0, 0.0], [9.0, 7.0, 0.0]));
-    // The weights at rest are those of the mesh, the current ones those of the pose.
+    // At rest the weights of the mesh apply, in a pose the weights of the pose.
     let pose = Pose { morph_weights: vec![Some(vec![0.5])], ..Pose::default() };
     let half = Subject::posed(&model, &pose).unwrap().bounds().unwrap();
     assert_eq!((half.min, half.max), ([3.0, 1.0, 0.0], [7.0, 6.0, 0.0]));
@@ -588,8 +588,8 @@ fn surroundings_are_seen_behind_the_model() {
     assert!(soft[0] > 120 && soft[1] > 120, "{soft:?}");
 }
 
-/// Sixteen textures, each on a square of its own, drawn by more threads than a picture of this size keeps busy: so that
-/// threads meet at the textures.
+/// Sixteen textures, each on a square of its own, drawn by more threads than a picture of this size keeps busy, so that
+/// several threads need the same texture.
 #[test]
 fn many_threads_draw_many_textures_without_waiting_for_each_other() {
     let square = |i: usize| {
@@ -611,7 +611,7 @@ fn many_threads_draw_many_textures_without_waiting_for_each_other() {
         }
         done.send(()).unwrap();
     });
-    is_done.recv_timeout(std::time::Duration::from_secs(120)).expect("no thread waits for ever");
+    is_done.recv_timeout(std::time::Duration::from_secs(120)).expect("there is no deadlock");
 }
 
 /// Normals as colours: a face of a box has one, unless its edges are smooth.
@@ -632,7 +632,7 @@ fn edges_of_a_box_without_normals_are_sharp() {
     };
     let whole = Subject::of_mesh(shapes::cube(1)).unwrap();
     assert!(colors(&whole) > 0.9, "three faces are seen: {}", colors(&whole));
-    // A result is shaded as its original is, whatever its own shape says.
+    // A result is shaded like its original, whatever its own shape.
     let ball = Subject::of_mesh(shapes::icosphere(4)).unwrap();
     assert_eq!(ball.creases(), Creases::Off);
     let like_the_ball = Subject::of_mesh(shapes::cube(1)).unwrap().with_creases(ball.creases());

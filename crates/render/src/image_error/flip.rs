@@ -1,7 +1,7 @@
 //! FLIP: the difference perceived when flipping between two pictures.
 //!
 //! Colours are blurred as the eye does at the viewing distance, and compared in a perceptually uniform space;
-//! edges and points are compared separately, and a difference in these amplifies that of colours.
+//! edges and points are compared separately, and a difference in these amplifies the colour difference.
 
 use lodsmith_core::Image;
 use rayon::prelude::*;
@@ -228,7 +228,7 @@ mod tests {
 
     /// Reference values from the authors' program (version 1.7) for the same pictures.
     #[test]
-    fn the_authors_numbers_come_out() {
+    fn results_match_the_authors_program() {
         let reference = picture(pattern);
         let flat = |color: [usize; 3]| picture(move |_, _| color);
         near(&reference, &reference, 0.0, 0.0);

@@ -9,7 +9,8 @@ const DEVIATION: f32 = 1.5;
 const C1: f32 = 0.01 * 0.01;
 const C2: f32 = 0.03 * 0.03;
 
-/// Computes the similarity around each pixel, from -1 to 1. Borders are clamped, which the paper leaves open.
+/// Computes the similarity around each pixel, from -1 to 1. Borders are clamped; the paper does not define
+/// them.
 ///
 /// Source: [Wang et al. 2004].
 pub(super) fn map(a: &Plane, b: &Plane) -> Plane {

@@ -16,7 +16,7 @@ pub(crate) type Corner = [f32; 4];
 /// The four samples of a pixel.
 #[derive(Clone, Copy)]
 pub(crate) struct Cell {
-    /// Nearness of what each sample sees.
+    /// Nearness of the face that each sample sees.
     pub(crate) near: f32x4,
     /// The face that each sample sees.
     pub(crate) face: u32x4,

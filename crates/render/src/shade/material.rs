@@ -12,7 +12,7 @@ const DIELECTRIC_REFLECTANCE: f32 = 0.04;
 /// Minimum roughness: a perfect mirror would show lights as points, which no sample hits.
 const MIN_ROUGHNESS: f32 = 0.08;
 
-/// Texture coordinates at a point, and those of the neighbouring pixels to the right and below.
+/// Texture coordinates at a point, and at the neighbouring pixels to the right and below.
 #[derive(Clone, Copy)]
 struct TexturePoint {
     uv: [f32; 2],
@@ -99,8 +99,8 @@ impl Shader<'_> {
             let hidden = along * (n_eye * n_eye * (1.0 - a2) + a2).sqrt()
                 + n_eye * (along * along * (1.0 - a2) + a2).sqrt();
             let fresnel = straight + (Vec3::ONE - straight) * (1.0 - to_eye.dot(half).max(0.0)).powi(5);
-            let gleam = fresnel * (facets * 0.5 / hidden.max(1e-4));
-            light += color * along * (matt * (Vec3::ONE - fresnel) + gleam);
+            let specular = fresnel * (facets * 0.5 / hidden.max(1e-4));
+            light += color * along * (matt * (Vec3::ONE - fresnel) + specular);
         });
         let mirrored = 2.0 * n.dot(to_eye) * n - to_eye;
         let rim_over =
@@ -110,11 +110,12 @@ impl Shader<'_> {
             // Dielectric and metallic parts mixed: each reflects all incoming light if it is white.
             let plain = Vec3::splat(DIELECTRIC_REFLECTANCE);
             let plain = plain + rim_over(plain);
-            let thrown = plain.lerp(base + rim_over(base), metallic);
-            let around = environment.mirrored(mirrored, roughness) * thrown;
+            let reflected = plain.lerp(base + rim_over(base), metallic);
+            let around = environment.mirrored(mirrored, roughness) * reflected;
             return light + (environment.matt(n) * matt * (Vec3::ONE - plain) + around) * open;
         }
-        // Without an environment it is a sky over a ground; the rougher the surface, the more both are mixed.
+        // Without an environment, a sky above a ground is reflected; the rougher the surface, the more both
+        // are mixed.
         let around = self.ambient(mirrored.lerp(n, roughness));
         light + (self.ambient(n) * matt + around * (straight + rim_over(straight))) * open
     }

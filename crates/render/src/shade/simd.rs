@@ -277,7 +277,7 @@ impl Shader<'_> {
         let mirrored = n.times(twice).plus(to_eye.times(-one));
         let above = n.dot(self.up.to_array().map(f32x4::splat)) * 0.5 + 0.5;
         let mut diffuse = [0, 1, 2].map(|k| above * (self.above[k] - self.below[k]) + self.below[k]);
-        let mut gleam = [zero; 3];
+        let mut specular = [zero; 3];
         for light in &self.lights {
             let (to_light, color) = match light.place {
                 LightPosition::Far { to_light } => {
@@ -295,10 +295,10 @@ impl Shader<'_> {
             (0..SPECULAR_SQUARINGS).for_each(|_| g = g * g);
             for k in 0..3 {
                 diffuse[k] += color.0[k] * along;
-                gleam[k] += color.0[k] * g;
+                specular[k] += color.0[k] * g;
             }
         }
-        Vec3Lanes([0, 1, 2].map(|k| albedo.0[k] * diffuse[k] + gleam[k] * SPECULAR_STRENGTH))
+        Vec3Lanes([0, 1, 2].map(|k| albedo.0[k] * diffuse[k] + specular[k] * SPECULAR_STRENGTH))
     }
 
     /// Shades a plain surface at one point.
