@@ -1,7 +1,8 @@
 //! Small random triangle soups, with random options.
 
 use lodsmith::{
-    BorderPolicy, Bound, Fit, Length, Measure, Method, OwnedMeshData, Placement, SimplifyOptions, Stop, TopologyPolicy,
+    BorderPolicy, Bound, Fit, Length, Measure, Method, MethodKind, OwnedMeshData, Placement, Remesh, RemeshPattern,
+    SimplifyOptions, Stop, TopologyPolicy,
 };
 use lodsmith_core::{Positions, RegionId, TriMesh, VertexId, WedgeId};
 
@@ -101,40 +102,44 @@ pub fn options(bytes: &mut Bytes<'_>, mesh: &TriMesh) -> (SimplifyOptions, Owned
         _ => Stop::error(Length::OfDiagonal(amount as f64 / 256.0)),
     };
     let mut options = SimplifyOptions::new(stop);
-    options.method = bytes.one_of(&Method::ALL);
+    options.method = bytes.one_of(&MethodKind::ALL).into();
     let length = |bytes: &mut Bytes<'_>| Some(Length::OfDiagonal(0.02 + bytes.part()));
     let of_method = bytes.next();
-    match options.method {
-        Method::Memoryless | Method::Quadric if of_method & 1 != 0 => {
-            options.method_options.pairs = Some(Length::OfDiagonal(0.1 * bytes.part()));
+    let has = |bit: u8| of_method & bit != 0;
+    match &mut options.method {
+        Method::Memoryless { pairs } | Method::Quadric { pairs } if has(1) => {
+            *pairs = Some(Length::OfDiagonal(0.1 * bytes.part()));
         }
-        Method::Cluster => {
-            options.method_options.cell = if of_method & 1 != 0 { length(bytes) } else { None };
-            options.method_options.two_stage = of_method & 2 != 0;
+        Method::Cluster { cell, two_stage } => {
+            *cell = if has(1) { length(bytes) } else { None };
+            *two_stage = has(2);
         }
-        Method::ShortestEdge if of_method & 1 != 0 => options.method_options.edge_length = length(bytes),
-        Method::VertexRemoval if of_method & 1 != 0 => {
-            options.method_options.angle_deg = Some(90.0 * bytes.part());
+        Method::ShortestEdge { edge_length } if has(1) => *edge_length = length(bytes),
+        Method::VertexRemoval { crease_deg } if has(1) => *crease_deg = Some(90.0 * bytes.part()),
+        Method::Planar { angle_deg, flat } => {
+            *angle_deg = has(1).then(|| 90.0 * bytes.part());
+            *flat = has(2).then(|| Length::OfDiagonal(0.1 * bytes.part()));
         }
-        Method::Planar => {
-            options.method_options.angle_deg = (of_method & 1 != 0).then(|| 90.0 * bytes.part());
-            options.method_options.flat = (of_method & 2 != 0).then(|| Length::OfDiagonal(0.1 * bytes.part()));
-        }
-        Method::Unsubdivide if of_method & 1 != 0 => {
-            options.method_options.iterations = Some(usize::from(of_method % 4) + 1);
-        }
+        Method::Unsubdivide { levels } if has(1) => *levels = Some(usize::from(of_method % 4) + 1),
         // At least a twentieth of the diagonal: the face count of the new mesh depends on its edge length.
-        Method::Remesh => {
-            let longer = |bytes: &mut Bytes<'_>| Some(Length::OfDiagonal(0.05 + bytes.part()));
-            options.method_options.edge_length = if of_method & 1 != 0 { longer(bytes) } else { None };
-            options.method_options.voxel = if of_method & 2 != 0 { longer(bytes) } else { None };
-            options.method_options.iterations = (of_method & 4 != 0).then_some(2);
-            options.method_options.adaptive = of_method & 8 != 0;
-            options.method_options.subdivisions = (of_method & 16 != 0).then_some(1);
+        Method::Remesh(remesh) => {
+            let mut longer = || Length::OfDiagonal(0.05 + bytes.part());
+            *remesh = match has(2) {
+                true => Remesh::Voxels { size: longer() },
+                false => Remesh::OnSurface {
+                    edge_length: has(1).then(longer),
+                    crease_deg: None,
+                    rounds: has(4).then_some(2),
+                    pattern: match (has(8), has(16)) {
+                        (true, _) => RemeshPattern::Adaptive,
+                        (false, true) => RemeshPattern::SemiRegular { subdivisions: 1 },
+                        (false, false) => RemeshPattern::Even,
+                    },
+                },
+            };
         }
         _ => {}
     }
-    options.fit = bytes.one_of(&[Fit::Auto, Fit::On, Fit::Off]);
     options.placement = bytes.one_of(&[Placement::Optimal, Placement::Endpoint, Placement::Midpoint]);
     options.border =
         bytes.one_of(&[BorderPolicy::Keep, BorderPolicy::Slide, BorderPolicy::Lock, BorderPolicy::Free]);

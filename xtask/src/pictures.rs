@@ -12,7 +12,7 @@ use lodsmith::core::measure::{Prepared, vertex_distances};
 use lodsmith::core::model::{Material, Sampler, TextureRef, Wrap};
 use lodsmith::core::{Image, Model, Positions, TriMesh, VertexId};
 use lodsmith::lod::error_of;
-use lodsmith::{Levels, LodOptions, Measure, Method, Screen, SimplifyOptions, Stop, lod};
+use lodsmith::{Levels, LodOptions, Measure, MethodKind, Screen, SimplifyOptions, Stop, lod};
 use lodsmith_render::{
     Ambient, Background, Camera, ColorMap, DVec3, Ground, Legend, Lens, Light, LightKind, Lighting, Panel,
     Shading, Subject, View, render, sheet,
@@ -73,21 +73,21 @@ pub(crate) fn run(names: &[String]) -> Result<()> {
         viewer::run()?;
     }
     let all = is_named("methods");
-    for method in Method::ALL.into_iter().filter(|m| all || is_named(m.name())) {
+    for method in MethodKind::ALL.into_iter().filter(|m| all || is_named(m.name())) {
         of_method(&whole, method)?;
     }
     Ok(())
 }
 
-fn method(name: &str) -> Option<Method> {
-    Method::ALL.into_iter().find(|m| m.name() == name)
+fn method(name: &str) -> Option<MethodKind> {
+    MethodKind::ALL.into_iter().find(|m| m.name() == name)
 }
 
 /// Renders the picture of the README.
 fn finial(whole: &TriMesh) -> Result<()> {
     let mut panels = vec![panel(whole, vec!["original".to_owned()])?];
     for count in COUNTS {
-        let (mesh, below) = simplified(whole, Method::default(), count)?;
+        let (mesh, below) = simplified(whole, MethodKind::default(), count)?;
         panels.push(panel(&mesh, vec![below])?);
     }
     write(&sheet(&panels, panels.len(), BACKGROUND, None), FINIAL)?;
@@ -116,7 +116,7 @@ fn levels(whole: &TriMesh) -> Result<()> {
 }
 
 /// Renders the picture of a method.
-fn of_method(whole: &TriMesh, method: Method) -> Result<()> {
+fn of_method(whole: &TriMesh, method: MethodKind) -> Result<()> {
     let (mesh, below) = simplified(whole, method, METHOD_COUNT).with_context(|| method.name())?;
     let panel = panel(&mesh, vec![below])?;
     println!("{}", panel.caption.join("  "));
@@ -125,7 +125,7 @@ fn of_method(whole: &TriMesh, method: Method) -> Result<()> {
 
 /// Renders one model in every shading, with a legend for the last.
 fn shadings(whole: &TriMesh) -> Result<()> {
-    let (lighter, _) = simplified(whole, Method::default(), HEAT_COUNT)?;
+    let (lighter, _) = simplified(whole, MethodKind::default(), HEAT_COUNT)?;
     let distances = vertex_distances(&lighter.surface(), &Prepared::new(&whole.surface())?);
     let distances: Vec<f32> = distances.into_iter().map(|d| d as f32).collect();
     let hot = Subject::of_mesh(lighter)?.with_values(vec![distances])?;
@@ -211,9 +211,9 @@ fn glaze() -> Image {
 }
 
 /// Returns a simplified mesh, and its maximum distance as text.
-fn simplified(whole: &TriMesh, method: Method, faces: usize) -> Result<(TriMesh, String)> {
+fn simplified(whole: &TriMesh, method: MethodKind, faces: usize) -> Result<(TriMesh, String)> {
     let mut options = SimplifyOptions::new(Stop::faces(faces));
-    options.method = method;
+    options.method = method.into();
     options.measure = Measure::Always;
     let done = lodsmith::simplify(whole, &options)?;
     let error = &done.report.error;
@@ -333,7 +333,7 @@ mod tests {
     fn only_what_is_known_is_drawn() {
         let error = run(&["magic".to_owned()]).unwrap_err().to_string();
         assert!(error.contains("no picture magic"), "{error}");
-        assert_eq!(method("remesh"), Some(Method::Remesh));
+        assert_eq!(method("remesh"), Some(MethodKind::Remesh));
     }
 
     #[test]

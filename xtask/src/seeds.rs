@@ -12,7 +12,7 @@ use flate2::Compression;
 use flate2::read::DeflateDecoder;
 use flate2::write::DeflateEncoder;
 use lodsmith::core::{TriMesh, shapes};
-use lodsmith::{Method, Stop};
+use lodsmith::{MethodKind, Stop};
 use lodsmith_viewer::playback::Playback;
 use lodsmith_viewer::session::Session;
 use lodsmith_viewer::settings::{Backdrop, EnvironmentChoice, Pose, Settings};
@@ -124,12 +124,12 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
 fn sessions(folder: &Path) -> Result<()> {
     let stage = stage();
     LayoutFile::new(Path::new("a.glb"), &stage).save(&folder.join("layout.json"))?;
-    for (number, method) in Method::ALL.into_iter().enumerate() {
+    for (number, method) in MethodKind::ALL.into_iter().enumerate() {
         let mut settings = Settings { files: vec![folder.join("a.glb")], ..Settings::default() };
-        settings.simplify.options.stop = Stop::faces(number);
-        settings.simplify.options.method = method;
+        settings.simplify.options.stop = Stop::faces(number + 1);
+        settings.simplify.options.method = method.into();
         // One session has everything that a session can hold, the others are short.
-        if method == Method::Memoryless {
+        if method == MethodKind::Memoryless {
             settings.stage = stage.clone();
             settings.look.backdrop = Backdrop::Color([0.1, 0.2, 0.3]);
             settings.look.around = EnvironmentChoice::Studio;
@@ -239,6 +239,6 @@ mod tests {
                 opened += usize::from(Session::open(&path, &AssetScope::Folder).is_ok());
             }
         }
-        assert_eq!(opened, Method::ALL.len());
+        assert_eq!(opened, MethodKind::ALL.len());
     }
 }

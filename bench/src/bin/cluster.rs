@@ -16,7 +16,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
-use lodsmith::{Method, NoControl, SimplifyOptions, Stop, simplify_with};
+use lodsmith::{Method, MethodKind, NoControl, SimplifyOptions, Stop, simplify_with};
 use lodsmith_bench::cases::{self, Target};
 use lodsmith_bench::{Soup, process, stats};
 use lodsmith_core::measure::{CompareOptions, Prepared, compare_prepared};
@@ -79,10 +79,9 @@ impl CpuAndWallClock {
     }
 }
 
-fn ours(mesh: &Soup, target: usize, method: Method, two_stage: bool) -> Result<(Seconds, Soup)> {
+fn ours(mesh: &Soup, target: usize, method: Method) -> Result<(Seconds, Soup)> {
     let mut options = SimplifyOptions::new(Stop::faces(target));
     options.method = method;
-    options.method_options.two_stage = two_stage;
     let clock = CpuAndWallClock::start();
     let result = simplify_with(mesh.surface()?, &options, &mut NoControl)?;
     Ok((clock.seconds(), Soup::of_mesh(&result.mesh)))
@@ -118,7 +117,7 @@ fn main() -> Result<()> {
         for target in &args.targets {
             let wanted = target.of(faces);
             let theirs = |n: usize| match args.two_stage {
-                true => one.install(|| ours(&mesh, n, Method::Memoryless, false)),
+                true => one.install(|| ours(&mesh, n, MethodKind::Memoryless.into())),
                 false => sloppy(&mesh, n),
             };
             let (_, rival) = theirs(wanted)?;
@@ -127,7 +126,7 @@ fn main() -> Result<()> {
                 eprintln!("{}: nothing to compare at {}", cases::stem(path), target.name());
                 continue;
             }
-            let mine = || ours(&mesh, count, Method::Cluster, args.two_stage);
+            let mine = || ours(&mesh, count, Method::Cluster { cell: None, two_stage: args.two_stage });
             // Processor time: theirs, ours. Wall-clock time: ours on one thread, ours on two threads, theirs.
             let mut times: [Vec<f64>; 5] = Default::default();
             let mut result = Soup::default();

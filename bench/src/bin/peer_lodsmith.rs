@@ -14,7 +14,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
 use lodsmith::{
-    BorderPolicy, Fit, Method, NoControl, Placement, SimplifyOptions, Stop, TopologyPolicy, simplify_with,
+    BorderPolicy, Fit, MethodKind, NoControl, Placement, SimplifyOptions, Stop, TopologyPolicy, simplify_with,
 };
 use lodsmith_bench::{lab, process};
 use serde_json::json;
@@ -25,11 +25,11 @@ type Change = fn(&mut SimplifyOptions);
 const MODES: &[(&str, Change)] = &[
     ("memoryless", |_| ()),
     ("nofit", |o| o.fit = Fit::Off),
-    ("lindstrom-turk", |o| o.method = Method::LindstromTurk),
-    ("melax", |o| o.method = Method::Melax),
-    ("shortest-edge", |o| o.method = Method::ShortestEdge),
-    ("quadric", |o| o.method = Method::Quadric),
-    ("quadric-fit", |o| (o.method, o.fit) = (Method::Quadric, Fit::On)),
+    ("lindstrom-turk", |o| o.method = MethodKind::LindstromTurk.into()),
+    ("melax", |o| o.method = MethodKind::Melax.into()),
+    ("shortest-edge", |o| o.method = MethodKind::ShortestEdge.into()),
+    ("quadric", |o| o.method = MethodKind::Quadric.into()),
+    ("quadric-fit", |o| (o.method, o.fit) = (MethodKind::Quadric.into(), Fit::On)),
     ("endpoint", |o| o.placement = Placement::Endpoint),
     ("midpoint", |o| o.placement = Placement::Midpoint),
     ("border-slide", |o| o.border = BorderPolicy::Slide),

@@ -16,7 +16,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
-use lodsmith::{Method, NoControl, Progressive, SimplifyOptions, Stop, simplify};
+use lodsmith::{MethodKind, NoControl, Progressive, SimplifyOptions, Stop, simplify};
 use lodsmith_core::TriMesh;
 use lodsmith_core::measure::{CompareOptions, Prepared, compare_attributes, compare_prepared};
 
@@ -37,8 +37,8 @@ fn main() -> Result<()> {
         match word.as_str() {
             "--method" => {
                 let name = words.next().context("--method needs a name")?;
-                let known = Method::ALL.into_iter().find(|m| m.name() == name);
-                options.method = known.with_context(|| format!("no method {name}"))?;
+                let known = MethodKind::ALL.into_iter().find(|m| m.name() == name);
+                options.method = known.with_context(|| format!("no method {name}"))?.into();
             }
             "--between" => between = true,
             "--scrub" => scrubs = true,

@@ -1,8 +1,9 @@
 //! `lodsmith_options`, and its conversion.
 
+use lodsmith::options::by_name::{self, OptionValue};
 use lodsmith::{
-    AttributeWeights, BorderPolicy, Bound, Fit, Guards, Length, Measure, Method, MethodOptions,
-    OwnedMeshData, Placement, Preset, SimplifyOptions, Stop, Texture, Textures, TopologyPolicy,
+    AttributeWeights, BorderPolicy, Bound, Fit, Guards, Length, Measure, MethodKind, OwnedMeshData,
+    Placement, Preset, SimplifyOptions, Stop, Texture, Textures, TopologyPolicy,
 };
 use lodsmith_core::{Image, RegionId};
 
@@ -234,14 +235,23 @@ const MEASURES: [Measure; 2] = [Measure::Auto, Measure::Always];
 
 /// Returns the options of C that say the same. (Lists are left out.)
 fn of_options(o: &SimplifyOptions) -> LodsmithOptions {
-    let (own, guards, w) = (&o.method_options, &o.guards, &o.weights);
+    let (guards, w) = (&o.guards, &o.weights);
+    let own = |name: &str| by_name::find(name).and_then(|option| option.get(o));
+    let length = |name: &str| match own(name) {
+        Some(OptionValue::Length(length)) => of_length(Some(length)),
+        _ => of_length(None),
+    };
+    let count = |name: &str| match own(name) {
+        Some(OptionValue::Whole(n)) => n as usize,
+        _ => 0,
+    };
     LodsmithOptions {
         size: size_of::<LodsmithOptions>(),
         target_faces: o.stop.faces.unwrap_or(0),
         target_vertices: o.stop.vertices.unwrap_or(0),
         target_ratio: o.stop.ratio.unwrap_or(0.0),
         target_error: of_length(o.stop.error),
-        method: number(&Method::ALL, &o.method),
+        method: number(&MethodKind::ALL, &o.method.kind()),
         fit: number(&Fit::ALL, &o.fit),
         placement: number(&Placement::ALL, &o.placement),
         border: number(&BorderPolicy::ALL, &o.border),
@@ -250,16 +260,19 @@ fn of_options(o: &SimplifyOptions) -> LodsmithOptions {
         measure: number(&MEASURES, &o.measure),
         escalate: i32::from(o.escalate),
         shape_normals: i32::from(o.shape_normals),
-        pairs: of_length(own.pairs),
-        cell: of_length(own.cell),
-        two_stage: i32::from(own.two_stage),
-        adaptive: i32::from(own.adaptive),
-        edge_length: of_length(own.edge_length),
-        angle_deg: own.angle_deg.unwrap_or(-1.0),
-        flat: of_length(own.flat),
-        iterations: own.iterations.unwrap_or(0),
-        voxel: of_length(own.voxel),
-        subdivisions: own.subdivisions.unwrap_or(0),
+        pairs: length("pairs"),
+        cell: length("cell"),
+        two_stage: i32::from(own("two-stage").is_some()),
+        adaptive: i32::from(own("adaptive").is_some()),
+        edge_length: length("edge-length"),
+        angle_deg: match own("angle") {
+            Some(OptionValue::Number(deg)) => deg,
+            _ => -1.0,
+        },
+        flat: length("flat"),
+        iterations: count("iterations"),
+        voxel: length("voxel"),
+        subdivisions: count("subdivisions"),
         max_normal_deg: guards.max_normal_deg.unwrap_or(0.0),
         min_quality: guards.min_quality.unwrap_or(0.0),
         max_valence: guards.max_valence.unwrap_or(0),
@@ -318,8 +331,8 @@ impl LodsmithOptions {
             ratio: unless_zero(self.target_ratio),
             error: self.target_error.get("target_error")?,
         });
-        o.method = choice(&Method::ALL, "method", self.method)?;
-        o.method_options = self.method_options()?;
+        o.method = choice(&MethodKind::ALL, "method", self.method)?.into();
+        self.set_options_of_method(&mut o)?;
         o.fit = choice(&Fit::ALL, "fit", self.fit)?;
         o.placement = choice(&Placement::ALL, "placement", self.placement)?;
         o.border = choice(&BorderPolicy::ALL, "border", self.border)?;
@@ -365,20 +378,34 @@ impl LodsmithOptions {
         Ok(data)
     }
 
-    fn method_options(&self) -> Result<MethodOptions, Fault> {
-        let mut own = MethodOptions::default();
-        own.pairs = self.pairs.get("pairs")?;
-        own.cell = self.cell.get("cell")?;
-        own.two_stage = self.two_stage != 0;
-        own.edge_length = self.edge_length.get("edge_length")?;
-        // (NaN is out of range, and is reported as that.)
-        own.angle_deg = if self.angle_deg < 0.0 { None } else { Some(self.angle_deg) };
-        own.flat = self.flat.get("flat")?;
-        own.iterations = unless_zero(self.iterations);
-        own.voxel = self.voxel.get("voxel")?;
-        own.subdivisions = unless_zero(self.subdivisions);
-        own.adaptive = self.adaptive != 0;
-        Ok(own)
+    /// Sets the options that the method alone has; others are an error.
+    fn set_options_of_method(&self, o: &mut SimplifyOptions) -> Result<(), Fault> {
+        let length = |of: LodsmithLength, name| Ok::<_, Fault>(of.get(name)?.map(OptionValue::Length));
+        let count = |n: usize| unless_zero(n).map(|n| OptionValue::Whole(n as u64));
+        let flag = |is_on: i32| (is_on != 0).then_some(OptionValue::Flag(true));
+        let given = [
+            ("pairs", length(self.pairs, "pairs")?),
+            ("cell", length(self.cell, "cell")?),
+            ("two-stage", flag(self.two_stage)),
+            ("edge-length", length(self.edge_length, "edge_length")?),
+            // (NaN is out of range, and is reported as that.)
+            ("angle", if self.angle_deg < 0.0 { None } else { Some(OptionValue::Number(self.angle_deg)) }),
+            ("flat", length(self.flat, "flat")?),
+            ("iterations", count(self.iterations)),
+            ("voxel", length(self.voxel, "voxel")?),
+            ("subdivisions", count(self.subdivisions)),
+            ("adaptive", flag(self.adaptive)),
+        ];
+        for (name, value) in given {
+            if let (Some(option), Some(value)) = (by_name::find(name), value) {
+                let fault = |error: by_name::OptionError| Fault {
+                    code: LODSMITH_ERROR_OPTION,
+                    text: error.to_string(),
+                };
+                option.set(o, &value).map_err(fault)?;
+            }
+        }
+        Ok(())
     }
 
     /// Copies the images.
@@ -451,6 +478,8 @@ pub unsafe extern "C" fn lodsmith_options_init_preset(
 
 #[cfg(test)]
 mod tests {
+    use lodsmith::{Method, Remesh, RemeshPattern};
+
     use super::*;
 
     #[test]
@@ -470,12 +499,7 @@ mod tests {
             ratio: Some(0.5),
             error: Some(Length::Units(3.0)),
         });
-        let lengths = [0.1, 0.2, 0.3, 0.4, 0.5].map(Length::OfDiagonal).map(Some);
-        let own = &mut o.method_options;
-        [own.pairs, own.cell, own.edge_length, own.flat, own.voxel] = lengths;
-        (own.two_stage, own.adaptive) = (true, true);
-        (own.angle_deg, own.iterations, own.subdivisions) = (Some(6.0), Some(7), Some(8));
-        (o.method, o.fit, o.placement) = (Method::Remesh, Fit::Off, Placement::Midpoint);
+        (o.fit, o.placement) = (Fit::Off, Placement::Midpoint);
         (o.border, o.topology) = (BorderPolicy::Free, TopologyPolicy::Free);
         (o.bound, o.measure) = (Bound::TwoSided, Measure::Always);
         (o.escalate, o.shape_normals, o.seed) = (true, true, 9);
@@ -496,8 +520,34 @@ mod tests {
             border: 0.21,
         };
         (o.weld, o.prune) = (Some(Length::Units(22.0)), Some(Length::OfDiagonal(0.23)));
+        let length = Some(Length::OfDiagonal(0.1));
+        let remesh = |edge_length, crease_deg, rounds, pattern| {
+            Method::Remesh(Remesh::OnSurface { edge_length, crease_deg, rounds, pattern })
+        };
+        for method in [
+            Method::Memoryless { pairs: length },
+            Method::Quadric { pairs: length },
+            Method::ShortestEdge { edge_length: length },
+            Method::Cluster { cell: length, two_stage: true },
+            Method::VertexRemoval { crease_deg: Some(6.0) },
+            Method::Planar { angle_deg: Some(6.0), flat: length },
+            Method::Unsubdivide { levels: Some(7) },
+            remesh(length, Some(6.0), Some(7), RemeshPattern::Adaptive),
+            remesh(None, None, None, RemeshPattern::SemiRegular { subdivisions: 8 }),
+            Method::Remesh(Remesh::Voxels { size: Length::Units(0.5) }),
+        ] {
+            o.method = method;
+            // SAFETY: there are no lists.
+            assert_eq!(unsafe { of_options(&o).get() }, Ok(o.clone()));
+        }
+    }
+
+    #[test]
+    fn an_option_of_another_method_is_an_error() {
+        let options = LodsmithOptions { two_stage: 1, ..LodsmithOptions::default() };
         // SAFETY: there are no lists.
-        assert_eq!(unsafe { of_options(&o).get() }, Ok(o));
+        let error = unsafe { options.get() }.unwrap_err();
+        assert_eq!(error.text, "two-stage is not an option of method memoryless, but of cluster");
     }
 
     #[test]
@@ -516,8 +566,8 @@ mod tests {
     #[test]
     fn numbers_of_choices_are_those_of_the_constants() {
         let at = |i: i32| i as usize;
-        assert_eq!(Method::ALL[at(LODSMITH_METHOD_REMESH)], Method::Remesh);
-        assert_eq!(Method::ALL[at(LODSMITH_METHOD_VERTEX_REMOVAL)], Method::VertexRemoval);
+        assert_eq!(MethodKind::ALL[at(LODSMITH_METHOD_REMESH)], MethodKind::Remesh);
+        assert_eq!(MethodKind::ALL[at(LODSMITH_METHOD_VERTEX_REMOVAL)], MethodKind::VertexRemoval);
         assert_eq!(Fit::ALL[at(LODSMITH_FIT_OFF)], Fit::Off);
         assert_eq!(Placement::ALL[at(LODSMITH_PLACEMENT_ENDPOINT)], Placement::Endpoint);
         assert_eq!(BorderPolicy::ALL[at(LODSMITH_BORDER_LOCK)], BorderPolicy::Lock);

@@ -23,23 +23,27 @@ pub(crate) fn option_error(error: &OptionError) -> JsValue {
             wrong_type(&format!("there is no option {}{}", camel_case(name), similar.unwrap_or_default()))
         }
         OptionError::Value { option, why } => wrong_value(&format!("{}: {why}", camel_case(option))),
-        other => wrong_value(&other.to_string()),
+        other => wrong_value(&in_camel_case(other.to_string())),
     }
+}
+
+/// Replaces names of options by those of JavaScript.
+fn in_camel_case(mut text: String) -> String {
+    for option in OPTIONS.iter().filter(|o| o.name.contains('-')) {
+        // `lindstrom-turk` and its like stay: they are values.
+        text = text.replace(option.name, &camel_case(option.name));
+    }
+    text
 }
 
 /// Returns the error for a run that failed; names of options are those of JavaScript.
 pub(crate) fn run_error(error: &SimplifyError) -> JsValue {
-    let mut text = error.to_string();
     if matches!(error, SimplifyError::Cancelled) {
         let error = Error::new("cancelled");
         error.set_name("AbortError");
         return error.into();
     }
-    for option in OPTIONS.iter().filter(|o| o.name.contains('-')) {
-        // `lindstrom-turk` and its like stay: they are values.
-        text = text.replace(option.name, &camel_case(option.name));
-    }
-    wrong_value(&text)
+    wrong_value(&in_camel_case(error.to_string()))
 }
 
 /// Returns the name of an option in JavaScript: `maxNormal` for `max-normal`.

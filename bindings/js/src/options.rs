@@ -51,8 +51,10 @@ impl Given {
             Self::Flag(x) => OptionValue::Flag(*x),
             Self::Whole(x) => OptionValue::Whole(*x),
             Self::Number(x) => OptionValue::Number(*x),
-            Self::Text(x) => OptionValue::Text(x),
-            Self::Weights(all) => OptionValue::Weights(all.iter().map(|(k, x)| (k.as_str(), *x)).collect()),
+            Self::Text(x) => x.as_str().into(),
+            Self::Weights(all) => {
+                OptionValue::Weights(all.iter().map(|(k, x)| (k.as_str().into(), *x)).collect())
+            }
         }
     }
 }
@@ -102,7 +104,7 @@ pub(crate) fn options_of(object: &JsValue) -> Result<(SimplifyOptions, OwnedMesh
     }
     let given: Vec<_> = given.iter().map(|(name, value)| (name.as_str(), value.value())).collect();
     let options = by_name::from_names(&given).map_err(|e| option_error(&e))?;
-    if options.stop == Stop::default() && !options.method_options.ends_without_stop(options.method) {
+    if options.stop == Stop::default() && !options.method.ends_without_stop() {
         let text = "a target is needed: faces, vertices, ratio, error, or what the method ends by";
         return Err(wrong_value(text));
     }
@@ -142,17 +144,7 @@ pub(crate) fn data_of_meshes(
 #[wasm_bindgen(js_name = optionTable)]
 pub fn option_table() -> Array {
     let row = |option: &by_name::NamedOption| {
-        let (kind, words): (&str, &[&str]) = match option.kind {
-            by_name::OptionKind::Count => ("count", &[]),
-            by_name::OptionKind::Ratio => ("ratio", &[]),
-            by_name::OptionKind::Length => ("length", &[]),
-            by_name::OptionKind::Degrees => ("degrees", &[]),
-            by_name::OptionKind::Word(words) => ("word", words),
-            by_name::OptionKind::Flag => ("flag", &[]),
-            by_name::OptionKind::Number => ("number", &[]),
-            by_name::OptionKind::Weights => ("weights", &[]),
-            by_name::OptionKind::Seed => ("seed", &[]),
-        };
+        let (kind, words) = (option.kind.name(), option.kind.words());
         object([
             ("name", camel_case(option.name).into()),
             ("kind", kind.into()),

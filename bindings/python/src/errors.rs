@@ -2,8 +2,8 @@
 
 use lodsmith::SimplifyError;
 use lodsmith::core::MeshError;
-use lodsmith::options::by_name;
-use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use lodsmith::options::by_name::{self, OptionError};
+use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
 pyo3::create_exception!(
@@ -45,16 +45,32 @@ fn invalid(py: Python<'_>, text: &str, at: Option<(usize, i64)>) -> PyErr {
 
 /// Returns the exception for a run that failed; names of options are those of keywords.
 pub(crate) fn run_error(py: Python<'_>, error: SimplifyError) -> PyErr {
-    let mut text = error.to_string();
+    let text = error.to_string();
     match error {
         SimplifyError::NoFaces { .. } => return invalid(py, &text, None),
         SimplifyError::Mesh(error) => return mesh_error(py, &error),
         SimplifyError::Cancelled => return PyRuntimeError::new_err("cancelled"),
         _ => {}
     }
+    PyValueError::new_err(with_keywords(text))
+}
+
+/// Returns the exception for an option that was rejected.
+pub(crate) fn option_error(error: &OptionError) -> PyErr {
+    match error {
+        OptionError::Unknown { .. } => PyTypeError::new_err(error.to_string()),
+        OptionError::Value { option, why } => {
+            PyValueError::new_err(format!("{}: {why}", option.replace('-', "_")))
+        }
+        other => PyValueError::new_err(with_keywords(other.to_string())),
+    }
+}
+
+/// Replaces names of options by their keywords.
+fn with_keywords(mut text: String) -> String {
     for option in by_name::OPTIONS.iter().filter(|o| o.name.contains('-')) {
         // `lindstrom-turk` and its like stay: they are values.
         text = text.replace(option.name, &option.name.replace('-', "_"));
     }
-    PyValueError::new_err(text)
+    text
 }

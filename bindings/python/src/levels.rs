@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use lodsmith::core::TriMesh;
-use lodsmith::options::by_name::{OptionValue, from_names};
+use lodsmith::options::by_name::from_names;
 use lodsmith::{Input, Length, Levels, LodOptions, Measure, Progressive, Screen};
 use lodsmith_io::ReadOptions;
 use lodsmith_io::lpm::{self, LpmOptions};
@@ -47,7 +47,7 @@ impl LevelKeywords {
 
 fn lengths(texts: &[String]) -> PyResult<Vec<Length>> {
     let length = |text: &String| {
-        let options = from_names(&[("error", OptionValue::Text(text))])
+        let options = from_names(&[("error", text.as_str().into())])
             .map_err(|e| PyValueError::new_err(e.to_string().replacen("error", "errors", 1)))?;
         Ok(options.stop.error.unwrap_or(Length::Units(0.0)))
     };

@@ -1,15 +1,15 @@
 //! Options and control of a run, and `simplify`.
 
-use lodsmith::options::by_name::{self, OptionError, OptionKind, OptionValue};
+use lodsmith::options::by_name::{self, OptionValue};
 use lodsmith::{Input, OwnedMeshData, Simplified, SimplifyError, SimplifyOptions};
 use numpy::PyReadonlyArray1;
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString};
 
 use crate::arrays::{MeshArrays, to_arrays};
 use crate::control::{Watch, WatchedRun};
-use crate::errors::{mesh_error, run_error};
+use crate::errors::{mesh_error, option_error, run_error};
 use lodsmith_bindings::report;
 
 use crate::json::to_python;
@@ -65,8 +65,10 @@ impl Given {
             Self::Flag(x) => OptionValue::Flag(*x),
             Self::Whole(x) => OptionValue::Whole(*x),
             Self::Number(x) => OptionValue::Number(*x),
-            Self::Text(x) => OptionValue::Text(x),
-            Self::Weights(all) => OptionValue::Weights(all.iter().map(|(k, x)| (k.as_str(), *x)).collect()),
+            Self::Text(x) => x.as_str().into(),
+            Self::Weights(all) => {
+                OptionValue::Weights(all.iter().map(|(k, x)| (k.as_str().into(), *x)).collect())
+            }
         }
     }
 }
@@ -81,13 +83,7 @@ impl RunKeywords<'_> {
             given.push((name, value));
         }
         let given: Vec<_> = given.iter().map(|(name, value)| (name.as_str(), value.value())).collect();
-        by_name::from_names(&given).map_err(|e| match e {
-            OptionError::Unknown { .. } => PyTypeError::new_err(e.to_string()),
-            OptionError::Value { option, why } => {
-                PyValueError::new_err(format!("{}: {why}", option.replace('-', "_")))
-            }
-            other => PyValueError::new_err(other.to_string()),
-        })
+        by_name::from_names(&given).map_err(|e| option_error(&e))
     }
 
     /// Returns what the keywords say of vertices of the mesh.
@@ -146,17 +142,7 @@ pub(crate) fn simplify<'py>(
 pub(crate) fn options(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
     let list = PyList::empty(py);
     for option in by_name::OPTIONS {
-        let (kind, words): (&str, &[&str]) = match option.kind {
-            OptionKind::Count => ("count", &[]),
-            OptionKind::Ratio => ("ratio", &[]),
-            OptionKind::Length => ("length", &[]),
-            OptionKind::Degrees => ("degrees", &[]),
-            OptionKind::Word(words) => ("word", words),
-            OptionKind::Flag => ("flag", &[]),
-            OptionKind::Number => ("number", &[]),
-            OptionKind::Weights => ("weights", &[]),
-            OptionKind::Seed => ("seed", &[]),
-        };
+        let (kind, words) = (option.kind.name(), option.kind.words());
         let entry = PyDict::new(py);
         entry.set_item("name", option.name.replace('-', "_"))?;
         entry.set_item("kind", kind)?;

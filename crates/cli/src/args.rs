@@ -6,19 +6,15 @@ mod batch_files;
 mod choice;
 mod clean;
 mod engine;
+mod importance;
 mod lod;
 mod methods;
-#[cfg(test)]
-mod named_options;
-mod of_method;
 mod progressive;
 mod reading;
 mod render;
 mod run;
-mod scope;
 mod simplify;
 mod values;
-mod weights;
 mod writing;
 
 use std::path::PathBuf;
@@ -28,7 +24,8 @@ use clap::{Args, Parser, Subcommand};
 pub(crate) use bake::{BakeArgs, BakeCommandArgs, TextureArgs};
 use choice::choice;
 pub(crate) use clean::CleanArgs;
-pub(crate) use engine::How;
+pub(crate) use engine::PartNames;
+pub(crate) use importance::Importance;
 pub(crate) use lod::{LodArgs, Naming};
 pub(crate) use methods::MethodsArgs;
 pub(crate) use progressive::{ExtractArgs, LpmBuildArgs, LpmInfoArgs, Progressive};
@@ -37,7 +34,6 @@ pub(crate) use render::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Surrounding
 pub(crate) use run::{Ending, Run};
 pub(crate) use simplify::{Normals, SimplifyArgs};
 pub(crate) use values::TypedLength;
-pub(crate) use weights::Importance;
 pub(crate) use writing::{Up, Writing};
 
 use crate::paths::{Sink, Source};
@@ -111,6 +107,16 @@ impl Command {
             Self::Progressive(Progressive::Info(args)) => &args.run,
             Self::View(_) | Self::Doctor(_) | Self::Completions { .. } | Self::Man { .. } => return None,
         })
+    }
+
+    /// Returns an error if options of simplification do not go together.
+    pub(crate) fn check(&self) -> anyhow::Result<()> {
+        match self {
+            Self::Simplify(args) => args.engine.check(),
+            Self::Lod(args) => args.engine.check(),
+            Self::Progressive(Progressive::Build(args)) => args.engine.check(),
+            _ => Ok(()),
+        }
     }
 
     /// Returns the seconds after which the process ends, for commands without a partial result. (The others

@@ -23,6 +23,7 @@ use crate::{call, memory, memory_watch};
 
 /// Runs the command.
 pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
+    cli.command.check()?;
     // A call must not end the process of its caller.
     let is_call = call::current().is_some();
     if let Some(seconds) = cli.command.hard_limit_secs() {

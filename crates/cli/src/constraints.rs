@@ -6,7 +6,7 @@ use lodsmith::core::{RegionId, Semantic, TriMesh, WedgeId};
 use lodsmith_io::Loaded;
 use lodsmith_io::gltf::Scene;
 
-use crate::args::{How, Importance};
+use crate::args::{Importance, PartNames};
 
 /// Largest number of names listed in an error.
 const MAX_NAMES_SHOWN: usize = 30;
@@ -23,16 +23,16 @@ struct NamedMesh<'a> {
 }
 
 /// Returns the names of vertex properties that have to be read in addition to the mesh.
-pub(crate) fn properties(how: &How) -> Vec<String> {
-    let importance = how.importance.as_ref().map(|i| i.name.clone());
-    how.lock.iter().cloned().chain(importance).collect()
+pub(crate) fn properties(names: &PartNames) -> Vec<String> {
+    let importance = names.importance.as_ref().map(|i| i.name.clone());
+    names.lock.iter().cloned().chain(importance).collect()
 }
 
 /// Returns locks, importance and region classes of a mesh.
 ///
 /// # Errors
 /// If a name is not found; the error lists the names that exist.
-pub(crate) fn of_mesh(how: &How, loaded: &Loaded) -> anyhow::Result<OwnedMeshData> {
+pub(crate) fn of_mesh(names: &PartNames, loaded: &Loaded) -> anyhow::Result<OwnedMeshData> {
     let text = |name: &[u8]| String::from_utf8_lossy(name).into_owned();
     let regions = loaded.regions.iter().map(|region| {
         let groups = region.groups.into_iter().flat_map(|all| {
@@ -49,7 +49,7 @@ pub(crate) fn of_mesh(how: &How, loaded: &Loaded) -> anyhow::Result<OwnedMeshDat
         properties: &loaded.properties,
     };
     let other = loaded.contents.attributes.iter().filter(|a| !VECTOR_ATTRIBUTES.contains(&a.as_str()));
-    let mut all = constraints(how, &[named], other.cloned().collect()).map_err(|e| {
+    let mut all = constraints(names, &[named], other.cloned().collect()).map_err(|e| {
         if loaded.format.is_scene() {
             anyhow!("{e} (meshes and nodes have names only where the output is glTF)")
         } else {
@@ -65,18 +65,22 @@ pub(crate) fn of_mesh(how: &How, loaded: &Loaded) -> anyhow::Result<OwnedMeshDat
 ///
 /// # Errors
 /// Those of [`of_mesh`].
-pub(crate) fn of_scene(how: &How, scene: &Scene, taken: &[usize]) -> anyhow::Result<Vec<OwnedMeshData>> {
-    let names = scene.names();
+pub(crate) fn of_scene(
+    names: &PartNames,
+    scene: &Scene,
+    taken: &[usize],
+) -> anyhow::Result<Vec<OwnedMeshData>> {
+    let of_meshes = scene.names();
     let all: Vec<_> = taken
         .iter()
         .map(|&i| {
-            let (mesh, names) = (&scene.meshes()[i], &names[i]);
-            let whole = std::iter::once(mesh.name.clone()).chain(names.nodes.iter().cloned()).collect();
-            let regions = names.materials.iter().map(|m| m.iter().cloned().collect()).collect();
+            let (mesh, own) = (&scene.meshes()[i], &of_meshes[i]);
+            let whole = std::iter::once(mesh.name.clone()).chain(own.nodes.iter().cloned()).collect();
+            let regions = own.materials.iter().map(|m| m.iter().cloned().collect()).collect();
             NamedMesh { mesh: &mesh.mesh, whole, regions, properties: &[] }
         })
         .collect();
-    constraints(how, &all, Vec::new())
+    constraints(names, &all, Vec::new())
 }
 
 /// Names of attributes in lists of a file's content that do not have a single number for each vertex.
@@ -85,7 +89,7 @@ const VECTOR_ATTRIBUTES: [&str; 3] = ["normals", "uvs", "colors"];
 const CHANNELS: [&str; 4] = ["color.r", "color.g", "color.b", "color.a"];
 
 fn constraints(
-    how: &How,
+    names: &PartNames,
     all: &[NamedMesh<'_>],
     other_names: Vec<String>,
 ) -> anyhow::Result<Vec<OwnedMeshData>> {
@@ -107,8 +111,8 @@ fn constraints(
         };
         anyhow!("{option} {name}: nothing has this name; {what}")
     };
-    if !how.lock.is_empty() {
-        for name in &how.lock {
+    if !names.lock.is_empty() {
+        for name in &names.lock {
             let mut found = false;
             for (named, own) in all.iter().zip(&mut data) {
                 let none = || vec![false; named.mesh.vertex_count()];
@@ -120,7 +124,7 @@ fn constraints(
             }
         }
     }
-    if let Some(Importance { name, strength }) = &how.importance {
+    if let Some(Importance { name, strength }) = &names.importance {
         let values: Vec<_> = all.iter().map(|n| n.values(name)).collect();
         if values.iter().all(Option::is_none) {
             return Err(unknown("--importance", name, Vec::new()));

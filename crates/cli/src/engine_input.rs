@@ -3,7 +3,7 @@
 use lodsmith::{OwnedMeshData, SimplifyOptions};
 use lodsmith_io::{Loaded, Warning};
 
-use crate::args::How;
+use crate::args::PartNames;
 use crate::file::Destination;
 use crate::{constraints, palettes};
 
@@ -13,11 +13,11 @@ use crate::{constraints, palettes};
 /// If a name on the command line is not found.
 pub(crate) fn prepare(
     loaded: &mut Loaded,
-    how: &How,
+    names: &PartNames,
     to: Option<&Destination>,
     options: &SimplifyOptions,
 ) -> anyhow::Result<OwnedMeshData> {
-    let mut data = constraints::of_mesh(how, loaded)?;
+    let mut data = constraints::of_mesh(names, loaded)?;
     let left_out = palettes::add_of_mesh(loaded, &mut data);
     loaded.warnings.extend(left_out);
     if loaded.format.is_scene() && !to.is_some_and(Destination::keeps_materials) {

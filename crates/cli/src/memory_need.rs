@@ -4,7 +4,7 @@
 use lodsmith::core::measure::CompareOptions;
 use lodsmith::core::topology::size_of;
 use lodsmith::core::{Splits, TriMesh};
-use lodsmith::{Bound, Length, Measure, Method, OwnedMeshData, SimplifyOptions, Textures};
+use lodsmith::{Bound, Length, Measure, Method, OwnedMeshData, Remesh, SimplifyOptions, Textures};
 use lodsmith_io::gltf::SceneMesh;
 
 /// Number of faces above which copies are made when needed instead of kept.
@@ -55,14 +55,16 @@ const VALUE_BYTES: [u64; 2] = [31, 22];
 /// Returns the bytes for a face during a run of a method.
 fn face_of(options: &SimplifyOptions) -> [u64; 2] {
     let own = match options.method {
-        Method::Memoryless | Method::LindstromTurk | Method::Melax | Method::ShortestEdge => [130, 90],
-        Method::Quadric => [190, 120],
-        Method::Cluster if options.method_options.two_stage => [130, 90],
-        Method::Cluster => [64, 44],
-        Method::VertexRemoval | Method::Unsubdivide => [220, 220],
-        Method::Planar => [400, 400],
-        Method::Remesh if options.method_options.voxel.is_some() => [560, 560],
-        Method::Remesh => [300, 300],
+        Method::Memoryless { .. }
+        | Method::LindstromTurk
+        | Method::Melax
+        | Method::ShortestEdge { .. }
+        | Method::Cluster { two_stage: true, .. } => [130, 90],
+        Method::Quadric { .. } => [190, 120],
+        Method::Cluster { .. } => [64, 44],
+        Method::VertexRemoval { .. } | Method::Unsubdivide { .. } => [220, 220],
+        Method::Planar { .. } => [400, 400],
+        Method::Remesh(Remesh::OnSurface { .. }) => [300, 300],
         // Unknown methods count like the one with the largest need.
         _ => [560, 560],
     };
@@ -80,17 +82,18 @@ fn face_of(options: &SimplifyOptions) -> [u64; 2] {
 /// Returns the bytes of new elements of a remesh: the cells of a voxel grid, and faces of a given edge
 /// length.
 fn remesh_bytes(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
-    let of = &options.method_options;
-    if options.method != Method::Remesh || (of.voxel.is_none() && of.edge_length.is_none()) {
-        return 0;
-    }
+    let (voxel, edge_length) = match options.method {
+        Method::Remesh(Remesh::Voxels { size }) => (Some(size), None),
+        Method::Remesh(Remesh::OnSurface { edge_length: Some(length), .. }) => (None, Some(length)),
+        _ => return 0,
+    };
     let surface = mesh.surface();
     let Some(bounds) = surface.positions().bounds() else { return 0 };
     let squares = |length: Length| size_of(&surface).area / length.in_units(bounds.diagonal()).powi(2);
     // A surface passes through 1.5 cells for each square, an open one through twice as many; the engine
     // refuses too many.
-    let cells = of.voxel.map_or(0.0, |h| 400.0 * 3.0 * squares(h).min(8e6));
-    let faces = of.edge_length.map_or(0.0, |l| 300.0 * 2.3 * squares(l));
+    let cells = voxel.map_or(0.0, |h| 400.0 * 3.0 * squares(h).min(8e6));
+    let faces = edge_length.map_or(0.0, |l| 300.0 * 2.3 * squares(l));
     (cells + faces) as u64
 }
 
@@ -171,8 +174,8 @@ pub(crate) fn render(size: Size, pixels: [usize; 2], count: usize, is_occluded: 
 
 #[cfg(test)]
 mod tests {
-    use lodsmith::Stop;
     use lodsmith::core::shapes;
+    use lodsmith::{MethodKind, Stop};
 
     use super::*;
 
@@ -193,12 +196,13 @@ mod tests {
     fn short_edges_and_small_voxels_take_more() {
         let mesh = shapes::icosphere(2);
         let mut options = SimplifyOptions::default();
-        options.method = Method::Remesh;
+        options.method = MethodKind::Remesh.into();
         let plain = simplify(&mesh, &options);
-        options.method_options.edge_length = Some(Length::OfDiagonal(1e-4));
+        if let Method::Remesh(Remesh::OnSurface { edge_length, .. }) = &mut options.method {
+            *edge_length = Some(Length::OfDiagonal(1e-4));
+        }
         assert!(simplify(&mesh, &options) > plain + (1 << 30));
-        options.method_options.edge_length = None;
-        options.method_options.voxel = Some(Length::OfDiagonal(1e-3));
+        options.method = Method::Remesh(Remesh::Voxels { size: Length::OfDiagonal(1e-3) });
         assert!(simplify(&mesh, &options) > plain + (100 << 20));
     }
 }

@@ -7,7 +7,7 @@ use lodsmith::core::TriMesh;
 use lodsmith_io::gltf::{Scene, SceneMesh};
 use lodsmith_io::{Loaded, Warning};
 
-use crate::args::How;
+use crate::args::PartNames;
 use crate::constraints;
 use crate::file::Destination;
 use crate::orient::orient;
@@ -25,8 +25,8 @@ impl MeshScene {
     ///
     /// # Errors
     /// If a name on the command line is not found.
-    pub(crate) fn new(loaded: Loaded, how: &How, to: &Destination) -> anyhow::Result<Self> {
-        let own = constraints::of_mesh(how, &loaded)?;
+    pub(crate) fn new(loaded: Loaded, names: &PartNames, to: &Destination) -> anyhow::Result<Self> {
+        let own = constraints::of_mesh(names, &loaded)?;
         let Loaded { mut mesh, regions, mut warnings, .. } = loaded;
         orient(&mut mesh, &to.writing);
         let (scene, lost) = to.as_scene(&mesh, regions)?;

@@ -116,7 +116,7 @@ fn all_methods_are_there_unless_some_are_named() {
     desk.put("hills.ply", &hills(6));
     let report = desk.run("methods hills.ply --faces 30 --samples 3000 --json").objects().remove(0);
     let names: Vec<_> = rows(&report).iter().map(|r| r["method"].as_str().expect("a word")).collect();
-    assert_eq!(names, lodsmith::Method::ALL.map(lodsmith::Method::name));
+    assert_eq!(names, lodsmith::MethodKind::ALL.map(lodsmith::MethodKind::name));
 }
 
 #[test]

@@ -156,7 +156,7 @@ fn what_cannot_be_is_told_in_one_line() {
         ("convert hills.ply out.lpm", 2, "write it with `lodsmith progressive build`"),
         ("progressive build hills.ply -o out.ply", 2, "the ending is that of PLY"),
         ("progressive build none.ply -o out.lpm", 1, "no such file"),
-        ("progressive extract hills.ply -o out.ply", 1, "no LPM file"),
+        ("progressive extract hills.ply -o out.ply", 1, "not an LPM file"),
         ("progressive extract none.lpm -o out.ply", 1, "no such file"),
         ("progressive extract hills.lpm -o -", 2, "--to"),
         ("progressive extract hills.lpm -o - --to ply --json", 2, "--json"),

@@ -32,7 +32,7 @@ use crate::constraints::HeldWedges;
 use crate::control::{Control, Stage, Verdict};
 use crate::deviation::{self, Deviation, InputComparer, ROUNDING};
 use crate::input::Input;
-use crate::options::{BorderPolicy, SimplifyOptions};
+use crate::options::{BorderPolicy, Method, SimplifyOptions};
 use crate::prune::Pruned;
 use crate::report::{Clustered, ErrorReport, Report, StoppedBy};
 use crate::run;
@@ -110,7 +110,11 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
             None => LockedPositions::default(),
         };
         let longest = model.extent().max_element();
-        let coarsest = match options.method_options.cell.map(|l| l.in_units(diagonal)) {
+        let cell = match options.method {
+            Method::Cluster { cell, .. } => cell,
+            _ => None,
+        };
+        let coarsest = match cell.map(|l| l.in_units(diagonal)) {
             Some(cell) if cell * MAX_RESOLUTION < longest => {
                 let wanted = "at least 1/2000000 of the longest edge of the box round the mesh";
                 return Err(SimplifyError::BadOption { option: "cell", wanted, got: cell });
@@ -134,7 +138,7 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
     }
 
     fn run_stages(self, control: &mut dyn Control) -> Result<(Simplified, HeldWedges), SimplifyError> {
-        if self.options.method_options.two_stage {
+        if let Method::Cluster { two_stage: true, .. } = self.options.method {
             self.in_two_stages(control)
         } else {
             self.finished(control)
@@ -285,7 +289,7 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
         let is_grid = by != StoppedBy::Nothing;
         Ok(ClusteredMesh {
             mesh,
-            locked: is_locked.contains(&true).then(|| is_locked.into()),
+            locked: is_locked.contains(&true).then_some(is_locked),
             held,
             estimate: if is_grid { estimate.min(self.diagonal) } else { 0.0 },
             cell: if is_grid { grid.cell } else { 0.0 },

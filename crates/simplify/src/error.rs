@@ -2,7 +2,7 @@
 
 use lodsmith_core::MeshError;
 
-use crate::options::Method;
+use crate::options::MethodKind;
 
 /// Why a mesh could not be simplified.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -35,14 +35,14 @@ pub enum SimplifyError {
         got: usize,
     },
     /// An option that the method does not have.
-    #[error("{option} is for {takers}, not for {method}", method = method.name(), takers = names(takers))]
+    #[error("{option} is not an option of method {method}, but of {takers}", method = method.name(), takers = method_names(takers))]
     NotOfMethod {
         /// Name of the option.
         option: &'static str,
         /// The methods that have it.
-        takers: &'static [Method],
+        takers: &'static [MethodKind],
         /// The method of the run.
-        method: Method,
+        method: MethodKind,
     },
     /// Two options that exclude each other.
     #[error("{first} and {second} do not go together")]
@@ -60,7 +60,7 @@ pub enum SimplifyError {
     Mesh(#[from] MeshError),
 }
 
-fn names(methods: &[Method]) -> String {
+pub(crate) fn method_names(methods: &[MethodKind]) -> String {
     let names: Vec<_> = methods.iter().map(|m| m.name()).collect();
     match names.split_last() {
         Some((last, rest)) if !rest.is_empty() => format!("{} and {last}", rest.join(", ")),

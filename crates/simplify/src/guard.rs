@@ -41,7 +41,10 @@ impl Rules {
         let guards = &options.guards;
         let cos = guards.max_normal_deg.map_or(0.0, |deg| libm::cos(deg.min(90.0).to_radians()) as f32);
         let max_edge = guards.max_edge.map_or(f64::INFINITY, |l| frame.unit_length(l.in_units(diagonal)));
-        let longest = options.method_options.edge_length.filter(|_| options.method == Method::ShortestEdge);
+        let longest = match options.method {
+            Method::ShortestEdge { edge_length } => edge_length,
+            _ => None,
+        };
         let max_cost = longest.map_or(f64::INFINITY, |l| frame.unit_length(l.in_units(diagonal)));
         let max_estimate = options.quick.as_ref().and_then(|quick| quick.max_estimate);
         let max_estimate = max_estimate.map_or(f64::INFINITY, |l| frame.unit_length(l.in_units(diagonal)));

@@ -106,8 +106,8 @@ use lodsmith_core::TriMesh;
 
 pub use input::{Input, MeshData, OwnedMeshData};
 pub use options::{
-    AttributeWeights, BorderPolicy, Bound, Fit, Guards, Length, Measure, Method, MethodOptions, Placement,
-    Preset, SimplifyOptions, Stop, TopologyPolicy,
+    AttributeWeights, BorderPolicy, Bound, Fit, Guards, Length, Measure, Method, MethodKind, Placement,
+    Preset, Remesh, RemeshPattern, SimplifyOptions, Stop, TopologyPolicy,
 };
 pub use progressive::{ChangedRanges, Progressive, ProgressiveScene};
 pub use proposal::{Change, Proposal};
@@ -197,10 +197,11 @@ pub use two_sided::two_sided_faces;
 ///
 /// # Errors
 /// - [`SimplifyError::NoFaces`] if no face has an area.
-/// - [`SimplifyError::BadOption`] if a number of the options is out of range, or if [`MethodOptions::cell`],
-///   [`MethodOptions::voxel`], [`MethodOptions::edge_length`] or [`MethodOptions::subdivisions`] does not
-///   suit this mesh (a grid that is too fine, or one in which no face is left).
-/// - [`SimplifyError::NotOfMethod`] if an option is set that the method does not have.
+/// - [`SimplifyError::BadOption`] if a number of the options is out of range, or if a cell, a voxel, an edge length or
+///   a number of subdivisions of the [`Method`] does not suit this mesh (a grid that is too fine, or one in which no
+///   face is left).
+/// - [`SimplifyError::NotOfMethod`] if one of the options that several methods share is set and the method does not
+///   have it.
 /// - [`SimplifyError::NotTogether`] if two options exclude each other.
 /// - [`SimplifyError::Mesh`] if the result is not a valid mesh, such as one with more elements than 32-bit
 ///   ids can name.

@@ -45,7 +45,7 @@ macro_rules! with_metric {
     };
     (@rows $method:expr, $name:ident, $code:expr; $($of:ident: $type:ident = $metric:ident,)+) => {
         match $method {
-            $($crate::options::Method::$of => {
+            $($crate::options::MethodKind::$of => {
                 const $name: $crate::metric::$type = $crate::metric::$metric;
                 Some($code)
             })+

@@ -3,115 +3,11 @@
 
 pub mod by_name;
 mod check;
+mod method;
 pub(crate) mod names;
 pub(crate) mod shared;
 
-/// Method of simplification.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Method {
-    /// Edge collapse by the tensors of the present star, and a final fit: the default. After the finding of
-    /// [Lindstrom-Turk 1998] that costs without memory are better.
-    #[default]
-    Memoryless,
-    /// Edge collapse by accumulated plane quadrics, weighted by area. [Garland-Heckbert 1997]
-    Quadric,
-    /// Edge collapse that preserves volume and borders, judged by the present surface alone.
-    /// [Lindstrom-Turk 1998]
-    LindstromTurk,
-    /// Half-edge collapse by length times curvature, onto vertices of the input. [Melax 1998]
-    Melax,
-    /// Edge collapse in order of edge length, onto the midpoint.
-    ShortestEdge,
-    /// One vertex for each cell of a grid. [Rossignac-Borrel 1993] [Lindstrom 2000]
-    Cluster,
-    /// Removal of vertices, nearest to the plane of their neighbours first; the holes are filled.
-    /// [Schroeder et al. 1992]
-    VertexRemoval,
-    /// Coplanar regions are replaced by as few triangles as their outlines need. [Hinker-Hansen 1993]
-    /// [Kalvin-Taylor 1996]
-    Planar,
-    /// Reverses 4:1 subdivision where the mesh has its pattern. [Taubin 2001]
-    Unsubdivide,
-    /// A new mesh on the old surface. [Botsch-Kobbelt 2004]
-    Remesh,
-}
-
-impl Method {
-    /// True if an error limit bounds each step of the method, instead of their number.
-    pub(crate) const fn limits_error_by_step(self) -> bool {
-        matches!(self, Self::Planar | Self::Unsubdivide)
-    }
-}
-
-/// Options of single methods. Those that are not set have a default or follow from the stop. Setting one that
-/// the method does not have is an error.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[non_exhaustive]
-pub struct MethodOptions {
-    /// [`Method::Memoryless`], [`Method::Quadric`]: pairs of vertices closer than this that share no edge are
-    /// contracted too. A second run without pairs is made, and its result is taken if it alone meets the stop
-    /// or is closer by a quarter.
-    pub pairs: Option<Length>,
-    /// [`Method::Cluster`]: edge length of a cell.
-    pub cell: Option<Length>,
-    /// [`Method::Cluster`]: clusters only down to a multiple of the stop, then continues with
-    /// [`Method::Memoryless`].
-    pub two_stage: bool,
-    /// [`Method::ShortestEdge`]: edges up to this length are collapsed. [`Method::Remesh`]: length of the new
-    /// edges.
-    pub edge_length: Option<Length>,
-    /// [`Method::Planar`]: largest angle, in degrees, between a face and the plane of its region; 5 by
-    /// default. [`Method::VertexRemoval`], [`Method::Remesh`]: edges with a larger dihedral angle are
-    /// creases, which are kept.
-    pub angle_deg: Option<f64>,
-    /// [`Method::Planar`]: largest distance of a vertex from the plane of its region, and of a removed vertex
-    /// from the edge of the simplified outline. By default 2e-7 of the diagonal, or the error of the stop.
-    pub flat: Option<Length>,
-    /// [`Method::Unsubdivide`]: largest number of levels to undo. [`Method::Remesh`]: number of rounds.
-    pub iterations: Option<usize>,
-    /// [`Method::Remesh`]: edge length of a voxel; the result is a closed surface around the input, whatever
-    /// the state of the input.
-    pub voxel: Option<Length>,
-    /// [`Method::Remesh`]: makes a semi-regular mesh, a base mesh subdivided this many times.
-    /// [Eck et al. 1995]
-    pub subdivisions: Option<usize>,
-    /// [`Method::Remesh`]: makes edges shorter where the surface is curved.
-    pub adaptive: bool,
-}
-
-impl MethodOptions {
-    /// Returns the names of the options that are set, each with the methods that have it.
-    pub(crate) fn set_options(&self) -> impl Iterator<Item = (&'static str, &'static [Method])> {
-        use Method::{
-            Cluster, Memoryless, Planar, Quadric, Remesh, ShortestEdge, Unsubdivide, VertexRemoval,
-        };
-        let all: [(&str, bool, &[Method]); 10] = [
-            ("pairs", self.pairs.is_some(), &[Memoryless, Quadric]),
-            ("cell", self.cell.is_some(), &[Cluster]),
-            ("two-stage", self.two_stage, &[Cluster]),
-            ("edge-length", self.edge_length.is_some(), &[ShortestEdge, Remesh]),
-            ("angle", self.angle_deg.is_some(), &[Planar, VertexRemoval, Remesh]),
-            ("flat", self.flat.is_some(), &[Planar]),
-            ("iterations", self.iterations.is_some(), &[Unsubdivide, Remesh]),
-            ("voxel", self.voxel.is_some(), &[Remesh]),
-            ("subdivisions", self.subdivisions.is_some(), &[Remesh]),
-            ("adaptive", self.adaptive, &[Remesh]),
-        ];
-        all.into_iter().filter(|x| x.1).map(|x| (x.0, x.2))
-    }
-
-    /// Returns true if a run of this method ends without a stop.
-    pub fn ends_without_stop(&self, method: Method) -> bool {
-        match method {
-            Method::Planar | Method::Unsubdivide => true,
-            Method::ShortestEdge => self.edge_length.is_some(),
-            Method::Cluster => self.cell.is_some() && !self.two_stage,
-            Method::Remesh => self.edge_length.is_some() || self.voxel.is_some(),
-            _ => false,
-        }
-    }
-}
+pub use method::{Method, MethodKind, Remesh, RemeshPattern};
 
 /// Use of the final least-squares step towards the original.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -332,10 +228,8 @@ pub struct QuickPass {
 pub struct SimplifyOptions {
     /// Stopping criteria.
     pub stop: Stop,
-    /// Method of simplification.
+    /// Method of simplification, with its own options.
     pub method: Method,
-    /// Options that only some methods have.
-    pub method_options: MethodOptions,
     /// Use of the final least-squares step.
     pub fit: Fit,
     /// Placement of merged vertices.
@@ -386,10 +280,8 @@ impl SimplifyOptions {
     }
     /// Converts all lengths to units; shares are of `diagonal`.
     pub(crate) fn lengths_to_units(&mut self, diagonal: f64) {
-        let own = &mut self.method_options;
         let of_run = [&mut self.stop.error, &mut self.guards.max_edge, &mut self.weld, &mut self.prune];
-        let of_method = [&mut own.pairs, &mut own.cell, &mut own.edge_length, &mut own.flat, &mut own.voxel];
-        for length in of_run.into_iter().chain(of_method).flatten() {
+        for length in of_run.into_iter().flatten().chain(self.method.lengths_mut()) {
             *length = Length::Units(length.in_units(diagonal));
         }
     }

@@ -15,7 +15,7 @@ pub(crate) mod prepare;
 use crate::escalate::Attempts;
 use crate::flat_shading::FlatShading;
 use crate::input::Input;
-use crate::options::{Method, SimplifyOptions, Stop};
+use crate::options::{Method, MethodKind, SimplifyOptions, Stop};
 use crate::report::Cleanup;
 use crate::run::{self, Done, Mergers, Pass};
 use crate::two_sided::TwoSidedInput;
@@ -69,13 +69,19 @@ fn simplify_once(
     }
     prepared.unpaired_sheets = ordered.as_ref().map_or(0, two_sided::unpaired_sheets);
     prepared.finish(match options.method {
-        Method::Cluster => cluster::run(&prepared.input, &prepared.options, control)?,
-        method => {
+        Method::Cluster { .. } => cluster::run(&prepared.input, &prepared.options, control)?,
+        _ => {
             let ordered = match ordered {
                 Some(ordered) => ordered,
                 None => run::ordered(&prepared.input, control)?,
             };
-            run::run_ordered(pass_of(method), &prepared.input, &prepared.options, ordered, control)?
+            run::run_ordered(
+                pass_of(options.method.kind()),
+                &prepared.input,
+                &prepared.options,
+                ordered,
+                control,
+            )?
         }
     })
 }
@@ -94,7 +100,7 @@ fn with_sheets(
 }
 
 /// Returns the pass of a method other than clustering.
-fn pass_of(method: Method) -> Pass {
+fn pass_of(method: MethodKind) -> Pass {
     run::collapses(method).unwrap_or(rebuild::pass)
 }
 

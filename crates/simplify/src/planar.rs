@@ -26,7 +26,7 @@ use lodsmith_core::{PositionsView, Surface, Topology, VertexId};
 use crate::SimplifyError;
 use crate::collapse::order::NONE;
 use crate::control::Control;
-use crate::options::{BorderPolicy, Length, TopologyPolicy};
+use crate::options::{BorderPolicy, Length, Method, TopologyPolicy};
 use crate::rebuild::{Ending, PreparedInput, RebuiltSurface, Task};
 use chains::Chains;
 use channels::Channels;
@@ -130,16 +130,18 @@ fn used(points: &[DVec3], faces: Vec<[VertexId; 3]>) -> RebuiltSurface {
 }
 
 fn tolerance(task: &Task<'_>) -> Tolerance {
-    let own = &task.options.method_options;
+    let Method::Planar { angle_deg, flat } = task.options.method else {
+        unreachable!("the method is planar")
+    };
     let of_size = task.input.length(Length::OfDiagonal(DEFAULT_FLATNESS));
     // Far from the origin, single precision rounds by more than that share of the size.
     let noise = of_size.max(ROUNDING_FACTOR * rounding(task.input));
     // An error limit is a tolerance too, and the only one if no other is given.
-    let flat = match (own.flat.map(|l| task.input.length(l)), task.step) {
+    let flat = match (flat.map(|l| task.input.length(l)), task.step) {
         (Some(flat), Some(step)) => flat.min(step),
         (flat, step) => flat.or(step).unwrap_or(noise),
     };
-    let angle_deg = own.angle_deg.unwrap_or(DEFAULT_ANGLE_DEG);
+    let angle_deg = angle_deg.unwrap_or(DEFAULT_ANGLE_DEG);
     let angle_deg = task.options.guards.max_normal_deg.map_or(angle_deg, |max| angle_deg.min(max)).min(89.0);
     let flat = flat.max(MIN_FLATNESS);
     Tolerance { flat, angle_rad: angle_deg.to_radians(), noise: noise.min(flat) }

@@ -55,15 +55,15 @@ impl Change {
             Self::MaxEdge => options.guards.max_edge = None,
             // (Locks are data of the mesh.)
             Self::Locked => {}
-            Self::Pairs(reach) => options.method_options.pairs = Some(reach),
+            Self::Pairs(reach) => options.method = options.method.with_pairs(Some(reach)),
         }
         options
     }
 
     /// Returns pairs as a change, if the method has them and they are not set already.
     pub(crate) fn pairs_change(options: &SimplifyOptions) -> Option<Self> {
-        let has_pairs = matches!(options.method, Method::Memoryless | Method::Quadric);
-        (has_pairs && options.method_options.pairs.is_none())
+        let has_pairs = matches!(options.method, Method::Memoryless { .. } | Method::Quadric { .. });
+        (has_pairs && options.method.pairs().is_none())
             .then_some(Self::Pairs(Length::OfDiagonal(PAIR_DISTANCE)))
     }
 
@@ -93,7 +93,7 @@ impl Change {
         all.push(match options.placement {
             Placement::Optimal => Vec::new(),
             // Their placement is fixed, whatever the options say.
-            _ if matches!(options.method, Method::Melax | Method::ShortestEdge) => Vec::new(),
+            _ if matches!(options.method, Method::Melax | Method::ShortestEdge { .. }) => Vec::new(),
             Placement::Endpoint | Placement::Midpoint => vec![Self::Placement(Placement::Optimal)],
         });
         all.retain(|changes| !changes.is_empty());

@@ -36,10 +36,10 @@ pub(crate) fn pass(
     let step = step.map(|s| prepared.frame.unit_length(s));
     let task = Task { input: &prepared, mesh: run.input.mesh, options: run.options, goal, step };
     let made = match run.options.method {
-        Method::VertexRemoval => vertex_removal::make(&task, control)?,
-        Method::Planar => planar::make(&task, control)?,
-        Method::Unsubdivide => unsubdivide::make(&task, control)?,
-        Method::Remesh => remesh::make(&task, control)?,
+        Method::VertexRemoval { .. } => vertex_removal::make(&task, control)?,
+        Method::Planar { .. } => planar::make(&task, control)?,
+        Method::Unsubdivide { .. } => unsubdivide::make(&task, control)?,
+        Method::Remesh(_) => remesh::make(&task, control)?,
         other => unreachable!("{other:?} collapses"),
     };
     outcome(run, &prepared, made)

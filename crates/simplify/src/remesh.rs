@@ -10,6 +10,7 @@ use lodsmith_core::{MeshError, TriMesh, VertexId, WedgeId};
 use crate::SimplifyError;
 use crate::collapse::order::NONE;
 use crate::control::Control;
+use crate::options::{Method, Remesh, RemeshPattern};
 use crate::rebuild::{PreparedInput, RebuiltSurface, Task};
 
 mod half_edges;
@@ -22,12 +23,13 @@ mod sizing;
 mod voxel;
 
 pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<RebuiltSurface, SimplifyError> {
-    if task.options.method_options.voxel.is_some() {
-        return voxel::make(task, control);
-    }
-    let mut made = match task.options.method_options.subdivisions {
-        Some(levels) => semi_regular::make(task, levels, control)?,
-        None => isotropic::make(task, control)?,
+    let Method::Remesh(remesh) = task.options.method else { unreachable!("the method is remesh") };
+    let mut made = match remesh {
+        Remesh::Voxels { size } => return voxel::make(task, size, control),
+        Remesh::OnSurface { pattern: RemeshPattern::SemiRegular { subdivisions }, .. } => {
+            semi_regular::make(task, subdivisions, control)?
+        }
+        Remesh::OnSurface { .. } => isotropic::make(task, control)?,
     };
     separate_coincident(task.input, &mut made);
     Ok(made)
@@ -69,7 +71,7 @@ fn separate_coincident(prepared: &PreparedInput, made: &mut RebuiltSurface) {
 }
 
 /// Returns the levels of a semi-regular mesh, coarsest first, as [`simplify`](crate::simplify) makes it with
-/// [`MethodOptions::subdivisions`](crate::MethodOptions) set to `subdivisions`; the last one is the mesh
+/// [`RemeshPattern::SemiRegular`](crate::RemeshPattern) and `subdivisions`; the last one is the mesh
 /// itself.
 ///
 /// Vertex k of a level is vertex k of the next, at the same position, and faces 4k to 4k + 3 of the next

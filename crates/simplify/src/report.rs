@@ -190,7 +190,7 @@ pub struct Report {
     /// Necks that were cut, each a loop of three edges round a handle or a thin place.
     pub necks_cut: usize,
     /// Contracted pairs of vertices without an edge between them, with
-    /// [`MethodOptions::pairs`](crate::MethodOptions); included in the collapses.
+    /// [`pairs`](crate::Method::Memoryless); included in the collapses.
     pub pairs_contracted: usize,
     /// Locked vertices; those at one position are counted once.
     pub locked_vertices: usize,

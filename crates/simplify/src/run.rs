@@ -27,7 +27,7 @@ use crate::control::{Control, Stage, Verdict};
 use crate::deviation::{self, Deviation};
 use crate::input::Input;
 use crate::metric::{Metric, with_metric};
-use crate::options::{Method, SimplifyOptions, TopologyPolicy};
+use crate::options::{MethodKind, SimplifyOptions, TopologyPolicy};
 pub(crate) use chain::{Mergers, chain, is_chained};
 pub(crate) use context::{Done, Pass, Run, RunOutcome};
 use context::{Finished, TopologyChanges};
@@ -39,7 +39,7 @@ pub(crate) use report::names_of_dropped;
 pub(crate) use start::Started;
 
 /// Returns the pass of a method that works by sweeps.
-pub(crate) fn collapses(method: Method) -> Option<Pass> {
+pub(crate) fn collapses(method: MethodKind) -> Option<Pass> {
     with_metric!(method, METRIC => |run, goal, step, control| run.one_pass(METRIC, goal, step, control))
 }
 
@@ -68,7 +68,7 @@ pub(crate) fn run_by_collapses(
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<Done, SimplifyError> {
-    let pass = collapses(options.method).expect("only methods that collapse edges come here");
+    let pass = collapses(options.method.kind()).expect("only methods that collapse edges come here");
     run_with(pass, input, options, control)
 }
 
@@ -126,7 +126,7 @@ impl Run<'_, '_> {
             // Parts that were joined can no longer be removed one by one, so the target may be harder to
             // reach.
             let mut options = self.options.clone();
-            options.method_options.pairs = None;
+            options.method = options.method.with_pairs(None);
             let (input, goal, constraints) = (self.input, self.goal, self.constraints);
             let (pass, is_traced) = (self.pass, self.is_traced);
             let mut other = Run {

@@ -53,7 +53,7 @@ pub(crate) fn with_engine<M: Metric>(
     let input = Input::new(mesh);
     let Ok(mut in_order) = ordered(&input, &mut NoControl) else { return };
     let constraints = Constraints::new(&input.data, &in_order, |v| v);
-    let pass = collapses(options.method).expect("a method that collapses edges");
+    let pass = collapses(options.method.kind()).expect("a method that collapses edges");
     let mut run = Run::new(&input, options, &mut in_order, &constraints, pass);
     let mut started = run.start(metric, None, false, (&[], 0)).expect("the options are sound");
     act(&mut started.engine, &run);

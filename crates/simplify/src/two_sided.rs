@@ -60,12 +60,12 @@ pub(crate) struct TwoSidedInput<'a> {
 /// pairs, which would join single cards to sheets that branch, unless the topology is free; and with clustering,
 /// which needs no order otherwise, only if a sample of the faces occurs twice.
 pub(crate) fn is_looked_for(surface: &Surface<'_>, options: &SimplifyOptions) -> bool {
-    if options.method_options.pairs.is_some() && options.topology != TopologyPolicy::Free {
+    if options.method.pairs().is_some() && options.topology != TopologyPolicy::Free {
         return false;
     }
     match options.method {
-        Method::Remesh => options.method_options.voxel.is_none(),
-        Method::Cluster => pairs::may_have_sheets(surface),
+        Method::Remesh(_) => !options.method.makes_voxels(),
+        Method::Cluster { .. } => pairs::may_have_sheets(surface),
         _ => true,
     }
 }

@@ -18,7 +18,7 @@ use lodsmith_core::{FaceId, HalfEdgeId, PositionsView, Surface, Topology, Vertex
 use crate::SimplifyError;
 use crate::collapse::order::NONE;
 use crate::control::{Control, Verdict};
-use crate::options::BorderPolicy;
+use crate::options::{BorderPolicy, Method};
 use crate::rebuild::{Ending, PreparedInput, RebuiltSurface, Task};
 use crate::report::Refusal;
 use cover::{Cover, CoverSearch};
@@ -28,6 +28,9 @@ const PROGRESS_EVERY: usize = 4096;
 
 /// Undoes levels until the goal is met, the iterations are used up, or no component fits.
 pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<RebuiltSurface, SimplifyError> {
+    let Method::Unsubdivide { levels } = task.options.method else {
+        unreachable!("the method is unsubdivide")
+    };
     let prepared = task.input;
     let mut level = SubdivisionLevel {
         faces: prepared.faces.clone(),
@@ -40,7 +43,7 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Rebuilt
             made.end = Ending::Goal;
             break;
         }
-        if task.options.method_options.iterations.is_some_and(|max| round == max) {
+        if levels.is_some_and(|max| round == max) {
             break;
         }
         let undone = match level.undo(task, control)? {

@@ -116,7 +116,7 @@ impl<'a> Removal<'a> {
             ring: HoleRing::default(),
             filler: HoleFiller::new(Limits::new(guards.max_normal_deg, guards.min_quality)),
             triangles: Vec::new(),
-            crease_cos: libm::cos(options.method_options.angle_deg.unwrap_or(CREASE_DEG).to_radians()),
+            crease_cos: libm::cos(options.method.crease_deg().unwrap_or(CREASE_DEG).to_radians()),
             max_edge_sq: guards.max_edge.map_or(f64::INFINITY, |l| ground.length(l).powi(2)),
             steps: 0,
             refusals: [0; Refusal::ALL.len()],

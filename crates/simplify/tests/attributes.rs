@@ -6,7 +6,7 @@ use lodsmith::core::{
     Attribute, FaceId, Morphed, Positions, RegionId, Semantic, Topology, TriMesh, VertexId, WedgeId, shapes,
 };
 use lodsmith::{
-    Fit, Input, Length, Method, NoControl, Placement, Refusal, Report, SimplifyOptions, Stop, simplify,
+    Fit, Input, Length, MethodKind, NoControl, Placement, Refusal, Report, SimplifyOptions, Stop, simplify,
     simplify_with,
 };
 
@@ -395,13 +395,13 @@ fn seams_of_every_attribute_count_in_every_method() {
         };
         let tree = Bvh::new(&mesh.surface());
         for (method, placement) in [
-            (Method::Melax, None),
-            (Method::VertexRemoval, None),
-            (Method::Memoryless, Some(Placement::Endpoint)),
-            (Method::Quadric, Some(Placement::Endpoint)),
+            (MethodKind::Melax, None),
+            (MethodKind::VertexRemoval, None),
+            (MethodKind::Memoryless, Some(Placement::Endpoint)),
+            (MethodKind::Quadric, Some(Placement::Endpoint)),
         ] {
             let mut options = SimplifyOptions::new(Stop::ratio(0.3));
-            options.method = method;
+            options.method = method.into();
             options.placement = placement.unwrap_or(options.placement);
             let done = simplify(&mesh, &options).unwrap();
             let what = format!("{semantic:?} {method:?}");
@@ -433,9 +433,9 @@ fn methods_that_keep_vertices_say_when_seams_give_way() {
     mesh.set_uvs(None).unwrap();
     mesh.set_colors(Some(colors)).unwrap();
     let known: Vec<[f32; 4]> = mesh.colors().unwrap().to_vec();
-    for method in [Method::Melax, Method::VertexRemoval] {
+    for method in [MethodKind::Melax, MethodKind::VertexRemoval] {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
-        options.method = method;
+        options.method = method.into();
         let done = simplify(&mesh, &options).unwrap();
         assert!(done.report.reached && done.report.seams_relaxed, "{method:?}: {:?}", done.report.refusals);
         // Still each face has the colour of one patch.

@@ -3,8 +3,8 @@
 
 use lodsmith::core::{Positions, TriMesh, VertexId};
 use lodsmith::{
-    CleanOptions, ClusterLodOptions, Method, NoControl, NonManifold, Report, SimplifyOptions, Stop, clean,
-    cluster_lod, simplify,
+    CleanOptions, ClusterLodOptions, MethodKind, NoControl, NonManifold, Report, SimplifyOptions, Stop,
+    clean, cluster_lod, simplify,
 };
 use proptest::prelude::*;
 
@@ -41,13 +41,13 @@ fn stack(n: u32, has_own: bool) -> TriMesh {
     mesh(triangle.repeat(times), &faces)
 }
 
-fn report(mesh: &TriMesh, method: Method, keep: f64) -> Report {
+fn report(mesh: &TriMesh, method: MethodKind, keep: f64) -> Report {
     let mut options = SimplifyOptions::new(Stop::ratio(keep));
-    options.method = method;
+    options.method = method.into();
     simplify(mesh, &options).unwrap().report
 }
 
-const JUDGED_BY_STARS: [Method; 2] = [Method::Melax, Method::LindstromTurk];
+const JUDGED_BY_STARS: [MethodKind; 2] = [MethodKind::Melax, MethodKind::LindstromTurk];
 
 /// Fault B2: two adjacent faces without area kept flipping their common edge in turn.
 #[test]
@@ -74,7 +74,7 @@ fn clean_ends_where_slivers_lie_side_by_side() {
 /// Fault B3: every page of a book checked all others, at each of many rotations.
 #[test]
 fn a_book_of_1000_pages_is_simplified_in_bounded_work() {
-    let report = report(&book(1000), Method::Memoryless, 0.1);
+    let report = report(&book(1000), MethodKind::Memoryless, 0.1);
     assert!(report.reached, "{report:?}");
     assert!(report.faces_visited < 1 << 28, "{}", report.faces_visited);
 }
@@ -83,16 +83,16 @@ fn a_book_of_1000_pages_is_simplified_in_bounded_work() {
 #[test]
 fn work_on_a_book_grows_with_its_pages_and_not_faster() {
     let [small, large] =
-        size([1500, 6000], [600, 1500]).map(|n| report(&book(n), Method::Memoryless, 0.5).faces_visited);
+        size([1500, 6000], [600, 1500]).map(|n| report(&book(n), MethodKind::Memoryless, 0.5).faces_visited);
     assert!(large < 16 * small.max(1 << 22), "{small} {large}");
 }
 
 /// Fault A18: each spoke checked all others.
 #[test]
 fn work_on_a_fan_grows_with_its_spokes_and_not_faster() {
-    for method in JUDGED_BY_STARS.into_iter().chain([Method::Memoryless, Method::Quadric]) {
+    for method in JUDGED_BY_STARS.into_iter().chain([MethodKind::Memoryless, MethodKind::Quadric]) {
         let of = |n| report(&fan(n), method, 0.01);
-        let large = if method == Method::Melax { 12_000 } else { size(12_000, 1_500) };
+        let large = if method == MethodKind::Melax { 12_000 } else { size(12_000, 1_500) };
         let fans = [1_500, large].map(of);
         for fan in &fans {
             assert!(fan.reached, "{method:?}: {fan:?}");
@@ -119,8 +119,8 @@ fn spindle(n: u32) -> TriMesh {
 /// Each search for a neck at the tips took the square of their faces, for each common neighbour.
 #[test]
 fn work_on_a_spindle_grows_with_its_spokes_and_not_faster() {
-    for method in JUDGED_BY_STARS.into_iter().chain([Method::Memoryless, Method::Quadric]) {
-        let large = if method == Method::Melax { 5_000 } else { size(5_000, 1_000) };
+    for method in JUDGED_BY_STARS.into_iter().chain([MethodKind::Memoryless, MethodKind::Quadric]) {
+        let large = if method == MethodKind::Melax { 5_000 } else { size(5_000, 1_000) };
         for n in [1_000, large] {
             let report = report(&spindle(n), method, 0.01);
             // (One search alone took the square of the spokes, three times.)
@@ -147,9 +147,9 @@ proptest! {
         keep in 0.02f64..0.8,
     ) {
         let mesh = [fan, book, |n| stack(n, false), |n| stack(n, true)][kind](n);
-        let method = [Method::Memoryless, Method::Melax, Method::LindstromTurk][method];
+        let method = [MethodKind::Memoryless, MethodKind::Melax, MethodKind::LindstromTurk][method];
         let mut options = SimplifyOptions::new(Stop::ratio(keep));
-        options.method = method;
+        options.method = method.into();
         let report = simplify(&mesh, &options).unwrap().report;
         prop_assert!(report.faces_visited <= 1 << 28, "{report:?}");
     }

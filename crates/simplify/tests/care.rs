@@ -6,8 +6,8 @@ use lodsmith::core::{
     Attribute, Positions, RegionId, Semantic, Topology, TriMesh, VertexId, WedgeId, shapes,
 };
 use lodsmith::{
-    BorderPolicy, Input, Length, Method, NoControl, Part, Placement, Refusal, SimplifyError, SimplifyOptions,
-    Stop, StoppedBy, simplify, simplify_scene, simplify_with,
+    BorderPolicy, Input, Length, MethodKind, NoControl, Part, Placement, Refusal, SimplifyError,
+    SimplifyOptions, Stop, StoppedBy, simplify, simplify_scene, simplify_with,
 };
 
 use crate::support::{CaseFilter, Complaints, bits, complaints, topology_complaints};
@@ -111,13 +111,13 @@ fn what_is_locked_stays_to_the_bit() {
                 ("above", of_vertices(&mesh, |p| p[1] > level)),
                 ("here and there", (0..mesh.vertex_count()).map(|i| i % 7 == 0).collect()),
             ] {
-                for method in [Method::Memoryless, Method::Quadric] {
+                for method in [MethodKind::Memoryless, MethodKind::Quadric] {
                     for placement in [Placement::Optimal, Placement::Endpoint, Placement::Midpoint] {
                         if !cases.takes() {
                             continue;
                         }
                         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
-                        (options.method, options.placement) = (method, placement);
+                        (options.method, options.placement) = (method.into(), placement);
                         let input = Input::new(&mesh).locked(&locked);
                         let done = simplify_with(input, &options, &mut NoControl).unwrap();
                         let laden = if mesh.has_attributes() { "laden" } else { "plain" };
@@ -272,11 +272,11 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 #[test]
 fn importance_is_density() {
     let mesh = shapes::icosphere(5);
-    for method in [Method::Memoryless, Method::Quadric] {
+    for method in [MethodKind::Memoryless, MethodKind::Quadric] {
         for wanted in [0.25f32, 1.0, 2.0, 4.0] {
             for ratio in [0.25, 0.05] {
                 let mut options = SimplifyOptions::new(Stop::ratio(ratio));
-                options.method = method;
+                options.method = method.into();
                 let importance = of_vertices(&mesh, |p| if p[2] > 0.0 { wanted } else { 1.0 });
                 let input = Input::new(&mesh).importance(&importance);
                 let done = simplify_with(input, &options, &mut NoControl).unwrap();

@@ -6,7 +6,7 @@ use lodsmith::core::measure::{CompareOptions, compare};
 use lodsmith::core::topology::EdgeKind;
 use lodsmith::core::{Attribute, Semantic, Topology, TriMesh, VertexId, WedgeId, shapes};
 use lodsmith::{
-    BorderPolicy, Fit, Guards, Length, Measure, Method, NoControl, Placement, Simplified, SimplifyError,
+    BorderPolicy, Fit, Guards, Length, Measure, MethodKind, NoControl, Placement, Simplified, SimplifyError,
     SimplifyOptions, Stop, StoppedBy, TopologyPolicy, simplify, simplify_with,
 };
 
@@ -14,7 +14,7 @@ use crate::support::{
     CaseFilter, Complaints, bits, bytes, complaints, options_text, places, run, size, topology_complaints,
 };
 
-const METHODS: [Method; 2] = [Method::Memoryless, Method::Quadric];
+const METHODS: [MethodKind; 2] = [MethodKind::Memoryless, MethodKind::Quadric];
 const PLACEMENTS: [Placement; 3] = [Placement::Optimal, Placement::Endpoint, Placement::Midpoint];
 const BORDERS: [BorderPolicy; 4] =
     [BorderPolicy::Keep, BorderPolicy::Slide, BorderPolicy::Lock, BorderPolicy::Free];
@@ -96,7 +96,7 @@ fn tried(all: &mut Complaints, name: &str, mesh: &TriMesh, options: &SimplifyOpt
     Some(done)
 }
 
-fn each_policy(method: Method, placement: Placement) {
+fn each_policy(method: MethodKind, placement: Placement) {
     let mut all = Complaints::default();
     let mut cases = CaseFilter::every(5);
     for (name, mesh) in all_shapes() {
@@ -107,7 +107,7 @@ fn each_policy(method: Method, placement: Placement) {
                         continue;
                     }
                     let mut options = SimplifyOptions::new(Stop::faces(mesh.face_count() / 10));
-                    (options.method, options.placement, options.fit) = (method, placement, fit);
+                    (options.method, options.placement, options.fit) = (method.into(), placement, fit);
                     (options.border, options.topology) = (border, topology);
                     tried(&mut all, name, &mesh, &options);
                 }
@@ -119,27 +119,27 @@ fn each_policy(method: Method, placement: Placement) {
 
 #[test]
 fn every_policy_memoryless_optimal() {
-    each_policy(Method::Memoryless, Placement::Optimal);
+    each_policy(MethodKind::Memoryless, Placement::Optimal);
 }
 #[test]
 fn every_policy_memoryless_endpoint() {
-    each_policy(Method::Memoryless, Placement::Endpoint);
+    each_policy(MethodKind::Memoryless, Placement::Endpoint);
 }
 #[test]
 fn every_policy_memoryless_midpoint() {
-    each_policy(Method::Memoryless, Placement::Midpoint);
+    each_policy(MethodKind::Memoryless, Placement::Midpoint);
 }
 #[test]
 fn every_policy_quadric_optimal() {
-    each_policy(Method::Quadric, Placement::Optimal);
+    each_policy(MethodKind::Quadric, Placement::Optimal);
 }
 #[test]
 fn every_policy_quadric_endpoint() {
-    each_policy(Method::Quadric, Placement::Endpoint);
+    each_policy(MethodKind::Quadric, Placement::Endpoint);
 }
 #[test]
 fn every_policy_quadric_midpoint() {
-    each_policy(Method::Quadric, Placement::Midpoint);
+    each_policy(MethodKind::Quadric, Placement::Midpoint);
 }
 
 #[test]
@@ -154,7 +154,7 @@ fn every_stop() {
                         continue;
                     }
                     let mut options = SimplifyOptions::new(stop);
-                    (options.method, options.topology) = (method, topology);
+                    (options.method, options.topology) = (method.into(), topology);
                     tried(&mut all, name, &mesh, &options);
                 }
             }
@@ -175,7 +175,7 @@ fn every_guard() {
                         continue;
                     }
                     let mut options = SimplifyOptions::new(Stop::faces(4));
-                    (options.method, options.placement, options.guards) = (method, placement, guards);
+                    (options.method, options.placement, options.guards) = (method.into(), placement, guards);
                     options.fit = Fit::Off;
                     let Some(done) = tried(&mut all, name, &mesh, &options) else { continue };
                     let case = format!("{name}, {}", options_text(&options));
@@ -268,7 +268,7 @@ fn locked_borders_are_not_touched() {
                         continue;
                     }
                     let mut options = SimplifyOptions::new(Stop::faces(mesh.face_count() / 10));
-                    (options.method, options.placement, options.fit) = (method, placement, fit);
+                    (options.method, options.placement, options.fit) = (method.into(), placement, fit);
                     options.border = BorderPolicy::Lock;
                     let Some(done) = tried(&mut all, name, &mesh, &options) else { continue };
                     // A removed part takes its border with it.
@@ -299,7 +299,7 @@ fn sliding_borders_stay_on_themselves() {
                         continue;
                     }
                     let mut options = SimplifyOptions::new(Stop::faces(mesh.face_count() / 4));
-                    (options.method, options.placement, options.fit) = (method, placement, fit);
+                    (options.method, options.placement, options.fit) = (method.into(), placement, fit);
                     options.border = BorderPolicy::Slide;
                     let Some(done) = tried(&mut all, name, &mesh, &options) else { continue };
                     let off = |p: &[f64; 3]| {
@@ -373,7 +373,7 @@ fn endpoints_keep_input_vertices_with_their_attributes() {
                     }
                     let faces = [mesh.face_count() / 3, 4][i % 2];
                     let mut options = SimplifyOptions::new(Stop::faces(faces));
-                    (options.method, options.placement) = (method, Placement::Endpoint);
+                    (options.method, options.placement) = (method.into(), Placement::Endpoint);
                     (options.border, options.fit) = (border, Fit::On);
                     let Some(done) = tried(&mut all, &name, mesh, &options) else { continue };
                     let case = format!("{name}, {}", options_text(&options));
@@ -402,7 +402,7 @@ fn attributes_come_along_and_what_goes_is_named() {
     for method in METHODS {
         for placement in [Placement::Optimal, Placement::Midpoint] {
             let mut options = SimplifyOptions::new(Stop::ratio(0.5));
-            (options.method, options.placement) = (method, placement);
+            (options.method, options.placement) = (method.into(), placement);
             for (mesh, dropped) in [(&whole, &[][..]), (&half, &["joints"][..])] {
                 let done = simplify(mesh, &options).unwrap();
                 assert!(done.report.collapses > 0);
@@ -421,7 +421,7 @@ fn midpoints_lie_in_the_middle() {
     for method in METHODS {
         for (name, mesh) in shapes::all().into_iter().filter(|x| x.1.face_count() > 100) {
             let mut options = SimplifyOptions::new(Stop::vertices(mesh.vertex_count() - 1));
-            (options.method, options.placement, options.fit) = (method, Placement::Midpoint, Fit::Off);
+            (options.method, options.placement, options.fit) = (method.into(), Placement::Midpoint, Fit::Off);
             let done = simplify(&mesh, &options).unwrap();
             if done.report.collapses != 1 {
                 continue; // unused vertices counted towards the stop
@@ -451,7 +451,7 @@ fn no_collapse_turns_a_face_beyond_the_guard() {
         let mut turned_faces = 0;
         for _ in 0..60 {
             let mut options = SimplifyOptions::new(Stop::vertices(mesh.vertex_count() - 1));
-            (options.method, options.placement) = (method, Placement::Endpoint);
+            (options.method, options.placement) = (method.into(), Placement::Endpoint);
             options.guards.max_normal_deg = Some(DEG);
             let done = simplify(&mesh, &options).unwrap();
             if done.report.collapses == 0 {
@@ -492,7 +492,7 @@ fn the_measured_error_stays_within_the_stop() {
     for (i, (name, mesh)) in shapes::all().into_iter().enumerate().step_by(size(1, 5)) {
         let limit = [Length::OfDiagonal(0.01), Length::Units(0.05), Length::OfDiagonal(0.0)][i % 3];
         let mut options = SimplifyOptions::new(Stop::error(limit));
-        options.method = METHODS[i % 2];
+        options.method = METHODS[i % 2].into();
         options.seed = 3;
         let case = format!("{name}, {}", options_text(&options));
         match run(&mesh, &options) {
@@ -563,7 +563,8 @@ fn clean_shapes_meet_easy_targets() {
                             continue;
                         }
                         let mut options = SimplifyOptions::new(Stop::ratio(share));
-                        (options.method, options.placement, options.topology) = (method, placement, topology);
+                        (options.method, options.placement, options.topology) =
+                            (method.into(), placement, topology);
                         let Some(done) = tried(&mut all, name, &mesh, &options) else { continue };
                         let case = format!("{name}, {}", options_text(&options));
                         all.check(&case, done.report.reached, &format!("{:?}", done.report.refusals));
@@ -595,9 +596,9 @@ fn threads_never_change_the_result_nor_what_is_measured() {
     // Sweeps have one thread; clustering, remeshing and the measurement have several.
     let mesh = shapes::blob(4, 3);
     let pools = [1, 3].map(|n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap());
-    for method in [Method::Memoryless, Method::Cluster, Method::Remesh] {
+    for method in [MethodKind::Memoryless, MethodKind::Cluster, MethodKind::Remesh] {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
-        (options.method, options.measure) = (method, Measure::Always);
+        (options.method, options.measure) = (method.into(), Measure::Always);
         let [one, three] = pools.each_ref().map(|pool| pool.install(|| simplify(&mesh, &options).unwrap()));
         assert!(one.report.error.measured.is_some());
         assert_eq!(one, three, "{}", method.name());

@@ -1,7 +1,7 @@
 //! Transfer of data that is not part of the mesh from the original to the result.
 
 use lodsmith::core::{Source, TriMesh, VertexId, WedgeId, correspondence, shapes};
-use lodsmith::{Fit, Length, Method, Placement, SimplifyOptions, Stop, simplify};
+use lodsmith::{Fit, Length, MethodKind, Placement, SimplifyOptions, Stop, simplify};
 
 use crate::support::charts::{place, two_charts, wedges};
 
@@ -48,9 +48,9 @@ fn endpoints_are_kept_and_ids_are_those_of_the_input() {
         surface.triangles().iter().flatten().map(|&v| surface.positions().get(v)).collect();
     let triangles = (0..corners.len() as u32 / 3).map(|f| [0, 1, 2].map(|k| VertexId(3 * f + k))).collect();
     let soup = TriMesh::new(lodsmith::core::Positions::F64(corners), triangles).unwrap();
-    for method in [Method::Memoryless, Method::Quadric] {
+    for method in [MethodKind::Memoryless, MethodKind::Quadric] {
         let mut options = SimplifyOptions::new(Stop::ratio(0.3));
-        options.method = method;
+        options.method = method.into();
         options.placement = Placement::Endpoint;
         options.fit = Fit::Off;
         options.weld = Some(Length::OfDiagonal(1e-9));

@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use lodsmith::core::mesh::normals::vertex_normals;
 use lodsmith::core::topology::Topology;
 use lodsmith::core::{Positions, PositionsView, Surface, TriMesh, VertexId, WedgeId, shapes};
-use lodsmith::{Method, NoControl, Part, Preset, SimplifyOptions, Stop, simplify, simplify_scene};
+use lodsmith::{MethodKind, NoControl, Part, Preset, SimplifyOptions, Stop, simplify, simplify_scene};
 
 /// Returns the number of edges with one face, if only equal wedges are joined: as in a file with one index.
 fn open_by_index(mesh: &TriMesh) -> usize {
@@ -47,16 +47,16 @@ fn what_is_closed_by_its_indices_stays_so_with_normals() {
             assert_eq!(got.mesh.wedge_count(), got.mesh.vertex_count());
         }
     }
-    for method in [Method::Quadric, Method::LindstromTurk, Method::Melax] {
+    for method in [MethodKind::Quadric, MethodKind::LindstromTurk, MethodKind::Melax] {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
-        options.method = method;
+        options.method = method.into();
         let got = simplify(&mesh, &options).unwrap();
         assert_eq!(open_by_index(&got.mesh) - open_by_position(&got.mesh), 0, "{method:?}");
     }
     // Methods that make new surfaces take the values of a vertex from one sheet where they could come from several.
-    for method in [Method::VertexRemoval, Method::Cluster, Method::Planar, Method::Remesh] {
+    for method in [MethodKind::VertexRemoval, MethodKind::Cluster, MethodKind::Planar, MethodKind::Remesh] {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
-        options.method = method;
+        options.method = method.into();
         let got = simplify(&mesh, &options).unwrap();
         assert_eq!(open_by_index(&got.mesh) - open_by_position(&got.mesh), 0, "{method:?}");
     }

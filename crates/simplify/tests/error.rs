@@ -4,7 +4,7 @@
 use lodsmith::core::measure::Prepared;
 use lodsmith::core::measure::proof::{WithinResult, prove_within};
 use lodsmith::core::{TriMesh, shapes};
-use lodsmith::{Bound, Length, Method, Report, Simplified, SimplifyOptions, Stop, simplify};
+use lodsmith::{Bound, Length, MethodKind, Report, Simplified, SimplifyOptions, Stop, simplify};
 
 use crate::support::{CaseFilter, size};
 
@@ -77,9 +77,9 @@ fn a_promise_of_one_side_is_met_by_no_more_faces() {
 #[test]
 fn a_bound_goes_with_any_target_and_lies_close_above_what_is_seen() {
     let mesh = shapes::blob(3, 5);
-    for method in [Method::Memoryless, Method::Cluster] {
+    for method in [MethodKind::Memoryless, MethodKind::Cluster] {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
-        options.method = method;
+        options.method = method.into();
         assert_eq!(run(&mesh, &options).report.error.bound, None);
         options.bound = Bound::TwoSided;
         let done = run(&mesh, &options);
@@ -93,9 +93,9 @@ fn a_bound_goes_with_any_target_and_lies_close_above_what_is_seen() {
 #[test]
 fn each_method_keeps_what_it_says() {
     let mesh = shapes::blob(3, 4);
-    for method in [Method::Memoryless, Method::Cluster, Method::Planar, Method::Remesh] {
+    for method in [MethodKind::Memoryless, MethodKind::Cluster, MethodKind::Planar, MethodKind::Remesh] {
         let mut options = within(0.01);
-        options.method = method;
+        options.method = method.into();
         let done = run(&mesh, &options);
         let error = &done.report.error;
         let limit = 0.01 * error.diagonal * (1.0 + 1e-9);
@@ -115,19 +115,19 @@ fn the_result_is_that_of_a_plain_run_to_a_count() {
         (shapes::wavy_sheet(60), 0.01),
         (shapes::level(8, 30), 0.01),
     ] {
-        for method in [Method::Memoryless, Method::Quadric] {
+        for method in [MethodKind::Memoryless, MethodKind::Quadric] {
             if !cases.takes() {
                 continue;
             }
             let mut options = within(share);
-            options.method = method;
+            options.method = method.into();
             let done = run(&mesh, &options);
             let faces = done.report.faces;
             assert!(faces < mesh.face_count() * 9 / 10, "{faces} of {}", mesh.face_count());
             // A run ends at its count or just below.
             let is_plain = (faces..faces + 3).any(|count| {
                 let mut options = SimplifyOptions::new(Stop::faces(count));
-                options.method = method;
+                options.method = method.into();
                 run(&mesh, &options).mesh == done.mesh
             });
             assert!(is_plain, "{method:?} at {share}");

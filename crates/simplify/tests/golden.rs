@@ -3,17 +3,17 @@
 use std::fmt::Write as _;
 
 use lodsmith::core::shapes;
-use lodsmith::{Measure, Method, SimplifyOptions, Stop, simplify};
+use lodsmith::{Measure, MethodKind, SimplifyOptions, Stop, simplify};
 
 #[test]
 fn golden_reports() {
     let mut text = String::new();
     for name in ["cube", "fine_cube", "blob", "torus", "cylinder", "wavy_sheet", "two_far_parts", "soup"] {
         let mesh = shapes::all().into_iter().find(|s| s.0 == name).unwrap().1;
-        for method in [Method::Memoryless, Method::Quadric] {
+        for method in [MethodKind::Memoryless, MethodKind::Quadric] {
             for share in [0.5, 0.1] {
                 let mut options = SimplifyOptions::new(Stop::ratio(share));
-                (options.method, options.measure) = (method, Measure::Always);
+                (options.method, options.measure) = (method.into(), Measure::Always);
                 let report = simplify(&mesh, &options).unwrap().report;
                 let percent = |x: f64| format!("{:.2}", x / report.error.diagonal * 100.0);
                 let measured = report.error.measured.as_ref().unwrap();

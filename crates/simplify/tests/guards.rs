@@ -3,7 +3,7 @@
 
 use lodsmith::core::{TriMesh, shapes};
 use lodsmith::{
-    BorderPolicy, Fit, Guards, Length, Method, NoControl, Progressive, SimplifyOptions, Stop, simplify,
+    BorderPolicy, Fit, Guards, Length, MethodKind, NoControl, Progressive, SimplifyOptions, Stop, simplify,
 };
 
 /// Slack above the rounding error of single precision.
@@ -127,10 +127,10 @@ fn guards_hold_together_for_every_method_with_a_fit() {
         max_valence: Some(9),
         max_edge: Some(Length::Units(limit)),
     };
-    for method in [Method::Memoryless, Method::Quadric, Method::LindstromTurk] {
+    for method in [MethodKind::Memoryless, MethodKind::Quadric, MethodKind::LindstromTurk] {
         let run = |fit| {
             let mut options = SimplifyOptions::new(Stop::ratio(0.15));
-            (options.guards, options.fit, options.method) = (guards, fit, method);
+            (options.guards, options.fit, options.method) = (guards, fit, method.into());
             simplify(&mesh, &options).unwrap().mesh
         };
         let [off, on] = [Fit::Off, Fit::On].map(run);

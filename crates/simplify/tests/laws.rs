@@ -8,7 +8,7 @@ use lodsmith::core::measure::proof::{WithinResult, prove_within};
 use lodsmith::core::measure::{CompareOptions, Prepared, compare};
 use lodsmith::core::{Topology, TriMesh, VertexId};
 use lodsmith::{
-    Fit, Guards, Input, Length, Levels, LodOptions, Method, NoControl, Progressive, SimplifyError,
+    Fit, Guards, Input, Length, Levels, LodOptions, MethodKind, NoControl, Progressive, SimplifyError,
     SimplifyOptions, Stop, lod, simplify,
 };
 use proptest::prelude::*;
@@ -31,14 +31,14 @@ fn any_mesh() -> impl Strategy<Value = TriMesh> {
         .prop_map(|(mesh, seed)| if seed.is_multiple_of(2) { mesh } else { laden(&mesh, &mut Random(seed)) })
 }
 
-fn options(method: Method, stop: Stop) -> SimplifyOptions {
+fn options(method: MethodKind, stop: Stop) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(stop);
-    options.method = method;
+    options.method = method.into();
     options
 }
 
 fn case(options: &SimplifyOptions) -> String {
-    format!("{}: {}", options.method.name(), options_text(options))
+    format!("{}: {}", options.method.kind().name(), options_text(options))
 }
 
 fn has_faces(mesh: &TriMesh) -> bool {
@@ -152,7 +152,7 @@ proptest! {
         let locked: Vec<bool> = (0..mesh.vertex_count()).map(|_| random.below(4) == 0).collect();
         let has_specks = has_specks(&mesh);
         let mut all = Complaints::default();
-        for method in Method::ALL {
+        for method in MethodKind::ALL {
             let mut plain = options(method, Stop::ratio(ratio));
             plain.fit = random.pick(&[Fit::Auto, Fit::On, Fit::Off]);
             let mut guarded = plain.clone();
@@ -175,10 +175,10 @@ proptest! {
                 found.extend(guard_complaints(&mesh, &options.guards, &done.mesh));
                 // A face that is a speck beside the bounding box has no area to remesh, and is removed.
                 if let Some(locked) = input.data().locked
-                    && !(has_specks && method == Method::Remesh)
+                    && !(has_specks && method == MethodKind::Remesh)
                 {
                     // Clustering can leave a single locked vertex without any face; then it is dropped.
-                    let may_go = method == Method::Cluster;
+                    let may_go = method == MethodKind::Cluster;
                     found.extend(locked_complaints(&mesh, locked, (may_go, false), &done.mesh));
                 }
                 all.add(&case(options), found);
@@ -195,7 +195,7 @@ proptest! {
     fn an_error_is_kept_by_any_method_on_any_shape(mesh in perturbed_shape(0.02), limit in 0.001..0.05f64) {
         prop_assume!(has_faces(&mesh) && mesh.face_count() < 400);
         let mut all = Complaints::default();
-        for method in Method::ALL {
+        for method in MethodKind::ALL {
             let options = options(method, Stop::error(Length::OfDiagonal(limit)));
             let case = case(&options);
             let done = match run(&mesh, &options) {
@@ -225,9 +225,9 @@ proptest! {
         prop_assume!(has_faces(&mesh));
         let ratios = [0.7, 0.3, 0.1, 0.02];
         let mut all = Complaints::default();
-        for method in Method::ALL {
+        for method in MethodKind::ALL {
             let mut chain = LodOptions::new(Levels::Ratios(ratios.to_vec()));
-            chain.simplify.method = method;
+            chain.simplify.method = method.into();
             chain.geomorph = geomorph;
             let case = format!("{}, blending {geomorph}", method.name());
             let levels = match lod(&mesh, &chain) {
@@ -257,7 +257,7 @@ proptest! {
         let mut random = Random(seed | 1);
         let mut all = Complaints::default();
         let mut roads = 0;
-        for method in Method::ALL {
+        for method in MethodKind::ALL {
             let options = options(method, Stop::default());
             let case = case(&options);
             let mut road = match Progressive::build(&mesh, &options, &mut NoControl) {
@@ -306,7 +306,7 @@ fn rms(a: &TriMesh, b: &TriMesh) -> f64 {
 fn place_size_and_order_change_little_for_any_method() {
     let mut all = Complaints::default();
     let mut filter = CaseFilter::every(5);
-    for method in Method::ALL {
+    for method in MethodKind::ALL {
         // Two of the shapes: each is run seven times with every method.
         for (name, mesh) in untied().into_iter().skip(1) {
             let options = options(method, Stop::ratio(0.3));
@@ -329,7 +329,7 @@ fn place_size_and_order_change_little_for_any_method() {
                 };
                 let [is, was] = [&got, &base].map(TriMesh::face_count);
                 let may_differ = match method {
-                    Method::Cluster | Method::Remesh => was / 20,
+                    MethodKind::Cluster | MethodKind::Remesh => was / 20,
                     _ => 0,
                 };
                 all.check(&case, is.abs_diff(was) <= may_differ, &format!("{is} faces, not {was}"));

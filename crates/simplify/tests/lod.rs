@@ -4,7 +4,7 @@ use lodsmith::core::measure::{CompareOptions, Prepared, compare_prepared};
 use lodsmith::core::spatial::Bvh;
 use lodsmith::core::{Positions, TriMesh, shapes};
 use lodsmith::{
-    BorderPolicy, Control, Length, Levels, LodOptions, Measure, Method, NoControl, Part, SimplifyError,
+    BorderPolicy, Control, Length, Levels, LodOptions, Measure, MethodKind, NoControl, Part, SimplifyError,
     SimplifyOptions, Stop, StoppedBy, Verdict, lod, lod_scene, lod_with, simplify, simplify_scene,
 };
 
@@ -54,11 +54,11 @@ fn levels_are_as_near_as_single_runs() {
 #[test]
 fn a_chain_of_one_level_is_a_single_run() {
     let mesh = two_charts(24);
-    for method in [Method::Memoryless, Method::Quadric, Method::Melax, Method::Cluster] {
+    for method in [MethodKind::Memoryless, MethodKind::Quadric, MethodKind::Melax, MethodKind::Cluster] {
         let mut options = LodOptions::new(Levels::Faces(vec![200]));
-        options.simplify.method = method;
+        options.simplify.method = method.into();
         let mut alone = SimplifyOptions::new(Stop::faces(200));
-        alone.method = method;
+        alone.method = method.into();
         let single = simplify(&mesh, &alone).unwrap();
         let chain = lod(&mesh, &options).unwrap();
         assert_eq!(bytes(&chain.levels[0].mesh), bytes(&single.mesh), "{}", method.name());
@@ -116,7 +116,7 @@ fn blending_ends_on_the_coarser_level() {
         (shapes::tetrahedra(60), ratios(&[0.8, 0.3])),
         (shapes::blob(4, 1), {
             let mut options = ratios(&[0.5, 0.2]);
-            options.simplify.method = Method::Cluster;
+            options.simplify.method = MethodKind::Cluster.into();
             options
         }),
         (

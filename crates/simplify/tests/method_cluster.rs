@@ -5,8 +5,8 @@ use std::collections::HashSet;
 use lodsmith::core::arbitrary::{Coordinates, perturbed_shape, soup};
 use lodsmith::core::{Positions, RegionId, Topology, TriMesh, VertexId, shapes};
 use lodsmith::{
-    BorderPolicy, Control, Fit, Guards, Input, Length, Measure, Method, NoControl, Placement, SimplifyError,
-    SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict, simplify, simplify_with,
+    BorderPolicy, Control, Fit, Guards, Input, Length, Measure, Method, MethodKind, NoControl, Placement,
+    SimplifyError, SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict, simplify, simplify_with,
 };
 use proptest::prelude::*;
 
@@ -14,13 +14,13 @@ use crate::support::{Complaints, bits, bytes, places, run, size};
 
 fn options(stop: Stop) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(stop);
-    options.method = Method::Cluster;
+    options.method = MethodKind::Cluster.into();
     options
 }
 
 fn by_cell(cell: Length) -> SimplifyOptions {
     let mut options = options(Stop::default());
-    options.method_options.cell = Some(cell);
+    options.method = Method::Cluster { cell: Some(cell), two_stage: false };
     options
 }
 
@@ -174,13 +174,13 @@ fn what_clusters_cannot_do_is_refused() {
     let mesh = shapes::icosphere(2);
     let refused = |change: &dyn Fn(&mut SimplifyOptions), two_stage: bool| {
         let mut options = options(Stop::ratio(0.5));
-        options.method_options.two_stage = two_stage;
+        options.method = Method::Cluster { cell: None, two_stage };
         change(&mut options);
         matches!(simplify(&mesh, &options), Err(SimplifyError::NotOfMethod { .. }))
     };
     assert!(refused(&|o| o.topology = TopologyPolicy::Preserve, true));
     let mut two_stage = options(Stop::ratio(0.5));
-    two_stage.method_options.two_stage = true;
+    two_stage.method = Method::Cluster { cell: None, two_stage: true };
     let importance = vec![1.0; mesh.vertex_count()];
     let got = simplify_with(Input::new(&mesh).importance(&importance), &two_stage, &mut NoControl);
     assert!(matches!(got, Err(SimplifyError::NotOfMethod { .. })));
@@ -202,7 +202,7 @@ fn locked_vertices_stay_to_the_bit() {
     let locked: Vec<bool> = view.iter().map(|p| p[2] > 0.8).collect();
     for two_stage in [false, true] {
         let mut options = options(Stop::faces(1200));
-        options.method_options.two_stage = two_stage;
+        options.method = Method::Cluster { cell: None, two_stage };
         let done = simplify_with(Input::new(&mesh).locked(&locked), &options, &mut NoControl).unwrap();
         let there = places(&done.mesh);
         let held: Vec<_> = view.iter().zip(locked.iter()).filter(|x| *x.1).map(|x| bits(x.0)).collect();
@@ -230,7 +230,7 @@ fn two_stages_come_nearer_than_one() {
     let mut one = options(Stop::faces(1000));
     one.measure = Measure::Always;
     let mut two = one.clone();
-    two.method_options.two_stage = true;
+    two.method = Method::Cluster { cell: None, two_stage: true };
     let [one, two] = [one, two].map(|o| simplify(&mesh, &o).unwrap().report);
     let rms = |r: &lodsmith::Report| r.error.measured.as_ref().unwrap().rms.symmetric;
     assert!(rms(&two) < 0.8 * rms(&one), "{} {}", rms(&two), rms(&one));
@@ -251,7 +251,7 @@ fn a_second_stage_that_is_stuck_starts_from_the_input() {
     let faces = one.surface().triangles().iter().copied().chain(upper).collect();
     let mesh = TriMesh::new(Positions::F32(points), faces).unwrap();
     let mut options = options(Stop::ratio(0.02));
-    options.method_options.two_stage = true;
+    options.method = Method::Cluster { cell: None, two_stage: true };
     let done = simplify(&mesh, &options).unwrap();
     assert!(done.report.reached, "{:?} at {} faces", done.report.stopped_by, done.report.faces);
 }
@@ -289,7 +289,7 @@ fn a_caller_ends_a_run() {
     let mesh = shapes::icosphere(5);
     for two_stage in [false, true] {
         let mut options = options(Stop::faces(500));
-        options.method_options.two_stage = two_stage;
+        options.method = Method::Cluster { cell: None, two_stage };
         for asked in [1, 2] {
             let got = simplify_with(&mesh, &options, &mut AnswerAfter(asked, Verdict::Cancel));
             assert_eq!(got.err(), Some(SimplifyError::Cancelled));
@@ -356,7 +356,7 @@ fn every_shape() {
                 Stop { faces: Some(40), vertices: Some(9), ..Stop::default() },
             ] {
                 let mut options = options(stop);
-                options.method_options.two_stage = two_stage;
+                options.method = Method::Cluster { cell: None, two_stage };
                 all.add(&format!("{name} {stop:?} {two_stage}"), complaints(&mesh, &options));
             }
         }
@@ -380,8 +380,7 @@ proptest! {
         cell: bool,
     ) {
         let mut options = options(Stop::ratio(share));
-        options.method_options.two_stage = two_stage;
-        options.method_options.cell = cell.then_some(Length::OfDiagonal(0.5 * share));
+        options.method = Method::Cluster { cell: cell.then_some(Length::OfDiagonal(0.5 * share)), two_stage };
         prop_assert_eq!(complaints(&mesh, &options), Vec::<String>::new());
     }
 }

@@ -6,9 +6,9 @@ use lodsmith::core::arbitrary::{Coordinates, perturbed_shape, soup};
 use lodsmith::core::topology::size_of;
 use lodsmith::core::{TriMesh, shapes};
 use lodsmith::{
-    BorderPolicy, Control, Fit, Guards, Input, Length, Measure, Method, NoControl, OwnedMeshData, Placement,
-    Refusal, Report, Simplified, SimplifyError, SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict,
-    simplify, simplify_with,
+    BorderPolicy, Control, Fit, Guards, Input, Length, Measure, Method, MethodKind, NoControl, OwnedMeshData,
+    Placement, Refusal, Report, Simplified, SimplifyError, SimplifyOptions, Stop, StoppedBy, TopologyPolicy,
+    Verdict, simplify, simplify_with,
 };
 use proptest::prelude::*;
 
@@ -19,19 +19,19 @@ use crate::support::{
 };
 
 /// Each method with the placements that it has.
-const METHODS: [(Method, &[Placement]); 3] = [
-    (Method::LindstromTurk, &[Placement::Optimal, Placement::Endpoint, Placement::Midpoint]),
-    (Method::Melax, &[Placement::Endpoint]),
-    (Method::ShortestEdge, &[Placement::Midpoint, Placement::Endpoint]),
+const METHODS: [(MethodKind, &[Placement]); 3] = [
+    (MethodKind::LindstromTurk, &[Placement::Optimal, Placement::Endpoint, Placement::Midpoint]),
+    (MethodKind::Melax, &[Placement::Endpoint]),
+    (MethodKind::ShortestEdge, &[Placement::Midpoint, Placement::Endpoint]),
 ];
 const BORDERS: [BorderPolicy; 4] =
     [BorderPolicy::Keep, BorderPolicy::Slide, BorderPolicy::Lock, BorderPolicy::Free];
 const TOPOLOGIES: [TopologyPolicy; 3] =
     [TopologyPolicy::Relaxed, TopologyPolicy::Preserve, TopologyPolicy::Free];
 
-fn by(method: Method, stop: Stop) -> SimplifyOptions {
+fn by(method: MethodKind, stop: Stop) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(stop);
-    options.method = method;
+    options.method = method.into();
     options
 }
 
@@ -40,8 +40,8 @@ fn done<'a>(input: impl Into<Input<'a>>, options: &SimplifyOptions) -> Simplifie
 }
 
 fn shorter_than(edge: f64) -> SimplifyOptions {
-    let mut options = by(Method::ShortestEdge, Stop::default());
-    options.method_options.edge_length = Some(Length::Units(edge));
+    let mut options = SimplifyOptions::default();
+    options.method = Method::ShortestEdge { edge_length: Some(Length::Units(edge)) };
     options
 }
 
@@ -146,7 +146,7 @@ fn any_options(seed: u64, vertices: usize) -> (SimplifyOptions, OwnedMeshData) {
     options.placement = random.pick(placements);
     options.border = random.pick(&BORDERS);
     options.topology = random.pick(&TOPOLOGIES);
-    if method != Method::Melax {
+    if method != MethodKind::Melax {
         options.fit = random.pick(&[Fit::Auto, Fit::On, Fit::Off]);
     }
     (options, data)
@@ -254,15 +254,12 @@ fn what_a_method_has_no_use_for_is_refused() {
         Err(SimplifyError::NotOfMethod { option, .. }) => option,
         other => panic!("{:?}", other.map(|d| d.report)),
     };
-    let mut options = by(Method::Melax, Stop::faces(10));
+    let mut options = by(MethodKind::Melax, Stop::faces(10));
     options.fit = Fit::On;
     assert_eq!(refused(&options), "fit on");
-    options = by(Method::Melax, Stop::faces(10));
+    options = by(MethodKind::Melax, Stop::faces(10));
     options.placement = Placement::Midpoint;
     assert_eq!(refused(&options), "placement midpoint");
-    options = by(Method::LindstromTurk, Stop::faces(10));
-    options.method_options.edge_length = Some(Length::Units(0.1));
-    assert_eq!(refused(&options), "edge-length");
 }
 
 // lindstrom-turk
@@ -271,8 +268,8 @@ fn what_a_method_has_no_use_for_is_refused() {
 fn lindstrom_turk_keeps_the_volume() {
     for (name, mesh) in [("sphere", shapes::icosphere(4)), ("blob", shapes::blob(5, 1))] {
         let volume = |m: &TriMesh| size_of(&m.surface()).volume;
-        let (before, by_turk) = (volume(&mesh), by(Method::LindstromTurk, Stop::faces(200)));
-        let mut plain = by(Method::Memoryless, Stop::faces(200));
+        let (before, by_turk) = (volume(&mesh), by(MethodKind::LindstromTurk, Stop::faces(200)));
+        let mut plain = by(MethodKind::Memoryless, Stop::faces(200));
         plain.fit = Fit::Off;
         let off = |options: &SimplifyOptions| (volume(&done(&mesh, options).mesh) / before - 1.0).abs();
         let (own, other) = (off(&by_turk), off(&plain));
@@ -307,7 +304,7 @@ fn lindstrom_turk_keeps_the_area_that_a_plane_border_bounds() {
     let faces = faces.into_iter().map(|t| t.map(lodsmith::core::VertexId)).collect();
     let mesh = TriMesh::new(lodsmith::core::Positions::F64(positions), faces).unwrap();
     let area = |m: &TriMesh| size_of(&m.surface()).area;
-    let got = done(&mesh, &by(Method::LindstromTurk, Stop::faces(60)));
+    let got = done(&mesh, &by(MethodKind::LindstromTurk, Stop::faces(60)));
     assert!(got.report.reached);
     let off = area(&got.mesh) / area(&mesh) - 1.0;
     assert!(off.abs() < 1e-5, "{off}");
@@ -315,7 +312,7 @@ fn lindstrom_turk_keeps_the_area_that_a_plane_border_bounds() {
 
 #[test]
 fn lindstrom_turk_loses_nothing_where_nothing_need_be_lost() {
-    let mut options = by(Method::LindstromTurk, Stop::faces(12));
+    let mut options = by(MethodKind::LindstromTurk, Stop::faces(12));
     options.measure = Measure::Always;
     let got = done(&shapes::cube(12), &options);
     assert!(got.report.reached);
@@ -332,7 +329,7 @@ fn melax_keeps_vertices_and_attributes_of_the_input() {
     for w in wedges(&mesh) {
         known.entry(place(&mesh, w).map(f64::to_bits)).or_default().push(uvs[w.index()].map(f32::to_bits));
     }
-    let got = done(&mesh, &by(Method::Melax, Stop::ratio(0.1)));
+    let got = done(&mesh, &by(MethodKind::Melax, Stop::ratio(0.1)));
     assert!(got.mesh.face_count() < mesh.face_count() / 2);
     for w in wedges(&got.mesh) {
         let at_place = &known[&place(&got.mesh, w).map(f64::to_bits)];
@@ -344,7 +341,7 @@ fn melax_keeps_vertices_and_attributes_of_the_input() {
 fn melax_keeps_the_outline_of_a_sheet() {
     // Nothing is curved but the border at its four corners.
     let mesh = shapes::grid(16);
-    let got = done(&mesh, &by(Method::Melax, Stop::faces(2)));
+    let got = done(&mesh, &by(MethodKind::Melax, Stop::faces(2)));
     assert_eq!(got.mesh.face_count(), 2);
     let area = |m: &TriMesh| size_of(&m.surface()).area;
     assert!((area(&got.mesh) / area(&mesh) - 1.0).abs() < 1e-6);
@@ -354,7 +351,7 @@ fn melax_keeps_the_outline_of_a_sheet() {
 fn melax_makes_any_number_of_levels_from_one_model() {
     let mesh = shapes::blob(5, 1);
     for faces in [4000, 2000, 1000, 500, 250, 100, 40, 10] {
-        let got = done(&mesh, &by(Method::Melax, Stop::faces(faces)));
+        let got = done(&mesh, &by(MethodKind::Melax, Stop::faces(faces)));
         assert!(got.report.reached && got.mesh.face_count() + 2 > faces, "{faces}");
         assert!(subset_is_kept(&mesh, &got));
     }
@@ -426,9 +423,9 @@ fn shortest_edge_looks_again_before_it_is_exhausted() {
 #[test]
 fn shortest_edge_goes_onto_the_middle_or_an_end() {
     let mesh = shapes::icosphere(3);
-    let middles = done(&mesh, &by(Method::ShortestEdge, Stop::ratio(0.5)));
+    let middles = done(&mesh, &by(MethodKind::ShortestEdge, Stop::ratio(0.5)));
     assert!(!subset_is_kept(&mesh, &middles));
-    let mut options = by(Method::ShortestEdge, Stop::ratio(0.5));
+    let mut options = by(MethodKind::ShortestEdge, Stop::ratio(0.5));
     options.placement = Placement::Endpoint;
     assert!(subset_is_kept(&mesh, &done(&mesh, &options)));
 }
@@ -437,7 +434,7 @@ fn shortest_edge_goes_onto_the_middle_or_an_end() {
 fn shortest_edge_keeps_borders() {
     // Vertices inside collapse onto the border, not the other way round: the outline of a square is kept.
     let mesh = shapes::grid(16);
-    let mut options = by(Method::ShortestEdge, Stop::ratio(0.3));
+    let mut options = by(MethodKind::ShortestEdge, Stop::ratio(0.3));
     options.border = BorderPolicy::Lock;
     let got = done(&mesh, &options);
     let area = |m: &TriMesh| size_of(&m.surface()).area;

@@ -5,8 +5,8 @@ use lodsmith::core::arbitrary::{self, Coordinates};
 use lodsmith::core::mesh::defects::defects;
 use lodsmith::core::{Positions, TriMesh, VertexId, shapes};
 use lodsmith::{
-    BorderPolicy, Change, Control, Input, Length, Method, NoControl, Placement, Simplified, SimplifyError,
-    SimplifyOptions, Stop, TopologyPolicy, Verdict, simplify_with,
+    BorderPolicy, Change, Control, Input, Length, Method, MethodKind, NoControl, Placement, Simplified,
+    SimplifyError, SimplifyOptions, Stop, TopologyPolicy, Verdict, simplify_with,
 };
 use proptest::prelude::*;
 
@@ -14,17 +14,22 @@ use crate::support::{self, CaseFilter, Complaints, counts, options_text};
 
 const POLICIES: [TopologyPolicy; 3] =
     [TopologyPolicy::Preserve, TopologyPolicy::Relaxed, TopologyPolicy::Free];
-const METHODS: [Method; 2] = [Method::Memoryless, Method::Quadric];
+const METHODS: [MethodKind; 2] = [MethodKind::Memoryless, MethodKind::Quadric];
 
 fn with_pairs(stop: Stop, distance: Length) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(stop);
-    options.method_options.pairs = Some(distance);
+    options.method = Method::Memoryless { pairs: Some(distance) };
     options
+}
+
+fn paired(method: MethodKind, distance: Length) -> Method {
+    let pairs = Some(distance);
+    if method == MethodKind::Quadric { Method::Quadric { pairs } } else { Method::Memoryless { pairs } }
 }
 
 fn without_pairs(options: &SimplifyOptions) -> SimplifyOptions {
     let mut options = options.clone();
-    options.method_options.pairs = None;
+    options.method = options.method.kind().into();
     options
 }
 
@@ -82,7 +87,7 @@ fn a_crack_is_closed_whatever_the_topology_policy() {
     for method in METHODS {
         for topology in POLICIES {
             let mut options = with_pairs(Stop::ratio(0.25), Length::Units(0.01));
-            (options.method, options.topology) = (method, topology);
+            (options.method, options.topology) = (paired(method, Length::Units(0.01)), topology);
             let alone = run(&mesh, &without_pairs(&options));
             assert_eq!((counts(&alone.mesh).component_count, alone.report.pairs_contracted), (2, 0));
             let done = run(&mesh, &options);
@@ -102,7 +107,7 @@ fn separate_triangles_become_one_surface() {
     for method in METHODS {
         for topology in POLICIES {
             let mut options = with_pairs(Stop::ratio(0.2), Length::OfDiagonal(0.02));
-            (options.method, options.topology) = (method, topology);
+            (options.method, options.topology) = (paired(method, Length::OfDiagonal(0.02)), topology);
             let done = run(&mesh, &options);
             let after = counts(&done.mesh);
             assert!(done.report.reached, "{}", options_text(&options));
@@ -123,13 +128,13 @@ fn two_bodies_grow_together_by_their_faces() {
     for method in METHODS {
         for topology in POLICIES {
             let mut options = with_pairs(Stop::faces(8), Length::OfDiagonal(0.01));
-            (options.method, options.topology) = (method, topology);
+            (options.method, options.topology) = (paired(method, Length::OfDiagonal(0.01)), topology);
             let (done, case) = (run(&mesh, &options), options_text(&options));
             let after = counts(&done.mesh);
             assert!(done.report.reached && after.is_closed() && after.is_manifold(), "{case}: {after:?}");
             assert_eq!((after.component_count, done.report.pairs_contracted), (1, 3), "{case}");
             assert_eq!(done.report.parts_removed, 0, "{case}");
-            if method == Method::Memoryless {
+            if method == MethodKind::Memoryless {
                 // One long bar. (Costs with memory know of the two ends that met, and remove something else.)
                 let lost = |m: &TriMesh| (volume(m) / volume(&mesh) - 1.0).abs();
                 let alone = run(&mesh, &without_pairs(&options));
@@ -204,7 +209,8 @@ fn every_shape_keeps_what_its_policy_promises() {
                             continue;
                         }
                         let mut options = with_pairs(stop, Length::OfDiagonal(near));
-                        (options.method, options.topology) = (method, topology);
+                        (options.method, options.topology) =
+                            (paired(method, Length::OfDiagonal(near)), topology);
                         (options.border, options.placement) = (border, placement);
                         let case = format!("{name}, {}, pairs {near}", options_text(&options));
                         match support::run(&mesh, &options) {
@@ -236,7 +242,7 @@ proptest! {
         stop in 1usize..20,
     ) {
         let mut options = with_pairs(Stop::faces(stop), Length::OfDiagonal(near));
-        (options.topology, options.method) = (POLICIES[which % 3], METHODS[which / 3]);
+        (options.topology, options.method) = (POLICIES[which % 3], paired(METHODS[which / 3], Length::OfDiagonal(near)));
         if let Ok(done) = support::run(&mesh, &options).map_err(TestCaseError::fail)? {
             let found = complaints(&mesh, &options, &done);
             prop_assert!(found.is_empty(), "{}: {found:?}", options_text(&options));
@@ -253,7 +259,7 @@ proptest! {
     ) {
         let mesh = shrunk(&mesh, to);
         let mut options = with_pairs(Stop::ratio(0.3), Length::OfDiagonal(near));
-        (options.topology, options.method) = (POLICIES[which % 3], METHODS[which / 3]);
+        (options.topology, options.method) = (POLICIES[which % 3], paired(METHODS[which / 3], Length::OfDiagonal(near)));
         if let Ok(done) = support::run(&mesh, &options).map_err(TestCaseError::fail)? {
             let found = complaints(&mesh, &options, &done);
             prop_assert!(found.is_empty(), "{}: {found:?}", options_text(&options));

@@ -7,7 +7,7 @@ use lodsmith::core::measure::{CompareOptions, compare};
 use lodsmith::core::topology::size_of;
 use lodsmith::core::{Positions, RegionId, TriMesh, VertexId, shapes};
 use lodsmith::{
-    BorderPolicy, Control, Fit, Guards, Input, Length, Method, NoControl, Placement, Simplified,
+    BorderPolicy, Control, Fit, Guards, Input, Length, Method, MethodKind, NoControl, Placement, Simplified,
     SimplifyError, SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict, simplify, simplify_with,
 };
 use proptest::prelude::*;
@@ -23,7 +23,7 @@ const TOPOLOGIES: [TopologyPolicy; 3] =
 
 fn planar(stop: Stop) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(stop);
-    options.method = Method::Planar;
+    options.method = MethodKind::Planar.into();
     options
 }
 
@@ -49,7 +49,7 @@ fn tried<'a>(
 ) -> Option<Simplified> {
     let input = input.into();
     let mesh = input.mesh().unwrap();
-    let case = format!("{name}, {}, {:?}", options_text(options), options.method_options);
+    let case = format!("{name}, {}, {:?}", options_text(options), options.method);
     match run(&input, options) {
         Ok(Ok(done)) => {
             all.add(&case, wrongs(mesh, options, &done));
@@ -91,8 +91,7 @@ fn every_shape_and_stop() {
                     }
                     let mut options = planar(stop);
                     options.topology = topology;
-                    options.method_options.flat = flat;
-                    options.method_options.angle_deg = flat.map(|_| 25.0);
+                    options.method = Method::Planar { flat, angle_deg: flat.map(|_| 25.0) };
                     tried(&mut all, name, &mesh, &options);
                 }
             }
@@ -250,7 +249,7 @@ fn an_error_bounds_the_distance() {
         let mut last = usize::MAX;
         for part in [1e-3, 1e-2] {
             let mut options = planar(Stop::error(Length::OfDiagonal(part)));
-            options.method_options.angle_deg = Some(40.0);
+            options.method = Method::Planar { angle_deg: Some(40.0), flat: None };
             let Some(done) = tried(&mut all, "curved", &mesh, &options) else { continue };
             let measured = done.report.error.measured.unwrap().hausdorff.symmetric;
             assert!(measured <= part * done.report.error.diagonal);
@@ -267,13 +266,12 @@ fn neither_angle_nor_distance_drifts_along_a_curve() {
     // A tube of 90 sides, four degrees each: a region may span ten degrees.
     let mesh = shapes::cylinder(90, 10);
     let mut options = planar(Stop::default());
-    (options.method_options.angle_deg, options.method_options.flat) =
-        (Some(5.0), Some(Length::OfDiagonal(1.0)));
+    options.method = Method::Planar { angle_deg: Some(5.0), flat: Some(Length::OfDiagonal(1.0)) };
     let done = simplify(&mesh, &options).unwrap();
     let sides = done.mesh.face_count() / 2;
     assert!((30..=45).contains(&sides), "{sides} sides");
     // A distance limit alone has the same effect.
-    (options.method_options.angle_deg, options.method_options.flat) = (Some(89.0), Some(Length::Units(1e-3)));
+    options.method = Method::Planar { angle_deg: Some(89.0), flat: Some(Length::Units(1e-3)) };
     let done = simplify(&mesh, &options).unwrap();
     let error = compare(&mesh.surface(), &done.mesh.surface(), &CompareOptions::default()).unwrap();
     assert!(error.hausdorff.symmetric <= 2e-3, "{}", error.hausdorff.symmetric);
@@ -488,8 +486,8 @@ proptest! {
         data.importance = None;
         let input = Input::new(&mesh).with(data.view());
         options.prune = None;
-        options.method_options.flat = random.pick(&[None, Some(Length::OfDiagonal(0.0)), Some(Length::OfDiagonal(0.1))]);
-        options.method_options.angle_deg = random.pick(&[None, Some(0.0), Some(40.0), Some(89.0)]);
+        let flat = random.pick(&[None, Some(Length::OfDiagonal(0.0)), Some(Length::OfDiagonal(0.1))]);
+        options.method = Method::Planar { flat, angle_deg: random.pick(&[None, Some(0.0), Some(40.0), Some(89.0)]) };
         match run(&input, &options) {
             Ok(Ok(done)) => {
                 let mut found = complaints(&mesh, &options, &done);

@@ -7,8 +7,8 @@ use lodsmith::core::measure::{CompareOptions, compare};
 use lodsmith::core::topology::TopologyCounts;
 use lodsmith::core::{Topology, TriMesh, shapes};
 use lodsmith::{
-    BorderPolicy, Control, Input, Length, Method, NoControl, Placement, SimplifyError, SimplifyOptions, Stop,
-    StoppedBy, Verdict, simplify, simplify_with,
+    BorderPolicy, Control, Input, Length, Method, MethodKind, NoControl, Placement, Remesh, RemeshPattern,
+    SimplifyError, SimplifyOptions, Stop, StoppedBy, Verdict, simplify, simplify_with,
 };
 use proptest::prelude::*;
 
@@ -16,15 +16,20 @@ use crate::support::{self, Complaints, bytes, complaints, counts, run};
 
 fn remesh(stop: Stop) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(stop);
-    options.method = Method::Remesh;
+    options.method = MethodKind::Remesh.into();
     options
+}
+
+fn on_surface(edge_length: Option<f64>, rounds: Option<usize>, pattern: RemeshPattern) -> Method {
+    let edge_length = edge_length.map(Length::Units);
+    Method::Remesh(Remesh::OnSurface { edge_length, crease_deg: None, rounds, pattern })
 }
 
 /// Returns all kinds of remeshing to a count.
 fn ways(stop: Stop) -> [(&'static str, SimplifyOptions); 3] {
     let (even, mut adaptive, mut levels) = (remesh(stop), remesh(stop), remesh(stop));
-    adaptive.method_options.adaptive = true;
-    levels.method_options.subdivisions = Some(1);
+    adaptive.method = on_surface(None, None, RemeshPattern::Adaptive);
+    levels.method = on_surface(None, None, RemeshPattern::SemiRegular { subdivisions: 1 });
     [("even", even), ("adaptive", adaptive), ("semi-regular", levels)]
 }
 
@@ -131,7 +136,9 @@ fn adaptive_is_closer_at_the_same_count() {
         .into_iter()
         .take(2)
         .map(|(_, mut options)| {
-            options.method_options.iterations = Some(5);
+            if let Method::Remesh(Remesh::OnSurface { rounds, .. }) = &mut options.method {
+                *rounds = Some(5);
+            }
             simplify(&mesh, &options).unwrap().mesh
         })
         .collect();
@@ -143,7 +150,7 @@ fn adaptive_is_closer_at_the_same_count() {
 fn an_edge_length_is_kept() {
     let mesh = shapes::icosphere(5);
     let mut options = remesh(Stop::default());
-    options.method_options.edge_length = Some(Length::Units(0.15));
+    options.method = on_surface(Some(0.15), None, RemeshPattern::Even);
     let done = simplify(&mesh, &options).unwrap();
     assert_eq!(done.report.stopped_by, StoppedBy::Exhausted);
     let surface = done.mesh.surface();
@@ -157,7 +164,7 @@ fn an_edge_length_is_kept() {
         .collect();
     let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
     assert!((mean / 0.15 - 1.0).abs() < 0.1, "{mean}");
-    options.method_options.edge_length = Some(Length::Units(1e-6));
+    options.method = on_surface(Some(1e-6), None, RemeshPattern::Even);
     let error = simplify(&mesh, &options).unwrap_err();
     assert!(matches!(error, SimplifyError::BadOption { option: "edge-length", .. }), "{error}");
 }
@@ -175,7 +182,7 @@ fn what_it_cannot_do_is_refused() {
 fn levels_share_their_vertices() {
     let mesh = shapes::icosphere(5);
     let mut options = remesh(Stop::faces(5000));
-    options.method_options.subdivisions = Some(3);
+    options.method = on_surface(None, None, RemeshPattern::SemiRegular { subdivisions: 3 });
     let done = simplify(&mesh, &options).unwrap();
     let levels = lodsmith::remesh::levels(&done.mesh, 3);
     assert_eq!(levels.len(), 4);

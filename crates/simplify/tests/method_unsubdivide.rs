@@ -4,8 +4,8 @@ use std::collections::{BTreeSet, HashMap};
 
 use lodsmith::core::{Positions, RegionId, TriMesh, VertexId, arbitrary, shapes};
 use lodsmith::{
-    BorderPolicy, Fit, Input, Length, Method, NoControl, Refusal, Simplified, SimplifyError, SimplifyOptions,
-    Stop, StoppedBy, simplify, simplify_with,
+    BorderPolicy, Fit, Input, Length, Method, MethodKind, NoControl, Refusal, Simplified, SimplifyError,
+    SimplifyOptions, Stop, StoppedBy, simplify, simplify_with,
 };
 use proptest::prelude::*;
 
@@ -13,13 +13,13 @@ use crate::support::{bits, bytes, complaints, run, topology_complaints};
 
 fn options(stop: Stop) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(stop);
-    options.method = Method::Unsubdivide;
+    options.method = MethodKind::Unsubdivide.into();
     options
 }
 
 fn one_level() -> SimplifyOptions {
     let mut options = options(Stop::default());
-    options.method_options.iterations = Some(1);
+    options.method = Method::Unsubdivide { levels: Some(1) };
     options
 }
 
@@ -99,7 +99,7 @@ fn every_shape_comes_back_from_its_subdivision() {
         assert_eq!(faces_by_place(&done.mesh), faces_by_place(&mesh), "{name}");
         let finer = subdivided(&fine);
         let mut twice = one_level();
-        twice.method_options.iterations = Some(2);
+        twice.method = Method::Unsubdivide { levels: Some(2) };
         let done = undone(&finer, &twice);
         assert_eq!(faces_by_place(&done.mesh), faces_by_place(&mesh), "{name}, twice");
     }
@@ -198,7 +198,7 @@ fn what_it_cannot_do_is_said() {
     with.fit = Fit::On;
     assert!(matches!(
         simplify(&mesh, &with),
-        Err(SimplifyError::NotOfMethod { option: "fit on", method: Method::Unsubdivide, .. })
+        Err(SimplifyError::NotOfMethod { option: "fit on", method: MethodKind::Unsubdivide, .. })
     ));
     let mut with = one_level();
     with.guards.max_valence = Some(7);

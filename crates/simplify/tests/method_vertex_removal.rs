@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use lodsmith::core::measure::{CompareOptions, compare};
 use lodsmith::core::{Positions, RegionId, TriMesh, VertexId, arbitrary, shapes};
 use lodsmith::{
-    BorderPolicy, Control, Guards, Input, Length, Method, NoControl, Placement, Refusal, Simplified,
+    BorderPolicy, Control, Guards, Input, Length, MethodKind, NoControl, Placement, Refusal, Simplified,
     SimplifyError, SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict, simplify, simplify_with,
 };
 use proptest::prelude::*;
@@ -14,7 +14,7 @@ use crate::support::{Complaints, bits, bytes, complaints, options_text, places, 
 
 fn options(stop: Stop) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(stop);
-    options.method = Method::VertexRemoval;
+    options.method = MethodKind::VertexRemoval.into();
     options
 }
 

@@ -4,15 +4,14 @@ use lodsmith::core::measure::{CompareOptions, compare};
 use lodsmith::core::topology::{Topology, size_of};
 use lodsmith::core::{Positions, TriMesh, VertexId, arbitrary, shapes};
 use lodsmith::{
-    Control, Input, Length, Method, NoControl, Simplified, SimplifyError, SimplifyOptions, Stop, Verdict,
-    simplify, simplify_with,
+    Control, Input, Length, Method, NoControl, Remesh, Simplified, SimplifyError, SimplifyOptions, Stop,
+    Verdict, simplify, simplify_with,
 };
 use proptest::prelude::*;
 
 fn options(voxel: Length) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(Stop::default());
-    options.method = Method::Remesh;
-    options.method_options.voxel = Some(voxel);
+    options.method = Method::Remesh(Remesh::Voxels { size: voxel });
     options
 }
 

@@ -10,8 +10,8 @@ use lodsmith::core::mesh::defects::defects;
 use lodsmith::core::topology::EdgeKind;
 use lodsmith::core::{Positions, Topology, TriMesh, VertexId, shapes};
 use lodsmith::{
-    BorderPolicy, Control, Fit, Guards, Input, Length, Method, MethodOptions, Placement, Simplified,
-    SimplifyError, SimplifyOptions, Stage, Stop, StoppedBy, TopologyPolicy, Verdict, simplify, simplify_with,
+    BorderPolicy, Control, Fit, Guards, Input, Length, MethodKind, Placement, Simplified, SimplifyError,
+    SimplifyOptions, Stage, Stop, StoppedBy, TopologyPolicy, Verdict, simplify,
 };
 use proptest::prelude::*;
 
@@ -48,7 +48,7 @@ impl Count {
 
 /// Promises of one method beyond those of all methods.
 struct Promise {
-    method: Method,
+    method: MethodKind,
     /// Counts that the method raises by design, with the default topology; the documents say so.
     may_rise: &'static [Count],
     /// Its vertices are vertices of the input with their attributes, sound or not.
@@ -57,16 +57,16 @@ struct Promise {
     goes_all_the_way: bool,
 }
 
-/// In the order of [`Method::ALL`].
+/// In the order of [`MethodKind::ALL`].
 const PROMISES: [Promise; 10] = [
-    Promise { method: Method::Memoryless, may_rise: &[], is_subset: false, goes_all_the_way: true },
-    Promise { method: Method::Quadric, may_rise: &[], is_subset: false, goes_all_the_way: true },
-    Promise { method: Method::LindstromTurk, may_rise: &[], is_subset: false, goes_all_the_way: true },
-    Promise { method: Method::Melax, may_rise: &[], is_subset: true, goes_all_the_way: true },
-    Promise { method: Method::ShortestEdge, may_rise: &[], is_subset: false, goes_all_the_way: true },
+    Promise { method: MethodKind::Memoryless, may_rise: &[], is_subset: false, goes_all_the_way: true },
+    Promise { method: MethodKind::Quadric, may_rise: &[], is_subset: false, goes_all_the_way: true },
+    Promise { method: MethodKind::LindstromTurk, may_rise: &[], is_subset: false, goes_all_the_way: true },
+    Promise { method: MethodKind::Melax, may_rise: &[], is_subset: true, goes_all_the_way: true },
+    Promise { method: MethodKind::ShortestEdge, may_rise: &[], is_subset: false, goes_all_the_way: true },
     // All vertices in a cell are merged: separate sheets touch, and faces between them vanish.
     Promise {
-        method: Method::Cluster,
+        method: MethodKind::Cluster,
         may_rise: &[
             Count::BorderEdges,
             Count::NonManifoldEdges,
@@ -79,13 +79,13 @@ const PROMISES: [Promise; 10] = [
         is_subset: false,
         goes_all_the_way: true,
     },
-    Promise { method: Method::VertexRemoval, may_rise: &[], is_subset: true, goes_all_the_way: true },
-    Promise { method: Method::Planar, may_rise: &[], is_subset: true, goes_all_the_way: false },
-    Promise { method: Method::Unsubdivide, may_rise: &[], is_subset: true, goes_all_the_way: false },
+    Promise { method: MethodKind::VertexRemoval, may_rise: &[], is_subset: true, goes_all_the_way: true },
+    Promise { method: MethodKind::Planar, may_rise: &[], is_subset: true, goes_all_the_way: false },
+    Promise { method: MethodKind::Unsubdivide, may_rise: &[], is_subset: true, goes_all_the_way: false },
     // Borders are remeshed with edges of the new length; where a tube is hardly wider than an edge, it can
     // fold.
     Promise {
-        method: Method::Remesh,
+        method: MethodKind::Remesh,
         may_rise: &[Count::BorderEdges, Count::Folds],
         is_subset: false,
         goes_all_the_way: true,
@@ -112,14 +112,14 @@ fn stops(mesh: &TriMesh) -> Vec<Stop> {
     ]
 }
 
-fn options(method: Method, stop: Stop) -> SimplifyOptions {
+fn options(method: MethodKind, stop: Stop) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(stop);
-    options.method = method;
+    options.method = method.into();
     options
 }
 
 /// Returns true if an error says that the method does not have this option, and names methods that do.
-fn is_refusal(error: &SimplifyError, method: Method) -> bool {
+fn is_refusal(error: &SimplifyError, method: MethodKind) -> bool {
     match error {
         SimplifyError::NotOfMethod { takers, method: of, .. } => {
             *of == method && !takers.contains(&method) && !takers.is_empty()
@@ -167,12 +167,7 @@ fn tried<'a>(
 }
 
 fn case(name: &str, options: &SimplifyOptions) -> String {
-    let method = options.method.name();
-    let own = match options.method_options == MethodOptions::default() {
-        true => String::new(),
-        false => format!(", {:?}", options.method_options),
-    };
-    format!("{name}, {method}: {}{own}", options_text(options))
+    format!("{name}, {:?}: {}", options.method, options_text(options))
 }
 
 /// Returns the counts that rose and should not have.
@@ -245,9 +240,9 @@ fn folds(mesh: &TriMesh) -> usize {
 
 #[test]
 fn each_method_has_its_row() {
-    assert_eq!(PROMISES.map(|p| p.method), Method::ALL);
-    let names: HashSet<&str> = Method::ALL.iter().map(|m| m.name()).collect();
-    assert_eq!(names.len(), Method::ALL.len(), "each has a word of its own");
+    assert_eq!(PROMISES.map(|p| p.method), MethodKind::ALL);
+    let names: HashSet<&str> = MethodKind::ALL.iter().map(|m| m.name()).collect();
+    assert_eq!(names.len(), MethodKind::ALL.len(), "each has a word of its own");
 }
 
 #[test]
@@ -431,7 +426,7 @@ fn attribute_complaints(mesh: &TriMesh, promise: &Promise, done: &Simplified) ->
         // Named values that are missing in the input are missing in the result.
         let may_miss = !was_finite && name.starts_with("Custom");
         // A vertex of the input keeps its attributes, sound or not.
-        let keeps_some = promise.is_subset || promise.method == Method::Remesh;
+        let keeps_some = promise.is_subset || promise.method == MethodKind::Remesh;
         if (was_finite || !keeps_some)
             && let Some(i) = values.iter().position(|x| !(x.is_finite() || x.is_nan() && may_miss))
         {

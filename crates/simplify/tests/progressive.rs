@@ -6,15 +6,20 @@ use std::ops::Range;
 use lodsmith::core::measure::{CompareOptions, Prepared, compare_prepared};
 use lodsmith::core::{Positions, Splits, Topology, TriMesh, WedgeId, shapes};
 use lodsmith::{
-    BorderPolicy, Control, Input, Length, Method, NoControl, Placement, Progressive, SimplifyError,
-    SimplifyOptions, Stage, Stop, TopologyPolicy, Verdict, simplify,
+    BorderPolicy, Control, Input, Length, Method, MethodKind, NoControl, Placement, Progressive,
+    SimplifyError, SimplifyOptions, Stage, Stop, TopologyPolicy, Verdict, simplify,
 };
 
 use crate::support::laden::laden;
 use crate::support::{self, CaseFilter, Complaints, Random, bits, bytes, counts};
 
-const METHODS: [Method; 5] =
-    [Method::Memoryless, Method::Quadric, Method::LindstromTurk, Method::Melax, Method::ShortestEdge];
+const METHODS: [MethodKind; 5] = [
+    MethodKind::Memoryless,
+    MethodKind::Quadric,
+    MethodKind::LindstromTurk,
+    MethodKind::Melax,
+    MethodKind::ShortestEdge,
+];
 
 fn built(mesh: &TriMesh, options: &SimplifyOptions) -> Progressive {
     Progressive::build(mesh, options, &mut NoControl).unwrap()
@@ -40,7 +45,9 @@ fn walk<'a>(input: impl Into<Input<'a>>, options: &SimplifyOptions) -> Vec<Strin
         wrong.push("the full level is not the input".to_owned());
     }
     let before = counts(mesh);
-    let may_change = options.topology == TopologyPolicy::Free || options.method_options.pairs.is_some();
+    let has_pairs =
+        matches!(options.method, Method::Memoryless { pairs: Some(_) } | Method::Quadric { pairs: Some(_) });
+    let may_change = options.topology == TopologyPolicy::Free || has_pairs;
     let mut levels = Vec::new();
     loop {
         let level = road.mesh().unwrap();
@@ -99,7 +106,7 @@ fn every_method_goes_both_ways() {
                 if !cases.takes() {
                     continue;
                 }
-                let options = with(|o| (o.method, o.topology) = (method, topology));
+                let options = with(|o| (o.method, o.topology) = (method.into(), topology));
                 complaints.add(&format!("{name} {method:?} {topology:?}"), walk(&mesh, &options));
             }
         }
@@ -111,7 +118,7 @@ fn every_method_goes_both_ways() {
 fn pairs_and_cuts_go_both_ways() {
     let mut complaints = Complaints::default();
     let mut options = SimplifyOptions::default();
-    options.method_options.pairs = Some(Length::OfDiagonal(0.3));
+    let pairs = Some(Length::OfDiagonal(0.3));
     for (name, mesh) in [
         ("tetrahedra", shapes::tetrahedra(8)),
         ("soup", shapes::soup(40, 3)),
@@ -119,7 +126,7 @@ fn pairs_and_cuts_go_both_ways() {
         ("parts", shapes::two_far_parts()),
     ] {
         for topology in [TopologyPolicy::Relaxed, TopologyPolicy::Free] {
-            for method in [Method::Memoryless, Method::Quadric] {
+            for method in [Method::Memoryless { pairs }, Method::Quadric { pairs }] {
                 (options.topology, options.method) = (topology, method);
                 complaints.add(name, walk(&mesh, &options));
             }
@@ -149,12 +156,12 @@ fn laden_meshes_go_both_ways() {
         }
         let mesh = laden(plain, &mut random);
         let mut options = SimplifyOptions::default();
-        options.method = random.pick(&METHODS);
+        options.method = random.pick(&METHODS).into();
         options.topology =
             random.pick(&[TopologyPolicy::Relaxed, TopologyPolicy::Free, TopologyPolicy::Preserve]);
         options.border = random.pick(&[BorderPolicy::Keep, BorderPolicy::Slide, BorderPolicy::Lock]);
         options.shape_normals = random.below(4) == 0;
-        if options.method == Method::Memoryless {
+        if options.method.kind() == MethodKind::Memoryless {
             options.placement = random.pick(&[Placement::Optimal, Placement::Endpoint, Placement::Midpoint]);
         }
         options.weld = (random.below(4) == 0).then_some(Length::OfDiagonal(0.01));
@@ -515,8 +522,8 @@ fn a_caller_may_end_it() {
 #[test]
 fn what_has_no_road_is_said() {
     let mesh = shapes::icosphere(2);
-    for method in Method::ALL.into_iter().filter(|m| !METHODS.contains(m)) {
-        let options = with(|o| o.method = method);
+    for method in MethodKind::ALL.into_iter().filter(|m| !METHODS.contains(m)) {
+        let options = with(|o| o.method = method.into());
         let refused = Progressive::build(&mesh, &options, &mut NoControl);
         let why = refused.unwrap_err().to_string();
         assert!(why.contains(method.name()) && why.contains("lindstrom-turk"), "{why}");

@@ -2,8 +2,8 @@
 
 use lodsmith::core::{Positions, TriMesh, shapes};
 use lodsmith::{
-    Control, Method, NoControl, Part, Progressive, ProgressiveScene, SimplifyError, SimplifyOptions, Stop,
-    Verdict, simplify_scene,
+    Control, MethodKind, NoControl, Part, Progressive, ProgressiveScene, SimplifyError, SimplifyOptions,
+    Stop, Verdict, simplify_scene,
 };
 
 use crate::support::laden::laden;
@@ -111,11 +111,15 @@ fn counts_are_of_all_instances_and_honoured() {
 fn triangles_go_where_a_run_over_the_scene_leaves_them() {
     let (flat, small, large) = (shapes::grid(24), shapes::blob(4, 1), shapes::blob(4, 8));
     let parts = [part(&flat, 1, 1.0), part(&small, 1, 0.25), part(&large, 1, 1.0)];
-    for method in
-        [Method::Memoryless, Method::Quadric, Method::LindstromTurk, Method::Melax, Method::ShortestEdge]
-    {
+    for method in [
+        MethodKind::Memoryless,
+        MethodKind::Quadric,
+        MethodKind::LindstromTurk,
+        MethodKind::Melax,
+        MethodKind::ShortestEdge,
+    ] {
         let mut options = SimplifyOptions::default();
-        options.method = method;
+        options.method = method.into();
         let mut scene = built(&parts, &options);
         options.stop = Stop::ratio(0.4);
         let run = simplify_scene(&parts, 10.0, &options, &mut NoControl).unwrap();
@@ -170,7 +174,7 @@ fn what_cannot_be_is_said() {
         set(&mut options);
         ProgressiveScene::build(&parts, 10.0, &options, &mut NoControl).unwrap_err().to_string()
     };
-    assert!(why(&|o| o.method = Method::Planar).contains("planar"));
+    assert!(why(&|o| o.method = MethodKind::Planar.into()).contains("planar"));
     assert!(why(&|o| o.per_mesh = true).contains("per-mesh"));
     assert!(why(&|o| o.escalate = true).contains("escalate"));
     let mut few = parts;

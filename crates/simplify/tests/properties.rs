@@ -4,7 +4,7 @@ use lodsmith::core::arbitrary::{Coordinates, perturbed_shape, soup};
 use lodsmith::core::measure::{CompareOptions, compare};
 use lodsmith::core::{Positions, TriMesh, VertexId, shapes};
 use lodsmith::{
-    BorderPolicy, Fit, Guards, Input, Length, Method, OwnedMeshData, Placement, SimplifyError,
+    BorderPolicy, Fit, Guards, Input, Length, MethodKind, OwnedMeshData, Placement, SimplifyError,
     SimplifyOptions, Stop, TopologyPolicy, simplify,
 };
 use proptest::prelude::*;
@@ -36,7 +36,7 @@ fn random_options(seed: u64) -> SimplifyOptions {
         random.below(2);
     }
     let mut options = SimplifyOptions::default();
-    options.method = random.pick(&[Method::Memoryless, Method::Quadric]);
+    options.method = random.pick(&[MethodKind::Memoryless, MethodKind::Quadric]).into();
     options.placement = random.pick(&[Placement::Optimal, Placement::Endpoint, Placement::Midpoint]);
     options.border =
         random.pick(&[BorderPolicy::Keep, BorderPolicy::Slide, BorderPolicy::Lock, BorderPolicy::Free]);

@@ -2,7 +2,7 @@
 
 use lodsmith::core::{TriMesh, shapes};
 use lodsmith::{
-    BorderPolicy, Change, Guards, Length, Method, Placement, Simplified, SimplifyOptions, Stop,
+    BorderPolicy, Change, Guards, Length, MethodKind, Placement, Simplified, SimplifyOptions, Stop,
     TopologyPolicy, simplify,
 };
 
@@ -24,9 +24,9 @@ fn strict() -> Vec<SimplifyOptions> {
     ];
     let mut all = Vec::new();
     let mut add = |change: &dyn Fn(&mut SimplifyOptions)| {
-        for method in [Method::Memoryless, Method::Quadric] {
+        for method in [MethodKind::Memoryless, MethodKind::Quadric] {
             let mut options = SimplifyOptions::new(Stop::faces(1));
-            options.method = method;
+            options.method = method.into();
             change(&mut options);
             all.push(options);
         }

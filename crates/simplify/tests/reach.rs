@@ -2,8 +2,9 @@
 
 use lodsmith::core::{Positions, Topology, TriMesh, VertexId, shapes};
 use lodsmith::{
-    BorderPolicy, Change, Fit, Guards, Length, Measure, Method, NoControl, Part, Placement, Simplified,
-    SimplifyError, SimplifyOptions, Stop, TopologyPolicy, simplify, simplify_scene,
+    BorderPolicy, Change, Fit, Guards, Length, Measure, Method, MethodKind, NoControl, Part, Placement,
+    Remesh, RemeshPattern, Simplified, SimplifyError, SimplifyOptions, Stop, TopologyPolicy, simplify,
+    simplify_scene,
 };
 
 use crate::support::{bytes, counts, places};
@@ -35,10 +36,10 @@ fn free(stop: Stop) -> SimplifyOptions {
 fn a_ring_is_cut_where_its_target_needs_it() {
     let torus = shapes::torus(32, 12);
     let mut cut_relaxed = 0;
-    for method in [Method::Memoryless, Method::Quadric] {
+    for method in [MethodKind::Memoryless, MethodKind::Quadric] {
         for placement in [Placement::Optimal, Placement::Endpoint, Placement::Midpoint] {
             let mut options = free(Stop::faces(4));
-            (options.method, options.placement) = (method, placement);
+            (options.method, options.placement) = (method.into(), placement);
             let done = run(&torus, &options);
             let case = format!("{method:?}, {placement:?}: {} faces", done.report.faces);
             // (The rest may get stuck if vertices cannot move.)
@@ -273,17 +274,24 @@ fn each_mesh_of_a_scene_may_have_the_target_by_itself() {
 type SetLength = fn(&mut SimplifyOptions, Length);
 
 /// Options of single methods that are lengths.
-const METHOD_LENGTHS: [(Method, SetLength); 5] = [
-    (Method::Cluster, |o, l| o.method_options.cell = Some(l)),
-    (Method::ShortestEdge, |o, l| o.method_options.edge_length = Some(l)),
-    (Method::Remesh, |o, l| o.method_options.edge_length = Some(l)),
-    (Method::Remesh, |o, l| o.method_options.voxel = Some(l)),
-    (Method::Planar, |o, l| o.method_options.flat = Some(l)),
+const METHOD_LENGTHS: [(MethodKind, SetLength); 5] = [
+    (MethodKind::Cluster, |o, l| o.method = Method::Cluster { cell: Some(l), two_stage: false }),
+    (MethodKind::ShortestEdge, |o, l| o.method = Method::ShortestEdge { edge_length: Some(l) }),
+    (MethodKind::Remesh, |o, l| {
+        o.method = Method::Remesh(Remesh::OnSurface {
+            edge_length: Some(l),
+            crease_deg: None,
+            rounds: None,
+            pattern: RemeshPattern::Even,
+        });
+    }),
+    (MethodKind::Remesh, |o, l| o.method = Method::Remesh(Remesh::Voxels { size: l })),
+    (MethodKind::Planar, |o, l| o.method = Method::Planar { angle_deg: None, flat: Some(l) }),
 ];
 
-fn with_length((method, set): (Method, SetLength), length: Length) -> SimplifyOptions {
+fn with_length((method, set): (MethodKind, SetLength), length: Length) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(Stop::default());
-    options.method = method;
+    options.method = method.into();
     set(&mut options, length);
     options
 }

@@ -3,14 +3,14 @@
 use lodsmith::core::mesh::defects::defects;
 use lodsmith::core::{Attribute, Positions, Semantic, TriMesh, VertexId, shapes};
 use lodsmith::{
-    BorderPolicy, Control, Fit, Input, Length, Method, NoControl, Placement, Preset, Simplified,
+    BorderPolicy, Control, Fit, Input, Length, Method, MethodKind, NoControl, Placement, Preset, Simplified,
     SimplifyError, SimplifyOptions, Stage, Stop, StoppedBy, TopologyPolicy, Verdict, simplify, simplify_with,
 };
 
 use crate::support::laden::{attribute_complaints, laden, locked_complaints};
 use crate::support::{self, complaints, counts, topology_complaints};
 
-const METHODS: [Method; 2] = [Method::Memoryless, Method::Quadric];
+const METHODS: [MethodKind; 2] = [MethodKind::Memoryless, MethodKind::Quadric];
 
 /// Runs and checks that the result is sound.
 fn sound(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
@@ -44,7 +44,7 @@ fn many_parts_to_one_percent_stay_finite() {
     for method in METHODS {
         for share in [0.01, 0.05] {
             let mut options = SimplifyOptions::new(Stop::ratio(share));
-            options.method = method;
+            options.method = method.into();
             let done = sound(&mesh, &options);
             assert!(done.report.reached, "{method:?}: {:?}", done.report.refusals);
         }
@@ -58,7 +58,7 @@ fn a_flat_grid_goes_down_to_its_corners() {
     for method in METHODS {
         for (faces, least) in [(mesh.face_count() / 10, 100), (2, 1)] {
             let mut options = SimplifyOptions::new(Stop::faces(faces));
-            options.method = method;
+            options.method = method.into();
             let done = sound(&mesh, &options);
             let got = done.mesh.face_count();
             assert!(done.report.reached, "{method:?}, {faces}: {got} faces, {:?}", done.report.refusals);
@@ -69,7 +69,7 @@ fn a_flat_grid_goes_down_to_its_corners() {
             let area: f64 = area(&done.mesh);
             // Ten thousand quadrics summed in single precision can move a corner of the last two faces by a
             // cell.
-            let slip = if method == Method::Quadric { 1e-2 } else { 1e-3 };
+            let slip = if method == MethodKind::Quadric { 1e-2 } else { 1e-3 };
             assert!((area - 1.0).abs() < slip, "{method:?}, {faces}: the area is {area}");
         }
     }
@@ -94,7 +94,7 @@ fn a_fine_cube_goes_down_to_twelve_faces() {
     for method in METHODS {
         for faces in [1200, 100, 12] {
             let mut options = SimplifyOptions::new(Stop::faces(faces));
-            options.method = method;
+            options.method = method.into();
             let done = sound(&mesh, &options);
             assert!(done.report.reached, "{method:?}, {faces}: {:?}", done.report.refusals);
             let far = |p: [f64; 3]| (p.iter().fold(0f64, |m, x| m.max(x.abs())) - 0.5).abs();
@@ -102,7 +102,7 @@ fn a_fine_cube_goes_down_to_twelve_faces() {
             assert!(worst < 1e-4, "{method:?}, {faces}: a vertex lies {worst} off the cube");
             let area = area(&done.mesh);
             // The quadrics include planes that were removed long ago; the default keeps the edges in place.
-            let slack = if method == Method::Memoryless { 1e-3 } else { 5e-2 };
+            let slack = if method == MethodKind::Memoryless { 1e-3 } else { 5e-2 };
             assert!((area - 6.0).abs() < slack, "{method:?}, {faces}: the edges are not sharp, area {area}");
         }
     }
@@ -115,7 +115,7 @@ fn parts_go_when_the_target_needs_it() {
     let mesh = shapes::tetrahedra(64);
     for method in METHODS {
         let mut options = SimplifyOptions::new(Stop::faces(40));
-        options.method = method;
+        options.method = method.into();
         let done = sound(&mesh, &options);
         assert!(done.report.reached && done.mesh.face_count() > 32, "{}", done.mesh.face_count());
         assert_eq!(done.report.parts_removed + counts(&done.mesh).component_count, 64);
@@ -238,9 +238,9 @@ fn progress_never_goes_back_within_a_stage() {
     for method in METHODS {
         for stop in [Stop::ratio(0.05), Stop::vertices(30), Stop::error(Length::OfDiagonal(0.02))] {
             let mut options = SimplifyOptions::new(stop);
-            options.method = method;
+            options.method = method.into();
             let mut watcher = Watcher::new(usize::MAX, Verdict::Continue);
-            let done = simplify_with(&Input::new(&shapes::blob(4, 5)), &options, &mut watcher).unwrap();
+            let done = simplify_with(&shapes::blob(4, 5), &options, &mut watcher).unwrap();
             for (stage, told) in &watcher.seen {
                 assert!(told.iter().all(|x| (0.0..=1.0).contains(x)), "{stage:?}: {told:?}");
                 assert!(told.is_sorted(), "{method:?}, {stage:?}: {told:?}");
@@ -298,7 +298,7 @@ fn a_vertex_of_a_thousand_edges_goes() {
     let mesh = mesh(&points, &triangles);
     for method in METHODS {
         let mut options = SimplifyOptions::new(Stop::faces(40));
-        options.method = method;
+        options.method = method.into();
         let done = sound(&mesh, &options);
         assert!(done.report.reached, "{:?}", done.report.refusals);
     }
@@ -352,7 +352,7 @@ fn the_fit_of_what_has_no_extent_stays_finite() {
                     error: None,
                 });
                 (options.placement, options.fit, options.method, options.border) =
-                    (placement, Fit::On, method, border);
+                    (placement, Fit::On, method.into(), border);
                 sound(&mesh(&points, &faces), &options);
             }
         }
@@ -379,7 +379,7 @@ fn huge_values_stay_numbers() {
         for fit in [Fit::On, Fit::Off] {
             for weight in [1.0, 1e30] {
                 let mut options = SimplifyOptions::new(Stop::ratio(0.3));
-                (options.method, options.fit) = (method, fit);
+                (options.method, options.fit) = (method.into(), fit);
                 (options.weights.uv, options.weights.color) = (weight, weight);
                 let done = sound(&mesh, &options);
                 assert!(done.report.reached);
@@ -458,7 +458,7 @@ fn pairs_do_not_make_a_level_worse() {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
         options.topology = topology;
         let without = sound(&mesh, &options);
-        options.method_options.pairs = Some(Length::OfDiagonal(0.01));
+        options.method = Method::Memoryless { pairs: Some(Length::OfDiagonal(0.01)) };
         let done = sound(&mesh, &options);
         assert!(done.report.reached, "{topology:?}: {} faces", done.mesh.face_count());
         let (with, without) = (rms(&mesh, &done.mesh), rms(&mesh, &without.mesh));
@@ -480,10 +480,11 @@ fn boxes_and_sheets() -> (TriMesh, usize) {
 fn locked_borders_keep_their_parts() {
     let (mesh, borders) = boxes_and_sheets();
     assert_eq!(borders, 4 * 16);
-    for method in [Method::Memoryless, Method::Quadric, Method::LindstromTurk, Method::Melax] {
+    for method in [MethodKind::Memoryless, MethodKind::Quadric, MethodKind::LindstromTurk, MethodKind::Melax]
+    {
         for ratio in [0.1, 0.03] {
             let mut options = SimplifyOptions::new(Stop::ratio(ratio));
-            (options.method, options.border) = (method, BorderPolicy::Lock);
+            (options.method, options.border) = (method.into(), BorderPolicy::Lock);
             let done = sound(&mesh, &options);
             assert_eq!(counts(&done.mesh).border_edge_count, borders, "{method:?}, {ratio}");
         }
@@ -504,10 +505,10 @@ fn removing_a_part_does_not_leave_far_fewer_faces_than_asked_for() {
         })
         .collect();
     let mesh = union(&parts, [3.0, 0.0, 0.0]);
-    for method in [Method::Memoryless, Method::Melax] {
+    for method in [MethodKind::Memoryless, MethodKind::Melax] {
         for goal in [100, 250, 400] {
             let mut options = SimplifyOptions::new(Stop::faces(goal));
-            options.method = method;
+            options.method = method.into();
             options.guards.min_quality = Some(1.0);
             options.guards.max_normal_deg = Some(0.01);
             let done = sound(&mesh, &options);
@@ -551,11 +552,11 @@ fn a_locked_vertex_keeps_its_values_where_every_edge_is_a_seam() {
     for seed in 1..4 {
         let mesh = laden(&shapes::blob(2, seed), &mut support::Random(seed));
         let locked: Vec<bool> = (0..mesh.vertex_count()).map(|v| v % 5 == 0).collect();
-        for method in Method::ALL {
+        for method in MethodKind::ALL {
             let mut options = SimplifyOptions::new(Stop::ratio(0.1));
-            options.method = method;
+            options.method = method.into();
             let done = simplify_with(Input::new(&mesh).locked(&locked), &options, &mut NoControl).unwrap();
-            let may_go = method == Method::Cluster;
+            let may_go = method == MethodKind::Cluster;
             let found = locked_complaints(&mesh, &locked, (may_go, false), &done.mesh);
             all.add(&format!("{}, seed {seed}", method.name()), found);
         }

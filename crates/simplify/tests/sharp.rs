@@ -2,16 +2,23 @@
 
 use lodsmith::core::spatial::Bvh;
 use lodsmith::core::{Positions, TriMesh, VertexId, shapes};
-use lodsmith::{Method, NoControl, Progressive, Simplified, SimplifyError, SimplifyOptions, Stop, simplify};
+use lodsmith::{
+    MethodKind, NoControl, Progressive, Simplified, SimplifyError, SimplifyOptions, Stop, simplify,
+};
 
 use crate::support::{Complaints, bytes, complaints, topology_complaints};
 
-const COLLAPSES: [Method; 5] =
-    [Method::Memoryless, Method::Quadric, Method::LindstromTurk, Method::Melax, Method::ShortestEdge];
+const COLLAPSES: [MethodKind; 5] = [
+    MethodKind::Memoryless,
+    MethodKind::Quadric,
+    MethodKind::LindstromTurk,
+    MethodKind::Melax,
+    MethodKind::ShortestEdge,
+];
 
-fn done(mesh: &TriMesh, method: Method, ratio: f64, sharp_deg: Option<f64>) -> Simplified {
+fn done(mesh: &TriMesh, method: MethodKind, ratio: f64, sharp_deg: Option<f64>) -> Simplified {
     let mut options = SimplifyOptions::new(Stop::ratio(ratio));
-    (options.method, options.sharp_deg) = (method, sharp_deg);
+    (options.method, options.sharp_deg) = (method.into(), sharp_deg);
     simplify(mesh, &options).unwrap()
 }
 
@@ -50,7 +57,7 @@ fn off_the_crest(mesh: &TriMesh) -> f64 {
 #[test]
 fn a_ridge_keeps_its_crest() {
     let mesh = ridge();
-    for method in [Method::Memoryless, Method::Quadric, Method::LindstromTurk] {
+    for method in [MethodKind::Memoryless, MethodKind::Quadric, MethodKind::LindstromTurk] {
         let [without, with] = [None, Some(40.0)].map(|deg| done(&mesh, method, 0.05, deg));
         assert!(with.report.reached && !with.report.sharp_relaxed, "{method:?}");
         let [without, with] = [without, with].map(|d| off_the_crest(&d.mesh));
@@ -75,7 +82,7 @@ fn features_leave_any_shape_sound() {
         for method in COLLAPSES {
             for ratio in [0.3, 0.05] {
                 let mut options = SimplifyOptions::new(Stop::ratio(ratio));
-                (options.method, options.sharp_deg) = (method, Some(25.0));
+                (options.method, options.sharp_deg) = (method.into(), Some(25.0));
                 let case = format!("{name}, {method:?}, {ratio}");
                 match simplify(&mesh, &options) {
                     Ok(done) => {
@@ -95,7 +102,7 @@ fn features_leave_any_shape_sound() {
 #[test]
 fn features_give_way_to_the_target() {
     let mesh = shapes::noisy_sphere(3, 0.2, 5);
-    let all = done(&mesh, Method::Memoryless, 0.02, Some(0.01));
+    let all = done(&mesh, MethodKind::Memoryless, 0.02, Some(0.01));
     assert!(all.report.reached && all.report.sharp_relaxed);
 }
 
@@ -119,16 +126,16 @@ fn a_progressive_mesh_keeps_features() {
 #[test]
 fn angles_out_of_range_and_methods_without_features_are_told() {
     let mesh = shapes::icosphere(1);
-    let run = |method: Method, deg: f64| {
+    let run = |method: MethodKind, deg: f64| {
         let mut options = SimplifyOptions::new(Stop::faces(10));
-        (options.method, options.sharp_deg) = (method, Some(deg));
+        (options.method, options.sharp_deg) = (method.into(), Some(deg));
         simplify(&mesh, &options).map(|_| ())
     };
     for deg in [0.0, -1.0, 180.0, f64::NAN] {
-        let told = run(Method::Memoryless, deg);
+        let told = run(MethodKind::Memoryless, deg);
         assert!(matches!(told, Err(SimplifyError::BadOption { option: "sharp", .. })), "{deg}: {told:?}");
     }
-    for method in Method::ALL.into_iter().filter(|m| !COLLAPSES.contains(m)) {
+    for method in MethodKind::ALL.into_iter().filter(|m| !COLLAPSES.contains(m)) {
         let told = run(method, 30.0);
         assert!(
             matches!(told, Err(SimplifyError::NotOfMethod { option: "sharp", .. })),
@@ -145,6 +152,6 @@ fn faces_that_are_wound_differently_meet_where_they_bend() {
         TriMesh::new(Positions::F32(p.to_vec()), t.iter().map(|t| t.map(VertexId)).collect()).unwrap()
     };
     let flat = at(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]], &[[0, 1, 2], [1, 2, 3]]);
-    let [without, with] = [None, Some(1.0)].map(|deg| done(&flat, Method::Memoryless, 0.5, deg));
+    let [without, with] = [None, Some(1.0)].map(|deg| done(&flat, MethodKind::Memoryless, 0.5, deg));
     assert!(bytes(&without.mesh) == bytes(&with.mesh));
 }

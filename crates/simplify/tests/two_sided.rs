@@ -5,7 +5,7 @@ use lodsmith::core::{
     Attribute, IntegerType, Positions, RegionId, Semantic, TriMesh, VertexId, WedgeId, shapes,
 };
 use lodsmith::{
-    CleanOptions, Input, Length, Levels, LodOptions, Method, NoControl, Placement, Progressive, Sheets,
+    CleanOptions, Input, Length, Levels, LodOptions, MethodKind, NoControl, Placement, Progressive, Sheets,
     Simplified, SimplifyOptions, Stop, clean, lod, simplify, simplify_with, two_sided_faces,
 };
 
@@ -210,9 +210,9 @@ fn each_side_of_a_card_keeps_its_own_values() {
 #[test]
 fn all_methods_keep_both_sides_together() {
     let [single, mesh] = [Backs::None, Backs::Own].map(|backs| cards(4, [8, 16], backs, 0, false));
-    for method in Method::ALL {
+    for method in MethodKind::ALL {
         let mut options = SimplifyOptions::new(Stop::ratio(0.3));
-        options.method = method;
+        options.method = method.into();
         let [wanted, got] = [run(&single, &options).mesh, run(&mesh, &options).mesh];
         assert_eq!(unpaired(&got), 0, "{method:?}");
         let (a, b) = (2.0 * area(&wanted), area(&got));

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use lodsmith::core::{Attribute, IntegerType, Morphed, Semantic, TriMesh, WedgeId, shapes};
 use lodsmith::{
-    Input, Length, Levels, LodOptions, Method, NoControl, Part, Placement, Progressive, SimplifyOptions,
-    Stop, lod, simplify, simplify_scene, simplify_with,
+    Input, Length, Levels, LodOptions, Method, MethodKind, NoControl, Part, Placement, Progressive, Remesh,
+    SimplifyOptions, Stop, lod, simplify, simplify_scene, simplify_with,
 };
 
 use crate::support::charts::{place, two_charts, wedges};
@@ -65,12 +65,12 @@ fn assert_within(what: &str, source: &TriMesh, got: &TriMesh) {
     }
 }
 
-fn options(method: Method) -> SimplifyOptions {
+fn options(method: MethodKind) -> SimplifyOptions {
     let mut options = SimplifyOptions::new(Stop::ratio(0.2));
-    options.method = method;
-    if method == Method::Remesh {
+    options.method = method.into();
+    if let Method::Remesh(Remesh::OnSurface { edge_length, .. }) = &mut options.method {
         options.stop = Stop::default();
-        options.method_options.edge_length = Some(Length::Units(0.2));
+        *edge_length = Some(Length::Units(0.2));
     }
     options
 }
@@ -79,7 +79,7 @@ fn options(method: Method) -> SimplifyOptions {
 #[test]
 fn no_value_leaves_the_range_of_its_source() {
     let mesh = waved(shapes::blob(4, 3), 0.0, 1.0);
-    for method in [Method::Memoryless, Method::Quadric, Method::Cluster, Method::Remesh] {
+    for method in [MethodKind::Memoryless, MethodKind::Quadric, MethodKind::Cluster, MethodKind::Remesh] {
         let got = simplify(&mesh, &options(method)).unwrap().mesh;
         assert!(got.face_count() > 50);
         assert_within(&format!("{method:?}"), &mesh, &got);
@@ -143,27 +143,27 @@ fn ids_are_those_of_the_source() {
     dressed.add_attribute(plain.further_attributes()[0].clone()).unwrap();
     for mesh in [&plain, &dressed] {
         for method in [
-            Method::Memoryless,
-            Method::Quadric,
-            Method::LindstromTurk,
-            Method::Cluster,
-            Method::Remesh,
-            Method::VertexRemoval,
-            Method::Planar,
+            MethodKind::Memoryless,
+            MethodKind::Quadric,
+            MethodKind::LindstromTurk,
+            MethodKind::Cluster,
+            MethodKind::Remesh,
+            MethodKind::VertexRemoval,
+            MethodKind::Planar,
         ] {
             let got = simplify(mesh, &options(method)).unwrap();
             assert!(got.report.dropped.is_empty());
             assert_known(&format!("{method:?}"), mesh, &got.mesh);
         }
         for placement in [Placement::Midpoint, Placement::Endpoint] {
-            let mut options = options(Method::Memoryless);
+            let mut options = options(MethodKind::Memoryless);
             options.placement = placement;
             let got = simplify(mesh, &options).unwrap().mesh;
             assert_known(&format!("{placement:?}"), mesh, &got);
         }
     }
     // Close to the original: a band is .33 wide.
-    let got = simplify(&plain, &options(Method::Memoryless)).unwrap().mesh;
+    let got = simplify(&plain, &options(MethodKind::Memoryless)).unwrap().mesh;
     let far = wedges(&got).zip(ids(&got)).filter(|(w, id)| {
         let near = |d: f64| 7.0 + 1000.0 * ((place(&got, *w)[0] + d) * 3.0).floor().abs() as f32;
         ![-0.1, 0.0, 0.1].map(near).contains(id)
@@ -179,7 +179,7 @@ fn faces_of_two_features_stay_faces_of_one() {
     mesh.set_uvs(None).unwrap();
     let values = right.iter().map(|r| if *r { 3.0 } else { 9.0 }).collect();
     mesh.add_attribute(Attribute { semantic: id(), width: 1, values }).unwrap();
-    for method in [Method::Memoryless, Method::Cluster] {
+    for method in [MethodKind::Memoryless, MethodKind::Cluster] {
         let got = simplify(&mesh, &options(method)).unwrap().mesh;
         let ids = ids(&got);
         let mut count = [0, 0];
@@ -236,9 +236,9 @@ fn missing_values_stay_missing_and_do_not_count() {
         let found = lodsmith::core::measure::compare(&full.surface(), &m.surface(), &Default::default());
         found.unwrap().rms.symmetric
     };
-    for method in Method::ALL {
+    for method in MethodKind::ALL {
         let mut options = SimplifyOptions::new(Stop::ratio(0.2));
-        options.method = method;
+        options.method = method.into();
         let run = |mesh: &TriMesh| simplify(mesh, &options).unwrap();
         let (done, whole) = (run(&mesh), run(&full));
         let further = done.mesh.further_attributes();

@@ -3,7 +3,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use lodsmith::{Method, SimplifyOptions, Stop};
+use lodsmith::{MethodKind, SimplifyOptions, Stop};
 use lodsmith_core::{Model, TriMesh};
 
 use crate::gpu::{Context, DrawModel};
@@ -48,7 +48,7 @@ pub fn preview_of(model: &Model) -> Option<Model> {
     let ratio = PREVIEW_FACES as f64 / all as f64;
     let clustered = |mesh: &Arc<TriMesh>| {
         let mut options = SimplifyOptions::new(Stop::ratio(ratio));
-        options.method = Method::Cluster;
+        options.method = MethodKind::Cluster.into();
         let done = lodsmith::simplify(mesh, &options);
         done.map_or_else(|_| mesh.clone(), |done| Arc::new(without_normals(done.mesh)))
     };

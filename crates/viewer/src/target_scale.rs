@@ -1,10 +1,10 @@
 //! Units of the target, and its positions on a logarithmic slider.
 
 use lodsmith::Length;
+use lodsmith::options::by_name;
 
 use crate::command::SimplifyTarget;
 use crate::numbers::{count_of, grouped, significant};
-use crate::option_words::length_text;
 use crate::settings::Settings;
 
 /// Unit of the slider.
@@ -235,7 +235,7 @@ pub fn text_of(
             }
         },
         Unit::Error => match stop.error {
-            Some(error @ Length::OfDiagonal(_)) => Some(length_text(error)),
+            Some(error @ Length::OfDiagonal(_)) => Some(by_name::length_text(error)),
             _ if !has_target => Some("0%".to_owned()),
             _ => {
                 let share = whole.error_share(settings).or_else(|| result?.largest)?;

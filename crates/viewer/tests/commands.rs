@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use lodsmith::Method;
+use lodsmith::MethodKind;
 use lodsmith_bake::MapKind;
 use lodsmith_core::model::Transform;
 use lodsmith_core::shapes;
@@ -167,7 +167,7 @@ fn a_list_of_commands_replays_a_session() {
     let folder = folder();
     let path = |name: &str| folder.path().join(name);
     let mut quadric = Simplification::default();
-    quadric.options.method = Method::Quadric;
+    quadric.options.method = MethodKind::Quadric.into();
     let mut look = Appearance::default();
     look.look.shading = Shading::Flat;
     let commands = vec![
@@ -204,7 +204,7 @@ fn a_list_of_commands_replays_a_session() {
     assert_eq!(ends[0].0, ends[1].0);
     assert_eq!(ends[0].1, ends[1].1, "the same commands make the same mesh");
     assert!(ends[0].1.face_count() <= 500);
-    assert_eq!(ends[0].0.simplify.options.method, Method::Quadric);
+    assert_eq!(ends[0].0.simplify.options.method, MethodKind::Quadric.into());
     assert_eq!(ends[0].0.playback.speed, 2.0);
 }
 

@@ -5,7 +5,7 @@ mod adapter;
 use std::path::Path;
 use std::time::Duration;
 
-use lodsmith::{Method, SimplifyOptions, Stop, simplify};
+use lodsmith::{MethodKind, SimplifyOptions, Stop, simplify};
 use lodsmith_core::{TriMesh, shapes};
 use lodsmith_io::{Format, Textures};
 use lodsmith_viewer::command::{Command, SimplifyTarget};
@@ -126,13 +126,13 @@ fn the_road_is_that_of_the_method() {
     let folder = folder();
     let mut document = opened(&folder.path().join("torus.obj"));
     let mut how = Simplification::default();
-    how.options.method = Method::Planar;
+    how.options.method = MethodKind::Planar.into();
     document.run(Command::Method(Box::new(how.clone())));
     assert!(document.settle(TIMEOUT));
     assert!(!document.has_preview());
     let told = document.log.entries().iter().any(|l| l.text.contains("planar") && l.text.contains("slider"));
     assert!(told, "nothing says that the slider does not follow");
-    how.options.method = Method::Quadric;
+    how.options.method = MethodKind::Quadric.into();
     document.run(Command::Method(Box::new(how.clone())));
     assert!(!document.has_preview(), "that of another method");
     document.run(Command::Target(SimplifyTarget::Faces(500)));

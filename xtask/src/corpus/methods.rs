@@ -151,11 +151,11 @@ impl Sweep {
 }
 
 /// The names of all methods.
-const METHODS: [&str; lodsmith::Method::ALL.len()] = {
-    let mut names = [""; lodsmith::Method::ALL.len()];
+const METHODS: [&str; lodsmith::MethodKind::ALL.len()] = {
+    let mut names = [""; lodsmith::MethodKind::ALL.len()];
     let mut i = 0;
     while i < names.len() {
-        names[i] = lodsmith::Method::ALL[i].name();
+        names[i] = lodsmith::MethodKind::ALL[i].name();
         i += 1;
     }
     names

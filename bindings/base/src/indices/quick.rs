@@ -122,7 +122,7 @@ impl QuickInput {
         data: MeshData<'_>,
         options: &SimplifyOptions,
     ) -> Result<QuickResult, IndexError> {
-        let done = simplify_with(&Input::new(mesh).with(data), options, &mut NoControl)?;
+        let done = simplify_with(Input::new(mesh).with(data), options, &mut NoControl)?;
         Ok(QuickResult { faces: faces_by_name(&done)?, error: self.error(done.report.error.estimate) })
     }
 

@@ -1,166 +1,240 @@
-//! Arguments shared by all commands that simplify: targets, method, constraints.
+//! Arguments of simplification, made from the library's table of options.
 
-use clap::Args;
-use lodsmith::{BorderPolicy, Fit, Guards, Method, Placement, Preset, SimplifyOptions, Stop, TopologyPolicy};
+use clap::builder::{PossibleValuesParser, StringValueParser, TypedValueParser as _};
+use clap::error::Error;
+use clap::parser::ValueSource;
+use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
+use lodsmith::options::by_name::{self, NamedOption, OPTIONS, OptionGroup, OptionKind, OptionValue};
+use lodsmith::{Length, Preset, SimplifyOptions, Stop};
 use serde_json::{Map, Value};
 
-use super::of_method::OfMethod;
-use super::scope::Scope;
-use super::weights::{self, AttributeName, Importance};
-use super::{TypedLength, choice, values};
+use super::importance::{self, Importance};
+use crate::status::usage;
 
-/// Target of a run.
-#[derive(Args, Debug)]
-pub(crate) struct Target {
-    /// Stop at N triangles
-    #[arg(long, value_name = "N", value_parser = values::count)]
-    faces: Option<usize>,
-    /// Stop at N vertices
-    #[arg(long, value_name = "N", value_parser = values::count)]
-    vertices: Option<usize>,
-    /// Keep this fraction of the triangles (0.1 or 10%)
-    #[arg(long, value_name = "R", value_parser = values::ratio)]
-    ratio: Option<f64>,
-    /// Keep the deviation below D, in units of the file or as a share of the diagonal (0.1%)
-    #[arg(long, value_name = "D")]
-    error: Option<TypedLength>,
+/// An option, and the value that was typed.
+type Typed = (&'static NamedOption, OptionValue<'static>);
+
+/// Returns the options of some groups.
+fn of_groups(groups: &[OptionGroup]) -> impl Iterator<Item = &'static NamedOption> {
+    OPTIONS.iter().filter(move |option| groups.contains(&option.group))
 }
+
+/// Returns the argument of an option.
+fn argument(option: &'static NamedOption) -> Arg {
+    let default = option.default_text();
+    let is_of_presets = Preset::ALL.into_iter().any(|preset| {
+        let other = SimplifyOptions::preset(preset, Stop::default());
+        option.get(&other) != option.get(&SimplifyOptions::default())
+    });
+    let help = match &default {
+        Some(default) if is_of_presets => format!("{} [default: {default}, or by preset]", option.help),
+        _ => option.help.to_owned(),
+    };
+    let arg = Arg::new(option.name).long(option.name).help(help);
+    let arg = match option.group {
+        OptionGroup::Simplification => arg.help_heading("Simplification"),
+        OptionGroup::OfMethod => arg.help_heading("Of single methods"),
+        OptionGroup::Guards => arg.help_heading("Guards of the result"),
+        OptionGroup::Deviation => arg.help_heading("Deviation"),
+        // That of the target depends on the command.
+        _ => arg,
+    };
+    if option.kind == OptionKind::Flag {
+        return arg.action(ArgAction::SetTrue);
+    }
+    let arg = arg.value_name(option.value_name);
+    let arg = match option.kind {
+        OptionKind::Word(words) => arg.value_parser(PossibleValuesParser::new(words.iter().copied())),
+        OptionKind::Weights(_) => arg.action(ArgAction::Append).value_parser(parser(option.kind)),
+        kind => arg.value_parser(parser(kind)),
+    };
+    match default.filter(|_| !is_of_presets) {
+        Some(default) => arg.default_value(default),
+        None => arg,
+    }
+}
+
+/// Returns a parser that checks that a text is a value of a kind.
+fn parser(kind: OptionKind) -> impl clap::builder::TypedValueParser<Value = String> {
+    StringValueParser::new().try_map(move |text| match kind.parse(&text.as_str().into()) {
+        Ok(_) => Ok(text),
+        Err(_) => Err(format!("{} is expected", kind.wanted())),
+    })
+}
+
+/// Returns the options of some groups that were typed, in the order of the table.
+fn typed(groups: &[OptionGroup], matches: &ArgMatches) -> Vec<Typed> {
+    let is_typed =
+        |option: &&NamedOption| matches.value_source(option.name) == Some(ValueSource::CommandLine);
+    let values = |option: &'static NamedOption| {
+        let parsed =
+            |value: &OptionValue<'_>| (option, option.kind.parse(value).expect("the parser has checked it"));
+        match option.kind {
+            OptionKind::Flag => vec![parsed(&OptionValue::Flag(matches.get_flag(option.name)))],
+            _ => {
+                let texts = matches.get_many::<String>(option.name).into_iter().flatten();
+                texts.map(|text| parsed(&text.as_str().into())).collect()
+            }
+        }
+    };
+    of_groups(groups).filter(is_typed).flat_map(values).collect()
+}
+
+/// Returns options with the values that were typed.
+fn options(typed: &[Typed]) -> Result<SimplifyOptions, by_name::OptionError> {
+    let named: Vec<_> = typed.iter().map(|(option, value)| (option.name, value.clone())).collect();
+    by_name::from_names(&named)
+}
+
+/// Makes a group of arguments from groups of the table.
+macro_rules! typed_options {
+    ($(#[$doc:meta])* $name:ident: $groups:expr) => {
+        $(#[$doc])*
+        #[derive(Clone, Debug)]
+        pub(crate) struct $name(Vec<Typed>);
+
+        impl FromArgMatches for $name {
+            fn from_arg_matches(matches: &ArgMatches) -> Result<Self, Error> {
+                Ok(Self(typed($groups, matches)))
+            }
+            fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), Error> {
+                self.0 = typed($groups, matches);
+                Ok(())
+            }
+        }
+
+        impl Args for $name {
+            fn augment_args(command: Command) -> Command {
+                of_groups($groups).fold(command, |command, option| command.arg(argument(option)))
+            }
+            fn augment_args_for_update(command: Command) -> Command {
+                Self::augment_args(command)
+            }
+        }
+    };
+}
+
+typed_options! {
+    /// Target of a run.
+    Target: &[OptionGroup::Target]
+}
+typed_options! {
+    /// Measurement and proof of the deviation.
+    Deviation: &[OptionGroup::Deviation]
+}
+typed_options! {
+    /// Options of a run besides its target.
+    Engine: ENGINE
+}
+const ENGINE: &[OptionGroup] = &[OptionGroup::Simplification, OptionGroup::OfMethod, OptionGroup::Guards];
 
 impl Target {
     /// Returns true if any target is set.
     pub(crate) fn is_given(&self) -> bool {
-        self.faces.is_some() || self.vertices.is_some() || self.ratio.is_some() || self.error.is_some()
+        !self.0.is_empty()
     }
 
     /// Converts the target to a stop of the engine.
     pub(super) fn stop(&self) -> Stop {
-        Stop {
-            faces: self.faces,
-            vertices: self.vertices,
-            ratio: self.ratio,
-            error: self.error.as_ref().map(|e| e.length),
-        }
+        options(&self.0).expect("targets do not exclude each other").stop
     }
 
     /// Returns the target by name, for reports.
     pub(crate) fn to_json(&self) -> Value {
-        let all = [
-            ("faces", self.faces.map(Value::from)),
-            ("vertices", self.vertices.map(Value::from)),
-            ("ratio", self.ratio.map(Value::from)),
-            ("error", self.error.as_ref().map(TypedLength::to_json)),
-        ];
-        Value::Object(all.into_iter().filter_map(|(k, v)| Some((k.to_owned(), v?))).collect::<Map<_, _>>())
+        let value = |(option, value): &Typed| {
+            let value = match value {
+                OptionValue::Whole(n) => (*n).into(),
+                OptionValue::Number(x) | OptionValue::Length(Length::Units(x)) => (*x).into(),
+                other => other.text().into(),
+            };
+            (option.name.to_owned(), value)
+        };
+        Value::Object(self.0.iter().map(value).collect::<Map<_, _>>())
     }
 }
 
-/// Options of a run besides its target.
-#[derive(Args, Debug)]
-pub(crate) struct EngineArgs {
-    #[command(flatten)]
-    pub(crate) how: How,
-    #[command(flatten)]
-    of_method: OfMethod,
-    #[command(flatten)]
-    scope: Scope,
-    #[command(flatten)]
-    guards: GuardArgs,
-    /// Seed of the samples; equal seeds give equal results
-    #[arg(long, value_name = "N", default_value_t = SimplifyOptions::default().seed, help_heading = "Simplification")]
-    seed: u64,
-}
-
+/// Names of parts and attributes of a file.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Simplification")]
-pub(crate) struct How {
-    /// Set several options for a purpose, see below; explicit options override it
-    #[arg(long, value_name = "PURPOSE", value_parser = choice(Preset::ALL, Preset::name),
-          default_value = Preset::default().name())]
-    preset: Preset,
-    /// Simplification method, see below
-    #[arg(long, value_name = "METHOD", value_parser = choice(Method::ALL, Method::name),
-          default_value = Method::default().name())]
-    method: Method,
-    /// Fit the result to the original by least squares at the end
-    #[arg(long, value_name = "WHEN", value_parser = choice(Fit::ALL, Fit::name),
-          default_value = Fit::default().name())]
-    fit: Fit,
-    /// Position of a merged vertex: the one with the least error, an end of the edge (so that the vertices are a subset of
-    /// those of the input), or its midpoint
-    #[arg(long, value_name = "POSITION", value_parser = choice(Placement::ALL, Placement::name),
-          default_value = Placement::default().name())]
-    placement: Placement,
-    /// Treatment of open borders: keep their shape, slide along them, lock them, or ignore them (free) [default: keep, or by
-    /// preset]
-    #[arg(long, value_name = "POLICY", value_parser = choice(BorderPolicy::ALL, BorderPolicy::name))]
-    border: Option<BorderPolicy>,
-    /// Permitted changes of the topology: parts and handles if the target needs it (relaxed), none (preserve), or those
-    /// that cost least (free) [default: relaxed, or by preset]
-    #[arg(long, value_name = "POLICY", value_parser = choice(TopologyPolicy::ALL, TopologyPolicy::name))]
-    topology: Option<TopologyPolicy>,
-    /// Preserve edges whose faces meet at more than DEG degrees [default: off]
-    #[arg(long, value_name = "DEG", value_parser = values::sharp_deg)]
-    sharp: Option<f64>,
-    /// Multiply the weight of an attribute in the cost (normal, uv, color, morph, skin, other), or of the lines of
-    /// open borders (border), by W; may be repeated
-    #[arg(long, value_name = "NAME=W", value_parser = weights::weight)]
-    weight: Vec<(AttributeName, f64)>,
+pub(crate) struct PartNames {
     /// Keep this unchanged, bit for bit: a material, group, object, mesh or node, or the vertices where this attribute is
     /// not zero; may be repeated
     #[arg(long, value_name = "NAME")]
     pub(crate) lock: Vec<String>,
     /// Keep more triangles where this attribute of vertices is large: at 1, or at the largest value if that is above 1,
     /// STRENGTH times as many per area as at 0 [default STRENGTH: 4]
-    #[arg(long, value_name = "NAME[=STRENGTH]", value_parser = weights::importance)]
+    #[arg(long, value_name = "NAME[=STRENGTH]", value_parser = importance::importance)]
     pub(crate) importance: Option<Importance>,
-    /// Merge vertices closer than D first (coincident vertices are always merged); 0 turns off the weld of a preset
-    #[arg(long, value_name = "D")]
-    weld: Option<TypedLength>,
 }
 
-#[derive(Args, Debug)]
-#[command(next_help_heading = "Guards of the result")]
-struct GuardArgs {
-    /// Reject steps that turn a face by more than DEG degrees; the final fit is one step
-    #[arg(long, value_name = "DEG", value_parser = values::turn_deg)]
-    max_normal: Option<f64>,
-    /// Reject faces of lower quality than this, from 0 to 1 (equilateral), unless they were worse before
-    #[arg(long, value_name = "Q", value_parser = values::quality)]
-    min_quality: Option<f64>,
-    /// Reject vertices with more edges than this, unless they had more before
-    #[arg(long, value_name = "N", value_parser = values::valence)]
-    max_valence: Option<usize>,
-    /// Reject longer edges than this, unless they were longer before
-    #[arg(long, value_name = "D", value_parser = values::some_length)]
-    max_edge: Option<TypedLength>,
+/// Options of a run besides its target, and names of parts of the file.
+#[derive(Debug)]
+pub(crate) struct EngineArgs {
+    pub(crate) names: PartNames,
+    typed: Engine,
+}
+
+impl FromArgMatches for EngineArgs {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, Error> {
+        let (names, typed) = (PartNames::from_arg_matches(matches)?, Engine::from_arg_matches(matches)?);
+        Ok(Self { names, typed })
+    }
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl Args for EngineArgs {
+    fn augment_args(command: Command) -> Command {
+        of_groups(ENGINE).fold(command, |command, option| {
+            let command = command.arg(argument(option));
+            if option.name == "weight" { PartNames::augment_args(command) } else { command }
+        })
+    }
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
 }
 
 impl EngineArgs {
+    /// Returns an error if options exclude each other, or the method does not have one.
+    pub(super) fn check(&self) -> anyhow::Result<()> {
+        options(&self.typed.0).map(drop).map_err(|error| usage(error.to_string()))
+    }
+
     /// Returns the engine's options for this stop.
+    ///
+    /// # Panics
+    /// If the options were not [checked](Self::check).
     pub(super) fn options(&self, stop: Stop) -> SimplifyOptions {
-        let (how, guards) = (&self.how, &self.guards);
-        let mut options = SimplifyOptions::preset(how.preset, stop);
-        options.method = how.method;
-        options.method_options = self.of_method.options();
-        options.fit = how.fit;
-        options.placement = how.placement;
-        options.border = how.border.unwrap_or(options.border);
-        options.topology = how.topology.unwrap_or(options.topology);
-        options.sharp_deg = how.sharp;
-        for (name, weight) in &how.weight {
-            *name.of(&mut options.weights) = *weight;
-        }
-        if let Some(distance) = &how.weld {
-            options.weld = (!distance.is_zero()).then_some(distance.length);
-        }
-        options.guards = Guards {
-            max_normal_deg: guards.max_normal,
-            min_quality: guards.min_quality,
-            max_valence: guards.max_valence,
-            max_edge: guards.max_edge.as_ref().map(|d| d.length),
-        };
-        self.scope.apply(&mut options);
-        options.seed = self.seed;
+        let mut options = options(&self.typed.0).expect("they were checked");
+        options.stop = stop;
         options
+    }
+}
+
+impl Deviation {
+    /// Copies the arguments into the engine's options.
+    pub(super) fn apply(&self, to: &mut SimplifyOptions) {
+        for (option, value) in &self.0 {
+            option.set(to, value).expect("every method has them");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_option_of_the_table_is_an_argument_of_simplify_once() {
+        let command = Engine::augment_args(Target::augment_args(Command::new("all")));
+        let command = Deviation::augment_args(command);
+        let mut typed: Vec<&str> = command.get_arguments().filter_map(Arg::get_long).collect();
+        let mut named: Vec<&str> = OPTIONS.iter().map(|option| option.name).collect();
+        typed.sort_unstable();
+        named.sort_unstable();
+        assert_eq!(typed, named);
     }
 }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use lodsmith::{Method, SimplifyOptions};
+use lodsmith::{MethodKind, SimplifyOptions};
 
 use super::engine::Target;
 use super::{Reading, Run, Writing, choice};
@@ -32,8 +32,8 @@ pub(crate) struct MethodsArgs {
     )]
     pub(crate) target: Target,
     /// Run only this method; may be repeated [default: all]
-    #[arg(long, value_name = "METHOD", value_parser = choice(Method::ALL, Method::name), help_heading = "Comparison")]
-    method: Vec<Method>,
+    #[arg(long, value_name = "METHOD", value_parser = choice(MethodKind::ALL, MethodKind::name), help_heading = "Comparison")]
+    method: Vec<MethodKind>,
     /// Number of samples in each direction, spread by area, in addition to all vertices
     #[arg(long, value_name = "N", help_heading = "Comparison",
           default_value_t = lodsmith::core::measure::CompareOptions::default().samples)]
@@ -60,15 +60,15 @@ pub(crate) struct MethodsArgs {
 
 impl MethodsArgs {
     /// Returns the methods to run, each once, in the order of lists.
-    pub(crate) fn methods(&self) -> Vec<Method> {
-        let is_wanted = |m: &Method| self.method.is_empty() || self.method.contains(m);
-        Method::ALL.into_iter().filter(is_wanted).collect()
+    pub(crate) fn methods(&self) -> Vec<MethodKind> {
+        let is_wanted = |m: &MethodKind| self.method.is_empty() || self.method.contains(m);
+        MethodKind::ALL.into_iter().filter(is_wanted).collect()
     }
 
     /// Returns the engine's options for one method: the target, and the method's defaults.
-    pub(crate) fn options(&self, method: Method) -> SimplifyOptions {
+    pub(crate) fn options(&self, method: MethodKind) -> SimplifyOptions {
         let mut options = SimplifyOptions::new(self.target.stop());
-        options.method = method;
+        options.method = method.into();
         options.seed = self.seed;
         options
     }

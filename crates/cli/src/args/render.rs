@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use lodsmith::Method;
+use lodsmith::MethodKind;
 use lodsmith_render::{Background, ColorMap, Light, LightKind, Shading, StandardView};
 
 use super::{Reading, Run, Up, choice, values};
@@ -53,9 +53,9 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "N,...", value_delimiter = ',', value_parser = values::count, conflicts_with = "compare")]
     pub(crate) levels: Vec<usize>,
     /// Method for --levels; see lodsmith simplify --help
-    #[arg(long, value_name = "METHOD", value_parser = choice(Method::ALL, Method::name),
-          default_value = Method::default().name(), requires = "levels")]
-    pub(crate) method: Method,
+    #[arg(long, value_name = "METHOD", value_parser = choice(MethodKind::ALL, MethodKind::name),
+          default_value = MethodKind::default().name(), requires = "levels")]
+    pub(crate) method: MethodKind,
     #[command(flatten)]
     pub(crate) look: LookArgs,
     #[command(flatten)]

@@ -1,11 +1,11 @@
 //! Arguments of `lodsmith simplify`.
 
 use clap::{ArgGroup, Args, ValueEnum};
-use lodsmith::{Bound, Measure, SimplifyOptions};
+use lodsmith::SimplifyOptions;
 
 use super::batch_files::BatchFiles;
-use super::engine::{EngineArgs, Target};
-use super::{BakeArgs, Ending, Reading, Run, Writing, choice};
+use super::engine::{Deviation, EngineArgs, Target};
+use super::{BakeArgs, Ending, Reading, Run, Writing};
 use crate::plan::OutputArgs;
 
 const AFTER: &str = "\
@@ -68,21 +68,6 @@ pub(crate) struct SimplifyArgs {
     pub(crate) run: Run,
 }
 
-#[derive(Args, Debug)]
-#[command(next_help_heading = "Deviation")]
-struct Deviation {
-    /// Measure the distance between the result and the input in both directions; always on with --error
-    #[arg(long)]
-    measure: bool,
-    /// Prove the largest distance: in both directions, or from the result to the input only [default: two-sided with
-    /// --error, else estimate]
-    #[arg(long, value_name = "BOUND", value_parser = choice(BOUNDS, Bound::name))]
-    bound: Option<Bound>,
-}
-
-/// Bounds that can be typed.
-const BOUNDS: [Bound; 3] = [Bound::Estimate, Bound::OneSided, Bound::TwoSided];
-
 /// Normals of the result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Normals {
@@ -100,15 +85,14 @@ impl SimplifyArgs {
     /// Converts the arguments to options of the engine.
     pub(crate) fn options(&self) -> SimplifyOptions {
         let mut options = self.engine.options(self.target.stop());
-        options.measure = if self.deviation.measure { Measure::Always } else { Measure::default() };
-        options.bound = self.deviation.bound.unwrap_or_default();
+        self.deviation.apply(&mut options);
         options
     }
 
     /// Returns true if the run has an end: a target, or an option that ends the method.
     pub(crate) fn has_end(&self) -> bool {
         let options = self.options();
-        self.target.is_given() || options.method_options.ends_without_stop(options.method)
+        self.target.is_given() || options.method.ends_without_stop()
     }
 }
 
@@ -146,11 +130,5 @@ mod tests {
         assert_eq!(options("--preset print --topology relaxed --weight uv=2"), wanted);
         assert_eq!(options("--preset scan --weld 0.5").weld, Some(Length::Units(0.5)));
         assert_eq!(options("--preset scan --weld 0").weld, None);
-    }
-
-    #[test]
-    fn defaults_in_the_help_are_those_of_the_engine() {
-        let words = [BorderPolicy::default().name(), TopologyPolicy::default().name()];
-        assert_eq!(words, ["keep", "relaxed"]);
     }
 }

@@ -100,26 +100,6 @@ pub(crate) fn view_deg(text: &str) -> Result<f64, String> {
     number(text, |x| x > 0.0 && x < 180.0, "it must be above 0 and below 180 degrees")
 }
 
-/// Parses a rotation of a face: above 0, up to 180 degrees.
-pub(crate) fn turn_deg(text: &str) -> Result<f64, String> {
-    number(text, |x| x > 0.0 && x <= 180.0, "it must be above 0 and not above 180 degrees")
-}
-
-/// Parses an angle between two faces: above 0 and below 180 degrees.
-pub(crate) fn sharp_deg(text: &str) -> Result<f64, String> {
-    number(text, |x| x > 0.0 && x < 180.0, "it must be above 0 and below 180 degrees")
-}
-
-/// Parses an angle between faces of one plane: 0 to 90 degrees.
-pub(crate) fn angle_deg(text: &str) -> Result<f64, String> {
-    number(text, |x| (0.0..90.0).contains(&x), "it must be from 0 to below 90 degrees")
-}
-
-/// Parses a quality of a face: 0 to 1.
-pub(crate) fn quality(text: &str) -> Result<f64, String> {
-    number(text, |x| (0.0..=1.0).contains(&x), "it must be from 0 to 1")
-}
-
 /// Parses any finite number.
 pub(crate) fn finite(text: &str) -> Result<f64, String> {
     number(text, |_| true, "it must be finite")
@@ -210,11 +190,6 @@ pub(crate) fn frames(text: &str) -> Result<usize, String> {
 /// Parses a number of frames per second.
 pub(crate) fn fps(text: &str) -> Result<u16, String> {
     at_least(text, 1).and_then(|n| u16::try_from(n).map_err(|_| "at most 65535".to_owned()))
-}
-
-/// Parses a valence: below three there is no closed surface.
-pub(crate) fn valence(text: &str) -> Result<usize, String> {
-    at_least(text, 3)
 }
 
 pub(super) fn number(text: &str, is_good: impl Fn(f64) -> bool, wanted: &str) -> Result<f64, String> {

@@ -36,7 +36,7 @@ pub(super) fn run(args: &LodArgs) -> anyhow::Result<Status> {
 
 fn make(args: &LodArgs, plan: &Plan, mut watch: RunControl<'_>) -> anyhow::Result<LodResult> {
     watch.read();
-    let properties = constraints::properties(&args.engine.how);
+    let properties = constraints::properties(&args.engine.names);
     let keeps_scenes = plan.job.keeps_scenes() || args.baking.is_asked();
     let input = file::read_input(&args.input, &args.reading, properties, keeps_scenes)?;
     watch.prepare();
@@ -62,7 +62,7 @@ fn of_mesh(
     let sizes_before = sizes::of_input(&args.input, &args.reading, sizes::of_loaded(&loaded));
     let options = args.options();
     let to = plan.job.output.as_ref();
-    let data = engine_input::prepare(&mut loaded, &args.engine.how, to, &options.simplify)?;
+    let data = engine_input::prepare(&mut loaded, &args.engine.names, to, &options.simplify)?;
     let Loaded { mesh, regions, mut warnings, format, .. } = loaded;
     let need = memory_need::lod(Size::of(&mesh), &options.simplify);
     memory::check("lod", need.saturating_add(memory_need::images(std::slice::from_ref(&data))))?;

@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use lodsmith::core::measure::{CompareOptions, Comparison, Prepared, compare_prepared};
 use lodsmith::core::mesh::defects::clean_surface;
 use lodsmith::core::{Image, Surface, TriMesh};
-use lodsmith::{Method, Report, Simplified, Stage};
+use lodsmith::{MethodKind, Report, Simplified, Stage};
 use lodsmith_io::{Format, Loaded, Warning};
 use lodsmith_render::{Background, Panel, sheet};
 use serde_json::{Value, json};
@@ -31,7 +31,7 @@ use crate::{memory, memory_need, picture};
 /// Runs all methods in sequence and prints the table.
 pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
     let methods = args.methods();
-    let needs_target = |m: &&Method| !args.options(**m).method_options.ends_without_stop(**m);
+    let needs_target = |m: &&MethodKind| !args.options(**m).method.ends_without_stop();
     if let Some(method) = methods.iter().find(needs_target).filter(|_| !args.target.is_given()) {
         let name = method.name();
         return Err(usage(format!("{name} needs a target: --faces, --vertices, --ratio or --error")));
@@ -85,7 +85,7 @@ pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
 }
 
 /// Each method and the output of its result.
-type Jobs = Vec<(Method, Option<Destination>)>;
+type Jobs = Vec<(MethodKind, Option<Destination>)>;
 
 /// A model and the results of all methods.
 struct MethodComparison {
@@ -155,7 +155,7 @@ fn try_all(
 }
 
 /// Returns the output for the result of a method, if any.
-fn sink(args: &MethodsArgs, method: Method) -> anyhow::Result<Option<Destination>> {
+fn sink(args: &MethodsArgs, method: MethodKind) -> anyhow::Result<Option<Destination>> {
     let template = format!("{{stem}}_{}.{{ext}}", method.name());
     let jobs = plan::jobs(&OutputArgs {
         inputs: std::slice::from_ref(&args.input),
@@ -199,7 +199,7 @@ struct MethodFigures {
 
 /// A line of the table.
 struct MethodRow {
-    method: Method,
+    method: MethodKind,
     to: Option<Destination>,
     /// The figures, or the reason why there are none.
     outcome: Result<MethodFigures, String>,
@@ -221,7 +221,7 @@ impl PreparedModel {
 
     fn simplified(
         &self,
-        method: Method,
+        method: MethodKind,
         args: &MethodsArgs,
         bar: &FileProgress<'_>,
     ) -> anyhow::Result<MethodResult> {
@@ -370,7 +370,7 @@ impl MethodRow {
 }
 
 impl MethodFigures {
-    fn cells(&self, method: Method, model: &PreparedModel) -> [String; COLUMN_TITLES.len()] {
+    fn cells(&self, method: MethodKind, model: &PreparedModel) -> [String; COLUMN_TITLES.len()] {
         let r = &self.report;
         let percent = 100.0 * r.faces as f64 / model.mesh.face_count().max(1) as f64;
         let share = |x: fn(&Comparison) -> f64| match &self.measured {
@@ -393,7 +393,7 @@ impl MethodFigures {
     }
 
     /// Returns the caption below a picture.
-    fn caption(&self, method: Method) -> Vec<String> {
+    fn caption(&self, method: MethodKind) -> Vec<String> {
         let largest = match &self.measured {
             Some(m) if m.diagonal > 0.0 => {
                 format!("max {} %", short(100.0 * m.hausdorff.symmetric / m.diagonal))

@@ -54,11 +54,12 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         let bar = progress.file(&path);
         let mut watch = RunControl::new(&bar, None);
         watch.read();
-        let loaded = file::read_with(&args.input, &args.reading, constraints::properties(&args.engine.how))?;
+        let loaded =
+            file::read_with(&args.input, &args.reading, constraints::properties(&args.engine.names))?;
         let mut options = args.options();
         // Measured afterwards, like the levels of `extract`.
         let limit = options.stop.error.take();
-        let data = constraints::of_mesh(&args.engine.how, &loaded)?;
+        let data = constraints::of_mesh(&args.engine.names, &loaded)?;
         let mut warnings = loaded.warnings;
         if loaded.format.is_scene() && loaded.contents.meshes > 1 {
             warnings.push(Warning::lost("the meshes of the scene become one: nodes are not kept"));
@@ -84,7 +85,7 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
     let mut report = json!({
         "input": { "path": path, "format": from.name(), "faces": full[0], "vertices": full[1] },
         "output": { "path": args.output.to_string(), "format": "lpm", "bytes": sizes.total() },
-        "method": args.options().method.name(),
+        "method": args.options().method.kind().name(),
         "target": args.target.to_json(),
     });
     merge(&mut report, describe(&splits, &sizes, args.bits));

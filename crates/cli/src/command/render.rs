@@ -235,7 +235,7 @@ impl<'a> Drawing<'a> {
             let original = drawing.items.len() - 1;
             for &count in &args.levels {
                 let mut options = SimplifyOptions::new(Stop::faces(count));
-                options.method = args.method;
+                options.method = args.method.into();
                 let mut watch = RunControl::new(bar, None);
                 let whole = &drawing.items[original];
                 let size = Size::of_all(whole.model.meshes.iter().map(|m| &*m.mesh));

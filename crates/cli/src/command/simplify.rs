@@ -45,7 +45,7 @@ fn simplify_one(
     turn: &Turn<'_>,
 ) -> anyhow::Result<SimplifyOutcome> {
     watch.read();
-    let properties = constraints::properties(&args.engine.how);
+    let properties = constraints::properties(&args.engine.names);
     let bakes = args.baking.is_asked() && job.output.is_some();
     let input = file::read_input(&job.source, &args.reading, properties, job.keeps_scenes() || bakes)?;
     watch.prepare();
@@ -70,11 +70,11 @@ fn simplify_mesh(
 ) -> anyhow::Result<SimplifyOutcome> {
     let sizes_before = sizes::of_input(source, &args.reading, sizes::of_loaded(&loaded));
     let options = args.options();
-    let data = engine_input::prepare(&mut loaded, &args.engine.how, to, &options)?;
+    let data = engine_input::prepare(&mut loaded, &args.engine.names, to, &options)?;
     let Loaded { mesh, regions, mut warnings, format, .. } = loaded;
     let need = memory_need::simplify(&mesh, &options);
     memory::check("simplify", need.saturating_add(memory_need::images(std::slice::from_ref(&data))))?;
-    let done = lodsmith::simplify_with(&lodsmith::Input::new(&mesh).with(data.view()), &options, &mut watch);
+    let done = lodsmith::simplify_with(lodsmith::Input::new(&mesh).with(data.view()), &options, &mut watch);
     let Simplified { mesh: mut lighter, report } = not_interrupted(done)?;
     drop(mesh);
     let not_reached = not_reached(&report, &options, watch.time_limit, [&lighter]);

@@ -29,7 +29,7 @@ pub(super) fn run(args: &ViewArgs) -> anyhow::Result<Status> {
 #[cfg(all(test, feature = "view"))]
 mod tests {
     use clap::Parser as _;
-    use lodsmith::{Length, Method, Preset, Stop};
+    use lodsmith::{Length, MethodKind, Preset, Stop};
     use lodsmith_viewer::option_words::Simplification;
 
     use crate::args::{Cli, Command};
@@ -48,9 +48,9 @@ mod tests {
             let how = Simplification::of_preset(preset, Stop::ratio(0.1));
             assert_eq!(typed(&how), how.options, "{preset:?}");
         }
-        for method in Method::ALL {
+        for method in MethodKind::ALL {
             let mut how = Simplification::of_preset(Preset::Auto, Stop::faces(100));
-            how.options.method = method;
+            how.options.method = method.into();
             how.options.weld = Some(Length::OfDiagonal(0.07 / 100.0));
             how.options.guards.max_normal_deg = Some(40.0);
             how.options.sharp_deg = Some(30.0);

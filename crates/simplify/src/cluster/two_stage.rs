@@ -10,7 +10,7 @@ use crate::constraints::HeldWedges;
 use crate::control::{Control, Stage};
 use crate::deviation::{self, Deviation};
 use crate::input::{Input, MeshData};
-use crate::options::{Bound, Length, Measure, Method, MethodOptions, SimplifyOptions, Stop};
+use crate::options::{Bound, Length, Measure, MethodKind, SimplifyOptions, Stop};
 use crate::report::{Clustered, Report, StoppedBy};
 use crate::run;
 use crate::{Simplified, SimplifyError};
@@ -35,8 +35,7 @@ impl<P: ClusterPosition> ClusterRun<'_, P> {
     ) -> Result<(Simplified, HeldWedges), SimplifyError> {
         let goal = self.goal;
         let memoryless = SimplifyOptions {
-            method: Method::Memoryless,
-            method_options: MethodOptions::default(),
+            method: MethodKind::Memoryless.into(),
             weld: None,
             prune: None,
             ..self.options.clone()

@@ -55,7 +55,7 @@ impl<M: Metric> Engine<M> {
             let parts_go =
                 options.topology == TopologyPolicy::Preserve && changed.topology != TopologyPolicy::Preserve;
             let parts = if parts_go { part_count - 1 } else { 0 };
-            let pairs = match (options.method_options.pairs, changed.method_options.pairs) {
+            let pairs = match (options.method.pairs(), changed.method.pairs()) {
                 (None, Some(distance)) => self.possible_pairs(reach(distance)),
                 _ => 0,
             };

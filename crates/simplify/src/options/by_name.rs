@@ -1,24 +1,30 @@
-//! The options by their names on the command line, for bindings: name, kind, default and setter of each.
+//! The options by their names on the command line.
+//!
+//! The command, the viewer and the bindings take names, kinds, ranges, help texts and defaults from one table, and read
+//! and set values by it.
 //!
 //! ```
-//! use lodsmith::options::by_name::{OptionValue, from_names};
+//! use lodsmith::options::by_name::{OptionValue, find, from_names};
 //!
-//! let options = from_names(&[("ratio", OptionValue::Text("10%")), ("max_normal", OptionValue::Number(30.0))])?;
+//! let options = from_names(&[("ratio", "10%".into()), ("max_normal", OptionValue::Number(30.0))])?;
 //! assert_eq!(options.stop.ratio, Some(0.1));
+//! let ratio = find("ratio").and_then(|option| option.get(&options));
+//! assert_eq!(ratio, Some(OptionValue::Number(0.1)));
 //! let misspelt = from_names(&[("rato", OptionValue::Number(0.1))]);
 //! assert_eq!(misspelt.unwrap_err().to_string(), "there is no option rato; a similar one is ratio");
 //! # Ok::<(), lodsmith::options::by_name::OptionError>(())
 //! ```
 
-use super::SimplifyOptions;
+use super::{MethodKind, SimplifyOptions};
+use crate::error::method_names;
 
 mod entry;
 mod table;
 mod value;
 
-pub use entry::{NamedOption, OptionKind};
+pub use entry::{LengthRange, NamedOption, OptionGroup, OptionKind, Range};
 pub use table::OPTIONS;
-pub use value::OptionValue;
+pub use value::{OptionValue, length_of_text, length_text};
 
 /// Reason why an option was rejected.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -40,6 +46,24 @@ pub enum OptionError {
         /// The values that it takes, and the one given.
         why: String,
     },
+    /// The method does not have the option.
+    #[error("{option} is not an option of method {method}, but of {takers}", method = method.name(), takers = method_names(takers))]
+    NotOfMethod {
+        /// Name of the option.
+        option: &'static str,
+        /// The methods that have it.
+        takers: &'static [MethodKind],
+        /// The method.
+        method: MethodKind,
+    },
+    /// Two options that exclude each other.
+    #[error("{first} and {second} do not go together")]
+    NotTogether {
+        /// Name of one option.
+        first: &'static str,
+        /// Name of the other option.
+        second: &'static str,
+    },
 }
 
 fn similar(nearest: &Option<&'static str>) -> String {
@@ -55,24 +79,40 @@ pub fn find(name: &str) -> Option<&'static NamedOption> {
     OPTIONS.iter().find(|o| is_same(o.name))
 }
 
-/// Returns options with these values. The preset is applied first, wherever it is in the list.
-///
-/// Ranges of numbers are checked by the run, as for all options.
+/// Returns options with these values. The preset is applied first and the method second, wherever they are in the list.
 ///
 /// # Errors
-/// [`OptionError`] for a name that is not an option, or a value that is not of its kind.
+/// [`OptionError`] for a name that is not an option, a value that is not of its kind or out of range, an option that the
+/// method does not have, or two that exclude each other.
 pub fn from_names(given: &[(&str, OptionValue<'_>)]) -> Result<SimplifyOptions, OptionError> {
-    let mut options = SimplifyOptions::default();
-    let is_preset = |name: &str| name == "preset";
-    let presets = given.iter().filter(|(name, _)| is_preset(name));
-    for (name, value) in presets.chain(given.iter().filter(|(name, _)| !is_preset(name))) {
-        let Some(option) = find(name) else {
-            let nearest = nearest(name, OPTIONS.iter().map(|o| o.name));
-            return Err(OptionError::Unknown { name: (*name).to_owned(), nearest });
+    let mut all = Vec::with_capacity(given.len());
+    for (name, value) in given {
+        let unknown = || OptionError::Unknown {
+            name: (*name).to_owned(),
+            nearest: nearest(name, OPTIONS.iter().map(|o| o.name)),
         };
-        (option.set)(&mut options, value).map_err(|why| OptionError::Value { option: option.name, why })?;
+        all.push((find(name).ok_or_else(unknown)?, value));
+    }
+    all.sort_by_key(|(option, _)| match option.name {
+        "preset" => 0,
+        "method" => 1,
+        _ => 2,
+    });
+    let mut options = SimplifyOptions::default();
+    for (option, value) in all {
+        option.set(&mut options, value)?;
     }
     Ok(options)
+}
+
+/// Returns the options that differ from others, with their values; those that are off there and on in the others have no
+/// value. The preset is not among them.
+pub fn differences<'o>(
+    options: &'o SimplifyOptions,
+    others: &'o SimplifyOptions,
+) -> impl Iterator<Item = (&'static NamedOption, Option<OptionValue<'static>>)> + 'o {
+    let is_own = |option: &&NamedOption| option.name != "preset" && option.get(options) != option.get(others);
+    OPTIONS.iter().filter(is_own).map(|option| (option, option.get(options)))
 }
 
 /// Returns the name that is most similar to a misspelt one, if any is.
@@ -102,41 +142,110 @@ fn edits(from: &str, to: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::{BorderPolicy, Preset, Stop};
+    use crate::options::{BorderPolicy, Method, Preset, Stop};
+
+    /// Returns options with a value other than the default, and with the method that has the option.
+    fn changed(option: &NamedOption) -> SimplifyOptions {
+        let value = match option.kind {
+            OptionKind::Count(_) | OptionKind::Seed => OptionValue::Whole(7),
+            OptionKind::Ratio | OptionKind::Length(_) | OptionKind::Degrees(_) | OptionKind::Number(_) => {
+                OptionValue::Number(0.5)
+            }
+            OptionKind::Word(words) => words[words.len() - 1].into(),
+            OptionKind::Flag => OptionValue::Flag(true),
+            OptionKind::Weights(names) => OptionValue::Weights(vec![(names[1].into(), 2.0)]),
+        };
+        let mut given = vec![(option.name, value)];
+        given.extend(option.methods.first().map(|method| ("method", method.name().into())));
+        from_names(&given).expect("a value of the kind")
+    }
 
     #[test]
     fn every_default_is_accepted_and_changes_nothing() {
         for option in OPTIONS {
             let Some(text) = option.default_text() else { continue };
-            let options = from_names(&[(option.name, OptionValue::Text(&text))]).expect("a default");
+            let options = from_names(&[(option.name, text.as_str().into())]).expect("a default");
             assert_eq!(options, SimplifyOptions::default(), "{}", option.name);
         }
     }
 
     #[test]
-    fn every_option_has_an_effect() {
+    fn what_is_set_is_read_and_comes_back_as_text() {
         for option in OPTIONS {
-            let value = match option.kind {
-                OptionKind::Count | OptionKind::Seed => OptionValue::Whole(7),
-                OptionKind::Ratio | OptionKind::Length | OptionKind::Degrees | OptionKind::Number => {
-                    OptionValue::Number(0.5)
-                }
-                OptionKind::Word(words) => OptionValue::Text(words[words.len() - 1]),
-                OptionKind::Flag => OptionValue::Flag(true),
-                OptionKind::Weights => OptionValue::Weights(vec![("uv", 2.0)]),
-            };
-            let options = from_names(&[(option.name, value)]).expect("a value of the kind");
-            assert_ne!(options, SimplifyOptions::default(), "{}", option.name);
+            let options = changed(option);
+            let method = option.methods.first().copied().unwrap_or_default();
+            let base = SimplifyOptions { method: method.into(), ..SimplifyOptions::default() };
+            assert_ne!(options, base, "{}", option.name);
+            if option.name == "preset" {
+                continue;
+            }
+            let all: Vec<_> = differences(&options, &base).map(|(option, _)| option.name).collect();
+            assert_eq!(all, [option.name]);
+            let text = option.get(&options).expect("it is set").text();
+            let mut again = base.clone();
+            option.set(&mut again, &text.as_str().into()).expect("a text of its own");
+            assert_eq!(again, options, "{}: {text}", option.name);
+        }
+    }
+
+    #[test]
+    fn options_of_single_methods_are_refused_by_the_others() {
+        for option in OPTIONS {
+            if option.methods.is_empty() {
+                continue;
+            }
+            let value = option.get(&changed(option)).expect("it is set");
+            for method in MethodKind::ALL {
+                let got = from_names(&[(option.name, value.clone()), ("method", method.name().into())]);
+                let refused =
+                    Err(OptionError::NotOfMethod { option: option.name, takers: option.methods, method });
+                assert!(
+                    if option.methods.contains(&method) { got.is_ok() } else { got == refused },
+                    "{got:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn options_of_a_remesh_exclude_each_other_in_any_order() {
+        let value = |name: &str| match name {
+            "adaptive" => OptionValue::Flag(true),
+            _ => OptionValue::Whole(3),
+        };
+        for [a, b] in [
+            ["voxel", "edge-length"],
+            ["voxel", "subdivisions"],
+            ["voxel", "adaptive"],
+            ["voxel", "iterations"],
+            ["voxel", "angle"],
+            ["subdivisions", "adaptive"],
+        ] {
+            for [first, second] in [[a, b], [b, a]] {
+                let given = [("method", "remesh".into()), (first, value(first)), (second, value(second))];
+                assert_eq!(
+                    from_names(&given),
+                    Err(OptionError::NotTogether {
+                        first: find(first).expect("an option").name,
+                        second: find(second).expect("an option").name,
+                    })
+                );
+            }
         }
     }
 
     #[test]
     fn a_preset_comes_first() {
-        let words = [("border", OptionValue::Text("keep")), ("preset", OptionValue::Text("cad"))];
+        let words = [("border", "keep".into()), ("preset", "cad".into())];
         let options = from_names(&words).expect("two words");
         let mut wanted = SimplifyOptions::preset(Preset::Cad, Stop::default());
         wanted.border = BorderPolicy::Keep;
         assert_eq!(options, wanted);
+        let scan =
+            from_names(&[("weld", OptionValue::Whole(0)), ("preset", "scan".into())]).expect("two words");
+        assert_eq!(scan.weld, None);
+        let method = from_names(&[("iterations", OptionValue::Whole(2)), ("method", "unsubdivide".into())]);
+        assert_eq!(method.expect("two words").method, Method::Unsubdivide { levels: Some(2) });
     }
 
     #[test]
@@ -147,23 +256,32 @@ mod tests {
             "there is no option max_norml; a similar one is max_normal"
         );
         assert_eq!(error("zzz", OptionValue::Number(3.0)), "there is no option zzz");
+        assert_eq!(
+            error("cell", OptionValue::Number(3.0)),
+            "cell is not an option of method memoryless, but of cluster"
+        );
         for (name, value) in [
             ("faces", OptionValue::Number(0.5)),
             ("faces", OptionValue::Whole(0)),
             ("faces", OptionValue::Flag(true)),
-            ("ratio", OptionValue::Text("ten")),
+            ("ratio", "ten".into()),
             ("error", OptionValue::Number(-1.0)),
-            ("error", OptionValue::Text("1%%")),
-            ("method", OptionValue::Text("memory")),
+            ("error", "1%%".into()),
+            ("method", "memory".into()),
             ("method", OptionValue::Number(1.0)),
-            ("escalate", OptionValue::Text("maybe")),
-            ("weight", OptionValue::Weights(vec![("uvs", 1.0)])),
-            ("weight", OptionValue::Weights(vec![("uv", f64::NAN)])),
+            ("escalate", "maybe".into()),
+            ("weight", OptionValue::Weights(vec![("uvs".into(), 1.0)])),
+            ("weight", OptionValue::Weights(vec![("uv".into(), f64::NAN)])),
             ("sharp", OptionValue::Number(f64::INFINITY)),
+            ("sharp", OptionValue::Number(180.0)),
+            ("max_normal", OptionValue::Number(0.0)),
+            ("max_edge", OptionValue::Number(0.0)),
+            ("min_quality", OptionValue::Number(1.5)),
+            ("max_valence", OptionValue::Whole(2)),
             ("seed", OptionValue::Number(-1.0)),
         ] {
             let text = error(name, value);
-            assert!(text.starts_with(&format!("{name}: ")), "{text}");
+            assert!(text.starts_with(&format!("{}: ", name.replace('_', "-"))), "{text}");
         }
     }
 }

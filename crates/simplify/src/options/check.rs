@@ -1,5 +1,6 @@
 //! Ranges of options.
 
+use super::by_name::{LengthRange, OPTIONS, OptionKind, OptionValue};
 use super::{Length, SimplifyOptions};
 use crate::SimplifyError;
 use crate::input::MeshData;
@@ -7,63 +8,43 @@ use crate::input::MeshData;
 impl SimplifyOptions {
     /// Returns an error if a value is out of range, or an option or the data of the mesh are not for the method.
     pub(crate) fn check(&self, data: &MeshData<'_>) -> Result<(), SimplifyError> {
-        let options = self;
-        let bad = |option, wanted, got| Err(SimplifyError::BadOption { option, wanted, got });
-        let length = |l: Length| match l {
-            Length::Units(x) | Length::OfDiagonal(x) => x,
-        };
-        let stop = &options.stop;
-        if let Some(r) = stop.ratio.filter(|r| !(*r > 0.0 && *r <= 1.0)) {
-            return bad("ratio", "above 0 and at most 1", r);
-        }
-        if let Some(e) = stop.error.map(length).filter(|e| !(e.is_finite() && *e >= 0.0)) {
-            return bad("error", "a distance of 0 or more", e);
-        }
-        let guards = &options.guards;
-        if let Some(x) = guards.max_normal_deg.filter(|x| !(*x > 0.0 && *x <= 180.0)) {
-            return bad("max-normal", "above 0 and at most 180 degrees", x);
-        }
-        if let Some(x) = guards.min_quality.filter(|x| !(*x >= 0.0 && *x <= 1.0)) {
-            return bad("min-quality", "from 0 to 1", x);
-        }
-        if let Some(x) = guards.max_valence.filter(|x| *x < 3) {
-            return bad("max-valence", "at least 3", x as f64);
-        }
-        if let Some(x) = guards.max_edge.map(length).filter(|x| !(x.is_finite() && *x > 0.0)) {
-            return bad("max-edge", "a length above 0", x);
-        }
-        if let Some(x) = options.sharp_deg.filter(|x| !(*x > 0.0 && *x < 180.0)) {
-            return bad("sharp", "above 0 and below 180 degrees", x);
-        }
-        if let Some(x) = options.prune.map(length).filter(|x| !(x.is_finite() && *x >= 0.0)) {
-            return bad("prune", "a length of 0 or more", x);
-        }
-        let w = &options.weights;
-        let weights = [w.normal, w.uv, w.color, w.morph, w.skin, w.other, w.border];
-        if let Some(&x) = weights.iter().find(|x| !(x.is_finite() && **x >= 0.0)) {
-            return bad("weight", "0 or more", x);
-        }
-        options.check_method(data)?;
-        let own = &options.method_options;
-        for (option, given) in [
-            ("pairs", own.pairs),
-            ("cell", own.cell),
-            ("edge-length", own.edge_length),
-            ("flat", own.flat),
-            ("voxel", own.voxel),
-        ] {
-            if let Some(x) =
-                given.map(length).filter(|x| !(x.is_finite() && (*x > 0.0 || *x == 0.0 && option == "flat")))
-            {
-                return bad(option, "a length above 0", x);
+        for option in OPTIONS {
+            let Some(value) = option.get(self) else { continue };
+            if let Some((wanted, got)) = out_of_range(option.kind, &value) {
+                return Err(SimplifyError::BadOption { option: option.name, wanted, got });
             }
         }
-        if let Some(x) = own.angle_deg.filter(|x| !(*x >= 0.0 && *x < 90.0)) {
-            return bad("angle", "from 0 to below 90 degrees", x);
+        if let Some(x) = self.guards.max_valence.filter(|x| *x < 3) {
+            return Err(SimplifyError::BadOption {
+                option: "max-valence",
+                wanted: "at least 3",
+                got: x as f64,
+            });
         }
-        if let Some(x) = options.weld.map(length).filter(|x| !(x.is_finite() && *x >= 0.0)) {
-            return bad("weld", "a distance of 0 or more", x);
+        self.check_method(data)
+    }
+}
+
+/// Returns the range and a number that is not in it. (Any count of elements is taken.)
+fn out_of_range(kind: OptionKind, value: &OptionValue<'_>) -> Option<(&'static str, f64)> {
+    match (kind, value) {
+        (OptionKind::Ratio, OptionValue::Number(x)) => {
+            (!(*x > 0.0 && *x <= 1.0)).then_some(("above 0 and at most 1", *x))
         }
-        Ok(())
+        (OptionKind::Degrees(range) | OptionKind::Number(range), OptionValue::Number(x)) => {
+            (!range.contains(*x)).then_some((range.text, *x))
+        }
+        (OptionKind::Length(range), OptionValue::Length(Length::Units(x) | Length::OfDiagonal(x))) => {
+            let wanted = match range {
+                LengthRange::Positive => "a length above 0",
+                LengthRange::FromZero | LengthRange::ZeroIsOff => "a length of 0 or more",
+            };
+            (!range.contains(Length::Units(*x))).then_some((wanted, *x))
+        }
+        (OptionKind::Weights(_), OptionValue::Weights(all)) => {
+            let bad = all.iter().find(|(_, x)| !(x.is_finite() && *x >= 0.0));
+            bad.map(|(_, x)| ("0 or more", *x))
+        }
+        _ => None,
     }
 }

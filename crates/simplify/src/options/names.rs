@@ -1,6 +1,6 @@
 //! Names of option values, as on the command line.
 
-use super::{BorderPolicy, Bound, Fit, Method, Placement, Preset, TopologyPolicy};
+use super::{BorderPolicy, Bound, Fit, MethodKind, Placement, Preset, TopologyPolicy};
 
 /// Implements `ALL` and `name` for enums.
 macro_rules! name_values {
@@ -21,7 +21,7 @@ macro_rules! name_values {
 pub(crate) use name_values;
 
 name_values! {
-    Method {
+    MethodKind {
         Memoryless = "memoryless",
         Quadric = "quadric",
         LindstromTurk = "lindstrom-turk",

@@ -1,58 +1,42 @@
 //! Table of the methods that each shared option applies to: setting one that the method does not have is an
 //! error.
 
-use super::{BorderPolicy, Fit, Guards, Method, Placement, SimplifyOptions, TopologyPolicy};
+use super::{BorderPolicy, Fit, Guards, Method, MethodKind, Placement, SimplifyOptions, TopologyPolicy};
 use crate::SimplifyError;
 use crate::input::MeshData;
 
-use Method::{
+use MethodKind::{
     Cluster, LindstromTurk, Melax, Memoryless, Planar, Quadric, Remesh, ShortestEdge, Unsubdivide,
     VertexRemoval,
 };
 
 /// Collapse methods whose merged vertex may be placed anywhere.
-const PLACING_METHODS: &[Method] = &[Memoryless, Quadric, LindstromTurk, ShortestEdge];
+const PLACING_METHODS: &[MethodKind] = &[Memoryless, Quadric, LindstromTurk, ShortestEdge];
 /// Methods whose result vertices can be, or are, vertices of the input.
-const SUBSET_METHODS: &[Method] =
+const SUBSET_METHODS: &[MethodKind] =
     &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar, Unsubdivide];
 /// Methods that remove vertices one at a time, and can refuse to.
-const GUARDED_METHODS: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval];
+const GUARDED_METHODS: &[MethodKind] =
+    &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval];
 /// Edge-collapse methods: they contract one edge or pair at a time, and can be recorded.
-pub(crate) const COLLAPSE_METHODS: &[Method] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge];
+pub(crate) const COLLAPSE_METHODS: &[MethodKind] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge];
 /// [`GUARDED_METHODS`], and the method whose regions turn by a limited angle.
-const NORMAL_GUARDED_METHODS: &[Method] =
+const NORMAL_GUARDED_METHODS: &[MethodKind] =
     &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar];
 /// Methods that detect borders.
-const BORDER_METHODS: &[Method] =
+const BORDER_METHODS: &[MethodKind] =
     &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar, Unsubdivide, Remesh];
 
 impl SimplifyOptions {
     /// Returns an error unless all options are of the method and compatible with each other.
     pub(super) fn check_method(&self, data: &MeshData<'_>) -> Result<(), SimplifyError> {
-        let method = self.method;
+        let method = self.method.kind();
         let not = |option, takers| Err(SimplifyError::NotOfMethod { option, takers, method });
-        let own = &self.method_options;
-        for (option, takers) in own.set_options() {
-            if !takers.contains(&method) {
-                return not(option, takers);
-            }
-        }
-        let unlike = [
-            ("voxel", own.voxel.is_some(), "edge-length", own.edge_length.is_some()),
-            ("voxel", own.voxel.is_some(), "subdivisions", own.subdivisions.is_some()),
-            ("voxel", own.voxel.is_some(), "adaptive", own.adaptive),
-            ("voxel", own.voxel.is_some(), "iterations", own.iterations.is_some()),
-            ("voxel", own.voxel.is_some(), "angle", own.angle_deg.is_some()),
-            ("subdivisions", own.subdivisions.is_some(), "adaptive", own.adaptive),
-        ];
-        if let Some(&(first, _, second, _)) = unlike.iter().find(|x| x.1 && x.3) {
-            return Err(SimplifyError::NotTogether { first, second });
-        }
         // A voxel surface has nothing of the input left to keep; a two-stage run ends with collapses.
-        let is_voxel = own.voxel.is_some();
-        let takes = |takers: &[Method]| match () {
-            () if own.two_stage => takers.contains(&Memoryless),
-            () => takers.contains(&method),
+        let is_voxel = self.method.makes_voxels();
+        let takes = |takers: &[MethodKind]| match self.method {
+            Method::Cluster { two_stage: true, .. } => takers.contains(&Memoryless),
+            _ => takers.contains(&method),
         };
         for (option, is_given, takers) in self.shared(data) {
             if is_given && is_voxel {
@@ -81,7 +65,7 @@ impl SimplifyOptions {
     }
 
     /// Returns the options that most methods share: name, whether it is set, and the methods that have it.
-    fn shared(&self, data: &MeshData<'_>) -> [(&'static str, bool, &'static [Method]); 10] {
+    fn shared(&self, data: &MeshData<'_>) -> [(&'static str, bool, &'static [MethodKind]); 10] {
         let guards = &self.guards;
         let Guards { max_normal_deg, min_quality, max_valence, max_edge } = guards;
         [
@@ -100,7 +84,7 @@ impl SimplifyOptions {
 
     /// Returns the options with the placement of the method, if it has one of its own.
     pub(crate) fn with_own_placement(&self) -> Self {
-        let placement = match (self.method, self.placement) {
+        let placement = match (self.method.kind(), self.placement) {
             (Melax, _) => Placement::Endpoint,
             (ShortestEdge, Placement::Optimal) => Placement::Midpoint,
             (_, placement) => placement,

@@ -81,7 +81,7 @@ pub(super) fn build(
 ) -> Result<RecordedMesh, SimplifyError> {
     options.check(&whole.data)?;
     constraints::check(&whole.data, whole.surface.positions().len())?;
-    let method = options.method;
+    let method = options.method.kind();
     let walk: Option<RecordedRun> =
         with_metric!(method, METRIC => |run, mesh, control| record_run(METRIC, run, mesh, control));
     let (Some(walk), Some(pass)) = (walk, run::collapses(method)) else {
@@ -102,7 +102,7 @@ pub(super) fn build(
     }
     let stop = &options.stop;
     let counts = stop.faces.is_some() || stop.vertices.is_some() || stop.ratio.is_some();
-    let has_end = counts || options.method_options.ends_without_stop(options.method);
+    let has_end = counts || options.method.ends_without_stop();
     let limit = options.stop.error.map(|e| e.in_units(ordered.diagonal));
     let constraints = Constraints::new(&input.data, &ordered, |v| input.joined(v));
     let mut run = Run::new(input, options, &mut ordered, &constraints, pass);
@@ -310,7 +310,7 @@ mod tests {
 
     use super::*;
     use crate::control::NoControl;
-    use crate::options::{Length, Method, Stop};
+    use crate::options::{Length, MethodKind, Stop};
     use crate::test_support::{octahedron, tetrahedron};
 
     #[test]
@@ -356,7 +356,7 @@ mod tests {
             build(&Input::new(mesh), &options, &mut NoControl).err()
         };
         let sphere = shapes::icosphere(1);
-        let method = run(&|o| o.method = Method::Remesh, &sphere);
+        let method = run(&|o| o.method = MethodKind::Remesh.into(), &sphere);
         assert!(
             matches!(method, Some(SimplifyError::NotOfMethod { option: "progressive", .. })),
             "{method:?}"

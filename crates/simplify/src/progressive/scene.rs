@@ -269,8 +269,7 @@ fn of_part(options: &SimplifyOptions, diagonal: f64, scale: f64) -> SimplifyOpti
     own.weld = options.weld.map(units);
     own.prune = options.prune.map(units);
     own.guards.max_edge = options.guards.max_edge.map(units);
-    own.method_options.pairs = options.method_options.pairs.map(units);
-    own.method_options.edge_length = options.method_options.edge_length.map(units);
+    own.method.lengths_mut().for_each(|length| *length = units(*length));
     own
 }
 

@@ -281,7 +281,7 @@ impl<'a> Remesher<'a> {
             false => mesh,
         };
         let on = reference::settle_lines(&mut mesh, even, task.options.border);
-        let field = task.options.method_options.adaptive.then(|| SizingField::new(&mesh, even));
+        let field = task.options.method.is_adaptive().then(|| SizingField::new(&mesh, even));
         let length = asked.unwrap_or(f64::INFINITY).min(even * EDGE_OF_MEAN);
         let sizes = field.as_ref().map(|f| f.sizes.clone());
         Ok(Self {
@@ -305,7 +305,7 @@ impl<'a> Remesher<'a> {
     }
 
     fn run(&mut self, task: &Task<'_>, control: &mut dyn Control) -> Result<Ending, SimplifyError> {
-        let asked = task.options.method_options.iterations;
+        let asked = task.options.method.rounds();
         let by_count = self.goal.faces.is_some() || self.goal.vertices.is_some();
         let (rounds, mut qualities) = (asked.unwrap_or(MAX_ROUNDS), Vec::new());
         for round in 0..rounds {

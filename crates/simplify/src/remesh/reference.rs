@@ -58,7 +58,7 @@ impl<'a> ReferenceSurface<'a> {
             prepared.regions.as_deref(),
             prepared.locked.as_deref(),
         );
-        let crease_cos = libm::cos(task.options.method_options.angle_deg.unwrap_or(CREASE_DEG).to_radians());
+        let crease_cos = libm::cos(task.options.method.crease_deg().unwrap_or(CREASE_DEG).to_radians());
         let bent: Vec<HalfEdgeId> = bends(&mesh, crease_cos).collect();
         bent.into_iter().for_each(|h| mesh.set_line(h, LineKind::Crease));
         let curves = LineKind::CURVES.map(|line| {
@@ -305,5 +305,5 @@ fn drop_short_creases(mesh: &mut HalfEdges, length: f64) {
 
 /// Returns the edge length that a task asks for, in the unit frame.
 pub(super) fn asked_length(task: &Task<'_>) -> Option<f64> {
-    task.options.method_options.edge_length.map(|l: Length| task.input.length(l))
+    task.options.method.edge_length().map(|l: Length| task.input.length(l))
 }

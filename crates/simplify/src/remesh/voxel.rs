@@ -30,7 +30,7 @@ use crate::clean::orient;
 use crate::collapse::order::NONE;
 use crate::control::{Control, Verdict};
 use crate::input::Input;
-use crate::options::{Method, SimplifyOptions, Stop, TopologyPolicy};
+use crate::options::{Length, SimplifyOptions, Stop, TopologyPolicy};
 use crate::rebuild::{Ending, RebuiltSurface, Task};
 use crate::report::StoppedBy;
 use crate::run::run_collapses;
@@ -72,9 +72,13 @@ impl VoxelGrid {
 
 type FaceCorners = [DVec3; 3];
 
-pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<RebuiltSurface, SimplifyError> {
+pub(super) fn make(
+    task: &Task<'_>,
+    voxel: Length,
+    control: &mut dyn Control,
+) -> Result<RebuiltSurface, SimplifyError> {
     let prepared = task.input;
-    let h = task.options.method_options.voxel.map_or(0.0, |d| prepared.length(d));
+    let h = prepared.length(voxel);
     let mut ask = |done: f64| match control.progress(done) {
         Verdict::Cancel => Err(SimplifyError::Cancelled),
         Verdict::Continue | Verdict::Finish => Ok(()),
@@ -145,7 +149,7 @@ pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Rebuilt
         }
     }
     ask(0.65)?;
-    collapse_to_goal(task, points, split, control)
+    collapse_to_goal(task, voxel, points, split, control)
 }
 
 /// Returns for each face whether its component bounds a solid.
@@ -409,6 +413,7 @@ fn place_vertices(
 /// with so few exists.
 fn collapse_to_goal(
     task: &Task<'_>,
+    voxel: Length,
     points: Vec<DVec3>,
     faces: Vec<[VertexId; 3]>,
     control: &mut dyn Control,
@@ -425,7 +430,7 @@ fn collapse_to_goal(
         return Err(SimplifyError::BadOption {
             option: "voxel",
             wanted: "shorter: all of the input fits between the points of the grid",
-            got: task.options.method_options.voxel.map_or(0.0, |d| d.in_units(task.input.diagonal)),
+            got: voxel.in_units(task.input.diagonal),
         });
     }
     let max_faces = task.input.origin.len();
@@ -444,7 +449,6 @@ fn collapse_to_goal(
         ..Stop::default()
     };
     let mut options = SimplifyOptions::new(stop);
-    options.method = Method::Memoryless;
     options.topology = TopologyPolicy::Preserve;
     let mesh = TriMesh::new(Positions::F64(points.iter().map(|p| p.to_array()).collect()), faces)?;
     let input = Input::of_surface(mesh.surface());

@@ -30,7 +30,7 @@ use crate::control::{Control, ProgressShare, Stage};
 use crate::deviation::{self, Deviation};
 use crate::input::Input;
 use crate::metric::{Metric, with_metric};
-use crate::options::{Method, SimplifyOptions, Stop, TopologyPolicy};
+use crate::options::{MethodKind, SimplifyOptions, Stop, TopologyPolicy};
 
 /// For each level, starting with the input, the vertex of the next one that each of its vertices was merged
 /// into; [`NONE`](crate::collapse::order::NONE) if its part was removed.
@@ -40,13 +40,13 @@ pub(crate) type Mergers = Vec<Vec<VertexId>>;
 type Passes =
     fn(&mut Run<'_, '_>, &[Goal], &mut dyn Control) -> Result<Vec<(RunOutcome, usize)>, SimplifyError>;
 
-fn passes_of(method: Method) -> Option<Passes> {
+fn passes_of(method: MethodKind) -> Option<Passes> {
     with_metric!(method, METRIC => |run, goals, control| run.chain(METRIC, goals, control))
 }
 
 /// True if one run makes all levels.
 pub(crate) fn is_chained(options: &SimplifyOptions, stops: &[Stop]) -> bool {
-    passes_of(options.method).is_some() && !options.escalate && stops.iter().all(|s| s.error.is_none())
+    passes_of(options.method.kind()).is_some() && !options.escalate && stops.iter().all(|s| s.error.is_none())
 }
 
 /// Runs on an ordered input to one stop after another, each a count below the previous one. With `is_traced`, returns the mergers.
@@ -64,10 +64,10 @@ pub(crate) fn chain(
     let goals: Vec<Goal> = of_levels.iter().map(|own| goal(own, faces)).collect();
     let constraints = Constraints::new(&input.data, &in_order, |v| input.joined(v));
     let first = goals.first().copied().unwrap_or_default();
-    let pass = collapses(options.method).expect("only methods that collapse edges come here");
+    let pass = collapses(options.method.kind()).expect("only methods that collapse edges come here");
     let mut run = Run::new(input, options, &mut in_order, &constraints, pass);
     (run.goal, run.is_traced) = (first, is_traced);
-    let passes = passes_of(options.method).expect("only methods of sweeps come here");
+    let passes = passes_of(options.method.kind()).expect("only methods of sweeps come here");
     let outcomes = passes(&mut run, &goals, control)?;
     let mergers = if is_traced { run.mergers(&outcomes) } else { Mergers::new() };
     let comparer = if deviation::needs_measurement(options) { run.input_comparer(control) } else { None };
@@ -254,9 +254,9 @@ mod tests {
         let counts = [Stop::faces(10), Stop::ratio(0.1), Stop::vertices(3)];
         assert!(is_chained(&options, &counts));
         assert!(!is_chained(&options, &[Stop::faces(10), Stop::error(Length::OfDiagonal(0.1))]));
-        options.method = Method::Cluster;
+        options.method = MethodKind::Cluster.into();
         assert!(!is_chained(&options, &counts));
-        options.method = Method::Melax;
+        options.method = MethodKind::Melax.into();
         assert!(is_chained(&options, &counts));
         options.escalate = true;
         assert!(!is_chained(&options, &counts));
@@ -265,8 +265,8 @@ mod tests {
     #[test]
     fn each_level_is_the_result_of_a_run_of_its_own() {
         let mesh = shapes::noisy_sphere(3, 0.05, 3);
-        for method in [Method::Memoryless, Method::Quadric] {
-            let options = SimplifyOptions { method, ..SimplifyOptions::default() };
+        for method in [MethodKind::Memoryless, MethodKind::Quadric] {
+            let options = SimplifyOptions { method: method.into(), ..SimplifyOptions::default() };
             let goals = [700, 300, 150];
             let (levels, mergers) = chain(&mesh, &options, &goals, false);
             assert!(mergers.is_empty());

@@ -17,7 +17,7 @@ pub(crate) fn goal(options: &SimplifyOptions, faces: usize) -> Goal {
         (Some(a), Some(b)) => Some(a.max(b)),
         (a, b) => a.or(b),
     };
-    let ends = options.method_options.ends_without_stop(options.method);
+    let ends = options.method.ends_without_stop();
     let nothing = by_faces.is_none() && stop.vertices.is_none() && stop.error.is_none() && !ends;
     Goal { faces: if nothing { Some(usize::MAX) } else { by_faces }, vertices: stop.vertices }
 }

@@ -193,7 +193,7 @@ mod tests {
         let options = SimplifyOptions::new(Stop::faces(faces));
         let mut in_order = ordered(&input, &mut NoControl).unwrap();
         let constraints = Constraints::new(&input.data, &in_order, |v| v);
-        let pass = collapses(options.method).unwrap();
+        let pass = collapses(options.method.kind()).unwrap();
         act(&mut Run::new(&input, &options, &mut in_order, &constraints, pass));
     }
 

@@ -81,7 +81,7 @@ impl Run<'_, '_> {
             });
         }
         engine.mesh.set_cost_factors(self.constraints.cost_factors());
-        if let Some(distance) = self.options.method_options.pairs {
+        if let Some(distance) = self.options.method.pairs() {
             engine.mesh.enable_pairs(pairs_reach(distance, self.ordered.frame, self.ordered.diagonal));
         }
         Ok(Started { engine, rows, originals, duplicate_faces, is_kept, weights })

@@ -8,7 +8,7 @@ use crate::collapse::{Goal, StopReason};
 use crate::control::{Control, Stage};
 use crate::deviation::{Deviation, InputComparer, PreparedResult, ROUNDING};
 use crate::metric::{Metric, with_metric};
-use crate::options::Method;
+use crate::options::MethodKind;
 
 /// Ratio of successive steps of a method that is controlled by a step.
 const TOLERANCE_FACTOR: f64 = 0.8;
@@ -24,7 +24,7 @@ type PassOfSearch =
     Box<dyn FnMut(&mut Run<'_, '_>, Goal, &mut dyn Control) -> Result<RunOutcome, SimplifyError>>;
 
 /// Returns the runs of a search. Those of methods that work by sweeps resume from one another.
-fn passes_of_search(method: Method) -> PassOfSearch {
+fn passes_of_search(method: MethodKind) -> PassOfSearch {
     fn by<M: Metric + 'static>(metric: M) -> PassOfSearch {
         let mut copies = Copies::of_search();
         Box::new(move |run, goal, control| run.pass_with_copies(metric, goal, None, &mut copies, control))
@@ -47,7 +47,7 @@ impl Run<'_, '_> {
         let limit = limit + ROUNDING * self.ordered.diagonal;
         let all = self.ordered.faces.len();
         let counts = LevelCounts::new(all, self.goal.faces.unwrap_or(1).clamp(1, all));
-        let mut pass = passes_of_search(self.options.method);
+        let mut pass = passes_of_search(self.options.method.kind());
         let mut run_to = |run: &mut Self, level: usize, control: &mut dyn Control| {
             let goal = Goal { faces: Some(counts.count(level)), vertices: run.goal.vertices };
             pass(run, goal, control)

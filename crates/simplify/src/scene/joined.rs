@@ -46,7 +46,7 @@ impl<'a> JoinedScene<'a> {
         for part in parts {
             constraints::check(&part.data, part.mesh.vertex_count())?;
         }
-        let joining = options.weld.into_iter().chain(options.method_options.pairs);
+        let joining = options.weld.into_iter().chain(options.method.pairs());
         let touching = Touching::find(parts, options.per_mesh);
         let near = joining.map(|d| d.in_units(diagonal)).fold(0.0, f64::max);
         let layout = Layout::new(parts, near, touching.as_ref());

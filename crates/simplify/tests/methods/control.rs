@@ -1,5 +1,7 @@
 //! Threads, progress and cancellation, for all methods.
 
+use lodsmith::simplify_with;
+
 use super::*;
 
 fn in_threads<T: Send>(n: usize, work: impl FnOnce() -> T + Send) -> T {
@@ -84,7 +86,7 @@ fn callers_are_asked_and_obeyed() {
         let asked = watching.questions;
         let text = format!("asked {asked} times for {} faces", mesh.face_count());
         // Clustering reports each pass, of a few milliseconds.
-        let least = if promise.method == Method::Cluster { 2 } else { MIN_PROGRESS_REPORTS };
+        let least = if promise.method == MethodKind::Cluster { 2 } else { MIN_PROGRESS_REPORTS };
         all.check(&case, asked >= least, &text);
         for from in [0, 1, asked / 2, asked.saturating_sub(1)] {
             let mut control = CheckingControl::new(from, Verdict::Cancel);

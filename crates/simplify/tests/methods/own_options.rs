@@ -1,63 +1,36 @@
 //! Options of single methods, and those that methods share.
 
+use lodsmith::options::by_name::{NamedOption, OPTIONS, OptionKind, OptionValue};
+
 use super::*;
 
 /// Options of single methods with a valid value, and the methods that have them.
-fn own_options() -> Vec<(&'static str, MethodOptions, &'static [Method])> {
-    use Method::{Cluster, Memoryless, Planar, Quadric, Remesh, ShortestEdge, Unsubdivide, VertexRemoval};
-    let with = |set: fn(&mut MethodOptions)| {
-        let mut own = MethodOptions::default();
-        set(&mut own);
-        own
+fn own_options() -> impl Iterator<Item = (&'static NamedOption, OptionValue<'static>, &'static [MethodKind])>
+{
+    let value = |option: &NamedOption| match option.kind {
+        OptionKind::Length(_) => "5%".into(),
+        OptionKind::Degrees(_) => OptionValue::Number(5.0),
+        OptionKind::Count(_) => OptionValue::Whole(2),
+        OptionKind::Flag => OptionValue::Flag(true),
+        other => panic!("no value for {other:?}"),
     };
-    const LENGTH: Option<Length> = Some(Length::OfDiagonal(0.05));
-    vec![
-        ("pairs", with(|o| o.pairs = LENGTH), &[Memoryless, Quadric]),
-        ("cell", with(|o| o.cell = LENGTH), &[Cluster]),
-        ("two-stage", with(|o| o.two_stage = true), &[Cluster]),
-        ("edge-length", with(|o| o.edge_length = LENGTH), &[ShortestEdge, Remesh]),
-        ("angle", with(|o| o.angle_deg = Some(5.0)), &[Planar, VertexRemoval, Remesh]),
-        ("flat", with(|o| o.flat = LENGTH), &[Planar]),
-        ("iterations", with(|o| o.iterations = Some(2)), &[Unsubdivide, Remesh]),
-        ("voxel", with(|o| o.voxel = LENGTH), &[Remesh]),
-        ("subdivisions", with(|o| o.subdivisions = Some(2)), &[Remesh]),
-        ("adaptive", with(|o| o.adaptive = true), &[Remesh]),
-    ]
-}
-
-#[test]
-fn options_of_other_methods_are_refused_by_name() {
-    let mesh = shapes::icosphere(2);
-    for promise in &PROMISES {
-        for (name, own, takers) in own_options() {
-            if takers.contains(&promise.method) {
-                continue;
-            }
-            let mut options = options(promise.method, Stop::ratio(0.5));
-            options.method_options = own;
-            match simplify(&mesh, &options) {
-                Err(SimplifyError::NotOfMethod { option, takers: told, method }) => {
-                    assert_eq!((option, told, method), (name, takers, promise.method));
-                }
-                other => panic!("{name} for {}: {:?}", promise.method.name(), other.map(|d| d.report)),
-            }
-        }
-    }
+    let own = OPTIONS.iter().filter(|option| !option.methods.is_empty());
+    own.map(move |option| (option, value(option), option.methods))
 }
 
 #[test]
 fn own_options_keep_the_promises_too() {
     let mut all = Complaints::default();
     for promise in PROMISES.iter() {
-        for (_, own, takers) in own_options() {
+        for (option, value, takers) in own_options() {
             if !takers.contains(&promise.method) {
                 continue;
             }
             for (name, mesh) in shapes::all() {
                 for stop in [Stop::ratio(0.4), Stop::default()] {
                     let mut options = options(promise.method, stop);
-                    options.method_options = own;
-                    let closes = own.voxel.is_some();
+                    option.set(&mut options, &value).expect("the method has it");
+                    let closes = option.name == "voxel";
                     let case = case(name, &options);
                     let done = match closes {
                         // A new surface around the input has its own topology.
@@ -142,7 +115,7 @@ fn shared_options_are_honoured_or_refused() {
                     }
                     "locked" => {
                         // Clustering can leave a single locked vertex without any face; then it is dropped.
-                        let may_go = promise.method == Method::Cluster;
+                        let may_go = promise.method == MethodKind::Cluster;
                         all.add(&case, laden::locked_complaints(&mesh, &locked, (may_go, false), &done.mesh));
                     }
                     _ => {}

@@ -11,8 +11,8 @@ use lodsmith::core::mesh::defects::{clean_surface, defects};
 use lodsmith::core::topology::TopologyCounts;
 use lodsmith::core::{Positions, Surface, Topology, TriMesh, VertexId};
 use lodsmith::{
-    Input, NoControl, Part, Refusal, Simplified, SimplifiedScene, SimplifyError, SimplifyOptions, StoppedBy,
-    TopologyPolicy, simplify_with,
+    Input, Method, NoControl, Part, Refusal, Simplified, SimplifiedScene, SimplifyError, SimplifyOptions,
+    StoppedBy, TopologyPolicy, simplify_with,
 };
 
 /// Returns true if long products are to be run whole, as `.ci/run` asks with `LODSMITH_LONG=1`.
@@ -178,8 +178,8 @@ pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simpl
     let counts = stop.faces.is_some() || stop.vertices.is_some() || stop.ratio.is_some();
     let stopped_by = report.stopped_by;
     // The cell size of clustering is a stop too.
-    let own = &options.method_options;
-    let by_cell = stopped_by == StoppedBy::Exhausted && own.cell.is_some();
+    let has_cell = matches!(options.method, Method::Cluster { cell: Some(_), .. });
+    let by_cell = stopped_by == StoppedBy::Exhausted && has_cell;
     if stop.error.is_none() && counts && !by_cell {
         check(
             report.reached == met,

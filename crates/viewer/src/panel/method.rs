@@ -1,9 +1,12 @@
 //! Method panel: the options of the engine.
 
+use std::ops::RangeInclusive;
+
 use eframe::egui::{CollapsingHeader, Ui};
+use lodsmith::options::by_name::{self, OptionKind};
 use lodsmith::{
-    AttributeWeights, BorderPolicy, Fit, Guards, Measure, Method, MethodOptions, Placement, Preset,
-    SimplifyOptions, TopologyPolicy,
+    AttributeWeights, BorderPolicy, Fit, Guards, Length, Measure, Method, MethodKind, Placement, Preset,
+    Remesh, RemeshPattern, SimplifyOptions, TopologyPolicy,
 };
 
 use super::{PanelContext, widgets};
@@ -20,21 +23,21 @@ const PRESETS: [(Preset, &str, &str); 5] = [
 ];
 
 /// Methods with their descriptions.
-const METHODS: [(Method, &str); 10] = [
+const METHODS: [(MethodKind, &str); 10] = [
     (
-        Method::Memoryless,
+        MethodKind::Memoryless,
         "Costs from the current surface only, then a fit: the most accurate [Lindstrom-Turk 1998]",
     ),
-    (Method::Quadric, "Accumulated plane quadrics of the original surface [Garland-Heckbert 1997]"),
-    (Method::LindstromTurk, "Preserves volume and borders, as published [Lindstrom-Turk 1998]"),
-    (Method::Melax, "Edge length times curvature, onto input vertices: for games [Melax 1998]"),
-    (Method::ShortestEdge, "Shortest edges first, to their midpoint: evens out edge lengths"),
-    (Method::Cluster, "One vertex per grid cell: the fastest, for huge meshes [Lindstrom 2000]"),
-    (Method::VertexRemoval, "Removes vertices and retriangulates the holes [Schroeder et al. 1992]"),
-    (Method::Planar, "Merges flat regions into few triangles, nothing else changes: for CAD and voxels"),
-    (Method::Unsubdivide, "Reverses 4:1 subdivision where possible [Taubin 2001]"),
+    (MethodKind::Quadric, "Accumulated plane quadrics of the original surface [Garland-Heckbert 1997]"),
+    (MethodKind::LindstromTurk, "Preserves volume and borders, as published [Lindstrom-Turk 1998]"),
+    (MethodKind::Melax, "Edge length times curvature, onto input vertices: for games [Melax 1998]"),
+    (MethodKind::ShortestEdge, "Shortest edges first, to their midpoint: evens out edge lengths"),
+    (MethodKind::Cluster, "One vertex per grid cell: the fastest, for huge meshes [Lindstrom 2000]"),
+    (MethodKind::VertexRemoval, "Removes vertices and retriangulates the holes [Schroeder et al. 1992]"),
+    (MethodKind::Planar, "Merges flat regions into few triangles, nothing else changes: for CAD and voxels"),
+    (MethodKind::Unsubdivide, "Reverses 4:1 subdivision where possible [Taubin 2001]"),
     (
-        Method::Remesh,
+        MethodKind::Remesh,
         "A new, uniform mesh on the same surface; closed if a voxel size is set [Botsch-Kobbelt 2004]",
     ),
 ];
@@ -74,13 +77,13 @@ fn edit(ui: &mut Ui, how: &mut Simplification) {
 /// Draws all options but the preset.
 fn advanced(ui: &mut Ui, how: &mut Simplification) {
     let o = &mut how.options;
-    let said = |method: Method| METHODS.iter().find(|m| m.0 == method).map_or("", |m| m.1);
-    if widgets::choose(ui, "Method", said(o.method), &named(Method::ALL, Method::name), &mut o.method) {
-        // Options of the previous method are an error for another one.
-        o.method_options = MethodOptions::default();
+    let mut kind = o.method.kind();
+    let text = METHODS.iter().find(|m| m.0 == kind).map_or("", |m| m.1);
+    if widgets::choose(ui, "Method", text, &named(MethodKind::ALL, MethodKind::name), &mut kind) {
+        o.method = kind.into();
     }
-    ui.label(crate::theme::weak(ui, said(o.method)).small());
-    of_method(ui, o.method, &mut o.method_options);
+    ui.label(crate::theme::weak(ui, text).small());
+    of_method(ui, &mut o.method);
     widgets::choose(
         ui,
         "Placement",
@@ -103,7 +106,7 @@ fn advanced(ui: &mut Ui, how: &mut Simplification) {
         &mut o.border,
     );
     let tip = "Edges sharper than this angle, in degrees, are features; their vertices stay on them";
-    widgets::optional(ui, "Sharp edges", tip, &mut o.sharp_deg, 30.0, 1.0..=179.0);
+    widgets::optional(ui, "Sharp edges", tip, &mut o.sharp_deg, 30.0, range("sharp"));
     let tip = "relaxed: no new defects; preserve: no changes; free: cut handles and remove parts where that is cheapest";
     widgets::choose(ui, "Topology", tip, &named(TopologyPolicy::ALL, TopologyPolicy::name), &mut o.topology);
     widgets::choose(
@@ -141,7 +144,7 @@ fn edit_guards(ui: &mut Ui, g: &mut Guards) {
         "Largest rotation of a face normal in one step, in degrees",
         &mut g.max_normal_deg,
         30.0,
-        1.0..=180.0,
+        range("max-normal"),
     );
     widgets::optional(
         ui,
@@ -149,7 +152,7 @@ fn edit_guards(ui: &mut Ui, g: &mut Guards) {
         "Minimum shape quality of a new face; 1 is equilateral",
         &mut g.min_quality,
         0.1,
-        0.0..=1.0,
+        range("min-quality"),
     );
     widgets::optional_count(ui, "Valence", "Maximum number of edges at a vertex", &mut g.max_valence, 12, 3);
     widgets::optional_length(ui, "Edge length", "Maximum length of a new edge", &mut g.max_edge);
@@ -177,79 +180,86 @@ fn edit_more(ui: &mut Ui, o: &mut SimplifyOptions) {
     });
 }
 
+/// Returns the range of an option's values for a control, in steps of 1 beside ends that are not in it.
+fn range(name: &str) -> RangeInclusive<f64> {
+    match by_name::find(name).map(|option| option.kind) {
+        Some(OptionKind::Degrees(range) | OptionKind::Number(range)) => {
+            let step = |is_in: bool| if is_in { 0.0 } else { 1.0 };
+            range.least + step(range.has_least)..=range.most - step(range.has_most)
+        }
+        _ => 0.0..=f64::INFINITY,
+    }
+}
+
 /// Draws the options that only this method has.
-fn of_method(ui: &mut Ui, method: Method, m: &mut MethodOptions) {
-    let angle = |ui: &mut Ui, m: &mut MethodOptions, tip: &str, first: f64| {
-        widgets::optional(ui, "Angle", tip, &mut m.angle_deg, first, 0.0..=89.0);
+fn of_method(ui: &mut Ui, method: &mut Method) {
+    let angle = |ui: &mut Ui, angle: &mut Option<f64>, tip: &str, first: f64| {
+        widgets::optional(ui, "Angle", tip, angle, first, range("angle"));
     };
+    const CREASES: &str = "Edges bent by more than this angle, in degrees, are creases";
     match method {
-        Method::Memoryless | Method::Quadric => {
+        Method::Memoryless { pairs } | Method::Quadric { pairs } => {
             let tip = "Also merge unconnected vertices closer than this, which joins separate parts";
-            widgets::optional_length(ui, "Pairs", tip, &mut m.pairs);
+            widgets::optional_length(ui, "Pairs", tip, pairs);
         }
-        Method::Cluster => {
-            widgets::optional_length(ui, "Cell", "Edge length of a grid cell", &mut m.cell);
+        Method::Cluster { cell, two_stage } => {
+            widgets::optional_length(ui, "Cell", "Edge length of a grid cell", cell);
             let tip = "Cluster to a multiple of the target, then continue with memoryless";
-            widgets::switch(ui, "Two stages", None, tip, &mut m.two_stage);
+            widgets::switch(ui, "Two stages", None, tip, two_stage);
         }
-        Method::ShortestEdge => {
-            widgets::optional_length(
-                ui,
-                "Edge length",
-                "Collapse edges up to this length",
-                &mut m.edge_length,
-            );
+        Method::ShortestEdge { edge_length } => {
+            widgets::optional_length(ui, "Edge length", "Collapse edges up to this length", edge_length);
         }
-        Method::VertexRemoval => {
-            angle(ui, m, "Edges bent by more than this angle, in degrees, are creases", 30.0)
+        Method::VertexRemoval { crease_deg } => angle(ui, crease_deg, CREASES, 30.0),
+        Method::Planar { angle_deg, flat } => {
+            let tip = "Maximum angle between a face and the plane of its region, in degrees";
+            angle(ui, angle_deg, tip, 5.0);
+            widgets::optional_length(ui, "Flat", "Maximum distance from the plane of a region", flat);
         }
-        Method::Planar => {
-            angle(ui, m, "Maximum angle between a face and the plane of its region, in degrees", 5.0);
-            widgets::optional_length(ui, "Flat", "Maximum distance from the plane of a region", &mut m.flat);
+        Method::Unsubdivide { levels } => {
+            widgets::optional_count(ui, "Levels", "Maximum number of levels to reverse", levels, 1, 1);
         }
-        Method::Unsubdivide => {
-            widgets::optional_count(
-                ui,
-                "Levels",
-                "Maximum number of levels to reverse",
-                &mut m.iterations,
-                1,
-                1,
-            );
-        }
-        Method::Remesh => {
-            widgets::optional_length(ui, "Edge length", "Length of the new edges", &mut m.edge_length);
-            widgets::optional_length(
-                ui,
-                "Voxel",
-                "Voxel size; wraps the input in a closed surface, whatever its defects",
-                &mut m.voxel,
-            );
-            angle(ui, m, "Edges bent by more than this angle, in degrees, are creases", 30.0);
-            widgets::optional_count(
-                ui,
-                "Iterations",
-                "Number of remeshing iterations",
-                &mut m.iterations,
-                5,
-                1,
-            );
-            widgets::optional_count(
-                ui,
-                "Subdivisions",
-                "Number of subdivisions of a base mesh",
-                &mut m.subdivisions,
-                3,
-                1,
-            );
-            widgets::switch(
-                ui,
-                "Adaptive",
-                None,
-                "Shorter edges where the surface is curved",
-                &mut m.adaptive,
-            );
-        }
+        Method::Remesh(remesh) => edit_remesh(ui, remesh),
         _ => {}
     }
+}
+
+fn edit_remesh(ui: &mut Ui, remesh: &mut Remesh) {
+    let mut voxel: Option<Length> = match remesh {
+        Remesh::Voxels { size } => Some(*size),
+        _ => None,
+    };
+    let tip = "Voxel size; wraps the input in a closed surface, whatever its defects";
+    widgets::optional_length(ui, "Voxel", tip, &mut voxel);
+    *remesh = match (voxel, *remesh) {
+        (Some(size), _) => Remesh::Voxels { size },
+        (None, Remesh::Voxels { .. }) => Remesh::default(),
+        (None, own) => own,
+    };
+    let Remesh::OnSurface { edge_length, crease_deg, rounds, pattern } = remesh else { return };
+    widgets::optional_length(ui, "Edge length", "Length of the new edges", edge_length);
+    let tip = "Edges bent by more than this angle, in degrees, are creases";
+    widgets::optional(ui, "Angle", tip, crease_deg, 30.0, range("angle"));
+    widgets::optional_count(ui, "Iterations", "Number of remeshing iterations", rounds, 5, 1);
+    let mut subdivisions = match pattern {
+        RemeshPattern::SemiRegular { subdivisions } => Some(*subdivisions),
+        _ => None,
+    };
+    let mut is_adaptive = *pattern == RemeshPattern::Adaptive;
+    widgets::optional_count(
+        ui,
+        "Subdivisions",
+        "Number of subdivisions of a base mesh",
+        &mut subdivisions,
+        3,
+        1,
+    );
+    let tip = "Shorter edges where the surface is curved";
+    let is_switched = widgets::switch(ui, "Adaptive", None, tip, &mut is_adaptive);
+    *pattern = match subdivisions {
+        _ if is_switched && is_adaptive => RemeshPattern::Adaptive,
+        Some(subdivisions) => RemeshPattern::SemiRegular { subdivisions },
+        None if is_adaptive => RemeshPattern::Adaptive,
+        None => RemeshPattern::Even,
+    };
 }

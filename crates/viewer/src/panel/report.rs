@@ -1,6 +1,7 @@
 //! Report panel: the engine's report of its run.
 
 use eframe::egui::Ui;
+use lodsmith::options::by_name;
 use lodsmith::{Change, Proposal, Report};
 
 use super::{PanelContext, UiRequest, widgets};
@@ -10,7 +11,7 @@ use crate::content::Lighter;
 use crate::keys::Action;
 use crate::log::Severity;
 use crate::numbers::{grouped, percent, seconds, significant};
-use crate::option_words::{Simplification, length_text, quoted};
+use crate::option_words::{Simplification, quoted};
 
 /// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
@@ -145,24 +146,14 @@ fn change_text(change: &Change) -> String {
         Change::MaxValence => "higher valence".to_owned(),
         Change::MaxEdge => "longer edges".to_owned(),
         Change::Locked => "fewer locks".to_owned(),
-        Change::Pairs(distance) => format!("pairs closer than {}", length_text(distance)),
+        Change::Pairs(distance) => format!("pairs closer than {}", by_name::length_text(distance)),
     }
 }
 
+/// Makes a change; false if it is one of the model.
 fn apply(change: Change, how: &mut Simplification) -> bool {
-    let options = &mut how.options;
-    match change {
-        Change::Border(to) => options.border = to,
-        Change::Topology(to) => options.topology = to,
-        Change::Placement(to) => options.placement = to,
-        Change::Pairs(distance) => options.method_options.pairs = Some(distance),
-        Change::MaxNormal => options.guards.max_normal_deg = None,
-        Change::MinQuality => options.guards.min_quality = None,
-        Change::MaxValence => options.guards.max_valence = None,
-        Change::MaxEdge => options.guards.max_edge = None,
-        Change::Locked => return false,
-    }
-    true
+    how.options = change.apply(&how.options);
+    change != Change::Locked
 }
 
 /// Returns the command line that makes the shown result.

@@ -2,10 +2,10 @@
 
 use eframe::egui::{self, Align, Layout, Response, RichText, Sense, Ui, Vec2};
 use lodsmith::Length;
+use lodsmith::options::by_name::{length_of_text, length_text};
 
 use super::Panel;
 use crate::keys::Action;
-use crate::option_words::{length_of, length_text};
 use crate::theme::{self, SPACING, number, palette, weak};
 
 /// Width of the label before a field.
@@ -195,10 +195,10 @@ pub fn optional_length(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<Le
         format!("{tip}\n\nA number in file units, or a percentage of the diagonal such as 0.1%. Empty: off.");
     field(ui, name, &tip, |ui| {
         if let Some(typed) = text_field(ui, name, &now, "off", ui.available_width(), |t| {
-            t.trim().is_empty() || length_of(t).is_some()
+            t.trim().is_empty() || length_of_text(t).is_some()
         }) {
             let new =
-                length_of(&typed).filter(|l| !matches!(l, Length::Units(0.0) | Length::OfDiagonal(0.0)));
+                length_of_text(&typed).filter(|l| !matches!(l, Length::Units(0.0) | Length::OfDiagonal(0.0)));
             changed = new != *value;
             *value = new;
         }

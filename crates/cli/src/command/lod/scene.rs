@@ -28,7 +28,7 @@ pub(super) fn of_mesh(
     watch: RunControl<'_>,
 ) -> anyhow::Result<LodResult> {
     let (format, count) = (loaded.format, [loaded.mesh.face_count(), loaded.mesh.vertex_count()]);
-    let own = MeshScene::new(loaded, &args.engine.how, to)?;
+    let own = MeshScene::new(loaded, &args.engine.names, to)?;
     let mut warnings = own.warnings;
     let mut made = of_scene(own.scene, args, plan, to, watch, Some(own.data))?;
     (made.format, made.counts) = (format, count);
@@ -56,7 +56,7 @@ pub(super) fn of_scene(
     let options = args.options();
     let mut data = match own {
         Some(own) => vec![own],
-        None => constraints::of_scene(&args.engine.how, &scene, &taken)?,
+        None => constraints::of_scene(&args.engine.names, &scene, &taken)?,
     };
     let left_out = palettes::add_of_scene(&scene, &taken, &mut data);
     let parts = parts_of(&meshes, &data);

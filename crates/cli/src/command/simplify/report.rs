@@ -190,7 +190,7 @@ impl SimplifyOutcome {
                 "cell": c.cell, "faces": c.faces, "vertices": c.vertices, "non_manifold_edges": c.non_manifold_edges,
             });
         }
-        if !args.engine.how.lock.is_empty() {
+        if !args.engine.names.lock.is_empty() {
             report["locked"] = json!({ "vertices": r.locked_vertices, "faces": r.locked_faces });
         }
         if let Some(baked) = &self.baked {

@@ -26,7 +26,7 @@ pub(super) fn simplify_mesh(
     watch: RunControl<'_>,
 ) -> anyhow::Result<SimplifyOutcome> {
     let format = loaded.format;
-    let own = MeshScene::new(loaded, &args.engine.how, to)?;
+    let own = MeshScene::new(loaded, &args.engine.names, to)?;
     let mut done = simplify_scene(own.scene, source, to, args, Some(own.data), watch)?;
     done.input_format = format;
     done.warnings.splice(0..0, own.warnings);
@@ -50,7 +50,7 @@ pub(super) fn simplify_scene(
     let options = args.options();
     let mut data = match own {
         Some(own) => vec![own],
-        None => constraints::of_scene(&args.engine.how, &scene, &taken)?,
+        None => constraints::of_scene(&args.engine.names, &scene, &taken)?,
     };
     let left_out = palettes::add_of_scene(&scene, &taken, &mut data);
     let parts = parts_of(&meshes, &data);

@@ -1,47 +1,216 @@
 //! An entry of the table of options.
 
+use super::OptionError;
 use super::value::OptionValue;
-use crate::options::SimplifyOptions;
+use crate::options::{Length, MethodKind, SimplifyOptions};
 
-/// One option of simplification.
+/// An option of simplification: its name, the values that it takes, and how it is read and set.
 #[derive(Clone, Copy, Debug)]
 pub struct NamedOption {
-    /// Name as on the command line, without the leading dashes: `max-normal`.
+    /// Name on the command line, words joined by dashes: `max-normal`.
     pub name: &'static str,
     /// The values that it takes.
     pub kind: OptionKind,
-    /// One sentence on the effect.
+    /// Where it belongs in lists.
+    pub group: OptionGroup,
+    /// Placeholder of the value in help texts, in capitals; empty for flags.
+    pub value_name: &'static str,
+    /// What it does: one sentence in the imperative, without a full stop.
     pub help: &'static str,
-    pub(super) default: fn(&SimplifyOptions) -> Option<String>,
-    pub(super) set: fn(&mut SimplifyOptions, &OptionValue<'_>) -> Result<(), String>,
+    /// The methods that have it, if it is an option of single methods; else empty.
+    pub methods: &'static [MethodKind],
+    pub(super) get: Get,
+    pub(super) set: Set,
+}
+
+pub(super) type Get = fn(&SimplifyOptions) -> Option<OptionValue<'static>>;
+/// Sets a value of the kind, for a method that has the option, or returns the option that excludes it.
+pub(super) type Set = fn(&mut SimplifyOptions, &OptionValue<'_>) -> Result<(), &'static str>;
+
+/// Where an option belongs in lists.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum OptionGroup {
+    /// When a run stops.
+    Target,
+    /// How it simplifies.
+    Simplification,
+    /// Options of single methods.
+    OfMethod,
+    /// Limits on the shape of the result.
+    Guards,
+    /// Measurement and proof of the deviation.
+    Deviation,
 }
 
 /// The values that an option takes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum OptionKind {
-    /// A whole number, 1 or more unless the engine asks for more.
-    Count,
+    /// A whole number of at least this.
+    Count(u64),
     /// A fraction above 0 and up to 1, or a text such as `10%`.
     Ratio,
     /// A length in the units of the mesh, or a text such as `0.1%` for a share of the diagonal.
-    Length,
+    Length(LengthRange),
     /// An angle in degrees.
-    Degrees,
+    Degrees(Range),
+    /// A number.
+    Number(Range),
     /// One of these words.
     Word(&'static [&'static str]),
     /// On or off.
     Flag,
-    /// A number.
-    Number,
-    /// Factors by name of attribute.
-    Weights,
+    /// Factors of 0 or more by name of attribute: one of these.
+    Weights(&'static [&'static str]),
     /// A whole number, 0 or more.
     Seed,
 }
 
+/// The lengths that an option takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LengthRange {
+    /// Above 0.
+    Positive,
+    /// 0 or more.
+    FromZero,
+    /// Above 0; 0 stands for none, and turns off that of a preset.
+    ZeroIsOff,
+}
+
+/// A range of numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Least number.
+    pub least: f64,
+    /// Largest number.
+    pub most: f64,
+    /// True if the least number is in the range.
+    pub has_least: bool,
+    /// True if the largest number is in the range.
+    pub has_most: bool,
+    /// The range in words: "above 0 and at most 180 degrees".
+    pub text: &'static str,
+}
+
+impl Range {
+    /// True if a number is in the range.
+    pub fn contains(&self, x: f64) -> bool {
+        (x > self.least || self.has_least && x == self.least)
+            && (x < self.most || self.has_most && x == self.most)
+    }
+}
+
+impl OptionKind {
+    /// Returns a name of the kind, for lists in other languages.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::Count(_) => "count",
+            Self::Ratio => "ratio",
+            Self::Length(_) => "length",
+            Self::Degrees(_) => "degrees",
+            Self::Number(_) => "number",
+            Self::Word(_) => "word",
+            Self::Flag => "flag",
+            Self::Weights(_) => "weights",
+            Self::Seed => "seed",
+        }
+    }
+
+    /// Returns the words that can be given; none if the value is no word.
+    pub const fn words(&self) -> &'static [&'static str] {
+        match self {
+            Self::Word(words) => words,
+            _ => &[],
+        }
+    }
+}
+
+impl OptionKind {
+    /// Returns what is expected, in words: "a whole number of at least 3".
+    pub fn wanted(&self) -> String {
+        match self {
+            Self::Count(least) => format!("a whole number of at least {least}"),
+            Self::Seed => "a whole number of at least 0".to_owned(),
+            Self::Ratio => "a fraction above 0 and up to 1 (100%)".to_owned(),
+            Self::Length(range) => format!(
+                "a length {} in the units of the mesh, or a share of the diagonal such as 0.1%,",
+                if *range == LengthRange::Positive { "above 0" } else { "of 0 or more" }
+            ),
+            Self::Degrees(range) | Self::Number(range) => format!("a number {}", range.text),
+            Self::Word(words) => format!("one of {}", words.join(", ")),
+            Self::Flag => "true or false".to_owned(),
+            Self::Weights(names) => {
+                format!("a factor of 0 or more for each name, as in name=2 (names are {}),", names.join(", "))
+            }
+        }
+    }
+
+    /// Returns a value in the form of its kind: numbers and lengths from text, words as they are.
+    ///
+    /// # Errors
+    /// What is expected and what was given, if the value is not of this kind or out of range.
+    pub fn parse(&self, value: &OptionValue<'_>) -> Result<OptionValue<'static>, String> {
+        let parsed = match self {
+            Self::Count(least) => value.whole().filter(|n| n >= least).map(OptionValue::Whole),
+            Self::Seed => value.whole().map(OptionValue::Whole),
+            Self::Ratio => value.ratio().filter(|x| *x > 0.0 && *x <= 1.0).map(OptionValue::Number),
+            Self::Length(range) => value.length().filter(|l| range.contains(*l)).map(OptionValue::Length),
+            Self::Degrees(range) | Self::Number(range) => {
+                value.number().filter(|x| range.contains(*x)).map(OptionValue::Number)
+            }
+            Self::Word(words) => value.word(words, |word| word).map(|word| OptionValue::Text(word.into())),
+            Self::Flag => value.flag().map(OptionValue::Flag),
+            Self::Weights(names) => {
+                let one = |(name, x): (&str, f64)| {
+                    let known = names.iter().find(|known| **known == name)?;
+                    (x.is_finite() && x >= 0.0).then_some(((*known).into(), x))
+                };
+                value.weights().and_then(|all| all.into_iter().map(one).collect()).map(OptionValue::Weights)
+            }
+        };
+        parsed.ok_or_else(|| format!("{} is expected, not {value}", self.wanted()))
+    }
+}
+
+impl LengthRange {
+    /// True if a length is in the range.
+    pub fn contains(self, length: Length) -> bool {
+        let (Length::Units(x) | Length::OfDiagonal(x)) = length;
+        x.is_finite() && (x > 0.0 || x == 0.0 && self != Self::Positive)
+    }
+}
+
 impl NamedOption {
+    /// Returns the value that options have; `None` if the option is off.
+    pub fn get(&self, options: &SimplifyOptions) -> Option<OptionValue<'static>> {
+        (self.get)(options)
+    }
+
+    /// Sets a value. `method` and `preset` reset what depends on them.
+    ///
+    /// # Errors
+    /// [`OptionError::Value`] for a value that is not of the kind or out of range, [`OptionError::NotOfMethod`] if
+    /// the method of the options does not have this one, [`OptionError::NotTogether`] if another one excludes it.
+    pub fn set(&self, options: &mut SimplifyOptions, value: &OptionValue<'_>) -> Result<(), OptionError> {
+        let option = self.name;
+        let value = self.kind.parse(value).map_err(|why| OptionError::Value { option, why })?;
+        let method = options.method.kind();
+        if !self.methods.is_empty() && !self.methods.contains(&method) {
+            let is_off = value == OptionValue::Flag(false);
+            return if is_off {
+                Ok(())
+            } else {
+                Err(OptionError::NotOfMethod { option, takers: self.methods, method })
+            };
+        }
+        (self.set)(options, &value).map_err(|first| OptionError::NotTogether { first, second: option })
+    }
+
     /// Returns the default as text, as on the command line; `None` if the option is off by default.
     pub fn default_text(&self) -> Option<String> {
-        (self.default)(&SimplifyOptions::default())
+        match self.kind {
+            OptionKind::Flag | OptionKind::Weights(_) => None,
+            _ => self.get(&SimplifyOptions::default()).map(|value| value.text()),
+        }
     }
 }

@@ -1,10 +1,12 @@
-//! Values of options as bindings have them, and their conversion.
+//! Values of options, as text and as numbers.
 
+use std::borrow::Cow;
 use std::fmt;
 
+use super::entry::LengthRange;
 use crate::options::Length;
 
-/// A value as a caller gave it.
+/// A value of an option: as a caller gave it, or as options have it.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum OptionValue<'a> {
@@ -14,10 +16,18 @@ pub enum OptionValue<'a> {
     Whole(u64),
     /// A number.
     Number(f64),
+    /// A length.
+    Length(Length),
     /// A word, or a number as text.
-    Text(&'a str),
+    Text(Cow<'a, str>),
     /// Factors by name.
-    Weights(Vec<(&'a str, f64)>),
+    Weights(Vec<(Cow<'a, str>, f64)>),
+}
+
+impl<'a> From<&'a str> for OptionValue<'a> {
+    fn from(text: &'a str) -> Self {
+        Self::Text(Cow::Borrowed(text))
+    }
 }
 
 impl fmt::Display for OptionValue<'_> {
@@ -26,103 +36,141 @@ impl fmt::Display for OptionValue<'_> {
             Self::Flag(x) => write!(f, "{x}"),
             Self::Whole(x) => write!(f, "{x}"),
             Self::Number(x) => write!(f, "{x}"),
+            Self::Length(x) => f.write_str(&length_text(*x)),
             Self::Text(x) => write!(f, "{x:?}"),
             Self::Weights(all) => f.debug_map().entries(all.iter().map(|(name, w)| (name, w))).finish(),
         }
     }
 }
 
+/// Formats a length as it is typed: `0.5` in units, `0.1%` of the diagonal.
+pub fn length_text(length: Length) -> String {
+    match length {
+        Length::Units(x) => x.to_string(),
+        // Fractions such as 0.07 % read back exactly as typed; for some, such as 0.0007, no percentage is
+        // bit-exact.
+        Length::OfDiagonal(x) => {
+            let percent = 100.0 * x;
+            let short = format!("{percent:.12}");
+            let short = short.trim_end_matches('0').trim_end_matches('.');
+            match short.parse::<f64>() {
+                Ok(back) if (back / 100.0 - x).abs() <= f64::EPSILON * x => format!("{short}%"),
+                _ => format!("{percent}%"),
+            }
+        }
+    }
+}
+
+/// Reads a length as it is typed; `None` if it is not a finite length of 0 or more.
+pub fn length_of_text(text: &str) -> Option<Length> {
+    OptionValue::from(text).length().filter(|length| LengthRange::FromZero.contains(*length))
+}
+
 impl OptionValue<'_> {
-    fn rejected<T>(&self, wanted: impl fmt::Display) -> Result<T, String> {
-        Err(format!("{wanted} is expected, not {self}"))
+    /// Returns the value as on the command line; of weights, `name=factor` joined by commas.
+    pub fn text(&self) -> String {
+        match self {
+            Self::Text(text) => text.clone().into_owned(),
+            Self::Weights(all) => {
+                all.iter().map(|(name, factor)| format!("{name}={factor}")).collect::<Vec<_>>().join(",")
+            }
+            other => other.to_string(),
+        }
     }
 
-    /// Returns the finite number of a value, whatever its range.
-    pub(super) fn number(&self) -> Result<f64, String> {
+    fn finite(&self) -> Option<f64> {
         let number = match self {
             Self::Whole(x) => Some(*x as f64),
             Self::Number(x) => Some(*x),
             Self::Text(text) => text.trim().parse().ok(),
             _ => None,
         };
-        number.filter(|x| x.is_finite()).map_or_else(|| self.rejected("a number"), Ok)
+        number.filter(|x| x.is_finite())
     }
 
-    /// Returns a whole number of at least `least`.
-    pub(super) fn whole(&self, least: u64) -> Result<u64, String> {
-        let whole = match self {
+    /// Returns the number of a value.
+    pub(super) fn number(&self) -> Option<f64> {
+        self.finite()
+    }
+
+    /// Returns the whole number of a value.
+    pub(super) fn whole(&self) -> Option<u64> {
+        match self {
             Self::Whole(x) => Some(*x),
             // Up to 2^53 every whole number is a double.
             Self::Number(x) if x.fract() == 0.0 && (0.0..9e15).contains(x) => Some(*x as u64),
             Self::Text(text) => text.trim().parse().ok(),
             _ => None,
-        };
-        let wanted = format_args!("a whole number of at least {least}");
-        whole.filter(|x| *x >= least).map_or_else(|| self.rejected(wanted), Ok)
+        }
     }
 
-    /// Returns a number of elements, at least `least`.
-    pub(super) fn count(&self, least: u64) -> Result<usize, String> {
-        self.whole(least).map(|x| usize::try_from(x).unwrap_or(usize::MAX))
+    /// Returns the number of elements of a value.
+    pub(super) fn count(&self) -> Option<usize> {
+        self.whole().map(|x| usize::try_from(x).unwrap_or(usize::MAX))
     }
 
-    /// Returns a fraction; a text may be in per cent.
-    pub(super) fn ratio(&self) -> Result<f64, String> {
-        let ratio = match self {
+    /// Returns the fraction of a value; a text may be in per cent.
+    pub(super) fn ratio(&self) -> Option<f64> {
+        match self {
             Self::Text(text) => match text.trim().strip_suffix('%') {
                 Some(percent) => percent.trim_end().parse().ok().map(|x: f64| x / 100.0),
-                None => text.trim().parse().ok(),
+                None => self.finite(),
             },
-            _ => self.number().ok(),
-        };
-        let wanted = "a fraction above 0 and up to 1 (100%)";
-        ratio.filter(|x| *x > 0.0 && *x <= 1.0).map_or_else(|| self.rejected(wanted), Ok)
+            _ => self.finite(),
+        }
     }
 
-    /// Returns a length of 0 or more; a text may be a share of the diagonal in per cent.
-    pub(super) fn length(&self) -> Result<Length, String> {
-        let share = match self {
-            Self::Text(text) => text.trim().strip_suffix('%'),
-            _ => None,
-        };
-        let number = match share {
-            Some(percent) => percent.trim_end().parse().ok(),
-            None => self.number().ok(),
-        };
-        match number.filter(|x: &f64| x.is_finite() && *x >= 0.0) {
-            Some(x) if share.is_some() => Ok(Length::OfDiagonal(x / 100.0)),
-            Some(x) => Ok(Length::Units(x)),
-            None => self.rejected(
-                "a length of 0 or more in the units of the mesh, or a share of the diagonal such as \"0.1%\",",
-            ),
+    /// Returns the length of a value; a text may be a share of the diagonal in per cent.
+    pub(super) fn length(&self) -> Option<Length> {
+        match self {
+            Self::Length(length) => Some(*length),
+            Self::Text(text) => match text.trim().strip_suffix('%') {
+                Some(percent) => percent.trim_end().parse().ok().map(|x: f64| Length::OfDiagonal(x / 100.0)),
+                None => self.finite().map(Length::Units),
+            },
+            _ => self.finite().map(Length::Units),
         }
+    }
+
+    /// Returns the length of a value; none if it is 0.
+    pub(super) fn length_or_off(&self) -> Option<Length> {
+        self.length().filter(|l| !matches!(l, Length::Units(0.0) | Length::OfDiagonal(0.0)))
     }
 
     /// Returns true or false.
-    pub(super) fn flag(&self) -> Result<bool, String> {
+    pub(super) fn flag(&self) -> Option<bool> {
         match self {
-            Self::Flag(x) => Ok(*x),
-            Self::Text("true") => Ok(true),
-            Self::Text("false") => Ok(false),
-            _ => self.rejected("true or false"),
+            Self::Flag(x) => Some(*x),
+            Self::Text(text) => text.parse().ok(),
+            _ => None,
         }
     }
 
-    /// Returns the value with this name.
-    pub(super) fn word<T: Copy>(&self, all: &[T], name: fn(T) -> &'static str) -> Result<T, String> {
-        let found = match self {
-            Self::Text(text) => all.iter().find(|x| name(**x) == *text),
-            _ => None,
-        };
-        let names = || all.iter().map(|x| name(*x)).collect::<Vec<_>>().join(", ");
-        found.copied().map_or_else(|| self.rejected(format!("one of {}", names())), Ok)
+    /// True for a flag that is on.
+    pub(super) fn is_on(&self) -> bool {
+        self.flag() == Some(true)
     }
 
-    /// Returns the factors by name.
-    pub(super) fn weights(&self) -> Result<Vec<(&str, f64)>, String> {
+    /// Returns the value with this name.
+    pub(super) fn word<T: Copy>(&self, all: &[T], name: fn(T) -> &'static str) -> Option<T> {
         match self {
-            Self::Weights(all) => Ok(all.clone()),
-            _ => self.rejected("a factor for each name of attribute"),
+            Self::Text(text) => all.iter().copied().find(|x| name(*x) == *text),
+            _ => None,
+        }
+    }
+
+    /// Returns the factors by name; as text, `name=factor` joined by commas.
+    pub(super) fn weights(&self) -> Option<Vec<(&str, f64)>> {
+        let factor = |pair: &'_ str| -> Option<(usize, f64)> {
+            let (name, x) = pair.split_once('=')?;
+            Some((name.len(), x.trim().parse().ok()?))
+        };
+        match self {
+            Self::Weights(all) => Some(all.iter().map(|(name, x)| (&**name, *x)).collect()),
+            Self::Text(text) => {
+                text.split(',').map(|pair| factor(pair).map(|(end, x)| (pair[..end].trim(), x))).collect()
+            }
+            _ => None,
         }
     }
 }
