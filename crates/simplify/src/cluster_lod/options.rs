@@ -22,7 +22,7 @@ pub struct ClusterLodOptions {
     pub weights: AttributeWeights,
     /// Treatment of the open borders of the mesh. Where several groups meet on one, it is always locked.
     pub border: BorderPolicy,
-    /// See [`SimplifyOptions`](crate::SimplifyOptions::region_classes).
+    /// See [`MeshData::region_classes`](crate::MeshData::region_classes).
     pub region_classes: Option<Arc<[RegionId]>>,
 }
 
