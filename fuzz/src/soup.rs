@@ -140,6 +140,7 @@ pub fn options(bytes: &mut Bytes<'_>, mesh: &TriMesh) -> (SimplifyOptions, Owned
         }
         _ => {}
     }
+    options.fit = bytes.one_of(&[Fit::Auto, Fit::On, Fit::Off]);
     options.placement = bytes.one_of(&[Placement::Optimal, Placement::Endpoint, Placement::Midpoint]);
     options.border =
         bytes.one_of(&[BorderPolicy::Keep, BorderPolicy::Slide, BorderPolicy::Lock, BorderPolicy::Free]);
