@@ -22,10 +22,11 @@ fn of_groups(groups: &[OptionGroup]) -> impl Iterator<Item = &'static NamedOptio
 /// Returns the argument of an option.
 fn argument(option: &'static NamedOption) -> Arg {
     let default = option.default_text();
-    let is_of_presets = Preset::ALL.into_iter().any(|preset| {
-        let other = SimplifyOptions::preset(preset, Stop::default());
-        option.get(&other) != option.get(&SimplifyOptions::default())
-    });
+    let is_of_presets = default.is_some()
+        && Preset::ALL.into_iter().any(|preset| {
+            let other = SimplifyOptions::preset(preset, Stop::default());
+            option.get(&other) != option.get(&SimplifyOptions::default())
+        });
     let help = match &default {
         Some(default) if is_of_presets => format!("{} [default: {default}, or by preset]", option.help),
         _ => option.help.to_owned(),
