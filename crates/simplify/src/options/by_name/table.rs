@@ -194,8 +194,6 @@ options! {
         |o| flag(o.per_mesh), |v| o.per_mesh = v.is_on();
     "escalate" (Flag) Simplification "" "If the target is not reached, try looser topology: relaxed, then free"
         |o| flag(o.escalate), |v| o.escalate = v.is_on();
-    "seed" (Seed) Simplification "N" "Seed of the samples; equal seeds give equal results"
-        |o| Some(OptionValue::Whole(o.seed)), |v| o.seed = v.whole().unwrap_or_default();
 
     "pairs" (Length(Positive)) OfMethod "D"
         "memoryless, quadric: also merge vertices closer than D that share no edge, so that parts can grow together"
@@ -269,6 +267,9 @@ options! {
         |o| count(o.guards.max_valence), |v| o.guards.max_valence = v.count();
     "max-edge" (Length(Positive)) Guards "D" "Reject longer edges than this, unless they were longer before"
         |o| length(o.guards.max_edge), |v| o.guards.max_edge = v.length();
+
+    "seed" (Seed) Simplification "N" "Seed of the samples; equal seeds give equal results"
+        |o| Some(OptionValue::Whole(o.seed)), |v| o.seed = v.whole().unwrap_or_default();
 
     "measure" (Flag) Deviation ""
         "Measure the distance between the result and the input in both directions; always on with --error"
