@@ -37,7 +37,7 @@ pub(crate) struct Flat {
     pub(crate) pieces: Vec<Piece>,
 }
 
-/// Which instances and coordinates to use.
+/// The instances and the texture coordinates of a flattened model.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Taken {
     /// The first instance of each mesh. Meshes with skins or morph targets are in mesh coordinates.

@@ -1,6 +1,7 @@
-//! A mesh as the engine gets it, and the data that belong to it.
+//! Meshes as the engine gets them, and the data that belong to them.
 
 use lodsmith::{OwnedMeshData, SimplifyOptions};
+use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Loaded, Warning};
 
 use crate::args::PartNames;
@@ -11,7 +12,7 @@ use crate::{constraints, palettes};
 ///
 /// # Errors
 /// If a name on the command line is not found.
-pub(crate) fn prepare(
+pub(crate) fn of_mesh(
     loaded: &mut Loaded,
     names: &PartNames,
     to: Option<&Destination>,
@@ -29,4 +30,23 @@ pub(crate) fn prepare(
         loaded.warnings.push(Warning::note(text));
     }
     Ok(data)
+}
+
+/// Returns the data of the meshes of a scene with these numbers, and warnings of images that are left out. `own` has the
+/// data of a mesh that became a scene.
+///
+/// # Errors
+/// If a name on the command line is not found.
+pub(crate) fn of_scene(
+    scene: &Scene,
+    taken: &[usize],
+    names: &PartNames,
+    own: Option<OwnedMeshData>,
+) -> anyhow::Result<(Vec<OwnedMeshData>, Vec<Warning>)> {
+    let mut data = match own {
+        Some(own) => vec![own],
+        None => constraints::of_scene(names, scene, taken)?,
+    };
+    let left_out = palettes::add_of_scene(scene, taken, &mut data);
+    Ok((data, left_out))
 }

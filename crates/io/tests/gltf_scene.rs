@@ -535,7 +535,7 @@ fn numbers(json: &mut Value, at: usize, new: &Value) -> usize {
     next
 }
 
-/// Where copies touch, a run keeps them together: it needs their placements.
+/// The placements of all copies are listed: a run needs them to keep copies together where they touch.
 #[test]
 fn copies_of_a_mesh_have_their_placements() {
     let (mut json, bin) = small();

@@ -35,7 +35,7 @@ pub enum SimplifyError {
         got: usize,
     },
     /// An option that the method does not have.
-    #[error("{option} is not an option of method {method}, but of {takers}", method = method.name(), takers = method_names(takers))]
+    #[error("{option} is not an option of method {method}, but of {takers}", method = method.name(), takers = names(takers))]
     NotOfMethod {
         /// Name of the option.
         option: &'static str,
@@ -60,7 +60,7 @@ pub enum SimplifyError {
     Mesh(#[from] MeshError),
 }
 
-pub(crate) fn method_names(methods: &[MethodKind]) -> String {
+fn names(methods: &[MethodKind]) -> String {
     let names: Vec<_> = methods.iter().map(|m| m.name()).collect();
     match names.split_last() {
         Some((last, rest)) if !rest.is_empty() => format!("{} and {last}", rest.join(", ")),

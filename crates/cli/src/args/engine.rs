@@ -1,6 +1,6 @@
 //! Arguments of simplification, made from the library's table of options.
 
-use clap::builder::{PossibleValuesParser, StringValueParser, TypedValueParser as _};
+use clap::builder::{PossibleValuesParser, StringValueParser, TypedValueParser};
 use clap::error::Error;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
@@ -45,7 +45,10 @@ fn argument(option: &'static NamedOption) -> Arg {
     }
     let arg = arg.value_name(option.value_name);
     let arg = match option.kind {
-        OptionKind::Word(words) => arg.value_parser(PossibleValuesParser::new(words.iter().copied())),
+        OptionKind::Word(words) => {
+            let word = |word: String| OptionValue::Text(word.into());
+            arg.value_parser(PossibleValuesParser::new(words.iter().copied()).map(word))
+        }
         OptionKind::Weights(_) => arg.action(ArgAction::Append).value_parser(parser(option.kind)),
         kind => arg.value_parser(parser(kind)),
     };
@@ -55,11 +58,10 @@ fn argument(option: &'static NamedOption) -> Arg {
     }
 }
 
-/// Returns a parser that checks that a text is a value of a kind.
-fn parser(kind: OptionKind) -> impl clap::builder::TypedValueParser<Value = String> {
-    StringValueParser::new().try_map(move |text| match kind.parse(&text.as_str().into()) {
-        Ok(_) => Ok(text),
-        Err(_) => Err(format!("{} is expected", kind.wanted())),
+/// Returns a parser of values of a kind.
+fn parser(kind: OptionKind) -> impl TypedValueParser<Value = OptionValue<'static>> {
+    StringValueParser::new().try_map(move |text| {
+        kind.parse(&text.as_str().into()).map_err(|_| format!("{} is expected", kind.wanted()))
     })
 }
 
@@ -67,14 +69,12 @@ fn parser(kind: OptionKind) -> impl clap::builder::TypedValueParser<Value = Stri
 fn typed(groups: &[OptionGroup], matches: &ArgMatches) -> Vec<Typed> {
     let is_typed =
         |option: &&NamedOption| matches.value_source(option.name) == Some(ValueSource::CommandLine);
-    let values = |option: &'static NamedOption| {
-        let parsed =
-            |value: &OptionValue<'_>| (option, option.kind.parse(value).expect("the parser has checked it"));
+    let values = |option: &'static NamedOption| -> Vec<Typed> {
         match option.kind {
-            OptionKind::Flag => vec![parsed(&OptionValue::Flag(matches.get_flag(option.name)))],
+            OptionKind::Flag => vec![(option, OptionValue::Flag(matches.get_flag(option.name)))],
             _ => {
-                let texts = matches.get_many::<String>(option.name).into_iter().flatten();
-                texts.map(|text| parsed(&text.as_str().into())).collect()
+                let all = matches.get_many::<OptionValue<'static>>(option.name).into_iter().flatten();
+                all.map(|value| (option, value.clone())).collect()
             }
         }
     };

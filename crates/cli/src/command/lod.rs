@@ -62,7 +62,7 @@ fn of_mesh(
     let sizes_before = sizes::of_input(&args.input, &args.reading, sizes::of_loaded(&loaded));
     let options = args.options();
     let to = plan.job.output.as_ref();
-    let data = engine_input::prepare(&mut loaded, &args.engine.names, to, &options.simplify)?;
+    let data = engine_input::of_mesh(&mut loaded, &args.engine.names, to, &options.simplify)?;
     let Loaded { mesh, regions, mut warnings, format, .. } = loaded;
     let need = memory_need::lod(Size::of(&mesh), &options.simplify);
     memory::check("lod", need.saturating_add(memory_need::images(std::slice::from_ref(&data))))?;

@@ -70,7 +70,7 @@ fn simplify_mesh(
 ) -> anyhow::Result<SimplifyOutcome> {
     let sizes_before = sizes::of_input(source, &args.reading, sizes::of_loaded(&loaded));
     let options = args.options();
-    let data = engine_input::prepare(&mut loaded, &args.engine.names, to, &options)?;
+    let data = engine_input::of_mesh(&mut loaded, &args.engine.names, to, &options)?;
     let Loaded { mesh, regions, mut warnings, format, .. } = loaded;
     let need = memory_need::simplify(&mesh, &options);
     memory::check("simplify", need.saturating_add(memory_need::images(std::slice::from_ref(&data))))?;

@@ -15,8 +15,8 @@
 //! # Ok::<(), lodsmith::options::by_name::OptionError>(())
 //! ```
 
-use super::{MethodKind, SimplifyOptions};
-use crate::error::method_names;
+use super::SimplifyOptions;
+use crate::SimplifyError;
 
 mod entry;
 mod table;
@@ -27,7 +27,7 @@ pub use table::OPTIONS;
 pub use value::{OptionValue, length_of_text, length_text};
 
 /// Reason why an option was rejected.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OptionError {
     /// There is no such option.
@@ -46,24 +46,10 @@ pub enum OptionError {
         /// The values that it takes, and the one given.
         why: String,
     },
-    /// The method does not have the option.
-    #[error("{option} is not an option of method {method}, but of {takers}", method = method.name(), takers = method_names(takers))]
-    NotOfMethod {
-        /// Name of the option.
-        option: &'static str,
-        /// The methods that have it.
-        takers: &'static [MethodKind],
-        /// The method.
-        method: MethodKind,
-    },
-    /// Two options that exclude each other.
-    #[error("{first} and {second} do not go together")]
-    NotTogether {
-        /// Name of one option.
-        first: &'static str,
-        /// Name of the other option.
-        second: &'static str,
-    },
+    /// The method does not have the option ([`SimplifyError::NotOfMethod`]), or another one excludes it
+    /// ([`SimplifyError::NotTogether`]).
+    #[error(transparent)]
+    Combination(SimplifyError),
 }
 
 fn similar(nearest: &Option<&'static str>) -> String {
@@ -142,7 +128,7 @@ fn edits(from: &str, to: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::{BorderPolicy, Method, Preset, Stop};
+    use crate::options::{BorderPolicy, Method, MethodKind, Preset, Stop};
 
     /// Returns options with a value other than the default, and with the method that has the option.
     fn changed(option: &NamedOption) -> SimplifyOptions {
@@ -197,8 +183,11 @@ mod tests {
             let value = option.get(&changed(option)).expect("it is set");
             for method in MethodKind::ALL {
                 let got = from_names(&[(option.name, value.clone()), ("method", method.name().into())]);
-                let refused =
-                    Err(OptionError::NotOfMethod { option: option.name, takers: option.methods, method });
+                let refused = Err(OptionError::Combination(SimplifyError::NotOfMethod {
+                    option: option.name,
+                    takers: option.methods,
+                    method,
+                }));
                 assert!(
                     if option.methods.contains(&method) { got.is_ok() } else { got == refused },
                     "{got:?}"
@@ -225,10 +214,10 @@ mod tests {
                 let given = [("method", "remesh".into()), (first, value(first)), (second, value(second))];
                 assert_eq!(
                     from_names(&given),
-                    Err(OptionError::NotTogether {
+                    Err(OptionError::Combination(SimplifyError::NotTogether {
                         first: find(first).expect("an option").name,
                         second: find(second).expect("an option").name,
-                    })
+                    }))
                 );
             }
         }

@@ -96,7 +96,7 @@ pub enum Method {
     Remesh(Remesh),
 }
 
-/// What [`Method::Remesh`] makes.
+/// Kind of surface that [`Method::Remesh`] makes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Remesh {

@@ -17,7 +17,7 @@ use crate::normals::set_normals;
 use crate::run_control::{RunControl, not_interrupted};
 use crate::scene_parts::{self, parts_of, taken};
 use crate::warnings::{not_reached, starved};
-use crate::{baking, constraints, images, memory, memory_need, palettes, sizes};
+use crate::{baking, engine_input, images, memory, memory_need, sizes};
 
 /// Makes the levels of a mesh that becomes a glTF scene.
 pub(super) fn of_mesh(
@@ -54,11 +54,7 @@ pub(super) fn of_scene(
     let taken = taken(&meshes);
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
     let options = args.options();
-    let mut data = match own {
-        Some(own) => vec![own],
-        None => constraints::of_scene(&args.engine.names, &scene, &taken)?,
-    };
-    let left_out = palettes::add_of_scene(&scene, &taken, &mut data);
+    let (data, left_out) = engine_input::of_scene(&scene, &taken, &args.engine.names, own)?;
     let parts = parts_of(&meshes, &data);
     let size = Size::of_all(meshes.iter().map(|m| &*m.mesh));
     let need = memory_need::lod_scene(size, &options.simplify).saturating_add(scene.buffer_bytes());

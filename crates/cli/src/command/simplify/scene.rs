@@ -15,7 +15,7 @@ use crate::paths::Source;
 use crate::run_control::{RunControl, not_interrupted};
 use crate::scene_parts::{self, parts_of, taken};
 use crate::warnings::{not_reached, starved, warnings_of};
-use crate::{constraints, images, memory, memory_need, palettes, sizes};
+use crate::{engine_input, images, memory, memory_need, sizes};
 
 /// Simplifies a mesh that becomes a scene, so that maps can be baked for it.
 pub(super) fn simplify_mesh(
@@ -48,11 +48,7 @@ pub(super) fn simplify_scene(
     let taken = taken(&meshes);
     let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
     let options = args.options();
-    let mut data = match own {
-        Some(own) => vec![own],
-        None => constraints::of_scene(&args.engine.names, &scene, &taken)?,
-    };
-    let left_out = palettes::add_of_scene(&scene, &taken, &mut data);
+    let (data, left_out) = engine_input::of_scene(&scene, &taken, &args.engine.names, own)?;
     let parts = parts_of(&meshes, &data);
     let need = memory_need::simplify_scene(&meshes, scene.buffer_bytes(), &options);
     memory::check("simplify", need.saturating_add(memory_need::images(&data)))?;

@@ -2,6 +2,7 @@
 
 use super::OptionError;
 use super::value::OptionValue;
+use crate::SimplifyError;
 use crate::options::{Length, MethodKind, SimplifyOptions};
 
 /// An option of simplification: its name, the values that it takes, and how it is read and set.
@@ -11,11 +12,11 @@ pub struct NamedOption {
     pub name: &'static str,
     /// The values that it takes.
     pub kind: OptionKind,
-    /// Where it belongs in lists.
+    /// Section of lists, such as the help of the command.
     pub group: OptionGroup,
     /// Placeholder of the value in help texts, in capitals; empty for flags.
     pub value_name: &'static str,
-    /// What it does: one sentence in the imperative, without a full stop.
+    /// Help text: one sentence in the imperative, without a full stop.
     pub help: &'static str,
     /// The methods that have it, if it is an option of single methods; else empty.
     pub methods: &'static [MethodKind],
@@ -27,13 +28,13 @@ pub(super) type Get = fn(&SimplifyOptions) -> Option<OptionValue<'static>>;
 /// Sets a value of the kind, for a method that has the option, or returns the option that excludes it.
 pub(super) type Set = fn(&mut SimplifyOptions, &OptionValue<'_>) -> Result<(), &'static str>;
 
-/// Where an option belongs in lists.
+/// Section of lists of options, such as the help of the command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum OptionGroup {
-    /// When a run stops.
+    /// Targets, which end a run.
     Target,
-    /// How it simplifies.
+    /// Options of most methods.
     Simplification,
     /// Options of single methods.
     OfMethod,
@@ -148,7 +149,7 @@ impl OptionKind {
     /// Returns a value in the form of its kind: numbers and lengths from text, words as they are.
     ///
     /// # Errors
-    /// What is expected and what was given, if the value is not of this kind or out of range.
+    /// A text with the expected and the given value, if it is not of this kind or out of range.
     pub fn parse(&self, value: &OptionValue<'_>) -> Result<OptionValue<'static>, String> {
         let parsed = match self {
             Self::Count(least) => value.whole().filter(|n| n >= least).map(OptionValue::Whole),
@@ -189,8 +190,8 @@ impl NamedOption {
     /// Sets a value. `method` and `preset` reset what depends on them.
     ///
     /// # Errors
-    /// [`OptionError::Value`] for a value that is not of the kind or out of range, [`OptionError::NotOfMethod`] if
-    /// the method of the options does not have this one, [`OptionError::NotTogether`] if another one excludes it.
+    /// [`OptionError::Value`] for a value that is not of the kind or out of range, [`OptionError::Combination`] if the
+    /// method of the options does not have this one, or another one excludes it.
     pub fn set(&self, options: &mut SimplifyOptions, value: &OptionValue<'_>) -> Result<(), OptionError> {
         let option = self.name;
         let value = self.kind.parse(value).map_err(|why| OptionError::Value { option, why })?;
@@ -200,10 +201,15 @@ impl NamedOption {
             return if is_off {
                 Ok(())
             } else {
-                Err(OptionError::NotOfMethod { option, takers: self.methods, method })
+                Err(OptionError::Combination(SimplifyError::NotOfMethod {
+                    option,
+                    takers: self.methods,
+                    method,
+                }))
             };
         }
-        (self.set)(options, &value).map_err(|first| OptionError::NotTogether { first, second: option })
+        let together = |first| SimplifyError::NotTogether { first, second: option };
+        (self.set)(options, &value).map_err(|first| OptionError::Combination(together(first)))
     }
 
     /// Returns the default as text, as on the command line; `None` if the option is off by default.

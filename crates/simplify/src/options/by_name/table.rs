@@ -109,7 +109,9 @@ fn set_voxel(options: &mut SimplifyOptions, value: &OptionValue<'_>) -> Result<(
         Remesh::OnSurface { pattern: RemeshPattern::SemiRegular { .. }, .. } => return Err("subdivisions"),
         _ => {}
     }
-    value.length().into_iter().for_each(|size| *remesh = Remesh::Voxels { size });
+    if let Some(size) = value.length() {
+        *remesh = Remesh::Voxels { size };
+    }
     Ok(())
 }
 

@@ -78,7 +78,8 @@ impl OptionValue<'_> {
         }
     }
 
-    fn finite(&self) -> Option<f64> {
+    /// Returns the finite number of a value.
+    pub(super) fn number(&self) -> Option<f64> {
         let number = match self {
             Self::Whole(x) => Some(*x as f64),
             Self::Number(x) => Some(*x),
@@ -86,11 +87,6 @@ impl OptionValue<'_> {
             _ => None,
         };
         number.filter(|x| x.is_finite())
-    }
-
-    /// Returns the number of a value.
-    pub(super) fn number(&self) -> Option<f64> {
-        self.finite()
     }
 
     /// Returns the whole number of a value.
@@ -114,9 +110,9 @@ impl OptionValue<'_> {
         match self {
             Self::Text(text) => match text.trim().strip_suffix('%') {
                 Some(percent) => percent.trim_end().parse().ok().map(|x: f64| x / 100.0),
-                None => self.finite(),
+                None => self.number(),
             },
-            _ => self.finite(),
+            _ => self.number(),
         }
     }
 
@@ -126,9 +122,9 @@ impl OptionValue<'_> {
             Self::Length(length) => Some(*length),
             Self::Text(text) => match text.trim().strip_suffix('%') {
                 Some(percent) => percent.trim_end().parse().ok().map(|x: f64| Length::OfDiagonal(x / 100.0)),
-                None => self.finite().map(Length::Units),
+                None => self.number().map(Length::Units),
             },
-            _ => self.finite().map(Length::Units),
+            _ => self.number().map(Length::Units),
         }
     }
 
