@@ -108,9 +108,9 @@ pub(crate) fn read_built(
     size: usize,
     options: &ReadOptions,
 ) -> Result<Loaded, ReadError> {
-    let (format, warnings) = (built.format, std::mem::take(&mut built.warnings));
-    let sources = std::mem::take(&mut built.source_vertices);
-    let mut loaded = merged(built.document(), size, format, &sources, options)?;
+    let (format, warnings) = (built.format, std::mem::take(&mut built.parts.warnings));
+    let document = built.parts.document();
+    let mut loaded = merged(document, size, format, &built.source_vertices, options)?;
     loaded.warnings.splice(0..0, warnings);
     Ok(loaded)
 }
@@ -173,5 +173,5 @@ pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io:
         .unwrap_or_default();
     let frame = options.regions.as_deref().and_then(Regions::frame).unwrap_or(Frame::GLTF);
     let format = options.format.filter(|f| *f == Format::Gltf).unwrap_or(Format::Glb);
-    write::write(mesh, looks, frame, SceneFormat::new(format, options.packing), out)
+    pack::write(write::parts(mesh, looks, frame), SceneFormat::new(format, options.packing), out)
 }

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use glam::DMat4;
 use serde_json::{Map, Value, json};
 
-use super::container::Document;
+use super::container::FileParts;
 #[cfg(feature = "fbx")]
 use super::container::list;
 #[cfg(feature = "fbx")]
@@ -17,19 +17,10 @@ use crate::format::Format;
 
 /// A scene that was made from the contents of another format.
 pub(crate) struct BuiltScene {
-    json: Value,
-    bin: Vec<u8>,
+    pub(super) parts: FileParts,
     pub(super) format: Format,
-    pub(super) warnings: Vec<Warning>,
     /// The vertex in the source of each glTF vertex, by accessor of positions, for meshes whose vertices were split.
     pub(super) source_vertices: BTreeMap<usize, Vec<u32>>,
-}
-
-impl BuiltScene {
-    /// Returns the document, for the readers of glTF.
-    pub(super) fn document(&mut self) -> Document<'_> {
-        Document { json: std::mem::take(&mut self.json), bin: Some(&self.bin), is_glb: true }
-    }
 }
 
 /// The vertices of a mesh, and its triangles by material.
@@ -225,7 +216,7 @@ impl SceneBuilder {
             self.json["accessors"] = accessors.into();
         }
         let Self { json, source_vertices, warnings, format, .. } = self;
-        BuiltScene { json, bin: bytes, format, warnings, source_vertices }
+        BuiltScene { parts: FileParts { json, bytes, warnings }, format, source_vertices }
     }
 }
 

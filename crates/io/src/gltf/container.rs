@@ -6,7 +6,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::Value;
 
-use crate::error::ReadError;
+use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt;
 use crate::limits::Limits;
 
@@ -16,6 +16,21 @@ pub(super) struct Document<'a> {
     /// The binary chunk of a GLB.
     pub(super) bin: Option<&'a [u8]>,
     pub(super) is_glb: bool,
+}
+
+/// The parts of a new file: its JSON, and the bytes of its only buffer, which the JSON does not contain.
+pub(super) struct FileParts {
+    pub(super) json: Value,
+    pub(super) bytes: Vec<u8>,
+    /// Warnings of making it.
+    pub(super) warnings: Vec<Warning>,
+}
+
+impl FileParts {
+    /// Takes the JSON, for the readers of glTF.
+    pub(super) fn document(&mut self) -> Document<'_> {
+        Document { json: std::mem::take(&mut self.json), bin: Some(&self.bytes), is_glb: true }
+    }
 }
 
 /// Limits on the memory of parsed JSON: bytes per byte of text, and a total that any file may reach. Scenes
@@ -194,22 +209,17 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), ReadError> {
     json.map(|json| (json, bin)).ok_or_else(|| ReadError::byte(12, "the GLB has no JSON chunk"))
 }
 
-/// Puts the bytes of the first buffer into the JSON, unless they go into the binary chunk of a GLB.
-pub(super) fn embed_buffer(json: &mut Value, bytes: &[u8], glb: bool) {
-    let buffer = list_mut(json, "buffers").first_mut().and_then(Value::as_object_mut);
-    if let Some(buffer) = buffer.filter(|_| !glb) {
-        let uri = format!("data:application/octet-stream;base64,{}", STANDARD.encode(bytes));
-        buffer.insert("uri".to_owned(), uri.into());
-    }
-}
-
-/// Writes a file: JSON whose bytes are embedded already, or a GLB with a binary chunk.
-pub(super) fn emit(json: &Value, bytes: &[u8], glb: bool, out: &mut dyn Write) -> io::Result<()> {
+/// Writes a file: JSON in which the bytes of the first buffer are embedded, or a GLB with a binary chunk.
+pub(super) fn emit(mut json: Value, bytes: &[u8], glb: bool, out: &mut dyn Write) -> io::Result<()> {
     if !glb {
-        serde_json::to_writer(&mut *out, json)?;
+        if let Some(buffer) = list_mut(&mut json, "buffers").first_mut().and_then(Value::as_object_mut) {
+            let uri = format!("data:application/octet-stream;base64,{}", STANDARD.encode(bytes));
+            buffer.insert("uri".to_owned(), uri.into());
+        }
+        serde_json::to_writer(&mut *out, &json)?;
         return out.write_all(b"\n");
     }
-    let mut text = serde_json::to_vec(json)?;
+    let mut text = serde_json::to_vec(&json)?;
     while !text.len().is_multiple_of(4) {
         text.push(b' ');
     }

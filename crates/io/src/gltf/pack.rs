@@ -19,7 +19,7 @@ mod quantize;
 mod streams;
 
 use std::collections::{BTreeMap, HashMap, HashSet};
-use std::io;
+use std::io::{self, Write};
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -27,10 +27,11 @@ use serde_json::Value;
 
 use super::accessors::{Accessor, Component};
 use super::buffers::Buffers;
-use super::container::{list, list_mut, number};
+use super::container::{FileParts, emit, list, list_mut, number};
 use super::lists::{QUANTIZATION, needs_quantization, set_extension};
 use super::references::{ReferenceKind, each_reference};
 use crate::error::{ReadError, Warning};
+use crate::format::Format;
 
 use geometry::{GeometryTask, PackedGeometry};
 use motion::{Role, Tracks, roles};
@@ -47,11 +48,27 @@ const ORDER_INDEPENDENT: [&str; 3] =
 /// span 64 steps.)
 const OWN_GRID: f32 = 1.0 / 256.0;
 
+/// Writes a new file as glTF or GLB, packed if the format requests it.
+pub(super) fn write(
+    FileParts { mut json, mut bytes, mut warnings }: FileParts,
+    SceneFormat { format, packing, .. }: SceneFormat,
+    out: &mut dyn Write,
+) -> io::Result<Written> {
+    let mut packed = None;
+    if packing.is_needed() {
+        let (smaller, report, notes) = pack(&mut json, bytes, packing)?;
+        (bytes, packed) = (smaller, Some(report));
+        warnings.extend(notes);
+    }
+    emit(json, &bytes, format == Format::Glb, out)?;
+    Ok(Written { packed, ..Written::new(warnings) })
+}
+
 /// A packed file: the bytes of its first buffer, the report, and warnings.
-pub(super) type Packed = (Vec<u8>, PackReport, Vec<Warning>);
+type Packed = (Vec<u8>, PackReport, Vec<Warning>);
 
 /// Packs a file whose only buffer has these bytes. Cost: O(bytes); memory is about three times the bytes.
-pub(super) fn pack(json: &mut Value, bytes: Vec<u8>, packing: Packing) -> io::Result<Packed> {
+fn pack(json: &mut Value, bytes: Vec<u8>, packing: Packing) -> io::Result<Packed> {
     let buffers = [Arc::new(bytes)];
     let source = json.clone();
     let opened = Buffers::loaded(&source, &buffers, 0);

@@ -1,4 +1,4 @@
-//! Writer of a scene with some meshes replaced.
+//! Construction of the file of a scene with some meshes replaced.
 //!
 //! ```text
 //! for each replaced mesh:  its primitives release their accessors; the new data become pieces
@@ -14,7 +14,7 @@ mod pieces;
 mod tidy;
 
 use std::collections::{BTreeSet, HashMap, HashSet};
-use std::io::{self, Write};
+use std::io;
 use std::sync::Arc;
 
 use lodsmith_core::mesh::{IntegerType, Semantic};
@@ -22,12 +22,12 @@ use lodsmith_core::{Positions, TriMesh, VertexId, WedgeId};
 use serde_json::{Map, Value, json};
 
 use super::accessors::Component;
-use super::container::{embed_buffer, emit, list, number};
+use super::container::{FileParts, list, number};
 use super::encode::{NumberType, encode, normalize_weights, unit_directions};
 use super::external_files::relink;
 use super::lists::{QUANTIZATION, needs_quantization, set_extension, take_extension};
 use super::mesh::TYPE_NAMES;
-use super::pack::{Compression, SceneFormat, Written, pack};
+use super::pack::{Compression, SceneFormat};
 use super::primitive::Primitive;
 use super::slot::Slot;
 use edit::{AccessorRole, Edit, Spot, VERTEX_EXTENSION, VERTEX_TARGET};
@@ -40,14 +40,14 @@ use crate::format::Format;
 const VERTEX_INDEPENDENT_EXTENSIONS: [&str; 3] =
     ["KHR_materials_variants", "EXT_mesh_features", "EXT_structural_metadata"];
 
-/// `was_compressed` says whether the buffers were decoded from compressed streams.
-pub(super) fn write(
+/// Makes the file, which [`pack::write`](super::pack::write) packs if the format requests it. `was_compressed` says
+/// whether the buffers were decoded from compressed streams.
+pub(super) fn parts(
     (source, buffers, was_compressed): (&Value, &[Arc<Vec<u8>>], bool),
     replaced: &[Option<TriMesh>],
     SceneFormat { format, packing, .. }: SceneFormat,
     new_uri: &dyn Fn(&str) -> Option<String>,
-    out: &mut dyn Write,
-) -> io::Result<Written> {
+) -> io::Result<FileParts> {
     if !matches!(format, Format::Gltf | Format::Glb) {
         return Err(invalid(format!("a scene is written as glTF or GLB, not as {}", format.title())));
     }
@@ -57,10 +57,9 @@ pub(super) fn write(
             edit.replace(i, mesh)?;
         }
     }
-    let (mut json, mut bytes, mut warnings) = edit.finish(buffers);
+    let (mut json, bytes, mut warnings) = edit.finish(buffers);
     relink(&mut json, 0, new_uri);
-    let glb = format == Format::Glb;
-    set_buffer(&mut json, &bytes, glb);
+    set_buffer(&mut json, &bytes, format == Format::Glb);
     if was_compressed && packing.compression == Compression::None {
         let text = "the input was compressed, and the output is not: --compress meshopt keeps it small";
         warnings.push(Warning::note(text));
@@ -73,15 +72,7 @@ pub(super) fn write(
             warnings.push(Warning::note(text));
         }
     }
-    let mut packed = None;
-    if packing.is_needed() {
-        let (smaller, report, notes) = pack(&mut json, bytes, packing)?;
-        (bytes, packed) = (smaller, Some(report));
-        warnings.extend(notes);
-    }
-    embed_buffer(&mut json, &bytes, glb);
-    emit(&json, &bytes, glb, out)?;
-    Ok(Written { packed, ..Written::new(warnings) })
+    Ok(FileParts { json, bytes, warnings })
 }
 
 fn invalid(problem: String) -> io::Error {

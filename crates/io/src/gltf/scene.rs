@@ -20,7 +20,7 @@ use super::names::MeshNames;
 use super::pack::{SceneFormat, Written};
 use super::placements::{self, PlacedNodes};
 use super::survey::survey;
-use super::{inventory, replace, unpack};
+use super::{inventory, pack, replace, unpack};
 use crate::assets::{Asset, Assets, MAX_IMAGE_BYTES, Refusal};
 use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt;
@@ -128,8 +128,8 @@ impl Scene {
         size: usize,
         options: &ReadOptions,
     ) -> Result<Self, ReadError> {
-        let (format, warnings) = (built.format, std::mem::take(&mut built.warnings));
-        let mut scene = Self::of_document(built.document(), size, format, options)?;
+        let (format, warnings) = (built.format, std::mem::take(&mut built.parts.warnings));
+        let mut scene = Self::of_document(built.parts.document(), size, format, options)?;
         scene.warnings.splice(0..0, warnings);
         scene.source_vertices = (format == Format::ThreeMf).then(|| Arc::new(built.source_vertices));
         Ok(scene)
@@ -305,7 +305,8 @@ impl Scene {
         relink: &dyn Fn(&str) -> Option<String>,
         out: &mut dyn Write,
     ) -> io::Result<Written> {
-        replace::write((&self.json, &self.buffers, self.unpacked > 0), replaced, to.into(), relink, out)
+        let (source, to) = ((&self.json, &*self.buffers, self.unpacked > 0), to.into());
+        pack::write(replace::parts(source, replaced, to, relink)?, to, out)
     }
 
     /// Writes the scene with levels of detail, by the extension `MSFT_lod`: every node whose mesh has levels
@@ -323,7 +324,8 @@ impl Scene {
         out: &mut dyn Write,
     ) -> io::Result<Written> {
         let (json, replaced) = lod::with_levels(&self.json, levels)?;
-        replace::write((&json, &self.buffers, self.unpacked > 0), &replaced, to.into(), relink, out)
+        let (source, to) = ((&json, &*self.buffers, self.unpacked > 0), to.into());
+        pack::write(replace::parts(source, &replaced, to, relink)?, to, out)
     }
 
     /// Returns the scene with a copy of its contents at each of these places, under its own node. Copies

@@ -1,16 +1,13 @@
-//! Writer of a mesh as a glTF file.
+//! Construction of the glTF file of a mesh.
 
 use std::borrow::Cow;
-use std::io::{self, Write};
 
 use lodsmith_core::{Bounds, Positions, TriMesh, VertexId, WedgeId};
 use serde_json::{Value, json};
 
-use super::container::{embed_buffer, emit};
-use super::pack::{SceneFormat, Written, pack};
+use super::container::FileParts;
 use crate::attributes::{linear_colors, rounding_warning};
 use crate::error::Warning;
-use crate::format::Format;
 use crate::frame::Frame;
 use crate::material::{ConvertedMaterial, ConvertedMaterials};
 
@@ -24,13 +21,8 @@ const INDEX_TARGET: u32 = 34963;
 /// For data that is neither vertices nor indices.
 pub(super) const NO_TARGET: u32 = 0;
 
-pub(super) fn write(
-    mesh: &TriMesh,
-    mut looks: ConvertedMaterials,
-    frame: Frame,
-    format: SceneFormat,
-    out: &mut dyn Write,
-) -> io::Result<Written> {
+/// Makes a file of one mesh, with these materials.
+pub(super) fn parts(mesh: &TriMesh, mut looks: ConvertedMaterials, frame: Frame) -> FileParts {
     let mut warnings = std::mem::take(&mut looks.warnings);
     let mut file = GltfBuilder::default();
     // Without attributes, wedges carry no information: the vertices are written as they are.
@@ -85,10 +77,8 @@ pub(super) fn write(
         }
         primitives.push(primitive);
     }
-    let node = node(frame, center);
-    let mut written = file.finish(primitives, &looks, node, format, out)?;
-    written.warnings.splice(0..0, warnings);
-    Ok(written)
+    let (json, bytes) = file.finish(primitives, &looks, node(frame, center));
+    FileParts { json, bytes, warnings }
 }
 
 /// A material, if any, and its triangles.
@@ -304,14 +294,7 @@ impl GltfBuilder {
         self.views.len() - 1
     }
 
-    fn finish(
-        mut self,
-        primitives: Vec<Value>,
-        looks: &ConvertedMaterials,
-        node: Value,
-        SceneFormat { format, packing, .. }: SceneFormat,
-        out: &mut dyn Write,
-    ) -> io::Result<Written> {
+    fn finish(mut self, primitives: Vec<Value>, looks: &ConvertedMaterials, node: Value) -> (Value, Vec<u8>) {
         let mut images = Vec::new();
         for image in &looks.images {
             let view = self.image(&image.bytes);
@@ -335,15 +318,6 @@ impl GltfBuilder {
             json["textures"] = (0..images.len()).map(|image| json!({ "source": image })).collect();
             json["images"] = images.into();
         }
-        let glb = format == Format::Glb;
-        let mut written = Written::default();
-        if packing.is_needed() {
-            let (smaller, report, notes) = pack(&mut json, self.bytes, packing)?;
-            self.bytes = smaller;
-            written = Written { packed: Some(report), ..Written::new(notes) };
-        }
-        embed_buffer(&mut json, &self.bytes, glb);
-        emit(&json, &self.bytes, glb, out)?;
-        Ok(written)
+        (json, self.bytes)
     }
 }
