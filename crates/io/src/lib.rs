@@ -20,6 +20,7 @@ pub mod gltf;
 pub mod limits;
 mod lines;
 mod loaded;
+mod losses;
 pub mod lpm;
 pub mod machine;
 mod material;

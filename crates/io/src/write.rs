@@ -7,11 +7,12 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use lodsmith_core::TriMesh;
 
-use crate::error::{Warning, WriteError};
+use crate::error::WriteError;
 use crate::files::BUFFER;
 pub use crate::files::write_file;
 use crate::format::Format;
-use crate::gltf::{CopiedImages, Packing, Scene, SceneFormat, SceneLevels, Written};
+use crate::gltf::{CopiedImages, Scene, SceneFormat, SceneLevels, Written};
+use crate::losses::{losses, not_packed_warning};
 use crate::material::{self, Textures};
 pub use crate::options::WriteOptions;
 use crate::sniff::hint_of;
@@ -260,41 +261,8 @@ fn write_format(
         Format::Lpm => Err(io::Error::other(WriteError::NeedsSplits)),
     }?;
     out.flush()?;
-    let regions = options.regions.as_deref();
-    let with_materials = options.textures != Textures::None;
-    if format != Format::Obj
-        && let Some(lost) = regions.and_then(|regions| {
-            let is_carried = matches!(format, Format::Gltf | Format::Glb | Format::ThreeMf)
-                && !material::drops_materials(mesh, regions);
-            regions.lost_headings(with_materials && !is_carried)
-        })
-    {
-        written.warnings.push(Warning::lost(format!("{} cannot carry {lost}: dropped", format.title())));
-    }
-    written.warnings.extend(lost_integers_warning(mesh, format));
-    if !matches!(format, Format::Gltf | Format::Glb) {
-        written.warnings.extend(not_packed_warning(format, options.packing));
-    }
-    if !with_materials && regions.is_some_and(material::Regions::has_materials) {
-        written.warnings.push(Warning::note("materials dropped: --textures none"));
-    }
+    written.warnings.extend(losses(mesh, format, options));
     Ok(written)
-}
-
-/// Returns the note that a format cannot be packed, if packing was requested.
-fn not_packed_warning(format: Format, packing: Packing) -> Option<Warning> {
-    let text = format!("{} is neither compressed nor quantized: only glTF and GLB are", format.title());
-    packing.is_needed().then(|| Warning::note(text))
-}
-
-/// Returns the warning about named integer attributes that a format cannot carry.
-fn lost_integers_warning(mesh: &TriMesh, format: Format) -> Option<Warning> {
-    let further = mesh.further_attributes().iter().filter(|a| a.semantic.is_discrete());
-    let names: Vec<&str> = further.filter_map(|a| a.semantic.name()).collect();
-    let is_lost = format != Format::Ply && !names.is_empty();
-    is_lost.then(|| {
-        Warning::lost(format!("{} cannot carry {} of vertices: dropped", format.title(), names.join(", ")))
-    })
 }
 
 fn is_gz(path: &Path) -> bool {
