@@ -69,7 +69,6 @@ use crate::error::ReadError;
 use crate::format::Format;
 use crate::frame::Frame;
 use crate::loaded::Loaded;
-use crate::material::{Purpose, Regions, Textures, convert_materials};
 use crate::options::ReadOptions;
 use crate::options::WriteOptions;
 
@@ -165,13 +164,6 @@ fn merged(
 /// # Errors
 /// I/O errors of the stream; [`io::ErrorKind::InvalidInput`] for a GLB of more than 4 GiB.
 pub fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io::Result<Written> {
-    let looks = options
-        .regions
-        .as_deref()
-        .filter(|_| options.textures != Textures::None)
-        .and_then(|regions| convert_materials(mesh, regions, Purpose::Gltf))
-        .unwrap_or_default();
-    let frame = options.regions.as_deref().and_then(Regions::frame).unwrap_or(Frame::GLTF);
     let format = options.format.filter(|f| *f == Format::Gltf).unwrap_or(Format::Glb);
-    pack::write(write::parts(mesh, looks, frame), SceneFormat::new(format, options.packing), out)
+    pack::write(write::parts(mesh, options), SceneFormat::new(format, options.packing), out)
 }

@@ -2,6 +2,7 @@
 
 mod colors;
 mod compressed;
+mod conversions;
 mod copies;
 mod dae;
 mod discrete;

@@ -20,15 +20,16 @@ use super::names::MeshNames;
 use super::pack::{SceneFormat, Written};
 use super::placements::{self, PlacedNodes};
 use super::survey::survey;
-use super::{inventory, pack, replace, unpack};
+use super::{inventory, pack, replace, unpack, write};
 use crate::assets::{Asset, Assets, MAX_IMAGE_BYTES, Refusal};
 use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt;
 use crate::format::Format;
 use crate::limits::Limits;
 use crate::loaded::Contents;
+use crate::losses::losses;
 use crate::material::image_type;
-use crate::options::ReadOptions;
+use crate::options::{ReadOptions, WriteOptions};
 
 /// A whole glTF file: its meshes one by one; nodes, materials, animations and everything else unchanged.
 ///
@@ -120,6 +121,26 @@ impl Scene {
         document.check_extensions()?;
         let format = if document.is_glb { Format::Glb } else { Format::Gltf };
         Self::of_document(document, bytes.len(), format, options)
+    }
+
+    /// Returns a mesh as a scene of one node, and warnings about what glTF cannot hold of it.
+    ///
+    /// The scene is the one that [`read`](Self::read) gives for the GLB that [`write_to`](crate::write_to) writes with
+    /// these options, without packing; but no file is written or parsed. Its format is [`Format::Glb`], and it contains
+    /// all its images. A mesh without faces is not an error. Cost: O(vertices + triangles + bytes of the images).
+    ///
+    /// # Errors
+    /// [`ReadError::Memory`] and [`ReadError::Limit`] beyond the limits.
+    pub fn of_mesh(
+        mesh: &TriMesh,
+        options: &WriteOptions,
+        limits: Limits,
+    ) -> Result<(Self, Vec<Warning>), ReadError> {
+        let mut parts = write::parts(mesh, options);
+        let mut warnings = std::mem::take(&mut parts.warnings);
+        warnings.extend(losses(mesh, Format::Glb, options));
+        let (size, reading) = (parts.bytes.len(), ReadOptions { limits, ..ReadOptions::default() });
+        Ok((Self::of_document(parts.document(), size, Format::Glb, &reading)?, warnings))
     }
 
     /// Returns the scene that was made from another format, read from `size` bytes.

@@ -9,7 +9,8 @@ use super::container::FileParts;
 use crate::attributes::{linear_colors, rounding_warning};
 use crate::error::Warning;
 use crate::frame::Frame;
-use crate::material::{ConvertedMaterial, ConvertedMaterials};
+use crate::material::{ConvertedMaterial, ConvertedMaterials, Purpose, Regions, Textures, convert_materials};
+use crate::options::WriteOptions;
 
 /// glTF codes of component types and of view targets.
 pub(super) const U8: u32 = 5121;
@@ -21,8 +22,14 @@ const INDEX_TARGET: u32 = 34963;
 /// For data that is neither vertices nor indices.
 pub(super) const NO_TARGET: u32 = 0;
 
-/// Makes a file of one mesh, with these materials.
-pub(super) fn parts(mesh: &TriMesh, mut looks: ConvertedMaterials, frame: Frame) -> FileParts {
+/// Makes the file of a mesh; see [`write`](fn@super::write).
+pub(super) fn parts(mesh: &TriMesh, options: &WriteOptions) -> FileParts {
+    let regions = options.regions.as_deref();
+    let mut looks = regions
+        .filter(|_| options.textures != Textures::None)
+        .and_then(|regions| convert_materials(mesh, regions, Purpose::Gltf))
+        .unwrap_or_default();
+    let frame = regions.and_then(Regions::frame).unwrap_or(Frame::GLTF);
     let mut warnings = std::mem::take(&mut looks.warnings);
     let mut file = GltfBuilder::default();
     // Without attributes, wedges carry no information: the vertices are written as they are.
