@@ -64,10 +64,12 @@ use std::io::{self, Write};
 
 use lodsmith_core::TriMesh;
 
+use crate::assets::Assets;
 use crate::attributes::srgb_colors;
 use crate::error::ReadError;
 use crate::format::Format;
 use crate::frame::Frame;
+use crate::limits::Limits;
 use crate::loaded::Loaded;
 use crate::options::ReadOptions;
 use crate::options::WriteOptions;
@@ -98,18 +100,19 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     document.check_version()?;
     document.check_extensions()?;
     let format = if document.is_glb { Format::Glb } else { Format::Gltf };
-    merged(document, bytes.len(), format, &BTreeMap::new(), options)
+    merged(document, bytes.len(), format, &BTreeMap::new(), (options.files(), options.limits))
 }
 
 /// Merges the meshes of a scene that was made from another format, read from `size` bytes.
-pub(crate) fn read_built(
-    mut built: BuiltScene,
-    size: usize,
-    options: &ReadOptions,
-) -> Result<Loaded, ReadError> {
+pub(crate) fn read_built(built: BuiltScene, size: usize, options: &ReadOptions) -> Result<Loaded, ReadError> {
+    merged_built(built, size, (options.files(), options.limits))
+}
+
+/// Merges the meshes of a scene that was made in memory, and counts as a file of `size` bytes. `found_in`: the files that
+/// materials may name, and the limits of reading.
+fn merged_built(mut built: BuiltScene, size: usize, found_in: (Assets, Limits)) -> Result<Loaded, ReadError> {
     let (format, warnings) = (built.format, std::mem::take(&mut built.parts.warnings));
-    let document = built.parts.document();
-    let mut loaded = merged(document, size, format, &built.source_vertices, options)?;
+    let mut loaded = merged(built.parts.document(), size, format, &built.source_vertices, found_in)?;
     loaded.warnings.splice(0..0, warnings);
     Ok(loaded)
 }
@@ -120,26 +123,26 @@ fn merged(
     size: usize,
     format: Format,
     source_vertices: &BTreeMap<usize, Vec<u32>>,
-    options: &ReadOptions,
+    (assets, limits): (Assets, Limits),
 ) -> Result<Loaded, ReadError> {
     let opened;
     let buffers = if unpack::is_needed(&document.json) {
-        let mut all = Buffers::new(&document, options).load_all()?;
-        let unpacked = unpack::unpack(&mut document.json, &mut all, options.limits.max_bytes())?;
+        let mut all = Buffers::new(&document, assets.clone(), limits).load_all()?;
+        let unpacked = unpack::unpack(&mut document.json, &mut all, limits.max_bytes())?;
         opened = all;
         Buffers::loaded(&document.json, &opened, unpacked)
     } else {
-        Buffers::new(&document, options)
+        Buffers::new(&document, assets.clone(), limits)
     };
     let nodes = PlacedNodes::new(&document.json)?.or_all_meshes(&document.json);
     let (mut contents, mut warnings) =
         inventory::take(&document.json, &nodes.placements, inventory::Kept::Mesh);
-    let gathered = geometry::gather(&document.json, &buffers, &nodes, size, options.limits)?;
+    let gathered = geometry::gather(&document.json, &buffers, &nodes, size, limits)?;
     let geometry::Gathered { mut mesh, runs, warnings: merge_warnings, bases } = gathered;
     if !source_vertices.is_empty() {
         mesh = geometry::with_source_vertices(&mesh, &bases, source_vertices);
     }
-    let (regions, of_faces) = materials::regions(&document.json, &buffers, &runs, options.files(), size);
+    let (regions, of_faces) = materials::regions(&document.json, &buffers, &runs, assets, size);
     mesh.set_regions(of_faces)?;
     if let Some(colors) = mesh.colors() {
         mesh.set_colors(Some(srgb_colors(colors)))?;
@@ -147,7 +150,7 @@ fn merged(
     contents.polygons = mesh.face_count();
     warnings.extend(merge_warnings);
     let regions = regions.with_frame(Frame::GLTF);
-    Ok(Loaded { regions, ..Loaded::new(mesh, format, contents, warnings) })
+    Ok(Loaded { regions, limits, ..Loaded::new(mesh, format, contents, warnings) })
 }
 
 /// Writes a mesh as glTF 2.0: as JSON with an embedded buffer if the format of the options is

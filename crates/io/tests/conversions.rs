@@ -1,4 +1,4 @@
-//! Conversions between meshes and scenes in memory: the same as by way of the bytes of a GLB.
+//! Conversions of meshes to scenes and back: the same as by way of the bytes of a GLB.
 
 use std::fs;
 use std::io::Cursor;
@@ -8,9 +8,12 @@ use lodsmith_core::{Attribute, IntegerType, Positions, Semantic, TriMesh, shapes
 use lodsmith_io::gltf::{Compression, Packing, Scene};
 use lodsmith_io::{
     Format, Limits, Loaded, ReadError, ReadOptions, Regions, Textures, WriteOptions, read_bytes, read_path,
-    write_to,
+    read_scene_bytes, read_scene_path, write_scene_to, write_to,
 };
+use serde_json::{Value, json};
 use tempfile::TempDir;
+
+use crate::scenes::{Pack, everything, glb, split};
 
 /// A mesh, its regions, and a name for messages.
 type NamedMesh = (String, TriMesh, Regions);
@@ -24,14 +27,18 @@ fn read(bytes: &[u8]) -> Loaded {
     read_bytes(bytes, &ReadOptions::default()).unwrap()
 }
 
+fn png() -> Vec<u8> {
+    let mut png = Cursor::new(Vec::new());
+    image::RgbaImage::new(2, 2).write_to(&mut png, image::ImageFormat::Png).unwrap();
+    png.into_inner()
+}
+
 /// Returns an OBJ of two objects with a material each: one has an image beside the file, one an image that is absent.
 /// The image is in the folder.
 fn obj() -> (TempDir, Loaded) {
     let folder = TempDir::new().unwrap();
     let put = |name: &str, bytes: &[u8]| fs::write(folder.path().join(name), bytes).unwrap();
-    let mut png = Cursor::new(Vec::new());
-    image::RgbaImage::new(2, 2).write_to(&mut png, image::ImageFormat::Png).unwrap();
-    put("grain.png", &png.into_inner());
+    put("grain.png", &png());
     put("a.mtl", b"newmtl wood\nKd 0.5 1 1\nmap_Kd grain.png\nd 0.25\nnewmtl tin\nPm 1\nmap_Kd gone.png\n");
     let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0.1\nvt 0 0\nvt 1 0\nvt 0.3 1\n";
     let faces = "o one\nusemtl wood\nf 1/1 2/2 3/3\no two\nusemtl tin\nf 2/1 4/2 3/3\nf 4/1 3/2 1/3\n";
@@ -137,4 +144,147 @@ fn a_mesh_that_would_not_fit_in_memory_as_a_scene_is_refused() {
     let bytes = with(u64::MAX).unwrap().0.buffer_bytes();
     assert!(matches!(with(2 * bytes), Err(ReadError::Memory(_))));
     assert!(with(8 * bytes).is_ok());
+}
+
+/// Returns three instances of a triangle.
+fn instances() -> Vec<u8> {
+    let mut pack = Pack::default();
+    let positions = pack.positions(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    let places = pack.floats("VEC3", 3, &[0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 3.0, 0.0]);
+    let instancing = json!({"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": places}}});
+    let json = pack.json(json!({
+        "extensionsUsed": ["EXT_mesh_gpu_instancing"],
+        "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0, "scale": [-1, 1, 1], "extensions": instancing}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": positions}}]}],
+    }));
+    glb(&json, &pack.bin)
+}
+
+/// Returns a folder with a glTF file whose buffer and image are files beside it.
+fn external() -> TempDir {
+    let mut pack = Pack::default();
+    let positions = pack.positions(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    let uvs = pack.floats("VEC2", 2, &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+    let primitive = json!({"attributes": {"POSITION": positions, "TEXCOORD_0": uvs}, "material": 0});
+    let mut json = pack.json(json!({
+        "meshes": [{"primitives": [primitive]}], "nodes": [{"mesh": 0}],
+        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+        "textures": [{"source": 0}], "images": [{"uri": "grain.png"}],
+    }));
+    json["buffers"][0]["uri"] = "a.bin".into();
+    let folder = TempDir::new().unwrap();
+    let put = |name: &str, bytes: &[u8]| fs::write(folder.path().join(name), bytes).unwrap();
+    put("a.gltf", json.to_string().as_bytes());
+    put("a.bin", &pack.bin);
+    put("grain.png", &png());
+    folder
+}
+
+/// Returns what [`Scene::joined`] gives, as text, by way of the bytes of a GLB.
+fn joined_by_bytes(scene: &Scene, replaced: &[Option<TriMesh>], options: &ReadOptions) -> String {
+    let mut bytes = Vec::new();
+    let written = write_scene_to(scene, replaced, Format::Glb, &|_| None, &mut bytes).unwrap();
+    let mut loaded = read_bytes(&bytes, options);
+    if let Ok(loaded) = &mut loaded {
+        loaded.warnings.splice(0..0, written.warnings);
+    }
+    format!("{loaded:?}")
+}
+
+/// Returns a mesh of a third of the size, with every n-th of the faces, from the last one on.
+fn smaller(n: usize, mesh: &TriMesh) -> TriMesh {
+    let mut buffers = mesh.clone().into_buffers();
+    buffers.triangles = buffers.triangles.into_iter().rev().step_by(n).collect();
+    buffers.regions = buffers.regions.map(|all| all.into_iter().rev().step_by(n).collect());
+    let mut mesh = TriMesh::try_from(buffers).unwrap();
+    mesh.map_positions(|p| p.map(|x| x / 3.0));
+    mesh
+}
+
+#[test]
+fn a_joined_scene_is_the_mesh_that_its_glb_is() {
+    let names = ["arm.glb", "huts.dae", "tokens.3mf", "wave.glb", "wave_draco.glb", "wave_meshopt_ext.glb"];
+    let mut files: Vec<_> = names.map(|name| (name, testdata(name))).into();
+    files.extend([("everything", glb(&everything().0, &everything().1)), ("instances", instances())]);
+    let scene_of = |(name, bytes): (&str, Vec<u8>)| {
+        let scene = read_scene_bytes(&bytes, &ReadOptions::default()).unwrap().unwrap();
+        (name.to_owned(), scene, ReadOptions::default())
+    };
+    let mut all: Vec<_> = files.into_iter().map(scene_of).collect();
+    let folder = external();
+    let mut options = ReadOptions::default();
+    options.folder = Some(folder.path().to_owned());
+    options.limits.pixels = 3;
+    let scene = read_scene_path(&folder.path().join("a.gltf"), &options).unwrap().unwrap();
+    all.push(("external".to_owned(), scene, options));
+    let (_folder, mut meshes) = meshes_of_files();
+    meshes.extend(odd_meshes());
+    for (name, mesh, regions) in meshes {
+        let mut options = WriteOptions::default();
+        options.regions = Some(Arc::new(regions));
+        let (scene, _) = Scene::of_mesh(&mesh, &options, Limits::default()).unwrap();
+        all.push((format!("{name} as a scene"), scene, ReadOptions::default()));
+    }
+
+    let mut texts = String::new();
+    for (name, scene, options) in all {
+        let smaller = |n: usize| scene.meshes().iter().map(|m| Some(smaller(n, &m.mesh))).collect();
+        let mut first_emptied: Vec<Option<TriMesh>> = smaller(1);
+        first_emptied[0] = Some(TriMesh::new(Positions::F32(Vec::new()), Vec::new()).unwrap());
+        for replaced in [Vec::new(), smaller(2), first_emptied] {
+            let (got, wanted) = (scene.joined(&replaced), joined_by_bytes(&scene, &replaced, &options));
+            assert!(format!("{got:?}") == wanted, "{name}: {got:?}\n{wanted}");
+            texts += &wanted;
+        }
+    }
+    for said in [
+        "NoFaces { vertices: 0 }",
+        "meshes[0] has no faces left: removed",
+        "the input was compressed, and the output is not",
+        "skins are not carried",
+        "RegionId(1)",
+        "positions: F64",
+        "pixels: 3",
+    ] {
+        assert!(texts.contains(said), "{said} is in none");
+    }
+}
+
+#[test]
+fn a_joined_scene_finds_its_files() {
+    let folder = external();
+    let scene = read_scene_path(&folder.path().join("a.gltf"), &ReadOptions::default()).unwrap().unwrap();
+    let (colors, warnings) = scene.joined(&[]).unwrap().base_colors();
+    assert_eq!((colors.len(), colors[0].is_some(), warnings), (1, true, Vec::new()));
+}
+
+#[test]
+fn meshes_are_joined_within_the_limits_of_their_scene() {
+    let mut bytes = Vec::new();
+    write_to(&shapes::grid(8), Format::Glb, &WriteOptions::default(), &mut bytes).unwrap();
+    let (mut json, bin) = split(&bytes);
+    json["nodes"] = vec![json!({"mesh": 0}); 10_000].into();
+    json["scenes"] = json!([{"nodes": Value::from_iter(0..10_000)}]);
+    let joined = |memory: u64| {
+        let mut options = ReadOptions::default();
+        options.limits.memory = memory;
+        Scene::read(&glb(&json, &bin), &options).unwrap().joined(&[])
+    };
+    // Nodes count as part of the file: for its buffer alone, these would be too many faces.
+    assert_eq!(joined(u64::MAX).unwrap().mesh.face_count(), 1_280_000);
+    assert!(matches!(joined(20 << 20), Err(ReadError::Memory(_))));
+}
+
+#[test]
+fn a_replacement_that_no_primitive_can_hold_is_refused() {
+    let (json, bin) = everything();
+    let scene = Scene::read(&glb(&json, &bin), &ReadOptions::default()).unwrap();
+    let mut lines = TriMesh::clone(&scene.meshes()[0].mesh);
+    lines.set_regions(Some(vec![lodsmith_core::RegionId(1); lines.face_count()])).unwrap();
+    let error = scene.joined(&[Some(lines)]).unwrap_err();
+    assert!(matches!(error, ReadError::Malformed { .. }));
+    assert_eq!(
+        error.to_string(),
+        "face 0 of meshes[0] has region 1, which is not a primitive with triangles"
+    );
 }

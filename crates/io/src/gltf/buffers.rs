@@ -16,7 +16,7 @@ use super::unpack;
 use crate::assets::{Assets, Refusal};
 use crate::error::ReadError;
 use crate::excerpt::excerpt;
-use crate::options::ReadOptions;
+use crate::limits::Limits;
 
 /// The buffers of a file, loaded on first use.
 pub(super) struct Buffers<'a> {
@@ -37,12 +37,12 @@ pub(super) struct View<'b> {
 }
 
 impl<'a> Buffers<'a> {
-    pub(super) fn new(document: &'a Document<'a>, options: &'a ReadOptions) -> Self {
+    pub(super) fn new(document: &'a Document<'a>, assets: Assets, limits: Limits) -> Self {
         Self {
             json: &document.json,
             bin: document.bin,
-            assets: options.files(),
-            limit: options.limits.max_bytes(),
+            assets,
+            limit: limits.max_bytes(),
             loaded: list(&document.json, "buffers").iter().map(|_| OnceCell::new()).collect(),
             unpacked: 0,
         }

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::buffers::{Buffers, path_of};
 use super::builder::BuiltScene;
-use super::container::{Document, list, list_mut, number, whole};
+use super::container::{Document, FileParts, list, list_mut, number, whole};
 use super::copies::{self, CopyPlace};
 use super::external_files::{external_uris, is_file};
 use super::lists::append;
@@ -20,13 +20,13 @@ use super::names::MeshNames;
 use super::pack::{SceneFormat, Written};
 use super::placements::{self, PlacedNodes};
 use super::survey::survey;
-use super::{inventory, pack, replace, unpack, write};
+use super::{inventory, merged_built, pack, replace, unpack, write};
 use crate::assets::{Asset, Assets, MAX_IMAGE_BYTES, Refusal};
 use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt;
 use crate::format::Format;
 use crate::limits::Limits;
-use crate::loaded::Contents;
+use crate::loaded::{Contents, Loaded};
 use crate::losses::losses;
 use crate::material::image_type;
 use crate::options::{ReadOptions, WriteOptions};
@@ -162,7 +162,7 @@ impl Scene {
         format: Format,
         options: &ReadOptions,
     ) -> Result<Self, ReadError> {
-        let mut buffers = Buffers::new(&document, options).load_all()?;
+        let mut buffers = Buffers::new(&document, options.files(), options.limits).load_all()?;
         let mut json = document.json;
         let unpacked = unpack::unpack(&mut json, &mut buffers, options.limits.max_bytes())?;
         for buffer in list_mut(&mut json, "buffers") {
@@ -326,8 +326,19 @@ impl Scene {
         relink: &dyn Fn(&str) -> Option<String>,
         out: &mut dyn Write,
     ) -> io::Result<Written> {
-        let (source, to) = ((&self.json, &*self.buffers, self.unpacked > 0), to.into());
-        pack::write(replace::parts(source, replaced, to, relink)?, to, out)
+        let to = to.into();
+        pack::write(self.parts(&self.json, replaced, to, relink)?, to, out)
+    }
+
+    /// Makes the file of the scene with this JSON and with some meshes replaced.
+    fn parts(
+        &self,
+        json: &Value,
+        replaced: &[Option<TriMesh>],
+        to: SceneFormat,
+        relink: &dyn Fn(&str) -> Option<String>,
+    ) -> io::Result<FileParts> {
+        replace::parts((json, &self.buffers, self.unpacked > 0), replaced, to, relink)
     }
 
     /// Writes the scene with levels of detail, by the extension `MSFT_lod`: every node whose mesh has levels
@@ -345,8 +356,28 @@ impl Scene {
         out: &mut dyn Write,
     ) -> io::Result<Written> {
         let (json, replaced) = lod::with_levels(&self.json, levels)?;
-        let (source, to) = ((&json, &*self.buffers, self.unpacked > 0), to.into());
-        pack::write(replace::parts(source, &replaced, to, relink)?, to, out)
+        let to = to.into();
+        pack::write(self.parts(&json, &replaced, to, relink)?, to, out)
+    }
+
+    /// Returns all placed meshes as one mesh, with some meshes of the scene replaced as in [`write`](Self::write).
+    ///
+    /// The result is the one that [`read`](super::read) gives for the GLB that [`write`](Self::write) writes, but no
+    /// file is written or parsed. The limits are those that the scene was read with, and files that materials name
+    /// are searched for where the scene was read. Warnings about the replaced meshes come before those of merging. Cost:
+    /// O(bytes of the scene + placed triangles).
+    ///
+    /// # Errors
+    /// [`ReadError::NoFaces`]; [`ReadError::Limit`] and [`ReadError::Memory`] beyond the limits;
+    /// [`ReadError::Malformed`] for a replacement that [`write`](Self::write) refuses.
+    pub fn joined(&self, replaced: &[Option<TriMesh>]) -> Result<Loaded, ReadError> {
+        let parts = self.parts(&self.json, replaced, Format::Glb.into(), &|_| None);
+        let parts = parts.map_err(|e| ReadError::file(e.to_string()))?;
+        // How often meshes may be placed depends on the size of the file.
+        let text = serde_json::to_vec(&parts.json).map_err(io::Error::from)?;
+        let size = text.len() + parts.bytes.len();
+        let built = BuiltScene { parts, format: Format::Glb, source_vertices: BTreeMap::new() };
+        merged_built(built, size, (self.assets.clone(), self.limits))
     }
 
     /// Returns the scene with a copy of its contents at each of these places, under its own node. Copies

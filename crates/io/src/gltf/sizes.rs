@@ -23,7 +23,7 @@ use crate::sizes::Sizes;
 pub fn sizes(bytes: &[u8], options: &ReadOptions) -> Result<Sizes, ReadError> {
     let document = Document::parse(bytes, options.limits, 1)?;
     document.check_version()?;
-    let sizes = of_parts(&document.json, &Buffers::new(&document, options))?;
+    let sizes = of_parts(&document.json, &Buffers::new(&document, options.files(), options.limits))?;
     Ok(Sizes { file_bytes: Some(bytes.len() as u64), ..sizes })
 }
 
