@@ -78,6 +78,12 @@ const PACKAGE_RULES: &[PackageRule] = &[
         never: &["clap", "anyhow", "tokio"],
     },
     PackageRule {
+        package: "lodsmith-asset",
+        folder: "crates/asset",
+        uses: &["lodsmith-core", "lodsmith", "lodsmith-io", "lodsmith-bake"],
+        never: &["clap", "anyhow", "tokio", "egui"],
+    },
+    PackageRule {
         package: "lodsmith-cli",
         folder: "crates/cli",
         uses: &[
@@ -86,6 +92,7 @@ const PACKAGE_RULES: &[PackageRule] = &[
             "lodsmith-io",
             "lodsmith-render",
             "lodsmith-bake",
+            "lodsmith-asset",
             "lodsmith-viewer",
         ],
         never: &[],
@@ -93,7 +100,14 @@ const PACKAGE_RULES: &[PackageRule] = &[
     PackageRule {
         package: "lodsmith-viewer",
         folder: "crates/viewer",
-        uses: &["lodsmith-core", "lodsmith", "lodsmith-io", "lodsmith-render", "lodsmith-bake"],
+        uses: &[
+            "lodsmith-core",
+            "lodsmith",
+            "lodsmith-io",
+            "lodsmith-render",
+            "lodsmith-bake",
+            "lodsmith-asset",
+        ],
         // (The lock file has tokio for windows in browsers, which is never built here.)
         never: &["clap"],
     },
@@ -121,6 +135,7 @@ const FORBIDDEN_WORDS: &[ForbiddenWords] = &[
             "crates/io/src",
             "crates/render/src",
             "crates/bake/src",
+            "crates/asset/src",
         ],
         words: &["println!", "print!", "eprintln!", "eprint!", "dbg!"],
         why: "libraries return values; the command prints",

@@ -6,7 +6,6 @@ mod batch_files;
 mod choice;
 mod clean;
 mod engine;
-mod importance;
 mod lod;
 mod methods;
 mod progressive;
@@ -20,23 +19,19 @@ mod writing;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
+use lodsmith_asset::{Sink, Source};
 
-pub(crate) use bake::{BakeArgs, BakeCommandArgs, TextureArgs};
+pub(crate) use bake::{BakeArgs, BakeCommandArgs};
 use choice::choice;
 pub(crate) use clean::CleanArgs;
-pub(crate) use engine::PartNames;
-pub(crate) use importance::Importance;
-pub(crate) use lod::{LodArgs, Naming};
+pub(crate) use lod::LodArgs;
 pub(crate) use methods::MethodsArgs;
 pub(crate) use progressive::{ExtractArgs, LpmBuildArgs, LpmInfoArgs, Progressive};
 pub(crate) use reading::{AssetArgs, Reading};
 pub(crate) use render::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Surroundings};
 pub(crate) use run::{Ending, Run};
-pub(crate) use simplify::{Normals, SimplifyArgs};
-pub(crate) use values::TypedLength;
-pub(crate) use writing::{Up, Writing};
-
-use crate::paths::{Sink, Source};
+pub(crate) use simplify::SimplifyArgs;
+pub(crate) use writing::Writing;
 
 const STATUSES: &str = "\
 Exit status: 0 done; 1 the file, the mesh or the system is at fault; 2 the command line is at fault;

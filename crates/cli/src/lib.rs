@@ -5,32 +5,18 @@
 //! in the libraries.
 
 mod args;
-mod baking;
 mod call;
 mod command;
-mod constraints;
-mod engine_input;
 mod exit;
 mod file;
-mod images;
 mod in_order;
 mod memory;
-mod memory_need;
 mod memory_watch;
-mod mesh_scene;
-mod normals;
 mod numbers;
-mod orient;
 mod output;
-mod palettes;
-mod paths;
 mod picture;
-mod plan;
 mod progress;
-mod proposals;
-mod report_json;
 mod run_control;
-mod scene_parts;
 mod sizes;
 mod status;
 mod validity;

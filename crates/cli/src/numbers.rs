@@ -1,25 +1,16 @@
 //! Formatting of numbers for people.
 
-pub(crate) use lodsmith::core::numbers::{grouped, significant};
+pub(crate) use lodsmith::core::numbers::{counted, grouped, significant};
+pub(crate) use lodsmith_asset::report_json::micros;
 
 /// Formats with two leading digits, more only before the decimal point: `0.017`, `0.17`, `1.7`, `17`, `170`.
 pub(crate) fn short(x: f64) -> String {
     significant(x, 2)
 }
 
-/// Formats a count with its noun: `1 face`, `2,000 faces`.
-pub(crate) fn counted(count: usize, one: &str, many: &str) -> String {
-    format!("{} {}", grouped(count), if count == 1 { one } else { many })
-}
-
 /// Formats seconds for people: `0.04 s`, `12.3 s`.
 pub(crate) fn seconds(secs: f64) -> String {
     if secs < 10.0 { format!("{secs:.2} s") } else { format!("{secs:.1} s") }
-}
-
-/// Rounds seconds to the microsecond, for JSON.
-pub(crate) fn micros(secs: f64) -> f64 {
-    (secs * 1e6).round() / 1e6
 }
 
 #[cfg(test)]

@@ -1,6 +1,5 @@
 //! Pictures: output formats, and the defaults of camera and style.
 
-use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
@@ -11,8 +10,8 @@ use lodsmith_render::{
 };
 
 use crate::file;
-use crate::paths::{self, Sink};
 use crate::status::usage;
+use lodsmith_asset::{Sink, paths};
 
 /// Returns the picture format of an output by its file extension; standard output gets PNG.
 ///
@@ -21,7 +20,7 @@ use crate::status::usage;
 pub(crate) fn format_of(sink: &Sink) -> anyhow::Result<PictureFormat> {
     paths::refuse_folder(sink, "")?;
     match sink {
-        Sink::Stdout => Ok(PictureFormat::Png),
+        Sink::Stream => Ok(PictureFormat::Png),
         Sink::Path(path) => of_path(path).ok_or_else(|| {
             usage(format!("{}: the name of a .png, .jpg or .webp file is wanted", path.display()))
         }),
@@ -41,13 +40,7 @@ pub(crate) fn write(picture: &Image, sink: &Sink, format: PictureFormat, force: 
 
 /// Writes an encoded picture completely or not at all.
 pub(crate) fn write_bytes(bytes: &[u8], sink: &Sink, force: bool) -> anyhow::Result<()> {
-    match sink {
-        Sink::Path(path) => file::write_bytes(bytes, path, force),
-        Sink::Stdout => {
-            let mut out = std::io::stdout().lock();
-            out.write_all(bytes).and_then(|()| out.flush()).map_err(|e| file::stdout_failed(&e))
-        }
-    }
+    file::write_bytes(bytes, sink, force)
 }
 
 /// Size of a picture in a sheet of methods, in pixels.

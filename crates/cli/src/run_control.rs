@@ -1,10 +1,14 @@
-//! Control of the engine's runs by the command: time by stage, progress bar, Ctrl-C and time limit.
+//! The command as the caller of jobs: it moves the progress bar, ends runs on an interrupt, and has the standard streams.
 
-use std::time::{Duration, Instant};
+use std::fs;
+use std::io::{self, Read, Write};
+use std::path::Path;
 
 use lodsmith::{Control, SimplifyError, Stage, Verdict};
+use lodsmith_asset::{Step, Watch};
 
 use crate::exit;
+use crate::in_order::Turn;
 use crate::progress::FileProgress;
 use crate::status::Interrupted;
 
@@ -16,111 +20,64 @@ pub(crate) fn not_interrupted<T>(result: Result<T, SimplifyError>) -> anyhow::Re
     }
 }
 
-/// Time by stage, in the order in which stages first began.
-#[derive(Clone)]
-pub(crate) struct StageClock {
-    pub(crate) stages: Vec<(&'static str, f64)>,
-    running: Option<(usize, Instant)>,
-}
-
-impl StageClock {
-    fn new() -> Self {
-        // Always present, in this order; the engine may add more.
-        let stages = ["read", Stage::Prepare.name(), Stage::Collapse.name()];
-        Self { stages: stages.map(|s| (s, 0.0)).to_vec(), running: None }
-    }
-    /// Starts a stage, or continues it.
-    fn enter(&mut self, name: &'static str) {
-        self.end();
-        let i = self.stages.iter().position(|(n, _)| *n == name).unwrap_or_else(|| {
-            self.stages.push((name, 0.0));
-            self.stages.len() - 1
-        });
-        self.running = Some((i, Instant::now()));
-    }
-    /// Ends the present stage.
-    fn end(&mut self) {
-        if let Some((i, begin)) = self.running.take() {
-            self.stages[i].1 += begin.elapsed().as_secs_f64();
-        }
-    }
-    pub(crate) fn total(&self) -> f64 {
-        self.stages.iter().map(|(_, secs)| secs).sum()
-    }
-}
-
-/// Control of a run: times its stages, moves the bar, and ends it on an interrupt or at the time limit.
-pub(crate) struct RunControl<'a> {
-    clock: StageClock,
-    pub(crate) bar: &'a FileProgress<'a>,
+/// The caller of a job on one file.
+pub(crate) struct BarWatch<'a> {
+    bar: &'a FileProgress<'a>,
     stage: Stage,
-    /// Seconds from the start.
-    pub(crate) time_limit: Option<f64>,
-    deadline: Option<Instant>,
+    /// The place of the file among several.
+    turn: Option<&'a Turn<'a>>,
 }
 
-impl<'a> RunControl<'a> {
-    /// Starts a run.
-    pub(crate) fn new(bar: &'a FileProgress<'a>, time_limit: Option<f64>) -> Self {
-        let deadline = time_limit.map(|s| Instant::now() + Duration::from_secs_f64(s));
-        Self { clock: StageClock::new(), bar, stage: Stage::Prepare, time_limit, deadline }
+impl<'a> BarWatch<'a> {
+    pub(crate) fn new(bar: &'a FileProgress<'a>) -> Self {
+        Self { bar, stage: Stage::Prepare, turn: None }
     }
-    /// Announces the start of reading.
-    pub(crate) fn read(&mut self) {
-        self.bar.read();
-        self.clock.enter("read");
-    }
-    /// Announces the end of reading and the start of the engine's run.
-    pub(crate) fn prepare(&mut self) {
-        self.clock.enter(Stage::Prepare.name());
-    }
-    /// Announces the start of baking.
-    pub(crate) fn bake(&mut self) {
-        self.bar.bake();
-        self.clock.enter("bake");
-    }
-    /// Announces the end of the engine's run and the start of writing.
-    pub(crate) fn write(&mut self) {
-        self.bar.write();
-        self.clock.enter("write");
-    }
-    /// Ends the run and returns its times.
-    pub(crate) fn end(mut self) -> StageClock {
-        self.clock.end();
-        self.clock
+    pub(crate) fn in_turn(bar: &'a FileProgress<'a>, turn: &'a Turn<'a>) -> Self {
+        Self { turn: Some(turn), ..Self::new(bar) }
     }
 }
 
-impl Control for RunControl<'_> {
+impl Control for BarWatch<'_> {
     fn stage(&mut self, stage: Stage) {
-        self.clock.enter(stage.name());
         self.bar.stage(stage);
         self.stage = stage;
     }
     fn progress(&mut self, done: f64) -> Verdict {
         self.bar.within(self.stage, done);
-        if exit::interrupted() {
-            Verdict::Cancel
-        } else if self.deadline.is_some_and(|d| Instant::now() >= d) {
-            Verdict::Finish
-        } else {
-            Verdict::Continue
-        }
+        if exit::interrupted() { Verdict::Cancel } else { Verdict::Continue }
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn stages_keep_their_order_and_add_up() {
-        let mut clock = StageClock::new();
-        for stage in ["read", "prepare", "simplify", "fit", "simplify", "write"] {
-            clock.enter(stage);
+impl Watch for BarWatch<'_> {
+    fn enter(&mut self, step: Step) {
+        match step {
+            Step::Read => self.bar.read(),
+            Step::Inspect => self.bar.stage(Stage::Measure),
+            Step::Bake => self.bar.bake(),
+            Step::Write => self.bar.write(),
+            _ => {}
         }
-        clock.end();
-        let names: Vec<_> = clock.stages.iter().map(|(n, _)| *n).collect();
-        assert_eq!(names, ["read", "prepare", "simplify", "fit", "write"]);
+    }
+    fn input(&mut self) -> Box<dyn Read + '_> {
+        Box::new(io::stdin().lock())
+    }
+    fn output(&mut self) -> Box<dyn Write + '_> {
+        Box::new(io::stdout().lock())
+    }
+    fn wait_for_earlier(&mut self) {
+        if let Some(turn) = self.turn {
+            turn.wait();
+        }
+    }
+    fn while_writing(&mut self, path: &Path, write: &mut dyn FnMut()) -> bool {
+        let about = fs::metadata(path).ok();
+        // A pipe may block its writer for ever, and Ctrl-C must end that; it cannot leave a partial file.
+        let is_file = about.as_ref().is_none_or(fs::Metadata::is_file);
+        let guard = is_file.then(exit::writing).transpose();
+        let may_write = guard.is_ok();
+        if may_write {
+            write();
+        }
+        may_write
     }
 }

@@ -1,6 +1,7 @@
 //! Exit statuses, and the errors that decide them.
 
 use lodsmith::SimplifyError;
+use lodsmith_asset::AssetError;
 
 /// Exit status of the command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,9 +52,10 @@ pub(crate) fn status_of(error: &anyhow::Error) -> Status {
     use SimplifyError::{BadOption, NotOfMethod, NotTogether};
     let is_refused =
         matches!(error.downcast_ref(), Some(BadOption { .. } | NotOfMethod { .. } | NotTogether { .. }));
-    if is_refused || error.is::<UsageError>() {
+    let of_job = error.downcast_ref::<AssetError>();
+    if is_refused || error.is::<UsageError>() || of_job.is_some_and(AssetError::is_usage) {
         Status::Usage
-    } else if error.is::<Interrupted>() {
+    } else if error.is::<Interrupted>() || matches!(of_job, Some(AssetError::Cancelled)) {
         Status::Interrupted
     } else {
         Status::Failed

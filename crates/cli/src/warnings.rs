@@ -1,13 +1,8 @@
-//! Warnings of files and of runs, and why a target was not reached.
+//! Display of warnings.
 
-use lodsmith::core::TriMesh;
-use lodsmith::core::topology::Topology;
-use lodsmith::{MeshCounts, Report, SimplifyOptions, Starved};
 use lodsmith_io::Warning;
 
-use crate::numbers::{counted, grouped};
 use crate::output::{self, Output};
-use crate::proposals;
 
 /// Shows the warnings of a file. With `strict`, lost data are shown as an error even if warnings are
 /// silenced, and the result is `true`.
@@ -24,78 +19,6 @@ pub(crate) fn show_warnings(out: &Output, path: &str, warnings: &[Warning], stri
     is_fault
 }
 
-/// Returns the warnings that matter if a mesh is only viewed, not written.
-pub(crate) fn viewing_warnings(warnings: &[Warning]) -> Vec<Warning> {
-    warnings.iter().filter(|warning| !warning.of_scene).cloned().collect()
-}
-
-/// Returns the texts of warnings, for reports.
-pub(crate) fn texts(warnings: &[Warning]) -> Vec<&str> {
-    warnings.iter().map(|w| w.text.as_str()).collect()
-}
-
-/// Returns the warnings of a run.
-pub(crate) fn warnings_of(report: &Report) -> Vec<Warning> {
-    let mut warnings: Vec<_> = dropped(report).collect();
-    if report.seams_relaxed {
-        warnings.push(Warning::note("seams were moved off their lines to come nearer to the target"));
-    }
-    if report.sharp_relaxed {
-        warnings.push(Warning::note("sharp edges were not all kept, to come nearer to the target"));
-    }
-    if report.gaps > 0 {
-        let places = counted(report.gaps, "place", "places");
-        warnings.push(Warning::lost(format!("meshes that touched came apart at {places}: gaps may show")));
-    }
-    if report.unpaired_sheets > 0 {
-        let sheets = counted(report.unpaired_sheets, "sheet", "sheets");
-        warnings.push(Warning::lost(format!(
-            "{sheets} with two sides not reduced as one, because the sides have different triangles: area may be missing"
-        )));
-    }
-    warnings.extend(report.escalated.iter().map(|step| Warning::note(proposals::step_text(step))));
-    if report.pruned.largest_kept {
-        warnings.push(Warning::note("all parts are smaller than --prune: the largest was kept"));
-    }
-    warnings
-}
-
-/// Returns a warning about meshes that lost their shape because all share one target; `None` without any.
-pub(crate) fn starved(counts: &[MeshCounts]) -> Option<Warning> {
-    let starved = Starved::of(counts)?;
-    Some(Warning::note(format!("{starved}; --per-mesh gives each its own")))
-}
-
-/// Returns warnings about attributes that the engine drops.
-fn dropped(report: &Report) -> impl Iterator<Item = Warning> {
-    let lost =
-        |name: &&str| Warning::lost(format!("{name} dropped: a skin has joints and weights, or nothing"));
-    report.dropped.iter().map(lost)
-}
-
-/// Returns the reason why a run did not reach its target, and the proposals; `None` if it did.
-pub(crate) fn not_reached<'a>(
-    report: &Report,
-    options: &SimplifyOptions,
-    time_limit: Option<f64>,
-    result: impl IntoIterator<Item = &'a TriMesh>,
-) -> Option<String> {
-    if report.reached {
-        return None;
-    }
-    let mut text = format!("target not reached, stopped by {}", report.stopped_by.name().replace('_', " "));
-    let refusals = refusals(report);
-    if !refusals.is_empty() {
-        text += &format!("; refused: {refusals}");
-    }
-    let is_open = |mesh: &TriMesh| Topology::new(&mesh.surface()).counts().border_edge_count > 0;
-    let has_border = || result.into_iter().any(is_open);
-    if let Some(help) = proposals::text(report, options, time_limit, has_border) {
-        text += &format!("; {help}");
-    }
-    Some(text)
-}
-
 /// Prints that a target was not reached, with the reason. Returns true if that is a fault, with `--strict`.
 pub(crate) fn show_not_reached(out: &Output, name: &str, why: &str, strict: bool) -> bool {
     let text = format!("{name}: {why}");
@@ -105,12 +28,4 @@ pub(crate) fn show_not_reached(out: &Output, name: &str, why: &str, strict: bool
         out.warning(&text);
     }
     strict
-}
-
-/// Returns the refusals and their counts, in words.
-pub(crate) fn refusals(report: &Report) -> String {
-    let of = |(r, n): &(lodsmith::Refusal, u64)| {
-        format!("{} {}", r.name().replace('_', " "), grouped(usize::try_from(*n).unwrap_or(usize::MAX)))
-    };
-    report.refusals.iter().map(of).collect::<Vec<_>>().join(", ")
 }

@@ -13,6 +13,11 @@ pub fn grouped(count: usize) -> String {
     text
 }
 
+/// Formats a count with its noun: `1 face`, `2,000 faces`.
+pub fn counted(count: usize, one: &str, many: &str) -> String {
+    format!("{} {}", grouped(count), if count == 1 { one } else { many })
+}
+
 /// Formats a number with `digits` significant digits, at least one; digits before the point are never
 /// dropped: `0.017`, `1.7`, `170`. Very small and very large numbers have an exponent.
 pub fn significant(x: f64, digits: usize) -> String {
@@ -37,6 +42,12 @@ mod tests {
             [0, 999, 1000, 69451, 1234567].map(grouped),
             ["0", "999", "1,000", "69,451", "1,234,567"].map(String::from)
         );
+    }
+
+    #[test]
+    fn one_is_not_many() {
+        let faces = |n| counted(n, "face", "faces");
+        assert_eq!([0, 1, 2000].map(faces), ["0 faces", "1 face", "2,000 faces"].map(String::from));
     }
 
     #[test]

@@ -274,6 +274,11 @@ pub struct SimplifyOptions {
 }
 
 impl SimplifyOptions {
+    /// Returns true if a run has an end: a target, or a method that ends by itself with its options.
+    pub fn has_end(&self) -> bool {
+        self.stop != Stop::default() || self.method.ends_without_stop()
+    }
+
     /// Returns the default options with this stop.
     pub fn new(stop: Stop) -> Self {
         Self { stop, ..Self::default() }

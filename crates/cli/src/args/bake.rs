@@ -1,11 +1,11 @@
 //! Arguments of `lodsmith bake`, and of baking within other commands.
 
 use clap::Args;
+use lodsmith_asset::{Baking, Sink, Source};
 use lodsmith_bake::{AtlasMode, BakeOptions, MapKind};
 
 use super::{Reading, Run, Writing, choice, values};
-use crate::memory;
-use crate::paths::{Sink, Source};
+use crate::status::usage;
 
 const AFTER: &str = "\
 Maps:
@@ -94,16 +94,21 @@ pub(crate) struct BakeArgs {
 }
 
 impl BakeArgs {
-    /// True if anything is baked.
-    pub(crate) fn is_asked(&self) -> bool {
-        !self.bake.is_empty()
-    }
-
-    /// Returns the options of the bake of a model that was made from the detailed one.
-    pub(crate) fn options(&self) -> BakeOptions {
-        let mut options = self.texture.options(&self.bake);
-        options.is_same_model = true;
-        options
+    /// Returns the maps to bake; `None` if nothing is baked.
+    ///
+    /// # Errors
+    /// A usage error for options of a bake without maps.
+    pub(crate) fn baking(&self) -> anyhow::Result<Option<Baking>> {
+        let texture = &self.texture;
+        let is_set = texture.texture_size.is_some() || texture.ao_distance.is_some() || texture.map_files;
+        if self.bake.is_empty() {
+            return if is_set {
+                Err(usage("--texture-size, --ao-distance and --map-files need --bake"))
+            } else {
+                Ok(None)
+            };
+        }
+        Ok(Some(Baking { options: texture.options(&self.bake), map_files: texture.map_files }))
     }
 }
 
@@ -115,7 +120,6 @@ impl TextureArgs {
         options.atlas = self.atlas;
         options.rays = self.ao_rays;
         options.occlusion_distance = self.ao_distance;
-        options.memory = memory::limits().memory;
         options
     }
 }

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use lodsmith_asset::plan::Outputs;
+use lodsmith_asset::{Sink, Source};
 
 use super::{Ending, Reading, Writing};
-use crate::paths::{Sink, Source};
-use crate::plan::OutputArgs;
 
 /// Inputs, and the outputs for their results. The command sets the default of the name.
 #[derive(Args, Debug)]
@@ -33,16 +33,78 @@ impl BatchFiles {
         writing: &Writing,
         ending: Ending,
         dry_run: bool,
-    ) -> OutputArgs<'_> {
-        OutputArgs {
+    ) -> Outputs<'_> {
+        Outputs {
             inputs: &self.inputs,
             output: self.output.as_ref(),
             out_dir: self.out_dir.as_deref(),
             name: &self.name,
             from: reading.from,
-            writing: *writing,
+            to: writing.to,
+            writing: writing.options(),
             json: ending.json,
             dry_run,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser as _;
+
+    use lodsmith_asset::plan::assign;
+
+    use crate::args::{Cli, Command};
+
+    fn plan(words: &[&str]) -> Result<Vec<String>, String> {
+        let cli =
+            Cli::try_parse_from(["lodsmith", "simplify", "--ratio", "0.5"].iter().chain(words)).unwrap();
+        let Command::Simplify(args) = cli.command else { unreachable!("simplify was typed") };
+        let jobs = assign(&args.wanted()).map_err(|e| e.to_string())?;
+        Ok(jobs.into_iter().filter_map(|j| Some(j.output?.sink.to_string())).collect())
+    }
+
+    #[test]
+    fn results_are_named_by_the_template() {
+        let got = plan(&["a.obj", "b.PLY", "c.stl.gz", "-O", "low"]).unwrap();
+        assert_eq!(
+            got,
+            ["low/a_low.obj", "low/b_low.PLY", "low/c_low.stl"]
+                .map(|s| s.replace('/', std::path::MAIN_SEPARATOR_STR))
+        );
+        assert_eq!(
+            plan(&["a.x", "-O", "o", "--to", "glb", "--name", "{stem}-{stem}.{ext}"]).unwrap().len(),
+            1
+        );
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_before_any_work() {
+        for words in [
+            &["a.obj", "b.obj", "-o", "c.obj"][..],
+            &["x/a.obj", "y/a.obj", "-O", "low"],
+            &["a.obj", "./a.obj", "-O", "low"],
+            &["a.obj", "a_low.obj", "-O", "."],
+            &["a.obj", "-o", "b.doc"],
+            &["a.obj", "-o", "-"],
+            &["a.obj", "-o", "-", "--to", "obj", "--json"],
+            &["a.xyz", "-O", "low"],
+            &["a.obj", "-O", "low", "--name", "{stem}_{faces}.obj"],
+            &["a.obj", "-O", "low", "--name", "../{stem}.obj"],
+            &["a.obj", "-o", "."],
+            &["-", "-", "-O", "low", "--to", "obj"],
+        ] {
+            assert!(plan(words).is_err(), "{words:?}");
+        }
+    }
+
+    #[test]
+    fn an_input_is_its_own_output_by_force_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.obj");
+        std::fs::write(&path, "v 0 0 0\n").unwrap();
+        let path = path.to_str().unwrap();
+        assert!(plan(&[path, "-o", path]).unwrap_err().contains("--force"));
+        assert_eq!(plan(&[path, "-o", path, "--force"]).unwrap(), [path]);
     }
 }

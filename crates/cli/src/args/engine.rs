@@ -5,10 +5,9 @@ use clap::error::Error;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
 use lodsmith::options::by_name::{self, NamedOption, OPTIONS, OptionGroup, OptionKind, OptionValue};
-use lodsmith::{Length, Preset, SimplifyOptions, Stop};
-use serde_json::{Map, Value};
+use lodsmith::{Preset, SimplifyOptions, Stop};
+use lodsmith_asset::Importance;
 
-use super::importance::{self, Importance};
 use crate::status::usage;
 
 /// An option, and the value that was typed.
@@ -136,21 +135,8 @@ impl Target {
     }
 
     /// Converts the target to a stop of the engine.
-    pub(super) fn stop(&self) -> Stop {
+    pub(crate) fn stop(&self) -> Stop {
         options(&self.0).expect("targets do not exclude each other").stop
-    }
-
-    /// Returns the target by name, for reports.
-    pub(crate) fn to_json(&self) -> Value {
-        let value = |(option, value): &Typed| {
-            let value = match value {
-                OptionValue::Whole(n) => (*n).into(),
-                OptionValue::Number(x) | OptionValue::Length(Length::Units(x)) => (*x).into(),
-                other => other.text().into(),
-            };
-            (option.name.to_owned(), value)
-        };
-        Value::Object(self.0.iter().map(value).collect::<Map<_, _>>())
     }
 }
 
@@ -164,8 +150,15 @@ pub(crate) struct PartNames {
     pub(crate) lock: Vec<String>,
     /// Keep more triangles where this attribute of vertices is large: at 1, or at the largest value if that is above 1,
     /// STRENGTH times as many per area as at 0 [default STRENGTH: 4]
-    #[arg(long, value_name = "NAME[=STRENGTH]", value_parser = importance::importance)]
+    #[arg(long, value_name = "NAME[=STRENGTH]", value_parser = lodsmith_asset::values::importance)]
     pub(crate) importance: Option<Importance>,
+}
+
+impl PartNames {
+    /// Returns the names.
+    pub(crate) fn names(&self) -> lodsmith_asset::PartNames {
+        lodsmith_asset::PartNames { lock: self.lock.clone(), importance: self.importance.clone() }
+    }
 }
 
 /// Options of a run besides its target, and names of parts of the file.

@@ -2,15 +2,14 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
-use lodsmith::{Levels, LodOptions, Measure, Screen, Stop};
-use serde_json::{Value, json};
+use clap::Args;
+use lodsmith::{Length, Levels, LodOptions, Measure, Screen, Stop};
+use lodsmith_asset::plan::Outputs;
+use lodsmith_asset::values::LEVEL_FACTOR;
+use lodsmith_asset::{LodRecipe, Naming, Normals, Sink, Source};
 
 use super::engine::EngineArgs;
-use super::simplify::Normals;
-use super::{BakeArgs, Ending, Reading, Run, TypedLength, Writing, values};
-use crate::paths::{Sink, Source};
-use crate::plan::OutputArgs;
+use super::{BakeArgs, Ending, Reading, Run, Writing, choice, values};
 
 const AFTER: &str = "\
 Levels stand beside the original, which is level 0 and stays as it is. Levels by counts come out of one run, each \
@@ -48,12 +47,13 @@ pub(crate) struct LodArgs {
     #[arg(long, value_name = "TEMPLATE", requires = "out_dir")]
     pub(crate) name: Option<String>,
     /// Naming of files, meshes and nodes, see below
-    #[arg(long, value_name = "STYLE", value_enum, default_value_t = Naming::Plain, help_heading = "Writing")]
+    #[arg(long, value_name = "STYLE", value_parser = choice(Naming::ALL, Naming::name),
+          default_value = Naming::default().name(), help_heading = "Writing")]
     pub(crate) naming: Naming,
     #[command(flatten)]
     pub(crate) levels: LevelArgs,
     /// With --count, the fraction of the triangles of the previous level that each level keeps
-    #[arg(long, value_name = "F", value_parser = values::below_one, default_value_t = DEFAULT_FACTOR, requires = "count",
+    #[arg(long, value_name = "F", value_parser = values::below_one, default_value_t = LEVEL_FACTOR, requires = "count",
           conflicts_with_all = ["levels", "faces", "errors"],
           help_heading = "Levels (one of these)")]
     factor: f64,
@@ -81,7 +81,8 @@ pub(crate) struct LodArgs {
     #[command(flatten)]
     pub(crate) writing: Writing,
     /// Normals of the levels: carried over from the input, computed anew, or none
-    #[arg(long, value_name = "NORMALS", value_enum, default_value = "keep", help_heading = "Writing")]
+    #[arg(long, value_name = "NORMALS", value_parser = choice(Normals::ALL, Normals::name),
+          default_value = Normals::default().name(), help_heading = "Writing")]
     pub(crate) normals: Normals,
     /// Print the report without writing files
     #[arg(long, help_heading = "Writing")]
@@ -107,78 +108,39 @@ pub(crate) struct LevelArgs {
     #[arg(long, value_name = "N", value_parser = values::count)]
     count: Option<usize>,
     /// Largest deviations, in rising order, in units of the file or as shares of the diagonal (0.1%)
-    #[arg(long, value_name = "D,...", value_delimiter = ',')]
-    errors: Vec<TypedLength>,
+    #[arg(long, value_name = "D,...", value_delimiter = ',', value_parser = values::length)]
+    errors: Vec<Length>,
 }
-
-/// Default fraction of the previous level that a level keeps.
-const DEFAULT_FACTOR: f64 = 0.5;
 
 impl LevelArgs {
     fn levels(&self, factor: f64) -> Levels {
         match self.count {
             Some(count) => Levels::Steps { count, factor },
-            None if !self.errors.is_empty() => Levels::Errors(self.errors.iter().map(|e| e.length).collect()),
+            None if !self.errors.is_empty() => Levels::Errors(self.errors.clone()),
             None if !self.faces.is_empty() => Levels::Faces(self.faces.clone()),
             None => Levels::Ratios(self.levels.clone()),
         }
     }
-
-    /// Returns the target by name, for reports.
-    fn to_json(&self, factor: f64) -> Value {
-        match self.count {
-            Some(count) => json!({ "count": count, "factor": factor }),
-            None if !self.errors.is_empty() => {
-                json!({ "errors": self.errors.iter().map(TypedLength::to_json).collect::<Vec<_>>() })
-            }
-            None if !self.faces.is_empty() => json!({ "faces": self.faces }),
-            None => json!({ "levels": self.levels }),
-        }
-    }
-}
-
-/// Naming style of levels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Naming {
-    Plain,
-    Unity,
-    Unreal,
-    Godot,
-}
-
-impl Naming {
-    /// Returns the text between the name of the whole and the number of a level.
-    pub(crate) fn mark(self) -> &'static str {
-        match self {
-            Self::Plain => "_lod",
-            Self::Unity | Self::Unreal | Self::Godot => "_LOD",
-        }
-    }
-}
-
-impl std::fmt::Display for Naming {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.to_possible_value().expect("no style is skipped").get_name())
-    }
 }
 
 impl LodArgs {
-    /// Returns where the levels go; `name` is the template of file names in the folder.
-    pub(crate) fn wanted<'a>(&'a self, name: &'a str) -> OutputArgs<'a> {
-        OutputArgs {
+    /// Returns where the levels go.
+    pub(crate) fn wanted(&self) -> Outputs<'_> {
+        Outputs {
             inputs: std::slice::from_ref(&self.input),
             output: self.output.as_ref(),
             out_dir: self.out_dir.as_deref(),
-            name,
+            name: "",
             from: self.reading.from,
-            writing: self.writing,
+            to: self.writing.to,
+            writing: self.writing.options(),
             json: self.ending.json,
             dry_run: self.dry_run,
         }
     }
 
     /// Converts the arguments to options of the engine.
-    pub(crate) fn options(&self) -> LodOptions {
+    fn options(&self) -> LodOptions {
         let mut options = LodOptions::new(self.levels.levels(self.factor));
         options.simplify = self.engine.options(Stop::default());
         // Switching distances are no more accurate than the errors that they are computed from.
@@ -187,12 +149,14 @@ impl LodArgs {
         options
     }
 
-    /// Returns the target by name, for reports.
-    pub(crate) fn target(&self) -> Value {
-        self.levels.to_json(self.factor)
-    }
-
-    pub(crate) fn screen(&self) -> Screen {
-        Screen::new(self.fov, self.height, self.pixels).unwrap_or_default()
+    /// Returns how the levels are made.
+    ///
+    /// # Errors
+    /// A usage error for arguments that do not go together.
+    pub(crate) fn recipe(&self) -> anyhow::Result<LodRecipe> {
+        let (names, baking) = (self.engine.names.names(), self.baking.baking()?);
+        let screen = Screen::new(self.fov, self.height, self.pixels).unwrap_or_default();
+        let (normals, naming) = (self.normals, self.naming);
+        Ok(LodRecipe { options: self.options(), names, normals, baking, screen, naming })
     }
 }

@@ -7,7 +7,7 @@ use lodsmith::{MethodKind, SimplifyOptions};
 
 use super::engine::Target;
 use super::{Reading, Run, Writing, choice};
-use crate::paths::Source;
+use lodsmith_asset::Source;
 
 const AFTER: &str = "\
 The table has for each method: faces of the result, time to make it (without reading and the measure below), mean, \

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::engine::{EngineArgs, Target};
 use super::{Ending, Reading, Run, Writing, choice};
-use crate::paths::{Sink, Source};
+use lodsmith_asset::{Sink, Source};
 
 const AFTER_BUILD: &str = "\
 The file holds the base mesh and every step back to the input. Without --bits the input comes out as it went in, to the
@@ -118,7 +118,7 @@ impl ExtractArgs {
     }
     /// Returns the target by name, for reports.
     pub(crate) fn target_json(&self) -> Value {
-        self.target.to_json()
+        lodsmith_asset::report_json::target(&self.target.stop())
     }
 }
 

@@ -8,8 +8,8 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use lodsmith::MethodKind;
 use lodsmith_render::{Background, ColorMap, Light, LightKind, Shading, StandardView};
 
-use super::{Reading, Run, Up, choice, values};
-use crate::paths::{Sink, Source};
+use super::{Reading, Run, choice, values};
+use lodsmith_asset::{Sink, Source, Up};
 
 const AFTER: &str = "\
 Shadings:
@@ -168,7 +168,7 @@ pub(crate) struct PlaceArgs {
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = values::elevation_deg, conflicts_with = "view")]
     pub(crate) elevation: Option<f64>,
     /// Axis that points up in the files
-    #[arg(long, value_name = "AXIS", value_enum, default_value = "y")]
+    #[arg(long, value_name = "AXIS", value_parser = choice(Up::ALL, Up::name), default_value = Up::Y.name())]
     pub(crate) up: Up,
     /// Vertical field of view, in degrees [default: 35]
     #[arg(long, value_name = "DEG", value_parser = values::fov_deg, conflicts_with = "parallel")]

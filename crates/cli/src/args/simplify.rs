@@ -1,12 +1,13 @@
 //! Arguments of `lodsmith simplify`.
 
-use clap::{ArgGroup, Args, ValueEnum};
+use clap::{ArgGroup, Args};
 use lodsmith::SimplifyOptions;
+use lodsmith_asset::plan::Outputs;
+use lodsmith_asset::{Normals, Recipe};
 
 use super::batch_files::BatchFiles;
 use super::engine::{Deviation, EngineArgs, Target};
-use super::{BakeArgs, Ending, Reading, Run, Writing};
-use crate::plan::OutputArgs;
+use super::{BakeArgs, Ending, Reading, Run, Writing, choice};
 
 const AFTER: &str = "\
 Methods:
@@ -57,7 +58,8 @@ pub(crate) struct SimplifyArgs {
     #[command(flatten)]
     pub(crate) writing: Writing,
     /// Normals of the result: carried over from the input, computed anew, or none
-    #[arg(long, value_name = "NORMALS", value_enum, default_value = "keep", help_heading = "Writing")]
+    #[arg(long, value_name = "NORMALS", value_parser = choice(Normals::ALL, Normals::name),
+          default_value = Normals::default().name(), help_heading = "Writing")]
     pub(crate) normals: Normals,
     /// Print the report without writing a file
     #[arg(long, help_heading = "Writing")]
@@ -68,17 +70,9 @@ pub(crate) struct SimplifyArgs {
     pub(crate) run: Run,
 }
 
-/// Normals of the result.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Normals {
-    Keep,
-    Recompute,
-    None,
-}
-
 impl SimplifyArgs {
     /// Returns where the results go.
-    pub(crate) fn wanted(&self) -> OutputArgs<'_> {
+    pub(crate) fn wanted(&self) -> Outputs<'_> {
         self.files.wanted(&self.reading, &self.writing, self.ending, self.dry_run)
     }
 
@@ -89,10 +83,15 @@ impl SimplifyArgs {
         options
     }
 
-    /// Returns true if the run has an end: a target, or an option that ends the method.
-    pub(crate) fn has_end(&self) -> bool {
-        let options = self.options();
-        self.target.is_given() || options.method.ends_without_stop()
+    /// Returns how each input is made lighter.
+    ///
+    /// # Errors
+    /// A usage error for arguments that do not go together.
+    pub(crate) fn recipe(&self) -> anyhow::Result<Recipe> {
+        let (names, baking) = (self.engine.names.names(), self.baking.baking()?);
+        let recipe = Recipe { options: self.options(), names, normals: self.normals, baking };
+        recipe.check(&self.writing.options(), self.wanted().output)?;
+        Ok(recipe)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Options for writing a result.
 
-use clap::{Args, ValueEnum};
+use clap::Args;
+use lodsmith_asset::Up;
 use lodsmith_io::gltf::{Compression, Packing};
 use lodsmith_io::{Format, Textures};
 
@@ -32,7 +33,7 @@ pub(crate) struct Writing {
     #[arg(long, value_name = "F", value_parser = values::above_zero)]
     pub(crate) scale: Option<f64>,
     /// Rotate the output about x so that this axis points up
-    #[arg(long, value_name = "AXIS")]
+    #[arg(long, value_name = "AXIS", value_parser = choice(Up::ALL, Up::name))]
     pub(crate) up: Option<Up>,
     /// Overwrite inputs and write-protected files (never folders)
     #[arg(long)]
@@ -40,15 +41,10 @@ pub(crate) struct Writing {
 }
 
 impl Writing {
-    /// Returns the packing of glTF and GLB.
-    pub(crate) const fn packing(&self) -> Packing {
-        Packing::new(self.compress, self.quantize)
+    /// Returns how a result is written.
+    pub(crate) fn options(&self) -> lodsmith_asset::Writing {
+        let &Self { ascii, textures, scale, up, force, .. } = self;
+        let packing = Packing::new(self.compress, self.quantize);
+        lodsmith_asset::Writing { ascii, textures, packing, scale, up, force }
     }
-}
-
-/// The axis that is up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Up {
-    Y,
-    Z,
 }

@@ -19,19 +19,21 @@ use serde_json::{Map, Value, json};
 use crate::args::CompareArgs;
 use crate::file;
 use crate::in_order;
-use crate::memory_need::Size;
 use crate::numbers::{grouped, seconds, significant};
 use crate::output::Output;
-use crate::paths::{self, Sink};
 use crate::progress::Progress;
-use crate::report_json::both_ways;
 use crate::status::{Status, usage};
-use crate::warnings::{show_warnings, viewing_warnings};
-use crate::{memory, memory_need, picture};
+use crate::warnings::show_warnings;
+use crate::{memory, picture};
+use lodsmith_asset::memory_need;
+use lodsmith_asset::memory_need::Size;
+use lodsmith_asset::report_json::both_ways;
+use lodsmith_asset::warnings::viewing_warnings;
+use lodsmith_asset::{Sink, paths};
 
 /// Measures, and writes the heat map if asked for.
 pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
-    paths::at_most_one_stdin([&args.reference, &args.candidate])?;
+    paths::at_most_one_stream([&args.reference, &args.candidate])?;
     if let Some(path) = &args.heatmap {
         let sink = Sink::Path(path.clone());
         if picture::of_path(path).is_none() && paths::format_of(&sink, None).ok() != Some(Format::Ply) {
@@ -144,7 +146,14 @@ fn write_heatmap(reference: &TriMesh, candidate: &TriMesh, path: &Path, force: b
         let mut options = WriteOptions::default();
         options.format = Some(Format::Ply);
         options.force = force;
-        file::write_mesh(&heatmap(reference, &distances, red)?, &sink, Format::Ply, &options)?;
+        let map = heatmap(reference, &distances, red)?;
+        file::writer(|job| {
+            job.put(
+                &sink,
+                |out| lodsmith_io::write_to(&map, Format::Ply, &options, out),
+                |path| lodsmith_io::write_path(&map, path, &options),
+            )
+        })?;
     }
     Ok(red)
 }

@@ -13,20 +13,24 @@ use serde_json::{Value, json};
 
 use crate::args::MethodsArgs;
 use crate::exit;
-use crate::file::{self, Destination};
+use crate::file;
 use crate::in_order;
 use crate::numbers::{grouped, micros, seconds, short};
-use crate::orient::orient;
 use crate::output::{self, Output};
-use crate::paths::{self, Sink};
-use crate::plan::{self, OutputArgs};
 use crate::progress::{FileProgress, Progress};
-use crate::report_json::measured_json;
-use crate::run_control::{RunControl, StageClock, not_interrupted};
+use crate::run_control::{BarWatch, not_interrupted};
 use crate::status::{Interrupted, Status, usage};
 use crate::validity::Validity;
-use crate::warnings::{refusals, show_warnings, texts};
-use crate::{memory, memory_need, picture};
+use crate::warnings::show_warnings;
+use crate::{memory, picture};
+use lodsmith_asset::Destination;
+use lodsmith_asset::memory_need;
+use lodsmith_asset::orient;
+use lodsmith_asset::plan::{self, Outputs};
+use lodsmith_asset::report_json::measured_json;
+use lodsmith_asset::warnings::{refusals, texts};
+use lodsmith_asset::{Job, StageClock, Step};
+use lodsmith_asset::{Sink, paths};
 
 /// Runs all methods in sequence and prints the table.
 pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
@@ -138,8 +142,8 @@ fn try_all(
             if let Some(to) = &to {
                 bar.write();
                 let mut mesh = made.mesh;
-                orient(&mut mesh, &args.writing);
-                judged.warnings = to.write(&mesh, regions.clone())?.warnings;
+                orient(&mut mesh, &to.writing);
+                judged.warnings = file::writer(|job| to.write(&mesh, regions.clone(), job))?.warnings;
             }
             Ok(judged)
         });
@@ -157,13 +161,14 @@ fn try_all(
 /// Returns the output for the result of a method, if any.
 fn sink(args: &MethodsArgs, method: MethodKind) -> anyhow::Result<Option<Destination>> {
     let template = format!("{{stem}}_{}.{{ext}}", method.name());
-    let jobs = plan::jobs(&OutputArgs {
+    let jobs = plan::assign(&Outputs {
         inputs: std::slice::from_ref(&args.input),
         output: None,
         out_dir: args.out_dir.as_deref(),
         name: &template,
         from: args.reading.from,
-        writing: args.writing,
+        to: args.writing.to,
+        writing: args.writing.options(),
         json: args.json,
         dry_run: args.out_dir.is_none(),
     })?;
@@ -226,10 +231,11 @@ impl PreparedModel {
         bar: &FileProgress<'_>,
     ) -> anyhow::Result<MethodResult> {
         let options = args.options(method);
-        let mut watch = RunControl::new(bar, args.run.time_limit);
-        watch.prepare();
-        let done = lodsmith::simplify_with(&self.mesh, &options, &mut watch);
-        let clock = watch.end();
+        let mut watch = BarWatch::new(bar);
+        let mut job = Job::new(&mut watch, args.run.time_limit, memory::limit());
+        job.enter(Step::Prepare);
+        let done = lodsmith::simplify_with(&self.mesh, &options, &mut job);
+        let clock = job.times();
         let Simplified { mesh, report } = not_interrupted(done)?;
         Ok(MethodResult { mesh, report, clock })
     }
@@ -339,7 +345,7 @@ impl MethodComparison {
                 "faces": model.mesh.face_count(), "vertices": model.mesh.vertex_count(),
                 "components": model.validity.components, "defects": object(model.validity.counts()),
             },
-            "target": args.target.to_json(),
+            "target": lodsmith_asset::report_json::target(&args.target.stop()),
             "diagonal": model.reference.as_ref().map(Prepared::diagonal),
             "samples": model.compare.samples,
             "threads": args.run.threads(),

@@ -9,18 +9,21 @@ use lodsmith_io::{Format, Warning};
 use serde_json::{Map, Value, json};
 
 use crate::args::{self, ExtractArgs, LpmBuildArgs, LpmInfoArgs};
-use crate::file::{self, Destination};
-use crate::memory_need::Size;
+use crate::file;
 use crate::numbers::{counted, grouped, micros, seconds, short};
-use crate::orient::orient;
 use crate::output::Output;
-use crate::paths::{self, Sink};
 use crate::progress::Progress;
-use crate::report_json::measured_json;
-use crate::run_control::{RunControl, not_interrupted};
+use crate::run_control::{BarWatch, not_interrupted};
 use crate::status::{Status, usage};
-use crate::warnings::{show_not_reached, show_warnings, texts};
-use crate::{constraints, in_order, memory, memory_need};
+use crate::warnings::{show_not_reached, show_warnings};
+use crate::{in_order, memory};
+use lodsmith_asset::memory_need::Size;
+use lodsmith_asset::orient;
+use lodsmith_asset::report_json::measured_json;
+use lodsmith_asset::warnings::texts;
+use lodsmith_asset::{Destination, Job, Step};
+use lodsmith_asset::{Sink, paths};
+use lodsmith_asset::{constraints, memory_need};
 
 /// Runs the subcommand.
 pub(super) fn run(action: &args::Progressive) -> anyhow::Result<Status> {
@@ -36,13 +39,13 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
     paths::refuse_inputs(&args.output, [&args.input], args.force)?;
     let hint = match &args.output {
         Sink::Path(path) => lodsmith_io::sniff::hint_of(path),
-        Sink::Stdout => None,
+        Sink::Stream => None,
     };
     if let Some(other) = hint.filter(|&f| f != Format::Lpm) {
         let text = format!("{}: the ending is that of {}, and the file is LPM", args.output, other.title());
         return Err(usage(text));
     }
-    let is_taken = args.output == Sink::Stdout;
+    let is_taken = args.output == Sink::Stream;
     if is_taken && args.ending.json {
         return Err(usage("standard output cannot carry the file and --json"));
     }
@@ -52,32 +55,33 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
     let begin = Instant::now();
     let built = in_order::pool(args.run.threads())?.install(|| {
         let bar = progress.file(&path);
-        let mut watch = RunControl::new(&bar, None);
-        watch.read();
-        let loaded =
-            file::read_with(&args.input, &args.reading, constraints::properties(&args.engine.names))?;
+        let mut watch = BarWatch::new(&bar);
+        let mut job = Job::new(&mut watch, None, memory::limit());
+        job.enter(Step::Read);
+        let names = args.engine.names.names();
+        let loaded = file::read_with(&args.input, &args.reading, constraints::properties(&names))?;
         let mut options = args.options();
         // Measured afterwards, like the levels of `extract`.
         let limit = options.stop.error.take();
-        let data = constraints::of_mesh(&args.engine.names, &loaded)?;
+        let data = constraints::of_mesh(&names, &loaded)?;
         let mut warnings = loaded.warnings;
         if loaded.format.is_scene() && loaded.contents.meshes > 1 {
             warnings.push(Warning::lost("the meshes of the scene become one: nodes are not kept"));
         }
-        watch.prepare();
+        job.enter(Step::Prepare);
         memory::check("progressive build", memory_need::progressive(Size::of(&loaded.mesh), &options))?;
         let input = Input::new(&loaded.mesh).with(data.view());
-        let mut levels = not_interrupted(Progressive::build(&input, &options, &mut watch))?;
+        let mut levels = not_interrupted(Progressive::build(&input, &options, &mut job))?;
         if let Some(limit) = limit {
             let diagonal = levels.positions().bounds().map_or(0.0, |b| b.diagonal());
-            let found = levels.level_of_deviation(limit.in_units(diagonal), true, &mut watch);
+            let found = levels.level_of_deviation(limit.in_units(diagonal), true, &mut job);
             levels = levels.without_below(not_interrupted(found)?);
         }
-        watch.write();
+        job.enter(Step::Write);
         let splits = levels.into_splits();
-        let written = file::write_lpm(&splits, &loaded.regions, &args.output, &args.writing())?;
+        let written = file::write_lpm(&splits, &loaded.regions, &args.output, &args.writing(), &mut job)?;
         warnings.extend(written.warnings.iter().cloned());
-        Ok((splits, loaded.format, written.sizes, warnings, watch.end()))
+        Ok((splits, loaded.format, written.sizes, warnings, job.times()))
     });
     progress.finish();
     let (splits, from, sizes, warnings, clock) = built.map_err(|e: anyhow::Error| e.context(path.clone()))?;
@@ -86,7 +90,7 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         "input": { "path": path, "format": from.name(), "faces": full[0], "vertices": full[1] },
         "output": { "path": args.output.to_string(), "format": "lpm", "bytes": sizes.total() },
         "method": args.options().method.kind().name(),
-        "target": args.target.to_json(),
+        "target": lodsmith_asset::report_json::target(&args.target.stop()),
     });
     merge(&mut report, describe(&splits, &sizes, args.bits));
     report["warnings"] = texts(&warnings).into();
@@ -110,7 +114,7 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
     let format = paths::format_of(&args.output, args.writing.to)?;
     paths::refuse_folder(&args.output, "")?;
     paths::refuse_inputs(&args.output, [&args.input], args.writing.force)?;
-    let is_taken = args.output == Sink::Stdout;
+    let is_taken = args.output == Sink::Stream;
     if is_taken && args.ending.json {
         return Err(usage("standard output cannot carry the mesh and --json"));
     }
@@ -125,52 +129,53 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
         let full = lpm.announced.1.faces as usize;
         let diagonal = lpm.splits.positions.view().bounds().map_or(0.0, |b| b.diagonal());
         memory::check("progressive extract", memory_need::extract(&lpm.splits))?;
-        let mut road = Progressive::new(lpm.splits);
-        let is_reached = go_to(&mut road, args, full, diagonal, &mut RunControl::new(&bar, None))?;
+        let mut levels = Progressive::new(lpm.splits);
+        let is_reached = go_to(&mut levels, args, full, diagonal, &mut BarWatch::new(&bar))?;
         let measured = match args.stop().error {
-            Some(_) => road.deviation(!args.no_fit)?,
+            Some(_) => levels.deviation(!args.no_fit)?,
             None => None,
         };
-        let mut mesh = if args.no_fit { road.mesh() } else { road.fitted_mesh() }?;
+        let mut mesh = if args.no_fit { levels.mesh() } else { levels.fitted_mesh() }?;
         let counts = [mesh.face_count(), mesh.vertex_count()];
         bar.write();
-        orient(&mut mesh, &args.writing);
+        let writing = args.writing.options();
+        orient(&mut mesh, &writing);
         let mut warnings = lpm.warnings;
         if !lpm.is_complete && args.stop().error.is_some() {
             let text = "--error is measured from the finest level that the file has";
             warnings.push(Warning::note(text));
         }
-        let to = Destination { sink: args.output.clone(), format, writing: args.writing, dry_run: false };
-        warnings.extend(to.write(&mesh, lpm.regions)?.warnings);
-        Ok((road, counts, full, (is_reached, measured), warnings))
+        let to = Destination { sink: args.output.clone(), format, writing, dry_run: false };
+        warnings.extend(file::writer(|job| to.write(&mesh, lpm.regions, job))?.warnings);
+        Ok((levels, counts, full, (is_reached, measured), warnings))
     });
     progress.finish();
-    let (road, [faces, vertices], full, (is_reached, measured), warnings) =
+    let (levels, [faces, vertices], full, (is_reached, measured), warnings) =
         extracted.map_err(|e: anyhow::Error| e.context(path.clone()))?;
     let secs = begin.elapsed().as_secs_f64();
     out.object(&json!({
-        "input": { "path": path, "format": "lpm", "faces": full, "levels": road.levels() },
+        "input": { "path": path, "format": "lpm", "faces": full, "levels": levels.levels() },
         "output": {
             "path": args.output.to_string(), "format": format.name(), "faces": faces, "vertices": vertices,
         },
         "target": args.target_json(),
         "reached": is_reached,
-        "level": road.level(),
+        "level": levels.level(),
         "error": {
-            "estimate": road.error(), "measured": measured.as_ref().map(measured_json), "unit": "model",
+            "estimate": levels.error(), "measured": measured.as_ref().map(measured_json), "unit": "model",
         },
         "warnings": texts(&warnings),
         "seconds": micros(secs),
     }));
     let far = match &measured {
         Some(m) => format!("rms {}, max {}", short(m.rms.symmetric), short(m.hausdorff.symmetric)),
-        None => format!("rms about {}", short(road.error())),
+        None => format!("rms about {}", short(levels.error())),
     };
     out.line(&format!(
         "{path} → {}: level {} of {}, {} of {} faces, {far}, {}",
         args.output,
-        grouped(road.level()),
-        grouped(road.top()),
+        grouped(levels.level()),
+        grouped(levels.top()),
         grouped(faces),
         grouped(full),
         seconds(secs)
@@ -185,7 +190,7 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
 
 /// Goes down to the first level that meets one of the targets. Returns `false` if there is none.
 fn go_to(
-    road: &mut Progressive,
+    levels: &mut Progressive,
     args: &ExtractArgs,
     full: usize,
     diagonal: f64,
@@ -193,21 +198,21 @@ fn go_to(
 ) -> anyhow::Result<bool> {
     let stop = args.stop();
     let share = stop.ratio.map(|r| (r * full as f64).round() as usize);
-    let by_faces = stop.faces.into_iter().chain(share).map(|n| road.level_of_faces(n));
-    let by_vertices = stop.vertices.map(|n| road.level_of_vertices(n));
+    let by_faces = stop.faces.into_iter().chain(share).map(|n| levels.level_of_faces(n));
+    let by_vertices = stop.vertices.map(|n| levels.level_of_vertices(n));
     let by_error = match stop.error {
         Some(e) => {
-            Some(not_interrupted(road.level_of_deviation(e.in_units(diagonal), !args.no_fit, control))?)
+            Some(not_interrupted(levels.level_of_deviation(e.in_units(diagonal), !args.no_fit, control))?)
         }
         None => None,
     };
     let Some(level) = by_faces.chain(by_vertices).chain(by_error).max() else { return Ok(true) };
-    road.to_level(level);
+    levels.to_level(level);
     let is_met = |wanted: Option<usize>, got: usize| wanted.is_some_and(|n| got <= n);
     Ok(stop.error.is_some()
-        || is_met(stop.faces, road.face_count())
-        || is_met(share, road.face_count())
-        || is_met(stop.vertices, road.vertex_count()))
+        || is_met(stop.faces, levels.face_count())
+        || is_met(share, levels.face_count())
+        || is_met(stop.vertices, levels.vertex_count()))
 }
 
 fn info(args: &LpmInfoArgs) -> anyhow::Result<Status> {

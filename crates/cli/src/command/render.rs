@@ -9,7 +9,7 @@ use anyhow::Context as _;
 use lodsmith::core::measure::{MeasureError, Prepared, vertex_distances};
 use lodsmith::core::model::{Instance, Node, Pose, Transform};
 use lodsmith::core::{Bounds, Image, Model, Positions, TriMesh, VertexId};
-use lodsmith::{Input, OwnedMeshData, Simplified, SimplifyOptions, Stop, Textures, simplify_scene};
+use lodsmith::{Input, OwnedMeshData, Simplified, SimplifyOptions, Stop, Textures};
 use lodsmith_io::{ModelFile, ModelSource, Warning};
 use lodsmith_render::{
     Background, Camera, DMat4, DQuat, DVec3, Environment, Ground, Legend, Lens, Light, LightKind, Panel,
@@ -17,25 +17,28 @@ use lodsmith_render::{
 };
 use serde_json::{Value, json};
 
-use crate::args::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Surroundings, Up};
+use crate::args::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Surroundings};
 use crate::file;
 use crate::in_order;
-use crate::memory_need::Size;
+use crate::memory;
 use crate::numbers::{counted, grouped, micros, seconds, short};
 use crate::output::Output;
-use crate::paths::{self, Source};
 use crate::picture::MARGIN;
 use crate::progress::{FileProgress, Progress};
-use crate::run_control::{RunControl, not_interrupted};
-use crate::scene_parts::{parts_of, taken};
+use crate::run_control::{BarWatch, not_interrupted};
 use crate::status::{Status, usage};
-use crate::warnings::{show_warnings, viewing_warnings};
-use crate::{memory, memory_need};
+use crate::warnings::show_warnings;
+use lodsmith_asset::Asset;
+use lodsmith_asset::Job;
+use lodsmith_asset::memory_need;
+use lodsmith_asset::memory_need::Size;
+use lodsmith_asset::warnings::viewing_warnings;
+use lodsmith_asset::{Source, Up, paths};
 use outputs::Outputs;
 
 /// Reads, renders and writes.
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Status> {
-    paths::at_most_one_stdin(args.inputs.iter().chain(&args.compare))?;
+    paths::at_most_one_stream(args.inputs.iter().chain(&args.compare))?;
     let outputs = Outputs::new(args)?;
     let is_heat = args.look.shading == Some(Shading::Heat);
     if is_heat && args.compare.is_none() && args.levels.is_empty() {
@@ -236,11 +239,12 @@ impl<'a> Drawing<'a> {
             for &count in &args.levels {
                 let mut options = SimplifyOptions::new(Stop::faces(count));
                 options.method = args.method.into();
-                let mut watch = RunControl::new(bar, None);
+                let mut watch = BarWatch::new(bar);
+                let mut job = Job::new(&mut watch, None, memory::limit());
                 let whole = &drawing.items[original];
                 let size = Size::of_all(whole.model.meshes.iter().map(|m| &*m.mesh));
                 memory::check("render --levels", memory_need::lod(size, &options))?;
-                let model = lighter(whole, &options, &mut watch).with_context(|| input.to_string())?;
+                let model = lighter(whole, &options, &mut job).with_context(|| input.to_string())?;
                 drawing.items.push(Item {
                     path: input.to_string(),
                     model,
@@ -494,7 +498,7 @@ impl<'a> Drawing<'a> {
 }
 
 /// Returns the model with fewer faces; materials and placements are not changed.
-fn lighter(item: &Item, options: &SimplifyOptions, watch: &mut RunControl<'_>) -> anyhow::Result<Model> {
+fn lighter(item: &Item, options: &SimplifyOptions, job: &mut Job<'_>) -> anyhow::Result<Model> {
     let model = &item.model;
     let mut meshes: Vec<Arc<TriMesh>> = model.meshes.iter().map(|m| m.mesh.clone()).collect();
     let data_of = |mesh: usize| {
@@ -503,18 +507,18 @@ fn lighter(item: &Item, options: &SimplifyOptions, watch: &mut RunControl<'_>) -
         data
     };
     if let Some(ModelSource::Scene(scene)) = &item.source {
-        let taken = taken(scene.meshes());
-        let data: Vec<_> = taken.iter().copied().map(data_of).collect();
-        let parts = parts_of(scene.meshes(), &data);
-        let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
-        let done = not_interrupted(simplify_scene(&parts, diagonal, options, watch))?;
-        for (i, mesh) in taken.into_iter().zip(done.meshes) {
-            meshes[i] = Arc::new(mesh);
+        let asset = Asset::from((**scene).clone());
+        let data: Vec<_> = asset.simplified_meshes().into_iter().map(data_of).collect();
+        let done = not_interrupted(asset.simplify(options, &data, job))?;
+        for (mesh, lighter) in meshes.iter_mut().zip(done.meshes) {
+            if let Some(lighter) = lighter {
+                *mesh = Arc::new(lighter);
+            }
         }
     } else {
         let data = data_of(0);
         let input = Input::new(&meshes[0]).with(data.view());
-        let Simplified { mesh, .. } = not_interrupted(lodsmith::simplify_with(&input, options, watch))?;
+        let Simplified { mesh, .. } = not_interrupted(lodsmith::simplify_with(&input, options, job))?;
         meshes[0] = Arc::new(mesh);
     }
     Ok(model.with_meshes(meshes))

@@ -1,107 +1,119 @@
 //! `lodsmith simplify`: reads, simplifies, writes, and reports the result.
 
-mod report;
-mod scene;
-
-use lodsmith::Simplified;
-use lodsmith_io::Loaded;
+use lodsmith_asset::report_json::{self, cleanup};
+use lodsmith_asset::warnings::refusals;
+use lodsmith_asset::{Outcome, simplify};
 
 use super::batch;
 use crate::args::SimplifyArgs;
-use crate::file::{self, Destination, Input};
-use crate::in_order::Turn;
-use crate::normals::set_normals;
-use crate::orient::orient;
-use crate::paths::Source;
-use crate::plan::Job;
-use crate::run_control::{RunControl, not_interrupted};
-use crate::sizes::{self, WriteOutcome};
-use crate::status::{Status, usage};
-use crate::warnings::{not_reached, warnings_of};
-use crate::{baking, constraints, engine_input, memory, memory_need};
-use report::SimplifyOutcome;
+use crate::numbers::{counted, grouped, seconds, short};
+use crate::output::Output;
+use crate::sizes;
+use crate::status::Status;
+use crate::warnings::{show_not_reached, show_warnings};
 
 /// Simplifies every input.
 pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
-    if !args.has_end() {
-        return Err(usage(
-            "a target is needed: --faces, --vertices, --ratio, --error, or what the method ends by",
-        ));
-    }
-    let wanted = args.wanted();
-    baking::check(&args.baking, &args.writing, wanted.output)?;
+    let (recipe, reading) = (args.recipe()?, args.reading.options());
     batch::run(
-        &wanted,
+        &args.wanted(),
         &args.run,
-        |job, watch, turn| simplify_one(job, args, watch, turn),
-        |out, path, outcome, job| report::show(out, path, outcome, job, args),
+        |file, job| Ok(simplify(&file.source, &reading, &recipe, file.output.as_ref(), job)?),
+        |out, path, done, file| {
+            let target = report_json::target(&recipe.options.stop);
+            out.object(&done.to_json(path, &target, &recipe, file.output.as_ref(), args.dry_run));
+            show(out, path, done, args.ending.strict)
+        },
     )
 }
 
-fn simplify_one(
-    job: &Job,
-    args: &SimplifyArgs,
-    mut watch: RunControl<'_>,
-    turn: &Turn<'_>,
-) -> anyhow::Result<SimplifyOutcome> {
-    watch.read();
-    let properties = constraints::properties(&args.engine.names);
-    let bakes = args.baking.is_asked() && job.output.is_some();
-    let input = file::read_input(&job.source, &args.reading, properties, job.keeps_scenes() || bakes)?;
-    watch.prepare();
-    match (input, &job.output) {
-        (Input::Scene(scene), Some(to)) => scene::simplify_scene(*scene, &job.source, to, args, None, watch),
-        (Input::Mesh(loaded), Some(to)) if bakes => {
-            scene::simplify_mesh(*loaded, &job.source, to, args, watch)
-        }
-        (Input::Scene(_), None) => unreachable!("a scene is read where it can stay one"),
-        (Input::Mesh(loaded), to) => simplify_mesh(*loaded, &job.source, to.as_ref(), args, watch, turn),
+/// Prints the outcome of one input. Returns the status that it alone would end with.
+fn show(out: &Output, path: &str, done: &Outcome, strict: bool) -> Status {
+    out.line(&line(done, path));
+    if let Some(line) = sizes::line(done.sizes_before, done.written.sizes) {
+        out.detail(&line);
     }
+    for line in details(done) {
+        out.detail(&line);
+    }
+    let mut is_fault = show_warnings(out, path, &done.warnings, strict);
+    if let Some(why) = &done.not_reached {
+        is_fault |= show_not_reached(out, path, why, strict);
+    }
+    if is_fault { Status::Strict } else { Status::Done }
 }
 
-/// Simplifies a mesh and writes it.
-fn simplify_mesh(
-    mut loaded: Loaded,
-    source: &Source,
-    to: Option<&Destination>,
-    args: &SimplifyArgs,
-    mut watch: RunControl<'_>,
-    turn: &Turn<'_>,
-) -> anyhow::Result<SimplifyOutcome> {
-    let sizes_before = sizes::of_input(source, &args.reading, sizes::of_loaded(&loaded));
-    let options = args.options();
-    let data = engine_input::of_mesh(&mut loaded, &args.engine.names, to, &options)?;
-    let Loaded { mesh, regions, mut warnings, format, .. } = loaded;
-    let need = memory_need::simplify(&mesh, &options);
-    memory::check("simplify", need.saturating_add(memory_need::images(std::slice::from_ref(&data))))?;
-    let done = lodsmith::simplify_with(lodsmith::Input::new(&mesh).with(data.view()), &options, &mut watch);
-    let Simplified { mesh: mut lighter, report } = not_interrupted(done)?;
-    drop(mesh);
-    let not_reached = not_reached(&report, &options, watch.time_limit, [&lighter]);
-    warnings.extend(warnings_of(&report));
+/// Returns the summary line.
+fn line(done: &Outcome, path: &str) -> String {
+    let r = &done.report;
+    let percent = 100.0 * r.faces as f64 / r.input_faces.max(1) as f64;
+    let share = |d: f64| short(if r.error.diagonal > 0.0 { 100.0 * d / r.error.diagonal } else { 0.0 });
+    let error = match &r.error.measured {
+        None => format!("rms {} %", share(r.error.estimate)),
+        Some(m) => format!("rms {} %, max {} %", share(m.rms.symmetric), share(m.hausdorff.symmetric)),
+    };
+    let error = match r.error.bound {
+        Some(bound) => format!("{error} (proven: {} %)", share(bound)),
+        None => error,
+    };
+    format!(
+        "{path}: {} → {} faces ({percent:.1} %), {error} of the diagonal, {}",
+        grouped(r.input_faces),
+        grouped(r.faces),
+        seconds(done.clock.total())
+    )
+}
 
-    watch.write();
-    let mut written = WriteOutcome::default();
-    if let Some(to) = to {
-        orient(&mut lighter, &to.writing);
-        set_normals(&mut lighter, args.normals)?;
-        // If two textures have one name, that of the earlier input keeps it.
-        if to.shares_names(&regions) {
-            turn.wait();
-        }
-        written = to.write(&lighter, regions)?;
-        warnings.append(&mut written.warnings);
+/// Returns the details for `-v`.
+fn details(done: &Outcome) -> Vec<String> {
+    let r = &done.report;
+    let times: Vec<String> =
+        done.clock.stages.iter().map(|(name, secs)| format!("{name} {secs:.3} s")).collect();
+    let mut lines = vec![format!("  {}, {}", times.join(", "), counted(done.threads, "thread", "threads"))];
+    lines.extend(done.written.packed.as_ref().map(sizes::packed_line));
+    let refusals = refusals(r);
+    if !refusals.is_empty() {
+        lines.push(format!("  refused: {refusals}"));
     }
-    Ok(SimplifyOutcome {
-        input_format: format,
-        report,
-        not_reached,
-        warnings,
-        meshes: Vec::new(),
-        baked: None,
-        sizes_before,
-        written,
-        threads: rayon::current_num_threads(),
-        clock: watch.end(),
-    })
+    let repaired: Vec<String> = cleanup(r)
+        .into_iter()
+        .filter(|(_, n)| *n > 0)
+        .map(|(name, n)| format!("{name} {}", grouped(n)))
+        .collect();
+    if !repaired.is_empty() {
+        lines.push(format!("  repaired before the run: {}", repaired.join(", ").replace('_', " ")));
+    }
+    if r.locked_vertices > 0 {
+        let faces = counted(r.locked_faces, "face", "faces");
+        lines.push(format!("  locked: {}, {faces}", counted(r.locked_vertices, "vertex", "vertices")));
+    }
+    if r.parts_removed > 0 {
+        lines.push(format!("  {} removed whole", counted(r.parts_removed, "part", "parts")));
+    }
+    if r.necks_cut > 0 {
+        lines.push(format!("  {} cut", counted(r.necks_cut, "neck", "necks")));
+    }
+    if r.two_sided_pairs > 0 {
+        let pairs = counted(r.two_sided_pairs, "pair", "pairs");
+        lines.push(format!("  {pairs} of faces back to back reduced as one side and written as both"));
+    }
+    if r.pairs_contracted > 0 {
+        lines.push(format!("  {} contracted", counted(r.pairs_contracted, "pair", "pairs")));
+    }
+    if let Some(c) = r.clustered.filter(|c| c.cell > 0.0) {
+        let faces = counted(c.faces, "face", "faces");
+        let edges = counted(c.non_manifold_edges, "edge", "edges");
+        lines.push(format!("  {faces} by cells of {}; {edges} with more than two of them", short(c.cell)));
+    }
+    if r.pruned.parts > 0 {
+        let parts = counted(r.pruned.parts, "small part", "small parts");
+        lines.push(format!("  {parts} pruned first, of {}", counted(r.pruned.faces, "face", "faces")));
+    }
+    if done.meshes.len() > 1 {
+        lines.extend(done.meshes.iter().map(|(name, m)| {
+            let times = counted(m.instances, "instance", "instances");
+            format!("  {name}: {} → {} faces, {times}", grouped(m.input_faces), grouped(m.faces))
+        }));
+    }
+    lines
 }

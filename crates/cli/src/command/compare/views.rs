@@ -10,11 +10,12 @@ use lodsmith_render::{Background, Panel, PictureFormat, Shading, Subject, View, 
 use serde_json::{Value, json};
 
 use crate::args::{CompareArgs, Reading};
-use crate::memory_need::Size;
 use crate::numbers::{micros, significant};
-use crate::paths::{Sink, Source};
 use crate::status::usage;
-use crate::{memory, memory_need, picture};
+use crate::{memory, picture};
+use lodsmith_asset::memory_need;
+use lodsmith_asset::memory_need::Size;
+use lodsmith_asset::{Sink, Source};
 
 /// Result of the comparison.
 pub(super) struct ViewComparison {

@@ -10,10 +10,10 @@ use lodsmith_render::{AnimationError, AnimationOptions, Background, PictureForma
 use serde_json::{Value, json};
 
 use crate::args::RenderArgs;
-use crate::paths::{self, Sink, Source};
 use crate::picture;
 use crate::progress::FileProgress;
 use crate::status::usage;
+use lodsmith_asset::{Sink, Source, paths};
 
 /// Destination of what is rendered.
 pub(super) enum Outputs {
@@ -45,10 +45,10 @@ impl Outputs {
             }
             return Ok(all);
         }
-        let sink = args.output.clone().unwrap_or(Sink::Stdout);
+        let sink = args.output.clone().unwrap_or(Sink::Stream);
         let format = picture::format_of(&sink)?;
         paths::refuse_inputs(&sink, inputs(), args.force)?;
-        if sink == Sink::Stdout && args.json {
+        if sink == Sink::Stream && args.json {
             return Err(usage("the picture and --json both want standard output: give the picture a file"));
         }
         match args.turntable.frames {
@@ -62,7 +62,7 @@ impl Outputs {
 
     /// Returns true if a picture goes to standard output.
     pub(super) fn is_stdout(&self) -> bool {
-        matches!(self, Self::Picture { sink, .. } | Self::Animation { sink, .. } if *sink == Sink::Stdout)
+        matches!(self, Self::Picture { sink, .. } | Self::Animation { sink, .. } if *sink == Sink::Stream)
     }
 
     /// Returns the output as part of the report.
@@ -161,7 +161,7 @@ fn frames(args: &RenderArgs, folder: &Path, count: usize) -> anyhow::Result<Outp
     }
     let stem = match &args.inputs[0] {
         Source::Path(path) => path.as_path(),
-        Source::Stdin => Path::new("stdin"),
+        Source::Stream => Path::new("stdin"),
     };
     let is_gz = stem.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"));
     let plain = if is_gz { stem.with_extension("") } else { stem.to_owned() };

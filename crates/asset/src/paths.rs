@@ -1,4 +1,4 @@
-//! Inputs and outputs as typed: a path, or `-` for a standard stream.
+//! Inputs and outputs: a path, or a standard stream, which is typed as `-`.
 
 use std::ffi::OsString;
 use std::fmt;
@@ -8,42 +8,42 @@ use std::path::{Path, PathBuf};
 use lodsmith_io::sniff::hint_of;
 use lodsmith_io::{Format, WriteError};
 
-use crate::status::usage;
+use crate::error::{AssetError, usage};
 
 /// Source of an input.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Source {
-    /// Standard input, typed as `-`.
-    Stdin,
+pub enum Source {
+    /// Standard input.
+    Stream,
     /// A file.
     Path(PathBuf),
 }
 
 /// Destination of a result.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Sink {
-    /// Standard output, typed as `-`.
-    Stdout,
+pub enum Sink {
+    /// Standard output.
+    Stream,
     /// A file.
     Path(PathBuf),
 }
 
 impl From<OsString> for Source {
     fn from(typed: OsString) -> Self {
-        if typed == "-" { Self::Stdin } else { Self::Path(typed.into()) }
+        if typed == "-" { Self::Stream } else { Self::Path(typed.into()) }
     }
 }
 
 impl From<OsString> for Sink {
     fn from(typed: OsString) -> Self {
-        if typed == "-" { Self::Stdout } else { Self::Path(typed.into()) }
+        if typed == "-" { Self::Stream } else { Self::Path(typed.into()) }
     }
 }
 
 impl fmt::Display for Source {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Stdin => f.write_str("-"),
+            Self::Stream => f.write_str("-"),
             Self::Path(path) => path.display().fmt(f),
         }
     }
@@ -52,25 +52,31 @@ impl fmt::Display for Source {
 impl fmt::Display for Sink {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Stdout => f.write_str("-"),
+            Self::Stream => f.write_str("-"),
             Self::Path(path) => path.display().fmt(f),
         }
     }
 }
 
 /// Returns an error if two sources are standard input.
-pub(crate) fn at_most_one_stdin<'a>(sources: impl IntoIterator<Item = &'a Source>) -> anyhow::Result<()> {
-    if sources.into_iter().filter(|s| **s == Source::Stdin).count() > 1 {
+///
+/// # Errors
+/// [`AssetError::Usage`].
+pub fn at_most_one_stream<'a>(sources: impl IntoIterator<Item = &'a Source>) -> Result<(), AssetError> {
+    if sources.into_iter().filter(|s| **s == Source::Stream).count() > 1 {
         return Err(usage("standard input can be read only once: one `-` is enough"));
     }
     Ok(())
 }
 
 /// Returns the format of an output: the one asked for, or that of its file extension.
-pub(crate) fn format_of(sink: &Sink, to: Option<Format>) -> anyhow::Result<Format> {
+///
+/// # Errors
+/// [`AssetError::Usage`] if there is none, or meshes cannot be written in it.
+pub fn format_of(sink: &Sink, to: Option<Format>) -> Result<Format, AssetError> {
     let hint = match sink {
         Sink::Path(path) => hint_of(path),
-        Sink::Stdout => None,
+        Sink::Stream => None,
     };
     match (to.or(hint), sink) {
         (Some(Format::Lpm), _) => Err(usage(WriteError::NeedsSplits.to_string())),
@@ -78,7 +84,7 @@ pub(crate) fn format_of(sink: &Sink, to: Option<Format>) -> anyhow::Result<Forma
             Err(usage(WriteError::ReadOnly { format: format.title() }.to_string()))
         }
         (Some(format), _) => Ok(format),
-        (None, Sink::Stdout) => Err(usage("standard output has no ending: say the format with --to")),
+        (None, Sink::Stream) => Err(usage("standard output has no ending: say the format with --to")),
         (None, Sink::Path(path)) if path.is_dir() => {
             Err(usage(format!("{}: is a folder: name a file in it", path.display())))
         }
@@ -86,8 +92,11 @@ pub(crate) fn format_of(sink: &Sink, to: Option<Format>) -> anyhow::Result<Forma
     }
 }
 
-/// Returns a usage error if the output is a folder.
-pub(crate) fn refuse_folder(sink: &Sink, hint: &str) -> anyhow::Result<()> {
+/// Returns an error if the output is a folder.
+///
+/// # Errors
+/// [`AssetError::Usage`], with the hint at its end.
+pub fn refuse_folder(sink: &Sink, hint: &str) -> Result<(), AssetError> {
     match sink {
         Sink::Path(path) if path.is_dir() => {
             Err(usage(format!("{}: is a folder, which is never overwritten{hint}", path.display())))
@@ -99,12 +108,12 @@ pub(crate) fn refuse_folder(sink: &Sink, hint: &str) -> anyhow::Result<()> {
 /// Refuses to overwrite an input unless asked for: it may be the only copy.
 ///
 /// # Errors
-/// A usage error if the output is an input.
-pub(crate) fn refuse_inputs<'a>(
+/// [`AssetError::Usage`] if the output is an input.
+pub fn refuse_inputs<'a>(
     sink: &Sink,
     inputs: impl IntoIterator<Item = &'a Source>,
     force: bool,
-) -> anyhow::Result<()> {
+) -> Result<(), AssetError> {
     let Sink::Path(path) = sink else { return Ok(()) };
     // A device or a pipe cannot be overwritten.
     if force || !fs::metadata(path).is_ok_and(|about| about.is_file()) {
@@ -120,7 +129,7 @@ pub(crate) fn refuse_inputs<'a>(
 }
 
 /// Returns a canonical form of a path, the same for all spellings of it, as far as the file system can tell.
-pub(crate) fn identity(path: &Path) -> PathBuf {
+pub fn identity(path: &Path) -> PathBuf {
     if let Ok(real) = path.canonicalize() {
         return real;
     }
@@ -137,13 +146,12 @@ pub(crate) fn identity(path: &Path) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::status::{Status, status_of};
 
     #[test]
     fn a_dash_is_a_stream() {
-        assert_eq!(Source::from(OsString::from("-")), Source::Stdin);
+        assert_eq!(Source::from(OsString::from("-")), Source::Stream);
         assert_eq!(Source::from(OsString::from("./-")).to_string(), "./-");
-        assert!(at_most_one_stdin([&Source::Stdin, &Source::Stdin]).is_err());
+        assert!(at_most_one_stream([&Source::Stream, &Source::Stream]).is_err());
     }
 
     #[test]
@@ -151,6 +159,6 @@ mod tests {
         let sink = |s: &str| Sink::from(OsString::from(s));
         assert_eq!(format_of(&sink("a.stl.gz"), None).unwrap(), Format::Stl);
         assert_eq!(format_of(&sink("a.stl"), Some(Format::Ply)).unwrap(), Format::Ply);
-        assert_eq!(status_of(&format_of(&sink("-"), None).unwrap_err()), Status::Usage);
+        assert!(format_of(&sink("-"), None).unwrap_err().is_usage());
     }
 }

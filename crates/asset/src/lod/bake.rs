@@ -1,23 +1,21 @@
 //! Baking of the levels of a scene.
 
-use std::sync::Arc;
-
-use lodsmith::Control;
-use lodsmith::core::TriMesh;
 use lodsmith_bake::with_tangents;
-use lodsmith_io::Warning;
+use lodsmith_core::TriMesh;
 use lodsmith_io::gltf::Scene;
+use lodsmith_io::{ModelFile, Warning};
 
-use crate::args::BakeArgs;
-use crate::baking;
+use crate::baking::{Baking, SideFile};
+use crate::error::AssetError;
+use crate::job::Job;
 
 /// Maps and materials of levels.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub(super) struct BakedLevels {
     /// For each level from 1 on and each mesh, the materials of its primitives.
     pub(super) materials: Vec<Vec<Vec<usize>>>,
-    /// For each bake, the maps that are files, by the ends of their names.
-    pub(super) files: Vec<Vec<(String, Arc<Vec<u8>>)>>,
+    /// For each bake, the maps that are files.
+    pub(super) files: Vec<Vec<SideFile>>,
     /// True if one bake is for all levels.
     pub(super) is_shared: bool,
     pub(super) warnings: Vec<Warning>,
@@ -28,15 +26,17 @@ pub(super) struct BakedLevels {
 pub(super) fn bake_levels(
     scene: &mut Scene,
     replaced: &mut [Vec<Option<TriMesh>>],
-    args: &BakeArgs,
-    control: &mut dyn Control,
-) -> anyhow::Result<BakedLevels> {
+    baking: &Baking,
+    job: &mut Job<'_>,
+) -> Result<BakedLevels, AssetError> {
+    let mut baking = baking.clone();
+    baking.options.is_same_model = true;
     let mut all = BakedLevels::default();
-    let high = baking::model_of(scene).model;
+    let high = ModelFile::from(scene.clone()).model;
     let levels = replaced.len();
     for k in 1..levels {
         let low = lodsmith_bake::model_with(&high, &replaced[k]);
-        let mut baked = baking::bake_scene(&high, &low, scene, &args.options(), &args.texture, control)?;
+        let mut baked = baking.bake(&high, &low, scene, job)?;
         let mut own = std::mem::take(&mut baked.warnings);
         own.retain(|w| !all.warnings.contains(w));
         all.warnings.append(&mut own);
@@ -54,7 +54,7 @@ pub(super) fn bake_levels(
         for level in &mut replaced[k + 1..] {
             for mesh in level.iter_mut().flatten() {
                 *mesh = with_tangents(mesh);
-                if baked.has_color {
+                if baking.has_color() {
                     mesh.set_colors(None)?;
                 }
             }
@@ -69,11 +69,10 @@ pub(super) fn bake_levels(
 #[cfg(test)]
 mod tests {
     use lodsmith::NoControl;
-    use lodsmith_bake::{AtlasMode, MapKind};
+    use lodsmith_bake::{BakeOptions, MapKind};
     use lodsmith_io::ReadOptions;
 
     use super::*;
-    use crate::args::TextureArgs;
 
     #[test]
     fn each_level_has_materials_if_a_later_one_is_the_first_to_keep_its_coordinates() {
@@ -85,15 +84,12 @@ mod tests {
         let fold = |[u, v]: [f32; 2]| [(2.0 * u - 1.0).abs(), v];
         folded.set_uvs(Some(good.uvs().unwrap().iter().copied().map(fold).collect())).unwrap();
         let mut replaced = vec![vec![None], vec![Some(folded)], vec![Some(good.clone())], vec![Some(good)]];
-        let texture = TextureArgs {
-            texture_size: Some(32),
-            atlas: AtlasMode::Keep,
-            ao_rays: 1,
-            ao_distance: None,
-            map_files: false,
-        };
-        let args = BakeArgs { bake: vec![MapKind::Height], texture };
-        let baked = bake_levels(&mut scene, &mut replaced, &args, &mut NoControl).unwrap();
+        let mut options = BakeOptions::new([MapKind::Height]);
+        (options.size, options.rays) = (Some(32), 1);
+        let baking = Baking { options, map_files: false };
+        let mut watch = NoControl;
+        let mut job = Job::new(&mut watch, None, u64::MAX);
+        let baked = bake_levels(&mut scene, &mut replaced, &baking, &mut job).unwrap();
         let [first, second, third] = &baked.materials[..] else { panic!("{:?}", baked.materials) };
         assert!(first != second && second == third, "{:?}", baked.materials);
         // Each of the two bakes has files of its own.

@@ -1,18 +1,41 @@
 //! Normals of results.
 
-use lodsmith::core::TriMesh;
-use lodsmith::core::mesh::normals::wedge_normals;
+use lodsmith_core::TriMesh;
+use lodsmith_core::mesh::normals::wedge_normals;
 
-use crate::args::Normals;
+/// Normals of a result.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Normals {
+    /// Those carried over from the input.
+    #[default]
+    Keep,
+    /// Computed anew from the faces; hard edges stay hard.
+    Recompute,
+    /// None.
+    None,
+}
+
+impl Normals {
+    /// All choices.
+    pub const ALL: [Self; 3] = [Self::Keep, Self::Recompute, Self::None];
+
+    /// Returns the name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Keep => "keep",
+            Self::Recompute => "recompute",
+            Self::None => "none",
+        }
+    }
+}
 
 /// Keeps, recomputes or removes the normals of a result.
-pub(crate) fn set_normals(mesh: &mut TriMesh, wanted: Normals) -> anyhow::Result<()> {
+pub(crate) fn set_normals(mesh: &mut TriMesh, wanted: Normals) {
     match wanted {
         Normals::Keep => {}
         Normals::Recompute => recompute(mesh),
-        Normals::None => mesh.set_normals(None)?,
+        Normals::None => mesh.set_normals(None).expect("none fit any mesh"),
     }
-    Ok(())
 }
 
 /// Computes new normals from the faces; hard edges stay hard.
@@ -23,7 +46,7 @@ fn recompute(mesh: &mut TriMesh) {
 
 #[cfg(test)]
 mod tests {
-    use lodsmith::core::{Positions, VertexId};
+    use lodsmith_core::{Positions, VertexId};
 
     use super::*;
 

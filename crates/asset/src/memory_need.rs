@@ -1,10 +1,10 @@
 //! Peak memory of each step in bytes, computed from counts; the meshes that were read are included. The
 //! figures were measured: docs/decisions/0022.
 
-use lodsmith::core::measure::CompareOptions;
-use lodsmith::core::topology::size_of;
-use lodsmith::core::{Splits, TriMesh};
 use lodsmith::{Bound, Length, Measure, Method, OwnedMeshData, Remesh, SimplifyOptions, Textures};
+use lodsmith_core::measure::CompareOptions;
+use lodsmith_core::topology::size_of;
+use lodsmith_core::{Splits, TriMesh};
 use lodsmith_io::gltf::SceneMesh;
 
 /// Number of faces above which copies are made when needed instead of kept.
@@ -12,7 +12,7 @@ const MANY_FACES: u64 = 1_000_000;
 
 /// Numbers of faces and of attribute values of meshes.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Size {
+pub struct Size {
     bytes: u64,
     faces: u64,
     /// Number of attribute values, summed over faces.
@@ -20,7 +20,8 @@ pub(crate) struct Size {
 }
 
 impl Size {
-    pub(crate) fn of(mesh: &TriMesh) -> Self {
+    /// Returns the size of a mesh.
+    pub fn of(mesh: &TriMesh) -> Self {
         let has = |is: bool, n: u64| if is { n } else { 0 };
         let width = has(mesh.normals().is_some(), 3)
             + has(mesh.uvs().is_some(), 2)
@@ -32,7 +33,8 @@ impl Size {
         Self { bytes: mesh.bytes(), faces, values: width.saturating_mul(wedges) }
     }
 
-    pub(crate) fn of_all<'a>(meshes: impl IntoIterator<Item = &'a TriMesh>) -> Self {
+    /// Returns the size of all meshes together.
+    pub fn of_all<'a>(meshes: impl IntoIterator<Item = &'a TriMesh>) -> Self {
         meshes.into_iter().map(Self::of).fold(Self::default(), |a, b| Self {
             bytes: a.bytes.saturating_add(b.bytes),
             faces: a.faces.saturating_add(b.faces),
@@ -98,73 +100,73 @@ fn remesh_bytes(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
 }
 
 /// Returns the bytes of the images whose colours a run keeps in place.
-pub(crate) fn images(data: &[OwnedMeshData]) -> u64 {
+pub fn images(data: &[OwnedMeshData]) -> u64 {
     Textures::bytes_of_all(data.iter().filter_map(|own| own.textures.as_ref()))
 }
 
 /// Returns the need of simplifying a mesh.
-pub(crate) fn simplify(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
+pub fn simplify(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
     let own = Size::of(mesh).bytes_at(face_of(options), VALUE_BYTES);
     own.saturating_add(remesh_bytes(mesh, options))
 }
 
 /// Returns the need of simplifying the meshes of a scene: they are joined, and the buffers of the file stay
 /// in memory.
-pub(crate) fn simplify_scene(meshes: &[SceneMesh], buffers: u64, options: &SimplifyOptions) -> u64 {
+pub fn simplify_scene(meshes: &[SceneMesh], buffers: u64, options: &SimplifyOptions) -> u64 {
     let size = Size::of_all(meshes.iter().map(|m| &*m.mesh));
     let own = size.bytes_at(face_of(options).map(|n| n + 60), VALUE_BYTES);
     own.saturating_add(buffers)
 }
 
 /// Returns the need of a chain of levels, all of which are kept.
-pub(crate) fn lod(size: Size, options: &SimplifyOptions) -> u64 {
+pub fn lod(size: Size, options: &SimplifyOptions) -> u64 {
     size.bytes_at(face_of(options).map(|n| n + 140), VALUE_BYTES.map(|n| n + 10))
 }
 
 /// Returns the need of a chain of levels that becomes one scene.
-pub(crate) fn lod_scene(size: Size, options: &SimplifyOptions) -> u64 {
+pub fn lod_scene(size: Size, options: &SimplifyOptions) -> u64 {
     size.bytes_at(face_of(options).map(|n| n + 330), VALUE_BYTES.map(|n| n + 10))
 }
 
 /// Returns the need of cleaning a mesh, including the result.
-pub(crate) fn clean(size: Size) -> u64 {
+pub fn clean(size: Size) -> u64 {
     size.bytes_at([115, 95], [4, 4]).saturating_add(size.bytes)
 }
 
 /// Returns the need of inspecting a mesh.
-pub(crate) fn info(size: Size) -> u64 {
+pub fn info(size: Size) -> u64 {
     size.bytes_at([60, 54], [0, 0])
 }
 
 /// Returns the need of measuring one mesh against another.
-pub(crate) fn compare(reference: Size, candidate: Size, options: &CompareOptions) -> u64 {
+pub fn compare(reference: Size, candidate: Size, options: &CompareOptions) -> u64 {
     let both = |face| reference.bytes_at(face, [2, 2]).saturating_add(candidate.bytes_at(face, [2, 2]));
     both([115, 112]).saturating_add((options.samples as u64).saturating_mul(50))
 }
 
 /// Returns the need of running every method on one mesh and measuring each result.
-pub(crate) fn methods(mesh: &TriMesh, hungriest: u64) -> u64 {
+pub fn methods(mesh: &TriMesh, hungriest: u64) -> u64 {
     hungriest.saturating_add(Size::of(mesh).bytes_at([110, 110], [4, 4]))
 }
 
 /// Returns the need of a recorded run and the splits made of it.
-pub(crate) fn progressive(size: Size, options: &SimplifyOptions) -> u64 {
+pub fn progressive(size: Size, options: &SimplifyOptions) -> u64 {
     size.bytes_at(face_of(options).map(|n| n + 310), [48, 48])
 }
 
 /// Returns the need of extracting a level, including the splits.
-pub(crate) fn extract(splits: &Splits) -> u64 {
+pub fn extract(splits: &Splits) -> u64 {
     let faces = splits.faces.len() as u64;
     faces.saturating_mul(215).saturating_add((splits.values.len() as u64).saturating_mul(8))
 }
 
 /// Returns the need of the triangle trees for distances of vertices, without the meshes.
-pub(crate) fn distances(size: Size) -> u64 {
+pub fn distances(size: Size) -> u64 {
     size.faces.saturating_mul(110)
 }
 
 /// Returns the need of rendering `count` pictures of this size, with their models.
-pub(crate) fn render(size: Size, pixels: [usize; 2], count: usize, is_occluded: bool) -> u64 {
+pub fn render(size: Size, pixels: [usize; 2], count: usize, is_occluded: bool) -> u64 {
     let all = (pixels[0] as u64).saturating_mul(pixels[1] as u64);
     let each = if is_occluded { 36 } else { 8 };
     let kept = if count > 1 { 8 } else { 0 };
@@ -174,8 +176,8 @@ pub(crate) fn render(size: Size, pixels: [usize; 2], count: usize, is_occluded: 
 
 #[cfg(test)]
 mod tests {
-    use lodsmith::core::shapes;
     use lodsmith::{MethodKind, Stop};
+    use lodsmith_core::shapes;
 
     use super::*;
 

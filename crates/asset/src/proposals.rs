@@ -1,9 +1,8 @@
 //! Text and JSON of proposals: changes of the options that would let a stuck run continue.
 
 use lodsmith::{BorderPolicy, Change, Escalation, Length, Proposal, Report, SimplifyOptions, StoppedBy};
+use lodsmith_core::numbers::grouped;
 use serde_json::{Value, json};
-
-use crate::numbers::grouped;
 
 /// An option, its present value, and the value it would need.
 struct OptionChange {

@@ -1,12 +1,34 @@
-//! Resolution of the names in `--lock` and `--importance` to vertices of the input.
+//! Resolution of the names of locked and important parts to vertices of the input.
 
-use anyhow::anyhow;
 use lodsmith::OwnedMeshData;
-use lodsmith::core::{RegionId, Semantic, TriMesh, WedgeId};
+use lodsmith_core::{RegionId, Semantic, TriMesh, WedgeId};
 use lodsmith_io::Loaded;
 use lodsmith_io::gltf::Scene;
 
-use crate::args::{Importance, PartNames};
+use crate::error::AssetError;
+
+/// Names of parts and attributes of a file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PartNames {
+    /// What stays unchanged: materials, groups, objects, meshes, nodes, or attributes whose value is not zero.
+    pub lock: Vec<String>,
+    /// The attribute that says where more triangles are kept.
+    pub importance: Option<Importance>,
+}
+
+/// An attribute of vertices, and how much denser the result is where it is 1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Importance {
+    /// Name of the attribute.
+    pub name: String,
+    /// Density of triangles where it is 1, or largest, relative to where it is 0.
+    pub strength: f32,
+}
+
+impl Importance {
+    /// Default strength. (Guessed: half as long edges.)
+    pub const DEFAULT_STRENGTH: f32 = 4.0;
+}
 
 /// Largest number of names listed in an error.
 const MAX_NAMES_SHOWN: usize = 30;
@@ -23,7 +45,7 @@ struct NamedMesh<'a> {
 }
 
 /// Returns the names of vertex properties that have to be read in addition to the mesh.
-pub(crate) fn properties(names: &PartNames) -> Vec<String> {
+pub fn properties(names: &PartNames) -> Vec<String> {
     let importance = names.importance.as_ref().map(|i| i.name.clone());
     names.lock.iter().cloned().chain(importance).collect()
 }
@@ -32,7 +54,7 @@ pub(crate) fn properties(names: &PartNames) -> Vec<String> {
 ///
 /// # Errors
 /// If a name is not found; the error lists the names that exist.
-pub(crate) fn of_mesh(names: &PartNames, loaded: &Loaded) -> anyhow::Result<OwnedMeshData> {
+pub fn of_mesh(names: &PartNames, loaded: &Loaded) -> Result<OwnedMeshData, AssetError> {
     let text = |name: &[u8]| String::from_utf8_lossy(name).into_owned();
     let regions = loaded.regions.iter().map(|region| {
         let groups = region.groups.into_iter().flat_map(|all| {
@@ -51,7 +73,7 @@ pub(crate) fn of_mesh(names: &PartNames, loaded: &Loaded) -> anyhow::Result<Owne
     let other = loaded.contents.attributes.iter().filter(|a| !VECTOR_ATTRIBUTES.contains(&a.as_str()));
     let mut all = constraints(names, &[named], other.cloned().collect()).map_err(|e| {
         if loaded.format.is_scene() {
-            anyhow!("{e} (meshes and nodes have names only where the output is glTF)")
+            AssetError::Name(format!("{e} (meshes and nodes have names only where the output is glTF)"))
         } else {
             e
         }
@@ -69,7 +91,7 @@ pub(crate) fn of_scene(
     names: &PartNames,
     scene: &Scene,
     taken: &[usize],
-) -> anyhow::Result<Vec<OwnedMeshData>> {
+) -> Result<Vec<OwnedMeshData>, AssetError> {
     let of_meshes = scene.names();
     let all: Vec<_> = taken
         .iter()
@@ -92,7 +114,7 @@ fn constraints(
     names: &PartNames,
     all: &[NamedMesh<'_>],
     other_names: Vec<String>,
-) -> anyhow::Result<Vec<OwnedMeshData>> {
+) -> Result<Vec<OwnedMeshData>, AssetError> {
     let mut data = vec![OwnedMeshData::default(); all.len()];
     let unknown = |option: &str, name: &str, mut names: Vec<String>| {
         names.extend(all.iter().flat_map(NamedMesh::values_names).chain(other_names.iter().cloned()));
@@ -109,7 +131,7 @@ fn constraints(
             }
             _ => format!("there are {}", known.join(", ")),
         };
-        anyhow!("{option} {name}: nothing has this name; {what}")
+        AssetError::Name(format!("{option} {name}: nothing has this name; {what}"))
     };
     if !names.lock.is_empty() {
         for name in &names.lock {

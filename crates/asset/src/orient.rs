@@ -1,11 +1,11 @@
 //! Scaling and rotation of the output.
 
-use lodsmith::core::TriMesh;
+use lodsmith_core::TriMesh;
 
-use crate::args::{Up, Writing};
+use crate::destination::{Up, Writing};
 
 /// Scales and rotates a mesh as asked for; normals are rotated too.
-pub(crate) fn orient(mesh: &mut TriMesh, writing: &Writing) {
+pub fn orient(mesh: &mut TriMesh, writing: &Writing) {
     let scale = writing.scale.unwrap_or(1.0);
     if scale == 1.0 && writing.up.is_none() {
         return;

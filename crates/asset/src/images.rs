@@ -20,11 +20,11 @@ impl FolderMove {
     pub(crate) fn new(input: &Source, output: &Sink) -> Self {
         let from = match input {
             Source::Path(path) => folder(path),
-            Source::Stdin => None,
+            Source::Stream => None,
         };
         let to = match output {
             Sink::Path(path) => folder(path),
-            Sink::Stdout => None,
+            Sink::Stream => None,
         };
         let way = from.as_deref().zip(to.as_deref()).and_then(|(from, to)| relative_uri(to, from));
         Self { way }

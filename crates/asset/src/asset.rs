@@ -1,0 +1,465 @@
+//! A file as one value, whatever its format.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use lodsmith::{
+    Input, LodChain, LodOptions, MeshCounts, OwnedMeshData, Part, Report, Simplified, SimplifiedScene,
+    SimplifyError, SimplifyOptions,
+};
+use lodsmith_core::{Positions, Semantic, TriMesh};
+use lodsmith_io::gltf::{PlacedMesh, Scene, SceneMesh, placed_meshes};
+use lodsmith_io::{Contents, Format, Loaded, ReadOptions, Sizes, Warning};
+
+use crate::baking::{SideFile, forgive_colors, write_files};
+use crate::constraints::{self, PartNames};
+use crate::destination::{Destination, Writing};
+use crate::error::AssetError;
+use crate::images::FolderMove;
+use crate::job::Job;
+use crate::memory_need::{self, Size};
+use crate::orient::orient;
+use crate::palettes;
+use crate::paths::Source;
+use crate::sizes::{self, WriteOutcome};
+
+/// A file that was read: meshes, and all that belongs to them.
+///
+/// A glTF, 3MF, COLLADA or FBX file is a scene whose meshes are simplified one by one, while everything else is kept. Any
+/// other file is one mesh with its regions. So is a scene that is read for an output that can hold no scene: all of its
+/// instances are joined.
+#[derive(Clone, Debug)]
+pub struct Asset {
+    head: Head,
+    body: Body,
+}
+
+/// What is known of a file besides its meshes.
+#[derive(Clone, Debug)]
+struct Head {
+    source: Source,
+    reading: ReadOptions,
+    format: Format,
+    warnings: Vec<Warning>,
+}
+
+#[derive(Clone, Debug)]
+enum Body {
+    Mesh(Arc<Loaded>),
+    Scene(Arc<Scene>),
+}
+
+/// What a job changes in an asset.
+#[derive(Debug, Default)]
+pub struct Edit {
+    /// The meshes that are replaced, by their numbers; the list may be shorter.
+    pub meshes: Vec<Option<TriMesh>>,
+    /// The scene with other materials, to be written in place of the asset's own.
+    pub scene: Option<Box<Scene>>,
+    /// Maps that are files beside the output.
+    pub files: Vec<SideFile>,
+    /// True if maps were baked.
+    pub is_baked: bool,
+    /// True if vertex colours are in a map.
+    pub has_color_map: bool,
+}
+
+/// The meshes of a run, by their numbers, and its report.
+pub struct Lighter {
+    /// The lighter meshes. One without faces in the input is not replaced.
+    pub meshes: Vec<Option<TriMesh>>,
+    /// The report.
+    pub report: Report,
+    /// Counts of the meshes that were simplified, with their numbers; none for a single mesh.
+    pub counts: Vec<(usize, MeshCounts)>,
+}
+
+/// Levels of detail, each with the positions to which its vertices move in the next one, if asked for.
+pub(crate) struct Chain {
+    /// The levels below the original.
+    pub(crate) levels: Vec<Lighter>,
+    /// For the original and each level the positions of each mesh, by its number.
+    pub(crate) geomorphs: Vec<Vec<Option<Positions>>>,
+}
+
+impl Asset {
+    /// Reads a file; a scene as such if `as_scene` is set, else as one mesh.
+    ///
+    /// # Errors
+    /// [`AssetError::Read`].
+    pub fn read(
+        source: &Source,
+        options: &ReadOptions,
+        as_scene: bool,
+        job: &mut Job<'_>,
+    ) -> Result<Self, AssetError> {
+        let body = match source {
+            Source::Path(path) => {
+                let scene = if as_scene { lodsmith_io::read_scene_path(path, options)? } else { None };
+                match scene {
+                    Some(scene) => Body::Scene(Arc::new(scene)),
+                    None => Body::Mesh(Arc::new(lodsmith_io::read_path(path, options)?)),
+                }
+            }
+            Source::Stream => {
+                let bytes = job.input(options.limits)?;
+                let scene = if as_scene { lodsmith_io::read_scene_bytes(&bytes, options)? } else { None };
+                match scene {
+                    Some(scene) => Body::Scene(Arc::new(scene)),
+                    None => Body::Mesh(Arc::new(lodsmith_io::read_bytes(&bytes, options)?)),
+                }
+            }
+        };
+        let (format, warnings) = match &body {
+            Body::Mesh(loaded) => (loaded.format, loaded.warnings.clone()),
+            Body::Scene(scene) => (scene.format(), scene.warnings().to_vec()),
+        };
+        let head = Head { source: source.clone(), reading: options.clone(), format, warnings };
+        Ok(Self { head, body })
+    }
+
+    /// Returns the format of the file.
+    pub fn format(&self) -> Format {
+        self.head.format
+    }
+
+    /// Returns the contents of the file.
+    pub fn contents(&self) -> &Contents {
+        match &self.body {
+            Body::Mesh(loaded) => &loaded.contents,
+            Body::Scene(scene) => scene.contents(),
+        }
+    }
+
+    /// Returns the warnings of reading.
+    pub fn warnings(&self) -> &[Warning] {
+        &self.head.warnings
+    }
+
+    /// Returns the sizes of the file; `None` if they are not known.
+    pub fn sizes(&self) -> Option<Sizes> {
+        let read = match &self.body {
+            Body::Mesh(loaded) => sizes::of_loaded(loaded),
+            Body::Scene(scene) => scene.sizes(),
+        };
+        sizes::of_input(&self.head.source, &self.head.reading, read)
+    }
+
+    /// Returns the scene, if the file is one.
+    pub fn scene(&self) -> Option<&Scene> {
+        match &self.body {
+            Body::Mesh(_) => None,
+            Body::Scene(scene) => Some(scene),
+        }
+    }
+
+    /// Returns the mesh of a file without a scene, with all that belongs to it.
+    pub fn into_loaded(self) -> Option<Loaded> {
+        match self.body {
+            Body::Mesh(loaded) => Some(Arc::unwrap_or_clone(loaded)),
+            Body::Scene(_) => None,
+        }
+    }
+
+    /// Returns the meshes, in the order of the file.
+    pub fn meshes(&self) -> Vec<&TriMesh> {
+        match &self.body {
+            Body::Mesh(loaded) => vec![&loaded.mesh],
+            Body::Scene(scene) => scene.meshes().iter().map(|m| &*m.mesh).collect(),
+        }
+    }
+
+    /// Returns the name of a mesh; `None` if the file is one mesh.
+    pub(crate) fn name(&self, mesh: usize) -> Option<&str> {
+        Some(&self.scene()?.meshes()[mesh].name)
+    }
+
+    /// Returns the numbers of the meshes that a run simplifies: those with instances, or all if none has any.
+    pub fn simplified_meshes(&self) -> Vec<usize> {
+        match &self.body {
+            Body::Mesh(_) => vec![0],
+            Body::Scene(scene) => placed_meshes(scene.meshes()).iter().map(|placed| placed.index).collect(),
+        }
+    }
+
+    /// Returns the numbers of faces and vertices of all instances.
+    pub(crate) fn counts(&self) -> [usize; 2] {
+        [TriMesh::face_count, TriMesh::vertex_count].map(|of| self.count(of))
+    }
+
+    /// Returns a count over all instances; each mesh counts once if none is placed.
+    fn count(&self, of: fn(&TriMesh) -> usize) -> usize {
+        match &self.body {
+            Body::Mesh(loaded) => of(&loaded.mesh),
+            Body::Scene(scene) => {
+                let is_placed = scene.meshes().iter().any(|m| m.instances > 0);
+                let times = |m: &SceneMesh| if is_placed { m.instances } else { 1 };
+                scene.meshes().iter().map(|m| of(&m.mesh) * times(m)).sum()
+            }
+        }
+    }
+
+    /// Returns the diagonal of the box around all instances.
+    pub(crate) fn diagonal(&self) -> f64 {
+        let bounds = match &self.body {
+            Body::Mesh(loaded) => loaded.mesh.positions().view().bounds(),
+            Body::Scene(scene) => scene.bounds(),
+        };
+        bounds.map_or(0.0, |b| b.diagonal())
+    }
+
+    /// Leaves out the materials of a scene that was read as one mesh, so that their borders need not be preserved.
+    pub(crate) fn drop_materials(&mut self) -> Result<(), AssetError> {
+        if let Body::Mesh(loaded) = &mut self.body
+            && loaded.format.is_scene()
+        {
+            Arc::make_mut(loaded).mesh.set_regions(None)?;
+        }
+        Ok(())
+    }
+
+    /// Returns the data of the meshes that a run simplifies: locks, importance and images, and warnings about images that
+    /// are left out.
+    ///
+    /// # Errors
+    /// [`AssetError::Name`] if a name is not found.
+    pub fn data(&self, names: &PartNames) -> Result<(Vec<OwnedMeshData>, Vec<Warning>), AssetError> {
+        let mut data = self.named_data(names)?;
+        let left_out = self.add_palettes(&mut data);
+        Ok((data, left_out))
+    }
+
+    /// Returns the data of the meshes that a run simplifies by the names of parts.
+    pub(crate) fn named_data(&self, names: &PartNames) -> Result<Vec<OwnedMeshData>, AssetError> {
+        match &self.body {
+            Body::Mesh(loaded) => Ok(vec![constraints::of_mesh(names, loaded)?]),
+            Body::Scene(scene) => constraints::of_scene(names, scene, &self.simplified_meshes()),
+        }
+    }
+
+    /// Adds base-colour images to the data of the meshes that a run simplifies; the engine keeps their colours in place.
+    pub(crate) fn add_palettes(&self, data: &mut [OwnedMeshData]) -> Vec<Warning> {
+        match &self.body {
+            Body::Mesh(loaded) => palettes::add_of_mesh(loaded, &mut data[0]),
+            Body::Scene(scene) => palettes::add_of_scene(scene, &self.simplified_meshes(), data),
+        }
+    }
+
+    /// Returns the peak memory of a run in bytes.
+    pub(crate) fn need(&self, options: &SimplifyOptions, data: &[OwnedMeshData]) -> u64 {
+        let own = match &self.body {
+            Body::Mesh(loaded) => memory_need::simplify(&loaded.mesh, options),
+            Body::Scene(scene) => memory_need::simplify_scene(scene.meshes(), scene.buffer_bytes(), options),
+        };
+        own.saturating_add(memory_need::images(data))
+    }
+
+    /// Returns the peak memory of making levels in bytes.
+    pub(crate) fn levels_need(&self, options: &SimplifyOptions, data: &[OwnedMeshData]) -> u64 {
+        let size = Size::of_all(self.meshes());
+        let own = match &self.body {
+            Body::Mesh(_) => memory_need::lod(size, options),
+            Body::Scene(scene) => memory_need::lod_scene(size, options).saturating_add(scene.buffer_bytes()),
+        };
+        own.saturating_add(memory_need::images(data))
+    }
+
+    /// Returns the meshes that a run simplifies, with their data, as parts.
+    pub fn parts<'a>(&'a self, data: &'a [OwnedMeshData]) -> Vec<Part<'a>> {
+        let of = |mesh: &'a TriMesh, data: &'a OwnedMeshData| Part { data: data.view(), ..Part::new(mesh) };
+        match &self.body {
+            Body::Mesh(loaded) => data.iter().map(|data| of(&loaded.mesh, data)).collect(),
+            Body::Scene(scene) => {
+                let meshes = scene.meshes();
+                let part = |(placed, data): (&PlacedMesh, &'a OwnedMeshData)| {
+                    let m = &meshes[placed.index];
+                    let (instances, scale, stretch) = (m.instances, m.scale, m.stretch);
+                    let (system, places) = (placed.system, &m.places);
+                    Part { instances, scale, stretch, system, places, ..of(&m.mesh, data) }
+                };
+                placed_meshes(meshes).iter().zip(data).map(part).collect()
+            }
+        }
+    }
+
+    /// Simplifies all meshes under one budget.
+    ///
+    /// # Errors
+    /// Those of [`lodsmith::simplify_scene`].
+    pub fn simplify(
+        &self,
+        options: &SimplifyOptions,
+        data: &[OwnedMeshData],
+        control: &mut dyn lodsmith::Control,
+    ) -> Result<Lighter, SimplifyError> {
+        match &self.body {
+            Body::Mesh(loaded) => {
+                let input = Input::new(&loaded.mesh).with(data[0].view());
+                Ok(Lighter::of_mesh(lodsmith::simplify_with(input, options, control)?))
+            }
+            Body::Scene(_) => {
+                let parts = self.parts(data);
+                Ok(self.lighter(lodsmith::simplify_scene(&parts, self.diagonal(), options, control)?))
+            }
+        }
+    }
+
+    /// Makes levels of detail.
+    pub(crate) fn levels(
+        &self,
+        options: &LodOptions,
+        data: &[OwnedMeshData],
+        control: &mut dyn lodsmith::Control,
+    ) -> Result<Chain, SimplifyError> {
+        match &self.body {
+            Body::Mesh(loaded) => {
+                let input = Input::new(&loaded.mesh).with(data[0].view());
+                let chain = lodsmith::lod_with(&input, options, control)?;
+                let geomorphs = (0..=chain.levels.len()).map(|k| vec![chain.geomorph(k).cloned()]).collect();
+                let LodChain { levels, .. } = chain;
+                Ok(Chain { levels: levels.into_iter().map(Lighter::of_mesh).collect(), geomorphs })
+            }
+            Body::Scene(scene) => {
+                let parts = self.parts(data);
+                let chain = lodsmith::lod_scene(&parts, self.diagonal(), options, control)?;
+                let taken = self.simplified_meshes();
+                let positions = |k: usize| {
+                    let mut own = vec![None; scene.meshes().len()];
+                    for (&i, positions) in taken.iter().zip(chain.geomorph(k).into_iter().flatten()) {
+                        own[i] = Some(positions.clone());
+                    }
+                    own
+                };
+                let geomorphs = (0..=chain.levels.len()).map(positions).collect();
+                let levels = chain.levels.into_iter().map(|level| self.lighter(level)).collect();
+                Ok(Chain { levels, geomorphs })
+            }
+        }
+    }
+
+    /// Returns the result of a run on a scene, by the numbers of its meshes.
+    fn lighter(&self, done: SimplifiedScene) -> Lighter {
+        let SimplifiedScene { meshes: made, mut report, counts } = done;
+        let originals = self.meshes();
+        let mut meshes = vec![None; originals.len()];
+        let taken = self.simplified_meshes();
+        // As in the file: the reader merges vertices at one place.
+        report.input_vertices = self.count(TriMesh::wedge_count);
+        let counted = taken.iter().zip(counts).map(|(&i, mut counts)| {
+            counts.input_vertices = originals[i].wedge_count();
+            (i, counts)
+        });
+        let counts = counted.collect();
+        for (&i, mesh) in taken.iter().zip(made) {
+            meshes[i] = (originals[i].face_count() > 0).then_some(mesh);
+        }
+        Lighter { meshes, report, counts }
+    }
+
+    /// Makes a mesh a scene, as writing and reading it would give, and returns the data of its only mesh; of a scene, its
+    /// data.
+    ///
+    /// # Errors
+    /// [`AssetError::Name`] if a name is not found.
+    pub(crate) fn become_scene(
+        &mut self,
+        names: &PartNames,
+        writing: &Writing,
+    ) -> Result<Vec<OwnedMeshData>, AssetError> {
+        let Body::Mesh(loaded) = &self.body else { return self.named_data(names) };
+        let own = constraints::of_mesh(names, loaded)?;
+        let mut mesh = loaded.mesh.clone();
+        orient(&mut mesh, writing);
+        let options = writing.mesh_options(Format::Glb, loaded.regions.clone());
+        let (scene, lost) = Scene::of_mesh(&mesh, &options, self.head.reading.limits)?;
+        let of_vertices = scene.meshes().first().map(|there| vertices_of(there, &mesh));
+        let mut data = OwnedMeshData::default();
+        if let Some(of) = of_vertices {
+            data.locked = own.locked.map(|all| of.iter().map(|v| v.iter().any(|&v| all[v])).collect());
+            data.importance = own.importance.map(|all| {
+                of.iter().map(|v| v.iter().map(|&v| all[v]).reduce(f32::max).unwrap_or(1.0)).collect()
+            });
+        }
+        self.head.warnings.extend(lost);
+        self.body = Body::Scene(Arc::new(scene));
+        Ok(vec![data])
+    }
+
+    /// Writes the asset with changes.
+    ///
+    /// # Errors
+    /// [`AssetError::Write`], [`AssetError::Stream`]; [`AssetError::Cancelled`] if the caller ends.
+    pub fn write(&self, edit: Edit, to: &Destination, job: &mut Job<'_>) -> Result<WriteOutcome, AssetError> {
+        let scene = match (edit.scene, &self.body) {
+            (Some(scene), _) => *scene,
+            (None, Body::Scene(scene)) => Scene::clone(scene),
+            (None, Body::Mesh(loaded)) => {
+                let mesh = edit.meshes.into_iter().next().flatten();
+                let mut mesh = mesh.unwrap_or_else(|| loaded.mesh.clone());
+                orient(&mut mesh, &to.writing);
+                return to.write(&mesh, loaded.regions.clone(), job);
+            }
+        };
+        let mut made = write_scene(scene, &self.head.source, edit.meshes, edit.is_baked, to, job)?;
+        if edit.has_color_map {
+            forgive_colors(&mut made.warnings);
+        }
+        write_files(&edit.files, "", to, job)?;
+        Ok(made)
+    }
+}
+
+/// Writes a scene with some meshes replaced; all of its instances as one mesh where the format holds no scene.
+fn write_scene(
+    mut scene: Scene,
+    source: &Source,
+    mut replaced: Vec<Option<TriMesh>>,
+    is_baked: bool,
+    to: &Destination,
+    job: &mut Job<'_>,
+) -> Result<WriteOutcome, AssetError> {
+    let images = FolderMove::new(source, &to.sink);
+    let mut warnings = images.bring(&mut scene, to.format, to.writing.textures);
+    if is_baked && !matches!(to.format, Format::Gltf | Format::Glb) {
+        // Other formats have no tangents; a viewer computes the same ones.
+        for mesh in replaced.iter_mut() {
+            *mesh = mesh.take().map(|mesh| mesh.without_further(|semantic| *semantic == Semantic::Tangent));
+        }
+    }
+    let mut made = if to.format.keeps_scenes() {
+        to.write_scene(&scene, &replaced, &|uri| images.uri(uri), job)?
+    } else {
+        let joined = scene.joined(&replaced)?;
+        warnings.extend(joined.warnings);
+        to.write(&joined.mesh, joined.regions, job)?
+    };
+    made.warnings.splice(0..0, warnings);
+    Ok(made)
+}
+
+/// Returns for each vertex of a scene's mesh the vertices of the mesh that it was made from.
+fn vertices_of(there: &SceneMesh, mesh: &TriMesh) -> Vec<Vec<usize>> {
+    let moved = there.world_from_mesh.map_or([0.0; 3], |m| m.map(|row| row[3]));
+    // As written: relative to the node, and with -0 as 0.
+    let key = |p: [f64; 3], by: [f64; 3]| [0, 1, 2].map(|k| ((p[k] - by[k]) as f32 + 0.0).to_bits());
+    let mut at: HashMap<[u32; 3], Vec<usize>> = HashMap::new();
+    for (v, p) in mesh.positions().view().iter().enumerate() {
+        at.entry(key(p, moved)).or_default().push(v);
+    }
+    let own = there.mesh.positions().view();
+    own.iter().map(|p| at.get(&key(p, [0.0; 3])).cloned().unwrap_or_default()).collect()
+}
+
+impl Lighter {
+    fn of_mesh(done: Simplified) -> Self {
+        Self { meshes: vec![Some(done.mesh)], report: done.report, counts: Vec::new() }
+    }
+}
+
+impl From<Scene> for Asset {
+    fn from(scene: Scene) -> Self {
+        let (format, warnings) = (scene.format(), scene.warnings().to_vec());
+        let head = Head { source: Source::Stream, reading: ReadOptions::default(), format, warnings };
+        Self { head, body: Body::Scene(Arc::new(scene)) }
+    }
+}

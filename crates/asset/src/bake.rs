@@ -1,0 +1,89 @@
+//! Detail of one file in textures of another.
+
+use lodsmith_io::{ModelFile, ReadOptions, Warning};
+use serde_json::{Value, json};
+
+use crate::asset::{Asset, Edit};
+use crate::baking::Baking;
+use crate::constraints::PartNames;
+use crate::destination::Destination;
+use crate::error::AssetError;
+use crate::job::{Job, StageClock, Step};
+use crate::paths::{self, Source};
+use crate::report_json::micros;
+use crate::warnings::texts;
+
+/// Outcome of a bake.
+#[derive(Debug)]
+pub struct BakeOutcome {
+    /// Number of faces of the lighter model.
+    pub faces: usize,
+    /// A line for people.
+    pub summary: String,
+    /// Report of the maps.
+    pub baked: Value,
+    /// Warnings of reading, of the bake and of writing.
+    pub warnings: Vec<Warning>,
+    /// Seconds by stage.
+    pub clock: StageClock,
+}
+
+/// Reads both models, bakes maps of the detailed one for the lighter one, and writes this with its maps.
+///
+/// # Errors
+/// Those of [`Asset::read`] and [`Asset::write`]; [`AssetError::Bake`]. An error of the detailed model names it.
+pub fn bake(
+    high: &Source,
+    low: &Source,
+    reading: &ReadOptions,
+    baking: &Baking,
+    to: &Destination,
+    job: &mut Job<'_>,
+) -> Result<BakeOutcome, AssetError> {
+    paths::at_most_one_stream([high, low])?;
+    baking.refuse_streams(&to.sink)?;
+    job.enter(Step::Read);
+    let detailed = read_model(high, reading, job).map_err(|why| why.of(high))?;
+    let mut asset = Asset::read(low, reading, true, job)?;
+    asset.become_scene(&PartNames::default(), &to.writing)?;
+    let mut scene = asset.scene().expect("it is one").clone();
+    let model = ModelFile::from(scene.clone()).model;
+    job.enter(Step::Bake);
+    let mut baked = baking.bake(&detailed.model, &model, &mut scene, job)?;
+    job.enter(Step::Write);
+    lodsmith_bake::set_materials(&mut scene, &baked.materials);
+    scene.drop_unused_materials();
+    let mut warnings = asset.warnings().to_vec();
+    warnings.append(&mut baked.warnings);
+    let faces = baked.replaced.iter().flatten().map(|m| m.face_count()).sum();
+    let edit = Edit {
+        meshes: std::mem::take(&mut baked.replaced),
+        scene: Some(Box::new(scene)),
+        files: std::mem::take(&mut baked.files),
+        is_baked: true,
+        has_color_map: baking.has_color(),
+    };
+    warnings.extend(asset.write(edit, to, job)?.warnings);
+    Ok(BakeOutcome { faces, summary: baked.summary(), baked: baked.report, warnings, clock: job.times() })
+}
+
+fn read_model(source: &Source, reading: &ReadOptions, job: &mut Job<'_>) -> Result<ModelFile, AssetError> {
+    Ok(match source {
+        Source::Path(path) => lodsmith_io::read_model_path(path, reading)?,
+        Source::Stream => lodsmith_io::read_model_bytes(&job.input(reading.limits)?, reading)?,
+    })
+}
+
+impl BakeOutcome {
+    /// Returns the report, with the paths as they were given.
+    pub fn to_json(&self, high: &str, low: &str, to: &Destination) -> Value {
+        json!({
+            "high": high,
+            "low": low,
+            "output": to.sink.to_string(),
+            "seconds": micros(self.clock.total()),
+            "warnings": texts(&self.warnings),
+            "baked": self.baked,
+        })
+    }
+}

@@ -1,0 +1,158 @@
+//! Errors of jobs.
+
+use std::io;
+use std::path::PathBuf;
+
+use lodsmith::SimplifyError;
+use lodsmith::options::by_name::OptionError;
+use lodsmith_bake::BakeError;
+use lodsmith_core::MeshError;
+use lodsmith_core::memory::TooMuchMemory;
+use lodsmith_io::{ReadError, WriteError};
+
+use crate::paths::Source;
+
+/// Reasons why a job has no result. The texts do not name the input, which the caller knows.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum AssetError {
+    /// What was asked for is at fault, not a file.
+    #[error("{0}")]
+    Usage(String),
+    /// There is no such option.
+    #[error("there is no option {name}{}", nearest.map_or_else(String::new, |name| format!("; a similar one is {}", name.replace('-', "_"))))]
+    UnknownOption {
+        /// The name given.
+        name: String,
+        /// The most similar name of an option, if any is similar.
+        nearest: Option<&'static str>,
+    },
+    /// The input cannot be read.
+    #[error("{0}")]
+    Read(ReadError),
+    /// An input other than the one that the caller names.
+    #[error("{path}: {problem}")]
+    Input {
+        /// The input.
+        path: String,
+        /// The reason.
+        problem: Box<AssetError>,
+    },
+    /// A name of a part or an attribute does not occur in the input.
+    #[error("{0}")]
+    Name(String),
+    /// A step would take more memory than allowed.
+    #[error("{0}")]
+    Memory(TooMuchMemory),
+    /// The run of the engine failed.
+    #[error("{0}")]
+    Simplify(SimplifyError),
+    /// The bake failed.
+    #[error("{0}")]
+    Bake(BakeError),
+    /// The time limit ended a bake.
+    #[error("the time limit ended the bake, which has no partial result")]
+    BakeTimeout,
+    /// Levels are to be made of a scene that has some.
+    #[error("the scene has levels of detail already (MSFT_lod): start from a file without")]
+    Levels,
+    /// Values do not fit a mesh.
+    #[error("{0}")]
+    Mesh(MeshError),
+    /// The output cannot be written.
+    #[error("{0}")]
+    Write(WriteError),
+    /// Standard output did not accept all of a file. A reader that closes a pipe early causes it too, since the file is
+    /// truncated then.
+    #[error("{}", stream_text(.0))]
+    Stream(io::Error),
+    /// A folder for outputs cannot be made.
+    #[error("{}: cannot make the folder: {problem}", path.display())]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// The reason.
+        problem: io::Error,
+    },
+    /// The caller cancelled the job.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+impl AssetError {
+    /// Names the input.
+    pub(crate) fn of(self, source: &Source) -> Self {
+        Self::Input { path: source.to_string(), problem: Box::new(self) }
+    }
+
+    /// True if what was asked for is at fault, not a file, a mesh or the system.
+    pub fn is_usage(&self) -> bool {
+        use SimplifyError::{BadOption, NotOfMethod, NotTogether};
+        let is_refused =
+            |why: &SimplifyError| matches!(why, BadOption { .. } | NotOfMethod { .. } | NotTogether { .. });
+        match self {
+            Self::Usage(_) | Self::UnknownOption { .. } => true,
+            Self::Simplify(why) => is_refused(why),
+            Self::Input { problem, .. } => problem.is_usage(),
+            _ => false,
+        }
+    }
+}
+
+fn stream_text(error: &io::Error) -> String {
+    match error.kind() {
+        io::ErrorKind::BrokenPipe => "standard output was closed before all was written".to_owned(),
+        _ => format!("cannot write to standard output: {error}"),
+    }
+}
+
+/// Returns an error of what was asked for.
+pub(crate) fn usage(text: impl Into<String>) -> AssetError {
+    AssetError::Usage(text.into())
+}
+
+impl From<ReadError> for AssetError {
+    fn from(error: ReadError) -> Self {
+        match error {
+            ReadError::File { source, .. } => Self::Read(*source),
+            other => Self::Read(other),
+        }
+    }
+}
+
+impl From<SimplifyError> for AssetError {
+    fn from(error: SimplifyError) -> Self {
+        match error {
+            SimplifyError::Cancelled => Self::Cancelled,
+            other => Self::Simplify(other),
+        }
+    }
+}
+
+impl From<OptionError> for AssetError {
+    fn from(error: OptionError) -> Self {
+        match error {
+            OptionError::Unknown { name, nearest } => Self::UnknownOption { name, nearest },
+            OptionError::Combination(why) => Self::Simplify(why),
+            other => Self::Usage(other.to_string()),
+        }
+    }
+}
+
+impl From<TooMuchMemory> for AssetError {
+    fn from(error: TooMuchMemory) -> Self {
+        Self::Memory(error)
+    }
+}
+
+impl From<MeshError> for AssetError {
+    fn from(error: MeshError) -> Self {
+        Self::Mesh(error)
+    }
+}
+
+impl From<WriteError> for AssetError {
+    fn from(error: WriteError) -> Self {
+        Self::Write(error)
+    }
+}

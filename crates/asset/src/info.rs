@@ -1,0 +1,197 @@
+//! The content and the defects of a file.
+
+use lodsmith_core::mesh::weld::weld;
+use lodsmith_core::topology::{Size, Topology, TopologyCounts, size_of};
+use lodsmith_core::{Bounds, PositionsView, Surface, VertexId};
+use lodsmith_io::vertex_cache::CacheUse;
+use lodsmith_io::{Contents, Format, Loaded, ReadOptions, Sizes, Warning};
+use serde_json::{Value, json};
+
+use crate::asset::Asset;
+use crate::error::AssetError;
+use crate::job::{Job, Step};
+use crate::memory_need;
+use crate::paths::Source;
+use crate::sizes;
+use crate::warnings::texts;
+
+/// Facts about a file, as one mesh of all instances.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct Info {
+    /// The format.
+    pub format: Format,
+    /// The contents besides the mesh.
+    pub contents: Contents,
+    /// Warnings of reading.
+    pub warnings: Vec<Warning>,
+    /// Number of triangles.
+    pub faces: usize,
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Number of distinct positions.
+    pub places: usize,
+    /// Counts of the topology.
+    pub topology: TopologyCounts,
+    /// True if it is closed where only vertices with the same index are joined; `None` for a format without
+    /// indices.
+    pub closed_by_index: Option<bool>,
+    /// Number of faces on the positions of an earlier one.
+    pub duplicate_faces: usize,
+    /// Number of faces that are a side of a sheet.
+    pub two_sided_faces: usize,
+    /// Number of vertices without a face.
+    pub unused_vertices: usize,
+    /// Number of vertices with a coordinate that is infinite or NaN.
+    pub non_finite_vertices: usize,
+    /// Bounding box.
+    pub bounds: Option<Bounds>,
+    /// Area and volume.
+    pub size: Size,
+    /// Sizes of the file; `None` if they are not known.
+    pub sizes: Option<Sizes>,
+    /// How well the order of triangles suits the caches of a GPU.
+    pub cache: CacheUse,
+}
+
+/// Reads a file and inspects it.
+///
+/// # Errors
+/// Those of [`Asset::read`]; [`AssetError::Memory`].
+pub fn info(source: &Source, reading: &ReadOptions, job: &mut Job<'_>) -> Result<Info, AssetError> {
+    job.enter(Step::Read);
+    let asset = Asset::read(source, reading, false, job)?;
+    let sizes = asset.sizes();
+    let loaded = asset.into_loaded().expect("it is read as one mesh");
+    job.check_memory("info", memory_need::info(memory_need::Size::of(&loaded.mesh)))?;
+    job.enter(Step::Inspect);
+    let surface = loaded.mesh.surface();
+    let positions = surface.positions();
+    let weld = weld(positions);
+    let mut is_used = vec![false; positions.len()];
+    for v in surface.triangles().iter().flatten() {
+        is_used[v.index()] = true;
+    }
+    let info = Info {
+        format: loaded.format,
+        faces: loaded.mesh.face_count(),
+        vertices: loaded.mesh.vertex_count(),
+        places: weld.distinct_count,
+        topology: Topology::new(&surface).counts(),
+        closed_by_index: is_closed_by_index(&loaded),
+        duplicate_faces: duplicate_faces(&surface, &weld.representative),
+        two_sided_faces: lodsmith::two_sided_faces(&surface),
+        unused_vertices: is_used.iter().filter(|used| !**used).count(),
+        non_finite_vertices: positions.iter().filter(|p| !p.iter().all(|x| x.is_finite())).count(),
+        bounds: positions.bounds(),
+        size: size_of(&surface),
+        sizes,
+        cache: CacheUse::of_mesh(&loaded.mesh),
+        contents: loaded.contents.clone(),
+        warnings: loaded.warnings.clone(),
+    };
+    Ok(info)
+}
+
+/// True if a surface is closed even if vertices at one position stay apart; `None` if the format has no indices.
+/// In glTF a vertex is a position with its attributes.
+fn is_closed_by_index(loaded: &Loaded) -> Option<bool> {
+    if loaded.format == Format::Stl {
+        return None;
+    }
+    let mesh = &loaded.mesh;
+    Some(match (loaded.format, mesh.vertex_map()) {
+        (Format::Gltf | Format::Glb, Some(map)) => {
+            let places = mesh.positions().view();
+            let places: Vec<[f64; 3]> = map.iter().map(|v| places.get(*v)).collect();
+            let faces = mesh.triangles().iter().map(|t| t.map(|w| VertexId(w.0))).collect();
+            let surface = Surface::with_triangles(PositionsView::F64(&places), faces);
+            surface.is_ok_and(|surface| Topology::unwelded(&surface).counts().is_closed())
+        }
+        _ => Topology::unwelded(&mesh.surface()).counts().is_closed(),
+    })
+}
+
+/// Returns the number of faces on the same three positions as an earlier one, in either winding.
+fn duplicate_faces(surface: &Surface<'_>, place_of: &[VertexId]) -> usize {
+    let sorted = |t: &[VertexId; 3]| {
+        let mut t = t.map(|v| place_of[v.index()]);
+        t.sort_unstable();
+        t
+    };
+    let is_face = |t: &[VertexId; 3]| t[0] != t[1] && t[1] != t[2];
+    let mut faces: Vec<[VertexId; 3]> = surface.triangles().iter().map(sorted).filter(is_face).collect();
+    faces.sort_unstable();
+    faces.windows(2).filter(|w| w[0] == w[1]).count()
+}
+
+impl Info {
+    /// Returns the report, with the path as it was given.
+    pub fn to_json(&self, path: &str) -> Value {
+        let (t, c) = (&self.topology, &self.contents);
+        let corners = |f: fn(&Bounds) -> [f64; 3]| self.bounds.as_ref().map(f);
+        let mut report = json!({
+            "path": path,
+            "format": self.format.name(),
+            "meshes": c.meshes,
+            "faces": self.faces,
+            "polygons": c.polygons,
+            "vertices": self.vertices,
+            "positions": self.places,
+            "components": t.component_count,
+            "border_edges": t.border_edge_count,
+            "border_loops": t.border_loop_count,
+            "non_manifold_edges": t.non_manifold_edge_count,
+            "non_manifold_vertices": t.non_manifold_vertex_count,
+            "degenerate_faces": t.degenerate_face_count,
+            "duplicate_faces": self.duplicate_faces,
+            "two_sided_faces": self.two_sided_faces,
+            "unused_vertices": self.unused_vertices,
+            "non_finite_vertices": self.non_finite_vertices,
+            "closed": t.is_closed(),
+            "closed_by_index": self.closed_by_index,
+            "manifold": t.is_manifold(),
+            "oriented": t.is_oriented(),
+            "genus": t.genus(),
+            "bounds": {
+                "min": corners(|b| b.min), "max": corners(|b| b.max),
+                "diagonal": self.bounds.as_ref().map(Bounds::diagonal),
+            },
+            "area": self.size.area,
+            "volume": self.size.volume,
+            "attributes": c.attributes,
+            "materials": c.materials,
+            "textures": c.textures,
+            "skins": c.skins,
+            "animations": c.animations,
+            "morph_targets": c.morph_targets,
+            "sizes": sizes::to_json(self.sizes),
+            "cache": sizes::cache_json(&self.cache),
+            "warnings": texts(&self.warnings),
+        });
+        if c.instances > 0 {
+            report["distinct_meshes"] = c.distinct_meshes.into();
+            report["instances"] = c.instances.into();
+        }
+        report
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::{Positions, TriMesh};
+
+    use super::*;
+
+    #[test]
+    fn duplicates_are_found_by_place_and_whichever_way_they_go() {
+        let mut positions = vec![[0f32; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        positions.extend(positions.clone());
+        let face = |a, b, c| [VertexId(a), VertexId(b), VertexId(c)];
+        // The last one is degenerate after welding.
+        let faces = vec![face(0, 1, 2), face(5, 4, 3), face(1, 2, 3), face(0, 3, 1)];
+        let mesh = TriMesh::new(Positions::F32(positions), faces).unwrap();
+        let surface = mesh.surface();
+        assert_eq!(duplicate_faces(&surface, &weld(surface.positions()).representative), 2);
+    }
+}

@@ -1,0 +1,302 @@
+//! A job in progress: its caller, its times and its limits.
+
+use std::io::{self, Read, Write};
+use std::path::Path;
+use std::time::Duration;
+
+use lodsmith::{Control, NoControl, Stage, Verdict};
+use lodsmith_core::memory;
+use lodsmith_io::{Limits, WriteError, machine};
+use web_time::Instant;
+
+use crate::error::AssetError;
+use crate::paths::Sink;
+use crate::values::MIN_MEMORY;
+
+/// A step of a job around the stages of the engine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Step {
+    /// Read the input.
+    Read,
+    /// Prepare the run of the engine, which names its stages from here on.
+    Prepare,
+    /// Clean the meshes.
+    Clean,
+    /// Inspect the mesh.
+    Inspect,
+    /// Bake maps.
+    Bake,
+    /// Write the output.
+    Write,
+}
+
+impl Step {
+    /// Returns the name in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Read => "read",
+            Self::Prepare => Stage::Prepare.name(),
+            Self::Clean => "clean",
+            Self::Inspect => "inspect",
+            Self::Bake => "bake",
+            Self::Write => "write",
+        }
+    }
+}
+
+/// The caller of a job: it follows and cancels the run as a [`Control`] does, and has the standard streams.
+pub trait Watch: Control {
+    /// A step begins.
+    fn enter(&mut self, step: Step) {
+        let _ = step;
+    }
+
+    /// Returns what stands for standard input.
+    fn input(&mut self) -> Box<dyn Read + '_> {
+        Box::new(io::empty())
+    }
+
+    /// Returns what stands for standard output.
+    fn output(&mut self) -> Box<dyn Write + '_> {
+        Box::new(io::sink())
+    }
+
+    /// Waits for the jobs of earlier inputs: files with names from the input are written next, and theirs come first.
+    fn wait_for_earlier(&mut self) {}
+
+    /// Writes a file by calling `write`. A caller that may end the process waits until it returns. Returns false, without
+    /// writing, if the job is to end.
+    fn while_writing(&mut self, path: &Path, write: &mut dyn FnMut()) -> bool {
+        let _ = path;
+        write();
+        true
+    }
+}
+
+impl Watch for NoControl {}
+
+/// Seconds by stage, in the order in which stages first began.
+#[derive(Clone, Debug, Default)]
+pub struct StageClock {
+    /// The stages with their seconds.
+    pub stages: Vec<(&'static str, f64)>,
+    running: Option<(usize, Instant)>,
+}
+
+impl StageClock {
+    /// Makes a clock; these stages come first, in this order, even if they never begin.
+    pub fn new(stages: &[&'static str]) -> Self {
+        Self { stages: stages.iter().map(|name| (*name, 0.0)).collect(), running: None }
+    }
+
+    /// Begins a stage, or continues it.
+    fn enter(&mut self, name: &'static str) {
+        self.end();
+        let i = self.stages.iter().position(|(n, _)| *n == name).unwrap_or_else(|| {
+            self.stages.push((name, 0.0));
+            self.stages.len() - 1
+        });
+        self.running = Some((i, Instant::now()));
+    }
+
+    /// Ends the present stage.
+    fn end(&mut self) {
+        if let Some((i, begin)) = self.running.take() {
+            self.stages[i].1 += begin.elapsed().as_secs_f64();
+        }
+    }
+
+    /// Returns the sum of all stages.
+    pub fn total(&self) -> f64 {
+        self.stages.iter().map(|(_, secs)| secs).sum()
+    }
+}
+
+/// A job in progress. It is the [`Control`] of the runs of the engine in it.
+pub struct Job<'w> {
+    watch: &'w mut dyn Watch,
+    clock: StageClock,
+    /// False while a step has no stages of its own.
+    has_stages: bool,
+    time_limit: Option<f64>,
+    deadline: Option<Instant>,
+    memory: u64,
+    is_cancelled: bool,
+}
+
+/// Default fraction of the available memory: the rest is for the system, and for needs that counts do not
+/// cover.
+const DEFAULT_MEMORY_SHARE: f64 = 0.75;
+/// Assumed memory of a machine if the system does not report it (anywhere but on Linux). (Guessed.)
+const ASSUMED_MEMORY: u64 = 16 << 30;
+/// Bytes of the program itself, without any model.
+const PROGRAM_BYTES: u64 = 8 << 20;
+
+impl<'w> Job<'w> {
+    /// Begins a job: after `time_limit` seconds from now runs end with the best result so far, and a step that would take
+    /// more than `memory` bytes is refused.
+    pub fn new(watch: &'w mut dyn Watch, time_limit: Option<f64>, memory: u64) -> Self {
+        // A year is for ever, and does not overflow a clock.
+        let limit = time_limit.map(|s| Duration::from_secs_f64(s.clamp(0.0, 365.0 * 86400.0)));
+        let clock = StageClock::new(&[Step::Read.name(), Step::Prepare.name(), Stage::Collapse.name()]);
+        let deadline = limit.map(|d| Instant::now() + d);
+        Self { watch, clock, has_stages: true, time_limit, deadline, memory, is_cancelled: false }
+    }
+
+    /// Returns the bytes of memory that a step may take unless something else is said: three quarters of what the machine or
+    /// the container has.
+    pub fn default_memory() -> u64 {
+        let all = machine::memory_limit().unwrap_or(ASSUMED_MEMORY);
+        ((all as f64 * DEFAULT_MEMORY_SHARE) as u64).max(MIN_MEMORY)
+    }
+
+    /// Lets these stages come first in the report.
+    pub(crate) fn set_stages(&mut self, steps: &[Step]) {
+        self.clock = StageClock::new(&steps.iter().map(|step| step.name()).collect::<Vec<_>>());
+    }
+
+    /// Begins a step.
+    pub fn enter(&mut self, step: Step) {
+        self.has_stages = step == Step::Prepare;
+        self.clock.enter(step.name());
+        self.watch.enter(step);
+    }
+
+    /// Returns the seconds after which runs end.
+    pub fn time_limit(&self) -> Option<f64> {
+        self.time_limit
+    }
+
+    /// Returns the bytes of memory that a step may take.
+    pub(crate) fn memory(&self) -> u64 {
+        self.memory
+    }
+
+    /// True if the caller cancelled the job.
+    pub(crate) fn is_cancelled(&self) -> bool {
+        self.is_cancelled
+    }
+
+    /// Ends the present stage and returns the times so far.
+    pub fn times(&mut self) -> StageClock {
+        self.clock.end();
+        self.clock.clone()
+    }
+
+    /// Refuses a step that would take more memory than allowed.
+    ///
+    /// # Errors
+    /// [`AssetError::Memory`], which names the step, its need and the limit.
+    pub fn check_memory(&self, step: &str, need: u64) -> Result<(), AssetError> {
+        Ok(memory::check(step, need.saturating_add(PROGRAM_BYTES), self.memory)?)
+    }
+
+    /// Reads all of standard input, within the limits.
+    pub(crate) fn input(&mut self, limits: Limits) -> Result<Vec<u8>, AssetError> {
+        Ok(lodsmith_io::read_stream(&mut *self.watch.input(), Vec::new(), limits)?)
+    }
+
+    pub(crate) fn wait_for_earlier(&mut self) {
+        self.watch.wait_for_earlier();
+    }
+
+    /// Writes to a stream or a file; no partial file is left behind.
+    ///
+    /// # Errors
+    /// [`AssetError::Write`], [`AssetError::Stream`]; [`AssetError::Cancelled`] if the caller ends.
+    pub fn put<T>(
+        &mut self,
+        sink: &Sink,
+        to_stream: impl FnOnce(&mut dyn Write) -> Result<T, WriteError>,
+        to_path: impl FnOnce(&Path) -> Result<T, WriteError>,
+    ) -> Result<T, AssetError> {
+        match sink {
+            Sink::Stream => match to_stream(&mut *self.watch.output()) {
+                Err(WriteError::Io { source, .. }) => Err(AssetError::Stream(source)),
+                result => Ok(result?),
+            },
+            Sink::Path(path) => {
+                let (mut write, mut result) = (Some(to_path), None);
+                let mut once = || result = write.take().map(|write| write(path));
+                if !self.watch.while_writing(path, &mut once) {
+                    return Err(AssetError::Cancelled);
+                }
+                Ok(result.ok_or(AssetError::Cancelled)??)
+            }
+        }
+    }
+
+    /// Writes bytes to a stream or a file.
+    ///
+    /// # Errors
+    /// Those of [`Job::put`].
+    pub fn put_bytes(&mut self, bytes: &[u8], sink: &Sink, force: bool) -> Result<(), AssetError> {
+        let failed = |path: &Path| {
+            let path = path.to_owned();
+            |source| WriteError::Io { path, source }
+        };
+        self.put(
+            sink,
+            |out| out.write_all(bytes).and_then(|()| out.flush()).map_err(failed(Path::new("output stream"))),
+            |path| {
+                lodsmith_io::write::write_file(path, force, |out| out.write_all(bytes)).map_err(failed(path))
+            },
+        )
+    }
+}
+
+impl Control for Job<'_> {
+    fn stage(&mut self, stage: Stage) {
+        if self.has_stages {
+            self.clock.enter(stage.name());
+        }
+        self.watch.stage(stage);
+    }
+
+    fn progress(&mut self, done: f64) -> Verdict {
+        match self.watch.progress(done) {
+            Verdict::Cancel => {
+                self.is_cancelled = true;
+                Verdict::Cancel
+            }
+            Verdict::Continue if self.deadline.is_some_and(|d| Instant::now() >= d) => Verdict::Finish,
+            verdict => verdict,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_is_a_share_of_the_memory() {
+        let limit = Job::default_memory();
+        assert!(limit >= MIN_MEMORY);
+        if let Some(all) = machine::memory_limit() {
+            assert!(limit <= all.max(MIN_MEMORY), "{limit} of {all}");
+        }
+    }
+
+    #[test]
+    fn stages_keep_their_order_and_add_up() {
+        let mut clock = StageClock::new(&["read", "prepare", "simplify"]);
+        for stage in ["read", "prepare", "simplify", "fit", "simplify", "write"] {
+            clock.enter(stage);
+        }
+        clock.end();
+        let names: Vec<_> = clock.stages.iter().map(|(n, _)| *n).collect();
+        assert_eq!(names, ["read", "prepare", "simplify", "fit", "write"]);
+        assert_eq!(clock.total(), clock.stages.iter().map(|s| s.1).sum::<f64>());
+    }
+
+    #[test]
+    fn a_step_that_takes_too_much_is_refused() {
+        let mut watch = NoControl;
+        let job = Job::new(&mut watch, None, 100 << 20);
+        assert!(job.check_memory("simplify", 90 << 20).is_ok());
+        let refused = job.check_memory("simplify", 93 << 20).unwrap_err().to_string();
+        assert!(refused.contains("simplify"), "{refused}");
+    }
+}

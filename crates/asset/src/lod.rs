@@ -1,0 +1,321 @@
+//! Levels of detail of a file.
+
+mod bake;
+mod outputs;
+mod report;
+
+use lodsmith::{LodOptions, MeshCounts, Report, Screen};
+use lodsmith_core::{Attribute, Positions, Semantic, TriMesh, WedgeId};
+use lodsmith_io::gltf::{Scene, SceneLevels, SceneMesh};
+use lodsmith_io::{Format, ReadOptions, Sizes, Warning};
+
+pub use outputs::{LevelOutputs, Naming};
+
+use crate::asset::{Asset, Chain, Edit};
+use crate::baking::{Baking, forgive_colors, write_files};
+use crate::constraints::{self, PartNames};
+use crate::destination::{Destination, Writing};
+use crate::error::AssetError;
+use crate::images::FolderMove;
+use crate::job::{Job, StageClock, Step};
+use crate::normals::{Normals, set_normals};
+use crate::orient::oriented;
+use crate::paths::{self, Sink, Source};
+use crate::sizes::WriteOutcome;
+use crate::warnings::{not_reached, starved};
+use bake::{BakedLevels, bake_levels};
+
+/// Attribute with the position of a vertex in the next level.
+const GEOMORPH_ATTRIBUTE: &str = "_GEOMORPH";
+
+/// Which levels of detail are made, and how.
+#[derive(Clone, Debug)]
+pub struct LodRecipe {
+    /// Options of the engine.
+    pub options: LodOptions,
+    /// Names of parts of the file that the run treats in other ways.
+    pub names: PartNames,
+    /// Normals of the levels.
+    pub normals: Normals,
+    /// Maps to bake.
+    pub baking: Option<Baking>,
+    /// The screen that switching distances are for.
+    pub screen: Screen,
+    /// Naming of files, meshes and nodes.
+    pub naming: Naming,
+}
+
+/// Outcome of making levels.
+#[derive(Debug)]
+pub struct LodOutcome {
+    /// Format of the input.
+    pub input_format: Format,
+    /// Faces and vertices of level 0.
+    pub counts: [usize; 2],
+    /// The levels below the original.
+    pub levels: Vec<Level>,
+    /// The outputs of level 0 and of the others; none if nothing is written.
+    pub outputs: Vec<Sink>,
+    /// Sizes of the input; `None` if they are not known.
+    pub sizes_before: Option<Sizes>,
+    /// Outcomes of writing: one file for all levels, or one for each, from level 0 on; without their warnings.
+    pub written: Vec<WriteOutcome>,
+    /// Diagonal of the box around the original.
+    pub diagonal: f64,
+    /// Warnings of reading, of the run and of writing.
+    pub warnings: Vec<Warning>,
+    /// Number of threads of the pool.
+    pub threads: usize,
+    /// Seconds by stage.
+    pub clock: StageClock,
+}
+
+/// A level below the original.
+#[derive(Debug)]
+pub struct Level {
+    /// The report of the engine.
+    pub report: Report,
+    /// The reason why its target was not reached.
+    pub not_reached: Option<String>,
+    /// The distance from which on it looks like the original, at the scale of the output.
+    pub distance: f64,
+    /// Counts of the meshes that were simplified, with their names; none for a single mesh.
+    pub meshes: Vec<(String, MeshCounts)>,
+}
+
+/// Reads a file, makes levels, and writes them.
+///
+/// # Errors
+/// Those of [`simplify`](crate::simplify()); [`AssetError::Levels`] for a scene that has levels already.
+pub fn lod(
+    outputs: &LevelOutputs,
+    reading: &ReadOptions,
+    recipe: &LodRecipe,
+    job: &mut Job<'_>,
+) -> Result<LodOutcome, AssetError> {
+    job.enter(Step::Read);
+    let mut reading = reading.clone();
+    reading.properties = constraints::properties(&recipe.names);
+    let to = outputs.first.as_ref();
+    let writing = to.map_or_else(Writing::default, |to| to.writing);
+    let baking = recipe.baking.as_ref().filter(|_| to.is_some());
+    let is_scene = baking.is_some() || to.is_some_and(Destination::keeps_scenes);
+    let mut asset = Asset::read(&outputs.source, &reading, is_scene, job)?;
+    job.enter(Step::Prepare);
+    let (input_format, counts, sizes_before) = (asset.format(), asset.counts(), asset.sizes());
+    // Levels of a mesh are those of a scene where the output can be one.
+    let is_gltf = to.is_some_and(|to| matches!(to.format, Format::Gltf | Format::Glb));
+    let mut data = if baking.is_some() || is_gltf {
+        asset.become_scene(&recipe.names, &writing)?
+    } else {
+        asset.named_data(&recipe.names)?
+    };
+    if asset.scene().is_some_and(Scene::has_levels) {
+        return Err(AssetError::Levels);
+    }
+    let mut warnings = asset.warnings().to_vec();
+    warnings.extend(asset.add_palettes(&mut data));
+    if !to.is_some_and(Destination::keeps_materials) {
+        asset.drop_materials()?;
+    }
+    let options = &recipe.options.simplify;
+    if options.per_mesh && asset.scene().is_none() && asset.contents().meshes > 1 {
+        warnings.push(crate::warnings::joined_per_mesh());
+    }
+    job.check_memory("lod", asset.levels_need(options, &data))?;
+    let Chain { levels: made, geomorphs } = asset.levels(&recipe.options, &data, job)?;
+
+    // Later levels have fewer faces still.
+    let starved = made.iter().enumerate().find_map(|(k, level)| {
+        let counts: Vec<_> = level.counts.iter().map(|(_, counts)| *counts).collect();
+        Some(Warning::note(format!("level {}: {}", k + 1, starved(&counts)?)))
+    });
+    warnings.extend(starved);
+    let scale = if asset.scene().is_some() { 1.0 } else { writing.scale.unwrap_or(1.0) };
+    let mut levels = Vec::with_capacity(made.len());
+    let mut meshes = vec![geomorphed_originals(&asset, &geomorphs[0])];
+    for level in made {
+        let not_reached =
+            not_reached(&level.report, options, job.time_limit(), level.meshes.iter().flatten());
+        let name = |(i, counts)| (asset.name(i).unwrap_or_default().to_owned(), counts);
+        levels.push(Level {
+            not_reached,
+            distance: recipe.screen.distance(lodsmith::lod::error_of(&level.report)) * scale,
+            report: level.report,
+            meshes: level.counts.into_iter().map(name).collect(),
+        });
+        let mut own = level.meshes;
+        own.iter_mut().flatten().for_each(|mesh| set_normals(mesh, recipe.normals));
+        meshes.push(own);
+    }
+    for (own, geomorphs) in meshes.iter_mut().zip(&geomorphs) {
+        for (mesh, positions) in own.iter_mut().zip(geomorphs) {
+            if let (Some(mesh), Some(positions)) = (mesh, positions) {
+                carry(mesh, positions, |p| if asset.scene().is_some() { p } else { oriented(p, &writing) })?;
+            }
+        }
+    }
+    let mut scene = asset.scene().cloned();
+    let baked = match (baking, &mut scene) {
+        (Some(baking), Some(scene)) => {
+            job.enter(Step::Bake);
+            let mut baked = bake_levels(scene, &mut meshes, baking, job)?;
+            warnings.append(&mut baked.warnings);
+            Some(baked)
+        }
+        _ => None,
+    };
+    job.enter(Step::Write);
+    let mut whole = WholeChain { asset: &asset, scene, meshes, baked, outputs, recipe };
+    let distances: Vec<f64> = levels.iter().map(|level| level.distance).collect();
+    let mut written = whole.write(&distances, job)?;
+    warnings.extend(written.iter_mut().flat_map(|made| std::mem::take(&mut made.warnings)));
+    if let (true, None, Some(to)) = (recipe.options.geomorph, asset.scene(), to)
+        && to.format != Format::Ply
+    {
+        warnings.push(Warning::lost(format!("{} cannot carry geomorph data: dropped", to.format.title())));
+    }
+    let of_run = levels.first().map_or(0.0, |level| level.report.error.diagonal);
+    let outcome = LodOutcome {
+        input_format,
+        counts,
+        outputs: outputs.sinks(levels.len()),
+        levels,
+        sizes_before,
+        written,
+        diagonal: if asset.scene().is_some() { asset.diagonal() } else { of_run },
+        warnings,
+        threads: rayon::current_num_threads(),
+        clock: job.times(),
+    };
+    outputs.write_list(&outcome.list(&outputs.source, recipe, scale), job)?;
+    Ok(outcome)
+}
+
+/// Returns copies of the original meshes that get positions in the first level.
+fn geomorphed_originals(asset: &Asset, geomorphs: &[Option<Positions>]) -> Vec<Option<TriMesh>> {
+    let original = |(mesh, positions): (&TriMesh, &Option<Positions>)| {
+        (positions.is_some() && mesh.face_count() > 0).then(|| mesh.clone())
+    };
+    asset.meshes().into_iter().zip(geomorphs).map(original).collect()
+}
+
+/// Adds to a mesh the positions of its vertices in the next level, each mapped by `place`.
+fn carry(
+    mesh: &mut TriMesh,
+    geomorph: &Positions,
+    place: impl Fn([f64; 3]) -> [f64; 3],
+) -> Result<(), AssetError> {
+    let wedges = (0..mesh.wedge_count()).map(|w| mesh.vertex_of(WedgeId::new(w)));
+    let values = wedges.flat_map(|v| place(geomorph.view().get(v)).map(|x| x as f32)).collect();
+    let semantic = Semantic::Custom(GEOMORPH_ATTRIBUTE.to_owned());
+    mesh.add_attribute(Attribute { semantic, width: 3, values })?;
+    Ok(())
+}
+
+/// All levels, to be written.
+struct WholeChain<'a> {
+    asset: &'a Asset,
+    /// The scene, with the materials of a bake.
+    scene: Option<Scene>,
+    /// The meshes of each level, from level 0 on, that are not those of the asset.
+    meshes: Vec<Vec<Option<TriMesh>>>,
+    baked: Option<BakedLevels>,
+    outputs: &'a LevelOutputs,
+    recipe: &'a LodRecipe,
+}
+
+impl WholeChain<'_> {
+    /// Writes the levels: into one file, or each to its own.
+    fn write(&mut self, distances: &[f64], job: &mut Job<'_>) -> Result<Vec<WriteOutcome>, AssetError> {
+        match (&self.outputs.first, &mut self.scene) {
+            (None, _) => Ok(Vec::new()),
+            (Some(to), Some(scene)) if self.outputs.folder.is_none() => {
+                let images = FolderMove::new(&self.outputs.source, &to.sink);
+                let warnings = images.bring(scene, to.format, to.writing.textures);
+                let naming = self.recipe.naming;
+                let mut levels = SceneLevels::new(std::mem::take(&mut self.meshes));
+                levels.separator = naming.mark().to_owned();
+                levels.numbers_level_0 = naming != Naming::Plain;
+                levels.coverage = coverage(scene, distances, &self.recipe.screen);
+                levels.default_name = name_of_input(&self.outputs.source, &to.sink);
+                let baked = self.baked.take().unwrap_or_default();
+                levels.materials = baked.materials;
+                let mut made = to.write_levels(scene, &levels, &|uri| images.uri(uri), job)?;
+                made.warnings.splice(0..0, warnings);
+                if self.has_color_map() {
+                    forgive_colors(&mut made.warnings);
+                }
+                for (level, files) in baked.files.iter().enumerate() {
+                    let mark = format!("{}{}", naming.mark(), level + 1);
+                    write_files(files, if baked.is_shared { "" } else { &mark }, to, job)?;
+                }
+                Ok(vec![made])
+            }
+            (Some(to), _) => {
+                let mut to = to.clone();
+                let sinks = self.outputs.sinks(self.meshes.len());
+                let mut all: Vec<WriteOutcome> = Vec::new();
+                for (k, sink) in (0..self.meshes.len()).zip(sinks) {
+                    to.sink = sink;
+                    let force = to.writing.force || to.dry_run;
+                    paths::refuse_inputs(&to.sink, [&self.outputs.source], force)?;
+                    let mut made = self.asset.write(self.edit(k), &to, job)?;
+                    // Each warning is in the first that has it.
+                    made.warnings.retain(|w| !all.iter().any(|before| before.warnings.contains(w)));
+                    all.push(made);
+                }
+                Ok(all)
+            }
+        }
+    }
+
+    fn has_color_map(&self) -> bool {
+        self.recipe.baking.as_ref().is_some_and(Baking::has_color)
+    }
+
+    /// Returns a level as a change of the asset.
+    fn edit(&mut self, level: usize) -> Edit {
+        let mut edit = Edit { meshes: std::mem::take(&mut self.meshes[level]), ..Edit::default() };
+        if let (Some(baked), Some(scene)) = (&self.baked, &self.scene) {
+            let mut own = scene.clone();
+            let below = level.checked_sub(1);
+            if let Some(materials) = below.and_then(|k| baked.materials.get(k)) {
+                lodsmith_bake::set_materials(&mut own, materials);
+            }
+            own.drop_unused_materials();
+            edit.files = below.and_then(|k| baked.files.get(k)).cloned().unwrap_or_default();
+            edit.scene = Some(Box::new(own));
+            (edit.is_baked, edit.has_color_map) = (true, self.has_color_map());
+        }
+        edit
+    }
+}
+
+/// Returns for each mesh and level the fraction of the picture's height that the bounding sphere of the mesh
+/// covers at the distance where the next level is used.
+fn coverage(scene: &Scene, distances: &[f64], screen: &Screen) -> Vec<Vec<f64>> {
+    let of_mesh = |m: &SceneMesh| {
+        let diameter = m.largest_diagonal();
+        let mut all: Vec<f64> = Vec::with_capacity(distances.len() + 1);
+        for &distance in distances {
+            let share = if distance > 0.0 { screen.coverage(diameter, distance).min(1.0) } else { 1.0 };
+            all.push(share.min(all.last().copied().unwrap_or(1.0)));
+        }
+        // The last level is used at any distance.
+        all.push(0.0);
+        all
+    };
+    scene.meshes().iter().map(of_mesh).collect()
+}
+
+/// Returns the name of the input without its extension, or that of the output for standard input.
+fn name_of_input(input: &Source, sink: &Sink) -> Option<String> {
+    let path = match (input, sink) {
+        (Source::Path(path), _) | (Source::Stream, Sink::Path(path)) => path,
+        (Source::Stream, Sink::Stream) => return None,
+    };
+    let is_packed = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"));
+    let path = if is_packed { path.with_extension("") } else { path.clone() };
+    path.file_stem().map(|stem| stem.to_string_lossy().into_owned())
+}

@@ -1,0 +1,104 @@
+//! Parts of JSON reports that several commands have.
+
+use lodsmith::options::by_name::{NamedOption, OPTIONS, OptionGroup, OptionValue, length_text};
+use lodsmith::{Length, Levels, MeshCounts, Report, SimplifyOptions, Stop};
+use lodsmith_core::measure::{Comparison, TwoWay};
+use serde_json::{Value, json};
+
+use crate::job::StageClock;
+
+/// Returns the error of a run as JSON.
+pub fn error_json(report: &Report) -> Value {
+    let e = &report.error;
+    json!({
+        "estimate": e.estimate, "bound": e.bound, "measured": e.measured.as_ref().map(measured_json),
+        "unit": "model", "diagonal": e.diagonal,
+    })
+}
+
+/// Returns the counts of a mesh by its name.
+pub fn mesh_json((name, m): &(String, MeshCounts)) -> Value {
+    json!({
+        "name": name, "instances": m.instances, "reached": m.reached,
+        "input": { "faces": m.input_faces, "vertices": m.input_vertices },
+        "output": { "faces": m.faces, "vertices": m.vertices },
+    })
+}
+
+/// Returns the measured distances as JSON.
+pub fn measured_json(m: &Comparison) -> Value {
+    json!({ "hausdorff": both_ways(&m.hausdorff), "mean": both_ways(&m.mean), "rms": both_ways(&m.rms) })
+}
+
+/// Returns a figure for each direction and for both.
+pub fn both_ways(x: &TwoWay) -> Value {
+    json!({ "forward": x.forward, "backward": x.backward, "symmetric": x.symmetric })
+}
+
+/// Returns counts or seconds by name.
+pub(crate) fn by_name<T: Into<Value>>(all: impl IntoIterator<Item = (&'static str, T)>) -> Value {
+    Value::Object(all.into_iter().map(|(name, x)| (name.to_owned(), x.into())).collect())
+}
+
+/// Rounds seconds to the microsecond.
+pub fn micros(secs: f64) -> f64 {
+    (secs * 1e6).round() / 1e6
+}
+
+/// Returns the seconds of each stage.
+pub fn seconds(clock: &StageClock) -> Value {
+    by_name(clock.stages.iter().map(|(name, s)| (*name, micros(*s))))
+}
+
+/// Returns the refusals with their counts.
+pub(crate) fn refusals(report: &Report) -> Value {
+    by_name(report.refusals.iter().map(|(refusal, n)| (refusal.name(), *n)))
+}
+
+/// Returns what was repaired before a run, with counts.
+pub fn cleanup(report: &Report) -> [(&'static str, usize); 5] {
+    let c = &report.cleanup;
+    [
+        ("welded_vertices", c.welded_vertices),
+        ("degenerate_faces", c.degenerate_faces),
+        ("duplicate_faces", c.duplicate_faces),
+        ("non_finite_faces", c.non_finite_faces),
+        ("unused_vertices", c.unused_vertices),
+    ]
+}
+
+/// Returns the targets of a run by name.
+pub fn target(stop: &Stop) -> Value {
+    let options = SimplifyOptions::new(*stop);
+    let value = |option: &NamedOption| {
+        let value = match option.get(&options)? {
+            OptionValue::Whole(n) => n.into(),
+            OptionValue::Number(x) => x.into(),
+            OptionValue::Length(length) => length_json(length),
+            other => other.text().into(),
+        };
+        Some((option.name, value))
+    };
+    by_name(OPTIONS.iter().filter(|option| option.group == OptionGroup::Target).filter_map(value))
+}
+
+/// Returns which levels were asked for.
+pub fn levels_target(levels: &Levels) -> Value {
+    match levels {
+        Levels::Ratios(ratios) => json!({ "levels": ratios }),
+        Levels::Faces(faces) => json!({ "faces": faces }),
+        Levels::Steps { count, factor } => json!({ "count": count, "factor": factor }),
+        Levels::Errors(errors) => {
+            json!({ "errors": errors.iter().copied().map(length_json).collect::<Vec<_>>() })
+        }
+        _ => Value::Null,
+    }
+}
+
+/// Returns a length: a number in the units of the file, or a share of the diagonal as text.
+fn length_json(length: Length) -> Value {
+    match length {
+        Length::Units(x) => x.into(),
+        share => length_text(share).into(),
+    }
+}

@@ -1,0 +1,278 @@
+//! A file made lighter.
+
+use lodsmith::{MeshCounts, Report, SimplifyOptions};
+use lodsmith_io::gltf::Scene;
+use lodsmith_io::{Format, ModelFile, ReadOptions, Sizes, Warning};
+use serde_json::{Value, json};
+
+use crate::asset::{Asset, Edit};
+use crate::baking::{BakedScene, Baking};
+use crate::constraints::{self, PartNames};
+use crate::destination::{Destination, Writing};
+use crate::error::{AssetError, usage};
+use crate::job::{Job, StageClock, Step};
+use crate::normals::{Normals, set_normals};
+use crate::paths::{Sink, Source};
+use crate::report_json::{by_name, error_json, mesh_json, seconds};
+use crate::sizes::{self, WriteOutcome};
+use crate::warnings::{joined_per_mesh, not_reached, starved, texts, warnings_of};
+use crate::{proposals, report_json};
+
+/// How a file is made lighter.
+#[derive(Clone, Debug, Default)]
+pub struct Recipe {
+    /// Options of the engine.
+    pub options: SimplifyOptions,
+    /// Names of parts of the file that the run treats in other ways.
+    pub names: PartNames,
+    /// Normals of the result.
+    pub normals: Normals,
+    /// Maps to bake.
+    pub baking: Option<Baking>,
+}
+
+/// A file made lighter, not written yet.
+#[derive(Debug)]
+pub struct Made {
+    /// The asset that the edit is for.
+    pub asset: Asset,
+    /// The new meshes and materials.
+    pub edit: Edit,
+    /// The report of the engine.
+    pub report: Report,
+    /// Counts of the meshes that were simplified, with their names; none for a single mesh.
+    pub meshes: Vec<(String, MeshCounts)>,
+    /// The reason why the target was not reached.
+    pub not_reached: Option<String>,
+    /// Warnings of reading and of the run.
+    pub warnings: Vec<Warning>,
+    /// The result of the bake, without what is in the edit.
+    pub baked: Option<BakedScene>,
+}
+
+impl Recipe {
+    /// Checks that the recipe has an end, and that what it bakes fits how and where it is written.
+    ///
+    /// # Errors
+    /// [`AssetError::Usage`].
+    pub fn check(&self, writing: &Writing, output: Option<&Sink>) -> Result<(), AssetError> {
+        if !self.options.has_end() {
+            return Err(usage(
+                "give a target (--faces, --vertices, --ratio, --error) or an option that ends the method",
+            ));
+        }
+        self.baking.as_ref().map_or(Ok(()), |baking| baking.check(writing, output))
+    }
+
+    /// Makes an asset lighter: simplifies its meshes, treats their normals, and bakes. `to` is where it will be written.
+    ///
+    /// A single mesh for which maps are baked becomes a scene first, whose materials have the maps.
+    ///
+    /// # Errors
+    /// [`AssetError::Name`], [`AssetError::Memory`], [`AssetError::Simplify`], [`AssetError::Bake`];
+    /// [`AssetError::Cancelled`] if the caller ends.
+    pub fn run(
+        &self,
+        mut asset: Asset,
+        to: Option<&Destination>,
+        job: &mut Job<'_>,
+    ) -> Result<Made, AssetError> {
+        let mut data = match (&self.baking, to) {
+            (Some(_), Some(to)) => asset.become_scene(&self.names, &to.writing)?,
+            _ => asset.named_data(&self.names)?,
+        };
+        let mut warnings = asset.warnings().to_vec();
+        warnings.extend(asset.add_palettes(&mut data));
+        if !to.is_some_and(Destination::keeps_materials) {
+            asset.drop_materials()?;
+        }
+        if self.options.per_mesh && asset.scene().is_none() && asset.contents().meshes > 1 {
+            warnings.push(joined_per_mesh());
+        }
+        job.check_memory("simplify", asset.need(&self.options, &data))?;
+        let mut made = asset.simplify(&self.options, &data, job)?;
+        let results = made.meshes.iter().flatten();
+        let not_reached = not_reached(&made.report, &self.options, job.time_limit(), results);
+        for mesh in made.meshes.iter_mut().flatten() {
+            set_normals(mesh, self.normals);
+        }
+        warnings.extend(warnings_of(&made.report));
+        let counts: Vec<MeshCounts> = made.counts.iter().map(|(_, counts)| *counts).collect();
+        warnings.extend(starved(&counts));
+        let mut edit = Edit { meshes: made.meshes, ..Edit::default() };
+        let baked = match (&self.baking, asset.scene()) {
+            (Some(baking), Some(scene)) => {
+                job.enter(Step::Bake);
+                let baked = edit.bake(scene.clone(), baking, job)?;
+                warnings.extend(baked.warnings.iter().cloned());
+                Some(baked)
+            }
+            _ => None,
+        };
+        let name = |(i, counts)| (asset.name(i).unwrap_or_default().to_owned(), counts);
+        let meshes = made.counts.into_iter().map(name).collect();
+        Ok(Made { asset, edit, report: made.report, meshes, not_reached, warnings, baked })
+    }
+}
+
+impl Edit {
+    /// Bakes maps for the new meshes of a scene, and lets these use them.
+    fn bake(
+        &mut self,
+        mut scene: Scene,
+        baking: &Baking,
+        job: &mut Job<'_>,
+    ) -> Result<BakedScene, AssetError> {
+        let mut baking = baking.clone();
+        baking.options.is_same_model = true;
+        let high = ModelFile::from(scene.clone()).model;
+        let low = lodsmith_bake::model_with(&high, &self.meshes);
+        let mut baked = baking.bake(&high, &low, &mut scene, job)?;
+        for (mesh, made) in self.meshes.iter_mut().zip(std::mem::take(&mut baked.replaced)) {
+            if made.is_some() {
+                *mesh = made;
+            }
+        }
+        lodsmith_bake::set_materials(&mut scene, &baked.materials);
+        scene.drop_unused_materials();
+        self.files = std::mem::take(&mut baked.files);
+        self.scene = Some(Box::new(scene));
+        (self.is_baked, self.has_color_map) = (true, baking.has_color());
+        Ok(baked)
+    }
+}
+
+/// Outcome of a file that was made lighter.
+#[derive(Debug)]
+pub struct Outcome {
+    /// Format of the input.
+    pub input_format: Format,
+    /// Sizes of the input; `None` if they are not known.
+    pub sizes_before: Option<Sizes>,
+    /// The report of the engine.
+    pub report: Report,
+    /// Counts of the meshes that were simplified, with their names; none for a single mesh.
+    pub meshes: Vec<(String, MeshCounts)>,
+    /// The reason why the target was not reached.
+    pub not_reached: Option<String>,
+    /// Warnings of reading, of the run and of writing.
+    pub warnings: Vec<Warning>,
+    /// Report of the bake.
+    pub baked: Option<Value>,
+    /// The outcome of writing, without its warnings.
+    pub written: WriteOutcome,
+    /// Number of threads of the pool.
+    pub threads: usize,
+    /// Seconds by stage.
+    pub clock: StageClock,
+}
+
+/// Reads a file, makes it lighter, and writes it.
+///
+/// # Errors
+/// Those of [`Asset::read`], [`Recipe::run`] and [`Asset::write`].
+pub fn simplify(
+    source: &Source,
+    reading: &ReadOptions,
+    recipe: &Recipe,
+    to: Option<&Destination>,
+    job: &mut Job<'_>,
+) -> Result<Outcome, AssetError> {
+    let writing = to.map_or_else(Writing::default, |to| to.writing);
+    recipe.check(&writing, to.map(|to| &to.sink))?;
+    job.enter(Step::Read);
+    let mut reading = reading.clone();
+    reading.properties = constraints::properties(&recipe.names);
+    // Without an output nothing is baked.
+    let recipe = &Recipe { baking: recipe.baking.clone().filter(|_| to.is_some()), ..recipe.clone() };
+    let is_scene = recipe.baking.is_some() || to.is_some_and(Destination::keeps_scenes);
+    let asset = Asset::read(source, &reading, is_scene, job)?;
+    job.enter(Step::Prepare);
+    let (input_format, sizes_before) = (asset.format(), asset.sizes());
+    let Made { asset, edit, report, meshes, not_reached, mut warnings, baked } =
+        recipe.run(asset, to, job)?;
+    job.enter(Step::Write);
+    let mut written = match to {
+        Some(to) => asset.write(edit, to, job)?,
+        None => WriteOutcome::default(),
+    };
+    warnings.append(&mut written.warnings);
+    Ok(Outcome {
+        input_format,
+        sizes_before,
+        report,
+        meshes,
+        not_reached,
+        warnings,
+        baked: baked.map(|baked| baked.report),
+        written,
+        threads: rayon::current_num_threads(),
+        clock: job.times(),
+    })
+}
+
+impl Outcome {
+    /// Returns the report, with the path of the input and the target as they were given.
+    pub fn to_json(
+        &self,
+        path: &str,
+        target: &Value,
+        recipe: &Recipe,
+        to: Option<&Destination>,
+        dry_run: bool,
+    ) -> Value {
+        let (r, options) = (&self.report, &recipe.options);
+        let mut report = json!({
+            "input": {
+                "path": path, "format": self.input_format.name(),
+                "faces": r.input_faces, "vertices": r.input_vertices, "sizes": sizes::to_json(self.sizes_before),
+            },
+            "output": {
+                "path": to.map(|to| to.sink.to_string()), "format": to.map(|to| to.format.name()),
+                "faces": r.faces, "vertices": r.vertices, "sizes": sizes::to_json(self.written.sizes),
+            },
+            "method": options.method.name(),
+            "target": target,
+            "reached": r.reached,
+            "stopped_by": r.stopped_by.name(),
+            "error": error_json(r),
+            "refusals": report_json::refusals(r),
+            "warnings": texts(&self.warnings),
+            "threads": self.threads,
+            "seconds": seconds(&self.clock),
+            "collapses": r.collapses,
+            "parts_removed": r.parts_removed,
+            "necks_cut": r.necks_cut,
+            "pairs_contracted": r.pairs_contracted,
+            "two_sided_pairs": r.two_sided_pairs,
+            "unpaired_sheets": r.unpaired_sheets,
+            "pruned": { "parts": r.pruned.parts, "faces": r.pruned.faces },
+            "seams_relaxed": r.seams_relaxed,
+            "sharp_relaxed": r.sharp_relaxed,
+            "proposals": proposals::to_json(r, options),
+            "escalated": proposals::steps_json(r),
+            "cleanup": by_name(report_json::cleanup(r)),
+        });
+        if !self.meshes.is_empty() {
+            report["meshes"] = self.meshes.iter().map(mesh_json).collect();
+        }
+        if let Some(packed) = &self.written.packed {
+            report["output"]["packing"] = sizes::packed_json(packed);
+        }
+        if let Some(c) = &r.clustered {
+            report["clustered"] = json!({
+                "cell": c.cell, "faces": c.faces, "vertices": c.vertices, "non_manifold_edges": c.non_manifold_edges,
+            });
+        }
+        if !recipe.names.lock.is_empty() {
+            report["locked"] = json!({ "vertices": r.locked_vertices, "faces": r.locked_faces });
+        }
+        if let Some(baked) = &self.baked {
+            report["baked"] = baked.clone();
+        }
+        if dry_run {
+            report["dry_run"] = true.into();
+        }
+        report
+    }
+}

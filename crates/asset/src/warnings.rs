@@ -1,0 +1,94 @@
+//! Warnings of files and of runs, and why a target was not reached.
+
+use lodsmith::{MeshCounts, Report, SimplifyOptions, Starved};
+use lodsmith_core::TriMesh;
+use lodsmith_core::numbers::{counted, grouped};
+use lodsmith_core::topology::Topology;
+use lodsmith_io::Warning;
+
+use crate::proposals;
+
+/// Returns the warnings that matter if a mesh is only viewed, not written.
+pub fn viewing_warnings(warnings: &[Warning]) -> Vec<Warning> {
+    warnings.iter().filter(|warning| !warning.of_scene).cloned().collect()
+}
+
+/// Returns the texts of warnings, for reports.
+pub fn texts(warnings: &[Warning]) -> Vec<&str> {
+    warnings.iter().map(|w| w.text.as_str()).collect()
+}
+
+/// Returns the warnings of a run.
+pub fn warnings_of(report: &Report) -> Vec<Warning> {
+    let mut warnings: Vec<_> = dropped(report).collect();
+    if report.seams_relaxed {
+        warnings.push(Warning::note("seams were moved off their lines to come nearer to the target"));
+    }
+    if report.sharp_relaxed {
+        warnings.push(Warning::note("sharp edges were not all kept, to come nearer to the target"));
+    }
+    if report.gaps > 0 {
+        let places = counted(report.gaps, "place", "places");
+        warnings.push(Warning::lost(format!("meshes that touched came apart at {places}: gaps may show")));
+    }
+    if report.unpaired_sheets > 0 {
+        let sheets = counted(report.unpaired_sheets, "sheet", "sheets");
+        warnings.push(Warning::lost(format!(
+            "{sheets} with two sides not reduced as one, because the sides have different triangles: area may be missing"
+        )));
+    }
+    warnings.extend(report.escalated.iter().map(|step| Warning::note(proposals::step_text(step))));
+    if report.pruned.largest_kept {
+        warnings.push(Warning::note("all parts are smaller than --prune: the largest was kept"));
+    }
+    warnings
+}
+
+/// Returns a warning about meshes that lost their shape because all share one target; `None` without any.
+pub(crate) fn starved(counts: &[MeshCounts]) -> Option<Warning> {
+    let starved = Starved::of(counts)?;
+    Some(Warning::note(format!("{starved}; --per-mesh gives each its own")))
+}
+
+/// Returns the warning that a target for each mesh is one for all.
+pub(crate) fn joined_per_mesh() -> Warning {
+    Warning::note("--per-mesh: the meshes become one on this way, and share the target")
+}
+
+/// Returns warnings about attributes that the engine drops.
+fn dropped(report: &Report) -> impl Iterator<Item = Warning> {
+    let lost =
+        |name: &&str| Warning::lost(format!("{name} dropped: a skin has joints and weights, or nothing"));
+    report.dropped.iter().map(lost)
+}
+
+/// Returns the reason why a run did not reach its target, and the proposals; `None` if it did.
+pub fn not_reached<'a>(
+    report: &Report,
+    options: &SimplifyOptions,
+    time_limit: Option<f64>,
+    result: impl IntoIterator<Item = &'a TriMesh>,
+) -> Option<String> {
+    if report.reached {
+        return None;
+    }
+    let mut text = format!("target not reached, stopped by {}", report.stopped_by.name().replace('_', " "));
+    let refusals = refusals(report);
+    if !refusals.is_empty() {
+        text += &format!("; refused: {refusals}");
+    }
+    let is_open = |mesh: &TriMesh| Topology::new(&mesh.surface()).counts().border_edge_count > 0;
+    let has_border = || result.into_iter().any(is_open);
+    if let Some(help) = proposals::text(report, options, time_limit, has_border) {
+        text += &format!("; {help}");
+    }
+    Some(text)
+}
+
+/// Returns the refusals and their counts, in words.
+pub fn refusals(report: &Report) -> String {
+    let of = |(r, n): &(lodsmith::Refusal, u64)| {
+        format!("{} {}", r.name().replace('_', " "), grouped(usize::try_from(*n).unwrap_or(usize::MAX)))
+    };
+    report.refusals.iter().map(of).collect::<Vec<_>>().join(", ")
+}
