@@ -20,21 +20,21 @@ use crate::options::AttributeWeights;
 use labels::Labels;
 use ranges::{UNLIMITED_RANGE, ranges, within};
 pub(crate) use recorded::RowPlaces;
-use skin::{middles, pulls, skin_sets};
+use skin::{joint_weights, middles, skin_sets};
 
 /// Weight of an error of 1 in a normal, or of the full range in a colour, as a fraction of the edge length of
-/// the result. (A curve that an edge cuts short by h turns the normal by 4 h over the edge's length: a
-/// quarter would weigh both alike. Guessed below that, so that shape leads.)
+/// the result. (Where an edge deviates from a curve by h, the normal turns by 4 h over the edge's length: a
+/// quarter would weigh both equally. Guessed below that, so that shape counts more.)
 const NORMAL_WEIGHT: f64 = 0.1;
 const COLOR_WEIGHT: f64 = 0.1;
-/// Weight of texture coordinates: a shift of the texture along the surface counts this fraction of a distance
-/// of that length. (Guessed.)
+/// Weight of texture coordinates: a shift of the texture along the surface counts as this fraction of its
+/// length. (Guessed.)
 const UV_WEIGHT: f64 = 0.5;
 
-/// Weight of a change of skin: the distance by which the middle of a wedge's joints moves counts this
-/// fraction. (Measured at half the faces: Fox in a run has FLIP .1434 with 0, .1392 with .1, .1516 with .2,
-/// .1546 with .5; CesiumMan in a walk .0648, .0413, .0345 and .0237. Its distance at rest rises by 17 % with
-/// .1 and by half with .5.)
+/// Weight of a change of skin: the distance by which a wedge's mean joint position moves counts as this
+/// fraction of itself. (Measured at half the faces: Fox, running, has FLIP .1434 with 0, .1392 with .1, .1516
+/// with .2, .1546 with .5; CesiumMan, walking, .0648, .0413, .0345 and .0237. Its distance at rest rises by
+/// 17 % with .1 and by half with .5.)
 const SKIN_WEIGHT: f64 = 0.1;
 
 /// Larger values are divided by a power of two while they are processed, so that no product of them overflows
@@ -55,7 +55,7 @@ pub(crate) struct Rows {
     pub(crate) wedge_rows: Vec<WedgeId>,
     /// True if all wedges of a vertex have the same joints: the result keeps that, or it would tear when it
     /// moves.
-    is_pulled_whole: bool,
+    has_joints_per_vertex: bool,
 }
 
 /// The surface of the attributes, in the unit frame.
@@ -81,7 +81,7 @@ struct Column {
     divisor: f32,
     /// Range of each value in the mesh.
     ranges: Vec<[f32; 2]>,
-    /// True if it displaces vertices, and all wedges of a vertex alike: the result keeps that, or it would
+    /// True if it displaces vertices, and all wedges of a vertex equally: the result keeps that, or it would
     /// tear.
     moves_whole: bool,
 }
@@ -92,7 +92,7 @@ enum ColumnSource {
     Normals,
     Uvs,
     Colors,
-    /// The middle of the joints of a wedge, used in the cost alone: the result does not have it.
+    /// The mean joint position of a wedge, used in the cost only: the result does not have it.
     Middle,
     Further(Semantic),
 }
@@ -148,17 +148,18 @@ impl Rows {
         let skin_sets = skin_sets(mesh);
         let middles = middles(mesh, &skin_sets);
         let (mut layout, width) = columns(mesh, &skin_sets, &middles);
-        let pulls_of = |w: WedgeId| pulls(mesh, &skin_sets, w);
+        let joint_weights_of = |w: WedgeId| joint_weights(mesh, &skin_sets, w);
         let (labels, label_of) = Labels::new(mesh);
 
-        // Sort wedges by vertex, then by value: equal ones get one row, in the order of the vertices.
+        // Sort wedges by vertex, then by value: equal wedges share one row; rows are in the order of the
+        // vertices.
         let order = by_place(mesh.wedge_count(), place);
         let mut given = vec![0f32; width * order.len()];
         for c in layout.iter().filter(|c| c.constant.is_none()) {
             c.read_all(c.all(mesh, &middles), &order, width, &mut given);
         }
         let mut values: Vec<f32> = Vec::with_capacity(given.len());
-        let mut all_pulls: Vec<JointWeights> = Vec::new();
+        let mut all_joint_weights: Vec<JointWeights> = Vec::new();
         let mut all_labels: Vec<u32> = Vec::new();
         let mut wedge_rows = vec![WedgeId(0); mesh.wedge_count()];
         let (mut count, mut first) = (0usize, 0usize);
@@ -167,12 +168,12 @@ impl Rows {
                 first = count;
             }
             let row = &given[i * width..][..width];
-            let own_pulls = pulls_of(w);
+            let own_joint_weights = joint_weights_of(w);
             let own_label = label_of.get(w.index());
             let same = |&r: &usize| {
                 let known = &values[r * width..][..width];
                 known.iter().zip(row).all(|(a, b)| a.to_bits() == b.to_bits())
-                    && (skin_sets.is_empty() || all_pulls[r] == own_pulls)
+                    && (skin_sets.is_empty() || all_joint_weights[r] == own_joint_weights)
                     && all_labels.get(r) == own_label
             };
             // For a vertex with very many wedges only the last rows are compared.
@@ -181,7 +182,7 @@ impl Rows {
             if known.is_none() {
                 values.extend_from_slice(row);
                 if !skin_sets.is_empty() {
-                    all_pulls.push(own_pulls);
+                    all_joint_weights.push(own_joint_weights);
                 }
                 all_labels.extend(own_label);
                 count += 1;
@@ -194,7 +195,8 @@ impl Rows {
                 v == u && a != b && what(a, b)
             })
         };
-        let is_pulled_whole = !differ(&|a, b| !skin_sets.is_empty() && all_pulls[a] != all_pulls[b]);
+        let has_joints_per_vertex =
+            !differ(&|a, b| !skin_sets.is_empty() && all_joint_weights[a] != all_joint_weights[b]);
         for c in layout.iter_mut().filter(|c| c.constant.is_none() && c.is_movement()) {
             let of = |row: usize| &values[row * width + c.offset..][..c.width];
             c.moves_whole = !differ(&|a, b| of(a) != of(b));
@@ -203,16 +205,16 @@ impl Rows {
             layout.iter().filter(|c| c.is_direction() && c.constant.is_none()).map(|c| c.offset).collect();
         let textures =
             layout.iter().filter(|c| c.is_texture() && c.constant.is_none()).map(|c| c.offset).collect();
-        let mut attributes = Attributes::new(count, width, directions, textures, &values, all_pulls);
+        let mut attributes = Attributes::new(count, width, directions, textures, &values, all_joint_weights);
         attributes.labels = all_labels;
-        Some((Self { layout, skin_sets, labels, wedge_rows, is_pulled_whole }, attributes))
+        Some((Self { layout, skin_sets, labels, wedge_rows, has_joints_per_vertex }, attributes))
     }
 
     /// Returns the number of values in a row.
     pub(crate) fn width(&self) -> usize {
         self.layout.iter().filter(|c| c.constant.is_none()).map(|c| c.width).sum()
     }
-    /// Returns for each value of a row whether it is of shading: a normal or tangent.
+    /// Returns for each value of a row whether it belongs to a normal or tangent.
     pub(crate) fn shading(&self) -> Vec<bool> {
         self.of_each(|c| c.is_shading())
     }
@@ -319,15 +321,15 @@ impl Rows {
             let values = pairs.iter().flat_map(|p| &label(p)[at..at + width]).copied().collect();
             mesh.add_attribute(Attribute { semantic: semantic.clone(), width, values })?;
         }
-        let pulls = match attributes {
-            Some(attributes) if !self.skin_sets.is_empty() => self.pulls_of(attributes, &pairs),
+        let joint_weights = match attributes {
+            Some(attributes) if !self.skin_sets.is_empty() => self.joint_weights_of(attributes, &pairs),
             _ => Vec::new(),
         };
         for (i, &set) in self.skin_sets.iter().enumerate().filter(|_| attributes.is_some()) {
             let max_joints = 4 * self.skin_sets.len();
             let (mut joints, mut weights) = (Vec::new(), Vec::new());
-            for pulls in &pulls {
-                let kept = &pulls[..pulls.len().min(max_joints)];
+            for joint_weights in &joint_weights {
+                let kept = &joint_weights[..joint_weights.len().min(max_joints)];
                 let sum: f32 = kept.iter().map(|p| p.1).sum();
                 for k in 4 * i..4 * i + 4 {
                     let (joint, weight) = kept.get(k).copied().unwrap_or((0, 0.0));
@@ -342,24 +344,24 @@ impl Rows {
     }
 
     /// Returns the joints and weights of each pair: its own, or the mean over all pairs of its vertex.
-    fn pulls_of<'a>(
+    fn joint_weights_of<'a>(
         &self,
         attributes: &'a Attributes,
         pairs: &[(VertexId, WedgeId)],
     ) -> Vec<Cow<'a, [(u32, f32)]>> {
         let own = |p: &(VertexId, WedgeId)| &attributes.joint_weights[p.1.index()];
         let mut all: Vec<Cow<'a, [(u32, f32)]>> = pairs.iter().map(|p| Cow::Borrowed(&own(p)[..])).collect();
-        if !self.is_pulled_whole {
+        if !self.has_joints_per_vertex {
             return all;
         }
         let mut at = 0;
         for vertex in pairs.chunk_by(|a, b| a.0 == b.0) {
             if vertex.iter().any(|p| own(p) != own(&vertex[0])) {
                 let mut sums: BTreeMap<u32, f32> = BTreeMap::new();
-                for pulls in vertex.iter().map(own) {
-                    let sum: f32 = pulls.iter().map(|p| p.1).sum();
+                for joint_weights in vertex.iter().map(own) {
+                    let sum: f32 = joint_weights.iter().map(|p| p.1).sum();
                     let share = |weight: f32| if sum > 0.0 { weight / sum } else { 0.0 };
-                    pulls.iter().for_each(|p| *sums.entry(p.0).or_default() += share(p.1));
+                    joint_weights.iter().for_each(|p| *sums.entry(p.0).or_default() += share(p.1));
                 }
                 let mut joined: JointWeights = sums.into_iter().filter(|p| p.1 > 0.0).collect();
                 joined.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
@@ -460,7 +462,7 @@ fn in_order(pairs: &[(VertexId, WedgeId)], vertices: usize) -> Vec<(VertexId, We
         sorted[*at as usize] = pair;
         *at += 1;
     }
-    // Now each entry is the end of its vertex' range.
+    // Now each entry is the end of its vertex's range.
     let mut begin = 0;
     for &end in &at[..vertices] {
         let own = &mut sorted[begin as usize..end as usize];
@@ -507,8 +509,8 @@ impl Column {
         });
         (wedges > 0 && same).then_some(first)
     }
-    /// Returns the values of a mesh, wedge after wedge; empty if it has none. `middles` are those of the
-    /// joints.
+    /// Returns the values of a mesh, wedge after wedge; empty if it has none. `middles` has the mean joint
+    /// position of each wedge.
     fn all<'a>(&self, mesh: &'a TriMesh, middles: &'a [[f32; 3]]) -> &'a [f32] {
         match &self.source {
             ColumnSource::Normals => mesh.normals().map_or(&[], <[_]>::as_flattened),

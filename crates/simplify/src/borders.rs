@@ -1,5 +1,5 @@
-//! Borders whose two sides differ by rounding, as at a seam of textures that was computed from both ends: their
-//! vertices are one.
+//! Borders whose two sides differ only by rounding, such as a texture seam computed from both ends: their
+//! vertices are merged.
 
 use glam::DVec3;
 use lodsmith_core::mesh::weld::{Weld, weld, weld_within};
@@ -10,8 +10,9 @@ use lodsmith_core::{Positions, PositionsView, Surface, VertexId};
 /// open by 1.5 steps, and products and sums add half a step each.)
 pub(crate) const ROUNDING_SHARE: f64 = 1.0 / 4_194_304.0;
 /// Border vertices are joined only if all border edges at them are longer than this many times the distance.
-/// (Guessed: what is shorter is detail of the size of the rounding, and two ends of one edge must not meet.)
-pub(crate) const LEAST_EDGE: f64 = 4.0;
+/// (Guessed: shorter edges are detail of the size of the rounding, and the two ends of one edge must not be
+/// merged.)
+pub(crate) const MIN_EDGE_RATIO: f64 = 4.0;
 
 /// A vertex at which an edge with a single face ends.
 #[derive(Clone, Copy)]
@@ -33,16 +34,16 @@ pub(crate) fn rounding(positions: PositionsView<'_>) -> f64 {
     largest * ROUNDING_SHARE
 }
 
-/// Returns what joins the border vertices of a surface that are at one place up to [`rounding`], each with the
-/// first of them; `None` if there are none. Cost: O(n), for a surface that is closed by its indices one pass over
-/// the faces.
+/// Returns the weld of the border vertices of a surface whose positions are equal up to [`rounding`], each
+/// onto the first of them; `None` if there are none. Cost: O(n); for a surface that is closed by its indices,
+/// one pass over the faces.
 pub(crate) fn joined(surface: &Surface<'_>) -> Option<Weld> {
     unbalanced(surface, |v| v)?;
     let positions = surface.positions();
     let same = weld(positions);
     let distance = rounding(positions);
     let mut border = border_vertices(surface, &same);
-    border.retain(|b| b.shortest_edge > LEAST_EDGE * distance);
+    border.retain(|b| b.shortest_edge > MIN_EDGE_RATIO * distance);
     let places = border.iter().map(|b| positions.get(b.vertex)).collect();
     let near = weld_within(Positions::F64(places).view(), distance);
     if near.is_identity() {
@@ -61,8 +62,8 @@ pub(crate) fn joined(surface: &Surface<'_>) -> Option<Weld> {
     Some(Weld::from_representatives(to))
 }
 
-/// Returns the border vertices of a surface, equal positions joined, in order. Cost: O(n), for a surface that is closed by
-/// its indices one pass over the faces.
+/// Returns the border vertices of a surface, equal positions joined, in order. Cost: O(n); for a surface that
+/// is closed by its indices, one pass over the faces.
 pub(crate) fn of(surface: &Surface<'_>) -> Vec<BorderVertex> {
     match unbalanced(surface, |v| v) {
         Some(_) => border_vertices(surface, &weld(surface.positions())),
@@ -116,7 +117,7 @@ fn mixed(v: VertexId) -> u64 {
     x ^ (x >> 31)
 }
 
-/// Returns the edges of a face; none if it names a vertex twice.
+/// Returns the edges of a face; none if it uses a vertex twice.
 fn sides([a, b, c]: [VertexId; 3]) -> impl Iterator<Item = [VertexId; 2]> {
     let is_face = a != b && b != c && c != a;
     [[a, b], [b, c], [c, a]].into_iter().filter(move |_| is_face)
@@ -128,7 +129,8 @@ mod tests {
 
     use super::*;
 
-    /// A tube round the z axis that is closed only up to rounding: its first and last columns are a step apart.
+    /// A tube around the z axis that is closed only up to rounding: its first and last columns are a step
+    /// apart.
     fn tube() -> TriMesh {
         let mut positions = Vec::new();
         for column in 0..=12u32 {
@@ -152,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_apart_by_more_than_rounding_stays_apart() {
+    fn vertices_apart_by_more_than_rounding_stay_apart() {
         let mut mesh = tube();
         // The largest coordinate is 2: its rounding is .5e-6.
         mesh.map_positions(|p| {
@@ -165,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn detail_of_the_size_of_the_rounding_stays() {
+    fn detail_of_the_size_of_rounding_is_kept() {
         // A strip in single precision, far from the origin, whose border edges are three steps long.
         let step = 0.0625f32;
         let positions: Vec<[f32; 3]> =
@@ -176,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn border_vertices_are_those_of_edges_with_one_face() {
+    fn border_vertices_are_the_ends_of_edges_with_one_face() {
         for (mesh, wanted) in [(shapes::grid(4), 16), (shapes::cube(3), 0), (shapes::tetrahedron(), 0)] {
             let surface = mesh.surface();
             assert_eq!(border_vertices(&surface, &weld(surface.positions())).len(), wanted);

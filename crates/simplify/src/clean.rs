@@ -29,9 +29,9 @@ pub enum NonManifold {
     /// Keep them. Coincident vertices are merged.
     #[default]
     Keep,
-    /// Cut the surface there: of the faces round an edge those that bound the same inside stay connected, the
-    /// others get their own copies of the vertices. The result is manifold, with borders where no matching
-    /// face was left. [Gueziec et al. 2001]
+    /// Cut the surface there: faces around an edge that bound the same inside stay connected, the others get
+    /// their own copies of the vertices. The result is manifold, with borders where no matching face was
+    /// left. [Gueziec et al. 2001]
     Cut,
     /// Keep vertices separate as in the mesh, and sew coincident borders together, two faces to an edge. This
     /// closes cracks without joining surfaces that only touch.
@@ -49,8 +49,8 @@ pub enum Sheets {
     /// Keep both sides.
     #[default]
     Both,
-    /// Keep one side, consistently for connected faces. To be seen from both sides it needs a material that is
-    /// drawn from both: [`Cleaned::single_sided`] names the regions.
+    /// Keep one side, consistently for connected faces. To be visible from both sides it needs a double-sided
+    /// material: [`Cleaned::single_sided`] lists the regions.
     Single,
 }
 
@@ -62,8 +62,8 @@ name_values! {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct CleanOptions {
-    /// Vertices closer than this are merged. Coincident ones always are, except with [`NonManifold::Merge`],
-    /// which only merges along borders.
+    /// Vertices closer than this are merged. Coincident vertices always are, except with
+    /// [`NonManifold::Merge`], which only merges along borders.
     pub weld: Option<Length>,
     /// Treatment of non-manifold edges and vertices.
     pub non_manifold: NonManifold,
@@ -138,7 +138,7 @@ pub struct RemainingDefects {
     pub non_manifold_edges: usize,
     /// Vertices whose faces form several fans.
     pub non_manifold_vertices: usize,
-    /// Edges whose two faces disagree on orientation: one-sided surfaces have them.
+    /// Edges whose two faces disagree on orientation, as on one-sided surfaces.
     pub misoriented_edges: usize,
     /// Faces back to back with an earlier one.
     pub opposite_faces: usize,
@@ -148,14 +148,14 @@ pub struct RemainingDefects {
 
 /// Cleans a mesh up.
 ///
-/// The steps, in this order: vertices that coincide, or are closer than asked, are merged; non-finite,
-/// degenerate and duplicate faces are dropped, and one side of sheets, if asked; small components are removed, if asked; faces are flipped so
-/// that neighbours agree, closed components facing outward, open ones as most of their faces did (a closed
-/// component inside another keeps the side of most of its faces, since it may be a cavity); zero-area faces
-/// are removed where that opens no hole; non-manifold places are treated as asked; unused vertices are
-/// dropped. Attributes stay on their wedges, and regions on their faces. Positions are not changed, except
-/// those of merged vertices. A flipped face keeps its normals. Faces share an edge if its ends have equal
-/// positions, in all steps.
+/// The steps, in this order: vertices that coincide, or are closer than requested, are merged; non-finite,
+/// degenerate and duplicate faces are dropped, and one side of sheets, if requested; small components are
+/// removed, if requested; faces are flipped so that neighbours agree, closed components facing outward, open
+/// ones as most of their faces did (a closed component inside another keeps the side of most of its faces,
+/// since it may be a cavity); zero-area faces are removed where that opens no hole; non-manifold edges and
+/// vertices are treated as requested; unused vertices are dropped. Attributes stay on their wedges, and
+/// regions on their faces. Only merged vertices change their positions. A flipped face keeps its normals.
+/// Faces share an edge if its ends have equal positions, in all steps.
 ///
 /// It terminates on any input: each step at zero-area faces leaves fewer of them, or as many with shorter
 /// edges, and each round of cutting a surface leaves fewer edges joined. Cost: O(n log n), whatever the

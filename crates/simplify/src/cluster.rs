@@ -168,7 +168,7 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
         self.build_report(made, deviation)
     }
 
-    /// Makes the finest result that meets the goal, or the one with the given cell size.
+    /// Makes the finest result that meets the goal, or the result with the given cell size.
     fn reach_goal(&mut self, control: &mut dyn Control) -> Result<ClusteredMesh, SimplifyError> {
         let has_goal = self.goal.faces.is_some() || self.goal.vertices.is_some();
         if !has_goal && self.coarsest.is_none() || self.is_met() {

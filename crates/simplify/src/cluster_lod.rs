@@ -7,7 +7,7 @@
 //! loop until one cluster is left, or hardly any face is removed
 //!     partition the clusters into groups that share much border (group)
 //!     lock the vertices that several groups use
-//!     each group separately: halve the faces, re-cluster   (lighter)
+//!     each group separately: halve the faces, re-cluster   (group_simplify)
 //!         measure the distance from the original           (deviation)
 //!     a group that kept too many faces stays, and is regrouped in the next round
 //! ```
@@ -42,7 +42,7 @@ use split::Budget;
 /// Groups processed between two progress calls. (Fixed, so that an early end does not depend on the threads.)
 const BATCH_GROUPS: usize = 32;
 /// A round that removes less than this share of the faces is the last. (Guessed.)
-const LEAST_GAIN: f64 = 0.02;
+const MIN_GAIN: f64 = 0.02;
 
 impl ClusterLodOptions {
     fn check(&self) -> Result<(), SimplifyError> {
@@ -186,7 +186,7 @@ pub fn cluster_lod(
         }
         front = next;
         report.ended_early = ended && front.len() > 1;
-        if ended || (before - left) as f64 <= LEAST_GAIN * before as f64 {
+        if ended || (before - left) as f64 <= MIN_GAIN * before as f64 {
             break;
         }
     }
@@ -263,7 +263,7 @@ mod tests {
     use crate::NoControl;
 
     #[test]
-    fn joints_without_weights_are_dropped_by_name() {
+    fn joints_without_weights_are_dropped_and_reported() {
         let mut mesh = shapes::icosphere(3);
         let values = vec![0.0; 4 * mesh.wedge_count()];
         mesh.add_attribute(Attribute { semantic: Semantic::Joints(0), width: 4, values }).unwrap();
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_drawn_is_counted() {
+    fn faces_that_cannot_be_drawn_are_counted() {
         let whole = shapes::icosphere(3);
         let mut faces: Vec<[VertexId; 3]> =
             whole.triangles().iter().map(|t| t.map(|w| VertexId(w.0))).collect();
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn options_out_of_range_are_named() {
+    fn errors_name_the_option_out_of_range() {
         let mesh = shapes::tetrahedron();
         let named = |change: &dyn Fn(&mut ClusterLodOptions)| {
             let mut options = ClusterLodOptions::default();

@@ -104,14 +104,14 @@ impl Goal {
     }
 }
 
-/// Reason for which the engine stopped.
+/// Why the engine stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum StopReason {
     /// The goal is reached.
     Goal,
-    /// No collapse that is left is allowed.
+    /// None of the remaining collapses is allowed.
     Stuck,
-    /// No edge below the cost limit of the method is left.
+    /// No edge below the method's cost limit is left.
     Exhausted,
     /// The caller wants the best result so far.
     Finish,
@@ -155,8 +155,8 @@ pub(crate) struct Cost<M: Metric> {
     total_area: f64,
     /// Mean of twice the area of a face of the input, for metrics that are relative to it.
     mean_face: f32,
-    /// The part of each vertex' memory that comes from lines, by number in the ordered input: with pairs
-    /// and a metric with memory; else empty.
+    /// Line quadrics per vertex, by number in the ordered input; only kept for pair contraction with an
+    /// accumulating metric, otherwise empty.
     lines: Vec<M::Memory>,
 }
 
@@ -164,7 +164,7 @@ pub(crate) struct Cost<M: Metric> {
 #[derive(Clone)]
 pub(crate) struct CollapseRules {
     rules: Rules,
-    /// The feature lines that may be given up by now.
+    /// The feature lines that may be given up so far.
     looseness: Looseness,
     /// Factors of the cost at vertices (importance), by number in the ordered input; `None` if all are 1.
     cost_factors: Option<Vec<f32>>,
@@ -306,8 +306,8 @@ impl<M: Metric> LiveMesh<M> {
             || self.split_vertices().is_some()
     }
 
-    /// Returns for each vertex of the ordered input if it is on a seam of texture coordinates, in a run onto endpoints
-    /// where such seams have lines.
+    /// Returns for each vertex of the ordered input whether it is on a seam of texture coordinates, in a run
+    /// onto endpoints where such seams have lines.
     #[inline(always)]
     fn split_vertices(&self) -> Option<&[bool]> {
         self.values.wedge_data.as_ref()?.is_split.as_deref()
@@ -325,8 +325,8 @@ impl<M: Metric> LiveMesh<M> {
         self.cost.total_area.max(f64::MIN_POSITIVE)
     }
 
-    /// Lets seams move at once, at the cost of their lines and attributes, instead of when nothing else is
-    /// left.
+    /// Lets seams move at once, at the cost of their lines and attributes, instead of only when nothing else
+    /// is left.
     pub(crate) fn loosen_seams(&mut self) {
         if self.may_relax_seams() {
             self.constraints.looseness = Looseness::Seams;
@@ -367,17 +367,18 @@ impl<M: Metric> LiveMesh<M> {
 }
 
 impl<M: Metric> Engine<M> {
-    /// Estimates the RMS distance of the result, in the unit frame: from that of the fit, or from the costs
-    /// of all collapses. A collapse that lifts the tip of a star by h over triangles of area A adds A h² /
-    /// 6 to the integral of the squared distance, and costs 2 A h². `removed` is that integral over the removed
-    /// parts, times two, if it was measured.
+    /// Estimates the RMS distance of the result, in the unit frame: from the RMS distance of the fit, or from
+    /// the costs of all collapses. A collapse that lifts the tip of a star by h over triangles of area A adds
+    /// A h² / 6 to the integral of the squared distance, and costs 2 A h². `removed` is twice that integral
+    /// over the removed parts, if it was measured.
     pub(crate) fn estimate(&self, fitted: Option<f64>, removed: Option<f64>) -> f64 {
         let area = self.mesh.cost.total_area.max(f64::MIN_POSITIVE);
         let kept = fitted.map_or(
             self.mesh.cost.metric.squared_rms_factor() * self.tally.collapse_cost / 6.0 / area,
             |rms| rms * rms,
         );
-        // A part is not everywhere as far from the rest as it is large: a quarter, in squares. (Guessed.)
+        // Most of a part is closer to the rest than the part is large: on average a quarter, in squares.
+        // (Guessed.)
         let removed = removed.unwrap_or(0.25 * self.tally.removed_part_cost);
         (kept + removed / area).sqrt()
     }

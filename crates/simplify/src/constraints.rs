@@ -37,7 +37,7 @@ impl Constraints {
                 let factor = &mut factors[place.index()];
                 *factor = factor.max(density * density * density.sqrt());
             }
-            // Normalises so that the least factor is 1: only their ratios matter.
+            // Normalises so that the smallest factor is 1: only the ratios matter.
             let least = factors.iter().copied().fold(f32::INFINITY, f32::min);
             factors.iter_mut().for_each(|x| *x /= least);
             factors
@@ -111,17 +111,17 @@ pub(crate) fn weld_onto_locked(
     (joined, merged)
 }
 
-/// Wedges of locked vertices, by the engine's name of the wedge and, where possible, the region of the face.
+/// Wedges of locked vertices, by the engine's index of the wedge and, where possible, the region of the face.
 #[derive(Default)]
 pub(crate) struct LockedWedges(HashMap<(u32, Option<RegionId>), WedgeId>);
 
 impl LockedWedges {
-    pub(crate) fn add(&mut self, name: u32, region: Option<RegionId>, wedge: WedgeId) {
-        self.0.entry((name, region)).or_insert(wedge);
-        self.0.entry((name, None)).or_insert(wedge);
+    pub(crate) fn add(&mut self, index: u32, region: Option<RegionId>, wedge: WedgeId) {
+        self.0.entry((index, region)).or_insert(wedge);
+        self.0.entry((index, None)).or_insert(wedge);
     }
-    pub(crate) fn get(&self, name: u32, region: Option<RegionId>) -> Option<WedgeId> {
-        self.0.get(&(name, region)).or_else(|| self.0.get(&(name, None))).copied()
+    pub(crate) fn get(&self, index: u32, region: Option<RegionId>) -> Option<WedgeId> {
+        self.0.get(&(index, region)).or_else(|| self.0.get(&(index, None))).copied()
     }
 }
 
@@ -205,7 +205,7 @@ mod tests {
         assert_eq!((joined, merged), ([1, 1, 2, 3].map(VertexId).to_vec(), 1));
     }
     #[test]
-    fn a_weld_leaves_what_stands_at_locked_places() {
+    fn a_weld_merges_vertices_at_equal_positions_onto_locked_ones() {
         // Vertices 0 and 1 are locked, 2 has the position of 1.
         let points = [[0f32, 0.0, 0.0], [0.01, 0.0, 0.0], [0.01, 0.0, 0.0]];
         let weld = weld::weld_within(PositionsView::F32(&points), 0.05);

@@ -40,11 +40,11 @@ pub enum Verdict {
 /// Receiver of progress reports. It is called often (at least once in a few thousand collapses), so it should
 /// answer quickly.
 pub trait Control {
-    /// Announces the start of a stage; the one before has ended.
+    /// Announces the start of a stage; the previous stage has ended.
     fn stage(&mut self, stage: Stage) {
         let _ = stage;
     }
-    /// Reports the progress of the present stage, from 0 to 1; never decreasing within a stage.
+    /// Reports the progress of the current stage, from 0 to 1; it never decreases within a stage.
     fn progress(&mut self, done: f64) -> Verdict {
         let _ = done;
         Verdict::Continue

@@ -7,13 +7,13 @@
 //! sampled (late phase)    the same with w = 0, + LOSS_WEIGHT · growth of the loss + FARTHEST_WEIGHT · mean · farthest²
 //!
 //! q = y·A·y − 2 h·y + c   the form of the edge at the new position y: squared distances to the planes of both stars
-//! trace, area             the size of A, and doubled areas of the star; `mean` is that of a live face
-//! peak, tip               the largest squared distance from a plane, and that of an end which nothing covers any more
+//! trace, area             the size of A, and doubled areas of the star; `mean` is the mean doubled area of a live face
+//! peak, tip               the largest squared distance from a plane, and the squared distance of an uncovered end
 //! w = PEAK_WEIGHT · mean; tie = ½ · TIE · size · (|y|² + |y − d|²), with d from the kept to the removed end
 //! ```
 //!
-//! The form is cheap and tells most edges apart; the exact cost is computed of the best edge of a vertex only. A form is
-//! evaluated by the same formula alone and four side by side; a test compares them.
+//! The form is cheap and separates most edges; the exact cost is computed only for the best edge of a vertex.
+//! Forms are evaluated one at a time and four side by side, by the same formula; a test compares the two.
 
 use glam::Vec3;
 use wide::f32x4;
@@ -27,20 +27,21 @@ pub(crate) const TIE: f32 = 1e-11;
 /// cases: 0.1, 0.2 and 0.3 have equal means within a percent; from 0.2 on the largest distances are a third lower.)
 const PEAK_WEIGHT: f32 = 0.2;
 /// Limit of that weight, a share of the star's own area: on meshes with faces of all sizes the mean
-/// triangle is far larger than those of a fillet. Uncovered positions have no such limit: tips often end in
-/// tiny faces. (Measured: docs/decisions/0001.)
+/// triangle is far larger than the triangles of a fillet. Uncovered positions have no such limit: tips often
+/// end in tiny faces. (Measured: docs/decisions/0001.)
 const PEAK_OF_STAR: f32 = 0.3;
-/// Largest squared distance over the mean one, as assumed until it is computed. (docs/decisions/0001)
+/// Assumed ratio of the largest to the mean squared distance, until it is computed. (docs/decisions/0001)
 pub(crate) const PEAK_GUESS: f32 = 4.0;
-/// Weight of the squared distance of an uncovered end against one to a plane. (Measured on horse, horse400k, horse1.5m,
-/// nefertiti, brain_mri, bunny: the largest distances fall by up to ten, the means stay within a percent.)
+/// Weight of the squared distance of an uncovered end relative to a squared distance from a plane. (Measured
+/// on horse, horse400k, horse1.5m, nefertiti, brain_mri, bunny: the largest distances fall by up to ten, the
+/// means stay within a percent.)
 const TIP_WEIGHT: f32 = 4.0;
 /// Weight of the squared gap that a pair closes, times the mean area of a triangle: two flat sheets side by side would
 /// have no other cost. (Guessed, so that a gap costs about as much as an edge of its length where the surface is
 /// slightly curved; flat places are merged before.)
 const GAP_WEIGHT: f32 = 1e-4;
-/// Weight of the growth of the sampled loss. (6 would make it count like area · height², whose integral is a sixth; 3 to
-/// 6 are equal.)
+/// Weight of the growth of the sampled loss. (6 would make it count like area · height², whose integral is a
+/// sixth; 3 to 6 give equal results.)
 const LOSS_WEIGHT: f32 = 4.0;
 /// Weight of the farthest sample's squared distance, times the mean area of a triangle. (Measured with the
 /// samples: at this value, the largest distances of cow, bunny and brain588k at 100 faces and of horse and
@@ -54,8 +55,8 @@ const MIN_DET: f32 = 1e-9;
 /// Maximum distance of the best position from the middle of the edge, a share of length², squared.
 /// (Measured: 0.5 to 4 have equal means; 1 has the lowest maxima at 100 faces.)
 const MAX_OFF_MIDPOINT_SQ: f32 = 1.0;
-/// Share of trace · length² below which a difference of squares in single precision is noise. Such a cost
-/// is taken as 0, so that the exact one is computed at the commit: it alone separates flat from nearly
+/// Share of trace · length² below which a difference of squares in single precision is noise. Such a cost is
+/// taken as 0, so that the exact cost is computed at the commit: only that one separates flat from nearly
 /// flat.
 const CANCELLATION_NOISE: f32 = 1e-8;
 /// Share of trace · length² above which a difference of squares is accurate to about a thousandth: then the
@@ -74,7 +75,7 @@ pub(crate) fn of_peak(peak_weight: f32, area: f32, peak: f32) -> f32 {
     peak_weight.min(PEAK_OF_STAR * area) * peak
 }
 
-/// Returns the squared distance of an uncovered end as it counts.
+/// Returns the weighted squared distance of an uncovered end.
 #[inline(always)]
 pub(crate) fn of_tip(distance_sq: f32) -> f32 {
     TIP_WEIGHT * distance_sq
@@ -91,16 +92,17 @@ pub(crate) fn of_gap(mean: f32, gap_sq: f32) -> f32 {
     GAP_WEIGHT * mean * gap_sq
 }
 
-/// Returns a cost with that of the samples: their loss before and after, and the squared distance of the farthest.
+/// Returns a cost plus the cost of the samples: their loss before and after, and the squared distance of the
+/// farthest one.
 #[inline(always)]
 pub(crate) fn with_samples(cost: f32, [before, loss]: [f32; 2], mean: f32, farthest_sq: f32) -> f32 {
     cost + LOSS_WEIGHT * (loss - before).max(0.0) + FARTHEST_WEIGHT * mean * farthest_sq
 }
 
-/// Returns the loss of the samples at which a cost reaches `most`.
+/// Returns the loss of the samples at which a cost reaches `max_cost`.
 #[inline(always)]
-pub(crate) fn loss_limit(cost: f32, before: f32, most: f32) -> f32 {
-    before + (most - cost) / LOSS_WEIGHT
+pub(crate) fn loss_limit(cost: f32, before: f32, max_cost: f32) -> f32 {
+    before + (max_cost - cost) / LOSS_WEIGHT
 }
 
 /// Returns the cost of a form at `y` for edge vector `d`, of a metric without memory.
@@ -265,16 +267,16 @@ mod tests {
 
     #[test]
     fn a_form_costs_its_planes_the_guess_and_the_lengths() {
-        // The planes z = 0.5 of the weight 3 and x = 0 of the weight 1, for an edge of length 2 along y.
+        // The planes z = 0.5 with weight 3 and x = 0 with weight 1, for an edge of length 2 along y.
         let form = planes(&[(Vec3::Z, 0.5, 3.0), (Vec3::X, 0.0, 1.0)]);
         let (d, y) = (Vec3::Y * 2.0, Vec3::new(0.25, 1.0, 0.0));
         let squares = 3.0 * 0.25 + 0.0625;
         assert_near(of_accumulated_form(&form, d, y), squares);
         assert_near(of_form(&form, d, y, 0.0), squares);
-        // Four times the weight over the trace 4, but at most four times .3.
+        // Four times the weight over the trace, which is 4; but at most four times .3.
         assert_near(of_form(&form, d, y, 0.1), squares * (1.0 + 4.0 * 0.025));
         assert_near(of_form(&form, d, y, 100.0), squares * (1.0 + 4.0 * 0.3));
-        // Where the planes are not left, the lengths alone: half of 1e-11 of the trace.
+        // On both planes only the lengths count: half of 1e-11 of the trace.
         let flat = planes(&[(Vec3::Z, 0.0, 3.0)]);
         assert_near(of_form(&flat, d, Vec3::Y, 0.1), 0.5e-11 * 3.0 * 2.0);
         assert_near(of_form(&flat, d, Vec3::ZERO, 0.1), 0.5e-11 * 3.0 * 4.0);
@@ -289,7 +291,8 @@ mod tests {
         // On the line of two planes it is the point nearest the middle of the edge.
         let line = planes(&[(Vec3::Y, 0.0, 1.0), (Vec3::Z, 0.0, 1.0)]);
         assert!((best_place(&line, Vec3::X).expect("pulled to the middle") - Vec3::X * 0.5).length() < 1e-4);
-        // One plane alone does not tell, and what is farther from the middle than the edge is long is no place.
+        // A single plane does not determine a position, and a position farther from the middle than the
+        // length of the edge is rejected.
         assert_eq!(best_place(&planes(&[(Vec3::Z, 0.0, 1.0)]), Vec3::X), None);
         let beyond = |x: f32| {
             let planes = planes(&[(Vec3::X, x, 1.0), (Vec3::Y, 0.0, 1.0), (Vec3::Z, 0.0, 1.0)]);
@@ -309,7 +312,7 @@ mod tests {
         // Four times the growth of the loss, which never pays back, and .7 of the farthest.
         assert_near(with_samples(1.0, [2.0, 2.5], 3.0, 0.5), 1.0 + 2.0 + 1.05);
         assert_near(with_samples(1.0, [2.0, 1.5], 3.0, 0.0), 1.0);
-        // At its limit the loss makes the cost reach the most.
+        // At the limit of the loss, the cost reaches its maximum.
         let limit = loss_limit(1.0, 2.0, 4.0);
         assert_near(with_samples(1.0, [2.0, limit], 3.0, 0.0), 4.0);
     }

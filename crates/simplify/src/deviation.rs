@@ -8,11 +8,11 @@ use crate::options::{Bound, Measure, SimplifyOptions};
 
 /// Distances below this share of the diagonal are rounding.
 pub(crate) const ROUNDING: f64 = 1e-12;
-/// Relative tolerance of a proven bound. (Guessed: finer than anyone asks for, and still no more work than
+/// Relative tolerance of a proven bound. (Guessed: finer than anyone needs, and still no more work than
 /// samples.)
 const BOUND_TOLERANCE: f64 = 0.01;
-/// A known bound is reported as it is if it is at most this many times the distance seen. (Guessed: a
-/// distance that was asked for is mostly used up to that, and a proof takes as long as a run.)
+/// A known bound is reported as it is if it is at most this many times the distance seen. (Guessed: a run
+/// mostly uses a requested distance up to that ratio, and a proof takes as long as a run.)
 const MAX_KNOWN_BOUND_RATIO: f64 = 1.25;
 
 /// Samples each way if a proof gives the largest distance and no measurement was asked for. (The RMS is then
@@ -69,7 +69,7 @@ impl InputComparer {
     }
 
     /// Returns true if a result stays within a distance at a few fixed points, the same for all distances.
-    /// Never false where [`Self::keeps`] finds a bound.
+    /// Never false where [`Self::proven_within`] finds a bound.
     pub(crate) fn passes_spot_check(&self, result: &PreparedResult, limit: f64) -> bool {
         let forward = || samples_within(&self.reference, &result.0, limit);
         samples_within(&result.0, &self.reference, limit) && (self.promised == Bound::OneSided || forward())
@@ -85,7 +85,7 @@ impl InputComparer {
         match self.promised {
             Bound::OneSided => within(&result.0, &self.reference),
             Bound::Auto | Bound::TwoSided => {
-                // The direction from the result is mostly the quicker one to prove.
+                // The direction from the result is usually quicker to prove.
                 let back = within(&result.0, &self.reference)?;
                 Some(within(&self.reference, &result.0)?.max(back))
             }
@@ -96,7 +96,7 @@ impl InputComparer {
         }
     }
 
-    /// Returns [`Self::keeps`] of a mesh, after a check at a few points.
+    /// Returns [`Self::proven_within`] of a mesh, after a check at a few points.
     pub(crate) fn proven_within_mesh(&self, mesh: &TriMesh, limit: f64) -> Option<f64> {
         let made = PreparedResult::new(mesh)?;
         self.passes_spot_check(&made, limit).then(|| self.proven_within(&made, limit)).flatten()

@@ -7,9 +7,9 @@ use crate::proposal::Change;
 use crate::report::{Escalation, StoppedBy};
 use crate::run::Done;
 
-/// Returns the changes to try in turn if these options do not reach their target. Seams are relaxed within a
-/// run without it; borders and guards are the user's choice and stay. Pairs stay on for later steps if they
-/// helped.
+/// Returns the changes to try in turn if these options do not reach their target. Seams are not among them,
+/// since every run relaxes them by itself; borders and guards are the user's choice and stay. Pairs stay on
+/// for later steps if they helped.
 fn steps(options: &SimplifyOptions) -> Vec<Change> {
     let looser: &[TopologyPolicy] = match options.topology {
         TopologyPolicy::Preserve => &[TopologyPolicy::Relaxed, TopologyPolicy::Free],
@@ -24,9 +24,9 @@ fn has_one_part(mesh: &TriMesh) -> bool {
     Topology::new(&mesh.surface()).components().count() <= 1
 }
 
-/// Results of one input with looser and looser options, while refusals keep them above their target.
+/// Results of one input with ever looser options, while refusals keep them above their target.
 pub(crate) struct Attempts {
-    /// The lightest result, the first of equals.
+    /// The lightest result; of equally light ones, the first.
     best: Done,
     tried: Vec<Escalation>,
     /// Options with the changes that are kept.
@@ -35,7 +35,7 @@ pub(crate) struct Attempts {
 }
 
 impl Attempts {
-    /// Begins with the result of the options as they are.
+    /// Starts with the result of the unchanged options.
     pub(crate) fn new(options: &SimplifyOptions, first: Done) -> Self {
         let left = if options.escalate { steps(options) } else { Vec::new() };
         Self { best: first, tried: Vec::new(), options: options.clone(), left: left.into_iter() }

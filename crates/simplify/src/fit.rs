@@ -37,12 +37,13 @@ const MAX_OUTLIER_RMS: f32 = 6.0;
 /// as an outlier.
 const OUTLIER_CHECK_SHARE: f32 = 0.25;
 /// Squared height, over the mean square predicted by the costs, above which a sample counts by its height
-/// instead of its square, at one sample for each final triangle; it grows with the square of their number.
-/// (Measured at 50 %, where there are three and some lie on the wrong triangle: means 1.5 to 3 % lower, RMS
-/// equal. With many samples the square is better: cow and bunny to 100 have 5 to 10 % less RMS by it.)
+/// instead of its square, at one sample for each final triangle; it grows with the square of the number of
+/// samples per triangle. (Measured at 50 %, where there are three and some lie on the wrong triangle: means
+/// 1.5 to 3 % lower, RMS equal. With many samples the square is better: cow and bunny at 100 faces have 5 to
+/// 10 % less RMS with it.)
 const ROBUST_HEIGHT_SQ: f64 = 0.017;
 /// Number of stars in the cache. Samples come in Morton order, so a home is nearly always among the last
-/// hundred. (64 to 1024 are equal.)
+/// hundred. (64 to 1024 are equally fast.)
 const STAR_CACHE_SIZE: usize = 128;
 
 /// Result of the fit.

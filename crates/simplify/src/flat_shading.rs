@@ -1,6 +1,6 @@
-//! Flat shading: parts whose corners have the normals of their faces. There every edge is a seam of normals, so the
-//! seams that matter, such as those of colours, are lost among them. A run leaves these normals out, and the result
-//! gets those of its own faces.
+//! Flat shading: parts whose corners have the normals of their faces. Every edge is a seam of normals there,
+//! so the seams that matter, such as seams of colours, are lost among them. A run leaves these normals out,
+//! and the result gets the normals of its own faces.
 //!
 //! During the run the normals are zero, which blending and fitting keep.
 
@@ -17,14 +17,16 @@ use crate::constraints::HeldWedges;
 use crate::input::Input;
 use crate::options::{Placement, SimplifyOptions};
 
-/// A part is flat if this share of its corners, by number and by area, has the normals of their faces. Only corners
-/// count at which the surface bends. (Guessed: a hundredth is left for triangles that an export has mended.)
+/// A part is flat if this share of its corners, by number and by area, has the normals of their faces. Only
+/// corners at which the surface bends count. (Guessed: a hundredth is left for triangles that an exporter has
+/// repaired.)
 const FLAT_SHARE: f64 = 0.99;
-/// Least distance between the normal of a face and the mean normal at its corner, both of length one, from which the
-/// surface bends there: half a degree, to be above what a byte for each coordinate rounds.
-const LEAST_BEND: f32 = 0.01;
-/// A corner is flat if its normal is nearer to that of its face than this share of the bend. (At 1 it has the mean
-/// normal.)
+/// Smallest distance between the normal of a face and the mean normal at its corner, both of length one, at
+/// which the surface counts as bent there: half a degree, above the rounding of normals with one byte per
+/// coordinate.
+const MIN_BEND: f32 = 0.01;
+/// A corner is flat if its normal differs from its face's normal by less than this share of the bend. (At 1
+/// it has the mean normal.)
 const FLAT_BEND_SHARE: f32 = 0.25;
 /// Cosine of the largest angle between faces that share a normal at a vertex: half a degree. (Guessed: it cannot be
 /// seen, and saves vertices on flat sides.)
@@ -34,13 +36,13 @@ const ALIKE_COS: f32 = 0.999_96;
 pub(crate) struct FlatShading {
     /// The mesh; the normals of its flat parts are zero.
     pub(crate) mesh: TriMesh,
-    /// True for the regions that have faces of flat parts; regions without number are region 0.
+    /// True for the regions that have faces of flat parts; without regions all faces are in region 0.
     has_flat: Vec<bool>,
 }
 
 impl FlatShading {
-    /// Finds the flat parts of an input; `None` if there are none, or if the result has attributes of the input alone.
-    /// Cost: O(n).
+    /// Finds the flat parts of an input; `None` if there are none, or if the result may only have attributes
+    /// of the input. Cost: O(n).
     pub(crate) fn of(input: &Input<'_>, options: &SimplifyOptions) -> Option<Self> {
         if options.placement == Placement::Endpoint || options.quick.is_some() {
             return None;
@@ -63,8 +65,8 @@ impl FlatShading {
         Some(Self { mesh, has_flat })
     }
 
-    /// Gives the faces of flat parts of a result their own normals. Corners of locked vertices, which `held` names, keep
-    /// those of the `input`. Faces and vertices keep their numbers. Cost: O(n).
+    /// Gives the faces of flat parts of a result their own normals. Corners of locked vertices, which are
+    /// listed in `held`, keep the normals of the `input`. Faces and vertices keep their numbers. Cost: O(n).
     pub(crate) fn with_normals(
         &self,
         mesh: &TriMesh,
@@ -90,7 +92,7 @@ impl FlatShading {
             let flat = t.iter().enumerate().filter(|(_, w)| is_flat(f, **w));
             corners.extend(flat.map(|(k, w)| (mesh.vertex_of(*w), f, k)));
         }
-        // At a vertex the largest face of several that are alike gives all of them its normal.
+        // At a vertex, the largest of several faces with similar normals gives all of them its normal.
         let by_area = indices_by_key(corners.iter().map(|c| !key_of(faces[c.1].length_squared())));
         let by_vertex = indices_by_key(by_area.iter().map(|&i| u64::from(corners[i].0.0)));
         let corners: Vec<_> = by_vertex.into_iter().map(|i| corners[by_area[i]]).collect();
@@ -106,7 +108,7 @@ impl FlatShading {
                     (None, Some(known)) => *known,
                     (None, None) => {
                         // (A fan would take quadratic time otherwise.)
-                        if known.len() < MOST_NORMALS {
+                        if known.len() < MAX_NORMALS {
                             known.push(normal);
                         }
                         normal
@@ -118,9 +120,9 @@ impl FlatShading {
     }
 }
 
-/// Number of normals of a vertex that further faces may share. (Guessed: more than a vertex has, but for the centre of a
-/// fan.)
-const MOST_NORMALS: usize = 32;
+/// Number of normals of a vertex that further faces may share. (Guessed: more than any vertex has, except the
+/// centre of a fan.)
+const MAX_NORMALS: usize = 32;
 
 /// Returns the mesh with other normals at some corners; corners of one wedge with different normals become wedges of
 /// their own.
@@ -188,7 +190,7 @@ impl FlatParts {
             let is_near = |b: Vec3| a.dot(b) > ALIKE_COS * a.length() * b.length();
             is_near(b) && is_near(c)
         };
-        // On a smooth surface hardly any face has that.
+        // On a smooth surface hardly any face has the same normal at all its corners.
         if !mesh.triangles().iter().any(is_alike) {
             return None;
         }
@@ -225,7 +227,7 @@ impl FlatParts {
             let (area, face) = (doubled.length(), doubled.normalize_or_zero().as_vec3());
             for w in t {
                 let bend = face.distance(Vec3::from(smooth[mesh.vertex_of(*w).index()]));
-                if area == 0.0 || bend.is_nan() || bend <= LEAST_BEND {
+                if area == 0.0 || bend.is_nan() || bend <= MIN_BEND {
                     continue;
                 }
                 let normal = Vec3::from(normals[w.index()]).normalize_or_zero();

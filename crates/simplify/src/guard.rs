@@ -53,7 +53,7 @@ impl Rules {
             border: options.border,
             topology: options.topology,
             border_weight: match (options.border, options.sharp_deg) {
-                // Line tensors are needed for the sharp edges alone.
+                // Line tensors are only needed for sharp edges.
                 (BorderPolicy::Free, Some(_)) => 0.0,
                 _ => BORDER_WEIGHT * options.weights.border as f32,
             },
@@ -77,7 +77,7 @@ impl Rules {
     pub(crate) fn guards_turns(&self) -> bool {
         self.max_turn > MAX_TURN
     }
-    /// Returns true if any guard beside the default ones has to be checked.
+    /// Returns true if any guard besides the default ones has to be checked.
     pub(crate) fn has_extra_guards(&self) -> bool {
         self.min_shape > 0.0 || self.max_valence != usize::MAX || self.max_edge_sq.is_finite()
     }

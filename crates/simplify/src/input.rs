@@ -6,7 +6,8 @@ use lodsmith_core::{MeshError, Positions, PositionsView, RegionId, Surface, TriM
 
 use crate::textures::Textures;
 
-/// Data of one mesh beside its buffers: which vertices stay, which matter more, and what its regions look like.
+/// Data of one mesh besides its buffers: which vertices stay, which matter more, and what its regions look
+/// like.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct MeshData<'a> {
@@ -18,14 +19,14 @@ pub struct MeshData<'a> {
     /// Vertices at one position are locked together; a weld moves others onto locked vertices, never a locked
     /// one. Of duplicate faces one is removed even if locked.
     pub locked: Option<&'a [bool]>,
-    /// Importance of each vertex: the density of triangles that it is to have, relative to a place of the same
+    /// Importance of each vertex: the requested density of triangles there, relative to a place of the same
     /// shape elsewhere. 1 is neutral; values are clamped to 0.001 to 1000.
     ///
     /// The cost of a collapse is multiplied by the importance to the power 2.5, and the merged vertex keeps
     /// the larger value of its two ends. Costs fall with the third power of the density of triangles where
-    /// the surface is smooth and with its square where it is rough, so 4 means about 3 on the one and 6 on
-    /// the other. Flat places need no triangles, however important they are. The total is that of the stop.
-    /// (docs/decisions/0013)
+    /// the surface is smooth and with its square where it is rough, so 4 means about 3 on smooth surfaces and
+    /// 6 on rough ones. Flat places need no triangles, however important they are. The stop still determines
+    /// the total. (docs/decisions/0013)
     pub importance: Option<&'a [f32]>,
     /// Base-colour images of the regions of the mesh. If one is a palette (almost every face of the input shows
     /// one colour), a face of the result whose blended texture coordinates show other colours than the input
@@ -37,8 +38,8 @@ pub struct MeshData<'a> {
     /// for regions beyond its end, each region is a class of its own, and borders are exact.
     pub region_classes: Option<&'a [RegionId]>,
     /// Values of the wedges that count in the cost of a quick pass with
-    /// [`Placement::Endpoint`](crate::Placement::Endpoint), as many for each; a difference of 1 across a length
-    /// counts like a distance of that length.
+    /// [`Placement::Endpoint`](crate::Placement::Endpoint), as many for each; a difference of 1 along an edge
+    /// counts like a distance of the edge's length.
     #[doc(hidden)]
     pub wedge_values: Option<&'a [f32]>,
 }
@@ -93,8 +94,8 @@ pub struct Input<'a> {
     pub(crate) surface: Surface<'a>,
     pub(crate) mesh: Option<&'a TriMesh>,
     pub(crate) data: MeshData<'a>,
-    /// The vertex that each vertex was merged with, if a weld came first. Before the preparation: that it is to be
-    /// merged with.
+    /// The vertex that each vertex was merged with, if a weld came first. Before the preparation: the vertex
+    /// that it is to be merged with.
     pub(crate) joined: Option<Vec<VertexId>>,
     /// True if borders that differ by rounding were found before: in a scene each mesh has its own precision.
     pub(crate) knows_borders: bool,
@@ -127,7 +128,7 @@ impl<'a> Input<'a> {
         Self { mesh: Some(mesh), ..Self::of_surface(mesh.surface()) }
     }
 
-    /// Takes a surface: positions and triangles alone. The result has positions of the same precision, and one
+    /// Takes a surface: positions and triangles only. The result has positions of the same precision, and one
     /// wedge for each vertex.
     pub fn of_surface(surface: Surface<'a>) -> Self {
         Self {
@@ -179,7 +180,7 @@ impl<'a> Input<'a> {
         self
     }
 
-    /// Returns the mesh, or one of the surface alone.
+    /// Returns the mesh, or a mesh made from the surface alone.
     pub(crate) fn to_mesh(&self) -> Result<Cow<'a, TriMesh>, MeshError> {
         if let Some(mesh) = self.mesh {
             return Ok(Cow::Borrowed(mesh));

@@ -121,7 +121,7 @@ mod tests {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(512) })]
 
         #[test]
-        fn four_vectors_are_worked_on_as_each_alone(
+        fn operations_on_four_vectors_equal_those_on_each_alone(
             v in four_vectors(),
             w in four_vectors(),
             one in vector(),
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn sums_are_those_of_each() {
+    fn four_sums_equal_the_sum_of_each() {
         // (Numbers whose sum depends on the order.)
         let rows =
             [[1e8, 1.0, -1e8, 1.0], [0.1, 0.2, 0.3, 0.4], [3.0, -1e-7, 2.0, 1e-7], [1e-3, 1e3, 1e-3, 1e3]];

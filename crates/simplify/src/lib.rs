@@ -17,8 +17,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! With texture coordinates, which seams keep; with vertices that stay as they are; within a distance of the
-//! original that is proven both ways; and with a control that sees the progress and can end the run:
+//! With texture coordinates, whose seams are kept; with locked vertices; within a distance of the original
+//! that is proven in both directions; and with a control that sees the progress and can end the run:
 //!
 //! ```
 //! use lodsmith::core::shapes;
@@ -36,7 +36,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! A chain of levels of detail in one run, and the distances from which each may be shown:
+//! A chain of levels of detail in one run, and the distance from which each may be shown:
 //!
 //! ```
 //! use lodsmith::lod::error_of;
@@ -50,7 +50,7 @@
 //! ```
 //!
 //! Several meshes under one budget: [`simplify_scene`]. All levels in one structure: [`Progressive`]. Repair:
-//! [`clean()`]. What can be set: [`SimplifyOptions`]; what was done: [`Report`].
+//! [`clean()`]. Options: [`SimplifyOptions`]; result: [`Report`].
 
 mod attributes;
 mod borders;
@@ -122,7 +122,7 @@ pub use two_sided::two_sided_faces;
 ///
 /// The default method ([`Method::Memoryless`]) collapses edges, the cheapest first, until a [`Stop`] is met,
 /// and then moves the remaining vertices towards the input by least squares ([`Fit`]). One collapse merges
-/// the vertices u and v into w, at the place of least cost, and the two faces at the edge vanish:
+/// the vertices u and v into w, at the position of least cost, and the two faces at the edge vanish:
 ///
 /// ```text
 /// o-------o-------o        o-------o-------o
@@ -136,15 +136,15 @@ pub use two_sided::two_sided_faces;
 ///
 /// # Input
 /// Any [`TriMesh`], in any unit and of either precision: open, closed or non-manifold, a triangle soup, with
-/// holes or unused vertices. Vertices at equal positions count as one, and so do those of two borders that differ
-/// by rounding (2^-22 of the largest coordinate, in double precision of the extent); degenerate and duplicate faces and
-/// faces with NaN or infinite positions are left out, and [`Report::cleanup`] counts them. Lengths among the
-/// options are in the units of the mesh or a share of the diagonal of its bounding box ([`Length`]); angles
-/// are in degrees.
+/// holes or unused vertices. Vertices at equal positions count as one, and so do vertices of two borders that
+/// differ only by rounding (2^-22 of the largest coordinate, in double precision of the extent); degenerate
+/// and duplicate faces and faces with NaN or infinite positions are left out, and [`Report::cleanup`] counts
+/// them. Lengths among the options are in the units of the mesh or a share of the diagonal of its bounding
+/// box ([`Length`]); angles are in degrees.
 ///
 /// # Output
 /// [`Simplified::mesh`] has the units, the precision of positions and the attributes of the input (normals,
-/// texture coordinates, colours, skins, morph targets, named values; [`Report::dropped`] names the
+/// texture coordinates, colours, skins, morph targets, named values; [`Report::dropped`] lists the
 /// exceptions), and its regions. Faces, vertices and wedges are numbered anew. [`Simplified::report`] says
 /// what was done; its lengths are in the units of the mesh.
 ///
@@ -155,25 +155,25 @@ pub use two_sided::two_sided_faces;
 ///   with [`Bound::TwoSided`], the default of a stop at an error, no point of the input lies farther from the
 ///   result either. This is proven, not sampled.
 /// - The [`TopologyPolicy`], the [`BorderPolicy`] and the [`Guards`] are kept; only [`Method::Cluster`] and
-///   voxels of [`Method::Remesh`] make a topology of their own. Locked vertices keep their positions and
+///   [`Method::Remesh`] with voxels create a new topology. Locked vertices keep their positions and
 ///   attributes to the bit, and every vertex that did not move keeps its position to the bit.
-/// - Same mesh, options and seed, same bytes: on every processor and with any number of threads. (A
-///   [`Verdict::Finish`] ends a run wherever it is, so its result depends on when it comes.)
+/// - The same mesh, options and seed give the same bytes, on every processor and with any number of threads.
+///   (A [`Verdict::Finish`] ends a run wherever it is, so the result depends on when it comes.)
 ///
 /// # Cost
 /// One sort along a Morton curve, then sweeps over the vertices: 1.2 to 1.45 s for a million triangles
 /// (prototype, docs/decisions/0002), 0.01 s for 16,192 (README). A second pass follows where parts or handles
-/// stand in the way of the target (docs/decisions/0020). A stop at an error takes some eight runs that share
-/// their beginnings, mostly one proof, and one measurement (docs/decisions/0008).
+/// block the target (docs/decisions/0020). A stop at an error takes about eight runs that share their first
+/// part, usually one proof, and one measurement (docs/decisions/0008).
 ///
 /// Peak memory beyond the mesh, for each of its triangles, positions alone: 119 to 128 bytes at 0.2 million
 /// triangles and 75 at 2 million with most edge collapses, 177 and 107 with [`Method::Quadric`], 58 and 37
 /// with [`Method::Cluster`]; other methods take 195 to 630. Each value of an attribute adds 29 and 20,
 /// [`Measure::Always`] 100, and a stop at an error 150 to 760. (Measured: docs/decisions/0022.)
 ///
-/// A run uses one thread; [`Method::Cluster`] and measuring use the caller's rayon pool.
+/// A run uses one thread; [`Method::Cluster`] and the measurement use the caller's rayon pool.
 ///
-/// # Data beside the mesh
+/// # Other data of the mesh
 /// For data that the mesh does not hold, [`correspondence`](lodsmith_core::correspondence::correspondence)
 /// says where each wedge of the result comes from:
 ///
@@ -182,14 +182,14 @@ pub use two_sided::two_sided_faces;
 /// use lodsmith::{SimplifyOptions, Stop, simplify};
 ///
 /// let mesh = shapes::icosphere(4);
-/// // Whatever an engine keeps at vertices: here the height, as a stand-in for light that was baked.
+/// // Any data that an engine stores at vertices: here the height, in place of baked light.
 /// let light: Vec<f32> = mesh.positions().view().iter().map(|p| p[2] as f32).collect();
 ///
 /// let lighter = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.2)))?.mesh;
-/// let carried = correspondence(&mesh, &lighter)?.transfer(&light, 1)?;
+/// let transferred = correspondence(&mesh, &lighter)?.transfer(&light, 1)?;
 ///
-/// assert_eq!(carried.len(), lighter.wedge_count());
-/// for (p, light) in lighter.positions().view().iter().zip(carried) {
+/// assert_eq!(transferred.len(), lighter.wedge_count());
+/// for (p, light) in lighter.positions().view().iter().zip(transferred) {
 ///     assert!((light - p[2] as f32).abs() < 0.01);
 /// }
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -204,14 +204,14 @@ pub use two_sided::two_sided_faces;
 ///   have it.
 /// - [`SimplifyError::NotTogether`] if two options exclude each other.
 /// - [`SimplifyError::Mesh`] if the result is not a valid mesh, such as one with more elements than 32-bit
-///   ids can name.
+///   ids can count.
 ///
 /// # Panics
-/// Not on account of any mesh or option; a panic is a bug of this crate.
+/// Never because of a mesh or an option; a panic is a bug of this crate.
 ///
 /// # Source
 /// Costs without memory: [Lindstrom-Turk 1998]; the link condition: [Dey 1999]; attributes: [Hoppe 1999],
-/// without memory. The variants of [`Method`] name the sources of the other methods.
+/// without memory. The variants of [`Method`] give the sources of the other methods.
 pub fn simplify(mesh: &TriMesh, options: &SimplifyOptions) -> Result<Simplified, SimplifyError> {
     simplify_with(mesh, options, &mut NoControl)
 }

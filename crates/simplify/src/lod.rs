@@ -20,7 +20,7 @@ pub enum Levels {
     Ratios(Vec<f64>),
     /// Numbers of triangles, descending.
     Faces(Vec<usize>),
-    /// A number of levels, each with the same fraction of the triangles of the one before.
+    /// A number of levels, each with the same fraction of the triangles of the level before.
     Steps {
         /// Number of levels, not counting the original.
         count: usize,
@@ -83,8 +83,8 @@ impl Levels {
     }
 }
 
-/// Largest number of levels; more are taken as a mistake: with each a tenth lighter than the one before, 64
-/// lead from a billion triangles to a million.
+/// Largest number of levels; more are considered a mistake: if each is a tenth lighter than the one before,
+/// 64 lead from a billion triangles to a million.
 const MAX_LEVELS: usize = 64;
 
 /// Options of a chain.
@@ -93,7 +93,7 @@ const MAX_LEVELS: usize = 64;
 pub struct LodOptions {
     /// The levels to make.
     pub levels: Levels,
-    /// Options of each level. The stop is that of the level; a stop set here is an error.
+    /// Options of each level. The stop is the level's own; a stop set here is an error.
     pub simplify: SimplifyOptions,
     /// Records for each level the positions of its vertices on the next coarser one.
     pub geomorph: bool,
@@ -121,10 +121,10 @@ impl LodOptions {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct LodChain {
-    /// All levels but level 0, which is the original. Fewer than asked for if the caller ended the run.
+    /// All levels but level 0, which is the original. Fewer than requested if the caller ended the run.
     pub levels: Vec<Simplified>,
-    /// Positions of the vertices of each level on the next coarser one, from level 0 on; empty unless asked
-    /// for. See [`LodChain::geomorph`].
+    /// Positions of the vertices of each level on the next coarser one, from level 0 on; empty unless
+    /// requested. See [`LodChain::geomorph`].
     geomorphs: Vec<Positions>,
 }
 
@@ -133,9 +133,9 @@ impl LodChain {
     /// level 0 is the original.
     ///
     /// Moving vertices to `p + t (q - p)`, with q from here, turns the level into the next one as t goes from
-    /// 0 to 1: if one run made both, the faces at t = 1 are those of the coarser level, and others have no
-    /// area. If the target of a vertex is not known, it is the nearest point of the coarser level. Returns
-    /// `None` for the last level, and if geomorphs were not asked for.
+    /// 0 to 1: if one run made both, the faces at t = 1 are the faces of the coarser level, and all others
+    /// have no area. If the target of a vertex is not known, it is the nearest point of the coarser level.
+    /// Returns `None` for the last level, and if geomorphs were not requested.
     pub fn geomorph(&self, level: usize) -> Option<&Positions> {
         self.geomorphs.get(level)
     }
@@ -144,12 +144,12 @@ impl LodChain {
 /// Makes a chain of levels of detail of a mesh.
 ///
 /// If levels are given by counts and the method collapses edges, one run makes them all, and each level is
-/// fitted separately. A level branches off the common sweeps before its last ones, so its sweeps are those of
-/// a run to that level alone, and it is as close (docs/decisions/0016). With [`LodOptions::geomorph`] the
-/// sweeps continue from level to level instead, and each level is made from the one before by collapses
+/// fitted separately. A level branches off the common sweeps before its last ones, so its sweeps are the same
+/// as in a run to that level alone, and it is as close (docs/decisions/0016). With [`LodOptions::geomorph`]
+/// the sweeps continue from level to level instead, and each level is made from the one before by collapses
 /// alone, for about a percent more error. Other methods, levels by errors and [`SimplifyOptions::escalate`]
 /// make each level from the original. The mesh is read only, so any number of chains can be made of one. With
-/// [`BorderPolicy::Lock`](crate::BorderPolicy) borders are the same, to the bit, in all levels.
+/// [`BorderPolicy::Lock`](crate::BorderPolicy) borders are bit for bit the same in all levels.
 ///
 /// ```
 /// use lodsmith::core::shapes;
@@ -237,11 +237,11 @@ impl SceneChain {
     }
 }
 
-/// Makes a chain of levels of detail of a scene: in each the meshes share one budget, as in
+/// Makes a chain of levels of detail of a scene: at each level the meshes share one budget, as in
 /// [`simplify_scene`](crate::simplify_scene).
 ///
-/// One run makes them all, as in [`lod`], if every mesh has the same number of instances. Otherwise, and with
-/// [`SimplifyOptions::per_mesh`], each level is made from the original.
+/// One run makes all levels, as in [`lod`], if every mesh has the same number of instances. Otherwise, and
+/// with [`SimplifyOptions::per_mesh`], each level is made from the original.
 ///
 /// # Errors
 /// Those of [`lod`].
@@ -278,7 +278,7 @@ pub fn lod_scene(
     Ok(SceneChain { levels, geomorphs })
 }
 
-/// Viewing conditions that give the least distance at which a deviation is small enough on the screen.
+/// Viewing conditions: they give the smallest distance at which a deviation is small enough on the screen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Screen {
@@ -315,14 +315,14 @@ impl Screen {
         error * self.height_px / (2.0 * libm::tan(self.fov_deg.to_radians() / 2.0) * self.pixels)
     }
 
-    /// Returns the fraction of the picture's height that a ball of this diameter covers at a distance.
+    /// Returns the fraction of the picture's height that a sphere of this diameter covers at a distance.
     pub fn coverage(&self, diameter: f64, distance: f64) -> f64 {
         diameter / (2.0 * distance * libm::tan(self.fov_deg.to_radians() / 2.0))
     }
 }
 
-/// Returns the deviation of a level that is not to be visible: the larger of the proven bound and the largest
-/// measured distance, both ways; without either, the estimate of the RMS.
+/// Returns the deviation of a level that must not become visible: the larger of the proven bound and the
+/// largest measured distance in either direction; without these, the estimated RMS.
 pub fn error_of(report: &Report) -> f64 {
     let error = &report.error;
     let measured = error.measured.as_ref().map(|m| m.hausdorff.symmetric);
@@ -335,7 +335,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_deviation_is_as_high_as_wanted() {
+    fn a_deviation_has_the_requested_height_on_screen() {
         // At 90 degrees the height of the picture is twice the distance.
         let screen = Screen::new(90.0, 1000.0, 2.0).unwrap();
         let distance = screen.distance(0.01);
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn levels_fall() {
+    fn levels_must_descend() {
         let stops = |levels: Levels| levels.stops();
         assert_eq!(
             stops(Levels::Steps { count: 2, factor: 0.5 }).unwrap(),

@@ -4,10 +4,10 @@
 //!
 //! A metric is a file here and a row in the table of [`with_metric`]:
 //!
-//! - One that evaluates the neighbourhood of an edge is a [`NeighbourhoodMetric`]: a constant with its formula.
-//!   `edge_length.rs` is the smallest.
-//! - One that is a quadratic form is a type of its own that implements [`Metric`], as in `memoryless.rs`. The
-//!   engine is compiled once more for it.
+//! - A metric that evaluates the neighbourhood of an edge is a [`NeighbourhoodMetric`]: a constant with its
+//!   formula. `edge_length.rs` is the smallest.
+//! - A metric that is a quadratic form is a type of its own that implements [`Metric`], as in
+//!   `memoryless.rs`. The engine is compiled once more for it.
 //!
 //! Its method is a value of [`Method`](crate::Method), whose options are checked by the lists in
 //! `options/shared.rs`.
@@ -31,7 +31,7 @@ pub(crate) use quadric::Quadric;
 
 use crate::tensor::Tensor;
 
-/// `with_metric!(method, METRIC => code)`: some code with the metric of a method as the constant `METRIC`;
+/// `with_metric!(method, METRIC => code)`: runs code with the metric of a method as the constant `METRIC`;
 /// `None` if the method has no metric. The code is compiled for each metric.
 macro_rules! with_metric {
     ($method:expr, $name:ident => $code:expr) => {
@@ -98,7 +98,7 @@ pub(crate) struct Dimension {
 
 impl Dimension {
     /// Returns the factor that converts costs of one of several meshes to a common scale: the unit frame of
-    /// the mesh is `size` common units wide, and its faces have twice the area `mean` in it on average.
+    /// the mesh is `size` common units wide, and `mean` is the mean doubled area of its faces in that frame.
     pub(crate) fn of(self, size: f64, mean: f64) -> f64 {
         size.powi(self.length) * mean.powi(self.face)
     }
@@ -111,11 +111,11 @@ pub(crate) trait Metric: Copy {
 
     /// Returns the tensor of the memory.
     fn tensor_of(memory: &Self::Memory) -> &Tensor;
-    /// Returns the tensor of the memory for writing.
+    /// Returns the tensor of the memory, mutable.
     fn tensor(memory: &mut Self::Memory) -> &mut Tensor;
 
-    /// True if the tensor is that of the current star: then a collapse replaces old planes by new ones at
-    /// the vertices around it.
+    /// True if the tensor belongs to the current star: then a collapse replaces old planes by new ones at the
+    /// vertices around it.
     fn is_memoryless(&self) -> bool;
     /// Returns the source of cost and placement.
     fn cost_source(&self) -> CostSource;
@@ -150,14 +150,14 @@ pub(crate) trait Metric: Copy {
         let _ = (around, mean);
         None
     }
-    /// Returns the exponent that relates costs to those of [`Memoryless`] as the density of triangles
+    /// Returns the exponent that relates costs to the costs of [`Memoryless`] as the density of triangles
     /// changes at a place of the same shape: weights are raised to it.
     fn cost_factor_exponent(&self) -> f32 {
         1.0
     }
     /// Returns the squared RMS distance of a result divided by the sum of squared distances to planes at
     /// each collapse. (Measured on fandisk, bunny, nefertiti and horse at 50, 10 and 1 %, where
-    /// [`Memoryless`] has it from its fit.)
+    /// [`Memoryless`] takes it from the fit.)
     fn squared_rms_factor(&self) -> f64 {
         1.0
     }
@@ -165,7 +165,7 @@ pub(crate) trait Metric: Copy {
     fn dimension(&self) -> Dimension {
         Dimension { length: 4, face: 0 }
     }
-    /// Returns the cost per two faces of a part that is removed as a whole; `rate` is that for
+    /// Returns the cost per two faces of a part that is removed as a whole; `rate` is this cost with
     /// [`Memoryless`].
     fn part_cost_per_face_pair(&self, rate: f32, part: &PartSize, mean: f32) -> f32 {
         let _ = (part, mean);
@@ -217,10 +217,10 @@ pub(crate) struct FeatureLine {
     pub(crate) at: EdgePart,
     /// Its other end.
     pub(crate) to: DVec3,
-    /// Its weight; 1 for a border, unless the options set another.
+    /// Its weight; 1 for a border, unless the options set another weight.
     pub(crate) weight: f64,
-    /// 1 if its only face runs along it in the direction from the end, -1 if in the other direction, 0 if
-    /// it has not exactly one face.
+    /// 1 if its only face runs along it in the direction from the end, -1 if in the other direction, 0 unless
+    /// it has exactly one face.
     pub(crate) sense: f64,
 }
 
@@ -233,7 +233,7 @@ pub(crate) struct EdgeNeighbourhood {
     pub(crate) place: AllowedPlace,
     pub(crate) triangles: Vec<StarTriangle>,
     pub(crate) lines: Vec<FeatureLine>,
-    /// True for the kept and the removed end if it lies on feature edges.
+    /// Whether the kept end and the removed end lie on feature edges.
     pub(crate) on_lines: [bool; 2],
 }
 

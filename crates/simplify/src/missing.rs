@@ -1,11 +1,11 @@
 //! Missing values: attributes that are NaN or infinite.
 //!
 //! ```text
-//! before a run   continue the known values into the gaps, so that these neither cost nor keep anything
-//! after it       the named values of a vertex are NaN where those of the nearest corner of the input are
+//! before a run   extend the known values into the gaps, so that gaps neither add to costs nor block collapses
+//! after it       set the named values of a vertex to NaN where the values of the nearest corner of the input are
 //! ```
 //!
-//! Texture coordinates, colours and the like keep the continued values, because formats have no NaN there.
+//! Texture coordinates, colours and the like keep the extended values, because formats have no NaN there.
 
 use std::borrow::Cow;
 
@@ -15,8 +15,8 @@ use lodsmith_core::{MeshError, Semantic, TriMesh, VertexId, WedgeId};
 use crate::input::Input;
 use crate::run::Done;
 
-/// Rounds of smoothing after the gaps were filled from their edges inwards. (Guessed: what matters are narrow gaps,
-/// which need none.)
+/// Rounds of smoothing after the gaps were filled from their edges inwards. (Guessed: most gaps are narrow
+/// and need none.)
 const SMOOTHING_ROUNDS: usize = 8;
 
 /// A mesh without missing values, and how many it had.
@@ -26,7 +26,7 @@ pub(crate) struct Completed<'a> {
 }
 
 impl<'a> Completed<'a> {
-    /// Completes a mesh; one that misses nothing is borrowed. Cost: O(n).
+    /// Completes a mesh; a mesh without missing values is borrowed. Cost: O(n).
     pub(crate) fn new(mesh: &'a TriMesh) -> Result<Self, MeshError> {
         let count = count(mesh);
         if count == 0 {
@@ -76,7 +76,7 @@ pub(crate) fn completed<'a>(input: &Input<'a>) -> Result<Option<Completed<'a>>, 
     Ok(completed.filter(|c| c.count > 0))
 }
 
-/// Makes the named values of a result NaN where those of the nearest corner of the input are missing.
+/// Makes the named values of a result NaN where the values of the nearest corner of the input are missing.
 fn restore(result: &mut TriMesh, input: &TriMesh) {
     let named = |mesh: &TriMesh| -> Vec<usize> {
         let all = mesh.further_attributes().iter().enumerate();
@@ -148,10 +148,10 @@ fn count(mesh: &TriMesh) -> usize {
     normals + uvs + colors + further.map(|a| of(&a.values)).sum::<usize>()
 }
 
-/// The neighbours of the wedges that miss any value.
+/// The neighbours of the wedges with any missing value.
 struct Gaps {
     wedges: Vec<u32>,
-    /// Start of the neighbours of each, and the end of the last.
+    /// Start of the neighbours of each wedge, and the end of the last.
     at: Vec<usize>,
     neighbours: Vec<u32>,
 }
@@ -194,7 +194,7 @@ impl Gaps {
         Self { wedges, at, neighbours }
     }
 
-    /// Continues the known values of an attribute into its gaps: from their edges inwards, then smoothed.
+    /// Extends the known values of an attribute into its gaps, from their edges inwards, and smooths them.
     fn fill(&self, values: &mut [f32], width: usize) {
         for k in 0..width {
             self.fill_lane(values, width, k);
@@ -218,7 +218,7 @@ impl Gaps {
             }
             (count > 0).then(|| (sum / f64::from(count)) as f32)
         };
-        // Layer by layer: a wedge that got a value is one of the edge for the next.
+        // Layer by layer: a wedge that got a value belongs to the edge of the gap for the next layer.
         let mut open = gaps.clone();
         let mut is_asked: Vec<bool> = vec![true; self.wedges.len()];
         while !open.is_empty() {
@@ -234,7 +234,7 @@ impl Gaps {
             open.retain(|&i| is_asked[i]);
         }
         if !open.is_empty() {
-            // Nothing is known in these parts.
+            // These parts have no known values.
             let known = values.iter().skip(k).step_by(width).filter(|x| x.is_finite());
             let (sum, count) = known.fold((0.0, 0u32), |(sum, n), &x| (sum + f64::from(x), n + 1));
             let mean = if count > 0 { (sum / f64::from(count)) as f32 } else { 0.0 };
@@ -269,13 +269,14 @@ mod tests {
     }
 
     #[test]
-    fn gaps_are_filled_from_their_edges_and_come_back() {
+    fn gaps_are_filled_from_their_edges_and_restored() {
         let is_gap = |i: usize| i % 7 == 3;
         let mesh = sheet_with(|i, p| if is_gap(i) { f32::NAN } else { p[0] as f32 });
         let completed = Completed::new(&mesh).unwrap();
         assert_eq!(completed.count, (0..mesh.wedge_count()).filter(|&i| is_gap(i)).count());
         let full = sheet_with(|_, p| p[0] as f32);
-        // Continued: off by less than the distance between neighbours, of which there are eight along the side.
+        // Extended values are off by less than the distance between neighbours; there are eight along the
+        // side.
         let range = heat(&full).iter().fold([f32::MAX, f32::MIN], |[a, b], &x| [a.min(x), b.max(x)]);
         let step = (range[1] - range[0]) / 8.0;
         assert!(heat(&completed.mesh).iter().zip(heat(&full)).all(|(a, b)| (a - b).abs() < step));
@@ -288,14 +289,14 @@ mod tests {
     }
 
     #[test]
-    fn a_mesh_that_misses_nothing_is_left_alone() {
+    fn a_mesh_without_missing_values_is_unchanged() {
         let mesh = sheet_with(|i, _| i as f32);
         let completed = Completed::new(&mesh).unwrap();
         assert!(completed.count == 0 && matches!(completed.mesh, Cow::Borrowed(_)));
     }
 
     #[test]
-    fn where_nothing_is_known_all_is_0_and_texture_coordinates_are_continued() {
+    fn values_are_0_where_none_is_known_and_texture_coordinates_are_extended() {
         let mut mesh = sheet_with(|_, _| f32::INFINITY);
         let uvs = mesh.positions().view().iter().map(|p| [p[0] as f32, p[1] as f32]).collect();
         mesh.set_uvs(Some(uvs)).unwrap();
@@ -312,7 +313,7 @@ mod tests {
         assert!(heat(&completed.mesh).iter().all(|x| *x == 0.0));
         let (got, wanted) = (completed.mesh.uvs().unwrap()[40], mesh.uvs().unwrap()[40]);
         assert!((got[0] - wanted[0]).abs() < 1e-6 && got[1] == wanted[1], "{got:?} {wanted:?}");
-        // Infinite values come back as NaN: what is known of them is that they are missing.
+        // Infinite values come back as NaN: only the fact that they are missing is kept.
         let mut back = completed.mesh.into_owned();
         restore(&mut back, &broken);
         assert!(heat(&back).iter().all(|x| x.is_nan()));

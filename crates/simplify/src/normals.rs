@@ -2,10 +2,11 @@
 //!
 //! If a hard-edged part of an asset loses an edge, the remaining wedge carries the mean of unrelated
 //! normals, and its face is shaded as if it faced elsewhere: a dark splinter. Such a wedge gets the normal of
-//! its own faces; if those face different ways themselves, it is split.
+//! its own faces; if these have different directions themselves, it is split.
 //!
-//! A vertex whose origins in the input had one normal each keeps one: splitting it would open a surface that is
-//! closed by its indices. It gets the mean normal of its faces, if that fits more of them.
+//! If every original vertex that was merged into a vertex had a single normal, the vertex keeps a single one:
+//! splitting it would open a surface that is closed by its indices. It gets the mean normal of its faces if
+//! that fits more of them.
 
 use glam::Vec3;
 use lodsmith_core::sorted::{indices_by_key, key_of};
@@ -18,27 +19,26 @@ use crate::collapse::store::Store;
 use crate::metric::VertexMemory;
 
 /// Cosine of the largest angle at which a normal still fits a face: 60 degrees. (The faces of an octahedron
-/// are 55 degrees off the normals of the sphere that it approximates, and no smooth surface wants fewer
-/// faces.)
+/// are 55 degrees off the normals of the sphere that it approximates, and no smooth surface has fewer faces.)
 const FAR_COS: f32 = 0.5;
-/// If a larger share of the faces (by area) at a wedge of the input was far off its normal, this was
-/// intended. (The majority: a single sliver at a wedge proves nothing.)
+/// If a larger share of the faces (by area) at a wedge of the input was far off its normal, that was
+/// intended. (A majority: a single sliver at a wedge proves nothing.)
 const INTENDED_SHARE: f32 = 0.5;
 /// Cosine of the smallest angle between two normals of one vertex that makes a hard edge: 2 degrees. (Guessed:
 /// normals with a byte for each coordinate are off by up to half a degree.)
 const HARD_COS: f32 = 0.9994;
 
-/// Where the vertices of the input went.
+/// What the vertices of the input became.
 pub(crate) struct Homes<'a, P: Fn(WedgeId) -> VertexId> {
-    /// The vertex of the ordered input that each wedge of the input is at, or [`NONE`].
+    /// The vertex of the ordered input for each wedge of the input, or [`NONE`].
     pub(crate) place: P,
     /// The vertex of the result that each vertex of the ordered input became, or [`NONE`].
     pub(crate) home: &'a [VertexId],
 }
 
-/// Repairs the wedges whose normal is far off at least one of their faces, and was not in the input. Locked
-/// vertices keep theirs. Cost: O(faces of the result), and O(faces of the input) if there is something to
-/// repair.
+/// Repairs the wedges whose normal is far off at least one of their faces, unless it was so in the input.
+/// Locked vertices keep their normals. Cost: O(faces of the result), and O(faces of the input) if there is
+/// something to repair.
 pub(crate) fn repair<Q: VertexMemory>(
     store: &mut Store<Q>,
     attributes: &mut Attributes,
@@ -115,15 +115,15 @@ fn on_hard_edges<Q: VertexMemory>(
             is_hard[home.index()] = true;
         }
     }
-    // Cuts add vertices, which have a place but are no home.
+    // Cuts add vertices; these have a place, but no vertex was merged into them.
     for (is_hard, x) in is_hard.iter_mut().zip(&store.v) {
         *is_hard |= has_several.get(store.place_of(x.origin).index()) == Some(&true);
     }
     is_hard
 }
 
-/// Gives each of the vertices `is_turned` one normal, the mean of its faces by their areas, if less of them is
-/// far off it than off the present ones.
+/// Gives each vertex in `is_turned` one normal, the area-weighted mean of its faces, if a smaller area of its
+/// faces is far off that normal than off the present ones.
 fn turn<Q: VertexMemory>(
     store: &Store<Q>,
     attributes: &mut Attributes,
@@ -161,7 +161,7 @@ struct WedgeCorner {
     k: usize,
 }
 
-/// Gives the faces at a wedge whose normal is far off theirs new normals, one per group of similar
+/// Gives new normals to the faces at a wedge that are far off its normal, one per group of similar
 /// orientation.
 fn split(
     attributes: &mut Attributes,
@@ -196,7 +196,7 @@ fn split(
     }
 }
 
-/// Returns the input wedges, among the origins of the far ones, that were far off most of their faces
+/// Returns the original wedges of the far ones whose normals were far off most of their faces in the input
 /// already.
 fn intended_far(
     attributes: &Attributes,

@@ -1,6 +1,6 @@
 //! Access to the ordered input during and after a run: for samples in the late phase, for the removal of
-//! parts, and for the fit. By the number of faces, the input is kept in order, ordered again each time, or
-//! looked up face by face.
+//! parts, and for the fit. Depending on the number of faces, an ordered copy of the input is kept, made anew
+//! each time, or looked up face by face.
 
 use glam::Vec3;
 use lodsmith_core::{PositionsView, Surface, VertexId};
@@ -9,7 +9,7 @@ use prefetch_index::prefetch_index;
 use crate::collapse::order::{Ordered, TIME_OVER_MEMORY_MAX_FACES, single_unit};
 
 /// Inputs with no more faces than this keep an ordered copy of themselves; larger ones are ordered again for
-/// the fit, which takes some percent more time and 18 bytes a face less.
+/// the fit, which takes a few percent more time and 18 bytes less per face.
 pub(crate) const INPUT_COPY_MAX_FACES: usize = 1_000_000;
 /// If at least the input divided by this remains, the fit needs more memory than the sweeps.
 const SHRINK_DIVISOR: usize = 3;
@@ -20,7 +20,7 @@ const FACES_PER_BLOCK: usize = 256;
 pub(crate) struct OriginalInput<'a> {
     pub(crate) surface: &'a Surface<'a>,
     pub(crate) ordered: &'a Ordered,
-    /// True if the order still has its points and faces.
+    /// True if `ordered` still has its points and faces.
     pub(crate) is_kept: bool,
 }
 
@@ -34,8 +34,8 @@ impl<'a> OriginalInput<'a> {
         }
     }
 
-    /// Returns access to positions one by one, if the input is too large for a copy beside a result of
-    /// `faces` faces: 14 bytes a face less, but in an unordered file a sixth more time.
+    /// Returns access to positions one by one, if the input is too large for a copy in addition to a result
+    /// of `faces` faces: it takes 14 bytes less per face, but a sixth more time if the file is unordered.
     pub(crate) fn looked_up(&self, faces: usize) -> Option<RemadeInput<'a>> {
         let given = self.surface.triangles().len();
         let is_large = given > TIME_OVER_MEMORY_MAX_FACES && SHRINK_DIVISOR * faces >= given;
@@ -51,9 +51,9 @@ pub(crate) trait OrderedInput {
     fn face(&mut self, face: usize) -> [VertexId; 3];
     /// Returns the positions of a face's vertices, in the unit frame.
     fn positions(&mut self, face: usize, t: [VertexId; 3]) -> [Vec3; 3];
-    /// Prefetches the positions of a face that is read soon.
+    /// Prefetches the positions of a face that will be read soon.
     fn prefetch(&self, face: usize);
-    /// Switches from faces in order to random access: from here on single positions and all faces are read.
+    /// Switches from faces in order to random access: from now on, single positions and all faces are read.
     fn start_random_access(&mut self);
     fn position(&self, v: VertexId) -> Vec3;
     fn each_face(&self, visit: impl FnMut([VertexId; 3]));
@@ -185,7 +185,7 @@ mod tests {
     use crate::collapse::order::order;
 
     #[test]
-    fn what_is_looked_up_again_is_the_same() {
+    fn the_looked_up_input_equals_the_kept_one() {
         // A strip of more faces than a block has, as a soup, with a face that is left out.
         let corner = |i: u32| [(i / 2) as f32 * 0.1, (i % 2) as f32, 0.0];
         let p: Vec<[f32; 3]> = (0..300).rev().flat_map(|i| [i, i + 1, i + 2].map(corner)).collect();

@@ -1,13 +1,13 @@
 //! One call of the library, from its input to its result, in six steps.
 //!
 //! ```text
-//! complete  continue known attributes where values are missing            `missing`
-//! prepare   lend normals, leave out flat ones, remove small parts,
+//! complete  extend known attributes where values are missing            `missing`
+//! prepare   add temporary normals, leave out flat ones, remove small parts,
 //!           join near vertices                                            `FlatShading`, `Prepared`
-//! sheets    leave out the backs of two-sided sheets, and begin again      `TwoSidedInput`
+//! sheets    leave out the backs of two-sided sheets, and start again      `TwoSidedInput`
 //! plan      the pass of the method, and looser options while needed       `pass_of`, `Escalation`
 //! run       order, collapse or rebuild, fit, measure                      `run`, `cluster`
-//! finish    return what was lent, and report what the preparation did     `Prepared::finish`
+//! finish    remove temporary normals, report what the preparation did     `Prepared::finish`
 //! ```
 
 pub(crate) mod prepare;
@@ -20,7 +20,7 @@ use crate::report::Cleanup;
 use crate::run::{self, Done, Mergers, Pass};
 use crate::two_sided::TwoSidedInput;
 use crate::{Control, SimplifyError, cluster, constraints, missing, rebuild, two_sided};
-use prepare::{Prepared, lent_normals};
+use prepare::{Prepared, temporary_normals};
 
 /// Runs with the options' method; again with looser options if requested and needed. Returns the locked
 /// wedges at the corners of the result too.
@@ -52,9 +52,9 @@ fn simplify_once(
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<Done, SimplifyError> {
-    let lent = lent_normals(input, options)?;
+    let with_normals = temporary_normals(input, options)?;
     let flat = FlatShading::of(input, options);
-    let mut prepared = Prepared::new(input, lent.as_ref(), flat.as_ref(), options)?;
+    let mut prepared = Prepared::new(input, with_normals.as_ref(), flat.as_ref(), options)?;
     let mut ordered = None;
     if two_sided::is_looked_for(&prepared.input.surface, options) {
         let own = ordered.insert(run::ordered(&prepared.input, control)?);
@@ -105,8 +105,8 @@ fn pass_of(method: MethodKind) -> Pass {
 }
 
 /// Runs to one stop after another, each a count below the previous one: see [`run::is_chained`] for when this
-/// is possible. With `is_traced`, returns the mergers. Returns `None` if the counts of a mesh with two-sided
-/// sheets have to be searched for, so that each level needs runs of its own.
+/// is possible. With `is_traced`, returns the mergers. Returns `None` if a mesh with two-sided sheets needs a
+/// search for its counts, and so separate runs for each level.
 pub(crate) fn simplify_chain(
     input: &Input<'_>,
     options: &SimplifyOptions,
@@ -126,9 +126,9 @@ pub(crate) fn simplify_chain(
         return Ok(made.map(finish));
     }
     let options = &options.with_own_placement();
-    let lent = lent_normals(input, options)?;
+    let with_normals = temporary_normals(input, options)?;
     let flat = FlatShading::of(input, options);
-    let mut prepared = Prepared::new(input, lent.as_ref(), flat.as_ref(), options)?;
+    let mut prepared = Prepared::new(input, with_normals.as_ref(), flat.as_ref(), options)?;
     let ordered = run::ordered(&prepared.input, control)?;
     if let Some(sheets) = TwoSidedInput::find(input, &prepared.input, &ordered, options)? {
         let cleanup = ordered.cleanup;

@@ -1,9 +1,9 @@
 //! Planar decimation: re-triangulates regions of coplanar faces with as few triangles as their outline needs.
 //!
 //! ```text
-//! regions: grown from large faces over manifold edges, while all faces stay on one plane and their attributes linear
+//! regions: grown from large faces over manifold edges, as long as all faces stay on one plane and attributes stay linear
 //! chains:  the borders of regions, from corner to corner; collinear vertices are dropped, for both sides at once
-//! fill:    a constrained Delaunay triangulation of each region, from what is left of its outline
+//! fill:    a constrained Delaunay triangulation of each region, from the rest of its outline
 //! ```
 //!
 //! Regions as in [Hinker-Hansen 1993], with the bounds of [Kalvin-Taylor 1996]; chains by [Douglas-Peucker
@@ -34,13 +34,13 @@ use merge::{Count, MergeInput, RegionMerge};
 use regions::{RegionInput, Tolerance};
 
 /// Default flatness tolerance, as a share of the diagonal: three times the rounding of single precision.
-/// (Measured on ten models of machine parts: at a third of it rounding splits the faces of one plane, at ten
-/// times as much curved sides begin to merge.)
+/// (Measured on ten models of machine parts: at a third of it, rounding splits the faces of one plane; at ten
+/// times as much, curved sides start to merge.)
 const DEFAULT_FLATNESS: f64 = 2e-7;
 /// Far from the origin, where single precision rounds by more than that, the tolerance is this multiple of
 /// the largest displacement of a vertex by rounding. (Measured on four machine parts, rotated, 0 to 10
-/// diagonals from the origin, unchanged and subdivided three times with midpoints in single precision: at 2
-/// rounding still splits faces of one plane on two of them, from 3 on on none.)
+/// diagonals from the origin, unchanged and subdivided three times with midpoints in single precision: at 2,
+/// rounding still splits faces of one plane on two of them; from 3 on, on none.)
 const ROUNDING_FACTOR: f64 = 3.0;
 /// Default angle, as in Blender's limited dissolve.
 const DEFAULT_ANGLE_DEG: f64 = 5.0;
@@ -136,7 +136,7 @@ fn tolerance(task: &Task<'_>) -> Tolerance {
     let of_size = task.input.length(Length::OfDiagonal(DEFAULT_FLATNESS));
     // Far from the origin, single precision rounds by more than that share of the size.
     let noise = of_size.max(ROUNDING_FACTOR * rounding(task.input));
-    // An error limit is a tolerance too, and the only one if no other is given.
+    // An error limit is a tolerance too, and the only one if no other tolerance is given.
     let flat = match (flat.map(|l| task.input.length(l)), task.step) {
         (Some(flat), Some(step)) => flat.min(step),
         (flat, step) => flat.or(step).unwrap_or(noise),

@@ -2,7 +2,7 @@
 //!
 //! Every contraction of a run is recorded with the data that it changed (`collapse/record`). The contractions
 //! are then put in an order in which each level is a good mesh (`arrange`), and can be undone to the bit. The
-//! result of the engine's fit at some levels is kept in checkpoints beside the splits (`correct`).
+//! result of the engine's fit at some levels is kept in checkpoints next to the splits (`checkpoints`).
 //! (docs/progressive.md, docs/decisions/0018)
 
 mod arrange;
@@ -138,7 +138,7 @@ impl Progressive {
         let (level, faces, vertex_of) = (self.level, self.faces, self.vertex_of);
         let splits = Arc::try_unwrap(self.sequence)
             .map_or_else(|sequence| sequence.splits.clone(), |sequence| sequence.splits);
-        // Elements that are not live yet are in the buffers already, with the values of their birth.
+        // Elements that are not live yet are in the buffers already, with their first values.
         let mut data = splits.into_data();
         (data.faces, data.vertex_of, data.values, data.positions) =
             (faces, vertex_of, self.values, self.positions);
@@ -176,7 +176,7 @@ impl Progressive {
     pub fn top(&self) -> usize {
         self.sequence.splits.len()
     }
-    /// Returns the number of levels: one more than splits.
+    /// Returns the number of levels: one more than the number of splits.
     pub fn levels(&self) -> usize {
         self.top() + 1
     }
@@ -261,7 +261,7 @@ impl Progressive {
         if level >= self.level { self.refine(level - self.level) } else { self.coarsen(self.level - level) }
     }
 
-    /// Does this many splits, or as many as there are. Cost: O(what they change).
+    /// Does this many splits, or as many as there are. Cost: proportional to what they change.
     pub fn refine(&mut self, splits: usize) -> ChangedRanges {
         let before = self.counts();
         let to = self.level.saturating_add(splits).min(self.top());
@@ -273,7 +273,7 @@ impl Progressive {
         self.apply(&sequence, range, &side, &data.places.to, false, before)
     }
 
-    /// Undoes this many splits, or as many as were done. Cost: O(what they change).
+    /// Undoes this many splits, or as many as were done. Cost: proportional to what they change.
     pub fn coarsen(&mut self, splits: usize) -> ChangedRanges {
         let to = self.level.saturating_sub(splits);
         let sequence = Arc::clone(&self.sequence);
@@ -349,8 +349,8 @@ impl Progressive {
     }
 
     /// Returns the mesh of the present level as recorded, without a fit. The full level is the mesh that was
-    /// recorded, bit for bit; others have no unused vertices, and the order of the recorded mesh where it is
-    /// known.
+    /// recorded, bit for bit; other levels have no unused vertices, and keep the order of the recorded mesh
+    /// where it is known.
     ///
     /// # Errors
     /// [`MeshError`] if splits read from a file do not describe a valid mesh.
@@ -377,8 +377,8 @@ impl Progressive {
         positions
     }
     /// Returns the estimated distance (RMS) of the present level, with its fit, from the full mesh, in the
-    /// units of the positions; never less for a coarser level. It is interpolated between checkpoints by the
-    /// number of faces. Without checkpoints it is 0.
+    /// units of the positions; it is never smaller for a coarser level. It is interpolated between
+    /// checkpoints by the number of faces. Without checkpoints it is 0.
     pub fn error(&self) -> f64 {
         self.error_at(self.level)
     }
@@ -546,7 +546,7 @@ mod tests {
     }
 
     #[test]
-    fn changed_ranges_hold_new_elements_before_and_between_modified_blocks() {
+    fn changed_ranges_contain_new_elements_before_and_between_modified_blocks() {
         let mut blocks = ChangedBlocks::new(2000);
         let ends = |ranges: Vec<Range<usize>>| ranges.iter().map(|r| [r.start, r.end]).collect::<Vec<_>>();
         blocks.add(1 + 3 * CHANGE_BLOCK_LEN);
@@ -558,56 +558,59 @@ mod tests {
     }
 
     /// Returns the faces and the position of vertex 1 along x.
-    fn state(road: &Progressive) -> (Vec<[u32; 3]>, f64) {
-        (road.faces().iter().map(|t| t.map(|w| w.0)).collect(), road.positions().get(VertexId(1))[0])
+    fn state(progressive: &Progressive) -> (Vec<[u32; 3]>, f64) {
+        (
+            progressive.faces().iter().map(|t| t.map(|w| w.0)).collect(),
+            progressive.positions().get(VertexId(1))[0],
+        )
     }
 
     #[test]
-    fn levels_are_those_of_the_splits_in_any_order() {
+    fn levels_have_their_own_state_in_any_order() {
         let wanted = [
             (vec![[0, 1, 2]], 2.0),
             (vec![[0, 1, 2], [1, 3, 2]], 1.0),
             (vec![[0, 1, 2], [1, 4, 2], [4, 3, 2], [1, 5, 4]], 1.0),
         ];
-        let mut road = three();
-        assert_eq!((road.level(), road.top(), road.levels()), (2, 2, 3));
+        let mut progressive = three();
+        assert_eq!((progressive.level(), progressive.top(), progressive.levels()), (2, 2, 3));
         for level in [2, 0, 1, 2, 1, 0, 2] {
-            road.to_level(level);
-            assert_eq!(state(&road), wanted[level], "level {level}");
-            assert_eq!(road.positions().len(), [3, 4, 6][level]);
+            progressive.to_level(level);
+            assert_eq!(state(&progressive), wanted[level], "level {level}");
+            assert_eq!(progressive.positions().len(), [3, 4, 6][level]);
         }
-        // Beyond the ends there is nothing.
-        road.to_level(9);
-        assert_eq!(road.level(), 2);
-        road.coarsen(9);
-        assert_eq!(road.level(), 0);
-        road.refine(1);
-        assert_eq!(state(&road), wanted[1]);
+        // There are no levels beyond the ends.
+        progressive.to_level(9);
+        assert_eq!(progressive.level(), 2);
+        progressive.coarsen(9);
+        assert_eq!(progressive.level(), 0);
+        progressive.refine(1);
+        assert_eq!(state(&progressive), wanted[1]);
     }
 
     #[test]
-    fn counts_find_the_finest_level_within() {
-        let road = three();
-        assert_eq!([0, 1, 2, 3, 4, 9].map(|n| road.level_of_faces(n)), [0, 0, 1, 1, 2, 2]);
-        assert_eq!([2, 3, 4, 5, 6].map(|n| road.level_of_vertices(n)), [0, 0, 1, 1, 2]);
+    fn levels_are_found_by_counts() {
+        let progressive = three();
+        assert_eq!([0, 1, 2, 3, 4, 9].map(|n| progressive.level_of_faces(n)), [0, 0, 1, 1, 2, 2]);
+        assert_eq!([2, 3, 4, 5, 6].map(|n| progressive.level_of_vertices(n)), [0, 0, 1, 1, 2]);
     }
 
     #[test]
-    fn vertices_in_use_are_counted_through_holes() {
-        // The second split takes both corners of vertex 3: it is a hole then.
+    fn vertex_counts_leave_out_holes() {
+        // The second split takes both corners away from vertex 3, which becomes a hole.
         let mut data = three_levels();
         data.checkpoints.clear();
         data.faces[2] = [4, 5, 2].map(WedgeId);
-        let mut road = Progressive::new(Splits::new(data).expect("sound splits"));
+        let mut progressive = Progressive::new(Splits::new(data).expect("sound splits"));
         for (level, used) in [(2, 5), (1, 4), (0, 3)] {
-            road.to_level(level);
-            assert_eq!(road.vertex_count(), used, "level {level}");
+            progressive.to_level(level);
+            assert_eq!(progressive.vertex_count(), used, "level {level}");
         }
-        assert_eq!([3, 4, 5].map(|n| road.level_of_vertices(n)), [0, 1, 2]);
+        assert_eq!([3, 4, 5].map(|n| progressive.level_of_vertices(n)), [0, 1, 2]);
     }
 
     #[test]
-    fn changed_ranges_name_blocks_and_all_that_is_new() {
+    fn changed_ranges_contain_blocks_and_all_new_elements() {
         let one = |range: Range<usize>| std::iter::once(range).collect::<Vec<_>>();
         let mut blocks = ChangedBlocks::new(1000);
         assert!(blocks.ranges(700, 700).is_empty());
@@ -619,10 +622,10 @@ mod tests {
         assert_eq!(blocks.ranges(700, 700), [0..256, 512..700]);
         assert_eq!(blocks.ranges(700, 1000), [0..256, 512..1000]);
         assert_eq!(blocks.ranges(900, 1000), [0..256, 512..768, 900..1000]);
-        let mut road = three();
-        let back = road.to_level(0);
+        let mut progressive = three();
+        let back = progressive.to_level(0);
         assert_eq!((back.faces, back.vertices), (one(0..1), one(0..3)));
-        let there = road.to_level(1);
+        let there = progressive.to_level(1);
         // Face 1 and vertex 3 are new; vertex 1 moved.
         assert_eq!((there.faces, there.vertices), (one(1..2), one(0..4)));
     }
@@ -632,13 +635,13 @@ mod tests {
         let mut changes = Changes { ends: vec![0, 2, 3, 5], at: vec![7, 8, 9, 10, 11], to: () };
         assert_eq!(drop_first_splits(&mut changes, 2), 3);
         assert_eq!((changes.ends, changes.at), (vec![0, 2], vec![10, 11]));
-        let road = three();
+        let progressive = three();
         let error = {
-            let mut at_one = road.clone();
+            let mut at_one = progressive.clone();
             at_one.to_level(1);
             at_one.error()
         };
-        let mut above = road.without_below(1);
+        let mut above = progressive.without_below(1);
         assert_eq!((above.top(), above.level(), above.face_count()), (1, 0, 2));
         assert!((above.error() - error).abs() < 1e-9);
         assert_eq!(state(&above), (vec![[0, 1, 2], [1, 3, 2]], 1.0));

@@ -1,8 +1,8 @@
-//! Proposals: changes of the options that would let a run continue that is stuck above its target.
+//! Proposals: changes of the options with which a run that is stuck above its target could continue.
 
 use crate::options::{BorderPolicy, Length, Method, Placement, SimplifyOptions, TopologyPolicy};
 
-/// Largest distance of pairs that are tried, as a share of the diagonal: half a percent.
+/// Largest distance of pairs to try, as a share of the diagonal: half a percent.
 const PAIR_DISTANCE: f64 = 0.005;
 
 /// A change of one option.
@@ -25,24 +25,24 @@ pub enum Change {
     MaxEdge,
     /// Fewer locked vertices.
     Locked,
-    /// Contraction of near pairs of vertices that share no edge, so that parts are joined.
+    /// Contraction of close pairs of vertices that share no edge, so that parts are joined.
     Pairs(Length),
 }
 
-/// Changes that together would let a stuck run continue.
+/// Changes with which, together, a stuck run could continue.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Proposal {
-    /// One change, or several if none alone is enough.
+    /// One change, or several if no single one is enough.
     pub changes: Vec<Change>,
     /// Edges of the result that could then be collapsed, and parts that could be removed.
     pub gain: usize,
 }
 
 impl Change {
-    /// Returns the options with this change. A guard is switched off: its best limit is for the user to
-    /// choose. [`Change::Locked`] changes nothing: locks are data of the mesh.
+    /// Returns the options with this change. A guard is switched off: the user has to choose its best limit.
+    /// [`Change::Locked`] changes nothing: locks are data of the mesh.
     pub fn apply(self, options: &SimplifyOptions) -> SimplifyOptions {
         let mut options = options.clone();
         match self {
@@ -80,7 +80,7 @@ impl Change {
         all.push(match options.border {
             BorderPolicy::Lock => vec![Self::Border(BorderPolicy::Slide), Self::Border(BorderPolicy::Keep)],
             BorderPolicy::Slide => vec![Self::Border(BorderPolicy::Keep)],
-            // These two differ in costs alone.
+            // These two differ only in costs.
             BorderPolicy::Keep | BorderPolicy::Free => Vec::new(),
         });
         all.push(match options.topology {

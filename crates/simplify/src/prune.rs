@@ -1,9 +1,9 @@
-//! Removal of small components, before anything else is done.
+//! Removal of small components, the first step of a run.
 
 use lodsmith_core::mesh::weld;
 use lodsmith_core::{Bounds, DisjointSets, Surface, VertexId};
 
-/// Components removed for their size. Counts of elements.
+/// Numbers of elements removed because their components were small.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -85,7 +85,7 @@ pub(crate) fn small_parts(
     let mut removed: Vec<bool> = parts.iter().zip(&diagonals).map(is_removable).collect();
     let largest_kept = !removed.is_empty() && removed.iter().all(|r| *r);
     if largest_kept {
-        // The first of equal ones.
+        // Of equally large ones, the first.
         let largest = (0..parts.len()).rev().max_by(|&i, &j| diagonals[i].total_cmp(&diagonals[j]));
         largest.into_iter().for_each(|i| removed[i] = false);
     }
@@ -97,8 +97,8 @@ pub(crate) fn small_parts(
     }
 }
 
-/// Returns the triangles with those of small components made degenerate, so that later steps drop them, and
-/// the number of vertices that only they use. Faces keep their indices.
+/// Returns the triangles, with the faces of small components made degenerate so that later steps drop them,
+/// and the number of vertices that only they use. Faces keep their indices.
 pub(crate) fn without_small(surface: &Surface<'_>, is_small: &[bool]) -> (Vec<[VertexId; 3]>, usize) {
     let triangles = surface.triangles();
     let positions = surface.positions();
@@ -122,7 +122,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parts_are_measured_by_their_boxes() {
+    fn parts_are_measured_by_their_bounding_boxes() {
         let mesh = shapes::two_far_parts();
         let surface = mesh.surface();
         let all = small_parts(&surface, 1e-12, None, None);

@@ -54,7 +54,7 @@ fn prepared_input(run: &Run<'_, '_>) -> PreparedInput {
     }
 }
 
-/// Returns the input unchanged: the best result before the first step.
+/// Returns the input unchanged, as the best result before the first step.
 fn untouched(prepared: &PreparedInput) -> RebuiltSurface {
     let mut number = vec![NONE; prepared.points.len()];
     let mut made = RebuiltSurface { end: Ending::Finish, estimate: Some(0.0), ..RebuiltSurface::default() };
@@ -149,7 +149,7 @@ mod tests {
 
     const SIDE: u32 = 8;
 
-    /// A flat square of 2 · 8 · 8 faces; the textures of its left and right halves are apart.
+    /// A flat square of 2 · 8 · 8 faces; its left and right halves are separate in the texture.
     fn square() -> TriMesh {
         let at = |x: u32, y: u32| VertexId(y * (SIDE + 1) + x);
         let places = (0..=SIDE).flat_map(|y| (0..=SIDE).map(move |x| [x as f32, y as f32, 0.0]));
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_surface_that_stays_carries_the_same() {
+    fn an_unchanged_surface_keeps_its_attributes() {
         let mesh = square();
         let same = rebuilt(&mesh, |run, _, _, _| {
             let prepared = prepared_input(run);
@@ -207,7 +207,7 @@ mod tests {
         assert_eq!(
             same.wedge_count(),
             same.vertex_count() + middle,
-            "two wedges along the seam, one elsewhere"
+            "a vertex has two wedges on the seam, else one"
         );
     }
 
@@ -243,7 +243,7 @@ mod tests {
                 );
             }
         }
-        assert_eq!(strips.wedge_count(), 12, "two along the seam");
+        assert_eq!(strips.wedge_count(), 12, "vertices on the seam have two wedges");
 
         let whole = rebuilt(&mesh, |run, _, _, _| {
             let prepared = prepared_input(run);

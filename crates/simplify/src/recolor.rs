@@ -1,9 +1,9 @@
-//! Repair of texture coordinates that left the colour they belong to, from the input.
+//! Repair of texture coordinates that moved to another colour, from the input.
 //!
 //! In a palette texture a whole part uses one small cell of the image. Blended and extrapolated texture
-//! coordinates leave it, and a face shows the cells beside it: patches and stripes of unrelated colours. The
-//! colour of a face is compared with that of the input under it, at a few points; where they differ, the face
-//! takes texture coordinates of the input from those points whose colour gives the smallest difference.
+//! coordinates leave it, and a face shows the neighbouring cells: patches and stripes of unrelated colours.
+//! The colour of a face is compared with that of the input under it, at a few points; where they differ, the
+//! face takes texture coordinates of the input from the points that give the smallest difference in colour.
 //!
 //! Images that vary within single faces anyway (photographs, drawings) are left alone.
 
@@ -39,17 +39,17 @@ const COLOR_THRESHOLD: i32 = 40;
 /// colours. (Measured: .00 to .16 on seven assets with palettes or large patches of one colour, .47 to 1 on
 /// painted ones.)
 const MAX_MIXED_SHARE: f64 = 0.25;
-/// Texture coordinates are replaced if that leaves less than this fraction of the squared difference.
-/// (Guessed: coordinates consistent with their neighbours should stay unless there is a good reason.)
+/// Texture coordinates are replaced if less than this fraction of the squared difference remains. (Guessed:
+/// coordinates consistent with their neighbours should stay unless there is a good reason.)
 const IMPROVEMENT_RATIO: [i64; 2] = [3, 4];
-/// Cosine beyond which a face of the input faces away from one of the result: it is another sheet.
+/// Cosine below which a face of the input faces away from a face of the result: it belongs to another sheet.
 const MIN_FACING_COS: f64 = -0.2;
-/// Faces that a thread looks at in one piece. (Guessed: a lookup takes microseconds.)
+/// Faces that a thread processes at a time. (Guessed: a lookup takes microseconds.)
 const CHUNK_FACES: usize = 256;
 
 type Color = [u8; 4];
 
-/// The component of each vertex of the input and of the result; `None` for vertices without a position.
+/// The component of each vertex of the input and of the result; `None` if its position is unknown.
 pub(crate) struct OwnParts {
     pub(crate) of_input: Vec<Option<u32>>,
     pub(crate) of_result: Vec<Option<u32>>,
@@ -70,7 +70,7 @@ pub(crate) fn recolored(
 
 /// Replaces texture coordinates of the result so that their colours match the source as far as possible. Held
 /// corners are kept. Cost: O(faces of the source) to detect palettes; if there is one, a lookup per face of
-/// the result and ten per face that differs, shared by the threads of the caller's pool.
+/// the result and ten per face that differs, distributed over the caller's thread pool.
 fn repair(
     mesh: TriMesh,
     source: &TriMesh,
@@ -188,7 +188,7 @@ impl ColorSource<'_> {
         region: Option<RegionId>,
         part: Option<u32>,
     ) -> Option<[f32; 2]> {
-        // Nothing faces the way of a face without a normal.
+        // No face has a similar orientation to a face without a normal.
         if normal == DVec3::ZERO || normal.is_nan() {
             return None;
         }
@@ -232,7 +232,7 @@ impl ColorSource<'_> {
             let uv = self.nearest_uv(place, normal, region, part)?;
             Some((uv, texture.color(uv)?))
         };
-        // Most faces show a single colour, and the right one.
+        // Most faces show a single colour, which is correct.
         let middle = color_at(SAMPLE_POINTS[0])?;
         let own = texture.color(interpolate(corners, SAMPLE_POINTS[0]))?;
         if !are_apart(own, middle.1) && !shows_several(texture, corners) {
@@ -251,7 +251,7 @@ impl ColorSource<'_> {
         let given = difference(corners)?;
         let mut best = (given, corners);
         for (at, color) in seen {
-            // For each corner the nearest sample of about this colour, or this sample alone.
+            // For each corner, the nearest sample of about this colour, or only this sample.
             let nearest = [0, 1, 2].map(|k| {
                 let like = (0..SAMPLE_POINTS.len()).filter(|&i| !are_apart(seen[i].1, color));
                 like.max_by(|&i, &j| SAMPLE_POINTS[i][k].total_cmp(&SAMPLE_POINTS[j][k]).then(j.cmp(&i)))

@@ -70,14 +70,13 @@ fn separate_coincident(prepared: &PreparedInput, made: &mut RebuiltSurface) {
     }
 }
 
-/// Returns the levels of a semi-regular mesh, coarsest first, as [`simplify`](crate::simplify) makes it with
-/// [`RemeshPattern::SemiRegular`](crate::RemeshPattern) and `subdivisions`; the last one is the mesh
-/// itself.
+/// Returns the levels of a semi-regular mesh, coarsest first, as made by [`simplify`](crate::simplify) with
+/// [`RemeshPattern::SemiRegular`](crate::RemeshPattern) and `subdivisions`; the last one is the mesh itself.
 ///
 /// Vertex k of a level is vertex k of the next, at the same position, and faces 4k to 4k + 3 of the next
 /// level replace face k: subdivision connectivity, as a multiresolution basis needs. If the run ended before
-/// all levels were made, fewer are returned: as long as the faces come in fours with a middle one. Cost:
-/// O(n).
+/// all levels were made, fewer are returned: as many as have faces in groups of four with a middle face.
+/// Cost: O(n).
 pub fn levels(mesh: &TriMesh, subdivisions: usize) -> Vec<TriMesh> {
     let mut levels = vec![mesh.clone()];
     for _ in 0..subdivisions {

@@ -11,9 +11,10 @@ use crate::prune::Pruned;
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Refusal {
-    /// The ends share a neighbour beyond their common faces: the collapse would pinch the surface. [Dey 1999]
+    /// The ends share a neighbour outside their common faces: the collapse would pinch the surface. [Dey
+    /// 1999]
     LinkCondition,
-    /// A face would flip, or turn further than a guard allows.
+    /// A face would flip, or rotate further than a guard allows.
     NormalFlip,
     /// A face would become a sliver.
     Quality,
@@ -83,9 +84,9 @@ pub enum StoppedBy {
     Vertices,
     /// The fraction of the triangles was reached.
     Ratio,
-    /// The error was reached: the next step would exceed it.
+    /// The error limit was reached: the next step would exceed it.
     Error,
-    /// No collapse is left that topology and guards allow.
+    /// No remaining collapse is allowed by topology and guards.
     Refusals,
     /// The method has nothing left to remove.
     Exhausted,
@@ -174,7 +175,7 @@ pub struct Report {
     pub faces: usize,
     /// Vertices of the result.
     pub vertices: usize,
-    /// True if a stop was met: no more triangles or vertices than asked for, or the error used up.
+    /// True if a stop was met: no more triangles or vertices than requested, or the error limit reached.
     pub reached: bool,
     /// Reason why the run ended.
     pub stopped_by: StoppedBy,
@@ -184,10 +185,10 @@ pub struct Report {
     pub refusals: Vec<(Refusal, u64)>,
     /// Collapses done.
     pub collapses: u64,
-    /// Whole parts removed because the target could not be met otherwise or, with free topology, because they
-    /// were the cheapest to remove.
+    /// Whole parts removed: because the target could not be met otherwise or, with free topology, because
+    /// they were the cheapest to remove.
     pub parts_removed: usize,
-    /// Necks that were cut, each a loop of three edges round a handle or a thin place.
+    /// Necks that were cut, each a loop of three edges around a handle or a thin place.
     pub necks_cut: usize,
     /// Contracted pairs of vertices without an edge between them, with
     /// [`pairs`](crate::Method::Memoryless); included in the collapses.
@@ -198,7 +199,7 @@ pub struct Report {
     pub locked_faces: usize,
     /// True if seam vertices were merged across seams because no other collapse was left.
     pub seams_relaxed: bool,
-    /// True if vertices left the sharp edges that the options make features of, because no other collapse was
+    /// True if vertices left sharp edges that are features by the options, because no other collapse was
     /// left.
     pub sharp_relaxed: bool,
     /// Repairs made before the run.
@@ -209,27 +210,27 @@ pub struct Report {
     pub dropped: Vec<&'static str>,
     /// True if the fit ran.
     pub fitted: bool,
-    /// Changes of the options that would let the run continue if it is stuck above its target
-    /// ([`StoppedBy::Refusals`]); the one that permits most comes first. Empty if no option helps.
+    /// Changes of the options with which the run could continue if it is stuck above its target
+    /// ([`StoppedBy::Refusals`]); the change that permits most comes first. Empty if no option helps.
     pub proposals: Vec<Proposal>,
     /// Steps that were tried after the first run, with [`SimplifyOptions::escalate`](crate::SimplifyOptions).
     pub escalated: Vec<Escalation>,
     /// Small parts that were removed first. Distances are measured from the remaining parts.
     pub pruned: Pruned,
-    /// In a scene, places where borders of meshes touched and came apart: they were simplified separately, or the
-    /// method did not keep their vertices.
+    /// In a scene, places where borders of meshes touched and were separated: the meshes were simplified
+    /// separately, or the method did not keep their vertices.
     pub gaps: usize,
     /// Pairs of faces of the input that lie on each other with opposite windings: the two sides of a sheet,
     /// reduced as one.
     pub two_sided_pairs: usize,
-    /// Connected parts that are sheets with two sides as well, but were reduced as closed surfaces and may lose
-    /// area, because the sides have different triangles. (Flat ones: bent sides with different triangles are not
-    /// told from thin solids.)
+    /// Connected parts that are two-sided sheets too, but were reduced as closed surfaces and may lose area,
+    /// because their sides have different triangles. (Only flat ones are counted: bent sides with different
+    /// triangles cannot be distinguished from thin solids.)
     pub unpaired_sheets: usize,
     /// Outcome of the clustering stage, if there was one.
     pub clustered: Option<Clustered>,
     /// Number of face visits by collapses and their costs, as a measure of the work done; 0 for methods that
-    /// collapse no edges.
+    /// do not collapse edges.
     #[doc(hidden)]
     pub faces_visited: u64,
 }
@@ -238,7 +239,7 @@ pub struct Report {
 #[cfg(feature = "serde")]
 fn dropped_names<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Vec<&'static str>, D::Error> {
     let names: Vec<String> = serde::Deserialize::deserialize(from)?;
-    // Those of `Semantic::title`.
+    // The names from `Semantic::title`.
     let known = [
         "tangents",
         "further texture coordinates",
@@ -283,8 +284,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_refusal_has_its_place_and_a_word_of_its_own() {
-        // Counts of refusals are indexed by their place.
+    fn each_refusal_has_its_index_and_a_unique_name() {
+        // Counts of refusals are indexed by their position in the list.
         assert!(Refusal::ALL.iter().enumerate().all(|(i, why)| *why as usize == i));
         let words: BTreeSet<&str> = Refusal::ALL.iter().map(|why| why.name()).collect();
         assert_eq!(words.len(), Refusal::ALL.len());

@@ -47,7 +47,7 @@ pub(crate) fn collapses(method: MethodKind) -> Option<Pass> {
 ///
 /// # Panics
 ///
-/// If the options ask for another method.
+/// If the options have another method.
 pub(crate) fn run_collapses(
     input: &Input<'_>,
     options: &SimplifyOptions,
@@ -62,13 +62,13 @@ pub(crate) fn run_collapses(
 ///
 /// # Panics
 ///
-/// If the options ask for another method.
+/// If the options have another method.
 pub(crate) fn run_by_collapses(
     input: &Input<'_>,
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<Done, SimplifyError> {
-    let pass = collapses(options.method.kind()).expect("only methods that collapse edges come here");
+    let pass = collapses(options.method.kind()).expect("only methods that collapse edges get here");
     run_with(pass, input, options, control)
 }
 
@@ -102,7 +102,7 @@ pub(crate) fn run_ordered(
     Ok(build_report(input, options, &ordered, &constraints, finished))
 }
 
-/// Orders the input; an error if it has no face with an area.
+/// Orders the input; returns an error if no face has an area.
 pub(crate) fn ordered(input: &Input<'_>, control: &mut dyn Control) -> Result<Ordered, SimplifyError> {
     control.stage(Stage::Prepare);
     if control.progress(0.0) == Verdict::Cancel {

@@ -1,9 +1,9 @@
-//! Simplification of all meshes of a scene under one budget: triangles are removed where that costs least,
-//! whichever mesh they belong to.
+//! Simplification of all meshes of a scene with one budget: triangles are removed where that costs least, in
+//! any mesh.
 //!
 //! All meshes are laid side by side in one, at the sizes that they have in the scene, and simplified in one
-//! run: its threshold is the same for all. Each collapse in a mesh with several instances saves as many times
-//! the triangles as it makes errors, so instances change only the count.
+//! run: its threshold is the same for all. A collapse in a mesh with several instances multiplies saved
+//! triangles and errors equally, so instances change only the count.
 
 mod joined;
 mod layout;
@@ -21,32 +21,33 @@ use joined::JoinedScene;
 use layout::PartPlacement;
 pub use part::{MeshCounts, Part, Place, SimplifiedScene, Starved};
 
-/// Reduces the number of triangles of several meshes under one budget: triangles are removed where that costs
-/// least, whichever mesh they belong to.
+/// Reduces the number of triangles of several meshes with one budget: triangles are removed where that costs
+/// least, in any mesh.
 ///
 /// # Input
-/// Each [`Part`] is a mesh in its own coordinates, with a scale and a number of instances. Counts of the stop
-/// are of all instances together. `diagonal` is the diagonal of the scene's bounding box, in the units of the
-/// scene, and the one that lengths given as shares refer to.
+/// Each [`Part`] is a mesh in its own coordinates, with a scale and a number of instances. The counts of the
+/// stop refer to all instances together. `diagonal` is the diagonal of the scene's bounding box, in the units
+/// of the scene; lengths given as shares refer to it.
 ///
 /// # Output
 /// One mesh for each part, in the same order and in the units, precision, attributes and regions of that
-/// part; a mesh may have lost all its faces. Counts of the report are of all instances, its lengths in the
-/// units of the scene.
+/// part; a mesh may have lost all its faces. Counts in the report include all instances; its lengths are in
+/// the units of the scene.
 ///
 /// With [`SimplifyOptions::per_mesh`] each part is simplified separately, and the stop applies to each, with
 /// its instances counted once; parts that touch then do not stay connected ([`Report::gaps`](crate::Report)).
 ///
 /// # Promises
 /// Those of [`simplify`](crate::simplify()), for all parts laid side by side. Parts of one
-/// [system](Part::system) that touch stay connected, and so do all whose borders touch at their
-/// [places](Part::places), up to rounding; [`Report::gaps`](crate::Report) counts the exceptions. A proven bound includes the rounding of the results to
-/// the precision of their parts. Same parts, options and seed, same bytes.
+/// [system](Part::system) that touch stay connected, and so do all parts whose borders touch at their
+/// [places](Part::places), up to rounding; [`Report::gaps`](crate::Report) counts the exceptions. A proven
+/// bound includes the rounding of the results to the precision of their parts. The same parts, options and
+/// seed give the same bytes.
 ///
 /// # Cost
 /// That of [`simplify`](crate::simplify()) for all parts joined in one mesh, whose positions have double
-/// precision: some 60 bytes more for each triangle. Where the numbers of instances differ, the count of all
-/// instances has to be searched for: up to six runs.
+/// precision: about 60 more bytes for each triangle. If meshes have different numbers of instances, the count
+/// has to be searched for: up to six runs.
 ///
 /// # Errors
 /// Those of [`simplify`](crate::simplify()): [`SimplifyError::NoFaces`] if no part has a face with an area
@@ -55,7 +56,7 @@ pub use part::{MeshCounts, Part, Place, SimplifiedScene, Starved};
 /// more elements than 32-bit ids can name.
 ///
 /// # Panics
-/// Not on account of any mesh or option.
+/// Never because of a mesh or an option.
 pub fn simplify_scene(
     parts: &[Part<'_>],
     diagonal: f64,

@@ -1,4 +1,4 @@
-//! Shape normals, for runs in which normals count though the mesh has none.
+//! Temporary vertex normals for meshes that have none, for runs in which normals count.
 
 use lodsmith_core::mesh::normals::vertex_normals;
 use lodsmith_core::mesh::weld::weld;
@@ -6,8 +6,8 @@ use lodsmith_core::{MeshError, Positions, PositionsView, TriMesh};
 
 use crate::input::Input;
 
-/// Returns the mesh of an input with vertex normals computed from its faces; `None` if it has normals of its
-/// own.
+/// Returns the mesh of an input with vertex normals computed from its faces; `None` if it already has
+/// normals.
 pub(crate) fn with_shape_normals(input: &Input<'_>) -> Result<Option<TriMesh>, MeshError> {
     let mut mesh = match input.mesh {
         Some(mesh) if mesh.normals().is_some() => return Ok(None),
@@ -24,8 +24,8 @@ pub(crate) fn with_shape_normals(input: &Input<'_>) -> Result<Option<TriMesh>, M
     Ok(Some(mesh))
 }
 
-/// Removes the lent normals from a result.
-pub(crate) fn without_lent_normals(mut mesh: TriMesh) -> Result<TriMesh, MeshError> {
+/// Removes the temporary normals from a result.
+pub(crate) fn without_temporary_normals(mut mesh: TriMesh) -> Result<TriMesh, MeshError> {
     mesh.set_normals(None)?;
     if mesh.has_attributes() || mesh.vertex_map().is_none() {
         return Ok(mesh);

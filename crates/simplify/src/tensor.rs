@@ -1,4 +1,4 @@
-//! Symmetric 3×3 tensors in single precision, of which the cost of a collapse is made.
+//! Symmetric 3×3 tensors in single precision, from which the cost of a collapse is computed.
 
 use glam::Vec3;
 

@@ -43,7 +43,7 @@ pub(crate) fn bits<const N: usize>(of: [f32; N]) -> [u32; N] {
     of.map(|x| if x.is_nan() { f32::NAN } else { x + 0.0 }.to_bits())
 }
 
-/// Calls back with an engine before its first sweep on a mesh, and the run that belongs to it.
+/// Calls a function with an engine before its first sweep on a mesh, and the run that it belongs to.
 pub(crate) fn with_engine<M: Metric>(
     metric: M,
     mesh: &TriMesh,
@@ -63,7 +63,7 @@ pub(crate) fn with_engine<M: Metric>(
 /// vertices between them have two wedges.
 pub(crate) fn in_two_charts(plain: &TriMesh) -> TriMesh {
     let view = plain.positions().view();
-    let bounds = view.bounds().expect("it has vertices");
+    let bounds = view.bounds().expect("the mesh has vertices");
     let at = |w: WedgeId| view.get(plain.vertex_of(w));
     let middle = 0.5 * (bounds.min[0] + bounds.max[0]);
     let is_right = |t: &[WedgeId; 3]| t.iter().map(|&w| at(w)[0]).sum::<f64>() / 3.0 > middle;
@@ -87,7 +87,7 @@ pub(crate) fn in_two_charts(plain: &TriMesh) -> TriMesh {
     lodsmith_core::mesh::compact::compact(&mesh).mesh
 }
 
-/// Points and faces of a mesh that is small enough to compute everything by hand.
+/// Points and faces of a mesh small enough to check by hand.
 pub(crate) struct SmallMesh {
     pub(crate) points: Vec<Vec3>,
     pub(crate) faces: Vec<[u32; 3]>,
@@ -202,11 +202,11 @@ pub(crate) fn tube(rings: u32) -> SmallMesh {
 /// Splits with three levels, of the faces
 ///
 /// - 0 1 2,
-/// - 0 1 2 and 1 3 2: the first split adds vertex 3, and moves vertex 1 from x = 2 to x = 1,
+/// - 0 1 2 and 1 3 2: the first split adds vertex 3 and moves vertex 1 from x = 2 to x = 1,
 /// - 0 1 2, 1 4 2, 4 3 2 and 1 5 4: the second split adds vertices 4 and 5, and gives a corner of 3 to 4.
 ///
 /// Checkpoints at the first and the last level move vertex 0 along z by 1 and by 3, and the last one moves vertex 1
-/// along x by 1. The original has the opposite order.
+/// along x by 1. The original has the elements in reverse order.
 pub(crate) fn three_levels() -> SplitData {
     let count = |faces, vertices| Counts { faces, wedges: vertices, vertices };
     let checkpoint = |level, error, vertices: &[u32], moves: &[[f32; 3]]| Checkpoint {

@@ -1,4 +1,4 @@
-//! Colour images of a mesh, for runs that keep texture colours in place.
+//! Colour images of a mesh, for runs that repair texture colours.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ pub struct Texture {
     pub image: Arc<Image>,
     /// Maps texture coordinates to the image, as two rows of three; see [`TextureRef::transform`].
     pub transform: [[f32; 3]; 2],
-    /// Wrapping beyond the edges of the image.
+    /// How the image repeats beyond its edges.
     pub sampler: Sampler,
 }
 
@@ -36,7 +36,7 @@ impl Texture {
     }
 }
 
-/// Returns the index of the pixel, in a row of `n`, at a coordinate in image sizes.
+/// Returns the index of the pixel at a coordinate, in a row of `n`; the image spans coordinates from 0 to 1.
 fn pixel(at: f32, n: usize, wrap: Wrap) -> usize {
     let inside = match wrap {
         Wrap::Clamp => at,
@@ -55,13 +55,13 @@ fn pixel(at: f32, n: usize, wrap: Wrap) -> usize {
 pub struct Textures(Vec<Option<Texture>>);
 
 impl Textures {
-    /// Takes the textures of the regions of one mesh, by index; the first is that of a mesh without regions.
+    /// Takes the textures of the regions of one mesh, by index; a mesh without regions uses the first.
     pub fn of_regions(regions: Vec<Option<Texture>>) -> Self {
         Self(regions)
     }
 
-    /// Takes the base colour textures of a mesh of a model, given by index. Textures that use another set than the
-    /// first of texture coordinates are left out.
+    /// Takes the base colour textures of a mesh of a model, given by index. Textures that use any but the
+    /// first set of texture coordinates are left out.
     ///
     /// # Panics
     /// If the model has no mesh with this index.
@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn images_go_on_as_their_sampler_says() {
+    fn images_wrap_as_their_sampler_specifies() {
         let all = [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp];
         let at = |x: f32| all.map(|wrap| pixel(x, 4, wrap));
         assert_eq!(at(0.3), [1, 1, 1]);
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn texture_coordinates_count_from_the_lower_left() {
+    fn texture_coordinates_start_at_the_lower_left() {
         let (red, green) = ([255, 0, 0, 255], [0, 255, 0, 255]);
         let texture = Texture::new(Image::new(1, 2, vec![red, green]));
         assert_eq!(texture.color([0.5, 0.9]), Some(red));

@@ -3,13 +3,13 @@
 //!
 //! ```text
 //! find pairs of opposite faces, and a consistent front           (pairs)
-//! leave the backs out; their values travel beside the fronts'    (plan, single)
+//! leave the backs out; their values are kept with the fronts'    (plan, single)
 //! run on the rest, with counts of both sides                     (this file)
 //! add the backs to the result, or to each level                  (both, splits)
 //! ```
 //!
 //! With both sides in one run, inner edges of a sheet would have four faces, which no collapse may touch, and
-//! its outline two, as if it were closed there.
+//! edges on its outline would have two, as if it were closed there.
 
 mod both;
 mod near;
@@ -40,25 +40,25 @@ use single::{SingleSided, back_corners};
 pub(crate) struct TwoSidedInput<'a> {
     whole: Cow<'a, TriMesh>,
     single: SingleSided,
-    /// FacePairs of faces.
+    /// Number of pairs of faces.
     pair_count: usize,
-    /// Faces that repeated one of a pair.
+    /// Number of duplicates of faces in pairs.
     duplicates: usize,
-    /// True if each face belongs to a pair, with vertices that are shared or not throughout.
+    /// True if every face belongs to a pair, and front and back share either all their vertices or none.
     is_uniform: bool,
-    /// True if the input can be put together again from the fronts.
+    /// True if the input can be restored exactly from the fronts.
     is_exact: bool,
-    /// Vertices of backs that are not those of the front, with the one of the front.
+    /// Vertices of backs that are not the vertex of the front there, each followed by that vertex.
     own_vertices: Vec<[VertexId; 2]>,
-    /// The vertex that each one is to be merged with, as in the input.
+    /// The vertex that each vertex is to be merged with, as in the input.
     joined: Option<Vec<VertexId>>,
     /// Data of the input without backs.
     data: OwnedMeshData,
 }
 
-/// True if a run is worth looking for sheets: not with voxels, whose surface encloses what is inside, nor with
-/// pairs, which would join single cards to sheets that branch, unless the topology is free; and with clustering,
-/// which needs no order otherwise, only if a sample of the faces occurs twice.
+/// True if a run should look for sheets. Not with voxels, whose surface encloses everything inside; nor with
+/// pairs, which would join single cards to branching sheets, unless the topology is free; and with
+/// clustering, which needs no ordered input otherwise, only if sampled faces occur twice.
 pub(crate) fn is_looked_for(surface: &Surface<'_>, options: &SimplifyOptions) -> bool {
     if options.method.pairs().is_some() && options.topology != TopologyPolicy::Free {
         return false;
@@ -90,9 +90,9 @@ pub(crate) fn sides(surface: &Surface<'_>) -> Sides {
     Sides { fronts: all(FacePair::fronts), backs: all(FacePair::backs) }
 }
 
-/// Counts the faces of a surface that lie on a face of opposite winding, on both sides: those that
-/// [`simplify`](crate::simplify()) reduces as one sheet. Quads whose sides are cut along different diagonals
-/// count too, and sides up to a millionth of the diagonal apart. Cost: O(n log n).
+/// Counts the faces of a surface that lie on a face of opposite winding, on both sides:
+/// [`simplify`](crate::simplify()) reduces these as one sheet. Quads whose sides are cut along different
+/// diagonals count too, and so do sides up to a millionth of the diagonal apart. Cost: O(n log n).
 pub fn two_sided_faces(surface: &Surface<'_>) -> usize {
     let Sides { fronts, backs } = sides(surface);
     fronts.len() + backs.len()
@@ -114,13 +114,14 @@ impl<'a> TwoSidedInput<'a> {
         options: &SimplifyOptions,
     ) -> Result<Option<Self>, SimplifyError> {
         let surface = &prepared.surface;
-        // A bent quad has a back of another shape: that may not be traded where a distance is promised.
+        // A bent quad has a back of another shape: one cannot stand for the other where a distance is
+        // guaranteed.
         let is_bound = options.stop.error.is_some() || options.effective_bound() != Bound::Estimate;
         let bent = if is_bound { 0.0 } else { pairs::MAX_BENT_GAP };
         let may_pair = |pair: &FacePair, places: &dyn Fn(u32) -> [VertexId; 3]| {
             may_pair(input, input.data.locked, pair, places)
         };
-        // (Whoever asks for a weld has said what is joined.)
+        // (A requested weld defines what is joined.)
         let near = match options.weld {
             None => near::joined(surface, ordered, input.surface.triangles(), bent, may_pair),
             Some(_) => None,
@@ -198,14 +199,15 @@ impl<'a> TwoSidedInput<'a> {
         Ok((crate::Simplified { mesh: both.mesh, report }, both.held))
     }
 
-    /// True if a result has no more faces back to back than the input. (In heaps of loose faces, others can come to lie on a
-    /// sheet.)
+    /// True if a result has no more faces back to back than the input. (In a jumble of loose faces, others
+    /// can end up on a sheet.)
     pub(crate) fn has_no_more_opposite(&self, result: &TriMesh) -> bool {
         let count = |mesh: &TriMesh| defects(&mesh.surface()).opposite_duplicate_count;
         count(result) <= count(&self.whole).max(self.pair_count)
     }
 
-    /// Returns the stops of a chain of runs on the fronts, if counts of both sides follow from theirs.
+    /// Returns the stops of a chain of runs on the fronts, if the counts of both sides follow from the counts
+    /// of the fronts.
     pub(crate) fn chain_stops(&self, stops: &[Stop]) -> Option<Vec<Stop>> {
         self.is_uniform.then(|| {
             let own = |stop: &Stop| {
@@ -226,7 +228,7 @@ impl<'a> TwoSidedInput<'a> {
     ) -> Result<(Vec<Done>, Mergers), SimplifyError> {
         let mut all: Vec<Done> = Vec::with_capacity(levels.len());
         let mut both_mergers = Mergers::new();
-        // The vertex of the front that each vertex of the level before belongs to, and whether it is of a back.
+        // For each vertex of the level before, its vertex on the front, and whether it belongs to a back.
         let mut before: Vec<(VertexId, bool)> =
             (0..self.whole.vertex_count()).map(|v| (VertexId::new(v), false)).collect();
         for [back, front] in &self.own_vertices {
@@ -265,7 +267,7 @@ impl<'a> TwoSidedInput<'a> {
         self.single.both_splits(&self.whole, &self.own_vertices, data)
     }
 
-    /// Returns a stop at which both sides have no more elements than at a stop of the whole.
+    /// Returns a stop at which both sides together have no more elements than the given stop allows.
     pub(crate) fn lowest_stop(&self, stop: &Stop) -> Stop {
         let goal = self.goal(stop);
         goal.own_stop(
@@ -279,7 +281,7 @@ impl<'a> TwoSidedInput<'a> {
         &self.whole
     }
 
-    /// The number of faces that repeated one of a pair.
+    /// The number of duplicates of faces in pairs.
     pub(crate) fn duplicates(&self) -> usize {
         self.duplicates
     }
@@ -320,8 +322,9 @@ impl<'a> TwoSidedInput<'a> {
     }
 }
 
-/// True if the back of a pair may be left out of a run on an input: nothing but its winding and its values tells it from
-/// the front, and locked vertices come back bit for bit. `places` gives the places of the corners of a face.
+/// True if the back of a pair may be left out of a run on an input: it differs from the front only in its
+/// winding and its values, and locked vertices can be restored bit for bit. `places` gives the places of the
+/// corners of a face.
 fn may_pair(
     input: &Input<'_>,
     locked: Option<&[bool]>,
@@ -345,7 +348,7 @@ fn may_pair(
             .is_none_or(|mesh| is_whole(mesh, pair) && corners().all(|(a, b)| moves_alike(mesh, a, b)))
 }
 
-/// True if each side of a pair has one region, and one wedge at each corner of a quad.
+/// True if each side of a pair has only one region, and only one wedge at each corner of a quad.
 fn is_whole(mesh: &TriMesh, pair: &FacePair) -> bool {
     [pair.fronts(), pair.backs()].into_iter().all(|side| {
         let [a, b] = [side[0], side[side.len() - 1]].map(|f| f as usize);
@@ -355,7 +358,8 @@ fn is_whole(mesh: &TriMesh, pair: &FacePair) -> bool {
     })
 }
 
-/// True if joints and morph targets move two corners, of a face each, alike, so that the sides stay together.
+/// True if joints and morph targets move two corners, one of each face, equally, so that the sides stay
+/// together.
 fn moves_alike(mesh: &TriMesh, front: (u32, usize), back: (u32, usize)) -> bool {
     let wedge = |(f, k): (u32, usize)| -> WedgeId { mesh.triangles()[f as usize][k] };
     let mut moves = mesh.further_attributes().iter().filter(|a| {

@@ -1,11 +1,11 @@
 //! Un-subdivision: replaces every four triangles that result from a midpoint subdivision by the original one.
 //!
 //! A component, connected across edges, is undone as a whole or not at all. Even vertices keep their
-//! positions: midpoint subdivision is inverted exactly; of a smoothing scheme (Loop's) the connectivity is
+//! positions: midpoint subdivision is inverted exactly; for a smoothing scheme (Loop's) the connectivity is
 //! restored, with vertices on the smooth surface.
 //!
 //! Source: [Taubin 2001]. There a mesh has one component; where several covers fit, as on regular grids, we
-//! take the one whose odd vertices lie nearest to the midpoints of their edges.
+//! take the cover whose odd vertices lie nearest to the midpoints of their edges.
 
 mod cover;
 

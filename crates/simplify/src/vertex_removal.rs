@@ -3,7 +3,7 @@
 //! ```text
 //! cost of every vertex: its distance from the mean plane of its faces, or from the line of its crease or border
 //! loop:
-//!     limit = the cost that a fifth of the vertices lie below, or as many as have to be removed
+//!     limit = the cost below which a fifth of the vertices lie, or as many as have to be removed
 //!     for each vertex below the limit, along a Morton curve:
 //!         recompute its cost, for its neighbours may have changed; if that is above the limit, keep it
 //!         fill the hole that it would leave; if it lies farther from the filling than the limit allows, keep it
@@ -43,14 +43,14 @@ const SIZE_WEIGHT: f64 = 1e-5;
 const PROGRESS_EVERY: usize = 1024;
 /// The bound of a removed vertex.
 const REMOVED_BOUND: f32 = f32::NEG_INFINITY;
-/// Share of the vertices that a sweep considers. (Guessed: fewer take more sweeps and follow the order more
-/// closely.)
+/// Share of the vertices that a sweep considers. (Guessed: a smaller share takes more sweeps and follows the
+/// order of costs more closely.)
 const SWEEP_SHARE: f64 = 0.2;
 /// Marks vertices outside the current ring.
 const OUTSIDE: u8 = u8::MAX;
 
-/// Removes vertices until the goal is met or no more can be removed. Each vertex of the result is one of the
-/// input.
+/// Removes vertices until the goal is met or no more can be removed. Each vertex of the result is a vertex of
+/// the input.
 pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<RebuiltSurface, SimplifyError> {
     let mut removal = Removal::new(task);
     let mut end = removal.run(control)?;
@@ -75,10 +75,10 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Rebuilt
 struct Removal<'a> {
     task: &'a Task<'a>,
     store: FaceStore<'a>,
-    /// Lower bound of the cost of each vertex; infinite if it can only be removed after a change at a
-    /// neighbour.
+    /// Lower bound of the cost of each vertex; infinite if it can only be removed after a neighbour has
+    /// changed.
     bounds: Vec<f32>,
-    /// Largest possible distance of the surface round a vertex from the input.
+    /// Largest possible distance of the surface around a vertex from the input.
     error: Vec<f32>,
     /// Index in the current ring, or [`OUTSIDE`].
     number: Vec<u8>,
@@ -96,7 +96,7 @@ struct Removal<'a> {
 struct RemovalPlan {
     /// Distance from the vertex to the filling, in the unit frame.
     distance: f64,
-    /// If this is above the limit, the hole may not be filled yet.
+    /// If this is above the limit, the hole may not have been filled yet.
     cost: f32,
     class: Class,
 }
@@ -173,7 +173,7 @@ impl<'a> Removal<'a> {
         }
     }
 
-    /// Gives up the seams, if there are any, so that no vertex is refused for them.
+    /// Gives up the seams, if there are any, so that they block no vertex.
     fn relax_seams(&mut self) -> bool {
         let seams = std::mem::take(&mut self.store.seams);
         self.bounds.iter_mut().filter(|bound| **bound == f32::INFINITY).for_each(|bound| *bound = 0.0);
@@ -307,9 +307,9 @@ impl<'a> Removal<'a> {
     }
 
     /// Collects the positions of the ring, the faces beyond it, and the existing edges between its vertices;
-    /// hubs are not walked, and no edge is allowed between two of them. Returns the number of faces beyond
-    /// that would coincide with the filling: those on the same three vertices, or at the edge of a ring of
-    /// two.
+    /// the stars of hubs are not visited, and no edge is allowed between two hubs. Returns the number of
+    /// faces beyond that would coincide with the filling: faces on the same three vertices, or at the edge of
+    /// a ring of two.
     fn inspect_ring(&mut self, v: VertexId) -> usize {
         let Self { star, ring, number, store, .. } = self;
         let count = star.ring.len();
@@ -357,7 +357,7 @@ impl<'a> Removal<'a> {
                 if usize::from(k) == next && adjacent(i, next) {
                     ring.beyond[i] = normal();
                 }
-                // Found from the other end, if that one is a hub.
+                // Found from the other end if this one is a hub.
                 let before = (i + count - 1) % count;
                 if usize::from(j) == before && adjacent(i, before) && hubs >> before & 1 == 1 {
                     ring.beyond[before] = normal();
@@ -406,7 +406,7 @@ impl<'a> Removal<'a> {
             self.store.remove(f);
         }
         for t in &self.triangles {
-            // A former face on the same side of a crease.
+            // A removed face on the same side of a crease.
             let is_first = |i: usize| matches!(plan.class, Class::Edge(a, b) if (a..b).contains(&i));
             let inside = |&&i: &&usize| match plan.class {
                 Class::Edge(a, b) => is_first(i) == t.iter().all(|k| (a..=b).contains(k)),

@@ -154,13 +154,14 @@ fn guards_hold_in_the_fitted_levels_of_a_progressive_mesh() {
     let mut options = SimplifyOptions::new(Stop::ratio(0.1));
     options.guards =
         Guards { max_edge: Some(Length::Units(limit)), min_quality: Some(0.3), ..Guards::default() };
-    let mut road = Progressive::build(&mesh, &options, &mut NoControl).unwrap();
-    let levels: Vec<usize> = road.splits().checkpoints.iter().map(|c| c.level as usize).collect();
+    let mut progressive = Progressive::build(&mesh, &options, &mut NoControl).unwrap();
+    let levels: Vec<usize> = progressive.splits().checkpoints.iter().map(|c| c.level as usize).collect();
     assert!(levels.len() > 3);
     let mut moved = 0;
     for level in levels {
-        road.to_level(level);
-        let (plain, fitted) = (faces(&road.mesh().unwrap()), faces(&road.fitted_mesh().unwrap()));
+        progressive.to_level(level);
+        let (plain, fitted) =
+            (faces(&progressive.mesh().unwrap()), faces(&progressive.fitted_mesh().unwrap()));
         for (before, after) in plain.into_iter().zip(fitted) {
             moved += usize::from(before != after);
             assert!(shape(after) >= shape(before).min(0.3) - 1e-4, "level {level}");

@@ -256,37 +256,37 @@ proptest! {
         prop_assume!(has_faces(&mesh));
         let mut random = Random(seed | 1);
         let mut all = Complaints::default();
-        let mut roads = 0;
+        let mut built = 0;
         for method in MethodKind::ALL {
             let options = options(method, Stop::default());
             let case = case(&options);
-            let mut road = match Progressive::build(&mesh, &options, &mut NoControl) {
-                Ok(road) => road,
+            let mut progressive = match Progressive::build(&mesh, &options, &mut NoControl) {
+                Ok(progressive) => progressive,
                 Err(error) if is_refusal(&error) => continue,
                 Err(error) => {
                     all.add(&case, [format!("fails: {error}")]);
                     continue;
                 }
             };
-            roads += 1;
-            let there = |road: &Progressive| road.mesh().map(|m| bytes(&m));
+            built += 1;
+            let there = |progressive: &Progressive| progressive.mesh().map(|m| bytes(&m));
             // Down in a few steps and up again: each level is what it was.
             let mut passed = Vec::new();
-            while road.level() > 0 && passed.len() < 6 {
-                passed.push((road.level(), there(&road)));
-                road.to_level(random.below(road.level() as u64) as usize);
-                let level = road.mesh().expect("each level is a mesh");
+            while progressive.level() > 0 && passed.len() < 6 {
+                passed.push((progressive.level(), there(&progressive)));
+                progressive.to_level(random.below(progressive.level() as u64) as usize);
+                let level = progressive.mesh().expect("each level is a mesh");
                 Topology::unwelded(&level.surface()).check();
             }
             for (level, before) in passed.into_iter().rev() {
-                road.to_level(level);
-                all.check(&case, there(&road) == before, &format!("level {level} is not the same upwards"));
+                progressive.to_level(level);
+                all.check(&case, there(&progressive) == before, &format!("level {level} is not the same upwards"));
             }
-            road.to_level(road.top());
-            let is_back = bytes(&road.mesh().expect("a mesh")) == bytes(&mesh);
+            progressive.to_level(progressive.top());
+            let is_back = bytes(&progressive.mesh().expect("a mesh")) == bytes(&mesh);
             all.check(&case, is_back, "the way back does not lead to the input");
         }
-        prop_assert!(roads >= 5, "{roads} methods made a progressive mesh");
+        prop_assert!(built >= 5, "{built} methods made a progressive mesh");
         all.report_all();
     }
 }

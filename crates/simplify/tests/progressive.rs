@@ -39,9 +39,9 @@ fn is_same(a: &TriMesh, b: &TriMesh) -> bool {
 fn walk<'a>(input: impl Into<Input<'a>>, options: &SimplifyOptions) -> Vec<String> {
     let input = input.into();
     let mesh = input.mesh().unwrap();
-    let mut road = Progressive::build(&input, options, &mut NoControl).unwrap();
+    let mut progressive = Progressive::build(&input, options, &mut NoControl).unwrap();
     let mut wrong = Vec::new();
-    if !is_same(&road.mesh().unwrap(), mesh) {
+    if !is_same(&progressive.mesh().unwrap(), mesh) {
         wrong.push("the full level is not the input".to_owned());
     }
     let before = counts(mesh);
@@ -50,13 +50,13 @@ fn walk<'a>(input: impl Into<Input<'a>>, options: &SimplifyOptions) -> Vec<Strin
     let may_change = options.topology == TopologyPolicy::Free || has_pairs;
     let mut levels = Vec::new();
     loop {
-        let level = road.mesh().unwrap();
+        let level = progressive.mesh().unwrap();
         let surface = level.surface();
         let topology = Topology::unwelded(&surface);
         topology.check();
         let now = topology.counts();
-        let number = road.level();
-        let is_mended = number < road.top();
+        let number = progressive.level();
+        let is_mended = number < progressive.top();
         if is_mended && !may_change && now.border_edge_count > before.border_edge_count {
             wrong.push(format!("level {number} has more border edges"));
         }
@@ -67,21 +67,23 @@ fn walk<'a>(input: impl Into<Input<'a>>, options: &SimplifyOptions) -> Vec<Strin
         if is_mended && flat.count() > 0 {
             wrong.push(format!("level {number} has degenerate faces"));
         }
-        if (level.face_count(), level.vertex_count()) != (road.face_count(), road.vertex_count()) && is_mended
+        if (level.face_count(), level.vertex_count())
+            != (progressive.face_count(), progressive.vertex_count())
+            && is_mended
         {
             wrong.push(format!("level {number} has other counts than it says"));
         }
         levels.push(bytes(&level));
-        if road.level() == 0 {
+        if progressive.level() == 0 {
             break;
         }
-        road.coarsen(1);
+        progressive.coarsen(1);
     }
     for (number, level) in levels.iter().rev().enumerate() {
-        if bytes(&road.mesh().unwrap()) != *level {
+        if bytes(&progressive.mesh().unwrap()) != *level {
             wrong.push(format!("level {number} is not the same upwards"));
         }
-        road.refine(1);
+        progressive.refine(1);
     }
     wrong.truncate(3);
     wrong
@@ -136,8 +138,8 @@ fn pairs_and_cuts_go_both_ways() {
     let torus = shapes::torus(14, 8);
     for placement in [Placement::Optimal, Placement::Endpoint] {
         let options = with(|o| (o.placement, o.topology) = (placement, TopologyPolicy::Free));
-        let road = built(&torus, &options);
-        complaints.check("torus", road.splits().counts[0].faces < 14, "no neck was cut");
+        let progressive = built(&torus, &options);
+        complaints.check("torus", progressive.splits().counts[0].faces < 14, "no neck was cut");
         complaints.add("torus", walk(&torus, &options));
     }
     complaints.report_all();
@@ -199,12 +201,12 @@ fn broken_input_comes_back() {
     let swapped = faces.iter_mut().find(|t| t.contains(&id(5))).unwrap();
     *swapped = swapped.map(|v| if v == id(5) { id(n + 2) } else { v });
     let mesh = TriMesh::new(Positions::F32(points), faces).unwrap();
-    let mut road = built(&mesh, &SimplifyOptions::default());
-    assert!(is_same(&road.mesh().unwrap(), &mesh));
-    road.to_faces(20);
-    assert!(road.mesh().unwrap().positions().view().iter().flatten().all(f64::is_finite));
-    road.to_level(road.top());
-    assert!(is_same(&road.mesh().unwrap(), &mesh));
+    let mut progressive = built(&mesh, &SimplifyOptions::default());
+    assert!(is_same(&progressive.mesh().unwrap(), &mesh));
+    progressive.to_faces(20);
+    assert!(progressive.mesh().unwrap().positions().view().iter().flatten().all(f64::is_finite));
+    progressive.to_level(progressive.top());
+    assert!(is_same(&progressive.mesh().unwrap(), &mesh));
 }
 
 #[test]
@@ -213,19 +215,19 @@ fn a_thousand_jumps_find_what_steps_find() {
     for mesh in
         [shapes::blob(3, 5), support::charts::two_charts(8), laden(&shapes::torus(16, 10), &mut random)]
     {
-        let mut road = built(&mesh, &SimplifyOptions::default());
-        let all: Vec<_> = (0..road.levels())
+        let mut progressive = built(&mesh, &SimplifyOptions::default());
+        let all: Vec<_> = (0..progressive.levels())
             .map(|level| {
-                road.to_level(level);
-                (bytes(&road.mesh().unwrap()), bytes(&road.fitted_mesh().unwrap()))
+                progressive.to_level(level);
+                (bytes(&progressive.mesh().unwrap()), bytes(&progressive.fitted_mesh().unwrap()))
             })
             .collect();
         for _ in 0..1000 {
             let level = random.below(all.len() as u64) as usize;
-            road.to_level(level);
-            assert_eq!(road.level(), level);
-            assert_eq!(bytes(&road.mesh().unwrap()), all[level].0);
-            assert_eq!(bytes(&road.fitted_mesh().unwrap()), all[level].1);
+            progressive.to_level(level);
+            assert_eq!(progressive.level(), level);
+            assert_eq!(bytes(&progressive.mesh().unwrap()), all[level].0);
+            assert_eq!(bytes(&progressive.fitted_mesh().unwrap()), all[level].1);
         }
     }
 }
@@ -243,47 +245,47 @@ fn changed_ranges_are_enough() {
     }
     let mut random = Random(61);
     for mesh in [shapes::blob(4, 9), laden(&shapes::torus(24, 14), &mut random)] {
-        let mut road = built(&mesh, &SimplifyOptions::default());
+        let mut progressive = built(&mesh, &SimplifyOptions::default());
         let (mut faces, mut map, mut values, mut places) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        let width = road.layout().width();
+        let width = progressive.layout().width();
         let mut is_less = false;
-        let mut changed = road.to_level(usize::MAX);
-        patch(&mut faces, road.faces(), &[], 1);
-        patch(&mut map, road.vertex_map().unwrap_or_default(), &[], 1);
-        patch(&mut values, road.values(), &[], width);
-        patch(&mut places, &road.positions().iter().map(bits).collect::<Vec<_>>(), &[], 1);
+        let mut changed = progressive.to_level(usize::MAX);
+        patch(&mut faces, progressive.faces(), &[], 1);
+        patch(&mut map, progressive.vertex_map().unwrap_or_default(), &[], 1);
+        patch(&mut values, progressive.values(), &[], width);
+        patch(&mut places, &progressive.positions().iter().map(bits).collect::<Vec<_>>(), &[], 1);
         for _ in 0..200 {
-            patch(&mut faces, road.faces(), &changed.faces, 1);
+            patch(&mut faces, progressive.faces(), &changed.faces, 1);
             patch(
                 &mut map,
-                road.vertex_map().unwrap_or_default(),
-                match road.vertex_map() {
+                progressive.vertex_map().unwrap_or_default(),
+                match progressive.vertex_map() {
                     Some(_) => &changed.wedges,
                     None => &[],
                 },
                 1,
             );
-            patch(&mut values, road.values(), &changed.wedges, width);
-            let now: Vec<_> = road.positions().iter().map(bits).collect();
+            patch(&mut values, progressive.values(), &changed.wedges, width);
+            let now: Vec<_> = progressive.positions().iter().map(bits).collect();
             patch(&mut places, &now, &changed.vertices, 1);
-            let counts = road.counts();
-            assert_eq!(faces[..road.face_count()], *road.faces());
+            let counts = progressive.counts();
+            assert_eq!(faces[..progressive.face_count()], *progressive.faces());
             assert_eq!(
-                map[..road.vertex_map().map_or(0, <[_]>::len)],
-                *road.vertex_map().unwrap_or_default()
+                map[..progressive.vertex_map().map_or(0, <[_]>::len)],
+                *progressive.vertex_map().unwrap_or_default()
             );
             let bits_of = |x: &[f32]| x.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
-            assert_eq!(bits_of(&values[..counts.wedges as usize * width]), bits_of(road.values()));
+            assert_eq!(bits_of(&values[..counts.wedges as usize * width]), bits_of(progressive.values()));
             assert_eq!(places[..counts.vertices as usize], now);
             let far = random.below(2) == 0;
-            let to = random.below(road.levels() as u64) as usize;
+            let to = random.below(progressive.levels() as u64) as usize;
             changed = match far {
-                true => road.to_level(to),
-                false if to > road.level() => road.refine(3),
-                false => road.coarsen(3),
+                true => progressive.to_level(to),
+                false if to > progressive.level() => progressive.refine(3),
+                false => progressive.coarsen(3),
             };
             let touched: usize = changed.faces.iter().map(Range::len).sum();
-            is_less |= touched > 0 && touched < road.face_count();
+            is_less |= touched > 0 && touched < progressive.face_count();
         }
         assert!(is_less || mesh.face_count() < 512, "every move changed everything");
     }
@@ -292,31 +294,31 @@ fn changed_ranges_are_enough() {
 #[test]
 fn counts_and_errors_lead_to_levels() {
     let mesh = shapes::blob(4, 2);
-    let mut road = built(&mesh, &SimplifyOptions::default());
-    let full = road.mesh().unwrap();
+    let mut progressive = built(&mesh, &SimplifyOptions::default());
+    let full = progressive.mesh().unwrap();
     for n in [1, 5, 77, 400, 2000, full.face_count(), usize::MAX] {
-        road.to_faces(n);
-        assert!(road.face_count() <= n || road.level() == 0, "{n}");
-        let next = road.splits().counts.get(road.level() + 1);
+        progressive.to_faces(n);
+        assert!(progressive.face_count() <= n || progressive.level() == 0, "{n}");
+        let next = progressive.splits().counts.get(progressive.level() + 1);
         assert!(next.is_none_or(|c| c.faces as usize > n), "a finer level has {n} faces too");
-        road.to_vertices(n);
-        assert!(road.vertex_count() <= n || road.level() == 0);
-        assert!(road.mesh().unwrap().vertex_count() == road.vertex_count());
+        progressive.to_vertices(n);
+        assert!(progressive.vertex_count() <= n || progressive.level() == 0);
+        assert!(progressive.mesh().unwrap().vertex_count() == progressive.vertex_count());
     }
     let mut last = f64::INFINITY;
-    for level in 0..road.levels() {
-        road.to_level(level);
-        assert!(road.error() <= last, "the error rises at {level}");
-        last = road.error();
+    for level in 0..progressive.levels() {
+        progressive.to_level(level);
+        assert!(progressive.error() <= last, "the error rises at {level}");
+        last = progressive.error();
     }
     assert_eq!(last, 0.0, "the full mesh is what it is");
     for share in [0.0, 1e-4, 1e-3, 1e-2, 10.0] {
         let limit = share * 2.0;
-        road.to_error(limit);
-        assert!(road.error() <= limit);
-        if road.level() > 0 {
-            road.coarsen(1);
-            assert!(road.error() > limit, "a coarser level is within {limit} too");
+        progressive.to_error(limit);
+        assert!(progressive.error() <= limit);
+        if progressive.level() > 0 {
+            progressive.coarsen(1);
+            assert!(progressive.error() > limit, "a coarser level is within {limit} too");
         }
     }
 }
@@ -325,13 +327,13 @@ fn counts_and_errors_lead_to_levels() {
 #[test]
 fn a_level_of_a_deviation_keeps_it() {
     let mesh = shapes::blob(4, 2);
-    let road = built(&mesh, &SimplifyOptions::default());
+    let progressive = built(&mesh, &SimplifyOptions::default());
     let mut faces = usize::MAX;
     for share in [0.0, 0.001, 0.003, 0.01, 0.03, 10.0] {
         let limit = share * mesh.positions().view().bounds().unwrap().diagonal();
         for is_fitted in [false, true] {
-            let mut at = road.clone();
-            at.to_level(road.level_of_deviation(limit, is_fitted, &mut NoControl).unwrap());
+            let mut at = progressive.clone();
+            at.to_level(progressive.level_of_deviation(limit, is_fitted, &mut NoControl).unwrap());
             let far = at.deviation(is_fitted).unwrap().unwrap().hausdorff.symmetric;
             assert!(far <= limit + 1e-9, "{far} of {limit} at {share}");
             if is_fitted {
@@ -340,14 +342,14 @@ fn a_level_of_a_deviation_keeps_it() {
             }
         }
         if share == 0.01 {
-            let mut by_estimate = road.clone();
+            let mut by_estimate = progressive.clone();
             by_estimate.to_error(limit);
             let far = by_estimate.deviation(true).unwrap().unwrap().hausdorff.symmetric;
             assert!(far > limit && faces < mesh.face_count(), "the estimate keeps {far} of {limit}");
         }
     }
-    assert_eq!(faces, road.splits().counts[0].faces as usize, "any level is within ten diagonals");
-    let cancelled = road.level_of_deviation(0.1, true, &mut AnswerAfter(1, Verdict::Cancel));
+    assert_eq!(faces, progressive.splits().counts[0].faces as usize, "any level is within ten diagonals");
+    let cancelled = progressive.level_of_deviation(0.1, true, &mut AnswerAfter(1, Verdict::Cancel));
     assert_eq!(cancelled, Err(SimplifyError::Cancelled));
 }
 
@@ -360,14 +362,14 @@ fn levels_are_as_near_as_single_runs() {
             let candidate = Prepared::new(&m.surface()).unwrap();
             compare_prepared(&reference, &candidate, &CompareOptions::default()).rms.symmetric
         };
-        let mut road = built(&mesh, &SimplifyOptions::default());
+        let mut progressive = built(&mesh, &SimplifyOptions::default());
         for share in [0.6, 0.42, 0.25, 0.1, 0.03] {
             let goal = (mesh.face_count() as f64 * share) as usize;
-            road.to_faces(goal);
+            progressive.to_faces(goal);
             let single = simplify(&mesh, &SimplifyOptions::new(Stop::faces(goal))).unwrap();
-            let (one, fitted) = (rms(&single.mesh), rms(&road.fitted_mesh().unwrap()));
+            let (one, fitted) = (rms(&single.mesh), rms(&progressive.fitted_mesh().unwrap()));
             assert!(fitted <= 1.05 * one, "{name} at {share}: {fitted} for {one}");
-            let estimate = road.error() / fitted;
+            let estimate = progressive.error() / fitted;
             assert!(
                 (0.4..2.5).contains(&estimate),
                 "{name} at {share}: estimate {estimate} of what is measured"
@@ -379,15 +381,15 @@ fn levels_are_as_near_as_single_runs() {
 #[test]
 fn a_fit_leaves_the_road_alone() {
     let mesh = shapes::blob(4, 3);
-    let mut road = built(&mesh, &SimplifyOptions::default());
-    road.to_faces(300);
-    let plain = bytes(&road.mesh().unwrap());
-    let fitted = road.fitted_mesh().unwrap();
+    let mut progressive = built(&mesh, &SimplifyOptions::default());
+    progressive.to_faces(300);
+    let plain = bytes(&progressive.mesh().unwrap());
+    let fitted = progressive.fitted_mesh().unwrap();
     assert_ne!(bytes(&fitted), plain);
-    assert_eq!(bytes(&road.mesh().unwrap()), plain);
+    assert_eq!(bytes(&progressive.mesh().unwrap()), plain);
     let positions: HashSet<_> = fitted.positions().view().iter().map(bits).collect();
-    let used: HashSet<_> = road.faces().iter().flatten().map(|w| w.index()).collect();
-    let live = road.fitted_positions();
+    let used: HashSet<_> = progressive.faces().iter().flatten().map(|w| w.index()).collect();
+    let live = progressive.fitted_positions();
     let view = live.view();
     let live = view.iter().enumerate().filter(|p| used.contains(&p.0)).map(|p| bits(p.1));
     assert_eq!(live.collect::<HashSet<_>>(), positions);
@@ -407,9 +409,9 @@ fn values_are_corrected_too() {
     let level = c.level as usize;
     (c.wedges, c.changes) = (vec![WedgeId(0)], vec![0.0, 1.0, 0.0, -0.25, 0.0]);
     data.original = None;
-    let mut road = Progressive::new(Splits::new(data).unwrap());
-    road.to_level(level);
-    let (plain, fitted) = (road.mesh().unwrap(), road.fitted_mesh().unwrap());
+    let mut progressive = Progressive::new(Splits::new(data).unwrap());
+    progressive.to_level(level);
+    let (plain, fitted) = (progressive.mesh().unwrap(), progressive.fitted_mesh().unwrap());
     assert_eq!(fitted.uvs().unwrap()[0][0], plain.uvs().unwrap()[0][0] - 0.25);
     assert_eq!(fitted.uvs().unwrap()[1..], plain.uvs().unwrap()[1..]);
     let n = fitted.normals().unwrap()[0];
@@ -422,15 +424,15 @@ fn locked_vertices_stay_at_all_levels() {
     let mesh = laden(&shapes::torus(20, 12), &mut random);
     let locked: Vec<bool> = (0..mesh.vertex_count()).map(|_| random.below(6) == 0).collect();
     let input = Input::new(&mesh).locked(&locked);
-    let mut road = Progressive::build(input, &SimplifyOptions::default(), &mut NoControl).unwrap();
+    let mut progressive = Progressive::build(input, &SimplifyOptions::default(), &mut NoControl).unwrap();
     let view = mesh.positions().view();
     let held: HashSet<_> = (0..locked.len())
         .filter(|&v| locked[v])
         .map(|v| bits(view.get(lodsmith::core::VertexId::new(v))))
         .collect();
-    for level in (0..road.levels()).step_by(7) {
-        road.to_level(level);
-        for level in [road.mesh().unwrap(), road.fitted_mesh().unwrap()] {
+    for level in (0..progressive.levels()).step_by(7) {
+        progressive.to_level(level);
+        for level in [progressive.mesh().unwrap(), progressive.fitted_mesh().unwrap()] {
             let there: HashSet<_> = level.positions().view().iter().map(bits).collect();
             assert!(held.is_subset(&there), "a locked vertex moved");
         }
@@ -445,15 +447,15 @@ fn stops_bound_the_road() {
     assert!((480..=500).contains(&faces), "{faces}");
     let vertices = at(Stop::vertices(300)).vertices;
     assert!((290..=300).contains(&vertices), "{vertices}");
-    let road = built(&mesh, &SimplifyOptions::new(Stop::error(Length::OfDiagonal(0.002))));
+    let progressive = built(&mesh, &SimplifyOptions::new(Stop::error(Length::OfDiagonal(0.002))));
     let base = {
-        let mut base = road.clone();
+        let mut base = progressive.clone();
         base.to_level(0);
         base
     };
     let limit = 0.002 * mesh.positions().view().bounds().unwrap().diagonal();
     assert!(base.error() > 0.0 && base.error() <= limit * (1.0 + 1e-9), "{} of {limit}", base.error());
-    assert!(is_same(&road.mesh().unwrap(), &mesh));
+    assert!(is_same(&progressive.mesh().unwrap(), &mesh));
     let whole = built(&mesh, &SimplifyOptions::default());
     assert!(whole.face_count() > base.face_count());
     let (mut whole, level) = (whole.clone(), whole.level_of_faces(base.face_count()));
@@ -464,22 +466,22 @@ fn stops_bound_the_road() {
 #[test]
 fn a_road_of_splits_is_the_same_road() {
     let mesh = support::charts::two_charts(10);
-    let mut road = built(&mesh, &SimplifyOptions::default());
-    let mut again = Progressive::new(Splits::new(road.splits().clone().into_data()).unwrap());
+    let mut progressive = built(&mesh, &SimplifyOptions::default());
+    let mut again = Progressive::new(Splits::new(progressive.splits().clone().into_data()).unwrap());
     assert!(is_same(&again.mesh().unwrap(), &mesh));
     for n in [10, 40, 100] {
-        road.to_faces(n);
+        progressive.to_faces(n);
         again.to_faces(n);
-        assert_eq!(bytes(&road.fitted_mesh().unwrap()), bytes(&again.fitted_mesh().unwrap()));
+        assert_eq!(bytes(&progressive.fitted_mesh().unwrap()), bytes(&again.fitted_mesh().unwrap()));
     }
-    let cut = road.clone().without_below(road.level());
-    assert_eq!((cut.level(), cut.face_count()), (0, road.face_count()));
-    assert_eq!(bytes(&cut.fitted_mesh().unwrap()), bytes(&road.fitted_mesh().unwrap()));
+    let cut = progressive.clone().without_below(progressive.level());
+    assert_eq!((cut.level(), cut.face_count()), (0, progressive.face_count()));
+    assert_eq!(bytes(&cut.fitted_mesh().unwrap()), bytes(&progressive.fitted_mesh().unwrap()));
     let mut cut = cut;
     cut.to_level(cut.top());
     assert!(is_same(&cut.mesh().unwrap(), &mesh));
     // Without the numbers of the original the order is that of birth; all else is equal.
-    let mut data = road.into_splits().into_data();
+    let mut data = progressive.into_splits().into_data();
     data.original = None;
     let bare = Progressive::new(Splits::new(data).unwrap());
     assert_eq!(bare.mesh().unwrap().face_count(), mesh.face_count());
@@ -512,10 +514,10 @@ fn a_caller_may_end_it() {
         let cancelled =
             Progressive::build(&mesh, &SimplifyOptions::default(), &mut AnswerAfter(n, Verdict::Cancel));
         assert!(matches!(cancelled, Err(SimplifyError::Cancelled)), "{n}");
-        let road =
+        let progressive =
             Progressive::build(&mesh, &SimplifyOptions::default(), &mut AnswerAfter(n, Verdict::Finish))
                 .unwrap();
-        assert!(is_same(&road.mesh().unwrap(), &mesh));
+        assert!(is_same(&progressive.mesh().unwrap(), &mesh));
     }
 }
 
@@ -564,10 +566,10 @@ fn spoiled_splits_are_refused_or_walked() {
             Err(_) => refused += 1,
             Ok(splits) => {
                 walked += 1;
-                let mut road = Progressive::new(splits);
-                for level in [0, road.top() / 2, road.top()] {
-                    road.to_level(level);
-                    assert!(road.mesh().is_ok() && road.fitted_mesh().is_ok());
+                let mut progressive = Progressive::new(splits);
+                for level in [0, progressive.top() / 2, progressive.top()] {
+                    progressive.to_level(level);
+                    assert!(progressive.mesh().is_ok() && progressive.fitted_mesh().is_ok());
                 }
             }
         }

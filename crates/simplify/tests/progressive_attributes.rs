@@ -22,18 +22,18 @@ fn values_of_levels_are_as_near_as_those_of_single_runs() {
     let bent = |p: [f64; 3]| [(2.0 * p[0]).sin() as f32, (p[1] * p[2]) as f32];
     let uvs = wedges(&mesh).map(|w| bent(place(&mesh, w))).collect();
     mesh.set_uvs(Some(uvs)).unwrap();
-    let mut road = built(&mesh);
+    let mut progressive = built(&mesh);
     for share in [0.5, 0.2, 0.1, 0.03] {
         let goal = (mesh.face_count() as f64 * share) as usize;
-        road.to_faces(goal);
+        progressive.to_faces(goal);
         let single = simplify(&mesh, &SimplifyOptions::new(Stop::faces(goal))).unwrap().mesh;
         let [one, plain, fitted] =
-            [single, road.mesh().unwrap(), road.fitted_mesh().unwrap()].map(|m| off(&mesh, &m));
+            [single, progressive.mesh().unwrap(), progressive.fitted_mesh().unwrap()].map(|m| off(&mesh, &m));
         assert!(fitted <= 1.08 * one, "{share}: {fitted} for {one}");
         assert!(fitted < 0.98 * plain, "{share}: {fitted} with the fit, {plain} without");
     }
-    road.to_level(road.top());
-    assert_eq!(road.fitted_mesh().unwrap(), mesh);
+    progressive.to_level(progressive.top());
+    assert_eq!(progressive.fitted_mesh().unwrap(), mesh);
 }
 
 /// Returns the number of wedges whose values differ from those of the first wedge of their vertex.
@@ -63,26 +63,30 @@ fn no_level_tears_at_a_seam_when_it_moves() {
     {
         mesh.add_attribute(Attribute { semantic, width, values }).unwrap();
     }
-    let mut road = built(&mesh);
+    let mut progressive = built(&mesh);
     let mut seams = 0;
-    while road.level() > 0 {
-        road.coarsen(1 + road.level() / 40);
-        for level in [road.mesh().unwrap(), road.fitted_mesh().unwrap(), road.fitted_buffers().unwrap()] {
+    while progressive.level() > 0 {
+        progressive.coarsen(1 + progressive.level() / 40);
+        for level in [
+            progressive.mesh().unwrap(),
+            progressive.fitted_mesh().unwrap(),
+            progressive.fitted_buffers().unwrap(),
+        ] {
             seams += level.wedge_count() - level.vertex_count();
             for semantic in [&Semantic::Joints(0), &Semantic::Weights(0), &morph] {
                 assert_eq!(
                     apart(&level, semantic),
                     0,
                     "level {} of {}: {semantic:?}",
-                    road.level(),
-                    road.top()
+                    progressive.level(),
+                    progressive.top()
                 );
             }
         }
     }
     assert!(seams > 1000, "the seam is there");
-    road.to_level(road.top());
-    assert_eq!(road.mesh().unwrap(), mesh);
+    progressive.to_level(progressive.top());
+    assert_eq!(progressive.mesh().unwrap(), mesh);
 }
 
 #[test]

@@ -18,7 +18,7 @@ fn built(parts: &[Part<'_>], options: &SimplifyOptions) -> ProgressiveScene {
 }
 
 fn levels(scene: &ProgressiveScene) -> Vec<Vec<u64>> {
-    scene.meshes().iter().map(|road| bytes(&road.mesh().unwrap())).collect()
+    scene.meshes().iter().map(|progressive| bytes(&progressive.mesh().unwrap())).collect()
 }
 
 fn nothing() -> TriMesh {
@@ -35,7 +35,7 @@ fn each_mesh_comes_back_to_the_bit() {
     let full: Vec<_> = meshes.iter().map(bytes).collect();
     assert_eq!(levels(&scene), full);
     scene.to_level(0);
-    assert!(scene.meshes().iter().all(|road| road.level() == 0));
+    assert!(scene.meshes().iter().all(|progressive| progressive.level() == 0));
     scene.to_level(usize::MAX);
     assert_eq!(levels(&scene), full);
     assert_eq!(scene.error(), 0.0);
@@ -206,11 +206,12 @@ fn locks_are_those_of_each_mesh() {
 fn buffers_hold_the_fitted_mesh() {
     let mut random = Random(23);
     for mesh in [shapes::blob(3, 4), laden(&shapes::torus(24, 12), &mut random)] {
-        let mut road = Progressive::build(&mesh, &SimplifyOptions::default(), &mut NoControl).unwrap();
+        let mut progressive = Progressive::build(&mesh, &SimplifyOptions::default(), &mut NoControl).unwrap();
         for n in [50, 200, 333, usize::MAX] {
-            road.to_faces(n);
-            let (buffers, fitted) = (road.fitted_buffers().unwrap(), road.fitted_mesh().unwrap());
-            assert_eq!(buffers.triangles(), road.faces());
+            progressive.to_faces(n);
+            let (buffers, fitted) =
+                (progressive.fitted_buffers().unwrap(), progressive.fitted_mesh().unwrap());
+            assert_eq!(buffers.triangles(), progressive.faces());
             assert_eq!(buffers.face_count(), fitted.face_count());
             let corners = |mesh: &TriMesh| {
                 let mut all: Vec<String> = (0..mesh.face_count())

@@ -112,12 +112,12 @@ fn a_progressive_mesh_keeps_features() {
     let build = |deg| {
         let mut options = SimplifyOptions::default();
         options.sharp_deg = deg;
-        let mut road = Progressive::build(&mesh, &options, &mut NoControl).unwrap();
-        road.to_faces(mesh.face_count() / 20);
-        road
+        let mut progressive = Progressive::build(&mesh, &options, &mut NoControl).unwrap();
+        progressive.to_faces(mesh.face_count() / 20);
+        progressive
     };
     let [without, mut with] = [None, Some(40.0)].map(build);
-    let off = |road: &Progressive| off_the_crest(&road.fitted_mesh().unwrap());
+    let off = |progressive: &Progressive| off_the_crest(&progressive.fitted_mesh().unwrap());
     assert!(off(&with) < 0.7 * off(&without), "{} with, {} without", off(&with), off(&without));
     with.to_level(with.top());
     assert_eq!(with.mesh().unwrap(), mesh);

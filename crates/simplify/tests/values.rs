@@ -100,12 +100,12 @@ fn no_value_of_a_scene_leaves_the_range_of_its_mesh() {
 #[test]
 fn no_value_of_a_level_leaves_the_range_of_the_full_mesh() {
     let mesh = waved(shapes::blob(4, 3), 0.0, 1.0);
-    let mut road = Progressive::build(&mesh, &SimplifyOptions::default(), &mut NoControl).unwrap();
+    let mut progressive = Progressive::build(&mesh, &SimplifyOptions::default(), &mut NoControl).unwrap();
     for faces in [3000, 1111, 500, 100] {
-        road.to_faces(faces);
-        assert_within("the road", &mesh, &road.mesh().unwrap());
-        assert_within("its fit", &mesh, &road.fitted_mesh().unwrap());
-        assert_within("its buffers", &mesh, &road.fitted_buffers().unwrap());
+        progressive.to_faces(faces);
+        assert_within("the level", &mesh, &progressive.mesh().unwrap());
+        assert_within("its fit", &mesh, &progressive.fitted_mesh().unwrap());
+        assert_within("its buffers", &mesh, &progressive.fitted_buffers().unwrap());
     }
 }
 
@@ -203,14 +203,14 @@ fn ids_of_scenes_and_levels_are_those_of_the_source() {
     let mut dressed = waved(shapes::blob(4, 3), 0.0, 1.0);
     dressed.add_attribute(a.further_attributes()[0].clone()).unwrap();
     for mesh in [a, dressed] {
-        let mut road = Progressive::build(&mesh, &SimplifyOptions::default(), &mut NoControl).unwrap();
+        let mut progressive = Progressive::build(&mesh, &SimplifyOptions::default(), &mut NoControl).unwrap();
         for faces in [3000, 500, 100] {
-            road.to_faces(faces);
-            assert_known("of a level", &mesh, &road.mesh().unwrap());
-            assert_known("of a fitted level", &mesh, &road.fitted_mesh().unwrap());
+            progressive.to_faces(faces);
+            assert_known("of a level", &mesh, &progressive.mesh().unwrap());
+            assert_known("of a fitted level", &mesh, &progressive.fitted_mesh().unwrap());
         }
-        road.to_level(road.top());
-        assert_eq!(road.fitted_mesh().unwrap(), mesh);
+        progressive.to_level(progressive.top());
+        assert_eq!(progressive.fitted_mesh().unwrap(), mesh);
     }
 }
 

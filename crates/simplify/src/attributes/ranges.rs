@@ -14,7 +14,7 @@ pub(crate) fn ranges(values: &[f32], width: usize) -> Vec<[f32; 2]> {
     let mut all = vec![[f32::INFINITY, f32::NEG_INFINITY]; width];
     for row in values.chunks_exact(width.max(1)) {
         for ([low, high], &x) in all.iter_mut().zip(row) {
-            // Zeros of either sign are one: which of them is the smaller depends on the processor.
+            // Both zeros become +0: which of them counts as the smaller depends on the processor.
             let x = if x.is_finite() { x + 0.0 } else { 0.0 };
             (*low, *high) = (low.min(x), high.max(x));
         }

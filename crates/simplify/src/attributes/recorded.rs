@@ -15,7 +15,7 @@ const ROUNDING: f32 = 1e-6;
 /// Offsets of columns in the rows of a mesh.
 #[derive(Clone)]
 pub(crate) struct RowPlaces {
-    /// Offset of each column; `None` if it is the same at all wedges, or was lent.
+    /// Offset of each column; `None` if it is the same at all wedges, or was added only for the run.
     columns: Vec<Option<usize>>,
     /// Offsets of joints and of weights, for each set.
     skins: Vec<[usize; 2]>,
@@ -59,8 +59,8 @@ impl Rows {
     /// are left as they are.
     pub(crate) fn write(&self, attributes: &Attributes, w: WedgeId, places: &RowPlaces, row: &mut [f32]) {
         self.write_values(attributes.of(w), places, row);
-        if let Some(pulls) = attributes.joint_weights.get(w.index()) {
-            self.write_pulls(pulls, places, row);
+        if let Some(joint_weights) = attributes.joint_weights.get(w.index()) {
+            self.write_joint_weights(joint_weights, places, row);
         }
         if let Some(&label) = attributes.labels.get(w.index()) {
             for &[from, n, to] in &places.labels {
@@ -84,9 +84,9 @@ impl Rows {
     }
 
     /// Writes as many joints as there is room for, the strongest first.
-    fn write_pulls(&self, pulls: &[(u32, f32)], places: &RowPlaces, row: &mut [f32]) {
+    fn write_joint_weights(&self, joint_weights: &[(u32, f32)], places: &RowPlaces, row: &mut [f32]) {
         let max_joints = 4 * self.skin_sets.len();
-        let kept = &pulls[..pulls.len().min(max_joints)];
+        let kept = &joint_weights[..joint_weights.len().min(max_joints)];
         let sum: f32 = kept.iter().map(|p| p.1).sum();
         for (i, [joints, weights]) in places.skins.iter().enumerate() {
             for k in 0..4 {
@@ -102,9 +102,9 @@ impl Rows {
         self.layout.iter().zip(&places.columns).filter_map(|(c, at)| Some((c, (*at)?)))
     }
 
-    /// Returns true if any attribute displaces all wedges of a vertex alike.
+    /// Returns true if any attribute displaces all wedges of a vertex equally.
     pub(crate) fn moves_any_whole(&self) -> bool {
-        self.is_pulled_whole && !self.skin_sets.is_empty() || self.layout.iter().any(|c| c.moves_whole)
+        self.has_joints_per_vertex && !self.skin_sets.is_empty() || self.layout.iter().any(|c| c.moves_whole)
     }
 
     /// Averages, over the rows of one vertex, the attributes that displace it as a whole.
@@ -124,7 +124,7 @@ impl Rows {
             }
         }
         let slots = || places.skins.iter().flat_map(|s| (0..4).map(move |k| s.map(|at| at + k)));
-        if !self.is_pulled_whole || is_alike(rows, &|row| slots().flatten().map(|i| row[i]).collect()) {
+        if !self.has_joints_per_vertex || is_alike(rows, &|row| slots().flatten().map(|i| row[i]).collect()) {
             return;
         }
         let mut sums: BTreeMap<u32, f32> = BTreeMap::new();
@@ -133,9 +133,9 @@ impl Rows {
                 *sums.entry(row[joint] as u32).or_default() += row[weight];
             }
         }
-        let mut pulls: Vec<(u32, f32)> = sums.into_iter().collect();
-        pulls.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        rows.iter_mut().for_each(|row| self.write_pulls(&pulls, places, row));
+        let mut joint_weights: Vec<(u32, f32)> = sums.into_iter().collect();
+        joint_weights.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        rows.iter_mut().for_each(|row| self.write_joint_weights(&joint_weights, places, row));
     }
 
     /// Sets the engine's values of a wedge from its row of a mesh; joints are left as they are.
@@ -149,8 +149,8 @@ impl Rows {
         }
     }
 
-    /// Sets the weight of values that are in no row of a mesh to 0.
-    pub(crate) fn clear_lent_weights(&self, weights: &mut [f32], places: &RowPlaces) {
+    /// Sets the weight of values that no row of a mesh contains to 0.
+    pub(crate) fn clear_weights_without_place(&self, weights: &mut [f32], places: &RowPlaces) {
         let columns = self.layout.iter().zip(&places.columns);
         for (c, _) in columns.filter(|c| c.0.constant.is_none() && c.1.is_none()) {
             weights[c.offset..c.offset + c.width].fill(0.0);

@@ -1,10 +1,10 @@
-//! Values that tell the sides of a seam apart, for runs that match wedges instead of blending them.
+//! Values that distinguish the two sides of a seam, for runs that match wedges instead of blending them.
 
 use std::sync::Arc;
 
 use lodsmith_core::{Attribute, Morphed, Semantic, TriMesh, WedgeId};
 
-/// The values of each wedge of a mesh that a surface has on both sides of an edge, unless that is a seam.
+/// The values of each wedge of a mesh that are equal on both sides of an edge, unless the edge is a seam.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SideValues {
     values: Arc<[f32]>,
@@ -13,7 +13,8 @@ pub(crate) struct SideValues {
 
 impl SideValues {
     /// Takes all attributes of a mesh but directions (normals, tangents apart from their sign, and morph targets of
-    /// either): these differ along every crease, and have a nearest match on its other side.
+    /// either): these differ along every crease, but can still be matched to the nearest ones on its other
+    /// side.
     pub(crate) fn new(mesh: &TriMesh) -> Self {
         let mut columns: Vec<(&[f32], usize, usize)> = Vec::new();
         columns.extend(mesh.uvs().map(|all| (all.as_flattened(), 2, 0)));
@@ -31,7 +32,8 @@ impl SideValues {
         Self::of(&columns, mesh.wedge_count())
     }
 
-    /// Takes texture coordinates; none are those of a mesh without any, where nothing tells sides apart.
+    /// Takes texture coordinates; an empty list stands for a mesh without any, in which no sides are
+    /// distinguished.
     pub(crate) fn of_uvs(uvs: &[[f32; 2]]) -> Self {
         Self::of(&[(uvs.as_flattened(), 2, 0)], uvs.len())
     }
@@ -48,7 +50,7 @@ impl SideValues {
         Self { values: values.into(), width }
     }
 
-    /// True if no attribute tells sides apart.
+    /// True if no attribute distinguishes sides.
     pub(crate) fn is_empty(&self) -> bool {
         self.values.is_empty()
     }
@@ -69,13 +71,13 @@ mod tests {
 
     /// A quick run on sheets without texture coordinates ended in a panic.
     #[test]
-    fn without_values_all_wedges_are_on_one_side() {
+    fn without_values_all_wedges_are_on_the_same_side() {
         let sides = SideValues::of_uvs(&[]);
         assert!(sides.is_empty() && sides.same(WedgeId(0), WedgeId(9)));
     }
 
     #[test]
-    fn every_attribute_but_directions_tells_sides_apart() {
+    fn all_attributes_but_directions_distinguish_sides() {
         let sheet = shapes::grid(1);
         let count = sheet.wedge_count();
         // The last wedge differs from the others, in one attribute at a time.

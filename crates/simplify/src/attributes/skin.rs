@@ -17,7 +17,7 @@ pub(super) fn middles(mesh: &TriMesh, skin_sets: &[u8]) -> Vec<[f32; 3]> {
         return Vec::new();
     }
     let view = mesh.positions().view();
-    let of = |w: usize| pulls(mesh, skin_sets, WedgeId::new(w));
+    let of = |w: usize| joint_weights(mesh, skin_sets, WedgeId::new(w));
     let mut joints: BTreeMap<u32, (DVec3, f64)> = BTreeMap::new();
     for w in 0..mesh.wedge_count() {
         let place = DVec3::from(view.get(mesh.vertex_of(WedgeId::new(w))));
@@ -53,8 +53,8 @@ pub(super) fn skin_sets(mesh: &TriMesh) -> Vec<u8> {
 }
 
 /// Returns the joints of a wedge with their weights, the strongest first.
-pub(super) fn pulls(mesh: &TriMesh, sets: &[u8], w: WedgeId) -> JointWeights {
-    let mut pulls = JointWeights::new();
+pub(super) fn joint_weights(mesh: &TriMesh, sets: &[u8], w: WedgeId) -> JointWeights {
+    let mut joint_weights = JointWeights::new();
     for &set in sets {
         let of = |semantic: Semantic| mesh.further_attributes().iter().find(|a| a.semantic == semantic);
         let (Some(joints), Some(weights)) = (of(Semantic::Joints(set)), of(Semantic::Weights(set))) else {
@@ -62,12 +62,12 @@ pub(super) fn pulls(mesh: &TriMesh, sets: &[u8], w: WedgeId) -> JointWeights {
         };
         let weighted = joints.of(w).iter().zip(weights.of(w)).filter(|x| *x.1 > 0.0 && x.1.is_finite());
         for (&joint, weight) in weighted.map(|x| (x.0, x.1.min(MAX_JOINT_WEIGHT))) {
-            match pulls.iter_mut().find(|p| p.0 == joint as u32) {
+            match joint_weights.iter_mut().find(|p| p.0 == joint as u32) {
                 Some(p) => p.1 += weight,
-                None => pulls.push((joint as u32, weight)),
+                None => joint_weights.push((joint as u32, weight)),
             }
         }
     }
-    pulls.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    pulls
+    joint_weights.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    joint_weights
 }

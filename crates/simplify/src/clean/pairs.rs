@@ -1,6 +1,6 @@
 //! Pairing of faces along non-manifold edges, and the vertices that result.
 //!
-//! Around an edge in angular order, each face that opens an inside is paired with the one that closes it,
+//! Around an edge in angular order, each face that opens an inside is paired with the face that closes it,
 //! like brackets; unpaired faces get a border. Corners connected across pairs share a vertex.
 
 use glam::DVec3;
@@ -13,7 +13,7 @@ const NO_PAIR: u32 = u32::MAX;
 /// A cut surface: faces over vertices, some of them new.
 pub(super) struct CutSurface {
     pub(super) faces: Vec<[VertexId; 3]>,
-    /// For each new vertex, in order of index, the one whose position it copies.
+    /// For each new vertex, in order of index, the vertex whose position it copies.
     pub(super) copy_of: Vec<VertexId>,
 }
 
@@ -41,7 +41,7 @@ pub(super) fn cut_non_manifold(surface: &Surface<'_>) -> CutSurface {
         let Ok(whole) = Surface::with_triangles(positions, triangles) else { return parted };
         let now = Topology::unwelded(&whole);
         let is_bad = |h: HalfEdgeId| match now.twin(h) {
-            // Two unpaired half-edges may still meet, as the two ends of one fan.
+            // Two unpaired half-edges may still coincide: the two ends of one fan.
             Some(g) => {
                 pair[h.index()] != g.0 && pair[h.index()] & pair[g.index()] != NO_PAIR
                     || now.origin(h) == now.origin(g)
@@ -149,7 +149,7 @@ fn match_ring(
             (false, false) => paired(open.pop().expect("it is not empty"), h),
         }
     }
-    // The last ones opened pair with the first ones closed, across the end of the circle.
+    // The last ones that opened pair with the first ones that closed, across the end of the circle.
     for h in unmatched {
         let Some(g) = open.pop() else { break };
         paired(g, h);

@@ -4,8 +4,8 @@
 //! stays the same, the sum of all edge lengths. Removing a face lowers the first. A flip beside a face with
 //! area must leave no zero-area face, and so lowers it too; a flip between two zero-area faces must leave
 //! fewer of them, or the same number and a shorter edge. (Without the last rule, two adjacent ones flipped
-//! their common edge back and forth without end.) Only finitely many edges are possible, and [`MAX_FLIPS`] keeps
-//! the number of steps proportional to that of faces.
+//! their common edge back and forth without end.) Only finitely many edges are possible, and [`MAX_FLIPS`]
+//! keeps the number of steps proportional to the number of faces.
 
 use std::collections::HashMap;
 
@@ -18,8 +18,8 @@ use super::state::CleanState;
 /// (Guessed; few need three.)
 const MAX_FLIPS: u8 = 8;
 
-/// Maximum number of times that faces which had to stay are visited again, so that the steps are linear in the faces.
-/// (Guessed; few models need a second visit.)
+/// Maximum number of rounds in which faces that had to stay are visited again, so that the steps are linear
+/// in the faces. (Guessed; few models need a second visit.)
 const ROUNDS: usize = 8;
 
 /// The edges with a corner of a zero-area face.
@@ -48,7 +48,7 @@ pub(super) struct SliverRepair {
 /// there: the edge is flipped, and both faces get an area. If there is no neighbour, or none beyond the other
 /// two edges, the sliver is removed. It stays if the longest edge has more than two faces, is a seam or a
 /// border of regions, if the flipped edge already exists, and if two of its corners almost coincide; it is
-/// visited again once others have gone. Cost: O(n), whatever the number of faces at an edge.
+/// visited again once others have been removed. Cost: O(n), whatever the number of faces at an edge.
 pub(super) fn repair(work: &mut CleanState<'_>) -> SliverRepair {
     let mut waiting: Vec<usize> =
         (0..work.faces.len()).rev().filter(|&f| is_sliver(work, work.faces[f])).collect();
@@ -101,7 +101,7 @@ pub(super) fn repair(work: &mut CleanState<'_>) -> SliverRepair {
                 }
             }
         }
-        // What had to stay may go once its neighbours are gone.
+        // A face that had to stay may be removable once its neighbours are gone.
         slivers.retain(|&f| !gone[f] && turns[f] < MAX_FLIPS && is_sliver(work, work.faces[f]));
         if slivers.is_empty() || changes == changes_before {
             break;

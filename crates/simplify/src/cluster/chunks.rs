@@ -14,8 +14,8 @@ const MAX_CHUNK_LEN: usize = 1 << 14;
 /// Chunks per thread, so that late threads still find work.
 const CHUNKS_PER_THREAD: usize = 4;
 /// Up to this number of elements one thread is as fast. (Guessed, between `cow` with 5,804 faces, which two
-/// threads slowed down, and `bunny` with 69,451, which they do not: a step of a small mesh takes less time
-/// than waking a thread.)
+/// threads slow down, and `bunny` with 69,451, which they do not: a step of a small mesh takes less time than
+/// waking a thread.)
 const MAX_SEQUENTIAL_LEN: usize = 1 << 13;
 
 /// Returns the number of threads for `count` elements; no result depends on it.

@@ -31,7 +31,7 @@ pub(super) struct Shares {
 /// Shares per thread, so that late threads still find work, and the maximum number of shares. (Guessed: to
 /// find a share's faces, all marks are scanned once more.)
 const SHARES_PER_THREAD: usize = 2;
-const MOST_SHARES: usize = 32;
+const MAX_SHARES: usize = 32;
 /// Shares start at multiples of this number of clusters.
 pub(super) const BLOCK: usize = 1 << 6;
 
@@ -40,7 +40,7 @@ impl Shares {
         let blocks = clusters.div_ceil(BLOCK).max(1);
         let count = match chunks::threads(faces) {
             1 => 1,
-            threads => (SHARES_PER_THREAD * threads).min(MOST_SHARES).min(blocks),
+            threads => (SHARES_PER_THREAD * threads).min(MAX_SHARES).min(blocks),
         };
         let bits = count.next_power_of_two().trailing_zeros();
         let words = if count > 1 { faces.div_ceil(64 >> bits) } else { 0 };
@@ -99,8 +99,8 @@ impl Shares {
 }
 
 /// Returns the faces between different clusters, sorted by their lowest cluster and then by their order in
-/// the model, one list per share. Of several between the same three clusters the first of each orientation is
-/// kept. Cost: O(F).
+/// the model, one list per share. Of several faces between the same three clusters the first of each
+/// orientation is kept. Cost: O(F).
 pub(super) fn faces_between(
     faces: &[[VertexId; 3]],
     cluster_of: &[u32],

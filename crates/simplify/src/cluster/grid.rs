@@ -87,7 +87,7 @@ impl ClusterGrid {
             place(low.z_axis, high.z_axis, half.z),
         ]
     }
-    /// Returns the cells of some vertices; for those without a face, any cell.
+    /// Returns the cells of some vertices; for vertices without a face, any cell.
     #[inline(always)]
     fn cells_at(&self, frame: &[Framed; LANES]) -> [[u32; LANES]; 3] {
         let places = self.places_of(frame);

@@ -53,7 +53,7 @@ pub(super) const LANES: usize = 8;
 /// make one load. (Single precision: the rounding is a small share of the smallest cell, and
 /// [`ClusterGrid`](super::grid::Grid) allows for it.) The zero is negative if the faces of the vertex leave a gap:
 /// no sum or product is affected by that. (A vertex counts as closed if the indices of its neighbours happen
-/// to cancel out; those of one fan cannot.)
+/// to cancel out; within one fan they cannot.)
 pub(super) type Framed = [f32; 4];
 
 /// The input of the method.
@@ -99,7 +99,7 @@ fn merge_scans(a: BoundsScan, b: BoundsScan) -> BoundsScan {
 /// Marks of all vertices by a share of the faces.
 struct MarkShare {
     marks: Vec<u32>,
-    /// Faces that do not name three distinct vertices.
+    /// Faces that do not have three distinct vertices.
     degenerate: usize,
     looked: BoundsScan,
 }

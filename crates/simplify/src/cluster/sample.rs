@@ -23,7 +23,7 @@ const MAX_TRIES: usize = 3;
 #[derive(Clone, Copy)]
 pub(super) struct Guess {
     pub(super) resolution: f64,
-    /// Slope of the logarithm of the count over that of the resolution: about 2, lower near the full count.
+    /// Slope of log(count) over log(resolution): about 2, lower near the full count.
     pub(super) slope: f64,
 }
 
@@ -129,6 +129,6 @@ impl<'m, 'a, P: ClusterPosition> Counter<'m, 'a, P> {
 
 /// Varies the sampled element of each stretch: rows of a mesh may be as long as the stretch.
 fn spread(k: usize, stride: usize) -> usize {
-    // In 64 bits everywhere: 32 would give another mesh where addresses have no more (WebAssembly).
+    // 64 bits on every platform: with the 32-bit `usize` of WebAssembly the mesh would be a different one.
     (((k as u64).wrapping_mul(0x9E37_79B9) >> 7) % stride as u64) as usize
 }

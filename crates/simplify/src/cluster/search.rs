@@ -67,19 +67,19 @@ const DISTINCT_SHARE: f64 = 0.992;
 
 /// Result of a search for a count.
 pub(super) struct SearchResult {
-    /// The result with the most faces within the goal; if there is none, the one with the fewest.
+    /// The result with the most faces within the goal; if there is none, the result with the fewest.
     pub(super) clusters: Clusters,
     pub(super) is_within: bool,
 }
 
-/// Searches for the finest grid within the goal, none coarser than `coarsest`. Calls `go_on` before each pass
-/// with the share done; false ends the search with the best result so far.
+/// Searches for the finest grid within the goal, none coarser than `coarsest`. Calls `should_continue` before
+/// each pass with the share done; false ends the search with the best result so far.
 pub(super) fn search<P: ClusterPosition, E>(
     model: &ClusterInput<'_, P>,
     locked: &LockedPositions,
     goal: Goal,
     coarsest: Option<f64>,
-    mut go_on: impl FnMut(f64) -> Result<bool, E>,
+    mut should_continue: impl FnMut(f64) -> Result<bool, E>,
 ) -> Result<SearchResult, E> {
     let excess = |clusters: &Clusters| {
         let of = |count: usize, goal: usize| count as f64 / goal.max(1) as f64;
@@ -103,7 +103,7 @@ pub(super) fn search<P: ClusterPosition, E>(
     };
     let mut best: Option<(Clusters, f64)> = None;
     for pass in 0..MAX_PASSES {
-        if !go_on(pass as f64 / MAX_PASSES as f64)? && best.is_some() {
+        if !should_continue(pass as f64 / MAX_PASSES as f64)? && best.is_some() {
             break;
         }
         let clusters = Clusters::new(model, locked, resolution);

@@ -19,8 +19,8 @@ use crate::{Simplified, SimplifyError};
 const FIRST_STAGE_FACTOR: usize = 8;
 /// Largest share of the input that the first stage may leave; above it the stage saves too little.
 const MAX_FIRST_STAGE_SHARE: f64 = 0.35;
-/// Without room for this multiple of the goal, the clustering is skipped.
-const LEAST_FACTOR: f64 = 3.0;
+/// If the first stage may not leave at least this multiple of the goal, it is skipped.
+const MIN_FACTOR: f64 = 3.0;
 /// Cell size as a share of the error limit, if only the error ends the run. (Measured: the distance is about
 /// half a cell diagonal at most, so three quarters and more are left to the collapses.)
 const CELL_OF_ERROR: f64 = 0.25;
@@ -64,7 +64,7 @@ impl<P: ClusterPosition> ClusterRun<'_, P> {
             ..memoryless.clone()
         };
         options.guards.max_edge = options.guards.max_edge.map(|l| Length::Units(l.in_units(self.diagonal)));
-        // The second stage bounds the distance from the clustered mesh; the promise refers to the input.
+        // The second stage bounds the distance from the clustered mesh; the guarantee refers to the input.
         if limit.is_none() {
             options.bound = Bound::Estimate;
         }
@@ -128,11 +128,11 @@ impl<P: ClusterPosition> ClusterRun<'_, P> {
         };
         let by_faces = self.goal.faces.map(|n| factor(n, self.model.sound_faces()));
         let by_vertices = self.goal.vertices.map(|n| factor(n, vertices));
-        // The first stop met ends the run, so the one that leaves more faces counts.
+        // The first stop met ends the run, so the stop that leaves more faces counts.
         let least = by_faces.into_iter().chain(by_vertices).fold(f64::INFINITY, f64::min);
         let times = |n: usize| (n as f64 * least) as usize;
         let goal = Goal { faces: self.goal.faces.map(times), vertices: self.goal.vertices.map(times) };
-        (goal, least >= LEAST_FACTOR)
+        (goal, least >= MIN_FACTOR)
     }
 }
 

@@ -17,8 +17,8 @@ struct OpenEdge {
     member: u32,
 }
 
-/// Returns the open edges of each cluster: those not between exactly two of its faces with consistent
-/// orientation.
+/// Returns the open edges of each cluster: edges that are not between exactly two of its faces with
+/// consistent orientation.
 fn open_edges(build: &Build, front: &[Front]) -> Vec<OpenEdge> {
     let per_cluster = crate::cluster::chunks::each(front.len(), |member| {
         let mut edges: Vec<(VertexPair, i32)> = Vec::new();
@@ -103,8 +103,8 @@ pub(super) fn group(build: &Build, front: &[Front], wanted: usize) -> Vec<Vec<us
     groups
 }
 
-/// Merges groups that are too small into the neighbour with which they share most; isolated ones are merged
-/// with each other.
+/// Merges groups that are too small into the neighbour with which they share the most border; isolated ones
+/// are merged with each other.
 fn join_small<'a, L: Iterator<Item = &'a (u32, u32, u32)>>(
     groups: &mut [Vec<usize>],
     group_of: &mut [usize],

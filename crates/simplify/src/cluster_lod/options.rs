@@ -20,7 +20,7 @@ pub struct ClusterLodOptions {
     pub keep_at_most: f64,
     /// Weights of the attributes in the error metric.
     pub weights: AttributeWeights,
-    /// Treatment of the open borders of the mesh. Where several groups meet on one, it is always locked.
+    /// Treatment of the open borders of the mesh. Where several groups meet on a border, it is always locked.
     pub border: BorderPolicy,
     /// See [`MeshData::region_classes`](crate::MeshData::region_classes).
     pub region_classes: Option<Arc<[RegionId]>>,

@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn few_vertices_make_small_clusters_and_still_fill_them() {
+    fn clusters_limited_by_vertices_are_still_full() {
         let mesh = shapes::torus(100, 60);
         let clusters = split(&mesh, &Budget { triangles: 124, vertices: 64 });
         for c in &clusters {
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn pieces_of_a_closed_surface_hang_together() {
+    fn most_clusters_of_a_closed_surface_are_connected() {
         let mesh = shapes::torus(80, 40);
         let centres = centres(&mesh);
         let clusters = split(&mesh, &BUDGET);
@@ -352,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_of_one_size_come_of_halves() {
+    fn halving_gives_parts_of_equal_size() {
         assert_eq!((first_half(1000, 8), first_half(300, 3), first_half(2, 2)), (500, 100, 1));
     }
 }

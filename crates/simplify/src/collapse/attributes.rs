@@ -89,7 +89,7 @@ impl Attributes {
         directions: Vec<usize>,
         textures: Vec<usize>,
         values: &[f32],
-        pulls: Vec<JointWeights>,
+        joint_weights: Vec<JointWeights>,
     ) -> Self {
         let lanes = width.div_ceil(4);
         let mut rows = vec![f32x4::ZERO; count * 4 * lanes];
@@ -104,7 +104,7 @@ impl Attributes {
             weights: vec![f32x4::ZERO; lanes],
             directions,
             textures,
-            joint_weights: pulls,
+            joint_weights,
             labels: Vec::new(),
             heads,
             reductions: vec![Tensor::default(); count],
@@ -236,9 +236,9 @@ impl Attributes {
     /// True if two wedges have the same data, to the bit.
     pub(super) fn is_same(&self, a: WedgeId, b: WedgeId) -> bool {
         let bits = |w: WedgeId| self.of(w).iter().map(|x| x.to_bits());
-        let pulls = |w: WedgeId| self.joint_weights.get(w.index());
+        let joint_weights = |w: WedgeId| self.joint_weights.get(w.index());
         let label = |w: WedgeId| self.labels.get(w.index());
-        bits(a).eq(bits(b)) && pulls(a) == pulls(b) && label(a) == label(b)
+        bits(a).eq(bits(b)) && joint_weights(a) == joint_weights(b) && label(a) == label(b)
     }
 
     /// Clears the sums of a wedge; `next` follows it at its vertex.

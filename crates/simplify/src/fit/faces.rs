@@ -7,8 +7,8 @@ use crate::collapse::store::Store;
 use crate::lanes::{Four, cross, dot, min, sub};
 use crate::metric::VertexMemory;
 
-/// Fraction of the height of a face, squared, that all its corners may move without a rotation of 60 degrees:
-/// 11, 17 and 30 degrees, one after the other.
+/// Square of the fraction of a face's height by which all its corners may move without rotating it by 60
+/// degrees: 11, 17 and 30 degrees, one after the other.
 const FREE_MOVE_SHARE_SQ: f32 = 0.04;
 
 /// Four final triangles in SIMD lanes, each starting at one of its corners.

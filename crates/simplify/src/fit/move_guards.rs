@@ -1,8 +1,8 @@
 //! Guards for moves of single vertices.
 //!
 //! A collapse checks the guards for the faces that it makes; a move checks them for the faces that it
-//! changes. A face or an edge that breaks a guard already may stay as bad as it is, and no move may make it
-//! worse. So whatever holds before the fit holds after it.
+//! changes. A face or an edge that already breaks a guard may stay as it is, but no move may make it worse.
+//! So every guard that holds before the fit holds after it.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
@@ -27,7 +27,7 @@ pub(crate) struct MoveGuards {
 struct RotationLimit {
     /// Squared cosine of the largest angle.
     min_cos_sq: f32,
-    /// Normals of the faces, of twice the area in length.
+    /// Normals of the faces; their length is twice the area.
     normals: Vec<Vec3>,
 }
 
@@ -70,7 +70,7 @@ impl MoveGuards {
         })
     }
 
-    /// Returns the farthest of some positions on the way to `last` that the guards permit and `is_fine`
+    /// Returns the farthest of some positions between here and `last` that the guards permit and `is_fine`
     /// accepts.
     pub(crate) fn farthest<Q: VertexMemory>(
         &self,
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_may_only_grow_up_to_the_limit() {
+    fn an_edge_may_grow_only_up_to_the_limit() {
         let mut store = square();
         let guards = MoveGuards { min_shape: 0.0, max_edge_sq: 1.5f32.powi(2), turn: None };
         assert!(allows(&guards, &store, [0.05, 0.0, 0.0]));
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn a_face_may_only_get_worse_down_to_the_limit() {
+    fn a_face_may_get_worse_only_down_to_the_limit() {
         let mut store = square();
         let guards = MoveGuards { min_shape: 0.5f32.powi(2), max_edge_sq: f32::INFINITY, turn: None };
         assert!(allows(&guards, &store, [0.1, 0.0, 0.0]));
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn a_face_may_only_turn_up_to_the_limit() {
+    fn a_face_may_rotate_only_up_to_the_limit() {
         let mut store = square();
         let normals = vec![Vec3::Z * 2.0; 4];
         let turn = Some(RotationLimit { min_cos_sq: 30f32.to_radians().cos().powi(2), normals });

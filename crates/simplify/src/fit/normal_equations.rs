@@ -7,7 +7,7 @@ use crate::lanes::max;
 use crate::tensor::Tensor;
 
 /// Sums over the samples of a final triangle, and its normal and lifts for the solve: one cache line, four
-/// rows of three numbers and one more each. b: barycentric coordinates, r: height over the plane.
+/// rows of three numbers plus one. b: barycentric coordinates, r: height over the plane.
 ///
 /// ```text
 /// b0 b0  b1 b1  b2 b2    lift of corner 0: how far it goes along the normal
@@ -34,8 +34,8 @@ impl FaceNormalEquations {
         bytemuck::cast_mut(&mut self.0)
     }
 
-    /// Returns the normal with a zero in the fourth lane: the square of the value there may be a subnormal
-    /// number, and those are a hundred times as slow.
+    /// Returns the normal with a zero in the fourth lane: the square of the value there may be subnormal, and
+    /// subnormal numbers are a hundred times slower.
     #[inline(always)]
     pub(super) fn row_of_normal(&self) -> f32x4 {
         let all = f32::from_bits(!0);

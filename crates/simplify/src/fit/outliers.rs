@@ -14,7 +14,7 @@ use crate::ordered_input::OrderedInput;
 use crate::triangle;
 
 /// Distance from the original that is always permitted, in units of the largest distance of a sample of the
-/// vertex' faces, squared. A flat part has an RMS height near zero, and vertices on its fillets lie farther
+/// vertex's faces, squared. A flat part has an RMS height near zero, and vertices on its fillets lie farther
 /// out. (Measured: docs/decisions/0006.)
 const MAX_OUTLIER_STAR_SQ: f32 = 2.0;
 
@@ -23,8 +23,8 @@ const MAX_OUTLIER_STAR_SQ: f32 = 2.0;
 fn is_above(p: Vec3A, [a, b, c]: [Vec3A; 3], limit: f32) -> bool {
     let (q, first, second) = (p - a, b - a, c - a);
     let normal = first.cross(second);
-    // The areas of the triangles of the point and two sides are its barycentric coordinates, times that of
-    // the face.
+    // The triangles between the point and two sides have its barycentric coordinates times the face's area as
+    // areas.
     let [area_sq, v, w, height] = dots(normal, [normal, q.cross(second), first.cross(q), q]);
     (height * height <= limit * area_sq) & (v >= 0.0) & (w >= 0.0) & (v + w <= area_sq)
 }

@@ -16,10 +16,10 @@ use crate::ordered_input::OrderedInput;
 
 /// Largest lateral distance of a sample outside its triangle, relative to its height, both squared.
 const MAX_LATERAL_SQ: f32 = 0.01;
-/// Largest number of samples for each final triangle. (More brings less than 1 %.)
+/// Largest number of samples for each final triangle. (More samples gain less than 1 %.)
 const MAX_SAMPLES_PER_FACE: usize = 16;
-/// Steps of the walk to the nearest triangle of a sample that lies beside those of its star. (Guessed: long triangles of
-/// CAD parts are a few stars away.)
+/// Steps of the walk to the nearest triangle of a sample that lies outside the triangles of its star.
+/// (Guessed: long triangles of CAD parts are a few stars away.)
 const MAX_WALKED_STARS: usize = 16;
 /// Prefetch distance for positions, in samples. (Guessed.)
 const PREFETCH_DISTANCE: usize = 8;
@@ -58,9 +58,9 @@ impl<Q: VertexMemory> Sampler<'_, Q> {
     /// Takes the samples: exact quadrature of quadratic functions, with 3/4 of the area at the centre and 1/12
     /// at each corner. `per_face` is the number of points and faces of the original for each final triangle.
     ///
-    /// Each vertex is sampled once for all its faces; on CAD parts, which corner of a face comes first
-    /// follows from the order of the file, and some vertices never do. If samples are many or memory is
-    /// scarce, one corner of every second face stands for six.
+    /// Each vertex is sampled once for all its faces; on CAD parts, the order of the file decides which
+    /// corner of a face comes first, and some vertices never do. If samples are many or memory is scarce, one
+    /// corner of every second face stands for six.
     #[inline(always)]
     pub(super) fn take_samples(
         &mut self,
@@ -128,8 +128,8 @@ impl<Q: VertexMemory> Sampler<'_, Q> {
         }
     }
 
-    /// Returns the nearest triangle of the star of `u` that faces a sample's way, if it is nearer than
-    /// `within`, squared. The normal of the sample comes with its length.
+    /// Returns the nearest triangle of the star of `u` that faces the same way as a sample, if it is nearer
+    /// than `within`, squared. The normal of the sample is given with its length.
     #[inline(always)]
     fn nearest(&mut self, u: VertexId, p: Vec3A, normal: (Vec3A, f32), within: f32) -> Option<Nearest> {
         // (The length is a power of two: no division.)
@@ -140,16 +140,16 @@ impl<Q: VertexMemory> Sampler<'_, Q> {
         }
         let q = p - in_register(self.vertices[u.index()].p);
         let found = star.nearest(q, within)?;
-        // That it faces away is rare, so it is checked afterwards.
+        // Few triangles face away, so this is checked afterwards.
         if self.loads[found.corner.face()].normal().dot(normal.0) > MIN_FACING_COS * normal.1 {
             return Some(found);
         }
         star.nearest_facing(q, normal, within)
     }
 
-    /// Counts a sample that cannot be fitted since its border moved, at its distance to the nearest triangle, whichever way
-    /// that faces: a walk from star to star, while they come nearer. (Inside a surface such a sample lies over an edge, at
-    /// about the distance of others.)
+    /// Counts a sample that cannot be fitted since its border moved, at its distance to the nearest triangle,
+    /// whichever way that faces: it walks from star to star as long as they get nearer. (Inside a surface
+    /// such a sample lies over an edge, at about the distance of others.)
     #[cold]
     fn add_beside(&mut self, p: Vec3A, weight: f32, home: VertexId) {
         if !self.vertices[home.index()].kind.is_border() {
@@ -254,7 +254,7 @@ impl<Q: VertexMemory> Sampler<'_, Q> {
     }
 }
 
-/// For each corner, the unit vectors that move three numbers, of that corner and the two after it, to their
+/// For each corner, the unit vectors that move three numbers (for that corner and the two after it) to their
 /// places.
 const CORNER_UNITS: [[f32x4; 3]; 4] = {
     let [x, y, z] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
@@ -289,8 +289,8 @@ mod tests {
     use crate::tensor::Tensor;
 
     #[test]
-    fn a_sample_takes_the_side_that_it_faces() {
-        // A sheet folded along 0-1: both sides run to the right, one looks up and one down.
+    fn a_sample_is_assigned_to_the_side_with_its_orientation() {
+        // A sheet folded along 0-1: both sides extend to the right, one faces up and one down.
         //     0 ---- 2  (above 3)
         //      \    /
         //        1
@@ -316,6 +316,6 @@ mod tests {
             |normal| sampler.assign(sample, (normal, 1.0), 1.0, VertexId(0)).map(|placed| placed.face);
         assert_eq!(normals.map(&mut side), [Some(0), Some(1), None]);
         let taken = |l: &FaceNormalEquations| l.numbers()[8..11].iter().sum::<f32>();
-        assert!(sampler.loads.iter().all(|l| taken(l) != 0.0), "both sides have their sample");
+        assert!(sampler.loads.iter().all(|l| taken(l) != 0.0), "each side has its sample");
     }
 }

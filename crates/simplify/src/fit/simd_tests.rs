@@ -55,7 +55,7 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(512) })]
 
     #[test]
-    fn four_faces_are_those_of_each(
+    fn four_faces_at_once_equal_each_alone(
         any in [[vector(), vector(), vector()], [vector(), vector(), vector()]],
         tame in [[tame_vector(), tame_vector(), tame_vector()], [tame_vector(), tame_vector(), tame_vector()]],
         facings in [tame_vector(), tame_vector(), tame_vector(), tame_vector()],
@@ -80,7 +80,7 @@ proptest! {
     }
 
     #[test]
-    fn the_nearest_of_a_star_is_that_of_all_its_faces(
+    fn the_nearest_triangle_of_a_star_equals_a_scalar_search(
         centre in tame_vector(),
         rim in vec(prop_oneof![9 => tame_vector(), 1 => vector()], 3..20),
         places in vec(tame_vector(), 8),
@@ -107,7 +107,7 @@ proptest! {
 
     /// The distance by heights over edges is exact, except beyond corners, where it is too small.
     #[test]
-    fn a_face_is_as_far_as_it_is_unless_a_corner_is_the_nearest(
+    fn distances_are_exact_except_beyond_corners(
         corners in [tame_vector(), tame_vector(), tame_vector()],
         q in tame_vector(),
     ) {

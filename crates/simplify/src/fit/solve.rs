@@ -19,11 +19,11 @@ const DAMPING: f32 = 0.01;
 const MAX_TURN: f32 = 0.25;
 /// Weight of a border edge's line relative to the samples, so that borders stay on their curve.
 const BORDER_LINE_WEIGHT: f32 = 1.0;
-/// Least determinant that is inverted: that of faces with edges of a millionth of the box, which single
-/// precision hardly distinguishes from points.
+/// Smallest determinant that is inverted: faces whose edges are a millionth of the box have it, and single
+/// precision hardly distinguishes them from points.
 const MIN_DET: f32 = 1e-36;
 
-/// Solves for the displacements by two Gauss-Seidel sweeps. (Measured: a third brings nothing.) A triangle
+/// Solves for the displacements by two Gauss-Seidel sweeps. (Measured: a third gains nothing.) A triangle
 /// only sees the heights n·delta of its three vertices, their lifts. The second sweep moves the vertices, by
 /// no more than the largest distance seen, and only if no triangle rotates far and no guard is broken.
 /// Returns the moved vertices that have a sample farther away than the root of `far`.

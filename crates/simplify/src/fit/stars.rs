@@ -14,7 +14,7 @@ use crate::metric::VertexMemory;
 /// Least cosine between the normals of a sample and its triangle.
 pub(super) const MIN_FACING_COS: f32 = 0.3;
 
-/// Up to eight triangles of a vertex' star in SIMD lanes, each starting at that vertex: unit normal,
+/// Up to eight triangles of a vertex's star in SIMD lanes, each starting at that vertex: unit normal,
 /// gradients of the barycentric coordinates of the two corners after it, heights over the three edges.
 #[derive(Clone, Copy)]
 pub(super) struct Fan {

@@ -25,7 +25,7 @@ pub(crate) struct Originals {
     wedges: Vec<[WedgeId; 3]>,
     /// The values of each row.
     values: Vec<f32x4>,
-    /// The chart of each row, identified by its least row.
+    /// The chart of each row, identified by its lowest row.
     charts: Vec<WedgeId>,
 }
 
@@ -53,7 +53,7 @@ impl Originals {
 }
 
 /// Sorts the corners of triangles by wedge; a corner is encoded as four times the triangle plus 0, 1 or 2.
-/// Returns the corners and the begin of each wedge's range.
+/// Returns the corners and the start of each wedge's range.
 fn by_wedge(wedges: &[[WedgeId; 3]], count: usize) -> (Vec<u32>, Vec<u32>) {
     let mut at = vec![0u32; count + 2];
     for w in wedges.as_flattened() {
@@ -236,14 +236,14 @@ impl<'a> Values<'a> {
         let mut shifts = vec![f32x4::ZERO; count * lanes];
         // Constant from sweep to sweep.
         let mut scales = vec![0f32; count];
-        let mut most = vec![f32x4::ZERO; count * lanes];
+        let mut max_shift = vec![f32x4::ZERO; count * lanes];
         // (Small buffers stay in registers.)
         let (mut few, mut many) = ([f32x4::ZERO; 2], vec![f32x4::ZERO; if N == 0 { lanes } else { 0 }]);
         let sums = if N == 0 { &mut many[..] } else { &mut few[..N] };
         for sweep in 0..SWEEPS {
             for (w, scale) in scales.iter_mut().enumerate() {
                 let corners = of_wedge(w);
-                let most = &mut most[w * lanes..][..lanes];
+                let max_shift = &mut max_shift[w * lanes..][..lanes];
                 if sweep == 0 && !corners.is_empty() {
                     let (mut own, mut held) = (0f32, 0f32);
                     for &corner in corners {
@@ -252,7 +252,7 @@ impl<'a> Values<'a> {
                         held += self.damping[f][k];
                         let worst = &self.max_residual[f * lanes..][..lanes];
                         for i in 0..lanes {
-                            most[i] = most[i].fast_max(worst[i]);
+                            max_shift[i] = max_shift[i].fast_max(worst[i]);
                         }
                     }
                     let corner = corners[0] as usize;
@@ -278,7 +278,7 @@ impl<'a> Values<'a> {
                 }
                 let shift = &mut shifts[w * lanes..][..lanes];
                 for i in 0..lanes {
-                    shift[i] = limited(sums[i] * *scale, most[i]);
+                    shift[i] = limited(sums[i] * *scale, max_shift[i]);
                 }
             }
         }
@@ -292,11 +292,11 @@ impl<'a> Values<'a> {
     }
 }
 
-/// Limits shifts to `most` in either direction. None is a negative zero: which of two zeros is the larger depends on the
-/// processor, and the sum of two negative ones is the only one that shows it.
+/// Limits shifts to `max_shift` in either direction. The result is never a negative zero: which of two zeros
+/// is the larger depends on the processor, and a sum of two negative zeros would show it.
 #[inline(always)]
-fn limited(shift: f32x4, most: f32x4) -> f32x4 {
-    shift.fast_max(-most).fast_min(most) + f32x4::ZERO
+fn limited(shift: f32x4, max_shift: f32x4) -> f32x4 {
+    shift.fast_max(-max_shift).fast_min(max_shift) + f32x4::ZERO
 }
 
 #[cfg(test)]
@@ -304,7 +304,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_shift_that_may_not_be_is_one_zero() {
+    fn limited_shifts_have_no_negative_zeros() {
         let shifts = f32x4::new([-0.0, 0.0, -2.0, 2.0]);
         assert_eq!(limited(shifts, f32x4::ZERO).to_array().map(f32::to_bits), [0; 4]);
         assert_eq!(limited(shifts, f32x4::splat(1.5)).to_array(), [0.0, 0.0, -1.5, 1.5]);

@@ -16,8 +16,8 @@ pub(crate) const EDGE_LENGTH: NeighbourhoodMetric = NeighbourhoodMetric {
     part_cost_per_face_pair: |_, part, _| part.cost_factor * part.size_sq,
 };
 
-/// Returns the squared length and the displacement. A vertex off the feature edges moves onto one that lies
-/// on them, not halfway.
+/// Returns the squared length and the displacement. If only one end lies on feature edges, the other moves
+/// onto it, not halfway.
 fn evaluate(around: &EdgeNeighbourhood, _: f32) -> Option<(f32, Vec3)> {
     let d = around.d;
     let onto_line = match around.on_lines {

@@ -19,7 +19,7 @@ use crate::cost::TIE;
 pub(crate) const LINDSTROM_TURK: NeighbourhoodMetric = NeighbourhoodMetric {
     cost_source: CostSource::FormThenStars,
     evaluate,
-    // One area more than the memoryless tensors have.
+    // One more factor of area than in the memoryless tensors.
     cost_factor_exponent: 1.4,
     // (0.32 to 0.49: positions between the removed faces halve the distances.)
     squared_rms_factor: 0.42,
@@ -51,7 +51,7 @@ fn evaluate(around: &EdgeNeighbourhood, mean: f32) -> Option<(f32, Vec3)> {
     Some((((loss.at(step) + tie) / f64::from(mean)) as f32, step.as_vec3()))
 }
 
-/// The sum of squares y·A·y − 2 h·y + c, 36 times that of volumes, and the volume constraint.
+/// The sum of squares y·A·y − 2 h·y + c, 36 times the sum of squared volumes, and the volume constraint.
 struct Loss {
     a: DMat3,
     h: DVec3,
@@ -125,8 +125,8 @@ impl Loss {
 }
 
 /// Pins the position to preserve the area vector bounded by the border. It changes by half of e × (y − p)
-/// for each of the border edges e at p. The components across the sum of e can be preserved; the one along
-/// it is the same for all y.
+/// for each of the border edges e at p. The components across the sum of e can be preserved; the component
+/// along it is the same for all y.
 fn pin_border(pins: &mut Pins, around: &EdgeNeighbourhood) {
     let (mut along, mut moment, mut size_sq) = (DVec3::ZERO, DVec3::ZERO, 0.0);
     for line in around.lines.iter().filter(|l| l.sense != 0.0) {

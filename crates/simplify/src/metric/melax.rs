@@ -1,9 +1,9 @@
 //! Melax metric: length times curvature, with placement at vertices of the input. [Melax 1998]
 //!
 //! The collapse of u onto v costs |uv| · max over the faces f of u, min over the faces g on uv, of (1 −
-//! f·g) / 2: the largest turn of the faces of u away from those on the edge. Unlike in the article, a
-//! vertex on a border (or another feature edge) moves along it only, and the turn of the border there
-//! counts like one of faces; the article covers closed surfaces only.
+//! f·g) / 2: the largest turn of the faces of u away from the faces on the edge. Unlike in the article, a
+//! vertex on a border (or another feature edge) moves only along it, and the turn of the border there counts
+//! like a turn of faces; the article covers closed surfaces only.
 
 use glam::{DVec3, Vec3};
 
@@ -14,11 +14,12 @@ use super::{
 pub(crate) const MELAX: NeighbourhoodMetric = NeighbourhoodMetric {
     cost_source: CostSource::Stars,
     evaluate: |around, _| evaluate(around),
-    // On a smooth surface the cost falls as the density of triangles to the power 1.5, on a rough one 0.5.
+    // The cost falls with the density of triangles to the power 1.5 on a smooth surface, and 0.5 on a rough
+    // one.
     cost_factor_exponent: 0.4,
     squared_rms_factor: 1.0,
     dimension: Dimension { length: 1, face: 0 },
-    // Like the collapse of an edge as long as the part itself, between faces at right angles.
+    // As much as the collapse of an edge as long as the part itself, between faces at right angles.
     part_cost_per_face_pair: |_, part, _| 0.5 * part.cost_factor * part.size_sq.sqrt(),
 };
 
@@ -46,7 +47,7 @@ fn evaluate(around: &EdgeNeighbourhood) -> Option<(f32, Vec3)> {
 /// not be removed.
 fn turns(around: &EdgeNeighbourhood) -> [Option<f64>; 2] {
     let normal = |w: &StarTriangle| (w.b - w.a).cross(around.end(w.at) - w.a).normalize_or_zero();
-    // Two, but for borders and non-manifold edges.
+    // Two, except at borders and non-manifold edges.
     let (mut sides, mut count) = ([DVec3::ZERO; MAX_SIDES], 0);
     for w in around.triangles.iter().filter(|w| w.at == EdgePart::Both).take(MAX_SIDES) {
         sides[count] = normal(w);
@@ -108,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn the_end_whose_faces_do_not_turn_is_given_up() {
+    fn the_end_whose_faces_do_not_turn_is_removed() {
         //      Y           The kept end has steep faces; the removed one lies flat.
         //    / | \
         // tip--0---d--2
@@ -128,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn borders_are_left_along_themselves_only_and_at_the_cost_of_their_turn() {
+    fn border_vertices_move_along_the_border_and_pay_for_its_turn() {
         let mut around = strip(-DVec3::X);
         around.on_lines = [true, false];
         around.lines =

@@ -1,9 +1,9 @@
 //! Memoryless metric: star tensors of the current surface.
 //!
-//! A vertex carries the sum of area · n nᵀ over the triangles of its *current* star, and of the lines of
-//! its border edges. All those planes pass through the vertex, so the tensor is its whole quadric: there is
-//! no linear or constant term, nothing to merge, and single precision is enough. [Lindstrom-Turk 1998]
-//! found that costs without memory lead to closer meshes; their volume constraint adds nothing to that
+//! A vertex carries the sum of area · n nᵀ over the triangles of its *current* star, plus the tensors of the
+//! lines of its border edges. All those planes pass through the vertex, so the tensor is its whole quadric:
+//! there is no linear or constant term, nothing to merge, and single precision is enough. [Lindstrom-Turk
+//! 1998] found that costs without memory lead to closer meshes; their volume constraint adds nothing to that
 //! (measured) and is left out.
 
 use glam::Vec3;

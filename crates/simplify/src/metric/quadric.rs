@@ -59,7 +59,7 @@ mod tests {
 
     #[test]
     fn a_merged_quadric_still_measures_the_same_planes() {
-        // The plane z = 0 seen from (0, 0, 0) and the plane x = 1 seen from (1, 0, 0).
+        // The plane z = 0 relative to (0, 0, 0) and the plane x = 1 relative to (1, 0, 0).
         let at = |n: Vec3| PlaneQuadric { a: Tensor::outer(n, 1.0), ..PlaneQuadric::default() };
         let form = Quadric.form(&at(Vec3::Z), &at(Vec3::X), Vec3::X);
         let merged = Quadric.merged(&form, Vec3::new(0.5, 0.0, 0.25));

@@ -1,4 +1,5 @@
-//! Preparation of the input before a run (lent and flat normals, pruning, welding), and its part of the report.
+//! Preparation of the input before a run (temporary and flat normals, pruning, welding), and its part of the
+//! report.
 
 use lodsmith_core::mesh::weld::{self, Weld};
 use lodsmith_core::{MeshError, Surface, TriMesh};
@@ -12,15 +13,15 @@ use crate::report::Report;
 use crate::run::Done;
 use crate::{borders, constraints, prune, shading};
 
-/// Returns the mesh with normals computed from its shape, if the options ask that they count and it has none.
-pub(crate) fn lent_normals(
+/// Returns the mesh with normals computed from its shape, if it has none and the options let them count.
+pub(crate) fn temporary_normals(
     input: &Input<'_>,
     options: &SimplifyOptions,
 ) -> Result<Option<TriMesh>, MeshError> {
     if options.shape_normals { shading::with_shape_normals(input) } else { Ok(None) }
 }
 
-/// The input of a run after welding and pruning, and what the report says of that.
+/// The input of a run after welding and pruning, and the part of the report about these.
 pub(crate) struct Prepared<'a> {
     pub(crate) input: Input<'a>,
     /// The options, with lengths that are shares of the whole input converted to its units.
@@ -34,22 +35,23 @@ pub(crate) struct Prepared<'a> {
     welded: usize,
     /// Sheets that are reduced as closed surfaces: see [`Report::unpaired_sheets`].
     pub(crate) unpaired_sheets: usize,
-    /// Where normals were left out, and the mesh with them.
+    /// Where normals were left out, and the mesh that still has them.
     flat: Option<(&'a FlatShading, &'a TriMesh)>,
-    /// For lent normals, true if the input has attributes or regions of its own.
-    lent: Option<bool>,
+    /// With temporary normals: true if the input has attributes or regions.
+    has_seams: Option<bool>,
 }
 
 impl<'a> Prepared<'a> {
-    /// Prepares an input as the options ask; `lent` is its mesh with [`lent_normals`], and `flat` the one without
-    /// normals where they are flat. Small parts go before near vertices are joined. Cost: O(n), with a weld O(n log n).
+    /// Prepares an input as the options require; `with_normals` is its mesh with [`temporary_normals`], and
+    /// `flat` its mesh without normals where they are flat. Small parts are removed before close vertices are
+    /// joined. Cost: O(n), with a weld O(n log n).
     pub(crate) fn new(
         input: &'a Input<'_>,
-        lent: Option<&'a TriMesh>,
+        with_normals: Option<&'a TriMesh>,
         flat: Option<&'a FlatShading>,
         options: &SimplifyOptions,
     ) -> Result<Self, SimplifyError> {
-        let (surface, mesh) = match lent.or(flat.map(|flat| &flat.mesh)) {
+        let (surface, mesh) = match with_normals.or(flat.map(|flat| &flat.mesh)) {
             Some(mesh) => (mesh.surface(), Some(mesh)),
             None => (input.surface.clone(), input.mesh),
         };
@@ -58,7 +60,7 @@ impl<'a> Prepared<'a> {
                 surface,
                 mesh,
                 joined: None,
-                keeps_blended_normals: input.keeps_blended_normals || lent.is_some(),
+                keeps_blended_normals: input.keeps_blended_normals || with_normals.is_some(),
                 ..*input
             },
             options: options.clone(),
@@ -68,7 +70,8 @@ impl<'a> Prepared<'a> {
             welded: 0,
             unpaired_sheets: 0,
             flat: flat.zip(input.mesh),
-            lent: lent.map(|_| input.mesh.is_some_and(|m| m.has_attributes() || m.regions().is_some())),
+            has_seams: with_normals
+                .map(|_| input.mesh.is_some_and(|m| m.has_attributes() || m.regions().is_some())),
         };
         if let Some(size) = options.prune {
             prepared.prune(size)?;
@@ -121,12 +124,12 @@ impl<'a> Prepared<'a> {
         Ok(())
     }
 
-    /// Returns the result with flat normals, without lent ones, and with the preparation in its report.
+    /// Returns the result with flat normals, without temporary ones, and with the preparation in its report.
     pub(crate) fn finish(&self, (mut done, held): Done) -> Result<Done, SimplifyError> {
         self.report(&mut done.report);
-        if let Some(has_seams) = self.lent {
+        if let Some(has_seams) = self.has_seams {
             done.report.seams_relaxed &= has_seams;
-            done.mesh = shading::without_lent_normals(done.mesh)?;
+            done.mesh = shading::without_temporary_normals(done.mesh)?;
         }
         if let Some((flat, input)) = self.flat {
             done.mesh = flat.with_normals(&done.mesh, &held, input)?;

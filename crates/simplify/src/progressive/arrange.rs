@@ -372,8 +372,8 @@ mod tests {
         );
         assert_eq!(data.positions.view().get(VertexId(0)), [0.5, 0.5, 0.25]);
         assert_eq!(data.vertex_of, None);
-        let road = crate::Progressive::new(Splits::new(data).expect("sound splits"));
-        assert_eq!(road.mesh().expect("a mesh"), input);
+        let progressive = crate::Progressive::new(Splits::new(data).expect("sound splits"));
+        assert_eq!(progressive.mesh().expect("a mesh"), input);
     }
 
     #[test]

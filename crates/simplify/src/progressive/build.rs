@@ -20,7 +20,7 @@ use crate::input::Input;
 use crate::metric::{Dimension, Metric, VertexMemory, with_metric};
 use crate::options::shared::COLLAPSE_METHODS;
 use crate::options::{Placement, SimplifyOptions, Stop};
-use crate::pipeline::prepare::{Prepared, lent_normals};
+use crate::pipeline::prepare::{Prepared, temporary_normals};
 use crate::run::{self, Run, Started};
 use crate::two_sided::TwoSidedInput;
 
@@ -91,8 +91,8 @@ pub(super) fn build(
         return Err(SimplifyError::NotTogether { first: "progressive", second: "escalate" });
     }
     let options = options.with_own_placement();
-    let lent = lent_normals(whole, &options)?;
-    let Prepared { input, options, .. } = &Prepared::new(whole, lent.as_ref(), None, &options)?;
+    let with_normals = temporary_normals(whole, &options)?;
+    let Prepared { input, options, .. } = &Prepared::new(whole, with_normals.as_ref(), None, &options)?;
     let mut ordered = run::ordered(input, control)?;
     let sheets = TwoSidedInput::find(whole, input, &ordered, options)?;
     // (Vertices that were welded come back as they were only from a record of the whole.)
@@ -145,7 +145,8 @@ fn build_both_sides(
     Ok(RecordedMesh { mesh, costs })
 }
 
-/// Runs to the end and builds the progressive mesh from the record. `mesh` is the input without lent normals.
+/// Runs to the end and builds the progressive mesh from the record. `mesh` is the input without temporary
+/// normals.
 fn record_run<M: Metric>(
     metric: M,
     run: &mut Run<'_, '_>,
@@ -235,12 +236,12 @@ fn build_progressive(
         weights,
         fits,
     };
-    let mut road = Progressive::new(Splits::new(arranged.data).expect("a record names what is there"));
-    let checkpoints = recorded.checkpoints(run, &mut road, value_fitter.as_mut(), control)?;
-    let mut data = road.into_splits().into_data();
+    let mut progressive = Progressive::new(Splits::new(arranged.data).expect("a record names what is there"));
+    let checkpoints = recorded.checkpoints(run, &mut progressive, value_fitter.as_mut(), control)?;
+    let mut data = progressive.into_splits().into_data();
     data.checkpoints = checkpoints;
-    let road = Progressive::new(Splits::new(data).expect("checkpoints of levels that are there"));
-    Ok(RecordedMesh { mesh: road, costs })
+    let progressive = Progressive::new(Splits::new(data).expect("checkpoints of levels that are there"));
+    Ok(RecordedMesh { mesh: progressive, costs })
 }
 
 /// Starts a record with the input as the engine has it.

@@ -222,10 +222,11 @@ mod tests {
     #[test]
     fn checkpoints_thin_out_towards_the_full_mesh() {
         let mesh = shapes::noisy_sphere(3, 0.05, 3);
-        let road = Progressive::build(&mesh, &SimplifyOptions::default(), &mut NoControl).expect("a sphere");
-        let (counts, all) = (&road.splits().counts, &road.splits().checkpoints);
+        let progressive =
+            Progressive::build(&mesh, &SimplifyOptions::default(), &mut NoControl).expect("a sphere");
+        let (counts, all) = (&progressive.splits().counts, &progressive.splits().checkpoints);
         // From the base to the full mesh, which has no error and no fit.
-        assert_eq!((all[0].level, all[all.len() - 1].level as usize), (0, road.top()));
+        assert_eq!((all[0].level, all[all.len() - 1].level as usize), (0, progressive.top()));
         let last = &all[all.len() - 1];
         assert_eq!((last.error, last.vertices.len()), (0.0, 0));
         assert!(all[0].error > 0.0 && !all[0].vertices.is_empty());

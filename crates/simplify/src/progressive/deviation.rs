@@ -145,9 +145,9 @@ mod tests {
                 ends.push(ends[2]);
             }
         }
-        let road = Progressive::new(Splits::new(data).expect("sound splits"));
+        let progressive = Progressive::new(Splits::new(data).expect("sound splits"));
         // From one face to two, to four, and of all levels with four to the last.
-        assert_eq!(road.levels_to_measure(), [0, 1, 2, 22]);
+        assert_eq!(progressive.levels_to_measure(), [0, 1, 2, 22]);
     }
 
     #[test]
@@ -156,15 +156,18 @@ mod tests {
         data.checkpoints.clear();
         // The base is the triangle of (0, 0), (2, 0) and (0, 1), within the full mesh, which reaches to (1, 2): that is
         // 3 / √5 from the line x + 2 y = 2.
-        let mut road = Progressive::new(Splits::new(data).expect("sound splits"));
-        road.to_level(0);
-        let found = road.deviation(false).expect("a mesh").expect("faces with an area").hausdorff.symmetric;
+        let mut progressive = Progressive::new(Splits::new(data).expect("sound splits"));
+        progressive.to_level(0);
+        let found =
+            progressive.deviation(false).expect("a mesh").expect("faces with an area").hausdorff.symmetric;
         assert!((found - 3.0 / 5f64.sqrt()).abs() < 0.02, "{found}");
         // The full mesh itself.
-        road.to_level(2);
-        let found = road.deviation(false).expect("a mesh").expect("faces with an area").hausdorff.symmetric;
+        progressive.to_level(2);
+        let found =
+            progressive.deviation(false).expect("a mesh").expect("faces with an area").hausdorff.symmetric;
         assert!(found < 1e-9, "{found}");
-        let level = |limit: f64| road.level_of_deviation(limit, false, &mut NoControl).expect("a mesh");
+        let level =
+            |limit: f64| progressive.level_of_deviation(limit, false, &mut NoControl).expect("a mesh");
         assert_eq!([10.0, 0.01].map(level), [0, 2]);
     }
 }

@@ -147,18 +147,18 @@ mod tests {
 
     #[test]
     fn meshes_have_the_order_of_the_original() {
-        let mut road = Progressive::new(Splits::new(three_levels()).expect("sound splits"));
+        let mut progressive = Progressive::new(Splits::new(three_levels()).expect("sound splits"));
         // Vertex v was number 5 - v, and face f number 3 - f.
-        let full = road.mesh().expect("a mesh");
+        let full = progressive.mesh().expect("a mesh");
         assert_eq!(raw(&full), [[4, 0, 1], [1, 2, 3], [4, 1, 3], [5, 4, 3]]);
         let view = full.positions().view();
         assert_eq!([5, 4, 3].map(|v| view.get(VertexId(v))[0]), [0.0, 1.0, 0.0]);
         // Coarser levels leave no gaps: of 5, 4, 3 and 2, vertex 2 comes first.
-        road.to_level(1);
-        assert_eq!(raw(&road.mesh().expect("a mesh")), [[2, 0, 1], [3, 2, 1]]);
+        progressive.to_level(1);
+        assert_eq!(raw(&progressive.mesh().expect("a mesh")), [[2, 0, 1], [3, 2, 1]]);
         // In the buffers everything keeps its number.
-        assert_eq!(raw(&road.fitted_buffers().expect("a mesh")), [[0, 1, 2], [1, 3, 2]]);
-        let fitted = road.fitted_mesh().expect("a mesh");
+        assert_eq!(raw(&progressive.fitted_buffers().expect("a mesh")), [[0, 1, 2], [1, 3, 2]]);
+        let fitted = progressive.fitted_mesh().expect("a mesh");
         assert!((fitted.positions().view().get(VertexId(3))[2] - 2.0).abs() < 1e-6);
     }
 
@@ -168,13 +168,13 @@ mod tests {
         data.checkpoints.clear();
         // Vertex 3 loses both corners to the second split; it is part of the original.
         data.faces[2] = [4, 5, 2].map(WedgeId);
-        let road = |data| Progressive::new(Splits::new(data).expect("sound splits"));
-        assert_eq!(road(data.clone()).mesh().expect("a mesh").vertex_count(), 6);
+        let progressive = |data| Progressive::new(Splits::new(data).expect("sound splits"));
+        assert_eq!(progressive(data.clone()).mesh().expect("a mesh").vertex_count(), 6);
         let original = data.original.as_mut().expect("it is known");
         let numbers = [4, 3, 2, NO_ORIGINAL, 1, 0];
         (original.vertices, original.wedges) = (numbers.map(VertexId).into(), numbers.map(WedgeId).into());
-        assert_eq!(road(data.clone()).mesh().expect("a mesh").vertex_count(), 5);
+        assert_eq!(progressive(data.clone()).mesh().expect("a mesh").vertex_count(), 5);
         data.original = None;
-        assert_eq!(road(data).mesh().expect("a mesh").vertex_count(), 5);
+        assert_eq!(progressive(data).mesh().expect("a mesh").vertex_count(), 5);
     }
 }

@@ -220,16 +220,16 @@ mod tests {
     use crate::test_support::three_levels;
 
     fn at_level(level: usize) -> Progressive {
-        let mut road = Progressive::new(Splits::new(three_levels()).expect("sound splits"));
-        road.to_level(level);
-        road
+        let mut progressive = Progressive::new(Splits::new(three_levels()).expect("sound splits"));
+        progressive.to_level(level);
+        progressive
     }
 
     /// Returns the moves of vertices 0 and 1 by the fit.
-    fn moves(road: &Progressive) -> [[f64; 3]; 2] {
-        let fitted = road.fitted_positions();
+    fn moves(progressive: &Progressive) -> [[f64; 3]; 2] {
+        let fitted = progressive.fitted_positions();
         [0, 1].map(VertexId).map(|v| {
-            let [to, from] = [fitted.view().get(v), road.positions().get(v)];
+            let [to, from] = [fitted.view().get(v), progressive.positions().get(v)];
             [0, 1, 2].map(|k| to[k] - from[k])
         })
     }
@@ -243,10 +243,10 @@ mod tests {
         // To the full mesh without an error they fall in proportion to the logarithm.
         let mut data = three_levels();
         data.checkpoints[1].error = 0.0;
-        let mut road = Progressive::new(Splits::new(data).expect("sound splits"));
-        road.to_level(1);
-        assert!((road.error() - 0.2).abs() < 1e-9);
-        assert_eq!([0.4, 0.39, 0.201, 0.199, 0.0].map(|e| road.level_of_error(e)), [0, 1, 1, 2, 2]);
+        let mut progressive = Progressive::new(Splits::new(data).expect("sound splits"));
+        progressive.to_level(1);
+        assert!((progressive.error() - 0.2).abs() < 1e-9);
+        assert_eq!([0.4, 0.39, 0.201, 0.199, 0.0].map(|e| progressive.level_of_error(e)), [0, 1, 1, 2, 2]);
     }
 
     #[test]
@@ -284,9 +284,9 @@ mod tests {
         data.checkpoints.push(Checkpoint { level: 3, error: 0.05, ..Checkpoint::default() });
         for (coarse, wanted) in [(0.4, 2.0), (0.41, 3.0)] {
             data.checkpoints[0].error = coarse;
-            let mut road = Progressive::new(Splits::new(data.clone()).expect("sound splits"));
-            road.to_level(1);
-            let [first, _] = moves(&road);
+            let mut progressive = Progressive::new(Splits::new(data.clone()).expect("sound splits"));
+            progressive.to_level(1);
+            let [first, _] = moves(&progressive);
             assert!((first[2] - wanted).abs() < 1e-6, "{first:?} after an error of {coarse}");
         }
     }

@@ -42,7 +42,7 @@ impl ValueFitter {
         if let Some((_, weights)) = known {
             self.attributes.weights_mut().copy_from_slice(weights);
         }
-        self.rows.clear_lent_weights(self.attributes.weights_mut(), &self.places);
+        self.rows.clear_weights_without_place(self.attributes.weights_mut(), &self.places);
         let wedges = |f: usize| progressive.faces()[f].map(|w| self.numbers[w.index()]);
         let faces: Vec<_> = faces.map(|(f, points)| (points, wedges(f))).collect();
         self.attributes.recompute_sums(&faces);

@@ -31,7 +31,7 @@ const INWARD_SHARE: f64 = 0.1;
 const ROW_TOLERANCE: f32 = 1e-5;
 /// Maximum number of corners searched at a locked vertex, so that the work at fans stays proportional.
 /// Guessed: all but centres of fans have fewer.
-const MOST_CORNERS: usize = 64;
+const MAX_CORNERS: usize = 64;
 
 /// Attribute values at the corners of the original surface.
 struct AttributeSource<'a> {
@@ -181,7 +181,7 @@ fn transfer_attributes(
 #[derive(Default)]
 struct Row {
     values: Vec<f32>,
-    pulls: JointWeights,
+    joint_weights: JointWeights,
     label: Option<u32>,
 }
 
@@ -192,11 +192,11 @@ impl AttributeSource<'_> {
         let AttributeSource { prepared, attributes, .. } = *self;
         let same = |a: WedgeId, b: WedgeId, shading: bool| {
             let (x, y) = (attributes.of(a), attributes.of(b));
-            let pulls =
+            let joint_weights =
                 |w: WedgeId| (attributes.joint_weights.get(w.index()), attributes.labels.get(w.index()));
-            let is_pulled = shading || pulls(a) == pulls(b);
+            let has_equal_joints = shading || joint_weights(a) == joint_weights(b);
             let is_equal = |k: usize| is_shading[k] != shading || x[k].to_bits() == y[k].to_bits();
-            a == b || is_pulled && (0..is_shading.len()).all(is_equal)
+            a == b || has_equal_joints && (0..is_shading.len()).all(is_equal)
         };
         let region = |f: usize| prepared.regions.as_ref().map(|r| r[f]);
         let links = |shading: bool| {
@@ -239,7 +239,7 @@ impl AttributeSource<'_> {
         row: &mut Row,
     ) -> Option<WedgeId> {
         let attributes = self.attributes;
-        (row.pulls, row.label) = (JointWeights::new(), None);
+        (row.joint_weights, row.label) = (JointWeights::new(), None);
         let mut exact = true;
         let mut wedge = None;
         for (at, shading) in at.iter().zip([false, true]) {
@@ -252,7 +252,8 @@ impl AttributeSource<'_> {
                 row.values[lane] = at_corner.map_or_else(|| (part(0) + part(1) + part(2)) as f32, value);
             }
             if !shading && !attributes.joint_weights.is_empty() {
-                row.pulls = blend(&rows_there.map(|r| &attributes.joint_weights[r.index()]), &at.weights);
+                row.joint_weights =
+                    blend(&rows_there.map(|r| &attributes.joint_weights[r.index()]), &at.weights);
             }
             if !shading && !attributes.labels.is_empty() {
                 row.label = Some(attributes.labels[rows_there[nearest_corner(&at.weights)].index()]);
@@ -270,9 +271,9 @@ struct NewRows {
     width: usize,
     /// Largest absolute value of each lane.
     largest: Vec<f32>,
-    has_pulls: bool,
+    has_joint_weights: bool,
     values: Vec<f32>,
-    pulls: Vec<JointWeights>,
+    joint_weights: Vec<JointWeights>,
     labels: Vec<u32>,
     /// True if a vertex has one row only: as all of the input, so that what is closed by its indices stays so.
     has_one_each: bool,
@@ -286,9 +287,9 @@ impl NewRows {
         Self {
             width: source.rows.width(),
             largest: source.rows.largest(),
-            has_pulls: !source.attributes.joint_weights.is_empty(),
+            has_joint_weights: !source.attributes.joint_weights.is_empty(),
             values: Vec::new(),
-            pulls: Vec::new(),
+            joint_weights: Vec::new(),
             labels: Vec::new(),
             has_one_each: source.has_one_row_each(),
             first: vec![NO_ROW; vertices],
@@ -308,8 +309,8 @@ impl NewRows {
         let added = self.next.len() as u32;
         self.next.push(std::mem::replace(&mut self.first[v.index()], added));
         self.values.extend_from_slice(&row.values);
-        if self.has_pulls {
-            self.pulls.push(row.pulls.clone());
+        if self.has_joint_weights {
+            self.joint_weights.push(row.joint_weights.clone());
         }
         self.labels.extend(row.label);
         WedgeId(added)
@@ -319,14 +320,21 @@ impl NewRows {
         let values = &self.values[r * self.width..];
         let is_alike = |k: usize| (values[k] - row.values[k]).abs() <= ROW_TOLERANCE * self.largest[k];
         (0..self.width).all(is_alike)
-            && (self.pulls.is_empty() || are_pulls_alike(&self.pulls[r], &row.pulls))
+            && (self.joint_weights.is_empty()
+                || are_joint_weights_similar(&self.joint_weights[r], &row.joint_weights))
             && self.labels.get(r).copied() == row.label
     }
 
     fn into_attributes(self, source: &Attributes) -> Attributes {
         let (directions, textures) = (source.directions.clone(), source.textures.clone());
-        let mut attributes =
-            Attributes::new(self.next.len(), self.width, directions, textures, &self.values, self.pulls);
+        let mut attributes = Attributes::new(
+            self.next.len(),
+            self.width,
+            directions,
+            textures,
+            &self.values,
+            self.joint_weights,
+        );
         attributes.labels = self.labels;
         attributes
     }
@@ -534,7 +542,7 @@ impl LockedCorners {
                 nearest(inwards, prepared.faces[f as usize].map(|v| prepared.points[v.index()])).distance_sq;
             (unseen, away)
         };
-        let of = self.0.get(&kept)?.iter().take(MOST_CORNERS).map(|&(f, c)| (rank(f), f, c));
+        let of = self.0.get(&kept)?.iter().take(MAX_CORNERS).map(|&(f, c)| (rank(f), f, c));
         let (_, f, c) =
             of.min_by(|(a, f, _), (b, g, _)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(f.cmp(g)))?;
         Some(SurfacePoint { face: f as usize, weights: [0, 1, 2].map(|k| f64::from(u8::from(k == c))) })
@@ -549,12 +557,12 @@ fn nearest_corner(weights: &[f64; 3]) -> usize {
 /// Blends joint weights, strongest first.
 fn blend(of: &[&JointWeights; 3], weights: &[f64; 3]) -> JointWeights {
     let mut all: JointWeights = Vec::new();
-    for (pulls, weight) in of.iter().zip(weights).filter(|x| *x.1 > 0.0) {
-        for &(joint, pull) in *pulls {
-            let pull = pull * *weight as f32;
+    for (joint_weights, weight) in of.iter().zip(weights).filter(|x| *x.1 > 0.0) {
+        for &(joint, joint_weight) in *joint_weights {
+            let share = joint_weight * *weight as f32;
             match all.iter_mut().find(|x| x.0 == joint) {
-                Some(known) => known.1 += pull,
-                None => all.push((joint, pull)),
+                Some(known) => known.1 += share,
+                None => all.push((joint, share)),
             }
         }
     }
@@ -563,10 +571,10 @@ fn blend(of: &[&JointWeights; 3], weights: &[f64; 3]) -> JointWeights {
 }
 
 /// True if two sets of joint weights are equal apart from rounding.
-fn are_pulls_alike(a: &JointWeights, b: &JointWeights) -> bool {
-    let pull = |of: &JointWeights, joint: u32| of.iter().find(|x| x.0 == joint).map_or(0.0, |x| x.1);
+fn are_joint_weights_similar(a: &JointWeights, b: &JointWeights) -> bool {
+    let weight_of = |of: &JointWeights, joint: u32| of.iter().find(|x| x.0 == joint).map_or(0.0, |x| x.1);
     let one_way = |a: &JointWeights, b: &JointWeights| {
-        a.iter().all(|x| (x.1 - pull(b, x.0)).abs() <= ROW_TOLERANCE * x.1.abs().max(1.0))
+        a.iter().all(|x| (x.1 - weight_of(b, x.0)).abs() <= ROW_TOLERANCE * x.1.abs().max(1.0))
     };
     one_way(a, b) && one_way(b, a)
 }

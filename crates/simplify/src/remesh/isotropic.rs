@@ -38,12 +38,12 @@ const COLLAPSE_LENGTH: f64 = 4.0 / 5.0;
 /// quality .951 and .949 after two, .962 after five, .969 after ten, where distances are 2 to 4 % larger.)
 const ROUNDS: usize = 5;
 /// Mean quality above which a run may end after `ROUNDS` rounds, if the last one gained less than
-/// `LEAST_GAIN`. (Scans have .95 by then. A machine part of long thin triangles, cad_58011 at 50 %, has .32,
+/// `MIN_GAIN`. (Scans have .95 by then. A machine part of long thin triangles, cad_58011 at 50 %, has .32,
 /// and .88 after sixteen.)
 const EVEN_QUALITY: f64 = 0.9;
 /// See [`EVEN_QUALITY`]; below that quality a run ends when the last `ROUNDS` rounds together gained less. (Scans
 /// gain .002 to .004 in the fifth round, that machine part .007 in one after the sixteenth.)
-const LEAST_GAIN: f64 = 0.005;
+const MIN_GAIN: f64 = 0.005;
 /// Maximum number of rounds if none is given. (A guess: twice what the worst part needed.)
 const MAX_ROUNDS: usize = 40;
 /// Share of the progress that the rounds account for.
@@ -120,8 +120,8 @@ fn is_settled(qualities: &[f64]) -> bool {
     let gain = |rounds: usize| qualities[qualities.len() - 1] - qualities[qualities.len() - 1 - rounds];
     match qualities.len() {
         n if n < ROUNDS => false,
-        n if qualities[n - 1] >= EVEN_QUALITY => gain(1) < LEAST_GAIN,
-        n => n > ROUNDS && gain(ROUNDS) < LEAST_GAIN,
+        n if qualities[n - 1] >= EVEN_QUALITY => gain(1) < MIN_GAIN,
+        n => n > ROUNDS && gain(ROUNDS) < MIN_GAIN,
     }
 }
 

@@ -13,7 +13,7 @@ use lodsmith_core::sorted::indices_by_key;
 use lodsmith_core::{DisjointSets, Positions, TriMesh, VertexId};
 
 use super::part::{Part, Place};
-use crate::borders::{self, BorderVertex, LEAST_EDGE, ROUNDING_SHARE};
+use crate::borders::{self, BorderVertex, MIN_EDGE_RATIO, ROUNDING_SHARE};
 
 /// Border vertices of all copies up to which those that touch are looked for. (Guessed: they take half a gigabyte.)
 const MAX_PLACED: usize = 1 << 23;
@@ -67,7 +67,7 @@ impl Touching {
         let near = weld_within(Positions::F64(points).view(), rounding);
         let is_coarse = |&i: &usize| {
             let (c, b) = owners[i];
-            b.shortest_edge * parts[copies[c].part].scale > LEAST_EDGE * rounding
+            b.shortest_edge * parts[copies[c].part].scale > MIN_EDGE_RATIO * rounding
         };
         let coarse: Vec<usize> = (0..owners.len()).filter(is_coarse).collect();
         let place_of = |i: usize| near.of(VertexId::new(i));

@@ -7,7 +7,7 @@ use lodsmith_core::mesh::weld::weld_within;
 use lodsmith_core::{DisjointSets, Surface, VertexId};
 
 use super::pairs::{self, FacePair, edges};
-use crate::borders::LEAST_EDGE;
+use crate::borders::MIN_EDGE_RATIO;
 use crate::collapse::order::{NONE, Ordered, order};
 
 /// Largest distance between the sides of a sheet, as a share of the diagonal.
@@ -65,7 +65,7 @@ pub(super) fn joined<'a>(
         let at = places(f);
         at.iter().all(|p| *p != NONE) && {
             let p = at.map(|p| ordered.points[p.index()]);
-            (0..3).all(|k| p[k].distance(p[(k + 1) % 3]) > LEAST_EDGE as f32 * unit_gap)
+            (0..3).all(|k| p[k].distance(p[(k + 1) % 3]) > MIN_EDGE_RATIO as f32 * unit_gap)
         }
     };
     // The places of pairs that come to be by joining.

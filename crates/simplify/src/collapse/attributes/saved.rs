@@ -49,8 +49,8 @@ impl Attributes {
             self.heads[w] = kept.heads[i];
             self.reductions[w] = kept.reductions[i];
             self.rows[w * n..][..n].copy_from_slice(&kept.rows[i * n..][..n]);
-            if let Some(pulls) = kept.joint_weights.get(i) {
-                self.joint_weights[w].clone_from(pulls);
+            if let Some(joint_weights) = kept.joint_weights.get(i) {
+                self.joint_weights[w].clone_from(joint_weights);
             }
             if let Some(&label) = kept.labels.get(i) {
                 self.labels[w] = label;
