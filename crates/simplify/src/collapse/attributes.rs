@@ -43,13 +43,13 @@ pub(crate) struct Attributes {
     pub(crate) textures: Vec<usize>,
     /// Joints of each wedge, with their weights; empty without a skin.
     pub(crate) joint_weights: Vec<JointWeights>,
-    /// Label of each wedge: identifies its values of discrete attributes; empty if all wedges have the
-    /// same.
+    /// Label of each wedge: identifies its values of discrete attributes; empty if all wedges have the same
+    /// label.
     pub(crate) labels: Vec<u32>,
     pub(super) heads: Vec<Head>,
     /// Cached result of [`Self::spread`] for each wedge, if its head says so.
     reductions: Vec<Tensor>,
-    /// Source wedges of the copied ones, which are the last.
+    /// Original wedges of the copied ones, which come last.
     copied: Vec<WedgeId>,
     /// For each wedge its values, then their gradient sums along x, y and z: doubled area times gradient,
     /// summed over the current triangles; four times `lanes` vectors.
@@ -68,7 +68,7 @@ pub(super) struct Head {
     pub(super) faces: u32,
     /// The next wedge of its vertex, or [`NO_WEDGE`].
     pub(super) next: WedgeId,
-    /// True if its first or last face, in the order round its vertex, is bounded by a hard seam.
+    /// True if its first or last face, in the order around its vertex, is bounded by a hard seam.
     pub(super) hard: [bool; 2],
     /// True if the cached tensor in `alone` is valid.
     pub(super) has_reduction: bool,
@@ -124,13 +124,13 @@ impl Attributes {
     pub(crate) fn of(&self, w: WedgeId) -> &[f32] {
         bytemuck::cast_slice(self.values(w))
     }
-    /// Returns the values of a wedge for writing, padded with zeros.
+    /// Returns the values of a wedge, mutable, padded with zeros.
     pub(crate) fn values_mut(&mut self, w: WedgeId) -> &mut [f32] {
         let at = w.index() * 4 * self.lanes;
         bytemuck::cast_slice_mut(&mut self.rows[at..at + self.lanes])
     }
-    /// Returns the weights of squared errors of the values for writing; those beyond the width of a row do
-    /// not matter.
+    /// Returns the weights of squared errors of the values, mutable; weights beyond the width of a row do not
+    /// matter.
     pub(crate) fn weights_mut(&mut self) -> &mut [f32] {
         bytemuck::cast_slice_mut(&mut self.weights)
     }
@@ -233,7 +233,7 @@ impl Attributes {
         self.copied.push(original);
         copy
     }
-    /// True if two wedges have the same data, to the bit.
+    /// True if two wedges have the same data, bit for bit.
     pub(super) fn is_same(&self, a: WedgeId, b: WedgeId) -> bool {
         let bits = |w: WedgeId| self.of(w).iter().map(|x| x.to_bits());
         let joint_weights = |w: WedgeId| self.joint_weights.get(w.index());
@@ -249,7 +249,7 @@ impl Attributes {
         *head = Head { next, hard: head.hard, ..Head::default() };
     }
 
-    /// Returns the wedge of the input that a wedge is, or was copied from.
+    /// Returns a wedge itself if it is from the input, else the wedge of the input that it was copied from.
     pub(crate) fn original(&self, w: WedgeId) -> WedgeId {
         let given = self.heads.len() - self.copied.len();
         w.index().checked_sub(given).map_or(w, |i| self.copied[i])
@@ -292,7 +292,7 @@ impl Attributes {
     }
 
     /// Returns the contribution of a triangle to the tensor of each of its corners, from their values; the
-    /// first is the one that `s` is relative to.
+    /// first is the corner that `s` is relative to.
     #[inline(always)]
     pub(super) fn tensor(&self, lanes: usize, s: &Slopes, [o, a, b]: [&[f32x4]; 3]) -> Tensor {
         let (mut aa, mut ab, mut bb) = (f32x4::ZERO, f32x4::ZERO, f32x4::ZERO);
@@ -398,7 +398,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn copies_of_copies_name_the_wedge_of_the_input() {
+    fn copies_of_copies_refer_to_the_wedge_of_the_input() {
         let mut attributes = Attributes::new(3, 1, Vec::new(), Vec::new(), &[0.0, 1.0, 2.0], Vec::new());
         let copy = attributes.copy_of(WedgeId(2));
         let again = attributes.copy_of(copy);

@@ -1,6 +1,6 @@
 //! Threshold of the next sweep: a quantile of the bounds, from a histogram.
 
-/// Bound of a vertex that was not visited yet: below every threshold.
+/// Bound of a vertex that has not been visited yet: below every threshold.
 pub(super) const UNKNOWN: f32 = 0.0;
 /// Number of bounds up to which they are kept as a list: a table takes longer to build and to walk.
 /// (Measured.)
@@ -29,7 +29,7 @@ const fn bin(x: f32) -> u16 {
 
 /// Returns an empty table, allocated on the heap.
 fn no_counts() -> Box<[u32; 4096]> {
-    vec![0; 4096].into_boxed_slice().try_into().expect("as many as asked for")
+    vec![0; 4096].into_boxed_slice().try_into().expect("the length is 4096")
 }
 
 impl Histogram {
@@ -39,8 +39,8 @@ impl Histogram {
             let list: Vec<u16> = bounds.iter().map(|&x| bin(x)).filter(|&k| k != INFINITE_BIN).collect();
             return Self { known: list.len(), bins: Bins::List(list) };
         }
-        // Neighbours often fall into one bin: two tables in turn, so that a count does not depend on the
-        // one just before.
+        // Neighbours often fall into one bin: two tables are used in turn, so that a count does not depend on
+        // the previous one.
         let (mut bins, mut others) = (no_counts(), no_counts());
         let (pairs, rest) = bounds.as_chunks::<2>();
         for &[x, y] in pairs {
@@ -68,7 +68,7 @@ impl Histogram {
     pub(crate) fn known(&self) -> usize {
         self.known
     }
-    /// Returns a threshold that at least `want` of the bounds are below.
+    /// Returns a threshold such that at least `want` of the bounds are below it.
     pub(crate) fn threshold(&self, want: usize) -> f32 {
         let above = match &self.bins {
             Bins::Table(bins) => {
@@ -103,7 +103,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_threshold_takes_the_share_asked() {
+    fn the_threshold_is_above_the_requested_number_of_bounds() {
         let bounds: Vec<f32> = (1..=1000).map(|i| i as f32).chain([f32::INFINITY]).collect();
         let histogram = Histogram::of(&bounds);
         assert_eq!(histogram.known(), 1000);
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn few_and_many_bounds_have_one_threshold() {
+    fn lists_and_tables_give_the_same_threshold() {
         let few: Vec<f32> =
             (0..LIST_MAX_BOUNDS).map(|i| if i % 7 == 0 { f32::INFINITY } else { (i * i) as f32 }).collect();
         let list = Histogram::of(&few);

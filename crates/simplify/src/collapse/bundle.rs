@@ -25,7 +25,7 @@ pub(super) struct Joint {
     pub(super) at: Vec3,
 }
 
-/// A face of the stars, before and after.
+/// A face of a star, before and after.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Changed {
     pub(super) face: usize,
@@ -47,12 +47,12 @@ pub(super) struct Bundle {
 /// Effect of a contraction on the topology.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Effect {
-    /// All vertices that it touches are inside or on the border of a single fan.
+    /// All touched vertices are inside, or on the border of, a single fan.
     Manifold,
-    /// Fans are connected only in a vertex. No count of edges rises.
+    /// Fans are connected only in a vertex. No count of faulty edges rises.
     Singular,
-    /// More border edges, more edges of three or more faces, more edges whose faces are wound differently, or a vertex
-    /// without faces.
+    /// There would be more border edges, more edges with three or more faces, more edges whose faces are
+    /// wound differently, or a vertex without faces.
     Worse,
 }
 
@@ -86,7 +86,7 @@ impl TopologyFaults {
 }
 
 impl Bundle {
-    /// Returns the vertex that a vertex is after the contraction.
+    /// Returns the vertex that a vertex becomes by the contraction.
     pub(super) fn vertex_after(&self, w: VertexId) -> VertexId {
         self.joints.iter().find(|j| j.v == w).map_or(w, |j| j.u)
     }
@@ -118,7 +118,7 @@ impl Bundle {
         }
         faces.sort_unstable_by_key(|c| c.face);
         faces.dedup_by_key(|c| c.face);
-        // Coincident faces of opposite winding cancel out, and of the rest one remains.
+        // Coincident faces of opposite winding cancel out; one of the others remains.
         let mut places: Vec<([VertexId; 3], bool, usize)> = Vec::with_capacity(faces.len());
         places.extend(faces.iter().enumerate().filter(|(_, c)| !c.is_gone).map(|(i, c)| {
             let mut sorted = c.after;
@@ -244,7 +244,7 @@ impl Bundle {
     }
 }
 
-/// True if triangles round a vertex, each given by its two other corners in order, form one fan, open or
+/// True if triangles around a vertex, each given by its two other corners in order, form one fan, open or
 /// closed, of consistent winding.
 fn is_one_fan(fan: &[[VertexId; 2]]) -> bool {
     let begins = |w: VertexId| fan.iter().filter(|f| f[0] == w).count();
@@ -295,21 +295,20 @@ mod tests {
         let faces = [[0, 1, 2], [3, 4, 5]];
         assert_eq!(effect(6, &faces, &[[1, 3]]), (Effect::Singular, 0));
         assert_eq!(effect(6, &faces, &[[1, 3], [2, 5]]), (Effect::Manifold, 0));
-        // Along two edges of the same direction.
+        // Along two edges with the same direction.
         assert_eq!(effect(6, &faces, &[[1, 4], [2, 5]]), (Effect::Worse, 0));
-        // Duplicates: one of them is enough. Back to back nothing would be left.
+        // Of duplicates, one remains. Of faces back to back, nothing would be left.
         assert_eq!(effect(6, &faces, &[[0, 3], [1, 4], [2, 5]]), (Effect::Manifold, 1));
         assert_eq!(effect(6, &faces, &[[0, 3], [1, 5], [2, 4]]), (Effect::Worse, 2));
     }
 
     #[test]
     fn a_crack_is_closed_from_its_tip() {
-        // 1   2 5   3    two triangles meet in 0 and gape between 2 and 5
-        //  \  | |  /
+        // 1   2 5   3    two triangles meet in 0, with a gap between 2 and 5 \  | |  /
         //   \ |/  /
         //     0
         assert_eq!(effect(6, &[[0, 2, 1], [0, 3, 5]], &[[2, 5]]), (Effect::Manifold, 0));
-        // One of them wound the other way round.
+        // One of them with the opposite winding.
         assert_eq!(effect(6, &[[0, 2, 1], [0, 5, 3]], &[[2, 5]]), (Effect::Worse, 0));
     }
 
@@ -318,7 +317,7 @@ mod tests {
         let tetrahedron =
             |o: u32| [[o, o + 1, o + 2], [o, o + 3, o + 1], [o, o + 2, o + 3], [o + 1, o + 3, o + 2]];
         let faces: Vec<[u32; 3]> = tetrahedron(0).into_iter().chain(tetrahedron(4)).collect();
-        // 0 1 2 of the one faces 4 5 6 of the other when wound the other way round.
+        // Face 0 1 2 of one tetrahedron faces 4 5 6 of the other if that has the opposite winding.
         assert_eq!(effect(8, &faces, &[[0, 4]]), (Effect::Singular, 0));
         assert_eq!(effect(8, &faces, &[[0, 4], [1, 6]]), (Effect::Worse, 0));
         assert_eq!(effect(8, &faces, &[[0, 4], [1, 6], [2, 5]]), (Effect::Manifold, 2));

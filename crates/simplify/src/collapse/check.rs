@@ -2,12 +2,12 @@
 //! the sweep that caused it.
 //!
 //! Data that may be stale on purpose, because nothing reads it or an update costs more than it gains:
-//! - a vertex stays irregular, or on a seam, when the reason is gone: only a change on a non-manifold
-//!   curve, a cut and a pair contraction recompute kinds. The reverse is a fault, because regular stars
-//!   skip tests;
+//! - a vertex stays irregular, or on a seam, after the reason has gone: only a change on a non-manifold
+//!   curve, a cut and a pair contraction recompute kinds. The reverse is a fault, because regular stars skip
+//!   tests;
 //! - lines of seams keep the weight that they had when the tensor was computed, though wedges are merged
 //!   and hard seams become soft;
-//! - the tensor of a metric with memory includes what was removed, so there is nothing to compare it with.
+//! - the tensor of a metric with memory includes removed planes, so there is nothing to compare it with.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
@@ -19,13 +19,13 @@ use super::{Engine, LiveMesh};
 use crate::metric::Metric;
 use crate::ordered_input::OriginalInput;
 
-/// Tolerance between a tensor that collapses updated incrementally and one recomputed, a share of its
-/// trace. (Measured on the shapes and soups of the tests: up to 4e-6; gradients on thin faces add to that.)
+/// Tolerance between an incrementally updated tensor and the recomputed one, as a share of its trace.
+/// (Measured on the shapes and soups of the tests: up to 4e-6; gradients on thin faces add to that.)
 const DRIFT_TOLERANCE: f32 = 1e-3;
 /// Tolerance as a share of the largest tensor or squared edge so far: large values that are subtracted
 /// again leave rounding errors of single precision behind, 6e-8 of the value for each change.
 const ROUNDING_TOLERANCE: f32 = 1e-5;
-/// Doubled area of a thin face, a share of its longest edge squared. Its normal is rounding noise and
+/// Doubled area of a thin face, as a share of its longest edge squared. Its normal is rounding noise and
 /// differs by corner.
 const THIN_AREA_SHARE: f32 = 1e-3;
 
@@ -35,7 +35,7 @@ impl<M: Metric> Engine<M> {
     /// # Panics
     /// If an invariant does not hold, which is a bug.
     pub(super) fn check_if_enabled(&mut self, original: &OriginalInput<'_>) {
-        // (A constant outside of tests and debug builds, so the check is compiled out there.)
+        // (Constant outside of tests and debug builds, so the check is compiled out there.)
         if !cfg!(any(test, debug_assertions)) {
             return;
         }
@@ -88,7 +88,7 @@ impl<M: Metric> LiveMesh<M> {
 }
 
 impl<M: Metric> Engine<M> {
-    /// Checks that the data beside the store fits it.
+    /// Checks that the data next to the store fits it.
     fn check_companions(&self) -> Result<(), String> {
         let numbers = self.mesh.store.merged_into.len();
         if let Some(prices) = &self.mesh.constraints.cost_factors {
@@ -111,17 +111,17 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// Checks that a kind is that of the current star, apart from marks that may be stale.
+    /// Checks that a kind matches the current star, apart from marks that may be stale.
     fn check_kind(&self, u: VertexId, ring: &Ring) -> Result<(), String> {
-        let (told, now) = (self.store.v[u.index()].kind, self.current_kind(u, ring));
-        need(told == now || told == now.with_stale(told), || {
-            format!("vertex {u} is of {told:?} and by its star of {now:?}")
+        let (recorded, now) = (self.store.v[u.index()].kind, self.current_kind(u, ring));
+        need(recorded == now || recorded == now.with_stale(recorded), || {
+            format!("vertex {u} is of {recorded:?}, but its star gives {now:?}")
         })
     }
 
-    /// Checks that the tensor of a memoryless metric is that of the current star.
+    /// Checks that the tensor of a memoryless metric matches the current star.
     fn check_tensor(&self, u: VertexId, ring: &Ring, checks: &Checks) -> Result<(), String> {
-        let (told, now) = (M::tensor_of(&self.store.v[u.index()].q), self.current_tensor(u, ring));
+        let (recorded, now) = (M::tensor_of(&self.store.v[u.index()].q), self.current_tensor(u, ring));
         let within = DRIFT_TOLERANCE * now.trace() + ROUNDING_TOLERANCE * checks.largest;
         // Attribute tensors of thin faces are mostly rounding noise.
         if !within.is_finite() || checks.has_thin && self.counts_attributes() {
@@ -130,19 +130,21 @@ impl<M: Metric> LiveMesh<M> {
         if self.store.v[u.index()].kind.is_seam() {
             // Lines of unknown weight add to the planes, and subtract nothing.
             let planes = self.current_planes(u, ring);
-            let least = told.less(&planes).0[..3].iter().fold(f32::INFINITY, |least, x| least.min(*x));
+            let least = recorded.less(&planes).0[..3].iter().fold(f32::INFINITY, |least, x| least.min(*x));
             return need(least >= -within, || {
-                format!("vertex {u} on a seam has {told:?}, less than its planes {planes:?}")
+                format!("vertex {u} on a seam has {recorded:?}, less than its planes {planes:?}")
             });
         }
-        let most = told.less(&now).0.into_iter().fold(0f32, |most, x| most.max(x.abs()));
-        need(most <= within, || format!("vertex {u} has {told:?}, its star {now:?} (within {within:e})"))
+        let most = recorded.less(&now).0.into_iter().fold(0f32, |most, x| most.max(x.abs()));
+        need(most <= within, || {
+            format!("vertex {u} has {recorded:?}, its star {now:?} (tolerance {within:e})")
+        })
     }
 }
 
 impl<M: Metric> Engine<M> {
     /// Checks that a vertex that did not move is at the position of the input vertex of its number; and, as
-    /// long as no part was removed, that each input vertex used by a face was merged into one that lives.
+    /// long as no part was removed, that each input vertex used by a face was merged into a live one.
     fn check_against(&self, points: &[Vec3], faces: &[[VertexId; 3]]) -> Result<(), String> {
         for u in self.mesh.store.living() {
             let x = &self.mesh.store.v[u.index()];
@@ -150,7 +152,7 @@ impl<M: Metric> Engine<M> {
             if !x.kind.is_moved() {
                 let given = points.get(place.index()).copied();
                 need(given == Some(x.p), || {
-                    format!("vertex {u} has not moved and stands at {}, number {place} at {given:?}", x.p)
+                    format!("vertex {u} has not moved and is at {}, number {place} at {given:?}", x.p)
                 })?;
             }
         }
@@ -164,7 +166,7 @@ impl<M: Metric> Engine<M> {
             while self.mesh.store.merged_into[root.index()] != root {
                 root = self.mesh.store.merged_into[root.index()];
             }
-            need(homes[root.index()] != NONE, || format!("number {w} became {root}, which does not live"))?;
+            need(homes[root.index()] != NONE, || format!("number {w} became {root}, which is not live"))?;
         }
         Ok(())
     }
@@ -184,9 +186,9 @@ mod tests {
     use crate::test_support::{in_two_charts, with_engine};
 
     #[test]
-    fn each_broken_invariant_is_told() {
+    fn each_broken_invariant_is_reported() {
         type Breaks = fn(&mut Engine<Memoryless>, VertexId);
-        // For a vertex on the seam and for one off it.
+        // For a vertex on the seam, and for one that is not.
         let cases: [(bool, Breaks, &str); 9] = [
             (
                 true,
@@ -206,21 +208,21 @@ mod tests {
                 |e, u| e.mesh.store.first_wedge[u.index()] = e.mesh.store.first_wedge[0],
                 "is in the chains of",
             ),
-            (true, |e, u| first_head(e, u).faces += 1, "its head says"),
-            (true, |e, u| first_head(e, u).area *= 1.1, "its head says"),
+            (true, |e, u| first_head(e, u).faces += 1, "its head records"),
+            (true, |e, u| first_head(e, u).area *= 1.1, "its head records"),
             (true, |e, u| first_head(e, u).next = lodsmith_core::WedgeId(u32::MAX), "in no chain"),
         ];
         let mesh = in_two_charts(&shapes::torus(24, 12));
         with_engine(Memoryless, &mesh, &SimplifyOptions::new(Stop::ratio(0.5)), &mut |engine, _| {
             assert_eq!(engine.check(&mut Checks::default()), Ok(()));
-            for (on_seam, breaks, told) in cases {
+            for (on_seam, breaks, wanted) in cases {
                 let mut broken = engine.clone();
                 let is_wanted =
                     |u: &VertexId| u.0 > 0 && broken.mesh.store.v[u.index()].kind.is_seam() == on_seam;
                 let u = broken.mesh.store.living().find(is_wanted).expect("there is one");
                 breaks(&mut broken, u);
-                let why = broken.check(&mut Checks::default()).expect_err(told);
-                assert!(why.contains(told), "{why}; not: {told}");
+                let why = broken.check(&mut Checks::default()).expect_err(wanted);
+                assert!(why.contains(wanted), "{why}; not: {wanted}");
             }
         });
     }
@@ -232,13 +234,13 @@ mod tests {
     }
 
     #[test]
-    fn a_vertex_that_moved_without_a_mark_is_told() {
+    fn a_vertex_that_moved_without_a_mark_is_reported() {
         let mesh = shapes::torus(24, 12);
         with_engine(Memoryless, &mesh, &SimplifyOptions::new(Stop::ratio(0.5)), &mut |engine, run| {
             let source = OriginalInput { surface: &run.input.surface, ordered: run.ordered, is_kept: true };
             let points: Vec<Vec3> = engine.mesh.store.v.iter().map(|x| x.p).collect();
-            let told = source.visit(|points, faces| engine.check_against(points, faces));
-            assert_eq!(told, Ok(()));
+            let result = source.visit(|points, faces| engine.check_against(points, faces));
+            assert_eq!(result, Ok(()));
             engine.mesh.store.v[3].p.x += 1e-6;
             let faces = engine.mesh.store.t.clone();
             let why = engine.check_against(&points, &faces).expect_err("vertex 3 moved");
@@ -247,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn meshes_of_any_size_are_checked_where_that_is_asked_for() {
+    fn meshes_of_any_size_are_checked_on_request() {
         let mesh = in_two_charts(&shapes::blob(4, 3));
         assert!(mesh.face_count() >= CHECKED_BELOW);
         with_engine(Memoryless, &mesh, &SimplifyOptions::new(Stop::faces(300)), &mut |engine, run| {

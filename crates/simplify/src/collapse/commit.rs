@@ -21,9 +21,9 @@ use crate::report::Refusal;
 use crate::tensor::Tensor;
 use crate::triangle;
 
-/// If no neighbour lies farther behind a vertex than this share of its displacement, along the displacement, the collapse
-/// shortens a tip or leaves a rim. Distances to planes do not see that, so the distance of the old position to the new star
-/// counts as well.
+/// If no neighbour lies farther behind a vertex, along its displacement, than this share of the displacement,
+/// the collapse shortens a tip or leaves a rim. Distances to planes do not measure that, so the distance from
+/// the old position to the new star counts as well.
 const TIP_MAX_BEHIND: f32 = -0.5;
 
 /// A collapse that topology and guards allow. The triangles of the star are in the scratch.
@@ -34,15 +34,15 @@ pub(super) struct Checked {
     at: Vec3,
     /// Faces on the edge.
     shared: usize,
-    /// The neck that is cut, where the collapse would pinch the surface.
+    /// The neck to cut, where the collapse would pinch the surface.
     neck: Option<Neck>,
-    /// True for an end that leaves its old position uncovered.
+    /// Whether each end leaves its old position uncovered.
     is_bare: [bool; 2],
     /// Sum of the squared distances to the planes of the star, twice its area, and the largest squared distance.
     planes: [f32; 3],
     /// Cost by the metric, if the metric decides.
     metric_cost: f32,
-    /// Weight of the costs at these vertices, and the highest cost allowed now without it.
+    /// Weight of the costs at these vertices, and the highest cost currently allowed without that weight.
     weight: f32,
     tau: f32,
     /// True if the form at the new position replaces the exact cost of the planes and values of the star.
@@ -158,8 +158,8 @@ impl<M: Metric> LiveMesh<M> {
         })
     }
 
-    /// Checks topology, seams and locks. Returns the number of faces on the edge, and the neck that is cut
-    /// where the collapse would pinch the surface.
+    /// Checks topology, seams and locks. Returns the number of faces on the edge, and the neck to cut where
+    /// the collapse would pinch the surface.
     #[inline(always)]
     fn check_topology(
         &self,
@@ -187,10 +187,10 @@ impl<M: Metric> LiveMesh<M> {
         Ok((shared, neck))
     }
 
-    /// Fills the scratch with the triangles around the edge, with the merged vertex `at` its place, and
-    /// checks that none turns or folds. Returns the sum of their squared distances to the old planes, twice
-    /// their area and the largest squared distance; and for each end if it leaves its old position uncovered.
-    /// A triangle at both ends counts twice, as in the evaluation.
+    /// Fills the scratch with the triangles around the edge, with the merged vertex at position `at`, and
+    /// checks that none turns over or folds. Returns the sum of their squared distances to the old planes,
+    /// twice their area and the largest squared distance; and for each end whether it leaves its old position
+    /// uncovered. A triangle at both ends counts twice, as in the evaluation.
     #[inline(always)]
     fn evaluate_star(
         &self,
@@ -236,7 +236,7 @@ impl<M: Metric> LiveMesh<M> {
         if (x.kind.has_lines() || z.kind.has_lines()) && self.has_lines() {
             [cost, peak] = self.with_lines([cost, peak], attempt, [y, off], scratch);
         }
-        // A cost known to be too high is not computed to the last digit.
+        // A cost that is known to be too high is not computed fully.
         if is_sure {
             cost = cost.max(candidate.form_cost);
         } else if is_exact && self.values.attributes.is_some() && (cost <= tau || is_probe) {
@@ -289,8 +289,8 @@ impl<M: Metric> LiveMesh<M> {
         };
         let mut charge = None;
         if let Some(late) = &self.sampled {
-            let most = if is_probe { f32::INFINITY } else { tau };
-            let found = self.sampled_cost(late, [x.origin, z.origin], at, [cost, most], scratch, tally);
+            let max_cost = if is_probe { f32::INFINITY } else { tau };
+            let found = self.sampled_cost(late, [x.origin, z.origin], at, [cost, max_cost], scratch, tally);
             cost = found.cost;
             charge = Some(found);
         }
@@ -370,7 +370,7 @@ impl<M: Metric> LiveMesh<M> {
 
     /// Applies a collapse without a cut. Returns the same as [`Self::apply`].
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "those of a collapse, apart")]
+    #[expect(clippy::too_many_arguments, reason = "the data of a collapse, one by one")]
     fn change(
         &mut self,
         u: VertexId,
@@ -389,7 +389,7 @@ impl<M: Metric> LiveMesh<M> {
         let q = self.merge_memory([&x, &z], v, [y, at], &own, scratch);
         for spoke in rv {
             let face = spoke.corner.face();
-            // (By selection: which triangles go is unpredictable.)
+            // (By selection: which triangles are removed is unpredictable.)
             let goes = spoke.has(u);
             let t = &mut self.store.t[face];
             t[if goes { 0 } else { spoke.corner.k() }] = if goes { NONE } else { u };
@@ -403,7 +403,8 @@ impl<M: Metric> LiveMesh<M> {
         let slots = self.store.relist(u, v, count);
         let mut n = 0;
         for r in ru {
-            // (Branchless: each is written, those that stay are kept; a branch would be unpredictable.)
+            // (Branchless: each is written, and the write position advances only for those that stay; a
+            // branch would be unpredictable.)
             if let Some(slot) = slots.get_mut(n) {
                 *slot = r.corner;
             }
@@ -412,8 +413,8 @@ impl<M: Metric> LiveMesh<M> {
         for (slot, r) in slots[n.min(count)..].iter_mut().zip(&scratch.spokes) {
             *slot = r.corner;
         }
-        // The end whose position was kept gives its number: the result then contains that vertex of the
-        // input.
+        // The merged vertex takes the number of the end whose position was kept: the result then contains
+        // that vertex of the input.
         let is_place_of = |end: &Vertex<M::Memory>| end.p == at && !end.kind.is_moved();
         let kept_v = is_place_of(&z) && !is_place_of(&x);
         let (origin, merged) = if kept_v { (z.origin, x.origin) } else { (x.origin, z.origin) };
@@ -430,14 +431,14 @@ impl<M: Metric> LiveMesh<M> {
         self.store.bound[v.index()] = f32::INFINITY;
         self.store.live_vertices -= 1;
         tally.collapses += 1;
-        if kind.is_complex() || self.brings_seams(u) {
+        if kind.is_complex() || self.has_new_seams(u) {
             self.refresh_around(u);
         }
         [origin, merged]
     }
 
-    /// Returns the memory of the vertex that the ends `x` and `z` become, `y` away from `x` at the position
-    /// `at`. `own` is the attribute tensor of the new triangles.
+    /// Returns the memory of the merged vertex of the ends `x` and `z`, at position `at`, which is `x` + `y`.
+    /// `own` is the attribute tensor of the new triangles.
     #[inline(always)]
     fn merge_memory(
         &mut self,
@@ -454,7 +455,7 @@ impl<M: Metric> LiveMesh<M> {
             }
             return self.cost.metric.merged(&form, y);
         }
-        // The vertices around replace old planes by new ones; the merged one starts from zero.
+        // The surrounding vertices replace old planes by new ones; the merged vertex starts from zero.
         let mut q = self.swap_planes(&scratch.wings);
         M::tensor(&mut q).add(own);
         for &(w, at_u, line) in scratch.rim.iter().filter(|r| r.0 != v) {
@@ -499,22 +500,22 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// Returns the squared distance from `q` to the star that the wings become.
+    /// Returns the squared distance from `q` to the star after the collapse.
     #[inline(never)]
     fn distance_to_star(&self, wings: &Wings, q: Vec3, at: Vec3) -> f32 {
         let to = |w: Wing| triangle::closest(q, at, self.store.p(w.a), self.store.p(w.b)).0;
         wings.iter().filter(|w| !w.both).map(to).fold(f32::INFINITY, f32::min)
     }
 
-    /// True if any edges carry lines: borders and non-manifold curves, unless they are free, or sharp
+    /// True if any edges have line tensors: borders and non-manifold curves, unless they are free, or sharp
     /// edges.
     pub(crate) fn has_lines(&self) -> bool {
         self.constraints.rules.border != BorderPolicy::Free || self.store.creases.is_some()
     }
 
-    /// True if a vertex at or around `u`, which was just merged, has come onto a seam: in a run onto endpoints the
-    /// merged vertex may have the sides of either end.
-    fn brings_seams(&self, u: VertexId) -> bool {
+    /// True if a vertex at or around `u`, which was just merged, is now on a seam: in a run onto endpoints
+    /// the merged vertex may have the sides of either end.
+    fn has_new_seams(&self, u: VertexId) -> bool {
         let is_split = |all: &[bool]| all[self.store.v[u.index()].origin.index()];
         if !self.split_vertices().is_some_and(is_split) {
             return false;
@@ -558,7 +559,7 @@ impl<M: Metric> LiveMesh<M> {
                     return true;
                 }
             }
-            // (The shorter list: one of the two may be the hub of a fan of many faces.)
+            // (The shorter list is searched: one of the two vertices may be a hub.)
             let [here, there] = [w.a, w.b].map(|o| self.store.listed(o));
             for &c in if here.len() <= there.len() { here } else { there } {
                 let t = &self.store.t[c.face()];
@@ -604,7 +605,7 @@ impl<M: Metric> LiveMesh<M> {
             }
         }
         if rules.max_valence != usize::MAX {
-            // An open fan has one edge more than faces.
+            // An open fan has one more edge than faces.
             let open = usize::from(ru.iter().chain(rv).any(|r| !self.store.v[r.a.index()].kind.is_regular()));
             let faces = ru.len() + rv.len() - 2 * shared;
             if faces + open > rules.max_valence && faces > ru.len().max(rv.len()) {

@@ -1,4 +1,4 @@
-//! Connected parts: their sizes, their labels, and those that a run watches.
+//! Connected parts: their sizes and labels, and the parts that a run tracks.
 
 use glam::Vec3;
 use lodsmith_core::{DisjointSets, VertexId};
@@ -11,7 +11,7 @@ use crate::metric::PartSize;
 pub(super) struct Component {
     pub(super) faces: usize,
     pub(super) area: f32,
-    /// Weight of its absence; infinite if a vertex or a border is locked.
+    /// Weight of its absence; infinite if one of its vertices or its border is locked.
     pub(super) cost_factor: f32,
     pub(super) min: Vec3,
     pub(super) max: Vec3,
@@ -46,7 +46,7 @@ impl Component {
 /// The parts of the input, for a run in which they may be removed in order of cost.
 #[derive(Clone)]
 pub(crate) struct Parts {
-    /// Part by number in the ordered input.
+    /// Part of each vertex, by number in the ordered input.
     pub(super) part_of: Vec<u32>,
     pub(super) of_input: Vec<Component>,
     pub(super) cost: Vec<f32>,
@@ -58,7 +58,7 @@ pub(crate) struct Parts {
 /// The parts of the input, and which of them are details for a goal. Areas are doubled.
 #[derive(Clone)]
 pub(crate) struct Details {
-    /// Part by number in the ordered input; `u32::MAX` for none.
+    /// Part of each vertex, by number in the ordered input; `u32::MAX` for none.
     pub(super) part_of: Vec<u32>,
     pub(super) area: Vec<f32>,
     /// Current area.
@@ -138,7 +138,7 @@ mod tests {
         let label = labels(8, &two().triangles());
         let parts = measure_parts(&label, |w| small.points[w.index()], &faces);
         assert_eq!(parts.iter().map(|p| p.faces).collect::<Vec<_>>(), [3, 4]);
-        // The three right angles have the doubled area 1 each, the slanted face √3.
+        // The three faces with right angles have the doubled area 1 each, the slanted face √3.
         let area = 3.0 + 3f32.sqrt();
         assert!((parts[0].area - 3.0).abs() < 1e-5 && (parts[1].area - area / 4.0).abs() < 1e-5);
         assert_eq!((parts[1].min, parts[1].max), (Vec3::X * 4.0, Vec3::new(4.5, 0.5, 0.5)));

@@ -1,7 +1,7 @@
 //! Sharp edges of the input as feature lines, stored as bits of the faces on both sides.
 //!
 //! A bit stays with its face, so collapses need no update: when two edges become one, each of the two
-//! remaining faces brings the bit of its own edge, and either of them makes the new edge a feature.
+//! remaining faces has the bit of its own edge, and either bit makes the new edge a feature.
 
 use glam::{DVec3, Vec3};
 use lodsmith_core::VertexId;
@@ -11,13 +11,13 @@ use super::ring::{Corner, Spoke};
 use super::store::Store;
 use crate::metric::VertexMemory;
 
-/// Twice the area over the squared longest edge below which a face has no reliable normal: rounding to
-/// single precision may have turned it. (Guessed: a height of ten thousandths of a percent of the length.)
+/// Twice the area over the squared longest edge below which a face has no reliable normal: rounding to single
+/// precision may have turned it. (Guessed: a height of a ten-thousandth of a percent of the length.)
 const MIN_NORMAL_SHAPE: f64 = 1e-6;
 
-/// Returns for each face the bits of its edges whose two faces meet at more than an angle, in degrees; bit
-/// k is the edge from corner k to the next one. `None` if there are none. Edges of other than two faces
-/// have no bits: they are features anyway. Cost: O(n log n).
+/// Returns for each face the bits of its edges whose two faces meet at more than an angle, in degrees; bit k
+/// is the edge from corner k to the next one. `None` if there are no such edges. Edges with any other number
+/// of faces have no bits: they are features anyway. Cost: O(n log n).
 pub(crate) fn sharp_edges(points: &[Vec3], faces: &[[VertexId; 3]], deg: f64) -> Option<Vec<u8>> {
     // The ends of each edge, and its corner.
     let mut edges: Vec<(u64, u32)> = Vec::with_capacity(3 * faces.len());
@@ -54,7 +54,7 @@ fn normal(points: &[Vec3], t: &[VertexId; 3]) -> Option<DVec3> {
 }
 
 impl<Q: VertexMemory> Store<Q> {
-    /// True if the edge from corner k of a face to the next one (`next`) or to the one before is marked
+    /// True if the edge from corner k of a face to the next one (`next`) or to the previous one is marked
     /// sharp in that face.
     #[inline(always)]
     pub(super) fn is_sharp(&self, corner: Corner, next: bool) -> bool {

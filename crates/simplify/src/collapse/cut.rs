@@ -1,14 +1,14 @@
 //! Cuts of a surface at its necks, if the topology may change.
 //!
 //! ```text
-//!      side 1   u          Three edges u-v, v-w, w-u go round a tube, and no face is between them. A
+//!      side 1   u          Three edges u-v, v-w, w-u go around a tube, with no face between them. A
 //!        .-----/|\-----.   collapse of u-v would pinch the tube. Instead it is cut along the three edges and
 //!       (     w-+-      )  closed on both sides with a triangle; the collapse then removes both triangles.
 //!        '-----\|/-----'   This leaves two ends that touch: u, w on one side and two new vertices at the same
 //!               v   side 2 positions on the other. Each edge keeps two faces.
 //! ```
 //!
-//! This removes a handle, or splits a part in two, which may then be removed one by one.
+//! This removes a handle, or splits a part into two, which may then be removed one by one.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
@@ -22,12 +22,12 @@ use crate::metric::{Form, Metric};
 use crate::options::{Placement, SimplifyOptions, TopologyPolicy};
 use crate::report::Refusal;
 
-/// Displacement of vertices that touch, a share of the way to the middle of their star: enough for single
-/// precision to separate them, and invisible. (Guessed.)
+/// Displacement of touching vertices, as a share of the distance to the middle of their star: large enough
+/// for single precision, and invisible. (Guessed.)
 const SEPARATION_SHARE: f32 = 1.0 / 512.0;
 
-/// True if a run with these options may cut, at the latest when nothing else is left. (Vertices that cannot
-/// move would leave the sides of a cut in contact, which only free topology allows.)
+/// True if a run with these options may cut, at least when nothing else is left. (Vertices that cannot move
+/// would leave the sides of a cut in contact, which only free topology allows.)
 pub(crate) fn may_cut(options: &SimplifyOptions) -> bool {
     match options.topology {
         TopologyPolicy::Preserve => false,
@@ -40,11 +40,11 @@ pub(crate) fn may_cut(options: &SimplifyOptions) -> bool {
 /// is tried too. (Measured: at most .02 on scans at 50, 10 and 1 %; .6 and 1.4 on parts with many small
 /// holes at 10 %, where cuts gain a quarter and more.)
 const MIN_REFUSED_SHARE: f64 = 0.5;
-/// Number of faces round a vertex above which no neck is searched for at it: the search is quadratic in it
+/// Number of faces around a vertex above which it is not searched for necks: the search is quadratic in it
 /// for each common neighbour. (Guessed: in ordinary meshes hardly any vertex has a third of it.)
 const MAX_NECK_FACES: usize = 96;
-/// Faces of the input per part from which necks are considered: small parts have no handles, but the link
-/// condition refuses their last collapses, too. (Guessed.)
+/// Minimum number of input faces per part for necks to be considered: small parts have no handles, but the
+/// link condition refuses their last collapses too. (Guessed.)
 const MIN_FACES_PER_PART: usize = 100;
 
 impl<M: Metric> Engine<M> {
@@ -67,8 +67,8 @@ pub(crate) struct Neck {
 }
 
 impl Neck {
-    /// Returns `None` if a vertex has faces outside of its single fan, as where the surface touches itself:
-    /// they would be left behind.
+    /// Returns `None` if a vertex has faces outside its single fan, where the surface touches itself: they
+    /// would be left behind.
     fn new(w: VertexId, u: VertexId, v: VertexId, [ru, rv, rw]: [&Ring; 3]) -> Option<Self> {
         let neck = Self {
             w,
@@ -106,7 +106,7 @@ impl Neck {
     }
 }
 
-/// Returns the corners of a closed fan from the neighbour `from` to `to`, without faces that have `not`.
+/// Returns the corners of a closed fan from the neighbour `from` to `to`, without faces that contain `not`.
 fn arc(ring: &Ring, from: VertexId, to: VertexId, not: VertexId) -> Option<Vec<Corner>> {
     let (mut at, mut corners) = (from, Vec::new());
     for _ in 0..ring.len() {
@@ -191,7 +191,7 @@ impl<M: Metric> LiveMesh<M> {
             let q = self.cost.metric.merged(&form, y);
             (self.store.v[u.index()].q, self.store.v[v.index()].q) = (q, q);
         }
-        // Which end keeps its position, to the bit.
+        // Which end keeps its position, bit for bit.
         let is_place_of_u = at == x.p && !x.kind.is_moved();
         let is_place_of_v = !is_place_of_u && at == z.p && !z.kind.is_moved();
         if is_place_of_u {
@@ -299,7 +299,8 @@ mod tests {
     use crate::metric::Memoryless;
     use crate::test_support::tube;
 
-    /// Returns an engine of a tube that may be cut, and half the way from vertex `k` of a ring to the next.
+    /// Returns an engine of a tube that may be cut, and half the vector from vertex `k` of a ring to the
+    /// next.
     fn engine(rings: u32, k: u32) -> (Engine<Memoryless>, Vec3) {
         let small = tube(rings);
         let half = (small.points[k as usize + 1] - small.points[k as usize]) * 0.5;
@@ -315,7 +316,7 @@ mod tests {
         assert_eq!(engine.mesh.part_count(), 1);
         assert!(matches!(try_at(&mut engine, [3, 4], half, f32::MAX), CollapseOutcome::Done));
         let (store, tally) = (&engine.mesh.store, &engine.tally);
-        // The third vertex of the ring is there twice, the merged one once for each part.
+        // The third vertex of the ring exists twice, and the merged vertex once for each part.
         assert_eq!((store.live_faces, store.live_vertices), (16, 12));
         assert_eq!((tally.collapses, tally.necks_cut), (1, 1));
         let at = |w: u32| store.p(VertexId(w));
@@ -338,7 +339,7 @@ mod tests {
 
     #[test]
     fn a_neck_needs_three_faces_on_both_sides_and_vertices_that_may_move() {
-        // With a single ring each side is a tip.
+        // With a single ring, each side is a tip.
         let (mut short, half) = engine(1, 0);
         assert_eq!(cost_at(&mut short, [0, 1], half), Err(Refusal::LinkCondition));
         let (mut locked, half) = engine(3, 3);
@@ -351,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn necks_block_when_refusals_are_many_and_parts_are_large() {
+    fn necks_block_if_refusals_are_many_and_parts_are_large() {
         let (mut engine, _) = engine(20, 0);
         engine.mesh.constraints.cuts_necks = false;
         assert_eq!(engine.tally.first_faces, 120);
@@ -365,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn who_may_cut_is_a_matter_of_topology_and_placement() {
+    fn topology_and_placement_decide_whether_cuts_are_allowed() {
         let may = |topology, placement| {
             let mut options = SimplifyOptions::default();
             (options.topology, options.placement) = (topology, placement);

@@ -21,14 +21,14 @@ const MAX_DETAIL_FACES: f32 = 16.0;
 const MAX_DETAIL_AREA_SHARE: f32 = 0.1;
 /// Share of its area that a detail keeps. (A disc of eight corners has .9, one of six .83, a triangle .41.)
 const MIN_KEPT_AREA_SHARE: f32 = 0.8;
-/// Tolerance by which a detail may extend beyond the bounding box of the part that it lies on, as a share
-/// of its own box.
+/// Tolerance by which a detail may extend beyond the bounding box of the part that it lies on, as a share of
+/// the detail's own box.
 const BOX_TOLERANCE: f32 = 0.1;
-/// Minimum ratio of the area of the part that a detail lies on to that of the detail.
+/// Minimum ratio between the area of the part that a detail lies on and the area of the detail.
 const MIN_CARRIER_AREA_RATIO: f32 = 4.0;
 /// Number of largest parts that details may lie on, so that the search takes linear time.
 const MAX_CARRIERS: usize = 64;
-/// Difference in a channel, of 255, above which a detail has another colour than the part that it lies on.
+/// Difference in one channel, of 255, above which a detail has another colour than the part that it lies on.
 const MIN_COLOR_CONTRAST: f32 = 40.0;
 
 /// True if a part lies in the box of a larger one.

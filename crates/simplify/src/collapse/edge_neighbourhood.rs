@@ -27,7 +27,7 @@ impl<M: Metric> LiveMesh<M> {
             (k, l) if k.is_fixed() && l.is_fixed() => return None,
             (k, _) if k.is_fixed() => AllowedPlace::Kept,
             (_, l) if l.is_fixed() => AllowedPlace::Removed,
-            // Both ends are points of the curve; a point between them would be on its chord.
+            // Both ends are on the curve; a point between them would be on its chord.
             (k, l) if k.is_rail() && l.is_rail() => AllowedPlace::Ends,
             (k, _) if k.is_rail() => AllowedPlace::Kept,
             _ => AllowedPlace::Removed,
@@ -39,7 +39,7 @@ impl<M: Metric> LiveMesh<M> {
     #[inline(never)]
     pub(super) fn evaluate_owned_by_metric(
         &self,
-        &OwnedEdges { u, owned, ring: ru, most, .. }: &OwnedEdges<'_>,
+        &OwnedEdges { u, owned, ring: ru, max_cost, .. }: &OwnedEdges<'_>,
         found: &mut Found,
         scratch: &mut Scratch,
         tally: &mut Tally,
@@ -58,7 +58,7 @@ impl<M: Metric> LiveMesh<M> {
                 _ => self.store.ring(v, &mut rv),
             }
             match self.candidate_by_metric(u, v, ru, &rv, scratch, tally) {
-                Some(c) if c.cost <= self.constraints.rules.max_cost => found.add(c, most),
+                Some(c) if c.cost <= self.constraints.rules.max_cost => found.add(c, max_cost),
                 Some(_) => {}
                 // An edge beyond the cost limit does not count as refused.
                 None => stuck += u64::from(self.is_within_limit(u, v)),
@@ -89,7 +89,7 @@ impl<M: Metric> LiveMesh<M> {
         let Scratch { neighbourhood: around, edges, .. } = scratch;
         self.collect_neighbourhood([u, v], place, [ru, rv], around, edges);
         let evaluated = self.cost.metric.evaluate(around, self.cost.mean_face);
-        // (An infinite cost, on input of extreme sizes, would look like an unknown one.)
+        // (An infinite cost, on inputs of extreme sizes, would look like an unknown one.)
         evaluated.map(|(cost, step)| Candidate {
             cost: cost.clamp(0.0, f32::MAX),
             removed: v,
@@ -136,7 +136,7 @@ impl<M: Metric> LiveMesh<M> {
             }
             return;
         }
-        // (All edges at once: one by one takes quadratic time.)
+        // (All edges at once: one at a time would take quadratic time.)
         if around.on_lines[0] {
             self.store.edges(ru, x, edges);
             for edge in edges.iter() {

@@ -14,7 +14,7 @@ use crate::metric::{CostSource, Form, Metric};
 use crate::options::Placement;
 
 impl<M: Metric> LiveMesh<M> {
-    /// Evaluates the edges from `u` to `owned` and adds them to `found`; those that cost up to `most` are
+    /// Evaluates the edges from `u` to `owned` and adds them to `found`; edges that cost up to `max_cost` are
     /// listed one by one. Returns the number of edges with two ends that may not move.
     #[inline(always)]
     pub(super) fn evaluate_owned(
@@ -25,7 +25,7 @@ impl<M: Metric> LiveMesh<M> {
         scratch: &mut Scratch,
         tally: &mut Tally,
     ) -> u64 {
-        let &OwnedEdges { u, owned, ring: ru, most, have_single_wedges: are_lone } = edges;
+        let &OwnedEdges { u, owned, ring: ru, max_cost, have_single_wedges: are_lone } = edges;
         if matches!(self.cost.metric.cost_source(), CostSource::Stars | CostSource::Ends) {
             return self.evaluate_owned_by_metric(edges, found, scratch, tally);
         }
@@ -41,9 +41,9 @@ impl<M: Metric> LiveMesh<M> {
             {
                 let FourCosts { cost, step, form_cost: sure, solved } =
                     self.evaluate_four(u, four, are_lone || self.have_single_wedges(u, four), ru, members);
-                let within = solved & cost.simd_le(f32x4::splat(most));
-                let dear = (solved ^ within).bitselect(cost, f32x4::splat(f32::INFINITY));
-                found.beyond = dear.fast_min(found.beyond);
+                let within = solved & cost.simd_le(f32x4::splat(max_cost));
+                let over_limit = (solved ^ within).bitselect(cost, f32x4::splat(f32::INFINITY));
+                found.beyond = over_limit.fast_min(found.beyond);
                 let (solved, all) = (solved.to_bitmask(), (1 << four.len()) - 1);
                 let mut left = (within.to_bitmask() | !solved) & all;
                 while left != 0 {
@@ -54,14 +54,14 @@ impl<M: Metric> LiveMesh<M> {
                         let (cost, sure) = (cost.to_array()[i], sure.to_array()[i]);
                         found.within.push(Candidate { cost, removed: four[i], step, form_cost: sure });
                     } else if let Some(candidate) = self.evaluate_edge(u, four[i], ru, members) {
-                        found.add(candidate, most);
+                        found.add(candidate, max_cost);
                     }
                 }
                 continue;
             }
             for &w in four {
                 match self.evaluate_edge(u, w, ru, members) {
-                    Some(candidate) => found.add(candidate, most),
+                    Some(candidate) => found.add(candidate, max_cost),
                     None => stuck += 1,
                 }
             }
@@ -69,7 +69,7 @@ impl<M: Metric> LiveMesh<M> {
         stuck
     }
 
-    /// Evaluates up to four edges of free ends side by side with SIMD, with the results of
+    /// Evaluates up to four edges of free ends side by side with SIMD, with the same results as
     /// [`Self::evaluate_edge`].
     #[inline(always)]
     fn evaluate_four(
@@ -163,7 +163,7 @@ impl<M: Metric> LiveMesh<M> {
                 (k, l) if k.is_fixed() && l.is_fixed() => None,
                 (k, _) if k.is_fixed() => at(Vec3::ZERO),
                 (_, l) if l.is_fixed() => at(d),
-                // Both ends are points of the curve; a point between them would be on its chord.
+                // Both ends are on the curve; a point between them would be on its chord.
                 (k, l) if k.is_rail() && l.is_rail() => ends(),
                 (k, _) if k.is_rail() => at(Vec3::ZERO),
                 _ => at(d),
@@ -197,7 +197,7 @@ mod tests {
     use crate::options::{BorderPolicy, SimplifyOptions, Stop};
     use crate::test_support::{SmallMesh, in_two_charts, pyramid, sheet, with_engine};
 
-    /// Compares the costs of four edges side by side with those of each alone. Returns the number of
+    /// Compares the costs of four edges side by side with the cost of each alone. Returns the number of
     /// comparisons, and the mismatches.
     fn compared(mesh: &TriMesh, placement: Placement) -> (usize, Vec<String>) {
         let (mut count, mut wrong) = (0, Vec::new());
@@ -216,7 +216,7 @@ mod tests {
                     u,
                     owned: &owned,
                     ring: &ring,
-                    most: f32::INFINITY,
+                    max_cost: f32::INFINITY,
                     have_single_wedges: are_lone,
                 };
                 let stuck = mesh.evaluate_owned(&edges, &mut members, &mut found, scratch, tally);
@@ -250,10 +250,7 @@ mod tests {
                     }
                     let is_part = of_four.form_cost <= of_four.cost * 1.001;
                     if !is_part {
-                        wrong.push(format!(
-                            "{u}-{w} is sure to cost {} of {}",
-                            of_four.form_cost, of_four.cost
-                        ));
+                        wrong.push(format!("{u}-{w} costs {} of {}", of_four.form_cost, of_four.cost));
                     }
                 }
             }
@@ -262,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn four_edges_cost_what_each_costs_alone() {
+    fn four_edges_at_once_cost_the_same_as_each_alone() {
         let mut all = 0;
         for (name, mesh) in shapes::all() {
             for (mesh, placement) in [
@@ -292,16 +289,16 @@ mod tests {
     }
 
     #[test]
-    fn the_cost_of_a_form_is_that_of_its_planes_and_a_guess_of_the_largest() {
+    fn the_cost_of_a_form_is_its_planes_and_a_guess_of_the_largest_distance() {
         let h = 0.5f32;
         let engine = engine_of(Memoryless, &pyramid(h), &without_lines());
         let ring = ring_of(&engine, 1);
         let cost = engine.mesh.cost_at(VertexId(1), VertexId(0), Vec3::ZERO, &ring, &mut Vec::new());
-        // Two sides of the doubled area 2 s are left at the distance 2 h / s. The doubled areas of the two stars add
-        // up to 12 s, and a fifth of the mean one is .4 s.
+        // The apex leaves the planes of two sides with doubled area 2 s, by a distance of 2 h / s. The
+        // doubled areas of the two stars add up to 12 s, and a fifth of the mean doubled area is .4 s.
         let s = (1.0 + h * h).sqrt();
         assert_near(cost, 16.0 * h * h / s * (1.0 + PEAK_GUESS * 0.4 / 12.0));
-        // By accumulated planes it is the same, without a guess.
+        // With accumulated planes it is the same, without the guess.
         let engine = engine_of(Quadric, &pyramid(h), &without_lines());
         let cost = engine.mesh.cost_at(VertexId(1), VertexId(0), Vec3::ZERO, &ring, &mut Vec::new());
         assert_near(cost, 16.0 * h * h / s);
@@ -316,7 +313,7 @@ mod tests {
         assert!((found.step - Vec3::X).abs().max_element() < 1e-3, "{}", found.step);
         let back = edge_at(&engine, 12, 11).expect("both are free");
         assert!(back.step.abs().max_element() < 1e-3, "{}", back.step);
-        // Along the bend it costs nothing, and across it something.
+        // Along the bend it costs nothing, across it does.
         assert!(found.cost < 1e-4 && edge_at(&engine, 12, 17).unwrap().cost < 1e-6);
         assert!(
             engine.mesh.cost_at(
@@ -330,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn flat_edges_meet_in_the_middle() {
+    fn flat_edges_collapse_to_their_midpoint() {
         let engine = engine_of(Memoryless, &sheet(5), &without_lines());
         let found = edge_at(&engine, 14, 15).expect("both are free");
         assert_eq!(found.step, Vec3::X * 0.5);
@@ -338,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn ends_that_may_not_move_set_the_place() {
+    fn ends_that_may_not_move_determine_the_position() {
         let d = Vec3::X;
         let mut engine = engine_of(Memoryless, &sheet(5), &without_lines());
         let free = engine.mesh.store.v[14].kind;
@@ -356,13 +353,13 @@ mod tests {
         assert_eq!(step_of(rail, fixed), Some(d));
         assert_eq!(step_of(rail, free), Some(Vec3::ZERO));
         assert_eq!(step_of(free, rail), Some(d));
-        // Both on a line: on one of its points, the kept one if they cost the same.
+        // If both ends are on a line: at one of them, the kept one if they cost the same.
         assert_eq!(step_of(rail, rail), Some(Vec3::ZERO));
         assert_eq!(step_of(free, free), Some(d * 0.5));
     }
 
     #[test]
-    fn placements_are_at_an_end_or_in_the_middle() {
+    fn placements_are_at_an_end_or_at_the_midpoint() {
         let mut engine = engine_of(Memoryless, &bent(), &without_lines());
         engine.mesh.constraints.rules.placement = Placement::Endpoint;
         // 12 is on the bend, 11 is not.
@@ -374,8 +371,8 @@ mod tests {
     }
 
     #[test]
-    fn edges_above_the_limit_are_not_listed_but_bound_the_vertex() {
-        let list = |placement: Placement, most: f32| {
+    fn edges_above_the_limit_are_not_listed_but_set_the_bound() {
+        let list = |placement: Placement, max_cost: f32| {
             let mut engine = engine_of(Memoryless, &bent(), &without_lines());
             engine.mesh.constraints.rules.placement = placement;
             let Engine { mesh, scratch, tally, .. } = &mut engine;
@@ -385,11 +382,12 @@ mod tests {
             let mut owned = Vec::new();
             mesh.store.list_owned(u, &ring, &mut owned, &mut scratch.marks);
             owned.sort_unstable();
-            // Of six neighbours the three higher ones: 12 and 17 on the bend, 16 in the plane.
+            // Of six neighbours, the vertex owns the edges to the three higher ones: 12 and 17 on the bend,
+            // 16 in the plane.
             assert_eq!(owned, [12, 16, 17].map(VertexId));
             let mut found = Found::default();
             found.clear();
-            let edges = OwnedEdges { u, owned: &owned, ring: &ring, most, have_single_wedges: true };
+            let edges = OwnedEdges { u, owned: &owned, ring: &ring, max_cost, have_single_wedges: true };
             let stuck = mesh.evaluate_owned(&edges, &mut Vec::new(), &mut found, scratch, tally);
             assert_eq!(stuck, 0);
             found
@@ -401,10 +399,11 @@ mod tests {
             let none = list(placement, 0.5 * least);
             assert_eq!((none.within.len(), none.beyond()), (0, least));
         }
-        // In the middle only the edge in the plane is cheap: the others are half a unit from a plane of three faces.
+        // At the midpoint only the edge in the plane is cheap: the others are half a unit from a plane of
+        // three faces.
         let some = list(Placement::Midpoint, 1e-6);
         assert_eq!(some.within.iter().map(|c| c.removed.0).collect::<Vec<_>>(), [16]);
-        // Times the guess of the largest distance: four times a fifth, over the trace of 12.
+        // Times the guess of the largest distance: four times a fifth, over the trace, which is 12.
         assert_near(some.beyond(), 3.0 * 0.25 * (1.0 + PEAK_GUESS * 0.2 / 12.0));
     }
 
@@ -412,7 +411,7 @@ mod tests {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(48) })]
 
         #[test]
-        fn edges_of_any_mesh_cost_the_same_by_four_and_alone(
+        fn four_edges_of_any_mesh_cost_the_same_as_each_alone(
             mesh in prop_oneof![perturbed_shape(0.02), perturbed_shape(0.5), soup(40, Coordinates::Tame)],
             has_charts in any::<bool>(),
         ) {

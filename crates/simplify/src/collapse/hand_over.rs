@@ -1,4 +1,4 @@
-//! Handing wedges over in a collapse onto an end: attributes are kept, and seams are not torn.
+//! Handing wedges over in a collapse onto an end, so that attributes are kept and seams are not torn.
 
 use glam::Vec3;
 use lodsmith_core::{VertexId, WedgeId};
@@ -9,13 +9,13 @@ use super::wedges::{HandedOver, Wedges};
 use crate::metric::Metric;
 use crate::report::Refusal;
 
-/// Squared sine of the angle of a face at a corner below which it is a sliver: its values do not tell how they
-/// change across it. (Guessed.)
+/// Squared sine of a face's angle at a corner below which the face is a sliver: its values do not determine a
+/// gradient across it. (Guessed.)
 const MIN_GRAM: f32 = 1e-4;
 
 impl<M: Metric> LiveMesh<M> {
-    /// Returns the corners of the end whose position is removed, with the wedges of the other end that
-    /// replace theirs. Wedges are paired where a triangle contains both; a wedge without a partner would be
+    /// Returns the corners of the end whose position is removed, each with the wedge of the other end that
+    /// replaces its own. Wedges are paired where a triangle contains both; a wedge without a partner would be
     /// separated from its side of a seam, so the collapse is refused until seams have to give way.
     #[inline(always)]
     pub(crate) fn wedges_to_hand_over(
@@ -79,10 +79,11 @@ impl<M: Metric> LiveMesh<M> {
     }
 
     /// Returns the cost of handing wedges over, and the largest squared difference of a value: over the faces
-    /// that stay, twice the area times the squared difference between the values of the face, continued
-    /// linearly to the position `at` of the kept end, and those of the wedge there. (As planes of faces, which
-    /// the merged vertex leaves by a distance.) Differences count times the square root of twice the area of these
-    /// faces: a difference of 1 across a length counts like a distance of that length, as in meshoptimizer.
+    /// that stay, twice the area times the squared difference between the values of the face, extended
+    /// linearly to the position `at` of the kept end, and the values of the wedge there. (As planes of faces,
+    /// which the merged vertex leaves by a distance.) Differences are multiplied by the square root of twice
+    /// the area of these faces: a difference of 1 along an edge counts like a distance of the edge's length,
+    /// as in meshoptimizer.
     #[inline(never)]
     pub(super) fn cost_of_wedges(&self, changes: &HandedOver, at: Vec3) -> [f32; 2] {
         let (Some(data), Some(wedges)) = (&self.values.wedge_data, &self.store.wedges) else {
@@ -138,8 +139,8 @@ mod tests {
     use crate::metric::Memoryless;
     use crate::test_support::sheet;
 
-    /// Returns an engine of a sheet of 4 × 4 cells, whose middle column x = 2 has wedges 25 + i on its right, with
-    /// these texture coordinates on the left and the right, and normals that differ.
+    /// Returns an engine of a sheet of 4 × 4 cells, whose middle column x = 2 has wedges 25 + i on its right,
+    /// with these texture coordinates on the left and on the right, and different normals.
     fn with_seam(uvs: [[f32; 2]; 2]) -> Engine<Memoryless> {
         let small = sheet(4);
         let mut engine = engine_of(Memoryless, &small, &without_lines());
@@ -169,30 +170,31 @@ mod tests {
     }
 
     #[test]
-    fn wedges_are_paired_by_the_triangles_that_contain_both() {
+    fn triangles_that_contain_both_ends_pair_wedges() {
         let engine = with_seam([[0.0, 0.0], [5.0, 0.0]]);
         // Inside a chart, from inside onto the seam, and along the seam.
         assert_eq!(handed_over(&engine, 11, 6), Ok(vec![[6, 11]]));
         assert_eq!(handed_over(&engine, 12, 11), Ok(vec![[11, 12]]));
         assert_eq!(handed_over(&engine, 12, 17), Ok(vec![[17, 12], [42, 37]]));
-        // From the seam into a chart it would tear: nothing on the left is of the right piece of the texture.
+        // From the seam into a chart the seam would tear: no wedge on the left is in the right piece of the
+        // texture.
         assert_eq!(handed_over(&engine, 11, 12), Err(Refusal::Seam));
-        // When seams have to give way, the nearest normal is taken.
+        // When seams have to give way, the wedge with the nearest normal is taken.
         let mut engine = engine;
         engine.mesh.constraints.looseness = Looseness::Seams;
         assert_eq!(handed_over(&engine, 11, 12), Ok(vec![[12, 11], [37, 11]]));
     }
 
     #[test]
-    fn a_probe_refuses_what_would_tear_a_seam() {
-        // Else sweeps would try it again and again, because the probe said that it is possible.
+    fn a_probe_refuses_to_tear_a_seam() {
+        // Otherwise sweeps would try it again and again, because the probe found it possible.
         let mut engine = with_seam([[0.0, 0.0], [5.0, 0.0]]);
         assert_eq!(cost_at(&mut engine, [11, 12], Vec3::ZERO), Err(Refusal::Seam));
         assert!(cost_at(&mut engine, [12, 11], Vec3::ZERO).is_ok());
     }
 
     #[test]
-    fn seams_have_lines_where_the_run_asks_for_it() {
+    fn seams_have_lines_if_the_run_requests_them() {
         let mut engine = with_seam([[0.0, 0.0], [5.0, 0.0]]);
         assert!(engine.mesh.split_vertices().is_none());
         let find = |engine: &mut Engine<Memoryless>, has_seam_lines| {
@@ -208,16 +210,16 @@ mod tests {
         let ring = ring_of(&engine, 12);
         let weights = [7, 17, 11].map(|w| engine.mesh.line_weight(&ring, VertexId(w), true));
         assert!(weights[0] > 0.0 && weights[0] == weights[1] && weights[2] == 0.0, "{weights:?}");
-        // Seams with equal texture coordinates on both sides have none.
+        // Seams with equal texture coordinates on both sides have no lines.
         let mut engine = with_seam([[0.0, 0.0]; 2]);
         find(&mut engine, true);
         assert!(engine.mesh.split_vertices().is_none());
     }
 
     #[test]
-    fn values_cost_their_difference_across_the_star() {
-        // A value that is linear over the sheet costs nothing; one that differs at the kept end alone costs the square
-        // of its difference, times the square of the doubled area of the faces that stay.
+    fn values_cost_their_deviation_over_the_star() {
+        // A value that is linear over the sheet costs nothing; a value that deviates only at the kept end
+        // costs the square of the deviation, times the square of the doubled area of the faces that stay.
         let mut engine = with_seam([[0.0, 0.0]; 2]);
         let cost = |engine: &mut Engine<Memoryless>, of: &dyn Fn(usize) -> f32| {
             let values: Vec<f32> = (0..50).map(|w| of(w % 25)).collect();
@@ -241,14 +243,14 @@ mod tests {
     }
 
     #[test]
-    fn the_end_that_keeps_its_place_keeps_its_wedges() {
+    fn the_end_that_keeps_its_position_keeps_its_wedges() {
         let engine = with_seam([[0.0, 0.0], [5.0, 0.0]]);
         // `u` moves onto `v`: its corners get the wedges of `v`.
         let [ru, rv] = [11, 12].map(|w| ring_of(&engine, w));
         let found =
             engine.mesh.wedges_to_hand_over(VertexId(11), VertexId(12), Vec3::X, Vec3::ZERO, &ru, &rv);
         let found = found.expect("onto the seam");
-        // Of six corners two are in triangles that go.
+        // Two of the six corners are in triangles that are removed.
         assert_eq!(found.len(), 4);
         assert!(
             found
@@ -258,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn across_a_crease_of_normals_the_nearest_normal_of_the_same_texture_is_taken() {
+    fn on_a_crease_the_nearest_normal_with_the_same_texture_coordinates_is_taken() {
         let engine = with_seam([[0.0, 0.0]; 2]);
         assert_eq!(handed_over(&engine, 11, 12), Ok(vec![[12, 11], [37, 11]]));
         let data = engine.mesh.values.wedge_data.as_ref().expect("there is some");

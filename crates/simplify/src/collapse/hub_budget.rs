@@ -1,11 +1,11 @@
-//! Budget for work at vertices of very many faces.
+//! Budget for work at vertices with very many faces.
 //!
-//! A collapse visits all faces round both ends and removes two of them. Round a hub of n faces the work is
-//! quadratic in n, so it has a budget in proportion to the faces of the input: edges at a hub wait when it
-//! is spent, and those around it continue. No other vertex is affected.
+//! A collapse visits all faces around both ends and removes two of them. Around a hub of n faces the work is
+//! quadratic in n, so it has a budget proportional to the faces of the input: when it is spent, edges at the
+//! hub wait, while edges around it continue. No other vertex is affected.
 
-/// Faces round the two ends of an edge above which it uses the budget. (Guessed: far above those of any
-/// edge that is not at a hub.)
+/// Number of faces around the two ends of an edge above which it uses the budget. (Guessed: far more than any
+/// edge has that is not at a hub.)
 const HUB_FACES: usize = 1024;
 /// Faces that may be visited in a whole run, for each face of the input; at least `MIN_WORK`. (Guessed: a
 /// second or two for a million faces.)
@@ -37,7 +37,7 @@ impl HubBudget {
         self.left_in_sweep = self.left / SWEEP_DIVISOR;
     }
 
-    /// True if an edge with `faces` faces round its ends may be visited; subtracts them from the budget.
+    /// True if an edge with `faces` faces around its ends may be visited; subtracts them from the budget.
     #[inline(always)]
     pub(super) fn admit(&mut self, faces: usize) -> bool {
         if !Self::is_hub(faces) {
@@ -57,15 +57,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn work_at_crowds_is_in_proportion_to_the_input() {
+    fn work_at_hubs_is_proportional_to_the_input() {
         let n = 1 << 20;
-        let mut crowds = HubBudget::of(n);
+        let mut budget = HubBudget::of(n);
         let mut admitted = 0;
         for _ in 0..4000 {
-            crowds.begin_sweep();
-            admitted += (0..2000).filter(|_| crowds.admit(n)).count() as u64;
+            budget.begin_sweep();
+            admitted += (0..2000).filter(|_| budget.admit(n)).count() as u64;
         }
-        assert!((16..=WORK_PER_FACE).contains(&admitted), "{admitted} looks at all faces");
-        assert!(crowds.admit(HUB_FACES), "small ones are free");
+        assert!((16..=WORK_PER_FACE).contains(&admitted), "all faces were visited {admitted} times");
+        assert!(budget.admit(HUB_FACES), "edges that are not at hubs are free");
     }
 }

@@ -2,8 +2,8 @@
 
 use wide::f32x4;
 
-/// Debug builds check meshes of fewer faces than this after each sweep: nearly all of those in the tests.
-/// (On larger ones the checks would take longer than the rest of a test.)
+/// Debug builds check meshes with fewer faces than this after each sweep: nearly all meshes of the tests. (On
+/// larger ones the checks would take longer than the rest of a test.)
 pub(super) const CHECKED_BELOW: usize = 5000;
 
 /// State of the checks of one run.

@@ -11,7 +11,7 @@ use crate::options::BorderPolicy;
 pub(crate) struct Kind(u32);
 
 impl Kind {
-    /// Some neighbour is not exactly once first and once second in the triangles round the vertex.
+    /// Some neighbour is not exactly once first and once second in the triangles around the vertex.
     const IRREGULAR: u32 = 1;
     /// On two border edges, otherwise regular.
     const BORDER: u32 = 2;
@@ -21,7 +21,7 @@ impl Kind {
     const RAIL: u32 = 8;
     /// Does not move.
     const FIXED: u32 = 16;
-    /// Its position is no longer that of an input vertex.
+    /// It is no longer at the position of an input vertex.
     const MOVED: u32 = 32;
     /// Merged into another.
     const GONE: u32 = 64;
@@ -133,7 +133,7 @@ impl Kind {
     pub(crate) fn locked(self, locked: bool) -> Self {
         Self(if locked { self.0 | Self::LOCKED } else { self.0 & !Self::LOCKED })
     }
-    /// Returns the kind with those flags of another that may be stale: irregular and on a seam.
+    /// Returns the kind with the flags of another that may be stale: irregular and on a seam.
     pub(crate) fn with_stale(self, other: Self) -> Self {
         Self(self.0 | other.0 & (Self::IRREGULAR | Self::SEAM))
     }
@@ -160,8 +160,9 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_that_come_twice_are_not_regular() {
-        // Two sheets on one another, and fans in which only the firsts or only the seconds are different.
+    fn repeated_neighbours_are_not_regular() {
+        // Two sheets on top of each other, and fans in which only the first or only the second corners
+        // differ.
         for twice in
             [&[[1, 2], [2, 1], [1, 2], [2, 1]][..], &[[1, 3], [2, 3], [3, 3]], &[[3, 1], [3, 2], [3, 3]]]
         {
@@ -170,13 +171,13 @@ mod tests {
     }
 
     #[test]
-    fn a_fan_of_many_is_closed_all_the_same() {
+    fn large_fans_are_closed_too() {
         let wheel = |n: u32| (0..n).map(|i| [i, (i + 1) % n]).collect::<Vec<_>>();
         for n in [3, 8, 9, 40] {
             assert!(Kind::of(&ring(&wheel(n)), BorderPolicy::Lock).is_regular(), "{n} triangles");
             assert!(
                 !Kind::of(&ring(&wheel(n)[1..]), BorderPolicy::Lock).is_regular(),
-                "{n} triangles less one"
+                "{n} triangles but one"
             );
         }
     }
@@ -194,25 +195,25 @@ mod tests {
     }
 
     #[test]
-    fn a_fan_wound_both_ways_is_no_feature() {
+    fn a_fan_with_mixed_winding_is_no_feature() {
         let kind = Kind::of(&ring(&[[1, 2], [3, 2], [3, 1]]), BorderPolicy::Keep);
         assert!(!kind.is_feature() && !kind.is_regular() && kind.is_free());
     }
 
     #[test]
-    fn two_borders_that_meet_stay_where_they_are() {
+    fn a_vertex_where_two_borders_meet_is_fixed() {
         assert!(Kind::of(&ring(&[[0, 1], [2, 3]]), BorderPolicy::Keep).is_fixed());
-        // Three pages of a book: the spine goes on to 8 and 9.
+        // Three pages of a book: the spine continues to 8 and 9.
         let book = ring(&[[8, 1], [1, 9], [8, 2], [2, 9], [8, 3], [3, 9]]);
         let kind = Kind::of(&book, BorderPolicy::Keep);
         assert!(kind.is_complex() && kind.is_free());
     }
 
     #[test]
-    fn long_rings_are_read_like_short_ones() {
+    fn long_rings_give_the_same_kinds_as_short_ones() {
         for n in [3, SHORT_RING - 1, SHORT_RING, SHORT_RING + 1, 3 * SHORT_RING] {
             let wheel: Vec<[u32; 2]> = (0..n as u32).map(|i| [7 * i, 7 * ((i + 1) % n as u32)]).collect();
-            // A page more at the neighbour 7.
+            // An additional face at neighbour 7.
             let book = [&wheel[..], &[[7, 9999]]].concat();
             let cases = [
                 (&wheel[..], [false; 3]),

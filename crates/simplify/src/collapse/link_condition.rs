@@ -1,7 +1,7 @@
 //! Link condition: whether an edge can be collapsed without pinching the surface. [Dey 1999]
 //!
 //! In a complex of triangles the edge u-v may be contracted when Lk(u) ∩ Lk(v) = Lk(uv): the ends share no
-//! neighbour but the apexes of their common triangles, and no edge is opposite to both ends. Edges with a
+//! neighbours except the apexes of their common triangles, and no edge is opposite to both ends. Edges with a
 //! number of faces other than two (borders, non-manifold curves) count as joined to one more vertex, so two
 //! feature vertices may only be merged along a feature edge. This test is less strict in one case: if both
 //! edges to an apex are features, the paper keeps the face between the two lines; here they may be merged,
@@ -49,7 +49,7 @@ impl<Q: VertexMemory> Store<Q> {
             common = [common[0] | around_v[0].simd_eq(w), common[1] | around_v[1].simd_eq(w)];
             apex = if r.b == v { r.a } else { apex };
         }
-        // One bit for each neighbour of v that is also one of u.
+        // One bit for each neighbour of v that is also a neighbour of u.
         let common = (common[0].to_bitmask() | common[1].to_bitmask() << 4) & ((1 << rv.len()) - 1);
         let other = common & common.wrapping_sub(1);
         if apex == NONE || other == 0 || other & (other - 1) != 0 {
@@ -107,7 +107,7 @@ impl<Q: VertexMemory> Store<Q> {
             return Err(Refusal::LinkCondition);
         }
         // The two edges to an apex become one: it must have a face, and may be a border only if one of the
-        // two was.
+        // two was one.
         for w in ru.iter().filter(|r| r.has(v)).map(|r| if r.a == v { r.b } else { r.a }) {
             let both = ru.iter().filter(|r| r.has(v) && r.has(w)).count();
             let (at_u, at_v) = (faces_at(ru, w), faces_at(rv, w));
@@ -172,7 +172,7 @@ mod tests {
     use crate::options::BorderPolicy;
     use crate::tensor::Tensor;
 
-    /// Creates a store of these faces, without degenerate and duplicate ones, with its kinds.
+    /// Creates a store of these faces, without degenerate and duplicate ones, and classifies its vertices.
     fn store(faces: impl IntoIterator<Item = [u32; 3]>) -> Store<Tensor> {
         let (mut seen, mut sound) = (BTreeSet::new(), Vec::new());
         for [a, b, c] in faces {
@@ -264,7 +264,7 @@ mod tests {
         })
     }
 
-    /// Compares the specialized tests for closed fans with the general one, and with the paper. Returns the
+    /// Compares the specialized tests for closed fans with the general test, and with the paper. Returns the
     /// numbers of edges that may and may not be collapsed.
     fn closed_fans_agree(faces: impl IntoIterator<Item = [u32; 3]>) -> Result<[usize; 2], String> {
         let store = store(faces);
@@ -274,7 +274,7 @@ mod tests {
                 continue;
             }
             let [ru, rv] = rings(&store, [u, v]);
-            // For two faces back to back, which the paper counts as one, nothing would be left.
+            // Of two faces back to back, which the paper counts as one, nothing would be left.
             let apexes: Vec<VertexId> =
                 ru.iter().filter(|r| r.has(v)).map(|r| if r.a == v { r.b } else { r.a }).collect();
             let is_sound = complex.too_much(u, v).is_empty() && apexes[0] != apexes[1];
@@ -318,14 +318,13 @@ mod tests {
         // A wheel of many spokes over another: rings of more than eight.
         let wheels = (0..20u32).flat_map(|i| [[20, i, (i + 1) % 20], [21, (i + 1) % 20, i]]);
         assert_eq!(closed_fans_agree(wheels), Ok([60, 0]));
-        // A torus of three by three, no edge of which may be collapsed, and a tetrahedron, likewise by the
-        // paper.
+        // By the paper, no edge may be collapsed of a torus of three by three, nor of a tetrahedron.
         assert_eq!(closed_fans_agree(raw(shapes::torus(3, 3).triangles())), Ok([0, 27]));
         assert_eq!(closed_fans_agree(raw(shapes::tetrahedron().triangles())), Ok([0, 6]));
     }
 
     #[test]
-    fn faces_back_to_back_have_one_apex_and_no_other_common_neighbour_is_one() {
+    fn faces_back_to_back_have_a_single_apex() {
         // 0-1 has the faces 0 1 2 and 0 2 1, and both ends are adjacent to 3. Each star is two closed fans.
         let [back_to_back, of_0] = [[[0, 1, 2], [0, 2, 1]], [[0, 3, 4], [0, 4, 3]]];
         let small = [back_to_back, of_0].concat().into_iter().chain([[1, 5, 6], [1, 6, 3], [1, 3, 5]]);
@@ -339,7 +338,7 @@ mod tests {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(96) })]
 
         #[test]
-        fn all_ways_agree_on_closed_fans(
+        fn all_tests_agree_on_closed_fans(
             shape in 0..4usize,
             flips in vec(any::<u16>(), 0..60),
         ) {
@@ -353,7 +352,7 @@ mod tests {
         }
 
         #[test]
-        fn any_faces_are_asked_what_the_paper_asks(
+        fn any_mesh_gives_the_same_result_as_the_paper(
             mesh in prop_oneof![
                 3 => soup(12, Coordinates::Tame),
                 2 => soup(40, Coordinates::Tame),
@@ -369,9 +368,9 @@ mod tests {
             for [u, v] in edges(&store) {
                 let [ru, rv] = rings(&store, [u, v]);
                 let mut marks = Marks::default();
-                let told = store.link_condition(u, v, &ru, &rv, &mut marks);
-                let other_way = store.link_condition(v, u, &rv, &ru, &mut marks);
-                prop_assert_eq!(told, other_way, "{}-{}, either way", u, v);
+                let result = store.link_condition(u, v, &ru, &rv, &mut marks);
+                let reversed = store.link_condition(v, u, &rv, &ru, &mut marks);
+                prop_assert_eq!(result, reversed, "{}-{}, in either direction", u, v);
                 let found = complex.too_much(u, v);
                 let is_feature = |a: VertexId, b: u32| complex.features.contains(&[a.0, b].into());
                 // If both edges to a common neighbour are features, the paper keeps the face between them.
@@ -382,7 +381,7 @@ mod tests {
                 };
                 let (lines, others): (Vec<&Simplex>, Vec<&Simplex>) = found.iter().partition(|s| merges_lines(s));
                 if !others.is_empty() {
-                    prop_assert_eq!(told, Err(Refusal::LinkCondition), "{}-{} share {:?}", u, v, others);
+                    prop_assert_eq!(result, Err(Refusal::LinkCondition), "{}-{} share {:?}", u, v, others);
                     continue;
                 }
                 // The remaining faces of an edge to an apex.
@@ -401,7 +400,7 @@ mod tests {
                 };
                 prop_assert!(!is_hollow || !lines.is_empty() || is_doubled(), "{u}-{v} is hollow");
                 let wanted = if is_hollow { Err(Refusal::LinkCondition) } else { Ok(faces_at(&ru, v)) };
-                prop_assert_eq!(told, wanted, "{}-{}, lines {:?}", u, v, lines);
+                prop_assert_eq!(result, wanted, "{}-{}, lines {:?}", u, v, lines);
             }
         }
     }

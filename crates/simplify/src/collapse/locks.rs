@@ -10,8 +10,8 @@ use super::vertex::Vertex;
 use crate::metric::{Metric, VertexMemory};
 use crate::report::Refusal;
 
-/// Weight of the squared step of an important vertex in a quick pass, over the area of its star: it counts like a distance
-/// from the surface. (As in meshoptimizer.)
+/// Weight of the squared displacement of an important vertex in a quick pass, times the area of its star: it
+/// counts like a distance from the surface. (As in meshoptimizer.)
 const IMPORTANT_MOVE: f32 = 1.0;
 
 impl<Q: VertexMemory> Store<Q> {
@@ -60,8 +60,8 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// Returns the cost of moving both ends, in a quick pass: regular faces have short steps, and important vertices
-    /// stay even where the surface is flat. It does not count in the estimate of the error.
+    /// Returns the cost of moving both ends, in a quick pass: this keeps faces regular, and important
+    /// vertices in place even where the surface is flat. It does not count in the estimate of the error.
     pub(super) fn cost_of_moves(&self, ends: [&Vertex<M::Memory>; 2], steps: [Vec3; 2], area: f32) -> f32 {
         let factors = self.constraints.cost_factors.as_deref();
         let is_important = |end: &Vertex<M::Memory>| factors.is_some_and(|f| f[end.origin.index()] > 1.0);

@@ -1,7 +1,7 @@
 //! Marks of vertices, for walks that test whether a vertex was visited before.
 //!
-//! The marks are stored beside the mesh, so that a walk does not modify it: a hash table with room for the
-//! vertices of one star. To clear it, only the number of the walk is incremented.
+//! The marks are stored outside the mesh, so that a walk does not modify it: in a hash table with room for
+//! the vertices of one star. Clearing it only increments the number of the walk.
 
 use lodsmith_core::VertexId;
 
@@ -10,7 +10,7 @@ use lodsmith_core::VertexId;
 pub(super) struct Marks {
     /// At least twice as many as there are vertices; a power of two.
     slots: Vec<Slot>,
-    /// Number of the walk. Slots of earlier ones are free.
+    /// Number of the walk. Slots of earlier walks are free.
     walk: u32,
 }
 
@@ -22,7 +22,7 @@ struct Slot {
 }
 
 impl Marks {
-    /// Clears all marks and makes room for those of `count` vertices.
+    /// Clears all marks and makes room for the marks of `count` vertices.
     #[inline(always)]
     pub(super) fn clear(&mut self, count: usize) {
         self.walk = self.walk.wrapping_add(1);
@@ -90,6 +90,6 @@ mod tests {
         }
         marks.walk = u32::MAX;
         marks.clear(1);
-        assert_eq!(marks.get(vertices[0]), None, "numbers of walks begin again");
+        assert_eq!(marks.get(vertices[0]), None, "the numbers of walks start again");
     }
 }

@@ -19,7 +19,8 @@ use crate::lanes::{self, dot, splat};
 use crate::metric::{CostSource, Form, Metric};
 use crate::tensor::Tensor;
 
-/// Calls a function that is generic over the number of lanes, constant for one or two; 0 is any number.
+/// Calls a function that is generic over the number of lanes: a constant for one or two, 0 for any other
+/// number.
 macro_rules! of_lanes {
     ($lanes:expr, $n:ident => $call:expr) => {
         match $lanes {
@@ -84,7 +85,7 @@ impl<M: Metric> LiveMesh<M> {
         is_alone(u) && around.all(is_alone)
     }
 
-    /// Computes the sums of all wedges, and adds the attribute tensors to those of the vertices.
+    /// Computes the sums of all wedges, and adds the attribute tensors to the tensors of the vertices.
     pub(super) fn init_attribute_sums(&mut self) {
         let (Some(attributes), Some(wedges)) = (&mut self.values.attributes, &self.store.wedges) else {
             return;
@@ -253,8 +254,8 @@ impl<M: Metric> LiveMesh<M> {
         Sum::add_four_to(&sums, form);
     }
 
-    /// Collects the wedges at both ends of an edge, in groups that are merged; those on the edge come
-    /// first, the others if requested.
+    /// Collects the wedges at both ends of an edge, in groups that are merged; wedges on the edge come first,
+    /// then the others if requested.
     fn gather(
         &self,
         attributes: &Attributes,
@@ -298,8 +299,7 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// True if each wedge of a locked end stays the only one of its end in its group when `u` and `v` are
-    /// merged.
+    /// True if, when `u` and `v` are merged, no two wedges of a locked end are in the same group.
     pub(super) fn keeps_wedges(&self, u: VertexId, v: VertexId, ru: &[Spoke]) -> bool {
         let Some(attributes) = &self.values.attributes else { return true };
         let mut members = Vec::new();
@@ -450,7 +450,7 @@ impl<M: Metric> LiveMesh<M> {
 
     /// Merges the wedges as prepared, before the triangles change; the merged vertex moves to the kept end
     /// + `y`, the position `at`. Returns the attribute tensor of the new triangles.
-    #[expect(clippy::too_many_arguments, reason = "those of a collapse, and buffers")]
+    #[expect(clippy::too_many_arguments, reason = "the data of a collapse, and buffers")]
     pub(super) fn merge_wedges(
         &mut self,
         u: VertexId,
@@ -567,7 +567,7 @@ fn only_group(members: &[Member]) -> Option<usize> {
     }
 }
 
-/// Returns the wedges of a triangle, starting with that of corner `k`. (By a table: a branch on k would be
+/// Returns the wedges of a triangle, starting at corner `k`. (By a table: a branch on k would be
 /// unpredictable.)
 #[inline(always)]
 fn from_corner(wedges: [WedgeId; 3], k: usize) -> [WedgeId; 3] {

@@ -2,15 +2,15 @@
 
 use glam::Vec3;
 
-/// Maximum number of partners per vertex: the nearest.
+/// Maximum number of partners per vertex: only the nearest are kept.
 const MAX_PARTNERS: usize = 4;
-/// Maximum number of vertices visited per search. (Guessed; a sheet has that many within eleven edges.
-/// Beyond it the distance is far too large for the mesh, and the nearest are found.)
+/// Maximum number of vertices visited per search. (Guessed; a sheet has that many within eleven edges. With
+/// more, the distance is far too large for the mesh, and the nearest are still found.)
 const MAX_VISITS: usize = 400;
 /// Vertices in a leaf of the tree.
 const LEAF_SIZE: usize = 8;
 /// Minimum cosine between a direction and a normal at which the surface is open in that direction: 73
-/// degrees. (Guessed; the corners of six triangles that shrank away from their common vertex face each
+/// degrees. (Guessed; the corners of six triangles that have shrunk away from their common vertex face each
 /// other at 60.)
 const MIN_OPEN_COS: f32 = 0.3;
 
@@ -28,25 +28,25 @@ pub(super) struct Site {
 }
 
 impl Site {
-    fn is_open_to(&self, way: Vec3, length: f32) -> bool {
+    fn is_open_to(&self, direction: Vec3, length: f32) -> bool {
         match self.out {
-            Some(out) => out == Vec3::ZERO || out.dot(way) > MIN_OPEN_COS * length,
-            None => self.normal.dot(way) > MIN_OPEN_COS * length,
+            Some(out) => out == Vec3::ZERO || out.dot(direction) > MIN_OPEN_COS * length,
+            None => self.normal.dot(direction) > MIN_OPEN_COS * length,
         }
     }
-    fn faces_away_from(&self, way: Vec3, length: f32) -> bool {
-        self.out.is_none() && self.normal.dot(way) < -MIN_OPEN_COS * length
+    fn faces_away_from(&self, direction: Vec3, length: f32) -> bool {
+        self.out.is_none() && self.normal.dot(direction) < -MIN_OPEN_COS * length
     }
-    /// True if joining the two makes sense. Within a part they have to face each other across open space:
-    /// neighbours on one sheet, or on the two sides of a thin wall, do not. Vertices of two parts must only
-    /// not be back to back.
+    /// True if joining the two makes sense. Within a part they have to face each other across open space;
+    /// neighbours on one sheet, or on the two sides of a thin wall, do not. Vertices of different parts only
+    /// must not be back to back.
     #[inline(always)]
     fn is_compatible(&self, other: &Self, length: f32) -> bool {
-        let way = other.p - self.p;
+        let direction = other.p - self.p;
         if self.part == other.part {
-            self.is_open_to(way, length) && other.is_open_to(-way, length)
+            self.is_open_to(direction, length) && other.is_open_to(-direction, length)
         } else {
-            !(self.faces_away_from(way, length) && other.faces_away_from(-way, length))
+            !(self.faces_away_from(direction, length) && other.faces_away_from(-direction, length))
         }
     }
 }
@@ -59,17 +59,17 @@ pub(super) struct NearPair {
 }
 
 /// Returns pairs of compatible sites within `reach`, the nearest first: for each site its [`MAX_PARTNERS`] nearest,
-/// found among the first [`MAX_VISITS`] visited. `go_on` is called for every site; returns `None` if it returns
-/// false. Cost: O(n log n).
+/// found among the first [`MAX_VISITS`] visited. `should_continue` is called for every site; returns `None`
+/// if it returns false. Cost: O(n log n).
 pub(super) fn near_pairs(
     sites: &[Site],
     reach: f32,
-    mut go_on: impl FnMut() -> bool,
+    mut should_continue: impl FnMut() -> bool,
 ) -> Option<Vec<NearPair>> {
     let tree = Tree::new(sites);
     let mut pairs = Vec::new();
     for i in 0..sites.len() as u32 {
-        if !go_on() {
+        if !should_continue() {
             return None;
         }
         let mut search = NearSearch {
@@ -154,7 +154,7 @@ impl Tree {
         self.part(middle + 1, to);
     }
 
-    /// Visits a range, starting with the half that contains the position.
+    /// Visits a range of sites, starting with the half that contains the position.
     fn visit(&self, from: usize, to: usize, search: &mut NearSearch<'_>) {
         if search.visits >= MAX_VISITS {
             return;
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn all_near_ones_are_found() {
+    fn all_near_pairs_are_found() {
         let sites = random_sites(300, 300);
         let reach = 0.08f32;
         let found = near_pairs(&sites, reach, || true).unwrap();
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn of_very_many_the_nearest_are_found() {
+    fn of_very_many_sites_the_nearest_are_found() {
         let sites = random_sites(5000, 5000);
         let found = near_pairs(&sites, 10.0, || true).unwrap();
         assert!(found.len() <= MAX_PARTNERS * sites.len());
@@ -227,8 +227,8 @@ mod tests {
     }
 
     #[test]
-    fn a_place_with_everything_ends() {
-        // All at one position, in one part and without a normal: nothing is compatible, and no search
+    fn many_sites_at_one_position_take_linear_time() {
+        // All sites are at one position, in one part and without a normal: none are compatible, and no search
         // visits all the others.
         let sites = vec![Site::default(); 200_000];
         assert_eq!(near_pairs(&sites, 1.0, || true).unwrap(), []);
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn walls_and_sheets_are_let_be() {
+    fn sides_of_walls_and_neighbours_on_sheets_are_not_joined() {
         let at = |x: f32, y: f32, part, normal| Site { p: Vec3::new(x, y, 0.0), part, normal, out: None };
         let suits = |a: Site, b: Site| {
             a.is_compatible(&b, a.p.distance(b.p)) && b.is_compatible(&a, a.p.distance(b.p))

@@ -18,12 +18,13 @@ pub(crate) const NONE: VertexId = VertexId(u32::MAX);
 /// Codes are sorted by three digits of this many bits.
 const DIGIT_BITS: u32 = 10;
 const DIGITS: usize = 1 << DIGIT_BITS;
-/// Vertices from which the lowest digit is sorted too. With fewer, hardly any agree in the other two
-/// digits.
+/// Number of vertices from which the lowest digit is sorted too. With fewer vertices, hardly any agree in the
+/// other two digits.
 const THREE_DIGIT_MIN_VERTICES: usize = 1 << 14;
-/// Faces up to which time is saved at the cost of memory; above it the reverse.
+/// Number of faces up to which time is saved at the cost of memory; above it, the reverse.
 pub(crate) const TIME_OVER_MEMORY_MAX_FACES: usize = 4_000_000;
-/// Vertices in one cell above which equal positions are found by sorting instead of comparing pairs.
+/// Number of vertices in one cell above which equal positions are found by sorting instead of comparing
+/// pairs.
 const CELL_SORT_MIN_VERTICES: usize = 16;
 
 /// The ordered input.
@@ -42,8 +43,8 @@ pub(crate) struct Ordered {
     pub(crate) diagonal: f64,
 }
 
-/// Converts a position to the unit frame, in single precision. Differences are taken in double precision, so a
-/// part at map coordinates keeps all its detail.
+/// Converts a position to the unit frame, in single precision. Differences are computed in double precision,
+/// so a part at map coordinates keeps all its detail.
 #[inline]
 pub(crate) fn single_unit(frame: &UnitFrame, p: [f64; 3]) -> Vec3 {
     frame.unit_from_user(p).as_vec3()
@@ -80,7 +81,7 @@ pub(crate) fn order(surface: &Surface<'_>) -> Ordered {
     cleanup.unused_vertices = needed.iter().filter(|n| !**n).count();
     let extent = [0, 1, 2].map(|k| (max[k] - min[k]).max(0.0));
     let size = extent.into_iter().fold(0f64, f64::max);
-    // A box without extent (one point, or nothing) keeps the scale of the user.
+    // If the box has no extent (one point, or none), the scale of the input is kept.
     let size = if size > 0.0 && size.is_finite() { size } else { 1.0 };
     let centre = [0, 1, 2].map(|k| if min[k] <= max[k] { min[k] + 0.5 * (max[k] - min[k]) } else { 0.0 });
     let frame = UnitFrame::with_size(centre, size);
@@ -195,7 +196,7 @@ enum Unfit {
 fn ranked(rank: &[VertexId], t: &[VertexId; 3]) -> Result<[VertexId; 3], Unfit> {
     let r = t.map(|v| rank[v.index()]);
     let is_twice = r[0] == r[1] || r[1] == r[2] || r[2] == r[0];
-    // (If one is none, so is the union of all bits, which is faster to test.)
+    // (If one of them is `NONE`, so is the union of all bits, which is faster to test.)
     if !is_twice && r[0].0 | r[1].0 | r[2].0 != NONE.0 {
         return Ok(r);
     }
@@ -218,7 +219,7 @@ fn items_by_lowest_vertex<T: Zeroable>(
 ) -> Vec<T> {
     let mut at = vec![0u32; points];
     let least = |t| ranked(rank, t).map(|r| r[0].min(r[1]).min(r[2]));
-    // Computing them again takes as long as the rest, but saves memory.
+    // Computing the numbers again takes as long as the rest, but saves memory.
     let is_kept = triangles.len() <= TIME_OVER_MEMORY_MAX_FACES;
     let mut kept = Vec::with_capacity(if is_kept { triangles.len() } else { 0 });
     for t in triangles {
@@ -287,8 +288,7 @@ where
     keys
 }
 
-/// Sorts keys by their codes, except for some of the lowest bits of these; returns the number of unsorted
-/// bits.
+/// Sorts keys by their codes, except for some of the codes' lowest bits; returns the number of unsorted bits.
 #[inline(never)]
 fn sorted(mut keys: Vec<u64>) -> (Vec<u64>, u32) {
     // All digits are counted in one pass.
@@ -401,7 +401,7 @@ where
 }
 
 /// Returns the codes of four points in the unit frame on a Morton curve of 1024³ cells: ten bits of each
-/// coordinate, interleaved. (Processes the coordinates in the order in which they are stored.)
+/// coordinate, interleaved. (It processes the coordinates in the order in which they are stored.)
 #[inline(always)]
 fn morton(points: &[f32; 12]) -> [u32; 4] {
     let spread = |k: usize| {
@@ -428,7 +428,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cell_has_its_place_on_the_curve() {
+    fn cells_have_the_expected_codes() {
         let at = |x: f32, y: f32, z: f32| morton(&[0.0, 0.0, 0.0, x, y, z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])[1];
         assert_eq!([at(-0.5, -0.5, -0.5), at(0.5, 0.5, 0.5)], [0, (1 << 30) - 1], "the corners of the box");
         let step = |k: f32| k / 1023.0 - 0.4995;
@@ -437,13 +437,17 @@ mod tests {
             [0b1, 0b10_000],
             "x first, then y"
         );
-        assert_eq!([at(-9.0, -0.5, step(1.0)), at(9.0, -0.5, -0.5)], [0b100, 0x0924_9249], "what is outside");
+        assert_eq!(
+            [at(-9.0, -0.5, step(1.0)), at(9.0, -0.5, -0.5)],
+            [0b100, 0x0924_9249],
+            "points outside the box"
+        );
     }
 
     #[test]
-    fn points_stand_along_the_curve() {
+    fn points_are_ordered_along_the_curve() {
         // Sorted by two digits and by three; both points of a pair share a cell, and points near a corner
-        // the first two digits.
+        // share the first two digits.
         for count in [600, THREE_DIGIT_MIN_VERTICES as u32 + 10] {
             let random = |i: u32, k: u32| (i / 2 * 3 + k).wrapping_mul(0x9e37_79b9).rotate_left(13);
             let unit = |x: u32| (x >> 8) as f32 / (1 << 24) as f32 * if x & 1 == 0 { 1.0 } else { 0.004 };
@@ -458,7 +462,10 @@ mod tests {
             assert!(ties > count as usize / 10, "{ties} of {count}");
             for (a, b) in (0..count as usize).step_by(2).map(|i| (i, i + 1)) {
                 let (a, b) = (o.rank[a], o.rank[b]);
-                assert!(codes[a.index()] != codes[b.index()] || a < b, "in one cell by their numbers");
+                assert!(
+                    codes[a.index()] != codes[b.index()] || a < b,
+                    "within a cell, points are in the order of their numbers"
+                );
             }
         }
     }
@@ -491,11 +498,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_broken_is_counted() {
+    fn broken_faces_and_unused_vertices_are_counted() {
         let p = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [f32::NAN, 0.0, 0.0], [9.0, 9.0, 9.0]];
         let o = surface(&p, &[[0, 1, 2], [0, 1, 3], [0, 1, 1]]);
         assert_eq!((o.faces.len(), o.cleanup.non_finite_faces, o.cleanup.degenerate_faces), (1, 1, 1));
-        assert_eq!(o.cleanup.unused_vertices, 2, "the stray vertex and the one that is no number");
+        assert_eq!(o.cleanup.unused_vertices, 2, "the stray vertex and the NaN vertex");
         assert!((o.diagonal - 2f64.sqrt()).abs() < 1e-12, "a vertex without faces does not count");
     }
 

@@ -1,4 +1,4 @@
-//! Placement and cost of pair contractions, and the guards that they keep.
+//! Placement and cost of pair contractions, and the guards that they must meet.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
@@ -39,7 +39,7 @@ impl<M: Metric> LiveMesh<M> {
         if x.kind.is_locked() && z.kind.is_locked() || self.is_either_locked(u, v) && d == Vec3::ZERO {
             return Err(Refusal::Locked);
         }
-        // From the planes alone: closing a border loses nothing of its line.
+        // From the planes alone: closing a border does not move it off its line.
         let form = if self.cost.metric.is_memoryless() {
             let (own, other) = (self.planes(u, ring), self.planes(v, ring));
             let mut a = own;
@@ -131,7 +131,7 @@ impl<M: Metric> LiveMesh<M> {
             let shape = |area_sq: f32, p: [Vec3; 3]| 12.0 * area_sq / (around(p) * around(p)).max(1e-37);
             let (old_shape, new_shape) = (shape(before_sq, p), shape(after_sq, q));
             let turns = !((dot > 0.0) & (dot * dot > self.constraints.rules.max_turn * before_sq * after_sq));
-            // A face of no area has no normal to turn.
+            // A face without area has no normal to turn.
             if turns && (old_shape > MIN_SHAPE_SQ || after_sq == 0.0) {
                 return Err(Refusal::NormalFlip);
             }
@@ -184,7 +184,7 @@ impl<M: Metric> LiveMesh<M> {
     pub(super) fn sampled_pair_cost(
         &self,
         joint: &Joint,
-        [cost, most]: [f32; 2],
+        [cost, max_cost]: [f32; 2],
         ring: &mut Ring,
         scratch: &mut Scratch,
         tally: &mut Tally,
@@ -197,7 +197,7 @@ impl<M: Metric> LiveMesh<M> {
             scratch.wings.add_rim(ring, |r| r.has(joint.u) || r.has(joint.v));
         }
         let origins = ends.map(|w| self.store.v[w.index()].origin);
-        Some(self.sampled_cost(late, origins, joint.at, [cost, most], scratch, tally))
+        Some(self.sampled_cost(late, origins, joint.at, [cost, max_cost], scratch, tally))
     }
 
     /// True if faces end up back to back at a new edge or, if a face `turned` far, at any edge.

@@ -8,11 +8,12 @@ use super::ring::Ring;
 use super::store::Store;
 use crate::metric::VertexMemory;
 
-/// Budget of the search for pairs and of visits to the faces round them, per vertex of the input; no more
-/// are contracted after it. (A level of 1,194 parts took 300,000 visits and 400 searches until nothing was
-/// left to contract, half a minute in all; contractions after the first tenth of that improved nothing.)
+/// Budget for the search for pairs and for visits to the faces around them, per vertex of the input; when it
+/// is spent, no more pairs are contracted. (A level of 1,194 parts took 300,000 visits and 400 searches until
+/// nothing was left to contract, half a minute in all; contractions after the first tenth of that improved
+/// nothing.)
 const VISITS_PER_VERTEX: usize = 8;
-/// Budget on top of that, since on small meshes pairs are searched for after every sweep.
+/// Additional budget, since on small meshes pairs are searched for after every sweep.
 const FREE_VISITS: usize = 100_000;
 
 /// Two vertices, the kept one first, and the last known cost of their contraction.
@@ -30,7 +31,7 @@ pub(crate) struct Pairs {
     pub(super) list: Vec<Pair>,
     /// State at the last search: numbering of the store, live vertices, and collapses.
     pub(super) found_at: Option<(u32, usize, u64)>,
-    /// Remaining budget of visits to the faces round a pair.
+    /// Remaining budget of visits to the faces around a pair.
     pub(super) visits_left: usize,
     pub(super) work: PairScratch,
 }

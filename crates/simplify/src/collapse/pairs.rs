@@ -26,24 +26,24 @@ use crate::tensor::Tensor;
 
 /// Pairs are searched for again when this percentage of the vertices at the last search is left.
 const RENEW_PERCENT: usize = 70;
-/// Below this number of vertices they are searched for after every sweep that changed anything: the last
+/// Below this number of vertices, pairs are searched for after every sweep that changed anything: the last
 /// ones matter.
 const RENEW_BELOW: usize = 2000;
 /// Vertices with more faces are skipped, and so are their neighbours.
 const MAX_PAIR_FACES: usize = 200;
 
-/// Maximum number of bundles that are tried for a pair and adjacent ones, the nearest first.
+/// Maximum number of bundles to try for a pair with adjacent pairs, the nearest first.
 const MAX_BUNDLES: usize = 3;
 
 /// Keeps the nearest bundles, in order.
-fn keep_nearest(ways: &mut Vec<(f32, Vec<[VertexId; 2]>)>) {
-    ways.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
-    ways.truncate(MAX_BUNDLES);
+fn keep_nearest(bundles: &mut Vec<(f32, Vec<[VertexId; 2]>)>) {
+    bundles.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
+    bundles.truncate(MAX_BUNDLES);
 }
 
 impl<M: Metric> Engine<M> {
     /// Contracts the pairs that cost at most `tau`, the nearest first, until the goal is reached; with
-    /// `probe` only computes their costs. `ask` is called now and then and decides whether to continue.
+    /// `probe` only computes their costs. `ask` is called from time to time and decides whether to continue.
     pub(super) fn contract_pairs(
         &mut self,
         goal: &Goal,
@@ -276,8 +276,8 @@ impl<M: Metric> Engine<M> {
         {
             return CollapseOutcome::Later(f32::INFINITY);
         }
-        // Adjacent pairs only add to the cost, so this is a lower bound; most pairs are too expensive at
-        // any time.
+        // Adjacent pairs only add to the cost, so this is a lower bound; at any time, most pairs are too
+        // expensive.
         let least = match self.mesh.place_pair(u, v, &mut work.ring) {
             Ok((_, cost)) => (cost + self.mesh.gap_cost(u, v)) * self.mesh.pair_cost_factor(u, v),
             Err(why) => return CollapseOutcome::Refused(why),
@@ -331,11 +331,11 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// Finds bundles with adjacent pairs that may join the surfaces along an edge or by two faces: nearest
-    /// first.
+    /// Finds bundles with adjacent pairs that may join the surfaces along an edge or by two faces, the
+    /// nearest first.
     fn find_bundles(&mut self, u: VertexId, v: VertexId, reach: f32, work: &mut PairScratch) {
-        let PairScratch { ru, rv, ring, bundles: ways, .. } = work;
-        ways.clear();
+        let PairScratch { ru, rv, ring, bundles, .. } = work;
+        bundles.clear();
         let apart =
             |mesh: &Self, x: VertexId, y: VertexId| (mesh.store.p(x) - mesh.store.p(y)).length_squared();
         let is_end = |w: VertexId| w == u || w == v;
@@ -347,7 +347,7 @@ impl<M: Metric> LiveMesh<M> {
             for &y in sides_v.iter().filter(|y| **y != x) {
                 let distance_sq = apart(self, x, y);
                 if distance_sq < reach * reach && !self.store.is_edge(x, y, ring) {
-                    ways.push((distance_sq, vec![[u, v], [x.min(y), x.max(y)]]));
+                    bundles.push((distance_sq, vec![[u, v], [x.min(y), x.max(y)]]));
                 }
             }
         }
@@ -370,11 +370,11 @@ impl<M: Metric> LiveMesh<M> {
                     }
                 }
                 if all.len() > 1 {
-                    ways.push((sum, all));
+                    bundles.push((sum, all));
                 }
             }
         }
-        keep_nearest(ways);
+        keep_nearest(bundles);
     }
 }
 
@@ -486,8 +486,8 @@ impl<M: Metric> Engine<M> {
             }
         }
         self.mesh.store.set_corners(u, &corners);
-        // The end whose position was kept gives its number: the result then contains that vertex of the
-        // input.
+        // The merged vertex takes the number of the end whose position was kept: the result then contains
+        // that vertex of the input.
         let [own, other] = [&x, &z].map(|end| end.p == at && !end.kind.is_moved());
         let kept_v = other && !own;
         let (origin, merged) = if kept_v { (z.origin, x.origin) } else { (x.origin, z.origin) };

@@ -2,7 +2,7 @@
 //!
 //! A run that ends stuck above its target with more than one part left resumes from a snapshot of a state
 //! in which sweeps were still productive ([`super::snapshot`]), and continues with the parts in order of
-//! cost: a speck is then removed when it is cheaper than the current collapses, instead of after all the
+//! cost: a tiny part is then removed when it is cheaper than the current collapses, instead of after all the
 //! expensive ones.
 
 use glam::Vec3;
@@ -17,26 +17,26 @@ use super::{Engine, Goal, LiveMesh};
 use crate::metric::Metric;
 use crate::options::{BorderPolicy, TopologyPolicy};
 
-/// Factor of the cost of parts if the topology may change and they are removed in order of cost: as
-/// expensive as the collapses that would pull their far ends to the rest. (Half the size squared, times
+/// Factor of the cost of parts if the topology may change and they are removed in order of cost: as expensive
+/// as the collapses that would move their far ends to the rest of the surface. (Half the size squared, times
 /// twice the area, is an eighth of the cost of a collapse for a rod that is attached at one end. Measured
 /// against 1: brain_mri at 1 % has 0.155 % RMS instead of 0.183, at 8,000 faces 0.119 instead of 0.138,
 /// heptoroid at 50 faces 7.3 instead of 13.9.)
 const FREE_PART_WEIGHT: f32 = 8.0;
 
-/// Share of the faces above which cheap parts block a run that keeps them. (The RMS distance falls about as
-/// the count rises, so with fewer faces to gain the rest would not improve much.)
+/// Share of the faces above which cheap parts block a run that keeps them. (The RMS distance is about
+/// inversely proportional to the count, so with fewer faces to gain, the rest would not improve much.)
 const MIN_BLOCKING_SHARE: f64 = 0.2;
-/// Below this number of remaining faces the cost of parts is checked in every run: the check takes next to
-/// no time there, and the few sweeps of such a run do not show whether it is productive. (Guessed.)
+/// Below this number of remaining faces the cost of parts is checked in every run: the check takes almost no
+/// time there, and the few sweeps of such a run do not show whether it is productive. (Guessed.)
 const ALWAYS_CHECKED_BELOW_FACES: usize = 10_000;
 /// Maximum share of the target by which removing a part may undershoot it.
 const MAX_OVERSHOOT: f64 = 0.1;
-/// Maximum undershoot if nothing else reaches the target. (Guessed: with less than half the requested faces,
-/// a result above the target is nearer to it.)
+/// Maximum undershoot if nothing else reaches the target. (Guessed: compared with less than half of the
+/// requested faces, a result above the target is closer to it.)
 const MAX_LAST_OVERSHOOT: f64 = 0.5;
 
-/// Sorts ascending indices by cost, the cheapest first, and drops the last.
+/// Sorts ascending indices by cost, the cheapest first, and drops the most expensive.
 fn all_but_most_expensive(all: Vec<usize>, cost: &[f32]) -> Vec<usize> {
     let mut order = indices_by_key(all.iter().map(|&i| key_of(f64::from(cost[i]))));
     order.pop();
@@ -54,8 +54,8 @@ impl<M: Metric> Engine<M> {
         }
         self.mesh.store.compact();
         let (part_of, parts) = self.mesh.find_parts();
-        let worth: Vec<f32> = parts.iter().map(Component::weighted_cost).collect();
-        let mut order = all_but_most_expensive((0..parts.len()).collect(), &worth);
+        let weighted_cost: Vec<f32> = parts.iter().map(Component::weighted_cost).collect();
+        let mut order = all_but_most_expensive((0..parts.len()).collect(), &weighted_cost);
         order.retain(|&i| parts[i].cost_factor < f32::INFINITY);
         let faces: Vec<usize> = parts.iter().map(|p| p.faces).collect();
         let cost: Vec<f32> = parts.iter().map(Component::cost).collect();
@@ -66,9 +66,9 @@ impl<M: Metric> Engine<M> {
         self.mesh.needed(goal) == Some(0)
     }
 
-    /// True if a run that kept all parts became expensive for it: parts with many of the faces would have
-    /// been cheaper to remove than some collapses were. `cuts` is true if necks could be cut as well. Cost:
-    /// O(n), but only for a run that became unproductive or is small.
+    /// True if keeping all parts made a run expensive: parts with many of the faces would have been cheaper
+    /// to remove than some of its collapses. `cuts` is true if necks could be cut as well. Cost: O(n), but
+    /// only for a run that became unproductive or is small.
     pub(crate) fn has_blocking_parts(&self, cuts: bool) -> bool {
         let is_asked = self.tally.is_unproductive || self.mesh.store.live_faces < ALWAYS_CHECKED_BELOW_FACES;
         if !is_asked || self.mesh.topology.parts.is_some() {
@@ -90,10 +90,11 @@ impl<M: Metric> Engine<M> {
 }
 
 impl<M: Metric> LiveMesh<M> {
-    /// Returns the cost per two faces of a part of the weighted cost `worth` and with `faces` faces left.
-    fn cost_per_face_pair(&self, part: &Component, worth: f32, faces: usize) -> f32 {
+    /// Returns the cost per two faces of a part whose weighted cost is `weighted_cost` and which has `faces`
+    /// faces left.
+    fn cost_per_face_pair(&self, part: &Component, weighted_cost: f32, faces: usize) -> f32 {
         self.cost.metric.part_cost_per_face_pair(
-            2.0 * worth / faces as f32,
+            2.0 * weighted_cost / faces as f32,
             &part.size(faces),
             self.cost.mean_face,
         )
@@ -130,17 +131,12 @@ impl<M: Metric> Engine<M> {
     fn set_parts(&mut self, part_of: Vec<u32>, parts: Vec<Component>) {
         let weight = if self.mesh.constraints.cuts_necks { FREE_PART_WEIGHT } else { 1.0 };
         let cost = parts.iter().map(|p| p.cost() * weight).collect();
-        let worth = parts.iter().map(|p| p.weighted_cost() * weight).collect();
-        self.mesh.topology.parts = Some(Parts {
-            part_of,
-            of_input: parts,
-            cost,
-            weighted_cost: worth,
-            changes: self.changes_of_parts(),
-        });
+        let weighted_cost = parts.iter().map(|p| p.weighted_cost() * weight).collect();
+        self.mesh.topology.parts =
+            Some(Parts { part_of, of_input: parts, cost, weighted_cost, changes: self.changes_of_parts() });
     }
 
-    /// Removes the parts whose cost per two faces, as of a collapse, is at most `tau`.
+    /// Removes the parts whose cost per two faces (as many as a collapse removes) is at most `tau`.
     pub(crate) fn drop_cheap_parts(&mut self, goal: &Goal, tau: f32) {
         if self.mesh.topology.parts.as_ref().is_some_and(|p| p.changes != self.changes_of_parts()) {
             // Cuts have created new parts, and pair contractions have joined some.
@@ -165,9 +161,9 @@ impl<M: Metric> Engine<M> {
         self.mesh.topology.parts = Some(parts);
     }
 
-    /// Returns an error if the watched parts are inconsistent: each number has an existing part, and each
-    /// face is in one part. (Skipped after cuts and pair contractions: then parts are found again before
-    /// their next use.)
+    /// Returns an error if the tracked parts are inconsistent: each number must have an existing part, and
+    /// each face must be in one part. (Skipped after cuts and pair contractions: then parts are found again
+    /// before their next use.)
     pub(super) fn check_parts(&self, parts: &Parts) -> Result<(), String> {
         let (of, count) = (&parts.part_of, parts.cost.len());
         if parts.changes != self.changes_of_parts() {
@@ -177,9 +173,7 @@ impl<M: Metric> Engine<M> {
         need(of.len() == numbers, || format!("{numbers} numbers have parts for {}", of.len()))?;
         for (f, t) in self.mesh.store.t.iter().enumerate().filter(|t| t.1[0] != NONE) {
             let [a, b, c] = t.map(|w| of[self.mesh.store.v[w.index()].origin.index()] as usize);
-            need(a == b && b == c && c < count, || {
-                format!("face {f} lies in parts {a}, {b}, {c} of {count}")
-            })?;
+            need(a == b && b == c && c < count, || format!("face {f} is in parts {a}, {b}, {c} of {count}"))?;
         }
         Ok(())
     }
@@ -189,8 +183,8 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Removes these parts, in this order, until the goal is reached, except those that would leave the
-    /// result far below it; `part_of` is by vertex of the store. With `at_last`, if nothing else is left,
-    /// one of these may be removed in the end.
+    /// result far below it; `part_of` is by vertex of the store. With `at_last` (nothing else is left), one
+    /// of those may be removed at the end.
     fn drop_parts(
         &mut self,
         goal: &Goal,
@@ -217,7 +211,7 @@ impl<M: Metric> Engine<M> {
                     at += 1;
                     continue;
                 }
-                // The one that leaves most faces.
+                // The part whose removal leaves the most faces.
                 None if at_last => {
                     let fitting = too_large.iter().copied();
                     let fitting = fitting.filter(|&i| !is_far_below(goal, left(i), MAX_LAST_OVERSHOOT));
@@ -316,7 +310,7 @@ mod tests {
     use crate::options::SimplifyOptions;
     use crate::test_support::{SmallMesh, pyramid, tetrahedron};
 
-    /// Three tetrahedra of the sizes 1, 1/2 and 1/4: four faces and four vertices each.
+    /// Three tetrahedra of sizes 1, 1/2 and 1/4, with four faces and four vertices each.
     fn three() -> SmallMesh {
         let other = |size: f32| tetrahedron().scaled(size);
         tetrahedron().and(&other(0.5), Vec3::X * 4.0).and(&other(0.25), Vec3::X * 8.0)
@@ -335,22 +329,22 @@ mod tests {
         (3.0 + 3f64.sqrt()) * 0.25 * 3.0
     }
 
-    /// Returns the longest edges of the parts that are left, first part first.
+    /// Returns the longest edge of each remaining part, in order.
     fn sizes(engine: &Engine<Memoryless>) -> Vec<f32> {
         let (_, parts) = engine.mesh.find_parts();
         parts.iter().map(|p| (p.max - p.min).x).collect()
     }
 
     #[test]
-    fn the_cheapest_parts_go_first_until_the_goal_is_reached() {
+    fn the_cheapest_parts_are_removed_first_until_the_goal_is_reached() {
         let mut one = engine(&three(), &without_lines());
         assert!(one.remove_parts(&faces(8)));
         assert_eq!((sizes(&one), one.tally.parts_removed), (vec![1.0, 0.5], 1));
         assert_eq!((one.mesh.store.live_faces, one.mesh.store.live_vertices), (8, 8));
-        // A cost falls with the fourth power of the size.
+        // The cost is proportional to the fourth power of the size.
         assert!((one.tally.removed_part_cost - cost_of_whole() / 256.0).abs() < 1e-5);
         assert_eq!(checked(&one), Ok(()));
-        // By vertices it is the same; and the last part always stays.
+        // With a goal in vertices it is the same; and the last part always stays.
         let mut two = engine(&three(), &without_lines());
         assert!(two.remove_parts(&Goal { faces: None, vertices: Some(4) }));
         assert_eq!((sizes(&two), two.tally.parts_removed), (vec![1.0], 2));
@@ -360,13 +354,13 @@ mod tests {
     }
 
     #[test]
-    fn a_goal_is_not_undershot_by_far_unless_nothing_else_reaches_it() {
-        // A large part of 4 faces and a small one of 4: at a goal of 5, removing one leaves 4, a fifth below it.
+    fn a_goal_is_far_undershot_only_if_nothing_else_reaches_it() {
+        // A large and a small part of 4 faces each: at a goal of 5, removing one leaves 4, a fifth below it.
         let small = tetrahedron().and(&tetrahedron().scaled(0.5), Vec3::X * 4.0);
         let mut last = engine(&small, &without_lines());
         assert!(last.remove_parts(&faces(5)));
         assert_eq!(sizes(&last), [1.0]);
-        // As long as there are other collapses, it stays; at a goal of 4 it goes.
+        // As long as there are other collapses, it stays; at a goal of 4 it is removed.
         for (goal, left) in [(5, vec![1.0, 0.5]), (4, vec![1.0])] {
             let mut live = engine(&small, &without_lines());
             live.enable_part_removal();
@@ -376,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_stay_that_are_locked_or_have_a_locked_border() {
+    fn parts_with_locked_vertices_or_borders_stay() {
         let mut locked = engine(&three(), &without_lines());
         locked.mesh.store.v[9].kind = locked.mesh.store.v[9].kind.locked(true);
         assert!(locked.remove_parts(&faces(4)));
@@ -395,7 +389,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_goes_when_two_of_its_faces_cost_no_more_than_a_collapse() {
+    fn a_part_is_removed_if_two_of_its_faces_cost_no_more_than_a_collapse() {
         // The smallest part costs 1/256 of the whole, over four faces: half of that for two.
         let rate = (cost_of_whole() / 256.0 / 2.0) as f32;
         for (tau, removed) in [(0.99 * rate, 0), (1.01 * rate, 1), (15.9 * rate, 1), (16.1 * rate, 2)] {
@@ -416,9 +410,10 @@ mod tests {
     }
 
     #[test]
-    fn importance_counts_for_parts() {
+    fn parts_have_importance_too() {
         let mut engine = engine(&three(), &without_lines());
-        // The smallest is now more important than the middle one, whose cost is 16 times as large.
+        // With its importance, the smallest part costs more than the middle one, whose cost is 16 times as
+        // large.
         let factors = (0..12).map(|v| if v >= 8 { 17.0 } else { 1.0 }).collect();
         engine.mesh.set_cost_factors(Some(factors));
         engine.remove_parts(&faces(8));
@@ -428,18 +423,18 @@ mod tests {
     #[test]
     fn cheap_parts_with_a_fifth_of_the_faces_block() {
         let mut engine = engine(&three(), &without_lines());
-        // Two parts of three have been cheaper than a collapse that was done.
+        // Two of the three parts were cheaper than a collapse that was done.
         engine.tally.highest_threshold = 1.0;
         assert!(engine.has_blocking_parts(false));
         engine.tally.highest_threshold = 1e-6;
         assert!(!engine.has_blocking_parts(false));
         engine.tally.highest_threshold = 1.0;
         engine.enable_part_removal();
-        assert!(!engine.has_blocking_parts(false), "they are removed already");
+        assert!(!engine.has_blocking_parts(false), "they have already been removed");
     }
 
     #[test]
-    fn goals_are_missed_by_a_share() {
+    fn goals_are_undershot_by_a_share() {
         let goal = Goal { faces: Some(100), vertices: Some(50) };
         assert!(!is_far_below(&goal, (90, 50), 0.1) && is_far_below(&goal, (89, 50), 0.1));
         assert!(!is_far_below(&goal, (100, 45), 0.1) && is_far_below(&goal, (100, 44), 0.1));

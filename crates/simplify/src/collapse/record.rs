@@ -1,8 +1,8 @@
 //! Recording for progressive meshes: the state before each change of the mesh.
 //!
 //! The record keeps a copy of the mesh in the numbering of the input. After a change it compares the
-//! touched faces with the copy, logs the old values where they differ, and updates the copy. So it need not
-//! know the kind of a change, and any change can be undone: collapses, cuts, pairs, removed parts, and
+//! touched faces with the copy, logs the old values where they differ, and updates the copy. So it does not
+//! depend on the kind of change, and any change can be undone: collapses, cuts, pairs, removed parts, and
 //! repairs at the start.
 
 use std::collections::BTreeMap;
@@ -16,9 +16,9 @@ use super::store::Store;
 use crate::attributes::{RowPlaces, Rows};
 use crate::metric::VertexMemory;
 
-/// Share of the bounds that one sweep takes in a recorded run: every level is to be good, not only the
-/// last. (Measured: at 0.7 levels have up to 1.6 times the RMS of single runs, at 0.25 up to 1.06, at 0.05
-/// up to 1.04; exactly flat parts need 0.05. docs/decisions/0018)
+/// Share of the bounds that one sweep takes in a recorded run: every level should be good, not only the last.
+/// (Measured: at 0.7 levels have up to 1.6 times the RMS of single runs, at 0.25 up to 1.06, at 0.05 up to
+/// 1.04; exactly flat parts need 0.05. docs/decisions/0018)
 pub(super) const RECORD_QUANTILE: f64 = 0.05;
 
 /// Log of all changes, as lists of entries; each change stores the ends of its ranges.
@@ -69,7 +69,7 @@ pub(crate) struct InputNames {
     pub(crate) keeps_wedges: bool,
 }
 
-/// The mesh in the numbering of the input; elements created during the run have numbers beyond.
+/// The mesh in the numbering of the input; elements created during the run have higher numbers.
 #[derive(Clone)]
 pub(crate) struct MeshCopy {
     pub(crate) faces: Vec<[WedgeId; 3]>,
@@ -88,7 +88,7 @@ pub(crate) struct Record {
     input: Positions,
     frame: UnitFrame,
     pub(crate) rows: Option<(Rows, RowPlaces)>,
-    /// True if there is data that moves vertices as a whole.
+    /// True if there are values that displace vertices as a whole.
     moves_whole: bool,
     /// Vertex of each wedge of the input, if wedges have the numbers of the input.
     home: Vec<VertexId>,
@@ -282,7 +282,8 @@ impl Record {
         key
     }
 
-    /// Logs the old position of a vertex, if it is another now and the vertex is older than the change.
+    /// Logs the old position of a vertex, if the position has changed and the vertex is older than the
+    /// change.
     fn log_place<Q: VertexMemory>(&mut self, store: &Store<Q>, slot: VertexId, vertices_before: usize) {
         let x = &store.v[slot.index()];
         if x.kind.is_gone() {
@@ -313,9 +314,8 @@ impl Record {
         }
     }
 
-    /// Sets equal values, for data that moves a vertex as a whole, in the wedges of each vertex that a
-    /// change moved. The rows logged by the change start at `first_row`, the wedges created by it at
-    /// `there`.
+    /// Averages the values that displace a vertex as a whole over the wedges of each vertex that a change
+    /// moved. The rows logged by the change start at `first_row`, the wedges created by it at `there`.
     fn average_movement<Q: VertexMemory>(
         &mut self,
         store: &Store<Q>,

@@ -20,7 +20,7 @@ impl<M: Metric> Engine<M> {
         self.mesh.set_attribute_weights(weights);
     }
 
-    /// Continues interrupted sweeps to a lower goal, with new attribute weights.
+    /// Continues paused sweeps to a lower goal, with new attribute weights.
     pub(crate) fn lower_goal(&mut self, sweeps: &mut Sweeps, goal: &Goal, weights: Option<&[f32]>) {
         if self.mesh.values.attributes.is_some() && weights.is_some() {
             // Tensors are computed from live elements only.
@@ -53,7 +53,7 @@ impl<M: Metric> LiveMesh<M> {
         is_other
     }
 
-    /// Recomputes the tensors of all vertices from the current surface; data of the input is kept.
+    /// Recomputes the tensors of all vertices from the current surface; data from the input is kept.
     fn recompute_quadrics(&mut self) {
         let facings: Vec<_> = self.store.v.iter().map(|x| x.facing).collect();
         let of_input = (self.cost.total_area, self.cost.mean_face);

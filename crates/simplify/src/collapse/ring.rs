@@ -1,4 +1,4 @@
-//! The triangles around a vertex: corners, the ring of one vertex, and questions about its neighbours.
+//! The triangles around a vertex: corners, the ring of one vertex, and queries about its neighbours.
 
 use std::collections::HashMap;
 
@@ -7,7 +7,7 @@ use wide::u32x8;
 
 /// Number of faces of a ring up to which a neighbour is found by walking the ring. In larger rings
 /// neighbours are sorted or hashed, so that a vertex of n faces costs O(n log n), not O(n²). (Guessed; the
-/// results are the same.)
+/// results do not depend on it.)
 pub(super) const SHORT_RING: usize = 64;
 
 /// A corner of a triangle: four times its index, and 0, 1 or 2.
@@ -147,8 +147,8 @@ pub(crate) fn is_closed_fan(ring: impl ExactSizeIterator<Item = (VertexId, Verte
     for (i, r) in ring.enumerate() {
         (a[i % LANES], b[i % LANES]) = (r.0.0, r.1.0);
     }
-    // How often each first one is second, and each second one first: if both are once, the firsts differ,
-    // too. (Branchless: masks are minus one where they match.)
+    // How often each first neighbour is second, and each second one first: if both occur once, the first ones
+    // differ too. (Branchless: masks are minus one where they match.)
     let (first, second) = (u32x8::from(a), u32x8::from(b));
     let times = |of: u32x8, among: [u32; LANES]| {
         among.into_iter().fold(u32x8::ZERO, |sum, w| sum - of.simd_eq(u32x8::splat(w)))

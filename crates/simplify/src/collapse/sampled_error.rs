@@ -2,8 +2,8 @@
 //! error.
 //!
 //! A cost without memory forgets how far a tip has already moved, so a limb can shrink away cheaply, step
-//! by step. When few triangles are left, every vertex carries samples of the original surface that was
-//! merged into it, and the cost of a collapse includes the growth of their distances to the surface.
+//! by step. When few triangles are left, every vertex has samples of the original surface that was merged
+//! into it, and the cost of a collapse includes the growth of their distances to the surface.
 //! (docs/decisions/0007)
 
 use glam::Vec3;
@@ -16,12 +16,12 @@ use super::{LiveMesh, Scratch, Tally};
 use crate::cost;
 use crate::metric::Metric;
 
-/// Maximum mean number of samples per vertex when the phase begins.
+/// Maximum mean number of samples per vertex when the phase starts.
 const SAMPLES_PER_VERTEX: usize = 32;
 /// Number of samples above which a vertex keeps every second one, and the farthest.
 const MAX_SAMPLES: usize = 96;
-/// Maximum number of faces round a merged vertex for which samples are measured. (Guessed: no vertex of a
-/// model has more, except hubs of fans or books.)
+/// Maximum number of faces around a merged vertex for which samples are measured. (Guessed: no vertex of a
+/// model has more, except hubs.)
 const MAX_MEASURED_STAR: usize = 512;
 
 impl<M: Metric> LiveMesh<M> {
@@ -64,19 +64,19 @@ impl<M: Metric> LiveMesh<M> {
 
     /// Adds to a cost the growth of the sampled error when two vertices (by number in the ordered input)
     /// are merged at `at`, with the triangles of the star in the scratch. Samples are measured until the
-    /// cost exceeds `most`.
+    /// cost exceeds `max_cost`.
     pub(super) fn sampled_cost(
         &self,
         late: &SampledError,
         origins: [VertexId; 2],
         at: Vec3,
-        [cost, most]: [f32; 2],
+        [cost, max_cost]: [f32; 2],
         scratch: &mut Scratch,
         tally: &mut Tally,
     ) -> SampledCost {
         let [u, v] = origins.map(|x| &late.sets[late.set_of[x.index()] as usize]);
         let (wings, SampleScratch { merged, star }) = (&scratch.wings, &mut scratch.samples);
-        // (Samples times faces: too expensive round a hub of a thousand faces, where no sampled cost is
+        // (Samples times faces: too expensive around a hub with a thousand faces, where no sampled cost is
         // added.)
         let is_measured = 4 * wings.fours().len() <= MAX_MEASURED_STAR;
         if is_measured {
@@ -91,7 +91,7 @@ impl<M: Metric> LiveMesh<M> {
         }
         let before = u.loss + v.loss;
         let (loss, farthest, worst) = match is_measured {
-            true => measure(merged, star, cost::loss_limit(cost, before, most)),
+            true => measure(merged, star, cost::loss_limit(cost, before, max_cost)),
             false => (before, 0, 0.0),
         };
         let cost = cost::with_samples(cost, [before, loss], self.cost.area, worst);
@@ -124,7 +124,7 @@ impl<M: Metric> LiveMesh<M> {
         bag.samples.clear();
         bag.samples.extend_from_slice(merged);
         bag.loss = charge.loss;
-        // Either number may be that of the merged vertex later.
+        // The merged vertex may get either number later.
         late.set_of[removed.index()] = u as u32;
     }
 }
@@ -148,7 +148,7 @@ mod tests {
     }
 
     fn sets(engine: &Engine<Memoryless>) -> &[SampleSet] {
-        &engine.mesh.sampled.as_ref().expect("the phase has begun").sets
+        &engine.mesh.sampled.as_ref().expect("the phase has started").sets
     }
 
     fn weight(samples: &[Sample]) -> f32 {
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn every_vertex_carries_its_share_of_the_surface() {
+    fn every_vertex_has_its_share_of_the_surface() {
         let engine = sampled(0.5);
         let all = sets(&engine);
         assert_eq!(all.len(), 36);
@@ -164,7 +164,7 @@ mod tests {
         assert_eq!(all.iter().map(|set| set.samples.len()).sum::<usize>(), 50 + 36);
         let whole: f32 = all.iter().map(|set| weight(&set.samples)).sum();
         assert_near(whole, 50.0);
-        // The first vertex of two faces and itself; the last is in no face first.
+        // Vertex 0 comes first in two faces, and has itself; the last vertex comes first in no face.
         assert_near(weight(&all[14].samples), 2.0 * 0.75 + 12.5 / 36.0);
         assert_near(weight(&all[35].samples), 12.5 / 36.0);
         // All lie half a unit above the star of their vertex.
@@ -175,22 +175,22 @@ mod tests {
     }
 
     #[test]
-    fn on_the_surface_nothing_is_lost() {
+    fn samples_on_the_surface_have_no_loss() {
         let engine = sampled(0.0);
         assert!(sets(&engine).iter().all(|set| set.loss < 1e-12));
     }
 
     #[test]
     fn the_cost_grows_with_the_loss_and_with_the_farthest_sample() {
-        // A flat collapse moves no sample nearer or farther: what is left is .7 times the mean doubled area times the
-        // squared distance.
+        // A flat collapse moves no sample nearer or farther: the remaining cost is .7 times the mean doubled
+        // area times the squared distance.
         let mut engine = sampled(0.5);
         assert_near(cost_at(&mut engine, [14, 15], Vec3::X * 0.5).unwrap(), 0.7 * 0.25);
-        // On the surface there is none.
+        // On the surface there is no cost.
         let mut engine = sampled(0.0);
         assert!(cost_at(&mut engine, [14, 15], Vec3::X * 0.5).unwrap() < 1e-9);
-        // Lifted off it, the samples of both ends are measured to the new star: that of the merged vertex and three
-        // centres at the other one.
+        // If the vertex is lifted off it, the distances of both ends' samples to the new star count: one
+        // sample of the kept end and three face centres of the other.
         let flat = cost_at(&mut engine, [14, 15], Vec3::X * 0.5).unwrap();
         let lifted = cost_at(&mut engine, [14, 15], Vec3::new(0.5, 0.0, 0.25)).unwrap();
         let plain = {
@@ -217,8 +217,8 @@ mod tests {
         let before: usize = [14, 15].iter().map(|&u: &usize| sets(&engine)[u].samples.len()).sum();
         let outcome = try_at(&mut engine, [14, 15], Vec3::X * 0.5, 1.0);
         assert!(matches!(outcome, CollapseOutcome::Done));
-        let late = engine.mesh.sampled.as_ref().expect("the phase has begun");
-        // Both numbers lead to one set: either may be that of the merged vertex later.
+        let late = engine.mesh.sampled.as_ref().expect("the phase has started");
+        // Both numbers lead to one set, as the merged vertex may get either number later.
         assert_eq!((late.set_of[14], late.set_of[15]), (14, 14));
         assert_eq!((late.sets[14].samples.len(), late.sets[15].samples.len()), (before, 0));
         assert_near(late.sets[14].loss, 0.25 * weight(&late.sets[14].samples));

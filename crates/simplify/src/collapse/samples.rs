@@ -1,4 +1,4 @@
-//! Samples of the input at the vertices, and when the phase that uses them begins.
+//! Samples of the input at the vertices, and when the phase that uses them starts.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
@@ -7,17 +7,17 @@ use wide::f32x4;
 use super::invariants::need;
 use super::star::Star;
 
-/// Live triangles below which the phase begins.
+/// Live triangles below which the phase starts.
 const START_FACES: usize = 2000;
-/// Share of the input below which the phase begins if attributes count. (Measured against 2,000: on ten
+/// Share of the input below which the phase starts if attributes count. (Measured against 2,000: on ten
 /// models at 50 to 10 % RMS 0.2 % lower, normals 3 %, textures 4 %; at 5 to 1 % 5 %, 7 % and 6 %.)
 const START_SHARE: f64 = 0.15;
 /// Targets below this number of faces are extreme.
 const EXTREME_FACES: usize = 600;
 /// Targets smaller than the input by this factor are extreme.
 const EXTREME_REDUCTION: usize = 20;
-/// Share of the bounds per sweep in this phase. (Measured: 0.1 to 0.3 are equal within noise, 0.2 takes a
-/// sixth less time than 0.1.)
+/// Share of the bounds per sweep in this phase. (Measured: 0.1 to 0.3 give equal results within noise; 0.2
+/// takes a sixth less time than 0.1.)
 pub(crate) const LATE_QUANTILE: f64 = 0.2;
 
 /// True if a target is extreme for a mesh of `faces` faces.
@@ -25,15 +25,15 @@ pub(crate) fn is_extreme(target: usize, faces: usize) -> bool {
     target < EXTREME_FACES || target.saturating_mul(EXTREME_REDUCTION) < faces
 }
 
-/// Returns the number of live triangles below which the phase begins in a recorded run, which has extreme
-/// and other levels. If a tenth of the input is no extreme target, the phase begins below that: otherwise
-/// that level would lose what lower ones gain. (Measured: fandisk at 10 % has 1.07 times the RMS of a
-/// single run from 2,000 on, 1.02 from 1,600.)
+/// Returns the number of live triangles below which the phase starts in a recorded run, which has extreme and
+/// other levels. If a tenth of the input is no extreme target, the phase starts below that: otherwise that
+/// level would lose what lower levels gain. (Measured: fandisk at 10 % has 1.07 times the RMS of a single run
+/// from 2,000 on, 1.02 from 1,600.)
 pub(crate) fn start_faces_of_record(faces: usize) -> usize {
     if is_extreme(faces / 10, faces) { START_FACES } else { START_FACES.min(faces / 8) }
 }
 
-/// Returns the number of live triangles below which the phase begins in a run to one target.
+/// Returns the number of live triangles below which the phase starts in a run to one target.
 pub(crate) fn start_faces(faces: usize, with_attributes: bool) -> usize {
     if with_attributes { START_FACES.min((faces as f64 * START_SHARE) as usize) } else { START_FACES }
 }
@@ -45,7 +45,7 @@ pub(super) struct Sample {
     pub(super) weight: f32,
 }
 
-/// Samples that one live vertex carries.
+/// Samples of one live vertex.
 #[derive(Clone, Debug, Default)]
 pub(super) struct SampleSet {
     pub(super) samples: Vec<Sample>,
@@ -79,8 +79,8 @@ pub(super) struct SampledCost {
 }
 
 /// Returns the loss of samples against a star, the index of the farthest one, and its squared distance.
-/// Stops once the loss exceeds `most`.
-pub(super) fn measure(samples: &[Sample], star: &Star, most: f32) -> (f32, usize, f32) {
+/// Stops once the loss exceeds `max_loss`.
+pub(super) fn measure(samples: &[Sample], star: &Star, max_loss: f32) -> (f32, usize, f32) {
     let (mut loss, mut worst, mut far) = (0f32, 0f32, 0);
     for (i, four) in samples.chunks(4).enumerate() {
         // An unused lane repeats the last sample with weight 0.
@@ -94,7 +94,7 @@ pub(super) fn measure(samples: &[Sample], star: &Star, most: f32) -> (f32, usize
                 (worst, far) = (nearest, 4 * i + k.min(four.len() - 1));
             }
         }
-        if loss > most {
+        if loss > max_loss {
             break;
         }
     }
@@ -132,7 +132,7 @@ impl SampledError {
                 return Err(format!("number {origin} has sample set {set} of {}", self.sets.len()));
             };
             let other = std::mem::replace(owner, origin.0);
-            need(other == u32::MAX, || format!("numbers {other} and {origin} have one sample set"))?;
+            need(other == u32::MAX, || format!("numbers {other} and {origin} share one sample set"))?;
             let loss = self.sets[set].loss;
             need(loss >= 0.0, || format!("the sample set of number {origin} has lost {loss}"))?;
         }
@@ -164,13 +164,13 @@ mod tests {
             [(1_000_000, false), (1_000_000, true), (10_000, true)].map(|(n, a)| start_faces(n, a)),
             [2000, 2000, 1500]
         );
-        // A tenth of 5,990 faces is an extreme target, one of 6,000 is not.
+        // A tenth of 5,990 faces is an extreme target, a tenth of 6,000 is not.
         assert_eq!([5_990, 6_000, 160_000].map(start_faces_of_record), [2000, 750, 2000]);
     }
 
     #[test]
     fn the_loss_is_the_weighted_sum_of_squared_distances() {
-        // Above the square, below it, and a unit beside it: five samples are two groups of four.
+        // Above the square, below it, and one unit beside it: five samples make two groups of four.
         let samples = [
             sample(0.0, 0.5, 1.0),
             sample(0.5, -1.0, 2.0),
@@ -207,9 +207,9 @@ mod tests {
         let losses = [all.sets[0].loss, all.sets[1].loss];
         assert!((losses[0] - 5.75).abs() < 1e-5 && (losses[1] - 0.25).abs() < 1e-5, "{losses:?}");
         assert_eq!(all.check([VertexId(0), VertexId(3)].into_iter()), Ok(()));
-        // Vertices without a set of their own are named.
+        // The error names vertices without a set of their own.
         let two = all.check([VertexId(0), VertexId(0)].into_iter()).expect_err("one set for two");
-        assert!(two.contains("have one sample set"), "{two}");
+        assert!(two.contains("share one sample set"), "{two}");
         let none = all.check([VertexId(1)].into_iter()).expect_err("no set");
         assert!(none.contains("of 2"), "{none}");
     }

@@ -1,5 +1,5 @@
-//! Seams: edges whose two sides differ in wedges or regions. Their line weights, and the collapses that
-//! they refuse.
+//! Seams, edges whose two sides differ in wedges or regions: their line weights, and the collapses that they
+//! refuse.
 
 use lodsmith_core::VertexId;
 
@@ -9,14 +9,14 @@ use super::star_edges::{Edge, Looseness, Side};
 use crate::metric::Metric;
 use crate::report::Refusal;
 
-/// Weight of the line of a seam edge against the planes of faces: a seam that leaves its line shows texture
-/// from beyond the chart. (Guessed, a fifth of a border's.)
+/// Weight of the line of a seam edge relative to the planes of faces: a seam that leaves its line shows
+/// texture from outside the chart. (Guessed, a fifth of a border's weight.)
 pub(crate) const SEAM_WEIGHT: f32 = 2.0;
 /// Weight of the line of a soft seam: a crease of normals, or nearly continuous texture coordinates.
 const SOFT_SEAM_WEIGHT: f32 = 0.5;
-/// Weight of the line of a sharp edge that the options make a feature. (As of a border. Measured at that
-/// weight alone: the crest of a curved ridge is .3 to .7 times as far away; docs/methods/memoryless.md has
-/// machine parts.)
+/// Weight of the line of a sharp edge that the options make a feature. (The same as for a border. Measured
+/// only at that weight: the crest of a curved ridge is .3 to .7 times as far away; docs/methods/memoryless.md
+/// has machine parts.)
 const CREASE_WEIGHT: f32 = 10.0;
 
 impl<M: Metric> LiveMesh<M> {
@@ -64,9 +64,9 @@ impl<M: Metric> LiveMesh<M> {
         (here(s) || here(t)) && (there(s) || there(t))
     }
 
-    /// Marks the wedges of hard seams round a vertex: if texture coordinates jump farther than the extent
-    /// of the faces on both sides, the other side is another piece of the texture. Smaller jumps occur
-    /// between faces that each have the same piece, as in palettes.
+    /// Marks the wedges of hard seams around a vertex: if texture coordinates jump farther than the extent of
+    /// the faces on both sides, the other side is another piece of the texture. Smaller jumps occur between
+    /// faces that use the same piece, as in palettes.
     pub(super) fn mark_hard_seams(&mut self, u: VertexId, edges: &[Edge]) {
         let (Some(attributes), Some(wedges)) = (&mut self.values.attributes, &self.store.wedges) else {
             return;
@@ -91,10 +91,10 @@ impl<M: Metric> LiveMesh<M> {
         }
     }
 
-    /// Checks that seams and regions allow the collapse: two vertices on borders of regions merge only
-    /// along one, and no face is removed that has lines on all sides. (Two vertices on other seams may
-    /// merge across: the line tensors set the cost. Refusing that too cost CesiumMan its limbs at 10 %,
-    /// because nothing else was left.)
+    /// Checks that seams and regions allow the collapse: two vertices on borders of regions merge only along
+    /// such a border, and no face is removed that has lines on all sides. (Two vertices on other seams may
+    /// merge across: the line tensors set the cost. When that was refused too, CesiumMan lost its limbs at 10
+    /// %, because nothing else was left.)
     pub(crate) fn check_seams(&self, u: VertexId, v: VertexId, ru: &Ring, rv: &Ring) -> Result<(), Refusal> {
         let (ku, kv) = (self.store.v[u.index()].kind, self.store.v[v.index()].kind);
         if self.constraints.looseness == Looseness::Regions

@@ -2,7 +2,7 @@
 //! handles in place.
 //!
 //! ```text
-//! o------------+- - - - - - x         all in place: the target is not met
+//! o------------+- - - - - - x         all kept: the target is not met
 //!               \
 //!                o------------o       from the snapshot on, parts are removed and necks cut in order of cost
 //! ```
@@ -18,15 +18,14 @@ use super::{Engine, Goal, Sweeps, samples};
 use crate::metric::Metric;
 use crate::ordered_input::OriginalInput;
 
-/// Collapses of a sweep, as a share of the number that its threshold aims at, below which the run is
-/// unproductive. (Measured: .27 to .34 on surfaces without seams as long as nothing blocks collapses, .26
-/// with many seams.)
+/// Share of the collapses that a sweep's threshold aims at; a run whose sweeps do fewer is unproductive.
+/// (Measured: .27 to .34 on surfaces without seams as long as nothing blocks collapses, .26 with many seams.)
 const MIN_PRODUCTIVE_SHARE: f64 = 0.24;
 /// Sweeps that aim at fewer collapses than the live vertices divided by this do not count.
 const MIN_SWEEP_DIVISOR: f64 = 4.0;
 /// Maximum share of the input, as a divisor, that a snapshot may copy in an unproductive run.
 const SNAPSHOT_DIVISOR: usize = 3;
-/// That maximum in a productive run, where it is to take less than a percent of the time.
+/// That maximum in a productive run, where the copy should take less than a percent of the time.
 const CHEAP_SNAPSHOT_DIVISOR: usize = 8;
 /// That maximum before a late phase, which takes longer anyway.
 const LATE_SNAPSHOT_DIVISOR: usize = 2;
@@ -40,12 +39,12 @@ pub(crate) struct Snapshot<M: Metric> {
 }
 
 impl<M: Metric> Snapshot<M> {
-    /// Returns the engine and its sweeps as they were. Attributes are taken from `spent`: the engine that
-    /// was copied, or one that this returned before.
-    pub(crate) fn restored(&self, spent: &mut Engine<M>) -> (Engine<M>, Sweeps) {
+    /// Returns the engine and its sweeps as they were. Attributes are taken from `used`: the engine that was
+    /// copied, or an engine that this function returned before.
+    pub(crate) fn restored(&self, used: &mut Engine<M>) -> (Engine<M>, Sweeps) {
         let mut engine = self.engine.clone();
-        engine.mesh.values.wedge_data = spent.mesh.values.wedge_data.take();
-        engine.mesh.values.attributes = spent.mesh.values.attributes.take();
+        engine.mesh.values.wedge_data = used.mesh.values.wedge_data.take();
+        engine.mesh.values.attributes = used.mesh.values.attributes.take();
         if let Some((attributes, kept)) = engine.mesh.values.attributes.as_mut().zip(self.kept.as_ref()) {
             attributes.restore_wedges(kept);
         }
@@ -56,8 +55,8 @@ impl<M: Metric> Snapshot<M> {
 impl<M: Metric> Engine<M> {
     /// Takes a snapshot.
     pub(crate) fn snapshot(&mut self, sweeps: &Sweeps) -> Snapshot<M> {
-        // Memory released here makes room for the copy. (Lists of corners need spare room, because full
-        // lists compact.) The vertices come last, because they are copied for it.
+        // Releasing memory here makes room for the copy. (Corner lists need spare room, because full lists
+        // cause a compaction.) The vertices come last, because releasing their memory copies them.
         self.mesh.store.bound.shrink_to_fit();
         self.mesh.store.t.shrink_to_fit();
         self.mesh.store.v.shrink_to_fit();
@@ -73,7 +72,7 @@ impl<M: Metric> Engine<M> {
         Snapshot { engine, sweeps: sweeps.clone(), kept }
     }
 
-    /// True if a snapshot would already contain damage that was more expensive than removing parts or
+    /// True if a snapshot would already contain collapses that were more expensive than removing parts or
     /// relaxing seams.
     pub(crate) fn is_past_blocking(&self, cuts: bool) -> bool {
         self.mesh.has_relaxed_seams() || self.has_blocking_parts(cuts)
@@ -96,17 +95,17 @@ impl<M: Metric> Engine<M> {
         }
     }
 
-    /// Updates whether the last sweeps did as many collapses as without obstacles.
-    pub(super) fn update_productivity(&self, ease: &mut Productivity, has_swept: bool) {
-        if has_swept && ease.wanted * MIN_SWEEP_DIVISOR >= self.mesh.store.live_vertices as f64 {
-            let done = (self.tally.collapses - ease.at_threshold) as f64;
-            ease.is_high &= done >= MIN_PRODUCTIVE_SHARE * ease.wanted;
+    /// Updates whether the last sweeps did as many collapses as they would without obstacles.
+    pub(super) fn update_productivity(&self, productivity: &mut Productivity, has_swept: bool) {
+        if has_swept && productivity.wanted * MIN_SWEEP_DIVISOR >= self.mesh.store.live_vertices as f64 {
+            let done = (self.tally.collapses - productivity.at_threshold) as f64;
+            productivity.is_high &= done >= MIN_PRODUCTIVE_SHARE * productivity.wanted;
         }
     }
 
-    /// True if parts or handles begin to block collapses, or if a snapshot is cheap and this is the last
-    /// moment for one: before the goal influences the sweeps, or the late phase begins. `is_last_stretch`
-    /// is true if the goal already does.
+    /// True if parts or handles start to block collapses, or if a snapshot is cheap and this is the last
+    /// chance for one: before the goal influences the sweeps, or the late phase starts. `is_last_stretch` is
+    /// true if the goal limits the next sweep.
     pub(crate) fn should_snapshot(&self, sweeps: &Sweeps, goal: &Goal, is_last_stretch: bool) -> bool {
         if !sweeps.productivity.is_high && self.is_within(SNAPSHOT_DIVISOR)
             || is_last_stretch && self.is_within(CHEAP_SNAPSHOT_DIVISOR)
@@ -122,18 +121,18 @@ impl<M: Metric> Engine<M> {
             <= 2 * samples::start_faces(self.tally.first_faces, self.mesh.counts_attributes())
     }
 
-    /// Returns the number of vertices whose edges a sweep should evaluate, without obstacles.
+    /// Returns the number of vertices whose edges a sweep would evaluate without obstacles.
     pub(super) fn wanted(&self, goal: &Goal) -> f64 {
-        let most = QUANTILE * self.mesh.store.live_vertices as f64;
-        self.mesh.needed(goal).map_or(most, |n| most.min(LAST_SHARE * n as f64))
+        let full_sweep = QUANTILE * self.mesh.store.live_vertices as f64;
+        self.mesh.needed(goal).map_or(full_sweep, |n| full_sweep.min(LAST_SHARE * n as f64))
     }
 
-    /// True if a snapshot may be taken just before the late phase begins.
+    /// True if a snapshot may be taken just before the late phase starts.
     pub(super) fn may_snapshot_late(&self) -> bool {
         self.is_within(LATE_SNAPSHOT_DIVISOR)
     }
 
-    /// True if at most the input divided by `share` is live.
+    /// True if the live faces are at most the input's divided by `share`.
     fn is_within(&self, share: usize) -> bool {
         self.mesh.store.live_faces * share <= self.tally.first_faces
     }

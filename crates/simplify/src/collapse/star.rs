@@ -48,7 +48,7 @@ impl Segment {
 }
 
 /// Number of last spokes that are searched for duplicates. A duplicate costs time but changes no distance;
-/// searching all spokes would take quadratic time round a vertex of many faces. (Guessed.)
+/// searching all spokes would take quadratic time around a vertex of many faces. (Guessed.)
 const SEARCHED_SPOKES: usize = 64;
 
 impl Star {
@@ -127,7 +127,7 @@ mod tests {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(512) })]
 
         #[test]
-        fn stars_with_triangles_without_area_are_as_near_as_their_edges(
+        fn triangles_without_area_are_as_near_as_their_edges(
             centre in on_grid(),
             rim in vec(on_grid(), 2..7),
             tame in [tame_vector(), tame_vector()],
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn distances_are_those_to_the_nearest_triangle() {
+    fn distances_are_to_the_nearest_triangle() {
         let mut x = 0x9E37_79B9u32;
         let mut random = move || {
             x ^= x << 13;

@@ -1,4 +1,4 @@
-//! Data of a vertex that follow from its star, kind and tensor: at the start and after changes.
+//! Data of a vertex that follow from its star (kind and tensor), at the start and after changes.
 
 use lodsmith_core::VertexId;
 use prefetch_index::prefetch_index;
@@ -15,15 +15,15 @@ use crate::lanes::{self, cross, dot, sub};
 use crate::metric::{CostSource, Metric};
 use crate::tensor::Tensor;
 
-/// Number of vertices from which prefetching pays: smaller meshes fit into the caches. (Measured.)
+/// Number of vertices from which prefetching is worthwhile: smaller meshes fit into the caches. (Measured.)
 pub(super) const PREFETCH_MIN_VERTICES: usize = 32_768;
 /// Prefetch distance in loops over all faces, in groups of four faces. (Guessed.)
 const PREFETCH_FOURS_AHEAD: usize = 4;
 
 impl<M: Metric> LiveMesh<M> {
     /// Computes the kinds of all vertices, right after the corner lists were filled up to these ends and
-    /// while nothing but locks is known; removes duplicate faces. Returns the vertices that may not be
-    /// regular, and the number of faces removed.
+    /// while only locks are known; removes duplicate faces. Returns the vertices that may not be regular, and
+    /// the number of faces removed.
     pub(super) fn classify(&mut self, ends: Ends) -> (Vec<VertexId>, usize) {
         self.chain_wedges();
         let (mut ring, mut edges, mut duplicates) = (Ring::default(), Vec::new(), Vec::new());
@@ -61,7 +61,7 @@ impl<M: Metric> LiveMesh<M> {
         (special, duplicates.len())
     }
 
-    /// Excludes those of these vertices that no face uses.
+    /// Excludes the vertices among these that no face uses.
     pub(super) fn exclude_unused(&mut self, among: &[VertexId]) {
         for &u in among {
             if self.store.listed(u).is_empty() {
@@ -107,7 +107,7 @@ impl<M: Metric> LiveMesh<M> {
         (sum / self.store.t.len().max(1) as f64).max(1e-30) as f32
     }
 
-    /// Adds the line tensors of all feature edges, whose ends are among these.
+    /// Adds the line tensors of all feature edges; their ends are among these vertices.
     pub(super) fn init_lines(&mut self, among: impl IntoIterator<Item = VertexId>) {
         if !self.has_lines() {
             return;

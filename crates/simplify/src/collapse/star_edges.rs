@@ -1,4 +1,4 @@
-//! Edges of a star that are more than inner ones: borders, seams between wedges or regions, sharp edges.
+//! Special edges of a star: borders, seams between wedges or regions, sharp edges.
 
 use std::collections::HashMap;
 
@@ -10,7 +10,7 @@ use super::ring::{SHORT_RING, Spoke};
 use super::store::Store;
 use crate::metric::VertexMemory;
 
-/// Degree to which lines no longer refuse collapses, because nothing else was left to do.
+/// Which lines no longer refuse collapses, because nothing else was left to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Looseness {
     /// All lines refuse.
@@ -43,7 +43,7 @@ pub(super) struct Side {
     pub(super) there: WedgeId,
     /// [`NO_REGION`] if the mesh has no regions.
     pub(super) region: RegionId,
-    /// True if the face lies before the edge in the order round this end.
+    /// True if the face comes before the edge in the order around this end.
     pub(super) ends: bool,
     /// True if the face marks the edge as sharp.
     pub(super) is_sharp: bool,
@@ -64,7 +64,7 @@ pub(super) struct Edge {
 }
 
 impl Side {
-    /// True if the edge is more than an ordinary inner one: wedges or regions differ, or it is a feature.
+    /// True if the edge is not an ordinary inner edge: wedges or regions differ, or it is a feature.
     pub(super) fn differs(&self, other: &Self) -> bool {
         self.is_other(other) || self.is_sharp || other.is_sharp
     }
@@ -98,9 +98,9 @@ impl<Q: VertexMemory> Store<Q> {
         self.meets(ring, |region| self.class(region))
     }
 
-    pub(super) fn meets(&self, ring: &[Spoke], name: impl Fn(RegionId) -> RegionId) -> bool {
+    pub(super) fn meets(&self, ring: &[Spoke], id_of: impl Fn(RegionId) -> RegionId) -> bool {
         let Some(regions) = &self.regions else { return false };
-        let of = |r: &Spoke| name(regions[r.corner.face()]);
+        let of = |r: &Spoke| id_of(regions[r.corner.face()]);
         ring.iter().any(|r| of(r) != of(&ring[0]))
     }
 
@@ -117,9 +117,8 @@ impl<Q: VertexMemory> Store<Q> {
         Side { face: face as u32, here, there, region, ends, is_sharp: self.is_sharp(r.corner, !ends) }
     }
 
-    /// Lists the edges of a star other than ordinary inner ones, in the order in which its faces have them:
-    /// those of not exactly two faces, and those whose sides differ. A regular kind means that the star is
-    /// a closed fan.
+    /// Lists the special edges of a star, in the order in which its faces have them: edges that do not have
+    /// exactly two faces, and edges whose sides differ. A regular kind means that the star is a closed fan.
     pub(super) fn edges(&self, ring: &[Spoke], kind: Kind, out: &mut Vec<Edge>) {
         out.clear();
         if !kind.is_regular() {
@@ -218,8 +217,9 @@ mod tests {
     use crate::tensor::Tensor;
 
     #[test]
-    fn a_closed_fan_has_the_edges_of_any_star() {
-        // Six triangles around vertex 0 in no order, each with its first corner elsewhere, in three charts.
+    fn a_closed_fan_has_the_same_edges_as_any_star() {
+        // Six triangles around vertex 0 in no particular order, starting at different corners, in three
+        // charts.
         let points = vec![Vec3::ZERO; 7];
         let faces = [[0, 3, 4], [2, 0, 1], [5, 6, 0], [0, 6, 1], [3, 0, 2], [4, 5, 0]];
         let wedges = [[0, 3, 4], [12, 10, 11], [5, 6, 0], [20, 26, 21], [13, 10, 12], [4, 5, 0]];

@@ -44,7 +44,7 @@ pub(crate) struct Store<Q: VertexMemory> {
     corners: Vec<Corner>,
     pub(crate) live_faces: usize,
     pub(crate) live_vertices: usize,
-    /// For each vertex of the ordered input, the one that it was merged into, or itself.
+    /// For each vertex of the ordered input, the vertex that it was merged into, or itself.
     pub(crate) merged_into: Vec<VertexId>,
     /// For vertices created by cuts, the vertex of the ordered input whose position they have.
     places: BTreeMap<VertexId, VertexId>,
@@ -53,19 +53,19 @@ pub(crate) struct Store<Q: VertexMemory> {
     faces_at_compaction: usize,
 }
 
-/// A store is compacted when fewer than this percentage of its triangles are live. (Measured: 50 to 75 %
-/// are equal.)
+/// A store is compacted when fewer than this percentage of its triangles are live. (Measured: 50 to 75 % are
+/// equally fast.)
 const COMPACT_PERCENT: usize = 60;
-/// It pays only if at least this percentage of the triangles is still to be removed. (It costs about as
-/// much as removing a tenth of them.)
+/// It is only worthwhile if at least this percentage of the triangles is still to be removed. (It costs about
+/// as much as removing a tenth of them.)
 const MIN_REMAINING_PERCENT: usize = 25;
-/// Spare room for lists that outgrow theirs, as a percentage of all corners; when it is used up the store
+/// Spare room for lists that outgrow their own, as a percentage of all corners; when it is used up the store
 /// is compacted.
 const SLACK_PERCENT: usize = 30;
 /// Number of vertices below which releasing memory is not worth the time.
 const SHRINK_MIN_VERTICES: usize = 1 << 16;
 
-/// The two corners after each, as tables: a branch on it would be unpredictable.
+/// The corners after and before each corner, as tables: a branch on it would be unpredictable.
 const NEXT: [usize; 4] = [1, 2, 0, 0];
 const PREV: [usize; 4] = [2, 0, 1, 0];
 /// Prefetch distances, in visits: for a vertex, its list, its triangles and the vertices around it.
@@ -143,7 +143,7 @@ impl<Q: VertexMemory> Store<Q> {
         self.fill(at)
     }
 
-    /// Fills corner lists that begin at these offsets. Returns their ends.
+    /// Fills corner lists that start at these offsets. Returns their ends.
     fn fill(&mut self, mut at: Vec<u32>) -> Ends {
         let corners = reserve_corners(&mut self.corners, 3 * self.t.len());
         for (i, t) in self.t.iter().enumerate() {
@@ -178,8 +178,8 @@ impl<Q: VertexMemory> Store<Q> {
                 first_of[t[NEXT[k]].index()] = mark;
                 seconds[i] = t[PREV[k]];
             }
-            // There are as many seconds as firsts, and each second is matched to a first once: so all of
-            // them differ.
+            // There are as many second ones as first ones, and each second is matched to a first once, so all
+            // of them differ.
             let mut unlike = u32::from(list.is_empty());
             for second in &*seconds {
                 unlike |= std::mem::take(&mut first_of[second.index()]) ^ mark;
@@ -199,7 +199,7 @@ impl<Q: VertexMemory> Store<Q> {
         }
     }
 
-    /// True if so much is dead that compaction pays, with `needed` collapses left to do.
+    /// True if so many elements are dead that compaction is worthwhile, with `needed` collapses left to do.
     pub(crate) fn wants_compaction(&self, needed: Option<usize>) -> bool {
         self.live_faces * 100 < self.faces_at_compaction * COMPACT_PERCENT
             && needed.is_none_or(|n| 2 * n * 100 > self.live_faces * MIN_REMAINING_PERCENT)
@@ -256,8 +256,8 @@ impl<Q: VertexMemory> Store<Q> {
         self.generation += 1;
     }
 
-    /// Compacts for the last time and releases memory, because the fit needs memory of its own. The
-    /// vertices come last, because they are copied for it.
+    /// Compacts for the last time and releases memory, because the fit needs memory of its own. The vertices
+    /// come last, because releasing their memory copies them.
     pub(crate) fn finish(&mut self) {
         self.compact();
         if self.v.capacity() < SHRINK_MIN_VERTICES {
@@ -269,7 +269,7 @@ impl<Q: VertexMemory> Store<Q> {
         self.v.shrink_to_fit();
     }
 
-    /// Gives a copy as much spare room for lists as its original has: compaction then happens at the same
+    /// Gives a copy as much spare room for lists as its original has, so that compaction happens at the same
     /// time.
     pub(crate) fn make_room_of(&mut self, original: &Self) {
         self.corners.reserve_exact(original.corners.capacity() - original.corners.len());
@@ -364,7 +364,7 @@ impl<Q: VertexMemory> Store<Q> {
         self.listed(u).iter().map(|&corner| self.others_at(corner))
     }
 
-    /// Returns the two vertices after the one at a corner, in order.
+    /// Returns the two vertices after the vertex at a corner, in order.
     #[inline(always)]
     pub(crate) fn others_at(&self, corner: Corner) -> (VertexId, VertexId) {
         let (t, k) = (&self.t[corner.face()], corner.k());
@@ -417,8 +417,8 @@ impl<Q: VertexMemory> Store<Q> {
         self.places.insert(origin, place);
     }
 
-    /// Returns the vertex of the ordered input whose position the one of this number has, unless it was
-    /// moved.
+    /// Returns the vertex of the ordered input that has the position of the vertex with this number, unless
+    /// that was moved.
     pub(crate) fn place_of(&self, origin: VertexId) -> VertexId {
         self.places.get(&origin).copied().unwrap_or(origin)
     }
@@ -479,7 +479,7 @@ impl<Q: VertexMemory> Store<Q> {
     }
 }
 
-/// Returns room for `count` corners to be filled, and reserves spare room for lists that outgrow theirs.
+/// Returns room for `count` corners to be filled, and reserves spare room for lists that outgrow their own.
 fn reserve_corners(corners: &mut Vec<Corner>, count: usize) -> &mut [Corner] {
     let want = count + count * SLACK_PERCENT / 100 + 64;
     if corners.capacity() < want {
@@ -528,8 +528,8 @@ mod tests {
 
     #[test]
     fn closed_fans_are_found() {
-        // A tetrahedron, another that is open below (1, 2 and 3), one with a face wound the wrong way round, a wheel of
-        // twenty spokes, two tetrahedra that meet in one vertex, and a vertex without a face.
+        // A tetrahedron, another that is open below (1, 2 and 3), one with a face of the wrong winding, a
+        // wheel of twenty spokes, two tetrahedra that meet in one vertex, and a vertex without a face.
         let tetrahedron = |[a, b, c, d]: [u32; 4]| vec![[a, b, c], [a, c, d], [a, d, b], [d, c, b]];
         let mut faces = tetrahedron([0, 1, 2, 3]);
         faces.extend(&tetrahedron([4, 5, 6, 7])[..3]);

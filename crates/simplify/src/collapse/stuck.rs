@@ -15,13 +15,13 @@ use crate::options::{Length, SimplifyOptions, TopologyPolicy};
 use crate::proposal::{Change, Proposal};
 
 /// Changes that gain less than the best one by this factor are left out: another rule refuses nearly all
-/// edges, and on another path may refuse more. (Measured on all test shapes under twenty sets of options:
-/// at 3 each remaining change gets further when a run is made with it.)
+/// edges, and may refuse more in another run. (Measured on all test shapes with twenty sets of options: at 3,
+/// a run with any of the remaining changes gets further.)
 const MIN_GAIN_DIVISOR: usize = 3;
 
 impl<M: Metric> Engine<M> {
-    /// Returns changes of the options with which this run could continue, the one that frees most edges
-    /// first. Changes nothing. The store is finished. Cost: one sweep over all that is left, for each
+    /// Returns changes of the options with which this run could continue, the change that frees the most
+    /// edges first. Changes nothing. The store is finished. Cost: one sweep over the remaining mesh for each
     /// option that could be changed.
     pub(crate) fn proposals(
         &mut self,
@@ -32,14 +32,14 @@ impl<M: Metric> Engine<M> {
     ) -> Vec<Proposal> {
         let part_count = self.mesh.part_count();
         let mut open = Change::relaxations(options, has_locks);
-        // A single part has no other part to be joined to.
+        // A single part cannot be joined to another.
         open.extend(Change::pairs_change(options).filter(|_| part_count > 1).map(|change| vec![change]));
         if open.is_empty() {
             return Vec::new();
         }
         let kinds: Vec<Kind> = self.mesh.store.v.iter().map(|x| x.kind).collect();
         let (own, cuts_necks) = (self.mesh.constraints.rules, self.mesh.constraints.cuts_necks);
-        // Some look possible even now, because wedges are checked only at a real collapse.
+        // Some edges seem possible even now, because wedges are checked only in a real collapse.
         let base = self.possible();
         best(&open, &mut |changes| {
             let changed = changes.iter().fold(options.clone(), |o, c| c.apply(&o));
@@ -115,7 +115,7 @@ impl<M: Metric> LiveMesh<M> {
     }
 }
 
-/// Returns the best change of each kind, and a combination of several if one alone gains little. `gain`
+/// Returns the best change of each option, and a combination of several if single ones gain little. `gain`
 /// returns the number of edges that a set of changes frees.
 fn best(open: &[Vec<Change>], gain: &mut dyn FnMut(&[Change]) -> usize) -> Vec<Proposal> {
     let mut proposals = Vec::new();
@@ -124,12 +124,12 @@ fn best(open: &[Vec<Change>], gain: &mut dyn FnMut(&[Change]) -> usize) -> Vec<P
         proposals
             .extend(tried.filter(|t| t.1 > 0).map(|(c, gain)| Proposal { changes: vec![c], gain }).next());
     }
-    // If several rules refuse the same edges, each alone gains little: combine all, then drop those that do
-    // not matter.
-    let most = |proposals: &[Proposal]| proposals.iter().map(|p| p.gain).max().unwrap_or(0);
+    // If several rules refuse the same edges, each alone gains little: combine all, then drop the changes
+    // that do not matter.
+    let largest_gain = |proposals: &[Proposal]| proposals.iter().map(|p| p.gain).max().unwrap_or(0);
     let mut all: Vec<Change> = open.iter().filter_map(|choices| choices.last().copied()).collect();
     let gain_of_all = gain(&all);
-    if gain_of_all > MIN_GAIN_DIVISOR * most(&proposals) {
+    if gain_of_all > MIN_GAIN_DIVISOR * largest_gain(&proposals) {
         for i in (0..all.len()).rev() {
             let less: Vec<Change> = all.iter().copied().filter(|c| *c != all[i]).collect();
             if gain(&less) * MIN_GAIN_DIVISOR >= gain_of_all {
@@ -139,7 +139,7 @@ fn best(open: &[Vec<Change>], gain: &mut dyn FnMut(&[Change]) -> usize) -> Vec<P
         proposals.push(Proposal { gain: gain(&all), changes: all });
     }
     proposals.sort_by_key(|p| std::cmp::Reverse(p.gain));
-    let most = most(&proposals);
-    proposals.retain(|p| p.gain * MIN_GAIN_DIVISOR >= most);
+    let largest_gain = largest_gain(&proposals);
+    proposals.retain(|p| p.gain * MIN_GAIN_DIVISOR >= largest_gain);
     proposals
 }

@@ -16,26 +16,27 @@ use crate::metric::Metric;
 use crate::ordered_input::OriginalInput;
 use crate::report::Refusal;
 
-/// Share of the bounds that one sweep takes. (.4 and .7 give equal errors, .7 fewer sweeps: docs/decisions/0002.)
+/// Share of the bounds that one sweep takes. (.4 and .7 give equal errors, .7 with fewer sweeps:
+/// docs/decisions/0002.)
 pub(super) const QUANTILE: f64 = 0.7;
 /// Maximum share of the remaining collapses that one of the last sweeps takes.
 pub(super) const LAST_SHARE: f64 = 0.85;
 /// Margin over the expected size of a sweep that must not reach a goal. (Guessed.)
 const GOAL_MARGIN: f64 = 1.2;
-/// That margin for snapshots that only need the goal to have had no influence yet.
+/// That margin for snapshots, for which it is enough that the goal has had no influence yet.
 const TIGHT_GOAL_MARGIN: f64 = 1.01;
-/// Number of sweeps without a collapse before a probe looks for any possible collapse.
+/// Number of sweeps without a collapse after which a probe searches for any possible collapse.
 const MAX_IDLE_SWEEPS: usize = 4;
-/// Upper limit of sweeps, far above what any run needs; guards against bugs.
+/// Maximum number of sweeps, far above what any run needs, as protection against bugs.
 const MAX_SWEEPS: usize = 4000;
-/// Maximum number of vertices sampled for the first threshold. (Some hundred hold a quantile within two
+/// Maximum number of vertices sampled for the first threshold. (A few hundred determine a quantile within two
 /// percent.)
 const MAX_FIRST_SAMPLES: usize = 512;
-/// Maximum sample count if attributes count, which makes evaluation slower. (A twentieth of the time of a run
-/// less; RMS within a percent.)
+/// Maximum sample count if attributes count, which makes evaluation slower. (This saves a twentieth of a
+/// run's time; RMS within a percent.)
 const MAX_FIRST_SAMPLES_WITH_WEDGES: usize = 128;
-/// In larger meshes one vertex in this many is sampled, but no fewer than `MIN_FIRST_SAMPLES`: it is only
-/// the first of many thresholds.
+/// In larger meshes one vertex in this many is sampled, but at least `MIN_FIRST_SAMPLES`: it is only the
+/// first of many thresholds.
 const VERTICES_PER_FIRST_SAMPLE: usize = 24;
 const MIN_FIRST_SAMPLES: usize = 128;
 /// Number of vertices between two progress reports.
@@ -48,7 +49,7 @@ type Bounds = (Histogram, usize);
 #[derive(Clone)]
 pub(crate) struct Sweeps {
     phase: Phase,
-    /// Collapses needed at the start, and faces then: for the progress.
+    /// Collapses needed at the start, and faces at the start, for the progress.
     pub(super) needed_at_start: usize,
     start_faces: usize,
     /// True from the end of the first sweep on.
@@ -58,8 +59,7 @@ pub(crate) struct Sweeps {
     highest: f32,
     /// Sweeps in a row without a collapse.
     idle: usize,
-    /// Factor of the threshold after a probe, because an evaluation may cost more than the result of the
-    /// probe.
+    /// Factor of the threshold after a probe, because an evaluation may give a higher cost than the probe.
     lift: f32,
     /// Collapses by the last probe.
     at_probe: u64,
@@ -107,7 +107,7 @@ impl Sweeps {
         matches!(self.phase, Phase::Threshold(..))
     }
 
-    /// Makes the next threshold be computed from other bounds.
+    /// Sets the bounds that the next threshold is computed from.
     pub(super) fn set_bounds(&mut self, bounds: Bounds) {
         let after = match self.phase {
             Phase::Threshold(_, after) => after,
@@ -120,7 +120,7 @@ impl Sweeps {
 
 /// Result of one sweep.
 enum SweepResult {
-    /// All vertices were visited. Numbers of refusals and collapses before it.
+    /// All vertices were visited. The fields are the numbers of refusals and collapses before the sweep.
     Through { refused: u64, collapses: u64 },
     /// The lists were full: the rest of the sweep follows with the same threshold.
     Compacted,
@@ -128,7 +128,7 @@ enum SweepResult {
     Ended(StopReason),
 }
 
-/// A run pauses (`None`) or ends.
+/// The run pauses (`None`) or ends.
 type Halt = Option<StopReason>;
 
 /// Parameters of a request for sweeps.
@@ -144,12 +144,12 @@ struct SweepRequest<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Pause {
     Never,
-    /// Before the goal influences the size of a sweep: up to there all runs of the same input are
+    /// Before the goal influences the size of a sweep: up to that point, all runs of the same input are
     /// identical.
     BeforeGoal,
     /// When a snapshot should be taken, from which parts and necks may be removed if necessary.
     BeforeTopologyChanges,
-    /// At the first of the two.
+    /// At whichever of the two comes first.
     BeforeEither,
 }
 
@@ -166,8 +166,8 @@ impl<M: Metric> LiveMesh<M> {
 }
 
 impl<M: Metric> Engine<M> {
-    /// Returns the progress of a run, from 0 to 1: of the collapses needed at its start, or of the faces if
-    /// there is no goal.
+    /// Returns the progress of a run, from 0 to 1: relative to the collapses needed at its start, or to the
+    /// faces if there is no goal.
     fn done(&self, goal: &Goal, begun_with: usize, start_faces: usize) -> f64 {
         let done = match self.mesh.needed(goal) {
             Some(n) => 1.0 - n as f64 / begun_with as f64,
@@ -218,16 +218,16 @@ impl<M: Metric> Engine<M> {
     /// the edge that looks cheapest, because an evaluation cannot separate flat from nearly flat. In a
     /// small mesh, all vertices.
     fn first_bounds(&mut self, scratch: &mut VisitScratch) -> Vec<f32> {
-        let most =
+        let max_samples =
             if self.mesh.counts_attributes() { MAX_FIRST_SAMPLES_WITH_WEDGES } else { MAX_FIRST_SAMPLES };
         let count = self.mesh.store.v.len();
-        let looks = if count <= most {
-            most
+        let samples = if count <= max_samples {
+            max_samples
         } else {
-            (count / VERTICES_PER_FIRST_SAMPLE).clamp(MIN_FIRST_SAMPLES, most)
+            (count / VERTICES_PER_FIRST_SAMPLE).clamp(MIN_FIRST_SAMPLES, max_samples)
         };
-        let step = count.div_ceil(looks).max(1);
-        let mut bounds = Vec::with_capacity(looks);
+        let step = count.div_ceil(samples).max(1);
+        let mut bounds = Vec::with_capacity(samples);
         for u in (0..count).step_by(step).map(|i| VertexId(i as u32)) {
             self.evaluate_at_any_cost(u, scratch);
             let VisitScratch { ru, rv, found, .. } = &mut *scratch;
@@ -247,9 +247,9 @@ impl<M: Metric> Engine<M> {
         bounds
     }
 
-    /// Continues the sweeps towards a goal, and returns the reason of the end. Returns `None` at a pause:
-    /// then it can be continued as if it had not paused, and so can a copy of it, to other goals or by
-    /// other rules.
+    /// Continues the sweeps towards a goal, and returns why they ended. Returns `None` at a pause: then the
+    /// run can be continued as if it had not paused, and so can a copy of it, to other goals or with other
+    /// rules.
     pub(crate) fn resume_sweeps(
         &mut self,
         sweeps: &mut Sweeps,
@@ -263,7 +263,7 @@ impl<M: Metric> Engine<M> {
         end
     }
 
-    /// The body of [`Self::go_on`], without the check of the store at the end.
+    /// The body of [`Self::resume_sweeps`], without the check of the store at the end.
     fn resume_unchecked(
         &mut self,
         sweeps: &mut Sweeps,
@@ -282,8 +282,8 @@ impl<M: Metric> Engine<M> {
             if self.mesh.needed(goal) == Some(0) {
                 return Some(StopReason::Goal);
             }
-            let errand = SweepRequest { goal, pause, original, is_extreme };
-            if let ControlFlow::Break(stop) = self.set_threshold(sweeps, &errand) {
+            let request = SweepRequest { goal, pause, original, is_extreme };
+            if let ControlFlow::Break(stop) = self.set_threshold(sweeps, &request) {
                 return stop;
             }
             match self.sweep_once(sweeps, goal, control, &mut scratch, &mut visits) {
@@ -297,9 +297,9 @@ impl<M: Metric> Engine<M> {
                 SweepResult::Through { refused, collapses } => {
                     sweeps.has_swept = true;
                     sweeps.idle = if self.tally.collapses == collapses { sweeps.idle + 1 } else { 0 };
-                    let next = self.after_sweep(sweeps, &errand, refused);
+                    let next = self.after_sweep(sweeps, &request, refused);
                     match next {
-                        // (The goal is only that of the sweep.)
+                        // (Only the goal of this sweep is reached.)
                         ControlFlow::Break(Some(StopReason::Goal)) if self.has_budget() => {
                             sweeps.set_bounds(self.mesh.bounds());
                         }
@@ -313,16 +313,16 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Computes the threshold of the next sweep, if none is set, unless the run pauses here.
-    fn set_threshold(&mut self, sweeps: &mut Sweeps, errand: &SweepRequest<'_>) -> ControlFlow<Halt> {
-        let goal = errand.goal;
-        // When sweeps continue to another goal, that goal decides what follows a sweep.
+    fn set_threshold(&mut self, sweeps: &mut Sweeps, request: &SweepRequest<'_>) -> ControlFlow<Halt> {
+        let goal = request.goal;
+        // If the sweeps were resumed with another goal, that goal decides what follows a sweep.
         if sweeps.has_swept && sweeps.awaits_threshold() {
             if self.mesh.store.wants_compaction(self.mesh.needed(goal)) {
                 self.mesh.store.compact();
                 sweeps.set_bounds(self.mesh.bounds());
             }
-            if self.is_late(errand.is_extreme) {
-                errand.original.visit(|points, faces| self.mesh.start_sampling(points, faces));
+            if self.is_late(request.is_extreme) {
+                request.original.visit(|points, faces| self.mesh.start_sampling(points, faces));
                 sweeps.set_bounds(self.mesh.bounds());
             }
         }
@@ -332,7 +332,7 @@ impl<M: Metric> Engine<M> {
         let (looked_at, after) = (*looked_at, *after);
         self.update_productivity(&mut sweeps.productivity, sweeps.has_swept);
         let is_last_stretch = |ahead| self.is_limited_by_goal(histogram, looked_at, goal, ahead);
-        let pauses = match errand.pause {
+        let pauses = match request.pause {
             Pause::Never => false,
             Pause::BeforeGoal => is_last_stretch(GOAL_MARGIN),
             Pause::BeforeTopologyChanges => self.should_snapshot(sweeps, goal, is_last_stretch(GOAL_MARGIN)),
@@ -345,14 +345,15 @@ impl<M: Metric> Engine<M> {
         }
         let mut next = self.threshold(histogram, looked_at, goal);
         if after == After::Probe {
-            // The result of a probe is exact; an evaluation may give a higher cost, and needs a higher
-            // threshold to be tried.
+            // The result of a probe is exact; an evaluation may give a higher cost, so the edge is only tried
+            // at a higher threshold.
             sweeps.lift = if self.tally.collapses == sweeps.at_probe { sweeps.lift * 16.0 } else { 1.0 };
             sweeps.at_probe = self.tally.collapses;
             next = (next * sweeps.lift).min(f32::MAX);
             (sweeps.highest, sweeps.idle) = (next, 0);
         }
-        // Bounds are stale, some by far: a sweep without collapses is no reason to lower the threshold.
+        // Bounds are stale, some of them very much: a sweep without collapses is no reason to lower the
+        // threshold.
         sweeps.tau = if sweeps.idle > 0 { next.max(sweeps.highest * 1.25) } else { next };
         sweeps.highest = sweeps.highest.max(sweeps.tau);
         (sweeps.productivity.at_threshold, sweeps.productivity.wanted) =
@@ -427,10 +428,10 @@ impl<M: Metric> Engine<M> {
     fn after_sweep(
         &mut self,
         sweeps: &mut Sweeps,
-        errand: &SweepRequest<'_>,
+        request: &SweepRequest<'_>,
         refused: u64,
     ) -> ControlFlow<Halt> {
-        let (goal, is_probe) = (errand.goal, matches!(sweeps.phase, Phase::Probe));
+        let (goal, is_probe) = (request.goal, matches!(sweeps.phase, Phase::Probe));
         if sweeps.idle == 0 {
             self.tally.highest_threshold = self.tally.highest_threshold.max(sweeps.tau);
             self.tally.is_unproductive |= !sweeps.productivity.is_high;
@@ -444,19 +445,19 @@ impl<M: Metric> Engine<M> {
         if self.mesh.store.wants_compaction(self.mesh.needed(goal)) {
             self.mesh.store.compact();
         }
-        if self.is_late(errand.is_extreme) {
+        if self.is_late(request.is_extreme) {
             if sweeps.idle < MAX_IDLE_SWEEPS
-                && matches!(errand.pause, Pause::BeforeTopologyChanges | Pause::BeforeEither)
+                && matches!(request.pause, Pause::BeforeTopologyChanges | Pause::BeforeEither)
                 && self.may_snapshot_late()
             {
                 let next = self.mesh.bounds();
                 if next.0.known() > 0 {
-                    // The late phase begins when the sweeps are continued.
+                    // The late phase starts when the sweeps are continued.
                     sweeps.set_bounds(next);
                     return ControlFlow::Break(None);
                 }
             }
-            errand.original.visit(|points, faces| self.mesh.start_sampling(points, faces));
+            request.original.visit(|points, faces| self.mesh.start_sampling(points, faces));
         }
         let bounds = self.mesh.bounds();
         if bounds.0.known() == 0 {
@@ -499,7 +500,7 @@ impl<M: Metric> Engine<M> {
             return ControlFlow::Continue(());
         }
         let has_creases = self.mesh.store.creases.is_some();
-        // (Wedges that are matched stay in their region.)
+        // (Matched wedges stay in their region.)
         let keeps_regions = |looser: &Looseness| *looser != Looseness::Regions || may_blend;
         let looser = constraints.looseness.looser(has_creases, may_relax).filter(keeps_regions);
         if let Some(looser) = looser {
@@ -508,13 +509,13 @@ impl<M: Metric> Engine<M> {
             return ControlFlow::Continue(());
         }
         if self.mesh.constraints.rules.max_estimate.is_finite() {
-            // What a removed part costs may be far more than is allowed.
+            // The cost of a removed part may be far above the limit.
             return ControlFlow::Break(Some(StopReason::Stuck));
         }
         ControlFlow::Break(Some(if self.remove_parts(goal) { StopReason::Goal } else { StopReason::Stuck }))
     }
 
-    /// Computes the threshold of the next sweep from the bounds, which may be those of a sample of
+    /// Computes the threshold of the next sweep from the bounds, which may cover only a sample of the
     /// vertices.
     fn threshold(&self, histogram: &Histogram, looked_at: usize, goal: &Goal) -> f32 {
         let quantile = match () {
@@ -524,7 +525,7 @@ impl<M: Metric> Engine<M> {
         };
         let mut want = histogram.known() as f64 * quantile;
         if let Some(needed) = self.mesh.needed(goal) {
-            // The last sweeps take only most of the remaining collapses, so that the cheapest are done.
+            // The last sweeps do only a part of the remaining collapses, so that the cheapest are done.
             let share = looked_at as f64 / self.mesh.store.v.len().max(1) as f64;
             want = want.min(needed as f64 * LAST_SHARE * share);
         }
@@ -559,7 +560,7 @@ impl<M: Metric> Engine<M> {
             && goal.faces.is_some_and(|n| samples::is_extreme(n, self.tally.first_faces))
     }
 
-    /// True if the late phase should begin.
+    /// True if the late phase should start.
     fn is_late(&self, extreme: bool) -> bool {
         let begin = match self.record {
             Some(_) => samples::start_faces_of_record(self.tally.first_faces),
@@ -569,7 +570,7 @@ impl<M: Metric> Engine<M> {
     }
 }
 
-/// Lists the vertices that a sweep visits; `bounds` are those of the vertices from `start` on.
+/// Lists the vertices that a sweep visits; `bounds` has the bounds of the vertices from `start` on.
 fn list_visits(bounds: &[f32], start: usize, tau: f32, all: bool, visits: &mut Vec<VertexId>) {
     visits.clear();
     let id = |i: usize| VertexId((start + i) as u32);

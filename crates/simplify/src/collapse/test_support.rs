@@ -1,4 +1,4 @@
-//! Fixtures of the engine's unit tests that need its inner types: engines of small meshes as they are, without
+//! Fixtures for the engine's unit tests that need its internal types: engines of small meshes without
 //! ordering, welding and unit frame, and single collapses in them.
 
 use glam::Vec3;
@@ -33,8 +33,8 @@ pub(super) fn engine_of<M: Metric>(metric: M, small: &SmallMesh, options: &Simpl
     finished(metric, small, store, options, None)
 }
 
-/// Returns an engine of a small mesh with these wedges at its corners, and one value for each wedge, of weight 1
-/// in the cost.
+/// Returns an engine of a small mesh with these wedges at its corners, and one value for each wedge, with
+/// weight 1 in the cost.
 pub(super) fn engine_with_values<M: Metric>(
     metric: M,
     small: &SmallMesh,
@@ -60,7 +60,7 @@ fn finished<M: Metric>(
     let rules = Rules::new(options, ordered.frame, ordered.diagonal);
     let none: Option<Wedges> = None;
     let (mut engine, duplicates) = Engine::new(metric, store, rules, none, attributes);
-    assert_eq!(duplicates, 0, "faces stand twice");
+    assert_eq!(duplicates, 0, "there are duplicate faces");
     let mean = engine.mesh.cost.total_area / engine.mesh.store.live_faces as f64;
     engine.mesh.cost.area = mean as f32;
     engine

@@ -25,7 +25,7 @@ pub(crate) struct Vertex<Q> {
     /// Length that the list can grow to.
     pub(super) room: u32,
     pub(crate) kind: Kind,
-    /// Normal of the input's surface at the vertex that gave the number.
+    /// Normal of the input's surface at the input vertex with that number.
     pub(crate) facing: Facing,
 }
 
@@ -35,7 +35,7 @@ pub(crate) struct Vertex<Q> {
 pub(crate) struct PackedPosition {
     /// Position in the unit frame.
     pub(crate) p: Vec3,
-    /// Scratch of the fit: numbers of outliers.
+    /// Scratch for the fit: indices of outliers.
     pub(crate) mark: u32,
 }
 
@@ -88,7 +88,7 @@ impl Facing {
             f32x4::splat(127.0) / dot(&[x, y, z], &[x, y, z]).sqrt().fast_max(f32x4::splat(1e-30));
         let bytes = [x, y, z].map(|x| {
             let x = x * per_length;
-            // NaN becomes zero; what is too large is clamped.
+            // NaN becomes zero; values that are too large are clamped.
             let x = (x & x.simd_eq(x)).fast_max(f32x4::splat(-128.0)).fast_min(f32x4::splat(127.0));
             bytemuck::cast::<_, u32x4>(x.fast_trunc_int()) & u32x4::splat(255)
         });
@@ -113,7 +113,7 @@ impl Normals {
     pub(super) fn zero(count: usize) -> Self {
         Self(zeroed_vec(count.next_multiple_of(4)))
     }
-    /// Returns the sums for writing.
+    /// Returns the sums, mutable.
     pub(super) fn of_each(&mut self) -> &mut [f32x4] {
         &mut self.0
     }
@@ -144,11 +144,11 @@ mod tests {
     }
 
     #[test]
-    fn four_facings_are_those_of_each() {
+    fn four_facings_at_once_equal_each_alone() {
         let far = f32::MAX;
         let normals = [
             [[1.0, -2.0, 3.0], [0.0, 0.0, 0.0], [-1e-3, 1e-3, 0.0], [0.0, 0.0, -1.0]],
-            // Lengths that are not finite, or zero though the coordinates are not.
+            // Lengths that are not finite, or that are zero although the coordinates are not.
             [[1e-23, -1e-23, 0.0], [far, far, -far], [f32::NAN, 1.0, -1.0], [f32::INFINITY, 0.0, 0.0]],
         ];
         for four in normals {
@@ -161,7 +161,7 @@ mod tests {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(512) })]
 
         #[test]
-        fn any_four_facings_are_those_of_each(
+        fn any_four_facings_at_once_equal_each_alone(
             normals in four_vectors(),
             far in [-38i32..38, -38i32..38, -38i32..38, -38i32..38],
         ) {

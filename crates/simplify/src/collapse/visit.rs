@@ -1,4 +1,4 @@
-//! The visit of a vertex: its edges are evaluated, and the cheapest is collapsed.
+//! The visit to a vertex: its edges are evaluated, and the cheapest is collapsed.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
@@ -33,7 +33,7 @@ impl<M: Metric> Engine<M> {
         mesh.store.list_owned(u, ru, owned, &mut scratch.marks);
         found.clear();
         let are_lone = mesh.cache_wedge_reductions(u, owned);
-        let edges = OwnedEdges { u, owned, ring: ru, most: f32::INFINITY, have_single_wedges: are_lone };
+        let edges = OwnedEdges { u, owned, ring: ru, max_cost: f32::INFINITY, have_single_wedges: are_lone };
         mesh.evaluate_owned(&edges, members, found, scratch, tally);
     }
 
@@ -52,7 +52,7 @@ impl<M: Metric> Engine<M> {
             &owned[..]
         };
         let are_lone = mesh.cache_wedge_reductions(u, owned);
-        let edges = OwnedEdges { u, owned, ring: ru, most: tau, have_single_wedges: are_lone };
+        let edges = OwnedEdges { u, owned, ring: ru, max_cost: tau, have_single_wedges: are_lone };
         let stuck = mesh.evaluate_owned(&edges, members, found, scratch, tally);
         let mut least = found.beyond();
         let kind = self.mesh.store.v[u.index()].kind;
@@ -63,8 +63,8 @@ impl<M: Metric> Engine<M> {
         };
         self.tally.refusals[why as usize] += stuck;
         while let Some(candidate) = found.take_cheapest() {
-            // A vertex that was not visited yet owns edges of unknown cost; they are evaluated in the next
-            // sweep.
+            // A vertex that has not been visited yet owns edges of unknown cost; they are evaluated in the
+            // next sweep.
             let inherited = match self.mesh.store.bound[candidate.removed.index()] {
                 UNKNOWN => tau,
                 bound => bound,
@@ -109,8 +109,8 @@ impl<M: Metric> Engine<M> {
 }
 
 /// Lists the edges that a vertex inside a closed fan owns: every neighbour comes first in one of the
-/// triangles, so the second need not be visited. (Branchless: each is written, some are kept; a branch on
-/// the order would be unpredictable.)
+/// triangles, so the second ones need not be visited. (Branchless: each is written, some are kept; a branch
+/// on the order would be unpredictable.)
 #[inline(always)]
 fn list_owned_in_fan<'a>(u: VertexId, ring: &Ring, owned: &'a mut Vec<VertexId>) -> &'a [VertexId] {
     if owned.len() < ring.len() {

@@ -20,8 +20,8 @@ pub(crate) struct Wedges {
     pub(crate) width: usize,
     /// True if seams have lines; then they do not give way either.
     pub(crate) has_seam_lines: bool,
-    /// True for vertices of the ordered input whose wedges lie on several sides of a seam, if seams have lines and
-    /// there are any.
+    /// True for vertices of the ordered input whose wedges lie on several sides of a seam; `None` if seams
+    /// have no lines or there are no seams.
     pub(crate) is_split: Option<Vec<bool>>,
 }
 
@@ -48,8 +48,8 @@ impl Wedges {
         self.is_split = is_split.contains(&true).then_some(is_split);
     }
 
-    /// Returns the one among `choices` on the same side of every seam as `like`, or on any side without it, with the
-    /// closest normal to `of`.
+    /// Returns the wedge among `choices` whose normal is closest to the normal of `of`, among those on the
+    /// same side of every seam as `like`, if that is given.
     pub(super) fn best(&self, choices: &[WedgeId], like: Option<WedgeId>, of: WedgeId) -> Option<WedgeId> {
         let turn = |w: WedgeId| match &self.normals {
             None => 0.0,
@@ -67,5 +67,5 @@ impl<Q: VertexMemory> Store<Q> {
     }
 }
 
-/// Corners of the removed position, and their new wedges.
+/// Corners at the removed position, and their new wedges.
 pub(crate) type HandedOver = Vec<(Corner, WedgeId)>;

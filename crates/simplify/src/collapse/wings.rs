@@ -12,11 +12,11 @@ use crate::metric::VertexMemory;
 use crate::report::Refusal;
 use crate::tensor::Tensor;
 
-/// Square of the shape below which a new triangle counts as having no area, unless it was as bad before:
-/// just above the resolution of single precision. (Measured: at 1e-7 fans of slivers block each other, and
-/// brain588k to 100 is four times worse.)
+/// Squared quality below which a new triangle counts as having no area, unless it was no better before: just
+/// above the resolution of single precision. (Measured: at 1e-7 fans of slivers block each other, and
+/// brain588k at 100 faces is four times worse.)
 pub(super) const MIN_SHAPE_SQ: f32 = 1e-11;
-/// Squared cosine of a turn beyond which folds with the adjacent faces are checked: 45 degrees.
+/// Squared cosine of the rotation above which folds with the adjacent faces are checked: 45 degrees.
 pub(super) const FOLD_CHECK_COS_SQ: f32 = 0.5;
 
 /// A triangle of the star of a collapsing edge, before and after.
@@ -25,7 +25,7 @@ pub(crate) struct Wing {
     pub(crate) corner: Corner,
     pub(crate) a: VertexId,
     pub(crate) b: VertexId,
-    /// Normal after, of double length; zero if it is removed.
+    /// Its normal afterwards, twice its area long; zero if it is removed.
     pub(crate) after: Vec3,
     /// True if it contains both ends, and is removed.
     pub(crate) both: bool,
@@ -47,7 +47,7 @@ pub(super) struct FourWings {
     pub(super) normal: Four,
     pub(super) length: f32x4,
     pub(super) after: Four,
-    /// Bit mask of those that are not removed.
+    /// Bit mask of the wings that are not removed.
     pub(super) stays: u32,
 }
 
@@ -56,7 +56,7 @@ impl Wings {
         self.used = 0;
     }
 
-    /// Returns the next group for writing.
+    /// Returns the next group to be written.
     #[inline(always)]
     fn slot(&mut self) -> &mut FourWings {
         if self.used == self.fours.len() {
@@ -128,7 +128,7 @@ pub(super) struct EdgeEnd {
     pub(super) from: Vec3,
     /// Displacement to the merged vertex.
     pub(super) step: Vec3,
-    /// The other end, if triangles that contain both are counted here: twice.
+    /// The other end, if triangles that contain both ends are counted at this end (twice).
     pub(super) other: Option<VertexId>,
 }
 
@@ -226,7 +226,7 @@ impl<Q: VertexMemory> Store<Q> {
         Ok(behind.to_array().into_iter().fold(f32::INFINITY, f32::min))
     }
 
-    /// Refuses triangles that turn (`turned`) or become too thin, if the collapse makes them so.
+    /// Refuses triangles that turn over (`turned`) or become too thin, if the collapse makes them so.
     #[cold]
     #[inline(never)]
     fn check_turn_and_shape(
@@ -242,7 +242,7 @@ impl<Q: VertexMemory> Store<Q> {
         for i in (0..4).filter(|i| wrong & (1 << i) != 0) {
             let (pa, pb) = (self.p(spokes[i].a), self.p(spokes[i].b));
             let e_sq = (pb - pa).length_squared();
-            // A face of no area has no normal to turn.
+            // A face without area has no normal to turn.
             if turned & (1 << i) != 0 && (length_sq[i] > MIN_SHAPE_SQ * e_sq * e_sq || after_sq[i] == 0.0) {
                 return Err(Refusal::NormalFlip);
             }
@@ -329,9 +329,9 @@ mod tests {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(1024) })]
 
         #[test]
-        fn four_triangles_say_what_each_says(
+        fn four_triangles_at_once_give_the_result_of_each(
             centre in tame_vector(),
-            // Tame ones, of which few are refused, and any.
+            // Well-shaped ones, of which few are refused, and arbitrary ones.
             rim in prop_oneof![vec(tame_vector(), 3..14), vec(vector(), 3..14)],
             step in prop_oneof![3 => tame_vector().prop_map(|x| x * 0.1), 1 => vector()],
             is_closed in any::<bool>(),
@@ -356,7 +356,7 @@ mod tests {
                 return Ok(());
             }
             let behind = each.iter().map(|t| t.behind).fold(f32::INFINITY, f32::min);
-            // (Which of the two zeros is least depends on the order.)
+            // (Which of the two zeros is smaller depends on the order.)
             prop_assert_eq!(found.map(|x| bits([x])), Ok(bits([behind])));
             let (cost, area, peak) = stats.sum();
             let losses = || each.iter().map(|t| t.weight * t.height * t.height);
@@ -364,15 +364,15 @@ mod tests {
             let is_near = |a: f32, b: f32| a == b || (a - b).abs() <= 1e-5 * b;
             prop_assert!(is_near(cost, losses().sum()), "{cost} {}", losses().sum::<f32>());
             prop_assert!(is_near(area, each.iter().map(|t| t.weight).sum()));
-            let most = each.iter().map(|t| t.height * t.height).fold(0.0, f32::max);
-            prop_assert_eq!(peak.to_bits(), most.to_bits());
+            let highest = each.iter().map(|t| t.height * t.height).fold(0.0, f32::max);
+            prop_assert_eq!(peak.to_bits(), highest.to_bits());
             prop_assert_eq!(stats.turns_far, each.iter().any(|t| t.turns_far));
 
             let all: Vec<Wing> = wings.iter().collect();
             prop_assert_eq!(all.len(), each.len());
-            for ((wing, told), spoke) in all.iter().zip(&each).zip(&ring) {
+            for ((wing, expected), spoke) in all.iter().zip(&each).zip(&ring) {
                 prop_assert_eq!((wing.a, wing.b, wing.corner), (spoke.a, spoke.b, spoke.corner));
-                prop_assert_eq!(bits(wing.after.to_array()), bits(told.after.to_array()));
+                prop_assert_eq!(bits(wing.after.to_array()), bits(expected.after.to_array()));
                 prop_assert_eq!(wing.both, other.is_some_and(|w| spoke.has(w)));
             }
 
@@ -381,9 +381,9 @@ mod tests {
             let weigh = |lengths| Memoryless.plane_weights(lengths, 1.0);
             wings.swaps(weigh, |rim, change, new| swapped.push((rim, *change, *new)));
             prop_assert_eq!(swapped.len(), each.len());
-            for ((rim, change, new), (told, spoke)) in swapped.iter().zip(each.iter().zip(&ring)) {
+            for ((rim, change, new), (expected, spoke)) in swapped.iter().zip(each.iter().zip(&ring)) {
                 let outer = |n: Vec3| Tensor::outer(n, Memoryless.plane_weight(n.length(), 1.0));
-                let (old, wanted) = (outer(told.normal), outer(told.after));
+                let (old, wanted) = (outer(expected.normal), outer(expected.after));
                 prop_assert_eq!(*rim, [spoke.a, spoke.b]);
                 let off = wanted.less(&old).less(change).0.into_iter().chain(wanted.less(new).0);
                 let size = old.trace() + wanted.trace();

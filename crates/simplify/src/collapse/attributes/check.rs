@@ -9,13 +9,14 @@ use crate::collapse::order::NONE;
 use crate::collapse::store::Store;
 use crate::metric::VertexMemory;
 
-/// Tolerance between a sum updated over many collapses and one recomputed, a share of the sizes of all
+/// Tolerance between a sum updated over many collapses and the recomputed sum, as a share of the sizes of all
 /// summands. (Measured on the shapes and soups of the tests: areas up to 4e-6.)
 const DRIFT_TOLERANCE: f32 = 1e-3;
 /// Tolerance as a share of the largest value so far, and of the unit frame: large values that are
 /// subtracted again leave rounding errors of single precision behind, 6e-8 of the value for each change.
 const ROUNDING_TOLERANCE: f32 = 4e-6;
-/// [`ROUNDING`] once there were thin faces: gradients along them are up to a thousand times less precise.
+/// [`ROUNDING_TOLERANCE`] once there have been thin faces: gradients along them are up to a thousand times
+/// less precise.
 const THIN_ROUNDING_TOLERANCE: f32 = 4e-3;
 
 impl Attributes {
@@ -46,9 +47,9 @@ impl Attributes {
             }
         }
         for (w, &count) in faces.iter().enumerate().filter(|w| owners[w.0] != NONE) {
-            let told = self.heads[w].faces;
-            need(told == count && count > 0, || {
-                format!("wedge {w} has {count} faces, its head says {told}")
+            let recorded = self.heads[w].faces;
+            need(recorded == count && count > 0, || {
+                format!("wedge {w} has {count} faces, its head records {recorded}")
             })?;
         }
         checks.values.resize(self.lanes, f32x4::ZERO);
@@ -95,8 +96,8 @@ impl Attributes {
         Ok(owners)
     }
 
-    /// Checks that areas and sums are those of the current triangles, and that cached tensors of wedges are
-    /// up to date.
+    /// Checks that areas and sums match the current triangles, and that cached tensors of wedges are up to
+    /// date.
     fn check_sums<Q: VertexMemory>(
         &self,
         store: &Store<Q>,
@@ -127,26 +128,28 @@ impl Attributes {
         for w in (0..self.count()).filter(|&w| owners[w] != NONE) {
             let (id, head) = (WedgeId::new(w), &self.heads[w]);
             need((head.area - areas[w]).abs() <= DRIFT_TOLERANCE * areas[w] + ROUNDING_TOLERANCE, || {
-                format!("wedge {w} has twice the area {}, its head says {}", areas[w], head.area)
+                format!("wedge {w} has twice the area {}, its head records {}", areas[w], head.area)
             })?;
             for (i, &largest) in checks.values.iter().enumerate() {
                 // (Subnormal numbers have no relative precision.)
                 let within = sizes[w * n + i] * DRIFT_TOLERANCE + largest * rounding + f32::MIN_POSITIVE;
                 for k in 0..3 {
-                    let (told, sum) = (self.row(id)[(k + 1) * n + i], sums[(w * 3 + k) * n + i]);
+                    let (recorded, sum) = (self.row(id)[(k + 1) * n + i], sums[(w * 3 + k) * n + i]);
                     // (Values that are not finite, or nearly overflow, cannot be checked.)
                     let is_within =
-                        (told - sum).abs().simd_le(within) | !within.simd_lt(f32x4::splat(f32::MAX));
+                        (recorded - sum).abs().simd_le(within) | !within.simd_lt(f32x4::splat(f32::MAX));
                     need(is_within.all(), || {
-                        format!("wedge {w} gains {sum:?} along axis {k} in lane {i}, its row says {told:?}")
+                        format!(
+                            "wedge {w} gains {sum:?} along axis {k} in lane {i}, its row has {recorded:?}"
+                        )
                     })?;
                 }
             }
             if head.has_reduction {
-                let (told, now) = (self.reductions[w], self.reduction(id));
+                let (recorded, now) = (self.reductions[w], self.reduction(id));
                 let bits = |t: &crate::tensor::Tensor| t.0.map(f32::to_bits);
-                need(bits(&told) == bits(&now), || {
-                    format!("wedge {w} by itself takes off {now:?}, known is {told:?}")
+                need(bits(&recorded) == bits(&now), || {
+                    format!("wedge {w} by itself reduces the cost by {now:?}, cached is {recorded:?}")
                 })?;
             }
         }

@@ -9,7 +9,7 @@ use super::sum::{Sum, add_outer};
 use super::{Attributes, Head, dot};
 use crate::tensor::Tensor;
 
-/// Maximum number of wedges of a vertex that an evaluation visits, so that a vertex of very many charts
+/// Maximum number of wedges of a vertex that an evaluation visits, so that a vertex between very many charts
 /// cannot stall a run.
 const MAX_WEDGES_EVALUATED: usize = 24;
 
@@ -36,7 +36,7 @@ impl Attributes {
         sum
     }
 
-    /// Updates the cached tensors of wedges, from one on along its chain.
+    /// Updates the cached tensors of a wedge and of those after it in its chain.
     #[inline(always)]
     pub(in crate::collapse) fn cache_reductions(&mut self, mut w: WedgeId) {
         for _ in 0..MAX_WEDGES_EVALUATED {
@@ -54,7 +54,7 @@ impl Attributes {
         self.heads.iter_mut().for_each(|h| h.has_reduction = false);
     }
 
-    /// Returns the reduction of a vertex' tensor by the best values of its wedges, each taken alone.
+    /// Returns the reduction of a vertex's tensor by the best values of its wedges, each taken alone.
     #[inline(always)]
     pub(in crate::collapse) fn reduction_of_vertex(&self, first: WedgeId) -> Tensor {
         let known = |w: WedgeId| match self.heads[w.index()].has_reduction {

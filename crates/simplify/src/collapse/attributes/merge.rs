@@ -47,7 +47,7 @@ impl Attributes {
     }
 
     /// Prepares a merger: clears the sums and heads of the merged wedges, and normalizes their values, unless
-    /// they are those of a locked end.
+    /// a locked end determines them.
     #[inline(always)]
     pub(in crate::collapse) fn begin_merge(&self, lanes: usize, is_locked: bool, merge: &mut Merge) {
         let Merge { members, best, own, heads, .. } = merge;
@@ -70,8 +70,8 @@ impl Attributes {
         }
     }
 
-    /// Writes the data of the merged wedges that have a triangle, `t` of the way from the kept end to the
-    /// other, and chains them. Returns the first of the chain.
+    /// Writes the data of the merged wedges that have a triangle, at `t` between the kept end (0) and the
+    /// other (1), and chains them. Returns the first wedge of the chain.
     #[inline(always)]
     pub(in crate::collapse) fn end_merge(
         &mut self,
@@ -96,8 +96,8 @@ impl Attributes {
         first
     }
 
-    /// Returns the label of the merged wedge of a group, `t` of the way from the kept end to the other:
-    /// that of a wedge at the nearer end, and among several there of the one with the largest area.
+    /// Returns the label of the merged wedge of a group, at `t` between the kept end (0) and the other (1):
+    /// the label of a wedge at the nearer end, among several there of the wedge with the largest area.
     fn nearest_label(&self, members: &[Member], group: usize, t: f32) -> u32 {
         let area = |m: &Member| self.heads[m.wedge.index()].area;
         let mut nearest: Option<&Member> = None;
@@ -118,7 +118,7 @@ impl Attributes {
         let count = |at_v| of_group(members, group).filter(|m| m.at_v == at_v).count();
         let counts = [count(false), count(true)];
         for m in of_group(members, group) {
-            // A group with wedges of only one end takes all from it.
+            // A group with wedges of only one end takes everything from that end.
             let share = match (counts, m.at_v) {
                 ([_, 0], _) | ([0, _], _) => 1.0,
                 (_, true) => t,
@@ -145,7 +145,7 @@ pub(in crate::collapse) struct Tables<'a> {
 }
 
 impl Tables<'_> {
-    /// Removes a wedge from the chain that begins with `first`.
+    /// Removes a wedge from the chain that starts with `first`.
     pub(in crate::collapse) fn unlink(&mut self, first: &mut WedgeId, wedge: WedgeId) {
         let next = self.heads[wedge.index()].next;
         if *first == wedge {
@@ -164,9 +164,9 @@ impl Tables<'_> {
 
     /// Subtracts the contribution of a triangle, with wedge `o` at its first corner and slopes `old`, from
     /// the sums of its two other wedges. If the triangle stays, adds it again with the `new` slopes and
-    /// values of the moved corner. Its contribution to the merged wedge's own sums is added to `own`, that
-    /// to the tensor of its vertex to `added`. Returns the change of the tensors of the two other vertices,
-    /// in four lanes. `lanes` is a parameter so that loops are unrolled.
+    /// values of the moved corner. Its contribution to the merged wedge's own sums is added to `own`, its
+    /// contribution to the tensor of its vertex to `added`. Returns the change of the tensors of the two
+    /// other vertices, in four lanes. `lanes` is a parameter so that loops are unrolled.
     #[inline(always)]
     pub(in crate::collapse) fn replace(
         &mut self,

@@ -15,7 +15,7 @@ pub(in crate::collapse) struct SavedWedges {
     rows: Vec<f32x4>,
     joint_weights: Vec<JointWeights>,
     labels: Vec<u32>,
-    /// Number of all wedges, and of those that were copied from others.
+    /// Number of all wedges, and of wedges that were copied from others.
     count: [usize; 2],
 }
 
@@ -36,7 +36,7 @@ impl Attributes {
             wedges,
         }
     }
-    /// Restores saved wedges and removes those copied since.
+    /// Restores saved wedges and removes wedges copied since.
     pub(in crate::collapse) fn restore_wedges(&mut self, kept: &SavedWedges) {
         let (n, [count, copied]) = (4 * self.lanes, kept.count);
         self.heads.truncate(count);

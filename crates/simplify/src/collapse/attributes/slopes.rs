@@ -6,7 +6,7 @@ use wide::f32x4;
 use crate::lanes::{self, Four, cross, sub};
 use crate::tensor::Tensor;
 
-/// Doubled area below which a triangle's gradients are unreliable, a share of its longest edge squared.
+/// Doubled area below which a triangle's gradients are unreliable, as a share of its longest edge squared.
 const MIN_AREA_SHARE: f32 = 1e-3;
 
 /// A triangle relative to one of its corners: doubled area, and the gradients of the barycentric
@@ -103,7 +103,7 @@ impl FourSlopes {
     }
 }
 
-/// [`Slopes`] in two rows: the last lane of `a` is the area, that of `b` its reciprocal.
+/// [`Slopes`] in two rows: the last lane of `a` is the area, the last lane of `b` its reciprocal.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::collapse) struct SlopesRow {
     a: f32x4,
@@ -133,8 +133,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn four_triangles_have_the_slopes_of_each() {
-        // One of a usual size, a sliver, one without an area, and a large one.
+    fn slopes_of_four_triangles_equal_those_of_each_alone() {
+        // A triangle of ordinary size, a sliver, a triangle without area, and a large one.
         let triangles = [
             [[0.1, 0.2, 0.3], [0.4, 0.1, 0.2], [0.3, 0.5, 0.7]],
             [[0.0, 0.0, 0.0], [1.0, 1e-4, 0.0], [2.0, 1e-7, 1e-7]],

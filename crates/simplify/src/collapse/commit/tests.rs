@@ -24,7 +24,7 @@ fn flattening_a_pyramid_costs_its_squared_heights() {
         let s = (1.0 + h * h).sqrt();
         let height_sq = 4.0 * h * h / (s * s);
         let planes = 2.0 * (2.0 * s) * height_sq;
-        // A fifth of the mean area, which is less than .3 of that of the star.
+        // A fifth of the mean area, which is less than .3 of the star's area.
         let peak = 0.2 * (2.0 * s) * height_sq;
         assert_near(cost_at(&mut engine, [1, 0], Vec3::ZERO).unwrap(), planes + peak);
         assert_near(cost_at(&mut engine, [0, 1], -to_apex(h)).unwrap(), planes + peak);
@@ -40,7 +40,7 @@ fn the_weight_of_the_largest_distance_is_limited_by_the_star() {
     // The doubled area of the star is 12 s: two sides count once, and the two on the edge twice.
     engine.mesh.cost.area = 1000.0;
     assert_near(cost_at(&mut engine, [1, 0], Vec3::ZERO).unwrap(), planes + 0.3 * 12.0 * s * height_sq);
-    // In the late phase the samples take its place.
+    // In the late phase the samples replace it.
     engine.mesh.sampled = Some(SampledError { set_of: Vec::new(), sets: Vec::new() });
     assert_near(engine.mesh.peak_weight(), 0.0);
 }
@@ -58,15 +58,15 @@ fn flat_collapses_cost_only_their_lengths() {
 #[test]
 fn leaving_a_border_costs_its_lines() {
     let mut engine = engine_of(Memoryless, &pyramid(0.0), &with_border(BorderPolicy::Keep));
-    // Corners 1 and 2 meet in the middle between them, a unit away from the lines through 1-4 and 2-3, which have
-    // the weight 10 and the squared length 4. The line 1-2 itself is not left.
+    // Corners 1 and 2 meet in the middle between them, one unit away from the lines through 1-4 and 2-3,
+    // which have weight 10 and squared length 4. They stay on the line 1-2 itself.
     let lines = 2.0 * 10.0 * 4.0;
     let peak = 0.2 * 2.0 * 1.0;
     let middle = Vec3::new(-1.0, 0.0, 0.0);
     assert_near(cost_at(&mut engine, [1, 2], middle).unwrap(), lines + peak);
-    // A corner pulled inwards to the apex leaves both of its lines.
+    // A corner moved inwards to the apex leaves both of its lines.
     assert_near(cost_at(&mut engine, [1, 0], to_apex(0.0)).unwrap(), 2.0 * 10.0 * 4.0 + peak);
-    // One that stays where it is leaves nothing.
+    // A corner that does not move leaves none.
     assert!(cost_at(&mut engine, [1, 0], Vec3::ZERO).unwrap() < 1e-9);
 }
 
@@ -84,7 +84,7 @@ fn a_tip_that_shrinks_along_its_plane_costs_the_distance_that_it_leaves() {
     let mut engine = engine_of(Memoryless, &diamond, &without_lines());
     // Four times the squared distance, times a fifth of the mean doubled area, which is 4.
     assert_near(cost_at(&mut engine, [1, 0], Vec3::ZERO).unwrap(), 4.0 * 4.0 * 0.2 * 4.0);
-    // Where the surface goes on behind a vertex, it leaves nothing uncovered.
+    // Where the surface continues behind a vertex, it leaves nothing uncovered.
     let mut engine = engine_of(Memoryless, &pyramid(0.0), &without_lines());
     assert!(cost_at(&mut engine, [1, 0], Vec3::ZERO).unwrap() < 1e-9);
 }
@@ -95,7 +95,7 @@ fn importance_multiplies_the_cost_and_the_merged_vertex_inherits_it() {
     let plain = cost_at(&mut engine, [1, 0], Vec3::ZERO).unwrap();
     engine.mesh.set_cost_factors(Some(vec![7.0, 3.0, 1.0, 1.0, 1.0]));
     assert_near(cost_at(&mut engine, [1, 0], Vec3::ZERO).unwrap(), 7.0 * plain);
-    // The limit is that of the weighted cost; the error of the result has no weight.
+    // The limit applies to the weighted cost; the error of the result is not weighted.
     assert!(matches!(try_at(&mut engine, [1, 0], Vec3::ZERO, 6.9 * plain), CollapseOutcome::Later(_)));
     assert!(matches!(try_at(&mut engine, [1, 0], Vec3::ZERO, 7.1 * plain), CollapseOutcome::Done));
     assert_near(engine.tally.collapse_cost as f32, plain);
@@ -103,7 +103,7 @@ fn importance_multiplies_the_cost_and_the_merged_vertex_inherits_it() {
 }
 
 #[test]
-fn metrics_that_decide_are_not_overruled() {
+fn nothing_is_added_to_the_cost_of_metrics_that_decide() {
     let mut engine = engine_of(EDGE_LENGTH, &pyramid(0.5), &without_lines());
     let rings = [1, 0].map(|w| ring_of(&engine, w));
     let cost = 2.25;
@@ -120,8 +120,8 @@ fn metrics_that_decide_are_not_overruled() {
 }
 
 #[test]
-fn the_link_condition_refuses_what_would_pinch() {
-    // Nothing would be left of a tetrahedron; an edge round a tube would pinch it.
+fn the_link_condition_refuses_collapses_that_pinch() {
+    // Nothing would be left of a tetrahedron; an edge around a tube would pinch it.
     let mut closed = engine_of(Memoryless, &tetrahedron(), &without_lines());
     for ends in [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]] {
         assert_eq!(cost_at(&mut closed, ends, Vec3::ZERO), Err(Refusal::LinkCondition), "{ends:?}");
@@ -154,7 +154,7 @@ fn faces_may_not_turn_over() {
 }
 
 #[test]
-fn faces_that_turn_far_may_not_lie_on_their_neighbours() {
+fn faces_that_rotate_far_may_not_fold_onto_their_neighbours() {
     // A pyramid with a base whose diagonal is 2-4: flat sides would lie on it. Folds are checked for turns of more
     // than 45 degrees.
     for (h, is_allowed) in [(0.9f32, true), (1.2, false)] {
@@ -170,7 +170,7 @@ fn faces_that_turn_far_may_not_lie_on_their_neighbours() {
 }
 
 #[test]
-fn each_guard_refuses_beyond_its_limit() {
+fn guards_refuse_collapses_beyond_their_limits() {
     /// Returns the refusals with a rule just short of a limit and just beyond.
     fn refusals(
         (small, ends): (&SmallMesh, [u32; 2]),
@@ -183,35 +183,35 @@ fn each_guard_refuses_beyond_its_limit() {
             cost_at(&mut engine, ends, Vec3::ZERO).err()
         })
     }
-    // Flattened, a side is half a square, of squared quality 12 · 4² / 16² = 3/4; before it is .94.
+    // Flattened, a side is half a square, with squared quality 12 · 4² / 16² = 3/4; before, it is .94.
     let quality = refusals((&pyramid(0.9), [1, 0]), |rules, x| rules.min_shape = x, [0.74, 0.76]);
     assert_eq!(quality, [None, Some(Refusal::Quality)]);
-    // In a flat pyramid it was as bad before.
+    // In a flat pyramid it was no better before.
     let as_before = refusals((&pyramid(0.0), [1, 0]), |rules, x| rules.min_shape = x, [0.74, 0.76]);
     assert_eq!(as_before, [None, None]);
-    // Corner 1 gets an edge across the square to corner 3, of squared length 8.
+    // Corner 1 gets an edge across the square to corner 3, with squared length 8.
     let edge = refusals((&pyramid(0.0), [1, 0]), |rules, x| rules.max_edge_sq = x, [8.1, 7.9]);
     assert_eq!(edge, [None, Some(Refusal::EdgeLength)]);
     // The apex moves by 2 h / s from the planes of two sides.
     let step = refusals((&pyramid(0.5), [1, 0]), |rules, x| rules.max_step_sq = x, [0.801, 0.799]);
     assert_eq!(step, [None, Some(Refusal::Cost)]);
-    // Two inner vertices of a sheet, of six faces each, two of them in common: eight remain.
+    // Two inner vertices of a sheet with six faces each, two of them shared: eight remain.
     let valence = |rules: &mut crate::guard::Rules, x: f32| rules.max_valence = x as usize;
     assert_eq!(refusals((&sheet(5), [14, 15]), valence, [8.0, 7.0]), [None, Some(Refusal::Valence)]);
 }
 
 #[test]
-fn locked_ends_keep_their_place() {
+fn locked_ends_keep_their_position() {
     let mut engine = engine_of(Memoryless, &pyramid(0.5), &without_lines());
     engine.mesh.store.lock(&[true, false, false, false, false]);
     assert!(cost_at(&mut engine, [1, 0], to_apex(0.5)).is_ok());
-    // Two ends at one position: which one stays is undefined.
+    // With both ends at one position, it is undefined which one stays.
     engine.mesh.store.v[1].p = engine.mesh.store.v[0].p;
     assert_eq!(cost_at(&mut engine, [1, 0], Vec3::ZERO), Err(Refusal::Locked));
 }
 
 #[test]
-fn a_probe_changes_nothing_and_a_cost_above_the_limit_neither() {
+fn probes_and_costs_above_the_limit_change_nothing() {
     let mut engine = engine_of(Memoryless, &pyramid(0.5), &without_lines());
     let state = |engine: &Engine<Memoryless>| {
         let vertices = engine.mesh.store.v.iter().map(|x| (x.p, x.q, x.kind));
@@ -252,7 +252,7 @@ fn a_collapse_removes_two_faces_and_updates_tensors() {
 }
 
 #[test]
-fn the_end_whose_place_is_kept_gives_the_number() {
+fn the_merged_vertex_has_the_number_of_the_end_whose_position_it_keeps() {
     let merged = |step: Vec3| {
         let mut engine = engine_of(Memoryless, &pyramid(0.5), &without_lines());
         assert!(matches!(try_at(&mut engine, [1, 0], step, f32::MAX), CollapseOutcome::Done));
@@ -266,7 +266,7 @@ fn the_end_whose_place_is_kept_gives_the_number() {
 }
 
 #[test]
-fn the_accumulated_quadric_remembers_planes_that_are_gone() {
+fn the_accumulated_quadric_includes_removed_planes() {
     let mut engine = engine_of(Quadric, &pyramid(0.5), &without_lines());
     let flat = Candidate { cost: 0.0, removed: VertexId(0), step: Vec3::ZERO, form_cost: 0.0 };
     let rings = [1, 0].map(|w| ring_of(&engine, w));
@@ -278,19 +278,20 @@ fn the_accumulated_quadric_remembers_planes_that_are_gone() {
         rings: [&rings[0], &rings[1]],
     };
     assert!(matches!(engine.collapse(&attempt), CollapseOutcome::Done));
-    // Corner 1 remembers the four sides, two of which are 2 h / s away from it. All of them meet at the apex.
+    // The quadric of corner 1 includes the four sides, two of which are 2 h / s away from it. All four meet
+    // at the apex.
     let mut members = Vec::new();
     let ring = ring_of(&engine, 1);
     let here = engine.mesh.cost_at(VertexId(1), VertexId(3), Vec3::ZERO, &ring, &mut members);
     let apex = engine.mesh.cost_at(VertexId(1), VertexId(3), to_apex(0.5), &ring, &mut members);
-    // Corner 3 lies on the same two sides: they count once more.
+    // Corner 3 lies on the same two sides, which count once more.
     let s = 1.25f32.sqrt();
     assert_near(here, 2.0 * 16.0 * 0.25 / s);
     assert!(apex < 1e-5, "{apex}");
 }
 
 #[test]
-fn no_face_of_a_removed_vertex_is_left() {
+fn a_removed_vertex_has_no_faces() {
     let mut engine = engine_of(Memoryless, &sheet(5), &without_lines());
     assert!(matches!(try_at(&mut engine, [14, 15], Vec3::ZERO, f32::MAX), CollapseOutcome::Done));
     let living: Vec<_> = engine.mesh.store.t.iter().filter(|t| t[0] != NONE).collect();

@@ -54,10 +54,10 @@ fn is_done(outcome: &CollapseOutcome) -> bool {
 }
 
 #[test]
-fn a_peak_of_values_costs_its_spread_over_the_area() {
+fn a_peak_of_values_costs_its_variance_over_the_area() {
     // The value is 1 at the apex of a flat pyramid and 0 on its rim. Corner 1 has the doubled area 4, and its value
-    // extrapolates to 0; the apex has 8, and extrapolates to 1: together 2/3. The sides on the edge say 0 there (and
-    // count twice), the others 2.
+    // extrapolates to 0; the apex has 8, and extrapolates to 1: together 2/3. The sides on the edge
+    // extrapolate to 0 there (and count twice), the others to 2.
     let mut engine = smooth(&pyramid(0.0), |p| if p == Vec3::ZERO { 1.0 } else { 0.0 });
     let [near, far] = [0.0f32, 2.0].map(|x| (x - 2.0 / 3.0).powi(2));
     let wanted = 2.0 * (2.0 * 2.0) * near + 2.0 * 2.0 * far;
@@ -80,14 +80,14 @@ fn values_that_are_linear_cost_nothing_and_stay_linear() {
     assert!(is_done(&try_at(&mut engine, [14, 15], step, 1.0)));
     assert_near(value(&engine, 14), linear(Vec3::new(2.25, 2.1, 0.0)));
     assert_eq!(checked(&engine), Ok(()));
-    // Off the sheet the value stays that of the foot point.
+    // Off the sheet the value stays that of the nearest point on it.
     let mut engine = smooth(&sheet(5), linear);
     assert!(is_done(&try_at(&mut engine, [14, 15], Vec3::new(0.5, 0.0, 0.2), f32::MAX)));
     assert_near(value(&engine, 14), linear(Vec3::new(2.5, 2.0, 0.0)));
 }
 
 #[test]
-fn the_form_of_an_edge_counts_values_as_its_triangles_do() {
+fn the_form_of_an_edge_counts_values_like_its_triangles() {
     let bump = |p: Vec3| (-(p - Vec3::new(2.0, 2.0, 0.0)).length_squared()).exp();
     let mut engine = smooth(&sheet(5), bump);
     // Without the guess of the largest distance.
@@ -105,7 +105,7 @@ fn along_a_seam_each_side_merges_with_itself() {
     let mut engine = with_seam(1.0, 5.0);
     assert_eq!([7, 12, 17].map(|u| wedges_of(&engine, u)), [[7, 32], [12, 37], [17, 42]]);
     assert_eq!(wedges_of(&engine, 11), [11]);
-    // Constant on each side: no cost, and no value bleeds over.
+    // Constant on each side: no cost, and no value crosses the seam.
     let cost = cost_at(&mut engine, [12, 17], Vec3::Y * 0.5).unwrap();
     assert!(cost < 1e-8, "{cost}");
     assert!(is_done(&try_at(&mut engine, [12, 17], Vec3::Y * 0.5, 1.0)));
@@ -116,13 +116,13 @@ fn along_a_seam_each_side_merges_with_itself() {
 }
 
 #[test]
-fn across_a_seam_the_wedge_of_the_other_side_survives() {
+fn in_a_collapse_across_a_seam_the_wedge_of_the_other_side_stays() {
     // 11 has one wedge on the left; 12 on the seam has two. Only the left ones are on the triangles of the edge.
     for [kept, removed] in [[11, 12], [12, 11]] {
         let mut engine = with_seam(1.0, 5.0);
         let step = engine.mesh.store.p(VertexId(12)) - engine.mesh.store.p(VertexId(kept));
         assert!(is_done(&try_at(&mut engine, [kept, removed], step, 1.0)), "{removed} into {kept}");
-        // The wedge of the kept end gives the merged one its number; 37 stays on the right.
+        // The merged wedge has the number of the kept end's; 37 stays on the right.
         assert_eq!(wedges_of(&engine, kept), [kept, 37]);
         assert_eq!(corners_of(&engine, kept), [kept, 37]);
         assert_eq!([kept, 37].map(|w| value(&engine, w)), [1.0, 5.0]);
@@ -139,7 +139,8 @@ fn a_locked_end_keeps_its_wedges_and_their_values() {
     assert!(is_done(&try_at(&mut engine, [14, 15], Vec3::X, f32::MAX)));
     assert_eq!(wedges_of(&engine, 14), [15]);
     assert_eq!(value(&engine, 15), 9.0);
-    // If 11 is locked it may not get the right wedge of 12; if 12 is, its left one takes the place of that of 11.
+    // If 11 is locked it may not get the right wedge of 12; if 12 is, its left wedge replaces the wedge of
+    // 11.
     let is_kept = |locked: usize| {
         let mut engine = with_seam(1.0, 5.0);
         engine.mesh.store.v[locked].kind = engine.mesh.store.v[locked].kind.locked(true);
@@ -160,7 +161,8 @@ fn groups_are_made_by_the_triangles_on_the_edge() {
     let mut along = gather(12, 17, true);
     along.sort_unstable();
     assert_eq!(along, [(12, false, 12), (17, true, 12), (37, false, 37), (42, true, 37)]);
-    // Across: the right wedge of 12 is in no triangle on the edge, and listed only if the others are wanted.
+    // Across: the right wedge of 12 is in no triangle on the edge, and listed only if the others are
+    // requested.
     assert_eq!(gather(11, 12, false), [(11, false, 11), (12, true, 11)]);
     assert_eq!(gather(11, 12, true), [(11, false, 11), (12, true, 11), (37, true, 37)]);
 }
@@ -169,7 +171,7 @@ fn groups_are_made_by_the_triangles_on_the_edge() {
 fn chains_are_split_and_shared() {
     let mut engine = with_seam(1.0, 5.0);
     let mut ring = Ring::default();
-    // A vertex gets a wedge of its own, with the values of its first triangle's.
+    // A vertex gets its own wedge, with the values of its first triangle's wedge.
     engine.mesh.split_wedge(VertexId(11), &mut ring);
     assert_eq!((wedges_of(&engine, 11), corners_of(&engine, 11)), (vec![50], vec![50]));
     assert_eq!(value(&engine, 50), 1.0);
@@ -180,7 +182,7 @@ fn chains_are_split_and_shared() {
 }
 
 #[test]
-fn a_pair_of_wedges_costs_what_a_group_of_two_does() {
+fn a_pair_of_wedges_costs_the_same_as_a_group_of_two() {
     let bump = |p: Vec3| (p.x * 1.7).sin() * (p.y * 2.3).cos();
     let mut bent = sheet(5);
     bent.points.iter_mut().for_each(|p| p.z = 0.2 * (p.x * p.y).sin());
@@ -188,7 +190,7 @@ fn a_pair_of_wedges_costs_what_a_group_of_two_does() {
     let attributes = engine.mesh.values.attributes.as_ref().expect("there are values");
     for [u, v] in [[14u32, 15], [14, 21], [15, 14], [8, 15]] {
         let d = engine.mesh.store.p(VertexId(v)) - engine.mesh.store.p(VertexId(u));
-        // Pairs begin with the kept end; anything else is summed up as a group.
+        // Pairs start with the kept end; anything else is summed as a group.
         let form = |order: [(u32, bool); 2]| {
             let members = order.map(|(w, at_v)| Member { wedge: WedgeId(w), at_v, group: 0 });
             let (mut sum, mut form) = (Sum::ZERO, Form::default());

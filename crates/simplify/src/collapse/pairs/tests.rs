@@ -1,4 +1,4 @@
-//! Pair contraction, on two triangles beside each other and other small meshes.
+//! Pair contraction, on two adjacent triangles and other small meshes.
 
 use super::*;
 use crate::collapse::test_support::{checked, engine_of, live_faces, with_border};
@@ -18,7 +18,7 @@ fn engine(small: &SmallMesh, reach: f32) -> Engine<Memoryless> {
 fn contract<M: Metric>(engine: &mut Engine<M>, tau: f32, probe: bool) -> Vec<([u32; 2], f32)> {
     let verdict = engine.contract_pairs(&NO_GOAL, tau, probe, |_| Verdict::Continue);
     assert_eq!(verdict, Verdict::Continue);
-    let pairs = engine.mesh.topology.pairs.as_ref().expect("they are enabled");
+    let pairs = engine.mesh.topology.pairs.as_ref().expect("pairs are enabled");
     pairs.list.iter().map(|pair| (pair.ends.map(|w| w.0), pair.bound)).collect()
 }
 
@@ -26,14 +26,14 @@ fn contract<M: Metric>(engine: &mut Engine<M>, tau: f32, probe: bool) -> Vec<([u
 fn a_gap_between_two_triangles_is_closed_along_an_edge() {
     let width = 0.25;
     let mut engine = engine(&gap(width), 0.5);
-    // Two flat triangles of the doubled area 1 each: only the two gaps cost, a ten-thousandth of the mean area times
-    // the squared width each.
+    // Two flat triangles with doubled area 1 each: only the two gaps cost anything, a ten-thousandth of the
+    // mean area times the squared width each.
     let cost = 2.0 * 1e-4 * width * width;
     let found = contract(&mut engine, 0.0, true);
     assert_eq!(found.iter().map(|pair| pair.0).collect::<Vec<_>>(), [[1, 3], [2, 5]]);
     assert!(found.iter().all(|pair| (pair.1 / cost - 1.0).abs() < 1e-3), "{found:?} instead of {cost}");
     assert_eq!((engine.tally.pairs_contracted, engine.mesh.store.live_vertices), (0, 6));
-    // Above the limit nothing happens.
+    // Above the limit nothing is contracted.
     contract(&mut engine, 0.99 * cost, false);
     assert_eq!(engine.tally.pairs_contracted, 0);
     contract(&mut engine, 1.01 * cost, false);
@@ -50,13 +50,13 @@ fn a_gap_between_two_triangles_is_closed_along_an_edge() {
 }
 
 #[test]
-fn pairs_are_nearer_than_the_reach_and_share_no_edge() {
+fn pairs_are_within_the_reach_and_share_no_edge() {
     assert!(contract(&mut engine(&gap(0.25), 0.25), 0.0, true).is_empty());
-    // Neighbours on a sheet look the same way and are no pairs; neither are the far sides of a solid.
+    // Neighbours on a sheet face the same way and are no pairs; neither are the far sides of a solid.
     for small in [sheet(3), octahedron()] {
         assert!(contract(&mut engine(&small, 2.5), 0.0, true).is_empty());
     }
-    // Counted without a change, whatever the reach of the run.
+    // They are counted without a change, whatever the reach of the run is.
     let mut one = engine(&gap(0.25), 0.1);
     assert_eq!(one.possible_pairs(0.5), 2);
     assert_eq!(one.possible_pairs(0.2), 0);
@@ -64,7 +64,7 @@ fn pairs_are_nearer_than_the_reach_and_share_no_edge() {
 }
 
 #[test]
-fn what_may_not_be_joined_is_refused() {
+fn pairs_that_may_not_be_joined_are_refused() {
     let refused = |set: &dyn Fn(&mut Engine<Memoryless>), why: Refusal| {
         let mut engine = engine(&gap(0.25), 0.5);
         set(&mut engine);
@@ -81,26 +81,26 @@ fn what_may_not_be_joined_is_refused() {
 }
 
 #[test]
-fn one_locked_end_keeps_its_place() {
+fn a_single_locked_end_keeps_its_position() {
     let mut engine = engine(&gap(0.25), 0.5);
     engine.mesh.store.lock(&[false, false, false, true, false, true]);
     contract(&mut engine, 1.0, false);
     let store = &engine.mesh.store;
     assert_eq!(engine.tally.pairs_contracted, 2);
     assert_eq!([1, 2].map(|w| store.p(VertexId(w)).x), [1.25; 2]);
-    // The kept place belongs to vertex 3 of the input.
+    // The kept position belongs to vertex 3 of the input.
     assert_eq!((store.merged_into[1].0, store.merged_into[3].0), (3, 3));
     assert_eq!(checked(&engine), Ok(()));
 }
 
 #[test]
-fn remembered_lines_of_merged_borders_add_up() {
+fn line_quadrics_of_merged_borders_add_up() {
     let mut engine = engine_of(Quadric, &gap(0.25), &with_border(BorderPolicy::Keep));
     engine.mesh.enable_pairs(0.5);
     let trace = |engine: &Engine<Quadric>, w: usize| Quadric::tensor_of(&engine.mesh.store.v[w].q).trace();
     let lines = |engine: &Engine<Quadric>, w: usize| Quadric::tensor_of(&engine.mesh.cost.lines[w]).trace();
-    // Vertex 1 has the lines to 0 and 2, of the squared lengths 1.25 and 1 and the weight 10. The trace of a line is
-    // twice its squared length.
+    // Vertex 1 has the lines to 0 and 2, with squared lengths 1.25 and 1 and weight 10. The trace of a line
+    // is twice its squared length.
     assert!((lines(&engine, 1) - 2.0 * 10.0 * 2.25).abs() < 1e-3, "{}", lines(&engine, 1));
     assert!((trace(&engine, 1) - lines(&engine, 1) - 1.0).abs() < 1e-3);
     contract(&mut engine, 1.0, false);

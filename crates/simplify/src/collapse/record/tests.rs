@@ -1,4 +1,4 @@
-//! The log of a few collapses: what it names, and that it leads back to the input.
+//! The log of a few collapses: its contents, and that undoing it restores the input.
 
 use glam::Vec3;
 
@@ -9,7 +9,7 @@ use crate::collapse::{Engine, Goal, order};
 use crate::metric::Memoryless;
 use crate::test_support::{SmallMesh, octahedron, pyramid, sheet, tetrahedron};
 
-/// Starts to record an engine of a small mesh, whose numbers are those of the input.
+/// Starts to record an engine of a small mesh, which has the numbers of the input.
 fn recorded(small: &SmallMesh) -> Engine<Memoryless> {
     let mut engine = engine_of(Memoryless, small, &without_lines());
     engine.mesh.store.names = Some((0..small.faces.len() as u32).collect());
@@ -32,7 +32,7 @@ fn recorded(small: &SmallMesh) -> Engine<Memoryless> {
     engine
 }
 
-/// Returns the frame in which coordinates are those of the user.
+/// Returns the frame that leaves the coordinates of the input unchanged.
 fn unit_frame() -> UnitFrame {
     let octahedron = octahedron().scaled(0.5).mesh();
     order::order(&octahedron.surface()).frame
@@ -97,8 +97,9 @@ fn a_collapse_logs_dead_faces_corners_and_the_moved_vertex() {
 }
 
 #[test]
-fn a_vertex_that_stays_or_is_taken_from_the_input_keeps_its_bits() {
-    // Kept, nothing moves; at the other end the merged vertex is that of the input, and corners of 1 become 0.
+fn a_vertex_at_an_input_position_keeps_its_bits() {
+    // At the kept end nothing moves; at the other end the merged vertex is the input's vertex there, and
+    // corners of 1 become 0.
     let small = pyramid(0.5);
     let mut stays = recorded(&small);
     collapse(&mut stays, [1, 0], Vec3::ZERO);
@@ -111,7 +112,7 @@ fn a_vertex_that_stays_or_is_taken_from_the_input_keeps_its_bits() {
 }
 
 #[test]
-fn the_log_leads_back_to_the_input_to_the_bit() {
+fn undoing_the_log_restores_the_input_to_the_bit() {
     let mut small = sheet(4);
     small.points.iter_mut().for_each(|p| p.z = 0.1 * (p.x * 1.3).sin() * (p.y * 0.7).cos());
     let mut engine = recorded(&small);
@@ -132,8 +133,8 @@ fn the_log_leads_back_to_the_input_to_the_bit() {
 }
 
 #[test]
-fn keys_never_fall_below_those_of_earlier_changes_nearby() {
-    // The first change is expensive, the second one nearby cheap, and the third is far away.
+fn keys_are_never_below_those_of_earlier_changes_nearby() {
+    // The first change is expensive, the second is near it and cheap, and the third is far away.
     let mut small = sheet(7);
     small.points[18].z = 0.4;
     let mut engine = recorded(&small);
@@ -144,7 +145,7 @@ fn keys_never_fall_below_those_of_earlier_changes_nearby() {
     assert!(keys[0] == f32::NEG_INFINITY && keys[1] > 0.01, "{keys:?}");
     assert_eq!(keys[2], keys[1]);
     assert!(keys[3] < 1e-6, "{keys:?}");
-    // From a floor on nothing comes before anything earlier.
+    // After a floor, no key is below an earlier one.
     engine.record.as_deref_mut().expect("recorded").raise_floor();
     collapse(&mut engine, [52, 53], Vec3::ZERO);
     assert_eq!(record(&engine).log.steps[4].key, keys[1]);
@@ -161,14 +162,14 @@ fn removed_parts_and_their_cost_are_logged() {
     let lost = engine.tally.removed_part_cost;
     let step = log.steps.last().expect("a change");
     assert!(lost > 0.0 && (f64::from(step.lost) - lost).abs() < 1e-6 && step.spent == 0.0);
-    // Four faces: two of them cost half of it.
+    // It has four faces, so two of them cost half as much.
     assert!((f64::from(step.key) - lost / 2.0).abs() < 1e-6);
     assert_eq!(undone(record(&engine)).faces, small.mesh().triangles());
 }
 
 #[test]
 fn an_input_wedge_at_another_vertex_gets_a_number_of_its_own() {
-    // With wedges that keep their numbers, a wedge belongs to one vertex of the input.
+    // If wedges keep their numbers, each wedge belongs to one vertex of the input.
     let small = pyramid(0.5);
     let engine = engine_with_values(Memoryless, &small, (&small.faces, &[0.0; 5]), &without_lines());
     let mut record = Record::new(

@@ -55,17 +55,17 @@ impl<Q: VertexMemory> Store<Q> {
             for w in t {
                 let x = self.v.get(w.index());
                 need(x.is_some_and(|x| !x.kind.is_gone()), || {
-                    format!("face {f} {t:?} has the corner {w}, which does not live")
+                    format!("face {f} {t:?} has the corner {w}, which is not live")
                 })?;
                 faces_at[w.index()] += 1;
             }
             let [a, b, c] = *t;
             need(a != b && b != c && c != a, || format!("face {f} {t:?} has a corner twice"))?;
         }
-        let told = self.live_faces;
-        need(live == told, || format!("{live} faces live, the count says {told}"))?;
+        let recorded = self.live_faces;
+        need(live == recorded, || format!("{live} faces are live, the count is {recorded}"))?;
         let most = self.faces_at_compaction;
-        need(live <= most, || format!("{live} faces live, more than the {most} at the last compaction"))?;
+        need(live <= most, || format!("{live} faces are live, more than the {most} at the last compaction"))?;
         Ok(faces_at)
     }
 
@@ -75,16 +75,16 @@ impl<Q: VertexMemory> Store<Q> {
         let mut live = 0;
         for (i, (x, &bound)) in self.v.iter().zip(&self.bound).enumerate() {
             if x.kind.is_gone() {
-                need(bound == f32::INFINITY, || format!("vertex {i} is gone and has the bound {bound}"))?;
+                need(bound == f32::INFINITY, || format!("vertex {i} is removed but has the bound {bound}"))?;
                 continue;
             }
             live += 1;
-            need(faces_at[i] > 0, || format!("vertex {i} lives without a face"))?;
+            need(faces_at[i] > 0, || format!("vertex {i} is live without a face"))?;
             need(bound >= 0.0, || format!("vertex {i} has the bound {bound}"))?;
-            need(x.p.is_finite(), || format!("vertex {i} stands at {}", x.p))?;
+            need(x.p.is_finite(), || format!("vertex {i} is at {}", x.p))?;
         }
-        let told = self.live_vertices;
-        need(live == told, || format!("{live} vertices live, the count says {told}"))
+        let recorded = self.live_vertices;
+        need(live == recorded, || format!("{live} vertices are live, the count is {recorded}"))
     }
 
     /// Checks that the list of each vertex contains the corners of its live faces, each once, and nothing
@@ -103,12 +103,12 @@ impl<Q: VertexMemory> Store<Q> {
             for &corner in &self.corners[head..head + count] {
                 let (f, k) = (corner.face(), corner.k());
                 let Some(&t) = self.t.get(f).filter(|_| k < 3) else {
-                    return Err(format!("vertex {u} lists the corner {k} of face {f}, which there is not"));
+                    return Err(format!("vertex {u} lists the corner {k} of face {f}, which does not exist"));
                 };
                 let is_new = listed[f] & 1 << k == 0;
                 need(is_new, || format!("the corner {k} of face {f} is listed twice, last at {u}"))?;
                 listed[f] |= 1 << k;
-                need(t[0] != NONE, || format!("vertex {u} lists face {f}, which is gone"))?;
+                need(t[0] != NONE, || format!("vertex {u} lists face {f}, which is removed"))?;
                 need(t[k] == u, || {
                     format!("vertex {u} lists the corner {k} of face {f}, which is of {}", t[k])
                 })?;
@@ -135,8 +135,8 @@ impl<Q: VertexMemory> Store<Q> {
         Ok(())
     }
 
-    /// Checks that each live vertex has a number of the ordered input, or a later one, of its own, and that
-    /// this was not merged into another.
+    /// Checks that each live vertex has its own number, of the ordered input or a later one, and that this
+    /// number was not merged into another.
     fn check_origins(&self) -> Result<(), String> {
         let count = self.merged_into.len();
         let mut of = vec![NONE; count];
@@ -149,12 +149,12 @@ impl<Q: VertexMemory> Store<Q> {
             need(other == NONE, || format!("vertices {other} and {u} have the number {origin}"))?;
             let root = self.merged_into[origin.index()];
             need(root == origin, || {
-                format!("vertex {u} lives and has the number {origin}, which was merged into {root}")
+                format!("vertex {u} is live and has the number {origin}, which was merged into {root}")
             })?;
         }
         for (&origin, &place) in &self.places {
             need(origin.index() < count && place.index() < count, || {
-                format!("number {origin} stands at the place of {place}; there are {count}")
+                format!("number {origin} is at the place of {place}; there are {count}")
             })?;
         }
         Ok(())
@@ -175,7 +175,7 @@ impl<Q: VertexMemory> Store<Q> {
                     break;
                 }
                 need(seen[next.index()] != first as u32, || {
-                    format!("number {first} was merged into itself, by way of {at} and {next}")
+                    format!("number {first} was merged into itself, through {at} and {next}")
                 })?;
                 at = next.index();
             }
@@ -192,7 +192,7 @@ mod tests {
     use crate::collapse::ring::{Corner, Ring};
     use crate::tensor::Tensor;
 
-    /// A tetrahedron beside a square of two faces, one vertex of which was merged into another.
+    /// A tetrahedron and a square of two faces, one vertex of which was merged into another.
     fn sound() -> Store<Tensor> {
         let faces = [[0, 1, 2], [0, 2, 3], [0, 3, 1], [3, 2, 1], [4, 5, 6], [4, 6, 7], [4, 7, 8]];
         let faces = faces.map(|t| t.map(VertexId)).to_vec();
@@ -208,50 +208,50 @@ mod tests {
     }
 
     #[test]
-    fn each_broken_invariant_is_told() {
+    fn each_broken_invariant_is_reported() {
         assert_eq!(sound().check(), Ok(()));
         type Breaks = fn(&mut Store<Tensor>);
         let cases: [(Breaks, &str); 21] = [
             (|s| s.bound.truncate(8), "9 vertices have 8 bounds"),
             (|s| s.regions = Some(Vec::new()), "7 faces have 0 regions"),
             (|s| s.first_wedge = vec![lodsmith_core::WedgeId(0)], "9 vertices have 1 first wedges"),
-            (|s| s.t[4][2] = VertexId(8), "has the corner 8, which does not live"),
-            (|s| s.t[4][2] = VertexId(9), "has the corner 9, which does not live"),
+            (|s| s.t[4][2] = VertexId(8), "has the corner 8, which is not live"),
+            (|s| s.t[4][2] = VertexId(9), "has the corner 9, which is not live"),
             (|s| s.t[4][2] = VertexId(5), "has a corner twice"),
-            (|s| s.live_faces += 1, "6 faces live, the count says 7"),
+            (|s| s.live_faces += 1, "6 faces are live, the count is 7"),
             (|s| s.faces_at_compaction = 5, "more than the 5 at the last compaction"),
-            (|s| s.live_vertices += 1, "8 vertices live, the count says 9"),
-            (|s| s.bound[8] = 0.0, "vertex 8 is gone and has the bound 0"),
+            (|s| s.live_vertices += 1, "8 vertices are live, the count is 9"),
+            (|s| s.bound[8] = 0.0, "vertex 8 is removed but has the bound 0"),
             (|s| s.bound[3] = f32::NAN, "vertex 3 has the bound NaN"),
-            (|s| s.v[3].p.x = f32::NAN, "vertex 3 stands at"),
+            (|s| s.v[3].p.x = f32::NAN, "vertex 3 is at"),
             (|s| s.v[3].count += 1, "has a list of 4 in a room of 3"),
             (|s| s.v[3].count -= 1, "vertex 3 has 3 live faces and lists 2"),
-            (|s| (s.t[3][0], s.live_faces) = (NONE, 5), "lists face 3, which is gone"),
-            (|s| s.v[8].kind = s.v[7].kind, "vertex 8 lives without a face"),
+            (|s| (s.t[3][0], s.live_faces) = (NONE, 5), "lists face 3, which is removed"),
+            (|s| s.v[8].kind = s.v[7].kind, "vertex 8 is live without a face"),
             (|s| s.v[3].head = s.v[0].head, "is listed twice, last at 3"),
             (|s| s.corners[0] = Corner::new(3, 1), "lists the corner 1 of face 3, which is of 2"),
             (|s| s.v[0].room += 1, "vertex 0 has the room from 0 to 4, and 1 from 3 on"),
             (|s| s.v[1].origin = VertexId(0), "vertices 0 and 1 have the number 0"),
             (|s| (s.merged_into[2], s.merged_into[8]) = (VertexId(8), VertexId(2)), "merged into"),
         ];
-        for (breaks, told) in cases {
+        for (breaks, wanted) in cases {
             let mut store = sound();
             breaks(&mut store);
-            let why = store.check().expect_err(told);
-            assert!(why.contains(told), "{why}; not: {told}");
+            let why = store.check().expect_err(wanted);
+            assert!(why.contains(wanted), "{why}; not: {wanted}");
         }
     }
 
     #[test]
-    fn mergers_that_go_round_are_told() {
+    fn cycles_of_mergers_are_reported() {
         let mut store = sound();
         store.merged_into.extend([VertexId(10), VertexId(9)]);
-        let why = store.check().expect_err("9 and 10 go round");
+        let why = store.check().expect_err("9 and 10 form a cycle");
         assert!(why.contains("number 9 was merged into itself"), "{why}");
     }
 
     #[test]
-    fn a_face_that_goes_leaves_the_lists_in_order() {
+    fn removing_a_face_keeps_the_lists_in_order() {
         let mut store = sound();
         let faces = |store: &Store<Tensor>, u| -> Vec<usize> {
             store.listed(VertexId(u)).iter().map(|c| c.face()).collect()
