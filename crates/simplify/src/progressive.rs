@@ -30,7 +30,7 @@ const CHANGE_BLOCK_LEN: usize = 256;
 /// A progressive mesh: a base mesh (level 0) and vertex splits, each of which leads to the next level, up to
 /// the full mesh.
 ///
-/// A level depends on its number alone, not on the levels visited before. Buffers keep their length and
+/// A level depends only on its number, not on the levels visited before. Buffers keep their length and
 /// numbering: at any level the live elements are the first [`Counts`] of them, and a vertex that no face uses
 /// may be among them. Clones share the data that never changes, so many levels of one mesh can be held at
 /// once.
@@ -180,19 +180,19 @@ impl Progressive {
     pub fn levels(&self) -> usize {
         self.top() + 1
     }
-    /// Returns the present level, which is the number of splits done.
+    /// Returns the current level, which is the number of splits done.
     pub fn level(&self) -> usize {
         self.level
     }
-    /// Returns the numbers of elements at the present level.
+    /// Returns the numbers of elements at the current level.
     pub fn counts(&self) -> Counts {
         self.sequence.splits.counts[self.level]
     }
-    /// Returns the number of faces at the present level.
+    /// Returns the number of faces at the current level.
     pub fn face_count(&self) -> usize {
         self.counts().faces as usize
     }
-    /// Returns the number of vertices at the present level that a face uses.
+    /// Returns the number of vertices at the current level that a face uses.
     pub fn vertex_count(&self) -> usize {
         self.sequence.vertices[self.level] as usize
     }
@@ -230,7 +230,8 @@ impl Progressive {
     pub fn level_of_faces(&self, n: usize) -> usize {
         self.sequence.splits.counts.partition_point(|c| c.faces as usize <= n).saturating_sub(1)
     }
-    /// Returns the finest level with at most `n` vertices in use, there and at all coarser ones, or the base.
+    /// Returns the finest level with at most `n` vertices in use, at this and all coarser levels, or the
+    /// base.
     pub fn level_of_vertices(&self, n: usize) -> usize {
         self.sequence.most_vertices.partition_point(|&v| v as usize <= n).saturating_sub(1)
     }
@@ -348,7 +349,7 @@ impl Progressive {
         self.vertex_of.as_ref().map_or(self.positions.len(), Vec::len)
     }
 
-    /// Returns the mesh of the present level as recorded, without a fit. The full level is the mesh that was
+    /// Returns the mesh of the current level as recorded, without a fit. The full level is the mesh that was
     /// recorded, bit for bit; other levels have no unused vertices, and keep the order of the recorded mesh
     /// where it is known.
     ///
@@ -357,7 +358,7 @@ impl Progressive {
     pub fn mesh(&self) -> Result<TriMesh, MeshError> {
         self.extract(&self.positions, &self.values)
     }
-    /// Returns the mesh of the present level, with the fit of the checkpoints.
+    /// Returns the mesh of the current level, with the fit of the checkpoints.
     ///
     /// # Errors
     /// Those of [`Progressive::mesh`].
@@ -376,7 +377,7 @@ impl Progressive {
         self.correct(&mut positions, &mut []);
         positions
     }
-    /// Returns the estimated distance (RMS) of the present level, with its fit, from the full mesh, in the
+    /// Returns the estimated distance (RMS) of the current level, with its fit, from the full mesh, in the
     /// units of the positions; it is never smaller for a coarser level. It is interpolated between
     /// checkpoints by the number of faces. Without checkpoints it is 0.
     pub fn error(&self) -> f64 {

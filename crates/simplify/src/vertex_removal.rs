@@ -103,12 +103,15 @@ struct RemovalPlan {
 
 impl<'a> Removal<'a> {
     fn new(task: &'a Task<'a>) -> Self {
-        let (options, ground) = (task.options, task.input);
-        let count = ground.points.len();
+        let (options, prepared) = (task.options, task.input);
+        let count = prepared.points.len();
         let guards = &options.guards;
         Self {
             task,
-            store: FaceStore::new(ground, task.mesh.map_or_else(Seams::default, |m| Seams::new(ground, m))),
+            store: FaceStore::new(
+                prepared,
+                task.mesh.map_or_else(Seams::default, |m| Seams::new(prepared, m)),
+            ),
             bounds: vec![0.0; count],
             error: vec![0.0; count],
             number: vec![OUTSIDE; count],
@@ -117,7 +120,7 @@ impl<'a> Removal<'a> {
             filler: HoleFiller::new(Limits::new(guards.max_normal_deg, guards.min_quality)),
             triangles: Vec::new(),
             crease_cos: libm::cos(options.method.crease_deg().unwrap_or(CREASE_DEG).to_radians()),
-            max_edge_sq: guards.max_edge.map_or(f64::INFINITY, |l| ground.length(l).powi(2)),
+            max_edge_sq: guards.max_edge.map_or(f64::INFINITY, |l| prepared.length(l).powi(2)),
             steps: 0,
             refusals: [0; Refusal::ALL.len()],
         }

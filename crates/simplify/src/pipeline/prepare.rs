@@ -113,7 +113,7 @@ impl<'a> Prepared<'a> {
         weld::weld_within(positions, distance.in_units(diagonal))
     }
 
-    /// Joins vertices; those at locked ones go there.
+    /// Joins vertices; vertices near locked ones are joined onto these.
     fn join(&mut self, weld: &Weld) -> Result<(), SimplifyError> {
         let surface = &self.input.surface;
         let positions = surface.positions();
@@ -159,7 +159,7 @@ mod tests {
     use crate::test_support::tetrahedron;
 
     #[test]
-    fn near_vertices_are_merged_and_small_parts_removed() {
+    fn close_vertices_are_merged_and_small_parts_removed() {
         use glam::Vec3;
         let small = tetrahedron().and(&tetrahedron().scaled(0.01), Vec3::X * 1.005);
         let mesh = small.mesh();
@@ -179,7 +179,7 @@ mod tests {
         options.weld = Some(Length::Units(0.006));
         let welded = prepared(&options);
         // Vertex 4 is .005 from vertex 1.
-        let joined = welded.joined.as_ref().expect("vertices are near");
+        let joined = welded.joined.as_ref().expect("some vertices are close");
         assert_eq!(joined[4], joined[1]);
         assert_ne!(joined[0], joined[1]);
     }

@@ -143,7 +143,7 @@ impl Chains {
         self.side_start.push(self.sides.len());
     }
 
-    /// Runs Douglas-Peucker on each chain. Closed ones keep three vertices.
+    /// Runs Douglas-Peucker on each chain. Closed chains keep at least three vertices.
     fn find_needed(&mut self, points: &[DVec3], flat: f64) {
         self.needed = vec![false; self.vertices.len()];
         let mut chain = Vec::new();
@@ -212,7 +212,8 @@ fn sides(topology: &Topology, regions: &Regions, h: HalfEdgeId, along: bool, out
     out.sort_unstable();
 }
 
-/// Marks the vertices between two of a chain that lie farther than `flat` from the edges that replace them.
+/// Marks the vertices between two vertices of a chain that are farther than `flat` from the edges that
+/// replace them.
 fn split(chain: &[DVec3], first: usize, last: usize, flat: f64, needed: &mut [bool]) {
     let mut open = vec![(first, last, 0)];
     while let Some((a, b, depth)) = open.pop() {
@@ -265,13 +266,13 @@ mod tests {
         let points = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0], [4.0, 1.0]];
         assert_eq!(kept(&points, 1e-9), [3]);
         assert_eq!(kept(&points, 1.0), []);
-        // Out and back: the tip is needed, though it lies on the line.
+        // Out and back: the tip is needed, although it lies on the line.
         assert_eq!(kept(&[[0.0, 0.0], [1.0, 0.0], [4.0, 0.0], [2.0, 0.0]], 1e-9), [2]);
     }
 
     #[test]
-    fn a_chain_that_shrinks_from_end_to_end_is_quick() {
-        // The farthest vertex is always the next one.
+    fn chains_with_uneven_splits_are_quick() {
+        // Here the farthest vertex is always the next one.
         let points: Vec<[f64; 2]> =
             (0..200_000).map(|i| [f64::from(i), (-f64::from(i) / 300.0).exp() * f64::from(i % 2)]).collect();
         let kept = kept(&points, 1e-9);

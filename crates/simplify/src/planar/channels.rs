@@ -65,7 +65,7 @@ impl<'a> Channels<'a> {
             let (weight, tolerance, share) = match a.semantic {
                 Semantic::Uv(_) => (weights.uv, UV_TOLERANCE, ROUNDING),
                 Semantic::Color(_) => (weights.color, COLOR_TOLERANCE, ROUNDING),
-                // Tangents are directions, like normals; numbers that identify something must be constant.
+                // Tangents are directions, like normals; values that identify something must be constant.
                 Semantic::Tangent => (weights.normal, NORMAL_TOLERANCE, ROUNDING),
                 Semantic::Joints(_) | Semantic::Discrete { .. } => (weights.other, 0.0, 0.0),
                 Semantic::Morph { of: Morphed::Position, .. } => (weights.morph, flat as f32, ROUNDING),

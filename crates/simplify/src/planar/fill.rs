@@ -9,7 +9,7 @@ use super::regions::height;
 
 /// Triangles lower than this, in the unit frame, have no area beyond rounding.
 const MIN_HEIGHT: f64 = 1e-15;
-/// Triangles steeper than this against the plane of their region would be spikes; a cosine. (Guessed.)
+/// Cosine of the angle to the plane of their region beyond which triangles are spikes. (Guessed.)
 const MIN_NORMAL_COS: f64 = 0.5;
 
 /// Outline of a region and the requirements on its triangulation.
@@ -131,7 +131,8 @@ impl RegionFiller {
     }
 }
 
-/// True if the triangles have the required number, cover the outline, and none is a spike or has no area.
+/// True if there are as many triangles as required, they cover the outline, and none is a spike or without
+/// area.
 fn is_sound(outline: &Outline<'_>, faces: &[[VertexId; 3]]) -> bool {
     let Some(&[first, _]) = outline.edges.first() else { return false };
     let from = outline.points[first.index()];
@@ -160,7 +161,7 @@ mod tests {
         inside: &[u32],
         count: usize,
     ) -> Option<Vec<[VertexId; 3]>> {
-        // Tilted, so that nothing is axis-aligned.
+        // A tilted plane, so that nothing is axis-aligned.
         let (u, v) = (DVec3::new(0.6, 0.0, 0.8), DVec3::new(0.0, 1.0, 0.0));
         let points: Vec<DVec3> = points.iter().map(|p| u * p[0] + v * p[1]).collect();
         let edges: Vec<[VertexId; 2]> = loops
@@ -191,7 +192,7 @@ mod tests {
         // | 4---5 |
         // 0-------1
         assert!(filled(&SQUARES, &[&[0, 1, 2, 3], &[4, 7, 6, 5]], &[], 8).is_some());
-        // Invalid as an island instead of a hole, or with another number of triangles.
+        // Invalid if the hole is an island instead, or with another number of triangles.
         assert!(filled(&SQUARES, &[&[0, 1, 2, 3], &[4, 5, 6, 7]], &[], 8).is_none());
         assert!(filled(&SQUARES, &[&[0, 1, 2, 3], &[4, 7, 6, 5]], &[], 6).is_none());
         // An inner vertex adds two triangles.

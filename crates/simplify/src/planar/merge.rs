@@ -14,8 +14,8 @@ use crate::SimplifyError;
 use crate::control::{Control, Verdict};
 use crate::report::Refusal;
 
-/// Maximum number of repair rounds; after them all faces are kept as they were. (A round repairs everything
-/// that it finds; three are the most that was seen on dirty models.)
+/// Maximum number of repair rounds; after these, all faces are kept as they were. (A round repairs everything
+/// that it finds; at most three rounds have been seen on dirty models.)
 const MAX_ROUNDS: usize = 40;
 /// Faces of regions between two progress calls.
 const ASK_EVERY: usize = 4096;
@@ -31,7 +31,7 @@ impl Count {
     pub(super) fn meets(self, goal: Self) -> bool {
         self.faces <= goal.faces || self.vertices <= goal.vertices
     }
-    /// Returns the number of vertices that can be kept inside a region while the goal stays met; each adds
+    /// Returns the number of vertices that can be kept inside a region while the goal is still met; each adds
     /// two faces.
     fn spare(self, goal: Self) -> i64 {
         ((goal.faces - self.faces) / 2).max(goal.vertices - self.vertices).max(0)
@@ -70,14 +70,14 @@ struct InnerVertices {
     fans: i64,
     /// Vertices with no other fan, so that they can be removed.
     vertices: i64,
-    /// Locked ones among them.
+    /// Locked vertices among them.
     locked: i64,
 }
 
 #[derive(Clone, Default, PartialEq, Eq)]
 struct MergePlan {
     is_chosen: Vec<bool>,
-    /// Chains whose needless vertices are dropped.
+    /// Chains whose unneeded vertices are dropped.
     is_cut: Vec<bool>,
     /// A region, and the number of inner vertices that it keeps.
     spared: Option<(usize, i64)>,
@@ -99,7 +99,7 @@ pub(super) struct RegionMerge<'a> {
     entry_start: Vec<usize>,
     entries: Vec<(u32, bool)>,
     inside: Vec<InnerVertices>,
-    /// The region that surrounds each vertex with all of its faces.
+    /// For each vertex, the region that has all of its faces, if there is one.
     owner: Vec<u32>,
     level: Vec<RefillLevel>,
     /// Regions with savings, largest first.
@@ -191,7 +191,7 @@ impl<'a> RegionMerge<'a> {
         &self.entries[self.entry_start[region]..self.entry_start[region + 1]]
     }
 
-    /// Number of faces removed if a region and all around it are re-triangulated.
+    /// Number of faces removed if a region and all regions around it are re-triangulated.
     fn savings(&self, region: usize) -> i64 {
         let inside = &self.inside[region];
         let needless = |&(c, _): &(u32, bool)| self.before.chains.needless(c as usize) as i64;
@@ -301,7 +301,7 @@ impl<'a> RegionMerge<'a> {
         unreachable!("the last round returns")
     }
 
-    /// True if the present fill of a region does not match the plan.
+    /// True if the current triangulation of a region does not match the plan.
     fn is_stale(&self, r: usize, last: &MergePlan, plan: &MergePlan) -> bool {
         let was_chosen = last.is_chosen.get(r).copied().unwrap_or(false);
         let spared = |p: &MergePlan| p.spared.filter(|s| s.0 == r).map_or(0, |s| s.1);
@@ -349,8 +349,8 @@ impl<'a> RegionMerge<'a> {
         self.fills[r].is_some()
     }
 
-    /// Returns the locked inner vertices of a region, and `spared` others, evenly along the Morton order of
-    /// the vertices.
+    /// Returns the locked inner vertices of a region, and `spared` others, evenly spaced in the Morton order
+    /// of the vertices.
     fn stay_inside(&self, r: usize, spared: i64) -> Vec<VertexId> {
         if self.inside[r].locked + spared == 0 {
             return Vec::new();
@@ -404,17 +404,19 @@ impl<'a> RegionMerge<'a> {
         (faces, stands_for, region)
     }
 
-    /// Reverts regions whose new edges or faces conflict with existing ones; returns true if there are none.
+    /// Reverts regions whose new edges or faces conflict with existing ones; returns true if there are no
+    /// conflicts.
     fn mend(&mut self, faces: &[[VertexId; 3]], region: &[u32], plan: &MergePlan) -> bool {
         if self.fills.iter().all(Option::is_none) {
             return true;
         }
         let positions = PositionsView::F64(bytemuck::cast_slice(self.before.points));
-        let surface = Surface::with_triangles(positions, faces.to_vec()).expect("vertices are of the ground");
+        let surface =
+            Surface::with_triangles(positions, faces.to_vec()).expect("the faces use vertices of the input");
         let topology = Topology::unwelded(&surface);
         let borders = self.cut_edges(plan);
         let mut wrong: Vec<usize> = Vec::new();
-        // Of the regions filled along an edge the last is reverted: the others may stay.
+        // Of the regions filled along an edge, only the last is reverted: the others may stay.
         let latest = |h: HalfEdgeId| {
             topology
                 .edge(h)
@@ -454,7 +456,8 @@ impl<'a> RegionMerge<'a> {
         wrong.is_empty()
     }
 
-    /// Returns the number of faces along an edge in the input, if that edge was of the same kind; else 0.
+    /// Returns the number of faces along an edge in the input, if the edge was of the same kind there; else
+    /// 0.
     fn faces_before(&self, [a, b]: [VertexId; 2], kind: Option<EdgeKind>) -> usize {
         let topology = self.before.topology;
         let found = topology

@@ -45,7 +45,7 @@ pub(super) struct Regions {
     pub(super) normals: Vec<DVec3>,
     start: Vec<usize>,
     faces: Vec<u32>,
-    /// True if the caller ended the growing early, so that the last faces are regions of one.
+    /// True if the caller ended the growing early, so that the last faces are regions of their own.
     pub(super) is_over: bool,
 }
 
@@ -59,17 +59,17 @@ impl Regions {
 }
 
 /// Grows regions until each face has one. If the caller finishes early, the remaining faces become regions of
-/// one.
+/// their own.
 ///
 /// At any time all faces of a region lie within the tolerance of its plane, and their attributes within their
-/// tolerance of linear functions on it. Plane and functions are refitted whenever the region has doubled, and
-/// only if they fit all of it. Cost: O(n log n) to sort the seeds, O(n) for the rest.
+/// tolerance of linear functions on it. Plane and functions are refitted whenever the region has doubled; the
+/// new ones are used only if they fit all of it. Cost: O(n log n) to sort the seeds, O(n) for the rest.
 pub(super) fn grow(field: &RegionInput<'_>, control: &mut dyn Control) -> Result<Regions, SimplifyError> {
     let count = field.faces.len();
     let mut seeds: Vec<(u32, u32)> = (0..count)
         .map(|f| {
             let area = field.double_area(f).length() as f32;
-            // Larger ones first; the bits of positive floats sort like the numbers.
+            // Larger faces first; the bits of positive floats sort like the numbers.
             (!area.to_bits(), f as u32)
         })
         .collect();
@@ -356,7 +356,7 @@ fn is_along(field: &RegionInput<'_>, normal: DVec3, face: usize) -> bool {
         return true;
     }
     let height = height(field.corners(face));
-    // Faces this low may have any orientation; others may be tilted by as much as rounding explains.
+    // Faces as low as this may have any orientation; others may be tilted by as much as rounding explains.
     height <= 2.0 * tolerance.noise
         || along > 0.0 && across <= area.length() * (sin + 2.0 * tolerance.noise / height)
 }
@@ -407,8 +407,8 @@ mod tests {
 
     #[test]
     fn a_region_does_not_drift_along_a_curve() {
-        // Faces side by side on a tube of 360 sides are within a degree of each other; those of a region lie within
-        // five of one plane, so there are about ten degrees of the tube in each.
+        // Neighbouring faces of a tube of 360 sides are within one degree of each other; the faces of a
+        // region are within five degrees of its plane, so each region has about ten degrees of the tube.
         let regions = grown(&shapes::cylinder(360, 3), 1e9, 5.0);
         assert!((36..=45).contains(&regions.count()), "{} regions", regions.count());
         let regions = grown(&shapes::cylinder(360, 3), 1e-9, 5.0);

@@ -5,14 +5,14 @@ use lodsmith_core::{FaceId, Positions, RegionId, TriMesh, VertexId, WedgeId};
 
 use crate::collapse::record::{Log, LoggedChange, MeshCopy};
 
-/// Splits, and the names of their elements in the record.
+/// Splits, and the numbers of their elements in the record.
 pub(super) struct Arranged {
     pub(super) data: SplitData,
     /// The changes of the record, first contraction first: as many as there are splits.
     pub(super) order: Vec<usize>,
     /// The face of the input for each face of the splits.
     pub(super) faces: Vec<FaceId>,
-    /// The name of each vertex and of each wedge.
+    /// The number of each vertex and of each wedge in the record.
     pub(super) vertices: Vec<VertexId>,
     pub(super) wedges: Vec<WedgeId>,
 }
@@ -85,7 +85,7 @@ pub(super) fn merged(log: &Log, change: usize) -> &[(VertexId, VertexId)] {
     &log.merged[entries(&log.steps, change, 5)]
 }
 
-/// The splits being built, and the mesh at the present level in the names of the record.
+/// The splits being built, and the mesh at the current level in the numbering of the record.
 struct Builder<'a> {
     copy: MeshCopy,
     input: &'a TriMesh,
@@ -99,7 +99,7 @@ struct Builder<'a> {
 }
 
 /// Puts changes in an order in which each level is a good mesh, and elements in the order in which they
-/// become live. `copy` is the mesh at the end of the record; `by_place` are the faces of the input in an
+/// become live. `copy` is the mesh at the end of the record; `by_place` has the faces of the input in an
 /// order that is local in space.
 pub(super) fn build_splits(input: &TriMesh, copy: MeshCopy, log: &Log, by_place: &[FaceId]) -> Arranged {
     let steps = &log.steps;
@@ -177,7 +177,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Returns the number of a vertex, which becomes live now if it is not yet.
+    /// Returns the number of a vertex, which becomes live now unless it is already.
     fn vertex(&mut self, name: VertexId) -> VertexId {
         let number = &mut self.number_of_vertex[name.index()];
         if *number == NO_NUMBER {
@@ -192,7 +192,7 @@ impl<'a> Builder<'a> {
         VertexId(*number)
     }
 
-    /// Returns the number of a wedge, which becomes live now if it is not yet.
+    /// Returns the number of a wedge, which becomes live now unless it is already.
     fn wedge(&mut self, name: WedgeId) -> WedgeId {
         if self.number_of_wedge[name.index()] == NO_NUMBER {
             self.number_of_wedge[name.index()] = self.wedges.len() as u32;
@@ -357,7 +357,7 @@ mod tests {
         // The empty cleanup is no split.
         assert_eq!(order, [1]);
         assert_eq!(merged(&log, 1), [(VertexId(0), VertexId(1))]);
-        // Two faces of the base, then the dead ones; the apex comes last.
+        // Two faces of the base, then the removed ones; the apex comes last.
         assert_eq!(faces, [1, 2, 0, 3].map(FaceId));
         assert_eq!(vertices, [1, 2, 3, 4, 0].map(VertexId));
         assert_eq!(wedges, [1, 2, 3, 4, 0].map(WedgeId));
@@ -397,22 +397,25 @@ mod tests {
         let by_place: Vec<FaceId> = (0..4).rev().map(FaceId).collect();
         let arranged = build_splits(&input, copy, &log, &by_place);
         assert_eq!(arranged.order, [2, 1]);
-        // The base in the order of place, then the most expensive change.
+        // The base in spatial order, then the most expensive change.
         assert_eq!(arranged.faces, [3, 2, 0, 1].map(FaceId));
     }
 
     #[test]
-    fn rows_hold_all_attributes_of_a_wedge_in_order() {
+    fn rows_contain_all_attributes_of_a_wedge_in_order() {
         let mut mesh = pyramid(0.5).mesh();
         let value = |w: u32, i: u32| (10 * w + i) as f32;
-        mesh.set_normals(Some((0..5).map(|w| [0, 1, 2].map(|i| value(w, i))).collect())).expect("one each");
-        mesh.set_uvs(Some((0..5).map(|w| [3, 4].map(|i| value(w, i))).collect())).expect("one each");
+        mesh.set_normals(Some((0..5).map(|w| [0, 1, 2].map(|i| value(w, i))).collect()))
+            .expect("one for each wedge");
+        mesh.set_uvs(Some((0..5).map(|w| [3, 4].map(|i| value(w, i))).collect()))
+            .expect("one for each wedge");
         let values = (0..5).map(|w| value(w, 5)).collect();
         let own = Attribute { semantic: Semantic::Custom("_HEAT".into()), width: 1, values };
-        mesh.add_attribute(own).expect("one each");
+        mesh.add_attribute(own).expect("one for each wedge");
         assert_eq!(layout(&mesh).width(), 6);
         assert_eq!(rows(&mesh), (0..5).flat_map(|w| (0..6).map(move |i| value(w, i))).collect::<Vec<_>>());
-        let alone = crate::Progressive::new(Splits::new(single_level(&mesh)).expect("a mesh as it is"));
-        assert_eq!((alone.top(), alone.mesh().expect("a mesh")), (0, mesh));
+        let single =
+            crate::Progressive::new(Splits::new(single_level(&mesh)).expect("splits of a valid mesh"));
+        assert_eq!((single.top(), single.mesh().expect("a mesh")), (0, mesh));
     }
 }

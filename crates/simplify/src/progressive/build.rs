@@ -35,19 +35,19 @@ pub(super) struct RecordedMesh {
 
 /// Costs of contractions, in an order in which they can be done.
 pub(super) struct Costs {
-    /// Cost of each split, from the base on: never rising.
+    /// Cost of each split, starting at the base; never rising.
     pub(super) of_split: Vec<f32>,
     /// Number of splits from the base on that follow all others in a scene's order of contractions, whatever
     /// they cost: they restore parts that were removed because no other collapse was left.
     pub(super) late: usize,
-    /// Units of the mesh for one of the unit frame, and twice the mean area of a face there.
+    /// Length in the mesh of one unit of the unit frame, and twice the mean area of a face in the unit frame.
     unit: f64,
     mean: f64,
     dimension: Dimension,
 }
 
 impl Costs {
-    /// Returns the factor that makes costs comparable with those of other meshes, for a mesh scaled by
+    /// Returns the factor that makes costs comparable with the costs of other meshes, for a mesh scaled by
     /// `scale`.
     pub(super) fn factor(&self, scale: f64) -> f64 {
         self.dimension.of(self.unit * scale, self.mean)
@@ -58,9 +58,9 @@ impl Progressive {
     /// Records the simplification of a mesh down to its stops or, without any, as far as possible. The result
     /// is at the level of the full mesh.
     ///
-    /// A stop at an error refers to the [estimate](Self::error). Methods that make a new mesh at once cannot
-    /// be recorded. Cost: three to eight times the time of a run of [`simplify`](crate::simplify()) to the
-    /// end (docs/progressive.md).
+    /// A stop at an error refers to the [estimate](Self::error). Methods that build a new mesh in one step
+    /// cannot be recorded. Cost: three to eight times the time of a full run of
+    /// [`simplify`](crate::simplify()) (docs/progressive.md).
     ///
     /// # Errors
     /// Those of [`simplify`](crate::simplify()); [`SimplifyError::NotOfMethod`] for a method without
@@ -95,7 +95,7 @@ pub(super) fn build(
     let Prepared { input, options, .. } = &Prepared::new(whole, with_normals.as_ref(), None, &options)?;
     let mut ordered = run::ordered(input, control)?;
     let sheets = TwoSidedInput::find(whole, input, &ordered, options)?;
-    // (Vertices that were welded come back as they were only from a record of the whole.)
+    // (Welded vertices can be restored only from a record of the whole input.)
     if let Some(sheets) = sheets.filter(|sheets| sheets.is_exact() && options.weld.is_none()) {
         drop(ordered);
         return build_both_sides(&sheets, options, control);
@@ -130,8 +130,8 @@ fn build_both_sides(
     let own = SimplifyOptions { stop: sheets.lowest_stop(&options.stop), ..options.clone() };
     let RecordedMesh { mesh, mut costs } = build(&sheets.input(), &own, control)?;
     let data = sheets.both_splits(mesh.into_splits().into_data());
-    let mut mesh = Progressive::new(Splits::new(data).expect("both sides name what is there"));
-    // Counts of both sides are known only now.
+    let mut mesh = Progressive::new(Splits::new(data).expect("the elements of both sides exist"));
+    // The counts of both sides are known only now.
     let Stop { faces, vertices, ratio, .. } = options.stop;
     if faces.is_some() || vertices.is_some() || ratio.is_some() {
         let goal = run::goal(options, sheets.whole().face_count());
@@ -153,7 +153,7 @@ fn record_run<M: Metric>(
     mesh: &TriMesh,
     control: &mut dyn Control,
 ) -> Result<RecordedMesh, SimplifyError> {
-    // Attribute weights are needed for the levels that are fitted; during the run those of its end are used.
+    // Attribute weights are needed for each fitted level; the run itself uses the weights of its end.
     let mut goals = fitted_goals(run.input.surface.triangles().len());
     goals.push(run.goal);
     let Started { mut engine, rows, originals, is_kept, weights: weights_of_attributes, .. } =
@@ -236,11 +236,12 @@ fn build_progressive(
         weights,
         fits,
     };
-    let mut progressive = Progressive::new(Splits::new(arranged.data).expect("a record names what is there"));
+    let mut progressive =
+        Progressive::new(Splits::new(arranged.data).expect("the elements of a record exist"));
     let checkpoints = recorded.checkpoints(run, &mut progressive, value_fitter.as_mut(), control)?;
     let mut data = progressive.into_splits().into_data();
     data.checkpoints = checkpoints;
-    let progressive = Progressive::new(Splits::new(data).expect("checkpoints of levels that are there"));
+    let progressive = Progressive::new(Splits::new(data).expect("the levels of the checkpoints exist"));
     Ok(RecordedMesh { mesh: progressive, costs })
 }
 
@@ -268,8 +269,8 @@ fn record<Q: VertexMemory>(
     Record::new(names, copy, run.ordered.frame, rows, home)
 }
 
-/// Returns the names in the input of the engine's elements and, if wedges keep their own numbers, the vertex
-/// of each wedge.
+/// Returns the input numbers of the engine's elements and, if wedges keep their own numbers, the vertex of
+/// each wedge.
 fn names<Q: VertexMemory>(
     run: &Run<'_, '_>,
     store: &Store<Q>,
@@ -315,21 +316,21 @@ mod tests {
     use crate::test_support::{octahedron, tetrahedron};
 
     #[test]
-    fn weights_are_computed_at_counts_a_third_apart() {
+    fn weights_are_computed_at_counts_that_fall_by_a_third() {
         let counts = |n: usize| fitted_goals(n).iter().filter_map(|g| g.faces).collect::<Vec<_>>();
         assert_eq!(counts(10), [10, 7, 4, 2]);
         assert!(counts(1).is_empty());
     }
 
     #[test]
-    fn costs_never_rise_from_the_base_on_and_part_removals_are_late() {
+    fn costs_never_rise_from_the_base_and_part_removals_come_last() {
         let two = octahedron().and(&tetrahedron(), glam::Vec3::X * 3.0);
         let options = SimplifyOptions::default();
         let RecordedMesh { mesh, costs } =
             build(&Input::new(&two.mesh()), &options, &mut NoControl).expect("two parts");
         assert_eq!(costs.of_split.len(), mesh.top());
         assert!(costs.of_split.is_sorted_by(|a, b| a >= b), "{:?}", costs.of_split);
-        // At last one of the two parts is removed, when no collapse is left.
+        // At the end, when no collapse is left, one of the two parts is removed.
         assert!(costs.late > 0 && costs.late < mesh.top(), "{} of {}", costs.late, mesh.top());
         // A cost is an area times a squared distance.
         assert!((costs.factor(2.0) / costs.factor(1.0) - 16.0).abs() < 1e-9);
@@ -350,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_recorded_is_named() {
+    fn options_that_cannot_be_recorded_are_rejected() {
         let run = |set: &dyn Fn(&mut SimplifyOptions), mesh: &TriMesh| {
             let mut options = SimplifyOptions::default();
             set(&mut options);

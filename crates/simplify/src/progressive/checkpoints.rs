@@ -20,17 +20,17 @@ use crate::ordered_input::KeptInput;
 use crate::run::Run;
 use crate::tensor::Tensor;
 
-/// Faces of a checkpoint, as a fraction of those of the next finer one. (docs/decisions/0018)
+/// Faces of a checkpoint, as a fraction of the faces of the next finer one. (docs/decisions/0018)
 const CHECKPOINT_FACTOR: f64 = 0.8;
 /// The fraction below [`FINE_BELOW_FACES`] faces, where a level costs little and each split counts much.
 const FINE_CHECKPOINT_FACTOR: f64 = 0.9;
 const FINE_BELOW_FACES: f64 = 1000.0;
-/// Least number of splits between checkpoints: each checkpoint takes some twenty bytes of a file, and levels
-/// of a few dozen faces vary strongly from split to split.
+/// Minimum number of splits between checkpoints: each checkpoint takes about twenty bytes of a file, and
+/// levels of a few dozen faces vary strongly from split to split.
 const MIN_SPLITS_BETWEEN: usize = 4;
 /// A level of at most this many faces is fitted twice in a row. (Measured: the second fit improves the RMS by
-/// 1 to 3 %, a third by nothing. A recorded level is a few per cent farther away there than the result of a
-/// run with that goal.)
+/// 1 to 3 %, a third by nothing. At such counts a recorded level is a few per cent farther away than the
+/// result of a run with that goal.)
 const FIT_TWICE_UP_TO_FACES: usize = 20_000;
 
 /// Factors from the costs of contractions to squared distances in the unit frame.
@@ -40,16 +40,16 @@ pub(super) struct Weights {
     pub(super) lost: f64,
 }
 
-/// A progressive mesh as recorded, in the names of the record.
+/// A progressive mesh as recorded, in the numbering of the record.
 pub(super) struct Recorded<'a> {
     /// The changes, first contraction first.
     pub(super) order: &'a [usize],
     /// The face of the input for each face.
     pub(super) faces: &'a [FaceId],
-    /// The name of each vertex.
+    /// The number of each vertex in the record.
     pub(super) vertices: &'a [VertexId],
     pub(super) log: &'a Log,
-    /// The name of each vertex of the ordered input, and of those made by cuts later.
+    /// The number in the record of each vertex of the ordered input, and of vertices created by cuts.
     pub(super) origins: &'a [VertexId],
     /// Faces of the input in the order of the engine.
     pub(super) morton_faces: &'a [FaceId],
@@ -71,11 +71,11 @@ impl Recorded<'_> {
     ) -> Result<Vec<Checkpoint>, SimplifyError> {
         let top = progressive.top();
         // The cleanup at the start is no contraction.
-        let begin = top - usize::from(self.order.first() == Some(&0));
-        let levels = self.levels(progressive, begin);
+        let start = top - usize::from(self.order.first() == Some(&0));
+        let levels = self.levels(progressive, start);
         let mut into: Vec<VertexId> = (0..self.origins.len() as u32).map(VertexId).collect();
         let (mut done, mut spent, mut lost) = (top, 0.0, 0.0);
-        let mut checkpoints = vec![Checkpoint { level: begin as u32, ..Checkpoint::default() }];
+        let mut checkpoints = vec![Checkpoint { level: start as u32, ..Checkpoint::default() }];
         for (i, &level) in levels.iter().enumerate() {
             if control.progress(i as f64 / levels.len() as f64) == Verdict::Cancel {
                 return Err(SimplifyError::Cancelled);
@@ -107,11 +107,11 @@ impl Recorded<'_> {
         Ok(checkpoints)
     }
 
-    /// Returns the levels below `begin`, finest first, the base last.
-    fn levels(&self, progressive: &Progressive, begin: usize) -> Vec<usize> {
+    /// Returns the levels below `start`, finest first, the base last.
+    fn levels(&self, progressive: &Progressive, start: usize) -> Vec<usize> {
         let counts = &progressive.splits().counts;
         let mut levels = Vec::new();
-        let (mut level, mut wanted) = (begin, f64::from(counts[begin].faces));
+        let (mut level, mut wanted) = (start, f64::from(counts[start].faces));
         while level > 0 {
             wanted *= if wanted < FINE_BELOW_FACES { FINE_CHECKPOINT_FACTOR } else { CHECKPOINT_FACTOR };
             let next = progressive.level_of_faces(wanted as usize);
@@ -123,7 +123,7 @@ impl Recorded<'_> {
         levels
     }
 
-    /// Fits the present level and stores the moves. Returns the remaining mean squared distance.
+    /// Fits the current level and stores the moves. Returns the remaining mean squared distance.
     fn fit(
         &self,
         run: &Run<'_, '_>,
@@ -220,7 +220,7 @@ mod tests {
     use crate::control::NoControl;
 
     #[test]
-    fn checkpoints_thin_out_towards_the_full_mesh() {
+    fn checkpoints_become_sparser_towards_the_full_mesh() {
         let mesh = shapes::noisy_sphere(3, 0.05, 3);
         let progressive =
             Progressive::build(&mesh, &SimplifyOptions::default(), &mut NoControl).expect("a sphere");
@@ -234,7 +234,8 @@ mod tests {
             let [coarse, fine] = [&pair[0], &pair[1]];
             let [low, high] = [coarse, fine].map(|c| f64::from(counts[c.level as usize].faces));
             assert!(fine.error <= coarse.error, "{} after {}", coarse.error, fine.error);
-            // Each has four fifths of the faces of the finer one, or nine tenths below a thousand; a split adds two.
+            // Each has four fifths of the faces of the next finer one, or nine tenths below a thousand faces;
+            // a split adds two.
             let is_base = coarse.level == 0;
             assert!(is_base || fine.level - coarse.level >= MIN_SPLITS_BETWEEN as u32);
             let share = if high < FINE_BELOW_FACES { FINE_CHECKPOINT_FACTOR } else { CHECKPOINT_FACTOR };

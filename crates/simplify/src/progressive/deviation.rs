@@ -8,25 +8,27 @@ use super::Progressive;
 use crate::SimplifyError;
 use crate::control::{Control, Stage, Verdict};
 
-/// Ratio of the faces of successive levels that are measured. (Guessed: the count is within 5 % of the best.)
+/// Ratio between the face counts of successive measured levels. (Guessed: the count is within 5 % of the
+/// best.)
 const LEVEL_RATIO: f64 = 1.05;
-/// Largest number of vertices of the full mesh in a first check of a level: most levels that are too far away
-/// fail it. (Guessed.)
+/// Maximum number of vertices of the full mesh in a first check of a level, which most levels that are too
+/// far away fail. (Guessed.)
 const SPOT_CHECK_VERTICES: usize = 4000;
 /// A level whose estimated RMS distance exceeds this multiple of the limit is not measured: the estimate is
-/// at most 1.1 times the RMS distance (docs/progressive.md), and the largest distance is no less than that.
+/// at most 1.1 times the RMS distance (docs/progressive.md), and the largest distance is at least the RMS
+/// distance.
 const MAX_ESTIMATE_RATIO: f64 = 4.0;
 /// Distances below this share of the diagonal are rounding.
 const ROUNDING: f64 = 1e-12;
 
 impl Progressive {
-    /// Returns the coarsest level found whose largest distance from the full mesh, measured both ways, is at
-    /// most `distance` in the units of the mesh; with the moves of its fit if `is_fitted`. If there is none,
-    /// returns the level of the full mesh.
+    /// Returns the coarsest level found whose largest distance from the full mesh, measured in both
+    /// directions, is at most `distance`, in the units of the mesh. If `is_fitted`, levels include the moves
+    /// of their fit. If there is none, returns the level of the full mesh.
     ///
-    /// The levels that are measured do not depend on the distance, so a larger one never leads to more faces.
-    /// Each has 5 % more faces than the one before. The present level does not change. Cost: about a second
-    /// for each million faces of the full mesh and each level that is nearly within the distance.
+    /// Which levels are measured does not depend on the distance, so a larger distance never leads to more
+    /// faces. Each has 5 % more faces than the one before. The current level does not change. Cost: about a
+    /// second per million faces of the full mesh and per level that is nearly within the distance.
     ///
     /// # Errors
     /// [`SimplifyError::Cancelled`] if the control cancels; otherwise those of [`Progressive::mesh`].
@@ -56,8 +58,8 @@ impl Progressive {
         Ok(self.top())
     }
 
-    /// Returns the distance of the present level from the full mesh, measured both ways; with the moves of
-    /// its fit if `is_fitted`. `None` if one of the two has no face with an extent.
+    /// Returns the distance of the current level from the full mesh, measured in both directions, with the
+    /// moves of its fit if `is_fitted`. `None` if one of the two has no face with an extent.
     ///
     /// # Errors
     /// Those of [`Progressive::mesh`].
@@ -146,16 +148,16 @@ mod tests {
             }
         }
         let progressive = Progressive::new(Splits::new(data).expect("sound splits"));
-        // From one face to two, to four, and of all levels with four to the last.
+        // One face, two, four; of all levels with four faces, the first and the last.
         assert_eq!(progressive.levels_to_measure(), [0, 1, 2, 22]);
     }
 
     #[test]
-    fn the_deviation_is_that_of_the_level_with_or_without_its_fit() {
+    fn the_deviation_includes_the_fit_if_requested() {
         let mut data = three_levels();
         data.checkpoints.clear();
-        // The base is the triangle of (0, 0), (2, 0) and (0, 1), within the full mesh, which reaches to (1, 2): that is
-        // 3 / √5 from the line x + 2 y = 2.
+        // The base is the triangle of (0, 0), (2, 0) and (0, 1), within the full mesh, which extends to (1,
+        // 2). This point is 3 / √5 from the line x + 2 y = 2.
         let mut progressive = Progressive::new(Splits::new(data).expect("sound splits"));
         progressive.to_level(0);
         let found =

@@ -12,7 +12,7 @@ struct ElementNumbering {
 }
 
 impl ElementNumbering {
-    /// Orders the elements of `is_in` by their numbers in the original; those without a number come last.
+    /// Orders the elements in `is_in` by their numbers in the original; elements without a number come last.
     fn new(is_in: &[bool], number: Option<&[u32]>) -> Self {
         let mut chosen: Vec<usize> = (0..is_in.len()).filter(|&i| is_in[i]).collect();
         if let Some(number) = number {
@@ -27,7 +27,7 @@ impl ElementNumbering {
 }
 
 impl Progressive {
-    /// Returns the mesh of the present level with these positions and values.
+    /// Returns the mesh of the current level with these positions and values.
     pub(super) fn extract(&self, positions: &Positions, values: &[f32]) -> Result<TriMesh, MeshError> {
         let counts = self.counts();
         let original = self.sequence.splits.original.as_ref();
@@ -72,9 +72,9 @@ impl Progressive {
         Ok(mesh)
     }
 
-    /// Returns the mesh of the present level with the fit of the checkpoints, in the numbering of this
-    /// progressive mesh, for rendering: face i is face i of [`Progressive::faces`], and so on. Faster than
-    /// [`Progressive::fitted_mesh`]; may have vertices that no face uses. Cost: O(n).
+    /// Returns the mesh of the current level with the fit of the checkpoints, in the numbering of this
+    /// progressive mesh, for rendering: face i is face i of [`Progressive::faces`], and so on. It is faster
+    /// than [`Progressive::fitted_mesh`], and may have vertices that no face uses. Cost: O(n).
     ///
     /// # Errors
     /// Those of [`Progressive::mesh`].
@@ -156,7 +156,7 @@ mod tests {
         // Coarser levels leave no gaps: of 5, 4, 3 and 2, vertex 2 comes first.
         progressive.to_level(1);
         assert_eq!(raw(&progressive.mesh().expect("a mesh")), [[2, 0, 1], [3, 2, 1]]);
-        // In the buffers everything keeps its number.
+        // In the buffers all elements keep their numbers.
         assert_eq!(raw(&progressive.fitted_buffers().expect("a mesh")), [[0, 1, 2], [1, 3, 2]]);
         let fitted = progressive.fitted_mesh().expect("a mesh");
         assert!((fitted.positions().view().get(VertexId(3))[2] - 2.0).abs() < 1e-6);
@@ -166,11 +166,11 @@ mod tests {
     fn vertices_without_faces_are_left_out_except_in_the_original() {
         let mut data = three_levels();
         data.checkpoints.clear();
-        // Vertex 3 loses both corners to the second split; it is part of the original.
+        // Vertex 3 loses both corners in the second split; it is part of the original.
         data.faces[2] = [4, 5, 2].map(WedgeId);
         let progressive = |data| Progressive::new(Splits::new(data).expect("sound splits"));
         assert_eq!(progressive(data.clone()).mesh().expect("a mesh").vertex_count(), 6);
-        let original = data.original.as_mut().expect("it is known");
+        let original = data.original.as_mut().expect("the original numbers are known");
         let numbers = [4, 3, 2, NO_ORIGINAL, 1, 0];
         (original.vertices, original.wedges) = (numbers.map(VertexId).into(), numbers.map(WedgeId).into());
         assert_eq!(progressive(data.clone()).mesh().expect("a mesh").vertex_count(), 5);

@@ -1,8 +1,8 @@
 //! Fit of a level, interpolated from the checkpoints on both sides of it.
 //!
-//! A correction belongs to a vertex as it is at a checkpoint. It is valid at another level if no split in
-//! between changes the position of the vertex; if corrections of both sides are valid, they are blended by
-//! the logarithm of the number of faces.
+//! A correction belongs to a vertex in its state at a checkpoint. It is valid at another level if no split in
+//! between changes the position of the vertex; if the corrections of both checkpoints are valid, they are
+//! blended by the logarithm of the number of faces.
 
 use glam::Vec3;
 use lodsmith_core::splits::{Checkpoint, Counts};
@@ -11,14 +11,14 @@ use lodsmith_core::{Positions, Semantic, VertexId, WedgeId};
 use super::Progressive;
 use crate::attributes::ranges::within;
 
-/// If the errors of two checkpoints differ by more than this factor, only the finer one counts: exactly flat
-/// parts end somewhere, and the fit of coarser levels must not affect finer ones. (Guessed; on smooth
-/// surfaces the factor is 1.2.)
+/// If the errors of two checkpoints differ by more than this factor, only the finer one counts: below some
+/// level parts are no longer exactly flat, and the fit of coarser levels must not affect finer ones.
+/// (Guessed; on smooth surfaces the factor is 1.2.)
 const MAX_ERROR_RATIO: f64 = 4.0;
 
 impl Progressive {
-    /// Returns the last checkpoint at or below a level, and the first one above; only the former if it is at
-    /// the level.
+    /// Returns the last checkpoint at or below a level, and the first one above; only the former if it is
+    /// exactly at the level.
     fn checkpoints(&self, level: usize) -> (Option<&Checkpoint>, Option<&Checkpoint>) {
         let all = &self.sequence.splits.checkpoints;
         let above = all.partition_point(|c| (c.level as usize) < level);
@@ -53,7 +53,7 @@ impl Progressive {
         }
     }
 
-    /// Returns the offsets of the positions of the present level and, with `rows`, of its rows of values;
+    /// Returns the offsets of the positions of the current level and, with `rows`, of its rows of values;
     /// empty if no checkpoint has any.
     fn corrections(&self, rows: bool) -> [Vec<f32>; 2] {
         let (below, above) = self.checkpoints(self.level);
@@ -87,7 +87,7 @@ impl Progressive {
         corrections
     }
 
-    /// Adds the corrections of the present level to positions, and to rows of values if there are any.
+    /// Adds the corrections of the current level to positions, and to rows of values if there are any.
     pub(super) fn correct(&self, positions: &mut Positions, values: &mut [f32]) {
         let [moves, changes] = self.corrections(!values.is_empty());
         let moves = moves.as_chunks::<3>().0.iter();
@@ -113,7 +113,7 @@ impl Progressive {
         }
     }
 
-    /// Returns the present level as a checkpoint.
+    /// Returns the current level as a checkpoint.
     pub(super) fn checkpoint(&self) -> Checkpoint {
         let [moves, changes] = self.corrections(true);
         let width = self.layout().width().max(1);
@@ -132,8 +132,8 @@ impl Progressive {
         checkpoint
     }
 
-    /// Returns for each element of the present level, and each side, whether it is the same at that
-    /// checkpoint.
+    /// Returns for each element of the current level, and each of two checkpoints, whether it is the same at
+    /// that checkpoint.
     fn held<A: Copy>(
         &self,
         sides: [Option<&Checkpoint>; 2],
@@ -236,11 +236,11 @@ mod tests {
 
     #[test]
     fn errors_between_checkpoints_follow_a_power_of_the_count() {
-        // From .4 at one face to .1 at four: half way, in logarithms, at two.
+        // From .4 at one face to .1 at four: in logarithms, two faces are halfway.
         for (level, error) in [(0, 0.4), (1, 0.2), (2, 0.1)] {
             assert!((at_level(level).error() - error).abs() < 1e-9, "{}", at_level(level).error());
         }
-        // To the full mesh without an error they fall in proportion to the logarithm.
+        // Towards the full mesh, whose error is 0, they fall linearly with the logarithm.
         let mut data = three_levels();
         data.checkpoints[1].error = 0.0;
         let mut progressive = Progressive::new(Splits::new(data).expect("sound splits"));
@@ -253,18 +253,19 @@ mod tests {
     fn moves_of_vertices_that_stay_the_same_are_blended() {
         assert_eq!(moves(&at_level(0)), [[0.0, 0.0, 1.0], [0.0; 3]]);
         assert_eq!(moves(&at_level(2)), [[0.0, 0.0, 3.0], [1.0, 0.0, 0.0]]);
-        // Half way between 1 and 3; the first split moves vertex 1, so that only the checkpoint above counts.
+        // Halfway between 1 and 3; the first split moves vertex 1, so only the checkpoint above counts.
         let between = moves(&at_level(1));
         assert!((between[0][2] - 2.0).abs() < 1e-6, "{between:?}");
         assert_eq!(between[1], [1.0, 0.0, 0.0]);
-        // As a checkpoint of its own it is the same.
+        // As a checkpoint, the level is the same.
         let own = at_level(1).checkpoint();
         assert_eq!((own.level, own.vertices), (1, vec![VertexId(0), VertexId(1)]));
     }
 
     #[test]
     fn the_nearer_of_two_fits_counts_more() {
-        // A quarter of the way from the first side to the second; element 1 is valid on the first alone.
+        // At a quarter of the distance from the first checkpoint to the second; element 1 is valid only at
+        // the first.
         let held = [vec![true, true], vec![true, false]];
         let sides = [Some((&[0, 1][..], &[4.0, 8.0][..])), Some((&[0][..], &[8.0][..]))];
         assert_eq!(blended(sides, &held, 0.25, 1, 2, |v: usize| v), [0.75 * 4.0 + 0.25 * 8.0, 8.0]);
@@ -274,7 +275,8 @@ mod tests {
     fn a_much_worse_coarser_fit_does_not_count() {
         let mut data = three_levels();
         data.checkpoints[0].error = 1.0;
-        // (The last checkpoint is the start of the run; one after it makes it an ordinary one.)
+        // (The last checkpoint is the start of the run; another one after it makes it an ordinary
+        // checkpoint.)
         data.counts.push(data.counts[2]);
         for ends in
             [&mut data.corners.ends, &mut data.owners.ends, &mut data.rows.ends, &mut data.places.ends]

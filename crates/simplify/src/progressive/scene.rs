@@ -1,4 +1,4 @@
-//! Progressive meshes of a scene: one for each mesh, and one order for the splits of all.
+//! Progressive meshes of a scene: one for each mesh, and a common order for all their splits.
 
 use std::sync::Arc;
 
@@ -13,11 +13,11 @@ use crate::input::Input;
 use crate::options::{Length, SimplifyOptions, Stop};
 use crate::scene::Part;
 
-/// The meshes of a scene, each as a [progressive mesh](Progressive), that change level under one threshold: a
-/// split is done where it gains most, whichever mesh it belongs to.
+/// The meshes of a scene, each as a [progressive mesh](Progressive), that change level with a common
+/// threshold: splits are done where they gain most, in any mesh.
 ///
-/// Counts are of all instances, errors are lengths in the scene. A level depends on its number alone. Parts
-/// that touch are not held together: gaps may open between them as each loses vertices.
+/// Counts include all instances, errors are lengths in the scene. A level depends only on its number. Parts
+/// that touch are not kept connected: gaps may open between them as they lose vertices.
 ///
 /// ```
 /// use lodsmith::core::shapes;
@@ -48,15 +48,15 @@ struct SceneOrder {
     of_mesh: Vec<Vec<u32>>,
     /// Number of instances of each mesh.
     times: Vec<usize>,
-    /// Weight of each mesh in the mean of squared distances, those in its own units.
+    /// Weight of each mesh in the mean of squared distances, which are in its own units.
     shares: Vec<f64>,
 }
 
 impl ProgressiveScene {
     /// Records the simplification of each mesh as far as possible and merges all splits into one order. The
     /// stops, counted as in [`simplify_scene`](crate::simplify_scene), determine the base of the scene;
-    /// `diagonal` is that of the scene, which lengths given as shares refer to. The result is at the level of
-    /// the full scene. A mesh without a face that has an area stays as it is.
+    /// `diagonal` is the scene's, and lengths given as shares refer to it. The result is at the level of the
+    /// full scene. A mesh in which no face has an area is unchanged.
     ///
     /// # Errors
     /// Those of [`Progressive::build`]; [`SimplifyError::NotTogether`] with [`SimplifyOptions::per_mesh`].
@@ -98,7 +98,7 @@ impl ProgressiveScene {
                 }
                 Err(SimplifyError::NoFaces { .. }) => {
                     let data = arrange::single_level(part.mesh);
-                    meshes.push(Progressive::new(Splits::new(data).expect("a mesh as it is")));
+                    meshes.push(Progressive::new(Splits::new(data).expect("splits of a valid mesh")));
                 }
                 Err(other) => return Err(other),
             }
@@ -106,7 +106,8 @@ impl ProgressiveScene {
         if !is_any {
             return Err(SimplifyError::NoFaces { faces });
         }
-        // The most expensive splits come first. Those of one mesh are in order, and stay so.
+        // The most expensive splits come first. The splits of each mesh are in order already, and stay in
+        // order.
         all.sort_by(|a, b| {
             b.is_late.cmp(&a.is_late).then(b.cost.total_cmp(&a.cost)).then(a.mesh.cmp(&b.mesh))
         });
@@ -121,7 +122,7 @@ impl ProgressiveScene {
         Ok(scene.with_base_at(&options.stop, diagonal))
     }
 
-    /// Returns the scene with the level at which the first stop is met as its base.
+    /// Returns the scene with a new base: the level at which the first stop is met.
     fn with_base_at(mut self, stop: &Stop, diagonal: f64) -> Self {
         let is_stopped = *stop != Stop::default();
         let base = if is_stopped { self.level_of(stop, diagonal) } else { 0 };
@@ -142,8 +143,8 @@ impl ProgressiveScene {
         self
     }
 
-    /// Returns the progressive meshes, in the order of the parts, at their levels. Clones of them can change
-    /// level independently.
+    /// Returns the progressive meshes, in the order of the parts, at their levels. Clones can change level
+    /// independently.
     pub fn meshes(&self) -> &[Progressive] {
         &self.meshes
     }
@@ -155,26 +156,27 @@ impl ProgressiveScene {
     pub fn top(&self) -> usize {
         self.order.splits
     }
-    /// Returns the present level, which is the number of splits done.
+    /// Returns the current level, which is the number of splits done.
     pub fn level(&self) -> usize {
         self.level
     }
-    /// Returns the number of faces of all instances at the present level.
+    /// Returns the number of faces of all instances at the current level.
     pub fn face_count(&self) -> usize {
         self.count(self.level, |progressive, level| progressive.splits().counts[level].faces)
     }
-    /// Returns the number of vertices of all instances at the present level that a face uses.
+    /// Returns the number of vertices of all instances at the current level that a face uses.
     pub fn vertex_count(&self) -> usize {
         self.count(self.level, |progressive, level| progressive.sequence.vertices[level])
     }
-    /// Returns the estimated distance (RMS over all instances) of the present level, with its fit, from the
+    /// Returns the estimated distance (RMS over all instances) of the current level, with its fit, from the
     /// full scene.
     pub fn error(&self) -> f64 {
         self.error_at(self.level)
     }
 
-    /// Returns the level at which the first of these stops is met, from the full scene down; without any, the
-    /// full scene. An error refers to the [estimate](Self::error), and shares to this diagonal.
+    /// Returns the level at which the first of these stops is met, going down from the full scene; without
+    /// stops, the full scene. An error refers to the [estimate](Self::error), and shares refer to this
+    /// diagonal.
     pub fn level_of(&self, stop: &Stop, diagonal: f64) -> usize {
         let whole = self.count(self.top(), |progressive, level| progressive.splits().counts[level].faces);
         let by_ratio = stop.ratio.map(|r| ((whole as f64 * r).round() as usize).max(1));
@@ -188,8 +190,8 @@ impl ProgressiveScene {
         let is_within = |l| self.count(l, |progressive, level| progressive.splits().counts[level].faces) <= n;
         first_where(self.top() + 1, |l| !is_within(l)).saturating_sub(1)
     }
-    /// Returns a fine level with at most `n` vertices in use in all instances, there and at all coarser ones,
-    /// or the base.
+    /// Returns a fine level with at most `n` vertices in use in all instances, at this and all coarser
+    /// levels, or the base.
     pub fn level_of_vertices(&self, n: usize) -> usize {
         let is_within =
             |l| self.count(l, |progressive, level| progressive.sequence.most_vertices[level]) <= n;
@@ -247,7 +249,7 @@ struct SceneSplit {
     mesh: usize,
 }
 
-/// Returns the first number below `end` from which on a predicate holds, or `end`.
+/// Returns the first number below `end` from which a predicate holds, or `end`.
 fn first_where(end: usize, holds: impl Fn(usize) -> bool) -> usize {
     let (mut low, mut high) = (0, end);
     while low < high {
@@ -300,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn levels_of_the_meshes_add_up_to_that_of_the_scene() {
+    fn levels_of_the_meshes_add_up_to_the_scene_level() {
         let of_mesh = vec![vec![0, 3, 4], vec![1, 2], Vec::new()];
         let order = SceneOrder { splits: 5, of_mesh, times: vec![1; 3], shares: vec![1.0; 3] };
         let wanted = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 2, 0], [2, 2, 0], [3, 2, 0]];
@@ -312,8 +314,8 @@ mod tests {
 
     #[test]
     fn shares_are_by_the_area_in_the_scene() {
-        // Octahedra of the areas 4 √3 each: three of one, and one twice as large, whose distances are in its own
-        // units.
+        // Octahedra with area 4 √3 each: three instances of one, and one twice as large, whose distances are
+        // in its own units.
         let mesh = octahedron().mesh();
         let found = shares(&[part(&mesh, 3, 1.0), part(&mesh, 1, 2.0)], &[3, 1]);
         assert!(
@@ -352,7 +354,7 @@ mod tests {
         assert_eq!(scene.level_of_faces(base + 15), top - 1);
         scene.to_level(2 * top);
         assert_eq!((scene.face_count(), scene.vertex_count()), (24, 18));
-        // A mesh without an area stays as it is.
+        // A mesh without area is unchanged.
         let flat = tetrahedron().scaled(0.0).mesh();
         let beside = [part(&mesh, 1, 1.0), part(&flat, 1, 1.0)];
         let scene = ProgressiveScene::build(&beside, 20.0, &SimplifyOptions::default(), &mut NoControl)

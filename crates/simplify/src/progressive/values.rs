@@ -14,7 +14,7 @@ pub(super) struct ValueFitter {
     pub(super) rows: Rows,
     pub(super) places: RowPlaces,
     pub(super) originals: Originals,
-    /// The engine's attributes, with the engine's numbers of wedges.
+    /// The engine's attributes, in the engine's numbering of wedges.
     pub(super) attributes: Attributes,
     /// Weights of the values for several counts of faces, descending.
     pub(super) weights: Vec<(usize, Vec<f32>)>,
@@ -23,8 +23,8 @@ pub(super) struct ValueFitter {
 }
 
 impl ValueFitter {
-    /// Takes over the values of the present level and prepares the samples of its fit. `faces` are those of
-    /// the store, with their positions.
+    /// Takes over the values of the current level and prepares the samples of its fit. `faces` has the faces
+    /// of the store, with their positions.
     pub(super) fn begin(
         &mut self,
         progressive: &Progressive,

@@ -28,7 +28,7 @@ pub(super) fn first_of_each(faces: &[[VertexId; 3]]) -> Vec<bool> {
     keep
 }
 
-/// Removes the items that are not to be kept.
+/// Removes the items for which `keep` is false.
 pub(super) fn retain<T: Copy>(all: &mut Vec<T>, keep: &[bool]) {
     let mut keep = keep.iter();
     all.retain(|_| keep.next().is_some_and(|k| *k));
@@ -39,7 +39,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_of_equal_faces_stays_whatever_corner_it_begins_with() {
+    fn the_first_of_equal_faces_stays_whichever_corner_it_starts_with() {
         let face = |t: [u32; 3]| t.map(VertexId);
         let faces = [[0, 1, 2], [2, 0, 1], [0, 2, 1], [1, 2, 0], [2, 3, 1]].map(face);
         assert_eq!(first_of_each(&faces), [true, false, true, false, true]);

@@ -11,8 +11,9 @@ use crate::input::Input;
 use crate::options::{Length, SimplifyOptions};
 use crate::report::Refusal;
 
-/// The prepared input: coincident vertices are merged, degenerate and duplicate faces dropped. In double
-/// precision, in a frame from -1 to 1; vertices along a Morton curve, faces by their lowest vertex.
+/// The prepared input: coincident vertices are merged, degenerate and duplicate faces dropped. Positions are
+/// in double precision, in a frame from -1 to 1; vertices are sorted along a Morton curve, faces by their
+/// lowest vertex.
 pub(crate) struct PreparedInput {
     pub(crate) frame: UnitFrame,
     pub(crate) points: Vec<DVec3>,
@@ -45,7 +46,7 @@ impl PreparedInput {
         let bounds = PositionsView::F64(&places).bounds().unwrap_or(Bounds { min: [0.0; 3], max: [0.0; 3] });
         let frame = UnitFrame::of(&bounds);
         let mut faces = match ordered.faces.is_empty() {
-            // Already consumed by an earlier pass.
+            // An earlier pass has consumed it.
             true => ordered.remake_faces(surface),
             false => ordered.faces.clone(),
         };
@@ -95,7 +96,7 @@ pub(crate) struct Task<'a> {
 /// Result of a method.
 #[derive(Default)]
 pub(crate) struct RebuiltSurface {
-    /// Positions in the unit frame; each is used by a face.
+    /// Positions in the unit frame, each of them used by a face.
     pub(crate) points: Vec<DVec3>,
     /// The input vertex that each point still equals bit by bit, or [`NONE`].
     pub(crate) kept: Vec<VertexId>,
@@ -106,7 +107,7 @@ pub(crate) struct RebuiltSurface {
     /// The region of each face, if already determined.
     pub(crate) regions: Option<Vec<RegionId>>,
     pub(crate) end: Ending,
-    /// Number of steps: reported as collapses.
+    /// Number of steps, reported as collapses.
     pub(crate) steps: u64,
     pub(crate) refusals: [u64; Refusal::ALL.len()],
     pub(crate) parts_removed: usize,

@@ -1,8 +1,8 @@
 //! Attribute transfer from the original surface to the corners of a new one.
 //!
-//! A new face belongs to one position of the original surface: the one under its centre. From there its
-//! corners search for their nearest points without crossing a seam, so a face across a seam takes all of its
-//! values from one side. Shading seams and texture seams are separate: each kind has its own neighbourhood.
+//! A new face belongs to one position of the original surface, under its centre. From there its corners
+//! search for their nearest points without crossing a seam, so a face across a seam takes all of its values
+//! from one side. Shading seams and texture seams are separate: each kind has its own neighbourhood.
 
 use std::collections::HashMap;
 
@@ -21,7 +21,7 @@ use crate::input::Input;
 
 /// No neighbour: at a border, a seam or a non-manifold edge.
 const NO_NEIGHBOUR: u32 = u32::MAX;
-/// Cosine of the angle beyond which a face of the original faces away from a new one.
+/// Cosine of the angle beyond which a face of the original faces away from a new face.
 const MIN_FACING_COS: f64 = -0.2;
 /// Upper limit of the rounding of a distance, in a frame of size 1.
 const DISTANCE_SLACK: f64 = 1e-9;
@@ -29,8 +29,8 @@ const DISTANCE_SLACK: f64 = 1e-9;
 const INWARD_SHARE: f64 = 0.1;
 /// Rows at one vertex whose values differ by less than this share of the largest of their kind are merged.
 const ROW_TOLERANCE: f32 = 1e-5;
-/// Maximum number of corners searched at a locked vertex, so that the work at fans stays proportional.
-/// Guessed: all but centres of fans have fewer.
+/// Maximum number of corners searched at a locked vertex, so that the work at fans stays linear. (Guessed:
+/// all vertices but the centres of fans have fewer.)
 const MAX_CORNERS: usize = 64;
 
 /// Attribute values at the corners of the original surface.
@@ -40,13 +40,13 @@ struct AttributeSource<'a> {
     pub(super) attributes: &'a Attributes,
     /// The value row of each corner of the prepared input.
     pub(super) corners: &'a [[WedgeId; 3]],
-    /// The input wedge of each such corner.
+    /// The input wedge of each of these corners.
     pub(super) wedges: &'a [[WedgeId; 3]],
     /// The shading of the new corners, if it is to be kept.
     pub(super) shading: Option<Shading<'a>>,
 }
 
-/// Values of the new corners, and the row of each.
+/// Values of the new corners, and the row of each corner.
 pub(crate) type Shading<'a> = (&'a Attributes, &'a [[WedgeId; 3]]);
 
 /// Attributes of the new surface.
@@ -63,9 +63,9 @@ pub(crate) fn transfer_to_bare_mesh(input: &Input<'_>, mesh: &TriMesh) -> Result
     transfer_to_mesh(input, &order::order(&input.surface), mesh, kept, None)
 }
 
-/// Transfers the input's attributes to a mesh; `kept` has for each of its vertices the one of the ordered input that it
-/// still is, or [`NONE`]; the shading is kept if it is given. This is also for results whose
-/// seams were relaxed: a face across a seam would show what lies between two pieces of the texture.
+/// Transfers the input's attributes to a mesh; `kept` has for each of its vertices the equal vertex of the
+/// ordered input, or [`NONE`]; the shading is kept if it is given. Also used for results whose seams were
+/// relaxed: a face across a seam would show the area between two pieces of the texture.
 pub(crate) fn transfer_to_mesh(
     input: &Input<'_>,
     ordered: &Ordered,
@@ -120,7 +120,7 @@ pub(super) fn with_transferred_attributes(
 }
 
 /// Transfers attributes to the faces of `made`. Cost: O(n log n) for n faces of the prepared input; a new
-/// face visits the original ones under it.
+/// face visits the original faces under it.
 fn transfer_attributes(
     source: &AttributeSource<'_>,
     made: &RebuiltSurface,
@@ -186,7 +186,7 @@ struct Row {
 }
 
 impl AttributeSource<'_> {
-    /// Returns the patches for the attributes that are not shading, and for those that are, if there are any:
+    /// Returns two patches, for the attributes that are not shading and for the shading, if there are any:
     /// each ends where its own attributes have a seam.
     fn patches(&self, is_shading: &[bool]) -> [Option<SourcePatch>; 2] {
         let AttributeSource { prepared, attributes, .. } = *self;
@@ -230,7 +230,7 @@ impl AttributeSource<'_> {
     }
 
     /// Reads the attributes at a point of each patch into `row`. Returns the input wedge that has exactly
-    /// these attributes, if the vertex is one of the input's.
+    /// these attributes, if the vertex is a vertex of the input.
     fn read_row(
         &self,
         at: &[Option<SurfacePoint>; 2],
@@ -266,7 +266,7 @@ impl AttributeSource<'_> {
     }
 }
 
-/// Rows of the new mesh; alike ones at one vertex stand once.
+/// Rows of the new mesh; similar rows at one vertex are merged.
 struct NewRows {
     width: usize,
     /// Largest absolute value of each lane.
@@ -275,7 +275,8 @@ struct NewRows {
     values: Vec<f32>,
     joint_weights: Vec<JointWeights>,
     labels: Vec<u32>,
-    /// True if a vertex has one row only: as all of the input, so that what is closed by its indices stays so.
+    /// True if each vertex has a single row, as in the input, so that a mesh closed by its indices stays
+    /// closed.
     has_one_each: bool,
     /// Last row of each new vertex, the head of a linked list.
     first: Vec<u32>,
@@ -297,11 +298,11 @@ impl NewRows {
         }
     }
 
-    /// Returns a row of this vertex that is alike, or adds one.
+    /// Returns a similar row of this vertex, or adds one.
     fn find_or_add(&mut self, v: VertexId, row: &Row) -> WedgeId {
         let mut known = self.first[v.index()];
         while known != NO_ROW {
-            if self.has_one_each || self.is_alike(known as usize, row) {
+            if self.has_one_each || self.is_similar(known as usize, row) {
                 return WedgeId(known);
             }
             known = self.next[known as usize];
@@ -316,10 +317,10 @@ impl NewRows {
         WedgeId(added)
     }
 
-    fn is_alike(&self, r: usize, row: &Row) -> bool {
+    fn is_similar(&self, r: usize, row: &Row) -> bool {
         let values = &self.values[r * self.width..];
-        let is_alike = |k: usize| (values[k] - row.values[k]).abs() <= ROW_TOLERANCE * self.largest[k];
-        (0..self.width).all(is_alike)
+        let is_similar = |k: usize| (values[k] - row.values[k]).abs() <= ROW_TOLERANCE * self.largest[k];
+        (0..self.width).all(is_similar)
             && (self.joint_weights.is_empty()
                 || are_joint_weights_similar(&self.joint_weights[r], &row.joint_weights))
             && self.labels.get(r).copied() == row.label
@@ -342,8 +343,9 @@ impl NewRows {
 
 const NO_ROW: u32 = u32::MAX;
 
-/// Returns the original face nearest to the centre of a new face, in its region if that is determined, that
-/// does not face away; if all do, the nearest of the region; if there is none, the nearest of all.
+/// Returns the original face nearest to the centre of a new face, that is in its region, if that is
+/// determined, and does not face away; if all face away, the nearest face of the region; if it has none, the
+/// nearest of all.
 fn face_under(
     tree: &Bvh,
     prepared: &PreparedInput,
@@ -368,7 +370,7 @@ fn neighbours(
     vertices: usize,
     joined: impl Fn([usize; 2], [[usize; 2]; 2]) -> bool,
 ) -> Vec<[u32; 3]> {
-    // Edges by their lower end: a counting sort, then a sort of the few at each vertex.
+    // Edges are sorted by their lower end: a counting sort, then a sort of the few edges at each vertex.
     let ends = |f: usize, k: usize| [faces[f][k], faces[f][(k + 1) % 3]];
     let mut at = vec![0u32; vertices + 1];
     for f in 0..faces.len() {
@@ -472,8 +474,8 @@ impl SourcePatch {
         }
     }
 
-    /// Returns the nearest point to a corner; if several faces share it, on the one towards the centre. A
-    /// kept vertex is matched to itself, if the patch contains it.
+    /// Returns the nearest point to a corner; if several faces share it, the point is on the face towards the
+    /// centre. A kept vertex is matched to itself, if the patch contains it.
     fn nearest(&self, prepared: &PreparedInput, place: DVec3, centre: DVec3, kept: VertexId) -> SurfacePoint {
         let corners = |f: u32| prepared.faces[f as usize].map(|v| prepared.points[v.index()]);
         let inwards = place.lerp(centre, INWARD_SHARE);
@@ -482,7 +484,7 @@ impl SourcePatch {
         for &f in &self.faces {
             let own =
                 if kept == NONE { None } else { prepared.faces[f as usize].iter().position(|v| *v == kept) };
-            // (Most are ruled out by their boxes.)
+            // (The boxes rule out most faces.)
             if own.is_none() && self.at_least_sq(f as usize, place) > limit_sq {
                 continue;
             }
@@ -511,7 +513,7 @@ impl SourcePatch {
 }
 
 /// The corners of the prepared input at each locked vertex, as face and corner: the result may only have
-/// attributes of these, even if a new face lies on the far side of a seam from all of them.
+/// attributes of these corners, even if a new face is separated from all of them by a seam.
 struct LockedCorners(HashMap<VertexId, Vec<(u32, usize)>>);
 
 impl LockedCorners {
@@ -527,8 +529,8 @@ impl LockedCorners {
         Self(at)
     }
 
-    /// Returns the corner that a new face takes at a locked vertex: one in the patches if possible, then the
-    /// nearest.
+    /// Returns the corner that a new face takes at a locked vertex: the nearest of those in the patches or,
+    /// if there are none, of all.
     fn corner(
         &self,
         prepared: &PreparedInput,
@@ -549,7 +551,7 @@ impl LockedCorners {
     }
 }
 
-/// Returns the corner with the largest weight, the first of equal ones.
+/// Returns the corner with the largest weight, the first among equals.
 fn nearest_corner(weights: &[f64; 3]) -> usize {
     (1..3).fold(0, |best, k| if weights[k] > weights[best] { k } else { best })
 }

@@ -1,8 +1,8 @@
 //! Half-edge mesh with the three operations of remeshing: split, collapse and flip.
 //!
 //! ```text
-//!            a                 half-edge h leaves corner h of face h / 3 and goes to the next corner;
-//!          /   \               its twin goes back over the same edge in the face beside it;
+//!            a                 half-edge h leads from corner h of face h / 3 to the next corner;
+//!          /   \               its twin leads back along the same edge, in the neighbouring face;
 //!        /p     n\             without one the edge is open.
 //!      /     h     \
 //!     u ----------> v          out[u] is a half-edge that leaves u: the one with no face to its right where u lies on a
@@ -56,15 +56,15 @@ pub(super) struct HalfEdges {
     pub(super) kept: Vec<VertexId>,
     /// True for vertices that may neither move nor be removed.
     pub(super) pinned: Vec<bool>,
-    /// The source vertex that was cut into several copies, this one among them, or [`NONE`]. No edges are
-    /// made between copies.
+    /// The source vertex whose copy this vertex is, if that was cut into several, else [`NONE`]. No edges are
+    /// created between copies.
     pub(super) copy_of: Vec<VertexId>,
     pub(super) face_count: usize,
     pub(super) vertex_count: usize,
 }
 
 impl HalfEdges {
-    /// Builds the mesh from points and faces. Of duplicate faces with the same winding one is kept.
+    /// Builds the mesh from points and faces. Of duplicate faces with the same winding, one is kept.
     pub(super) fn new(
         points: &[DVec3],
         faces: &[[VertexId; 3]],
@@ -177,7 +177,7 @@ impl HalfEdges {
         self.vertex_count = self.points.len();
     }
 
-    /// All half-edges, those of removed faces included.
+    /// All half-edges, including those of removed faces.
     pub(super) fn half_edges(&self) -> impl Iterator<Item = HalfEdgeId> + use<> {
         (0..self.from.len()).map(HalfEdgeId::new)
     }
@@ -228,7 +228,7 @@ impl HalfEdges {
         (b - a).cross(c - a)
     }
 
-    /// The half-edges that leave a vertex, in order round it.
+    /// The half-edges that leave a vertex, in order around it.
     #[inline]
     pub(super) fn around(&self, v: VertexId) -> impl Iterator<Item = HalfEdgeId> + '_ {
         let first = self.out[v.index()];
@@ -343,7 +343,7 @@ impl HalfEdges {
         m
     }
 
-    /// True if the topology allows the collapse: a surface without edges of three faces stays one.
+    /// True if the topology allows the collapse: no edge gets more than two faces.
     pub(super) fn may_collapse(&self, h: HalfEdgeId, rings: &mut [Vec<VertexId>; 2]) -> bool {
         let t = self.twin(h);
         let (u, v) = (self.from(h), self.to(h));
@@ -394,7 +394,7 @@ impl HalfEdges {
         }
     }
 
-    /// True if a face would arise whose corners are all copies.
+    /// True if there would be a face whose corners are all copies.
     fn closes_a_copy(&self, v: VertexId, rings: &[Vec<VertexId>; 2]) -> bool {
         let is_copy = |w: &VertexId| self.copy_of[w.index()] != NONE;
         is_copy(&v) && rings[0].iter().filter(|w| **w != v && is_copy(w)).count() > 1
@@ -513,7 +513,8 @@ impl HalfEdges {
 
     /// Checks every table.
     ///
-    /// # Panics If two tables contradict each other.
+    /// # Panics
+    /// If two tables contradict each other.
     #[cfg(test)]
     pub(super) fn check(&self) {
         let mut faces = 0;
@@ -565,7 +566,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_stand_on_every_shape() {
+    fn tables_are_consistent_on_every_shape() {
         for (name, mesh) in shapes::all() {
             let m = of(&mesh);
             m.check();

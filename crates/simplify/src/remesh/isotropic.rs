@@ -2,7 +2,7 @@
 //! tangentially until the triangles are nearly equilateral. [Botsch-Kobbelt 2004]
 //!
 //! ```text
-//! start from the input, simplified by the engine if it has many times the wanted number of faces       (guide)
+//! start from the input, simplified by the engine if it has many times the wanted number of faces       (reference)
 //! lines (borders, seams of regions, creases) are resampled along themselves, corners are kept
 //! a few rounds
 //!     split edges longer than 4/3 of the target length, collapse those below 4/5 of it
@@ -35,14 +35,14 @@ const SPLIT_LENGTH: f64 = 4.0 / 3.0;
 /// Edges shorter than this, in target lengths, are collapsed. [Botsch-Kobbelt 2004]
 const COLLAPSE_LENGTH: f64 = 4.0 / 5.0;
 /// Default number of rounds, if the triangles are even by then. (Measured on bunny and horse at 10 %: mean
-/// quality .951 and .949 after two, .962 after five, .969 after ten, where distances are 2 to 4 % larger.)
+/// quality .951 and .949 after two rounds, .962 after five, .969 after ten, with 2 to 4 % larger distances.)
 const ROUNDS: usize = 5;
 /// Mean quality above which a run may end after `ROUNDS` rounds, if the last one gained less than
 /// `MIN_GAIN`. (Scans have .95 by then. A machine part of long thin triangles, cad_58011 at 50 %, has .32,
-/// and .88 after sixteen.)
+/// and .88 after sixteen rounds.)
 const EVEN_QUALITY: f64 = 0.9;
-/// See [`EVEN_QUALITY`]; below that quality a run ends when the last `ROUNDS` rounds together gained less. (Scans
-/// gain .002 to .004 in the fifth round, that machine part .007 in one after the sixteenth.)
+/// See [`EVEN_QUALITY`]; below that quality a run ends when the last `ROUNDS` rounds together gained less.
+/// (Scans gain .002 to .004 in the fifth round, that machine part still .007 in a round after the sixteenth.)
 const MIN_GAIN: f64 = 0.005;
 /// Maximum number of rounds if none is given. (A guess: twice what the worst part needed.)
 const MAX_ROUNDS: usize = 40;
@@ -54,10 +54,10 @@ const START_FACTOR: usize = 3;
 const COLLAPSE_TURN: f64 = 0.5;
 /// A collapse goes to one end instead of the midpoint if that costs less than this share. (A guess.)
 const END_COST_SHARE: f64 = 0.5;
-/// An edge is flipped only if the cosine between its new face normals exceeds this, or is no less than
+/// An edge is flipped only if the cosine between its new face normals exceeds this, or is not smaller than
 /// before. (A guess.)
 const FLIP_COS: f64 = 0.8;
-/// Least share of the target count that needs no further splits.
+/// Minimum share of the target count, above which no further splits are needed.
 const MIN_COUNT_SHARE: f64 = 0.99;
 /// Target length, relative to the edge of the equilateral triangles that would give the wanted count. (A
 /// guess: the count corrects it.)
@@ -96,7 +96,7 @@ pub(super) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Rebuilt
         finish_by_engine(task, &mut made, control)?;
     }
     if made.faces.len() > prepared.faces.len() {
-        // Triangle soup for which a remesh would have more faces than the input.
+        // A triangle soup, for which a remesh would have more faces than the input.
         let wanted = task.goal.faces.or(task.goal.vertices.map(|n| 2 * n)).unwrap_or(1);
         let lighter = reference.simplified(task, wanted, task.options.topology, control)?;
         let end = if lighter.is_finished { Ending::Finish } else { Ending::Stuck };
@@ -125,8 +125,8 @@ fn is_settled(qualities: &[f64]) -> bool {
     }
 }
 
-/// Share of the rounds done before one of them. If they end when the triangles are even, the first ones count
-/// most.
+/// Share of the rounds done before one of them. If the rounds end when the triangles are even, the first ones
+/// count most.
 fn part_done(round: usize, asked: Option<usize>) -> f64 {
     match asked {
         Some(all) => round as f64 / all as f64,
@@ -164,7 +164,7 @@ pub(super) fn made(mesh: &HalfEdges) -> RebuiltSurface {
     made
 }
 
-/// Lets the engine finish where lines, corners and components prevent further remeshing.
+/// Lets the engine finish if lines, corners and components prevent further remeshing.
 fn finish_by_engine(
     task: &Task<'_>,
     made: &mut RebuiltSurface,
@@ -368,14 +368,14 @@ impl<'a> Remesher<'a> {
         sum / count.max(1) as f64
     }
 
-    /// Ratio of present to wanted faces or vertices, whichever is closer to its goal.
+    /// Ratio of current to wanted faces or vertices, whichever is closer to its goal.
     fn excess(&self) -> f64 {
         let share = |count: usize, of: Option<usize>| of.map(|n| count as f64 / n.max(1) as f64);
         let faces = share(self.mesh.face_count, self.goal.faces).unwrap_or(f64::INFINITY);
         faces.min(share(self.mesh.vertex_count, self.goal.vertices).unwrap_or(f64::INFINITY))
     }
 
-    /// Calls the caller's progress now and then. Returns true if the run should end.
+    /// Reports progress to the caller from time to time. Returns true if the run should end.
     fn report_progress(&mut self, control: &mut dyn Control, done: f64) -> bool {
         self.asked += 1;
         if self.asked.is_multiple_of(ASK_EVERY) && self.verdict == Verdict::Continue {
@@ -409,8 +409,8 @@ impl<'a> Remesher<'a> {
 
     fn split(&mut self, control: &mut dyn Control, done: f64) {
         for _ in 0..MAX_SPLIT_PASSES {
-            // Longest first, and new edges only in the next pass: among collinear needles, the midpoint of a
-            // short edge may start an edge as long as the one that was split.
+            // The longest first, and new edges only in the next pass: among collinear needles, the midpoint
+            // of a short edge may start an edge as long as the split one.
             let mut long = self.by_length(|x| x > SPLIT_LENGTH * SPLIT_LENGTH);
             long.reverse();
             if long.is_empty() {
@@ -551,7 +551,7 @@ impl<'a> Remesher<'a> {
         self.steps += 1;
     }
 
-    /// Position of a merged vertex: the midpoint, or one end if the midpoint is far off their planes.
+    /// Position of a merged vertex: the midpoint, or one end if the midpoint is far off the planes of both.
     fn meeting_place(&self, a: VertexId, b: VertexId) -> DVec3 {
         let (p, q) = (self.mesh.at(a), self.mesh.at(b));
         let off = |at: DVec3| {
@@ -685,7 +685,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rounds_go_on_while_triangles_are_uneven_and_get_better() {
+    fn rounds_continue_while_triangles_are_uneven_and_improve() {
         // Mean qualities of a CAD part, which five rounds left at .32; rounded. (Fault A14.)
         let part = [0.27, 0.28, 0.29, 0.30, 0.32, 0.37, 0.46, 0.59, 0.72, 0.82, 0.87, 0.89, 0.9, 0.902];
         let end = (1..=part.len()).find(|&n| is_settled(&part[..n]));

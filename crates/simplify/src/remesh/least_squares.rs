@@ -1,5 +1,5 @@
 //! Final least-squares fit: vertices move along their normals to where the triangles lie closest to the
-//! original. A mesh whose vertices all lie on a curved surface is otherwise biased to one side of it.
+//! original. Without it, a mesh whose vertices all lie on a curved surface is biased to one side of it.
 
 use glam::DVec3;
 use lodsmith_core::VertexId;

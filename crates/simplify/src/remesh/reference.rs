@@ -1,5 +1,5 @@
-//! Input of a remesh and reference for its vertices: the input, simplified first where that saves time, its
-//! feature curves, and search trees over both.
+//! Start and reference of a remesh: the input, simplified first where that saves time, its feature curves,
+//! and search trees over both.
 
 use std::collections::HashMap;
 
@@ -187,7 +187,7 @@ fn bits(p: DVec3) -> [u64; 3] {
 
 pub(super) fn tree(points: &[DVec3], faces: &[[VertexId; 3]]) -> Bvh {
     let points: Vec<[f64; 3]> = points.iter().map(|p| p.to_array()).collect();
-    Bvh::new(&Surface::new(PositionsView::F64(&points), faces).expect("faces name points"))
+    Bvh::new(&Surface::new(PositionsView::F64(&points), faces).expect("the faces use these points"))
 }
 
 /// Returns the options of an engine run inside a remesh.
@@ -216,8 +216,8 @@ impl Control for NestedControl<'_> {
     }
 }
 
-/// Fixes the lines for an edge length: unmarks creases that are too short, pins corners. Returns the kind of
-/// line on which each vertex lies.
+/// Finalises the lines for an edge length: unmarks creases that are too short, pins corners. Returns the kind
+/// of line on which each vertex lies.
 pub(super) fn settle_lines(mesh: &mut HalfEdges, length: f64, border: BorderPolicy) -> Vec<LineKind> {
     drop_short_creases(mesh, length);
     if border == BorderPolicy::Lock {
@@ -303,7 +303,7 @@ fn drop_short_creases(mesh: &mut HalfEdges, length: f64) {
     }
 }
 
-/// Returns the edge length that a task asks for, in the unit frame.
+/// Returns the edge length requested by a task, in the unit frame.
 pub(super) fn asked_length(task: &Task<'_>) -> Option<f64> {
     task.options.method.edge_length().map(|l: Length| task.input.length(l))
 }

@@ -12,7 +12,7 @@ use crate::collapse::order::NONE;
 /// Least cosine between the normals of a face before and after a vertex moves. (A guess.)
 const MIN_TURN_COS: f64 = 0.3;
 /// A face may become as flat as this: doubled area over the square of its longest edge. (A guess: an eighth
-/// of that of an equilateral triangle.)
+/// of an equilateral triangle's value.)
 const MIN_SHAPE: f64 = 0.1;
 
 /// Limit of the RMS distance between a relaxed vertex and its former face planes, in edge lengths. (A guess.)
@@ -35,7 +35,7 @@ pub(super) fn may_move(mesh: &HalfEdges, v: VertexId, to: DVec3) -> bool {
     })
 }
 
-/// True if a face may become another: its normal turns little, and it is no sliver, or was a worse one.
+/// True if the face `old` may become `new`: its normal turns little, and it is no sliver, or was a worse one.
 pub(super) fn keeps_facing(old: [DVec3; 3], new: [DVec3; 3], turn: f64) -> bool {
     let normal = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]);
     let longest_sq = |t: [DVec3; 3]| {
@@ -140,7 +140,7 @@ fn leaves_ridge(mesh: &HalfEdges, v: VertexId, to: DVec3) -> bool {
             area += doubled;
         }
     }
-    // Six equilateral triangles of edge l have 5.2 l², doubled.
+    // Six equilateral triangles with edges of length l have a doubled area of 5.2 l².
     off > MAX_PLANE_DISTANCE * MAX_PLANE_DISTANCE * area * area / 5.2
 }
 

@@ -3,7 +3,7 @@
 //! until they are evenly spaced.
 //!
 //! ```text
-//!        2                 face f becomes faces 4f … 4f+3; child k holds corner k of its parent as its own corner k,
+//!        2                 face f becomes faces 4f … 4f+3; child k has corner k of its parent as its own corner k,
 //!       / \                and the last one is the middle. New vertices come after the old ones, so a coarser
 //!      /4f+2\              level is read off a finer one.
 //!     5 ---- 4
@@ -115,8 +115,8 @@ fn subdivided(points: &mut Vec<DVec3>, faces: &[[VertexId; 3]], lines: &mut Line
     finer
 }
 
-/// Projects the vertices from `fresh` on onto the original and spaces them evenly; on the last level all are
-/// relaxed.
+/// Projects the vertices from index `fresh` onto the original and spaces them evenly; on the last level all
+/// vertices are relaxed.
 fn project_level(
     task: &Task<'_>,
     reference: &ReferenceSurface<'_>,
@@ -155,7 +155,7 @@ fn project_level(
     let rounds = if is_last { ROUNDS + LAST_ROUNDS } else { ROUNDS };
     for round in 0..rounds {
         if round < 2 {
-            // Pulls the surface towards parts that no vertex is nearest to yet, such as the tip of an ear.
+            // Moves the surface towards parts that no vertex is nearest to yet, such as the tip of an ear.
             fit_vertices(&mut mesh, &on, reference);
         }
         for v in all() {

@@ -7,10 +7,10 @@ use lodsmith_core::spatial::Bvh;
 use super::half_edges::{HalfEdges, LineKind, OPEN};
 use super::reference::tree;
 
-/// Rounds of neighbour averaging before the curvature is computed: cancels the noise of single edges. (A
+/// Rounds of neighbour averaging before the curvature is computed, which remove the noise of single edges. (A
 /// guess.)
 const SMOOTHINGS: usize = 2;
-/// Limits of the target length, relative to that of an even mesh. (A guess.)
+/// Limits of the target length, relative to the edge length of an even mesh. (A guess.)
 const LENGTH_RANGE: [f64; 2] = [0.2, 4.0];
 /// Growth of the target length per unit of distance. (A guess.)
 const GRADATION: f64 = 0.5;
@@ -26,8 +26,8 @@ pub(super) struct SizingField {
 }
 
 impl SizingField {
-    /// Computes the lengths for a mesh that would have edges of `even` everywhere: the same number of faces,
-    /// distributed by curvature.
+    /// Computes lengths that give as many faces as edges of length `even` everywhere, but distributed by
+    /// curvature.
     pub(super) fn new(mesh: &HalfEdges, even: f64) -> Self {
         let faces: Vec<[VertexId; 3]> = (0..mesh.from.len() / 3).map(|f| mesh.corners(f)).collect();
         let bends = curvatures(mesh);
@@ -60,7 +60,7 @@ fn vertex_areas(mesh: &HalfEdges) -> Vec<f64> {
 }
 
 /// Computes the curvature at each vertex: the root of the sum of both principal curvatures squared, from the
-/// dihedral angles of the edges around. Creases do not count: they are kept as they are.
+/// dihedral angles of the edges around. Creases do not count, since they are kept.
 fn curvatures(mesh: &HalfEdges) -> Vec<f64> {
     let mut bends = vec![DMat3::ZERO; mesh.points.len()];
     for h in mesh.half_edges().filter(|&h| mesh.is_first(h)) {
@@ -101,7 +101,7 @@ fn curvatures(mesh: &HalfEdges) -> Vec<f64> {
     bends.iter().zip(&areas).map(|(b, a)| if *a > 0.0 { norm(b) / a } else { 0.0 }).collect()
 }
 
-/// Maximum number of sweeps that limit each length by those of its neighbours.
+/// Maximum number of sweeps that limit each length by the lengths of its neighbours.
 const MAX_SWEEPS: usize = 20;
 
 fn limit_gradation(mesh: &HalfEdges, sizes: &mut [f64]) {

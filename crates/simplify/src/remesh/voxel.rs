@@ -2,10 +2,10 @@
 //!
 //! ```text
 //! flip faces so that neighbours agree, closed components outward
-//! for each component: does the winding number jump across its faces as across those of a solid?
+//! for each component: does the winding number jump across its faces like across the faces of a solid?
 //!     yes: a point is inside if its winding number is above 0.5
 //!     no (open sheets, soup): thicken the faces; a point is inside if a flood fill from outside does not reach it
-//! from the cells at the faces follow the boundary of the inside; add points where it is ambiguous
+//! starting from the cells at the faces, follow the boundary of the inside; add points where it is ambiguous
 //! one vertex per cell, placed by the planes of the nearest faces, clamped to its cell
 //! more faces than wanted: collapse, preserving the topology if possible
 //! ```
@@ -43,11 +43,11 @@ const MAX_POINTS: f64 = 4e9;
 const MAX_SOLID_SAMPLES: usize = 4000;
 /// A component is solid if the winding number in front of this share of its area is near an integer.
 const MIN_SOLID_SHARE: f64 = 0.9;
-/// Tolerance of that. In the middle of a flat sheet it is off by a half, at a hole as wide as it is far by
-/// about 0.15.
+/// Tolerance of that. In the middle of a flat sheet the winding number is off by a half, near a hole as wide
+/// as it is far away by about 0.15.
 const INTEGER_TOLERANCE: f64 = 0.25;
-/// Sheets are thickened by this many voxels to each side: above a half, so that the flood fill cannot step
-/// through; holes up to one and a half voxels wide are closed.
+/// Sheets are thickened by this many voxels on each side: more than a half, so that the flood fill cannot
+/// pass through; holes up to one and a half voxels wide are closed.
 const SHEET_THICKNESS: f64 = 0.75;
 /// Vertices keep this distance, in voxels, from the sides of their cells, so that no two coincide.
 const CELL_MARGIN: f64 = 0.02;
@@ -189,7 +189,8 @@ fn solid_faces(surface: &Surface<'_>, corners: &[FaceCorners], h: f64) -> Vec<bo
     is_solid
 }
 
-/// Calls `call` for each cell whose centre lies within a distance of a face; a cell may come several times.
+/// Calls `call` for each cell whose centre lies within a distance of a face; it may be called several times
+/// for a cell.
 fn for_cells_near(
     grid: &VoxelGrid,
     faces: &[FaceCorners],
@@ -293,7 +294,7 @@ impl Flood {
 
 type CellsAndSigns = (Vec<GridCoord>, HashMap<GridCoord, bool>);
 
-/// Collects the cells that the boundary of the inside passes through, in order, and the signs of their
+/// Collects the cells through which the boundary of the inside passes, in order, and the signs of their
 /// corners.
 fn follow_boundary(
     seeds: Vec<GridCoord>,
@@ -454,7 +455,7 @@ fn collapse_to_goal(
     let input = Input::of_surface(mesh.surface());
     let (mut done, _) = run_collapses(&input, &options, control)?;
     if !done.report.reached && done.report.stopped_by != StoppedBy::Caller {
-        // Cuts handles and drops components only if necessary; no borders arise.
+        // Cuts handles and drops components only if necessary; no borders are created.
         options.topology = TopologyPolicy::Relaxed;
         done = run_collapses(&input, &options, control)?.0;
     }

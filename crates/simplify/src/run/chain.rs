@@ -6,13 +6,13 @@
 //! branches           o        o       o         the last sweeps to a goal, then a fit
 //! ```
 //!
-//! A branch does exactly what a single run does from there on, so a level has the same quality as a single
-//! run. If each vertex must be tracked to the next level, there is a single sequence of sweeps from level
-//! to level, and only the fit is done on a copy: then each level follows from the previous one by collapses
+//! From there on, a branch does exactly what a single run does, so a level has the same quality as a single
+//! run. If each vertex must be tracked to the next level, there is a single sequence of sweeps from level to
+//! level, and only the fit is done on a copy: then each level results from the previous one by collapses
 //! alone.
 //!
-//! If parts or handles block a level, a second trunk begins in which they are removed in order of cost, as
-//! in a single run; the lower levels continue from that.
+//! If parts or handles block a level, a second trunk starts, in which they are removed in order of cost, as
+//! in a single run; the lower levels continue from it.
 
 use lodsmith_core::VertexId;
 
@@ -32,7 +32,7 @@ use crate::input::Input;
 use crate::metric::{Metric, with_metric};
 use crate::options::{MethodKind, SimplifyOptions, Stop, TopologyPolicy};
 
-/// For each level, starting with the input, the vertex of the next one that each of its vertices was merged
+/// For each level, starting with the input, the vertex of the next level that each of its vertices was merged
 /// into; [`NONE`](crate::collapse::order::NONE) if its part was removed.
 pub(crate) type Mergers = Vec<Vec<VertexId>>;
 
@@ -64,10 +64,10 @@ pub(crate) fn chain(
     let goals: Vec<Goal> = of_levels.iter().map(|own| goal(own, faces)).collect();
     let constraints = Constraints::new(&input.data, &in_order, |v| input.joined(v));
     let first = goals.first().copied().unwrap_or_default();
-    let pass = collapses(options.method.kind()).expect("only methods that collapse edges come here");
+    let pass = collapses(options.method.kind()).expect("only methods that collapse edges get here");
     let mut run = Run::new(input, options, &mut in_order, &constraints, pass);
     (run.goal, run.is_traced) = (first, is_traced);
-    let passes = passes_of(options.method.kind()).expect("only methods of sweeps come here");
+    let passes = passes_of(options.method.kind()).expect("only methods with sweeps get here");
     let outcomes = passes(&mut run, &goals, control)?;
     let mergers = if is_traced { run.mergers(&outcomes) } else { Mergers::new() };
     let comparer = if deviation::needs_measurement(options) { run.input_comparer(control) } else { None };
@@ -210,8 +210,8 @@ impl Run<'_, '_> {
                     .map(|number| home(&trace.homes, number))
                     .collect(),
                 Some((RunOutcome { trace: Some(before), .. }, own)) => {
-                    // Vertices created by cuts have numbers of their own, which another trunk does not
-                    // know.
+                    // Vertices created by cuts have numbers of their own, which do not exist in another
+                    // trunk.
                     let numbers = if own == trunk { &before.origins } else { &before.places };
                     numbers.iter().map(|&number| home(&trace.homes, number)).collect()
                 }
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn methods_of_sweeps_are_chained_unless_an_error_or_escalation_is_asked_for() {
+    fn methods_with_sweeps_are_chained_unless_an_error_or_escalation_is_set() {
         let mut options = SimplifyOptions::default();
         let counts = [Stop::faces(10), Stop::ratio(0.1), Stop::vertices(3)];
         assert!(is_chained(&options, &counts));
@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn each_level_is_the_result_of_a_run_of_its_own() {
+    fn each_level_equals_the_result_of_a_separate_run() {
         let mesh = shapes::noisy_sphere(3, 0.05, 3);
         for method in [MethodKind::Memoryless, MethodKind::Quadric] {
             let options = SimplifyOptions { method: method.into(), ..SimplifyOptions::default() };
@@ -281,8 +281,8 @@ mod tests {
     }
 
     #[test]
-    fn mergers_lead_from_each_level_to_the_next() {
-        // Onto endpoints, so that each vertex of a level is one of the level before.
+    fn mergers_map_each_level_to_the_next() {
+        // With placement at endpoints, so that each vertex of a level is a vertex of the level before.
         let mesh = shapes::noisy_sphere(3, 0.05, 3);
         let options = SimplifyOptions { placement: Placement::Endpoint, ..SimplifyOptions::default() };
         let (levels, mergers) = chain(&mesh, &options, &[600, 200, 80], true);
@@ -296,13 +296,13 @@ mod tests {
                 assert!(*home != NONE && home.index() < to.len());
                 homes[home.index()] += usize::from(from.get(VertexId::new(v)) == to.get(*home));
             }
-            // Exactly one of those merged into a vertex is at its place.
+            // Exactly one of the vertices merged into a vertex has its position.
             assert!(homes.iter().all(|n| *n == 1), "level {k}: {homes:?}");
         }
     }
 
     #[test]
-    fn a_removed_part_has_no_home() {
+    fn vertices_of_removed_parts_are_merged_into_none() {
         let mesh = shapes::tetrahedra(2);
         let options = SimplifyOptions { border: BorderPolicy::Keep, ..SimplifyOptions::default() };
         let (levels, mergers) = chain(&mesh, &options, &[4], true);

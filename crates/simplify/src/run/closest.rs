@@ -1,8 +1,8 @@
-//! Choice among several ways to one target, by measured error.
+//! Choice among several results for one target, by measured error.
 //!
 //! A target that is out of reach may be reached by moving seams off their lines, removing parts, cutting
-//! necks or contracting pairs. None of these is always the best, and their costs are not comparable, so the
-//! results are measured. This is the only place that decides between results of one run.
+//! necks or contracting pairs. None of these is always best, and their costs are not comparable, so the
+//! results are measured. Only this module chooses between results of one run.
 
 use super::context::{Run, RunOutcome};
 use crate::collapse::StopReason;
@@ -11,19 +11,19 @@ use crate::control::Control;
 /// Samples in each direction. (The RMS of a result is then known to a few percent; if candidates differ by
 /// less, either is fine.)
 const COMPARISON_SAMPLES: usize = 20_000;
-/// A result without topology changes and moved seams is preferred unless another one is closer by this
-/// factor: parts should not be removed for a small gain. (Guessed.)
+/// A result without topology changes and moved seams is preferred unless another is closer by this factor:
+/// parts should not be removed for a small gain. (Guessed.)
 const WHOLE_RESULT_FACTOR: f64 = 1.25;
 /// That factor for a result whose run was productive: the largest step allowed in a walk over targets
 /// (`cargo xtask walk`).
 const PRODUCTIVE_RESULT_FACTOR: f64 = 1.5;
-/// If the target is out of reach, a heavier result is returned if the lightest one is less close by this
-/// factor. (Guessed: more than any productive run loses for a few faces less.)
+/// If the target is out of reach, a heavier result is returned if the lightest one is farther off by this
+/// factor. (Guessed: more than any productive run loses by removing a few more faces.)
 const UNREACHABLE_FACTOR: f64 = 3.0;
 
 impl RunOutcome {
-    /// True if another way to the target may be closer to the input: seams gave way, or stayed at a cost,
-    /// or cheap parts or necks were kept.
+    /// True if another run to the target may be closer to the input: seams gave way, or stayed at a cost, or
+    /// cheap parts or necks were kept.
     pub(super) fn has_rivals(&self) -> bool {
         self.seams_relaxed || self.kept_costly_seams || self.kept_blocking_parts || self.kept_blocking_necks
     }
@@ -35,8 +35,8 @@ impl RunOutcome {
 }
 
 impl Run<'_, '_> {
-    /// Returns the best of at least one outcome, see [`Run::closest_index`]; if none reaches the target, with
-    /// proposals.
+    /// Returns the best of the outcomes (at least one), see [`Run::closest_index`]; with proposals if none
+    /// reaches the target.
     pub(super) fn closest(
         &self,
         mut ways: Vec<RunOutcome>,
@@ -52,11 +52,10 @@ impl Run<'_, '_> {
         chosen
     }
 
-    /// Returns the index of the best of at least one outcome. One that reaches the target is preferred to
-    /// one that does not. Among several that reach it, the one with the least two-way RMS distance to the
-    /// input; among several that do not, the lightest. The first of equals. The outcome `asked` for by an
-    /// option is favoured, else those that keep everything. Cost: a tree of the input, and of each outcome
-    /// that is measured.
+    /// Returns the index of the best of the outcomes (at least one). Outcomes that reach the target are
+    /// preferred: among these, the one with the smallest two-way RMS distance to the input; if none reaches
+    /// it, the lightest; the first among equals. The outcome `asked` for by an option is favoured, otherwise
+    /// outcomes that keep everything. Cost: a tree of the input, and of each measured outcome.
     pub(super) fn closest_index(
         &self,
         ways: &[&RunOutcome],

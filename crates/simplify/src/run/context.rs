@@ -38,7 +38,7 @@ pub(crate) struct RunOutcome {
     pub(crate) is_unproductive: bool,
     /// True if seams stayed on their lines at a cost.
     pub(crate) kept_costly_seams: bool,
-    /// True if parts were kept that would have been cheaper to remove than the collapses done instead.
+    /// True if parts were kept that were cheaper to remove than the collapses done instead.
     pub(crate) kept_blocking_parts: bool,
     /// True if necks were kept that blocked many collapses.
     pub(crate) kept_blocking_necks: bool,
@@ -49,11 +49,11 @@ pub(crate) struct RunOutcome {
     pub(crate) trace: Option<Trace>,
 }
 
-/// Mapping between the vertices of the ordered input and those of a result.
+/// Mapping between the vertices of the ordered input and of a result.
 pub(crate) struct Trace {
     /// Number in the engine of each vertex of the result.
     pub(super) origins: Vec<VertexId>,
-    /// For each of them the vertex of the ordered input whose position it had at the start.
+    /// For each of these, the vertex of the ordered input whose position it had at the start.
     pub(super) places: Vec<VertexId>,
     /// Vertex of the result for each number of the engine, or [`NONE`](crate::collapse::order::NONE).
     pub(super) homes: Vec<VertexId>,

@@ -6,7 +6,7 @@
 //!                  o- - x      o- - x    runs to lower counts resume from the last copy that is heavy enough
 //! ```
 //!
-//! A run that resumes from a copy ends with the same mesh as one from the start, so a level does not depend
+//! A run that resumes from a copy ends with the same mesh as a run from the start, so a level does not depend
 //! on the levels tried before.
 
 use std::rc::Rc;
@@ -16,7 +16,7 @@ use crate::collapse::{Engine, Goal, Sweeps};
 use crate::metric::Metric;
 use crate::ordered_input::INPUT_COPY_MAX_FACES;
 
-/// Maximum number of copies: the start, and two on the way.
+/// Maximum number of copies: at the start, and two later.
 const MAX_COPIES: usize = 3;
 
 struct EngineCopy<M: Metric> {
@@ -58,10 +58,10 @@ impl<M: Metric> Copies<M> {
         Some((Trunk { engine, root: Rc::clone(root), sweeps: None }, sweeps))
     }
 
-    /// Keeps a copy of an engine on its way to a goal of `faces` faces; a copy of the start can be used for
-    /// all goals.
+    /// Keeps a copy of an engine in a run to a goal of `faces` faces; a copy of the start can be used for all
+    /// goals.
     pub(super) fn keep(&mut self, trunk: &Trunk<M>, sweeps: &Sweeps, faces: usize) {
-        // Runs to few faces need the input again from a certain count on, and may be copied before.
+        // Runs to few faces need the input again below a certain count, and may only be copied above it.
         if !self.is_wanted
             || trunk.engine.mesh.store.live_faces > INPUT_COPY_MAX_FACES
             || trunk.engine.is_near_late_phase()

@@ -1,5 +1,5 @@
-//! Targets that are counted in something made from the result of a run: all instances of the meshes of a scene, or
-//! both sides of sheets. Where that count is known only after a run, it is searched for.
+//! Targets that count more than the result of a run: all instances of the meshes of a scene, or both sides of
+//! sheets. Where that count is known only after a run, it is searched for.
 
 use lodsmith_core::TriMesh;
 
@@ -8,21 +8,21 @@ use crate::SimplifyError;
 use crate::options::{Length, Stop};
 use crate::report::{Report, StoppedBy};
 
-/// Largest number of runs in search of a count.
+/// Maximum number of runs in the search for a count.
 const MAX_COUNT_RUNS: usize = 6;
-/// The search ends at a count within the goal and above this fraction of it.
+/// The search ends at a count that is within the goal and above this fraction of it.
 const MIN_COUNT_SHARE: f64 = 0.97;
 
-/// Target of a run, counted in the whole that its result stands for.
+/// Target of a run, counted over everything that its result stands for.
 pub(crate) struct CountedGoal {
     by_ratio: Option<usize>,
     pub(crate) faces: Option<usize>,
     vertices: Option<usize>,
     stop: Stop,
-    /// The element that is counted, and the target count.
+    /// The kind of element that is counted, and the target count.
     pub(crate) counted: fn(&TriMesh) -> usize,
     pub(crate) count: Option<usize>,
-    /// Elements of the run for each one of the whole.
+    /// Elements of the run per element of the whole.
     share: f64,
 }
 
@@ -43,7 +43,7 @@ impl CountedGoal {
         self.count.map(|n| n as f64 * self.share)
     }
 
-    /// True if a count decides alone, without a limit of the error.
+    /// True if only a count decides, without an error limit.
     pub(crate) fn is_count_alone(&self) -> bool {
         self.count.is_some() && self.stop.error.is_none()
     }
@@ -66,13 +66,13 @@ impl CountedGoal {
         stop
     }
 
-    /// Runs until the count is met as closely as can be, once if the count of a run follows from that of the
-    /// whole (`is_direct`). `run` makes a result for a stop, and returns its count and whether it met the stop.
-    /// `most` is the largest number of elements of the whole for one of the run.
+    /// Runs until the count is met as closely as possible; only once if the count of the run follows from the
+    /// count of the whole (`is_direct`). `run` makes a result for a stop, and returns its count and whether
+    /// it met the stop. `max_slope` is the largest number of elements of the whole per element of the run.
     pub(crate) fn search<R>(
         &self,
         is_direct: bool,
-        most: f64,
+        max_slope: f64,
         error: Option<Length>,
         mut run: impl FnMut(Stop) -> Result<(R, usize, bool), SimplifyError>,
     ) -> Result<R, SimplifyError> {
@@ -85,11 +85,11 @@ impl CountedGoal {
             if !reached || (got <= count && got as f64 > MIN_COUNT_SHARE * count as f64) {
                 break;
             }
-            // Elements of the whole for each one of the run.
+            // Elements of the whole per element of the run.
             let slope = before
                 .filter(|(x, _): &(f64, f64)| (asked - x).abs() >= 1.0)
                 .map_or(1.0 / self.share, |(x, y)| (got as f64 - y) / (asked - x))
-                .clamp(0.01, most);
+                .clamp(0.01, max_slope);
             before = Some((asked, got as f64));
             // Aims a little below the goal, since only counts within it are accepted.
             let aim = count as f64 * (1.0 + MIN_COUNT_SHARE) / 2.0;
@@ -109,7 +109,7 @@ impl CountedGoal {
         Ok(best.0)
     }
 
-    /// Sets whether the stop is met by the counts of the report, whatever the run made of its share.
+    /// Sets whether the counts of the report meet the stop, whether or not the run met its own share.
     pub(crate) fn judge(&self, report: &mut Report) {
         let stop = &self.stop;
         let met = |n: Option<usize>, count: usize| n.is_some_and(|n| count <= n);
@@ -122,7 +122,7 @@ impl CountedGoal {
             report.reached = by_faces || by_vertices || by_ratio;
             let by_count = [StoppedBy::Faces, StoppedBy::Vertices, StoppedBy::Ratio];
             if !report.reached && by_count.contains(&report.stopped_by) {
-                // The run met its share, but the whole has more: no step is left that takes as little as is asked for.
+                // The run met its share, but the whole has more elements: no remaining step is small enough.
                 report.stopped_by = StoppedBy::Refusals;
             } else if report.reached {
                 report.proposals.clear();

@@ -1,4 +1,4 @@
-//! The counts that the options ask for.
+//! The counts at which the options stop a run.
 
 use crate::collapse::Goal;
 use crate::options::SimplifyOptions;

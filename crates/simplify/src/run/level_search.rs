@@ -1,4 +1,4 @@
-//! Search for an error limit, and the face counts at which it may end.
+//! Search for the lightest result within an error limit, and the face counts at which it may end.
 //!
 //! ```text
 //! faces   12,000 … 2,300 … 440 … 85 …       marks, one after another until one exceeds the distance
@@ -7,29 +7,29 @@
 //! ```
 //!
 //! Counts, marks and midpoints do not depend on the distance, only the path does: a level within a distance
-//! is within a larger one too, so at the first level where two distances differ the larger one continues on
-//! the lighter side. A larger distance therefore never ends at a heavier level, even if errors are not
-//! monotonic. This also holds for the tests of lighter levels at the end: they use fixed levels, at the
-//! same offset from the current one, so the search for a larger distance, if it is behind a level that the
-//! shorter one reached, tests that level too.
+//! is within any larger distance too, so at the first level where two searches differ, the one for the larger
+//! distance continues on the lighter side. A larger distance therefore never ends at a heavier level, even if
+//! errors are not monotonic. This also holds for the tests of lighter levels at the end: they use fixed
+//! levels, at the same offset from the current one, so the search for a larger distance also tests every
+//! lighter level that the search for a smaller distance reached.
 
 use std::ops::RangeInclusive;
 
 use crate::SimplifyError;
 
-/// Ratio of the face counts of neighbouring levels. (Measured: errors of neighbours differ by 8 % in the
-/// mean.)
+/// Ratio of the face counts of neighbouring levels. (Measured: errors of neighbours differ by 8 % on
+/// average.)
 const LEVEL_FACTOR: f64 = 1.05;
-/// The first step is this share of that, and each doubles the one before: near the start, each collapse may
-/// be one too many. (Guessed.)
+/// The first step is this share of that ratio, and each step doubles the one before: near the start, every
+/// single collapse may exceed the limit. (Guessed.)
 const FIRST_STEP_SHARE: f64 = 1.0 / 8.0;
 /// Number of levels between marks: a sixth of the faces.
 const LEVELS_PER_MARK: usize = 37;
-/// Number of levels beyond the last one within the distance that are tested too, a quarter of the faces.
+/// Number of levels beyond the last one within the distance that may be tested too: a quarter of the faces.
 const EXTRA_LEVELS: usize = 6;
-/// Of these one in this many is tested, until none is within the distance. (Measured on seven models at 18
-/// distances, compared with the lightest of 40 levels, each .89 of the one before: .959 of its faces in the
-/// mean and 1.28 at most in 8.6 runs; without these tests .980 and 1.63 in 6.6.)
+/// One in this many of these levels is tested, until none is within the distance. (Measured on seven models
+/// at 18 distances, compared with the lightest of 40 levels, each with .89 of the faces of the one before:
+/// .959 of its faces on average and 1.28 at most in 8.6 runs; without these tests .980 and 1.63 in 6.6 runs.)
 const EXTRA_LEVEL_STEP: usize = 2;
 
 /// Maximum number of levels per step of a search from a start level. (Guessed: twelve percent of the cells
@@ -49,7 +49,7 @@ pub(crate) enum LevelTest {
     Over,
 }
 
-/// Decreasing counts, the first that of the input.
+/// Decreasing counts, the first of them the input's.
 pub(crate) struct LevelCounts {
     counts: Vec<usize>,
 }
@@ -77,7 +77,7 @@ impl LevelCounts {
     }
 
     /// Tests levels with `test` until the best one is found; returns 0, the input, if none is within the
-    /// distance. Never tests that one, and no other twice.
+    /// distance. Never tests the input, and no level twice.
     pub(crate) fn search(
         &self,
         test: &mut dyn FnMut(usize) -> Result<LevelTest, SimplifyError>,
@@ -124,13 +124,13 @@ impl LevelCounts {
     }
 }
 
-/// Searches other levels, which are lighter as they rise, from an approximate start level: in steps of at
-/// most `SEARCH_STRIDE` levels, to the lighter side as long as the distance is kept, else to the heavier one until
-/// it is; then by bisection.
+/// Searches numbered levels, higher ones lighter, from an approximate start level: in steps of at most
+/// `SEARCH_STRIDE` levels, to the lighter side as long as levels are within the distance, otherwise to the
+/// heavier side until one is; then by bisection.
 ///
-/// The start level must not become heavier for a larger distance: then the result does not either, because
-/// any level that passes for a shorter distance passes for a larger one. Returns `None` if no level is
-/// within the distance.
+/// The start level must not be heavier for a larger distance: then the result is not heavier either, because
+/// any level that passes for a distance passes for a larger one. Returns `None` if no level is within the
+/// distance.
 pub(crate) fn search_around(
     levels: RangeInclusive<i64>,
     begin: i64,
@@ -169,7 +169,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn counts_fall_to_the_floor() {
+    fn counts_descend_to_the_floor() {
         for (all, floor) in [(1, 1), (12, 1), (12, 12), (9000, 4), (1_000_000, 777), (100, 99)] {
             let counts = LevelCounts::new(all, floor).counts;
             assert!(counts[0] == all && counts.last() == Some(&floor), "{counts:?}");
@@ -177,7 +177,7 @@ mod tests {
                 c[1] < c[0] && (c[0] - c[1] == 1 || c[0] as f64 <= c[1] as f64 * LEVEL_FACTOR + 1.5)
             };
             assert!(counts.windows(2).all(is_step), "{counts:?}");
-            // The floor does not influence the counts before it.
+            // The floor does not influence the counts above it.
             let whole = LevelCounts::new(all, 1).counts;
             assert_eq!(counts[..counts.len() - 1], whole[..counts.len() - 1]);
         }
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn a_search_around_a_begin_is_as_steady() {
+    fn in_a_search_around_a_start_a_larger_distance_never_ends_at_a_heavier_level() {
         let mut state = 11u64;
         for round in 0..60 {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(round);

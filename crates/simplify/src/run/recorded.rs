@@ -1,7 +1,7 @@
 //! A run whose changes are all recorded, for progressive meshes.
 //!
-//! There is one sequence of sweeps: first as far as the topology allows, then, if that is short of the goal, on
-//! the same engine with parts and cuts in order of cost.
+//! There is one sequence of sweeps: first as far as possible with the topology kept; then, if the goal is not
+//! reached, on the same engine with removal of parts and cuts in order of cost.
 
 use super::context::Run;
 use crate::SimplifyError;

@@ -1,13 +1,13 @@
 //! A run that keeps parts and handles if it reaches the target with them, and else removes them in order of
 //! cost.
 //!
-//! The first pass keeps everything. When parts or handles begin to block it a snapshot is taken, and if it
-//! cannot reach the target the second pass begins there, with parts and necks in order of cost. What was
-//! collapsed before had lower costs, so the order is nearly preserved.
+//! The first pass keeps everything. When parts or handles start to block it, a snapshot is taken, and if it
+//! cannot reach the target the second pass starts from there, with parts and necks in order of cost. The
+//! collapses before the snapshot had lower costs, so the order is nearly preserved.
 //!
 //! A first pass that reaches the target at a cost (seams off their lines, or collapses more expensive than
 //! many parts) is one of several candidates: the second pass is another, and a third lets seams give way in
-//! order of cost too. The result is the one that measures closest.
+//! order of cost too. The result is the candidate that is closest by measurement.
 
 use super::context::{Run, RunOutcome, TopologyChanges};
 use super::copies::Copies;
@@ -20,7 +20,7 @@ use crate::control::{Control, Stage};
 use crate::metric::Metric;
 
 /// Faces of an alternative result, relative to the lightest one, if the target is out of reach. (A level of
-/// 1,194 parts that ends at 6,249 faces is 2.0 % off there, and .2 % at 15 % more.)
+/// 1,194 parts that ends at 6,249 faces is 2.0 % off there, and .2 % off with 15 % more faces.)
 const NEARLY_REACHED_FACTOR: f64 = 1.15;
 const NO_CHANGES: TopologyChanges = TopologyChanges { parts: false, cuts: false, seams: false };
 
@@ -33,7 +33,7 @@ impl Run<'_, '_> {
         copies: &mut Copies<M>,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
-        let lightest = self.best_way(metric, goal, step, copies, control)?;
+        let lightest = self.best_outcome(metric, goal, step, copies, control)?;
         let near = (lightest.mesh.face_count() as f64 * NEARLY_REACHED_FACTOR) as usize;
         let is_short = lightest.end == StopReason::Stuck && step.is_none() && !lightest.keeps_all();
         if !is_short || near <= lightest.mesh.face_count() + 1 {
@@ -41,12 +41,12 @@ impl Run<'_, '_> {
         }
         // The target is out of reach: the last collapses may cost far too much.
         let nearly = Goal { faces: Some(near), vertices: None };
-        let other = self.best_way(metric, nearly, step, copies, control)?;
+        let other = self.best_outcome(metric, nearly, step, copies, control)?;
         Ok(self.choose_when_unreachable(lightest, other, control))
     }
 
-    /// Returns the best of the competing ways to a goal.
-    fn best_way<M: Metric>(
+    /// Returns the best of the competing outcomes for a goal.
+    fn best_outcome<M: Metric>(
         &mut self,
         metric: M,
         goal: Goal,
@@ -86,8 +86,8 @@ impl Run<'_, '_> {
         }
         trunk.engine.mesh.store.finish();
         let end = end.unwrap_or(StopReason::Stuck);
-        let mut ways = Vec::new();
-        let seams_stand_in_way = trunk.engine.mesh.has_relaxed_seams() || trunk.engine.has_blocking_seams();
+        let mut outcomes = Vec::new();
+        let seams_block = trunk.engine.mesh.has_relaxed_seams() || trunk.engine.has_blocking_seams();
         let mut parts = true;
         if trunk.engine.tally.parts_removed == 0 || end == StopReason::Finish {
             parts = end == StopReason::Stuck || trunk.engine.mesh.part_count() > 1;
@@ -98,41 +98,41 @@ impl Run<'_, '_> {
             if end != StopReason::Stuck && !competes || step.is_some() {
                 return Ok(outcome);
             }
-            ways.push(outcome);
+            outcomes.push(outcome);
         }
-        // Parts and handles block collapses: remove them in order of cost. Without a snapshot the memory is
-        // needed.
+        // Parts and handles block collapses: remove them in order of cost. Without a snapshot, the memory is
+        // freed because it is needed.
         let mut from = fork.map(|fork| (fork, trunk));
         if parts {
-            let leave = TopologyChanges { parts, cuts, seams: false };
-            let mut second = self.run_with_changes(metric, &goal, step, leave, &mut from, control)?;
+            let allowed = TopologyChanges { parts, cuts, seams: false };
+            let mut second = self.run_with_changes(metric, &goal, step, allowed, &mut from, control)?;
             if second.has_touching_vertices && second.end != StopReason::Finish {
                 cuts = false;
-                let leave = TopologyChanges { cuts, ..leave };
-                second = self.run_with_changes(metric, &goal, step, leave, &mut from, control)?;
+                let allowed = TopologyChanges { cuts, ..allowed };
+                second = self.run_with_changes(metric, &goal, step, allowed, &mut from, control)?;
             }
-            ways.push(second);
+            outcomes.push(second);
         }
-        let is_over = ways.last().is_some_and(|last| last.end == StopReason::Finish);
+        let is_over = outcomes.last().is_some_and(|last| last.end == StopReason::Finish);
         let competes =
-            seams_stand_in_way || ways.iter().any(|way| way.seams_relaxed || way.kept_costly_seams);
+            seams_block || outcomes.iter().any(|outcome| outcome.seams_relaxed || outcome.kept_costly_seams);
         if competes && step.is_none() && !is_over {
-            let leave = TopologyChanges { parts, cuts: cuts && parts, seams: true };
-            let third = self.run_with_changes(metric, &goal, step, leave, &mut from, control)?;
-            // If sides of a cut touch, another candidate is used.
-            ways.extend(Some(third).filter(|third| !third.has_touching_vertices || ways.is_empty()));
+            let allowed = TopologyChanges { parts, cuts: cuts && parts, seams: true };
+            let third = self.run_with_changes(metric, &goal, step, allowed, &mut from, control)?;
+            // If the two sides of a cut touch, another candidate is used.
+            outcomes.extend(Some(third).filter(|third| !third.has_touching_vertices || outcomes.is_empty()));
         }
-        Ok(self.closest(ways, None, control))
+        Ok(self.closest(outcomes, None, control))
     }
 
-    /// Runs a pass with the topology changes of `leave` in order of cost: from the snapshot, or from the
+    /// Runs a pass with the topology changes `allowed` in order of cost: from the snapshot, or from the
     /// start.
     fn run_with_changes<M: Metric>(
         &mut self,
         metric: M,
         goal: &Goal,
         step: Option<f64>,
-        leave: TopologyChanges,
+        allowed: TopologyChanges,
         from: &mut Option<(Snapshot<M>, Trunk<M>)>,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
@@ -142,16 +142,16 @@ impl Run<'_, '_> {
                 control.stage(Stage::Collapse);
                 let (engine, mut sweeps) = fork.restored(&mut trunk.engine);
                 trunk.engine = engine;
-                if leave.parts {
-                    trunk.engine.allow_topology_changes(&mut sweeps, leave.cuts, &self.source(&trunk.root));
+                if allowed.parts {
+                    trunk.engine.allow_topology_changes(&mut sweeps, allowed.cuts, &self.source(&trunk.root));
                 }
-                if leave.seams {
+                if allowed.seams {
                     trunk.engine.mesh.loosen_seams();
                 }
                 (trunk, sweeps)
             }
             None => {
-                own = self.begin(metric, step, leave, (&[], 0), control)?;
+                own = self.begin(metric, step, allowed, (&[], 0), control)?;
                 let sweeps = own.engine.begin_sweeps(goal);
                 (&mut own, sweeps)
             }
@@ -197,7 +197,7 @@ mod tests {
         act(&mut Run::new(&input, &options, &mut in_order, &constraints, pass));
     }
 
-    /// Four tori side by side, with colours.
+    /// Four separate tori with colours.
     fn tori() -> TriMesh {
         let torus = shapes::torus(40, 16);
         let (mut positions, mut triangles) = (Vec::new(), Vec::new());
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn a_copy_goes_on_in_the_same_way_whatever_was_done_since() {
+    fn a_copy_always_continues_in_the_same_way() {
         let mesh = tori();
         with_run(&mesh, 60, &mut |run| {
             let goal = run.goal;
@@ -233,7 +233,7 @@ mod tests {
             let mut results = Vec::new();
             for others in 0..3 {
                 for _ in 0..others {
-                    // A run that copies wedges in between.
+                    // Another run in between, which copies wedges.
                     let (mut other, mut its) = fork.restored(&mut trunk.engine);
                     other.allow_topology_changes(&mut its, true, &run.source(&trunk.root));
                     trunk.engine = other;
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pause_changes_nothing_where_all_can_stay() {
+    fn a_pause_changes_nothing_if_everything_is_kept() {
         for (mesh, faces) in [(shapes::blob(4, 1), 500), (shapes::blob(5, 2), 100), (tori(), 400)] {
             with_run(&mesh, faces, &mut |run| {
                 let goal = run.goal;
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn a_copy_is_made_before_sweeps_get_stuck_and_of_a_small_share() {
+    fn runs_pause_before_sweeps_get_stuck_if_a_copy_is_small() {
         // A copy of nearly half would take more than a percent of the time.
         for (faces, share) in [(60, Some(2)), (2500, None)] {
             with_run(&tori(), faces, &mut |run| {
@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn vertices_that_touch_are_moved_apart_and_others_are_not() {
+    fn only_touching_vertices_are_separated() {
         with_run(&shapes::torus(12, 8), 4, &mut |run| {
             let mut trunk = run.begin(Memoryless, None, NO_CHANGES, (&[], 0), &mut NoControl).unwrap();
             let store = &mut trunk.engine.mesh.store;

@@ -1,4 +1,4 @@
-//! The report of a run, and the goal that its options ask for.
+//! Construction of the report of a run.
 
 use lodsmith_core::{Attribute, TriMesh};
 
@@ -41,7 +41,7 @@ pub(super) fn build_report(
         _ if goal.is_none() && limit.is_none() && outcome.end != StopReason::Stuck => StoppedBy::Nothing,
         _ => StoppedBy::Refusals,
     };
-    // An error limit alone is reached by any result within it.
+    // If there is only an error limit, any result within it reaches it.
     let rounding = ROUNDING * ordered.diagonal;
     let within = |l: f64| deviation.largest().is_some_and(|d| d <= l + rounding);
     let reached = match stopped_by {

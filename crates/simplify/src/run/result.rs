@@ -1,4 +1,4 @@
-//! The mesh of a finished engine: positions and attributes of the input where they stayed.
+//! The mesh of a finished engine: it has the positions and attributes of the input where they were kept.
 
 use lodsmith_core::{Positions, PositionsView, TriMesh, WedgeId};
 
@@ -19,7 +19,7 @@ impl Run<'_, '_> {
         };
         let carried = store.wedges.as_deref();
         let rank_of = |w: WedgeId| self.place(mesh, w);
-        // Name of a wedge in the engine, at a corner of the input: a row of values, or the wedge or vertex
+        // Index of a wedge in the engine, at a corner of the input: a row of values, or the wedge or vertex
         // itself.
         let name = |w: WedgeId| match (rows, carried) {
             (Some(rows), Some(_)) => rows.wedge_rows[w.index()].0,

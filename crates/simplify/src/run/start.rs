@@ -40,7 +40,7 @@ struct Corners {
     rows: Option<(Rows, Option<Attributes>)>,
 }
 
-/// Parts of which an engine is made, and other data that a run needs.
+/// The parts that an engine is made of, and other data that a run needs.
 struct Basis<Q: VertexMemory> {
     rules: Rules,
     store: Store<Q>,
@@ -53,9 +53,9 @@ struct Basis<Q: VertexMemory> {
 }
 
 impl Run<'_, '_> {
-    /// Creates an engine before its first sweep; `recorded` ones number the faces as in the ordered input.
-    /// `step` is the largest distance from a plane that one collapse may leave, in user units; `goals` are
-    /// those of a chain, if it is one, and `level` is the first that is swept to.
+    /// Creates an engine before its first sweep; if it is `recorded`, faces have the numbers of the ordered
+    /// input. `step` is the largest distance from a plane that one collapse may leave, in user units; `goals`
+    /// are the goals of a chain, if it is one, and `level` is the first one to sweep to.
     pub(crate) fn start<M: Metric>(
         &mut self,
         metric: M,
@@ -186,7 +186,7 @@ impl Run<'_, '_> {
         let mut wedges = self.ordered.wedges(&self.input.surface, mesh);
         debug_assert_eq!(wedges.len(), faces.len());
         if self.options.placement == Placement::Endpoint {
-            // (A quick pass tells the sides by texture coordinates alone.)
+            // (A quick pass distinguishes sides only by texture coordinates.)
             let sides = match (&self.options.quick, mesh.uvs()) {
                 (None, _) => SideValues::new(mesh),
                 (Some(_), uvs) => SideValues::of_uvs(uvs.unwrap_or_default()),
@@ -208,7 +208,7 @@ impl Run<'_, '_> {
             *w = rows.wedge_rows[w.index()];
         }
         if attributes.is_empty() && mesh.regions().is_none() {
-            // The values are the same everywhere: the run need not carry them.
+            // The values are the same everywhere, so the run does not need them.
             return Corners { wedges: None, endpoints: None, rows: Some((rows, None)) };
         }
         self.set_attribute_weights(&rows, &mut attributes, (faces, &wedges, points), &self.goal);
@@ -229,7 +229,7 @@ impl Run<'_, '_> {
     }
 }
 
-/// Estimates the edge length of a result, in the unit frame: that of equilateral triangles.
+/// Estimates the edge length of a result, in the unit frame, as if its triangles were equilateral.
 fn result_edge(faces: &[[VertexId; 3]], points: &[Vec3], goal: &Goal) -> f64 {
     let doubled = |t: &[VertexId; 3]| {
         let [a, b, c] = t.map(|v| points[v.index()]);

@@ -29,8 +29,8 @@ use crate::ordered_input::{KeptInput, OriginalInput};
 use crate::rebuild::transfer_to_mesh;
 use crate::recolor::{self, OwnParts};
 
-/// Largest number of faces of removed parts whose distance to the result is measured. (Guessed: the RMS is then known
-/// to some percent.)
+/// Maximum number of faces of removed parts whose distance to the result is measured. (Guessed: the RMS is
+/// then known to a few percent.)
 const MAX_REMOVED_SAMPLES: usize = 2000;
 
 /// An engine, and the data that each result of it needs.
@@ -53,7 +53,7 @@ pub(super) struct Root {
 
 impl Run<'_, '_> {
     /// Prepares the engine. `step` is the largest distance from a plane that one collapse may leave, in
-    /// user units; `goals` are those of a chain, if it is one, and `level` is the first that is swept to.
+    /// user units; `goals` are the goals of a chain, if it is one, and `level` is the first one to sweep to.
     pub(super) fn begin<M: Metric>(
         &mut self,
         metric: M,
@@ -167,8 +167,8 @@ impl Run<'_, '_> {
     }
 
     /// Returns twice the integral of the squared distance between the result and the parts of the input that
-    /// were removed, in the unit frame, from samples. `homes` are the vertices of the result that those of
-    /// the ordered input were merged into. Cost: a tree of the result.
+    /// were removed, in the unit frame, from samples. `homes` has for each vertex of the ordered input the
+    /// vertex of the result that it was merged into. Cost: a tree of the result.
     fn removed_distance_sq(&self, mesh: &TriMesh, root: &Root, homes: &[VertexId]) -> f64 {
         let frame = self.ordered.frame;
         let tree = Bvh::new(&mesh.surface());
@@ -186,8 +186,8 @@ impl Run<'_, '_> {
         })
     }
 
-    /// Builds the mesh of a fitted engine, and the locked wedges at its corners. `home` is the vertex that each one
-    /// of the ordered input became, if normals are to be repaired.
+    /// Builds the mesh of a fitted engine, and the locked wedges at its corners. `home` has the vertex that
+    /// each vertex of the ordered input became, if normals are to be repaired.
     fn finished_mesh<M: Metric>(
         &self,
         engine: &mut Engine<M>,
@@ -207,7 +207,8 @@ impl Run<'_, '_> {
         }
         let mut mesh = self.result(&engine.mesh.store, engine.mesh.values.attributes.as_ref(), rows)?;
         if let (true, Some(wedges)) = (engine.mesh.has_relaxed_seams(), &engine.mesh.store.wedges) {
-            // A run that blends has shading of its own; one that matches has vertices of the input.
+            // A run that blends values keeps its own shading; a run that matches wedges has vertices of the
+            // input.
             let shading = engine.mesh.values.attributes.as_ref().map(|attributes| (attributes, &wedges[..]));
             let kept = |v: &Vertex<M::Memory>| engine.mesh.store.place_of(v.origin);
             let kept = match shading {
@@ -225,8 +226,8 @@ impl Run<'_, '_> {
         Ok((mesh, held))
     }
 
-    /// Returns the part of the input that each vertex of it and of the result belongs to, if colours are
-    /// needed and no pairs were contracted. Cost: O(n).
+    /// Returns the part of the input that each vertex of the input and of the result belongs to, if colours
+    /// are needed and no pairs were contracted. Cost: O(n).
     fn own_parts<M: Metric>(&self, engine: &Engine<M>, root: &Root) -> Option<OwnParts> {
         let mesh = self
             .input
@@ -243,9 +244,9 @@ impl Run<'_, '_> {
         Some(OwnParts { of_input, of_result })
     }
 
-    /// Runs the fit, including values if the run carries them. Returns the remaining RMS distance, in the
-    /// unit frame. `away` is its estimate from the costs: too large by about 1.8, as measured on eight
-    /// models at 50 to 1 %.
+    /// Runs the fit, including values if the run has any. Returns the remaining RMS distance, in the unit
+    /// frame. `away` is its estimate from the costs: too large by about 1.8, as measured on eight models at
+    /// 50 to 1 %.
     fn fit<M: Metric>(
         &self,
         store: &mut Store<M::Memory>,

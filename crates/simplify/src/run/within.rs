@@ -10,20 +10,21 @@ use crate::deviation::{Deviation, InputComparer, PreparedResult, ROUNDING};
 use crate::metric::{Metric, with_metric};
 use crate::options::MethodKind;
 
-/// Ratio of successive steps of a method that is controlled by a step.
+/// Ratio of successive step limits of a method that is controlled by them.
 const TOLERANCE_FACTOR: f64 = 0.8;
-/// Number of steps tried, from the largest that is within the limit; the last one is zero. (Guessed: a
-/// thirtieth of the limit.)
+/// Number of step limits to try, starting with the largest within the error limit; the last one is zero.
+/// (Guessed: a thirtieth of the limit.)
 const MAX_TOLERANCES: usize = 16;
 
-/// Maximum number of results kept that seem to be within the limit, until one is proven to be.
+/// Maximum number of results that are kept because they seem to be within the limit, until one is proven to
+/// be.
 const MAX_HELD_RESULTS: usize = 3;
 
 /// Function that makes one of the runs of a search to several counts.
 type PassOfSearch =
     Box<dyn FnMut(&mut Run<'_, '_>, Goal, &mut dyn Control) -> Result<RunOutcome, SimplifyError>>;
 
-/// Returns the runs of a search. Those of methods that work by sweeps resume from one another.
+/// Returns the runs of a search. Runs of methods that work by sweeps resume from one another.
 fn passes_of_search(method: MethodKind) -> PassOfSearch {
     fn by<M: Metric + 'static>(metric: M) -> PassOfSearch {
         let mut copies = Copies::of_search();
@@ -78,7 +79,7 @@ impl Run<'_, '_> {
             })
         })?;
         level = seemingly.last().map_or(level, |last| last.0);
-        // From there upwards, the first that is proven to be within the limit.
+        // From there towards heavier levels, the first that is proven to be within the limit.
         while level > 0 {
             let mut outcome = match seemingly.pop_if(|last| last.0 == level) {
                 Some((_, outcome)) => outcome,
@@ -115,11 +116,11 @@ impl Run<'_, '_> {
         Ok((outcome, deviation, true))
     }
 
-    /// Returns the result of the largest step within `limit`: for methods controlled by a step, not a
-    /// count.
+    /// Returns the result of the largest step within `limit`: for methods that are controlled by a step
+    /// limit, not a count.
     ///
-    /// Steps are shares of the diagonal that do not depend on the limit: tried from the largest that does
-    /// not exceed it downwards, until one result is within it.
+    /// Step limits are shares of the diagonal that do not depend on the error limit: they are tried from the
+    /// largest that does not exceed it downwards, until a result is within it.
     pub(super) fn run_within_step(
         mut self,
         limit: f64,

@@ -16,7 +16,7 @@ use crate::run::CountedGoal;
 use crate::textures::Textures;
 use crate::{Simplified, SimplifyError, borders, constraints, pipeline, prune};
 
-/// Rounding of single-precision coordinates of a scene, as a share of its diagonal, four times over.
+/// Four times the rounding of single-precision coordinates of a scene, as a share of its diagonal.
 const SCENE_ROUNDING: f64 = 2.5e-7;
 /// All parts of a scene as one mesh, with the options of the run.
 pub(super) struct JoinedScene<'a> {
@@ -31,7 +31,7 @@ pub(super) struct JoinedScene<'a> {
     is_placed: bool,
     /// Where parts touch, if they do.
     touching: Option<Touching>,
-    /// The vertex of the mesh that each one is joined with, if borders of parts differ by rounding.
+    /// The vertex that each vertex of the mesh is joined with, if borders of parts differ by rounding.
     borders: Option<Vec<VertexId>>,
     /// Largest distance, in the scene, by which rounding to single precision moves a position of the result.
     output_rounding: f64,
@@ -62,7 +62,7 @@ impl<'a> JoinedScene<'a> {
         let written = parts.iter().map(rounding_of).fold(0.0, f64::max);
         options.stop.error =
             options.stop.error.map(|e| Length::Units((e.in_units(diagonal) - written).max(0.0)));
-        // Parts of one system often were one mesh, and differ in the last digits where they touched.
+        // Parts of one system often were one mesh once, and differ in the last digits where they touched.
         let of_touching = touching.as_ref().filter(|t| t.joins()).map_or(0.0, |t| t.rounding);
         let rounding = (SCENE_ROUNDING * diagonal).max(of_touching);
         options.weld = match options.weld {
@@ -101,7 +101,7 @@ impl<'a> JoinedScene<'a> {
         self.parts.iter().map(|p| of(p.mesh).saturating_mul(self.instances_of(p))).sum()
     }
 
-    /// Returns a count over all instances of other meshes in place of the parts.
+    /// Returns a count over all instances, with other meshes in place of the parts.
     fn count_of_instances(&self, of: impl Fn(&TriMesh) -> usize, meshes: &[TriMesh]) -> usize {
         meshes.iter().zip(self.parts).map(|(m, p)| of(m).saturating_mul(self.instances_of(p))).sum()
     }
@@ -110,8 +110,9 @@ impl<'a> JoinedScene<'a> {
         CountedGoal::new(stop, |of| self.count(of), &self.mesh)
     }
 
-    /// Returns true if the count of a run follows from that of the scene. If instances differ, or meshes
-    /// share vertices that each counts as its own, it is known only after the run and has to be searched for.
+    /// Returns true if the count of a run follows from that of the scene. If the numbers of instances differ,
+    /// or meshes share vertices that each of them counts, it is known only after the run and has to be
+    /// searched for.
     pub(super) fn is_direct(&self, goal: &CountedGoal) -> bool {
         let shares_vertices = self.layout.has_neighbours && goal.faces.is_none();
         let same = self.parts.windows(2).all(|p| self.instances_of(&p[0]) == self.instances_of(&p[1]));
@@ -142,7 +143,7 @@ impl<'a> JoinedScene<'a> {
         Ok(self.build_result(report, meshes, &goal))
     }
 
-    /// Splits a result into its parts. Also returns the numbers that their vertices have in the result.
+    /// Splits a result into its parts. Also returns the numbers of their vertices in the result.
     pub(super) fn split_parts(
         &self,
         all: &TriMesh,
@@ -151,7 +152,7 @@ impl<'a> JoinedScene<'a> {
         self.layout.split_parts(self.parts, all, &self.table, held)
     }
 
-    /// Builds the result and converts the report to terms of the scene.
+    /// Builds the result and converts the report to the scene's counts and units.
     pub(super) fn build_result(
         &self,
         mut report: Report,
@@ -187,7 +188,8 @@ impl<'a> JoinedScene<'a> {
     }
 }
 
-/// Returns the vertex of the joined mesh that each one is joined with, if borders of a part differ by rounding.
+/// Returns the vertex that each vertex of the joined mesh is joined with, if borders of a part differ by
+/// rounding.
 fn joined_borders(parts: &[Part<'_>]) -> Option<Vec<VertexId>> {
     let (mut all, mut is_any) = (Vec::new(), false);
     for part in parts {
@@ -202,7 +204,7 @@ fn joined_borders(parts: &[Part<'_>]) -> Option<Vec<VertexId>> {
 
 /// Returns the data of the joined mesh.
 fn joined_data(parts: &[Part<'_>], table: &RegionTable) -> OwnedMeshData {
-    /// Returns the values of all parts, if any part has values; those of the others are `neutral`.
+    /// Returns the values of all parts, if any part has values; `neutral` fills the others.
     fn all<'a, T: Copy + 'a>(
         parts: &'a [Part<'_>],
         of: impl Fn(&MeshData<'a>) -> Option<&'a [T]>,

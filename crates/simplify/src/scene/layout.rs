@@ -11,7 +11,7 @@ use super::touching::Touching;
 use crate::attributes::ranges::{has_ranges, ranges, within};
 use crate::constraints::{self, HeldWedges};
 
-/// Gap between meshes laid side by side, in sizes of the largest.
+/// Gap between meshes laid side by side, as a multiple of the size of the largest.
 const PART_GAP: f64 = 0.25;
 
 /// Placement of each part: scaled or stretched, then moved.
@@ -67,12 +67,12 @@ fn map_rows<const N: usize>(values: &mut [f32], map: impl Fn([f32; 3]) -> [f32; 
     }
 }
 
-/// For each region of the joined mesh, its part and the region that its faces had there.
+/// For each region of the joined mesh, its part and its region in that part.
 pub(super) type RegionTable = Vec<(usize, Option<RegionId>)>;
 
 impl Layout {
-    /// Places groups so far apart that no distance up to `near` connects one with another. Systems that touch are one
-    /// group.
+    /// Places groups so far apart that no distance up to `near` connects two of them. Systems that touch form
+    /// one group.
     pub(super) fn new(parts: &[Part<'_>], near: f64, touching: Option<&Touching>) -> Self {
         // The group of each part, and the bounding box of each group.
         let mut groups: BTreeMap<usize, usize> = BTreeMap::new();
@@ -92,7 +92,7 @@ impl Layout {
                 None => (fresh(), [0.0; 3]),
             };
             group_of.push(group);
-            // All parts of a system use one map, to the bit.
+            // All parts of a system use exactly the same map.
             let map = maps[group];
             let origin = map.to_scene(origin);
             origins.push(origin);
@@ -180,7 +180,7 @@ impl Layout {
         if any(|m| m.colors().is_some()) {
             all.set_colors(Some(joined(parts, TriMesh::colors, [1.0; 4])))?;
         }
-        // A name may have different widths in different parts: each is an attribute of its own.
+        // An attribute name may have different widths in different parts: each is a separate attribute.
         let mut kinds: Vec<(&Semantic, usize)> = Vec::new();
         for a in parts.iter().flat_map(|p| p.mesh.further_attributes()) {
             if !kinds.contains(&(&a.semantic, a.width)) {
@@ -205,8 +205,8 @@ impl Layout {
         Ok((all, table))
     }
 
-    /// Splits a result into parts, each with the kinds of attributes that it had, and returns the numbers of
-    /// their vertices in the result. Locked vertices keep the bits of the input.
+    /// Splits a result into parts, each with the same kinds of attributes as before, and returns the numbers
+    /// of their vertices in the result. Locked vertices keep the bits of the input.
     pub(super) fn split_parts(
         &self,
         parts: &[Part<'_>],
@@ -226,7 +226,7 @@ impl Layout {
         let mut first_wedge = 0;
         for (i, ((part, place), faces)) in parts.iter().zip(&self.places).zip(&faces_of).enumerate() {
             let (mut wedges, mut vertices) = (Vec::new(), Vec::new());
-            // The wedge and the vertex of the part that each one is, if locked.
+            // The part's own wedge and vertex for each wedge and vertex, if locked.
             let (mut own_wedges, mut own_vertices) = (Vec::new(), Vec::new());
             for (f, k) in faces.iter().flat_map(|&f| [(f, 0), (f, 1), (f, 2)]) {
                 let w = all.triangles()[f][k];
@@ -267,7 +267,7 @@ impl Layout {
                 constraints::restore(&mut mesh, part.mesh, &own_wedges);
             }
             meshes.push(mesh);
-            // Parts that touch share vertices, and each counts its own.
+            // Parts that touch share vertices, and each part counts them.
             wedges.iter().for_each(|w| number_of_wedge[w.index()] = u32::MAX);
             vertices.iter().for_each(|v| number_of_vertex[v.index()] = u32::MAX);
             numbers.push(vertices);
@@ -275,9 +275,9 @@ impl Layout {
         Ok((meshes, numbers))
     }
 
-    /// Returns the positions of a result, those of vertices that parts with different origins share moved to where all
-    /// of these can have them in single precision: else each would round them in its own way, and they would no longer
-    /// be at one place in the scene.
+    /// Returns the positions of a result. Vertices that parts with different origins share are moved to
+    /// positions that all of these parts can represent in single precision: otherwise each part would round
+    /// them differently, and they would no longer coincide in the scene.
     fn settled_positions(&self, parts: &[Part<'_>], all: &TriMesh, faces_of: &[Vec<usize>]) -> Vec<[f64; 3]> {
         let mut positions: Vec<[f64; 3]> = all.positions().view().iter().collect();
         let mut users = vec![None; positions.len()];
@@ -293,7 +293,8 @@ impl Layout {
         if !is_shared.contains(&true) {
             return positions;
         }
-        // Numbers that one origin allows may be more than another one does: the second round finds those of both.
+        // A position that is representable with one origin may not be with another: the second round finds
+        // one that is with both.
         for i in (0..parts.len()).chain(0..parts.len()) {
             let Positions::F32(_) = parts[i].mesh.positions() else { continue };
             for v in vertices_of(i).filter(|&v| is_shared[v]) {
@@ -371,8 +372,7 @@ fn joined<'a, const N: usize>(
     all
 }
 
-/// Extracts an attribute of a part from that of the joined mesh, clamped to the ranges that it has in the
-/// part.
+/// Extracts an attribute of a part from the joined mesh, clamped to its ranges in the part.
 fn of_part<const N: usize>(
     all: &[[f32; N]],
     wedges: &[WedgeId],
@@ -396,8 +396,8 @@ fn single(x: f64) -> f32 {
     if x.is_finite() { x.clamp(f64::from(-f32::MAX), f64::from(f32::MAX)) as f32 } else { x as f32 }
 }
 
-/// Rescales joint weights to a sum of 1 where some belonged to sets that the mesh does not have: those at its
-/// wedges in `all`.
+/// Rescales joint weights to a sum of 1 where `all`, the joined mesh, has weights in sets that the mesh does
+/// not have.
 fn resum_weights(mesh: &mut TriMesh, all: &TriMesh, wedges: &[WedgeId]) {
     let is_weight = |a: &Attribute| matches!(a.semantic, Semantic::Weights(_)) && a.width == 4;
     let own = mesh.further_attributes();

@@ -24,22 +24,23 @@ pub struct Part<'a> {
     pub instances: usize,
     /// Scale of the mesh in the scene: the largest, if several instances or axes have different ones.
     pub scale: f64,
-    /// The rows of a linear map under which the mesh has the lengths that it has in the scene, if its scales differ by axis:
-    /// it is simplified and measured as that map makes it. `None` if [`Part::scale`] is the factor of all lengths, or, where
-    /// instances are stretched in different ways, their bound. A map without an inverse counts as `None`.
+    /// The rows of a linear map that gives the mesh the lengths that it has in the scene, if its scale
+    /// differs by axis: the mesh is simplified and measured as transformed by it. `None` if [`Part::scale`]
+    /// is the factor of all lengths or, for instances stretched in different ways, their upper bound. A map
+    /// without an inverse counts as `None`.
     pub stretch: Option<[[f64; 3]; 3]>,
     /// Number of the coordinate system of the mesh, if it has one instance. Parts of one system that touch
     /// stay connected.
     pub system: Option<usize>,
-    /// Where its instances stand in the scene, if that is known. Borders of two parts that touch there stay connected
-    /// too, those of instances by keeping the vertices at which they touch.
+    /// The transforms of its instances in the scene, if known. Borders of two parts that touch there stay
+    /// connected too; for instances, by keeping the vertices at which they touch.
     pub places: &'a [Place],
     /// Locked vertices, importance, images and classes of regions of the mesh.
     pub data: MeshData<'a>,
 }
 
 impl<'a> Part<'a> {
-    /// Takes a mesh with one instance, in the size that it has, at no known place.
+    /// Takes a mesh with one instance, unscaled, with an unknown place.
     pub fn new(mesh: &'a TriMesh) -> Self {
         let data = MeshData::default();
         Self { mesh, instances: 1, scale: 1.0, stretch: None, system: None, places: &[], data }
@@ -49,15 +50,15 @@ impl<'a> Part<'a> {
 /// The simplified meshes of a scene and the report of the run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SimplifiedScene {
-    /// As many meshes as parts, in their order; a mesh may have lost all its faces.
+    /// As many meshes as parts, in the same order; a mesh may have lost all its faces.
     pub meshes: Vec<TriMesh>,
-    /// Report with counts of all instances and lengths of the scene.
+    /// The report, with counts of all instances and lengths in the scene.
     pub report: Report,
     /// Counts of each mesh, in the same order.
     pub counts: Vec<MeshCounts>,
 }
 
-/// Counts of one mesh of a scene, whatever its number of instances.
+/// Counts of one mesh of a scene, regardless of its number of instances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -72,21 +73,22 @@ pub struct MeshCounts {
     pub faces: usize,
     /// Vertices of the result.
     pub vertices: usize,
-    /// True if its stop was met: that of the scene, if all meshes share one.
+    /// True if its stop was met; if all meshes share one stop, the scene's.
     pub reached: bool,
-    /// True if the mesh lost its shape because all meshes share one target: it is small in the scene, so its faces were the
-    /// cheapest. It kept less than an eighth of the share of faces that the scene kept, and its RMS distance from the input is
-    /// above a hundredth of its diagonal. Meshes of few faces do not count.
+    /// True if the mesh lost its shape because all meshes share one target: it is small in the scene, so its
+    /// faces were the cheapest. It kept less than an eighth of the fraction of faces that the scene kept, and
+    /// its RMS distance from the input is above a hundredth of its diagonal. Meshes with few faces do not
+    /// count.
     pub is_starved: bool,
 }
 
-/// The meshes of a result that are [starved](MeshCounts::is_starved), together. Shown as a sentence.
+/// Totals of the [starved](MeshCounts::is_starved) meshes of a result. Displayed as a sentence.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Starved {
     /// Number of all meshes of the scene.
     pub all: usize,
-    /// Number of these meshes.
+    /// Number of starved meshes.
     pub meshes: usize,
     /// Triangles of their inputs.
     pub input_faces: usize,
@@ -95,7 +97,7 @@ pub struct Starved {
 }
 
 impl Starved {
-    /// Returns the starved meshes among all; `None` if no mesh is.
+    /// Returns the totals of the starved meshes; `None` if there are none.
     pub fn of(counts: &[MeshCounts]) -> Option<Self> {
         let starved = counts.iter().filter(|c| c.is_starved);
         let add = |all: Self, c: &MeshCounts| Self {
@@ -120,18 +122,18 @@ impl fmt::Display for Starved {
     }
 }
 
-/// Meshes of fewer faces cannot be starved: they have little to lose. (Guessed.)
+/// Meshes with fewer faces are never starved: they have little to lose. (Guessed.)
 const MIN_STARVED_FACES: usize = 64;
-/// A starved mesh keeps less than this part of the share of the scene. (Guessed.)
+/// A starved mesh keeps less than this part of the fraction of faces that the scene keeps. (Guessed.)
 const STARVED_SHARE: f64 = 0.125;
-/// A starved mesh is farther from its input than this share of its diagonal, in the mean of squares. (Guessed: a ball of
-/// ten faces is at several hundredths, a flat mesh at none whatever it loses.)
+/// The RMS distance of a starved mesh from its input is larger than this share of its diagonal. (Guessed: a
+/// sphere of ten faces is at several hundredths, a flat mesh at zero whatever it loses.)
 const STARVED_DISTANCE: f64 = 0.01;
-/// Samples for that. (Guessed: a mean of squares is known to some percent.)
+/// Number of samples for that. (Guessed: the RMS is then known to a few percent.)
 const STARVED_SAMPLES: usize = 500;
 
 impl Part<'_> {
-    /// Returns its area in the scene, of one instance.
+    /// Returns the area of one instance in the scene.
     pub(crate) fn area(&self) -> f64 {
         match PartMap::new(self) {
             PartMap::Scale(scale) => size_of(&self.mesh.surface()).area * scale * scale,
@@ -206,7 +208,7 @@ impl PartMap {
     }
 }
 
-/// Returns the image of a direction with unit length; zero and what is not finite stay as they are.
+/// Returns the image of a direction with unit length; zero and non-finite vectors are unchanged.
 fn turned(matrix: DMat3, d: [f32; 3]) -> [f32; 3] {
     let image = matrix * DVec3::from(d.map(f64::from));
     image.try_normalize().map_or(d, |image| image.as_vec3().to_array())
@@ -225,7 +227,7 @@ impl MeshCounts {
         }
     }
 
-    /// Finds out whether a mesh is starved in a scene that kept this share of its faces.
+    /// Determines whether a mesh is starved in a scene that kept this share of its faces.
     pub(super) fn with_share(mut self, part: &Part<'_>, result: &TriMesh, share: f64) -> Self {
         let few = self.faces as f64 <= STARVED_SHARE * share * self.input_faces as f64;
         if few && self.input_faces >= MIN_STARVED_FACES {

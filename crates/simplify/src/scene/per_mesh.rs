@@ -20,7 +20,7 @@ struct WeightedReport {
     area: f64,
 }
 
-/// Simplifies each mesh under the stop separately. A mesh without a face that has an area stays as it is.
+/// Simplifies each mesh under the stop separately. A mesh in which no face has an area is unchanged.
 pub(super) fn simplify_each(
     parts: &[Part<'_>],
     diagonal: f64,
@@ -88,7 +88,7 @@ fn sum(runs: Vec<WeightedReport>, diagonal: f64) -> Option<Report> {
     report.refusals = Refusal::ALL.into_iter().map(|r| (r, refused(r))).filter(|r| r.1 > 0).collect();
     report.reached = runs.iter().all(|r| r.report.reached);
     if report.reached && report.stopped_by == StoppedBy::Nothing {
-        // The reason of a mesh that was light enough already does not stand for the others.
+        // The reason of a mesh that was light enough already does not apply to the others.
         let other = runs.iter().map(|r| r.report.stopped_by).find(|s| *s != StoppedBy::Nothing);
         report.stopped_by = other.unwrap_or(StoppedBy::Nothing);
     }

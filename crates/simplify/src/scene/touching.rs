@@ -1,9 +1,9 @@
-//! Borders of meshes that touch where their copies stand: which meshes run together though their origins differ, and
-//! which vertices stay because another copy meets them there.
+//! Borders of meshes that touch at the places of their copies: which meshes run together although their
+//! origins differ, and which vertices are locked because another copy touches them.
 //!
-//! Two meshes that are placed once, with transforms that differ by a translation alone, run together as if they had one
-//! origin. Elsewhere (copies of one mesh, mirrored and turned ones) what is done to a border of one would have to be
-//! done to the other too: these vertices are locked.
+//! Two meshes that are placed once, with transforms that differ only by a translation, run together as if
+//! they had one origin. In all other cases (copies of one mesh, mirrored and rotated meshes) a change of one
+//! border would have to be made to the other too, so these vertices are locked.
 
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
@@ -15,15 +15,16 @@ use lodsmith_core::{DisjointSets, Positions, TriMesh, VertexId};
 use super::part::{Part, Place};
 use crate::borders::{self, BorderVertex, MIN_EDGE_RATIO, ROUNDING_SHARE};
 
-/// Border vertices of all copies up to which those that touch are looked for. (Guessed: they take half a gigabyte.)
+/// Maximum number of border vertices of all copies among which touching ones are searched for. (Guessed: they
+/// take half a gigabyte.)
 const MAX_PLACED: usize = 1 << 23;
 
 /// Where meshes of a scene touch.
 pub(super) struct Touching {
-    /// For each system that runs together with one of a lower number, that one, and the vector from its origin to
-    /// this one's, in the coordinates of both.
+    /// For each system that runs together with a lower-numbered one: that system, and the vector from its
+    /// origin to this one's, in the coordinates of both.
     joined: BTreeMap<usize, (usize, DVec3)>,
-    /// Places where vertices of meshes that do not run together touch: vertices of parts.
+    /// Places where meshes that do not run together touch, each as a list of vertices of parts.
     apart: Vec<Vec<(usize, VertexId)>>,
     /// Distance within which positions in the scene are equal up to rounding.
     pub(super) rounding: f64,
@@ -36,8 +37,8 @@ struct PlacedCopy {
 }
 
 impl Touching {
-    /// Finds where the copies of parts touch; with `runs_apart`, no two parts run together. `None` if none do. Cost:
-    /// O(n), and for each copy O(vertices on its border).
+    /// Finds where the copies of parts touch; with `runs_apart`, no two parts run together. `None` if no
+    /// parts touch. Cost: O(n), and for each copy O(vertices on its border).
     pub(super) fn find(parts: &[Part<'_>], runs_apart: bool) -> Option<Self> {
         let copies = placed_copies(parts);
         if copies.len() < 2 {
@@ -118,7 +119,8 @@ impl Touching {
         !self.joined.is_empty()
     }
 
-    /// Adds the vertices at which meshes touch that do not run together to a list over all vertices, part after part.
+    /// Locks the vertices at which meshes touch without running together, in a list of all vertices, part
+    /// after part.
     pub(super) fn add_locks(&self, parts: &[Part<'_>], locked: Option<Vec<bool>>) -> Option<Vec<bool>> {
         if self.apart.is_empty() {
             return locked;
@@ -137,8 +139,8 @@ impl Touching {
         Some(all)
     }
 
-    /// Returns the number of places where meshes touched that did not run together, and where they no longer do: some
-    /// mesh that has faces left has no vertex at its position.
+    /// Returns the number of places where meshes touched without running together, and no longer do: a mesh
+    /// that still has faces has no vertex at that position any more.
     pub(super) fn gaps(&self, parts: &[Part<'_>], results: &[TriMesh]) -> usize {
         let bits = |p: [f64; 3]| p.map(|x| (x + 0.0).to_bits());
         let mut left: BTreeMap<usize, HashSet<[u64; 3]>> = BTreeMap::new();
@@ -197,7 +199,7 @@ impl Together {
         self.order.partition_point(|&s| s < system) as u32
     }
 
-    /// Lets two systems run together if their transforms differ by a translation alone.
+    /// Lets two systems run together if their transforms differ only by a translation.
     fn join(&mut self, a: usize, b: usize) {
         if differ_by_translation(&self.systems[&a], &self.systems[&b]) {
             let (a, b) = (self.number(a), self.number(b));
@@ -224,17 +226,17 @@ impl Together {
     }
 }
 
-/// Returns the part of a transform that turns and scales.
+/// Returns the linear part of a transform.
 fn linear(place: &Place) -> DMat3 {
     DMat3::from_cols_array_2d(&place.map(|row| [row[0], row[1], row[2]])).transpose()
 }
 
-/// True if two transforms turn and scale alike, up to rounding, and nothing is flattened.
+/// True if the linear parts of two transforms are equal up to rounding, and invertible.
 fn differ_by_translation(a: &Place, b: &Place) -> bool {
     let entries = |place: &Place| linear(place).to_cols_array();
     let size = entries(a).iter().fold(0f64, |most, x| most.max(x.abs()));
     let mut pairs = entries(a).into_iter().zip(entries(b));
-    // What they differ by must stay below the rounding of the positions that they move.
+    // Their difference must stay below the rounding of the positions that they transform.
     let is_same = pairs.all(|(x, y)| (x - y).abs() <= 0.25 * ROUNDING_SHARE * size);
     // Guessed: with a determinant this small the inverse is rounding.
     is_same && size.is_finite() && (linear(a) * (1.0 / size)).determinant().abs() > 1e-6
@@ -256,12 +258,12 @@ mod tests {
 
     /// Width of a grid.
     fn width(mesh: &TriMesh) -> f64 {
-        let bounds = mesh.positions().view().bounds().expect("it has vertices");
+        let bounds = mesh.positions().view().bounds().expect("the mesh has vertices");
         bounds.max[0] - bounds.min[0]
     }
 
     #[test]
-    fn meshes_that_differ_by_their_origins_run_together() {
+    fn meshes_with_different_origins_run_together() {
         let mesh = shapes::grid(4);
         let w = width(&mesh);
         let places = [[at(0.0, 0.0)], [at(w, 0.0)], [at(9.0 * w, 0.0)]];
@@ -270,16 +272,16 @@ mod tests {
         assert!(touching.joins() && touching.apart.is_empty());
         assert_eq!((touching.root(1), touching.root(2).0), ((0, [w, 0.0, 0.0]), 2));
         assert!(touching.add_locks(&parts, None).is_none());
-        // Run apart, the five places of the common side are counted.
+        // If they run separately, the five places of the common side are counted.
         assert_eq!(Touching::find(&parts, true).map(|t| (t.joins(), t.apart.len())), Some((false, 5)));
         assert!(Touching::find(&parts[1..], false).is_none());
     }
 
     #[test]
-    fn vertices_are_kept_where_copies_meet() {
+    fn vertices_are_locked_where_copies_touch() {
         let mesh = shapes::grid(4);
         let w = width(&mesh);
-        // The left and the right side meet.
+        // The left side touches the right side.
         let row = [at(0.0, 0.0), at(w, 0.0), at(2.0 * w, 0.0)];
         let parts = [part(&mesh, &row, None)];
         let touching = Touching::find(&parts, false).expect("they touch");
@@ -289,15 +291,15 @@ mod tests {
         let mut other = mesh.clone();
         other.map_positions(|p| [p[0], p[1], p[2] + 1e-3]);
         assert_eq!(touching.gaps(&parts, std::slice::from_ref(&other)), touching.apart.len());
-        // Twice at one place: nothing that could come apart.
+        // Two copies at one place cannot be separated.
         assert!(Touching::find(&[part(&mesh, &[at(0.0, 0.0); 2], None)], false).is_none());
     }
 
     #[test]
-    fn a_turned_neighbour_is_kept_at_its_border() {
+    fn vertices_are_locked_where_a_mirrored_copy_touches() {
         let mesh = shapes::grid(4);
-        let bounds = mesh.positions().view().bounds().expect("it has vertices");
-        // A mirror at the plane of the right side.
+        let bounds = mesh.positions().view().bounds().expect("the mesh has vertices");
+        // Mirrored at the plane of the right side.
         let mirrored = [[-1.0, 0.0, 0.0, 2.0 * bounds.max[0]], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
         let places = [[at(0.0, 0.0)], [mirrored]];
         let parts = [part(&mesh, &places[0], Some(0)), part(&mesh, &places[1], Some(1))];

@@ -12,7 +12,7 @@ use crate::constraints::HeldWedges;
 pub(super) struct BothSides {
     pub(super) mesh: TriMesh,
     pub(super) held: HeldWedges,
-    /// For each vertex of the result, the vertex of the single-sided result that it was.
+    /// For each vertex of the result, its vertex in the single-sided result.
     pub(super) vertices: Vec<VertexId>,
 }
 
@@ -38,7 +38,7 @@ impl SingleSided {
         let shares_values = self.plan.is_same();
         let mut own_regions: Vec<_> = (0..regions.len()).map(|f| kind(f).front.unwrap_or_default()).collect();
         let mut back_faces: Vec<usize> = Vec::new();
-        // Where fronts came to lie on each other, a back is there already.
+        // Where fronts ended up on each other, a back exists already.
         let key = |corners: [VertexId; 3]| {
             let least = (0..3).min_by_key(|&k| corners[k]).unwrap_or(0);
             [0, 1, 2].map(|k| corners[(least + k) % 3])
@@ -85,8 +85,8 @@ impl SingleSided {
         Ok(BothSides { mesh, held, vertices })
     }
 
-    /// Sets the attributes of all wedges: those of the single-sided result, then those of the backs, each of
-    /// which belongs to one of these.
+    /// Sets the attributes of all wedges: first the wedges of the single-sided result, then the wedges of the
+    /// backs, each of which belongs to one of these.
     fn set_attributes(
         &self,
         mesh: &mut TriMesh,
@@ -123,7 +123,7 @@ impl SingleSided {
             mesh.set_colors(Some(fronts.iter().copied().chain(backs.iter().map(back)).collect()))?;
         }
         for (a, values) in input.further_attributes().iter().zip(&plan.further) {
-            // (What a run drops is missing here.)
+            // (Attributes that a run drops are missing here.)
             let Some(front) =
                 single.further_attributes().iter().find(|b| (&b.semantic, b.width) == (&a.semantic, a.width))
             else {

@@ -1,4 +1,5 @@
-//! Sheets whose sides are apart, by up to a millionth of the diagonal, as where each side was computed for itself.
+//! Sheets whose sides are up to a millionth of the diagonal apart, for example because each was computed
+//! separately.
 
 use std::collections::HashMap;
 
@@ -12,10 +13,11 @@ use crate::collapse::order::{NONE, Ordered, order};
 
 /// Largest distance between the sides of a sheet, as a share of the diagonal.
 const MAX_GAP_SHARE: f64 = 1e-6;
-/// Points along the order that are looked at for near ones: vertices of two sides are mostly in one cell of the curve.
+/// Number of next points in the order that are checked for closeness: vertices of two sides are mostly in one
+/// cell of the curve.
 const NEXT_POINTS: usize = 3;
 
-/// A surface whose near sides are on the same vertices.
+/// A surface whose close sides use the same vertices.
 pub(super) struct NearSides<'a> {
     pub(super) surface: Surface<'a>,
     pub(super) ordered: Ordered,
@@ -23,11 +25,11 @@ pub(super) struct NearSides<'a> {
     pub(super) to: Vec<VertexId>,
 }
 
-/// Joins the vertices of sheets whose sides are apart, if a surface has any; all others stay as they are. `ordered` is
-/// the order of the surface, and `own` has its faces as they were given, before anything was joined: sides that share
-/// vertices there are those of a thin solid. `may_pair` decides whether some faces may be the front of others, from
-/// the places of the corners of faces; `max_bent_gap` is that of [`pairs::find`]. Cost: two passes over the ordered
-/// points and faces; O(n log n) if there may be such sheets.
+/// Joins the vertices of sheets whose sides are apart, if a surface has any; all other vertices are
+/// unchanged. `ordered` is the order of the surface, and `own` has the faces as given, before anything was
+/// joined: sides that share vertices there belong to a thin solid. `may_pair` decides from the places of the
+/// corners whether faces may be the front of others; `max_bent_gap` is as in [`pairs::find`]. Cost: two
+/// passes over the ordered points and faces; O(n log n) if there may be such sheets.
 pub(super) fn joined<'a>(
     surface: &Surface<'a>,
     ordered: &Ordered,
@@ -68,7 +70,7 @@ pub(super) fn joined<'a>(
             (0..3).all(|k| p[k].distance(p[(k + 1) % 3]) > MIN_EDGE_RATIO as f32 * unit_gap)
         }
     };
-    // The places of pairs that come to be by joining.
+    // The places of pairs that result from joining.
     let mut is_joined = vec![false; ordered.point_count];
     for pair in &found.pairs {
         let all = || pair.fronts().iter().chain(pair.backs());
@@ -94,8 +96,8 @@ pub(super) fn joined<'a>(
     Some(NearSides { surface, ordered, to })
 }
 
-/// The first of the points near each point, as far as points next to each other in the order tell; nothing if none are
-/// near.
+/// For each point, the first point close to it, found only among points next to each other in the order;
+/// `None` if no points are close.
 fn first_near(points: &[Vec3], gap: f32) -> Option<Vec<VertexId>> {
     let mut near: Vec<VertexId> = Vec::new();
     for i in 0..points.len() {
@@ -111,8 +113,9 @@ fn first_near(points: &[Vec3], gap: f32) -> Option<Vec<VertexId>> {
     (!near.is_empty()).then_some(near)
 }
 
-/// True if a face may lie on faces of another part, if near points count as one: parts share two of its edges, or all
-/// three, unless the sides are cut along other diagonals. `faces` have their places among the points.
+/// True if a face may lie on faces of another part when close points count as one: another part shares two of
+/// its edges, or all three unless the sides are cut along different diagonals. `faces` have their places
+/// among the points.
 fn may_have_near_sides(
     near: &[VertexId],
     faces: impl Iterator<Item = (u32, [VertexId; 3])>,
@@ -122,14 +125,15 @@ fn may_have_near_sides(
     for (v, first) in near.iter().enumerate().filter(|(v, first)| first.index() != *v) {
         (has_near[v], has_near[first.index()]) = (true, true);
     }
-    // (Not all corners are near others where borders have been joined: the outlines of sides are on the same points then.)
+    // (Where borders have been joined, not all corners are close to others: the outlines of both sides are on
+    // the same points.)
     let is_near = |t: &[VertexId; 3]| t.iter().all(|p| *p != NONE) && t.iter().any(|p| has_near[p.index()]);
     let mut candidates: Vec<[VertexId; 3]> = Vec::new();
-    // The part of the faces at each edge, if it is one.
+    // The part of the faces at each edge, if they belong to only one.
     let mut part_at: HashMap<[VertexId; 2], Option<u32>> = HashMap::new();
     for (f, t) in faces.filter(|(_, t)| is_near(t)) {
         let t = t.map(|p| near[p.index()]);
-        // (Faces of the size of the gap shrink to edges.)
+        // (Faces as small as the gap shrink to edges.)
         if t[0] == t[1] || t[1] == t[2] || t[2] == t[0] {
             continue;
         }

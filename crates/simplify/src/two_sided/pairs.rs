@@ -12,7 +12,7 @@ use crate::collapse::order::Ordered;
 /// Faces with a back: a triangle, or two triangles that make a quad whose back is cut along the other diagonal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct FacePair {
-    /// Faces of the input: those of the front, those of the back. Of a triangle, the same one twice.
+    /// Faces of the input: of the front and of the back. For a triangle, the same face twice.
     sides: [[u32; 2]; 2],
 }
 
@@ -37,7 +37,7 @@ pub(super) struct FacePairs {
     pub(super) duplicates: Vec<u32>,
 }
 
-/// Returns the two vertices of a face other than its lowest, as the face winds.
+/// Returns the two vertices of a face other than its lowest, in the face's winding.
 fn link(t: &[VertexId; 3]) -> [VertexId; 2] {
     match lowest(t) {
         low if low == t[0] => [t[1], t[2]],
@@ -46,17 +46,18 @@ fn link(t: &[VertexId; 3]) -> [VertexId; 2] {
     }
 }
 
-/// Faces at one lowest vertex up to which all are compared with each other.
+/// Number of faces with the same lowest vertex up to which all are compared with each other.
 const COMPARE_ALL_MAX_FACES: usize = 16;
-/// Faces at one lowest vertex up to which quads are looked for: 30 lie in one fan, with both its sides.
-/// (Guessed.)
+/// Number of faces with the same lowest vertex up to which quads are searched for: a fan has up to 30 on both
+/// its sides. (Guessed.)
 const QUAD_MAX_FACES: usize = 64;
 /// Largest distance between the sides of a quad, in the unit frame: 1e-6 of the diagonal of a cube.
 const MAX_GAP: f32 = 1.7e-6;
-/// Largest distance between the sides of a quad that is connected with others, in its longest edges: exporters cut the
-/// two sides of a bent quad along different diagonals. (Guessed: a bend of some ten degrees.)
+/// Largest distance between the sides of a quad that is connected with others, relative to its longest edge:
+/// exporters cut the two sides of a bent quad along different diagonals. (Guessed: a bend of about ten
+/// degrees.)
 pub(super) const MAX_BENT_GAP: f32 = 0.1;
-/// Least number of such quads in an input: fewer are chance, as in heaps of loose faces. (Guessed.)
+/// Minimum number of such quads in an input: fewer are coincidence, as in a jumble of loose faces. (Guessed.)
 const MIN_BENT_QUADS: usize = 6;
 
 /// Returns the lowest vertex of a face, by which the faces of the ordered input are sorted.
@@ -64,7 +65,7 @@ pub(super) fn lowest(t: &[VertexId; 3]) -> VertexId {
     t[0].min(t[1]).min(t[2])
 }
 
-/// Calls `group` with the range of the faces of each lowest vertex that several faces have, until it returns
+/// Calls `group` with the range of faces of each lowest vertex that several faces share, until it returns
 /// false.
 fn each_group(faces: &[[VertexId; 3]], mut group: impl FnMut(Range<usize>) -> bool) {
     let mut first = 0;
@@ -81,7 +82,7 @@ fn each_group(faces: &[[VertexId; 3]], mut group: impl FnMut(Range<usize>) -> bo
 /// A face of a group with one lowest vertex.
 #[derive(Clone, Copy)]
 struct GroupFace {
-    /// The other two vertices, as the face winds.
+    /// The other two vertices, in the face's winding.
     link: [VertexId; 2],
     face: usize,
 }
@@ -105,7 +106,7 @@ fn group_faces(faces: &[[VertexId; 3]], range: Range<usize>, group: &mut Vec<Gro
     group.extend(range.map(|face| GroupFace { link: link(&faces[face]), face }));
 }
 
-/// Puts faces at one edge next to each other. (Not inlined, so that there is one.)
+/// Puts faces at one edge next to each other. (Not inlined, so that it is compiled once.)
 #[inline(never)]
 fn sort_by_edge(group: &mut [GroupFace]) {
     group.sort_unstable_by_key(GroupFace::edge);
@@ -121,15 +122,16 @@ fn has_opposite(group: &mut [GroupFace]) -> bool {
     group.chunk_by(|a, b| a.edge() == b.edge()).any(has_both)
 }
 
-/// Calls `found` with each three faces of a group that close up round its lowest vertex: with a fourth they
-/// bound a tetrahedron, which is a quad with two sides if it is flat. It returns true to end the search.
+/// Calls `found` with any three faces of a group that form a closed fan around its lowest vertex: with a
+/// fourth face they bound a tetrahedron, which is a two-sided quad if it is flat. `found` returns true to end
+/// the search.
 fn each_closed_fan(group: &[GroupFace], mut found: impl FnMut([usize; 3]) -> bool) -> bool {
     if !(3..=QUAD_MAX_FACES).contains(&group.len()) {
         return false;
     }
     for (i, a) in group.iter().enumerate() {
         let [b, c] = a.link;
-        // (Each fan is met at its lowest index.)
+        // (Each fan is found at its lowest index.)
         for second in group[i + 1..].iter().filter(|x| x.link[0] == c) {
             let d = second.link[1];
             if let Some(third) = group[i + 1..].iter().find(|x| x.link == [d, b] && d != b)
@@ -142,15 +144,15 @@ fn each_closed_fan(group: &[GroupFace], mut found: impl FnMut([usize; 3]) -> boo
     false
 }
 
-/// Faces of an input whose positions are looked for a second time by [`may_have_sheets`]: if one face in a
-/// hundred belongs to a sheet, a sample misses all of them once in 30,000 inputs.
+/// Number of faces that [`may_have_sheets`] samples to find their positions a second time: if one face in a
+/// hundred belongs to a sheet, the sample misses all of them once in 30,000 inputs.
 const SAMPLED_FACES: usize = 1024;
 
-/// True if some of a sample of faces occur twice, for methods that do not need an ordered input. Cost: O(F), a
-/// fraction of that of ordering.
+/// True if some sampled faces occur twice, for methods that do not need an ordered input. Cost: O(F), a
+/// fraction of the cost of ordering.
 pub(super) fn may_have_sheets(surface: &Surface<'_>) -> bool {
     let positions = surface.positions();
-    // Whichever corner comes first and whichever way they go.
+    // Regardless of the first corner and the winding.
     let key = |t: &[VertexId; 3]| {
         let corner = |v: &VertexId| {
             let mix = |h: u64, x: f64| {
@@ -180,9 +182,9 @@ fn has_sheets(faces: &[[VertexId; 3]]) -> bool {
 }
 
 /// Returns the pairs of an ordered input that still has its faces and points, if there are any. `may_pair`
-/// decides whether some faces of the input may be the front of others; `max_bent_gap` is the largest distance between
-/// the sides of a bent quad, in its longest edges. Cost: O(F) in the order of the faces,
-/// and O(n log n) of the pairs.
+/// decides whether some faces of the input may be the front of others; `max_bent_gap` is the largest distance
+/// between the sides of a bent quad, relative to its longest edge. Cost: O(F) in the order of the faces, and
+/// O(n log n) for n pairs.
 pub(super) fn find(
     surface: &Surface<'_>,
     ordered: &Ordered,
@@ -204,7 +206,7 @@ pub(super) fn find(
         group_faces(faces, range, &mut group);
         sort_by_edge(&mut group);
         for same in group.chunk_by(|a, b| a.edge() == b.edge()) {
-            // The first in the input of those that are alike.
+            // Of equal faces, the first in the input.
             let first =
                 |ascends: bool| same.iter().filter(|x| x.ascends() == ascends).min_by_key(|x| index[x.face]);
             let (Some(a), Some(b)) = (first(false), first(true)) else { continue };
@@ -239,7 +241,7 @@ pub(super) fn find(
     (!found.pairs.is_empty()).then_some(found)
 }
 
-/// Returns the two sides of the quads among tetrahedra of which three faces are known.
+/// Returns the two sides of each quad among tetrahedra of which three faces are known.
 fn quads(
     faces: &[[VertexId; 3]],
     points: &[Vec3],
@@ -249,7 +251,7 @@ fn quads(
     if fans.is_empty() {
         return Vec::new();
     }
-    // The fourth face of each has the opposite winding of the links of the three.
+    // The fourth face of each is wound opposite to the links of the three.
     let rotated = |t: [VertexId; 3]| {
         let [a, b] = link(&t);
         [lowest(&t), a, b]
@@ -297,7 +299,7 @@ fn quads(
             return None;
         }
         sides.0.sort_unstable();
-        // The distance of two opposite edges of the tetrahedron: the diagonals of the quad.
+        // The distance between two opposite edges of the tetrahedron, which are the diagonals of the quad.
         let mut corners: Vec<VertexId> = all.iter().flat_map(|f| faces[*f]).collect();
         corners.sort_unstable();
         corners.dedup();
@@ -317,7 +319,7 @@ fn quads(
     tetrahedra.iter().filter_map(quad).collect()
 }
 
-/// The edges round one side of a pair, in its winding.
+/// The edges around one side of a pair, in its winding.
 type PairBorder = Vec<([VertexId; 2], bool)>;
 
 /// Returns the edges of a face, each with its lower vertex first, and true if that is its direction.
@@ -336,7 +338,7 @@ fn border_of(faces: &[[VertexId; 3]]) -> PairBorder {
 /// Chooses the fronts: consistent among pairs that meet at an edge of two pairs, on the side of the first face of the
 /// input. Leaves out sheets that touch an open surface.
 fn orient(found: &mut FacePairs, borders: &[PairBorder], surface: &Surface<'_>, ordered: &Ordered) {
-    // The pairs at each edge, with the direction that the first side of each has there.
+    // The pairs at each edge, with the direction of the first side of each there.
     let mut at: HashMap<[VertexId; 2], Vec<(u32, bool)>> = HashMap::with_capacity(2 * borders.len());
     for (i, border) in borders.iter().enumerate() {
         for (edge, ascends) in border {
@@ -360,7 +362,7 @@ fn orient(found: &mut FacePairs, borders: &[PairBorder], surface: &Surface<'_>, 
                 let (other, there) = if a.0 == i { b } else { a };
                 if sheet[other as usize] == u32::MAX {
                     sheet[other as usize] = sheets;
-                    // Consistent faces run along a common edge in opposite directions.
+                    // Consistently wound faces use a common edge in opposite directions.
                     is_flipped[other as usize] = is_flipped[i as usize] ^ (*ascends == there);
                     open.push(other);
                 }
@@ -368,8 +370,8 @@ fn orient(found: &mut FacePairs, borders: &[PairBorder], surface: &Surface<'_>, 
         }
         sheets += 1;
     }
-    // Sheets that touch single faces are left out if these have borders: a border of the whole could then come to be where a
-    // sheet ends. (Collapses map closed surfaces to closed ones.)
+    // Sheets that touch single faces are left out if these have borders: the whole could then get a border
+    // where a sheet ends. (Collapses map closed surfaces to closed ones.)
     let mut is_joined = vec![false; sheets as usize];
     let mut is_paired = vec![false; surface.triangles().len()];
     let members = found.pairs.iter().flat_map(|p| p.fronts().iter().chain(p.backs()));

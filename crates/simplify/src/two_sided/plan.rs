@@ -1,23 +1,23 @@
-//! How each attribute of the back of a sheet travels through a run on its front.
+//! How a run on the front of a sheet stores each attribute of its back.
 
 use lodsmith_core::{Attribute, IntegerType, Morphed, Semantic, TriMesh, WedgeId};
 
-/// Largest difference of a component at which the normals of two sides count as opposite. (Guessed: less than
-/// a normal of ten bits can show.)
+/// Largest difference of a component at which the normals of two sides count as opposite. (Guessed: below the
+/// resolution of a normal with ten bits.)
 const OPPOSITE_TOLERANCE: f32 = 1e-3;
-/// Begin of the names under which named values of the back travel: no name of a file begins so.
+/// Prefix of the names under which named values of the back are stored: no name in a file starts with it.
 const BACK_PREFIX: &str = "\u{f8ff}back:";
-/// Name under which the signs of tangents of the back travel.
+/// Name under which the signs of the tangents of the back are stored.
 const TANGENT_SIGN: &str = "\u{f8ff}tangent";
 
-/// Where the values of an attribute at the back come from.
+/// Source of the values of an attribute at the back.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum BackValues {
-    /// They equal those of the front.
+    /// They equal the values of the front.
     Same,
-    /// They are the opposite: of a vector all components, of a tangent its sign.
+    /// They are the opposite: all components of a vector, the sign of a tangent.
     Opposite,
-    /// They travel as a further attribute, and of a tangent the sign as another one.
+    /// They are stored as a further attribute; the sign of a tangent as another one.
     Own(Semantic),
 }
 
@@ -42,7 +42,7 @@ impl Plan {
         let color = next(|s| if let Semantic::Color(set) = s { Some(usize::from(*set)) } else { None });
         let target =
             next(|s| if let Semantic::Morph { target, .. } = s { Some(usize::from(*target)) } else { None });
-        // (Beyond 255 sets none is free: such a set is taken from the front.)
+        // (Beyond 255 sets, none is free: values of such a set are taken from the front.)
         let own_uv = |set: usize| u8::try_from(uv + set).map(Semantic::Uv).ok();
         let own_color = |set: usize| u8::try_from(color + set).map(Semantic::Color).ok();
         let own_morph = |number: usize, of: Morphed| {
@@ -57,7 +57,7 @@ impl Plan {
             Semantic::Discrete { name, of } => {
                 Some(Semantic::Discrete { name: format!("{BACK_PREFIX}{name}"), of: *of })
             }
-            // Sides with other joints are no sheet.
+            // Sides with different joints are not paired.
             Semantic::Joints(_) | Semantic::Weights(_) => None,
         };
         let chosen = |relation: Relation, own: Option<Semantic>| match (relation, own) {
@@ -93,7 +93,7 @@ impl Plan {
     }
 }
 
-/// The attribute in which the sign of the tangents of the back travels.
+/// The attribute that stores the signs of the tangents of the back.
 pub(super) fn tangent_sign() -> Semantic {
     Semantic::Discrete { name: TANGENT_SIGN.to_owned(), of: IntegerType::I8 }
 }

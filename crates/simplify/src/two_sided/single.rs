@@ -1,4 +1,4 @@
-//! A mesh without the backs of its sheets: the values of the backs travel as further attributes.
+//! A mesh without the backs of its sheets: the values of the backs are stored as further attributes.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -21,7 +21,7 @@ pub(super) struct SheetRegion {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Back {
     pub(super) region: Option<RegionId>,
-    /// True if its vertices are not those of the front.
+    /// True if its vertices differ from the vertices of the front.
     pub(super) has_own_vertices: bool,
 }
 
@@ -33,12 +33,12 @@ pub(super) struct SingleSided {
     pub(super) table: Vec<SheetRegion>,
     /// Wedges of the input that each wedge stands for: front, and back at sheets.
     pub(super) wedges: Vec<[Option<WedgeId>; 2]>,
-    /// Faces of the input that each face stands for, in the same way; without a back [`u32::MAX`].
+    /// Faces of the input that each face stands for, front and back; [`u32::MAX`] without a back.
     pub(super) faces: Vec<[u32; 2]>,
 }
 
 /// Returns for each corner of the front of a pair the back face at the same place and its corner there.
-/// `places` gives the vertices of a face; a place that no back has is a bug of the caller.
+/// `places` gives the vertices of a face; a corner for which no back has the place is a bug of the caller.
 pub(super) fn back_corners(
     front: u32,
     backs: &[u32],
@@ -51,7 +51,8 @@ pub(super) fn back_corners(
 }
 
 impl SingleSided {
-    /// Leaves the backs out of a mesh. `rank` gives the place of a vertex: equal for vertices of both sides.
+    /// Leaves the backs out of a mesh. `rank` gives the place of a vertex, which is equal for the vertices of
+    /// both sides.
     pub(super) fn new(
         input: &TriMesh,
         pairs: &FacePairs,
@@ -110,8 +111,8 @@ impl SingleSided {
         Ok(Self { mesh, plan, table, wedges, faces: sources })
     }
 
-    /// True if the input can be put together again from this mesh, element by element: each wedge and vertex is that of
-    /// one front or of one back, or of no face, and no face was left out.
+    /// True if the input can be restored from this mesh, element by element: each wedge and vertex belongs to
+    /// one front, to one back, or to no face, and no face was left out.
     pub(super) fn is_exact(&self, input: &TriMesh, pairs: &FacePairs, own: &[[VertexId; 2]]) -> bool {
         let is_plain = pairs.duplicates.is_empty() && pairs.pairs.iter().all(|p| p.fronts().len() == 1);
         let mut uses = vec![0u8; input.wedge_count()];
@@ -124,7 +125,7 @@ impl SingleSided {
         let are_own = own.is_empty() || self.table.iter().filter_map(|r| r.back).all(|b| b.has_own_vertices);
         let shares_wedge = self.wedges.iter().any(|[front, back]| front == back);
         let differs = self.wedges.iter().any(|[front, back]| back.is_some() && front != back);
-        // Each vertex of a back belongs to one front, and to no front itself.
+        // Each vertex of a back belongs to one vertex of a front, and is not used by a front itself.
         let (mut is_front, mut is_back) =
             (vec![false; input.vertex_count()], vec![false; input.vertex_count()]);
         let is_matched = own.iter().all(|[back, front]| {
@@ -148,8 +149,8 @@ impl SingleSided {
             && front_of_none
     }
 
-    /// Returns the data of this mesh from the data of the input, which has `wedge_count` wedges. `own` pairs the vertices of
-    /// backs with those of the fronts: what is locked or important on one side is so on both.
+    /// Returns the data of this mesh from the data of the input, which has `wedge_count` wedges. `own` pairs
+    /// the vertices of backs with vertices of fronts: a lock or importance on one side applies to both.
     pub(super) fn data_of(
         &self,
         data: &MeshData<'_>,
@@ -202,8 +203,8 @@ fn copy_fronts(
     Ok(())
 }
 
-/// Adds the attributes in which values of the backs travel. At faces without a back they are those of the
-/// front, which adds neither seams nor slopes.
+/// Adds the attributes that store values of the backs. At faces without a back they have the values of the
+/// front, which adds neither seams nor gradients.
 fn add_backs(
     mesh: &mut TriMesh,
     input: &TriMesh,

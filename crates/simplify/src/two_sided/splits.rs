@@ -6,18 +6,18 @@ use lodsmith_core::{FaceId, Positions, Semantic, TriMesh, VertexId, WedgeId};
 use super::plan::{BackValues, tangent_sign};
 use super::single::{SingleSided, unit};
 
-/// Where a value of the row of a back comes from.
+/// Source of a value in the row of a back.
 #[derive(Clone, Copy)]
 struct BackValue {
-    /// Its place in the row of the fronts.
+    /// Its offset in the row of the fronts.
     at: usize,
     is_opposite: bool,
     /// True for the first of three values that are a direction.
     begins_direction: bool,
 }
 
-/// Elements with both sides: for each one of the fronts its new number and that of its back, which may be the
-/// same.
+/// Elements with both sides: for each element of the fronts its new number and the number of its back, which
+/// may be the same.
 struct Twins {
     front: Vec<u32>,
     back: Vec<u32>,
@@ -225,7 +225,7 @@ impl SingleSided {
         (Layout { further, ..single.clone() }, all)
     }
 
-    /// Returns the numbers of the input, if each element of it is there once.
+    /// Returns the numbers of the input, if each of its elements exists once.
     fn original(
         &self,
         input: &TriMesh,
@@ -256,7 +256,7 @@ impl SingleSided {
             (is_once && seen.iter().all(|x| *x)).then_some(all)
         };
         let of_vertex = |v: u32| {
-            // (A vertex of a back is there as the back of a front.)
+            // (A vertex of a back exists as the back of a front.)
             [if is_back[v as usize] { NO_ORIGINAL } else { v }, back_of[v as usize]]
         };
         let of_wedge = |w: u32| self.wedges[w as usize].map(|w| w.map_or(NO_ORIGINAL, |w| w.0));

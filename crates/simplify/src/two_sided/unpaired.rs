@@ -1,4 +1,4 @@
-//! Sheets whose two sides have different triangles, so that none lies on another.
+//! Sheets whose two sides have different triangles, so that no triangle lies on another.
 
 use glam::{DVec3, Vec3};
 use lodsmith_core::VertexId;
@@ -7,9 +7,10 @@ use crate::collapse::components;
 
 /// Largest mean distance between the sides, in the unit frame: about a millionth of the diagonal.
 const MAX_GAP: f64 = 1.7e-6;
-/// Largest share of the area of a part by which its two sides may differ as seen from anywhere.
+/// Largest difference between the areas of the two sides of a part, as seen from any direction, as a share of
+/// its area.
 const MAX_NET_AREA_SHARE: f64 = 1e-3;
-/// Smallest area, in squared gaps: what is smaller is detail of the size of the gap. (Guessed.)
+/// Smallest area, in squared gaps: smaller parts are detail of the size of the gap. (Guessed.)
 const MIN_AREA_GAPS: f64 = 1e6;
 
 /// Counts the connected parts whose sides lie on each other: faces of opposite windings that enclose nothing. Cost: O(n).
@@ -43,9 +44,9 @@ pub(super) fn count(points: &[Vec3], faces: &[[VertexId; 3]]) -> usize {
 /// Sums over the faces of a part, with few operations for each.
 #[derive(Clone, Copy, Default)]
 struct Sums {
-    /// A point of the part, so that small ones far from the origin lose no digits.
+    /// A point of the part, so that small parts far from the origin lose no digits.
     origin: Option<Vec3>,
-    /// Twice the area, or more, by up to √3.
+    /// Twice the area, or up to √3 times as much.
     area: f64,
     /// Six times the volume between the faces and the origin.
     volume: f64,
@@ -59,7 +60,7 @@ impl Sums {
         self.area += f64::from(normal.abs().element_sum());
         self.volume += f64::from(normal.dot(a - origin));
     }
-    /// True if the sides are hardly apart, if there are two of half of the area each.
+    /// True if the sides are almost coincident, assuming two sides with half of the area each.
     fn is_thin(&self) -> bool {
         2.0 / 3.0 * self.volume.abs() <= MAX_GAP * self.area
     }

@@ -30,10 +30,10 @@ enum Role {
 /// Search for covers; holds reusable tables.
 pub(super) struct CoverSearch<'a> {
     topology: &'a Topology,
-    /// Roles by face and parity by vertex, each with the try that set them.
+    /// Roles by face and parity by vertex, each with the number of the try that set it.
     roles: Vec<(u32, Role)>,
     parity: Vec<(u32, bool)>,
-    /// For each odd vertex, the even ones at the ends of its edge.
+    /// For each odd vertex, the even vertices at the ends of its edge.
     between: Vec<[VertexId; 2]>,
     /// Number of the current try.
     turn: u32,
@@ -71,7 +71,7 @@ impl<'a> CoverSearch<'a> {
         middles.filter_map(|middle| self.cover(part, middle)).collect()
     }
 
-    /// Returns the twin half-edge, if there is just one and the two faces agree on orientation.
+    /// Returns the twin half-edge, if there is exactly one and the two faces agree on orientation.
     fn across(&self, h: HalfEdgeId) -> Option<HalfEdgeId> {
         self.topology.twin(h).filter(|&t| self.topology.origin(t) == self.topology.target(h))
     }
@@ -94,13 +94,13 @@ impl<'a> CoverSearch<'a> {
         if 4 * cover.tiles.len() != part.len() {
             return None;
         }
-        // Two edges between the same vertices would coincide.
+        // Two edges between the same two vertices would coincide.
         let mut edges: Vec<_> = cover.odd.iter().map(|x| x.1).collect();
         edges.sort_unstable();
         edges.windows(2).all(|w| w[0] != w[1]).then_some(cover)
     }
 
-    /// Adds a tile, and queues the faces beside it.
+    /// Adds a tile, and queues the faces next to it.
     fn lay(&mut self, middle: FaceId, cover: &mut Cover) -> Option<()> {
         let inner = self.half_edges(middle);
         let mut outer = inner;

@@ -2,12 +2,12 @@
 
 use glam::DVec3;
 
-/// Loops up to this length are triangulated optimally; longer ones have ears cut off first. Twelve vertices
+/// Loops up to this length are triangulated optimally; ears are cut off longer ones first. Twelve vertices
 /// have 220 triangles and 16,796 triangulations.
 const MAX_OPTIMAL_LOOP: usize = 12;
 /// Weight of the shape of a triangle, relative to the bend of its edges. (Guessed.)
 const SHAPE_WEIGHT: f64 = 0.1;
-/// A triangle whose normal deviates further than this (the cosine) from the replaced faces counts as flipped.
+/// Cosine of the deviation from the normal of the replaced faces beyond which a triangle counts as flipped.
 /// (Guessed.)
 const MIN_TURN_COS: f64 = 0.1;
 /// Triangles whose height is less than this share of their longest edge are rejected as degenerate.
@@ -38,7 +38,7 @@ pub(super) struct RejectReasons {
     pub(super) shape: bool,
 }
 
-/// The ring round a removed vertex, addressed by index.
+/// The ring around a removed vertex, addressed by index.
 #[derive(Default)]
 pub(super) struct HoleRing {
     pub(super) points: Vec<DVec3>,
@@ -80,7 +80,7 @@ impl HoleFiller {
         Self { limits, table, work: Vec::new(), todo: Vec::new(), why: RejectReasons::default() }
     }
 
-    /// Triangulates a loop of the ring, with normals about along `side`, a unit normal; adds triangles of
+    /// Triangulates a loop of the ring, with normals roughly along `side`, a unit normal; adds triangles of
     /// ring indices to `out`. The edge from the last vertex to the first is exempt from `barred`. Returns
     /// true on success.
     ///
@@ -98,7 +98,7 @@ impl HoleFiller {
         let ring_len = ring.points.len();
         let count = self.work.len();
         for j in 0..count {
-            // Not an edge of the ring: its other side is filled separately.
+            // This is not an edge of the ring: its other side is filled separately.
             if self.work[(j + 1) % count].0 != (self.work[j].0 + 1) % ring_len {
                 self.work[j].1 = None;
             }
@@ -230,7 +230,7 @@ impl HoleFiller {
     }
 }
 
-/// Cost of the bend at an edge: nothing at a border.
+/// Cost of the bend at an edge; 0 at a border.
 fn bend(normal: DVec3, beyond: Option<DVec3>, edge: DVec3) -> f64 {
     beyond.map_or(0.0, |other| (1.0 - normal.dot(other)) * edge.length())
 }

@@ -13,19 +13,20 @@ pub(super) struct Seams(HashSet<[VertexId; 2]>);
 
 impl Seams {
     /// Finds the seams of a mesh. Cost: O(n).
-    pub(super) fn new(ground: &PreparedInput, mesh: &TriMesh) -> Self {
+    pub(super) fn new(prepared: &PreparedInput, mesh: &TriMesh) -> Self {
         let sides = SideValues::new(mesh);
         if sides.is_empty() {
             return Self::default();
         }
-        let corners = |f: usize| ground.faces[f].into_iter().zip(mesh.triangles()[ground.origin[f].index()]);
-        let mut first: Vec<Option<WedgeId>> = vec![None; ground.points.len()];
-        let mut is_split = vec![false; ground.points.len()];
-        for (v, w) in (0..ground.faces.len()).flat_map(corners) {
+        let corners =
+            |f: usize| prepared.faces[f].into_iter().zip(mesh.triangles()[prepared.origin[f].index()]);
+        let mut first: Vec<Option<WedgeId>> = vec![None; prepared.points.len()];
+        let mut is_split = vec![false; prepared.points.len()];
+        for (v, w) in (0..prepared.faces.len()).flat_map(corners) {
             is_split[v.index()] |= !sides.same(*first[v.index()].get_or_insert(w), w);
         }
         let (mut known, mut seams) = (HashMap::new(), HashSet::new());
-        for f in 0..ground.faces.len() {
+        for f in 0..prepared.faces.len() {
             let t: Vec<(VertexId, WedgeId)> = corners(f).collect();
             for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
                 // (A seam may end within the surface, at a vertex that is not split.)

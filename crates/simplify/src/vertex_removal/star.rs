@@ -6,11 +6,11 @@ use lodsmith_core::{FaceId, VertexId};
 use super::store::FaceStore;
 use crate::report::Refusal;
 
-/// Vertices with more faces are kept until they have fewer: the tables of a star have 64 bits, and a hub of
-/// thousands of faces is not visited each time one of them changes.
+/// Vertices with more faces are kept until they have fewer: the tables of a star have 64 bits, and a hub with
+/// thousands of faces is not visited each time one of these changes.
 pub(super) const MAX_STAR_FACES: usize = 63;
 
-/// Class of a vertex. [Schroeder et al. 1992] Complex vertices, where the surface is no disc, are rejected
+/// Class of a vertex. [Schroeder et al. 1992] Complex vertices, where the surface is not a disc, are rejected
 /// beforehand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Class {
@@ -49,7 +49,7 @@ impl OrderedStar {
         self.ring.clear();
         self.faces.clear();
         self.areas.clear();
-        // A closed ring starts at the same face whatever the order of the list.
+        // A closed ring starts at the same face, whatever the order of the list.
         let first = (0..self.next.len()).min_by_key(|&i| self.next[i].0).ok_or(Refusal::NonManifold)?;
         self.next.swap(0, open.unwrap_or(first));
         let p = store.point(v);

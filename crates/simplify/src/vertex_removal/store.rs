@@ -14,7 +14,8 @@ const SPARE_SLOTS: u32 = 4;
 /// A removed face.
 const REMOVED_FACE: [VertexId; 3] = [NONE; 3];
 
-/// Lists longer than this keep removed faces until they are walked: searching for each would take long.
+/// Lists longer than this keep removed faces until they are traversed: searching for each face would take too
+/// long.
 pub(super) const HUB_FACES: usize = 256;
 
 /// An incident face of a vertex, and the other two vertices of that face.
@@ -27,8 +28,8 @@ pub(super) struct IncidentFace {
 
 const NO_CORNER: IncidentFace = IncidentFace { next: NONE, last: NONE, face: FaceId(0) };
 
-/// The incident faces of each vertex are contiguous, since they are walked most. Face indices are never
-/// reused.
+/// The incident faces of each vertex are contiguous, since they are traversed most often. Face indices are
+/// never reused.
 pub(super) struct FaceStore<'a> {
     pub(super) points: &'a [DVec3],
     faces: Vec<[VertexId; 3]>,
@@ -53,9 +54,9 @@ struct List {
 }
 
 impl<'a> FaceStore<'a> {
-    pub(super) fn new(ground: &'a PreparedInput, seams: Seams) -> Self {
-        let faces = ground.faces.clone();
-        let mut lists = vec![List::default(); ground.points.len()];
+    pub(super) fn new(prepared: &'a PreparedInput, seams: Seams) -> Self {
+        let faces = prepared.faces.clone();
+        let mut lists = vec![List::default(); prepared.points.len()];
         for v in faces.iter().flatten() {
             lists[v.index()].live += 1;
         }
@@ -72,9 +73,9 @@ impl<'a> FaceStore<'a> {
                 list.len += 1;
             }
         }
-        let regions = ground.regions.as_deref();
+        let regions = prepared.regions.as_deref();
         Self {
-            points: &ground.points,
+            points: &prepared.points,
             stands_for: (regions.is_some() || !seams.is_empty()).then(|| (0..faces.len() as u32).collect()),
             seams,
             regions,
@@ -147,7 +148,7 @@ impl<'a> FaceStore<'a> {
             self.vertex_count -= usize::from(list.live == 0);
             if list.len as usize <= HUB_FACES {
                 let at = &mut self.corners[list.start as usize..(list.start + list.len) as usize];
-                let i = at.iter().position(|c| c.face == f).expect("a face stands at its vertices");
+                let i = at.iter().position(|c| c.face == f).expect("a face is in the lists of its vertices");
                 at[i] = at[at.len() - 1];
                 list.len -= 1;
             }
@@ -179,7 +180,7 @@ impl<'a> FaceStore<'a> {
     fn make_room(&mut self, v: VertexId) {
         self.tidy(v);
         let list = &mut self.lists[v.index()];
-        // Requires a quarter of it to be free, else it would fill up again too soon.
+        // At least a quarter must be free, otherwise it would fill up again too soon.
         if list.len * 4 <= list.room * 3 {
             return;
         }

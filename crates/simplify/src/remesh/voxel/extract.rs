@@ -9,7 +9,7 @@ use std::collections::HashMap;
 
 use lodsmith_core::VertexId;
 
-/// Integer coordinates of a grid point or cell; a cell is named by its lowest corner.
+/// Integer coordinates of a grid point or cell; a cell has the coordinates of its lowest corner.
 pub(super) type GridCoord = [i32; 3];
 
 /// Offsets of the corners of a cell; bit k of the index is the step along axis k.
@@ -30,7 +30,7 @@ pub(super) fn plus(a: GridCoord, b: GridCoord) -> GridCoord {
     [0, 1, 2].map(|k| a[k] + b[k])
 }
 
-/// Returns the corners of a cell, as bits, that must be added to make it unambiguous; 0 if it is.
+/// Returns the corners of a cell, as bits, that must be added to make it unambiguous; 0 if it is already.
 pub(super) fn disambiguating_corners(mask: u8) -> u8 {
     let mut mask = mask;
     let before = mask;
@@ -92,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cells_without_ambiguity_are_left_alone() {
+    fn cells_without_ambiguity_are_unchanged() {
         assert_eq!(
             (
                 disambiguating_corners(0),

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 /// Faces in a leaf. Guessed.
 const LEAF_FACES: usize = 8;
-/// A node is approximated by its dipole beyond this many of its radii. [Barill et al. 2018] take 2.
+/// Beyond this many of its radii, a node is approximated by its dipole. [Barill et al. 2018] take 2.
 const DIPOLE_RADII: f64 = 2.0;
 
 struct Node {
@@ -131,7 +131,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sphere_goes_round_its_inside_once() {
+    fn a_sphere_has_winding_number_one_inside() {
         let mesh = shapes::icosphere(4);
         let view = mesh.positions().view();
         let faces = mesh.triangles().iter().map(|t| t.map(|w| view.get(mesh.vertex_of(w)).into())).collect();
