@@ -28,7 +28,7 @@ fn main() -> Result<(), SimplifyError> {
     if let Some(measured) = &report.error.measured {
         let percent = |x: f64| x / report.error.diagonal * 100.0;
         println!(
-            "rms {:.3} %, largest {:.3} % of the diagonal, both ways",
+            "rms {:.3} %, largest {:.3} % of the diagonal, in both directions",
             percent(measured.rms.symmetric),
             percent(measured.hausdorff.symmetric)
         );

@@ -1,5 +1,5 @@
-//! Prints the seconds of each run of the engine on a ball of a million triangles: `time_ball RUNS`. The benchmark of the
-//! Python package compares its own times with these.
+//! Prints the time of each run of the engine on a sphere of a million triangles, in seconds: `time_ball
+//! RUNS`. The benchmark of the Python package compares its own times with these.
 #![allow(clippy::print_stdout, reason = "an example prints")]
 
 use std::time::Instant;
@@ -15,7 +15,7 @@ fn main() {
         let begin = Instant::now();
         let done = simplify_with(surface.clone(), &SimplifyOptions::new(Stop::ratio(0.1)), &mut NoControl);
         let seconds = begin.elapsed().as_secs_f64();
-        assert!(done.is_ok_and(|done| done.report.reached), "a ball has any number of triangles");
+        assert!(done.is_ok_and(|done| done.report.reached), "a sphere can have any number of triangles");
         println!("{seconds}");
     }
 }

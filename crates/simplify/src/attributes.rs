@@ -68,7 +68,7 @@ pub(crate) struct WeightContext<'a> {
     pub(crate) edge: f64,
 }
 
-/// Place of an attribute in a row; an attribute with the same value at all wedges has none.
+/// Place of an attribute in a row; an attribute with the same value at all wedges has no place.
 #[derive(Clone)]
 struct Column {
     source: ColumnSource,

@@ -126,7 +126,7 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
         Ok(Self { input, options, model, locked, goal, diagonal, coarsest, is_over: false })
     }
 
-    /// Asks the caller whether to continue. A run that is asked to finish still makes one pass, as it has no
+    /// Asks the caller whether to continue. A run that has to finish still makes one pass, because it has no
     /// result before.
     fn report_progress(&mut self, done: f64, control: &mut dyn Control) -> Result<bool, SimplifyError> {
         match control.progress(done) {
@@ -307,8 +307,9 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
         }
     }
 
-    /// Finds the coarsest result within `limit` that is no coarser than goal and cell size. Cell sizes come
-    /// from one fixed sequence, whatever the limit. The distance is about proportional to the cell size.
+    /// Finds the coarsest result within `limit` that is no coarser than goal and cell size. Cell sizes are
+    /// taken from one fixed sequence, which does not depend on the limit. The distance is about proportional
+    /// to the cell size.
     fn within(
         &mut self,
         limit: f64,

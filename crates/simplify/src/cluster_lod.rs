@@ -13,7 +13,7 @@
 //! ```
 //!
 //! Like Nanite [Karis 2021]. New here: errors are measured against the original mesh instead of accumulated
-//! from estimates, and the border of every group is compared with that of its result, edge by edge.
+//! from estimates, and the border of every group is compared edge by edge with the border of its result.
 
 mod deviation;
 mod group;

@@ -17,9 +17,9 @@
 //! ```
 //!
 //! There is no queue, and a collapse re-evaluates nothing: an edge belongs to its lower end, `bound[u]` is
-//! the least cost last seen at u, and a stale bound only delays or hastens a collapse by a sweep. Exact
-//! order gains nothing: the expected quality is that of a global queue [Wu-Kobbelt 2002], at a fraction of
-//! its time.
+//! the lowest cost last seen at u, and a stale bound only makes a collapse happen a sweep later or earlier.
+//! Exact order gains nothing: the expected quality is the same as with a global queue [Wu-Kobbelt 2002], at a
+//! fraction of its time.
 
 pub(crate) mod attributes;
 mod bound;
@@ -168,7 +168,7 @@ pub(crate) struct CollapseRules {
     looseness: Looseness,
     /// Factors of the cost at vertices (importance), by number in the ordered input; `None` if all are 1.
     cost_factors: Option<Vec<f32>>,
-    /// Small parts that keep their area because they stand out.
+    /// Small parts that keep their area because they differ in colour.
     details: Option<Box<Details>>,
     /// True if a collapse that would pinch the surface may cut it there instead.
     pub(crate) cuts_necks: bool,

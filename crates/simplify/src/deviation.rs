@@ -15,8 +15,8 @@ const BOUND_TOLERANCE: f64 = 0.01;
 /// mostly uses a requested distance up to that ratio, and a proof takes as long as a run.)
 const MAX_KNOWN_BOUND_RATIO: f64 = 1.25;
 
-/// Samples each way if a proof gives the largest distance and no measurement was asked for. (The RMS is then
-/// known to half a percent.)
+/// Samples in each direction if a proof gives the largest distance and no measurement was requested. (The RMS
+/// is then known to half a percent.)
 const PROOF_SAMPLES: usize = 50_000;
 
 /// Distances known of a result, in user units.
@@ -33,7 +33,7 @@ impl Deviation {
     }
 }
 
-/// Returns true if more than the engine's estimate is to be reported.
+/// Returns true if more than the engine's estimate has to be reported.
 pub(crate) fn needs_measurement(options: &SimplifyOptions) -> bool {
     options.measure == Measure::Always
         || options.effective_bound() != Bound::Estimate
@@ -138,8 +138,8 @@ impl InputComparer {
         PreparedResult::new(mesh).map(|result| self.compare(&result.0))
     }
 
-    /// Returns the RMS distance of a result, both ways, by this many samples each way; infinite if it has no
-    /// face.
+    /// Returns the two-way RMS distance of a result, by this many samples in each direction; infinite if it
+    /// has no face.
     pub(crate) fn rms(&self, mesh: &TriMesh, samples: usize) -> f64 {
         let mut options = CompareOptions::default();
         (options.samples, options.seed) = (samples, self.seed);

@@ -167,7 +167,7 @@ struct PartShading {
     faces: usize,
     /// Faces with the same normal at their corners.
     alike: usize,
-    /// Number and area of the corners at which the surface bends, and of those that are flat.
+    /// Number and area of the corners at which the surface bends, and of the flat ones among them.
     bent: [f64; 2],
     flat: [f64; 2],
 }

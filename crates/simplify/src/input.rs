@@ -1,4 +1,4 @@
-//! Input of a run: a mesh, and data that belong to it alone.
+//! Input of a run: a mesh, and data that belong only to it.
 
 use std::borrow::Cow;
 

@@ -145,8 +145,8 @@ pub use two_sided::two_sided_faces;
 /// # Output
 /// [`Simplified::mesh`] has the units, the precision of positions and the attributes of the input (normals,
 /// texture coordinates, colours, skins, morph targets, named values; [`Report::dropped`] lists the
-/// exceptions), and its regions. Faces, vertices and wedges are numbered anew. [`Simplified::report`] says
-/// what was done; its lengths are in the units of the mesh.
+/// exceptions), and its regions. Faces, vertices and wedges are renumbered. [`Simplified::report`] says what
+/// was done; its lengths are in the units of the mesh.
 ///
 /// # Promises
 /// - The stop is met if the report says so ([`Report::reached`]); otherwise [`Report::stopped_by`] and

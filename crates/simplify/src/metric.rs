@@ -68,13 +68,13 @@ pub(crate) struct Form {
 pub(crate) enum CostSource {
     /// The form, and the engine at the commit: exact cost of the star, largest distance, attributes.
     Engine,
-    /// The form alone.
+    /// Only the form.
     Form,
     /// The form selects the edges to evaluate; [`Metric::evaluate`] decides.
     FormThenStars,
     /// [`Metric::evaluate`], from the stars.
     Stars,
-    /// [`Metric::evaluate`], from the ends alone.
+    /// [`Metric::evaluate`], only from the ends.
     Ends,
 }
 

@@ -211,7 +211,7 @@ fn intended_far(
         is_asked[attributes.original(WedgeId::new(w)).index()] = true;
     }
     debug_assert!(at + 3 <= rows.width());
-    // Area of all faces, and of those that are far off.
+    // Area of all faces, and of the faces that are far off.
     let mut areas = vec![[0f32; 2]; attributes.count()];
     let view = input.positions().view();
     for t in input.triangles() {

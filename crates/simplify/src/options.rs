@@ -54,9 +54,9 @@ pub enum BorderPolicy {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum TopologyPolicy {
-    /// The counts of non-manifold edges, border edges, flipped faces and duplicate faces do not rise. Only if
-    /// the target cannot be met otherwise, or the result would be measurably farther off, handles and necks
-    /// are cut and whole parts removed, cheapest first; each is counted.
+    /// The counts of non-manifold edges, border edges, flipped faces and duplicate faces do not rise. Handles
+    /// and necks are cut and whole parts removed, cheapest first, only if the target cannot be met otherwise
+    /// or the result would be measurably farther off; each is counted.
     #[default]
     Relaxed,
     /// Manifold stays manifold; holes, handles and parts are kept.
@@ -124,14 +124,14 @@ impl Stop {
 }
 
 /// Limits on the shape of the result, each off by default. A collapse that would exceed one is refused and
-/// counted; the [fit](SimplifyOptions::fit) moves vertices only as far as the limits allow. What exceeds a
-/// limit in the input may stay, but does not get worse.
+/// counted; the [fit](SimplifyOptions::fit) moves vertices only as far as the limits allow. Faces and edges
+/// that exceed a limit in the input may stay, but do not get worse.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Guards {
     /// Largest rotation of a face normal by one collapse, and by the fit, in degrees.
     pub max_normal_deg: Option<f64>,
-    /// Least quality of a new face: 1 is equilateral, 0 flat. Where a face was worse, new faces there are no
-    /// worse than it.
+    /// Minimum quality of a new face: 1 is equilateral, 0 flat. Where a face was worse, new faces may be as
+    /// bad, but not worse.
     pub min_quality: Option<f64>,
     /// Largest number of edges at a merged vertex. A merged vertex may have as many as either of its two ends
     /// had.
@@ -149,10 +149,10 @@ pub struct AttributeWeights {
     pub uv: f64,
     /// Colours.
     pub color: f64,
-    /// Displacements of positions by morph targets. At 1 a distance in a key pose counts like one at rest.
-    pub morph: f64,
-    /// Skins. At 1 a shift of the weighted mean of a vertex' joints counts like a tenth of that distance at
+    /// Displacements of positions by morph targets. At 1 a distance in a key pose counts like a distance at
     /// rest.
+    pub morph: f64,
+    /// Skins. At 1 a shift of a vertex's mean joint position counts like a tenth of that distance at rest.
     pub skin: f64,
     /// All other attributes.
     pub other: f64,
@@ -202,16 +202,16 @@ pub enum Bound {
 /// Measurement of the result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Measure {
-    /// Measures with a stop at an error or a guaranteed bound; otherwise the report has the engine's estimate
-    /// alone.
+    /// Measures with a stop at an error or a guaranteed bound; otherwise the report only has the engine's
+    /// estimate.
     #[default]
     Auto,
-    /// Always measures both ways at the end.
+    /// Always measures in both directions at the end.
     Always,
 }
 
-/// Settings of one quick pass, for the calls of the C interface that take the place of another library's: no
-/// late phase, no search and no proposals.
+/// Settings of one quick pass, for the calls of the C interface that replace another library's: no late
+/// phase, no search and no proposals.
 #[doc(hidden)]
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct QuickPass {
@@ -251,8 +251,9 @@ pub struct SimplifyOptions {
     pub bound: Bound,
     /// Measurement of the result.
     pub measure: Measure,
-    /// Vertices closer than this are merged first. Vertices at equal positions always are; without this, so are
-    /// those of borders that differ by rounding ([`simplify`](crate::simplify()) says how far).
+    /// Vertices closer than this are merged first. Vertices at equal positions always are; without this
+    /// option, so are vertices of borders that differ by rounding ([`simplify`](crate::simplify()) has the
+    /// tolerance).
     pub weld: Option<Length>,
     /// Connected parts whose bounding box has a smaller diagonal than this are removed first; the largest
     /// part is always kept. Distances are measured from the remaining parts. A share is of the diagonal of

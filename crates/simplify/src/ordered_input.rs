@@ -1,5 +1,5 @@
 //! Access to the ordered input during and after a run: for samples in the late phase, for the removal of
-//! parts, and for the fit. Depending on the number of faces, an ordered copy of the input is kept, made anew
+//! parts, and for the fit. Depending on the number of faces, an ordered copy of the input is kept, made again
 //! each time, or looked up face by face.
 
 use glam::Vec3;

@@ -109,7 +109,7 @@ impl ChangedBlocks {
             .map(|b| b.0 * CHANGE_BLOCK_LEN..(b.0 + 1) * CHANGE_BLOCK_LEN);
         for r in blocks.chain(std::iter::once(born..count)) {
             let (mut start, mut end) = (r.start.min(count), r.end.min(count));
-            // New elements may begin before the last modified blocks.
+            // New elements may start before the last modified blocks.
             while let Some(last) = ranges.pop_if(|last| start <= last.end) {
                 (start, end) = (start.min(last.start), end.max(last.end));
             }

@@ -92,7 +92,7 @@ impl Change {
         });
         all.push(match options.placement {
             Placement::Optimal => Vec::new(),
-            // Their placement is fixed, whatever the options say.
+            // Their placement is fixed and does not depend on the options.
             _ if matches!(options.method, Method::Melax | Method::ShortestEdge { .. }) => Vec::new(),
             Placement::Endpoint | Placement::Midpoint => vec![Self::Placement(Placement::Optimal)],
         });

@@ -2,10 +2,11 @@
 //!
 //! In a palette texture a whole part uses one small cell of the image. Blended and extrapolated texture
 //! coordinates leave it, and a face shows the neighbouring cells: patches and stripes of unrelated colours.
-//! The colour of a face is compared with that of the input under it, at a few points; where they differ, the
-//! face takes texture coordinates of the input from the points that give the smallest difference in colour.
+//! The colour of a face is compared with the colour of the input under it, at a few points; where they
+//! differ, the face takes texture coordinates of the input from the points that give the smallest difference
+//! in colour.
 //!
-//! Images that vary within single faces anyway (photographs, drawings) are left alone.
+//! Textures that vary within single faces anyway (photographs, drawings) are not repaired.
 
 use std::collections::HashMap;
 

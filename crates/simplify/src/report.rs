@@ -135,8 +135,8 @@ pub struct Cleanup {
 pub struct ErrorReport {
     /// The engine's estimate of the RMS distance.
     pub estimate: f64,
-    /// Distances measured both ways by samples, if measured. After a stop at an error a quarter of the usual
-    /// samples is taken, unless [`Measure::Always`](crate::Measure::Always) asks for all.
+    /// Distances measured in both directions by samples, if measured. After a stop at an error, a quarter of
+    /// the usual samples is taken, or all with [`Measure::Always`](crate::Measure::Always).
     pub measured: Option<Comparison>,
     /// Proven upper bound on the distance of any point, in the directions that
     /// [`SimplifyOptions::bound`](crate::SimplifyOptions) guarantees; `None` where it guarantees nothing. At
@@ -154,7 +154,7 @@ pub struct ErrorReport {
 pub struct Clustered {
     /// Edge length of a cell, in the units of the mesh; 0 if the input was light enough.
     pub cell: f64,
-    /// Triangles after clustering: those of the result, unless a second stage followed.
+    /// Triangles after clustering; equal to the result's, unless a second stage followed.
     pub faces: usize,
     /// Vertices after clustering.
     pub vertices: usize,

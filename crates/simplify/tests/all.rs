@@ -1,8 +1,9 @@
-//! Tests of the whole crate, in one program: each program links everything again (docs/decisions/0026).
+//! Tests of the whole crate, in one program, because each program links everything again
+//! (docs/decisions/0026).
 
+mod appearance;
 mod attributes;
 mod bounded;
-mod care;
 mod clean;
 mod cluster_lod;
 mod contract;
@@ -12,8 +13,8 @@ mod error;
 mod golden;
 mod guards;
 mod laws;
+mod locks_and_importance;
 mod lod;
-mod look;
 mod method_cluster;
 mod method_collapses;
 mod method_pairs;

@@ -17,7 +17,7 @@ fn lighter(mesh: &TriMesh, ratio: f64) -> TriMesh {
 }
 
 #[test]
-fn what_is_linear_in_space_stays_so() {
+fn attributes_that_are_linear_in_space_stay_linear() {
     let mut mesh = shapes::blob(4, 3);
     let linear = |p: [f64; 3]| [(0.5 * p[0] + p[1]) as f32, (p[2] - 0.25 * p[0]) as f32];
     let uvs = wedges(&mesh).map(|w| linear(place(&mesh, w))).collect();
@@ -50,7 +50,7 @@ fn a_seam_stays_a_seam() {
     let before = Topology::new(&mesh.surface()).counts().border_edge_count;
     let topology = Topology::new(&got.surface()).counts();
     assert!(topology.border_edge_count <= before && topology.non_manifold_edge_count == 0);
-    // Each side has the values of its own chart: u is x, or x + 10.
+    // Each side has the values of its own chart: u is x on the left, x + 10 on the right.
     for w in wedges(&got) {
         let u = uvs[w.index()][0];
         let x = f64::from(if u > 5.0 { u - 10.0 } else { u });
@@ -60,12 +60,12 @@ fn a_seam_stays_a_seam() {
 
 /// Regression: merged vertices all had the values of the first wedge.
 #[test]
-fn a_weld_keeps_the_attributes_of_what_it_joins() {
+fn a_weld_keeps_the_attributes_of_the_vertices_that_it_joins() {
     let mut soup = two_charts(8);
     let corners: Vec<[f64; 3]> = soup.triangles().iter().flatten().map(|&w| place(&soup, w)).collect();
     let uvs = soup.uvs().unwrap();
     let uvs: Vec<[f32; 2]> = soup.triangles().iter().flatten().map(|w| uvs[w.index()]).collect();
-    // Each triangle has its own vertices, a little apart.
+    // Each triangle has its own vertices, slightly apart.
     let apart = |(i, p): (usize, &[f64; 3])| p.map(|x| (x + 1e-4 * (i % 3) as f64) as f32);
     let positions = Positions::F32(corners.iter().enumerate().map(apart).collect());
     let triangles = (0..corners.len() as u32 / 3).map(|t| [0, 1, 2].map(|k| VertexId(3 * t + k))).collect();
@@ -106,7 +106,7 @@ fn regions_keep_their_border() {
 }
 
 #[test]
-fn what_is_the_same_everywhere_stays_exact() {
+fn constant_attributes_stay_exact() {
     let mut mesh = shapes::blob(3, 1);
     let color = [0.1, 0.7, 1.0 / 3.0, 1.0];
     mesh.set_colors(Some(vec![color; mesh.wedge_count()])).unwrap();
@@ -114,7 +114,7 @@ fn what_is_the_same_everywhere_stays_exact() {
     rest.set_colors(None).unwrap();
     let got = lighter(&mesh, 0.3);
     assert!(got.colors().unwrap().iter().all(|c| *c == color));
-    // It does not affect the shape.
+    // The attribute does not affect the shape.
     assert_eq!(got.positions(), lighter(&rest, 0.3).positions());
 }
 
@@ -136,7 +136,7 @@ fn normals_are_unit_and_follow_the_surface() {
 }
 
 #[test]
-fn skins_stay_whole_and_the_rest_comes_along() {
+fn skins_and_other_attributes_are_transferred() {
     let mut mesh = shapes::cylinder(24, 40);
     let bounds = mesh.positions().view().bounds().unwrap();
     let height = |w| ((place(&mesh, w)[2] - bounds.min[2]) / (bounds.max[2] - bounds.min[2])) as f32;
@@ -160,14 +160,14 @@ fn skins_stay_whole_and_the_rest_comes_along() {
         assert!((sum - 1.0).abs() < 1e-5);
         let high = joints.of(w).iter().zip(weights.of(w)).filter(|x| *x.0 == 9.0).map(|x| x.1).sum::<f32>();
         let z = ((place(&got, w)[2] - bounds.min[2]) / (bounds.max[2] - bounds.min[2])) as f32;
-        assert!((high - z).abs() < 0.15, "joint 9 pulls {high} at {z}");
+        assert!((high - z).abs() < 0.15, "joint 9 has weight {high} at {z}");
         assert!((morph.of(w)[0] - z * z).abs() < 0.1, "the key pose is {} at {z}", morph.of(w)[0]);
         assert!(of(&Semantic::Tangent).of(w) == [0.0, 0.0, 1.0, -1.0]);
     }
 }
 
 #[test]
-fn what_moves_a_vertex_whole_never_tears_it_at_a_seam() {
+fn attributes_that_displace_whole_vertices_never_tear_seams() {
     let plain = two_charts(24);
     let wave = |p: [f64; 3]| (0.5 + 0.5 * (9.0 * p[0] + 5.0 * p[1]).sin()) as f32;
     let morph = Semantic::Morph { target: 0, of: Morphed::Position };
@@ -197,13 +197,13 @@ fn what_moves_a_vertex_whole_never_tears_it_at_a_seam() {
         assert!(got.wedge_count() > got.vertex_count() + 4, "the seam is still there");
         assert_eq!(apart(&got, &Semantic::Weights(0)), 0);
         assert_eq!(apart(&got, &Semantic::Joints(0)), 0);
-        // Wedges that differed before are not merged.
+        // Wedges that were different before are not merged.
         assert_eq!(apart(&got, &morph) > 0, is_torn);
     }
 }
 
 #[test]
-fn the_fit_brings_values_closer() {
+fn the_fit_improves_values() {
     let mut mesh = shapes::blob(5, 3);
     let bent = |p: [f64; 3]| [(2.0 * p[0]).sin() as f32, (p[1] * p[2]) as f32];
     let uvs = wedges(&mesh).map(|w| bent(place(&mesh, w))).collect();
@@ -230,7 +230,7 @@ fn the_fit_keeps_charts_apart() {
 }
 
 #[test]
-fn endpoints_carry_every_attribute_as_it_was() {
+fn endpoint_placement_keeps_all_attributes() {
     let mut mesh = shapes::blob(3, 1);
     let count = mesh.wedge_count();
     let values = |width: usize| (0..count * width).map(|i| i as f32).collect::<Vec<_>>();
@@ -262,7 +262,7 @@ fn endpoints_carry_every_attribute_as_it_was() {
 }
 
 #[test]
-fn half_a_skin_is_dropped_and_told() {
+fn incomplete_skins_are_dropped_and_reported() {
     let mut mesh = shapes::blob(2, 1);
     let values = vec![1.0; mesh.wedge_count() * 4];
     mesh.add_attribute(Attribute { semantic: Semantic::Joints(0), width: 4, values }).unwrap();
@@ -290,8 +290,8 @@ fn borders_within_a_class_of_regions_are_creases() {
     assert!(rms(&free.mesh) < rms(&exact.mesh));
 }
 
-/// A sheet on which each pair of triangles shows its own piece of a texture, of size 1 in a grid with this
-/// step.
+/// A sheet on which each pair of triangles shows its own piece of a texture. Pieces have size 1, in a grid
+/// with this step.
 fn palette(step: f32) -> TriMesh {
     let plain = shapes::wavy_sheet(24);
     let corners: Vec<WedgeId> = plain.triangles().iter().flatten().copied().collect();
@@ -314,7 +314,7 @@ fn seams_within_one_piece_of_a_texture_are_soft() {
 }
 
 #[test]
-fn where_seams_give_way_a_face_shows_the_piece_of_the_texture_under_it() {
+fn if_seams_give_way_faces_show_the_piece_of_the_texture_under_them() {
     let mesh = palette(100.0);
     let done = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(0.1))).unwrap();
     assert!(done.report.reached && done.report.seams_relaxed, "{:?}", done.report.refusals);
@@ -325,7 +325,7 @@ fn where_seams_give_way_a_face_shows_the_piece_of_the_texture_under_it() {
         let centre = [0, 1, 2].map(|k| corners.iter().map(|p| p[k]).sum::<f64>() / 3.0);
         let shown = piece(&done.mesh, t[0]);
         assert!(t.iter().all(|&w| piece(&done.mesh, w) == shown), "{corners:?}");
-        // If two are equally near, either is correct.
+        // If two pieces are equally near, either is correct.
         let is_shown = |f: FaceId| piece(&mesh, mesh.triangles()[f.index()][0]) == shown;
         let [any, own] =
             [tree.closest(centre), tree.closest_of(centre, is_shown)].map(|h| h.unwrap().distance);
@@ -333,7 +333,7 @@ fn where_seams_give_way_a_face_shows_the_piece_of_the_texture_under_it() {
     }
 }
 
-/// A sheet of waves in 16 square patches, each of whose corners has a value of its patch beside its position: that is,
+/// A wavy sheet in 16 square patches. Each corner has a value of its patch in addition to its position:
 /// texture coordinates of a second set, colours, named values or signs of tangents.
 fn patches(semantic: Semantic, width: usize) -> TriMesh {
     let n = 24u32;
@@ -424,10 +424,11 @@ fn seams_of_every_attribute_count_in_every_method() {
     }
 }
 
-/// Regression: the same methods lost the sides of seams without a word where these stood in the way of the target.
+/// Regression: the same methods lost the sides of seams, without reporting it, where these blocked the
+/// target.
 #[test]
-fn methods_that_keep_vertices_say_when_seams_give_way() {
-    // Each pair of triangles has a colour of its own, so every second vertex is on seams all around.
+fn methods_that_keep_vertices_report_relaxed_seams() {
+    // Each pair of triangles has its own colour, so every second vertex has only seams around it.
     let mut mesh = palette(0.0);
     let colors = (0..mesh.wedge_count()).map(|i| [(i / 6 * 7 % 16) as f32 / 16.0, 0.5, 0.5, 1.0]).collect();
     mesh.set_uvs(None).unwrap();
@@ -438,7 +439,7 @@ fn methods_that_keep_vertices_say_when_seams_give_way() {
         options.method = method.into();
         let done = simplify(&mesh, &options).unwrap();
         assert!(done.report.reached && done.report.seams_relaxed, "{method:?}: {:?}", done.report.refusals);
-        // Still each face has the colour of one patch.
+        // Each face still has the colour of one patch.
         let colors = done.mesh.colors().unwrap();
         for t in done.mesh.triangles() {
             let shown = t.map(|w| colors[w.index()]);

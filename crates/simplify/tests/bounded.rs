@@ -1,5 +1,5 @@
-//! Work is bounded for any shape: nearly linear in the number of faces, whatever the number of faces at a
-//! vertex or an edge. Counted in steps, never in seconds.
+//! Work is bounded for any shape: nearly linear in the number of faces, for any number of faces at a vertex
+//! or an edge. It is counted in steps, never in seconds.
 
 use lodsmith::core::{Positions, TriMesh, VertexId};
 use lodsmith::{
@@ -32,7 +32,7 @@ fn book(n: u32) -> TriMesh {
     mesh(points, &(0..n).map(|i| [0, 1, 2 + i]).collect::<Vec<_>>())
 }
 
-/// `n` faces at the same place, on the same vertices or with three vertices of their own each.
+/// `n` faces at the same place, on the same vertices or each with three of its own.
 fn stack(n: u32, has_own: bool) -> TriMesh {
     let triangle = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let times = if has_own { n as usize } else { 1 };
@@ -49,11 +49,10 @@ fn report(mesh: &TriMesh, method: MethodKind, keep: f64) -> Report {
 
 const JUDGED_BY_STARS: [MethodKind; 2] = [MethodKind::Melax, MethodKind::LindstromTurk];
 
-/// Fault B2: two adjacent faces without area kept flipping their common edge in turn.
+/// Fault B2: two adjacent faces without area flipped their common edge back and forth forever.
 #[test]
-fn clean_ends_where_slivers_lie_side_by_side() {
-    // A wall seen edge-on: all but one of its vertices lie on one vertical line, as level exporters write
-    // them.
+fn clean_ends_on_adjacent_slivers() {
+    // A wall seen edge-on, as level exporters write it: all but one of its vertices lie on one vertical line.
     let on_line =
         [0.8, 0.8, -0.4, -0.1, -0.1, 0.05, 0.05, 0.4, 0.45, 0.79, 0.79, 0.8, 0.8].map(|z| [3.0, 2.0, z]);
     let mut points = on_line.to_vec();
@@ -71,7 +70,7 @@ fn clean_ends_where_slivers_lie_side_by_side() {
     }
 }
 
-/// Fault B3: every page of a book checked all others, at each of many rotations.
+/// Fault B3: every page of a book was compared with all others, at each of many rotations.
 #[test]
 fn a_book_of_1000_pages_is_simplified_in_bounded_work() {
     let report = report(&book(1000), MethodKind::Memoryless, 0.1);
@@ -79,24 +78,24 @@ fn a_book_of_1000_pages_is_simplified_in_bounded_work() {
     assert!(report.faces_visited < 1 << 28, "{}", report.faces_visited);
 }
 
-/// With more pages the work grows no faster than their number.
+/// The work grows no faster than the number of pages.
 #[test]
-fn work_on_a_book_grows_with_its_pages_and_not_faster() {
+fn work_on_a_book_is_linear_in_its_pages() {
     let [small, large] =
         size([1500, 6000], [600, 1500]).map(|n| report(&book(n), MethodKind::Memoryless, 0.5).faces_visited);
     assert!(large < 16 * small.max(1 << 22), "{small} {large}");
 }
 
-/// Fault A18: each spoke checked all others.
+/// Fault A18: each spoke was compared with all others.
 #[test]
-fn work_on_a_fan_grows_with_its_spokes_and_not_faster() {
+fn work_on_a_fan_is_linear_in_its_spokes() {
     for method in JUDGED_BY_STARS.into_iter().chain([MethodKind::Memoryless, MethodKind::Quadric]) {
         let of = |n| report(&fan(n), method, 0.01);
         let large = if method == MethodKind::Melax { 12_000 } else { size(12_000, 1_500) };
         let fans = [1_500, large].map(of);
         for fan in &fans {
             assert!(fan.reached, "{method:?}: {fan:?}");
-            // (It was one visit for each spoke.)
+            // (It used to be one visit for each spoke.)
             let most = (fan.input_faces as u64 * 1024).max(1 << 26);
             assert!(fan.faces_visited < most, "{method:?}: {} of {most}", fan.faces_visited);
         }
@@ -116,21 +115,21 @@ fn spindle(n: u32) -> TriMesh {
     mesh(points, &(0..n).flat_map(faces).collect::<Vec<_>>())
 }
 
-/// Each search for a neck at the tips took the square of their faces, for each common neighbour.
+/// Each search for a neck at the tips was quadratic in their faces, for each common neighbour.
 #[test]
-fn work_on_a_spindle_grows_with_its_spokes_and_not_faster() {
+fn work_on_a_spindle_is_linear_in_its_spokes() {
     for method in JUDGED_BY_STARS.into_iter().chain([MethodKind::Memoryless, MethodKind::Quadric]) {
         let large = if method == MethodKind::Melax { 5_000 } else { size(5_000, 1_000) };
         for n in [1_000, large] {
             let report = report(&spindle(n), method, 0.01);
-            // (One search alone took the square of the spokes, three times.)
+            // (A single search was quadratic in the spokes, three times.)
             assert!(report.faces_visited < 1 << 28, "{method:?}: {}", report.faces_visited);
         }
     }
 }
 
 #[test]
-fn levels_of_clusters_of_a_book_end() {
+fn cluster_levels_of_a_book_terminate() {
     let pages = size(1000, 300);
     let built = cluster_lod(&book(pages), &ClusterLodOptions::default(), &mut NoControl).unwrap();
     assert_eq!(built.report.input_faces, pages as usize);
@@ -140,7 +139,7 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(size(8, 3)) })]
 
     #[test]
-    fn any_fan_book_or_stack_takes_work_in_proportion(
+    fn work_on_any_fan_book_or_stack_is_proportional(
         n in 3u32..1000,
         kind in 0..4usize,
         method in 0..3usize,
@@ -155,11 +154,11 @@ proptest! {
     }
 
     #[test]
-    fn clean_takes_a_few_steps_for_each_face(
+    fn clean_takes_a_few_steps_per_face(
         heights in proptest::collection::vec(0u8..12, 3..60),
         corners in proptest::collection::vec([0usize..60, 0..60, 0..60], 1..60),
     ) {
-        // All but the first lie on one line: nearly all faces are slivers, and many are adjacent.
+        // All vertices but the first lie on one line: nearly all faces are slivers, and many are adjacent.
         let points: Vec<[f64; 3]> =
             heights.iter().enumerate().map(|(i, &z)| [if i == 0 { 1.0 } else { 0.0 }, 0.0, f64::from(z)]).collect();
         let faces: Vec<[u32; 3]> =

@@ -1,4 +1,4 @@
-//! Promises of the clean-up.
+//! Guarantees of the clean-up.
 
 use lodsmith::core::mesh::weld::weld_mesh;
 use lodsmith::core::topology::{Topology, size_of};
@@ -20,8 +20,8 @@ fn run(mesh: &TriMesh, options: &CleanOptions) -> Cleaned {
     clean(mesh, options, &mut NoControl).unwrap()
 }
 
-/// Returns the same faces, scaled, moved by a vector, and flipped if asked for.
-fn beside(base: &TriMesh, by: [f64; 3], scale: f64, turned: bool) -> Buffers {
+/// Returns the same faces, scaled, moved by a vector, and flipped if `turned`.
+fn copied(base: &TriMesh, by: [f64; 3], scale: f64, turned: bool) -> Buffers {
     let view = base.positions().view();
     let positions = view.iter().map(|p| [0, 1, 2].map(|k| p[k] * scale + by[k])).collect();
     let turn = |t: [u32; 3]| if turned { [t[0], t[2], t[1]] } else { t };
@@ -50,7 +50,7 @@ fn cube(at: [f64; 3]) -> Buffers {
 }
 
 #[test]
-fn nothing_happens_to_a_clean_mesh() {
+fn a_clean_mesh_is_unchanged() {
     for base in [shapes::icosphere(2), shapes::torus(12, 8)] {
         for policy in [NonManifold::Keep, NonManifold::Cut, NonManifold::Merge] {
             let got = run(&base, &with(policy));
@@ -64,7 +64,7 @@ fn nothing_happens_to_a_clean_mesh() {
 #[test]
 fn every_step_is_counted() {
     let sphere = shapes::icosphere(2);
-    let (mut p, mut f) = beside(&sphere, [0.0; 3], 1.0, false);
+    let (mut p, mut f) = copied(&sphere, [0.0; 3], 1.0, false);
     let (count, faces) = (p.len() as u32, f.len());
     // Some faces are flipped, one is duplicated, one uses a position twice, one is not finite, a vertex is
     // duplicated, and one is unused.
@@ -86,31 +86,31 @@ fn every_step_is_counted() {
 }
 
 #[test]
-fn closed_parts_look_outward_but_cavities_stay() {
+fn closed_parts_face_outward_but_cavities_stay() {
     let sphere = shapes::icosphere(2);
-    let inward = beside(&sphere, [0.0; 3], 1.0, true);
+    let inward = copied(&sphere, [0.0; 3], 1.0, true);
     let got = run(&joined(&[inward]), &CleanOptions::default());
     assert_eq!(got.report.flipped_faces, sphere.face_count());
-    // A cavity in a ball; beside it another ball, inside out.
+    // A cavity in a sphere; next to it another sphere, inside out.
     let parts = [
-        beside(&sphere, [0.0; 3], 1.0, false),
-        beside(&sphere, [0.1; 3], 0.3, true),
-        beside(&sphere, [5.0, 0.0, 0.0], 1.0, true),
+        copied(&sphere, [0.0; 3], 1.0, false),
+        copied(&sphere, [0.1; 3], 0.3, true),
+        copied(&sphere, [5.0, 0.0, 0.0], 1.0, true),
     ];
     let all = joined(&parts);
     let got = run(&all, &CleanOptions::default());
     assert_eq!(got.report.flipped_faces, sphere.face_count());
     let n = 2 * sphere.face_count();
     assert_eq!(got.mesh.triangles()[..n], all.triangles()[..n]);
-    // A ball inside a cavity inside a ball points outward again.
-    let parts = [parts[0].clone(), parts[1].clone(), beside(&sphere, [0.1; 3], 0.1, true)];
+    // A sphere inside a cavity inside a sphere faces outward again.
+    let parts = [parts[0].clone(), parts[1].clone(), copied(&sphere, [0.1; 3], 0.1, true)];
     assert_eq!(run(&joined(&parts), &CleanOptions::default()).report.flipped_faces, sphere.face_count());
 }
 
 #[test]
 fn an_open_part_follows_most_of_its_faces() {
     let sheet = shapes::grid(6);
-    let (p, mut f) = beside(&sheet, [0.0; 3], 1.0, false);
+    let (p, mut f) = copied(&sheet, [0.0; 3], 1.0, false);
     for t in f.iter_mut().take(10) {
         t.swap(1, 2);
     }
@@ -120,7 +120,7 @@ fn an_open_part_follows_most_of_its_faces() {
 }
 
 #[test]
-fn cubes_that_touch_are_parted_and_stay_closed() {
+fn cubes_that_touch_are_separated_and_stay_closed() {
     for (at, welded, parted) in [([1.0, 1.0, 0.0], 2, 2), ([1.0, 1.0, 1.0], 1, 1)] {
         let both = joined(&[cube([0.0; 3]), cube(at)]);
         let kept = run(&both, &CleanOptions::default());
@@ -129,15 +129,15 @@ fn cubes_that_touch_are_parted_and_stay_closed() {
         let cut = run(&both, &with(NonManifold::Cut));
         assert_eq!((cut.report.parted_vertices, cut.report.remaining), (parted, Default::default()));
         assert_eq!(cut.mesh.vertex_count(), 16);
-        // Their own vertices keep them apart, and there is no border to stitch.
+        // Separate vertices keep them apart, and there is no border to sew.
         let merged = run(&both, &with(NonManifold::Merge));
         assert_eq!((merged.mesh, merged.report.remaining), (both, Default::default()));
     }
 }
 
 #[test]
-fn a_wall_between_two_cubes_is_shared_out() {
-    // Each has its own face in the middle, back to back.
+fn each_of_two_cubes_keeps_its_face_in_a_common_wall() {
+    // Each cube has its own face in the middle; these are back to back.
     let both = joined(&[cube([0.0; 3]), cube([1.0, 0.0, 0.0])]);
     let cut = run(&both, &with(NonManifold::Cut));
     assert_eq!(cut.report.remaining.opposite_faces, 2);
@@ -147,7 +147,7 @@ fn a_wall_between_two_cubes_is_shared_out() {
 }
 
 #[test]
-fn cracks_are_sewn_without_joining_what_touches() {
+fn cracks_are_sewn_without_joining_touching_surfaces() {
     // Two cubes that share an edge, each face with vertices of its own.
     let (mut p, mut f) = (Vec::new(), Vec::new());
     for (cp, cf) in [cube([0.0; 3]), cube([1.0, 1.0, 0.0])] {
@@ -163,7 +163,7 @@ fn cracks_are_sewn_without_joining_what_touches() {
 }
 
 #[test]
-fn a_one_sided_strip_is_told_and_cut() {
+fn a_one_sided_strip_is_reported_and_cut() {
     let strip = shapes::mobius_strip(20);
     let kept = run(&strip, &CleanOptions::default());
     assert!(kept.report.remaining.misoriented_edges > 0);
@@ -173,7 +173,7 @@ fn a_one_sided_strip_is_told_and_cut() {
 }
 
 #[test]
-fn faces_without_area_go_and_open_nothing() {
+fn removing_faces_without_area_opens_no_border() {
     //   3-------2      the corner 4 lies on the diagonal, in a face without area
     //   |    4' |
     //   0-------1
@@ -182,15 +182,16 @@ fn faces_without_area_go_and_open_nothing() {
     assert_eq!((got.report.zero_area_faces, got.report.remaining.zero_area_faces), (1, 0));
     assert_eq!((got.mesh.face_count(), got.report.remaining.border_edges), (4, 4));
     assert!((size_of(&got.mesh.surface()).area - 1.0).abs() < 1e-12);
-    // One fin on an edge that has two faces already, and one on the border.
+    // One fin on an edge that already has two faces, and one on the border.
     let got = run(&mesh(&p, &[[0, 1, 2], [0, 2, 3], [0, 4, 2]]), &CleanOptions::default());
     assert_eq!((got.mesh.face_count(), got.mesh.vertex_count()), (2, 4));
     assert_eq!(got.report.remaining.non_manifold_edges, 0);
 }
 
-/// Found by fuzzing: the face that three others kept in place stayed alone, and a second run found no face to keep.
+/// Found by fuzzing: a face that three others kept in place remained after these were gone, and a second run
+/// removed it.
 #[test]
-fn faces_without_area_do_not_wait_for_a_second_run() {
+fn faces_without_area_are_removed_in_one_run() {
     let far = [-1.7e38; 3];
     let [o, p, q, r, s] =
         [[0.0; 3], [3.5, 0.75, 2.75], [2.5, 3.75, 3.75], [3.75, 3.25, 0.0], [0.0, 0.0, 1.5]];
@@ -202,12 +203,12 @@ fn faces_without_area_do_not_wait_for_a_second_run() {
 }
 
 #[test]
-fn small_parts_go_and_the_largest_stays() {
+fn small_parts_are_removed_and_the_largest_stays() {
     let sphere = shapes::icosphere(2);
     let parts = joined(&[
-        beside(&sphere, [0.0; 3], 1.0, false),
-        beside(&sphere, [4.0, 0.0, 0.0], 0.01, false),
-        beside(&sphere, [0.0, 4.0, 0.0], 0.02, false),
+        copied(&sphere, [0.0; 3], 1.0, false),
+        copied(&sphere, [4.0, 0.0, 0.0], 0.01, false),
+        copied(&sphere, [0.0, 4.0, 0.0], 0.02, false),
     ]);
     let mut options = CleanOptions::default();
     options.prune = Some(Length::OfDiagonal(0.05));
@@ -219,7 +220,7 @@ fn small_parts_go_and_the_largest_stays() {
 }
 
 #[test]
-fn near_vertices_join_within_the_distance() {
+fn close_vertices_are_merged_within_the_distance() {
     let (mut p, mut f) = (Vec::new(), Vec::new());
     let (cp, cf) = cube([0.0; 3]);
     for (i, t) in cf.iter().enumerate() {
@@ -238,30 +239,32 @@ fn near_vertices_join_within_the_distance() {
 
 #[test]
 fn attributes_and_regions_stay_with_their_corners() {
-    // Each corner has its own colour, each face its own region; two cubes share an edge.
+    // Each corner has its own colour, and each face its own region; two cubes share an edge.
     let base = weld_mesh(&joined(&[cube([0.0; 3]), cube([1.0, 1.0, 0.0])]), None).mesh;
     let corners = base.triangles().as_flattened();
     let map = corners.iter().map(|&w| base.vertex_of(w)).collect();
     let faces = (0..base.face_count() as u32).map(|f| [0, 1, 2].map(|k| WedgeId(3 * f + k))).collect();
-    let mut laden = TriMesh::with_wedges(base.positions().clone(), map, faces).unwrap();
-    laden.set_colors(Some((0..corners.len()).map(|i| [i as f32, 0.0, 0.0, 1.0]).collect())).unwrap();
-    laden.set_regions(Some((0..base.face_count()).map(RegionId::new).collect())).unwrap();
+    let mut with_attributes = TriMesh::with_wedges(base.positions().clone(), map, faces).unwrap();
+    with_attributes
+        .set_colors(Some((0..corners.len()).map(|i| [i as f32, 0.0, 0.0, 1.0]).collect()))
+        .unwrap();
+    with_attributes.set_regions(Some((0..base.face_count()).map(RegionId::new).collect())).unwrap();
     for policy in [NonManifold::Keep, NonManifold::Cut, NonManifold::Merge] {
-        let got = run(&laden, &with(policy)).mesh;
-        assert_eq!(got.regions(), laden.regions());
+        let got = run(&with_attributes, &with(policy)).mesh;
+        assert_eq!(got.regions(), with_attributes.regions());
         let colors = got.colors().unwrap();
-        let told = got.triangles().as_flattened().iter().map(|w| colors[w.index()][0]);
-        assert!(told.eq((0..corners.len()).map(|i| i as f32)));
+        let corner_colors = got.triangles().as_flattened().iter().map(|w| colors[w.index()][0]);
+        assert!(corner_colors.eq((0..corners.len()).map(|i| i as f32)));
         let places = |m: &TriMesh| -> Vec<[f64; 3]> {
             let view = m.positions().view();
             m.triangles().as_flattened().iter().map(|&w| view.get(m.vertex_of(w))).collect()
         };
-        assert_eq!(places(&got), places(&laden));
+        assert_eq!(places(&got), places(&with_attributes));
     }
 }
 
 #[test]
-fn what_cannot_be_is_an_error() {
+fn invalid_input_is_an_error() {
     let flat = mesh(&[[0.0; 3], [1.0, 0.0, 0.0]], &[[0, 1, 1]]);
     let got = clean(&flat, &CleanOptions::default(), &mut NoControl);
     assert_eq!(got, Err(SimplifyError::NoFaces { faces: 1 }));
@@ -280,19 +283,19 @@ proptest! {
             let surface = cut.mesh.surface();
             let counts = Topology::unwelded(&surface).counts();
             prop_assert!(counts.is_manifold() && counts.is_oriented(), "{counts:?}");
-            // Nothing is changed that the report does not count.
+            // The report counts every change.
             let kept = run(&soup, &CleanOptions::default());
             prop_assert_eq!(kept.mesh.face_count(), cut.mesh.face_count());
             let vertices = cut.mesh.vertex_count();
             prop_assert_eq!(vertices, kept.mesh.vertex_count() + cut.report.parted_vertices);
-            // A second run by index changes nothing.
+            // A second run changes nothing, compared by index.
             let again = run(&cut.mesh, &with(NonManifold::Merge));
             prop_assert!(again.report.remaining.border_edges <= cut.report.remaining.border_edges);
         }
     }
 
     #[test]
-    fn sewing_leaves_no_two_borders_that_could_be_one(soup in arbitrary::soup(24, arbitrary::Coordinates::NotFinite)) {
+    fn sewing_leaves_no_borders_that_could_be_sewn(soup in arbitrary::soup(24, arbitrary::Coordinates::NotFinite)) {
         if let Ok(sewn) = clean(&soup, &with(NonManifold::Merge), &mut NoControl) {
             let surface = sewn.mesh.surface();
             let own = Topology::unwelded(&surface);

@@ -1,4 +1,4 @@
-//! Promises of cluster levels: no cut has a crack, errors are correct, and results are the same with any
+//! Guarantees of cluster levels: no cut has a crack, errors are correct, and results are the same with any
 //! number of threads.
 
 use std::collections::{HashMap, HashSet};
@@ -77,7 +77,7 @@ fn cuts(lod: &ClusterLod, seed: u64) -> Vec<Vec<ClusterId>> {
         let eye = Eye { position, pixels_per_unit: 1000.0, near: 1e-3 * size.max(1e-300) };
         all.push(lod.cut_for_view(&eye, 1000.0 * most / size.max(1e-300) * 4.0 * unit(3)));
     }
-    // A random answer for each group.
+    // A random choice for each group.
     all.extend((0..8u64).map(|k| {
         let chance = |x: f64| roll(seed.wrapping_add(k), x.to_bits());
         lod.cut_where(|b| !chance(b.error + b.sphere.center[0]).is_multiple_of(3))
@@ -85,7 +85,7 @@ fn cuts(lod: &ClusterLod, seed: u64) -> Vec<Vec<ClusterId>> {
     all
 }
 
-/// Checks the promises that hold for any levels.
+/// Checks the guarantees that hold for any levels.
 fn complaints(lod: &ClusterLod, options: &ClusterLodOptions, seed: u64) -> Vec<String> {
     let mut all = Vec::new();
     for id in lod.ids() {
@@ -103,7 +103,7 @@ fn complaints(lod: &ClusterLod, options: &ClusterLodOptions, seed: u64) -> Vec<S
     for (k, cut) in cuts(lod, seed).iter().enumerate() {
         let ids: HashSet<_> = cut.iter().collect();
         if ids.len() != cut.len() || cut.is_empty() {
-            all.push(format!("cut {k} names clusters twice, or none"));
+            all.push(format!("cut {k} has a cluster twice, or no cluster"));
         }
         let surface = lod.mesh_of(cut);
         let open = if is_closed { open_edge_count(&surface) } else { 0 };
@@ -224,7 +224,7 @@ fn the_finest_cut_is_the_input() {
 }
 
 #[test]
-fn levels_go_down_to_one_cluster() {
+fn levels_end_at_a_single_cluster() {
     let (n, levels) = size((6, 8), (5, 6));
     let mesh = shapes::blob(n, 1);
     let lod = built(&mesh, &ClusterLodOptions::default());
@@ -237,7 +237,7 @@ fn levels_go_down_to_one_cluster() {
 }
 
 #[test]
-fn a_cut_is_no_farther_off_than_it_says() {
+fn cuts_are_within_their_error() {
     let mut found = Complaints::default();
     let mut cases = CaseFilter::every(4);
     for (name, mesh) in
@@ -263,13 +263,13 @@ fn cuts_of_a_textured_mesh_keep_their_charts_and_regions() {
     let mesh = textured(5);
     let lod = built(&mesh, &ClusterLodOptions::default());
     for surface in cuts(&lod, 3).iter().map(|cut| lod.mesh_of(cut)).filter(|s| s.face_count() > 1000) {
-        // Compared by texture coordinates: normals far off their faces are split, also within a chart.
+        // Compared by texture coordinates, because normals far off their faces are split within charts too.
         let mut wedges_at: HashMap<Place, HashSet<[u32; 2]>> = HashMap::new();
         for &w in surface.triangles().iter().flatten() {
             let uv = surface.uvs().unwrap()[w.index()].map(f32::to_bits);
             wedges_at.entry(place(&surface, w)).or_default().insert(uv);
         }
-        // A seam vertex has a wedge on each side, whatever levels the two sides come from.
+        // A seam vertex has a wedge on each side, whichever levels the two sides come from.
         let most = wedges_at.iter().max_by_key(|w| w.1.len()).unwrap();
         assert!(
             most.1.len() <= 2,
@@ -294,7 +294,7 @@ fn an_open_sheet_stays_one_sheet() {
 }
 
 #[test]
-fn double_precision_and_far_places_keep_their_borders() {
+fn borders_are_kept_in_double_precision_and_far_from_the_origin() {
     let mut mesh = shapes::blob(size(5, 4), 3);
     let points = mesh.positions().view().iter().map(|p| [p[0] + 500_000.0, p[1] + 4e6, p[2]]).collect();
     let faces = mesh.triangles().iter().map(|t| t.map(|w| VertexId(w.0))).collect();
@@ -334,7 +334,7 @@ fn the_same_bytes_at_any_number_of_threads() {
 }
 
 #[test]
-fn a_caller_ends_it_early_or_altogether() {
+fn a_caller_can_finish_or_cancel() {
     struct AnswerAfter(usize, Verdict);
     impl Control for AnswerAfter {
         fn progress(&mut self, _: f64) -> Verdict {

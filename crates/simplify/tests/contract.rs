@@ -1,4 +1,4 @@
-//! The promises to users: every option on every shape.
+//! The guarantees to users: every option on every shape.
 
 use std::collections::HashSet;
 
@@ -22,8 +22,7 @@ const TOPOLOGIES: [TopologyPolicy; 3] =
     [TopologyPolicy::Relaxed, TopologyPolicy::Preserve, TopologyPolicy::Free];
 const FITS: [Fit; 3] = [Fit::Auto, Fit::On, Fit::Off];
 
-/// Counts to stop at: one that is out of reach for most, hard ones, easy ones, one that is met already,
-/// several together.
+/// Counts to stop at: out of reach for most shapes, hard, easy, already met, and several together.
 fn stops(mesh: &TriMesh) -> Vec<Stop> {
     let (faces, vertices) = (mesh.face_count(), mesh.vertex_count());
     vec![
@@ -63,16 +62,18 @@ fn guards() -> Vec<Guards> {
     ]
 }
 
-/// Largest mesh that is run twice here: every option meets a dozen smaller shapes, and more would double the time.
+/// Largest mesh that is run twice here: every option is run on a dozen smaller shapes, and more would double
+/// the time.
 const TWICE_UP_TO: usize = 250;
 
-/// Returns all shapes, the largest with a quarter of its faces: options are combined with options here, not with sizes.
+/// Returns all shapes, the largest of them with a quarter of its faces: these tests combine options, not
+/// sizes.
 fn all_shapes() -> Vec<(&'static str, TriMesh)> {
     let smaller = |(name, mesh)| if name == "blob" { (name, shapes::blob(3, 1)) } else { (name, mesh) };
     shapes::all().into_iter().map(smaller).collect()
 }
 
-/// Runs, twice for small meshes, and checks all promises except those of single options.
+/// Runs once, or twice for small meshes, and checks all guarantees except those of single options.
 fn tried(all: &mut Complaints, name: &str, mesh: &TriMesh, options: &SimplifyOptions) -> Option<Simplified> {
     let case = format!("{name}, {}", options_text(options));
     let done = match run(mesh, options) {
@@ -91,7 +92,7 @@ fn tried(all: &mut Complaints, name: &str, mesh: &TriMesh, options: &SimplifyOpt
     if mesh.face_count() <= TWICE_UP_TO {
         let same = |a: &Simplified| bytes(&a.mesh) == bytes(&done.mesh) && a.report == done.report;
         let again = matches!(run(mesh, options), Ok(Ok(a)) if same(&a));
-        all.check(&case, again, "another result when run again");
+        all.check(&case, again, "a second run gives another result");
     }
     Some(done)
 }
@@ -287,7 +288,7 @@ fn locked_borders_are_not_touched() {
 }
 
 #[test]
-fn sliding_borders_stay_on_themselves() {
+fn sliding_border_vertices_stay_on_the_border() {
     let mut all = Complaints::default();
     let mut cases = CaseFilter::every(5);
     for (name, mesh) in all_shapes() {
@@ -377,12 +378,13 @@ fn endpoints_keep_input_vertices_with_their_attributes() {
                     (options.border, options.fit) = (border, Fit::On);
                     let Some(done) = tried(&mut all, &name, mesh, &options) else { continue };
                     let case = format!("{name}, {}", options_text(&options));
-                    // Where seams gave way, and the report says so, corners show what was under them.
+                    // Where the report says that seams gave way, corners have the values of the surface under
+                    // them.
                     if done.report.seams_relaxed {
                         continue;
                     }
                     let strange = wedges(&done.mesh).difference(&before).count();
-                    all.check(&case, strange == 0, &format!("{strange} wedges are not of the input"));
+                    all.check(&case, strange == 0, &format!("{strange} wedges are not from the input"));
                     let kept = done.mesh.has_attributes() == mesh.has_attributes();
                     all.check(&case, kept && done.report.dropped.is_empty(), "attributes are gone");
                 }
@@ -393,9 +395,9 @@ fn endpoints_keep_input_vertices_with_their_attributes() {
 }
 
 #[test]
-fn attributes_come_along_and_what_goes_is_named() {
+fn attributes_are_kept_and_exceptions_reported() {
     let whole = with_attributes(&shapes::torus(24, 12));
-    // Joints without weights mean nothing.
+    // Joints without weights have no meaning.
     let mut half = whole.clone();
     let values = vec![0.0; 4 * whole.wedge_count()];
     half.add_attribute(Attribute { semantic: Semantic::Joints(0), width: 4, values }).unwrap();
@@ -416,7 +418,7 @@ fn attributes_come_along_and_what_goes_is_named() {
 }
 
 #[test]
-fn midpoints_lie_in_the_middle() {
+fn midpoint_placement_gives_midpoints() {
     let mut checked = 0;
     for method in METHODS {
         for (name, mesh) in shapes::all().into_iter().filter(|x| x.1.face_count() > 100) {
@@ -444,7 +446,7 @@ fn midpoints_lie_in_the_middle() {
 /// Collapses one edge at a time onto endpoints: the former normal of each face is known, and so is its
 /// rotation.
 #[test]
-fn no_collapse_turns_a_face_beyond_the_guard() {
+fn no_collapse_rotates_a_face_beyond_the_guard() {
     const DEG: f64 = 12.0;
     for method in METHODS {
         let mut mesh = shapes::wavy_sheet(16);
@@ -458,7 +460,7 @@ fn no_collapse_turns_a_face_beyond_the_guard() {
                 break;
             }
             let after = places(&done.mesh);
-            let faces = |m: &TriMesh| corners(m).map(turned_to_least).collect::<HashSet<_>>();
+            let faces = |m: &TriMesh| corners(m).map(rotated_to_lowest).collect::<HashSet<_>>();
             let (old, new) = (faces(&mesh), faces(&done.mesh));
             for &face in new.difference(&old) {
                 // The same face before the collapse: one corner was at the removed position.
@@ -469,7 +471,7 @@ fn no_collapse_turns_a_face_beyond_the_guard() {
                     let k = (0..3).find(|&k| [now[(k + 1) % 3], now[(k + 2) % 3]] == rest)?;
                     Some((f, [now[k], rest[0], rest[1]], gone))
                 });
-                let (f, now, gone) = was.expect("a new face was an old one with another corner");
+                let (f, now, gone) = was.expect("a new face differs from an old one in one corner");
                 let (n, m) = (normal([f[gone], f[(gone + 1) % 3], f[(gone + 2) % 3]]), normal(now));
                 let angle = (dot(n, m) / (dot(n, n) * dot(m, m)).sqrt()).clamp(-1.0, 1.0).acos().to_degrees();
                 assert!(angle <= DEG + 0.1, "{method:?}: a face turned by {angle} degrees");
@@ -481,7 +483,7 @@ fn no_collapse_turns_a_face_beyond_the_guard() {
     }
 }
 
-fn turned_to_least(p: [[f64; 3]; 3]) -> [[u64; 3]; 3] {
+fn rotated_to_lowest(p: [[f64; 3]; 3]) -> [[u64; 3]; 3] {
     let [a, b, c] = p.map(bits);
     [[a, b, c], [b, c, a], [c, a, b]].into_iter().min().unwrap_or([a, b, c])
 }
@@ -499,14 +501,18 @@ fn the_measured_error_stays_within_the_stop() {
             Ok(Ok(done)) => {
                 all.add(&case, complaints(&mesh, &options, &done));
                 all.add(&case, topology_complaints(&mesh, &options, &done));
-                all.check(&case, done.report.reached, "the error is kept, and yet not reached");
-                // Measured again here, independently of the engine.
+                all.check(
+                    &case,
+                    done.report.reached,
+                    "the result is within the error, but the report says that the stop was not reached",
+                );
+                // This measures again, independently of the engine.
                 let mut compared = CompareOptions::default();
                 let samples = done.report.error.measured.as_ref().map(|m| m.samples);
                 (compared.seed, compared.samples) = (3, samples.unwrap_or(compared.samples));
                 all.check(&case, compared.samples >= 50_000, "few samples");
                 let again = compare(&mesh.surface(), &done.mesh.surface(), &compared).ok();
-                all.check(&case, again == done.report.error.measured, "the report tells another measure");
+                all.check(&case, again == done.report.error.measured, "the report has another measurement");
             }
             other => all.add(&case, [format!("{:?}", other.map(|r| r.map(|d| d.report)))]),
         }
@@ -515,7 +521,7 @@ fn the_measured_error_stays_within_the_stop() {
 }
 
 #[test]
-fn an_error_and_a_count_stop_at_the_first() {
+fn the_first_of_an_error_and_a_count_stops_the_run() {
     let mesh = shapes::blob(3, 2);
     // The error stops the first run, the count the second.
     for (faces, percent) in [(4, 0.01), (600, 0.2)] {
@@ -545,7 +551,7 @@ fn a_larger_error_never_means_more_faces() {
         simplify(&mesh, &options).unwrap().mesh.face_count()
     });
     assert!(faces[0] > faces[1] && faces[1] > faces[2], "{faces:?}");
-    assert!(faces[0] < mesh.face_count(), "a fifth of a percent lets something go");
+    assert!(faces[0] < mesh.face_count(), "within a fifth of a percent, some faces can be removed");
 }
 
 #[test]
@@ -572,7 +578,7 @@ fn clean_shapes_meet_easy_targets() {
                         // too many.
                         let least = (share * mesh.face_count() as f64).round() as usize - 1;
                         let got = done.mesh.face_count();
-                        all.check(&case, got >= least, &format!("{got} faces, {least} were enough"));
+                        all.check(&case, got >= least, &format!("{got} faces, fewer than {least}"));
                     }
                 }
             }
@@ -582,7 +588,7 @@ fn clean_shapes_meet_easy_targets() {
 }
 
 #[test]
-fn buffers_and_meshes_give_the_same() {
+fn buffers_and_meshes_give_the_same_result() {
     for (name, mesh) in shapes::all() {
         let options = SimplifyOptions::new(Stop::ratio(0.3));
         let a = simplify(&mesh, &options).unwrap();
@@ -592,7 +598,7 @@ fn buffers_and_meshes_give_the_same() {
 }
 
 #[test]
-fn threads_never_change_the_result_nor_what_is_measured() {
+fn threads_change_neither_the_result_nor_the_measurement() {
     // Sweeps have one thread; clustering, remeshing and the measurement have several.
     let mesh = shapes::blob(4, 3);
     let pools = [1, 3].map(|n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap());
@@ -606,7 +612,7 @@ fn threads_never_change_the_result_nor_what_is_measured() {
 }
 
 #[test]
-fn options_out_of_range_are_refused_by_name() {
+fn errors_name_the_option_out_of_range() {
     let mesh = shapes::cube(2);
     let plain = || SimplifyOptions::new(Stop::faces(4));
     let guards = |guards: Guards| {

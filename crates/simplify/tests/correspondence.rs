@@ -6,7 +6,7 @@ use lodsmith::{Fit, Length, MethodKind, Placement, SimplifyOptions, Stop, simpli
 use crate::support::charts::{place, two_charts, wedges};
 
 #[test]
-fn sources_lie_on_the_side_of_their_wedge_also_after_the_fit() {
+fn sources_are_on_the_side_of_their_wedge_even_after_the_fit() {
     let mesh = two_charts(24);
     let is_right = |w: WedgeId| mesh.uvs().unwrap()[w.index()][0] > 5.0;
     for ratio in [0.5, 0.2, 0.05] {
@@ -22,7 +22,7 @@ fn sources_lie_on_the_side_of_their_wedge_also_after_the_fit() {
 }
 
 #[test]
-fn what_is_carried_is_what_the_run_carries() {
+fn transferred_attributes_match_those_of_the_run() {
     let mut mesh = shapes::icosphere(5);
     let normals: Vec<[f32; 3]> = mesh.positions().view().iter().map(|p| p.map(|x| x as f32)).collect();
     let flat = normals.as_flattened().to_vec();
@@ -39,9 +39,9 @@ fn what_is_carried_is_what_the_run_carries() {
 }
 
 #[test]
-fn endpoints_are_kept_and_ids_are_those_of_the_input() {
-    // Every face has its own vertices, and some are merged first: the run renumbers, the correspondence still
-    // holds.
+fn kept_vertices_have_the_ids_of_the_input() {
+    // Every face has its own vertices, and some are merged first: although the run renumbers them, the
+    // correspondence holds.
     let smooth = shapes::blob(3, 2);
     let surface = smooth.surface();
     let corners: Vec<[f64; 3]> =

@@ -1,4 +1,4 @@
-//! Surfaces stay closed where they were: by their indices, and at seams and borders that differ by rounding.
+//! Closed surfaces stay closed: by their indices, and at seams and borders that differ by rounding.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,7 +8,8 @@ use lodsmith::core::topology::Topology;
 use lodsmith::core::{Positions, PositionsView, Surface, TriMesh, VertexId, WedgeId, shapes};
 use lodsmith::{MethodKind, NoControl, Part, Preset, SimplifyOptions, Stop, simplify, simplify_scene};
 
-/// Returns the number of edges with one face, if only equal wedges are joined: as in a file with one index.
+/// Returns the number of edges with one face, if only equal wedges are joined, as in a file with one index
+/// per corner.
 fn open_by_index(mesh: &TriMesh) -> usize {
     let view = mesh.positions().view();
     let wedges = (0..mesh.wedge_count()).map(|w| view.get(mesh.vertex_of(WedgeId::new(w))));
@@ -18,7 +19,7 @@ fn open_by_index(mesh: &TriMesh) -> usize {
     Topology::unwelded(&surface).counts().border_edge_count
 }
 
-/// Returns the number of edges with one face, vertices at equal positions joined.
+/// Returns the number of edges with one face, if vertices at equal positions are joined.
 fn open_by_position(mesh: &TriMesh) -> usize {
     Topology::new(&mesh.surface()).counts().border_edge_count
 }
@@ -29,14 +30,14 @@ fn thorns() -> TriMesh {
     let sharp = |x: f64| (9.0 * x).sin().abs();
     mesh.map_positions(|p| p.map(|x| x * (0.4 + 0.8 * sharp(p[0]) * sharp(p[1] + 0.3) * sharp(p[2] - 0.2))));
     let normals = vertex_normals(&mesh.surface(), |v| v);
-    mesh.set_normals(Some(normals)).expect("one for each");
+    mesh.set_normals(Some(normals)).expect("one for each wedge");
     mesh
 }
 
-/// Where a blended normal was far off a face, the vertex was split, whose normals were one before: a closed PLY came
-/// out open, even if normals were to be ignored.
+/// Where a blended normal was far off a face, the vertex was split although it had a single normal before:
+/// the result for a closed PLY was open, even if normals were to be ignored.
 #[test]
-fn what_is_closed_by_its_indices_stays_so_with_normals() {
+fn meshes_closed_by_their_indices_stay_closed_with_normals() {
     let mesh = thorns();
     assert_eq!(open_by_index(&mesh), 0);
     for preset in [Preset::Auto, Preset::Print, Preset::Scan, Preset::Visual] {
@@ -53,7 +54,7 @@ fn what_is_closed_by_its_indices_stays_so_with_normals() {
         let got = simplify(&mesh, &options).unwrap();
         assert_eq!(open_by_index(&got.mesh) - open_by_position(&got.mesh), 0, "{method:?}");
     }
-    // Methods that make new surfaces take the values of a vertex from one sheet where they could come from several.
+    // Methods that build new surfaces take the values of a vertex from one sheet where several are possible.
     for method in [MethodKind::VertexRemoval, MethodKind::Cluster, MethodKind::Planar, MethodKind::Remesh] {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
         options.method = method.into();
@@ -79,7 +80,7 @@ fn with_face_normals(mesh: &TriMesh) -> TriMesh {
     }
     let mut flat =
         TriMesh::with_wedges(mesh.positions().clone(), vertex_of, triangles).expect("the same faces");
-    flat.set_normals(Some(normals)).expect("one for each");
+    flat.set_normals(Some(normals)).expect("one for each wedge");
     flat
 }
 
@@ -88,9 +89,9 @@ fn face_normal(positions: PositionsView<'_>, t: [VertexId; 3]) -> Vec3 {
     (b - a).cross(c - a).normalize_or_zero().as_vec3()
 }
 
-/// Returns the largest distance between the normal of a corner and that of its face, both of length one.
+/// Returns the largest distance between the normal of a corner and its face's normal, both of length one.
 fn off_faces(mesh: &TriMesh) -> f32 {
-    let (surface, normals) = (mesh.surface(), mesh.normals().expect("it has normals"));
+    let (surface, normals) = (mesh.surface(), mesh.normals().expect("the mesh has normals"));
     let of_face = |(t, wedges): (&[VertexId; 3], &[WedgeId; 3])| {
         let face = face_normal(surface.positions(), *t);
         wedges.map(|w| face.distance(Vec3::from(normals[w.index()]))).into_iter().fold(0.0, f32::max)
@@ -98,11 +99,11 @@ fn off_faces(mesh: &TriMesh) -> f32 {
     surface.triangles().iter().zip(mesh.triangles()).map(of_face).fold(0.0, f32::max)
 }
 
-/// Splits are for hard edges: each side of a cube has normals of its own, and keeps them.
+/// Hard edges are still split: each side of a cube has its own normals, and keeps them.
 #[test]
 fn hard_edges_stay_split() {
     let mut mesh = with_face_normals(&shapes::cube(6));
-    // One normal that is no face's keeps the others from being left out of the run.
+    // A single normal that differs from its face's prevents the others from being left out of the run.
     let mut normals = mesh.normals().expect("they are set").to_vec();
     normals
         .iter_mut()
@@ -113,10 +114,10 @@ fn hard_edges_stay_split() {
     assert!(got.wedge_count() > got.vertex_count() && off_faces(&got) < 0.8, "{}", off_faces(&got));
 }
 
-/// Every edge of a ball shaded flat was a seam, so the borders of its colours were lost among them: 11 % of the area of
-/// a ball had a wrong colour at a tenth of the faces.
+/// Every edge of a flat-shaded sphere was a seam, so the borders of its colours were lost among them: 11 % of
+/// its area had a wrong colour at a tenth of the faces.
 #[test]
-fn flat_normals_do_not_count_and_are_those_of_the_result() {
+fn flat_normals_do_not_count_and_are_recomputed() {
     let mut ball = shapes::icosphere(3);
     ball.map_positions(|p| [p[0] * 1.2, p[1], p[2] * (1.0 + 0.2 * p[0])]);
     let flat = with_face_normals(&ball);
@@ -130,7 +131,7 @@ fn flat_normals_do_not_count_and_are_those_of_the_result() {
         let view = mesh.positions().view();
         let colors = (0..mesh.wedge_count()).map(|w| color(view.get(mesh.vertex_of(WedgeId::new(w)))));
         let colors: Vec<[f32; 4]> = colors.collect();
-        mesh.set_colors(Some(colors)).expect("one for each");
+        mesh.set_colors(Some(colors)).expect("one for each wedge");
         mesh
     };
     let (flat, bare) = (colored(flat), colored(ball.clone()));
@@ -140,7 +141,7 @@ fn flat_normals_do_not_count_and_are_those_of_the_result() {
     assert_eq!(got.positions(), wanted.positions());
     assert_eq!(got.surface().triangles(), wanted.surface().triangles());
     assert!(off_faces(&got) < 0.01, "{}", off_faces(&got));
-    // In a scene too, and beside a mesh that is smooth or has no normals.
+    // The same in a scene, together with a mesh that is smooth or has no normals.
     let mut smooth = ball.clone();
     let normals = vertex_normals(&smooth.surface(), |v| v);
     smooth.set_normals(Some(normals)).unwrap();
@@ -157,7 +158,7 @@ fn flat_normals_do_not_count_and_are_those_of_the_result() {
 }
 
 /// A bottle whose surface is computed from 0 to 2 π in single precision, as many programs do: the two sides of the seam
-/// of its texture differ by rounding, and at the bottom each column ends at a point of its own.
+/// of its texture differ by rounding, and at the bottom each column ends at its own point.
 fn bottle() -> TriMesh {
     let (columns, rows) = (48u32, 24u32);
     let (mut positions, mut uvs) = (Vec::new(), Vec::new());
@@ -173,7 +174,7 @@ fn bottle() -> TriMesh {
     let v = |c: u32, r: u32| VertexId(c * (rows + 1) + r);
     let mut faces = Vec::new();
     for (c, r) in (0..columns).flat_map(|c| (0..rows).map(move |r| (c, r))) {
-        // At the ends a column has one triangle.
+        // At its ends a column has a single triangle.
         if r > 0 {
             faces.push([v(c, r), v(c + 1, r), v(c, r + 1)]);
         }
@@ -182,11 +183,11 @@ fn bottle() -> TriMesh {
         }
     }
     let mut mesh = TriMesh::new(Positions::F32(positions), faces).expect("a bottle");
-    mesh.set_uvs(Some(uvs)).expect("one for each");
+    mesh.set_uvs(Some(uvs)).expect("one for each wedge");
     mesh
 }
 
-/// The seam opened by half of the radius, without a warning; any second mesh in the scene cured it.
+/// The seam opened by half of the radius, without a warning; with any second mesh in the scene it did not.
 #[test]
 fn a_seam_whose_sides_differ_by_rounding_does_not_crack() {
     let mesh = bottle();
@@ -199,7 +200,7 @@ fn a_seam_whose_sides_differ_by_rounding_does_not_crack() {
     let far = Part { scale: 5.0, ..part };
     let scene = simplify_scene(&[part, far], 20.0, &options, &mut NoControl).unwrap();
     assert_eq!([0, 1].map(|i: usize| open_by_position(&scene.meshes[i])), [0, 0]);
-    // What has not moved has the bits of one side.
+    // Vertices that have not moved have the bits of one side.
     let given: BTreeSet<[u64; 3]> = bits(&mesh, [0.0; 3]).collect();
     let half = simplify(&mesh, &SimplifyOptions::new(Stop::ratio(1.0))).unwrap();
     assert!(bits(&half.mesh, [0.0; 3]).all(|p| given.contains(&p)));
@@ -211,13 +212,13 @@ fn bits(mesh: &TriMesh, by: [f64; 3]) -> impl Iterator<Item = [u64; 3]> {
     mesh.positions().view().iter().map(moved).collect::<Vec<_>>().into_iter()
 }
 
-/// A square tile of hills whose left side is as high as its right one, and the front as the back.
+/// A square tile of hills whose left and right sides have equal heights, and so have front and back.
 fn tile(n: u32) -> TriMesh {
     let mut mesh = shapes::grid(n);
-    let bounds = mesh.positions().view().bounds().expect("it has vertices");
+    let bounds = mesh.positions().view().bounds().expect("the mesh has vertices");
     let size = [0, 1].map(|k| bounds.max[k] - bounds.min[k]);
     let wave = |x: f64| (std::f64::consts::TAU * (x - x.floor())).sin();
-    // Sixteenths, so that sums with the places of the tiles are exact.
+    // Multiples of a sixteenth, so that sums with the places of the tiles are exact.
     mesh.map_positions(|p| {
         let [x, y] = [0, 1].map(|k| ((p[k] - bounds.min[k]) / size[k] * f64::from(n)).round() / f64::from(n));
         [x, y, (16.0 * (0.1 * wave(2.0 * x) + 0.08 * wave(x + y))).round() / 64.0]
@@ -229,7 +230,7 @@ fn moved_by(x: f64, y: f64) -> [[f64; 4]; 3] {
     [[1.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, y], [0.0, 0.0, 1.0, 0.0]]
 }
 
-/// Returns the open edges of several meshes as one.
+/// Returns the open edges of several meshes taken as one.
 fn open_together(meshes: &[(&TriMesh, [f64; 3])]) -> usize {
     let (mut places, mut faces) = (Vec::new(), Vec::new());
     for (mesh, by) in meshes {
@@ -241,9 +242,9 @@ fn open_together(meshes: &[(&TriMesh, [f64; 3])]) -> usize {
     Topology::new(&surface).counts().border_edge_count
 }
 
-/// Tiles with origins of their own opened along their common side.
+/// Tiles with different origins opened along their common side.
 #[test]
-fn meshes_with_origins_of_their_own_stay_together() {
+fn meshes_with_different_origins_stay_connected() {
     let left = tile(16);
     let mut right = tile(16);
     right.map_positions(|p| [p[0] - 7.0, p[1], p[2]]);
@@ -253,7 +254,8 @@ fn meshes_with_origins_of_their_own_stay_together() {
     let options = SimplifyOptions::new(Stop::ratio(0.2));
     let got = simplify_scene(&parts, 2.5, &options, &mut NoControl).unwrap();
     assert_eq!(got.report.gaps, 0);
-    // Where the border moves, both move alike, to places that both have in single precision.
+    // Where the border moves, both tiles move equally, to positions that both can represent in single
+    // precision.
     let at_side = |mesh: &TriMesh, by: f64| -> Vec<[f64; 3]> {
         let view = mesh.positions().view();
         let all = view.iter().map(|p| [p[0] + by, p[1], p[2]]);
@@ -262,16 +264,17 @@ fn meshes_with_origins_of_their_own_stay_together() {
     let (own, others) = (at_side(&got.meshes[0], 0.0), at_side(&got.meshes[1], 8.0));
     assert!(own.len() > 2 && own.len() < 17 && own.len() == others.len(), "{own:?} and {others:?}");
     assert!(own.iter().all(|p| others.contains(p)), "{own:?} and {others:?}");
-    // Each for itself they come apart, and the report says so.
+    // Simplified separately, they come apart, and the report says so.
     let mut apart = options.clone();
     apart.per_mesh = true;
     let got = simplify_scene(&parts, 2.5, &apart, &mut NoControl).unwrap();
     assert!(got.report.gaps > 0);
 }
 
-/// Copies of one tile in a row, and a mirrored one: what is done to the left side is not done to the right one.
+/// Copies of one tile in a row, and a mirrored one: a change of the left side is not a change of the right
+/// side.
 #[test]
-fn copies_stay_together_where_they_meet() {
+fn copies_stay_connected_where_they_touch() {
     let mesh = tile(16);
     let row = [moved_by(0.0, 0.0), moved_by(1.0, 0.0), moved_by(2.0, 0.0)];
     let copies = Part { instances: 3, places: &row, ..Part::new(&mesh) };
@@ -279,7 +282,7 @@ fn copies_stay_together_where_they_meet() {
         simplify_scene(&[copies], 3.5, &SimplifyOptions::new(Stop::ratio(0.3)), &mut NoControl).unwrap();
     let meshes: Vec<_> = [0.0, 1.0, 2.0].map(|x| (&got.meshes[0], [x, 0.0, 0.0])).to_vec();
     assert_eq!(got.report.gaps, 0);
-    // The outline of the row: what is open of each, less both sides of the two seams of 16 edges.
+    // The outline of the row: the open edges of each tile, without both sides of the two seams of 16 edges.
     assert_eq!(open_together(&meshes), 3 * open_by_position(&got.meshes[0]) - 4 * 16);
     let mirrored = [[-1.0, 0.0, 0.0, 2.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
     let pair = [moved_by(0.0, 0.0), mirrored];

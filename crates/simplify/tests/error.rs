@@ -1,4 +1,4 @@
-//! Promises of a stop at an error: the error is kept, by proof; a larger error never gives more faces; no
+//! Guarantees of a stop at an error: results are within it, proven; a larger error never gives more faces; no
 //! lighter level of the same kind is missed.
 
 use lodsmith::core::measure::Prepared;
@@ -25,9 +25,9 @@ fn is_kept(from: &TriMesh, to: &TriMesh, distance: f64) -> bool {
     matches!(prove_within(&from, &to, distance), WithinResult::Yes(_))
 }
 
-/// Fault A11: a mesh of 9,000 faces came back unchanged, though 8,600 faces keep the limit.
+/// Fault A11: a mesh of 9,000 faces was returned unchanged, although 8,600 faces are within the limit.
 #[test]
-fn an_error_that_a_few_faces_fewer_keep_takes_them_away() {
+fn a_few_faces_are_removed_if_the_error_allows_no_more() {
     let mesh = shapes::blob(3, 2);
     let mut options = SimplifyOptions::new(Stop::ratio(0.94));
     options.bound = Bound::TwoSided;
@@ -60,7 +60,7 @@ fn more_error_never_means_more_faces() {
 }
 
 #[test]
-fn a_promise_of_one_side_is_met_by_no_more_faces() {
+fn a_one_sided_bound_needs_no_more_faces() {
     for (mesh, share) in [(shapes::blob(3, 3), 0.005), (shapes::wavy_sheet(24), 0.005)] {
         let two = run(&mesh, &within(share)).report;
         let mut options = within(share);
@@ -75,7 +75,7 @@ fn a_promise_of_one_side_is_met_by_no_more_faces() {
 }
 
 #[test]
-fn a_bound_goes_with_any_target_and_lies_close_above_what_is_seen() {
+fn any_target_can_have_a_bound_close_to_the_measured_distance() {
     let mesh = shapes::blob(3, 5);
     for method in [MethodKind::Memoryless, MethodKind::Cluster] {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
@@ -91,7 +91,7 @@ fn a_bound_goes_with_any_target_and_lies_close_above_what_is_seen() {
 }
 
 #[test]
-fn each_method_keeps_what_it_says() {
+fn each_method_keeps_its_bound() {
     let mesh = shapes::blob(3, 4);
     for method in [MethodKind::Memoryless, MethodKind::Cluster, MethodKind::Planar, MethodKind::Remesh] {
         let mut options = within(0.01);
@@ -107,7 +107,7 @@ fn each_method_keeps_what_it_says() {
 /// The runs of a search continue from one another; each gives the result of a run to its count from the
 /// start.
 #[test]
-fn the_result_is_that_of_a_plain_run_to_a_count() {
+fn the_result_equals_a_plain_run_to_a_count() {
     let mut cases = CaseFilter::every(3);
     for (mesh, share) in [
         (shapes::blob(5, 3), 0.005),

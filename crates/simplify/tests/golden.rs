@@ -1,4 +1,4 @@
-//! Golden reports. Renew them with `cargo xtask goldens`; then review the difference.
+//! Golden reports. Update them with `cargo xtask goldens`, then review the difference.
 
 use std::fmt::Write as _;
 

@@ -1,5 +1,5 @@
-//! Guards hold in the result: after the fit too, in levels of a progressive mesh, and for every method that
-//! has them.
+//! Guards hold in the result: after the fit, in levels of a progressive mesh, and for every method that has
+//! them.
 
 use lodsmith::core::{TriMesh, shapes};
 use lodsmith::{
@@ -104,7 +104,7 @@ fn the_fit_makes_no_face_worse_than_allowed() {
 }
 
 #[test]
-fn the_fit_turns_no_face_farther_than_allowed() {
+fn the_fit_rotates_no_face_farther_than_allowed() {
     for (name, mesh) in inputs() {
         let most = 4.0;
         let guards = Guards { max_normal_deg: Some(most), ..Guards::default() };
@@ -172,10 +172,10 @@ fn guards_hold_in_the_fitted_levels_of_a_progressive_mesh() {
     assert!(moved > 100);
 }
 
-/// The border of a sheet does not move: with `Lock` every vertex of it stays, with `Slide` it stays on the
-/// old line.
+/// The border of a sheet does not move: with `Lock` all its vertices stay, with `Slide` it stays on the old
+/// line.
 #[test]
-fn borders_that_may_not_move_do_not() {
+fn locked_and_sliding_borders_stay_in_place() {
     let mesh = shapes::wavy_sheet(40);
     for border in [BorderPolicy::Lock, BorderPolicy::Slide] {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
@@ -195,7 +195,7 @@ fn borders_that_may_not_move_do_not() {
             for v in [a, b] {
                 count += 1;
                 let at = got.positions().view().get(v);
-                assert!(old.contains(&bits(at)), "{border:?}: {at:?} is no vertex of the input");
+                assert!(old.contains(&bits(at)), "{border:?}: {at:?} is not a vertex of the input");
             }
         }
         assert!(count > 20 && topology.counts().border_edge_count * 2 == count, "{border:?}: {count}");

@@ -1,5 +1,5 @@
 //! Laws of all methods over any mesh: guards, locks and errors hold in the result, chains get lighter,
-//! progressive meshes can be restored, and position, size and file order of a mesh change little.
+//! progressive meshes can be restored, and position, size and file order of a mesh have little effect.
 
 use std::collections::{HashMap, HashSet};
 
@@ -13,8 +13,8 @@ use lodsmith::{
 };
 use proptest::prelude::*;
 
-use crate::support::laden::{laden, locked_complaints};
-use crate::support::untied::{moved, reordered, untied};
+use crate::support::attributed::{locked_complaints, with_random_attributes};
+use crate::support::without_ties::{moved, reordered, shapes_without_ties};
 use crate::support::{CaseFilter, Complaints, Random, bits, bytes, complaints, options_text, run, size};
 
 /// Perturbed and damaged shapes, and soups of numbers from 1e-30 to 1e30, some of them NaN or infinite; half
@@ -27,8 +27,9 @@ fn any_mesh() -> impl Strategy<Value = TriMesh> {
         2 => soup(40, Coordinates::Wild),
         1 => soup(40, Coordinates::NotFinite),
     ];
-    (plain, any::<u64>())
-        .prop_map(|(mesh, seed)| if seed.is_multiple_of(2) { mesh } else { laden(&mesh, &mut Random(seed)) })
+    (plain, any::<u64>()).prop_map(|(mesh, seed)| {
+        if seed.is_multiple_of(2) { mesh } else { with_random_attributes(&mesh, &mut Random(seed)) }
+    })
 }
 
 fn options(method: MethodKind, stop: Stop) -> SimplifyOptions {
@@ -45,9 +46,9 @@ fn has_faces(mesh: &TriMesh) -> bool {
     !matches!(run(mesh, &SimplifyOptions::default()), Ok(Err(SimplifyError::NoFaces { .. })))
 }
 
-/// Returns true if an error says that this is not for the method: an option of other methods, or a mesh of
-/// which nothing would be left at the lengths that it works with. (A soup may have one face of size 1e30 and
-/// all others of size 1.)
+/// Returns true if an error says that the method cannot do this: an option of other methods, or a mesh of
+/// which nothing would be left with the method's lengths. (A soup may have one face of size 1e30 and all
+/// others of size 1.)
 fn is_refusal(error: &SimplifyError) -> bool {
     match error {
         SimplifyError::NotOfMethod { .. } | SimplifyError::NoFaces { .. } => true,
@@ -86,8 +87,8 @@ fn quality(face: Face) -> f64 {
     12f64.sqrt() * n.iter().map(|x| x * x).sum::<f64>().sqrt() / around
 }
 
-/// Returns true if some edge vanishes in the rounding of the bounding box.
-fn has_specks(mesh: &TriMesh) -> bool {
+/// Returns true if an edge is below the rounding of the bounding box.
+fn has_tiny_edges(mesh: &TriMesh) -> bool {
     let diagonal = diagonal(mesh);
     faces(mesh).flat_map(edges).any(|e| e < 1e-9 * diagonal)
 }
@@ -136,9 +137,9 @@ fn guard_complaints(mesh: &TriMesh, guards: &Guards, result: &TriMesh) -> Vec<St
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(size(24, 6)) })]
 
-    /// If a method refuses guards or locks, by name, it is run without them.
+    /// If a method refuses guards or locks with an error that names them, it is run without them.
     #[test]
-    fn guards_and_locks_hold_in_what_any_method_makes_of_any_mesh(
+    fn guards_and_locks_hold_for_any_method_on_any_mesh(
         mesh in any_mesh(), ratio in 0.02..0.9f64, seed in any::<u64>(),
     ) {
         prop_assume!(has_faces(&mesh));
@@ -150,7 +151,7 @@ proptest! {
             ..Guards::default()
         };
         let locked: Vec<bool> = (0..mesh.vertex_count()).map(|_| random.below(4) == 0).collect();
-        let has_specks = has_specks(&mesh);
+        let has_tiny_edges = has_tiny_edges(&mesh);
         let mut all = Complaints::default();
         for method in MethodKind::ALL {
             let mut plain = options(method, Stop::ratio(ratio));
@@ -173,9 +174,9 @@ proptest! {
                 };
                 let mut found = complaints(&mesh, options, &done);
                 found.extend(guard_complaints(&mesh, &options.guards, &done.mesh));
-                // A face that is a speck beside the bounding box has no area to remesh, and is removed.
+                // A face that is tiny compared with the bounding box has no area to remesh, and is removed.
                 if let Some(locked) = input.data().locked
-                    && !(has_specks && method == MethodKind::Remesh)
+                    && !(has_tiny_edges && method == MethodKind::Remesh)
                 {
                     // Clustering can leave a single locked vertex without any face; then it is dropped.
                     let may_go = method == MethodKind::Cluster;
@@ -192,7 +193,7 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(size(12, 4)) })]
 
     #[test]
-    fn an_error_is_kept_by_any_method_on_any_shape(mesh in perturbed_shape(0.02), limit in 0.001..0.05f64) {
+    fn any_method_keeps_an_error_limit_on_any_shape(mesh in perturbed_shape(0.02), limit in 0.001..0.05f64) {
         prop_assume!(has_faces(&mesh) && mesh.face_count() < 400);
         let mut all = Complaints::default();
         for method in MethodKind::ALL {
@@ -212,16 +213,16 @@ proptest! {
             all.check(&case, bound.is_some_and(|b| b <= most), &format!("a bound of {bound:?} above {most}"));
             // Repeats the proof from the results alone.
             let [old, new] = [&mesh, &done.mesh].map(|m| Prepared::new(&m.surface()).expect("it has faces"));
-            for (from, to, way) in [(&old, &new, "there"), (&new, &old, "back")] {
+            for (from, to, direction) in [(&old, &new, "forward"), (&new, &old, "backward")] {
                 let is_kept = matches!(prove_within(from, to, most), WithinResult::Yes(_));
-                all.check(&case, is_kept, &format!("{way} some point lies beyond {most}"));
+                all.check(&case, is_kept, &format!("{direction}: some point lies beyond {most}"));
             }
         }
         all.report_all();
     }
 
     #[test]
-    fn chains_of_any_method_only_get_lighter(mesh in any_mesh(), geomorph in any::<bool>()) {
+    fn levels_of_any_method_only_get_lighter(mesh in any_mesh(), geomorph in any::<bool>()) {
         prop_assume!(has_faces(&mesh));
         let ratios = [0.7, 0.3, 0.1, 0.02];
         let mut all = Complaints::default();
@@ -252,7 +253,7 @@ proptest! {
     }
 
     #[test]
-    fn any_mesh_comes_back_from_a_progressive_one(mesh in any_mesh(), seed in any::<u64>()) {
+    fn any_mesh_can_be_restored_from_a_progressive_mesh(mesh in any_mesh(), seed in any::<u64>()) {
         prop_assume!(has_faces(&mesh));
         let mut random = Random(seed | 1);
         let mut all = Complaints::default();
@@ -270,7 +271,7 @@ proptest! {
             };
             built += 1;
             let there = |progressive: &Progressive| progressive.mesh().map(|m| bytes(&m));
-            // Down in a few steps and up again: each level is what it was.
+            // Goes down in a few steps and up again: each level is the same as before.
             let mut passed = Vec::new();
             while progressive.level() > 0 && passed.len() < 6 {
                 passed.push((progressive.level(), there(&progressive)));
@@ -280,11 +281,11 @@ proptest! {
             }
             for (level, before) in passed.into_iter().rev() {
                 progressive.to_level(level);
-                all.check(&case, there(&progressive) == before, &format!("level {level} is not the same upwards"));
+                all.check(&case, there(&progressive) == before, &format!("level {level} is different on the way up"));
             }
             progressive.to_level(progressive.top());
             let is_back = bytes(&progressive.mesh().expect("a mesh")) == bytes(&mesh);
-            all.check(&case, is_back, "the way back does not lead to the input");
+            all.check(&case, is_back, "the full level is not the input");
         }
         prop_assert!(built >= 5, "{built} methods made a progressive mesh");
         all.report_all();
@@ -299,16 +300,16 @@ fn rms(a: &TriMesh, b: &TriMesh) -> f64 {
     got.rms.symmetric / got.diagonal
 }
 
-/// Scaling by powers of two changes nothing at all (`size_and_place_change_nothing` in `methods.rs`);
-/// rounding and another order of the file can change the choice between two steps of equal cost. The count
-/// stays the same, except for methods with a grid or edges of one length, and the distance is about the same.
+/// Scaling by powers of two has no effect at all (`size_and_place_have_no_effect` in `methods.rs`); rounding
+/// and another order in the file can change the choice between two steps of equal cost. The count stays the
+/// same, except for methods with a grid or edges of one length, and the distance is about the same.
 #[test]
-fn place_size_and_order_change_little_for_any_method() {
+fn place_size_and_order_have_little_effect_on_any_method() {
     let mut all = Complaints::default();
     let mut filter = CaseFilter::every(5);
     for method in MethodKind::ALL {
         // Two of the shapes: each is run seven times with every method.
-        for (name, mesh) in untied().into_iter().skip(1) {
+        for (name, mesh) in shapes_without_ties().into_iter().skip(1) {
             let options = options(method, Stop::ratio(0.3));
             let light = |mesh: &TriMesh| simplify(mesh, &options).map(|d| d.mesh);
             let mesh = moved(&mesh, |p| p);

@@ -17,14 +17,14 @@ fn ratios(ratios: &[f64]) -> LodOptions {
     LodOptions::new(Levels::Ratios(ratios.to_vec()))
 }
 
-/// Returns the RMS distance from a reference, both ways.
+/// Returns the two-way RMS distance from a reference.
 fn rms(reference: &Prepared, mesh: &TriMesh) -> f64 {
     let mesh = Prepared::new(&mesh.surface()).unwrap();
     compare_prepared(reference, &mesh, &CompareOptions::default()).rms.symmetric
 }
 
 #[test]
-fn levels_are_as_near_as_single_runs() {
+fn levels_are_as_close_as_single_runs() {
     let (mut chain_all, mut single_all) = (0.0, 0.0);
     for (name, mesh) in [
         ("blob", shapes::blob(5, 1)),
@@ -40,9 +40,9 @@ fn levels_are_as_near_as_single_runs() {
             assert_eq!(level.report.stopped_by, StoppedBy::Ratio, "{name} at {ratio}");
             assert!(level.mesh.face_count() <= (mesh.face_count() as f64 * ratio).round() as usize);
             let (own, other) = (rms(&reference, &level.mesh), rms(&reference, &single.mesh));
-            // On such regular shapes the order of collapses is noise; the sum over all must agree within a
-            // percent below.
-            assert!(own < 1.1 * other, "{name} at {ratio}: {own} in the chain, {other} alone");
+            // On such regular shapes the order of collapses is noise; the mean over all must agree within a
+            // percent, below.
+            assert!(own < 1.1 * other, "{name} at {ratio}: {own} in the chain, {other} in a single run");
             chain_all += (own / other).ln();
             single_all += 1.0;
         }
@@ -67,7 +67,7 @@ fn a_chain_of_one_level_is_a_single_run() {
 }
 
 #[test]
-fn one_mesh_gives_any_number_of_chains_and_the_same_ones_again() {
+fn chains_of_one_mesh_are_repeatable() {
     let mesh = shapes::blob(4, 2);
     let mut first = ratios(&RATIOS);
     first.geomorph = true;
@@ -144,7 +144,7 @@ fn blending_ends_on_the_coarser_level() {
 }
 
 #[test]
-fn of_one_run_blending_ends_as_the_coarser_level_itself() {
+fn in_a_single_run_blending_ends_at_exactly_the_coarser_level() {
     let mesh = shapes::blob(5, 3);
     let mut options = ratios(&[0.5, 0.2, 0.05]);
     options.geomorph = true;
@@ -175,18 +175,18 @@ fn of_one_run_blending_ends_as_the_coarser_level_itself() {
 }
 
 #[test]
-fn attributes_come_along_in_every_level() {
+fn every_level_has_the_attributes() {
     let mesh = two_charts(32);
     let chain = lod(&mesh, &ratios(&[0.5, 0.2])).unwrap();
     for level in &chain.levels {
         assert_eq!(level.mesh.uvs().is_some(), mesh.uvs().is_some());
         assert_eq!(level.mesh.normals().is_some(), mesh.normals().is_some());
-        assert!(level.mesh.wedge_count() > level.mesh.vertex_count(), "the seam is still one");
+        assert!(level.mesh.wedge_count() > level.mesh.vertex_count(), "the seam is still there");
     }
 }
 
 #[test]
-fn levels_are_measured_where_asked() {
+fn levels_are_measured_on_request() {
     let mesh = shapes::blob(4, 1);
     let mut options = ratios(&[0.5, 0.1]);
     options.simplify.measure = Measure::Always;
@@ -201,7 +201,7 @@ fn levels_are_measured_where_asked() {
 }
 
 #[test]
-fn levels_by_errors_keep_them() {
+fn levels_by_errors_are_within_them() {
     let mesh = shapes::blob(4, 1);
     let limits = [0.002, 0.01].map(Length::OfDiagonal);
     let chain = lod(&mesh, &LodOptions::new(Levels::Errors(limits.to_vec()))).unwrap();
@@ -214,7 +214,7 @@ fn levels_by_errors_keep_them() {
 }
 
 #[test]
-fn parts_go_in_their_turn_in_a_chain_too() {
+fn parts_are_removed_in_order_of_cost_in_chains_too() {
     let mesh = shapes::tetrahedra(60);
     let chain = lod(&mesh, &ratios(&[0.5, 0.25])).unwrap();
     for (level, ratio) in chain.levels.iter().zip([0.5, 0.25]) {
@@ -235,7 +235,7 @@ impl Control for CancelAt {
 }
 
 #[test]
-fn a_chain_can_be_ended() {
+fn a_caller_can_end_a_chain() {
     let mesh = shapes::blob(4, 1);
     for after in [1, 3, 6] {
         let ended = lod_with(&mesh, &ratios(&RATIOS), &mut CancelAt(after, Verdict::Cancel));
@@ -247,7 +247,7 @@ fn a_chain_can_be_ended() {
 }
 
 #[test]
-fn what_cannot_be_is_said() {
+fn invalid_options_are_errors() {
     let mesh = shapes::cube(4);
     let mut stopped = ratios(&[0.5]);
     stopped.simplify.stop = Stop::faces(3);
@@ -279,7 +279,7 @@ fn levels_of_a_scene_share_their_budget() {
             for (i, to) in chain.geomorph(k).unwrap().iter().enumerate() {
                 let tree = Bvh::new(&level.meshes[i].surface());
                 let off = to.view().iter().map(|p| tree.closest(p).unwrap().distance).fold(0.0, f64::max);
-                assert!(off < 1e-6, "mesh {i} of level {k} ends {off} beside the next");
+                assert!(off < 1e-6, "mesh {i} of level {k} ends {off} away from the next level");
             }
         }
     }

@@ -1,4 +1,4 @@
-//! Vertex clustering: known results, and laws for every mesh.
+//! Vertex clustering: known results, and guarantees for every mesh.
 
 use std::collections::HashSet;
 
@@ -35,7 +35,7 @@ fn sheet(n: u32) -> TriMesh {
 }
 
 #[test]
-fn counts_are_met_from_below_and_nearly() {
+fn counts_are_met_closely_from_below() {
     let sphere = shapes::icosphere(6);
     for wanted in [20_000, 8000, 2000, 500] {
         let done = simplify(&sphere, &options(Stop::faces(wanted))).unwrap();
@@ -75,7 +75,7 @@ fn a_flat_sheet_stays_flat_and_keeps_its_outline() {
     let view = done.mesh.positions().view();
     assert!(view.iter().all(|p| p[2].abs() < 1e-5));
     let side = |k: usize| view.iter().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max);
-    // Without border quadrics the border would recede by most of half a cell.
+    // Without border quadrics the border would recede by nearly half a cell.
     assert!(side(0) > 39.8 && side(1) > 39.8, "{} {}", side(0), side(1));
     let mut free = by_cell(Length::Units(4.0));
     free.border = BorderPolicy::Free;
@@ -86,7 +86,7 @@ fn a_flat_sheet_stays_flat_and_keeps_its_outline() {
 }
 
 #[test]
-fn faces_that_share_no_vertices_become_the_same() {
+fn a_soup_gives_the_same_result() {
     // Then every vertex is on a border, and the border terms still cancel.
     let mesh = sheet(40);
     let view = mesh.positions().view();
@@ -103,7 +103,7 @@ fn faces_that_share_no_vertices_become_the_same() {
 }
 
 #[test]
-fn no_vertex_is_farther_than_a_diagonal_of_a_cell() {
+fn no_vertex_is_farther_off_than_a_cell_diagonal() {
     for (name, mesh) in shapes::all() {
         for share in [0.02, 0.1, 0.3] {
             let Ok(done) = simplify(&mesh, &by_cell(Length::OfDiagonal(share))) else {
@@ -121,8 +121,8 @@ fn no_vertex_is_farther_than_a_diagonal_of_a_cell() {
 }
 
 #[test]
-fn a_plate_that_falls_together_keeps_both_sides() {
-    // Two squares back to back, closer than a cell.
+fn a_plate_thinner_than_a_cell_keeps_both_sides() {
+    // Two squares back to back, closer together than a cell.
     let one = sheet(8);
     let n = one.vertex_count() as u32;
     let mut points: Vec<[f32; 3]> = one.positions().view().iter().map(|p| p.map(|x| x as f32)).collect();
@@ -133,11 +133,8 @@ fn a_plate_that_falls_together_keeps_both_sides() {
     let plate = TriMesh::new(Positions::F32(points), faces).unwrap();
     let done = simplify(&plate, &by_cell(Length::Units(2.0))).unwrap();
     let faces: HashSet<[u32; 3]> = done.mesh.triangles().iter().map(|t| turned(t.map(|w| w.0))).collect();
-    assert_eq!(faces.len(), done.mesh.face_count(), "no face stands twice");
-    assert!(
-        faces.iter().all(|&[a, b, c]| faces.contains(&turned([a, c, b]))),
-        "each has one looking the other way"
-    );
+    assert_eq!(faces.len(), done.mesh.face_count(), "there are no duplicate faces");
+    assert!(faces.iter().all(|&[a, b, c]| faces.contains(&turned([a, c, b]))), "each has an opposite face");
 }
 
 fn turned(t: [u32; 3]) -> [u32; 3] {
@@ -149,7 +146,7 @@ fn turned(t: [u32; 3]) -> [u32; 3] {
 }
 
 #[test]
-fn an_error_is_kept_by_measure() {
+fn measured_distances_are_within_the_error() {
     for (mesh, share) in [(shapes::icosphere(5), 0.005), (sheet(60), 0.01), (shapes::icosphere(4), 1e-9)] {
         let done = simplify(&mesh, &options(Stop::error(Length::OfDiagonal(share)))).unwrap();
         let error = &done.report.error;
@@ -161,7 +158,7 @@ fn an_error_is_kept_by_measure() {
 }
 
 #[test]
-fn cells_that_are_no_use_are_refused() {
+fn useless_cell_sizes_are_refused() {
     let mesh = shapes::icosphere(3);
     for cell in [10.0, 1e-9] {
         let got = simplify(&mesh, &by_cell(Length::Units(cell)));
@@ -170,7 +167,7 @@ fn cells_that_are_no_use_are_refused() {
 }
 
 #[test]
-fn what_clusters_cannot_do_is_refused() {
+fn options_that_clustering_does_not_have_are_refused() {
     let mesh = shapes::icosphere(2);
     let refused = |change: &dyn Fn(&mut SimplifyOptions), two_stage: bool| {
         let mut options = options(Stop::ratio(0.5));
@@ -196,7 +193,7 @@ fn what_clusters_cannot_do_is_refused() {
 }
 
 #[test]
-fn locked_vertices_stay_to_the_bit() {
+fn locked_vertices_keep_their_bits() {
     let mesh = shapes::icosphere(4);
     let view = mesh.positions().view();
     let locked: Vec<bool> = view.iter().map(|p| p[2] > 0.8).collect();
@@ -225,7 +222,7 @@ fn faces_keep_their_region() {
 }
 
 #[test]
-fn two_stages_come_nearer_than_one() {
+fn two_stages_are_closer_than_one() {
     let mesh = shapes::icosphere(7);
     let mut one = options(Stop::faces(1000));
     one.measure = Measure::Always;
@@ -285,7 +282,7 @@ impl Control for AnswerAfter {
 }
 
 #[test]
-fn a_caller_ends_a_run() {
+fn a_caller_can_end_a_run() {
     let mesh = shapes::icosphere(5);
     for two_stage in [false, true] {
         let mut options = options(Stop::faces(500));
@@ -300,7 +297,7 @@ fn a_caller_ends_a_run() {
     }
 }
 
-/// Checks the promises that hold for any result.
+/// Checks the guarantees that hold for any result.
 fn complaints(mesh: &TriMesh, options: &SimplifyOptions) -> Vec<String> {
     let done = match run(mesh, options) {
         Ok(Ok(done)) => done,
@@ -315,11 +312,11 @@ fn complaints(mesh: &TriMesh, options: &SimplifyOptions) -> Vec<String> {
     let result = &done.mesh;
     check(result.face_count() <= mesh.face_count() && result.face_count() > 0, "faces");
     let places: Vec<_> = result.positions().view().iter().collect();
-    check(places.iter().flatten().all(|x| x.is_finite()), "a place is no number");
+    check(places.iter().flatten().all(|x| x.is_finite()), "a position is not finite");
     let mut used = vec![false; places.len()];
     let mut seen = HashSet::new();
     for t in result.triangles() {
-        check(seen.insert(turned(t.map(|w| w.0))), "a face stands twice");
+        check(seen.insert(turned(t.map(|w| w.0))), "there are duplicate faces");
         check(t[0] != t[1] && t[1] != t[2] && t[2] != t[0], "a face is degenerate");
         t.iter().for_each(|w| used[w.index()] = true);
     }
@@ -331,11 +328,11 @@ fn complaints(mesh: &TriMesh, options: &SimplifyOptions) -> Vec<String> {
             .ratio
             .is_some_and(|r| result.face_count() as f64 <= (r * mesh.face_count() as f64).round().max(1.0));
     let counts = stop.faces.is_some() || stop.vertices.is_some() || stop.ratio.is_some();
-    check(!counts || done.report.reached == met, "reached is not told truly");
+    check(!counts || done.report.reached == met, "the report is wrong about reaching the stop");
     let again = run(mesh, options);
     check(
         matches!(&again, Ok(Ok(a)) if bytes(&a.mesh) == bytes(result) && a.report == done.report),
-        "another result when run again",
+        "a second run gives another result",
     );
     found
 }

@@ -1,4 +1,4 @@
-//! Edge-collapse methods other than the first two: `lindstrom-turk`, `melax`, `shortest-edge`.
+//! Edge-collapse methods other than `memoryless` and `quadric`: `lindstrom-turk`, `melax`, `shortest-edge`.
 
 use std::collections::HashMap;
 
@@ -12,8 +12,10 @@ use lodsmith::{
 };
 use proptest::prelude::*;
 
+use crate::support::attributed::{
+    attribute_complaints, locked_complaints, with_random_attributes, with_rare_options,
+};
 use crate::support::charts::{place, two_charts, wedges};
-use crate::support::laden::{attribute_complaints, laden, laden_options, locked_complaints};
 use crate::support::{
     CaseFilter, Complaints, Random, bytes, complaints, options_text, places, run, size, topology_complaints,
 };
@@ -78,7 +80,7 @@ fn every_policy_and_stop_on_every_shape() {
                 all.add(&case, complaints(mesh, options, &got));
                 all.add(&case, topology_complaints(mesh, options, &got));
                 let is_subset = options.placement != Placement::Endpoint || subset_is_kept(mesh, &got);
-                all.check(&case, is_subset, "a vertex that the input has not");
+                all.check(&case, is_subset, "a vertex that is not in the input");
             }
             Ok(Err(error)) => all.add(&case, [format!("fails: {error}")]),
             Err(panic) => all.add(&case, [panic]),
@@ -127,7 +129,7 @@ fn any_mesh() -> impl Strategy<Value = TriMesh> {
         perturbed_shape(0.5),
     ];
     (plain, any::<u64>()).prop_map(|(mesh, seed)| {
-        if seed.is_multiple_of(3) { mesh } else { laden(&mesh, &mut Random(seed | 1)) }
+        if seed.is_multiple_of(3) { mesh } else { with_random_attributes(&mesh, &mut Random(seed | 1)) }
     })
 }
 
@@ -142,7 +144,7 @@ fn any_options(seed: u64, vertices: usize) -> (SimplifyOptions, OwnedMeshData) {
         1 => Stop::vertices(random.below(20) as usize),
         _ => Stop::ratio(random.unit().max(1e-3)),
     };
-    let (mut options, data) = laden_options(by(method, stop), &mut random, vertices);
+    let (mut options, data) = with_rare_options(by(method, stop), &mut random, vertices);
     options.placement = random.pick(placements);
     options.border = random.pick(&BORDERS);
     options.topology = random.pick(&TOPOLOGIES);
@@ -169,7 +171,7 @@ proptest! {
                 }
                 let is_same = |a: &Simplified| bytes(&a.mesh) == bytes(&got.mesh) && a.report == got.report;
                 if !matches!(run(&input, &options), Ok(Ok(again)) if is_same(&again)) {
-                    found.push("another result when run again".to_owned());
+                    found.push("a second run gives another result".to_owned());
                 }
                 found
             }
@@ -233,7 +235,7 @@ fn a_run_can_be_cancelled_or_finished_early() {
 }
 
 #[test]
-fn importance_draws_triangles() {
+fn important_places_get_more_triangles() {
     // A sphere of which one half is more important.
     let mesh = shapes::icosphere(4);
     let heights: Vec<f64> = mesh.positions().view().iter().map(|p| p[2]).collect();
@@ -248,7 +250,7 @@ fn importance_draws_triangles() {
 }
 
 #[test]
-fn what_a_method_has_no_use_for_is_refused() {
+fn options_that_a_method_does_not_have_are_refused() {
     let mesh = shapes::icosphere(1);
     let refused = |options: &SimplifyOptions| match simplify(&mesh, options) {
         Err(SimplifyError::NotOfMethod { option, .. }) => option,
@@ -274,13 +276,13 @@ fn lindstrom_turk_keeps_the_volume() {
         let off = |options: &SimplifyOptions| (volume(&done(&mesh, options).mesh) / before - 1.0).abs();
         let (own, other) = (off(&by_turk), off(&plain));
         assert!(own < 1e-5, "{name}: {own}");
-        // Without the constraint it would change.
+        // Without the constraint the volume would change.
         assert!(other > 10.0 * own, "{name}: {other}");
     }
 }
 
 #[test]
-fn lindstrom_turk_keeps_the_area_that_a_plane_border_bounds() {
+fn lindstrom_turk_keeps_the_area_within_a_planar_border() {
     // A disc with 256 border edges, rotated off the axes.
     let (rings, around) = (16, 256);
     let mut positions = vec![[0.0, 0.0, 0.0]];
@@ -311,7 +313,7 @@ fn lindstrom_turk_keeps_the_area_that_a_plane_border_bounds() {
 }
 
 #[test]
-fn lindstrom_turk_loses_nothing_where_nothing_need_be_lost() {
+fn lindstrom_turk_loses_nothing_on_flat_meshes() {
     let mut options = by(MethodKind::LindstromTurk, Stop::faces(12));
     options.measure = Measure::Always;
     let got = done(&shapes::cube(12), &options);
@@ -339,7 +341,7 @@ fn melax_keeps_vertices_and_attributes_of_the_input() {
 
 #[test]
 fn melax_keeps_the_outline_of_a_sheet() {
-    // Nothing is curved but the border at its four corners.
+    // Only the border is curved, at its four corners.
     let mesh = shapes::grid(16);
     let got = done(&mesh, &by(MethodKind::Melax, Stop::faces(2)));
     assert_eq!(got.mesh.face_count(), 2);
@@ -348,7 +350,7 @@ fn melax_keeps_the_outline_of_a_sheet() {
 }
 
 #[test]
-fn melax_makes_any_number_of_levels_from_one_model() {
+fn melax_levels_of_one_model_are_repeatable() {
     let mesh = shapes::blob(5, 1);
     for faces in [4000, 2000, 1000, 500, 250, 100, 40, 10] {
         let got = done(&mesh, &by(MethodKind::Melax, Stop::faces(faces)));
@@ -370,14 +372,14 @@ fn shortest_edge_leaves_no_edge_below_its_length() {
     assert!(shortest_edge(&got.mesh) > 0.9999 * length);
     // Vertices and faces are removed together: a closed surface of one part keeps V − F / 2 = 2.
     assert_eq!(got.report.vertices, got.report.faces / 2 + 2);
-    // With a limit below the shortest edge nothing is done, and the stop is met.
+    // With a limit below the shortest edge nothing is done, and the stop counts as met.
     let nothing = done(&mesh, &shorter_than(0.9 * shortest_edge(&mesh)));
     assert_eq!((nothing.report.collapses, nothing.report.reached), (0, true));
     assert_eq!(nothing.report.stopped_by, StoppedBy::Exhausted);
 }
 
 #[test]
-fn shortest_edge_says_when_edges_below_its_length_may_not_go() {
+fn shortest_edge_reports_short_edges_that_may_not_be_removed() {
     let mesh = shapes::icosphere(3);
     let mut options = shorter_than(2.0 * shortest_edge(&mesh));
     options.guards.max_edge = Some(Length::Units(1.1 * shortest_edge(&mesh)));
@@ -400,9 +402,10 @@ fn shortest_edge_stops_at_the_first_of_length_and_count() {
     assert_eq!((report.stopped_by, report.reached, report.faces), (StoppedBy::Exhausted, false, by_length));
 }
 
-/// Fault A15: collapses after the last check of all edges made others possible that had been refused before.
+/// Fault A15: collapses after the last check of all edges made collapses possible that had been refused
+/// before.
 #[test]
-fn shortest_edge_looks_again_before_it_is_exhausted() {
+fn shortest_edge_checks_again_before_it_ends() {
     let mut exhausted = 0;
     for mesh in
         [shapes::blob(3, 1), shapes::torus(24, 12), shapes::cylinder(40, 8), shapes::noisy_sphere(3, 0.2, 5)]
@@ -421,7 +424,7 @@ fn shortest_edge_looks_again_before_it_is_exhausted() {
 }
 
 #[test]
-fn shortest_edge_goes_onto_the_middle_or_an_end() {
+fn shortest_edge_places_vertices_at_the_midpoint_or_an_end() {
     let mesh = shapes::icosphere(3);
     let middles = done(&mesh, &by(MethodKind::ShortestEdge, Stop::ratio(0.5)));
     assert!(!subset_is_kept(&mesh, &middles));
@@ -432,7 +435,7 @@ fn shortest_edge_goes_onto_the_middle_or_an_end() {
 
 #[test]
 fn shortest_edge_keeps_borders() {
-    // Vertices inside collapse onto the border, not the other way round: the outline of a square is kept.
+    // Inner vertices collapse onto the border, not the reverse: the outline of a square is kept.
     let mesh = shapes::grid(16);
     let mut options = by(MethodKind::ShortestEdge, Stop::ratio(0.3));
     options.border = BorderPolicy::Lock;

@@ -1,4 +1,4 @@
-//! Contraction of pairs of vertices that share no edge: joined parts, promises of each topology policy, and
+//! Contraction of pairs of vertices that share no edge: joined parts, guarantees of each topology policy, and
 //! targets that are out of reach without it.
 
 use lodsmith::core::arbitrary::{self, Coordinates};
@@ -61,7 +61,7 @@ fn shrunk(mesh: &TriMesh, to: f64) -> TriMesh {
     TriMesh::new(Positions::F64(positions), faces).unwrap()
 }
 
-/// Two wavy sheets with a crack between them; their vertices face each other across it.
+/// Two wavy sheets with a crack between them and opposite vertices on both sides of it.
 fn cracked_sheet(gap: f64) -> TriMesh {
     let grid = shapes::grid(20);
     let bounds = grid.positions().view().bounds().unwrap();
@@ -81,7 +81,7 @@ fn prism(from: f64, to: f64) -> TriMesh {
 }
 
 #[test]
-fn a_crack_is_closed_whatever_the_topology_policy() {
+fn a_crack_is_closed_under_any_topology_policy() {
     let mesh = cracked_sheet(0.004);
     assert_eq!(counts(&mesh).component_count, 2);
     for method in METHODS {
@@ -122,7 +122,7 @@ fn separate_triangles_become_one_surface() {
 }
 
 #[test]
-fn two_bodies_grow_together_by_their_faces() {
+fn two_bodies_are_joined_at_their_faces() {
     let volume = |m: &TriMesh| lodsmith::core::topology::size_of(&m.surface()).volume.abs();
     let mesh = together(&[(&prism(0.0, 3.0), [0.0; 3]), (&prism(3.01, 6.0), [0.0; 3])]);
     for method in METHODS {
@@ -135,7 +135,8 @@ fn two_bodies_grow_together_by_their_faces() {
             assert_eq!((after.component_count, done.report.pairs_contracted), (1, 3), "{case}");
             assert_eq!(done.report.parts_removed, 0, "{case}");
             if method == MethodKind::Memoryless {
-                // One long bar. (Costs with memory know of the two ends that met, and remove something else.)
+                // One long bar. (Costs with memory include the planes of the two joined ends, and lead to
+                // other collapses.)
                 let lost = |m: &TriMesh| (volume(m) / volume(&mesh) - 1.0).abs();
                 let alone = run(&mesh, &without_pairs(&options));
                 assert!(lost(&done.mesh) < 0.01 && lost(&alone.mesh) > 0.1, "{case}");
@@ -159,14 +160,14 @@ fn the_two_sides_of_a_wall_stay_apart() {
     }
 }
 
-/// Promises of each policy with pairs: counts of edges never rise, and a manifold mesh stays manifold if the
-/// topology is preserved.
+/// Checks the guarantees of each policy with pairs: counts of edges never rise, and a manifold mesh stays
+/// manifold if the topology is preserved.
 fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simplified) -> Vec<String> {
     let mut found = support::complaints(mesh, options, done);
     let (old, new) = (counts(mesh), counts(&done.mesh));
     let mut check = |holds: bool, otherwise: String| found.extend((!holds).then_some(otherwise));
     let twice = defects(&done.mesh.surface()).same_winding_duplicate_count;
-    check(twice == 0, format!("{twice} faces stand twice, by place"));
+    check(twice == 0, format!("{twice} duplicate faces, by position"));
     if options.topology == TopologyPolicy::Free {
         return found;
     }
@@ -187,7 +188,7 @@ fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simplified) -> V
 }
 
 #[test]
-fn every_shape_keeps_what_its_policy_promises() {
+fn every_shape_keeps_the_guarantees_of_its_policy() {
     let mut all = Complaints::default();
     let mut cases = CaseFilter::every(5);
     let mut contracted = 0;
@@ -235,7 +236,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: support::size(32, 8), ..ProptestConfig::default() })]
 
     #[test]
-    fn soups_keep_what_the_policy_promises(
+    fn soups_keep_the_guarantees_of_the_policy(
         mesh in arbitrary::soup(40, Coordinates::Tame),
         near in 0.01f64..1.5,
         which in 0usize..6,
@@ -251,7 +252,7 @@ proptest! {
     }
 
     #[test]
-    fn broken_up_shapes_keep_what_the_policy_promises(
+    fn broken_up_shapes_keep_the_guarantees_of_the_policy(
         mesh in arbitrary::perturbed_shape(0.02),
         near in 0.01f64..0.3,
         to in 0.5f64..1.0,
@@ -268,7 +269,7 @@ proptest! {
 }
 
 #[test]
-fn locked_vertices_stay_and_others_come_to_them() {
+fn locked_vertices_stay_and_others_are_merged_onto_them() {
     let mesh = cracked_sheet(0.004);
     let half = mesh.vertex_count() / 2;
     let options = with_pairs(Stop::ratio(0.3), Length::Units(0.01));
@@ -303,7 +304,7 @@ fn wedges_of_both_sides_of_a_crack_stay() {
 }
 
 #[test]
-fn what_is_out_of_reach_is_proposed_and_tried() {
+fn pairs_are_proposed_and_tried_if_the_target_is_out_of_reach() {
     // Separate triangles: no edge can be collapsed if parts are kept.
     let sphere = shapes::icosphere(2);
     let mesh = shrunk(&sphere, 0.98);
@@ -318,7 +319,7 @@ fn what_is_out_of_reach_is_proposed_and_tried() {
     let done = run(&mesh, &options);
     assert!(named(&done.report.escalated[0].change) && done.report.escalated.len() == 1);
     assert!(done.report.reached && done.report.pairs_contracted > 0);
-    // One part has nothing to join with.
+    // A single part cannot be joined to another.
     options.stop = Stop::faces(1);
     let alone = run(&sphere, &options);
     assert!(!alone.report.reached && !alone.report.escalated.iter().any(|s| named(&s.change)));
@@ -339,7 +340,7 @@ impl Control for AnswerAfter {
 }
 
 #[test]
-fn a_run_with_pairs_can_be_ended() {
+fn a_caller_can_end_a_run_with_pairs() {
     let mesh = shrunk(&shapes::icosphere(4), 0.9);
     let options = with_pairs(Stop::ratio(0.1), Length::OfDiagonal(0.02));
     for left in [2, 3, 5, 8] {
@@ -353,7 +354,7 @@ fn a_run_with_pairs_can_be_ended() {
 }
 
 #[test]
-fn a_distance_far_too_large_ends_soon() {
+fn a_distance_that_is_far_too_large_takes_bounded_time() {
     // Each vertex has all others within the distance.
     let mesh = shapes::soup(800, 7);
     let done = run(&mesh, &with_pairs(Stop::ratio(0.5), Length::OfDiagonal(10.0)));

@@ -1,4 +1,4 @@
-//! Coplanar regions: known counts, laws, and regressions.
+//! Coplanar regions: known counts, guarantees, and regressions.
 
 use std::collections::HashMap;
 
@@ -12,7 +12,7 @@ use lodsmith::{
 };
 use proptest::prelude::*;
 
-use crate::support::laden::{laden, laden_options, locked_complaints};
+use crate::support::attributed::{locked_complaints, with_random_attributes, with_rare_options};
 use crate::support::{
     CaseFilter, Complaints, Random, bytes, complaints, counts, options_text, places, run, size,
     topology_complaints,
@@ -31,13 +31,13 @@ fn merged(mesh: &TriMesh) -> Simplified {
     simplify(mesh, &planar(Stop::default())).unwrap()
 }
 
-/// Checks all promises for any result.
+/// Checks all guarantees for any result.
 fn wrongs(mesh: &TriMesh, options: &SimplifyOptions, done: &Simplified) -> Vec<String> {
     let mut found = complaints(mesh, options, done);
     found.extend(topology_complaints(mesh, options, done));
     let known = places(mesh);
     let moved = places(&done.mesh).difference(&known).count();
-    found.extend((moved > 0).then(|| format!("{moved} vertices are none of the input's")));
+    found.extend((moved > 0).then(|| format!("{moved} vertices are not from the input")));
     found
 }
 
@@ -54,7 +54,7 @@ fn tried<'a>(
         Ok(Ok(done)) => {
             all.add(&case, wrongs(mesh, options, &done));
             let again = matches!(run(&input, options), Ok(Ok(a)) if bytes(&a.mesh) == bytes(&done.mesh) && a.report == done.report);
-            all.check(&case, again, "another result when run again");
+            all.check(&case, again, "a second run gives another result");
             Some(done)
         }
         Ok(Err(error)) => {
@@ -102,13 +102,13 @@ fn every_shape_and_stop() {
 
 #[test]
 fn known_counts() {
-    // (faces, vertices) that the outline needs.
+    // The numbers of faces and vertices that the outline needs.
     for (name, mesh, wanted) in [
         ("cube", shapes::cube(7), (12, 8)),
         ("grid", shapes::grid(20), (2, 4)),
         ("tube", shapes::cylinder(24, 6), (48, 48)),
         ("tetrahedron", shapes::tetrahedron(), (4, 4)),
-        // Every face is a region.
+        // Every face is a region of its own.
         ("torus", shapes::torus(24, 12), (576, 288)),
         ("sphere", shapes::icosphere(3), (1280, 642)),
     ] {
@@ -126,7 +126,7 @@ fn a_sheet_with_holes_keeps_each_of_them() {
     let mesh = shapes::grid_with_holes(12);
     let (old, new) = (counts(&mesh), counts(&merged(&mesh).mesh));
     assert_eq!((new.euler(), new.border_loop_count), (old.euler(), old.border_loop_count));
-    // An outline of b corners with h holes needs b + 2h - 2 triangles; all corners here are right angles.
+    // An outline with b corners and h holes needs b + 2h - 2 triangles; all corners here are right angles.
     let holes = old.border_loop_count - 1;
     assert_eq!(new.border_edge_count, 4 * (holes + 1));
     assert_eq!(new.face_count, new.border_edge_count + 2 * holes - 2);
@@ -187,7 +187,7 @@ fn random_cubes(random: &mut Random, count: usize) -> Vec<[i32; 3]> {
 }
 
 #[test]
-fn voxels_lose_nothing() {
+fn voxel_models_keep_their_volume_and_area() {
     let mut random = Random(5);
     for round in 0..40 {
         let cubes = random_cubes(&mut random, 1 + round);
@@ -207,7 +207,7 @@ fn voxels_lose_nothing() {
         }
         let error = compare(&fine.surface(), &done.mesh.surface(), &CompareOptions::default()).unwrap();
         assert!(error.hausdorff.symmetric < 1e-9, "{}", error.hausdorff.symmetric);
-        // The subdivision does not matter, and there is nothing left to merge.
+        // The result does not depend on the subdivision, and nothing is left to merge.
         let coarse = merged(&voxels(&cubes, 1, tilt)).mesh.face_count();
         assert_eq!(done.mesh.face_count(), coarse, "{} cubes", cubes.len());
         assert_eq!(merged(&done.mesh).mesh.face_count(), coarse);
@@ -236,7 +236,7 @@ fn a_count_is_met_closely() {
 }
 
 #[test]
-fn out_of_reach_is_said() {
+fn targets_out_of_reach_are_reported() {
     let done = simplify(&shapes::cube(5), &planar(Stop::faces(11))).unwrap();
     assert_eq!((done.mesh.face_count(), done.report.reached), (12, false));
     assert_eq!(done.report.stopped_by, StoppedBy::Exhausted);
@@ -327,14 +327,14 @@ fn regions_of_the_input_keep_their_border() {
     let first = regions.iter().filter(|r| r.0 == 0).count();
     mesh.set_regions(Some(regions)).unwrap();
     let done = merged(&mesh);
-    // The common border has as many corners as it needs; each half keeps its area.
+    // The common border has only the corners that it needs; each half keeps its area.
     assert!(first > 0 && done.mesh.face_count() > 4);
     assert!(done.mesh.face_count() < mesh.face_count() / 2);
     assert_eq!(size_of(&done.mesh.surface()).area, 1.0);
 }
 
 #[test]
-fn textures_that_bend_are_kept() {
+fn nonlinear_textures_are_kept() {
     let flat = |uv: &dyn Fn(f64, f64) -> [f32; 2]| {
         let mut mesh = shapes::grid(16);
         let uvs = mesh.positions().view().iter().map(|p| uv(p[0], p[1])).collect();
@@ -342,7 +342,7 @@ fn textures_that_bend_are_kept() {
         merged(&mesh).mesh.face_count()
     };
     assert_eq!(flat(&|x, y| [(0.3 * x + 0.9 * y) as f32, (0.2 + x - 0.1 * y) as f32]), 2);
-    // Two halves, each of them linear.
+    // Two halves with linear texture coordinates in each.
     assert_eq!(flat(&|x, y| [(x - 0.5).abs() as f32, y as f32]), 4);
     assert_eq!(flat(&|x, y| [(x * x) as f32, (y * y * y) as f32]), 512);
     // Attributes with weight 0 are ignored.
@@ -356,8 +356,8 @@ fn textures_that_bend_are_kept() {
 }
 
 #[test]
-fn a_sphere_with_normals_of_its_own_on_flat_sides() {
-    // A cube shaded like a ball: its normals are not linear over a side.
+fn nonlinear_normals_on_flat_sides_are_kept() {
+    // A cube shaded like a sphere: its normals are not linear over a side.
     let mut mesh = shapes::cube(8);
     let outward = |p: [f64; 3]| {
         let length = (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]).sqrt();
@@ -369,7 +369,7 @@ fn a_sphere_with_normals_of_its_own_on_flat_sides() {
 }
 
 #[test]
-fn a_sheet_of_two_sides_does_not_become_one_face_twice() {
+fn the_sides_of_a_two_sided_sheet_do_not_become_duplicates() {
     for n in [1, 4, 9] {
         let mesh = shapes::doubled_sheet(n);
         let done = merged(&mesh);
@@ -378,7 +378,7 @@ fn a_sheet_of_two_sides_does_not_become_one_face_twice() {
 }
 
 #[test]
-fn faces_that_stand_twice_are_left_out_and_counted() {
+fn duplicate_faces_are_left_out_and_counted() {
     let mesh = shapes::grid(3);
     let mut twice = mesh.surface().triangles().to_vec();
     let again: Vec<[VertexId; 3]> = twice.iter().take(5).map(|&[a, b, c]| [b, c, a]).collect();
@@ -392,7 +392,7 @@ fn faces_that_stand_twice_are_left_out_and_counted() {
 }
 
 #[test]
-fn what_cannot_be_done_is_an_error() {
+fn impossible_options_are_errors() {
     let mesh = shapes::cube(2);
     let fails = |change: &dyn Fn(&mut SimplifyOptions)| {
         let mut options = planar(Stop::default());
@@ -429,7 +429,7 @@ impl Control for AnswerAfter {
 }
 
 #[test]
-fn a_caller_may_end_it_at_any_time() {
+fn a_caller_may_end_a_run_at_any_time() {
     let mesh = shapes::cube(60);
     let options = planar(Stop::default());
     let mut asked = AnswerAfter(usize::MAX, Verdict::Continue, 0.0);
@@ -464,7 +464,7 @@ fn any_mesh() -> impl Strategy<Value = TriMesh> {
         1 => perturbed_shape(0.05),
     ];
     (plain, any::<u64>()).prop_map(|(mesh, seed)| {
-        if seed.is_multiple_of(2) { mesh } else { laden(&mesh, &mut Random(seed | 1)) }
+        if seed.is_multiple_of(2) { mesh } else { with_random_attributes(&mesh, &mut Random(seed | 1)) }
     })
 }
 
@@ -472,7 +472,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: size(150, 40), ..ProptestConfig::default() })]
 
     #[test]
-    fn any_mesh_comes_out_whole(mesh in any_mesh(), seed in any::<u64>()) {
+    fn any_mesh_gives_a_sound_result(mesh in any_mesh(), seed in any::<u64>()) {
         let mut random = Random(seed | 1);
         let mut options = planar(random.pick(&[
             Stop::default(),
@@ -482,7 +482,7 @@ proptest! {
             Stop::faces(1),
         ]));
         options.topology = random.pick(&TOPOLOGIES);
-        let (mut options, mut data) = laden_options(options, &mut random, mesh.vertex_count());
+        let (mut options, mut data) = with_rare_options(options, &mut random, mesh.vertex_count());
         data.importance = None;
         let input = Input::new(&mesh).with(data.view());
         options.prune = None;
@@ -527,10 +527,10 @@ fn subdivided(mesh: &TriMesh) -> TriMesh {
     TriMesh::new(Positions::F32(points), triangles).unwrap()
 }
 
-/// Fault A17: far from the origin, midpoints in single precision lie farther off a plane than a share of the
-/// size.
+/// Fault A17: far from the origin, midpoints in single precision are farther off a plane than the tolerance,
+/// which was a share of the size.
 #[test]
-fn a_tolerance_goes_by_the_precision_of_the_coordinates() {
+fn the_tolerance_depends_on_the_precision_of_the_coordinates() {
     let (sin, cos) = 0.4f64.sin_cos();
     for far in [0.0, 4.0, 20.0] {
         // A plate of 8 by 6 by 1, rotated about two axes.
@@ -545,6 +545,6 @@ fn a_tolerance_goes_by_the_precision_of_the_coordinates() {
         let plate = TriMesh::new(Positions::F32(points), cube.surface().triangles().to_vec()).unwrap();
         let fine = subdivided(&subdivided(&subdivided(&plate)));
         assert_eq!(fine.face_count(), 768);
-        assert_eq!(merged(&fine).mesh.face_count(), 12, "{far} times as far as it is wide");
+        assert_eq!(merged(&fine).mesh.face_count(), 12, "{far} times its width from the origin");
     }
 }

@@ -1,4 +1,4 @@
-//! Promises of remeshing beyond those of all methods.
+//! Guarantees of remeshing in addition to those of all methods.
 
 use std::collections::HashSet;
 
@@ -26,15 +26,14 @@ fn on_surface(edge_length: Option<f64>, rounds: Option<usize>, pattern: RemeshPa
 }
 
 /// Returns all kinds of remeshing to a count.
-fn ways(stop: Stop) -> [(&'static str, SimplifyOptions); 3] {
+fn patterns(stop: Stop) -> [(&'static str, SimplifyOptions); 3] {
     let (even, mut adaptive, mut levels) = (remesh(stop), remesh(stop), remesh(stop));
     adaptive.method = on_surface(None, None, RemeshPattern::Adaptive);
     levels.method = on_surface(None, None, RemeshPattern::SemiRegular { subdivisions: 1 });
     [("even", even), ("adaptive", adaptive), ("semi-regular", levels)]
 }
 
-/// Returns the qualities of triangles: 1 is equilateral. (Twice the root of three times the area over the sum
-/// of squared edges, doubled.)
+/// Returns the qualities of triangles: 1 is equilateral. (4 · √3 · area / sum of squared edges.)
 fn qualities(mesh: &TriMesh) -> Vec<f64> {
     let surface = mesh.surface();
     let shape = |t: &[lodsmith::core::VertexId; 3]| {
@@ -57,23 +56,31 @@ fn any_shape_to_any_count() {
     let mut all = Complaints::default();
     for (name, mesh) in shapes::all() {
         for share in [0.5, 0.1, 0.01] {
-            for (way, options) in ways(Stop::ratio(share)) {
-                let case = format!("{name} {way} {share}");
+            for (pattern, options) in patterns(Stop::ratio(share)) {
+                let case = format!("{name} {pattern} {share}");
                 match run(&mesh, &options) {
                     Ok(Ok(done)) => {
                         all.add(&case, complaints(&mesh, &options, &done));
                         let (old, new) = (counts(&mesh), counts(&done.mesh));
                         // Each edge of the base becomes two.
-                        let times = if way == "semi-regular" { 2 } else { 1 };
+                        let times = if pattern == "semi-regular" { 2 } else { 1 };
                         let twisted =
                             |c: &TopologyCounts| c.misoriented_edge_count + c.non_manifold_edge_count;
                         let kept = new.non_manifold_edge_count <= times * old.non_manifold_edge_count
                             && twisted(&new) <= times * twisted(&old);
-                        all.check(&case, kept, "edges of three faces, or twisted ones, came up");
+                        all.check(
+                            &case,
+                            kept,
+                            "there are new edges of three faces, or with inconsistent winding",
+                        );
                         let again = run(&mesh, &options).unwrap().unwrap();
-                        all.check(&case, bytes(&again.mesh) == bytes(&done.mesh), "another result");
+                        all.check(
+                            &case,
+                            bytes(&again.mesh) == bytes(&done.mesh),
+                            "a second run gives another result",
+                        );
                     }
-                    // A base may need more faces than there are.
+                    // A base may need more faces than the input has.
                     Ok(Err(SimplifyError::BadOption { option: "subdivisions", .. })) => {}
                     Ok(Err(error)) => all.add(&case, [error.to_string()]),
                     Err(panic) => all.add(&case, [panic]),
@@ -99,7 +106,7 @@ fn triangles_are_even_and_the_count_is_close() {
 }
 
 #[test]
-fn creases_and_corners_of_a_cube_stay() {
+fn creases_and_corners_of_a_cube_are_kept() {
     let mesh = shapes::cube(16);
     let done = simplify(&mesh, &remesh(Stop::faces(600))).unwrap();
     assert!(error(&mesh, &done.mesh) < 1e-9, "{}", error(&mesh, &done.mesh));
@@ -132,7 +139,7 @@ fn adaptive_is_closer_at_the_same_count() {
     // Four times as long as wide: the curvature is largest at its ends.
     let mut mesh = shapes::icosphere(5);
     mesh.map_positions(|p| [4.0 * p[0], p[1], p[2]]);
-    let done: Vec<TriMesh> = ways(Stop::faces(1500))
+    let done: Vec<TriMesh> = patterns(Stop::faces(1500))
         .into_iter()
         .take(2)
         .map(|(_, mut options)| {
@@ -147,7 +154,7 @@ fn adaptive_is_closer_at_the_same_count() {
 }
 
 #[test]
-fn an_edge_length_is_kept() {
+fn the_edge_length_is_the_requested_one() {
     let mesh = shapes::icosphere(5);
     let mut options = remesh(Stop::default());
     options.method = on_surface(Some(0.15), None, RemeshPattern::Even);
@@ -170,7 +177,7 @@ fn an_edge_length_is_kept() {
 }
 
 #[test]
-fn what_it_cannot_do_is_refused() {
+fn options_that_remeshing_does_not_have_are_refused() {
     let mesh = shapes::icosphere(3);
     let mut options = remesh(Stop::faces(100));
     options.placement = Placement::Endpoint;
@@ -221,9 +228,9 @@ impl Control for Once {
 }
 
 #[test]
-fn the_caller_ends_it() {
+fn a_caller_can_end_a_run() {
     let mesh = shapes::icosphere(5);
-    for (_, options) in ways(Stop::ratio(0.2)) {
+    for (_, options) in patterns(Stop::ratio(0.2)) {
         assert_eq!(simplify_with(&mesh, &options, &mut Once(Verdict::Cancel)), Err(SimplifyError::Cancelled));
         let done = simplify_with(&mesh, &options, &mut Once(Verdict::Finish)).unwrap();
         assert!(done.mesh.face_count() <= mesh.face_count());
@@ -233,7 +240,7 @@ fn the_caller_ends_it() {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, cases: support::size(48, 12), ..ProptestConfig::default() })]
     #[test]
-    fn any_mesh_is_answered(
+    fn any_mesh_gives_a_sound_result_or_an_error(
         mesh in prop_oneof![
             soup(40, Coordinates::Tame),
             soup(40, Coordinates::Wild),
@@ -243,15 +250,15 @@ proptest! {
         ],
         share in 0.01f64..1.0,
     ) {
-        for (way, options) in ways(Stop::ratio(share)) {
+        for (pattern, options) in patterns(Stop::ratio(share)) {
             match run(&mesh, &options) {
                 Ok(Ok(done)) => {
                     let found = complaints(&mesh, &options, &done);
-                    prop_assert!(found.is_empty(), "{way}: {found:?}");
+                    prop_assert!(found.is_empty(), "{pattern}: {found:?}");
                 }
                 Ok(Err(SimplifyError::NoFaces { .. })) => {}
                 Ok(Err(SimplifyError::BadOption { option: "subdivisions", .. })) => {}
-                other => prop_assert!(false, "{way}: {other:?}"),
+                other => prop_assert!(false, "{pattern}: {other:?}"),
             }
         }
     }

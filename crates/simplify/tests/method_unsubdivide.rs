@@ -1,4 +1,4 @@
-//! Promises of un-subdivision: a subdivided mesh is restored, all else is kept.
+//! Guarantees of un-subdivision: subdivided meshes are restored, everything else is kept.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -33,7 +33,7 @@ fn undone<'a>(input: impl Into<Input<'a>>, options: &SimplifyOptions) -> Simplif
     done
 }
 
-/// Splits every face into four at the midpoints of its edges; equal positions become one vertex.
+/// Splits every face into four at the midpoints of its edges, with one vertex per position.
 fn subdivided(mesh: &TriMesh) -> TriMesh {
     let surface = mesh.surface();
     let mut at = HashMap::new();
@@ -56,7 +56,7 @@ fn subdivided(mesh: &TriMesh) -> TriMesh {
     TriMesh::new(Positions::F64(points), triangles).expect("indices are below the count")
 }
 
-/// Returns the faces by position, each starting at its least corner; faces with a repeated corner are left
+/// Returns the faces by position, each starting at its lowest corner; faces with a repeated corner are left
 /// out.
 fn faces_by_place(mesh: &TriMesh) -> BTreeSet<[[u64; 3]; 3]> {
     let surface = mesh.surface();
@@ -67,7 +67,7 @@ fn faces_by_place(mesh: &TriMesh) -> BTreeSet<[[u64; 3]; 3]> {
 }
 
 #[test]
-fn an_icosphere_becomes_the_one_before() {
+fn an_icosphere_becomes_the_next_coarser_one() {
     for n in 1..=5 {
         let done = undone(&shapes::icosphere(n), &one_level());
         assert_eq!(faces_by_place(&done.mesh), faces_by_place(&shapes::icosphere(n - 1)), "from {n}");
@@ -75,7 +75,7 @@ fn an_icosphere_becomes_the_one_before() {
 }
 
 #[test]
-fn all_levels_go_by_default_or_down_to_a_count() {
+fn all_levels_are_undone_by_default_or_down_to_a_count() {
     let sphere = shapes::icosphere(5);
     let done = undone(&sphere, &options(Stop::default()));
     assert_eq!((done.report.faces, done.report.stopped_by), (20, StoppedBy::Exhausted));
@@ -91,8 +91,8 @@ fn all_levels_go_by_default_or_down_to_a_count() {
 }
 
 #[test]
-fn every_shape_comes_back_from_its_subdivision() {
-    // The shape with two coincident sheets is one sheet after welding, with edges of four faces.
+fn every_shape_is_restored_from_its_subdivision() {
+    // The shape with two coincident sheets becomes one sheet by welding, with edges of four faces.
     for (name, mesh) in shapes::all().into_iter().filter(|s| s.0 != "doubled_sheet") {
         let fine = subdivided(&mesh);
         let done = undone(&fine, &one_level());
@@ -106,7 +106,7 @@ fn every_shape_comes_back_from_its_subdivision() {
 }
 
 #[test]
-fn what_is_no_subdivision_stays_and_is_counted() {
+fn parts_without_the_pattern_stay_and_are_counted() {
     for mesh in [shapes::tetrahedron(), shapes::icosphere(0), shapes::cube(1), shapes::blob(4, 1)] {
         let before = faces_by_place(&mesh);
         let done = undone(&mesh, &options(Stop::default()));
@@ -118,14 +118,14 @@ fn what_is_no_subdivision_stays_and_is_counted() {
     // With one face missing the pattern does not match.
     let sphere = shapes::icosphere(3);
     let triangles = sphere.surface().triangles()[1..].to_vec();
-    let open = TriMesh::new(sphere.positions().clone(), triangles).expect("a sphere but for a face");
+    let open = TriMesh::new(sphere.positions().clone(), triangles).expect("a sphere without one face");
     let done = undone(&open, &options(Stop::default()));
     assert_eq!(done.report.faces, open.face_count());
     assert_eq!(done.report.refusals, [(Refusal::Pattern, 1)]);
 }
 
-/// Joins both in one mesh, the second moved away.
-fn beside(a: &TriMesh, b: &TriMesh) -> TriMesh {
+/// Joins both in one mesh, with the second moved away.
+fn side_by_side(a: &TriMesh, b: &TriMesh) -> TriMesh {
     let (first, second) = (a.surface(), b.surface());
     let mut points: Vec<[f64; 3]> = first.positions().iter().collect();
     let shift = points.len() as u32;
@@ -136,12 +136,12 @@ fn beside(a: &TriMesh, b: &TriMesh) -> TriMesh {
 }
 
 #[test]
-fn each_part_goes_by_itself() {
+fn each_part_is_undone_separately() {
     let (fits, stays) = (shapes::icosphere(2), shapes::tetrahedron());
-    let done = undone(&beside(&fits, &stays), &one_level());
+    let done = undone(&side_by_side(&fits, &stays), &one_level());
     assert_eq!(done.report.faces, shapes::icosphere(1).face_count() + 4);
     assert_eq!(done.report.refusals, [(Refusal::Pattern, 1)]);
-    assert_eq!(faces_by_place(&done.mesh), faces_by_place(&beside(&shapes::icosphere(1), &stays)));
+    assert_eq!(faces_by_place(&done.mesh), faces_by_place(&side_by_side(&shapes::icosphere(1), &stays)));
 }
 
 #[test]
@@ -155,7 +155,7 @@ fn locks_borders_and_regions_hold() {
         fine.positions().view().iter().map(|p| stays.contains(&bits(p.map(|x| x + 0.0)))).collect();
     let input = Input::new(&fine).locked(&is_even);
     assert_eq!(faces_by_place(&undone(input, &one_level()).mesh), coarse);
-    let odd = (0..middle).find(|&i| !is_even[i]).expect("there are odd ones");
+    let odd = (0..middle).find(|&i| !is_even[i]).expect("there are odd vertices");
     let locked: Vec<bool> = (0..middle).map(|i| i == odd).collect();
     let done = undone(Input::new(&fine).locked(&locked), &one_level());
     assert_eq!(
@@ -177,7 +177,7 @@ fn locks_borders_and_regions_hold() {
 }
 
 #[test]
-fn only_levels_within_the_error_go() {
+fn only_levels_within_the_error_are_undone() {
     // The sheet is planar, so undoing its levels costs nothing; each level of a sphere does.
     let flat = undone(&subdivided(&shapes::grid(3)), &options(Stop::error(Length::Units(1e-9))));
     assert_eq!(flat.report.faces, 18);
@@ -192,7 +192,7 @@ fn only_levels_within_the_error_go() {
 }
 
 #[test]
-fn what_it_cannot_do_is_said() {
+fn options_that_the_method_does_not_have_are_refused() {
     let mesh = shapes::icosphere(2);
     let mut with = one_level();
     with.fit = Fit::On;
@@ -209,7 +209,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
     #[test]
-    fn random_meshes_come_back(mesh in arbitrary::perturbed_shape(0.02)) {
+    fn random_meshes_are_restored(mesh in arbitrary::perturbed_shape(0.02)) {
         let fine = subdivided(&mesh);
         let options = one_level();
         let Ok(done) = run(&fine, &options).expect("no panic") else { return Ok(()) };
@@ -221,13 +221,13 @@ proptest! {
         }
     }
     #[test]
-    fn soups_end_in_an_answer(mesh in arbitrary::soup(40, arbitrary::Coordinates::Wild)) {
+    fn soups_give_a_result_or_an_error(mesh in arbitrary::soup(40, arbitrary::Coordinates::Wild)) {
         for mesh in [subdivided(&mesh), mesh] {
             let options = options(Stop::default());
             let Ok(done) = run(&mesh, &options).expect("no panic") else { continue };
             let wrong = complaints(&mesh, &options, &done);
             prop_assert!(wrong.is_empty(), "{wrong:?}");
-            let again = run(&mesh, &options).expect("no panic").expect("as before");
+            let again = run(&mesh, &options).expect("no panic").expect("the first run succeeded");
             prop_assert_eq!(bytes(&again.mesh), bytes(&done.mesh));
         }
     }

@@ -1,4 +1,4 @@
-//! Promises of vertex removal.
+//! Guarantees of vertex removal.
 
 use std::collections::HashMap;
 
@@ -36,9 +36,9 @@ fn tried(all: &mut Complaints, name: &str, mesh: &TriMesh, options: &SimplifyOpt
     };
     all.add(&case, complaints(mesh, options, &done));
     all.add(&case, topology_complaints(mesh, options, &done));
-    all.check(&case, places(&done.mesh).is_subset(&places(mesh)), "a vertex that is none of the input");
+    all.check(&case, places(&done.mesh).is_subset(&places(mesh)), "a vertex that is not in the input");
     let again = matches!(run(mesh, options), Ok(Ok(a)) if bytes(&a.mesh) == bytes(&done.mesh));
-    all.check(&case, again, "another result when run again");
+    all.check(&case, again, "a second run gives another result");
 }
 
 #[test]
@@ -103,7 +103,7 @@ fn every_guard() {
 }
 
 #[test]
-fn flat_faces_become_as_few_as_can_be() {
+fn flat_faces_become_as_few_as_possible() {
     for (mesh, faces) in [(shapes::cube(6), 12), (shapes::cube(10), 12), (shapes::grid(10), 2)] {
         let done = removed(&mesh, &options(Stop::faces(faces)));
         assert_eq!((done.report.faces, done.report.reached), (faces, true));
@@ -113,7 +113,7 @@ fn flat_faces_become_as_few_as_can_be() {
 }
 
 #[test]
-fn a_sphere_goes_down_to_a_tetrahedron() {
+fn a_sphere_can_become_a_tetrahedron() {
     let done = removed(&shapes::icosphere(4), &options(Stop::faces(4)));
     assert_eq!((done.report.faces, done.report.vertices, done.report.stopped_by), (4, 4, StoppedBy::Faces));
     let done = removed(&shapes::icosphere(4), &options(Stop::faces(3)));
@@ -122,7 +122,7 @@ fn a_sphere_goes_down_to_a_tetrahedron() {
 }
 
 #[test]
-fn a_sphere_is_followed_as_well_as_its_count_allows() {
+fn a_sphere_is_approximated_as_well_as_its_count_allows() {
     // n triangles inscribed in a unit sphere lie at least about 2.4 / n below it on average. (Gruber 1993)
     let sphere = shapes::icosphere(5);
     for n in [4000, 1000, 250] {
@@ -151,7 +151,7 @@ fn an_error_is_kept() {
 }
 
 #[test]
-fn whole_parts_go_only_where_the_topology_may_change() {
+fn whole_parts_are_removed_only_if_the_topology_may_change() {
     let many = shapes::tetrahedra(27);
     let mut with = options(Stop::faces(10));
     let done = removed(&many, &with);
@@ -180,7 +180,7 @@ fn locked_vertices_stay() {
 }
 
 #[test]
-fn what_is_important_keeps_more() {
+fn important_places_keep_more_vertices() {
     let mesh = shapes::icosphere(5);
     let above = |m: &TriMesh| m.positions().view().iter().filter(|p| p[2] > 0.0).count() as f64;
     let factor = |p: [f64; 3]| if p[2] > 0.0 { 4.0 } else { 1.0 };
@@ -217,8 +217,8 @@ fn straight_borders_of_regions_stay() {
 }
 
 #[test]
-fn a_fan_of_many_faces_ends() {
-    // A cone of 20,000 sides: its apex is adjacent to every other vertex.
+fn a_fan_of_many_faces_takes_bounded_time() {
+    // A double cone of 20,000 sides: each apex is adjacent to the whole rim.
     let count = 20_000u32;
     let mut points = vec![[0.0, 0.0, 0.3], [0.0, 0.0, -0.3]];
     points.extend((0..count).map(|i| {
@@ -234,7 +234,7 @@ fn a_fan_of_many_faces_ends() {
 }
 
 #[test]
-fn the_caller_may_end_it() {
+fn a_caller_can_end_a_run() {
     struct AnswerAfter(usize, Verdict);
     impl Control for AnswerAfter {
         fn progress(&mut self, _: f64) -> Verdict {
@@ -248,13 +248,13 @@ fn the_caller_may_end_it() {
         let cancelled = simplify_with(&mesh, &with, &mut AnswerAfter(looks, Verdict::Cancel));
         assert_eq!(cancelled.unwrap_err(), SimplifyError::Cancelled, "{looks}");
     }
-    let done = simplify_with(&mesh, &with, &mut AnswerAfter(70, Verdict::Finish)).expect("what there is");
+    let done = simplify_with(&mesh, &with, &mut AnswerAfter(70, Verdict::Finish)).expect("the result so far");
     assert_eq!(done.report.stopped_by, StoppedBy::Caller);
     assert!(done.report.faces < mesh.face_count());
 }
 
 #[test]
-fn what_it_cannot_do_is_said() {
+fn options_that_the_method_does_not_have_are_refused() {
     let mut with = options(Stop::faces(4));
     with.placement = Placement::Midpoint;
     let error = simplify(&shapes::icosphere(2), &with).unwrap_err();
@@ -265,14 +265,14 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(96))]
 
     #[test]
-    fn soups_end_in_a_sound_mesh(mesh in arbitrary::soup(60, arbitrary::Coordinates::NotFinite), faces in 0..20usize) {
+    fn soups_give_a_sound_mesh(mesh in arbitrary::soup(60, arbitrary::Coordinates::NotFinite), faces in 0..20usize) {
         let options = options(Stop::faces(faces));
         let Ok(done) = run(&mesh, &options).expect("no panic") else { return Ok(()) };
         let wrong = complaints(&mesh, &options, &done);
         prop_assert!(wrong.is_empty(), "{wrong:?}");
     }
     #[test]
-    fn shaken_shapes_keep_their_topology(mesh in arbitrary::perturbed_shape(0.05), ratio in 0.01..0.9f64) {
+    fn perturbed_shapes_keep_their_topology(mesh in arbitrary::perturbed_shape(0.05), ratio in 0.01..0.9f64) {
         let options = options(Stop::ratio(ratio));
         let Ok(done) = run(&mesh, &options).expect("no panic") else { return Ok(()) };
         let mut wrong = complaints(&mesh, &options, &done);

@@ -1,4 +1,5 @@
-//! Promises of `remesh` with voxels: closed, manifold, oriented and close to the input, whatever its state.
+//! Guarantees of `remesh` with voxels: closed, manifold, oriented and close to the input, whatever the state
+//! of the input.
 
 use lodsmith::core::measure::{CompareOptions, compare};
 use lodsmith::core::topology::{Topology, size_of};
@@ -31,7 +32,7 @@ fn soup_of(mesh: &TriMesh) -> TriMesh {
     let view = mesh.positions().view();
     for (i, t) in mesh.triangles().iter().enumerate() {
         let first = positions.len() as u32;
-        // Moved a little, so that no positions are equal.
+        // Slightly moved, so that no positions are equal.
         positions.extend(t.map(|w| view.get(mesh.vertex_of(w)).map(|x| x + 1e-5 * (i % 7) as f64)));
         let [a, b, c] = [first, first + 1, first + 2].map(VertexId);
         faces.push(if i % 3 == 0 { [a, c, b] } else { [a, b, c] });
@@ -40,17 +41,21 @@ fn soup_of(mesh: &TriMesh) -> TriMesh {
 }
 
 #[test]
-fn every_shape_comes_out_closed_and_near() {
+fn every_result_is_closed_and_close() {
     for (name, mesh) in shapes::all() {
         let diagonal = mesh.positions().view().bounds().map_or(0.0, |b| b.diagonal());
         match run(&mesh, &options(Length::OfDiagonal(0.04))) {
             Ok(done) => {
                 assert_closed(&done.mesh, name);
-                let ways =
+                let compared =
                     compare(&mesh.surface(), &done.mesh.surface(), &CompareOptions::default()).unwrap();
                 // Parts may be smaller than a voxel, and few faces cannot represent a shape.
                 if mesh.face_count() > 500 {
-                    assert!(ways.rms.symmetric < 0.04 * 1.74 * diagonal, "{name}: {}", ways.rms.symmetric);
+                    assert!(
+                        compared.rms.symmetric < 0.04 * 1.74 * diagonal,
+                        "{name}: {}",
+                        compared.rms.symmetric
+                    );
                 }
                 assert!(done.mesh.face_count() <= mesh.face_count().max(40), "{name}");
             }
@@ -63,7 +68,7 @@ fn every_shape_comes_out_closed_and_near() {
 }
 
 #[test]
-fn a_sphere_keeps_its_volume_and_a_soup_of_it_closes() {
+fn spheres_keep_their_volume_and_their_soups_are_closed() {
     let sphere = shapes::icosphere(5);
     let voxel = options(Length::Units(0.1));
     let done = run(&sphere, &voxel).unwrap();
@@ -81,7 +86,7 @@ fn a_sphere_keeps_its_volume_and_a_soup_of_it_closes() {
 }
 
 #[test]
-fn holes_close_and_sharp_edges_stay() {
+fn holes_are_closed_and_sharp_edges_kept() {
     // A fine cube with one face missing in the middle of a side.
     let cube = shapes::cube(16);
     let view = cube.positions().view();
@@ -96,7 +101,7 @@ fn holes_close_and_sharp_edges_stay() {
 }
 
 #[test]
-fn a_count_is_reached_and_stays_closed() {
+fn a_count_is_reached_with_a_closed_surface() {
     let torus = shapes::torus(96, 64);
     let mut voxel = options(Length::OfDiagonal(0.02));
     voxel.stop = Stop::faces(600);
@@ -117,7 +122,7 @@ fn the_same_bytes_at_any_number_of_threads() {
 }
 
 #[test]
-fn voxels_too_small_are_an_error_before_memory_is_gone() {
+fn voxels_that_are_too_small_are_an_error_before_memory_runs_out() {
     for mesh in [shapes::icosphere(2), shapes::grid(4)] {
         let got = run(&mesh, &options(Length::OfDiagonal(1e-7)));
         assert!(matches!(got, Err(SimplifyError::BadOption { option: "voxel", .. })), "{got:?}");
@@ -125,7 +130,7 @@ fn voxels_too_small_are_an_error_before_memory_is_gone() {
 }
 
 #[test]
-fn what_it_cannot_honour_is_an_error_and_a_cancel_is_heard() {
+fn unsupported_options_are_errors_and_runs_can_be_cancelled() {
     let sphere = shapes::icosphere(2);
     let locked = vec![true; sphere.vertex_count()];
     let input = Input::new(&sphere).locked(&locked);
@@ -148,7 +153,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
     #[test]
-    fn any_soup_comes_out_closed_or_with_a_reason(soup in arbitrary::soup(16, arbitrary::Coordinates::NotFinite)) {
+    fn any_soup_gives_a_closed_result_or_an_error(soup in arbitrary::soup(16, arbitrary::Coordinates::NotFinite)) {
         match run(&soup, &options(Length::OfDiagonal(0.08))) {
             Ok(done) => {
                 let counts = Topology::unwelded(&done.mesh.surface()).counts();

@@ -1,4 +1,4 @@
-//! Promises that every method makes: one table, checked on every shape.
+//! Guarantees of every method, in one table, checked on every shape.
 
 mod control;
 mod own_options;
@@ -16,7 +16,8 @@ use lodsmith::{
 use proptest::prelude::*;
 
 use crate::support::{
-    CaseFilter, Complaints, Random, bits, bytes, complaints, counts, laden, options_text, places, run, size,
+    CaseFilter, Complaints, Random, attributed, bits, bytes, complaints, counts, options_text, places, run,
+    size,
 };
 
 /// Defects of a mesh that are counted.
@@ -30,7 +31,7 @@ enum Count {
     /// Faces on the same three positions as another, with opposite winding.
     FacesBackToBack,
     ZeroAreaFaces,
-    /// Edges at which two faces lie back to back or nearly, on shapes that have none: flipped faces.
+    /// Edges at which two faces lie back to back or nearly, on shapes that have none of these: flipped faces.
     Folds,
 }
 
@@ -46,14 +47,14 @@ impl Count {
     ];
 }
 
-/// Promises of one method beyond those of all methods.
+/// Guarantees of one method in addition to those of all methods.
 struct Promise {
     method: MethodKind,
-    /// Counts that the method raises by design, with the default topology; the documents say so.
+    /// Counts that the method raises by design, with the default topology; the documentation says so.
     may_rise: &'static [Count],
-    /// Its vertices are vertices of the input with their attributes, sound or not.
+    /// True if its vertices are vertices of the input with their attributes, valid or not.
     is_subset: bool,
-    /// It removes as much as its target asks for, on clean shapes; otherwise only what its rule permits.
+    /// True if it always reaches its target on clean shapes; otherwise it removes only what its rule permits.
     goes_all_the_way: bool,
 }
 
@@ -82,8 +83,7 @@ const PROMISES: [Promise; 10] = [
     Promise { method: MethodKind::VertexRemoval, may_rise: &[], is_subset: true, goes_all_the_way: true },
     Promise { method: MethodKind::Planar, may_rise: &[], is_subset: true, goes_all_the_way: false },
     Promise { method: MethodKind::Unsubdivide, may_rise: &[], is_subset: true, goes_all_the_way: false },
-    // Borders are remeshed with edges of the new length; where a tube is hardly wider than an edge, it can
-    // fold.
+    // Borders are remeshed with edges of the new length; a tube hardly wider than an edge can fold.
     Promise {
         method: MethodKind::Remesh,
         may_rise: &[Count::BorderEdges, Count::Folds],
@@ -95,8 +95,7 @@ const PROMISES: [Promise; 10] = [
 const TOPOLOGIES: [TopologyPolicy; 3] =
     [TopologyPolicy::Relaxed, TopologyPolicy::Preserve, TopologyPolicy::Free];
 
-/// Counts to stop at: half, a tenth, one that is out of reach, vertices, a ratio, one that is met already,
-/// several, none.
+/// Counts to stop at: half, a tenth, out of reach, vertices, a ratio, already met, several, none.
 fn stops(mesh: &TriMesh) -> Vec<Stop> {
     let (faces, vertices) = (mesh.face_count(), mesh.vertex_count());
     vec![
@@ -124,7 +123,7 @@ fn is_refusal(error: &SimplifyError, method: MethodKind) -> bool {
         SimplifyError::NotOfMethod { takers, method: of, .. } => {
             *of == method && !takers.contains(&method) && !takers.is_empty()
         }
-        // A length at which nothing would be left, or more than there was.
+        // A length that would leave nothing, or more than the input has.
         SimplifyError::BadOption { option, .. } => {
             ["cell", "edge-length", "voxel", "subdivisions"].contains(option)
         }
@@ -132,8 +131,8 @@ fn is_refusal(error: &SimplifyError, method: MethodKind) -> bool {
     }
 }
 
-/// Runs and checks all promises. `None` if the method refuses an option that it does not have, or a promise
-/// is broken.
+/// Runs and checks all guarantees. `None` if the method refuses an option that it does not have, or a
+/// guarantee is broken.
 fn tried<'a>(
     all: &mut Complaints,
     name: &str,
@@ -150,7 +149,7 @@ fn tried<'a>(
             all.add(&case, defect_complaints(mesh, options, promise, &done));
             if promise.is_subset && options.weld.is_none() {
                 let strange = places(&done.mesh).difference(&places(mesh)).count();
-                all.check(&case, strange == 0, &format!("{strange} vertices are not of the input"));
+                all.check(&case, strange == 0, &format!("{strange} vertices are not from the input"));
             }
             Some(done)
         }
@@ -180,9 +179,9 @@ fn defect_complaints(
     let mut found = Vec::new();
     let new = defects(&done.mesh.surface());
     let flat = new.degenerate_face_count;
-    found.extend((flat > 0).then(|| format!("{flat} faces with two corners at one place")));
+    found.extend((flat > 0).then(|| format!("{flat} faces with two corners at one position")));
     let twice = new.same_winding_duplicate_count;
-    found.extend((twice > 0).then(|| format!("{twice} faces stand twice, by place")));
+    found.extend((twice > 0).then(|| format!("{twice} duplicate faces, by position")));
     if options.topology == TopologyPolicy::Free {
         return found;
     }
@@ -242,7 +241,7 @@ fn folds(mesh: &TriMesh) -> usize {
 fn each_method_has_its_row() {
     assert_eq!(PROMISES.map(|p| p.method), MethodKind::ALL);
     let names: HashSet<&str> = MethodKind::ALL.iter().map(|m| m.name()).collect();
-    assert_eq!(names.len(), MethodKind::ALL.len(), "each has a word of its own");
+    assert_eq!(names.len(), MethodKind::ALL.len(), "each method has its own name");
 }
 
 #[test]
@@ -260,8 +259,8 @@ fn every_shape_to_every_count() {
                     options.topology = topology;
                     let done = tried(&mut all, name, &mesh, promise, &options);
                     let is_default = topology == TopologyPolicy::default();
-                    let told = done.is_some() || !is_default;
-                    all.check(&case(name, &options), told, "the default topology is refused");
+                    let is_accepted = done.is_some() || !is_default;
+                    all.check(&case(name, &options), is_accepted, "the default topology is refused");
                 }
             }
         }
@@ -308,7 +307,9 @@ fn every_shape_within_an_error() {
             let options = options(promise.method, Stop::error(Length::OfDiagonal(0.01)));
             let Some(done) = tried(&mut all, name, &mesh, promise, &options) else { continue };
             let by = done.report.stopped_by;
-            let text = format!("the error is kept, and yet not reached: {by:?}");
+            let text = format!(
+                "the result is within the error, but the report says that the stop was not reached: {by:?}"
+            );
             all.check(&case(name, &options), done.report.reached, &text);
         }
     }
@@ -316,7 +317,7 @@ fn every_shape_within_an_error() {
 }
 
 #[test]
-fn an_error_of_nothing_and_a_count_together() {
+fn an_error_of_zero_and_a_count_together() {
     let mut all = Complaints::default();
     for promise in PROMISES.iter() {
         let cases = [
@@ -338,11 +339,12 @@ fn an_error_of_nothing_and_a_count_together() {
 }
 
 #[test]
-fn clean_shapes_come_to_the_target_without_folds() {
+fn clean_shapes_reach_the_target_without_folds() {
     let mut all = Complaints::default();
     for promise in PROMISES.iter() {
         for name in ["fine_cube", "icosphere", "blob", "torus", "grid", "wavy_sheet", "cylinder"] {
-            let mesh = shapes::all().into_iter().find(|s| s.0 == name).expect("it is a shape").1;
+            let mesh =
+                shapes::all().into_iter().find(|s| s.0 == name).expect("there is a shape of this name").1;
             for ratio in [0.5, 0.2] {
                 let options = options(promise.method, Stop::ratio(ratio));
                 let Some(done) = tried(&mut all, name, &mesh, promise, &options) else { continue };
@@ -351,7 +353,7 @@ fn clean_shapes_come_to_the_target_without_folds() {
                 if promise.goes_all_the_way {
                     let why = format!("{faces} faces, {:?}: {:?}", report.stopped_by, report.refusals);
                     all.check(&case, report.reached, &why);
-                    // Far below the target would be a waste.
+                    // A result far below the target would waste quality.
                     let enough = 0.5 * ratio * mesh.face_count() as f64;
                     all.check(&case, faces as f64 >= enough, &format!("{faces} faces, far below the target"));
                 }
@@ -383,13 +385,13 @@ fn title(name: &str) -> &str {
 }
 
 #[test]
-fn attributes_come_along_or_are_named() {
+fn attributes_are_kept_or_reported() {
     let mut all = Complaints::default();
     for promise in PROMISES.iter() {
         let mut random = Random(11);
         for (name, plain) in shapes::all() {
             for round in 0..4 {
-                let mesh = laden::laden(&plain, &mut random);
+                let mesh = attributed::with_random_attributes(&plain, &mut random);
                 let stop =
                     random.pick(&[Stop::ratio(0.5), Stop::ratio(0.1), Stop::faces(4), Stop::default()]);
                 let options = options(promise.method, stop);
@@ -404,7 +406,7 @@ fn attributes_come_along_or_are_named() {
 
 fn attribute_complaints(mesh: &TriMesh, promise: &Promise, done: &Simplified) -> Vec<String> {
     let mut found = Vec::new();
-    let (old, new) = (laden::kinds(mesh), laden::kinds(&done.mesh));
+    let (old, new) = (attributed::kinds(mesh), attributed::kinds(&done.mesh));
     let is_in = |all: &[(String, usize, Vec<f32>)], kind: &(String, usize, Vec<f32>)| {
         all.iter().any(|k| (&k.0, k.1) == (&kind.0, kind.1))
     };
@@ -425,7 +427,7 @@ fn attribute_complaints(mesh: &TriMesh, promise: &Promise, done: &Simplified) ->
         let was_finite = own.is_some_and(|v| v.iter().all(|x| x.is_finite()));
         // Named values that are missing in the input are missing in the result.
         let may_miss = !was_finite && name.starts_with("Custom");
-        // A vertex of the input keeps its attributes, sound or not.
+        // A vertex of the input keeps its attributes, valid or not.
         let keeps_some = promise.is_subset || promise.method == MethodKind::Remesh;
         if (was_finite || !keeps_some)
             && let Some(i) = values.iter().position(|x| !(x.is_finite() || x.is_nan() && may_miss))
@@ -441,11 +443,11 @@ fn attribute_complaints(mesh: &TriMesh, promise: &Promise, done: &Simplified) ->
         (Some(was), Some(is)) => {
             let known: HashSet<_> = was.iter().collect();
             if let Some(strange) = is.iter().find(|r| !known.contains(r)) {
-                found.push(format!("{strange:?} is no region of the input"));
+                found.push(format!("{strange:?} is not a region of the input"));
             }
         }
         (Some(_), None) if !done.report.dropped.contains(&"regions") => {
-            found.push("regions are gone without a word".to_owned());
+            found.push("regions are gone, and the report does not say so".to_owned());
         }
         (None, Some(_)) => found.push("regions are new".to_owned()),
         _ => {}
@@ -462,17 +464,17 @@ fn gridded(mesh: &TriMesh, scale: f64, shift: [f64; 3]) -> TriMesh {
 }
 
 #[test]
-fn size_and_place_change_nothing() {
+fn size_and_place_have_no_effect() {
     let mut all = Complaints::default();
     let far = [f64::from(1u32 << 20), -f64::from(1u32 << 22), f64::from(1u32 << 18)];
     let cases = [
         ("tiny", 2f64.powi(-60), [0.0; 3]),
         ("huge", 2f64.powi(60), [0.0; 3]),
         // About 1e-30 and 1e30.
-        ("next to nothing", 2f64.powi(-100), [0.0; 3]),
-        ("beyond the sky", 2f64.powi(100), [0.0; 3]),
-        ("far off", 1.0, far),
-        ("tiny and far off", 2f64.powi(-50), far),
+        ("extremely small", 2f64.powi(-100), [0.0; 3]),
+        ("extremely large", 2f64.powi(100), [0.0; 3]),
+        ("far from the origin", 1.0, far),
+        ("tiny and far from the origin", 2f64.powi(-50), far),
     ];
     for promise in PROMISES.iter() {
         for (name, mesh) in shapes::all() {
@@ -513,7 +515,7 @@ fn size_and_place_change_nothing() {
 }
 
 #[test]
-fn nothing_to_simplify_is_an_error() {
+fn meshes_without_area_are_errors() {
     let mut all = Complaints::default();
     let mesh = |places: Vec<[f64; 3]>, faces: &[[u32; 3]]| {
         let faces = faces.iter().map(|t| t.map(VertexId)).collect();
@@ -523,9 +525,9 @@ fn nothing_to_simplify_is_an_error() {
     let cases = [
         ("no vertex", mesh(Vec::new(), &[])),
         ("no face", mesh(vec![[0.0; 3], [1.0; 3]], &[])),
-        ("one place", mesh(vec![[1.0; 3]; 3], &[[0, 1, 2]])),
+        ("one position", mesh(vec![[1.0; 3]; 3], &[[0, 1, 2]])),
         ("a line", mesh(vec![[0.0; 3], [1.0; 3], [2.0; 3]], &[[0, 1, 2], [2, 1, 0]])),
-        ("no numbers", mesh(vec![[nan; 3], [1.0, nan, 0.0], [2.0, 0.0, nan]], &[[0, 1, 2]])),
+        ("NaN", mesh(vec![[nan; 3], [1.0, nan, 0.0], [2.0, 0.0, nan]], &[[0, 1, 2]])),
         ("infinities", mesh(vec![[f64::INFINITY; 3], [1.0, 0.0, 0.0], [2.0, 1.0, 0.0]], &[[0, 1, 2]])),
     ];
     for promise in PROMISES.iter() {
@@ -545,7 +547,7 @@ fn nothing_to_simplify_is_an_error() {
 
 /// Broken faces among sound ones are left out, and the rest is simplified.
 #[test]
-fn broken_faces_among_sound_ones_go() {
+fn broken_faces_among_sound_ones_are_left_out() {
     let mut all = Complaints::default();
     for promise in PROMISES.iter() {
         let sound = shapes::icosphere(2);
@@ -562,8 +564,8 @@ fn broken_faces_among_sound_ones_go() {
             let Some(done) = tried(&mut all, "a broken sphere", &mesh, promise, &options) else { continue };
             let case = case("a broken sphere", &options);
             let c = &done.report.cleanup;
-            let told = (c.non_finite_faces, c.degenerate_faces) == (2, 1);
-            all.check(&case, told, &format!("mended: {c:?}"));
+            let is_counted = (c.non_finite_faces, c.degenerate_faces) == (2, 1);
+            all.check(&case, is_counted, &format!("repaired: {c:?}"));
             let closed = counts(&done.mesh).is_closed() || promise.may_rise.contains(&Count::BorderEdges);
             all.check(&case, closed, "a closed surface was opened");
         }

@@ -16,7 +16,7 @@ fn apart(reference: &TriMesh, candidate: &TriMesh) -> Comparison {
 }
 
 #[test]
-fn presets_are_what_they_say() {
+fn presets_set_the_documented_options() {
     let stop = Stop::ratio(0.1);
     let of = |preset| SimplifyOptions::preset(preset, stop);
     assert_eq!(of(Preset::Auto), SimplifyOptions::new(stop));
@@ -33,7 +33,7 @@ fn presets_are_what_they_say() {
 }
 
 #[test]
-fn the_normals_of_the_shape_count_and_are_not_carried() {
+fn shape_normals_count_and_are_not_kept() {
     let mesh = shapes::blob(5, 4);
     let stop = Stop::ratio(0.05);
     let plain = run(&mesh, &SimplifyOptions::new(stop));
@@ -42,11 +42,11 @@ fn the_normals_of_the_shape_count_and_are_not_carried() {
     assert!(!shaded.has_attributes() && shaded.vertex_map().is_none());
     assert!(shaded.face_count() <= 1024 && shaded != plain);
     let of_surface = simplify_with(mesh.surface(), &options, &mut NoControl).unwrap().mesh;
-    assert_eq!(of_surface, shaded, "buffers and meshes give the same");
+    assert_eq!(of_surface, shaded, "buffers and meshes give the same result");
     let (near, plain) = (apart(&mesh, &shaded), apart(&mesh, &plain));
     assert!(near.rms.symmetric < 2.0 * plain.rms.symmetric);
 
-    // The mesh keeps normals of its own.
+    // The mesh keeps its own normals.
     let mut own = mesh.clone();
     own.set_normals(Some(vec![[0.0, 0.0, 1.0]; mesh.wedge_count()])).unwrap();
     let got = run(&own, &options);
@@ -61,13 +61,13 @@ fn the_normals_of_the_shape_count_and_are_not_carried() {
 }
 
 #[test]
-fn borders_count_as_much_as_they_are_told() {
+fn borders_count_by_their_weight() {
     let mesh = shapes::wavy_sheet(24);
-    // Total distance by which the sides of the square receded.
+    // Total distance by which the sides of the square recede.
     let off = |weight: f64| {
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
         options.weights.border = weight;
-        // (The fit holds borders by a weight of its own.)
+        // (The fit has its own weight for borders.)
         options.fit = Fit::Off;
         let got = run(&mesh, &options).positions().view().bounds().unwrap();
         let is = mesh.positions().view().bounds().unwrap();

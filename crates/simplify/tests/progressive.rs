@@ -1,4 +1,4 @@
-//! Progressive meshes: both directions, to the bit.
+//! Progressive meshes: exact in both directions.
 
 use std::collections::HashSet;
 use std::ops::Range;
@@ -10,7 +10,7 @@ use lodsmith::{
     SimplifyError, SimplifyOptions, Stage, Stop, TopologyPolicy, Verdict, simplify,
 };
 
-use crate::support::laden::laden;
+use crate::support::attributed::with_random_attributes;
 use crate::support::{self, CaseFilter, Complaints, Random, bits, bytes, counts};
 
 const METHODS: [MethodKind; 5] = [
@@ -35,7 +35,7 @@ fn is_same(a: &TriMesh, b: &TriMesh) -> bool {
     bytes(a) == bytes(b) && a.vertex_map().is_some() == b.vertex_map().is_some()
 }
 
-/// Goes down and up one level at a time: complains if a level differs from before, or is no sound mesh.
+/// Goes down and up one level at a time. Complains if a level differs from before, or is not a sound mesh.
 fn walk<'a>(input: impl Into<Input<'a>>, options: &SimplifyOptions) -> Vec<String> {
     let input = input.into();
     let mesh = input.mesh().unwrap();
@@ -71,7 +71,7 @@ fn walk<'a>(input: impl Into<Input<'a>>, options: &SimplifyOptions) -> Vec<Strin
             != (progressive.face_count(), progressive.vertex_count())
             && is_mended
         {
-            wrong.push(format!("level {number} has other counts than it says"));
+            wrong.push(format!("level {number} has wrong counts"));
         }
         levels.push(bytes(&level));
         if progressive.level() == 0 {
@@ -81,7 +81,7 @@ fn walk<'a>(input: impl Into<Input<'a>>, options: &SimplifyOptions) -> Vec<Strin
     }
     for (number, level) in levels.iter().rev().enumerate() {
         if bytes(&progressive.mesh().unwrap()) != *level {
-            wrong.push(format!("level {number} is not the same upwards"));
+            wrong.push(format!("level {number} is different on the way up"));
         }
         progressive.refine(1);
     }
@@ -90,7 +90,7 @@ fn walk<'a>(input: impl Into<Input<'a>>, options: &SimplifyOptions) -> Vec<Strin
 }
 
 #[test]
-fn every_shape_goes_both_ways() {
+fn every_shape_is_exact_in_both_directions() {
     let mut complaints = Complaints::default();
     for (name, mesh) in shapes::all() {
         complaints.add(name, walk(&mesh, &SimplifyOptions::default()));
@@ -99,7 +99,7 @@ fn every_shape_goes_both_ways() {
 }
 
 #[test]
-fn every_method_goes_both_ways() {
+fn every_method_is_exact_in_both_directions() {
     let mut complaints = Complaints::default();
     let mut cases = CaseFilter::every(4);
     for method in METHODS {
@@ -117,7 +117,7 @@ fn every_method_goes_both_ways() {
 }
 
 #[test]
-fn pairs_and_cuts_go_both_ways() {
+fn pairs_and_cuts_are_exact_in_both_directions() {
     let mut complaints = Complaints::default();
     let mut options = SimplifyOptions::default();
     let pairs = Some(Length::OfDiagonal(0.3));
@@ -134,7 +134,7 @@ fn pairs_and_cuts_go_both_ways() {
             }
         }
     }
-    // A torus has to be cut to get to four faces.
+    // A torus has to be cut to reach four faces.
     let torus = shapes::torus(14, 8);
     for placement in [Placement::Optimal, Placement::Endpoint] {
         let options = with(|o| (o.placement, o.topology) = (placement, TopologyPolicy::Free));
@@ -147,7 +147,7 @@ fn pairs_and_cuts_go_both_ways() {
 
 /// Meshes with attributes, seams, regions, locks, unused and duplicate elements, in both precisions.
 #[test]
-fn laden_meshes_go_both_ways() {
+fn meshes_with_attributes_are_exact_in_both_directions() {
     let mut complaints = Complaints::default();
     let mut random = Random(0x5eed_0016);
     for round in 0..support::size(120, 30) {
@@ -156,7 +156,7 @@ fn laden_meshes_go_both_ways() {
         if plain.face_count() > 400 {
             continue;
         }
-        let mesh = laden(plain, &mut random);
+        let mesh = with_random_attributes(plain, &mut random);
         let mut options = SimplifyOptions::default();
         options.method = random.pick(&METHODS).into();
         options.topology =
@@ -187,7 +187,7 @@ fn laden_meshes_go_both_ways() {
 
 /// Defects of the input are restored: duplicate and degenerate faces, unused vertices, NaN.
 #[test]
-fn broken_input_comes_back() {
+fn broken_input_is_restored() {
     let sphere = shapes::icosphere(2);
     let Positions::F32(mut points) = sphere.positions().clone() else { panic!("shapes are single") };
     let mut faces = sphere.surface().triangles().to_vec();
@@ -210,11 +210,13 @@ fn broken_input_comes_back() {
 }
 
 #[test]
-fn a_thousand_jumps_find_what_steps_find() {
+fn jumps_and_steps_lead_to_the_same_levels() {
     let mut random = Random(16);
-    for mesh in
-        [shapes::blob(3, 5), support::charts::two_charts(8), laden(&shapes::torus(16, 10), &mut random)]
-    {
+    for mesh in [
+        shapes::blob(3, 5),
+        support::charts::two_charts(8),
+        with_random_attributes(&shapes::torus(16, 10), &mut random),
+    ] {
         let mut progressive = built(&mesh, &SimplifyOptions::default());
         let all: Vec<_> = (0..progressive.levels())
             .map(|level| {
@@ -232,9 +234,9 @@ fn a_thousand_jumps_find_what_steps_find() {
     }
 }
 
-/// Buffers patched by the changed ranges alone equal those of the progressive mesh.
+/// Buffers that are updated only in the changed ranges equal the buffers of the progressive mesh.
 #[test]
-fn changed_ranges_are_enough() {
+fn changed_ranges_are_complete() {
     fn patch<T: Copy>(own: &mut Vec<T>, now: &[T], ranges: &[Range<usize>], stride: usize) {
         if own.is_empty() {
             own.extend_from_slice(now);
@@ -244,7 +246,7 @@ fn changed_ranges_are_enough() {
         }
     }
     let mut random = Random(61);
-    for mesh in [shapes::blob(4, 9), laden(&shapes::torus(24, 14), &mut random)] {
+    for mesh in [shapes::blob(4, 9), with_random_attributes(&shapes::torus(24, 14), &mut random)] {
         let mut progressive = built(&mesh, &SimplifyOptions::default());
         let (mut faces, mut map, mut values, mut places) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let width = progressive.layout().width();
@@ -287,7 +289,7 @@ fn changed_ranges_are_enough() {
             let touched: usize = changed.faces.iter().map(Range::len).sum();
             is_less |= touched > 0 && touched < progressive.face_count();
         }
-        assert!(is_less || mesh.face_count() < 512, "every move changed everything");
+        assert!(is_less || mesh.face_count() < 512, "every change of level changed everything");
     }
 }
 
@@ -311,7 +313,7 @@ fn counts_and_errors_lead_to_levels() {
         assert!(progressive.error() <= last, "the error rises at {level}");
         last = progressive.error();
     }
-    assert_eq!(last, 0.0, "the full mesh is what it is");
+    assert_eq!(last, 0.0, "the full mesh has no error");
     for share in [0.0, 1e-4, 1e-3, 1e-2, 10.0] {
         let limit = share * 2.0;
         progressive.to_error(limit);
@@ -323,9 +325,9 @@ fn counts_and_errors_lead_to_levels() {
     }
 }
 
-/// Fault A16: the level of an estimate can have a largest distance ten times as large.
+/// Fault A16: a level chosen by its estimate can have a largest distance ten times as large.
 #[test]
-fn a_level_of_a_deviation_keeps_it() {
+fn levels_by_deviation_are_within_it() {
     let mesh = shapes::blob(4, 2);
     let progressive = built(&mesh, &SimplifyOptions::default());
     let mut faces = usize::MAX;
@@ -355,7 +357,7 @@ fn a_level_of_a_deviation_keeps_it() {
 
 /// Compares the estimate of a level with the measured distance, and levels with single runs.
 #[test]
-fn levels_are_as_near_as_single_runs() {
+fn levels_are_as_close_as_single_runs() {
     for (name, mesh) in [("blob", shapes::blob(5, 1)), ("torus", shapes::torus(80, 40))] {
         let reference = Prepared::new(&mesh.surface()).unwrap();
         let rms = |m: &TriMesh| {
@@ -372,14 +374,14 @@ fn levels_are_as_near_as_single_runs() {
             let estimate = progressive.error() / fitted;
             assert!(
                 (0.4..2.5).contains(&estimate),
-                "{name} at {share}: estimate {estimate} of what is measured"
+                "{name} at {share}: the estimate is {estimate} times the measured distance"
             );
         }
     }
 }
 
 #[test]
-fn a_fit_leaves_the_road_alone() {
+fn a_fit_does_not_change_the_splits() {
     let mesh = shapes::blob(4, 3);
     let mut progressive = built(&mesh, &SimplifyOptions::default());
     progressive.to_faces(300);
@@ -398,7 +400,7 @@ fn a_fit_leaves_the_road_alone() {
 /// Corrections of values, as a file may have them: complete at their checkpoint, and normals stay of unit
 /// length.
 #[test]
-fn values_are_corrected_too() {
+fn the_fit_corrects_values_too() {
     let mut mesh = shapes::blob(3, 3);
     let normals = mesh.positions().view().iter().map(|_| [0.0, 0.0, 1.0]).collect();
     mesh.set_normals(Some(normals)).unwrap();
@@ -421,7 +423,7 @@ fn values_are_corrected_too() {
 #[test]
 fn locked_vertices_stay_at_all_levels() {
     let mut random = Random(5);
-    let mesh = laden(&shapes::torus(20, 12), &mut random);
+    let mesh = with_random_attributes(&shapes::torus(20, 12), &mut random);
     let locked: Vec<bool> = (0..mesh.vertex_count()).map(|_| random.below(6) == 0).collect();
     let input = Input::new(&mesh).locked(&locked);
     let mut progressive = Progressive::build(input, &SimplifyOptions::default(), &mut NoControl).unwrap();
@@ -440,7 +442,7 @@ fn locked_vertices_stay_at_all_levels() {
 }
 
 #[test]
-fn stops_bound_the_road() {
+fn stops_determine_the_base() {
     let mesh = shapes::blob(4, 4);
     let at = |stop: Stop| built(&mesh, &SimplifyOptions::new(stop)).splits().counts[0];
     let faces = at(Stop::faces(500)).faces;
@@ -464,7 +466,7 @@ fn stops_bound_the_road() {
 }
 
 #[test]
-fn a_road_of_splits_is_the_same_road() {
+fn splits_give_the_same_progressive_mesh() {
     let mesh = support::charts::two_charts(10);
     let mut progressive = built(&mesh, &SimplifyOptions::default());
     let mut again = Progressive::new(Splits::new(progressive.splits().clone().into_data()).unwrap());
@@ -480,7 +482,8 @@ fn a_road_of_splits_is_the_same_road() {
     let mut cut = cut;
     cut.to_level(cut.top());
     assert!(is_same(&cut.mesh().unwrap(), &mesh));
-    // Without the numbers of the original the order is that of birth; all else is equal.
+    // Without the numbers of the original, elements are in the order in which they become live; everything
+    // else is equal.
     let mut data = progressive.into_splits().into_data();
     data.original = None;
     let bare = Progressive::new(Splits::new(data).unwrap());
@@ -490,7 +493,7 @@ fn a_road_of_splits_is_the_same_road() {
 #[test]
 fn equal_runs_record_equal_splits() {
     let mut random = Random(77);
-    let mesh = laden(&shapes::noisy_sphere(3, 0.02, 1), &mut random);
+    let mesh = with_random_attributes(&shapes::noisy_sphere(3, 0.02, 1), &mut random);
     let [a, b] = [0, 1].map(|_| built(&mesh, &SimplifyOptions::default()).into_splits());
     assert_eq!(format!("{a:?}"), format!("{b:?}"));
 }
@@ -508,7 +511,7 @@ impl Control for AnswerAfter {
 }
 
 #[test]
-fn a_caller_may_end_it() {
+fn a_caller_can_end_the_build() {
     let mesh = shapes::blob(4, 6);
     for n in [1, 2, 5, 9] {
         let cancelled =
@@ -522,7 +525,7 @@ fn a_caller_may_end_it() {
 }
 
 #[test]
-fn what_has_no_road_is_said() {
+fn methods_that_cannot_be_recorded_are_refused() {
     let mesh = shapes::icosphere(2);
     for method in MethodKind::ALL.into_iter().filter(|m| !METHODS.contains(m)) {
         let options = with(|o| o.method = method.into());
@@ -537,9 +540,9 @@ fn what_has_no_road_is_said() {
     assert!(matches!(refused, Err(SimplifyError::NoFaces { faces: 0 })));
 }
 
-/// Splits with randomly changed numbers are refused, or replayed without a panic.
+/// Splits with randomly changed numbers are rejected, or replayed without a panic.
 #[test]
-fn spoiled_splits_are_refused_or_walked() {
+fn damaged_splits_are_rejected_or_replayed() {
     let mesh = support::charts::two_charts(6);
     let good = built(&mesh, &SimplifyOptions::default()).into_splits();
     let mut random = Random(99);

@@ -17,7 +17,7 @@ fn off(mesh: &TriMesh, other: &TriMesh) -> f64 {
 }
 
 #[test]
-fn values_of_levels_are_as_near_as_those_of_single_runs() {
+fn values_of_levels_are_as_close_as_in_single_runs() {
     let mut mesh = shapes::blob(5, 3);
     let bent = |p: [f64; 3]| [(2.0 * p[0]).sin() as f32, (p[1] * p[2]) as f32];
     let uvs = wedges(&mesh).map(|w| bent(place(&mesh, w))).collect();
@@ -36,7 +36,7 @@ fn values_of_levels_are_as_near_as_those_of_single_runs() {
     assert_eq!(progressive.fitted_mesh().unwrap(), mesh);
 }
 
-/// Returns the number of wedges whose values differ from those of the first wedge of their vertex.
+/// Returns the number of wedges whose values differ from the values of the first wedge of their vertex.
 fn apart(mesh: &TriMesh, semantic: &Semantic) -> usize {
     let found = mesh.further_attributes().iter().find(|a| a.semantic == *semantic).unwrap();
     let mut first: Vec<Option<WedgeId>> = vec![None; mesh.vertex_count()];
@@ -50,7 +50,7 @@ fn apart(mesh: &TriMesh, semantic: &Semantic) -> usize {
 }
 
 #[test]
-fn no_level_tears_at_a_seam_when_it_moves() {
+fn no_level_tears_at_a_seam_when_displaced() {
     let wave = |p: [f64; 3]| (0.5 + 0.5 * (9.0 * p[0] + 5.0 * p[1]).sin()) as f32;
     let morph = Semantic::Morph { target: 0, of: Morphed::Position };
     let mut mesh = two_charts(24);
@@ -84,14 +84,14 @@ fn no_level_tears_at_a_seam_when_it_moves() {
             }
         }
     }
-    assert!(seams > 1000, "the seam is there");
+    assert!(seams > 1000, "there are wedges on seams");
     progressive.to_level(progressive.top());
     assert_eq!(progressive.mesh().unwrap(), mesh);
 }
 
 #[test]
 fn a_mesh_without_values_may_have_normals_in_the_cost() {
-    // Its normals are the engine's own. (Found by fuzzing: it was a panic.)
+    // The engine computes its normals. (Found by fuzzing: this panicked.)
     let mesh = shapes::blob(3, 1);
     let mut options = SimplifyOptions::default();
     options.shape_normals = true;

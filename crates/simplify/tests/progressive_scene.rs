@@ -1,4 +1,4 @@
-//! Progressive scenes: several meshes that change level under one threshold.
+//! Progressive scenes: several meshes that change level with a common threshold.
 
 use lodsmith::core::{Positions, TriMesh, shapes};
 use lodsmith::{
@@ -6,7 +6,7 @@ use lodsmith::{
     Stop, Verdict, simplify_scene,
 };
 
-use crate::support::laden::laden;
+use crate::support::attributed::with_random_attributes;
 use crate::support::{Random, bytes};
 
 fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
@@ -26,9 +26,14 @@ fn nothing() -> TriMesh {
 }
 
 #[test]
-fn each_mesh_comes_back_to_the_bit() {
+fn each_mesh_is_restored_to_the_bit() {
     let mut random = Random(11);
-    let meshes = [laden(&shapes::torus(20, 12), &mut random), shapes::blob(3, 1), nothing(), shapes::grid(9)];
+    let meshes = [
+        with_random_attributes(&shapes::torus(20, 12), &mut random),
+        shapes::blob(3, 1),
+        nothing(),
+        shapes::grid(9),
+    ];
     let times = [2, 1, 1, 0];
     let parts: Vec<_> = meshes.iter().zip(times).map(|(m, n)| part(m, n, 1.0 + n as f64)).collect();
     let mut scene = built(&parts, &SimplifyOptions::default());
@@ -42,7 +47,7 @@ fn each_mesh_comes_back_to_the_bit() {
 }
 
 #[test]
-fn a_level_is_the_same_from_everywhere() {
+fn a_level_does_not_depend_on_the_path() {
     let meshes = [shapes::blob(3, 7), shapes::torus(24, 12), shapes::grid(12)];
     let parts: Vec<_> = meshes.iter().map(|m| part(m, 1, 1.0)).collect();
     let start = built(&parts, &SimplifyOptions::default());
@@ -56,7 +61,7 @@ fn a_level_is_the_same_from_everywhere() {
         assert_eq!(one.level(), level);
         assert_eq!(levels(&one), levels(&direct), "{level}");
         let sum: usize = one.meshes().iter().map(Progressive::level).sum();
-        assert_eq!(sum, level, "each split is of one mesh");
+        assert_eq!(sum, level, "each split belongs to one mesh");
     }
     // A clone changes level independently.
     let mut alone = one.meshes()[0].clone();
@@ -66,7 +71,7 @@ fn a_level_is_the_same_from_everywhere() {
 }
 
 #[test]
-fn counts_are_of_all_instances_and_honoured() {
+fn counts_include_all_instances_and_are_met() {
     let (ball, ring) = (shapes::blob(3, 2), shapes::torus(24, 16));
     let mut scene = built(&[part(&ball, 1, 1.0), part(&ring, 5, 0.5)], &SimplifyOptions::default());
     let placed = |scene: &ProgressiveScene, of: fn(&TriMesh) -> usize| {
@@ -106,9 +111,9 @@ fn counts_are_of_all_instances_and_honoured() {
     }
 }
 
-/// A mesh that is larger in the scene gets as many more triangles as in one run over the scene.
+/// A mesh that is larger in the scene gets the same share of the triangles as in a run on the scene.
 #[test]
-fn triangles_go_where_a_run_over_the_scene_leaves_them() {
+fn triangles_are_distributed_as_in_a_run_on_the_scene() {
     let (flat, small, large) = (shapes::grid(24), shapes::blob(4, 1), shapes::blob(4, 8));
     let parts = [part(&flat, 1, 1.0), part(&small, 1, 0.25), part(&large, 1, 1.0)];
     for method in [
@@ -134,7 +139,7 @@ fn triangles_go_where_a_run_over_the_scene_leaves_them() {
 }
 
 #[test]
-fn stops_bound_the_scene() {
+fn stops_determine_the_base_of_the_scene() {
     let meshes = [shapes::blob(3, 7), shapes::torus(24, 12)];
     let parts: Vec<_> = meshes.iter().map(|m| part(m, 1, 1.0)).collect();
     let whole = built(&parts, &SimplifyOptions::default());
@@ -166,7 +171,7 @@ impl Control for Never {
 }
 
 #[test]
-fn what_cannot_be_is_said() {
+fn invalid_options_are_errors() {
     let (mesh, empty) = (shapes::blob(2, 1), nothing());
     let parts = [part(&mesh, 1, 1.0), part(&mesh, 1, 1.0)];
     let why = |set: &dyn Fn(&mut SimplifyOptions)| {
@@ -190,7 +195,7 @@ fn what_cannot_be_is_said() {
 }
 
 #[test]
-fn locks_are_those_of_each_mesh() {
+fn each_mesh_has_its_own_locks() {
     let (a, b) = (shapes::blob(3, 1), shapes::blob(3, 2));
     let mut parts = [part(&a, 1, 1.0), part(&b, 1, 1.0)];
     let locked = vec![true; b.vertex_count()];
@@ -201,11 +206,11 @@ fn locks_are_those_of_each_mesh() {
     assert!(scene.meshes()[0].face_count() * 4 < a.face_count());
 }
 
-/// The buffers are those of the fitted mesh, in another numbering.
+/// The buffers contain the fitted mesh, in another numbering.
 #[test]
-fn buffers_hold_the_fitted_mesh() {
+fn buffers_contain_the_fitted_mesh() {
     let mut random = Random(23);
-    for mesh in [shapes::blob(3, 4), laden(&shapes::torus(24, 12), &mut random)] {
+    for mesh in [shapes::blob(3, 4), with_random_attributes(&shapes::torus(24, 12), &mut random)] {
         let mut progressive = Progressive::build(&mesh, &SimplifyOptions::default(), &mut NoControl).unwrap();
         for n in [50, 200, 333, usize::MAX] {
             progressive.to_faces(n);

@@ -1,4 +1,4 @@
-//! Laws that hold for every mesh.
+//! Properties that hold for every mesh.
 
 use lodsmith::core::arbitrary::{Coordinates, perturbed_shape, soup};
 use lodsmith::core::measure::{CompareOptions, compare};
@@ -9,8 +9,10 @@ use lodsmith::{
 };
 use proptest::prelude::*;
 
-use crate::support::laden::{attribute_complaints, laden, laden_options, locked_complaints};
-use crate::support::untied::{moved, reordered, untied};
+use crate::support::attributed::{
+    attribute_complaints, locked_complaints, with_random_attributes, with_rare_options,
+};
+use crate::support::without_ties::{moved, reordered, shapes_without_ties};
 use crate::support::{self, Random, bytes, complaints, options_text, run, size};
 
 /// Random faces; in two of three cases with attributes.
@@ -25,11 +27,11 @@ fn any_mesh() -> impl Strategy<Value = TriMesh> {
         1 => perturbed_shape(0.5),
     ];
     (plain, any::<u64>()).prop_map(|(mesh, seed)| {
-        if seed.is_multiple_of(3) { mesh } else { laden(&mesh, &mut Random(seed | 1)) }
+        if seed.is_multiple_of(3) { mesh } else { with_random_attributes(&mesh, &mut Random(seed | 1)) }
     })
 }
 
-/// Random options without an error stop, which would measure.
+/// Random options without an error stop, which would be slow.
 fn random_options(seed: u64) -> SimplifyOptions {
     let mut random = Random(seed | 1);
     for _ in 0..4 {
@@ -62,10 +64,10 @@ fn random_options(seed: u64) -> SimplifyOptions {
 
 /// Random options, and all rare ones.
 fn any_options(seed: u64, mesh: &TriMesh) -> (SimplifyOptions, OwnedMeshData) {
-    laden_options(random_options(seed), &mut Random(seed.rotate_left(32) | 1), mesh.vertex_count())
+    with_rare_options(random_options(seed), &mut Random(seed.rotate_left(32) | 1), mesh.vertex_count())
 }
 
-/// Returns what is wrong with a run; a mesh without faces is not wrong.
+/// Returns what is wrong with a run; an error about a mesh without faces is not wrong.
 fn wrongs<'a>(input: impl Into<Input<'a>>, options: &SimplifyOptions) -> Vec<String> {
     let input = input.into();
     let mesh = input.mesh().unwrap();
@@ -80,7 +82,7 @@ fn wrongs<'a>(input: impl Into<Input<'a>>, options: &SimplifyOptions) -> Vec<Str
             }
             match run(&input, options) {
                 Ok(Ok(again)) if bytes(&again.mesh) == bytes(&done.mesh) && again.report == done.report => {}
-                _ => found.push("another result when run again".to_owned()),
+                _ => found.push("a second run gives another result".to_owned()),
             }
             found
         }
@@ -115,9 +117,9 @@ proptest! {
     }
 }
 
-/// Small soups of everything that files should not contain: repeated, flipped and degenerate faces, fans on
+/// Small soups of things that files should not contain: repeated, flipped and degenerate faces, many faces on
 /// an edge.
-fn nasty(seed: u64) -> TriMesh {
+fn soup_with_many_defects(seed: u64) -> TriMesh {
     let mut random = Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
     random.below(2);
     let count = 4 + random.below(14);
@@ -172,13 +174,13 @@ fn nasty(seed: u64) -> TriMesh {
 }
 
 #[test]
-fn nasty_soups_give_sound_results() {
+fn soups_with_many_defects_give_sound_results() {
     let mut all = support::Complaints::default();
     for seed in 0..size(1500, 400) {
-        let (mut mesh, mut options) = (nasty(seed), random_options(seed ^ 0xABCD_EF01_2345));
+        let (mut mesh, mut options) = (soup_with_many_defects(seed), random_options(seed ^ 0xABCD_EF01_2345));
         let mut data = OwnedMeshData::default();
         if seed.is_multiple_of(2) {
-            mesh = laden(&mesh, &mut Random(seed | 1));
+            mesh = with_random_attributes(&mesh, &mut Random(seed | 1));
             (options, data) = any_options(seed ^ 0xABCD_EF01_2345, &mesh);
         }
         let found = wrongs(Input::new(&mesh).with(data.view()), &options);
@@ -187,14 +189,14 @@ fn nasty_soups_give_sound_results() {
     all.report_all();
 }
 
-/// The topology policies keep their promises for soups as well.
+/// The topology policies keep their guarantees for soups as well.
 #[test]
-fn soups_keep_what_the_topology_policy_promises() {
+fn soups_keep_the_guarantees_of_the_topology_policy() {
     let mut all = support::Complaints::default();
     let mut checked = 0;
     let seeds = size(1500, 400);
     for seed in 0..seeds {
-        let mesh = nasty(seed);
+        let mesh = soup_with_many_defects(seed);
         let mut options = random_options(seed ^ 0x1234_5678);
         options.weld = None;
         let Ok(Ok(done)) = run(&mesh, &options) else { continue };
@@ -225,7 +227,7 @@ fn apart(a: &TriMesh, b: &TriMesh) -> (f64, f64) {
 
 #[test]
 fn a_power_of_two_scales_the_result_exactly() {
-    for (name, mesh) in untied() {
+    for (name, mesh) in shapes_without_ties() {
         let base = light(&moved(&mesh, |p| p), 0.2);
         for scale in [-60, -20, 30, 90].map(|e| 2f64.powi(e)) {
             let scaled = light(&moved(&mesh, |p| p.map(|x| x * scale)), 0.2);
@@ -236,8 +238,8 @@ fn a_power_of_two_scales_the_result_exactly() {
 }
 
 #[test]
-fn scale_and_place_do_not_matter() {
-    for (name, mesh) in untied() {
+fn scale_and_place_have_no_effect() {
+    for (name, mesh) in shapes_without_ties() {
         let base = light(&moved(&mesh, |p| p), 0.2);
         for scale in [1e-6, 1e6] {
             let scaled = light(&moved(&mesh, |p| p.map(|x| x * scale)), 0.2);
@@ -246,7 +248,7 @@ fn scale_and_place_do_not_matter() {
             let (worst, _) = apart(&base, &back);
             assert!(worst < 1e-4, "{name} times {scale}: {worst} of the diagonal apart");
         }
-        // Map coordinates in metres: the last bit of a double is worth 5e-10 there.
+        // Map coordinates in metres, where the last bit of a double is 5e-10.
         let utm = [500_000.0, 4_000_000.0, 100.0];
         let far = light(&moved(&mesh, |p| [0, 1, 2].map(|k| p[k] + utm[k])), 0.2);
         let back = moved(&far, |p| [0, 1, 2].map(|k| p[k] - utm[k]));
@@ -257,8 +259,8 @@ fn scale_and_place_do_not_matter() {
 }
 
 #[test]
-fn the_order_in_the_file_matters_little() {
-    for (name, mesh) in untied() {
+fn the_order_in_the_file_has_little_effect() {
+    for (name, mesh) in shapes_without_ties() {
         let (_, error) = apart(&mesh, &light(&mesh, 0.15));
         for seed in 1..4 {
             let other = reordered(&mesh, seed);
@@ -275,7 +277,7 @@ fn the_order_in_the_file_matters_little() {
 
 #[test]
 fn two_copies_share_the_faces_evenly() {
-    for (name, mesh) in untied() {
+    for (name, mesh) in shapes_without_ties() {
         let count = mesh.vertex_count() as u32;
         let single = moved(&mesh, |p| p);
         let mut points: Vec<[f64; 3]> = single.positions().view().iter().collect();
@@ -291,7 +293,7 @@ fn two_copies_share_the_faces_evenly() {
         assert!(all <= (0.2 * both.face_count() as f64).round() as usize);
         let share = left as f64 / all as f64;
         assert!((0.47..0.53).contains(&share), "{name}: {left} of {all} faces lie in the first copy");
-        // No worse than one copy alone.
+        // The result is not worse than for one copy alone.
         let (_, alone) = apart(&single, &light(&single, 0.2));
         let half = |x: fn(&TriMesh) -> TriMesh| x(&result);
         let left_half = half(|m| {
@@ -300,20 +302,20 @@ fn two_copies_share_the_faces_evenly() {
             TriMesh::new(m.positions().clone(), keep).unwrap()
         });
         let (_, together) = apart(&single, &left_half);
-        assert!(together < alone * 1.2, "{name}: rms {together} beside a copy, {alone} alone");
+        assert!(together < alone * 1.2, "{name}: rms {together} with a copy, {alone} alone");
     }
 }
 
 #[test]
 fn a_finer_target_is_closer() {
-    for (name, mesh) in untied() {
+    for (name, mesh) in shapes_without_ties() {
         let errors = [0.5, 0.25, 0.1, 0.04].map(|share| apart(&mesh, &light(&mesh, share)).1);
         assert!(errors.is_sorted(), "{name}: {errors:?}");
     }
 }
 
 #[test]
-fn what_is_light_enough_stays_as_it_is() {
+fn meshes_that_are_light_enough_are_unchanged() {
     for (name, mesh) in shapes::all() {
         let first = light(&mesh, 0.5);
         let mut options = SimplifyOptions::new(Stop::faces(first.face_count()));

@@ -12,7 +12,7 @@ fn run(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
     simplify(mesh, options).unwrap()
 }
 
-/// Options that keep a run from its target, alone and together.
+/// Options that prevent a run from reaching its target, alone and together.
 fn strict() -> Vec<SimplifyOptions> {
     let none = Guards::default();
     let guards = [
@@ -48,7 +48,7 @@ fn strict() -> Vec<SimplifyOptions> {
 }
 
 #[test]
-fn what_is_proposed_goes_further() {
+fn proposed_changes_lead_further() {
     let mut all = Complaints::default();
     let (mut followed, mut in_vain) = (0, 0);
     for (name, mesh) in shapes::all() {
@@ -57,12 +57,12 @@ fn what_is_proposed_goes_further() {
             let case = format!("{name}, {}", options_text(&options));
             for proposal in &done.report.proposals {
                 followed += 1;
-                all.check(&case, !done.report.reached && proposal.gain > 0, "proposed without need");
+                all.check(&case, !done.report.reached && proposal.gain > 0, "a proposal without need");
                 let changed = proposal.changes.iter().fold(options.clone(), |o, c| c.apply(&o));
                 all.check(&case, changed != options, "nothing is changed");
                 let further = run(&mesh, &changed);
                 let (before, after) = (done.report.faces, further.report.faces);
-                // A run with the change starts anew and may get stuck elsewhere; hardly any does.
+                // A run with the change starts again and may get stuck elsewhere; hardly any does.
                 all.check(
                     &case,
                     after <= before,
@@ -73,12 +73,12 @@ fn what_is_proposed_goes_further() {
         }
     }
     assert!(followed > 100, "{followed} proposals were followed");
-    assert!(50 * in_vain < followed, "{in_vain} of {followed} proposals led nowhere");
+    assert!(50 * in_vain < followed, "{in_vain} of {followed} proposals had no effect");
     all.report_all();
 }
 
 #[test]
-fn what_stands_in_the_way_is_named() {
+fn proposals_name_what_blocks_the_target() {
     let (blob, torus) = (shapes::blob(4, 1), shapes::torus(24, 16));
     let asked = |mesh: &TriMesh, change: &dyn Fn(&mut SimplifyOptions)| {
         let mut options = SimplifyOptions::new(Stop::faces(2));
@@ -89,7 +89,7 @@ fn what_stands_in_the_way_is_named() {
     let ask = |change: &dyn Fn(&mut SimplifyOptions)| asked(&blob, change);
     assert_eq!(ask(&|o| o.guards.min_quality = Some(0.95)), [[Change::MinQuality]]);
     assert_eq!(ask(&|o| o.guards.max_valence = Some(6)), [[Change::MaxValence]]);
-    // Each of these two alone changes little.
+    // Each of these two alone has little effect.
     let both =
         Guards { min_quality: Some(0.95), max_edge: Some(Length::OfDiagonal(0.02)), ..Guards::default() };
     assert_eq!(ask(&|o| o.guards = both), [[Change::MinQuality, Change::MaxEdge]]);

@@ -13,8 +13,8 @@ fn run(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
     simplify(mesh, options).unwrap()
 }
 
-/// Joins several meshes in one, each moved along x.
-fn beside(meshes: &[(&TriMesh, f64, f64)]) -> TriMesh {
+/// Joins several meshes in one, each scaled and moved along x.
+fn side_by_side(meshes: &[(&TriMesh, f64, f64)]) -> TriMesh {
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     for (mesh, scale, x) in meshes {
         let first = positions.len() as u32;
@@ -33,7 +33,7 @@ fn free(stop: Stop) -> SimplifyOptions {
 }
 
 #[test]
-fn a_ring_is_cut_where_its_target_needs_it() {
+fn a_ring_is_cut_if_its_target_requires_it() {
     let torus = shapes::torus(32, 12);
     let mut cut_relaxed = 0;
     for method in [MethodKind::Memoryless, MethodKind::Quadric] {
@@ -42,15 +42,15 @@ fn a_ring_is_cut_where_its_target_needs_it() {
             (options.method, options.placement) = (method.into(), placement);
             let done = run(&torus, &options);
             let case = format!("{method:?}, {placement:?}: {} faces", done.report.faces);
-            // (The rest may get stuck if vertices cannot move.)
+            // (The run may get stuck afterwards if vertices cannot move.)
             let is_reached = done.report.reached || placement == Placement::Endpoint;
             assert!(done.report.necks_cut > 0 && is_reached, "{case}");
-            // By index: the sides of a cut may touch.
+            // Compared by index, because the sides of a cut may touch.
             let topology = Topology::unwelded(&done.mesh.surface()).counts();
             assert!(topology.is_manifold() && topology.border_edge_count == 0, "{case}");
             let is_kept = places(&done.mesh).is_subset(&places(&torus));
-            assert!(is_kept || placement != Placement::Endpoint, "{case}: a vertex that the input has not");
-            // Relaxed topology cuts where the target needs it, if the sides separate for good.
+            assert!(is_kept || placement != Placement::Endpoint, "{case}: a vertex that is not in the input");
+            // Relaxed topology cuts where the target requires it, if the two sides can be separated.
             options.topology = TopologyPolicy::Relaxed;
             let relaxed = run(&torus, &options);
             let topology = counts(&relaxed.mesh);
@@ -76,18 +76,18 @@ fn a_ring_is_cut_where_its_target_needs_it() {
     assert!(cut_relaxed > 0);
 }
 
-/// Rings of several sizes, with specks around them.
-fn rings_and_specks() -> TriMesh {
+/// Rings of several sizes, with tiny parts around them.
+fn rings_and_tiny_parts() -> TriMesh {
     let (torus, speck) = (shapes::torus(64, 24), shapes::icosphere(2));
     let rings = (0..6).map(|i| (&torus, 1.0 - 0.1 * f64::from(i), 3.0 * f64::from(i)));
     let specks = (0..30).map(|i| (&speck, 0.01 * f64::from(1 + i), 0.6 * f64::from(i)));
-    beside(&rings.chain(specks).collect::<Vec<_>>())
+    side_by_side(&rings.chain(specks).collect::<Vec<_>>())
 }
 
-/// Relaxed topology removes parts and handles only once they stand in the way, free topology from the start.
+/// Relaxed topology removes parts and handles only once they block the target, free topology from the start.
 #[test]
-fn what_goes_as_late_as_it_can_leaves_the_rest_as_near() {
-    let mesh = rings_and_specks();
+fn late_removal_of_parts_is_as_close() {
+    let mesh = rings_and_tiny_parts();
     let mut shares = Vec::new();
     for faces in [160, 120, 60] {
         let with = |topology| {
@@ -110,7 +110,7 @@ fn what_goes_as_late_as_it_can_leaves_the_rest_as_near() {
 }
 
 #[test]
-fn nothing_is_cut_without_need() {
+fn nothing_is_cut_unnecessarily() {
     let torus = shapes::torus(48, 16);
     let done = run(&torus, &free(Stop::ratio(0.2)));
     let relaxed = run(&torus, &SimplifyOptions::new(Stop::ratio(0.2)));
@@ -118,7 +118,7 @@ fn nothing_is_cut_without_need() {
 }
 
 #[test]
-fn what_is_cut_keeps_its_attributes() {
+fn cut_surfaces_keep_their_attributes() {
     let mut torus = shapes::torus(48, 16);
     let view = torus.positions().view();
     let of_x = |p: [f64; 3]| [0.5 + 0.25 * p[0] as f32, 0.5, 0.5 - 0.25 * p[2] as f32, 1.0];
@@ -142,7 +142,7 @@ fn what_is_cut_keeps_its_attributes() {
 }
 
 #[test]
-fn steps_are_tried_in_turn_until_one_reaches() {
+fn steps_are_tried_until_one_reaches_the_target() {
     let torus = shapes::torus(48, 16);
     let mut options = SimplifyOptions::new(Stop::faces(4));
     (options.topology, options.escalate) = (TopologyPolicy::Preserve, true);
@@ -151,9 +151,9 @@ fn steps_are_tried_in_turn_until_one_reaches() {
     assert_eq!(steps, [Change::Topology(TopologyPolicy::Relaxed)]);
     let last = done.report.escalated[0];
     assert!(done.report.reached && last.after == done.report.faces && last.after < last.before);
-    // Equal to a run with these options from the start.
+    // The result equals a run with these options from the start.
     assert_eq!(bytes(&done.mesh), bytes(&run(&torus, &SimplifyOptions::new(Stop::faces(4))).mesh));
-    // No step if it is not needed.
+    // No step is tried if none is needed.
     options.stop = Stop::ratio(0.5);
     assert_eq!(run(&torus, &options).report.escalated, []);
 }
@@ -171,9 +171,9 @@ fn guards_and_borders_are_never_given_up() {
 }
 
 #[test]
-fn small_parts_go_first_and_nothing_else_changes() {
+fn only_small_parts_are_pruned_first() {
     let (large, small) = (shapes::blob(4, 1), shapes::icosphere(1));
-    let mesh = beside(&[(&small, 0.01, 5.0), (&large, 1.0, 0.0), (&small, 0.02, -5.0)]);
+    let mesh = side_by_side(&[(&small, 0.01, 5.0), (&large, 1.0, 0.0), (&small, 0.02, -5.0)]);
     let mut options = SimplifyOptions::new(Stop::ratio(1.0));
     options.prune = Some(Length::Units(0.5));
     let done = run(&mesh, &options);
@@ -184,7 +184,7 @@ fn small_parts_go_first_and_nothing_else_changes() {
     assert_eq!(done.report.input_faces, mesh.face_count());
     assert_eq!(done.report.cleanup, run(&mesh, &SimplifyOptions::new(Stop::ratio(1.0))).report.cleanup);
     assert!(places(&done.mesh).is_subset(&places(&mesh)));
-    // A size between the two removes one; shares are of the diagonal of the whole.
+    // A size between the two removes one; shares refer to the diagonal of the whole mesh.
     let whole = done.report.error.diagonal;
     assert!((10.0..13.0).contains(&whole), "{whole}");
     options.prune = Some(Length::OfDiagonal(0.05 / whole));
@@ -193,7 +193,7 @@ fn small_parts_go_first_and_nothing_else_changes() {
     (options.prune, options.measure) = (Some(Length::Units(0.5)), Measure::Always);
     let measured = run(&mesh, &options).report.error.measured.unwrap();
     assert!(measured.hausdorff.symmetric < 1e-9 * whole);
-    // No part is small: the same bytes as without.
+    // If no part is small, the bytes are the same as without pruning.
     let mut plain = SimplifyOptions::new(Stop::ratio(0.3));
     let without = run(&mesh, &plain);
     plain.prune = Some(Length::Units(1e-6));
@@ -201,9 +201,9 @@ fn small_parts_go_first_and_nothing_else_changes() {
 }
 
 #[test]
-fn the_largest_part_stays_in_any_case() {
+fn the_largest_part_is_never_pruned() {
     let (a, b) = (shapes::icosphere(1), shapes::icosphere(2));
-    let mesh = beside(&[(&a, 1.0, 0.0), (&b, 2.0, 9.0), (&a, 1.0, 20.0)]);
+    let mesh = side_by_side(&[(&a, 1.0, 0.0), (&b, 2.0, 9.0), (&a, 1.0, 20.0)]);
     let mut options = SimplifyOptions::new(Stop::ratio(1.0));
     options.prune = Some(Length::Units(1000.0));
     let report = run(&mesh, &options).report;
@@ -223,8 +223,8 @@ fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
 #[test]
 fn small_parts_of_a_scene_are_counted_by_instance() {
     let (large, small) = (shapes::blob(4, 1), shapes::icosphere(1));
-    let mixed = beside(&[(&large, 1.0, 0.0), (&small, 0.01, 5.0)]);
-    // Small by itself, large in the scene.
+    let mixed = side_by_side(&[(&large, 1.0, 0.0), (&small, 0.01, 5.0)]);
+    // Small in its own units, large in the scene.
     let parts = [part(&mixed, 3, 1.0), part(&small, 1, 10.0), part(&small, 2, 0.01)];
     let mut options = SimplifyOptions::new(Stop::ratio(1.0));
     options.prune = Some(Length::Units(0.5));
@@ -235,7 +235,7 @@ fn small_parts_of_a_scene_are_counted_by_instance() {
 }
 
 #[test]
-fn each_mesh_of_a_scene_may_have_the_target_by_itself() {
+fn the_target_may_apply_to_each_mesh_of_a_scene() {
     let (flat, round) = (shapes::grid(32), shapes::blob(4, 1));
     let empty = TriMesh::new(Positions::F32(Vec::new()), Vec::new()).unwrap();
     let parts = [part(&flat, 1, 1.0), part(&round, 4, 2.0), part(&empty, 1, 1.0)];
@@ -252,19 +252,19 @@ fn each_mesh_of_a_scene_may_have_the_target_by_itself() {
     let counts = got.counts[1];
     assert_eq!((counts.instances, counts.input_faces), (4, round.face_count()));
     assert_eq!((counts.faces, counts.reached), (got.meshes[1].face_count(), true));
-    // Each is what it would be alone, with lengths of the scene.
+    // Each mesh is the same as in a run of its own, with lengths of the scene.
     let mut alone = SimplifyOptions::new(Stop::ratio(0.3));
     alone.measure = Measure::Always;
     let flat_alone = run(&flat, &alone);
     assert_eq!(got.meshes[0].face_count(), flat_alone.mesh.face_count());
     let largest = run(&round, &alone).report.error.measured.unwrap().hausdorff.symmetric;
-    let told = got.report.error.measured.unwrap().hausdorff.symmetric;
-    assert!((told / largest / 2.0 - 1.0).abs() < 0.2, "{told} for {largest}");
+    let measured = got.report.error.measured.unwrap().hausdorff.symmetric;
+    assert!((measured / largest / 2.0 - 1.0).abs() < 0.2, "{measured} for {largest}");
     // A count applies to each mesh.
     (options.stop, options.measure) = (Stop::faces(100), Measure::Auto);
     let got = simplify_scene(&parts, 4.0, &options, &mut NoControl).unwrap();
     assert!(got.meshes[..2].iter().all(|m| (98..=100).contains(&m.face_count())));
-    // One mesh cannot reach it: then the scene has not reached it, and the counts show which.
+    // If one mesh cannot reach it, the scene has not reached it, and the counts show which mesh.
     options.stop = Stop::faces(2);
     let got = simplify_scene(&parts, 4.0, &options, &mut NoControl).unwrap();
     assert!(!got.report.reached);
@@ -311,9 +311,9 @@ fn lengths_of_methods_are_shares_of_the_whole_scene() {
 }
 
 #[test]
-fn lengths_of_methods_are_shares_of_the_input_with_its_small_parts() {
+fn lengths_of_methods_are_shares_of_the_input_before_pruning() {
     let (large, small) = (shapes::blob(4, 1), shapes::icosphere(1));
-    let mesh = beside(&[(&large, 1.0, 0.0), (&small, 0.01, 40.0)]);
+    let mesh = side_by_side(&[(&large, 1.0, 0.0), (&small, 0.01, 40.0)]);
     for (i, method) in METHOD_LENGTHS.into_iter().enumerate() {
         let got = |length| {
             let mut options = with_length(method, length);

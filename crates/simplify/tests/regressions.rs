@@ -7,7 +7,7 @@ use lodsmith::{
     SimplifyError, SimplifyOptions, Stage, Stop, StoppedBy, TopologyPolicy, Verdict, simplify, simplify_with,
 };
 
-use crate::support::laden::{attribute_complaints, laden, locked_complaints};
+use crate::support::attributed::{attribute_complaints, locked_complaints, with_random_attributes};
 use crate::support::{self, complaints, counts, topology_complaints};
 
 const METHODS: [MethodKind; 2] = [MethodKind::Memoryless, MethodKind::Quadric];
@@ -33,8 +33,8 @@ fn union(meshes: &[TriMesh], shift: [f64; 3]) -> TriMesh {
     TriMesh::new(Positions::F32(points), triangles).unwrap()
 }
 
-/// A scan of a brain has hundreds of small parts beside the large one; at one percent the collapse of their
-/// last faces gave vertices that were not finite.
+/// A scan of a brain has hundreds of small parts besides the large one; at one percent, the collapse of their
+/// last faces gave non-finite vertices.
 #[test]
 fn many_parts_to_one_percent_stay_finite() {
     let mut parts = vec![shapes::blob(4, 9)];
@@ -51,9 +51,10 @@ fn many_parts_to_one_percent_stay_finite() {
     }
 }
 
-/// On a flat sheet every inner collapse costs nothing: ties must not stop the sweeps, nor make them endless.
+/// On a flat sheet every inner collapse costs nothing: ties must neither stop the sweeps nor make them
+/// endless.
 #[test]
-fn a_flat_grid_goes_down_to_its_corners() {
+fn a_flat_grid_can_be_reduced_to_its_corners() {
     let mesh = shapes::grid(100);
     for method in METHODS {
         for (faces, least) in [(mesh.face_count() / 10, 100), (2, 1)] {
@@ -67,7 +68,7 @@ fn a_flat_grid_goes_down_to_its_corners() {
             let worst = done.mesh.positions().view().iter().map(off).fold(0.0, f64::max);
             assert!(worst < 1e-4, "{method:?}, {faces}: {worst} off the square");
             let area: f64 = area(&done.mesh);
-            // Ten thousand quadrics summed in single precision can move a corner of the last two faces by a
+            // Ten thousand quadrics summed in single precision can move a corner of the last two faces by one
             // cell.
             let slip = if method == MethodKind::Quadric { 1e-2 } else { 1e-3 };
             assert!((area - 1.0).abs() < slip, "{method:?}, {faces}: the area is {area}");
@@ -88,7 +89,7 @@ fn area(mesh: &TriMesh) -> f64 {
 
 /// A cube of 12288 faces is reduced to twelve.
 #[test]
-fn a_fine_cube_goes_down_to_twelve_faces() {
+fn a_fine_cube_can_be_reduced_to_twelve_faces() {
     let mesh = shapes::cube(32);
     assert_eq!(mesh.face_count(), 12288);
     for method in METHODS {
@@ -101,7 +102,8 @@ fn a_fine_cube_goes_down_to_twelve_faces() {
             let worst = done.mesh.positions().view().iter().map(far).fold(0.0, f64::max);
             assert!(worst < 1e-4, "{method:?}, {faces}: a vertex lies {worst} off the cube");
             let area = area(&done.mesh);
-            // The quadrics include planes that were removed long ago; the default keeps the edges in place.
+            // The quadrics include planes that were removed long ago; the default method keeps the edges in
+            // place.
             let slack = if method == MethodKind::Memoryless { 1e-3 } else { 5e-2 };
             assert!((area - 6.0).abs() < slack, "{method:?}, {faces}: the edges are not sharp, area {area}");
         }
@@ -111,7 +113,7 @@ fn a_fine_cube_goes_down_to_twelve_faces() {
 /// Parts cannot go below four faces each; the rest of the target is met by removing whole parts, which is
 /// reported.
 #[test]
-fn parts_go_when_the_target_needs_it() {
+fn parts_are_removed_if_the_target_requires_it() {
     let mesh = shapes::tetrahedra(64);
     for method in METHODS {
         let mut options = SimplifyOptions::new(Stop::faces(40));
@@ -124,7 +126,7 @@ fn parts_go_when_the_target_needs_it() {
         options.stop = Stop::faces(0);
         let done = sound(&mesh, &options);
         assert!(!done.report.reached && counts(&done.mesh).component_count == 1);
-        // And none if parts are to be kept.
+        // No part is removed if parts have to be kept.
         options.topology = TopologyPolicy::Preserve;
         let done = sound(&mesh, &options);
         assert!(!done.report.reached && done.report.stopped_by == StoppedBy::Refusals);
@@ -134,7 +136,7 @@ fn parts_go_when_the_target_needs_it() {
 
 /// The cheapest part is the smallest.
 #[test]
-fn small_parts_go_before_large_ones() {
+fn small_parts_are_removed_before_large_ones() {
     let small = |s: f64| {
         let mut mesh = shapes::tetrahedron();
         mesh.map_positions(|p| p.map(|x| x * s));
@@ -166,7 +168,7 @@ fn a_mesh_without_a_sound_face_is_an_error() {
 }
 
 #[test]
-fn what_is_mended_first_is_counted() {
+fn repairs_before_the_run_are_counted() {
     // A tetrahedron as a soup with one duplicate, one degenerate and one non-finite face, and one unused
     // vertex.
     let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -184,9 +186,9 @@ fn what_is_mended_first_is_counted() {
     assert!(defects(&done.mesh.surface()).is_clean());
 }
 
-/// Near vertices of a soup are merged if asked for.
+/// Close vertices of a soup are merged on request.
 #[test]
-fn a_weld_joins_what_lies_close() {
+fn a_weld_merges_close_vertices() {
     let grid = shapes::grid(8);
     let surface = grid.surface();
     let (mut points, mut triangles) = (Vec::new(), Vec::new());
@@ -227,23 +229,23 @@ impl Control for Watcher {
         self.seen.push((stage, Vec::new()));
     }
     fn progress(&mut self, done: f64) -> Verdict {
-        self.seen.last_mut().expect("a stage begins before its progress").1.push(done);
+        self.seen.last_mut().expect("a stage starts before its progress").1.push(done);
         self.questions += 1;
         if self.questions > self.from { self.verdict } else { Verdict::Continue }
     }
 }
 
 #[test]
-fn progress_never_goes_back_within_a_stage() {
+fn progress_never_decreases_within_a_stage() {
     for method in METHODS {
         for stop in [Stop::ratio(0.05), Stop::vertices(30), Stop::error(Length::OfDiagonal(0.02))] {
             let mut options = SimplifyOptions::new(stop);
             options.method = method.into();
             let mut watcher = Watcher::new(usize::MAX, Verdict::Continue);
             let done = simplify_with(&shapes::blob(4, 5), &options, &mut watcher).unwrap();
-            for (stage, told) in &watcher.seen {
-                assert!(told.iter().all(|x| (0.0..=1.0).contains(x)), "{stage:?}: {told:?}");
-                assert!(told.is_sorted(), "{method:?}, {stage:?}: {told:?}");
+            for (stage, reported) in &watcher.seen {
+                assert!(reported.iter().all(|x| (0.0..=1.0).contains(x)), "{stage:?}: {reported:?}");
+                assert!(reported.is_sorted(), "{method:?}, {stage:?}: {reported:?}");
             }
             let stages: Vec<Stage> = watcher.seen.iter().map(|s| s.0).collect();
             assert_eq!(stages[0], Stage::Prepare);
@@ -255,7 +257,7 @@ fn progress_never_goes_back_within_a_stage() {
 }
 
 #[test]
-fn a_caller_may_cancel_at_any_question() {
+fn a_caller_may_cancel_at_any_progress_report() {
     let options = SimplifyOptions::new(Stop::ratio(0.02));
     let mesh = shapes::blob(4, 5);
     let mut all = Watcher::new(usize::MAX, Verdict::Continue);
@@ -269,7 +271,7 @@ fn a_caller_may_cancel_at_any_question() {
 }
 
 #[test]
-fn a_caller_may_take_the_best_so_far() {
+fn a_caller_may_finish_with_the_best_result_so_far() {
     let mesh = shapes::blob(4, 5);
     for stop in [Stop::faces(50), Stop::error(Length::OfDiagonal(0.05))] {
         let options = SimplifyOptions::new(stop);
@@ -285,7 +287,7 @@ fn a_caller_may_take_the_best_so_far() {
 
 /// A fan of many faces: one vertex whose star exceeds any SIMD lanes and list slack.
 #[test]
-fn a_vertex_of_a_thousand_edges_goes() {
+fn a_vertex_of_a_thousand_edges_can_be_removed() {
     let n = 1000u32;
     let mut points = vec![[0.0, 0.0, 1.0f32], [0.0, 0.0, -1.0]];
     let mut triangles = Vec::new();
@@ -328,7 +330,7 @@ fn the_estimate_of_needles_stays_within_their_box() {
 
 /// Vertices that coincide in single precision, in a bounding box of 1e14: the fit divided by zero.
 #[test]
-fn the_fit_of_what_has_no_extent_stays_finite() {
+fn the_fit_of_coincident_vertices_stays_finite() {
     let points = [
         [1.4659123, -6.747858e13, 0.001],
         [-2.0, -0.32035092, -0.004809264],
@@ -359,10 +361,10 @@ fn the_fit_of_what_has_no_extent_stays_finite() {
     }
 }
 
-/// Files mark unknown values with the largest number of all; its square overflows and made all values around
-/// NaN. So did infinite joint weights, and cost weights beyond the root of that number.
+/// Files mark unknown values with the largest float; its square overflowed and turned all values around it
+/// into NaN. So did infinite joint weights, and cost weights above the root of that number.
 #[test]
-fn huge_values_stay_numbers() {
+fn huge_values_stay_finite() {
     let mut mesh = shapes::blob(3, 5);
     let count = mesh.vertex_count();
     let marked = |i: usize| if i.is_multiple_of(9) { f32::MAX } else { i as f32 / count as f32 };
@@ -395,7 +397,7 @@ fn huge_values_stay_numbers() {
     }
 }
 
-/// Returns the RMS distance of a result, both ways, as a share of the diagonal.
+/// Returns the two-way RMS distance of a result, as a share of the diagonal.
 fn rms(mesh: &TriMesh, result: &TriMesh) -> f64 {
     let mut options = lodsmith::core::measure::CompareOptions::default();
     options.samples = 20_000;
@@ -403,11 +405,11 @@ fn rms(mesh: &TriMesh, result: &TriMesh) -> f64 {
     found.rms.symmetric / found.diagonal
 }
 
-/// Two hundred small boxes whose edges are all seams: instead of removing any, a run moved seams off their
-/// lines, and because the boxes then had most of the faces, it took the last ones from the ground below them
-/// (2.2 % RMS at 30 %).
+/// Two hundred small boxes whose edges are all seams: instead of removing any box, a run moved seams off
+/// their lines; since the boxes then had most of the faces, it removed the last faces of the ground below
+/// them (2.2 % RMS at 30 %).
 #[test]
-fn a_level_of_small_parts_is_not_destroyed_to_spare_them() {
+fn small_parts_are_removed_before_the_rest_is_destroyed() {
     let mesh = shapes::level(24, 200);
     for (preset, ratio, most) in [
         (Preset::Auto, 0.4, 0.001),
@@ -420,15 +422,15 @@ fn a_level_of_small_parts_is_not_destroyed_to_spare_them() {
         assert!(done.report.reached && off < most, "{preset:?}, {ratio}: {off}");
         assert!(done.report.parts_removed > 0);
     }
-    // If the target leaves room for all of them, all are kept.
+    // If the target allows all boxes, all are kept.
     let done = sound(&mesh, &SimplifyOptions::new(Stop::ratio(0.6)));
     assert_eq!((done.report.parts_removed, done.report.seams_relaxed), (0, false));
 }
 
-/// If parts have to be kept, seams are relaxed in the order of costs, and not only when the ground is used
-/// up.
+/// If parts have to be kept, seams are relaxed in order of cost, and not only when the faces of the ground
+/// are used up.
 #[test]
-fn a_level_whose_parts_must_stay_gives_way_at_its_seams() {
+fn seams_give_way_if_parts_must_stay() {
     let mesh = shapes::level(24, 120);
     let mut options = SimplifyOptions::new(Stop::ratio(0.26));
     options.topology = TopologyPolicy::Preserve;
@@ -439,7 +441,7 @@ fn a_level_whose_parts_must_stay_gives_way_at_its_seams() {
 
 /// A level of a chain is no worse than a single run: the closer of the two results is taken.
 #[test]
-fn a_chain_does_not_destroy_a_level_to_spare_its_parts() {
+fn in_a_chain_small_parts_are_removed_before_the_rest_is_destroyed() {
     let mesh = shapes::level(24, 200);
     let levels = lodsmith::Levels::Ratios(vec![0.5, 0.3, 0.15]);
     let chain = lodsmith::lod(&mesh, &lodsmith::LodOptions::new(levels)).unwrap();
@@ -475,7 +477,7 @@ fn boxes_and_sheets() -> (TriMesh, usize) {
     (mesh, borders)
 }
 
-/// With `--border lock` parts with a border were removed like others, although the border was to be kept.
+/// With `--border lock`, parts with a border were removed like others, although the border had to be kept.
 #[test]
 fn locked_borders_keep_their_parts() {
     let (mesh, borders) = boxes_and_sheets();
@@ -491,11 +493,11 @@ fn locked_borders_keep_their_parts() {
     }
 }
 
-/// Removing the last part took hundreds of faces at once: 4 were left of the 115 asked for, and the report
+/// Removing the last part took hundreds of faces at once: 4 were left of the 115 requested, and the report
 /// said that the target was reached.
 #[test]
-fn removing_a_part_does_not_leave_far_fewer_faces_than_asked_for() {
-    // All locked, so that only whole parts can be removed; the large ones are the last by cost.
+fn removing_a_part_does_not_undershoot_the_target_by_far() {
+    // Everything is locked, so that only whole parts can be removed; the large ones are the most expensive.
     let parts: Vec<TriMesh> = (0..30)
         .map(|i| {
             let mut part = if i % 10 == 0 { shapes::cube(4) } else { shapes::tetrahedron() };
@@ -518,8 +520,8 @@ fn removing_a_part_does_not_leave_far_fewer_faces_than_asked_for() {
     }
 }
 
-/// A cut at a vertex where the surface touches itself left faces of the second fan behind: they used a vertex
-/// that did not list them.
+/// A cut at a vertex where the surface touches itself left faces of the second fan behind, which used a
+/// vertex that did not list them.
 #[test]
 fn a_neck_at_a_vertex_of_two_fans_is_not_cut() {
     let torus = shapes::torus(12, 3);
@@ -545,12 +547,12 @@ fn a_neck_at_a_vertex_of_two_fans_is_not_cut() {
     }
 }
 
-/// If a seam left a locked vertex on its other side, a new face there had blended values.
+/// If a locked vertex ended up on the other side of a seam, a new face there had blended values.
 #[test]
 fn a_locked_vertex_keeps_its_values_where_every_edge_is_a_seam() {
     let mut all = support::Complaints::default();
     for seed in 1..4 {
-        let mesh = laden(&shapes::blob(2, seed), &mut support::Random(seed));
+        let mesh = with_random_attributes(&shapes::blob(2, seed), &mut support::Random(seed));
         let locked: Vec<bool> = (0..mesh.vertex_count()).map(|v| v % 5 == 0).collect();
         for method in MethodKind::ALL {
             let mut options = SimplifyOptions::new(Stop::ratio(0.1));
@@ -564,8 +566,8 @@ fn a_locked_vertex_keeps_its_values_where_every_edge_is_a_seam() {
     all.report_all();
 }
 
-/// Found by fuzzing: sums of subnormal values have no relative precision, and the check of the engine in debug
-/// builds took their rounding for a broken sum.
+/// Found by fuzzing: sums of subnormal values have no relative precision, and the engine's check in debug
+/// builds mistook their rounding for a wrong sum.
 #[test]
 fn attributes_with_subnormal_values_are_summed_within_rounding() {
     for seed in 0..20 {

@@ -1,4 +1,4 @@
-//! Meshes of a scene under one budget.
+//! Meshes of a scene with one budget.
 
 use std::collections::BTreeSet;
 
@@ -8,7 +8,7 @@ use lodsmith::{
     Length, NoControl, Part, Placement, SimplifyError, SimplifyOptions, Stop, TopologyPolicy, simplify_scene,
 };
 
-use crate::support::laden::{laden, laden_options};
+use crate::support::attributed::{with_random_attributes, with_rare_options};
 use crate::support::{Complaints, Random, bytes, options_text, scene_complaints};
 
 fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
@@ -16,8 +16,8 @@ fn part(mesh: &TriMesh, instances: usize, scale: f64) -> Part<'_> {
 }
 
 #[test]
-fn triangles_go_where_they_cost_least() {
-    // A flat grid needs two triangles, a blob as many as it can get.
+fn triangles_are_removed_where_they_cost_least() {
+    // A flat grid needs two triangles, a blob uses all that it can get.
     let (flat, round) = (shapes::grid(32), shapes::blob(4, 1));
     let parts = [part(&flat, 1, 1.0), part(&round, 1, 1.0)];
     let options = SimplifyOptions::new(Stop::ratio(0.3));
@@ -29,7 +29,7 @@ fn triangles_go_where_they_cost_least() {
 }
 
 #[test]
-fn each_comes_back_to_its_place_with_what_it_had() {
+fn each_mesh_keeps_its_place_and_attributes() {
     let mut a = shapes::blob(4, 1);
     a.map_positions(|p| [p[0] + 100.0, p[1], p[2] - 7.0]);
     let normals = vec![[0.0, 0.0, 1.0]; a.wedge_count()];
@@ -48,7 +48,7 @@ fn each_comes_back_to_its_place_with_what_it_had() {
     let torus = got.meshes[1].surface();
     let distance = compare(&b.surface(), &torus, &CompareOptions::default()).unwrap();
     assert!(distance.hausdorff.symmetric < 0.05 * distance.diagonal);
-    // All instances count: one blob and three tori.
+    // All instances count: here one blob and three tori.
     let placed = a.face_count() + 3 * b.face_count();
     assert_eq!(got.report.input_faces, placed);
     let left = got.meshes[0].face_count() + 3 * got.meshes[1].face_count();
@@ -57,7 +57,7 @@ fn each_comes_back_to_its_place_with_what_it_had() {
 }
 
 #[test]
-fn parts_that_touch_stay_together() {
+fn parts_that_touch_stay_connected() {
     // Two sheets side by side, with the same height along the edge that they share.
     let left = shapes::wavy_sheet(16);
     let bounds = left.positions().view().bounds().unwrap();
@@ -66,7 +66,7 @@ fn parts_that_touch_stay_together() {
     let at = |mesh| Part { system: Some(5), ..Part::new(mesh) };
     let options = SimplifyOptions::new(Stop::ratio(0.2));
     let got = simplify_scene(&[at(&left), at(&right)], 3.0, &options, &mut NoControl).unwrap();
-    // Positions that both have are those of the common line, which is the same in both, to the bit.
+    // The common positions are those on the shared line, which is bit for bit the same in both.
     let places = |mesh: &TriMesh| -> BTreeSet<[u64; 3]> {
         mesh.positions().view().iter().map(|p| p.map(f64::to_bits)).collect()
     };
@@ -77,7 +77,7 @@ fn parts_that_touch_stay_together() {
     assert!(shared >= 3 && shared == near(&got.meshes[0]), "{shared} of {}", near(&got.meshes[0]));
 }
 
-/// The stop applies to all instances, whatever the run made of its share.
+/// The stop applies to all instances, whether or not the run met its own share.
 #[test]
 fn vertices_of_all_instances_are_counted() {
     let (a, b) = (shapes::blob(3, 1), shapes::torus(12, 8));
@@ -115,7 +115,7 @@ fn meshes_with_different_sets_of_joints_keep_their_weights() {
     assert!(found.is_empty(), "{found:?}");
 }
 
-/// Parts of different systems are laid side by side for the run; no weld connects one with another.
+/// Parts of different systems are laid side by side for the run; a weld never connects them.
 #[test]
 fn a_weld_stays_within_its_part() {
     let mesh = shapes::grid(2);
@@ -145,7 +145,7 @@ fn any_parts(random: &mut Random) -> (Vec<TriMesh>, Vec<Place>) {
                 p
             });
         }
-        meshes.push(if random.below(3) > 0 { laden(&mesh, random) } else { mesh });
+        meshes.push(if random.below(3) > 0 { with_random_attributes(&mesh, random) } else { mesh });
         places.push(match random.below(2) {
             0 => (1, 1.0, Some(random.below(2) as usize)),
             _ => (random.below(5) as usize, random.pick(&[1.0, 0.01, 20.0, 3.3]), None),
@@ -161,8 +161,8 @@ fn any_scene_gives_sound_results() {
         let mut random = Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
         let (meshes, places) = any_parts(&mut random);
         let stop = random.pick(&[Stop::ratio(0.3), Stop::faces(40), Stop::vertices(30), Stop::ratio(0.02)]);
-        let (mut options, _) = laden_options(SimplifyOptions::new(stop), &mut random, 0);
-        let of_mesh = |mesh: &TriMesh| laden_options(options.clone(), &mut random, mesh.vertex_count()).1;
+        let (mut options, _) = with_rare_options(SimplifyOptions::new(stop), &mut random, 0);
+        let of_mesh = |mesh: &TriMesh| with_rare_options(options.clone(), &mut random, mesh.vertex_count()).1;
         let data: Vec<_> = meshes.iter().map(of_mesh).collect();
         let placed = meshes.iter().zip(&places).zip(&data);
         let parts: Vec<Part<'_>> = placed
@@ -183,7 +183,7 @@ fn any_scene_gives_sound_results() {
             (Ok(done), Ok(again)) => {
                 all.add(&case, scene_complaints(&parts, &options, 4.0, &done));
                 let same = done.meshes.iter().map(bytes).eq(again.meshes.iter().map(bytes));
-                all.check(&case, same && done.counts == again.counts, "another result when run again");
+                all.check(&case, same && done.counts == again.counts, "a second run gives another result");
             }
             (Err(SimplifyError::NoFaces { .. }), _) => {}
             (failed, _) => all.add(&case, failed.err().map(|e| format!("fails: {e}"))),

@@ -66,7 +66,7 @@ fn a_ridge_keeps_its_crest() {
 }
 
 #[test]
-fn an_angle_that_no_edge_passes_changes_nothing() {
+fn an_angle_that_no_edge_exceeds_has_no_effect() {
     for (name, mesh) in [("blob", shapes::blob(4, 3)), ("ridge", ridge())] {
         for method in COLLAPSES {
             let [without, with] = [None, Some(179.0)].map(|deg| done(&mesh, method, 0.1, deg));
@@ -76,7 +76,7 @@ fn an_angle_that_no_edge_passes_changes_nothing() {
 }
 
 #[test]
-fn features_leave_any_shape_sound() {
+fn with_features_results_are_sound_for_any_shape() {
     let mut all = Complaints::default();
     for (name, mesh) in shapes::all() {
         for method in COLLAPSES {
@@ -124,7 +124,7 @@ fn a_progressive_mesh_keeps_features() {
 }
 
 #[test]
-fn angles_out_of_range_and_methods_without_features_are_told() {
+fn angles_out_of_range_and_methods_without_features_are_errors() {
     let mesh = shapes::icosphere(1);
     let run = |method: MethodKind, deg: f64| {
         let mut options = SimplifyOptions::new(Stop::faces(10));
@@ -132,22 +132,22 @@ fn angles_out_of_range_and_methods_without_features_are_told() {
         simplify(&mesh, &options).map(|_| ())
     };
     for deg in [0.0, -1.0, 180.0, f64::NAN] {
-        let told = run(MethodKind::Memoryless, deg);
-        assert!(matches!(told, Err(SimplifyError::BadOption { option: "sharp", .. })), "{deg}: {told:?}");
+        let result = run(MethodKind::Memoryless, deg);
+        assert!(matches!(result, Err(SimplifyError::BadOption { option: "sharp", .. })), "{deg}: {result:?}");
     }
     for method in MethodKind::ALL.into_iter().filter(|m| !COLLAPSES.contains(m)) {
-        let told = run(method, 30.0);
+        let result = run(method, 30.0);
         assert!(
-            matches!(told, Err(SimplifyError::NotOfMethod { option: "sharp", .. })),
-            "{method:?}: {told:?}"
+            matches!(result, Err(SimplifyError::NotOfMethod { option: "sharp", .. })),
+            "{method:?}: {result:?}"
         );
     }
 }
 
 /// A sharp edge is recognised after a triangle was removed, and between sheets with different winding.
 #[test]
-fn faces_that_are_wound_differently_meet_where_they_bend() {
-    // A flat pair of triangles, the second flipped: no edge of it is sharp.
+fn differently_wound_faces_can_share_a_sharp_edge() {
+    // A flat pair of triangles, the second flipped: none of its edges is sharp.
     let at = |p: &[[f32; 3]], t: &[[u32; 3]]| {
         TriMesh::new(Positions::F32(p.to_vec()), t.iter().map(|t| t.map(VertexId)).collect()).unwrap()
     };

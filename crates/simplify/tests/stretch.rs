@@ -1,4 +1,4 @@
-//! Meshes that the scene stretches, and small ones beside large ones.
+//! Meshes that the scene stretches, and small meshes together with large ones.
 
 use lodsmith::core::measure::{CompareOptions, compare};
 use lodsmith::core::mesh::normals::vertex_normals;
@@ -27,9 +27,9 @@ fn run(part: Part<'_>, diagonal: f64, options: &SimplifyOptions) -> SimplifiedSc
     simplify_scene(&[part], diagonal, options, &mut NoControl).unwrap()
 }
 
-/// Every length was multiplied by the largest factor of any axis: a limit of errors kept nearly all faces.
+/// Every length was multiplied by the largest factor of any axis, so an error limit kept nearly all faces.
 #[test]
-fn a_stretched_part_is_simplified_as_the_stretched_mesh_is() {
+fn a_stretched_part_is_simplified_like_the_stretched_mesh() {
     let own = shapes::blob(5, 3);
     let mut baked = own.clone();
     baked.map_positions(map);
@@ -40,21 +40,21 @@ fn a_stretched_part_is_simplified_as_the_stretched_mesh_is() {
         let of_part = run(part(&own, Some(STRETCH)), size, &options);
         let of_baked = run(part(&baked, None), size, &options);
         let [a, b] = [&of_part, &of_baked].map(|done| done.report.faces);
-        // (Runs to an error go by levels, and the baked mesh is rounded.)
+        // (Runs to an error use fixed levels, and the baked mesh is rounded.)
         assert!(a.abs_diff(b) * 5 <= b, "{a} and {b}");
         let mut result = of_part.meshes[0].clone();
         result.map_positions(map);
         let seen = compare(&baked.surface(), &result.surface(), &CompareOptions::default()).unwrap();
-        let told = of_part.report.error.measured.unwrap();
-        let near = |told: f64, seen: f64| (told - seen).abs() <= 0.1 * seen;
-        assert!(near(told.rms.symmetric, seen.rms.symmetric), "{told:?} for {seen:?}");
-        assert!(near(told.hausdorff.symmetric, seen.hausdorff.symmetric), "{told:?} for {seen:?}");
+        let reported = of_part.report.error.measured.unwrap();
+        let near = |reported: f64, seen: f64| (reported - seen).abs() <= 0.1 * seen;
+        assert!(near(reported.rms.symmetric, seen.rms.symmetric), "{reported:?} for {seen:?}");
+        assert!(near(reported.hausdorff.symmetric, seen.hausdorff.symmetric), "{reported:?} for {seen:?}");
     }
 }
 
-/// Values come back to the coordinates of the part.
+/// Values are converted back to the coordinates of the part.
 #[test]
-fn directions_and_displacements_of_a_stretched_part_come_back() {
+fn directions_and_displacements_of_a_stretched_part_are_restored() {
     let mut own = shapes::blob(4, 3);
     let normals = vertex_normals(&own.surface(), |v| v);
     own.set_normals(Some(normals.clone())).unwrap();
@@ -68,7 +68,7 @@ fn directions_and_displacements_of_a_stretched_part_come_back() {
     let values = own.positions().view().iter().flat_map(|p| p.map(|x| x as f32)).collect();
     own.add_attribute(Attribute { semantic, width: 3, values }).unwrap();
     let mut options = SimplifyOptions::new(Stop::ratio(0.5));
-    // Vertices of the input with values of the input.
+    // The result has vertices of the input with values of the input.
     options.placement = lodsmith::Placement::Endpoint;
     let mut baked = own.clone();
     baked.map_positions(map);
@@ -80,7 +80,7 @@ fn directions_and_displacements_of_a_stretched_part_come_back() {
         let v = got.vertex_of(lodsmith::core::WedgeId::new(w));
         let p = view.get(v);
         let source = own.positions().view().iter().position(|q| (0..3).all(|k| (q[k] - p[k]).abs() < 1e-6));
-        let source = source.expect("it is a vertex of the input");
+        let source = source.expect("each vertex is a vertex of the input");
         let near = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
         assert!(near(&got.normals().unwrap()[w], &normals[source]), "normal {w}");
         for (a, b) in got.further_attributes().iter().zip(own.further_attributes()) {
@@ -96,7 +96,7 @@ fn directions_and_displacements_of_a_stretched_part_come_back() {
     }
 }
 
-/// A map without an inverse says nothing; the largest scale does.
+/// A map without an inverse is ignored; the largest scale is used.
 #[test]
 fn a_stretch_that_flattens_counts_as_its_largest_scale() {
     let own = shapes::blob(4, 1);
@@ -106,7 +106,7 @@ fn a_stretch_that_flattens_counts_as_its_largest_scale() {
     assert_eq!(of(Some(flat)).meshes, of(None).meshes);
 }
 
-/// Small meshes beside a large one became tetrahedra without a word.
+/// Small meshes in a scene with a large one became tetrahedra, and the report did not say so.
 #[test]
 fn small_meshes_that_lose_their_shape_are_counted() {
     let (ground, prop, tile) = (shapes::wavy_sheet(64), shapes::blob(4, 1), shapes::grid(16));
@@ -117,7 +117,7 @@ fn small_meshes_that_lose_their_shape_are_counted() {
         (done.counts.iter().map(|c| c.is_starved).collect::<Vec<_>>(), Starved::of(&done.counts))
     };
     let mut options = SimplifyOptions::new(Stop::ratio(0.2));
-    // A flat tile loses nothing with its faces.
+    // A flat tile keeps its shape when it loses faces.
     let (which, all) = count(&options);
     assert_eq!(which, [false, true, true, false]);
     let all = all.unwrap();

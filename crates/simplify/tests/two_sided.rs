@@ -1,4 +1,4 @@
-//! Sheets with two sides at one place: cards of foliage and hair, fins on a solid.
+//! Sheets with two coincident sides: cards of foliage and hair, fins on a solid.
 
 use lodsmith::core::topology::size_of;
 use lodsmith::core::{
@@ -31,7 +31,7 @@ struct Builder {
     wedges: Vec<u32>,
     faces: Vec<[u32; 3]>,
     regions: Vec<u32>,
-    /// Largest distance of vertices of backs from those of the front.
+    /// Largest distance between vertices of a back and of its front.
     gap: f64,
 }
 
@@ -121,7 +121,7 @@ fn run(mesh: &TriMesh, options: &SimplifyOptions) -> Simplified {
     simplify(mesh, options).expect("cards can be simplified")
 }
 
-/// Faces by their positions: each must have an opposite one, as often.
+/// Returns the number of faces without an opposite face, compared by position and with their multiplicity.
 fn unpaired(mesh: &TriMesh) -> usize {
     let view = mesh.positions().view();
     let mut keys = std::collections::HashMap::new();
@@ -136,7 +136,8 @@ fn unpaired(mesh: &TriMesh) -> usize {
     keys.values().filter(|n| **n != 0).count()
 }
 
-/// Faces of the fins of [`shapes::box_with_fins`] without an opposite one: those of the box have none.
+/// Returns the number of faces of the fins of [`shapes::box_with_fins`] without an opposite face; faces of
+/// the box have none.
 fn unpaired_faces_of_sheets(mesh: &TriMesh) -> usize {
     let view = mesh.positions().view();
     let on_fin = |t: &[WedgeId; 3]| t.iter().any(|w| view.get(mesh.vertex_of(*w))[2] > 0.51);
@@ -146,7 +147,7 @@ fn unpaired_faces_of_sheets(mesh: &TriMesh) -> usize {
 }
 
 #[test]
-fn cards_with_two_sides_keep_the_area_of_cards_with_one() {
+fn two_sided_cards_keep_as_much_area_as_single_sided_ones() {
     for count in [20, 150] {
         for (backs, back_region, has_attributes) in [
             (Backs::Own, 0, false),
@@ -198,7 +199,7 @@ fn each_side_of_a_card_keeps_its_own_values() {
         }
     }
     assert_eq!(counts[0], counts[1]);
-    // Sides on vertices of their own stay so.
+    // Sides with their own vertices keep their own.
     assert!(got.triangles().iter().zip(regions).all(|(t, r)| {
         let of =
             |region| got.triangles().iter().zip(regions).filter(move |x| *x.1 == region).flat_map(|x| x.0);
@@ -250,7 +251,7 @@ fn fins_on_a_closed_solid_keep_both_sides() {
 }
 
 #[test]
-fn fins_that_stand_on_a_closed_box_keep_their_area() {
+fn fins_on_a_closed_box_keep_their_area() {
     let [single, both] = [false, true].map(shapes::box_with_fins);
     let fins = |mesh: &TriMesh| area(mesh) - 6.0;
     assert!((fins(&both) / fins(&single) - 2.0).abs() < 1e-6);
@@ -274,7 +275,7 @@ fn sides_up_to_a_millionth_of_the_diagonal_apart_are_one_sheet() {
         (0..20).for_each(|i| all.card(i, [2, 6], backs, 0));
         all.mesh(true)
     };
-    // Sides that are cut along other diagonals have no triangle in common.
+    // Sides that are cut along different diagonals have no triangle in common.
     for share in [1e-8, 1e-7, 1e-6] {
         let near = with_gap(share, Backs::OtherDiagonals);
         assert_eq!(two_sided_faces(&near.surface()), near.face_count(), "{share}");
@@ -293,17 +294,17 @@ fn sides_up_to_a_millionth_of_the_diagonal_apart_are_one_sheet() {
             assert!((b / a - 1.0).abs() < 0.02, "{share} at {ratio}: {b} for {a}");
         }
     }
-    // What is closed by its indices is a solid, however thin.
+    // A surface closed by its indices is a solid, however thin.
     let mut lens = shapes::icosphere(3);
     lens.map_positions(|[x, y, z]| [x, y, 1e-7 * z]);
     assert_eq!(two_sided_faces(&lens.surface()), 0);
-    // Farther apart they are two surfaces.
+    // Sides that are farther apart are two surfaces.
     let apart = with_gap(1e-4, Backs::Own);
     assert_eq!(two_sided_faces(&apart.surface()), 0);
 }
 
 #[test]
-fn sheets_whose_sides_have_other_triangles_are_counted() {
+fn sheets_whose_sides_have_different_triangles_are_counted() {
     // Flat cards: twelve cells in front, three at the back.
     let side = |n: usize, m: usize, is_back: bool, at: f64| {
         let grid = (0..=m).flat_map(move |j| (0..=n).map(move |i| (i, j)));
@@ -384,7 +385,7 @@ fn locked_backs_keep_their_bits() {
         let p = mesh.positions().view().get(VertexId::new(v));
         assert!(view.iter().any(|q| q == p), "vertex {v} moved");
     }
-    // Each wedge of the locked back is there, with its own number.
+    // Each wedge of the locked back exists, with its own number.
     let tag = got.further_attributes().iter().find(|a| a.semantic == tags).unwrap();
     let kept: std::collections::BTreeSet<u32> = tag.values.iter().map(|x| *x as u32).collect();
     assert!((28..56).all(|w| kept.contains(&w)), "{kept:?}");
@@ -394,7 +395,7 @@ fn locked_backs_keep_their_bits() {
 fn a_thin_closed_plate_is_no_sheet() {
     let mut all = Builder::default();
     let n = 12;
-    // Two grids, 1e-4 of the diagonal apart, closed by walls.
+    // Two grids, 1e-4 of the diagonal apart, connected by walls to a closed surface.
     for z in [0.0, 1e-4] {
         all.points.extend(
             (0..=n).flat_map(|j| (0..=n).map(move |i| [i as f64 / n as f64, j as f64 / n as f64, z])),

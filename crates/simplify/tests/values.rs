@@ -10,7 +10,7 @@ use lodsmith::{
 
 use crate::support::charts::{place, two_charts, wedges};
 
-/// Values that reach the ends of their range in many places, and turn back there.
+/// Values that reach the limits of their range in many places, as turning points.
 fn waves(mesh: &TriMesh, width: usize, low: f32, high: f32) -> Vec<f32> {
     let wave = |w: WedgeId, k: usize| {
         let p = place(mesh, w);
@@ -75,7 +75,7 @@ fn options(method: MethodKind) -> SimplifyOptions {
     options
 }
 
-/// Texture coordinates in 0 to 1 ended at -0.0002 and 1.0009, colours at -6e-5.
+/// Regression: texture coordinates in 0 to 1 became -0.0002 and 1.0009, colours -6e-5.
 #[test]
 fn no_value_leaves_the_range_of_its_source() {
     let mesh = waved(shapes::blob(4, 3), 0.0, 1.0);
@@ -86,7 +86,7 @@ fn no_value_leaves_the_range_of_its_source() {
     }
 }
 
-/// The range is that of each mesh, not of all meshes under one budget.
+/// Each mesh has its own range, not the range of all meshes with one budget.
 #[test]
 fn no_value_of_a_scene_leaves_the_range_of_its_mesh() {
     let (a, b) = (waved(shapes::blob(4, 3), 0.0, 1.0), waved(shapes::torus(48, 24), -20.0, 30.0));
@@ -130,14 +130,14 @@ fn banded(mut mesh: TriMesh) -> TriMesh {
 fn assert_known(what: &str, source: &TriMesh, got: &TriMesh) {
     let known: BTreeSet<u32> = ids(source).into_iter().map(f32::to_bits).collect();
     let other = ids(got).into_iter().find(|x| !known.contains(&x.to_bits()));
-    assert_eq!(other, None, "{what}: an id that the source has not");
+    assert_eq!(other, None, "{what}: an id that is not in the source");
     let own: BTreeSet<u32> = ids(got).into_iter().map(f32::to_bits).collect();
     assert!(own.len() > 2, "{what}: {} ids are left", own.len());
 }
 
-/// Ids of u16 came out as -0.0887 and 2.94.
+/// Regression: 16-bit ids became -0.0887 and 2.94.
 #[test]
-fn ids_are_those_of_the_source() {
+fn ids_come_from_the_source() {
     let plain = banded(shapes::blob(4, 3));
     let mut dressed = waved(shapes::blob(4, 3), 0.0, 1.0);
     dressed.add_attribute(plain.further_attributes()[0].clone()).unwrap();
@@ -171,9 +171,10 @@ fn ids_are_those_of_the_source() {
     assert!(far.count() * 50 < got.wedge_count());
 }
 
-/// A face of a feature has its id at all corners; the features share vertices and differ in nothing else.
+/// A face of a feature has the feature's id at all corners; features share vertices and differ only in their
+/// ids.
 #[test]
-fn faces_of_two_features_stay_faces_of_one() {
+fn faces_belong_to_a_single_feature() {
     let mut mesh = two_charts(24);
     let right: Vec<bool> = mesh.uvs().unwrap().iter().map(|uv| uv[0] > 5.0).collect();
     mesh.set_uvs(None).unwrap();
@@ -193,7 +194,7 @@ fn faces_of_two_features_stay_faces_of_one() {
 }
 
 #[test]
-fn ids_of_scenes_and_levels_are_those_of_the_source() {
+fn ids_of_scenes_and_levels_come_from_the_source() {
     let (a, b) = (banded(shapes::blob(4, 3)), waved(shapes::torus(48, 24), 0.0, 1.0));
     let part = |mesh| Part::new(mesh);
     let options = SimplifyOptions::new(Stop::ratio(0.2));
@@ -214,8 +215,9 @@ fn ids_of_scenes_and_levels_are_those_of_the_source() {
     }
 }
 
-/// A ball with a named value, its height, which is missing at each seventh vertex; and a second one that misses nothing.
-fn ball_with_gaps(is_gap: impl Fn(usize) -> bool) -> TriMesh {
+/// A sphere with a named value, its height, which is missing at the vertices `is_gap`; and a second named
+/// value without gaps.
+fn sphere_with_gaps(is_gap: impl Fn(usize) -> bool) -> TriMesh {
     let mut mesh = shapes::icosphere(4);
     for (name, gaps) in [("height", true), ("width", false)] {
         let value = |w: WedgeId| match gaps && is_gap(w.index()) {
@@ -228,10 +230,10 @@ fn ball_with_gaps(is_gap: impl Fn(usize) -> bool) -> TriMesh {
     mesh
 }
 
-/// Regression: missing values counted as 0, were blended with their neighbours, and drew triangles to them.
+/// Regression: missing values counted as 0, were blended with their neighbours, and attracted triangles.
 #[test]
 fn missing_values_stay_missing_and_do_not_count() {
-    let (mesh, full) = (ball_with_gaps(|i| i % 7 == 0), ball_with_gaps(|_| false));
+    let (mesh, full) = (sphere_with_gaps(|i| i % 7 == 0), sphere_with_gaps(|_| false));
     let rms = |m: &TriMesh| {
         let found = lodsmith::core::measure::compare(&full.surface(), &m.surface(), &Default::default());
         found.unwrap().rms.symmetric
@@ -257,10 +259,10 @@ fn missing_values_stay_missing_and_do_not_count() {
     }
 }
 
-/// Regression: as above, for scenes and levels, with steps of escalation, and where locked vertices keep their bits.
+/// Regression: as above, for scenes and levels, with escalation, and where locked vertices keep their bits.
 #[test]
 fn missing_values_stay_missing_in_scenes_and_levels() {
-    let mesh = ball_with_gaps(|i| i % 7 == 0);
+    let mesh = sphere_with_gaps(|i| i % 7 == 0);
     let gaps = |m: &TriMesh| m.further_attributes()[0].values.iter().filter(|x| x.is_nan()).count();
     let is_right = |m: &TriMesh| {
         let share = gaps(m) as f64 / m.wedge_count() as f64;

@@ -39,8 +39,8 @@ impl Labels {
         (all, if is_one { Vec::new() } else { labels })
     }
 
-    /// Returns for each attribute its meaning, its number of values, and their offset in
-    /// [those of a label](Self::of).
+    /// Returns for each attribute its meaning, its number of values, and their offset in the [values of a
+    /// label](Self::of).
     pub(crate) fn kinds(&self) -> impl Iterator<Item = (&Semantic, usize, usize)> {
         let mut next = 0;
         self.kinds.iter().map(move |(semantic, width)| {

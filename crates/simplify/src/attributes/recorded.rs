@@ -109,12 +109,12 @@ impl Rows {
 
     /// Averages, over the rows of one vertex, the attributes that displace it as a whole.
     pub(crate) fn average_movement(&self, places: &RowPlaces, rows: &mut [Vec<f32>]) {
-        let is_alike = |rows: &[Vec<f32>], of: &dyn Fn(&[f32]) -> Vec<f32>| {
+        let are_equal = |rows: &[Vec<f32>], of: &dyn Fn(&[f32]) -> Vec<f32>| {
             rows.windows(2).all(|r| of(&r[0]) == of(&r[1]))
         };
         for (c, at) in self.placed(places).filter(|c| c.0.moves_whole) {
             let range = at..at + c.width;
-            if is_alike(rows, &|row| row[range.clone()].to_vec()) {
+            if are_equal(rows, &|row| row[range.clone()].to_vec()) {
                 continue;
             }
             for i in range {
@@ -124,7 +124,8 @@ impl Rows {
             }
         }
         let slots = || places.skins.iter().flat_map(|s| (0..4).map(move |k| s.map(|at| at + k)));
-        if !self.has_joints_per_vertex || is_alike(rows, &|row| slots().flatten().map(|i| row[i]).collect()) {
+        if !self.has_joints_per_vertex || are_equal(rows, &|row| slots().flatten().map(|i| row[i]).collect())
+        {
             return;
         }
         let mut sums: BTreeMap<u32, f32> = BTreeMap::new();

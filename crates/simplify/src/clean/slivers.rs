@@ -1,7 +1,7 @@
 //! Removal of zero-area faces.
 //!
 //! Every step lowers a measure, so the process terminates: first the number of zero-area faces, then, if that
-//! stays the same, the sum of all edge lengths. Removing a face lowers the first. A flip beside a face with
+//! stays the same, the sum of all edge lengths. Removing a face lowers the first. A flip next to a face with
 //! area must leave no zero-area face, and so lowers it too; a flip between two zero-area faces must leave
 //! fewer of them, or the same number and a shorter edge. (Without the last rule, two adjacent ones flipped
 //! their common edge back and forth without end.) Only finitely many edges are possible, and [`MAX_FLIPS`]

@@ -24,19 +24,19 @@ impl CleanState<'_> {
         let triangles = self.faces.iter().map(|&t| self.places(t)).collect();
         Ok(Surface::with_triangles(self.mesh.positions().view(), triangles)?)
     }
-    /// Removes the faces for which `goes` is true.
-    pub(super) fn drop_faces(&mut self, goes: impl Fn(usize) -> bool) {
+    /// Removes the faces for which `is_dropped` is true.
+    pub(super) fn drop_faces(&mut self, is_dropped: impl Fn(usize) -> bool) {
         let mut at = 0;
         let mut stays = || {
             at += 1;
-            !goes(at - 1)
+            !is_dropped(at - 1)
         };
         self.faces.retain(|_| stays());
         at = 0;
         if let Some(regions) = &mut self.regions {
             regions.retain(|_| {
                 at += 1;
-                !goes(at - 1)
+                !is_dropped(at - 1)
             });
         }
     }

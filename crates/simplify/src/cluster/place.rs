@@ -43,7 +43,7 @@ struct BorderSums {
 
 /// Number of faces whose corners are fetched together, so that the memory accesses overlap.
 const BATCH_FACES: usize = 32;
-/// Weight of borders relative to planes. (Measured: on terrain and on open scans 1 to 10 are alike.)
+/// Weight of borders relative to planes. (Measured: on terrain and on open scans 1 to 10 give equal results.)
 const BORDER_WEIGHT: f64 = 3.0;
 /// Directions in which the planes contribute less than this share of their sum stay at the mean. ([Lindstrom
 /// 2000] cuts singular values off at this share; a gradual cutoff is as good, as measured, and needs no
@@ -62,7 +62,7 @@ pub(super) const UNUSED: u32 = u32::MAX;
 pub(super) struct PlacedVertices<P> {
     /// One list per share.
     pub(super) points: Vec<Vec<P>>,
-    /// Index of each cluster among those of its share that have a face, or [`UNUSED`].
+    /// Index of each cluster among the clusters of its share that have a face, or [`UNUSED`].
     number: Vec<u32>,
     /// Number of points in the preceding shares.
     starts: Vec<u32>,
@@ -242,8 +242,8 @@ impl Batch {
     }
 }
 
-/// Adds a face to those of its cells that `sums` holds, from cell `first` on; if the face is kept, marks them
-/// as used.
+/// Adds a face to the sums of its cells, as far as `sums` has them (from cell `first` on); if the face is
+/// kept, marks them as used.
 #[inline(always)]
 fn add(
     (sums, is_used): (&mut [CellSums], &mut [bool]),

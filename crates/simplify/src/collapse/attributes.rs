@@ -47,7 +47,7 @@ pub(crate) struct Attributes {
     /// label.
     pub(crate) labels: Vec<u32>,
     pub(super) heads: Vec<Head>,
-    /// Cached result of [`Self::spread`] for each wedge, if its head says so.
+    /// Cached result of [`Self::reduction`] for each wedge; valid if its head says so.
     reductions: Vec<Tensor>,
     /// Original wedges of the copied ones, which come last.
     copied: Vec<WedgeId>,
@@ -209,7 +209,7 @@ impl Attributes {
     pub(super) fn uv_extent_sq(&self, [a, b, c]: [WedgeId; 3]) -> f32 {
         self.uv_distance_sq(a, b).max(self.uv_distance_sq(b, c)).max(self.uv_distance_sq(c, a))
     }
-    /// Iterates over a wedge and those that follow it at its vertex.
+    /// Iterates over a wedge and the wedges after it at its vertex.
     pub(super) fn chain(&self, first: WedgeId) -> impl Iterator<Item = WedgeId> + '_ {
         let known = move |w: WedgeId| (w != NO_WEDGE).then_some(w);
         std::iter::successors(known(first), move |w| known(self.heads[w.index()].next))

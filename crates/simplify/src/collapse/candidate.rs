@@ -84,7 +84,7 @@ impl Found {
     }
 }
 
-/// The edges from a vertex to those of its neighbours that come after it.
+/// The edges from a vertex to its neighbours that come after it.
 pub(super) struct OwnedEdges<'a> {
     pub(super) u: VertexId,
     pub(super) owned: &'a [VertexId],

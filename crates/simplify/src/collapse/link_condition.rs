@@ -280,15 +280,15 @@ mod tests {
             let is_sound = complex.too_much(u, v).is_empty() && apexes[0] != apexes[1];
             let wanted = if is_sound { Ok(2) } else { Err(Refusal::LinkCondition) };
             let mut marks = Marks::default();
-            let ways = [
+            let results = [
                 store.link_condition(u, v, &ru, &rv, &mut marks),
                 store.link_condition(v, u, &rv, &ru, &mut marks),
                 link_condition_marked(u, v, &ru, &rv, &mut marks),
                 store.link_condition_irregular(u, v, &ru, &rv, &mut marks),
             ];
-            if ways != [wanted; 4] {
+            if results != [wanted; 4] {
                 return Err(format!(
-                    "{u}-{v} with {} and {} faces: {wanted:?}, not {ways:?}",
+                    "{u}-{v} with {} and {} faces: {wanted:?}, not {results:?}",
                     ru.len(),
                     rv.len()
                 ));

@@ -182,9 +182,9 @@ impl<M: Metric> Engine<M> {
         [self.tally.necks_cut, self.tally.pairs_contracted]
     }
 
-    /// Removes these parts, in this order, until the goal is reached, except those that would leave the
-    /// result far below it; `part_of` is by vertex of the store. With `at_last` (nothing else is left), one
-    /// of those may be removed at the end.
+    /// Removes these parts, in this order, until the goal is reached, except parts whose removal would leave
+    /// the result far below it; `part_of` is by vertex of the store. With `at_last` (nothing else is left),
+    /// one of those may be removed at the end.
     fn drop_parts(
         &mut self,
         goal: &Goal,

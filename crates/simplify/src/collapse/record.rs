@@ -47,7 +47,8 @@ pub(crate) struct Log {
 /// One logged change.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LoggedChange {
-    /// Its own cost, or the largest of those that it depends on: changes may be applied in this order.
+    /// Its own cost, or the largest cost of the changes that it depends on: changes may be applied in this
+    /// order.
     pub(crate) key: f32,
     /// Increase of the accumulated cost of collapses, and of removed parts.
     pub(crate) spent: f32,
@@ -56,7 +57,7 @@ pub(crate) struct LoggedChange {
     pub(crate) ends: [u32; 6],
 }
 
-/// Numbers of the input for those of the engine.
+/// Input numbers of the engine's elements.
 #[derive(Clone)]
 pub(crate) struct InputNames {
     /// Vertex of the input at each position.
@@ -241,8 +242,8 @@ impl Record {
     }
 
     /// Logs the differences at the corners of a face, by its numbers in the store and in the input. Returns
-    /// the key, raised to those of the face's vertices before and after. Rows of wedges created by the same
-    /// change, from `wedges_before` on, are new and not logged.
+    /// the key, raised to the keys of the face's vertices before and after. Rows of wedges created by the
+    /// same change, from `wedges_before` on, are new and not logged.
     fn log_face<Q: VertexMemory>(
         &mut self,
         store: &Store<Q>,

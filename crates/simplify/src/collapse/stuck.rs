@@ -124,8 +124,8 @@ fn best(open: &[Vec<Change>], gain: &mut dyn FnMut(&[Change]) -> usize) -> Vec<P
         proposals
             .extend(tried.filter(|t| t.1 > 0).map(|(c, gain)| Proposal { changes: vec![c], gain }).next());
     }
-    // If several rules refuse the same edges, each alone gains little: combine all, then drop the changes
-    // that do not matter.
+    // If several rules refuse the same edges, relaxing only one gains little: combine all, then drop the
+    // changes that do not matter.
     let largest_gain = |proposals: &[Proposal]| proposals.iter().map(|p| p.gain).max().unwrap_or(0);
     let mut all: Vec<Change> = open.iter().filter_map(|choices| choices.last().copied()).collect();
     let gain_of_all = gain(&all);

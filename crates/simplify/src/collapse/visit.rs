@@ -24,7 +24,7 @@ pub(super) struct VisitScratch {
 }
 
 impl<M: Metric> Engine<M> {
-    /// Evaluates all edges that `u` owns, whatever they cost; leaves its ring in the scratch.
+    /// Evaluates all edges that `u` owns, at any cost; leaves its ring in the scratch.
     #[inline(never)]
     pub(super) fn evaluate_at_any_cost(&mut self, u: VertexId, scratch: &mut VisitScratch) {
         let VisitScratch { ru, owned, found, members, .. } = scratch;

@@ -87,7 +87,7 @@ impl Wings {
         self.fours[..self.used].iter().flat_map(|four| (0..four.count).map(|i| four.wing(i)))
     }
 
-    /// Returns the groups of four; those of the kept end first.
+    /// Returns the groups of four; the groups of the kept end come first.
     #[inline(always)]
     pub(super) fn fours(&self) -> &[FourWings] {
         &self.fours[..self.used]

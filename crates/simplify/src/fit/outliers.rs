@@ -120,8 +120,7 @@ fn check_faces_at_points<Q: VertexMemory>(
     home: &[VertexId],
     limit: f32,
 ) {
-    // Nearly all project into one of the faces there; the distance is computed afterwards, for those that do
-    // not.
+    // Nearly all project into one of the faces there; for the others, the distance is computed afterwards.
     let mut others: Vec<(u32, [VertexId; 3])> = Vec::new();
     given.each_face(|t| {
         // (Few faces are checked.)

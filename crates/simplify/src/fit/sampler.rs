@@ -43,7 +43,7 @@ pub(super) struct Sampler<'a, Q: VertexMemory> {
     pub(super) robust_height_sq: f32,
     pub(super) height_sq_sum: f64,
     pub(super) weight: f64,
-    /// Squared distances and weights of samples that lie beside all triangles: beyond a border that moved.
+    /// Squared distances and weights of samples that project into no triangle: beyond a border that moved.
     pub(super) beside: Beside,
 }
 

@@ -130,7 +130,7 @@ impl CachedStar {
         found
     }
 
-    /// Returns the nearest triangle among those that face the way of a sample, whose normal has this length.
+    /// Returns the nearest triangle with a similar orientation to a sample, whose normal has this length.
     #[cold]
     #[inline(never)]
     pub(super) fn nearest_facing(

@@ -1,6 +1,6 @@
 //! Least-squares fit of attribute values to the samples that also move the vertices.
 //!
-//! A sample counts only for a triangle of its own chart: beside a seam the nearest triangle may lie on the
+//! A sample counts only for a triangle of its own chart: next to a seam the nearest triangle may lie on the
 //! other side. Wedges are merged along triangles that have both, so a chart of the input is one of the
 //! result.
 

@@ -15,8 +15,8 @@ pub(super) const BORDER_AREA_WEIGHT: f64 = 9.0;
 /// lower bound does not rule out, and takes hundreds of instructions.)
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NeighbourhoodMetric {
-    /// With [`CostSource::FormThenStars`], the form is that of [`Memoryless`], with planes weighted by their
-    /// squared areas.
+    /// With [`CostSource::FormThenStars`], the form is the same as of [`Memoryless`], but with planes
+    /// weighted by their squared areas.
     pub(super) cost_source: CostSource,
     /// See [`Metric::evaluate`].
     pub(super) evaluate: fn(&EdgeNeighbourhood, f32) -> Option<(f32, Vec3)>,

@@ -31,7 +31,7 @@ impl Progressive {
     /// second per million faces of the full mesh and per level that is nearly within the distance.
     ///
     /// # Errors
-    /// [`SimplifyError::Cancelled`] if the control cancels; otherwise those of [`Progressive::mesh`].
+    /// [`SimplifyError::Cancelled`] if the control cancels; otherwise the errors of [`Progressive::mesh`].
     pub fn level_of_deviation(
         &self,
         distance: f64,

@@ -42,7 +42,7 @@ struct AttributeSource<'a> {
     pub(super) corners: &'a [[WedgeId; 3]],
     /// The input wedge of each of these corners.
     pub(super) wedges: &'a [[WedgeId; 3]],
-    /// The shading of the new corners, if it is to be kept.
+    /// The shading of the new corners, if it has to be kept.
     pub(super) shading: Option<Shading<'a>>,
 }
 

@@ -39,14 +39,14 @@ impl Run<'_, '_> {
     /// reaches the target.
     pub(super) fn closest(
         &self,
-        mut ways: Vec<RunOutcome>,
+        mut outcomes: Vec<RunOutcome>,
         asked: Option<usize>,
         control: &mut dyn Control,
     ) -> RunOutcome {
-        let best = self.closest_index(&ways.iter().collect::<Vec<_>>(), asked, control);
-        let mut chosen = ways.swap_remove(best);
+        let best = self.closest_index(&outcomes.iter().collect::<Vec<_>>(), asked, control);
+        let mut chosen = outcomes.swap_remove(best);
         if chosen.end == StopReason::Stuck && chosen.proposals.is_empty() {
-            let others = ways.into_iter().map(|way| way.proposals);
+            let others = outcomes.into_iter().map(|outcome| outcome.proposals);
             chosen.proposals = others.max_by_key(Vec::len).unwrap_or_default();
         }
         chosen
@@ -58,25 +58,25 @@ impl Run<'_, '_> {
     /// outcomes that keep everything. Cost: a tree of the input, and of each measured outcome.
     pub(super) fn closest_index(
         &self,
-        ways: &[&RunOutcome],
+        outcomes: &[&RunOutcome],
         asked: Option<usize>,
         control: &mut dyn Control,
     ) -> usize {
-        let meets = |i: &usize| ways[*i].end == StopReason::Goal;
-        let met: Vec<usize> = (0..ways.len()).filter(meets).collect();
+        let meets = |i: &usize| outcomes[*i].end == StopReason::Goal;
+        let met: Vec<usize> = (0..outcomes.len()).filter(meets).collect();
         if met.len() <= 1 {
-            let lightest = || (0..ways.len()).min_by_key(|&i| ways[i].mesh.face_count());
+            let lightest = || (0..outcomes.len()).min_by_key(|&i| outcomes[i].mesh.face_count());
             return met.first().copied().or_else(lightest).unwrap_or(0);
         }
         let Some(comparer) = self.input_comparer(control) else { return met[0] };
         let error = |i: usize| {
-            let is_favoured = asked.map_or_else(|| ways[i].keeps_all(), |asked| i == asked);
+            let is_favoured = asked.map_or_else(|| outcomes[i].keeps_all(), |asked| i == asked);
             let favour = match is_favoured {
-                true if ways[i].is_unproductive || asked.is_some() => WHOLE_RESULT_FACTOR,
+                true if outcomes[i].is_unproductive || asked.is_some() => WHOLE_RESULT_FACTOR,
                 true => PRODUCTIVE_RESULT_FACTOR,
                 false => 1.0,
             };
-            comparer.rms(&ways[i].mesh, COMPARISON_SAMPLES) / favour
+            comparer.rms(&outcomes[i].mesh, COMPARISON_SAMPLES) / favour
         };
         let errors = met.iter().map(|&i| (i, error(i)));
         errors.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(met[0], |best| best.0)

@@ -37,7 +37,7 @@ fn passes_of_search(method: MethodKind) -> PassOfSearch {
 impl Run<'_, '_> {
     /// Returns the lightest level of the search within `limit`.
     ///
-    /// A level is the result of a run to its count, whatever the limit.
+    /// A level is the result of a run to its count, independent of the limit.
     pub(super) fn run_within_error(
         mut self,
         limit: f64,

@@ -110,9 +110,9 @@ impl<'a> JoinedScene<'a> {
         CountedGoal::new(stop, |of| self.count(of), &self.mesh)
     }
 
-    /// Returns true if the count of a run follows from that of the scene. If the numbers of instances differ,
-    /// or meshes share vertices that each of them counts, it is known only after the run and has to be
-    /// searched for.
+    /// Returns true if the count of a run follows from the count of the scene. If the numbers of instances
+    /// differ, or meshes share vertices that each of them counts, it is known only after the run and has to
+    /// be searched for.
     pub(super) fn is_direct(&self, goal: &CountedGoal) -> bool {
         let shares_vertices = self.layout.has_neighbours && goal.faces.is_none();
         let same = self.parts.windows(2).all(|p| self.instances_of(&p[0]) == self.instances_of(&p[1]));

@@ -21,7 +21,7 @@ pub(super) enum BackValues {
     Own(Semantic),
 }
 
-/// The plan for all attributes of a mesh; `None` for those that it does not have.
+/// The plan for all attributes of a mesh; `None` for attributes that it does not have.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Plan {
     pub(super) normals: Option<BackValues>,

@@ -285,7 +285,7 @@ impl SingleSided {
     }
 }
 
-/// Returns the changes of both sides: `both` gives those of one change.
+/// Returns the changes of both sides: `both` converts a single change.
 fn changes<A, T>(single: &Changes<A, Vec<T>>, both: impl Fn(&A, &T) -> Vec<(A, T)>) -> Changes<A, Vec<T>> {
     let mut all = Changes { ends: vec![0], at: Vec::new(), to: Vec::new() };
     for s in 0..single.ends.len() - 1 {

@@ -9,7 +9,7 @@ fn in_threads<T: Send>(n: usize, work: impl FnOnce() -> T + Send) -> T {
 }
 
 #[test]
-fn the_same_bytes_again_and_with_any_threads() {
+fn runs_are_repeatable_with_any_number_of_threads() {
     let mut all = Complaints::default();
     for promise in PROMISES.iter() {
         let mut meshes = shapes::all();
@@ -25,15 +25,15 @@ fn the_same_bytes_again_and_with_any_threads() {
                 };
                 let same =
                     |a: &Simplified, b: &Simplified| bytes(&a.mesh) == bytes(&b.mesh) && a.report == b.report;
-                all.check(&case, same(&one, &again), "another result when run again");
-                all.check(&case, same(&one, &two), "another result with two threads");
+                all.check(&case, same(&one, &again), "a second run gives another result");
+                all.check(&case, same(&one, &two), "two threads give another result");
             }
         }
     }
     all.report_all();
 }
 
-/// A control that gives an answer from one call on, and checks that progress never decreases.
+/// A control that gives an answer from the n-th call on, and checks that progress never decreases.
 struct CheckingControl {
     questions: usize,
     from: usize,
@@ -62,7 +62,7 @@ impl Control for CheckingControl {
     }
 }
 
-/// Least number of progress reports of a run on [`large`]: "a few thousand steps" are 16 thousand here.
+/// Minimum number of progress reports of a run on [`large`]: "a few thousand steps" are 16 thousand here.
 const MIN_PROGRESS_REPORTS: usize = 5;
 
 /// Large enough for several progress reports.
@@ -71,7 +71,7 @@ fn large() -> TriMesh {
 }
 
 #[test]
-fn callers_are_asked_and_obeyed() {
+fn callers_get_progress_and_can_end_runs() {
     let mut all = Complaints::default();
     let mesh = large();
     for promise in PROMISES.iter() {
@@ -84,18 +84,18 @@ fn callers_are_asked_and_obeyed() {
         };
         all.add(&case, watching.wrongs);
         let asked = watching.questions;
-        let text = format!("asked {asked} times for {} faces", mesh.face_count());
+        let text = format!("{asked} progress reports for {} faces", mesh.face_count());
         // Clustering reports each pass, of a few milliseconds.
         let least = if promise.method == MethodKind::Cluster { 2 } else { MIN_PROGRESS_REPORTS };
         all.check(&case, asked >= least, &text);
         for from in [0, 1, asked / 2, asked.saturating_sub(1)] {
             let mut control = CheckingControl::new(from, Verdict::Cancel);
             let done = simplify_with(&mesh, &options, &mut control);
-            let text = format!("cancelled at question {} of {asked}, it goes on", from + 1);
+            let text = format!("cancelled at report {} of {asked}, it continues", from + 1);
             all.check(&case, matches!(done, Err(SimplifyError::Cancelled)), &text);
 
             let mut control = CheckingControl::new(from, Verdict::Finish);
-            let case = format!("{case}, finished at question {} of {asked}", from + 1);
+            let case = format!("{case}, finished at report {} of {asked}", from + 1);
             let done = match simplify_with(&mesh, &options, &mut control) {
                 Ok(done) => done,
                 Err(error) => {
@@ -105,15 +105,23 @@ fn callers_are_asked_and_obeyed() {
             };
             all.add(&case, defect_complaints(&mesh, &options, promise, &done));
             let (faces, report) = (done.mesh.face_count(), &done.report);
-            let told = (report.faces, report.vertices) == (faces, done.mesh.vertex_count());
-            all.check(&case, told, "the report tells another mesh");
+            let is_counted = (report.faces, report.vertices) == (faces, done.mesh.vertex_count());
+            all.check(&case, is_counted, "the report has the counts of another mesh");
             all.check(&case, faces > 0 && faces <= mesh.face_count(), &format!("{faces} faces"));
             if report.stopped_by == StoppedBy::Caller {
-                all.check(&case, !report.reached, "ended by the caller, and yet reached");
+                all.check(
+                    &case,
+                    !report.reached,
+                    "ended by the caller, but the report says that the stop was reached",
+                );
             } else {
-                // The work left after the answer is done all the same.
-                all.check(&case, from > 1, "it goes on");
-                all.check(&case, faces == whole.mesh.face_count(), "neither the whole result nor an end");
+                // The work left after the answer is done nevertheless.
+                all.check(&case, from > 1, "it continues");
+                all.check(
+                    &case,
+                    faces == whole.mesh.face_count(),
+                    "neither the whole result nor an early one",
+                );
             }
         }
     }
@@ -121,7 +129,7 @@ fn callers_are_asked_and_obeyed() {
 }
 
 #[test]
-fn cancelling_while_an_error_is_searched_for() {
+fn a_search_for_an_error_can_be_ended() {
     let mut all = Complaints::default();
     let mesh = shapes::blob(3, 2);
     for promise in PROMISES.iter() {
@@ -132,19 +140,19 @@ fn cancelling_while_an_error_is_searched_for() {
         all.check(&case, whole.is_ok(), "fails");
         for from in [0, watching.questions / 2, watching.questions.saturating_sub(1)] {
             let done = simplify_with(&mesh, &options, &mut CheckingControl::new(from, Verdict::Cancel));
-            let text = format!("cancelled at question {} of {}, it goes on", from + 1, watching.questions);
+            let text = format!("cancelled at report {} of {}, it continues", from + 1, watching.questions);
             all.check(&case, matches!(done, Err(SimplifyError::Cancelled)), &text);
         }
         let from = watching.questions / 2;
         let Ok(done) = simplify_with(&mesh, &options, &mut CheckingControl::new(from, Verdict::Finish))
         else {
-            all.add(&case, [format!("finished at question {}, it fails", from + 1)]);
+            all.add(&case, [format!("finished at report {}, it fails", from + 1)]);
             continue;
         };
         let measured = done.report.error.measured.as_ref().map(|m| m.hausdorff.symmetric);
         let limit = 0.005 * done.report.error.diagonal;
         let is_within = measured.is_some_and(|d| d <= 1.0001 * limit);
-        let text = format!("finished at question {}: {measured:?} beyond {limit}", from + 1);
+        let text = format!("finished at report {}: {measured:?} beyond {limit}", from + 1);
         all.check(&case, is_within, &text);
     }
     all.report_all();

@@ -1,4 +1,4 @@
-//! Options of single methods, and those that methods share.
+//! Options of single methods, and options that methods share.
 
 use lodsmith::options::by_name::{NamedOption, OPTIONS, OptionKind, OptionValue};
 
@@ -19,7 +19,7 @@ fn own_options() -> impl Iterator<Item = (&'static NamedOption, OptionValue<'sta
 }
 
 #[test]
-fn own_options_keep_the_promises_too() {
+fn own_options_keep_the_guarantees_too() {
     let mut all = Complaints::default();
     for promise in PROMISES.iter() {
         for (option, value, takers) in own_options() {
@@ -68,7 +68,7 @@ fn border(mesh: &TriMesh) -> HashSet<[u64; 3]> {
         .collect()
 }
 
-/// Options that many methods share, and the promises of methods that have them.
+/// Options that many methods share, and the guarantees of methods that have them.
 #[test]
 fn shared_options_are_honoured_or_refused() {
     type Set = fn(&mut SimplifyOptions);
@@ -107,7 +107,7 @@ fn shared_options_are_honoured_or_refused() {
                 match what {
                     "placement endpoint" => {
                         let strange = here.difference(&places(&mesh)).count();
-                        all.check(&case, strange == 0, &format!("{strange} vertices are not of the input"));
+                        all.check(&case, strange == 0, &format!("{strange} vertices are not from the input"));
                     }
                     "border lock" if done.report.parts_removed == 0 => {
                         let gone = border(&mesh).difference(&here).count();
@@ -116,7 +116,10 @@ fn shared_options_are_honoured_or_refused() {
                     "locked" => {
                         // Clustering can leave a single locked vertex without any face; then it is dropped.
                         let may_go = promise.method == MethodKind::Cluster;
-                        all.add(&case, laden::locked_complaints(&mesh, &locked, (may_go, false), &done.mesh));
+                        all.add(
+                            &case,
+                            attributed::locked_complaints(&mesh, &locked, (may_go, false), &done.mesh),
+                        );
                     }
                     _ => {}
                 }

@@ -1,8 +1,8 @@
 //! Checks that apply to every result, whatever the options.
 
+pub(crate) mod attributed;
 pub(crate) mod charts;
-pub(crate) mod laden;
-pub(crate) mod untied;
+pub(crate) mod without_ties;
 
 use std::collections::HashSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -15,18 +15,19 @@ use lodsmith::{
     StoppedBy, TopologyPolicy, simplify_with,
 };
 
-/// Returns true if long products are to be run whole, as `.ci/run` asks with `LODSMITH_LONG=1`.
+/// Returns true if all cases of long products of cases have to be run, as `.ci/run` requests with
+/// `LODSMITH_LONG=1`.
 pub(crate) fn is_long() -> bool {
     std::env::var_os("LODSMITH_LONG").is_some()
 }
 
-/// Returns the size of a long product: `whole`, or `part` unless the whole is asked for.
+/// Returns the size of a long product of cases: `whole` if all cases are requested, else `part`.
 pub(crate) fn size<T>(whole: T, part: T) -> T {
     if is_long() { whole } else { part }
 }
 
-/// Chooses the cases of a long product: all, or every `n`th. Where `n` has no factor in common with the numbers of options,
-/// every option is met in some cases.
+/// Selects the cases of a long product: all, or every `n`th. If `n` has no factor in common with the numbers
+/// of options, every option occurs in some cases.
 pub(crate) struct CaseFilter {
     n: usize,
     seen: usize,
@@ -36,14 +37,14 @@ impl CaseFilter {
     pub(crate) fn every(n: usize) -> Self {
         Self { n: if is_long() { 1 } else { n }, seen: 0 }
     }
-    /// Returns true if the next case is among them.
+    /// Returns true if the next case is selected.
     pub(crate) fn takes(&mut self) -> bool {
         self.seen += 1;
         (self.seen - 1).is_multiple_of(self.n)
     }
 }
 
-/// Complaints about many cases, reported together at the end.
+/// Complaints about many cases, which are reported together at the end.
 #[derive(Default)]
 pub(crate) struct Complaints(Vec<String>);
 
@@ -64,7 +65,7 @@ impl Complaints {
     }
 }
 
-/// Returns the options in one line, without those at their defaults.
+/// Returns the options that are not at their defaults, in one line.
 pub(crate) fn options_text(options: &SimplifyOptions) -> String {
     let d = SimplifyOptions::default();
     let mut words = Vec::new();
@@ -84,7 +85,7 @@ pub(crate) fn options_text(options: &SimplifyOptions) -> String {
     word(options.prune.is_some(), format!("prune {:?}", options.prune));
     word(options.escalate, "escalate".into());
     word(options.per_mesh, "per mesh".into());
-    word(options.shape_normals, "normals of the shape".into());
+    word(options.shape_normals, "shape normals".into());
     word(options.weights != d.weights, format!("{:?}", options.weights));
     word(options.measure != d.measure, "measured".into());
     word(options.seed != d.seed, format!("seed {}", options.seed));
@@ -145,7 +146,7 @@ fn mesh_complaints(mesh: &TriMesh, result: &TriMesh) -> Vec<String> {
     check(flat == 0, format!("{flat} degenerate faces"));
     let mut seen = HashSet::new();
     let twice = surface.triangles().iter().filter(|t| !seen.insert(turned(**t))).count();
-    check(twice == 0, format!("{twice} faces stand twice"));
+    check(twice == 0, format!("{twice} duplicate faces"));
     let used: HashSet<VertexId> = surface.triangles().iter().flatten().copied().collect();
     check(used.len() == vertices, format!("{} of {vertices} vertices are used", used.len()));
     let is_double = |m: &TriMesh| matches!(m.positions(), Positions::F64(_));
@@ -153,7 +154,7 @@ fn mesh_complaints(mesh: &TriMesh, result: &TriMesh) -> Vec<String> {
     found
 }
 
-/// Checks the promises that hold for any mesh; by index, not by position.
+/// Checks the guarantees that hold for any mesh; by index, not by position.
 pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simplified) -> Vec<String> {
     let (result, report) = (&done.mesh, &done.report);
     let (faces, vertices) = (result.face_count(), result.vertex_count());
@@ -163,11 +164,11 @@ pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simpl
     // The report.
     check(
         (report.faces, report.vertices) == (faces, vertices),
-        format!("the report tells {} faces, {} vertices", report.faces, report.vertices),
+        format!("the report has {} faces, {} vertices", report.faces, report.vertices),
     );
     check(
         (report.input_faces, report.input_vertices) == (mesh.face_count(), mesh.vertex_count()),
-        "the report tells another input".into(),
+        "the report has the counts of another input".into(),
     );
     let stop = &options.stop;
     let by_faces = stop.faces.is_some_and(|n| faces <= n);
@@ -186,7 +187,7 @@ pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simpl
             format!("reached is {} at {faces} faces, {vertices} vertices", report.reached),
         );
     }
-    let tells_true = match stopped_by {
+    let is_true = match stopped_by {
         StoppedBy::Faces => by_faces,
         StoppedBy::Vertices => by_vertices,
         StoppedBy::Ratio => by_ratio,
@@ -195,7 +196,7 @@ pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simpl
         StoppedBy::Nothing => !counts || report.collapses == 0,
         _ => false,
     };
-    check(tells_true, format!("stopped by {stopped_by:?} at {faces} faces, {vertices} vertices"));
+    check(is_true, format!("stopped by {stopped_by:?} at {faces} faces, {vertices} vertices"));
     let order = |r: Refusal| Refusal::ALL.iter().position(|&x| x == r);
     check(
         report.refusals.is_sorted_by(|a, b| order(a.0) < order(b.0))
@@ -222,7 +223,7 @@ pub(crate) fn complaints(mesh: &TriMesh, options: &SimplifyOptions, done: &Simpl
     found
 }
 
-/// Checks the promises that hold for a scene of any meshes.
+/// Checks the guarantees that hold for a scene of any meshes.
 pub(crate) fn scene_complaints(
     parts: &[Part<'_>],
     options: &SimplifyOptions,
@@ -240,10 +241,10 @@ pub(crate) fn scene_complaints(
     let vertices = sum(&|i| done.meshes[i].vertex_count());
     let mut check = |holds: bool, otherwise: String| found.extend((!holds).then_some(otherwise));
     check(done.meshes.len() == parts.len() && done.counts.len() == parts.len(), "a mesh is missing".into());
-    let told = [report.input_faces, report.input_vertices, report.faces, report.vertices];
+    let reported = [report.input_faces, report.input_vertices, report.faces, report.vertices];
     let is = [input_faces, input_vertices, faces, vertices];
-    check(told == is, format!("the report tells {told:?} for {is:?}"));
-    check(report.error.diagonal == diagonal, "another diagonal".into());
+    check(reported == is, format!("the report has {reported:?} for {is:?}"));
+    check(report.error.diagonal == diagonal, "the diagonal is wrong".into());
     let estimate = report.error.estimate;
     check(estimate.is_finite() && estimate >= 0.0, format!("estimate {estimate}"));
     let met = |faces: usize, vertices: usize, all: usize| {
@@ -253,7 +254,7 @@ pub(crate) fn scene_complaints(
             || stop.vertices.is_some_and(|n| vertices <= n)
             || stop.ratio.is_some_and(|r| faces as f64 <= share(r))
     };
-    // A mesh without a face that has an area stays as it is.
+    // A mesh in which no face has an area is unchanged.
     let is_left = |i: usize| options.per_mesh && done.meshes[i] == *parts[i].mesh;
     let each = || {
         let counts = done.counts.iter().enumerate();
@@ -268,7 +269,7 @@ pub(crate) fn scene_complaints(
     }
     for (i, (part, mesh)) in parts.iter().zip(&done.meshes).enumerate() {
         let c = &done.counts[i];
-        let told = [c.instances, c.input_faces, c.input_vertices, c.faces, c.vertices];
+        let reported = [c.instances, c.input_faces, c.input_vertices, c.faces, c.vertices];
         let (before, own) = (part.mesh, mesh);
         let is = [
             part.instances,
@@ -277,7 +278,7 @@ pub(crate) fn scene_complaints(
             own.face_count(),
             own.vertex_count(),
         ];
-        check(told == is, format!("part {i}: counts {told:?} for {is:?}"));
+        check(reported == is, format!("part {i}: counts {reported:?} for {is:?}"));
         let locked = part.data.locked;
         let mut wrongs = if is_left(i) { Vec::new() } else { mesh_complaints(before, own) };
         if !is_left(i) {
@@ -285,12 +286,12 @@ pub(crate) fn scene_complaints(
             let near = vec![true; before.vertex_count()];
             let is_near = part.system.is_some() && parts.iter().any(|p| p.data.locked.is_some());
             let held = if is_near { Some(&near[..]) } else { locked };
-            wrongs.extend(laden::attribute_complaints(before, options.placement, held, own));
+            wrongs.extend(attributed::attribute_complaints(before, options.placement, held, own));
         }
         if let Some(locked) = locked {
             // Parts that touch are welded.
             let welded = options.weld.is_some() || parts.iter().any(|p| p.system.is_some());
-            wrongs.extend(laden::locked_complaints(
+            wrongs.extend(attributed::locked_complaints(
                 before,
                 locked,
                 (welded, report.pairs_contracted > 0),
@@ -310,7 +311,7 @@ pub(crate) fn counts(mesh: &TriMesh) -> TopologyCounts {
     Topology::unwelded(&surface).counts()
 }
 
-/// Checks the promises of a topology policy; by position, as in a file.
+/// Checks the guarantees of a topology policy; by position, as in a file.
 pub(crate) fn topology_complaints(
     mesh: &TriMesh,
     options: &SimplifyOptions,
@@ -320,9 +321,9 @@ pub(crate) fn topology_complaints(
     let mut check = |holds: bool, otherwise: String| found.extend((!holds).then_some(otherwise));
     let (old_defects, new_defects) = (defects(&mesh.surface()), defects(&done.mesh.surface()));
     let flat = new_defects.degenerate_face_count;
-    check(flat == 0, format!("{flat} faces with two corners at one place"));
+    check(flat == 0, format!("{flat} faces with two corners at one position"));
     let twice = new_defects.same_winding_duplicate_count;
-    check(twice == 0, format!("{twice} faces stand twice, by place"));
+    check(twice == 0, format!("{twice} duplicate faces, by position"));
     if options.topology == TopologyPolicy::Free {
         return found;
     }
@@ -355,7 +356,7 @@ pub(crate) fn topology_complaints(
     found
 }
 
-/// Returns a face rotated to start at its least vertex.
+/// Returns a face rotated to start at its lowest vertex.
 fn turned(t: [VertexId; 3]) -> [VertexId; 3] {
     let [a, b, c] = t;
     [[a, b, c], [b, c, a], [c, a, b]].into_iter().min().unwrap_or(t)

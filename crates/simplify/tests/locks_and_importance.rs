@@ -19,7 +19,7 @@ fn of_vertices<T>(mesh: &TriMesh, of: impl Fn([f64; 3]) -> T) -> Vec<T> {
 
 /// A mesh with all kinds of attributes on its wedges: a seam where x changes sign, random values, normals
 /// that are not quite of unit length.
-fn laden(mesh: &TriMesh) -> TriMesh {
+fn with_random_attributes(mesh: &TriMesh) -> TriMesh {
     let surface = mesh.surface();
     let positions = surface.positions();
     let count = mesh.vertex_count() as u32;
@@ -60,7 +60,7 @@ fn corner(mesh: &TriMesh, w: WedgeId) -> Vec<u64> {
 
 type Face = [Vec<u64>; 3];
 
-/// Returns a face with all attributes of its corners, the least corner first.
+/// Returns a face with all attributes of its corners, the lowest corner first.
 fn face(mesh: &TriMesh, t: &[WedgeId; 3]) -> Face {
     let mut corners = t.map(|w| corner(mesh, w));
     let least = (0..3).min_by_key(|&k| corners[k].clone()).unwrap();
@@ -84,7 +84,7 @@ fn touched(mesh: &TriMesh, locked: &[bool], result: &TriMesh) -> Vec<String> {
         corners(result, &|_| true).into_iter().filter(|c| places.contains(&c[..3])).collect::<HashSet<_>>();
     let mut found = Vec::new();
     if gone > 0 {
-        found.push(format!("{gone} locked faces are no more"));
+        found.push(format!("{gone} locked faces are gone"));
     }
     // One of two wedges with equal values is enough; a face between them may have been the last to use the
     // other.
@@ -94,22 +94,22 @@ fn touched(mesh: &TriMesh, locked: &[bool], result: &TriMesh) -> Vec<String> {
     }
     let missing = places.len() - is.iter().map(|c| &c[..3]).collect::<HashSet<_>>().len();
     if missing > 0 {
-        found.push(format!("{missing} locked vertices are no more"));
+        found.push(format!("{missing} locked vertices are gone"));
     }
     found
 }
 
 #[test]
-fn what_is_locked_stays_to_the_bit() {
+fn locked_vertices_and_faces_keep_their_bits() {
     let mut all = Complaints::default();
     let mut cases = CaseFilter::every(5);
     for (name, plain) in shapes::all() {
-        for mesh in [laden(&plain), plain] {
+        for mesh in [with_random_attributes(&plain), plain] {
             // Everything above a plane, and some single vertices.
             let level = mesh.positions().view().bounds().map_or(0.0, |b| 0.6 * b.max[1] + 0.4 * b.min[1]);
             for (kind, locked) in [
                 ("above", of_vertices(&mesh, |p| p[1] > level)),
-                ("here and there", (0..mesh.vertex_count()).map(|i| i % 7 == 0).collect()),
+                ("every seventh vertex", (0..mesh.vertex_count()).map(|i| i % 7 == 0).collect()),
             ] {
                 for method in [MethodKind::Memoryless, MethodKind::Quadric] {
                     for placement in [Placement::Optimal, Placement::Endpoint, Placement::Midpoint] {
@@ -120,14 +120,14 @@ fn what_is_locked_stays_to_the_bit() {
                         (options.method, options.placement) = (method.into(), placement);
                         let input = Input::new(&mesh).locked(&locked);
                         let done = simplify_with(input, &options, &mut NoControl).unwrap();
-                        let laden = if mesh.has_attributes() { "laden" } else { "plain" };
-                        let case = format!("{laden} {name}, {kind}, {method:?}, {placement:?}");
-                        // Endpoint placement drops the rest; then positions and faces are compared with the
-                        // plain mesh.
+                        let kind_of_mesh = if mesh.has_attributes() { "attributed" } else { "plain" };
+                        let case = format!("{kind_of_mesh} {name}, {kind}, {method:?}, {placement:?}");
+                        // Endpoint placement drops the other attributes; then positions and faces are
+                        // compared with the plain mesh.
                         let bare = |m: &TriMesh| {
                             TriMesh::new(m.positions().clone(), m.surface().triangles().to_vec()).unwrap()
                         };
-                        // Of duplicate locked faces one is left.
+                        // Of duplicate locked faces, one remains.
                         if name != "doubled_sheet" && name != "soup" {
                             if placement == Placement::Endpoint {
                                 all.add(&case, touched(&bare(&mesh), &locked, &bare(&done.mesh)));
@@ -157,7 +157,7 @@ fn the_locked_area_and_the_rest_stay_one_surface() {
     assert_eq!(done.report.locked_vertices, locked.iter().filter(|l| **l).count());
     assert_eq!(done.report.stopped_by, StoppedBy::Refusals);
     assert!(!done.report.reached && done.report.refusals.iter().any(|r| r.0 == Refusal::Locked));
-    // Little more is left than the locked area and the faces at its rim.
+    // Little more remains than the locked area and the faces at its rim.
     assert!(done.report.faces < locked_faces + locked_faces / 5, "{} of {locked_faces}", done.report.faces);
     let counts = Topology::new(&done.mesh.surface()).counts();
     assert_eq!((counts.border_edge_count, counts.non_manifold_edge_count), (0, 0));
@@ -165,7 +165,7 @@ fn the_locked_area_and_the_rest_stay_one_surface() {
 }
 
 #[test]
-fn a_part_with_a_locked_vertex_never_goes() {
+fn parts_with_a_locked_vertex_are_never_removed() {
     let mesh = shapes::tetrahedra(40);
     let locked: Vec<bool> = (0..mesh.vertex_count()).map(|i| i < 4 || i == 9).collect();
     let input = Input::new(&mesh).locked(&locked);
@@ -176,7 +176,7 @@ fn a_part_with_a_locked_vertex_never_goes() {
 }
 
 #[test]
-fn nothing_is_welded_off_its_locked_place() {
+fn a_weld_moves_no_locked_vertex() {
     // Two sheets with a gap between them that the weld closes.
     let left = shapes::wavy_sheet(12);
     let bounds = left.positions().view().bounds().unwrap();
@@ -198,7 +198,7 @@ fn nothing_is_welded_off_its_locked_place() {
 }
 
 #[test]
-fn attributes_survive_a_weld() {
+fn a_weld_keeps_attributes() {
     // Two sheets that touch, each with vertices and colours of its own: a ramp over both.
     let left = shapes::grid(8);
     let bounds = left.positions().view().bounds().unwrap();
@@ -225,9 +225,9 @@ fn attributes_survive_a_weld() {
 }
 
 #[test]
-fn locked_vertices_of_a_scene_come_back_as_they_were() {
-    let a = laden(&shapes::blob(3, 1));
-    let mut b = laden(&shapes::torus(24, 16));
+fn locked_vertices_of_a_scene_are_unchanged() {
+    let a = with_random_attributes(&shapes::blob(3, 1));
+    let mut b = with_random_attributes(&shapes::torus(24, 16));
     b.map_positions(|p| [0.001 * p[0], 1e-9 * p[1], p[2]]);
     let regions = (0..b.face_count()).map(|f| RegionId::new(f % 2)).collect();
     b.set_regions(Some(regions)).unwrap();
@@ -270,7 +270,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 }
 
 #[test]
-fn importance_is_density() {
+fn importance_is_relative_density() {
     let mesh = shapes::icosphere(5);
     for method in [MethodKind::Memoryless, MethodKind::Quadric] {
         for wanted in [0.25f32, 1.0, 2.0, 4.0] {

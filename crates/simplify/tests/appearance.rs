@@ -1,4 +1,4 @@
-//! Appearance of game assets: palette colours, shading, poses. Regressions, by name.
+//! Appearance of game assets: palette colours, shading, poses. Mostly regressions.
 
 use lodsmith::core::{Attribute, Image, Positions, RegionId, Semantic, TriMesh, VertexId, WedgeId, shapes};
 use lodsmith::{
@@ -26,7 +26,7 @@ fn cell([u, v]: [f32; 2]) -> [usize; 2] {
 }
 
 /// A bumpy sphere with one palette cell for each side; texture coordinates go back and forth over the whole
-/// cell, so extrapolating them along their gradients leaves it.
+/// cell, so extrapolation along their gradients leaves the cell.
 fn painted_sphere() -> TriMesh {
     let sphere = shapes::blob(4, 5);
     let view = sphere.positions().view();
@@ -69,7 +69,7 @@ fn faces_keep_the_colour_of_a_palette() {
     let shares = [&without, &with].map(share_of_mixed);
     assert!(shares[0] > 0.3 && shares[1] < 0.5 * shares[0], "{shares:?} of the faces show several colours");
 
-    // The same as a part of a scene, beside a part without a texture.
+    // The same in a scene, together with a part without a texture.
     let other = shapes::icosphere(2);
     let scene = |textures| {
         let own = Textures::of_regions(textures);
@@ -132,14 +132,14 @@ fn a_small_part_of_another_colour_keeps_its_area() {
     let textures = || Some(Textures::of_regions(vec![Some(palette())]));
     let shares = [left(400, None), left(400, textures())];
     assert!(shares[0] < 0.7 && shares[1] > 0.75, "{shares:?} of the eye is left");
-    // If it is much smaller than a face of the result it is reduced, in its own colour.
+    // If it is much smaller than a face of the result, it is reduced but keeps its own colour.
     let share = left(200, textures());
     assert!((0.001..0.7).contains(&share), "{share} of the eye is left");
     // A target that cannot be met otherwise has priority.
     left(8, textures());
 }
 
-/// A statue on a plinth with a thin plate on its front, each with a cell of the palette.
+/// A statue on a plinth with a thin plate on its front, each with its own cell of the palette.
 fn statue_on_a_plinth() -> TriMesh {
     let (mut points, mut faces, mut uvs) = (Vec::new(), Vec::new(), Vec::new());
     let mut add = |mesh: TriMesh, scale: [f64; 3], centre: [f64; 3], cell: [f32; 2]| {
@@ -157,9 +157,9 @@ fn statue_on_a_plinth() -> TriMesh {
     mesh
 }
 
-/// Fault D14: a plate turned the colour of the plinth below it.
+/// Fault D14: a plate took the colour of the plinth behind it.
 #[test]
-fn a_plate_on_a_plinth_stays_before_it_in_its_own_colour() {
+fn a_plate_on_a_plinth_stays_in_front_with_its_own_colour() {
     let mesh = statue_on_a_plinth();
     for ratio in [0.04, 0.02] {
         let options = SimplifyOptions::new(Stop::ratio(ratio));
@@ -181,11 +181,11 @@ fn a_plate_on_a_plinth_stays_before_it_in_its_own_colour() {
             }
         }
         assert!((before / (1.2 * 0.5) - 1.0).abs() < 0.1, "{ratio}: {before} of the plate is left");
-        assert!(plinth < 1.21, "{ratio}: the plinth comes through at {plinth}");
+        assert!(plinth < 1.21, "{ratio}: the plinth penetrates the plate at {plinth}");
     }
 }
 
-/// Images that vary within faces are no palettes: the result is the same with them as without, to the bit.
+/// Images that vary within faces are no palettes: the result is bit for bit the same with and without them.
 #[test]
 fn a_painted_texture_changes_nothing() {
     let mut mesh = shapes::grid(24);
@@ -201,7 +201,7 @@ fn a_painted_texture_changes_nothing() {
     assert!(simplify_with(input, &options, &mut NoControl).unwrap().mesh == without);
 }
 
-/// Boxes on a plate, each with hard edges, in one mesh: wedges of the result come from several sides.
+/// Boxes with hard edges on a plate, in one mesh: wedges of the result come from several sides.
 fn studded_plate() -> TriMesh {
     let (mut points, mut faces) = (Vec::<[f64; 3]>::new(), Vec::<[u32; 3]>::new());
     let mut block = |min: [f64; 3], max: [f64; 3]| {
@@ -254,7 +254,8 @@ fn far_off(mesh: &TriMesh) -> usize {
     mesh.triangles().iter().map(of).sum()
 }
 
-/// Fault A7: what was left of hard-edged parts had averaged normals of different sides: dark splinters.
+/// Fault A7: the remains of hard-edged parts had averaged normals of different sides and looked like dark
+/// splinters.
 #[test]
 fn normals_stay_near_their_faces() {
     let mesh = studded_plate();
@@ -268,7 +269,7 @@ fn normals_stay_near_their_faces() {
 /// Normals that are far off in the input are intended, as on leaves that are lit like the crown of their
 /// tree.
 #[test]
-fn normals_that_were_meant_to_be_far_off_stay() {
+fn normals_that_are_intentionally_far_off_are_kept() {
     let mut mesh = shapes::grid(20);
     let up = |p: [f64; 3]| [0.999, 0.001 * p[0] as f32, 0.03];
     let normals = mesh.positions().view().iter().map(up).collect();
@@ -356,8 +357,8 @@ fn joints_of_the_parts_of_a_scene_keep_their_numbers() {
     assert!(done.meshes.iter().all(|m| m.regions().is_none_or(|r| r.iter().all(|r| *r == RegionId(0)))));
 }
 
-/// Regression: the search for a colour tested most of the scene for each face where many small parts are near each
-/// other. (`spatial::bvh` has the test of the work.)
+/// Regression: where many small parts are close together, the search for a colour visited most of the scene
+/// for each face. (`spatial::bvh` has the test of the work.)
 #[test]
 fn colours_of_many_small_parts_are_found_with_any_number_of_threads() {
     let ball = painted_sphere();

@@ -1,11 +1,11 @@
-//! Shapes whose results do not hang on rounding, and changes that should not matter to a run.
+//! Shapes whose results do not depend on rounding, and changes that should not affect a run.
 
 use lodsmith::core::{Positions, TriMesh, VertexId, shapes};
 
 use super::Random;
 
 /// Returns shapes without exact ties, so that the order of collapses does not depend on rounding.
-pub(crate) fn untied() -> [(&'static str, TriMesh); 3] {
+pub(crate) fn shapes_without_ties() -> [(&'static str, TriMesh); 3] {
     [
         ("noisy_sphere", shapes::noisy_sphere(3, 0.05, 3)),
         ("blob", shapes::blob(3, 4)),
@@ -33,7 +33,7 @@ pub(crate) fn reordered(mesh: &TriMesh, seed: u64) -> TriMesh {
     TriMesh::new(Positions::F64(points), triangles.collect()).expect("the same faces")
 }
 
-/// Returns a seeded shuffle: `order[i]` is the old number of the new i.
+/// Returns a seeded shuffle: `order[i]` is the old number of the element with the new number i.
 fn shuffled(n: usize, seed: u64) -> Vec<usize> {
     let mut random = Random(seed);
     let mut order: Vec<usize> = (0..n).collect();

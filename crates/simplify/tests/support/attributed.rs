@@ -10,7 +10,7 @@ use super::Random;
 
 /// Returns the mesh with random attributes: charts, regions, skins, morph targets, tangents; sometimes with
 /// invalid numbers.
-pub(crate) fn laden(plain: &TriMesh, random: &mut Random) -> TriMesh {
+pub(crate) fn with_random_attributes(plain: &TriMesh, random: &mut Random) -> TriMesh {
     let mut mesh = charted(plain, random);
     let count = mesh.wedge_count();
     let wild = random.below(4) == 0;
@@ -109,8 +109,8 @@ pub(crate) fn laden(plain: &TriMesh, random: &mut Random) -> TriMesh {
     mesh
 }
 
-/// Random options of the kind that is rarely used, and locks and importance of vertices.
-pub(crate) fn laden_options(
+/// Random values of rarely used options, and random locks and importance of vertices.
+pub(crate) fn with_rare_options(
     mut options: SimplifyOptions,
     random: &mut Random,
     vertices: usize,
@@ -140,8 +140,8 @@ pub(crate) fn laden_options(
     (options, data)
 }
 
-/// Returns the same faces on wedges: one for each vertex, for each chart of it or for each corner; with
-/// regions, or without.
+/// Returns the same faces with wedges: one for each vertex, for each chart at a vertex, or for each corner;
+/// with or without regions.
 fn charted(plain: &TriMesh, random: &mut Random) -> TriMesh {
     let surface = plain.surface();
     let normal = direction(random).map(f64::from);
@@ -205,7 +205,7 @@ fn is_unit(n: &[f32]) -> bool {
 }
 
 /// Returns the sum of the weights of all sets at each wedge.
-fn pulls(mesh: &TriMesh) -> Vec<f64> {
+fn weight_sums(mesh: &TriMesh) -> Vec<f64> {
     let sets = mesh.further_attributes().iter().filter(|a| matches!(a.semantic, Semantic::Weights(0 | 1)));
     let mut sums = Vec::new();
     for a in sets {
@@ -216,8 +216,8 @@ fn pulls(mesh: &TriMesh) -> Vec<f64> {
     sums
 }
 
-/// Returns what is wrong with the attributes of a result. Attributes of locked vertices, and all with
-/// endpoint placement, are values of the input, sound or not.
+/// Returns what is wrong with the attributes of a result. Attributes of locked vertices, and all attributes
+/// with endpoint placement, are values of the input, valid or not.
 pub(crate) fn attribute_complaints(
     mesh: &TriMesh,
     placement: Placement,
@@ -226,7 +226,8 @@ pub(crate) fn attribute_complaints(
 ) -> Vec<String> {
     let mut found = Vec::new();
     let (old, new) = (kinds(mesh), kinds(result));
-    // (Weights without joints are dropped where values are transferred: with endpoints only if seams gave way.)
+    // (Weights without joints are dropped where values are transferred; with endpoint placement only if seams
+    // gave way.)
     let is_kept = |all: &[(String, usize, Vec<f32>)]| all.iter().any(|x| x.0 == "Weights(5)");
     let dropped = |name: &str| name == "Weights(5)" && (placement != Placement::Endpoint || !is_kept(&new));
     let names = |all: &[(String, usize, Vec<f32>)]| {
@@ -238,11 +239,11 @@ pub(crate) fn attribute_complaints(
         found.push(format!("attributes {:?} became {:?}", names(&old), names(&new)));
     }
     if mesh.regions().is_some() != result.regions().is_some() {
-        found.push("regions came or went".to_owned());
+        found.push("regions appeared or disappeared".to_owned());
     }
     let known: HashSet<RegionId> = mesh.regions().into_iter().flatten().copied().collect();
     if result.regions().into_iter().flatten().any(|r| !known.contains(r)) {
-        found.push("a region that the input has not".to_owned());
+        found.push("a region that is not in the input".to_owned());
     }
     let used: HashSet<WedgeId> = result.triangles().iter().flatten().copied().collect();
     if used.len() != result.wedge_count() {
@@ -279,8 +280,8 @@ pub(crate) fn attribute_complaints(
         }
     }
     let off = |x: &f64| (x - 1.0).abs() >= 1e-3;
-    if !pulls(mesh).iter().any(off)
-        && let Some(sum) = pulls(result).into_iter().find(off)
+    if !weight_sums(mesh).iter().any(off)
+        && let Some(sum) = weight_sums(result).into_iter().find(off)
     {
         found.push(format!("weights sum to {sum}"));
     }
@@ -330,17 +331,17 @@ pub(crate) fn locked_complaints(
         sound().filter(|x| is_locked(&x.1)).filter(|x| !turned(x.1).is_some_and(|t| left.contains(&t)));
     let gone = gone.count();
     if gone > 0 {
-        found.push(format!("{gone} locked faces are no more"));
+        found.push(format!("{gone} locked faces are gone"));
     }
     let there: HashSet<_> = result.triangles().iter().flatten().map(|w| place(result, *w)).collect();
-    // A face beside a locked vertex may have collapsed in a weld.
+    // A face next to a locked vertex may have collapsed in a weld.
     let missing: HashSet<_> = sound()
         .filter(|x| !welded || is_locked(&x.1))
         .flat_map(|x| x.1)
         .filter(|p| places.contains(p) && !there.contains(p))
         .collect();
     if !missing.is_empty() {
-        found.push(format!("{} locked vertices are no more", missing.len()));
+        found.push(format!("{} locked vertices are gone", missing.len()));
     }
     if !welded && !paired {
         let corners = |m: &TriMesh| {
