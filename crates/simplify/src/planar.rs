@@ -1,7 +1,7 @@
 //! Planar decimation: re-triangulates regions of coplanar faces with as few triangles as their outline needs.
 //!
 //! ```text
-//! regions: grown from large faces over manifold edges, as long as all faces stay on one plane and attributes stay linear
+//! regions: grown from large faces over manifold edges, while all faces are on one plane and attributes are linear
 //! chains:  the borders of regions, from corner to corner; collinear vertices are dropped, for both sides at once
 //! fill:    a constrained Delaunay triangulation of each region, from the rest of its outline
 //! ```
