@@ -204,7 +204,7 @@ pub use two_sided::two_sided_faces;
 ///   have it.
 /// - [`SimplifyError::NotTogether`] if two options exclude each other.
 /// - [`SimplifyError::Mesh`] if the result is not a valid mesh, such as one with more elements than 32-bit
-///   ids can count.
+///   ids can address.
 ///
 /// # Panics
 /// Never because of a mesh or an option; a panic is a bug of this crate.

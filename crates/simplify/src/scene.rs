@@ -53,7 +53,7 @@ pub use part::{MeshCounts, Part, Place, SimplifiedScene, Starved};
 /// Those of [`simplify`](crate::simplify()): [`SimplifyError::NoFaces`] if no part has a face with an area
 /// (with `per_mesh`, a part without one stays as it is), [`SimplifyError::WrongLength`] if a list of
 /// a part does not have one entry for each of its vertices, [`SimplifyError::Mesh`] if all parts together have
-/// more elements than 32-bit ids can name.
+/// more elements than 32-bit ids can address.
 ///
 /// # Panics
 /// Never because of a mesh or an option.
