@@ -1,15 +1,132 @@
-//! The command, called in this process: whole files, with the same bytes.
+//! Jobs on whole files, as the command does them: with the same options and the same bytes.
 
 use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::channel;
 
+use lodsmith::{Control, Stage, Verdict};
+use lodsmith_asset::request::{Answer, Request, Verb};
+use lodsmith_asset::warnings::Spelling;
+use lodsmith_asset::{AssetError, JobProgress, Sink, Source, Step, Watch};
 use lodsmith_cli::Call;
+use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyList};
+use rayon::ThreadPoolBuilder;
 
 use crate::control::wait;
+use crate::json::{of_python, to_python};
 
-/// Runs the command with these arguments; signals and progress are looked at by the calling thread.
+/// State that a job and the thread that called it share.
+#[derive(Default)]
+struct SharedState {
+    is_cancelled: AtomicBool,
+    /// Bits of the fraction done; for numbers from 0 up their order is that of the numbers.
+    done: AtomicU64,
+}
+
+/// The caller of a job.
+struct FileWatch {
+    shared: Arc<SharedState>,
+    progress: JobProgress,
+}
+
+impl FileWatch {
+    fn report(&self) {
+        self.shared.done.fetch_max(self.progress.done().to_bits(), Ordering::Relaxed);
+    }
+}
+
+impl Control for FileWatch {
+    fn stage(&mut self, stage: Stage) {
+        self.progress.stage(stage);
+        self.report();
+    }
+    fn progress(&mut self, done: f64) -> Verdict {
+        self.progress.within(done);
+        self.report();
+        if self.shared.is_cancelled.load(Ordering::Relaxed) { Verdict::Cancel } else { Verdict::Continue }
+    }
+}
+
+impl Watch for FileWatch {
+    fn enter(&mut self, step: Step) {
+        self.progress.step(step);
+        self.report();
+    }
+    fn while_writing(&mut self, _: &Path, write: &mut dyn FnMut()) -> bool {
+        let may_write = !self.shared.is_cancelled.load(Ordering::Relaxed);
+        if may_write {
+            write();
+        }
+        may_write
+    }
+}
+
+/// Does a job; returns its report and warnings, and what `strict` makes a fault.
+#[pyfunction]
+pub(crate) fn run_job<'py>(
+    py: Python<'py>,
+    verb: &str,
+    inputs: Vec<PathBuf>,
+    output: Option<PathBuf>,
+    out_dir: Option<PathBuf>,
+    options: &Bound<'py, PyDict>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let verb = Verb::ALL.into_iter().find(|v| v.name() == verb);
+    let verb = verb.ok_or_else(|| PyRuntimeError::new_err("there is no such job"))?;
+    let serde_json::Value::Object(options) = of_python(options)? else { unreachable!("a dict is an object") };
+    let made = py.detach(|| match Request::new(verb, &options, Spelling::Keyword) {
+        Ok(request) => {
+            let inputs: Vec<Source> = inputs.into_iter().map(Source::Path).collect();
+            let output = output.map(Sink::Path);
+            answer(&request, &inputs, output.as_ref(), out_dir.as_deref(), progress.as_ref())
+        }
+        Err(why) => Ok(Err(why)),
+    })?;
+    let all = PyDict::new(py);
+    match made {
+        Ok(Answer { report, warnings, faults }) => {
+            all.set_item("report", to_python(py, &report)?)?;
+            all.set_item("warnings", warnings)?;
+            all.set_item("errors", &faults)?;
+            all.set_item("status", if faults.is_empty() { 0 } else { 3 })?;
+        }
+        Err(why) => {
+            all.set_item("report", py.None())?;
+            all.set_item("warnings", PyList::empty(py))?;
+            all.set_item("errors", [why.to_string()])?;
+            all.set_item("status", if why.is_usage() { 2 } else { 1 })?;
+            all.set_item("is_unknown_option", matches!(why, AssetError::UnknownOption { .. }))?;
+        }
+    }
+    Ok(all)
+}
+
+/// Does a job in threads of its own; signals and progress are looked at by the calling thread.
+fn answer(
+    request: &Request,
+    inputs: &[Source],
+    output: Option<&Sink>,
+    out_dir: Option<&Path>,
+    progress: Option<&Py<PyAny>>,
+) -> PyResult<Result<Answer, AssetError>> {
+    let pool = ThreadPoolBuilder::new().num_threads(request.threads().unwrap_or(0)).build();
+    let pool = pool.map_err(|e| PyRuntimeError::new_err(format!("cannot start threads: {e}")))?;
+    let shared = Arc::new(SharedState::default());
+    let mut watch = FileWatch { shared: shared.clone(), progress: JobProgress::default() };
+    pool.in_place_scope(|scope| {
+        let (send, receive) = channel();
+        scope.spawn(move |_| drop(send.send(request.run(inputs, output, out_dir, &mut watch))));
+        let state = || (f64::from_bits(shared.done.load(Ordering::Relaxed)), "");
+        wait(&receive, progress, state, || shared.is_cancelled.store(true, Ordering::Relaxed))
+    })
+}
+
+/// Draws a file as the command does, with these arguments. (The only job that is not one of `lodsmith-asset`.)
 #[pyfunction]
 pub(crate) fn call<'py>(
     py: Python<'py>,
@@ -27,9 +144,14 @@ pub(crate) fn call<'py>(
     })?;
     let all = PyDict::new(py);
     all.set_item("status", outcome.status)?;
-    all.set_item("results", outcome.results)?;
     all.set_item("warnings", outcome.warnings)?;
     all.set_item("errors", outcome.errors)?;
     all.set_item("is_unknown_argument", outcome.is_unknown_argument)?;
     Ok(all)
+}
+
+/// Returns the names of the flags of a job, and of its other options.
+#[pyfunction]
+pub(crate) fn job_options(verb: &str) -> Option<(Vec<&'static str>, Vec<&'static str>)> {
+    Verb::ALL.into_iter().find(|v| v.name() == verb).map(Verb::options)
 }

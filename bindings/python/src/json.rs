@@ -1,7 +1,9 @@
 //! JSON values as Python's own types.
 
+use std::path::PathBuf;
+
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::{PyBool, PyDict, PyFloat, PyList, PyString, PyTuple};
 use serde_json::Value;
 
 /// Converts a JSON value to Python's own types.
@@ -25,5 +27,31 @@ pub(crate) fn to_python<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'
             all.iter().try_for_each(|(k, x)| dict.set_item(k, to_python(py, x)?))?;
             dict.into_any()
         }
+    })
+}
+
+/// Converts a value of Python's own types, of NumPy, or a path to JSON.
+pub(crate) fn of_python(any: &Bound<'_, PyAny>) -> PyResult<Value> {
+    Ok(if any.is_none() {
+        Value::Null
+    } else if any.is_instance_of::<PyBool>() {
+        Value::Bool(any.extract()?)
+    } else if any.is_instance_of::<PyString>() {
+        Value::String(any.extract()?)
+    } else if let Ok(dict) = any.cast::<PyDict>() {
+        let pair = |(key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
+            Ok((key.extract::<String>()?, of_python(&value)?))
+        };
+        Value::Object(dict.iter().map(pair).collect::<PyResult<_>>()?)
+    } else if any.is_instance_of::<PyList>() || any.is_instance_of::<PyTuple>() {
+        Value::Array(any.try_iter()?.map(|item| of_python(&item?)).collect::<PyResult<_>>()?)
+    } else if !any.is_instance_of::<PyFloat>()
+        && let Ok(n) = any.extract::<u64>()
+    {
+        n.into()
+    } else if let Ok(x) = any.extract::<f64>() {
+        x.into()
+    } else {
+        Value::String(any.extract::<PathBuf>()?.to_string_lossy().into_owned())
     })
 }

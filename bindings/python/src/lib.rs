@@ -17,7 +17,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _lodsmith {
     #[pymodule_export]
-    use super::command::call;
+    use super::command::{call, job_options, run_job};
     #[pymodule_export]
     use super::errors::InvalidMesh;
     #[pymodule_export]

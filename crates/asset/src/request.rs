@@ -20,7 +20,7 @@ use crate::lod::{LevelOutputs, LodRecipe, lod};
 use crate::paths::{Sink, Source};
 use crate::plan::{self, Assignment, Outputs};
 use crate::simplify::{Recipe, simplify};
-use crate::warnings::{viewing_warnings, warnings_of};
+use crate::warnings::{Spelling, viewing_warnings, warnings_of};
 use crate::{bake, report_json};
 use file_options::FileOptions;
 
@@ -69,6 +69,7 @@ impl Verb {
 pub struct Request {
     verb: Verb,
     options: FileOptions,
+    spelling: Spelling,
 }
 
 /// What came of a request.
@@ -83,13 +84,13 @@ pub struct Answer {
 }
 
 impl Request {
-    /// Makes a request of options by name.
+    /// Makes a request of options by name; texts of its answer name options with this spelling.
     ///
     /// # Errors
     /// [`AssetError::UnknownOption`], [`AssetError::Usage`] for a value that an option does not take and for options that
     /// do not go together.
-    pub fn new(verb: Verb, given: &Map<String, Value>) -> Result<Self, AssetError> {
-        Ok(Self { verb, options: FileOptions::new(verb, given)? })
+    pub fn new(verb: Verb, given: &Map<String, Value>, spelling: Spelling) -> Result<Self, AssetError> {
+        Ok(Self { verb, options: FileOptions::new(verb, given)?, spelling })
     }
 
     /// Returns the number of threads asked for.
@@ -135,7 +136,7 @@ impl Request {
                 } else {
                     &mut answer.warnings
                 };
-                list.push(format!("{name}: {warning}"));
+                list.push(format!("{name}: {}", self.spelling.apply(&warning.text)));
             }
         };
         let mut missed = Vec::new();
@@ -146,7 +147,9 @@ impl Request {
                     let recipe = self.recipe(&outputs)?;
                     let done = simplify(source, &reading, &recipe, to.as_ref(), &mut job)?;
                     note(&done.warnings, &path);
-                    missed.extend(done.not_reached.iter().map(|why| format!("{path}: {why}")));
+                    missed.extend(
+                        done.not_reached.iter().map(|why| format!("{path}: {}", self.spelling.apply(why))),
+                    );
                     let target = report_json::target(&recipe.options.stop);
                     done.to_json(&path, &target, &recipe, to.as_ref(), options.dry_run)
                 }
@@ -163,7 +166,8 @@ impl Request {
                     for (k, level) in done.levels.iter().enumerate() {
                         let name = format!("{path}: level {}", k + 1);
                         note(&warnings_of(&level.report), &name);
-                        missed.extend(level.not_reached.iter().map(|why| format!("{name}: {why}")));
+                        let missing = |why| format!("{name}: {}", self.spelling.apply(why));
+                        missed.extend(level.not_reached.iter().map(|why| missing(why)));
                     }
                     done.to_json(&path, &report_json::levels_target(&recipe.options.levels), &recipe, &to)
                 }

@@ -44,7 +44,7 @@ pub struct Made {
     pub meshes: Vec<(String, MeshCounts)>,
     /// The reason why the target was not reached.
     pub not_reached: Option<String>,
-    /// Warnings of reading and of the run.
+    /// Warnings of the run.
     pub warnings: Vec<Warning>,
     /// The result of the bake, without what is in the edit.
     pub baked: Option<BakedScene>,
@@ -81,8 +81,7 @@ impl Recipe {
             (Some(_), Some(to)) => asset.become_scene(&self.names, &to.writing)?,
             _ => asset.named_data(&self.names)?,
         };
-        let mut warnings = asset.warnings().to_vec();
-        warnings.extend(asset.add_palettes(&mut data));
+        let mut warnings = asset.add_palettes(&mut data);
         if !to.is_some_and(Destination::keeps_materials) {
             asset.drop_materials()?;
         }
@@ -189,8 +188,10 @@ pub fn simplify(
     let asset = Asset::read(source, &reading, is_scene, job)?;
     job.enter(Step::Prepare);
     let (input_format, sizes_before) = (asset.format(), asset.sizes());
-    let Made { asset, edit, report, meshes, not_reached, mut warnings, baked } =
+    let Made { asset, edit, report, meshes, not_reached, warnings: of_run, baked } =
         recipe.run(asset, to, job)?;
+    let mut warnings = asset.warnings().to_vec();
+    warnings.extend(of_run);
     job.enter(Step::Write);
     let mut written = match to {
         Some(to) => asset.write(edit, to, job)?,

@@ -8,6 +8,63 @@ use lodsmith_io::Warning;
 
 use crate::proposals;
 
+/// How names of options are spelled in texts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Spelling {
+    /// `--per-mesh`, as all texts of this crate have it.
+    #[default]
+    CommandLine,
+    /// `per_mesh`, as a keyword of a function.
+    Keyword,
+    /// `perMesh`, as a property of an object.
+    Property,
+    /// `per mesh`, as on a control.
+    Words,
+}
+
+impl Spelling {
+    /// Returns a text with its options spelled this way.
+    pub fn apply(self, text: &str) -> String {
+        if self == Self::CommandLine {
+            return text.to_owned();
+        }
+        let mut spelled = String::with_capacity(text.len());
+        let mut rest = text;
+        while let Some(at) = rest.find("--") {
+            let (before, option) = (&rest[..at], &rest[at + 2..]);
+            let is_name = |c: char| c.is_ascii_lowercase() || c == '-';
+            let end = option.find(|c| !is_name(c)).unwrap_or(option.len());
+            let (name, after) = option.split_at(end);
+            let is_begun = before.chars().next_back().is_none_or(|c| c == '(' || c.is_whitespace());
+            spelled.push_str(before);
+            if name.starts_with(|c: char| c.is_ascii_lowercase()) && is_begun {
+                spelled.push_str(&self.name(name));
+            } else {
+                spelled.extend(["--", name]);
+            }
+            rest = after;
+        }
+        spelled + rest
+    }
+
+    fn name(self, name: &str) -> String {
+        match self {
+            Self::CommandLine => format!("--{name}"),
+            Self::Keyword => name.replace('-', "_"),
+            Self::Words => name.replace('-', " "),
+            Self::Property => {
+                let mut parts = name.split('-');
+                let mut spelled = parts.next().unwrap_or_default().to_owned();
+                for part in parts {
+                    let (first, others) = part.split_at(part.len().min(1));
+                    spelled.extend([&first.to_ascii_uppercase(), others]);
+                }
+                spelled
+            }
+        }
+    }
+}
+
 /// Returns the warnings that matter if a mesh is only viewed, not written.
 pub fn viewing_warnings(warnings: &[Warning]) -> Vec<Warning> {
     warnings.iter().filter(|warning| !warning.of_scene).cloned().collect()
@@ -91,4 +148,23 @@ pub fn refusals(report: &Report) -> String {
         format!("{} {}", r.name().replace('_', " "), grouped(usize::try_from(*n).unwrap_or(usize::MAX)))
     };
     report.refusals.iter().map(of).collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_are_spelled_as_the_caller_has_them() {
+        let text =
+            "a higher --max-normal (now 30) would go further; --per-mesh gives each its own: x--y -- --";
+        let of = |spelling: Spelling| spelling.apply(text);
+        assert_eq!(of(Spelling::CommandLine), text);
+        let wanted = |max: &str, mesh: &str| {
+            format!("a higher {max} (now 30) would go further; {mesh} gives each its own: x--y -- --")
+        };
+        assert_eq!(of(Spelling::Keyword), wanted("max_normal", "per_mesh"));
+        assert_eq!(of(Spelling::Property), wanted("maxNormal", "perMesh"));
+        assert_eq!(of(Spelling::Words), wanted("max normal", "per mesh"));
+    }
 }

@@ -91,16 +91,16 @@ class Plan:
 
     source: Place
     target: Place
-    #: Arguments of ``lodsmith lod`` that the outputs depend on.
-    words: Tuple[str, ...]
-    #: Further arguments, such as limits.
-    limits: Tuple[str, ...] = ()
+    #: Options of ``lodsmith lod`` that the outputs depend on, as JSON.
+    options: str
+    #: Further options, such as limits, as JSON.
+    limits: str = "{}"
     retries: int = 2
     timeout: Optional[float] = None
 
     @property
     def key(self) -> str:
-        return hashlib.sha256(json.dumps([__version__, list(self.words)]).encode()).hexdigest()
+        return hashlib.sha256(json.dumps([__version__, self.options]).encode()).hexdigest()
 
 
 class Failure(Exception):
@@ -131,7 +131,7 @@ class _Process:
         pipe = subprocess.PIPE
         return subprocess.Popen(words, stdin=pipe, stdout=pipe, encoding="utf-8", env=environment)
 
-    def call(self, words: List[str], folder: str, timeout: Optional[float]) -> Dict[str, Any]:
+    def call(self, request: Dict[str, Any], timeout: Optional[float]) -> Dict[str, Any]:
         process = self.running = self.running or self.start()
         assert process.stdin is not None and process.stdout is not None
         late = threading.Event()
@@ -144,7 +144,7 @@ class _Process:
         if timer is not None:
             timer.start()
         try:
-            process.stdin.write(json.dumps({"words": words, "folder": folder}) + "\n")
+            process.stdin.write(json.dumps(request) + "\n")
             process.stdin.flush()
             line = process.stdout.readline()
         except BrokenPipeError:
@@ -306,14 +306,13 @@ class Worker:
         os.makedirs(out, exist_ok=True)
         for path in _files(out):
             os.remove(os.path.join(out, path))
-        words = ["lod", *self.plan.words, *self.plan.limits, "--json", f"--out-dir={out}"]
+        options = {**json.loads(self.plan.options), **json.loads(self.plan.limits)}
         # The name alone, in its folder: lods.json repeats it, whichever machine this is.
-        words += ["--", os.path.basename(given.path)]
-        done = self.process.call(words, os.path.dirname(given.path), self.plan.timeout)
+        request = {"input": os.path.basename(given.path), "folder": os.path.dirname(given.path), "out_dir": out}
+        done = self.process.call({**request, "options": options}, self.plan.timeout)
         if done["status"] != 0:
-            texts = [text.partition(" Usage:")[0] for text in done["errors"]]
-            raise Failure("; ".join(texts or done["warnings"]) or f"status {done['status']}")
-        report = json.loads(done["results"].splitlines()[0])
+            raise Failure("; ".join(done["errors"] or done["warnings"]) or f"status {done['status']}")
+        report = done["report"]
         return [self._row(name, given, report, level) for level in report["levels"]]
 
     def _row(self, name: str, given: _Input, report: Any, level: Any) -> Dict[str, Any]:

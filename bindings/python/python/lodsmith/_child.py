@@ -1,6 +1,7 @@
-"""A process that runs the command for a worker of :mod:`lodsmith.batch`, so that a crash or a hang ends only this.
+"""A process that makes levels for a worker of :mod:`lodsmith.batch`, so that a crash or a hang ends only this.
 
-Each line of standard input is a list of words and the folder to run in; each line of standard output is what came of it.
+Each line of standard input has an input, its folder, the folder for the levels, and options; each line of standard output
+is what came of it.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ def main() -> None:
     while True:
         request = json.loads(requests.get())
         os.chdir(request["folder"])
-        done = _native.call(request["words"], None)
-        print(json.dumps({key: done[key] for key in ("status", "results", "warnings", "errors")}), flush=True)
+        done = _native.run_job("lod", [request["input"]], None, request["out_dir"], request["options"], None)
+        print(json.dumps(done), flush=True)
 
 
 if __name__ == "__main__":

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import os
 import warnings
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Union
+from typing import Any, Dict, Mapping, Optional, Sequence, Union
 
 from . import _lodsmith as _native
 from ._mesh import Mesh, from_native, to_native
@@ -16,14 +15,14 @@ Path = Union[str, "os.PathLike[str]"]
 
 
 class CommandError(ValueError):
-    """Raised if the command would end with an error.
+    """Raised if a job on files fails, as the command would with the same options.
 
     Attributes
     ----------
     status : int
         Its exit status: 1 the file, the mesh or the system is at fault, 2 the arguments are, 3 only with ``strict``.
-    report : dict or list of dict
-        What it would print with ``--json``.
+    report : dict or None
+        What it would print with ``--json``, if the job came to its end.
     """
 
     def __init__(self, text: str, status: int, report: Any) -> None:
@@ -120,66 +119,25 @@ def save(
         warnings.warn(f"{path}: {text}", LodsmithWarning, stacklevel=2)
 
 
-def _word(value: Any) -> str:
-    # Shortest texts of numbers are read back as the same numbers.
-    return repr(float(value)) if isinstance(value, float) else os.fspath(value) if hasattr(value, "__fspath__") else str(value)
-
-
-#: Keywords whose values the command takes as one list with commas.
-_LISTS = ("levels", "faces", "errors", "range")
-
-
-def _arguments(options: Mapping[str, Any]) -> List[str]:
-    words: List[str] = []
-    for name, value in options.items():
-        flag = "--" + name.replace("_", "-")
-        if value is None or value is False:
-            continue
-        if value is True:
-            words.append(flag)
-        elif isinstance(value, Mapping):
-            words += [f"{flag}={key}={_word(x)}" for key, x in value.items()]
-        elif isinstance(value, (list, tuple)):
-            if name == "size":
-                words.append(f"{flag}={value[0]}x{value[1]}")
-            elif name in _LISTS:
-                words.append(f"{flag}={','.join(map(_word, value))}")
-            else:
-                words += [f"{flag}={_word(x)}" for x in value]
-        else:
-            words.append(f"{flag}={_word(value)}")
-    return words
-
-
-def _path(path: Path) -> str:
-    text = os.fspath(path)
-    # `-` is a stream of the command, and what begins with it an option.
-    return os.path.join(os.curdir, text) if text.startswith("-") else text
-
-
-def command(
-    name: str, paths: Sequence[Path], options: Mapping[str, Any], output: Mapping[str, Path], progress: Any = None
-) -> List[Dict[str, Any]]:
-    """Do what the command does, in this process, and return the objects that it would print with ``--json``."""
-    words = name.split() + _arguments(options)
-    words += [f"--{key.replace('_', '-')}={_path(path)}" for key, path in output.items()]
-    words.append("--quiet" if name == "convert" else "--json")
-    words += ["--"] + [_path(path) for path in paths]
+def job(
+    verb: str,
+    inputs: Sequence[Path],
+    options: Mapping[str, Any],
+    output: Optional[Path] = None,
+    out_dir: Optional[Path] = None,
+    progress: Any = None,
+) -> Dict[str, Any]:
+    """Do a job on files; return the object that the command would print with ``--json``."""
+    places = [None if path is None else os.fspath(path) for path in (output, out_dir)]
     with Reporting(progress) as reporting:
-        done = _native.call(words, reporting.callback)
-        report = [json.loads(line) for line in done["results"].splitlines()]
-        if done["is_unknown_argument"]:
-            text = done["errors"][0].partition(" Usage:")[0].replace("error: ", "", 1)
-            for key in options:
-                text = text.replace(f"--{key.replace('_', '-')}", key)
-            raise TypeError(text)
+        done = _native.run_job(verb, [os.fspath(path) for path in inputs], *places, dict(options), reporting.callback)
+        if done.get("is_unknown_option"):
+            raise TypeError(done["errors"][0].partition(": ")[2])
         if done["status"] != 0:
-            texts = [error.partition(" Usage:")[0] for error in done["errors"]]
-            text = "; ".join(texts or done["warnings"]) or f"status {done['status']}"
-            raise CommandError(text, done["status"], report)
+            raise CommandError("; ".join(done["errors"]), done["status"], done["report"])
     for text in done["warnings"]:
         warnings.warn(text, LodsmithWarning, stacklevel=3)
-    return report
+    return done["report"]
 
 
 def simplify_file(input: Path, output: Path, *, progress: Any = None, **options: Any) -> Dict[str, Any]:
@@ -211,7 +169,7 @@ def simplify_file(input: Path, output: Path, *, progress: Any = None, **options:
     KeyboardInterrupt
         After Ctrl-C; no partial file is left behind.
     """
-    return command("simplify", [input], options, {"output": output}, progress)[0]
+    return job("simplify", [input], options, output, progress=progress)
 
 
 def lod_file(
@@ -227,18 +185,17 @@ def lod_file(
     Options are those of ``lodsmith lod``: ``levels=[0.5, 0.25]``, ``faces=[...]``, ``count=`` and ``factor=``, or
     ``errors=["0.1%"]``, ``geomorph=True``, ``naming="unity"`` ... Returns the object that ``--json`` prints.
     """
-    places = {"output": output, "out_dir": out_dir}
-    return command("lod", [input], options, {k: p for k, p in places.items() if p is not None}, progress)[0]
+    return job("lod", [input], options, output, out_dir, progress)
 
 
 def convert(input: Path, output: Path, **options: Any) -> None:
     """Convert a file to another format, as ``lodsmith convert`` does."""
-    command("convert", [input, output], options, {})
+    job("convert", [input], options, output)
 
 
 def clean_file(input: Path, output: Path, *, progress: Any = None, **options: Any) -> Dict[str, Any]:
     """Repair a whole file as ``lodsmith clean`` does. Returns the object that ``--json`` prints."""
-    return command("clean", [input], options, {"output": output}, progress)[0]
+    return job("clean", [input], options, output, progress=progress)
 
 
 def info(mesh: Any, triangles: Any = None, /, **options: Any) -> Dict[str, Any]:
@@ -254,7 +211,7 @@ def info(mesh: Any, triangles: Any = None, /, **options: Any) -> Dict[str, Any]:
     (320, True, 0)
     """
     if isinstance(mesh, (str, os.PathLike)):
-        return command("info", [mesh], options, {})[0]
+        return job("info", [mesh], options)
     if options:
         raise TypeError(f"info() of a mesh takes no options: {', '.join(options)}")
     return _native.counts(to_native(arguments(mesh, triangles, None)[0]))

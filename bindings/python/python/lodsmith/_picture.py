@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
+import warnings
 from types import SimpleNamespace
-from typing import Any, Optional, Tuple
+from typing import Any, List, Mapping, Optional, Tuple
 
 import numpy as np
 
 from . import _lodsmith as _native
 from ._mesh import Mesh, to_native
-from ._run import arguments
+from ._run import LodsmithWarning, arguments
 
 
 class Picture(np.ndarray):
@@ -134,13 +135,43 @@ def _by_place(values: np.ndarray, mesh: Mesh) -> Any:
     return values.tolist()
 
 
-def _of_file(path: Any, options: Any) -> Picture:
+def _of_file(path: Any, options: Mapping[str, Any]) -> Picture:
     import tempfile
 
-    from ._files import command
+    from ._files import CommandError
 
+    text = os.fspath(path)
+    # `-` is a stream of the command, and what begins with it an option.
+    source = os.path.join(os.curdir, text) if text.startswith("-") else text
     with tempfile.TemporaryDirectory() as folder:
         made = os.path.join(folder, "picture.png")
-        command("render", [path], options, {"output": made})
+        done = _native.call(["render", *_arguments(options), f"--output={made}", "--json", "--", source], None)
+        if done["is_unknown_argument"]:
+            raise TypeError(done["errors"][0].partition(" Usage:")[0].replace("error: ", "", 1))
+        if done["status"] != 0:
+            raise CommandError("; ".join(text.partition(" Usage:")[0] for text in done["errors"]), done["status"], None)
+        for text in done["warnings"]:
+            warnings.warn(text, LodsmithWarning, stacklevel=3)
         with open(made, "rb") as file:
             return _native.decode(file.read()).view(Picture)
+
+
+def _arguments(options: Mapping[str, Any]) -> List[str]:
+    def word(value: Any) -> str:
+        # Shortest texts of numbers are read back as the same numbers.
+        return repr(float(value)) if isinstance(value, float) else os.fspath(value) if hasattr(value, "__fspath__") else str(value)
+
+    words: List[str] = []
+    for name, value in options.items():
+        flag = "--" + name.replace("_", "-")
+        if value is None or value is False:
+            continue
+        if value is True:
+            words.append(flag)
+        elif name == "size":
+            words.append(f"{flag}={value[0]}x{value[1]}")
+        elif isinstance(value, (list, tuple)):
+            words.append(f"{flag}={','.join(map(word, value))}")
+        else:
+            words.append(f"{flag}={word(value)}")
+    return words

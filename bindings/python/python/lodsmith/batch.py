@@ -6,13 +6,16 @@
 from __future__ import annotations
 
 import argparse
+import json
 import logging
 import os
 import posixpath
 import sys
 import tempfile
+import warnings
 from collections import Counter
-from typing import Any, Iterable, List, Optional, Sequence, Tuple, Union
+from types import MappingProxyType
+from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
 
 try:
     import pyarrow as pa
@@ -23,7 +26,7 @@ except ImportError as e:
 
 from . import _lodsmith as _native
 from ._asset import OWN, SCHEMA, Place, Plan, Worker
-from ._files import CommandError, _arguments
+from ._files import CommandError, job
 from ._lodsmith import FORMATS, __version__
 
 __all__ = ["SCHEMA", "Place", "Plan", "Worker", "listed", "place", "plan", "run"]
@@ -66,24 +69,56 @@ def listed(source: Place, without: Optional[Place] = None) -> List[str]:
     return sorted(names)
 
 
+def options_of_words(words: Sequence[str]) -> Dict[str, Any]:
+    """Return the options of ``lodsmith lod`` as typed in a shell: ``--name value``, ``--name=value``, ``--flag``."""
+    flags, _ = _native.job_options("lod")
+    options: Dict[str, Any] = {}
+    waiting = list(words)
+    while waiting:
+        word = waiting.pop(0)
+        name, has_value, value = word.partition("=")
+        if not name.startswith("--"):
+            raise CommandError(f"{word}: the name of an option is expected", 2, None)
+        name = name[2:]
+        if not has_value and name not in flags:
+            if not waiting:
+                raise CommandError(f"{word}: a value is expected", 2, None)
+            value = waiting.pop(0)
+        given = True if not has_value and name in flags else value
+        # What is given again is one of several.
+        options[name] = given if name not in options else [*_as_list(options[name]), given]
+    return options
+
+
+def _as_list(value: Any) -> List[Any]:
+    return value if isinstance(value, list) else [value]
+
+
 def plan(
     source: Place,
     target: Place,
-    words: Sequence[str],
+    options: Mapping[str, Any],
     *,
-    limits: Sequence[str] = (),
+    limits: Mapping[str, Any] = MappingProxyType({}),
     retries: int = 2,
     timeout: Optional[float] = None,
 ) -> Plan:
     """Return the plan of a batch; options that ``lodsmith lod`` does not take are an error before any work."""
-    made = Plan(source, target, tuple(words), tuple(limits), retries, timeout)
+    made = Plan(source, target, json.dumps(dict(options)), json.dumps(dict(limits)), retries, timeout)
     with tempfile.TemporaryDirectory() as folder:
         from ._run import icosphere
 
         icosphere(2).save(f"{folder}/try.ply")
-        done = _native.call(["lod", *made.words, *made.limits, f"--out-dir={folder}", "--dry-run", "--", f"{folder}/try.ply"], None)
-    if done["status"] == 2:
-        raise CommandError("; ".join(text.partition(" Usage:")[0] for text in done["errors"]), 2, [])
+        tried = {**options, **limits, "dry_run": True, "strict": False}
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                job("lod", [f"{folder}/try.ply"], tried, out_dir=folder)
+        except TypeError as e:
+            raise CommandError(str(e), 2, None) from e
+        except CommandError as e:
+            if e.status == 2:
+                raise
     return made
 
 
@@ -143,8 +178,8 @@ def run(
     cores = max(int(resources.get("CPU", 1)), 1)
     options = dict(options)
     memory = options.pop("max_memory", None) or f"{max(int(resources.get('memory', 0) * MEMORY_SHARE / cores) >> 20, 64)}M"
-    limits = [f"--max-memory={memory}", "--threads=1"]
-    made = plan(given, target, [*words, *_arguments(options)], limits=limits, retries=retries, timeout=timeout)
+    limits = {"max_memory": memory, "threads": 1}
+    made = plan(given, target, {**options_of_words(words), **options}, limits=limits, retries=retries, timeout=timeout)
 
     assets = list(dict.fromkeys(names)) if names is not None else listed(given, target)
     for folder in ("parts", "begun"):
@@ -155,7 +190,7 @@ def run(
     if max(seen.values(), default=1) > 1 or {name for name, _ in seen} != set(assets):
         raise RuntimeError("rows of the report were lost or came twice")
     table = table.sort_by([("input", "ascending"), ("level", "ascending")])
-    table = table.replace_schema_metadata({"lodsmith": __version__, "options": " ".join(made.words)})
+    table = table.replace_schema_metadata({"lodsmith": __version__, "options": made.options})
     if report is not None:
         sink = pa.BufferOutputStream()
         parquet.write_table(table, sink)
