@@ -1,7 +1,7 @@
 //! A file as one value, whatever its format.
 
 use std::collections::HashMap;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use lodsmith::{
     Input, LodChain, LodOptions, MeshCounts, OwnedMeshData, Part, Report, Simplified, SimplifiedScene,
@@ -9,7 +9,7 @@ use lodsmith::{
 };
 use lodsmith_core::{Positions, Semantic, TriMesh};
 use lodsmith_io::gltf::{PlacedMesh, Scene, SceneMesh, placed_meshes};
-use lodsmith_io::{Contents, Format, Loaded, ReadOptions, Sizes, Warning};
+use lodsmith_io::{Contents, Format, Loaded, ModelFile, ModelSource, ReadOptions, Sizes, Warning};
 
 use crate::baking::{SideFile, forgive_colors, write_files};
 use crate::constraints::{self, PartNames};
@@ -19,7 +19,7 @@ use crate::images::FolderMove;
 use crate::job::Job;
 use crate::memory_need::{self, Size};
 use crate::orient::orient;
-use crate::palettes;
+use crate::palettes::Palettes;
 use crate::paths::Source;
 use crate::sizes::{self, WriteOutcome};
 
@@ -32,6 +32,8 @@ use crate::sizes::{self, WriteOutcome};
 pub struct Asset {
     head: Head,
     body: Body,
+    /// Decoded once, for all copies of the asset.
+    palettes: Arc<OnceLock<Palettes>>,
 }
 
 /// What is known of a file besides its meshes.
@@ -50,7 +52,7 @@ enum Body {
 }
 
 /// What a job changes in an asset.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Edit {
     /// The meshes that are replaced, by their numbers; the list may be shorter.
     pub meshes: Vec<Option<TriMesh>>,
@@ -75,11 +77,11 @@ pub struct Lighter {
 }
 
 /// Levels of detail, each with the positions to which its vertices move in the next one, if asked for.
-pub(crate) struct Chain {
+pub struct Chain {
     /// The levels below the original.
-    pub(crate) levels: Vec<Lighter>,
+    pub levels: Vec<Lighter>,
     /// For the original and each level the positions of each mesh, by its number.
-    pub(crate) geomorphs: Vec<Vec<Option<Positions>>>,
+    pub geomorphs: Vec<Vec<Option<Positions>>>,
 }
 
 impl Asset {
@@ -115,7 +117,24 @@ impl Asset {
             Body::Scene(scene) => (scene.format(), scene.warnings().to_vec()),
         };
         let head = Head { source: source.clone(), reading: options.clone(), format, warnings };
-        Ok(Self { head, body })
+        Ok(Self { head, body, palettes: Arc::default() })
+    }
+
+    /// Returns the asset that a model for display was made from; nothing is copied. `None` if another process has it.
+    pub fn of_model(file: &ModelFile, source: Source) -> Option<Self> {
+        let body = match &file.source {
+            ModelSource::Scene(scene) => Body::Scene(scene.clone()),
+            ModelSource::Mesh(loaded) => Body::Mesh(loaded.clone()),
+            _ => return None,
+        };
+        let mut asset = Self::of(body, file.format, file.warnings.clone());
+        asset.head.source = source;
+        Some(asset)
+    }
+
+    fn of(body: Body, format: Format, warnings: Vec<Warning>) -> Self {
+        let (source, reading) = (Source::Stream, ReadOptions::default());
+        Self { head: Head { source, reading, format, warnings }, body, palettes: Arc::default() }
     }
 
     /// Returns the format of the file.
@@ -182,6 +201,12 @@ impl Asset {
         }
     }
 
+    /// Returns the number of vertices of each mesh that a run simplifies.
+    pub(crate) fn vertex_counts(&self) -> Vec<usize> {
+        let meshes = self.meshes();
+        self.simplified_meshes().into_iter().map(|i| meshes[i].vertex_count()).collect()
+    }
+
     /// Returns the numbers of faces and vertices of all instances.
     pub(crate) fn counts(&self) -> [usize; 2] {
         [TriMesh::face_count, TriMesh::vertex_count].map(|of| self.count(of))
@@ -200,7 +225,7 @@ impl Asset {
     }
 
     /// Returns the diagonal of the box around all instances.
-    pub(crate) fn diagonal(&self) -> f64 {
+    pub fn diagonal(&self) -> f64 {
         let bounds = match &self.body {
             Body::Mesh(loaded) => loaded.mesh.positions().view().bounds(),
             Body::Scene(scene) => scene.bounds(),
@@ -213,7 +238,7 @@ impl Asset {
         if let Body::Mesh(loaded) = &mut self.body
             && loaded.format.is_scene()
         {
-            Arc::make_mut(loaded).mesh.set_regions(None)?;
+            Arc::make_mut(&mut Arc::make_mut(loaded).mesh).set_regions(None)?;
         }
         Ok(())
     }
@@ -238,11 +263,19 @@ impl Asset {
     }
 
     /// Adds base-colour images to the data of the meshes that a run simplifies; the engine keeps their colours in place.
+    /// Returns warnings about images that are left out.
     pub(crate) fn add_palettes(&self, data: &mut [OwnedMeshData]) -> Vec<Warning> {
-        match &self.body {
-            Body::Mesh(loaded) => palettes::add_of_mesh(loaded, &mut data[0]),
-            Body::Scene(scene) => palettes::add_of_scene(scene, &self.simplified_meshes(), data),
+        if self.palettes.get().is_none() {
+            // Not within the cell: decoding is parallel work.
+            let made = match &self.body {
+                Body::Mesh(loaded) => Palettes::of_mesh(loaded),
+                Body::Scene(scene) => Palettes::of_scene(scene, &self.simplified_meshes()),
+            };
+            let _ = self.palettes.set(made);
         }
+        let Some(palettes) = self.palettes.get() else { return Vec::new() };
+        palettes.add_to(data);
+        palettes.left_out.clone()
     }
 
     /// Returns the peak memory of a run in bytes.
@@ -305,7 +338,10 @@ impl Asset {
     }
 
     /// Makes levels of detail.
-    pub(crate) fn levels(
+    ///
+    /// # Errors
+    /// Those of [`lodsmith::lod_scene`].
+    pub fn levels(
         &self,
         options: &LodOptions,
         data: &[OwnedMeshData],
@@ -368,7 +404,7 @@ impl Asset {
     ) -> Result<Vec<OwnedMeshData>, AssetError> {
         let Body::Mesh(loaded) = &self.body else { return self.named_data(names) };
         let own = constraints::of_mesh(names, loaded)?;
-        let mut mesh = loaded.mesh.clone();
+        let mut mesh = TriMesh::clone(&loaded.mesh);
         orient(&mut mesh, writing);
         let options = writing.mesh_options(Format::Glb, loaded.regions.clone());
         let (scene, lost) = Scene::of_mesh(&mesh, &options, self.head.reading.limits)?;
@@ -381,7 +417,7 @@ impl Asset {
             });
         }
         self.head.warnings.extend(lost);
-        self.body = Body::Scene(Arc::new(scene));
+        (self.body, self.palettes) = (Body::Scene(Arc::new(scene)), Arc::default());
         Ok(vec![data])
     }
 
@@ -395,7 +431,7 @@ impl Asset {
             (None, Body::Scene(scene)) => Scene::clone(scene),
             (None, Body::Mesh(loaded)) => {
                 let mesh = edit.meshes.into_iter().next().flatten();
-                let mut mesh = mesh.unwrap_or_else(|| loaded.mesh.clone());
+                let mut mesh = mesh.unwrap_or_else(|| TriMesh::clone(&loaded.mesh));
                 orient(&mut mesh, &to.writing);
                 return to.write(&mesh, loaded.regions.clone(), job);
             }
@@ -459,7 +495,6 @@ impl Lighter {
 impl From<Scene> for Asset {
     fn from(scene: Scene) -> Self {
         let (format, warnings) = (scene.format(), scene.warnings().to_vec());
-        let head = Head { source: Source::Stream, reading: ReadOptions::default(), format, warnings };
-        Self { head, body: Body::Scene(Arc::new(scene)) }
+        Self::of(Body::Scene(Arc::new(scene)), format, warnings)
     }
 }

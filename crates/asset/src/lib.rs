@@ -50,7 +50,7 @@ pub mod sizes;
 pub mod values;
 pub mod warnings;
 
-pub use asset::{Asset, Edit, Lighter};
+pub use asset::{Asset, Chain, Edit, Lighter};
 pub use bake::{BakeOutcome, bake};
 pub use baking::{BakedScene, Baking, SideFile};
 pub use clean::{CleanOutcome, clean, counts as clean_counts};

@@ -18,7 +18,7 @@ use crate::destination::{Destination, Writing};
 use crate::error::AssetError;
 use crate::images::FolderMove;
 use crate::job::{Job, StageClock, Step};
-use crate::normals::{Normals, set_normals};
+use crate::normals::Normals;
 use crate::orient::oriented;
 use crate::paths::{self, Sink, Source};
 use crate::sizes::WriteOutcome;
@@ -145,7 +145,7 @@ pub fn lod(
             meshes: level.counts.into_iter().map(name).collect(),
         });
         let mut own = level.meshes;
-        own.iter_mut().flatten().for_each(|mesh| set_normals(mesh, recipe.normals));
+        own.iter_mut().flatten().for_each(|mesh| recipe.normals.apply(mesh));
         meshes.push(own);
     }
     for (own, geomorphs) in meshes.iter_mut().zip(&geomorphs) {

@@ -27,14 +27,14 @@ impl Normals {
             Self::None => "none",
         }
     }
-}
 
-/// Keeps, recomputes or removes the normals of a result.
-pub(crate) fn set_normals(mesh: &mut TriMesh, wanted: Normals) {
-    match wanted {
-        Normals::Keep => {}
-        Normals::Recompute => recompute(mesh),
-        Normals::None => mesh.set_normals(None).expect("none fit any mesh"),
+    /// Keeps, recomputes or removes the normals of a mesh.
+    pub fn apply(self, mesh: &mut TriMesh) {
+        match self {
+            Self::Keep => {}
+            Self::Recompute => recompute(mesh),
+            Self::None => mesh.set_normals(None).expect("none fit any mesh"),
+        }
     }
 }
 

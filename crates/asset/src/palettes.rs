@@ -4,26 +4,39 @@ use lodsmith::{OwnedMeshData, Texture, Textures};
 use lodsmith_io::gltf::Scene;
 use lodsmith_io::{BaseColor, Loaded, Warning};
 
-/// Adds the base-colour textures of some meshes of a scene to their data, and warns of those that are left out.
-pub(crate) fn add_of_scene(scene: &Scene, taken: &[usize], data: &mut [OwnedMeshData]) -> Vec<Warning> {
-    if taken.iter().all(|&i| scene.meshes()[i].mesh.uvs().is_none()) {
-        return Vec::new();
-    }
-    let (all, warnings) = scene.base_colors();
-    for (&i, own) in taken.iter().zip(data) {
-        own.textures = textures(all.get(i).into_iter().flatten());
-    }
-    warnings
+/// The base-colour textures of the meshes that a run simplifies, and warnings about those that are left out.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Palettes {
+    of_meshes: Vec<Option<Textures>>,
+    pub(crate) left_out: Vec<Warning>,
 }
 
-/// Adds the base-colour textures of a mesh to its data, and warns of those that are left out.
-pub(crate) fn add_of_mesh(loaded: &Loaded, data: &mut OwnedMeshData) -> Vec<Warning> {
-    if loaded.mesh.uvs().is_none() {
-        return Vec::new();
+impl Palettes {
+    /// Decodes the images of some meshes of a scene.
+    pub(crate) fn of_scene(scene: &Scene, taken: &[usize]) -> Self {
+        if taken.iter().all(|&i| scene.meshes()[i].mesh.uvs().is_none()) {
+            return Self::default();
+        }
+        let (all, left_out) = scene.base_colors();
+        let of_meshes = taken.iter().map(|&i| textures(all.get(i).into_iter().flatten())).collect();
+        Self { of_meshes, left_out }
     }
-    let (all, warnings) = loaded.base_colors();
-    data.textures = textures(all.iter());
-    warnings
+
+    /// Decodes the images of a mesh.
+    pub(crate) fn of_mesh(loaded: &Loaded) -> Self {
+        if loaded.mesh.uvs().is_none() {
+            return Self::default();
+        }
+        let (all, left_out) = loaded.base_colors();
+        Self { of_meshes: vec![textures(all.iter())], left_out }
+    }
+
+    /// Adds the textures to the data of the meshes.
+    pub(crate) fn add_to(&self, data: &mut [OwnedMeshData]) {
+        for (own, textures) in data.iter_mut().zip(&self.of_meshes) {
+            own.textures = textures.clone();
+        }
+    }
 }
 
 /// Returns the textures of the regions of a mesh, if there are any.

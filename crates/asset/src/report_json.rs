@@ -6,6 +6,50 @@ use lodsmith_core::measure::{Comparison, TwoWay};
 use serde_json::{Value, json};
 
 use crate::job::StageClock;
+use crate::proposals;
+
+/// Returns the report of a run.
+pub fn run(report: &Report, options: &SimplifyOptions) -> Value {
+    let r = report;
+    let mut all = json!({
+        "input": { "faces": r.input_faces, "vertices": r.input_vertices },
+        "output": { "faces": r.faces, "vertices": r.vertices },
+        "method": options.method.name(),
+        "target": target(&options.stop),
+        "reached": r.reached,
+        "stopped_by": r.stopped_by.name(),
+        "error": error_json(r),
+        "refusals": refusals(r),
+        "collapses": r.collapses,
+        "parts_removed": r.parts_removed,
+        "necks_cut": r.necks_cut,
+        "pairs_contracted": r.pairs_contracted,
+        "two_sided_pairs": r.two_sided_pairs,
+        "unpaired_sheets": r.unpaired_sheets,
+        "pruned": { "parts": r.pruned.parts, "faces": r.pruned.faces },
+        "locked": { "vertices": r.locked_vertices, "faces": r.locked_faces },
+        "seams_relaxed": r.seams_relaxed,
+        "sharp_relaxed": r.sharp_relaxed,
+        "fitted": r.fitted,
+        "dropped": r.dropped,
+        "proposals": proposals::to_json(r, options),
+        "escalated": proposals::steps_json(r),
+        "cleanup": by_name(cleanup(r)),
+    });
+    if let Some(c) = &r.clustered {
+        all["clustered"] = json!({
+            "cell": c.cell, "faces": c.faces, "vertices": c.vertices, "non_manifold_edges": c.non_manifold_edges,
+        });
+    }
+    all
+}
+
+/// Adds the properties of an object to another, in place of those of the same name.
+pub(crate) fn extend(all: &mut Value, more: Value) {
+    if let (Value::Object(all), Value::Object(more)) = (all, more) {
+        all.extend(more);
+    }
+}
 
 /// Returns the error of a run as JSON.
 pub fn error_json(report: &Report) -> Value {

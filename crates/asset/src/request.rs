@@ -6,8 +6,8 @@ mod file_options;
 
 use std::path::Path;
 
-use lodsmith::Measure;
 use lodsmith::options::by_name;
+use lodsmith::{Measure, OwnedMeshData};
 use serde_json::{Map, Value};
 
 use crate::clean::clean;
@@ -70,6 +70,8 @@ pub struct Request {
     verb: Verb,
     options: FileOptions,
     spelling: Spelling,
+    /// Locks and importance by vertex, for [`Verb::Simplify`]; see [`Recipe::vertices`].
+    pub vertices: Option<OwnedMeshData>,
 }
 
 /// What came of a request.
@@ -90,7 +92,7 @@ impl Request {
     /// [`AssetError::UnknownOption`], [`AssetError::Usage`] for a value that an option does not take and for options that
     /// do not go together.
     pub fn new(verb: Verb, given: &Map<String, Value>, spelling: Spelling) -> Result<Self, AssetError> {
-        Ok(Self { verb, options: FileOptions::new(verb, given)?, spelling })
+        Ok(Self { verb, options: FileOptions::new(verb, given)?, spelling, vertices: None })
     }
 
     /// Returns the number of threads asked for.
@@ -150,8 +152,7 @@ impl Request {
                     missed.extend(
                         done.not_reached.iter().map(|why| format!("{path}: {}", self.spelling.apply(why))),
                     );
-                    let target = report_json::target(&recipe.options.stop);
-                    done.to_json(&path, &target, &recipe, to.as_ref(), options.dry_run)
+                    done.to_json(&path, &recipe, to.as_ref(), options.dry_run)
                 }
                 Verb::Lod => {
                     let recipe = self.lod_recipe()?;
@@ -216,6 +217,7 @@ impl Request {
         let recipe = Recipe {
             options: engine,
             names: options.names.clone(),
+            vertices: self.vertices.clone(),
             normals: options.normals,
             baking: options.checked_baking()?,
         };

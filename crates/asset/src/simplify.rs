@@ -1,6 +1,6 @@
 //! A file made lighter.
 
-use lodsmith::{MeshCounts, Report, SimplifyOptions};
+use lodsmith::{MeshCounts, OwnedMeshData, Report, SimplifyOptions};
 use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, ModelFile, ReadOptions, Sizes, Warning};
 use serde_json::{Value, json};
@@ -11,12 +11,12 @@ use crate::constraints::{self, PartNames};
 use crate::destination::{Destination, Writing};
 use crate::error::{AssetError, usage};
 use crate::job::{Job, StageClock, Step};
-use crate::normals::{Normals, set_normals};
+use crate::normals::Normals;
 use crate::paths::{Sink, Source};
-use crate::report_json::{by_name, error_json, mesh_json, seconds};
+use crate::report_json;
+use crate::report_json::{mesh_json, seconds};
 use crate::sizes::{self, WriteOutcome};
 use crate::warnings::{joined_per_mesh, not_reached, starved, texts, warnings_of};
-use crate::{proposals, report_json};
 
 /// How a file is made lighter.
 #[derive(Clone, Debug, Default)]
@@ -25,6 +25,8 @@ pub struct Recipe {
     pub options: SimplifyOptions,
     /// Names of parts of the file that the run treats in other ways.
     pub names: PartNames,
+    /// Locks and importance by vertex instead of by name: of all meshes that are simplified, one after the other.
+    pub vertices: Option<OwnedMeshData>,
     /// Normals of the result.
     pub normals: Normals,
     /// Maps to bake.
@@ -77,10 +79,13 @@ impl Recipe {
         to: Option<&Destination>,
         job: &mut Job<'_>,
     ) -> Result<Made, AssetError> {
-        let mut data = match (&self.baking, to) {
-            (Some(_), Some(to)) => asset.become_scene(&self.names, &to.writing)?,
-            _ => asset.named_data(&self.names)?,
+        let mut data = match &self.baking {
+            Some(_) => asset.become_scene(&self.names, &to.map_or_else(Writing::default, |to| to.writing))?,
+            None => asset.named_data(&self.names)?,
         };
+        if let Some(all) = &self.vertices {
+            data = all.split(&asset.vertex_counts())?;
+        }
         let mut warnings = asset.add_palettes(&mut data);
         if !to.is_some_and(Destination::keeps_materials) {
             asset.drop_materials()?;
@@ -93,7 +98,7 @@ impl Recipe {
         let results = made.meshes.iter().flatten();
         let not_reached = not_reached(&made.report, &self.options, job.time_limit(), results);
         for mesh in made.meshes.iter_mut().flatten() {
-            set_normals(mesh, self.normals);
+            self.normals.apply(mesh);
         }
         warnings.extend(warnings_of(&made.report));
         let counts: Vec<MeshCounts> = made.counts.iter().map(|(_, counts)| *counts).collect();
@@ -115,8 +120,11 @@ impl Recipe {
 }
 
 impl Edit {
-    /// Bakes maps for the new meshes of a scene, and lets these use them.
-    fn bake(
+    /// Bakes maps of a scene for its new meshes, and lets these use them.
+    ///
+    /// # Errors
+    /// [`AssetError::Bake`]; [`AssetError::Cancelled`] if the caller ends.
+    pub fn bake(
         &mut self,
         mut scene: Scene,
         baking: &Baking,
@@ -213,60 +221,26 @@ pub fn simplify(
 }
 
 impl Outcome {
-    /// Returns the report, with the path of the input and the target as they were given.
-    pub fn to_json(
-        &self,
-        path: &str,
-        target: &Value,
-        recipe: &Recipe,
-        to: Option<&Destination>,
-        dry_run: bool,
-    ) -> Value {
-        let (r, options) = (&self.report, &recipe.options);
-        let mut report = json!({
-            "input": {
-                "path": path, "format": self.input_format.name(),
-                "faces": r.input_faces, "vertices": r.input_vertices, "sizes": sizes::to_json(self.sizes_before),
-            },
-            "output": {
-                "path": to.map(|to| to.sink.to_string()), "format": to.map(|to| to.format.name()),
-                "faces": r.faces, "vertices": r.vertices, "sizes": sizes::to_json(self.written.sizes),
-            },
-            "method": options.method.name(),
-            "target": target,
-            "reached": r.reached,
-            "stopped_by": r.stopped_by.name(),
-            "error": error_json(r),
-            "refusals": report_json::refusals(r),
-            "warnings": texts(&self.warnings),
-            "threads": self.threads,
-            "seconds": seconds(&self.clock),
-            "collapses": r.collapses,
-            "parts_removed": r.parts_removed,
-            "necks_cut": r.necks_cut,
-            "pairs_contracted": r.pairs_contracted,
-            "two_sided_pairs": r.two_sided_pairs,
-            "unpaired_sheets": r.unpaired_sheets,
-            "pruned": { "parts": r.pruned.parts, "faces": r.pruned.faces },
-            "seams_relaxed": r.seams_relaxed,
-            "sharp_relaxed": r.sharp_relaxed,
-            "proposals": proposals::to_json(r, options),
-            "escalated": proposals::steps_json(r),
-            "cleanup": by_name(report_json::cleanup(r)),
+    /// Returns the report, with the path of the input as it was given.
+    pub fn to_json(&self, path: &str, recipe: &Recipe, to: Option<&Destination>, dry_run: bool) -> Value {
+        let mut report = report_json::run(&self.report, &recipe.options);
+        let of_input = json!({
+            "path": path, "format": self.input_format.name(), "sizes": sizes::to_json(self.sizes_before),
         });
-        if !self.meshes.is_empty() {
-            report["meshes"] = self.meshes.iter().map(mesh_json).collect();
-        }
+        report_json::extend(&mut report["input"], of_input);
+        let of_output = json!({
+            "path": to.map(|to| to.sink.to_string()), "format": to.map(|to| to.format.name()),
+            "sizes": sizes::to_json(self.written.sizes),
+        });
+        report_json::extend(&mut report["output"], of_output);
         if let Some(packed) = &self.written.packed {
             report["output"]["packing"] = sizes::packed_json(packed);
         }
-        if let Some(c) = &r.clustered {
-            report["clustered"] = json!({
-                "cell": c.cell, "faces": c.faces, "vertices": c.vertices, "non_manifold_edges": c.non_manifold_edges,
-            });
-        }
-        if !recipe.names.lock.is_empty() {
-            report["locked"] = json!({ "vertices": r.locked_vertices, "faces": r.locked_faces });
+        report["warnings"] = texts(&self.warnings).into();
+        report["threads"] = self.threads.into();
+        report["seconds"] = seconds(&self.clock);
+        if !self.meshes.is_empty() {
+            report["meshes"] = self.meshes.iter().map(mesh_json).collect();
         }
         if let Some(baked) = &self.baked {
             report["baked"] = baked.clone();

@@ -102,7 +102,7 @@ pub fn warnings_of(report: &Report) -> Vec<Warning> {
 }
 
 /// Returns a warning about meshes that lost their shape because all share one target; `None` without any.
-pub(crate) fn starved(counts: &[MeshCounts]) -> Option<Warning> {
+pub fn starved(counts: &[MeshCounts]) -> Option<Warning> {
     let starved = Starved::of(counts)?;
     Some(Warning::note(format!("{starved}; --per-mesh gives each its own")))
 }

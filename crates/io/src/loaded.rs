@@ -1,5 +1,7 @@
 //! The result of reading a file: the mesh, its contents and warnings.
 
+use std::sync::Arc;
+
 use lodsmith_core::TriMesh;
 
 use crate::error::Warning;
@@ -38,7 +40,7 @@ pub struct Contents {
 #[derive(Clone, Debug)]
 pub struct Loaded {
     /// The mesh: all meshes of a scene in one, placed by their nodes.
-    pub mesh: TriMesh,
+    pub mesh: Arc<TriMesh>,
     /// The format of the file.
     pub format: Format,
     /// The other contents of the file.
@@ -55,8 +57,14 @@ pub struct Loaded {
 }
 
 impl Loaded {
+    /// Returns the mesh alone. It is copied only if it is shared.
+    pub fn into_mesh(self) -> TriMesh {
+        Arc::unwrap_or_clone(self.mesh)
+    }
+
     /// Creates the result for a format without regions.
     pub(crate) fn new(mesh: TriMesh, format: Format, contents: Contents, warnings: Vec<Warning>) -> Self {
+        let mesh = Arc::new(mesh);
         let (regions, properties, limits) = (Regions::default(), Vec::new(), Limits::default());
         Self { mesh, format, contents, warnings, regions, properties, limits }
     }

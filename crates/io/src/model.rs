@@ -18,7 +18,6 @@ use crate::error::{ReadError, Warning};
 use crate::format::Format;
 use crate::gltf::Scene;
 use crate::loaded::{Contents, Loaded};
-use crate::material::Regions;
 use crate::options::ReadOptions;
 use crate::read::{read_bytes, read_path, read_scene_bytes, read_scene_path};
 
@@ -46,9 +45,9 @@ pub struct ModelFile {
 pub enum ModelSource {
     /// A whole glTF file. Simplified meshes are written by [`Scene::write`], in the order of the model's
     /// meshes.
-    Scene(Box<Scene>),
-    /// One mesh: its regions, for [`WriteOptions::regions`](crate::WriteOptions::regions).
-    Mesh(Arc<Regions>),
+    Scene(Arc<Scene>),
+    /// One mesh.
+    Mesh(Arc<Loaded>),
     /// None here: another process has the source, and writes the files. See [`ModelFile::for_display`].
     Elsewhere,
 }
@@ -114,15 +113,15 @@ impl From<Scene> for ModelFile {
         let mut warnings = scene.warnings().to_vec();
         warnings.extend(appearance_warnings);
         let (format, contents) = (scene.format(), scene.contents().clone());
-        Self { model, format, contents, warnings, source: ModelSource::Scene(Box::new(scene)) }
+        Self { model, format, contents, warnings, source: ModelSource::Scene(Arc::new(scene)) }
     }
 }
 
 impl From<Loaded> for ModelFile {
     fn from(loaded: Loaded) -> Self {
-        let Loaded { mesh, format, contents, mut warnings, regions, limits, .. } = loaded;
-        let (model, appearance_warnings) = plain::model(mesh, &regions, limits);
-        warnings.extend(appearance_warnings);
-        Self { model, format, contents, warnings, source: ModelSource::Mesh(Arc::new(regions)) }
+        let (model, appearance_warnings) = plain::model(loaded.mesh.clone(), &loaded.regions, loaded.limits);
+        let (format, contents) = (loaded.format, loaded.contents.clone());
+        let warnings = loaded.warnings.iter().cloned().chain(appearance_warnings).collect();
+        Self { model, format, contents, warnings, source: ModelSource::Mesh(Arc::new(loaded)) }
     }
 }

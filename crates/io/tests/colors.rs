@@ -18,7 +18,7 @@ fn written(mesh: &TriMesh, format: Format) -> Vec<u8> {
 }
 
 fn read(bytes: &[u8]) -> TriMesh {
-    read_bytes(bytes, &ReadOptions::default()).unwrap().mesh
+    read_bytes(bytes, &ReadOptions::default()).unwrap().into_mesh()
 }
 
 /// A triangle with a grey corner.

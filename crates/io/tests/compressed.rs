@@ -23,7 +23,7 @@ const FILES: [(&str, &[u8], [f32; 3]); 5] = [
 ];
 
 fn read(bytes: &[u8]) -> TriMesh {
-    read_bytes(bytes, &ReadOptions::default()).unwrap().mesh
+    read_bytes(bytes, &ReadOptions::default()).unwrap().into_mesh()
 }
 
 /// Returns position, normal and texture coordinate of each corner of each face; faces are sorted by their

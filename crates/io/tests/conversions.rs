@@ -62,7 +62,12 @@ fn meshes_of_files() -> (TempDir, Vec<NamedMesh>) {
     all.extend([("STL", read(STL.as_bytes())), ("PLY", read(PLY.as_bytes()))]);
     let (folder, loaded) = obj();
     all.push(("OBJ", loaded));
-    (folder, all.into_iter().map(|(name, loaded)| (name.to_owned(), loaded.mesh, loaded.regions)).collect())
+    (
+        folder,
+        all.into_iter()
+            .map(|(name, loaded)| (name.to_owned(), TriMesh::clone(&loaded.mesh), loaded.regions))
+            .collect(),
+    )
 }
 
 /// Returns meshes with values that a GLB changes or drops.
@@ -232,6 +237,12 @@ fn a_joined_scene_is_the_mesh_that_its_glb_is() {
         let mut first_emptied: Vec<Option<TriMesh>> = smaller(1);
         first_emptied[0] = Some(TriMesh::new(Positions::F32(Vec::new()), Vec::new()).unwrap());
         for replaced in [Vec::new(), smaller(2), first_emptied] {
+            let mut bytes = Vec::new();
+            write_scene_to(&scene, &replaced, Format::Glb, &|_| None, &mut bytes).unwrap();
+            let read = Scene::read(&bytes, &options);
+            let (got, wanted) =
+                (scene.with_meshes(&replaced).map(|s| content(&s)), read.map(|s| content(&s)));
+            assert!(format!("{got:?}") == format!("{wanted:?}"), "{name}: {got:?}\n{wanted:?}");
             let (got, wanted) = (scene.joined(&replaced), joined_by_bytes(&scene, &replaced, &options));
             assert!(format!("{got:?}") == wanted, "{name}: {got:?}\n{wanted}");
             texts += &wanted;

@@ -154,7 +154,7 @@ fn a_single_region_keeps_its_names() {
 #[test]
 fn names_shared_by_all_regions_are_kept_without_regions() {
     let mut loaded = read_bytes(chair().as_bytes(), &ReadOptions::default()).unwrap();
-    loaded.mesh.set_regions(None).unwrap();
+    Arc::make_mut(&mut loaded.mesh).set_regions(None).unwrap();
     let mut bytes = Vec::new();
     let warnings = write_to(&loaded.mesh, Format::Obj, &options_of(&loaded, Textures::Copy), &mut bytes)
         .unwrap()

@@ -252,8 +252,8 @@ fn materials_of_obj_are_seen() {
     assert_eq!(model.images[0].at(1, 0)[..3], [0, 255, 0]);
     let texts = warning_texts(&file);
     assert!(texts.len() == 1 && texts[0].contains("cannot be decoded"), "{texts:?}");
-    let ModelSource::Mesh(regions) = &file.source else { panic!("no mesh") };
-    assert_eq!(regions.len(), 4);
+    let ModelSource::Mesh(loaded) = &file.source else { panic!("no mesh") };
+    assert_eq!(loaded.regions.len(), 4);
 }
 
 #[test]

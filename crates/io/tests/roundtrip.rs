@@ -54,7 +54,7 @@ fn a_mesh_without_seams_comes_back_as_it_was() {
     for format in FORMATS {
         for mesh in [square(), with_attributes(square())] {
             let (loaded, warnings) = there_and_back(&mesh, format);
-            assert_eq!(loaded.mesh, mesh, "{format:?}");
+            assert_eq!(*loaded.mesh, mesh, "{format:?}");
             assert!(
                 warnings.is_empty() && loaded.warnings.is_empty(),
                 "{format:?} {warnings:?} {:?}",
@@ -69,7 +69,7 @@ fn double_precision_survives() {
     let positions = vec![[500000.123456, 4_649_776.22, 0.1], [500001.0, 4_649_777.0, 0.2], [1e300, 1.0, 2.0]];
     let mesh = TriMesh::new(Positions::F64(positions), vec![[0, 1, 2].map(VertexId)]).unwrap();
     for format in FORMATS {
-        assert_eq!(there_and_back(&mesh, format).0.mesh, mesh, "{format:?}");
+        assert_eq!(*there_and_back(&mesh, format).0.mesh, mesh, "{format:?}");
     }
 }
 
@@ -115,7 +115,7 @@ fn colors_of_bytes_stay_bytes() {
     let byte = |b: u8| f32::from(b) / 255.0;
     mesh.set_colors(Some((0..4u8).map(|i| [byte(i), byte(255), byte(7 * i), byte(128)]).collect())).unwrap();
     let (loaded, _) = there_and_back(&mesh, Format::Off);
-    assert_eq!(loaded.mesh, mesh);
+    assert_eq!(*loaded.mesh, mesh);
 }
 
 #[test]
@@ -129,7 +129,7 @@ fn files_are_packed_replaced_and_left_alone() {
         let path = folder.path().join(name);
         for _ in 0..2 {
             write_path(&mesh, &path, &WriteOptions::default()).unwrap();
-            assert_eq!(read_path(&path, &ReadOptions::default()).unwrap().mesh, mesh, "{name}");
+            assert_eq!(*read_path(&path, &ReadOptions::default()).unwrap().mesh, mesh, "{name}");
         }
         assert_eq!(std::fs::read(&path).unwrap().starts_with(&[0x1f, 0x8b]), name.ends_with(".gz"));
         assert_eq!(entries(), i + 1);
@@ -197,7 +197,7 @@ proptest! {
         let mesh = TriMesh::new(Positions::F32(points), faces).unwrap();
         for format in FORMATS {
             let (loaded, _) = there_and_back(&mesh, format);
-            prop_assert_eq!(&loaded.mesh, &mesh);
+            prop_assert_eq!(&*loaded.mesh, &mesh);
         }
     }
 }

@@ -44,7 +44,7 @@ fn read(bytes: &[u8], format: Format) -> Result<Loaded, ReadError> {
 fn again(mesh: &TriMesh, kind: (Format, bool)) -> TriMesh {
     let loaded = read(&written(mesh, kind).0, kind.0).unwrap();
     assert_eq!(loaded.format, kind.0);
-    loaded.mesh
+    loaded.into_mesh()
 }
 
 /// ```text

@@ -16,7 +16,7 @@ fn again(mesh: &TriMesh, (format, ascii): (Format, bool)) -> TriMesh {
     write_to(mesh, format, &options, &mut bytes).unwrap();
     let loaded = read_bytes(&bytes, &ReadOptions::default()).unwrap();
     assert_eq!(loaded.format, format);
-    loaded.mesh
+    loaded.into_mesh()
 }
 
 /// Returns the bits of the corners of all faces.

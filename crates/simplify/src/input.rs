@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use lodsmith_core::{MeshError, Positions, PositionsView, RegionId, Surface, TriMesh, VertexId};
 
+use crate::SimplifyError;
 use crate::textures::Textures;
 
 /// Data of one mesh besides its buffers: which vertices stay, which matter more, and what its regions look
@@ -61,6 +62,33 @@ pub struct OwnedMeshData {
 }
 
 impl OwnedMeshData {
+    /// Splits the lists of vertices of several meshes, one mesh after the other, into those of each; `counts` are their
+    /// numbers of vertices.
+    ///
+    /// # Errors
+    /// [`SimplifyError::WrongLength`] for a list that does not have one entry for each vertex of all meshes.
+    pub fn split(&self, counts: &[usize]) -> Result<Vec<Self>, SimplifyError> {
+        let wanted: usize = counts.iter().sum();
+        let lengths = [
+            ("locked", self.locked.as_ref().map(Vec::len)),
+            ("importance", self.importance.as_ref().map(Vec::len)),
+        ];
+        for (option, got) in lengths {
+            if let Some(got) = got.filter(|n| *n != wanted) {
+                return Err(SimplifyError::WrongLength { option, wanted, got });
+            }
+        }
+        let mut first = 0;
+        let part = |count: &usize| {
+            let own = first..first + count;
+            first = own.end;
+            let locked = self.locked.as_ref().map(|list| list[own.clone()].to_vec());
+            let importance = self.importance.as_ref().map(|list| list[own].to_vec());
+            Self { locked, importance, ..Self::default() }
+        };
+        Ok(counts.iter().map(part).collect())
+    }
+
     /// Borrows the data.
     pub fn view(&self) -> MeshData<'_> {
         MeshData {

@@ -70,7 +70,7 @@ impl BakeSettings {
     #[cfg(feature = "window")]
     pub(crate) fn options(&self) -> BakeOptions {
         let mut options = BakeOptions::new(self.maps.iter().copied());
-        (options.size, options.atlas, options.is_same_model) = (self.size, self.atlas, true);
+        (options.size, options.atlas) = (self.size, self.atlas);
         options
     }
 }

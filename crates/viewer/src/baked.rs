@@ -1,7 +1,7 @@
 //! Baked maps of a result.
 
-use lodsmith_core::{Image, TriMesh};
-use lodsmith_io::gltf::Scene;
+use lodsmith_asset::{Asset, Edit};
+use lodsmith_core::Image;
 
 use crate::bake_settings::BakeSettings;
 
@@ -13,10 +13,10 @@ pub struct BakedMaps {
     pub maps: Vec<NamedMap>,
     /// Time to bake in seconds.
     pub seconds: f64,
-    /// The scene with its materials.
-    pub(crate) scene: Scene,
-    /// The meshes of the scene that are replaced.
-    pub(crate) meshes: Vec<Option<TriMesh>>,
+    /// What is written.
+    pub(crate) asset: Asset,
+    /// The meshes and materials that are new in it.
+    pub(crate) edit: Edit,
 }
 
 impl std::fmt::Debug for BakedMaps {

@@ -2,7 +2,8 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use lodsmith::{SimplifyError, Stop};
+use lodsmith::Stop;
+use lodsmith_asset::AssetError;
 use lodsmith_core::Model;
 use lodsmith_core::model::Pose;
 use lodsmith_render::{Camera, Shading};
@@ -167,7 +168,7 @@ impl SharedTable {
                     };
                     finish(share, &lighter.model, level);
                 }
-                Err(SimplifyError::Cancelled) => return false,
+                Err(AssetError::Cancelled) => return false,
                 Err(why) => self.lock().rows.push(TableRow { share, level: Err(why.to_string()) }),
             }
         }

@@ -7,24 +7,22 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use glam::{DMat4, DVec3};
-use lodsmith::{
-    Control, Input, Levels, LodOptions, MeshCounts, OwnedMeshData, Part, Report, Simplified, SimplifiedScene,
-    SimplifyError, Starved, Stop, Textures,
-};
+use lodsmith::{Levels, LodOptions, MeshCounts, Report, Stop};
+use lodsmith_asset::warnings::{Spelling, starved, warnings_of};
+use lodsmith_asset::{Asset, AssetError, Job, PartNames, Source, Watch};
 use lodsmith_core::measure::{ComparedAttribute, Comparison, MeasureError, Prepared, wedge_differences};
 use lodsmith_core::mesh::creases::Creases;
-use lodsmith_core::mesh::normals::{vertex_normals, wedge_normals};
+use lodsmith_core::mesh::normals::vertex_normals;
 use lodsmith_core::mesh::weld::weld;
 use lodsmith_core::model::Pose;
 use lodsmith_core::{Bounds, Model, Topology, TriMesh, WedgeId};
-use lodsmith_io::gltf::{self, Scene};
-use lodsmith_io::{AssetScope, ModelFile, ModelSource, ReadError, ReadOptions, SharedProgress};
+use lodsmith_io::{AssetScope, ModelFile, ReadError, ReadOptions, SharedProgress, Warning};
 use lodsmith_render::Shading;
 use serde::{Deserialize, Serialize};
 use web_time::Instant;
 
 use crate::baked::BakedMaps;
-use crate::option_words::{Normals, Simplification};
+use crate::option_words::Simplification;
 use crate::settings::HeatOf;
 use crate::up_axis::{self, UpAxis};
 
@@ -54,6 +52,8 @@ pub struct Original {
     pub read_secs: f64,
     /// The angle of [`Creases::Auto`].
     auto_crease_deg: Option<f64>,
+    /// The file as jobs take it; `None` if another process has it.
+    asset: Option<Asset>,
     prepared: PreparedMeshes,
 }
 
@@ -96,7 +96,9 @@ impl Original {
         let assets = AssetScope::Folder;
         let guessed_up = up_axis::guessed(model, file.format, &bounds);
         let auto_crease_deg = Creases::Auto.angle_deg(model.meshes.iter().map(|m| &*m.mesh));
+        let asset = Asset::of_model(&file, Source::Path(path.clone()));
         Self {
+            asset,
             path,
             assets,
             bounds,
@@ -117,6 +119,15 @@ impl Original {
             Creases::Auto => self.auto_crease_deg.map_or(Creases::Off, Creases::Above),
             chosen => chosen,
         }
+    }
+
+    /// Returns the file as jobs take it.
+    ///
+    /// # Errors
+    /// If another process has it.
+    pub(crate) fn asset(&self) -> Result<Asset, AssetError> {
+        let missing = || AssetError::Usage("this kind of source cannot be written".to_owned());
+        self.asset.clone().ok_or_else(missing)
     }
 
     /// Returns the model.
@@ -205,96 +216,70 @@ impl Lighter {
     /// Simplifies the original.
     ///
     /// # Errors
-    /// As [`lodsmith::simplify`].
+    /// As [`Recipe::run`].
     pub fn make(
         original: &Original,
         how: &Simplification,
-        control: &mut dyn Control,
-    ) -> Result<Self, SimplifyError> {
+        watch: &mut dyn Watch,
+    ) -> Result<Self, AssetError> {
         let begin = Instant::now();
-        let (meshes, report, counts) = match &original.file.source {
-            ModelSource::Scene(scene) => {
-                let taken = placed_meshes(scene);
-                let data = textures_of(original.model(), &taken);
-                let parts = parts_of(scene, &data);
-                let done = lodsmith::simplify_scene(&parts, diagonal_of(scene), &how.options, control)?;
-                of_scene(scene, &taken, done)
-            }
-            _ => {
-                let mesh = &original.model().meshes[0].mesh;
-                let data = textures_of(original.model(), &[0]);
-                let input = Input::new(mesh).with(data[0].view());
-                of_mesh(lodsmith::simplify_with(&input, &how.options, control)?)
-            }
-        };
-        Self::of(original, how, (meshes, report, counts), begin.elapsed().as_secs_f64())
+        let made = how.recipe().run(original.asset()?, None, &mut job(watch))?;
+        let counts = made.meshes.into_iter().map(|(_, counts)| counts).collect();
+        let mut done = Self::of(original, how, made.edit.meshes, made.report, counts);
+        done.warnings = texts(&made.warnings);
+        done.seconds = begin.elapsed().as_secs_f64();
+        Ok(done)
     }
 
     /// Makes several levels with these fractions of the triangles, in descending order; in one run if the
     /// method can.
     ///
     /// # Errors
-    /// As [`lod`](fn@lodsmith::lod).
+    /// As [`Asset::levels`].
     pub fn chain(
         original: &Original,
         how: &Simplification,
         ratios: &[f64],
-        control: &mut dyn Control,
-    ) -> Result<Vec<Self>, SimplifyError> {
+        watch: &mut dyn Watch,
+    ) -> Result<Vec<Self>, AssetError> {
         let begin = Instant::now();
         let mut options = LodOptions::new(Levels::Ratios(ratios.to_vec()));
         options.simplify = how.options.clone();
         options.simplify.stop = Stop::default();
-        let all: Vec<SimplifiedMeshes> = match &original.file.source {
-            ModelSource::Scene(scene) => {
-                let taken = placed_meshes(scene);
-                let data = textures_of(original.model(), &taken);
-                let parts = parts_of(scene, &data);
-                let chain = lodsmith::lod_scene(&parts, diagonal_of(scene), &options, control)?;
-                chain.levels.into_iter().map(|done| of_scene(scene, &taken, done)).collect()
-            }
-            _ => {
-                let data = textures_of(original.model(), &[0]);
-                let input = Input::new(&original.model().meshes[0].mesh).with(data[0].view());
-                let chain = lodsmith::lod_with(&input, &options, control)?;
-                chain.levels.into_iter().map(of_mesh).collect()
-            }
-        };
+        let asset = original.asset()?;
+        let (data, _) = asset.data(&PartNames::default())?;
+        let chain = asset.levels(&options, &data, &mut job(watch))?;
         let seconds = begin.elapsed().as_secs_f64() / ratios.len().max(1) as f64;
-        let level = |(made, ratio): (SimplifiedMeshes, &f64)| {
+        let level = |(made, ratio): (lodsmith_asset::Lighter, &f64)| {
             let mut how = how.clone();
             how.options.stop = Stop::ratio(*ratio);
-            Self::of(original, &how, made, seconds)
+            let mut meshes = made.meshes;
+            meshes.iter_mut().flatten().for_each(|mesh| how.normals.apply(mesh));
+            let counts = made.counts.into_iter().map(|(_, counts)| counts).collect();
+            let mut warnings = warnings_of(&made.report);
+            let mut level = Self::of(original, &how, meshes, made.report, counts);
+            warnings.extend(starved(&level.counts));
+            level.warnings = texts(&warnings);
+            level.seconds = seconds;
+            level
         };
-        all.into_iter().zip(ratios).map(level).collect()
+        Ok(chain.levels.into_iter().zip(ratios).map(level).collect())
     }
 
     fn of(
         original: &Original,
         how: &Simplification,
-        (mut meshes, report, counts): SimplifiedMeshes,
-        seconds: f64,
-    ) -> Result<Self, SimplifyError> {
-        for mesh in &mut meshes {
-            match how.normals {
-                Normals::Keep => {}
-                Normals::Recompute => *mesh = Arc::new(with_new_normals((**mesh).clone())),
-                Normals::None if mesh.normals().is_none() => {}
-                Normals::None => {
-                    let mut bare = (**mesh).clone();
-                    bare.set_normals(None)?;
-                    *mesh = Arc::new(bare);
-                }
-            }
-        }
-        let mut warnings = warnings_of(&report);
-        warnings.extend(Starved::of(&counts).map(|s| format!("{s}; \"Target per mesh\" gives each its own")));
-        let model = original.model().with_meshes(meshes);
+        meshes: Vec<Option<TriMesh>>,
+        report: Report,
+        counts: Vec<MeshCounts>,
+    ) -> Self {
+        let originals = original.model().meshes.iter().map(|m| &m.mesh);
+        let meshes = originals.zip(meshes).map(|(old, new)| new.map_or_else(|| old.clone(), Arc::new));
+        let model = original.model().with_meshes(meshes.collect());
         let (faces, vertices, estimate) = (report.faces, report.vertices, report.error.estimate);
-        let (report, how) = (Some(report), how.clone());
-        let prepared = PreparedMeshes::of(&model);
-        let baked = None;
-        Ok(Self { model, faces, vertices, report, counts, how, seconds, warnings, baked, estimate, prepared })
+        let mut done = Self::of_level(model, [faces, vertices], estimate, how, 0.0);
+        (done.report, done.counts) = (Some(report), counts);
+        done
     }
 
     /// Makes one of a level of a progressive mesh, with its number of triangles and vertices and its error.
@@ -367,82 +352,15 @@ pub(crate) fn level_ratios(faces: usize) -> Vec<f64> {
     AUTO_LEVEL_RATIOS.into_iter().filter(|r| *r > fewest).collect()
 }
 
-/// Meshes of a result in the order of the model, its report, and counts of each mesh.
-type SimplifiedMeshes = (Vec<Arc<TriMesh>>, Report, Vec<MeshCounts>);
-
-pub(crate) fn diagonal_of(scene: &Scene) -> f64 {
-    scene.bounds().map_or(0.0, |b| b.diagonal())
+/// Returns a job of the window or the page.
+pub(crate) fn job(watch: &mut dyn Watch) -> Job<'_> {
+    let memory = if cfg!(target_arch = "wasm32") { BROWSER_MEMORY } else { Job::default_memory() };
+    Job::new(watch, None, memory)
 }
 
-fn of_mesh(done: Simplified) -> SimplifiedMeshes {
-    (vec![Arc::new(done.mesh)], done.report, Vec::new())
-}
-
-fn of_scene(scene: &lodsmith_io::gltf::Scene, taken: &[usize], done: SimplifiedScene) -> SimplifiedMeshes {
-    let mut all: Vec<_> = scene.meshes().iter().map(|m| m.mesh.clone()).collect();
-    for (&i, mesh) in taken.iter().zip(done.meshes) {
-        all[i] = Arc::new(mesh);
-    }
-    (all, done.report, done.counts)
-}
-
-/// Returns the meshes that a run simplifies: those with instances, or all if none has any.
-pub fn placed_meshes(scene: &Scene) -> Vec<usize> {
-    gltf::placed_meshes(scene.meshes()).iter().map(|placed| placed.index).collect()
-}
-
-/// Returns the meshes that a run simplifies, with their data, as parts for the engine.
-pub(crate) fn parts_of<'a>(scene: &'a Scene, data: &'a [OwnedMeshData]) -> Vec<Part<'a>> {
-    let part = |(placed, data): (gltf::PlacedMesh, &'a OwnedMeshData)| {
-        let m = &scene.meshes()[placed.index];
-        let (instances, scale, stretch) = (m.instances, m.scale, m.stretch);
-        let (system, places, data) = (placed.system, &m.places, data.view());
-        Part { mesh: &m.mesh, instances, scale, stretch, system, places, data }
-    };
-    gltf::placed_meshes(scene.meshes()).into_iter().zip(data).map(part).collect()
-}
-
-/// Returns the images of these meshes as their data, so that palette textures keep their colours.
-fn textures_of(model: &Model, meshes: &[usize]) -> Vec<OwnedMeshData> {
-    let data = |&mesh: &usize| {
-        let mut data = OwnedMeshData::default();
-        data.textures = Some(Textures::of_model(model, mesh));
-        data
-    };
-    meshes.iter().map(data).collect()
-}
-
-/// Returns the warnings of a run.
-fn warnings_of(report: &Report) -> Vec<String> {
-    let mut told: Vec<String> = Vec::new();
-    let dropped = |name: &&str| format!("{name} dropped: a skin needs both joints and weights");
-    told.extend(report.dropped.iter().map(dropped));
-    if report.seams_relaxed {
-        told.push("seams were moved off their lines to get closer to the target".to_owned());
-    }
-    if report.sharp_relaxed {
-        told.push("sharp edges were not all kept, to get closer to the target".to_owned());
-    }
-    if report.gaps > 0 {
-        told.push(format!("meshes that touched came apart at {} places: gaps may show", report.gaps));
-    }
-    if report.unpaired_sheets > 0 {
-        told.push(format!(
-            "two-sided sheets whose sides have different triangles were not reduced as one ({}): area may be missing",
-            report.unpaired_sheets
-        ));
-    }
-    if report.pruned.largest_kept {
-        told.push("all parts are smaller than the prune size: the largest was kept".to_owned());
-    }
-    told
-}
-
-/// Returns the mesh with recomputed normals; hard edges stay hard.
-fn with_new_normals(mut mesh: TriMesh) -> TriMesh {
-    let normals = wedge_normals(&mesh);
-    mesh.set_normals(Some(normals)).expect("there is one for each wedge");
-    mesh
+/// Returns the texts of warnings, with options as words.
+pub(crate) fn texts(warnings: &[Warning]) -> Vec<String> {
+    warnings.iter().map(|warning| Spelling::Words.apply(&warning.text)).collect()
 }
 
 /// Returns a sum over all mesh instances.

@@ -5,13 +5,13 @@ use std::sync::Arc;
 
 #[cfg(not(target_arch = "wasm32"))]
 use anyhow::Context as _;
-use lodsmith_core::{Semantic, TriMesh};
+use lodsmith_asset::{Destination, Edit, Sink, Watch, Writing};
+use lodsmith_core::TriMesh;
 use lodsmith_io::gltf::Scene;
-use lodsmith_io::{Format, ModelSource, Textures, Warning, WriteOptions};
+use lodsmith_io::{Format, Textures, Warning};
 use serde::{Deserialize, Serialize};
 
-use crate::baked::BakedMaps;
-use crate::content::{Lighter, Original, placed_meshes};
+use crate::content::{Lighter, Original, job, texts};
 use crate::job::JobControl;
 use crate::numbers::grouped;
 use crate::option_words::Simplification;
@@ -80,7 +80,7 @@ impl Export {
         watch: &mut JobControl,
     ) -> anyhow::Result<Written> {
         if self.levels.is_empty() {
-            let warnings = self.write_shown(original, lighter)?;
+            let warnings = self.write_shown(original, lighter, watch)?;
             let faces = lighter.map_or(original.faces, |l| l.faces);
             return Ok(Written { summary: format!("{} faces", grouped(faces)), warnings });
         }
@@ -97,7 +97,7 @@ impl Export {
         let whole = (fewer.len() < ratios.len()).then_some(None);
         for (i, level) in whole.into_iter().chain(made.into_iter().map(Some)).enumerate() {
             let path = self.path.join(format!("{stem}_lod{i}.{}", self.format.name()));
-            warnings.extend(self.write_one(original, level.as_ref(), &path)?);
+            warnings.extend(self.write_one(original, level.as_ref(), &path, watch)?);
             counts.push(grouped(level.as_ref().map_or(original.faces, |l| l.faces)));
         }
         warnings.dedup();
@@ -112,8 +112,9 @@ impl Export {
         &self,
         original: &Original,
         lighter: Option<&Lighter>,
+        watch: &mut dyn Watch,
     ) -> anyhow::Result<Vec<String>> {
-        self.write_one(original, lighter, &self.path)
+        self.write_one(original, lighter, &self.path, watch)
     }
 
     fn write_one(
@@ -121,89 +122,26 @@ impl Export {
         original: &Original,
         lighter: Option<&Lighter>,
         path: &Path,
+        watch: &mut dyn Watch,
     ) -> anyhow::Result<Vec<String>> {
-        let mut options = WriteOptions::default();
-        options.format = Some(self.format);
-        options.ascii = self.ascii;
-        options.textures = self.textures;
-        let is_scene = self.format.keeps_scenes();
-        if let Some(baked) = lighter.and_then(|l| l.baked.as_deref()) {
-            let warnings = write_baked(original, baked, self.format, path, options)?;
-            return Ok(warnings.iter().map(ToString::to_string).collect());
-        }
-        let warnings = match (&original.file.source, is_scene) {
-            (ModelSource::Scene(scene), true) => {
-                let replaced = lighter_meshes(scene, lighter);
-                let mut scene = (**scene).clone();
-                let mut warnings = embed(&mut scene);
-                warnings.extend(lodsmith_io::write_scene_path(&scene, &replaced, path, &options, &|_| None)?);
-                warnings
+        let writing = Writing { ascii: self.ascii, textures: self.textures, ..Writing::default() };
+        let to =
+            Destination { sink: Sink::Path(path.to_owned()), format: self.format, writing, dry_run: false };
+        let (asset, edit) = match lighter.and_then(|l| l.baked.as_deref()) {
+            Some(baked) => (baked.asset.clone(), baked.edit.clone()),
+            None => {
+                let meshes = lighter.map(|lighter| own_meshes(original, lighter)).unwrap_or_default();
+                (original.asset()?, Edit { meshes, ..Edit::default() })
             }
-            (ModelSource::Scene(scene), false) => {
-                // Other formats hold one mesh: all instances joined, as the `simplify` command joins them.
-                let (mesh, regions, told) = joined(original, scene, &all_meshes(scene, lighter))?;
-                options.regions = Some(regions);
-                let mut warnings = lodsmith_io::write_path(&mesh, path, &options)?.warnings;
-                warnings.extend(told);
-                warnings
-            }
-            (ModelSource::Mesh(regions), _) => {
-                options.regions = Some(regions.clone());
-                let model = lighter.map_or(original.model(), |l| &l.model);
-                lodsmith_io::write_path(&model.meshes[0].mesh, path, &options)?.warnings
-            }
-            _ => anyhow::bail!("{}: this kind of source cannot be written", path.display()),
         };
-        Ok(warnings.iter().map(ToString::to_string).collect())
+        Ok(texts(&asset.write(edit, &to, &mut job(watch))?.warnings))
     }
 }
 
-/// Writes a result with its baked maps, as a scene or as one mesh.
-fn write_baked(
-    original: &Original,
-    baked: &BakedMaps,
-    format: Format,
-    path: &Path,
-    mut options: WriteOptions,
-) -> anyhow::Result<Vec<Warning>> {
-    let bare;
-    let meshes = if matches!(format, Format::Gltf | Format::Glb) {
-        &baked.meshes
-    } else {
-        bare = without_tangents(&baked.meshes);
-        &bare
-    };
-    if format.keeps_scenes() {
-        let written = lodsmith_io::write_scene_path(&baked.scene, meshes, path, &options, &|_| None)?;
-        return Ok(written.warnings);
-    }
-    let (mesh, regions, mut warnings) = joined(original, &baked.scene, meshes)?;
-    options.regions = Some(regions);
-    warnings.extend(lodsmith_io::write_path(&mesh, path, &options)?.warnings);
-    Ok(warnings)
-}
-
-/// Returns the meshes of a scene that a result replaces: those that are placed and had faces.
-pub(crate) fn lighter_meshes(scene: &Scene, lighter: Option<&Lighter>) -> Vec<Option<TriMesh>> {
-    let had_faces = |i: usize| scene.meshes()[i].mesh.face_count() > 0;
-    let all = all_meshes(scene, lighter);
-    all.into_iter().enumerate().map(|(i, mesh)| mesh.filter(|_| had_faces(i))).collect()
-}
-
-/// Returns the meshes of a result that are placed.
-fn all_meshes(scene: &Scene, lighter: Option<&Lighter>) -> Vec<Option<TriMesh>> {
-    let taken = placed_meshes(scene);
-    let mesh = |i: usize| {
-        let model = &lighter.filter(|_| taken.contains(&i))?.model;
-        Some(TriMesh::clone(&model.meshes[i].mesh))
-    };
-    (0..scene.meshes().len()).map(mesh).collect()
-}
-
-/// Returns meshes for formats without tangents; viewers of the maps compute the same ones.
-fn without_tangents(meshes: &[Option<TriMesh>]) -> Vec<Option<TriMesh>> {
-    let bare = |mesh: &TriMesh| mesh.clone().without_further(|semantic| *semantic == Semantic::Tangent);
-    meshes.iter().map(|mesh| mesh.as_ref().map(bare)).collect()
+/// Returns the meshes of a result that are not those of the original.
+pub(crate) fn own_meshes(original: &Original, lighter: &Lighter) -> Vec<Option<TriMesh>> {
+    let pairs = lighter.model.meshes.iter().zip(&original.model().meshes);
+    pairs.map(|(new, old)| (!Arc::ptr_eq(&new.mesh, &old.mesh)).then(|| TriMesh::clone(&new.mesh))).collect()
 }
 
 /// Embeds external images, so that the scene can be written to any folder.
@@ -214,20 +152,4 @@ pub(crate) fn embed(scene: &mut Scene) -> Vec<Warning> {
         |uri: &String| Warning::note(format!("{uri} remains a separate file that the scene refers to"));
     warnings.extend(left.first().map(text));
     warnings
-}
-
-/// Joins all instances into one mesh: writes GLB in memory and reads it back, as if that file had been
-/// opened.
-fn joined(
-    original: &Original,
-    scene: &Scene,
-    replaced: &[Option<TriMesh>],
-) -> anyhow::Result<(TriMesh, Arc<lodsmith_io::Regions>, Vec<Warning>)> {
-    let mut bytes = Vec::new();
-    let _ = lodsmith_io::write_scene_to(scene, replaced, Format::Glb, &|_| None, &mut bytes)?;
-    let mut read = lodsmith_io::ReadOptions::default();
-    read.folder = original.path.parent().map(Path::to_owned);
-    read.assets = original.assets.clone();
-    let loaded = lodsmith_io::read_bytes(&bytes, &read)?;
-    Ok((loaded.mesh, Arc::new(loaded.regions), loaded.warnings))
 }

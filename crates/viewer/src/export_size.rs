@@ -115,7 +115,7 @@ mod tests {
                     let path = folder.path().join(format!("out.{}", format.name()));
                     let textures = lodsmith_io::Textures::None;
                     let export = Export { path: path.clone(), format, ascii, textures, levels: Vec::new() };
-                    export.write_shown(&original, None).unwrap();
+                    export.write_shown(&original, None, &mut lodsmith::NoControl).unwrap();
                     let size = std::fs::metadata(&path).unwrap().len() as f64;
                     let ratio = estimated_bytes(&original, None, format, ascii) / size;
                     assert!((0.6..1.6).contains(&ratio), "{name} {format:?} {ascii}: {ratio} of {size}");

@@ -8,7 +8,9 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, SystemTime};
 
-use lodsmith::{Control, SimplifyError, Stage, Verdict};
+use lodsmith::{Control, Stage, Verdict};
+use lodsmith_asset::AssetError;
+use lodsmith_asset::warnings::Spelling;
 use web_time::Instant;
 
 /// Kind of a job. A new job replaces an older one of the same kind that waits or runs.
@@ -159,11 +161,13 @@ pub(crate) enum Failure {
     Error(String),
 }
 
-impl From<SimplifyError> for Failure {
-    fn from(why: SimplifyError) -> Self {
+impl lodsmith_asset::Watch for JobControl {}
+
+impl From<AssetError> for Failure {
+    fn from(why: AssetError) -> Self {
         match why {
-            SimplifyError::Cancelled => Self::Cancelled,
-            why => Self::Error(why.to_string()),
+            AssetError::Cancelled => Self::Cancelled,
+            why => Self::Error(Spelling::Words.apply(&why.to_string())),
         }
     }
 }

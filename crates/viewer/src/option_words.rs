@@ -4,6 +4,8 @@ use std::borrow::Cow;
 
 use lodsmith::options::by_name::{self, OptionGroup, OptionKind, OptionValue};
 use lodsmith::{Preset, SimplifyOptions, Stop};
+pub use lodsmith_asset::Normals;
+use lodsmith_asset::Recipe;
 use serde::{Deserialize, Serialize};
 
 /// Options that the method panel and the target slider set. The defaults are those of the engine.
@@ -18,32 +20,6 @@ pub struct Simplification {
     pub normals: Normals,
 }
 
-/// Normals of the result.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Normals {
-    /// Interpolated from the input.
-    #[default]
-    Keep,
-    /// Recomputed from the faces.
-    Recompute,
-    /// None.
-    None,
-}
-
-impl Normals {
-    /// All values, in the order of lists.
-    pub const ALL: [Self; 3] = [Self::Keep, Self::Recompute, Self::None];
-
-    /// Returns the name of the value.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Keep => "keep",
-            Self::Recompute => "recompute",
-            Self::None => "none",
-        }
-    }
-}
-
 /// Returns values with their names, in the order of lists.
 pub fn named<T: Copy, const N: usize>(values: [T; N], name: fn(T) -> &'static str) -> [(T, &'static str); N] {
     values.map(|value| (value, name(value)))
@@ -53,6 +29,11 @@ impl Simplification {
     /// Returns the options of a preset, with this target.
     pub fn of_preset(preset: Preset, stop: Stop) -> Self {
         Self { preset, options: SimplifyOptions::preset(preset, stop), normals: Normals::default() }
+    }
+
+    /// Returns how a file is made lighter.
+    pub(crate) fn recipe(&self) -> Recipe {
+        Recipe { options: self.options.clone(), normals: self.normals, ..Recipe::default() }
     }
 
     /// Returns true if the options have a target, so that a run changes the mesh.

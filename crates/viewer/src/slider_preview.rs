@@ -3,13 +3,13 @@
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use lodsmith::{Control, Length, OwnedMeshData, Part, ProgressiveScene, SimplifyError, Stop};
+use lodsmith::{Control, Length, OwnedMeshData, ProgressiveScene, Stop};
+use lodsmith_asset::AssetError;
 use lodsmith_core::{MeshError, Model, TriMesh};
-use lodsmith_io::ModelSource;
 use serde::{Deserialize, Serialize};
 use web_time::Instant;
 
-use crate::content::{Lighter, Original, diagonal_of, parts_of, placed_meshes};
+use crate::content::{Lighter, Original};
 use crate::gpu::Context;
 use crate::option_words::{Normals, Simplification};
 use crate::shown::{Drawing, ShownModel};
@@ -76,24 +76,14 @@ impl SliderPreview {
         how: &Simplification,
         context: Option<&Context>,
         control: &mut dyn Control,
-    ) -> Result<Self, SimplifyError> {
+    ) -> Result<Self, AssetError> {
         let mut options = how.options.clone();
         options.stop = Stop::default();
-        let (scene, meshes, diagonal) = match &original.file.source {
-            ModelSource::Scene(scene) => {
-                let (taken, diagonal) = (placed_meshes(scene), diagonal_of(scene));
-                let data = vec![OwnedMeshData::default(); taken.len()];
-                let parts = parts_of(scene, &data);
-                (ProgressiveScene::build(&parts, diagonal, &options, control)?, taken, diagonal)
-            }
-            _ => {
-                options.per_mesh = false;
-                let mesh: &TriMesh = &original.model().meshes[0].mesh;
-                let part = Part::new(mesh);
-                let diagonal = mesh.positions().view().bounds().map_or(0.0, |b| b.diagonal());
-                (ProgressiveScene::build(&[part], diagonal, &options, control)?, vec![0], diagonal)
-            }
-        };
+        let asset = original.asset()?;
+        options.per_mesh &= asset.scene().is_some();
+        let (meshes, diagonal) = (asset.simplified_meshes(), asset.diagonal());
+        let data = vec![OwnedMeshData::default(); meshes.len()];
+        let scene = ProgressiveScene::build(&asset.parts(&data), diagonal, &options, control)?;
         let keeps_normals = how.normals == Normals::Keep;
         let mut all: Vec<Arc<TriMesh>> = original.model().meshes.iter().map(|m| m.mesh.clone()).collect();
         for (road, &mesh) in scene.meshes().iter().zip(&meshes) {

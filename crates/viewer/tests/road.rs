@@ -161,7 +161,7 @@ fn what_is_written_is_the_result_and_no_level() {
     let original = document.original().unwrap().content.model().meshes[0].mesh.clone();
     let run = simplify(&original, &SimplifyOptions::new(Stop::faces(600))).unwrap();
     let read = lodsmith_io::read_path(&path, &Default::default()).unwrap();
-    assert_eq!(read.mesh, run.mesh);
+    assert_eq!(*read.mesh, run.mesh);
 }
 
 #[test]

@@ -89,7 +89,8 @@ impl SimplifyArgs {
     /// A usage error for arguments that do not go together.
     pub(crate) fn recipe(&self) -> anyhow::Result<Recipe> {
         let (names, baking) = (self.engine.names.names(), self.baking.baking()?);
-        let recipe = Recipe { options: self.options(), names, normals: self.normals, baking };
+        let recipe =
+            Recipe { options: self.options(), names, normals: self.normals, baking, ..Recipe::default() };
         recipe.check(&self.writing.options(), self.wanted().output)?;
         Ok(recipe)
     }

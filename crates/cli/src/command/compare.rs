@@ -3,6 +3,7 @@
 mod views;
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Context as _;
@@ -105,7 +106,7 @@ fn measure(
         && from != to
     {
         // The same model in two formats has other coordinates only because their units or axes differ.
-        from.convert(&mut candidate.mesh, to);
+        from.convert(Arc::make_mut(&mut candidate.mesh), to);
         let text = "its unit or axes differ from those of the reference: converted to them";
         candidate.warnings.push(Warning::note(text));
     }

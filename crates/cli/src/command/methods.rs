@@ -1,6 +1,7 @@
 //! `lodsmith methods`: runs every method on one model and compares the results.
 
 use std::fs;
+use std::sync::Arc;
 
 use anyhow::Context as _;
 use lodsmith::core::measure::{CompareOptions, Comparison, Prepared, compare_prepared};
@@ -114,7 +115,7 @@ fn try_all(
     let hungriest =
         jobs.iter().map(|(m, _)| memory_need::simplify(&mesh, &args.options(*m))).max().unwrap_or(0);
     memory::check("methods", memory_need::methods(&mesh, hungriest)).with_context(|| path.to_owned())?;
-    let model = PreparedModel::new(mesh, args);
+    let model = PreparedModel::new(Arc::unwrap_or_clone(mesh), args);
     bar.end();
     let mut rows = Vec::with_capacity(jobs.len());
     let mut panels = Vec::new();

@@ -9,8 +9,8 @@ use anyhow::Context as _;
 use lodsmith::core::measure::{MeasureError, Prepared, vertex_distances};
 use lodsmith::core::model::{Instance, Node, Pose, Transform};
 use lodsmith::core::{Bounds, Image, Model, Positions, TriMesh, VertexId};
-use lodsmith::{Input, OwnedMeshData, Simplified, SimplifyOptions, Stop, Textures};
-use lodsmith_io::{ModelFile, ModelSource, Warning};
+use lodsmith::{SimplifyOptions, Stop};
+use lodsmith_io::{ModelFile, Warning};
 use lodsmith_render::{
     Background, Camera, DMat4, DQuat, DVec3, Environment, Ground, Legend, Lens, Light, LightKind, Panel,
     Shading, StandardView, Subject, View, decode, render, sheet,
@@ -28,11 +28,11 @@ use crate::progress::{FileProgress, Progress};
 use crate::run_control::{BarWatch, not_interrupted};
 use crate::status::{Status, usage};
 use crate::warnings::show_warnings;
-use lodsmith_asset::Asset;
 use lodsmith_asset::Job;
 use lodsmith_asset::memory_need;
 use lodsmith_asset::memory_need::Size;
 use lodsmith_asset::warnings::viewing_warnings;
+use lodsmith_asset::{Asset, PartNames};
 use lodsmith_asset::{Source, Up, paths};
 use outputs::Outputs;
 
@@ -112,7 +112,7 @@ struct Item {
     path: String,
     model: Model,
     /// File of the item; `None` for a level.
-    source: Option<ModelSource>,
+    asset: Option<Asset>,
     /// The target count of a level.
     level: Option<usize>,
     /// Index of the item that it is a level of, or compared with.
@@ -248,7 +248,7 @@ impl<'a> Drawing<'a> {
                 drawing.items.push(Item {
                     path: input.to_string(),
                     model,
-                    source: None,
+                    asset: None,
                     level: Some(count),
                     reference: Some(original),
                     distances: None,
@@ -275,15 +275,15 @@ impl<'a> Drawing<'a> {
     fn add(&mut self, source: &Source, reference: Option<usize>) -> anyhow::Result<()> {
         let path = source.to_string();
         let read = file::read_model(source, &self.args.reading).with_context(|| path.clone())?;
-        let ModelFile { mut model, warnings, source, .. } = read;
+        let asset = Asset::of_model(&read, source.clone());
+        let ModelFile { mut model, warnings, .. } = read;
         if self.args.place.up == Up::Z {
             rotate_z_up(&mut model);
         }
         let moment = Moment::of(&self.args.moment, &model).with_context(|| path.clone())?;
         self.warnings.push((path.clone(), warnings));
-        let source = Some(source);
         let (level, distances) = (None, None);
-        self.items.push(Item { path, model, source, level, reference, distances, diagonal: 0.0, moment });
+        self.items.push(Item { path, model, asset, level, reference, distances, diagonal: 0.0, moment });
         Ok(())
     }
 
@@ -499,29 +499,17 @@ impl<'a> Drawing<'a> {
 
 /// Returns the model with fewer faces; materials and placements are not changed.
 fn lighter(item: &Item, options: &SimplifyOptions, job: &mut Job<'_>) -> anyhow::Result<Model> {
-    let model = &item.model;
-    let mut meshes: Vec<Arc<TriMesh>> = model.meshes.iter().map(|m| m.mesh.clone()).collect();
-    let data_of = |mesh: usize| {
-        let mut data = OwnedMeshData::default();
-        data.textures = Some(Textures::of_model(model, mesh));
-        data
-    };
-    if let Some(ModelSource::Scene(scene)) = &item.source {
-        let asset = Asset::from((**scene).clone());
-        let data: Vec<_> = asset.simplified_meshes().into_iter().map(data_of).collect();
+    let mut meshes: Vec<Arc<TriMesh>> = item.model.meshes.iter().map(|m| m.mesh.clone()).collect();
+    if let Some(asset) = &item.asset {
+        let (data, _) = asset.data(&PartNames::default())?;
         let done = not_interrupted(asset.simplify(options, &data, job))?;
         for (mesh, lighter) in meshes.iter_mut().zip(done.meshes) {
             if let Some(lighter) = lighter {
                 *mesh = Arc::new(lighter);
             }
         }
-    } else {
-        let data = data_of(0);
-        let input = Input::new(&meshes[0]).with(data.view());
-        let Simplified { mesh, .. } = not_interrupted(lodsmith::simplify_with(&input, options, job))?;
-        meshes[0] = Arc::new(mesh);
     }
-    Ok(model.with_meshes(meshes))
+    Ok(item.model.with_meshes(meshes))
 }
 
 /// Returns a mesh at its placement, positions and faces alone.

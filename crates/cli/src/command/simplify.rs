@@ -1,6 +1,6 @@
 //! `lodsmith simplify`: reads, simplifies, writes, and reports the result.
 
-use lodsmith_asset::report_json::{self, cleanup};
+use lodsmith_asset::report_json::cleanup;
 use lodsmith_asset::warnings::refusals;
 use lodsmith_asset::{Outcome, simplify};
 
@@ -20,8 +20,7 @@ pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
         &args.run,
         |file, job| Ok(simplify(&file.source, &reading, &recipe, file.output.as_ref(), job)?),
         |out, path, done, file| {
-            let target = report_json::target(&recipe.options.stop);
-            out.object(&done.to_json(path, &target, &recipe, file.output.as_ref(), args.dry_run));
+            out.object(&done.to_json(path, &recipe, file.output.as_ref(), args.dry_run));
             show(out, path, done, args.ending.strict)
         },
     )

@@ -360,6 +360,22 @@ impl Scene {
         pack::write(self.parts(&json, &replaced, to, relink)?, to, out)
     }
 
+    /// Returns the scene with some meshes replaced: the one that [`read`](Self::read) gives for the GLB that
+    /// [`write`](Self::write) writes, but no file is written or parsed. Cost: O(bytes of the scene + triangles).
+    ///
+    /// # Errors
+    /// [`ReadError::Limit`] and [`ReadError::Memory`] beyond the limits that the scene was read with;
+    /// [`ReadError::Malformed`] for a replacement that [`write`](Self::write) refuses.
+    pub fn with_meshes(&self, replaced: &[Option<TriMesh>]) -> Result<Self, ReadError> {
+        let parts = self.parts(&self.json, replaced, Format::Glb.into(), &|_| None);
+        let mut parts = parts.map_err(|e| ReadError::file(e.to_string()))?;
+        let (size, limits) = (parts.bytes.len().max(self.size), self.limits);
+        let reading = ReadOptions { limits, ..ReadOptions::default() };
+        let mut scene = Self::of_document(parts.document(), size, Format::Glb, &reading)?;
+        scene.assets = self.assets.clone();
+        Ok(scene)
+    }
+
     /// Returns all placed meshes as one mesh, with some meshes of the scene replaced as in [`write`](Self::write).
     ///
     /// The result is the one that [`read`](super::read) gives for the GLB that [`write`](Self::write) writes, but no

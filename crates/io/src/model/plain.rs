@@ -14,9 +14,9 @@ use crate::material::{ConvertedMaterial, ConvertedMaterials, Purpose, Regions, c
 /// The index of the normal map in [`Material::textures_mut`].
 const NORMAL_TEXTURE_SLOT: usize = 2;
 
-pub(super) fn model(mesh: TriMesh, regions: &Regions, limits: Limits) -> (Model, Vec<Warning>) {
+pub(super) fn model(mesh: Arc<TriMesh>, regions: &Regions, limits: Limits) -> (Model, Vec<Warning>) {
     let looks = convert_materials(&mesh, regions, Purpose::Picture);
-    let mut model = Model::of_mesh(Arc::new(mesh));
+    let mut model = Model::of_mesh(mesh);
     let Some(ConvertedMaterials { all, images, of_region, mut warnings }) = looks else {
         return (model, Vec::new());
     };

@@ -3,19 +3,18 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use lodsmith::Control;
-use lodsmith_bake::{BakeError, BakedScene, BakedSet, Texels, bake_scene, model_with, set_materials};
+use lodsmith_asset::{Baking, Edit, Made, Recipe, Watch};
+use lodsmith_bake::{BakedSet, Texels};
 use lodsmith_core::model::{Pose, Transform};
 use lodsmith_core::{Image, Model, Positions, TriMesh};
-use lodsmith_io::gltf::Scene;
-use lodsmith_io::{Format, ModelFile, ModelSource, ReadOptions, WriteOptions};
+use lodsmith_io::ModelFile;
 use lodsmith_render::{Shading, linear};
 use web_time::Instant;
 
-use super::{Lighter, Original};
+use super::{Lighter, Original, job, texts};
 use crate::bake_settings::BakeSettings;
 use crate::baked::{BakedMaps, NamedMap};
-use crate::export::{embed, lighter_meshes};
+use crate::export::own_meshes;
 use crate::job::Failure;
 
 /// Bakes maps of a result from its original. The result is as a reader of the written file sees it; but if the original
@@ -25,62 +24,46 @@ pub(crate) fn bake_result(
     shown: &Lighter,
     settings: &BakeSettings,
     surface: [f32; 3],
-    control: &mut dyn Control,
+    watch: &mut dyn Watch,
 ) -> Result<Lighter, Failure> {
     let begin = Instant::now();
-    let as_scene;
-    let is_mesh = matches!(original.file.source, ModelSource::Mesh(_));
-    let (original, lighter) = match &original.file.source {
-        ModelSource::Mesh(_) => {
-            // A mesh becomes a scene before it is simplified, as in the command.
-            let source = scene_of(original)?;
-            let made = Lighter::make(&source, &shown.how, control)?;
-            as_scene = (source, made);
-            (&as_scene.0, &as_scene.1)
+    let asset = original.asset()?;
+    let baking = Baking { options: settings.options(), map_files: false };
+    let mut job = job(watch);
+    let (asset, edit, baked, report) = match asset.scene() {
+        Some(scene) => {
+            let mut edit = Edit { meshes: own_meshes(original, shown), ..Edit::default() };
+            let baked = edit.bake(scene.clone(), &baking, &mut job)?;
+            (asset, edit, baked, None)
         }
-        _ => (original, shown),
+        None => {
+            // A mesh becomes a scene before it is simplified.
+            let recipe = Recipe { baking: Some(baking), ..shown.how.recipe() };
+            let Made { asset, edit, baked, report, .. } = recipe.run(asset, None, &mut job)?;
+            let baked = baked.ok_or_else(|| Failure::Error("nothing was baked".to_owned()))?;
+            (asset, edit, baked, Some(report))
+        }
     };
-    let ModelSource::Scene(scene) = &original.file.source else {
-        return Err(Failure::Error("maps cannot be baked for this kind of file".to_owned()));
-    };
-    let mut scene = (**scene).clone();
-    let mut meshes = lighter_meshes(&scene, Some(lighter));
-    let low = model_with(original.model(), &meshes);
-    let baked = bake_scene(original.model(), &low, &mut scene, &settings.options(), false, control);
-    let BakedScene { meshes: made, materials, sets, warnings: of_bake, .. } =
-        baked.map_err(|why| match why {
-            BakeError::Cancelled => Failure::Cancelled,
-            why => Failure::Error(why.to_string()),
-        })?;
-    for (mesh, made) in meshes.iter_mut().zip(made) {
-        *mesh = made.or_else(|| mesh.take());
-    }
-    set_materials(&mut scene, &materials);
-    scene.drop_unused_materials();
-    let mut warnings: Vec<String> = embed(&mut scene).iter().map(ToString::to_string).collect();
-    warnings.extend(of_bake.iter().map(ToString::to_string));
-    let mut bytes = Vec::new();
-    lodsmith_io::write_scene_to(&scene, &meshes, Format::Glb, &|_| None, &mut bytes).map_err(failure)?;
-    let mut file = ModelFile::from(Scene::read(&bytes, &ReadOptions::default()).map_err(failure)?);
-    if file.model.meshes.len() != original.model().meshes.len() {
+    let scene = edit.scene.as_deref().map(|scene| scene.with_meshes(&edit.meshes)).transpose();
+    let scene = scene.map_err(failure)?.ok_or_else(|| Failure::Error("nothing was baked".to_owned()))?;
+    let mut model = ModelFile::from(scene).model;
+    if model.meshes.len() != original.model().meshes.len() {
         return Err(Failure::Error("the model with maps has other meshes than the original".to_owned()));
     }
-    if is_mesh {
-        moved_to_place(&mut file.model);
+    if report.is_some() {
+        moved_to_place(&mut model);
     }
     if original.intended_shading() == Shading::Smooth {
-        for material in file.model.materials.iter_mut().filter(|m| m.base_color_texture.is_none()) {
+        for material in model.materials.iter_mut().filter(|m| m.base_color_texture.is_none()) {
             (0..3).for_each(|k| material.base_color[k] = linear::decoded(surface[k]));
         }
     }
-    let maps = BakedMaps {
-        settings: settings.clone(),
-        maps: named(&sets),
-        seconds: begin.elapsed().as_secs_f64(),
-        scene,
-        meshes,
-    };
-    Ok(lighter.with_maps(file.model, Arc::new(maps), warnings))
+    let (maps, warnings) = (named(&baked.sets), texts(&baked.warnings));
+    let seconds = begin.elapsed().as_secs_f64();
+    let maps = BakedMaps { settings: settings.clone(), maps, seconds, asset, edit };
+    let mut made = shown.with_maps(model, Arc::new(maps), warnings);
+    made.report = report.or(made.report);
+    Ok(made)
 }
 
 /// Gives the mesh of a model the coordinates that its node moves it to: those of its original. A scene with single
@@ -104,18 +87,6 @@ fn moved_to_place(model: &mut Model) {
 
 fn failure(why: impl std::fmt::Display) -> Failure {
     Failure::Error(why.to_string())
-}
-
-/// Returns a mesh as a scene, as writing and reading it gives.
-fn scene_of(original: &Original) -> Result<Original, Failure> {
-    let ModelSource::Mesh(regions) = &original.file.source else { return Err(Failure::Cancelled) };
-    let mut options = WriteOptions::default();
-    options.regions = Some(regions.clone());
-    let mut bytes = Vec::new();
-    let mesh = &original.model().meshes[0].mesh;
-    lodsmith_io::write_to(mesh, Format::Glb, &options, &mut bytes).map_err(failure)?;
-    let scene = Scene::read(&bytes, &ReadOptions::default()).map_err(failure)?;
-    Ok(Original::of_file(original.path.clone(), ModelFile::from(scene), original.read_secs))
 }
 
 fn named(sets: &[BakedSet]) -> Vec<NamedMap> {

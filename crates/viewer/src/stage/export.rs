@@ -6,15 +6,14 @@ use std::sync::Arc;
 use anyhow::{Context as _, bail};
 use glam::{DQuat, DVec3};
 use lodsmith::Screen;
-use lodsmith_core::TriMesh;
 use lodsmith_io::gltf::{CopyPlace, MovingNode, Scene, SceneCamera, SceneLevels, SceneMotion};
-use lodsmith_io::{Format, ModelSource, ReadOptions, WriteOptions};
+use lodsmith_io::{Format, ModelFile, ModelSource, ReadOptions, WriteOptions};
 use serde::{Deserialize, Serialize};
 
 use super::motion::{ChannelNodes, KeyframeValue, Motion};
 use super::{Copies, ModelBase, Placement};
-use crate::content::{Lighter, Original, level_ratios, placed_meshes};
-use crate::export::{Written, embed};
+use crate::content::{Lighter, Original, level_ratios};
+use crate::export::{Written, embed, own_meshes};
 use crate::job::JobControl;
 use crate::numbers::grouped;
 use crate::option_words::Simplification;
@@ -98,7 +97,7 @@ impl StageExport {
         }
         let mut scene = Scene::clone(scene);
         warnings.extend(embed(&mut scene).iter().map(ToString::to_string));
-        let levels = self.levels(&scene, &made);
+        let levels = self.levels(original, &scene, &made);
         let moves = |k: &usize| self.motion.copies.contains_key(k);
         // A moving copy is placed at the origin of a node that moves.
         let of = |(k, c): (usize, &Placement)| {
@@ -164,29 +163,21 @@ impl StageExport {
         motion
     }
 
-    /// Converts a mesh to a scene by writing it as GLB and reading that.
+    /// Converts a mesh to a scene.
     fn as_scene(&self, original: &Original, warnings: &mut Vec<String>) -> anyhow::Result<Original> {
         let mut options = WriteOptions::default();
-        options.format = Some(Format::Glb);
-        if let ModelSource::Mesh(regions) = &original.file.source {
-            options.regions = Some(Arc::clone(regions));
+        if let ModelSource::Mesh(loaded) = &original.file.source {
+            options.regions = Some(Arc::new(loaded.regions.clone()));
         }
-        let mut bytes = Vec::new();
-        let mesh = &original.model().meshes[0].mesh;
-        let lost = lodsmith_io::write_to(mesh, Format::Glb, &options, &mut bytes)?.warnings;
+        let (scene, lost) =
+            Scene::of_mesh(&original.model().meshes[0].mesh, &options, ReadOptions::default().limits)?;
         warnings.extend(lost.iter().map(ToString::to_string));
-        let file = lodsmith_io::read_model_bytes(&bytes, &ReadOptions::default())?;
-        Ok(Original::of_file(original.path.clone(), file, 0.0))
+        Ok(Original::of_file(original.path.clone(), ModelFile::from(scene), 0.0))
     }
 
-    fn levels(&self, scene: &Scene, made: &[Arc<Lighter>]) -> SceneLevels {
-        let taken = placed_meshes(scene);
-        let mesh = |level: &Lighter, i: usize| {
-            let had_faces = scene.meshes()[i].mesh.face_count() > 0;
-            (had_faces && taken.contains(&i)).then(|| TriMesh::clone(&level.model.meshes[i].mesh))
-        };
+    fn levels(&self, original: &Original, scene: &Scene, made: &[Arc<Lighter>]) -> SceneLevels {
         let count = scene.meshes().len();
-        let lighter = made.iter().map(|level| (0..count).map(|i| mesh(level, i)).collect());
+        let lighter = made.iter().map(|level| own_meshes(original, level));
         let mut levels = SceneLevels::new(std::iter::once(vec![None; count]).chain(lighter).collect());
         let ViewingConditions { pixels, fov_y_rad } = self.viewing;
         let screen =
