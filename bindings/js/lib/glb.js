@@ -14,7 +14,7 @@ export function load() {
 
 export async function simplifyGlb(bytes, options) {
   await load();
-  const { onProgress, compress, quantize, ...rest } = options ?? {};
+  const { onProgress, ...rest } = options ?? {};
   const view = bytes instanceof Uint8Array ? bytes : new Uint8Array(bytes);
-  return engine.simplifyGlb(view, rest, compress ?? 'none', quantize ?? false, onProgress);
+  return engine.simplifyGlb(view, rest, onProgress);
 }

@@ -8,13 +8,18 @@ export interface BothWays {
 /** A change of an option, and the value or direction that it would need. */
 export interface OptionChange {
   option: string;
-  to: string | number;
+  /** Its value in the run; null if it was off. */
+  now: string | number | null;
+  to: string;
 }
 
 /** The report of a run, with the keys of `lodsmith simplify --json`. */
 export interface Report {
   input: { faces: number; vertices: number };
   output: { faces: number; vertices: number };
+  method: string;
+  /** The targets by name. */
+  target: Record<string, number | string>;
   /** True if the target was met. */
   reached: boolean;
   stopped_by: string;
@@ -35,6 +40,8 @@ export interface Report {
   pairs_contracted: number;
   /** Pairs of faces of the input that lie on each other with opposite windings, reduced as one side. */
   two_sided_pairs: number;
+  /** Sheets with two sides that were not reduced as one. */
+  unpaired_sheets: number;
   pruned: { parts: number; faces: number };
   locked: { vertices: number; faces: number };
   seams_relaxed: boolean;
@@ -42,7 +49,7 @@ export interface Report {
   fitted: boolean;
   dropped: string[];
   proposals: { changes: OptionChange[]; gain: number }[];
-  escalated: { change: OptionChange; before: number; after: number }[];
+  escalated: { option: string; to: string; before: number; after: number }[];
   cleanup: {
     welded_vertices: number;
     degenerate_faces: number;

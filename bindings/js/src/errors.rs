@@ -1,7 +1,9 @@
 //! Errors as those of JavaScript.
 
 use js_sys::{Error, RangeError, TypeError};
+#[cfg(not(feature = "formats"))]
 use lodsmith::SimplifyError;
+#[cfg(not(feature = "formats"))]
 use lodsmith::options::by_name::{OPTIONS, OptionError};
 use wasm_bindgen::JsValue;
 
@@ -16,6 +18,7 @@ pub(crate) fn wrong_value(text: &str) -> JsValue {
 }
 
 /// Returns the error for an option that was rejected.
+#[cfg(not(feature = "formats"))]
 pub(crate) fn option_error(error: &OptionError) -> JsValue {
     match error {
         OptionError::Unknown { name, nearest } => {
@@ -28,6 +31,7 @@ pub(crate) fn option_error(error: &OptionError) -> JsValue {
 }
 
 /// Replaces names of options by those of JavaScript.
+#[cfg(not(feature = "formats"))]
 fn in_camel_case(mut text: String) -> String {
     for option in OPTIONS.iter().filter(|o| o.name.contains('-')) {
         // `lindstrom-turk` and its like stay: they are values.
@@ -37,13 +41,19 @@ fn in_camel_case(mut text: String) -> String {
 }
 
 /// Returns the error for a run that failed; names of options are those of JavaScript.
+#[cfg(not(feature = "formats"))]
 pub(crate) fn run_error(error: &SimplifyError) -> JsValue {
     if matches!(error, SimplifyError::Cancelled) {
-        let error = Error::new("cancelled");
-        error.set_name("AbortError");
-        return error.into();
+        return cancelled();
     }
     wrong_value(&in_camel_case(error.to_string()))
+}
+
+/// Returns the error for a run that was cancelled.
+pub(crate) fn cancelled() -> JsValue {
+    let error = Error::new("cancelled");
+    error.set_name("AbortError");
+    error.into()
 }
 
 /// Returns the name of an option in JavaScript: `maxNormal` for `max-normal`.

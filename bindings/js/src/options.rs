@@ -1,13 +1,18 @@
 //! Objects of JavaScript as options of the engine.
 
 use js_sys::{Array, Float32Array, Object, Uint8Array};
+use lodsmith::OwnedMeshData;
+#[cfg(not(feature = "formats"))]
+use lodsmith::SimplifyOptions;
+#[cfg(not(feature = "formats"))]
 use lodsmith::options::by_name::{self, OptionValue};
-use lodsmith::{OwnedMeshData, SimplifyError, SimplifyOptions, Stop};
+#[cfg(feature = "formats")]
+use serde_json::Value;
 use wasm_bindgen::prelude::*;
 
 #[cfg(not(feature = "formats"))]
-use crate::errors::camel_case;
-use crate::errors::{dashed, option_error, run_error, wrong_type, wrong_value};
+use crate::errors::{camel_case, option_error, wrong_value};
+use crate::errors::{dashed, wrong_type};
 #[cfg(not(feature = "formats"))]
 use crate::report::object;
 
@@ -46,6 +51,7 @@ impl Given {
         Ok(Self::Weights(all))
     }
 
+    #[cfg(not(feature = "formats"))]
     fn value(&self) -> OptionValue<'_> {
         match self {
             Self::Flag(x) => OptionValue::Flag(*x),
@@ -77,66 +83,68 @@ pub(crate) fn property(of: &JsValue, name: &str) -> Option<JsValue> {
     (!value.is_undefined() && !value.is_null()).then_some(value)
 }
 
-/// Converts an object to options of the engine, and data of the vertices of all meshes together.
-pub(crate) fn options_of(object: &JsValue) -> Result<(SimplifyOptions, OwnedMeshData), JsValue> {
-    if !object.is_object() {
-        return Err(wrong_type("an object of options is expected, such as { ratio: 0.1 }"));
-    }
+/// Takes the data of vertices out of the properties of an object; of the vertices of all meshes together.
+///
+/// # Errors
+/// A list of another type.
+pub(crate) fn vertices_of(
+    all: Vec<(String, JsValue)>,
+) -> Result<(Option<OwnedMeshData>, Vec<(String, JsValue)>), JsValue> {
     let mut data = OwnedMeshData::default();
-    let mut given = Vec::new();
-    for (name, value) in entries(object) {
-        match name.as_str() {
-            "locked" => {
+    let mut others = Vec::new();
+    for (name, value) in all {
+        match (name.as_str(), value.is_string()) {
+            ("locked", _) => {
                 let flags = value.dyn_ref::<Uint8Array>().map(Uint8Array::to_vec);
                 let flags = flags.ok_or_else(|| wrong_type("locked: a Uint8Array is expected"))?;
                 data.locked = Some(flags.iter().map(|x| *x != 0).collect());
             }
-            "importance" => {
+            // (The name of an attribute is a text.)
+            ("importance", false) => {
                 let factors = value.dyn_ref::<Float32Array>().map(Float32Array::to_vec);
                 data.importance =
                     Some(factors.ok_or_else(|| wrong_type("importance: a Float32Array is expected"))?);
             }
-            _ => {
-                let value = Given::of(&name, &value)?;
-                given.push((dashed(&name), value));
-            }
+            _ => others.push((name, value)),
         }
+    }
+    Ok(((data != OwnedMeshData::default()).then_some(data), others))
+}
+
+/// Converts a value of an option to JSON.
+#[cfg(feature = "formats")]
+pub(crate) fn json_of(name: &str, any: &JsValue) -> Result<Value, JsValue> {
+    if Array::is_array(any) {
+        let all: Array = any.clone().into();
+        return all.iter().map(|item| json_of(name, &item)).collect::<Result<_, _>>().map(Value::Array);
+    }
+    Ok(match Given::of(name, any)? {
+        Given::Flag(x) => x.into(),
+        Given::Whole(x) => x.into(),
+        Given::Number(x) => x.into(),
+        Given::Text(x) => x.into(),
+        Given::Weights(all) => Value::Object(all.into_iter().map(|(name, x)| (name, x.into())).collect()),
+    })
+}
+
+/// Converts an object to options of the engine, and data of the vertices of all meshes together.
+#[cfg(not(feature = "formats"))]
+pub(crate) fn options_of(object: &JsValue) -> Result<(SimplifyOptions, OwnedMeshData), JsValue> {
+    if !object.is_object() {
+        return Err(wrong_type("an object of options is expected, such as { ratio: 0.1 }"));
+    }
+    let (data, others) = vertices_of(entries(object))?;
+    let mut given = Vec::new();
+    for (name, value) in others {
+        given.push((dashed(&name), Given::of(&name, &value)?));
     }
     let given: Vec<_> = given.iter().map(|(name, value)| (name.as_str(), value.value())).collect();
     let options = by_name::from_names(&given).map_err(|e| option_error(&e))?;
-    if options.stop == Stop::default() && !options.method.ends_without_stop() {
-        let text = "a target is needed: faces, vertices, ratio, error, or what the method ends by";
+    if !options.has_end() {
+        let text = "give a target (faces, vertices, ratio, error) or an option that ends the method";
         return Err(wrong_value(text));
     }
-    Ok((options, data))
-}
-
-/// Returns the data of each mesh of a scene, from lists that name the vertices of one after the other.
-///
-/// # Errors
-/// A list that does not have one entry for each vertex of all meshes.
-pub(crate) fn data_of_meshes(
-    all: &OwnedMeshData,
-    counts: impl Iterator<Item = usize> + Clone,
-) -> Result<Vec<OwnedMeshData>, JsValue> {
-    let wanted: usize = counts.clone().sum();
-    let lengths = [
-        ("locked", all.locked.as_ref().map(Vec::len)),
-        ("importance", all.importance.as_ref().map(Vec::len)),
-    ];
-    if let Some((option, Some(got))) = lengths.into_iter().find(|(_, got)| got.is_some_and(|n| n != wanted)) {
-        return Err(run_error(&SimplifyError::WrongLength { option, wanted, got }));
-    }
-    let mut first = 0;
-    let part = |count: usize| {
-        let own = first..first + count;
-        first = own.end;
-        let mut data = OwnedMeshData::default();
-        data.locked = all.locked.as_ref().map(|list| list[own.clone()].to_vec());
-        data.importance = all.importance.as_ref().map(|list| list[own].to_vec());
-        data
-    };
-    Ok(counts.map(part).collect())
+    Ok((options, data.unwrap_or_default()))
 }
 
 /// Returns the table of the options: name, kind, words, default and help.

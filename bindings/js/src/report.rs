@@ -1,8 +1,6 @@
 //! Reports as objects, with the keys that the command has.
 
 use js_sys::{Object, Reflect};
-use lodsmith::Report;
-use lodsmith_bindings::report;
 use serde_json::Value;
 use wasm_bindgen::JsValue;
 
@@ -25,13 +23,11 @@ pub(crate) fn set(object: &Object, name: &str, value: &JsValue) {
 }
 
 /// Returns the report of a run; options in it have the names of JavaScript.
-pub(crate) fn report(r: &Report) -> JsValue {
-    let mut all = report::report(r);
+pub(crate) fn report(mut all: Value) -> JsValue {
     let proposed = all["proposals"].as_array_mut().into_iter().flatten();
     let proposed = proposed.flat_map(|p| p["changes"].as_array_mut().into_iter().flatten());
     proposed.for_each(rename);
-    let escalated = all["escalated"].as_array_mut().into_iter().flatten();
-    escalated.for_each(|step| rename(&mut step["change"]));
+    all["escalated"].as_array_mut().into_iter().flatten().for_each(rename);
     // (What was printed can be parsed.)
     js_sys::JSON::parse(&all.to_string()).map_or(JsValue::NULL, JsValue::from)
 }

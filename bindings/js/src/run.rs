@@ -2,11 +2,12 @@
 
 use js_sys::{Array, Function, Object};
 use lodsmith::{Input, Part, SimplifiedScene, simplify_scene, simplify_with};
+use lodsmith_asset::report_json;
 use wasm_bindgen::prelude::*;
 
 use crate::errors::run_error;
 use crate::mesh::{GivenMesh, list_of};
-use crate::options::{data_of_meshes, options_of, property};
+use crate::options::{options_of, property};
 use crate::progress::Progress;
 use crate::report::{object, report, set};
 
@@ -25,7 +26,7 @@ pub fn simplify_mesh(
     let input = Input::new(&given.mesh).with(data.view());
     let done = simplify_with(&input, &options, &mut Progress::new(progress)).map_err(|e| run_error(&e))?;
     let arrays = given.arrays_of(done.mesh);
-    set(&arrays, "report", &report(&done.report));
+    set(&arrays, "report", &report(report_json::run(&done.report, &options)));
     Ok(arrays)
 }
 
@@ -45,7 +46,8 @@ pub fn simplify_meshes(
     let said: Vec<JsValue> = list_of(meshes)?.iter().collect();
     let given: Result<Vec<GivenMesh>, JsValue> = said.iter().map(GivenMesh::of).collect();
     let given = given?;
-    let data = data_of_meshes(&data, given.iter().map(|own| own.mesh.vertex_count()))?;
+    let counts: Vec<usize> = given.iter().map(|own| own.mesh.vertex_count()).collect();
+    let data = data.split(&counts).map_err(|e| run_error(&e))?;
     let number = |of: &JsValue, name: &str| property(of, name).and_then(|x| x.as_f64());
     let parts: Vec<Part<'_>> = said
         .iter()
@@ -60,7 +62,7 @@ pub fn simplify_meshes(
         })
         .collect();
     let done = simplify_scene(&parts, diagonal, &options, &mut Progress::new(progress));
-    let SimplifiedScene { meshes, report: told, counts } = done.map_err(|e| run_error(&e))?;
+    let SimplifiedScene { meshes, report: of_run, counts } = done.map_err(|e| run_error(&e))?;
     let lighter: Array = meshes.into_iter().zip(&given).map(|(mesh, given)| given.arrays_of(mesh)).collect();
     let counts: Array = counts
         .iter()
@@ -78,6 +80,6 @@ pub fn simplify_meshes(
     let all = Object::new();
     set(&all, "meshes", &lighter);
     set(&all, "counts", &counts);
-    set(&all, "report", &report(&told));
+    set(&all, "report", &report(report_json::run(&of_run, &options)));
     Ok(all)
 }
