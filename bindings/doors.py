@@ -192,7 +192,7 @@ def comparable(report):
     for key in ("seconds", "threads"):
         report.pop(key, None)
     for end in ("input", "output"):
-        for key in ("path", "sizes"):
+        for key in ("path", "format", "sizes"):
             report[end].pop(key, None)
     return report
 

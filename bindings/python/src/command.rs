@@ -11,13 +11,14 @@ use lodsmith_asset::request::{Answer, Request, Verb};
 use lodsmith_asset::warnings::Spelling;
 use lodsmith_asset::{AssetError, JobProgress, Sink, Source, Step, Watch};
 use lodsmith_cli::Call;
-use pyo3::exceptions::PyRuntimeError;
+use pyo3::exceptions::{PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::PyDict;
 use rayon::ThreadPoolBuilder;
 
 use crate::control::wait;
-use crate::json::{of_python, to_python};
+use crate::errors::{spelled, with_keywords};
+use crate::json::{options_of_python, to_python};
 
 /// State that a job and the thread that called it share.
 #[derive(Default)]
@@ -65,7 +66,7 @@ impl Watch for FileWatch {
     }
 }
 
-/// Does a job; returns its report and warnings, and what `strict` makes a fault.
+/// Does a job; returns the exit status that the command would have, the report, warnings and errors.
 #[pyfunction]
 pub(crate) fn run_job<'py>(
     py: Python<'py>,
@@ -76,9 +77,8 @@ pub(crate) fn run_job<'py>(
     options: &Bound<'py, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let verb = Verb::ALL.into_iter().find(|v| v.name() == verb);
-    let verb = verb.ok_or_else(|| PyRuntimeError::new_err("there is no such job"))?;
-    let serde_json::Value::Object(options) = of_python(options)? else { unreachable!("a dict is an object") };
+    let options = options_of_python(options)?;
+    let verb = verb_of(verb)?;
     let made = py.detach(|| match Request::new(verb, &options, Spelling::Keyword) {
         Ok(request) => {
             let inputs: Vec<Source> = inputs.into_iter().map(Source::Path).collect();
@@ -87,23 +87,36 @@ pub(crate) fn run_job<'py>(
         }
         Err(why) => Ok(Err(why)),
     })?;
-    let all = PyDict::new(py);
-    match made {
+    let (status, report, warnings, errors) = match made {
         Ok(Answer { report, warnings, faults }) => {
-            all.set_item("report", to_python(py, &report)?)?;
-            all.set_item("warnings", warnings)?;
-            all.set_item("errors", &faults)?;
-            all.set_item("status", if faults.is_empty() { 0 } else { 3 })?;
+            (if faults.is_empty() { 0 } else { 3 }, to_python(py, &report)?, warnings, faults)
         }
+        Err(why @ AssetError::UnknownOption { .. }) => return Err(PyTypeError::new_err(why.to_string())),
         Err(why) => {
-            all.set_item("report", py.None())?;
-            all.set_item("warnings", PyList::empty(py))?;
-            all.set_item("errors", [why.to_string()])?;
-            all.set_item("status", if why.is_usage() { 2 } else { 1 })?;
-            all.set_item("is_unknown_option", matches!(why, AssetError::UnknownOption { .. }))?;
+            let status = if why.is_usage() { 2 } else { 1 };
+            (status, py.None().into_bound(py), Vec::new(), vec![text_of(&why)])
         }
-    }
+    };
+    let all = PyDict::new(py);
+    all.set_item("status", status)?;
+    all.set_item("report", report)?;
+    all.set_item("warnings", warnings)?;
+    all.set_item("errors", errors)?;
     Ok(all)
+}
+
+/// Returns the text of an error; names of options are those of keywords.
+fn text_of(error: &AssetError) -> String {
+    match error {
+        AssetError::Input { path, problem } => format!("{path}: {}", text_of(problem)),
+        AssetError::Simplify(why) => with_keywords(why.to_string()),
+        other => spelled(&other.to_string()),
+    }
+}
+
+fn verb_of(name: &str) -> PyResult<Verb> {
+    let verb = Verb::ALL.into_iter().find(|v| v.name() == name);
+    verb.ok_or_else(|| PyRuntimeError::new_err("there is no such job"))
 }
 
 /// Does a job in threads of its own; signals and progress are looked at by the calling thread.
@@ -128,18 +141,14 @@ fn answer(
 
 /// Draws a file as the command does, with these arguments. (The only job that is not one of `lodsmith-asset`.)
 #[pyfunction]
-pub(crate) fn call<'py>(
-    py: Python<'py>,
-    args: Vec<OsString>,
-    progress: Option<Py<PyAny>>,
-) -> PyResult<Bound<'py, PyDict>> {
+pub(crate) fn call(py: Python<'_>, args: Vec<OsString>) -> PyResult<Bound<'_, PyDict>> {
     let call = Call::new();
     let outcome = py.detach(|| {
         std::thread::scope(|scope| {
             let (send, receive) = channel();
             let (call, work) = (&call, move |call: &Call| drop(send.send(call.run(args))));
             std::thread::Builder::new().spawn_scoped(scope, || work(call))?;
-            wait(&receive, progress.as_ref(), || (call.done(), ""), || call.cancel())
+            wait(&receive, None, || (0.0, ""), || call.cancel())
         })
     })?;
     let all = PyDict::new(py);
@@ -152,6 +161,6 @@ pub(crate) fn call<'py>(
 
 /// Returns the names of the flags of a job, and of its other options.
 #[pyfunction]
-pub(crate) fn job_options(verb: &str) -> Option<(Vec<&'static str>, Vec<&'static str>)> {
-    Verb::ALL.into_iter().find(|v| v.name() == verb).map(Verb::options)
+pub(crate) fn job_options(verb: &str) -> PyResult<(Vec<&'static str>, Vec<&'static str>)> {
+    verb_of(verb).map(Verb::options)
 }

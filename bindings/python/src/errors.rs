@@ -3,6 +3,7 @@
 use lodsmith::SimplifyError;
 use lodsmith::core::MeshError;
 use lodsmith::options::by_name::{self, OptionError};
+use lodsmith_asset::warnings::Spelling;
 use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
@@ -59,15 +60,17 @@ pub(crate) fn run_error(py: Python<'_>, error: SimplifyError) -> PyErr {
 pub(crate) fn option_error(error: &OptionError) -> PyErr {
     match error {
         OptionError::Unknown { .. } => PyTypeError::new_err(error.to_string()),
-        OptionError::Value { option, why } => {
-            PyValueError::new_err(format!("{}: {why}", option.replace('-', "_")))
-        }
         other => PyValueError::new_err(with_keywords(other.to_string())),
     }
 }
 
-/// Replaces names of options by their keywords.
-fn with_keywords(mut text: String) -> String {
+/// Spells options of the command, such as `--max-memory`, as keywords.
+pub(crate) fn spelled(text: &str) -> String {
+    Spelling::Keyword.apply(text)
+}
+
+/// Replaces names of options of the engine by their keywords.
+pub(crate) fn with_keywords(mut text: String) -> String {
     for option in by_name::OPTIONS.iter().filter(|o| o.name.contains('-')) {
         // `lindstrom-turk` and its like stay: they are values.
         text = text.replace(option.name, &option.name.replace('-', "_"));

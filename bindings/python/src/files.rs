@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use lodsmith::core::{Bounds, Image};
 use lodsmith_io::gltf::{Compression, Packing};
-use lodsmith_io::{AssetScope, Format, ReadOptions, Regions, Textures, WriteOptions, machine};
+use lodsmith_io::{AssetScope, Format, ReadOptions, Regions, Textures, WriteError, WriteOptions, machine};
 use lodsmith_render::{
     Background, Camera, ColorMap, DVec3, PictureFormat, Shading, StandardView, Subject, View, encode,
 };
@@ -15,7 +15,7 @@ use pyo3::types::{PyBytes, PyDict};
 
 use crate::arrays::{MeshArrays, matrix, to_arrays};
 use crate::control::Watch;
-use crate::errors::empty_mesh;
+use crate::errors::{empty_mesh, spelled};
 
 /// Share of the memory of the machine that a file may take, as in the command.
 const MEMORY_SHARE: f64 = 0.75;
@@ -62,8 +62,8 @@ pub(crate) fn load<'py>(
     // The operating system's own exceptions, such as FileNotFoundError.
     std::fs::File::open(&path).map_err(|e| os_error(py, &e, &path))?;
     let loaded = Watch::default().run(py, |_| lodsmith_io::read_path(&path, &options))?;
-    let loaded = loaded.map_err(|e| empty_mesh(py, &e.to_string()))?;
-    let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    let loaded = loaded.map_err(|e| empty_mesh(py, &spelled(&e.to_string())))?;
+    let warnings: Vec<String> = loaded.warnings.iter().map(|w| spelled(&w.text)).collect();
     let arrays = to_arrays(py, loaded.mesh)?;
     arrays.set_item("format", loaded.format.name())?;
     arrays.set_item("warnings", warnings)?;
@@ -114,8 +114,15 @@ pub(crate) fn save<'py>(
     options.regions = keywords.materials.map(|m| m.get().0.clone());
     let mesh = mesh.mesh(py)?;
     let written = Watch::default().run(py, |_| lodsmith_io::write_path(&mesh, &path, &options))?;
-    let written = written.map_err(|e| PyOSError::new_err(format!("{}: {e}", path.display())))?;
-    Ok(written.warnings.iter().map(ToString::to_string).collect())
+    let failed = |e: WriteError| {
+        // (The keyword has another name than the option.)
+        let text = spelled(&e.to_string().replace("--to", "format="));
+        PyOSError::new_err(match e {
+            WriteError::Io { .. } | WriteError::UnknownFormat { .. } => text,
+            _ => format!("{}: {text}", path.display()),
+        })
+    };
+    Ok(written.map_err(failed)?.warnings.iter().map(|w| spelled(&w.text)).collect())
 }
 
 /// Keywords of drawing a picture.

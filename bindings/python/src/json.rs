@@ -1,10 +1,11 @@
-//! JSON values as Python's own types.
+//! JSON values as Python's own types, and back.
 
 use std::path::PathBuf;
 
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict, PyFloat, PyList, PyString, PyTuple};
-use serde_json::Value;
+use pyo3::types::{PyDict, PyFloat, PyList, PyMapping};
+use serde_json::{Map, Number, Value};
 
 /// Converts a JSON value to Python's own types.
 pub(crate) fn to_python<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
@@ -30,28 +31,42 @@ pub(crate) fn to_python<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'
     })
 }
 
+/// Converts options to JSON.
+pub(crate) fn options_of_python(given: &Bound<'_, PyDict>) -> PyResult<Map<String, Value>> {
+    let one = |(name, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
+        let name: String = name.extract()?;
+        let wrong =
+            |_| PyValueError::new_err(format!("{name}: a value of type {} is not taken", value.get_type()));
+        let value = of_python(&value).map_err(wrong)?;
+        Ok((name, value))
+    };
+    given.iter().map(one).collect()
+}
+
 /// Converts a value of Python's own types, of NumPy, or a path to JSON.
-pub(crate) fn of_python(any: &Bound<'_, PyAny>) -> PyResult<Value> {
+fn of_python(any: &Bound<'_, PyAny>) -> PyResult<Value> {
     Ok(if any.is_none() {
         Value::Null
-    } else if any.is_instance_of::<PyBool>() {
-        Value::Bool(any.extract()?)
-    } else if any.is_instance_of::<PyString>() {
-        Value::String(any.extract()?)
-    } else if let Ok(dict) = any.cast::<PyDict>() {
-        let pair = |(key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
-            Ok((key.extract::<String>()?, of_python(&value)?))
+    } else if let Ok(x) = any.extract::<bool>() {
+        x.into()
+    } else if let Ok(text) = any.extract::<String>() {
+        text.into()
+    } else if let Ok(mapping) = any.cast::<PyMapping>() {
+        let pair = |item: Bound<'_, PyAny>| {
+            let (key, value): (String, Bound<'_, PyAny>) = item.extract()?;
+            Ok((key, of_python(&value)?))
         };
-        Value::Object(dict.iter().map(pair).collect::<PyResult<_>>()?)
-    } else if any.is_instance_of::<PyList>() || any.is_instance_of::<PyTuple>() {
-        Value::Array(any.try_iter()?.map(|item| of_python(&item?)).collect::<PyResult<_>>()?)
+        Value::Object(mapping.items()?.iter().map(pair).collect::<PyResult<_>>()?)
     } else if !any.is_instance_of::<PyFloat>()
         && let Ok(n) = any.extract::<u64>()
     {
         n.into()
     } else if let Ok(x) = any.extract::<f64>() {
-        x.into()
+        // JSON has no NaN: as a text it is a wrong value of any option.
+        Number::from_f64(x).map_or_else(|| x.to_string().into(), Value::Number)
+    } else if let Ok(path) = any.extract::<PathBuf>() {
+        path.to_string_lossy().into()
     } else {
-        Value::String(any.extract::<PathBuf>()?.to_string_lossy().into_owned())
+        Value::Array(any.try_iter()?.map(|item| of_python(&item?)).collect::<PyResult<_>>()?)
     })
 }

@@ -14,7 +14,7 @@ use pyo3::types::{PyDict, PyList};
 
 use crate::arrays::{MeshArrays, positions_array, to_arrays};
 use crate::control::Watch;
-use crate::errors::mesh_error;
+use crate::errors::{mesh_error, spelled};
 use crate::run::{RunKeywords, simplified};
 
 /// The levels to make: one of these.
@@ -81,9 +81,10 @@ pub(crate) fn lod<'py>(
         }
     }
     let list = PyList::empty(py);
-    for level in chain.levels {
+    for (k, level) in chain.levels.into_iter().enumerate() {
         let distance = screen.distance(lodsmith::lod::error_of(&level.report));
-        let arrays = simplified(py, level)?;
+        let name = format!("level {}: ", k + 1);
+        let arrays = simplified(py, level, &options.simplify, keywords.time_limit, &name)?;
         arrays.set_item("distance", distance)?;
         list.append(arrays)?;
     }
@@ -130,7 +131,7 @@ impl ProgressiveMesh {
             options.bits = bits;
             lpm::write_path(&splits, None, &options, &path).map(drop)
         })
-        .map_err(|e| PyOSError::new_err(e.to_string()))
+        .map_err(|e| PyOSError::new_err(spelled(&e.to_string())))
     }
 
     /// Number of the finest level.

@@ -1,18 +1,19 @@
 //! Options and control of a run, and `simplify`.
 
-use lodsmith::options::by_name::{self, OptionValue};
+use lodsmith::options::by_name;
 use lodsmith::{Input, OwnedMeshData, Simplified, SimplifyError, SimplifyOptions};
+use lodsmith_asset::request::engine_value;
+use lodsmith_asset::warnings::{not_reached, warnings_of};
+use lodsmith_bindings::report;
 use numpy::PyReadonlyArray1;
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString};
+use pyo3::types::{PyDict, PyList};
 
 use crate::arrays::{MeshArrays, to_arrays};
 use crate::control::{Watch, WatchedRun};
-use crate::errors::{mesh_error, option_error, run_error};
-use lodsmith_bindings::report;
-
-use crate::json::to_python;
+use crate::errors::{mesh_error, option_error, run_error, spelled};
+use crate::json::{options_of_python, to_python};
 
 /// The keywords of a run.
 #[derive(FromPyObject)]
@@ -22,68 +23,19 @@ pub(crate) struct RunKeywords<'py> {
     locked: Option<PyReadonlyArray1<'py, bool>>,
     importance: Option<PyReadonlyArray1<'py, f32>>,
     progress: Option<Py<PyAny>>,
-    time_limit: Option<f64>,
-}
-
-/// A value of a keyword, owned.
-enum Given {
-    Flag(bool),
-    Whole(u64),
-    Number(f64),
-    Text(String),
-    Weights(Vec<(String, f64)>),
-}
-
-impl Given {
-    fn of(name: &str, any: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let wrong = || {
-            let kind = any.get_type();
-            PyValueError::new_err(format!("{name}: a value of type {kind} is not taken"))
-        };
-        // Scalars of NumPy count as numbers too.
-        if any.is_instance_of::<PyBool>() {
-            Ok(Self::Flag(any.extract()?))
-        } else if any.is_instance_of::<PyString>() {
-            Ok(Self::Text(any.extract()?))
-        } else if let Ok(dict) = any.cast::<PyDict>() {
-            let one = |(key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
-                Ok((key.extract::<String>()?, value.extract::<f64>()?))
-            };
-            let all: PyResult<Vec<_>> = dict.iter().map(one).collect();
-            all.map(Self::Weights).map_err(|_| wrong())
-        } else if any.is_instance_of::<PyFloat>() {
-            Ok(Self::Number(any.extract()?))
-        } else if any.is_instance_of::<PyInt>() || any.hasattr("__index__")? {
-            any.extract().map(Self::Whole).or_else(|_| any.extract().map(Self::Number)).map_err(|_| wrong())
-        } else {
-            any.extract().map(Self::Number).map_err(|_| wrong())
-        }
-    }
-
-    fn value(&self) -> OptionValue<'_> {
-        match self {
-            Self::Flag(x) => OptionValue::Flag(*x),
-            Self::Whole(x) => OptionValue::Whole(*x),
-            Self::Number(x) => OptionValue::Number(*x),
-            Self::Text(x) => x.as_str().into(),
-            Self::Weights(all) => {
-                OptionValue::Weights(all.iter().map(|(k, x)| (k.as_str().into(), *x)).collect())
-            }
-        }
-    }
+    pub(crate) time_limit: Option<f64>,
 }
 
 impl RunKeywords<'_> {
     /// Converts the keywords to options of the engine; `None` stands for the default.
     pub(crate) fn options(&self) -> PyResult<SimplifyOptions> {
-        let mut given = Vec::new();
-        for (name, value) in self.options.iter().filter(|(_, value)| !value.is_none()) {
-            let name: String = name.extract()?;
-            let value = Given::of(&name, &value)?;
-            given.push((name, value));
+        let given = options_of_python(&self.options)?;
+        let mut values = Vec::new();
+        for (name, value) in given.iter().filter(|(_, value)| !value.is_null()) {
+            let value = engine_value(value).map_err(|why| PyValueError::new_err(format!("{name}: {why}")))?;
+            values.push((name.as_str(), value));
         }
-        let given: Vec<_> = given.iter().map(|(name, value)| (name.as_str(), value.value())).collect();
-        by_name::from_names(&given).map_err(|e| option_error(&e))
+        by_name::from_names(&values).map_err(|e| option_error(&e))
     }
 
     /// Returns what the keywords say of vertices of the mesh.
@@ -107,11 +59,21 @@ impl RunKeywords<'_> {
     }
 }
 
-/// Returns the arrays and the report of a result.
-pub(crate) fn simplified<'py>(py: Python<'py>, done: Simplified) -> PyResult<Bound<'py, PyDict>> {
+/// Returns the arrays, the report and the warnings of a result; `name` is what comes before a missed target.
+pub(crate) fn simplified<'py>(
+    py: Python<'py>,
+    done: Simplified,
+    options: &SimplifyOptions,
+    time_limit: Option<f64>,
+    name: &str,
+) -> PyResult<Bound<'py, PyDict>> {
+    let mut warnings: Vec<String> = warnings_of(&done.report).iter().map(|w| spelled(&w.text)).collect();
+    let missed = not_reached(&done.report, options, time_limit, [&done.mesh]);
+    warnings.extend(missed.map(|why| format!("{name}{}", spelled(&why))));
     let told = to_python(py, &report::report(&done.report))?;
     let arrays = to_arrays(py, done.mesh)?;
     arrays.set_item("report", told)?;
+    arrays.set_item("warnings", warnings)?;
     Ok(arrays)
 }
 
@@ -123,6 +85,10 @@ pub(crate) fn simplify<'py>(
     keywords: RunKeywords<'py>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (options, data) = (keywords.options()?, keywords.data()?);
+    if !options.has_end() {
+        let text = "give a target: faces=, vertices=, ratio= or error=, or an option that ends the method";
+        return Err(PyTypeError::new_err(text));
+    }
     let done = if mesh.is_bare() {
         let typed = mesh.typed()?;
         let arrays = typed.surface(py)?;
@@ -134,7 +100,7 @@ pub(crate) fn simplify<'py>(
         let input = Input::new(&mesh).with(data.view());
         keywords.run(py, |run| lodsmith::simplify_with(&input, &options, run))?
     };
-    simplified(py, done)
+    simplified(py, done, &options, keywords.time_limit, "")
 }
 
 /// Returns the table of the options: name of the keyword, kind, words, default and help.

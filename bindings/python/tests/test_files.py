@@ -2,6 +2,7 @@
 
 import pathlib
 import subprocess
+from types import MappingProxyType
 
 import lodsmith
 import numpy as np
@@ -104,9 +105,9 @@ def test_arrays_have_the_geometry_of_the_command(program, files):
 @pytest.mark.filterwarnings("ignore:.*(PLY has one set of attributes|seams were moved)")
 def test_errors_of_the_command_are_exceptions(files):
     low = files / "low.ply"
-    with pytest.raises(TypeError, match="rato"):
+    with pytest.raises(TypeError, match="there is no option rato; a similar one is ratio"):
         lodsmith.simplify_file(files / "wave.ply", low, rato=0.1)
-    with pytest.raises(lodsmith.CommandError, match="target is needed") as info:
+    with pytest.raises(lodsmith.CommandError, match=r"^give a target \(faces, vertices, ratio, error\)") as info:
         lodsmith.simplify_file(files / "wave.ply", low)
     assert info.value.status == 2
     with pytest.raises(lodsmith.CommandError, match="none.ply") as info:
@@ -114,9 +115,47 @@ def test_errors_of_the_command_are_exceptions(files):
     assert info.value.status == 1 and isinstance(info.value, ValueError)
     with pytest.raises(lodsmith.CommandError) as info:
         lodsmith.simplify_file(files / "wave.ply", low, faces=2, border="lock", topology="preserve", strict=True)
-    assert info.value.status == 3 and info.value.report[0]["reached"] is False
+    assert info.value.status == 3 and info.value.report["reached"] is False
     with pytest.warns(lodsmith.LodsmithWarning, match="target not reached"):
         lodsmith.simplify_file(files / "wave.ply", low, faces=2, border="lock", topology="preserve")
+
+
+@pytest.mark.filterwarnings("ignore:.*glTF stores positions in single precision")
+def test_values_of_options(files):
+    def faces(**options):
+        return lodsmith.simplify_file(files / "ball.obj", files / "low.glb", **options)["output"]["faces"]
+
+    assert faces(faces=np.int64(100), threads=np.int32(1), quantize=np.False_, asset_root=files) == 100
+    assert faces(ratio=np.float32(0.5), weight=MappingProxyType({"normal": np.float32(2)}), max_memory="1G") == 2560
+    # Not given.
+    assert faces(ratio=0.5, border=None, bake=None, lock=None, per_mesh=None, map_files=False, strict=False) == 2560
+    made = lodsmith.lod_file(files / "ball.obj", out_dir=files / "levels", levels=np.array([0.5, 0.25]))
+    assert [level["faces"] for level in made["levels"]] == [2560, 1280]
+    with pytest.raises(ValueError, match="^ratio: a value of type .* is not taken$"):
+        faces(ratio=object())
+    with pytest.raises(lodsmith.CommandError, match='^ratio: a fraction .*"NaN"$'):
+        faces(ratio=float("nan"))
+
+
+def test_messages_name_keywords(files):
+    ball, low = files / "ball.obj", files / "low.ply"
+    for options, text in [
+        ({"edge_length": 0.1}, "ball.obj: edge_length is not an option of method memoryless"),
+        ({"max_edge": "5 m"}, "^max_edge: a length"),
+        ({"max_memory": "1M"}, "^max_memory: "),
+        ({"texture_size": 64}, "^texture_size: "),
+    ]:
+        with pytest.raises(lodsmith.CommandError, match=text) as info:
+            lodsmith.simplify_file(ball, low, ratio=0.5, **options)
+        assert (info.value.status, info.value.report) == (2, None)
+    with pytest.raises(OSError, match="^low: .* set the format with format=$"):
+        lodsmith.icosphere(1).save("low")
+    with pytest.warns(lodsmith.LodsmithWarning, match=r"a higher max_normal \(now 1\) would go further"):
+        lodsmith.simplify_file(ball, low, faces=10, max_normal=1)
+    for places in [{}, {"output": files / "low.glb", "out_dir": files / "levels"}]:
+        with pytest.raises(lodsmith.CommandError, match="give one output"):
+            lodsmith.lod_file(ball, levels=[0.5], **places)
+    assert lodsmith.lod_file(ball, levels=[0.5], dry_run=True)["levels"][0]["faces"] == 2560
 
 
 def test_names_that_look_like_options(tmp_path, ball, monkeypatch):
@@ -167,6 +206,9 @@ def test_levels_of_a_mesh(ball):
             lodsmith.lod(ball, **wrong)
     with pytest.raises(TypeError):
         lodsmith.lod(ball, ratio=0.5)
+    with pytest.warns(lodsmith.LodsmithWarning, match="^level 2: target not reached, stopped by refusals") as told:
+        lodsmith.lod(ball, levels=[0.5, 0.01], max_normal=5, topology="preserve")
+    assert len(told) == 1
 
 
 def test_a_progressive_mesh_has_every_level(ball, tmp_path):

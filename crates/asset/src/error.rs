@@ -134,6 +134,7 @@ impl From<OptionError> for AssetError {
         match error {
             OptionError::Unknown { name, nearest } => Self::UnknownOption { name, nearest },
             OptionError::Combination(why) => Self::Simplify(why),
+            OptionError::Value { option, why } => Self::Usage(format!("--{option}: {why}")),
             other => Self::Usage(other.to_string()),
         }
     }

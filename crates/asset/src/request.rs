@@ -24,6 +24,8 @@ use crate::warnings::{Spelling, viewing_warnings, warnings_of};
 use crate::{bake, report_json};
 use file_options::FileOptions;
 
+pub use file_options::engine_value;
+
 /// A job on files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verb {

@@ -36,8 +36,10 @@ impl Spelling {
             let end = option.find(|c| !is_name(c)).unwrap_or(option.len());
             let (name, after) = option.split_at(end);
             let is_begun = before.chars().next_back().is_none_or(|c| c == '(' || c.is_whitespace());
+            // A path goes on.
+            let is_ended = after.chars().next().is_none_or(|c| c.is_whitespace() || ",;:)".contains(c));
             spelled.push_str(before);
-            if name.starts_with(|c: char| c.is_ascii_lowercase()) && is_begun {
+            if name.starts_with(|c: char| c.is_ascii_lowercase()) && is_begun && is_ended {
                 spelled.push_str(&self.name(name));
             } else {
                 spelled.extend(["--", name]);
@@ -156,12 +158,13 @@ mod tests {
 
     #[test]
     fn options_are_spelled_as_the_caller_has_them() {
-        let text =
-            "a higher --max-normal (now 30) would go further; --per-mesh gives each its own: x--y -- --";
+        let text = "a higher --max-normal (now 30) would go further; --per-mesh gives each its own: x--y -- -- --low.ply";
         let of = |spelling: Spelling| spelling.apply(text);
         assert_eq!(of(Spelling::CommandLine), text);
         let wanted = |max: &str, mesh: &str| {
-            format!("a higher {max} (now 30) would go further; {mesh} gives each its own: x--y -- --")
+            format!(
+                "a higher {max} (now 30) would go further; {mesh} gives each its own: x--y -- -- --low.ply"
+            )
         };
         assert_eq!(of(Spelling::Keyword), wanted("max_normal", "per_mesh"));
         assert_eq!(of(Spelling::Property), wanted("maxNormal", "perMesh"));

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from typing import Any, Dict, Mapping, Optional, Sequence, Union
+from typing import Any, Dict, Optional, Sequence, Union
 
 from . import _lodsmith as _native
 from ._mesh import Mesh, from_native, to_native
@@ -122,17 +122,18 @@ def save(
 def job(
     verb: str,
     inputs: Sequence[Path],
-    options: Mapping[str, Any],
+    options: Dict[str, Any],
     output: Optional[Path] = None,
     out_dir: Optional[Path] = None,
     progress: Any = None,
 ) -> Dict[str, Any]:
     """Do a job on files; return the object that the command would print with ``--json``."""
     places = [None if path is None else os.fspath(path) for path in (output, out_dir)]
+    # A trial run may go without.
+    if verb != "info" and places.count(None) != 1 and not (places == [None, None] and options.get("dry_run")):
+        raise CommandError("give one output: a file, or for levels out_dir=, a folder", 2, None)
     with Reporting(progress) as reporting:
-        done = _native.run_job(verb, [os.fspath(path) for path in inputs], *places, dict(options), reporting.callback)
-        if done.get("is_unknown_option"):
-            raise TypeError(done["errors"][0].partition(": ")[2])
+        done = _native.run_job(verb, [os.fspath(path) for path in inputs], *places, options, reporting.callback)
         if done["status"] != 0:
             raise CommandError("; ".join(done["errors"]), done["status"], done["report"])
     for text in done["warnings"]:

@@ -145,7 +145,7 @@ def _of_file(path: Any, options: Mapping[str, Any]) -> Picture:
     source = os.path.join(os.curdir, text) if text.startswith("-") else text
     with tempfile.TemporaryDirectory() as folder:
         made = os.path.join(folder, "picture.png")
-        done = _native.call(["render", *_arguments(options), f"--output={made}", "--json", "--", source], None)
+        done = _native.call(["render", *_arguments(options), f"--output={made}", "--", source])
         if done["is_unknown_argument"]:
             raise TypeError(done["errors"][0].partition(" Usage:")[0].replace("error: ", "", 1))
         if done["status"] != 0:

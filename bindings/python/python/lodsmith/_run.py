@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from types import SimpleNamespace
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -137,34 +137,10 @@ def warn_of_lost_integers(path: Any, sent: SimpleNamespace) -> None:
         warnings.warn(text, LodsmithWarning, stacklevel=3)
 
 
-def _tell(reports: Sequence[Dict[str, Any]], options: Mapping[str, Any]) -> None:
-    """Warn if runs did not do what was asked for, once for all of them."""
-    for text in dict.fromkeys(text for report in reports for text in _shortfalls(report, options)):
+def _tell(made: Iterable[Dict[str, Any]]) -> None:
+    """Issue the warnings of results, each once."""
+    for text in dict.fromkeys(text for one in made for text in one["warnings"]):
         warnings.warn(text, LodsmithWarning, stacklevel=3)
-
-
-def _shortfalls(report: Dict[str, Any], options: Mapping[str, Any]) -> List[str]:
-    asked = [name for name in ("faces", "vertices", "ratio", "error") if options.get(name) is not None]
-    texts = []
-    if asked and not report["reached"]:
-        texts.append(_not_reached(report))
-    texts += [f"the result does not carry {what}: a skin has joints and weights, or nothing" for what in report["dropped"]]
-    if report["seams_relaxed"]:
-        texts.append("seams were moved off their lines to come nearer to the target")
-    if report["sharp_relaxed"]:
-        texts.append("sharp edges were not all kept, to come nearer to the target")
-    return texts
-
-
-def _not_reached(report: Dict[str, Any]) -> str:
-    """Why the target was not reached, and what would help."""
-    text = f"target not reached, stopped by {report['stopped_by'].replace('_', ' ')} at {report['output']['faces']} faces"
-    if report["refusals"]:
-        text += "; refused: " + ", ".join(f"{why.replace('_', ' ')} {n}" for why, n in report["refusals"].items())
-    if report["proposals"]:
-        changes = report["proposals"][0]["changes"]
-        text += "; " + " and ".join(f"{c['option']}={c['to']!r}" for c in changes) + " would go further"
-    return text
 
 
 def _result(made: Dict[str, Any], original: Mesh, sent: SimpleNamespace, kind: type = Result) -> Any:
@@ -210,20 +186,6 @@ def _check_target(options: Mapping[str, Any]) -> None:
         raise TypeError("faces= is the number of triangles to keep; the triangles are the second argument")
     if isinstance(options.get("vertices"), (np.ndarray, list, tuple)):
         raise TypeError("vertices= is the number of vertices to keep; the positions are the first argument")
-
-
-_ENDING = {"planar": (), "unsubdivide": (), "shortest-edge": ("edge_length",), "remesh": ("edge_length", "voxel")}
-
-
-def _check_end(options: Mapping[str, Any]) -> None:
-    if any(options.get(name) is not None for name in ("faces", "vertices", "ratio", "error")):
-        return
-    method = options.get("method", "memoryless")
-    ends = method in ("planar", "unsubdivide") or any(options.get(n) is not None for n in _ENDING.get(method, ()))
-    ends = ends or (method == "cluster" and options.get("cell") is not None and not options.get("two_stage"))
-    known = [o["words"] for o in _native.options() if o["name"] == "method"][0]
-    if not ends and method in known:
-        raise TypeError("a target is needed: faces=, vertices=, ratio= or error=, or what the method ends by")
 
 
 def simplify(
@@ -288,14 +250,13 @@ def simplify(
     """
     _check_target(options)
     check_names(options, "simplify", _RUN)
-    _check_end(options)
     given, kind, own = arguments(mesh, triangles, attributes)
     with Reporting(progress) as reporting:
         keywords = keywords_of(options, locked, importance, reporting.callback, time_limit, given)
         sent = to_native(given, scaled=True)
         made = _native.simplify(sent, keywords)
     result = _result(made, given, sent)
-    _tell([result.report], options)
+    _tell([made])
     return _back(result, kind, own)
 
 
@@ -368,7 +329,7 @@ def lod(
         keywords = keywords_of(options, locked, importance, reporting.callback, time_limit, given)
         sent = to_native(given, scaled=True)
         made, geomorphs = _native.lod(sent, wanted, keywords)
-    _tell([one["report"] for one in made], {})
+    _tell(made)
     results = []
     for i, one in enumerate(made):
         level = _result(one, given, sent, Level)

@@ -265,7 +265,10 @@ fn texts(value: &Value) -> Result<Vec<String>, String> {
 }
 
 /// Returns a value of an option of the engine.
-fn engine_value(value: &Value) -> Result<OptionValue<'static>, String> {
+///
+/// # Errors
+/// The reason, for a value that is of no kind of option.
+pub fn engine_value(value: &Value) -> Result<OptionValue<'static>, String> {
     Ok(match value {
         Value::Bool(x) => OptionValue::Flag(*x),
         Value::Number(x) => match (x.as_u64(), x.as_f64()) {
@@ -284,7 +287,7 @@ fn engine_value(value: &Value) -> Result<OptionValue<'static>, String> {
         Value::Array(all) => {
             // Several texts of one option, as weights are on a command line.
             let texts: Option<Vec<&str>> = all.iter().map(Value::as_str).collect();
-            OptionValue::Text(texts.ok_or("a list of texts is expected")?.join(",").into())
+            OptionValue::Text(texts.ok_or("a single value is expected")?.join(",").into())
         }
         Value::Null => return Err("a value is expected".to_owned()),
     })
