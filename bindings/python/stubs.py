@@ -1,4 +1,4 @@
-"""Writes the stub file of the package, whose keywords are those of the engine's table of options.
+"""Writes the stub file of the package, whose keywords are those of the tables of options.
 
 Usage: python stubs.py [--check]
 """
@@ -7,13 +7,20 @@ import pathlib
 import sys
 
 import lodsmith
+from lodsmith import _lodsmith as native
 
 PATH = pathlib.Path(__file__).parent / "python" / "lodsmith" / "__init__.pyi"
 TYPES = {"count": "int", "ratio": "float | str", "length": "float | str", "degrees": "float", "number": "float"}
 TYPES.update(flag="bool", seed="int", weights="Mapping[str, float]")
+#: Types of the options of files that are neither flags nor of the engine.
+OF_FILES = {"asset_root": "_Path", "lock": "Sequence[str] | str", "importance": "str", "bake": "Sequence[str] | str"}
+OF_FILES.update(normals='Literal["keep", "recompute", "none"]', textures='Literal["copy", "link", "none"]', to="str")
+OF_FILES.update(compress='Literal["none", "meshopt", "meshopt-khr"]', atlas='Literal["keep", "new"]', up='Literal["y", "z"]')
+OF_FILES.update(texture_size="int", ao_rays="int", ao_distance="float", scale="float", threads="int", time_limit="float")
+OF_FILES.update(max_memory="str")
 PROGRESS = "Callable[[float, str], Any] | bool | Any"
 
-HEAD = '''# Made by stubs.py; the keywords are those of the engine.
+HEAD = '''# Made by stubs.py; the keywords are those of the tables of options.
 import os
 from typing import Any, Callable, Dict, List, Literal, Mapping, Optional, Sequence, Tuple, TypeVar, overload
 
@@ -69,6 +76,16 @@ def keywords(without=()):
     ]
 
 
+def keywords_of_files():
+    engine = {option["name"]: option for option in lodsmith.options()}
+    flags, others = ([name.replace("-", "_") for name in names] for names in native.job_options("simplify"))
+    lines = [f"progress: {PROGRESS} = ..."] + [keyword(engine[name]) for name in engine if name in flags + others]
+    lines += [f"{name}: Optional[{OF_FILES.get(name, 'Any')}] = ..." for name in others if name not in engine and name != "from"]
+    lines += [f"{name}: bool = False" for name in flags if name not in engine]
+    # `from` is a word of Python, so it can only be given as `**{"from": "ply"}`.
+    return lines + ["**options: Any"]
+
+
 def function(name, first, more, returns, method=False):
     indent = "    " * method
     lines = [f"{indent}@overload", f"{indent}def {name}("]
@@ -111,18 +128,8 @@ def text():
     def __len__(self) -> int: ...
     def __getitem__(self, level: int) -> Any: ...
 '''.splitlines()
-    of_file = [k for k in keywords(("locked", "importance"))]
-    of_file += ["lock: Sequence[str] | str = ...", "importance: str = ...", 'normals: Literal["keep", "recompute", "none"] = "keep"']
-    of_file += ['textures: Literal["copy", "link", "none"] = "copy"', "ascii: bool = False", "scale: Optional[float] = ..."]
-    of_file += ['compress: Literal["none", "meshopt", "meshopt-khr"] = "none"', "quantize: bool = False"]
-    of_file += ["bake: Sequence[str] | str = ...", "texture_size: Optional[int] = ...", 'atlas: Literal["keep", "new"] = "keep"']
-    of_file += ["ao_rays: int = ...", "ao_distance: Optional[float] = ...", "map_files: bool = False"]
-    of_file += ['up: Optional[Literal["y", "z"]] = ...', "to: Optional[str] = ...", "force: bool = False"]
-    of_file += ["asset_root: Optional[_Path] = ...", "allow_outside: bool = False", "threads: Optional[int] = ..."]
-    of_file += ["max_memory: Optional[str] = ...", "strict: bool = False", "dry_run: bool = False"]
-    of_file.append("**options: Any")
     lines += ["", "def simplify_file("]
-    lines += [f"    {line}," for line in ["input: _Path", "output: _Path", "*"] + of_file]
+    lines += [f"    {line}," for line in ["input: _Path", "output: _Path", "*"] + keywords_of_files()]
     lines += [") -> Dict[str, Any]: ..."]
     return "\n".join(lines) + "\n"
 
