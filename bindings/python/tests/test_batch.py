@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import lodsmith
+import numpy as np
 import pytest
 
 ray = pytest.importorskip("ray")
@@ -148,6 +149,19 @@ def test_wrong_options_are_told_before_any_work(assets, tmp_path):
     with pytest.raises(lodsmith.CommandError, match="levels"):
         batch.run(assets[0], tmp_path / "out", levels=[2])
     assert not (tmp_path / "out" / "report.parquet").exists()
+
+
+def test_options_as_words_and_as_values(assets, tmp_path):
+    words = ["--levels", "0.5,0.25", "--max-normal=30", "--per-mesh", "--lock", "a", "--lock=b"]
+    wanted = {"levels": "0.5,0.25", "max_normal": "30", "per_mesh": True, "lock": ["a", "b"]}
+    assert batch.options_of_words(words) == wanted
+    for wrong in (["levels"], ["--levels"]):
+        with pytest.raises(lodsmith.CommandError, match="expected"):
+            batch.options_of_words(wrong)
+    # Values of NumPy and paths reach the processes too.
+    options = {"levels": np.array([0.5]), "max_normal": np.float32(60), "asset_root": assets[0]}
+    table = batch.run(assets[0], tmp_path / "out", names=assets[1][:1], **options)
+    assert table.column("failure").null_count == 1
 
 
 def test_a_time_limit_ends_a_process(assets, tmp_path):

@@ -311,7 +311,7 @@ class Worker:
         request = {"input": os.path.basename(given.path), "folder": os.path.dirname(given.path), "out_dir": out}
         done = self.process.call({**request, "options": options}, self.plan.timeout)
         if done["status"] != 0:
-            raise Failure("; ".join(done["errors"] or done["warnings"]) or f"status {done['status']}")
+            raise Failure("; ".join(done["errors"]))
         report = done["report"]
         return [self._row(name, given, report, level) for level in report["levels"]]
 

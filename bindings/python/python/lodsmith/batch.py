@@ -71,7 +71,7 @@ def listed(source: Place, without: Optional[Place] = None) -> List[str]:
 
 def options_of_words(words: Sequence[str]) -> Dict[str, Any]:
     """Return the options of ``lodsmith lod`` as typed in a shell: ``--name value``, ``--name=value``, ``--flag``."""
-    flags, _ = _native.job_options("lod")
+    flags = [name.replace("-", "_") for name in _native.job_options("lod")[0]]
     options: Dict[str, Any] = {}
     waiting = list(words)
     while waiting:
@@ -79,7 +79,7 @@ def options_of_words(words: Sequence[str]) -> Dict[str, Any]:
         name, has_value, value = word.partition("=")
         if not name.startswith("--"):
             raise CommandError(f"{word}: the name of an option is expected", 2, None)
-        name = name[2:]
+        name = name[2:].replace("-", "_")
         if not has_value and name not in flags:
             if not waiting:
                 raise CommandError(f"{word}: a value is expected", 2, None)
@@ -94,6 +94,14 @@ def _as_list(value: Any) -> List[Any]:
     return value if isinstance(value, list) else [value]
 
 
+def _json(options: Mapping[str, Any]) -> str:
+    def plain(value: Any) -> Any:
+        # A value of NumPy, or a path.
+        return value.tolist() if hasattr(value, "tolist") else os.fspath(value)
+
+    return json.dumps(dict(options), default=plain)
+
+
 def plan(
     source: Place,
     target: Place,
@@ -104,7 +112,7 @@ def plan(
     timeout: Optional[float] = None,
 ) -> Plan:
     """Return the plan of a batch; options that ``lodsmith lod`` does not take are an error before any work."""
-    made = Plan(source, target, json.dumps(dict(options)), json.dumps(dict(limits)), retries, timeout)
+    made = Plan(source, target, _json(options), _json(limits), retries, timeout)
     with tempfile.TemporaryDirectory() as folder:
         from ._run import icosphere
 
@@ -176,10 +184,10 @@ def run(
         ray.init(log_to_driver=False)
     resources = ray.cluster_resources()
     cores = max(int(resources.get("CPU", 1)), 1)
-    options = dict(options)
+    options = {**options_of_words(words), **options}
     memory = options.pop("max_memory", None) or f"{max(int(resources.get('memory', 0) * MEMORY_SHARE / cores) >> 20, 64)}M"
     limits = {"max_memory": memory, "threads": 1}
-    made = plan(given, target, {**options_of_words(words), **options}, limits=limits, retries=retries, timeout=timeout)
+    made = plan(given, target, options, limits=limits, retries=retries, timeout=timeout)
 
     assets = list(dict.fromkeys(names)) if names is not None else listed(given, target)
     for folder in ("parts", "begun"):
