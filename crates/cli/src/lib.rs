@@ -60,8 +60,6 @@ pub struct Call(Arc<call::CallState>);
 pub struct Outcome {
     /// Exit status that the command would have.
     pub status: u8,
-    /// Text that it would print on standard output: with `--json` one object in each line.
-    pub results: String,
     /// Warnings.
     pub warnings: Vec<String>,
     /// Errors; empty after success, and after [`Call::cancel`].
@@ -85,10 +83,6 @@ impl Call {
     pub fn cancel(&self) {
         self.0.cancel();
     }
-    /// The fraction done, from 0 to 1.
-    pub fn done(&self) -> f64 {
-        self.0.done()
-    }
     /// Runs the command with these arguments, the first of which is the name of the subcommand. It takes this thread
     /// until the end.
     pub fn run(&self, args: impl IntoIterator<Item = std::ffi::OsString>) -> Outcome {
@@ -111,12 +105,10 @@ impl Call {
             }
         };
         call::enter(before);
-        let printed = self.0.take_printed();
-        let (errors, warnings): (Vec<_>, Vec<_>) = printed.messages.into_iter().partition(|m| m.0);
+        let (errors, warnings): (Vec<_>, Vec<_>) = self.0.take_messages().into_iter().partition(|m| m.0);
         let texts = |messages: Vec<(bool, String)>| messages.into_iter().map(|m| m.1).collect();
         Outcome {
             status: status as u8,
-            results: printed.results,
             warnings: texts(warnings),
             errors: texts(errors),
             is_unknown_argument,

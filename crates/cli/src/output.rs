@@ -78,7 +78,7 @@ impl Output {
     /// Prints a warning to standard error. With JSON it is part of the result as well.
     pub(crate) fn warning(&self, text: &str) {
         if let Some(call) = call::current() {
-            call.print(|printed| printed.messages.push((false, one_line(text))));
+            call.message(false, one_line(text));
         } else if !self.quiet {
             eprint_line(&format!("{} {}", paint("warning:", "1;33"), escaped(&one_line(text))));
         }
@@ -110,11 +110,7 @@ impl Output {
     }
 
     fn print(&self, text: &str) {
-        if self.closed.get() {
-            return;
-        }
-        if let Some(call) = call::current() {
-            call.print(|printed| printed.results.extend([text.strip_suffix('\n').unwrap_or(text), "\n"]));
+        if self.closed.get() || call::current().is_some() {
             return;
         }
         let mut out = io::stdout().lock();
@@ -135,7 +131,7 @@ impl Output {
 /// Prints an error in one line on standard error; nothing silences it.
 pub(crate) fn error(text: &str) {
     if let Some(call) = call::current() {
-        call.print(|printed| printed.messages.push((true, one_line(text))));
+        call.message(true, one_line(text));
         return;
     }
     eprint_line(&format!("{} {}", paint("error:", "1;31"), escaped(&one_line(text))));

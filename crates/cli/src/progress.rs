@@ -117,10 +117,6 @@ impl FileProgress<'_> {
 
     fn to(&self, part: f64) {
         let steps = (part * BAR_STEPS) as u64;
-        if let Some(call) = call::current() {
-            // A call has one file, or its bar is that of the file that is furthest.
-            call.report(part);
-        }
         let before = self.done.fetch_max(steps, Ordering::Relaxed);
         if steps > before {
             self.whole.bar.inc(steps - before);
