@@ -64,7 +64,7 @@ pub(crate) fn load<'py>(
     let loaded = Watch::default().run(py, |_| lodsmith_io::read_path(&path, &options))?;
     let loaded = loaded.map_err(|e| empty_mesh(py, &spelled(&e.to_string())))?;
     let warnings: Vec<String> = loaded.warnings.iter().map(|w| spelled(&w.text)).collect();
-    let arrays = to_arrays(py, loaded.mesh)?;
+    let arrays = to_arrays(py, Arc::unwrap_or_clone(loaded.mesh))?;
     arrays.set_item("format", loaded.format.name())?;
     arrays.set_item("warnings", warnings)?;
     arrays.set_item("materials", Materials(Arc::new(loaded.regions)))?;

@@ -9,6 +9,7 @@ mod files;
 mod json;
 mod levels;
 mod measure;
+mod report;
 mod run;
 
 use pyo3::prelude::*;

@@ -15,9 +15,9 @@ use serde_json::json;
 use crate::arrays::{MeshArrays, matrix, to_arrays};
 use crate::control::Watch;
 use crate::errors::{empty_mesh, mesh_error};
-use lodsmith_bindings::report;
 
 use crate::json::to_python;
+use crate::report;
 use crate::run::RunKeywords;
 
 /// Measures the distance between two meshes in both directions.
@@ -114,9 +114,9 @@ pub(crate) fn clean<'py>(
         })?;
     let mesh = mesh.mesh(py)?;
     let done = keywords.run(py, |run| lodsmith::clean(&mesh, &options, run))?;
-    let told = to_python(py, &report::cleaned(&done.report))?;
+    let report = to_python(py, &report::cleaned(&done.report))?;
     let arrays = to_arrays(py, done.mesh)?;
-    arrays.set_item("report", told)?;
+    arrays.set_item("report", report)?;
     Ok(arrays)
 }
 

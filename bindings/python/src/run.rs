@@ -2,9 +2,9 @@
 
 use lodsmith::options::by_name;
 use lodsmith::{Input, OwnedMeshData, Simplified, SimplifyError, SimplifyOptions};
+use lodsmith_asset::report_json;
 use lodsmith_asset::request::engine_value;
 use lodsmith_asset::warnings::{not_reached, warnings_of};
-use lodsmith_bindings::report;
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -70,9 +70,9 @@ pub(crate) fn simplified<'py>(
     let mut warnings: Vec<String> = warnings_of(&done.report).iter().map(|w| spelled(&w.text)).collect();
     let missed = not_reached(&done.report, options, time_limit, [&done.mesh]);
     warnings.extend(missed.map(|why| format!("{name}{}", spelled(&why))));
-    let told = to_python(py, &report::report(&done.report))?;
+    let report = to_python(py, &report_json::run(&done.report, options))?;
     let arrays = to_arrays(py, done.mesh)?;
-    arrays.set_item("report", told)?;
+    arrays.set_item("report", report)?;
     arrays.set_item("warnings", warnings)?;
     Ok(arrays)
 }

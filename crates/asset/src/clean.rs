@@ -38,7 +38,7 @@ pub struct CleanOutcome {
 /// Reads a file, repairs each of its meshes separately, and writes it.
 ///
 /// # Errors
-/// Those of [`Asset::read`], of [`lodsmith::clean`] and of [`Asset::write`].
+/// Those of [`Asset::read`], of [`lodsmith::clean()`] and of [`Asset::write`].
 pub fn clean(
     source: &Source,
     reading: &ReadOptions,
@@ -186,8 +186,11 @@ fn warnings_of(report: &CleanReport) -> impl Iterator<Item = Warning> {
     all.into_iter().filter(|x| x.0).map(|x| Warning::note(x.1))
 }
 
+/// A count with its name in reports.
+pub type Count = (&'static str, usize);
+
 /// Returns the counts of a report by name: first the repairs, then the remaining defects.
-pub fn counts(r: &CleanReport) -> ([(&'static str, usize); 12], [(&'static str, usize); 6]) {
+pub fn counts(r: &CleanReport) -> ([Count; 12], [Count; 6]) {
     let done = [
         ("welded_vertices", r.welded_vertices),
         ("non_finite_faces", r.non_finite_faces),
