@@ -1,8 +1,9 @@
-// Simplifies a mesh by both families of functions.
+// Simplifies a mesh by all families of functions.
 //
-//   simplify [INPUT.obj [OUTPUT.obj]]
+//   simplify [INPUT.obj [OUTPUT]]
 //
-// Without a file it takes a wavy torus. Reads positions and faces of an OBJ file only.
+// Without a file it takes a wavy torus. Reads positions and faces of an OBJ file only; with an output, the file as a whole
+// is simplified too, and written.
 #include <lodsmith.h>
 
 #include <cfloat>
@@ -36,6 +37,13 @@ struct FreeResult {
     void operator()(lodsmith_result *result) const { lodsmith_result_free(result); }
 };
 using Result = std::unique_ptr<lodsmith_result, FreeResult>;
+
+#ifdef LODSMITH_FILES
+struct FreeText {
+    void operator()(lodsmith_text *text) const { lodsmith_text_free(text); }
+};
+using Text = std::unique_ptr<lodsmith_text, FreeText>;
+#endif
 
 void check(int32_t code) {
     if (code != LODSMITH_OK) throw std::runtime_error(lodsmith_error_message());
@@ -193,14 +201,24 @@ Mesh simplify_best(const Mesh &mesh, size_t target_faces) {
     return lod;
 }
 
-void write(const char *path, const Mesh &mesh) {
-    std::ofstream file(path);
-    file.precision(9);
-    for (const Vertex &v : mesh.vertices)
-        file << "v " << v.position[0] << ' ' << v.position[1] << ' ' << v.position[2] << '\n';
-    for (size_t f = 0; f + 2 < mesh.indices.size(); f += 3)
-        file << "f " << mesh.indices[f] + 1 << ' ' << mesh.indices[f + 1] + 1 << ' ' << mesh.indices[f + 2] + 1 << '\n';
-    if (!file.flush()) throw std::runtime_error(std::string("cannot write ") + path);
+// A whole file, as the command does it: with its materials, from any format to any other.
+void simplify_file(const char *input, const char *output) {
+#ifdef LODSMITH_FILES
+    lodsmith_file_job job{};
+    job.size = sizeof job;
+    job.verb = "simplify";
+    job.input = input;
+    job.output = output;
+    job.options = "{\"ratio\": 0.5, \"normals\": \"recompute\"}";
+
+    Progress progress{0};
+    lodsmith_text *made = nullptr;
+    check(lodsmith_run_file_job(&job, on_progress, &progress, &made));
+    Text outcome(made);
+    std::printf("file:       %s\n", lodsmith_text_get(outcome.get()));
+#else
+    throw std::runtime_error(std::string("without files: ") + input + " to " + output);
+#endif
 }
 
 } // namespace
@@ -213,7 +231,8 @@ int main(int argc, char **argv) {
         set_normals(mesh);
         simplify_indices(mesh, mesh.indices.size() / 30 * 3);
         Mesh lod = simplify_best(mesh, mesh.indices.size() / 30);
-        if (argc > 2) write(argv[2], lod);
+        std::printf("            %zu vertices with all attributes\n", lod.vertices.size());
+        if (argc > 2) simplify_file(argv[1], argv[2]);
     } catch (const std::exception &error) {
         std::cerr << "error: " << error.what() << '\n';
         return 1;

@@ -1,12 +1,14 @@
 // Lodsmith: simplification of triangle meshes.
 //
-// Two families of functions:
+// Three families of functions:
 // - lodsmith_simplify_indices and its kin take the place of meshopt_simplify: an index buffer in, an index buffer
 //   out, vertices of the input.
 // - lodsmith_simplify makes the closest mesh for the count, with new vertices, all attributes and a report.
+// - lodsmith_run_file_job does with whole files what the command does. A library may be built without it: its installed
+//   header defines LODSMITH_NO_FILES.
 //
 // Ownership: buffers belong to the caller, are read during the call only, and results are copied into buffers of the
-// caller. A lodsmith_result belongs to the caller until lodsmith_result_free.
+// caller. A lodsmith_result belongs to the caller until lodsmith_result_free, a lodsmith_text until lodsmith_text_free.
 // Strides are in bytes. Buffers need not be aligned. Positions are in any unit.
 // Errors: functions that return int32_t return LODSMITH_OK or an error code; the others return 0 or null. The text is
 // in lodsmith_error_message. No error of input or options ends the program.
@@ -21,6 +23,11 @@
 
 #include <stddef.h>
 #include <stdint.h>
+
+// Defined if the library does jobs on files.
+#if !defined(LODSMITH_NO_FILES)
+#define LODSMITH_FILES 1
+#endif
 
 // The run continues.
 #define LODSMITH_CONTINUE 0
@@ -43,16 +50,31 @@
 // Measuring the result.
 #define LODSMITH_STAGE_MEASURE 3
 
+// Reading the input: this and the following are in jobs on files only.
+#define LODSMITH_STAGE_READ 4
+
+// Cleaning the meshes.
+#define LODSMITH_STAGE_CLEAN 5
+
+// Inspecting the meshes.
+#define LODSMITH_STAGE_INSPECT 6
+
+// Baking maps.
+#define LODSMITH_STAGE_BAKE 7
+
+// Writing the output.
+#define LODSMITH_STAGE_WRITE 8
+
 // The call succeeded.
 #define LODSMITH_OK 0
 
 // An argument is not valid: a null pointer, a stride that is too small, an index that is out of range.
 #define LODSMITH_ERROR_ARGUMENT 1
 
-// An option is out of range, or does not go with the method or with another one.
+// An option is out of range or unknown, or does not go with the method, with another one or with the file.
 #define LODSMITH_ERROR_OPTION 2
 
-// The mesh cannot be simplified: no face has an area.
+// The mesh cannot be simplified or baked: no face has an area.
 #define LODSMITH_ERROR_MESH 3
 
 // The progress function asked for the end.
@@ -60,6 +82,15 @@
 
 // A fault of the library.
 #define LODSMITH_ERROR_INTERNAL 5
+
+// A file cannot be read or written.
+#define LODSMITH_ERROR_FILE 6
+
+// A limit on memory, sizes or time forbids the job.
+#define LODSMITH_ERROR_LIMIT 7
+
+// The job is done, with faults that the option `strict` asks for.
+#define LODSMITH_ERROR_STRICT 8
 
 // Vertices on open borders are not moved or removed.
 #define LODSMITH_SIMPLIFY_LOCK_BORDER 1
@@ -266,6 +297,11 @@
 // once.
 typedef struct lodsmith_result lodsmith_result;
 
+#if defined(LODSMITH_FILES)
+// A text that the library made. Free it with `lodsmith_text_free`. It may be read by several threads at once.
+typedef struct lodsmith_text lodsmith_text;
+#endif
+
 // An attribute of all vertices.
 typedef struct lodsmith_attribute {
   // One of `LODSMITH_ATTRIBUTE_...`.
@@ -431,10 +467,33 @@ typedef struct lodsmith_options {
   uint64_t seed;
 } lodsmith_options;
 
-// Receives the progress: the stage, one of `LODSMITH_STAGE_...`, and the share of it that is done, from 0 to 1. Returns
-// `LODSMITH_CONTINUE`, `LODSMITH_FINISH` or `LODSMITH_CANCEL`. It is called often, on the thread of the call, and must not
-// throw an exception or jump out.
+// Receives the progress: the stage, one of `LODSMITH_STAGE_...`, and the share of it that is done, from 0 to 1; in a job on
+// files, the share of the whole job. Returns `LODSMITH_CONTINUE`, `LODSMITH_FINISH` or `LODSMITH_CANCEL`. It is called
+// often, on the thread of the call, and must not throw an exception or jump out.
 typedef int32_t (*lodsmith_progress)(void *user, int32_t stage, double done);
+
+#if defined(LODSMITH_FILES)
+// A job on files. Fill it with zeros, set `size` and what the job needs. Texts are UTF-8 and end in a zero byte.
+typedef struct lodsmith_file_job {
+  // `sizeof(lodsmith_file_job)` of the caller's header.
+  size_t size;
+  // What is done: `simplify`, `lod`, `clean`, `convert`, `bake` or `info`, as the subcommands are called.
+  const char *verb;
+  // Path of the file that is read.
+  const char *input;
+  // Path of the detailed file that `bake` takes the maps from, for the lighter one in `input`; else null.
+  const char *detailed;
+  // Path of the file that is written; its extension names the format. Null with `info`, and to write nothing
+  // with `simplify`, `lod` and `clean`, of which only the report is wanted then.
+  const char *output;
+  // With `lod`, instead of `output`: path of a folder, which is made if it is not there, for a file for each level
+  // and their list `lods.json`; else null.
+  const char *out_dir;
+  // Options of the subcommand as a JSON object, such as `{"ratio": 0.1, "bake": ["normal"]}`. Names have
+  // underscores or dashes; flags are true or false. Null for none.
+  const char *options;
+} lodsmith_file_job;
+#endif
 
 // A distance in both directions, in the units of the positions.
 typedef struct lodsmith_distance {
@@ -519,6 +578,46 @@ const char *lodsmith_version(void);
 // succeeded. The text is valid until the next call on this thread; copy it to keep it. (The functions that
 // only read a value, such as `lodsmith_result_vertex_count`, change nothing here.)
 const char *lodsmith_error_message(void);
+
+#if defined(LODSMITH_FILES)
+// Does a job on files as the command does it: with the same options, the same bytes and the same report.
+//
+// Returns `LODSMITH_OK` and a new text in `*outcome`, which the caller frees with `lodsmith_text_free`; or an error code,
+// with a text in `lodsmith_error_message` and null in `*outcome`. The text is a JSON object: `report` is what the command
+// prints with `--json`, `warnings` and `faults` are lists of texts. With the option `strict`, warnings about lost data and
+// missed targets are faults; if there are any, the code is `LODSMITH_ERROR_STRICT`, and the files and the outcome are
+// there all the same.
+//
+// `progress` may be null; `user` is passed to it. The share that it receives is that of the whole job, and never
+// decreases. After `LODSMITH_CANCEL` no further file is written. After `LODSMITH_FINISH` the best meshes so far are
+// written; a bake, which has no partial result, is cancelled instead. No file is written in part.
+//
+// Work is shared among the threads of the process, or among `threads` new ones if that option is set.
+//
+// Conditions:
+// The structure must have the size that it says, and its texts be null or end in a zero byte.
+int32_t lodsmith_run_file_job(const struct lodsmith_file_job *job,
+                              lodsmith_progress progress,
+                              void *user,
+                              struct lodsmith_text **outcome);
+#endif
+
+#if defined(LODSMITH_FILES)
+// Returns the characters of a text, in UTF-8 with a zero byte at the end; they are valid until the text is freed. Null for
+// null.
+//
+// Conditions:
+// `text` must be null or a text that is not freed.
+const char *lodsmith_text_get(const struct lodsmith_text *text);
+#endif
+
+#if defined(LODSMITH_FILES)
+// Frees a text; null is allowed.
+//
+// Conditions:
+// `text` must come from this library, and is not valid afterwards.
+void lodsmith_text_free(struct lodsmith_text *text);
+#endif
 
 // Simplifies an index buffer: the arguments are those of `meshopt_simplify`, in the same order.
 //

@@ -27,11 +27,40 @@ pub const LODSMITH_STAGE_SIMPLIFY: i32 = 1;
 pub const LODSMITH_STAGE_FIT: i32 = 2;
 /// Measuring the result.
 pub const LODSMITH_STAGE_MEASURE: i32 = 3;
+/// Reading the input: this and the following are in jobs on files only.
+pub const LODSMITH_STAGE_READ: i32 = 4;
+/// Cleaning the meshes.
+pub const LODSMITH_STAGE_CLEAN: i32 = 5;
+/// Inspecting the meshes.
+pub const LODSMITH_STAGE_INSPECT: i32 = 6;
+/// Baking maps.
+pub const LODSMITH_STAGE_BAKE: i32 = 7;
+/// Writing the output.
+pub const LODSMITH_STAGE_WRITE: i32 = 8;
 
-/// Receives the progress: the stage, one of `LODSMITH_STAGE_...`, and the share of it that is done, from 0 to 1. Returns
-/// `LODSMITH_CONTINUE`, `LODSMITH_FINISH` or `LODSMITH_CANCEL`. It is called often, on the thread of the call, and must not
-/// throw an exception or jump out.
+/// Receives the progress: the stage, one of `LODSMITH_STAGE_...`, and the share of it that is done, from 0 to 1; in a job on
+/// files, the share of the whole job. Returns `LODSMITH_CONTINUE`, `LODSMITH_FINISH` or `LODSMITH_CANCEL`. It is called
+/// often, on the thread of the call, and must not throw an exception or jump out.
 pub type LodsmithProgress = Option<unsafe extern "C" fn(user: *mut c_void, stage: i32, done: f64) -> i32>;
+
+/// Returns the number of a stage in C.
+pub(crate) fn stage_number(stage: Stage) -> i32 {
+    match stage {
+        Stage::Prepare => LODSMITH_STAGE_PREPARE,
+        Stage::Fit => LODSMITH_STAGE_FIT,
+        Stage::Measure => LODSMITH_STAGE_MEASURE,
+        _ => LODSMITH_STAGE_SIMPLIFY,
+    }
+}
+
+/// Returns what a progress function asked for.
+pub(crate) fn verdict_of(answer: i32) -> Verdict {
+    match answer {
+        LODSMITH_CONTINUE => Verdict::Continue,
+        LODSMITH_FINISH => Verdict::Finish,
+        _ => Verdict::Cancel,
+    }
+}
 
 /// Passes the progress on to the caller.
 struct Callback {
@@ -42,20 +71,11 @@ struct Callback {
 
 impl Control for Callback {
     fn stage(&mut self, stage: Stage) {
-        self.stage = match stage {
-            Stage::Prepare => LODSMITH_STAGE_PREPARE,
-            Stage::Fit => LODSMITH_STAGE_FIT,
-            Stage::Measure => LODSMITH_STAGE_MEASURE,
-            _ => LODSMITH_STAGE_SIMPLIFY,
-        };
+        self.stage = stage_number(stage);
     }
     fn progress(&mut self, done: f64) -> Verdict {
         // SAFETY: the caller promises a function of this type that may be called with its pointer.
-        match unsafe { (self.call)(self.user, self.stage, done) } {
-            LODSMITH_CONTINUE => Verdict::Continue,
-            LODSMITH_FINISH => Verdict::Finish,
-            _ => Verdict::Cancel,
-        }
+        verdict_of(unsafe { (self.call)(self.user, self.stage, done) })
     }
 }
 

@@ -13,14 +13,20 @@ use lodsmith_core::MeshError;
 pub const LODSMITH_OK: i32 = 0;
 /// An argument is not valid: a null pointer, a stride that is too small, an index that is out of range.
 pub const LODSMITH_ERROR_ARGUMENT: i32 = 1;
-/// An option is out of range, or does not go with the method or with another one.
+/// An option is out of range or unknown, or does not go with the method, with another one or with the file.
 pub const LODSMITH_ERROR_OPTION: i32 = 2;
-/// The mesh cannot be simplified: no face has an area.
+/// The mesh cannot be simplified or baked: no face has an area.
 pub const LODSMITH_ERROR_MESH: i32 = 3;
 /// The progress function asked for the end.
 pub const LODSMITH_ERROR_CANCELLED: i32 = 4;
 /// A fault of the library.
 pub const LODSMITH_ERROR_INTERNAL: i32 = 5;
+/// A file cannot be read or written.
+pub const LODSMITH_ERROR_FILE: i32 = 6;
+/// A limit on memory, sizes or time forbids the job.
+pub const LODSMITH_ERROR_LIMIT: i32 = 7;
+/// The job is done, with faults that the option `strict` asks for.
+pub const LODSMITH_ERROR_STRICT: i32 = 8;
 
 /// An error on its way to the caller.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -10,6 +10,7 @@
 //! result        `lodsmith_result`, its accessors, `lodsmith_report`
 //! slices        the index calls over slices of Rust, for tests and benchmarks
 //! calls         `lodsmith_simplify`, `lodsmith_version`
+//! files         `lodsmith_run_file_job`, `lodsmith_text`; with the feature `files`
 //! ```
 //!
 //! The documentation for users is in `include/lodsmith.h`, which is generated from here, and in `docs/c.md`.
@@ -17,6 +18,8 @@
 
 mod calls;
 mod fault;
+#[cfg(feature = "files")]
+mod files;
 mod flags;
 mod index_calls;
 mod memory;
@@ -27,6 +30,8 @@ mod slices;
 
 pub use calls::*;
 pub use fault::*;
+#[cfg(feature = "files")]
+pub use files::*;
 pub use flags::*;
 pub use index_calls::*;
 pub use mesh_view::*;

@@ -233,13 +233,88 @@ static void best_call(void) {
     CHECK(strlen(lodsmith_version()) >= 5);
 }
 
-int main(void) {
+#ifdef LODSMITH_FILES
+
+static char mesh_path[4096], low_path[4096];
+
+static int there(const char *path) {
+    FILE *file = fopen(path, "rb");
+    if (file) fclose(file);
+    return file != NULL;
+}
+
+static int32_t job_code(const lodsmith_file_job *job, lodsmith_progress progress, void *user, const char *part) {
+    lodsmith_text *outcome = (lodsmith_text *)&failures;
+    int32_t code = lodsmith_run_file_job(job, progress, user, &outcome);
+    const char *text = code == LODSMITH_OK ? lodsmith_text_get(outcome) : lodsmith_error_message();
+    CHECK((code == LODSMITH_OK || code == LODSMITH_ERROR_STRICT) == (outcome != NULL));
+    CHECK(text && strstr(text, part));
+    lodsmith_text_free(outcome);
+    return code;
+}
+
+/* Files lie beside the program. */
+static void file_jobs(const char *program) {
+    lodsmith_file_job job;
+    int calls = 0;
+    FILE *file;
+    CHECK(strlen(program) + 16 < sizeof mesh_path);
+    sprintf(mesh_path, "%s_sheet.obj", program), sprintf(low_path, "%s_low.glb", program);
+    remove(low_path);
+    file = fopen(mesh_path, "w");
+    CHECK(file != NULL);
+    if (!file) return;
+    for (size_t i = 0; i < VERTICES; ++i) fprintf(file, "v %g %g %g\n", points[i][0], points[i][1], points[i][2]);
+    for (size_t i = 0; i < INDICES; i += 3)
+        fprintf(file, "f %u %u %u\n", indices[i] + 1, indices[i + 1] + 1, indices[i + 2] + 1);
+    CHECK(fclose(file) == 0);
+
+    memset(&job, 0, sizeof job);
+    job.size = sizeof job;
+    job.verb = "simplify", job.input = mesh_path, job.output = low_path, job.options = "{\"ratio\": 0.25}";
+    CHECK(job_code(&job, cancel, &calls, "cancelled") == LODSMITH_ERROR_CANCELLED && calls == 1 && !there(low_path));
+    job.options = "{\"ratio\": 0.25, \"threads\": 2}";
+    CHECK(job_code(&job, cancel, &calls, "cancelled") == LODSMITH_ERROR_CANCELLED && calls == 2 && !there(low_path));
+    job.options = "{\"rato\": 0.25}";
+    CHECK(job_code(&job, NULL, NULL, "a similar one is ratio") == LODSMITH_ERROR_OPTION);
+    job.options = "{\"ratio\": 0.25";
+    CHECK(job_code(&job, NULL, NULL, "not JSON") == LODSMITH_ERROR_ARGUMENT);
+    job.options = "{\"ratio\": 0.25}", job.input = "\xff.obj";
+    CHECK(job_code(&job, NULL, NULL, "not UTF-8") == LODSMITH_ERROR_ARGUMENT);
+    job.input = low_path;
+    CHECK(job_code(&job, NULL, NULL, "low.glb") == LODSMITH_ERROR_FILE && !there(low_path));
+    job.input = NULL;
+    CHECK(job_code(&job, NULL, NULL, "input is null") == LODSMITH_ERROR_ARGUMENT);
+    job.input = mesh_path, job.size = 0;
+    CHECK(job_code(&job, NULL, NULL, "sizeof") == LODSMITH_ERROR_ARGUMENT);
+    job.size = sizeof job;
+    CHECK(job_code(NULL, NULL, NULL, "null") == LODSMITH_ERROR_ARGUMENT);
+    CHECK(lodsmith_run_file_job(&job, NULL, NULL, NULL) == LODSMITH_ERROR_ARGUMENT && !there(low_path));
+    CHECK(job_code(&job, NULL, NULL, "\"report\":{\"input\":") == LODSMITH_OK && there(low_path));
+    job.options = "{\"ratio\": 0.25, \"threads\": 2}";
+    CHECK(job_code(&job, NULL, NULL, "\"threads\":2") == LODSMITH_OK);
+    job.verb = "info", job.input = low_path, job.output = NULL, job.options = NULL;
+    CHECK(job_code(&job, NULL, NULL, "\"format\":\"glb\"") == LODSMITH_OK);
+    CHECK(lodsmith_text_get(NULL) == NULL);
+    lodsmith_text_free(NULL);
+    remove(mesh_path), remove(low_path);
+}
+
+#endif
+
+int main(int argc, char **argv) {
+    (void)argc;
     make_sheet();
     index_calls();
     broken_positions();
     attribute_calls();
     sparse();
     best_call();
+#ifdef LODSMITH_FILES
+    file_jobs(argv[0]);
+#else
+    (void)argv;
+#endif
     printf("%d failures\n", failures);
     return failures != 0;
 }
