@@ -7,7 +7,9 @@
 #   PREFIX/lib/cmake/lodsmith/             find_package(lodsmith CONFIG)
 #   PREFIX/share/licenses/lodsmith/
 #
-# LODSMITH_PROFILE=dev builds without optimisation. Everything installed can be moved to another folder.
+# LODSMITH_PROFILE=dev builds without optimisation. LODSMITH_FILES=0 leaves out the jobs on files, which makes the library
+# a third of the size; the installed header does not declare them then. Everything installed can be moved to another
+# folder.
 set -euo pipefail
 [ $# = 1 ] || { printf 'usage: install.sh PREFIX\n' >&2; exit 2; }
 mkdir -p "$1"
@@ -15,7 +17,13 @@ prefix=$(cd "$1" && pwd)
 cd "$(dirname "$0")/../.."
 profile=${LODSMITH_PROFILE:-release}
 
-cargo build --quiet --locked --package lodsmith-c --profile "$profile"
+# FBX is read by a library in C: those who use this library have a compiler for it.
+case "${LODSMITH_FILES:-1}" in
+    0) features=(--no-default-features) ;;
+    *) features=(--features fbx) ;;
+esac
+
+cargo build --quiet --locked --package lodsmith-c --profile "$profile" "${features[@]}"
 folder=${CARGO_TARGET_DIR:-target}/$profile
 [ "$profile" != dev ] || folder=${CARGO_TARGET_DIR:-target}/debug
 version=$(sed -n 's/^version = "\(.*\)"$/\1/p' Cargo.toml | head -n 1)
@@ -24,6 +32,10 @@ major=${version%%.*}
 lib=$prefix/lib
 mkdir -p "$prefix/include" "$lib/pkgconfig" "$lib/cmake/lodsmith" "$prefix/share/licenses/lodsmith"
 install -m 644 bindings/c/include/lodsmith.h "$prefix/include/"
+if [ "${LODSMITH_FILES:-1}" = 0 ]; then
+    awk '{ print } /^#define LODSMITH_H$/ { print "\n#define LODSMITH_NO_FILES 1" }' \
+        bindings/c/include/lodsmith.h > "$prefix/include/lodsmith.h"
+fi
 install -m 644 LICENSE-MIT LICENSE-APACHE "$prefix/share/licenses/lodsmith/"
 install -m 644 "$folder/liblodsmith_c.a" "$lib/liblodsmith.a"
 if [ "$(uname)" = Darwin ]; then
