@@ -16,6 +16,9 @@ use crate::errors::{dashed, wrong_type};
 #[cfg(not(feature = "formats"))]
 use crate::report::object;
 
+/// A property of an object: its name and its value.
+pub(crate) type Property = (String, JsValue);
+
 /// A value of an option, owned.
 enum Given {
     Flag(bool),
@@ -66,7 +69,7 @@ impl Given {
 }
 
 /// Returns the properties of an object, without those that are `undefined` or `null`.
-pub(crate) fn entries(of: &JsValue) -> Vec<(String, JsValue)> {
+pub(crate) fn entries(of: &JsValue) -> Vec<Property> {
     let Some(object) = of.dyn_ref::<Object>() else { return Vec::new() };
     let pair = |pair: JsValue| {
         let pair: Array = pair.dyn_into().ok()?;
@@ -87,9 +90,7 @@ pub(crate) fn property(of: &JsValue, name: &str) -> Option<JsValue> {
 ///
 /// # Errors
 /// A list of another type.
-pub(crate) fn vertices_of(
-    all: Vec<(String, JsValue)>,
-) -> Result<(Option<OwnedMeshData>, Vec<(String, JsValue)>), JsValue> {
+pub(crate) fn vertices_of(all: Vec<Property>) -> Result<(Option<OwnedMeshData>, Vec<Property>), JsValue> {
     let mut data = OwnedMeshData::default();
     let mut others = Vec::new();
     for (name, value) in all {

@@ -216,7 +216,7 @@ impl Lighter {
     /// Simplifies the original.
     ///
     /// # Errors
-    /// As [`Recipe::run`].
+    /// As [`Recipe::run`](lodsmith_asset::Recipe::run).
     pub fn make(
         original: &Original,
         how: &Simplification,
