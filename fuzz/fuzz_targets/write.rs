@@ -28,7 +28,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
         let mut again = ReadOptions::default();
         again.format = Some(format);
         let back = match read_bytes(&out, &again) {
-            Ok(back) => back.mesh,
+            Ok(back) => back.into_mesh(),
             Err(_) if mesh.face_count() == 0 || !is_finite => continue,
             // 3MF has no triangles with the same vertex twice.
             Err(_) if format == Format::ThreeMf && has_degenerate => continue,

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::channel;
 
 use lodsmith::{Control, Stage, Verdict};
-use lodsmith_asset::request::{Answer, Request, Verb};
+use lodsmith_asset::request::{Answer, Request, Verb, options_of};
 use lodsmith_asset::warnings::Spelling;
 use lodsmith_asset::{AssetError, JobProgress, Sink, Source, Step, Watch};
 use lodsmith_cli::Call;
@@ -162,5 +162,5 @@ pub(crate) fn call(py: Python<'_>, args: Vec<OsString>) -> PyResult<Bound<'_, Py
 /// Returns the names of the flags of a job, and of its other options.
 #[pyfunction]
 pub(crate) fn job_options(verb: &str) -> PyResult<(Vec<&'static str>, Vec<&'static str>)> {
-    verb_of(verb).map(Verb::options)
+    verb_of(verb).map(options_of)
 }

@@ -10,8 +10,6 @@ use lodsmith_core::MeshError;
 use lodsmith_core::memory::TooMuchMemory;
 use lodsmith_io::{ReadError, WriteError};
 
-use crate::paths::Source;
-
 /// Reasons why a job has no result. The texts do not name the input, which the caller knows.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -81,8 +79,8 @@ pub enum AssetError {
 
 impl AssetError {
     /// Names the input.
-    pub(crate) fn of(self, source: &Source) -> Self {
-        Self::Input { path: source.to_string(), problem: Box::new(self) }
+    pub(crate) fn of(self, input: impl ToString) -> Self {
+        Self::Input { path: input.to_string(), problem: Box::new(self) }
     }
 
     /// True if what was asked for is at fault, not a file, a mesh or the system.

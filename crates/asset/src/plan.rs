@@ -62,6 +62,7 @@ pub fn assign(wanted: &Outputs<'_>) -> Result<Vec<Assignment>, AssetError> {
         Ok(Assignment { source: source.clone(), output: Some(output) })
     };
     let jobs = match (wanted.output, wanted.out_dir) {
+        (Some(_), Some(_)) => return Err(usage("an output or a folder for outputs is expected, not both")),
         (Some(_), _) if wanted.inputs.len() > 1 => {
             return Err(usage("several inputs cannot share one output: give a folder with -O"));
         }

@@ -44,6 +44,11 @@ pub fn run(report: &Report, options: &SimplifyOptions) -> Value {
     all
 }
 
+/// Takes a property out of an object; the others keep their order.
+pub(crate) fn take(all: &mut Value, key: &str) -> Value {
+    all.as_object_mut().and_then(|all| all.shift_remove(key)).unwrap_or_default()
+}
+
 /// Adds the properties of an object to another, in place of those of the same name.
 pub(crate) fn extend(all: &mut Value, more: Value) {
     if let (Value::Object(all), Value::Object(more)) = (all, more) {

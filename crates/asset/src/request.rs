@@ -3,6 +3,7 @@
 //! Names and values are those of the command's options. Underscores count as dashes.
 
 mod file_options;
+mod verb;
 
 use std::path::Path;
 
@@ -23,47 +24,13 @@ use crate::simplify::{Recipe, simplify};
 use crate::warnings::{Spelling, viewing_warnings, warnings_of};
 use crate::{bake, report_json};
 use file_options::FileOptions;
+pub use verb::Verb;
 
 pub use file_options::engine_value;
 
-/// A job on files.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verb {
-    /// [`simplify()`].
-    Simplify,
-    /// [`lod()`].
-    Lod,
-    /// [`convert()`].
-    Convert,
-    /// [`clean()`].
-    Clean,
-    /// [`bake()`](crate::bake()).
-    Bake,
-    /// [`info()`].
-    Info,
-}
-
-impl Verb {
-    /// All jobs.
-    pub const ALL: [Self; 6] =
-        [Self::Simplify, Self::Lod, Self::Convert, Self::Clean, Self::Bake, Self::Info];
-
-    /// Returns the name, which is that of the subcommand.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Simplify => "simplify",
-            Self::Lod => "lod",
-            Self::Convert => "convert",
-            Self::Clean => "clean",
-            Self::Bake => "bake",
-            Self::Info => "info",
-        }
-    }
-
-    /// Returns the names of the options that are flags, and of the others.
-    pub fn options(self) -> (Vec<&'static str>, Vec<&'static str>) {
-        file_options::names(self)
-    }
+/// Returns the names of the options of a job that are flags, and of the others.
+pub fn options_of(verb: Verb) -> (Vec<&'static str>, Vec<&'static str>) {
+    file_options::names(verb)
 }
 
 /// A job with its options, checked.

@@ -223,22 +223,32 @@ pub fn simplify(
 impl Outcome {
     /// Returns the report, with the path of the input as it was given.
     pub fn to_json(&self, path: &str, recipe: &Recipe, to: Option<&Destination>, dry_run: bool) -> Value {
-        let mut report = report_json::run(&self.report, &recipe.options);
-        let of_input = json!({
-            "path": path, "format": self.input_format.name(), "sizes": sizes::to_json(self.sizes_before),
+        let r = &self.report;
+        let mut of_run = report_json::run(r, &recipe.options);
+        for end in ["input", "output"] {
+            let _ = report_json::take(&mut of_run, end);
+        }
+        let mut report = json!({
+            "input": {
+                "path": path, "format": self.input_format.name(),
+                "faces": r.input_faces, "vertices": r.input_vertices, "sizes": sizes::to_json(self.sizes_before),
+            },
+            "output": {
+                "path": to.map(|to| to.sink.to_string()), "format": to.map(|to| to.format.name()),
+                "faces": r.faces, "vertices": r.vertices, "sizes": sizes::to_json(self.written.sizes),
+            },
         });
-        report_json::extend(&mut report["input"], of_input);
-        let of_output = json!({
-            "path": to.map(|to| to.sink.to_string()), "format": to.map(|to| to.format.name()),
-            "sizes": sizes::to_json(self.written.sizes),
-        });
-        report_json::extend(&mut report["output"], of_output);
-        if let Some(packed) = &self.written.packed {
-            report["output"]["packing"] = sizes::packed_json(packed);
+        // The first ones stand in a promised order.
+        for key in ["method", "target", "reached", "stopped_by", "error", "refusals"] {
+            report[key] = report_json::take(&mut of_run, key);
         }
         report["warnings"] = texts(&self.warnings).into();
         report["threads"] = self.threads.into();
         report["seconds"] = seconds(&self.clock);
+        report_json::extend(&mut report, of_run);
+        if let Some(packed) = &self.written.packed {
+            report["output"]["packing"] = sizes::packed_json(packed);
+        }
         if !self.meshes.is_empty() {
             report["meshes"] = self.meshes.iter().map(mesh_json).collect();
         }

@@ -111,7 +111,7 @@ pub fn starved(counts: &[MeshCounts]) -> Option<Warning> {
 
 /// Returns the warning that a target for each mesh is one for all.
 pub(crate) fn joined_per_mesh() -> Warning {
-    Warning::note("--per-mesh: the meshes become one on this way, and share the target")
+    Warning::note("--per-mesh has no effect: this output format merges all meshes into one")
 }
 
 /// Returns warnings about attributes that the engine drops.

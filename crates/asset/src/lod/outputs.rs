@@ -75,6 +75,9 @@ impl LevelOutputs {
         naming: Naming,
         baking: Option<&Baking>,
     ) -> Result<Self, AssetError> {
+        if template.is_some() && outputs.out_dir.is_none() {
+            return Err(usage("--name: it goes with a folder for the levels"));
+        }
         let template =
             template.map_or_else(|| format!("{{stem}}{}{{level}}.{{ext}}", naming.mark()), str::to_owned);
         if outputs.out_dir.is_some() && !template.contains("{level}") {

@@ -9,7 +9,7 @@ use lodsmith_io::gltf::{Compression, Packing};
 use lodsmith_io::{AssetScope, Format, ReadOptions, Textures};
 use serde_json::{Map, Value};
 
-use super::Verb;
+use super::verb::Verb;
 use crate::baking::Baking;
 use crate::constraints::PartNames;
 use crate::destination::{Up, Writing};
