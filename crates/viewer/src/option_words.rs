@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use lodsmith::options::by_name::{self, OptionGroup, OptionKind, OptionValue};
 use lodsmith::{Preset, SimplifyOptions, Stop};
 pub use lodsmith_asset::Normals;
+#[cfg(feature = "window")]
 use lodsmith_asset::Recipe;
 use serde::{Deserialize, Serialize};
 
@@ -32,6 +33,7 @@ impl Simplification {
     }
 
     /// Returns how a file is made lighter.
+    #[cfg(feature = "window")]
     pub(crate) fn recipe(&self) -> Recipe {
         Recipe { options: self.options.clone(), normals: self.normals, ..Recipe::default() }
     }
