@@ -28,10 +28,20 @@ export interface GlbOptions extends EngineOptions {
   onProgress?: (done: number, stage: string) => boolean | void;
 }
 
+/** The report of a run on a file: that of the run, and what is known of the file. */
+export interface FileReport extends Report {
+  /** Seconds by stage. */
+  seconds: Record<string, number>;
+  /** The meshes that were simplified. */
+  meshes?: { name: string; instances: number; reached: boolean }[];
+  /** The maps that were baked. */
+  baked?: { sets: { material: string; size: number; atlas: 'keep' | 'new'; maps: string[] }[] };
+}
+
 /** A file, and the report of the run. */
 export interface SimplifiedGlb {
   bytes: Uint8Array;
-  report: Report;
+  report: FileReport;
   /** What the file or its format made us change or leave out. */
   warnings: string[];
 }

@@ -46,7 +46,7 @@ test('what is no GLB file is an error', async () => {
   await assert.rejects(simplifyGlb(new TextEncoder().encode('solid x'), { ratio: 0.5 }), RangeError);
   await assert.rejects(simplifyGlb(new Uint8Array(0), { rato: 0.5 }), TypeError);
   await assert.rejects(simplifyGlb(new Uint8Array(0), { ratio: 0.5, compress: 'zip' }), RangeError);
-  await assert.rejects(simplifyGlb(new Uint8Array(0), { ratio: 0.5, quantize: 8 }), TypeError);
+  await assert.rejects(simplifyGlb(new Uint8Array(0), { ratio: 0.5, quantize: 8 }), RangeError);
 });
 
 test('a truncated file is an error, and the module works on', { skip: !testdata && skip }, async () => {
