@@ -196,6 +196,11 @@ fn watched<T: Send>(
     done: f64,
     work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> Result<T, BakeError> + Send,
 ) -> Result<T, BakeError> {
+    if cfg!(target_arch = "wasm32") {
+        // A module has no other thread: the control is asked before the work, and after it.
+        proceed(control, done)?;
+        return work(&|| true);
+    }
     let proceeds = AtomicBool::new(true);
     std::thread::scope(|scope| {
         let (asks, questions) = mpsc::channel();
