@@ -477,7 +477,7 @@ typedef int32_t (*lodsmith_progress)(void *user, int32_t stage, double done);
 typedef struct lodsmith_file_job {
   // `sizeof(lodsmith_file_job)` of the caller's header.
   size_t size;
-  // What is done: `simplify`, `lod`, `clean`, `convert`, `bake` or `info`, as the subcommands are called.
+  // The job: `simplify`, `lod`, `clean`, `convert`, `bake` or `info`, as the subcommands are called.
   const char *verb;
   // Path of the file that is read.
   const char *input;

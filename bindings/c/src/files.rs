@@ -30,7 +30,7 @@ use crate::memory::{self, CStructure};
 pub struct LodsmithFileJob {
     /// `sizeof(lodsmith_file_job)` of the caller's header.
     pub size: usize,
-    /// What is done: `simplify`, `lod`, `clean`, `convert`, `bake` or `info`, as the subcommands are called.
+    /// The job: `simplify`, `lod`, `clean`, `convert`, `bake` or `info`, as the subcommands are called.
     pub verb: *const c_char,
     /// Path of the file that is read.
     pub input: *const c_char,
@@ -66,7 +66,7 @@ struct FileJob {
 }
 
 impl LodsmithFileJob {
-    /// What is not set.
+    /// A job with every field but `size` zero, the defaults.
     const EMPTY: Self = Self {
         size: size_of::<Self>(),
         verb: ptr::null(),
@@ -177,7 +177,7 @@ struct FileWatch<F> {
     /// False while a step has no stages of the engine.
     has_stages: bool,
     progress: JobProgress,
-    /// What the caller wants from now on.
+    /// The last answer of the progress function: go on, or stop.
     verdict: Verdict,
     has_written: bool,
 }

@@ -29,7 +29,7 @@ struct FileJob<'a> {
 /// A call of the progress function: its stage, the share and the thread.
 type Told = (i32, f64, ThreadId);
 
-/// What a progress function is given: it notes its calls and gives one answer.
+/// The user data of a progress function: the calls so far, and the answer that it gives to each.
 struct Listener {
     told: Vec<Told>,
     answer: fn(&Told) -> i32,

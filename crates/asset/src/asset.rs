@@ -22,6 +22,7 @@ use crate::orient::orient;
 use crate::palettes::Palettes;
 use crate::paths::Source;
 use crate::sizes::{self, WriteOutcome};
+use crate::warnings::joined_per_mesh;
 
 /// A file that was read: meshes, and all that belongs to them.
 ///
@@ -36,7 +37,7 @@ pub struct Asset {
     palettes: Arc<OnceLock<Palettes>>,
 }
 
-/// What is known of a file besides its meshes.
+/// Where an asset came from, and the options that it was read with.
 #[derive(Clone, Debug)]
 struct Head {
     source: Source,
@@ -51,7 +52,7 @@ enum Body {
     Scene(Arc<Scene>),
 }
 
-/// What a job changes in an asset.
+/// The changes of a job to an asset: meshes, materials, and files beside the output.
 #[derive(Clone, Debug, Default)]
 pub struct Edit {
     /// The meshes that are replaced, by their numbers; the list may be shorter.
@@ -202,7 +203,7 @@ impl Asset {
     }
 
     /// Returns the number of vertices of each mesh that a run simplifies.
-    pub(crate) fn vertex_counts(&self) -> Vec<usize> {
+    fn vertex_counts(&self) -> Vec<usize> {
         let meshes = self.meshes();
         self.simplified_meshes().into_iter().map(|i| meshes[i].vertex_count()).collect()
     }
@@ -234,7 +235,7 @@ impl Asset {
     }
 
     /// Leaves out the materials of a scene that was read as one mesh, so that their borders need not be preserved.
-    pub(crate) fn drop_materials(&mut self) -> Result<(), AssetError> {
+    fn drop_materials(&mut self) -> Result<(), AssetError> {
         if let Body::Mesh(loaded) = &mut self.body
             && loaded.format.is_scene()
         {
@@ -276,6 +277,34 @@ impl Asset {
         let Some(palettes) = self.palettes.get() else { return Vec::new() };
         palettes.add_to(data);
         palettes.left_out.clone()
+    }
+
+    /// Prepares a run for an output: returns the data of the meshes, and warnings about images and targets that have no
+    /// effect. A mesh becomes a scene if `becomes_scene` is set; materials that are not written are left out.
+    pub(crate) fn prepare(
+        &mut self,
+        names: &PartNames,
+        vertices: Option<&OwnedMeshData>,
+        becomes_scene: bool,
+        to: Option<&Destination>,
+        options: &SimplifyOptions,
+    ) -> Result<(Vec<OwnedMeshData>, Vec<Warning>), AssetError> {
+        let mut data = if becomes_scene {
+            self.become_scene(names, &to.map_or_else(Writing::default, |to| to.writing))?
+        } else {
+            self.named_data(names)?
+        };
+        if let Some(all) = vertices {
+            data = all.split(&self.vertex_counts())?;
+        }
+        let mut warnings = self.add_palettes(&mut data);
+        if !to.is_some_and(Destination::keeps_materials) {
+            self.drop_materials()?;
+        }
+        if options.per_mesh && self.scene().is_none() && self.contents().meshes > 1 {
+            warnings.push(joined_per_mesh());
+        }
+        Ok((data, warnings))
     }
 
     /// Returns the peak memory of a run in bytes.

@@ -12,8 +12,8 @@ use crate::error::AssetError;
 use crate::job::{Job, StageClock, Step};
 use crate::memory_need::{self, Size};
 use crate::paths::Source;
-use crate::report_json::{by_name, seconds};
-use crate::sizes::{self, WriteOutcome};
+use crate::report_json::{self, by_name, seconds};
+use crate::sizes::WriteOutcome;
 use crate::warnings::texts;
 
 /// Outcome of a repair.
@@ -67,7 +67,7 @@ pub fn clean(
     Ok(CleanOutcome { input_format, report, meshes, warnings, sizes_before, written, clock })
 }
 
-/// What a repair has done so far.
+/// The changes and counts of a repair so far.
 #[derive(Default)]
 struct Cleaning {
     edit: Edit,
@@ -248,23 +248,15 @@ impl CleanOutcome {
     pub fn to_json(&self, path: &str, to: Option<&Destination>, dry_run: bool) -> Value {
         let r = &self.report;
         let (done, left) = counts(r);
+        let input = [r.input_faces, r.input_vertices];
         let mut report = json!({
-            "input": {
-                "path": path, "format": self.input_format.name(),
-                "faces": r.input_faces, "vertices": r.input_vertices, "sizes": sizes::to_json(self.sizes_before),
-            },
-            "output": {
-                "path": to.map(|to| to.sink.to_string()), "format": to.map(|to| to.format.name()),
-                "faces": r.faces, "vertices": r.vertices, "sizes": sizes::to_json(self.written.sizes),
-            },
+            "input": report_json::file(path.into(), Some(self.input_format), input, self.sizes_before),
+            "output": report_json::output(to, [r.faces, r.vertices], &self.written),
             "done": by_name(done),
             "left": by_name(left),
             "warnings": texts(&self.warnings),
             "seconds": seconds(&self.clock),
         });
-        if let Some(packed) = &self.written.packed {
-            report["output"]["packing"] = sizes::packed_json(packed);
-        }
         if !self.meshes.is_empty() {
             let mesh = |(name, r): &(String, CleanReport)| {
                 let (done, left) = counts(r);

@@ -10,7 +10,7 @@ use crate::error::AssetError;
 /// Names of parts and attributes of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PartNames {
-    /// What stays unchanged: materials, groups, objects, meshes, nodes, or attributes whose value is not zero.
+    /// Parts to keep: materials, groups, objects, meshes, nodes, or attributes whose value is not zero.
     pub lock: Vec<String>,
     /// The attribute that says where more triangles are kept.
     pub importance: Option<Importance>,

@@ -35,7 +35,7 @@ impl Up {
     }
 }
 
-/// How a result is written.
+/// Options of writing a result.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Writing {
     /// Write text instead of binary (PLY, STL).
@@ -87,7 +87,7 @@ pub struct Destination {
     pub sink: Sink,
     /// The format.
     pub format: Format,
-    /// How it is written.
+    /// Options of writing.
     pub writing: Writing,
     /// Nothing is written; the losses are found all the same.
     pub dry_run: bool,

@@ -14,7 +14,7 @@ use lodsmith_io::{ReadError, WriteError};
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum AssetError {
-    /// What was asked for is at fault, not a file.
+    /// The options of a job are at fault, not a file.
     #[error("{0}")]
     Usage(String),
     /// There is no such option.

@@ -2,7 +2,7 @@
 
 use lodsmith_core::mesh::weld::weld;
 use lodsmith_core::topology::{Size, Topology, TopologyCounts, size_of};
-use lodsmith_core::{Bounds, PositionsView, Surface, VertexId};
+use lodsmith_core::{Bounds, PositionsView, Surface, TriMesh, VertexId};
 use lodsmith_io::vertex_cache::CacheUse;
 use lodsmith_io::{Contents, Format, Loaded, ReadOptions, Sizes, Warning};
 use serde_json::{Value, json};
@@ -12,10 +12,89 @@ use crate::error::AssetError;
 use crate::job::{Job, Step};
 use crate::memory_need;
 use crate::paths::Source;
+use crate::report_json;
 use crate::sizes;
 use crate::warnings::texts;
 
-/// Facts about a file, as one mesh of all instances.
+/// Counts, defects and sizes of a mesh.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct MeshFacts {
+    /// Number of triangles.
+    pub faces: usize,
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Number of distinct positions.
+    pub places: usize,
+    /// Counts of the topology.
+    pub topology: TopologyCounts,
+    /// Number of faces on the positions of an earlier one, in either winding.
+    pub duplicate_faces: usize,
+    /// Number of vertices without a face.
+    pub unused_vertices: usize,
+    /// Number of vertices with a coordinate that is infinite or NaN.
+    pub non_finite_vertices: usize,
+    /// Bounding box.
+    pub bounds: Option<Bounds>,
+    /// Area and volume.
+    pub size: Size,
+}
+
+impl MeshFacts {
+    /// Inspects a mesh. Cost: O(n log n).
+    pub fn of(mesh: &TriMesh) -> Self {
+        let surface = mesh.surface();
+        let positions = surface.positions();
+        let weld = weld(positions);
+        let mut is_used = vec![false; positions.len()];
+        for v in surface.triangles().iter().flatten() {
+            is_used[v.index()] = true;
+        }
+        Self {
+            faces: mesh.face_count(),
+            vertices: mesh.vertex_count(),
+            places: weld.distinct_count,
+            topology: Topology::new(&surface).counts(),
+            duplicate_faces: duplicate_faces(&surface, &weld.representative),
+            unused_vertices: is_used.iter().filter(|used| !**used).count(),
+            non_finite_vertices: positions.iter().filter(|p| !p.iter().all(|x| x.is_finite())).count(),
+            bounds: positions.bounds(),
+            size: size_of(&surface),
+        }
+    }
+
+    /// Returns the facts as JSON, with the keys of a report of a file.
+    pub fn to_json(&self) -> Value {
+        let t = &self.topology;
+        let corners = |f: fn(&Bounds) -> [f64; 3]| self.bounds.as_ref().map(f);
+        json!({
+            "faces": self.faces,
+            "vertices": self.vertices,
+            "positions": self.places,
+            "components": t.component_count,
+            "border_edges": t.border_edge_count,
+            "border_loops": t.border_loop_count,
+            "non_manifold_edges": t.non_manifold_edge_count,
+            "non_manifold_vertices": t.non_manifold_vertex_count,
+            "degenerate_faces": t.degenerate_face_count,
+            "duplicate_faces": self.duplicate_faces,
+            "unused_vertices": self.unused_vertices,
+            "non_finite_vertices": self.non_finite_vertices,
+            "closed": t.is_closed(),
+            "manifold": t.is_manifold(),
+            "oriented": t.is_oriented(),
+            "genus": t.genus(),
+            "bounds": {
+                "min": corners(|b| b.min), "max": corners(|b| b.max),
+                "diagonal": self.bounds.as_ref().map(Bounds::diagonal),
+            },
+            "area": self.size.area,
+            "volume": self.size.volume,
+        })
+    }
+}
+
+/// Facts about a file.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Info {
@@ -25,32 +104,16 @@ pub struct Info {
     pub contents: Contents,
     /// Warnings of reading.
     pub warnings: Vec<Warning>,
-    /// Number of triangles.
-    pub faces: usize,
-    /// Number of vertices.
-    pub vertices: usize,
-    /// Number of distinct positions.
-    pub places: usize,
-    /// Counts of the topology.
-    pub topology: TopologyCounts,
+    /// The file as one mesh of all instances.
+    pub mesh: MeshFacts,
     /// True if it is closed where only vertices with the same index are joined; `None` for a format without
     /// indices.
     pub closed_by_index: Option<bool>,
-    /// Number of faces on the positions of an earlier one.
-    pub duplicate_faces: usize,
     /// Number of faces that are a side of a sheet.
     pub two_sided_faces: usize,
-    /// Number of vertices without a face.
-    pub unused_vertices: usize,
-    /// Number of vertices with a coordinate that is infinite or NaN.
-    pub non_finite_vertices: usize,
-    /// Bounding box.
-    pub bounds: Option<Bounds>,
-    /// Area and volume.
-    pub size: Size,
     /// Sizes of the file; `None` if they are not known.
     pub sizes: Option<Sizes>,
-    /// How well the order of triangles suits the caches of a GPU.
+    /// Use of the caches of a GPU by the order of the triangles.
     pub cache: CacheUse,
 }
 
@@ -65,32 +128,16 @@ pub fn info(source: &Source, reading: &ReadOptions, job: &mut Job<'_>) -> Result
     let loaded = asset.into_loaded().expect("it is read as one mesh");
     job.check_memory("info", memory_need::info(memory_need::Size::of(&loaded.mesh)))?;
     job.enter(Step::Inspect);
-    let surface = loaded.mesh.surface();
-    let positions = surface.positions();
-    let weld = weld(positions);
-    let mut is_used = vec![false; positions.len()];
-    for v in surface.triangles().iter().flatten() {
-        is_used[v.index()] = true;
-    }
-    let info = Info {
-        format: loaded.format,
-        faces: loaded.mesh.face_count(),
-        vertices: loaded.mesh.vertex_count(),
-        places: weld.distinct_count,
-        topology: Topology::new(&surface).counts(),
+    Ok(Info {
+        mesh: MeshFacts::of(&loaded.mesh),
         closed_by_index: is_closed_by_index(&loaded),
-        duplicate_faces: duplicate_faces(&surface, &weld.representative),
-        two_sided_faces: lodsmith::two_sided_faces(&surface),
-        unused_vertices: is_used.iter().filter(|used| !**used).count(),
-        non_finite_vertices: positions.iter().filter(|p| !p.iter().all(|x| x.is_finite())).count(),
-        bounds: positions.bounds(),
-        size: size_of(&surface),
+        two_sided_faces: lodsmith::two_sided_faces(&loaded.mesh.surface()),
         sizes,
         cache: CacheUse::of_mesh(&loaded.mesh),
-        contents: loaded.contents.clone(),
-        warnings: loaded.warnings.clone(),
-    };
-    Ok(info)
+        format: loaded.format,
+        contents: loaded.contents,
+        warnings: loaded.warnings,
+    })
 }
 
 /// True if a surface is closed even if vertices at one position stay apart; `None` if the format has no indices.
@@ -128,37 +175,18 @@ fn duplicate_faces(surface: &Surface<'_>, place_of: &[VertexId]) -> usize {
 impl Info {
     /// Returns the report, with the path as it was given.
     pub fn to_json(&self, path: &str) -> Value {
-        let (t, c) = (&self.topology, &self.contents);
-        let corners = |f: fn(&Bounds) -> [f64; 3]| self.bounds.as_ref().map(f);
-        let mut report = json!({
-            "path": path,
-            "format": self.format.name(),
-            "meshes": c.meshes,
-            "faces": self.faces,
-            "polygons": c.polygons,
-            "vertices": self.vertices,
-            "positions": self.places,
-            "components": t.component_count,
-            "border_edges": t.border_edge_count,
-            "border_loops": t.border_loop_count,
-            "non_manifold_edges": t.non_manifold_edge_count,
-            "non_manifold_vertices": t.non_manifold_vertex_count,
-            "degenerate_faces": t.degenerate_face_count,
-            "duplicate_faces": self.duplicate_faces,
-            "two_sided_faces": self.two_sided_faces,
-            "unused_vertices": self.unused_vertices,
-            "non_finite_vertices": self.non_finite_vertices,
-            "closed": t.is_closed(),
-            "closed_by_index": self.closed_by_index,
-            "manifold": t.is_manifold(),
-            "oriented": t.is_oriented(),
-            "genus": t.genus(),
-            "bounds": {
-                "min": corners(|b| b.min), "max": corners(|b| b.max),
-                "diagonal": self.bounds.as_ref().map(Bounds::diagonal),
-            },
-            "area": self.size.area,
-            "volume": self.size.volume,
+        let c = &self.contents;
+        let mut report = json!({ "path": path, "format": self.format.name(), "meshes": c.meshes });
+        for (key, value) in self.mesh.to_json().as_object().into_iter().flatten() {
+            report[key] = value.clone();
+            match key.as_str() {
+                "faces" => report["polygons"] = c.polygons.into(),
+                "duplicate_faces" => report["two_sided_faces"] = self.two_sided_faces.into(),
+                "closed" => report["closed_by_index"] = self.closed_by_index.into(),
+                _ => {}
+            }
+        }
+        let of_file = json!({
             "attributes": c.attributes,
             "materials": c.materials,
             "textures": c.textures,
@@ -169,6 +197,7 @@ impl Info {
             "cache": sizes::cache_json(&self.cache),
             "warnings": texts(&self.warnings),
         });
+        report_json::extend(&mut report, of_file);
         if c.instances > 0 {
             report["distinct_meshes"] = c.distinct_meshes.into();
             report["instances"] = c.instances.into();

@@ -133,6 +133,14 @@ const ASSUMED_MEMORY: u64 = 16 << 30;
 /// Bytes of the program itself, without any model.
 const PROGRAM_BYTES: u64 = 8 << 20;
 
+/// Refuses a step that would take more than `limit` bytes, the program itself included.
+///
+/// # Errors
+/// [`AssetError::Memory`], which names the step, its need and the limit.
+pub fn check_memory(step: &str, need: u64, limit: u64) -> Result<(), AssetError> {
+    Ok(memory::check(step, need.saturating_add(PROGRAM_BYTES), limit)?)
+}
+
 impl<'w> Job<'w> {
     /// Begins a job: after `time_limit` seconds from now runs end with the best result so far, and a step that would take
     /// more than `memory` bytes is refused.
@@ -189,7 +197,7 @@ impl<'w> Job<'w> {
     /// # Errors
     /// [`AssetError::Memory`], which names the step, its need and the limit.
     pub fn check_memory(&self, step: &str, need: u64) -> Result<(), AssetError> {
-        Ok(memory::check(step, need.saturating_add(PROGRAM_BYTES), self.memory)?)
+        check_memory(step, need, self.memory)
     }
 
     /// Reads all of standard input, within the limits.

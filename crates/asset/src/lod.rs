@@ -105,23 +105,14 @@ pub fn lod(
     let (input_format, counts, sizes_before) = (asset.format(), asset.counts(), asset.sizes());
     // Levels of a mesh are those of a scene where the output can be one.
     let is_gltf = to.is_some_and(|to| matches!(to.format, Format::Gltf | Format::Glb));
-    let mut data = if baking.is_some() || is_gltf {
-        asset.become_scene(&recipe.names, &writing)?
-    } else {
-        asset.named_data(&recipe.names)?
-    };
+    let becomes_scene = baking.is_some() || is_gltf;
+    let options = &recipe.options.simplify;
+    let (data, of_run) = asset.prepare(&recipe.names, None, becomes_scene, to, options)?;
     if asset.scene().is_some_and(Scene::has_levels) {
         return Err(AssetError::Levels);
     }
     let mut warnings = asset.warnings().to_vec();
-    warnings.extend(asset.add_palettes(&mut data));
-    if !to.is_some_and(Destination::keeps_materials) {
-        asset.drop_materials()?;
-    }
-    let options = &recipe.options.simplify;
-    if options.per_mesh && asset.scene().is_none() && asset.contents().meshes > 1 {
-        warnings.push(crate::warnings::joined_per_mesh());
-    }
+    warnings.extend(of_run);
     job.check_memory("lod", asset.levels_need(options, &data))?;
     let Chain { levels: made, geomorphs } = asset.levels(&recipe.options, &data, job)?;
 

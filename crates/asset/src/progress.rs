@@ -4,49 +4,54 @@ use lodsmith::Stage;
 
 use crate::job::Step;
 
-/// Begin and end of each stage in the progress of a job. Guessed from runs on scans.
-const READ: (f64, f64) = (0.0, 0.15);
-const PREPARE: (f64, f64) = (0.15, 0.25);
-const COLLAPSE: (f64, f64) = (0.25, 0.7);
-const FIT: (f64, f64) = (0.7, 0.85);
-const MEASURE: (f64, f64) = (0.85, 0.95);
-const WRITE: (f64, f64) = (0.95, 1.0);
+/// Begin and end of a part of a job, as fractions of the whole. Guessed from runs on scans.
+pub type Span = (f64, f64);
+
+/// Returns the span of a step.
+pub const fn step_span(step: Step) -> Span {
+    match step {
+        Step::Read => (0.0, 0.15),
+        Step::Prepare | Step::Clean => stage_span(Stage::Prepare),
+        Step::Inspect | Step::Bake => stage_span(Stage::Measure),
+        Step::Write => (0.95, 1.0),
+    }
+}
+
+/// Returns the span of a stage of the engine.
+pub const fn stage_span(stage: Stage) -> Span {
+    match stage {
+        Stage::Prepare => (0.15, 0.25),
+        Stage::Fit => (0.7, 0.85),
+        Stage::Measure => (0.85, 0.95),
+        _ => (0.25, 0.7),
+    }
+}
 
 /// The fraction of a job that is done; it never goes back.
 #[derive(Clone, Copy, Debug)]
 pub struct JobProgress {
-    span: (f64, f64),
+    span: Span,
     done: f64,
 }
 
 impl Default for JobProgress {
     fn default() -> Self {
-        Self { span: READ, done: 0.0 }
+        Self { span: step_span(Step::Read), done: 0.0 }
     }
 }
 
 impl JobProgress {
     /// A step begins.
     pub fn step(&mut self, step: Step) {
-        self.enter(match step {
-            Step::Read => READ,
-            Step::Prepare | Step::Clean => PREPARE,
-            Step::Inspect | Step::Bake => MEASURE,
-            Step::Write => WRITE,
-        });
+        self.enter(step_span(step));
     }
 
     /// A stage of the engine begins.
     pub fn stage(&mut self, stage: Stage) {
-        self.enter(match stage {
-            Stage::Prepare => PREPARE,
-            Stage::Fit => FIT,
-            Stage::Measure => MEASURE,
-            _ => COLLAPSE,
-        });
+        self.enter(stage_span(stage));
     }
 
-    fn enter(&mut self, span: (f64, f64)) {
+    fn enter(&mut self, span: Span) {
         self.span = span;
         self.within(0.0);
     }

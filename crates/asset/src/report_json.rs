@@ -3,10 +3,13 @@
 use lodsmith::options::by_name::{NamedOption, OPTIONS, OptionGroup, OptionValue, length_text};
 use lodsmith::{Length, Levels, MeshCounts, Report, SimplifyOptions, Stop};
 use lodsmith_core::measure::{Comparison, TwoWay};
+use lodsmith_io::{Format, Sizes};
 use serde_json::{Value, json};
 
+use crate::destination::Destination;
 use crate::job::StageClock;
 use crate::proposals;
+use crate::sizes::{self, WriteOutcome};
 
 /// Returns the report of a run.
 pub fn run(report: &Report, options: &SimplifyOptions) -> Value {
@@ -42,6 +45,24 @@ pub fn run(report: &Report, options: &SimplifyOptions) -> Value {
         });
     }
     all
+}
+
+/// Returns what a report says of a file: `counts` are its numbers of faces and vertices.
+pub(crate) fn file(path: Value, format: Option<Format>, counts: [usize; 2], sizes: Option<Sizes>) -> Value {
+    json!({
+        "path": path, "format": format.map(Format::name), "faces": counts[0], "vertices": counts[1],
+        "sizes": sizes::to_json(sizes),
+    })
+}
+
+/// Returns what a report says of an output, if there is one.
+pub(crate) fn output(to: Option<&Destination>, counts: [usize; 2], written: &WriteOutcome) -> Value {
+    let path = to.map(|to| to.sink.to_string());
+    let mut output = file(path.into(), to.map(|to| to.format), counts, written.sizes);
+    if let Some(packed) = &written.packed {
+        output["packing"] = sizes::packed_json(packed);
+    }
+    output
 }
 
 /// Takes a property out of an object; the others keep their order.

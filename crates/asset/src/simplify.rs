@@ -15,8 +15,8 @@ use crate::normals::Normals;
 use crate::paths::{Sink, Source};
 use crate::report_json;
 use crate::report_json::{mesh_json, seconds};
-use crate::sizes::{self, WriteOutcome};
-use crate::warnings::{joined_per_mesh, not_reached, starved, texts, warnings_of};
+use crate::sizes::WriteOutcome;
+use crate::warnings::{not_reached, starved, texts, warnings_of};
 
 /// How a file is made lighter.
 #[derive(Clone, Debug, Default)]
@@ -79,20 +79,9 @@ impl Recipe {
         to: Option<&Destination>,
         job: &mut Job<'_>,
     ) -> Result<Made, AssetError> {
-        let mut data = match &self.baking {
-            Some(_) => asset.become_scene(&self.names, &to.map_or_else(Writing::default, |to| to.writing))?,
-            None => asset.named_data(&self.names)?,
-        };
-        if let Some(all) = &self.vertices {
-            data = all.split(&asset.vertex_counts())?;
-        }
-        let mut warnings = asset.add_palettes(&mut data);
-        if !to.is_some_and(Destination::keeps_materials) {
-            asset.drop_materials()?;
-        }
-        if self.options.per_mesh && asset.scene().is_none() && asset.contents().meshes > 1 {
-            warnings.push(joined_per_mesh());
-        }
+        let becomes_scene = self.baking.is_some();
+        let (data, mut warnings) =
+            asset.prepare(&self.names, self.vertices.as_ref(), becomes_scene, to, &self.options)?;
         job.check_memory("simplify", asset.need(&self.options, &data))?;
         let mut made = asset.simplify(&self.options, &data, job)?;
         let results = made.meshes.iter().flatten();
@@ -228,15 +217,10 @@ impl Outcome {
         for end in ["input", "output"] {
             let _ = report_json::take(&mut of_run, end);
         }
+        let input = [r.input_faces, r.input_vertices];
         let mut report = json!({
-            "input": {
-                "path": path, "format": self.input_format.name(),
-                "faces": r.input_faces, "vertices": r.input_vertices, "sizes": sizes::to_json(self.sizes_before),
-            },
-            "output": {
-                "path": to.map(|to| to.sink.to_string()), "format": to.map(|to| to.format.name()),
-                "faces": r.faces, "vertices": r.vertices, "sizes": sizes::to_json(self.written.sizes),
-            },
+            "input": report_json::file(path.into(), Some(self.input_format), input, self.sizes_before),
+            "output": report_json::output(to, [r.faces, r.vertices], &self.written),
         });
         // The first ones stand in a promised order.
         for key in ["method", "target", "reached", "stopped_by", "error", "refusals"] {
@@ -246,9 +230,6 @@ impl Outcome {
         report["threads"] = self.threads.into();
         report["seconds"] = seconds(&self.clock);
         report_json::extend(&mut report, of_run);
-        if let Some(packed) = &self.written.packed {
-            report["output"]["packing"] = sizes::packed_json(packed);
-        }
         if !self.meshes.is_empty() {
             report["meshes"] = self.meshes.iter().map(mesh_json).collect();
         }

@@ -4,14 +4,10 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use lodsmith::core::memory;
 use lodsmith_asset::Job;
 use lodsmith_io::Limits;
 
 use crate::call;
-
-/// Bytes of the program itself, without any model.
-const PROGRAM_BYTES: u64 = 8 << 20;
 
 /// Limit of the process, in bytes.
 static LIMIT: AtomicU64 = AtomicU64::new(u64::MAX);
@@ -43,5 +39,5 @@ pub(crate) fn limit() -> u64 {
 /// # Errors
 /// One line that names the step, its need, the limit and the option.
 pub(crate) fn check(step: &str, need: u64) -> anyhow::Result<()> {
-    Ok(memory::check(step, need.saturating_add(PROGRAM_BYTES), limit())?)
+    Ok(lodsmith_asset::check_memory(step, need, limit())?)
 }

@@ -6,6 +6,8 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use lodsmith::Stage;
+use lodsmith_asset::Step;
+use lodsmith_asset::progress::{Span, stage_span, step_span};
 
 use crate::call;
 use crate::output::escaped;
@@ -63,18 +65,10 @@ pub(crate) struct FileProgress<'a> {
     runs: AtomicU64,
 }
 
-/// Begin and end of each stage in the progress of a file. Guessed from runs on scans.
-const READ: (f64, f64) = (0.0, 0.15);
-const PREPARE: (f64, f64) = (0.15, 0.25);
-const COLLAPSE: (f64, f64) = (0.25, 0.7);
-const FIT: (f64, f64) = (0.7, 0.85);
-const MEASURE: (f64, f64) = (0.85, 0.95);
-const WRITE: (f64, f64) = (0.95, 1.0);
-
 impl FileProgress<'_> {
     /// Announces the start of reading.
     pub(crate) fn read(&self) {
-        self.enter("read", READ);
+        self.enter("read", step_span(Step::Read));
     }
     /// Announces the start of a stage of the engine.
     pub(crate) fn stage(&self, stage: Stage) {
@@ -82,34 +76,35 @@ impl FileProgress<'_> {
             self.runs.fetch_add(1, Ordering::Relaxed);
         }
         match self.runs.load(Ordering::Relaxed) {
-            0 | 1 => self.enter(stage.name(), span(stage)),
-            run => self.enter(&format!("{}, run {run}", stage.name()), span(stage)),
+            0 | 1 => self.enter(stage.name(), stage_span(stage)),
+            run => self.enter(&format!("{}, run {run}", stage.name()), stage_span(stage)),
         }
     }
     /// Reports the progress of a stage of the engine, from 0 to 1.
     pub(crate) fn within(&self, stage: Stage, done: f64) {
-        let (from, to) = span(stage);
+        let (from, to) = stage_span(stage);
         self.to(from + (to - from) * done.clamp(0.0, 1.0));
     }
     /// Announces the start of baking.
     pub(crate) fn bake(&self) {
-        self.enter("bake", MEASURE);
+        self.enter("bake", step_span(Step::Bake));
     }
     /// Reports that a number of frames is rendered.
     pub(crate) fn frame(&self, done: usize, all: usize) {
-        self.enter(&format!("frame {} of {all}", (done + 1).min(all)), COLLAPSE);
-        self.to(COLLAPSE.0 + (WRITE.0 - COLLAPSE.0) * done as f64 / all.max(1) as f64);
+        let (from, to) = (stage_span(Stage::Collapse).0, step_span(Step::Write).0);
+        self.enter(&format!("frame {} of {all}", (done + 1).min(all)), (from, to));
+        self.to(from + (to - from) * done as f64 / all.max(1) as f64);
     }
     /// Announces the start of writing.
     pub(crate) fn write(&self) {
-        self.enter("write", WRITE);
+        self.enter("write", step_span(Step::Write));
     }
     /// Announces the end of the file, successful or not.
     pub(crate) fn end(&self) {
         self.to(1.0);
     }
 
-    fn enter(&self, what: &str, span: (f64, f64)) {
+    fn enter(&self, what: &str, span: Span) {
         let message = if self.whole.files == 1 { what.to_owned() } else { format!("{}: {what}", self.name) };
         self.whole.bar.set_message(escaped(&message).into_owned());
         self.to(span.0);
@@ -121,15 +116,6 @@ impl FileProgress<'_> {
         if steps > before {
             self.whole.bar.inc(steps - before);
         }
-    }
-}
-
-fn span(stage: Stage) -> (f64, f64) {
-    match stage {
-        Stage::Prepare => PREPARE,
-        Stage::Fit => FIT,
-        Stage::Measure => MEASURE,
-        _ => COLLAPSE,
     }
 }
 

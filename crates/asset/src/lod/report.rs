@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::{Level, LevelOutputs, LodOutcome, LodRecipe};
 use crate::paths::{Sink, Source};
-use crate::report_json::{error_json, mesh_json, refusals, seconds};
+use crate::report_json::{self, error_json, mesh_json, refusals, seconds};
 use crate::sizes::{self, WriteOutcome};
 use crate::warnings::{texts, warnings_of};
 
@@ -40,10 +40,7 @@ impl LodOutcome {
             object
         };
         let mut report = json!({
-            "input": {
-                "path": path, "format": self.input_format.name(), "faces": self.counts[0],
-                "vertices": self.counts[1], "sizes": sizes::to_json(self.sizes_before),
-            },
+            "input": report_json::file(path.into(), Some(self.input_format), self.counts, self.sizes_before),
             "output": {
                 "path": to.filter(|_| folder.is_none()).map(|to| to.sink.to_string()),
                 "folder": folder.map(|folder| folder.path.display().to_string()),

@@ -58,21 +58,21 @@ pub(super) fn run(args: &InfoArgs) -> anyhow::Result<Status> {
 
 /// Returns a table; defects with count 0 are left out.
 fn table(info: &Info, path: &str) -> Vec<String> {
-    let (t, c) = (&info.topology, &info.contents);
+    let (t, c) = (&info.mesh.topology, &info.contents);
     let mut lines = vec![format!("{path}")];
     let mut row = |name: &str, value: String| lines.push(format!("  {name:<18}{value}"));
     row("format", info.format.name().to_owned());
-    let faces = info.faces;
+    let faces = info.mesh.faces;
     if c.polygons == faces {
         row("faces", grouped(faces));
     } else {
         row("faces", format!("{} triangles from {} polygons", grouped(faces), grouped(c.polygons)));
     }
-    let vertices = info.vertices;
-    if info.places == vertices {
+    let vertices = info.mesh.vertices;
+    if info.mesh.places == vertices {
         row("vertices", grouped(vertices));
     } else {
-        row("vertices", format!("{} at {} places", grouped(vertices), grouped(info.places)));
+        row("vertices", format!("{} at {} places", grouped(vertices), grouped(info.mesh.places)));
     }
     if c.instances > c.distinct_meshes {
         row("meshes", format!("{} in {} instances", grouped(c.distinct_meshes), grouped(c.instances)));
@@ -110,10 +110,10 @@ fn table(info: &Info, path: &str) -> Vec<String> {
         ("non-man. edges", t.non_manifold_edge_count),
         ("non-man. vertices", t.non_manifold_vertex_count),
         ("degenerate faces", t.degenerate_face_count),
-        ("duplicate faces", info.duplicate_faces),
+        ("duplicate faces", info.mesh.duplicate_faces),
         ("two-sided faces", info.two_sided_faces),
-        ("unused vertices", info.unused_vertices),
-        ("non-finite vert.", info.non_finite_vertices),
+        ("unused vertices", info.mesh.unused_vertices),
+        ("non-finite vert.", info.mesh.non_finite_vertices),
     ];
     for (name, n) in defects {
         if n > 0 {
@@ -121,12 +121,12 @@ fn table(info: &Info, path: &str) -> Vec<String> {
         }
     }
     let figure = |x: f64| significant(x, 6);
-    if let Some(b) = &info.bounds {
+    if let Some(b) = &info.mesh.bounds {
         let corner = |p: [f64; 3]| p.map(figure).join(" ");
         row("bounds", format!("{} to {}", corner(b.min), corner(b.max)));
         row("diagonal", figure(b.diagonal()));
     }
-    row("area", figure(info.size.area));
+    row("area", figure(info.mesh.size.area));
     if let Some(s) = &info.sizes {
         let n = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
         row("draw calls", grouped(n(s.draw_calls)));
@@ -141,7 +141,7 @@ fn table(info: &Info, path: &str) -> Vec<String> {
     let caches = [("ACMR", c.acmr()), ("ATVR", c.atvr()), ("overfetch", c.overfetch())];
     row("vertex cache", caches.map(|(name, x)| format!("{name} {x:.2}")).join(", "));
     if t.is_closed() {
-        row("volume", figure(info.size.volume));
+        row("volume", figure(info.mesh.size.volume));
     }
     lines
 }
