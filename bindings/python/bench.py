@@ -138,7 +138,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     one = commands.add_parser("overhead")
-    one.add_argument("--rust", help="the program of crates/simplify/examples/time_ball.rs")
+    one.add_argument("--rust", help="the program of crates/lodsmith/examples/time_ball.rs")
     one.add_argument("--repeats", type=int, default=5)
     one.set_defaults(run=overhead)
     two = commands.add_parser("rivals")

@@ -55,7 +55,7 @@ const PACKAGE_RULES: &[PackageRule] = &[
     PackageRule { package: "lodsmith-core", folder: "crates/core", uses: &[], never: CALLER_OWNED_CRATES },
     PackageRule {
         package: "lodsmith",
-        folder: "crates/simplify",
+        folder: "crates/lodsmith",
         uses: &["lodsmith-core"],
         never: CALLER_OWNED_CRATES,
     },
@@ -131,7 +131,7 @@ const FORBIDDEN_WORDS: &[ForbiddenWords] = &[
     ForbiddenWords {
         folders: &[
             "crates/core/src",
-            "crates/simplify/src",
+            "crates/lodsmith/src",
             "crates/io/src",
             "crates/render/src",
             "crates/bake/src",
@@ -141,7 +141,7 @@ const FORBIDDEN_WORDS: &[ForbiddenWords] = &[
         why: "libraries return values; the command prints",
     },
     ForbiddenWords {
-        folders: &["crates/core/src", "crates/simplify/src", "crates/bake/src"],
+        folders: &["crates/core/src", "crates/lodsmith/src", "crates/bake/src"],
         words: &[
             "std::fs",
             "std::env",
@@ -650,7 +650,7 @@ fn repeated_type_names() -> Result<Vec<String>> {
 
 fn system_float_functions() -> Result<Vec<String>> {
     let mut findings = Vec::new();
-    for folder in ["crates/core/src", "crates/simplify/src"] {
+    for folder in ["crates/core/src", "crates/lodsmith/src"] {
         // Modules of tests in files of their own have these names.
         let is_test = |path: &Path| path.ends_with("tests.rs") || path.ends_with("test_support.rs");
         let files: Vec<PathBuf> = sources(folder)?.into_iter().filter(|path| !is_test(path)).collect();
