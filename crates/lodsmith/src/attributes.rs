@@ -1,10 +1,13 @@
 //! Conversion of a mesh's attributes to one row of values for each wedge, and back.
 
 mod labels;
+pub(crate) mod normals;
 pub(crate) mod ranges;
+pub(crate) mod recolor;
 mod recorded;
 pub(crate) mod sides;
 mod skin;
+pub(crate) mod textures;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;

@@ -157,7 +157,7 @@ pub fn cluster_lod(
                 next.extend(batch.iter().flatten().map(|&i| std::mem::take(&mut front[i])));
                 continue;
             }
-            let outcomes = crate::cluster::chunks::each(batch.len(), |k| {
+            let outcomes = crate::chunks::each(batch.len(), |k| {
                 let members: Vec<&Front> = batch[k].iter().map(|&i| &front[i]).collect();
                 group_simplify::simplify_group(
                     &build,

@@ -44,6 +44,7 @@ mod marks;
 mod merge;
 mod near;
 pub(crate) mod order;
+pub(crate) mod ordered_input;
 mod pair_cost;
 mod pair_list;
 mod pairs;
@@ -64,6 +65,7 @@ mod stuck;
 mod sweeps;
 #[cfg(test)]
 mod test_support;
+pub(crate) mod triangle;
 pub(crate) mod vertex;
 mod visit;
 mod wedges;
@@ -71,8 +73,8 @@ mod wings;
 
 use lodsmith_core::VertexId;
 
-use crate::guard::Rules;
-use crate::metric::{EdgeNeighbourhood, Metric};
+use crate::cost::guard::Rules;
+use crate::cost::metric::{EdgeNeighbourhood, Metric};
 use crate::report::Refusal;
 use attributes::{Attributes, Merge};
 use components::{Details, Parts};

@@ -15,11 +15,16 @@
 //! The form is cheap and separates most edges; the exact cost is computed only for the best edge of a vertex.
 //! Forms are evaluated one at a time and four side by side, by the same formula; a test compares the two.
 
+pub(crate) mod guard;
+pub(crate) mod lanes;
+pub(crate) mod metric;
+pub(crate) mod tensor;
+
 use glam::Vec3;
 use wide::f32x4;
 
-use crate::lanes::{Four, dot, sub};
-use crate::metric::Form;
+use crate::cost::lanes::{Four, dot, sub};
+use crate::cost::metric::Form;
 
 /// Cost of length, a share of area · length²: decides among flat collapses only. (docs/decisions/0003)
 pub(crate) const TIE: f32 = 1e-11;
@@ -248,7 +253,7 @@ pub(crate) fn times(a: &[f32x4; 6], d: &Four) -> Four {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tensor::Tensor;
+    use crate::cost::tensor::Tensor;
 
     /// Returns the form of planes, each given by a unit normal, the distance of the origin from it, and a weight.
     fn planes(all: &[(Vec3, f32, f32)]) -> Form {

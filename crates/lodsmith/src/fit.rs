@@ -19,10 +19,10 @@ mod values;
 
 use lodsmith_core::VertexId;
 
+use crate::collapse::ordered_input::OrderedInput;
 use crate::collapse::store::Store;
-use crate::metric::VertexMemory;
-use crate::ordered_input::OrderedInput;
-use crate::tensor::Tensor;
+use crate::cost::metric::VertexMemory;
+use crate::cost::tensor::Tensor;
 use faces::{FaceData, face_data};
 pub(crate) use move_guards::MoveGuards;
 use outliers::pull_in_outliers;

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use lodsmith_core::{MeshError, Positions, PositionsView, RegionId, Surface, TriMesh, VertexId};
 
 use crate::SimplifyError;
-use crate::textures::Textures;
+use crate::attributes::textures::Textures;
 
 /// Data of one mesh besides its buffers: which vertices stay, which matter more, and what its regions look
 /// like.

@@ -53,9 +53,8 @@
 //! [`clean()`]. Options: [`SimplifyOptions`]; result: [`Report`].
 
 mod attributes;
-mod borders;
+mod chunks;
 pub mod clean;
-mod cluster;
 pub mod cluster_lod;
 mod collapse;
 mod constraints;
@@ -63,38 +62,21 @@ pub mod control;
 mod cost;
 mod deviation;
 mod error;
-mod escalate;
 mod fit;
-mod flat_shading;
-mod guard;
 mod input;
-mod lanes;
 pub mod lod;
-mod metric;
-mod missing;
-mod normals;
+mod methods;
 pub mod options;
-mod ordered_input;
 mod pipeline;
-mod planar;
 mod progressive;
 pub mod proposal;
 mod prune;
-mod rebuild;
-mod recolor;
-pub mod remesh;
 pub mod report;
 mod run;
 pub mod scene;
-mod shading;
-mod tensor;
 #[cfg(test)]
 mod test_support;
-mod textures;
-mod triangle;
 mod two_sided;
-mod unsubdivide;
-mod vertex_removal;
 
 pub use clean::{CleanOptions, CleanReport, Cleaned, NonManifold, Sheets, clean};
 pub use cluster_lod::{BuiltClusterLod, ClusterLodOptions, ClusterLodReport, cluster_lod};
@@ -105,6 +87,7 @@ pub use lodsmith_core as core;
 use lodsmith_core::TriMesh;
 
 pub use input::{Input, MeshData, OwnedMeshData};
+pub use methods::remesh;
 pub use options::{
     AttributeWeights, BorderPolicy, Bound, Fit, Guards, Length, Measure, Method, MethodKind, Placement,
     Preset, Remesh, RemeshPattern, SimplifyOptions, Stop, TopologyPolicy,
@@ -114,8 +97,8 @@ pub use proposal::{Change, Proposal};
 pub use prune::Pruned;
 pub use report::{Cleanup, Clustered, ErrorReport, Escalation, Refusal, Report, Simplified, StoppedBy};
 
+pub use attributes::textures::{Texture, Textures};
 pub use scene::{MeshCounts, Part, Place, SimplifiedScene, Starved, simplify_scene};
-pub use textures::{Texture, Textures};
 pub use two_sided::two_sided_faces;
 
 /// Reduces the number of triangles of a mesh and keeps the result as close to it as possible.

@@ -6,20 +6,26 @@
 //!           join near vertices                                            `FlatShading`, `Prepared`
 //! sheets    leave out the backs of two-sided sheets, and start again      `TwoSidedInput`
 //! plan      the pass of the method, and looser options while needed       `pass_of`, `Escalation`
-//! run       order, collapse or rebuild, fit, measure                      `run`, `cluster`
+//! run       order, collapse or rebuild, fit, measure                      `run`, `methods`
 //! finish    remove temporary normals, report what the preparation did     `Prepared::finish`
 //! ```
 
+pub(crate) mod borders;
+mod escalate;
+mod flat_shading;
+mod missing;
 pub(crate) mod prepare;
+mod shading;
 
-use crate::escalate::Attempts;
-use crate::flat_shading::FlatShading;
 use crate::input::Input;
+use crate::methods::{self, cluster};
 use crate::options::{Method, MethodKind, SimplifyOptions, Stop};
+use crate::pipeline::escalate::Attempts;
+use crate::pipeline::flat_shading::FlatShading;
 use crate::report::Cleanup;
 use crate::run::{self, Done, Mergers, Pass};
 use crate::two_sided::TwoSidedInput;
-use crate::{Control, SimplifyError, cluster, constraints, missing, rebuild, two_sided};
+use crate::{Control, SimplifyError, constraints, two_sided};
 use prepare::{Prepared, temporary_normals};
 
 /// Runs with the options' method; again with looser options if requested and needed. Returns the locked
@@ -101,7 +107,7 @@ fn with_sheets(
 
 /// Returns the pass of a method other than clustering.
 fn pass_of(method: MethodKind) -> Pass {
-    run::collapses(method).unwrap_or(rebuild::pass)
+    run::collapses(method).unwrap_or(methods::rebuild)
 }
 
 /// Runs to one stop after another, each a count below the previous one: see [`run::is_chained`] for when this

@@ -9,8 +9,8 @@ use crate::SimplifyOptions;
 use crate::collapse::Engine;
 use crate::constraints::Constraints;
 use crate::control::NoControl;
+use crate::cost::metric::Metric;
 use crate::input::Input;
-use crate::metric::Metric;
 use crate::run::{Run, collapses, ordered};
 
 /// A coordinate: few values are likely, so that vectors often coincide, are coplanar or zero.

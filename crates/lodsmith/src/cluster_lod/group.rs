@@ -20,7 +20,7 @@ struct OpenEdge {
 /// Returns the open edges of each cluster: edges that are not between exactly two of its faces with
 /// consistent orientation.
 fn open_edges(build: &Build, front: &[Front]) -> Vec<OpenEdge> {
-    let per_cluster = crate::cluster::chunks::each(front.len(), |member| {
+    let per_cluster = crate::chunks::each(front.len(), |member| {
         let mut edges: Vec<(VertexPair, i32)> = Vec::new();
         for &f in &front[member].faces {
             edges.extend(directed(build.vertices(f)));

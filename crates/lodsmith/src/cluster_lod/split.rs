@@ -10,7 +10,7 @@ use std::collections::BinaryHeap;
 
 use lodsmith_core::{TriMesh, VertexId, WedgeId};
 
-use crate::cluster::chunks::each;
+use crate::chunks::each;
 
 /// Maximum number of clusters in a piece cut by planes: the geodesic search costs more, and gains little on
 /// larger ones.

@@ -20,8 +20,8 @@ use glam::Vec3;
 use lodsmith_core::{VertexId, WedgeId};
 use wide::f32x4;
 
-use crate::lanes;
-use crate::tensor::Tensor;
+use crate::cost::lanes;
+use crate::cost::tensor::Tensor;
 pub(crate) use merge::Member;
 pub(super) use merge::{Merge, representatives};
 pub(super) use saved::SavedWedges;

@@ -1,7 +1,7 @@
 //! The end of a quick pass at an estimate of the error.
 
 use super::{Engine, Goal};
-use crate::metric::Metric;
+use crate::cost::metric::Metric;
 
 /// Largest share of the faces that a sweep may remove before any cost is known (`FIRST_SHARE`), and on a
 /// prediction (`MAX_SHARE`): where curvature varies, costs grow differently than predicted. (Guessed.)

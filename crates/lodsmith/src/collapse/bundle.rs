@@ -15,7 +15,7 @@ use lodsmith_core::VertexId;
 
 use super::ring::{Ring, faces_at};
 use super::store::Store;
-use crate::metric::VertexMemory;
+use crate::cost::metric::VertexMemory;
 
 /// Two vertices that are merged: `v` into `u`, both move to `at`.
 #[derive(Clone, Copy, Debug)]
@@ -275,7 +275,7 @@ impl<Q: VertexMemory> Store<Q> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tensor::Tensor;
+    use crate::cost::tensor::Tensor;
 
     fn effect(points: usize, faces: &[[u32; 3]], pairs: &[[u32; 2]]) -> (Effect, usize) {
         let faces = faces.iter().map(|t| t.map(VertexId)).collect();

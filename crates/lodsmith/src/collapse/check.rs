@@ -16,8 +16,8 @@ use super::invariants::{Checks, need};
 use super::order::NONE;
 use super::ring::Ring;
 use super::{Engine, LiveMesh};
-use crate::metric::Metric;
-use crate::ordered_input::OriginalInput;
+use crate::collapse::ordered_input::OriginalInput;
+use crate::cost::metric::Metric;
 
 /// Tolerance between an incrementally updated tensor and the recomputed one, as a share of its trace.
 /// (Measured on the shapes and soups of the tests: up to 4e-6; gradients on thin faces add to that.)
@@ -180,9 +180,9 @@ mod tests {
     use crate::collapse::StopReason;
     use crate::collapse::invariants::CHECKED_BELOW;
     use crate::control::NoControl;
-    use crate::metric::Memoryless;
+    use crate::cost::metric::Memoryless;
+    use crate::cost::tensor::Tensor;
     use crate::options::{SimplifyOptions, Stop};
-    use crate::tensor::Tensor;
     use crate::test_support::{in_two_charts, with_engine};
 
     #[test]

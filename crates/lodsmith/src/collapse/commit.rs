@@ -14,12 +14,12 @@ use super::vertex::Vertex;
 use super::wedges::HandedOver;
 use super::wings::{EdgeEnd, StarStats, Wing, Wings};
 use super::{Engine, LiveMesh, Scratch, Tally};
+use crate::collapse::triangle;
 use crate::cost;
-use crate::metric::{CostSource, Form, Metric};
+use crate::cost::metric::{CostSource, Form, Metric};
+use crate::cost::tensor::Tensor;
 use crate::options::BorderPolicy;
 use crate::report::Refusal;
-use crate::tensor::Tensor;
-use crate::triangle;
 
 /// If no neighbour lies farther behind a vertex, along its displacement, than this share of the displacement,
 /// the collapse shortens a tip or leaves a rim. Distances to planes do not measure that, so the distance from

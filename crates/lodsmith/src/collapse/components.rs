@@ -4,7 +4,7 @@ use glam::Vec3;
 use lodsmith_core::{DisjointSets, VertexId};
 
 use super::order::NONE;
-use crate::metric::PartSize;
+use crate::cost::metric::PartSize;
 
 /// A connected part of the mesh.
 #[derive(Clone, Copy)]

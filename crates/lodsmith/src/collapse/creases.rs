@@ -9,7 +9,7 @@ use lodsmith_core::sorted::sort_pairs;
 
 use super::ring::{Corner, Spoke};
 use super::store::Store;
-use crate::metric::VertexMemory;
+use crate::cost::metric::VertexMemory;
 
 /// Twice the area over the squared longest edge below which a face has no reliable normal: rounding to single
 /// precision may have turned it. (Guessed: a height of a ten-thousandth of a percent of the length.)

@@ -17,8 +17,8 @@ use super::candidate::merged_position;
 use super::ring::{Corner, Ring, distinct};
 use super::star::Star;
 use super::{Engine, LiveMesh, Scratch, Tally};
+use crate::cost::metric::{Form, Metric};
 use crate::fit::MoveGuards;
-use crate::metric::{Form, Metric};
 use crate::options::{Placement, SimplifyOptions, TopologyPolicy};
 use crate::report::Refusal;
 
@@ -296,7 +296,7 @@ mod tests {
     use super::*;
     use crate::collapse::candidate::CollapseOutcome;
     use crate::collapse::test_support::{checked, cost_at, engine_of, try_at, without_lines};
-    use crate::metric::Memoryless;
+    use crate::cost::metric::Memoryless;
     use crate::test_support::tube;
 
     /// Returns an engine of a tube that may be cut, and half the vector from vertex `k` of a ring to the

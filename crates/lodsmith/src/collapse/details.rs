@@ -11,7 +11,7 @@ use lodsmith_core::sorted::{indices_by_key, key_of};
 use super::components::{Component, Details, measure_parts};
 use super::ring::Ring;
 use super::{Goal, LiveMesh};
-use crate::metric::Metric;
+use crate::cost::metric::Metric;
 
 /// Minimum area of a detail, relative to a mean face of the result.
 const MIN_DETAIL_FACES: f32 = 0.5;

@@ -6,8 +6,8 @@ use super::candidate::{Candidate, Found, OwnedEdges};
 use super::ring::{Ring, Spoke};
 use super::star_edges::Edge;
 use super::{LiveMesh, Scratch, Tally};
-use crate::guard::BORDER_WEIGHT;
-use crate::metric::{
+use crate::cost::guard::BORDER_WEIGHT;
+use crate::cost::metric::{
     AllowedPlace, CostSource, EdgeNeighbourhood, EdgePart, FeatureLine, Metric, StarTriangle,
 };
 use crate::options::Placement;

@@ -8,9 +8,9 @@ use super::attributes::Member;
 use super::candidate::{Candidate, Found, OwnedEdges};
 use super::ring::Ring;
 use super::{LiveMesh, Scratch, Tally};
+use crate::cost::lanes::{self, dot, splat, sub};
+use crate::cost::metric::{CostSource, Form, Metric};
 use crate::cost::{self, FourCosts, FourForms, best_place, times};
-use crate::lanes::{self, dot, splat, sub};
-use crate::metric::{CostSource, Form, Metric};
 use crate::options::Placement;
 
 impl<M: Metric> LiveMesh<M> {
@@ -193,7 +193,7 @@ mod tests {
     use crate::collapse::kind::Kind;
     use crate::collapse::test_support::{assert_near, engine_of, ring_of, without_lines};
     use crate::cost::PEAK_GUESS;
-    use crate::metric::{Memoryless, Quadric};
+    use crate::cost::metric::{Memoryless, Quadric};
     use crate::options::{BorderPolicy, SimplifyOptions, Stop};
     use crate::test_support::{SmallMesh, in_two_charts, pyramid, sheet, with_engine};
 

@@ -6,7 +6,7 @@ use lodsmith_core::{VertexId, WedgeId};
 use super::LiveMesh;
 use super::ring::{Ring, Spoke};
 use super::wedges::{HandedOver, Wedges};
-use crate::metric::Metric;
+use crate::cost::metric::Metric;
 use crate::report::Refusal;
 
 /// Squared sine of a face's angle at a corner below which the face is a sliver: its values do not determine a
@@ -136,7 +136,7 @@ mod tests {
     use crate::collapse::Engine;
     use crate::collapse::star_edges::Looseness;
     use crate::collapse::test_support::{assert_near, cost_at, engine_of, ring_of, without_lines};
-    use crate::metric::Memoryless;
+    use crate::cost::metric::Memoryless;
     use crate::test_support::sheet;
 
     /// Returns an engine of a sheet of 4 × 4 cells, whose middle column x = 2 has wedges 25 + i on its right,

@@ -14,7 +14,7 @@ use super::marks::Marks;
 use super::order::NONE;
 use super::ring::{Ring, faces_at};
 use super::store::Store;
-use crate::metric::VertexMemory;
+use crate::cost::metric::VertexMemory;
 use crate::report::Refusal;
 
 impl<Q: VertexMemory> Store<Q> {
@@ -169,8 +169,8 @@ mod tests {
 
     use super::*;
     use crate::collapse::kind::Kind;
+    use crate::cost::tensor::Tensor;
     use crate::options::BorderPolicy;
-    use crate::tensor::Tensor;
 
     /// Creates a store of these faces, without degenerate and duplicate ones, and classifies its vertices.
     fn store(faces: impl IntoIterator<Item = [u32; 3]>) -> Store<Tensor> {

@@ -7,7 +7,7 @@ use super::LiveMesh;
 use super::ring::Spoke;
 use super::store::Store;
 use super::vertex::Vertex;
-use crate::metric::{Metric, VertexMemory};
+use crate::cost::metric::{Metric, VertexMemory};
 use crate::report::Refusal;
 
 /// Weight of the squared displacement of an important vertex in a quick pass, times the area of its star: it

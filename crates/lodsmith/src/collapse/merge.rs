@@ -15,9 +15,9 @@ use super::ring::{Ring, Spoke};
 use super::store::Store;
 use super::vertex::{self, Vertex};
 use super::wings::{FourWings, Wings};
-use crate::lanes::{self, dot, splat};
-use crate::metric::{CostSource, Form, Metric};
-use crate::tensor::Tensor;
+use crate::cost::lanes::{self, dot, splat};
+use crate::cost::metric::{CostSource, Form, Metric};
+use crate::cost::tensor::Tensor;
 
 /// Calls a function that is generic over the number of lanes: a constant for one or two, 0 for any other
 /// number.

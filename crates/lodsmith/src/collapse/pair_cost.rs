@@ -11,11 +11,11 @@ use super::samples::SampledCost;
 use super::vertex::Vertex;
 use super::wings::{FOLD_CHECK_COS_SQ, MIN_SHAPE_SQ};
 use super::{LiveMesh, Scratch, Tally};
+use crate::cost::metric::{Form, Metric};
+use crate::cost::tensor::Tensor;
 use crate::cost::{self, TIE, best_place};
-use crate::metric::{Form, Metric};
 use crate::options::{BorderPolicy, Placement};
 use crate::report::Refusal;
-use crate::tensor::Tensor;
 
 impl<M: Metric> LiveMesh<M> {
     /// Returns the cost of the gap between two vertices.

@@ -6,7 +6,7 @@ use super::bundle::Bundle;
 use super::invariants::need;
 use super::ring::Ring;
 use super::store::Store;
-use crate::metric::VertexMemory;
+use crate::cost::metric::VertexMemory;
 
 /// Budget for the search for pairs and for visits to the faces around them, per vertex of the input; when it
 /// is spent, no more pairs are contracted. (A level of 1,194 parts took 300,000 visits and 400 searches until

@@ -19,10 +19,10 @@ use super::sweeps::VISITS_PER_PROGRESS_REPORT;
 use super::vertex::Facing;
 use super::{Engine, Goal, LiveMesh};
 use crate::control::Verdict;
-use crate::metric::{Form, Metric};
+use crate::cost::metric::{Form, Metric};
+use crate::cost::tensor::Tensor;
 use crate::options::TopologyPolicy;
 use crate::report::Refusal;
-use crate::tensor::Tensor;
 
 /// Pairs are searched for again when this percentage of the vertices at the last search is left.
 const RENEW_PERCENT: usize = 70;

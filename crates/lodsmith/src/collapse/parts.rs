@@ -14,7 +14,7 @@ use super::invariants::need;
 use super::order::NONE;
 use super::vertex::Vertex;
 use super::{Engine, Goal, LiveMesh};
-use crate::metric::Metric;
+use crate::cost::metric::Metric;
 use crate::options::{BorderPolicy, TopologyPolicy};
 
 /// Factor of the cost of parts if the topology may change and they are removed in order of cost: as expensive
@@ -306,7 +306,7 @@ fn is_far_below(goal: &Goal, (faces, vertices): (usize, usize), share: f64) -> b
 mod tests {
     use super::*;
     use crate::collapse::test_support::{checked, engine_of, with_border, without_lines};
-    use crate::metric::Memoryless;
+    use crate::cost::metric::Memoryless;
     use crate::options::SimplifyOptions;
     use crate::test_support::{SmallMesh, pyramid, tetrahedron};
 

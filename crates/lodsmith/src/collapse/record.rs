@@ -14,7 +14,7 @@ use super::attributes::Attributes;
 use super::order::NONE;
 use super::store::Store;
 use crate::attributes::{RowPlaces, Rows};
-use crate::metric::VertexMemory;
+use crate::cost::metric::VertexMemory;
 
 /// Share of the bounds that one sweep takes in a recorded run: every level should be good, not only the last.
 /// (Measured: at 0.7 levels have up to 1.6 times the RMS of single runs, at 0.25 up to 1.06, at 0.05 up to

@@ -4,7 +4,7 @@ use lodsmith_core::{FaceId, VertexId};
 
 use super::Engine;
 use super::record::Record;
-use crate::metric::Metric;
+use crate::cost::metric::Metric;
 
 impl<M: Metric> Engine<M> {
     /// Logs the differences between the initial mesh of the engine and the input, as the first change.

@@ -4,7 +4,7 @@ use lodsmith_core::VertexId;
 
 use super::attributes::Slopes;
 use super::{Engine, Goal, LiveMesh, Sweeps};
-use crate::metric::Metric;
+use crate::cost::metric::Metric;
 
 impl<M: Metric> Engine<M> {
     /// Returns a copy that continues exactly like this one.

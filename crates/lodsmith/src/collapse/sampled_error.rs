@@ -14,7 +14,7 @@ use super::star::Star;
 use super::wings::Wing;
 use super::{LiveMesh, Scratch, Tally};
 use crate::cost;
-use crate::metric::Metric;
+use crate::cost::metric::Metric;
 
 /// Maximum mean number of samples per vertex when the phase starts.
 const SAMPLES_PER_VERTEX: usize = 32;
@@ -135,7 +135,7 @@ mod tests {
     use crate::collapse::Engine;
     use crate::collapse::candidate::CollapseOutcome;
     use crate::collapse::test_support::{assert_near, checked, cost_at, engine_of, try_at, without_lines};
-    use crate::metric::Memoryless;
+    use crate::cost::metric::Memoryless;
     use crate::test_support::sheet;
 
     /// Returns an engine of a flat sheet of 5 × 5 cells whose input lay this much above it.

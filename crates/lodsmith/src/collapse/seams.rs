@@ -6,7 +6,7 @@ use lodsmith_core::VertexId;
 use super::LiveMesh;
 use super::ring::{Ring, Spoke, faces_at};
 use super::star_edges::{Edge, Looseness, Side};
-use crate::metric::Metric;
+use crate::cost::metric::Metric;
 use crate::report::Refusal;
 
 /// Weight of the line of a seam edge relative to the planes of faces: a seam that leaves its line shows

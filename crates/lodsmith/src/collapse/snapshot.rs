@@ -15,8 +15,8 @@ use super::attributes::SavedWedges;
 use super::bound::UNKNOWN;
 use super::sweeps::{LAST_SHARE, Productivity, QUANTILE};
 use super::{Engine, Goal, Sweeps, samples};
-use crate::metric::Metric;
-use crate::ordered_input::OriginalInput;
+use crate::collapse::ordered_input::OriginalInput;
+use crate::cost::metric::Metric;
 
 /// Share of the collapses that a sweep's threshold aims at; a run whose sweeps do fewer is unproductive.
 /// (Measured: .27 to .34 on surfaces without seams as long as nothing blocks collapses, .26 with many seams.)

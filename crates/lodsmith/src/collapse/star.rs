@@ -115,8 +115,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::collapse::triangle;
     use crate::test_support::tame_vector;
-    use crate::triangle;
 
     /// A point of a small grid: triangles between such points often have no area.
     fn on_grid() -> impl Strategy<Value = Vec3> {

@@ -11,9 +11,9 @@ use super::ring::Ring;
 use super::star_edges::Edge;
 use super::store::{Ends, Store};
 use super::vertex::{self, Normals, Vertex};
-use crate::lanes::{self, cross, dot, sub};
-use crate::metric::{CostSource, Metric};
-use crate::tensor::Tensor;
+use crate::cost::lanes::{self, cross, dot, sub};
+use crate::cost::metric::{CostSource, Metric};
+use crate::cost::tensor::Tensor;
 
 /// Number of vertices from which prefetching is worthwhile: smaller meshes fit into the caches. (Measured.)
 pub(super) const PREFETCH_MIN_VERTICES: usize = 32_768;

@@ -8,7 +8,7 @@ use super::attributes::NO_WEDGE;
 use super::kind::Kind;
 use super::ring::{SHORT_RING, Spoke};
 use super::store::Store;
-use crate::metric::VertexMemory;
+use crate::cost::metric::VertexMemory;
 
 /// Which lines no longer refuse collapses, because nothing else was left to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -214,7 +214,7 @@ mod tests {
 
     use super::*;
     use crate::collapse::ring::Ring;
-    use crate::tensor::Tensor;
+    use crate::cost::tensor::Tensor;
 
     #[test]
     fn a_closed_fan_has_the_same_edges_as_any_star() {

@@ -15,8 +15,8 @@ use super::marks::Marks;
 use super::order::{NONE, TIME_OVER_MEMORY_MAX_FACES};
 use super::ring::{Corner, Ring, Spoke};
 use super::vertex::{self, Facing, Normals, PackedPosition, Vertex};
-use crate::lanes::Four;
-use crate::metric::VertexMemory;
+use crate::cost::lanes::Four;
+use crate::cost::metric::VertexMemory;
 
 /// Ends of consecutive corner lists.
 pub(super) struct Ends(Vec<u32>);
@@ -524,7 +524,7 @@ fn roots(mut into: Vec<VertexId>) -> Vec<VertexId> {
 mod tests {
     use super::*;
     use crate::collapse::ring::is_closed_fan;
-    use crate::tensor::Tensor;
+    use crate::cost::tensor::Tensor;
 
     #[test]
     fn closed_fans_are_found() {

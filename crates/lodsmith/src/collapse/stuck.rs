@@ -9,8 +9,8 @@ use super::cut::may_cut;
 use super::kind::Kind;
 use super::visit::VisitScratch;
 use super::{Engine, LiveMesh};
-use crate::guard::Rules;
-use crate::metric::Metric;
+use crate::cost::guard::Rules;
+use crate::cost::metric::Metric;
 use crate::options::{Length, SimplifyOptions, TopologyPolicy};
 use crate::proposal::{Change, Proposal};
 

@@ -11,9 +11,9 @@ use super::star_data::PREFETCH_MIN_VERTICES;
 use super::star_edges::Looseness;
 use super::visit::VisitScratch;
 use super::{Engine, Goal, LiveMesh, StopReason, record, samples};
+use crate::collapse::ordered_input::OriginalInput;
 use crate::control::{Control, Verdict};
-use crate::metric::Metric;
-use crate::ordered_input::OriginalInput;
+use crate::cost::metric::Metric;
 use crate::report::Refusal;
 
 /// Share of the bounds that one sweep takes. (.4 and .7 give equal errors, .7 with fewer sweeps:

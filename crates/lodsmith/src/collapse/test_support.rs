@@ -11,8 +11,8 @@ use super::order;
 use super::ring::Ring;
 use super::store::Store;
 use super::{Engine, Wedges};
-use crate::guard::Rules;
-use crate::metric::Metric;
+use crate::cost::guard::Rules;
+use crate::cost::metric::Metric;
 use crate::options::{BorderPolicy, SimplifyOptions, Stop};
 use crate::test_support::SmallMesh;
 

@@ -7,7 +7,7 @@ use lodsmith_core::VertexId;
 use wide::{f32x4, u32x4};
 
 use super::kind::Kind;
-use crate::lanes::{Four, dot};
+use crate::cost::lanes::{Four, dot};
 
 /// A vertex; one cache line if the memory is a tensor.
 #[derive(Clone, Copy, Debug)]
@@ -135,7 +135,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::tensor::Tensor;
+    use crate::cost::tensor::Tensor;
     use crate::test_support::four_vectors;
 
     #[test]

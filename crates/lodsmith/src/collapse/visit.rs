@@ -9,7 +9,7 @@ use super::candidate::{Attempt, Candidate, CollapseOutcome, Found, OwnedEdges};
 use super::hub_budget::HubBudget;
 use super::ring::Ring;
 use super::{Engine, LiveMesh};
-use crate::metric::Metric;
+use crate::cost::metric::Metric;
 use crate::options::Placement;
 use crate::report::Refusal;
 

@@ -8,7 +8,7 @@ use lodsmith_core::{VertexId, WedgeId};
 use super::ring::Corner;
 use super::store::Store;
 use crate::attributes::sides::SideValues;
-use crate::metric::VertexMemory;
+use crate::cost::metric::VertexMemory;
 
 /// Attributes of the input's wedges that matching needs.
 #[derive(Clone, Debug, Default)]

@@ -7,10 +7,10 @@ use wide::{f32x4, i32x4, u32x4};
 
 use super::ring::{Corner, Ring, Spoke};
 use super::store::Store;
-use crate::lanes::{self, Four, cross, dot, sub};
-use crate::metric::VertexMemory;
+use crate::cost::lanes::{self, Four, cross, dot, sub};
+use crate::cost::metric::VertexMemory;
+use crate::cost::tensor::Tensor;
 use crate::report::Refusal;
-use crate::tensor::Tensor;
 
 /// Squared quality below which a new triangle counts as having no area, unless it was no better before: just
 /// above the resolution of single precision. (Measured: at 1e-7 fans of slivers block each other, and
@@ -262,7 +262,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::metric::{Memoryless, Metric};
+    use crate::cost::metric::{Memoryless, Metric};
     use crate::test_support::{bits, tame_vector, vector};
 
     /// Results for one triangle.

@@ -4,8 +4,8 @@ use wide::f32x4;
 
 use super::normal_equations::FaceNormalEquations;
 use crate::collapse::store::Store;
-use crate::lanes::{Four, cross, dot, min, sub};
-use crate::metric::VertexMemory;
+use crate::cost::lanes::{Four, cross, dot, min, sub};
+use crate::cost::metric::VertexMemory;
 
 /// Square of the fraction of a face's height by which all its corners may move without rotating it by 60
 /// degrees: 11, 17 and 30 degrees, one after the other.

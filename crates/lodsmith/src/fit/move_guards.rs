@@ -8,8 +8,8 @@ use glam::Vec3;
 use lodsmith_core::VertexId;
 
 use crate::collapse::store::Store;
-use crate::guard::Rules;
-use crate::metric::VertexMemory;
+use crate::cost::guard::Rules;
+use crate::cost::metric::VertexMemory;
 
 /// Fractions of a move that are tried, the longest first: most moves that a guard refuses break it only near
 /// their end. (Guessed.)
@@ -109,7 +109,7 @@ fn shape(a: Vec3, b: Vec3, c: Vec3) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tensor::Tensor;
+    use crate::cost::tensor::Tensor;
 
     /// Returns four triangles around a vertex in the middle of a square.
     fn square() -> Store<Tensor> {

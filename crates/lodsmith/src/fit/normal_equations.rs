@@ -3,8 +3,8 @@
 use glam::{Vec3, Vec3A, Vec4};
 use wide::f32x4;
 
-use crate::lanes::max;
-use crate::tensor::Tensor;
+use crate::cost::lanes::max;
+use crate::cost::tensor::Tensor;
 
 /// Sums over the samples of a final triangle, and its normal and lifts for the solve: one cache line, four
 /// rows of three numbers plus one. b: barycentric coordinates, r: height over the plane.

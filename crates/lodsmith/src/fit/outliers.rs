@@ -7,11 +7,11 @@ use super::MoveGuards;
 use super::normal_equations::FaceNormalEquations;
 use super::solve::keeps_orientation;
 use crate::collapse::order::NONE;
+use crate::collapse::ordered_input::OrderedInput;
 use crate::collapse::store::Store;
-use crate::lanes::{dots, in_register, max};
-use crate::metric::VertexMemory;
-use crate::ordered_input::OrderedInput;
-use crate::triangle;
+use crate::collapse::triangle;
+use crate::cost::lanes::{dots, in_register, max};
+use crate::cost::metric::VertexMemory;
 
 /// Distance from the original that is always permitted, in units of the largest distance of a sample of the
 /// vertex's faces, squared. A flat part has an RMS height near zero, and vertices on its fillets lie farther

@@ -8,11 +8,11 @@ use super::normal_equations::FaceNormalEquations;
 use super::stars::{CachedStar, MIN_FACING_COS, Nearest};
 use super::values::Values;
 use crate::collapse::order::{NONE, TIME_OVER_MEMORY_MAX_FACES};
+use crate::collapse::ordered_input::OrderedInput;
 use crate::collapse::store::Store;
 use crate::collapse::vertex::Vertex;
-use crate::lanes::{dots, in_register, max};
-use crate::metric::VertexMemory;
-use crate::ordered_input::OrderedInput;
+use crate::cost::lanes::{dots, in_register, max};
+use crate::cost::metric::VertexMemory;
 
 /// Largest lateral distance of a sample outside its triangle, relative to its height, both squared.
 const MAX_LATERAL_SQ: f32 = 0.01;
@@ -285,8 +285,8 @@ fn vertex_areas(given: &mut impl OrderedInput) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cost::tensor::Tensor;
     use crate::fit::faces::{FaceData, face_data};
-    use crate::tensor::Tensor;
 
     #[test]
     fn a_sample_is_assigned_to_the_side_with_its_orientation() {

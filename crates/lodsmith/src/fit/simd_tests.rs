@@ -8,10 +8,10 @@ use proptest::prelude::*;
 use super::faces::FourFaces;
 use super::stars::{CachedStar, Fan, Nearest};
 use crate::collapse::store::Store;
-use crate::lanes::four;
-use crate::tensor::Tensor;
+use crate::collapse::triangle::closest;
+use crate::cost::lanes::four;
+use crate::cost::tensor::Tensor;
 use crate::test_support::{bits, tame_vector, vector};
-use crate::triangle::closest;
 
 /// [`FourFaces`] of one triangle.
 struct ScalarFace {
@@ -70,7 +70,7 @@ proptest! {
         let sound = all.are_sound(&four(facings)).to_bitmask();
         for i in 0..4 {
             let face = ScalarFace::new(corners[i]);
-            let lane = |v: &crate::lanes::Four| v.map(|x| x.to_array()[i]);
+            let lane = |v: &crate::cost::lanes::Four| v.map(|x| x.to_array()[i]);
             prop_assert_eq!(bits(lane(&all.normal)), bits(face.normal.to_array()));
             prop_assert_eq!(bits(lane(&all.second)), bits(face.second.to_array()));
             prop_assert_eq!(bits(lane(&all.third)), bits(face.third.to_array()));

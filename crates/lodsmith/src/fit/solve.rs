@@ -9,9 +9,9 @@ use super::normal_equations::FaceNormalEquations;
 use crate::collapse::kind::Kind;
 use crate::collapse::ring::Corner;
 use crate::collapse::store::Store;
-use crate::lanes::{Four, cross, dot, max, min, splat, sub};
-use crate::metric::VertexMemory;
-use crate::tensor::Tensor;
+use crate::cost::lanes::{Four, cross, dot, max, min, splat, sub};
+use crate::cost::metric::VertexMemory;
+use crate::cost::tensor::Tensor;
 
 /// Fraction of the trace added to the diagonal, to damp the moves.
 const DAMPING: f32 = 0.01;

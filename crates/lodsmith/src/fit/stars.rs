@@ -8,8 +8,8 @@ use super::faces::FourFaces;
 use crate::collapse::order::NONE;
 use crate::collapse::ring::Corner;
 use crate::collapse::store::Store;
-use crate::lanes::{Four, min, splat};
-use crate::metric::VertexMemory;
+use crate::cost::lanes::{Four, min, splat};
+use crate::cost::metric::VertexMemory;
 
 /// Least cosine between the normals of a sample and its triangle.
 pub(super) const MIN_FACING_COS: f32 = 0.3;

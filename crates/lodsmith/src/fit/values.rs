@@ -10,7 +10,7 @@ use wide::f32x4;
 
 use crate::collapse::attributes::Attributes;
 use crate::collapse::ring::Corner;
-use crate::tensor::Tensor;
+use crate::cost::tensor::Tensor;
 
 /// Fraction of its own weight that holds a wedge to its present value. (Guessed.)
 const DAMPING: f32 = 0.02;

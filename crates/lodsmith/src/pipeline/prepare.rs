@@ -4,14 +4,15 @@
 use lodsmith_core::mesh::weld::{self, Weld};
 use lodsmith_core::{MeshError, Surface, TriMesh};
 
+use super::{borders, shading};
 use crate::SimplifyError;
-use crate::flat_shading::FlatShading;
 use crate::input::Input;
 use crate::options::{Length, SimplifyOptions};
+use crate::pipeline::flat_shading::FlatShading;
 use crate::prune::Pruned;
 use crate::report::Report;
 use crate::run::Done;
-use crate::{borders, constraints, prune, shading};
+use crate::{constraints, prune};
 
 /// Returns the mesh with normals computed from its shape, if it has none and the options let them count.
 pub(crate) fn temporary_normals(

@@ -9,16 +9,16 @@ use super::{Progressive, arrange};
 use crate::SimplifyError;
 use crate::collapse::kind::Kind;
 use crate::collapse::order::{NONE, single_unit};
+use crate::collapse::ordered_input::KeptInput;
 use crate::collapse::record::Log;
 use crate::collapse::ring::Ring;
 use crate::collapse::store::Store;
 use crate::collapse::vertex::Facing;
 use crate::control::{Control, Verdict};
+use crate::cost::guard::Rules;
+use crate::cost::tensor::Tensor;
 use crate::fit::{self, MoveGuards};
-use crate::guard::Rules;
-use crate::ordered_input::KeptInput;
 use crate::run::Run;
-use crate::tensor::Tensor;
 
 /// Faces of a checkpoint, as a fraction of the faces of the next finer one. (docs/decisions/0018)
 const CHECKPOINT_FACTOR: f64 = 0.8;

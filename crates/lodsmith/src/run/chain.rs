@@ -27,9 +27,9 @@ use crate::collapse::order::{NONE, Ordered};
 use crate::collapse::{Goal, Pause, StopReason};
 use crate::constraints::Constraints;
 use crate::control::{Control, ProgressShare, Stage};
+use crate::cost::metric::{Metric, with_metric};
 use crate::deviation::{self, Deviation};
 use crate::input::Input;
-use crate::metric::{Metric, with_metric};
 use crate::options::{MethodKind, SimplifyOptions, Stop, TopologyPolicy};
 
 /// For each level, starting with the input, the vertex of the next level that each of its vertices was merged

@@ -12,9 +12,9 @@
 use std::rc::Rc;
 
 use super::trunk::{Root, Trunk};
+use crate::collapse::ordered_input::INPUT_COPY_MAX_FACES;
 use crate::collapse::{Engine, Goal, Sweeps};
-use crate::metric::Metric;
-use crate::ordered_input::INPUT_COPY_MAX_FACES;
+use crate::cost::metric::Metric;
 
 /// Maximum number of copies: at the start, and two later.
 const MAX_COPIES: usize = 3;

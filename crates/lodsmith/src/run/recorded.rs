@@ -6,12 +6,12 @@
 use super::context::Run;
 use crate::SimplifyError;
 use crate::collapse::cut::may_cut;
+use crate::collapse::ordered_input::OriginalInput;
 use crate::collapse::record::Record;
 use crate::collapse::{Engine, StopReason};
 use crate::control::{Control, Stage};
-use crate::metric::Metric;
+use crate::cost::metric::Metric;
 use crate::options::TopologyPolicy;
-use crate::ordered_input::OriginalInput;
 
 impl Run<'_, '_> {
     /// Sweeps an engine to the goal, or as far as possible. Returns the record, and how many of its changes came

@@ -17,7 +17,7 @@ use crate::collapse::cut::may_cut;
 use crate::collapse::snapshot::Snapshot;
 use crate::collapse::{Goal, Pause, StopReason, Sweeps};
 use crate::control::{Control, Stage};
-use crate::metric::Metric;
+use crate::cost::metric::Metric;
 
 /// Faces of an alternative result, relative to the lightest one, if the target is out of reach. (A level of
 /// 1,194 parts that ends at 6,249 faces is 2.0 % off there, and .2 % off with 15 % more faces.)
@@ -182,8 +182,8 @@ mod tests {
     use super::*;
     use crate::constraints::Constraints;
     use crate::control::NoControl;
+    use crate::cost::metric::Memoryless;
     use crate::input::Input;
-    use crate::metric::Memoryless;
     use crate::options::{SimplifyOptions, Stop};
     use crate::run::{collapses, ordered};
 

@@ -9,7 +9,7 @@ use crate::collapse::attributes::Attributes;
 use crate::collapse::order::NONE;
 use crate::collapse::store::Store;
 use crate::constraints::{HeldWedges, LockedWedges};
-use crate::metric::VertexMemory;
+use crate::cost::metric::VertexMemory;
 
 impl Run<'_, '_> {
     /// Returns the input wedges of locked vertices at the corners of the result.

@@ -8,18 +8,18 @@ use lodsmith_core::{RegionId, VertexId, WedgeId};
 
 use super::context::Run;
 use crate::SimplifyError;
+use crate::attributes::recolor;
 use crate::attributes::sides::SideValues;
 use crate::attributes::{Rows, WeightContext};
 use crate::collapse::attributes::Attributes;
 use crate::collapse::creases::sharp_edges;
+use crate::collapse::ordered_input::INPUT_COPY_MAX_FACES;
 use crate::collapse::store::Store;
 use crate::collapse::{Engine, Goal, Wedges};
+use crate::cost::guard::Rules;
+use crate::cost::metric::{CostSource, Metric, VertexMemory};
 use crate::fit;
-use crate::guard::Rules;
-use crate::metric::{CostSource, Metric, VertexMemory};
 use crate::options::{Fit, Length, Placement};
-use crate::ordered_input::INPUT_COPY_MAX_FACES;
-use crate::recolor;
 
 /// An engine before its first sweep, and other data that a run needs.
 pub(crate) struct Started<M: Metric> {

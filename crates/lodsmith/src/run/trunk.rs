@@ -11,23 +11,23 @@ use super::context::{Run, RunOutcome, TopologyChanges, Trace};
 use super::start::{Started, pairs_reach};
 use crate::SimplifyError;
 use crate::attributes::Rows;
+use crate::attributes::normals::{self, Homes};
+use crate::attributes::recolor::{self, OwnParts};
 use crate::collapse::attributes::Attributes;
 use crate::collapse::components;
 use crate::collapse::cut::may_cut;
 use crate::collapse::order::NONE;
+use crate::collapse::ordered_input::{KeptInput, OriginalInput};
 use crate::collapse::store::Store;
 use crate::collapse::vertex::Vertex;
 use crate::collapse::{Engine, Goal, StopReason, Sweeps};
 use crate::constraints::HeldWedges;
 use crate::control::{Control, Stage, Verdict};
+use crate::cost::guard::Rules;
+use crate::cost::metric::Metric;
 use crate::fit::{self, MoveGuards};
-use crate::guard::Rules;
-use crate::metric::Metric;
-use crate::normals::{self, Homes};
+use crate::methods::transfer::transfer_to_mesh;
 use crate::options::TopologyPolicy;
-use crate::ordered_input::{KeptInput, OriginalInput};
-use crate::rebuild::transfer_to_mesh;
-use crate::recolor::{self, OwnParts};
 
 /// Maximum number of faces of removed parts whose distance to the result is measured. (Guessed: the RMS is
 /// then known to a few percent.)

@@ -6,8 +6,8 @@ use super::level_search::{LevelCounts, LevelTest};
 use crate::SimplifyError;
 use crate::collapse::{Goal, StopReason};
 use crate::control::{Control, Stage};
+use crate::cost::metric::{Metric, with_metric};
 use crate::deviation::{Deviation, InputComparer, PreparedResult, ROUNDING};
-use crate::metric::{Metric, with_metric};
 use crate::options::MethodKind;
 
 /// Ratio of successive step limits of a method that is controlled by them.

@@ -7,14 +7,15 @@ use lodsmith_core::{MeshError, Positions, RegionId, TriMesh, VertexId};
 use super::layout::{Layout, RegionTable};
 use super::part::{MeshCounts, Part, SimplifiedScene};
 use super::touching::Touching;
+use crate::attributes::textures::Textures;
 use crate::constraints::HeldWedges;
 use crate::control::Control;
 use crate::input::{Input, MeshData, OwnedMeshData};
 use crate::options::{Length, SimplifyOptions, Stop};
+use crate::pipeline::borders;
 use crate::report::Report;
 use crate::run::CountedGoal;
-use crate::textures::Textures;
-use crate::{Simplified, SimplifyError, borders, constraints, pipeline, prune};
+use crate::{Simplified, SimplifyError, constraints, pipeline, prune};
 
 /// Four times the rounding of single-precision coordinates of a scene, as a share of its diagonal.
 const SCENE_ROUNDING: f64 = 2.5e-7;

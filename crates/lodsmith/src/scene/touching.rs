@@ -13,7 +13,7 @@ use lodsmith_core::sorted::indices_by_key;
 use lodsmith_core::{DisjointSets, Positions, TriMesh, VertexId};
 
 use super::part::{Part, Place};
-use crate::borders::{self, BorderVertex, MIN_EDGE_RATIO, ROUNDING_SHARE};
+use crate::pipeline::borders::{self, BorderVertex, MIN_EDGE_RATIO, ROUNDING_SHARE};
 
 /// Maximum number of border vertices of all copies among which touching ones are searched for. (Guessed: they
 /// take half a gigabyte.)

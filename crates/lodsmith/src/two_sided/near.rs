@@ -8,8 +8,8 @@ use lodsmith_core::mesh::weld::weld_within;
 use lodsmith_core::{DisjointSets, Surface, VertexId};
 
 use super::pairs::{self, FacePair, edges};
-use crate::borders::MIN_EDGE_RATIO;
 use crate::collapse::order::{NONE, Ordered, order};
+use crate::pipeline::borders::MIN_EDGE_RATIO;
 
 /// Largest distance between the sides of a sheet, as a share of the diagonal.
 const MAX_GAP_SHARE: f64 = 1e-6;

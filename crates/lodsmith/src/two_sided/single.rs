@@ -6,8 +6,8 @@ use lodsmith_core::{Attribute, MeshError, RegionId, Semantic, TriMesh, VertexId,
 
 use super::pairs::FacePairs;
 use super::plan::{BackValues, Plan, tangent_sign};
+use crate::attributes::textures::Textures;
 use crate::input::{MeshData, OwnedMeshData};
-use crate::textures::Textures;
 
 /// What the faces of a region of the single-sided mesh stand for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

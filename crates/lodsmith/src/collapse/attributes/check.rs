@@ -7,7 +7,7 @@ use super::{Attributes, NO_WEDGE, Slopes};
 use crate::collapse::invariants::{Checks, need};
 use crate::collapse::order::NONE;
 use crate::collapse::store::Store;
-use crate::metric::VertexMemory;
+use crate::cost::metric::VertexMemory;
 
 /// Tolerance between a sum updated over many collapses and the recomputed sum, as a share of the sizes of all
 /// summands. (Measured on the shapes and soups of the tests: areas up to 4e-6.)
@@ -147,7 +147,7 @@ impl Attributes {
             }
             if head.has_reduction {
                 let (recorded, now) = (self.reductions[w], self.reduction(id));
-                let bits = |t: &crate::tensor::Tensor| t.0.map(f32::to_bits);
+                let bits = |t: &crate::cost::tensor::Tensor| t.0.map(f32::to_bits);
                 need(bits(&recorded) == bits(&now), || {
                     format!("wedge {w} by itself reduces the cost by {now:?}, cached is {recorded:?}")
                 })?;

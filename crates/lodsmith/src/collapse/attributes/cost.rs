@@ -7,7 +7,7 @@ use wide::f32x4;
 use super::merge::{Member, of_group, representatives};
 use super::sum::{Sum, add_outer};
 use super::{Attributes, Head, dot};
-use crate::tensor::Tensor;
+use crate::cost::tensor::Tensor;
 
 /// Maximum number of wedges of a vertex that an evaluation visits, so that a vertex between very many charts
 /// cannot stall a run.

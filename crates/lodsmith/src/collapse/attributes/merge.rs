@@ -5,7 +5,7 @@ use wide::f32x4;
 
 use super::slopes::{FourSlopes, SlopesRow};
 use super::{Attributes, Head, JointWeights, NO_WEDGE};
-use crate::lanes;
+use crate::cost::lanes;
 
 /// Maximum number of joints per wedge during a run. (More than any format has.)
 const MAX_JOINTS: usize = 16;

@@ -4,7 +4,7 @@ use lodsmith_core::WedgeId;
 use wide::f32x4;
 
 use super::{Attributes, Head, JointWeights};
-use crate::tensor::Tensor;
+use crate::cost::tensor::Tensor;
 
 /// State of some wedges, to be restored.
 #[derive(Clone, Debug)]

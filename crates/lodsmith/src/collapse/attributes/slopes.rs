@@ -3,8 +3,8 @@
 use glam::Vec3;
 use wide::f32x4;
 
-use crate::lanes::{self, Four, cross, sub};
-use crate::tensor::Tensor;
+use crate::cost::lanes::{self, Four, cross, sub};
+use crate::cost::tensor::Tensor;
 
 /// Doubled area below which a triangle's gradients are unreliable, as a share of its longest edge squared.
 const MIN_AREA_SHARE: f32 = 1e-3;

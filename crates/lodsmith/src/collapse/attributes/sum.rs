@@ -3,9 +3,9 @@
 use glam::Vec3;
 use wide::f32x4;
 
-use crate::lanes;
-use crate::metric::Form;
-use crate::tensor::Tensor;
+use crate::cost::lanes;
+use crate::cost::metric::Form;
+use crate::cost::tensor::Tensor;
 
 /// A quadratic form in four partial sums, one for each lane.
 pub(in crate::collapse) struct Sum {

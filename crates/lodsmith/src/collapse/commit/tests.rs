@@ -6,8 +6,8 @@ use crate::collapse::test_support::{
     assert_near, checked, cost_at, engine_of, live_faces, ring_of, try_at, with_border, without_lines,
 };
 use crate::cost::TIE;
-use crate::metric::{EDGE_LENGTH, Memoryless, Quadric};
-use crate::tensor::Tensor;
+use crate::cost::metric::{EDGE_LENGTH, Memoryless, Quadric};
+use crate::cost::tensor::Tensor;
 use crate::test_support::{SmallMesh, octahedron, pyramid, sheet, tetrahedron, tube};
 
 /// Displacement of corner 1 of a pyramid to its apex.
@@ -174,7 +174,7 @@ fn guards_refuse_collapses_beyond_their_limits() {
     /// Returns the refusals with a rule just short of a limit and just beyond.
     fn refusals(
         (small, ends): (&SmallMesh, [u32; 2]),
-        set: fn(&mut crate::guard::Rules, f32),
+        set: fn(&mut crate::cost::guard::Rules, f32),
         values: [f32; 2],
     ) -> [Option<Refusal>; 2] {
         values.map(|value| {
@@ -196,7 +196,7 @@ fn guards_refuse_collapses_beyond_their_limits() {
     let step = refusals((&pyramid(0.5), [1, 0]), |rules, x| rules.max_step_sq = x, [0.801, 0.799]);
     assert_eq!(step, [None, Some(Refusal::Cost)]);
     // Two inner vertices of a sheet with six faces each, two of them shared: eight remain.
-    let valence = |rules: &mut crate::guard::Rules, x: f32| rules.max_valence = x as usize;
+    let valence = |rules: &mut crate::cost::guard::Rules, x: f32| rules.max_valence = x as usize;
     assert_eq!(refusals((&sheet(5), [14, 15]), valence, [8.0, 7.0]), [None, Some(Refusal::Valence)]);
 }
 

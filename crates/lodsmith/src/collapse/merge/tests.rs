@@ -6,7 +6,7 @@ use crate::collapse::candidate::CollapseOutcome;
 use crate::collapse::test_support::{
     assert_near, checked, cost_at, engine_with_values, ring_of, try_at, without_lines,
 };
-use crate::metric::Memoryless;
+use crate::cost::metric::Memoryless;
 use crate::test_support::{SmallMesh, pyramid, sheet};
 
 /// Returns an engine of a mesh with one wedge for each vertex.

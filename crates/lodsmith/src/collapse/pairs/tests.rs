@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::collapse::test_support::{checked, engine_of, live_faces, with_border};
-use crate::metric::{Memoryless, Quadric};
+use crate::cost::metric::{Memoryless, Quadric};
 use crate::options::BorderPolicy;
 use crate::test_support::{SmallMesh, gap, octahedron, sheet};
 

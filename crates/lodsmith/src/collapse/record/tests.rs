@@ -6,7 +6,7 @@ use super::*;
 use crate::collapse::candidate::CollapseOutcome;
 use crate::collapse::test_support::{engine_of, engine_with_values, try_at, without_lines};
 use crate::collapse::{Engine, Goal, order};
-use crate::metric::Memoryless;
+use crate::cost::metric::Memoryless;
 use crate::test_support::{SmallMesh, octahedron, pyramid, sheet, tetrahedron};
 
 /// Starts to record an engine of a small mesh, which has the numbers of the input.

@@ -4,7 +4,7 @@ use lodsmith_core::VertexId;
 
 use super::{NONE, Store};
 use crate::collapse::invariants::need;
-use crate::metric::VertexMemory;
+use crate::cost::metric::VertexMemory;
 
 impl<Q: VertexMemory> Store<Q> {
     /// Returns an error that names the first broken invariant, if any.
@@ -190,7 +190,7 @@ mod tests {
 
     use super::*;
     use crate::collapse::ring::{Corner, Ring};
-    use crate::tensor::Tensor;
+    use crate::cost::tensor::Tensor;
 
     /// A tetrahedron and a square of two faces, one vertex of which was merged into another.
     fn sound() -> Store<Tensor> {
