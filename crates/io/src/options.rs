@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::assets::{AssetScope, Assets};
 use crate::format::Format;
-use crate::gltf::Packing;
+use crate::gltf::pack::Packing;
 use crate::limits::Limits;
 use crate::material::{Regions, Textures};
 

@@ -11,8 +11,8 @@ use base64::alphabet;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use serde_json::Value;
 
+use super::compressed::fallbacks;
 use super::container::{Document, entry, list, whole};
-use super::unpack;
 use crate::assets::{Assets, Refusal};
 use crate::error::ReadError;
 use crate::excerpt::excerpt;
@@ -61,7 +61,7 @@ impl<'a> Buffers<'a> {
         // Several buffers may name the same file.
         let mut known: HashMap<(&str, &Value), Arc<Vec<u8>>> = HashMap::new();
         let (mut all, mut total) = (Vec::new(), 0u64);
-        let fallbacks = unpack::fallbacks(self.json);
+        let fallbacks = fallbacks(self.json);
         for (i, buffer) in list(self.json, "buffers").iter().enumerate() {
             if fallbacks.contains(&i) {
                 all.push(Arc::default());

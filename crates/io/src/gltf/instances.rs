@@ -8,10 +8,9 @@ use super::accessors::Accessor;
 use super::buffers::Buffers;
 use super::container::{list, number, whole};
 use super::mesh::Budget;
+use super::references::INSTANCING;
 use crate::error::ReadError;
 
-/// Name of the extension.
-pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 /// The attributes that define the placement of a copy.
 const PLACING: [&str; 3] = ["TRANSLATION", "ROTATION", "SCALE"];
 

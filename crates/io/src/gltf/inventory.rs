@@ -3,9 +3,10 @@
 use serde_json::Value;
 
 use super::container::{IGNORABLE_EXTENSIONS, list, number};
-use super::instances::{self, INSTANCING};
+use super::instances;
 use super::lod::nodes_of_levels;
 use super::placements::Placement;
+use super::references::INSTANCING;
 use crate::error::Warning;
 use crate::excerpt::excerpt;
 use crate::loaded::Contents;

@@ -19,8 +19,8 @@ use lodsmith_core::TriMesh;
 use serde_json::{Map, Value, json};
 
 use super::container::{list, list_mut, number};
-use super::instances::INSTANCING;
 use super::lists::{add_extension, append, take_extension};
+use super::references::INSTANCING;
 
 /// Name of the extension.
 pub(super) const EXTENSION: &str = "MSFT_lod";

@@ -2,7 +2,8 @@
 
 use serde_json::Value;
 
-use super::instances::INSTANCING;
+/// Extension of nodes that places a mesh several times.
+pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// Kind of a referenced element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

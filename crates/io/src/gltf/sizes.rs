@@ -6,10 +6,10 @@ use serde_json::Value;
 
 use super::Scene;
 use super::buffers::{Buffers, data_uri, path_of};
+use super::compressed::fallbacks;
 use super::container::{Document, list, number};
 use super::instances;
 use super::placements::PlacedNodes;
-use super::unpack;
 use crate::error::ReadError;
 use crate::material::{bytes_with_mipmaps, size_of, size_of_file};
 use crate::options::ReadOptions;
@@ -44,7 +44,7 @@ fn of_parts(json: &Value, buffers: &Buffers<'_>) -> Result<Sizes, ReadError> {
                 sizes.triangles.saturating_add(triangles(json, primitive).saturating_mul(instances));
         }
     }
-    let spare = unpack::fallbacks(json);
+    let spare = fallbacks(json);
     let mut used = HashSet::new();
     for texture in list(json, "textures") {
         used.extend(number(&texture["source"]));

@@ -8,20 +8,18 @@
 
 mod decoded;
 mod draco;
-mod extensions;
 mod views;
 
 use std::sync::Arc;
 
 use serde_json::Value;
 
+use super::compressed::{DRACO, MESHOPT, extension};
 use super::container::list;
 use super::lists::drop_unused_extensions;
 use crate::error::ReadError;
 
 use decoded::DecodeBudget;
-pub(super) use extensions::fallbacks;
-use extensions::{DRACO, MESHOPT, extension};
 
 /// Limits on decoded bytes: per byte of the file, and a total that any file may reach. Guessed: the best
 /// streams of real meshes shrink to a tenth, and only endless zeros to less than a hundredth.
@@ -63,6 +61,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+    use crate::gltf::compressed::fallbacks;
 
     #[test]
     fn fallback_buffers_are_found() {

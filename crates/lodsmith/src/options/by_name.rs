@@ -22,9 +22,9 @@ mod entry;
 mod table;
 mod value;
 
-pub use entry::{LengthRange, NamedOption, OptionGroup, OptionKind, Range};
+pub use entry::{NamedOption, OptionGroup, OptionKind, Range};
 pub use table::OPTIONS;
-pub use value::{OptionValue, length_of_text, length_text};
+pub use value::{LengthRange, OptionValue, length_of_text, length_text};
 
 /// Reason why an option was rejected.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

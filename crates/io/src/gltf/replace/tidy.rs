@@ -5,8 +5,8 @@ use std::collections::{BTreeSet, HashSet};
 use serde_json::Value;
 
 use super::super::container::{list, list_mut, number};
-use super::super::instances::INSTANCING;
 use super::super::lists::{drop_nulls, retain, take_extension};
+use super::super::references::INSTANCING;
 use super::edit::Edit;
 use crate::error::Warning;
 

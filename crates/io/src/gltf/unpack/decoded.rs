@@ -6,10 +6,10 @@ use std::sync::Arc;
 
 use serde_json::{Value, json};
 
+use super::super::compressed::MESHOPT;
 use super::super::container::{list, list_mut};
 use super::super::lists::{move_view, take_extension, view_span};
 use super::super::repack::{ByteSpan, Repacked};
-use super::extensions::MESHOPT;
 use crate::error::ReadError;
 
 /// Limit on decoded bytes, and how much of it is used.

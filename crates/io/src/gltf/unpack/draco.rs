@@ -8,13 +8,13 @@ use serde_json::{Map, Value, json};
 
 use super::super::accessors::{AccessorShape, Component};
 use super::super::buffers::Buffers;
+use super::super::compressed::DRACO;
 use super::super::container::{entry, list, list_mut, number, whole};
 use super::super::encode::{EncodedAccessor, NumberType, encode, normalize_weights};
 use super::super::lists::{append, put, renumber, take_extension, view_span};
 use super::super::mesh::TYPE_NAMES;
 use super::super::references::{ReferenceKind, each_reference, views_of};
 use super::decoded::{DecodeBudget, DecodedBytes};
-use super::extensions::DRACO;
 use crate::error::ReadError;
 
 /// Targets of views.

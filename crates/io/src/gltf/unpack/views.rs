@@ -7,12 +7,12 @@ use serde_json::Value;
 
 use super::super::accessors::Accessor;
 use super::super::buffers::Buffers;
+use super::super::compressed::{MESHOPT, extension};
 use super::super::container::{list, list_mut, number, whole};
 use super::super::lists::take_extension;
 use super::super::meshopt::{Filter, Layout, StreamMode, decode};
 use super::super::repack::ByteSpan;
 use super::decoded::{DecodeBudget, DecodedBytes};
-use super::extensions::{MESHOPT, extension};
 use crate::error::ReadError;
 use crate::excerpt::excerpt;
 

@@ -1,9 +1,9 @@
 //! An entry of the table of options.
 
 use super::OptionError;
-use super::value::OptionValue;
+use super::value::{LengthRange, OptionValue};
 use crate::SimplifyError;
-use crate::options::{Length, MethodKind, SimplifyOptions};
+use crate::options::{MethodKind, SimplifyOptions};
 
 /// An option of simplification: its name, the values that it takes, and how it is read and set.
 #[derive(Clone, Copy, Debug)]
@@ -65,17 +65,6 @@ pub enum OptionKind {
     Weights(&'static [&'static str]),
     /// A whole number, 0 or more.
     Seed,
-}
-
-/// The lengths that an option takes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LengthRange {
-    /// Above 0.
-    Positive,
-    /// 0 or more.
-    FromZero,
-    /// Above 0; 0 stands for none, and turns off that of a preset.
-    ZeroIsOff,
 }
 
 /// A range of numbers.
@@ -170,14 +159,6 @@ impl OptionKind {
             }
         };
         parsed.ok_or_else(|| format!("{} is expected, not {value}", self.wanted()))
-    }
-}
-
-impl LengthRange {
-    /// True if a length is in the range.
-    pub fn contains(self, length: Length) -> bool {
-        let (Length::Units(x) | Length::OfDiagonal(x)) = length;
-        x.is_finite() && (x > 0.0 || x == 0.0 && self != Self::Positive)
     }
 }
 

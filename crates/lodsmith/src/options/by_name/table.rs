@@ -2,8 +2,8 @@
 
 use std::borrow::Cow;
 
-use super::entry::{LengthRange, NamedOption, OptionGroup, OptionKind, Range};
-use super::value::OptionValue;
+use super::entry::{NamedOption, OptionGroup, OptionKind, Range};
+use super::value::{LengthRange, OptionValue};
 use crate::options::{
     AttributeWeights, BorderPolicy, Bound, Fit, Measure, Method, MethodKind, Placement, Preset, Remesh,
     RemeshPattern, SimplifyOptions, Stop, TopologyPolicy,

@@ -3,7 +3,6 @@
 use std::borrow::Cow;
 use std::fmt;
 
-use super::entry::LengthRange;
 use crate::options::Length;
 
 /// A value of an option: as a caller gave it, or as options have it.
@@ -58,6 +57,25 @@ pub fn length_text(length: Length) -> String {
                 _ => format!("{percent}%"),
             }
         }
+    }
+}
+
+/// The lengths that an option takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LengthRange {
+    /// Above 0.
+    Positive,
+    /// 0 or more.
+    FromZero,
+    /// Above 0; 0 stands for none, and turns off that of a preset.
+    ZeroIsOff,
+}
+
+impl LengthRange {
+    /// True if a length is in the range.
+    pub fn contains(self, length: Length) -> bool {
+        let (Length::Units(x) | Length::OfDiagonal(x)) = length;
+        x.is_finite() && (x > 0.0 || x == 0.0 && self != Self::Positive)
     }
 }
 

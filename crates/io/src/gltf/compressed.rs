@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use serde_json::Value;
 
-use super::super::container::{list, number};
+use super::container::{list, number};
 
 /// Extension of primitives.
 pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
@@ -19,7 +19,7 @@ pub(super) fn extension(element: &Value) -> Option<(&'static str, &Value)> {
 
 /// Returns fallback buffers for readers without an extension that nothing else needs; their bytes may be
 /// missing.
-pub(in super::super) fn fallbacks(json: &Value) -> HashSet<usize> {
+pub(super) fn fallbacks(json: &Value) -> HashSet<usize> {
     let (mut plain, mut spare) = (HashSet::new(), HashSet::new());
     for view in list(json, "bufferViews") {
         match extension(view) {
