@@ -134,12 +134,14 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
         let models = shared_models().context("which folders? cargo xtask corpus DIR...")?;
         folders = vec![models.clone(), models.with_file_name("found")];
     }
+    for folder in &folders {
+        ensure!(folder.is_dir(), "{} is no folder: there is nothing to check", folder.display());
+    }
     let command = release_command()?;
     let limits = Limits { seconds: limit, megabytes: 4000 };
     let mut corpus = Corpus { command, limits, largest, errors: PrintedErrors::default() };
     let (mut count, mut failed) = (0, 0);
     for folder in folders {
-        ensure!(folder.is_dir(), "{} is no folder: there is nothing to check", folder.display());
         let mut files = Vec::new();
         collect(&folder, &mut files)?;
         files.retain(|p| p.to_string_lossy().contains(&only));
