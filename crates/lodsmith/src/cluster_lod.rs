@@ -32,6 +32,7 @@ use lodsmith_core::{FaceId, Semantic, TriMesh, VertexId};
 
 use crate::SimplifyError;
 use crate::control::{Control, Stage, Verdict};
+use crate::input::{Input, MeshData};
 use crate::report::Cleanup;
 use deviation::OriginalSurface;
 use group_simplify::GroupOutcome;
@@ -113,16 +114,27 @@ pub struct BuiltClusterLod {
 /// With rayon the groups are distributed over the caller's pool; the result is the same with any number of
 /// threads. Cost: O(n log n).
 ///
+/// Of the [`MeshData`] of an input, the classes of its regions count; images do not.
+///
 /// # Errors
-/// [`SimplifyError::BadOption`], [`SimplifyError::NoFaces`], [`SimplifyError::Cancelled`].
+/// [`SimplifyError::BadOption`], [`SimplifyError::NoFaces`], [`SimplifyError::Cancelled`];
+/// [`SimplifyError::NotTogether`] for locked vertices and importance, which cluster levels do not have.
 ///
 /// Source: [Karis 2021].
-pub fn cluster_lod(
-    mesh: &TriMesh,
+pub fn cluster_lod<'a>(
+    input: impl Into<Input<'a>>,
     options: &ClusterLodOptions,
     control: &mut dyn Control,
 ) -> Result<BuiltClusterLod, SimplifyError> {
     options.check()?;
+    let input = input.into();
+    let MeshData { locked, importance, region_classes, .. } = input.data;
+    for (first, is_given) in [("locked", locked.is_some()), ("importance", importance.is_some())] {
+        if is_given {
+            return Err(SimplifyError::NotTogether { first, second: "cluster_lod" });
+        }
+    }
+    let mesh = &*input.to_mesh()?;
     control.stage(Stage::Prepare);
     report_progress(control, 0.0)?;
     let mut report = ClusterLodReport {
@@ -164,6 +176,7 @@ pub fn cluster_lod(
                     &members,
                     &borders.of(first + k),
                     options,
+                    region_classes,
                     &budget,
                     &original,
                 )

@@ -9,7 +9,7 @@ use lodsmith::core::mesh::weld::weld_mesh;
 use lodsmith::core::{
     ClusterId, Positions, RegionId, Topology, TriMesh, VertexId, WedgeId, arbitrary, shapes,
 };
-use lodsmith::{ClusterLodOptions, Control, NoControl, SimplifyError, Verdict, cluster_lod};
+use lodsmith::{ClusterLodOptions, Control, Input, NoControl, SimplifyError, Verdict, cluster_lod};
 use proptest::prelude::*;
 
 use crate::support::{CaseFilter, Complaints, is_long, size};
@@ -279,6 +279,25 @@ fn cuts_of_a_textured_mesh_keep_their_charts_and_regions() {
         assert!(wedges_at.values().any(|w| w.len() == 2));
         let regions: HashSet<_> = surface.regions().unwrap().iter().collect();
         assert_eq!(regions.len(), 2);
+    }
+}
+
+#[test]
+fn regions_of_one_class_have_a_border_that_may_move() {
+    let mesh = textured(size(5, 4));
+    let classes = [RegionId(0), RegionId(0)];
+    let options = ClusterLodOptions::default();
+    let input = Input::new(&mesh).region_classes(&classes);
+    assert_ne!(cluster_lod(input, &options, &mut NoControl).unwrap().lod, built(&mesh, &options));
+}
+
+#[test]
+fn locks_and_importance_are_refused() {
+    let mesh = shapes::grid(4);
+    let (locked, importance) = (vec![true; mesh.vertex_count()], vec![2.0; mesh.vertex_count()]);
+    for input in [Input::new(&mesh).locked(&locked), Input::new(&mesh).importance(&importance)] {
+        let refused = cluster_lod(input, &small(), &mut NoControl);
+        assert!(matches!(refused, Err(SimplifyError::NotTogether { second: "cluster_lod", .. })));
     }
 }
 

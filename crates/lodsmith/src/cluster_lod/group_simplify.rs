@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use lodsmith_core::mesh::part::{Part, SharedIds, extract_faces};
-use lodsmith_core::{FaceId, TriMesh, VertexId};
+use lodsmith_core::{FaceId, RegionId, TriMesh, VertexId};
 
 use super::deviation::OriginalSurface;
 use super::group::{Border, VertexPair, directed};
@@ -36,6 +36,7 @@ pub(super) fn simplify_group(
     members: &[&Front],
     border: &Border<'_>,
     options: &ClusterLodOptions,
+    region_classes: Option<&[RegionId]>,
     budget: &Budget,
     original: &OriginalSurface,
 ) -> Result<GroupOutcome, SimplifyError> {
@@ -51,7 +52,7 @@ pub(super) fn simplify_group(
     let mut inner =
         SimplifyOptions { weights: options.weights, border: options.border, ..SimplifyOptions::default() };
     let mut input = Input::new(&group.mesh).locked(&locked);
-    input.data.region_classes = options.region_classes.as_deref();
+    input.data.region_classes = region_classes;
     input.keeps_blended_normals = true;
     let max_faces = (options.keep_at_most * faces.len() as f64) as usize;
     let mut to = |wanted| {

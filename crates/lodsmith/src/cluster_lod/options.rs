@@ -1,9 +1,5 @@
 //! Options of cluster levels of detail.
 
-use std::sync::Arc;
-
-use lodsmith_core::RegionId;
-
 use crate::options::{AttributeWeights, BorderPolicy};
 
 /// Options of [`cluster_lod`](crate::cluster_lod()).
@@ -22,8 +18,6 @@ pub struct ClusterLodOptions {
     pub weights: AttributeWeights,
     /// Treatment of the open borders of the mesh. Where several groups meet on a border, it is always locked.
     pub border: BorderPolicy,
-    /// See [`MeshData::region_classes`](crate::MeshData::region_classes).
-    pub region_classes: Option<Arc<[RegionId]>>,
 }
 
 impl Default for ClusterLodOptions {
@@ -35,7 +29,6 @@ impl Default for ClusterLodOptions {
             keep_at_most: 0.75,
             weights: AttributeWeights::default(),
             border: BorderPolicy::default(),
-            region_classes: None,
         }
     }
 }
