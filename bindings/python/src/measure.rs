@@ -1,16 +1,13 @@
 //! Comparison, source map, repair and counts of meshes.
 
 use lodsmith::core::measure::{CompareOptions, MeasureError, compare as measured};
-use lodsmith::core::mesh::defects::defects;
-use lodsmith::core::mesh::weld::weld;
-use lodsmith::core::topology::{Topology, size_of};
 use lodsmith::core::{Source, correspondence};
 use lodsmith::{CleanOptions, NonManifold};
+use lodsmith_asset::MeshFacts;
 use numpy::IntoPyArray as _;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use serde_json::json;
 
 use crate::arrays::{MeshArrays, matrix, to_arrays};
 use crate::control::Watch;
@@ -124,34 +121,6 @@ pub(crate) fn clean<'py>(
 #[pyfunction]
 pub(crate) fn counts<'py>(py: Python<'py>, mesh: MeshArrays<'py>) -> PyResult<Bound<'py, PyAny>> {
     let mesh = mesh.mesh(py)?;
-    let counted = Watch::default().run(py, |_| {
-        let surface = mesh.surface();
-        let (t, size, broken) = (Topology::new(&surface).counts(), size_of(&surface), defects(&surface));
-        let bounds = surface.positions().bounds();
-        json!({
-            "faces": mesh.face_count(),
-            "vertices": mesh.vertex_count(),
-            "positions": weld(surface.positions()).distinct_count,
-            "components": t.component_count,
-            "border_edges": t.border_edge_count,
-            "border_loops": t.border_loop_count,
-            "non_manifold_edges": t.non_manifold_edge_count,
-            "non_manifold_vertices": t.non_manifold_vertex_count,
-            "degenerate_faces": t.degenerate_face_count,
-            "duplicate_faces": broken.duplicate_face_count(),
-            "unused_vertices": broken.unused_vertex_count,
-            "non_finite_vertices": broken.non_finite_vertex_count,
-            "closed": t.is_closed(),
-            "manifold": t.is_manifold(),
-            "oriented": t.is_oriented(),
-            "genus": t.genus(),
-            "bounds": {
-                "min": bounds.map(|b| b.min), "max": bounds.map(|b| b.max),
-                "diagonal": bounds.map(|b| b.diagonal()),
-            },
-            "area": size.area,
-            "volume": size.volume,
-        })
-    })?;
+    let counted = Watch::default().run(py, |_| MeshFacts::of(&mesh).to_json())?;
     to_python(py, &counted)
 }

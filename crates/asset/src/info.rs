@@ -1,5 +1,6 @@
 //! The content and the defects of a file.
 
+use lodsmith_core::mesh::defects::defects;
 use lodsmith_core::mesh::weld::weld;
 use lodsmith_core::topology::{Size, Topology, TopologyCounts, size_of};
 use lodsmith_core::{Bounds, PositionsView, Surface, TriMesh, VertexId};
@@ -45,19 +46,15 @@ impl MeshFacts {
     pub fn of(mesh: &TriMesh) -> Self {
         let surface = mesh.surface();
         let positions = surface.positions();
-        let weld = weld(positions);
-        let mut is_used = vec![false; positions.len()];
-        for v in surface.triangles().iter().flatten() {
-            is_used[v.index()] = true;
-        }
+        let defects = defects(&surface);
         Self {
             faces: mesh.face_count(),
             vertices: mesh.vertex_count(),
-            places: weld.distinct_count,
+            places: weld(positions).distinct_count,
             topology: Topology::new(&surface).counts(),
-            duplicate_faces: duplicate_faces(&surface, &weld.representative),
-            unused_vertices: is_used.iter().filter(|used| !**used).count(),
-            non_finite_vertices: positions.iter().filter(|p| !p.iter().all(|x| x.is_finite())).count(),
+            duplicate_faces: defects.duplicate_face_count(),
+            unused_vertices: defects.unused_vertex_count,
+            non_finite_vertices: defects.non_finite_vertex_count,
             bounds: positions.bounds(),
             size: size_of(&surface),
         }
@@ -159,19 +156,6 @@ fn is_closed_by_index(loaded: &Loaded) -> Option<bool> {
     })
 }
 
-/// Returns the number of faces on the same three positions as an earlier one, in either winding.
-fn duplicate_faces(surface: &Surface<'_>, place_of: &[VertexId]) -> usize {
-    let sorted = |t: &[VertexId; 3]| {
-        let mut t = t.map(|v| place_of[v.index()]);
-        t.sort_unstable();
-        t
-    };
-    let is_face = |t: &[VertexId; 3]| t[0] != t[1] && t[1] != t[2];
-    let mut faces: Vec<[VertexId; 3]> = surface.triangles().iter().map(sorted).filter(is_face).collect();
-    faces.sort_unstable();
-    faces.windows(2).filter(|w| w[0] == w[1]).count()
-}
-
 impl Info {
     /// Returns the report, with the path as it was given.
     pub fn to_json(&self, path: &str) -> Value {
@@ -220,7 +204,6 @@ mod tests {
         // The last one is degenerate after welding.
         let faces = vec![face(0, 1, 2), face(5, 4, 3), face(1, 2, 3), face(0, 3, 1)];
         let mesh = TriMesh::new(Positions::F32(positions), faces).unwrap();
-        let surface = mesh.surface();
-        assert_eq!(duplicate_faces(&surface, &weld(surface.positions()).representative), 2);
+        assert_eq!(MeshFacts::of(&mesh).duplicate_faces, 2);
     }
 }
