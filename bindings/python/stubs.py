@@ -12,12 +12,7 @@ from lodsmith import _lodsmith as native
 PATH = pathlib.Path(__file__).parent / "python" / "lodsmith" / "__init__.pyi"
 TYPES = {"count": "int", "ratio": "float | str", "length": "float | str", "degrees": "float", "number": "float"}
 TYPES.update(flag="bool", seed="int", weights="Mapping[str, float]")
-#: Types of the options of files that are neither flags nor of the engine.
-OF_FILES = {"asset_root": "_Path", "lock": "Sequence[str] | str", "importance": "str", "bake": "Sequence[str] | str"}
-OF_FILES.update(normals='Literal["keep", "recompute", "none"]', textures='Literal["copy", "link", "none"]', to="str")
-OF_FILES.update(compress='Literal["none", "meshopt", "meshopt-khr"]', atlas='Literal["keep", "new"]', up='Literal["y", "z"]')
-OF_FILES.update(texture_size="int", ao_rays="int", ao_distance="float", scale="float", threads="int", time_limit="float")
-OF_FILES.update(max_memory="str")
+TYPES.update(text="str", path="_Path")
 PROGRESS = "Callable[[float, str], Any] | bool | Any"
 
 HEAD = '''# Made by stubs.py; the keywords are those of the tables of options.
@@ -28,11 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ._files import CommandError as CommandError
-from ._files import clean_file as clean_file
-from ._files import convert as convert
 from ._files import info as info
 from ._files import load as load
-from ._files import lod_file as lod_file
 from ._files import save as save
 from ._mesh import Mesh as Mesh
 from ._picture import Picture as Picture
@@ -58,9 +50,12 @@ class InvalidMesh(ValueError):
 '''
 
 
+def type_of(option):
+    return TYPES.get(option["kind"]) or "Literal[%s]" % ", ".join(f'"{word}"' for word in option["words"])
+
+
 def keyword(option):
-    kind = TYPES.get(option["kind"]) or "Literal[%s]" % ", ".join(f'"{word}"' for word in option["words"])
-    default = option["default"]
+    kind, default = type_of(option), option["default"]
     value = "..." if default is None else default if option["kind"] == "seed" else f'"{default}"'
     # A preset sets these two where they are not given.
     if option["name"] in ("border", "topology") or default is None:
@@ -76,14 +71,21 @@ def keywords(without=()):
     ]
 
 
-def keywords_of_files():
-    engine = {option["name"]: option for option in lodsmith.options()}
-    flags, others = ([name.replace("-", "_") for name in names] for names in native.job_options("simplify"))
-    lines = [f"progress: {PROGRESS} = ..."] + [keyword(engine[name]) for name in engine if name in flags + others]
-    lines += [f"{name}: Optional[{OF_FILES.get(name, 'Any')}] = ..." for name in others if name not in engine and name != "from"]
-    lines += [f"{name}: bool = False" for name in flags if name not in engine]
+def keyword_of_job(option):
+    name, kind = option["name"].replace("-", "_"), type_of(option)
+    if kind == "bool":
+        return f"{name}: bool = False"
+    return f"{name}: Optional[{f'Sequence[{kind}] | str' if option['list'] else kind}] = ..."
+
+
+def job(name, verb, places, returns):
+    """The lines of a function that does a job on files."""
+    progress = [] if verb == "convert" else [f"progress: {PROGRESS} = ..."]
     # `from` is a word of Python, so it can only be given as `**{"from": "ply"}`.
-    return lines + ["**options: Any"]
+    options = [keyword_of_job(option) for option in native.job_options(verb) if option["name"] != "from"]
+    lines = ["", f"def {name}("]
+    lines += [f"    {line}," for line in ["input: _Path"] + places + progress + options + ["**options: Any"]]
+    return lines + [f") -> {returns}: ..."]
 
 
 def function(name, first, more, returns, method=False):
@@ -128,9 +130,11 @@ def text():
     def __len__(self) -> int: ...
     def __getitem__(self, level: int) -> Any: ...
 '''.splitlines()
-    lines += ["", "def simplify_file("]
-    lines += [f"    {line}," for line in ["input: _Path", "output: _Path", "*"] + keywords_of_files()]
-    lines += [") -> Dict[str, Any]: ..."]
+    output, report = ["output: _Path", "*"], "Dict[str, Any]"
+    lines += job("simplify_file", "simplify", output, report)
+    lines += job("lod_file", "lod", ["output: Optional[_Path] = ...", "*", "out_dir: Optional[_Path] = ..."], report)
+    lines += job("clean_file", "clean", output, report)
+    lines += job("convert", "convert", output, "None")
     return "\n".join(lines) + "\n"
 
 

@@ -1,29 +1,11 @@
-import type { EngineOptions } from './options.js';
+import type { FileOptions } from './options.js';
 import type { Report } from './report.js';
 
 /** Loads the module of this file, which `simplifyGlb` does otherwise. */
 export function load(): Promise<void>;
 
 /** Options of a run. */
-export interface GlbOptions extends EngineOptions {
-  /** Lossless compression of geometry and animations; most programs read `meshopt`. Default: none. */
-  compress?: 'none' | 'meshopt' | 'meshopt-khr';
-  /** Round attributes to fewer bits: positions to 14, normals to 8. Default: false. */
-  quantize?: boolean;
-  /** Maps to bake from the detail that is lost: `normal`, `color`, `metallic-roughness`, `emissive`, `ao`. */
-  bake?: string[] | string;
-  /** Width and height of the maps in texels. Default: by the detail of the file. */
-  textureSize?: number;
-  /** Texture coordinates of the maps: those of the file where they do not overlap, or a new atlas. Default: keep. */
-  atlas?: 'keep' | 'new';
-  /** Rays per texel for `ao`. */
-  aoRays?: number;
-  /** Ignore faces farther than this for `ao`. */
-  aoDistance?: number;
-  /** Names of materials, meshes or nodes that stay unchanged. */
-  lock?: string[] | string;
-  /** Normals of the result: carried over, computed anew, or none. Default: keep. */
-  normals?: 'keep' | 'recompute' | 'none';
+export interface GlbOptions extends FileOptions {
   /** Called with the progress of each stage from 0 to 1; the run is cancelled if it returns `false`. */
   onProgress?: (done: number, stage: string) => boolean | void;
 }

@@ -7,6 +7,8 @@ use lodsmith::SimplifyOptions;
 #[cfg(not(feature = "formats"))]
 use lodsmith::options::by_name::{self, OptionValue};
 #[cfg(feature = "formats")]
+use lodsmith_asset::request::{JobOption, Verb};
+#[cfg(feature = "formats")]
 use serde_json::Value;
 use wasm_bindgen::prelude::*;
 
@@ -163,4 +165,12 @@ pub fn option_table() -> Array {
         ])
     };
     by_name::OPTIONS.iter().map(row).collect()
+}
+
+/// Returns the table of the options of a file: name, kind, words, default and help, and whether it is a list.
+#[cfg(feature = "formats")]
+#[wasm_bindgen(js_name = optionTable)]
+pub fn option_table() -> JsValue {
+    let rows: Value = JobOption::all(Verb::Simplify).iter().map(JobOption::to_json).collect();
+    js_sys::JSON::parse(&rows.to_string()).unwrap_or(JsValue::NULL)
 }

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::channel;
 
 use lodsmith::{Control, Stage, Verdict};
-use lodsmith_asset::request::{Answer, Request, Verb, options_of};
+use lodsmith_asset::request::{Answer, JobOption, Request, Verb};
 use lodsmith_asset::warnings::Spelling;
 use lodsmith_asset::{AssetError, JobProgress, Sink, Source, Step, Watch};
 use lodsmith_cli::Call;
@@ -159,8 +159,8 @@ pub(crate) fn call(py: Python<'_>, args: Vec<OsString>) -> PyResult<Bound<'_, Py
     Ok(all)
 }
 
-/// Returns the names of the flags of a job, and of its other options.
+/// Returns the table of the options of a job: name, kind, whether it is a list, words, default and help of each.
 #[pyfunction]
-pub(crate) fn job_options(verb: &str) -> PyResult<(Vec<&'static str>, Vec<&'static str>)> {
-    verb_of(verb).map(options_of)
+pub(crate) fn job_options<'py>(py: Python<'py>, verb: &str) -> PyResult<Bound<'py, PyAny>> {
+    to_python(py, &verb_of(verb).map(JobOption::all)?.iter().map(JobOption::to_json).collect())
 }

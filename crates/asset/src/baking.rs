@@ -97,7 +97,7 @@ impl Baking {
     /// [`AssetError::Usage`].
     pub fn check(&self, writing: &Writing, output: Option<&Sink>) -> Result<(), AssetError> {
         if writing.moves() {
-            return Err(usage("--bake keeps the coordinates: use `lodsmith convert` for --scale and --up"));
+            return Err(usage("a bake keeps the coordinates: use `lodsmith convert` for --scale and --up"));
         }
         output.map_or(Ok(()), |to| self.refuse_streams(to))
     }

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use crate::asset::Asset;
 use crate::error::AssetError;
-use crate::job::{Job, Step};
+use crate::job::{Job, StageClock, Step};
 use crate::memory_need;
 use crate::paths::Source;
 use crate::report_json;
@@ -112,6 +112,8 @@ pub struct Info {
     pub sizes: Option<Sizes>,
     /// Use of the caches of a GPU by the order of the triangles.
     pub cache: CacheUse,
+    /// Seconds by stage.
+    pub clock: StageClock,
 }
 
 /// Reads a file and inspects it.
@@ -134,6 +136,7 @@ pub fn info(source: &Source, reading: &ReadOptions, job: &mut Job<'_>) -> Result
         format: loaded.format,
         contents: loaded.contents,
         warnings: loaded.warnings,
+        clock: job.times(),
     })
 }
 

@@ -56,7 +56,9 @@ pub struct Outputs<'a> {
 pub fn assign(wanted: &Outputs<'_>) -> Result<Vec<Assignment>, AssetError> {
     paths::at_most_one_stream(wanted.inputs)?;
     let job = |source: &Source, sink: Sink| {
-        paths::refuse_folder(&sink, ": use -O to write into it")?;
+        // (Only several inputs have a template.)
+        let hint = if wanted.name.is_empty() { "" } else { ": use -O to write into it" };
+        paths::refuse_folder(&sink, hint)?;
         let format = paths::format_of(&sink, wanted.to)?;
         let output = Destination { sink, format, writing: wanted.writing, dry_run: wanted.dry_run };
         Ok(Assignment { source: source.clone(), output: Some(output) })

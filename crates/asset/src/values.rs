@@ -77,6 +77,11 @@ pub fn count(text: &str) -> Result<usize, String> {
     at_least(text, 1)
 }
 
+/// Parses a number of threads.
+pub fn threads(text: &str) -> Result<usize, String> {
+    within(text, 1..=usize::from(u16::MAX))
+}
+
 /// Parses the width and height of baked maps, in texels.
 pub fn texture_size(text: &str) -> Result<usize, String> {
     within(text, BakeOptions::SIZES)

@@ -1,37 +1,35 @@
-//! Command-line arguments. Options are converted to [`lodsmith::SimplifyOptions`], which is also the only
-//! place of their defaults.
+//! Command-line arguments. Options of jobs on files and of simplification come from tables in the libraries, as do their
+//! defaults.
 
 mod bake;
 mod batch_files;
 mod choice;
 mod clean;
-mod engine;
 mod lod;
 mod methods;
 mod progressive;
-mod reading;
 mod render;
-mod run;
 mod simplify;
+mod table;
 mod values;
-mod writing;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand};
+use lodsmith_asset::request::{FileOptions, Places, Request, Verb};
 use lodsmith_asset::{Sink, Source};
 
-pub(crate) use bake::{BakeArgs, BakeCommandArgs};
+use bake::BakeArgs;
+use batch_files::BatchFiles;
 use choice::choice;
-pub(crate) use clean::CleanArgs;
-pub(crate) use lod::LodArgs;
+use clean::CleanArgs;
+use lod::LodArgs;
 pub(crate) use methods::MethodsArgs;
 pub(crate) use progressive::{ExtractArgs, LpmBuildArgs, LpmInfoArgs, Progressive};
-pub(crate) use reading::{AssetArgs, Reading};
 pub(crate) use render::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Surroundings};
-pub(crate) use run::{Ending, Run};
-pub(crate) use simplify::SimplifyArgs;
-pub(crate) use writing::Writing;
+use simplify::SimplifyArgs;
+use table::{InScope, OfConvert, OfInfo, Options, Part};
+pub(crate) use table::{Loudness, Printing, Reading, Run, threads};
 
 const STATUSES: &str = "\
 Exit status: 0 done; 1 the file, the mesh or the system is at fault; 2 the command line is at fault;
@@ -60,7 +58,7 @@ pub(crate) enum Command {
     /// Repair a mesh: merge vertices, orient faces, remove broken ones
     Clean(Box<CleanArgs>),
     /// Bake the detail of one model into textures of a lighter one
-    Bake(Box<BakeCommandArgs>),
+    Bake(Box<BakeArgs>),
     /// Compare all methods on one model: time, error, validity
     Methods(Box<MethodsArgs>),
     /// Store all levels of a mesh in one file, and extract any of them
@@ -84,34 +82,80 @@ pub(crate) enum Command {
     },
 }
 
+/// A job on files, as it was typed.
+pub(crate) struct JobArgs<'a> {
+    pub(crate) verb: Verb,
+    pub(crate) options: &'a FileOptions,
+    pub(crate) printing: Printing,
+    pub(crate) inputs: Vec<Source>,
+    pub(crate) output: Option<&'a Sink>,
+    pub(crate) out_dir: Option<&'a Path>,
+    /// Template of file names in the folder.
+    name: &'a str,
+}
+
+impl<'a> JobArgs<'a> {
+    fn new<P: Part>(options: &'a Options<P>, printing: Printing, inputs: Vec<Source>) -> Self {
+        Self { verb: P::VERB, options, printing, inputs, output: None, out_dir: None, name: "" }
+    }
+
+    fn of_files<P: Part>(files: &'a BatchFiles, options: &'a Options<P>, printing: Printing) -> Self {
+        let BatchFiles { inputs, output, out_dir, name } = files;
+        let (output, out_dir) = (output.as_ref(), out_dir.as_deref());
+        Self { output, out_dir, name, ..Self::new(options, printing, inputs.clone()) }
+    }
+
+    /// Returns the job with its options.
+    ///
+    /// # Errors
+    /// A usage error for options that do not go together.
+    pub(crate) fn request(&self) -> anyhow::Result<Request> {
+        Ok(Request::of(self.verb, self.options.clone())?)
+    }
+
+    /// Returns where it reads and writes.
+    pub(crate) fn places(&self) -> Places<'_> {
+        let Self { output, out_dir, name, .. } = *self;
+        Places { inputs: &self.inputs, output, out_dir, name, json: self.printing.json }
+    }
+}
+
 impl Command {
-    /// Returns the options of a run (threads, limits, output), if the command reads files.
-    pub(crate) fn run(&self) -> Option<&Run> {
+    /// Returns the job, if the command is one on files.
+    pub(crate) fn job(&self) -> Option<JobArgs<'_>> {
         Some(match self {
-            Self::Simplify(args) => &args.run,
-            Self::Lod(args) => &args.run,
-            Self::Info(args) => &args.run,
+            Self::Simplify(args) => JobArgs::of_files(&args.files, &args.options, args.printing),
+            Self::Clean(args) => JobArgs::of_files(&args.files, &args.options, args.printing),
+            Self::Lod(args) => JobArgs {
+                output: args.output.as_ref(),
+                out_dir: args.out_dir.as_deref(),
+                ..JobArgs::new(&args.options, args.printing, vec![args.input.clone()])
+            },
+            Self::Convert(args) => JobArgs {
+                output: Some(&args.output),
+                ..JobArgs::new(&args.options, args.printing, vec![args.input.clone()])
+            },
+            Self::Bake(args) => JobArgs {
+                output: Some(&args.output),
+                ..JobArgs::new(&args.options, args.printing, vec![args.high.clone(), args.low.clone()])
+            },
+            Self::Info(args) => JobArgs::new(&args.options, args.printing, args.inputs.clone()),
+            _ => return None,
+        })
+    }
+
+    /// Returns the limits of a run, if the command reads files.
+    pub(crate) fn limits(&self) -> Option<&FileOptions> {
+        let run = match self {
             Self::Compare(args) => &args.run,
-            Self::Convert(args) => &args.run,
-            Self::Clean(args) => &args.run,
-            Self::Bake(args) => &args.run,
             Self::Methods(args) => &args.run,
             Self::Render(args) => &args.run,
             Self::Progressive(Progressive::Build(args)) => &args.run,
             Self::Progressive(Progressive::Extract(args)) => &args.run,
             Self::Progressive(Progressive::Info(args)) => &args.run,
-            Self::View(_) | Self::Doctor(_) | Self::Completions { .. } | Self::Man { .. } => return None,
-        })
-    }
-
-    /// Returns an error if options of simplification do not go together.
-    pub(crate) fn check(&self) -> anyhow::Result<()> {
-        match self {
-            Self::Simplify(args) => args.engine.check(),
-            Self::Lod(args) => args.engine.check(),
-            Self::Progressive(Progressive::Build(args)) => args.engine.check(),
-            _ => Ok(()),
-        }
+            _ => return self.job().map(|job| job.options),
+        };
+        Some(&run.limits)
     }
 
     /// Returns the seconds after which the process ends, for commands without a partial result. (The others
@@ -119,7 +163,7 @@ impl Command {
     pub(crate) fn hard_limit_secs(&self) -> Option<f64> {
         match self {
             Self::Simplify(_) | Self::Lod(_) | Self::Methods(_) => None,
-            _ => self.run()?.time_limit,
+            _ => self.limits()?.time_limit,
         }
     }
 }
@@ -128,14 +172,11 @@ impl Command {
 pub(crate) struct InfoArgs {
     /// Files to inspect; `-` is standard input
     #[arg(value_name = "IN", required = true)]
-    pub(crate) inputs: Vec<Source>,
+    inputs: Vec<Source>,
     #[command(flatten)]
-    pub(crate) reading: Reading,
-    /// Print one line of JSON for each input
-    #[arg(long, help_heading = "Run")]
-    pub(crate) json: bool,
+    options: Options<OfInfo>,
     #[command(flatten)]
-    pub(crate) run: Run,
+    printing: Printing,
 }
 
 #[derive(Args, Debug)]
@@ -183,7 +224,7 @@ pub(crate) struct ViewArgs {
     #[arg(value_name = "IN")]
     pub(crate) inputs: Vec<PathBuf>,
     #[command(flatten)]
-    pub(crate) assets: AssetArgs,
+    pub(crate) assets: Options<InScope>,
 }
 
 #[derive(Args, Debug)]
@@ -197,22 +238,14 @@ pub(crate) struct DoctorArgs {
 pub(crate) struct ConvertArgs {
     /// File to read; `-` is standard input
     #[arg(value_name = "IN")]
-    pub(crate) input: Source,
+    input: Source,
     /// File to write; `-` is standard output
     #[arg(value_name = "OUT")]
-    pub(crate) output: Sink,
+    output: Sink,
     #[command(flatten)]
-    pub(crate) reading: Reading,
+    options: Options<OfConvert>,
     #[command(flatten)]
-    pub(crate) writing: Writing,
-    /// Exit with status 3 if data are dropped
-    #[arg(long)]
-    pub(crate) strict: bool,
-    /// Print one JSON object
-    #[arg(long, help_heading = "Run")]
-    pub(crate) json: bool,
-    #[command(flatten)]
-    pub(crate) run: Run,
+    printing: Printing,
 }
 
 #[cfg(test)]

@@ -1,13 +1,11 @@
 //! One module for each subcommand.
 
-mod bake;
-mod batch;
 mod clean;
 mod compare;
 mod completions;
-mod convert;
 mod doctor;
 mod info;
+mod job;
 mod lod;
 mod man;
 mod methods;
@@ -23,7 +21,6 @@ use crate::{call, memory, memory_watch};
 
 /// Runs the command.
 pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
-    cli.command.check()?;
     // A call must not end the process of its caller.
     let is_call = call::current().is_some();
     if let Some(seconds) = cli.command.hard_limit_secs() {
@@ -34,20 +31,17 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
         }
         exit::end_after(seconds)?;
     }
-    if let Some(run) = cli.command.run() {
-        let limit = memory::set_limit(run.max_memory);
+    if let Some(limits) = cli.command.limits() {
+        let limit = memory::set_limit(limits.max_memory);
         if !is_call {
             memory_watch::start(limit)?;
         }
     }
+    if let Some(job) = cli.command.job() {
+        return job::run(&job);
+    }
     match cli.command {
-        Command::Simplify(args) => simplify::run(&args),
-        Command::Lod(args) => lod::run(&args),
-        Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
-        Command::Convert(args) => convert::run(&args),
-        Command::Clean(args) => clean::run(&args),
-        Command::Bake(args) => bake::run(&args),
         Command::Methods(args) => methods::run(&args),
         Command::Progressive(action) => progressive::run(&action),
         Command::Render(args) => render::run(&args),
@@ -55,5 +49,6 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
         Command::Doctor(args) => doctor::run(&args),
         Command::Completions { shell } => completions::run(shell),
         Command::Man { command } => man::run(command.as_deref()),
+        _ => unreachable!("it is a job"),
     }
 }

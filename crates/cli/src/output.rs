@@ -8,7 +8,7 @@ use std::io::{self, ErrorKind, IsTerminal, Write};
 use anyhow::Context as _;
 use serde_json::Value;
 
-use crate::args::Run;
+use crate::args::Loudness;
 use crate::call;
 use crate::status::{Status, status_of};
 
@@ -24,11 +24,11 @@ pub(crate) struct Output {
 }
 
 impl Output {
-    pub(crate) fn new(run: &Run, json: bool, stdout_taken: bool) -> Self {
+    pub(crate) fn new(loudness: Loudness, json: bool, stdout_taken: bool) -> Self {
         Self {
             json,
-            quiet: run.quiet,
-            verbose: run.verbose,
+            quiet: loudness.quiet,
+            verbose: loudness.verbose,
             stdout_taken,
             closed: Cell::new(false),
             fault: RefCell::new(None),

@@ -71,7 +71,7 @@ def listed(source: Place, without: Optional[Place] = None) -> List[str]:
 
 def options_of_words(words: Sequence[str]) -> Dict[str, Any]:
     """Return the options of ``lodsmith lod`` as typed in a shell: ``--name value``, ``--name=value``, ``--flag``."""
-    flags = [name.replace("-", "_") for name in _native.job_options("lod")[0]]
+    flags = [row["name"].replace("-", "_") for row in _native.job_options("lod") if row["kind"] == "flag"]
     options: Dict[str, Any] = {}
     waiting = list(words)
     while waiting:

@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use lodsmith_io::Format;
 use serde_json::Value;
 
-use crate::baking::Baking;
 use crate::destination::Destination;
 use crate::error::{AssetError, usage};
 use crate::job::Job;
@@ -69,12 +68,7 @@ impl LevelOutputs {
     ///
     /// # Errors
     /// [`AssetError::Usage`].
-    pub fn new(
-        outputs: &Outputs<'_>,
-        template: Option<&str>,
-        naming: Naming,
-        baking: Option<&Baking>,
-    ) -> Result<Self, AssetError> {
+    pub fn new(outputs: &Outputs<'_>, template: Option<&str>, naming: Naming) -> Result<Self, AssetError> {
         if template.is_some() && outputs.out_dir.is_none() {
             return Err(usage("--name: it goes with a folder for the levels"));
         }
@@ -88,9 +82,6 @@ impl LevelOutputs {
         // The rest of the template is checked like that of any output folder; a level is a number.
         let name = template.replace("{level}", "0");
         let assigned = plan::assign(&Outputs { name: &name, ..*outputs })?.remove(0);
-        if let Some(baking) = baking {
-            baking.check(&outputs.writing, outputs.output)?;
-        }
         let folder = match (outputs.out_dir, &assigned.output) {
             (None, Some(Destination { sink, format, .. }))
                 if !matches!(format, Format::Gltf | Format::Glb) =>

@@ -1,261 +1,229 @@
-//! The options of jobs on files by name, besides those of the engine.
+//! The options of jobs on files by name: those of the engine, and those of files.
 
-use std::path::PathBuf;
+mod entry;
+mod given;
+mod table;
+mod words;
+
+use std::ffi::{OsStr, OsString};
 
 use lodsmith::options::by_name::{self, NamedOption, OPTIONS, OptionGroup, OptionKind, OptionValue};
-use lodsmith::{CleanOptions, Levels, LodOptions, NonManifold, Screen, Sheets};
-use lodsmith_bake::{AtlasMode, BakeOptions, MapKind};
-use lodsmith_io::gltf::{Compression, Packing};
-use lodsmith_io::{AssetScope, Format, ReadOptions, Textures};
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 use super::verb::Verb;
-use crate::baking::Baking;
-use crate::constraints::PartNames;
-use crate::destination::{Up, Writing};
 use crate::error::{AssetError, usage};
-use crate::lod::Naming;
-use crate::normals::Normals;
-use crate::values;
+pub use entry::{FileKind, FileOption, OptionSection};
+pub use given::FileOptions;
 
-/// The options of a job, from their names.
-#[derive(Clone, Debug)]
-pub(super) struct FileOptions {
-    engine: Vec<(&'static NamedOption, OptionValue<'static>)>,
-    pub(super) from: Option<Format>,
-    asset_root: Option<PathBuf>,
-    allow_outside: bool,
-    pub(super) names: PartNames,
-    pub(super) normals: Normals,
-    bake: BakeOptions,
-    map_files: bool,
-    /// The first option given that needs maps to bake.
-    needs_bake: Option<&'static str>,
-    pub(super) to: Option<Format>,
-    pub(super) writing: Writing,
-    compress: Compression,
-    quantize: bool,
-    pub(super) clean: CleanOptions,
-    levels: Option<Levels>,
-    factor: Option<f64>,
-    pub(super) naming: Naming,
-    /// Template of names in a folder.
-    pub(super) name: Option<String>,
-    pub(super) geomorph: bool,
-    pixels: f64,
-    fov: f64,
-    height: f64,
-    pub(super) dry_run: bool,
-    pub(super) strict: bool,
-    pub(super) threads: Option<usize>,
-    pub(super) time_limit: Option<f64>,
-    pub(super) max_memory: Option<u64>,
+/// The options of files, by table.
+const TABLES: &[&[FileOption]] = &[table::OPTIONS];
+
+/// An option of a job.
+#[derive(Clone, Copy, Debug)]
+pub enum JobOption {
+    /// An option of the engine.
+    Engine(&'static NamedOption),
+    /// Another one.
+    File(&'static FileOption),
 }
 
-impl Default for FileOptions {
-    fn default() -> Self {
-        let screen = Screen::default();
-        Self {
-            engine: Vec::new(),
-            from: None,
-            asset_root: None,
-            allow_outside: false,
-            names: PartNames::default(),
-            normals: Normals::default(),
-            bake: BakeOptions::new([]),
-            map_files: false,
-            needs_bake: None,
-            to: None,
-            writing: Writing::default(),
-            compress: Compression::default(),
-            quantize: false,
-            clean: CleanOptions::default(),
-            levels: None,
-            factor: None,
-            naming: Naming::default(),
-            name: None,
-            geomorph: false,
-            pixels: screen.pixels,
-            fov: screen.fov_deg,
-            height: screen.height_px,
-            dry_run: false,
-            strict: false,
-            threads: None,
-            time_limit: None,
-            max_memory: None,
+impl JobOption {
+    /// Returns the options of a job, in the order of lists.
+    pub fn all(verb: Verb) -> Vec<Self> {
+        let has = move |option: &&NamedOption| match verb {
+            Verb::Simplify => true,
+            Verb::Lod => !matches!(option.group, OptionGroup::Target | OptionGroup::Deviation),
+            _ => false,
+        };
+        let of_files = TABLES.iter().copied().flatten().filter(|option| option.verbs.contains(&verb));
+        let of_engine = OPTIONS.iter().filter(has);
+        let mut all: Vec<_> = of_engine.map(Self::Engine).chain(of_files.map(Self::File)).collect();
+        all.sort_by_key(Self::section);
+        all
+    }
+
+    /// Returns the name on the command line, words joined by dashes.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::Engine(option) => option.name,
+            Self::File(option) => option.name,
         }
     }
-}
 
-/// Sets an option to a value: a text, or several where it takes a list.
-type Set = fn(&mut FileOptions, &[String]) -> Result<(), String>;
-
-/// An option of jobs on files.
-struct FileOption {
-    name: &'static str,
-    verbs: &'static [Verb],
-    is_flag: bool,
-    set: Set,
-}
-
-use Verb::{Bake, Clean, Convert, Info, Lod, Simplify};
-const ALL: &[Verb] = &Verb::ALL;
-const ENGINE: &[Verb] = &[Simplify, Lod];
-const WRITE: &[Verb] = &[Simplify, Lod, Convert, Clean, Bake];
-const STRICT: &[Verb] = WRITE;
-const BAKES: &[Verb] = &[Simplify, Lod, Bake];
-
-const fn value(name: &'static str, verbs: &'static [Verb], set: Set) -> FileOption {
-    FileOption { name, verbs, is_flag: false, set }
-}
-
-const fn flag(name: &'static str, verbs: &'static [Verb], set: Set) -> FileOption {
-    FileOption { name, verbs, is_flag: true, set }
-}
-
-/// Returns the only text of a value.
-fn one(texts: &[String]) -> Result<&str, String> {
-    match texts {
-        [text] => Ok(text),
-        _ => Err("a single value is expected".to_owned()),
+    /// Returns the section of lists.
+    pub const fn section(&self) -> OptionSection {
+        match self {
+            Self::Engine(option) => match option.group {
+                OptionGroup::Target => OptionSection::Target,
+                OptionGroup::Simplification => OptionSection::Simplification,
+                OptionGroup::OfMethod => OptionSection::OfMethod,
+                OptionGroup::Guards => OptionSection::Guards,
+                _ => OptionSection::Deviation,
+            },
+            Self::File(option) => option.section,
+        }
     }
-}
 
-/// Parses the only text of a value.
-fn parsed<T>(texts: &[String], parse: fn(&str) -> Result<T, String>) -> Result<T, String> {
-    let text = one(texts)?;
-    parse(text).map_err(|why| format!("{why}; it is {text:?}"))
-}
-
-/// Parses each text of a list, and each part of a text that has commas.
-fn list<T>(texts: &[String], parse: fn(&str) -> Result<T, String>) -> Result<Vec<T>, String> {
-    let parts = texts.iter().flat_map(|text| text.split(',')).map(str::trim);
-    parts.map(|text| parse(text).map_err(|why| format!("{why}; it is {text:?}"))).collect()
-}
-
-/// Returns the value with this name.
-fn word<T: Copy>(text: &str, all: &[T], name: fn(T) -> &'static str) -> Result<T, String> {
-    all.iter().copied().find(|x| name(*x) == text).ok_or_else(|| {
-        let names: Vec<_> = all.iter().map(|x| name(*x)).collect();
-        format!("one of {} is expected, not {text:?}", names.join(", "))
-    })
-}
-
-fn is_on(texts: &[String]) -> Result<bool, String> {
-    one(texts)?.parse().map_err(|_| "true or false is expected".to_owned())
-}
-
-fn map_kind(text: &str) -> Result<MapKind, String> {
-    word(text, &MapKind::ALL, MapKind::name)
-}
-
-fn set_maps(options: &mut FileOptions, texts: &[String]) -> Result<(), String> {
-    options.bake.maps = BakeOptions::new(list(texts, map_kind)?).maps;
-    Ok(())
-}
-
-fn set_levels(options: &mut FileOptions, levels: Levels) -> Result<(), String> {
-    match options.levels.replace(levels) {
-        Some(_) => Err("only one of levels, faces, count and errors says which levels are made".to_owned()),
-        None => Ok(()),
+    /// Returns the placeholder of the value in help texts; empty for flags.
+    pub const fn value_name(&self) -> &'static str {
+        match self {
+            Self::Engine(option) => option.value_name,
+            Self::File(option) => option.value_name,
+        }
     }
-}
 
-const OPTIONS_OF_FILES: &[FileOption] = &[
-    value("from", ALL, |o, v| word(one(v)?, &Format::ALL, Format::name).map(|x| o.from = Some(x))),
-    value("asset-root", ALL, |o, v| one(v).map(|x| o.asset_root = Some(x.into()))),
-    flag("allow-outside", ALL, |o, v| is_on(v).map(|x| o.allow_outside = x)),
-    value("lock", ENGINE, |o, v| {
-        o.names.lock.extend_from_slice(v);
-        Ok(())
-    }),
-    value("importance", ENGINE, |o, v| parsed(v, values::importance).map(|x| o.names.importance = Some(x))),
-    value("normals", ENGINE, |o, v| word(one(v)?, &Normals::ALL, Normals::name).map(|x| o.normals = x)),
-    value("bake", ENGINE, set_maps),
-    value("maps", &[Bake], set_maps),
-    value("texture-size", BAKES, |o, v| {
-        o.needs_bake.get_or_insert("texture_size");
-        parsed(v, values::texture_size).map(|x| o.bake.size = Some(x))
-    }),
-    value("atlas", BAKES, |o, v| word(one(v)?, &AtlasMode::ALL, AtlasMode::name).map(|x| o.bake.atlas = x)),
-    value("ao-rays", BAKES, |o, v| parsed(v, values::rays).map(|x| o.bake.rays = x)),
-    value("ao-distance", BAKES, |o, v| {
-        o.needs_bake.get_or_insert("ao_distance");
-        parsed(v, values::above_zero).map(|x| o.bake.occlusion_distance = Some(x))
-    }),
-    flag("map-files", BAKES, |o, v| {
-        o.map_files = is_on(v)?;
-        if o.map_files {
-            o.needs_bake.get_or_insert("map_files");
+    /// Returns the help text. It names the default if [`JobOption::default_text`] does not.
+    pub fn help(&self) -> String {
+        match self {
+            Self::Engine(option) => match option.default_text().filter(|_| option.is_of_presets()) {
+                Some(default) => format!("{} [default: {default}, or by preset]", option.help),
+                None => option.help.to_owned(),
+            },
+            Self::File(option) => option.help.to_owned(),
+        }
+    }
+
+    /// Returns the default as text; `None` if the option is off by default, or has a default of the preset.
+    pub fn default_text(&self) -> Option<String> {
+        match self {
+            Self::Engine(option) => option.default_text().filter(|_| !option.is_of_presets()),
+            Self::File(option) => option.default.map(str::to_owned),
+        }
+    }
+
+    /// Returns the kind of its value, or of each if it takes several.
+    pub const fn kind_name(&self) -> &'static str {
+        match self {
+            Self::Engine(option) => option.kind.name(),
+            Self::File(option) => option.kind.name(),
+        }
+    }
+
+    /// True for an option that is on or off.
+    pub fn is_flag(&self) -> bool {
+        self.kind_name() == "flag"
+    }
+
+    /// True if several values are one text, joined by commas.
+    pub const fn is_list(&self) -> bool {
+        matches!(self, Self::File(FileOption { kind: FileKind::List(_), .. }))
+    }
+
+    /// True if it takes several values.
+    pub const fn takes_several(&self) -> bool {
+        match self {
+            Self::Engine(option) => matches!(option.kind, OptionKind::Weights(_)),
+            Self::File(option) => matches!(option.kind, FileKind::List(_) | FileKind::Repeated(_)),
+        }
+    }
+
+    /// Returns the words that can be given; none if the value is no word.
+    pub fn words(&self) -> Vec<&'static str> {
+        match self {
+            Self::Engine(option) => option.kind.words().to_vec(),
+            Self::File(option) => match option.kind.item() {
+                FileKind::Word(names) => names(),
+                _ => Vec::new(),
+            },
+        }
+    }
+
+    /// Returns the options that cannot be given together with it.
+    pub const fn excludes(&self) -> &'static [&'static str] {
+        match self {
+            Self::Engine(_) => &[],
+            Self::File(option) => option.excludes,
+        }
+    }
+
+    /// Returns the entry as JSON, for lists in other languages.
+    pub fn to_json(&self) -> Value {
+        json!({
+            "name": self.name(),
+            "kind": self.kind_name(),
+            "list": matches!(self, Self::File(_)) && self.takes_several(),
+            "words": self.words(),
+            "default": self.default_text(),
+            "help": self.help(),
+        })
+    }
+
+    /// Checks a value, or one of several.
+    ///
+    /// # Errors
+    /// The values that it takes.
+    pub fn check(&self, value: &OsStr) -> Result<(), String> {
+        match self {
+            Self::Engine(option) => {
+                let text = value.to_string_lossy();
+                let checked = option.kind.parse(&OptionValue::Text(text));
+                checked.map(drop).map_err(|_| format!("{} is expected", option.kind.wanted()))
+            }
+            Self::File(option) => (option.set)(&mut FileOptions::default(), value),
+        }
+    }
+
+    /// Sets values, which are several for an option that takes a list.
+    ///
+    /// # Errors
+    /// [`AssetError::Usage`] for a value that it does not take.
+    pub fn set(&self, options: &mut FileOptions, values: &[OsString]) -> Result<(), AssetError> {
+        match self {
+            Self::Engine(option) => {
+                let texts: Vec<_> = values.iter().map(|value| value.to_string_lossy()).collect();
+                options.engine.push((option.name, OptionValue::Text(texts.join(",").into())));
+            }
+            Self::File(option) => {
+                option.set(options, values).map_err(|why| self.wrong(&why))?;
+                // A flag that is off is as if it were not given.
+                if !self.is_flag() || values.iter().all(|value| value == "true") {
+                    options.given.push(option.name);
+                }
+            }
         }
         Ok(())
-    }),
-    value("to", WRITE, |o, v| word(one(v)?, &Format::WRITTEN, Format::name).map(|x| o.to = Some(x))),
-    flag("ascii", WRITE, |o, v| is_on(v).map(|x| o.writing.ascii = x)),
-    value("textures", WRITE, |o, v| {
-        word(one(v)?, &Textures::ALL, Textures::name).map(|x| o.writing.textures = x)
-    }),
-    value("compress", WRITE, |o, v| {
-        word(one(v)?, &Compression::ALL, Compression::name).map(|x| o.compress = x)
-    }),
-    flag("quantize", WRITE, |o, v| is_on(v).map(|x| o.quantize = x)),
-    value("scale", WRITE, |o, v| parsed(v, values::above_zero).map(|x| o.writing.scale = Some(x))),
-    value("up", WRITE, |o, v| word(one(v)?, &Up::ALL, Up::name).map(|x| o.writing.up = Some(x))),
-    flag("force", WRITE, |o, v| is_on(v).map(|x| o.writing.force = x)),
-    value("levels", &[Lod], |o, v| set_levels(o, Levels::Ratios(list(v, values::ratio)?))),
-    value("faces", &[Lod], |o, v| set_levels(o, Levels::Faces(list(v, values::count)?))),
-    value("errors", &[Lod], |o, v| set_levels(o, Levels::Errors(list(v, values::length)?))),
-    value("count", &[Lod], |o, v| {
-        set_levels(o, Levels::Steps { count: parsed(v, values::count)?, factor: values::LEVEL_FACTOR })
-    }),
-    value("factor", &[Lod], |o, v| parsed(v, values::below_one).map(|x| o.factor = Some(x))),
-    value("naming", &[Lod], |o, v| word(one(v)?, &Naming::ALL, Naming::name).map(|x| o.naming = x)),
-    value("name", &[Lod], |o, v| one(v).map(|x| o.name = Some(x.to_owned()))),
-    flag("geomorph", &[Lod], |o, v| is_on(v).map(|x| o.geomorph = x)),
-    value("pixels", &[Lod], |o, v| parsed(v, values::above_zero).map(|x| o.pixels = x)),
-    value("fov", &[Lod], |o, v| parsed(v, values::view_deg).map(|x| o.fov = x)),
-    value("height", &[Lod], |o, v| parsed(v, values::above_zero).map(|x| o.height = x)),
-    value("weld", &[Clean], |o, v| parsed(v, values::some_length).map(|x| o.clean.weld = Some(x))),
-    value("prune", &[Clean], |o, v| parsed(v, values::some_length).map(|x| o.clean.prune = Some(x))),
-    value("non-manifold", &[Clean], |o, v| {
-        word(one(v)?, &NonManifold::ALL, NonManifold::name).map(|x| o.clean.non_manifold = x)
-    }),
-    value("sheets", &[Clean], |o, v| word(one(v)?, &Sheets::ALL, Sheets::name).map(|x| o.clean.sheets = x)),
-    flag("dry-run", &[Simplify, Lod, Clean], |o, v| is_on(v).map(|x| o.dry_run = x)),
-    flag("strict", STRICT, |o, v| is_on(v).map(|x| o.strict = x)),
-    value("threads", ALL, |o, v| parsed(v, values::count).map(|x| o.threads = Some(x))),
-    value("time-limit", &[Simplify, Lod], |o, v| parsed(v, values::seconds).map(|x| o.time_limit = Some(x))),
-    value("max-memory", ALL, |o, v| parsed(v, values::memory).map(|x| o.max_memory = Some(x))),
-];
+    }
 
-/// Returns the options of the engine that a job has.
-fn engine_options(verb: Verb) -> impl Iterator<Item = &'static NamedOption> {
-    let has = move |option: &&NamedOption| match verb {
-        Simplify => true,
-        Lod => !matches!(option.group, OptionGroup::Target | OptionGroup::Deviation),
-        Convert | Clean | Bake | Info => false,
-    };
-    OPTIONS.iter().filter(has)
+    fn set_json(&self, options: &mut FileOptions, value: &Value) -> Result<(), AssetError> {
+        match self {
+            Self::Engine(option) => {
+                options.engine.push((option.name, engine_value(value).map_err(|why| self.wrong(&why))?));
+                Ok(())
+            }
+            Self::File(_) => self.set(options, &texts(value).map_err(|why| self.wrong(&why))?),
+        }
+    }
+
+    fn wrong(&self, why: &str) -> AssetError {
+        usage(format!("--{}: {why}", self.name()))
+    }
 }
 
-fn file_options(verb: Verb) -> impl Iterator<Item = &'static FileOption> {
-    OPTIONS_OF_FILES.iter().filter(move |option| option.verbs.contains(&verb))
-}
-
-/// Returns the names of the flags of a job, and of its other options.
-pub(super) fn names(verb: Verb) -> (Vec<&'static str>, Vec<&'static str>) {
-    let of_engine = engine_options(verb).map(|option| (option.name, option.kind == OptionKind::Flag));
-    let all = file_options(verb).map(|option| (option.name, option.is_flag)).chain(of_engine);
-    let (flags, others): (Vec<_>, Vec<_>) = all.partition(|(_, is_flag)| *is_flag);
-    let names = |list: Vec<(&'static str, bool)>| list.into_iter().map(|(name, _)| name).collect();
-    (names(flags), names(others))
+impl FileOption {
+    /// Sets one value, or several where it takes them.
+    fn set(&self, options: &mut FileOptions, values: &[OsString]) -> Result<(), String> {
+        let parts = |value: &OsString| match value.to_str() {
+            Some(text) => text.split(',').map(|part| part.trim().into()).collect(),
+            None => vec![value.clone()],
+        };
+        let values: Vec<OsString> = match (self.kind, values) {
+            (FileKind::List(_), values) => values.iter().flat_map(parts).collect(),
+            (FileKind::Repeated(_), values) | (_, values @ [_]) => values.to_vec(),
+            _ => return Err("a single value is expected".to_owned()),
+        };
+        let set = |value: &OsString| {
+            (self.set)(options, value)
+                .map_err(|why| format!("{why}; it is {}", OptionValue::from(&*value.to_string_lossy())))
+        };
+        values.iter().try_for_each(set)
+    }
 }
 
 /// Returns a value as texts.
-fn texts(value: &Value) -> Result<Vec<String>, String> {
+fn texts(value: &Value) -> Result<Vec<OsString>, String> {
     let one = |value: &Value| match value {
-        Value::String(text) => Ok(text.clone()),
-        Value::Bool(_) | Value::Number(_) => Ok(value.to_string()),
+        Value::String(text) => Ok(text.into()),
+        Value::Bool(_) | Value::Number(_) => Ok(value.to_string().into()),
         _ => Err("a text, a number, true or false, or a list of them is expected".to_owned()),
     };
     match value {
@@ -295,95 +263,67 @@ pub fn engine_value(value: &Value) -> Result<OptionValue<'static>, String> {
 
 impl FileOptions {
     /// Reads options by name; those that are null are not given.
-    pub(super) fn new(verb: Verb, given: &Map<String, Value>) -> Result<Self, AssetError> {
+    pub(super) fn of_json(verb: Verb, given: &Map<String, Value>) -> Result<Self, AssetError> {
+        let all = JobOption::all(verb);
         let mut options = Self::default();
         for (name, value) in given.iter().filter(|(_, value)| !value.is_null()) {
             let dashed = name.replace('_', "-");
-            let wrong = |why: String| usage(format!("{name}: {why}"));
-            if let Some(option) = file_options(verb).find(|option| option.name == dashed) {
-                texts(value).and_then(|texts| (option.set)(&mut options, &texts)).map_err(wrong)?;
-            } else if let Some(option) = engine_options(verb).find(|option| option.name == dashed) {
-                options.engine.push((option, engine_value(value).map_err(wrong)?));
-            } else {
-                let (flags, others) = names(verb);
-                let nearest = by_name::nearest(name, flags.into_iter().chain(others));
-                return Err(AssetError::UnknownOption { name: name.clone(), nearest });
+            let option = all.iter().find(|option| option.name() == dashed).ok_or_else(|| {
+                let nearest = by_name::nearest(name, all.iter().map(JobOption::name));
+                AssetError::UnknownOption { name: name.clone(), nearest }
+            })?;
+            option.set_json(&mut options, value)?;
+        }
+        options.completed(verb)
+    }
+
+    /// Sets defaults, and checks that the options that were given go together.
+    pub(super) fn completed(mut self, verb: Verb) -> Result<Self, AssetError> {
+        let all = JobOption::all(verb);
+        for option in &all {
+            let JobOption::File(file) = option else { continue };
+            if self.given.contains(&file.name) {
+                if let Some(other) = file.excludes.iter().find(|other| self.given.contains(other)) {
+                    return Err(usage(format!("only one of --{} and --{other} can be given", file.name)));
+                }
+                let is_missing = |other: &&'static str| {
+                    !self.given.contains(other) && all.iter().any(|option| option.name() == *other)
+                };
+                if let Some(other) = file.needs.filter(is_missing) {
+                    return Err(option.wrong(&format!("it needs --{other}")));
+                }
+            } else if let Some(default) = file.default {
+                file.set(&mut self, &[default.into()]).map_err(|why| option.wrong(&why))?;
             }
         }
-        options.writing.packing = Packing::new(options.compress, options.quantize);
-        Ok(options)
-    }
-
-    pub(super) fn reading(&self) -> ReadOptions {
-        let mut options = ReadOptions::default();
-        options.format = self.from;
-        options.assets = match &self.asset_root {
-            Some(root) => AssetScope::Root(root.clone()),
-            None if self.allow_outside => AssetScope::Anywhere,
-            None => AssetScope::Folder,
-        };
-        options
-    }
-
-    /// Returns the values of options of the engine, by name.
-    pub(super) fn engine_values(&self) -> Vec<(&'static str, OptionValue<'static>)> {
-        self.engine.iter().map(|(option, value)| (option.name, value.clone())).collect()
-    }
-
-    /// Returns the maps to bake; `None` for none.
-    pub(super) fn baking(&self) -> Option<Baking> {
-        let (options, map_files) = (self.bake.clone(), self.map_files);
-        (!options.maps.is_empty()).then_some(Baking { options, map_files })
-    }
-
-    /// Returns the maps to bake; an error if there are none and an option needs them.
-    pub(super) fn checked_baking(&self) -> Result<Option<Baking>, AssetError> {
-        match (self.baking(), self.needs_bake) {
-            (None, Some(option)) => Err(usage(format!("{option}: it needs bake, the maps to bake"))),
-            (baking, _) => Ok(baking),
-        }
-    }
-
-    pub(super) fn levels(&self) -> Result<LodOptions, AssetError> {
-        let levels = match (self.levels.clone(), self.factor) {
-            (None, _) => return Err(usage("say which levels are made: levels, faces, count or errors")),
-            (Some(Levels::Steps { count, .. }), Some(factor)) => Levels::Steps { count, factor },
-            (Some(_), Some(_)) => return Err(usage("factor: it goes with count")),
-            (Some(levels), None) => levels,
-        };
-        Ok(LodOptions::new(levels))
-    }
-
-    pub(super) fn screen(&self) -> Result<Screen, AssetError> {
-        Screen::new(self.fov, self.height, self.pixels).ok_or_else(|| {
-            usage("fov, height, pixels: a field of view below 180 and sizes above 0 are expected")
-        })
+        Ok(self)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use lodsmith::Length;
-    use serde_json::json;
+    use lodsmith::{Length, Levels};
+    use lodsmith_bake::MapKind;
 
     use super::*;
+    use crate::destination::Up;
 
     fn given(verb: Verb, options: Value) -> Result<FileOptions, AssetError> {
         let Value::Object(options) = options else { panic!("an object is given") };
-        FileOptions::new(verb, &options)
+        FileOptions::of_json(verb, &options)
     }
 
     #[test]
     fn values_may_be_texts_numbers_and_lists() {
         let options = json!({
-            "ratio": 0.1, "weight": { "uv": 2 }, "lock": ["a", "b"], "bake": "normal,color", "texture_size": 64,
+            "ratio": 0.1, "weight": { "uv": 2 }, "lock": ["a,b", "c"], "bake": "normal,color", "texture_size": 64,
             "up": "z", "quantize": true, "max_memory": "1G", "threads": "2", "importance": "quality=2", "fit": null,
         });
         let options = given(Verb::Simplify, options).unwrap();
-        assert_eq!(options.engine_values().len(), 2);
-        assert_eq!(options.names.lock, ["a", "b"]);
+        assert_eq!(options.engine.len(), 2);
+        assert_eq!(options.names.lock, ["a,b", "c"]);
         assert_eq!(options.names.importance.as_ref().unwrap().strength, 2.0);
-        assert_eq!(options.bake.maps, [MapKind::Normal, MapKind::Color]);
+        assert_eq!(options.baking().unwrap().options.maps, [MapKind::Normal, MapKind::Color]);
         assert_eq!((options.bake.size, options.writing.up), (Some(64), Some(Up::Z)));
         assert!(options.writing.packing.quantize);
         assert_eq!((options.max_memory, options.threads), (Some(1 << 30), Some(2)));
@@ -395,6 +335,32 @@ mod tests {
     }
 
     #[test]
+    fn defaults_are_those_of_the_libraries() {
+        for verb in Verb::ALL {
+            let mut options = given(verb, json!({})).unwrap();
+            if verb == Verb::Bake {
+                assert_eq!(options.bake.maps, [MapKind::Normal, MapKind::Color, MapKind::Occlusion]);
+                options.bake.maps.clear();
+            }
+            assert_eq!(options, FileOptions::default(), "{}", verb.name());
+        }
+    }
+
+    #[test]
+    fn a_name_stands_for_one_option_of_a_job() {
+        for verb in Verb::ALL {
+            let all = JobOption::all(verb);
+            let named = |name: &str| all.iter().filter(|option| option.name() == name).count();
+            for option in &all {
+                assert_eq!(named(option.name()), 1, "{} of {}", option.name(), verb.name());
+                assert!(option.excludes().iter().all(|other| named(other) == 1), "{}", option.name());
+                let words = option.words();
+                assert!(words.iter().all(|word| option.check(OsStr::new(word)).is_ok()), "{words:?}");
+            }
+        }
+    }
+
+    #[test]
     fn what_a_job_does_not_take_is_named() {
         let text = |verb, options| given(verb, options).unwrap_err().to_string();
         assert_eq!(
@@ -402,13 +368,18 @@ mod tests {
             "there is no option rato; a similar one is ratio"
         );
         assert_eq!(text(Verb::Info, json!({ "ratio": 0.1 })), "there is no option ratio");
+        let unknown = text(Verb::Simplify, json!({ "compress": "zip" }));
         assert!(
-            text(Verb::Simplify, json!({ "compress": "zip" })).starts_with("compress: one of none, meshopt")
+            unknown.starts_with("--compress: one of none, meshopt") && unknown.ends_with("\"zip\""),
+            "{unknown}"
         );
-        assert!(text(Verb::Simplify, json!({ "scale": 0 })).starts_with("scale: it must be above 0"));
+        assert!(text(Verb::Simplify, json!({ "scale": 0 })).starts_with("--scale: it must be above 0"));
+        assert!(text(Verb::Simplify, json!({ "scale": [1, 2] })).contains("a single value"));
         assert!(text(Verb::Lod, json!({ "count": 2, "levels": [0.5] })).contains("only one of"));
-        let options = given(Verb::Simplify, json!({ "texture_size": 64 })).unwrap();
-        assert!(options.checked_baking().unwrap_err().to_string().contains("texture_size"));
-        assert!(given(Verb::Lod, json!({ "factor": 0.5, "levels": [0.5] })).unwrap().levels().is_err());
+        assert_eq!(text(Verb::Simplify, json!({ "texture_size": 64 })), "--texture-size: it needs --bake");
+        assert!(given(Verb::Simplify, json!({ "map_files": false })).is_ok());
+        assert!(given(Verb::Bake, json!({ "texture_size": 64 })).is_ok());
+        assert!(text(Verb::Lod, json!({ "factor": 0.5 })).contains("it needs --count"));
+        assert!(given(Verb::Lod, json!({})).unwrap().levels().is_err());
     }
 }

@@ -1,11 +1,9 @@
-//! Arguments of `lodsmith bake`, and of baking within other commands.
+//! Arguments of `lodsmith bake`.
 
 use clap::Args;
-use lodsmith_asset::{Baking, Sink, Source};
-use lodsmith_bake::{AtlasMode, BakeOptions, MapKind};
+use lodsmith_asset::{Sink, Source};
 
-use super::{Reading, Run, Writing, choice, values};
-use crate::status::usage;
+use super::table::{OfBake, Options, Printing};
 
 const AFTER: &str = "\
 Maps:
@@ -28,98 +26,18 @@ Examples:
 
 #[derive(Args, Debug)]
 #[command(after_help = AFTER)]
-pub(crate) struct BakeCommandArgs {
+pub(crate) struct BakeArgs {
     /// Detailed model
     #[arg(value_name = "HIGH")]
-    pub(crate) high: Source,
+    pub(super) high: Source,
     /// Lighter model, in the same place
     #[arg(value_name = "LOW")]
-    pub(crate) low: Source,
+    pub(super) low: Source,
     /// Output; `-` is standard output
     #[arg(short, long, value_name = "OUT")]
-    pub(crate) output: Sink,
-    /// Maps to bake
-    #[arg(long, value_name = "MAPS", value_delimiter = ',', default_value = "normal,color,ao",
-          value_parser = choice(MapKind::ALL, MapKind::name), help_heading = "Baking")]
-    pub(crate) maps: Vec<MapKind>,
+    pub(super) output: Sink,
     #[command(flatten)]
-    pub(crate) texture: TextureArgs,
+    pub(super) options: Options<OfBake>,
     #[command(flatten)]
-    pub(crate) reading: Reading,
-    #[command(flatten)]
-    pub(crate) writing: Writing,
-    /// Print the report as JSON
-    #[arg(long, help_heading = "Run")]
-    pub(crate) json: bool,
-    /// Exit with status 3 if data was dropped
-    #[arg(long, help_heading = "Run")]
-    pub(crate) strict: bool,
-    #[command(flatten)]
-    pub(crate) run: Run,
-}
-
-/// Options of the maps.
-#[derive(Args, Clone, Debug)]
-#[command(next_help_heading = "Baking")]
-pub(crate) struct TextureArgs {
-    /// Width and height of the maps, in texels [default: by the detail of the source, 256 to 4096]
-    #[arg(long, value_name = "N", value_parser = values::texture_size)]
-    pub(crate) texture_size: Option<usize>,
-    /// Texture coordinates: keep those that do not overlap, or make a new atlas with one material
-    #[arg(long, value_name = "ATLAS", default_value = AtlasMode::Keep.name(),
-          value_parser = choice(AtlasMode::ALL, AtlasMode::name))]
-    pub(crate) atlas: AtlasMode,
-    /// Rays per texel for ambient occlusion
-    #[arg(long, value_name = "N", value_parser = values::rays, default_value_t = BakeOptions::new([]).rays)]
-    pub(crate) ao_rays: usize,
-    /// Ignore faces farther than D for ambient occlusion, in units of the model [default: no limit]
-    #[arg(long, value_name = "D", value_parser = values::above_zero)]
-    pub(crate) ao_distance: Option<f64>,
-    /// Write every map as a PNG file beside the output too
-    #[arg(long)]
-    pub(crate) map_files: bool,
-}
-
-/// Baking within a command that makes a mesh lighter.
-#[derive(Args, Clone, Debug)]
-#[command(next_help_heading = "Baking")]
-pub(crate) struct BakeArgs {
-    /// Bake what is lost into textures: normal, color, metallic-roughness, emissive, ao, vertex-color, height,
-    /// object-normal, curvature (see `lodsmith bake --help`) [default: none]
-    #[arg(long, value_name = "MAPS", value_delimiter = ',', hide_possible_values = true,
-          value_parser = choice(MapKind::ALL, MapKind::name))]
-    pub(crate) bake: Vec<MapKind>,
-    #[command(flatten)]
-    pub(crate) texture: TextureArgs,
-}
-
-impl BakeArgs {
-    /// Returns the maps to bake; `None` if nothing is baked.
-    ///
-    /// # Errors
-    /// A usage error for options of a bake without maps.
-    pub(crate) fn baking(&self) -> anyhow::Result<Option<Baking>> {
-        let texture = &self.texture;
-        let is_set = texture.texture_size.is_some() || texture.ao_distance.is_some() || texture.map_files;
-        if self.bake.is_empty() {
-            return if is_set {
-                Err(usage("--texture-size, --ao-distance and --map-files need --bake"))
-            } else {
-                Ok(None)
-            };
-        }
-        Ok(Some(Baking { options: texture.options(&self.bake), map_files: texture.map_files }))
-    }
-}
-
-impl TextureArgs {
-    /// Converts the arguments to options of a bake.
-    pub(crate) fn options(&self, maps: &[MapKind]) -> BakeOptions {
-        let mut options = BakeOptions::new(maps.iter().copied());
-        options.size = self.texture_size;
-        options.atlas = self.atlas;
-        options.rays = self.ao_rays;
-        options.occlusion_distance = self.ao_distance;
-        options
-    }
+    pub(super) printing: Printing,
 }

@@ -3,65 +3,38 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use lodsmith_asset::plan::Outputs;
 use lodsmith_asset::{Sink, Source};
-
-use super::{Ending, Reading, Writing};
 
 /// Inputs, and the outputs for their results. The command sets the default of the name.
 #[derive(Args, Debug)]
 pub(crate) struct BatchFiles {
-    /// Files to read; `-` is standard input
+    /// BatchFiles to read; `-` is standard input
     #[arg(value_name = "IN", required = true)]
-    inputs: Vec<Source>,
+    pub(super) inputs: Vec<Source>,
     /// File to write; `-` is standard output
     #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir")]
-    output: Option<Sink>,
+    pub(super) output: Option<Sink>,
     /// Folder for the results of several inputs; created if missing
     #[arg(short = 'O', long, value_name = "DIR")]
-    out_dir: Option<PathBuf>,
+    pub(super) out_dir: Option<PathBuf>,
     /// File names in the folder
     #[arg(long, value_name = "TEMPLATE", default_value = "{stem}.{ext}", requires = "out_dir")]
-    name: String,
-}
-
-impl BatchFiles {
-    /// Returns where the results go.
-    pub(super) fn wanted(
-        &self,
-        reading: &Reading,
-        writing: &Writing,
-        ending: Ending,
-        dry_run: bool,
-    ) -> Outputs<'_> {
-        Outputs {
-            inputs: &self.inputs,
-            output: self.output.as_ref(),
-            out_dir: self.out_dir.as_deref(),
-            name: &self.name,
-            from: reading.from,
-            to: writing.to,
-            writing: writing.options(),
-            json: ending.json,
-            dry_run,
-        }
-    }
+    pub(super) name: String,
 }
 
 #[cfg(test)]
 mod tests {
     use clap::Parser as _;
 
-    use lodsmith_asset::plan::assign;
-
-    use crate::args::{Cli, Command};
+    use crate::args::Cli;
 
     fn plan(words: &[&str]) -> Result<Vec<String>, String> {
         let cli =
             Cli::try_parse_from(["lodsmith", "simplify", "--ratio", "0.5"].iter().chain(words)).unwrap();
-        let Command::Simplify(args) = cli.command else { unreachable!("simplify was typed") };
-        let jobs = assign(&args.wanted()).map_err(|e| e.to_string())?;
-        Ok(jobs.into_iter().filter_map(|j| Some(j.output?.sink.to_string())).collect())
+        let job = cli.command.job().expect("simplify is a job");
+        let request = job.request().unwrap();
+        let planned = request.plan(&job.places()).map_err(|e| e.to_string())?;
+        Ok(planned.files.into_iter().filter_map(|file| Some(file.output?.sink.to_string())).collect())
     }
 
     #[test]

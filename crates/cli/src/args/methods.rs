@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 use lodsmith::{MethodKind, SimplifyOptions};
 
-use super::engine::Target;
-use super::{Reading, Run, Writing, choice};
+use super::table::{TARGET, Target, Writing};
+use super::{Reading, Run, choice};
 use lodsmith_asset::Source;
 
 const AFTER: &str = "\
@@ -26,10 +26,7 @@ pub(crate) struct MethodsArgs {
     /// File to simplify; `-` is standard input
     #[arg(value_name = "IN")]
     pub(crate) input: Source,
-    #[command(
-        flatten,
-        next_help_heading = "Target (the first one met stops; one at least, unless the method ends by itself)"
-    )]
+    #[command(flatten, next_help_heading = TARGET)]
     pub(crate) target: Target,
     /// Run only this method; may be repeated [default: all]
     #[arg(long, value_name = "METHOD", value_parser = choice(MethodKind::ALL, MethodKind::name), help_heading = "Comparison")]

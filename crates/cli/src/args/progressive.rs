@@ -6,9 +6,9 @@ use lodsmith_io::Textures;
 use lodsmith_io::lpm::{LpmOptions, MAX_BITS, MIN_BITS};
 use serde_json::Value;
 
-use super::engine::{EngineArgs, Target};
-use super::{Ending, Reading, Run, Writing, choice};
-use lodsmith_asset::{Sink, Source};
+use super::table::{Engine, Options, Target, Writing};
+use super::{Reading, Run, choice};
+use lodsmith_asset::{AssetError, Sink, Source};
 
 const AFTER_BUILD: &str = "\
 The file holds the base mesh and every step back to the input. Without --bits the input comes out as it went in, to the
@@ -27,6 +27,18 @@ With --error levels are measured against the finest one, both ways, until one is
 Examples:
   lodsmith progressive extract bunny.lpm -o low.glb --faces 2000
   head -c 100000 bunny.lpm | lodsmith progressive extract - -o preview.ply";
+
+/// Reporting of a command that writes.
+#[derive(Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Run")]
+pub(crate) struct Ending {
+    /// Print one line of JSON for each input
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Exit with status 3 if a target is not reached or data are dropped
+    #[arg(long)]
+    pub(crate) strict: bool,
+}
 
 /// Subcommands of `progressive`.
 #[derive(Debug, Subcommand)]
@@ -55,7 +67,7 @@ pub(crate) struct LpmBuildArgs {
     #[command(flatten, next_help_heading = "Base (the first one met stops; without any, as far as it goes)")]
     pub(crate) target: Target,
     #[command(flatten)]
-    pub(crate) engine: EngineArgs,
+    pub(crate) engine: Options<Engine>,
     #[command(flatten)]
     pub(crate) reading: Reading,
     /// Store the images of materials in the file (copy, link), or leave them out (none)
@@ -73,8 +85,13 @@ pub(crate) struct LpmBuildArgs {
 
 impl LpmBuildArgs {
     /// Converts the arguments to options of the engine.
-    pub(crate) fn options(&self) -> SimplifyOptions {
-        self.engine.options(self.target.stop())
+    ///
+    /// # Errors
+    /// For options that the method does not have, or that exclude each other.
+    pub(crate) fn options(&self) -> Result<SimplifyOptions, AssetError> {
+        let mut options = self.engine.engine()?;
+        options.stop = self.target.stop();
+        Ok(options)
     }
     /// Converts the arguments to options of the writer.
     pub(crate) fn writing(&self) -> LpmOptions {

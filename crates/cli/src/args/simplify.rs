@@ -1,13 +1,9 @@
 //! Arguments of `lodsmith simplify`.
 
 use clap::{ArgGroup, Args};
-use lodsmith::SimplifyOptions;
-use lodsmith_asset::plan::Outputs;
-use lodsmith_asset::{Normals, Recipe};
 
 use super::batch_files::BatchFiles;
-use super::engine::{Deviation, EngineArgs, Target};
-use super::{BakeArgs, Ending, Reading, Run, Writing, choice};
+use super::table::{OfSimplify, Options, Printing, TARGET};
 
 const AFTER: &str = "\
 Methods:
@@ -38,77 +34,27 @@ Examples:
 #[derive(Args, Debug)]
 #[command(after_help = AFTER)]
 #[command(mut_arg("name", |name| name.default_value("{stem}_low.{ext}")))]
-#[command(group(ArgGroup::new("result").args(["output", "out_dir", "dry_run"]).required(true).multiple(true)))]
+#[command(group(ArgGroup::new("result").args(["output", "out_dir", "dry-run"]).required(true).multiple(true)))]
 pub(crate) struct SimplifyArgs {
     #[command(flatten)]
-    files: BatchFiles,
-    #[command(
-        flatten,
-        next_help_heading = "Target (the first one met stops; one at least, unless the method ends by itself)"
-    )]
-    pub(crate) target: Target,
+    pub(super) files: BatchFiles,
+    #[command(flatten, next_help_heading = TARGET)]
+    pub(crate) options: Options<OfSimplify>,
     #[command(flatten)]
-    pub(crate) engine: EngineArgs,
-    #[command(flatten)]
-    deviation: Deviation,
-    #[command(flatten)]
-    pub(crate) baking: BakeArgs,
-    #[command(flatten)]
-    pub(crate) reading: Reading,
-    #[command(flatten)]
-    pub(crate) writing: Writing,
-    /// Normals of the result: carried over from the input, computed anew, or none
-    #[arg(long, value_name = "NORMALS", value_parser = choice(Normals::ALL, Normals::name),
-          default_value = Normals::default().name(), help_heading = "Writing")]
-    pub(crate) normals: Normals,
-    /// Print the report without writing a file
-    #[arg(long, help_heading = "Writing")]
-    pub(crate) dry_run: bool,
-    #[command(flatten)]
-    pub(crate) ending: Ending,
-    #[command(flatten)]
-    pub(crate) run: Run,
-}
-
-impl SimplifyArgs {
-    /// Returns where the results go.
-    pub(crate) fn wanted(&self) -> Outputs<'_> {
-        self.files.wanted(&self.reading, &self.writing, self.ending, self.dry_run)
-    }
-
-    /// Converts the arguments to options of the engine.
-    pub(crate) fn options(&self) -> SimplifyOptions {
-        let mut options = self.engine.options(self.target.stop());
-        self.deviation.apply(&mut options);
-        options
-    }
-
-    /// Returns how each input is made lighter.
-    ///
-    /// # Errors
-    /// A usage error for arguments that do not go together.
-    pub(crate) fn recipe(&self) -> anyhow::Result<Recipe> {
-        let (names, baking) = (self.engine.names.names(), self.baking.baking()?);
-        let recipe =
-            Recipe { options: self.options(), names, normals: self.normals, baking, ..Recipe::default() };
-        recipe.check(&self.writing.options(), self.wanted().output)?;
-        Ok(recipe)
-    }
+    pub(super) printing: Printing,
 }
 
 #[cfg(test)]
 mod tests {
     use clap::Parser as _;
-    use lodsmith::{BorderPolicy, Length, Preset, Stop, TopologyPolicy};
+    use lodsmith::{BorderPolicy, Length, Preset, SimplifyOptions, Stop, TopologyPolicy};
 
-    use super::*;
-    use crate::args::{Cli, Command};
+    use crate::args::Cli;
 
     fn options(words: &str) -> SimplifyOptions {
         let all = ["lodsmith", "simplify", "a.ply", "--dry-run", "--faces", "9"];
         let cli = Cli::try_parse_from(all.into_iter().chain(words.split_whitespace())).unwrap();
-        let Command::Simplify(args) = cli.command else { unreachable!("simplify was typed") };
-        args.options()
+        cli.command.job().expect("simplify is a job").options.engine().unwrap()
     }
 
     #[test]

@@ -1,23 +1,7 @@
 //! Parsers of argument values, with their permitted ranges.
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-pub(crate) use lodsmith_asset::values::{
-    above_zero, below_one, count, length, memory, ratio, rays, seconds, some_length, texture_size, view_deg,
-};
+pub(crate) use lodsmith_asset::values::{above_zero, count};
 use lodsmith_asset::values::{at_least, number};
-use lodsmith_io::Format;
-
-/// Returns a parser of format names.
-pub(crate) fn format() -> impl TypedValueParser<Value = Format> {
-    PossibleValuesParser::new(Format::ALL.map(Format::name))
-        .map(|name| Format::from_name(&name).expect("the words are the names of formats"))
-}
-
-/// Returns a parser of the names of formats that meshes can be written in.
-pub(crate) fn written_format() -> impl TypedValueParser<Value = Format> {
-    PossibleValuesParser::new(Format::WRITTEN.map(Format::name))
-        .map(|name| Format::from_name(&name).expect("the words are the names of formats"))
-}
 
 /// Parses a finite number that is not negative.
 pub(crate) fn not_negative(text: &str) -> Result<f64, String> {

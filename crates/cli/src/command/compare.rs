@@ -47,8 +47,8 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
         paths::refuse_inputs(&Sink::Path(path.clone()), [&args.reference, &args.candidate], args.force)?;
     }
     let sheet = views::sheet_format(args)?;
-    let out = Output::new(&args.run, args.json, false);
-    let progress = Progress::new(1, args.run.quiet);
+    let out = Output::new(args.run.loudness, args.json, false);
+    let progress = Progress::new(1, args.run.loudness.quiet);
     let begin = Instant::now();
     let measured = in_order::pool(args.run.threads())?.install(|| measure(args, sheet, &progress));
     progress.finish();

@@ -1,59 +1,15 @@
-//! `lodsmith info`: reports the content and the defects of a file.
+//! Text of `lodsmith info`.
 
-use std::time::Instant;
+use lodsmith_asset::Info;
 
-use lodsmith_asset::warnings::viewing_warnings;
-use lodsmith_asset::{Info, Job, info, paths};
-
-use crate::args::InfoArgs;
-use crate::exit;
-use crate::in_order;
-use crate::memory;
 use crate::numbers::{grouped, seconds, significant};
 use crate::output::Output;
-use crate::progress::Progress;
-use crate::run_control::BarWatch;
 use crate::sizes;
-use crate::status::Status;
-use crate::warnings::show_warnings;
 
-/// Inspects every input.
-pub(super) fn run(args: &InfoArgs) -> anyhow::Result<Status> {
-    paths::at_most_one_stream(&args.inputs)?;
-    let out = Output::new(&args.run, args.json, false);
-    let progress = Progress::new(args.inputs.len(), args.run.quiet);
-    let reading = args.reading.options();
-    let mut status = Status::Done;
-    in_order::process_in_order(
-        &args.inputs,
-        args.run.threads(),
-        |source, _| {
-            exit::guarded(|| {
-                let (name, begin) = (source.to_string(), Instant::now());
-                let bar = progress.file(&name);
-                let mut watch = BarWatch::new(&bar);
-                let found = info(source, &reading, &mut Job::new(&mut watch, None, memory::limit()))?;
-                bar.end();
-                Ok((found, begin.elapsed().as_secs_f64()))
-            })
-        },
-        |i, outcome| {
-            let path = args.inputs[i].to_string();
-            progress.with_bar_hidden(|| match outcome {
-                Ok((found, secs)) => {
-                    out.object(&found.to_json(&path));
-                    for line in table(&found, &path) {
-                        out.line(&line);
-                    }
-                    out.detail(&format!("  time             {}", seconds(secs)));
-                    show_warnings(&out, &path, &viewing_warnings(&found.warnings), false);
-                }
-                Err(e) => status = status.or_worse(out.failure(&path, &e)),
-            });
-        },
-    )?;
-    progress.finish();
-    out.finish(status)
+/// Prints the facts about one input.
+pub(super) fn show(out: &Output, path: &str, found: &Info) {
+    table(found, path).iter().for_each(|line| out.line(line));
+    out.detail(&format!("  time             {}", seconds(found.clock.total())));
 }
 
 /// Returns a table; defects with count 0 are left out.

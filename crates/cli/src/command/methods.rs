@@ -44,21 +44,21 @@ pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
     let sheet = args.sheet.clone().map(Sink::Path);
     let sheet = sheet.map(|sink| picture::format_of(&sink).map(|format| (sink, format))).transpose()?;
     if let Some((sink, _)) = &sheet {
-        paths::refuse_inputs(sink, [&args.input], args.writing.force)?;
+        paths::refuse_inputs(sink, [&args.input], args.writing.writing.force)?;
     }
     let sinks = methods.iter().map(|&m| sink(args, m)).collect::<anyhow::Result<Vec<_>>>()?;
     if let Some(folder) = &args.out_dir {
         fs::create_dir_all(folder)
             .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
     }
-    let out = Output::new(&args.run, args.json, false);
-    let progress = Progress::new(methods.len() + 1, args.run.quiet);
+    let out = Output::new(args.run.loudness, args.json, false);
+    let progress = Progress::new(methods.len() + 1, args.run.loudness.quiet);
     let path = args.input.to_string();
     let tried = in_order::pool(args.run.threads())?.install(|| {
         let jobs: Vec<_> = methods.into_iter().zip(sinks).collect();
         let tried = try_all(&path, jobs, args, &progress)?;
         if let Some((sink, format)) = &sheet {
-            picture::write(&tried.sheet(), sink, *format, args.writing.force)?;
+            picture::write(&tried.sheet(), sink, *format, args.writing.writing.force)?;
         }
         anyhow::Ok(tried)
     });
@@ -169,7 +169,7 @@ fn sink(args: &MethodsArgs, method: MethodKind) -> anyhow::Result<Option<Destina
         name: &template,
         from: args.reading.from,
         to: args.writing.to,
-        writing: args.writing.options(),
+        writing: args.writing.writing,
         json: args.json,
         dry_run: args.out_dir.is_none(),
     })?;
@@ -233,7 +233,7 @@ impl PreparedModel {
     ) -> anyhow::Result<MethodResult> {
         let options = args.options(method);
         let mut watch = BarWatch::new(bar);
-        let mut job = Job::new(&mut watch, args.run.time_limit, memory::limit());
+        let mut job = Job::new(&mut watch, args.run.limits.time_limit, memory::limit());
         job.enter(Step::Prepare);
         let done = lodsmith::simplify_with(&self.mesh, &options, &mut job);
         let clock = job.times();

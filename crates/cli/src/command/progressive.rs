@@ -49,8 +49,9 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
     if is_taken && args.ending.json {
         return Err(usage("standard output cannot carry the file and --json"));
     }
-    let out = Output::new(&args.run, args.ending.json, is_taken);
-    let progress = Progress::new(1, args.run.quiet);
+    let wanted = args.options()?;
+    let out = Output::new(args.run.loudness, args.ending.json, is_taken);
+    let progress = Progress::new(1, args.run.loudness.quiet);
     let path = args.input.to_string();
     let begin = Instant::now();
     let built = in_order::pool(args.run.threads())?.install(|| {
@@ -58,9 +59,9 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         let mut watch = BarWatch::new(&bar);
         let mut job = Job::new(&mut watch, None, memory::limit());
         job.enter(Step::Read);
-        let names = args.engine.names.names();
+        let names = args.engine.names.clone();
         let loaded = file::read_with(&args.input, &args.reading, constraints::properties(&names))?;
-        let mut options = args.options();
+        let mut options = wanted.clone();
         // Measured afterwards, like the levels of `extract`.
         let limit = options.stop.error.take();
         let data = constraints::of_mesh(&names, &loaded)?;
@@ -89,7 +90,7 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
     let mut report = json!({
         "input": { "path": path, "format": from.name(), "faces": full[0], "vertices": full[1] },
         "output": { "path": args.output.to_string(), "format": "lpm", "bytes": sizes.total() },
-        "method": args.options().method.kind().name(),
+        "method": wanted.method.kind().name(),
         "target": lodsmith_asset::report_json::target(&args.target.stop()),
     });
     merge(&mut report, describe(&splits, &sizes, args.bits));
@@ -113,13 +114,13 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
 fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
     let format = paths::format_of(&args.output, args.writing.to)?;
     paths::refuse_folder(&args.output, "")?;
-    paths::refuse_inputs(&args.output, [&args.input], args.writing.force)?;
+    paths::refuse_inputs(&args.output, [&args.input], args.writing.writing.force)?;
     let is_taken = args.output == Sink::Stream;
     if is_taken && args.ending.json {
         return Err(usage("standard output cannot carry the mesh and --json"));
     }
-    let out = Output::new(&args.run, args.ending.json, is_taken);
-    let progress = Progress::new(1, args.run.quiet);
+    let out = Output::new(args.run.loudness, args.ending.json, is_taken);
+    let progress = Progress::new(1, args.run.loudness.quiet);
     let path = args.input.to_string();
     let begin = Instant::now();
     let extracted = in_order::pool(args.run.threads())?.install(|| {
@@ -138,7 +139,7 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
         let mut mesh = if args.no_fit { levels.mesh() } else { levels.fitted_mesh() }?;
         let counts = [mesh.face_count(), mesh.vertex_count()];
         bar.write();
-        let writing = args.writing.options();
+        let writing = args.writing.writing;
         orient(&mut mesh, &writing);
         let mut warnings = lpm.warnings;
         if !lpm.is_complete && args.stop().error.is_some() {
@@ -216,7 +217,7 @@ fn go_to(
 }
 
 fn info(args: &LpmInfoArgs) -> anyhow::Result<Status> {
-    let out = Output::new(&args.run, args.json, false);
+    let out = Output::new(args.run.loudness, args.json, false);
     let path = args.input.to_string();
     let lpm = file::read_lpm(&args.input).map_err(|e| e.context(path.clone()))?;
     let (base, full) = ends(&lpm.splits);

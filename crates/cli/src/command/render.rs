@@ -51,8 +51,8 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Status> {
              one of them",
         ));
     }
-    let out = Output::new(&args.run, args.json, outputs.is_stdout());
-    let progress = Progress::new(1, args.run.quiet);
+    let out = Output::new(args.run.loudness, args.json, outputs.is_stdout());
+    let progress = Progress::new(1, args.run.loudness.quiet);
     let begin = Instant::now();
     let drawn = in_order::pool(args.run.threads())?.install(|| {
         let bar = progress.file("");

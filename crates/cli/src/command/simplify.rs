@@ -1,45 +1,18 @@
-//! `lodsmith simplify`: reads, simplifies, writes, and reports the result.
+//! Text of `lodsmith simplify`.
 
+use lodsmith_asset::Outcome;
 use lodsmith_asset::report_json::cleanup;
 use lodsmith_asset::warnings::refusals;
-use lodsmith_asset::{Outcome, simplify};
 
-use super::batch;
-use crate::args::SimplifyArgs;
 use crate::numbers::{counted, grouped, seconds, short};
 use crate::output::Output;
 use crate::sizes;
-use crate::status::Status;
-use crate::warnings::{show_not_reached, show_warnings};
 
-/// Simplifies every input.
-pub(super) fn run(args: &SimplifyArgs) -> anyhow::Result<Status> {
-    let (recipe, reading) = (args.recipe()?, args.reading.options());
-    batch::run(
-        &args.wanted(),
-        &args.run,
-        |file, job| Ok(simplify(&file.source, &reading, &recipe, file.output.as_ref(), job)?),
-        |out, path, done, file| {
-            out.object(&done.to_json(path, &recipe, file.output.as_ref(), args.dry_run));
-            show(out, path, done, args.ending.strict)
-        },
-    )
-}
-
-/// Prints the outcome of one input. Returns the status that it alone would end with.
-fn show(out: &Output, path: &str, done: &Outcome, strict: bool) -> Status {
+/// Prints the outcome of one input.
+pub(super) fn show(out: &Output, path: &str, done: &Outcome) {
     out.line(&line(done, path));
-    if let Some(line) = sizes::line(done.sizes_before, done.written.sizes) {
-        out.detail(&line);
-    }
-    for line in details(done) {
-        out.detail(&line);
-    }
-    let mut is_fault = show_warnings(out, path, &done.warnings, strict);
-    if let Some(why) = &done.not_reached {
-        is_fault |= show_not_reached(out, path, why, strict);
-    }
-    if is_fault { Status::Strict } else { Status::Done }
+    sizes::line(done.sizes_before, done.written.sizes).iter().for_each(|line| out.detail(line));
+    details(done).iter().for_each(|line| out.detail(line));
 }
 
 /// Returns the summary line.

@@ -32,14 +32,13 @@ mod tests {
     use lodsmith::{Length, MethodKind, Preset, Stop};
     use lodsmith_viewer::option_words::Simplification;
 
-    use crate::args::{Cli, Command};
+    use crate::args::Cli;
 
     /// Returns the options that the command line gets from the window's text.
     fn typed(how: &Simplification) -> lodsmith::SimplifyOptions {
         let words = ["lodsmith", "simplify", "a.ply", "--dry-run"].map(str::to_owned);
         let cli = Cli::try_parse_from(words.into_iter().chain(how.words())).unwrap();
-        let Command::Simplify(args) = cli.command else { unreachable!("simplify was typed") };
-        args.options()
+        cli.command.job().expect("simplify is a job").options.engine().unwrap()
     }
 
     #[test]

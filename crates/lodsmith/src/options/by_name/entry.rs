@@ -3,7 +3,7 @@
 use super::OptionError;
 use super::value::{LengthRange, OptionValue};
 use crate::SimplifyError;
-use crate::options::{MethodKind, SimplifyOptions};
+use crate::options::{MethodKind, Preset, SimplifyOptions, Stop};
 
 /// An option of simplification: its name, the values that it takes, and how it is read and set.
 #[derive(Clone, Copy, Debug)]
@@ -199,5 +199,12 @@ impl NamedOption {
             OptionKind::Flag | OptionKind::Weights(_) => None,
             _ => self.get(&SimplifyOptions::default()).map(|value| value.text()),
         }
+    }
+
+    /// True if a preset sets it to something else than the default.
+    pub fn is_of_presets(&self) -> bool {
+        let of = |preset| self.get(&SimplifyOptions::preset(preset, Stop::default()));
+        let default = self.get(&SimplifyOptions::default());
+        Preset::ALL.into_iter().any(|preset| of(preset) != default)
     }
 }

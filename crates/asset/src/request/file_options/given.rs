@@ -1,0 +1,161 @@
+//! The options of a job as they were given.
+
+use std::path::PathBuf;
+
+use lodsmith::options::by_name::{self, OptionValue};
+use lodsmith::{CleanOptions, Length, Levels, LodOptions, Measure, Screen, SimplifyOptions};
+use lodsmith_bake::{BakeOptions, MapKind};
+use lodsmith_io::{AssetScope, Format, ReadOptions};
+
+use crate::baking::Baking;
+use crate::constraints::PartNames;
+use crate::destination::Writing;
+use crate::error::{AssetError, usage};
+use crate::job::Job;
+use crate::lod::Naming;
+use crate::normals::Normals;
+use crate::values::LEVEL_FACTOR;
+
+/// The options of a job on files; each is a field, or becomes a part of one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FileOptions {
+    /// Options of the engine by name.
+    pub(super) engine: Vec<(&'static str, OptionValue<'static>)>,
+    /// Names of the options that were given; of flags only those that are on.
+    pub(super) given: Vec<&'static str>,
+    /// Format of the inputs.
+    pub from: Option<Format>,
+    pub(super) asset_root: Option<PathBuf>,
+    pub(super) allow_outside: bool,
+    /// Names of parts that a run treats in other ways.
+    pub names: PartNames,
+    /// Normals of the result.
+    pub normals: Normals,
+    pub(super) bake: BakeOptions,
+    pub(super) map_files: bool,
+    /// Format of the outputs.
+    pub to: Option<Format>,
+    /// How outputs are written.
+    pub writing: Writing,
+    /// Repairs.
+    pub clean: CleanOptions,
+    pub(super) ratios: Vec<f64>,
+    pub(super) faces: Vec<usize>,
+    pub(super) errors: Vec<Length>,
+    pub(super) count: Option<usize>,
+    pub(super) factor: f64,
+    /// Naming of levels.
+    pub naming: Naming,
+    /// Template of names of levels in a folder.
+    pub name: Option<String>,
+    pub(super) geomorph: bool,
+    /// The screen that switching distances are for.
+    pub screen: Screen,
+    /// Nothing is written.
+    pub dry_run: bool,
+    /// Lost data and missed targets are faults.
+    pub strict: bool,
+    /// Number of threads.
+    pub threads: Option<usize>,
+    /// Seconds after which a run ends.
+    pub time_limit: Option<f64>,
+    /// Bytes of memory that a step may take.
+    pub max_memory: Option<u64>,
+}
+
+impl Default for FileOptions {
+    fn default() -> Self {
+        Self {
+            engine: Vec::new(),
+            given: Vec::new(),
+            from: None,
+            asset_root: None,
+            allow_outside: false,
+            names: PartNames::default(),
+            normals: Normals::default(),
+            bake: BakeOptions::new([]),
+            map_files: false,
+            to: None,
+            writing: Writing::default(),
+            clean: CleanOptions::default(),
+            ratios: Vec::new(),
+            faces: Vec::new(),
+            errors: Vec::new(),
+            count: None,
+            factor: LEVEL_FACTOR,
+            naming: Naming::default(),
+            name: None,
+            geomorph: false,
+            screen: Screen::default(),
+            dry_run: false,
+            strict: false,
+            threads: None,
+            time_limit: None,
+            max_memory: None,
+        }
+    }
+}
+
+impl FileOptions {
+    /// Adds a map to bake.
+    pub(super) fn add_map(&mut self, kind: MapKind) {
+        self.bake.maps = BakeOptions::new(self.bake.maps.iter().copied().chain([kind])).maps;
+    }
+
+    /// Returns which files a model may name.
+    pub fn scope(&self) -> AssetScope {
+        match &self.asset_root {
+            Some(root) => AssetScope::Root(root.clone()),
+            None if self.allow_outside => AssetScope::Anywhere,
+            None => AssetScope::Folder,
+        }
+    }
+
+    /// Returns how inputs are read, by a job that may take this much memory.
+    pub fn reading(&self, memory: u64) -> ReadOptions {
+        let mut options = ReadOptions::default();
+        options.format = self.from;
+        options.assets = self.scope();
+        options.limits.memory = memory;
+        options
+    }
+
+    /// Returns the bytes of memory that a step may take.
+    pub fn memory(&self) -> u64 {
+        self.max_memory.unwrap_or_else(Job::default_memory)
+    }
+
+    /// Returns the options of the engine.
+    ///
+    /// # Errors
+    /// [`AssetError::Simplify`] for options that the method does not have, or that exclude each other.
+    pub fn engine(&self) -> Result<SimplifyOptions, AssetError> {
+        Ok(by_name::from_names(&self.engine)?)
+    }
+
+    /// Returns the maps to bake; `None` for none.
+    pub(crate) fn baking(&self) -> Option<Baking> {
+        let (options, map_files) = (self.bake.clone(), self.map_files);
+        (!options.maps.is_empty()).then_some(Baking { options, map_files })
+    }
+
+    /// Returns the options of levels.
+    ///
+    /// # Errors
+    /// [`AssetError::Usage`] if nothing says which levels are made; those of [`FileOptions::engine`].
+    pub(crate) fn levels(&self) -> Result<LodOptions, AssetError> {
+        let Self { ratios, faces, errors, factor, .. } = self;
+        let mut options = LodOptions::new(match self.count {
+            Some(count) => Levels::Steps { count, factor: *factor },
+            None if !errors.is_empty() => Levels::Errors(errors.clone()),
+            None if !faces.is_empty() => Levels::Faces(faces.clone()),
+            None if !ratios.is_empty() => Levels::Ratios(ratios.clone()),
+            None => return Err(usage("say which levels are made: --levels, --faces, --count or --errors")),
+        });
+        options.simplify = self.engine()?;
+        // Switching distances are no more accurate than the errors that they are computed from.
+        options.simplify.measure = Measure::Always;
+        options.geomorph = self.geomorph;
+        Ok(options)
+    }
+}
