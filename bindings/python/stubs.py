@@ -73,8 +73,6 @@ def keywords(without=()):
 
 def keyword_of_job(option):
     name, kind = option["name"].replace("-", "_"), type_of(option)
-    if kind == "bool":
-        return f"{name}: bool = False"
     return f"{name}: Optional[{f'Sequence[{kind}] | str' if option['list'] else kind}] = ..."
 
 

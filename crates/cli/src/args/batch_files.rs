@@ -8,7 +8,7 @@ use lodsmith_asset::{Sink, Source};
 /// Inputs, and the outputs for their results. The command sets the default of the name.
 #[derive(Args, Debug)]
 pub(crate) struct BatchFiles {
-    /// BatchFiles to read; `-` is standard input
+    /// Files to read; `-` is standard input
     #[arg(value_name = "IN", required = true)]
     pub(super) inputs: Vec<Source>,
     /// File to write; `-` is standard output

@@ -132,8 +132,9 @@ file_options! {
     "dry-run" (Flag) [Simplify, Lod, Clean] Writing "" "Print the report without writing a file"
         |o, v| o.dry_run = flag(v)?;
 
-    "strict" (Flag) WRITE Run "" "Exit with status 3 if a target is not reached or data are dropped"
+    "strict" (Flag) [Simplify, Lod, Clean] Run "" "Exit with status 3 if a target is not reached or data are dropped"
         |o, v| o.strict = flag(v)?;
+    "strict" (Flag) [Convert, Bake] Run "" "Exit with status 3 if data are dropped" |o, v| o.strict = flag(v)?;
     "threads" (Count) ALL Run "N" "Number of threads; the result is the same with any number [default: all cores]"
         |o, v| o.threads = Some(parsed(v, threads)?);
     "time-limit" (Number) ALL Run "S"
