@@ -1,15 +1,8 @@
 // Simplification of meshes in typed arrays. The documentation is in index.d.ts.
-import init, * as engine from './wasm/lodsmith.js';
-import { source } from './load.js';
+import * as engine from './wasm/lodsmith.js';
 
+export { ready } from './ready.js';
 export { LodsmithSimplifier } from './simplifier.js';
-
-/** Loads the module; its functions may be called afterwards. */
-export const ready = source(new URL('./wasm/lodsmith_bg.wasm', import.meta.url)).then(async (from) => {
-  await init({ module_or_path: from });
-});
-// Whoever waits for it gets the error; nobody else needs to be told.
-ready.catch(() => {});
 
 /** Parts options of a call from the function that is told its progress. */
 function parted(options) {

@@ -1,5 +1,5 @@
 // An object with the functions of MeshoptSimplifier. The documentation is in simplifier.d.ts.
-import { ready } from './index.js';
+import { ready } from './ready.js';
 import { simplifyIndices, updateIndices } from './wasm/lodsmith.js';
 
 const FLAGS = {
