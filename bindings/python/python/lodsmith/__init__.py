@@ -11,13 +11,13 @@ The functions take NumPy arrays, or meshes of trimesh, PyVista and Open3D, and g
 Options have the names, defaults and values of the command ``lodsmith``; :func:`options` lists them.
 """
 
-from ._files import CommandError, clean_file, convert, info, load, lod_file, save, simplify_file
+from ._faults import CommandError, LodsmithWarning
+from ._files import clean_file, convert, info, lod_file, save, simplify_file
 from ._lodsmith import FORMATS, InvalidMesh, __version__
-from ._mesh import Mesh
+from ._mesh import Mesh, load
 from ._picture import Picture, render
 from ._run import (
     Level,
-    LodsmithWarning,
     Progressive,
     Result,
     SourceMap,

@@ -5,15 +5,15 @@ from typing import Any, Callable, Dict, List, Literal, Mapping, Optional, Sequen
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._files import CommandError as CommandError
+from ._faults import CommandError as CommandError
+from ._faults import LodsmithWarning as LodsmithWarning
 from ._files import info as info
-from ._files import load as load
 from ._files import save as save
 from ._mesh import Mesh as Mesh
+from ._mesh import load as load
 from ._picture import Picture as Picture
 from ._picture import render as render
 from ._run import Level as Level
-from ._run import LodsmithWarning as LodsmithWarning
 from ._run import Result as Result
 from ._run import SourceMap as SourceMap
 from ._run import clean as clean

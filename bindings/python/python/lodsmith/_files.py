@@ -1,4 +1,4 @@
-"""Files: meshes as arrays, and whole files as the command treats them."""
+"""Files: meshes that become one, and whole files as the command treats them."""
 
 from __future__ import annotations
 
@@ -7,64 +7,12 @@ import warnings
 from typing import Any, Dict, Optional, Sequence, Union
 
 from . import _lodsmith as _native
-from ._mesh import Mesh, from_native, to_native
+from ._arrays import MeshArrays, to_native, warn_of_lost_integers
+from ._faults import CommandError, LodsmithWarning
+from ._kinds import arguments
 from ._progress import Reporting
-from ._run import LodsmithWarning, arguments, warn_of_lost_integers
 
 Path = Union[str, "os.PathLike[str]"]
-
-
-class CommandError(ValueError):
-    """Raised if a job on files fails, as the command would with the same options.
-
-    Attributes
-    ----------
-    status : int
-        Its exit status: 1 the file, the mesh or the system is at fault, 2 the arguments are, 3 only with ``strict``.
-    report : dict or None
-        What it would print with ``--json``, if the job came to its end.
-    """
-
-    def __init__(self, text: str, status: int, report: Any) -> None:
-        super().__init__(text)
-        self.status = status
-        self.report = report
-
-
-def load(
-    path: Path, *, format: Optional[str] = None, asset_root: Optional[Path] = None, allow_outside: bool = False
-) -> Mesh:
-    """Read a file as one mesh: in any of the ``lodsmith.FORMATS``, recognised by its content.
-
-    Parameters
-    ----------
-    format : str, optional
-        Name of the format, such as ``"ply"``.
-    asset_root : path, optional
-        Folder that other files the model refers to must be in; by default its own.
-    allow_outside : bool
-        Allow it to refer to any file; only for models that you trust.
-
-    Returns
-    -------
-    Mesh
-        All meshes of a scene in one. Rows of vertices differ where attributes do (``vertex_map`` joins them).
-
-    Raises
-    ------
-    OSError
-        If the file cannot be opened.
-    InvalidMesh
-        If it cannot be read as a mesh; the text names the place.
-    """
-    root = None if asset_root is None else os.fspath(asset_root)
-    made = _native.load(os.fspath(path), format, root, bool(allow_outside))
-    mesh = from_native(Mesh, made, None)
-    mesh.format = made["format"]
-    mesh._materials = made["materials"]
-    for text in made["warnings"]:
-        warnings.warn(f"{path}: {text}", LodsmithWarning, stacklevel=2)
-    return mesh
 
 
 class _Writing:
@@ -111,7 +59,7 @@ def save(
     quantize : bool
         Round the attributes of glTF and GLB to fewer bits, as ``--quantize`` of the command does.
     """
-    given = Mesh(*mesh) if isinstance(mesh, tuple) else arguments(mesh, None, None)[0]
+    given = MeshArrays(*mesh) if isinstance(mesh, tuple) else arguments(mesh, None, None)[0]
     writing = _Writing(format, bool(ascii), textures, bool(force), compress, bool(quantize), given._materials)
     sent = to_native(given)
     warn_of_lost_integers(path, sent)

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any, Callable, Dict, NamedTuple, Optional
+from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from ._mesh import Mesh
+from ._arrays import MeshArrays
+from ._faults import LodsmithWarning
 
 
 class Kind(NamedTuple):
     """A kind of mesh: how to take its arrays, and how to give a mesh of the kind back (like a given one, or None)."""
 
-    take: Callable[[Any], Mesh]
-    give: Callable[[Mesh, Any], Any]
+    take: Callable[[Any], MeshArrays]
+    give: Callable[[MeshArrays, Any], Any]
 
 
 def kind_of(mesh: Any) -> Optional[Kind]:
@@ -30,9 +31,26 @@ def kind_of(mesh: Any) -> Optional[Kind]:
     return None
 
 
-def _lost(what: str) -> None:
-    from ._run import LodsmithWarning
+def arguments(mesh: Any, faces: Any, attributes: Optional[Mapping[str, Any]]) -> Tuple[MeshArrays, Any, Any]:
+    """The mesh of the arguments of a function, its kind, and the object of that kind."""
+    if faces is not None:
+        return MeshArrays(mesh, faces, attributes), None, None
+    if attributes is not None:
+        raise TypeError("attributes= goes with arrays of vertices and faces; a mesh has its own")
+    if isinstance(mesh, MeshArrays):
+        return mesh, None, None
+    kind = kind_of(mesh)
+    if kind is None:
+        if isinstance(mesh, (np.ndarray, list, tuple)):
+            raise TypeError("the faces are missing: pass arrays of vertices and faces")
+        raise TypeError(
+            f"a mesh of type {type(mesh).__name__} is not known; pass arrays of vertices and faces, or a lodsmith.Mesh, "
+            "trimesh.Trimesh, pyvista.PolyData or open3d TriangleMesh"
+        )
+    return kind.take(mesh), kind, mesh
 
+
+def _lost(what: str) -> None:
     warnings.warn(f"the result does not carry {what}", LodsmithWarning, stacklevel=4)
 
 
@@ -58,8 +76,8 @@ def _has_shape_normals(mesh: Any) -> bool:
     return bool((alike | unused | ~own.any(axis=1)).all())
 
 
-def _take_trimesh(mesh: Any) -> Mesh:
-    taken = Mesh(mesh.vertices.view(np.ndarray), mesh.faces.view(np.ndarray))
+def _take_trimesh(mesh: Any) -> MeshArrays:
+    taken = MeshArrays(mesh.vertices.view(np.ndarray), mesh.faces.view(np.ndarray))
     # Normals that were computed from the shape the result computes anew.
     if "vertex_normals" in mesh._cache.cache and not _has_shape_normals(mesh):
         taken.normals = np.asarray(mesh.vertex_normals)
@@ -84,7 +102,7 @@ def _take_trimesh(mesh: Any) -> Mesh:
     return taken
 
 
-def _give_trimesh(mesh: Mesh, given: Any) -> Any:
+def _give_trimesh(mesh: MeshArrays, given: Any) -> Any:
     import trimesh
 
     made = trimesh.Trimesh(
@@ -121,13 +139,13 @@ def _is_color(values: np.ndarray) -> bool:
     return values.dtype == np.uint8 and values.ndim == 2 and values.shape[1] in (3, 4)
 
 
-def _take_pyvista(mesh: Any) -> Mesh:
+def _take_pyvista(mesh: Any) -> MeshArrays:
     if mesh.n_lines or mesh.n_verts:
         _lost("lines and single points")
     if not mesh.is_all_triangles:
         mesh = mesh.triangulate()
     faces = mesh.faces.reshape(-1, 4)[:, 1:]
-    taken = Mesh(np.asarray(mesh.points), faces)
+    taken = MeshArrays(np.asarray(mesh.points), faces)
     data = mesh.point_data
     normals, uvs = data.active_normals_name, data.active_texture_coordinates_name
     colors = [name for name in data.keys() if _is_color(np.asarray(data[name]))]
@@ -161,7 +179,7 @@ def _take_pyvista(mesh: Any) -> Mesh:
     return taken
 
 
-def _give_pyvista(mesh: Mesh, given: Any) -> Any:
+def _give_pyvista(mesh: MeshArrays, given: Any) -> Any:
     import pyvista
 
     made = pyvista.PolyData.from_regular_faces(mesh.vertices, mesh.faces)
@@ -195,7 +213,7 @@ def _give_pyvista(mesh: Mesh, given: Any) -> Any:
 # Open3D
 
 
-def _join_corners(taken: Mesh, corner_uvs: np.ndarray) -> None:
+def _join_corners(taken: MeshArrays, corner_uvs: np.ndarray) -> None:
     """Give each pair of a vertex and its texture coordinates a row of its own."""
     uvs = np.ascontiguousarray(corner_uvs.reshape(-1, 2))
     corners = taken.faces.reshape(-1).astype(np.int64)
@@ -215,7 +233,7 @@ def _join_corners(taken: Mesh, corner_uvs: np.ndarray) -> None:
     taken.attributes = {name: values[rows] for name, values in taken.attributes.items()}
 
 
-def _places(mesh: Mesh) -> Any:
+def _places(mesh: MeshArrays) -> Any:
     """The first row of each place, and the place of each row."""
     if mesh.vertex_map is None:
         return np.arange(len(mesh.vertices)), np.arange(len(mesh.vertices))
@@ -223,8 +241,8 @@ def _places(mesh: Mesh) -> Any:
     return first, place.reshape(-1)
 
 
-def _take_open3d(mesh: Any) -> Mesh:
-    taken = Mesh(np.asarray(mesh.vertices), np.asarray(mesh.triangles))
+def _take_open3d(mesh: Any) -> MeshArrays:
+    taken = MeshArrays(np.asarray(mesh.vertices), np.asarray(mesh.triangles))
     if mesh.has_vertex_normals():
         taken.normals = np.asarray(mesh.vertex_normals)
     if mesh.has_vertex_colors():
@@ -237,7 +255,7 @@ def _take_open3d(mesh: Any) -> Mesh:
     return taken
 
 
-def _give_open3d(mesh: Mesh, given: Any) -> Any:
+def _give_open3d(mesh: MeshArrays, given: Any) -> Any:
     import open3d as o3d
 
     # Normals of one place that differ are those of a seam of texture coordinates: all but equal.
@@ -260,9 +278,9 @@ def _give_open3d(mesh: Mesh, given: Any) -> Any:
     return made
 
 
-def _take_open3d_tensor(mesh: Any) -> Mesh:
+def _take_open3d_tensor(mesh: Any) -> MeshArrays:
     data = mesh.vertex
-    taken = Mesh(data.positions.numpy(), mesh.triangle.indices.numpy())
+    taken = MeshArrays(data.positions.numpy(), mesh.triangle.indices.numpy())
     for name in data:
         values = data[name].numpy()
         if name in ("normals", "colors"):
@@ -279,7 +297,7 @@ def _take_open3d_tensor(mesh: Any) -> Mesh:
     return taken
 
 
-def _give_open3d_tensor(mesh: Mesh, given: Any) -> Any:
+def _give_open3d_tensor(mesh: MeshArrays, given: Any) -> Any:
     import open3d as o3d
 
     first, place = _places(mesh) if mesh.uvs is not None else (slice(None), np.arange(len(mesh.vertices)))

@@ -1,21 +1,20 @@
-"""Meshes as arrays, and their way to and from the engine."""
+"""Meshes as users have them."""
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any, Dict, Mapping, NamedTuple, Optional, Tuple
-
-import numpy as np
+import os
+import warnings
+from typing import Any, Dict, Optional
 
 from . import _lodsmith as _native
+from ._arrays import MeshArrays, from_native
+from ._faults import LodsmithWarning
+from ._files import Path, save
+from ._kinds import KINDS, kind_of
+from ._picture import render
 
-#: Rows of other types are stored by the engine as 32-bit floats, which hold these integers exactly.
-_EXACT = 1 << 24
-_INTEGERS = ("int8", "uint8", "int16", "uint16", "int32", "uint32")
-_OWN = ("normals", "uvs", "colors", "regions", "vertex_map")
 
-
-class Mesh:
+class Mesh(MeshArrays):
     """A triangle mesh as NumPy arrays.
 
     Parameters
@@ -49,74 +48,33 @@ class Mesh:
         The arrays with other names.
     """
 
-    vertices: np.ndarray
-    faces: np.ndarray
-    normals: Optional[np.ndarray]
-    uvs: Optional[np.ndarray]
-    colors: Optional[np.ndarray]
-    regions: Optional[np.ndarray]
-    vertex_map: Optional[np.ndarray]
-    attributes: Dict[str, np.ndarray]
-
-    def __init__(self, vertices: Any, faces: Any, attributes: Optional[Mapping[str, Any]] = None) -> None:
-        self.vertices = _vertices(vertices)
-        self.faces = _faces(faces)
-        self.attributes = {}
-        for name in _OWN:
-            setattr(self, name, None)
-        self._materials: Any = None
-        self.format: Optional[str] = None
-        for name, values in (attributes or {}).items():
-            if values is None:
-                continue
-            array = np.asarray(values)
-            wanted = len(self.faces) if name == "regions" else len(self.vertices)
-            if array.ndim not in (1, 2) or len(array) != wanted:
-                what = "faces" if name == "regions" else "vertices"
-                raise ValueError(f"attributes: {name!r} has the shape {array.shape} for {wanted} {what}")
-            if name in _OWN:
-                setattr(self, name, array)
-            else:
-                self.attributes[name] = array
-
     @classmethod
     def of(cls, mesh: Any) -> "Mesh":
         """Return a mesh of trimesh, PyVista or Open3D as arrays; results of functions on it are then :class:`Result`."""
-        from ._kinds import kind_of
-
         kind = kind_of(mesh)
         if kind is None:
             raise TypeError(f"a mesh of type {type(mesh).__name__} is not known; pass arrays of vertices and faces")
-        return kind.take(mesh)
+        taken = kind.take(mesh)
+        return Mesh(taken.vertices, taken.faces, taken._named())
 
     def to_trimesh(self) -> Any:
         """Return the mesh as a ``trimesh.Trimesh``."""
-        from ._kinds import KINDS
-
         return KINDS["trimesh"].give(self, None)
 
     def to_pyvista(self) -> Any:
         """Return the mesh as a ``pyvista.PolyData``."""
-        from ._kinds import KINDS
-
         return KINDS["pyvista"].give(self, None)
 
     def to_open3d(self) -> Any:
         """Return the mesh as an ``open3d.geometry.TriangleMesh``."""
-        from ._kinds import KINDS
-
         return KINDS["open3d"].give(self, None)
 
     def save(self, path: Any, **keywords: Any) -> None:
         """Write the mesh to a file; see :func:`lodsmith.save`."""
-        from ._files import save
-
         save(self, path, **keywords)
 
     def render(self, **keywords: Any) -> Any:
         """Draw the mesh; see :func:`lodsmith.render`."""
-        from ._picture import render
-
         return render(self, **keywords)
 
     def _repr_png_(self) -> Optional[bytes]:
@@ -135,254 +93,38 @@ class Mesh:
             shown["image/png"] = picture
         return shown
 
-    def __repr__(self) -> str:
-        also = [name for name in _OWN if getattr(self, name) is not None and name != "vertex_map"]
-        also += list(self.attributes)
-        with_ = f", {', '.join(also)}" if also else ""
-        return f"<lodsmith.{type(self).__name__}: {len(self.faces)} faces, {len(self.vertices)} vertices{with_}>"
 
-    def _named(self) -> Dict[str, np.ndarray]:
-        named = {name: getattr(self, name) for name in _OWN if getattr(self, name) is not None}
-        named.update(self.attributes)
-        return named
+def load(
+    path: Path, *, format: Optional[str] = None, asset_root: Optional[Path] = None, allow_outside: bool = False
+) -> Mesh:
+    """Read a file as one mesh: in any of the ``lodsmith.FORMATS``, recognised by its content.
 
+    Parameters
+    ----------
+    format : str, optional
+        Name of the format, such as ``"ply"``.
+    asset_root : path, optional
+        Folder that other files the model refers to must be in; by default its own.
+    allow_outside : bool
+        Allow it to refer to any file; only for models that you trust.
 
-def _vertices(values: Any) -> np.ndarray:
-    array = np.asarray(values)
-    if array.dtype not in (np.float32, np.float64):
-        if array.dtype.kind not in "fiub":
-            raise TypeError(f"vertices: numbers are expected, not {array.dtype}")
-        array = array.astype(np.float64)
-    if array.ndim != 2 or array.shape[1] != 3:
-        if array.size:
-            raise ValueError(f"vertices: a shape of (n, 3) is expected, not {array.shape}")
-        array = array.reshape(0, 3)
-    return array
+    Returns
+    -------
+    Mesh
+        All meshes of a scene in one. Rows of vertices differ where attributes do (``vertex_map`` joins them).
 
-
-def _faces(values: Any) -> np.ndarray:
-    array = np.asarray(values)
-    if array.dtype.kind not in "iu":
-        if array.size:
-            raise TypeError(f"faces: integers are expected, not {array.dtype}")
-        array = array.astype(np.int64)
-    if array.ndim != 2 or array.shape[1] != 3:
-        if array.size:
-            raise ValueError(f"faces: a shape of (m, 3) is expected, not {array.shape}")
-        array = array.reshape(0, 3)
-    return array
-
-
-def _contiguous(array: np.ndarray) -> np.ndarray:
-    """Native byte order, in one piece; no copy if it is so already."""
-    if not array.dtype.isnative:
-        array = array.astype(array.dtype.newbyteorder("="))
-    return np.require(array, requirements=["C", "A"])
-
-
-def _rows(name: str, array: np.ndarray, widths: Tuple[int, ...]) -> np.ndarray:
-    if array.ndim != 2 or array.shape[1] not in widths:
-        wanted = " or ".join(f"(n, {k})" for k in widths)
-        raise ValueError(f"attributes: {name!r} has the shape {array.shape}, not {wanted}")
-    return np.require(array, np.float32, ["C", "A"])
-
-
-def _colors(array: np.ndarray) -> np.ndarray:
-    rows = _rows("colors", array, (3, 4))
-    if array.dtype.kind in "iu":
-        rows = rows / np.float32(255)
-    if rows.shape[1] == 3:
-        rows = np.concatenate([rows, np.ones((len(rows), 1), np.float32)], axis=1)
-    return np.ascontiguousarray(rows)
-
-
-def _ids(name: str, array: np.ndarray) -> np.ndarray:
-    if array.ndim != 1 or array.dtype.kind not in "iu":
-        raise ValueError(f"attributes: {name!r} wants one integer each, not {array.dtype} of shape {array.shape}")
-    if len(array) and (int(array.min()) < 0 or int(array.max()) >= 1 << 32):
-        raise ValueError(f"attributes: {name!r} has numbers below 0 or beyond 32 bits")
-    return np.require(array, np.uint32, ["C", "A"])
-
-
-#: Numbers between these, and 0, are carried as they are: 32-bit floats hold their products too.
-_LEAST, _MOST = 1e-30, 1e30
-
-
-class _Scale(NamedTuple):
-    """How numbers of 64 bits are carried where 32-bit floats would round them: (x - shift) / unit."""
-
-    shift: float
-    unit: float
-
-    def carried(self, rows: np.ndarray) -> np.ndarray:
-        return (rows - self.shift) / self.unit
-
-    def given(self, rows: np.ndarray) -> np.ndarray:
-        return rows.astype(np.float64) * self.unit + self.shift
-
-
-_PLAIN = _Scale(0.0, 1.0)
-
-
-def _scale(rows: np.ndarray) -> _Scale:
-    """The scale at which 32-bit floats hold numbers best."""
-    finite = rows[np.isfinite(rows)]
-    if finite.size == 0:
-        return _PLAIN
-    low, high = float(finite.min()), float(finite.max())
-    most = max(abs(low), abs(high))
-    # Around 0 small numbers would lose digits to a shift; apart from it, all gain some.
-    shift = low / 2 + high / 2 if high / 2 - low / 2 < most / 4 else 0.0
-    largest = max(abs(low - shift), abs(high - shift))
-    in_range = largest == 0 or _LEAST < largest < _MOST
-    return _Scale(shift, 1.0 if in_range else float(2.0 ** np.frexp(largest)[1]))
-
-
-class _Carried(NamedTuple):
-    """Values for the engine."""
-
-    #: None for integers that 32-bit floats do not hold: these are fetched from the original afterwards.
-    rows: Optional[np.ndarray]
-    #: The type of labels.
-    label: Optional[str]
-    scale: _Scale
-    #: Whether the rows are the values, to the bit.
-    is_exact: bool
-
-
-def _values(name: str, array: np.ndarray, scaled: bool) -> _Carried:
-    rows = array.reshape(len(array), -1)
-    if rows.dtype.kind in "iub":
-        low, high = (int(rows.min()), int(rows.max())) if rows.size else (0, 0)
-        if low < -_EXACT or high > _EXACT:
-            return _Carried(None, None, _PLAIN, False)
-        label = rows.dtype.name if rows.dtype.name in _INTEGERS else ("int32" if low < 0 else "uint32")
-        return _Carried(np.require(rows, np.float32, ["C", "A"]), label, _PLAIN, True)
-    if rows.dtype.kind != "f":
-        raise TypeError(f"attributes: {name!r} has values of type {rows.dtype}, not numbers")
-    with np.errstate(over="ignore"):
-        carried = np.require(rows, np.float32, ["C", "A"])
-    if rows.dtype.itemsize <= 4 or np.array_equal(carried, rows, equal_nan=True):
-        return _Carried(carried, None, _PLAIN, True)
-    scale = _scale(rows) if scaled else _PLAIN
-    if scale != _PLAIN:
-        carried = np.require(scale.carried(rows), np.float32, ["C", "A"])
-    return _Carried(carried, None, scale, False)
-
-
-def to_native(mesh: Mesh, scaled: bool = False) -> SimpleNamespace:
-    """The arrays of a mesh as the engine takes them.
-
-    ``scaled`` moves numbers of 64 bits to where 32-bit floats hold them best; :func:`from_native` moves them back.
+    Raises
+    ------
+    OSError
+        If the file cannot be opened.
+    InvalidMesh
+        If it cannot be read as a mesh; the text names the place.
     """
-    carried = {name: _values(name, array, scaled) for name, array in mesh.attributes.items()}
-    faces = mesh.faces
-    if faces.dtype not in (np.int32, np.uint32, np.int64):
-        if faces.dtype == np.uint64 and faces.size and int(faces.max()) >= 1 << 63:
-            raise ValueError("faces: numbers beyond 63 bits")
-        faces = faces.astype(np.int64)
-    return SimpleNamespace(
-        vertices=_contiguous(mesh.vertices),
-        faces=_contiguous(faces),
-        normals=None if mesh.normals is None else _rows("normals", mesh.normals, (3,)),
-        uvs=None if mesh.uvs is None else _rows("uvs", mesh.uvs, (2,)),
-        colors=None if mesh.colors is None else _colors(mesh.colors),
-        regions=None if mesh.regions is None else _ids("regions", mesh.regions),
-        vertex_map=None if mesh.vertex_map is None else _ids("vertex_map", mesh.vertex_map),
-        attributes={name: (c.rows, c.label) for name, c in carried.items() if c.rows is not None},
-        carried=carried,
-    )
-
-
-def _like(values: np.ndarray, model: np.ndarray) -> np.ndarray:
-    """Values in the type and shape of what the caller gave."""
-    if model.ndim == 1:
-        values = values.reshape(-1)
-    if values.dtype == model.dtype:
-        return values
-    if model.dtype.kind in "iub" and values.dtype.kind == "f":
-        values = np.rint(values)
-    return values.astype(model.dtype)
-
-
-def from_native(kind: type, made: Dict[str, Any], like: Optional[Mesh], sent: Optional[SimpleNamespace] = None) -> Any:
-    """A mesh of the arrays that the engine gave, in the types of those that it was given (``like``, as ``sent``)."""
-    mesh = kind.__new__(kind)
-    mesh.vertices = made["vertices"]
-    faces = made["faces"]
-    wanted = np.dtype(np.int32) if like is None else like.faces.dtype
-    if wanted.itemsize < 4:
-        wanted = np.dtype(np.int32)
-    if wanted == np.int32 and len(mesh.vertices) <= np.iinfo(np.int32).max:
-        faces = faces.view(np.int32)
-    elif wanted != np.uint32:
-        faces = faces.astype(wanted if wanted.itemsize == 8 else np.int64)
-    mesh.faces = faces
-    mesh.normals, mesh.uvs, mesh.regions, mesh.vertex_map = (
-        made[name] for name in ("normals", "uvs", "regions", "vertex_map")
-    )
-    colors = made["colors"]
-    if colors is not None and like is not None and like.colors is not None:
-        given = like.colors
-        colors = colors[:, : given.shape[1]]
-        if given.dtype.kind in "iu":
-            colors = np.rint(colors * 255)
-        colors = np.ascontiguousarray(colors, dtype=given.dtype)
-    mesh.colors = colors
-    if like is not None:
-        for name in ("normals", "uvs", "regions"):
-            given, got = getattr(like, name), getattr(mesh, name)
-            if given is not None and got is not None:
-                setattr(mesh, name, _like(got, given))
-    mesh.attributes = {}
-    for name, (values, label) in made["attributes"].items():
-        if like is not None and name in like.attributes:
-            if sent is not None and sent.carried[name].scale != _PLAIN:
-                values = sent.carried[name].scale.given(values)
-            values = _like(values, like.attributes[name])
-        else:
-            values = values.astype(label) if label else values
-            values = values.reshape(-1) if values.shape[1] == 1 else values
-        mesh.attributes[name] = values
-    mesh._materials = None if like is None else like._materials
-    mesh.format = None if like is None else like.format
+    root = None if asset_root is None else os.fspath(asset_root)
+    made = _native.load(os.fspath(path), format, root, bool(allow_outside))
+    mesh = from_native(Mesh, made, None)
+    mesh.format = made["format"]
+    mesh._materials = made["materials"]
+    for text in made["warnings"]:
+        warnings.warn(f"{path}: {text}", LodsmithWarning, stacklevel=2)
     return mesh
-
-
-def keywords_of(options: Dict[str, Any], locked: Any, importance: Any, progress: Any, time_limit: Any, mesh: Mesh) -> Any:
-    """The keywords of a run as the engine takes them."""
-    if locked is not None:
-        locked = np.asarray(locked)
-        if locked.dtype.kind in "iu" and locked.dtype != np.bool_:
-            raise TypeError("locked: an array of bool is expected, one for each vertex")
-        locked = _list("locked", locked, np.bool_, mesh)
-    if importance is not None:
-        importance = _list("importance", np.asarray(importance), np.float32, mesh)
-    if time_limit is not None and not (np.isfinite(time_limit) and time_limit > 0):
-        raise ValueError(f"time_limit: a number of seconds above 0 is expected, not {time_limit}")
-    return SimpleNamespace(
-        options=options, locked=locked, importance=importance, progress=progress, time_limit=time_limit
-    )
-
-
-def _list(name: str, array: np.ndarray, kind: Any, mesh: Mesh) -> np.ndarray:
-    count = len(mesh.vertices)
-    if array.shape != (count,):
-        raise ValueError(f"{name}: the shape {array.shape} is not ({count},), one value for each vertex")
-    values = np.require(array, kind, ["C", "A"])
-    if mesh.vertex_map is None:
-        return values
-    # The engine has one value for each place: the largest of its rows.
-    of_place = np.zeros(int(mesh.vertex_map.max()) + 1 if count else 0, kind)
-    np.maximum.at(of_place, mesh.vertex_map, values)
-    return of_place
-
-
-def check_names(options: Mapping[str, Any], function: str, known: Tuple[str, ...], engine: bool = True) -> None:
-    """Raise TypeError for a keyword that does not exist."""
-    names = list(known) + ([o["name"] for o in _native.options()] if engine else [])
-    for name in options:
-        if name not in names:
-            near = _native.nearest(name, names)
-            hint = f"; a similar one is {near!r}" if near else ""
-            raise TypeError(f"{function}() has no keyword {name!r}{hint}")

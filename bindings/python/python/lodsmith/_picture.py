@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 import warnings
 from types import SimpleNamespace
 from typing import Any, List, Mapping, Optional, Tuple
@@ -10,8 +11,9 @@ from typing import Any, List, Mapping, Optional, Tuple
 import numpy as np
 
 from . import _lodsmith as _native
-from ._mesh import Mesh, to_native
-from ._run import LodsmithWarning, arguments
+from ._arrays import MeshArrays, to_native
+from ._faults import CommandError, LodsmithWarning
+from ._kinds import arguments
 
 
 class Picture(np.ndarray):
@@ -125,7 +127,7 @@ def render(
     return _native.render(to_native(given), keywords).view(Picture)
 
 
-def _by_place(values: np.ndarray, mesh: Mesh) -> Any:
+def _by_place(values: np.ndarray, mesh: MeshArrays) -> Any:
     if values.shape != (len(mesh.vertices),):
         raise ValueError(f"heat: the shape {values.shape} is not ({len(mesh.vertices)},), one value for each vertex")
     if mesh.vertex_map is not None:
@@ -136,10 +138,6 @@ def _by_place(values: np.ndarray, mesh: Mesh) -> Any:
 
 
 def _of_file(path: Any, options: Mapping[str, Any]) -> Picture:
-    import tempfile
-
-    from ._files import CommandError
-
     text = os.fspath(path)
     # `-` is a stream of the command, and what begins with it an option.
     source = os.path.join(os.curdir, text) if text.startswith("-") else text

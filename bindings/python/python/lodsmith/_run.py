@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from types import SimpleNamespace
-from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence
 
 import numpy as np
 
 from . import _lodsmith as _native
-from ._kinds import kind_of
-from ._mesh import Mesh, check_names, from_native, keywords_of, to_native
+from ._arrays import MeshArrays, check_names, from_native, keywords_of, to_native, warn_of_lost_integers
+from ._faults import LodsmithWarning
+from ._kinds import arguments
+from ._mesh import Mesh, load
 from ._progress import Reporting
 
 _RUN = ("attributes", "locked", "importance", "progress", "time_limit")
-
-
-class LodsmithWarning(UserWarning):
-    """Something that a result lacks: a target that was not reached, data that a format or a mesh cannot hold."""
 
 
 class SourceMap:
@@ -33,7 +32,7 @@ class SourceMap:
         Barycentric weights of the corners of that face: none negative, sum 1.
     """
 
-    def __init__(self, original: Mesh, made: Dict[str, Any]) -> None:
+    def __init__(self, original: MeshArrays, made: Dict[str, Any]) -> None:
         self.vertices: np.ndarray = made["vertices"]
         self.faces: np.ndarray = made["faces"]
         self.weights: np.ndarray = made["weights"]
@@ -78,7 +77,7 @@ class Result(Mesh):
     """
 
     report: Dict[str, Any]
-    _original: Optional[Mesh]
+    _original: Optional[MeshArrays]
 
     @property
     def source(self) -> SourceMap:
@@ -106,35 +105,8 @@ class Level(Result):
     geomorph: Optional[np.ndarray]
 
 
-def arguments(mesh: Any, faces: Any, attributes: Optional[Mapping[str, Any]]) -> Tuple[Mesh, Any, Any]:
-    """The mesh of the arguments of a function, its kind, and the object of that kind."""
-    if faces is not None:
-        return Mesh(mesh, faces, attributes), None, None
-    if attributes is not None:
-        raise TypeError("attributes= goes with arrays of vertices and faces; a mesh has its own")
-    if isinstance(mesh, Mesh):
-        return mesh, None, None
-    kind = kind_of(mesh)
-    if kind is None:
-        if isinstance(mesh, (np.ndarray, list, tuple)):
-            raise TypeError("the faces are missing: pass arrays of vertices and faces")
-        raise TypeError(
-            f"a mesh of type {type(mesh).__name__} is not known; pass arrays of vertices and faces, or a lodsmith.Mesh, "
-            "trimesh.Trimesh, pyvista.PolyData or open3d TriangleMesh"
-        )
-    return kind.take(mesh), kind, mesh
-
-
 def _back(result: Mesh, kind: Any, given: Any) -> Any:
     return result if kind is None else kind.give(result, given)
-
-
-def warn_of_lost_integers(path: Any, sent: SimpleNamespace) -> None:
-    """Warn of attributes that no file can hold."""
-    lost = [name for name, carried in sent.carried.items() if carried.rows is None]
-    if lost:
-        text = f"{path}: the file does not have {', '.join(lost)}: integers beyond 16,777,216"
-        warnings.warn(text, LodsmithWarning, stacklevel=3)
 
 
 def _tell(made: Iterable[Dict[str, Any]]) -> None:
@@ -143,7 +115,7 @@ def _tell(made: Iterable[Dict[str, Any]]) -> None:
         warnings.warn(text, LodsmithWarning, stacklevel=3)
 
 
-def _result(made: Dict[str, Any], original: Mesh, sent: SimpleNamespace, kind: type = Result) -> Any:
+def _result(made: Dict[str, Any], original: MeshArrays, sent: SimpleNamespace, kind: type = Result) -> Any:
     result = from_native(kind, made, original, sent)
     result.report = made["report"]
     result._original = original
@@ -152,7 +124,7 @@ def _result(made: Dict[str, Any], original: Mesh, sent: SimpleNamespace, kind: t
     return result
 
 
-def _make_exact(result: Result, original: Mesh, sent: SimpleNamespace) -> None:
+def _make_exact(result: Result, original: MeshArrays, sent: SimpleNamespace) -> None:
     """Fetch from the original what the engine did not carry to the last bit."""
     rounded = [name for name, carried in sent.carried.items() if not carried.is_exact]
     own = [name for name in ("normals", "uvs", "colors") if _is_wide(getattr(original, name))]
@@ -378,13 +350,11 @@ class Progressive:
             # (Not scaled: a file has the values as they are.)
             self._sent = to_native(given)
             self._mesh = _native.ProgressiveMesh.build(self._sent, keywords)
-        self._original: Optional[Mesh] = given
+        self._original: Optional[MeshArrays] = given
 
     @classmethod
     def load(cls, path: Any) -> "Progressive":
         """Read a progressive mesh from a ``.lpm`` file."""
-        import os
-
         made = cls.__new__(cls)
         made._mesh = _native.ProgressiveMesh.read(os.fspath(path))
         made._kind = made._own = made._original = made._sent = None
@@ -392,8 +362,6 @@ class Progressive:
 
     def save(self, path: Any, *, bits: Optional[int] = None) -> None:
         """Write a ``.lpm`` file; ``bits`` rounds coordinates and makes it smaller."""
-        import os
-
         if self._sent is not None:
             warn_of_lost_integers(path, self._sent)
         self._mesh.write(os.fspath(path), bits)
@@ -475,15 +443,11 @@ def compare(reference: Any, candidate: Any, *, samples: int = 200_000, seed: int
     return _native.compare(*meshes, int(samples), int(seed))
 
 
-def _any_mesh(mesh: Any) -> Mesh:
-    import os
-
+def _any_mesh(mesh: Any) -> MeshArrays:
     if isinstance(mesh, (str, os.PathLike)):
-        from ._files import load
-
         return load(mesh)
     if isinstance(mesh, tuple) and len(mesh) == 2:
-        return Mesh(*mesh)
+        return MeshArrays(*mesh)
     return arguments(mesh, None, None)[0]
 
 

@@ -26,8 +26,10 @@ except ImportError as e:
 
 from . import _lodsmith as _native
 from ._asset import OWN, SCHEMA, Place, Plan, Worker
-from ._files import CommandError, job
+from ._faults import CommandError
+from ._files import job
 from ._lodsmith import FORMATS, __version__
+from ._run import icosphere
 
 __all__ = ["SCHEMA", "Place", "Plan", "Worker", "listed", "place", "plan", "run"]
 
@@ -114,8 +116,6 @@ def plan(
     """Return the plan of a batch; options that ``lodsmith lod`` does not take are an error before any work."""
     made = Plan(source, target, _json(options), _json(limits), retries, timeout)
     with tempfile.TemporaryDirectory() as folder:
-        from ._run import icosphere
-
         icosphere(2).save(f"{folder}/try.ply")
         tried = {**options, **limits, "dry_run": True, "strict": False}
         try:
