@@ -80,7 +80,7 @@ const PACKAGE_RULES: &[PackageRule] = &[
     PackageRule {
         package: "lodsmith-asset",
         folder: "crates/asset",
-        uses: &["lodsmith-core", "lodsmith", "lodsmith-io", "lodsmith-bake"],
+        uses: &["lodsmith-core", "lodsmith", "lodsmith-io", "lodsmith-render", "lodsmith-bake"],
         never: &["clap", "anyhow", "tokio", "egui"],
     },
     PackageRule {

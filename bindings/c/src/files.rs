@@ -299,7 +299,7 @@ pub unsafe extern "C" fn lodsmith_run_file_job(
             outcome.write_unaligned(ptr::null_mut());
             memory::sized(job, LodsmithFileJob::EMPTY)?.get()?
         };
-        let Answer { report, warnings, faults } = job.run(|stage, done| match progress {
+        let Answer { report, warnings, faults, .. } = job.run(|stage, done| match progress {
             // SAFETY: the caller promises a function of this type that may be called with its pointer.
             Some(call) => verdict_of(unsafe { call(user, stage, done) }),
             None => Verdict::Continue,

@@ -85,6 +85,18 @@ pub struct Chain {
     pub geomorphs: Vec<Vec<Option<Positions>>>,
 }
 
+/// Reads a file as a model that is looked at.
+pub(crate) fn read_model(
+    source: &Source,
+    reading: &ReadOptions,
+    job: &mut Job<'_>,
+) -> Result<ModelFile, AssetError> {
+    Ok(match source {
+        Source::Path(path) => lodsmith_io::read_model_path(path, reading)?,
+        Source::Stream => lodsmith_io::read_model_bytes(&job.input(reading.limits)?, reading)?,
+    })
+}
+
 impl Asset {
     /// Reads a file; a scene as such if `as_scene` is set, else as one mesh.
     ///

@@ -3,7 +3,7 @@
 use lodsmith_io::{ModelFile, ReadOptions, Warning};
 use serde_json::{Value, json};
 
-use crate::asset::{Asset, Edit};
+use crate::asset::{Asset, Edit, read_model};
 use crate::baking::Baking;
 use crate::constraints::PartNames;
 use crate::destination::Destination;
@@ -65,13 +65,6 @@ pub fn bake(
     };
     warnings.extend(asset.write(edit, to, job)?.warnings);
     Ok(BakeOutcome { faces, summary: baked.summary(), baked: baked.report, warnings, clock: job.times() })
-}
-
-fn read_model(source: &Source, reading: &ReadOptions, job: &mut Job<'_>) -> Result<ModelFile, AssetError> {
-    Ok(match source {
-        Source::Path(path) => lodsmith_io::read_model_path(path, reading)?,
-        Source::Stream => lodsmith_io::read_model_bytes(&job.input(reading.limits)?, reading)?,
-    })
 }
 
 impl BakeOutcome {

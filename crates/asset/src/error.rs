@@ -7,8 +7,11 @@ use lodsmith::SimplifyError;
 use lodsmith::options::by_name::OptionError;
 use lodsmith_bake::BakeError;
 use lodsmith_core::MeshError;
+use lodsmith_core::measure::MeasureError;
 use lodsmith_core::memory::TooMuchMemory;
 use lodsmith_io::{ReadError, WriteError};
+#[cfg(feature = "pictures")]
+use lodsmith_render::{AnimationError, PictureError, RenderError};
 
 /// Reasons why a job has no result. The texts do not name the input, which the caller knows.
 #[derive(Debug, thiserror::Error)]
@@ -57,6 +60,21 @@ pub enum AssetError {
     /// Values do not fit a mesh.
     #[error("{0}")]
     Mesh(MeshError),
+    /// Distances cannot be measured.
+    #[error("{0}")]
+    Measure(MeasureError),
+    /// A picture cannot be drawn.
+    #[cfg(feature = "pictures")]
+    #[error("{0}")]
+    Render(RenderError),
+    /// An image cannot be decoded or encoded.
+    #[cfg(feature = "pictures")]
+    #[error("{0}")]
+    Picture(PictureError),
+    /// An animation cannot be encoded.
+    #[cfg(feature = "pictures")]
+    #[error("{0}")]
+    Animation(AnimationError),
     /// The output cannot be written.
     #[error("{0}")]
     Write(WriteError),
@@ -64,6 +82,14 @@ pub enum AssetError {
     /// truncated then.
     #[error("{}", stream_text(.0))]
     Stream(io::Error),
+    /// A file that belongs to the options cannot be read, or a folder cannot be made.
+    #[error("{}: {problem}", path.display())]
+    File {
+        /// The file or folder.
+        path: PathBuf,
+        /// The reason.
+        problem: io::Error,
+    },
     /// A folder for outputs cannot be made.
     #[error("{}: cannot make the folder: {problem}", path.display())]
     Folder {
@@ -78,9 +104,12 @@ pub enum AssetError {
 }
 
 impl AssetError {
-    /// Names the input.
+    /// Names the input, which is not at fault if the caller ends.
     pub(crate) fn of(self, input: impl ToString) -> Self {
-        Self::Input { path: input.to_string(), problem: Box::new(self) }
+        match self {
+            Self::Cancelled => self,
+            why => Self::Input { path: input.to_string(), problem: Box::new(why) },
+        }
     }
 
     /// True if what was asked for is at fault, not a file, a mesh or the system.
@@ -153,5 +182,32 @@ impl From<MeshError> for AssetError {
 impl From<WriteError> for AssetError {
     fn from(error: WriteError) -> Self {
         Self::Write(error)
+    }
+}
+
+impl From<MeasureError> for AssetError {
+    fn from(error: MeasureError) -> Self {
+        Self::Measure(error)
+    }
+}
+
+#[cfg(feature = "pictures")]
+impl From<RenderError> for AssetError {
+    fn from(error: RenderError) -> Self {
+        Self::Render(error)
+    }
+}
+
+#[cfg(feature = "pictures")]
+impl From<PictureError> for AssetError {
+    fn from(error: PictureError) -> Self {
+        Self::Picture(error)
+    }
+}
+
+#[cfg(feature = "pictures")]
+impl From<AnimationError> for AssetError {
+    fn from(error: AnimationError) -> Self {
+        Self::Animation(error)
     }
 }

@@ -27,6 +27,8 @@ pub enum Step {
     Inspect,
     /// Bake maps.
     Bake,
+    /// Draw pictures.
+    Draw,
     /// Write the output.
     Write,
 }
@@ -40,6 +42,7 @@ impl Step {
             Self::Clean => "clean",
             Self::Inspect => "inspect",
             Self::Bake => "bake",
+            Self::Draw => "draw",
             Self::Write => "write",
         }
     }
@@ -50,6 +53,11 @@ pub trait Watch: Control {
     /// A step begins.
     fn enter(&mut self, step: Step) {
         let _ = step;
+    }
+
+    /// A number of frames of an animation are drawn.
+    fn frame(&mut self, done: usize, all: usize) {
+        let _ = (done, all);
     }
 
     /// Returns what stands for standard input.
@@ -169,6 +177,12 @@ impl<'w> Job<'w> {
         self.has_stages = step == Step::Prepare;
         self.clock.enter(step.name());
         self.watch.enter(step);
+    }
+
+    /// Reports that a number of frames are drawn.
+    #[cfg(feature = "pictures")]
+    pub(crate) fn frame(&mut self, done: usize, all: usize) {
+        self.watch.frame(done, all);
     }
 
     /// Returns the seconds after which runs end.

@@ -40,6 +40,8 @@ mod normals;
 mod orient;
 mod palettes;
 pub mod paths;
+#[cfg(feature = "pictures")]
+pub mod picture;
 pub mod plan;
 pub mod progress;
 mod proposals;

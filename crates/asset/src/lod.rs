@@ -306,7 +306,5 @@ fn name_of_input(input: &Source, sink: &Sink) -> Option<String> {
         (Source::Path(path), _) | (Source::Stream, Sink::Path(path)) => path,
         (Source::Stream, Sink::Stream) => return None,
     };
-    let is_packed = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"));
-    let path = if is_packed { path.with_extension("") } else { path.clone() };
-    path.file_stem().map(|stem| stem.to_string_lossy().into_owned())
+    Some(paths::stem(path))
 }

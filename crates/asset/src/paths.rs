@@ -28,6 +28,16 @@ pub enum Sink {
     Path(PathBuf),
 }
 
+impl Source {
+    /// Returns the path that names of outputs are made of.
+    pub(crate) fn name(&self) -> &Path {
+        match self {
+            Self::Path(path) => path,
+            Self::Stream => Path::new("stdin"),
+        }
+    }
+}
+
 impl From<OsString> for Source {
     fn from(typed: OsString) -> Self {
         if typed == "-" { Self::Stream } else { Self::Path(typed.into()) }
@@ -126,6 +136,17 @@ pub fn refuse_inputs<'a>(
         }
     }
     Ok(())
+}
+
+/// Returns a path without the ending of compression.
+pub(crate) fn unpacked(path: &Path) -> PathBuf {
+    let is_gz = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"));
+    if is_gz { path.with_extension("") } else { path.to_owned() }
+}
+
+/// Returns the name of a file without its endings.
+pub(crate) fn stem(path: &Path) -> String {
+    unpacked(path).file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 /// Returns a canonical form of a path, the same for all spellings of it, as far as the file system can tell.

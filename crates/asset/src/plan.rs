@@ -96,17 +96,10 @@ pub fn assign(wanted: &Outputs<'_>) -> Result<Vec<Assignment>, AssetError> {
 
 /// Returns the file name of a result by the template.
 fn name(source: &Source, wanted: &Outputs<'_>) -> Result<String, AssetError> {
-    let path = match source {
-        Source::Path(path) => path.as_path(),
-        Source::Stream => Path::new("stdin"),
-    };
-    let is_gz = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"));
-    let plain = if is_gz { path.with_extension("") } else { path.to_owned() };
-    let text = |part: Option<&std::ffi::OsStr>| part.map(|s| s.to_string_lossy().into_owned());
-    let stem = text(plain.file_stem()).unwrap_or_default();
-    let own = || hint_of(&plain).and_then(|_| text(plain.extension()));
+    let plain = paths::unpacked(source.name());
+    let own = || hint_of(&plain).and(plain.extension()).map(|e| e.to_string_lossy().into_owned());
     let ext = wanted.to.or(wanted.from).map(|f| f.name().to_owned()).or_else(own);
-    let mut name = wanted.name.replace("{stem}", &stem);
+    let mut name = wanted.name.replace("{stem}", &paths::stem(source.name()));
     if name.contains("{ext}") {
         let ext = ext.ok_or_else(|| {
             usage(format!("{source}: the ending names no format for the result: say which with --to"))

@@ -13,6 +13,8 @@ pub const fn step_span(step: Step) -> Span {
         Step::Read => (0.0, 0.15),
         Step::Prepare | Step::Clean => stage_span(Stage::Prepare),
         Step::Inspect | Step::Bake => stage_span(Stage::Measure),
+        // From the begin of the engine's stages to that of writing.
+        Step::Draw => (0.25, 0.95),
         Step::Write => (0.95, 1.0),
     }
 }

@@ -9,6 +9,7 @@ mod verb;
 use std::path::Path;
 
 use lodsmith::OwnedMeshData;
+use lodsmith_core::Image;
 use serde_json::{Map, Value};
 
 use crate::error::{AssetError, usage};
@@ -39,6 +40,8 @@ pub struct Answer {
     pub warnings: Vec<String>,
     /// What `strict` makes a fault.
     pub faults: Vec<String>,
+    /// The picture, if one was drawn and not written.
+    pub picture: Option<Image>,
 }
 
 impl Request {
@@ -91,19 +94,23 @@ impl Request {
         out_dir: Option<&Path>,
         watch: &mut dyn Watch,
     ) -> Result<Answer, AssetError> {
-        if self.options.time_limit.is_some() && matches!(self.verb, Verb::Convert | Verb::Clean | Verb::Info)
-        {
+        let has_partial_result = matches!(self.verb, Verb::Simplify | Verb::Lod | Verb::Bake);
+        if self.options.time_limit.is_some() && !has_partial_result {
             return Err(usage(format!("--time-limit: {} has no result before its end", self.verb.name())));
         }
         let Some(source) = inputs.last() else { return Err(usage("an input is needed")) };
         let named = |why| match why {
             // These are not about the file.
             AssetError::Usage(_) | AssetError::Cancelled => why,
+            // There are several, and each is named.
+            #[cfg(feature = "pictures")]
+            why if self.verb == Verb::Render => why,
             why => AssetError::of(why, source),
         };
         let places = Places { inputs, output, out_dir, ..Places::default() };
         let planned = self.plan(&places).map_err(named)?;
-        let mut answer = Answer { report: Value::Null, warnings: Vec::new(), faults: Vec::new() };
+        let (report, warnings, faults) = (Value::Null, Vec::new(), Vec::new());
+        let mut answer = Answer { report, warnings, faults, picture: None };
         for file in &planned.files {
             let done = planned.run(file, &mut planned.begin(watch)).map_err(named)?;
             answer.report = planned.report(file, &done);
@@ -111,6 +118,10 @@ impl Request {
                 let is_fault = is_loss && self.options.strict;
                 let list = if is_fault { &mut answer.faults } else { &mut answer.warnings };
                 list.push(format!("{about}: {}", self.spelling.apply(&text)));
+            }
+            #[cfg(feature = "pictures")]
+            if let Done::Render(done) = done {
+                answer.picture = done.picture;
             }
         }
         Ok(answer)

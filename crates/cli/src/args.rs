@@ -11,12 +11,13 @@ mod progressive;
 mod render;
 mod simplify;
 mod table;
-mod values;
 
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand};
+use lodsmith_asset::picture::words;
 use lodsmith_asset::request::{FileOptions, Places, Request, Verb};
+use lodsmith_asset::values::count;
 use lodsmith_asset::{Sink, Source};
 
 use bake::BakeArgs;
@@ -26,7 +27,7 @@ use clean::CleanArgs;
 use lod::LodArgs;
 pub(crate) use methods::MethodsArgs;
 pub(crate) use progressive::{ExtractArgs, LpmBuildArgs, LpmInfoArgs, Progressive};
-pub(crate) use render::{LookArgs, MomentArgs, PlaceArgs, RenderArgs, Surroundings};
+pub(crate) use render::RenderArgs;
 use simplify::SimplifyArgs;
 use table::{InScope, OfConvert, OfInfo, Options, Part};
 pub(crate) use table::{Loudness, Printing, Reading, Run, threads};
@@ -149,7 +150,7 @@ impl Command {
         let run = match self {
             Self::Compare(args) => &args.run,
             Self::Methods(args) => &args.run,
-            Self::Render(args) => &args.run,
+            Self::Render(args) => return Some(&args.options),
             Self::Progressive(Progressive::Build(args)) => &args.run,
             Self::Progressive(Progressive::Extract(args)) => &args.run,
             Self::Progressive(Progressive::Info(args)) => &args.run,
@@ -192,10 +193,10 @@ pub(crate) struct CompareArgs {
     #[arg(long, value_name = "OUT")]
     pub(crate) heatmap: Option<PathBuf>,
     /// Also render both from N sides and measure how different the pictures look
-    #[arg(long, value_name = "N", value_parser = values::count)]
+    #[arg(long, value_name = "N", value_parser = count)]
     pub(crate) views: Option<usize>,
     /// Size of these pictures
-    #[arg(long, value_name = "WxH", value_parser = values::size, default_value = "512x512", requires = "views")]
+    #[arg(long, value_name = "WxH", value_parser = words::size, default_value = "512x512", requires = "views")]
     pub(crate) size: [usize; 2],
     /// Write these pictures, the reference first in each pair (.png, .jpg, .webp)
     #[arg(long, value_name = "OUT", requires = "views")]

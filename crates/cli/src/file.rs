@@ -1,13 +1,14 @@
-//! Reading and writing of what is not an asset: meshes that are only looked at, models, progressive meshes, pictures.
+//! Reading and writing of what is not an asset: meshes that are only looked at, progressive meshes, pictures.
 
 use std::fs;
 use std::io::{self, ErrorKind};
 
 use anyhow::anyhow;
-use lodsmith::core::Splits;
-use lodsmith_asset::{AssetError, Job, Sink, Source};
+use lodsmith::core::{Image, Splits};
+use lodsmith_asset::{AssetError, Job, Sink, Source, picture};
 use lodsmith_io::lpm::{self, LpmWritten};
-use lodsmith_io::{Loaded, Lpm, LpmOptions, ModelFile, ReadError, ReadOptions, Regions, WriteError};
+use lodsmith_io::{Loaded, Lpm, LpmOptions, ReadError, ReadOptions, Regions, WriteError};
+use lodsmith_render::PictureFormat;
 
 use crate::args::Reading;
 use crate::memory;
@@ -29,22 +30,11 @@ pub(crate) fn read_with(
     options.properties = properties;
     match source {
         Source::Path(path) => lodsmith_io::read_path(path, &options).map_err(unnamed),
-        Source::Stream => lodsmith_io::read_bytes(&stdin(&options)?, &options).map_err(unnamed),
+        Source::Stream => {
+            let bytes = lodsmith_io::read_stream(&mut io::stdin().lock(), Vec::new(), options.limits);
+            lodsmith_io::read_bytes(&bytes.map_err(unnamed)?, &options).map_err(unnamed)
+        }
     }
-}
-
-/// Reads a file as a model for rendering. The error does not name the source.
-pub(crate) fn read_model(source: &Source, reading: &Reading) -> anyhow::Result<ModelFile> {
-    let options = reading.options();
-    match source {
-        Source::Path(path) => lodsmith_io::read_model_path(path, &options).map_err(unnamed),
-        Source::Stream => lodsmith_io::read_model_bytes(&stdin(&options)?, &options).map_err(unnamed),
-    }
-}
-
-/// Reads all of standard input, within the limits.
-fn stdin(options: &ReadOptions) -> anyhow::Result<Vec<u8>> {
-    lodsmith_io::read_stream(&mut io::stdin().lock(), Vec::new(), options.limits).map_err(unnamed)
 }
 
 /// Returns the error without the name of the file, which the caller adds.
@@ -52,9 +42,14 @@ fn unnamed(error: ReadError) -> anyhow::Error {
     AssetError::from(error).into()
 }
 
-/// Writes bytes to a file or to standard output, completely or not at all.
-pub(crate) fn write_bytes(bytes: &[u8], sink: &Sink, force: bool) -> anyhow::Result<()> {
-    Ok(writer(|job| job.put_bytes(bytes, sink, force))?)
+/// Writes a picture completely or not at all.
+pub(crate) fn write_picture(
+    picture: &Image,
+    sink: &Sink,
+    format: PictureFormat,
+    force: bool,
+) -> anyhow::Result<()> {
+    Ok(writer(|job| picture::write_picture(picture, sink, format, force, job))?)
 }
 
 /// Does the writing of a job that has no other steps.

@@ -14,7 +14,6 @@ mod memory;
 mod memory_watch;
 mod numbers;
 mod output;
-mod picture;
 mod progress;
 mod run_control;
 mod sizes;

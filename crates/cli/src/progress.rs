@@ -89,9 +89,13 @@ impl FileProgress<'_> {
     pub(crate) fn bake(&self) {
         self.enter("bake", step_span(Step::Bake));
     }
+    /// Announces the start of drawing.
+    pub(crate) fn draw(&self) {
+        self.enter("draw", step_span(Step::Draw));
+    }
     /// Reports that a number of frames is rendered.
     pub(crate) fn frame(&self, done: usize, all: usize) {
-        let (from, to) = (stage_span(Stage::Collapse).0, step_span(Step::Write).0);
+        let (from, to) = step_span(Step::Draw);
         self.enter(&format!("frame {} of {all}", (done + 1).min(all)), (from, to));
         self.to(from + (to - from) * done as f64 / all.max(1) as f64);
     }

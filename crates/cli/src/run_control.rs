@@ -54,9 +54,13 @@ impl Watch for BarWatch<'_> {
             Step::Read => self.bar.read(),
             Step::Inspect => self.bar.stage(Stage::Measure),
             Step::Bake => self.bar.bake(),
+            Step::Draw => self.bar.draw(),
             Step::Write => self.bar.write(),
             _ => {}
         }
+    }
+    fn frame(&mut self, done: usize, all: usize) {
+        self.bar.frame(done, all);
     }
     fn input(&mut self) -> Box<dyn Read + '_> {
         Box::new(io::stdin().lock())

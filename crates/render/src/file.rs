@@ -1,5 +1,7 @@
 //! Image files: PNG, JPEG and WebP.
 
+use std::path::Path;
+
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::codecs::webp::WebPEncoder;
@@ -34,9 +36,9 @@ impl PictureFormat {
     /// All formats.
     pub const ALL: [Self; 3] = [Self::Png, Self::Jpeg, Self::WebP];
 
-    /// Returns the format of a file extension, without its dot.
-    pub fn from_extension(ending: &str) -> Option<Self> {
-        match ending.to_ascii_lowercase().as_str() {
+    /// Returns the format of a file by its extension; `None` if it is not that of a picture.
+    pub fn of_path(path: &Path) -> Option<Self> {
+        match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "png" => Some(Self::Png),
             "jpg" | "jpeg" => Some(Self::Jpeg),
             "webp" => Some(Self::WebP),
@@ -139,7 +141,7 @@ mod tests {
             decode(&encode(&Image::filled(16, 16, [200, 100, 50, 0]), PictureFormat::Jpeg).unwrap()).unwrap();
         assert!(jpeg.pixels().iter().flatten().all(|&c| c > 250), "transparent pixels are white in a JPEG");
         for format in PictureFormat::ALL {
-            assert_eq!(PictureFormat::from_extension(format.name()), Some(format));
+            assert_eq!(PictureFormat::of_path(&Path::new("a").with_extension(format.name())), Some(format));
         }
         assert!(decode(b"no picture").is_err() && decode(&[]).is_err());
     }

@@ -43,7 +43,7 @@ pub use camera::{Camera, Lens, StandardView};
 pub use colormap::ColorMap;
 pub use draw::render;
 pub use environment::Environment;
-pub use file::{PictureFormat, decode, encode, encode_gray16};
+pub use file::{PictureError, PictureFormat, decode, encode, encode_gray16};
 pub use framing::Framing;
 pub use glam::{DMat4, DQuat, DVec3};
 pub use image_error::{ImageError, image_error};

@@ -1,5 +1,7 @@
 //! Appearance of surfaces and background.
 
+use lodsmith_core::Model;
+
 use crate::colormap::ColorMap;
 
 /// Source of a surface's colour.
@@ -33,6 +35,17 @@ impl Shading {
         Self::Matcap,
         Self::Heat,
     ];
+
+    /// Returns the shading that a file intends: materials or vertex colours, if it has them.
+    pub fn intended_by(model: &Model) -> Self {
+        if !model.materials.is_empty() {
+            Self::Textured
+        } else if model.meshes.iter().any(|m| m.mesh.colors().is_some()) {
+            Self::VertexColors
+        } else {
+            Self::Smooth
+        }
+    }
 
     /// Its name on the command line.
     pub fn name(self) -> &'static str {

@@ -137,14 +137,7 @@ impl Original {
 
     /// Returns the shading that the file intends: materials or vertex colours, if it has them.
     pub fn intended_shading(&self) -> Shading {
-        let model = self.model();
-        if !model.materials.is_empty() {
-            Shading::Textured
-        } else if model.meshes.iter().any(|m| m.mesh.colors().is_some()) {
-            Shading::VertexColors
-        } else {
-            Shading::Smooth
-        }
+        Shading::intended_by(self.model())
     }
 
     /// Returns a mesh prepared for measuring; `None` if it has no faces. It is prepared on the first call.

@@ -2,6 +2,8 @@
 
 mod entry;
 mod given;
+#[cfg(feature = "pictures")]
+mod pictures;
 mod table;
 mod words;
 
@@ -16,7 +18,11 @@ pub use entry::{FileKind, FileOption, OptionSection};
 pub use given::FileOptions;
 
 /// The options of files, by table.
-const TABLES: &[&[FileOption]] = &[table::OPTIONS];
+const TABLES: &[&[FileOption]] = &[
+    #[cfg(feature = "pictures")]
+    pictures::OPTIONS,
+    table::OPTIONS,
+];
 
 /// An option of a job.
 #[derive(Clone, Copy, Debug)]

@@ -18,6 +18,8 @@ use crate::info::{Info, info};
 use crate::job::{Job, Watch};
 use crate::lod::{LevelOutputs, LodOutcome, LodRecipe, lod};
 use crate::paths::{self, Sink, Source};
+#[cfg(feature = "pictures")]
+use crate::picture::{self, PictureOutcome, PictureOutput};
 use crate::plan::{self, Assignment, Outputs};
 use crate::report_json;
 use crate::simplify::{Outcome, Recipe, simplify};
@@ -57,6 +59,9 @@ enum Work {
     Clean,
     Bake(Source, Baking),
     Info,
+    /// All inputs are in one picture.
+    #[cfg(feature = "pictures")]
+    Render(Vec<Source>, Option<PictureOutput>),
 }
 
 /// What came of an input.
@@ -74,6 +79,9 @@ pub enum Done {
     Bake(BakeOutcome),
     /// It was inspected.
     Info(Info),
+    /// It was drawn, with all other inputs.
+    #[cfg(feature = "pictures")]
+    Render(PictureOutcome),
 }
 
 /// Something that the user should know of an input.
@@ -142,8 +150,14 @@ impl<'r> PlannedJob<'r> {
                 Work::Bake(high, baking)
             }
             Verb::Info => Work::Info,
+            #[cfg(feature = "pictures")]
+            Verb::Render => {
+                let to = PictureOutput::new(&outputs, options.name.as_deref(), &options.picture)?;
+                files.push(Assignment { source: inputs[0].clone(), output: None });
+                Work::Render(inputs.to_vec(), to)
+            }
         };
-        if verb != Verb::Lod {
+        if files.is_empty() {
             files = plan::assign(&outputs)?;
         }
         if matches!(verb, Verb::Convert | Verb::Bake) && files.iter().any(|file| file.output.is_none()) {
@@ -172,6 +186,10 @@ impl<'r> PlannedJob<'r> {
             Work::Clean => Done::Clean(clean(source, reading, &self.options.clean, to, job)?),
             Work::Bake(high, baking) => Done::Bake(bake(high, source, reading, baking, output()?, job)?),
             Work::Info => Done::Info(info(source, reading, job)?),
+            #[cfg(feature = "pictures")]
+            Work::Render(inputs, to) => {
+                Done::Render(picture::render(inputs, reading, &self.options.picture, to.as_ref(), job)?)
+            }
         })
     }
 
@@ -187,7 +205,20 @@ impl<'r> PlannedJob<'r> {
             (Done::Clean(done), _, to) => done.to_json(&path, to, dry_run),
             (Done::Bake(done), Work::Bake(high, _), Some(to)) => done.to_json(&high.to_string(), &path, to),
             (Done::Info(done), ..) => done.to_json(&path),
+            #[cfg(feature = "pictures")]
+            (Done::Render(done), Work::Render(_, to), _) => done.to_json(to.as_ref()),
             _ => Value::Null,
+        }
+    }
+}
+
+#[cfg(feature = "pictures")]
+impl PlannedJob<'_> {
+    /// Returns where pictures go; `None` for other jobs, and for a picture that is not written.
+    pub fn pictures(&self) -> Option<&PictureOutput> {
+        match &self.work {
+            Work::Render(_, to) => to.as_ref(),
+            _ => None,
         }
     }
 }
@@ -214,6 +245,12 @@ impl Done {
             Self::Clean(done) => add(path, &done.warnings, None),
             Self::Bake(done) => add(path, &done.warnings, None),
             Self::Info(done) => add(path, &viewing_warnings(&done.warnings), None),
+            #[cfg(feature = "pictures")]
+            Self::Render(done) => {
+                for (path, warnings) in &done.warnings {
+                    add(path, &viewing_warnings(warnings), None);
+                }
+            }
         }
         notes
     }

@@ -15,12 +15,23 @@ pub enum Verb {
     Bake,
     /// [`info()`](crate::info()).
     Info,
+    /// [`picture::render`](crate::picture::render).
+    #[cfg(feature = "pictures")]
+    Render,
 }
 
 impl Verb {
     /// All jobs.
-    pub const ALL: [Self; 6] =
-        [Self::Simplify, Self::Lod, Self::Convert, Self::Clean, Self::Bake, Self::Info];
+    pub const ALL: [Self; 6 + cfg!(feature = "pictures") as usize] = [
+        Self::Simplify,
+        Self::Lod,
+        Self::Convert,
+        Self::Clean,
+        Self::Bake,
+        Self::Info,
+        #[cfg(feature = "pictures")]
+        Self::Render,
+    ];
 
     /// Returns the name, which is that of the subcommand.
     pub const fn name(self) -> &'static str {
@@ -31,6 +42,8 @@ impl Verb {
             Self::Clean => "clean",
             Self::Bake => "bake",
             Self::Info => "info",
+            #[cfg(feature = "pictures")]
+            Self::Render => "render",
         }
     }
 }

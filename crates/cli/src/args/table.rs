@@ -60,6 +60,8 @@ parts! {
     OfBake: Bake, |_| true;
     /// All options of `info`.
     OfInfo: Info, |_| true;
+    /// All options of `render`.
+    OfRender: Render, |_| true;
     /// Targets of a run.
     Targets: Simplify, |o| o.section() == OptionSection::Target;
     /// Options of a run besides its target.
@@ -142,7 +144,7 @@ fn argument(option: JobOption, all: &[JobOption]) -> Arg {
         ),
         false => arg.value_parser(PossibleValuesParser::new(words).map(OsString::from)),
     };
-    let arg = arg.value_name(option.value_name());
+    let arg = arg.value_name(option.value_name()).allow_negative_numbers(option.kind_name() == "number");
     let arg = if option.kind_name() == "path" { arg.value_hint(ValueHint::AnyPath) } else { arg };
     let arg = if option.takes_several() { arg.action(ArgAction::Append) } else { arg };
     let arg = if option.is_list() { arg.value_delimiter(',') } else { arg };

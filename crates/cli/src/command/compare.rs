@@ -13,31 +13,31 @@ use lodsmith::core::measure::{
 use lodsmith::core::spatial::{Bvh, Hint};
 use lodsmith::core::{Image, TriMesh, VertexId};
 use lodsmith_io::{Format, Loaded, Warning, WriteOptions};
-use lodsmith_render::{Background, Legend, Panel, PictureFormat, Shading, Subject, View, render, sheet};
+use lodsmith_render::{Background, Panel, PictureFormat, Shading, Subject, View, render, sheet};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
 use crate::args::CompareArgs;
 use crate::file;
 use crate::in_order;
+use crate::memory;
 use crate::numbers::{grouped, seconds, significant};
 use crate::output::Output;
 use crate::progress::Progress;
 use crate::status::{Status, usage};
 use crate::warnings::show_warnings;
-use crate::{memory, picture};
 use lodsmith_asset::memory_need;
 use lodsmith_asset::memory_need::Size;
 use lodsmith_asset::report_json::both_ways;
 use lodsmith_asset::warnings::viewing_warnings;
-use lodsmith_asset::{Sink, paths};
+use lodsmith_asset::{Sink, paths, picture};
 
 /// Measures, and writes the heat map if asked for.
 pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
     paths::at_most_one_stream([&args.reference, &args.candidate])?;
     if let Some(path) = &args.heatmap {
         let sink = Sink::Path(path.clone());
-        if picture::of_path(path).is_none() && paths::format_of(&sink, None).ok() != Some(Format::Ply) {
+        if PictureFormat::of_path(path).is_none() && paths::format_of(&sink, None).ok() != Some(Format::Ply) {
             let wanted = "the name of a .ply, .png, .jpg or .webp file is wanted";
             return Err(usage(format!("--heatmap {}: {wanted}", path.display())));
         }
@@ -141,8 +141,8 @@ fn measure(
 fn write_heatmap(reference: &TriMesh, candidate: &TriMesh, path: &Path, force: bool) -> anyhow::Result<f64> {
     let (distances, red) = distances(reference, candidate);
     let sink = Sink::Path(path.to_owned());
-    if let Some(format) = picture::of_path(path) {
-        picture::write(&heat_picture(reference, distances, red)?, &sink, format, force)?;
+    if let Some(format) = PictureFormat::of_path(path) {
+        file::write_picture(&heat_picture(reference, distances, red)?, &sink, format, force)?;
     } else {
         let mut options = WriteOptions::default();
         options.format = Some(Format::Ply);
@@ -276,9 +276,9 @@ fn heat_picture(reference: &TriMesh, distances: Vec<f64>, red: f64) -> anyhow::R
     view.look.shading = Shading::Heat;
     let range = [0.0, red as f32];
     view.look.heat_range = Some(range);
-    let (map, title) = (view.look.color_map, "distance in the units of the file".to_owned());
+    let legend = picture::heat_legend(view.look.color_map, range);
     let panel = Panel { picture: render(&subject, &view)?, caption: Vec::new() };
-    Ok(sheet(&[panel], 1, Background::default(), Some(&Legend { map, range, title })))
+    Ok(sheet(&[panel], 1, Background::default(), Some(&legend)))
 }
 
 /// Size of a heat map, in pixels, as of other pictures.

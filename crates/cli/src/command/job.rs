@@ -66,7 +66,8 @@ fn show(out: &Output, args: &JobArgs<'_>, job: &PlannedJob<'_>, file: &Assignmen
         (Done::Clean(done), _) => clean::show(out, &path, done),
         (Done::Bake(done), Some(to)) => show_baked(out, &args.inputs[0].to_string(), to, done),
         (Done::Info(done), _) => info::show(out, &path, done),
-        (Done::Convert(_) | Done::Bake(_), None) => {}
+        // (A picture of several files is no job on each.)
+        (Done::Convert(_) | Done::Bake(_), None) | (Done::Render(_), _) => {}
     }
     let mut status = Status::Done;
     for Note { about, text, is_loss } in done.notes(&path) {

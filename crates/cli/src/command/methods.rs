@@ -5,17 +5,19 @@ use std::sync::Arc;
 
 use anyhow::Context as _;
 use lodsmith::core::measure::{CompareOptions, Comparison, Prepared, compare_prepared};
+use lodsmith::core::mesh::creases::Creases;
 use lodsmith::core::mesh::defects::clean_surface;
 use lodsmith::core::{Image, Surface, TriMesh};
 use lodsmith::{MethodKind, Report, Simplified, Stage};
 use lodsmith_io::{Format, Loaded, Warning};
-use lodsmith_render::{Background, Panel, sheet};
+use lodsmith_render::{Background, Camera, Panel, Subject, View, render, sheet};
 use serde_json::{Value, json};
 
 use crate::args::MethodsArgs;
 use crate::exit;
 use crate::file;
 use crate::in_order;
+use crate::memory;
 use crate::numbers::{grouped, micros, seconds, short};
 use crate::output::{self, Output};
 use crate::progress::{FileProgress, Progress};
@@ -23,13 +25,12 @@ use crate::run_control::{BarWatch, not_interrupted};
 use crate::status::{Interrupted, Status, usage};
 use crate::validity::Validity;
 use crate::warnings::show_warnings;
-use crate::{memory, picture};
-use lodsmith_asset::Destination;
 use lodsmith_asset::memory_need;
 use lodsmith_asset::orient;
 use lodsmith_asset::plan::{self, Outputs};
 use lodsmith_asset::report_json::measured_json;
 use lodsmith_asset::warnings::{refusals, texts};
+use lodsmith_asset::{Destination, picture};
 use lodsmith_asset::{Job, StageClock, Step};
 use lodsmith_asset::{Sink, paths};
 
@@ -42,7 +43,7 @@ pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
         return Err(usage(format!("{name} needs a target: --faces, --vertices, --ratio or --error")));
     }
     let sheet = args.sheet.clone().map(Sink::Path);
-    let sheet = sheet.map(|sink| picture::format_of(&sink).map(|format| (sink, format))).transpose()?;
+    let sheet = sheet.map(|sink| picture::picture_format(&sink).map(|format| (sink, format))).transpose()?;
     if let Some((sink, _)) = &sheet {
         paths::refuse_inputs(sink, [&args.input], args.writing.writing.force)?;
     }
@@ -58,7 +59,7 @@ pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
         let jobs: Vec<_> = methods.into_iter().zip(sinks).collect();
         let tried = try_all(&path, jobs, args, &progress)?;
         if let Some((sink, format)) = &sheet {
-            picture::write(&tried.sheet(), sink, *format, args.writing.writing.force)?;
+            file::write_picture(&tried.sheet(), sink, *format, args.writing.writing.force)?;
         }
         anyhow::Ok(tried)
     });
@@ -122,11 +123,7 @@ fn try_all(
     let mut first = None;
     if args.sheet.is_some() {
         let faces = format!("{} faces", grouped(model.mesh.face_count()));
-        panels.push(picture::render_panel(
-            model.mesh.clone(),
-            &mut first,
-            vec!["original".to_owned(), faces],
-        )?);
+        panels.push(render_panel(model.mesh.clone(), &mut first, vec!["original".to_owned(), faces])?);
     }
     for (method, to) in jobs {
         if exit::interrupted() {
@@ -138,7 +135,7 @@ fn try_all(
             bar.stage(Stage::Measure);
             let mut judged = model.judged(&made);
             if args.sheet.is_some() {
-                panels.push(picture::render_panel(made.mesh.clone(), &mut first, judged.caption(method))?);
+                panels.push(render_panel(made.mesh.clone(), &mut first, judged.caption(method))?);
             }
             if let Some(to) = &to {
                 bar.write();
@@ -157,6 +154,26 @@ fn try_all(
         rows.push(MethodRow { method, to, outcome });
     }
     Ok(MethodComparison { format, warnings, model, rows, panels })
+}
+
+/// Size of a picture in the sheet, in pixels.
+const PANEL_SIZE: [usize; 2] = [300, 300];
+
+/// Renders a mesh for the sheet, with its edges, through the camera of the first, and with sharp edges as that has
+/// them.
+fn render_panel(
+    mesh: TriMesh,
+    first: &mut Option<(Camera, Creases)>,
+    caption: Vec<String>,
+) -> anyhow::Result<Panel> {
+    let subject = Subject::of_mesh(mesh)?;
+    let (camera, creases) =
+        *first.get_or_insert_with(|| (picture::camera(&subject, PANEL_SIZE), subject.creases()));
+    let subject = subject.with_creases(creases);
+    let mut view = View::new(camera, PANEL_SIZE[0], PANEL_SIZE[1]);
+    view.background = Background::Transparent;
+    view.look.wireframe = true;
+    Ok(Panel { picture: render(&subject, &view)?, caption })
 }
 
 /// Returns the output for the result of a method, if any.

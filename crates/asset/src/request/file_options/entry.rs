@@ -106,6 +106,16 @@ pub enum OptionSection {
     Deviation,
     /// Maps to bake.
     Baking,
+    /// Appearance of surfaces.
+    Look,
+    /// Position of the camera.
+    View,
+    /// Moment of an animation.
+    Animation,
+    /// A turn of the camera around the model.
+    Turntable,
+    /// Arrangement of pictures.
+    Picture,
     /// How inputs are read.
     Reading,
     /// How outputs are written.
@@ -130,6 +140,11 @@ impl OptionSection {
             Self::Guards => "Guards of the result",
             Self::Deviation => "Deviation",
             Self::Baking => "Baking",
+            Self::Look => "Look",
+            Self::View => "View",
+            Self::Animation => "Animation",
+            Self::Turntable => "Turntable",
+            Self::Picture => "Picture",
             Self::Reading => "Reading",
             Self::Writing => "Writing",
             Self::Run => "Run",

@@ -14,6 +14,8 @@ use crate::error::{AssetError, usage};
 use crate::job::Job;
 use crate::lod::Naming;
 use crate::normals::Normals;
+#[cfg(feature = "pictures")]
+use crate::picture::PictureRecipe;
 use crate::values::LEVEL_FACTOR;
 
 /// The options of a job on files; each is a field, or becomes a part of one.
@@ -46,11 +48,14 @@ pub struct FileOptions {
     pub(super) factor: f64,
     /// Naming of levels.
     pub naming: Naming,
-    /// Template of names of levels in a folder.
+    /// Template of names of levels or frames in a folder.
     pub name: Option<String>,
     pub(super) geomorph: bool,
     /// The screen that switching distances are for.
     pub screen: Screen,
+    /// What is drawn, and how.
+    #[cfg(feature = "pictures")]
+    pub picture: PictureRecipe,
     /// Nothing is written.
     pub dry_run: bool,
     /// Lost data and missed targets are faults.
@@ -87,6 +92,8 @@ impl Default for FileOptions {
             name: None,
             geomorph: false,
             screen: Screen::default(),
+            #[cfg(feature = "pictures")]
+            picture: PictureRecipe::default(),
             dry_run: false,
             strict: false,
             threads: None,

@@ -18,7 +18,7 @@ use crate::values::{
 use FileKind::{Count, Flag, Length, List, Number, Path, Ratio, Repeated, Text, Word};
 use Verb::{Bake, Clean, Convert, Lod, Simplify};
 
-const ALL: [Verb; 6] = Verb::ALL;
+const ALL: [Verb; Verb::ALL.len()] = Verb::ALL;
 const ENGINE: [Verb; 2] = [Simplify, Lod];
 const BAKES: [Verb; 3] = [Simplify, Lod, Bake];
 const WRITE: [Verb; 5] = [Simplify, Lod, Convert, Clean, Bake];

@@ -29,6 +29,13 @@ macro_rules! named {
 }
 
 named!(AtlasMode, Compression, Format, MapKind, Naming, NonManifold, Normals, Sheets, Textures, Up);
+#[cfg(feature = "pictures")]
+named!(
+    lodsmith::MethodKind,
+    lodsmith_render::ColorMap,
+    lodsmith_render::Shading,
+    lodsmith_render::StandardView
+);
 
 /// Returns the names of these values.
 pub(super) fn names_of<T: Named>(values: &[T]) -> Vec<&'static str> {

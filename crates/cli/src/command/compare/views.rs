@@ -12,9 +12,10 @@ use serde_json::{Value, json};
 use crate::args::{CompareArgs, Reading};
 use crate::numbers::{micros, significant};
 use crate::status::usage;
-use crate::{memory, picture};
+use crate::{file, memory};
 use lodsmith_asset::memory_need;
 use lodsmith_asset::memory_need::Size;
+use lodsmith_asset::picture::picture_format;
 use lodsmith_asset::{Sink, Source};
 
 /// Result of the comparison.
@@ -29,7 +30,7 @@ pub(super) struct ViewComparison {
 /// Returns the format of the contact sheet, if one is asked for.
 pub(super) fn sheet_format(args: &CompareArgs) -> anyhow::Result<Option<PictureFormat>> {
     let Some(path) = &args.views_sheet else { return Ok(None) };
-    picture::format_of(&Sink::Path(path.clone())).map(Some)
+    Ok(Some(picture_format(&Sink::Path(path.clone()))?))
 }
 
 /// Renders both from `count` sides and compares the pictures.
@@ -46,7 +47,7 @@ pub(super) fn compare_views(
     let meshes = models.iter().flat_map(|model| &model.meshes).map(|m| &*m.mesh);
     let pictures = if format.is_some() { 2 * count } else { 2 };
     memory::check("compare --views", memory_need::render(Size::of_all(meshes), args.size, pictures, false))?;
-    let shading = shading_of(&models[0]);
+    let shading = Shading::intended_by(&models[0]);
     let reference = Subject::new(&models[0])?;
     let candidate = Subject::new(&models[1])?.with_creases(reference.creases());
     let subjects = [reference, candidate];
@@ -76,12 +77,8 @@ pub(super) fn compare_views(
     }
     if let (Some(format), Some(path)) = (format, &args.views_sheet) {
         // Two pairs in each row.
-        picture::write(
-            &sheet(&panels, 4, Background::default(), None),
-            &Sink::Path(path.clone()),
-            format,
-            args.force,
-        )?;
+        let sheet = sheet(&panels, 4, Background::default(), None);
+        file::write_picture(&sheet, &Sink::Path(path.clone()), format, args.force)?;
     }
     Ok(seen)
 }
@@ -96,17 +93,6 @@ fn model(source: &Source, loaded: &Loaded, reading: &Reading) -> anyhow::Result<
             Ok(read_model_path(path, &options).with_context(|| format!("{source}"))?.model)
         }
         _ => Ok(ModelFile::from(loaded.clone()).model),
-    }
-}
-
-/// Chooses the shading: materials, else vertex colours, else the shape alone.
-fn shading_of(reference: &Model) -> Shading {
-    if !reference.materials.is_empty() {
-        Shading::Textured
-    } else if reference.meshes.iter().any(|m| m.mesh.colors().is_some()) {
-        Shading::VertexColors
-    } else {
-        Shading::Smooth
     }
 }
 

@@ -1,0 +1,151 @@
+//! Pictures of files: one, several side by side, or a turn around them.
+
+mod camera;
+mod distances;
+mod drawing;
+mod item;
+mod output;
+mod recipe;
+pub mod words;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use lodsmith_core::Image;
+use lodsmith_io::{ReadOptions, Warning};
+use lodsmith_render::{Background, Environment, PictureError, decode};
+use serde_json::{Value, json};
+
+use crate::error::AssetError;
+use crate::job::{Job, StageClock, Step};
+use crate::memory_need::{self, Size};
+use crate::paths::{self, Source};
+use crate::report_json::micros;
+use drawing::{Drawing, Images};
+use item::Item;
+
+pub use camera::{Viewpoint, camera};
+pub use drawing::{PictureRow, heat_legend};
+pub use output::{PictureOutput, picture_format, write_picture};
+pub use recipe::{PictureRecipe, Surroundings};
+
+/// Outcome of pictures.
+#[derive(Debug)]
+pub struct PictureOutcome {
+    /// The picture, if there is no output; of a turn the first one.
+    pub picture: Option<Image>,
+    /// Width and height of the picture, or of each if there are several.
+    pub size: [usize; 2],
+    /// What was drawn, in the order of the sheet.
+    pub rows: Vec<PictureRow>,
+    /// Values at the ends of the colours of a heat map.
+    pub heat_range: Option<[f32; 2]>,
+    /// Warnings of reading, with the path of each file.
+    pub warnings: Vec<(String, Vec<Warning>)>,
+    /// Number of threads of the pool.
+    pub threads: usize,
+    /// Seconds by stage.
+    pub clock: StageClock,
+}
+
+/// Reads files, draws them, and writes what was drawn. All files are drawn in one picture.
+///
+/// # Errors
+/// [`AssetError::Usage`] for a recipe that contradicts itself or the files, [`AssetError::Read`],
+/// [`AssetError::Memory`]; [`AssetError::Simplify`] for levels. An error of a file names it.
+pub fn render(
+    inputs: &[Source],
+    reading: &ReadOptions,
+    recipe: &PictureRecipe,
+    to: Option<&PictureOutput>,
+    job: &mut Job<'_>,
+) -> Result<PictureOutcome, AssetError> {
+    paths::at_most_one_stream(inputs.iter().chain(&recipe.compare))?;
+    recipe.check()?;
+    job.enter(Step::Read);
+    let mut images = images(recipe)?;
+    let mut items = item::read_all(inputs, reading, recipe, job)?;
+    if recipe.environment == Surroundings::Auto && wants_studio(recipe, &items) {
+        images.environment = Some(Arc::new(Environment::studio()));
+    }
+    check_memory(recipe, &items, job)?;
+    if recipe.is_measured() {
+        distances::measure(&mut items)?;
+    }
+    job.enter(Step::Draw);
+    let drawing = Drawing::new(recipe, &items, images)?;
+    let (mut rows, mut size) = (drawing.rows(), [0; 2]);
+    let mut draw = |turn_rad: f64| {
+        let picture = drawing.draw(turn_rad, &mut rows)?;
+        size = [picture.width(), picture.height()];
+        Ok(picture)
+    };
+    let picture = match to {
+        None => Some(draw(0.0)?),
+        Some(to) => to.write(recipe.background == Background::Transparent, &mut draw, job).map(|()| None)?,
+    };
+    let heat_range = drawing.heat_range;
+    let warnings = items.into_iter().filter(|item| item.level.is_none());
+    Ok(PictureOutcome {
+        picture,
+        size,
+        rows,
+        heat_range,
+        warnings: warnings.map(|item| (item.path, item.warnings)).collect(),
+        threads: rayon::current_num_threads(),
+        clock: job.times(),
+    })
+}
+
+/// Reads the images of a recipe.
+fn images(recipe: &PictureRecipe) -> Result<Images, AssetError> {
+    fn read<T>(path: &Path, decode: fn(&[u8]) -> Result<T, PictureError>) -> Result<Arc<T>, AssetError> {
+        let bytes =
+            std::fs::read(path).map_err(|problem| AssetError::File { path: path.to_owned(), problem })?;
+        decode(&bytes).map(Arc::new).map_err(|why| AssetError::from(why).of(path.display()))
+    }
+    let matcap = recipe.matcap.as_deref().map(|path| read(path, decode)).transpose()?;
+    let environment = match &recipe.environment {
+        Surroundings::Auto | Surroundings::None => None,
+        Surroundings::Studio => Some(Arc::new(Environment::studio())),
+        Surroundings::File(path) => Some(read(path, Environment::decode)?),
+    };
+    Ok(Images { matcap, environment })
+}
+
+/// Metal without surroundings has little to reflect.
+fn wants_studio(recipe: &PictureRecipe, items: &[Item]) -> bool {
+    let is_behind = matches!(recipe.background, Background::Environment { .. });
+    is_behind || items.iter().any(|item| item.model.has_metal())
+}
+
+fn check_memory(recipe: &PictureRecipe, items: &[Item], job: &Job<'_>) -> Result<(), AssetError> {
+    let size = Size::of_all(items.iter().flat_map(Item::meshes));
+    let mut need = memory_need::render(size, recipe.size(items.len()), items.len(), recipe.occlusion);
+    if recipe.is_measured() {
+        need = need.saturating_add(memory_need::distances(size));
+    }
+    job.check_memory("render", need)
+}
+
+impl PictureOutcome {
+    /// Returns the report.
+    pub fn to_json(&self, to: Option<&PictureOutput>) -> Value {
+        let [width, height] = self.size;
+        let mut output = json!({ "path": null, "format": null, "width": width, "height": height });
+        if let Some(to) = to {
+            to.describe(&mut output);
+        }
+        let named = |(path, all): &(String, Vec<Warning>)| -> Vec<String> {
+            all.iter().map(|warning| format!("{path}: {warning}")).collect()
+        };
+        json!({
+            "output": output,
+            "pictures": self.rows.iter().map(PictureRow::to_json).collect::<Vec<_>>(),
+            "heat_range": self.heat_range,
+            "threads": self.threads,
+            "seconds": micros(self.clock.total()),
+            "warnings": self.warnings.iter().flat_map(named).collect::<Vec<_>>(),
+        })
+    }
+}
