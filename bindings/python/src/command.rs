@@ -1,6 +1,5 @@
 //! Jobs on whole files, as the command does them: with the same options and the same bytes.
 
-use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -10,15 +9,15 @@ use lodsmith::{Control, Stage, Verdict};
 use lodsmith_asset::request::{Answer, JobOption, Request, Verb};
 use lodsmith_asset::warnings::Spelling;
 use lodsmith_asset::{AssetError, JobProgress, Sink, Source, Step, Watch};
-use lodsmith_cli::Call;
 use pyo3::exceptions::{PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::ThreadPoolBuilder;
 
 use crate::control::wait;
-use crate::errors::{spelled, with_keywords};
+use crate::errors::text_of;
 use crate::json::{options_of_python, to_python};
+use crate::picture::pixels_array;
 
 /// State that a job and the thread that called it share.
 #[derive(Default)]
@@ -66,7 +65,8 @@ impl Watch for FileWatch {
     }
 }
 
-/// Does a job; returns the exit status that the command would have, the report, warnings and errors.
+/// Does a job; returns the exit status that the command would have, the report, warnings, errors, and the pixels of a
+/// picture that is not written.
 #[pyfunction]
 pub(crate) fn run_job<'py>(
     py: Python<'py>,
@@ -87,14 +87,15 @@ pub(crate) fn run_job<'py>(
         }
         Err(why) => Ok(Err(why)),
     })?;
-    let (status, report, warnings, errors) = match made {
-        Ok(Answer { report, warnings, faults }) => {
-            (if faults.is_empty() { 0 } else { 3 }, to_python(py, &report)?, warnings, faults)
+    let (status, report, warnings, errors, picture) = match made {
+        Ok(Answer { report, warnings, faults, picture }) => {
+            let picture = picture.map(|picture| pixels_array(py, &picture)).transpose()?;
+            (if faults.is_empty() { 0 } else { 3 }, to_python(py, &report)?, warnings, faults, picture)
         }
         Err(why @ AssetError::UnknownOption { .. }) => return Err(PyTypeError::new_err(why.to_string())),
         Err(why) => {
             let status = if why.is_usage() { 2 } else { 1 };
-            (status, py.None().into_bound(py), Vec::new(), vec![text_of(&why)])
+            (status, py.None().into_bound(py), Vec::new(), vec![text_of(&why)], None)
         }
     };
     let all = PyDict::new(py);
@@ -102,16 +103,8 @@ pub(crate) fn run_job<'py>(
     all.set_item("report", report)?;
     all.set_item("warnings", warnings)?;
     all.set_item("errors", errors)?;
+    all.set_item("picture", picture)?;
     Ok(all)
-}
-
-/// Returns the text of an error; names of options are those of keywords.
-fn text_of(error: &AssetError) -> String {
-    match error {
-        AssetError::Input { path, problem } => format!("{path}: {}", text_of(problem)),
-        AssetError::Simplify(why) => with_keywords(why.to_string()),
-        other => spelled(&other.to_string()),
-    }
 }
 
 fn verb_of(name: &str) -> PyResult<Verb> {
@@ -137,26 +130,6 @@ fn answer(
         let state = || (f64::from_bits(shared.done.load(Ordering::Relaxed)), "");
         wait(&receive, progress, state, || shared.is_cancelled.store(true, Ordering::Relaxed))
     })
-}
-
-/// Draws a file as the command does, with these arguments. (The only job that is not one of `lodsmith-asset`.)
-#[pyfunction]
-pub(crate) fn call(py: Python<'_>, args: Vec<OsString>) -> PyResult<Bound<'_, PyDict>> {
-    let call = Call::new();
-    let outcome = py.detach(|| {
-        std::thread::scope(|scope| {
-            let (send, receive) = channel();
-            let (call, work) = (&call, move |call: &Call| drop(send.send(call.run(args))));
-            std::thread::Builder::new().spawn_scoped(scope, || work(call))?;
-            wait(&receive, None, || (0.0, ""), || call.cancel())
-        })
-    })?;
-    let all = PyDict::new(py);
-    all.set_item("status", outcome.status)?;
-    all.set_item("warnings", outcome.warnings)?;
-    all.set_item("errors", outcome.errors)?;
-    all.set_item("is_unknown_argument", outcome.is_unknown_argument)?;
-    Ok(all)
 }
 
 /// Returns the table of the options of a job: name, kind, whether it is a list, words, default and help of each.

@@ -3,6 +3,7 @@
 use lodsmith::SimplifyError;
 use lodsmith::core::MeshError;
 use lodsmith::options::by_name::{self, OptionError};
+use lodsmith_asset::AssetError;
 use lodsmith_asset::warnings::Spelling;
 use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -76,4 +77,13 @@ pub(crate) fn with_keywords(mut text: String) -> String {
         text = text.replace(option.name, &option.name.replace('-', "_"));
     }
     text
+}
+
+/// Returns the text of an error; names of options are those of keywords.
+pub(crate) fn text_of(error: &AssetError) -> String {
+    match error {
+        AssetError::Input { path, problem } => format!("{path}: {}", text_of(problem)),
+        AssetError::Simplify(why) => with_keywords(why.to_string()),
+        other => spelled(&other.to_string()),
+    }
 }

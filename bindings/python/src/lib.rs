@@ -9,6 +9,7 @@ mod files;
 mod json;
 mod levels;
 mod measure;
+mod picture;
 mod report;
 mod run;
 
@@ -18,15 +19,17 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _lodsmith {
     #[pymodule_export]
-    use super::command::{call, job_options, run_job};
+    use super::command::{job_options, run_job};
     #[pymodule_export]
     use super::errors::InvalidMesh;
     #[pymodule_export]
-    use super::files::{Materials, decode, load, png, render, save};
+    use super::files::{Materials, load, save};
     #[pymodule_export]
     use super::levels::{ProgressiveMesh, lod};
     #[pymodule_export]
     use super::measure::{clean, compare, counts, source_map};
+    #[pymodule_export]
+    use super::picture::{png, render};
     #[pymodule_export]
     use super::run::{nearest, options, simplify};
 

@@ -262,6 +262,67 @@ def test_pictures(ball, wave, files):
             lodsmith.render(ball, **wrong)
 
 
+def test_pictures_of_files_have_the_bytes_of_the_command(program, files, root):
+    arm = str(root / "testdata" / "arm.glb")
+
+    def same(words, path, **options):
+        run = subprocess.run([program, "render", *words, "-o", "command.png"], cwd=files, capture_output=True, text=True)
+        assert run.returncode == 0, run.stderr
+        assert lodsmith.render(path, **options).to_png() == (files / "command.png").read_bytes(), words
+
+    small = ["--size=64x48"]
+    same(["wave.ply", *small], files / "wave.ply", size=(64, 48))
+    same(
+        [arm, *small, "--azimuth=-20", "--time=0.5", "--shadow", "--color=#ff8000", "--light=sun:1,0,0", "--light=point:1,2,3"],
+        arm,
+        size=(64, 48),
+        azimuth=-20,
+        time=0.5,
+        shadow=True,
+        color=(1, 0.5, 0),
+        light=["sun:1,0,0", "point:1,2,3"],
+    )
+    same(
+        ["wave.ply", *small, "--levels=500,90", "--shading=heat", "--range=0,0.5", "--colors=viridis", "--fine", "--up=z"],
+        files / "wave.ply",
+        size=(64, 48),
+        levels=[500, 90],
+        shading="heat",
+        range=(0, 0.5),
+        colors="viridis",
+        fine=True,
+        up="z",
+    )
+    same(
+        ["wave.ply", *small, "--compare", "ball.obj", "--background=transparent", "--no-captions", "--threads=1"],
+        files / "wave.ply",
+        size=(64, 48),
+        compare=files / "ball.obj",
+        transparent=True,
+        no_captions=True,
+        threads=1,
+    )
+
+
+def test_what_no_picture_can_be_is_told(files):
+    for options, status, text in [
+        ({"shading": "heat"}, 2, "^shading heat shows a distance: say from what, with compare or levels$"),
+        ({"time": 1}, 2, "wave.ply: has no animation"),
+        ({"size": (0, 9)}, 2, "^size: a size is WxH"),
+        ({"matcap": "none.png"}, 1, "^none.png: "),
+        ({"levels": [9], "compare": "a.ply"}, 2, "^only one of levels and compare can be given"),
+        ({"fps": 5}, 2, "^fps: it needs turntable"),
+    ]:
+        with pytest.raises(lodsmith.CommandError, match=text) as info:
+            lodsmith.render(files / "wave.ply", **options)
+        assert info.value.status == status
+    with pytest.raises(lodsmith.CommandError, match="none.ply: cannot read") as info:
+        lodsmith.render(files / "none.ply")
+    assert info.value.status == 1
+    with pytest.raises(TypeError, match="no option wirefram; a similar one is wireframe"):
+        lodsmith.render(files / "wave.ply", wirefram=True)
+
+
 def test_calls_in_threads_are_independent(files):
     import threading
 

@@ -16,26 +16,16 @@ mod view;
 
 use crate::args::{Cli, Command};
 use crate::exit;
-use crate::status::{Status, usage};
-use crate::{call, memory, memory_watch};
+use crate::status::Status;
+use crate::{memory, memory_watch};
 
 /// Runs the command.
 pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
-    // A call must not end the process of its caller.
-    let is_call = call::current().is_some();
     if let Some(seconds) = cli.command.hard_limit_secs() {
-        if is_call {
-            return Err(usage(
-                "a time limit is for simplify and lod here: nothing else has a result before its end",
-            ));
-        }
         exit::end_after(seconds)?;
     }
     if let Some(limits) = cli.command.limits() {
-        let limit = memory::set_limit(limits.max_memory);
-        if !is_call {
-            memory_watch::start(limit)?;
-        }
+        memory_watch::start(memory::set_limit(limits.max_memory))?;
     }
     if let Some(job) = cli.command.job() {
         return job::run(&job);

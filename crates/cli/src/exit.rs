@@ -9,7 +9,6 @@ use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
 
-use crate::call;
 use crate::output;
 use crate::status::{Interrupted, Status};
 
@@ -19,9 +18,9 @@ static ENDED_WITH: AtomicU8 = AtomicU8::new(0);
 /// left behind.
 static WRITING: RwLock<()> = RwLock::new(());
 
-/// Returns true after a signal has asked the process to end, or the caller the call.
+/// Returns true after a signal has asked the process to end.
 pub(crate) fn interrupted() -> bool {
-    ENDED_WITH.load(Ordering::Relaxed) != 0 || call::current().is_some_and(|call| call.is_cancelled())
+    ENDED_WITH.load(Ordering::Relaxed) != 0
 }
 
 /// Ends the process on a signal (Ctrl-C, SIGTERM or a terminal that closes), after the file that is being

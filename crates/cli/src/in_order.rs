@@ -9,8 +9,6 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use anyhow::Context as _;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use crate::call;
-
 /// Returns the number of threads available.
 pub(crate) fn available_threads() -> usize {
     std::thread::available_parallelism().map_or(1, NonZeroUsize::get)
@@ -18,10 +16,7 @@ pub(crate) fn available_threads() -> usize {
 
 /// Creates a pool of this many threads.
 pub(crate) fn pool(threads: usize) -> anyhow::Result<ThreadPool> {
-    let call = call::current();
-    let pool =
-        ThreadPoolBuilder::new().num_threads(threads).start_handler(move |_| call::enter(call.clone()));
-    pool.build().context("cannot start threads")
+    ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start threads")
 }
 
 /// Processes each item and passes on the results in the order of the items, each as soon as possible.

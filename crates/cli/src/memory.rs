@@ -7,18 +7,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use lodsmith_asset::Job;
 use lodsmith_io::Limits;
 
-use crate::call;
-
 /// Limit of the process, in bytes.
 static LIMIT: AtomicU64 = AtomicU64::new(u64::MAX);
 
-/// Sets the memory limit of the process, or of the call, and returns it.
+/// Sets the memory limit of the process, and returns it.
 pub(crate) fn set_limit(typed: Option<u64>) -> u64 {
     let limit = typed.unwrap_or_else(Job::default_memory);
-    match call::current() {
-        Some(call) => call.set_memory_limit(limit),
-        None => LIMIT.store(limit, Ordering::Relaxed),
-    }
+    LIMIT.store(limit, Ordering::Relaxed);
     limit
 }
 
@@ -31,7 +26,7 @@ pub(crate) fn limits() -> Limits {
 
 /// Returns the limit in bytes.
 pub(crate) fn limit() -> u64 {
-    call::current().map_or_else(|| LIMIT.load(Ordering::Relaxed), |call| call.memory_limit())
+    LIMIT.load(Ordering::Relaxed)
 }
 
 /// Refuses a step that would exceed the memory limit.

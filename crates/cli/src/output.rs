@@ -9,7 +9,6 @@ use anyhow::Context as _;
 use serde_json::Value;
 
 use crate::args::Loudness;
-use crate::call;
 use crate::status::{Status, status_of};
 
 /// Destination and level of a command's output.
@@ -77,9 +76,7 @@ impl Output {
 
     /// Prints a warning to standard error. With JSON it is part of the result as well.
     pub(crate) fn warning(&self, text: &str) {
-        if let Some(call) = call::current() {
-            call.message(false, one_line(text));
-        } else if !self.quiet {
+        if !self.quiet {
             eprint_line(&format!("{} {}", paint("warning:", "1;33"), escaped(&one_line(text))));
         }
     }
@@ -110,7 +107,7 @@ impl Output {
     }
 
     fn print(&self, text: &str) {
-        if self.closed.get() || call::current().is_some() {
+        if self.closed.get() {
             return;
         }
         let mut out = io::stdout().lock();
@@ -130,10 +127,6 @@ impl Output {
 
 /// Prints an error in one line on standard error; nothing silences it.
 pub(crate) fn error(text: &str) {
-    if let Some(call) = call::current() {
-        call.message(true, one_line(text));
-        return;
-    }
     eprint_line(&format!("{} {}", paint("error:", "1;31"), escaped(&one_line(text))));
 }
 

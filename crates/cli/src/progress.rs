@@ -9,7 +9,6 @@ use lodsmith::Stage;
 use lodsmith_asset::Step;
 use lodsmith_asset::progress::{Span, stage_span, step_span};
 
-use crate::call;
 use crate::output::escaped;
 
 /// Steps of the bar for each file.
@@ -27,7 +26,7 @@ pub(crate) struct Progress {
 impl Progress {
     /// Creates a bar on standard error, if that is a terminal and `quiet` is not set.
     pub(crate) fn new(files: usize, quiet: bool) -> Self {
-        if quiet || call::current().is_some() || !std::io::stderr().is_terminal() {
+        if quiet || !std::io::stderr().is_terminal() {
             return Self { bar: ProgressBar::hidden(), files };
         }
         // Ten updates a second look smooth and cost nothing.

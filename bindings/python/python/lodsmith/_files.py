@@ -74,11 +74,11 @@ def job(
     output: Optional[Path] = None,
     out_dir: Optional[Path] = None,
     progress: Any = None,
-) -> Dict[str, Any]:
-    """Do a job on files; return the object that the command would print with ``--json``."""
+) -> Any:
+    """Do a job on files; return the object that the command would print with ``--json``, or the pixels of a picture."""
     places = [None if path is None else os.fspath(path) for path in (output, out_dir)]
     # A trial run may go without.
-    if verb != "info" and places.count(None) != 1 and not (places == [None, None] and options.get("dry_run")):
+    if verb not in ("info", "render") and places.count(None) != 1 and not (places == [None, None] and options.get("dry_run")):
         raise CommandError("give one output: a file, or for levels out_dir=, a folder", 2, None)
     with Reporting(progress) as reporting:
         done = _native.run_job(verb, [os.fspath(path) for path in inputs], *places, options, reporting.callback)
@@ -86,7 +86,7 @@ def job(
             raise CommandError("; ".join(done["errors"]), done["status"], done["report"])
     for text in done["warnings"]:
         warnings.warn(text, LodsmithWarning, stacklevel=3)
-    return done["report"]
+    return done["report"] if done["picture"] is None else done["picture"]
 
 
 def simplify_file(input: Path, output: Path, *, progress: Any = None, **options: Any) -> Dict[str, Any]:

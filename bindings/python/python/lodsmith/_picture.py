@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import os
-import tempfile
-import warnings
-from types import SimpleNamespace
-from typing import Any, List, Mapping, Optional, Tuple
+from typing import Any, Dict, Optional, Tuple
 
 import numpy as np
 
 from . import _lodsmith as _native
 from ._arrays import MeshArrays, to_native
-from ._faults import CommandError, LodsmithWarning
+from ._files import job
 from ._kinds import arguments
 
 
@@ -98,33 +95,29 @@ def render(
     (48, 64, 4)
     """
     width, height = (int(side) for side in size)
+    words: Dict[str, Any] = dict(
+        size=f"{width}x{height}", azimuth=azimuth, elevation=elevation, up=up, shading=shading, colors=colors,
+        wireframe=bool(wireframe), borders=bool(borders), fine=bool(fine),
+    )
+    if azimuth is None and elevation is None:
+        words["view"] = view
+    if range is not None:
+        words["range"] = ",".join(str(float(x)) for x in range)
+    if transparent:
+        words["background"] = "transparent"
     if isinstance(mesh, (str, os.PathLike)):
-        if heat is not None or fine is None:
+        if heat is not None:
             raise TypeError("heat= is for arrays and meshes; for files see compare= and shading='heat'")
-        words = dict(
-            size=(width, height), shading=shading, wireframe=wireframe, borders=borders, up=up, fine=fine, range=range, colors=colors
-        )
-        if azimuth is None and elevation is None:
-            words["view"] = view
-        else:
-            words.update(azimuth=azimuth, elevation=elevation)
-        if transparent:
-            words["background"] = "transparent"
         if color is not None:
             words["color"] = "#" + "".join(f"{round(255 * x):02x}" for x in color)
-        return _of_file(mesh, {**words, **options})
+        return job("render", [mesh], {**words, **options}).view(Picture)
     if options:
         raise TypeError(f"render() of a mesh has no keyword {next(iter(options))!r}")
     given = arguments(mesh, triangles, None)[0]
     values = None
     if heat is not None:
         values = _by_place(np.asarray(heat, np.float32), given)
-    keywords = SimpleNamespace(
-        size=(width, height), view=view, azimuth=azimuth, elevation=elevation, up=up, shading=shading, color=color,
-        wireframe=bool(wireframe), borders=bool(borders), transparent=bool(transparent), fine=bool(fine), heat=values,
-        range=range, colors=colors,
-    )
-    return _native.render(to_native(given), keywords).view(Picture)
+    return _native.render(to_native(given), words, color, values).view(Picture)
 
 
 def _by_place(values: np.ndarray, mesh: MeshArrays) -> Any:
@@ -135,41 +128,3 @@ def _by_place(values: np.ndarray, mesh: MeshArrays) -> Any:
         by_place[mesh.vertex_map] = values
         values = by_place
     return values.tolist()
-
-
-def _of_file(path: Any, options: Mapping[str, Any]) -> Picture:
-    text = os.fspath(path)
-    # `-` is a stream of the command, and what begins with it an option.
-    source = os.path.join(os.curdir, text) if text.startswith("-") else text
-    with tempfile.TemporaryDirectory() as folder:
-        made = os.path.join(folder, "picture.png")
-        done = _native.call(["render", *_arguments(options), f"--output={made}", "--", source])
-        if done["is_unknown_argument"]:
-            raise TypeError(done["errors"][0].partition(" Usage:")[0].replace("error: ", "", 1))
-        if done["status"] != 0:
-            raise CommandError("; ".join(text.partition(" Usage:")[0] for text in done["errors"]), done["status"], None)
-        for text in done["warnings"]:
-            warnings.warn(text, LodsmithWarning, stacklevel=3)
-        with open(made, "rb") as file:
-            return _native.decode(file.read()).view(Picture)
-
-
-def _arguments(options: Mapping[str, Any]) -> List[str]:
-    def word(value: Any) -> str:
-        # Shortest texts of numbers are read back as the same numbers.
-        return repr(float(value)) if isinstance(value, float) else os.fspath(value) if hasattr(value, "__fspath__") else str(value)
-
-    words: List[str] = []
-    for name, value in options.items():
-        flag = "--" + name.replace("_", "-")
-        if value is None or value is False:
-            continue
-        if value is True:
-            words.append(flag)
-        elif name == "size":
-            words.append(f"{flag}={value[0]}x{value[1]}")
-        elif isinstance(value, (list, tuple)):
-            words.append(f"{flag}={','.join(map(word, value))}")
-        else:
-            words.append(f"{flag}={word(value)}")
-    return words

@@ -143,7 +143,7 @@ impl PictureRecipe {
     }
 
     /// Returns the size of each of `count` pictures, in pixels.
-    pub(super) fn size(&self, count: usize) -> [usize; 2] {
+    pub fn size(&self, count: usize) -> [usize; 2] {
         self.size.unwrap_or(if count > 1 { [480, 480] } else { [1200, 800] })
     }
 
