@@ -7,10 +7,10 @@ use std::time::Duration;
 
 use lodsmith_asset::report_json;
 use lodsmith_io::{Format, Textures};
-use lodsmith_viewer::bake_settings::BakeSettings;
 use lodsmith_viewer::command::{Command, SimplifyTarget};
+use lodsmith_viewer::content::export::Export;
 use lodsmith_viewer::document::Document;
-use lodsmith_viewer::export::Export;
+use lodsmith_viewer::settings::bake::BakeSettings;
 use serde_json::Value;
 
 fn main() {

@@ -15,10 +15,10 @@ use eframe::egui::{self, Key, Modifiers};
 use egui_kittest::kittest::Queryable;
 use lodsmith::Stop;
 use lodsmith_bake::MapKind;
-use lodsmith_viewer::bake_settings::BakeSettings;
 use lodsmith_viewer::command::{Command, SimplifyTarget};
-use lodsmith_viewer::keys::{Action, CopiesAction};
 use lodsmith_viewer::panel::Panel;
+use lodsmith_viewer::panel::keys::{Action, CopiesAction};
+use lodsmith_viewer::settings::bake::BakeSettings;
 use lodsmith_viewer::settings::{HeatOf, Layout, Sides};
 
 /// Face counts at the ends of the slider in the animation.

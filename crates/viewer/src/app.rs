@@ -1,13 +1,20 @@
 //! The application window: layout, keys, and routing of the panels' requests to the document.
 
 mod actions;
+mod dialog;
+#[cfg(not(target_arch = "wasm32"))]
+pub mod display;
 mod empty;
+pub mod options;
 mod outside;
 mod page;
 mod stage;
+#[cfg(not(target_arch = "wasm32"))]
+pub mod window;
 
 use std::collections::{HashSet, VecDeque};
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -17,23 +24,23 @@ use lodsmith::Stop;
 use lodsmith_render::Shading;
 use web_time::{Duration, Instant};
 
-use crate::ViewOptions;
 use crate::command::Command;
 use crate::compare::{ComparisonView, Side};
-use crate::dialog::{Dialog, DialogState, Purpose};
 use crate::document::Document;
+use crate::document::target_scale::Unit;
 use crate::gpu::{Context, Gpu, GpuError};
-use crate::keys::{self, Action};
-use crate::orbit::Orbit;
-use crate::page::AroundPage;
+use crate::page::BrowserPage;
+use crate::panel::keys::{self, Action};
 use crate::panel::{self, Dock, Panel, PanelContext, UiRequest, WindowState, export, widgets};
-use crate::session::{Session, ViewerPrefs};
+use crate::settings::session::{Session, ViewerPrefs};
+use crate::settings::up_axis::UpAxis;
 use crate::settings::{EnvironmentChoice, Pose};
 use crate::stage::file::LayoutFile;
-use crate::target_scale::Unit;
 use crate::theme;
-use crate::up_axis::UpAxis;
+use crate::view::orbit::Orbit;
+use dialog::{Dialog, DialogState, Purpose};
 use empty::{drop_hint, first_hint, start_page};
+use options::ViewOptions;
 use outside::{OutsideAnswer, OutsideFiles};
 
 /// The application window.
@@ -73,7 +80,10 @@ pub struct App {
     unit_of_target: Option<Unit>,
     /// Target last seen while the pointer or a key was down, and since when it has been unchanged.
     held: Option<(Stop, Instant)>,
-    page: Option<AroundPage>,
+    /// The page around the window.
+    page: Option<Rc<dyn BrowserPage>>,
+    /// Purpose of the files that the user is choosing on the page.
+    choosing: Option<Purpose>,
 }
 
 /// Path of a saved screenshot, or an error message.
@@ -145,6 +155,7 @@ impl App {
             unit_of_target: None,
             held: None,
             page: None,
+            choosing: None,
         };
         app.document.assets = options.assets.clone();
         app.open(options.inputs.clone());

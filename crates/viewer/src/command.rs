@@ -5,13 +5,13 @@ use std::path::PathBuf;
 use lodsmith::Stop;
 use serde::{Deserialize, Serialize};
 
-use crate::bake_settings::BakeSettings;
-use crate::option_words::Simplification;
-use crate::playback::Playback;
+use crate::settings::bake::BakeSettings;
+use crate::settings::playback::Playback;
+use crate::settings::simplification::Simplification;
+use crate::settings::up_axis::UpAxis;
 use crate::settings::{Appearance, AutoLod, Layout, Pose, Settings, Turn};
 use crate::stage::motion::Motion;
 use crate::stage::{Copies, StageChange};
-use crate::up_axis::UpAxis;
 
 /// One change of a document.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

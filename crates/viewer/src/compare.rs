@@ -13,22 +13,22 @@ use lodsmith_render::{Camera, Look, Shading};
 use web_time::{Duration, Instant};
 
 use crate::command::Command;
+use crate::content::difference::DifferencePicture;
+use crate::content::flaws::FlawPlace;
 use crate::content::{Distances, Lighter};
-use crate::difference::DifferencePicture;
 use crate::document::Document;
-use crate::flaws::FlawPlace;
+use crate::gpu::preview_mesh;
+use crate::gpu::shown::{Drawing, ShownModel};
 use crate::gpu::{Frame, Gpu, PlacedModel, RenderTarget};
 use crate::numbers::{grouped, percent, significant};
-use crate::orbit::{Orbit, moved_bounds, turn_matrix, turned_bounds};
 use crate::panel::{UiRequest, error};
-use crate::preview_mesh;
 use crate::settings::{Layout, Sides};
-use crate::shown::{Drawing, ShownModel};
-use crate::smoothing::Smoothing;
 use crate::stage::picture::StageView;
 use crate::theme::palette;
-use crate::user_files::UserFiles;
-use crate::viewport;
+use crate::view::orbit::{Orbit, moved_bounds, turn_matrix, turned_bounds};
+use crate::view::smoothing::Smoothing;
+use crate::view::user_files::UserFiles;
+use crate::view::viewport;
 
 /// One of the two sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

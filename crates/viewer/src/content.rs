@@ -1,7 +1,13 @@
 //! The shown models: the file's, and those made of it.
 
+pub mod baked;
 pub(crate) mod baking;
+pub mod benchmark;
+pub mod difference;
+pub mod export;
+pub mod flaws;
 pub(crate) mod parts;
+pub mod slider_preview;
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -21,10 +27,10 @@ use lodsmith_render::Shading;
 use serde::{Deserialize, Serialize};
 use web_time::Instant;
 
-use crate::baked::BakedMaps;
-use crate::option_words::Simplification;
+use crate::content::baked::BakedMaps;
 use crate::settings::HeatOf;
-use crate::up_axis::{self, UpAxis};
+use crate::settings::simplification::Simplification;
+use crate::settings::up_axis::{self, UpAxis};
 
 /// Memory of a module in a browser in bytes: its addresses have 32 bits. A quarter is left for the runs.
 const BROWSER_MEMORY: u64 = 3 << 30;

@@ -5,9 +5,6 @@
 //! back.
 
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
-
-use crate::dialog::Purpose;
 
 /// The page around the viewer.
 pub trait BrowserPage {
@@ -26,13 +23,6 @@ pub trait BrowserPage {
     fn save(&self, name: &str, bytes: &[u8]);
     /// Offers several files for download at once.
     fn save_all(&self, folder: &str, files: &[(&str, &[u8])]);
-}
-
-/// The page around the window.
-pub(crate) struct AroundPage {
-    pub(crate) page: Rc<dyn BrowserPage>,
-    /// Purpose of the files that the user is choosing.
-    pub(crate) choosing: Option<Purpose>,
 }
 
 /// A worker of the page. It ends when it is dropped.

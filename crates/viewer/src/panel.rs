@@ -8,6 +8,7 @@ pub mod export;
 pub mod files;
 pub mod help;
 pub mod info;
+pub mod keys;
 mod lamp;
 pub mod log;
 pub mod look;
@@ -22,12 +23,12 @@ pub mod widgets;
 pub use dock::{Dock, Panel};
 
 use crate::command::Command;
-use crate::difference::DifferenceView;
+use crate::content::difference::DifferenceView;
 use crate::document::Document;
-use crate::keys::Action;
+use crate::document::target_scale::Unit;
+use crate::panel::keys::Action;
 use crate::stage::scatter::Scatter;
 use crate::stage::status::{KeyframeSelection, StageStatus};
-use crate::target_scale::Unit;
 
 /// Data that panels read, and their requests.
 pub struct PanelContext<'a> {

@@ -1,5 +1,11 @@
 //! Settings of a document: open files, options, appearance. Commands change them and sessions store them.
 
+pub mod bake;
+pub mod playback;
+pub mod session;
+pub mod simplification;
+pub mod up_axis;
+
 use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3, Vec3};
@@ -9,11 +15,11 @@ use lodsmith_render::{
 };
 use serde::{Deserialize, Serialize};
 
-use crate::bake_settings::BakeSettings;
-use crate::option_words::Simplification;
-use crate::playback::Playback;
+use crate::settings::bake::BakeSettings;
+use crate::settings::playback::Playback;
+use crate::settings::simplification::Simplification;
+use crate::settings::up_axis::UpAxis;
 use crate::stage::Stage;
-use crate::up_axis::UpAxis;
 
 /// All settings of a document.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -25,7 +25,7 @@ use glam::{DMat4, DQuat, DVec3};
 use lodsmith_core::Bounds;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::orbit::{turn_matrix, turned_bounds};
+use crate::view::orbit::{turn_matrix, turned_bounds};
 use motion::{Motion, Track};
 use scatter::Scatter;
 

@@ -10,13 +10,13 @@ use lodsmith_core::shapes;
 use lodsmith_core::{Positions, TriMesh};
 use lodsmith_io::{Format, Textures};
 use lodsmith_render::Shading;
-use lodsmith_viewer::bake_settings::BakeSettings;
 use lodsmith_viewer::command::{Command, SimplifyTarget};
+use lodsmith_viewer::content::export::Export;
 use lodsmith_viewer::content::sum_over_instances;
 use lodsmith_viewer::document::Document;
-use lodsmith_viewer::export::Export;
-use lodsmith_viewer::option_words::Simplification;
-use lodsmith_viewer::playback::Playback;
+use lodsmith_viewer::settings::bake::BakeSettings;
+use lodsmith_viewer::settings::playback::Playback;
+use lodsmith_viewer::settings::simplification::Simplification;
 use lodsmith_viewer::settings::{Appearance, AutoLod, Pose, Turn};
 
 const TIMEOUT: Duration = Duration::from_secs(120);

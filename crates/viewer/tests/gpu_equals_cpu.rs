@@ -17,8 +17,8 @@ use lodsmith_render::{
 };
 use lodsmith_viewer::content::{Lighter, Original};
 use lodsmith_viewer::gpu::{BufferLimits, Frame, Gpu, Marks, PlacedModel, TINTS};
-use lodsmith_viewer::option_words::Simplification;
-use lodsmith_viewer::playback::Playback;
+use lodsmith_viewer::settings::playback::Playback;
+use lodsmith_viewer::settings::simplification::Simplification;
 
 const SIZE: [u32; 2] = [240, 200];
 

@@ -13,9 +13,9 @@ use lodsmith_core::shapes;
 use lodsmith_io::{Format, Textures};
 use lodsmith_render::{Camera, StandardView};
 use lodsmith_viewer::command::{Command, SimplifyTarget};
-use lodsmith_viewer::difference::{DifferenceSettings, DifferenceView};
+use lodsmith_viewer::content::difference::{DifferenceSettings, DifferenceView};
+use lodsmith_viewer::content::export::Export;
 use lodsmith_viewer::document::{Document, Engine};
-use lodsmith_viewer::export::Export;
 use lodsmith_viewer::page::{BrowserPage, PageWorker, WorkerMessage};
 use lodsmith_viewer::settings::{HeatOf, Layout, Pose, Sides};
 

@@ -28,8 +28,8 @@ use eframe::egui::{self, Key, KeyboardShortcut, Modifiers};
 use egui_kittest::kittest::Queryable;
 use lodsmith_render::Shading;
 use lodsmith_viewer::command::Command;
-use lodsmith_viewer::keys::{Action, BINDINGS};
 use lodsmith_viewer::panel::Panel;
+use lodsmith_viewer::panel::keys::{Action, BINDINGS};
 use lodsmith_viewer::settings::{Appearance, Backdrop, EnvironmentChoice, Sides};
 
 const ORIGINAL: &str = "Picture of the original";

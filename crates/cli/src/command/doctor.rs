@@ -66,7 +66,7 @@ const SCREEN: [&[&str]; 2] = [&["xvfb", "libxkbcommon-x11-0"], &["xorg-x11-serve
 impl Window {
     #[cfg(feature = "view")]
     fn check_system() -> Option<Self> {
-        use lodsmith_viewer::display;
+        use lodsmith_viewer::app::display;
         let adapter = |a: lodsmith_viewer::gpu::Adapter| Adapter {
             name: a.name,
             backend: a.backend,

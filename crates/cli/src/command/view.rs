@@ -30,7 +30,7 @@ pub(super) fn run(args: &ViewArgs) -> anyhow::Result<Status> {
 mod tests {
     use clap::Parser as _;
     use lodsmith::{Length, MethodKind, Preset, Stop};
-    use lodsmith_viewer::option_words::Simplification;
+    use lodsmith_viewer::settings::simplification::Simplification;
 
     use crate::args::Cli;
 

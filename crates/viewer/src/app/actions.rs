@@ -7,16 +7,16 @@ use glam::DQuat;
 use lodsmith_render::Shading;
 
 use super::App;
+use super::dialog::Purpose;
 use super::page::aside;
 use crate::command::{Command, SimplifyTarget};
 use crate::compare::Side;
-use crate::dialog::Purpose;
-use crate::keys::{Action, playback_after};
-use crate::orbit::Orbit;
+use crate::panel::keys::{Action, playback_after};
 use crate::panel::look::SHADINGS;
 use crate::panel::{self, Panel, export};
 use crate::settings::{Layout, Pose, Sides, Turn};
-use crate::viewport::KEY_TURN_RAD;
+use crate::view::orbit::Orbit;
+use crate::view::viewport::KEY_TURN_RAD;
 
 /// Fraction of the faces that remains after one key press.
 const KEY_FACTOR: f64 = 0.9;
@@ -244,6 +244,7 @@ fn save_picture(image: &egui::ColorImage, folder: &Path, stem: &str) -> Result<P
     picture.write_to(&mut encoded, image::ImageFormat::Png).map_err(|e| e.to_string())?;
     let free = (1..10_000).map(|n| folder.join(format!("{stem}_{n:03}.png"))).find(|p| !p.exists());
     let path = free.ok_or_else(|| format!("{} contains too many screenshots", folder.display()))?;
-    crate::session::write(&path, encoded.get_ref()).map_err(|e| format!("{}: {e}", path.display()))?;
+    crate::settings::session::write(&path, encoded.get_ref())
+        .map_err(|e| format!("{}: {e}", path.display()))?;
     Ok(path)
 }

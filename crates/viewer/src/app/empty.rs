@@ -3,8 +3,8 @@
 use eframe::egui::{self, Ui};
 
 use crate::document::Document;
-use crate::keys::Action;
 use crate::numbers::significant;
+use crate::panel::keys::Action;
 use crate::panel::{self, UiRequest, WindowState};
 use crate::theme;
 

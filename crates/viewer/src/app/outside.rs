@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use eframe::egui::{self, RichText};
 
 use crate::panel::{files, widgets};
-use crate::session::Session;
+use crate::settings::session::Session;
 use crate::theme::{number, weak};
 
 /// A session that refers to files outside its folder.

@@ -7,11 +7,11 @@ use eframe::egui;
 use lodsmith_io::Format;
 
 use super::App;
-use crate::ViewOptions;
-use crate::dialog::Purpose;
+use super::dialog::Purpose;
+use super::options::ViewOptions;
 use crate::document::Document;
 use crate::gpu::GpuError;
-use crate::page::{AroundPage, BrowserPage};
+use crate::page::BrowserPage;
 
 impl App {
     /// Creates the window inside a page.
@@ -24,18 +24,18 @@ impl App {
         let (context, ctx) = (app.document.context().cloned(), cc.egui_ctx.clone());
         app.document = Document::on_page(context, &page, move || ctx.request_repaint());
         app.facts.is_on_page = true;
-        app.page = Some(AroundPage { page, choosing: None });
+        app.page = Some(page);
         Ok(app)
     }
 
     /// Lets the user choose files on the page, or saves under the suggested name. Returns false without a page.
     pub(super) fn choose_on_page(&mut self, purpose: Purpose, start: &Path) -> bool {
-        let Some(AroundPage { page, choosing }) = &mut self.page else { return false };
+        let Some(page) = &self.page else { return false };
         if purpose == Purpose::ExportFolder {
             return true;
         }
         if !purpose.is_saving() {
-            *choosing = Some(purpose);
+            self.choosing = Some(purpose);
             page.choose_files(&purpose.endings(), purpose == Purpose::Open);
             return true;
         }
@@ -47,12 +47,12 @@ impl App {
 
     /// Opens files that were dropped on the page, or chosen.
     pub(super) fn take_files_of_page(&mut self) {
-        let Some(AroundPage { page, choosing }) = &mut self.page else { return };
+        let Some(page) = &self.page else { return };
         let paths = page.take_opened();
         if paths.is_empty() {
             return;
         }
-        let purpose = choosing.take().filter(|purpose| *purpose != Purpose::Open);
+        let purpose = self.choosing.take().filter(|purpose| *purpose != Purpose::Open);
         let count = paths.len();
         let (models, others): (Vec<PathBuf>, Vec<PathBuf>) = paths.into_iter().partition(|p| is_model(p));
         let is_session = |p: &PathBuf| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
@@ -70,7 +70,7 @@ impl App {
 
     /// Puts the sample model among the files of the page; returns false without a page.
     pub(super) fn open_sample_on_page(&mut self, name: &str, bytes: &[u8]) -> bool {
-        let Some(AroundPage { page, .. }) = &self.page else { return false };
+        let Some(page) = &self.page else { return false };
         page.put_file(name, bytes);
         self.open(vec![PathBuf::from(name)]);
         true
@@ -83,7 +83,7 @@ impl App {
 
     /// Offers a file that was written for download, if there is a page.
     pub(super) fn hand_over(&self, path: &Path) {
-        if let Some(AroundPage { page, .. }) = &self.page {
+        if let Some(page) = &self.page {
             page.save_written(path);
         }
     }

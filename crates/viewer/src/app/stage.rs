@@ -7,17 +7,17 @@ use std::path::{Path, PathBuf};
 use eframe::egui;
 
 use super::App;
+use super::dialog::Purpose;
 use crate::command::Command;
-use crate::dialog::Purpose;
-use crate::keys::{Action, CopiesAction};
-use crate::orbit::Orbit;
+use crate::panel::keys::{Action, CopiesAction};
 use crate::panel::{Panel, UiRequest};
 use crate::settings::Pose;
 use crate::stage::file::LayoutFile;
 use crate::stage::picture::StageView;
 use crate::stage::scatter::Scatter;
 use crate::stage::{Placement, StageChange};
-use crate::viewport::KEY_TURN_RAD;
+use crate::view::orbit::Orbit;
+use crate::view::viewport::KEY_TURN_RAD;
 
 /// Rotation of a copy per key press.
 const TURN_STEP_DEG: f64 = 15.0;

@@ -5,15 +5,15 @@ use std::sync::Arc;
 use eframe::egui::{self, Color32, ColorImage, Rect, TextureOptions, Ui, pos2};
 
 use super::{CAMERA_REST, COARSE_SCALE, ComparisonView};
-use crate::difference::{DifferenceSettings, DifferenceView};
+use crate::content::difference::{DifferenceSettings, DifferenceView};
 use crate::document::Document;
 use crate::job::JobKind;
 use crate::numbers::significant;
-use crate::orbit::turn_matrix;
 use crate::panel::{UiRequest, error};
 use crate::settings::Pose;
 use crate::theme::palette;
-use crate::viewport;
+use crate::view::orbit::turn_matrix;
+use crate::view::viewport;
 
 impl ComparisonView {
     /// Draws the last difference picture, and asks for that of the present view. The picture of another camera

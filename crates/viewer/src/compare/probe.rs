@@ -7,11 +7,11 @@ use glam::DVec3;
 
 use super::{ComparisonView, Probe, Side};
 use crate::document::Document;
-use crate::orbit::turn_matrix;
 use crate::panel::error;
 use crate::settings::HeatOf;
 use crate::theme::palette;
-use crate::viewport::{self, SurfaceHit};
+use crate::view::orbit::turn_matrix;
+use crate::view::viewport::{self, SurfaceHit};
 
 /// Radius of the marker in points.
 const MARKER_RADIUS: f32 = 5.0;

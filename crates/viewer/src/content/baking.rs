@@ -12,10 +12,10 @@ use lodsmith_render::{Shading, linear};
 use web_time::Instant;
 
 use super::{Lighter, Original, job, texts};
-use crate::bake_settings::BakeSettings;
-use crate::baked::{BakedMaps, NamedMap};
-use crate::export::own_meshes;
+use crate::content::baked::{BakedMaps, NamedMap};
+use crate::content::export::own_meshes;
 use crate::job::Failure;
+use crate::settings::bake::BakeSettings;
 
 /// Bakes maps of a result from its original. The result is as a reader of the written file sees it; but if the original
 /// has no colours, which are then those of the window, the result is shown in this colour (sRGB) too.

@@ -11,8 +11,8 @@ use lodsmith_io::{AssetScope, Format, Warning};
 use serde::{Deserialize, Serialize};
 
 use super::{Lighter, Original, PreparedMeshes};
-use crate::option_words::Simplification;
-use crate::preview_mesh;
+use crate::gpu::preview_mesh;
+use crate::settings::simplification::Simplification;
 
 /// The parts of an original that are shown.
 #[derive(Debug, Serialize, Deserialize)]

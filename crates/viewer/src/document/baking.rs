@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use super::Document;
 use super::jobs::Job;
-use crate::baked::BakedMaps;
 use crate::content::Lighter;
+use crate::content::baked::BakedMaps;
+use crate::gpu::shown::ShownModel;
 use crate::job::{Failure, JobKind};
-use crate::shown::ShownModel;
 
 impl Document {
     /// Returns the maps of the shown result.

@@ -5,7 +5,7 @@ use lodsmith_core::mesh::creases::Creases;
 use super::Document;
 use super::jobs::{Job, show_heat};
 use crate::content::Original;
-use crate::shown::ShownModel;
+use crate::gpu::shown::ShownModel;
 
 impl Document {
     /// Returns which edges are sharp where the open file has no normals.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::jobs::Job;
 use super::queue::JobQueue;
 use super::{DifferenceState, Document};
-use crate::difference::{DifferencePicture, DifferenceView};
+use crate::content::difference::{DifferencePicture, DifferenceView};
 use crate::job::JobKind;
 use crate::settings::Sides;
 

@@ -6,13 +6,13 @@ use lodsmith_io::{AssetScope, SharedProgress};
 
 use super::jobs::{Job, Outcome, PreviewMade};
 use super::wire::{Answer, ExportSource, Request, Task, WrittenFile};
+use crate::content::difference::{DifferenceView, SharedSides};
 use crate::content::parts::{LighterParts, OriginalParts};
+use crate::content::slider_preview::SliderPreview;
 use crate::content::{Lighter, Original, level_ratios};
-use crate::difference::{DifferenceView, SharedSides};
+use crate::gpu::shown::ShownModel;
 use crate::job::{Failure, JobControl};
-use crate::option_words::Simplification;
-use crate::shown::ShownModel;
-use crate::slider_preview::SliderPreview;
+use crate::settings::simplification::Simplification;
 
 /// Does the jobs of a document whose window is elsewhere. It keeps the original and what was made of it, and
 /// makes again what it does not have: the result is the same.

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use super::{Document, Job};
 use crate::content::Original;
-use crate::flaws::Flaws;
+use crate::content::flaws::Flaws;
+use crate::gpu::shown::ShownModel;
 use crate::job::JobKind;
-use crate::shown::ShownModel;
 
 impl Document {
     /// Returns the borders and defects of the original and of the result, as far as they are known.

@@ -7,20 +7,20 @@ use lodsmith_core::Model;
 use lodsmith_io::{AssetScope, SharedProgress};
 use web_time::Instant;
 
-use crate::bake_settings::BakeSettings;
-use crate::benchmark::SharedTable;
 use crate::content::baking::bake_result;
+use crate::content::benchmark::SharedTable;
+use crate::content::difference::{DifferencePicture, DifferenceView, SharedSides};
+use crate::content::export::{Export, Written};
+use crate::content::flaws::Flaws;
+use crate::content::slider_preview::{LevelChange, SliderPreview};
 use crate::content::{Distances, Lighter, Original, TopologySummary, level_ratios};
-use crate::difference::{DifferencePicture, DifferenceView, SharedSides};
-use crate::export::{Export, Written};
-use crate::flaws::Flaws;
 use crate::gpu::Context;
+use crate::gpu::preview_mesh;
+use crate::gpu::shown::{Drawing, ShownModel};
 use crate::job::{Failure, JobControl, JobKind};
-use crate::option_words::Simplification;
-use crate::preview_mesh;
+use crate::settings::bake::BakeSettings;
+use crate::settings::simplification::Simplification;
 use crate::settings::{HeatOf, Settings};
-use crate::shown::{Drawing, ShownModel};
-use crate::slider_preview::{LevelChange, SliderPreview};
 use crate::stage::export::StageExport;
 
 /// Steps of opening a file.

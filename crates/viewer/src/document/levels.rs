@@ -2,8 +2,8 @@
 
 use super::{Document, Job};
 use crate::content::{Lighter, Original};
-use crate::option_words::Simplification;
-use crate::shown::ShownModel;
+use crate::gpu::shown::ShownModel;
+use crate::settings::simplification::Simplification;
 
 impl Document {
     /// Returns the automatic levels, from the finest; none while they are off or not made yet.

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use super::Document;
 use super::jobs::Job;
 use crate::content::{Distances, Original};
+use crate::gpu::shown::ShownModel;
 use crate::job::JobKind;
-use crate::shown::ShownModel;
 
 impl Document {
     /// Returns the distances between the latest result and the original, if they were measured.

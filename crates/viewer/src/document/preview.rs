@@ -3,11 +3,11 @@
 use super::Document;
 use super::jobs::{Job, PreviewMade};
 use crate::content::Original;
+use crate::content::slider_preview::{self, LevelChange, LevelView, Preview, peak_ratio_of};
+use crate::gpu::shown::ShownModel;
 use crate::job::{Failure, JobKind, Progress};
 use crate::numbers::{grouped, seconds};
-use crate::option_words::Simplification;
-use crate::shown::ShownModel;
-use crate::slider_preview::{self, LevelChange, LevelView, Preview, peak_ratio_of};
+use crate::settings::simplification::Simplification;
 
 impl Document {
     /// Returns true if the slider can preview any level at once.

@@ -7,8 +7,8 @@ use lodsmith_core::Model;
 
 use super::{Document, Job};
 use crate::content::Lighter;
+use crate::gpu::shown::Drawing;
 use crate::job::JobKind;
-use crate::shown::Drawing;
 use crate::stage::export::{StageExport, ViewingConditions};
 use crate::stage::levels::LodLevel;
 use crate::stage::{Copies, ModelBase, Stage};

@@ -7,18 +7,18 @@ use lodsmith_io::AssetScope;
 use serde::{Deserialize, Serialize};
 
 use super::jobs::{Job, Outcome, PreviewMade, found, inspected, measured, shown_level};
+use crate::content::difference::{DifferencePicture, DifferenceSettings, DrawnDifference};
+use crate::content::export::{Export, Written};
+use crate::content::flaws::Flaws;
 use crate::content::parts::{LighterParts, OriginalParts};
+use crate::content::slider_preview::LevelChange;
 use crate::content::{Distances, Original, TopologySummary};
-use crate::difference::{DifferencePicture, DifferenceSettings, DrawnDifference};
-use crate::export::{Export, Written};
-use crate::flaws::Flaws;
 use crate::gpu::Context;
+use crate::gpu::preview_mesh::upload_both;
+use crate::gpu::shown::ShownModel;
 use crate::job::Failure;
-use crate::option_words::Simplification;
-use crate::preview_mesh::upload_both;
 use crate::settings::HeatOf;
-use crate::shown::ShownModel;
-use crate::slider_preview::LevelChange;
+use crate::settings::simplification::Simplification;
 use crate::stage::export::StageExport;
 
 /// A job without its models, which the worker has or makes.

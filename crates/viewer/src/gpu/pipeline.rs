@@ -48,16 +48,16 @@ pub(super) struct Pipelines {
     made: HashMap<Pass, wgpu::RenderPipeline>,
 }
 
-const GLOBALS: &str = include_str!("../shaders/globals.wgsl");
-const ENVIRONMENT: &str = include_str!("../shaders/environment.wgsl");
-const PULL_BUFFERS: &str = include_str!("../shaders/pull_buffers.wgsl");
-const PULL_TEXTURES: &str = include_str!("../shaders/pull_textures.wgsl");
-const VERTEX: &str = include_str!("../shaders/vertex.wgsl");
-const SURFACE: &str = include_str!("../shaders/surface.wgsl");
-const BACKGROUND: &str = include_str!("../shaders/background.wgsl");
-const GROUND: &str = include_str!("../shaders/ground.wgsl");
-const MARKS: &str = include_str!("../shaders/marks.wgsl");
-const PICK: &str = include_str!("../shaders/pick.wgsl");
+const GLOBALS: &str = include_str!("shaders/globals.wgsl");
+const ENVIRONMENT: &str = include_str!("shaders/environment.wgsl");
+const PULL_BUFFERS: &str = include_str!("shaders/pull_buffers.wgsl");
+const PULL_TEXTURES: &str = include_str!("shaders/pull_textures.wgsl");
+const VERTEX: &str = include_str!("shaders/vertex.wgsl");
+const SURFACE: &str = include_str!("shaders/surface.wgsl");
+const BACKGROUND: &str = include_str!("shaders/background.wgsl");
+const GROUND: &str = include_str!("shaders/ground.wgsl");
+const MARKS: &str = include_str!("shaders/marks.wgsl");
+const PICK: &str = include_str!("shaders/pick.wgsl");
 /// Placeholder for the user's shader.
 const PLACEHOLDER_SHADER: &str = "fn surface(at: Surface) -> vec4<f32> { return vec4(at.base, 1.0); }";
 /// Format of a pick: number of the model hit, and the bits of its depth.

@@ -7,12 +7,12 @@ use lodsmith_bake::{AtlasMode, MapKind};
 use lodsmith_core::Image;
 
 use super::{PanelContext, UiRequest, widgets};
-use crate::baked::{BakedMaps, NamedMap};
 use crate::command::Command;
+use crate::content::baked::{BakedMaps, NamedMap};
+use crate::document::log::Severity;
 use crate::job::JobKind;
-use crate::log::Severity;
 use crate::numbers::seconds;
-use crate::option_words::named;
+use crate::settings::simplification::named;
 
 /// The maps of a material with their names and descriptions.
 const MAPS: [(MapKind, &str, &str); 5] = [

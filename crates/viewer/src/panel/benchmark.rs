@@ -3,9 +3,9 @@
 use eframe::egui::{self, Align, Layout, RichText, Ui, Vec2};
 
 use super::{PanelContext, UiRequest, widgets};
-use crate::benchmark::{BENCHMARK_RATIOS, BenchmarkTable, COLUMN_HEADINGS};
+use crate::content::benchmark::{BENCHMARK_RATIOS, BenchmarkTable, COLUMN_HEADINGS};
 use crate::job::JobKind;
-use crate::keys::Action;
+use crate::panel::keys::Action;
 use crate::theme::{number, weak};
 
 /// Draws the panel.

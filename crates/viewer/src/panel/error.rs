@@ -6,8 +6,8 @@ use lodsmith_render::{ColorMap, Look, Shading};
 use super::{PanelContext, widgets};
 use crate::command::Command;
 use crate::content::Distances;
-use crate::keys::Action;
 use crate::numbers::{grouped, percent, seconds, significant};
+use crate::panel::keys::Action;
 use crate::settings::HeatOf;
 use crate::theme::{palette, weak};
 

@@ -6,8 +6,8 @@ use eframe::egui::{self, RichText, Ui};
 use lodsmith_io::{Format, Textures};
 
 use super::widgets;
+use crate::content::export::{Export, byte_text, default_file, estimated_bytes};
 use crate::document::Document;
-use crate::export::{Export, byte_text, default_file, estimated_bytes};
 use crate::numbers::grouped;
 use crate::theme::{palette, weak};
 

@@ -4,7 +4,7 @@ use eframe::egui::{self, Ui};
 
 use super::{PanelContext, UiRequest, widgets};
 use crate::command::Command;
-use crate::keys::Action;
+use crate::panel::keys::Action;
 use crate::theme::{palette, weak};
 
 /// Draws the panel.

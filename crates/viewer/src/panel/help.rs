@@ -2,7 +2,7 @@
 
 use eframe::egui::{self, RichText, Ui};
 
-use crate::keys::{Action, BINDINGS, CopiesAction, GESTURES, Group, text};
+use crate::panel::keys::{Action, BINDINGS, CopiesAction, GESTURES, Group, text};
 use crate::theme::{number, palette, weak};
 
 /// Width of the keys, and the least width of a column, in points.

@@ -6,11 +6,11 @@ use lodsmith_render::{ColorMap, Shading};
 
 use super::{PanelContext, UiRequest, files, widgets};
 use crate::command::Command;
-use crate::flaws::COUNT_NAMES;
-use crate::keys::Action;
+use crate::content::flaws::COUNT_NAMES;
 use crate::numbers::grouped;
+use crate::panel::keys::Action;
+use crate::settings::up_axis::UpAxis;
 use crate::settings::{Appearance, Backdrop, EnvironmentChoice, Rig};
-use crate::up_axis::UpAxis;
 
 /// Shadings with their names, in the order of their keys.
 pub const SHADINGS: [(Shading, &str); 7] = [
@@ -227,7 +227,7 @@ fn user_files(ui: &mut Ui, scope: &mut PanelContext<'_>, all: &mut Appearance) {
     }
     widgets::field(ui, "Shader", tip, |ui| file(ui, &mut all.shader, UiRequest::ChooseShader, scope));
     if let Some(error) = &scope.facts.shader_error {
-        widgets::log_line(ui, crate::log::Severity::Error, error);
+        widgets::log_line(ui, crate::document::log::Severity::Error, error);
     }
 }
 

@@ -11,7 +11,7 @@ use lodsmith::{
 
 use super::{PanelContext, widgets};
 use crate::command::Command;
-use crate::option_words::{Normals, Simplification, named};
+use crate::settings::simplification::{Normals, Simplification, named};
 
 /// Presets with their names and descriptions.
 const PRESETS: [(Preset, &str, &str); 5] = [

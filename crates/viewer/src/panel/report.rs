@@ -5,13 +5,13 @@ use lodsmith::options::by_name;
 use lodsmith::{Change, Proposal, Report};
 
 use super::{PanelContext, UiRequest, widgets};
-use crate::bake_settings::BakeSettings;
 use crate::command::Command;
 use crate::content::Lighter;
-use crate::keys::Action;
-use crate::log::Severity;
+use crate::document::log::Severity;
 use crate::numbers::{grouped, percent, seconds, significant};
-use crate::option_words::{Simplification, quoted};
+use crate::panel::keys::Action;
+use crate::settings::bake::BakeSettings;
+use crate::settings::simplification::{Simplification, quoted};
 
 /// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
@@ -160,7 +160,7 @@ fn apply(change: Change, how: &mut Simplification) -> bool {
 pub fn command_line(settings: &crate::settings::Settings, baked: Option<&BakeSettings>) -> String {
     let Some(file) = settings.file() else { return "lodsmith view".to_owned() };
     let mut words = vec!["lodsmith".to_owned(), "simplify".to_owned(), file.display().to_string()];
-    let (output, _) = crate::export::default_file(file, baked.is_some());
+    let (output, _) = crate::content::export::default_file(file, baked.is_some());
     words.extend(["-o".to_owned(), output.display().to_string()]);
     words.extend(settings.simplify.words());
     if !settings.simplify.has_target() && settings.simplify.options.stop.ratio.is_none() {

@@ -4,8 +4,8 @@ use eframe::egui::{self, Sense, Ui, Vec2};
 
 use super::{PanelContext, UiRequest, widgets};
 use crate::command::Command;
-use crate::keys::{Action, CopiesAction};
 use crate::numbers::{grouped, seconds, significant};
+use crate::panel::keys::{Action, CopiesAction};
 use crate::stage::picture::level_color;
 use crate::stage::scatter::Scatter;
 use crate::stage::{MAX_COPIES, Placement, SCALE_RANGE, StageChange, StageDisplay};

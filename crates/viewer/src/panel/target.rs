@@ -4,9 +4,9 @@ use eframe::egui::{self, Rect, Sense, Ui, Vec2, pos2};
 
 use super::{PanelContext, widgets};
 use crate::command::Command;
-use crate::keys::Action;
+use crate::document::target_scale::{ERROR_RANGE, MIN_FACES, OriginalSize, Unit, text_of};
 use crate::numbers::percent;
-use crate::target_scale::{ERROR_RANGE, MIN_FACES, OriginalSize, Unit, text_of};
+use crate::panel::keys::Action;
 use crate::theme::{palette, weak};
 
 /// A bar narrower than this has its status in a row of its own.

@@ -4,10 +4,10 @@ use eframe::egui::{self, RichText, Ui};
 
 use super::{Panel, PanelContext, look::SHADINGS, widgets};
 use crate::command::Command;
-use crate::keys::{Action, CopiesAction};
+use crate::panel::keys::{Action, CopiesAction};
+use crate::settings::up_axis::UpAxis;
 use crate::settings::{Layout, Sides};
 use crate::theme::{self, palette, weak};
-use crate::up_axis::UpAxis;
 
 /// Draws the bar. `is_shown` returns whether a panel is shown.
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>, is_shown: &dyn Fn(Panel) -> bool) {

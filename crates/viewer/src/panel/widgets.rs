@@ -5,7 +5,7 @@ use lodsmith::Length;
 use lodsmith::options::by_name::{length_of_text, length_text};
 
 use super::Panel;
-use crate::keys::Action;
+use crate::panel::keys::Action;
 use crate::theme::{self, SPACING, number, palette, weak};
 
 /// Width of the label before a field.
@@ -272,8 +272,8 @@ pub fn primary(ui: &mut Ui, text: &str) -> Response {
 }
 
 /// Draws a log message in the colour of its level.
-pub fn log_line(ui: &mut Ui, level: crate::log::Severity, text: &str) {
-    use crate::log::Severity;
+pub fn log_line(ui: &mut Ui, level: crate::document::log::Severity, text: &str) {
+    use crate::document::log::Severity;
     let p = palette(ui);
     let color = match level {
         Severity::Good => p.good,

@@ -12,11 +12,11 @@ use serde::{Deserialize, Serialize};
 
 use super::motion::{ChannelNodes, KeyframeValue, Motion};
 use super::{Copies, ModelBase, Placement};
+use crate::content::export::{Written, embed, own_meshes};
 use crate::content::{Lighter, Original, level_ratios};
-use crate::export::{Written, embed, own_meshes};
 use crate::job::JobControl;
 use crate::numbers::grouped;
-use crate::option_words::Simplification;
+use crate::settings::simplification::Simplification;
 
 /// A stage and its output file.
 #[derive(Clone, Debug, Serialize, Deserialize)]

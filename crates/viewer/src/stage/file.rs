@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::motion::Motion;
 use super::{Copies, Placement, Stage};
-use crate::session;
+use crate::settings::session;
 
 /// Content of a layout file. Lengths are in units of the model; the ground is y = 0, and the centre of a
 /// copy's base is on it.

@@ -7,7 +7,7 @@ use lodsmith_core::{Bounds, Model};
 use lodsmith_render::{Camera, Lens};
 
 use super::{ModelBase, Placement};
-use crate::viewport::{pick, ray};
+use crate::view::viewport::{pick, ray};
 
 /// Returns the point where the ray through a screen position meets the ground; `None` above the horizon.
 pub fn on_ground(camera: &Camera, rect: Rect, at: Pos2) -> Option<DVec3> {

@@ -19,7 +19,7 @@ pub use track::{Curve, Keyframe, MAX_SECS, Track, rounded_secs};
 pub use value::{KeyframeComponents, KeyframeValue};
 
 use super::Placement;
-use crate::orbit::Orbit;
+use crate::view::orbit::Orbit;
 
 impl KeyframeValue for Placement {
     fn components(&self) -> KeyframeComponents {

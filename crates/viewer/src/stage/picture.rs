@@ -20,15 +20,15 @@ use super::{Copies, ModelBase, Placement, StageChange, ground, walk};
 use crate::command::Command;
 use crate::document::{Document, StageLevel};
 use crate::gpu::{Frame, Gpu, PlacedModel, RenderTarget, TINTS};
-use crate::keys::Action;
 use crate::numbers::{grouped, significant};
-use crate::orbit::Orbit;
 use crate::panel::UiRequest;
+use crate::panel::keys::Action;
 use crate::settings::Pose;
-use crate::smoothing::Smoothing;
 use crate::theme::{Palette, palette};
-use crate::user_files::UserFiles;
-use crate::viewport;
+use crate::view::orbit::Orbit;
+use crate::view::smoothing::Smoothing;
+use crate::view::user_files::UserFiles;
+use crate::view::viewport;
 
 /// View state of the stage, which is not part of the document.
 pub struct StageView {

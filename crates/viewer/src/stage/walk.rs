@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::orbit::Orbit;
+use crate::view::orbit::Orbit;
 
 /// Turns the view right and up, keeping the eye in place.
 pub fn look(orbit: &mut Orbit, right_rad: f64, up_rad: f64) {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use eframe::egui::{Key, Modifiers, OutputCommand, Role};
 use egui_kittest::kittest::Queryable;
-use lodsmith_viewer::benchmark::COLUMN_HEADINGS;
+use lodsmith_viewer::content::benchmark::COLUMN_HEADINGS;
 use lodsmith_viewer::panel::Panel;
 
 use super::desk::AppHarness;

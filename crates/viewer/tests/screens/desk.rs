@@ -9,7 +9,7 @@ use lodsmith_core::shapes;
 use lodsmith_viewer::ViewOptions;
 use lodsmith_viewer::app::App;
 use lodsmith_viewer::gpu::Context;
-use lodsmith_viewer::keys::Action;
+use lodsmith_viewer::panel::keys::Action;
 
 use crate::adapter::context;
 

@@ -7,7 +7,7 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use lodsmith_core::{Positions, TriMesh, VertexId, shapes};
 use lodsmith_viewer::command::Command;
 use lodsmith_viewer::settings::Backdrop;
-use lodsmith_viewer::up_axis::UpAxis;
+use lodsmith_viewer::settings::up_axis::UpAxis;
 
 use super::desk::AppHarness;
 use super::{ORIGINAL, RESULT};
@@ -328,11 +328,11 @@ fn a_broken_file_is_marked_and_the_next_one_is_shown() {
     assert_eq!(desk.app().document().original().unwrap().content.path, sound);
     assert!(desk.app().document().problem.as_ref().is_some_and(|p| p.contains("broken.off")));
     if !desk.app().is_shown(lodsmith_viewer::panel::Panel::Files) {
-        desk.act(lodsmith_viewer::keys::Action::Panel(lodsmith_viewer::panel::Panel::Files));
+        desk.act(lodsmith_viewer::panel::keys::Action::Panel(lodsmith_viewer::panel::Panel::Files));
     }
     desk.harness.get_by_label("broken.off (cannot be read)");
     desk.picture("files_broken");
-    desk.act(lodsmith_viewer::keys::Action::Close);
+    desk.act(lodsmith_viewer::panel::keys::Action::Close);
     assert!(desk.app().document().original().is_none(), "the other one cannot be read");
     desk.harness.get_by_label("Drop a model here");
 }
@@ -352,7 +352,7 @@ fn a_session_of_two_folders_is_opened_after_a_question() {
         fov_y_rad: 0.6,
     };
     let session = one.path().join("work.lodsmith.json");
-    lodsmith_viewer::session::Session::new(settings, [pose; 2]).save(&session).unwrap();
+    lodsmith_viewer::settings::session::Session::new(settings, [pose; 2]).save(&session).unwrap();
     for answer in ["Cancel", "Open anyway"] {
         let folder = tempfile::tempdir().unwrap();
         let Some(mut desk) = AppHarness::within(false, vec![session.clone()], folder) else { return };

@@ -3,9 +3,9 @@
 use eframe::egui::{self, Key, Modifiers, Pos2, Rect};
 use egui_kittest::kittest::Queryable;
 use lodsmith_viewer::command::Command;
-use lodsmith_viewer::keys::{Action, CopiesAction};
 use lodsmith_viewer::panel::Panel;
-use lodsmith_viewer::playback::Playback;
+use lodsmith_viewer::panel::keys::{Action, CopiesAction};
+use lodsmith_viewer::settings::playback::Playback;
 use lodsmith_viewer::stage::file::LayoutFile;
 use lodsmith_viewer::stage::motion::{Curve, Motion, Mover};
 use lodsmith_viewer::stage::{Placement, StageChange};

@@ -6,7 +6,7 @@ use eframe::egui::{self, Key, Modifiers, Role};
 use egui_kittest::kittest::Queryable;
 use lodsmith_viewer::command::Command;
 use lodsmith_viewer::panel::Panel;
-use lodsmith_viewer::playback::Playback;
+use lodsmith_viewer::settings::playback::Playback;
 
 use super::desk::AppHarness;
 use super::{ORIGINAL, RESULT};

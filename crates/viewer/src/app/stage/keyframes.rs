@@ -4,8 +4,8 @@ use eframe::egui;
 
 use super::App;
 use crate::command::Command;
-use crate::keys::CopiesAction;
 use crate::panel::Panel;
+use crate::panel::keys::CopiesAction;
 use crate::stage::StageChange;
 use crate::stage::motion::{CameraPlacement, Curve, KeyframeId, Motion, Mover, Tracks, rounded_secs};
 use crate::stage::status::KeyframeSelection;

@@ -5,9 +5,9 @@ use eframe::egui::{self, CursorIcon, Modifiers, Rect, Response, Sense, Shape, St
 use super::scale::{MARGIN, NAME_WIDTH, TimeScale, TimelineTrack};
 use super::{PanelContext, widgets};
 use crate::command::Command;
-use crate::keys::{Action, CopiesAction};
 use crate::panel::UiRequest;
-use crate::playback::Playback;
+use crate::panel::keys::{Action, CopiesAction};
+use crate::settings::playback::Playback;
 use crate::stage::StageChange;
 use crate::stage::motion::{Curve, KeyframeId, MAX_SECS, Motion, Mover, rounded_secs};
 use crate::stage::status::{KeyframeDrag, KeyframeSelection};

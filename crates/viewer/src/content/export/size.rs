@@ -100,7 +100,7 @@ mod tests {
     use lodsmith_io::AssetScope;
 
     use super::*;
-    use crate::export::Export;
+    use crate::content::export::Export;
 
     #[test]
     fn an_estimate_is_close_to_the_file() {

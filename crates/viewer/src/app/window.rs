@@ -4,8 +4,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
 use eframe::egui;
 
-use crate::view_options::ViewOptions;
-use crate::{app, display, gpu};
+use super::options::ViewOptions;
+use super::{App, display};
+use crate::gpu;
 
 /// Why the window cannot be opened.
 #[derive(Debug, thiserror::Error)]
@@ -56,7 +57,7 @@ pub fn run(options: &ViewOptions) -> Result<(), ViewError> {
         ..eframe::NativeOptions::default()
     };
     native.wgpu_options.wgpu_setup = gpu::Context::setup();
-    let create: eframe::AppCreator<'_> = Box::new(move |cc| Ok(Box::new(app::App::new(cc, options)?)));
+    let create: eframe::AppCreator<'_> = Box::new(move |cc| Ok(Box::new(App::new(cc, options)?)));
     // The window library panics if a system library is missing.
     let opened = catch_unwind(AssertUnwindSafe(|| eframe::run_native("lodsmith", native, create)));
     match opened {

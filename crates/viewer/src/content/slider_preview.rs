@@ -11,8 +11,8 @@ use web_time::Instant;
 
 use crate::content::{Lighter, Original};
 use crate::gpu::Context;
-use crate::option_words::{Normals, Simplification};
-use crate::shown::{Drawing, ShownModel};
+use crate::gpu::shown::{Drawing, ShownModel};
+use crate::settings::simplification::{Normals, Simplification};
 
 /// Largest number of triangles for a preview: with more, a jump from end to end would block the window for
 /// over 0.1 s. (Measured on horse: about 40 ms of processor time a jump and 0.6 GB at the most for a

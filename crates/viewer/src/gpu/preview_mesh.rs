@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex};
 use lodsmith::{MethodKind, SimplifyOptions, Stop};
 use lodsmith_core::{Model, TriMesh};
 
+use crate::gpu::shown::Drawing;
 use crate::gpu::{Context, DrawModel};
-use crate::shown::Drawing;
 
 /// Models with more triangles have a preview mesh: a software adapter takes most of a second to draw them.
 pub const PREVIEW_ABOVE_FACES: usize = 400_000;

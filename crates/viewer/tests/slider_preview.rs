@@ -9,11 +9,11 @@ use lodsmith::{MethodKind, SimplifyOptions, Stop, simplify};
 use lodsmith_core::{TriMesh, shapes};
 use lodsmith_io::{Format, Textures};
 use lodsmith_viewer::command::{Command, SimplifyTarget};
+use lodsmith_viewer::content::export::Export;
 use lodsmith_viewer::content::sum_over_instances;
 use lodsmith_viewer::document::Document;
-use lodsmith_viewer::export::Export;
 use lodsmith_viewer::gpu::{Context, Frame, Gpu, PlacedModel};
-use lodsmith_viewer::option_words::Simplification;
+use lodsmith_viewer::settings::simplification::Simplification;
 
 const TIMEOUT: Duration = Duration::from_secs(120);
 

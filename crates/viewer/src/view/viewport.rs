@@ -9,8 +9,8 @@ use lodsmith_core::{Model, PositionsView, TriMesh, WedgeId};
 use lodsmith_render::{Camera, Framing, StandardView};
 use rayon::prelude::*;
 
-use crate::orbit::Orbit;
 use crate::theme::palette;
+use crate::view::orbit::Orbit;
 
 /// Rotation per point of mouse movement: half a turn over 600 points.
 const TURN_PER_POINT: f64 = std::f64::consts::PI / 600.0;

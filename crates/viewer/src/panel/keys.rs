@@ -3,8 +3,8 @@
 use eframe::egui::{Event, InputState, Key, KeyboardShortcut, Modifiers};
 use lodsmith_core::Model;
 
-use crate::panel::Panel;
-use crate::playback::Playback;
+use super::dock::Panel;
+use crate::settings::playback::Playback;
 
 /// Time step of a key: one frame at 24 frames per second.
 const FRAME_SECS: f64 = 1.0 / 24.0;

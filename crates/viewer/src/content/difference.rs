@@ -11,8 +11,8 @@ use lodsmith_render::{Background, ColorMap, Environment, RenderError, Shading, S
 use serde::{Deserialize, Serialize};
 
 use crate::content::{Lighter, Original};
-use crate::orbit::moved_camera;
 use crate::settings::{Appearance, EnvironmentChoice, Pose as CameraPose};
+use crate::view::orbit::moved_camera;
 
 /// A description of a difference picture: both models, seen the same way. Equal descriptions give equal pictures.
 #[derive(Clone, Debug)]
@@ -185,7 +185,7 @@ mod tests {
     use lodsmith_render::{Camera, StandardView};
 
     use super::*;
-    use crate::option_words::Simplification;
+    use crate::settings::simplification::Simplification;
 
     fn view(faces: usize) -> DifferenceView {
         let folder = tempfile::tempdir().unwrap();

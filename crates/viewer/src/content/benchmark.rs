@@ -13,9 +13,9 @@ use crate::content::{Lighter, Original};
 use crate::gpu::{Context, Frame, Gpu, PlacedModel};
 use crate::job::JobControl;
 use crate::numbers::{grouped, percent, seconds, significant};
-use crate::option_words::Simplification;
 use crate::settings::Settings;
-use crate::viewport;
+use crate::settings::simplification::Simplification;
+use crate::view::viewport;
 
 /// Fractions of the triangles that are made; the original comes before them.
 pub const BENCHMARK_RATIOS: [f64; 5] = [0.5, 0.25, 0.1, 0.05, 0.01];

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use lodsmith_io::AssetScope;
 use serde::{Deserialize, Serialize};
 
+use crate::settings::up_axis::UpAxis;
 use crate::settings::{Pose, Settings};
-use crate::up_axis::UpAxis;
 
 /// A session: files, options, appearance, cameras.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

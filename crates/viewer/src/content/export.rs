@@ -1,5 +1,7 @@
 //! Export of the result or of levels.
 
+mod size;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -14,9 +16,9 @@ use serde::{Deserialize, Serialize};
 use crate::content::{Lighter, Original, job, texts};
 use crate::job::JobControl;
 use crate::numbers::grouped;
-use crate::option_words::Simplification;
+use crate::settings::simplification::Simplification;
 
-pub use crate::export_size::{byte_text, estimated_bytes};
+pub use size::{byte_text, estimated_bytes};
 
 /// Options of an export.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -10,7 +10,7 @@ use lodsmith_core::{Model, TriMesh, VertexId, WedgeId};
 use serde::{Deserialize, Serialize};
 
 use crate::gpu::Marks;
-use crate::shown::Drawing;
+use crate::gpu::shown::Drawing;
 
 /// Open borders and defects of a model.
 #[derive(Debug, Default, Serialize, Deserialize)]

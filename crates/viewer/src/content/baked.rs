@@ -3,7 +3,7 @@
 use lodsmith_asset::{Asset, Edit};
 use lodsmith_core::Image;
 
-use crate::bake_settings::BakeSettings;
+use crate::settings::bake::BakeSettings;
 
 /// The maps of a result, and the scene that it is written as.
 pub struct BakedMaps {

@@ -1,0 +1,9 @@
+//! Camera and picture of one view, for all views: the comparison and the stage.
+
+pub mod orbit;
+#[cfg(feature = "window")]
+pub(crate) mod smoothing;
+#[cfg(feature = "window")]
+pub(crate) mod user_files;
+#[cfg(feature = "window")]
+pub mod viewport;
